@@ -57,6 +57,9 @@ _SAMPLES_A_HARMONIC, _FEWEST_SAMPLES = 16, 256
 """Samples of a waveform a harmonic: powers up to the fifteenth are projected without aliasing; and at least,
 so that few harmonics see the corners of a law as well."""
 
+_FINER = 4
+"""Times as many samples of a law with memory: its loop is that of steps from sample to sample, O(h^2)."""
+
 _STEPS = 40
 """Newton steps at a given drive: ten are usual, a step that jumps over a corner needs more."""
 
@@ -192,7 +195,7 @@ def hold_amplitude(
                 law, values, linear, omega[part], series, given[part], at[part], first=2, width=start.shape[1]
             ).solve(TRIAL_STEPS, loaded=loaded),
         )
-        for part in blocks(len(omega), BLOCK)
+        for part in _blocks(len(omega), samples)
     )
     columns: dict[str, Any] = blocks_joined(len(omega), found, Response.columns())
     return Response(**columns, load_orders=series.order_of[2:] if loaded else None)
@@ -234,10 +237,15 @@ def respond(
                 law, values, linear, omega[part], series, given[part], at[part], first=0, width=start.shape[1]
             ).solve(_STEPS),
         )
-        for part in blocks(len(omega), BLOCK)
+        for part in _blocks(len(omega), samples)
     )
     columns: dict[str, Any] = blocks_joined(len(omega), found, Response.columns())
     return Response(**columns)
+
+
+def _blocks(count: int, samples: int) -> list[slice]:
+    # of more samples fewer points, so that their arrays do not grow
+    return blocks(count, min(BLOCK, BLOCK * _FEWEST_SAMPLES // samples))
 
 
 def _series(law: ForceLaw, follow: tuple[int, ...], samples: int) -> FourierSeries:
@@ -424,8 +432,9 @@ def solve_harmonic_balance(
     values, mass = law.ordered(oscillator.values), oscillator.mass
     with np.errstate(all="ignore"):
         start = _linear_motion(law, values, mass, omega, drive) if guess is None else guess
-        others, samples = _others(law, harmonics), _samples(harmonics)
-        found = respond(law, values, Inertia(mass), omega, drive, start, others, samples)
+        for samples in _samples(law, harmonics):
+            found = respond(law, values, Inertia(mass), omega, drive, start, _others(law, harmonics), samples)
+            start = found.harmonics
     return balance_states(oscillator, found.motion(omega), found.force, found.valid)
 
 
@@ -434,8 +443,10 @@ def _others(law: ForceLaw, harmonics: int) -> tuple[int, ...]:
     return (*((0,) if law.springs else ()), *range(2, harmonics + 1))
 
 
-def _samples(harmonics: int) -> int:
-    return max(_SAMPLES_A_HARMONIC * (harmonics + 1), _FEWEST_SAMPLES)
+def _samples(law: ForceLaw, harmonics: int) -> tuple[int, ...]:
+    """Samples a period, one solution after the other: where many are needed, few find the place."""
+    few = max(_SAMPLES_A_HARMONIC * (harmonics + 1), _FEWEST_SAMPLES)
+    return (few, _FINER * few) if law.remembers else (few,)
 
 
 def _linear_motion(
@@ -445,7 +456,7 @@ def _linear_motion(
     motion, inertia = np.zeros_like(drive), mass * omega**2
     tiny = _REST * np.maximum(np.abs(drive[:, 1]), np.finfo(float).tiny) / inertia
     none = np.zeros((len(omega), 2), dtype=complex)
-    rest = hold_amplitude(law, values, Inertia(mass), omega, tiny, none, (), _samples(1))
+    rest = hold_amplitude(law, values, Inertia(mass), omega, tiny, none, (), _FEWEST_SAMPLES)
     motion[:, 1] = drive[:, 1] / (rest.force_slope / tiny + 1j * _DAMPED * inertia)
     return motion
 
@@ -454,7 +465,8 @@ def balance_states(
     oscillator: Oscillator, motion: Motion, force: ComplexArray, valid: NDArray[np.bool_]
 ) -> SteadyStates:
     """Return n motions under forces (n,) [N] as steady states; only the ``valid`` ones are settled."""
-    law, samples = compile_law(oscillator.force), _samples(len(motion.orders) - 1)
+    law = compile_law(oscillator.force)
+    samples = _samples(law, len(motion.orders) - 1)[-1]
     with np.errstate(all="ignore"):
         x, v, a = motion.waveforms(samples)
         inner = law.along(motion, law.ordered(oscillator.values), samples).force
@@ -482,4 +494,7 @@ def hold_oscillator(
     start, linear = np.zeros((len(amplitude), harmonics + 1), dtype=complex), Inertia(oscillator.mass)
     values, follow = law.ordered(oscillator.values), _others(law, harmonics)
     with np.errstate(all="ignore"):
-        return hold_amplitude(law, values, linear, omega, amplitude, start, follow, _samples(harmonics))
+        for samples in _samples(law, harmonics):
+            found = hold_amplitude(law, values, linear, omega, amplitude, start, follow, samples)
+            start = found.harmonics
+    return found

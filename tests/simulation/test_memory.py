@@ -7,9 +7,12 @@ import pytest
 
 import rsgen as rs
 from rsgen.data.oscillator import Oscillator
+from rsgen.dynamics import harmonic_balance
+from rsgen.dynamics.linear_part import Inertia
 from rsgen.dynamics.simulation import SimulatedTest, simulate
 from rsgen.dynamics.simulation.controlled import solve_response_control
 from rsgen.dynamics.steady_state import solve_steady_states
+from rsgen.law.numeric import compile_law
 from tests.oracles.harmonic_balance import MemoryLoops, solve_harmonic_balance
 from tests.oracles.long_transients import largest_difference
 
@@ -37,6 +40,41 @@ def test_harmonic_balance_with_loops_of_its_own_agrees(oscillator: Oscillator, f
     balance = solve_harmonic_balance(oscillator, F, f, harmonics=9)
     # corners between two of 256 samples, and harmonics beyond the ninth
     np.testing.assert_allclose(balance.harmonics[:, 1], found.harmonics[:, 1], rtol=2e-4)
+
+
+@pytest.mark.slow
+@LAWS
+def test_harmonic_balance_is_as_near_to_the_motion_as_that_with_loops_of_its_own(
+    oscillator: Oscillator, f0: float
+) -> None:
+    F, f = np.array([2.0, 6.0, 11.0]), f0 * np.array([0.95, 1.0, 1.1])
+    exact = solve_steady_states(oscillator, F, f, harmonics=9, accuracy=1e-9).harmonics[:, 1:]
+
+    def error(harmonics: np.ndarray) -> float:
+        return float(np.max(np.abs(harmonics[:, 1:10] - exact) / np.abs(exact[:, :1])))
+
+    ours, theirs = (
+        error(solve(oscillator, F, f, harmonics=15).harmonics)
+        for solve in (harmonic_balance.solve_harmonic_balance, solve_harmonic_balance)
+    )
+    assert ours < theirs
+    assert ours < 1e-5
+
+
+@pytest.mark.slow
+def test_harmonic_balance_of_states_nears_the_motion_by_the_square_of_the_step() -> None:
+    law, f = compile_law(BOUC_WEN.force), 33.0 * np.array([0.95, 1.0, 1.1])
+    exact = solve_steady_states(BOUC_WEN, [2.0, 6.0, 11.0], f, harmonics=9, accuracy=1e-9).harmonics
+    drive, start, others = np.zeros((3, 16), complex), np.zeros((3, 16), complex), tuple(range(2, 16))
+    drive[:, 1], start[:, 1:10] = [2.0, 6.0, 11.0], exact[:, 1:]
+    values, mass = law.ordered(BOUC_WEN.values), Inertia(BOUC_WEN.mass)
+    few, many = (
+        harmonic_balance.respond(law, values, mass, 2 * np.pi * f, drive, start, others, samples).harmonics
+        for samples in (256, 1024)
+    )
+    # the corners, among the samples, add errors of the same order that do not fall evenly
+    assert np.abs(many - few)[:, 1].max() < 2e-4 * np.abs(exact).max()
+    assert np.abs(few[:, :10] - exact).max() > 12 * np.abs(many[:, :10] - exact).max()
 
 
 @pytest.mark.slow
