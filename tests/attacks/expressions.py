@@ -40,7 +40,7 @@ def answer(text: str, memory: Sequence[str] = (), *, json: bool = False) -> str:
     with warnings.catch_warnings():
         warnings.simplefilter("error")
         try:
-            derive_command(text, memory, (), None, (), None, json=json, latex=False)
+            derive_command(text, [*memory], json=json)
             parameter_units(make_element("law", text, read_memory(memory)).force)
         except RsgenError as fault:
             sentence = str(fault)

@@ -20,6 +20,7 @@ import pytest
 
 from rsgen import __version__
 from rsgen.app.cli import main
+from rsgen.app.cli.application import COMMANDS
 from rsgen.app.study import read_manifest
 from rsgen.common.process import ALGEBRA
 from rsgen.formula import parse
@@ -29,10 +30,6 @@ ROOT = Path(__file__).parents[2]
 PROGRAM = [sys.executable, "-c", "from rsgen.app.cli import main; main()"]
 HELP_SECONDS = 1.0
 """Of the processor: the promise is 0.3 s on a quiet machine; a busy one gets air."""
-COMMANDS = (
-    "run", "check", "derive", "simulate", "identify", "report", "notebook", "diff", "show", "inspect", "init",
-    "laws", "rank",
-)  # fmt: skip
 
 
 def call(*words: str | Path) -> int:

@@ -17,7 +17,7 @@ from rsgen.common.errors import keep_from_terminal
 PROGRAM = """
 import logging, sys, warnings
 import rsgen.app.cli.laws_command as command
-def odd(*words):
+def odd():
     warnings.warn("raw text of a library", RuntimeWarning)
     logging.getLogger("matplotlib").warning("message of a library")
     {act}

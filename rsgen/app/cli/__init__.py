@@ -28,7 +28,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
     """
     # nothing is imported above that Ctrl-C could tear apart in view of the user
     try:
-        from rsgen.app.cli.program import run_program
+        from rsgen.app.cli.application import run_program
 
         run_program(arguments)
     except KeyboardInterrupt:

@@ -1,14 +1,14 @@
-"""What `rsgen check` prints: every fault in case files, and what a run will do."""
+"""The command `rsgen check`: every fault in case files, and what a run will do."""
 
 from __future__ import annotations
 
 import os
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from rsgen.app.cli.derive_command import sentences_of_elements
+from rsgen.app.cli.options import Cases, Data, Json
 from rsgen.app.cli.terminal import ACCEPTED, FAULTY, print_faults, print_json, print_line
 from rsgen.app.study import STAGES, expect
 from rsgen.app.study.foresight import mass_findings, point_faults
@@ -21,6 +21,7 @@ from rsgen.data.surface import ResponseSurface
 from rsgen.data.surface.plausibility import plausibility_findings
 from rsgen.dynamics.simulation import MultisineTest, SimulatedTest
 from rsgen.files import MeasuredTest, read_measurement
+from rsgen.report.wording import sentence
 
 __all__ = ["check_command"]
 
@@ -72,9 +73,6 @@ def _plan(case: Case) -> dict[str, Any]:
             "sweeps": [],
         }
     else:
-        # imports the figures with the package; a simulated case needs neither
-        from rsgen.report.wording import sentence
-
         started = _processor_seconds()
         surface = read_measurement(test)
         reading = _processor_seconds() - started
@@ -156,8 +154,14 @@ def _describe(plan: dict[str, Any]) -> str:
     return f"{plan['case']}: {what}; {_takes(plan)}; identifies {names}"
 
 
-def check_command(cases: list[Path], data: Path | None, json: bool) -> int:
-    """Load cases and measured files and try the laws; the code is 2 if anything is faulty."""
+def check_command(cases: Cases, data: Data = None, json: Json = False) -> int:
+    """Find every fault in case files, and say what a run will do.
+
+    \b
+    Examples:
+      rsgen check cases
+      rsgen check mine.toml --json
+    """
     plans: list[dict[str, Any]] = []
     loaded: list[Case] = []
     faults: list[str] = []

@@ -1,20 +1,27 @@
-"""What `rsgen derive` prints, and how a describing function is shown as text."""
+"""The command `rsgen derive`, and how a describing function is shown as text."""
 
 from __future__ import annotations
 
 import time
 from collections.abc import Callable, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Annotated, Any
 
+import sympy
+import typer
+
+from rsgen.app.cli.options import Amplitude, Json, Memory, Plot, Settings
 from rsgen.app.cli.terminal import print_block, print_json, print_line
 from rsgen.common.errors import ExpressionError, RsgenError
-
-if TYPE_CHECKING:
-    import sympy
-
-    from rsgen.describing import DescribingFunction
-    from rsgen.law import Element
+from rsgen.common.output import write_atomic
+from rsgen.describing import DescribingFunction, derive, variables_of
+from rsgen.formula import parse, write
+from rsgen.formula.names import remembers
+from rsgen.formula.units import parameter_units, quantity
+from rsgen.law import Element, notation
+from rsgen.law.element import law_remarks, make_element
+from rsgen.law.identifiable import combinations_of
+from rsgen.law.memory import rates_of
 
 __all__ = [
     "PICTURE_ONLY",
@@ -44,12 +51,9 @@ def sentences_of_elements(elements: Sequence[Element]) -> list[str]:
 
 def law_sentences(force: sympy.Expr, full: bool = False) -> list[str]:
     """Say what is to be known of a law before any test; ``full`` with capital and full stop."""
-    from rsgen.law.element import law_remarks
-    from rsgen.law.identifiable import combinations_of
-
     found = [*(combination.finding for combination in combinations_of(force)), *law_remarks(force)]
     if not found:
-        # the sentences stand in a package that imports the figures
+        # the sentences take 3 % of the time of `rsgen derive`, and of most laws there is nothing to say
         return []
     from rsgen.report.wording import full_sentence, sentence
 
@@ -78,28 +82,38 @@ KINDS = ("svg", "png", "pdf")
 PICTURE_ONLY = "--set and --amplitude are for a picture: add --plot FILE"
 
 
-def derive_command(
-    expression: str,
-    memory: Sequence[str],
-    assume: Sequence[str],
-    plot: Path | None,
-    settings: Sequence[str],
-    largest: str | None,
-    json: bool,
-    latex: bool,
-) -> int:
-    """Print law, stiffness, damping, mean balance, regimes, limits and proof."""
-    from rsgen.describing import derive
-    from rsgen.law.element import make_element
+Assume = Annotated[list[str] | None, typer.Option(help="That 'b>0'; repeatable.", show_default=False)]
 
-    if plot is None and (settings or largest):
+
+def derive_command(
+    expression: Annotated[
+        str,
+        typer.Argument(help="A force law in x and v; every other name is a parameter.", show_default=False),
+    ],
+    memory: Memory = None,
+    assume: Assume = None,
+    plot: Plot = None,
+    settings: Settings = None,
+    amplitude: Amplitude = None,
+    json: Json = False,
+    latex: Annotated[bool, typer.Option("--latex", help="Write the formulas as LaTeX.")] = False,
+) -> int:
+    """Derive equivalent stiffness and damping of a force law, with the proof.
+
+    \b
+    Examples:
+      rsgen derive "k*x + masing(Min(kt*x, Fs))" --json
+      rsgen derive "k*x + z" --memory "z = alpha*v - bg*abs(v)*z - bd*v*abs(z)"
+      rsgen derive "k*x + k3*x**3" --plot k.svg --set k=1000 --set "k3=20 N/mm^3" --amplitude "5 mm"
+    """
+    if plot is None and (settings or amplitude):
         raise RsgenError(PICTURE_ONLY)
-    element = make_element("law", expression, read_memory(memory))
+    element = make_element("law", expression, read_memory(memory or []))
     started = time.perf_counter()
-    function = derive(element, assume)
+    function = derive(element, assume or [])
     seconds = time.perf_counter() - started
     if plot is not None:
-        values, omega, top = read_settings(function, settings, largest)
+        values, omega, top = read_settings(function, settings or [], amplitude)
         write_picture(function, plot, values, omega, top)
     notes = law_sentences(function.force, full=True)
     if json:
@@ -116,11 +130,6 @@ def spell(function: DescribingFunction, seconds: float) -> dict[str, Any]:
     of each formula and ``quadrature`` the part of the law that is integrated by numbers. A closed formula
     that is longer than ``rsgen.formula.parse`` reads is None as well.
     """
-    from sympy import Integral, S
-
-    from rsgen.formula import write
-    from rsgen.formula.names import remembers
-
     remembering = remembers(function.force)
     names = (*FORMULAS, "energy") if remembering else FORMULAS
     formulas = {name: getattr(function, name) for name in names}
@@ -135,7 +144,9 @@ def spell(function: DescribingFunction, seconds: float) -> dict[str, Any]:
         "seconds": round(seconds, 4),
     }
     if not function.closed_form:
-        gone = {part: S.Zero for f in formulas.values() if f is not None for part in f.atoms(Integral)}
+        gone = {
+            part: sympy.S.Zero for f in formulas.values() if f is not None for part in f.atoms(sympy.Integral)
+        }
         answer["closed_part"] = {
             name: None if formula is None else _written(formula.xreplace(gone))
             for name, formula in formulas.items()
@@ -146,11 +157,7 @@ def spell(function: DescribingFunction, seconds: float) -> dict[str, Any]:
 
 def _written(formula: sympy.Expr | None) -> str | None:
     """Write a formula in rsgen's language; None where an integral remains, or where it is too long."""
-    from sympy import Integral
-
-    from rsgen.formula import parse, write
-
-    if formula is None or formula.has(Integral):
+    if formula is None or formula.has(sympy.Integral):
         return None
     text = write(formula)
     try:
@@ -164,11 +171,6 @@ def describe(
     function: DescribingFunction, latex: bool, picture: Path | None, notes: Sequence[str] = ()
 ) -> None:
     """Print a describing function line by line, with further notes."""
-    from rsgen.describing import variables_of
-    from rsgen.formula.names import remembers
-    from rsgen.law import notation
-    from rsgen.law.memory import rates_of
-
     show = notation.latex if latex else notation.readable
 
     def head(name: str, formula: sympy.Expr) -> str:
@@ -232,8 +234,6 @@ def read_settings(
     function: DescribingFunction, settings: Sequence[str], largest: str | None
 ) -> tuple[dict[str, float], float, float | None]:
     """Read ``name=value`` of a picture; give parameters, omega [rad/s] and largest amplitude [m]."""
-    from rsgen.formula.units import parameter_units
-
     try:
         units = parameter_units(function.force)
     except RsgenError:
@@ -255,8 +255,6 @@ def read_settings(
 
 
 def _number(option: str, text: str, unit: str | None) -> float:
-    from rsgen.formula.units import quantity
-
     try:
         number: float | None = float(text)
     except ValueError:
@@ -275,12 +273,10 @@ def write_picture(
     largest: float | None,
 ) -> None:
     """Draw a law with k(X) and c(X) into a file; its name says which kind."""
-    from rsgen.common.output import write_atomic
-
     kind = path.suffix.lstrip(".").lower()
     if kind not in KINDS:
         raise RsgenError(f"--plot {path}: the name must end in .{', .'.join(KINDS)}")
-    # matplotlib is slow to import
+    # matplotlib takes 0.5 s, and few ask for a picture
     from rsgen.report.figures import draw_derivation
 
     write_atomic(path, draw_derivation(function, values, omega, largest).render(kind))

@@ -1,11 +1,14 @@
-"""What `rsgen diff` prints: what changed between two results."""
+"""The command `rsgen diff`: what changed between two results."""
 
 from __future__ import annotations
 
-import webbrowser
 from pathlib import Path
+from typing import Annotated
 
-from rsgen.app.cli.targets import DIFFERENCE, SURFACE_PAGE, check_target, is_foreign, refuse_foreign
+import typer
+
+from rsgen.app.cli.options import Json
+from rsgen.app.cli.targets import DIFFERENCE, check_target, is_foreign, refuse_foreign
 from rsgen.app.cli.terminal import ACCEPTED, MISSED, number, print_json, print_line, print_table
 from rsgen.common.finding import verdict_lines
 from rsgen.common.output import write_atomic
@@ -16,10 +19,8 @@ from rsgen.report.difference import (
     render_difference,
     verdict_change,
 )
-from rsgen.report.page import render_interactive
-from rsgen.report.result_json import read_result
 
-__all__ = ["diff_command", "show_command"]
+__all__ = ["diff_command"]
 
 
 _VERDICTS: dict[object, str] = {True: "within tolerance", False: "outside tolerance", None: "-"}
@@ -43,8 +44,21 @@ def _rows(difference: CaseDifference) -> list[tuple[str, ...]]:
     ]
 
 
-def diff_command(before: Path, after: Path, out: Path | None, json: bool) -> int:
-    """Print what changed; the code is 1 if a value left its tolerance or a verdict is graver."""
+def diff_command(
+    before: Annotated[Path, typer.Argument(help="reports/<case>, or a folder of them.", show_default=False)],
+    after: Annotated[Path, typer.Argument(help="The same, later.", show_default=False)],
+    out: Annotated[
+        Path | None, typer.Option("--out", "-o", help="Render a page, too.", show_default=False)
+    ] = None,
+    json: Json = False,
+) -> int:
+    """Say what changed between two results in values and verdicts; 1 if a verdict is graver than before.
+
+    \b
+    Examples:
+      rsgen diff reports/cubic results/cubic
+      rsgen diff reports results --out changes.html
+    """
     target = None if out is None else check_target(out, ".html")
     if target:
         refuse_foreign(target, is_foreign(target, DIFFERENCE), ())
@@ -70,24 +84,3 @@ def diff_command(before: Path, after: Path, out: Path | None, json: bool) -> int
     if target is not None:
         print_line(f"{target}")
     return MISSED if worse else ACCEPTED
-
-
-# ----------------------------------------------------------------------------
-# What `rsgen show` does: a page on which the response surface of a result turns.
-
-
-def show_command(folder: Path, out: Path | None, open_it: bool, json: bool) -> int:
-    """Write the interactive page of a result beside its folder, whose files the manifest lists."""
-    target = check_target(out or folder.with_name(f"{folder.resolve().name}-surface.html"), ".html")
-    refuse_foreign(target, is_foreign(target, SURFACE_PAGE), ())
-    write_atomic(target, render_interactive(folder))
-    entry = read_result(folder / "result.json")
-    if json:
-        print_json({"file": str(target), "verdict": entry and entry.verdict})
-    else:
-        for line in verdict_lines(entry.verdict) if entry else ():
-            print_line(line)
-        print_line(f"{target}: open it in a browser")
-    if open_it:
-        webbrowser.open(target.resolve().as_uri())
-    return ACCEPTED

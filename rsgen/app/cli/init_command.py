@@ -1,22 +1,27 @@
-"""What `rsgen init` writes: a case file with a comment on every line that a beginner will change."""
+"""The command `rsgen init`: a case file with a comment on every line that a beginner will change."""
 
 from __future__ import annotations
 
 import sys
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from pathlib import Path
+from typing import Annotated
 
 import jinja2
 import sympy
+import typer
 
 import rsgen
 from rsgen.app.cli.derive_command import read_memory
+from rsgen.app.cli.inspect_command import proposal_text, trial_lines, try_proposal
+from rsgen.app.cli.options import Json, Memory
 from rsgen.app.cli.terminal import print_json, print_line
 from rsgen.cases import DATA_VARIABLE
 from rsgen.cases.faults import name_fault
 from rsgen.cases.tables import path_fault
 from rsgen.common.errors import RsgenError
 from rsgen.common.output import write_atomic
+from rsgen.files.inspection import list_contents, propose
 from rsgen.formula import symbol, write
 from rsgen.formula.names import remembers
 from rsgen.formula.units import parameter_units
@@ -115,8 +120,6 @@ def _ask(force: str | None, measured: str | None) -> tuple[str, str | None, str 
     """Ask for what was not given, on a terminal only: a program would wait for ever."""
     if not sys.stdin.isatty():
         raise RsgenError("NAME: is missing; rsgen init gearbox")
-    import typer
-
     name = str(typer.prompt("Name of the case", default="my-case", err=True))
     if force is None:
         force = str(typer.prompt("Force law in x and v", default=_LAW, err=True))
@@ -128,9 +131,6 @@ def _ask(force: str | None, measured: str | None) -> tuple[str, str | None, str 
 
 def _guessed(data: Path, target: Path) -> tuple[str, str, list[str]]:
     """Give path and [test] tables for a data file as the case's folder sees it, and what they read."""
-    from rsgen.app.cli.inspect_command import proposal_text, trial_lines, try_proposal
-    from rsgen.files.inspection import list_contents, propose
-
     contents = list_contents(data)
     proposal = propose(contents)
     if proposal is None:
@@ -150,15 +150,40 @@ def _guessed(data: Path, target: Path) -> tuple[str, str, list[str]]:
 
 
 def init_command(
-    name: str | None,
-    law: str | None,
-    memory: Sequence[str],
-    measured: str | None,
-    data: Path | None,
-    out: Path | None,
-    json: bool,
+    name: Annotated[
+        str | None,
+        typer.Argument(help="The case's name or file; asked for on a terminal.", show_default=False),
+    ] = None,
+    law: Annotated[
+        str | None,
+        typer.Option(
+            "--law",
+            help="The force law in x and v; terms in x become the spring.",
+            show_default="k1*x + kn1*x**3 + c1*v",
+        ),
+    ] = None,
+    memory: Memory = None,
+    measured: Annotated[
+        str | None, typer.Option(help="A data file: write a measured case.", show_default=False)
+    ] = None,
+    data: Annotated[
+        Path | None,
+        typer.Option("--from", help="A data file: guess from it where what is.", show_default=False),
+    ] = None,
+    out: Annotated[
+        Path | None, typer.Option("--out", "-o", help="The file.", show_default="<name>.toml")
+    ] = None,
+    json: Json = False,
 ) -> int:
-    """Write the case; a file that is there is left alone."""
+    """Write a commented case file to begin with; without a name, answer three questions.
+
+    \b
+    Examples:
+      rsgen init gearbox
+      rsgen init joint --law "k*x + c*v + z" --memory "z = sigma*v*(1 - z*sign(v)/Fc)"
+      rsgen init wire --measured wire.csv
+      rsgen init --from sweep.mat wing.toml
+    """
     if data is not None and measured is not None:
         raise RsgenError("--from: does not go with --measured; --from guesses what stands where")
     if name is None and data is not None:
@@ -174,7 +199,7 @@ def init_command(
     said: list[str] = []
     if data is not None:
         measured, test, said = _guessed(data, target)
-    text = case_text(name, law or _LAW, measured, test, read_memory(memory))
+    text = case_text(name, law or _LAW, measured, test, read_memory(memory or []))
     if target.exists():
         raise RsgenError(f"{target}: is there already; choose another name or --out")
     write_atomic(target, text)

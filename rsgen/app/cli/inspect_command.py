@@ -1,13 +1,16 @@
-"""What `rsgen inspect` shows: the tree of a data file, and the [test] table of a case that would read it."""
+"""The command `rsgen inspect`: the tree of a data file, and the [test] table of a case that would read it."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any
 
-from rsgen.app.cli.terminal import print_json, print_line, print_reading_fault
+import typer
+
+from rsgen.app.cli.options import Json
+from rsgen.app.cli.terminal import print_faults, print_json, print_line
 from rsgen.cases.measured_test import load_measured
 from rsgen.common.errors import CaseError, RsgenError
 from rsgen.common.finding import Finding
@@ -15,8 +18,11 @@ from rsgen.data.multisine import MultisineSpectra
 from rsgen.data.surface import ResponseSurface
 from rsgen.data.surface.plausibility import plausibility_findings
 from rsgen.files import MeasuredTest, read_measurement
+from rsgen.files.histories import read_histories
 from rsgen.files.inspection import Contents, Entry, Proposal, list_contents, propose
 from rsgen.files.inspection.corrections import (
+    dies_away,
+    excitation_of,
     has_levels,
     offset_findings,
     with_base,
@@ -24,6 +30,7 @@ from rsgen.files.inspection.corrections import (
     with_quantity,
     with_sense,
 )
+from rsgen.files.sandbox import reading_fault
 from rsgen.files.tree import TEXT
 from rsgen.formula.units.quantities import UNKNOWN
 from rsgen.report.wording import next_step, sentence
@@ -144,10 +151,20 @@ def trial_lines(trial: Trial) -> list[str]:
     return lines
 
 
-def inspect_command(file: Path, everything: bool, json: bool) -> int:
-    """Show what is in a data file and propose the [test] table."""
+def inspect_command(
+    file: Annotated[Path, typer.Argument(help="A measured file of any format.", show_default=False)],
+    everything: Annotated[bool, typer.Option("--all", help="List every array.")] = False,
+    json: Json = False,
+) -> int:
+    """Show what is in a data file (text, MATLAB, universal, TDMS, Excel, ...), and propose a [test] table.
+
+    \b
+    Examples:
+      rsgen inspect sweep.mat
+      rsgen inspect receptances.uff --json
+    """
     contents = list_contents(file)
-    print_reading_fault(contents.format)
+    _print_reading_fault(contents.format)
     proposal = propose(contents)
     trial = try_proposal(contents, proposal) if proposal else None
     if json:
@@ -166,6 +183,18 @@ def inspect_command(file: Path, everything: bool, json: bool) -> int:
     else:
         _show(contents, trial, everything)
     return 0
+
+
+def _print_reading_fault(form: str) -> None:
+    """Say at the first look into a binary file what this system does not limit while it is read."""
+    fault = None if form == "csv" else reading_fault()
+    if fault is not None:
+        print_faults(
+            [
+                f"note: of the process that reads a binary file this system limits {fault}; "
+                "open files of strangers on Linux"
+            ]
+        )
 
 
 # ----------------------------------------------------------------------------
@@ -266,10 +295,6 @@ _SEEN = {
 
 def _try_history(file: Path, proposal: Proposal) -> Trial:
     """Recognise the excitation of records by their values, and read them so."""
-    # a look at a table needs nothing of what takes histories apart
-    from rsgen.files.histories import read_histories
-    from rsgen.files.inspection.corrections import dies_away, excitation_of
-
     histories = read_histories(_test(file, proposal))
     driven = "test.force" in proposal.tables or "test.base" in proposal.tables
     if not driven and not all(dies_away(history.response) for history in histories):
@@ -287,9 +312,6 @@ def _try_history(file: Path, proposal: Proposal) -> Trial:
 
 def _excitation_in_samples(file: Path, proposal: Proposal) -> Proposal:
     """Recognise the excitation of records whose sampling rate nobody knows: in samples it shows as well."""
-    from rsgen.files.histories import read_histories
-    from rsgen.files.inspection.corrections import excitation_of
-
     if "test.force" not in proposal.tables:
         return proposal
     time = proposal.tables["test.time"] | {"rate": "1 Hz"}

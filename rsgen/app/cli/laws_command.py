@@ -1,32 +1,40 @@
-"""What `rsgen laws` prints: the library of force laws, or one law of it."""
+"""The command `rsgen laws`: the library of force laws, or one law of it."""
 
 from __future__ import annotations
 
 import time
-from collections.abc import Sequence
-from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Annotated, Any
+
+import typer
 
 from rsgen.app.cli.derive_command import PICTURE_ONLY, describe, read_settings, spell, write_picture
+from rsgen.app.cli.options import Amplitude, Json, Plot, Settings
 from rsgen.app.cli.terminal import print_json, print_line
 from rsgen.common.errors import RsgenError
-
-if TYPE_CHECKING:
-    from rsgen.law.element import Law
-    from rsgen.law.library import Library
+from rsgen.describing import derive
+from rsgen.law.element import Law
+from rsgen.law.library import Library, laws
 
 __all__ = ["laws_command"]
 
 
 def laws_command(
-    name: str | None, plot: Path | None, settings: Sequence[str], largest: str | None, json: bool
+    name: Annotated[
+        str | None, typer.Argument(help="One law of the library; without it, all.", show_default=False)
+    ] = None,
+    plot: Plot = None,
+    settings: Settings = None,
+    amplitude: Amplitude = None,
+    json: Json = False,
 ) -> int:
-    """Print the library, or the formula, parameters, describing function and source of one law."""
-    from rsgen.describing import derive
-    from rsgen.law.library import laws
+    """List the library of force laws, or show one: formula, parameters, describing function, source.
 
+    \b
+    Examples:
+      rsgen laws cubic-spring --plot cubic.svg --set k3=-0.5
+    """
     if name is None:
-        if plot is not None or settings or largest:
+        if plot is not None or settings or amplitude:
             raise RsgenError("--plot, --set and --amplitude are for one law: give its name")
         if json:
             print_json([_entry(law) for law in laws])
@@ -34,13 +42,13 @@ def laws_command(
             _print_all(laws)
         return 0
     law = laws[name]
-    if plot is None and (settings or largest):
+    if plot is None and (settings or amplitude):
         raise RsgenError(PICTURE_ONLY)
     started = time.perf_counter()
     function = derive(law)
     seconds = time.perf_counter() - started
     if plot is not None:
-        values, omega, top = read_settings(function, settings, largest)
+        values, omega, top = read_settings(function, settings or [], amplitude)
         write_picture(function, plot, law.example | values, omega, top)
     if json:
         print_json(_entry(law) | {"describing": spell(function, seconds)})

@@ -1,31 +1,21 @@
-"""What `rsgen run` does: cases from file to report, and what became of them."""
+"""The command `rsgen run`: cases from file to report, and what became of them."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from pathlib import Path
+from typing import Annotated
 
-from rsgen.app.cli.progress_bar import case_progress
-from rsgen.app.cli.targets import SURFACE, check_target, inputs_of, is_foreign, refuse_foreign
-from rsgen.app.cli.terminal import ACCEPTED, FAULTY, print_cache_fault, print_json, print_line, verdict_code
-from rsgen.app.study import CaseRun, obtain_table, run_cases
-from rsgen.app.study.folder import check_index
-from rsgen.app.study.foresight import refuse_ranking
-from rsgen.cases import Case, find_cases, load_case
+import typer
+
+from rsgen.app.cli.options import Cases, Data, Figures, Json, Out
+from rsgen.app.cli.progress_bar import case_progress, print_cache_fault
+from rsgen.app.cli.terminal import ACCEPTED, FAULTY, print_json, print_line, verdict_code
+from rsgen.app.study import CaseRun, run_cases
+from rsgen.cases import find_cases
 from rsgen.common.errors import RsgenError
-from rsgen.data.multisine import MultisineSpectra
-from rsgen.data.surface import ResponseSurface, save_surface
-from rsgen.dynamics.simulation import SimulatedTest
-from rsgen.files import MeasuredTest
-from rsgen.report import write_index
-from rsgen.report.figures.cycles import shows_loops
-from rsgen.report.files import write_multisine_notebook
-from rsgen.report.interpretation import mean_finding
-from rsgen.report.notebook import KnownResults, write_notebook
-from rsgen.report.provenance import is_lesson_as_written
-from rsgen.report.result_json import read_results
 
-__all__ = ["check_figures", "exit_code", "notebook_command", "report_command", "run_command"]
+__all__ = ["check_figures", "exit_code", "run_command"]
 
 
 FIGURE_KINDS = ("pdf", "svg", "png")
@@ -45,16 +35,34 @@ def check_figures(kind: str | None) -> None:
 
 
 def run_command(
-    cases: list[Path],
-    out: Path,
-    force: bool,
-    data: Path | None,
-    jobs: int | None,
-    figures: str | None,
-    json: bool,
-    cluster: str | None = None,
+    cases: Cases,
+    out: Out = Path("reports"),
+    force: Annotated[bool, typer.Option("--force", "-f", help="Run even what is unchanged.")] = False,
+    data: Data = None,
+    jobs: Annotated[
+        int | None,
+        typer.Option("--jobs", "-j", min=1, max=256, help="Processes at a time.", show_default="processors"),
+    ] = None,
+    figures: Figures = None,
+    cluster: Annotated[
+        str | None,
+        typer.Option(
+            help="Address of a Dask scheduler whose workers see the same folders (needs rsgen[cluster]).",
+            show_default=False,
+        ),
+    ] = None,
+    json: Json = False,
 ) -> int:
-    """Run cases; the code is that of ``exit_code``."""
+    """Run cases from file to report; unchanged ones with a verified result are skipped.
+
+    \b
+    Examples:
+      rsgen run cases
+      rsgen run cases/cubic.toml --force
+      rsgen run mine.toml --data /mnt/laboratory --out results
+      rsgen run mine.toml --figures pdf
+      rsgen run cases --cluster tcp://node1:8786
+    """
     print_cache_fault()
     check_figures(figures)
     words = ("rsgen", "run", *(path.name for path in cases), *(("--force",) if force else ()))
@@ -91,82 +99,3 @@ def run_command(
     elif any(run.folder for run in runs):
         print_line(f"Table of all results: {out / 'index.html'}")
     return exit_code(runs)
-
-
-# ----------------------------------------------------------------------------
-# What `rsgen report` does: reports anew from the surfaces that earlier runs left.
-
-
-def report_command(cases: list[Path], out: Path, data: Path | None, figures: str | None, json: bool) -> int:
-    """Write reports from saved surfaces, then the index; without cases the index alone."""
-    check_figures(figures)
-    if figures and not cases:
-        raise RsgenError("--figures: is for the reports of cases; name them")
-    if not out.is_dir():
-        raise RsgenError(f"{out}: is no folder of results; run `rsgen run` first or give --out")
-    index = out / "index.html"
-    if not cases:
-        check_index(out)
-        write_index(out)
-        verdicts = {entry.folder.name: entry.verdict for entry in read_results(out)}
-        if json:
-            print_json({"index": str(index), "cases": [], "verdicts": verdicts})
-        else:
-            for name, verdict in verdicts.items():
-                print_line(f"{name}: {verdict['headline']}")
-            print_line(f"Table of all results: {index}")
-        return ACCEPTED
-    with case_progress(len(find_cases(cases)), quiet=json) as seen:
-        runs = run_cases(cases, out, data=data, figures=figures, reuse_surface=True, **seen._asdict())
-    if json:
-        names = [run.name for run in runs]
-        print_json({"index": str(index), "cases": names, "verdicts": {run.name: run.verdict for run in runs}})
-    return exit_code(runs)
-
-
-# ----------------------------------------------------------------------------
-# What `rsgen notebook` does: the lesson on a case, executed, without a report around it.
-
-
-def notebook_command(path: Path, out: Path | None, data: Path | None, json: bool) -> int:
-    """Write the executed notebook of a case; a measured surface is saved beside it."""
-    case = load_case(path, data)
-    target = check_target(out or Path(f"{case.name}.ipynb"), ".ipynb")
-    refuse_foreign(target, not is_lesson_as_written(target), inputs_of(case))
-    if isinstance(case.test, MeasuredTest):
-        saved = target.with_suffix(".h5")
-        refuse_foreign(saved, is_foreign(saved, SURFACE), inputs_of(case))
-    surface = obtain_table(case)
-    results = KnownResults(case)
-    beside = None
-    if isinstance(surface, MultisineSpectra):
-        refuse_ranking(case)
-        write_multisine_notebook(target, case, surface, results)
-    else:
-        beside = _sines(target, case, surface, results)
-    if json:
-        print_json({"case": case.name, "file": str(target), "surface": str(beside) if beside else None})
-    else:
-        print_line(f"{target}" + (f", which reads {beside}" if beside else ""))
-    return ACCEPTED
-
-
-def _sines(target: Path, case: Case, surface: ResponseSurface, results: KnownResults) -> Path | None:
-    """Write the notebook of a case with a response surface; the file of the surface where it was measured."""
-    beside = None
-    if isinstance(case.test, SimulatedTest):
-        results.add("simulate", case.oscillator, case.test, result=surface)
-    else:
-        beside = target.with_suffix(".h5")
-        save_surface(beside, surface)
-        results.add("load_surface", beside.name, result=surface)
-    write_notebook(
-        target,
-        case,
-        results,
-        mean=mean_finding(surface) is not None,
-        held_out=bool(case.model.observation.hold_out),
-        loops=shows_loops(surface, case.model),
-        surface_file=beside.name if beside else "surface.h5",
-    )
-    return beside

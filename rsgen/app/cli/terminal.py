@@ -11,7 +11,7 @@ from collections.abc import Iterable, Sequence
 from contextlib import suppress
 from typing import Any, TextIO
 
-from rsgen.common.finding import USABLE, Verdict, verdict_lines
+from rsgen.common.finding import USABLE, StatedVerdict, verdict_lines
 
 __all__ = [
     "ACCEPTED",
@@ -23,11 +23,9 @@ __all__ = [
     "output_fault",
     "plain",
     "print_block",
-    "print_cache_fault",
     "print_faults",
     "print_json",
     "print_line",
-    "print_reading_fault",
     "print_table",
     "print_verdict",
     "verdict_code",
@@ -148,44 +146,11 @@ def print_faults(faults: Iterable[str]) -> None:
         write_error(f"... and {len(lines) - _MOST_FAULTS} more")
 
 
-def print_cache_fault() -> None:
-    """Say once why nothing compiled is stored, before a command that compiles."""
-    from rsgen.dynamics.kernel import cache_fault
-
-    fault = cache_fault()
-    if fault is not None:
-        print_faults([f"note: compiled kernels are not stored, so every run compiles them: {fault}"])
-
-
-def print_reading_fault(form: str) -> None:
-    """Say at the first look into a binary file what this system does not limit while it is read."""
-    from rsgen.files.sandbox import reading_fault
-
-    fault = None if form == "csv" else reading_fault()
-    if fault is not None:
-        print_faults(
-            [
-                f"note: of the process that reads a binary file this system limits {fault}; "
-                "open files of strangers on Linux"
-            ]
-        )
-
-
-def print_verdict(verdict: Verdict, name: str = "") -> int:
-    """Print a verdict, what decided and what to do next; give the exit code.
-
-    Parameters
-    ----------
-    name
-        What it is the verdict on; "" where the command line says it.
-    """
-    # report and its figures are slow to import
-    from rsgen.report.wording.sentences import state_verdict
-
-    first, *reasons = verdict_lines(state_verdict(verdict))
-    for line in (f"{name}: {first}" if name else first, *reasons):
+def print_verdict(verdict: StatedVerdict) -> int:
+    """Print a verdict, what decided and what to do next; give the exit code."""
+    for line in verdict_lines(verdict):
         print_line(line)
-    return verdict_code(verdict.state)
+    return verdict_code(verdict["state"])
 
 
 def verdict_code(state: object) -> int:

@@ -1,0 +1,78 @@
+"""The command `rsgen modal`: the modal table of a test, and how well it predicts the levels held out."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from rsgen.app.cli.options import Data, Json, OneCase, Surface
+from rsgen.app.cli.progress_bar import print_cache_fault, stage_progress
+from rsgen.app.cli.targets import MODAL, check_target, inputs_of, is_foreign, refuse_foreign
+from rsgen.app.cli.terminal import ACCEPTED, number, print_json, print_line
+from rsgen.app.study import obtain_surface
+from rsgen.cases import load_case
+from rsgen.common.errors import RsgenError
+from rsgen.common.output import write_atomic
+from rsgen.data.surface import ResponseSurface, load_surface
+from rsgen.formula.units.quantities import quantity_text
+from rsgen.identification.modal import modal_table
+from rsgen.report.page_tables import Modal, modal_entry, score_held_out
+from rsgen.report.wording import sentence
+
+__all__ = ["modal_command"]
+
+Csv = Annotated[
+    Path | None,
+    typer.Option("--csv", help="Write all rows with their intervals, SI units.", show_default=False),
+]
+
+
+def modal_command(
+    case: OneCase, surface: Surface = None, data: Data = None, csv: Csv = None, json: Json = False
+) -> int:
+    """Tabulate resonance frequency, damping ratio, stiffness and damping over the amplitude, without a law.
+
+    Of the case the test, the mass and [identify] count; its law does not. Levels that are held out are
+    predicted from the table and scored.
+
+    \b
+    Examples:
+      rsgen modal cases/cubic.toml
+      rsgen modal cases/cubic.toml --surface cubic.h5 --csv modal.csv
+    """
+    print_cache_fault()
+    loaded = load_case(case, data)
+    target = check_target(csv, ".csv", "--csv") if csv else None
+    if target:
+        refuse_foreign(target, is_foreign(target, MODAL), inputs_of(loaded, surface), "--csv")
+    with stage_progress(loaded, "surface") as note:
+        note("surface", 0.0)
+        tested = load_surface(surface) if surface else obtain_surface(loaded)
+    if not isinstance(tested, ResponseSurface):
+        raise RsgenError(
+            f"{case.name}: test: a multisine has no modal table; its lines have no amplitude each"
+        )
+    table = modal_table(tested, loaded.model)
+    modal = Modal(table, held_out=score_held_out(table, tested))
+    if target:
+        write_atomic(target, table.to_csv())
+    said = [sentence(finding) for finding in table.findings]
+    if json:
+        print_json({"case": loaded.name, "modal": modal_entry(modal), "warnings": said})
+        return ACCEPTED
+    for line in str(table).splitlines()[: 2 + len(table)]:
+        print_line(line)
+    for text in said:
+        print_line(f"note: {text}")
+    for item in modal.held_out:
+        level = quantity_text(item.level, item.level_unit)
+        scored = len(item.frequency) - item.missing
+        error = f", error {number(100 * item.error, 2)} %" if scored else ": outside the table"
+        print_line(
+            f"held out {level}, {item.sweep}: {scored} of {len(item.frequency)} points predicted{error}"
+        )
+    if target:
+        print_line(f"{target}: all rows with their intervals")
+    return ACCEPTED

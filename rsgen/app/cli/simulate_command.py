@@ -1,0 +1,63 @@
+"""The command `rsgen simulate`: the response surface of a simulated case as a file."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from rsgen.app.cli.options import Json, OneCase
+from rsgen.app.cli.progress_bar import print_cache_fault, stage_progress
+from rsgen.app.cli.targets import SURFACE, inputs_of, is_foreign, refuse_foreign
+from rsgen.app.cli.terminal import ACCEPTED, MISSED, print_json, print_line
+from rsgen.app.study import obtain_surface
+from rsgen.cases import load_case
+from rsgen.cases.trial import law_faults
+from rsgen.common.errors import CaseError, RsgenError
+from rsgen.data.surface import save_surface
+from rsgen.dynamics.simulation import MultisineTest
+from rsgen.files import MeasuredTest
+
+__all__ = ["simulate_command"]
+
+
+def simulate_command(
+    case: OneCase,
+    out: Annotated[
+        Path | None, typer.Option("--out", "-o", help="The HDF5 file to write.", show_default="<name>.h5")
+    ] = None,
+    json: Json = False,
+) -> int:
+    """Simulate the test of a case and write the response surface as HDF5 (h5py, MATLAB, Julia read it).
+
+    \b
+    Example:
+      rsgen simulate cases/cubic.toml --out cubic.h5
+    """
+    print_cache_fault()
+    loaded = load_case(case)
+    if isinstance(loaded.test, MeasuredTest):
+        raise RsgenError(f"{case.name}: test.kind: is 'measured'; only a simulated test can be simulated")
+    if isinstance(loaded.test, MultisineTest):
+        raise RsgenError(
+            f"{case.name}: test.kind: a multisine has no response surface; `rsgen run` simulates it"
+        )
+    refused = law_faults(loaded)
+    if refused:
+        raise CaseError(refused)
+    target = out or Path(f"{loaded.name}.h5")
+    refuse_foreign(target, is_foreign(target, SURFACE), inputs_of(loaded))
+    with stage_progress(loaded, "surface") as note:
+        surface = obtain_surface(loaded, lambda share: note("surface", share))
+    save_surface(target, surface)
+    settled = int(surface.settled.sum())
+    if json:
+        print_json({"case": loaded.name, "file": str(target), "points": len(surface), "settled": settled})
+    else:
+        print_line(f"{loaded.name}: {len(surface)} points, {settled} settled: {target}")
+        if not settled:
+            print_line(
+                "no point settled: check the values of [truth], their signs first; levels and frequencies"
+            )
+    return ACCEPTED if settled else MISSED
