@@ -43,7 +43,8 @@ if TYPE_CHECKING:
     from rsgen.describing import derive
     from rsgen.dynamics.simulation import MultisineTest, SimulatedTest, simulate
     from rsgen.identification.identify import identify
-    from rsgen.identification.modal import ModalTable, modal_table
+    from rsgen.identification.modal_result import ModalTable
+    from rsgen.identification.modal_table import modal_table
     from rsgen.identification.prediction import Prediction, predict
     from rsgen.identification.ranking import Ranking, rank
     from rsgen.identification.results import Identification
@@ -65,7 +66,7 @@ _PLACES = {
     "Finding": "common.finding",
     "Identification": "identification.results",
     "Law": "law",
-    "ModalTable": "identification.modal",
+    "ModalTable": "identification.modal_result",
     "MultisineSpectra": "data.multisine",
     "MultisineTest": "dynamics.simulation",
     "Observation": "data.oscillator",
@@ -84,7 +85,7 @@ _PLACES = {
     "load_case": "cases",
     "load_surface": "data.surface",
     "make_element": "law",
-    "modal_table": "identification.modal",
+    "modal_table": "identification.modal_table",
     "predict": "identification.prediction",
     "rank": "identification.ranking",
     "read": "cases",

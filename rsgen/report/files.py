@@ -57,7 +57,7 @@ from rsgen.report.interpretation import check_printed, mean_finding
 from rsgen.report.notebook import KnownResults, known_results, render_lesson, save_lesson, write_notebook
 from rsgen.report.page import THUMBNAIL, common_context, picture_svg, render_page
 from rsgen.report.page_tables import NO_MODAL, Cell, Modal, Table, TableRow, tabulate_mode
-from rsgen.report.provenance import collect_provenance, page_environment
+from rsgen.report.provenance import Subject, collect_provenance, page_environment
 from rsgen.report.result_json import (
     build_result,
     common_entries,
@@ -66,7 +66,6 @@ from rsgen.report.result_json import (
     resonance_entry,
     result_text,
 )
-from rsgen.report.subject import Subject
 from rsgen.report.wording.sentences import error_text, share_text
 
 __all__ = ["draw_all", "write_multisine_notebook", "write_report"]

@@ -32,7 +32,7 @@ from rsgen.report.figures.cycles import (
     small_stiffness,
 )
 from rsgen.report.figures.equivalent import evaluated, solution_of, standard_errors
-from rsgen.report.subject import Subject
+from rsgen.report.provenance import Subject
 from rsgen.report.wording import sentence
 
 __all__ = [

@@ -46,9 +46,8 @@ from rsgen.report.page_tables import (
     resonance_table,
     verdict_table,
 )
-from rsgen.report.provenance import page_environment, plain_text
+from rsgen.report.provenance import Subject, page_environment, plain_text
 from rsgen.report.result_json import Entry, read_result, read_results
-from rsgen.report.subject import Subject
 from rsgen.report.wording import full_sentence, sentence
 from rsgen.report.wording.sentences import MARKED, error_text, proof_sentence, state_verdict, surface_sentence
 

@@ -11,8 +11,8 @@ from rsgen.analysis.comparison import Comparison, Row
 from rsgen.common.errors import RsgenError
 from rsgen.data.surface import ResponseSurface
 from rsgen.formula.units.quantities import choose_scale, number_text, quantity_text, unit_text
-from rsgen.identification.modal import ModalTable, modal_table
-from rsgen.identification.modal.modal_result import MODAL_COLUMNS
+from rsgen.identification.modal_result import MODAL_COLUMNS, ModalTable
+from rsgen.identification.modal_table import modal_table
 from rsgen.identification.prediction import HeldOutLevel, predict
 from rsgen.identification.results import Estimate, Identification
 from rsgen.law.element import FORCE_KEYS

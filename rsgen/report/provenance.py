@@ -1,4 +1,4 @@
-"""Where a result comes from: inputs, versions, command, machine, durations; and what shows it as of rsgen."""
+"""What a report is about, and where it comes from: case, law and truth; versions, machine and hashes."""
 
 from __future__ import annotations
 
@@ -9,23 +9,30 @@ import platform
 import re
 import unicodedata
 from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from functools import cache
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 import jinja2
+import sympy
 from markupsafe import Markup, escape
 
 import rsgen
+from rsgen.analysis.comparison import Comparison, Row
 from rsgen.cases import Case
 from rsgen.data.multisine import MultisineSpectra
 from rsgen.data.surface import ResponseSurface
 from rsgen.dynamics.simulation import MultisineTest, SimulatedTest
 from rsgen.files import MeasuredTest
+from rsgen.identification.results import Estimate, Identification
+from rsgen.law.element import Element
+from rsgen.law.memory import with_equations
 
 __all__ = [
     "TEMPLATES",
+    "Subject",
     "coded",
     "collect_provenance",
     "is_lesson_as_written",
@@ -218,3 +225,66 @@ def is_lesson_as_written(place: Path) -> bool:
         return bool(content["metadata"]["rsgen"] == lesson_mark(sources))
     except (OSError, ValueError, KeyError, TypeError, RecursionError):
         return False
+
+
+# ----------------------------------------------------------------------------
+# What a report is about: the heading, the law, the truth; from a case file, or from the result alone.
+
+R = TypeVar("R", Identification, Comparison)
+E = TypeVar("E", Estimate, Row)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Subject:
+    """The heading of a report and what is known about the structure.
+
+    Parameters
+    ----------
+    name, title, source
+        As in ``Case``; printable text, never markup.
+    elements
+        The springs and dampers that were identified.
+    truth, printed, units, warnings
+        As in ``Case``, as far as they concern these elements.
+    case
+        Where all this comes from; None where a report is made without a case file.
+    """
+
+    name: str
+    title: str
+    source: str
+    elements: tuple[Element, ...]
+    truth: Mapping[str, float] | None = None
+    printed: Mapping[str, sympy.Expr] = field(default_factory=dict)
+    units: Mapping[str, str] = field(default_factory=dict)
+    warnings: tuple[str, ...] = ()
+    case: Case | None = None
+
+    @classmethod
+    def of_case(cls, case: Case, identification: Identification) -> Subject:
+        """Take over a case; what concerns another law than the identified one is left out."""
+        case = case.with_model(identification.model)
+        heading = (case.name, case.title or case.name, case.source, case.model.elements)
+        return cls(*heading, case.truth, case.printed, case.units, case.warnings, case)
+
+    @classmethod
+    def of_result(cls, identification: Identification, name: str, title: str, source: str) -> Subject:
+        """Take the heading as it is given; without a title the law is the title."""
+        model = identification.model
+        title = title or f"n(x, v) = {with_equations(model.force)}"
+        return cls(name, title, source, model.elements)
+
+    def with_units(self, result: R) -> R:
+        """Give every estimate of a result the unit that the case knows and the law does not determine."""
+
+        def known(entry: E) -> E:
+            return entry and replace(entry, unit=entry.unit or self.units.get(entry.name, ""))
+
+        kinds = ("paper", "first_order", "refined")
+        if isinstance(result, Identification):
+            changed: Any = {kind: tuple(map(known, getattr(result, kind))) for kind in kinds}
+            return replace(result, **changed)
+        rows = (
+            replace(known(row), **{kind: known(getattr(row, kind)) for kind in kinds}) for row in result.rows
+        )
+        return replace(result, rows=tuple(rows))

@@ -24,7 +24,7 @@ from rsgen.identification.results import Estimate, Identification, Resonance
 from rsgen.law.element import FORCE_KEYS
 from rsgen.report.interpretation import PrintedFormula, dissipation_entry
 from rsgen.report.page_tables import NO_MODAL, Modal, modal_entry
-from rsgen.report.subject import Subject
+from rsgen.report.provenance import Subject
 from rsgen.report.wording import sentence
 from rsgen.report.wording.sentences import read_verdict, state_verdict
 

@@ -13,8 +13,8 @@ import rsgen
 from rsgen.analysis.comparison import Comparison
 from rsgen.identification.prediction import Prediction
 from rsgen.report.page import table_of_results
+from rsgen.report.provenance import Subject
 from rsgen.report.result_json import build_result, read_results, result_text
-from rsgen.report.subject import Subject
 
 ROOT = Path(__file__).parents[2]
 CASES = sorted((ROOT / "cases").glob("*.toml"))

@@ -14,7 +14,7 @@ import rsgen
 from rsgen.analysis.export import save_frf
 from rsgen.app.cli.targets import FRF, MODAL, SURFACE, is_foreign
 from rsgen.data.surface import save_surface
-from rsgen.identification.modal import modal_table
+from rsgen.identification.modal_table import modal_table
 from rsgen.report.notebook import build_notebook
 from rsgen.report.provenance import is_lesson_as_written
 from tests.samples import cubic_case, cubic_model, cubic_surface

@@ -14,7 +14,7 @@ from rsgen.app.cli import main
 from rsgen.describing import derive
 from rsgen.formula import parse, symbol
 from rsgen.formula.evaluation import compiled
-from rsgen.report.figures.law_figure import draw_derivation, telling_amplitude
+from rsgen.report.figures.equivalent import draw_derivation, telling_amplitude
 
 JOINT = "k*x + F*tanh(x/a) + Ff*sign(v)"
 SAME = 1e-12  # a formula that was written and read back, in numbers

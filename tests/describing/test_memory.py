@@ -11,7 +11,7 @@ from rsgen.formula import parse, symbol
 from rsgen.formula.evaluation import compiled
 from rsgen.formula.names import remembers
 from rsgen.law import laws, make_element
-from rsgen.report.figures.law_figure import draw_derivation
+from rsgen.report.figures.equivalent import draw_derivation
 from tests.oracles.loop import equivalent, with_states
 
 ASKED = 1e-9

@@ -23,7 +23,7 @@ from rsgen.common.finding import Finding
 from rsgen.data.oscillator import Model
 from rsgen.data.surface import ResponseSurface
 from rsgen.describing import derive
-from rsgen.identification.modal import modal_table
+from rsgen.identification.modal_table import modal_table
 from rsgen.identification.results import Estimate, Identification
 from rsgen.law.element import make_element
 from rsgen.report.figures import Drawing, choose_scale, number_text, quantity_text, unit_text

@@ -10,7 +10,7 @@ import pytest
 from rsgen.app.cli import main
 from rsgen.describing import derive
 from rsgen.law import Law, laws
-from rsgen.report.figures.law_figure import draw_derivation
+from rsgen.report.figures.equivalent import draw_derivation
 
 
 def call(*words: str | Path) -> int:

@@ -12,7 +12,7 @@ import rsgen
 from rsgen.common.errors import RsgenError
 from rsgen.data.oscillator import Model, Observation
 from rsgen.data.surface import ResponseSurface
-from rsgen.identification.modal.modal_result import MODAL_COLUMNS
+from rsgen.identification.modal_result import MODAL_COLUMNS
 from tests.samples import C1, K1, KN1, MASS, cubic_surface
 from tests.surfaces import noisy
 

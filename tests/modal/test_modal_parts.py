@@ -9,8 +9,8 @@ from rsgen.data.oscillator import Model
 from rsgen.data.surface import ResponseSurface
 from rsgen.identification.fitting.observed import Observed
 from rsgen.identification.fitting.points import Points, select_points
-from rsgen.identification.modal.modal_result import ModalSplines, SplineBasis
-from rsgen.identification.modal.modal_table import ModeProblem, SeenMode, _left_out
+from rsgen.identification.modal_result import ModalSplines, SplineBasis
+from rsgen.identification.modal_table import ModeProblem, SeenMode, _left_out
 
 SIZES = np.geomspace(1e-3, 2e-2, 30)
 TESTED = (1e-3, 2e-2)

@@ -25,7 +25,7 @@ from rsgen.describing import DescribingFunction, Equivalent, Limit
 from rsgen.dynamics.steady_state import SteadyStates
 from rsgen.files import MeasuredTest, read_measurement
 from rsgen.identification.lines import MultisineIdentification
-from rsgen.identification.modal.modal_result import MODAL_COLUMNS, ModalTest
+from rsgen.identification.modal_result import MODAL_COLUMNS, ModalTest
 from rsgen.identification.prediction import HeldOutLevel, ResonanceCurve
 from rsgen.identification.prediction.prediction_result import MultisinePrediction, PredictedRecord
 from rsgen.identification.ranking.ranking_result import Candidate

@@ -16,9 +16,8 @@ from rsgen.report.difference import compare_results, render_difference
 from rsgen.report.figures import draw_thumbnail
 from rsgen.report.interpretation import check_printed
 from rsgen.report.page import THUMBNAIL, picture_svg, render_page
-from rsgen.report.provenance import plain_text
+from rsgen.report.provenance import Subject, plain_text
 from rsgen.report.result_json import build_result, result_text
-from rsgen.report.subject import Subject
 from tests.report.axe import find_axe
 from tests.report.browser import Page, find_browser, in_browser
 from tests.report.test_report import hostile_titles, identified

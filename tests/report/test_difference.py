@@ -9,8 +9,8 @@ import pytest
 
 from rsgen.common.errors import RsgenError
 from rsgen.report.difference import compare_results, difference_data, difference_table, render_difference
+from rsgen.report.provenance import Subject
 from rsgen.report.result_json import build_result, result_text
-from rsgen.report.subject import Subject
 from rsgen.report.wording.sentences import read_verdict
 from tests.samples import (
     cubic_case,

@@ -42,9 +42,8 @@ from rsgen.report.interpretation import (
     mean_finding,
 )
 from rsgen.report.page import THUMBNAIL, picture_svg, render_page, table_of_results
-from rsgen.report.provenance import TEMPLATES, page_environment, plain_text, verbatim
+from rsgen.report.provenance import TEMPLATES, Subject, page_environment, plain_text, verbatim
 from rsgen.report.result_json import build_result, read_results, result_text
-from rsgen.report.subject import Subject
 from rsgen.report.wording import full_sentence, sentence
 from tests.samples import (
     C1,

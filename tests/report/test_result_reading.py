@@ -14,8 +14,8 @@ import pytest
 from rsgen.common.errors import RsgenError
 from rsgen.report.difference import compare_results
 from rsgen.report.page import write_index
+from rsgen.report.provenance import Subject
 from rsgen.report.result_json import build_result, read_result, read_results, result_text
-from rsgen.report.subject import Subject
 from tests.samples import (
     cubic_case,
     cubic_comparison,

@@ -19,9 +19,8 @@ from rsgen.report import draw_all
 from rsgen.report.difference import compare_results, difference_data, render_difference, verdict_change
 from rsgen.report.figures import Drawing
 from rsgen.report.page import render_page, table_of_results, write_index
-from rsgen.report.provenance import coded
+from rsgen.report.provenance import Subject, coded
 from rsgen.report.result_json import build_result, read_result, read_results, result_text
-from rsgen.report.subject import Subject
 from rsgen.report.wording import full_sentence, next_step
 from rsgen.report.wording.sentences import explain, read_verdict, state_verdict
 from tests.samples import (

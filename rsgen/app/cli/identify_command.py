@@ -21,7 +21,7 @@ from rsgen.app.cli.terminal import (
     verdict_code,
 )
 from rsgen.app.study import obtain_table
-from rsgen.app.study.foresight import identify_case
+from rsgen.app.study.run_case import identify_case
 from rsgen.cases import Case, load_case
 from rsgen.common.errors import RsgenError
 from rsgen.common.finding import Verdict

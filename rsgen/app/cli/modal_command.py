@@ -17,7 +17,7 @@ from rsgen.common.errors import RsgenError
 from rsgen.common.output import write_atomic
 from rsgen.data.surface import ResponseSurface, load_surface
 from rsgen.formula.units.quantities import quantity_text
-from rsgen.identification.modal import modal_table
+from rsgen.identification.modal_table import modal_table
 from rsgen.report.page_tables import Modal, modal_entry, score_held_out
 from rsgen.report.wording import sentence
 

@@ -22,8 +22,9 @@ from pathlib import Path
 from types import FrameType, MappingProxyType
 from typing import Any
 
+import rsgen.report
 from rsgen.app.study.folder import check_index, recover
-from rsgen.app.study.progress import Progress, Step
+from rsgen.app.study.foresight import Progress, Step
 from rsgen.app.study.run_case import CaseRun, check_place, current_result, run_case
 from rsgen.cases import Case, find_cases, load_case, name_clashes
 from rsgen.common.errors import CaseError, RsgenError, keep_from_terminal
@@ -447,7 +448,5 @@ def run_cases(
     changed = any(run.folder and not run.skipped for run in runs.values())
     missing = any(not (place / name).is_file() for name in ("index.html", "table1.md"))
     if changed or (missing and any(run.folder for run in runs.values())):
-        from rsgen.report import write_index
-
-        write_index(place)
+        rsgen.report.write_index(place)
     return tuple(runs[path] for path in files)

@@ -12,6 +12,8 @@ from dataclasses import dataclass, replace
 from fnmatch import fnmatch
 from pathlib import Path
 
+import rsgen.report
+from rsgen.analysis.comparison import compare
 from rsgen.app.study.folder import (
     file_hash,
     inputs_unchanged,
@@ -20,7 +22,7 @@ from rsgen.app.study.folder import (
     replaced_folder,
     write_manifest,
 )
-from rsgen.app.study.progress import Progress, stage_reporter
+from rsgen.app.study.foresight import Progress, refuse_ranking, stage_reporter
 from rsgen.cases import Case, load_case
 from rsgen.cases.trial import law_faults
 from rsgen.common.errors import CaseError, RsgenError, program_fault
@@ -29,9 +31,20 @@ from rsgen.data.multisine import MultisineSpectra
 from rsgen.data.surface import ResponseSurface, load_surface
 from rsgen.dynamics.simulation import MultisineTest, simulate
 from rsgen.files import MeasuredTest, read_measurement
+from rsgen.identification.identify import identify
+from rsgen.identification.ranking import identify_best
+from rsgen.identification.results import Identification
 from rsgen.report.provenance import is_lesson_as_written
 
-__all__ = ["CaseRun", "check_place", "current_result", "obtain_surface", "obtain_table", "run_case"]
+__all__ = [
+    "CaseRun",
+    "check_place",
+    "current_result",
+    "identify_case",
+    "obtain_surface",
+    "obtain_table",
+    "run_case",
+]
 
 RESULT = "result.json"
 SURFACE = "surface.h5"
@@ -157,6 +170,21 @@ def obtain_surface(case: Case, progress: Callable[[float], None] = lambda share:
     return table
 
 
+def identify_case(case: Case, table: ResponseSurface | MultisineSpectra) -> Identification:
+    """Identify the law of a case, or rank laws and identify the best.
+
+    Raises
+    ------
+    RsgenError
+        As ``identify`` and ``rank``; or laws are to be ranked on a multisine.
+    """
+    if isinstance(table, MultisineSpectra):
+        refuse_ranking(case)
+    if isinstance(table, MultisineSpectra) or not case.ranked:
+        return identify(table, case.model)
+    return identify_best(table, case.model)
+
+
 def _many_lines(case: Case) -> bool:
     """Whether the test is a multisine, whose spectra are read anew: that is quicker than their file."""
     if isinstance(case.test, MultisineTest):
@@ -187,11 +215,6 @@ def _execute(
     if refused:
         raise CaseError(refused)
     report("surface", 0.0)
-    # the heavy parts are imported when there is something to do
-    from rsgen.analysis.comparison import compare
-    from rsgen.app.study.foresight import identify_case
-    from rsgen.report import write_report
-
     seed = None
     if not isinstance(case.test, MeasuredTest) and case.test.noise_relative > 0:
         seed = case.test.seed
@@ -212,7 +235,8 @@ def _execute(
         report("report", 0.0)
         results = (case, surface, identification, comparison)
         with _temporary_in(folder), _failed_notebook(folder, out / f"{case.name}-failed.ipynb"):
-            write_report(folder, *results, durations=durations, command=command, figures=figures)
+            # pages and figures are imported when there is something to write
+            rsgen.report.write_report(folder, *results, durations=durations, command=command, figures=figures)
         passed, verdict = _said(folder)
         write_manifest(folder, inputs, seed, command)
     return CaseRun(case.path, case.name, out / case.name, passed, verdict=verdict)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from rsgen.dynamics.simulation.simulate import simulate
-from rsgen.dynamics.simulation.virtual_multisine import MultisineTest
-from rsgen.dynamics.simulation.virtual_test import SimulatedTest
+from rsgen.dynamics.simulation.virtual_test import MultisineTest, SimulatedTest
 
 __all__ = ["MultisineTest", "SimulatedTest", "simulate"]

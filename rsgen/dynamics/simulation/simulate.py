@@ -15,14 +15,15 @@ from rsgen.data.surface import ResponseSurface
 from rsgen.data.surface.phase_lag import lag_findings
 from rsgen.dynamics.harmonic_balance import solve_harmonic_balance
 from rsgen.dynamics.simulation.controlled import ControlledStates, control_grid, phase_grid
-from rsgen.dynamics.simulation.virtual_multisine import MultisineTest, simulate_multisine
 from rsgen.dynamics.simulation.virtual_test import (
+    MultisineTest,
     Progress,
     SimulatedTest,
     add_noise,
     free_mean_fault,
     grid_of,
     in_parts,
+    simulate_multisine,
     swept,
 )
 from rsgen.dynamics.steady_state import SteadyStates, solve_steady_states

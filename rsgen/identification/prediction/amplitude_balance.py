@@ -16,8 +16,7 @@ from rsgen.common.tolerances import ANY_LAW, NORMAL, ORDER, SAMPLES
 from rsgen.data.oscillator import Model
 from rsgen.dynamics.harmonic_balance import Response, following_harmonics, hold_amplitude
 from rsgen.dynamics.linear_part import Inertia
-from rsgen.identification.modal import ModalTable
-from rsgen.identification.modal.modal_result import SplineMode
+from rsgen.identification.modal_result import ModalTable, SplineMode
 from rsgen.identification.prediction.prediction_result import BEYOND
 from rsgen.identification.results import EquivalentCurve, Estimate, Identification
 from rsgen.law.numeric import compile_law

@@ -18,7 +18,7 @@ from rsgen.describing import derive
 from rsgen.identification.fitting.across import MeasuredAcross, law_of
 from rsgen.identification.fitting.points import held_out_mask
 from rsgen.identification.lines import MultisineIdentification
-from rsgen.identification.modal import ModalTable
+from rsgen.identification.modal_result import ModalTable
 from rsgen.identification.prediction.amplitude_balance import (
     AmplitudeBalance,
     SynthesisBalance,

@@ -15,11 +15,18 @@ from rsgen.report.figures.curves import (
     draw_stiffness,
 )
 from rsgen.report.figures.drawing import STYLE, Drawing
-from rsgen.report.figures.law_figure import draw_derivation
+from rsgen.report.figures.equivalent import draw_derivation
 from rsgen.report.figures.loop_figures import draw_energy, draw_forces, draw_loops, force_function
-from rsgen.report.figures.multisine_figures import draw_best_linear, draw_line_misfit, draw_predicted_record
 from rsgen.report.figures.overview import draw_map, draw_surface, draw_thumbnail
-from rsgen.report.figures.responses import choose_levels, draw_held_out, draw_responses, draw_time_history
+from rsgen.report.figures.responses import (
+    choose_levels,
+    draw_best_linear,
+    draw_held_out,
+    draw_line_misfit,
+    draw_predicted_record,
+    draw_responses,
+    draw_time_history,
+)
 
 __all__ = [
     "STYLE",

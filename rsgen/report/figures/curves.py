@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any, Literal
+from typing import Literal
 
 import numpy as np
 import sympy
@@ -15,9 +15,19 @@ from rsgen.common.arrays import Array
 from rsgen.formula import symbol
 from rsgen.formula.names import remembers
 from rsgen.formula.units.quantities import Scale, choose_scale, number_text, quantity_text
-from rsgen.identification.modal import ModalTable
+from rsgen.identification.modal_result import ModalTable
 from rsgen.identification.results import EquivalentCurve, Identification
-from rsgen.report.figures.drawing import Drawing, GivenAxes, in_style, label_abscissa, take_axes
+from rsgen.report.figures.drawing import (
+    FIRST_ORDER,
+    POINT,
+    REFINED,
+    TRUTH,
+    Drawing,
+    GivenAxes,
+    in_style,
+    label_abscissa,
+    take_axes,
+)
 from rsgen.report.figures.equivalent import (
     Backbone,
     amplitudes_tested,
@@ -30,10 +40,6 @@ from rsgen.report.figures.equivalent import (
 from rsgen.report.figures.overview import colour_bar, level_colours
 
 __all__ = [
-    "FIRST_ORDER",
-    "POINT",
-    "REFINED",
-    "TRUTH",
     "draw_collapse",
     "draw_damping",
     "draw_modal",
@@ -119,13 +125,6 @@ def _words(table: ModalTable) -> str:
         damping = [quantity_text(row["damping"], "N*s/m", 3) for row in (first, last)]
         return f"{text} and the damping from {damping[0]} to {damping[1]}."
     return f"{text}."
-
-
-# Okabe and Ito's colours, which colour-blind readers tell apart; line styles tell them apart in grey
-POINT: dict[str, Any] = {"marker": "o", "ls": "none", "mfc": "none", "mec": "#0072B2", "mew": 1.1, "ms": 4.5}
-REFINED: dict[str, Any] = {"color": "#D55E00", "lw": 1.5, "ls": "-"}
-FIRST_ORDER: dict[str, Any] = {"color": "#009E73", "lw": 1.2, "ls": (0, (6, 1.5, 1, 1.5))}
-TRUTH: dict[str, Any] = {"color": "#1b1c1e", "lw": 1.2, "ls": (0, (1, 1.6))}
 
 
 def _span(values: Array, unit: str) -> str:

@@ -25,12 +25,16 @@ from rsgen.common.arrays import Array
 from rsgen.common.errors import RsgenError, require
 from rsgen.data.surface import ResponseSurface
 from rsgen.describing import DescribingFunction
-from rsgen.identification.modal import ModalTable
+from rsgen.identification.modal_result import ModalTable
 from rsgen.identification.prediction import Prediction
 from rsgen.identification.results import Identification
 
 __all__ = [
+    "FIRST_ORDER",
+    "POINT",
+    "REFINED",
     "STYLE",
+    "TRUTH",
     "Drawing",
     "GivenAxes",
     "in_style",
@@ -40,6 +44,12 @@ __all__ = [
     "project_style",
     "take_axes",
 ]
+
+# Okabe and Ito's colours, which colour-blind readers tell apart; line styles tell them apart in grey
+POINT: dict[str, Any] = {"marker": "o", "ls": "none", "mfc": "none", "mec": "#0072B2", "mew": 1.1, "ms": 4.5}
+REFINED: dict[str, Any] = {"color": "#D55E00", "lw": 1.5, "ls": "-"}
+FIRST_ORDER: dict[str, Any] = {"color": "#009E73", "lw": 1.2, "ls": (0, (6, 1.5, 1, 1.5))}
+TRUTH: dict[str, Any] = {"color": "#1b1c1e", "lw": 1.2, "ls": (0, (1, 1.6))}
 
 
 # ----------------------------------------------------------------------------

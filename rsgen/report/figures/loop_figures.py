@@ -20,7 +20,6 @@ from rsgen.formula.units.quantities import choose_scale, count_text, number_text
 from rsgen.identification.results import Identification
 from rsgen.law.motion import cycle_work
 from rsgen.law.numeric import compile_law
-from rsgen.report.figures.curves import POINT, REFINED, TRUTH
 from rsgen.report.figures.cycles import (
     Energy,
     Slip,
@@ -35,7 +34,16 @@ from rsgen.report.figures.cycles import (
     small_stiffness,
     stiffness_ratio,
 )
-from rsgen.report.figures.drawing import Drawing, GivenAxes, in_style, label_abscissa, take_axes
+from rsgen.report.figures.drawing import (
+    POINT,
+    REFINED,
+    TRUTH,
+    Drawing,
+    GivenAxes,
+    in_style,
+    label_abscissa,
+    take_axes,
+)
 from rsgen.report.figures.equivalent import calm_limits, solution_of
 from rsgen.report.figures.responses import choose_levels
 

@@ -42,7 +42,7 @@ from rsgen.identification.fitting.points import (
 )
 from rsgen.identification.fitting.problem import Problem, is_systematic
 from rsgen.identification.fitting.repeats import gather_repeats
-from rsgen.identification.modal.modal_result import (
+from rsgen.identification.modal_result import (
     MODAL_COLUMNS,
     ModalSplines,
     ModalTable,

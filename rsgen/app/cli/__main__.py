@@ -1,8 +1,0 @@
-"""``python -m rsgen.app.cli`` is the command ``rsgen``."""
-
-from __future__ import annotations
-
-from rsgen.app.cli import main
-
-if __name__ == "__main__":
-    main()
