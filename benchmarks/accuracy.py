@@ -26,7 +26,7 @@ from rsgen.cases import Case
 from rsgen.common.finding import Finding
 from rsgen.common.output import write_atomic
 from rsgen.data.surface import ResponseSurface
-from rsgen.dynamics.simulation.virtual_test import add_noise
+from rsgen.dynamics.virtual_test import add_noise
 from rsgen.identification.fitting.points import held_out_mask
 
 ROOT = Path(__file__).parent.parent

@@ -27,7 +27,7 @@ import rsgen
 from benchmarks import tampered_measurements as measured
 from rsgen.common.output import write_atomic
 from rsgen.data.oscillator import Model
-from rsgen.dynamics.simulation.virtual_test import add_noise
+from rsgen.dynamics.virtual_test import add_noise
 from tests.oracles.memory import bouc_wen, two_masses
 from tests.verdict import laboratory
 from tests.verdict.laboratory import Outcome

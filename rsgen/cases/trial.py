@@ -14,7 +14,7 @@ from rsgen.data.oscillator import Oscillator
 from rsgen.describing import derive
 from rsgen.dynamics.kernel import generate
 from rsgen.dynamics.simulation import MultisineTest, SimulatedTest
-from rsgen.dynamics.simulation.virtual_test import free_mean_fault
+from rsgen.dynamics.virtual_test import free_mean_fault
 from rsgen.files import MeasuredTest
 from rsgen.formula import symbol, write
 from rsgen.formula.evaluation import compiled

@@ -13,7 +13,7 @@ import rsgen as rs
 from rsgen import figures
 from rsgen.common.errors import RsgenError
 from rsgen.data.oscillator import Model
-from rsgen.dynamics.simulation.virtual_test import add_noise
+from rsgen.dynamics.virtual_test import add_noise
 from rsgen.formula import parse
 from rsgen.law.memory import Curve, memory_form
 from rsgen.law.motion import Motion, project

@@ -10,7 +10,7 @@ import pytest
 
 import rsgen
 from rsgen.data.surface import ResponseSurface
-from rsgen.dynamics.simulation.controlled import ControlledStates, solve_response_control
+from rsgen.dynamics.controlled import ControlledStates, solve_response_control
 from rsgen.files import LevelRule, MeasuredTest, Signal, read_measurement
 
 MASS, VALUES = 1.5, {"k": 5920.0, "k3": 3e5, "c": 2.0}

@@ -17,8 +17,8 @@ from numpy.typing import ArrayLike, NDArray
 
 from rsgen.common.arrays import Array, ComplexArray
 from rsgen.data.oscillator import Oscillator
-from rsgen.dynamics.simulation.virtual_test import Progress, SimulatedTest, in_parts, swept
 from rsgen.dynamics.steady_state import SteadyStates
+from rsgen.dynamics.virtual_test import Progress, SimulatedTest, in_parts, swept
 from rsgen.formula import symbol
 from rsgen.formula.evaluation import Numeric, compiled
 from rsgen.law.memory import MemoryForm, memory_form

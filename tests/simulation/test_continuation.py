@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import rsgen as rs
-from rsgen.dynamics.simulation.virtual_test import add_noise
+from rsgen.dynamics.virtual_test import add_noise
 from rsgen.law.motion import Motion, project
 
 MASS, VALUES = 1.5, {"k": 5920.0, "k3": 3e5, "c": 2.0}

@@ -11,7 +11,7 @@ import rsgen
 from rsgen.cases import load_case
 from rsgen.cases.trial import law_faults
 from rsgen.common.errors import RsgenError
-from rsgen.dynamics.simulation.virtual_test import add_noise
+from rsgen.dynamics.virtual_test import add_noise
 from rsgen.law.numeric import compile_law
 
 CASES = Path(__file__).parents[2] / "cases"

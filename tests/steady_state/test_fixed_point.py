@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from rsgen.dynamics.steady_state.fixed_point import attraction, correction
+from rsgen.dynamics.fixed_point import attraction, correction
 
 
 @pytest.mark.parametrize("size", [2, 3, 4, 5])

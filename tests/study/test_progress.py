@@ -7,11 +7,11 @@ from pathlib import Path
 
 import pytest
 
-from rsgen.app.study import expect, progress
+from rsgen.app.study import expect, foresight
 from rsgen.cases import Case, load_case
 from rsgen.data.surface import ResponseSurface
 from rsgen.dynamics.kernel import compile_kernel
-from rsgen.dynamics.steady_state.solver import LOCATED
+from rsgen.dynamics.steady_state import LOCATED
 
 ROOT = Path(__file__).parents[2]
 
@@ -19,7 +19,7 @@ ROOT = Path(__file__).parents[2]
 @pytest.fixture(autouse=True)
 def _quiet_machine(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     monkeypatch.setenv("RSGEN_CACHE", str(tmp_path / "cache"))
-    monkeypatch.setattr(progress, "_slowness", lambda: 1.0)
+    monkeypatch.setattr(foresight, "_slowness", lambda: 1.0)
     monkeypatch.setattr("os.getloadavg", lambda: (0.0, 0.0, 0.0), raising=False)
 
 
@@ -35,7 +35,7 @@ def test_a_slow_machine_and_a_busy_one_take_longer(monkeypatch: pytest.MonkeyPat
     busy = expect(cubic())
     assert busy.crowding == 7.0
     assert busy.seconds == quiet.seconds
-    monkeypatch.setattr(progress, "_slowness", lambda: 3.0)
+    monkeypatch.setattr(foresight, "_slowness", lambda: 3.0)
     assert expect(cubic()).total == pytest.approx(3 * quiet.total)
 
 

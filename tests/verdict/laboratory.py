@@ -16,7 +16,7 @@ import numpy as np
 import rsgen
 from rsgen.common.errors import RsgenError
 from rsgen.common.finding import Finding, Verdict
-from rsgen.dynamics.simulation.virtual_test import add_noise
+from rsgen.dynamics.virtual_test import add_noise
 from tests.oracles.swept import driven
 
 CASES = Path(__file__).parents[2] / "cases"

@@ -20,7 +20,7 @@ from rsgen.data.multisine.spectra import check_records, refuse_across
 from rsgen.data.surface import ResponseSurface
 from rsgen.dynamics.kernel import generate, is_stored
 from rsgen.dynamics.simulation import MultisineTest, SimulatedTest
-from rsgen.dynamics.steady_state.solver import LOCATED
+from rsgen.dynamics.steady_state import LOCATED
 from rsgen.formula.names import remembers
 from rsgen.identification.fitting.points import Points, at_resonance_alone, select_points
 from rsgen.identification.fitting.repeats import gather_repeats

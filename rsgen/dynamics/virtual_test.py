@@ -19,8 +19,7 @@ from rsgen.data.oscillator import Oscillator
 from rsgen.data.surface import ResponseSurface
 from rsgen.data.surface.columns import BASE_UNITS, below_acceleration
 from rsgen.dynamics.periodic_response import periodic_response
-from rsgen.dynamics.steady_state import SteadyStates
-from rsgen.dynamics.steady_state.solver import ACCURACY, HARMONICS, USUAL_ACCURACY, USUAL_HARMONICS
+from rsgen.dynamics.steady_state import ACCURACY, HARMONICS, USUAL_ACCURACY, USUAL_HARMONICS, SteadyStates
 from rsgen.law.numeric import ForceLaw, compile_law
 
 __all__ = [

@@ -1,4 +1,4 @@
-"""From a virtual test to its response surface."""
+"""From a virtual test of an oscillator to its response surface, or to the spectra of its records."""
 
 from __future__ import annotations
 
@@ -13,9 +13,10 @@ from rsgen.data.multisine import MultisineSpectra
 from rsgen.data.oscillator import Oscillator
 from rsgen.data.surface import ResponseSurface
 from rsgen.data.surface.phase_lag import lag_findings
+from rsgen.dynamics.controlled import ControlledStates, control_grid, phase_grid
 from rsgen.dynamics.harmonic_balance import solve_harmonic_balance
-from rsgen.dynamics.simulation.controlled import ControlledStates, control_grid, phase_grid
-from rsgen.dynamics.simulation.virtual_test import (
+from rsgen.dynamics.steady_state import SteadyStates, solve_steady_states
+from rsgen.dynamics.virtual_test import (
     MultisineTest,
     Progress,
     SimulatedTest,
@@ -26,9 +27,8 @@ from rsgen.dynamics.simulation.virtual_test import (
     simulate_multisine,
     swept,
 )
-from rsgen.dynamics.steady_state import SteadyStates, solve_steady_states
 
-__all__ = ["simulate"]
+__all__ = ["MultisineTest", "SimulatedTest", "simulate"]
 
 
 @overload

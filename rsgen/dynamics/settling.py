@@ -15,9 +15,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rsgen.common.arrays import Array, ComplexArray
-from rsgen.dynamics.steady_state.fixed_point import (
+from rsgen.dynamics.fixed_point import (
     FixedPoints,
+    HeldMemory,
     Indices,
+    LoopMemory,
     PeriodMap,
     attraction,
     find_fixed_points,
@@ -25,7 +27,6 @@ from rsgen.dynamics.steady_state.fixed_point import (
     norm,
     times,
 )
-from rsgen.dynamics.steady_state.loop_memory import HeldMemory, LoopMemory
 
 __all__ = [
     "COARSE",

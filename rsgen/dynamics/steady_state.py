@@ -1,4 +1,4 @@
-"""Steady states of an oscillator, from rest or near given states."""
+"""Steady states of an oscillator as fixed points of the period map, from rest or near given states."""
 
 from __future__ import annotations
 
@@ -18,17 +18,19 @@ from rsgen.common.arrays import Array, ComplexArray
 from rsgen.common.declaration import Rule
 from rsgen.common.errors import RsgenError
 from rsgen.data.oscillator import Oscillator
-from rsgen.dynamics.kernel import Kernel, compile_kernel
-from rsgen.dynamics.steady_state.fixed_point import (
+from rsgen.dynamics.fixed_point import (
     Indices,
+    LoopMemory,
     PeriodMap,
     Sticking,
+    Stiffness,
     correction,
     find_fixed_points,
     norm,
+    units_of_states,
 )
-from rsgen.dynamics.steady_state.loop_memory import LoopMemory, Stiffness, units_of_states
-from rsgen.dynamics.steady_state.settling import (
+from rsgen.dynamics.kernel import Kernel, compile_kernel
+from rsgen.dynamics.settling import (
     COARSE,
     SETTLED,
     UNSETTLED,
@@ -45,6 +47,7 @@ __all__ = [
     "USUAL_ACCURACY",
     "USUAL_HARMONICS",
     "Refined",
+    "SteadyStates",
     "map_batches",
     "refine",
     "solve_steady_states",

@@ -13,14 +13,12 @@ from numpy.typing import ArrayLike, NDArray
 from rsgen.common.arrays import Array, ComplexArray
 from rsgen.common.errors import RsgenError
 from rsgen.data.oscillator import Oscillator
+from rsgen.dynamics.fixed_point import LoopMemory, PeriodMap, attraction, units_of_states
 from rsgen.dynamics.harmonic_balance import balance_states, hold_oscillator
 from rsgen.dynamics.kernel import compile_kernel
 from rsgen.dynamics.newton import Rows, newton
-from rsgen.dynamics.simulation.virtual_test import Progress, SimulatedTest, in_parts
-from rsgen.dynamics.steady_state import SteadyStates
-from rsgen.dynamics.steady_state.fixed_point import PeriodMap, attraction
-from rsgen.dynamics.steady_state.loop_memory import LoopMemory, units_of_states
-from rsgen.dynamics.steady_state.solver import LOCATED, USUAL_ACCURACY, USUAL_HARMONICS, map_batches
+from rsgen.dynamics.steady_state import LOCATED, USUAL_ACCURACY, USUAL_HARMONICS, SteadyStates, map_batches
+from rsgen.dynamics.virtual_test import Progress, SimulatedTest, in_parts
 from rsgen.law.numeric import compile_law
 
 __all__ = [
