@@ -15,11 +15,11 @@ import numpy as np
 import pytest
 
 import rsgen
+from rsgen.app.cli.diff_command import compare_results
 from rsgen.cases.case import CaseDocument
 from rsgen.common.errors import CaseError, MeasurementError
 from rsgen.data.surface import surface_file
 from rsgen.files import read_measurement
-from rsgen.report.difference import compare_results
 from rsgen.report.page import write_index
 from rsgen.report.result_json import SCHEMA, read_results
 

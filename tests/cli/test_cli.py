@@ -101,9 +101,8 @@ def test_the_shell_completes_commands_and_options() -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("module", ["rsgen", "rsgen.app.cli"])
-def test_python_runs_it_as_a_module(module: str) -> None:
-    words = [sys.executable, "-m", module]
+def test_python_runs_it_as_a_module() -> None:
+    words = [sys.executable, "-m", "rsgen"]
     run = subprocess.run([*words, "--version"], capture_output=True, text=True, check=False)
     assert (run.returncode, run.stdout, run.stderr) == (0, f"rsgen {__version__}\n", "")
     refused = subprocess.run([*words, "rnu"], capture_output=True, text=True, check=False)

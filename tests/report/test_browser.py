@@ -9,10 +9,10 @@ from typing import Any
 
 import pytest
 
+from rsgen.app.cli.diff_command import compare_results, render_difference
 from rsgen.common.finding import Finding
 from rsgen.formula import parse
 from rsgen.report import draw_all, write_index
-from rsgen.report.difference import compare_results, render_difference
 from rsgen.report.figures import draw_thumbnail
 from rsgen.report.interpretation import check_printed
 from rsgen.report.page import THUMBNAIL, picture_svg, render_page

@@ -7,8 +7,8 @@ from pathlib import Path
 
 import pytest
 
+from rsgen.app.cli.diff_command import compare_results, difference_data, difference_table, render_difference
 from rsgen.common.errors import RsgenError
-from rsgen.report.difference import compare_results, difference_data, difference_table, render_difference
 from rsgen.report.provenance import Subject
 from rsgen.report.result_json import build_result, result_text
 from rsgen.report.wording.sentences import read_verdict

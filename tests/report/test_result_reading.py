@@ -11,8 +11,8 @@ from typing import Any
 
 import pytest
 
+from rsgen.app.cli.diff_command import compare_results
 from rsgen.common.errors import RsgenError
-from rsgen.report.difference import compare_results
 from rsgen.report.page import write_index
 from rsgen.report.provenance import Subject
 from rsgen.report.result_json import build_result, read_result, read_results, result_text

@@ -12,11 +12,11 @@ import pytest
 from matplotlib.figure import Figure
 
 import rsgen
+from rsgen.app.cli.diff_command import compare_results, difference_data, render_difference, verdict_change
 from rsgen.common.errors import RsgenError
 from rsgen.common.finding import STATES, Finding, Verdict, reach_verdict, verdict_lines
 from rsgen.identification.results import Identification
 from rsgen.report import draw_all
-from rsgen.report.difference import compare_results, difference_data, render_difference, verdict_change
 from rsgen.report.figures import Drawing
 from rsgen.report.page import render_page, table_of_results, write_index
 from rsgen.report.provenance import Subject, coded

@@ -1,32 +1,329 @@
-"""The command `rsgen diff`: what changed between two results."""
+"""The command `rsgen diff`: what changed between two results, in their values and verdicts."""
 
 from __future__ import annotations
 
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 import typer
 
+import rsgen
 from rsgen.app.cli.options import Json
 from rsgen.app.cli.targets import DIFFERENCE, check_target, is_foreign, refuse_foreign
 from rsgen.app.cli.terminal import ACCEPTED, MISSED, number, print_json, print_line, print_table
-from rsgen.common.finding import verdict_lines
+from rsgen.common.errors import RsgenError
+from rsgen.common.finding import STATES, StatedVerdict, verdict_lines
 from rsgen.common.output import write_atomic
-from rsgen.report.difference import (
-    CaseDifference,
-    compare_results,
-    difference_data,
-    render_difference,
-    verdict_change,
-)
+from rsgen.formula.units.quantities import number_text, quantity_text
+from rsgen.report.page_tables import Cell, Table, TableRow
+from rsgen.report.provenance import page_environment
+from rsgen.report.result_json import read_result, read_results
+from rsgen.report.wording.sentences import error_text, read_verdict
 
-__all__ = ["diff_command"]
+__all__ = [
+    "CaseDifference",
+    "ValueDifference",
+    "compare_results",
+    "diff_command",
+    "difference_data",
+    "difference_table",
+    "render_difference",
+    "verdict_change",
+]
+
+_SAME = 1e-12
+"""Relative change below which two values are the same: the last digits differ between machines."""
+
+_VERDICTS: dict[object, str] = {True: "within", False: "outside", None: "–"}
 
 
-_VERDICTS: dict[object, str] = {True: "within tolerance", False: "outside tolerance", None: "-"}
+@dataclass(frozen=True, slots=True)
+class ValueDifference:
+    """The refined estimate of one value in both results, SI; None where a result has none.
+
+    ``error_before`` and ``error_after`` are standard errors, ``passed_before`` and ``passed_after`` the
+    verdicts, None where nothing was judged.
+    """
+
+    name: str
+    unit: str
+    before: float | None
+    after: float | None
+    error_before: float | None
+    error_after: float | None
+    passed_before: bool | None
+    passed_after: bool | None
+
+    @property
+    def change(self) -> float | None:
+        """(after - before) / before [1]; None where it is not defined."""
+        if self.before is None or self.after is None or self.before == 0:
+            return None
+        return (self.after - self.before) / abs(self.before)
+
+    @property
+    def in_errors(self) -> float | None:
+        """The change in parts of the standard error of a difference, for independent tests [1]."""
+        if None in (self.before, self.after, self.error_before, self.error_after):
+            return None
+        spread = math.hypot(self.error_before or 0.0, self.error_after or 0.0)
+        return ((self.after or 0.0) - (self.before or 0.0)) / spread if spread else None
+
+    @property
+    def changed(self) -> bool:
+        """True where value or verdict differ."""
+        if self.passed_before != self.passed_after or (self.before is None) != (self.after is None):
+            return True
+        change = self.change
+        return self.before != self.after if change is None else abs(change) > _SAME
 
 
-def _rows(difference: CaseDifference) -> list[tuple[str, ...]]:
+@dataclass(frozen=True, slots=True)
+class CaseDifference:
+    """One case in both results.
+
+    ``before``, ``after`` say whether all judged values are within tolerance, None where nothing was judged or
+    the case is absent; ``verdict_before``, ``verdict_after`` are the verdicts, None where it is absent.
+    """
+
+    case: str
+    before: bool | None
+    after: bool | None
+    rows: tuple[ValueDifference, ...]
+    verdict_before: StatedVerdict | None
+    verdict_after: StatedVerdict | None
+    only: str = ""
+
+    @property
+    def verdict_changed(self) -> bool:
+        """True where the verdict is another one, or other findings decided."""
+        return _decision(self.verdict_before) != _decision(self.verdict_after)
+
+    @property
+    def changed(self) -> bool:
+        """True where a value or a verdict differs, or one result has no such case."""
+        judged = self.before != self.after or self.verdict_changed
+        return bool(self.only) or judged or any(row.changed for row in self.rows)
+
+    @property
+    def worse(self) -> bool:
+        """True where a value or the case is no longer within tolerance, or the verdict is a graver one."""
+        lost = any(row.passed_before and row.passed_after is False for row in self.rows)
+        lost = lost or (self.before is True and self.after is False)
+        if self.verdict_before is None or self.verdict_after is None:
+            return lost
+        return lost or _grade(self.verdict_after) > _grade(self.verdict_before)
+
+
+def _decision(verdict: StatedVerdict | None) -> tuple[str, ...]:
+    """Give the state and the codes that decided."""
+    if verdict is None:
+        return ()
+    return (verdict["state"], *sorted({str(finding["code"]) for finding in verdict["decided_by"]}))
+
+
+def _grade(verdict: StatedVerdict) -> int:
+    """How grave a verdict is; without a truth, identified is the best there can be."""
+    return max(0, STATES.index(verdict["state"]) - STATES.index("identified"))
+
+
+def _results(place: Path) -> dict[str, dict[str, Any]]:
+    single = read_result(place / "result.json")
+    entries = [single] if single else read_results(place)
+    if not entries:
+        raise RsgenError(f"{place}: holds no result of rsgen; give reports/<case> or a folder of them")
+    return {str(entry.result["case"]): entry.result for entry in entries}
+
+
+def _rows(result: dict[str, Any] | None) -> dict[str, dict[str, Any]]:
+    if result is None:
+        return {}
+    judged = [row for row in result.get("forces", []) if row.get("tolerance") is not None]
+    return {str(row["name"]): row for row in [*result["parameters"], *judged]}
+
+
+def _estimate(row: dict[str, Any], suffix: str) -> dict[str, Any]:
+    """Give value, standard error and verdict of a row as the fields of ``ValueDifference`` for one result."""
+    refined = row.get("refined") or {}
+    value, error = (refined.get(key) for key in ("value", "standard_error"))
+    return {
+        suffix: None if value is None else float(value),
+        f"error_{suffix}": None if error is None else float(error),
+        f"passed_{suffix}": bool(row["passed"]) if row.get("tolerance") is not None else None,
+    }
+
+
+def _judgement(result: dict[str, Any] | None) -> bool | None:
+    """Tell whether a whole case is within tolerance; None without ``[accept]``, whatever its result says."""
+    rows = _rows(result).values()
+    if result is None or not any(row.get("tolerance") is not None for row in rows):
+        return None
+    return bool(result["passed"])
+
+
+def _compare(case: str, before: dict[str, Any] | None, after: dict[str, Any] | None) -> CaseDifference:
+    old, new = _rows(before), _rows(after)
+    rows = []
+    for name in {**old, **new}:
+        one, two = old.get(name, {}), new.get(name, {})
+        fields = _estimate(one, "before") | _estimate(two, "after")
+        rows.append(ValueDifference(name, str((two or one)["unit"]), **fields))
+    return CaseDifference(
+        case,
+        before=_judgement(before),
+        after=_judgement(after),
+        rows=tuple(rows),
+        verdict_before=None if before is None else read_verdict(before),
+        verdict_after=None if after is None else read_verdict(after),
+        only="" if before and after else ("before" if before else "after"),
+    )
+
+
+def compare_results(before: str | Path, after: str | Path) -> tuple[CaseDifference, ...]:
+    """Compare two results, or two folders of results case by case.
+
+    Parameters
+    ----------
+    before, after
+        Each ``reports/<case>`` or a folder of such. Two single results are compared whatever their names.
+
+    Raises
+    ------
+    RsgenError
+        There is no result in one of them.
+    """
+    old, new = _results(Path(before)), _results(Path(after))
+    if len(old) == len(new) == 1:
+        (first, one), (second, two) = *old.items(), *new.items()
+        name = first if first == second else f"{first} and {second}"
+        return (_compare(name, one, two),)
+    return tuple(_compare(name, old.get(name), new.get(name)) for name in sorted({*old, *new}))
+
+
+def _value(value: float | None, error: float | None, unit: str) -> Cell:
+    if value is None:
+        return Cell("–")
+    return Cell(
+        quantity_text(value, unit, 8), f"standard error {quantity_text(error, unit, 2)}" if error else ""
+    )
+
+
+def difference_table(difference: CaseDifference) -> Table:
+    """Give the table of one case: before, after, change, change in standard errors, verdicts."""
+    rows = tuple(
+        TableRow(
+            (
+                row.name,
+                _value(row.before, row.error_before, row.unit),
+                _value(row.after, row.error_after, row.unit),
+                Cell(error_text(row.change) if row.changed else "none"),
+                Cell("–" if row.in_errors is None else number_text(row.in_errors, 2)),
+                Cell(_VERDICTS[row.passed_before]),
+                Cell(_VERDICTS[row.passed_after]),
+            )
+        )
+        for row in difference.rows
+    )
+    columns = ("Value", "Before", "After", "Change", "In standard errors", "Verdict before", "Verdict after")
+    return Table(f"Refined estimates of {difference.case}", columns, rows)
+
+
+def _sentence(difference: CaseDifference) -> str:
+    if difference.only:
+        return f"This case is only in the result {difference.only}."
+    moved = sum(row.changed for row in difference.rows)
+    words = "No value changed" if not moved else f"{moved} of {len(difference.rows)} values changed"
+    before, after = _named(difference.verdict_before), _named(difference.verdict_after)
+    return f"{words}; {before} as before." if before == after else f"{words}; {before} before, {after} now."
+
+
+def _named(verdict: StatedVerdict | None) -> str:
+    """Name a verdict, with the findings that decided."""
+    if verdict is None:
+        return "absent"
+    codes = ", ".join(dict.fromkeys(str(finding["code"]) for finding in verdict["decided_by"]))
+    return f"{verdict['state']} ({codes})" if codes else verdict["state"]
+
+
+def verdict_change(difference: CaseDifference) -> str:
+    """Say the verdicts of one case before and after; "" where they are the same."""
+    if not difference.verdict_changed:
+        return ""
+    return f"{_named(difference.verdict_before)} -> {_named(difference.verdict_after)}"
+
+
+def _reasons(difference: CaseDifference) -> list[tuple[str, str]]:
+    """Give the sentences of what decides the verdict now, with the next steps."""
+    after = difference.verdict_after
+    return [] if after is None else list(zip(after["sentences"], after["next_steps"], strict=True))
+
+
+def render_difference(differences: Sequence[CaseDifference], before: str, after: str) -> str:
+    """Render the page of a comparison: one file, no script, no network.
+
+    Parameters
+    ----------
+    before, after
+        How the two results are called on the page.
+    """
+    context = {
+        "before": before,
+        "after": after,
+        "cases": [
+            {
+                "name": difference.case,
+                "sentence": _sentence(difference),
+                "worse": difference.worse,
+                "reasons": _reasons(difference),
+                "table": difference_table(difference) if difference.rows else None,
+            }
+            for difference in differences
+        ],
+        "changed": sum(difference.changed for difference in differences),
+        "worse": sum(difference.worse for difference in differences),
+        "version": rsgen.__version__,
+    }
+    return page_environment().get_template("report/difference.html").render(context)
+
+
+def difference_data(differences: Sequence[CaseDifference]) -> list[dict[str, Any]]:
+    """Give a comparison for a program; what is not known is None."""
+    return [
+        {
+            "case": difference.case,
+            "changed": difference.changed,
+            "worse": difference.worse,
+            "passed": {"before": difference.before, "after": difference.after},
+            "verdict": {"before": difference.verdict_before, "after": difference.verdict_after},
+            "only": difference.only or None,
+            "values": [
+                {
+                    "name": row.name,
+                    "unit": row.unit,
+                    "before": row.before,
+                    "after": row.after,
+                    "change": row.change,
+                    "in_standard_errors": row.in_errors,
+                    "passed": {"before": row.passed_before, "after": row.passed_after},
+                    "changed": row.changed,
+                }
+                for row in difference.rows
+            ],
+        }
+        for difference in differences
+    ]
+
+
+# ----------------------------------------------------------------------------
+# The command.
+
+_TOLERANCE: dict[object, str] = {True: "within tolerance", False: "outside tolerance", None: "-"}
+
+
+def _printed(difference: CaseDifference) -> list[tuple[str, ...]]:
     if difference.only:
         return [(difference.case, f"only {difference.only}", *[""] * 5)]
     return [
@@ -37,7 +334,7 @@ def _rows(difference: CaseDifference) -> list[tuple[str, ...]]:
             number(row.after, 8),
             row.unit,
             "-" if row.change is None else f"{row.change:+.1e}",
-            f"{_VERDICTS[row.passed_before]} -> {_VERDICTS[row.passed_after]}",
+            f"{_TOLERANCE[row.passed_before]} -> {_TOLERANCE[row.passed_after]}",
         )
         for row in difference.rows
         if row.changed
@@ -69,7 +366,7 @@ def diff_command(
     if json:
         print_json(difference_data(differences))
         return MISSED if worse else ACCEPTED
-    rows = [row for difference in differences for row in _rows(difference)]
+    rows = [row for difference in differences for row in _printed(difference)]
     for difference in differences:
         change = verdict_change(difference)
         if change and not difference.only:
