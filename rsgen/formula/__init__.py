@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from rsgen.common.first_use import on_first_use
+from rsgen.common import on_first_use
 
 if TYPE_CHECKING:
     from rsgen.formula.names import check_name, symbol

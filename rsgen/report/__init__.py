@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from rsgen.common.first_use import on_first_use
+from rsgen.common import on_first_use
 
 if TYPE_CHECKING:
     from rsgen.report.files import draw_all, write_report

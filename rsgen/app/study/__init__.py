@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 from rsgen.app.study.folder import MANIFEST, read_manifest
 from rsgen.app.study.foresight import STAGES, Expectation, Step, expect
 from rsgen.app.study.run_case import CaseRun, obtain_surface, obtain_table, run_case
-from rsgen.common.first_use import on_first_use
+from rsgen.common import on_first_use
 
 if TYPE_CHECKING:
     from rsgen.app.study.many_cases import run_cases

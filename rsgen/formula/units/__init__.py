@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from rsgen.common.first_use import on_first_use
+from rsgen.common import on_first_use
 from rsgen.formula.units.quantities import quantity, sensor_factor, sensor_unit, unit_of
 from rsgen.formula.units.unit_text import Dimension, read_unit
 
