@@ -113,7 +113,7 @@ def test_errors_are_those_of_noise_on_the_force_alone() -> None:
     spectra, law = linear(of_force=0.02, of_response=0.0, seed=3), law_of("k*x + c*v")
     lines = lines_from(spectra)
     found = fit_lines(lines, law, MASS, np.array([DAMPING, STIFFNESS]), MASS)
-    covariance = errors_of(lines, found, MASS, law)[0]
+    covariance = errors_of(found)[0]
     omega = OMEGA0 / 4 * np.arange(1, LINES + 1)
     variance = 0.02**2 / spectra.periods / 2 / np.array([np.sum((1e-3 * omega) ** 2), LINES * 1e-6])
     # a variance from 31 x 24 complex numbers, and lines that are weighed by it

@@ -51,7 +51,6 @@ __all__ = [
     "compare_parts",
     "damping_findings",
     "jackknife",
-    "leave_out",
     "make_estimates",
     "names_of",
     "parameter_finding",
@@ -331,22 +330,11 @@ def compare_parts(whole: Regression, part: NDArray[np.bool_]) -> Difference | No
 
 
 def jackknife(whole: Regression, group: NDArray[np.intp]) -> Array:
-    """Covariance (q, q) of the parameters from leaving out one group (n,) of the points after the other."""
-    used = whole.used
-    return leave_out(whole.basis, whole.rows[used], whole.residual[used], group[used])
-
-
-def leave_out(basis: Array, rows: Array, residual: Array, group: NDArray[np.intp]) -> Array:
-    """Covariance (q, q) from leaving out one group (n,) of the rows after the other, exactly where they are
-    linear.
-
-    Parameters
-    ----------
-    basis
-        (q, r) the parameters by the directions of the rows.
-    rows, residual
-        (n, M, r) and (n, M); the sum of rows.T @ rows is the identity, that of rows.T @ residual nothing.
+    """Covariance (q, q) of the parameters from leaving out one group (n,) of the points after the other,
+    exactly where the points are linear.
     """
+    basis, rows, residual = whole.basis, whole.rows[whole.used], whole.residual[whole.used]
+    group = group[whole.used]
     numbers = np.unique(group)
     unit = np.eye(basis.shape[1])
     total = np.zeros_like(unit)
