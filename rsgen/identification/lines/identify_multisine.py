@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from math import inf, nan
 
 import numpy as np
@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from rsgen.common.arrays import Array, ComplexArray, frozen_array
 from rsgen.common.errors import RsgenError
 from rsgen.common.finding import Finding, Quantity, quantities, severity_of
-from rsgen.common.tolerances import CHANCE, LARGE, MEANINGLESS, NOTICEABLE, NULL_PART, POOR, SIGMAS, TAKEN
+from rsgen.common.tolerances import CHANCE, LARGE, MEANINGLESS, NOTICEABLE, POOR, SIGMAS, TAKEN
 from rsgen.data.multisine import BestLinear, MultisineSpectra, best_linear, implausible
 from rsgen.data.multisine.spectra import check_records, refuse_across
 from rsgen.data.oscillator import Model
@@ -30,10 +30,10 @@ from rsgen.identification.lines.line_fit import (
 )
 from rsgen.identification.results import EquivalentCurve, Estimate, Identification, Resonance
 from rsgen.identification.results.estimates import (
-    NOT_ZERO,
     damping_findings,
     make_estimates,
     names_of,
+    parameter_findings,
     units_of,
     with_combinations,
 )
@@ -110,7 +110,14 @@ def _judge(spectra: MultisineSpectra, model: Model, fit: LineFit) -> MultisineId
     covariance, freedom, wider = errors_of(fit)
     misfit = relative_to_force(lines, np.abs(fit.balance.residual) ** 2)
     noise = relative_to_force(lines, fit.noise.variance)
-    reasons = _reasons(model, covariance, fit)
+    amplitudes = np.sqrt(2) * part.rms_response()
+    tested = {
+        "amplitude": Quantity(float(amplitudes.max()), "m"),
+        "level": Quantity(float(part.levels.max()), "N"),
+    }
+    known = replace(fit.regression, covariance=covariance)
+    reasons = parameter_findings(names_of(law, model), units_of(model), tested, known)
+    reasons = with_combinations(reasons, model)
     solution = Solution(fit.values, fit.mass, covariance, freedom, misfit)
     estimates = make_estimates(solution, law, model, reasons)
     approximations = best_linear(part, model.observation.band)
@@ -131,7 +138,6 @@ def _judge(spectra: MultisineSpectra, model: Model, fit: LineFit) -> MultisineId
         findings += implausible(spectra, mass=mass, damping=min(ratios, default=None))
     else:
         findings.append(Finding("not-calibrated", "info"))
-    amplitudes = np.sqrt(2) * part.rms_response()
     frequency = part.frequency[lines.used.any(axis=0)]
     resonances = tuple(map(_resonance, approximations))
     none = (nan, inf, (-inf, inf))
@@ -197,29 +203,6 @@ def _curve(resonances: tuple[Resonance, ...]) -> EquivalentCurve:
     )
     used = np.ones(len(resonances), dtype=bool)
     return EquivalentCurve(amplitude, frequency, level, stiffness, damping, used)
-
-
-def _reasons(model: Model, covariance: Array, fit: LineFit) -> dict[str, Finding | None]:
-    """Why parameters are not identifiable: the others of their null direction, or no effect."""
-    names, null = names_of(fit.law, model), fit.regression.null
-    reasons: dict[str, Finding | None] = {}
-    for i, name in enumerate(names):
-        weight = np.abs(null[i])
-        if weight.max(initial=0.0) > NULL_PART:
-            column = np.abs(null[:, int(np.argmax(weight))])
-            others = [
-                other for other, part in zip(names, column, strict=True) if part > NULL_PART and other != name
-            ]
-            about = {"with": ", ".join(others)}
-            reasons[name] = Finding("confounded", "warning", name, names=about) if others else None
-            continue
-        value = float(fit.parameters[i])
-        error = float(np.sqrt(covariance[i, i]))
-        if error > NOT_ZERO * abs(value):
-            unit = units_of(model)[name]
-            numbers = {"value": Quantity(value, unit), "standard_error": Quantity(error, unit)}
-            reasons[name] = Finding("line-not-distinct-from-zero", "warning", name, numbers=numbers)
-    return with_combinations(reasons, model)
 
 
 def _sign_findings(fit: LineFit, covariance: Array | None) -> list[Finding]:
