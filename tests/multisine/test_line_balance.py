@@ -59,6 +59,16 @@ def test_the_bias_of_a_square_is_the_variance_of_the_mean_motion() -> None:
     assert np.abs(found - expected).max() < 1e-9 * np.abs(expected).max()
 
 
+def test_the_bias_follows_the_values_between_two_looks_at_the_periods() -> None:
+    spectra = records(of_force=0.0, of_response=1e-4)
+    lines, law, text = lines_from(spectra), law_of("k2*x**2"), "k2*x**2"
+    twice = np.array([2 * SQUARE])
+    once, anew = (
+        Balance.of(lines, law, twice, MASS, noise_of(lines, text, size)) for size in (SQUARE, 2 * SQUARE)
+    )
+    assert once.residual == pytest.approx(anew.residual, rel=1e-9)
+
+
 def test_slopes_go_with_the_balance_as_the_mean_of_all_periods_does() -> None:
     # of k x the slope is x, and noise of x moves the balance by -(k - m omega^2) x
     spectra = records(of_force=0.0, of_response=1e-5)

@@ -259,8 +259,9 @@ class Rules:
         flat, right = _stacked(matrix, residual, chosen)
         if self.prior is None:
             return flat, right
-        known = np.diag(self.prior)
-        return np.concatenate([flat, known]), np.concatenate([right, -self.prior * parameters])
+        known = self.prior > 0
+        beside = np.diag(self.prior)[known], (-self.prior * parameters)[known]
+        return np.concatenate([flat, beside[0]]), np.concatenate([right, beside[1]])
 
 
 _USUAL = Rules()
