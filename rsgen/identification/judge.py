@@ -48,7 +48,7 @@ from rsgen.identification.results.estimates import (
     Agreement,
     make_estimates,
     names_of,
-    parameter_finding,
+    parameter_findings,
     phase_findings,
     state_background,
     units_of,
@@ -337,10 +337,11 @@ def judge(test: Prepared, model: Model, refined: Fit) -> Identification:
     regression = widen_squares(test.problem, agreement.widen(regression))
     whole = agreement.widen(whole)
     names, units = names_of(law, model), units_of(model, per_mass=surface.per_mass)
-    reasons = {
-        name: parameter_finding(name, names, units[name], points, surface.level_unit, regression)
-        for name in names
+    tested = {
+        "amplitude": Quantity(float(points.amplitude.max()), "m"),
+        "level": Quantity(float(points.level.max()), surface.level_unit),
     }
+    reasons = parameter_findings(names, units, tested, regression)
     reasons = with_combinations(explain_hidden(test.problem, reasons), model)
     freedom = np.minimum(regression.freedom, each[: test.problem.count])
     solution = replace(refined.solution, covariance=regression.covariance, freedom=freedom)

@@ -3,7 +3,15 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from rsgen.identification.fitting.least_squares import Linearisation, determined, fit, solve_scaled
+from rsgen.identification.fitting.least_squares import (
+    Linearisation,
+    Rules,
+    descend,
+    determined,
+    fit,
+    solve_scaled,
+    summarise,
+)
 
 
 def test_columns_of_any_size_are_solved_exactly() -> None:
@@ -145,3 +153,36 @@ def test_errors_are_never_less_than_those_of_equal_noise() -> None:
     seen[:10] += 0.1 * np.array([[1.0, -1.0], [-1.0, 1.0]] * 5)
     found = fit(*straight(np.repeat(x[:, None, None], 2, axis=1), seen), reject=False)
     assert found.covariance[0, 0] == pytest.approx(found.noise**2 / (2 * np.sum(x**2)), rel=1e-9)
+
+
+def test_what_is_known_of_a_parameter_counts_as_one_more_reading() -> None:
+    generator = np.random.default_rng(6)
+    slopes, seen = generator.normal(size=(20, 2, 3)), generator.normal(size=(20, 2))
+    linearise, start, idle = straight(slopes, seen)
+    rules = Rules(prior=np.array([0.0, 0.0, 8.0]))
+    parameters, nuisance, line, converged = descend(linearise, start, idle, rules)
+    matrix = np.concatenate([slopes.reshape(-1, 3), [[0.0, 0.0, 8.0]]])
+    expected = np.linalg.lstsq(matrix, np.append(seen.reshape(-1), 0.0), rcond=None)[0]
+    assert converged
+    assert parameters == pytest.approx(expected, rel=1e-12)
+    found = summarise(line, parameters, nuisance, rules)
+    assert found.freedom == 41 - 3
+    assert found.basis @ found.basis.T == pytest.approx(np.linalg.inv(matrix.T @ matrix), rel=1e-9)
+
+
+@pytest.mark.parametrize("most", [10.0, 2.5])
+def test_linear_parameters_are_best_beside_nonlinear_ones_within_bounds(most: float) -> None:
+    """A decay a exp(-b t), from values at which a is three times too small."""
+    t = np.linspace(0, 2, 50)[:, None]
+    seen = 3 * np.exp(-4 * t)
+
+    def linearise(p: np.ndarray, nuisance: np.ndarray) -> Linearisation:
+        shape = np.exp(-p[1] * t)
+        slopes = np.stack([shape, -p[0] * t * shape], axis=2)
+        return Linearisation(seen - p[0] * shape, np.zeros((50, 1, 0)), slopes)
+
+    rules = Rules(linear=[0], move=lambda p, change: np.array([p[0], np.clip(p[1] + change[1], 0.1, most)]))
+    parameters, *_ = descend(linearise, np.array([1.0, 1.0]), np.zeros((50, 0)), rules)
+    rate = min(4.0, most)
+    shape = np.exp(-rate * t)
+    assert parameters == pytest.approx([float(np.sum(shape * seen) / np.sum(shape**2)), rate], rel=1e-9)

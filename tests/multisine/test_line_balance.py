@@ -59,6 +59,16 @@ def test_the_bias_of_a_square_is_the_variance_of_the_mean_motion() -> None:
     assert np.abs(found - expected).max() < 1e-9 * np.abs(expected).max()
 
 
+def test_the_bias_follows_the_values_between_two_looks_at_the_periods() -> None:
+    spectra = records(of_force=0.0, of_response=1e-4)
+    lines, law, text = lines_from(spectra), law_of("k2*x**2"), "k2*x**2"
+    twice = np.array([2 * SQUARE])
+    once, anew = (
+        Balance.of(lines, law, twice, MASS, noise_of(lines, text, size)) for size in (SQUARE, 2 * SQUARE)
+    )
+    assert once.residual == pytest.approx(anew.residual, rel=1e-9)
+
+
 def test_slopes_go_with_the_balance_as_the_mean_of_all_periods_does() -> None:
     # of k x the slope is x, and noise of x moves the balance by -(k - m omega^2) x
     spectra = records(of_force=0.0, of_response=1e-5)
@@ -113,7 +123,7 @@ def test_errors_are_those_of_noise_on_the_force_alone() -> None:
     spectra, law = linear(of_force=0.02, of_response=0.0, seed=3), law_of("k*x + c*v")
     lines = lines_from(spectra)
     found = fit_lines(lines, law, MASS, np.array([DAMPING, STIFFNESS]), MASS)
-    covariance = errors_of(lines, found, MASS, law)[0]
+    covariance = errors_of(found)[0]
     omega = OMEGA0 / 4 * np.arange(1, LINES + 1)
     variance = 0.02**2 / spectra.periods / 2 / np.array([np.sum((1e-3 * omega) ** 2), LINES * 1e-6])
     # a variance from 31 x 24 complex numbers, and lines that are weighed by it

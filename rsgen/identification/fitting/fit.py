@@ -13,7 +13,7 @@ from rsgen.common.tolerances import NOISY, NULL_PART, SAMPLES, SAMPLES_SWITCHED,
 from rsgen.identification.fitting.across import MeasuredAcross, sensor_pair
 from rsgen.identification.fitting.descent import Descent
 from rsgen.identification.fitting.forward import HarmonicBalance
-from rsgen.identification.fitting.least_squares import Regression, fit
+from rsgen.identification.fitting.least_squares import Regression, Rules, fit
 from rsgen.identification.fitting.observed import FORCE_TO_RESPONSE_NOISE
 from rsgen.identification.fitting.points import Points
 from rsgen.identification.fitting.problem import Problem, is_systematic
@@ -184,30 +184,30 @@ def fit_balance(
     nuisance = observed.nuisances(mode.amplitude, np.angle(mode.harmonics[:, 1]))
     forward = _forward(problem, mode, order, observed.background.turn(problem.split(parameters)[2]))
     descent = Descent(problem, forward)
-    common: dict[str, Any] = {"reject": reject, "neighbours": mode.neighbours, "held": problem.held}
-    if not law.odd:
-        common["natural"] = _natural_sizes(problem, parameters, mode)
+    natural = 0.0 if law.odd else _natural_sizes(problem, parameters, mode)
+    rules = Rules(steps=steps, held=problem.held, natural=natural)
+    common: dict[str, Any] = {"reject": reject, "neighbours": mode.neighbours}
     if not observed.phase_known:
         # without phases the sign of a difference is that of its logarithm, and the start is near
         descent.scale = mode.amplitude
-    found = fit(descent.linearise, parameters, nuisance, steps=steps, **common)
+    found = fit(descent.linearise, parameters, nuisance, rules, **common)
     if isinstance(forward, MeasuredAcross) and is_systematic(found.residual, mode.pairs(found.used)):
         noise = sensor_pair(mode).noise
         if noise < found.noise:
             forward.correlation = 1 - (noise / found.noise) ** 2
-            found = fit(descent.linearise, found.parameters, nuisance, steps=steps, **common)
+            found = fit(descent.linearise, found.parameters, nuisance, rules, **common)
     # first order is what it says, not what a coarse sum makes of it
     coarse = law.switched and steps > 1 and forward.samples < SAMPLES_SWITCHED
     if coarse and (order == 1 or found.noise < _EXACT):
         forward.samples = SAMPLES_SWITCHED
-        more = 1 if order == 1 else steps
-        found = fit(descent.linearise, found.parameters, found.nuisance, steps=more, **common)
+        more = replace(rules, steps=1 if order == 1 else steps)
+        found = fit(descent.linearise, found.parameters, found.nuisance, more, **common)
     # second derivatives of a balance of few harmonics mean nothing where the law jumps or has a corner
     if found.noise > NOISY and not law.rough:
         response = descent.predict(found.parameters, found.nuisance)
         descent.scale = np.abs(observed.seen(response, problem.split(found.parameters)[2]))
         place, used = (found.parameters, found.nuisance), found.used
-        found = fit(descent.linearise, *place, steps=steps, used=used, **common)
+        found = fit(descent.linearise, *place, rules, used=used, **common)
         if correct:
             found = descent.corrected(found)
     return _finish(problem, descent, found)
@@ -265,16 +265,9 @@ def fit_simulator(problem: Problem, start: Fit, *, accuracy: float) -> Fit | Non
     predicted = forward.solve(np.append(values, mass), np.exp(nuisance[:, 0]), accuracy)
     if np.count_nonzero(np.isfinite(predicted[:, 1])) < _FOLLOWED * len(drive):
         return None
+    rules = Rules(steps=_STEPS_KEPT, attainable=RESOLUTION * accuracy, held=problem.held)
     for _ in range(_RENEWALS):
-        found = fit(
-            descent.linearise,
-            parameters,
-            nuisance,
-            steps=_STEPS_KEPT,
-            neighbours=observed.points.neighbours,
-            attainable=RESOLUTION * accuracy,
-            held=problem.held,
-        )
+        found = fit(descent.linearise, parameters, nuisance, rules, neighbours=observed.points.neighbours)
         if noisy:
             found = descent.corrected(found)
         parameters, nuisance = found.parameters, found.nuisance

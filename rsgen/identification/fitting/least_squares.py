@@ -26,7 +26,18 @@ from rsgen.common.tolerances import (
     chi_square_exceeded,
 )
 
-__all__ = ["Linearisation", "Regression", "determined", "eliminate", "fit", "remove_bias", "solve_scaled"]
+__all__ = [
+    "Linearisation",
+    "Regression",
+    "Rules",
+    "descend",
+    "determined",
+    "eliminate",
+    "fit",
+    "remove_bias",
+    "solve_scaled",
+    "summarise",
+]
 
 
 # ----------------------------------------------------------------------------
@@ -40,7 +51,7 @@ _ROWS = 4096
 others is needed."""
 
 
-def solve_scaled(matrix: Array, right: Array, *sizes: Array) -> tuple[Array, Array, Array]:
+def solve_scaled(matrix: Array, right: Array, *sizes: Array | float) -> tuple[Array, Array, Array]:
     """Least squares with scaled columns.
 
     Parameters
@@ -199,20 +210,76 @@ class Regression:
         )
 
 
+@dataclass(frozen=True, slots=True, eq=False)
+class Rules:
+    """How a descent goes, and what is known of the parameters beside the points.
+
+    Parameters
+    ----------
+    steps
+        Most Gauss-Newton steps.
+    gain
+        A step that lowers the sum of squares by less, in units of the noise found, is the last.
+    halvings
+        Lengths of a step that are tried, each half of the one before.
+    attainable
+        Misfit that the error of the prediction explains: below it steps are not halved, and end sooner.
+    natural
+        (q,) sizes at which parameters would matter, whatever their present values; see ``solve_scaled``.
+    held
+        Parameters that stay where they are, yet count among the unknowns when errors are stated.
+    linear
+        Parameters in which the residual is linear: beside every trial of the others they take their best
+        values (variable projection), for which the slopes before are good enough.
+    prior
+        (q,) inverse standard errors with which the parameters are known to be zero.
+    move
+        From parameters and a step to where it leads, within bounds.
+    """
+
+    steps: int = STEPS
+    gain: float = GAIN
+    halvings: int = HALVINGS
+    attainable: float = 0.0
+    natural: Array | float = 0.0
+    held: Sequence[int] = ()
+    linear: Sequence[int] = ()
+    prior: Array | None = None
+    move: Callable[[Array, Array], Array] = np.add
+
+    def cost(self, residual: Array, parameters: Array) -> float:
+        """Sum of squares of residuals, and of what is known of the parameters."""
+        known = 0.0 if self.prior is None else float(np.sum((self.prior * parameters) ** 2))
+        return float(np.sum(residual**2)) + known
+
+    def equations(
+        self, residual: Array, matrix: Array, parameters: Array, chosen: Mask
+    ) -> tuple[Array, Array]:
+        """Rows (r, q) and right sides (r,) of a step: of the chosen points, and what is known beside them."""
+        flat, right = _stacked(matrix, residual, chosen)
+        if self.prior is None:
+            return flat, right
+        known = self.prior > 0
+        beside = np.diag(self.prior)[known], (-self.prior * parameters)[known]
+        return np.concatenate([flat, beside[0]]), np.concatenate([right, beside[1]])
+
+
+_USUAL = Rules()
+
+Linearise = Callable[[Array, Array], Linearisation]
+
+
 def fit(
-    linearise: Callable[[Array, Array], Linearisation],
+    linearise: Linearise,
     parameters: Array,
     nuisance: Array,
+    rules: Rules = _USUAL,
     *,
-    steps: int = STEPS,
     reject: bool = True,
     neighbours: NDArray[np.intp] | None = None,
     used: Mask | None = None,
-    attainable: float = 0.0,
-    natural: Array | None = None,
-    held: Sequence[int] = (),
 ) -> Regression:
-    """Gauss-Newton with step halving on parameters and nuisances together.
+    """Gauss-Newton with step halving on parameters and nuisances together, and the errors.
 
     Parameters
     ----------
@@ -220,8 +287,8 @@ def fit(
         Called with (q,) parameters and (n, k) nuisances.
     parameters, nuisance
         Where to start.
-    steps
-        Most Gauss-Newton steps in a round; there is a round for each setting aside of outliers.
+    rules
+        Of each descent; there is one for each setting aside of outliers.
     reject
         Whether outliers are set aside.
     neighbours
@@ -229,27 +296,17 @@ def fit(
         the law that does not fit, and no point is set aside.
     used
         (n,) points to begin with, all where it is None.
-    attainable
-        Misfit that the error of the prediction explains: below it steps are not halved, and end sooner.
-    natural
-        (q,) sizes at which parameters would matter, whatever their present values; see ``solve_scaled``.
-    held
-        Parameters that stay where they are, yet count among the unknowns when errors are stated.
     """
-    natural = np.zeros(len(parameters)) if natural is None else natural
     used = np.ones(len(nuisance), dtype=bool) if used is None else used
-    rounds = 4 if reject else 1
     converged = False
-    for _ in range(rounds):
-        parameters, nuisance, line, converged = _descend(
-            linearise, parameters, nuisance, used, steps, attainable, natural, held
-        )
+    for _ in range(4 if reject else 1):
+        parameters, nuisance, line, converged = descend(linearise, parameters, nuisance, rules, used)
         predicted = np.isfinite(line.residual).all(axis=1)
         kept = (predicted & _agreeing(line, used & predicted, neighbours)) if reject else predicted & used
         used, before = kept, used
         if np.array_equal(used, before):
             break
-    return _summary(line, parameters, nuisance, used, converged, natural)
+    return summarise(line, parameters, nuisance, rules, used, converged=converged)
 
 
 def eliminate(line: Linearisation) -> tuple[Array, Array]:
@@ -281,56 +338,71 @@ def _stacked(matrix: Array, residual: Array, chosen: Mask) -> tuple[Array, Array
     return matrix.reshape(len(right), matrix.shape[2]), right
 
 
-def _descend(
-    linearise: Callable[[Array, Array], Linearisation],
+def descend(
+    linearise: Linearise,
     parameters: Array,
     nuisance: Array,
-    used: Mask,
-    steps: int,
-    attainable: float,
-    natural: Array,
-    held: Sequence[int],
+    rules: Rules = _USUAL,
+    used: Mask | None = None,
 ) -> tuple[Array, Array, Linearisation, bool]:
-    line = linearise(parameters, nuisance)
-    for _ in range(steps):
+    """Gauss-Newton with step halving, from parameters and nuisances to better ones; see ``fit``.
+
+    Returns
+    -------
+    parameters, nuisance, line, converged
+        Where it ended, the model there, and whether the steps had become small.
+    """
+    used = np.ones(len(nuisance), dtype=bool) if used is None else used
+    parameters, line = _settle(linearise(parameters, nuisance), parameters, rules, used)
+    for _ in range(rules.steps):
         good = used & np.isfinite(line.residual).all(axis=1)
         if not good.any():
             return parameters, nuisance, line, False
-        residual, matrix = eliminate(line)
-        flat, right = _stacked(matrix, residual, good)
-        if held:
-            flat = np.array(flat)
-            flat[:, list(held)] = 0.0
-        change, _, _ = solve_scaled(flat, right, parameters, natural)
+        flat, right = rules.equations(*eliminate(line), parameters, good)
+        flat[:, list(rules.held)] = 0.0
+        change, _, _ = solve_scaled(flat, right, parameters, rules.natural)
         rest = line.residual - line.by_parameter @ change
         nuisance_change = np.zeros_like(nuisance)
         predicted = np.isfinite(rest).all(axis=1)
         nuisance_change[predicted] = _least_squares(line.by_nuisance[predicted], rest[predicted]).clip(-1, 1)
         with np.errstate(over="ignore"):
             relative = float(np.max(np.abs(change) / np.maximum(np.abs(parameters), 1e-300), initial=0.0))
-        cost = float(np.sum(line.residual[good] ** 2))
-        expected = float(np.sum((residual - matrix @ change)[good] ** 2))
-        gain = (cost - expected) * right.size / max(expected, 1e-300)
-        if gain < GAIN:
+        expected = float(np.sum((right - flat @ change) ** 2))
+        gain = (rules.cost(line.residual[good], parameters) - expected) * right.size / max(expected, 1e-300)
+        if gain < rules.gain:
             return parameters, nuisance, line, True
         realised = -1.0
-        reached = float(np.sqrt(np.mean(residual[good] ** 2))) < attainable
-        for part in 0.5 ** np.arange(1 if reached else HALVINGS):
-            moved = parameters + part * change, nuisance + part * nuisance_change
+        reached = float(np.sqrt(np.mean(right**2))) < rules.attainable
+        for part in 0.5 ** np.arange(1 if reached else rules.halvings):
+            moved = rules.move(parameters, part * change), nuisance + part * nuisance_change
             trial = linearise(*moved)
             both = good & np.isfinite(trial.residual).all(axis=1)
             if np.count_nonzero(both) < _FOLLOWED * np.count_nonzero(good):
                 continue
-            before, after = (float(np.sum(each.residual[both] ** 2)) for each in (line, trial))
+            settled, trial = _settle(trial, moved[0], rules, both)
+            before = rules.cost(line.residual[both], parameters)
+            after = rules.cost(trial.residual[both], settled)
             if after <= before:
-                (parameters, nuisance), line = moved, trial
-                realised = (before - after) * residual[good].size / max(after, 1e-300)
+                parameters, nuisance, line = settled, moved[1], trial
+                realised = (before - after) * right.size / max(after, 1e-300)
                 break
-        least = max(GAIN, UNCHANGED * residual[good].size) if reached else GAIN
+        least = max(rules.gain, UNCHANGED * right.size) if reached else rules.gain
         if realised < least or relative < ROUND_OFF:
             # no better point along the step: round-off decides, or the step was already tiny
             return parameters, nuisance, line, bool(realised >= 0) or relative < 1e-6 or gain < 1.0
     return parameters, nuisance, line, False
+
+
+def _settle(line: Linearisation, parameters: Array, rules: Rules, used: Mask) -> tuple[Array, Linearisation]:
+    """Give the linear parameters their best values while the others stay."""
+    linear = list(rules.linear)
+    good = used & np.isfinite(line.residual).all(axis=1)
+    if not linear or not good.any():
+        return parameters, line
+    flat, right = rules.equations(*eliminate(line), parameters, good)
+    settled, change = np.array(parameters), solve_scaled(flat[:, linear], right)[0]
+    settled[linear] += change
+    return settled, replace(line, residual=line.residual - line.by_parameter[:, :, linear] @ change)
 
 
 def _least_squares(matrix: Array, right: Array) -> Array:
@@ -381,16 +453,24 @@ def _largest_by_chance(distance: Array, fewest: int, freedom: int, chance: float
     return float(middle) * chi_square_exceeded(free, chance) / chi_square_exceeded(free, 0.5)
 
 
-def _summary(
-    line: Linearisation, parameters: Array, nuisance: Array, used: Mask, converged: bool, natural: Array
+def summarise(
+    line: Linearisation,
+    parameters: Array,
+    nuisance: Array,
+    rules: Rules = _USUAL,
+    used: Mask | None = None,
+    *,
+    converged: bool = True,
 ) -> Regression:
+    """State errors, and what is not identifiable, of parameters and nuisances at which a descent ended."""
+    used = np.ones(len(nuisance), dtype=bool) if used is None else used
     residual, matrix = eliminate(line)
-    each = residual.shape[1] - line.by_nuisance.shape[2]
-    count = len(parameters)
-    stacked, right = _stacked(matrix, residual, used)
-    _, inverse, null = solve_scaled(stacked, right, parameters, natural)
+    count, points = len(parameters), int(np.count_nonzero(used))
+    each = residual.shape[1] - nuisance.shape[1]
+    stacked, right = rules.equations(residual, matrix, parameters, used)
+    _, inverse, null = solve_scaled(stacked, right, parameters, rules.natural)
     norm = np.sqrt(np.einsum("rq,rq->q", stacked, stacked))
-    freedom = max(int(np.count_nonzero(used)) * each - (count - null.shape[1]), 1)
+    freedom = max(len(right) - points * nuisance.shape[1] - (count - null.shape[1]), 1)
     variance = float(right @ right) / freedom
     fisher = inverse @ inverse.T * variance
     distance = np.sum(residual**2, axis=1)
@@ -399,30 +479,27 @@ def _summary(
     # The sandwich keeps its word where the noise is not as expected; the larger of the two is reported.
     scores = np.einsum("nmq,nm->nq", matrix, residual) @ inverse
     flat = matrix.reshape(residual.size, count)
-    points = int(np.count_nonzero(used))
     sandwich = inverse @ (scores.T @ scores) @ inverse.T * (max(points, 1) / max(points - count, 1))
     spread = np.sqrt(np.maximum(np.diag(fisher), 0.0))
     ratio = np.sqrt(np.maximum(np.diag(sandwich), 0.0)) / np.where(spread > 0, spread, 1.0)
     widen = np.maximum(ratio, 1.0)
-    covariance = determined(fisher * np.outer(widen, widen), null)
     slopes, _ = _stacked(line.by_parameter, line.residual, used)
-    strength = np.sqrt(np.einsum("rq,rq->q", slopes, slopes) / max(points, 1))
     return Regression(
-        parameters,
-        nuisance,
-        covariance,
-        null,
-        np.where(norm > 0, norm, 1.0),
-        float(np.sqrt(variance)),
-        np.sqrt(distance / each),
-        used,
-        freedom,
-        converged,
-        strength,
-        (flat @ (inverse @ inverse.T)).reshape(matrix.shape),
-        inverse,
-        (flat @ inverse).reshape(*residual.shape, inverse.shape[1]),
-        residual,
+        parameters=parameters,
+        nuisance=nuisance,
+        covariance=determined(fisher * np.outer(widen, widen), null),
+        null=null,
+        scale=np.where(norm > 0, norm, 1.0),
+        noise=float(np.sqrt(variance)),
+        misfit=np.sqrt(distance / each),
+        used=used,
+        freedom=freedom,
+        converged=converged,
+        strength=np.sqrt(np.einsum("rq,rq->q", slopes, slopes) / max(points, 1)),
+        influence=(flat @ (inverse @ inverse.T)).reshape(matrix.shape),
+        basis=inverse,
+        rows=(flat @ inverse).reshape(*residual.shape, inverse.shape[1]),
+        residual=residual,
     )
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from math import inf, nan
 
 import numpy as np
@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from rsgen.common.arrays import Array, ComplexArray, frozen_array
 from rsgen.common.errors import RsgenError
 from rsgen.common.finding import Finding, Quantity, quantities, severity_of
-from rsgen.common.tolerances import CHANCE, LARGE, MEANINGLESS, NOTICEABLE, NULL_PART, POOR, SIGMAS, TAKEN
+from rsgen.common.tolerances import CHANCE, LARGE, MEANINGLESS, NOTICEABLE, POOR, SIGMAS, TAKEN
 from rsgen.data.multisine import BestLinear, MultisineSpectra, best_linear, implausible
 from rsgen.data.multisine.spectra import check_records, refuse_across
 from rsgen.data.oscillator import Model
@@ -30,16 +30,16 @@ from rsgen.identification.lines.line_fit import (
 )
 from rsgen.identification.results import EquivalentCurve, Estimate, Identification, Resonance
 from rsgen.identification.results.estimates import (
-    NOT_ZERO,
     damping_findings,
     make_estimates,
     names_of,
+    parameter_findings,
     units_of,
     with_combinations,
 )
 from rsgen.law.identifiable import put_in_order
 from rsgen.law.motion import Motion
-from rsgen.law.numeric import ForceLaw, compile_law
+from rsgen.law.numeric import compile_law
 
 __all__ = [
     "MultisineIdentification",
@@ -102,27 +102,32 @@ def identify_multisine(spectra: MultisineSpectra, model: Model) -> MultisineIden
     with np.errstate(all="ignore"):
         values, mass = start_values(lines, law, model.mass)
         fit = fit_lines(lines, law, model.mass, put_in_order(law, values), mass)
-        return _judge(spectra, lines, law, model, fit)
+        return _judge(spectra, model, fit)
 
 
-def _judge(
-    spectra: MultisineSpectra, lines: Lines, law: ForceLaw, model: Model, fit: LineFit
-) -> MultisineIdentification:
-    part = lines.spectra
-    covariance, null, freedom, wider = errors_of(lines, fit, model.mass, law)
+def _judge(spectra: MultisineSpectra, model: Model, fit: LineFit) -> MultisineIdentification:
+    lines, law, part = fit.lines, fit.law, fit.lines.spectra
+    covariance, freedom, wider = errors_of(fit)
     misfit = relative_to_force(lines, np.abs(fit.balance.residual) ** 2)
     noise = relative_to_force(lines, fit.noise.variance)
-    reasons = _reasons(law, model, null, covariance, fit)
+    amplitudes = np.sqrt(2) * part.rms_response()
+    tested = {
+        "amplitude": Quantity(float(amplitudes.max()), "m"),
+        "level": Quantity(float(part.levels.max()), "N"),
+    }
+    known = replace(fit.regression, covariance=covariance)
+    reasons = parameter_findings(names_of(law, model), units_of(model), tested, known)
+    reasons = with_combinations(reasons, model)
     solution = Solution(fit.values, fit.mass, covariance, freedom, misfit)
     estimates = make_estimates(solution, law, model, reasons)
     approximations = best_linear(part, model.observation.band)
     findings = [e.finding for e in estimates if e.finding is not None]
-    findings += _sign_findings(lines, fit, covariance if model.mass is None else None)
-    findings += _misfit_findings(lines, fit, misfit, noise, wider)
+    findings += _sign_findings(fit, covariance if model.mass is None else None)
+    findings += _misfit_findings(fit, misfit, noise, wider)
     motion = Motion(np.full(len(part), part.omega0), part.mean_response)
     findings += damping_findings(law, motion, fit.values, estimates)
-    findings += _damping_findings(lines, law, fit, misfit, noise)
-    findings += _delay_findings(lines, fit, misfit, model.mass)
+    findings += _damping_findings(fit, misfit, noise)
+    findings += _delay_findings(fit, misfit)
     if (lines.first > 1).any():
         below = Quantity(float(part.frequency[lines.first.max()]), "Hz")
         findings.append(Finding("motion-by-law", "info", numbers={"below": below}))
@@ -133,7 +138,6 @@ def _judge(
         findings += implausible(spectra, mass=mass, damping=min(ratios, default=None))
     else:
         findings.append(Finding("not-calibrated", "info"))
-    amplitudes = np.sqrt(2) * part.rms_response()
     frequency = part.frequency[lines.used.any(axis=0)]
     resonances = tuple(map(_resonance, approximations))
     none = (nan, inf, (-inf, inf))
@@ -201,34 +205,9 @@ def _curve(resonances: tuple[Resonance, ...]) -> EquivalentCurve:
     return EquivalentCurve(amplitude, frequency, level, stiffness, damping, used)
 
 
-def _reasons(
-    law: ForceLaw, model: Model, null: Array, covariance: Array, fit: LineFit
-) -> dict[str, Finding | None]:
-    """Why parameters are not identifiable: the others of their null direction, or no effect."""
-    names = names_of(law, model)
-    reasons: dict[str, Finding | None] = {}
-    for i, name in enumerate(names):
-        weight = np.abs(null[i])
-        if weight.max(initial=0.0) > NULL_PART:
-            column = np.abs(null[:, int(np.argmax(weight))])
-            others = [
-                other for other, part in zip(names, column, strict=True) if part > NULL_PART and other != name
-            ]
-            about = {"with": ", ".join(others)}
-            reasons[name] = Finding("confounded", "warning", name, names=about) if others else None
-            continue
-        value = fit.mass if name == "m" else float(fit.values[i])
-        error = float(np.sqrt(covariance[i, i]))
-        if error > NOT_ZERO * abs(value):
-            unit = units_of(model)[name]
-            numbers = {"value": Quantity(value, unit), "standard_error": Quantity(error, unit)}
-            reasons[name] = Finding("line-not-distinct-from-zero", "warning", name, numbers=numbers)
-    return with_combinations(reasons, model)
-
-
-def _sign_findings(lines: Lines, fit: LineFit, covariance: Array | None) -> list[Finding]:
+def _sign_findings(fit: LineFit, covariance: Array | None) -> list[Finding]:
     """Find a structure that works on the exciter, and a negative mass; ``covariance`` where it was free."""
-    part, found = lines.spectra, []
+    lines, part, found = fit.lines, fit.lines.spectra, []
     # (r,) mean power of the force, and its standard deviation by the noise of force and response
     velocity = lines.rate * part.mean_response
     power = 0.5 * np.sum((part.mean_force * np.conj(velocity)).real * lines.used, axis=1)
@@ -242,28 +221,26 @@ def _sign_findings(lines: Lines, fit: LineFit, covariance: Array | None) -> list
     return found
 
 
-def _delay_findings(lines: Lines, fit: LineFit, misfit: float, given: float | None) -> list[Finding]:
+def _delay_findings(fit: LineFit, misfit: float) -> list[Finding]:
     """Find a delay between force and response that takes up most of the misfit; none or one."""
-    delay, error, left = delay_between(lines, fit, given)
+    delay, error, left = delay_between(fit)
     if misfit < NOTICEABLE or left > 1 - TAKEN or abs(delay) < SIGMAS * error:
         return []
     numbers = quantities(delay=Quantity(delay, "s"), left=left * misfit, misfit=misfit)
     return [Finding("channels-delayed", "doubt", numbers=numbers)]
 
 
-def _damping_findings(
-    lines: Lines, law: ForceLaw, fit: LineFit, misfit: float, noise: float
-) -> list[Finding]:
+def _damping_findings(fit: LineFit, misfit: float, noise: float) -> list[Finding]:
     """Find a misfit that is no noise, is small beside the force, and is not small beside the damping.
 
     At a resonance the damping alone balances a sine; of all lines of a multisine the springs and the mass
     balance most, so that damping which a law lacks leaves little and goes into the damping that it has.
     """
     # of one period nobody can tell a misfit from noise
-    by_chance = np.isfinite(noise) and times_noise(lines, fit) < chance_of_noise(lines, len(fit.values) + 1)
+    by_chance = np.isfinite(noise) and times_noise(fit) < chance_of_noise(fit)
     if misfit > POOR or by_chance:
         return []
-    share = relative_to_force(lines, Balance.damping(lines, law, fit.values, fit.mass))
+    share = relative_to_force(fit.lines, Balance.damping(fit.lines, fit.law, fit.values, fit.mass))
     left = float(np.sqrt(max(misfit**2 - np.nan_to_num(noise) ** 2, 0.0)))
     if share == 0:
         numbers = quantities(misfit=misfit)
@@ -273,9 +250,9 @@ def _damping_findings(
     return [Finding("misfit-beside-damping", "doubt", numbers=quantities(misfit=misfit, share=left / share))]
 
 
-def _misfit_findings(lines: Lines, fit: LineFit, misfit: float, noise: float, wider: float) -> list[Finding]:
+def _misfit_findings(fit: LineFit, misfit: float, noise: float, wider: float) -> list[Finding]:
     """Judge what the law leaves by its size and by the noise."""
-    times = times_noise(lines, fit)
+    times = times_noise(fit)
     if not np.isfinite(noise):
         found = [Finding("one-period", "warning")]
         if misfit > POOR:
@@ -288,8 +265,7 @@ def _misfit_findings(lines: Lines, fit: LineFit, misfit: float, noise: float, wi
             )
         return found
     # exact data have no noise to compare with
-    parameters = len(fit.values) + 1
-    if times < chance_of_noise(lines, parameters) or misfit < NOTICEABLE:
+    if times < chance_of_noise(fit) or misfit < NOTICEABLE:
         if misfit > 2 * POOR:
             return [
                 Finding(
@@ -299,6 +275,8 @@ def _misfit_findings(lines: Lines, fit: LineFit, misfit: float, noise: float, wi
                 )
             ]
         return []
-    numbers = quantities(misfit=misfit, times=times, wider=wider, groups=int(parts_of_band(lines).max()) + 1)
+    numbers = quantities(
+        misfit=misfit, times=times, wider=wider, groups=int(parts_of_band(fit.lines).max()) + 1
+    )
     severity = severity_of(misfit, POOR, MEANINGLESS)
     return [Finding("law-leaves-distortion", severity, numbers=numbers)]

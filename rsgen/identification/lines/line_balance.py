@@ -98,13 +98,14 @@ def lines_of(spectra: MultisineSpectra, band: tuple[float, float] | None, *, swi
 class NoiseOfBalance:
     """What the single periods say: variance (r, H+1) of the mean balance [N^2], and the bias of the law.
 
-    ``bias`` (r, H+1) is that of the law's force [N], to be subtracted; ``by_parameter`` (r, p, H+1) that of
-    its slopes. ``together`` (r, p+1, H+1) is the covariance of the slopes, that by the mass last, with the
-    balance, real part. A variance that one period does not show is NaN. ``shape`` (r, H+1) is how the
-    variance goes from line to line [N^2]: what of neighbouring lines is averaged is divided by it first.
-    ``apart`` (r, P, H+1) is how far the balance of each period is from their mean [N].
+    ``bias`` (r, H+1) is that of the law's force at ``values`` (p,) [N], to be subtracted; ``by_parameter``
+    (r, p, H+1) that of its slopes. ``together`` (r, p+1, H+1) is the covariance of the slopes, that by the
+    mass last, with the balance, real part. A variance that one period does not show is NaN. ``shape``
+    (r, H+1) is how the variance goes from line to line [N^2]: what of neighbouring lines is averaged is
+    divided by it first. ``apart`` (r, P, H+1) is how far the balance of each period is from their mean [N].
     """
 
+    values: Array
     variance: Array
     shape: Array
     bias: ComplexArray
@@ -120,6 +121,7 @@ class NoiseOfBalance:
         slopes = np.zeros((shape[0], parameters, shape[1]), dtype=complex)
         together = np.zeros((shape[0], parameters + 1, shape[1]))
         return cls(
+            np.zeros(parameters),
             np.full(shape, np.nan),
             np.ones(shape),
             none,
@@ -159,7 +161,8 @@ class Balance:
             for i in range(len(lines))
         ]
         inertia = lines.rate**2 * spectra.mean_response
-        law_force = np.stack([part[0] for part in parts]) - noise.bias
+        bias = noise.bias + np.einsum("rph,p->rh", noise.by_parameter, values - noise.values)
+        law_force = np.stack([part[0] for part in parts]) - bias
         slopes = np.stack([part[1] for part in parts])
         by_parameter, by_mass = slopes[:, :-1] - noise.by_parameter, slopes[:, -1] + inertia
         residual = spectra.mean_force - mass * inertia - law_force
@@ -181,6 +184,7 @@ class Balance:
         found = NoiseOfBalance.unknown(lines, len(values))
         if count < 2:
             return found
+        found.values[:] = values
         for i in range(len(lines)):
             along = _Along(lines, law, values, mass, i)
             whole = along.mean(spectra.mean_force[i], spectra.mean_response[i])

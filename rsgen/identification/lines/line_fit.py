@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,20 +12,23 @@ from rsgen.common.arrays import Array, ComplexArray
 from rsgen.common.tolerances import (
     CHANCE,
     EXCESS,
-    GAIN,
     GROUPS,
-    HALVINGS,
     ROUNDS,
-    STEPS,
     TRIALS,
     f_quantile,
     normal_share,
 )
 from rsgen.data.multisine.spectra import SMOOTHED, rms, smooth
-from rsgen.dynamics.periodic_response import SMALL
-from rsgen.identification.fitting.least_squares import determined, solve_scaled
+from rsgen.identification.fitting.least_squares import (
+    Linearisation,
+    Regression,
+    descend,
+    determined,
+    solve_scaled,
+    summarise,
+)
 from rsgen.identification.lines.line_balance import Balance, Lines, NoiseOfBalance
-from rsgen.identification.results.estimates import leave_out
+from rsgen.identification.results.estimates import jackknife
 from rsgen.law.motion import Motion
 from rsgen.law.numeric import DECADES, ForceLaw, natural_sizes
 
@@ -48,24 +52,83 @@ _DIGITS = 1e-26
 """Power relative to that of the balance, below which it is that of its last digits."""
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@dataclass(frozen=True, eq=False)
 class LineFit:
-    """Values, mass, the balance there, and the variance (r, H+1) that weighs it."""
+    """A law at the lines of records.
 
-    values: Array
-    mass: float
-    balance: Balance
+    Parameters
+    ----------
+    lines, law
+        What is fitted.
+    given
+        m [kg]; None where it is the last of the parameters.
+    parameters
+        (q,) values of the law, and the mass where it is free.
+    noise, variance
+        What the single periods say, and the variance (r, H+1) that weighs each line.
+    converged
+        Whether the last steps had become small.
+    """
+
+    lines: Lines
+    law: ForceLaw
+    given: float | None
+    parameters: Array
     noise: NoiseOfBalance
     variance: Array
-    converged: bool
+    converged: bool = False
+
+    @property
+    def values(self) -> Array:
+        """(p,) of the law."""
+        return self.parameters[: len(self.law.parameters)]
+
+    @property
+    def mass(self) -> float:
+        """The given or the fitted one [kg]."""
+        return float(self.parameters[-1]) if self.given is None else self.given
+
+    @cached_property
+    def balance(self) -> Balance:
+        """At the parameters."""
+        return Balance.of(self.lines, self.law, self.values, self.mass, self.noise)
+
+    @property
+    def columns(self) -> ComplexArray:
+        """(r, q, H+1) slopes of the balance by the parameters."""
+        by_mass = self.balance.by_mass[:, None][:, self.given is not None :]
+        return np.concatenate([self.balance.by_parameter, by_mass], axis=1)
+
+    @cached_property
+    def regression(self) -> Regression:
+        """Errors, and what is not identifiable, for the noise that weighs the lines."""
+        line = self.linearise(self.parameters, self.nuisance)
+        return summarise(line, self.parameters, self.nuisance)
+
+    @property
+    def nuisance(self) -> Array:
+        """(lines, 0): a line has no unknowns of its own."""
+        return np.zeros((np.count_nonzero(self.lines.used), 0))
+
+    def linearise(self, parameters: Array, nuisance: Array) -> Linearisation:
+        """Real and imaginary part of each used line, of unit variance, at other parameters."""
+        fit = self if parameters is self.parameters else replace(self, parameters=parameters)
+        used, weight = self.lines.used, np.sqrt(2 / self.variance)
+        matrix = np.moveaxis(fit.columns * weight[:, None], 1, 2)[used]
+        right = (fit.balance.residual * weight)[used]
+        return Linearisation(
+            np.stack([right.real, right.imag], axis=1),
+            np.zeros((len(right), 2, 0)),
+            np.stack([matrix.real, matrix.imag], axis=1),
+        )
 
 
-def _weights(lines: Lines, balance: Balance, noise: NoiseOfBalance, mass: float) -> Array:
+def _weights(fit: LineFit, noise: NoiseOfBalance) -> Array:
     """(r, H+1) variance of each line: its noise, or the misfit around it where that is clearly more."""
     left = np.stack(
         [
             _beside(np.abs(one) ** 2 / shape, used) * shape
-            for one, shape, used in zip(balance.residual, noise.shape, lines.used, strict=True)
+            for one, shape, used in zip(fit.balance.residual, noise.shape, fit.lines.used, strict=True)
         ]
     )
     known = np.isfinite(noise.variance)
@@ -73,7 +136,7 @@ def _weights(lines: Lines, balance: Balance, noise: NoiseOfBalance, mass: float)
     chance = 1 + CHANCE / np.sqrt(2 * _BESIDE + 1)
     clear = ~known | (left > chance * noise.variance)
     variance = np.where(clear, left, noise.variance)
-    return np.maximum(variance, _DIGITS * lines.scale(mass))
+    return np.maximum(variance, _DIGITS * fit.lines.scale(fit.mass))
 
 
 def _beside(power: Array, used: NDArray[np.bool_]) -> Array:
@@ -85,136 +148,68 @@ def _beside(power: Array, used: NDArray[np.bool_]) -> Array:
 
 
 def fit_lines(lines: Lines, law: ForceLaw, given: float | None, values: Array, mass: float) -> LineFit:
-    """Gauss-Newton with fixed weights, then weights of its result, some times over."""
-    noise = NoiseOfBalance.unknown(lines, len(values))
+    """Least squares with fixed weights, then weights of its result, some times over."""
     # what a law leaves is spread over lines that are excited and others alike
     variance = np.broadcast_to(lines.scale(mass).max(axis=1, keepdims=True), lines.used.shape)
-    balance = Balance.of(lines, law, values, mass, noise)
-    converged = False
+    parameters = np.append(values, mass) if given is None else values
+    fit = LineFit(lines, law, given, parameters, NoiseOfBalance.unknown(lines, len(values)), variance)
     for turn in range(ROUNDS):
-        values, mass, balance, converged = _descend(lines, law, given, values, mass, noise, variance)
-        if noise.together.any():
-            values, mass = _without_bias(lines, balance, noise, variance, given, values, mass)
-            balance = Balance.of(lines, law, values, mass, noise)
+        place, nuisance, line, converged = descend(fit.linearise, fit.parameters, fit.nuisance)
+        if fit.noise.together.any():
+            place = place - _bias(fit, summarise(line, place, nuisance))
+        converged = converged and bool(np.isfinite(line.residual).all())
+        fit = replace(fit, parameters=place, converged=converged)
         if turn < ROUNDS - 1:
-            noise = balance.noise(lines, law, values, mass)
-            variance = _weights(lines, balance, noise, mass)
-    return LineFit(values, mass, balance, noise, variance, converged)
+            noise = fit.balance.noise(lines, law, fit.values, fit.mass)
+            fit = replace(fit, noise=noise, variance=_weights(fit, noise))
+    return fit
 
 
-def _without_bias(
-    lines: Lines,
-    balance: Balance,
-    noise: NoiseOfBalance,
-    variance: Array,
-    given: float | None,
-    values: Array,
-    mass: float,
-) -> tuple[Array, float]:
-    """Take off what noise in the slopes, which goes with that of the balance, adds to the estimate."""
-    matrix, right = _rows(lines, balance, variance, given)
-    size = np.append(values, mass) if given is None else values
-    inverse = solve_scaled(matrix, right, size)[1]
-    weighted = np.moveaxis(noise.together, 1, 2)[lines.used] * (2 / variance)[lines.used][:, None]
-    score = weighted.sum(axis=0)[: matrix.shape[1]]
-    change = -inverse @ (inverse.T @ score)
-    return values + change[: len(values)], mass + float(change[-1]) if given is None else mass
+def _bias(fit: LineFit, found: Regression) -> Array:
+    """(q,) what noise in the slopes, which goes with that of the balance, adds to the estimate."""
+    used = fit.lines.used
+    weighted = np.moveaxis(fit.noise.together, 1, 2)[used] * (2 / fit.variance)[used][:, None]
+    score = weighted.sum(axis=0)[: len(fit.parameters)]
+    return np.asarray(found.basis @ (found.basis.T @ score))
 
 
-def _rows(lines: Lines, balance: Balance, variance: Array, given: float | None) -> tuple[Array, Array]:
-    """Real rows (2 lines, q) and right side of unit variance; unknowns: parameters, the mass if free."""
-    columns = balance.by_parameter
-    if given is None:
-        columns = np.concatenate([columns, balance.by_mass[:, None]], axis=1)
-    weight = np.sqrt(2 / variance)[lines.used]
-    matrix = np.moveaxis(columns, 1, 2)[lines.used] * weight[:, None]
-    right = balance.residual[lines.used] * weight
-    # real and imaginary part of a line stay beside each other
-    return (
-        np.stack([matrix.real, matrix.imag], axis=1).reshape(-1, matrix.shape[1]),
-        np.stack([right.real, right.imag], axis=1).reshape(-1),
-    )
-
-
-def _descend(
-    lines: Lines,
-    law: ForceLaw,
-    given: float | None,
-    values: Array,
-    mass: float,
-    noise: NoiseOfBalance,
-    variance: Array,
-) -> tuple[Array, float, Balance, bool]:
-    balance = Balance.of(lines, law, values, mass, noise)
-    for _ in range(STEPS):
-        matrix, right = _rows(lines, balance, variance, given)
-        if not (np.isfinite(matrix).all() and np.isfinite(right).all()):
-            return values, mass, balance, False
-        size = np.append(values, mass) if given is None else values
-        change = solve_scaled(matrix, right, size)[0]
-        before, expected = float(right @ right), float(np.sum((right - matrix @ change) ** 2))
-        if (before - expected) * len(right) < GAIN * expected:
-            return values, mass, balance, True
-        for part in 0.5 ** np.arange(HALVINGS):
-            moved = values + part * change[: len(values)]
-            heavier = mass + part * float(change[-1]) if given is None else mass
-            trial = Balance.of(lines, law, moved, heavier, noise)
-            after = _rows(lines, trial, variance, given)[1]
-            if float(after @ after) <= before * (1 + 1e-12):
-                values, mass, balance = moved, heavier, trial
-                break
-        else:
-            return values, mass, balance, True
-        relative = np.abs(part * change) / np.maximum(np.abs(size), 1e-300)
-        exact = not law.nonlinear and (lines.spectra.mean_known or law.odd)
-        if exact or float(np.max(relative, initial=0.0)) < SMALL:
-            return values, mass, balance, True
-    return values, mass, balance, False
-
-
-def errors_of(
-    lines: Lines, fit: LineFit, given: float | None, law: ForceLaw
-) -> tuple[Array, Array, int, float]:
-    """Covariance, null directions, degrees of freedom, and how much leaving parts out widens the errors."""
-    matrix, right = _rows(lines, fit.balance, fit.variance, given)
-    size = np.append(fit.values, fit.mass) if given is None else fit.values
-    _, inverse, null = solve_scaled(matrix, right, size)
-    covariance = inverse @ inverse.T
-    covariance = covariance * _scatter_of_periods(lines, fit, given, covariance)
-    freedom = max(len(right) - matrix.shape[1] + null.shape[1], 1)
-    wider = 1.0
-    if times_noise(lines, fit) > chance_of_noise(lines, matrix.shape[1]):
-        spread = np.diag(blocks_left_out(lines, fit, given))
+def errors_of(fit: LineFit) -> tuple[Array, int, float]:
+    """Covariance, its degrees of freedom, and how much leaving parts out widens the errors."""
+    found, wider = fit.regression, 1.0
+    freedom, covariance = found.freedom, found.basis @ found.basis.T
+    covariance = covariance * _scatter_of_periods(fit, covariance)
+    if times_noise(fit) > chance_of_noise(fit):
+        spread = np.diag(blocks_left_out(fit))
         known = np.diag(covariance)
         ratio = np.sqrt(np.maximum(spread / np.where(known > 0, known, np.inf), 1.0))
         covariance = covariance * np.outer(ratio, ratio)
-        wider, freedom = float(np.median(ratio)), int(parts_of_band(lines).max())
-    return determined(covariance, null), null, freedom, wider
+        wider, freedom = float(np.median(ratio)), int(parts_of_band(fit.lines).max())
+    return determined(covariance, found.null), freedom, wider
 
 
-def blocks_left_out(lines: Lines, fit: LineFit, given: float | None) -> Array:
+def blocks_left_out(fit: LineFit) -> Array:
     """Covariance (q, q) from leaving out one part of the band after the other, with the weights of all."""
-    matrix, right = _rows(lines, fit.balance, fit.variance, given)
-    inverse = solve_scaled(matrix, right, np.append(fit.values, fit.mass) if given is None else fit.values)[1]
-    rows = matrix @ inverse
+    found = fit.regression
     # without what the correction for noise in the slopes leaves in the equations of all lines
-    rest = right - rows @ (rows.T @ right)
-    # real and imaginary part of a line belong together
-    return leave_out(inverse, rows.reshape(-1, 2, rows.shape[1]), rest.reshape(-1, 2), parts_of_band(lines))
+    rest = _beside_parameters(found, found.residual)
+    return jackknife(replace(found, residual=rest), parts_of_band(fit.lines))
 
 
-def _scatter_of_periods(lines: Lines, fit: LineFit, given: float | None, covariance: Array) -> Array:
+def _beside_parameters(found: Regression, signal: Array) -> Array:
+    """What the parameters do not take up of a signal (lines, 2)."""
+    return np.asarray(signal - found.rows @ np.tensordot(found.rows, signal, ([0, 1], [0, 1])))
+
+
+def _scatter_of_periods(fit: LineFit, covariance: Array) -> Array:
     """(q, q) factor by which the scatter of single periods exceeds the covariance, at least 1.
 
     What each period would move the estimate holds what the variances of the lines leave out: the noise of one
     line is, along a nonlinear law, in the balance of many.
     """
-    count = lines.spectra.periods
+    count = fit.lines.spectra.periods
     moved = np.zeros(len(covariance))
-    columns = fit.balance.by_parameter
-    if given is None:
-        columns = np.concatenate([columns, fit.balance.by_mass[:, None]], axis=1)
-    for column, apart, variance, used in zip(columns, fit.noise.apart, fit.variance, lines.used, strict=True):
+    parts = (fit.columns, fit.noise.apart, fit.variance, fit.lines.used)
+    for column, apart, variance, used in zip(*parts, strict=True):
         weighted = np.conj(column[:, used]) * (2 / variance[used])
         moves = (apart[:, used] @ weighted.T).real @ covariance
         moved += np.sum(moves**2, axis=0) / max(count * (count - 1), 1)
@@ -223,20 +218,21 @@ def _scatter_of_periods(lines: Lines, fit: LineFit, given: float | None, covaria
     return np.outer(ratio, ratio)
 
 
-def delay_between(lines: Lines, fit: LineFit, given: float | None) -> tuple[float, float, float]:
+def delay_between(fit: LineFit) -> tuple[float, float, float]:
     """Time by which the response comes later than the force [s], its error, and the share of misfit left.
 
     Shifted in time, the balance of any law is that of the shifted force: to first order a delay adds
     i omega F to it, but at lines at which the motion is the law's own. It is fitted beside all parameters.
     """
-    matrix, right = _rows(lines, fit.balance, fit.variance, given)
+    lines, found = fit.lines, fit.regression
     taken = lines.spectra.lines >= lines.first[:, None]
     column = (lines.rate * lines.spectra.mean_force * taken / np.sqrt(fit.variance / 2))[lines.used]
-    more = np.column_stack([matrix, np.stack([column.real, column.imag], axis=1).reshape(-1)])
-    change, inverse, _ = solve_scaled(more, right)
-    alone = right - matrix @ solve_scaled(matrix, right)[0]
-    left = float(np.linalg.norm(right - more @ change)) / max(float(np.linalg.norm(alone)), 1e-300)
-    return float(change[-1]), float(np.linalg.norm(inverse[-1])), left
+    own = _beside_parameters(found, np.stack([column.real, column.imag], axis=1))
+    alone = _beside_parameters(found, found.residual)
+    size = max(float(np.linalg.norm(own)), 1e-300)
+    delay = float(np.sum(own * alone)) / size**2
+    left = float(np.linalg.norm(alone - own * delay)) / max(float(np.linalg.norm(alone)), 1e-300)
+    return delay, 1 / size, left
 
 
 def parts_of_band(lines: Lines) -> NDArray[np.intp]:
@@ -249,27 +245,27 @@ def parts_of_band(lines: Lines) -> NDArray[np.intp]:
     return np.unique(np.concatenate(parts), return_inverse=True)[1]
 
 
-def times_noise(lines: Lines, fit: LineFit) -> float:
+def times_noise(fit: LineFit) -> float:
     """Misfit over its noise, root mean square over all lines; 1 where the noise is not known.
 
     Periods that are equal show no noise but that of the last digits.
     """
-    noise = np.maximum(fit.noise.variance, _DIGITS * lines.scale(fit.mass))
-    ratio = (np.abs(fit.balance.residual) ** 2 / noise)[lines.used]
+    noise = np.maximum(fit.noise.variance, _DIGITS * fit.lines.scale(fit.mass))
+    ratio = (np.abs(fit.balance.residual) ** 2 / noise)[fit.lines.used]
     ratio = ratio[~np.isnan(ratio)]
     return float(np.sqrt(np.mean(ratio))) if len(ratio) else 1.0
 
 
-def chance_of_noise(lines: Lines, parameters: int) -> float:
-    """Misfit over its noise that chance hardly exceeds where some parameters are fitted.
+def chance_of_noise(fit: LineFit) -> float:
+    """Misfit over its noise that chance hardly exceeds.
 
     The noise comes from few periods and a few lines beside each other: its inverse is larger on average, and
     the ratio of the two sums of squares is that of Fisher's F.
     """
-    count, more = int(lines.used.sum()), lines.spectra.periods - 1
+    count, more = int(fit.lines.used.sum()), fit.lines.spectra.periods - 1
     if more < 1:
         return EXCESS
-    rest, near = max(2 * count - parameters, 1), more * (SMOOTHED + 1)
+    rest, near = max(2 * count - len(fit.parameters), 1), more * (SMOOTHED + 1)
     limit = f_quantile(rest, 2 * more * count, 1 - normal_share(-CHANCE))
     return max(EXCESS, float(np.sqrt(limit * rest / (2 * count) * near / (near - 1))))
 

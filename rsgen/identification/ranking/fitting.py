@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
+from functools import partial
 
 import numpy as np
 import sympy
@@ -12,6 +13,7 @@ from numpy.typing import NDArray
 from rsgen.common.arrays import Array
 from rsgen.common.tolerances import NEAR_STEPS
 from rsgen.data.oscillator import total_force
+from rsgen.identification.fitting.least_squares import Linearisation, Rules, descend, solve_scaled
 from rsgen.identification.ranking.balance import Rows
 from rsgen.law.element import Element
 from rsgen.law.numeric import ForceLaw, compile_law
@@ -19,21 +21,12 @@ from rsgen.law.numeric import ForceLaw, compile_law
 __all__ = ["Fitted", "Guess", "fit_rows"]
 
 
-_SINGULAR = 1e-13
-"""Eigenvalue of scaled normal equations, relative to the largest, below which it counts as zero."""
-
 _HELD = 0.05
 """Least share of the inertia that springs without memory balance: rubber isolators, which are little else
 than a loop, keep a tenth of their stiffness."""
 
 _SPARSE = 7
 """Every n-th point gives a stiffness well enough."""
-
-_GAIN = 0.05
-"""A step that lowers the sum of squares by less, in units of the noise, changes no verdict."""
-
-_HALVINGS = 4
-"""Of a step: a ranking needs no more digits than its noise."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -143,30 +136,15 @@ class _Balance:
                 matrix[:, :, j] += slopes[:, :, i]
         return residual, matrix
 
-    def settle(self, values: Array) -> tuple[Array, Array, Array]:
-        """Give linear parameters their best values while the others stay; then as ``evaluate``.
+    def linearise(self, values: Array, nuisance: Array) -> Linearisation:
+        """Rows that are compared, which have no nuisances (n, 0)."""
+        residual, matrix = (part[:, self.rows.compared] for part in self.evaluate(values))
+        return Linearisation(residual, np.zeros((*residual.shape, 0)), matrix)
 
-        Slopes by the others, which grow with the linear ones, are those before.
-        """
-        residual, matrix = self.evaluate(values)
-        free = [i for i in range(len(values)) if i not in self.nonlinear]
-        if not np.isfinite(residual).all() or not np.isfinite(matrix).all():
-            return values, residual, matrix
-        square, right = self.normal(values, residual, matrix)
-        change = _solve(square[np.ix_(free, free)], right[free])
-        settled = np.array(values)
-        settled[free] += change
-        return settled, residual - matrix[:, :, free] @ change, matrix
-
-    def normal(self, values: Array, residual: Array, matrix: Array) -> tuple[Array, Array]:
-        """Normal equations (q, q), (q,) of a Gauss-Newton step."""
-        square, right = _normal(residual, matrix, self.rows)
-        weight = np.append(np.zeros(len(self.names)), self.rows.background_weight) ** 2
-        return square + np.diag(weight), right - weight * values
-
-    def moved(self, values: Array) -> float:
-        """What the changes of the background cost."""
-        return float(np.sum((self.rows.background_weight * values[len(self.names) :]) ** 2))
+    @property
+    def prior(self) -> Array:
+        """(q,) inverse standard errors with which the changes of the background are known to be zero."""
+        return np.append(np.zeros(len(self.names)), self.rows.background_weight)
 
     def floats(self, values: Array) -> bool:
         """Decide whether hardly anything but a loop holds the structure where it is.
@@ -183,11 +161,6 @@ class _Balance:
         mass = float(values[len(self.names) - 1]) if self.mass is None else self.mass
         inertia = mass * np.sqrt(np.mean(a**2) / np.mean(x**2))
         return bool(sum(float(np.mean(sample.by_x)) for sample in samples) < _HELD * inertia)
-
-    def cost(self, values: Array, residual: Array) -> float:
-        """Sum of squares; infinite where it overflows."""
-        cost = float(np.sum(residual[:, self.rows.compared] ** 2)) + self.moved(values)
-        return cost if np.isfinite(cost) else np.inf
 
 
 def fit_rows(guess: Guess, rows: Rows, level: Array, mass: float | None) -> Fitted | None:
@@ -216,25 +189,17 @@ def fit_rows(guess: Guess, rows: Rows, level: Array, mass: float | None) -> Fitt
     free = (-np.inf, np.inf)
     limits = np.array([*(guess.limits.get(each, free) for each in names), *(free for _ in still)])
     limits = limits.reshape(-1, 2)
-    place, residual, matrix = balance.settle(np.clip(place, limits[:, 0], limits[:, 1]))
-    cost = balance.cost(place, residual)
-    for _ in range(NEAR_STEPS if balance.nonlinear else 0):
-        if not np.isfinite(cost):
-            return None
-        change = _solve(*balance.normal(place, residual, matrix))
-        for part in 0.5 ** np.arange(_HALVINGS):
-            trial, after, slopes = balance.settle(_moved(place, part * change, limits, balance.nonlinear))
-            if balance.cost(trial, after) < cost:
-                break
-        else:
-            break
-        gain = cost - balance.cost(trial, after)
-        place, residual, matrix, cost = trial, after, slopes, cost - gain
-        if gain < _GAIN:
-            break
-    if not np.isfinite(cost):
-        return None
+    rules = Rules(
+        steps=NEAR_STEPS if balance.nonlinear else 0,
+        linear=[i for i in range(len(place)) if i not in balance.nonlinear],
+        prior=balance.prior,
+        move=partial(_moved, limits=limits, nonlinear=balance.nonlinear),
+    )
+    place = np.clip(place, limits[:, 0], limits[:, 1])
+    place, *_ = descend(balance.linearise, place, np.zeros((len(level), 0)), rules)
     residual, matrix = balance.evaluate(place)
+    if not np.isfinite(np.sum(residual[:, rows.compared] ** 2)):
+        return None
     values = dict(zip(names, place[: len(names)].tolist(), strict=True))
     if any(sum(values[name] for name in names) < 0 for names in guess.dissipates):
         return None
@@ -242,8 +207,9 @@ def fit_rows(guess: Guess, rows: Rows, level: Array, mass: float | None) -> Fitt
         return None
     background = rows.background_at + place[len(names) :]
     fitted = replace(guess, values=values, background=background)
-    unseen = _unseen(residual, matrix, rows, level, balance.normal(place, residual, matrix))
-    return Fitted(fitted, residual, unseen, rows.compared, balance.moved(place))
+    unseen = _unseen(balance, place, residual, matrix, level)
+    moved = float(np.sum((balance.prior * place) ** 2))
+    return Fitted(fitted, residual, unseen, rows.compared, moved)
 
 
 def _moved(place: Array, change: Array, limits: Array, nonlinear: list[int]) -> Array:
@@ -255,29 +221,16 @@ def _moved(place: Array, change: Array, limits: Array, nonlinear: list[int]) -> 
     return np.clip(moved, limits[:, 0], limits[:, 1])
 
 
-def _normal(residual: Array, matrix: Array, rows: Rows) -> tuple[Array, Array]:
-    """Normal equations (q, q), (q,) of a Gauss-Newton step."""
-    flat = matrix[:, rows.compared].reshape(residual[:, rows.compared].size, matrix.shape[2])
-    return flat.T @ flat, flat.T @ residual[:, rows.compared].reshape(-1)
-
-
-def _solve(matrix: Array, right: Array) -> Array:
-    """Solve scaled normal equations, with the smallest step where they are singular."""
-    # a difference of normal equations may fall below zero by round-off
-    size = np.sqrt(np.maximum(np.diag(matrix), 0.0))
-    size = np.where(size > 0, size, 1.0)
-    inverse = np.linalg.pinv(matrix / np.outer(size, size), rcond=_SINGULAR, hermitian=True)
-    return np.asarray(inverse @ (right / size)) / size
-
-
-def _unseen(residual: Array, matrix: Array, rows: Rows, level: Array, whole: tuple[Array, Array]) -> Array:
+def _unseen(balance: _Balance, place: Array, residual: Array, matrix: Array, level: Array) -> Array:
     """Residual of each level with the parameters that the other levels give, one Gauss-Newton step away."""
     unseen = np.full_like(residual, np.nan)
-    levels = np.unique(level)
-    if len(levels) < 2:
+    parts = [level == one for one in np.unique(level)]
+    if len(parts) < 2:
         return unseen
-    for one in levels:
-        part = level == one
-        square, right = _normal(residual[part], matrix[part], rows)
-        unseen[part] = residual[part] - matrix[part] @ _solve(whole[0] - square, whole[1] - right)
+    known = np.column_stack([np.diag(balance.prior), -balance.prior * place])
+    rows = np.concatenate([matrix, residual[:, :, None]], axis=2)[:, balance.rows.compared]
+    triangles = [np.linalg.qr(rows[part].reshape(-1, rows.shape[2]), mode="r") for part in parts]
+    for i, part in enumerate(parts):
+        rest = np.concatenate([known, *triangles[:i], *triangles[i + 1 :]])
+        unseen[part] = residual[part] - matrix[part] @ solve_scaled(rest[:, :-1], rest[:, -1])[0]
     return unseen

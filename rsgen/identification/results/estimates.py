@@ -51,10 +51,9 @@ __all__ = [
     "compare_parts",
     "damping_findings",
     "jackknife",
-    "leave_out",
     "make_estimates",
     "names_of",
-    "parameter_finding",
+    "parameter_findings",
     "phase_findings",
     "state_background",
     "takes_energy",
@@ -208,25 +207,30 @@ def units_of(model: Model, *, per_mass: bool = False) -> dict[str, str]:
     return {"m": "kg", **{name: "" if unit == "1" else unit for name, unit in units.items()}}
 
 
-def parameter_finding(
-    name: str, names: tuple[str, ...], unit: str, points: Points, level_unit: str, regression: Regression
-) -> Finding | None:
-    """Why a parameter is not identifiable from the test; None where it is.
+def parameter_findings(
+    names: tuple[str, ...],
+    units: Mapping[str, str],
+    tested: Mapping[str, Quantity],
+    regression: Regression,
+) -> dict[str, Finding | None]:
+    """Why parameters are not identifiable from the test; None where they are.
 
     Parameters
     ----------
-    name, names, unit
-        The parameter, all of the regression, and its SI unit.
-    points, level_unit
-        That were fitted.
+    names, units
+        All parameters of the regression, and their SI units.
+    tested
+        Largest amplitude and level of the test.
     regression
         Of all ``names``; errors that a background causes are in its covariance.
     """
+    return {name: _finding(name, names, units[name], tested, regression) for name in names}
+
+
+def _finding(
+    name: str, names: tuple[str, ...], unit: str, tested: Mapping[str, Quantity], regression: Regression
+) -> Finding | None:
     i = names.index(name)
-    tested = {
-        "amplitude": Quantity(float(points.amplitude.max()), "m"),
-        "level": Quantity(float(points.level.max()), level_unit),
-    }
     weight = np.abs(regression.null[i])
     if weight.max(initial=0.0) > NULL_PART:
         column = regression.null[:, int(np.argmax(weight))]
@@ -331,22 +335,11 @@ def compare_parts(whole: Regression, part: NDArray[np.bool_]) -> Difference | No
 
 
 def jackknife(whole: Regression, group: NDArray[np.intp]) -> Array:
-    """Covariance (q, q) of the parameters from leaving out one group (n,) of the points after the other."""
-    used = whole.used
-    return leave_out(whole.basis, whole.rows[used], whole.residual[used], group[used])
-
-
-def leave_out(basis: Array, rows: Array, residual: Array, group: NDArray[np.intp]) -> Array:
-    """Covariance (q, q) from leaving out one group (n,) of the rows after the other, exactly where they are
-    linear.
-
-    Parameters
-    ----------
-    basis
-        (q, r) the parameters by the directions of the rows.
-    rows, residual
-        (n, M, r) and (n, M); the sum of rows.T @ rows is the identity, that of rows.T @ residual nothing.
+    """Covariance (q, q) of the parameters from leaving out one group (n,) of the points after the other,
+    exactly where the points are linear.
     """
+    basis, rows, residual = whole.basis, whole.rows[whole.used], whole.residual[whole.used]
+    group = group[whole.used]
     numbers = np.unique(group)
     unit = np.eye(basis.shape[1])
     total = np.zeros_like(unit)

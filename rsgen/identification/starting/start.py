@@ -249,10 +249,9 @@ def solve_equations(
     if law.nonlinear:
         matrix = np.column_stack([matrix, _nonlinear_columns(equations, law, mass, nonlinear, solution)])
     _, inverse, null = solve_scaled(matrix, right)
-    freedom = max(len(right) - matrix.shape[1], 1)
-    covariance = inverse @ inverse.T * float(residual @ residual) / freedom
+    freedom = max(len(right) - matrix.shape[1] + null.shape[1], 1)
+    covariance = determined(inverse @ inverse.T * float(residual @ residual) / freedom, null)
     order = [*law.linear, *([len(values)] if mass is None else []), *law.nonlinear]
-    covariance = determined(covariance, null)
     sorted_covariance = np.empty_like(covariance)
     sorted_covariance[np.ix_(order, order)] = covariance
     misfit = float(np.sqrt(residual @ residual / max(len(right), 1)))

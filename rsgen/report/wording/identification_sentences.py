@@ -38,7 +38,7 @@ say_plainly(
         ),
         "not-distinct-from-zero": (
             "{parameter}: {value:.2g} with standard error {standard_error:.2g} cannot be distinguished from "
-            f"zero ({_TESTED}); raise the level or take more points near the resonance"
+            f"zero ({_TESTED}); raise the level, or take more points near the resonance or more periods"
         ),
         "even-force-not-seen": (
             "{parameter}: an even force changes the fundamental only by the square of its size, and the test "

@@ -467,10 +467,6 @@ say_plainly(
             "the held-out level {level:.3q} is predicted with an error of {error:.2p} rms, against a misfit "
             "of {misfit:.2p} where the law was fitted"
         ),
-        "line-not-distinct-from-zero": (
-            "{parameter}: {value:.2g} with standard error {standard_error:.2g} cannot be distinguished from "
-            "zero; raise the level, or record more periods"
-        ),
     }
 )
 
