@@ -27,9 +27,11 @@ from rsgen.common.tolerances import (
 )
 
 __all__ = [
+    "Alternative",
     "Linearisation",
     "Regression",
     "Rules",
+    "alternatives",
     "descend",
     "determined",
     "eliminate",
@@ -45,6 +47,9 @@ __all__ = [
 
 _NULL = 1e-9
 """Singular values below this, relative to the largest after column scaling, count as zero."""
+
+_SAME = 1e-6
+"""Share of the square of a column that is its own, below which the other columns make it up."""
 
 _ROWS = 4096
 """Of a matrix that are made triangular at once: they stay in the processor's cache, and no copy of all the
@@ -501,6 +506,62 @@ def summarise(
         rows=(flat @ inverse).reshape(*residual.shape, inverse.shape[1]),
         residual=residual,
     )
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Alternative:
+    """One more column beside a fit: the value it takes, its standard error, and what it moves (q,)."""
+
+    value: float
+    error: float
+    shift: Array
+
+    @property
+    def gain(self) -> float:
+        """Fall of the sum of squares, in units of the noise."""
+        return (self.value / self.error) ** 2 if self.error > 0 else 0.0
+
+
+def alternatives(
+    residual: Array, matrix: Array, columns: Array, score: Array | None = None, readings: Array | None = None
+) -> list[Alternative]:
+    """Fit each of some columns beside all parameters, to first order from a solution.
+
+    Parameters
+    ----------
+    residual, matrix
+        (r,) and (r, q) at the solution, of unit variance, nuisances eliminated.
+    columns
+        (r, t) what may be missing; each is tried alone.
+    score
+        (q + t,) what noise in a slope adds to its product with the residual.
+    readings
+        (P, r) deviation of single readings from their mean: their scatter is in the errors.
+
+    Returns
+    -------
+    list
+        (t,), of value zero where a column is made up of the others.
+    """
+    score = np.zeros(matrix.shape[1] + columns.shape[1]) if score is None else score
+    own_score, added = np.split(score, [matrix.shape[1]])
+    inverse = solve_scaled(matrix, residual)[1] if matrix.size else np.zeros(matrix.T.shape)
+    found = []
+    for column, more in zip(columns.T, added, strict=True):
+        # the pseudoinverse from its factor: inverse @ inverse.T @ matrix.T
+        taken = inverse @ (inverse.T @ (matrix.T @ column))
+        own = column - matrix @ taken
+        size = float(own @ own)
+        if not size > _SAME * float(column @ column):
+            found.append(Alternative(0.0, np.inf, np.zeros(len(taken))))
+            continue
+        value = float(own @ residual - more + taken @ own_score) / size
+        error = size**-0.5
+        if readings is not None and len(readings) > 1:
+            moved = readings @ own / size
+            error = max(error, float(np.sqrt(moved @ moved / (len(moved) * (len(moved) - 1)))))
+        found.append(Alternative(value, error, -taken * value))
+    return found
 
 
 Bend = Callable[[Array], tuple[Array, Array]]

@@ -13,7 +13,7 @@ from rsgen.identification.fitting.observed import Observed
 from rsgen.law.element import Element
 from rsgen.law.numeric import ForceLaw
 
-__all__ = ["Problem", "is_systematic"]
+__all__ = ["MISSING_TERMS", "Problem", "is_systematic"]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -69,6 +69,9 @@ class Problem:
         measured = self.observed.points.measured if self.observed.phase_known else ()
         return tuple(h for h in measured if h in predicted)
 
+
+MISSING_TERMS = ("x*abs(x)", "x**3", "x**5", "v*abs(v)", "v**3", "sign(v)")
+"""What a law may lack: the commonest nonlinear springs and dampers; others are nearly made up of them."""
 
 # ----------------------------------------------------------------------------
 # Whether misfits have a pattern: those of neighbours go together where the law, not noise, makes them.

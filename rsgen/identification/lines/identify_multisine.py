@@ -26,11 +26,13 @@ from rsgen.identification.lines.line_fit import (
     parts_of_band,
     relative_to_force,
     start_values,
+    terms_beside,
     times_noise,
 )
 from rsgen.identification.results import EquivalentCurve, Estimate, Identification, Resonance
 from rsgen.identification.results.estimates import (
     damping_findings,
+    law_ambiguity,
     make_estimates,
     names_of,
     parameter_findings,
@@ -108,6 +110,8 @@ def identify_multisine(spectra: MultisineSpectra, model: Model) -> MultisineIden
 def _judge(spectra: MultisineSpectra, model: Model, fit: LineFit) -> MultisineIdentification:
     lines, law, part = fit.lines, fit.law, fit.lines.spectra
     covariance, freedom, wider = errors_of(fit)
+    ratio, ambiguous = law_ambiguity(terms_beside(fit), names_of(law, model), fit.parameters, covariance)
+    covariance = covariance * np.outer(ratio, ratio)
     misfit = relative_to_force(lines, np.abs(fit.balance.residual) ** 2)
     noise = relative_to_force(lines, fit.noise.variance)
     amplitudes = np.sqrt(2) * part.rms_response()
@@ -123,7 +127,7 @@ def _judge(spectra: MultisineSpectra, model: Model, fit: LineFit) -> MultisineId
     approximations = best_linear(part, model.observation.band)
     findings = [e.finding for e in estimates if e.finding is not None]
     findings += _sign_findings(fit, covariance if model.mass is None else None)
-    findings += _misfit_findings(fit, misfit, noise, wider)
+    findings += [*_misfit_findings(fit, misfit, noise, wider), *ambiguous]
     motion = Motion(np.full(len(part), part.omega0), part.mean_response)
     findings += damping_findings(law, motion, fit.values, estimates)
     findings += _damping_findings(fit, misfit, noise)

@@ -6,6 +6,7 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
+import sympy
 from numpy.typing import NDArray
 
 from rsgen.common.arrays import Array, ComplexArray
@@ -19,18 +20,22 @@ from rsgen.common.tolerances import (
     normal_share,
 )
 from rsgen.data.multisine.spectra import SMOOTHED, rms, smooth
+from rsgen.formula import parse
 from rsgen.identification.fitting.least_squares import (
+    Alternative,
     Linearisation,
     Regression,
+    alternatives,
     descend,
     determined,
     solve_scaled,
     summarise,
 )
+from rsgen.identification.fitting.problem import MISSING_TERMS
 from rsgen.identification.lines.line_balance import Balance, Lines, NoiseOfBalance
 from rsgen.identification.results.estimates import jackknife
 from rsgen.law.motion import Motion
-from rsgen.law.numeric import DECADES, ForceLaw, natural_sizes
+from rsgen.law.numeric import DECADES, ForceLaw, compile_law, natural_sizes
 
 __all__ = [
     "LineFit",
@@ -42,6 +47,7 @@ __all__ = [
     "parts_of_band",
     "relative_to_force",
     "start_values",
+    "terms_beside",
     "times_noise",
 ]
 
@@ -167,10 +173,14 @@ def fit_lines(lines: Lines, law: ForceLaw, given: float | None, values: Array, m
 
 def _bias(fit: LineFit, found: Regression) -> Array:
     """(q,) what noise in the slopes, which goes with that of the balance, adds to the estimate."""
+    return np.asarray(found.basis @ (found.basis.T @ _score(fit)))
+
+
+def _score(fit: LineFit) -> Array:
+    """(q,) what noise adds to the product of the slopes with the residual."""
     used = fit.lines.used
     weighted = np.moveaxis(fit.noise.together, 1, 2)[used] * (2 / fit.variance)[used][:, None]
-    score = weighted.sum(axis=0)[: len(fit.parameters)]
-    return np.asarray(found.basis @ (found.basis.T @ score))
+    return np.asarray(weighted.sum(axis=0)[: len(fit.parameters)])
 
 
 def errors_of(fit: LineFit) -> tuple[Array, int, float]:
@@ -198,6 +208,32 @@ def blocks_left_out(fit: LineFit) -> Array:
 def _beside_parameters(found: Regression, signal: Array) -> Array:
     """What the parameters do not take up of a signal (lines, 2)."""
     return np.asarray(signal - found.rows @ np.tensordot(found.rows, signal, ([0, 1], [0, 1])))
+
+
+def terms_beside(fit: LineFit) -> dict[str, Alternative]:
+    """Fit each term that the law may lack beside it, to first order, with what noise does to its slopes."""
+    names = [f"missing_term{i}" for i in range(len(MISSING_TERMS))]
+    terms = [parse(f"{name}*({term})") for name, term in zip(names, MISSING_TERMS, strict=True)]
+    law = compile_law(sympy.Add(fit.law.expression, *terms))
+    known = dict(zip(fit.law.parameters, fit.values, strict=True))
+    values = np.array([known.get(name, 0.0) for name in law.parameters])
+    noise = fit.balance.noise(fit.lines, law, values, fit.mass)
+    parameters = values if fit.given is not None else np.append(values, fit.mass)
+    whole = replace(fit, law=law, parameters=parameters, noise=noise)
+    line = whole.linearise(whole.parameters, whole.nuisance)
+    added = [law.parameters.index(name) for name in names]
+    kept = [i for i in range(len(parameters)) if i not in added]
+    matrix = line.by_parameter.reshape(line.residual.size, len(parameters))
+    weight = np.sqrt(2 / fit.variance)
+    readings = np.moveaxis(noise.apart * weight[:, None], 1, 2)[fit.lines.used]
+    found = alternatives(
+        line.residual.reshape(-1),
+        matrix[:, kept],
+        matrix[:, added],
+        _score(whole)[[*kept, *added]],
+        np.stack([readings.real, readings.imag], axis=1).reshape(line.residual.size, -1).T,
+    )
+    return dict(zip(MISSING_TERMS, found, strict=True))
 
 
 def _scatter_of_periods(fit: LineFit, covariance: Array) -> Array:

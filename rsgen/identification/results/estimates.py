@@ -20,10 +20,13 @@ from numpy.typing import NDArray
 
 from rsgen.common.arrays import Array
 from rsgen.common.errors import RsgenError
-from rsgen.common.finding import Finding, Quantity, quantities
+from rsgen.common.finding import Finding, Quantity, Severity, quantities
 from rsgen.common.tolerances import (
+    CHANCE,
     CONFIDENCE,
+    ERRORS,
     GROUPS,
+    LARGE,
     NULL_PART,
     ROUND_OFF,
     SAME_NUMBER,
@@ -36,7 +39,7 @@ from rsgen.common.tolerances import (
 from rsgen.data.oscillator import Model
 from rsgen.formula.units import parameter_units, per_mass_unit
 from rsgen.identification.fitting.fit import Solution
-from rsgen.identification.fitting.least_squares import Regression
+from rsgen.identification.fitting.least_squares import Alternative, Regression
 from rsgen.identification.fitting.observed import Observed
 from rsgen.identification.fitting.points import Points
 from rsgen.identification.results.result import Background, Estimate
@@ -51,6 +54,7 @@ __all__ = [
     "compare_parts",
     "damping_findings",
     "jackknife",
+    "law_ambiguity",
     "make_estimates",
     "names_of",
     "parameter_findings",
@@ -482,3 +486,41 @@ class Agreement:
         wider = self.wider[: len(found.covariance)]
         covariance = found.covariance * np.outer(wider, wider)
         return replace(found, covariance=covariance, freedom=self.freedom)
+
+
+def law_ambiguity(
+    others: Mapping[str, Alternative], names: Sequence[str], values: Array, covariance: Array
+) -> tuple[Array, list[Finding]]:
+    """Widen errors by what terms that the law may lack would move, where the test calls for them.
+
+    An interval that rests on one law says nothing of the choice of the law. Where a term beside it stands
+    out of the noise, the variance is that of the noise and the square of the shift: what alternatives
+    differ by (Buckland, Burnham and Augustin, Biometrics 53, 1997).
+
+    Parameters
+    ----------
+    others
+        Terms beside the law, each fitted to first order.
+    names, values, covariance
+        (q,), (q,) and (q, q) of the parameters.
+
+    Returns
+    -------
+    ratio, findings
+        (q,) by which standard errors grow, and what is said of the term that stands out most.
+    """
+    clear = {term: one for term, one in others.items() if one.gain > CHANCE**2}
+    spread = np.sqrt(np.diag(covariance))
+    if not clear or not np.isfinite(spread).any():
+        return np.ones(len(values)), []
+    shift = np.abs([one.shift for one in clear.values()]).max(axis=0)
+    known = np.isfinite(spread) & (spread > 0)
+    ratio = np.where(known, np.hypot(1, shift / np.where(known, spread, 1.0)), 1.0)
+    term, best = max(clear.items(), key=lambda item: item[1].gain)
+    share = np.where(known & (np.abs(best.shift) > ERRORS * spread), best.shift / values, 0.0)
+    worst = int(np.argmax(np.abs(share)))
+    if not share[worst]:
+        return ratio, []
+    severity: Severity = "doubt" if abs(share[worst]) > LARGE else "warning"
+    numbers = quantities(errors=np.sqrt(best.gain), moved=share[worst])
+    return ratio, [Finding("law-ambiguous", severity, names[worst], numbers, {"term": term})]

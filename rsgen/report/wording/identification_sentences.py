@@ -44,6 +44,10 @@ say_plainly(
             "{parameter}: an even force changes the fundamental only by the square of its size, and the test "
             "is fitted as well without it; record the mean or the second harmonic"
         ),
+        "law-ambiguous": (
+            "a term {term} beside the law stands out of the noise by {errors:.2g} standard errors, and would "
+            "move {parameter} by {moved:.2p}; the intervals hold what such terms move"
+        ),
         "even-force-missing": (
             "the mean and the even harmonics that were recorded contradict a law that is the same on both "
             "sides: a force {term} stands out of their noise by {errors:.2g} standard errors, and is "
@@ -192,6 +196,10 @@ NEXT_STEPS.update(
         "mass-contradicted": (
             "Weigh again, and check the frequency axis and the factors of force and response; or leave the "
             "mass out, so that it is identified."
+        ),
+        "law-ambiguous": (
+            "Identify with the term as well, and with others in its place (rsgen rank); more levels, and "
+            "higher ones, tell them apart."
         ),
         "even-force-missing": (
             "Add an even term to the law, such as k2*x**2, or a stop on one side; where the sensor has an "
