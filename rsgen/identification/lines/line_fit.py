@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rsgen.common.arrays import Array, ComplexArray
+from rsgen.common.scaled_columns import solve_scaled
 from rsgen.common.tolerances import (
     CHANCE,
     EXCESS,
@@ -24,7 +25,6 @@ from rsgen.identification.fitting.least_squares import (
     Regression,
     descend,
     determined,
-    solve_scaled,
     summarise,
 )
 from rsgen.identification.lines.line_balance import Balance, Lines, NoiseOfBalance

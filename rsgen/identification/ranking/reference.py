@@ -22,6 +22,7 @@ from rsgen.common.tolerances import (
     SIGMAS,
     TRIAL_STEPS,
 )
+from rsgen.data.free_mode import Kinematics, fit_mode
 from rsgen.data.oscillator import Oscillator
 from rsgen.dynamics.steady_state import SteadyStates, solve_steady_states
 from rsgen.identification.fitting.fit import Fit, fit_balance
@@ -117,26 +118,10 @@ def first_rows(observed: Observed, background: Array, law: ForceLaw, mass: float
     """
     motion = measured_motion(observed, background)
     points = observed.points
-    # F/X = k - m omega^2 + i omega c, relative to its size
-    stiffness = motion.force / motion.harmonics[:, 1]
-    zero, one = np.zeros(len(points)), np.ones(len(points))
-    columns = [np.stack([zero, points.omega]), np.stack([one, zero])]
-    right = np.stack([stiffness.real, stiffness.imag])
-    if mass is None:
-        columns.append(np.stack([-(points.omega**2), zero]))
-    else:
-        right[0] += mass * points.omega**2
-    matrix = (np.stack(columns, axis=2) / np.abs(stiffness)[:, None]).reshape(-1, len(columns))
-    found, *_ = np.linalg.lstsq(matrix, (right / np.abs(stiffness)).ravel(), rcond=None)
-    inertia = float(found[2]) if mass is None else mass
-    return make_rows(
-        motion,
-        law,
-        np.array(found[:2], dtype=np.float64),
-        inertia,
-        np.ones(2),
-        balanced=False,
-    )
+    steady = Kinematics.steady(motion.harmonics[:, 1], points.omega)
+    one = np.ones((len(points), 1))
+    found = fit_mode(motion.force, steady, one, 1 / np.abs(motion.force), mass=mass)
+    return make_rows(motion, law, found.values[[1, 0]], found.mass, np.ones(2), balanced=False)
 
 
 def follow(observed: Observed, best: Guess, mass: float | None) -> Reference | None:
