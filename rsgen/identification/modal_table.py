@@ -53,6 +53,7 @@ from rsgen.identification.modal_result import (
 )
 from rsgen.identification.results.estimates import Agreement, state_background
 from rsgen.identification.starting.start import start_fit
+from rsgen.law.motion import feeds_exciter
 from rsgen.law.numeric import compile_law
 
 __all__ = ["ModeProblem", "SeenMode", "choose_splines", "fit_splines", "modal_table"]
@@ -354,7 +355,7 @@ def _see(points: Points, model: Model, *, phase_known: bool) -> SeenMode:
             f"modal table: {np.count_nonzero(near)} points lie within 45 degrees of resonance; "
             f"at least {FEWEST} are needed"
         )
-    if np.median(np.sign(stiffness.imag[near])) < 0:
+    if feeds_exciter(mode.force[near], mode.harmonics[near, 1]):
         raise RsgenError(
             "modal table: near resonance the response leads the force, so that the structure would feed the "
             "exciter; look at the sign, sense and quantity of the response"

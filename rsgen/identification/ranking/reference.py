@@ -39,7 +39,7 @@ from rsgen.identification.ranking.balance import (
 )
 from rsgen.identification.ranking.fitting import Fitted, Guess, fit_rows
 from rsgen.law.element import Element
-from rsgen.law.motion import Motion, cycle_work
+from rsgen.law.motion import Motion, feeds_exciter
 from rsgen.law.numeric import ForceLaw
 
 __all__ = [
@@ -99,9 +99,8 @@ class Reference:
 
     @property
     def feeds(self) -> bool:
-        """Whether the structure works on the exciter at most points."""
-        work = cycle_work(self.motion.force, self.motion.harmonics[:, 1])
-        return bool(np.mean(work <= 0) > 0.5)
+        """Whether the structure works on the exciter."""
+        return feeds_exciter(self.motion.force, self.motion.harmonics[:, 1])
 
 
 def first_rows(observed: Observed, background: Array, law: ForceLaw, mass: float | None) -> Rows:
