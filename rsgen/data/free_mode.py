@@ -19,7 +19,7 @@ from rsgen.common.arrays import Array, Chosen, ComplexArray
 from rsgen.common.scaled_columns import solve_scaled
 from rsgen.common.tolerances import POINTS_A_KNOT
 
-__all__ = ["FreeMode", "Kinematics", "estimate_mass", "fit_mode", "fit_powers", "hats"]
+__all__ = ["FreeMode", "Kinematics", "estimate_mass", "fit_mode", "fit_powers", "hats", "steady"]
 
 _KNOTS = 32
 """Most knots of piecewise linear curves: ten a decade follow the onset of every slider of a joint."""
@@ -45,11 +45,6 @@ class Kinematics:
     velocity: ComplexArray
     acceleration: ComplexArray
 
-    @classmethod
-    def steady(cls, displacement: ComplexArray, omega: Array) -> Kinematics:
-        """Those of steady motions at (n,) frequencies [rad/s]."""
-        return cls(displacement, 1j * omega * displacement, -(omega**2) * displacement)
-
     @property
     def omega(self) -> Array:
         """(n,) angular frequency of the steady motion with this acceleration [rad/s].
@@ -69,6 +64,12 @@ class Kinematics:
     def joined(cls, parts: Sequence[Kinematics]) -> Kinematics:
         """Put points one after the other."""
         return cls(*(np.concatenate([getattr(p, entry.name) for p in parts]) for entry in fields(cls)))
+
+
+def steady(force: ComplexArray, response: ComplexArray, omega: Array) -> tuple[ComplexArray, Kinematics]:
+    """Force (n,) in the time of the response of steady motions, and these, exactly real or imaginary."""
+    size = np.abs(response).astype(np.complex128)
+    return force * np.exp(-1j * np.angle(response)), Kinematics(size, 1j * omega * size, -(omega**2) * size)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -137,22 +138,34 @@ def fit_mode(
     columns = np.column_stack([shapes * part[:, None] for part in (motion.displacement, *rates)] + free)
     right = (force if mass is None else force - mass * motion.acceleration) * weight
     columns = columns * weight[:, None]
-    matrix = np.concatenate([columns.real, columns.imag])
-    values, inverse, null = solve_scaled(matrix, np.concatenate([right.real, right.imag]))
-    left = right - columns @ values
-    count, error = shapes.shape[1], 0.0
-    if mass is None:
-        freedom = max(len(matrix) - len(values), 1)
-        error = float(np.hypot.reduce(inverse[-1]) * np.linalg.norm(left) / np.sqrt(freedom))
+    values, errors, missing = _solve(columns, right)
+    count = shapes.shape[1]
     return FreeMode(
         values,
         shapes @ values[:count],
         shapes @ values[count : 2 * count],
-        float(values[-1]) if mass is None else mass,
-        error,
-        left,
-        null.shape[1],
+        *((float(values[-1]), float(errors[-1])) if mass is None else (mass, 0.0)),
+        right - columns @ values,
+        missing,
     )
+
+
+def _solve(columns: ComplexArray, right: ComplexArray) -> tuple[Array, Array, int]:
+    """Real values (q,), their errors, and how many directions are not told; of what is apart, each alone."""
+    count, imaginary = columns.shape[1], np.any(columns.imag, axis=0)
+    parts = [(~imaginary, columns.real, right.real), (imaginary, columns.imag, right.imag)]
+    if np.any(columns.real[:, imaginary]):
+        matrix = np.concatenate([columns.real, columns.imag])
+        parts = [(np.ones(count, dtype=bool), matrix, np.concatenate([right.real, right.imag]))]
+    values, errors, missing = np.zeros(count), np.zeros(count), 0
+    for chosen, matrix, target in parts:
+        matrix = matrix[:, chosen]
+        values[chosen], inverse, null = solve_scaled(matrix, target)
+        left = np.linalg.norm(target - matrix @ values[chosen])
+        freedom = max(len(target) - matrix.shape[1], 1)
+        errors[chosen] = np.hypot.reduce(inverse, axis=1) * left / np.sqrt(freedom)
+        missing += null.shape[1]
+    return values, errors, missing
 
 
 def fit_powers(
@@ -171,7 +184,7 @@ def fit_powers(
     size = np.maximum(np.abs(response), np.finfo(float).tiny ** 0.25)
     shapes = np.stack([size**power for power in powers], axis=1)
     mass = None if mass is None else mass * largest
-    return fit_mode(force, Kinematics.steady(response, omega), shapes, weight, mass=mass)
+    return fit_mode(*steady(force, response, omega), shapes, weight, mass=mass)
 
 
 def hats(amplitude: Array) -> Array:

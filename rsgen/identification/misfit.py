@@ -27,7 +27,7 @@ from rsgen.common.tolerances import (
     TAKEN,
     t_quantile,
 )
-from rsgen.data.free_mode import Kinematics, fit_mode, hats
+from rsgen.data.free_mode import fit_mode, hats, steady
 from rsgen.data.oscillator import OFFSET
 from rsgen.data.surface import ResponseSurface
 from rsgen.identification.fitting.across import law_of
@@ -203,8 +203,7 @@ def free_curves_leave(fit: Fit, points: Points) -> float:
     response, weight = points.harmonics[:, 1], 1 / np.abs(points.force)
     missed = points.force - predicted * response
     free = fit_mode(
-        missed,
-        Kinematics.steady(response, points.omega),
+        *steady(missed, response, points.omega),
         hats(points.amplitude),
         weight,
         mass=None if fit.problem.given is None else 0.0,

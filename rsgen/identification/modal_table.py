@@ -21,7 +21,7 @@ from rsgen.common.arrays import Array
 from rsgen.common.errors import RsgenError, require
 from rsgen.common.finding import Finding, quantities
 from rsgen.common.tolerances import ANY_LAW, DAMPED, EXCESS, LIGHT, NOISY, NORMAL, POOR, ROUND_OFF, ROUNDS
-from rsgen.data.free_mode import Kinematics, fit_mode
+from rsgen.data.free_mode import fit_mode, steady
 from rsgen.data.oscillator import Model, Observation
 from rsgen.data.surface import ResponseSurface, typical_amounts, without_copies
 from rsgen.data.surface.response_surface import HALF_POWER
@@ -155,8 +155,7 @@ class ModeProblem:
         """Parameters of the linear balance beside the background, and their corrected AIC, or BIC."""
         mode = self.seen.mode
         found = fit_mode(
-            mode.force,
-            Kinematics.steady(mode.harmonics[:, 1], mode.omega),
+            *steady(mode.force, mode.harmonics[:, 1], mode.omega),
             self.basis(mode.amplitude)[0],
             1 / np.abs(mode.force),
             mass=self.given,

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rsgen.common.arrays import Array
-from rsgen.data.free_mode import Kinematics, estimate_mass
+from rsgen.data.free_mode import estimate_mass, steady
 from rsgen.identification.fitting.fit import Solution
 from rsgen.identification.fitting.points import Points
 from rsgen.identification.fitting.repeats import JUMP
@@ -145,8 +145,7 @@ def _reached(real: Array, omega: Array, near: int, mass: float) -> bool:
 
 def _mass_of(points: Points) -> tuple[float, float]:
     """Mass and its standard error: slope of the inverse receptance over omega^2 at the same amplitude."""
-    motion = Kinematics.steady(points.harmonics[:, 1], points.omega)
-    found = estimate_mass(points.force, motion)
+    found = estimate_mass(*steady(points.force, points.harmonics[:, 1], points.omega))
     return (found.mass, found.mass_error) if found is not None and found.mass > 0 else (np.nan, np.nan)
 
 

@@ -5,7 +5,7 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 
-from rsgen.data.free_mode import Kinematics, estimate_mass
+from rsgen.data.free_mode import estimate_mass, steady
 from rsgen.data.surface import ResponseSurface
 from rsgen.identification.fitting.points import select_points
 from rsgen.identification.resonance import find_resonances
@@ -21,7 +21,7 @@ INTERPOLATED = 1e-3
 
 def test_linear_structure_has_one_resonance_at_every_level(surface_of: SurfaceOf) -> None:
     points = select_points(surface_of("cubic", values=LINEAR), model("cubic"))
-    found = estimate_mass(points.force, Kinematics.steady(points.harmonics[:, 1], points.omega))
+    found = estimate_mass(*steady(points.force, points.harmonics[:, 1], points.omega))
     assert found is not None
     mass = found.mass
     assert mass == pytest.approx(1.5, rel=1e-6)
@@ -59,5 +59,5 @@ def test_levels_that_miss_the_resonance_have_none(surface_of: SurfaceOf) -> None
 def test_tests_at_one_frequency_draw_no_line(surface_of: SurfaceOf) -> None:
     points = select_points(surface_of("cubic"), model("cubic"))
     response = points.harmonics[:, 1]
-    assert estimate_mass(points.force, Kinematics.steady(response, points.omega)) is not None
-    assert estimate_mass(points.force, Kinematics.steady(response, np.full(len(points), 60.0))) is None
+    assert estimate_mass(*steady(points.force, response, points.omega)) is not None
+    assert estimate_mass(*steady(points.force, response, np.full(len(points), 60.0))) is None

@@ -21,7 +21,7 @@ from rsgen.common.errors import MeasurementError
 from rsgen.common.finding import Finding
 from rsgen.common.text_table import short
 from rsgen.common.tolerances import CHANCE
-from rsgen.data.free_mode import Kinematics, fit_mode
+from rsgen.data.free_mode import fit_mode, steady
 from rsgen.data.multisine.spectra import MultisineSpectra, rms, scatter, smooth
 from rsgen.data.surface.plausibility import Sizes, size_findings
 
@@ -336,7 +336,7 @@ def _mode(
     for _ in range(_ROUNDS):
         # each line divided by its last dynamic stiffness: errors then count in G
         scale = np.sqrt(weight * power) / np.abs(predicted)
-        found = fit_mode(np.ones_like(receptance), Kinematics.steady(receptance, omega), one, scale)
+        found = fit_mode(*steady(np.ones_like(receptance), receptance, omega), one, scale)
         stiffness, damping, mass = found.values
         predicted = stiffness - mass * omega**2 + 1j * omega * damping
     if not (stiffness > 0 and mass > 0):

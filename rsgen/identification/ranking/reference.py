@@ -22,7 +22,7 @@ from rsgen.common.tolerances import (
     SIGMAS,
     TRIAL_STEPS,
 )
-from rsgen.data.free_mode import Kinematics, fit_mode
+from rsgen.data.free_mode import fit_mode, steady
 from rsgen.data.oscillator import Oscillator
 from rsgen.dynamics.steady_state import SteadyStates, solve_steady_states
 from rsgen.identification.fitting.fit import Fit, fit_balance
@@ -117,9 +117,8 @@ def first_rows(observed: Observed, background: Array, law: ForceLaw, mass: float
     """
     motion = measured_motion(observed, background)
     points = observed.points
-    steady = Kinematics.steady(motion.harmonics[:, 1], points.omega)
-    one = np.ones((len(points), 1))
-    found = fit_mode(motion.force, steady, one, 1 / np.abs(motion.force), mass=mass)
+    balance = steady(motion.force, motion.harmonics[:, 1], points.omega)
+    found = fit_mode(*balance, np.ones((len(points), 1)), 1 / np.abs(motion.force), mass=mass)
     return make_rows(motion, law, found.values[[1, 0]], found.mass, np.ones(2), balanced=False)
 
 

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from rsgen.common.arrays import Array
 from rsgen.common.errors import RsgenError
 from rsgen.common.tolerances import CHANCE, POINTS_A_KNOT
-from rsgen.data.free_mode import Kinematics, estimate_mass
+from rsgen.data.free_mode import estimate_mass, steady
 from rsgen.data.oscillator import Model
 from rsgen.data.surface import ResponseSurface
 from rsgen.describing import derive
@@ -127,8 +127,8 @@ def mass_of(surface: ResponseSurface) -> float:
     used = surface.settled & (surface.amplitude > 0) & np.isfinite(surface.force)
     found = None
     if surface.phase_known:
-        motion = Kinematics.steady(surface.harmonics[used, 1], surface.omega[used])
-        found = estimate_mass(surface.force[used], motion)
+        chosen = surface.select(used)
+        found = estimate_mass(*steady(chosen.force, chosen.harmonics[:, 1], chosen.omega))
     if found is None:
         few = 2 * POINTS_A_KNOT
         raise RsgenError(f"mass: is missing; {few} settled points with phases are needed to read it")
