@@ -27,7 +27,7 @@ from rsgen.data.oscillator import Oscillator
 from rsgen.dynamics.steady_state import SteadyStates, solve_steady_states
 from rsgen.identification.fitting.fit import Fit, fit_balance
 from rsgen.identification.fitting.observed import Observed
-from rsgen.identification.fitting.problem import Problem
+from rsgen.identification.fitting.problem import Problem, neighbour_power
 from rsgen.identification.fitting.simulator import go_on
 from rsgen.identification.ranking.balance import (
     NEAR,
@@ -274,9 +274,8 @@ def neighbour_noise(
     if not len(pairs):
         unknown = np.full((residual.shape[1] + 1) // 2, np.nan)
         return unknown, unknown
-    one, other = residual[pairs[:, 0]], residual[pairs[:, 1]]
-    total = np.mean(one**2 + other**2, axis=0) / 2
-    apart = np.mean((one - other) ** 2, axis=0) / 2
+    total, shared = neighbour_power(residual, pairs)
+    apart = total - shared
     inner = np.flatnonzero(pairs[:-1, 1] == pairs[1:, 0])
     if len(inner):
         left, middle, right = (residual[rows] for rows in (*pairs[inner].T, pairs[inner + 1, 1]))
