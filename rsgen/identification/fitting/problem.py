@@ -109,6 +109,6 @@ def neighbour_power(residual: Array, pairs: NDArray[np.intp]) -> tuple[Array, Ar
 
 
 def beyond_chance(correlation: Any, numbers: Any) -> NDArray[np.bool_]:
-    """Whether so many numbers go together as noise hardly does; atanh r is normal (Fisher, Metron 1, 1921)."""
+    """Whether so many numbers go together as noise hardly does: atanh r is normal (Fisher, Metron, 1921)."""
     chance = np.tanh(CHANCE / np.sqrt(np.maximum(numbers - 3, 1e-300)))
     return np.asarray(correlation > np.maximum(_SYSTEMATIC, chance))
