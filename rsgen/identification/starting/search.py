@@ -18,7 +18,7 @@ from rsgen.common.tolerances import SIGNIFICANT, TRIALS, UNCHANGED
 from rsgen.identification.starting.equations import Equations, equation_rows, rows_of_trials
 from rsgen.law.numeric import DECADES, ForceLaw, natural_sizes
 
-__all__ = ["descend", "search_nonlinear", "search_values", "spread_trials"]
+__all__ = ["search_nonlinear", "search_values"]
 
 
 _CHANGED = 1e-3
@@ -83,7 +83,7 @@ def search_nonlinear(equations: Equations, law: ForceLaw, mass: float | None, be
     if begin is not None and np.all(np.isfinite(begin) & (begin != 0)):
         return search.scaled(search.polish(search.pinned(begin))[0])
     windows = [search.admitted(i) for i in range(len(law.nonlinear))]
-    trials = spread_trials(windows, TRIALS, positive=_POSITIVE if law.remembers else 0)
+    trials = _spread_trials(windows, TRIALS, positive=_POSITIVE if law.remembers else 0)
     costs = search.costs(trials)
     order = np.argsort(costs, kind="stable")
     best = trials[order[0]]
@@ -316,7 +316,7 @@ class _Search:
     def polish(self, start: Array, *, coarse: bool = False) -> tuple[Array, float]:
         """Descend from one trial in the logarithms of the parameters; signs stay."""
         residual = partial(self.residual, coarse=coarse)
-        return descend(residual, start, self.free, to=1e-6 if coarse else 1e-10)
+        return _downhill(residual, start, self.free, to=1e-6 if coarse else 1e-10)
 
 
 def _apart(shape: Array | None, other: Array | None) -> bool:
@@ -326,7 +326,7 @@ def _apart(shape: Array | None, other: Array | None) -> bool:
     return bool(np.max(np.abs(np.abs(shape) - np.abs(other))) > _CHANGED)
 
 
-def spread_trials(windows: Sequence[Array], count: int, *, positive: int = 0) -> Array:
+def _spread_trials(windows: Sequence[Array], count: int, *, positive: int = 0) -> Array:
     """All values of one parameter, or a low-discrepancy sample of several, the first of them positive."""
     if sum(len(window) > 2 for window in windows) <= 1:
         return np.array(list(product(*windows)))
@@ -344,7 +344,7 @@ def spread_trials(windows: Sequence[Array], count: int, *, positive: int = 0) ->
     return trials
 
 
-def descend(
+def _downhill(
     residual: Callable[[Array], Array], start: Array, free: Sequence[int], *, to: float = 1e-10
 ) -> tuple[Array, float]:
     """Descend from one trial in the logarithms of the free parameters; signs stay. The end, and its squares.
@@ -375,11 +375,11 @@ def descend(
 
 def search_values(residual: Callable[[Array], Array], windows: Sequence[Array], count: int) -> Array:
     """Search parameters in their windows: the best end of descents from the best of so many trials."""
-    trials = spread_trials(windows, count)
+    trials = _spread_trials(windows, count)
     costs = [float(np.sum(residual(trial) ** 2)) for trial in trials]
     starts = _distinct(trials[np.argsort(costs, kind="stable")], _ENDS)
     free = range(len(windows))
-    return min((descend(residual, start, free) for start in starts), key=lambda end: end[1])[0]
+    return min((_downhill(residual, start, free) for start in starts), key=lambda end: end[1])[0]
 
 
 def _distinct(ordered: Array, most: int) -> list[Array]:
