@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from rsgen.common.arrays import Array, ComplexArray
 from rsgen.common.errors import MeasurementError, RsgenError
 from rsgen.common.finding import Finding, quantities
+from rsgen.data.free_mode import fit_mode, steady
 from rsgen.data.history import (
     TimeHistory,
     from_free_decay,
@@ -186,25 +187,20 @@ def _power(surface: ResponseSurface) -> float:
 
 
 @np.errstate(all="ignore")
-def _slope(surface: ResponseSurface) -> float:
-    """Correlate the real part of the dynamic stiffness with the square of the frequency, level by level.
+def _rises(surface: ResponseSurface) -> bool:
+    """Whether the real part of the dynamic stiffness rises with the square of the frequency at most levels.
 
     Numbers that no test has may overflow; then nothing is concluded from them.
     """
-    stiffness = surface.force / surface.harmonics[:, 1]
-    weight = 1 / np.abs(stiffness) ** 2
-    square = surface.frequency**2
-    products = np.zeros(3)
-    for level in np.unique(surface.level):
-        at = surface.level == level
-        if np.count_nonzero(at) < _FEWEST_FOR_PASSIVITY:
-            continue
-        w = weight[at] / weight[at].sum()
-        x = square[at] - w @ square[at]
-        y = stiffness.real[at] - w @ stiffness.real[at]
-        products += w @ (x * y), w @ x**2, w @ y**2
-    scale = float(np.sqrt(products[1] * products[2]))
-    return float(products[0]) / scale if scale > 0 else 0.0
+    _, level, count = np.unique(surface.level, return_inverse=True, return_counts=True)
+    chosen = surface.select(count[level] >= _FEWEST_FOR_PASSIVITY)
+    if not len(chosen):
+        return False
+    levels = (chosen.level[:, None] == np.unique(chosen.level)).astype(float)
+    balance = steady(chosen.force, chosen.harmonics[:, 1], chosen.omega)
+    fits = [fit_mode(*balance, levels, 1 / np.abs(chosen.force), mass=mass) for mass in (None, 0.0)]
+    left, whole = (float(np.sum(found.left.real**2)) for found in fits)
+    return fits[0].mass < 0 and left < (1 - _RISES**2) * whole
 
 
 def passivity_findings(surface: ResponseSurface, sense: str | None, quantity: str) -> tuple[Finding, ...]:
@@ -230,7 +226,7 @@ def passivity_findings(surface: ResponseSurface, sense: str | None, quantity: st
         harmonics=chosen.harmonics / np.max(np.abs(chosen.harmonics[:, 1])),
         frequency=chosen.frequency / np.max(chosen.frequency),
     )
-    fed, rises = _power(chosen) < _FED, _slope(chosen) > _RISES
+    fed, rises = _power(chosen) < _FED, _rises(chosen)
     if not (fed or rises):
         return ()
     names = {"against": " and ".join(["power"] * fed + ["mass"] * rises)}

@@ -21,9 +21,10 @@ from rsgen.identification.lines.identify_multisine import identify_multisine
 from rsgen.identification.mass_ratios import identify_ratios
 from rsgen.identification.prediction import judge_held_out
 from rsgen.identification.results import Identification, changed
-from rsgen.identification.soundness import feeds_exciter, runs_away
+from rsgen.identification.soundness import runs_away
 from rsgen.identification.starting.start import start_fit
 from rsgen.law import LawLike
+from rsgen.law.motion import feeds_exciter
 
 __all__ = ["fit_all_harmonics", "identify"]
 
@@ -59,7 +60,8 @@ def fit_all_harmonics(problem: Problem, start: Array) -> Fit:
         # only the measured motion across is known, and no steady state is asked for
         return found
     # a law that feeds energy settles nowhere, and one that misses by far is not mended by exact corners
-    feeds = observed.phase_known and feeds_exciter(observed.mode(found.background))
+    mode = observed.mode(found.background)
+    feeds = observed.phase_known and feeds_exciter(mode.force, mode.harmonics[:, 1])
     if problem.law.mean_free:
         # the simulator's motions drift where nothing holds their mean; loops are the same wherever they lie
         return _add_harmonics(found)

@@ -57,7 +57,6 @@ from rsgen.identification.results.estimates import (
 from rsgen.identification.soundness import (
     aside_findings,
     feeding_findings,
-    feeds_exciter,
     left_out_findings,
     limit_findings,
     misfit_across_findings,
@@ -66,7 +65,7 @@ from rsgen.identification.soundness import (
 )
 from rsgen.identification.starting.start import with_phase
 from rsgen.law.element import law_remarks
-from rsgen.law.motion import Motion
+from rsgen.law.motion import Motion, feeds_exciter
 from rsgen.law.numeric import ForceLaw
 
 __all__ = ["Findings", "Prepared", "judge", "prepare", "repeat_findings"]
@@ -209,7 +208,7 @@ class Findings:
         found += of_one_mode(self.surface.findings, self.points, misfit)
         if not self.surface.phase_known:
             found.append(Finding("phase-not-recorded", "info"))
-        elif feeds_exciter(self.points) and not any(
+        elif feeds_exciter(self.points.force, self.points.harmonics[:, 1]) and not any(
             f.code in ("base-misread", "base-scaled") for f in self.surface.findings
         ):
             found.append(Finding("structure-feeds-exciter", "error"))

@@ -16,13 +16,13 @@ import numpy as np
 
 from rsgen.common.arrays import Array
 from rsgen.common.finding import Finding, Quantity, quantities
+from rsgen.common.scaled_columns import solve_scaled
 from rsgen.common.tolerances import DAMPED, LIGHT, samples_for
 from rsgen.data.oscillator import Model
 from rsgen.data.surface import ResponseSurface
 from rsgen.data.surface.plausibility import plausibility_findings
 from rsgen.formula.units import per_mass_unit
 from rsgen.identification.fitting.across import law_of
-from rsgen.identification.fitting.least_squares import solve_scaled
 from rsgen.identification.fitting.points import (
     Points,
     assumed_mass,

@@ -27,14 +27,15 @@ from rsgen.common.tolerances import (
     TAKEN,
     t_quantile,
 )
+from rsgen.data.free_mode import fit_mode, hats, steady
 from rsgen.data.oscillator import OFFSET
 from rsgen.data.surface import ResponseSurface
 from rsgen.identification.fitting.across import law_of
 from rsgen.identification.fitting.fit import Fit, fit_balance
-from rsgen.identification.fitting.least_squares import Regression, solve_scaled
+from rsgen.identification.fitting.least_squares import Regression
 from rsgen.identification.fitting.observed import Observed
 from rsgen.identification.fitting.points import Points
-from rsgen.identification.fitting.problem import Problem, is_systematic
+from rsgen.identification.fitting.problem import MISSING_TERMS, Problem, is_systematic
 from rsgen.identification.results import Resonance
 from rsgen.identification.starting.start import is_hidden, records_even
 from rsgen.law.element import make_element
@@ -54,13 +55,6 @@ __all__ = [
 
 _TELLING = 16
 """Points below which a pattern may not show: a damper missed by 5 % is found from here on, not at 12."""
-
-_TERMS = ("x*abs(x)", "x**3", "x**5", "v*abs(v)", "v**3", "sign(v)")
-"""Terms that are tried: the commonest nonlinear springs and dampers; others are nearly made up of them."""
-
-_KNOTS = (2, 32)
-"""Fewest and most amplitudes, evenly spaced by ratio, between which free curves of amplitude are straight:
-ten a decade follow the onset of every slider of a joint."""
 
 _OTHERWISE = frozenset({"another-quantity", "base-misread", "base-scaled", "not-passive"})
 """Findings about sign or quantity of the response: what a background takes up then is no other mode."""
@@ -154,7 +148,7 @@ def _missing_term(fit: Fit) -> tuple[str, float]:
     problem = fit.problem.select(chosen)
     values, mass, background = problem.split(fit.regression.parameters)
     left: dict[str, float] = {}
-    for term in ("", *_TERMS):
+    for term in ("", *MISSING_TERMS):
         law = law_with(problem, term)
         known = dict(zip(problem.law.parameters, values, strict=True))
         start = np.array([known.get(name, 0.0) for name in law.parameters])
@@ -200,21 +194,20 @@ def free_curves_leave(fit: Fit, points: Points) -> float:
     """
     predicted = fit.force / fit.harmonics[:, 1]
     good = fit.regression.used & np.isfinite(predicted)
-    knots = int(np.count_nonzero(good)) // POINTS_A_KNOT
-    if knots < _KNOTS[0]:
+    if np.count_nonzero(good) < 2 * POINTS_A_KNOT:
         return np.inf
-    knots = min(knots, _KNOTS[1])
-    omega, relative = points.omega[good], (points.harmonics[:, 1] / np.abs(points.force))[good]
-    missed = (points.force / np.abs(points.force))[good] - predicted[good] * relative
-    size = np.log(points.amplitude[good])
-    place = (size - size.min()) / max(float(np.ptp(size)), NOTICEABLE) * (knots - 1)
-    hats = np.maximum(0.0, 1 - np.abs(place[:, None] - np.arange(knots))) * relative[:, None]
-    mass = -(omega**2) * relative * (fit.problem.given is None)
-    columns = np.column_stack([hats, 1j * omega[:, None] * hats, 1j * hats, mass])
-    matrix, right = np.concatenate([columns.real, columns.imag]), np.concatenate([missed.real, missed.imag])
-    left = right - matrix @ solve_scaled(matrix, right)[0]
-    freedom = len(right) - matrix.shape[1]
-    return float(np.sqrt(np.sum(left**2) / freedom / np.mean(right**2)))
+    points, predicted = points.select(good), predicted[good]
+    response, weight = points.harmonics[:, 1], 1 / np.abs(points.force)
+    missed = points.force - predicted * response
+    free = fit_mode(
+        *steady(missed, response, points.omega),
+        hats(points.amplitude),
+        weight,
+        mass=None if fit.problem.given is None else 0.0,
+        orders=(1, 0),
+    )
+    share = np.sum(np.abs(free.left) ** 2) / np.sum(np.abs(weight * missed) ** 2)
+    return float(np.sqrt(share / (1 - len(free.values) / (2 * len(missed)))))
 
 
 def _with_backgrounds(fit: Fit) -> dict[str, Fit]:

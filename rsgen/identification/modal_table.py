@@ -21,12 +21,13 @@ from rsgen.common.arrays import Array
 from rsgen.common.errors import RsgenError, require
 from rsgen.common.finding import Finding, quantities
 from rsgen.common.tolerances import ANY_LAW, DAMPED, EXCESS, LIGHT, NOISY, NORMAL, POOR, ROUND_OFF, ROUNDS
+from rsgen.data.free_mode import fit_mode, steady
 from rsgen.data.oscillator import Model, Observation
 from rsgen.data.surface import ResponseSurface, typical_amounts, without_copies
 from rsgen.data.surface.response_surface import HALF_POWER
 from rsgen.identification.fitting.descent import Descent
 from rsgen.identification.fitting.fit import fit_balance
-from rsgen.identification.fitting.least_squares import Regression, fit, solve_scaled
+from rsgen.identification.fitting.least_squares import Regression, fit
 from rsgen.identification.fitting.observed import Observed
 from rsgen.identification.fitting.points import (
     FEWEST,
@@ -52,6 +53,7 @@ from rsgen.identification.modal_result import (
 )
 from rsgen.identification.results.estimates import Agreement, state_background
 from rsgen.identification.starting.start import start_fit
+from rsgen.law.motion import feeds_exciter
 from rsgen.law.numeric import compile_law
 
 __all__ = ["ModeProblem", "SeenMode", "choose_splines", "fit_splines", "modal_table"]
@@ -152,20 +154,18 @@ class ModeProblem:
     def solve(self) -> tuple[Array, float]:
         """Parameters of the linear balance beside the background, and their corrected AIC, or BIC."""
         mode = self.seen.mode
-        by = self.forward(mode.omega)(np.zeros(self.coefficients), 0.0, mode.amplitude).force_by
-        size = np.abs(mode.force)
-        right = mode.force * mode.amplitude / mode.harmonics[:, 1]
-        if self.given is not None:
-            right = right + self.given * mode.omega**2 * mode.amplitude
-        matrix, right = by / size[:, None], right / size
-        matrix, right = np.concatenate([matrix.real, matrix.imag]), np.concatenate([right.real, right.imag])
-        found, _, null = solve_scaled(np.asarray(matrix), np.asarray(right))
-        misfit = float(np.mean((right - matrix @ found) ** 2))
-        used = len(found) - null.shape[1]
+        found = fit_mode(
+            *steady(mode.force, mode.harmonics[:, 1], mode.omega),
+            self.basis(mode.amplitude)[0],
+            1 / np.abs(mode.force),
+            mass=self.given,
+            orders=self.orders,
+        )
+        rows, used = 2 * len(mode), len(found.values) - found.missing
         # few points for many coefficients (Hurvich and Tsai, Biometrika 76, 1989)
-        each = np.log(len(right)) if len(self.seen.background) else 2.0
-        price = each * len(right) / max(len(right) - used - 1, 1)
-        return found, len(right) * np.log(max(misfit, ROUND_OFF**2)) + used * price
+        each = np.log(rows) if len(self.seen.background) else 2.0
+        price = each * rows / max(rows - used - 1, 1)
+        return found.values, rows * np.log(max(found.misfit**2 / 2, ROUND_OFF**2)) + used * price
 
 
 def choose_splines(seen: SeenMode, mass: float | None) -> ModeProblem:
@@ -354,7 +354,7 @@ def _see(points: Points, model: Model, *, phase_known: bool) -> SeenMode:
             f"modal table: {np.count_nonzero(near)} points lie within 45 degrees of resonance; "
             f"at least {FEWEST} are needed"
         )
-    if np.median(np.sign(stiffness.imag[near])) < 0:
+    if feeds_exciter(mode.force[near], mode.harmonics[near, 1]):
         raise RsgenError(
             "modal table: near resonance the response leads the force, so that the structure would feed the "
             "exciter; look at the sign, sense and quantity of the response"

@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rsgen.common.arrays import Array
+from rsgen.data.free_mode import estimate_mass, steady
 from rsgen.identification.fitting.fit import Solution
 from rsgen.identification.fitting.points import Points
 from rsgen.identification.fitting.repeats import JUMP
@@ -20,7 +21,7 @@ from rsgen.identification.starting.equations import Equations
 from rsgen.identification.starting.start import solve_equations
 from rsgen.law.numeric import ForceLaw
 
-__all__ = ["find_resonances", "fit_resonances", "mass_from_slices"]
+__all__ = ["find_resonances", "fit_resonances"]
 
 
 _STEEP = np.cos(np.pi / 5)
@@ -32,9 +33,6 @@ _NEAR = 0.6
 _BENT = 2.0
 """Re F/X that falls more times faster than the inertia alone takes the stiffness with it, as in a jump."""
 
-_SLICES = 25
-"""Constant amplitudes, of equal shares of the points, at which a linear receptance gives the mass."""
-
 
 def _neighbours(points: Points, run: NDArray[np.intp]) -> NDArray[np.bool_]:
     """(len(run) - 1,) True where two neighbours lie on one smooth branch."""
@@ -43,50 +41,6 @@ def _neighbours(points: Points, run: NDArray[np.intp]) -> NDArray[np.bool_]:
     ratio = size[1:] / size[:-1]
     turn = (stiffness[1:] * np.conj(stiffness[:-1])).real / np.abs(stiffness[1:] * stiffness[:-1])
     return np.asarray((ratio < JUMP) & (ratio > 1 / JUMP) & (turn > _STEEP))
-
-
-def mass_from_slices(points: Points) -> tuple[float, float] | None:
-    """Mass and its standard error: slope of the inverse receptance over omega^2 at constant amplitude.
-
-    A slice of constant X is a linear receptance also where the response folds (docs/method.md, 4).
-    None where too few slices cross both sides of the resonance.
-    """
-    stiffness = (points.force / points.harmonics[:, 1]).real
-    size, square = points.amplitude, points.omega**2
-    heights = np.quantile(size, np.linspace(0.1, 0.95, _SLICES))
-    crossed: list[list[tuple[float, float]]] = [[] for _ in heights]
-    for run in points.runs:
-        smooth = _neighbours(points, run) if len(run) > 1 else np.zeros(0, dtype=bool)
-        first, second = run[:-1][smooth], run[1:][smooth]
-        for crossings, height in zip(crossed, heights, strict=True):
-            between = (size[first] - height) * (size[second] - height) < 0
-            for i, j in zip(first[between], second[between], strict=True):
-                share = (height - size[i]) / (size[j] - size[i])
-                crossings.append(
-                    (
-                        square[i] + share * (square[j] - square[i]),
-                        stiffness[i] + share * (stiffness[j] - stiffness[i]),
-                    )
-                )
-    centred = [np.array(part) - np.mean(part, axis=0) for part in crossed if len(part) >= 3]
-    if len(centred) < 3:
-        return None
-    abscissa, ordinate = np.concatenate(centred).T
-    if not (np.any(abscissa) and np.any(ordinate)):
-        # one frequency, or no real part: there is no line through the points
-        return None
-    weight = np.ones(len(abscissa))
-    slope = 0.0
-    for _ in range(10):
-        # repeated with less weight on what disagrees: interpolation across an unseen jump
-        slope = float(np.sum(weight * abscissa * ordinate) / np.sum(weight * abscissa**2))
-        rest = np.abs(ordinate - slope * abscissa)
-        typical = max(1.4826 * float(np.median(rest)), 1e-12 * float(np.abs(ordinate).max()))
-        weight = 1 / np.maximum(1.0, rest / (2 * typical)) ** 2
-    error = np.sqrt(
-        np.sum(weight * rest**2) / max(len(rest) - len(centred) - 1, 1) / np.sum(weight * abscissa**2)
-    )
-    return (-slope, float(error)) if slope < 0 else None
 
 
 def find_resonances(points: Points, mass: float) -> tuple[tuple[Resonance, ...], NDArray[np.float64]]:
@@ -189,14 +143,20 @@ def _reached(real: Array, omega: Array, near: int, mass: float) -> bool:
     return False
 
 
+def _mass_of(points: Points) -> tuple[float, float]:
+    """Mass and its standard error: slope of the inverse receptance over omega^2 at the same amplitude."""
+    found = estimate_mass(*steady(points.force, points.harmonics[:, 1], points.omega))
+    return (found.mass, found.mass_error) if found is not None and found.mass > 0 else (np.nan, np.nan)
+
+
 def fit_resonances(
     points: Points, law: ForceLaw, given: float | None, near: Callable[[], Solution]
 ) -> tuple[Callable[[], Solution], tuple[Resonance, ...]]:
     """Find the resonance of every level, and say how to fit k(X) and c(X) of the law to them.
 
-    ``near`` gives a solution where one is needed: for a mass without slices, or a law that is not linear.
+    ``near`` gives a solution where one is needed: for a mass that is not known, or a law that is not linear.
     """
-    mass, mass_error = (given, 0.0) if given is not None else (mass_from_slices(points) or (np.nan, np.nan))
+    mass, mass_error = (given, 0.0) if given is not None else _mass_of(points)
     resonances, turning = find_resonances(points, mass if np.isfinite(mass) else near().mass)
 
     def fitted() -> Solution:

@@ -28,6 +28,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rsgen.common.arrays import Array, ComplexArray, blocks
+from rsgen.common.scaled_columns import solve_scaled
 from rsgen.common.splines import b_splines, spline_values
 from rsgen.common.tolerances import (
     CHANCE,
@@ -45,7 +46,6 @@ from rsgen.common.tolerances import (
 )
 from rsgen.data.surface import ResponseSurface, typical_amounts
 from rsgen.identification.fitting.fit import Fit
-from rsgen.identification.fitting.least_squares import solve_scaled
 from rsgen.identification.fitting.points import Points
 from rsgen.identification.results import EquivalentCurve, Resonance, RestoringForce
 from rsgen.law.motion import Motion, project, sine_motion

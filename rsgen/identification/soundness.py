@@ -36,14 +36,13 @@ from rsgen.identification.fitting.points import Points
 from rsgen.identification.fitting.problem import Problem
 from rsgen.identification.results import Estimate
 from rsgen.identification.results.estimates import damping_findings, takes_energy
-from rsgen.law.motion import Motion, cycle_work, project, sine_motion
+from rsgen.law.motion import Motion, project, sine_motion
 from rsgen.law.numeric import ForceLaw, Part
 from rsgen.law.switched_sum import ForceSample
 
 __all__ = [
     "aside_findings",
     "feeding_findings",
-    "feeds_exciter",
     "left_out_findings",
     "limit_findings",
     "misfit_across_findings",
@@ -82,12 +81,6 @@ _EQUAL = 2e-4
 
 _AT_LIMIT = 0.98
 """The fundamental of a clipped sine is at least its limit; a filter may take a little."""
-
-
-def feeds_exciter(points: Points) -> bool:
-    """Whether the structure works on the exciter, in sum and at most points."""
-    work = cycle_work(points.force, points.harmonics[:, 1])
-    return bool(np.mean(work <= 0) > 0.5 and np.sum(work) < 0)
 
 
 def aside_findings(

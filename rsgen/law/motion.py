@@ -17,8 +17,8 @@ from numpy.typing import NDArray
 from rsgen.common.arrays import Array, ComplexArray
 
 __all__ = [
-    "FourierSeries", "Motion", "cycle_work", "fourier_series", "harmonics_of", "project", "sine_motion",
-    "waveform",
+    "FourierSeries", "Motion", "cycle_work", "feeds_exciter", "fourier_series", "harmonics_of", "project",
+    "sine_motion", "waveform",
 ]  # fmt: skip
 
 _PEAKS = 128
@@ -104,6 +104,12 @@ def harmonics_of(signals: Array, count: int) -> ComplexArray:
 def cycle_work(force: ComplexArray, fundamental: ComplexArray) -> Array:
     """Work of a force over one cycle of a motion, pi Im(F conj X1) [J]; a passive structure takes it in."""
     return np.asarray(np.pi * np.imag(force * np.conj(fundamental)))
+
+
+def feeds_exciter(force: ComplexArray, fundamental: ComplexArray) -> bool:
+    """Whether a structure works on its exciter, in sum and over most cycles (n,)."""
+    work = cycle_work(force, fundamental)
+    return bool(np.mean(work <= 0) > 0.5 and np.sum(work) < 0)
 
 
 def project(signals: Array, order: int) -> ComplexArray:

@@ -20,9 +20,9 @@ from rsgen.law.motion import Motion, project
 from rsgen.report.figures.cycles import (
     branch_mean,
     dissipated_energy,
-    estimate_mass,
     identified_slips,
     loop_force,
+    mass_of,
     measured_energy,
     measured_loops,
     shows_loops,
@@ -99,9 +99,10 @@ def test_the_mass_is_read_without_a_law() -> None:
     amplitude = np.geomspace(1e-5, 1e-3, 40)
     stiffness = 6e3 + 4e4 / (1 + amplitude / 2e-4)
     surface = sines(stiffness, np.full(40, 30.0), amplitude)
-    assert estimate_mass(surface) == pytest.approx(M, rel=1e-3)
+    # between five knots curves of forty points are straight
+    assert mass_of(surface) == pytest.approx(M, rel=3e-3)
     with pytest.raises(RsgenError, match="16 settled points with phases"):
-        estimate_mass(surface.select(np.arange(8)))
+        mass_of(surface.select(np.arange(8)))
 
 
 def test_the_mean_of_both_branches_is_the_part_without_memory() -> None:
@@ -218,7 +219,7 @@ def test_the_loop_of_a_measured_sweep_has_the_mass_and_the_energy_of_the_benchma
     folder = measured_data("bouc_wen").parent
     surface = rs.read(Path(__file__).parents[1] / "cases" / "bouc_wen.toml", folder)
     # m = 2 kg; the truth of the joint gives the energy along the same motion
-    assert estimate_mass(surface) == pytest.approx(2.0, rel=1e-2)
+    assert mass_of(surface) == pytest.approx(2.0, rel=1e-2)
     row = np.array([int(np.argmax(surface.amplitude))])
     loop = measured_loops(surface, row, 2.0)
     values = {"k": 5e4, "c": 10.0, "alpha": 5e4, "bg": 800.0, "bd": -1100.0}

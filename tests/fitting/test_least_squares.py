@@ -3,13 +3,13 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from rsgen.common.scaled_columns import solve_scaled
 from rsgen.identification.fitting.least_squares import (
     Linearisation,
     Rules,
     descend,
     determined,
     fit,
-    solve_scaled,
     summarise,
 )
 

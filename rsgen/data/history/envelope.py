@@ -8,16 +8,17 @@ harmonics are damped by 100 dB) which does not flatten a peak of the envelope, a
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass, fields
+from collections.abc import Callable
+from dataclasses import dataclass
 from functools import lru_cache
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from rsgen.common.arrays import Array, ComplexArray
-from rsgen.data.history.record import BLOCK, FAINT
+from rsgen.data.free_mode import FreeMode, Kinematics, estimate_mass
+from rsgen.data.history.record import BLOCK
 from rsgen.data.surface.columns import DERIVATIVE
 
 __all__ = [
@@ -25,13 +26,10 @@ __all__ = [
     "HARMONICS",
     "NOISE_WIDTH",
     "PERIODS",
-    "Inertia",
-    "Kinematics",
     "Windows",
     "demodulate",
     "differentiate",
     "displacement_harmonics",
-    "estimate_mass",
     "flank_mass",
     "highest_order",
     "independent_instants",
@@ -59,35 +57,6 @@ _NYQUIST = 0.45
 def highest_order(wanted: int, rate: float, frequency: float) -> int:
     """Find the highest harmonic, at most ``wanted``, that a sampling rate [Hz] lets through; at least 1."""
     return max(1, min(wanted, int(_NYQUIST * rate / frequency)))
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class Kinematics:
-    """Displacement [m], velocity [m/s] and acceleration [m/s^2] (n,) of one harmonic, complex."""
-
-    displacement: ComplexArray
-    velocity: ComplexArray
-    acceleration: ComplexArray
-
-    @property
-    def omega(self) -> Array:
-        """(n,) angular frequency of the steady motion with this acceleration [rad/s].
-
-        omega^2 = -Re(A/X): in it the slow change of the amplitude has no part.
-        """
-        # where nothing moved, as in a drop-out, the frequency is unknown
-        with np.errstate(invalid="ignore", divide="ignore", over="ignore"):
-            ratio = np.real(self.acceleration / self.displacement)
-        return np.asarray(np.sqrt(np.maximum(-ratio, 0.0)))
-
-    def select(self, chosen: NDArray[np.bool_] | NDArray[np.intp]) -> Kinematics:
-        """Take some of the points."""
-        return Kinematics(*(getattr(self, entry.name)[chosen] for entry in fields(self)))
-
-    @classmethod
-    def joined(cls, parts: Sequence[Kinematics]) -> Kinematics:
-        """Put points one after the other."""
-        return cls(*(np.concatenate([getattr(p, entry.name) for p in parts]) for entry in fields(cls)))
 
 
 def differentiate(envelope: ComplexArray, omega: Array, slope: Array, quantity: str) -> Kinematics:
@@ -288,101 +257,18 @@ def demodulate(
 # its
 # group delay 1/(2 pi zeta f) times the rate.
 
-_KNOTS = 12
-"""Most knots of the free functions k(X) and c(X): straight lines between them follow any curve to 1 %."""
-_ROWS_A_KNOT = 8
-"""Points that each knot needs, of whose 16 numbers it takes two; two knots are the fewest."""
-_ROUNDS = 4
-"""Fits in which outliers lose weight; more change the mass by less than its error."""
-_OUTLIER = 3.0
-"""A misfit of more than this many medians loses weight; 4 % of Rayleigh's distribution lie beyond."""
-_INDEPENDENT = 1e-10
-"""Columns whose singular values are below this fraction of the largest do not determine the mass."""
 _FLANKS = 0.3
 """Up to this fraction of the largest amplitude k(X) is taken as constant: a cubic spring changes by 9 %."""
 
 
-class Inertia(NamedTuple):
-    """The mass that sweeps determine [kg], its standard error, the misfit relative to the force."""
-
-    mass: float
-    standard_error: float
-    misfit: float
-
-
-def _hats(amplitude: Array) -> Array:
-    """(n, k) piecewise linear functions of the amplitude, knots where the points are."""
-    count = int(np.clip(len(amplitude) // _ROWS_A_KNOT, 2, _KNOTS))
-    knots = np.unique(np.quantile(amplitude, np.linspace(0, 1, count)))
-    if len(knots) < 2:
-        return np.ones((len(amplitude), 1))
-    return np.stack([np.interp(amplitude, knots, row) for row in np.eye(len(knots))], axis=1)
-
-
-def estimate_mass(force: ComplexArray, motion: Kinematics) -> Inertia | None:
-    """Find the mass from F = k(X) X + c(X) V + m A with k and c free; None if it is not identifiable.
-
-    ``force`` (n,) [N] and ``motion`` are of the fundamental, at points of one or several levels.
-    """
-    if len(force) < 2 * _ROWS_A_KNOT:
-        return None
-    hats = _hats(np.abs(motion.displacement))
-    columns = np.column_stack(
-        [hats * motion.displacement[:, None], hats * motion.velocity[:, None], motion.acceleration]
-    )
-    scale = 1 / np.maximum(np.abs(force), np.median(np.abs(force)) * FAINT)
-    weight = scale.copy()
-    for _ in range(_ROUNDS):
-        matrix = columns * weight[:, None]
-        stacked = np.concatenate([matrix.real, matrix.imag])
-        right = np.concatenate([(force * weight).real, (force * weight).imag])
-        size = np.linalg.norm(stacked, axis=0)
-        if not (np.all(np.isfinite(size)) and np.all(size > 0)):
-            return None
-        solution, _, rank, _ = np.linalg.lstsq(stacked / size, right, rcond=_INDEPENDENT)
-        if rank < stacked.shape[1]:
-            return None
-        residual = np.abs(columns @ (solution / size) - force) * scale
-        # of exact data, rounding is left
-        spread = max(float(np.median(residual)), 1e-12)
-        weight = scale / np.maximum(1.0, residual / (_OUTLIER * spread))
-    left = right - stacked / size @ solution
-    freedom = max(len(right) - stacked.shape[1], 1)
-    inverse = np.linalg.inv((stacked / size).T @ (stacked / size))
-    error = float(np.sqrt(inverse[-1, -1] * (left @ left) / freedom) / size[-1])
-    return Inertia(float(solution[-1] / size[-1]), error, float(np.median(residual)))
-
-
-def flank_mass(force: ComplexArray, motion: Kinematics) -> Inertia | None:
+def flank_mass(force: ComplexArray, motion: Kinematics) -> FreeMode | None:
     """Find the mass from the flanks of a resonance, with k constant there, to a fifth; None without flanks.
 
     ``force`` (n,) [N] and ``motion`` are of the fundamental, at points of one sweep or of several.
     """
     size = np.abs(motion.displacement)
     flank = (size > 0) & (size < _FLANKS * np.max(size, initial=0.0)) & (np.abs(force) > 0)
-    if np.count_nonzero(flank) < 2 * _ROWS_A_KNOT:
-        return None
-    stiffness = (force[flank] / motion.displacement[flank]).real
-    inertia = (motion.acceleration[flank] / motion.displacement[flank]).real
-    columns = np.column_stack([np.ones(len(inertia)), inertia / np.max(np.abs(inertia))])
-    scale = np.abs(motion.displacement[flank] / force[flank])
-    weight = scale
-    for _ in range(_ROUNDS):
-        solution, _, rank, _ = np.linalg.lstsq(
-            columns * weight[:, None], stiffness * weight, rcond=_INDEPENDENT
-        )
-        if rank < columns.shape[1]:
-            return None
-        residual = np.abs(columns @ solution - stiffness) * scale
-        # of exact data, rounding is left
-        spread = max(float(np.median(residual)), 1e-12)
-        weight = scale / np.maximum(1.0, residual / (_OUTLIER * spread))
-    matrix = columns * weight[:, None]
-    left = (columns @ solution - stiffness) * weight
-    inverse = np.linalg.inv(matrix.T @ matrix)
-    error = float(np.sqrt(inverse[1, 1] * (left @ left) / (len(left) - 2)))
-    unit = float(np.max(np.abs(inertia)))
-    return Inertia(float(solution[1]) / unit, error / unit, float(np.median(residual)))
+    return estimate_mass(force[flank], motion.select(flank), np.ones((np.count_nonzero(flank), 1)))
 
 
 def steady_force(

@@ -12,16 +12,15 @@ from numpy.typing import NDArray
 from rsgen.common.arrays import Array, ComplexArray
 from rsgen.common.errors import MeasurementError
 from rsgen.common.finding import Finding
+from rsgen.data.free_mode import FreeMode, Kinematics, estimate_mass
 from rsgen.data.history.envelope import (
     HARMONICS,
     NOISE_WIDTH,
     PERIODS,
-    Kinematics,
     Windows,
     demodulate,
     differentiate,
     displacement_harmonics,
-    estimate_mass,
     flank_mass,
     highest_order,
     independent_instants,
@@ -300,18 +299,23 @@ def _moving_mass(
 ) -> _Mass | None:
     """Find the moving mass from the points at resonances, else from the flanks; None where it is unknown."""
     flank = flank_mass(force[good], motion.select(good))
-    if flank is not None and (flank.misfit > _ONE_MODE or not flank.mass > 0):
+    if flank is not None and (_typical(flank) > _ONE_MODE or not flank.mass > 0):
         flank = None
     picked = np.flatnonzero(_resonances(parts, good))
     found = estimate_mass(force[picked], motion.select(picked))
     if (
         found is not None
-        and found.misfit < _ONE_MODE
-        and 0 < found.standard_error < _DOUBT * found.mass
+        and _typical(found) < _ONE_MODE
+        and 0 < found.mass_error < _DOUBT * found.mass
         and (flank is None or 1 / _AGREE < found.mass / flank.mass < _AGREE)
     ):
         return _Mass(found.mass, "from the sweeps themselves", _FREE)
     return None if flank is None else _Mass(flank.mass, "from the flanks of the resonance", _ROUGH)
+
+
+def _typical(found: FreeMode) -> float:
+    """Median misfit, relative to the force."""
+    return float(np.median(np.abs(found.left)))
 
 
 def _resonances(parts: list[SweptPoints], good: NDArray[np.bool_]) -> NDArray[np.bool_]:

@@ -14,7 +14,8 @@ from numpy.typing import NDArray
 from rsgen.common.arrays import Array, ComplexArray
 from rsgen.common.errors import MeasurementError
 from rsgen.common.finding import Finding, Quantity
-from rsgen.data.history.envelope import DENSE, NOISE_WIDTH, Kinematics, Windows, demodulate, place_windows
+from rsgen.data.free_mode import Kinematics
+from rsgen.data.history.envelope import DENSE, NOISE_WIDTH, Windows, demodulate, place_windows
 from rsgen.data.history.record import TimeHistory, blocks, describe_force
 from rsgen.data.surface.columns import monotone_runs
 

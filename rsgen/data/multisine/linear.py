@@ -21,6 +21,7 @@ from rsgen.common.errors import MeasurementError
 from rsgen.common.finding import Finding
 from rsgen.common.text_table import short
 from rsgen.common.tolerances import CHANCE
+from rsgen.data.free_mode import fit_mode, steady
 from rsgen.data.multisine.spectra import MultisineSpectra, rms, scatter, smooth
 from rsgen.data.surface.plausibility import Sizes, size_findings
 
@@ -331,20 +332,13 @@ def _mode(
     omega: Array, receptance: ComplexArray, weight: Array, power: Array
 ) -> tuple[float, float, float, float]:
     """Natural frequency [Hz], damping ratio, stiffness and mass of one mode, fitted to G with weights."""
-    unit = 1 / float(np.sqrt(np.mean(omega**2)))
-    s = omega * unit
-    predicted = np.ones_like(receptance)
-    solution = np.zeros(3)
+    predicted, one = np.ones_like(receptance), np.ones((len(omega), 1))
     for _ in range(_ROUNDS):
-        # (k - m s^2 + i c s) G = 1, each line divided by its last dynamic stiffness: errors then count in G
+        # each line divided by its last dynamic stiffness: errors then count in G
         scale = np.sqrt(weight * power) / np.abs(predicted)
-        columns = np.stack([receptance, -(s**2) * receptance, 1j * s * receptance], axis=1) * scale[:, None]
-        matrix = np.concatenate([columns.real, columns.imag])
-        right = np.concatenate([scale, np.zeros(len(s))])
-        size = np.sqrt(np.sum(matrix**2, axis=0))
-        solution = np.linalg.lstsq(matrix / size, right, rcond=None)[0] / size
-        predicted = solution[0] - solution[1] * s**2 + 1j * solution[2] * s
-    stiffness, mass, damping = solution[0], solution[1] * unit**2, solution[2] * unit
+        found = fit_mode(*steady(np.ones_like(receptance), receptance, omega), one, scale)
+        stiffness, damping, mass = found.values
+        predicted = stiffness - mass * omega**2 + 1j * omega * damping
     if not (stiffness > 0 and mass > 0):
         return (float("nan"),) * 4
     natural = float(np.sqrt(stiffness / mass))

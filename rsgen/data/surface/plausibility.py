@@ -7,7 +7,7 @@ is theirs and at 30 Hz nobody's.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
 from typing import Literal
 
@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 
 from rsgen.common.arrays import Array, ComplexArray
 from rsgen.common.finding import Finding, Quantity
+from rsgen.data.free_mode import fit_powers
 from rsgen.data.surface.columns import DERIVATIVE, QUANTITIES
 from rsgen.data.surface.response_surface import ResponseSurface
 
@@ -60,9 +61,6 @@ _POINTS_A_TERM = 3
 _FAINT = 1e-6
 """Forces, responses and frequencies below this share of the largest are none: instruments resolve no less."""
 
-_SINGULAR = 1e-10
-"""Combinations of terms that the points tell apart by less, relative, are round-off."""
-
 
 def driven_points(surface: ResponseSurface) -> NDArray[np.intp]:
     """Find the points at which there is a force and a response to it."""
@@ -76,49 +74,6 @@ def driven_points(surface: ResponseSurface) -> NDArray[np.intp]:
 def powers_for(points: int, *, mass: bool) -> range:
     """Powers of the amplitude that so many points determine, beside a mass or without; none of too few."""
     return range(min(_TERMS, (points // _POINTS_A_TERM - mass) // 2))
-
-
-def fit_any_law(
-    force: ComplexArray,
-    response: ComplexArray,
-    omega: Array,
-    powers: Sequence[int],
-    weight: Array,
-    *,
-    mass: bool,
-) -> tuple[Array, tuple[float, float, float]]:
-    """Fit k(X), c(X) and, where it is free, m; without it the inertia is part of the force.
-
-    Parameters
-    ----------
-    force, response, omega, weight
-        (n,) at every point, in any unit; responses are not all zero.
-    powers
-        Of the amplitude.
-
-    Returns
-    -------
-    residual
-        (2 n,) real parts, then imaginary parts, times the weight.
-    values
-        m and the typical k and c, up to positive factors; m is 1 where it was not fitted.
-    """
-    rate, response = omega / omega.max(), response / (np.abs(response).max() or 1.0)
-    # a motion that was taken off as a whole explains nothing
-    size = np.maximum(np.abs(response), np.finfo(float).tiny ** 0.25)
-    shapes = np.stack([size**power for power in powers])
-    inertia = -(rate**2 * response)[None] if mass else np.zeros((0, len(force)))
-    columns = np.concatenate([shapes * response, 1j * rate * shapes * response, inertia])
-    columns = columns * (weight / weight.max())
-    matrix = np.concatenate([columns.real, columns.imag], axis=1).T
-    target = np.concatenate([(force * weight).real, (force * weight).imag])
-    scale = np.linalg.norm(matrix, axis=0)
-    scale = np.where(scale > 0, scale, 1.0)
-    matrix = matrix / scale
-    values = np.linalg.lstsq(matrix, target, rcond=_SINGULAR)[0]
-    stiffness, damping = (values / scale)[: 2 * len(shapes)].reshape(2, -1) @ shapes
-    inertial = float(values[-1]) if mass else 1.0
-    return target - matrix @ values, (inertial, float(np.median(stiffness)), float(np.median(damping)))
 
 
 @dataclass(frozen=True, slots=True)
@@ -443,9 +398,9 @@ def quantity_findings(surface: ResponseSurface, quantity: str | None = None) -> 
         others["radian"] = force * np.abs(response / force) * np.exp(1j * _RADIAN * lead)
     weight = 1 / np.abs(force)
 
-    def fit(motion: ComplexArray) -> tuple[float, tuple[bool, ...]]:
-        left, values = fit_any_law(force, motion, omega, powers, weight, mass=True)
-        return float(np.linalg.norm(left) / np.sqrt(len(force))), tuple(value > 0 for value in values)
+    def fit(motion: ComplexArray) -> tuple[float, tuple[bool, bool, bool]]:
+        found = fit_powers(force, motion, omega, powers, weight)
+        return found.misfit, found.passive
 
     fits = {name: fit(other) for name, other in others.items()}
     misfit, signs = fit(response)
@@ -583,6 +538,5 @@ def _fit(
     size = np.abs(force - inertia) if of_law else np.abs(force) + np.abs(inertia)
     if not (size > 0).all():
         return np.inf, False
-    weight = 1 / size
-    left, (_, *signs) = fit_any_law(force - inertia, response, omega, powers, weight, mass=False)
-    return float(np.linalg.norm(left) / np.sqrt(len(force))), all(value > 0 for value in signs)
+    found = fit_powers(force, response, omega, powers, 1 / size, mass=1.0)
+    return found.misfit, all(found.passive)

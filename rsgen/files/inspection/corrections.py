@@ -12,13 +12,14 @@ from rsgen.common.arrays import Array, ComplexArray
 from rsgen.common.errors import MeasurementError
 from rsgen.common.finding import Finding, quantities
 from rsgen.common.tolerances import NOTICEABLE
+from rsgen.data.free_mode import fit_powers
 from rsgen.data.history import TimeHistory
 from rsgen.data.history.multisine_records import find_period
 from rsgen.data.history.record import kind_of_force
 from rsgen.data.surface import ResponseSurface
 from rsgen.data.surface.columns import QUANTITIES
 from rsgen.data.surface.phase_lag import at_phase_resonance
-from rsgen.data.surface.plausibility import driven_points, fit_any_law
+from rsgen.data.surface.plausibility import driven_points
 from rsgen.files.inspection.clues import OVER_FORCE
 from rsgen.files.inspection.proposal import Proposal
 
@@ -260,8 +261,7 @@ def offset_findings(surface: ResponseSurface) -> list[Finding]:
 
 def _misfit(force: ComplexArray, response: ComplexArray, rate: Array) -> float:
     """Relative misfit of the best law."""
-    residual, _ = fit_any_law(force, response, rate, _POWERS, 1 / np.abs(force), mass=True)
-    return float(np.linalg.norm(residual) / np.sqrt(len(force)))
+    return fit_powers(force, response, rate, _POWERS, 1 / np.abs(force)).misfit
 
 
 def _best_misfit(
@@ -276,7 +276,8 @@ def _best_misfit(
         return response - taken
 
     def residual(values: Array) -> Array:
-        return fit_any_law(force, rest(values), rate, _POWERS, weight, mass=True)[0]
+        left = fit_powers(force, rest(values), rate, _POWERS, weight).left
+        return np.concatenate([left.real, left.imag])
 
     # loaded here first: a third of a second, and needed where any law misfits
     values = scipy.optimize.least_squares(residual, begin, x_scale=0.1, max_nfev=60).x

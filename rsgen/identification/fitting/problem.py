@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,7 +14,7 @@ from rsgen.identification.fitting.observed import Observed
 from rsgen.law.element import Element
 from rsgen.law.numeric import ForceLaw
 
-__all__ = ["MISSING_TERMS", "Problem", "is_systematic"]
+__all__ = ["MISSING_TERMS", "Problem", "beyond_chance", "is_systematic", "neighbour_power"]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -95,18 +96,22 @@ def is_systematic(residual: Array, pairs: NDArray[np.intp]) -> bool:
     """
     if len(pairs) < _PAIRS:
         return False
-    first, second = (residual[side] for side in pairs.T)
-    # (M,) of force, fundamental and harmonics, real and imaginary parts
-    power = np.mean(residual[pairs] ** 2, axis=(0, 1))
+    power, shared = neighbour_power(residual, pairs)
     counts = power > NOTICEABLE**2 / 2
-    product = np.mean(first * second, axis=0)[counts]
     if not counts.any():
         return False
     # real and imaginary part are two independent numbers of a pair, whatever was recorded
-    each, together = np.max(product / power[counts]), product.sum() / power[counts].sum()
-    return bool(each > _by_chance(len(pairs)) or together > _by_chance(2 * len(pairs)))
+    each, together = shared[counts] / power[counts], shared[counts].sum() / power[counts].sum()
+    return bool(beyond_chance(each, len(pairs)).any() or beyond_chance(together, 2 * len(pairs)))
 
 
-def _by_chance(pairs: int) -> float:
-    """Correlation of so many pairs that noise hardly reaches (Fisher, Metron 1, 1921: atanh r is normal)."""
-    return max(_SYSTEMATIC, float(np.tanh(CHANCE / np.sqrt(pairs - 3))))
+def neighbour_power(residual: Array, pairs: NDArray[np.intp]) -> tuple[Array, Array]:
+    """Mean square of misfits (n, M) at pairs of neighbours, and the part that they share: (M,) each."""
+    first, second = (residual[side] for side in pairs.T)
+    return np.mean(residual[pairs] ** 2, axis=(0, 1)), np.mean(first * second, axis=0)
+
+
+def beyond_chance(correlation: Any, numbers: Any) -> NDArray[np.bool_]:
+    """Whether so many numbers go together as noise hardly does: atanh r is normal (Fisher, Metron, 1921)."""
+    chance = np.tanh(CHANCE / np.sqrt(np.maximum(numbers - 3, 1e-300)))
+    return np.asarray(correlation > np.maximum(_SYSTEMATIC, chance))

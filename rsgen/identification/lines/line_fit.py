@@ -10,6 +10,7 @@ import sympy
 from numpy.typing import NDArray
 
 from rsgen.common.arrays import Array, ComplexArray
+from rsgen.common.scaled_columns import solve_scaled
 from rsgen.common.tolerances import (
     CHANCE,
     EXCESS,
@@ -28,12 +29,12 @@ from rsgen.identification.fitting.least_squares import (
     alternatives,
     descend,
     determined,
-    solve_scaled,
     summarise,
 )
 from rsgen.identification.fitting.problem import MISSING_TERMS
 from rsgen.identification.lines.line_balance import Balance, Lines, NoiseOfBalance
 from rsgen.identification.results.estimates import jackknife
+from rsgen.identification.starting.search import search_values
 from rsgen.law.motion import Motion
 from rsgen.law.numeric import DECADES, ForceLaw, compile_law, natural_sizes
 
@@ -323,8 +324,8 @@ _SAMPLES = 1500
 """Instants at which a law without memory is tried: many times its parameters, spread over all motions."""
 _PER_DECADE = 24
 """Values a decade where one parameter is searched alone."""
-_POLISHED = 3
-"""Best trials from which a descent begins."""
+_NO_FORCE = 1e6
+"""Misfit where the law gives no finite force."""
 
 
 class _Instants:
@@ -372,14 +373,20 @@ class _Instants:
         columns = [*slopes, *([a] if self.given is None else []), *constants]
         return np.stack(columns, axis=1) * weight[:, None], right * weight
 
-    def solve(self, nonlinear: Array) -> tuple[Array, float]:
-        """Linear parameters and mass, and the mean square that they leave; infinite where there is none."""
+    def residual(self, nonlinear: Array) -> Array:
+        """What the best linear parameters and mass leave; large where there is no force."""
         matrix, right = self.rows(nonlinear)
         if not (np.isfinite(matrix).all() and np.isfinite(right).all()):
-            return np.full(matrix.shape[1], np.nan), float("inf")
-        solution = solve_scaled(matrix, right)[0]
-        left = right - matrix @ solution
-        return solution, float(left @ left) / len(right)
+            return np.full(len(right), _NO_FORCE)
+        return np.asarray(right - matrix @ solve_scaled(matrix, right)[0])
+
+    def search(self) -> Array:
+        """Search values around the natural sizes of the parameters in which the law is not linear."""
+        size = self.natural[list(self.law.nonlinear)]
+        size = np.where(np.isfinite(size) & (size > 0), size, 1.0)
+        shares = np.logspace(-DECADES, DECADES, int(2 * DECADES * _PER_DECADE) + 1)
+        count = TRIALS // (4 if self.law.remembers else 1)
+        return search_values(self.residual, list(size[:, None] * shares), count)
 
 
 def _cut(spectrum: ComplexArray, lines: Lines) -> ComplexArray:
@@ -402,38 +409,7 @@ def start_values(lines: Lines, law: ForceLaw, given: float | None) -> tuple[Arra
         m [kg]; None where it is free.
     """
     instants = _Instants(lines, law, given)
-    nonlinear = _search(instants) if law.nonlinear else np.zeros(0)
-    solution, _ = instants.solve(nonlinear)
+    nonlinear = instants.search() if law.nonlinear else np.zeros(0)
+    solution, *_ = solve_scaled(*instants.rows(nonlinear))
     mass = float(solution[len(law.linear)]) if given is None else given
     return law.values_of(solution, nonlinear), mass
-
-
-def _search(instants: _Instants) -> Array:
-    """Try values around their natural sizes, and descend from the best ones."""
-    from scipy.optimize import least_squares
-    from scipy.stats import qmc
-
-    law = instants.law
-    natural = instants.natural[list(law.nonlinear)]
-    natural = np.where(np.isfinite(natural) & (natural > 0), natural, 1.0)
-    count = TRIALS // (4 if law.remembers else 1)
-    if len(natural) == 1:
-        shares = np.linspace(-DECADES, DECADES, int(2 * DECADES * _PER_DECADE) + 1)[:, None]
-    else:
-        shares = (2 * qmc.Halton(len(natural), seed=1).random(count) - 1) * DECADES
-    trials = natural * 10**shares
-    costs = np.array([instants.solve(trial)[1] for trial in trials])
-    best, lowest = trials[int(np.argmin(costs))], float(costs.min())
-    for trial in trials[np.argsort(costs, kind="stable")[:_POLISHED]]:
-
-        def left(logs: Array) -> Array:
-            matrix, right = instants.rows(np.exp(logs))
-            if not (np.isfinite(matrix).all() and np.isfinite(right).all()):
-                return np.full(len(right), 1e6)
-            return np.asarray(right - matrix @ solve_scaled(matrix, right)[0])
-
-        found = least_squares(left, np.log(trial), diff_step=[1e-4] * len(trial), x_scale=0.1, max_nfev=30)
-        cost = 2 * float(found.cost) / max(len(found.fun), 1)
-        if cost < lowest:
-            best, lowest = np.exp(found.x), cost
-    return np.asarray(best)

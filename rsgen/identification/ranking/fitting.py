@@ -11,9 +11,10 @@ import sympy
 from numpy.typing import NDArray
 
 from rsgen.common.arrays import Array
+from rsgen.common.scaled_columns import solve_scaled
 from rsgen.common.tolerances import NEAR_STEPS
 from rsgen.data.oscillator import total_force
-from rsgen.identification.fitting.least_squares import Linearisation, Rules, descend, solve_scaled
+from rsgen.identification.fitting.least_squares import Linearisation, Rules, descend
 from rsgen.identification.ranking.balance import Rows
 from rsgen.law.element import Element
 from rsgen.law.numeric import ForceLaw, compile_law

@@ -22,11 +22,12 @@ from rsgen.common.tolerances import (
     SIGMAS,
     TRIAL_STEPS,
 )
+from rsgen.data.free_mode import fit_mode, steady
 from rsgen.data.oscillator import Oscillator
 from rsgen.dynamics.steady_state import SteadyStates, solve_steady_states
 from rsgen.identification.fitting.fit import Fit, fit_balance
 from rsgen.identification.fitting.observed import Observed
-from rsgen.identification.fitting.problem import Problem
+from rsgen.identification.fitting.problem import Problem, neighbour_power
 from rsgen.identification.fitting.simulator import go_on
 from rsgen.identification.ranking.balance import (
     NEAR,
@@ -38,7 +39,7 @@ from rsgen.identification.ranking.balance import (
 )
 from rsgen.identification.ranking.fitting import Fitted, Guess, fit_rows
 from rsgen.law.element import Element
-from rsgen.law.motion import Motion, cycle_work
+from rsgen.law.motion import Motion, feeds_exciter
 from rsgen.law.numeric import ForceLaw
 
 __all__ = [
@@ -98,9 +99,8 @@ class Reference:
 
     @property
     def feeds(self) -> bool:
-        """Whether the structure works on the exciter at most points."""
-        work = cycle_work(self.motion.force, self.motion.harmonics[:, 1])
-        return bool(np.mean(work <= 0) > 0.5)
+        """Whether the structure works on the exciter."""
+        return feeds_exciter(self.motion.force, self.motion.harmonics[:, 1])
 
 
 def first_rows(observed: Observed, background: Array, law: ForceLaw, mass: float | None) -> Rows:
@@ -117,26 +117,9 @@ def first_rows(observed: Observed, background: Array, law: ForceLaw, mass: float
     """
     motion = measured_motion(observed, background)
     points = observed.points
-    # F/X = k - m omega^2 + i omega c, relative to its size
-    stiffness = motion.force / motion.harmonics[:, 1]
-    zero, one = np.zeros(len(points)), np.ones(len(points))
-    columns = [np.stack([zero, points.omega]), np.stack([one, zero])]
-    right = np.stack([stiffness.real, stiffness.imag])
-    if mass is None:
-        columns.append(np.stack([-(points.omega**2), zero]))
-    else:
-        right[0] += mass * points.omega**2
-    matrix = (np.stack(columns, axis=2) / np.abs(stiffness)[:, None]).reshape(-1, len(columns))
-    found, *_ = np.linalg.lstsq(matrix, (right / np.abs(stiffness)).ravel(), rcond=None)
-    inertia = float(found[2]) if mass is None else mass
-    return make_rows(
-        motion,
-        law,
-        np.array(found[:2], dtype=np.float64),
-        inertia,
-        np.ones(2),
-        balanced=False,
-    )
+    balance = steady(motion.force, motion.harmonics[:, 1], points.omega)
+    found = fit_mode(*balance, np.ones((len(points), 1)), 1 / np.abs(motion.force), mass=mass)
+    return make_rows(motion, law, found.values[[1, 0]], found.mass, np.ones(2), balanced=False)
 
 
 def follow(observed: Observed, best: Guess, mass: float | None) -> Reference | None:
@@ -291,9 +274,8 @@ def neighbour_noise(
     if not len(pairs):
         unknown = np.full((residual.shape[1] + 1) // 2, np.nan)
         return unknown, unknown
-    one, other = residual[pairs[:, 0]], residual[pairs[:, 1]]
-    total = np.mean(one**2 + other**2, axis=0) / 2
-    apart = np.mean((one - other) ** 2, axis=0) / 2
+    total, shared = neighbour_power(residual, pairs)
+    apart = total - shared
     inner = np.flatnonzero(pairs[:-1, 1] == pairs[1:, 0])
     if len(inner):
         left, middle, right = (residual[rows] for rows in (*pairs[inner].T, pairs[inner + 1, 1]))

@@ -11,8 +11,9 @@ from numpy.typing import NDArray
 
 from rsgen.common.arrays import Array
 from rsgen.common.finding import Finding, Quantity
-from rsgen.common.tolerances import EXCESS, FEW, LARGE, NOTICEABLE, SIGNIFICANT
+from rsgen.common.tolerances import EXCESS, FEW, LARGE, NOTICEABLE
 from rsgen.identification.fitting.points import Points
+from rsgen.identification.fitting.problem import beyond_chance
 from rsgen.identification.ranking.balance import Rows, library_terms, terms_of
 from rsgen.identification.ranking.fitting import Fitted, Guess
 from rsgen.identification.ranking.ranking_result import Candidate
@@ -89,9 +90,8 @@ def judge(
     left = noise * np.sqrt(shared)
     correlation = np.nan_to_num(shared / np.maximum(total**2, 1e-300))
     # real and imaginary part; a mean is one number
-    counted = np.where(np.arange(len(left)) == 0, 1, 2) * max(len(pairs), 1)
-    significant = correlation * np.sqrt(counted) > np.sqrt(SIGNIFICANT)
-    missing = significant & (left > _limits(points, len(left)))
+    counted = np.where(np.arange(len(left)) == 0, 1, 2) * len(pairs)
+    missing = beyond_chance(correlation, counted) & (left > _limits(points, len(left)))
     unexplained = float(np.sqrt(np.sum(left[missing] ** 2)))
     absurd = _absurd(candidates[0], feeds)
     doubts = [*doubts, *_flexible(best, noise, candidates)]

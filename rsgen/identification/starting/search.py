@@ -6,17 +6,19 @@ searched by its ratios only: one of the group stays at plus or minus one, the fa
 
 from __future__ import annotations
 
+from collections.abc import Callable, Sequence
+from functools import partial
 from itertools import product
 
 import numpy as np
 
 from rsgen.common.arrays import Array
+from rsgen.common.scaled_columns import solve_scaled
 from rsgen.common.tolerances import SIGNIFICANT, TRIALS, UNCHANGED
-from rsgen.identification.fitting.least_squares import solve_scaled
 from rsgen.identification.starting.equations import Equations, equation_rows, rows_of_trials
 from rsgen.law.numeric import DECADES, ForceLaw, natural_sizes
 
-__all__ = ["search_nonlinear"]
+__all__ = ["search_nonlinear", "search_values"]
 
 
 _CHANGED = 1e-3
@@ -81,7 +83,7 @@ def search_nonlinear(equations: Equations, law: ForceLaw, mass: float | None, be
     if begin is not None and np.all(np.isfinite(begin) & (begin != 0)):
         return search.scaled(search.polish(search.pinned(begin))[0])
     windows = [search.admitted(i) for i in range(len(law.nonlinear))]
-    trials = _trials(windows, positive=_POSITIVE if law.remembers else 0)
+    trials = _spread_trials(windows, TRIALS, positive=_POSITIVE if law.remembers else 0)
     costs = search.costs(trials)
     order = np.argsort(costs, kind="stable")
     best = trials[order[0]]
@@ -313,32 +315,8 @@ class _Search:
 
     def polish(self, start: Array, *, coarse: bool = False) -> tuple[Array, float]:
         """Descend from one trial in the logarithms of the parameters; signs stay."""
-        from scipy.optimize import least_squares
-
-        if not self.free:
-            return start, self.cost(start, coarse=coarse)
-
-        # where a switch does not act the way is flat and leads anywhere
-        logs = np.log(np.abs(start[self.free]))
-        low, high = logs - _WANDER, logs + _WANDER
-
-        def at(logs: Array) -> Array:
-            trial = np.array(start)
-            trial[self.free] = np.sign(start[self.free]) * np.exp(np.clip(logs, low, high))
-            return trial
-
-        def residual(logs: Array) -> Array:
-            return self.residual(at(logs), coarse=coarse)
-
-        result = least_squares(
-            residual,
-            logs,
-            diff_step=[1e-5] * len(logs),
-            x_scale=0.1,
-            max_nfev=25,
-            xtol=1e-6 if coarse else 1e-10,
-        )
-        return at(result.x), float(2 * result.cost)
+        residual = partial(self.residual, coarse=coarse)
+        return _downhill(residual, start, self.free, to=1e-6 if coarse else 1e-10)
 
 
 def _apart(shape: Array | None, other: Array | None) -> bool:
@@ -348,14 +326,13 @@ def _apart(shape: Array | None, other: Array | None) -> bool:
     return bool(np.max(np.abs(np.abs(shape) - np.abs(other))) > _CHANGED)
 
 
-def _trials(windows: list[Array], *, positive: int) -> Array:
+def _spread_trials(windows: Sequence[Array], count: int, *, positive: int = 0) -> Array:
     """All values of one parameter, or a low-discrepancy sample of several, the first of them positive."""
-    searched = [i for i, window in enumerate(windows) if len(window) > 2]
-    if len(searched) <= 1:
+    if sum(len(window) > 2 for window in windows) <= 1:
         return np.array(list(product(*windows)))
     from scipy.stats import qmc
 
-    points = qmc.Halton(len(windows), seed=1).random(TRIALS)
+    points = qmc.Halton(len(windows), seed=1).random(count)
     trials = np.stack(
         [
             window[(column * len(window)).astype(np.intp)]
@@ -365,6 +342,44 @@ def _trials(windows: list[Array], *, positive: int) -> Array:
     )
     trials[:positive] = np.abs(trials[:positive])
     return trials
+
+
+def _downhill(
+    residual: Callable[[Array], Array], start: Array, free: Sequence[int], *, to: float = 1e-10
+) -> tuple[Array, float]:
+    """Descend from one trial in the logarithms of the free parameters; signs stay. The end, and its squares.
+
+    ``to`` is the relative change of the parameters at which it ends.
+    """
+    from scipy.optimize import least_squares
+
+    if not free:
+        return start, float(np.sum(residual(start) ** 2))
+
+    # where a switch does not act the way is flat and leads anywhere
+    logs = np.log(np.abs(start[free]))
+    low, high = logs - _WANDER, logs + _WANDER
+
+    def at(logs: Array) -> Array:
+        trial = np.array(start)
+        trial[free] = np.sign(start[free]) * np.exp(np.clip(logs, low, high))
+        return trial
+
+    def left(logs: Array) -> Array:
+        return residual(at(logs))
+
+    steps = [1e-5] * len(logs)
+    result = least_squares(left, logs, diff_step=steps, x_scale=0.1, max_nfev=25, xtol=to)
+    return at(result.x), float(2 * result.cost)
+
+
+def search_values(residual: Callable[[Array], Array], windows: Sequence[Array], count: int) -> Array:
+    """Search parameters in their windows: the best end of descents from the best of so many trials."""
+    trials = _spread_trials(windows, count)
+    costs = [float(np.sum(residual(trial) ** 2)) for trial in trials]
+    starts = _distinct(trials[np.argsort(costs, kind="stable")], _ENDS)
+    free = range(len(windows))
+    return min((_downhill(residual, start, free) for start in starts), key=lambda end: end[1])[0]
 
 
 def _distinct(ordered: Array, most: int) -> list[Array]:

@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rsgen.common.arrays import Array, ComplexArray
+from rsgen.common.scaled_columns import solve_scaled
 from rsgen.common.tolerances import (
     ANY_LAW,
     FLAT,
@@ -34,7 +35,7 @@ from rsgen.data.surface import ResponseSurface
 from rsgen.dynamics.harmonic_balance import Response, following_harmonics, hold_amplitude
 from rsgen.dynamics.linear_part import Inertia
 from rsgen.identification.fitting.fit import Fit, Solution, fit_balance
-from rsgen.identification.fitting.least_squares import determined, solve_scaled
+from rsgen.identification.fitting.least_squares import determined
 from rsgen.identification.fitting.points import Points
 from rsgen.identification.fitting.problem import Problem
 from rsgen.identification.starting.equations import Equations, equation_rows

@@ -16,7 +16,8 @@ from numpy.typing import NDArray
 
 from rsgen.common.arrays import Array
 from rsgen.common.errors import RsgenError
-from rsgen.common.tolerances import CHANCE
+from rsgen.common.tolerances import CHANCE, POINTS_A_KNOT
+from rsgen.data.free_mode import estimate_mass, steady
 from rsgen.data.oscillator import Model
 from rsgen.data.surface import ResponseSurface
 from rsgen.describing import derive
@@ -41,9 +42,9 @@ __all__ = [
     "Slip",
     "branch_mean",
     "dissipated_energy",
-    "estimate_mass",
     "identified_slips",
     "loop_force",
+    "mass_of",
     "measured_energy",
     "measured_loops",
     "mode_surface",
@@ -61,9 +62,6 @@ _FEWEST_FOR_NOISE = 4
 
 _HALF_POWER = float(np.sqrt(0.5))
 """Least sine of the phase: between the half-power points an error of the phase changes the energy little."""
-
-_DEGREE = 6
-"""Of k(X) over log X where the mass is read without a law: corners of joints are passed over smoothly."""
 
 _AT_REST = (1e-9, 1e-8)
 """Shares of the smallest amplitude at which the stiffness at rest is read: Segalman's law comes as X**0.5."""
@@ -118,7 +116,7 @@ def mode_surface(surface: ResponseSurface, identification: Identification | None
     return background.shape(surface.omega, surface.force).subtract(surface, background.values)
 
 
-def estimate_mass(surface: ResponseSurface) -> float:
+def mass_of(surface: ResponseSurface) -> float:
     """Read the mass [kg] without a law, from Re F/X = k(X) - m omega^2 with any smooth k(X).
 
     Raises
@@ -127,17 +125,14 @@ def estimate_mass(surface: ResponseSurface) -> float:
         Too few points settled.
     """
     used = surface.settled & (surface.amplitude > 0) & np.isfinite(surface.force)
-    few = _DEGREE + 2
-    if not surface.phase_known or np.count_nonzero(used) < 2 * few:
-        raise RsgenError(f"mass: is missing; {2 * few} settled points with phases are needed to read it")
-    place = np.log(surface.amplitude[used])
-    place = (2 * place - place.min() - place.max()) / (np.ptp(place) or 1.0)
-    stiffness = surface.force[used] / surface.harmonics[used, 1]
-    inertia = surface.omega[used] ** 2
-    columns = np.column_stack([np.polynomial.chebyshev.chebvander(place, _DEGREE), -inertia / inertia.mean()])
-    weight = 1 / np.abs(stiffness)
-    found = np.linalg.lstsq(columns * weight[:, None], stiffness.real * weight, rcond=None)[0]
-    return float(found[-1] / inertia.mean())
+    found = None
+    if surface.phase_known:
+        chosen = surface.select(used)
+        found = estimate_mass(*steady(chosen.force, chosen.harmonics[:, 1], chosen.omega))
+    if found is None:
+        few = 2 * POINTS_A_KNOT
+        raise RsgenError(f"mass: is missing; {few} settled points with phases are needed to read it")
+    return found.mass
 
 
 def _above_noise(surface: ResponseSurface) -> Motion:

@@ -25,9 +25,9 @@ from rsgen.report.figures.cycles import (
     Slip,
     branch_mean,
     dissipated_energy,
-    estimate_mass,
     identified_slips,
     loop_force,
+    mass_of,
     measured_energy,
     measured_loops,
     mode_surface,
@@ -237,7 +237,7 @@ def draw_loops(
     if not surface.phase_known or not rows.size:
         raise RsgenError("surface: no settled point with a phase; a loop needs force and motion")
     if mass is None:
-        mass = estimate_mass(surface) if identification is None else identification.mass
+        mass = mass_of(surface) if identification is None else identification.mass
     loops = measured_loops(surface, rows, mass)
     lines: list[tuple[str, dict[str, Any], Array]] = []
     if identification is not None:

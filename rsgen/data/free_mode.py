@@ -1,0 +1,223 @@
+"""A mode without a law: stiffness and damping are free functions of the amplitude.
+
+At one harmonic any law of one mode obeys (Krylov and Bogoliubov; docs/method.md, 4)
+
+    F = k(X) X + c(X) V + m A,
+
+where a steady motion has V = i omega X and A = -omega^2 X; those of a slow sweep follow from its envelopes.
+With k and c sums of shapes of |X| all is linear in their coefficients and in the mass.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, fields
+
+import numpy as np
+
+from rsgen.common.arrays import Array, Chosen, ComplexArray
+from rsgen.common.scaled_columns import solve_scaled
+from rsgen.common.tolerances import POINTS_A_KNOT
+
+__all__ = ["FreeMode", "Kinematics", "estimate_mass", "fit_mode", "fit_powers", "hats", "steady"]
+
+_KNOTS = 32
+"""Most knots of piecewise linear curves: ten a decade follow the onset of every slider of a joint."""
+
+_FAINT = 1e-3
+"""Where the force is below this fraction of its median, errors do not shrink with it."""
+
+_ROUNDS = 4
+"""Fits in which outliers lose weight; more change the mass by less than its error."""
+
+_OUTLIER = 3.0
+"""A misfit of more than this many medians loses weight; 4 % of Rayleigh's distribution lie beyond."""
+
+_LEAST = 1e-12
+"""Typical misfit, relative to the force: of exact data, rounding is left."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Kinematics:
+    """Displacement [m], velocity [m/s] and acceleration [m/s^2] (n,) of one harmonic, complex."""
+
+    displacement: ComplexArray
+    velocity: ComplexArray
+    acceleration: ComplexArray
+
+    @property
+    def omega(self) -> Array:
+        """(n,) angular frequency of the steady motion with this acceleration [rad/s].
+
+        omega^2 = -Re(A/X): in it the slow change of the amplitude has no part.
+        """
+        # where nothing moved, as in a drop-out, the frequency is unknown
+        with np.errstate(invalid="ignore", divide="ignore", over="ignore"):
+            ratio = np.real(self.acceleration / self.displacement)
+        return np.asarray(np.sqrt(np.maximum(-ratio, 0.0)))
+
+    def select(self, chosen: Chosen) -> Kinematics:
+        """Take some of the points."""
+        return Kinematics(*(getattr(self, entry.name)[chosen] for entry in fields(self)))
+
+    @classmethod
+    def joined(cls, parts: Sequence[Kinematics]) -> Kinematics:
+        """Put points one after the other."""
+        return cls(*(np.concatenate([getattr(p, entry.name) for p in parts]) for entry in fields(cls)))
+
+
+def steady(force: ComplexArray, response: ComplexArray, omega: Array) -> tuple[ComplexArray, Kinematics]:
+    """Force (n,) in the time of the response of steady motions, and these, exactly real or imaginary."""
+    size = np.abs(response).astype(np.complex128)
+    return force * np.exp(-1j * np.angle(response)), Kinematics(size, 1j * omega * size, -(omega**2) * size)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class FreeMode:
+    """What was fitted, and what it leaves.
+
+    Parameters
+    ----------
+    values
+        (q,) coefficients of k [N/m], then of the damping of each order, then the mass [kg] where it is free.
+    stiffness, damping
+        (n,) k(X) [N/m] and, of the first order that was asked for, c(X) at every point.
+    mass, mass_error
+        m [kg] and its standard error; of a given mass zero.
+    left
+        (n,) complex, what is left of the force times its weight.
+    missing
+        Directions in the values that the points do not tell.
+    """
+
+    values: Array
+    stiffness: Array
+    damping: Array
+    mass: float
+    mass_error: float
+    left: ComplexArray
+    missing: int
+
+    @property
+    def misfit(self) -> float:
+        """Root mean square of what is left."""
+        return float(np.linalg.norm(self.left) / np.sqrt(len(self.left)))
+
+    @property
+    def passive(self) -> tuple[bool, bool, bool]:
+        """Whether the mass, and k and c at most points, are positive."""
+        return self.mass > 0, bool(np.median(self.stiffness) > 0), bool(np.median(self.damping) > 0)
+
+
+def fit_mode(
+    force: ComplexArray,
+    motion: Kinematics,
+    shapes: Array,
+    weight: Array,
+    *,
+    mass: float | None = None,
+    orders: Sequence[int] = (1,),
+) -> FreeMode:
+    """Fit k(X), c(X) and, where it is not given, m.
+
+    Parameters
+    ----------
+    force, motion
+        (n,) of one harmonic; per unit mass, the mass is 1.
+    shapes
+        (n, f) functions of the amplitude whose sums are k and c, at every point.
+    weight
+        (n,) of what is left of the force.
+    mass
+        m [kg]; None where it is free.
+    orders
+        Powers of the frequency with which the damping force grows at constant amplitude, 1 of dampers.
+    """
+    rates = [motion.velocity * (1 if order == 1 else motion.omega ** (order - 1)) for order in orders]
+    free = [motion.acceleration] if mass is None else []
+    columns = np.column_stack([shapes * part[:, None] for part in (motion.displacement, *rates)] + free)
+    right = (force if mass is None else force - mass * motion.acceleration) * weight
+    columns = columns * weight[:, None]
+    values, errors, missing = _solve(columns, right)
+    count = shapes.shape[1]
+    return FreeMode(
+        values,
+        shapes @ values[:count],
+        shapes @ values[count : 2 * count],
+        *((float(values[-1]), float(errors[-1])) if mass is None else (mass, 0.0)),
+        right - columns @ values,
+        missing,
+    )
+
+
+def _solve(columns: ComplexArray, right: ComplexArray) -> tuple[Array, Array, int]:
+    """Real values (q,), their errors, and how many directions are not told; of what is apart, each alone."""
+    count, imaginary = columns.shape[1], np.any(columns.imag, axis=0)
+    parts = [(~imaginary, columns.real, right.real), (imaginary, columns.imag, right.imag)]
+    if np.any(columns.real[:, imaginary]):
+        matrix = np.concatenate([columns.real, columns.imag])
+        parts = [(np.ones(count, dtype=bool), matrix, np.concatenate([right.real, right.imag]))]
+    values, errors, missing = np.zeros(count), np.zeros(count), 0
+    for chosen, matrix, target in parts:
+        matrix = matrix[:, chosen]
+        values[chosen], inverse, null = solve_scaled(matrix, target)
+        left = np.linalg.norm(target - matrix @ values[chosen])
+        freedom = max(len(target) - matrix.shape[1], 1)
+        errors[chosen] = np.hypot.reduce(inverse, axis=1) * left / np.sqrt(freedom)
+        missing += null.shape[1]
+    return values, errors, missing
+
+
+def fit_powers(
+    force: ComplexArray,
+    response: ComplexArray,
+    omega: Array,
+    powers: Sequence[int],
+    weight: Array,
+    *,
+    mass: float | None = None,
+) -> FreeMode:
+    """Fit with powers of the amplitude, relative to the largest, as shapes."""
+    largest = float(np.abs(response).max()) or 1.0
+    response = response / largest
+    # a motion that was taken off as a whole explains nothing
+    size = np.maximum(np.abs(response), np.finfo(float).tiny ** 0.25)
+    shapes = np.stack([size**power for power in powers], axis=1)
+    mass = None if mass is None else mass * largest
+    return fit_mode(*steady(force, response, omega), shapes, weight, mass=mass)
+
+
+def hats(amplitude: Array) -> Array:
+    """(n, k) piecewise linear functions of the amplitude, with knots where the points are."""
+    count = int(np.clip(len(amplitude) // POINTS_A_KNOT, 2, _KNOTS))
+    knots = np.unique(np.quantile(amplitude, np.linspace(0, 1, count)))
+    if len(knots) < 2:
+        return np.ones((len(amplitude), 1))
+    return np.stack([np.interp(amplitude, knots, row) for row in np.eye(len(knots))], axis=1)
+
+
+def estimate_mass(force: ComplexArray, motion: Kinematics, shapes: Array | None = None) -> FreeMode | None:
+    """Find the mass beside free curves; points that disagree lose weight. None if it is not identifiable.
+
+    Parameters
+    ----------
+    force, motion
+        (n,) of the fundamental, at points of one or several levels.
+    shapes
+        As in ``fit_mode``; None for piecewise linear ones.
+    """
+    if len(force) < 2 * POINTS_A_KNOT:
+        return None
+    shapes = hats(np.abs(motion.displacement)) if shapes is None else shapes
+    least = _FAINT * np.median(np.abs(force))
+    weight = 1 / np.maximum(np.abs(force), least)
+    for _ in range(_ROUNDS):
+        found = fit_mode(force, motion, shapes, weight)
+        if found.missing or not np.isfinite(found.mass):
+            return None
+        # relative to the force of the mode: beside the measured one noise of the motion would make it lighter
+        left = found.left / weight
+        scale = 1 / np.maximum(np.abs(force - left), least)
+        residual = np.abs(left) * scale
+        weight = scale / np.maximum(1.0, residual / (_OUTLIER * max(float(np.median(residual)), _LEAST)))
+    return found
