@@ -41,7 +41,7 @@ DRAWN = 400
 """Sets of parameters of which those are taken in which the assumptions of a formula hold."""
 
 STEPPED_TOLERANCE = 1e-6
-"""Difference from a loop stepped through time: a hundred times the error of the stepping."""
+"""Difference from a loop stepped through time: a thousand times the error of the stepping."""
 
 SETS = 40
 """Random cycles of a proof: at least eight in every regime of five thresholds."""
@@ -328,8 +328,7 @@ def _loop(force: sympy.Expr, parts: Parts) -> _Added:
     remarks = [f"No closed form is known for {readable(remainder)}; its loop is computed and projected."]
     if error is None and isinstance(evaluated, Loop):
         remarks.append(
-            "To follow the loop takes too many steps here: neither was it seen to close, nor was it compared "
-            "with one stepped through time."
+            "To follow the loop takes too many steps here: it was not compared with one stepped through time."
         )
     if error is not None and error > STEPPED_TOLERANCE:
         remarks.append(

@@ -1,72 +1,76 @@
-"""Laws whose states have equations, along a cycle: the periodic solution of z, and its projections.
+"""Laws whose states have equations, along a cycle: their closed loops, and the projections of the force.
 
-The start that repeats itself after one turn is found by Newton's method on the map of the turn. For an odd
-law half a turn with the sign turned does the same, and finds the centred loop where damping is small, too.
+Under x = X0 + X sin(phi) every state follows dz/dphi = g(x, v, z)/omega. A cycle is divided at its turning
+points and at the crossings of switches, which move to where the loop crosses them, into parts on which the
+law is smooth. There the loop, solved by ``rsgen.law.loops``, and its integrals have errors in even powers of
+the step, and extrapolation from ever finer steps (W. Romberg, Norske Vid. Selsk. Forh. 28 (1955) 30) takes
+these away one by one, until nothing changes any more.
 """
 
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 import scipy
 import sympy
 from numpy.typing import NDArray
 
-from rsgen.common.arrays import Array
+from rsgen.common.arrays import Array, blocks
 from rsgen.common.errors import ExpressionError
 from rsgen.formula import symbol
-from rsgen.formula.evaluation import Numeric, compiled
+from rsgen.formula.evaluation import compiled
 from rsgen.formula.names import OMEGA, STATE_V, STATE_X, X0, X
+from rsgen.law.loops import periodic_states
 from rsgen.law.memory import Inner, MemoryForm, Rate
 from rsgen.law.pieces import Switch, normal_form
+from rsgen.law.switched_sum import switched_sum
 
-__all__ = ["Cycles", "Loop", "System", "is_odd", "try_loops"]
+__all__ = ["Cycles", "Loop", "is_odd", "try_loops"]
 
-
-# ----------------------------------------------------------------------------
-# States along a cycle, advanced from one phase to another, all cycles together.
-#
-# Under x = X0 + X sin(phi) every state follows dz/dphi = g(x, v, z)/omega. Each half of the cycle between
-# the
-# turning points is integrated by extrapolation of the midpoint rule (Gragg; Bulirsch and Stoer, Numer.
-# Math. 8
-# (1966) 1) in a fixed mode of the switches; a step that ends beyond a switch is cut at the crossing.
-
-COLUMNS = 6
-"""Midpoint rules with 2, 4, ... 12 steps: order 12, where smooth laws take a dozen steps a half cycle."""
 
 TOLERANCE = 1e-12
-"""Error of a step, of order 11 and so larger than that of what is kept, relative to the largest state."""
+"""Difference of two extrapolations, relative to the mean absolute force, after which none follows."""
 
-FIRST, LONGEST = 0.05, 0.4
-"""Phase of the first step and of the longest one: no switch is passed twice within it unseen."""
+KNOWN = 1e-9
+"""Difference that the last two may have: beyond, the states are too fast for so many steps."""
 
-SHORTEST = 1e-11
-"""Phase of a step below which a state has no finite value."""
+START, TURN = -np.pi / 2, 2 * np.pi
+"""Phase at which a cycle begins, and its length."""
 
-MOST_STEPS = 4000
-"""Steps of a half cycle: a state may change a thousand times faster than the motion."""
+FIRST = 64
+"""Steps of a half cycle in which no switch is passed twice unseen."""
 
-MOST_FLIPS = 8
-"""Flips of switches without progress: then the state slides along the switch and has no periodic solution."""
+STEPS = (8, 16, 32, 64, 128, 256, 512, 1024, 2048, 4096)
+"""Steps of each part of a cycle."""
 
-CROSSING = 1e-12
-"""Share of its range in a step to which a switch function is zero at a crossing."""
+SEARCHES = 4
+"""Searches for the crossings of switches; the second sees those that the steps of the first displaced."""
 
-HALVINGS = 60
-"""Steps to a crossing; ten are enough where it is simple."""
+SHIFTS = 8
+"""Newton steps to the crossings; three are enough where they are simple."""
 
-MOST_WORK = 400_000
-"""Steps of one trial times what each costs, in operations of the law: two to three seconds."""
+FARTHEST = 0.3
+"""Phase of the longest of these steps."""
 
-STEP_COST = 150
-"""What a step costs beside the operations of the law, in these: 1.1 ms and 7 microseconds were measured."""
+CROSSING = 1e-11
+"""Phase by which a crossing may be off."""
+
+WRONG = 1e-9
+"""Of its range, by which a switch may be on the other side between its crossings: round-off."""
+
+CYCLES_AT_ONCE = 64
+TRIALS = 16
+"""Random cycles of which one at least must close."""
+
+STEPPED, MOST_STEPS = 2, 20_000
+"""Of these so many are stepped through time, one by one, each in at most so many steps."""
+
+ZERO_ODD = 1e-11
+"""Share of the force below which f(x, v, z) + f(-x, -v, -z) is zero."""
 
 Rows = NDArray[np.intp]
-
-_STEPS = tuple(2 * (column + 1) for column in range(COLUMNS))
 
 
 @dataclass(frozen=True, slots=True)
@@ -78,32 +82,59 @@ class Cycles:
     omega: Array
     values: tuple[Array, ...]
 
-    def some(self, rows: Rows) -> Cycles:
+    def some(self, rows: slice) -> Cycles:
         """Give the cycles of these numbers."""
         return Cycles(self.X[rows], self.mean[rows], self.omega[rows], tuple(v[rows] for v in self.values))
 
-    def repeated(self, times: int) -> Cycles:
-        """Give all cycles so many times, one set after another."""
-        return Cycles(
-            np.tile(self.X, times), np.tile(self.mean, times), np.tile(self.omega, times),
-            tuple(np.tile(v, times) for v in self.values),
-        )  # fmt: skip
-
-
-@dataclass(slots=True)
-class Work:
-    """A budget in steps, so that an answer does not depend on the speed of the machine."""
-
-    steps: int
-
     @property
-    def done(self) -> bool:
-        """Whether nothing is left."""
-        return self.steps < 0
+    def fixed(self) -> list[Array]:
+        """(n, 1) what does not change along a cycle."""
+        return [value[:, None] for value in (self.X, self.mean, self.omega, *self.values)]
 
 
 @dataclass(frozen=True, slots=True)
-class System:
+class _Parts:
+    """Parts of n cycles.
+
+    Parameters
+    ----------
+    ends
+        (n, k+1) ascending phases from -pi/2 to 3 pi/2, or to pi/2 of an odd loop.
+    crossed
+        (n, k+1) switch that is crossed there; -1 where none is.
+    first
+        (f, n) whether each switch is on at the start.
+    """
+
+    ends: Array
+    crossed: Rows
+    first: NDArray[np.bool_]
+
+    def nodes(self, steps: int) -> Array:
+        """(n, k, steps+1) phases, closer to each other where something may have begun."""
+        share = (1 - np.cos(np.pi * np.arange(steps + 1) / steps)) / 2
+        return np.asarray(self.ends[:, :-1, None] + np.diff(self.ends)[:, :, None] * share)
+
+    @property
+    def flags(self) -> Array:
+        """(f+1, n, k) one where a switch is on, last that of the sign of v, else zero."""
+        passed = [np.cumsum(self.crossed[:, :-1] == each, axis=1) for each in range(len(self.first))]
+        on = [(first[:, None] + times) % 2 for first, times in zip(self.first, passed, strict=True)]
+        return np.array([*on, np.cos((self.ends[:, 1:] + self.ends[:, :-1]) / 2) > 0], dtype=float)
+
+    def shifted(self, shift: Array) -> _Parts:
+        """Move crossings (n, k+1), not beyond the ends."""
+        place = np.clip(self.ends + np.clip(shift, -FARTHEST, FARTHEST), self.ends[:, :1], self.ends[:, -1:])
+        return _Parts(*_sorted(place, self.crossed), self.first)
+
+
+def _sorted(ends: Array, crossed: Rows) -> tuple[Array, Rows]:
+    order = np.argsort(ends, axis=1, kind="stable")
+    return np.take_along_axis(ends, order, axis=1), np.take_along_axis(crossed, order, axis=1)
+
+
+@dataclass(frozen=True, slots=True)
+class Loop:
     """A force f(x, v, z), the equations of its states, and all switches in them.
 
     Parameters
@@ -120,8 +151,8 @@ class System:
         Those whose passage depends on more than the sign of v.
     flags
         Symbols of ``switches``, then that of the sign of v.
-    work
-        Steps that are left; None where no budget limits them. What is not finished then is nan.
+    odd
+        Whether f and g change their signs with x, v and z: then a loop that is not shifted has no mean.
     """
 
     force: sympy.Expr
@@ -130,15 +161,10 @@ class System:
     modes: tuple[sympy.Expr, ...]
     switches: tuple[sympy.Expr, ...]
     flags: tuple[sympy.Symbol, ...]
-    work: Work | None = None
-
-    def within_budget(self) -> System:
-        """Give the same with a budget for one trial."""
-        operations = STEP_COST + sum(int(mode.count_ops()) for mode in self.modes)
-        return replace(self, work=Work(MOST_WORK // operations))
+    odd: bool
 
     @classmethod
-    def of(cls, force: sympy.Expr, rates: tuple[Rate, ...]) -> System:
+    def of(cls, force: sympy.Expr, rates: tuple[Rate, ...]) -> Loop:
         """Take a force along the cycle and equations of states apart."""
         expressions = (*(rate.rate for rate in rates), force)
         forms = [normal_form(expression) for expression in expressions]
@@ -156,344 +182,242 @@ class System:
         )
         free = set().union(*(expression.free_symbols for expression in expressions))
         own = {s.name for s in free if not isinstance(s, Inner)} - {"x", "v", "X", "X0", "omega"}
-        return cls(force, rates, tuple(sorted(own)), modes, tuple(flags), (*flags.values(), rising))
-
-    @property
-    def _names(self) -> tuple[sympy.Symbol, ...]:
-        states = (rate.symbol for rate in self.rates)
-        return (STATE_X, STATE_V, *states, X, X0, OMEGA, *map(symbol, self.parameters))
-
-    def _places(self, phi: Array, state: Array, cycles: Cycles) -> tuple[Array, ...]:
-        x = cycles.mean + cycles.X * np.sin(phi)
-        v = cycles.omega * cycles.X * np.cos(phi)
-        states = state[: len(self.rates)]
-        return (x, v, *states, cycles.X, cycles.mean, cycles.omega, *cycles.values)
-
-    def forces(self, phi: Array, state: Array, cycles: Cycles) -> Array:
-        """Give the force [N] at a phase (n,) of every cycle."""
-        (force,) = compiled((self.force,), self._names)(*self._places(phi, state, cycles))
-        return np.broadcast_to(force, phi.shape)
-
-    def _slope(self, function: Numeric, phi: Array, state: Array, flags: Array, cycles: Cycles) -> Array:
-        """Give the derivatives by phi of the states and of the three integrals."""
-        sine, cosine = np.sin(phi), np.cos(phi)
-        x, v = cycles.mean + cycles.X * sine, cycles.omega * cycles.X * cosine
-        fixed = (cycles.X, cycles.mean, cycles.omega, *cycles.values)
-        parts = function(x, v, *state[: len(self.rates)], *fixed, *flags)
-        found = np.empty(state.shape)
-        for place, part in enumerate(parts[:-1]):
-            found[place] = part / cycles.omega
-        found[-3], found[-2], found[-1] = parts[-1] * sine, parts[-1] * cosine, parts[-1]
-        return found
-
-    def _step(
-        self, function: Numeric, phi: Array, step: Array, state: Array, flags: Array, cycles: Cycles
-    ) -> tuple[Array, Array]:
-        """Extrapolate midpoint rules over a step; the new state and its error."""
-        if self.work is not None:
-            self.work.steps -= 1
-        first = self._slope(function, phi, state, flags, cycles)
-        table: list[Array] = []
-        with np.errstate(all="ignore"):
-            for column, count in enumerate(_STEPS):
-                part = step / count
-                before, now = state, state + part * first
-                for place in range(1, count):
-                    slope = self._slope(function, phi + place * part, now, flags, cycles)
-                    before, now = now, before + 2 * part * slope
-                row = [now]
-                for back in range(1, column + 1):
-                    ratio = (count / _STEPS[column - back]) ** 2
-                    row.append(row[-1] + (row[-1] - table[back - 1]) / (ratio - 1))
-                error = np.abs(row[-1] - row[-2]) if column else np.abs(now)
-                table = row
-            return table[-1], error
-
-    def advance(self, state: Array, start: float, end: float | Array, rising: bool, cycles: Cycles) -> Array:
-        """Integrate all cycles from one phase to another between turning points."""
-        n, size = state.shape[1], len(self.rates)
-        function = compiled(self.modes, (*self._names, *self.flags))
-        state, phi, stop = state.copy(), np.full(n, start), np.broadcast_to(end, (n,))
-        step = np.minimum(FIRST, stop - start)
-        flags = np.full((len(self.flags), n), float(rising))
-        sides = self._sides(phi, state, cycles)
-        flags[:-1] = sides >= 0
-        largest, flips = np.zeros(state.shape), np.zeros(n, dtype=np.intp)
-        held = np.zeros(n, dtype=bool)
-        beyond, reach = np.zeros(state.shape), np.zeros(n)
-        for _ in range(MOST_STEPS):
-            if self.work is not None and self.work.done:
-                break
-            rows = np.flatnonzero((stop - phi > 1e-14) & ~held)
-            if not len(rows):
-                rows = np.flatnonzero(held)
-                if not len(rows):
-                    return state
-                # all that wait at a switch are cut together
-                before = phi[rows]
-                self._cut(function, rows, (phi, state, flags), (reach, beyond), cycles)
-                held[:] = False
-                flips[rows] = np.where(phi[rows] - before < SHORTEST, flips[rows] + 1, 0)
-                stuck = rows[flips[rows] > MOST_FLIPS]
-                state[:, stuck], phi[stuck] = np.nan, stop[stuck]
-                continue
-            some, now, mode = cycles.some(rows), state[:, rows], flags[:, rows]
-            ahead = np.minimum(step[rows], stop[rows] - phi[rows])
-            then, error = self._step(function, phi[rows], ahead, now, mode, some)
-            with np.errstate(all="ignore"):
-                grown = np.maximum(np.abs(now), np.abs(then))
-                # one measure for the three integrals
-                grown[size:] = grown[size:].max(axis=0)
-                largest[:, rows] = np.fmax(largest[:, rows], grown)
-                ratio = (error / np.maximum(largest[:, rows], 1e-300)).max(axis=0) / TOLERANCE
-                ratio = np.where(np.isfinite(ratio), ratio, np.inf)
-                change = np.clip(0.9 * np.maximum(ratio, 1e-9) ** (-1 / (2 * COLUMNS - 1)), 0.2, 4.0)
-            step[rows] = np.minimum(ahead * change, LONGEST)
-            gone = rows[(ratio > 1) & (step[rows] < SHORTEST)]
-            state[:, gone], phi[gone] = np.nan, stop[gone]
-            passed = self._passed(phi[rows] + ahead, then, mode, some).any(axis=0)
-            wait, go = np.flatnonzero((ratio <= 1) & passed), np.flatnonzero((ratio <= 1) & ~passed)
-            held[rows[wait]], reach[rows[wait]], beyond[:, rows[wait]] = True, ahead[wait], then[:, wait]
-            state[:, rows[go]], phi[rows[go]] = then[:, go], phi[rows[go]] + ahead[go]
-        state[:, stop - phi > 1e-14] = np.nan
-        return state
-
-    def _sides(self, phi: Array, state: Array, cycles: Cycles) -> Array:
-        """Give (s, n) values of the switch functions."""
-        if not self.switches:
-            return np.empty((0, len(phi)))
-        values = compiled(self.switches, self._names)(*self._places(phi, state, cycles))
-        return np.stack([np.broadcast_to(value, phi.shape) for value in values])
-
-    def _passed(self, phi: Array, state: Array, flags: Array, cycles: Cycles) -> NDArray[np.bool_]:
-        return (2 * flags[:-1] - 1) * self._sides(phi, state, cycles) < 0
-
-    def _cut(
-        self,
-        function: Numeric,
-        rows: Rows,
-        now: tuple[Array, Array, Array],
-        then: tuple[Array, Array],
-        cycles: Cycles,
-    ) -> None:
-        """Advance cycles whose next step passes a switch to just behind the first crossing, and turn it.
-
-        ``now`` are phase, state and flags of all cycles, changed in place; ``then`` step and state behind.
-        """
-        (phi, state, flags), (reach, beyond) = now, then
-        some = cycles.some(rows)
-        signs, start, begin = 2 * flags[:-1, rows] - 1, phi[rows], state[:, rows]
-
-        def depth(ahead: Array, trial: Array, open_: Rows) -> Array:
-            sides = self._sides(start[open_] + ahead, trial, some.some(open_))
-            return np.asarray((signs[:, open_] * sides).min(axis=0))
-
-        every = np.arange(len(rows))
-        low, high, found = np.zeros(len(rows)), reach[rows], beyond[:, rows]
-        below, above = depth(low, begin, every), depth(high, found, every)
-        # on the wrong side from the start: the switch turns here
-        at_once = below <= 0
-        high[at_once], found[:, at_once] = 0.0, begin[:, at_once]
-        small = CROSSING * (np.abs(above) + np.abs(below))
-        weight_low, weight_high, side = below.copy(), above.copy(), np.zeros(len(rows))
-        for _ in range(HALVINGS):
-            open_ = np.flatnonzero(~at_once & (high - low > 1e-13) & (np.abs(above) > small))
-            if not len(open_) or (self.work is not None and self.work.done):
-                break
-            a, b = low[open_], high[open_]
-            guess = a + (b - a) * weight_low[open_] / (weight_low[open_] - weight_high[open_])
-            guess = np.where((guess > a) & (guess < b), guess, (a + b) / 2)
-            part = some.some(open_)
-            mode = flags[:, rows[open_]]
-            trial, _ = self._step(function, start[open_], guess, begin[:, open_], mode, part)
-            value = depth(guess, trial, open_)
-            far, near = open_[value < 0], open_[value >= 0]
-            high[far], above[far], found[:, far] = guess[value < 0], value[value < 0], trial[:, value < 0]
-            low[near] = guess[value >= 0]
-            weight_high[far], weight_low[near] = value[value < 0], np.maximum(value[value >= 0], 1e-300)
-            # Illinois: an end that stays twice counts half
-            weight_low[far[side[far] < 0]] /= 2
-            weight_high[near[side[near] > 0]] /= 2
-            side[far], side[near] = -1, 1
-        state[:, rows], phi[rows] = found, start + high
-        passed = signs * self._sides(phi[rows], found, some) < 0
-        flags[:-1, rows] = np.where(passed, 1 - flags[:-1, rows], flags[:-1, rows])
-
-
-CLOSED = 1e-11
-"""Difference between two turns, relative to the largest state, at which a loop is closed."""
-
-TURNS = 12
-"""Newton steps to the start of a loop; four are enough where it closes at all."""
-
-SHIFT = 1e-6
-"""Share of the largest state by which the start is moved for the slopes of the map of a turn."""
-
-REPELLING = 1e-4
-"""Growth of a disturbance in a turn above which no motion stays on the loop."""
-
-NEUTRAL = 1e-6
-"""Share of a disturbance that a turn must forget for its loop to be found. Less is as good as nothing
-(slopes are differences, good to 1e-7), and a state that keeps what it begins with but drifts has no loop."""
-
-CYCLES_AT_ONCE = 4096
-TRIALS = 16
-"""Random cycles of which one at least must close."""
-
-STEPPED = 2
-"""Of these so many are stepped through time, one by one."""
-
-ZERO_ODD = 1e-11
-"""Share of the force below which f(x, v, z) + f(-x, -v, -z) is zero."""
-
-
-@dataclass(frozen=True, slots=True)
-class Loop:
-    """A force with states along its closed loop; ``odd`` where f and g change their signs with x, v and z."""
-
-    system: System
-    odd: bool
-
-    @classmethod
-    def of(cls, force: sympy.Expr, rates: tuple[Rate, ...]) -> Loop:
-        """Take a force along the cycle and equations of states apart."""
-        expressions = (*(rate.rate for rate in rates), force)
-        return cls(System.of(force, rates), _odd(expressions, tuple(rate.symbol for rate in rates)))
-
-    @property
-    def parameters(self) -> tuple[str, ...]:
-        """Names of the parameters."""
-        return self.system.parameters
+        odd = _odd(expressions, tuple(rate.symbol for rate in rates))
+        return cls(force, rates, tuple(sorted(own)), modes, tuple(flags), (*flags.values(), rising), odd)
 
     @property
     def states(self) -> str:
         """Names of the states, for a sentence."""
-        return ", ".join(rate.symbol.name for rate in self.system.rates)
+        return ", ".join(rate.symbol.name for rate in self.rates)
+
+    @property
+    def _moving(self) -> tuple[sympy.Symbol, ...]:
+        return (STATE_X, STATE_V, *(rate.symbol for rate in self.rates))
+
+    @property
+    def _fixed(self) -> tuple[sympy.Symbol, ...]:
+        return (X, X0, OMEGA, *map(symbol, self.parameters))
+
+    def cycles(self, X_: Array, mean: Array, omega: Array, values: Mapping[str, Array]) -> Cycles:
+        """Put sizes and parameters (n,) in order."""
+        fields = tuple(np.broadcast_to(values[name], X_.shape) for name in self.parameters)
+        return Cycles(X_, np.broadcast_to(mean, X_.shape), np.broadcast_to(omega, X_.shape), fields)
 
     def harmonics(self, X_: Array, mean: Array, omega: Array, values: Mapping[str, Array]) -> list[Array]:
         """Give stiffness [N/m], damping [N s/m] and mean force [N] of cycles; nan where no loop closes."""
-        fields = tuple(np.broadcast_to(values[name], X_.shape) for name in self.system.parameters)
-        every = Cycles(X_, np.broadcast_to(mean, X_.shape), np.broadcast_to(omega, X_.shape), fields)
-        found = np.empty((3, len(X_)))
-        for start in range(0, len(X_), CYCLES_AT_ONCE):
-            rows = np.arange(start, min(start + CYCLES_AT_ONCE, len(X_)))
-            cycles = every.some(rows)
-            begin, half = self._start(cycles)
-            found[:, rows] = self._projected(begin, cycles, half)
+        every, found = self.cycles(X_, mean, omega, values), np.empty((3, len(X_)))
+        for rows in blocks(len(X_), CYCLES_AT_ONCE):
+            found[:, rows], _ = self.turn(every.some(rows))
         return [found[0] / (np.pi * X_), found[1] / (np.pi * omega * X_), found[2] / (2 * np.pi)]
 
     def along(self, phi: Array, X_: float, mean: float, omega: float, values: Mapping[str, float]) -> Array:
-        """Give the force [N] at ascending phases (s,) from -pi/2 to 3 pi/2 of one cycle."""
-        numbers = tuple(np.array([values[name]], dtype=np.float64) for name in self.system.parameters)
-        cycles = Cycles(np.array([X_]), np.array([mean]), np.array([omega]), numbers)
-        begin, _ = self._start(cycles)
-        state = np.concatenate((begin, np.zeros((3, 1))))
-        state = np.repeat(state, len(phi), axis=1)
-        every = cycles.repeated(len(phi))
-        # one cycle a phase, each of which ends there
-        state = self.system.advance(state, -np.pi / 2, np.minimum(phi, np.pi / 2), True, every)
-        state = self.system.advance(state, np.pi / 2, np.maximum(phi, np.pi / 2), False, every)
-        return self.system.forces(phi, state, every)
+        """Give the force [N] at phases (s,) of one cycle."""
+        numbers = {name: np.array([value]) for name, value in values.items()}
+        cycle = self.cycles(np.array([X_]), np.array([mean]), np.array([omega]), numbers)
+        _, states = self.turn(cycle, phi)
+        x, v = mean + X_ * np.sin(phi), omega * X_ * np.cos(phi)
+        fixed = (X_, mean, omega, *(values[name] for name in self.parameters))
+        (force,) = compiled((self.force,), (*self._moving, *self._fixed))(x, v, *states[:, 0, 1:], *fixed)
+        return np.broadcast_to(force, phi.shape)
 
-    def stepped(self, X_: float, omega: float, values: Mapping[str, float]) -> tuple[float, float, float]:
-        """Step one turn of the law as it is written through time, without knowing its switches.
+    def stepped(
+        self, begin: Array, X_: float, omega: float, values: Mapping[str, float]
+    ) -> tuple[float, float, float] | None:
+        """Step one turn of the law as it is written through time, from states (q,) at -pi/2.
 
         Returns
         -------
-        Stiffness [N/m], damping [N s/m], and by how much of its size the turn misses its start.
+        Stiffness [N/m], damping [N s/m], and by how much of its size the turn misses its start;
+        None where that takes too many steps.
         """
-        numbers = tuple(values[name] for name in self.parameters)
-        fields = tuple(np.array([number]) for number in numbers)
-        cycles = Cycles(np.array([X_]), np.zeros(1), np.array([omega]), fields)
-        (begin, _), size = self._start(cycles), len(self.system.rates)
-        states = tuple(rate.symbol for rate in self.system.rates)
-        names = (STATE_X, STATE_V, *states, *(symbol(n) for n in ("X", "X0", "omega", *self.parameters)))
-        law = compiled((*(rate.rate for rate in self.system.rates), self.system.force), names)
+        numbers, size = tuple(values[name] for name in self.parameters), len(self.rates)
+        names = (*self._moving, *self._fixed)
+        law = compiled((*(rate.rate for rate in self.rates), self.force), names)
 
         def slope(phi: float, state: Array) -> Array:
             sine, cosine = np.sin(phi), np.cos(phi)
             parts = law(X_ * sine, omega * X_ * cosine, *state[:size], X_, 0.0, omega, *numbers)
             return np.array([*(part / omega for part in parts[:-1]), parts[-1] * sine, parts[-1] * cosine])
 
-        start = np.concatenate((begin[:, 0], (0.0, 0.0)))
-        ends = (-np.pi / 2, 3 * np.pi / 2)
+        start = np.concatenate((begin, (0.0, 0.0)))
         scale = float(np.max(np.abs(begin))) or 1.0
-        run = scipy.integrate.solve_ivp(
-            slope, ends, start, "DOP853", max_step=0.2, rtol=1e-9, atol=1e-11 * scale
+        run = scipy.integrate.LSODA(
+            slope, START, start, START + TURN, max_step=0.2, rtol=1e-10, atol=1e-11 * scale
         )
-        end = run.y[:, -1]
+        for _ in range(MOST_STEPS):
+            if run.status == "running":
+                run.step()
+        if run.status != "finished":
+            return None
+        end = run.y
         miss = float(np.max(np.abs(end[:size] - start[:size]))) / scale
         return float(end[size] / (np.pi * X_)), float(end[size + 1] / (np.pi * omega * X_)), miss
 
-    def _start(self, cycles: Cycles) -> tuple[Array, bool]:
-        """Find the states at phi = -pi/2 from which a cycle repeats, and whether half of it says all."""
-        size = len(self.system.rates)
-        in_x = any(rate.rate.has(STATE_X) for rate in self.system.rates) or self.system.force.has(STATE_X)
-        half = self.odd and not (in_x and np.any(cycles.mean))
-        begin = np.zeros((size, len(cycles.X)))
-        end, largest = self._turn(begin, cycles, half)
-        begin, closed = end, np.zeros(len(cycles.X), dtype=bool)
-        for _ in range(TURNS):
-            rows = np.flatnonzero(~closed & np.isfinite(begin).all(axis=0))
-            if not len(rows):
+    def turn(self, cycles: Cycles, stops: Array | None = None) -> tuple[Array, Array]:
+        """Give (3, n) integrals of f sin, f cos and f over cycles, and states (q, n, 1+s) at phases.
+
+        The phases are -pi/2 and ``stops`` (s,). States are nan where no loop closes, integrals where they are
+        not known to ``KNOWN``, too.
+        """
+        size, count = len(self.rates), len(cycles.X)
+        expressions = (*(rate.rate for rate in self.rates), self.force)
+        odd = self.odd and not (np.any(cycles.mean) and any(each.has(STATE_X) for each in expressions))
+        # half a turn of an odd loop says all, and has no mean that it could keep
+        length = TURN / 2 if odd else TURN
+        ahead = np.concatenate([[0.0], [] if stops is None else stops - START])
+        places, signs = START + ahead % length, np.where(odd & (ahead // length % 2 == 1), -1.0, 1.0)
+        marks = np.sort([*places, *({START + TURN / 2, START + length})])
+        ends = np.broadcast_to(marks, (count, len(marks)))
+        parts = _Parts(ends, np.full(ends.shape, -1), np.zeros((0, count), dtype=bool))
+        phi = parts.nodes(FIRST)
+        states = self._states(phi, None, cycles, (phi, np.zeros((size, *phi.shape))))
+        result = np.full((4 + size * len(places), count), np.nan)
+        error = np.full(count, np.inf)
+        for _ in range(SEARCHES):
+            parts, table = self._divided(marks, phi, states, cycles), list[Array]()
+            sound = np.ones(count, dtype=bool)
+            for steps in STEPS:
+                parts, phi, states, right = self._settled(parts, steps, cycles, (phi, states))
+                sound &= right
+                now = [self._integrals(parts, phi, states, cycles)]
+                now += [
+                    states[:, np.arange(count), np.sum(parts.ends[:, :-1] < p, axis=1), 0] for p in places
+                ]
+                row = [np.concatenate(now)]
+                for back, coarser in enumerate(table, start=1):
+                    row.append(row[-1] + (row[-1] - coarser) / (4.0**back - 1))
+                change = np.abs(row[-1] - (table[-1] if table else 0.0))
+                with np.errstate(all="ignore"):
+                    change = change[: 2 if odd else 3].max(axis=0) / row[-1][3]
+                better = sound & ~(change >= error)
+                result[:, better], error[better], table = row[-1][:, better], change[better], row
+                if not np.any(sound & (error > TOLERANCE)):
+                    break
+            if np.all(sound | (error <= TOLERANCE)):
                 break
-            begin[:, rows], closed[rows] = self._newton(
-                begin[:, rows], largest[:, rows], cycles.some(rows), half
-            )
-        begin[:, ~closed] = np.nan
-        return begin, half
+        found = np.where(error > KNOWN, np.nan, result[:3])
+        if odd:
+            found *= [[2.0], [2.0], [0.0]]
+        return found, signs * result[4:].reshape(len(places), size, count).transpose(1, 2, 0)
 
-    def _newton(
-        self, begin: Array, largest: Array, cycles: Cycles, half: bool
-    ) -> tuple[Array, NDArray[np.bool_]]:
-        """Take one Newton step; columns that repeat themselves and attract are closed, repelling ones nan."""
-        size, n = begin.shape
-        shift = SHIFT * np.maximum(largest, np.abs(begin))
-        shift = np.where(shift > 0, shift, SHIFT)
-        moved = np.tile(begin, 1 + size)
-        for j in range(size):
-            moved[j, (1 + j) * n : (2 + j) * n] += shift[j]
-        end, _ = self._turn(moved, cycles.repeated(1 + size), half)
-        now = end[:, :n]
-        slopes = np.stack(
-            [(end[:, (1 + j) * n : (2 + j) * n] - now) / shift[j] for j in range(size)], axis=-1
+    def _states(self, phi: Array, flags: Array | None, cycles: Cycles, near: tuple[Array, Array]) -> Array:
+        """(q, n, k, m) periodic states at phases (n, k, m); flags (f, n, k) None: as the states have them.
+
+        ``near`` are phases and states (q, n, ...) from which Newton's method begins.
+        """
+        count, flat = len(phi), phi.reshape(len(phi), -1)
+        turns = np.diff(flat, append=flat[:, -1:])
+        x, v, a = self._motion(flat, cycles)
+        expressions, values, names = tuple(rate.rate for rate in self.rates), cycles.fixed, self._fixed
+        if flags is not None:
+            expressions, names = self.modes[:-1], (*names, *self.flags)
+            values += [flag.reshape(count, -1) for flag in np.repeat(flags[..., None], phi.shape[2], axis=3)]
+            v = np.where(values[-1] > 0, np.maximum(v, 0.0), np.minimum(v, 0.0))
+        equations = [switched_sum(each, self._moving, names) for each in expressions]
+        # states that keep what they begin with begin with zero: between the turning points
+        half = flat[0, -1] < np.pi
+        middle, sign = (0, -1.0) if half else (phi.shape[2] // 2, 1.0)
+        x, v, a, step = (np.roll(part, -middle, axis=1) for part in (x, v, a, turns / cycles.omega[:, None]))
+        values = [np.roll(value, -middle, axis=1) for value in values]
+        known, given = (part.reshape(*part.shape[:-2], -1) for part in near)
+        start = np.array([list(map(np.interp, flat, known, state)) for state in np.nan_to_num(given)])
+        start = np.roll(start, -middle, axis=2)
+        with np.errstate(all="ignore"):
+            states = periodic_states(equations, (x, v, a), step, values, start, sign)
+        return np.roll(states, middle, axis=2).reshape(len(states), *phi.shape)
+
+    def _motion(self, phi: Array, cycles: Cycles) -> tuple[Array, Array, Array]:
+        """x, v and the acceleration at phases (n, ...)."""
+        size, mean, omega = (
+            np.expand_dims(value, tuple(range(1, phi.ndim)))
+            for value in (cycles.X, cycles.mean, cycles.omega)
         )
-        slopes = slopes.transpose(1, 0, 2)
-        defined = np.isfinite(slopes).all(axis=(1, 2)) & np.isfinite(now).all(axis=0)
-        slopes[~defined] = 0.0
-        growth = np.abs(np.linalg.eigvals(slopes)).max(axis=1)
-        miss = np.where(defined, now - begin, np.nan)
-        scale = np.maximum(largest, np.abs(begin))
-        closed = (np.abs(miss) <= CLOSED * np.where(scale > 0, scale, 1.0)).all(axis=0)
-        matrix = np.eye(size) - slopes
-        left, singular, right = np.linalg.svd(matrix)
-        kept = np.where(singular > NEUTRAL, 1 / np.maximum(singular, NEUTRAL), 0.0)
-        along = np.einsum("nji,jn->ni", left, np.nan_to_num(miss))
-        step = np.einsum("nij,ni->jn", right, kept * along)
-        begin = np.where(closed, begin, begin + step)
-        lost = ~defined | (closed & (growth > 1 + REPELLING))
-        begin[:, lost] = np.nan
-        return begin, closed & ~lost
+        return mean + size * np.sin(phi), omega * size * np.cos(phi), -(omega**2) * size * np.sin(phi)
 
-    def _turn(self, begin: Array, cycles: Cycles, half: bool) -> tuple[Array, Array]:
-        """Give the states after one turn (half of an odd loop, with the sign turned), and their largest."""
-        state = np.concatenate((begin, np.zeros((3, begin.shape[1]))))
-        size = len(self.system.rates)
-        middle = self.system.advance(state, -np.pi / 2, np.pi / 2, True, cycles)
-        if half:
-            return -middle[:size], np.abs(middle[:size])
-        end = self.system.advance(middle, np.pi / 2, 3 * np.pi / 2, False, cycles)
-        return end[:size], np.maximum(np.abs(middle[:size]), np.abs(end[:size]))
+    def _sides(self, phi: Array, states: Array, cycles: Cycles) -> Array:
+        """Give (f, n, k, m) values of the switch functions."""
+        if not self.switches:
+            return np.empty((0, *phi.shape))
+        x, v, _ = self._motion(phi, cycles)
+        fixed = (value[:, None] for value in cycles.fixed)
+        with np.errstate(all="ignore"):
+            values = compiled(self.switches, (*self._moving, *self._fixed))(x, v, *states, *fixed)
+        return np.stack([np.broadcast_to(value, phi.shape) for value in values])
 
-    def _projected(self, begin: Array, cycles: Cycles, half: bool) -> Array:
-        """Give (3, n) integrals of f sin, f cos and f over a cycle."""
-        size = len(self.system.rates)
-        state = np.concatenate((begin, np.zeros((3, begin.shape[1]))))
-        middle = self.system.advance(state, -np.pi / 2, np.pi / 2, True, cycles)
-        if half:
-            middle[size:] *= np.array([[2.0], [2.0], [0.0]])
-            return middle[size:]
-        return self.system.advance(middle, np.pi / 2, 3 * np.pi / 2, False, cycles)[size:]
+    def _divided(self, marks: Array, phi: Array, states: Array, cycles: Cycles) -> _Parts:
+        """Divide cycles at ``marks`` and where switches are crossed between two phases (n, k, m)."""
+        sides = self._sides(phi, states, cycles)
+        on, count = sides >= 0, len(phi)
+        with np.errstate(all="ignore"):
+            share = sides[..., :-1] / (sides[..., :-1] - sides[..., 1:])
+        place = phi[..., :-1] + np.diff(phi) * np.nan_to_num(share)
+        place = np.where(on[..., :-1] != on[..., 1:], place, np.inf)
+        place = np.moveaxis(place, 1, 0).reshape(count, -1)
+        most = int(np.isfinite(place).sum(axis=1).max(initial=0))
+        order = np.argsort(place, axis=1)[:, :most]
+        place = np.take_along_axis(place, order, axis=1)
+        which = np.where(np.isfinite(place), order // (phi[0, :, 1:].size or 1), -1)
+        given = np.broadcast_to(marks, (count, len(marks)))
+        ends = np.concatenate([given, np.where(which < 0, START + TURN, place)], axis=1)
+        crossed = np.concatenate([np.full(given.shape, -1), which], axis=1)
+        return _Parts(*_sorted(ends, crossed), on[:, :, 0, 0])
+
+    def _settled(
+        self, parts: _Parts, steps: int, cycles: Cycles, near: tuple[Array, Array]
+    ) -> tuple[_Parts, Array, Array, NDArray[np.bool_]]:
+        """Move the crossings to where the loop crosses; parts, phases, states, and (n,) whether it does."""
+        for _ in range(SHIFTS):
+            phi, flags = parts.nodes(steps), parts.flags
+            states = self._states(phi, flags, cycles, near)
+            near = (phi, states)
+            if not np.any(parts.crossed >= 0):
+                break
+            shift = self._shift(parts, phi[:, :, -1], flags, states[..., -1], cycles)
+            if not np.any(np.abs(shift) > CROSSING):
+                break
+            parts = parts.shifted(shift)
+        sides = self._sides(phi, states, cycles)
+        range_ = np.abs(sides).max(axis=(2, 3), initial=0.0)[:, :, None, None]
+        with np.errstate(all="ignore"):
+            wrong = (2 * flags[:-1, :, :, None] - 1) * sides[..., 1:-1] < -WRONG * range_
+        return parts, phi, states, ~wrong.any(axis=(0, 2, 3))
+
+    def _shift(self, parts: _Parts, phi: Array, flags: Array, states: Array, cycles: Cycles) -> Array:
+        """(n, k+1) Newton step of each crossing, from what is before it."""
+        x, v, a = self._motion(phi, cycles)
+        moving, shift = (x, v, *states), np.zeros(parts.ends.shape)
+        zero = tuple(np.zeros_like(x) for _ in moving)
+        rates = [v, a]
+        for mode in self.modes[:-1]:
+            law = switched_sum(mode, self._moving, (*self._fixed, *self.flags))
+            rates.append(law(moving, zero, x, [*cycles.fixed, *flags], by_parameters=False)[0])
+        for number, switch in enumerate(self.switches):
+            law = switched_sum(switch, self._moving, self._fixed)
+            side, *slopes = law(moving, zero, x, cycles.fixed, by_parameters=False)
+            speed = sum(slope * rate for slope, rate in zip(slopes, rates, strict=True))
+            with np.errstate(all="ignore"):
+                step = -side * cycles.omega[:, None] / speed
+            shift[:, 1:] += np.where(
+                parts.crossed[:, 1:] == number, np.nan_to_num(step, posinf=0, neginf=0), 0
+            )
+        return shift
+
+    def _integrals(self, parts: _Parts, phi: Array, states: Array, cycles: Cycles) -> Array:
+        """(4, n) integrals of f sin, f cos, f and abs(f) over cycles by the trapezoidal rule."""
+        x, v, _ = self._motion(phi, cycles)
+        values = [*(value[:, None] for value in cycles.fixed), *parts.flags[..., None]]
+        with np.errstate(all="ignore"):
+            (force,) = compiled(self.modes[-1:], (*self._moving, *self._fixed, *self.flags))(
+                x, v, *states, *values
+            )
+        weights = np.pad(np.diff(phi), ((0, 0), (0, 0), (1, 1)))
+        weights = (weights[..., 1:] + weights[..., :-1]) / 2
+        return np.stack(
+            [
+                np.sum(f * weights, axis=(1, 2))
+                for f in (force * np.sin(phi), force * np.cos(phi), force, np.abs(force))
+            ]
+        )
 
 
 def _odd(expressions: tuple[sympy.Expr, ...], states: tuple[sympy.Symbol, ...]) -> bool:
@@ -524,34 +448,38 @@ def try_loops(loop: Loop) -> float | None:
     Returns
     -------
     Largest difference in stiffness or damping from loops stepped through time, relative to both and the mean.
-    None where to follow them takes more than a few seconds: states that are much faster than the motion, or
-    many switches.
+    None where states are too much faster than the motion to know them.
 
     Raises
     ------
     ExpressionError
         Not one of them closes.
     """
-    system = loop.system.within_budget()
     rng = np.random.default_rng(8)
     values = {name: np.exp(rng.uniform(-1, 1, TRIALS)) for name in loop.parameters}
     amplitude, omega = np.exp(rng.uniform(-2, 1, TRIALS)), np.exp(rng.uniform(-1, 1, TRIALS))
-    found = replace(loop, system=system).harmonics(amplitude, np.zeros(TRIALS), omega, values)
-    closed = np.flatnonzero(np.isfinite(found[0]))
-    if system.work is not None and system.work.done:
-        return None
-    if not len(closed):
+    cycles = loop.cycles(amplitude, np.zeros(TRIALS), omega, values)
+    found, begin = loop.turn(cycles)
+    if not np.isfinite(begin).all(axis=(0, 2)).any():
         raise ExpressionError(
             f"memory: the loop of {loop.states} does not close at X = {amplitude[0]:.3g} m or any of "
             f"{TRIALS} amplitudes tried with positive parameters: under a sine it grows or drifts for ever"
         )
+    closed = np.flatnonzero(np.isfinite(found[0]))
+    if not len(closed):
+        return None
+    found /= np.pi * amplitude
     worst = 0.0
     for row in closed[:STEPPED]:
         numbers = {name: float(value[row]) for name, value in values.items()}
-        stiffness, damping, miss = loop.stepped(float(amplitude[row]), float(omega[row]), numbers)
+        size, speed = float(amplitude[row]), float(omega[row])
+        stepped = loop.stepped(begin[:, row, 0], size, speed, numbers)
+        if stepped is None:
+            return None
+        stiffness, damping, miss = stepped
         # a state that stays where it is has a mean force alone
-        size = abs(stiffness) + omega[row] * abs(damping) + abs(found[2][row]) / amplitude[row]
-        differences = (found[0][row] - stiffness, omega[row] * (found[1][row] - damping))
+        whole = abs(stiffness) + speed * abs(damping) + abs(found[2, row]) / 2
+        differences = (found[0, row] - stiffness, found[1, row] - speed * damping)
         # no force at all is none, however it is reached
-        worst = max(worst, miss, *(abs(difference) / (size or 1.0) for difference in differences))
+        worst = max(worst, miss, *(abs(difference) / (whole or 1.0) for difference in differences))
     return float(worst)

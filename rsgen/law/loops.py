@@ -27,6 +27,7 @@ __all__ = [
     "find_reversals",
     "from_rest",
     "make_loops",
+    "periodic_states",
 ]
 
 
@@ -254,7 +255,7 @@ class _Recurrence:
     """The rule linearised: z_{j+1} = a_j z_j + r_j for n motions, closed after a period.
 
     ``forward`` (s, q, q, n) is a; ``inverse`` (s, q, q, n) what divides each source; ``weight`` (s, n) is
-    theta and ``step`` (n,) h.
+    theta and ``step`` (s, n) h.
     """
 
     forward: Array
@@ -279,10 +280,13 @@ class _Recurrence:
         """(s, q, k, n) what sources of z' (s, q, k, n) bring from sample to sample."""
         late = np.roll(source, -1, axis=0)
         weight = self.weight[:, None, None]
-        return np.asarray(self.step * (source + weight * (late - source)))
+        return np.asarray(self.step[:, None, None] * (source + weight * (late - source)))
 
-    def solve(self, right: Array) -> Array:
-        """(s, q, k, n) periodic solution; ``right`` (s, q, k, n) is what each step adds before division."""
+    def solve(self, right: Array, sign: float = 1.0) -> Array:
+        """(s, q, k, n) periodic solution; ``right`` (s, q, k, n) is what each step adds before division.
+
+        ``sign`` -1: its sign has turned after the period.
+        """
         samples, size, columns, _ = right.shape
         right = _product(self.inverse, right)
         unit = np.eye(size)
@@ -302,19 +306,19 @@ class _Recurrence:
         for j in range(blocks):
             path[j + 1] = _product(inside[-1, j, :, columns:], path[j])
             path[j + 1, :, :columns] += inside[-1, j, :, :columns]
-        begin = _closing(path[-1, :, columns:], path[-1, :, :columns])
+        begin = _closing(path[-1, :, columns:], path[-1, :, :columns], sign)
         starts = path[:-1, :, :columns] + _product(path[:-1, :, columns:], begin)
         solution = inside[:-1, :, :, :columns] + _product(inside[:-1, :, :, columns:], starts)
         return np.asarray(np.swapaxes(solution, 0, 1).reshape(right.shape))
 
 
-def _closing(gain: Array, ends: Array) -> Array:
-    """(q, k, n) start that returns to itself after a period: (1 - gain) z = ends; the smallest where states
-    keep what they begin with.
+def _closing(gain: Array, ends: Array, sign: float) -> Array:
+    """(q, k, n) start that returns to itself times the sign after a period: (sign - gain) z = ends; the
+    smallest where states keep what they begin with.
     """
     size = len(gain)
     unit = np.eye(size)
-    lack = unit - np.moveaxis(gain, -1, 0)
+    lack = sign * unit - np.moveaxis(gain, -1, 0)
     bound = np.concatenate([lack, np.broadcast_to(_UNDETERMINED * unit, lack.shape)], axis=1)
     good = np.isfinite(bound).all(axis=(1, 2))
     right = np.moveaxis(ends, -1, 0)
@@ -370,56 +374,75 @@ def close_loops(
     step: Array,
     values: Sequence[Any] | Array,
 ) -> StateLoops:
-    """Find the periodic states along n motions.
+    """Find the periodic states along n motions, and how they follow; arguments as of ``periodic_states``."""
+    states = periodic_states(equations, motion, step, values)
+    rate, slopes = _rates(equations, motion, states, step, values)
+    recurrence = _linearised(slopes[:, 2 : 2 + len(states)], np.broadcast_to(step, motion[0].shape))
+    source = np.transpose(slopes[:, 2 + len(states) :], (3, 0, 1, 2))
+    moved = recurrence.solve(recurrence.gather(source))
+    by_parameter = np.transpose(moved, (2, 1, 3, 0))
+    return StateLoops(states, rate, by_parameter, recurrence, (slopes[:, 0], slopes[:, 1]))
+
+
+def periodic_states(
+    equations: Sequence[SwitchedSum],
+    motion: tuple[Array, Array, Array],
+    step: Array,
+    values: Sequence[Any] | Array,
+    start: Array | None = None,
+    sign: float = 1.0,
+) -> Array:
+    """(q, n, s) periodic states along n motions; NaN where a loop does not close, or is fled by states.
 
     Parameters
     ----------
     equations
-        g of every state; moving variables are x, v and the states.
+        g of every state z, in x, v, z.
     motion
         Displacement [m], velocity [m/s] and acceleration [m/s^2], each (n, s), over one period.
     step
-        Sampling interval [s], broadcast to (n, 1).
+        Interval to the next sample [s], broadcast to (n, s); zero between two sides of one instant.
     values
-        (p,) of the parameters, or arrays (n, 1).
+        (p,) of the parameters, or arrays (n, 1) or (n, s).
+    start
+        (q, n, s) states to begin with, or zero.
+    sign
+        -1: motion and states turn their signs after the period, whose last step is zero.
     """
-    count, samples = motion[0].shape
-    size = len(equations)
-    states = np.zeros((size, count, samples))
-    step = np.broadcast_to(step, (count, 1))
-    open_rows = np.arange(count)
+    shape = motion[0].shape
+    states = np.zeros((len(equations), *shape)) if start is None else np.array(start)
+    step = np.broadcast_to(step, shape)
+
+    def at(rows: Indices) -> tuple[Array, _Recurrence]:
+        x, v, a = (each[rows] for each in motion)
+        own = [value if np.ndim(value) == 0 else value[rows] for value in values]
+        rate, slopes = _rates(equations, (x, v, a), states[:, rows], step[rows], own, by_parameters=False)
+        return rate, _linearised(slopes[:, 2:], step[rows])
+
+    open_rows = np.arange(len(step))
     for attempt in range(_STEPS):
-        here = (motion[0][open_rows], motion[1][open_rows], motion[2][open_rows])
-        own = [value if np.ndim(value) == 0 else value[open_rows] for value in values]
-        at = states[:, open_rows]
-        rate, slopes = _rates(equations, here, at, step[open_rows], own, by_parameters=False)
-        recurrence = _linearised(slopes[:, 2 : 2 + size], step[open_rows, 0])
+        rate, recurrence = at(open_rows)
         gain = recurrence.gather(np.transpose(rate, (2, 0, 1))[:, :, None])[:, :, 0]
-        before = np.transpose(at, (2, 0, 1))
-        lack = gain - (np.roll(before, -1, axis=0) - before)
-        change = np.transpose(recurrence.solve(lack[:, :, None])[:, :, 0], (1, 2, 0))
+        before = np.transpose(states[:, open_rows], (2, 0, 1))
+        after = np.concatenate([before[1:], sign * before[:1]])
+        lack = gain - (after - before)
+        change = np.transpose(recurrence.solve(lack[:, :, None], sign)[:, :, 0], (1, 2, 0))
         states[:, open_rows] += change
         with np.errstate(all="ignore"):
-            largest = np.max(np.abs(at + change), axis=2)
+            largest = np.max(np.abs(states[:, open_rows]), axis=2)
             settled = np.max(np.abs(change), axis=2) <= _CLOSED * largest
             settled &= np.max(np.abs(lack), axis=0) <= _GAP * largest
         lost = ~np.isfinite(change).all(axis=(0, 2))
         if attempt >= _PATIENCE:
             lost |= recurrence.growth() > _FLEES
         states[:, open_rows[lost]] = np.nan
-        closed = settled.all(axis=0) | lost
-        open_rows = open_rows[~closed]
+        open_rows = open_rows[~(settled.all(axis=0) | lost)]
         if not len(open_rows):
             break
-    states[:, open_rows] = np.nan
-    rate, slopes = _rates(equations, motion, states, step, values)
-    recurrence = _linearised(slopes[:, 2 : 2 + size], step[:, 0])
+    flees = at(np.arange(len(step)))[1].growth() > 1 + _GAP
     # states that start at zero never reach a loop that they flee
-    states[:, recurrence.growth() > 1 + _GAP] = np.nan
-    source = np.transpose(slopes[:, 2 + size :], (3, 0, 1, 2))
-    moved = recurrence.solve(recurrence.gather(source))
-    by_parameter = np.transpose(moved, (2, 1, 3, 0))
-    return StateLoops(states, rate, by_parameter, recurrence, (slopes[:, 0], slopes[:, 1]))
+    states[:, open_rows], states[:, flees] = np.nan, np.nan
+    return states
 
 
 def _rates(
@@ -435,20 +458,23 @@ def _rates(
     x, v, a = motion
     # a share of a switch in z would change with the rate that is being solved for: such switches are sharp
     sharp = np.zeros_like(states)
-    found = [each((x, v, *states), (v, a, *sharp), step, values) for each in equations]
+    found = [
+        each((x, v, *states), (v, a, *sharp), step, values, by_parameters=by_parameters) for each in equations
+    ]
     return np.stack([each[0] for each in found]), np.stack([np.stack(each[1:]) for each in found])
 
 
 def _linearised(jacobian: Array, step: Array) -> _Recurrence:
-    """Linearise the rule; ``jacobian`` (q, q, n, s) is dg/dz, ``step`` (n,) [s]."""
+    """Linearise the rule; ``jacobian`` (q, q, n, s) is dg/dz, ``step`` (n, s) [s]."""
     size = len(jacobian)
     slope = np.transpose(jacobian, (3, 0, 1, 2))
     decay = np.abs(slope).sum(axis=2).max(axis=1)
+    step = step.T
     weight = _weight(step * (decay + np.roll(decay, -1, axis=0)) / 2)
     share = (weight * step)[:, None, None]
     unit = np.eye(size)[:, :, None]
     late = unit - share * np.roll(slope, -1, axis=0)
-    early = unit + (step - share) * slope
+    early = unit + (step[:, None, None] - share) * slope
     with np.errstate(all="ignore"):
         inverse = 1 / late if size == 1 else np.moveaxis(_inverted(np.moveaxis(late, -1, 1)), 1, -1)
     return _Recurrence(_product(inverse, early), inverse, weight, step)
@@ -483,7 +509,7 @@ class Loops:
         """(r, n, s) states with equations along whole periods (n, s)."""
         if not self._equations:
             return np.zeros((0, *motion[0].shape))
-        return close_loops(self._equations, motion, step, values).states
+        return periodic_states(self._equations, motion, step, values)
 
     def sample(self, x: Array, v: Array, a: Array, step: Array, values: Sequence[Any] | Array) -> ForceSample:
         """Evaluate the closed loop along whole periods (n, s); see ``ForceLaw.sample``."""

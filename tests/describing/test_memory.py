@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 from scipy.integrate import quad
-from scipy.special import gamma, i1
+from scipy.special import gamma, i1, i1e
 
 from rsgen.common.errors import ExpressionError, RsgenError
 from rsgen.describing import derive
@@ -160,6 +160,26 @@ def test_dahl_and_maxwell_against_their_closed_solutions():
     found = maxwell.evaluate(X, OMEGA, {"a": 3.0, "b": 1.4, "k": 1.0})
     np.testing.assert_allclose(found.stiffness, 1 + 3 * OMEGA**2 / (OMEGA**2 + 1.4**2), rtol=1e-10)
     np.testing.assert_allclose(found.damping, 3 * 1.4 / (OMEGA**2 + 1.4**2), rtol=1e-10)
+
+
+@pytest.mark.slow
+def test_loops_are_known_from_hardly_any_slip_to_states_much_faster_than_the_motion():
+    # half a turn of an odd loop has no mean to forget; steps crowd where slip begins anew
+    dahl, X = derive(make_element("dahl", "z", {"z": "v - z*abs(v)"})), np.geomspace(1e-6, 1e4, 11)
+    found = dahl.evaluate(X, OMEGA, {})
+    stiffness = 2 * i1e(X) / (X * 0.5 * (1 + np.exp(-2 * X)))
+    np.testing.assert_allclose(found.stiffness, stiffness, rtol=1e-8)
+    # X - tanh(X) loses its digits
+    slip = X > 1e-2
+    np.testing.assert_allclose(
+        found.damping[slip], 4 * (X - np.tanh(X))[slip] / (np.pi * OMEGA * X[slip] ** 2), 1e-9
+    )
+    np.testing.assert_allclose(found.damping[~slip], 4 * X[~slip] / (3 * np.pi * OMEGA), rtol=1e-3)
+    # it forgets the third power of X a period
+    power = derive(make_element("power", "z", {"z": "v - a*abs(v)*abs(z)**2*z - b*v*abs(z)**3"}))
+    found = power.evaluate(X[:5], OMEGA, {"a": 1.0, "b": 0.4})
+    np.testing.assert_allclose(found.stiffness, 1.0, rtol=1e-4)
+    assert np.all(found.mean == 0.0)
 
 
 @pytest.mark.slow
