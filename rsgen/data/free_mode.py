@@ -17,7 +17,7 @@ import numpy as np
 
 from rsgen.common.arrays import Array, Chosen, ComplexArray
 from rsgen.common.scaled_columns import solve_scaled
-from rsgen.common.tolerances import POINTS_A_KNOT
+from rsgen.common.tolerances import ERRORS, POINTS_A_KNOT
 
 __all__ = ["FreeMode", "Kinematics", "estimate_mass", "fit_mode", "fit_powers", "hats", "steady"]
 
@@ -197,7 +197,10 @@ def hats(amplitude: Array) -> Array:
 
 
 def estimate_mass(force: ComplexArray, motion: Kinematics, shapes: Array | None = None) -> FreeMode | None:
-    """Find the mass beside free curves; points that disagree lose weight. None if it is not identifiable.
+    """Find the mass beside free curves; points that disagree lose weight. None if it is not known.
+
+    Near resonance alone curves of few knots leave more than the inertia: a mass that is not distinct from
+    zero is none.
 
     Parameters
     ----------
@@ -220,4 +223,4 @@ def estimate_mass(force: ComplexArray, motion: Kinematics, shapes: Array | None 
         scale = 1 / np.maximum(np.abs(force - left), least)
         residual = np.abs(left) * scale
         weight = scale / np.maximum(1.0, residual / (_OUTLIER * max(float(np.median(residual)), _LEAST)))
-    return found
+    return found if abs(found.mass) > ERRORS * found.mass_error else None

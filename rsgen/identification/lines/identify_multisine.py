@@ -109,9 +109,10 @@ def identify_multisine(spectra: MultisineSpectra, model: Model) -> MultisineIden
 
 def _judge(spectra: MultisineSpectra, model: Model, fit: LineFit) -> MultisineIdentification:
     lines, law, part = fit.lines, fit.law, fit.lines.spectra
-    covariance, freedom, wider = errors_of(fit)
-    ratio, ambiguous = law_ambiguity(terms_beside(fit), names_of(law, model), fit.parameters, covariance)
-    covariance = covariance * np.outer(ratio, ratio)
+    statistical, freedom, wider = errors_of(fit)
+    names = names_of(law, model)
+    ratio, ambiguous = law_ambiguity(terms_beside(fit), names, fit.parameters, statistical)
+    covariance = statistical * np.outer(ratio, ratio)
     misfit = relative_to_force(lines, np.abs(fit.balance.residual) ** 2)
     noise = relative_to_force(lines, fit.noise.variance)
     amplitudes = np.sqrt(2) * part.rms_response()
@@ -120,7 +121,7 @@ def _judge(spectra: MultisineSpectra, model: Model, fit: LineFit) -> MultisineId
         "level": Quantity(float(part.levels.max()), "N"),
     }
     known = replace(fit.regression, covariance=covariance)
-    reasons = parameter_findings(names_of(law, model), units_of(model), tested, known)
+    reasons = parameter_findings(names, units_of(model), tested, known)
     reasons = with_combinations(reasons, model)
     solution = Solution(fit.values, fit.mass, covariance, freedom, misfit)
     estimates = make_estimates(solution, law, model, reasons)
@@ -129,7 +130,9 @@ def _judge(spectra: MultisineSpectra, model: Model, fit: LineFit) -> MultisineId
     findings += _sign_findings(fit, covariance if model.mass is None else None)
     findings += [*_misfit_findings(fit, misfit, noise, wider), *ambiguous]
     motion = Motion(np.full(len(part), part.omega0), part.mean_response)
-    findings += damping_findings(law, motion, fit.values, estimates)
+    # what a law takes from the motion is judged by the law as it stands
+    of_law = make_estimates(replace(solution, covariance=statistical), law, model, reasons)
+    findings += damping_findings(law, motion, fit.values, of_law)
     findings += _damping_findings(fit, misfit, noise)
     findings += _delay_findings(fit, misfit)
     if (lines.first > 1).any():
