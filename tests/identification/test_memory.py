@@ -15,8 +15,7 @@ from rsgen.identification.fitting.points import select_points
 from rsgen.identification.fitting.problem import Problem
 from rsgen.identification.identify import identify
 from rsgen.identification.results import Identification
-from rsgen.law.element import make_element
-from rsgen.law.library import laws
+from rsgen.law.element import laws, make_element
 from rsgen.law.numeric import compile_law
 from tests.stepping import DAMPING, MASS, SPRING, stepped
 
