@@ -16,7 +16,7 @@ import numpy as np
 
 from rsgen.common.arrays import Array
 from rsgen.common.finding import Finding, Quantity, quantities
-from rsgen.common.scaled_columns import solve_scaled
+from rsgen.common.linear_algebra import solve_scaled
 from rsgen.common.tolerances import DAMPED, LIGHT, samples_for
 from rsgen.data.oscillator import Model
 from rsgen.data.surface import ResponseSurface

@@ -10,7 +10,7 @@ import sympy
 from numpy.typing import NDArray
 
 from rsgen.common.arrays import Array, ComplexArray
-from rsgen.common.scaled_columns import solve_scaled
+from rsgen.common.linear_algebra import solve_scaled
 from rsgen.common.tolerances import (
     CHANCE,
     EXCESS,
