@@ -25,8 +25,8 @@ from rsgen.data.free_mode import fit_mode, steady
 from rsgen.data.oscillator import Model, Observation
 from rsgen.data.surface import ResponseSurface, typical_amounts, without_copies
 from rsgen.data.surface.response_surface import HALF_POWER
-from rsgen.identification.fitting.descent import Descent
 from rsgen.identification.fitting.fit import fit_balance
+from rsgen.identification.fitting.forward import Descent
 from rsgen.identification.fitting.least_squares import Regression, fit
 from rsgen.identification.fitting.observed import Observed
 from rsgen.identification.fitting.points import (

@@ -7,8 +7,7 @@ import pytest
 
 from rsgen.data.oscillator import BACKGROUNDS
 from rsgen.dynamics.harmonic_balance import following_harmonics
-from rsgen.identification.fitting.descent import Descent
-from rsgen.identification.fitting.forward import HarmonicBalance
+from rsgen.identification.fitting.forward import Descent, HarmonicBalance
 from rsgen.identification.fitting.least_squares import Linearisation, eliminate
 from rsgen.identification.fitting.observed import Observed
 from rsgen.identification.fitting.points import Points, select_points
