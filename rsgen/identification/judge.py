@@ -25,7 +25,6 @@ from rsgen.identification.fitting.observed import Observed
 from rsgen.identification.fitting.points import Points, gap_of, loop_error, select_points
 from rsgen.identification.fitting.problem import Problem, is_systematic
 from rsgen.identification.fitting.repeats import Repeats, gather_repeats
-from rsgen.identification.mass_ratios import resonance_findings
 from rsgen.identification.misfit import (
     even_findings,
     explain_hidden,
@@ -33,7 +32,7 @@ from rsgen.identification.misfit import (
     misfit_findings,
     widen_squares,
 )
-from rsgen.identification.resonance import fit_resonances
+from rsgen.identification.resonance import fit_resonances, resonance_findings
 from rsgen.identification.restoring_force import equivalent_curve, force_levels, invert_curve, invert_motion
 from rsgen.identification.results import (
     Background,
