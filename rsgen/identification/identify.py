@@ -14,8 +14,8 @@ from rsgen.data.multisine import MultisineSpectra
 from rsgen.data.oscillator import Model, Observation, join_model
 from rsgen.data.surface import ResponseSurface, without_copies
 from rsgen.identification.fitting.fit import RESOLUTION, Fit, fit_balance, fit_simulator
+from rsgen.identification.fitting.observed import Problem
 from rsgen.identification.fitting.points import per_unit_mass
-from rsgen.identification.fitting.problem import Problem
 from rsgen.identification.judge import judge, prepare
 from rsgen.identification.lines.identify_multisine import identify_multisine
 from rsgen.identification.prediction import judge_held_out

@@ -21,9 +21,8 @@ from rsgen.dynamics.linear_part import background_terms
 from rsgen.identification.fitting.across import law_of
 from rsgen.identification.fitting.fit import Fit, Solution, fit_balance
 from rsgen.identification.fitting.least_squares import Regression
-from rsgen.identification.fitting.observed import Observed
+from rsgen.identification.fitting.observed import Observed, Problem, is_systematic
 from rsgen.identification.fitting.points import Points, gap_of, loop_error, select_points
-from rsgen.identification.fitting.problem import Problem, is_systematic
 from rsgen.identification.fitting.repeats import Repeats, gather_repeats
 from rsgen.identification.misfit import (
     even_findings,

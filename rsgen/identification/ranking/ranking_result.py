@@ -17,8 +17,8 @@ from rsgen.common.text_table import Printed, TextTable, data_frame, lookup, shor
 from rsgen.common.tolerances import EXCESS, FEW, LARGE, NOTICEABLE
 from rsgen.data.oscillator import Model
 from rsgen.data.surface import ResponseSurface
+from rsgen.identification.fitting.observed import beyond_chance
 from rsgen.identification.fitting.points import Points
-from rsgen.identification.fitting.problem import beyond_chance
 from rsgen.identification.identify import identify
 from rsgen.identification.ranking.balance import Rows, library_terms, terms_of
 from rsgen.identification.ranking.fitting import Fitted, Guess
