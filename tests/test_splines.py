@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy.interpolate import BSpline
 
-from rsgen.common.splines import b_splines, spline_values
+from rsgen.common.linear_algebra import b_splines, spline_values
 
 
 @pytest.mark.parametrize("degree", range(5))

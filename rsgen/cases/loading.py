@@ -28,8 +28,7 @@ from rsgen.dynamics.simulation import MultisineTest, SimulatedTest
 from rsgen.files import MeasuredTest, read_measurement
 from rsgen.formula import check_name, parse, symbol, write
 from rsgen.formula.units import parameter_units, quantity, unit_faults, unit_of
-from rsgen.law.element import Element, force_keys, make_element
-from rsgen.law.library import laws
+from rsgen.law.element import Element, force_keys, laws, make_element
 from rsgen.law.memory import memory_form
 
 __all__ = [

@@ -16,7 +16,7 @@ from dataclasses import dataclass, fields
 import numpy as np
 
 from rsgen.common.arrays import Array, Chosen, ComplexArray
-from rsgen.common.scaled_columns import solve_scaled
+from rsgen.common.linear_algebra import solve_scaled
 from rsgen.common.tolerances import ERRORS, POINTS_A_KNOT
 
 __all__ = ["FreeMode", "Kinematics", "estimate_mass", "fit_mode", "fit_powers", "hats", "steady"]

@@ -14,12 +14,12 @@ from rsgen.data.multisine import MultisineSpectra
 from rsgen.data.oscillator import Model, Observation, join_model
 from rsgen.data.surface import ResponseSurface, without_copies
 from rsgen.identification.fitting.fit import RESOLUTION, Fit, fit_balance, fit_simulator
+from rsgen.identification.fitting.observed import Problem
 from rsgen.identification.fitting.points import per_unit_mass
-from rsgen.identification.fitting.problem import Problem
 from rsgen.identification.judge import judge, prepare
 from rsgen.identification.lines.identify_multisine import identify_multisine
-from rsgen.identification.mass_ratios import identify_ratios
 from rsgen.identification.prediction import judge_held_out
+from rsgen.identification.resonance import identify_ratios
 from rsgen.identification.results import Identification, changed
 from rsgen.identification.soundness import runs_away
 from rsgen.identification.starting.start import start_fit

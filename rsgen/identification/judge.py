@@ -21,11 +21,9 @@ from rsgen.dynamics.linear_part import background_terms
 from rsgen.identification.fitting.across import law_of
 from rsgen.identification.fitting.fit import Fit, Solution, fit_balance
 from rsgen.identification.fitting.least_squares import Regression
-from rsgen.identification.fitting.observed import Observed
+from rsgen.identification.fitting.observed import Observed, Problem, is_systematic
 from rsgen.identification.fitting.points import Points, gap_of, loop_error, select_points
-from rsgen.identification.fitting.problem import Problem, is_systematic
 from rsgen.identification.fitting.repeats import Repeats, gather_repeats
-from rsgen.identification.mass_ratios import resonance_findings
 from rsgen.identification.misfit import (
     even_findings,
     explain_hidden,
@@ -33,7 +31,7 @@ from rsgen.identification.misfit import (
     misfit_findings,
     widen_squares,
 )
-from rsgen.identification.resonance import fit_resonances
+from rsgen.identification.resonance import fit_resonances, resonance_findings
 from rsgen.identification.restoring_force import equivalent_curve, force_levels, invert_curve, invert_motion
 from rsgen.identification.results import (
     Background,

@@ -33,9 +33,8 @@ from rsgen.data.surface import ResponseSurface
 from rsgen.identification.fitting.across import law_of
 from rsgen.identification.fitting.fit import Fit, fit_balance
 from rsgen.identification.fitting.least_squares import Regression
-from rsgen.identification.fitting.observed import Observed
+from rsgen.identification.fitting.observed import MISSING_TERMS, Observed, Problem, is_systematic
 from rsgen.identification.fitting.points import Points
-from rsgen.identification.fitting.problem import MISSING_TERMS, Problem, is_systematic
 from rsgen.identification.results import Resonance
 from rsgen.identification.starting.start import is_hidden, records_even
 from rsgen.law.element import make_element

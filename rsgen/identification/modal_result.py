@@ -21,7 +21,7 @@ from numpy.typing import ArrayLike, NDArray
 from rsgen.common.arrays import Array
 from rsgen.common.errors import RsgenError
 from rsgen.common.finding import Finding
-from rsgen.common.splines import b_splines
+from rsgen.common.linear_algebra import b_splines
 from rsgen.common.text_table import MOST_DIGITS, Printed, TextTable, data_frame, short
 from rsgen.common.tolerances import CONFIDENCE, NORMAL, SAME_NUMBER, t_quantile
 from rsgen.data.oscillator import Observation

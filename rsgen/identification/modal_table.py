@@ -25,10 +25,10 @@ from rsgen.data.free_mode import fit_mode, steady
 from rsgen.data.oscillator import Model, Observation
 from rsgen.data.surface import ResponseSurface, typical_amounts, without_copies
 from rsgen.data.surface.response_surface import HALF_POWER
-from rsgen.identification.fitting.descent import Descent
 from rsgen.identification.fitting.fit import fit_balance
+from rsgen.identification.fitting.forward import Descent
 from rsgen.identification.fitting.least_squares import Regression, fit
-from rsgen.identification.fitting.observed import Observed
+from rsgen.identification.fitting.observed import Observed, Problem, is_systematic
 from rsgen.identification.fitting.points import (
     FEWEST,
     LAG_ERROR,
@@ -41,7 +41,6 @@ from rsgen.identification.fitting.points import (
     near_resonance,
     select_points,
 )
-from rsgen.identification.fitting.problem import Problem, is_systematic
 from rsgen.identification.fitting.repeats import gather_repeats
 from rsgen.identification.modal_result import (
     MODAL_COLUMNS,

@@ -28,8 +28,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rsgen.common.arrays import Array, ComplexArray, blocks
-from rsgen.common.scaled_columns import solve_scaled
-from rsgen.common.splines import b_splines, spline_values
+from rsgen.common.linear_algebra import b_splines, solve_scaled, spline_values
 from rsgen.common.tolerances import (
     CHANCE,
     CONFIDENCE,

@@ -32,8 +32,8 @@ from rsgen.dynamics.linear_part import Inertia
 from rsgen.identification.fitting.across import motions_of, sensor_pair
 from rsgen.identification.fitting.fit import Fit, fit_balance
 from rsgen.identification.fitting.least_squares import Regression
+from rsgen.identification.fitting.observed import Problem
 from rsgen.identification.fitting.points import Points
-from rsgen.identification.fitting.problem import Problem
 from rsgen.identification.results import Estimate
 from rsgen.identification.results.estimates import damping_findings, takes_energy
 from rsgen.law.motion import Motion, project, sine_motion

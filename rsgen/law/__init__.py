@@ -7,14 +7,12 @@ from typing import TYPE_CHECKING
 from rsgen.common import on_first_use
 
 if TYPE_CHECKING:
-    from rsgen.law.element import Element, Law, LawLike, as_elements, make_element
-    from rsgen.law.library import laws
+    from rsgen.law.element import Element, Law, LawLike, as_elements, laws, make_element
 
 __all__ = ["Element", "Law", "LawLike", "as_elements", "laws", "make_element"]
 
 # motions are used without the library of algebra
 __getattr__ = on_first_use(
     __name__,
-    dict.fromkeys(("Element", "Law", "LawLike", "as_elements", "make_element"), "element")
-    | {"laws": "library"},
+    dict.fromkeys(("Element", "Law", "LawLike", "as_elements", "laws", "make_element"), "element"),
 )

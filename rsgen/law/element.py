@@ -1,9 +1,11 @@
-"""Elements and laws: a formula of the force in x and v, its parameters, and what is known about it."""
+"""Elements and laws: the force in x and v, its parameters, what is known about it, and laws by name."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from difflib import get_close_matches
+from functools import cache
 from html import escape
 
 import numpy as np
@@ -18,7 +20,7 @@ from rsgen.formula.bounds import algebra_faults
 from rsgen.formula.evaluation import Numeric, compiled
 from rsgen.formula.names import remembers
 from rsgen.law.identifiable import equal_terms
-from rsgen.law.library_rows import ROWS, Range, Search
+from rsgen.law.library import ROWS, Range, Search
 from rsgen.law.memory import equations_of, memory_form, rates_of, read_formula, with_memory
 from rsgen.law.notation import latex, mathml
 from rsgen.law.pieces import normal_form
@@ -28,12 +30,14 @@ __all__ = [
     "Element",
     "Law",
     "LawLike",
+    "Library",
     "Parameter",
     "Range",
     "Search",
     "as_elements",
     "force_keys",
     "law_remarks",
+    "laws",
     "make_element",
     "refuse_library_names",
 ]
@@ -501,3 +505,68 @@ def as_elements(law: LawLike | Sequence[LawLike]) -> tuple[Element, ...]:
             taken.add(name)
             elements.append(replace(element, name=name))
     return tuple(elements)
+
+
+# ----------------------------------------------------------------------------
+# The laws of the library, which users name instead of typing.
+
+
+@cache
+def _law(name: str) -> Law:
+    row = ROWS[name]
+    table = tuple(Parameter(*entry) for entry in row.parameters)
+    return Law(row.formula, name, row.title, table, row.source, row.own, row.search, memory=row.memory or {})
+
+
+class Library:
+    """The laws by name; iterating gives the laws themselves, so that ``[law, *laws]`` is a list of laws.
+
+    Examples
+    --------
+    >>> laws["coulomb"].formula
+    'Ff*sign(v)'
+    >>> "cubic-spring" in laws
+    True
+    >>> [law.name for law in laws][:3]
+    ['linear-spring', 'linear-damper', 'cubic-spring']
+    """
+
+    def __getitem__(self, name: str) -> Law:
+        """Give a law by name.
+
+        Raises
+        ------
+        RsgenError
+            There is no law of this name.
+        """
+        if name in self:
+            return _law(name)
+        near = get_close_matches(str(name)[:80], ROWS, n=3)
+        hint = f"did you mean {' or '.join(map(repr, near))}? " if near else ""
+        raise RsgenError(f"law {name!r}: unknown; {hint}known: {', '.join(ROWS)}")
+
+    def __contains__(self, name: object) -> bool:
+        return name in ROWS
+
+    def __iter__(self) -> Iterator[Law]:
+        return map(_law, ROWS)
+
+    def __len__(self) -> int:
+        return len(ROWS)
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Names of all laws."""
+        return tuple(ROWS)
+
+    def __repr__(self) -> str:
+        width = max(map(len, ROWS))
+        return "\n".join(f"{law.name:<{width}}  {law.text}" for law in self)
+
+    def _repr_html_(self) -> str:
+        rows = tuple((law.name, law.title, law.text) for law in self)
+        return TextTable(("law", "what it is", "force"), rows).html()
+
+
+laws = Library()
+"""All laws of the library."""

@@ -12,7 +12,7 @@ import pytest
 
 import rsgen
 from rsgen.analysis.export import save_frf
-from rsgen.app.cli.targets import FRF, MODAL, SURFACE, is_foreign
+from rsgen.app.cli.options import FRF, MODAL, SURFACE, is_foreign
 from rsgen.data.surface import save_surface
 from rsgen.identification.modal_table import modal_table
 from rsgen.report.notebook import build_notebook

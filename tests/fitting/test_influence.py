@@ -9,9 +9,8 @@ import pytest
 
 from rsgen.identification.fitting.fit import fit_balance
 from rsgen.identification.fitting.least_squares import Regression
-from rsgen.identification.fitting.observed import Observed
+from rsgen.identification.fitting.observed import Observed, Problem
 from rsgen.identification.fitting.points import Points, select_points
-from rsgen.identification.fitting.problem import Problem
 from rsgen.law.numeric import compile_law
 from tests.surfaces import LAWS, MASS, model, surface
 

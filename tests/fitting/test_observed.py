@@ -7,12 +7,10 @@ import pytest
 
 from rsgen.data.oscillator import BACKGROUNDS
 from rsgen.dynamics.harmonic_balance import following_harmonics
-from rsgen.identification.fitting.descent import Descent
-from rsgen.identification.fitting.forward import HarmonicBalance
+from rsgen.identification.fitting.forward import Descent, HarmonicBalance
 from rsgen.identification.fitting.least_squares import Linearisation, eliminate
-from rsgen.identification.fitting.observed import Observed
+from rsgen.identification.fitting.observed import Observed, Problem
 from rsgen.identification.fitting.points import Points, select_points
-from rsgen.identification.fitting.problem import Problem
 from rsgen.identification.fitting.simulator import Simulator
 from rsgen.law.motion import Motion
 from rsgen.law.numeric import compile_law

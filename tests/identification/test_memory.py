@@ -10,13 +10,11 @@ import pytest
 from rsgen.data.oscillator import Model
 from rsgen.data.surface import ResponseSurface
 from rsgen.identification.fitting.fit import fit_balance, fit_simulator
-from rsgen.identification.fitting.observed import Observed
+from rsgen.identification.fitting.observed import Observed, Problem
 from rsgen.identification.fitting.points import select_points
-from rsgen.identification.fitting.problem import Problem
 from rsgen.identification.identify import identify
 from rsgen.identification.results import Identification
-from rsgen.law.element import make_element
-from rsgen.law.library import laws
+from rsgen.law.element import laws, make_element
 from rsgen.law.numeric import compile_law
 from tests.stepping import DAMPING, MASS, SPRING, stepped
 

@@ -27,9 +27,9 @@ from rsgen.identification.identify import identify
 from rsgen.identification.ranking import Ranking, identify_best, rank
 from rsgen.identification.ranking.balance import Rows, Sum, library_terms, terms_of
 from rsgen.identification.ranking.fitting import Fitted, Guess, fit_rows
+from rsgen.identification.ranking.ranking_result import Judgement, judge
 from rsgen.identification.ranking.reference import follow
 from rsgen.identification.ranking.selection import search_sums
-from rsgen.identification.ranking.verdict import Judgement, judge
 from rsgen.law import laws
 from rsgen.law.element import make_element
 from rsgen.law.memory import with_memory

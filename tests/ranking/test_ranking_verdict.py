@@ -23,8 +23,8 @@ from rsgen.identification.ranking import Ranking, rank
 from rsgen.identification.ranking.balance import Rows
 from rsgen.identification.ranking.fitting import Fitted, Guess
 from rsgen.identification.ranking.rank_laws import _unconfirmed
+from rsgen.identification.ranking.ranking_result import Judgement, implausible, judge
 from rsgen.identification.ranking.reference import follow
-from rsgen.identification.ranking.verdict import Judgement, implausible, judge
 from rsgen.law.element import make_element
 from rsgen.report.wording import sentence
 from rsgen.report.wording.sentences import next_step

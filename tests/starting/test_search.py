@@ -14,8 +14,7 @@ from rsgen.dynamics.virtual_test import add_noise
 from rsgen.formula import parse
 from rsgen.identification.starting.equations import Equations
 from rsgen.identification.starting.start import solve_equations
-from rsgen.law.element import make_element
-from rsgen.law.library import laws
+from rsgen.law.element import laws, make_element
 from rsgen.law.motion import Motion, project
 from rsgen.law.numeric import compile_law
 from tests.oracles.masing import slider

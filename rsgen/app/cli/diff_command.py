@@ -11,8 +11,7 @@ from typing import Annotated, Any
 import typer
 
 import rsgen
-from rsgen.app.cli.options import Json
-from rsgen.app.cli.targets import DIFFERENCE, check_target, is_foreign, refuse_foreign
+from rsgen.app.cli.options import DIFFERENCE, Json, check_target, is_foreign, refuse_foreign
 from rsgen.app.cli.terminal import ACCEPTED, MISSED, number, print_json, print_line, print_table
 from rsgen.common.errors import RsgenError
 from rsgen.common.finding import STATES, StatedVerdict, verdict_lines

@@ -9,9 +9,18 @@ import typer
 
 from rsgen.analysis.comparison import compare, verdict_of
 from rsgen.analysis.export import save_frf
-from rsgen.app.cli.options import Data, Json, OneCase, Surface
+from rsgen.app.cli.options import (
+    FRF,
+    Data,
+    Json,
+    OneCase,
+    Surface,
+    check_target,
+    inputs_of,
+    is_foreign,
+    refuse_foreign,
+)
 from rsgen.app.cli.progress_bar import print_cache_fault, stage_progress
-from rsgen.app.cli.targets import FRF, check_target, inputs_of, is_foreign, refuse_foreign
 from rsgen.app.cli.terminal import (
     number,
     print_json,

@@ -12,8 +12,7 @@ from rsgen.app.cli.options import Amplitude, Json, Plot, Settings
 from rsgen.app.cli.terminal import print_json, print_line
 from rsgen.common.errors import RsgenError
 from rsgen.describing import derive
-from rsgen.law.element import Law
-from rsgen.law.library import Library, laws
+from rsgen.law.element import Law, Library, laws
 
 __all__ = ["laws_command"]
 

@@ -7,9 +7,18 @@ from typing import Annotated
 
 import typer
 
-from rsgen.app.cli.options import Data, Json, OneCase, Surface
+from rsgen.app.cli.options import (
+    MODAL,
+    Data,
+    Json,
+    OneCase,
+    Surface,
+    check_target,
+    inputs_of,
+    is_foreign,
+    refuse_foreign,
+)
 from rsgen.app.cli.progress_bar import print_cache_fault, stage_progress
-from rsgen.app.cli.targets import MODAL, check_target, inputs_of, is_foreign, refuse_foreign
 from rsgen.app.cli.terminal import ACCEPTED, number, print_json, print_line
 from rsgen.app.study import obtain_surface
 from rsgen.cases import load_case

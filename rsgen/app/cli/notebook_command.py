@@ -7,8 +7,16 @@ from typing import Annotated
 
 import typer
 
-from rsgen.app.cli.options import Data, Json, OneCase
-from rsgen.app.cli.targets import SURFACE, check_target, inputs_of, is_foreign, refuse_foreign
+from rsgen.app.cli.options import (
+    SURFACE,
+    Data,
+    Json,
+    OneCase,
+    check_target,
+    inputs_of,
+    is_foreign,
+    refuse_foreign,
+)
 from rsgen.app.cli.terminal import ACCEPTED, print_json, print_line
 from rsgen.app.study import obtain_table
 from rsgen.app.study.foresight import refuse_ranking

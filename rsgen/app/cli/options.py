@@ -1,13 +1,24 @@
-"""Arguments and options that several commands share."""
+"""Arguments and options that several commands share, and what a file that they name for writing must be."""
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from rsgen.common.errors import RsgenError
+
+if TYPE_CHECKING:
+    from rsgen.cases import Case
+
 __all__ = [
+    "DIFFERENCE",
+    "FRF",
+    "MODAL",
+    "SURFACE",
+    "SURFACE_PAGE",
     "Amplitude",
     "Cases",
     "Data",
@@ -19,6 +30,10 @@ __all__ = [
     "Plot",
     "Settings",
     "Surface",
+    "check_target",
+    "inputs_of",
+    "is_foreign",
+    "refuse_foreign",
 ]
 
 Cases = Annotated[list[Path], typer.Argument(help="Case files, or folders of them.", show_default=False)]
@@ -51,3 +66,68 @@ Figures = Annotated[
     str | None,
     typer.Option(help="Save every figure beside the report, too: pdf, svg or png.", show_default=False),
 ]
+
+
+# ----------------------------------------------------------------------------
+# Files that a command writes: where they may lie, and that they never take the place of a user's file.
+
+SURFACE = b"rsgen response surface"
+FRF = b"receptances by level\nrsgen\n"
+MODAL = b"amplitude [m],frequency [Hz],lower frequency [Hz]"
+SURFACE_PAGE = b": response surface</title>"
+DIFFERENCE = b"<title>rsgen: two results compared</title>"
+"""What is near the beginning of each kind of file that a command writes, and hardly in any other."""
+
+_BEGINNING = 4096
+"""Bytes in which that stands."""
+
+
+def check_target(path: Path, ending: str, option: str = "--out") -> Path:
+    """Refuse a name for a new file that has another ending or no folder."""
+    if path.suffix.lower() != ending:
+        raise RsgenError(f"{option} {path}: the name must end in {ending}")
+    if not path.parent.is_dir():
+        raise RsgenError(f"{option} {path}: there is no folder {path.parent}")
+    return path
+
+
+def inputs_of(case: Case, *others: Path | None) -> tuple[Path, ...]:
+    """Give the files that a command on a case reads: the case, its data, and others that it was given."""
+    data = getattr(case.test, "all_files", ())  # a virtual test has none
+    return (case.path, *data, *(path for path in others if path is not None))
+
+
+def is_foreign(path: Path, mark: bytes) -> bool:
+    """Whether there is something at a place that does not bear the mark of what a command would write."""
+    if not path.exists():
+        return False
+    if not path.is_file():
+        return True
+    with path.open("rb") as file:
+        return mark not in file.read(_BEGINNING)
+
+
+def refuse_foreign(path: Path, foreign: bool, reads: Iterable[Path], option: str = "--out") -> None:
+    """Refuse, before anything is computed, to write over a file of the user.
+
+    Parameters
+    ----------
+    foreign
+        Whether what is there was not written by rsgen.
+    reads
+        Files that the command reads; whoever wrote them, they stay.
+
+    Raises
+    ------
+    RsgenError
+        It would; the file is as it was.
+    """
+    if not path.exists():
+        return
+    if any(other.exists() and path.samefile(other) for other in reads):
+        raise RsgenError(f"{path}: is read by this command; choose another {option}")
+    # an empty file, as mktemp makes one, holds nothing that could be lost
+    if foreign and not (path.is_file() and path.stat().st_size == 0):
+        raise RsgenError(
+            f"{path}: is there and not as rsgen wrote it; move it away or choose another {option}"
+        )

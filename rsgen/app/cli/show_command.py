@@ -8,8 +8,7 @@ from typing import Annotated
 
 import typer
 
-from rsgen.app.cli.options import Json
-from rsgen.app.cli.targets import SURFACE_PAGE, check_target, is_foreign, refuse_foreign
+from rsgen.app.cli.options import SURFACE_PAGE, Json, check_target, is_foreign, refuse_foreign
 from rsgen.app.cli.terminal import ACCEPTED, print_json, print_line
 from rsgen.common.finding import verdict_lines
 from rsgen.common.output import write_atomic

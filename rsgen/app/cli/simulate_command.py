@@ -7,9 +7,8 @@ from typing import Annotated
 
 import typer
 
-from rsgen.app.cli.options import Json, OneCase
+from rsgen.app.cli.options import SURFACE, Json, OneCase, inputs_of, is_foreign, refuse_foreign
 from rsgen.app.cli.progress_bar import print_cache_fault, stage_progress
-from rsgen.app.cli.targets import SURFACE, inputs_of, is_foreign, refuse_foreign
 from rsgen.app.cli.terminal import ACCEPTED, MISSED, print_json, print_line
 from rsgen.app.study import obtain_surface
 from rsgen.cases import load_case

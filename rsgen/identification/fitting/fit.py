@@ -11,12 +11,10 @@ from numpy.typing import NDArray
 from rsgen.common.arrays import Array, ComplexArray
 from rsgen.common.tolerances import NOISY, NULL_PART, SAMPLES, SAMPLES_SWITCHED, STEPS
 from rsgen.identification.fitting.across import MeasuredAcross, sensor_pair
-from rsgen.identification.fitting.descent import Descent
-from rsgen.identification.fitting.forward import HarmonicBalance
+from rsgen.identification.fitting.forward import Descent, HarmonicBalance
 from rsgen.identification.fitting.least_squares import Regression, Rules, fit
-from rsgen.identification.fitting.observed import FORCE_TO_RESPONSE_NOISE
+from rsgen.identification.fitting.observed import FORCE_TO_RESPONSE_NOISE, Problem, is_systematic
 from rsgen.identification.fitting.points import Points
-from rsgen.identification.fitting.problem import Problem, is_systematic
 from rsgen.identification.fitting.simulator import Simulator
 from rsgen.law.motion import Motion, sine_motion
 

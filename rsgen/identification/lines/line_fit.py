@@ -10,7 +10,7 @@ import sympy
 from numpy.typing import NDArray
 
 from rsgen.common.arrays import Array, ComplexArray
-from rsgen.common.scaled_columns import solve_scaled
+from rsgen.common.linear_algebra import solve_scaled
 from rsgen.common.tolerances import (
     CHANCE,
     EXCESS,
@@ -31,7 +31,7 @@ from rsgen.identification.fitting.least_squares import (
     determined,
     summarise,
 )
-from rsgen.identification.fitting.problem import MISSING_TERMS
+from rsgen.identification.fitting.observed import MISSING_TERMS
 from rsgen.identification.lines.line_balance import Balance, Lines, NoiseOfBalance
 from rsgen.identification.results.estimates import jackknife
 from rsgen.identification.starting.search import search_values

@@ -11,7 +11,7 @@ import sympy
 from numpy.typing import NDArray
 
 from rsgen.common.arrays import Array
-from rsgen.common.scaled_columns import solve_scaled
+from rsgen.common.linear_algebra import solve_scaled
 from rsgen.common.tolerances import NEAR_STEPS
 from rsgen.data.oscillator import total_force
 from rsgen.identification.fitting.least_squares import Linearisation, Rules, descend

@@ -22,12 +22,11 @@ from rsgen.data.oscillator import Model, Observation, join_model
 from rsgen.data.surface import ResponseSurface, without_copies
 from rsgen.formula import symbol
 from rsgen.identification.fitting.fit import fit_balance
-from rsgen.identification.fitting.observed import Observed
+from rsgen.identification.fitting.observed import Observed, Problem
 from rsgen.identification.fitting.points import Points, at_resonance_alone, per_unit_mass, select_points
-from rsgen.identification.fitting.problem import Problem
 from rsgen.identification.ranking.balance import Rows, Term, base_law
 from rsgen.identification.ranking.fitting import Fitted, Guess, fit_rows
-from rsgen.identification.ranking.ranking_result import OWN, Candidate, Ranking
+from rsgen.identification.ranking.ranking_result import OWN, Candidate, Ranking, implausible, is_same, judge
 from rsgen.identification.ranking.reference import (
     Reference,
     first_rows,
@@ -36,7 +35,6 @@ from rsgen.identification.ranking.reference import (
     outlying,
 )
 from rsgen.identification.ranking.selection import Entries, competitors, start_guess
-from rsgen.identification.ranking.verdict import implausible, is_same, judge
 from rsgen.identification.results import Identification
 from rsgen.identification.starting.start import start_fit
 from rsgen.law.element import Element, LawLike, as_elements

@@ -1,20 +1,33 @@
-"""The result of a ranking: candidates, best first, with findings."""
+"""The result of a ranking: candidates, best first, whether even the best fits, and where it does not."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from itertools import combinations
 from typing import Any
 
+import numpy as np
+from numpy.typing import NDArray
+
+from rsgen.common.arrays import Array
 from rsgen.common.errors import RsgenError
-from rsgen.common.finding import Finding, Verdict, reach_verdict
+from rsgen.common.finding import Finding, Quantity, Verdict, reach_verdict
 from rsgen.common.text_table import Printed, TextTable, data_frame, lookup, short
+from rsgen.common.tolerances import EXCESS, FEW, LARGE, NOTICEABLE
 from rsgen.data.oscillator import Model
 from rsgen.data.surface import ResponseSurface
+from rsgen.identification.fitting.observed import beyond_chance
+from rsgen.identification.fitting.points import Points
 from rsgen.identification.identify import identify
+from rsgen.identification.ranking.balance import Rows, library_terms, terms_of
+from rsgen.identification.ranking.fitting import Fitted, Guess
+from rsgen.identification.ranking.reference import neighbour_noise, outlying
 from rsgen.identification.results import Identification
+from rsgen.identification.results.estimates import phase_findings
+from rsgen.law.numeric import compile_law
 
-__all__ = ["OWN", "Candidate", "Ranking"]
+__all__ = ["OWN", "Candidate", "Judgement", "Ranking", "implausible", "is_same", "judge"]
 
 OWN = "the case's own law"
 """Name of the law of the case or model that is ranked, among the candidates."""
@@ -170,3 +183,287 @@ class Ranking(Printed):
         return TextTable(
             heads, rows, caption=f"best: {self.candidates[0].name} ({fits}), noise {self.noise:.2g}"
         )
+
+
+# ----------------------------------------------------------------------------
+# Does even the best law fit? What it leaves beyond noise, and where, as findings.
+
+_FUNDAMENTAL = 5e-3
+"""A law that leaves less of force and response fits: sensors are calibrated no better."""
+
+_HARMONIC_SHARE = 0.1
+"""A law fits a higher harmonic of which it leaves less, or less than the least noise of a ranking."""
+
+_FED = 0.5
+"""A damper that gives back this share of what the law dissipates stands against another one: such a pair
+follows any curve, and a structure at rest has no such dampers."""
+
+_CANCELLED = 0.2
+"""Two terms whose sum is smaller than this share of the larger cancel each other."""
+
+_POINTS_A_PARAMETER = 6
+"""Fewer points a parameter are few."""
+
+_MOST, _WHOLE = 0.6, 0.75
+"""Share of what is not explained that lies in a range, and most of the tested range that it may take."""
+
+
+@dataclass(frozen=True, slots=True)
+class Judgement:
+    """Whether the best law fits, what is unexplained (relative), and the findings."""
+
+    fits: bool
+    unexplained: float
+    findings: tuple[Finding, ...]
+
+
+def judge(
+    best: Fitted,
+    points: Points,
+    noise: Array,
+    candidates: Sequence[Candidate],
+    aside: int,
+    *,
+    feeds: bool,
+    doubts: Sequence[Finding],
+) -> Judgement:
+    """Judge a ranking.
+
+    Parameters
+    ----------
+    best
+        The first of the candidates.
+    points
+        Those that took part.
+    noise
+        (H+1,) relative, of mean, fundamental and harmonics.
+    candidates
+        Best first.
+    aside
+        Points that no law follows and that took no part.
+    feeds
+        True where the structure would work on the exciter over most cycles.
+    doubts
+        What speaks against the best by itself.
+    """
+    out = outlying(best, noise)
+    pairs = points.neighbours
+    pairs = pairs[~out[pairs].any(axis=1)]
+    total, apart = neighbour_noise(best.residual, pairs, best.compared)
+    shared = np.nan_to_num(np.maximum(total**2 - apart**2, 0.0))
+    left = noise * np.sqrt(shared)
+    correlation = np.nan_to_num(shared / np.maximum(total**2, 1e-300))
+    # real and imaginary part; a mean is one number
+    counted = np.where(np.arange(len(left)) == 0, 1, 2) * len(pairs)
+    missing = beyond_chance(correlation, counted) & (left > _limits(points, len(left)))
+    unexplained = float(np.sqrt(np.sum(left[missing] ** 2)))
+    absurd = _absurd(candidates[0], feeds)
+    doubts = [*doubts, *_flexible(best, noise, candidates)]
+    findings = list(absurd)
+    if missing.any():
+        # nothing is to be confirmed
+        doubts = [finding for finding in doubts if finding.code != "law-unconfirmed"]
+        findings += [
+            Finding(
+                "no-law-fits",
+                "error",
+                numbers={"unexplained": Quantity(unexplained), "noise": Quantity(float(noise[1]))},
+                names={"law": candidates[0].label},
+            ),
+            _where(best, points, pairs, missing, left),
+        ]
+    else:
+        sure = len(pairs) > 0 and not absurd and all(finding.severity != "doubt" for finding in doubts)
+        findings += _fitting(candidates, float(noise[1]), points, sure=sure)
+    findings += doubts
+    findings += _uncertain(points, candidates[0].parameters, aside + int(np.count_nonzero(out)), aside)
+    return Judgement(len(pairs) > 0 and not absurd and not missing.any(), unexplained, tuple(findings))
+
+
+def _limits(points: Points, count: int) -> Array:
+    """(count,) what a law that fits may leave of mean, fundamental and harmonics, relative."""
+    known = min(count, points.harmonics.shape[1])
+    size = np.zeros(count)
+    relative = np.abs(points.harmonics[:, :known]) ** 2 / points.amplitude[:, None] ** 2
+    size[:known] = np.sqrt(np.mean(relative, axis=0))
+    limits = np.maximum(NOTICEABLE, _HARMONIC_SHARE * size)
+    limits[:2] = _FUNDAMENTAL
+    return np.asarray(limits)
+
+
+def _absurd(best: Candidate, feeds: bool) -> list[Finding]:
+    """Find what no passive structure does."""
+    found = []
+    mass = best.values.get("m", 1.0)
+    if mass <= 0:
+        found.append(Finding("mass-negative", "error", "m", {"mass": Quantity(mass, "kg")}))
+    if feeds:
+        found.append(Finding("structure-feeds-exciter", "error"))
+    return found
+
+
+def is_same(one: Fitted, other: Fitted, rows: Rows) -> bool:
+    """Whether two candidates are one law: by their normal forms, or by forces where parameters differ."""
+    if len(one.guess.values) != len(other.guess.values):
+        return False
+    if terms_of(one.guess.force) == terms_of(other.guess.force):
+        return True
+    x, v, a, step = (part[::7] for part in rows.trajectory)
+    forces = []
+    for fit in (one, other):
+        law = fit.guess.law
+        values = law.ordered(fit.guess.values)
+        forces.append(law.sample(x, v, a, step, values).force)
+    apart = float(np.max(np.abs(forces[0] - forces[1])))
+    return apart <= NOTICEABLE * float(np.max(np.abs(forces[1])))
+
+
+def implausible(fitted: Fitted, rows: Rows) -> list[Finding]:
+    """Find what speaks against a candidate by itself, however well it fits."""
+    guess, found = fitted.guess, []
+    for name, (low, high) in guess.limits.items():
+        value = guess.values[name]
+        if value in (low, high):
+            numbers = {"value": Quantity(value)}
+            found.append(Finding("law-at-limit", "doubt", name, numbers, {"law": guess.name}))
+    found += _cancelling(guess, rows)
+    return found + phase_findings(guess.background)
+
+
+def _cancelling(guess: Guess, rows: Rows) -> list[Finding]:
+    """Find a damper that feeds energy against another, and two terms that nearly take each other away."""
+    names = [element.name for element in guess.elements]
+    if len(names) < 2:
+        return []
+    x, v, a, step = rows.trajectory
+    # every point counts the same, whatever its level
+    level = np.sqrt(np.mean((x * v) ** 2, axis=1))[:, None]
+    forces = []
+    for element in guess.elements:
+        law = compile_law(element.force)
+        values = law.ordered(guess.values)
+        forces.append(law.sample(x, v, a, step, values).force / level)
+    work = np.array([float(np.mean(force * v)) for force in forces])
+    size = [float(np.sqrt(np.mean(force**2))) for force in forces]
+    sums = {
+        (i, j): float(np.sqrt(np.mean((forces[i] + forces[j]) ** 2))) / max(size[i], size[j], 1e-300)
+        for i, j in combinations(range(len(names)), 2)
+    }
+    least = min(sums, key=lambda pair: sums[pair])
+    fed = float(np.sum(np.maximum(-work, 0.0)) / max(float(work.sum()), 1e-300))
+    if work.sum() > 0 and fed > _FED:
+        one, other = names[int(np.argmin(work))], names[int(np.argmax(work))]
+        numbers = {"share": Quantity(fed)}
+        return [Finding("damping-feeds-energy", "doubt", "", numbers, {"law": one, "other": other})]
+    if sums[least] < _CANCELLED:
+        one, other = (names[i] for i in least)
+        numbers = {"share": Quantity(sums[least])}
+        return [Finding("terms-cancel", "doubt", "", numbers, {"law": one, "other": other})]
+    return []
+
+
+def _flexible(best: Fitted, noise: Array, candidates: Sequence[Candidate]) -> list[Finding]:
+    """Find where the first predicts levels clearly worse than it fits them, or than others predict them."""
+    scale = np.repeat(noise, 2)[1:]
+    fitted = float(np.sqrt(np.mean((best.residual * scale)[:, best.compared] ** 2)))
+    first = candidates[0]
+    if not first.held_out_error > EXCESS * max(fitted, NOTICEABLE):
+        return []
+    numbers = {"predicted": Quantity(first.held_out_error), "fitted": Quantity(fitted)}
+    badly = first.held_out_error > LARGE
+    found = [Finding("levels-predicted-worse", "doubt" if badly else "warning", numbers=numbers)]
+    better = [
+        candidate
+        for candidate in candidates
+        if (candidate.tied or candidate.parameters < first.parameters)
+        and EXCESS * candidate.held_out_error < first.held_out_error
+    ]
+    if better:
+        least = min(better, key=lambda candidate: candidate.held_out_error)
+        error = {"predicted": Quantity(least.held_out_error)}
+        found.append(Finding("other-law-predicts-better", "info", numbers=error, names={"law": least.label}))
+    return found
+
+
+def _uncertain(points: Points, parameters: int, out: int, aside: int) -> list[Finding]:
+    """Find what makes a ranking less certain than it looks."""
+    found = []
+    if out:
+        numbers = {"aside": Quantity(out), "points": Quantity(len(points) + aside)}
+        many = out > FEW * (len(points) + aside)
+        found.append(Finding("ranking-points-aside", "doubt" if many else "warning", numbers=numbers))
+    if len(points) < _POINTS_A_PARAMETER * parameters:
+        numbers = {"points": Quantity(len(points)), "parameters": Quantity(parameters)}
+        found.append(Finding("ranking-few-points", "warning", numbers=numbers))
+    if len(np.unique(points.level)) < 2:
+        found.append(Finding("ranking-one-level", "warning"))
+    return found
+
+
+def _fitting(candidates: Sequence[Candidate], noise: float, points: Points, *, sure: bool) -> list[Finding]:
+    """State the best law and those that the test does not separate from it."""
+    tied = [candidate.name for candidate in candidates if candidate.tied]
+    best, rest = tied[0], tied[1:]
+    numbers = {"points": Quantity(len(points)), "noise": Quantity(noise), "least": Quantity(NOTICEABLE)}
+    label = {candidate.name: candidate.label for candidate in candidates}
+    law = {"law": label[best]}
+    if sure:
+        found = [Finding("law-fits-best", "info", numbers=numbers, names=law)]
+    elif len(points.neighbours):
+        found = [Finding("law-nearest", "info", numbers=numbers, names=law)]
+    else:
+        found = [Finding("law-nearest-unproved", "info", numbers=numbers, names=law)]
+    inside = set(best.split(" + "))
+    found += [
+        Finding("laws-equal", "info", names={"law": term.name, "same": " and ".join(term.how.same)})
+        for term in library_terms()
+        if term.how.same and term.name in inside
+    ]
+    more = [name for name in rest if inside < set(name.split(" + "))]
+    other = [name for name in rest if name not in more]
+    # what contains another tied law adds nothing
+    other = [
+        name for name in other if not any(set(less.split(" + ")) < set(name.split(" + ")) for less in other)
+    ]
+    if other:
+        found.append(
+            Finding("laws-not-separated", "info", names={"laws": "; ".join(map(label.__getitem__, other))})
+        )
+    if more:
+        found.append(
+            Finding("laws-add-nothing", "info", names={"laws": "; ".join(map(label.__getitem__, more))})
+        )
+    return found
+
+
+def _where(
+    best: Fitted, points: Points, pairs: NDArray[np.intp], missing: NDArray[np.bool_], left: Array
+) -> Finding:
+    """Find in which harmonics, at which frequencies and amplitudes the unexplained part lies."""
+    numbers = {f"harmonic {h}": Quantity(float(left[h])) for h in np.flatnonzero(missing).tolist()}
+    orders = np.repeat(np.arange(len(missing)), 2)[1:]
+    rows = best.compared & missing[orders]
+    # neighbours do not share noise: their product is what the law leaves
+    power = np.sum(best.residual[pairs[:, 0]][:, rows] * best.residual[pairs[:, 1]][:, rows], axis=1)
+    for name, values, unit in (
+        ("frequency", points.omega / (2 * np.pi), "Hz"),
+        ("amplitude", points.amplitude, "m"),
+    ):
+        span = _range(values[pairs].mean(axis=1), power)
+        if span is not None:
+            numbers |= {f"{name} from": Quantity(span[0], unit), f"{name} to": Quantity(span[1], unit)}
+    return Finding("misfit-place", "warning", numbers=numbers)
+
+
+def _range(values: Array, power: Array) -> tuple[float, float] | None:
+    """Shortest range with most of the power; None where it is nearly the whole one."""
+    order = np.argsort(values, kind="stable")
+    ranked, sums = values[order], np.concatenate([[0.0], np.cumsum(np.maximum(power[order], 0.0))])
+    best: tuple[float, float] | None = None
+    for i in range(len(ranked)):
+        j = int(np.searchsorted(sums, sums[i] + _MOST * sums[-1]))
+        if j <= len(ranked) and (best is None or ranked[j - 1] - ranked[i] < best[1] - best[0]):
+            best = (float(ranked[i]), float(ranked[j - 1]))
+    if best is None or best[1] - best[0] > _WHOLE * (ranked[-1] - ranked[0]):
+        return None
+    return best

@@ -23,8 +23,7 @@ from rsgen.identification.ranking.fitting import Fitted, Guess, fit_rows
 from rsgen.identification.ranking.ranking_result import OWN
 from rsgen.identification.starting.equations import Equations
 from rsgen.identification.starting.start import solve_equations
-from rsgen.law.element import Element, Law, LawLike, as_elements, make_element
-from rsgen.law.library import Library
+from rsgen.law.element import Element, Law, LawLike, Library, as_elements, make_element
 from rsgen.law.memory import with_equations
 
 __all__ = ["Entries", "Trial", "competitors", "search_sums", "start_guess"]

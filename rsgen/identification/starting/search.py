@@ -13,7 +13,7 @@ from itertools import product
 import numpy as np
 
 from rsgen.common.arrays import Array
-from rsgen.common.scaled_columns import solve_scaled
+from rsgen.common.linear_algebra import solve_scaled
 from rsgen.common.tolerances import SIGNIFICANT, TRIALS, UNCHANGED
 from rsgen.identification.starting.equations import Equations, equation_rows, rows_of_trials
 from rsgen.law.numeric import DECADES, ForceLaw, natural_sizes

@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rsgen.common.arrays import Array, ComplexArray
-from rsgen.common.scaled_columns import solve_scaled
+from rsgen.common.linear_algebra import solve_scaled
 from rsgen.common.tolerances import (
     ANY_LAW,
     FLAT,
@@ -36,8 +36,8 @@ from rsgen.dynamics.harmonic_balance import Response, following_harmonics, hold_
 from rsgen.dynamics.linear_part import Inertia
 from rsgen.identification.fitting.fit import Fit, Solution, fit_balance
 from rsgen.identification.fitting.least_squares import determined
+from rsgen.identification.fitting.observed import Problem
 from rsgen.identification.fitting.points import Points
-from rsgen.identification.fitting.problem import Problem
 from rsgen.identification.starting.equations import Equations, equation_rows
 from rsgen.identification.starting.search import search_nonlinear
 from rsgen.law.element import make_element
