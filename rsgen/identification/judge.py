@@ -100,6 +100,8 @@ def prepare(surface: ResponseSurface, model: Model) -> Prepared:
             f"background: {model.observation.background!r} beside a motion across two sensors, in which "
             "other modes take part already; 'none' or 'phase' is needed"
         )
+    if law.acts_across and not surface.phase_known:
+        raise RsgenError("across: phases were not recorded; elements across two sensors need them")
     if law.odd and points.asymmetric and not law.acts_across:
         # an odd law has motions that are not: in one well of two, or after the symmetry breaks
         law = replace(law, odd=False)

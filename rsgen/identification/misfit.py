@@ -33,7 +33,13 @@ from rsgen.data.surface import ResponseSurface
 from rsgen.identification.fitting.across import law_of
 from rsgen.identification.fitting.fit import Fit, fit_balance
 from rsgen.identification.fitting.least_squares import Regression
-from rsgen.identification.fitting.observed import MISSING_TERMS, Observed, Problem, is_systematic
+from rsgen.identification.fitting.observed import (
+    MISSING_TERMS,
+    Observed,
+    Problem,
+    is_systematic,
+    with_coefficients,
+)
 from rsgen.identification.fitting.points import Points
 from rsgen.identification.results import Resonance
 from rsgen.identification.starting.start import is_hidden, records_even
@@ -169,10 +175,8 @@ def law_with(problem: Problem, *terms: str) -> ForceLaw:
     """Add terms to the law, across two sensors where some elements act there; "" is none."""
     across = problem.law.acts_across
     place = problem.sensors if across else ""
-    more = [
-        make_element("extra term", f"extra_term{i or ''}*({term})", across=place)
-        for i, term in enumerate(filter(None, terms))
-    ]
+    forces = with_coefficients([term for term in terms if term], problem.law.parameters)
+    more = [make_element("term beside the law", force, across=place) for force in forces.values()]
     return law_of((*problem.elements, *more), across=across)
 
 
@@ -402,7 +406,9 @@ def _gain_of_all(problem: Problem, fit: Fit) -> float:
     left = fit_balance(trial, begin, order=START_ORDER, steps=0, reject=False, correct=False).regression
     of_forces = left.basis[places] / np.linalg.norm(left.basis[places], axis=1, keepdims=True)
     taken = np.linalg.qr(of_forces.T)[0].T @ np.einsum("nmr,nm->r", left.rows, left.residual)
-    return float(np.sum(taken**2)) / max(left.noise, 1e-300) ** 2
+    # the noise is what they leave
+    whole, gain = left.noise**2 * left.freedom, float(np.sum(taken**2))
+    return gain / max(whole - gain, 1e-300) * (left.freedom - len(places))
 
 
 def _with_even(problem: Problem, fit: Fit, term: str) -> tuple[int, Fit, Regression]:

@@ -37,6 +37,9 @@ __all__ = ["MeasuredAcross", "law_of", "motions_of", "sensor_pair"]
 _BESIDE = 2
 """Points to either side through which a cubic is laid: what it misses of the middle one is noise."""
 
+_FARTHEST = 5.0
+"""Square of a deviation, in variances, beyond which it is no noise: chance exceeds it once in 150."""
+
 
 class SensorPair(NamedTuple):
     """How a motion across was measured.
@@ -58,8 +61,9 @@ def sensor_pair(points: Points | ResponseSurface) -> SensorPair:
 
     The ratio z/x of the motion across to the response is smooth, whatever the law: what it differs by from a
     cubic through its neighbours is noise. As a ratio of two sensors it is proportional to z/x; of z = x - y
-    both sensors make y/x as noisy, and z/x by the size of 1 - z/x. It is the one whose noise is nearer to
-    that of the response over the force.
+    both sensors make y/x as noisy, and z/x by the size of 1 - z/x. The more likely one is taken: complex
+    normal noise of variance s^2 u^2 at the sizes u has the log-likelihood -n log s^2 - sum of log u^2 at its
+    best s.
     """
     order = np.lexsort((points.omega, points.sweep, points.level))
     width = 2 * _BESIDE + 1
@@ -73,18 +77,23 @@ def sensor_pair(points: Points | ResponseSurface) -> SensorPair:
         return SensorPair(1.0, float("nan"))
     weights = _cubic(points.omega[rows])
 
-    def noise(ratio: ComplexArray, size: ComplexArray) -> float:
-        """Relative noise of two sensors that is proportional to a size (n,) of their ratio."""
-        missed = np.abs(np.sum(weights * ratio[rows], axis=1)) ** 2
-        share = missed / np.sum(weights**2 * 2 * np.abs(size[rows]) ** 2, axis=1)
-        # jumps, resonances and antiresonances move no lower quartile; of the square of a complex normal
-        # number of unit variance that is ln(4/3)
-        return float(np.sqrt(np.quantile(share, 0.25) / np.log(4 / 3)))
-
-    ratio, receptance = points.across[:, 1] / points.harmonics[:, 1], points.harmonics[:, 1] / points.force
-    usual = noise(receptance, receptance)
-    found = [SensorPair(rides, noise(ratio, rides - ratio)) for rides in (1.0, 0.0)]
-    return min(found, key=lambda one: abs(np.log(max(one.noise, 1e-300) / max(usual, 1e-300))))
+    ratio = points.across[:, 1] / points.harmonics[:, 1]
+    missed = np.abs(np.sum(weights * ratio[rows], axis=1)) ** 2
+    found = []
+    for rides in (1.0, 0.0):
+        size = np.sum(weights**2 * 2 * np.abs(rides - ratio[rows]) ** 2, axis=1)
+        moves = size > 0
+        # of the square of a complex normal number of unit variance the median is ln 2
+        square = (
+            max(float(np.median(missed[moves] / size[moves])) / np.log(2), 1e-300) if moves.any() else np.inf
+        )
+        # jumps, resonances and antiresonances count as deviations that chance hardly exceeds
+        unlikely = np.minimum(missed / np.maximum(square * size, 1e-300), _FARTHEST)
+        found.append(
+            (float(np.sum(np.log(np.maximum(square * size, 1e-300)) + unlikely)), rides, np.sqrt(square))
+        )
+    _, rides, noise = min(found)
+    return SensorPair(rides, float(noise))
 
 
 def _cubic(omega: Array) -> Array:

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rsgen.common.arrays import Array, ComplexArray
-from rsgen.common.tolerances import NOISY, NULL_PART, SAMPLES, SAMPLES_SWITCHED, STEPS
+from rsgen.common.tolerances import NOISY, NOTICEABLE, NULL_PART, SAMPLES, SAMPLES_SWITCHED, STEPS
 from rsgen.identification.fitting.across import MeasuredAcross, sensor_pair
 from rsgen.identification.fitting.forward import Descent, HarmonicBalance
 from rsgen.identification.fitting.least_squares import Regression, Rules, fit
@@ -138,7 +138,10 @@ def _finish(problem: Problem, descent: Descent, regression: Regression) -> Fit:
     influence, half = np.array(influence), (influence.shape[1] + 1) // 2
     influence[:, [0, half]] /= FORCE_TO_RESPONSE_NOISE
     if isinstance(descent.forward, MeasuredAcross):
-        influence[:, [half - 1, -1]] /= descent.forward.far_noise
+        forward = descent.forward
+        influence[:, [half - 1, -1]] /= forward.far_noise
+        # a deviation of the response takes the other sensor along
+        influence[:, [1, half + 1]] -= forward.correlation * influence[:, [half - 1, -1]]
     regression = replace(regression, influence=influence)
     motion = Motion(problem.observed.points.omega, response.harmonics).turned(-lag)
     # without a phase the points get the one in which the fundamental of the mode is real
@@ -192,7 +195,7 @@ def fit_balance(
     if isinstance(forward, MeasuredAcross) and is_systematic(found.residual, mode.pairs(found.used)):
         noise = sensor_pair(mode).noise
         if noise < found.noise:
-            forward.correlation = 1 - (noise / found.noise) ** 2
+            forward.correlation = 1 - max(noise / found.noise, NOTICEABLE) ** 2
             found = fit(descent.linearise, found.parameters, nuisance, rules, **common)
     # first order is what it says, not what a coarse sum makes of it
     coarse = law.switched and steps > 1 and forward.samples < SAMPLES_SWITCHED
@@ -208,6 +211,9 @@ def fit_balance(
         found = fit(descent.linearise, *place, rules, used=used, **common)
         if correct:
             found = descent.corrected(found)
+    elif found.noise > NOISY and isinstance(forward, MeasuredAcross):
+        # slopes of a law with corners say how much of them is noise, but not how they bend
+        found = replace(found, noise_share=descent.corrected(found).noise_share)
     return _finish(problem, descent, found)
 
 

@@ -7,8 +7,9 @@ with the background of ``rsgen.dynamics.linear_part``. A recorded phase needs on
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass, replace
+from itertools import count
 from typing import Any
 
 import numpy as np
@@ -31,6 +32,7 @@ __all__ = [
     "beyond_chance",
     "is_systematic",
     "neighbour_power",
+    "with_coefficients",
 ]
 
 
@@ -358,6 +360,13 @@ class Problem:
 
 MISSING_TERMS = ("x*abs(x)", "x**3", "x**5", "v*abs(v)", "v**3", "sign(v)")
 """What a law may lack: the commonest nonlinear springs and dampers; others are nearly made up of them."""
+
+
+def with_coefficients(terms: Sequence[str], taken: Collection[str]) -> dict[str, str]:
+    """Multiply each term by a parameter of its own, of a name that is not taken yet, and give both."""
+    free = (name for i in count() if (name := f"term{i}") not in taken)
+    return {name: f"{name}*({term})" for name, term in zip(free, terms, strict=False)}
+
 
 # ----------------------------------------------------------------------------
 # Whether misfits have a pattern: those of neighbours go together where the law, not noise, makes them.

@@ -176,11 +176,7 @@ def gather_repeats(surface: ResponseSurface) -> tuple[ResponseSurface, Repeats |
     later = np.argsort(row, kind="stable")
     nth = np.empty(len(row), dtype=np.intp)
     nth[later] = np.arange(len(row)) - np.repeat(np.cumsum(count) - count, count)
-    far = np.zeros_like(response)
-    if surface.across is not None:
-        moved = _turned(surface.across, clock)[:, 1] - sensor_pair(surface).rides * harmonics[:, 1]
-        far = np.nan_to_num(moved / _means(moved[:, None], row, count)[row, 0] - 1)
-    repeats = Repeats(row, nth, count, force, response, far, whole - len(surface))
+    repeats = Repeats(row, nth, count, force, response, np.zeros_like(response), whole - len(surface))
     if repeats.noise < ROUND_OFF or repeats.follow_force:
         return given, None
     first = np.zeros(len(names), dtype=np.intp)
@@ -199,6 +195,11 @@ def gather_repeats(surface: ResponseSurface) -> tuple[ResponseSurface, Repeats |
         harmonics=np.where(joined[:, None], mean, table.harmonics),
         peak=np.where(joined[:, None], np.nan, table.peak),
     )
+    if surface.across is not None:
+        # neighbours in frequency tell the sensors, readings of one point do not
+        moved = _turned(surface.across, clock)[:, 1] - sensor_pair(means).rides * harmonics[:, 1]
+        far = np.nan_to_num(moved / _means(moved[:, None], row, count)[row, 0] - 1)
+        repeats = replace(repeats, far=far)
     order = np.argsort(first, kind="stable")
     place = np.argsort(order, kind="stable")
     return means.select(order), replace(repeats, row=place[row], count=count[order])

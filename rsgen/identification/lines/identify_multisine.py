@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from math import inf, nan
 
@@ -11,11 +12,22 @@ from numpy.typing import NDArray
 from rsgen.common.arrays import Array, ComplexArray, frozen_array
 from rsgen.common.errors import RsgenError
 from rsgen.common.finding import Finding, Quantity, quantities, severity_of
-from rsgen.common.tolerances import CHANCE, LARGE, MEANINGLESS, NOTICEABLE, POOR, SIGMAS, TAKEN
+from rsgen.common.tolerances import (
+    CHANCE,
+    LARGE,
+    MEANINGLESS,
+    NOTICEABLE,
+    POOR,
+    SAME_NUMBER,
+    SIGMAS,
+    SIGNIFICANT,
+    TAKEN,
+)
 from rsgen.data.multisine import BestLinear, MultisineSpectra, best_linear, implausible
 from rsgen.data.multisine.spectra import check_records, refuse_across
 from rsgen.data.oscillator import Model
 from rsgen.identification.fitting.fit import Solution
+from rsgen.identification.fitting.least_squares import Alternative
 from rsgen.identification.lines.line_balance import Balance, Lines, lines_of
 from rsgen.identification.lines.line_fit import (
     LineFit,
@@ -23,6 +35,7 @@ from rsgen.identification.lines.line_fit import (
     delay_between,
     errors_of,
     fit_lines,
+    mass_beside,
     parts_of_band,
     relative_to_force,
     start_values,
@@ -111,7 +124,8 @@ def _judge(spectra: MultisineSpectra, model: Model, fit: LineFit) -> MultisineId
     lines, law, part = fit.lines, fit.law, fit.lines.spectra
     statistical, freedom, wider = errors_of(fit)
     names = names_of(law, model)
-    ratio, ambiguous = law_ambiguity(terms_beside(fit), names, fit.parameters, statistical)
+    terms = terms_beside(fit)
+    ratio, ambiguous = law_ambiguity(terms, names, fit.parameters, statistical)
     covariance = statistical * np.outer(ratio, ratio)
     misfit = relative_to_force(lines, np.abs(fit.balance.residual) ** 2)
     noise = relative_to_force(lines, fit.noise.variance)
@@ -128,7 +142,10 @@ def _judge(spectra: MultisineSpectra, model: Model, fit: LineFit) -> MultisineId
     approximations = best_linear(part, model.observation.band)
     findings = [e.finding for e in estimates if e.finding is not None]
     findings += _sign_findings(fit, covariance if model.mass is None else None)
-    findings += [*_misfit_findings(fit, misfit, noise, wider), *ambiguous]
+    findings += [
+        *_misfit_findings(fit, misfit, noise, wider),
+        *(_mass_findings(fit, terms, misfit) or ambiguous),
+    ]
     motion = Motion(np.full(len(part), part.omega0), part.mean_response)
     # what a law takes from the motion is judged by the law as it stands
     of_law = make_estimates(replace(solution, covariance=statistical), law, model, reasons)
@@ -172,6 +189,21 @@ def _judge(spectra: MultisineSpectra, model: Model, fit: LineFit) -> MultisineId
         misfit=frozen_array(fit.balance.residual, np.complex128),
         deviation=frozen_array(np.sqrt(fit.noise.variance)),
     )
+
+
+def _mass_findings(fit: LineFit, terms: Mapping[str, Alternative], misfit: float) -> list[Finding]:
+    """Find a given mass that the lines contradict, more than they do any term; none or one."""
+    other = mass_beside(fit)
+    if other is None or other.gain < max(SIGNIFICANT, *(one.gain for one in terms.values())):
+        return []
+    moved = other.value / fit.mass
+    if abs(moved) < SAME_NUMBER:
+        return []
+    square = np.sum(np.abs(fit.balance.residual[fit.lines.used]) ** 2 * 2 / fit.variance[fit.lines.used])
+    left = misfit * float(np.sqrt(max(1 - other.gain / square, 0.0)))
+    numbers = {"given": Quantity(fit.mass, "kg"), "fitted": Quantity(fit.mass + other.value, "kg")}
+    numbers |= quantities(misfit=misfit, left=left, moved=moved, times=float(np.sqrt(other.gain)))
+    return [Finding("mass-contradicted", "doubt", "m", numbers)]
 
 
 def _outcome(lines: Lines, estimates: tuple[Estimate, ...], misfit: float) -> Finding:
@@ -252,7 +284,8 @@ def _damping_findings(fit: LineFit, misfit: float, noise: float) -> list[Finding
     if share == 0:
         numbers = quantities(misfit=misfit)
         return [Finding("damping-missing", "doubt", numbers=numbers)] if left > NOTICEABLE else []
-    if left <= LARGE * share:
+    # of a law with memory nobody can say which part of it is damping
+    if not left > LARGE * share:
         return []
     return [Finding("misfit-beside-damping", "doubt", numbers=quantities(misfit=misfit, share=left / share))]
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -31,7 +32,7 @@ from rsgen.identification.fitting.least_squares import (
     determined,
     summarise,
 )
-from rsgen.identification.fitting.observed import MISSING_TERMS
+from rsgen.identification.fitting.observed import MISSING_TERMS, with_coefficients
 from rsgen.identification.lines.line_balance import Balance, Lines, NoiseOfBalance
 from rsgen.identification.results.estimates import jackknife
 from rsgen.identification.starting.search import search_values
@@ -45,6 +46,7 @@ __all__ = [
     "delay_between",
     "errors_of",
     "fit_lines",
+    "mass_beside",
     "parts_of_band",
     "relative_to_force",
     "start_values",
@@ -213,28 +215,38 @@ def _beside_parameters(found: Regression, signal: Array) -> Array:
 
 def terms_beside(fit: LineFit) -> dict[str, Alternative]:
     """Fit each term that the law may lack beside it, to first order, with what noise does to its slopes."""
-    names = [f"missing_term{i}" for i in range(len(MISSING_TERMS))]
-    terms = [parse(f"{name}*({term})") for name, term in zip(names, MISSING_TERMS, strict=True)]
-    law = compile_law(sympy.Add(fit.law.expression, *terms))
+    terms = with_coefficients(MISSING_TERMS, fit.law.parameters)
+    law = compile_law(sympy.Add(fit.law.expression, *map(parse, terms.values())))
     known = dict(zip(fit.law.parameters, fit.values, strict=True))
     values = np.array([known.get(name, 0.0) for name in law.parameters])
     noise = fit.balance.noise(fit.lines, law, values, fit.mass)
     parameters = values if fit.given is not None else np.append(values, fit.mass)
     whole = replace(fit, law=law, parameters=parameters, noise=noise)
-    line = whole.linearise(whole.parameters, whole.nuisance)
-    added = [law.parameters.index(name) for name in names]
-    kept = [i for i in range(len(parameters)) if i not in added]
-    matrix = line.by_parameter.reshape(line.residual.size, len(parameters))
-    weight = np.sqrt(2 / fit.variance)
-    readings = np.moveaxis(noise.apart * weight[:, None], 1, 2)[fit.lines.used]
-    found = alternatives(
+    found = _fit_beside(whole, [law.parameters.index(name) for name in terms])
+    return dict(zip(MISSING_TERMS, found, strict=True))
+
+
+def mass_beside(fit: LineFit) -> Alternative | None:
+    """Fit what a given mass is off by; None where it is free."""
+    if fit.given is None:
+        return None
+    return _fit_beside(replace(fit, given=None, parameters=np.append(fit.values, fit.given)), [-1])[0]
+
+
+def _fit_beside(whole: LineFit, added: Sequence[int]) -> list[Alternative]:
+    """Fit each of the added parameters beside all others."""
+    line, used = whole.linearise(whole.parameters, whole.nuisance), whole.lines.used
+    matrix = line.by_parameter.reshape(line.residual.size, len(whole.parameters))
+    kept = np.delete(np.arange(len(whole.parameters)), added)
+    weight = np.sqrt(2 / whole.variance)
+    apart = np.moveaxis(whole.noise.apart * weight[:, None], 1, 2)[used]
+    return alternatives(
         line.residual.reshape(-1),
         matrix[:, kept],
         matrix[:, added],
         _score(whole)[[*kept, *added]],
-        np.stack([readings.real, readings.imag], axis=1).reshape(line.residual.size, -1).T,
+        np.stack([apart.real, apart.imag], axis=1).reshape(line.residual.size, -1).T,
     )
-    return dict(zip(MISSING_TERMS, found, strict=True))
 
 
 def _scatter_of_periods(fit: LineFit, covariance: Array) -> Array:

@@ -160,16 +160,12 @@ def damping_findings(
         place: np.broadcast_to(sample.by_parameter[place], velocity.shape) * velocity for place in law.linear
     }
     dampers = [place for place in law.linear if takes_energy(power[place])]
-    orders = {
-        place: _order(sample.by_parameter[place], twice.by_parameter[place])
-        for place in dampers
-        if values[place] > 0
-    }
+    of = {place: _order(sample.by_parameter[place], twice.by_parameter[place]) for place in dampers}
+    orders = [order for place, order in of.items() if values[place] > 0 and np.isfinite(order)]
     whole, found = abs(float(np.sum(np.broadcast_to(sample.force, velocity.shape) * velocity))), []
     for place in dampers:
         estimate = known[law.parameters[place]]
-        own = _order(sample.by_parameter[place], twice.by_parameter[place])
-        between = min(orders.values(), default=nan) < own < max(orders.values(), default=nan)
+        between = min(orders, default=nan) < of[place] < max(orders, default=nan)
         if estimate.interval[1] < 0 and not between:
             share = abs(estimate.value) * float(np.sum(power[place])) / max(whole, 1e-300)
             numbers = {"value": Quantity(estimate.value, estimate.unit), "share": Quantity(share)}
