@@ -16,8 +16,8 @@ from typing import ClassVar
 import sympy
 
 from rsgen.common.errors import ExpressionError
+from rsgen.formula.bounds import DIGITS
 from rsgen.formula.names import STATES, Masing, State, Structural, free_symbols, shown, symbol
-from rsgen.formula.scanning import DIGITS
 
 __all__ = [
     "Level",

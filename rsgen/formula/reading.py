@@ -14,6 +14,7 @@ import sympy
 
 from rsgen.common.errors import ExpressionError
 from rsgen.formula.bounds import (
+    DEPTH,
     EXPONENT,
     EXTREMES,
     Value,
@@ -23,9 +24,10 @@ from rsgen.formula.bounds import (
     check_value,
     decimal_value,
     power_terms,
+    refusal,
+    scan,
 )
 from rsgen.formula.names import CONSTANTS, FUNCTIONS, Masing, Structural, closest, shown, symbol
-from rsgen.formula.scanning import DEPTH, refusal, scan
 
 __all__ = [
     "FUNCTION_TABLE",
