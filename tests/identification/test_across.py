@@ -9,7 +9,11 @@ import pytest
 
 import rsgen as rs
 from rsgen.common.errors import RsgenError
+from rsgen.data.oscillator import join_model
 from rsgen.identification.fitting.across import MeasuredAcross, law_of, sensor_pair
+from rsgen.identification.fitting.fit import fit_balance
+from rsgen.identification.fitting.repeats import gather_repeats
+from rsgen.identification.judge import prepare
 from rsgen.law.motion import Motion, project
 
 MASS, FAR = 3.0, 1.2
@@ -335,3 +339,62 @@ def test_a_sensor_of_the_motion_across_itself_is_told_from_a_difference_of_two()
     assert sensor_pair(firm_joint(0.002)).rides == 1.0
     assert np.sqrt(np.mean(np.square(values))) < 0.03
     assert np.mean(inside) > 0.8
+
+
+def seen_by_two_sensors(noise: float, readings: int, *, own: bool, levels=(1.0, 3.0, 6.0)):
+    """Readings of the structure of two masses, the motion across by its own sensor or as a difference."""
+    exact, random = two_masses(levels), np.random.default_rng(3)
+
+    def noisy(values):
+        values = np.repeat(values, readings, axis=0)
+        draws = random.standard_normal((2, *values.shape)) / np.sqrt(2)
+        return values * (1 + noise * (draws[0] + 1j * draws[1]))
+
+    force, near = noisy(exact.force), noisy(exact.harmonics)
+    across = noisy(exact.across) if own else near - noisy(exact.harmonics - exact.across)
+    level, frequency = (np.repeat(values, readings) for values in (exact.level, exact.frequency))
+    return rs.ResponseSurface(level, frequency, force, near, across=across)
+
+
+@pytest.mark.parametrize("own", [True, False])
+def test_repeats_show_the_noise_of_the_second_sensor(own: bool):
+    surface = seen_by_two_sensors(0.01, 4, own=own)
+    _, repeats = gather_repeats(surface)
+    far = surface.across[:, 1] if own else surface.across[:, 1] - surface.harmonics[:, 1]
+    # phases count from the force
+    readings = (far * np.exp(-1j * np.angle(surface.force))).reshape(-1, 4)
+    assert np.allclose(repeats.far, (readings / readings.mean(axis=1, keepdims=True) - 1).ravel())
+
+
+@pytest.mark.parametrize("own", [True, False])
+@pytest.mark.parametrize("sensor", ["force", "response", "far"])
+def test_influence_is_what_a_measured_value_moves_where_sensors_are_correlated(own: bool, sensor: str):
+    linear = (ELEMENTS[0], rs.make_element("joint", "kj*x + cj*v", across=SENSORS))
+    surface, row, step = seen_by_two_sensors(1e-3, 1, own=own, levels=(0.05, 0.1, 0.3)), 30, 1e-5
+    start = np.array([TRUE["c"], TRUE["cj"], TRUE["k"], TRUE["kj"], MASS])
+
+    def fitted(factor: complex):
+        force, near, across = (np.array(v) for v in (surface.force, surface.harmonics, surface.across))
+        far = across if own else near - across
+        change = np.ones(len(surface), dtype=complex)
+        change[row] = factor
+        if sensor == "force":
+            force = force * change
+        elif sensor == "response":
+            near = near * change[:, None]
+        else:
+            far = far * change[:, None]
+        moved = replace(
+            surface, force=force, force_harmonics=None, harmonics=near, across=far if own else near - far
+        )
+        problem = prepare(moved, join_model(linear, None, None)).problem
+        return fit_balance(problem, start, order=1, reject=False, correct=False).regression
+
+    influence = fitted(1.0).influence[row]
+    half = (len(influence) + 1) // 2
+    place = {"force": 0, "response": 1, "far": half - 1}[sensor]
+    for part, unit in ((place, 1), (half + place, 1j)):
+        moves = (fitted(1 + step * unit).parameters - fitted(1 - step * unit).parameters) / (2 * step)
+        size = np.abs(fitted(1.0).influence[row]).max(axis=0)
+        # to first order: the relative deviation of a misfitting point counts a little otherwise
+        assert np.abs(moves - influence[part]).max(initial=0, where=size > 0) < 0.2 * np.abs(moves).max()
