@@ -279,6 +279,12 @@ def test_noise_of_a_difference_of_sensors_does_not_pull_the_joint_to_zero():
     assert np.mean(inside) > 0.7
 
 
+def test_a_joint_with_friction_is_told_from_the_noise_of_its_sensors_as_one_without():
+    stiff = rs.make_element("joint", "kj*x + cj*v + Ff*sign(v)", across="wing - payload")
+    assert "noise-across" in {f.code for f in rs.identify(firm_joint(0.005), (SIMPLE[0], stiff)).findings}
+    assert "noise-across" not in {f.code for f in rs.identify(firm_joint(3e-4), (SIMPLE[0], stiff)).findings}
+
+
 def test_a_joint_that_cannot_be_told_from_the_noise_of_its_sensors_is_doubted():
     found = rs.identify(firm_joint(0.005), SIMPLE)
     # along the motion as measured noise pulls the joint towards zero, and the mass to 5.6 kg in its place
