@@ -8,8 +8,7 @@ Some elements follow the response x, others the motion z across two sensors, of 
 modes take part in both, so that no law says how y follows x: y was measured, with noise like x and F, and is
 an unknown of every point like these (errors in variables: Fuller, Measurement Error Models, Wiley 1987).
 Where z has a sensor of its own it is z that has such noise. What a law leaves is no noise of one sensor: the
-force and both motions share it. The deviations of the two sensors are then correlated, and their ratio keeps
-the noise that it shows.
+force and both motions share it, and the ratio of the two motions stays as it was measured.
 """
 
 from __future__ import annotations
@@ -190,7 +189,7 @@ class MeasuredAcross:
     step = 1e-4
     """As that of the harmonic balance."""
     correlation = 0.0
-    """Of the relative deviations of the two sensors: 0 for noise, near 1 for what the law leaves."""
+    """Of the relative deviations of the two sensors: 0 for noise, all but 1 for what the law leaves."""
 
     def __init__(
         self, law: ForceLaw, response: Motion, across: Motion, *, rides: float, mass_free: bool
