@@ -17,7 +17,7 @@ import numpy as np
 
 from rsgen.common.arrays import Array, Chosen, ComplexArray
 from rsgen.common.linear_algebra import solve_scaled
-from rsgen.common.tolerances import ERRORS, POINTS_A_KNOT
+from rsgen.common.tolerances import ERRORS, NULL_PART, POINTS_A_KNOT
 
 __all__ = ["FreeMode", "Kinematics", "estimate_mass", "fit_mode", "fit_powers", "hats", "steady"]
 
@@ -163,7 +163,8 @@ def _solve(columns: ComplexArray, right: ComplexArray) -> tuple[Array, Array, in
         values[chosen], inverse, null = solve_scaled(matrix, target)
         left = np.linalg.norm(target - matrix @ values[chosen])
         freedom = max(len(target) - matrix.shape[1], 1)
-        errors[chosen] = np.hypot.reduce(inverse, axis=1) * left / np.sqrt(freedom)
+        lost = np.abs(null).max(axis=1, initial=0.0) > NULL_PART
+        errors[chosen] = np.where(lost, np.inf, np.hypot.reduce(inverse, axis=1) * left / np.sqrt(freedom))
         missing += null.shape[1]
     return values, errors, missing
 
@@ -216,7 +217,7 @@ def estimate_mass(force: ComplexArray, motion: Kinematics, shapes: Array | None 
     weight = 1 / np.maximum(np.abs(force), least)
     for _ in range(_ROUNDS):
         found = fit_mode(force, motion, shapes, weight)
-        if found.missing or not np.isfinite(found.mass):
+        if not np.isfinite(found.mass):
             return None
         # relative to the force of the mode: beside the measured one noise of the motion would make it lighter
         left = found.left / weight
