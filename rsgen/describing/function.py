@@ -206,9 +206,13 @@ class DescribingFunction:
         states = self.memory
         open_ = np.flatnonzero(known & np.isnan(stiffness + damping))
         if states and len(open_):
+            size, speed, mean_ = (float(part[open_[0]]) for part in (*flat, means))
+            closes = np.isfinite(self.along(np.zeros(1), size, speed, values, mean_)).all()
             raise RsgenError(
-                f"memory: the loop of {', '.join(states)} does not close at X = {flat[0][open_[0]]:.4g} m, "
-                f"omega = {flat[1][open_[0]]:.4g} rad/s: under this sine it grows or drifts for ever"
+                f"memory: the loop of {', '.join(states)} "
+                + ("is not known to nine digits" if closes else "does not close")
+                + f" at X = {size:.4g} m, omega = {speed:.4g} rad/s: under this sine it "
+                + ("changes much faster than the motion" if closes else "grows or drifts for ever")
             )
         stiffness, damping = (
             np.where(known, part, np.nan) if formula.has(symbol("X0")) else part

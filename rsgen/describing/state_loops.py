@@ -10,7 +10,7 @@ these away one by one, until nothing changes any more.
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import scipy
@@ -42,14 +42,15 @@ START, TURN = -np.pi / 2, 2 * np.pi
 FIRST = 64
 """Steps of a half cycle in which no switch is passed twice unseen."""
 
-STEPS = (8, 16, 32, 64, 128, 256, 512, 1024, 2048, 4096)
-"""Steps of each part of a cycle."""
+STEPS = (32, 64, 128, 256, 512, 1024, 2048, 4096)
+"""Steps of each part of a cycle; fewer leave what a turn excites ringing until the next."""
 
 SEARCHES = 4
 """Searches for the crossings of switches; the second sees those that the steps of the first displaced."""
 
-SHIFTS = 8
-"""Newton steps to the crossings; three are enough where they are simple."""
+SHIFTS = 48
+"""Newton steps to the crossings; three are enough where these are simple. Where states keep what was a cycle
+before, each halves what is left."""
 
 FARTHEST = 0.3
 """Phase of the longest of these steps."""
@@ -66,6 +67,9 @@ TRIALS = 16
 
 STEPPED, MOST_STEPS = 2, 20_000
 """Of these so many are stepped through time, one by one, each in at most so many steps."""
+
+STEPPED_TOLERANCE = 1e-6
+"""Difference from a loop stepped through time: a thousand times the error of the stepping."""
 
 ZERO_ODD = 1e-11
 """Share of the force below which f(x, v, z) + f(-x, -v, -z) is zero."""
@@ -166,6 +170,8 @@ class Loop:
     @classmethod
     def of(cls, force: sympy.Expr, rates: tuple[Rate, ...]) -> Loop:
         """Take a force along the cycle and equations of states apart."""
+        rates = tuple(replace(rate, rate=_defined_at_zero(rate.rate)) for rate in rates)
+        force = _defined_at_zero(force)
         expressions = (*(rate.rate for rate in rates), force)
         forms = [normal_form(expression) for expression in expressions]
         rising = sympy.Dummy("rising")
@@ -180,6 +186,13 @@ class Loop:
             sympy.Add(*(piece.term * sympy.Mul(*map(flag, piece.switches)) for piece in form.pieces))
             for form in forms
         )
+        # a part ends where a power of a modulus has its corner and a friction law in a state its bend, too
+        for form in forms:
+            for switch in form.switches:
+                flag(switch)
+        for bend in sorted(set().union(*(mode.atoms(sympy.tanh, sympy.atan) for mode in modes)), key=str):
+            if bend.free_symbols & {rate.symbol for rate in rates}:
+                flags.setdefault(bend.args[0], sympy.Dummy())
         free = set().union(*(expression.free_symbols for expression in expressions))
         own = {s.name for s in free if not isinstance(s, Inner)} - {"x", "v", "X", "X0", "omega"}
         odd = _odd(expressions, tuple(rate.symbol for rate in rates))
@@ -268,13 +281,15 @@ class Loop:
         places, signs = START + ahead % length, np.where(odd & (ahead // length % 2 == 1), -1.0, 1.0)
         marks = np.sort([*places, *({START + TURN / 2, START + length})])
         ends = np.broadcast_to(marks, (count, len(marks)))
-        parts = _Parts(ends, np.full(ends.shape, -1), np.zeros((0, count), dtype=bool))
+        parts = _Parts(ends, np.full(ends.shape, -1), np.zeros((len(self.switches), count), dtype=bool))
         phi = parts.nodes(FIRST)
         states = self._states(phi, None, cycles, (phi, np.zeros((size, *phi.shape))))
         result = np.full((4 + size * len(places), count), np.nan)
         error = np.full(count, np.inf)
         for _ in range(SEARCHES):
-            parts, table = self._divided(marks, phi, states, cycles), list[Array]()
+            # what does not close with some steps is not tried with more
+            states = np.nan_to_num(states)
+            parts, table = self._divided(marks, parts, phi, states, cycles), list[Array]()
             sound = np.ones(count, dtype=bool)
             for steps in STEPS:
                 parts, phi, states, right = self._settled(parts, steps, cycles, (phi, states))
@@ -288,7 +303,7 @@ class Loop:
                     row.append(row[-1] + (row[-1] - coarser) / (4.0**back - 1))
                 change = np.abs(row[-1] - (table[-1] if table else 0.0))
                 with np.errstate(all="ignore"):
-                    change = change[: 2 if odd else 3].max(axis=0) / row[-1][3]
+                    change = change[: 2 if odd else 3].max(axis=0) / row[0][3]
                 better = sound & ~(change >= error)
                 result[:, better], error[better], table = row[-1][:, better], change[better], row
                 if not np.any(sound & (error > TOLERANCE)):
@@ -320,10 +335,10 @@ class Loop:
         x, v, a, step = (np.roll(part, -middle, axis=1) for part in (x, v, a, turns / cycles.omega[:, None]))
         values = [np.roll(value, -middle, axis=1) for value in values]
         known, given = (part.reshape(*part.shape[:-2], -1) for part in near)
-        start = np.array([list(map(np.interp, flat, known, state)) for state in np.nan_to_num(given)])
+        start = np.array([list(map(np.interp, flat, known, state)) for state in given])
         start = np.roll(start, -middle, axis=2)
         with np.errstate(all="ignore"):
-            states = periodic_states(equations, (x, v, a), step, values, start, sign)
+            states = periodic_states(equations, (x, v, a), step, values, start, sign, fitted=False)
         return np.roll(states, middle, axis=2).reshape(len(states), *phi.shape)
 
     def _motion(self, phi: Array, cycles: Cycles) -> tuple[Array, Array, Array]:
@@ -344,23 +359,27 @@ class Loop:
             values = compiled(self.switches, (*self._moving, *self._fixed))(x, v, *states, *fixed)
         return np.stack([np.broadcast_to(value, phi.shape) for value in values])
 
-    def _divided(self, marks: Array, phi: Array, states: Array, cycles: Cycles) -> _Parts:
-        """Divide cycles at ``marks`` and where switches are crossed between two phases (n, k, m)."""
-        sides = self._sides(phi, states, cycles)
-        on, count = sides >= 0, len(phi)
+    def _divided(self, marks: Array, parts: _Parts, phi: Array, states: Array, cycles: Cycles) -> _Parts:
+        """Divide cycles at ``marks`` and where switches are crossed between two phases (n, k, m) of parts."""
+        sides, count, size = self._sides(phi, states, cycles), len(phi), phi[0].size
+        # a loop that slides along a switch stays on its side
+        near = np.abs(sides) <= _known(sides)
+        on: NDArray[np.bool_] = np.where(near, parts.flags[:-1, :, :, None] > 0, sides > 0)
+        on = on.reshape(*on.shape[:2], size)
+        sides, phi = sides.reshape(on.shape), phi.reshape(count, size)
         with np.errstate(all="ignore"):
-            share = sides[..., :-1] / (sides[..., :-1] - sides[..., 1:])
-        place = phi[..., :-1] + np.diff(phi) * np.nan_to_num(share)
+            share = np.nan_to_num(sides[..., :-1] / (sides[..., :-1] - sides[..., 1:]))
+        place = phi[:, :-1] + np.diff(phi) * np.clip(share, 0.0, 1.0)
         place = np.where(on[..., :-1] != on[..., 1:], place, np.inf)
-        place = np.moveaxis(place, 1, 0).reshape(count, -1)
+        place = np.moveaxis(place, 1, 0).reshape(count, len(sides) * (size - 1))
         most = int(np.isfinite(place).sum(axis=1).max(initial=0))
         order = np.argsort(place, axis=1)[:, :most]
         place = np.take_along_axis(place, order, axis=1)
-        which = np.where(np.isfinite(place), order // (phi[0, :, 1:].size or 1), -1)
+        which = np.where(np.isfinite(place), order // (size - 1), -1)
         given = np.broadcast_to(marks, (count, len(marks)))
-        ends = np.concatenate([given, np.where(which < 0, START + TURN, place)], axis=1)
+        ends = np.concatenate([given, np.where(which < 0, marks[-1], place)], axis=1)
         crossed = np.concatenate([np.full(given.shape, -1), which], axis=1)
-        return _Parts(*_sorted(ends, crossed), on[:, :, 0, 0])
+        return _Parts(*_sorted(ends, crossed), on[:, :, 0])
 
     def _settled(
         self, parts: _Parts, steps: int, cycles: Cycles, near: tuple[Array, Array]
@@ -377,10 +396,9 @@ class Loop:
                 break
             parts = parts.shifted(shift)
         sides = self._sides(phi, states, cycles)
-        range_ = np.abs(sides).max(axis=(2, 3), initial=0.0)[:, :, None, None]
         with np.errstate(all="ignore"):
-            wrong = (2 * flags[:-1, :, :, None] - 1) * sides[..., 1:-1] < -WRONG * range_
-        return parts, phi, states, ~wrong.any(axis=(0, 2, 3))
+            wrong: NDArray[np.bool_] = (2 * flags[:-1, :, :, None] - 1) * sides[..., 1:-1] < -_known(sides)
+        return parts, phi, states, np.logical_not(wrong.any(axis=(0, 2, 3)))
 
     def _shift(self, parts: _Parts, phi: Array, flags: Array, states: Array, cycles: Cycles) -> Array:
         """(n, k+1) Newton step of each crossing, from what is before it."""
@@ -400,7 +418,10 @@ class Loop:
             shift[:, 1:] += np.where(
                 parts.crossed[:, 1:] == number, np.nan_to_num(step, posinf=0, neginf=0), 0
             )
-        return shift
+        # where the motion turns its speed says nothing: what reaches a mark stays there
+        marks = np.where(parts.crossed < 0, parts.ends, np.inf)
+        away = np.abs(parts.ends[:, :, None] - marks[:, None]).min(axis=2)
+        return np.where(away > CROSSING, shift, 0.0)
 
     def _integrals(self, parts: _Parts, phi: Array, states: Array, cycles: Cycles) -> Array:
         """(4, n) integrals of f sin, f cos, f and abs(f) over cycles by the trapezoidal rule."""
@@ -418,6 +439,26 @@ class Loop:
                 for f in (force * np.sin(phi), force * np.cos(phi), force, np.abs(force))
             ]
         )
+
+
+def _known(sides: Array) -> Array:
+    """(f, n, 1, 1) size of switch functions (f, n, k, m) from which on their sign is no round-off."""
+    return np.asarray(WRONG * np.abs(sides).max(axis=(2, 3), initial=0.0)[:, :, None, None])
+
+
+def _defined_at_zero(expression: sympy.Expr) -> sympy.Expr:
+    """Write z*Abs(z)**(n - 1) as sign(z)*Abs(z)**n, which is not zero times infinity at z = 0."""
+
+    def joined(product: sympy.Expr) -> sympy.Expr:
+        powers = dict(product.as_powers_dict())
+        for size in [each for each in powers if isinstance(each, sympy.Abs)]:
+            inner, lower = size.args[0], powers[size]
+            upper = powers.get(inner, sympy.S.Zero)
+            if upper.is_Integer and upper > 0 and not lower.is_nonnegative:
+                powers |= {size: upper + lower, inner: sympy.S.Zero, sympy.sign(inner): upper % 2}
+        return sympy.Mul(*(base**exponent for base, exponent in powers.items()))
+
+    return expression.replace(lambda part: part.is_Mul, joined)
 
 
 def _odd(expressions: tuple[sympy.Expr, ...], states: tuple[sympy.Symbol, ...]) -> bool:
@@ -442,13 +483,13 @@ def is_odd(rest: sympy.Expr, memory: MemoryForm) -> bool:
     return _odd((rest, *(rate.rate for rate in memory.rates)), memory.states)
 
 
-def try_loops(loop: Loop) -> float | None:
+def try_loops(loop: Loop) -> tuple[float | None, tuple[str, ...]]:
     """Compute loops at random values of everything, and step some of them through time.
 
     Returns
     -------
-    Largest difference in stiffness or damping from loops stepped through time, relative to both and the mean.
-    None where states are too much faster than the motion to know them.
+    Largest difference in stiffness or damping from loops stepped through time, relative to both and the mean,
+    or None where there is nothing to compare; and what is to be said about it.
 
     Raises
     ------
@@ -467,7 +508,10 @@ def try_loops(loop: Loop) -> float | None:
         )
     closed = np.flatnonzero(np.isfinite(found[0]))
     if not len(closed):
-        return None
+        return None, (
+            f"The loop closes, but wherever it was tried {loop.states} changes so much faster than the "
+            "motion that its force is not known: it was not compared with one stepped through time.",
+        )
     found /= np.pi * amplitude
     worst = 0.0
     for row in closed[:STEPPED]:
@@ -475,11 +519,15 @@ def try_loops(loop: Loop) -> float | None:
         size, speed = float(amplitude[row]), float(omega[row])
         stepped = loop.stepped(begin[:, row, 0], size, speed, numbers)
         if stepped is None:
-            return None
+            return None, (
+                "To follow the loop takes too many steps here: it was not compared with one stepped through "
+                "time.",
+            )
         stiffness, damping, miss = stepped
         # a state that stays where it is has a mean force alone
         whole = abs(stiffness) + speed * abs(damping) + abs(found[2, row]) / 2
         differences = (found[0, row] - stiffness, found[1, row] - speed * damping)
         # no force at all is none, however it is reached
         worst = max(worst, miss, *(abs(difference) / (whole or 1.0) for difference in differences))
-    return float(worst)
+    said = f"The loop differs from one stepped through time by {worst:.1e}: trust no more digits."
+    return float(worst), (said,) if worst > STEPPED_TOLERANCE else ()

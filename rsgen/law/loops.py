@@ -391,6 +391,8 @@ def periodic_states(
     values: Sequence[Any] | Array,
     start: Array | None = None,
     sign: float = 1.0,
+    *,
+    fitted: bool = True,
 ) -> Array:
     """(q, n, s) periodic states along n motions; NaN where a loop does not close, or is fled by states.
 
@@ -408,6 +410,9 @@ def periodic_states(
         (q, n, s) states to begin with, or zero.
     sign
         -1: motion and states turn their signs after the period, whose last step is zero.
+    fitted
+        Whether steps may be longer than what z' remembers. Else theta is 1/2, with errors in even powers of
+        the step however fast it forgets.
     """
     shape = motion[0].shape
     states = np.zeros((len(equations), *shape)) if start is None else np.array(start)
@@ -417,7 +422,7 @@ def periodic_states(
         x, v, a = (each[rows] for each in motion)
         own = [value if np.ndim(value) == 0 else value[rows] for value in values]
         rate, slopes = _rates(equations, (x, v, a), states[:, rows], step[rows], own, by_parameters=False)
-        return rate, _linearised(slopes[:, 2:], step[rows])
+        return rate, _linearised(slopes[:, 2:], step[rows], fitted=fitted)
 
     open_rows = np.arange(len(step))
     for attempt in range(_STEPS):
@@ -439,7 +444,10 @@ def periodic_states(
         open_rows = open_rows[~(settled.all(axis=0) | lost)]
         if not len(open_rows):
             break
-    flees = at(np.arange(len(step)))[1].growth() > 1 + _GAP
+    recurrence = at(np.arange(len(step)))[1]
+    # what grows in one step alone is on a corner there, and not known to grow in the steps around it
+    corner = np.maximum(np.einsum("siin->sin", recurrence.forward) - 1, 0).max(axis=(0, 1))
+    flees = recurrence.growth() > 1 + _GAP + corner
     # states that start at zero never reach a loop that they flee
     states[:, open_rows], states[:, flees] = np.nan, np.nan
     return states
@@ -464,13 +472,14 @@ def _rates(
     return np.stack([each[0] for each in found]), np.stack([np.stack(each[1:]) for each in found])
 
 
-def _linearised(jacobian: Array, step: Array) -> _Recurrence:
+def _linearised(jacobian: Array, step: Array, *, fitted: bool = True) -> _Recurrence:
     """Linearise the rule; ``jacobian`` (q, q, n, s) is dg/dz, ``step`` (n, s) [s]."""
     size = len(jacobian)
     slope = np.transpose(jacobian, (3, 0, 1, 2))
     decay = np.abs(slope).sum(axis=2).max(axis=1)
     step = step.T
-    weight = _weight(step * (decay + np.roll(decay, -1, axis=0)) / 2)
+    between = step * (decay + np.roll(decay, -1, axis=0)) / 2
+    weight = _weight(between) if fitted else np.full_like(between, 0.5)
     share = (weight * step)[:, None, None]
     unit = np.eye(size)[:, :, None]
     late = unit - share * np.roll(slope, -1, axis=0)

@@ -12,7 +12,7 @@ from rsgen.formula.evaluation import compiled
 from rsgen.formula.names import remembers
 from rsgen.law import laws, make_element
 from rsgen.report.figures.equivalent import draw_derivation
-from tests.oracles.loop import equivalent, with_states
+from tests.oracles.loop import equivalent, odd_loop, with_states
 
 ASKED = 1e-9
 OMEGA = 2.3
@@ -273,6 +273,91 @@ def test_thresholds_in_any_order_and_curves_that_begin_with_nothing():
 def test_loops_that_do_not_close_are_refused(rate):
     with pytest.raises(ExpressionError, match="the loop of z does not close at X"):
         derive(make_element("law", "k*x + z", {"z": rate}))
+
+
+def held_against_stepping(derived, values, rate, X, k=0.0, asked=ASKED):
+    found = derived.evaluate(X, OMEGA, values)
+    wanted = odd_loop(rate, lambda x, v, z: k * x + z, X, OMEGA)
+    size = abs(wanted[0]) + OMEGA * abs(wanted[1])
+    assert abs(found.stiffness - wanted[0]) <= asked * size
+    assert OMEGA * abs(found.damping - wanted[1]) <= asked * size
+
+
+POWERS = (0.7, 1.0, 1.5, 1.7, 2.0)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("bd", [-0.3, 0.3])
+def test_powers_of_a_state_from_hardly_any_slip_to_almost_nothing_else(bd):
+    law = derive(make_element("bw", "k*x + z", {"z": "A*v - bg*abs(v)*abs(z)**(n-1)*z - bd*v*abs(z)**n"}))
+    assert law.checked_to is not None
+    assert law.checked_to < 1e-8
+    for n in POWERS:
+        values = {"k": 1.0, "A": 2.0, "bg": 0.7, "bd": bd, "n": n}
+
+        def rate(x, v, z, n=n):
+            return 2.0 * v - 0.7 * abs(v) * abs(z) ** n * np.sign(z) - bd * v * abs(z) ** n
+
+        for X in (1e-6, 1e-3, 0.1, 1.0, 5.0, 100.0, 1000.0):
+            held_against_stepping(law, values, rate, X, 1.0)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("power", ["abs(z)**0.5*z", "sqrt(abs(z))*sign(z)", "abs(z)**(-0.3)*z", "abs(z)*z"])
+def test_powers_of_a_state_as_numbers(power):
+    law = derive(make_element("bw", "z", {"z": f"A*v - bg*abs(v)*{power}"}))
+    n = {"abs(z)**0.5*z": 1.5, "sqrt(abs(z))*sign(z)": 0.5, "abs(z)**(-0.3)*z": 0.7, "abs(z)*z": 2.0}[power]
+    for X in (1e-4, 1.0, 100.0):
+        held_against_stepping(
+            law, {"A": 2.0, "bg": 0.7},
+            lambda x, v, z: 2.0 * v - 0.7 * abs(v) * abs(z) ** n * np.sign(z), X,
+        )  # fmt: skip
+
+
+@pytest.mark.slow
+def test_a_power_of_the_displacement_in_a_rate():
+    law = derive(make_element("law", "z", {"z": "A*v - z/tau*abs(x)**n"}))
+    for X in (1e-3, 1.0, 3.0, 10.0, 100.0):
+        values = {"A": 2.0, "tau": 0.4, "n": 1.3}
+        held_against_stepping(law, values, lambda x, v, z: 2.0 * v - z / 0.4 * abs(x) ** 1.3, X)
+
+
+@pytest.mark.slow
+def test_a_slider_as_a_state_stays_on_its_switch_while_it_slides():
+    rate = "Piecewise((kt*v, abs(z) < Fs), (kt*Min(v, 0), z > 0), (kt*Max(v, 0), True))"
+    law, X = (
+        derive(make_element("jenkins", "z", {"z": rate})),
+        np.array([1e-6, 0.3, 0.4, 1.0, 3.0, 10.0, 100.0]),
+    )
+    values = {"kt": 3.0, "Fs": 1.0}
+    found, wanted = law.evaluate(X, OMEGA, values), derive("masing(Min(kt*x, Fs))").evaluate(X, OMEGA, values)
+    np.testing.assert_allclose(found.stiffness, wanted.stiffness, rtol=1e-9)
+    np.testing.assert_allclose(found.damping, wanted.damping, rtol=1e-9, atol=1e-12)
+    assert found.stiffness[3] == pytest.approx(0.875374, abs=1e-6)
+    assert found.damping[3] == pytest.approx(0.369055, abs=1e-6)
+
+
+@pytest.mark.slow
+def test_states_that_are_much_faster_than_the_motion():
+    maxwell = derive(make_element("maxwell", "z", {"z": "k*v - z/tau"}))
+    for tau in (1e-2, 1e-3, 1e-5):
+        found = maxwell.evaluate([1e-6, 1.0, 100.0], OMEGA, {"k": 2.0, "tau": tau})
+        whole = 2.0 * 1j * OMEGA * tau / (1 + 1j * OMEGA * tau)
+        np.testing.assert_allclose(found.stiffness, whole.real, atol=1e-9 * abs(whole))
+        np.testing.assert_allclose(found.damping, whole.imag / OMEGA, rtol=1e-9)
+    bend = derive(make_element("bend", "z", {"z": "k*v - tanh(z/e)"}))
+    for X in (0.3, 3.0, 10.0, 30.0):
+        held_against_stepping(bend, {"k": 2.0, "e": 0.01}, lambda x, v, z: 2.0 * v - np.tanh(z / 0.01), X)
+
+
+@pytest.mark.slow
+def test_what_was_not_compared_or_is_not_known_is_said_so():
+    stiff = derive(make_element("stiff", "k*x + z", {"z": "a*v - 1e9*abs(v)*z"}))
+    assert stiff.checked_to is None
+    assert any("much faster than the motion" in remark for remark in stiff.remarks)
+    dahl = derive(make_element("dahl", "z", {"z": "kt*v - kt*abs(v)*z/Fs"}))
+    with pytest.raises(RsgenError, match=r"is not known to nine digits at X = 1e\+04 m"):
+        dahl.evaluate(1e4, OMEGA, {"kt": 3000.0, "Fs": 0.01})
 
 
 @pytest.mark.slow

@@ -79,3 +79,29 @@ def with_states(
             :, -1
         ]
     return y[size] / (np.pi * X), y[size + 1] / (np.pi * omega * X)
+
+
+def odd_loop(rate: Callable, force: Callable, X: float, omega: float) -> tuple[float, float]:
+    """k and c of an odd law of one state: half a turn, stepped by LSODA, turns its sign."""
+    size = abs(rate(0.0, omega * X, 0.0)) / omega
+
+    def along(phi, y):
+        x, v = X * np.sin(phi), omega * X * np.cos(phi)
+        load = force(x, v, y[0])
+        return [rate(x, v, y[0]) / omega, load * np.sin(phi), load * np.cos(phi)]
+
+    def turned(z):
+        span, limits = (-np.pi / 2, np.pi / 2), {"rtol": 1e-11, "atol": 1e-14 * size, "max_step": 0.05}
+        return solve_ivp(along, span, [z, 0.0, 0.0], "LSODA", **limits).y[:, -1]
+
+    z, step = 0.0, 1e-3 * size
+    lack = turned(z)[0] + z
+    # the secant method; what is smaller than the error of the stepping does not move it any more
+    for _ in range(40):
+        if abs(step) <= 1e-11 * size:
+            break
+        before, z = lack, z + step
+        lack = turned(z)[0] + z
+        step *= -lack / (lack - before) if lack != before else 0.0
+    _, sine, cosine = turned(z)
+    return 2 * sine / (np.pi * X), 2 * cosine / (np.pi * omega * X)
