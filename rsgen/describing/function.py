@@ -212,7 +212,11 @@ class DescribingFunction:
                 f"memory: the loop of {', '.join(states)} "
                 + ("is not known to nine digits" if closes else "does not close")
                 + f" at X = {size:.4g} m, omega = {speed:.4g} rad/s: under this sine it "
-                + ("changes much faster than the motion" if closes else "grows or drifts for ever")
+                + (
+                    "changes much faster than the motion"
+                    if closes
+                    else "grows or drifts for ever, or is not found"
+                )
             )
         stiffness, damping = (
             np.where(known, part, np.nan) if formula.has(symbol("X0")) else part

@@ -504,7 +504,8 @@ def try_loops(loop: Loop) -> tuple[float | None, tuple[str, ...]]:
     if not np.isfinite(begin).all(axis=(0, 2)).any():
         raise ExpressionError(
             f"memory: the loop of {loop.states} does not close at X = {amplitude[0]:.3g} m or any of "
-            f"{TRIALS} amplitudes tried with positive parameters: under a sine it grows or drifts for ever"
+            f"{TRIALS} amplitudes tried with positive parameters: under a sine it grows or drifts for ever, "
+            "or is not found"
         )
     closed = np.flatnonzero(np.isfinite(found[0]))
     if not len(closed):
