@@ -217,7 +217,7 @@ def estimate_mass(force: ComplexArray, motion: Kinematics, shapes: Array | None 
     weight = 1 / np.maximum(np.abs(force), least)
     for _ in range(_ROUNDS):
         found = fit_mode(force, motion, shapes, weight)
-        if not np.isfinite(found.mass):
+        if not (np.isfinite(found.mass) and np.isfinite(found.mass_error)):
             return None
         # relative to the force of the mode: beside the measured one noise of the motion would make it lighter
         left = found.left / weight
