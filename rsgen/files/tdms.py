@@ -9,7 +9,6 @@ from math import isfinite
 from typing import Any, BinaryIO
 
 import numpy as np
-from nptdms import ChannelObject, TdmsFile, TdmsWriter
 
 from rsgen.common.arrays import Array
 from rsgen.common.errors import MeasurementError
@@ -26,6 +25,8 @@ _PERIODS = ("", "s")
 
 def sample_tdms() -> bytes:
     """Make a small file."""
+    from nptdms import ChannelObject, TdmsWriter  # comes with an extra
+
     file = io.BytesIO()
     with TdmsWriter(file) as written:
         written.write_segment([ChannelObject("a", "b", np.arange(3.0), {"wf_increment": 0.1})])
@@ -101,6 +102,8 @@ def walk_tdms(file: BinaryIO, heads: set[str] | None, largest: int) -> Iterator[
     MeasurementError
         Cut off, or it declares more numbers than it has bytes.
     """
+    from nptdms import TdmsFile  # comes with an extra
+
     size = file.seek(0, 2)
     file.seek(0)
     book = TdmsFile.open(file)

@@ -15,7 +15,6 @@ from functools import partial
 from typing import Any, BinaryIO
 
 import numpy as np
-from openpyxl import Workbook, load_workbook
 
 from rsgen.common.arrays import Array
 from rsgen.common.errors import MeasurementError
@@ -36,6 +35,8 @@ _Row = Sequence[Any]
 def sample_xlsx() -> bytes:
     """Make a small workbook."""
     file = io.BytesIO()
+    from openpyxl import Workbook  # comes with an extra
+
     book = Workbook()
     book.active.append(["f [Hz]", "date"])
     book.active.append([1.0, datetime(2000, 1, 1)])
@@ -217,6 +218,8 @@ def walk_xlsx(file: BinaryIO, heads: set[str] | None, largest: int) -> Iterator[
         No workbook, damaged, or it unpacks to more than a file of its size may.
     """
     _check_archive(file, largest)
+    from openpyxl import load_workbook  # comes with an extra
+
     book = load_workbook(file, read_only=True, data_only=True, keep_links=False)
     sheets = [sheet for sheet in book.worksheets if is_wanted(sheet.title, heads)]
     for sheet in sheets:
