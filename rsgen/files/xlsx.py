@@ -34,9 +34,9 @@ _Row = Sequence[Any]
 
 def sample_xlsx() -> bytes:
     """Make a small workbook."""
-    file = io.BytesIO()
     from openpyxl import Workbook  # comes with an extra
 
+    file = io.BytesIO()
     book = Workbook()
     book.active.append(["f [Hz]", "date"])
     book.active.append([1.0, datetime(2000, 1, 1)])
@@ -217,9 +217,9 @@ def walk_xlsx(file: BinaryIO, heads: set[str] | None, largest: int) -> Iterator[
     MeasurementError
         No workbook, damaged, or it unpacks to more than a file of its size may.
     """
-    _check_archive(file, largest)
     from openpyxl import load_workbook  # comes with an extra
 
+    _check_archive(file, largest)
     book = load_workbook(file, read_only=True, data_only=True, keep_links=False)
     sheets = [sheet for sheet in book.worksheets if is_wanted(sheet.title, heads)]
     for sheet in sheets:

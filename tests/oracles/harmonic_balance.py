@@ -18,7 +18,6 @@ from numpy.typing import ArrayLike, NDArray
 from rsgen.common.arrays import Array, ComplexArray
 from rsgen.data.oscillator import Oscillator
 from rsgen.dynamics.steady_state import SteadyStates
-from rsgen.dynamics.virtual_test import Progress, SimulatedTest, in_parts, swept
 from rsgen.formula import symbol
 from rsgen.formula.evaluation import Numeric, compiled
 from rsgen.law.memory import MemoryForm, memory_form
@@ -27,7 +26,6 @@ __all__ = [
     "Array",
     "Basis",
     "MemoryLoops",
-    "balance_grid",
     "basis_of",
     "first_order_force",
     "product",
@@ -518,30 +516,6 @@ def _states(
         outcome=np.where(done, 0, 1).astype(np.int8),
         error=np.full(len(F), np.nan),
     )
-
-
-def balance_grid(oscillator: Oscillator, test: SimulatedTest, progress: Progress) -> SteadyStates:
-    """Solve the grid of a test by harmonic balance, ordered level by level.
-
-    With sweep "rest" every point starts from its linear response; with "up" or "down" from its neighbour.
-    Harmonic balance does not separate stable answers from unstable ones.
-    """
-
-    def solve(level: Array, frequency: Array, guess: ComplexArray | None = None) -> SteadyStates:
-        force = test.drive(oscillator.mass, level, frequency)
-        return solve_harmonic_balance(oscillator, force, frequency, harmonics=test.harmonics, guess=guess)
-
-    def go_on(frequency: Array, last: SteadyStates | None) -> SteadyStates:
-        if last is None:
-            return solve(test.level, frequency)
-        near = solve(test.level, frequency, np.where(np.isfinite(last.harmonics), last.harmonics, 0))
-        if near.settled.all():
-            return near
-        # where the branch has ended, from the linear response
-        fresh, n = solve(test.level, frequency), len(near)
-        return SteadyStates.joined([near, fresh], np.arange(n) + n * ~near.settled)
-
-    return in_parts(solve, test, progress) if test.sweep == "rest" else swept(go_on, test, progress)
 
 
 def first_order_force(

@@ -36,7 +36,7 @@ __all__ = ["MeasuredAcross", "law_of", "motions_of", "sensor_pair"]
 _BESIDE = 2
 """Points to either side through which a cubic is laid: what it misses of the middle one is noise."""
 
-_FARTHEST = 5.0
+_LARGEST_DEVIATION = 5.0
 """Square of a deviation, in variances, beyond which it is no noise: chance exceeds it once in 150."""
 
 
@@ -61,8 +61,8 @@ def sensor_pair(points: Points | ResponseSurface) -> SensorPair:
     The ratio z/x of the motion across to the response is smooth, whatever the law: what it differs by from a
     cubic through its neighbours is noise. As a ratio of two sensors it is proportional to z/x; of z = x - y
     both sensors make y/x as noisy, and z/x by the size of 1 - z/x. The more likely one is taken: complex
-    normal noise of variance s^2 u^2 at the sizes u has the log-likelihood -n log s^2 - sum of log u^2 at its
-    best s.
+    normal noise d of variance s^2 u^2 at the sizes u has the log-likelihood
+    -sum of log(s^2 u^2) + d^2/(s^2 u^2), with s from the median.
     """
     order = np.lexsort((points.omega, points.sweep, points.level))
     width = 2 * _BESIDE + 1
@@ -87,7 +87,7 @@ def sensor_pair(points: Points | ResponseSurface) -> SensorPair:
             max(float(np.median(missed[moves] / size[moves])) / np.log(2), 1e-300) if moves.any() else np.inf
         )
         # jumps, resonances and antiresonances count as deviations that chance hardly exceeds
-        unlikely = np.minimum(missed / np.maximum(square * size, 1e-300), _FARTHEST)
+        unlikely = np.minimum(missed / np.maximum(square * size, 1e-300), _LARGEST_DEVIATION)
         found.append(
             (float(np.sum(np.log(np.maximum(square * size, 1e-300)) + unlikely)), rides, np.sqrt(square))
         )

@@ -136,7 +136,7 @@ def _finish(problem: Problem, descent: Descent, regression: Regression) -> Fit:
         influence = problem.observed.relative_influence(influence, values, regression.nuisance)
     # of relative deviations; rows of the force are the first of either part, of a second sensor the last
     influence, half = np.array(influence), (influence.shape[1] + 1) // 2
-    influence[:, [0, half]] /= FORCE_TO_RESPONSE_NOISE
+    influence[:, [0, half] if problem.observed.phase_known else [0]] /= FORCE_TO_RESPONSE_NOISE
     if isinstance(descent.forward, MeasuredAcross):
         forward = descent.forward
         influence[:, [half - 1, -1]] /= forward.far_noise

@@ -42,7 +42,7 @@ __all__ = [
 ]
 
 
-_SAME = 1e-6
+_OWN_SHARE = 1e-6
 """Share of the square of a column that is its own, below which the other columns make it up."""
 
 
@@ -464,7 +464,7 @@ class Alternative:
 
 
 def alternatives(
-    residual: Array, matrix: Array, columns: Array, score: Array | None = None, readings: Array | None = None
+    residual: Array, matrix: Array, columns: Array, score: Array, readings: Array
 ) -> list[Alternative]:
     """Fit each of some columns beside all parameters, to first order from a solution.
 
@@ -484,7 +484,6 @@ def alternatives(
     list
         (t,), of value zero where a column is made up of the others.
     """
-    score = np.zeros(matrix.shape[1] + columns.shape[1]) if score is None else score
     own_score, added = np.split(score, [matrix.shape[1]])
     inverse = solve_scaled(matrix, residual)[1] if matrix.size else np.zeros(matrix.T.shape)
     found = []
@@ -493,12 +492,12 @@ def alternatives(
         taken = inverse @ (inverse.T @ (matrix.T @ column))
         own = column - matrix @ taken
         size = float(own @ own)
-        if not size > _SAME * float(column @ column):
+        if not size > _OWN_SHARE * float(column @ column):
             found.append(Alternative(0.0, np.inf, np.zeros(len(taken))))
             continue
         value = float(own @ residual - more + taken @ own_score) / size
         error = size**-0.5
-        if readings is not None and len(readings) > 1:
+        if len(readings) > 1:
             moved = readings @ own / size
             error = max(error, float(np.sqrt(moved @ moved / (len(moved) * (len(moved) - 1)))))
         found.append(Alternative(value, error, -taken * value))
