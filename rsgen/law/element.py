@@ -83,8 +83,12 @@ _ROUND_OFF = 1e-9
 """Negative force, relative to the largest, that is round-off."""
 
 
+_LIKE_VARIABLES = frozenset({"a", "acc", "w", "f", "F", "vx", "vy"})
+"""Parameters that a reader may take for acceleration, frequency, excitation or velocity."""
+
+
 def law_remarks(force: sympy.Expr) -> tuple[Finding, ...]:
-    """Find constant forces, loops that give energy, virgin curves that do not stay positive, equal terms.
+    """Find what may not be meant: constant forces, loops that give energy, names of variables, equal terms.
 
     Examples
     --------
@@ -98,6 +102,7 @@ def law_remarks(force: sympy.Expr) -> tuple[Finding, ...]:
         *(Finding("constant-force", "warning", name) for name in _constant_forces(force)),
         *_curves(force),
         *(_order(group) for group in equal_terms(force)),
+        *(Finding("parameter-not-variable", "info", name) for name in _like_variables(force)),
     )
 
 
@@ -140,6 +145,16 @@ def _constant_forces(force: sympy.Expr) -> tuple[str, ...]:
     terms = (term.as_coeff_Mul()[1] for term in sympy.Add.make_args(force))
     states = {symbol("x"), symbol("v")}
     return tuple(sorted(term.name for term in terms if term.is_Symbol and term not in states))
+
+
+def _like_variables(force: sympy.Expr) -> list[str]:
+    """Return parameters called like a variable that multiply another parameter of their term."""
+    found = set()
+    for term in sympy.Add.make_args(sympy.expand(force)):
+        factors = {factor.name for factor in sympy.Mul.make_args(term) if factor.is_Symbol} - {"x", "v"}
+        if len(factors) > 1:
+            found |= factors & _LIKE_VARIABLES
+    return sorted(found)
 
 
 def _curves(force: sympy.Expr) -> Iterator[Finding]:
@@ -247,7 +262,7 @@ def make_element(
     Raises
     ------
     ExpressionError
-        The text is no formula, a parameter is named X, X0 or omega, or the law has no normal form: it is not
+        The text is no formula, a parameter is named X, X0, omega or t, or the law has no normal form: it is not
         real for negative x or v, not defined everywhere, or has hundreds of switches. An equation of a state
         is none, or a virgin curve is none. A term is the name of a law of the library.
 
@@ -264,6 +279,11 @@ def make_element(
     if foreign:
         raise ExpressionError(
             f"{name}: {', '.join(foreign)}: not a symbol of rsgen; make symbols with rsgen.formula.symbol"
+        )
+    if "t" in names:
+        raise ExpressionError(
+            f"{name}: t: no parameter can have this name, it is the time; a law is written in x and v, and "
+            "none that changes with time is identified"
         )
     reserved = [free for free in names if free in NOT_PARAMETERS]
     if reserved:

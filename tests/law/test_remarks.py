@@ -21,6 +21,9 @@ from rsgen.law.element import law_remarks
         ("k*x + masing(K*x + R*x**1.5)", {"loop-gives-energy"}),
         # gives or dissipates, as the power says
         ("masing(a*x**p)", set()),
+        ("k*x + m3*x**2*a + c2*vx*abs(v)", {"parameter-not-variable"}),
+        # coefficients, and what a function scales
+        ("k*x + a*x**3 + F*tanh(x/w)", set()),
         # neither
         ("masing(kt*x)", set()),
         ("masing(K*x - R*x**p)", {"virgin-curve-negative"}),
@@ -29,6 +32,12 @@ from rsgen.law.element import law_remarks
 )
 def test_oddities_are_said(text: str, codes: set[str]) -> None:
     assert {finding.code for finding in law_remarks(parse(text))} == codes
+
+
+@pytest.mark.parametrize("text", ["k*x*cos(2*w*t)", "k*x + t*x**3"])
+def test_a_law_does_not_change_with_time(text: str) -> None:
+    with pytest.raises(ExpressionError, match="it is the time"):
+        rsgen.Law(text)
 
 
 def test_nothing_is_odd_about_the_library() -> None:

@@ -26,6 +26,8 @@ say_plainly(
         "If it is a state, its equation is missing (memory)",
         "loop-gives-energy": "{curve} gives energy to every motion: of Masing laws only virgin curves that "
         "flatten dissipate",
+        "parameter-not-variable": "{parameter} is a parameter here, a constant of the law: of the motion a "
+        "law has x and v only",
         "equal-terms": "{terms} are equal terms of the law, and no test says which is which; they are named "
         "so that {order}",
         "virgin-curve-negative": "{curve} turns negative where x is large: its loop is that of a joint only "
