@@ -262,9 +262,9 @@ def make_element(
     Raises
     ------
     ExpressionError
-        The text is no formula, a parameter is named X, X0, omega or t, or the law has no normal form: it is not
-        real for negative x or v, not defined everywhere, or has hundreds of switches. An equation of a state
-        is none, or a virgin curve is none. A term is the name of a law of the library.
+        The text is no formula, a parameter is named X, X0, omega or t, or the law has no normal form: it is
+        not real for negative x or v, not defined everywhere, or has hundreds of switches. A state
+        has no equation, or a Masing term no virgin curve. A term is the name of a law of the library.
 
     Examples
     --------

@@ -27,6 +27,7 @@ from rsgen.identification.identify import identify
 from rsgen.identification.ranking import Ranking, identify_best, rank
 from rsgen.identification.ranking.balance import Rows, Sum, library_terms, terms_of
 from rsgen.identification.ranking.fitting import Fitted, Guess, fit_rows
+from rsgen.identification.ranking.rank_laws import in_order
 from rsgen.identification.ranking.ranking_result import Judgement, judge
 from rsgen.identification.ranking.reference import follow
 from rsgen.identification.ranking.selection import search_sums
@@ -558,3 +559,19 @@ def test_laws_of_the_library_stand_on_a_linear_base() -> None:
 def test_no_candidate_is_refused() -> None:
     with pytest.raises(RsgenError, match="no candidate given"):
         rank(measured("cubic"), [])
+
+
+def test_what_predicts_levels_comes_before_what_fits_them() -> None:
+    # numbers of a measured pendulum: a sum of three laws predicts worse than one law, another not at all
+    bic, error, count, odd = (
+        [0.0, 1.0, 40.0, 42.0, 90.0],
+        [0.39, 71.0, 0.12, 0.13, 0.12],
+        [7, 6, 5, 4, 3],
+        [False] * 5,
+    )
+    order, lowest, tied = in_order(bic, error, count, odd)
+    assert order == [3, 2, 4, 0, 1]
+    assert (lowest, tied) == (40.0, [False, False, True, True, False])
+    # with one level nothing is predicted: fit and parameters decide
+    assert in_order(bic, [np.nan] * 5, count, odd)[0] == [1, 0, 2, 3, 4]
+    assert in_order(bic, [np.nan] * 5, count, [False, True, False, False, False])[0] == [0, 1, 2, 3, 4]

@@ -43,9 +43,10 @@ def rank_command(
         Path, typer.Argument(help="A case file, or a response surface (.h5).", show_default=False)
     ],
     data: Data = None,
+    terms_in_sum: Annotated[int, typer.Option(help="Most laws of the library in a sum.", min=1, max=3)] = 2,
     json: Json = False,
 ) -> int:
-    """Compare the laws of the library, alone and summed up to three, on the test of a case or on a surface.
+    """Compare the laws of the library, alone and in sums, on the test of a case or on a surface.
 
     The verdict names the best law and those that fit equally well, or says that none fits and what is left
     unexplained. The law of the case is one more candidate.
@@ -57,7 +58,7 @@ def rank_command(
     """
     print_cache_fault()
     name, surface, model = _read(case, data)
-    ranking = rank(surface, model)
+    ranking = rank(surface, model, terms_in_sum=terms_in_sum)
     if json:
         print_json(
             {

@@ -189,12 +189,13 @@ class Prediction(Printed):
     def _table(self) -> TextTable:
         rows = []
         for curve in self:
-            highest = nan, nan
+            highest, extrapolated = (nan, nan), ""
             if len(curve.frequency):
                 top = int(np.nanargmax(curve.amplitude))
                 highest = float(curve.amplitude[top]), float(curve.frequency[top])
+                # the flanks of a curve lie below every tested amplitude, whatever its level
+                extrapolated = "yes" if curve.extrapolated[top] else "no"
             folds = ", ".join(f"{frequency:.5g}" for frequency in sorted(curve.folds[:, 0]))
-            extrapolated = "yes" if curve.extrapolated.any() else ""
             rows.append((short(curve.level), *map(short, highest), folds, extrapolated))
         heads = ("level [N]", "largest amplitude [m]", "at [Hz]", "folds at [Hz]", "extrapolated")
         return TextTable(heads, tuple(rows), notes=tuple(map(repr, self.findings)))

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from rsgen.common.arrays import Array
 from rsgen.common.errors import RsgenError, require
 from rsgen.common.finding import Finding, quantities
-from rsgen.common.tolerances import ANY_LAW, EXPECTED_NOISE, NOTICEABLE, ORDER, QUICK, START_ORDER
+from rsgen.common.tolerances import ANY_LAW, EXCESS, EXPECTED_NOISE, NOTICEABLE, ORDER, QUICK, START_ORDER
 from rsgen.data.oscillator import Model, Observation, join_model
 from rsgen.data.surface import ResponseSurface, without_copies
 from rsgen.formula import symbol
@@ -97,6 +97,7 @@ def rank(
     observation: Observation | None = None,
     *,
     mass: float | None = None,
+    terms_in_sum: int = 2,
 ) -> Ranking:
     """Compare laws on a test.
 
@@ -106,17 +107,20 @@ def rank(
         Settled points of any test; held-out levels are left aside.
     candidates
         Formulas, elements and laws compete as they are; laws of ``rsgen.laws`` are tried beside a linear
-        spring and a linear damper, alone and in sums of up to three. A model competes with all of the
+        spring and a linear damper, alone and in sums. A model competes with all of the
         library. None: the library.
     observation
         How the structure was observed; None: as a model says.
     mass
         m [kg] where it is known; None: as a model says, and to be identified where that says nothing.
+    terms_in_sum
+        Most laws of the library in a sum; sums of three follow much that they do not explain.
 
     Returns
     -------
     Ranking
-        Best first, with findings; *none fits* where even the best leaves more than noise.
+        Best first, by the error of levels predicted from the others, then by BIC and parameters, with
+        findings; *none fits* where even the best leaves more than noise.
 
     Raises
     ------
@@ -145,9 +149,8 @@ def rank(
     background = _start_background(observed, base, tuple(laws.values()))
     mode = observed.mode(background)
     given = tuple(start_guess(name, elements, mode, base.mass) for name, elements in laws.items())
-    rounds = _all_rounds(
-        observed, first_rows(observed, background, base_law(), base.mass), given, terms, base.mass
-    )
+    rows = first_rows(observed, background, base_law(), base.mass)
+    rounds = _all_rounds(observed, rows, given, terms, base.mass, terms_in_sum)
     # rounds may go in a circle: the one whose leader leaves least counts, of equals the last
     left = [each.left(points) for each, _ in rounds]
     best = max(i for i, value in enumerate(left) if value <= min(left) + NOTICEABLE)
@@ -157,7 +160,12 @@ def rank(
 
 
 def _all_rounds(
-    observed: Observed, rows: Rows, given: tuple[Guess, ...], terms: tuple[Term, ...], mass: float | None
+    observed: Observed,
+    rows: Rows,
+    given: tuple[Guess, ...],
+    terms: tuple[Term, ...],
+    mass: float | None,
+    terms_in_sum: int,
 ) -> list[tuple[_Round, list[Fitted]]]:
     """Rounds without memory, and where their best leaves more than noise, rounds with all laws.
 
@@ -167,7 +175,7 @@ def _all_rounds(
     rounds: list[tuple[_Round, list[Fitted]]] = []
     fault: RsgenError | None = None
     for some in dict.fromkeys((plain, terms)):
-        entries = Entries(given, some, mass)
+        entries = Entries(given, some, mass, terms_in_sum)
         try:
             known = rounds[-1][1][:_AGAIN] if rounds else []
             guesses = entries.search(rows, observed.points, known=known)
@@ -327,6 +335,38 @@ def _unconfirmed(best: Fitted, observed: Observed, mass: float | None, noise: fl
     return [Finding("law-unconfirmed", "doubt", numbers=numbers, names={"law": best.guess.name})]
 
 
+def in_order(
+    bic: Sequence[float], error: Sequence[float], count: Sequence[int], odd: Sequence[bool]
+) -> tuple[list[int], float, list[bool]]:
+    """Order candidates: first what predicts levels from the others, of these those that tie by parameters.
+
+    A sum that follows every level and predicts none of them is no law.
+
+    Parameters
+    ----------
+    bic, error, count
+        Of each candidate: its criterion, the error of predicted levels (NaN with one level), parameters.
+    odd
+        Which candidates contradict themselves; of those that tie they come last.
+
+    Returns
+    -------
+    order, lowest, tied
+        Numbers of the candidates, best first; the BIC of the nearest that predicts; which tie with it.
+    """
+    enough = EXCESS * max(min((e for e in error if np.isfinite(e)), default=np.inf), NOTICEABLE)
+    behind = [e > enough for e in error]
+    lowest = min(value for value, late in zip(bic, behind, strict=True) if not late)
+    tied = [value - lowest < _TIE and not late for value, late in zip(bic, behind, strict=True)]
+
+    def place(number: int) -> tuple[float, ...]:
+        if tied[number]:
+            return 0, odd[number], count[number], bic[number]
+        return 1, behind[number], 0, bic[number]
+
+    return sorted(range(len(bic)), key=place), lowest, tied
+
+
 def _ranking(
     observed: Observed,
     current: _Round,
@@ -338,25 +378,25 @@ def _ranking(
     """Order the candidates, merge given laws with their like of the library, and judge the best."""
     points = observed.points
     candidates, own = _merged(candidates, current.rows, given)
-    lowest = min(fit.bic for fit in candidates)
-    tied = [fit for fit in candidates if fit.bic - lowest < _TIE]
-    # a law that contradicts itself comes behind those that fit as well
-    tied.sort(key=lambda fit: (bool(implausible(fit, current.rows)), len(fit.guess.values), fit.bic))
-    others = sorted((fit for fit in candidates if fit.bic - lowest >= _TIE), key=lambda fit: fit.bic)
-    ordered = [*tied, *others]
     scale = np.repeat(current.noise, 2)[1:]
+    error = [float(np.sqrt(np.mean((fit.unseen * scale)[:, fit.compared] ** 2))) for fit in candidates]
+    odd = [bool(implausible(fit, current.rows)) for fit in candidates]
+    order, lowest, tied = in_order(
+        [fit.bic for fit in candidates], error, [len(fit.guess.values) for fit in candidates], odd
+    )
+    ordered = [candidates[number] for number in order]
     rows = [
         Candidate(
             fit.guess.name,
             with_equations(fit.guess.force),
             len(fit.guess.values),
-            float(np.sqrt(np.mean((fit.unseen * scale)[:, fit.compared] ** 2))),
+            error[number],
             fit.bic - lowest,
-            fit.bic - lowest < _TIE,
+            tied[number],
             dict(fit.guess.values),
             fit is own,
         )
-        for fit in ordered
+        for number, fit in zip(order, ordered, strict=True)
     ]
     chosen = points.select(current.reference.chosen)
     aside = len(points) - len(chosen)

@@ -82,7 +82,8 @@ class Ranking(Printed):
     Parameters
     ----------
     candidates
-        Best first: those that tie by their number of parameters, the others by BIC.
+        Best first: those that predict levels from the others as well as any, of them those that tie by their
+        number of parameters, the others by BIC.
     model
         The best law as a model for ``identify``.
     fits

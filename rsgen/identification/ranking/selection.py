@@ -299,9 +299,6 @@ _FITTED = (20, 6)
 _LOOPS = (8, 3)
 """The same of candidates with memory: they take no place from the others."""
 
-_TOGETHER = 3
-"""Most laws of the library in a sum."""
-
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Entries:
@@ -315,11 +312,14 @@ class Entries:
         Laws of the library that are tried beside a linear spring and damper, alone and in sums.
     mass
         [kg], None where it is free.
+    terms_in_sum
+        Most laws of the library in a sum.
     """
 
     given: tuple[Guess, ...]
     terms: tuple[Term, ...]
     mass: float | None
+    terms_in_sum: int
 
     def search(
         self,
@@ -340,7 +340,7 @@ class Entries:
         guesses = list(self.given)
         if self.terms or not guesses:
             few = points.spread(_SEARCHED)
-            trials = search_sums(rows.select(few), self.terms, self.mass, _TOGETHER)
+            trials = search_sums(rows.select(few), self.terms, self.mass, self.terms_in_sum)
             plain = _near_laws([trial for trial in trials if not trial.remembers], *_FITTED)
             loops = _near_laws([trial for trial in trials if trial.remembers], *_LOOPS)
             guesses += [_guess(trial, rows) for trial in (*plain, *loops)]
