@@ -13,7 +13,6 @@ import rsgen
 from rsgen.analysis.export import save_frf
 from rsgen.cases import load_case
 from rsgen.files import MeasuredTest, read_measurement
-from rsgen.files.inspection import list_contents
 from rsgen.files.sandbox import read_binary
 
 FORMATS = Path(__file__).parents[1] / "cases" / "formats"
@@ -78,9 +77,8 @@ def test_predicted_curves_are_stable_parts_with_rising_frequencies(tmp_path: Pat
     save_frf(path, rsgen.predict(oscillator, [level]))
     titles = [line for line in path.read_text().split("\n") if line.startswith("receptance,")]
     assert titles == [f"receptance, 6 N, stable part {n}, predicted" for n in (1, 2)]
-    entries = [entry for entry in list_contents(path).entries if entry.path.endswith("abscissa")]
-    assert [entry.order for entry in entries] == ["rising", "rising"]
     found = read_binary(path, "uff", ["*/abscissa", "*/ordinate"])
+    assert [bool((np.diff(channel.values) > 0).all()) for channel in found[0]] == [True, True]
     frequency, receptance = (np.concatenate([channel.values for channel in channels]) for channels in found)
     omega = 2 * np.pi * frequency
     amplitude = level * np.abs(receptance)

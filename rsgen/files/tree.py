@@ -36,9 +36,6 @@ _LONGEST_TEXT = 60
 _KINDS = "fiubc"
 FIRST = 4
 """Values shown of each array."""
-EVEN = 0.1
-"""Numbers off their even places by less than this fraction of a step are evenly spaced; texts are rounded."""
-MANY = 100_000
 
 
 @dataclass(frozen=True, slots=True)
@@ -119,20 +116,11 @@ class Entry(_Array):
         The first values, as text.
     low, high
         Smallest and largest value, None where unknown or complex.
-    order
-        "rising", "falling", "constant" or "mixed"; "" where unknown.
-    step
-        Distance of the values where it is even, else None.
-    distinct
-        How many different values there are; 0 where unknown.
     """
 
     first: tuple[str, ...] = ()
     low: float | None = None
     high: float | None = None
-    order: str = ""
-    step: float | None = None
-    distinct: int = 0
 
     @property
     def size(self) -> int:
@@ -218,7 +206,7 @@ def array_bytes(shape: tuple[int, ...], dtype: np.dtype[Any], largest: int) -> i
 
 
 def facts(values: NDArray[Any]) -> dict[str, Any]:
-    """Give the facts of ``Entry``: first values, range, order, even step, count of distinct ones."""
+    """Return the facts of ``Entry``: first values and range."""
     flat = values.ravel()
     known: dict[str, Any] = {"first": tuple(f"{value:.6g}" for value in flat[:FIRST])}
     if not flat.size or flat.dtype.kind not in "fiu":
@@ -230,26 +218,7 @@ def facts(values: NDArray[Any]) -> dict[str, Any]:
         flat = flat[finite]
         if not flat.size:
             return known
-    known |= {"low": float(flat.min()), "high": float(flat.max()), "distinct": _distinct(flat)}
-    if len(flat) > 1:
-        steps = np.diff(flat.astype(np.float64, copy=False))
-        low, high = float(steps.min()), float(steps.max())
-        if low == high == 0:
-            known["order"] = "constant"
-        else:
-            known["order"] = "rising" if low >= 0 else "falling" if high <= 0 else "mixed"
-        step = float(steps.mean())
-        del steps
-        off = np.linspace(flat[0], flat[-1], len(flat))
-        np.subtract(flat, off, out=off)
-        if 0 < max(-off.min(), off.max()) <= EVEN * abs(step) or not (off.any() or step == 0):
-            known["step"] = step
-    return known
-
-
-def _distinct(flat: NDArray[Any]) -> int:
-    # a part of a long history shows that there are many
-    return int(np.count_nonzero(np.diff(np.sort(flat[:MANY])))) + 1
+    return known | {"low": float(flat.min()), "high": float(flat.max())}
 
 
 def describe(node: Node) -> Entry:

@@ -75,7 +75,7 @@ def _sentence(text: str) -> str:
 
 
 def _listed(path: Path) -> None:
-    """List a file and guess a case for it, as ``rsgen inspect`` does."""
+    """List a file and draft a case for it, as ``rsgen inspect`` does."""
     try:
         contents = list_contents(path)
         propose(contents)

@@ -56,6 +56,12 @@ def test_a_case_begun_from_a_file_reads_it(tmp_path: Path, file: Path, run_cli: 
         assert "system.mass: is missing" in checked.err
         case.write_text(case.read_text().replace('# mass = "1.5 kg"', 'mass = "1.5 kg"'))
     text = case.read_text()
+    if '"?"' in text:
+        # records of a file whose name does not say how the structure was excited
+        assert file.name.startswith("sweep_")
+        assert "test.excitation" in run_cli("check", case).err
+        text = text.replace('excitation = "?"', 'excitation = "swept-sine"')
+        case.write_text(text)
     if "? N" in text:
         # nothing runs until the user has said what only the user knows
         checked = run_cli("check", case)
@@ -188,7 +194,6 @@ def test_universal_files_of_others(name: str, measured_data: Callable[[str], Pat
         assert all("is a power spectral density, which is no response" in fault for fault in faults)
     else:
         assert not any(faults)
-        assert contents.entries[0].order == "rising"
 
 
 @pytest.mark.slow
@@ -217,8 +222,11 @@ def test_real_files_are_understood(measured_data: Callable[[str], Path]) -> None
     assert beam["response"]["real"] == "forced_data/Data/X1__V_/data"
     assert beam["response"]["imaginary"] == "forced_data/Data/Y1__V_/data"
     wire = proposed(measured_data("wire/example6.txt"))
-    assert (wire["frequency"]["column"], wire["force"]["amplitude"]) == (2, 5)
-    assert (wire["response"]["real"], wire["response"]["imaginary"]) == (3, 4)
+    assert wire["frequency"]["column"] == wire["force"]["amplitude"] == wire["response"]["amplitude"] == "?"
+    assert (
+        "TODO: write the name or the number"
+        in doubts(measured_data("wire/example6.txt"))["test.frequency.column"]
+    )
 
 
 def test_nothing_to_recognise(tmp_path: Path) -> None:
@@ -319,13 +327,13 @@ def test_a_last_line_without_an_end_is_read(tmp_path: Path, run_cli: Callable[..
         (
             "level_N,run,accelerance_g_per_N,freq_Hz,phase_deg",
             {"nominal": True},
-            {"quantity": "acceleration", "unit": "g/N", "per_force": True, "phase_sense": "lag"},
+            {"quantity": "acceleration", "unit": "g/N", "per_force": True, "phase_sense": "lead"},
             {"column": "level_N", "unit": "N"},
         ),
         (
             "level_N,Force in N (rms),Acceleration in m/s^2 (rms),freq_Hz,phase_deg",
             {"amplitude": "Force in N (rms)", "unit": "N", "scale": "rms"},
-            {"quantity": "acceleration", "unit": "m/s^2", "scale": "rms", "phase_sense": "lag"},
+            {"quantity": "acceleration", "unit": "m/s^2", "scale": "rms", "phase_sense": "lead"},
             {"column": "level_N", "unit": "N"},
         ),
         # no factor makes decibels linear: the case must not pass

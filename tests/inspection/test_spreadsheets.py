@@ -5,7 +5,6 @@ from __future__ import annotations
 import time
 import tomllib
 from collections.abc import Callable
-from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -16,7 +15,6 @@ from rsgen.cases import load_case
 from rsgen.data.surface import ResponseSurface
 from rsgen.files import MeasuredTest, read_measurement
 from rsgen.files.inspection.clues import complex_parts
-from rsgen.files.inspection.corrections import has_levels, offset_findings
 from rsgen.files.tree import Entry
 
 MASS, DAMPING, STIFFNESS = 1.5, 4.0, 6000.0
@@ -182,102 +180,6 @@ def test_other_sensors_are_said_to_be_left_out(tmp_path: Path, run_cli: Callable
     assert "# or that of x2 [mm]: its title names no channel" in text
 
 
-@pytest.mark.parametrize(("name", "order"), [("v_mm/s", 1), ("a [mm/s²]", 2), ("x [mm]", 0)])
-@pytest.mark.parametrize("lags", [False, True])
-@pytest.mark.parametrize("down", [False, True])
-def test_the_sense_of_the_phase_is_that_of_a_passive_structure(
-    tmp_path: Path, run_cli: Callable[..., Any], name: str, order: int, lags: bool, down: bool
-) -> None:
-    def columns(level: float) -> list[np.ndarray]:
-        response = level * (2j * np.pi * FREQUENCY) ** order * receptance(FREQUENCY)
-        phase = np.angle(response, deg=True) * (-1 if lags else 1)
-        turn = slice(None, None, -1) if down else slice(None)
-        return [FREQUENCY[turn], np.array(level), 1e3 * np.abs(response)[turn], phase[turn]]
-
-    path = write(tmp_path / "a.csv", f"place,f [Hz],F [N],{name},phase [deg]", columns)
-    tables, surface = begun(path, run_cli)
-    assert tables["response"]["phase_sense"] == ("lag" if lags else "lead")
-    assert is_right(surface)
-
-
-def shown(path: Path, run_cli: Callable[..., Any]) -> str:
-    answer = run_cli("inspect", path)
-    assert answer.code == 0
-    return str(answer.out)
-
-
-@pytest.mark.parametrize("noise", [0.0, 3e-3])
-def test_an_offset_of_the_response_is_seen(tmp_path: Path, run_cli: Callable[..., Any], noise: float) -> None:
-    rng = np.random.default_rng(1)
-    random = noise * (rng.normal(size=(2, 33)) + 1j * rng.normal(size=(2, 33)))
-
-    def columns(offset: complex) -> Callable[[float], list[np.ndarray]]:
-        def values(level: float) -> list[np.ndarray]:
-            x = 1e3 * level * receptance(FREQUENCY) * (1 + random[LEVELS.index(level)]) + offset
-            return [np.array(level), x.real, x.imag]
-
-        return values
-
-    head = "f [Hz],F [N],Re [mm],Im [mm]"
-    plain = shown(write(tmp_path / "a.csv", head, columns(0.0)), run_cli)
-    absent = "looked for and not found: sizes that no test has"
-    assert f"{absent}, a part of the response that does not depend on the force\n" in plain
-    assert "phase+offset" not in plain
-    picked_up = shown(write(tmp_path / "b.csv", head, columns(0.05 + 0.05j)), run_cli)
-    assert 'try [identify] background = "phase+offset"' in picked_up
-    assert f"{absent}\n" in picked_up
-
-
-def test_an_offset_is_not_looked_for_at_one_level() -> None:
-    frequency = np.tile(FREQUENCY, 2)
-    # a force that falls at the resonance is no second level
-    force = 1 - 0.5 * np.exp(-((frequency - 10) ** 2)) + 0j
-    response = force * receptance(frequency) + 5e-5
-    one, two = (
-        ResponseSurface(level=level, frequency=frequency, force=force, response=response)
-        for level in (np.full(66, 2.0), np.repeat([1.0, 2.0], 33))
-    )
-    assert has_levels(two)
-    assert not has_levels(one)
-    assert offset_findings(one) == []
-
-
-@pytest.mark.parametrize("share", [0.02, 0.2, 0.4j, -0.15 + 0.15j])
-def test_small_and_large_offsets_are_seen(share: complex) -> None:
-    level, frequency = (g.ravel() for g in np.meshgrid([1.0, 2.0, 4.0], FREQUENCY, indexing="ij"))
-    motion = level * receptance(frequency)
-    seen = motion + share * np.abs(motion).max()
-    table = ResponseSurface(level=level, frequency=frequency, force=level + 0j, response=seen)
-    assert [finding.code for finding in offset_findings(table)] == ["offset-possible"]
-    assert offset_findings(replace(table, harmonics=table.harmonics - (seen - motion)[:, None])) == []
-
-
-@pytest.mark.parametrize(("force", "response"), [(1e-310, 1.0), (1.0, 1e-310), (1.0, 1e300)])
-def test_forces_and_responses_of_no_size_are_passed_over(force: float, response: float) -> None:
-    level, frequency = (g.ravel() for g in np.meshgrid([1.0, 2.0, 4.0], FREQUENCY, indexing="ij"))
-    odd = np.arange(len(level)) % 7 == 0
-    table = ResponseSurface(
-        level=level,
-        frequency=frequency,
-        force=np.where(odd, force, 1.0) * level + 0j,
-        response=np.where(odd, response, 1.0) * level * receptance(frequency),
-    )
-    assert offset_findings(table) == []
-    still = replace(table, harmonics=np.tile([0.0, 1e-3 + 0j], (len(level), 1)))
-    assert offset_findings(still) == []
-
-
-def test_sizes_that_no_test_can_have_are_seen(tmp_path: Path, run_cli: Callable[..., Any]) -> None:
-    def columns(level: float) -> list[np.ndarray]:
-        x = 1e6 * level * receptance(FREQUENCY)
-        return [np.array(level), x.real, x.imag]
-
-    found = shown(write(tmp_path / "a.csv", "f,force,x_re,x_im", columns), run_cli)
-    assert "doubt: not possible in a vibration test: the largest" in found
-    assert "a response in µm, µm/s or µV that was read as m" in found
-    assert "next: Look up the units" in found
-
-
 @pytest.mark.slow
 def test_thousands_of_parts_are_paired_in_no_time() -> None:
     names = [f"{part}_{number}" for part in ("re", "im") for number in range(1500)]
@@ -294,14 +196,3 @@ def test_thousands_of_parts_are_paired_in_no_time() -> None:
     assert {(common.title, real.path, imaginary.path) for common, real, imaginary in pairs} == {
         (str(number), f"re_{number}", f"im_{number}") for number in range(1500)
     }
-
-
-def test_a_proposal_that_does_not_read_is_said_to_be_refused(
-    tmp_path: Path, run_cli: Callable[..., Any]
-) -> None:
-    def columns(level: float) -> list[np.ndarray]:
-        return [np.array(level), 20 * np.log10(np.abs(receptance(FREQUENCY)))]
-
-    found = shown(write(tmp_path / "a.csv", "f [Hz],F [N],|x| [dB re 1 um]", columns), run_cli)
-    # by its key, not by the name of a case that nobody has
-    assert "Read so, the file is refused: test.response" in found

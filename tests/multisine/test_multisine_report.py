@@ -194,19 +194,6 @@ def test_the_notebook_alone_has_the_steps_of_the_run(folder: Path, tmp_path: Pat
     assert "'rank' compares laws on a response surface" in " ".join(refused.err.split())
 
 
-@pytest.mark.slow
-def test_a_record_is_recognised_and_its_case_written(folder: Path, tmp_path: Path, run_cli: Callable) -> None:
-    seen = run_cli("inspect", folder / "level4.csv")
-    assert seen.code == 0, seen
-    assert 'excitation = "multisine"' in seen.out
-    assert "18 lines of 6 periods at 1 level, 2.5 to 19.5 Hz" in " ".join(seen.out.split())
-    (tmp_path / "run.csv").write_bytes((folder / "level4.csv").read_bytes())
-    written = run_cli("init", tmp_path / "case.toml", "--from", tmp_path / "run.csv", "--law", LAW)
-    assert written.code == 0, written
-    assert 'excitation = "multisine"' in (tmp_path / "case.toml").read_text(encoding="utf-8")
-    assert run_cli("check", tmp_path / "case.toml").code == 0
-
-
 def test_the_periodic_response_is_that_of_time_integration() -> None:
     """Newton's method on the lines against an independent integrator of the equation of motion."""
     from scipy.integrate import solve_ivp

@@ -13,7 +13,7 @@ import typer
 
 import rsgen
 from rsgen.app.cli.derive_command import read_memory
-from rsgen.app.cli.inspect_command import proposal_text, trial_lines, try_proposal
+from rsgen.app.cli.inspect_command import proposal_text
 from rsgen.app.cli.options import Json, Memory
 from rsgen.app.cli.terminal import print_json, print_line
 from rsgen.cases import DATA_VARIABLE
@@ -22,6 +22,7 @@ from rsgen.cases.tables import path_fault
 from rsgen.common.errors import RsgenError
 from rsgen.common.output import write_atomic
 from rsgen.files.inspection import list_contents, propose
+from rsgen.files.inspection.clues import TODO
 from rsgen.formula import symbol, write
 from rsgen.formula.names import remembers
 from rsgen.formula.units import parameter_units
@@ -129,13 +130,13 @@ def _ask(force: str | None, measured: str | None) -> tuple[str, str | None, str 
     return name.strip(), force, measured
 
 
-def _guessed(data: Path, target: Path) -> tuple[str, str, list[str]]:
-    """Give path and [test] tables for a data file as the case's folder sees it, and what they read."""
+def _drafted(data: Path, target: Path) -> tuple[str, str]:
+    """Return path and [test] tables for a data file as the case's folder sees it."""
     contents = list_contents(data)
     proposal = propose(contents)
     if proposal is None:
         raise RsgenError(
-            f"{data.name}: no frequency, force and response were recognised in it; see rsgen inspect, "
+            f"{data.name}: no columns of numbers over one another are in it; see rsgen inspect, "
             "then rsgen init --measured"
         )
     folder = target.parent.resolve()
@@ -144,9 +145,8 @@ def _guessed(data: Path, target: Path) -> tuple[str, str, list[str]]:
     except ValueError:
         # elsewhere: RSGEN_DATA or --data must name its folder
         inside = data.name
-    trial = try_proposal(contents, proposal)
-    trial.proposal.tables["test"]["file"] = inside
-    return inside, proposal_text(trial.proposal), trial_lines(trial)
+    proposal.tables["test"]["file"] = inside
+    return inside, proposal_text(proposal)
 
 
 def init_command(
@@ -168,7 +168,7 @@ def init_command(
     ] = None,
     data: Annotated[
         Path | None,
-        typer.Option("--from", help="A data file: guess from it where what is.", show_default=False),
+        typer.Option("--from", help="Draft the test by names and units of a data file.", show_default=False),
     ] = None,
     out: Annotated[
         Path | None, typer.Option("--out", "-o", help="The file.", show_default="<name>.toml")
@@ -185,7 +185,7 @@ def init_command(
       rsgen init --from sweep.mat wing.toml
     """
     if data is not None and measured is not None:
-        raise RsgenError("--from: does not go with --measured; --from guesses what stands where")
+        raise RsgenError("--from: does not go with --measured; --from says what stands where")
     if name is None and data is not None:
         name = data.stem
     if name is None:
@@ -196,19 +196,17 @@ def init_command(
         name, out = file.stem, out or file
     target = out or Path(f"{name}.toml")
     test = None
-    said: list[str] = []
     if data is not None:
-        measured, test, said = _guessed(data, target)
+        measured, test = _drafted(data, target)
     text = case_text(name, law or _LAW, measured, test, read_memory(memory or []))
     if target.exists():
         raise RsgenError(f"{target}: is there already; choose another name or --out")
     write_atomic(target, text)
     if json:
-        print_json({"case": name, "file": str(target)} | ({"trial": said} if said else {}))
+        print_json({"case": name, "file": str(target)})
         return 0
-    for line in said:
-        print_line(line)
-    print_line(f"{target}: change what you need, then `rsgen check {target}`")
+    asked = " each TODO and" if test and TODO in test else ""
+    print_line(f"{target}: change{asked} what you need, then `rsgen check {target}`")
     if data is not None and not data.resolve().is_relative_to(target.parent.resolve()):
         print_line(f"the data lie elsewhere: set {DATA_VARIABLE} or --data to {data.parent}")
     return 0

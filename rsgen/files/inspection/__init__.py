@@ -1,4 +1,4 @@
-"""What a data file holds, and a guess of the case that would read it."""
+"""What a data file holds, and the draft of a case that reads it."""
 
 from __future__ import annotations
 

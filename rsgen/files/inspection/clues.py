@@ -1,4 +1,4 @@
-"""Clues to what an array of a data file is: its name, its unit, its values, texts and files beside it."""
+"""Clues to what an array of a data file is: its name, unit and size, and texts beside it; not its values."""
 
 from __future__ import annotations
 
@@ -6,8 +6,6 @@ import re
 from collections import defaultdict
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
-from math import pi
-from pathlib import Path
 from typing import Any
 
 from rsgen.common.errors import RsgenError
@@ -17,15 +15,14 @@ from rsgen.files.tree import TEXT, Contents, Entry
 from rsgen.formula.units import quantity, sensor_unit
 
 __all__ = [
-    "ANGULAR", "BASE", "BOTH_SIGNS", "CONTROL", "DECIBEL", "DRIVE", "EVEN", "FEW", "FORCE", "FREQUENCY",
-    "INCREMENT", "IS_FORCE", "IS_MOTION", "LEVEL", "LOAD", "LONG", "NAMES", "NOMINAL", "OVER_FORCE", "PHASE",
-    "POSITIVE", "QUOTIENT", "RADIAN", "RATE", "REAL", "RELATIVE", "RESPONSE", "RMS", "TIME", "VARIES", "Clue",
-    "Guess", "complex_parts", "last_name", "name_beside", "of_size", "phase_sense", "plain_unit", "remarked",
-    "run_of", "siblings_of", "unit_beside", "unit_for", "unit_within", "without_unit",
+    "ANGULAR", "BASE", "CONTROL", "DECIBEL", "DRIVE", "FORCE", "FREQUENCY", "INCREMENT", "IS_FORCE",
+    "IS_MOTION", "LEVEL", "LOAD", "LONG", "NAMES", "NOMINAL", "OVER_FORCE", "PHASE", "QUOTIENT", "RATE",
+    "REAL", "RELATIVE", "RESPONSE", "RMS", "TIME", "TODO", "Clue", "Draft", "complex_parts", "last_name",
+    "of_size", "phase_sense", "plain_unit", "remarked", "run_of", "unit_for", "without_unit",
 ]  # fmt: skip
 
-_FEW = 60
-"""At most this number of different values may be levels."""
+TODO = "TODO: "
+"""How a comment begins that asks for what no name or unit in the file says."""
 OVER_FORCE = {"displacement": "receptance", "velocity": "mobility", "acceleration": "accelerance"}
 """Responses over force, in the words of ISO 7626-1."""
 _VALUES = ("data", "value", "values")
@@ -125,6 +122,8 @@ _PARTS = [
 ]
 """How the names of a real and an imaginary part differ: "H_re" and "H_im", "ReH" and "ImH", a lock-in's "X"
 and "Y" at the end."""
+_VOLTS = ("", "V", "mV")
+"""Units of a lock-in amplifier; X and Y with another one are directions."""
 _PHASE_NAMED = _named(r"phas|phs|phi|φ|(^|[_ ])(lag|ang)(?![a-z])|(?<![a-z])arg|angle|winkel|deg")
 _DEGREES = ("deg", "°", "rad", "degree", "degrees")
 PHASE = Clue(lambda entry: _PHASE_NAMED(entry) or entry.unit in _DEGREES)
@@ -142,26 +141,6 @@ DECIBEL = re.compile(r"(?<![a-z\d])db(?![a-z])", re.IGNORECASE)
 
 REAL = Clue(lambda entry: not entry.dtype.startswith("complex"))
 LONG = Clue(lambda entry: entry.size > 1)
-FEW = Clue(lambda entry: 1 < entry.distinct <= _FEW and entry.distinct < entry.size / 3)
-"""Few different numbers, as levels are."""
-POSITIVE = Clue(lambda entry: entry.low is not None and entry.low >= 0 and (entry.high or 0) > 0)
-"""No number is negative, and not all are zero."""
-BOTH_SIGNS = Clue(lambda entry: entry.low is not None and entry.low < 0 < (entry.high or 0))
-_USABLE = Clue(lambda entry: not REAL(entry) or (entry.low is not None and (entry.low, entry.high) != (0, 0)))
-"""Finite and not all zero; of complex numbers that is not known."""
-VARIES = Clue(lambda entry: not REAL(entry) or (entry.low is not None and entry.low != entry.high))
-EVEN = REAL & Clue(lambda entry: entry.order == "rising" and bool(entry.step) and entry.size > 15)
-"""Rising in even steps, as instants do."""
-
-
-def _is_radian(phase: Entry) -> bool:
-    """Whether a phase is in radians, by its unit or its size."""
-    if phase.unit in ("deg", "°", "rad"):
-        return phase.unit == "rad"
-    return phase.high is not None and phase.high <= 6.5 and (phase.low or 0) >= -6.5
-
-
-RADIAN = Clue(_is_radian)
 
 
 def _with_unit(*targets: str) -> Clue:
@@ -199,11 +178,10 @@ def complex_parts(entries: Sequence[Entry]) -> Iterator[tuple[Entry, Entry, Entr
                 continue
             alike = partners.get((first.size, first.unit, real.sub("*", name)), [])
             second = next((entry for entry in alike if entry is not first), None)
-            if second is None or ((real, imaginary) == _PARTS[-1] and POSITIVE(first) and POSITIVE(second)):
-                # of two directions x and y both amplitudes are positive
+            if second is None or ((real, imaginary) == _PARTS[-1] and first.unit not in _VOLTS):
                 continue
             alike.remove(second)
-            common = real.sub("", name).strip(" _-.:()[]{}")
+            common = "" if (real, imaginary) == _PARTS[-1] else real.sub("", name).strip(" _-.:()[]{}")
             yield replace(first, title=common or name), first, second
 
 
@@ -223,42 +201,24 @@ def unit_for(unit: str, target: str) -> str | None:
     return name
 
 
-def phase_sense(phase: Entry, quantity: str) -> str:
-    """Find whether a positive phase means later or earlier, by its name, else by its values.
-
-    A structure that takes energy from its shaker lags with its displacement and leads with its acceleration,
-    by 0 to 180 deg; "lag" where the values allow both.
-    """
-    if _LAG(phase) or _LEAD(phase):
-        return "lag" if _LAG(phase) else "lead"
-    low, high = phase.low, phase.high
-    if low is None or high is None or quantity == "velocity":
-        return "lag"
-    half = pi if RADIAN(phase) else 180.0
-    margin = half / 12
-    negative = -half - margin <= low and high <= margin and low < -margin
-    positive = -margin <= low and high <= half + margin and high > margin
-    if not (negative or positive):
-        return "lag"
-    return "lag" if positive == (quantity == "displacement") else "lead"
+def phase_sense(phase: Entry) -> str:
+    """Return "lag" or "lead" where the name of a phase says so: later or earlier; "" elsewhere."""
+    return "lag" if _LAG(phase) else "lead" if _LEAD(phase) else ""
 
 
 # ----------------------------------------------------------------------------
-# What is left of a file's arrays while a case is guessed, and what was taken from them.
+# What is left of a file's arrays while the draft of a case is written, and what was taken from them.
 
 
-class Guess:
+class Draft:
     """The entries that are left, and what was taken from them."""
 
     def __init__(self, contents: Contents) -> None:
         self.contents = contents
-        readable = (e for e in contents.entries if e.dtype and not e.fault and e.size)
+        readable = (e for e in contents.entries if e.dtype and not e.fault and e.size and not _is_empty(e))
         texts = {e.path: e.remark for e in contents.entries if e.dtype == TEXT}
-        usable = [_completed(e, texts) for e in readable]
-        self.free = [e for e in usable if not _SPREAD(e) and (e.size == 1 or _USABLE(e))]
+        self.free = [e for e in (_completed(e, texts) for e in readable) if not _SPREAD(e)]
         self.levels: list[str] = []
-        self.nameless = contents.format == "csv" and all(e.path.isdigit() and not e.remark for e in usable)
-        self.unnamed = Clue(lambda _: self.nameless)
         self.run: tuple[str, str] | None = None
         self.tables: dict[str, dict[str, Any]] = {}
         self.doubts: dict[str, str] = {}
@@ -280,6 +240,11 @@ class Guess:
         if len(sides) > 1 and self.tables["test"].get("excitation"):
             return f"{entry.path}[1]"
         return int(entry.path) if self.contents.format == "csv" and entry.path.isdigit() else entry.path
+
+
+def _is_empty(entry: Entry) -> bool:
+    """Whether no number of an array is finite, or all are zero; of complex numbers that is not known."""
+    return REAL(entry) and entry.size > 1 and (entry.low is None or entry.low == entry.high == 0)
 
 
 def _completed(entry: Entry, texts: Mapping[str, str]) -> Entry:
@@ -308,51 +273,6 @@ def run_of(entry: Entry, entries: Iterable[Entry]) -> tuple[str, str, int] | Non
         if count > 1:
             return "/".join(parts[: place + 1]) + "/", before + "*/", count
     return None
-
-
-# ----------------------------------------------------------------------------
-# Files beside a data file whose names differ from its own in one number: other levels of a test, perhaps.
-
-_NUMBER = re.compile(r"\d+(?:[.,]\d+)?")
-_FORCE_BEHIND = re.compile(r"[ _-]?(?:[munk]?N|lbf)(?![A-Za-z])")
-_LEVEL_BEFORE = re.compile(r"(?:level|stufe|force|kraft|amp|lvl|F)[ _-]?\Z", re.IGNORECASE)
-_MOST = 200
-"""Files of one case, at most; of more nobody would want one."""
-_LOOKED_AT = 5_000
-"""Names in a folder that are looked at."""
-_NAMED = 3
-"""Of the others in the comment."""
-
-
-def _places(name: str) -> list[re.Match[str]]:
-    """Give the numbers in a name, those that may be a level first."""
-
-    def rank(found: re.Match[str]) -> tuple[bool, bool, int]:
-        behind = _FORCE_BEHIND.match(name, found.end())
-        return not behind, not _LEVEL_BEFORE.search(name[: found.start()]), -found.start()
-
-    return sorted(_NUMBER.finditer(name), key=rank)
-
-
-def siblings_of(file: Path) -> str:
-    """Say which files beside a file differ from it in one number, and how a case reads all; else ""."""
-    stem = file.stem
-    try:
-        names = [other.name for _, other in zip(range(_LOOKED_AT), file.parent.iterdir(), strict=False)]
-    except OSError:
-        return ""
-    for found in _places(stem):
-        before, after = stem[: found.start()], stem[found.end() :] + file.suffix
-        alike = re.compile(f"{re.escape(before)}{_NUMBER.pattern}{re.escape(after)}")
-        others = sorted(name for name in names if alike.fullmatch(name) and name != file.name)
-        if others and len(others) < _MOST:
-            shown = ", ".join(others[:_NAMED]) + ", ..." * (len(others) > _NAMED)
-            unit = "" if _FORCE_BEHIND.match(stem, found.end()) else ', unit = "label"'
-            return (
-                f"also here: {shown}; levels of one test are read together by file = [...] and "
-                f'[test.level] name = "{before}{{level}}{after}"{unit}'
-            )
-    return ""
 
 
 _WITHIN = re.compile(r"\s?[\[(]\s*([^()\[\]]{1,12}?)\s*[\])](?=\s)")

@@ -1,4 +1,4 @@
-"""A guess of where in a file frequency, force and response are, by names, units, order and sizes."""
+"""The draft of a case that reads a file: where frequency, force and response are, by names and units."""
 
 from __future__ import annotations
 
@@ -13,10 +13,7 @@ from rsgen.files.column_titles import split_title, unit_in
 from rsgen.files.inspection.clues import (
     ANGULAR,
     BASE,
-    BOTH_SIGNS,
     DRIVE,
-    EVEN,
-    FEW,
     FORCE,
     FREQUENCY,
     INCREMENT,
@@ -27,20 +24,18 @@ from rsgen.files.inspection.clues import (
     LONG,
     NOMINAL,
     PHASE,
-    POSITIVE,
     QUOTIENT,
     RATE,
     REAL,
     RESPONSE,
     TIME,
-    VARIES,
+    TODO,
     Clue,
-    Guess,
+    Draft,
     last_name,
     of_size,
     remarked,
     run_of,
-    siblings_of,
     unit_for,
 )
 from rsgen.files.inspection.sensors import (
@@ -162,7 +157,7 @@ def _joined(address: str, first: Entry) -> Entry:
 
 
 # ----------------------------------------------------------------------------
-# A guess of the case that reads a table of amplitudes over frequency: force or base, responses, level.
+# The draft of the case that reads a table of amplitudes over frequency: force or base, responses, level.
 
 _NO_MOTION = ~IS_MOTION & ~QUOTIENT
 _NAMED = 6
@@ -198,19 +193,19 @@ class _Table:
         self.free = [sensor for sensor in self.free if id(sensor) not in gone]
 
 
-def _are_channels(guess: Guess, run: tuple[str, str]) -> bool:
+def _are_channels(draft: Draft, run: tuple[str, str]) -> bool:
     """Whether entries called alike are force and response of one run, as those of a universal file are."""
     first, star = run
     kinds: dict[str, set[bool]] = {}
-    for entry in guess.free:
+    for entry in draft.free:
         if fnmatchcase(entry.path, f"{star}*"):
             kinds.setdefault(entry.path.split("/", first.count("/"))[-1], set()).add(IS_FORCE(entry))
     return any(len(found) > 1 for found in kinds.values())
 
 
-def _other_points(guess: Guess, star: str) -> str:
+def _other_points(draft: Draft, star: str) -> str:
     """Say which points the runs of a file are of where they are no levels of one; "" where they are."""
-    motions = [e for e in guess.free if IS_MOTION(e) and e.title and fnmatchcase(e.path, f"{star}*")]
+    motions = [e for e in draft.free if IS_MOTION(e) and e.title and fnmatchcase(e.path, f"{star}*")]
     points = list(dict.fromkeys(entry.remark for entry in motions))
     if len(points) < 2:
         return ""
@@ -220,49 +215,45 @@ def _other_points(guess: Guess, star: str) -> str:
     return f"left out: {', '.join(names[:_NAMED])}{again}; a case reads one point, whose entries are levels"
 
 
-def _titles_of_runs(guess: Guess) -> list[str]:
+def _titles_of_runs(draft: Draft) -> list[str]:
     """Give the titles of all runs in the order in which these are read."""
-    star = guess.run[1] if guess.run else ""
-    alike = [e for e in guess.contents.entries if e.title and not e.fault and fnmatchcase(e.path, f"{star}*")]
+    star = draft.run[1] if draft.run else ""
+    alike = [e for e in draft.contents.entries if e.title and not e.fault and fnmatchcase(e.path, f"{star}*")]
     return [e.title for e in sorted(alike, key=lambda entry: natural_order(entry.path))]
 
 
-def _level(guess: Guess, level: Entry | None, driven: bool, runs: int) -> dict[str, Any]:
+def _level(draft: Draft, level: Entry | None, driven: bool, runs: int) -> dict[str, Any]:
     """Give the table of the level; empty where the forces make the levels."""
-    if guess.levels:
-        return {"values": guess.levels}
+    if draft.levels:
+        return {"values": draft.levels}
     if level is not None:
         unit = {"unit": unit_for(level.unit, "N")} if IS_FORCE(level) else {}
-        return {"column": guess.address(level)} | unit
+        return {"column": draft.address(level)} | unit
     if driven:
         return {}
-    titles = _titles_of_runs(guess) if runs else []
+    titles = _titles_of_runs(draft) if runs else []
     said = [level_in(title) for title in titles]
     if len(said) == runs and runs and all(said):
         others = dict.fromkeys(without_level(title) for title in titles)
         differ = f", which are of {' and of '.join(others)}" if len(others) > 1 else ""
-        guess.doubts["test.level.values"] = f"by the titles of the entries{differ}"
+        draft.doubts["test.level.values"] = f"by the titles of the entries{differ}"
         return {"values": said}
     if runs:
-        guess.doubts["test.level.values"] = "write the force amplitude of each"
+        draft.doubts["test.level.values"] = f"{TODO}write the force amplitude of each"
         return {"values": [f"{UNKNOWN} N"] * runs}
-    guess.doubts["test.level.value"] = "write the force amplitude of this file"
+    draft.doubts["test.level.value"] = f"{TODO}write the force amplitude of this file"
     return {"value": f"{UNKNOWN} N"}
 
 
-def _named_level(guess: Guess, size: int, alike: Clue) -> Entry | None:
+def _named_level(draft: Draft, size: int, alike: Clue) -> Entry | None:
     """Take the nominal level: a level with a name goes first, for its name may be one of a force, too."""
-    named = guess.take(
-        REAL & POSITIVE & LEVEL & Clue(lambda entry: entry.size < size),
-        alike & REAL & POSITIVE & NOMINAL & FEW,
+    return draft.take(
+        REAL & LEVEL & Clue(lambda entry: entry.size < size),
+        alike & REAL & NOMINAL,
     )
-    if named is None and any(alike(e) and (IS_FORCE(e) or FORCE(e)) and not NOMINAL(e) for e in guess.free):
-        # one row a level: beside the measured force it says nothing
-        guess.take(alike & REAL & POSITIVE & NOMINAL & ~IS_MOTION)
-    return named
 
 
-def _force(guess: Guess, table: _Table) -> Sensor | None:
+def _force(draft: Draft, table: _Table) -> Sensor | None:
     named = (FORCE | LOAD) & _NO_MOTION
     in_parts = {id(sensor.main) for sensor in table.free if sensor.places[0][0] == "real"}
     parts = Clue(lambda entry: id(entry) in in_parts)
@@ -270,30 +261,17 @@ def _force(guess: Guess, table: _Table) -> Sensor | None:
         parts & IS_FORCE,
         REAL & IS_FORCE,
         parts & named,
-        REAL & POSITIVE & FORCE & _NO_MOTION,
-        REAL & POSITIVE & DRIVE & _NO_MOTION,
-        REAL & POSITIVE & FEW & VARIES & guess.unnamed,
-        VARIES & ~REAL & (IS_FORCE | (LOAD & _NO_MOTION)),
+        REAL & FORCE & _NO_MOTION,
+        REAL & DRIVE & _NO_MOTION,
+        ~REAL & (IS_FORCE | (LOAD & _NO_MOTION)),
     )
 
 
-def _responses(guess: Guess, table: _Table) -> list[Sensor]:
-    """Take the channels that are responses, those with a phase first; without names the likeliest one."""
-    if guess.nameless:
-        signed = [s.main for s in table.free if BOTH_SIGNS(s.main) and VARIES(s.main)]
-        if len(signed) > 1:
-            parts = Sensor(signed[0], (("real", signed[0]), ("imaginary", signed[1])))
-            table.free = [sensor for sensor in table.free if sensor.main not in signed[:2]]
-            return [parts]
-    usable = VARIES & ~FORCE & ~IS_FORCE
-    known = IS_MOTION | (RESPONSE & usable) | (QUOTIENT & usable)
-    found = table.take_all(VARIES & known)
-    if not found:
-        first = table.take(VARIES & ~REAL, VARIES & ~LOAD & ~IS_FORCE, VARIES)
-        # names that nobody knows: what has a phase, too, is a channel as well
-        others = [sensor for sensor in table.free if first and sensor.has_phase and VARIES(sensor.main)]
-        table.leave(others)
-        found = [first, *others] if first else []
+def _responses(draft: Draft, table: _Table) -> list[Sensor]:
+    """Take the channels that are responses by unit or name, those with a phase first."""
+    others = ~FORCE & ~IS_FORCE
+    named = (RESPONSE | QUOTIENT | remarked("frequency response")) & others
+    found = table.take_all(IS_MOTION | named)
     return sorted(found, key=lambda sensor: (not sensor.has_phase, sensor.places[0][0] == "amplitude"))
 
 
@@ -311,10 +289,23 @@ def _with_loose_phase(responses: list[Sensor], table: _Table) -> list[Sensor]:
     return responses
 
 
+def _called(column: Entry) -> str:
+    return column.title or column.path
+
+
+def _ask_response(draft: Draft, names: Sequence[str], key: str = "amplitude") -> None:
+    """Ask which of several columns is the response, where no name or unit says it."""
+    draft.tables["test.response"] = {"quantity": "displacement", "unit": "m", key: UNKNOWN}
+    more = f" and {len(names) - _NAMED} more" if names[_NAMED:] else ""
+    draft.doubts[f"test.response.{key}"] = (
+        f"{TODO}write which is the response, its quantity and unit: {', '.join(names[:_NAMED])}{more}"
+    )
+
+
 def _left_out(table: _Table, higher: dict[int, list[Entry]]) -> str:
     """Say which columns of channels are not read."""
     others = [column for sensor in table.free if RESPONSE(sensor.main) for column in sensor.columns]
-    names = [entry.title or entry.path for entry in (*others, *table.loose)]
+    names = [_called(entry) for entry in (*others, *table.loose)]
     said = ""
     if names:
         more = f" and {len(names) - _NAMED} more" if names[_NAMED:] else ""
@@ -327,141 +318,141 @@ def _left_out(table: _Table, higher: dict[int, list[Entry]]) -> str:
     return said
 
 
-def propose_amplitudes(guess: Guess, frequency: Entry) -> None:
+def propose_amplitudes(draft: Draft, frequency: Entry) -> None:
     """Write the tables of a case for a table of amplitudes over ``frequency``."""
-    guess.tables["test"] = {}
-    runs = run_of(frequency, guess.contents.entries)
+    draft.tables["test"] = {}
+    runs = run_of(frequency, draft.contents.entries)
     of_others = ""
-    if runs is not None and _are_channels(guess, runs[:2]):
+    if runs is not None and _are_channels(draft, runs[:2]):
         runs = None
-    elif runs is not None and (of_others := _other_points(guess, runs[1])):
-        guess.free = [entry for entry in guess.free if entry.path.startswith(runs[0])]
+    elif runs is not None and (of_others := _other_points(draft, runs[1])):
+        draft.free = [entry for entry in draft.free if entry.path.startswith(runs[0])]
         runs = None
     elif runs is not None:
-        guess.run = runs[:2]
-        guess.free = [entry for entry in guess.free if entry.path.startswith(runs[0])]
+        draft.run = runs[:2]
+        draft.free = [entry for entry in draft.free if entry.path.startswith(runs[0])]
     unit = {"unit": frequency.unit} if frequency.unit in HERTZ and frequency.unit != "Hz" else {}
     if ANGULAR(frequency) and frequency.unit not in HERTZ:
         unit = {"unit": "rad/s"}
-        guess.doubts["test.frequency.unit"] = "its name says an angular frequency; Hz if it is none"
-    guess.tables["test.frequency"] = {"column": guess.address(frequency)} | unit
+        draft.doubts["test.frequency.unit"] = "its name says an angular frequency; Hz if it is none"
+    draft.tables["test.frequency"] = {"column": draft.address(frequency)} | unit
     alike = LONG & of_size(frequency.size)
-    named = _named_level(guess, frequency.size, alike)
-    guess.free, higher = fundamentals(guess.free)
-    sensors = find_sensors(guess.free, alike)
+    named = _named_level(draft, frequency.size, alike)
+    draft.free, higher = fundamentals(draft.free)
+    sensors = find_sensors(draft.free, alike)
     table = _Table(sensors.found, sensors.loose)
-    base = find_base(table.free, table.loose)
+    base = find_base(table.free)
     if named is not None and base is not None and (IS_FORCE(named) or not BASE(base.sensor.main)):
         # levels of a force are no base's; others need its name
         base = None
     if base is not None:
         # other directions of the base are no responses
         table.free = [s for s in table.free if s is not base.sensor and not BASE(s.main)]
-    force = None if base else _force(guess, table)
-    responses = _with_loose_phase(_responses(guess, table), table)
+    force = None if base else _force(draft, table)
+    responses = _with_loose_phase(_responses(draft, table), table)
     # one device writes all phases in one sense
     reference = base.sensor if base else force
     shared = "lead" if reference and reference.has_phase else ""
     if base is not None:
-        write_base(guess, base, shared)
+        write_base(draft, base, shared)
     else:
-        guess.tables["test.force"] = _force_table(guess, force, shared)
+        draft.tables["test.force"] = _force_table(draft, force, shared)
     if not base and not force and responses and BASE(responses[0].main):
-        guess.doubts["test.force.nominal"] = (
-            "no force, and the only motion is that of a base: write that of the mass into the file, such as "
-            "transmissibility times base"
+        draft.doubts["test.force.nominal"] = (
+            f"{TODO}no force, and the only motion is that of a base: write that of the mass into the file, "
+            "such as transmissibility times base"
         )
-    level = _level(guess, named, bool(base or force), runs[2] if runs else 0)
-    if force is not None and not level and FEW(force.main) and force.places[0][0] == "amplitude":
-        of_force = guess.tables["test.force"]
-        level = {"column": of_force["amplitude"], "unit": of_force["unit"]}
-    write_motions(guess, responses, shared, "; ".join(filter(None, [of_others, _left_out(table, higher)])))
+    level = _level(draft, named, bool(base or force), runs[2] if runs else 0)
+    if responses:
+        write_motions(
+            draft, responses, shared, "; ".join(filter(None, [of_others, _left_out(table, higher)]))
+        )
+    else:
+        _ask_response(draft, [name for sensor in table.free for name in map(_called, sensor.columns)])
     if level:
-        guess.tables["test.level"] = level
+        draft.tables["test.level"] = level
 
 
-def _force_table(guess: Guess, force: Sensor | None, sense: str) -> dict[str, Any]:
+def _force_table(draft: Draft, force: Sensor | None, sense: str) -> dict[str, Any]:
     if force is None:
-        guess.doubts["test.force.nominal"] = "no force was found, so the level stands for it"
+        draft.doubts["test.force.nominal"] = "no force is named, so the level stands for it"
         return {"nominal": True}
-    place = place_of(guess, force, "test.force", "force", sense)
+    place = place_of(draft, force, "test.force", sense)
     columns = {key: place.pop(key) for key in ("amplitude",) if key in place}
-    return columns | {"unit": unit_of_force(guess, force.main)} | place
+    return columns | {"unit": unit_of_force(draft, force.main)} | place
 
 
 # ----------------------------------------------------------------------------
-# A guess of the case that reads time histories: where time, force or base and responses are.
+# The draft of the case that reads time histories: where time, force or base and responses are.
 
-_NAMED_HISTORIES = 6
-"""Arrays that are left out and named."""
-_NOTHING = Clue(lambda _: False)
 _EXCITATIONS = {
     "step": "stepped-sine",
     "multisine": "multisine",
+    **dict.fromkeys(("sweep", "swept", "sinesw", "chirp"), "swept-sine"),
     **dict.fromkeys(("decay", "ring", "release", "hammer", "impact", "impulse", "ausschwing"), "ring-down"),
 }
 """Excitations by what stands in the name of a file."""
+_CHOICES = '"swept-sine", "stepped-sine", "multisine" or "ring-down"'
 
 
-def _time(guess: Guess, time: Entry | None, rate: Entry | None) -> int:
+def _time(draft: Draft, time: Entry | None, rate: Entry | None) -> int:
     """Write where the time is; give the number of samples."""
-    step = guess.take(~LONG & INCREMENT & POSITIVE) if time is rate is None else None
+    step = draft.take(~LONG & INCREMENT) if time is rate is None else None
     if step is not None and step.low:
-        guess.tables["test.time"] = {"rate": f"{1 / step.low:.10g} Hz"}
-        guess.doubts["test.time.rate"] = f"one over {step.path}"
-        return _longest(guess)
+        draft.tables["test.time"] = {"rate": f"{1 / step.low:.10g} Hz"}
+        draft.doubts["test.time.rate"] = f"one over {step.path}"
+        return _longest(draft)
     if time is not None:
-        table: dict[str, Any] = {"column": guess.address(time)}
-        guess.tables["test.time"] = table | (
+        table: dict[str, Any] = {"column": draft.address(time)}
+        draft.tables["test.time"] = table | (
             {"unit": time.unit} if time.unit in SECONDS and time.unit != "s" else {}
         )
         return time.size
-    guess.tables["test.time"] = (
-        {"rate": f"{UNKNOWN} Hz"} if rate is None else {"rate_column": guess.address(rate)}
+    draft.tables["test.time"] = (
+        {"rate": f"{UNKNOWN} Hz"} if rate is None else {"rate_column": draft.address(rate)}
     )
     if rate is None:
-        guess.doubts["test.time.rate"] = "not in the file: write the sampling rate"
-    return _longest(guess)
+        draft.doubts["test.time.rate"] = f"{TODO}not in the file: write the sampling rate"
+    return _longest(draft)
 
 
-def _longest(guess: Guess) -> int:
-    return max((max(entry.shape, default=1) for entry in guess.free), default=0)
+def _longest(draft: Draft) -> int:
+    return max((max(entry.shape, default=1) for entry in draft.free), default=0)
 
 
-def propose_history(guess: Guess, time: Entry | None, rate: Entry | None) -> None:
+def propose_history(draft: Draft, time: Entry | None, rate: Entry | None) -> None:
     """Write the tables of a case for time histories."""
-    stem = guess.contents.file.stem.casefold()
+    stem = draft.contents.file.stem.casefold()
     kinds = (kind for sign, kind in _EXCITATIONS.items() if sign in stem)
-    test: dict[str, Any] = {"excitation": next(kinds, "swept-sine")}
-    guess.tables["test"] = test
-    fits = REAL & LONG & VARIES & of_size(_time(guess, time, rate))
+    test: dict[str, Any] = {"excitation": next(kinds, UNKNOWN)}
+    draft.tables["test"] = test
+    if test["excitation"] == UNKNOWN:
+        draft.doubts["test.excitation"] = f"{TODO}write {_CHOICES}"
+    fits = REAL & LONG & of_size(_time(draft, time, rate))
     no_motion = ~IS_MOTION
-    force = guess.take(fits & IS_FORCE, fits & remarked("force"), fits & FORCE & no_motion)
+    force = draft.take(fits & IS_FORCE, fits & remarked("force"), fits & FORCE & no_motion)
     base = None
     if force is None:
-        base = find_base([_recorded(entry) for entry in guess.free if fits(entry)])
-        force = None if base else guess.take(fits & DRIVE & no_motion)
+        base = find_base([_recorded(entry) for entry in draft.free if fits(entry)])
+        force = None if base else draft.take(fits & DRIVE & no_motion)
     if base is not None:
-        guess.free = [entry for entry in guess.free if entry is not base.sensor.main]
-        write_base(guess, base, "")
-        guess.doubts["test.excitation"] = "swept-sine or stepped-sine"
-    elif force is None:
-        test["excitation"] = "ring-down"
-        guess.doubts["test.excitation"] = "no force was found"
-    else:
-        guess.doubts["test.excitation"] = "swept-sine, stepped-sine, multisine or ring-down"
-        guess.tables["test.force"] = {"samples": guess.address(force), "unit": unit_of_force(guess, force)}
-    first = guess.take(fits & IS_MOTION, fits & RESPONSE, fits)
+        draft.free = [entry for entry in draft.free if entry is not base.sensor.main]
+        write_base(draft, base, "")
+    elif force is not None:
+        draft.tables["test.force"] = {"samples": draft.address(force), "unit": unit_of_force(draft, force)}
+    elif test["excitation"] != "ring-down":
+        draft.tables["test.force"] = {"samples": UNKNOWN, "unit": "N"}
+        draft.doubts["test.force.samples"] = f"{TODO}write the path of the force; a ring-down needs none"
+    first = draft.take(fits & IS_MOTION, fits & RESPONSE, fits & remarked("time response"))
     if first is None:
-        guess.tables["test.response"] = {}
+        names = [_called(entry) for entry in draft.free if fits(entry)]
+        _ask_response(draft, names, "samples")
         return
-    alike = fits & (IS_MOTION if IS_MOTION(first) else RESPONSE if RESPONSE(first) else _NOTHING)
-    others = [entry for entry in guess.free if alike(entry)]
-    rest = [
-        entry.title or entry.path for entry in guess.free if (fits & ~EVEN)(entry) and entry not in others
-    ]
+    alike = fits & (IS_MOTION if IS_MOTION(first) else RESPONSE)
+    others = [entry for entry in draft.free if alike(entry)]
+    rest = [_called(entry) for entry in draft.free if fits(entry) and entry not in others]
     left_out = f"left out: {', '.join(rest[:_NAMED])}{', ...' * (len(rest) > _NAMED)}" if rest else ""
-    write_motions(guess, [s for entry in (first, *others) for s in _channels(entry)], "", left_out)
+    write_motions(draft, [s for entry in (first, *others) for s in _channels(entry)], "", left_out)
 
 
 def _recorded(entry: Entry) -> Sensor:
@@ -483,7 +474,7 @@ def _channels(entry: Entry) -> list[Sensor]:
 
 @dataclass(frozen=True, slots=True)
 class Proposal:
-    """The tables of a case file as far as they can be guessed.
+    """The tables of a case file as far as names and units say them.
 
     Parameters
     ----------
@@ -497,73 +488,72 @@ class Proposal:
     doubts: dict[str, str] = field(default_factory=dict)
 
 
-def _is_log(guess: Guess) -> bool:
-    """Whether the rows are readings of amplitudes, with the instants at which they were taken."""
-    frequency = REAL & LONG & VARIES & POSITIVE & Clue(lambda entry: entry.unit in HERTZ)
-    if not any(frequency(entry) for entry in guess.free):
-        return False
-    forces = [entry for entry in guess.free if (REAL & LONG & IS_FORCE)(entry)]
-    # samples of a force have both signs
-    return any((LONG & PHASE)(e) for e in guess.free) or (bool(forces) and all(map(POSITIVE, forces)))
-
-
-def _abscissa(guess: Guess) -> tuple[Entry | None, Entry | None, Entry | None]:
+def _abscissa(draft: Draft) -> tuple[Entry | None, Entry | None, Entry | None]:
     """Take the time, the sampling rate or the frequency."""
-    tabled = REAL & LONG & VARIES & POSITIVE
-    of_time = EVEN & Clue(lambda entry: entry.unit in SECONDS) & ~FREQUENCY
-    time = None if _is_log(guess) else guess.take(of_time)
+    tabled = REAL & LONG
+    of_frequency = Clue(lambda entry: entry.unit in HERTZ)
+    of_time = tabled & Clue(lambda entry: entry.unit in SECONDS) & ~FREQUENCY
+    # rows with phases are readings of amplitudes, whatever their instants
+    log = any((tabled & of_frequency)(e) for e in draft.free) and any((LONG & PHASE)(e) for e in draft.free)
+    time = None if log else draft.take(of_time)
     if time is not None:
         return time, None, None
-    frequency = guess.take(
-        tabled & Clue(lambda entry: entry.unit in HERTZ),
-        # "f_re_N" is a force
-        tabled & FREQUENCY & ~IS_FORCE & ~IS_MOTION & ~QUOTIENT,
-        tabled & ANGULAR,
-    )
+    # "f_re_N" is a force
+    named = FREQUENCY & ~IS_FORCE & ~IS_MOTION & ~QUOTIENT
+    frequency = draft.take(tabled & of_frequency, tabled & named, tabled & ANGULAR)
     if frequency is not None:
         return None, None, frequency
-    time = guess.take(EVEN & TIME)
-    rate = None if time else guess.take(~LONG & RATE & POSITIVE)
-    if time is rate is None and guess.nameless:
-        # without names: what turns back is the frequency rather than what rises as time does
-        many = tabled & ~FEW & Clue(lambda entry: (entry.low or 0) > 0)
-        frequency = guess.take(many & Clue(lambda entry: entry.order == "mixed"), many)
-        if frequency is not None:
-            guess.doubts["test.frequency.column"] = (
-                "the columns have no names: all are guesses by their values"
-            )
-    return time, rate, frequency
+    time = draft.take(tabled & TIME)
+    return time, None if time else draft.take(~LONG & RATE), None
+
+
+def _nameless(draft: Draft) -> None:
+    """Write the tables of a case for a text whose columns have names that say nothing, or none."""
+    names = [_called(entry) for entry in draft.free if (REAL & LONG)(entry)]
+    draft.tables |= {
+        "test": {},
+        "test.frequency": {"column": UNKNOWN},
+        "test.force": {"amplitude": UNKNOWN, "unit": "N"},
+    }
+    _ask_response(draft, names)
+    draft.tables["test.response"] |= {"phase": UNKNOWN, "phase_sense": UNKNOWN}
+    draft.doubts |= {
+        "test.frequency.column": f"{TODO}write the name or the number of the column; time histories have "
+        "excitation, [test.time] and samples instead",
+        "test.force.amplitude": f"{TODO}write the column of the force, and its unit",
+        "test.response.phase": f"{TODO}write its column; or write real and imaginary in place of both",
+        "test.response.phase_sense": f'{TODO}write "lead" where a positive phase is earlier, else "lag"',
+    }
 
 
 def propose(contents: Contents) -> Proposal | None:
-    """Propose the [test] table of a case from what a file holds; None where nothing fits.
+    """Propose the [test] table of a case from names and units; None where a file has no columns of numbers.
 
     Parameters
     ----------
     contents
         What ``list_contents`` found.
     """
-    guess = Guess(contents)
-    apart = guess.free
-    guess.free, guess.levels = levels_in_columns(apart, tree=contents.format != "csv")
-    time, rate, frequency = _abscissa(guess)
-    if frequency is None and guess.levels:
-        guess.free, guess.levels = apart, []
-        time, rate, frequency = _abscissa(guess)
-    if frequency is not None:
-        propose_amplitudes(guess, frequency)
-    elif any(entry.size > 15 for entry in guess.free):
-        propose_history(guess, time, rate)
+    draft = Draft(contents)
+    apart = draft.free
+    draft.free, draft.levels = levels_in_columns(apart, tree=contents.format != "csv")
+    time, rate, frequency = _abscissa(draft)
+    if frequency is None and draft.levels:
+        draft.free, draft.levels = apart, []
+        time, rate, frequency = _abscissa(draft)
+    if frequency is None and not any(entry.size > 15 for entry in draft.free):
+        return None
+    if frequency is None and draft.contents.format == "csv" and time is rate is None:
+        _nameless(draft)
+    elif frequency is None:
+        propose_history(draft, time, rate)
     else:
-        return None
-    if not guess.tables["test.response"].keys() & {"samples", "amplitude", "complex", "real", "channels"}:
-        return None
-    guess.tables["test"] = {"kind": "measured", "file": contents.file.name, **guess.tables["test"]}
+        propose_amplitudes(draft, frequency)
+    draft.tables["test"] = {"kind": "measured", "file": contents.file.name, **draft.tables["test"]}
     if contents.layout is not None:
         keys = ("delimiter", "decimal", "skip", "encoding")
         found = {key: getattr(contents.layout, key) for key in keys}
         needed = {key: value for key, value in found.items() if value != getattr(Layout(), key)}
         if needed:
-            guess.tables = {"test": guess.tables["test"], "test.layout": needed, **guess.tables}
-    others = siblings_of(contents.file)
-    return Proposal(guess.tables, guess.doubts | ({"test.file": others} if others else {}))
+            draft.tables = {"test": draft.tables["test"], "test.layout": needed, **draft.tables}
+    return Proposal(draft.tables, draft.doubts)

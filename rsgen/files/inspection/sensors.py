@@ -26,13 +26,13 @@ from rsgen.files.inspection.clues import (
     OVER_FORCE,
     PHASE,
     QUOTIENT,
-    RADIAN,
     REAL,
     RELATIVE,
     RESPONSE,
     RMS,
+    TODO,
     Clue,
-    Guess,
+    Draft,
     complex_parts,
     last_name,
     phase_sense,
@@ -63,8 +63,6 @@ __all__ = [
 # ----------------------------------------------------------------------------
 # Whether a table or record without a force is that of a structure on a driven base, and its motion.
 
-_FLAT = 0.5
-"""The motion of a held base varies by less than this share of what a resonance makes of it."""
 _MOTION = IS_MOTION & Clue(lambda entry: not entry.unit.endswith("/N"))
 
 
@@ -76,20 +74,13 @@ class Base:
     doubt: str = ""
 
 
-def _flatness(entry: Entry) -> float:
-    """Largest over smallest amplitude: that of the base is held, and a resonance moves the others."""
-    return float("inf") if not entry.low or entry.high is None or entry.low < 0 else entry.high / entry.low
-
-
-def find_base(sensors: Sequence[Sensor], loose: Sequence[Entry] = ()) -> Base | None:
-    """Find the motion of the base among channels; None where there is a force, or one motion only.
+def find_base(sensors: Sequence[Sensor]) -> Base | None:
+    """Find the motion of the base by the names of channels; None where there is a force, or one motion only.
 
     Parameters
     ----------
     sensors
         Channels of a table, or of a record with one column each.
-    loose
-        Phases whose titles name none of them.
     """
     if any(IS_FORCE(s.main) or (FORCE(s.main) and not _MOTION(s.main)) for s in sensors):
         return None
@@ -100,18 +91,11 @@ def find_base(sensors: Sequence[Sensor], loose: Sequence[Entry] = ()) -> Base | 
     if len(motions) < 2:
         return None
     if len(named) < len(motions) and named:
-        # of three directions the driven one moves most
-        driven = max(named, key=lambda s: s.main.high or 0.0)
-        less = [s.main.title or s.main.path for s in named if s is not driven]
-        return Base(driven, f"it moves more than {', '.join(less)}" if less else "")
+        others = [s.main.title or s.main.path for s in named[1:]]
+        return Base(named[0], f"{TODO}or {', '.join(others)}: the driven direction" if others else "")
     steered = [s for s in motions if CONTROL(s.main)]
     if 0 < len(steered) < len(motions):
-        return Base(steered[0], "no force was found, and this name says what was controlled")
-    moved = [s for s in motions if _MOTION(s.main) and s.places[0][0] == "amplitude"]
-    if len({s.main.unit for s in moved}) == 1 and len(moved) == len(motions):
-        flat, *others = sorted(moved, key=lambda s: _flatness(s.main))
-        if _flatness(flat.main) < _FLAT * _flatness(others[0].main) and (others[0].has_phase or loose):
-            return Base(flat, "no force was found, and this motion varies least; else write [test.force]")
+        return Base(steered[0], "no force is named, and this name says what was controlled")
     return None
 
 
@@ -287,7 +271,7 @@ def _lock_in(first: Entry, second: Entry) -> str:
     """Say so where only X and Y tell a real and an imaginary part: they may be directions of two sensors."""
     named = last_name(first).casefold(), last_name(second).casefold()
     alike = "y" in named[1] and named[0] == named[1].replace("y", "x")
-    return "X and Y taken for those of a lock-in amplifier; not so for two directions" if alike else ""
+    return f"{TODO}X and Y are taken for a lock-in amplifier, not for two directions" if alike else ""
 
 
 def _partners(
@@ -346,7 +330,7 @@ def _by_place(
 # What is said about a channel in a case: quantity, unit, scale, columns, the sense of its phase.
 
 
-def quantity_of(guess: Guess, entry: Entry, table: dict[str, Any], place: str) -> None:
+def quantity_of(draft: Draft, entry: Entry, table: dict[str, Any], place: str) -> None:
     """Write what a motion is into the ``table`` of the case called ``place``: by its unit, else its name."""
     targets = ((name, si + per) for name, si in QUANTITIES.items() for per in ("", "/N"))
     for name, target in targets:
@@ -361,50 +345,50 @@ def quantity_of(guess: Guess, entry: Entry, table: dict[str, Any], place: str) -
         )
         table["quantity"] = next(meanings, "displacement")
         table["unit"] = QUANTITIES[table["quantity"]]
-        guess.doubts[f"{place}.unit"] = (
-            f"the file says {entry.unit!r}; put its meaning into factor" if entry.unit else unknown(entry)
+        draft.doubts[f"{place}.unit"] = (
+            f"{TODO}the file says {entry.unit!r}; put it into factor" if entry.unit else unknown(entry)
         )
         if DECIBEL.search(entry.unit) or DECIBEL.search(last_name(entry)):
             # no factor makes a logarithm linear: a case that does not pass is better than a wrong one
             table["unit"] = entry.unit or "dB"
-            guess.doubts[f"{place}.unit"] = "decibels are not read: write linear numbers into the file"
+            draft.doubts[f"{place}.unit"] = f"{TODO}decibels are not read: write linear numbers into the file"
     per = bool(known) and target.endswith("/N")
     quotient = QUOTIENT(entry) or "over force" in entry.remark
     if per or quotient or "frequency response" in entry.remark:
         table["unit"] += "" if per else "/N"
         table["per_force"] = True
-        guess.doubts[f"{place}.quantity"] = f"{OVER_FORCE[table['quantity']]}, {table['unit']}"
+        draft.doubts[f"{place}.quantity"] = f"{OVER_FORCE[table['quantity']]}, {table['unit']}"
         if "adds damping" in entry.remark:
-            guess.doubts[f"{place}.per_force"] = "measured with an exponential window, which adds damping"
+            draft.doubts[f"{place}.per_force"] = "measured with an exponential window, which adds damping"
     if known and entry.unit_source:
-        guess.doubts[f"{place}.unit"] = entry.unit_source
-    pattern = str(guess.address(entry))
-    alike = (e for e in guess.contents.entries if fnmatchcase(e.path, pattern) and not e.fault)
+        draft.doubts[f"{place}.unit"] = entry.unit_source
+    pattern = str(draft.address(entry))
+    alike = (e for e in draft.contents.entries if fnmatchcase(e.path, pattern) and not e.fault)
     units = {other.unit for other in alike}
-    if guess.run and len(units) > 1:
+    if draft.run and len(units) > 1:
         # without the key each entry is read in the unit that the file names for it
         del table["unit"]
-        said = guess.doubts.get(f"{place}.quantity", "").partition(",")[0]
+        said = draft.doubts.get(f"{place}.quantity", "").partition(",")[0]
         of_file = f"in the units of the file: {', '.join(sorted(units))}"
-        guess.doubts[f"{place}.quantity"] = f"{said}, {of_file}" if said else of_file
+        draft.doubts[f"{place}.quantity"] = f"{said}, {of_file}" if said else of_file
 
 
 def unknown(entry: Entry) -> str:
     """Say that a file does not name a unit."""
-    return entry.unit_source or "not in the file"
+    return f"{TODO}{entry.unit_source or 'not in the file'}; write the unit"
 
 
-def unit_of_force(guess: Guess, entry: Entry) -> str:
+def unit_of_force(draft: Draft, entry: Entry) -> str:
     """Give the unit to write for a force."""
     known = unit_for(entry.unit, "N") if entry.unit else None
     if known is None:
-        guess.doubts["test.force.unit"] = (
-            f"the file says {entry.unit!r}; write unit and factor, such as unit = 'V', factor = '10 N/V'"
+        draft.doubts["test.force.unit"] = (
+            f"{TODO}the file says {entry.unit!r}; write unit and factor, as unit = 'V', factor = '10 N/V'"
             if entry.unit
             else unknown(entry)
         )
     elif entry.unit_source:
-        guess.doubts["test.force.unit"] = entry.unit_source
+        draft.doubts["test.force.unit"] = entry.unit_source
     return known or "N"
 
 
@@ -416,30 +400,34 @@ def scale_of(entry: Entry) -> dict[str, str | float]:
     return {"scale": "rms"} if named and entry.scale in ("", "rms") else {}
 
 
-def place_of(guess: Guess, sensor: Sensor, place: str, quantity: str, sense: str = "") -> dict[str, Any]:
+_SENSE = "a positive phase is earlier (lead) or later (lag); rsgen check says which one no structure has"
+
+
+def place_of(draft: Draft, sensor: Sensor, place: str, sense: str = "") -> dict[str, Any]:
     """Say where the columns of a channel are, and the sense of its phase.
 
     Parameters
     ----------
     place
         Which table of the case it will be.
-    quantity
-        What was measured; "force" for one.
     sense
-        Of the phase, where it is known; "": by its name and its values.
+        Of the phase, where it is known; "": by its name.
     """
-    table: dict[str, Any] = {key: guess.address(column) for key, column in sensor.places}
+    table: dict[str, Any] = {key: draft.address(column) for key, column in sensor.places}
     if "amplitude" in table or "complex" in table:
         table |= scale_of(sensor.main)
     phase = sensor.phase
     if sensor.doubt:
-        guess.doubts[f"{place}.{sensor.places[-1][0]}"] = sensor.doubt
+        draft.doubts[f"{place}.{sensor.places[-1][0]}"] = sensor.doubt
     if not sensor.has_phase:
         return table
     if phase is None:
+        draft.doubts[f"{place}.phase_sense"] = _SENSE
         return table | {"phase_sense": sense or "lead"}
-    radian = {"phase_unit": "rad"} if RADIAN(phase) else {}
-    return table | radian | {"phase_sense": sense or phase_sense(phase, quantity)}
+    radian = {"phase_unit": "rad"} if phase.unit == "rad" else {}
+    if not (sense or phase_sense(phase)):
+        draft.doubts[f"{place}.phase_sense"] = _SENSE
+    return table | radian | {"phase_sense": sense or phase_sense(phase) or "lead"}
 
 
 _MOST_CHANNELS = 8
@@ -465,29 +453,23 @@ def channel_names(sensors: Sequence[Sensor]) -> list[str]:
     return names
 
 
-def _motion(guess: Guess, sensor: Sensor, place: str, sense: str) -> dict[str, Any]:
+def _motion(draft: Draft, sensor: Sensor, place: str, sense: str) -> dict[str, Any]:
     table: dict[str, Any] = {}
-    quantity_of(guess, sensor.main, table, place)
-    table |= place_of(guess, sensor, place, table["quantity"], sense)
-    if "phase_sense" in table:
-        guess.doubts[f"{place}.phase_sense"] = "a positive phase means later (lag) or earlier (lead)"
-    return table
+    quantity_of(draft, sensor.main, table, place)
+    return table | place_of(draft, sensor, place, sense)
 
 
-def write_base(guess: Guess, base: Base, sense: str) -> None:
+def write_base(draft: Draft, base: Base, sense: str) -> None:
     """Write [test.base]."""
-    table = _motion(guess, base.sensor, "test.base", sense)
-    guess.tables["test.base"] = table | {"response": "absolute"}
-    guess.doubts["test.base.response"] = 'or "relative", if the response was measured against the base'
+    table = _motion(draft, base.sensor, "test.base", sense)
+    draft.tables["test.base"] = table | {"response": "absolute"}
+    draft.doubts["test.base.response"] = 'or "relative", if the response was measured against the base'
     if base.doubt:
-        guess.doubts["test.base.quantity"] = base.doubt
+        draft.doubts["test.base.quantity"] = base.doubt
 
 
-def write_motions(guess: Guess, responses: Sequence[Sensor], sense: str, left_out: str) -> None:
+def write_motions(draft: Draft, responses: Sequence[Sensor], sense: str, left_out: str) -> None:
     """Write [test.response], and [test.channels] where there are several."""
-    guess.tables["test.response"] = {}
-    if not responses:
-        return
     if responses[0].has_phase:
         # a sum of channels needs the phases of all
         bare = [sensor.main.title or sensor.main.path for sensor in responses if not sensor.has_phase]
@@ -495,38 +477,37 @@ def write_motions(guess: Guess, responses: Sequence[Sensor], sense: str, left_ou
         left_out = "; ".join(
             filter(None, [f"left out: {', '.join(bare)}, without a phase" * bool(bare), left_out])
         )
-    relative = "test.base" in guess.tables and RELATIVE(responses[0].main)
+    relative = "test.base" in draft.tables and RELATIVE(responses[0].main)
     if relative:
-        guess.tables["test.base"]["response"] = "relative"
-        guess.doubts["test.base.response"] = 'by the name of the response; or "absolute"'
-    alone = _motion(guess, responses[0], "test.response", sense)
+        draft.tables["test.base"]["response"] = "relative"
+        draft.doubts["test.base.response"] = 'by the name of the response; or "absolute"'
+    alone = _motion(draft, responses[0], "test.response", sense)
     key = next(key for key in ("samples", "amplitude", "complex", "real") if key in alone)
     if len(responses) == 1 or "per_force" in alone:
         others = [sensor.main.title or sensor.main.path for sensor in responses[1:]]
         reason = (
             f"left out: {', '.join(others[:_MOST_CHANNELS])}; a case reads one response" if others else ""
         )
-        _write_alone(guess, alone, key, "; ".join(filter(None, [reason, left_out])))
+        _write_alone(draft, alone, key, "; ".join(filter(None, [reason, left_out])))
         return
-    for doubt in [name for name in guess.doubts if name.startswith("test.response.")]:
-        del guess.doubts[doubt]
-    del guess.tables["test.response"]
+    for doubt in [name for name in draft.doubts if name.startswith("test.response.")]:
+        del draft.doubts[doubt]
     chosen = responses[:_MOST_CHANNELS]
     names = channel_names(chosen)
     for name, sensor in zip(names, chosen, strict=True):
         place = f"test.channels.{name}"
-        guess.tables[place] = _motion(guess, sensor, place, sense)
-    guess.tables["test.response"] = {"channels": names[0]}
+        draft.tables[place] = _motion(draft, sensor, place, sense)
+    draft.tables["test.response"] = {"channels": names[0]}
     more = f", {len(responses) - len(chosen)} more are in the file" if responses[len(chosen) :] else ""
     between = f'an element between two has across = "{names[0]} - {names[1]}"'
     choice = (f"or {', '.join(names[1:])}{more}", between, left_out)
-    guess.doubts["test.response.channels"] = "; ".join(filter(None, choice))
+    draft.doubts["test.response.channels"] = "; ".join(filter(None, choice))
 
 
-def _write_alone(guess: Guess, table: dict[str, Any], key: str, left_out: str) -> None:
+def _write_alone(draft: Draft, table: dict[str, Any], key: str, left_out: str) -> None:
     if "phase_sense" not in table and key != "samples":
         table["phase_known"] = False
-    guess.tables["test.response"] = table
+    draft.tables["test.response"] = table
     if left_out:
-        said = guess.doubts.get(f"test.response.{key}", "")
-        guess.doubts[f"test.response.{key}"] = "; ".join(filter(None, [said, left_out]))
+        said = draft.doubts.get(f"test.response.{key}", "")
+        draft.doubts[f"test.response.{key}"] = "; ".join(filter(None, [said, left_out]))
