@@ -22,6 +22,7 @@ from rsgen.cases.tables import MAX_POINTS, Maker, reason
 from rsgen.common.errors import CaseError, ExpressionError, RsgenError, quote
 from rsgen.data.multisine import MultisineSpectra
 from rsgen.data.oscillator import KNOWN_MASS, Model, Observation, Oscillator, total_force
+from rsgen.data.planned_test import PlannedTest
 from rsgen.data.surface import ResponseSurface, load_surface, match_level
 from rsgen.data.surface.columns import BASE_UNITS
 from rsgen.dynamics.simulation import MultisineTest, SimulatedTest
@@ -111,19 +112,17 @@ def make_simulated(table: Any, maker: Maker) -> SimulatedTest | MultisineTest:
     return test
 
 
-def make_observation(
-    table: Any, test: SimulatedTest | MultisineTest | MeasuredTest, maker: Maker
-) -> Observation:
+def make_observation(table: Any, test: PlannedTest, maker: Maker) -> Observation:
     """Make the observation; levels held out of a virtual test must be among those tested."""
     observation = maker.make(Observation, table, "identify")
     unit = maker.units.get("N", "N")
-    levels: list[float] = []
+    planned, levels = test.planned_levels, list[float]()
     for number, level in enumerate(observation.hold_out, start=1):
         if isnan(level):
             continue
         place = f"identify.hold_out.{number}"
-        if not isinstance(test, MeasuredTest) and test.level is not None:
-            meant = match_level(test.level, level)
+        if len(planned):
+            meant = match_level(planned, level)
             if meant is None:
                 maker.faults.append(f"{place}: {level:g} {unit} is not tested; one of test.level is needed")
                 continue
@@ -132,12 +131,7 @@ def make_observation(
             maker.faults.append(f"{place}: {level:g} {unit or 'N'} stands twice; each level once")
             continue
         levels.append(level)
-    if (
-        not isinstance(test, MeasuredTest)
-        and levels
-        and test.level is not None
-        and len(levels) == len(test.level)
-    ):
+    if levels and len(levels) == len(planned):
         maker.faults.append("identify.hold_out: holds every level back; at least one must remain")
     return observation if maker.faults else replace(observation, hold_out=tuple(levels))
 
@@ -387,6 +381,12 @@ class _Builder:
         observation = make_observation(document.identify, test, self.maker)
         if mass is not None and not calibrated:
             self.fault("system.mass", "a test that is not calibrated determines no mass; leave one out")
+        if document.model == "rank" and test.many_lines:
+            self.fault(
+                "model",
+                "'rank' compares laws on a response surface; of a multisine identify one law after the "
+                "other, and compare their misfits",
+            )
         if self.faults:
             raise CaseError(self.faults)
         oscillator = Oscillator(mass, elements, values) if self.simulated and mass is not None else None
@@ -399,11 +399,7 @@ class _Builder:
             sha256=hashlib.sha256(text.encode("utf-8")).hexdigest(),
             oscillator=oscillator,
             # where a test determines no mass, that of the case is known beforehand, as in a laboratory
-            model=Model(
-                elements,
-                None if not isinstance(test, MeasuredTest) and test.determines_mass else mass,
-                observation,
-            ),
+            model=Model(elements, test.known_mass(mass), observation),
             test=test,
             truth=None if oscillator is None else {**oscillator.values, MASS: oscillator.mass},
             accept=accept,

@@ -11,11 +11,10 @@ from rsgen.cases import Case
 from rsgen.common.arrays import Array
 from rsgen.common.errors import RsgenError
 from rsgen.data.oscillator import Oscillator
+from rsgen.data.planned_test import PlannedTest
 from rsgen.describing import derive
 from rsgen.dynamics.kernel import generate
-from rsgen.dynamics.simulation import MultisineTest, SimulatedTest
 from rsgen.dynamics.virtual_test import free_mean_fault
-from rsgen.files import MeasuredTest
 from rsgen.formula import symbol, write
 from rsgen.formula.evaluation import compiled
 from rsgen.formula.names import Structural
@@ -67,31 +66,27 @@ def law_faults(case: Case) -> list[str]:
                 continue
         try:
             derive(element)
-            if _in_time(case) or not element.force.has(Structural):
+            if case.test.in_time or not element.force.has(Structural):
                 generate(element.force)
         except RsgenError as fault:
             faults.append(f"{place}.force: {' '.join(str(fault).split())}")
             continue
         if values is not None:
             faults += [f"{place}.force: {text}" for text in _near_rest(element, values)]
-    if not faults and case.oscillator is not None and isinstance(case.test, SimulatedTest):
+    if not faults and case.oscillator is not None:
         drifts = free_mean_fault(case.oscillator, case.test)
         never = [drifts] if drifts else _never_settles(case.oscillator, case.test)
         faults += [f"element: {text}" for text in never]
     return [f"{case.path.name}: {fault}" for fault in faults]
 
 
-def _in_time(case: Case) -> bool:
-    return isinstance(case.test, SimulatedTest) and case.test.method == "time"
-
-
-def _never_settles(oscillator: Oscillator, test: SimulatedTest) -> list[str]:
+def _never_settles(oscillator: Oscillator, test: PlannedTest) -> list[str]:
     """Say why no point of a virtual test can settle; only what is certain without simulating it."""
-    if test.method != "time" or test.control != "force":
+    if not test.settles:
         return []
     law = compile_law(oscillator.force)
     values = law.ordered(oscillator.values)
-    largest = float(test.level.max())
+    largest = float(test.planned_levels.max())
     held = law.force(np.zeros(2), np.array([_NEAR, -_NEAR]), values)
     if held[0] >= largest and held[1] <= -largest:
         return [
@@ -112,7 +107,7 @@ def _never_settles(oscillator: Oscillator, test: SimulatedTest) -> list[str]:
     return []
 
 
-def _balance(oscillator: Oscillator, test: SimulatedTest) -> tuple[Array, Array, Array, Array]:
+def _balance(oscillator: Oscillator, test: PlannedTest) -> tuple[Array, Array, Array, Array]:
     """Amplitudes [m], work and push of the law on sines of all sizes, and what of the work is round-off."""
     law = compile_law(oscillator.force)
     values = law.ordered(oscillator.values)
@@ -128,7 +123,7 @@ def _balance(oscillator: Oscillator, test: SimulatedTest) -> tuple[Array, Array,
 
 def law_notes(case: Case) -> list[str]:
     """Say what of the values of a virtual test may keep points from settling; nothing else is odd."""
-    if case.oscillator is None or not isinstance(case.test, SimulatedTest):
+    if case.oscillator is None:
         return []
     size, work, _, round_off = _balance(case.oscillator, case.test)
     gives = work < -round_off
@@ -142,20 +137,15 @@ def law_notes(case: Case) -> list[str]:
     ]
 
 
-def _sines(test: SimulatedTest) -> Motion:
+def _sines(test: PlannedTest) -> Motion:
     """Sines of all sizes at the ends of the band; no sample is at rest or at a turning point."""
-    size, omega = np.meshgrid(_SIZES, 2 * np.pi * test.frequency[[0, -1]], indexing="ij")
+    size, omega = np.meshgrid(_SIZES, 2 * np.pi * test.ends, indexing="ij")
     start = np.exp(1j * np.pi / _SAMPLES)
     harmonics = np.stack([np.zeros(size.size), start * size.ravel()], axis=1)
     return Motion(omega.ravel(), harmonics)
 
 
-def _wrong_memory(
-    place: str,
-    element: Element,
-    values: Mapping[str, float],
-    test: SimulatedTest | MultisineTest | MeasuredTest,
-) -> list[str]:
+def _wrong_memory(place: str, element: Element, values: Mapping[str, float], test: PlannedTest) -> list[str]:
     virgins = [f"{place}.force: {text}" for text in _wrong_virgins(element, values)]
     return [*virgins, *(f"{place}.memory.{text}" for text in _open_loops(element, values, test))]
 
@@ -182,16 +172,14 @@ def _wrong_virgins(element: Element, values: Mapping[str, float]) -> list[str]:
     return faults
 
 
-def _open_loops(
-    element: Element, values: Mapping[str, float], test: SimulatedTest | MultisineTest | MeasuredTest
-) -> list[str]:
+def _open_loops(element: Element, values: Mapping[str, float], test: PlannedTest) -> list[str]:
     """Say which states never come back to where they were, on a sine of any size.
 
     Two cycles from rest are integrated (Runge-Kutta of order four). A state has a closed loop where it is
     back after the first, or has moved less in the second.
     """
     form = memory_form(element.force)
-    if form is None or not form.rates or not isinstance(test, SimulatedTest):
+    if form is None or not form.rates:
         return []
     names = sorted(element.parameters)
     states = [rate.symbol for rate in form.rates]

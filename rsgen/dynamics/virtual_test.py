@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 from math import pi
-from typing import Annotated, Literal, TypeVar
+from typing import Annotated, Any, Literal, TypeVar
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -16,6 +16,7 @@ from rsgen.common.errors import RsgenError
 from rsgen.data.multisine import MultisineSpectra
 from rsgen.data.multisine.spectra import rms
 from rsgen.data.oscillator import Oscillator
+from rsgen.data.planned_test import PlannedTest
 from rsgen.data.surface import ResponseSurface
 from rsgen.data.surface.columns import BASE_UNITS, below_acceleration
 from rsgen.dynamics.periodic_response import periodic_response
@@ -26,6 +27,7 @@ __all__ = [
     "MultisineTest",
     "Progress",
     "SimulatedTest",
+    "VirtualTest",
     "add_noise",
     "free_mean_fault",
     "grid_of",
@@ -55,9 +57,32 @@ def level_grid(values: ArrayLike, name: str, unit: str) -> Array:
     return array
 
 
+class VirtualTest(PlannedTest):
+    """A test that is simulated."""
+
+    __slots__ = ()
+    level: Array
+    noise_relative: float
+    seed: int
+
+    @property
+    def planned_levels(self) -> Array:
+        """(l,) levels that are tested; none where they are faulty."""
+        return np.zeros(0) if self.level is None else self.level
+
+    @property
+    def noise_seed(self) -> int | None:
+        """Seed of the noise; None without noise."""
+        return self.seed if self.noise_relative > 0 else None
+
+    def _origin(self, made: str) -> dict[str, str]:
+        noise = f"{self.noise_relative:g} relative, seed {self.seed}"
+        return {"Simulation": made, "Noise": noise if self.noise_relative else "none"}
+
+
 @documented
 @dataclass(frozen=True, slots=True, eq=False)
-class SimulatedTest:
+class SimulatedTest(VirtualTest):
     """A stepped-sine test on a grid of levels and frequencies.
 
     Raises RsgenError where a value is out of range or a choice unknown.
@@ -153,10 +178,48 @@ class SimulatedTest:
         return len(self.lags if self.control == "phase" else self.frequency)
 
     @property
-    def determines_mass(self) -> bool:
-        """Whether the mass follows from the test: not from a shaken base, nor at phase resonance alone."""
+    def in_time(self) -> bool:
+        """Whether the law is integrated in time."""
+        return self.method == "time"
+
+    @property
+    def settles(self) -> bool:
+        """Whether a motion must settle under a given force before it counts."""
+        return self.in_time and self.control == "force"
+
+    @property
+    def ends(self) -> Array:
+        """(2,) frequencies [Hz] at which a law is tried with sines before the run."""
+        return self.frequency[[0, -1]]
+
+    def known_mass(self, mass: float | None) -> float | None:
+        """Return the mass [kg] of a shaken base or at phase resonance alone, where the test tells none."""
         resonant = all(abs(lag + self.phase_error - pi / 2) < _RESONANT for lag in self.lags)
-        return self.base is None and not (self.control == "phase" and resonant)
+        return mass if self.base is not None or (self.control == "phase" and resonant) else None
+
+    def planned(self) -> ResponseSurface:
+        """Return the grid of the test, as if every point had settled with the same response."""
+        # a phase-locked loop finds its frequency: any in the band stands for it
+        frequencies = np.resize(self.frequency, self.per_level)
+        level, frequency = np.meshgrid(self.level, frequencies, indexing="ij")
+        return ResponseSurface(
+            level.ravel(),
+            frequency.ravel(),
+            1.0,
+            np.ones(level.size, complex),
+            sweep=self.sweep,
+            control=self.control,
+            base=self.base or "",
+        )
+
+    def summary(self) -> dict[str, Any]:
+        """Return what the test is, beside the extent of its records."""
+        return {"kind": "simulated", "frequencies": self.per_level, "control": self.control}
+
+    def origin(self) -> dict[str, str]:
+        """Return names and values for the provenance of a result."""
+        held = f"{self.base} of the base" if self.base else f"{self.control} control"
+        return self._origin(f"{self.method}, {held}, sweep {self.sweep}, accuracy {self.accuracy:g}")
 
     def drive(self, mass: float, level: Array, frequency: Array) -> ComplexArray:
         """(n,) complex force [N] on the mass [kg] at levels and frequencies [Hz]: -m a_b of a shaken base.
@@ -173,10 +236,10 @@ class SimulatedTest:
 # Virtual tests whose mean displacement nothing determines.
 
 
-def free_mean_fault(oscillator: Oscillator, test: SimulatedTest) -> str:
+def free_mean_fault(oscillator: Oscillator, test: PlannedTest) -> str:
     """Say why a test cannot be simulated in time for want of a spring; empty where it can."""
     law = compile_law(oscillator.force)
-    if test.method != "time" or not law.mean_free:
+    if not (test.in_time and law.mean_free):
         return ""
     return (
         "no spring holds the mean displacement: the law depends on x through its memory only, so that the "
@@ -280,7 +343,7 @@ _MOST_SAMPLES = 50_000_000
 
 @documented
 @dataclass(frozen=True, slots=True, eq=False)
-class MultisineTest:
+class MultisineTest(VirtualTest):
     """A virtual test with a random-phase multisine: every level and realisation is a record.
 
     Raises RsgenError where a value is out of range.
@@ -329,9 +392,28 @@ class MultisineTest:
             yield "band", f"no line of a period of {self.period:g} s is in it; a longer one is needed"
 
     @property
-    def determines_mass(self) -> bool:
-        """Whether such a test determines the mass: forces are in N."""
+    def many_lines(self) -> bool:
+        """Whether the force of a record has many lines: it is a multisine."""
         return True
+
+    def known_mass(self, mass: float | None) -> float | None:
+        """Return None: forces in N determine the mass."""
+        return None
+
+    def planned(self) -> MultisineSpectra:
+        """Return the records of the test, as if every excited line had the same force and response."""
+        level = np.repeat(self.level, self.realisations)
+        lines = np.zeros((len(level), int(self.excited[-1]) + 1), complex)
+        lines[:, self.excited] = 1.0
+        return MultisineSpectra(level, 2 * np.pi / self.period, lines, lines)
+
+    def summary(self) -> dict[str, Any]:
+        """Return what the test is, beside the extent of its records."""
+        return {"kind": "simulated", "periods": self.periods}
+
+    def origin(self) -> dict[str, str]:
+        """Return names and values for the provenance of a result."""
+        return self._origin(f"multisine, {self.lines} lines, {self.realisations} realisations a level")
 
     @property
     def excited(self) -> NDArray[np.intp]:

@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal, cast
 
 from rsgen.common.declaration import Rule, check, declare, documented, given
 from rsgen.common.errors import MeasurementError, RsgenError
+from rsgen.data.planned_test import PlannedTest
 from rsgen.files.data_files import FORMATS
 from rsgen.files.signals import (
     AMPLITUDES,
@@ -243,7 +244,7 @@ class HistoryRule(Checked):
 
 @documented
 @dataclass(frozen=True, slots=True)
-class MeasuredTest:
+class MeasuredTest(PlannedTest):
     """A real test: which files, and where in them frequency, force and response are.
 
     One path alone may be given for ``files``. Raises MeasurementError where values contradict.
@@ -379,6 +380,22 @@ class MeasuredTest:
     def file(self) -> Path:
         """The first file."""
         return self.files[0]
+
+    @property
+    def many_lines(self) -> bool:
+        """Whether the force of a record has many lines: histories of a multisine."""
+        return self.history is not None and self.history.excitation == "multisine"
+
+    def summary(self) -> dict[str, Any]:
+        """Return what the test is, beside the extent of its records."""
+        return {"kind": "measured", "file": self.file.name}
+
+    def origin(self) -> dict[str, str]:
+        """Return names and values for the provenance of a result."""
+        return {
+            "Measured file": ", ".join(path.name for path in self.all_files),
+            "SHA-256 of the measured file": ", ".join(self.sha256) or "not fixed by the case",
+        }
 
     @property
     def frequency_factor(self) -> float:

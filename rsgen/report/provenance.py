@@ -24,8 +24,6 @@ from rsgen.analysis.comparison import Comparison, Row
 from rsgen.cases import Case
 from rsgen.data.multisine import MultisineSpectra
 from rsgen.data.surface import ResponseSurface
-from rsgen.dynamics.simulation import MultisineTest, SimulatedTest
-from rsgen.files import MeasuredTest
 from rsgen.identification.results import Estimate, Identification
 from rsgen.law.element import Element
 from rsgen.law.memory import with_equations
@@ -144,33 +142,7 @@ def _origin(case: Case | None) -> dict[str, str]:
     """Name the case file and its test; empty without a case file."""
     if case is None:
         return {}
-    named = {"Case file": case.path.name, "SHA-256 of the case": case.sha256}
-    if isinstance(case.test, MeasuredTest):
-        return named | {
-            "Measured file": ", ".join(path.name for path in case.test.all_files),
-            "SHA-256 of the measured file": ", ".join(case.test.sha256) or "not fixed by the case",
-        }
-    noise = f"{case.test.noise_relative:g} relative, seed {case.test.seed}"
-    if isinstance(case.test, MultisineTest):
-        made = f"multisine, {case.test.lines} lines, {case.test.realisations} realisations a level"
-        return named | {"Simulation": made, "Noise": noise if case.test.noise_relative else "none"}
-    return named | {
-        "Simulation": f"{case.test.method}, {_held(case.test)}, sweep {case.test.sweep}, "
-        f"accuracy {case.test.accuracy:g}",
-        "Noise": noise if case.test.noise_relative else "none",
-    }
-
-
-def _held(test: SimulatedTest) -> str:
-    return f"{test.base} of the base" if test.base else f"{test.control} control"
-
-
-def _table(table: ResponseSurface | MultisineSpectra) -> dict[str, str]:
-    """Name what was identified from."""
-    if isinstance(table, MultisineSpectra):
-        size = f"{len(table)} records of {table.periods} periods, {table.lines[-1]} lines"
-        return {"Spectra": f"{table.origin}, {size}"}
-    return {"Surface": f"{table.origin}, {len(table)} points"}
+    return {"Case file": case.path.name, "SHA-256 of the case": case.sha256, **case.test.origin()}
 
 
 def collect_provenance(
@@ -190,7 +162,7 @@ def collect_provenance(
     """
     entries = {
         **_origin(case),
-        **_table(surface),
+        **surface.provenance,
         "Versions": _versions(),
         "Machine": f"{platform.system()} {platform.machine()}, {platform.python_implementation()}",
         "Command": " ".join(command) or "called from Python",

@@ -5,22 +5,14 @@ from __future__ import annotations
 import os
 from typing import Any
 
-import numpy as np
-
 from rsgen.app.cli.derive_command import sentences_of_elements
 from rsgen.app.cli.options import Cases, Data, Json
 from rsgen.app.cli.terminal import ACCEPTED, FAULTY, print_faults, print_json, print_line
 from rsgen.app.study import STAGES, expect
-from rsgen.app.study.foresight import mass_findings, point_faults
-from rsgen.cases import Case, find_cases, load_case, name_clashes
+from rsgen.app.study.foresight import point_faults, size_findings
+from rsgen.cases import Case, find_cases, load_case, name_clashes, read
 from rsgen.cases.trial import law_faults, law_notes
 from rsgen.common.errors import CaseError, MeasurementError, RsgenError, program_fault
-from rsgen.common.finding import Finding
-from rsgen.data.multisine import MultisineSpectra, implausible
-from rsgen.data.surface import ResponseSurface
-from rsgen.data.surface.plausibility import plausibility_findings
-from rsgen.dynamics.simulation import MultisineTest, SimulatedTest
-from rsgen.files import MeasuredTest, read_measurement
 from rsgen.report.wording import sentence
 
 __all__ = ["check_command"]
@@ -36,11 +28,6 @@ def _processor_seconds() -> float:
     return used.user + used.system + used.children_user + used.children_system
 
 
-def _refuse(faults: list[str]) -> None:
-    if faults:
-        raise CaseError(faults)
-
-
 def _plan(case: Case) -> dict[str, Any]:
     """What a run of a case will do.
 
@@ -49,81 +36,31 @@ def _plan(case: Case) -> dict[str, Any]:
     CaseError
         It would refuse the points of the test.
     """
-    test, surface, reading = case.test, None, 0.0
-    warnings = [*case.warnings, *sentences_of_elements(case.model.elements), *law_notes(case)]
-    if isinstance(test, SimulatedTest):
-        _refuse(point_faults(case))
-        kind = {
-            "kind": "simulated",
-            "levels": len(test.level),
-            "frequencies": len(test.frequency),
-            "points": len(test.level) * test.per_level,
-            "control": test.control,
-        }
-    elif isinstance(test, MultisineTest):
-        _refuse(point_faults(case))
-        kind = {
-            "kind": "simulated",
-            "levels": len(test.level),
-            "records": len(test.level) * test.realisations,
-            "periods": test.periods,
-            "points": len(test.level) * test.realisations * len(test.excited),
-            "lowest_frequency": float(test.excited[0] / test.period),
-            "highest_frequency": float(test.excited[-1] / test.period),
-            "sweeps": [],
-        }
-    else:
-        started = _processor_seconds()
-        surface = read_measurement(test)
-        reading = _processor_seconds() - started
-        _refuse(point_faults(case, surface))
-        odd: list[Finding] = []
-        if isinstance(surface, ResponseSurface):
-            odd += plausibility_findings(surface, calibrated=case.observation.calibrated)
-            odd += mass_findings(case, surface)
-        elif case.observation.calibrated:
-            odd += implausible(surface)
-        warnings += map(sentence, (*surface.findings, *odd))
-        kind = _measured(surface, test)
-    expected = expect(case, surface, reading)
+    started = _processor_seconds()
+    planned = case.test.planned()
+    table = read(case) if planned is None else planned
+    reading = _processor_seconds() - started
+    faults = point_faults(case, table)
+    if faults:
+        raise CaseError(faults)
+    findings = (*table.findings, *size_findings(table, case)) if planned is None else ()
+    finds_mass = case.model.mass is None and not table.per_mass
+    finds_mass &= all(finding.code != "mass-at-resonance" for finding in findings)
+    notes = (*sentences_of_elements(case.model.elements), *law_notes(case), *map(sentence, findings))
+    expected = expect(case, table, reading)
     return {
         "case": case.name,
         "title": case.title,
         "parameters": list(case.model.parameters),
-        "identifies": [*(["m"] if _finds_mass(case, surface) else []), *case.model.parameters],
-        "warnings": warnings,
-        **kind,
+        "identifies": [*(["m"] if finds_mass else []), *case.model.parameters],
+        "warnings": [*case.warnings, *notes],
+        **table.extent,
+        **case.test.summary(),
         "seconds": {stage: round(seconds, 1) for stage, seconds in expected.seconds.items()},
         "seconds_processor": round(expected.total),
         "seconds_total": round(expected.total * expected.crowding),
         "megabytes": expected.megabytes,
     }
-
-
-def _measured(table: ResponseSurface | MultisineSpectra, test: MeasuredTest) -> dict[str, Any]:
-    """What a measured test consists of."""
-    sines = isinstance(table, ResponseSurface)
-    lines = table.excited().any(axis=0) if isinstance(table, MultisineSpectra) else np.array([True])
-    frequency = table.frequency if sines else table.frequency[lines]
-    kind: dict[str, Any] = {
-        "kind": "measured",
-        "file": test.file.name,
-        "levels": len(table.levels),
-        "points": len(table) if sines else int(lines.sum()) * len(table),
-        "sweeps": sorted({str(s) for s in table.sweep}) if isinstance(table, ResponseSurface) else [],
-        "lowest_frequency": float(frequency.min()),
-        "highest_frequency": float(frequency.max()),
-    }
-    if isinstance(table, MultisineSpectra):
-        kind |= {"records": len(table), "periods": table.periods}
-    return kind
-
-
-def _finds_mass(case: Case, surface: object) -> bool:
-    """Whether the mass is identified: where it is not given, and neither base nor phase resonance hide it."""
-    if not isinstance(surface, ResponseSurface):
-        return case.model.mass is None
-    return case.model.mass is None and not (surface.per_mass or mass_findings(case, surface))
 
 
 def _takes(plan: dict[str, Any]) -> str:

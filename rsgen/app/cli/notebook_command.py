@@ -19,7 +19,6 @@ from rsgen.app.cli.options import (
 )
 from rsgen.app.cli.terminal import ACCEPTED, print_json, print_line
 from rsgen.app.study import obtain_table
-from rsgen.app.study.foresight import refuse_ranking
 from rsgen.cases import Case, load_case
 from rsgen.data.multisine import MultisineSpectra
 from rsgen.data.surface import ResponseSurface, save_surface
@@ -59,7 +58,6 @@ def notebook_command(
     results = KnownResults(loaded)
     beside = None
     if isinstance(surface, MultisineSpectra):
-        refuse_ranking(loaded)
         write_multisine_notebook(target, loaded, surface, results)
     else:
         beside = _sines(target, loaded, surface, results)

@@ -93,7 +93,7 @@ def check_target(path: Path, ending: str, option: str = "--out") -> Path:
 
 def inputs_of(case: Case, *others: Path | None) -> tuple[Path, ...]:
     """Give the files that a command on a case reads: the case, its data, and others that it was given."""
-    data = getattr(case.test, "all_files", ())  # a virtual test has none
+    data = case.test.all_files
     return (case.path, *data, *(path for path in others if path is not None))
 
 

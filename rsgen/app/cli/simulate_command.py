@@ -15,8 +15,6 @@ from rsgen.cases import load_case
 from rsgen.cases.trial import law_faults
 from rsgen.common.errors import CaseError, RsgenError
 from rsgen.data.surface import save_surface
-from rsgen.dynamics.simulation import MultisineTest
-from rsgen.files import MeasuredTest
 
 __all__ = ["simulate_command"]
 
@@ -36,12 +34,8 @@ def simulate_command(
     """
     print_cache_fault()
     loaded = load_case(case)
-    if isinstance(loaded.test, MeasuredTest):
+    if loaded.oscillator is None:
         raise RsgenError(f"{case.name}: test.kind: is 'measured'; only a simulated test can be simulated")
-    if isinstance(loaded.test, MultisineTest):
-        raise RsgenError(
-            f"{case.name}: test.kind: a multisine has no response surface; `rsgen run` simulates it"
-        )
     refused = law_faults(loaded)
     if refused:
         raise CaseError(refused)

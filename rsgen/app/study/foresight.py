@@ -6,8 +6,9 @@ import os
 import time
 from collections.abc import Callable
 from dataclasses import dataclass
-from functools import lru_cache
+from functools import lru_cache, singledispatch
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import sympy
@@ -15,9 +16,10 @@ import sympy
 from rsgen.cases import Case
 from rsgen.common.errors import RsgenError
 from rsgen.common.finding import Finding, quantities
-from rsgen.data.multisine import MultisineSpectra
+from rsgen.data.multisine import MultisineSpectra, implausible
 from rsgen.data.multisine.spectra import check_records, refuse_across
 from rsgen.data.surface import ResponseSurface
+from rsgen.data.surface.plausibility import plausibility_findings
 from rsgen.dynamics.kernel import generate, is_stored
 from rsgen.dynamics.simulation import MultisineTest, SimulatedTest
 from rsgen.dynamics.steady_state import LOCATED
@@ -36,7 +38,7 @@ __all__ = [
     "expect",
     "mass_findings",
     "point_faults",
-    "refuse_ranking",
+    "size_findings",
     "stage_reporter",
 ]
 
@@ -52,92 +54,51 @@ def mass_findings(case: Case, surface: ResponseSurface) -> tuple[Finding, ...]:
     return (Finding("mass-at-resonance", "warning", "m", quantities(points=len(points))),)
 
 
-def point_faults(case: Case, surface: ResponseSurface | MultisineSpectra | None = None) -> list[str]:
+def point_faults(case: Case, table: ResponseSurface | MultisineSpectra) -> list[str]:
     """Say why identification or ranking could not use the points of a test; nothing where they can.
 
     Parameters
     ----------
     case
         As it was read.
-    surface
-        Of a measured case; of a virtual test all points count as settled, for none is simulated.
+    table
+        What was measured, or planned: of a virtual test all points count as settled, for none is simulated.
 
     Returns
     -------
     list of str
         One sentence a fault, ``file: place: what; what is allowed``.
     """
-    if surface is None and isinstance(case.test, MultisineTest):
-        surface = _planned_records(case.test)
-    elif surface is None and isinstance(case.test, SimulatedTest):
-        surface = _planned(case.test)
-    if surface is None:
-        return []
-    if isinstance(surface, MultisineSpectra):
-        return _line_faults(case, surface)
     try:
-        points = select_points(gather_repeats(surface)[0], case.model)
+        faults = _faults_of(table, case)
     except RsgenError as fault:
-        return [f"{case.path.name}: {' '.join(str(fault).split())}"]
-    return [f"{case.path.name}: model: {text}" for text in _rank_faults(case, surface, points)]
+        faults = [" ".join(str(fault).split())]
+    return [f"{case.path.name}: {text}" for text in faults]
 
 
-def refuse_ranking(case: Case) -> None:
-    """Refuse a ranking on a multisine.
-
-    Raises
-    ------
-    RsgenError
-        The case asks for one.
-    """
-    if case.ranked:
-        raise RsgenError(
-            f"{case.path.name}: model: 'rank' compares laws on a response surface; of a multisine identify "
-            "one law after the other, and compare their misfits"
-        )
+@singledispatch
+def _faults_of(table: Any, case: Case) -> list[str]:
+    points = select_points(gather_repeats(table)[0], case.model)
+    return [f"model: {text}" for text in _rank_faults(case, table, points)]
 
 
-def _unranked(case: Case) -> list[str]:
-    """Refuse a ranking on a multisine."""
-    try:
-        refuse_ranking(case)
-    except RsgenError as fault:
-        return [str(fault)]
+@_faults_of.register
+def _(table: MultisineSpectra, case: Case) -> list[str]:
+    refuse_across(case.model)
+    check_records(table, case.observation)
     return []
 
 
-def _line_faults(case: Case, spectra: MultisineSpectra) -> list[str]:
-    """What identification would refuse of records of a multisine."""
-    place, observation = case.path.name, case.observation
-    faults = _unranked(case)
-    try:
-        refuse_across(case.model)
-        check_records(spectra, observation)
-    except RsgenError as fault:
-        faults.append(f"{place}: {fault}")
-    return faults
+@singledispatch
+def size_findings(table: Any, case: Case) -> list[Finding]:
+    """Find what no vibration test can have, and a mass that the points do not tell."""
+    odd = plausibility_findings(table, calibrated=case.observation.calibrated)
+    return [*odd, *mass_findings(case, table)]
 
 
-def _planned(test: SimulatedTest) -> ResponseSurface:
-    """The grid of a virtual test, as if every point had settled with the same response."""
-    # a phase-locked loop finds its frequency: any in the band stands for it
-    frequencies = np.resize(test.frequency, test.per_level)
-    level, frequency = np.meshgrid(test.level, frequencies, indexing="ij")
-    return ResponseSurface(
-        level.ravel(),
-        frequency.ravel(),
-        1.0,
-        np.ones(level.size, complex),
-        sweep="rest",
-        control=test.control,
-        base=test.base or "",
-    )
-
-
-def _planned_records(test: MultisineTest) -> MultisineSpectra:
-    """A record of each level of a virtual multisine, with a response."""
-    lines = np.ones((len(test.level), 1, 2), complex)
-    return MultisineSpectra(test.level, 2 * np.pi / test.period, lines, lines)
+@size_findings.register
+def _(table: MultisineSpectra, case: Case) -> list[Finding]:
+    return list(implausible(table)) if case.observation.calibrated else []
 
 
 def _rank_faults(case: Case, surface: ResponseSurface, points: Points) -> list[str]:
@@ -148,7 +109,7 @@ def _rank_faults(case: Case, surface: ResponseSurface, points: Points) -> list[s
         faults.append("'rank' compares laws by force and phase; a phase, or the law itself, is needed")
     if case.model.mass is None and np.ptp(points.omega) == 0:
         faults.append("'rank' needs the mass, or tests at more than one frequency")
-    elif not isinstance(case.test, SimulatedTest) and mass_findings(case, surface):
+    elif mass_findings(case, surface):
         faults.append("'rank' needs the mass, or points off phase resonance")
     return faults
 

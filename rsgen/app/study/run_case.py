@@ -10,7 +10,9 @@ import time
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from fnmatch import fnmatch
+from functools import singledispatch
 from pathlib import Path
+from typing import Any, cast
 
 import rsgen.report
 from rsgen.analysis.comparison import compare
@@ -22,14 +24,14 @@ from rsgen.app.study.folder import (
     replaced_folder,
     write_manifest,
 )
-from rsgen.app.study.foresight import Progress, refuse_ranking, stage_reporter
+from rsgen.app.study.foresight import Progress, stage_reporter
 from rsgen.cases import Case, load_case
 from rsgen.cases.trial import law_faults
 from rsgen.common.errors import CaseError, RsgenError, program_fault
 from rsgen.common.finding import StatedVerdict
 from rsgen.data.multisine import MultisineSpectra
 from rsgen.data.surface import ResponseSurface, load_surface
-from rsgen.dynamics.simulation import MultisineTest, simulate
+from rsgen.dynamics.simulation import simulate
 from rsgen.files import MeasuredTest, read_measurement
 from rsgen.identification.identify import identify
 from rsgen.identification.ranking import identify_best
@@ -84,13 +86,13 @@ class CaseRun:
 
 def _inputs(case: Case) -> dict[str, str | None]:
     """SHA-256 of the case and of its measured files: of several, the hash of their hashes."""
-    if not isinstance(case.test, MeasuredTest):
-        return {"case": case.sha256}
     try:
         hashes = [file_hash(path) for path in case.test.all_files]
     except OSError:
         # reading it will say what is wrong, in a sentence
         return {"case": case.sha256, "data": None}
+    if not hashes:
+        return {"case": case.sha256}
     data = hashes[0] if len(hashes) == 1 else hashlib.sha256("".join(hashes).encode()).hexdigest()
     return {"case": case.sha256, "data": data}
 
@@ -141,16 +143,23 @@ def obtain_table(
     Raises
     ------
     RsgenError
-        A file cannot be read, or a simulated case has no true values.
+        A file cannot be read.
     """
-    if isinstance(case.test, MeasuredTest):
-        table = read_measurement(case.test)
-        return table.on_mass(case.model.mass) if isinstance(table, ResponseSurface) else table
-    if case.oscillator is None:
-        raise RsgenError(f"{case.path.name}: truth: is missing; a simulated case needs it")
-    if isinstance(case.test, MultisineTest):
-        return simulate(case.oscillator, case.test)
-    return simulate(case.oscillator, case.test, progress=progress).on_mass(case.model.mass)
+    return _records(case.test, case.oscillator, progress).on_mass(case.model.mass)
+
+
+@singledispatch
+def _records(
+    test: Any, oscillator: Any, progress: Callable[[float], None]
+) -> ResponseSurface | MultisineSpectra:
+    """Simulate a virtual test."""
+    table: ResponseSurface | MultisineSpectra = simulate(oscillator, test, progress=progress)
+    return table
+
+
+@_records.register
+def _(test: MeasuredTest, *_: object) -> ResponseSurface | MultisineSpectra:
+    return read_measurement(test)
 
 
 def obtain_surface(case: Case, progress: Callable[[float], None] = lambda share: None) -> ResponseSurface:
@@ -161,13 +170,12 @@ def obtain_surface(case: Case, progress: Callable[[float], None] = lambda share:
     RsgenError
         As ``obtain_table``, or the test is a multisine.
     """
-    table = obtain_table(case, progress)
-    if isinstance(table, MultisineSpectra):
+    if case.test.many_lines:
         raise RsgenError(
             f"{case.path.name}: test.excitation: a multisine has no response surface; rsgen run and rsgen "
             "identify take its spectra"
         )
-    return table
+    return cast("ResponseSurface", obtain_table(case, progress))
 
 
 def identify_case(case: Case, table: ResponseSurface | MultisineSpectra) -> Identification:
@@ -176,21 +184,11 @@ def identify_case(case: Case, table: ResponseSurface | MultisineSpectra) -> Iden
     Raises
     ------
     RsgenError
-        As ``identify`` and ``rank``; or laws are to be ranked on a multisine.
+        As ``identify`` and ``rank``.
     """
-    if isinstance(table, MultisineSpectra):
-        refuse_ranking(case)
-    if isinstance(table, MultisineSpectra) or not case.ranked:
-        return identify(table, case.model)
-    return identify_best(table, case.model)
-
-
-def _many_lines(case: Case) -> bool:
-    """Whether the test is a multisine, whose spectra are read anew: that is quicker than their file."""
-    if isinstance(case.test, MultisineTest):
-        return True
-    rule = case.test.history if isinstance(case.test, MeasuredTest) else None
-    return rule is not None and rule.excitation == "multisine"
+    if case.ranked:
+        return identify_best(cast("ResponseSurface", table), case.model)
+    return identify(table, case.model)
 
 
 def _saved_surface(case: Case, out: Path) -> ResponseSurface:
@@ -215,14 +213,12 @@ def _execute(
     if refused:
         raise CaseError(refused)
     report("surface", 0.0)
-    seed = None
-    if not isinstance(case.test, MeasuredTest) and case.test.noise_relative > 0:
-        seed = case.test.seed
     with replaced_folder(out, case.name) as folder:
         inputs = _inputs(case)
         started = time.perf_counter()
         surface: ResponseSurface | MultisineSpectra
-        if reuse_surface and not _many_lines(case):
+        # spectra are made anew, which is quicker than their file
+        if reuse_surface and not case.test.many_lines:
             surface = _saved_surface(case, out)
         else:
             surface = obtain_table(case, lambda share: report("surface", share))
@@ -238,7 +234,7 @@ def _execute(
             # rsgen.report imports pages and figures, 0.5 s, when one of its names is first used
             rsgen.report.write_report(folder, *results, durations=durations, command=command, figures=figures)
         passed, verdict = _said(folder)
-        write_manifest(folder, inputs, seed, command)
+        write_manifest(folder, inputs, case.test.noise_seed, command)
     return CaseRun(case.path, case.name, out / case.name, passed, verdict=verdict)
 
 

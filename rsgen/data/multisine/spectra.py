@@ -126,6 +126,20 @@ class MultisineSpectra(Printed):
         return int(self.force.shape[1])
 
     @property
+    def level_unit(self) -> str:
+        """Unit of the levels."""
+        return "N"
+
+    @property
+    def per_mass(self) -> bool:
+        """Whether forces are per mass: never, they are in newtons."""
+        return False
+
+    def on_mass(self, mass: float | None) -> MultisineSpectra:
+        """Return the same test: its forces are in newtons."""
+        return self
+
+    @property
     def lines(self) -> NDArray[np.intp]:
         """(H+1,) 0, 1, ..., H."""
         return np.arange(self.force.shape[2])
@@ -159,6 +173,27 @@ class MultisineSpectra(Printed):
     def levels(self) -> Array:
         """Distinct levels [N], ascending."""
         return np.unique(self.level)
+
+    @property
+    def extent(self) -> dict[str, Any]:
+        """How many points there are and where they lie: a point is an excited line of a record."""
+        lines = self.excited().any(axis=0)
+        frequency = self.frequency[lines]
+        return {
+            "levels": len(self.levels),
+            "points": int(lines.sum()) * len(self),
+            "sweeps": [],
+            "lowest_frequency": float(frequency.min()),
+            "highest_frequency": float(frequency.max()),
+            "records": len(self),
+            "periods": self.periods,
+        }
+
+    @property
+    def provenance(self) -> dict[str, str]:
+        """Name and size, for the provenance of a result."""
+        size = f"{len(self)} records of {self.periods} periods, {self.lines[-1]} lines"
+        return {"Spectra": f"{self.origin}, {size}"}
 
     def rms_force(self) -> Array:
         """(r,) root mean square of the force, without its mean [N]."""

@@ -322,6 +322,22 @@ class ResponseSurface:
         return match_level(self.levels, asked)
 
     @property
+    def extent(self) -> dict[str, Any]:
+        """How many points there are and where they lie."""
+        return {
+            "levels": len(self.levels),
+            "points": len(self),
+            "sweeps": sorted(set(map(str, self.sweep))),
+            "lowest_frequency": float(self.frequency.min()),
+            "highest_frequency": float(self.frequency.max()),
+        }
+
+    @property
+    def provenance(self) -> dict[str, str]:
+        """Name and size, for the provenance of a result."""
+        return {"Surface": f"{self.origin}, {len(self)} points"}
+
+    @property
     def level_names(self) -> str:
         """All levels as a message lists them, with their labels where they have any."""
         names = [f"{level:g}" for level in self.levels]

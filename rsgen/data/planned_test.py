@@ -1,0 +1,74 @@
+"""What any test says of itself before it is run or read."""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from rsgen.common.arrays import Array
+
+if TYPE_CHECKING:
+    from rsgen.data.multisine import MultisineSpectra
+    from rsgen.data.surface import ResponseSurface
+
+__all__ = ["PlannedTest"]
+
+
+class PlannedTest(ABC):
+    """A test, simulated or measured, with the answers of one of which nothing is known beforehand."""
+
+    __slots__ = ()
+
+    @property
+    def all_files(self) -> tuple[Path, ...]:
+        """The measured files, each once."""
+        return ()
+
+    @property
+    def many_lines(self) -> bool:
+        """Whether the force of a record has many lines, so that the test leaves spectra and no surface."""
+        return False
+
+    @property
+    def in_time(self) -> bool:
+        """Whether the law is integrated in time."""
+        return False
+
+    @property
+    def settles(self) -> bool:
+        """Whether a motion must settle under a given force before it counts."""
+        return False
+
+    @property
+    def ends(self) -> Array:
+        """(e,) frequencies [Hz] at which a law is tried with sines before the run."""
+        return np.zeros(0)
+
+    @property
+    def planned_levels(self) -> Array:
+        """(l,) levels that are known beforehand."""
+        return np.zeros(0)
+
+    @property
+    def noise_seed(self) -> int | None:
+        """Seed of simulated noise; None without it."""
+        return None
+
+    def known_mass(self, mass: float | None) -> float | None:
+        """Return the mass [kg] that identification is given, of that of the case; None: it is identified."""
+        return mass
+
+    def planned(self) -> ResponseSurface | MultisineSpectra | None:
+        """Return the records as they are planned, each with the same response; None: the files say."""
+        return None
+
+    @abstractmethod
+    def summary(self) -> dict[str, Any]:
+        """Return what the test is, beside the extent of its records."""
+
+    @abstractmethod
+    def origin(self) -> dict[str, str]:
+        """Return names and values for the provenance of a result."""
