@@ -2,13 +2,11 @@
 
 from __future__ import annotations
 
-import os
 from typing import Any
 
 from rsgen.app.cli.derive_command import sentences_of_elements
 from rsgen.app.cli.options import Cases, Data, Json
 from rsgen.app.cli.terminal import ACCEPTED, FAULTY, print_faults, print_json, print_line
-from rsgen.app.study import STAGES, expect
 from rsgen.app.study.foresight import point_faults, size_findings
 from rsgen.cases import Case, find_cases, load_case, name_clashes, read
 from rsgen.cases.trial import law_faults, law_notes
@@ -16,16 +14,6 @@ from rsgen.common.errors import CaseError, MeasurementError, RsgenError, program
 from rsgen.report.wording import sentence
 
 __all__ = ["check_command"]
-
-
-_BUSY = 1.5
-"""Times longer than on a free processor: less is within what the estimate promises."""
-
-
-def _processor_seconds() -> float:
-    """Of this process and of those that opened binary files for it."""
-    used = os.times()
-    return used.user + used.system + used.children_user + used.children_system
 
 
 def _plan(case: Case) -> dict[str, Any]:
@@ -36,10 +24,8 @@ def _plan(case: Case) -> dict[str, Any]:
     CaseError
         It would refuse the points of the test.
     """
-    started = _processor_seconds()
     planned = case.test.planned()
     table = read(case) if planned is None else planned
-    reading = _processor_seconds() - started
     faults = point_faults(case, table)
     if faults:
         raise CaseError(faults)
@@ -47,7 +33,6 @@ def _plan(case: Case) -> dict[str, Any]:
     finds_mass = case.model.mass is None and not table.per_mass
     finds_mass &= all(finding.code != "mass-at-resonance" for finding in findings)
     notes = (*sentences_of_elements(case.model.elements), *law_notes(case), *map(sentence, findings))
-    expected = expect(case, table, reading)
     return {
         "case": case.name,
         "title": case.title,
@@ -56,23 +41,7 @@ def _plan(case: Case) -> dict[str, Any]:
         "warnings": [*case.warnings, *notes],
         **table.extent,
         **case.test.summary(),
-        "seconds": {stage: round(seconds, 1) for stage, seconds in expected.seconds.items()},
-        "seconds_processor": round(expected.total),
-        "seconds_total": round(expected.total * expected.crowding),
-        "megabytes": expected.megabytes,
     }
-
-
-def _takes(plan: dict[str, Any]) -> str:
-    surface, identification, report = (f"{plan['seconds'][stage]:.0f} s" for stage in STAGES)
-    work = "simulation" if plan["kind"] == "simulated" else "reading"
-    busy = ""
-    if plan["seconds_total"] > _BUSY * plan["seconds_processor"]:
-        busy = f", beside other programs about {plan['seconds_total']} s"
-    return (
-        f"about {plan['seconds_processor']} s ({work} {surface}, identification {identification}, report "
-        f"{report}){busy}, and {plan['megabytes']} MB"
-    )
 
 
 def _describe(plan: dict[str, Any]) -> str:
@@ -88,7 +57,7 @@ def _describe(plan: dict[str, Any]) -> str:
         if "periods" in plan:
             records = f"{plan['records']} records of {plan['periods']} periods"
             what = f"{plan['points']} excited lines of {records} at {levels}, {band}"
-    return f"{plan['case']}: {what}; {_takes(plan)}; identifies {names}"
+    return f"{plan['case']}: {what}; identifies {names}"
 
 
 def check_command(cases: Cases, data: Data = None, json: Json = False) -> int:

@@ -85,7 +85,7 @@ def identify_command(
     target = check_target(frf, ".uff", "--frf") if frf else None
     if target:
         refuse_foreign(target, is_foreign(target, FRF), inputs_of(loaded, surface), "--frf")
-    with stage_progress(loaded, "surface", "identification") as note:
+    with stage_progress(loaded) as note:
         note("surface", 0.0)
         tested = load_surface(surface) if surface else obtain_table(loaded)
         note("identification", 0.0)

@@ -41,7 +41,7 @@ def simulate_command(
         raise CaseError(refused)
     target = out or Path(f"{loaded.name}.h5")
     refuse_foreign(target, is_foreign(target, SURFACE), inputs_of(loaded))
-    with stage_progress(loaded, "surface") as note:
+    with stage_progress(loaded) as note:
         surface = obtain_surface(loaded, lambda share: note("surface", share))
     save_surface(target, surface)
     settled = int(surface.settled.sum())

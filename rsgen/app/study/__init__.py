@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from rsgen.app.study.folder import MANIFEST, read_manifest
-from rsgen.app.study.foresight import STAGES, Expectation, Step, expect
+from rsgen.app.study.foresight import STAGES, Step
 from rsgen.app.study.run_case import CaseRun, obtain_surface, obtain_table, run_case
 from rsgen.common import on_first_use
 
@@ -16,9 +16,7 @@ __all__ = [
     "MANIFEST",
     "STAGES",
     "CaseRun",
-    "Expectation",
     "Step",
-    "expect",
     "obtain_surface",
     "obtain_table",
     "read_manifest",

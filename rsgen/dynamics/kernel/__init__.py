@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from rsgen.dynamics.kernel.compiled import Integrated, Kernel, compile_kernel
 from rsgen.dynamics.kernel.generation import generate, parameter_order
-from rsgen.dynamics.kernel.store import cache_fault, cache_folder, is_stored
+from rsgen.dynamics.kernel.store import cache_fault, cache_folder
 
 __all__ = [
     "Integrated",
@@ -13,6 +13,5 @@ __all__ = [
     "cache_folder",
     "compile_kernel",
     "generate",
-    "is_stored",
     "parameter_order",
 ]

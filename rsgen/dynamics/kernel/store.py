@@ -38,7 +38,6 @@ __all__ = [
     "cache_folder",
     "compile_source",
     "host",
-    "is_stored",
     "load_kernel",
     "load_object",
     "open_private_folder",
@@ -432,12 +431,6 @@ def _stored(key: str) -> tuple[bytes, str] | None:
         return None
     symbol, _, code = content.partition(b"\0")
     return code, symbol.decode()
-
-
-def is_stored(source: str) -> bool:
-    """Whether a kernel source was compiled before, so that loading it takes no time."""
-    key = _key(source)
-    return key in _loaded or _stored(key) is not None
 
 
 def _compiled(key: str, source: str) -> tuple[bytes, str]:
