@@ -26,6 +26,7 @@ __all__ = [
     "Observation",
     "Oscillator",
     "join_model",
+    "refuse_across",
     "total_force",
 ]
 
@@ -127,6 +128,11 @@ class _Elements:
     def force(self) -> sympy.Expr:
         """n(x, v) [N], the sum of all element forces."""
         return total_force(self.elements)
+
+    @property
+    def sensors(self) -> str:
+        """Between which sensors elements act, "" where all follow the response."""
+        return max((element.across for element in self.elements), default="")
 
     @property
     def parameters(self) -> tuple[str, ...]:
@@ -276,6 +282,40 @@ class Model(_Elements):
         mass = "" if self.mass is None else f", mass={self.mass:g}"
         observed = "" if self.observation == Observation() else f", observation={self.observation!r}"
         return f"Model({self._law}{mass}{observed})"
+
+
+_ALONG_ONE_MOTION = {
+    "background": "background: other modes take part already in the motion across {!r}; 'none' or 'phase' is "
+    "needed",
+    "phases": "across: phases were not recorded; elements across {!r} need them",
+    "multisine": "element: acts across {!r}, but a multisine is identified with the motion of one sensor; "
+    "make the response that difference, or measure stepped or swept sines",
+    "ranking": "ranking: the test has a motion across two sensors, and laws are compared along one motion; "
+    "give the law, or a surface without it",
+    "levels": "levels: the law acts across {!r}, whose motion is known only where it was measured; leave "
+    "levels out and give the surface, for a score of its held-out levels",
+}
+"""What is not determined along two motions, with the reason and what to do instead."""
+
+
+def refuse_across(sensors: str | int, **asked: bool) -> None:
+    """Refuse what is not determined along two motions.
+
+    Parameters
+    ----------
+    sensors
+        Between which elements act, or how many columns of the motion there a test has; "" or 0: one motion.
+    asked
+        Which entries of ``_ALONG_ONE_MOTION`` are asked for.
+
+    Raises
+    ------
+    RsgenError
+        One is.
+    """
+    reasons = [_ALONG_ONE_MOTION[name] for name, wanted in asked.items() if wanted]
+    if sensors and reasons:
+        raise RsgenError(reasons[0].format(sensors))
 
 
 def join_model(

@@ -14,7 +14,7 @@ from rsgen.common.arrays import Array, ComplexArray
 from rsgen.common.errors import RsgenError
 from rsgen.common.finding import Finding, Quantity, Severity, quantities
 from rsgen.common.tolerances import ERRORS, EXCESS, LARGE, QUICK, SAME_NUMBER
-from rsgen.data.oscillator import Model
+from rsgen.data.oscillator import Model, refuse_across
 from rsgen.data.surface import ResponseSurface
 from rsgen.data.surface.plausibility import plausibility_findings
 from rsgen.dynamics.linear_part import background_terms
@@ -53,12 +53,10 @@ from rsgen.identification.results.estimates import (
     with_combinations,
 )
 from rsgen.identification.soundness import (
+    across_findings,
     aside_findings,
     feeding_findings,
-    left_out_findings,
     limit_findings,
-    misfit_across_findings,
-    noise_across_findings,
     sign_findings,
 )
 from rsgen.identification.starting.start import with_phase
@@ -93,18 +91,9 @@ def prepare(surface: ResponseSurface, model: Model) -> Prepared:
     """
     surface, repeats = gather_repeats(surface)
     points = select_points(surface, model)
-    across = points.across is not None and bool(np.any(points.across[:, 0]))
-    law = law_of(model.elements, across=points.across is not None, means=(0 in points.measured, across))
-    if law.acts_across and model.observation.background not in ("none", "phase"):
-        raise RsgenError(
-            f"background: {model.observation.background!r} beside a motion across two sensors, in which "
-            "other modes take part already; 'none' or 'phase' is needed"
-        )
-    if law.acts_across and not surface.phase_known:
-        raise RsgenError("across: phases were not recorded; elements across two sensors need them")
-    if law.odd and points.asymmetric and not law.acts_across:
-        # an odd law has motions that are not: in one well of two, or after the symmetry breaks
-        law = replace(law, odd=False)
+    law = law_of(model.elements, points)
+    beside = model.observation.background not in ("none", "phase")
+    refuse_across(model.sensors, background=beside, phases=not surface.phase_known)
     observed = Observed.of(points, model.observation.background, phase_known=surface.phase_known)
     return Prepared(surface, repeats, points, Problem(model.elements, law, observed, model.mass))
 
@@ -357,7 +346,8 @@ def judge(test: Prepared, model: Model, refined: Fit) -> Identification:
         about = (*about, Finding("per-unit-mass", "info"))
     about = (*about, *resonance_findings(kept, model.mass, law, outcome["misfit"]))
     about = (*about, *feeding_findings(points, refined, estimates))
-    about = (*about, *_across(refined, estimates, misfits=misfits))
+    errors = np.array([e.standard_error if e.identifiable else np.nan for e in estimates])
+    about = (*about, *across_findings(refined, errors, misfits=misfits))
     known = {e.name for e in estimates if np.isfinite(e.value)}
     general = Findings(surface, points, refined, resonances, agreement)
     collected = general.collect(of_parameters, about, calibrated=model.observation.calibrated)
@@ -381,13 +371,6 @@ def judge(test: Prepared, model: Model, refined: Fit) -> Identification:
         background=_background(refined, whole, per_mass=surface.per_mass),
         findings=(*about, *law_remarks(model.force), *mirror_findings(test.problem, known), *collected),
     )
-
-
-def _across(refined: Fit, estimates: tuple[Estimate, ...], *, misfits: bool) -> tuple[Finding, ...]:
-    """What sensors on both sides of a joint leave open of the values."""
-    errors = np.array([e.standard_error if e.identifiable else np.nan for e in estimates])
-    unexplained = misfit_across_findings(refined) if misfits else ()
-    return (*left_out_findings(refined, errors), *noise_across_findings(refined), *unexplained)
 
 
 def _with_repeats(

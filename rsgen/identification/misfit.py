@@ -115,10 +115,9 @@ def misfit_findings(
     found = [Finding("law-does-not-fit", severity, numbers=numbers, names=names)]
     observed = fit.problem.observed
     # other modes are part of a measured motion across: there is no background beside it
-    across = fit.problem.law.acts_across
-    if surface.origin == "measured" and observed.kind == "none" and observed.phase_known and not across:
+    trials = {} if fit.problem.law.acts_across else _with_backgrounds(fit)
+    if trials and surface.origin == "measured" and observed.kind == "none" and observed.phase_known:
         found.append(_background_proposal(points, resonances))
-    trials = {} if across else _with_backgrounds(fit)
     if not names:
         # a term that is missing misses some levels more than others, as dry friction the lowest
         found += _level_apart(points, regression, surface.level_unit)
@@ -173,11 +172,10 @@ def fit_near(problem: Problem, parameters: Array, *, order: int) -> Fit:
 
 def law_with(problem: Problem, *terms: str) -> ForceLaw:
     """Add terms to the law, across two sensors where some elements act there; "" is none."""
-    across = problem.law.acts_across
-    place = problem.sensors if across else ""
+    place = problem.law.parts[-1].sensors
     forces = with_coefficients([term for term in terms if term], problem.law.parameters)
     more = [make_element("term beside the law", force, across=place) for force in forces.values()]
-    return law_of((*problem.elements, *more), across=across)
+    return law_of((*problem.elements, *more))
 
 
 def free_curves_leave(fit: Fit, points: Points) -> float:

@@ -306,8 +306,9 @@ def modal_table(
         # there is nothing to identify
         model = replace(model, mass=1.0)
     means, _ = gather_repeats(surface)
+    points = select_points(means, model)
     # a table is of the response alone
-    points = replace(select_points(means, model), across=None)
+    points = replace(points, across=points.across[:, :0])
     # what a trial makes infinite or undefined has no prediction there, and is dealt with as such
     with np.errstate(all="ignore"):
         seen = _see(points, model, phase_known=surface.phase_known)
@@ -485,7 +486,7 @@ def _table(modal: ModeProblem, found: Regression, surface: ResponseSurface, mode
     gap = gap_of(modal.seen.mode) if near_resonance(modal.seen.mode) else None
     if gap is not None:
         findings += (gap.finding(severity="warning"),)
-    if surface.across is not None:
+    if surface.across.shape[1]:
         findings += (Finding("modal-across", "info"),)
     sure = not (modal.assumed or surface.per_mass)
     return ModalTable(

@@ -352,13 +352,16 @@ def _splines(at: Array, knots: Array) -> Array:
 
 def _dynamic(surface: ResponseSurface, found: Fit) -> tuple[Array, ComplexArray]:
     """Amplitude (n,) [m] that the law follows, and what it gives there over it, k + i omega c [N/m]."""
-    law, response, omega = found.problem.law, surface.harmonics[:, 1], surface.omega
-    if not law.acts_across or surface.across is None:
-        return np.abs(response), surface.force / response + found.mass * omega**2
-    here = law.parts[0]
-    own = here.law.along(sine_motion(omega, response), found.values[here.parameters], SAMPLES_SWITCHED)
-    left = surface.force + found.mass * omega**2 * response - project(own.force, 1)
-    return np.abs(surface.across[:, 1]), left / surface.across[:, 1]
+    motions, omega = (surface.harmonics, surface.across), surface.omega
+    response = motions[0][:, 1]
+    left = surface.force + found.mass * omega**2 * response
+    others = found.problem.law.parts[:-1]
+    for part, harmonics in zip(others, motions, strict=False):
+        motion = sine_motion(omega, harmonics[:, 1])
+        own = part.law.along(motion, found.values[part.parameters], SAMPLES_SWITCHED)
+        left = left - project(own.force, 1)
+    followed = motions[len(others)][:, 1]
+    return np.abs(followed), left / followed
 
 
 def equivalent_curve(

@@ -41,12 +41,10 @@ from rsgen.law.numeric import ForceLaw, Part
 from rsgen.law.switched_sum import ForceSample
 
 __all__ = [
+    "across_findings",
     "aside_findings",
     "feeding_findings",
-    "left_out_findings",
     "limit_findings",
-    "misfit_across_findings",
-    "noise_across_findings",
     "runs_away",
     "sign_findings",
 ]
@@ -183,9 +181,11 @@ def sign_findings(points: Points, fit: Fit, wider: Array) -> list[Finding]:
         error = float(np.linalg.norm(basis[len(problem.law.parameters)]))
         if fit.mass < -CHANCE * error:
             found.append(Finding("mass-negative", "error", "m", {"mass": Quantity(fit.mass, "kg")}))
-    for part, followed in _followed(points, fit):
+    for motion, (part, followed) in enumerate(_followed(points, fit)):
         place = part.parameters
-        found += _signs_at(part, followed, fit.values[place], basis[place], problem.sensors)
+        stiffness, damping = _signs_at(part, followed, fit.values[place], basis[place])
+        found += _sign_finding(("stiffness-negative", "stiffness-negative-across")[motion], stiffness, part)
+        found += _sign_finding(("damping-negative", "damping-negative-across")[motion], damping, part)
     return found
 
 
@@ -219,7 +219,11 @@ def _followed(points: Points, fit: Fit) -> list[tuple[Part, Motion]]:
     return list(zip(law.parts, motions_of(law, motion, points.select(some)), strict=True))
 
 
-def _signs_at(place: Part, motion: Motion, values: Array, basis: Array, sensors: str) -> list[Finding]:
+_Negative = dict[str, Quantity]
+"""Where k(X) or c(X) is negative, and how much; empty where it is not."""
+
+
+def _signs_at(place: Part, motion: Motion, values: Array, basis: Array) -> tuple[_Negative, _Negative]:
     """Find a negative k(X) or c(X) of the elements at one place; (p, r) ``basis`` of errors of its values.
 
     c is the work of a cycle over that of a damper of 1 N s/m: of a motion that is no sine the fundamental
@@ -227,7 +231,7 @@ def _signs_at(place: Part, motion: Motion, values: Array, basis: Array, sensors:
     """
     motion = motion.select(np.abs(motion.harmonics[:, 1]) > 0)
     if not len(motion):
-        return []
+        return {}, {}
     samples = max(samples_for(place.law.switched), 8 * len(motion.orders))
     sample, velocity = place.law.along(motion, values, samples), motion.waveforms(samples)[1]
     size, rate = motion.harmonics[:, 1], velocity / np.mean(velocity**2, axis=1, keepdims=True)
@@ -242,16 +246,7 @@ def _signs_at(place: Part, motion: Motion, values: Array, basis: Array, sensors:
     if damping and np.sum(c * speed**2) > 0 and _is_active(place.law, sample, velocity, values):
         # some of the tested motions may live on what such a damper feeds, but not all together
         damping = {}
-    found, names = list[Finding](), {"sensors": sensors}
-    if stiffness and place.across:
-        found.append(Finding("stiffness-negative-across", _sign_severity(stiffness), "", stiffness, names))
-    elif stiffness:
-        found.append(Finding("stiffness-negative", _sign_severity(stiffness), numbers=stiffness))
-    if damping and place.across:
-        found.append(Finding("damping-negative-across", _sign_severity(damping), "", damping, names))
-    elif damping:
-        found.append(Finding("damping-negative", _sign_severity(damping), numbers=damping))
-    return found
+    return stiffness, damping
 
 
 def _stacked(columns: list[Array], like: NDArray[np.complex128]) -> Array:
@@ -273,9 +268,7 @@ def runs_away(fit: Fit) -> bool:
     return not bool(project(force, 1)[0].real > 0)
 
 
-def _negative(
-    size: Array, value: Array, spread: Array, unit: str, least: Array | float = 0.0
-) -> dict[str, Quantity]:
+def _negative(size: Array, value: Array, spread: Array, unit: str, least: Array | float = 0.0) -> _Negative:
     """Where k(X) or c(X) is negative beyond error and ``least``; empty where it is at hardly any point."""
     wrong = value < -CHANCE * np.linalg.norm(spread, axis=1) - least
     share = float(np.mean(wrong))
@@ -289,8 +282,11 @@ def _negative(
     }
 
 
-def _sign_severity(found: dict[str, Quantity]) -> Severity:
-    return "error" if found["share"].value > _MOST else "doubt"
+def _sign_finding(code: str, found: _Negative, part: Part) -> list[Finding]:
+    """Make the finding of what ``_negative`` found of a part of the law; none of nothing."""
+    severity: Severity = "error" if found and found["share"].value > _MOST else "doubt"
+    names = {"sensors": part.sensors} if part.sensors else {}
+    return [Finding(code, severity, "", found, names)] if found else []
 
 
 _OF_NOISE = 0.2
@@ -311,8 +307,8 @@ at a quarter a stiffness across was 14 % too large on the average, and 17 % of i
 # within 20 % of the exact one, 30 % where it meets a mode.
 
 
-def left_out_findings(found: Fit, errors: Array) -> tuple[Finding, ...]:
-    """Say how far values would move with the harmonics across that were not recorded; none or one finding.
+def across_findings(found: Fit, errors: Array, *, misfits: bool) -> tuple[Finding, ...]:
+    """Find what sensors on both sides of a joint leave open of the values.
 
     Parameters
     ----------
@@ -321,15 +317,25 @@ def left_out_findings(found: Fit, errors: Array) -> tuple[Finding, ...]:
     errors
         (q,) standard errors of the values of the law and of a free mass, as they are stated; NaN where one is
         not identifiable: it is not looked at.
+    misfits
+        Whether the misfit is systematic.
     """
+    if not found.problem.law.acts_across:
+        return ()
+    unexplained = _misfit_across(found) if misfits else ()
+    return (*_left_out(found, errors), *_noise_across(found), *unexplained)
+
+
+def _left_out(found: Fit, errors: Array) -> tuple[Finding, ...]:
+    """Say how far values would move with the harmonics across that were not recorded; none or one finding."""
     law, points = found.problem.law, found.problem.observed.points
     some = np.flatnonzero(found.regression.used)
     some = some[points.select(some).spread(QUICK)]
-    if not law.acts_across or points.across is None or not (found.mass > 0 and len(some)):
+    if not (found.mass > 0 and len(some)):
         return ()
     problem = found.problem.select(some)
     measured = problem.observed.mode(found.background)
-    across = Motion(measured.omega, np.asarray(measured.across))
+    across = Motion(measured.omega, measured.across)
     recorded = np.flatnonzero((across.harmonics != 0).any(axis=0))
     missing = _missing(law, found, across, measured.harmonics[:, 1], recorded)
     moved = _moved(problem, found.regression.parameters, across.harmonics, missing)
@@ -350,35 +356,36 @@ def left_out_findings(found: Fit, errors: Array) -> tuple[Finding, ...]:
         moved=float(share[worst]),
         times=float(times[worst]),
     )
-    names = {"sensors": problem.sensors}
+    names = {"sensors": law.parts[-1].sensors}
     return (Finding("harmonics-across-left-out", severity, law.parameters[worst], numbers, names),)
 
 
-def noise_across_findings(found: Fit) -> tuple[Finding, ...]:
+def _noise_across(found: Fit) -> tuple[Finding, ...]:
     """Doubt values where noise of the two sensors is what the fit knows of some combination of them."""
     problem, share = found.problem, found.regression.noise_share
-    if not (problem.sensors and share > _OF_NOISE):
+    if not share > _OF_NOISE:
         return ()
     numbers = quantities(noise=sensor_pair(problem.observed.points).noise, part=share)
-    return (Finding("noise-across", "doubt", "", numbers, {"sensors": problem.sensors}),)
+    return (Finding("noise-across", "doubt", "", numbers, {"sensors": problem.law.parts[-1].sensors}),)
 
 
-def misfit_across_findings(found: Fit) -> tuple[Finding, ...]:
+def _misfit_across(found: Fit) -> tuple[Finding, ...]:
     """Doubt a systematic misfit that the sensors do not explain where harmonics across were not recorded.
 
     A joint that bends the motion across it is another one along a sine, and its law may fit all but a per
     cent with values that are nowhere near.
     """
     problem, misfit = found.problem, found.regression.noise
-    across = problem.observed.points.across
-    if not problem.law.acts_across or across is None or (across[:, 2:] != 0).any():
+    points = problem.observed.points
+    higher = points.across[:, 2:]
+    if higher.any():
         return ()
-    noise = sensor_pair(problem.observed.points).noise
+    noise = sensor_pair(points).noise
     # a misfit relative to the response is larger relative to the motion across
-    smaller = float(np.median(np.abs(across[:, 1] / problem.observed.points.harmonics[:, 1])))
+    smaller = float(np.median(np.abs(points.far[:, 0] / points.harmonics[:, 1])))
     if not misfit >= max(EXCESS * noise, NOTICEABLE * min(smaller, 1.0)):
         return ()
-    labels = {"sensors": problem.sensors}
+    labels = {"sensors": problem.law.parts[-1].sensors}
     return (Finding("misfit-across", "doubt", "", quantities(noise=noise, misfit=misfit), labels),)
 
 
@@ -398,7 +405,7 @@ def _missing(
     law: ForceLaw, found: Fit, across: Motion, response: ComplexArray, recorded: NDArray[np.intp]
 ) -> ComplexArray:
     """(n, H+1) harmonics [m] across that the law makes and nobody recorded, in the phase measured."""
-    part = next(part for part in law.parts if part.across)
+    part = law.parts[-1]
     joint, values = part.law, found.values[part.parameters]
     force = project(joint.along(across, values, SAMPLES_SWITCHED).force, 1)
     far = _far_mass(force, response - across.harmonics[:, 1], across.omega)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from difflib import get_close_matches
 from functools import cache
@@ -300,6 +300,14 @@ def make_element(
         except ExpressionError as fault:
             raise ExpressionError(f"memory.{rate.symbol}: {fault}") from None
     return Element(name, law, tuple(free for free in names if free not in ("x", "v")), across)
+
+
+def forces_by_motion(elements: Iterable[Element]) -> dict[str, sympy.Expr]:
+    """Add the forces [N] of elements by the sensors between which they act; "" is the response, and first."""
+    forces: dict[str, sympy.Expr] = {"": sympy.Integer(0)}
+    for element in elements:
+        forces[element.across] = forces.get(element.across, 0) + element.force
+    return forces
 
 
 @dataclass(frozen=True, slots=True)

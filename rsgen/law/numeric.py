@@ -79,13 +79,13 @@ class Part(NamedTuple):
         Of these elements.
     parameters
         (p,) where its parameters stand among those of the whole law.
-    across
-        Whether they follow the motion across two sensors, not the response.
+    sensors
+        Between which sensors that is, "" for the response.
     """
 
     law: ForceLaw
     parameters: NDArray[np.intp]
-    across: bool = False
+    sensors: str = ""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -105,13 +105,16 @@ class ForceLaw(Character):
 
     @property
     def parts(self) -> tuple[Part, ...]:
-        """The law by the motions that its elements follow; most have one part, which is all of it."""
+        """The law by the motions that its elements follow: the response, then that across two sensors.
+
+        Most have one part, which is all of it.
+        """
         return self._parts or (Part(self, np.arange(len(self.parameters))),)
 
     @property
     def acts_across(self) -> bool:
         """Whether some elements follow the motion across two sensors."""
-        return any(part.across for part in self._parts)
+        return len(self._parts) > 1
 
     def sample_parts(self, motions: Sequence[Waves], step: Array, values: Array) -> tuple[ForceSample, ...]:
         """Evaluate each part along its motion, and what every parameter of the law adds; see ``sample``."""

@@ -26,7 +26,6 @@ from rsgen.identification.fitting.points import held_out_mask
 from rsgen.identification.lines import MultisineIdentification
 from rsgen.identification.prediction import Prediction, predict
 from rsgen.identification.prediction.prediction_result import MultisinePrediction, predict_multisine
-from rsgen.identification.prediction.resonance_curves import acts_across
 from rsgen.identification.ranking import Ranking
 from rsgen.identification.results import Identification
 from rsgen.law.notation import mathml
@@ -80,7 +79,7 @@ def draw_all(
 ) -> list[Drawing]:
     """Draw every figure of the report; those that it does not need are left out."""
     drawings = [draw_surface(surface), draw_map(surface), draw_resonance(identification)]
-    if acts_across(identification):
+    if identification.model.sensors:
         # no one amplitude is that of the law: nothing can be drawn over it
         return [*drawings, draw_held_out(prediction)] if prediction.held_out else drawings
     # without a mass no level has a stiffness, and no force of a spring is known; the collapse says so
@@ -242,7 +241,7 @@ def _write_files(
     if not identification.model.force.has(Structural):
         # structural damping exists under periodic motion only, so that nothing simulates it
         write_atomic(place / "kernel.py", kernel.generate(identification.model.force))
-    levels = [] if acts_across(identification) else _levels(surface, identification)
+    levels = [] if identification.model.sensors else _levels(surface, identification)
     prediction = predict(identification, levels or None, surface)
     printed = check_printed(subject, identification)
     modal = tabulate_mode(surface, identification)

@@ -270,11 +270,10 @@ def element_findings(element: Element, identification: Identification) -> list[F
 
 
 def _courses(element: Element, identification: Identification, values: dict[str, float]) -> list[Finding]:
-    low, high = identification.amplitude_range
-    if element.across:
-        # what the element follows, and not the response
-        followed = identification.curve.amplitude[identification.curve.used]
-        low, high = float(followed.min()), float(followed.max())
+    curve = identification.curve.amplitude[identification.curve.used]
+    # those across two sensors do not follow the response
+    followed = {element.across: (float(curve.min()), float(curve.max())), "": identification.amplitude_range}
+    low, high = followed[element.across]
     middle = sum(identification.frequency_range) / 2
     omega = 2 * np.pi * middle
     amplitude = np.unique(np.concatenate([np.linspace(low, high, 41), np.geomspace(low, high, 41)]))

@@ -312,7 +312,7 @@ def build_notebook(
     return render_lesson(
         "notebook/lesson.txt",
         title=case.title or case.name,
-        across=any(element.across for element in case.model.elements),
+        across=bool(case.model.sensors),
         source=case.source,
         name=case.name,
         case_text=case.text,

@@ -17,7 +17,7 @@ VALUES = np.array([0.3, 1.5, 40.0, 9.0, 7.0])
 
 def test_parts_that_follow_one_motion_add_up_to_the_law_of_all_elements():
     elements = [rs.make_element("a", FORCES[0]), rs.make_element("b", FORCES[1], across="near - far")]
-    split, whole = law_of(elements, across=True), compile_law(total_force(elements))
+    split, whole = law_of(elements), compile_law(total_force(elements))
     assert (len(split.parts), split.acts_across, split.parameters) == (2, True, whole.parameters)
     assert (len(whole.parts), whole.acts_across) == (1, False)
     motion = Motion(np.array([2.0, 3.0]), np.array([[0, 1.0, 0, 0.2j], [0, 0.4 - 0.1j, 0, 0.05]]))

@@ -191,7 +191,7 @@ def test_the_beam_with_fifty_readings_a_point(
 def pairs(force: complex, response: complex) -> Repeats:
     """Two readings of each of three points, as far above their mean as below."""
     row, sign = np.repeat(np.arange(3), 2), np.tile([1.0, -1.0], 3)
-    return Repeats(row, np.tile([0, 1], 3), np.full(3, 2), force * sign, response * sign, 0j * sign, 0)
+    return Repeats(row, np.tile([0, 1], 3), np.full(3, 2), force * sign, response * sign, np.zeros((6, 0)), 0)
 
 
 def test_the_noise_of_two_readings_is_that_of_their_difference() -> None:

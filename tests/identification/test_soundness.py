@@ -386,7 +386,7 @@ def aside(which: np.ndarray) -> dict[str, str]:
     ones = np.ones(n, dtype=complex)
     points = Points(
         np.arange(n), level, 2 * np.pi * frequency, np.full(n, "rest"), ones, np.ones((n, 2), complex), (1,),
-        np.ones((n, 2)),
+        np.ones((n, 2)), np.zeros((n, 0)),
     )  # fmt: skip
     found = aside_findings(points, Used(~which), n, "m")  # type: ignore[arg-type]
     assert all(finding.numbers["level"].unit == "m" for finding in found if "level" in finding.numbers)
@@ -401,6 +401,7 @@ def test_noise_at_the_end_of_a_decay_is_not_the_law(large: bool, expected: str) 
     points = Points(
         np.arange(n), np.ones(n), np.full(n, 50.0), np.full(n, "rest"), np.ones(n, complex),
         np.stack([np.zeros(n), size], axis=1).astype(complex), (1,), np.ones((n, 2)),
+        np.zeros((n, 0)),
     )  # fmt: skip
     which = np.zeros(n, bool)
     which[slice(0, 16, 2) if large else slice(24, 40, 2)] = True

@@ -143,7 +143,7 @@ def test_a_delay_between_the_channels_is_named_with_its_size() -> None:
 
 def test_a_law_across_two_sensors_is_refused() -> None:
     law = rsgen.make_element("joint", "k*x + c*v", across="payload - wing")
-    with pytest.raises(RsgenError, match="joint: acts across two sensors"):
+    with pytest.raises(RsgenError, match="acts across 'payload - wing', but a multisine"):
         rsgen.identify(spectra(duffing, SIZES), law)
 
 

@@ -75,7 +75,7 @@ def surface(table: rsgen.ResponseSurface) -> Tree:
     }
     if table.force_harmonics.shape[1] > 2:
         given["force_harmonics"] = columns(table.force_harmonics, 2)
-    if table.across is not None:
+    if table.across.shape[1]:
         given["across"] = columns(table.across, 2)
     return given
 

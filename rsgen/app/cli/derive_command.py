@@ -19,7 +19,7 @@ from rsgen.formula import parse, write
 from rsgen.formula.names import remembers
 from rsgen.formula.units import parameter_units, quantity
 from rsgen.law import Element, notation
-from rsgen.law.element import law_remarks, make_element
+from rsgen.law.element import forces_by_motion, law_remarks, make_element
 from rsgen.law.identifiable import combinations_of
 from rsgen.law.memory import rates_of
 
@@ -43,9 +43,8 @@ __all__ = [
 def sentences_of_elements(elements: Sequence[Element]) -> list[str]:
     """Say it of the elements of a model: those across two sensors follow another motion than the others."""
     found: list[str] = []
-    for place in dict.fromkeys(element.across for element in elements):
-        first, *others = (element.force for element in elements if element.across == place)
-        found += law_sentences(sum(others, start=first))
+    for force in forces_by_motion(elements).values():
+        found += law_sentences(force)
     return found
 
 

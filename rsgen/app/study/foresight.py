@@ -15,7 +15,8 @@ from rsgen.cases import Case
 from rsgen.common.errors import RsgenError
 from rsgen.common.finding import Finding, quantities
 from rsgen.data.multisine import MultisineSpectra, implausible
-from rsgen.data.multisine.spectra import check_records, refuse_across
+from rsgen.data.multisine.spectra import check_records
+from rsgen.data.oscillator import refuse_across
 from rsgen.data.surface import ResponseSurface
 from rsgen.data.surface.plausibility import plausibility_findings
 from rsgen.identification.fitting.points import Points, at_resonance_alone, select_points
@@ -74,7 +75,7 @@ def _faults_of(table: Any, case: Case) -> list[str]:
 
 @_faults_of.register
 def _(table: MultisineSpectra, case: Case) -> list[str]:
-    refuse_across(case.model)
+    refuse_across(case.model.sensors, multisine=True)
     check_records(table, case.observation)
     return []
 

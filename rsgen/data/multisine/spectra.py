@@ -15,14 +15,13 @@ from rsgen.common.finding import Finding
 from rsgen.common.text_table import Printed, TextTable, short
 
 if TYPE_CHECKING:
-    from rsgen.data.oscillator import Model, Observation
+    from rsgen.data.oscillator import Observation
 
 __all__ = [
     "SMOOTHED",
     "MultisineSpectra",
     "check_records",
     "held_out_records",
-    "refuse_across",
     "rms",
     "scatter",
     "smooth",
@@ -355,22 +354,6 @@ def _excited(force: ComplexArray, variance: Array) -> NDArray[np.bool_]:
 
 # ----------------------------------------------------------------------------
 # Which records an identification may use.
-
-
-def refuse_across(model: Model) -> None:
-    """Refuse a law that acts across two sensors: the spectra have the motion of one.
-
-    Raises
-    ------
-    RsgenError
-        An element says so.
-    """
-    names = ", ".join(element.name for element in model.elements if element.across)
-    if names:
-        raise RsgenError(
-            f"element: {names}: acts across two sensors, but a multisine is identified with the motion of "
-            "one; make the response that difference, or measure stepped or swept sines"
-        )
 
 
 def check_records(spectra: MultisineSpectra, observation: Observation) -> NDArray[np.bool_]:

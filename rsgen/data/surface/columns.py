@@ -145,10 +145,10 @@ def check_numbers(columns: dict[str, Any]) -> None:
     """Raise RsgenError where a frequency, a level or a shape can be none."""
     if columns["harmonics"].shape[1] < 2:
         raise RsgenError("surface.harmonics: needs at least the mean and the fundamental")
-    across = columns["across"]
-    if across is not None and across.shape != columns["harmonics"].shape:
+    across, shape = columns["across"], columns["harmonics"].shape
+    if across.shape[1] not in (0, shape[1]):
         raise RsgenError(
-            f"surface.across: shape {across.shape}; must be {columns['harmonics'].shape}, as the "
+            f"surface.across: shape {across.shape}; must be {shape}, as the "
             "response has it: one row a test point, the mean and the same harmonics"
         )
     frequency, level = columns["frequency"], columns["level"]
@@ -322,10 +322,9 @@ def columns_of_frame(frame: Any, degrees: bool) -> dict[str, Any]:
         "frequency": table.read("frequency"),
         "force": _with_harmonics(table, force, "force_"),
         "harmonics": _with_harmonics(table, fundamental, ""),
+        "across": _with_harmonics(table, table.complex("across"), "across_"),
         "phase_known": phase_known,
     }
-    if (across := table.complex("across")) is not None:
-        columns["across"] = _with_harmonics(table, across, "across_")
     if table.has("label"):
         columns["label"] = table.read("label")
     if table.has("peak_max", "peak_min"):
@@ -333,8 +332,10 @@ def columns_of_frame(frame: Any, degrees: bool) -> dict[str, Any]:
     return columns | {name: table.read(name) for name in _AS_THEY_ARE if table.has(name)}
 
 
-def _with_harmonics(table: _Table, fundamental: Any, prefix: str) -> ComplexArray:
-    """(n, H+1) from the columns of one prefix, mean first."""
+def _with_harmonics(table: _Table, fundamental: Any, prefix: str) -> ComplexArray | None:
+    """(n, H+1) from the columns of one prefix, mean first; None without a fundamental."""
+    if fundamental is None:
+        return None
     higher: list[ComplexArray] = []
     while (column := table.complex(f"{prefix}harmonic_{len(higher) + 2}")) is not None:
         higher.append(column)
@@ -344,7 +345,7 @@ def _with_harmonics(table: _Table, fundamental: Any, prefix: str) -> ComplexArra
 
 def _harmonic_columns(prefix: str, harmonics: ComplexArray) -> dict[str, Any]:
     """Mean and higher harmonics by name, as ``_with_harmonics`` reads them."""
-    means = {f"{prefix}mean": harmonics[:, 0].real}
+    means = {f"{prefix}mean": mean.real for mean in harmonics.T[:1]}
     return means | {f"{prefix}harmonic_{h}": harmonics[:, h] for h in range(2, harmonics.shape[1])}
 
 
@@ -393,8 +394,8 @@ def frame_of_surface(surface: Any) -> Any:
     columns |= _harmonic_columns("", surface.harmonics)
     if surface.force_harmonics.shape[1] > 2 or surface.force_harmonics[:, 0].any():
         columns |= _harmonic_columns("force_", surface.force_harmonics)
-    if surface.across is not None:
-        columns |= {"across": surface.across[:, 1]} | _harmonic_columns("across_", surface.across)
+    columns |= zip(("across",), surface.across.T[1:2], strict=False)
+    columns |= _harmonic_columns("across_", surface.across)
     if surface.label is not None:
         columns["label"] = surface.label
     columns |= {"peak_max": surface.peak[:, 0], "peak_min": surface.peak[:, 1]}

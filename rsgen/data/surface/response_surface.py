@@ -165,7 +165,7 @@ class ResponseSurface:
         (n, K+1) complex force [N], mean first; see ``force``.
     across
         (n, H+1) complex displacement [m] across the springs and dampers that act between two sensors, where
-        it is not the response itself; None: the law acts on the response.
+        it is not the response itself; (n, 0), a motion without columns, where all act on the response.
     per_mass
         True where the force is one per mass [N/kg = m/s^2], as a driven base gives it; parameters are then
         per unit mass.
@@ -206,7 +206,7 @@ class ResponseSurface:
     stable: NDArray[np.bool_]
     findings: tuple[Finding, ...]
     force_harmonics: ComplexArray
-    across: ComplexArray | None
+    across: ComplexArray
     per_mass: bool
     base: str
     label: Array | None
@@ -242,7 +242,7 @@ class ResponseSurface:
             "level": column(level, "level", (n,)),
             **force_columns(force, force_harmonics, n),
             "harmonics": response_columns(response, harmonics, phase_known, n),
-            "across": None if across is None else column(across, "across", (n, -1)),
+            "across": column(np.zeros((n, 0)) if across is None else across, "across", (n, -1)),
             "peak": column(np.full((n, 2), np.nan) if peak is None else peak, "peak", (n, 2)),
             "residual": column(np.nan if residual is None else residual, "residual", (n,)),
             "error": column(np.nan if error is None else error, "error", (n,)),
@@ -254,8 +254,7 @@ class ResponseSurface:
             sweep = recognise_directions(columns["frequency"], columns["level"])
         if outcome is None:
             measured = np.isfinite(columns["force"]) & np.isfinite(columns["harmonics"][:, 1])
-            if across is not None:
-                measured &= np.isfinite(columns["across"][:, 1])
+            measured &= np.isfinite(columns["across"][:, 1:2]).all(axis=1)
             outcome = np.where(measured, 0, _NOT_MEASURED)
             lost = int(np.count_nonzero(~measured))
             if lost:
@@ -460,7 +459,7 @@ class ResponseSurface:
             "" if self.phase_known else "phase not measured",
             _CONTROLLED[self.control],
             f"force with {recorded} harmonics" if (recorded := self.force_harmonics.shape[1] - 1) > 1 else "",
-            "" if self.across is None else "motion across",
+            "motion across" if self.across.shape[1] else "",
             f"{self.base} of the base" if self.base else "",
             "per unit mass" if self.per_mass else "",
             self.origin,
@@ -493,8 +492,7 @@ def without_copies(surface: ResponseSurface) -> ResponseSurface:
     point = np.stack([sweep, surface.level, surface.frequency], axis=1)
     if not np.any(np.all(point[order[1:]] == point[order[:-1]], axis=1)):
         return surface
-    parts = [surface.force_harmonics, surface.harmonics]
-    parts += [] if surface.across is None else [surface.across]
+    parts = (surface.force_harmonics, surface.harmonics, surface.across)
     reading = np.concatenate(
         [point, *(np.ascontiguousarray(part).view(np.float64) for part in parts)], axis=1
     )

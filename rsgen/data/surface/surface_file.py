@@ -57,7 +57,8 @@ def save_surface(path: str | os.PathLike[str], surface: ResponseSurface) -> None
             file.attrs[name] = getattr(surface, name)
         file.attrs["outcomes"] = list(OUTCOMES)
         values = {name: getattr(surface, name) for name in COLUMN_UNITS}
-        columns = {name: value for name, value in values.items() if value is not None}
+        # what a test does not have is None, or a motion without columns
+        columns = {k: v for k, v in values.items() if v is not None and v.shape[1:] != (0,)}
         columns["sweep"] = columns["sweep"].astype("S4")
         columns["settled"] = surface.settled.astype(np.uint8)
         columns["stable"] = columns["stable"].astype(np.uint8)

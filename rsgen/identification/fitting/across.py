@@ -13,7 +13,7 @@ force and both motions share it, and the ratio of the two motions stays as it wa
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from typing import NamedTuple
 
@@ -27,11 +27,14 @@ from rsgen.data.oscillator import total_force
 from rsgen.data.surface import ResponseSurface
 from rsgen.dynamics.harmonic_balance import Response
 from rsgen.identification.fitting.points import Points
-from rsgen.law.element import Element
+from rsgen.law.element import Element, forces_by_motion
 from rsgen.law.motion import Motion, fourier_series, project
 from rsgen.law.numeric import ForceLaw, Part, compile_law
 
 __all__ = ["MeasuredAcross", "law_of", "motions_of", "sensor_pair"]
+
+_MOTIONS = ("response", "motion across {!r}")
+"""What the parts of a law follow, each with the sensors that its elements act between."""
 
 _BESIDE = 2
 """Points to either side through which a cubic is laid: what it misses of the middle one is noise."""
@@ -66,7 +69,7 @@ def sensor_pair(points: Points | ResponseSurface) -> SensorPair:
     """
     order = np.lexsort((points.omega, points.sweep, points.level))
     width = 2 * _BESIDE + 1
-    if points.across is None or len(order) < width:
+    if len(order) < width:
         return SensorPair(1.0, float("nan"))
     rows = np.lib.stride_tricks.sliding_window_view(order, width)
     rows = rows[(points.level[rows] == points.level[rows[:, :1]]).all(axis=1)]
@@ -107,17 +110,15 @@ def _cubic(omega: Array) -> Array:
     return weights
 
 
-def law_of(elements: Sequence[Element], *, across: bool, means: tuple[bool, bool] = (True, True)) -> ForceLaw:
-    """Compile the law of some elements; those across two sensors need a test that has their motion.
+def law_of(elements: Sequence[Element], points: Points | None = None) -> ForceLaw:
+    """Compile the law of some elements, by the motions that they follow.
 
     Parameters
     ----------
     elements
         All of them.
-    across
-        Whether the test has a motion across two sensors.
-    means
-        Whether the mean of the response and that of the motion across were recorded.
+    points
+        Of the test, along whose motions the law is to be fitted.
 
     Raises
     ------
@@ -126,27 +127,22 @@ def law_of(elements: Sequence[Element], *, across: bool, means: tuple[bool, bool
         act across several; or a law is not odd, whose mean across nobody recorded.
     """
     whole = compile_law(total_force(elements))
-    labels = sorted({element.across for element in elements if element.across})
-    if not across and not labels:
-        return whole
-    if len(labels) > 1:
-        raise RsgenError(f"across: {', '.join(map(repr, labels))}; one pair of sensors is allowed in a law")
-    if not across:
-        raise RsgenError(f"across: an element acts across {labels[0]!r}; the test has no motion across")
-    if not labels:
-        raise RsgenError(
-            "across: the test has a motion across two sensors, but no element follows it; say which ones do "
-            '(across = "..." of the element)'
-        )
+    forces = forces_by_motion(elements)
+    known, asymmetric = (True, True), False
+    if points is not None:
+        _match(forces, points)
+        known, asymmetric = points.means, points.asymmetric
+    if len(forces) == 1:
+        # an odd law has motions that are not: in one well of two, or after the symmetry breaks
+        return replace(whole, odd=False) if whole.odd and asymmetric else whole
     parts = []
-    for acts, known in zip((False, True), means, strict=True):
-        chosen = [element.force for element in elements if bool(element.across) == acts]
-        law = compile_law(sympy.Add(*chosen))
-        if not (law.odd or known):
-            motion = f"motion across {labels[0]!r}" if acts else "response"
+    for motion, (sensors, force) in enumerate(forces.items()):
+        law = compile_law(force)
+        if not (law.odd or known[motion]):
+            followed = _MOTIONS[motion].format(sensors)
             raise RsgenError(
-                f"across: the elements that follow the {motion} are not odd, and the mean of that motion was "
-                "not recorded; displacements with their mean, or an odd law, are needed"
+                f"across: the elements that follow the {followed} are not odd, and the mean of that motion "
+                "was not recorded; displacements with their mean, or an odd law, are needed"
             )
         lost = ", ".join(name for name in law.parameters if name not in whole.parameters)
         if lost:
@@ -155,16 +151,28 @@ def law_of(elements: Sequence[Element], *, across: bool, means: tuple[bool, bool
                 "that act across"
             )
         places = np.array([whole.parameters.index(name) for name in law.parameters], dtype=np.intp)
-        parts.append(Part(law, places, across=acts))
+        parts.append(Part(law, places, sensors))
     # along motions that were measured with their mean nothing even is left to be found
     return replace(whole, odd=True, even=(), _parts=tuple(parts))
 
 
+def _match(forces: Mapping[str, sympy.Expr], points: Points) -> None:
+    """Refuse elements and a test that do not have the same motions."""
+    _, *sensors = map(repr, sorted(forces))
+    if len(sensors) > 1:
+        raise RsgenError(f"across: {', '.join(sensors)}; one pair of sensors is allowed in a law")
+    if len(sensors) > points.far.shape[1]:
+        raise RsgenError(f"across: an element acts across {sensors[0]}; the test has no motion across")
+    if len(sensors) < points.far.shape[1]:
+        raise RsgenError(
+            "across: the test has a motion across two sensors, but no element follows it; say which ones do "
+            '(across = "..." of the element)'
+        )
+
+
 def motions_of(law: ForceLaw, followed: Motion, points: Points) -> tuple[Motion, ...]:
     """Motions of the parts of a law: of several the measured ones, of one that which is ``followed``."""
-    if points.across is None or not law.acts_across:
-        return (followed,)
-    return points.motion, Motion(points.omega, points.across)
+    return (points.motion, Motion(points.omega, points.across)) if law.acts_across else (followed,)
 
 
 class MeasuredAcross:

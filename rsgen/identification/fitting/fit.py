@@ -219,7 +219,7 @@ def fit_balance(
 def _forward(problem: Problem, mode: Points, order: int, turn: complex) -> HarmonicBalance | MeasuredAcross:
     """Balance of all harmonics at the response; across two sensors the one along the measured motion."""
     free = problem.given is None
-    if problem.law.acts_across and mode.across is not None:
+    if problem.law.acts_across:
         across, rides = Motion(mode.omega, mode.across), sensor_pair(mode).rides
         return MeasuredAcross(problem.law, mode.motion, across, rides=rides, mass_free=free)
     about_rest, load = 0 not in mode.measured, mode.load

@@ -50,7 +50,7 @@ _NEED_PHASE = {"psi", "b0_im", "b1_im", "r_im", "zeta"}
 class _Row:
     """One compared quantity: measured minus predicted, and derivatives of the prediction.
 
-    ``by_far`` (n, 2) is that by the deviation of a second sensor, None for zero.
+    ``by_far`` (n, 2) is that by the deviation of each further sensor, None for zero.
     """
 
     residual: NDArray[Any]
@@ -117,7 +117,7 @@ class Observed:
 
     def nuisances(self, size: Array, phase: Array) -> Array:
         """(n, k) to start from: logarithm of the size, phase where known, far sensor as measured."""
-        none = np.zeros((len(size), 0 if self.points.across is None else 2))
+        none = np.zeros((len(size), 2 * self.points.far.shape[1]))
         return np.column_stack([np.log(size), *([phase] if self.phase_known else []), none])
 
     def seen(self, response: Response, values: Array) -> ComplexArray:
@@ -190,7 +190,7 @@ class Observed:
                 )
         # the mean has no imaginary part, an amplitude no phase
         real = [h == 0 or not self.phase_known for h in (1, 1, *compared)]
-        if points.across is not None:
+        for _ in points.far.T:
             rows.append(_far_sensor(nuisance, rows[0]))
             real.append(False)
         residual = _split([row.residual for row in rows], real)
@@ -198,9 +198,9 @@ class Observed:
         by_nuisance = [_split([row.by_size for row in rows], real)]
         if self.phase_known:
             by_nuisance.append(_split([row.by_phase for row in rows], real))
-        if points.across is not None:
-            far = [np.zeros((len(points), 2)) if row.by_far is None else row.by_far for row in rows]
-            by_nuisance += [_split([by[:, j] for by in far], real) for j in range(2)]
+        still = np.zeros((len(points), 2))
+        far = [still if row.by_far is None else row.by_far for row in rows]
+        by_nuisance += [_split([by[:, j] for by in far], real) for _ in points.far.T for j in range(2)]
         by_parameter = _split([row.by for row in rows], real)
         return Linearisation(residual, np.stack(by_nuisance, axis=2), by_parameter)
 
@@ -330,11 +330,6 @@ class Problem:
     def count(self) -> int:
         """Parameters apart from the background."""
         return len(self.law.parameters) + (self.given is None)
-
-    @property
-    def sensors(self) -> str:
-        """Between which sensors elements act, "" where all follow the response."""
-        return next((element.across for element in self.elements if element.across), "")
 
     def split(self, parameters: Array) -> tuple[Array, float, Array]:
         """Values of the law (p,), mass [kg] and background (b,)."""

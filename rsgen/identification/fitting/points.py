@@ -69,7 +69,7 @@ class Points:
     peak
         (n, 2) largest and smallest displacement [m], NaN where unknown.
     across
-        (n, H+1) complex displacement [m] across the elements, None where the law acts on the response.
+        (n, H+1) complex displacement [m] across two sensors; (n, 0) where the law acts on the response.
     load
         (n, K+1) complex harmonics of the force [N], None where only the fundamental was recorded.
     """
@@ -82,7 +82,7 @@ class Points:
     harmonics: NDArray[np.complex128]
     measured: tuple[int, ...]
     peak: NDArray[np.float64]
-    across: NDArray[np.complex128] | None = None
+    across: NDArray[np.complex128]
     load: NDArray[np.complex128] | None = None
 
     def __len__(self) -> int:
@@ -92,6 +92,16 @@ class Points:
     def motion(self) -> Motion:
         """Harmonics over their frequencies."""
         return Motion(self.omega, self.harmonics)
+
+    @property
+    def far(self) -> NDArray[np.complex128]:
+        """(n, E-1) fundamentals [m] of the E motions but the response: one across two sensors, or none."""
+        return self.across[:, 1:2]
+
+    @property
+    def means(self) -> tuple[bool, bool]:
+        """Whether the mean was recorded, of the response and of the motion across two sensors."""
+        return 0 in self.measured, bool(np.any(self.across[:, :1]))
 
     @property
     def amplitude(self) -> NDArray[np.float64]:
@@ -166,7 +176,7 @@ class Points:
             self.harmonics[chosen],
             self.measured,
             self.peak[chosen],
-            None if self.across is None else self.across[chosen],
+            self.across[chosen],
             None if self.load is None else self.load[chosen],
         )
 
@@ -273,7 +283,7 @@ def select_points(surface: ResponseSurface, model: Model) -> Points:
         chosen,
         measured,
         surface.peak[index],
-        None if surface.across is None else np.nan_to_num(surface.across[index]),
+        np.nan_to_num(surface.across[index]),
         _load_of(surface, index),
     )
 

@@ -50,8 +50,8 @@ class Repeats:
     count
         (n,) readings of each row.
     force, response, far
-        (r,) complex relative deviation of the fundamentals of force, response and a second sensor from their
-        means [1]; the last zero where there is none.
+        (r,) complex relative deviation of the fundamentals of force and response, (r, E-1) of those of
+        further sensors, from their means [1].
     aside
         Readings left out because they lie far off the others of their point.
     """
@@ -110,9 +110,9 @@ class Repeats:
         parts = [(0, self.force.real), (1, self.response.real)]
         if influence.shape[1] > len(parts):
             parts += [(half, self.force.imag), (half + 1, self.response.imag)]
-        if self.far.any():
-            last = half - 1
-            parts += [(last, self.far.real), (half + last, self.far.imag)]
+        # those of further sensors are the last
+        for place_of_far, far in enumerate(self.far.T, half - self.far.shape[1]):
+            parts += [(place_of_far, far.real), (half + place_of_far, far.imag)]
         expected = np.zeros((len(index), influence.shape[2]))
         for column, part in parts:
             moved += part[fitted, None] * influence[point, column]
@@ -176,7 +176,9 @@ def gather_repeats(surface: ResponseSurface) -> tuple[ResponseSurface, Repeats |
     later = np.argsort(row, kind="stable")
     nth = np.empty(len(row), dtype=np.intp)
     nth[later] = np.arange(len(row)) - np.repeat(np.cumsum(count) - count, count)
-    repeats = Repeats(row, nth, count, force, response, np.zeros_like(response), whole - len(surface))
+    repeats = Repeats(
+        row, nth, count, force, response, np.zeros((len(row), 0), dtype=complex), whole - len(surface)
+    )
     if repeats.noise < ROUND_OFF or repeats.follow_force:
         return given, None
     first = np.zeros(len(names), dtype=np.intp)
@@ -185,24 +187,21 @@ def gather_repeats(surface: ResponseSurface) -> tuple[ResponseSurface, Repeats |
     joined = count > 1
     forces = _means(_turned(surface.force_harmonics, clock), row, count)
     forces[:, 1] = mean_force
-    across = None
-    if surface.across is not None and table.across is not None:
-        across = np.where(joined[:, None], _means(_turned(surface.across, clock), row, count), table.across)
+    across = _turned(surface.across, clock)
     means = replace(
         table,
         force=np.where(joined[:, None], forces, table.force_harmonics),
-        across=across,
+        across=np.where(joined[:, None], _means(across, row, count), table.across),
         harmonics=np.where(joined[:, None], mean, table.harmonics),
         peak=np.where(joined[:, None], np.nan, table.peak),
     )
-    if surface.across is not None:
-        # neighbours in frequency tell the sensors, readings of one point do not
-        moved = _turned(surface.across, clock)[:, 1] - sensor_pair(means).rides * harmonics[:, 1]
-        far = np.nan_to_num(moved / _means(moved[:, None], row, count)[row, 0] - 1)
-        repeats = replace(repeats, far=far)
+    # neighbours in frequency tell the sensors, readings of one point do not
+    rides = np.array([sensor_pair(means).rides for _ in across.T[1:2]])
+    moved = across[:, 1:2] - rides * harmonics[:, 1:2]
+    far = np.nan_to_num(moved / _means(moved, row, count)[row] - 1)
     order = np.argsort(first, kind="stable")
     place = np.argsort(order, kind="stable")
-    return means.select(order), replace(repeats, row=place[row], count=count[order])
+    return means.select(order), replace(repeats, far=far, row=place[row], count=count[order])
 
 
 def _turned(harmonics: NDArray[np.complex128], clock: NDArray[np.complex128]) -> NDArray[np.complex128]:
@@ -214,8 +213,10 @@ def _means(
     harmonics: NDArray[np.complex128], row: NDArray[np.intp], count: NDArray[np.intp]
 ) -> NDArray[np.complex128]:
     """(k, H+1) means of the readings (r, H+1) of each row."""
-    sums = [np.bincount(row, h.real) + 1j * np.bincount(row, h.imag) for h in harmonics.T]
-    return np.stack([total / count for total in sums], axis=1)
+    means = np.zeros((len(count), harmonics.shape[1]), dtype=np.complex128)
+    for mean, h in zip(means.T, harmonics.T, strict=True):
+        mean += (np.bincount(row, h.real) + 1j * np.bincount(row, h.imag)) / count
+    return means
 
 
 def _groups(surface: ResponseSurface) -> NDArray[np.intp]:

@@ -24,8 +24,8 @@ from rsgen.common.tolerances import (
     TAKEN,
 )
 from rsgen.data.multisine import BestLinear, MultisineSpectra, best_linear, implausible
-from rsgen.data.multisine.spectra import check_records, refuse_across
-from rsgen.data.oscillator import Model
+from rsgen.data.multisine.spectra import check_records
+from rsgen.data.oscillator import Model, refuse_across
 from rsgen.identification.fitting.fit import Solution
 from rsgen.identification.fitting.least_squares import Alternative
 from rsgen.identification.lines.line_balance import Balance, Lines, lines_of
@@ -105,7 +105,7 @@ def identify_multisine(spectra: MultisineSpectra, model: Model) -> MultisineIden
     RsgenError
         A held-out level is not in the records, nothing is left, or the observation asks for a background.
     """
-    refuse_across(model)
+    refuse_across(model.sensors, multisine=True)
     observation = model.observation
     held = check_records(spectra, observation)
     part = spectra.select(np.flatnonzero(~held))

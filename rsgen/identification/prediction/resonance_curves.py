@@ -12,7 +12,7 @@ from rsgen.common.errors import RsgenError, require
 from rsgen.common.finding import Finding, Quantity, quantities
 from rsgen.common.tolerances import BRANCH
 from rsgen.data.multisine import MultisineSpectra
-from rsgen.data.oscillator import Model, Oscillator
+from rsgen.data.oscillator import Model, Oscillator, refuse_across
 from rsgen.data.surface import ResponseSurface, match_level, typical_amounts
 from rsgen.describing import derive
 from rsgen.identification.fitting.across import MeasuredAcross, law_of
@@ -35,7 +35,7 @@ from rsgen.identification.prediction.prediction_result import (
 from rsgen.identification.results import EquivalentCurve, Estimate, Identification
 from rsgen.law.motion import Motion
 
-__all__ = ["acts_across", "as_identification", "judge_held_out", "predict", "respond_across"]
+__all__ = ["as_identification", "judge_held_out", "predict", "respond_across"]
 
 
 # ----------------------------------------------------------------------------
@@ -54,21 +54,16 @@ _HALVINGS = 40
 """Of an interval of four per cent: to round-off."""
 
 
-def acts_across(identification: Identification) -> str:
-    """Between which sensors elements of the law act, "" where all follow the response."""
-    return next((element.across for element in identification.model.elements if element.across), "")
-
-
 def respond_across(identification: Identification, surface: ResponseSurface) -> ComplexArray:
     """(n,) predicted fundamental [m] under the measured force.
 
     The motion across goes with the response as it was measured at the same point. Of several amplitudes that
     the force holds the one nearest to the measured one is taken; NaN where there is none.
     """
-    if surface.across is None or not len(surface):
+    if not surface.across.size:
         return np.full(len(surface), np.nan, dtype=complex)
     response, across = np.nan_to_num(surface.harmonics), np.nan_to_num(surface.across)
-    law = law_of(identification.model.elements, across=True)
+    law = law_of(identification.model.elements)
     forward = MeasuredAcross(
         law, Motion(surface.omega, response), Motion(surface.omega, across), rides=0.0, mass_free=False
     )
@@ -236,8 +231,8 @@ def predict(
     if surface is not None:
         require(surface, ResponseSurface, "surface")
         surface = surface.on_mass(None if table is not None and table.test.per_mass else found.mass)
-    if isinstance(found, Identification) and (sensors := acts_across(found)):
-        return _predict_across(found, sensors, levels, surface)
+    if isinstance(found, Identification) and found.model.sensors:
+        return _predict_across(found, levels, surface)
     chosen = _levels(found, levels, surface)
     if isinstance(found, Identification) and not isfinite(found.mass):
         about = Finding("curves-need-mass", "warning")
@@ -282,7 +277,7 @@ def judge_held_out(found: Identification, surface: ResponseSurface | MultisineSp
     if not isfinite(found.mass):
         return meant
     surface = surface.on_mass(found.mass)
-    balance = None if acts_across(found) else AmplitudeBalance(found)
+    balance = None if found.model.sensors else AmplitudeBalance(found)
     held_out = _score(found, balance, surface)
     missed = _missed(held_out, surface, found.residual * np.sqrt(2))
     return (*meant, *_missing(held_out), *missed)
@@ -305,15 +300,10 @@ def _by_label(found: Identification, test: ResponseSurface | MultisineSpectra) -
     return tuple(findings)
 
 
-def _predict_across(
-    found: Identification, sensors: str, levels: object, surface: ResponseSurface | None
-) -> Prediction:
+def _predict_across(found: Identification, levels: object, surface: ResponseSurface | None) -> Prediction:
     """Score held-out levels along the motion across that was measured; there are no curves without it."""
-    if levels is not None:
-        raise RsgenError(
-            f"levels: the law acts across {sensors!r}, whose motion is known only where it was measured; "
-            "leave levels out and give the surface, for a score of its held-out levels"
-        )
+    sensors = found.model.sensors
+    refuse_across(sensors, levels=levels is not None)
     held_out = () if surface is None else _score(found, None, surface)
     missed = () if surface is None else _missed(held_out, surface, found.residual * np.sqrt(2))
     about = Finding("predicted-along-measured", "info", names={"sensors": sensors})

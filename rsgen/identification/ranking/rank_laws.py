@@ -18,7 +18,7 @@ from rsgen.common.arrays import Array
 from rsgen.common.errors import RsgenError, require
 from rsgen.common.finding import Finding, quantities
 from rsgen.common.tolerances import ANY_LAW, EXCESS, EXPECTED_NOISE, NOTICEABLE, ORDER, QUICK, START_ORDER
-from rsgen.data.oscillator import Model, Observation, join_model
+from rsgen.data.oscillator import Model, Observation, join_model, refuse_across
 from rsgen.data.surface import ResponseSurface, without_copies
 from rsgen.formula import symbol
 from rsgen.identification.fitting.fit import fit_balance
@@ -129,11 +129,7 @@ def rank(
         no candidate follows the test.
     """
     require(surface, ResponseSurface, "surface")
-    if surface.across is not None:
-        raise RsgenError(
-            "ranking: the test has a motion across two sensors, and laws are compared along one motion; "
-            "give the law, or a surface without it"
-        )
+    refuse_across(surface.across.shape[1], ranking=True)
     laws, terms, base = competitors(candidates)
     base = join_model(base, observation, mass)
     given_mass, given_surface = base.mass, surface

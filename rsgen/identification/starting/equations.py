@@ -47,8 +47,8 @@ class Equations:
     turning
         (t, 2) largest and smallest displacement [m] of points where the energy at both turning points must be
         equal (the paper's k6 Xp^2 = k7 Xn^2); empty where this is not asked.
-    across
-        (n, H+1) complex displacement [m] across two sensors, where elements of the law follow it; else None.
+    others
+        (n, H+1) complex displacement [m] of each motion beside the response that a part of the law follows.
     """
 
     omega: Array
@@ -57,12 +57,12 @@ class Equations:
     mean: bool
     weight: Array
     turning: Array
-    across: ComplexArray | None = None
+    others: tuple[ComplexArray, ...] = ()
 
     @property
-    def moved(self) -> ComplexArray:
-        """(n, H+1) displacement [m] that the law of a joint follows."""
-        return self.harmonics if self.across is None else self.across
+    def motions(self) -> tuple[ComplexArray, ...]:
+        """(n, H+1) displacement [m] of each motion; the law of a joint follows the last one."""
+        return self.harmonics, *self.others
 
     def select(self, chosen: NDArray[np.intp]) -> Equations:
         """Keep some points."""
@@ -74,16 +74,16 @@ class Equations:
             self.mean,
             self.weight[chosen],
             turning,
-            None if self.across is None else self.across[chosen],
+            tuple(other[chosen] for other in self.others),
         )
 
 
 @lru_cache(maxsize=4)
-def _motion(equations: Equations, finer: int, *, across: bool) -> Waves:
+def _motion(equations: Equations, finer: int, motion: int) -> Waves:
     """Displacement, velocity and acceleration (n, s): the same for every trial of the parameters."""
     count = equations.harmonics.shape[1]
     samples = max(SAMPLES, 1 << (8 * (count - 1) - 1).bit_length()) * finer
-    return Motion(equations.omega, equations.moved if across else equations.harmonics).waveforms(samples)
+    return Motion(equations.omega, equations.motions[motion]).waveforms(samples)
 
 
 def equation_rows(
@@ -143,7 +143,7 @@ def _samples(
     omega = equations.omega[:, None]
     finer = _FINER_LOOPS if law.remembers else SAMPLES_SWITCHED // SAMPLES
     finer = finer if law.switched and not coarse else 1
-    motions = [_motion(equations, finer, across=part.across) for part in law.parts]
+    motions = [_motion(equations, finer, place) for place in range(len(law.parts))]
     step = 2 * np.pi / motions[0][0].shape[1] / omega
     values = np.zeros((len(trials), len(law.parameters)))
     values[:, list(law.nonlinear)] = trials

@@ -160,7 +160,7 @@ class _Search:
         self.pins = [group[-1] for group in self._groups]
         self.free = [i for i in range(len(law.nonlinear)) if i not in self.pins]
 
-        size, force = np.abs(equations.moved[:, 1]), np.abs(equations.force)
+        size, force = np.abs(equations.motions[-1][:, 1]), np.abs(equations.force)
         natural = natural_sizes(
             law, float(size.max()), float(np.median(equations.omega)), float(np.median(force))
         )
@@ -276,9 +276,10 @@ class _Search:
             return np.concatenate([size, -size])
         some = self._equations
         some = some.select(np.linspace(0, len(some.omega) - 1, 8).round().astype(np.intp))
-        largest = float(np.abs(self._equations.moved).max())
+        followed = self._equations.motions[-1]
+        largest = float(np.abs(followed).max())
         speed = largest * float(np.median(self._equations.omega))
-        stiffness = float(np.max(np.abs(self._equations.force / self._equations.moved[:, 1])))
+        stiffness = float(np.max(np.abs(self._equations.force / followed[:, 1])))
         typical = [largest, 1.0, stiffness, 1 / largest, speed]
         chosen = self._changing(some, which, typical, whole=False)
         if not len(chosen):

@@ -339,7 +339,7 @@ def _linear_start(points: Points, law: ForceLaw, mass: float | None, order: int)
         not law.odd and 0 in points.measured,
         1 / np.abs(points.force),
         np.zeros((0, 2)),
-        None if points.across is None else points.across[:, : order + 1],
+        tuple(points.across[:, : order + 1] for _ in points.far.T),
     )
     weight = equations.weight
     for _ in range(3):

@@ -160,7 +160,7 @@ def draw_resonance(identification: Identification, *, ax: GivenAxes = None) -> D
     figure, panels = take_axes(ax, 2, (4.4, 3.9), sharex=True)
     scale = choose_scale(amplitude, "m")
     grid = amplitudes_tested(identification)
-    if any(element.across for element in identification.model.elements):
+    if identification.model.sensors:
         grid = grid[:0]
     model = backbone(identification, solution_of(identification), grid)
     parts = (
