@@ -94,7 +94,7 @@ def test_predicted_curves_are_stable_parts_with_rising_frequencies(tmp_path: Pat
         ((7,), "results: int; must be ResponseSurface or Prediction"),
         (
             (rsgen.ResponseSurface(1.0, [9, 10], 1.0, [1, 2], phase_known=False),),
-            "surface: has amplitudes without phases",
+            "surface: the phases were not recorded",
         ),
         (
             (rsgen.ResponseSurface(1.0, [9, 10], 0.0, [1j, 2j]),),

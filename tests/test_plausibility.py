@@ -104,7 +104,7 @@ def test_a_response_in_a_smaller_unit_is_impossible_and_the_unit_is_named(
     assert mistake in found.names["mistake"].split(", ")
     assert "not possible" in sentence(found)
     assert next_step(found)
-    (found,) = size_findings(Sizes.of(large), phase_known=True)
+    (found,) = size_findings(Sizes.of(large), quantity_sure=True)
     assert "acceleration-as-displacement" not in found.names["mistake"]
 
 

@@ -38,8 +38,7 @@ class _Function:
 
 def _measured(surface: ResponseSurface) -> Iterator[_Function]:
     """Give X/F of each level and sweep, frequencies ascending."""
-    if not surface.phase_known:
-        raise RsgenError("surface: has amplitudes without phases; a frequency response needs both")
+    surface.require_phase("surface", "a frequency response has amplitudes and phases")
     kept = surface.select(surface.settled & (surface.force != 0))
     if not len(kept):
         raise RsgenError("surface: has no settled point under a force; at least one is needed")

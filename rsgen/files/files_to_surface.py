@@ -215,8 +215,8 @@ def passivity_findings(surface: ResponseSurface, sense: str | None, quantity: st
     quantity
         What was recorded: a velocity read in the wrong sense is a displacement mirrored and turned round.
     """
-    good = surface.settled & (surface.harmonics[:, 1] != 0) & (surface.force != 0)
-    if not surface.phase_known or np.count_nonzero(good) < _FEWEST_FOR_PASSIVITY:
+    good = surface.settled & np.isfinite(surface.phase) & (surface.amplitude > 0) & (surface.force != 0)
+    if np.count_nonzero(good) < _FEWEST_FOR_PASSIVITY:
         return ()
     chosen = surface.select(good)
     # signs do not depend on the scale; squares of absurd units would overflow

@@ -98,7 +98,7 @@ def hold(
     control: str = test.control or "force"
     if test.control is None and test.force is not None and run is not None and spread is None:
         control = recognise_control(np.abs(force), np.abs(displacement), run)
-    if test.control is None and run is None and test.phase_known and at_phase_resonance(force / displacement):
+    if test.control is None and run is None and at_phase_resonance(force / displacement):
         control = "phase"
     if test.control is None and run is None and spread is None and _folded(frequency, force, displacement):
         control = "continuation"

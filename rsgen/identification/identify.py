@@ -24,7 +24,6 @@ from rsgen.identification.results import Identification, changed
 from rsgen.identification.soundness import runs_away
 from rsgen.identification.starting.start import start_fit
 from rsgen.law import LawLike
-from rsgen.law.motion import feeds_exciter
 
 __all__ = ["fit_all_harmonics", "identify"]
 
@@ -61,7 +60,7 @@ def fit_all_harmonics(problem: Problem, start: Array) -> Fit:
         return found
     # a law that feeds energy settles nowhere, and one that misses by far is not mended by exact corners
     mode = observed.mode(found.background)
-    feeds = observed.phase_known and feeds_exciter(mode.force, mode.harmonics[:, 1])
+    feeds = mode.feed_exciter
     if problem.law.mean_free:
         # the simulator's motions drift where nothing holds their mean; loops are the same wherever they lie
         return _add_harmonics(found)

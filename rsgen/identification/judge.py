@@ -18,6 +18,7 @@ from rsgen.data.oscillator import Model, refuse_across
 from rsgen.data.surface import ResponseSurface
 from rsgen.data.surface.plausibility import plausibility_findings
 from rsgen.dynamics.linear_part import background_terms
+from rsgen.formula.units.quantities import ForceUnits
 from rsgen.identification.fitting.across import law_of
 from rsgen.identification.fitting.fit import Fit, Solution, fit_balance
 from rsgen.identification.fitting.least_squares import Regression
@@ -61,7 +62,7 @@ from rsgen.identification.soundness import (
 )
 from rsgen.identification.starting.start import with_phase
 from rsgen.law.element import law_remarks
-from rsgen.law.motion import Motion, feeds_exciter
+from rsgen.law.motion import Motion
 from rsgen.law.numeric import ForceLaw
 
 __all__ = ["Findings", "Prepared", "judge", "prepare", "repeat_findings"]
@@ -94,7 +95,7 @@ def prepare(surface: ResponseSurface, model: Model) -> Prepared:
     law = law_of(model.elements, points)
     beside = model.observation.background not in ("none", "phase")
     refuse_across(model.sensors, background=beside, phases=not surface.phase_known)
-    observed = Observed.of(points, model.observation.background, phase_known=surface.phase_known)
+    observed = Observed.of(points, model.observation.background)
     return Prepared(surface, repeats, points, Problem(model.elements, law, observed, model.mass))
 
 
@@ -195,11 +196,9 @@ class Findings:
         found = [*of_parameters, *(self._small_shift() if of_parameters else ())]
         misfit = float(self.fit.regression.noise * np.sqrt(2))
         found += of_one_mode(self.surface.findings, self.points, misfit)
-        if not self.surface.phase_known:
-            found.append(Finding("phase-not-recorded", "info"))
-        elif feeds_exciter(self.points.force, self.points.harmonics[:, 1]) and not any(
-            f.code in ("base-misread", "base-scaled") for f in self.surface.findings
-        ):
+        found += self.surface.limits
+        misread = any(f.code in ("base-misread", "base-scaled") for f in self.surface.findings)
+        if self.fit.problem.observed.mode(self.fit.background).feed_exciter and not misread:
             found.append(Finding("structure-feeds-exciter", "error"))
         if not calibrated:
             found.append(Finding("not-calibrated", "info"))
@@ -225,7 +224,7 @@ class Findings:
         found += even_findings(self.fit)
         found += self.agreement.findings
         found += sign_findings(self.points, self.fit, self.agreement.wider)
-        found += phase_findings(self.fit.background) if self.fit.problem.observed.phase_known else []
+        found += phase_findings(self.fit.background)
         found += self._motion()
         found += self._implausible(calibrated, {finding.parameter for finding in of_parameters})
         found += self._runs()
@@ -324,7 +323,7 @@ def judge(test: Prepared, model: Model, refined: Fit) -> Identification:
     regression, noise, about = _errors(test, refined, whole, agreement.wider)
     regression = widen_squares(test.problem, agreement.widen(regression))
     whole = agreement.widen(whole)
-    names, units = names_of(law, model), units_of(model, per_mass=surface.per_mass)
+    names, units = names_of(law, model), units_of(model, surface.units)
     tested = {
         "amplitude": Quantity(float(points.amplitude.max()), "m"),
         "level": Quantity(float(points.level.max()), surface.level_unit),
@@ -342,8 +341,6 @@ def judge(test: Prepared, model: Model, refined: Fit) -> Identification:
     if estimates and not any(estimate.identifiable for estimate in estimates):
         about = (*about, Finding("nothing-identifiable", "doubt"))
     outcome = _outcome(surface, points, estimates, refined)
-    if surface.per_mass:
-        about = (*about, Finding("per-unit-mass", "info"))
     about = (*about, *resonance_findings(kept, model.mass, law, outcome["misfit"]))
     about = (*about, *feeding_findings(points, refined, estimates))
     errors = np.array([e.standard_error if e.identifiable else np.nan for e in estimates])
@@ -368,7 +365,7 @@ def judge(test: Prepared, model: Model, refined: Fit) -> Identification:
         frequency_range=(float(kept.omega.min() / 2 / np.pi), float(kept.omega.max() / 2 / np.pi)),
         outcome=outcome,
         solution=refined.values,
-        background=_background(refined, whole, per_mass=surface.per_mass),
+        background=_background(refined, whole, surface.units),
         findings=(*about, *law_remarks(model.force), *mirror_findings(test.problem, known), *collected),
     )
 
@@ -394,11 +391,11 @@ def _require_followed(used: NDArray[np.bool_], model: Model) -> None:
         )
 
 
-def _background(refined: Fit, whole: Regression, *, per_mass: bool) -> Background | None:
+def _background(refined: Fit, whole: Regression, units: ForceUnits) -> Background | None:
     """The background with its errors, which stand behind those of the law."""
     problem = refined.problem
     variance = np.diag(whole.covariance)[problem.count :]
-    return state_background(problem.observed, refined.background, variance, whole.freedom, per_mass=per_mass)
+    return state_background(problem.observed, refined.background, variance, whole.freedom, units)
 
 
 def _errors(
@@ -440,8 +437,7 @@ def _mode(table: Table, found: Fit) -> Table:
     """Subtract the background; phases that were not recorded are those that the fit predicts."""
     observed = found.problem.observed
     shape = background_terms(observed.kind, table.omega, table.force, observed.band)
-    if not observed.phase_known:
-        table = with_phase(table, found, shape.receptance(found.background))
+    table = with_phase(table, found, shape.receptance(found.background))
     return shape.subtract(table, found.background)
 
 

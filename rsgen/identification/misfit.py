@@ -116,7 +116,8 @@ def misfit_findings(
     observed = fit.problem.observed
     # other modes are part of a measured motion across: there is no background beside it
     trials = {} if fit.problem.law.acts_across else _with_backgrounds(fit)
-    if trials and surface.origin == "measured" and observed.kind == "none" and observed.phase_known:
+    alone = bool(trials) and surface.origin == "measured" and observed.kind == "none"
+    if alone and observed.points.phase_known:
         found.append(_background_proposal(points, resonances))
     if not names:
         # a term that is missing misses some levels more than others, as dry friction the lowest
@@ -223,7 +224,7 @@ def _with_backgrounds(fit: Fit) -> dict[str, Fit]:
     known = dict(zip(observed.background.names, background, strict=True))
     found = {}
     for kind in dict.fromkeys(kinds):
-        seen = Observed.of(problem.observed.points, kind, phase_known=observed.phase_known)
+        seen = Observed.of(problem.observed.points, kind)
         start = np.array([known.get(name, 0.0) for name in seen.background.names])
         trial = replace(problem, observed=replace(seen, band=observed.band))
         found[kind] = fit_near(trial, trial.join(values, mass, start), order=START_ORDER)

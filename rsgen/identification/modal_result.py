@@ -26,6 +26,7 @@ from rsgen.common.text_table import MOST_DIGITS, Printed, TextTable, data_frame,
 from rsgen.common.tolerances import CONFIDENCE, NORMAL, SAME_NUMBER, t_quantile
 from rsgen.data.oscillator import Observation
 from rsgen.dynamics.harmonic_balance import Response
+from rsgen.formula.units.quantities import ForceUnits
 from rsgen.identification.results import Background
 
 __all__ = ["MODAL_COLUMNS", "ModalSplines", "ModalTable", "ModalTest", "SplineBasis", "SplineMode"]
@@ -220,7 +221,7 @@ class ModalTest:
         Forces [N, per mass N/kg] near the resonances of the levels that took part.
     frequencies
         Lowest and highest frequency [Hz] of the points.
-    level_unit, per_mass
+    level_unit, units
         As of the response surface.
     background
         What was fitted beside the mode; None where nothing was asked for.
@@ -230,7 +231,7 @@ class ModalTest:
     levels: Array
     frequencies: tuple[float, float]
     level_unit: str
-    per_mass: bool
+    units: ForceUnits
     background: Background | None
 
 
@@ -357,7 +358,7 @@ class ModalTable(Printed):
                 cells.append(f"{short(row[name], 6)} ± {short(half, 2)}" if isfinite(half) else "")
             rows.append(tuple(cells))
         heads = ("X [m]", *(f"{name} [{unit or '1'}]" for name, unit in shown.items()))
-        mass = "per unit mass" if self.test.per_mass else "mass not known"
+        mass = "mass not known" if isfinite(self.test.units.kilogram) else "per unit mass"
         if isfinite(self.mass):
             error = f" ± {short(NORMAL * self.mass_error, 2)}" if self.mass_error else ", given"
             mass = f"mass {short(self.mass, 6)} kg{error}"

@@ -39,6 +39,7 @@ from rsgen.identification.fitting.points import (
     loop_error,
     mass_sure,
     near_resonance,
+    per_unit_mass,
     select_points,
 )
 from rsgen.identification.fitting.repeats import gather_repeats
@@ -51,7 +52,7 @@ from rsgen.identification.modal_result import (
     SplineMode,
 )
 from rsgen.identification.results.estimates import Agreement, state_background
-from rsgen.identification.starting.start import start_fit
+from rsgen.identification.starting.start import start_fit, with_phase
 from rsgen.law.motion import feeds_exciter
 from rsgen.law.numeric import compile_law
 
@@ -243,8 +244,6 @@ def fit_splines(modal: ModeProblem) -> Regression:
     observed, mode = modal.observed, modal.seen.mode
     descent = Descent(modal, modal.forward(mode.omega))
     nuisance = observed.nuisances(mode.amplitude, np.angle(mode.harmonics[:, 1]))
-    if not observed.phase_known:
-        descent.scale = mode.amplitude
     start = np.concatenate([modal.solve()[0], modal.seen.background])
     found = fit(descent.linearise, start, nuisance, neighbours=mode.neighbours)
     if found.noise > NOISY:
@@ -301,17 +300,14 @@ def modal_table(
     model = _about(about, mass)
     rows = without_copies(surface)
     copied = rows.findings[len(surface.findings) :]
-    surface = rows.on_mass(model.mass)
-    if surface.per_mass:
-        # there is nothing to identify
-        model = replace(model, mass=1.0)
+    surface, model = per_unit_mass(rows, model)
     means, _ = gather_repeats(surface)
     points = select_points(means, model)
     # a table is of the response alone
     points = replace(points, across=points.across[:, :0])
     # what a trial makes infinite or undefined has no prediction there, and is dealt with as such
     with np.errstate(all="ignore"):
-        seen = _see(points, model, phase_known=surface.phase_known)
+        seen = _see(points, model)
         modal = choose_splines(seen, model.mass)
         found = fit_splines(modal)
         if not _mass_known(modal, found):
@@ -331,22 +327,19 @@ def _about(about: Observation | Model | None, mass: float | None) -> Model:
     return Model(ANY_LAW, mass, about or Observation())
 
 
-def _see(points: Points, model: Model, *, phase_known: bool) -> SeenMode:
+def _see(points: Points, model: Model) -> SeenMode:
     """Take the points as a fit sees them, those that it needs.
 
     Where background or phases have to be found, a law that is near any other finds them.
     """
-    observed = Observed.of(points, model.observation.background, phase_known=phase_known)
+    observed = Observed.of(points, model.observation.background)
     mode, background = points, np.zeros(0)
-    if observed.background.names or not phase_known:
+    if observed.background.names or not points.phase_known:
         problem, start = start_fit(Problem(model.elements, compile_law(model.force), observed, model.mass))
         found = fit_balance(problem, start, order=1)
         background = found.background
-        mode = observed.mode(background)
-        if not phase_known:
-            # a predicted force is relative to a fundamental of phase zero
-            force = np.abs(mode.force) * np.exp(1j * np.angle(found.force))
-            mode = replace(mode, force=force, harmonics=np.abs(mode.harmonics).astype(np.complex128))
+        receptance = observed.background.receptance(background)
+        mode = observed.background.subtract(with_phase(points, found, receptance), background)
     stiffness = mode.force / mode.harmonics[:, 1]
     near = np.abs(stiffness.imag) > HALF_POWER * np.abs(stiffness)
     if np.count_nonzero(near) < FEWEST:
@@ -437,13 +430,9 @@ def _test(modal: ModeProblem, found: Regression, surface: ResponseSurface, model
         levels=np.unique(forces),
         frequencies=(float(part.frequency.min()), float(part.frequency.max())),
         level_unit=surface.level_unit,
-        per_mass=surface.per_mass,
+        units=surface.units,
         background=state_background(
-            modal.observed,
-            modal.split(found.parameters)[2],
-            variance,
-            found.freedom,
-            per_mass=surface.per_mass,
+            modal.observed, modal.split(found.parameters)[2], variance, found.freedom, surface.units
         ),
     )
 
@@ -476,7 +465,7 @@ def _table(modal: ModeProblem, found: Regression, surface: ResponseSurface, mode
         findings = (
             Finding("modal-mass-unknown", "warning", numbers=quantities(points=len(modal.seen.mode))),
         )
-    elif surface.per_mass or not model.observation.calibrated:
+    elif not (np.isfinite(surface.units.kilogram) and model.observation.calibrated):
         known = tuple(name for name in known if name not in ("stiffness", "damping"))
     if modal.assumed and not model.observation.calibrated:
         known = ("frequency", "stiffness_per_mass")
@@ -488,7 +477,7 @@ def _table(modal: ModeProblem, found: Regression, surface: ResponseSurface, mode
         findings += (gap.finding(severity="warning"),)
     if surface.across.shape[1]:
         findings += (Finding("modal-across", "info"),)
-    sure = not (modal.assumed or surface.per_mass)
+    kilogram = float("nan") if modal.assumed else surface.units.kilogram
     return ModalTable(
         amplitude=np.geomspace(*tested, _ROWS) if tested[1] > tested[0] else np.array(tested[:1]),
         splines=ModalSplines(
@@ -496,8 +485,8 @@ def _table(modal: ModeProblem, found: Regression, surface: ResponseSurface, mode
         ),
         known=known,
         tested=tested,
-        mass=mass if sure else float("nan"),
-        mass_error=float(np.sqrt(covariance[-1, -1])) if sure else float("nan"),
+        mass=mass * kilogram,
+        mass_error=float(np.sqrt(covariance[-1, -1])) * kilogram,
         misfit=misfit,
         points=int(np.count_nonzero(found.used)),
         test=_test(modal, found, surface, model),

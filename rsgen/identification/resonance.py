@@ -243,7 +243,7 @@ def identify_ratios(
     identify
         Identifies with a given mass.
     """
-    if model.mass is not None or not surface.phase_known:
+    if model.mass is not None:
         return None
     points = select_points(gather_repeats(surface)[0], model)
     law = law_of(model.elements)

@@ -385,7 +385,7 @@ def equivalent_curve(
         damping=stiffness.imag / omega,
         used=took_part[rows],
         level_unit=surface.level_unit,
-        per_mass=surface.per_mass,
+        units=surface.units,
     )
 
 

@@ -313,7 +313,7 @@ def _courses(element: Element, identification: Identification, values: dict[str,
         if np.abs(value).max() * rate > 1e-9 * size and np.isfinite(value).all():
             frequency = middle if formula.has(symbol("omega")) else None
             shape = "hysteretic" if memory else "" if linear else _shape(part)
-            unit = identification.curve.unit(unit)
+            unit = identification.curve.units.of(unit)
             course = _Course(kind, unit, amplitude, value, error, shape, linear, frequency)
             findings.append(_course_finding(course))
     findings += slip_findings(element, identification)

@@ -176,8 +176,8 @@ def resonance_table(identification: Identification) -> Table:
     """Give the resonance of every level and sweep."""
     points = identification.resonances
     amplitude = choose_scale([point.amplitude for point in points], "m")
-    stiffness = choose_scale([point.stiffness for point in points], identification.curve.unit("N/m"))
-    damping = choose_scale([point.damping for point in points], identification.curve.unit("N*s/m"))
+    stiffness = choose_scale([point.stiffness for point in points], identification.curve.units.of("N/m"))
+    damping = choose_scale([point.damping for point in points], identification.curve.units.of("N*s/m"))
     rows = tuple(
         TableRow(
             (

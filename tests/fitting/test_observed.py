@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -32,7 +34,9 @@ def points() -> Points:
 def linearised(points: Points, kind: str, forward: str, *, phase: bool, logarithmic: bool):
     """The linearisation as a function of parameters and nuisances, and a place away from the solution."""
     law = compile_law(model("cubic").force)
-    problem = Problem(model("cubic").elements, law, Observed.of(points, kind, phase_known=phase), None)
+    problem = Problem(
+        model("cubic").elements, law, Observed.of(replace(points, phase_known=phase), kind), None
+    )
     background = BACKGROUND[: len(problem.observed.background.names)]
     parameters = problem.join(VALUES * 1.01, MASS * 0.99, background)
     made = HarmonicBalance(law, points.motion, 5, mass_free=True)

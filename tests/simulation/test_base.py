@@ -53,7 +53,11 @@ def test_a_cubic_law_is_found_per_unit_mass_and_with_the_mass_as_a_whole(base):
     assert [whole[name].unit for name in TRUE] == ["N/m", "N/m^3", "N*s/m"]
     assert "per-unit-mass" in {finding.code for finding in alone.findings}
     assert "per-unit-mass" not in {finding.code for finding in whole.findings}
-    assert (alone.curve.force_unit, alone.curve.unit("J"), whole.curve.unit("J")) == ("m/s^2", "J/kg", "J")
+    assert (alone.curve.units.force, alone.curve.units.of("J"), whole.curve.units.of("J")) == (
+        "m/s^2",
+        "J/kg",
+        "J",
+    )
 
 
 def test_a_held_out_level_is_predicted_with_and_without_the_mass():

@@ -19,7 +19,7 @@ from rsgen.data.multisine.spectra import check_records
 from rsgen.data.oscillator import refuse_across
 from rsgen.data.surface import ResponseSurface
 from rsgen.data.surface.plausibility import plausibility_findings
-from rsgen.identification.fitting.points import Points, at_resonance_alone, select_points
+from rsgen.identification.fitting.points import Points, at_resonance_alone, per_unit_mass, select_points
 from rsgen.identification.fitting.repeats import gather_repeats
 from rsgen.law.numeric import compile_law
 
@@ -36,9 +36,10 @@ __all__ = [
 
 def mass_findings(case: Case, surface: ResponseSurface) -> tuple[Finding, ...]:
     """Say that a measured test, of a mass that is not given, determines none; nothing where it does."""
-    if case.model.mass is not None or surface.per_mass or not surface.phase_known:
+    surface, model = per_unit_mass(surface, case.model)
+    if model.mass is not None:
         return ()
-    points = select_points(gather_repeats(surface)[0], case.model)
+    points = select_points(gather_repeats(surface)[0], model)
     # a law with memory has its stiffness in the area of its loops
     if not at_resonance_alone(points) or (not case.ranked and compile_law(case.model.force).remembers):
         return ()
@@ -96,8 +97,7 @@ def _rank_faults(case: Case, surface: ResponseSurface, points: Points) -> list[s
     if not case.ranked:
         return []
     faults = []
-    if not surface.phase_known:
-        faults.append("'rank' compares laws by force and phase; a phase, or the law itself, is needed")
+    surface.require_phase("model", "'rank' compares laws by force and phase; give a phase, or the law itself")
     if case.model.mass is None and np.ptp(points.omega) == 0:
         faults.append("'rank' needs the mass, or tests at more than one frequency")
     elif mass_findings(case, surface):

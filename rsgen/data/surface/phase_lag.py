@@ -62,9 +62,9 @@ def lag_findings(surface: ResponseSurface) -> tuple[Finding, ...]:
 
     Nothing of other tests, and no lag where none was recorded.
     """
-    if surface.control != "phase" or not surface.phase_known:
+    if surface.control != "phase":
         return ()
-    good = surface.select(surface.settled & np.isfinite(surface.amplitude) & (surface.amplitude > 0))
+    good = surface.select(surface.settled & np.isfinite(surface.phase) & (surface.amplitude > 0))
     near = np.abs(good.phase - pi / 2) < RESONANT
     gap = backbone_gap(good.frequency[near], good.amplitude[near])
     several = () if gap is None else (gap.finding(severity="warning"),)

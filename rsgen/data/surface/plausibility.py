@@ -63,8 +63,9 @@ _FAINT = 1e-6
 
 
 def driven_points(surface: ResponseSurface) -> NDArray[np.intp]:
-    """Find the points at which there is a force and a response to it."""
-    good = surface.settled & np.isfinite(surface.harmonics[:, 1]) & np.isfinite(surface.force)
+    """Find the points at which there is a force, a response to it, and the phase between them."""
+    recorded = np.stack([surface.force, surface.harmonics[:, 1], surface.phase])
+    good = surface.settled & np.isfinite(recorded).all(axis=0)
     for values in (surface.force, surface.harmonics[:, 1], surface.omega):
         size = np.where(good, np.abs(values), 0.0)
         good = good & (size > max(_FAINT * size.max(initial=0.0), np.finfo(float).tiny))
@@ -289,7 +290,8 @@ def plausibility_findings(
         yield from level_findings(surface)
     # the sizes of another quantity say nothing of units
     if calibrated and not other:
-        yield from size_findings(Sizes.of(surface, mass, damping), phase_known=surface.phase_known)
+        sure = len(driven_points(surface)) > 0
+        yield from size_findings(Sizes.of(surface, mass, damping), quantity_sure=sure)
 
 
 _SETS = (1e-6, 1e-3, 1e3, 1e6)
@@ -305,7 +307,7 @@ def level_findings(surface: ResponseSurface) -> Iterator[Finding]:
     Levels are names, and often numbers of runs. But where at two levels or more the force is always the level
     times one factor between units, both are the same force, and one of them was read in another unit.
     """
-    if surface.response_held or surface.base or surface.per_mass:
+    if surface.level_unit != "N":
         return
     rows = _usable(surface)
     level, force = surface.level[rows], np.abs(surface.force[rows])
@@ -321,7 +323,7 @@ def level_findings(surface: ResponseSurface) -> Iterator[Finding]:
             yield Finding("levels-in-other-unit", "doubt", "", numbers)
 
 
-def size_findings(sizes: Sizes, *, phase_known: bool = False) -> Iterator[Finding]:
+def size_findings(sizes: Sizes, *, quantity_sure: bool = False) -> Iterator[Finding]:
     """Find sizes outside what a vibration test can have; one finding or none.
 
     The one that is farthest outside is reported, with the names of the others and the usual mistakes of unit
@@ -330,8 +332,8 @@ def size_findings(sizes: Sizes, *, phase_known: bool = False) -> Iterator[Findin
 
     Parameters
     ----------
-    phase_known
-        True where the phases say that the response is no other quantity than the one it was read as.
+    quantity_sure
+        True where phases say that the response is no other quantity than the one it was read as.
     """
     outside = sizes.excess(usual=False)
     usual = not outside
@@ -348,7 +350,7 @@ def size_findings(sizes: Sizes, *, phase_known: bool = False) -> Iterator[Findin
     likely = [
         mistake.name
         for mistake in MISTAKES
-        if not (phase_known and mistake.order) and not mistake.undo(sizes).excess(usual=True)
+        if not (quantity_sure and mistake.order) and not mistake.undo(sizes).excess(usual=True)
     ]
     names = {
         "quantity": worst,
@@ -382,7 +384,7 @@ def quantity_findings(surface: ResponseSurface, quantity: str | None = None) -> 
     """
     rows = driven_points(surface)
     powers = powers_for(len(rows), mass=True)
-    if not surface.phase_known or not powers:
+    if not powers:
         return
     force, response, omega = surface.force[rows], surface.harmonics[rows, 1], surface.omega[rows]
     as_read = DERIVATIVE.get(quantity or "")
@@ -453,7 +455,7 @@ def base_findings(surface: ResponseSurface, *, absolute: bool, senses: bool) -> 
     """
     rows = driven_points(surface)
     powers = powers_for(len(rows), mass=False)
-    if not surface.phase_known or not powers:
+    if not powers:
         return ()
     omega = surface.omega[rows]
     base = surface.force[rows] / omega**2

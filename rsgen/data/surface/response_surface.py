@@ -30,6 +30,7 @@ from rsgen.data.surface.columns import (
     recognise_directions,
     response_columns,
 )
+from rsgen.formula.units.quantities import PER_UNIT_MASS, WHOLE, ForceUnits
 
 __all__ = ["HALF_POWER", "OUTCOMES", "ResponseSurface", "match_level", "typical_amounts", "without_copies"]
 
@@ -99,6 +100,9 @@ _CONTROLLED = {
 }
 """What a test held, in the one line that shows a surface."""
 
+_LIMITS = {"phase-not-recorded": "phase not measured", "per-unit-mass": "per unit mass"}
+"""What a test cannot tell, in the same line."""
+
 OUTCOMES = (
     "settled: the response repeats with the period of the force",
     "not settled: the response still changes after the longest transient allowed",
@@ -152,7 +156,7 @@ class ResponseSurface:
     origin
         "simulated" or "measured".
     phase_known
-        False where the test recorded amplitudes only: the phase of the response is then without meaning.
+        False where the test recorded amplitudes only: ``phase`` is then NaN.
     control
         What the test held constant within a level: "force", "response", or "phase" where a phase-locked loop
         held a force and turned the frequency until the response lagged by an angle. "continuation": points of
@@ -299,8 +303,20 @@ class ResponseSurface:
 
     @property
     def phase(self) -> Array:
-        """(n,) lag of the displacement behind the force [rad], in [0, 2 pi)."""
-        return np.angle(self.force / self.harmonics[:, 1]) % (2 * np.pi)
+        """(n,) lag of the displacement behind the force [rad], 0 to 2 pi; NaN where not recorded."""
+        lag = (np.angle(self.force) - np.angle(self.harmonics[:, 1])) % (2 * np.pi)
+        return np.where(self.phase_known, lag, np.nan)
+
+    @property
+    def limits(self) -> tuple[Finding, ...]:
+        """What no identification of this test can tell, by what was recorded."""
+        codes = {"phase-not-recorded": not self.phase_known, "per-unit-mass": self.per_mass}
+        return tuple(Finding(code, "info") for code, holds in codes.items() if holds)
+
+    def require_phase(self, place: str, reason: str) -> None:
+        """Refuse, at a place and for a reason that the message names, what only a test with phases serves."""
+        if not self.phase_known:
+            raise RsgenError(f"{place}: the phases were not recorded; {reason}")
 
     @property
     def settled(self) -> NDArray[np.bool_]:
@@ -365,7 +381,12 @@ class ResponseSurface:
     @property
     def force_unit(self) -> str:
         """Unit of the force: "N", or "m/s^2" (N/kg) where it is one per mass."""
-        return "m/s^2" if self.per_mass else "N"
+        return self.units.force
+
+    @property
+    def units(self) -> ForceUnits:
+        """Units of what the test tells, by whether its force is one per mass."""
+        return PER_UNIT_MASS if self.per_mass else WHOLE
 
     @property
     def drive(self) -> Array:
@@ -374,7 +395,7 @@ class ResponseSurface:
         That of a base follows from a force per mass only.
         """
         size = np.abs(self.force)
-        if not (self.base and self.per_mass):
+        if not self.base:
             return size
         return size / self.omega ** below_acceleration(self.base)
 
@@ -395,8 +416,11 @@ class ResponseSurface:
         return ResponseSurface(**{k: v if k in empty else v[mask] for k, v in values.items()})
 
     def on_mass(self, mass: float | None) -> ResponseSurface:
-        """The same test as a force [N] on a mass m [kg], where its force is one per mass; None: as it is."""
-        if mass is None or not self.per_mass:
+        """The same test as a force [N] on a mass m [kg], where its force is one per mass.
+
+        As it is where the mass is not known: None or NaN.
+        """
+        if mass is None or not (self.per_mass and np.isfinite(mass)):
             return self
         return replace(self, force=mass * self.force_harmonics, per_mass=False)
 
@@ -456,12 +480,11 @@ class ResponseSurface:
             f"{len(levels)} level{'s' if len(levels) > 1 else ''} {span}",
             f"{short(self.frequency.min())} to {short(self.frequency.max())} Hz",
             f"{count} harmonic{'s' if count > 1 else ''}",
-            "" if self.phase_known else "phase not measured",
+            *(_LIMITS[finding.code] for finding in self.limits),
             _CONTROLLED[self.control],
             f"force with {recorded} harmonics" if (recorded := self.force_harmonics.shape[1] - 1) > 1 else "",
             "motion across" if self.across.shape[1] else "",
             f"{self.base} of the base" if self.base else "",
-            "per unit mass" if self.per_mass else "",
             self.origin,
         ]
         return f"ResponseSurface: {', '.join(part for part in parts if part)}"

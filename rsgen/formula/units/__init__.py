@@ -9,11 +9,11 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from rsgen.common import on_first_use
-from rsgen.formula.units.quantities import quantity, sensor_factor, sensor_unit, unit_of
+from rsgen.formula.units.quantities import per_mass_unit, quantity, sensor_factor, sensor_unit, unit_of
 from rsgen.formula.units.unit_text import Dimension, read_unit
 
 if TYPE_CHECKING:
-    from rsgen.formula.units.deduction import parameter_units, per_mass_unit, unit_faults
+    from rsgen.formula.units.deduction import parameter_units, unit_faults
 
 __all__ = [
     "Dimension", "parameter_units", "per_mass_unit", "quantity", "read_unit", "sensor_factor", "sensor_unit",
@@ -21,6 +21,4 @@ __all__ = [
 ]  # fmt: skip
 
 # they import sympy, which the process that opens binary files can do without
-__getattr__ = on_first_use(
-    __name__, dict.fromkeys(("parameter_units", "per_mass_unit", "unit_faults"), "deduction")
-)
+__getattr__ = on_first_use(__name__, dict.fromkeys(("parameter_units", "unit_faults"), "deduction"))

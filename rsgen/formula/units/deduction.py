@@ -12,7 +12,7 @@ from rsgen.common.errors import RsgenError
 from rsgen.formula.names import Masing, State, Structural
 from rsgen.formula.units.unit_text import FORCE, NUMBER, Dimension, read_unit
 
-__all__ = ["parameter_units", "per_mass_unit", "unit_faults"]
+__all__ = ["parameter_units", "unit_faults"]
 
 _LENGTH = Dimension({"m": Fraction(1)})
 _TIME = Dimension({"s": Fraction(1)})
@@ -279,24 +279,6 @@ def parameter_units(force: sympy.Expr) -> dict[str, str]:
         form = law.equations.reduced(law.named(name))
         units[name] = str(form.known) if form.settled else ""
     return units
-
-
-def per_mass_unit(unit: str) -> str:
-    """Unit of a parameter of a law that gives the force per mass, from that of the force.
-
-    Examples
-    --------
-    >>> per_mass_unit("N/m"), per_mass_unit("N*s^2/m^2"), per_mass_unit("m")
-    ('N/m/kg', 'N*s^2/m^2/kg', 'm')
-    """
-    if not unit:
-        return unit
-    # displacement and velocity contain no mass, so its power is that of the force
-    power = read_unit(unit).dimension.powers.get("kg", Fraction(0))
-    if power == 0 or unit == "kg":
-        return unit
-    mass = "kg" if abs(power) == 1 else f"kg^{abs(power)}" if power.denominator == 1 else f"kg^({abs(power)})"
-    return f"{unit}/{mass}" if power > 0 else f"{unit}*{mass}"
 
 
 def unit_faults(force: sympy.Expr, units: Mapping[str, str]) -> tuple[str, ...]:

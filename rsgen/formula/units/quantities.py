@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import re
+from collections.abc import Callable
 from dataclasses import dataclass
 from fractions import Fraction
 
@@ -14,11 +15,15 @@ from rsgen.common.errors import RsgenError
 from rsgen.formula.units.unit_text import NUMBER, Dimension, read_unit
 
 __all__ = [
+    "PER_UNIT_MASS",
     "SWEEPS",
+    "WHOLE",
+    "ForceUnits",
     "Scale",
     "choose_scale",
     "count_text",
     "number_text",
+    "per_mass_unit",
     "quantity",
     "quantity_text",
     "sensor_factor",
@@ -333,3 +338,44 @@ def quantity_text(value: float, unit: str, digits: int = 4) -> str:
     """
     scale = choose_scale([value], unit)
     return f"{number_text(value / scale.factor, digits)} {scale.unit}".rstrip()
+
+
+def per_mass_unit(unit: str) -> str:
+    """Unit of a parameter of a law that gives the force per mass, from that of the force.
+
+    Examples
+    --------
+    >>> per_mass_unit("N/m"), per_mass_unit("N*s^2/m^2"), per_mass_unit("m")
+    ('N/m/kg', 'N*s^2/m^2/kg', 'm')
+    """
+    if not unit:
+        return unit
+    # displacement and velocity contain no mass, so its power is that of the force
+    power = read_unit(unit).dimension.powers.get("kg", Fraction(0))
+    if power == 0 or unit == "kg":
+        return unit
+    mass = "kg" if abs(power) == 1 else f"kg^{abs(power)}" if power.denominator == 1 else f"kg^({abs(power)})"
+    return f"{unit}/{mass}" if power > 0 else f"{unit}*{mass}"
+
+
+@dataclass(frozen=True, slots=True)
+class ForceUnits:
+    """Units of what a test of forces, or of forces per mass, tells.
+
+    Parameters
+    ----------
+    force
+        Of what drives.
+    kilogram
+        One kilogram [kg], NaN where the test is per unit mass and tells none.
+    of
+        Turns the unit of a stiffness, damping or energy into that of this test.
+    """
+
+    force: str
+    kilogram: float
+    of: Callable[[str], str]
+
+
+WHOLE = ForceUnits("N", 1.0, str)
+PER_UNIT_MASS = ForceUnits("m/s^2", math.nan, per_mass_unit)

@@ -136,7 +136,7 @@ def _finish(problem: Problem, descent: Descent, regression: Regression) -> Fit:
         influence = problem.observed.relative_influence(influence, values, regression.nuisance)
     # of relative deviations; rows of the force are the first of either part, of a second sensor the last
     influence, half = np.array(influence), (influence.shape[1] + 1) // 2
-    influence[:, [0, half] if problem.observed.phase_known else [0]] /= FORCE_TO_RESPONSE_NOISE
+    influence[:, [0, half][: problem.observed.parts]] /= FORCE_TO_RESPONSE_NOISE
     if isinstance(descent.forward, MeasuredAcross):
         forward = descent.forward
         influence[:, [half - 1, -1]] /= forward.far_noise
@@ -144,14 +144,12 @@ def _finish(problem: Problem, descent: Descent, regression: Regression) -> Fit:
         influence[:, [1, half + 1]] -= forward.correlation * influence[:, [half - 1, -1]]
     regression = replace(regression, influence=influence)
     motion = Motion(problem.observed.points.omega, response.harmonics).turned(-lag)
-    # without a phase the points get the one in which the fundamental of the mode is real
-    known = problem.observed.phase_known
     return Fit(
         problem,
         regression,
         response.force * np.exp(-1j * lag),
         motion.harmonics,
-        regression.nuisance[:, 1] + lag if known else np.zeros(len(lag)),
+        problem.observed.turn(regression.nuisance) + lag,
         np.abs(problem.observed.seen(response, values)),
     )
 
@@ -188,9 +186,6 @@ def fit_balance(
     natural = 0.0 if law.odd else _natural_sizes(problem, parameters, mode)
     rules = Rules(steps=steps, held=problem.held, natural=natural)
     common: dict[str, Any] = {"reject": reject, "neighbours": mode.neighbours}
-    if not observed.phase_known:
-        # without phases the sign of a difference is that of its logarithm, and the start is near
-        descent.scale = mode.amplitude
     found = fit(descent.linearise, parameters, nuisance, rules, **common)
     if isinstance(forward, MeasuredAcross) and is_systematic(found.residual, mode.pairs(found.used)):
         # with sensors that may deviate apart a wrong law bends the motion across until it fits
@@ -253,7 +248,7 @@ def fit_simulator(problem: Problem, start: Fit, *, accuracy: float) -> Fit | Non
         motion,
         amplitude,
         drive,
-        [h for h in observed.points.measured if h != 1] if observed.phase_known else [],
+        [h for h in observed.recorded if h != 1],
         before.parameters[: problem.count],
         before.strength[: problem.count],
         before.noise,
@@ -315,8 +310,8 @@ def _near_motion(start: Fit, noisy: bool) -> tuple[ComplexArray, Motion, Array]:
     """Force and motion of the mode near the measured ones, and its measured amplitude (n,) [m]."""
     observed = start.problem.observed
     mode = observed.mode(start.background)
-    seen = start.problem.law.odd or 0 in mode.measured
-    if observed.phase_known and not noisy and seen:
+    needed = {1} if start.problem.law.odd else {0, 1}
+    if not noisy and needed.issubset(observed.recorded):
         return mode.force, mode.motion, mode.amplitude
     # what the balance made of force and response together is less noisy, and has a phase
     smooth, found = start.force * np.exp(1j * start.turn), start.motion.harmonics
@@ -325,7 +320,5 @@ def _near_motion(start: Fit, noisy: bool) -> tuple[ComplexArray, Motion, Array]:
     good = np.isfinite(smooth) & np.isfinite(found).all(axis=1) & start.regression.used
     near[good] = 0
     near[good, : found.shape[1]] = found[good]
-    amplitude = mode.amplitude
-    if not observed.phase_known:
-        amplitude = np.where(np.isfinite(start.force), np.abs(found[:, 1]), amplitude)
+    amplitude = np.where(np.isfinite(start.force), np.abs(found[:, 1]), mode.amplitude)
     return np.where(good, smooth, mode.force), Motion(mode.omega, near), amplitude

@@ -182,7 +182,7 @@ class Descent:
     def __init__(self, problem: Parametrised, forward: Forward) -> None:
         self.problem, self.forward = problem, forward
         self.compared = problem.compared(forward.harmonics)
-        self.scale: Array | None = None
+        self.scale = problem.observed.scale
 
     def predict(self, parameters: Array, nuisance: Array) -> Response:
         """Ask the forward model at (q,) parameters and (n, k) nuisances."""

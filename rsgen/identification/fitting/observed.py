@@ -76,30 +76,45 @@ class Observed:
         As measured, background included.
     background
         At the points.
-    phase_known
-        False where only amplitudes of force and fundamental were recorded.
     fitted
         (b,) which values of the background are fitted; the others stay.
     kind, band
         Of the background, and lowest and highest frequency [Hz] that it is defined over.
+    recorded
+        Harmonics of the response that were recorded with a phase; none where amplitudes alone were.
+    scale
+        (n,) amplitude [m] with which a fit begins to compare by logarithms, see ``linearise``: from the
+        beginning without phases, where the sign of a difference is that of its logarithm. Else None.
     """
 
     points: Points
     background: BackgroundTerms
-    phase_known: bool
     fitted: NDArray[np.bool_]
     kind: str
     band: tuple[float, float]
+    recorded: tuple[int, ...]
+    scale: Array | None = None
 
     @classmethod
-    def of(cls, points: Points, kind: str = "none", *, phase_known: bool = True) -> Observed:
+    def of(cls, points: Points, kind: str = "none") -> Observed:
         """Take the points with a background of a kind over their band."""
         frequency = points.omega / (2 * np.pi)
         band = float(frequency.min()), float(frequency.max())
         shape = background_terms(kind, points.omega, points.force, band)
+        if points.phase_known:
+            return cls(points, shape, np.ones(len(shape.names), bool), kind, band, points.measured)
         # without phase psi has no effect, and imaginary parts of b hardly one that damping has not
-        fitted = np.array([phase_known or name not in _NEED_PHASE for name in shape.names], dtype=bool)
-        return cls(points, shape, phase_known, fitted, kind, band)
+        fitted = np.array([name not in _NEED_PHASE for name in shape.names], dtype=bool)
+        return cls(points, shape, fitted, kind, band, (), points.amplitude)
+
+    @property
+    def parts(self) -> int:
+        """Parts of force and fundamental that are compared, and nuisances for them: size, and phase."""
+        return 1 + self.recorded.count(1)
+
+    def turn(self, nuisance: Array) -> Array:
+        """(n,) phase of the model's reference [rad], zero where none was recorded."""
+        return np.asarray(nuisance[:, 1 : self.parts].sum(axis=1))
 
     def without_neighbour(self) -> Observed:
         """Residual terms only."""
@@ -109,7 +124,9 @@ class Observed:
 
     def select(self, chosen: Chosen) -> Observed:
         """Take some of the points; the band of the background stays."""
-        return replace(self, points=self.points.select(chosen), background=self.background.select(chosen))
+        scale = None if self.scale is None else self.scale[chosen]
+        background = self.background.select(chosen)
+        return replace(self, points=self.points.select(chosen), background=background, scale=scale)
 
     def mode(self, values: Array) -> Points:
         """The points without the background (b,)."""
@@ -118,7 +135,7 @@ class Observed:
     def nuisances(self, size: Array, phase: Array) -> Array:
         """(n, k) to start from: logarithm of the size, phase where known, far sensor as measured."""
         none = np.zeros((len(size), 2 * self.points.far.shape[1]))
-        return np.column_stack([np.log(size), *([phase] if self.phase_known else []), none])
+        return np.column_stack([np.log(size), *[phase][: self.parts - 1], none])
 
     def seen(self, response: Response, values: Array) -> ComplexArray:
         """(n,) fundamental at the sensor, in the reference of the response [m]."""
@@ -170,7 +187,7 @@ class Observed:
         compared: Sequence[int],
     ) -> Linearisation:
         points = self.points
-        back = np.exp(-1j * nuisance[:, 1]) if self.phase_known else np.ones(len(points), complex)
+        back = np.exp(-1j * self.turn(nuisance))
         measured = points.harmonics * back[:, None] ** np.arange(points.harmonics.shape[1])
         # points that could not be predicted are NaN and say so below
         with np.errstate(invalid="ignore", divide="ignore"):
@@ -189,15 +206,14 @@ class Observed:
                     )
                 )
         # the mean has no imaginary part, an amplitude no phase
-        real = [h == 0 or not self.phase_known for h in (1, 1, *compared)]
+        real = [h == 0 or h not in self.recorded for h in (1, 1, *compared)]
         for _ in points.far.T:
             rows.append(_far_sensor(nuisance, rows[0]))
             real.append(False)
         residual = _split([row.residual for row in rows], real)
         residual[~response.valid] = np.nan
-        by_nuisance = [_split([row.by_size for row in rows], real)]
-        if self.phase_known:
-            by_nuisance.append(_split([row.by_phase for row in rows], real))
+        slopes = [[row.by_size for row in rows], [row.by_phase for row in rows]]
+        by_nuisance = [_split(slope, real) for slope in slopes[: self.parts]]
         still = np.zeros((len(points), 2))
         far = [still if row.by_far is None else row.by_far for row in rows]
         by_nuisance += [_split([by[:, j] for by in far], real) for _ in points.far.T for j in range(2)]
@@ -349,8 +365,7 @@ class Problem:
 
     def compared(self, predicted: tuple[int, ...]) -> tuple[int, ...]:
         """Harmonics other than the fundamental that are measured, of those ``predicted``."""
-        measured = self.observed.points.measured if self.observed.phase_known else ()
-        return tuple(h for h in measured if h in predicted)
+        return tuple(h for h in self.observed.recorded if h in predicted and h != 1)
 
 
 MISSING_TERMS = ("x*abs(x)", "x**3", "x**5", "v*abs(v)", "v**3", "sign(v)")

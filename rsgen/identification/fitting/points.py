@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,7 +14,7 @@ from rsgen.common.tolerances import ERRORS, EXPECTED_NOISE
 from rsgen.data.oscillator import Model
 from rsgen.data.surface import OUTCOMES, ResponseSurface
 from rsgen.data.surface.phase_lag import RESONANT, BackboneGap, backbone_gap
-from rsgen.law.motion import Motion
+from rsgen.law.motion import Motion, feeds_exciter
 
 __all__ = [
     "ASYMMETRIC",
@@ -72,6 +73,8 @@ class Points:
         (n, H+1) complex displacement [m] across two sensors; (n, 0) where the law acts on the response.
     load
         (n, K+1) complex harmonics of the force [N], None where only the fundamental was recorded.
+    phase_known
+        False where force and response are sizes, and the phase between them was not recorded.
     """
 
     index: NDArray[np.intp]
@@ -84,6 +87,7 @@ class Points:
     peak: NDArray[np.float64]
     across: NDArray[np.complex128]
     load: NDArray[np.complex128] | None = None
+    phase_known: bool = True
 
     def __len__(self) -> int:
         return len(self.omega)
@@ -122,9 +126,18 @@ class Points:
 
     @property
     def lag(self) -> NDArray[np.float64]:
-        """(n,) lag beyond a quarter period [rad]; a response that leads counts as if it were reversed."""
+        """(n,) lag beyond a quarter period [rad]; a response that leads counts as if it were reversed.
+
+        NaN where it was not recorded.
+        """
         stiffness = self.force / self.harmonics[:, 1]
-        return np.asarray(np.angle(stiffness.real + 1j * np.abs(stiffness.imag)) - np.pi / 2)
+        lag = np.angle(stiffness.real + 1j * np.abs(stiffness.imag)) - np.pi / 2
+        return np.where(self.phase_known, lag, np.nan)
+
+    @property
+    def feed_exciter(self) -> bool:
+        """Whether the structure works on its exciter; not known, so False, where no phase was recorded."""
+        return self.phase_known and feeds_exciter(self.force, self.harmonics[:, 1])
 
     @property
     def in_quadrature(self) -> NDArray[np.bool_]:
@@ -167,18 +180,9 @@ class Points:
 
     def select(self, chosen: Chosen) -> Points:
         """Keep some points."""
-        return Points(
-            self.index[chosen],
-            self.level[chosen],
-            self.omega[chosen],
-            self.sweep[chosen],
-            self.force[chosen],
-            self.harmonics[chosen],
-            self.measured,
-            self.peak[chosen],
-            self.across[chosen],
-            None if self.load is None else self.load[chosen],
-        )
+        columns = {f.name: getattr(self, f.name) for f in fields(self)}
+        rows: dict[str, Any] = {k: v[chosen] for k, v in columns.items() if isinstance(v, np.ndarray)}
+        return replace(self, **rows)
 
     def spread(self, count: int) -> NDArray[np.intp]:
         """Choose about ``count`` points evenly over the amplitude: a quick picture of the whole test."""
@@ -213,11 +217,8 @@ def per_unit_mass(surface: ResponseSurface, model: Model) -> tuple[ResponseSurfa
     With a known mass forces become newtons. Without one the mass of the balance is 1 kg, the forces stay as
     they are, and the parameters are per unit mass: no test of a driven base determines more.
     """
-    if not surface.per_mass:
-        return surface, model
-    if model.mass is None:
-        return surface, replace(model, mass=1.0)
-    return surface.on_mass(model.mass), model
+    surface = surface.on_mass(model.mass)
+    return surface, replace(model, mass=1.0) if surface.per_mass else model
 
 
 def _load_of(surface: ResponseSurface, index: NDArray[np.intp]) -> NDArray[np.complex128] | None:
@@ -285,6 +286,7 @@ def select_points(surface: ResponseSurface, model: Model) -> Points:
         surface.peak[index],
         np.nan_to_num(surface.across[index]),
         _load_of(surface, index),
+        surface.phase_known,
     )
 
 

@@ -341,7 +341,7 @@ def table_as_identification(table: ModalTable) -> Identification:
             none,
             none.astype(bool),
             level_unit=test.level_unit,
-            per_mass=test.per_mass,
+            units=test.units,
         ),
         residual=table.misfit / np.sqrt(2),
         noise=table.misfit,

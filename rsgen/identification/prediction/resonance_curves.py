@@ -225,12 +225,12 @@ def predict(
         return predict_multisine(found, surface)
     if isinstance(surface, MultisineSpectra):
         raise RsgenError("surface: MultisineSpectra; they go with what was identified from a multisine")
-    table = None
+    table, mass = None, found.mass
     if isinstance(found, ModalTable):
         table, found = found, table_as_identification(found)
     if surface is not None:
         require(surface, ResponseSurface, "surface")
-        surface = surface.on_mass(None if table is not None and table.test.per_mass else found.mass)
+        surface = surface.on_mass(mass)
     if isinstance(found, Identification) and found.model.sensors:
         return _predict_across(found, levels, surface)
     chosen = _levels(found, levels, surface)
@@ -415,7 +415,7 @@ def _curve(
     )
     return ResonanceCurve(
         level=level,
-        level_unit=identification.curve.force_unit,
+        level_unit=identification.curve.units.force,
         frequency=frequency,
         amplitude=amplitude,
         phase=phase,
@@ -539,7 +539,7 @@ def _score(
                     error=error,
                     largest_error=largest,
                     level_unit=surface.level_unit,
-                    force_unit=identification.curve.force_unit,
+                    force_unit=identification.curve.units.force,
                     force=float(forces[surface.levels == level][0]),
                     missing=len(rows) - int(np.count_nonzero(miss <= BRANCH * np.abs(measured))),
                 )

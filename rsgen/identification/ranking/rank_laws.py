@@ -137,7 +137,7 @@ def rank(
     observed = _observed(surface, base)
     points = observed.points
     one = np.ptp(points.omega) == 0
-    if base.mass is None and (one or (surface.phase_known and at_resonance_alone(points))):
+    if base.mass is None and (one or at_resonance_alone(points)):
         raise RsgenError(
             f"ranking: tests at {'one frequency' if one else 'phase resonance'} do not determine the mass: "
             "give it, or test at more frequencies"
@@ -222,8 +222,7 @@ def identify_best(surface: ResponseSurface, model: Model) -> Identification:
 
 def _observed(surface: ResponseSurface, base: Model) -> Observed:
     """Some of the points: as many as separate laws."""
-    if not surface.phase_known:
-        raise RsgenError("ranking: the phase was not recorded; laws are compared by force and phase together")
+    surface.require_phase("ranking", "laws are compared by force and phase together")
     points = select_points(surface, base)
     observed = Observed.of(points, base.observation.background)
     return observed.select(points.spread(_POINTS))

@@ -37,7 +37,8 @@ from rsgen.common.tolerances import (
     t_quantile,
 )
 from rsgen.data.oscillator import Model
-from rsgen.formula.units import parameter_units, per_mass_unit
+from rsgen.formula.units import parameter_units
+from rsgen.formula.units.quantities import WHOLE, ForceUnits
 from rsgen.identification.fitting.fit import Solution
 from rsgen.identification.fitting.least_squares import Alternative, Regression
 from rsgen.identification.fitting.observed import Observed
@@ -105,7 +106,7 @@ def make_estimates(
 
 
 def state_background(
-    observed: Observed, values: Array, variance: Array, freedom: int, *, per_mass: bool = False
+    observed: Observed, values: Array, variance: Array, freedom: int, units: ForceUnits
 ) -> Background | None:
     """Give the values (b,) of a background with 95 % intervals; None where none was asked for.
 
@@ -117,8 +118,8 @@ def state_background(
         (b,) of the background; a variance that is not finite is not known.
     freedom
         Degrees of freedom of the noise that the variance rests on.
-    per_mass
-        Whether the force is one per mass.
+    units
+        Of the test.
     """
     shape, points = observed.background, observed.points
     if not len(values):
@@ -126,10 +127,10 @@ def state_background(
     wide = float(t_quantile(freedom, CONFIDENCE))
     errors = np.sqrt(np.where(np.isfinite(variance), variance, np.inf))
     # the residue of a neighbour, one over its mass, is then a number
-    units = [per_mass_unit(unit).replace("1/kg*kg", "") if per_mass else unit for unit in shape.units]
+    named = [units.of(unit).replace("1/kg*kg", "") for unit in shape.units]
     estimates = tuple(
         Estimate(name, float(v), float(e), (float(v - wide * e), float(v + wide * e)), unit)
-        for name, v, e, unit in zip(shape.names, values, errors, units, strict=True)
+        for name, v, e, unit in zip(shape.names, values, errors, named, strict=True)
     )
     part = np.abs(shape.receptance(values) * points.force)
     share = float(np.sqrt(np.mean(part**2) / np.mean(points.amplitude**2)))
@@ -195,16 +196,15 @@ def phase_findings(background: Array) -> list[Finding]:
     return [Finding("phase-turned", "doubt", "psi", {"phase": Quantity(turned, "rad")})]
 
 
-def units_of(model: Model, *, per_mass: bool = False) -> dict[str, str]:
-    """SI unit of every parameter, "" where the law does not say; of a law per unit mass where asked."""
+def units_of(model: Model, of: ForceUnits = WHOLE) -> dict[str, str]:
+    """SI unit of every parameter, "" where the law does not say, in those of a test."""
     # names that are kept for the time and the force have no unit there
     units = dict.fromkeys(model.parameters, "")
     # a law whose terms do not agree in units can be fitted all the same
     with suppress(RsgenError):
         units |= parameter_units(model.force)
-    if per_mass:
-        units = {name: per_mass_unit(unit) for name, unit in units.items()}
-    return {"m": "kg", **{name: "" if unit == "1" else unit for name, unit in units.items()}}
+    named = {name: of.of(unit) for name, unit in units.items()}
+    return {"m": "kg", **{name: "" if unit == "1" else unit for name, unit in named.items()}}
 
 
 def parameter_findings(

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from functools import partial
-from math import isfinite
+from math import isfinite, nan
 from typing import Any, TypeVar, cast
 
 import numpy as np
@@ -17,7 +17,7 @@ from rsgen.common.finding import Finding, Verdict, reach_verdict
 from rsgen.common.text_table import Printed, TextTable, data_frame, lookup, short, with_error
 from rsgen.data.oscillator import Model
 from rsgen.dynamics.linear_part import BackgroundTerms, background_terms
-from rsgen.formula.units import per_mass_unit
+from rsgen.formula.units.quantities import WHOLE, ForceUnits
 from rsgen.law.memory import with_equations
 
 __all__ = [
@@ -138,8 +138,8 @@ class EquivalentCurve:
         (n,) True where the point took part in the fits (not held out, not an outlier).
     level_unit
         "N", or "m" where the test held the amplitude, or of the motion of a base.
-    per_mass
-        True where stiffness and damping are per unit mass.
+    units
+        Of stiffness and damping, per unit mass or not.
     """
 
     amplitude: NDArray[np.float64]
@@ -149,16 +149,7 @@ class EquivalentCurve:
     damping: NDArray[np.float64]
     used: NDArray[np.bool_]
     level_unit: str = "N"
-    per_mass: bool = False
-
-    def unit(self, whole: str) -> str:
-        """Give the unit of a stiffness, damping, force or energy as this test has it, per mass or not."""
-        return per_mass_unit(whole) if self.per_mass else whole
-
-    @property
-    def force_unit(self) -> str:
-        """Unit of the forces that drive: "N", or "m/s^2" where they are per unit mass."""
-        return "m/s^2" if self.per_mass else "N"
+    units: ForceUnits = WHOLE
 
     def __post_init__(self) -> None:
         _freeze(self, ("amplitude", "frequency", "level", "stiffness", "damping"))
@@ -376,8 +367,8 @@ class Identification(Printed):
     def _table(self) -> TextTable:
         background = () if self.background is None else self.background.estimates
         rows = [estimate.cells for estimate in (*self.refined, *background)]
-        if self.model.mass is not None and not self.curve.per_mass:
-            rows.append(("m", short(self.model.mass), "given", "kg", ""))
+        if isfinite(given := (self.model.mass or nan) * self.curve.units.kilogram):
+            rows.append(("m", short(given), "given", "kg", ""))
         low, high = self.amplitude_range
         slow, fast = self.frequency_range
         tested = (

@@ -154,8 +154,7 @@ def _fit(problem: Problem, parameters: Array, steps: int) -> Fit:
 
 def records_even(problem: Problem) -> bool:
     """Tell whether the test recorded the mean or an even harmonic, with phases."""
-    observed = problem.observed
-    return observed.phase_known and any(h % 2 == 0 for h in observed.points.measured)
+    return any(h % 2 == 0 for h in problem.observed.recorded)
 
 
 def _cost(found: Fit) -> float:
@@ -298,7 +297,7 @@ def start_fit(problem: Problem) -> tuple[Problem, Array]:
 
 def _start_first_order(problem: Problem) -> Array:
     observed = problem.observed
-    if not observed.phase_known:
+    if not observed.points.phase_known:
         found = _start_amplitudes(observed.points, problem.law, problem.given)
         parameters = problem.join(found.values, found.mass)
         if not observed.fitted.any():
@@ -496,7 +495,12 @@ def _hold(law: ForceLaw, values: Array, mass: float, omega: Array, size: Array, 
 
 
 def with_phase(table: Table, found: Fit, receptance: ComplexArray) -> Table:
-    """Give force and response the phases that law and background (n,) [m/N] predict at each amplitude."""
+    """Give force and response the phases that law and background (n,) [m/N] predict at each amplitude.
+
+    A table with phases stays as it is.
+    """
+    if table.phase_known:
+        return table
     law = found.problem.law
     seen = np.abs(table.harmonics[:, 1])
     held = np.isfinite(seen) & (seen > 0)
@@ -515,5 +519,5 @@ def with_phase(table: Table, found: Fit, receptance: ComplexArray) -> Table:
     force[held] *= np.exp(1j * np.nan_to_num(np.angle(balance.force)))
     harmonics[held, 1] *= np.exp(1j * np.nan_to_num(np.angle(size + b * balance.force)))
     if isinstance(table, Points):
-        return replace(table, force=force, harmonics=harmonics, measured=(1,))
+        return replace(table, force=force, harmonics=harmonics, measured=(1,), phase_known=True)
     return replace(table, force=force, harmonics=harmonics)

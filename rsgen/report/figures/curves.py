@@ -252,7 +252,7 @@ def _draw_equivalent(
     lines = [refined, first]
     x, y = (
         choose_scale(grid, "m"),
-        choose_scale(np.concatenate([measured, refined]), identification.curve.unit(unit)),
+        choose_scale(np.concatenate([measured, refined]), identification.curve.units.of(unit)),
     )
     figure, (axes,) = take_axes(ax, 1, (4.4, 3.3))
     low, high = (refined - half) / y.factor, (refined + half) / y.factor
@@ -348,7 +348,7 @@ def draw_collapse(identification: Identification, *, ax: GivenAxes = None) -> Dr
     rate = choose_scale(curve.amplitude * 2 * np.pi * curve.frequency, "m/s")
     parts = _collapses(curve, model, grid, (x, rate), joint=joint, speed=speed)
     for axes, part, least in zip(panels, parts, (0.06, 0.2), strict=False):
-        y = choose_scale(part.line if part.line.size else part.cloud, curve.unit(_KINDS[part.what][1]))
+        y = choose_scale(part.line if part.line.size else part.cloud, curve.units.of(_KINDS[part.what][1]))
         cloud, line = part.cloud / y.factor, part.line / y.factor
         axes.scatter(
             part.place / part.scale.factor,

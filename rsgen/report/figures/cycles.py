@@ -101,7 +101,7 @@ def shows_loops(surface: ResponseSurface, model: Model) -> bool:
 
     With the fundamental alone every loop is an ellipse, which shows nothing that k(X) and c(X) do not.
     """
-    if not (surface.phase_known and np.any(surface.settled & (surface.amplitude > 0))):
+    if not np.any(surface.settled & np.isfinite(surface.phase) & (surface.amplitude > 0)):
         return False
     return remembers(model.force) or (
         surface.origin == "measured" and bool(np.any(np.abs(surface.harmonics[:, 2:]) > 0))
@@ -124,11 +124,8 @@ def mass_of(surface: ResponseSurface) -> float:
     RsgenError
         Too few points settled.
     """
-    used = surface.settled & (surface.amplitude > 0) & np.isfinite(surface.force)
-    found = None
-    if surface.phase_known:
-        chosen = surface.select(used)
-        found = estimate_mass(*steady(chosen.force, chosen.harmonics[:, 1], chosen.omega))
+    chosen = surface.select(surface.settled & (surface.amplitude > 0) & np.isfinite(surface.phase))
+    found = estimate_mass(*steady(chosen.force, chosen.harmonics[:, 1], chosen.omega))
     if found is None:
         few = 2 * POINTS_A_KNOT
         raise RsgenError(f"mass: is missing; {few} settled points with phases are needed to read it")
@@ -244,10 +241,7 @@ def measured_energy(surface: ResponseSurface) -> Energy:
     surface
         Without background.
     """
-    if not surface.phase_known:
-        return _fitted(np.zeros(0), np.zeros(0))
-    used = surface.settled & np.isfinite(surface.force) & (surface.amplitude > 0)
-    used &= np.sin(np.where(used, surface.phase, 0.0)) >= _HALF_POWER
+    used = surface.settled & (surface.amplitude > 0) & (np.sin(surface.phase) >= _HALF_POWER)
     work = cycle_work(surface.force[used], surface.harmonics[used, 1])
     return _fitted(surface.amplitude[used], work)
 

@@ -15,7 +15,6 @@ from rsgen.common.arrays import Array
 from rsgen.common.errors import RsgenError
 from rsgen.data.oscillator import Model
 from rsgen.data.surface import ResponseSurface
-from rsgen.formula.units import per_mass_unit
 from rsgen.formula.units.quantities import choose_scale, count_text, number_text, quantity_text
 from rsgen.identification.results import Identification
 from rsgen.law.motion import cycle_work
@@ -115,7 +114,7 @@ def draw_forces(
             for law in (refined, true)
         )
         if force is not None:
-            named = identification.curve.unit("N")
+            named = identification.curve.units.of("N")
             words.append(_panel(axes, what, place, unit, force, expected, inverted, named))
     caption = "Forces of springs and of dampers over the tested range"
     caption += (
@@ -182,9 +181,9 @@ _LIMIT: dict[str, Any] = {"color": "#009E73", "lw": 1.0, "ls": (0, (4, 1.5, 1, 1
 
 def _peak_rows(surface: ResponseSurface) -> NDArray[np.intp]:
     """Choose the largest settled motion of a small, a middle and the largest level."""
-    rows = []
+    rows, moving = [], surface.settled & np.isfinite(surface.phase) & (surface.amplitude > 0)
     for level in choose_levels(surface, _LOOPS):
-        there = np.flatnonzero((surface.level == level) & surface.settled & (surface.amplitude > 0))
+        there = np.flatnonzero((surface.level == level) & moving)
         if there.size:
             rows.append(int(there[np.argmax(surface.amplitude[there])]))
     return np.array(sorted(set(rows), key=lambda row: surface.amplitude[row]), dtype=np.intp)
@@ -234,7 +233,7 @@ def draw_loops(
     """
     surface = mode_surface(surface, identification)
     rows = _peak_rows(surface) if points is None else np.asarray(points, dtype=np.intp)
-    if not surface.phase_known or not rows.size:
+    if not np.isfinite(surface.phase[rows]).all() or not rows.size:
         raise RsgenError("surface: no settled point with a phase; a loop needs force and motion")
     if mass is None:
         mass = mass_of(surface) if identification is None else identification.mass
@@ -248,7 +247,7 @@ def draw_loops(
             if values is not None:
                 lines.append((name, style, loop_force(identification.model, values, loops.motion)))
     figure, panels = take_axes(ax, 2, (4.4, 5.2), sharex=True)
-    unit = per_mass_unit("N") if surface.per_mass else "N"
+    unit = surface.units.of("N")
     x, y = choose_scale(loops.displacement, "m"), choose_scale(loops.force, unit)
     open_y = choose_scale(loops.force[-1] - _chord(loops.displacement[-1], loops.force[-1]), unit)
     for axes, scale, chord in zip(panels, (y, open_y), (False, True), strict=False):
@@ -338,7 +337,7 @@ def draw_energy(
     panels_needed = 2 if np.isfinite(rest) else 1
     figure, panels = take_axes(ax, panels_needed, (4.4, 2.4 + 2.2 * (panels_needed - 1)), sharex=True)
     x = choose_scale(found.amplitude if found.amplitude.size else measured.amplitude, "m")
-    y = choose_scale(np.concatenate([measured.energy, found.energy]), identification.curve.unit("J"))
+    y = choose_scale(np.concatenate([measured.energy, found.energy]), identification.curve.units.of("J"))
     top = panels[0]
     top.plot(measured.amplitude / x.factor, measured.energy / y.factor, label="measured", **POINT)
     top.plot(found.amplitude / x.factor, found.energy / y.factor, label="refined", **REFINED)
