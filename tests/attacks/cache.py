@@ -5,7 +5,6 @@
 
 from __future__ import annotations
 
-import hmac
 import os
 import shutil
 import subprocess
@@ -57,7 +56,7 @@ def _numbers(place: Path) -> str:
 
 
 def _entry(cache: Path) -> Path:
-    (entry,) = [path for path in cache.iterdir() if path.name != "key" and not path.name.startswith(".")]
+    (entry,) = [path for path in cache.iterdir() if not path.name.startswith(".")]
     return entry
 
 
@@ -92,26 +91,15 @@ class Planted:
         """Where it goes."""
         return _entry(self.cache)
 
-    def with_key(self) -> None:
-        """Write it as somebody does who can read the key and write into the folder."""
+    def forged(self) -> None:
+        """Write it, with its digest, as somebody does who can write into the folder."""
         folder = self.cache.resolve()
         with (
             patch.object(private_folder, "_OTHERS_WRITE", 0),
             patch.object(os, "geteuid", lambda: folder.stat().st_uid),
-            patch.object(private_folder, "_key", lambda _: (folder / "key").read_bytes()),
             open_private_folder(folder) as opened,
         ):
             opened.write(self.entry.name, self.content)
-
-    def guessed(self) -> None:
-        """Write it with a digest by a key that was guessed."""
-        named = self.entry.name.encode() + b"\0" + self.content
-        self.entry.write_bytes(hmac.digest(bytes(32), named, "sha256") + self.content)
-
-
-def own_folder(planted: Planted) -> None:
-    """Somebody writes the user's entry without knowing the key."""
-    planted.guessed()
 
 
 def kept_digest(planted: Planted) -> None:
@@ -136,50 +124,44 @@ def entry_of_another(planted: Planted) -> None:
 def writable_by_all(planted: Planted) -> None:
     """Everybody may write into the folder."""
     planted.cache.chmod(0o777)
-    planted.with_key()
+    planted.forged()
 
 
 def writable_by_a_group(planted: Planted) -> None:
     """A group may write into the folder."""
     planted.cache.chmod(0o770)
-    planted.with_key()
+    planted.forged()
 
 
 def shared_sticky_folder(planted: Planted) -> None:
     """The folder is as /tmp is."""
     planted.cache.chmod(0o1777)
-    planted.with_key()
+    planted.forged()
 
 
 def link_to_a_folder(planted: Planted) -> None:
     """The name of the cache leads to a folder elsewhere."""
     planted.cache.rename(planted.cache.with_name("real"))
     planted.cache.symlink_to(planted.cache.with_name("real"))
-    planted.with_key()
-
-
-def known_key(planted: Planted) -> None:
-    """Others could read the key, so it is no secret."""
-    (planted.cache / "key").chmod(0o644)
-    planted.with_key()
+    planted.forged()
 
 
 def folder_of_another_user(planted: Planted) -> None:
-    """The folder, the key and the entry belong to somebody else."""
-    planted.with_key()
+    """The folder and the entry belong to somebody else."""
+    planted.forged()
     for path in (planted.cache, *planted.cache.iterdir()):
         os.chown(path, 12345, 12345)
 
 
 def entry_of_another_user(planted: Planted) -> None:
     """The entry alone belongs to somebody else."""
-    planted.with_key()
+    planted.forged()
     os.chown(planted.entry, 12345, 12345)
 
 
 WAYS = (
-    *(own_folder, kept_digest, entry_of_another, writable_by_all, writable_by_a_group),
-    *(shared_sticky_folder, link_to_a_folder, known_key),
+    *(kept_digest, entry_of_another, writable_by_all, writable_by_a_group),
+    *(shared_sticky_folder, link_to_a_folder),
 )
 WAYS_OF_ROOT = (folder_of_another_user, entry_of_another_user)
 """Files can be given away by the administrator alone; for others these are not tried."""

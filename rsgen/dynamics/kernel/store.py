@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import ctypes
 import hashlib
-import hmac
 import importlib.abc
 import os
 import re
@@ -45,17 +44,13 @@ __all__ = [
 
 
 # ----------------------------------------------------------------------------
-# A folder whose files only its user can write; each carries a digest made with a key that nobody else
-# reads.
+# A folder whose files only its user can write; each begins with a digest that finds damage.
 #
-# Machine code is loaded from here and runs as the user. So a folder, a key or a file counts only when it
-# belongs to the user and nobody else can write it. That is asked of the opened descriptor, since what a
-# name
-# means can change between two looks. A link, a pipe or a device is never followed, and the size of a file
-# is
-# known before anything is read.
+# Machine code is loaded from here and runs as the user. So a folder or a file counts only when it belongs to
+# the user and nobody else can write it. That is asked of the opened descriptor, since what a name means can
+# change between two looks. A link, a pipe or a device is never followed, and the size of a file is known
+# before anything is read.
 
-_KEY, _KEY_BYTES = "key", 32
 _DIGEST_BYTES = hashlib.sha256().digest_size
 
 _MOST_BYTES = 16_000_000
@@ -63,7 +58,7 @@ _MOST_BYTES = 16_000_000
 
 _UNFINISHED = re.compile(r"\..+\.(?P<writer>\d+)\.[0-9a-f]+\.part")
 
-_OTHERS_WRITE, _OTHERS_USE = 0o022, 0o077
+_OTHERS_WRITE = 0o022
 _PLAIN = getattr(os, "O_NOFOLLOW", 0) | getattr(os, "O_CLOEXEC", 0) | getattr(os, "O_NONBLOCK", 0)
 
 
@@ -79,19 +74,14 @@ class PrivateFolder:
     ----------
     descriptor
         Of the folder; every file is opened relative to it.
-    key
-        Secret that all digests are made with.
     """
 
     descriptor: int
-    key: bytes
 
     def read(self, name: str) -> bytes | None:
         """Read what ``write`` wrote under a name; None where it is missing, damaged or somebody else's."""
-        whole = _read(self.descriptor, name, _OTHERS_WRITE)
-        if whole is None or not hmac.compare_digest(
-            whole[:_DIGEST_BYTES], self._digest(name, whole[_DIGEST_BYTES:])
-        ):
+        whole = _read(self.descriptor, name)
+        if whole is None or whole[:_DIGEST_BYTES] != _digest(name, whole[_DIGEST_BYTES:]):
             return None
         return whole[_DIGEST_BYTES:]
 
@@ -103,10 +93,7 @@ class PrivateFolder:
         OSError
             The disk is full, or a folder that is not empty has the name.
         """
-        _write(self.descriptor, name, self._digest(name, content) + content)
-
-    def _digest(self, name: str, content: bytes) -> bytes:
-        return hmac.digest(self.key, name.encode() + b"\0" + content, "sha256")
+        _write(self.descriptor, name, _digest(name, content) + content)
 
     def clear(self) -> None:
         """Remove what killed writers left."""
@@ -116,6 +103,11 @@ class PrivateFolder:
             if found and not is_alive(int(found["writer"])):
                 with suppress(OSError):
                     os.unlink(name, dir_fd=self.descriptor)
+
+
+def _digest(name: str, content: bytes) -> bytes:
+    """Return a digest that finds damage, and a file under the name of another."""
+    return hashlib.sha256(name.encode() + b"\0" + content).digest()
 
 
 @contextmanager
@@ -142,11 +134,7 @@ def open_private_folder(path: Path) -> Iterator[PrivateFolder]:
             raise UntrustedFolderError("it belongs to another user")
         if found.st_mode & _OTHERS_WRITE:
             raise UntrustedFolderError("other users may write into it")
-        try:
-            key = _folder_key(descriptor)
-        except OSError as fault:
-            raise UntrustedFolderError(f"its key cannot be written: {fault.strerror or fault}") from fault
-        folder = PrivateFolder(descriptor, key)
+        folder = PrivateFolder(descriptor)
         folder.clear()
         yield folder
     finally:
@@ -161,30 +149,16 @@ def _make(path: Path) -> None:
                 folder.mkdir(0o700)
 
 
-def _folder_key(descriptor: int) -> bytes:
-    """Read the key; make one where there is none that is secret."""
-    key = _read(descriptor, _KEY, _OTHERS_USE)
-    if key is None or len(key) != _KEY_BYTES:
-        _write(descriptor, _KEY, secrets.token_bytes(_KEY_BYTES))
-        # of processes that begin at once, the last one has written the key
-        key = _read(descriptor, _KEY, _OTHERS_USE)
-    if key is None or len(key) != _KEY_BYTES:
-        raise OSError("something else has its name")
-    return key
-
-
-def _read(folder: int, name: str, forbidden: int) -> bytes | None:
-    """Read a plain file of this user that has none of the forbidden permissions."""
+def _read(folder: int, name: str) -> bytes | None:
+    """Read a plain file of this user that nobody else can write."""
     try:
         descriptor = os.open(name, os.O_RDONLY | _PLAIN, dir_fd=folder)
     except OSError:
         return None
     try:
         found = os.fstat(descriptor)
-        trusted = (
-            stat.S_ISREG(found.st_mode) and found.st_uid == os.geteuid() and not found.st_mode & forbidden
-        )
-        if not trusted or found.st_size > _MOST_BYTES:
+        own = stat.S_ISREG(found.st_mode) and found.st_uid == os.geteuid()
+        if not own or found.st_mode & _OTHERS_WRITE or found.st_size > _MOST_BYTES:
             return None
         return os.read(descriptor, found.st_size)
     except OSError:
@@ -391,7 +365,7 @@ def load_object(code: bytes, symbol: str) -> Callable[..., Any]:
     return partial(function, ctypes.byref(answer), ctypes.byref(fault))
 
 
-_FORMAT = "3"  # of the files; raise it when their layout changes
+_FORMAT = "4"  # of the files; raise it when their layout changes
 
 _loaded: dict[str, Callable[..., Any]] = {}
 _lock = Lock()
@@ -408,7 +382,9 @@ def cache_folder() -> Path:
 def cache_fault() -> str | None:
     """Why kernels are compiled in every process instead of stored; None where the cache can be trusted."""
     try:
-        with open_private_folder(cache_folder()):
+        with open_private_folder(cache_folder()) as folder:
+            if not os.access(".", os.W_OK, dir_fd=folder.descriptor):
+                raise UntrustedFolderError("it cannot be written")
             return None
     except UntrustedFolderError as fault:
         return f"{cache_folder()}: {fault}"
