@@ -535,7 +535,7 @@ def with_across(surface: ResponseSurface, across: ResponseSurface) -> ResponseSu
     MeasurementError
         The two do not have the same points.
     """
-    if len(surface) != len(across) or not np.array_equal(surface.frequency, across.frequency):
+    if not np.array_equal(surface.frequency, across.frequency):
         raise MeasurementError(
             f"response: {len(surface)} points, and {len(across)} of the motion across; both must have the "
             "same frequencies: record them with the same force"

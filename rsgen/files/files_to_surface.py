@@ -29,7 +29,7 @@ from rsgen.data.surface.plausibility import base_findings, quantity_findings
 from rsgen.files.column_titles import contradiction, is_angular, unit_in
 from rsgen.files.data_files import file_label
 from rsgen.files.file_table import Sources, Table, read_sources, with_across
-from rsgen.files.histories import read_both, read_histories
+from rsgen.files.histories import read_histories, read_motions
 from rsgen.files.nominal_levels import amplitude_steps, hold, level_of_file, settle_levels
 from rsgen.files.plan import HERTZ, HistoryRule, MeasuredTest, SweepRule
 from rsgen.formula.units import quantity, sensor_unit
@@ -243,12 +243,14 @@ def passivity_findings(surface: ResponseSurface, sense: str | None, quantity: st
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Part:
-    """What one file gives; the level is None where it is to be found from the forces of all files."""
+    """What one file gives; (n, E) motions, the displacement first.
+
+    The level is None where it is to be found from the forces of all files.
+    """
 
     frequency: Array
     force: ComplexArray
-    displacement: ComplexArray
-    across: ComplexArray | None
+    motions: ComplexArray
     level: Array | None
     mark: Array | None
     block: NDArray[np.int64]
@@ -322,46 +324,40 @@ def _part(test: MeasuredTest, number: int) -> _Part:
     factor, doubts = _hertz(test, table)
     frequency = raw[keep] * factor
     level = _level(test, number, table)
-    force, displacement, across = _driven(sources, frequency, level)
+    force, motions = _driven(sources, frequency, level)
     doubts = [*doubts, *sources.doubts()]
-    twice = repeated_rows(frequency, force, displacement)
+    twice = repeated_rows(frequency, force, motions[:, 0])
     if twice.any():
         numbers = quantities(rows=int(twice.sum()), all=len(twice))
         doubts = [*doubts, Finding("rows-twice", "warning", numbers=numbers, names={"file": table.label})]
-        table, frequency, force, displacement = (
-            table.keep(~twice),
-            frequency[~twice],
-            force[~twice],
-            displacement[~twice],
-        )
+        table = table.keep(~twice)
+        frequency, force, motions = frequency[~twice], force[~twice], motions[~twice]
         level = None if level is None else level[~twice]
-        across = None if across is None else across[~twice]
     if not test.phase_known:
-        force, displacement = np.abs(force) + 0j, np.abs(displacement) + 0j
+        force, motions = np.abs(force) + 0j, np.abs(motions) + 0j
     mark = None if test.sweep.column is None else table.real(test.sweep.column)
     findings = (*sources.findings, *doubts)
     said = test.unit_said or (test.level.column is not None and bool(table.units.get(test.level.column)))
-    return _Part(frequency, force, displacement, across, level, mark, table.block, findings, said)
+    return _Part(frequency, force, motions, level, mark, table.block, findings, said)
 
 
-def _driven(
-    sources: Sources, frequency: Array, level: Array | None
-) -> tuple[ComplexArray, ComplexArray, ComplexArray | None]:
-    """(n,) force [N], [N/kg] of a driven base; displacement [m], relative to the base; motion across [m]."""
+def _driven(sources: Sources, frequency: Array, level: Array | None) -> tuple[ComplexArray, ComplexArray]:
+    """(n,) force [N], [N/kg] of a driven base; (n, E) displacement [m], relative to it, and others."""
     test = sources.test
-    displacement = sources.sum("response", frequency)
-    across = None if test.across is None else sources.sum("across", frequency)
+    motions = np.stack([sources.sum(what, frequency) for what in test.motions], axis=1)
     if test.base is not None:
         base = sources.sum("base", frequency)
         if test.base.response == "absolute":
-            displacement = displacement - base
-        return (2 * np.pi * frequency) ** 2 * base, displacement, across
+            motions[:, 0] -= base
+        return (2 * np.pi * frequency) ** 2 * base, motions
     if test.force is not None:
         force = sources.sum("force", frequency)
     else:
         # without a force the plan asks for a level
         force = np.asarray(cast("Array", level), dtype=np.complex128)
-    return force, displacement * force if test.per_force else displacement, across
+    if test.per_force:
+        motions[:, 0] *= force
+    return force, motions
 
 
 def _as_number(value: int | str | None) -> float:
@@ -413,19 +409,12 @@ def _drive(test: MeasuredTest, force: ComplexArray, frequency: Array) -> Complex
     return np.asarray(force / (2 * np.pi * frequency) ** left)
 
 
-def _joined(parts: list[ComplexArray]) -> ComplexArray | None:
-    """(n, 2) mean, which no such test measures, and fundamental of all files; None without any."""
-    if not parts:
-        return None
-    fundamental = np.concatenate(parts)
-    return np.stack([np.zeros_like(fundamental), fundamental], axis=1)
-
-
 def _amplitudes(test: MeasuredTest) -> ResponseSurface:
     parts = [_part(test, number) for number in range(len(test.files))]
     frequency = np.concatenate([part.frequency for part in parts])
     force = np.concatenate([part.force for part in parts])
-    displacement = np.concatenate([part.displacement for part in parts])
+    motions = np.concatenate([part.motions for part in parts])
+    displacement, far = motions[:, 0], motions[:, 1:]
     marks = [part.mark for part in parts if part.mark is not None]
     counts = np.cumsum([0, *(int(part.block[-1]) + 1 for part in parts)])
     block = np.concatenate([part.block + count for part, count in zip(parts, counts, strict=False)])
@@ -443,7 +432,8 @@ def _amplitudes(test: MeasuredTest) -> ResponseSurface:
         frequency=frequency,
         force=force,
         response=held.displacement.astype(np.complex128),
-        across=_joined([part.across for part in parts if part.across is not None]),
+        # no such test measures a mean
+        across=np.concatenate([0 * far, far], axis=1),
         per_mass=test.base is not None,
         base="" if test.base is None else test.terms("base")[0][1].quantity,
         sweep="rest" if followed else _directions(test.sweep, frequency, held.level, marks, block),
@@ -492,12 +482,10 @@ def _from_multisine(test: MeasuredTest, rule: HistoryRule) -> MultisineSpectra:
 
 
 def _from_histories(test: MeasuredTest, rule: HistoryRule) -> ResponseSurface:
-    both = read_both(test)
-    histories = [history for history, _ in both]
-    across = [history for _, history in both if history is not None]
+    histories, *others = read_motions(test)
     surface = _demodulated(histories, test, rule)
-    if across:
-        surface = with_across(surface, _demodulated(across, test, rule))
+    for other in others:
+        surface = with_across(surface, _demodulated(other, test, rule))
     if test.base is not None:
         surface = replace(surface, per_mass=True, base="acceleration")
     if rule.excitation != "ring-down":

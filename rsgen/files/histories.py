@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, cast
 
@@ -21,7 +21,7 @@ from rsgen.files.file_table import file_of, read_channels, scaled
 from rsgen.files.nominal_levels import level_of_file
 from rsgen.files.plan import HistoryRule, MeasuredTest
 
-__all__ = ["read_both", "read_histories", "shifted"]
+__all__ = ["read_histories", "read_motions", "shifted"]
 
 
 _ON_SAMPLE = 1e-6
@@ -161,8 +161,8 @@ def _record(test: MeasuredTest, rule: HistoryRule, number: int) -> _Record:
     return _Record(test, rate, start, samples, findings)
 
 
-def _histories(test: MeasuredTest, rule: HistoryRule, number: int) -> tuple[TimeHistory, TimeHistory | None]:
-    """One file as the history of its response, and with the motion across in its place."""
+def _histories(test: MeasuredTest, rule: HistoryRule, number: int) -> list[TimeHistory]:
+    """One file as the history of each of its motions."""
     label, record = file_label(test.files[number]), _record(test, rule, number)
     rate, start, length = record.rate, record.start, len(record.samples[-1])
     # a sample that lies on start or stop, but for round-off, is between them
@@ -175,25 +175,26 @@ def _histories(test: MeasuredTest, rule: HistoryRule, number: int) -> tuple[Time
             f"{label}: nothing between start and stop; it lasts from {start:g} to {start + length / rate:g} s"
         )
     part = slice(begin, end)
-    force, response = record.sum("force", part), cast("NDArray[Any]", record.sum("response", part))
-    across, base = record.sum("across", part), record.sum("base", part)
+    force, base = record.sum("force", part), record.sum("base", part)
+    motions = {what: cast("NDArray[Any]", record.sum(what, part)) for what in test.motions}
     if base is not None:
         # per mass, on the motion relative to the base
         force = -base
-        response = response - base if test.base is not None and test.base.response == "absolute" else response
-    history = TimeHistory(
-        rate=rate,
-        force=force,
-        response=response,
-        quantity=cast("str", test.quantity),
-        level=level_of_file(test, number),
-        start=start + begin / rate,
-        label=label,
-        findings=tuple(record.findings),
-    )
-    if across is None:
-        return history, None
-    return history, replace(history, response=across, quantity=test.terms("across")[0][1].quantity)
+        if test.base is not None and test.base.response == "absolute":
+            motions["response"] = motions["response"] - base
+    return [
+        TimeHistory(
+            rate=rate,
+            force=force,
+            response=samples,
+            quantity=test.terms(what)[0][1].quantity,
+            level=level_of_file(test, number),
+            start=start + begin / rate,
+            label=label,
+            findings=tuple(record.findings),
+        )
+        for what, samples in motions.items()
+    ]
 
 
 def read_histories(test: MeasuredTest) -> list[TimeHistory]:
@@ -204,11 +205,11 @@ def read_histories(test: MeasuredTest) -> list[TimeHistory]:
     MeasurementError
         A file cannot be read as the plan says, its times are not evenly spaced, lengths differ.
     """
-    return [history for history, _ in read_both(test)]
+    return read_motions(test)[0]
 
 
-def read_both(test: MeasuredTest) -> list[tuple[TimeHistory, TimeHistory | None]]:
-    """Read the time histories, each with that of the motion across where the plan asks for one.
+def read_motions(test: MeasuredTest) -> list[list[TimeHistory]]:
+    """Read the time histories of each motion: the response, then that across where the plan asks for one.
 
     Raises
     ------
@@ -216,4 +217,5 @@ def read_both(test: MeasuredTest) -> list[tuple[TimeHistory, TimeHistory | None]
         As of ``read_histories``.
     """
     rule = cast("HistoryRule", test.history)
-    return [_histories(test, rule, number) for number in range(len(test.files))]
+    files = [_histories(test, rule, number) for number in range(len(test.files))]
+    return [list(histories) for histories in zip(*files, strict=True)]

@@ -336,7 +336,7 @@ class MeasuredTest(PlannedTest):
             if self.per_force:
                 yield "per_force", "is for frequency responses, not for time histories"
             needed = "a time history needs 'samples', its column, and nothing else"
-        for name in ("force", "base", "response", "across", "level"):
+        for name in (*self.made, "level"):
             for _, channel in self.terms(name) if name != "level" else ():
                 signal = channel.signal
                 if signal.columns and (signal.samples is None) != (self.history is None):
@@ -346,17 +346,28 @@ class MeasuredTest(PlannedTest):
             except RsgenError as fault:
                 yield name, " ".join(str(fault).split())
 
+    @property
+    def made(self) -> dict[str, tuple[Signal, str | None]]:
+        """Signal and, where it is said, quantity of all that is made of channels: force, base, motions."""
+        signals: dict[str, tuple[Signal | None, str | None]] = {
+            "force": (self.force, "force"),
+            "base": (None, None) if self.base is None else (self.base.signal, self.base.quantity),
+            "response": (self.response, self.quantity),
+            "across": (None if self.across is None else Signal(channels=self.across), None),
+        }
+        return {what: (signal, said) for what, (signal, said) in signals.items() if signal is not None}
+
+    @property
+    def motions(self) -> list[str]:
+        """Motions that elements follow: the response, then that across two sensors if it is made."""
+        return [what for what in self.made if what not in ("force", "base")]
+
     def terms(self, what: str) -> tuple[tuple[float, NamedChannel], ...]:
         """Give factors and channels of "force", "response", "base" or "across"; none where it is not."""
         files = self.response_files if what == "response" else ()
-        signal, quantity = {
-            "force": (self.force, "force"),
-            "response": (self.response, self.quantity),
-            "base": (None, None) if self.base is None else (self.base.signal, self.base.quantity),
-            "across": (None, None) if self.across is None else (Signal(channels=self.across), None),
-        }[what]
-        if signal is None:
+        if what not in self.made:
             return ()
+        signal, quantity = self.made[what]
         if signal.channels is None:
             return ((1.0, NamedChannel(signal, cast("Any", quantity), files=files)),)
         named = self.channels or {}
@@ -366,7 +377,7 @@ class MeasuredTest(PlannedTest):
     def sources(self) -> tuple[NamedChannel, ...]:
         """Every channel that is needed, once."""
         found: list[NamedChannel] = []
-        for what in ("force", "base", "response", "across"):
+        for what in self.made:
             found += [channel for _, channel in self.terms(what) if channel not in found]
         return tuple(found)
 
@@ -471,13 +482,8 @@ def channel_faults(test: MeasuredTest) -> Iterator[tuple[str, str]]:
             yield "channels", f"{name!r:.80} is no name; a letter, then letters, digits and _ are needed"
         if len(channel.files) not in (0, len(test.files)):
             yield f"channels.{name}.file", f"{len(channel.files)} for {len(test.files)} files; one for each"
-    sums = {"force": test.force, "response": test.response}
-    if test.base is not None:
-        sums["base"] = test.base.signal
-    if test.across is not None:
-        sums["across"] = Signal(channels=test.across)
     wrong = False
-    for what, signal in sums.items():
+    for what, (signal, _) in test.made.items():
         for fault in _sum_faults(test, what, signal):
             wrong = True
             yield what, fault
@@ -494,18 +500,15 @@ def _quantity_faults(test: MeasuredTest) -> Iterator[tuple[str, str]]:
     """Find a quantity that is not that of the channels, and files that they do not come from."""
     if test.response.channels is not None and test.response_files:
         yield "response_files", "belong to columns, but channels are given; say the files of each channel"
-    signals = {"response": (test.response, test.quantity)}
-    if test.base is not None:
-        signals["base"] = (test.base.signal, test.base.quantity)
-    for what, (signal, said) in signals.items():
+    for what, (signal, said) in test.made.items():
         known = test.terms(what)[0][1].quantity
         if signal.channels is not None and said not in (None, known):
             yield f"{what}.quantity", f"is {said!r}, but its channels are {known}; leave it out"
 
 
-def _sum_faults(test: MeasuredTest, what: str, signal: Signal | None) -> Iterator[str]:
+def _sum_faults(test: MeasuredTest, what: str, signal: Signal) -> Iterator[str]:
     """Find what is wrong with the sum of channels that something is made of."""
-    if signal is None or signal.channels is None:
+    if signal.channels is None:
         return
     try:
         names = combination(signal.channels)
@@ -533,8 +536,8 @@ def _excitation_faults(test: MeasuredTest) -> Iterator[tuple[str, str]]:
     kind = "" if test.history is None else test.history.excitation
     if kind not in ("ring-down", "multisine"):
         return
-    for what, there in (("base", test.base), ("across", test.across)):
-        if there is not None:
+    for what in ("base", "across"):
+        if what in test.made:
             yield (
                 what,
                 f"does not go with {kind!r}; swept sine, stepped sine or a table of amplitudes is needed",
