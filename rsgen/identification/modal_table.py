@@ -475,8 +475,7 @@ def _table(modal: ModeProblem, found: Regression, surface: ResponseSurface, mode
     gap = gap_of(modal.seen.mode) if near_resonance(modal.seen.mode) else None
     if gap is not None:
         findings += (gap.finding(severity="warning"),)
-    if surface.across.shape[1]:
-        findings += (Finding("modal-across", "info"),)
+    findings += tuple(Finding("modal-across", "info") for _ in surface.across.T[1:2])
     kilogram = float("nan") if modal.assumed else surface.units.kilogram
     return ModalTable(
         amplitude=np.geomspace(*tested, _ROWS) if tested[1] > tested[0] else np.array(tested[:1]),

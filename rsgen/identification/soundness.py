@@ -184,8 +184,9 @@ def sign_findings(points: Points, fit: Fit, wider: Array) -> list[Finding]:
     for motion, (part, followed) in enumerate(_followed(points, fit)):
         place = part.parameters
         stiffness, damping = _signs_at(part, followed, fit.values[place], basis[place])
-        found += _sign_finding(("stiffness-negative", "stiffness-negative-across")[motion], stiffness, part)
-        found += _sign_finding(("damping-negative", "damping-negative-across")[motion], damping, part)
+        names: dict[str, str] = ({}, {"sensors": part.sensors})[motion]
+        found += _sign_finding(("stiffness-negative", "stiffness-negative-across")[motion], stiffness, names)
+        found += _sign_finding(("damping-negative", "damping-negative-across")[motion], damping, names)
     return found
 
 
@@ -282,10 +283,9 @@ def _negative(size: Array, value: Array, spread: Array, unit: str, least: Array 
     }
 
 
-def _sign_finding(code: str, found: _Negative, part: Part) -> list[Finding]:
-    """Make the finding of what ``_negative`` found of a part of the law; none of nothing."""
+def _sign_finding(code: str, found: _Negative, names: dict[str, str]) -> list[Finding]:
+    """Make the finding of what ``_negative`` found of some elements; none of nothing."""
     severity: Severity = "error" if found and found["share"].value > _MOST else "doubt"
-    names = {"sensors": part.sensors} if part.sensors else {}
     return [Finding(code, severity, "", found, names)] if found else []
 
 
@@ -320,24 +320,26 @@ def across_findings(found: Fit, errors: Array, *, misfits: bool) -> tuple[Findin
     misfits
         Whether the misfit is systematic.
     """
-    if not found.problem.law.acts_across:
-        return ()
-    unexplained = _misfit_across(found) if misfits else ()
-    return (*_left_out(found, errors), *_noise_across(found), *unexplained)
+    findings: list[Finding] = []
+    for joint in found.problem.law.parts[1:]:
+        findings += _left_out(found, joint, errors)
+        findings += _noise_across(found, joint)
+        findings += _misfit_across(found, joint) if misfits else []
+    return tuple(findings)
 
 
-def _left_out(found: Fit, errors: Array) -> tuple[Finding, ...]:
+def _left_out(found: Fit, joint: Part, errors: Array) -> list[Finding]:
     """Say how far values would move with the harmonics across that were not recorded; none or one finding."""
     law, points = found.problem.law, found.problem.observed.points
     some = np.flatnonzero(found.regression.used)
     some = some[points.select(some).spread(QUICK)]
     if not (found.mass > 0 and len(some)):
-        return ()
+        return []
     problem = found.problem.select(some)
     measured = problem.observed.mode(found.background)
     across = Motion(measured.omega, measured.across)
     recorded = np.flatnonzero((across.harmonics != 0).any(axis=0))
-    missing = _missing(law, found, across, measured.harmonics[:, 1], recorded)
+    missing = _missing(joint, found, across, measured.harmonics[:, 1], recorded)
     moved = _moved(problem, found.regression.parameters, across.harmonics, missing)
     errors = errors[: len(law.parameters)]
     with np.errstate(all="ignore"):
@@ -345,7 +347,7 @@ def _left_out(found: Fit, errors: Array) -> tuple[Finding, ...]:
     large = np.isfinite(errors) & (np.abs(share) > NOTICEABLE)
     doubts = large & (((times > ERRORS) & (np.abs(share) > SAME_NUMBER)) | (np.abs(share) > LARGE))
     if not large.any():
-        return ()
+        return []
     severity: Severity = "doubt" if doubts.any() else "info"
     worst = int(np.argmax(np.where(doubts if doubts.any() else large, np.abs(share), -1.0)))
     size = (np.abs(missing) / np.abs(across.harmonics[:, 1:2])).max(axis=0)
@@ -356,37 +358,36 @@ def _left_out(found: Fit, errors: Array) -> tuple[Finding, ...]:
         moved=float(share[worst]),
         times=float(times[worst]),
     )
-    names = {"sensors": law.parts[-1].sensors}
-    return (Finding("harmonics-across-left-out", severity, law.parameters[worst], numbers, names),)
+    names = {"sensors": joint.sensors}
+    return [Finding("harmonics-across-left-out", severity, law.parameters[worst], numbers, names)]
 
 
-def _noise_across(found: Fit) -> tuple[Finding, ...]:
+def _noise_across(found: Fit, joint: Part) -> list[Finding]:
     """Doubt values where noise of the two sensors is what the fit knows of some combination of them."""
-    problem, share = found.problem, found.regression.noise_share
+    share = found.regression.noise_share
     if not share > _OF_NOISE:
-        return ()
-    numbers = quantities(noise=sensor_pair(problem.observed.points).noise, part=share)
-    return (Finding("noise-across", "doubt", "", numbers, {"sensors": problem.law.parts[-1].sensors}),)
+        return []
+    numbers = quantities(noise=sensor_pair(found.problem.observed.points).noise, part=share)
+    return [Finding("noise-across", "doubt", "", numbers, {"sensors": joint.sensors})]
 
 
-def _misfit_across(found: Fit) -> tuple[Finding, ...]:
+def _misfit_across(found: Fit, joint: Part) -> list[Finding]:
     """Doubt a systematic misfit that the sensors do not explain where harmonics across were not recorded.
 
     A joint that bends the motion across it is another one along a sine, and its law may fit all but a per
     cent with values that are nowhere near.
     """
-    problem, misfit = found.problem, found.regression.noise
-    points = problem.observed.points
+    points, misfit = found.problem.observed.points, found.regression.noise
     higher = points.across[:, 2:]
     if higher.any():
-        return ()
+        return []
     noise = sensor_pair(points).noise
     # a misfit relative to the response is larger relative to the motion across
     smaller = float(np.median(np.abs(points.far[:, 0] / points.harmonics[:, 1])))
     if not misfit >= max(EXCESS * noise, NOTICEABLE * min(smaller, 1.0)):
-        return ()
-    labels = {"sensors": problem.law.parts[-1].sensors}
-    return (Finding("misfit-across", "doubt", "", quantities(noise=noise, misfit=misfit), labels),)
+        return []
+    names = {"sensors": joint.sensors}
+    return [Finding("misfit-across", "doubt", "", quantities(noise=noise, misfit=misfit), names)]
 
 
 def _moved(problem: Problem, parameters: Array, across: ComplexArray, missing: ComplexArray) -> Array:
@@ -402,10 +403,9 @@ def _moved(problem: Problem, parameters: Array, across: ComplexArray, missing: C
 
 
 def _missing(
-    law: ForceLaw, found: Fit, across: Motion, response: ComplexArray, recorded: NDArray[np.intp]
+    part: Part, found: Fit, across: Motion, response: ComplexArray, recorded: NDArray[np.intp]
 ) -> ComplexArray:
     """(n, H+1) harmonics [m] across that the law makes and nobody recorded, in the phase measured."""
-    part = law.parts[-1]
     joint, values = part.law, found.values[part.parameters]
     force = project(joint.along(across, values, SAMPLES_SWITCHED).force, 1)
     far = _far_mass(force, response - across.harmonics[:, 1], across.omega)

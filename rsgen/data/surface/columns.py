@@ -136,6 +136,16 @@ def force_columns(force: Any, harmonics: Any, rows: int) -> dict[str, NDArray[An
     return {"force": fundamental, "force_harmonics": column(whole, "force_harmonics", (rows, -1))}
 
 
+def across_columns(across: Any, shape: tuple[int, ...]) -> NDArray[Any]:
+    """Give the harmonics of the motion across two sensors, of the shape (n, H+1) that the response has.
+
+    None, and a motion without columns, which such a surface has, are a test with one response.
+    """
+    if across is None or np.shape(across)[1:] == (0,):
+        return column(np.zeros((shape[0], 0)), "across", (shape[0], 0))
+    return column(across, "across", shape)
+
+
 def below_acceleration(quantity: str | None) -> int:
     """How often a quantity must be differentiated to be an acceleration; None is a displacement."""
     return DERIVATIVE["acceleration"] - DERIVATIVE[quantity or "displacement"]
@@ -145,12 +155,6 @@ def check_numbers(columns: dict[str, Any]) -> None:
     """Raise RsgenError where a frequency, a level or a shape can be none."""
     if columns["harmonics"].shape[1] < 2:
         raise RsgenError("surface.harmonics: needs at least the mean and the fundamental")
-    across, shape = columns["across"], columns["harmonics"].shape
-    if across.shape[1] not in (0, shape[1]):
-        raise RsgenError(
-            f"surface.across: shape {across.shape}; must be {shape}, as the "
-            "response has it: one row a test point, the mean and the same harmonics"
-        )
     frequency, level = columns["frequency"], columns["level"]
     if not np.all(np.isfinite(frequency) & (frequency > 0)):
         raise RsgenError("surface.frequency: must be positive and finite everywhere")

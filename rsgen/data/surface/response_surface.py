@@ -21,6 +21,7 @@ from rsgen.data.surface.columns import (
     COLUMN_UNITS,
     CONTROLS,
     SWEEPS,
+    across_columns,
     below_acceleration,
     check_numbers,
     column,
@@ -246,13 +247,13 @@ class ResponseSurface:
             "level": column(level, "level", (n,)),
             **force_columns(force, force_harmonics, n),
             "harmonics": response_columns(response, harmonics, phase_known, n),
-            "across": column(np.zeros((n, 0)) if across is None else across, "across", (n, -1)),
             "peak": column(np.full((n, 2), np.nan) if peak is None else peak, "peak", (n, 2)),
             "residual": column(np.nan if residual is None else residual, "residual", (n,)),
             "error": column(np.nan if error is None else error, "error", (n,)),
             "stable": column(True if stable is None else stable, "stable", (n,)),
             "label": None if label is None else column(label, "label", (n,)),
         }
+        columns["across"] = across_columns(across, columns["harmonics"].shape)
         check_numbers(columns)
         if sweep is None:
             sweep = recognise_directions(columns["frequency"], columns["level"])
@@ -483,7 +484,7 @@ class ResponseSurface:
             *(_LIMITS[finding.code] for finding in self.limits),
             _CONTROLLED[self.control],
             f"force with {recorded} harmonics" if (recorded := self.force_harmonics.shape[1] - 1) > 1 else "",
-            "motion across" if self.across.shape[1] else "",
+            *("motion across" for _ in self.across.T[1:2]),
             f"{self.base} of the base" if self.base else "",
             self.origin,
         ]

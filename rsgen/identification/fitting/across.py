@@ -36,6 +36,14 @@ __all__ = ["MeasuredAcross", "law_of", "motions_of", "sensor_pair"]
 _MOTIONS = ("response", "motion across {!r}")
 """What the parts of a law follow, each with the sensors that its elements act between."""
 
+_UNMATCHED = (
+    "across: the test has a motion across two sensors, but no element follows it; say which ones do "
+    '(across = "..." of the element)',
+    "across: an element acts across {}; the test has no motion across",
+    "across: {}; one pair of sensors is allowed in a law",
+)
+"""Of elements that act between no, one or several pairs of sensors, where the test has other motions."""
+
 _BESIDE = 2
 """Points to either side through which a cubic is laid: what it misses of the middle one is noise."""
 
@@ -159,15 +167,8 @@ def law_of(elements: Sequence[Element], points: Points | None = None) -> ForceLa
 def _match(forces: Mapping[str, sympy.Expr], points: Points) -> None:
     """Refuse elements and a test that do not have the same motions."""
     _, *sensors = map(repr, sorted(forces))
-    if len(sensors) > 1:
-        raise RsgenError(f"across: {', '.join(sensors)}; one pair of sensors is allowed in a law")
-    if len(sensors) > points.far.shape[1]:
-        raise RsgenError(f"across: an element acts across {sensors[0]}; the test has no motion across")
-    if len(sensors) < points.far.shape[1]:
-        raise RsgenError(
-            "across: the test has a motion across two sensors, but no element follows it; say which ones do "
-            '(across = "..." of the element)'
-        )
+    if len(sensors) != points.far.shape[1]:
+        raise RsgenError(_UNMATCHED[min(len(sensors), 2)].format(", ".join(sensors)))
 
 
 def motions_of(law: ForceLaw, followed: Motion, points: Points) -> tuple[Motion, ...]:

@@ -14,6 +14,7 @@ from rsgen.common.errors import RsgenError
 from rsgen.common.finding import Finding
 from rsgen.common.tolerances import ANY_LAW, NORMAL, ORDER, SAMPLES
 from rsgen.data.oscillator import Model
+from rsgen.data.surface import ResponseSurface
 from rsgen.dynamics.harmonic_balance import Response, following_harmonics, hold_amplitude
 from rsgen.dynamics.linear_part import Inertia
 from rsgen.identification.modal_result import ModalTable, SplineMode
@@ -212,8 +213,9 @@ class AmplitudeBalance:
         omega, _, _, last = self._settle(size, self._near(size), square)
         return np.where(last > 0, omega, np.nan)
 
-    def respond(self, force: ComplexArray, omega: Array, near: Array) -> ComplexArray:
-        """(n,) complex fundamental [m] under the force [N], on the stable branch nearest to ``near`` [m]."""
+    def respond(self, mode: ResponseSurface) -> ComplexArray:
+        """(n,) complex fundamental [m] under its force, on the stable branch nearest to the measured one."""
+        force, omega, near = mode.force, mode.omega, mode.amplitude
         level = np.abs(force)
         size, ok = self._descend(level, omega, np.array(near))
         if not ok.all():
@@ -292,14 +294,14 @@ class SynthesisBalance(AmplitudeBalance):
         """Keep the backbone up to an amplitude [m]: to the end of the table, never beyond."""
         super()._tabulate(min(largest, BEYOND * self._largest))
 
-    def respond(self, force: ComplexArray, omega: Array, near: Array) -> ComplexArray:
+    def respond(self, mode: ResponseSurface) -> ComplexArray:
         """As of a law; NaN beyond the table, and below it where k and c would matter."""
-        found = super().respond(force, omega, near)
+        found = super().respond(mode)
         size = np.abs(found)
         with np.errstate(divide="ignore", invalid="ignore"):
             # a force that is smooth changes k by no more than its slope there, by ln X, down to rest
             below = np.clip(np.log(self._least / size), 0.0, 1.0)
-            changed = self._drift(omega) * below * size / np.abs(force)
+            changed = self._drift(mode.omega) * below * size / np.abs(mode.force)
             known = (size <= BEYOND * self._largest) & (changed < _MATTERS)
         return np.where(known, found, np.nan)
 

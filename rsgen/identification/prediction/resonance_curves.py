@@ -35,7 +35,7 @@ from rsgen.identification.prediction.prediction_result import (
 from rsgen.identification.results import EquivalentCurve, Estimate, Identification
 from rsgen.law.motion import Motion
 
-__all__ = ["as_identification", "judge_held_out", "predict", "respond_across"]
+__all__ = ["as_identification", "judge_held_out", "predict"]
 
 
 # ----------------------------------------------------------------------------
@@ -54,38 +54,41 @@ _HALVINGS = 40
 """Of an interval of four per cent: to round-off."""
 
 
-def respond_across(identification: Identification, surface: ResponseSurface) -> ComplexArray:
-    """(n,) predicted fundamental [m] under the measured force.
+class MeasuredBalance:
+    """The balance of a law across two sensors: only where the motion across was measured too."""
 
-    The motion across goes with the response as it was measured at the same point. Of several amplitudes that
-    the force holds the one nearest to the measured one is taken; NaN where there is none.
-    """
-    if not surface.across.size:
-        return np.full(len(surface), np.nan, dtype=complex)
-    response, across = np.nan_to_num(surface.harmonics), np.nan_to_num(surface.across)
-    law = law_of(identification.model.elements)
-    forward = MeasuredAcross(
-        law, Motion(surface.omega, response), Motion(surface.omega, across), rides=0.0, mass_free=False
-    )
-    values, measured, level = np.array(identification.solution), np.abs(response[:, 1]), np.abs(surface.force)
+    def __init__(self, identification: Identification) -> None:
+        self._law = law_of(identification.model.elements)
+        self._values, self._mass = np.array(identification.solution), identification.mass
 
-    def excess(size: Array) -> Array:
-        return np.asarray(np.abs(forward(values, identification.mass, size).force) - level)
+    def respond(self, mode: ResponseSurface) -> ComplexArray:
+        """(n,) complex fundamental [m] under the measured force.
 
-    sizes = np.union1d(np.geomspace(*_RANGE, _TRIED), _NEAR)
-    table = np.array([excess(share * measured) for share in sizes])
-    crossed = (table[:-1] < 0) != (table[1:] < 0)
-    distance = np.where(crossed, np.abs(np.log(sizes[:-1, None])), np.inf)
-    row = np.argmin(distance, axis=0)
-    upward = np.take_along_axis(table, row[None, :], axis=0)[0] < 0
-    low, high = sizes[row] * measured, sizes[row + 1] * measured
-    for _ in range(_HALVINGS):
-        middle = (low + high) / 2
-        above = (excess(middle) >= 0) == upward
-        low, high = np.where(above, low, middle), np.where(above, middle, high)
-    force = forward(values, identification.mass, high).force
-    found = high * np.exp(1j * (np.angle(surface.force) - np.angle(force)))
-    return np.where(np.isfinite(distance.min(axis=0)), found, np.nan)
+        The motion across goes with the response as it was measured at the same point. Of several amplitudes
+        that the force holds the one nearest to the measured one is taken; NaN where there is none.
+        """
+        if not mode.across.size:
+            return np.full(len(mode), np.nan, dtype=complex)
+        motions = (Motion(mode.omega, np.nan_to_num(motion)) for motion in (mode.harmonics, mode.across))
+        forward = MeasuredAcross(self._law, *motions, rides=0.0, mass_free=False)
+        measured, level = mode.amplitude, np.abs(mode.force)
+
+        def force_at(size: Array) -> ComplexArray:
+            return forward(self._values, self._mass, size).force
+
+        sizes = np.union1d(np.geomspace(*_RANGE, _TRIED), _NEAR)
+        table = np.array([np.abs(force_at(share * measured)) - level for share in sizes])
+        crossed = (table[:-1] < 0) != (table[1:] < 0)
+        distance = np.where(crossed, np.abs(np.log(sizes[:-1, None])), np.inf)
+        row = np.argmin(distance, axis=0)
+        upward = np.take_along_axis(table, row[None, :], axis=0)[0] < 0
+        low, high = sizes[row] * measured, sizes[row + 1] * measured
+        for _ in range(_HALVINGS):
+            middle = (low + high) / 2
+            above = (np.abs(force_at(middle)) >= level) == upward
+            low, high = np.where(above, low, middle), np.where(above, middle, high)
+        found = high * np.exp(1j * (np.angle(mode.force) - np.angle(force_at(high))))
+        return np.where(np.isfinite(distance.min(axis=0)), found, np.nan)
 
 
 # ----------------------------------------------------------------------------
@@ -277,7 +280,7 @@ def judge_held_out(found: Identification, surface: ResponseSurface | MultisineSp
     if not isfinite(found.mass):
         return meant
     surface = surface.on_mass(found.mass)
-    balance = None if found.model.sensors else AmplitudeBalance(found)
+    balance = MeasuredBalance(found) if found.model.sensors else AmplitudeBalance(found)
     held_out = _score(found, balance, surface)
     missed = _missed(held_out, surface, found.residual * np.sqrt(2))
     return (*meant, *_missing(held_out), *missed)
@@ -304,7 +307,7 @@ def _predict_across(found: Identification, levels: object, surface: ResponseSurf
     """Score held-out levels along the motion across that was measured; there are no curves without it."""
     sensors = found.model.sensors
     refuse_across(sensors, levels=levels is not None)
-    held_out = () if surface is None else _score(found, None, surface)
+    held_out = () if surface is None else _score(found, MeasuredBalance(found), surface)
     missed = () if surface is None else _missed(held_out, surface, found.residual * np.sqrt(2))
     about = Finding("predicted-along-measured", "info", names={"sensors": sensors})
     return Prediction((), held_out, (about, *_findings(found.amplitude_range, (), held_out), *missed))
@@ -455,20 +458,15 @@ def _branches(
 
 
 def _respond(
-    identification: Identification, balance: AmplitudeBalance | None, surface: ResponseSurface
+    identification: Identification, balance: AmplitudeBalance | MeasuredBalance, surface: ResponseSurface
 ) -> ComplexArray:
     """(n,) predicted fundamental [m] as the sensor sees it, on the branch nearest to the measured one."""
     background = identification.background
-    if balance is None:
-        # beside a motion across there is a phase error at most
-        if background is not None:
-            surface = background.shape(surface.omega, surface.force).subtract(surface, background.values)
-        return respond_across(identification, surface)
     if background is None:
-        return balance.respond(surface.force, surface.omega, surface.amplitude)
+        return balance.respond(surface)
     shape, values = background.shape(surface.omega, surface.force), background.values
     mode = shape.subtract(surface, values)
-    return balance.respond(mode.force, mode.omega, mode.amplitude) + shape.receptance(values) * mode.force
+    return balance.respond(mode) + shape.receptance(values) * mode.force
 
 
 def _miss(predicted: ComplexArray, measured: ComplexArray, surface: ResponseSurface) -> Array:
@@ -503,7 +501,7 @@ def _missed(
 
 
 def _score(
-    identification: Identification, balance: AmplitudeBalance | None, surface: ResponseSurface
+    identification: Identification, balance: AmplitudeBalance | MeasuredBalance, surface: ResponseSurface
 ) -> tuple[HeldOutLevel, ...]:
     observation = identification.model.observation
     low, high = observation.band or (0.0, inf)

@@ -289,10 +289,11 @@ def _nonlinear_columns(
 def start_fit(problem: Problem) -> tuple[Problem, Array]:
     """Parameters to start from, without any knowledge but the points; the problem says which of them stay."""
     start = _start_first_order(problem)
-    if not problem.law.acts_across:
-        values, mass, background = problem.split(start)
-        start = problem.join(put_in_order(problem.law, values), mass, background)
-    return start_asymmetric(problem, start)
+    values, mass, background = problem.split(start)
+    ordered = np.array(values)
+    for part in problem.law.parts:
+        ordered[part.parameters] = put_in_order(part.law, values[part.parameters])
+    return start_asymmetric(problem, problem.join(ordered, mass, background))
 
 
 def _start_first_order(problem: Problem) -> Array:

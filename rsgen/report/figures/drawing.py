@@ -190,14 +190,14 @@ def _place(figure: Figure, panels: Sequence[Axes], bars: Sequence[Axes], around:
     lowest, highest = float(bottoms[-1]), float(bottoms[0]) + each
     thick = max((float((highest - lowest) / (axes.get_box_aspect() or 1)) for axes in bars), default=0.0)
     # the gap is a share of the panels' width, which is what all else leaves
-    across = width - 2 * pad - around.left - around.right - thick - around.scale
-    across /= 1 + (_BAR_GAP if bars else 0.0)
-    if min(each, across) <= 0:
+    panel = width - 2 * pad - around.left - around.right - thick - around.scale
+    panel /= 1 + (_BAR_GAP if bars else 0.0)
+    if min(each, panel) <= 0:
         # labels and heading leave no room: overlapping panels show more than none
         return
     left = pad + around.left
-    places = [(left, float(bottom), across, each) for bottom in bottoms]
-    start = left + across * (1 + _BAR_GAP) + around.right
+    places = [(left, float(bottom), panel, each) for bottom in bottoms]
+    start = left + panel * (1 + _BAR_GAP) + around.right
     places += [(start, lowest, thick, highest - lowest)] * len(bars)
     for axes, (x, y, wide, high) in zip((*panels, *bars), places, strict=True):
         axes.set_position((x / width, y / height, wide / width, high / height))
