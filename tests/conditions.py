@@ -2,8 +2,9 @@
 
 Such a question is answered once, where the value is made; asked all through the code it is a seam between
 programs. The syntax tree of every module is walked: each ``if``, ternary, ``while``, ``match`` and filter of
-a comprehension whose condition holds a name of ``KINDS``, or compares one of ``OPTIONAL`` with None, counts
-once, and so does each ``isinstance`` of a type of ``RECORDS``.
+a comprehension whose condition holds a name of ``KINDS``, or compares one of ``OPTIONAL`` with None, or asks
+whether "m" is in something that is ``fixed``, counts once, and so does each ``isinstance`` of a type of
+``RECORDS``.
 
     python -m tests.conditions [FOLDER]
 """
@@ -50,6 +51,8 @@ def kinds_asked(condition: ast.expr) -> set[str]:
             isinstance(side, ast.Constant) and side.value is None for side in node.comparators
         ):
             found |= {OPTIONAL[name] for name in [name_of(node.left).lstrip("_")] if name in OPTIONAL}
+        if isinstance(node, ast.Compare) and name_of(node.comparators[0]).lstrip("_") == "fixed":
+            found |= {"mass given"} if getattr(node.left, "value", None) == "m" else set()
         if isinstance(node, ast.Call) and name_of(node.func) == "isinstance":
             types = {name_of(part) for part in ast.walk(node.args[1]) if isinstance(part, ast.expr)}
             found |= {"type of a record"} if types & RECORDS else set()

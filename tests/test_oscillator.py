@@ -72,8 +72,8 @@ def test_elements_need_names_of_their_own():
 
 
 def test_a_model_has_no_place_for_values():
-    # laws, a known mass, and facts about the test: nothing that truth could hide in
-    assert {f.name for f in fields(Model)} == {"elements", "mass", "observation"}
+    # laws, what is known beforehand, and facts about the test: nothing that truth could hide in
+    assert {f.name for f in fields(Model)} == {"elements", "observation", "fixed"}
     assert {f.name for f in fields(Observation)} == {"background", "hold_out", "band", "calibrated"}
     assert Model((SPRING, DAMPER)).parameters == ("c", "k")
 

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -18,7 +20,9 @@ _ROWS = 4096
 others is needed."""
 
 
-def solve_scaled(matrix: Array, right: Array, *sizes: Array | float) -> tuple[Array, Array, Array]:
+def solve_scaled(
+    matrix: Array, right: Array, *sizes: Array | float, known: Array | float = np.nan
+) -> tuple[Array, Array, Array]:
     """Least squares with scaled columns.
 
     Parameters
@@ -28,6 +32,9 @@ def solve_scaled(matrix: Array, right: Array, *sizes: Array | float) -> tuple[Ar
     *sizes
         (q,) each, such as the present sizes of the unknowns: one whose whole effect at any of them is
         round-off is not identifiable.
+    known
+        (q,) values of the unknowns that are known, NaN of the others: nothing is solved for them, and their
+        rows of what is returned beside the solution are zero.
 
     Returns
     -------
@@ -38,6 +45,23 @@ def solve_scaled(matrix: Array, right: Array, *sizes: Array | float) -> tuple[Ar
     null
         (q, d) directions, in scaled parameters: its null vectors.
     """
+    free = np.isnan(np.broadcast_to(known, matrix.shape[1:]))
+    if free.all():
+        return _solve_free(matrix, right, sizes)
+    values = np.where(free, 0.0, known)
+    parts = _solve_free(
+        matrix[:, free],
+        right - matrix[:, ~free] @ values[~free],
+        [np.broadcast_to(size, free.shape)[free] for size in sizes],
+    )
+    solution, inverse, null = (np.zeros((len(free), *part.shape[1:])) for part in parts)
+    for whole, part in zip((solution, inverse, null), parts, strict=True):
+        whole[free] = part
+    return values + solution, inverse, null
+
+
+def _solve_free(matrix: Array, right: Array, sizes: Sequence[Array | float]) -> tuple[Array, Array, Array]:
+    """Solve for all unknowns."""
     count = matrix.shape[1]
     if not np.isfinite(matrix).all():
         # as where the mass is not known: nothing is known then, and the decomposition would not end

@@ -12,6 +12,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, fields
+from math import nan
 
 import numpy as np
 
@@ -79,15 +80,15 @@ class FreeMode:
     Parameters
     ----------
     values
-        (q,) coefficients of k [N/m], then of the damping of each order, then the mass [kg] where it is free.
+        (q,) coefficients of k [N/m], then of the damping of each order, then the mass [kg].
     stiffness, damping
         (n,) k(X) [N/m] and, of the first order that was asked for, c(X) at every point.
     mass, mass_error
         m [kg] and its standard error; of a given mass zero.
     left
         (n,) complex, what is left of the force times its weight.
-    missing
-        Directions in the values that the points do not tell.
+    unknowns, missing
+        How many of the values are not given, and directions in these that the points do not tell.
     """
 
     values: Array
@@ -96,6 +97,7 @@ class FreeMode:
     mass: float
     mass_error: float
     left: ComplexArray
+    unknowns: int
     missing: int
 
     @property
@@ -115,10 +117,10 @@ def fit_mode(
     shapes: Array,
     weight: Array,
     *,
-    mass: float | None = None,
+    mass: float = nan,
     orders: Sequence[int] = (1,),
 ) -> FreeMode:
-    """Fit k(X), c(X) and, where it is not given, m.
+    """Fit k(X), c(X) and m, where that is not given.
 
     Parameters
     ----------
@@ -129,29 +131,34 @@ def fit_mode(
     weight
         (n,) of what is left of the force.
     mass
-        m [kg]; None where it is free.
+        m [kg]; NaN where it is free.
     orders
         Powers of the frequency with which the damping force grows at constant amplitude, 1 of dampers.
     """
     rates = [motion.velocity * (1 if order == 1 else motion.omega ** (order - 1)) for order in orders]
-    free = [motion.acceleration] if mass is None else []
-    columns = np.column_stack([shapes * part[:, None] for part in (motion.displacement, *rates)] + free)
-    right = (force if mass is None else force - mass * motion.acceleration) * weight
+    curves = [shapes * part[:, None] for part in (motion.displacement, *rates)]
+    columns: ComplexArray = np.column_stack([*curves, motion.acceleration[:, None]])
     columns = columns * weight[:, None]
-    values, errors, missing = _solve(columns, right)
+    right, known = force * weight, np.append(np.full(columns.shape[1] - 1, nan), mass)
+    values, errors, missing = _solve(columns, right, known)
     count = shapes.shape[1]
     return FreeMode(
         values,
         shapes @ values[:count],
         shapes @ values[count : 2 * count],
-        *((float(values[-1]), float(errors[-1])) if mass is None else (mass, 0.0)),
+        float(values[-1]),
+        float(errors[-1]),
         right - columns @ values,
+        int(np.count_nonzero(np.isnan(known))),
         missing,
     )
 
 
-def _solve(columns: ComplexArray, right: ComplexArray) -> tuple[Array, Array, int]:
-    """Real values (q,), their errors, and how many directions are not told; of what is apart, each alone."""
+def _solve(columns: ComplexArray, right: ComplexArray, known: Array) -> tuple[Array, Array, int]:
+    """Real values (q,), their errors, and how many directions are not told; of what is apart, each alone.
+
+    ``known`` (q,) are values that are given, NaN of the others.
+    """
     count, imaginary = columns.shape[1], np.any(columns.imag, axis=0)
     parts = [(~imaginary, columns.real, right.real), (imaginary, columns.imag, right.imag)]
     if np.any(columns.real[:, imaginary]):
@@ -160,9 +167,9 @@ def _solve(columns: ComplexArray, right: ComplexArray) -> tuple[Array, Array, in
     values, errors, missing = np.zeros(count), np.zeros(count), 0
     for chosen, matrix, target in parts:
         matrix = matrix[:, chosen]
-        values[chosen], inverse, null = solve_scaled(matrix, target)
+        values[chosen], inverse, null = solve_scaled(matrix, target, known=known[chosen])
         left = np.linalg.norm(target - matrix @ values[chosen])
-        freedom = max(len(target) - matrix.shape[1], 1)
+        freedom = max(len(target) - int(np.count_nonzero(np.isnan(known[chosen]))), 1)
         lost = np.abs(null).max(axis=1, initial=0.0) > NULL_PART
         errors[chosen] = np.where(lost, np.inf, np.hypot.reduce(inverse, axis=1) * left / np.sqrt(freedom))
         missing += null.shape[1]
@@ -176,7 +183,7 @@ def fit_powers(
     powers: Sequence[int],
     weight: Array,
     *,
-    mass: float | None = None,
+    mass: float = nan,
 ) -> FreeMode:
     """Fit with powers of the amplitude, relative to the largest, as shapes."""
     largest = float(np.abs(response).max()) or 1.0
@@ -184,8 +191,7 @@ def fit_powers(
     # a motion that was taken off as a whole explains nothing
     size = np.maximum(np.abs(response), np.finfo(float).tiny ** 0.25)
     shapes = np.stack([size**power for power in powers], axis=1)
-    mass = None if mass is None else mass * largest
-    return fit_mode(*steady(force, response, omega), shapes, weight, mass=mass)
+    return fit_mode(*steady(force, response, omega), shapes, weight, mass=mass * largest)
 
 
 def hats(amplitude: Array) -> Array:

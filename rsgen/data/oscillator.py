@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from math import isfinite
 from types import MappingProxyType
 from typing import Annotated, Any, Literal
@@ -240,15 +240,17 @@ class Model(_Elements):
     elements
         The candidate springs and dampers: a formula, an element, a law, or a sequence of these.
     mass
-        m [kg] where it is known beforehand; None where it is to be identified.
+        m [kg] where it is known beforehand: the same as ``fixed={"m": mass}``.
     observation
         How the structure was observed.
+    fixed
+        Values of parameters that are known beforehand, SI, by name; all others are to be identified.
 
     Raises
     ------
     RsgenError
-        Mass not positive and finite, element names not unique, or a mass given of a test that is not
-        calibrated.
+        Mass not positive and finite, element names not unique, a mass given of a test that is not
+        calibrated, a fixed value that is no finite number or of a parameter that the law has not.
 
     Examples
     --------
@@ -257,31 +259,58 @@ class Model(_Elements):
     """
 
     elements: tuple[Element, ...]
-    mass: Annotated[float | None, KNOWN_MASS]
     observation: Observation
+    fixed: Mapping[str, float] = field(hash=False)
 
     def __init__(
         self,
         elements: LawLike | Sequence[LawLike],
         mass: float | None = None,
         observation: Observation | None = None,
+        fixed: Mapping[str, float] = MappingProxyType({}),
     ) -> None:
         observation = Observation() if observation is None else observation
         require(observation, Observation, "observation")
-        mass = None if mass is None else require_number(mass, "mass", "kg")
-        if mass is not None and (fault := KNOWN_MASS.fault(mass)):
-            raise RsgenError(f"mass: {fault}, or None to identify it")
-        if mass is not None and not observation.calibrated:
-            raise RsgenError("mass: given, but the test is not calibrated; leave the mass out, or calibrate")
         object.__setattr__(self, "elements", _checked_elements(elements))
-        object.__setattr__(self, "mass", mass)
         object.__setattr__(self, "observation", observation)
+        object.__setattr__(self, "fixed", self._checked(fixed, mass))
+
+    def _checked(self, fixed: Mapping[str, float], mass: float | None) -> Mapping[str, float]:
+        """Refuse values that cannot be fixed; a mass is one of them."""
+        require(fixed, Mapping, "fixed")
+        places = {name: f"fixed.{name}" for name in fixed}
+        if mass is not None:
+            fixed, places["m"] = {**fixed, "m": mass}, "mass"
+        numbers = {}
+        for name, value in fixed.items():
+            unit = "kg" if name == "m" else "SI"
+            number = require_number(value, places[name], unit)
+            if name not in (*self.parameters, "m"):
+                allowed = ", ".join((*self.parameters, "m"))
+                raise RsgenError(f"fixed: {name!r:.60} is no parameter; the law has {allowed}")
+            if fault := (KNOWN_MASS if name == "m" else Rule()).fault(number):
+                raise RsgenError(f"{places[name]}: {fault}, or None to identify it")
+            numbers[name] = number
+        if "m" in numbers and not self.observation.calibrated:
+            raise RsgenError("mass: given, but the test is not calibrated; leave the mass out, or calibrate")
+        return MappingProxyType(numbers)
+
+    @property
+    def mass(self) -> float | None:
+        """m [kg] where it is known beforehand; None where it is to be identified."""
+        return self.fixed.get("m")
 
     def __repr__(self) -> str:
-        """Law, mass and what was declared about the test."""
-        mass = "" if self.mass is None else f", mass={self.mass:g}"
-        observed = "" if self.observation == Observation() else f", observation={self.observation!r}"
-        return f"Model({self._law}{mass}{observed})"
+        """Law, what is fixed, and what was declared about the test."""
+        others = {name: value for name, value in self.fixed.items() if name != "m"}
+        parts = [self._law, *(f"mass={value:g}" for name, value in self.fixed.items() if name not in others)]
+        parts += [f"fixed={others}"] if others else []
+        parts += [] if self.observation == Observation() else [f"observation={self.observation!r}"]
+        return f"Model({', '.join(parts)})"
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        """Pickle the fixed values as a plain dict, so that processes can exchange models."""
+        return Model, (self.elements, None, self.observation, dict(self.fixed))
 
 
 _ALONG_ONE_MOTION = {
@@ -322,11 +351,9 @@ def join_model(
     law: Model | LawLike | Sequence[LawLike],
     observation: Observation | None = None,
     mass: float | None = None,
+    fixed: Mapping[str, float] = MappingProxyType({}),
 ) -> Model:
-    """Join law, mass and observation; what is given explicitly wins over the model's."""
+    """Join law, mass, observation and fixed values; what is given explicitly wins over the model's."""
     model = law if isinstance(law, Model) else Model(law)
-    return replace(
-        model,
-        mass=model.mass if mass is None else mass,
-        observation=model.observation if observation is None else observation,
-    )
+    require(fixed, Mapping, "fixed")
+    return Model(model.elements, mass, observation or model.observation, {**model.fixed, **fixed})

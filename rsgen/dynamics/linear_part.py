@@ -3,8 +3,8 @@
     D z + N(z) = T u                       balance of every harmonic of the motion z along the elements
     U = M u,    Y = C z + B u              what the sensors of the drive u and of the response see
 
-``Inertia`` is the structure whose springs and dampers are all in the law: D = -m (h omega)^2, T = C = 1. A
-given mass is the same without a parameter; of a shaken base u is the acceleration of the base times -m.
+``Inertia`` is the structure whose springs and dampers are all in the law: D = -m (h omega)^2, T = C = 1; of a
+shaken base u is the acceleration of the base times -m.
 ``BackgroundTerms`` are M and B of the fundamental. A mode among others answers a force F at the sensor with
 
     x = z + b(omega) F,     F = F_measured exp(i psi),     b = A + B/omega^2,
@@ -56,10 +56,9 @@ Table = TypeVar("Table", bound=_HasResponse)
 
 @dataclass(frozen=True, slots=True)
 class Inertia:
-    """Dynamic stiffness D of a mass m [kg]; its parameter is m where that is free."""
+    """Dynamic stiffness D of a mass m [kg], its one parameter."""
 
     mass: float
-    free: bool = True
 
     def dynamic(self, omega: Array, orders: Sequence[int]) -> ComplexArray:
         """(n, O) D of harmonics at base frequencies (n,) [rad/s], [N/m]."""
@@ -67,7 +66,7 @@ class Inertia:
 
     def dynamic_by(self, omega: Array, orders: Sequence[int]) -> ComplexArray:
         """(n, O, q) its derivatives by the parameters."""
-        return self._per_mass(omega, orders)[:, :, None][:, :, : int(self.free)]
+        return self._per_mass(omega, orders)[:, :, None]
 
     @staticmethod
     def _per_mass(omega: Array, orders: Sequence[int]) -> ComplexArray:

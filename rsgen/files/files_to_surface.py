@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from itertools import combinations
+from math import nan
 from typing import cast
 
 import numpy as np
@@ -198,7 +199,7 @@ def _rises(surface: ResponseSurface) -> bool:
         return False
     levels = (chosen.level[:, None] == np.unique(chosen.level)).astype(float)
     balance = steady(chosen.force, chosen.harmonics[:, 1], chosen.omega)
-    fits = [fit_mode(*balance, levels, 1 / np.abs(chosen.force), mass=mass) for mass in (None, 0.0)]
+    fits = [fit_mode(*balance, levels, 1 / np.abs(chosen.force), mass=mass) for mass in (nan, 0.0)]
     left, whole = (float(np.sum(found.left.real**2)) for found in fits)
     return fits[0].mass < 0 and left < (1 - _RISES**2) * whole
 

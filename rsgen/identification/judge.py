@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from functools import cached_property
+from math import nan
 from typing import TypeVar
 
 import numpy as np
@@ -42,15 +43,14 @@ from rsgen.identification.results import (
     Resonance,
     RestoringForce,
     later,
+    units_of,
 )
 from rsgen.identification.results.estimates import (
     Agreement,
     make_estimates,
-    names_of,
     parameter_findings,
     phase_findings,
     state_background,
-    units_of,
     with_combinations,
 )
 from rsgen.identification.soundness import (
@@ -96,7 +96,7 @@ def prepare(surface: ResponseSurface, model: Model) -> Prepared:
     beside = model.observation.background not in ("none", "phase")
     refuse_across(model.sensors, background=beside, phases=not surface.phase_known)
     observed = Observed.of(points, model.observation.background)
-    return Prepared(surface, repeats, points, Problem(model.elements, law, observed, model.mass))
+    return Prepared(surface, repeats, points, Problem(model.elements, law, observed, model.fixed))
 
 
 # ----------------------------------------------------------------------------
@@ -234,8 +234,8 @@ class Findings:
         return tuple(found)
 
     def _implausible(self, calibrated: bool, not_identifiable: set[str]) -> Iterator[Finding]:
-        mass = None if "m" in not_identifiable else self.fit.mass
-        damping = min((r.damping_ratio for r in self.resonances if r.damping_ratio > 0), default=None)
+        mass = nan if "m" in not_identifiable else self.fit.mass
+        damping = min((r.damping_ratio for r in self.resonances if r.damping_ratio > 0), default=nan)
         return plausibility_findings(self.surface, calibrated=calibrated, mass=mass, damping=damping)
 
     def _motion(self) -> list[Finding]:
@@ -317,13 +317,13 @@ def judge(test: Prepared, model: Model, refined: Fit) -> Identification:
     _require_followed(used, model)
     kept = points.select(used)
     first = _FirstOrder.of(kept, refined)
-    paper, resonances = fit_resonances(kept, law, model.mass, lambda: first.fit.solution)
+    paper, resonances = fit_resonances(kept, law, model.fixed, lambda: first.fit.solution)
     misfits = is_systematic(refined.regression.residual, points.pairs(used))
     agreement = Agreement.of(refined.regression, points, whole.covariance, misfits=misfits)
     regression, noise, about = _errors(test, refined, whole, agreement.wider)
     regression = widen_squares(test.problem, agreement.widen(regression))
     whole = agreement.widen(whole)
-    names, units = names_of(law, model), units_of(model, surface.units)
+    names, units = (*law.parameters, "m"), units_of(model, surface.units)
     tested = {
         "amplitude": Quantity(float(points.amplitude.max()), "m"),
         "level": Quantity(float(points.level.max()), surface.level_unit),
@@ -334,18 +334,21 @@ def judge(test: Prepared, model: Model, refined: Fit) -> Identification:
     solution = replace(refined.solution, covariance=regression.covariance, freedom=freedom)
     estimates = make_estimates(solution, law, model, reasons, units)
     curve = equivalent_curve(surface, points, used, refined)
-    mass = refined.mass if model.mass is not None or estimates[-1].identifiable else None
+    doubtful = {estimate.name for estimate in estimates if not estimate.identifiable}
+    mass = nan if "m" in doubtful else refined.mass
     predicted = refined.harmonics[used, 0].real
     misfit = refined.regression.misfit[used]
     of_parameters = tuple(e.finding for e in estimates if e.finding is not None)
     if estimates and not any(estimate.identifiable for estimate in estimates):
         about = (*about, Finding("nothing-identifiable", "doubt"))
     outcome = _outcome(surface, points, estimates, refined)
-    about = (*about, *resonance_findings(kept, model.mass, law, outcome["misfit"]))
+    about = (*about, *resonance_findings(kept, model.fixed, law, outcome["misfit"]))
     about = (*about, *feeding_findings(points, refined, estimates))
-    errors = np.array([e.standard_error if e.identifiable else np.nan for e in estimates])
+    sure = {e.name: e.standard_error for e in estimates if e.identifiable}
+    errors = np.array([sure.get(name, nan) for name in law.parameters])
     about = (*about, *across_findings(refined, errors, misfits=misfits))
     known = {e.name for e in estimates if np.isfinite(e.value)}
+    free = np.flatnonzero(regression.free)
     general = Findings(surface, points, refined, resonances, agreement)
     collected = general.collect(of_parameters, about, calibrated=model.observation.calibrated)
     return Identification(
@@ -353,8 +356,8 @@ def judge(test: Prepared, model: Model, refined: Fit) -> Identification:
         paper=later(lambda: make_estimates(_of_one_amplitude(paper(), law), law, model, {}, units)),
         first_order=later(lambda: make_estimates(first.fit.solution, law, model, reasons, units)),
         refined=estimates,
-        first_order_bias=later(lambda: tuple(map(float, first.bias()))),
-        covariance=regression.covariance,
+        first_order_bias=later(lambda: tuple(first.bias()[free].tolist())),
+        covariance=regression.covariance[np.ix_(free, free)],
         resonances=resonances,
         curve=curve,
         restoring=later(lambda: _without_law(kept, predicted, curve, mass, noise)),
@@ -408,7 +411,9 @@ def _errors(
     about: tuple[Finding, ...] = ()
     if test.repeats is not None:
         noise = test.repeats.noise
-        about = repeat_findings(test.repeats, misfit, float(np.median(wider[: test.problem.count])))
+        about = repeat_findings(
+            test.repeats, misfit, float(np.median(wider[np.flatnonzero(regression.free)]))
+        )
     # neighbours share the error that a surface reports of itself: scatter does not show it
     error = test.surface.error[test.points.index[refined.regression.used]]
     error = error[np.isfinite(error)]
@@ -420,10 +425,10 @@ def _errors(
 
 
 def _without_law(
-    points: Points, predicted: Array, curve: EquivalentCurve, mass: float | None, noise: float
+    points: Points, predicted: Array, curve: EquivalentCurve, mass: float, noise: float
 ) -> RestoringForce | None:
     """Draw the forces from k(X) and c(X), or along the motion where its mean is not zero."""
-    if mass is None:
+    if not np.isfinite(mass):
         return None
     recorded = 0 in points.measured
     mean = points.harmonics[:, 0].real if recorded else predicted

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import replace
+from math import nan
 
 import numpy as np
 
@@ -205,11 +206,12 @@ def free_curves_leave(fit: Fit, points: Points) -> float:
         *steady(missed, response, points.omega),
         hats(points.amplitude),
         weight,
-        mass=None if fit.problem.given is None else 0.0,
+        # what is missed of a mass that is known is nothing
+        mass=0.0 * fit.problem.fixed.get("m", nan),
         orders=(1, 0),
     )
     share = np.sum(np.abs(free.left) ** 2) / np.sum(np.abs(weight * missed) ** 2)
-    return float(np.sqrt(share / (1 - len(free.values) / (2 * len(missed)))))
+    return float(np.sqrt(share / (1 - free.unknowns / (2 * len(missed)))))
 
 
 def _with_backgrounds(fit: Fit) -> dict[str, Fit]:
@@ -241,7 +243,7 @@ def _mass_contradicted(fit: Fit, left: float) -> list[Finding]:
     left
         The misfit that the best term would leave.
     """
-    given = fit.problem.given
+    given = fit.problem.fixed.get("m")
     if given is None or not relative_misfit(fit) > NOTICEABLE:
         return []
     chosen = fit.problem.observed.points.spread(QUICK)
@@ -249,7 +251,7 @@ def _mass_contradicted(fit: Fit, left: float) -> list[Finding]:
     values, _, background = problem.split(fit.regression.parameters)
     trials = [
         fit_near(trial, trial.join(values, given, background), order=START_ORDER)
-        for trial in (problem, replace(problem, given=None))
+        for trial in (problem, replace(problem, fixed={}))
     ]
     size, (whole, best) = relative_misfit(fit), map(relative_misfit, trials)
     leaves = size * best / whole if whole > 0 else np.inf

@@ -96,8 +96,8 @@ class SplineMode:
     step = 1e-4
     """As of the harmonic balance: error of central differences h^2, round-off eps/h."""
 
-    def __init__(self, omega: Array, basis: SplineBasis, orders: tuple[int, ...], *, mass_free: bool) -> None:
-        self._basis, self._mass_free, self._inertia = basis, mass_free, omega**2
+    def __init__(self, omega: Array, basis: SplineBasis, orders: tuple[int, ...]) -> None:
+        self._basis, self._inertia = basis, omega**2
         self._factors = [np.ones(len(omega)), *(1j * omega**order for order in orders)]
 
     def __call__(self, values: Array, mass: float, size: Array, others: Array | None = None) -> Response:
@@ -106,8 +106,7 @@ class SplineMode:
         by = np.concatenate([factor[:, None] * shape for factor in self._factors], axis=1)
         turn = np.concatenate([factor[:, None] * slope for factor in self._factors], axis=1)
         force = np.asarray(size * (by @ values - mass * self._inertia), dtype=np.complex128)
-        if self._mass_free:
-            by = np.column_stack([by, -self._inertia])
+        by = np.column_stack([by, -self._inertia])
         harmonics = np.zeros((len(size), 2), dtype=np.complex128)
         harmonics[:, 1] = size
         return Response(
@@ -191,7 +190,7 @@ class ModalSplines:
 
     def respond(self, amplitude: Array, omega: Array) -> NDArray[np.complex128]:
         """(n,) complex force [N] that holds the amplitudes X [m] at frequencies [rad/s]; phase of X zero."""
-        mode = SplineMode(omega, self.basis, self.orders, mass_free=False)
+        mode = SplineMode(omega, self.basis, self.orders)
         return mode(self.values, self.mass, amplitude).force
 
 

@@ -13,6 +13,7 @@ phi that is not exactly a quarter period shifts k/m by 2 zeta/tan(phi), with zet
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from math import nan
 
 import numpy as np
 from numpy.typing import NDArray
@@ -22,12 +23,12 @@ from rsgen.common.errors import RsgenError, require
 from rsgen.common.finding import Finding, quantities
 from rsgen.common.tolerances import ANY_LAW, DAMPED, EXCESS, LIGHT, NOISY, NORMAL, POOR, ROUND_OFF, ROUNDS
 from rsgen.data.free_mode import fit_mode, steady
-from rsgen.data.oscillator import Model, Observation
+from rsgen.data.oscillator import Model, Observation, join_model
 from rsgen.data.surface import ResponseSurface, typical_amounts, without_copies
 from rsgen.data.surface.response_surface import HALF_POWER
 from rsgen.identification.fitting.fit import fit_balance
 from rsgen.identification.fitting.forward import Descent
-from rsgen.identification.fitting.least_squares import Regression, fit
+from rsgen.identification.fitting.least_squares import Regression, Rules, fit
 from rsgen.identification.fitting.observed import Observed, Problem, is_systematic
 from rsgen.identification.fitting.points import (
     FEWEST,
@@ -110,16 +111,16 @@ class SeenMode:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class ModeProblem:
-    """What is fitted: coefficients of the splines, the mass where it is free, the background.
+    """What is fitted: coefficients of the splines, the mass, the background.
 
-    ``given`` is a mass that stays; it is ``assumed`` where k/m and c are all that is wanted. ``others`` are
-    other shapes that fit as well: weight, problem, and its solution.
+    ``mass`` [kg] is known, NaN where it is fitted; it is ``assumed`` where k/m and c are all that is wanted.
+    ``others`` are other shapes that fit as well: weight, problem, and its solution.
     """
 
     seen: SeenMode
     basis: SplineBasis
     orders: tuple[int, ...]
-    given: float | None
+    mass: float
     assumed: bool = False
     others: tuple[tuple[float, ModeProblem, Array], ...] = ()
 
@@ -136,11 +137,18 @@ class ModeProblem:
     @property
     def count(self) -> int:
         """Parameters apart from the background."""
-        return self.coefficients + (self.given is None)
+        return self.coefficients + 1
+
+    @property
+    def free(self) -> NDArray[np.bool_]:
+        """(q,) False for a mass that is known."""
+        free = np.ones(self.count + len(self.observed.background.names), dtype=bool)
+        free[self.coefficients] = np.isnan(self.mass)
+        return free
 
     def split(self, parameters: Array) -> tuple[Array, float, Array]:
         """Coefficients, mass [kg] and background."""
-        mass = float(parameters[self.coefficients]) if self.given is None else self.given
+        mass = float(parameters[self.coefficients])
         return parameters[: self.coefficients], mass, parameters[self.count :]
 
     def compared(self, predicted: tuple[int, ...]) -> tuple[int, ...]:
@@ -149,7 +157,7 @@ class ModeProblem:
 
     def forward(self, omega: Array) -> SplineMode:
         """Give the forward model at the frequencies (n,) [rad/s]."""
-        return SplineMode(omega, self.basis, self.orders, mass_free=self.given is None)
+        return SplineMode(omega, self.basis, self.orders)
 
     def solve(self) -> tuple[Array, float]:
         """Parameters of the linear balance beside the background, and their corrected AIC, or BIC."""
@@ -158,17 +166,17 @@ class ModeProblem:
             *steady(mode.force, mode.harmonics[:, 1], mode.omega),
             self.basis(mode.amplitude)[0],
             1 / np.abs(mode.force),
-            mass=self.given,
+            mass=self.mass,
             orders=self.orders,
         )
-        rows, used = 2 * len(mode), len(found.values) - found.missing
+        rows, used = 2 * len(mode), found.unknowns - found.missing
         # few points for many coefficients (Hurvich and Tsai, Biometrika 76, 1989)
         each = np.log(rows) if len(self.seen.background) else 2.0
         price = each * rows / max(rows - used - 1, 1)
         return found.values, rows * np.log(max(found.misfit**2 / 2, ROUND_OFF**2)) + used * price
 
 
-def choose_splines(seen: SeenMode, mass: float | None) -> ModeProblem:
+def choose_splines(seen: SeenMode, mass: float) -> ModeProblem:
     """Choose the shape of the splines and the orders of the damping, each by AIC given the other.
 
     What is left out may then be as large as the noise, so that the next richer ones are fitted: intervals
@@ -245,11 +253,12 @@ def fit_splines(modal: ModeProblem) -> Regression:
     descent = Descent(modal, modal.forward(mode.omega))
     nuisance = observed.nuisances(mode.amplitude, np.angle(mode.harmonics[:, 1]))
     start = np.concatenate([modal.solve()[0], modal.seen.background])
-    found = fit(descent.linearise, start, nuisance, neighbours=mode.neighbours)
+    rules = Rules(free=modal.free)
+    found = fit(descent.linearise, start, nuisance, rules, neighbours=mode.neighbours)
     if found.noise > NOISY:
         response = descent.predict(found.parameters, found.nuisance)
         descent.scale = np.abs(observed.seen(response, modal.split(found.parameters)[2]))
-        place = found.parameters, found.nuisance
+        place = found.parameters, found.nuisance, rules
         found = descent.corrected(fit(descent.linearise, *place, used=found.used, neighbours=mode.neighbours))
     if descent.scale is None:
         values = modal.split(found.parameters)[2]
@@ -308,7 +317,7 @@ def modal_table(
     # what a trial makes infinite or undefined has no prediction there, and is dealt with as such
     with np.errstate(all="ignore"):
         seen = _see(points, model)
-        modal = choose_splines(seen, model.mass)
+        modal = choose_splines(seen, model.fixed.get("m", nan))
         found = fit_splines(modal)
         if not _mass_known(modal, found):
             modal, found = _at_phase_resonance(seen, LAG_ERROR if means.lag_assumed else 0.0)
@@ -321,10 +330,8 @@ def modal_table(
 def _about(about: Observation | Model | None, mass: float | None) -> Model:
     """Mass and observation, with a law that is near any other."""
     require(about, (Observation, Model, type(None)), "about")
-    if isinstance(about, Model):
-        mass = about.mass if mass is None else mass
-        about = about.observation
-    return Model(ANY_LAW, mass, about or Observation())
+    model = about if isinstance(about, Model) else Model(ANY_LAW, observation=about)
+    return join_model(Model(ANY_LAW, model.mass, model.observation), mass=mass)
 
 
 def _see(points: Points, model: Model) -> SeenMode:
@@ -335,7 +342,7 @@ def _see(points: Points, model: Model) -> SeenMode:
     observed = Observed.of(points, model.observation.background)
     mode, background = points, np.zeros(0)
     if observed.background.names or not points.phase_known:
-        problem, start = start_fit(Problem(model.elements, compile_law(model.force), observed, model.mass))
+        problem, start = start_fit(Problem(model.elements, compile_law(model.force), observed, model.fixed))
         found = fit_balance(problem, start, order=1)
         background = found.background
         receptance = observed.background.receptance(background)
@@ -368,11 +375,9 @@ def _see(points: Points, model: Model) -> SeenMode:
 
 def _mass_known(modal: ModeProblem, found: Regression) -> bool:
     """Whether the mass was given, or is positive and sure enough."""
-    if modal.given is not None:
-        return True
     _, mass, _ = modal.split(found.parameters)
     place = modal.coefficients
-    if at_resonance_alone(modal.seen.mode, _misfit(found)):
+    if modal.free[place] and at_resonance_alone(modal.seen.mode, _misfit(found)):
         # only that the splines are simple would determine it
         return False
     return mass_sure(mass, float(found.covariance[place, place]))
@@ -451,13 +456,11 @@ def _table(modal: ModeProblem, found: Regression, surface: ResponseSurface, mode
     """Evaluate the splines at rows of equal ratio, and say what they do not determine."""
     tested = modal.seen.tested
     values, mass, _ = modal.split(found.parameters)
-    covariance = np.zeros((modal.coefficients + 1,) * 2)
-    covariance[: modal.count, : modal.count] = found.covariance[: modal.count, : modal.count]
-    if modal.given is None:
-        # what one harmonic leaves out moves stiffness and mass together, and no frequency
-        together = np.zeros(modal.coefficients + 1)
-        together[: modal.basis.count], together[-1] = values[: modal.basis.count], mass
-        covariance += np.outer(together, together) * _left_out(modal.observed.points, found.noise) ** 2
+    # what one harmonic leaves out moves stiffness and a mass that is fitted together, and no frequency
+    together = np.zeros(modal.count)
+    together[: modal.basis.count], together[-1] = values[: modal.basis.count], mass
+    together *= modal.free[modal.coefficients] * _left_out(modal.observed.points, found.noise)
+    covariance = found.covariance[: modal.count, : modal.count] + np.outer(together, together)
     known = tuple(MODAL_COLUMNS)
     findings: tuple[Finding, ...] = ()
     if modal.assumed:

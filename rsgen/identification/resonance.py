@@ -6,7 +6,7 @@ vanishes: k(X) = m omega_n^2 and c(X) = 2 zeta m omega_n hold for the amplitude 
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -17,7 +17,7 @@ from rsgen.common.finding import Finding, Quantity, quantities
 from rsgen.common.linear_algebra import solve_scaled
 from rsgen.common.tolerances import DAMPED, LIGHT, samples_for
 from rsgen.data.free_mode import estimate_mass, steady
-from rsgen.data.oscillator import Model
+from rsgen.data.oscillator import Model, join_model
 from rsgen.data.surface import ResponseSurface
 from rsgen.data.surface.plausibility import plausibility_findings
 from rsgen.formula.units import per_mass_unit
@@ -167,13 +167,13 @@ def _mass_of(points: Points) -> tuple[float, float]:
 
 
 def fit_resonances(
-    points: Points, law: ForceLaw, given: float | None, near: Callable[[], Solution]
+    points: Points, law: ForceLaw, fixed: Mapping[str, float], near: Callable[[], Solution]
 ) -> tuple[Callable[[], Solution], tuple[Resonance, ...]]:
     """Find the resonance of every level, and say how to fit k(X) and c(X) of the law to them.
 
     ``near`` gives a solution where one is needed: for a mass that is not known, or a law that is not linear.
     """
-    mass, mass_error = (given, 0.0) if given is not None else _mass_of(points)
+    mass, mass_error = (fixed["m"], 0.0) if "m" in fixed else _mass_of(points)
     resonances, turning = find_resonances(points, mass if np.isfinite(mass) else near().mass)
 
     def fitted() -> Solution:
@@ -182,8 +182,8 @@ def fit_resonances(
         force = omega * np.array([r.damping for r in resonances]) * size
         good = force > 0
         if not (np.isfinite(mass) and good.any()):
-            unknown = np.full(len(law.parameters) + (given is None), np.nan)
-            return Solution(unknown[: len(law.parameters)], mass, np.diag(unknown), 1, np.nan)
+            unknown = np.full(len(law.parameters), np.nan)
+            return Solution(unknown, mass, np.diag(np.append(unknown, mass_error)), 1, np.nan)
         # harmonics without the mean say nothing of how far apart the turning points lie from zero
         turned = not law.odd and (0 in points.measured or bool(np.isfinite(points.peak).all()))
         equations = Equations(
@@ -194,12 +194,12 @@ def fit_resonances(
             1 / force[good],
             turning[good] if turned else np.zeros((0, 2)),
         )
-        found = solve_equations(equations, law, mass, near=near().values if law.nonlinear else None)
-        covariance = found.covariance + np.outer(found.values, found.values) * (mass_error / mass) ** 2
-        values = np.where(np.isfinite(np.diag(covariance)), found.values, np.nan)
-        if given is None:
-            covariance = np.pad(covariance, (0, 1))
-            covariance[-1, -1] = mass_error**2
+        known = {**fixed, "m": mass}
+        found = solve_equations(equations, law, known, near=near().values if law.nonlinear else None)
+        covariance = found.covariance
+        covariance[:-1, :-1] += np.outer(found.values, found.values) * (mass_error / mass) ** 2
+        covariance[-1, -1] = mass_error**2
+        values = np.where(np.isfinite(np.diag(covariance)[:-1]), found.values, np.nan)
         freedom = max(2 * int(good.sum()) - len(law.parameters), 1)
         return Solution(values, mass, covariance, freedom, found.misfit)
 
@@ -259,7 +259,7 @@ def identify_ratios(
         return None
     # an assumed mass has no scale that could contradict that of the test
     scaled = replace(model, observation=replace(model.observation, calibrated=True))
-    light, damped = (identify(surface, replace(scaled, mass=mass)) for mass in masses)
+    light, damped = (identify(surface, join_model(scaled, mass=mass)) for mass in masses)
     powers = _powers(points, law, np.array(light.solution))
     if powers is None:
         return None
@@ -267,14 +267,14 @@ def identify_ratios(
 
 
 def resonance_findings(
-    points: Points, mass: float | None, law: ForceLaw, noise: float
+    points: Points, fixed: Mapping[str, float], law: ForceLaw, noise: float
 ) -> tuple[Finding, ...]:
     """Say what a mass [kg] that was not given rests on where all points have the lag of resonance.
 
     A law with memory has its stiffness in the area of its loops, and so determines a mass if it is right.
     With others it rests on errors of the lag.
     """
-    if mass is not None or not at_resonance_alone(points, noise):
+    if "m" in fixed or not at_resonance_alone(points, noise):
         return ()
     numbers = quantities(points=len(points))
     if law.remembers:

@@ -177,10 +177,8 @@ def sign_findings(points: Points, fit: Fit, wider: Array) -> list[Finding]:
     regression, problem = fit.regression, fit.problem
     basis = regression.basis * regression.noise * wider[:, None]
     found = []
-    if problem.given is None:
-        error = float(np.linalg.norm(basis[len(problem.law.parameters)]))
-        if fit.mass < -CHANCE * error:
-            found.append(Finding("mass-negative", "error", "m", {"mass": Quantity(fit.mass, "kg")}))
+    if fit.mass < -CHANCE * float(np.linalg.norm(basis[len(problem.law.parameters)])):
+        found.append(Finding("mass-negative", "error", "m", {"mass": Quantity(fit.mass, "kg")}))
     for motion, (part, followed) in enumerate(_followed(points, fit)):
         place = part.parameters
         stiffness, damping = _signs_at(part, followed, fit.values[place], basis[place])
@@ -315,8 +313,8 @@ def across_findings(found: Fit, errors: Array, *, misfits: bool) -> tuple[Findin
     found
         The refined fit.
     errors
-        (q,) standard errors of the values of the law and of a free mass, as they are stated; NaN where one is
-        not identifiable: it is not looked at.
+        (p,) standard errors of the values of the law as they are stated; NaN where one is fixed or not
+        identifiable: it is not looked at.
     misfits
         Whether the misfit is systematic.
     """
@@ -341,7 +339,6 @@ def _left_out(found: Fit, joint: Part, errors: Array) -> list[Finding]:
     recorded = np.flatnonzero((across.harmonics != 0).any(axis=0))
     missing = _missing(joint, found, across, measured.harmonics[:, 1], recorded)
     moved = _moved(problem, found.regression.parameters, across.harmonics, missing)
-    errors = errors[: len(law.parameters)]
     with np.errstate(all="ignore"):
         share, times = moved / np.abs(found.values), np.abs(moved) / errors
     large = np.isfinite(errors) & (np.abs(share) > NOTICEABLE)

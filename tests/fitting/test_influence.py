@@ -31,7 +31,7 @@ def points() -> Points:
 
 def fitted(points: Points) -> Regression:
     law = compile_law(model("cubic").force)
-    problem = Problem(model("cubic").elements, law, Observed.of(points), None)
+    problem = Problem(model("cubic").elements, law, Observed.of(points))
     values = np.array([LAWS["cubic"][1][name] for name in law.parameters])
     return fit_balance(problem, problem.join(values, MASS, np.zeros(0)), order=5, reject=False).regression
 

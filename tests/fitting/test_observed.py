@@ -34,12 +34,10 @@ def points() -> Points:
 def linearised(points: Points, kind: str, forward: str, *, phase: bool, logarithmic: bool):
     """The linearisation as a function of parameters and nuisances, and a place away from the solution."""
     law = compile_law(model("cubic").force)
-    problem = Problem(
-        model("cubic").elements, law, Observed.of(replace(points, phase_known=phase), kind), None
-    )
+    problem = Problem(model("cubic").elements, law, Observed.of(replace(points, phase_known=phase), kind))
     background = BACKGROUND[: len(problem.observed.background.names)]
     parameters = problem.join(VALUES * 1.01, MASS * 0.99, background)
-    made = HarmonicBalance(law, points.motion, 5, mass_free=True)
+    made = HarmonicBalance(law, points.motion, 5)
     if forward == "balance":
         nuisance = problem.observed.nuisances(points.amplitude, np.angle(points.harmonics[:, 1]))
     else:
@@ -118,12 +116,12 @@ def test_without_background_the_sensor_sees_the_mode(points: Points) -> None:
 def test_second_derivatives_along_a_direction_are_those_of_the_residuals(points: Points) -> None:
     # of sizes and phases together, in both kinds of rows
     law = compile_law(model("cubic").force)
-    problem = Problem(model("cubic").elements, law, Observed.of(points), None)
+    problem = Problem(model("cubic").elements, law, Observed.of(points))
     parameters = problem.join(VALUES * 1.01, MASS * 0.99)
     nuisance = problem.observed.nuisances(points.amplitude, np.angle(points.harmonics[:, 1])) + 0.003
     direction, h = 0.02 * np.random.default_rng(0).normal(size=nuisance.shape), 0.05
     for scale in (None, points.amplitude):
-        descent = Descent(problem, HarmonicBalance(law, points.motion, 5, mass_free=True))
+        descent = Descent(problem, HarmonicBalance(law, points.motion, 5))
         descent.scale = scale
         low, here, high = (
             descent.linearise(parameters, nuisance + times * direction) for times in (-h, 0.0, h)

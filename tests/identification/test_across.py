@@ -309,7 +309,7 @@ def test_a_misfit_that_the_sensors_do_not_explain_is_doubted_where_harmonics_acr
 def test_slopes_along_two_measured_motions_are_those_of_differences(correlation: float, rides: float):
     surface = two_masses()
     motions = (Motion(surface.omega, values) for values in (surface.harmonics, surface.across))
-    forward = MeasuredAcross(law_of(ELEMENTS), *motions, rides=rides, mass_free=True)
+    forward = MeasuredAcross(law_of(ELEMENTS), *motions, rides=rides)
     forward.correlation = correlation
     values = np.array([TRUE[name] for name in law_of(ELEMENTS).parameters])
     place = np.column_stack([np.log(surface.amplitude), np.full((len(surface), 3), [0.3, 0.02, -0.01])])

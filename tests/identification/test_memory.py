@@ -58,7 +58,7 @@ def test_names_that_act_in_products_only_leave_the_others_determined(hysteretic:
     memory = {"z": "alpha*v - beta*(gamma*abs(v)*z + delta*v*abs(z))"}
     wanted = Model((make_element("law", "k*x + c*v + z", memory),))
     observed = Observed.of(select_points(surface, wanted))
-    problem = Problem(wanted.elements, compile_law(wanted.force), observed, None)
+    problem = Problem(wanted.elements, compile_law(wanted.force), observed)
     near = {**BOUC_WEN, "beta": 0.2, "gamma": 4000.0, "delta": -2500.0}
     start = np.array([1.01 * near[name] for name in (*problem.law.parameters, "m")])
     balanced = fit_balance(problem, start, order=9)

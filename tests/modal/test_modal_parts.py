@@ -65,7 +65,7 @@ def test_few_points_make_coefficients_dear() -> None:
     points = points_of(harmonics, noise=0.01)
     tested = (1e-3, 8e-3)
     seen = SeenMode(Observed.of(points), points, np.zeros(0), tested)
-    problem = ModeProblem(seen, SplineBasis.over(points.amplitude, tested, 0, 1, 1), (1,), None)
+    problem = ModeProblem(seen, SplineBasis.over(points.amplitude, tested, 0, 1, 1), (1,), np.nan)
     found, price = problem.solve()
     size = np.abs(points.force)
     columns = np.stack(

@@ -56,7 +56,7 @@ def test_leaving_out_a_block_is_a_refit_without_it(formula: str, noise: float) -
     law = compile_law(join_model(formula, None, None).force)
     lines = lines_of(records(noise), None, switched=False)
     with np.errstate(all="ignore"):
-        fit = fit_lines(lines, law, None, *start_values(lines, law, None))
+        fit = fit_lines(lines, law, {}, *start_values(lines, law, {}))
         found = np.sqrt(np.diag(blocks_left_out(fit)))
         groups = parts_of_band(lines)
         whole, moved = refitted(lines, fit, law), []

@@ -189,7 +189,7 @@ def along() -> tuple[Points, Rows, Guess]:
     """The balance of a noisy test along the motion of its own law, in units of the true noise."""
     points = select_points(measured("combined"), model("combined"))
     guess = Guess("own", model("combined").elements, truth("combined"))
-    reference = follow(Observed.of(points), guess, None)
+    reference = follow(Observed.of(points), guess, {})
     assert reference is not None
     assert len(reference.chosen) == len(points)
     return points, reference.rows(np.full(10, NOISE)), guess
@@ -197,7 +197,7 @@ def along() -> tuple[Points, Rows, Guess]:
 
 def test_misfits_are_in_units_of_the_noise(along: tuple[Points, Rows, Guess]) -> None:
     points, rows, guess = along
-    fitted = fit_rows(guess, rows, points.level, None)
+    fitted = fit_rows(guess, rows, points.level, {})
     assert fitted is not None
     # the sum of squares of N unit normals is N, give or take sqrt(2 N)
     count = fitted.residual[:, rows.compared].size
@@ -207,7 +207,7 @@ def test_misfits_are_in_units_of_the_noise(along: tuple[Points, Rows, Guess]) ->
 @pytest.mark.slow
 def test_the_fit_agrees_with_identification(along: tuple[Points, Rows, Guess]) -> None:
     points, rows, guess = along
-    fitted = fit_rows(guess, rows, points.level, None)
+    fitted = fit_rows(guess, rows, points.level, {})
     assert fitted is not None
     for estimate in identify(measured("combined"), model("combined")).refined:
         # two ways to one maximum of the likelihood
@@ -216,11 +216,11 @@ def test_the_fit_agrees_with_identification(along: tuple[Points, Rows, Guess]) -
 
 def test_unseen_levels_are_those_of_a_fit_without_them(along: tuple[Points, Rows, Guess]) -> None:
     points, rows, guess = along
-    fitted = fit_rows(guess, rows, points.level, None)
+    fitted = fit_rows(guess, rows, points.level, {})
     assert fitted is not None
     for level in np.unique(points.level)[[0, -1]]:
         inside = np.flatnonzero(points.level != level)
-        rest = fit_rows(guess, rows.select(inside), points.level[inside], None)
+        rest = fit_rows(guess, rows.select(inside), points.level[inside], {})
         assert rest is not None
         law = compile_law(model("combined").force)
         values = np.array([rest.guess.values[name] for name in law.parameters])
@@ -233,9 +233,7 @@ def test_unseen_levels_are_those_of_a_fit_without_them(along: tuple[Points, Rows
 def test_more_terms_never_miss_by_more(along: tuple[Points, Rows, Guess]) -> None:
     _, rows, _ = along
     terms = [term for term in library_terms() if not term.search and not term.how.dissipates]
-    trials = {
-        frozenset(t.name for t in trial.law.terms): trial for trial in search_sums(rows, terms, None, 2)
-    }
+    trials = {frozenset(t.name for t in trial.law.terms): trial for trial in search_sums(rows, terms, {}, 2)}
     assert len(trials) == 1 + len(terms) + len(terms) * (len(terms) - 1) // 2
     for names, trial in trials.items():
         for name in names:
@@ -266,7 +264,7 @@ def test_a_candidate_whose_friction_feeds_energy_is_dropped(
     candidate = Guess(
         "with friction", (*guess.elements, damper), {**guess.values, "Ff": 0.0}, dissipates=(("Ff",),)
     )
-    fitted = fit_rows(candidate, replace(rows, right=rows.right + force), points.level, None)
+    fitted = fit_rows(candidate, replace(rows, right=rows.right + force), points.level, {})
     if friction < 0:
         assert fitted is None
     else:

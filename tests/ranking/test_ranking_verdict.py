@@ -140,7 +140,7 @@ def cubic_with(rows: Rows, *dampers: tuple[str, str], **values: float) -> list[s
 
 def test_terms_against_each_other_and_a_search_at_its_limit_are_doubted() -> None:
     points = select_points(measured("cubic", 0.0), model("cubic"))
-    reference = follow(Observed.of(points), Guess("own", model("cubic").elements, truth("cubic")), None)
+    reference = follow(Observed.of(points), Guess("own", model("cubic").elements, truth("cubic")), {})
     assert reference is not None
     rows = reference.rows(np.full(10, NOISE))
     grows, rests = ("grows", "mu*abs(x)*sign(v)"), ("rests", "cx*x**2*v")

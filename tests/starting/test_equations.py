@@ -23,7 +23,7 @@ def test_motions_of_a_balance_fulfil_fundamental_and_mean() -> None:
     law = compile_law(rsgen.Law(LAW).force)
     omega = 2 * np.pi * frequency
     equations = Equations(omega, force, states.harmonics, True, np.ones(3), np.zeros((0, 2)))
-    matrix, right = equation_rows(equations, law, None, np.zeros(0))
+    matrix, right = equation_rows(equations, law, np.zeros(0))
     unknowns = np.array([*(TRUE[law.parameters[i]] for i in law.linear), MASS])
     # real part, imaginary part and mean of every motion
     assert matrix.shape == (9, 3)
@@ -42,7 +42,7 @@ def test_turning_points_of_free_motion_have_one_energy() -> None:
     law = compile_law(rsgen.Law(LAW).force)
     turning = np.column_stack([high, low])
     equations = Equations(motion.omega, np.ones(2, complex), motion.harmonics, False, np.ones(2), turning)
-    matrix, right = equation_rows(equations, law, MASS, np.zeros(0))
-    unknowns = np.array([TRUE[law.parameters[i]] for i in law.linear])
+    matrix, right = equation_rows(equations, law, np.zeros(0))
+    unknowns = np.array([*(TRUE[law.parameters[i]] for i in law.linear), MASS])
     assert matrix[-2:] @ unknowns == pytest.approx(right[-2:], rel=1e-9)
     assert np.abs(right[-2:]).min() > 1.0

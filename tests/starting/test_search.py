@@ -134,7 +134,7 @@ def test_equal_sliders_are_told_apart() -> None:
     force = ratio * size * (1 + noise[0] + 1j * noise[1])
     harmonics = np.stack([np.zeros(len(size)), size], axis=1).astype(complex)
     equations = Equations(omega, force, harmonics, False, 1 / np.abs(force), np.zeros((0, 2)))
-    found = solve_equations(equations, law, None)
+    found = solve_equations(equations, law, {})
     values = dict(zip(law.parameters, found.values, strict=True))
     assert found.misfit < 5e-3
     assert sorted(values[f"F{i}"] for i in range(4)) == pytest.approx(limits, rel=0.02)
@@ -156,6 +156,6 @@ def test_friction_of_four_searched_parameters_is_found() -> None:
     noise = np.random.default_rng(1).normal(scale=5e-3 / np.sqrt(2), size=(2, len(size)))
     force = force * (1 + noise[0] + 1j * noise[1])
     equations = Equations(omega, force, harmonics, False, 1 / np.abs(force), np.zeros((0, 2)))
-    found = solve_equations(equations, law, None)
+    found = solve_equations(equations, law, {})
     assert found.misfit < 5e-3
     assert dict(zip(law.parameters, found.values, strict=True)) == pytest.approx(true, rel=0.1)

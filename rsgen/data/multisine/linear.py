@@ -12,6 +12,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass
+from math import nan
 
 import numpy as np
 from numpy.typing import NDArray
@@ -32,9 +33,7 @@ __all__ = ["BestLinear", "Distortion", "best_linear", "implausible"]
 # Whether records of a multisine, and the mode found from them, have sizes that a vibration test can have.
 
 
-def implausible(
-    spectra: MultisineSpectra, *, mass: float | None = None, damping: float | None = None
-) -> Iterator[Finding]:
+def implausible(spectra: MultisineSpectra, *, mass: float = nan, damping: float = nan) -> Iterator[Finding]:
     """Find sizes of another unit, as ``size_findings`` of a surface; amplitudes are sqrt(2) rms.
 
     Parameters
@@ -42,7 +41,7 @@ def implausible(
     spectra
         Calibrated.
     mass, damping
-        Of the mode [kg] and its smallest damping ratio, where they are known.
+        Of the mode [kg] and its smallest damping ratio; NaN where they are not known.
     """
     first, last = (end[:, None] for end in spectra.reach())
     taken = (spectra.lines >= first) & (spectra.lines <= last)

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
+from math import nan
 from typing import Literal
 
 import numpy as np
@@ -131,7 +132,7 @@ _FINE = 1e-4
 
 @dataclass(frozen=True, slots=True)
 class Sizes:
-    """What is compared with the bounds; what is not known is None.
+    """What is compared with the bounds; what is not known is NaN.
 
     Parameters
     ----------
@@ -140,7 +141,7 @@ class Sizes:
     displacement, velocity, acceleration
         Largest amplitudes [m, m/s, m/s^2].
     force
-        Largest amplitude [N]; None where it was not recorded in N.
+        Largest amplitude [N]; NaN where it was not recorded in N.
     mass
         Of the mode [kg].
     damping
@@ -152,11 +153,11 @@ class Sizes:
     velocity: float
     acceleration: float
     force: float
-    mass: float | None = None
-    damping: float | None = None
+    mass: float = nan
+    damping: float = nan
 
     @classmethod
-    def of(cls, surface: ResponseSurface, mass: float | None = None, damping: float | None = None) -> Sizes:
+    def of(cls, surface: ResponseSurface, mass: float = nan, damping: float = nan) -> Sizes:
         """Sizes of the settled points of a surface, at least one, and of its mode where it is known."""
         rows = _usable(surface)
         amplitude, omega = surface.amplitude[rows], surface.omega[rows]
@@ -173,10 +174,9 @@ class Sizes:
     def values(self) -> dict[str, float]:
         """The known ones by name, and the stiffness m omega^2 [N/m]."""
         known = {name: getattr(self, name) for name in self.__dataclass_fields__}
-        if self.mass is not None:
-            known["stiffness"] = self.mass * (2 * np.pi * self.frequency) ** 2
+        known["stiffness"] = self.mass * (2 * np.pi * self.frequency) ** 2
         # a sign that is wrong is another matter than a size
-        return {name: value for name, value in known.items() if value is not None and value > 0}
+        return {name: value for name, value in known.items() if value > 0}
 
     def limits(self) -> Mapping[str, Limit]:
         """Bounds for structures of this kind."""
@@ -215,21 +215,18 @@ class Mistake:
         """Sizes without the mistake."""
         if self.channel == "frequency":
             f = self.factor
-            mass = None if sizes.mass is None else sizes.mass * f**2
             return replace(
                 sizes,
                 frequency=sizes.frequency / f,
                 velocity=sizes.velocity / f,
                 acceleration=sizes.acceleration / f**2,
-                mass=mass,
+                mass=sizes.mass * f**2,
             )
         f = self.factor * (2 * np.pi * sizes.frequency) ** self.order
         if self.channel == "force":
-            mass = None if sizes.mass is None else sizes.mass / f
-            return replace(sizes, force=sizes.force / f, mass=mass)
-        mass = None if sizes.mass is None else sizes.mass * f
+            return replace(sizes, force=sizes.force / f, mass=sizes.mass / f)
         moved = {name: getattr(sizes, name) / f for name in ("displacement", "velocity", "acceleration")}
-        return replace(sizes, mass=mass, **moved)
+        return replace(sizes, mass=sizes.mass * f, **moved)
 
 
 MISTAKES = (
@@ -268,8 +265,8 @@ def plausibility_findings(
     surface: ResponseSurface,
     *,
     calibrated: bool = True,
-    mass: float | None = None,
-    damping: float | None = None,
+    mass: float = nan,
+    damping: float = nan,
 ) -> Iterator[Finding]:
     """Find what no vibration test can have: a response of another quantity, or sizes of another unit.
 
@@ -280,7 +277,7 @@ def plausibility_findings(
     calibrated
         False where force or response have no known scale, so that sizes say nothing.
     mass, damping
-        As for ``Sizes``, where they are known.
+        As for ``Sizes``.
     """
     other = [f for f in surface.findings if f.code in ("another-quantity", "base-misread", "base-scaled")]
     # a force per mass and a motion relative to the base are made of several measured quantities

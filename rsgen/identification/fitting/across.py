@@ -189,8 +189,6 @@ class MeasuredAcross:
         As measured at the same points: of the mode, and across the elements.
     rides
         1.0 where the motion across is the response less that of the other sensor, 0.0 where it is that.
-    mass_free
-        Whether the mass is a parameter.
     """
 
     harmonics: tuple[int, ...] = ()
@@ -200,11 +198,9 @@ class MeasuredAcross:
     correlation = 0.0
     """Of the relative deviations of the two sensors: 0 for noise, all but 1 for what the law leaves."""
 
-    def __init__(
-        self, law: ForceLaw, response: Motion, across: Motion, *, rides: float, mass_free: bool
-    ) -> None:
+    def __init__(self, law: ForceLaw, response: Motion, across: Motion, *, rides: float) -> None:
         self._law, self._response, self._across = law, response, across
-        self._mass_free, self._rides = mass_free, rides
+        self._rides = rides
         self._columns = max(response.harmonics.shape[1], across.harmonics.shape[1])
         least = 1 << (8 * (self._columns - 1) - 1).bit_length()
         self.samples = max(samples_for(law.switched), least)
@@ -258,9 +254,7 @@ class MeasuredAcross:
             back * sum(project(part, 1) for part in parts)
             for parts in zip(*(sample.by_parameter for sample in samples), strict=True)
         ]
-        if self._mass_free:
-            columns.append((-(omega**2) * size).astype(complex))
-        force_by = np.stack(columns, axis=1) if columns else np.zeros((len(size), 0), dtype=complex)
+        force_by = np.stack([*columns, -(omega**2) * size + 0j], axis=1)
         harmonics = np.zeros((len(size), self._columns), dtype=complex)
         harmonics[:, 1] = size
         return Response(

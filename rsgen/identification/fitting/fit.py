@@ -46,9 +46,9 @@ class Solution:
     values, mass
         (p,) of the law, and m [kg].
     covariance
-        (q, q) of the values, then of the mass where it is free.
+        (p + 1, p + 1) of the values, then of the mass; zero where one is fixed.
     freedom
-        Degrees of freedom of the noise that the covariance rests on; (q,) where they differ.
+        Degrees of freedom of the noise that the covariance rests on; (p + 1,) where they differ.
     misfit
         Root mean square, relative.
     """
@@ -92,7 +92,7 @@ class Fit:
 
     @property
     def mass(self) -> float:
-        """The given or the fitted one [kg]."""
+        """Mass [kg]."""
         return self.problem.split(self.regression.parameters)[1]
 
     @property
@@ -184,7 +184,7 @@ def fit_balance(
     forward = _forward(problem, mode, order, observed.background.turn(problem.split(parameters)[2]))
     descent = Descent(problem, forward)
     natural = 0.0 if law.odd else _natural_sizes(problem, parameters, mode)
-    rules = Rules(steps=steps, held=problem.held, natural=natural)
+    rules = Rules(steps=steps, held=problem.held, free=problem.free, natural=natural)
     common: dict[str, Any] = {"reject": reject, "neighbours": mode.neighbours}
     found = fit(descent.linearise, parameters, nuisance, rules, **common)
     if isinstance(forward, MeasuredAcross) and is_systematic(found.residual, mode.pairs(found.used)):
@@ -213,15 +213,14 @@ def fit_balance(
 
 def _forward(problem: Problem, mode: Points, order: int, turn: complex) -> HarmonicBalance | MeasuredAcross:
     """Balance of all harmonics at the response; across two sensors the one along the measured motion."""
-    free = problem.given is None
     if problem.law.acts_across:
         across, rides = Motion(mode.omega, mode.across), sensor_pair(mode).rides
-        return MeasuredAcross(problem.law, mode.motion, across, rides=rides, mass_free=free)
+        return MeasuredAcross(problem.law, mode.motion, across, rides=rides)
     about_rest, load = 0 not in mode.measured, mode.load
     if load is not None:
         # the phase error between force and response turns every harmonic
         load = load * (turn ** np.arange(load.shape[1]))
-    return HarmonicBalance(problem.law, mode.motion, order, mass_free=free, about_rest=about_rest, load=load)
+    return HarmonicBalance(problem.law, mode.motion, order, about_rest=about_rest, load=load)
 
 
 def fit_simulator(problem: Problem, start: Fit, *, accuracy: float) -> Fit | None:
@@ -263,7 +262,7 @@ def fit_simulator(problem: Problem, start: Fit, *, accuracy: float) -> Fit | Non
     predicted = forward.solve(np.append(values, mass), np.exp(nuisance[:, 0]), accuracy)
     if np.count_nonzero(np.isfinite(predicted[:, 1])) < _FOLLOWED * len(drive):
         return None
-    rules = Rules(steps=_STEPS_KEPT, attainable=RESOLUTION * accuracy, held=problem.held)
+    rules = Rules(steps=_STEPS_KEPT, attainable=RESOLUTION * accuracy, held=problem.held, free=problem.free)
     for _ in range(_RENEWALS):
         found = fit(descent.linearise, parameters, nuisance, rules, neighbours=observed.points.neighbours)
         if noisy:

@@ -77,8 +77,6 @@ class HarmonicBalance:
         converge.
     order
         Highest harmonic.
-    mass_free
-        Whether the mass is a parameter.
     about_rest
         Whether motions begin about the place of rest of the law, because the mean of ``start`` is not known.
     load
@@ -96,7 +94,6 @@ class HarmonicBalance:
         start: Motion,
         order: int,
         *,
-        mass_free: bool,
         about_rest: bool = False,
         load: ComplexArray | None = None,
     ) -> None:
@@ -112,15 +109,13 @@ class HarmonicBalance:
             count = min(load.shape[1], self._start.shape[1])
             turned = Motion(start.omega, load).turned(-np.angle(start.harmonics[:, 1])).harmonics
             self._load[:, :count] = turned[:, :count]
-        self._law, self._omega, self._mass_free = law, start.omega, mass_free
+        self._law, self._omega = law, start.omega
         self._about_rest = about_rest and 0 in self.harmonics
         self._last: tuple[Array, Array, int, Response] | None = None
 
     def __call__(self, values: Array, mass: float, size: Array, others: Array | None = None) -> Response:
         """Solve at (p,) values, a mass [kg] and (n,) amplitudes [m]."""
         parameters = np.append(values, mass)
-        if not self._mass_free:
-            parameters = parameters[:-1]
         if self._about_rest:
             self._start[:, 0] = _place_of_rest(self._law, values, float(np.max(size)))
         guess = self._start
@@ -133,7 +128,7 @@ class HarmonicBalance:
         response = hold_amplitude(
             self._law,
             values,
-            Inertia(mass, self._mass_free),
+            Inertia(mass),
             self._omega,
             size,
             guess,

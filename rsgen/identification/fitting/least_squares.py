@@ -120,6 +120,8 @@ class Regression:
     rows, residual
         (n, M, r) and (n, M) slopes by these directions and residuals; zero for points that are not used. The
         sum of rows.T @ rows is the identity, that of rows.T @ residual nothing.
+    free
+        (q,) False for parameters that are fixed: they have no errors, and move nothing.
     noise_share
         Largest share that noise of the nuisances alone has in the information on a direction; from one on
         nothing is known of that direction.
@@ -140,6 +142,7 @@ class Regression:
     basis: Array
     rows: Array
     residual: Array
+    free: Mask
     noise_share: float = 0.0
 
     def first(self, count: int) -> Regression:
@@ -153,6 +156,7 @@ class Regression:
             strength=self.strength[:count],
             influence=self.influence[:, :, :count],
             basis=self.basis[:count],
+            free=self.free[:count],
         )
 
 
@@ -174,6 +178,8 @@ class Rules:
         (q,) sizes at which parameters would matter, whatever their present values; see ``solve_scaled``.
     held
         Parameters that stay where they are, yet count among the unknowns when errors are stated.
+    free
+        (q,) False for parameters that are fixed: they stay where they are, and are no unknowns.
     linear
         Parameters in which the residual is linear: beside every trial of the others they take their best
         values (variable projection), for which the slopes before are good enough.
@@ -189,9 +195,15 @@ class Rules:
     attainable: float = 0.0
     natural: Array | float = 0.0
     held: Sequence[int] = ()
+    free: Mask | bool = True
     linear: Sequence[int] = ()
     prior: Array | None = None
     move: Callable[[Array, Array], Array] = np.add
+
+    def solve(self, flat: Array, right: Array, parameters: Array) -> tuple[Array, Array, Array]:
+        """Solve for the change of the parameters; see ``solve_scaled``."""
+        known = np.where(np.broadcast_to(self.free, len(parameters)), np.nan, 0.0)
+        return solve_scaled(flat, right, parameters, self.natural, known=known)
 
     def cost(self, residual: Array, parameters: Array) -> float:
         """Sum of squares of residuals, and of what is known of the parameters."""
@@ -306,7 +318,7 @@ def descend(
             return parameters, nuisance, line, False
         flat, right = rules.equations(*eliminate(line), parameters, good)
         flat[:, list(rules.held)] = 0.0
-        change, _, _ = solve_scaled(flat, right, parameters, rules.natural)
+        change, _, _ = rules.solve(flat, right, parameters)
         rest = line.residual - line.by_parameter @ change
         nuisance_change = np.zeros_like(nuisance)
         predicted = np.isfinite(rest).all(axis=1)
@@ -411,10 +423,11 @@ def summarise(
     """State errors, and what is not identifiable, of parameters and nuisances at which a descent ended."""
     used = np.ones(len(nuisance), dtype=bool) if used is None else used
     residual, matrix = eliminate(line)
-    count, points = len(parameters), int(np.count_nonzero(used))
+    free = np.array(np.broadcast_to(rules.free, len(parameters)))
+    count, points = int(np.count_nonzero(free)), int(np.count_nonzero(used))
     each = residual.shape[1] - nuisance.shape[1]
     stacked, right = rules.equations(residual, matrix, parameters, used)
-    _, inverse, null = solve_scaled(stacked, right, parameters, rules.natural)
+    _, inverse, null = rules.solve(stacked, right, parameters)
     norm = np.sqrt(np.einsum("rq,rq->q", stacked, stacked))
     freedom = max(len(right) - points * nuisance.shape[1] - (count - null.shape[1]), 1)
     variance = float(right @ right) / freedom
@@ -424,7 +437,7 @@ def summarise(
     residual[~used] = 0.0
     # The sandwich keeps its word where the noise is not as expected; the larger of the two is reported.
     scores = np.einsum("nmq,nm->nq", matrix, residual) @ inverse
-    flat = matrix.reshape(residual.size, count)
+    flat = matrix.reshape(residual.size, len(parameters))
     sandwich = inverse @ (scores.T @ scores) @ inverse.T * (max(points, 1) / max(points - count, 1))
     spread = np.sqrt(np.maximum(np.diag(fisher), 0.0))
     ratio = np.sqrt(np.maximum(np.diag(sandwich), 0.0)) / np.where(spread > 0, spread, 1.0)
@@ -441,11 +454,12 @@ def summarise(
         used=used,
         freedom=freedom,
         converged=converged,
-        strength=np.sqrt(np.einsum("rq,rq->q", slopes, slopes) / max(points, 1)),
+        strength=free * np.sqrt(np.einsum("rq,rq->q", slopes, slopes) / max(points, 1)),
         influence=(flat @ (inverse @ inverse.T)).reshape(matrix.shape),
         basis=inverse,
         rows=(flat @ inverse).reshape(*residual.shape, inverse.shape[1]),
         residual=residual,
+        free=free,
     )
 
 
@@ -464,7 +478,7 @@ class Alternative:
 
 
 def alternatives(
-    residual: Array, matrix: Array, columns: Array, score: Array, readings: Array
+    residual: Array, matrix: Array, columns: Array, score: Array, readings: Array, free: Mask | bool = True
 ) -> list[Alternative]:
     """Fit each of some columns beside all parameters, to first order from a solution.
 
@@ -478,6 +492,8 @@ def alternatives(
         (q + t,) what noise in a slope adds to its product with the residual.
     readings
         (P, r) deviation of single readings from their mean: their scatter is in the errors.
+    free
+        (q,) False for parameters that are fixed.
 
     Returns
     -------
@@ -485,7 +501,8 @@ def alternatives(
         (t,), of value zero where a column is made up of the others.
     """
     own_score, added = np.split(score, [matrix.shape[1]])
-    inverse = solve_scaled(matrix, residual)[1] if matrix.size else np.zeros(matrix.T.shape)
+    known = np.where(np.broadcast_to(free, matrix.shape[1:]), np.nan, 0.0)
+    inverse = solve_scaled(matrix, residual, known=known)[1] if matrix.size else np.zeros(matrix.T.shape)
     found = []
     for column, more in zip(columns.T, added, strict=True):
         # the pseudoinverse from its factor: inverse @ inverse.T @ matrix.T
@@ -531,7 +548,7 @@ def remove_bias(found: Regression, line: Linearisation, bend: Bend) -> Regressio
         share += np.tensordot(moved, moved, ([0, 1], [0, 1]))
     regular &= np.isfinite(shift).all(axis=1)
     residual, matrix = eliminate(replace(line, residual=shift))
-    change, _, _ = solve_scaled(*_stacked(matrix, residual, regular), found.parameters)
+    change, _, _ = Rules(free=found.free).solve(*_stacked(matrix, residual, regular), found.parameters)
     # what the points say of the corrected parameters
     moved = found.residual - np.nan_to_num(matrix) @ change
     moved[regular] += residual[regular]

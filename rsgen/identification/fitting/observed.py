@@ -7,8 +7,8 @@ with the background of ``rsgen.dynamics.linear_part``. A recorded phase needs on
 
 from __future__ import annotations
 
-from collections.abc import Collection, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Collection, Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from itertools import count
 from typing import Any
 
@@ -322,7 +322,7 @@ def _split(rows: Sequence[NDArray[Any]], real: Sequence[bool]) -> Array:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Problem:
-    """What is fitted to what: parameters are those of the law by name, the mass where free, the background.
+    """What is fitted to what: parameters are those of the law by name, the mass, the background.
 
     Parameters
     ----------
@@ -330,8 +330,8 @@ class Problem:
         The laws, for the simulator and as array functions.
     observed
         The measured points.
-    given
-        m [kg], None where it is free.
+    fixed
+        Values of parameters that are known, by name; "m" is the mass [kg].
     held
         Parameters that stay at their starting values, yet count among the unknowns when errors are stated.
     """
@@ -339,25 +339,30 @@ class Problem:
     elements: tuple[Element, ...]
     law: ForceLaw
     observed: Observed
-    given: float | None
+    fixed: Mapping[str, float] = field(default_factory=dict)
     held: tuple[int, ...] = ()
 
     @property
     def count(self) -> int:
         """Parameters apart from the background."""
-        return len(self.law.parameters) + (self.given is None)
+        return len(self.law.parameters) + 1
+
+    @property
+    def free(self) -> NDArray[np.bool_]:
+        """(q,) False for parameters that are fixed."""
+        of_law = [name not in self.fixed for name in (*self.law.parameters, "m")]
+        return np.array(of_law + [True] * len(self.observed.background.names))
 
     def split(self, parameters: Array) -> tuple[Array, float, Array]:
         """Values of the law (p,), mass [kg] and background (b,)."""
         values = parameters[: len(self.law.parameters)]
-        mass = float(parameters[len(values)]) if self.given is None else self.given
-        return values, mass, parameters[self.count :]
+        return values, float(parameters[len(values)]), parameters[self.count :]
 
     def join(self, values: Array, mass: float, background: Array | None = None) -> Array:
         """One vector of them; None is a background of zeros."""
         if background is None:
             background = np.zeros(len(self.observed.background.names))
-        return np.concatenate([values, [mass] if self.given is None else [], background])
+        return np.concatenate([values, [mass], background])
 
     def select(self, chosen: NDArray[np.intp]) -> Problem:
         """Take some of the points."""

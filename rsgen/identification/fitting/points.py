@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from rsgen.common.arrays import Array, Chosen
 from rsgen.common.errors import RsgenError
 from rsgen.common.tolerances import ERRORS, EXPECTED_NOISE
-from rsgen.data.oscillator import Model
+from rsgen.data.oscillator import Model, join_model
 from rsgen.data.surface import OUTCOMES, ResponseSurface
 from rsgen.data.surface.phase_lag import RESONANT, BackboneGap, backbone_gap
 from rsgen.law.motion import Motion, feeds_exciter
@@ -218,7 +218,7 @@ def per_unit_mass(surface: ResponseSurface, model: Model) -> tuple[ResponseSurfa
     they are, and the parameters are per unit mass: no test of a driven base determines more.
     """
     surface = surface.on_mass(model.mass)
-    return surface, replace(model, mass=1.0) if surface.per_mass else model
+    return surface, join_model(model, mass=1.0) if surface.per_mass else model
 
 
 def _load_of(surface: ResponseSurface, index: NDArray[np.intp]) -> NDArray[np.complex128] | None:

@@ -35,21 +35,19 @@ from rsgen.identification.lines.line_fit import (
     delay_between,
     errors_of,
     fit_lines,
-    mass_beside,
+    fixed_beside,
     parts_of_band,
     relative_to_force,
     start_values,
     terms_beside,
     times_noise,
 )
-from rsgen.identification.results import EquivalentCurve, Estimate, Identification, Resonance
+from rsgen.identification.results import EquivalentCurve, Estimate, Identification, Resonance, units_of
 from rsgen.identification.results.estimates import (
     damping_findings,
     law_ambiguity,
     make_estimates,
-    names_of,
     parameter_findings,
-    units_of,
     with_combinations,
 )
 from rsgen.law.identifiable import put_in_order
@@ -115,15 +113,15 @@ def identify_multisine(spectra: MultisineSpectra, model: Model) -> MultisineIden
     if 2 * count <= len(law.parameters) + 1:
         raise RsgenError(f"identify.band: {count} lines in it; more lines than parameters are needed")
     with np.errstate(all="ignore"):
-        values, mass = start_values(lines, law, model.mass)
-        fit = fit_lines(lines, law, model.mass, put_in_order(law, values), mass)
+        values, mass = start_values(lines, law, model.fixed)
+        fit = fit_lines(lines, law, model.fixed, put_in_order(law, values), mass)
         return _judge(spectra, model, fit)
 
 
 def _judge(spectra: MultisineSpectra, model: Model, fit: LineFit) -> MultisineIdentification:
     lines, law, part = fit.lines, fit.law, fit.lines.spectra
     statistical, freedom, wider = errors_of(fit)
-    names = names_of(law, model)
+    names = (*law.parameters, "m")
     terms = terms_beside(fit)
     ratio, ambiguous = law_ambiguity(terms, names, fit.parameters, statistical)
     covariance = statistical * np.outer(ratio, ratio)
@@ -141,7 +139,7 @@ def _judge(spectra: MultisineSpectra, model: Model, fit: LineFit) -> MultisineId
     estimates = make_estimates(solution, law, model, reasons)
     approximations = best_linear(part, model.observation.band)
     findings = [e.finding for e in estimates if e.finding is not None]
-    findings += _sign_findings(fit, covariance if model.mass is None else None)
+    findings += _sign_findings(fit, covariance)
     findings += [
         *_misfit_findings(fit, misfit, noise, wider),
         *(_mass_findings(fit, terms, misfit) or ambiguous),
@@ -158,10 +156,11 @@ def _judge(spectra: MultisineSpectra, model: Model, fit: LineFit) -> MultisineId
     findings += [*spectra.findings, *([] if fit.converged else [Finding("not-converged", "doubt")])]
     if model.observation.calibrated:
         ratios = [one.damping_ratio for one in approximations if one.damping_ratio > 0]
-        mass = fit.mass if np.isfinite(covariance).all() else None
-        findings += implausible(spectra, mass=mass, damping=min(ratios, default=None))
+        mass = fit.mass if np.isfinite(covariance).all() else nan
+        findings += implausible(spectra, mass=mass, damping=min(ratios, default=nan))
     else:
         findings.append(Finding("not-calibrated", "info"))
+    free = np.flatnonzero(fit.free)
     frequency = part.frequency[lines.used.any(axis=0)]
     resonances = tuple(map(_resonance, approximations))
     none = (nan, inf, (-inf, inf))
@@ -172,7 +171,7 @@ def _judge(spectra: MultisineSpectra, model: Model, fit: LineFit) -> MultisineId
         first_order=unread,
         refined=estimates,
         first_order_bias=(nan,) * len(estimates),
-        covariance=covariance,
+        covariance=covariance[np.ix_(free, free)],
         resonances=resonances,
         curve=_curve(resonances),
         residual=misfit,
@@ -193,7 +192,7 @@ def _judge(spectra: MultisineSpectra, model: Model, fit: LineFit) -> MultisineId
 
 def _mass_findings(fit: LineFit, terms: Mapping[str, Alternative], misfit: float) -> list[Finding]:
     """Find a given mass that the lines contradict, more than they do any term; none or one."""
-    other = mass_beside(fit)
+    other = fixed_beside(fit).get("m")
     if other is None or other.gain < max(SIGNIFICANT, *(one.gain for one in terms.values())):
         return []
     moved = other.value / fit.mass
@@ -244,8 +243,8 @@ def _curve(resonances: tuple[Resonance, ...]) -> EquivalentCurve:
     return EquivalentCurve(amplitude, frequency, level, stiffness, damping, used)
 
 
-def _sign_findings(fit: LineFit, covariance: Array | None) -> list[Finding]:
-    """Find a structure that works on the exciter, and a negative mass; ``covariance`` where it was free."""
+def _sign_findings(fit: LineFit, covariance: Array) -> list[Finding]:
+    """Find a structure that works on the exciter, and a negative mass."""
     lines, part, found = fit.lines, fit.lines.spectra, []
     # (r,) mean power of the force, and its standard deviation by the noise of force and response
     velocity = lines.rate * part.mean_response
@@ -255,7 +254,7 @@ def _sign_findings(fit: LineFit, covariance: Array | None) -> list[Finding]:
     limit = CHANCE * np.sqrt(0.5 * np.sum(spread * lines.used, axis=1))
     if np.any(power < -limit):
         found.append(Finding("record-feeds-exciter", "error"))
-    if covariance is not None and fit.mass < -CHANCE * float(np.nan_to_num(np.sqrt(covariance[-1, -1]))):
+    if fit.mass < -CHANCE * float(np.nan_to_num(np.sqrt(covariance[-1, -1]))):
         found.append(Finding("mass-negative", "error", "m", {"mass": Quantity(fit.mass, "kg")}))
     return found
 

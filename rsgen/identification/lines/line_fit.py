@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -27,6 +27,7 @@ from rsgen.identification.fitting.least_squares import (
     Alternative,
     Linearisation,
     Regression,
+    Rules,
     alternatives,
     descend,
     determined,
@@ -46,7 +47,7 @@ __all__ = [
     "delay_between",
     "errors_of",
     "fit_lines",
-    "mass_beside",
+    "fixed_beside",
     "parts_of_band",
     "relative_to_force",
     "start_values",
@@ -69,10 +70,10 @@ class LineFit:
     ----------
     lines, law
         What is fitted.
-    given
-        m [kg]; None where it is the last of the parameters.
+    fixed
+        Values of parameters that are known, by name; "m" is the mass [kg].
     parameters
-        (q,) values of the law, and the mass where it is free.
+        (q,) values of the law, and the mass [kg].
     noise, variance
         What the single periods say, and the variance (r, H+1) that weighs each line.
     converged
@@ -81,7 +82,7 @@ class LineFit:
 
     lines: Lines
     law: ForceLaw
-    given: float | None
+    fixed: Mapping[str, float]
     parameters: Array
     noise: NoiseOfBalance
     variance: Array
@@ -90,12 +91,17 @@ class LineFit:
     @property
     def values(self) -> Array:
         """(p,) of the law."""
-        return self.parameters[: len(self.law.parameters)]
+        return self.parameters[:-1]
 
     @property
     def mass(self) -> float:
-        """The given or the fitted one [kg]."""
-        return float(self.parameters[-1]) if self.given is None else self.given
+        """Mass [kg]."""
+        return float(self.parameters[-1])
+
+    @property
+    def free(self) -> NDArray[np.bool_]:
+        """(q,) False for parameters that are fixed."""
+        return np.array([name not in self.fixed for name in (*self.law.parameters, "m")])
 
     @cached_property
     def balance(self) -> Balance:
@@ -105,14 +111,13 @@ class LineFit:
     @property
     def columns(self) -> ComplexArray:
         """(r, q, H+1) slopes of the balance by the parameters."""
-        by_mass = self.balance.by_mass[:, None][:, self.given is not None :]
-        return np.concatenate([self.balance.by_parameter, by_mass], axis=1)
+        return np.concatenate([self.balance.by_parameter, self.balance.by_mass[:, None]], axis=1)
 
     @cached_property
     def regression(self) -> Regression:
         """Errors, and what is not identifiable, for the noise that weighs the lines."""
         line = self.linearise(self.parameters, self.nuisance)
-        return summarise(line, self.parameters, self.nuisance)
+        return summarise(line, self.parameters, self.nuisance, Rules(free=self.free))
 
     @property
     def nuisance(self) -> Array:
@@ -156,16 +161,17 @@ def _beside(power: Array, used: NDArray[np.bool_]) -> Array:
     return result
 
 
-def fit_lines(lines: Lines, law: ForceLaw, given: float | None, values: Array, mass: float) -> LineFit:
+def fit_lines(lines: Lines, law: ForceLaw, fixed: Mapping[str, float], values: Array, mass: float) -> LineFit:
     """Least squares with fixed weights, then weights of its result, some times over."""
     # what a law leaves is spread over lines that are excited and others alike
     variance = np.broadcast_to(lines.scale(mass).max(axis=1, keepdims=True), lines.used.shape)
-    parameters = np.append(values, mass) if given is None else values
-    fit = LineFit(lines, law, given, parameters, NoiseOfBalance.unknown(lines, len(values)), variance)
+    unknown = NoiseOfBalance.unknown(lines, len(values))
+    fit = LineFit(lines, law, fixed, np.append(values, mass), unknown, variance)
+    rules = Rules(free=fit.free)
     for turn in range(ROUNDS):
-        place, nuisance, line, converged = descend(fit.linearise, fit.parameters, fit.nuisance)
+        place, nuisance, line, converged = descend(fit.linearise, fit.parameters, fit.nuisance, rules)
         if fit.noise.together.any():
-            place = place - _bias(fit, summarise(line, place, nuisance))
+            place = place - _bias(fit, summarise(line, place, nuisance, rules))
         converged = converged and bool(np.isfinite(line.residual).all())
         fit = replace(fit, parameters=place, converged=converged)
         if turn < ROUNDS - 1:
@@ -183,7 +189,7 @@ def _score(fit: LineFit) -> Array:
     """(q,) what noise adds to the product of the slopes with the residual."""
     used = fit.lines.used
     weighted = np.moveaxis(fit.noise.together, 1, 2)[used] * (2 / fit.variance)[used][:, None]
-    return np.asarray(weighted.sum(axis=0)[: len(fit.parameters)])
+    return np.asarray(weighted.sum(axis=0))
 
 
 def errors_of(fit: LineFit) -> tuple[Array, int, float]:
@@ -196,7 +202,7 @@ def errors_of(fit: LineFit) -> tuple[Array, int, float]:
         known = np.diag(covariance)
         ratio = np.sqrt(np.maximum(spread / np.where(known > 0, known, np.inf), 1.0))
         covariance = covariance * np.outer(ratio, ratio)
-        wider, freedom = float(np.median(ratio)), int(parts_of_band(fit.lines).max())
+        wider, freedom = float(np.median(ratio[fit.free])), int(parts_of_band(fit.lines).max())
     return determined(covariance, found.null), freedom, wider
 
 
@@ -220,20 +226,18 @@ def terms_beside(fit: LineFit) -> dict[str, Alternative]:
     known = dict(zip(fit.law.parameters, fit.values, strict=True))
     values = np.array([known.get(name, 0.0) for name in law.parameters])
     noise = fit.balance.noise(fit.lines, law, values, fit.mass)
-    parameters = values if fit.given is not None else np.append(values, fit.mass)
-    whole = replace(fit, law=law, parameters=parameters, noise=noise)
+    whole = replace(fit, law=law, parameters=np.append(values, fit.mass), noise=noise)
     found = _fit_beside(whole, [law.parameters.index(name) for name in terms])
     return dict(zip(MISSING_TERMS, found, strict=True))
 
 
-def mass_beside(fit: LineFit) -> Alternative | None:
-    """Fit what a given mass is off by; None where it is free."""
-    if fit.given is None:
-        return None
-    return _fit_beside(replace(fit, given=None, parameters=np.append(fit.values, fit.given)), [-1])[0]
+def fixed_beside(fit: LineFit) -> dict[str, Alternative]:
+    """Fit what each fixed parameter is off by, to first order, beside all that are free."""
+    places = np.flatnonzero(~fit.free)
+    return dict(zip(np.array([*fit.law.parameters, "m"])[places], _fit_beside(fit, places), strict=True))
 
 
-def _fit_beside(whole: LineFit, added: Sequence[int]) -> list[Alternative]:
+def _fit_beside(whole: LineFit, added: Sequence[int] | NDArray[np.intp]) -> list[Alternative]:
     """Fit each of the added parameters beside all others."""
     line, used = whole.linearise(whole.parameters, whole.nuisance), whole.lines.used
     matrix = line.by_parameter.reshape(line.residual.size, len(whole.parameters))
@@ -246,6 +250,7 @@ def _fit_beside(whole: LineFit, added: Sequence[int]) -> list[Alternative]:
         matrix[:, added],
         _score(whole)[[*kept, *added]],
         np.stack([apart.real, apart.imag], axis=1).reshape(line.residual.size, -1).T,
+        whole.free[kept],
     )
 
 
@@ -314,7 +319,7 @@ def chance_of_noise(fit: LineFit) -> float:
     count, more = int(fit.lines.used.sum()), fit.lines.spectra.periods - 1
     if more < 1:
         return EXCESS
-    rest, near = max(2 * count - len(fit.parameters), 1), more * (SMOOTHED + 1)
+    rest, near = max(2 * count - int(fit.free.sum()), 1), more * (SMOOTHED + 1)
     limit = f_quantile(rest, 2 * more * count, 1 - normal_share(-CHANCE))
     return max(EXCESS, float(np.sqrt(limit * rest / (2 * count) * near / (near - 1))))
 
@@ -343,8 +348,8 @@ _NO_FORCE = 1e6
 class _Instants:
     """Force and motion at instants of all records, each in units of its record's force."""
 
-    def __init__(self, lines: Lines, law: ForceLaw, given: float | None) -> None:
-        self.law, self.given = law, given
+    def __init__(self, lines: Lines, law: ForceLaw, fixed: Mapping[str, float]) -> None:
+        self.law = law
         spectra = lines.spectra
         samples = lines.samples
         motion = Motion(np.full(len(spectra), spectra.omega0), _cut(spectra.mean_response, lines))
@@ -361,6 +366,8 @@ class _Instants:
         self.weight = np.broadcast_to(1 / np.std(self.force, axis=1, keepdims=True), self.x.shape)
         size = float(np.max(rms(spectra.mean_response)))
         speed = float(np.max(np.std(self.v, axis=1)))
+        self._known = np.full(len(law.linear) + 1 + len(spectra), np.nan)
+        self._known[len(law.linear)] = fixed.get("m", np.nan)
         self.natural = natural_sizes(law, size, speed / size, float(np.max(np.std(self.force, axis=1))))
 
     def rows(self, nonlinear: Array) -> tuple[Array, Array]:
@@ -379,10 +386,10 @@ class _Instants:
             still = np.broadcast_to(sample.force, step.shape)[0]
             slopes = [np.broadcast_to(sample.by_parameter[i], step.shape)[0] for i in law.linear]
         a, weight = self.a[pick], self.weight[pick]
-        right = self.force[pick] - still - (0 if self.given is None else self.given * a)
+        right = self.force[pick] - still
         record = np.nonzero(pick)[0]
         constants = [(record == i).astype(float) for i in range(len(self.x))]
-        columns = [*slopes, *([a] if self.given is None else []), *constants]
+        columns = [*slopes, a, *constants]
         return np.stack(columns, axis=1) * weight[:, None], right * weight
 
     def residual(self, nonlinear: Array) -> Array:
@@ -390,7 +397,11 @@ class _Instants:
         matrix, right = self.rows(nonlinear)
         if not (np.isfinite(matrix).all() and np.isfinite(right).all()):
             return np.full(len(right), _NO_FORCE)
-        return np.asarray(right - matrix @ solve_scaled(matrix, right)[0])
+        return np.asarray(right - matrix @ self.solve(matrix, right))
+
+    def solve(self, matrix: Array, right: Array) -> Array:
+        """Linear parameters, the mass, and the constants."""
+        return solve_scaled(matrix, right, known=self._known)[0]
 
     def search(self) -> Array:
         """Search values around the natural sizes of the parameters in which the law is not linear."""
@@ -408,7 +419,7 @@ def _cut(spectrum: ComplexArray, lines: Lines) -> ComplexArray:
     return np.asarray(np.where(hidden, 0, spectrum)[:, : highest + 1])
 
 
-def start_values(lines: Lines, law: ForceLaw, given: float | None) -> tuple[Array, float]:
+def start_values(lines: Lines, law: ForceLaw, fixed: Mapping[str, float]) -> tuple[Array, float]:
     """Find values (p,) of the law and a mass [kg] near the solution.
 
     Parameters
@@ -417,11 +428,10 @@ def start_values(lines: Lines, law: ForceLaw, given: float | None) -> tuple[Arra
         What is fitted.
     law
         As array functions.
-    given
-        m [kg]; None where it is free.
+    fixed
+        Values of parameters that are known, by name; "m" is the mass [kg].
     """
-    instants = _Instants(lines, law, given)
+    instants = _Instants(lines, law, fixed)
     nonlinear = instants.search() if law.nonlinear else np.zeros(0)
-    solution, *_ = solve_scaled(*instants.rows(nonlinear))
-    mass = float(solution[len(law.linear)]) if given is None else given
-    return law.values_of(solution, nonlinear), mass
+    solution = instants.solve(*instants.rows(nonlinear))
+    return law.values_of(solution, nonlinear), float(solution[len(law.linear)])

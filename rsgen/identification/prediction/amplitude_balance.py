@@ -287,7 +287,7 @@ class SynthesisBalance(AmplitudeBalance):
     def solve(self, size: Array, omega: Array, start: ComplexArray | None = None) -> Response:
         """Force that holds the amplitudes X [m] at the frequencies [rad/s]; both (n,)."""
         splines = self._splines
-        mode = SplineMode(omega, splines.basis, splines.orders, mass_free=True)
+        mode = SplineMode(omega, splines.basis, splines.orders)
         return mode(splines.values, splines.mass, size)
 
     def _tabulate(self, largest: float) -> None:

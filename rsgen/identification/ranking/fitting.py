@@ -41,7 +41,7 @@ class Guess:
     elements
         Springs and dampers.
     values
-        Of every parameter; the mass is "m" where it is free.
+        Of every parameter; the mass is "m".
     limits
         Of those that have some.
     dissipates
@@ -109,11 +109,12 @@ class _Balance:
     Values are those of the names and, behind them, the changes of the background.
     """
 
-    def __init__(self, guess: Guess, rows: Rows, mass: float | None) -> None:
-        self.rows, self.mass = rows, mass
+    def __init__(self, guess: Guess, rows: Rows, fixed: Mapping[str, float]) -> None:
+        self.rows = rows
         self.laws = [compile_law(element.force) for element in guess.elements]
         names = sorted({name for law in self.laws for name in law.parameters})
-        self.names = (*names, "m") if mass is None else tuple(names)
+        self.names = (*names, "m")
+        self.free = np.array([each not in fixed for each in self.names] + [True] * len(rows.background_at))
         self.places = [[self.names.index(name) for name in law.parameters] for law in self.laws]
         self.nonlinear = sorted(
             {place[i] for law, place in zip(self.laws, self.places, strict=True) for i in law.nonlinear}
@@ -123,11 +124,9 @@ class _Balance:
         """Residual (n, r) and its negative slopes (n, r, q)."""
         rows = self.rows
         count = len(self.names)
-        mass = float(values[count - 1]) if self.mass is None else self.mass
-        residual = rows.right - mass * rows.inertia - rows.background @ values[count:]
+        residual = rows.right - values[count - 1] * rows.inertia - rows.background @ values[count:]
         matrix = np.zeros((*residual.shape, len(values)))
-        if self.mass is None:
-            matrix[:, :, count - 1] = rows.inertia
+        matrix[:, :, count - 1] = rows.inertia
         matrix[:, :, count:] = rows.background
         for law, place in zip(self.laws, self.places, strict=True):
             force, slopes = rows.along(law, values[place])
@@ -159,12 +158,11 @@ class _Balance:
             law.sample(x, v, a, step, values[place])
             for law, place in zip(self.laws, self.places, strict=True)
         ]
-        mass = float(values[len(self.names) - 1]) if self.mass is None else self.mass
-        inertia = mass * np.sqrt(np.mean(a**2) / np.mean(x**2))
+        inertia = values[len(self.names) - 1] * np.sqrt(np.mean(a**2) / np.mean(x**2))
         return bool(sum(float(np.mean(sample.by_x)) for sample in samples) < _HELD * inertia)
 
 
-def fit_rows(guess: Guess, rows: Rows, level: Array, mass: float | None) -> Fitted | None:
+def fit_rows(guess: Guess, rows: Rows, level: Array, fixed: Mapping[str, float]) -> Fitted | None:
     """Fit a candidate along the motion and predict each level from the others.
 
     Parameters
@@ -175,15 +173,15 @@ def fit_rows(guess: Guess, rows: Rows, level: Array, mass: float | None) -> Fitt
         The balance.
     level
         (n,) [N] to which each point belongs.
-    mass
-        [kg], None where it is free.
+    fixed
+        Names of parameters that stay at their values of the candidate.
 
     Returns
     -------
     Fitted or None
         None where friction would feed energy, or nothing finite comes out.
     """
-    balance = _Balance(guess, rows, mass)
+    balance = _Balance(guess, rows, fixed)
     names = balance.names
     still = np.zeros(len(rows.background_at))
     place = np.array([*(guess.values[each] for each in names), *still])
@@ -192,7 +190,8 @@ def fit_rows(guess: Guess, rows: Rows, level: Array, mass: float | None) -> Fitt
     limits = limits.reshape(-1, 2)
     rules = Rules(
         steps=NEAR_STEPS if balance.nonlinear else 0,
-        linear=[i for i in range(len(place)) if i not in balance.nonlinear],
+        linear=[i for i in np.flatnonzero(balance.free).tolist() if i not in balance.nonlinear],
+        free=balance.free,
         prior=balance.prior,
         move=partial(_moved, limits=limits, nonlinear=balance.nonlinear),
     )
@@ -228,10 +227,12 @@ def _unseen(balance: _Balance, place: Array, residual: Array, matrix: Array, lev
     parts = [level == one for one in np.unique(level)]
     if len(parts) < 2:
         return unseen
+    still = np.where(balance.free, np.nan, 0.0)
     known = np.column_stack([np.diag(balance.prior), -balance.prior * place])
     rows = np.concatenate([matrix, residual[:, :, None]], axis=2)[:, balance.rows.compared]
     triangles = [np.linalg.qr(rows[part].reshape(-1, rows.shape[2]), mode="r") for part in parts]
     for i, part in enumerate(parts):
         rest = np.concatenate([known, *triangles[:i], *triangles[i + 1 :]])
-        unseen[part] = residual[part] - matrix[part] @ solve_scaled(rest[:, :-1], rest[:, -1])[0]
+        moved = solve_scaled(rest[:, :-1], rest[:, -1], known=still)[0]
+        unseen[part] = residual[part] - matrix[part] @ moved
     return unseen

@@ -7,8 +7,9 @@ likelihood, to second order in its distance from the best; a ranking of near can
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from math import nan
 
 import numpy as np
 import sympy
@@ -132,27 +133,27 @@ def rank(
     refuse_across(surface.across.shape[1], ranking=True)
     laws, terms, base = competitors(candidates)
     base = join_model(base, observation, mass)
-    given_mass, given_surface = base.mass, surface
+    fixed, given_surface = base.fixed, surface
     surface, base = per_unit_mass(without_copies(surface), base)
     observed = _observed(surface, base)
     points = observed.points
     one = np.ptp(points.omega) == 0
-    if base.mass is None and (one or at_resonance_alone(points)):
+    if "m" not in base.fixed and (one or at_resonance_alone(points)):
         raise RsgenError(
             f"ranking: tests at {'one frequency' if one else 'phase resonance'} do not determine the mass: "
             "give it, or test at more frequencies"
         )
     background = _start_background(observed, base, tuple(laws.values()))
     mode = observed.mode(background)
-    given = tuple(start_guess(name, elements, mode, base.mass) for name, elements in laws.items())
-    rows = first_rows(observed, background, base_law(), base.mass)
-    rounds = _all_rounds(observed, rows, given, terms, base.mass, terms_in_sum)
+    given = tuple(start_guess(name, elements, mode, base.fixed) for name, elements in laws.items())
+    rows = first_rows(observed, background, base_law(), base.fixed.get("m", nan))
+    rounds = _all_rounds(observed, rows, given, terms, base.fixed, terms_in_sum)
     # rounds may go in a circle: the one whose leader leaves least counts, of equals the last
     left = [each.left(points) for each, _ in rounds]
     best = max(i for i, value in enumerate(left) if value <= min(left) + NOTICEABLE)
     found = _ranking(observed, *rounds[best], tuple(laws), base, surface)
     # the mass of one kilogram that stands for a unit of mass is not known
-    return replace(found, model=replace(found.model, mass=given_mass), surface=given_surface)
+    return replace(found, model=replace(found.model, fixed=fixed), surface=given_surface)
 
 
 def _all_rounds(
@@ -160,7 +161,7 @@ def _all_rounds(
     rows: Rows,
     given: tuple[Guess, ...],
     terms: tuple[Term, ...],
-    mass: float | None,
+    fixed: Mapping[str, float],
     terms_in_sum: int,
 ) -> list[tuple[_Round, list[Fitted]]]:
     """Rounds without memory, and where their best leaves more than noise, rounds with all laws.
@@ -171,7 +172,7 @@ def _all_rounds(
     rounds: list[tuple[_Round, list[Fitted]]] = []
     fault: RsgenError | None = None
     for some in dict.fromkeys((plain, terms)):
-        entries = Entries(given, some, mass, terms_in_sum)
+        entries = Entries(given, some, fixed, terms_in_sum)
         try:
             known = rounds[-1][1][:_AGAIN] if rounds else []
             guesses = entries.search(rows, observed.points, known=known)
@@ -190,7 +191,7 @@ def _rounds(observed: Observed, found: list[Fitted], entries: Entries) -> list[t
     rounds: list[tuple[_Round, list[Fitted]]] = []
     tried: list[str] = []
     for _ in range(_ROUNDS):
-        current = _next_round(observed, found, entries.mass, rounds[-1][0].noise if rounds else None)
+        current = _next_round(observed, found, entries.fixed, rounds[-1][0].noise if rounds else None)
         if current is None:
             break
         current, found = _compared(observed.points, current, entries, found)
@@ -238,7 +239,7 @@ def _start_background(observed: Observed, base: Model, given: Sequence[tuple[Ele
     few = observed.select(observed.points.spread(QUICK))
     fits = []
     for elements in laws:
-        problem = Problem(elements, compile_law(replace(base, elements=elements).force), few, base.mass)
+        problem = Problem(elements, compile_law(replace(base, elements=elements).force), few, base.fixed)
         fits.append(fit_balance(*start_fit(problem), order=START_ORDER))
     return min(fits, key=lambda found: found.regression.noise if found.mass > 0 else np.inf).background
 
@@ -250,27 +251,27 @@ def _is_linear(force: sympy.Expr) -> bool:
 
 
 def _next_round(
-    observed: Observed, candidates: list[Fitted], mass: float | None, before: Array | None
+    observed: Observed, candidates: list[Fitted], fixed: Mapping[str, float], before: Array | None
 ) -> _Round | None:
     """Take the motion of the best candidate that can follow the measured one; ``before`` is a noise."""
     for fit in candidates[:_AGAIN]:
-        reference = follow(observed, fit.guess, mass)
-        found = None if reference is None else _round(observed.points, fit.guess, reference, mass, before)
+        reference = follow(observed, fit.guess, fixed)
+        found = None if reference is None else _round(observed.points, fit.guess, reference, fixed, before)
         if found is not None:
             return found
     return None
 
 
 def _round(
-    points: Points, guess: Guess, reference: Reference, mass: float | None, before: Array | None
+    points: Points, guess: Guess, reference: Reference, fixed: Mapping[str, float], before: Array | None
 ) -> _Round | None:
     """Fit the law whose motion it is, and estimate the noise."""
     noise = np.full(ORDER + 1, EXPECTED_NOISE) if before is None else before
     chosen = points.select(reference.chosen)
-    guess = replace(guess, values=reference.named(mass))
+    guess = replace(guess, values=reference.named)
     for last in (False, False, True):
         rows = reference.rows(noise)
-        leader = fit_rows(guess, rows, chosen.level, mass)
+        leader = fit_rows(guess, rows, chosen.level, fixed)
         if leader is None or last:
             break
         _, apart = neighbour_noise(leader.residual, _trusted(leader, noise, chosen), rows.compared)
@@ -308,16 +309,16 @@ def _compared(
     return replace(current, leader=leader), found
 
 
-def _unconfirmed(best: Fitted, observed: Observed, mass: float | None, noise: float) -> list[Finding]:
+def _unconfirmed(best: Fitted, observed: Observed, fixed: Mapping[str, float], noise: float) -> list[Finding]:
     """Find that the best law, fitted along its own motions, leaves far more than along those of the ranking.
 
     ``noise`` is that of the ranking, relative. Candidates share one motion, which need not be one of theirs.
     """
     few = observed.select(observed.points.spread(QUICK))
     guess, law = best.guess, compile_law(best.guess.force)
-    problem = Problem(guess.elements, law, few, mass)
+    problem = Problem(guess.elements, law, few, fixed)
     values = np.array([guess.values[name] for name in law.parameters])
-    near = problem.join(values, guess.values["m"] if mass is None else mass, guess.background)
+    near = problem.join(values, guess.values["m"], guess.background)
     expected = np.sqrt(2) * noise
     # only a law that fails from the values of the ranking is searched as widely as an identification would
     for searched in (False, True):
@@ -384,11 +385,11 @@ def _ranking(
         Candidate(
             fit.guess.name,
             with_equations(fit.guess.force),
-            len(fit.guess.values),
+            len(fit.guess.values) - len(base.fixed),
             error[number],
             fit.bic - lowest,
             tied[number],
-            dict(fit.guess.values),
+            {name: value for name, value in fit.guess.values.items() if name not in base.fixed},
             fit is own,
         )
         for number, fit in zip(order, ordered, strict=True)
@@ -397,7 +398,7 @@ def _ranking(
     aside = len(points) - len(chosen)
     doubts = [
         *implausible(ordered[0], current.rows),
-        *_unconfirmed(ordered[0], observed, base.mass, float(current.noise[1])),
+        *_unconfirmed(ordered[0], observed, base.fixed, float(current.noise[1])),
     ]
     judgement = judge(
         ordered[0], chosen, current.noise, rows, aside, feeds=current.reference.feeds, doubts=doubts

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -83,10 +84,10 @@ class Reference:
     values: Array
     mass: float
 
-    def named(self, mass: float | None) -> dict[str, float]:
-        """Values by name; the mass is "m" where it is free."""
-        values = dict(zip(self.law.parameters, self.values.tolist(), strict=True))
-        return values if mass is not None else {**values, "m": self.mass}
+    @property
+    def named(self) -> dict[str, float]:
+        """Values by name; the mass is "m"."""
+        return {**dict(zip(self.law.parameters, self.values.tolist(), strict=True)), "m": self.mass}
 
     def rows(self, noise: Array) -> Rows:
         """Prepare the balance for relative noise (H+1,) of mean, fundamental and harmonics."""
@@ -102,7 +103,7 @@ class Reference:
         return feeds_exciter(self.motion.force, self.motion.harmonics[:, 1])
 
 
-def first_rows(observed: Observed, background: Array, law: ForceLaw, mass: float | None) -> Rows:
+def first_rows(observed: Observed, background: Array, law: ForceLaw, mass: float) -> Rows:
     """Prepare a first-order balance about the measured motion.
 
     Parameters
@@ -112,7 +113,7 @@ def first_rows(observed: Observed, background: Array, law: ForceLaw, mass: float
     law
         The base, ``c*v + k*x``.
     mass
-        [kg], None where it is free.
+        [kg], NaN where it is free.
     """
     motion = measured_motion(observed, background)
     points = observed.points
@@ -121,7 +122,7 @@ def first_rows(observed: Observed, background: Array, law: ForceLaw, mass: float
     return make_rows(motion, law, found.values[[1, 0]], found.mass, np.ones(2), balanced=False)
 
 
-def follow(observed: Observed, best: Guess, mass: float | None) -> Reference | None:
+def follow(observed: Observed, best: Guess, fixed: Mapping[str, float]) -> Reference | None:
     """Fit a candidate and its background to the measured waveforms.
 
     Parameters
@@ -130,8 +131,8 @@ def follow(observed: Observed, best: Guess, mass: float | None) -> Reference | N
         The measured points.
     best
         The candidate, and the background to start from.
-    mass
-        [kg], None where it is free.
+    fixed
+        Names of parameters that stay at their values of the candidate.
 
     Returns
     -------
@@ -140,12 +141,11 @@ def follow(observed: Observed, best: Guess, mass: float | None) -> Reference | N
     """
     law = best.law
     values = law.ordered(best.values)
-    start = best.values["m"] if mass is None else mass
-    problem = Problem(best.elements, law, observed, mass)
-    place = problem.join(values, start, best.background)
+    problem = Problem(best.elements, law, observed, fixed)
+    place = problem.join(values, best.values["m"], best.background)
     found = fit_balance(problem, place, order=ORDER, reject=False, steps=TRIAL_STEPS)
     if law.rough and found.mass > 0 and _shared(found) < NEAR:
-        exact = _simulated(best, found, mass)
+        exact = _simulated(best, found, fixed)
         if exact is not None:
             return exact
     chosen = np.flatnonzero(_followed(found))
@@ -175,7 +175,7 @@ def _followed(found: Fit) -> NDArray[np.bool_]:
     )
 
 
-def _simulated(best: Guess, found: Fit, mass: float | None) -> Reference | None:
+def _simulated(best: Guess, found: Fit, fixed: Mapping[str, float]) -> Reference | None:
     """Take the simulated motion, all harmonics, of a law with jumps or corners; improve the law along it."""
     level = found.problem.observed.points.level
     reference = _hold(best.elements, found.values, found.mass, found.background, found)
@@ -184,16 +184,16 @@ def _simulated(best: Guess, found: Fit, mass: float | None) -> Reference | None:
             return None
         noise = np.full(ORDER + 1, EXPECTED_NOISE)
         rows, inside = reference.rows(noise), reference.chosen
-        guess = replace(best, values=reference.named(mass))
-        leader = fit_rows(guess, rows, level[inside], mass)
+        guess = replace(best, values=reference.named)
+        leader = fit_rows(guess, rows, level[inside], fixed)
         out = None if leader is None else outlying(leader, noise)
         if out is not None and out.any():
             agreeing = np.flatnonzero(~out)
-            leader = fit_rows(guess, rows.select(agreeing), level[inside[agreeing]], mass)
+            leader = fit_rows(guess, rows.select(agreeing), level[inside[agreeing]], fixed)
         if leader is None:
             return reference
         values = reference.law.ordered(leader.guess.values)
-        inertia = leader.guess.values.get("m", reference.mass)
+        inertia = leader.guess.values["m"]
         reference = _hold(best.elements, values, inertia, leader.guess.background, found) or reference
     return reference
 

@@ -5,7 +5,7 @@ Parameters in which a term is not linear take a few values each, and between the
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, fields, replace
 from itertools import chain, combinations, product
 from math import prod
@@ -47,7 +47,7 @@ class Trial:
     law
         The sum.
     values
-        Of every parameter, by its name in the sum; the mass is "m" where it is free.
+        Of every parameter, by its name in the sum; a mass that is free is "m".
     misfit
         Sum of squares left, in units of the noise.
     bic
@@ -93,12 +93,12 @@ class _Variants:
 class _Columns:
     """All columns, normalised, and their products."""
 
-    def __init__(self, rows: Rows, terms: Sequence[Term], mass: float | None) -> None:
+    def __init__(self, rows: Rows, terms: Sequence[Term], fixed: Mapping[str, float]) -> None:
         x, v, a, step = rows.trajectory
         size, speed = float(np.max(np.abs(x))), float(np.max(np.abs(v)))
         base = base_law().sample(x, v, a, step, np.zeros(2)).by_parameter
         blocks = [rows.of(np.stack(base, axis=-1)), rows.inertia[:, :, None]]
-        self.mass = mass
+        self.base = {name: i for i, name in enumerate(("c", "k", "m")) if name not in fixed}
         self.variants: dict[str, _Variants] = {}
         count = 3
         for term in terms:
@@ -128,7 +128,7 @@ class _Columns:
                 blocks.append(rows.of(np.stack([sample.by_parameter[i] for i in order], axis=-1)))
         compared = rows.compared
         matrix = np.concatenate(blocks, axis=2)[:, compared].reshape(-1, count)
-        right = rows.right - (0.0 if mass is None else mass) * rows.inertia
+        right = rows.right - fixed.get("m", 0.0) * rows.inertia
         flat = right[:, compared].reshape(-1)
         norm = np.sqrt(np.sum(matrix**2, axis=0))
         self.norm = np.where(norm > 0, norm, 1.0)
@@ -149,7 +149,7 @@ class _Columns:
         self.rows = len(flat)
 
 
-def search_sums(rows: Rows, terms: Sequence[Term], mass: float | None, most: int) -> list[Trial]:
+def search_sums(rows: Rows, terms: Sequence[Term], fixed: Mapping[str, float], most: int) -> list[Trial]:
     """Try the base, every term, every pair, and the best sums with every term more; best first by BIC.
 
     Parameters
@@ -158,12 +158,12 @@ def search_sums(rows: Rows, terms: Sequence[Term], mass: float | None, most: int
         The balance.
     terms
         What there is.
-    mass
-        [kg], None where it is free.
+    fixed
+        The mass "m" [kg], where it is known.
     most
         Terms in a sum.
     """
-    columns = _Columns(rows, terms, mass)
+    columns = _Columns(rows, terms, fixed)
     place = {term.name: i for i, term in enumerate(terms)}
 
     def sensible(chosen: Sequence[Term]) -> bool:
@@ -211,12 +211,7 @@ def _best(
     columns: _Columns, law: Sum, variants: Sequence[_Variants]
 ) -> tuple[Trial, tuple[_Variants, ...]] | None:
     """Solve for every combination of variants at once and take the best that is allowed, and its variants."""
-    # c, k, mass: as _Columns has them
-    base = {"c": 0}
-    if law.has_spring:
-        base["k"] = 1
-    if columns.mass is None:
-        base["m"] = 2
+    base = {name: i for name, i in columns.base.items() if name != "k" or law.has_spring}
     # without a term there is one combination, of none
     count = prod(len(each.values) for each in variants)
     picks = np.indices([len(each.values) for each in variants]).reshape(len(variants), count)
@@ -310,15 +305,15 @@ class Entries:
         Laws as they are, with values to start from.
     terms
         Laws of the library that are tried beside a linear spring and damper, alone and in sums.
-    mass
-        [kg], None where it is free.
+    fixed
+        The mass "m" [kg], where it is known.
     terms_in_sum
         Most laws of the library in a sum.
     """
 
     given: tuple[Guess, ...]
     terms: tuple[Term, ...]
-    mass: float | None
+    fixed: Mapping[str, float]
     terms_in_sum: int
 
     def search(
@@ -340,10 +335,10 @@ class Entries:
         guesses = list(self.given)
         if self.terms or not guesses:
             few = points.spread(_SEARCHED)
-            trials = search_sums(rows.select(few), self.terms, self.mass, self.terms_in_sum)
+            trials = search_sums(rows.select(few), self.terms, self.fixed, self.terms_in_sum)
             plain = _near_laws([trial for trial in trials if not trial.remembers], *_FITTED)
             loops = _near_laws([trial for trial in trials if trial.remembers], *_LOOPS)
-            guesses += [_guess(trial, rows) for trial in (*plain, *loops)]
+            guesses += [_guess(trial, rows, self.fixed) for trial in (*plain, *loops)]
         again = [fit.guess for fit in known]
         return list({_parts(guess.name): guess for guess in (*again, *guesses)}.values())
 
@@ -365,7 +360,7 @@ class Entries:
             No candidate gives a finite balance.
         """
         fits = [
-            fit for guess in guesses if (fit := fit_rows(guess, rows, points.level, self.mass)) is not None
+            fit for guess in guesses if (fit := fit_rows(guess, rows, points.level, self.fixed)) is not None
         ]
         if not fits:
             raise RsgenError("ranking: no candidate gives a finite balance at the measured points")
@@ -414,7 +409,9 @@ def _completed(elements: tuple[Element, ...]) -> tuple[Element, ...]:
     return (*elements, *missing)
 
 
-def start_guess(name: str, elements: tuple[Element, ...], points: Points, mass: float | None) -> Guess:
+def start_guess(
+    name: str, elements: tuple[Element, ...], points: Points, fixed: Mapping[str, float]
+) -> Guess:
     """A law with values of first order to start from."""
     guess = Guess(name, elements, {})
     law = guess.law
@@ -426,11 +423,9 @@ def start_guess(name: str, elements: tuple[Element, ...], points: Points, mass: 
         1 / np.abs(points.force),
         np.zeros((0, 2)),
     )
-    solution = solve_equations(equations, law, mass)
+    solution = solve_equations(equations, law, fixed)
     values = dict(zip(law.parameters, solution.values.tolist(), strict=True))
-    if mass is None:
-        values["m"] = solution.mass
-    return replace(guess, values=values)
+    return replace(guess, values={**values, "m": solution.mass})
 
 
 def _near_laws(trials: Sequence[Trial], most: int, alone: int) -> list[Trial]:
@@ -444,8 +439,8 @@ def _parts(name: str) -> frozenset[str]:
     return frozenset(name.split(" + "))
 
 
-def _guess(trial: Trial, rows: Rows) -> Guess:
+def _guess(trial: Trial, rows: Rows, fixed: Mapping[str, float]) -> Guess:
     x, v, *_ = rows.trajectory
     size, speed = float(np.max(np.abs(x))), float(np.max(np.abs(v)))
     law = trial.law
-    return Guess(law.name, law.elements, trial.values, law.limits(size, speed), law.dissipates)
+    return Guess(law.name, law.elements, {**trial.values, **fixed}, law.limits(size, speed), law.dissipates)

@@ -11,6 +11,7 @@ from rsgen.identification.results.result import (
     RestoringForce,
     changed,
     later,
+    units_of,
 )
 
 __all__ = [
@@ -22,4 +23,5 @@ __all__ = [
     "RestoringForce",
     "changed",
     "later",
+    "units_of",
 ]

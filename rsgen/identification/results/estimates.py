@@ -11,7 +11,6 @@ independent are too small; those of a block jackknife are not (Cameron and Mille
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from contextlib import suppress
 from dataclasses import dataclass, replace
 from math import log2, nan
 
@@ -19,7 +18,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rsgen.common.arrays import Array
-from rsgen.common.errors import RsgenError
 from rsgen.common.finding import Finding, Quantity, Severity, quantities
 from rsgen.common.tolerances import (
     CHANCE,
@@ -37,13 +35,12 @@ from rsgen.common.tolerances import (
     t_quantile,
 )
 from rsgen.data.oscillator import Model
-from rsgen.formula.units import parameter_units
-from rsgen.formula.units.quantities import WHOLE, ForceUnits
+from rsgen.formula.units.quantities import ForceUnits
 from rsgen.identification.fitting.fit import Solution
 from rsgen.identification.fitting.least_squares import Alternative, Regression
 from rsgen.identification.fitting.observed import Observed
 from rsgen.identification.fitting.points import Points
-from rsgen.identification.results.result import Background, Estimate
+from rsgen.identification.results.result import Background, Estimate, units_of
 from rsgen.law.identifiable import combinations_of
 from rsgen.law.motion import Motion
 from rsgen.law.numeric import ForceLaw
@@ -57,12 +54,10 @@ __all__ = [
     "jackknife",
     "law_ambiguity",
     "make_estimates",
-    "names_of",
     "parameter_findings",
     "phase_findings",
     "state_background",
     "takes_energy",
-    "units_of",
     "with_combinations",
 ]
 
@@ -73,11 +68,6 @@ _WHOLE = 0.99
 """Null vectors have unit norm; a shorter parameter part means that the background takes part."""
 
 
-def names_of(law: ForceLaw, model: Model) -> tuple[str, ...]:
-    """Name what is identified: the parameters in their order, then "m" where the mass is free."""
-    return (*law.parameters, "m") if model.mass is None else law.parameters
-
-
 def make_estimates(
     found: Solution,
     law: ForceLaw,
@@ -85,9 +75,11 @@ def make_estimates(
     reasons: Mapping[str, Finding | None],
     units: Mapping[str, str] | None = None,
 ) -> tuple[Estimate, ...]:
-    """State each value with standard error, 95 % interval and unit, and why it is not identifiable."""
-    values = np.append(found.values, found.mass) if model.mass is None else found.values
-    names = names_of(law, model)
+    """State each value with standard error, 95 % interval and unit, and why it is not identifiable.
+
+    What is fixed has no estimate; the mass is the last.
+    """
+    values, names = np.append(found.values, found.mass), (*law.parameters, "m")
     variance = np.diag(found.covariance)
     wides = np.broadcast_to(t_quantile(found.freedom, CONFIDENCE), variance.shape).tolist()
     units = units_of(model) if units is None else units
@@ -102,7 +94,7 @@ def make_estimates(
         if not finite and finding is None:
             finding = Finding("not-determined", "warning", name)
         estimates.append(Estimate(name, centre, error, interval, units[name], finding))
-    return tuple(estimates)
+    return tuple(estimate for estimate in estimates if estimate.name not in model.fixed)
 
 
 def state_background(
@@ -194,17 +186,6 @@ def phase_findings(background: Array) -> list[Finding]:
     if not abs(turned) > TURNED:
         return []
     return [Finding("phase-turned", "doubt", "psi", {"phase": Quantity(turned, "rad")})]
-
-
-def units_of(model: Model, of: ForceUnits = WHOLE) -> dict[str, str]:
-    """SI unit of every parameter, "" where the law does not say, in those of a test."""
-    # names that are kept for the time and the force have no unit there
-    units = dict.fromkeys(model.parameters, "")
-    # a law whose terms do not agree in units can be fitted all the same
-    with suppress(RsgenError):
-        units |= parameter_units(model.force)
-    named = {name: of.of(unit) for name, unit in units.items()}
-    return {"m": "kg", **{name: "" if unit == "1" else unit for name, unit in named.items()}}
 
 
 def parameter_findings(
@@ -459,7 +440,7 @@ class Agreement:
             Finding(
                 "intervals-widened",
                 "warning",
-                numbers=quantities(groups=freedom + 1, wider=float(np.median(wider) * interval)),
+                numbers=quantities(groups=freedom + 1, wider=float(np.median(wider[whole.free]) * interval)),
                 names={"by": "levels" if enough else "stretches"},
             )
         ]

@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping
+from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from functools import partial
-from math import isfinite, nan
+from math import isfinite
 from typing import Any, TypeVar, cast
 
 import numpy as np
@@ -17,6 +18,7 @@ from rsgen.common.finding import Finding, Verdict, reach_verdict
 from rsgen.common.text_table import Printed, TextTable, data_frame, lookup, short, with_error
 from rsgen.data.oscillator import Model
 from rsgen.dynamics.linear_part import BackgroundTerms, background_terms
+from rsgen.formula.units import parameter_units
 from rsgen.formula.units.quantities import WHOLE, ForceUnits
 from rsgen.law.memory import with_equations
 
@@ -29,6 +31,7 @@ __all__ = [
     "RestoringForce",
     "changed",
     "later",
+    "units_of",
 ]
 
 
@@ -223,6 +226,17 @@ class Background:
         return background_terms(self.kind, omega, force, self.band)
 
 
+def units_of(model: Model, of: ForceUnits = WHOLE) -> dict[str, str]:
+    """SI unit of every parameter, "" where the law does not say, in those of a test."""
+    # names that are kept for the time and the force have no unit there
+    units = dict.fromkeys(model.parameters, "")
+    # a law whose terms do not agree in units can be fitted all the same
+    with suppress(RsgenError):
+        units |= parameter_units(model.force)
+    named = {name: of.of(unit) for name, unit in units.items()}
+    return {"m": "kg", **{name: "" if unit == "1" else unit for name, unit in named.items()}}
+
+
 @dataclass(frozen=True, slots=True, eq=False, repr=False)
 class Identification(Printed):
     """What a response surface determines of a model.
@@ -246,7 +260,7 @@ class Identification(Printed):
         parameters; same order and units as ``first_order``. NaN where it is not known.
     covariance
         (p, p) of the refined estimates, in the order of ``refined``; rows of parameters that are not
-        identifiable are NaN, those of a given mass are absent.
+        identifiable are NaN, those of fixed ones are absent.
     resonances
         One a level and sweep, ascending in level.
     curve
@@ -306,9 +320,7 @@ class Identification(Printed):
     @property
     def mass(self) -> float:
         """The given mass, or the refined one [kg]."""
-        if self.model.mass is not None:
-            return self.model.mass
-        return next(estimate.value for estimate in self.refined if estimate.name == "m")
+        return self._known["m"]
 
     @property
     def verdict(self) -> Verdict:
@@ -317,12 +329,25 @@ class Identification(Printed):
 
     @property
     def values(self) -> Mapping[str, float]:
-        """Refined value of every parameter of the laws (not of the mass)."""
+        """Refined or fixed value of every parameter of the laws (not of the mass)."""
         names = set(self.model.parameters)
-        return {estimate.name: estimate.value for estimate in self.refined if estimate.name in names}
+        return {name: value for name, value in self._known.items() if name in names}
+
+    @property
+    def fixed(self) -> tuple[Estimate, ...]:
+        """Values that were given and not identified, a given mass among them, each without error."""
+        units = units_of(self.model, self.curve.units)
+        return tuple(
+            Estimate(name, value, 0.0, (value, value), units[name])
+            for name, value in self.model.fixed.items()
+        )
+
+    @property
+    def _known(self) -> dict[str, float]:
+        return {**{estimate.name: estimate.value for estimate in self.refined}, **self.model.fixed}
 
     def __getitem__(self, name: str) -> Estimate:
-        """Refined estimate of a parameter, or of the mass ("m", also where it was given).
+        """Refined estimate of a parameter, or of the mass ("m"); one that is fixed has no error.
 
         Raises
         ------
@@ -339,11 +364,7 @@ class Identification(Printed):
 
     @property
     def _estimates(self) -> dict[str, Estimate]:
-        estimates = {estimate.name: estimate for estimate in self.refined}
-        if self.model.mass is not None:
-            mass = self.model.mass
-            estimates["m"] = Estimate("m", mass, 0.0, (mass, mass), "kg")
-        return estimates
+        return {estimate.name: estimate for estimate in (*self.refined, *self.fixed)}
 
     def to_frame(self) -> Any:
         """Give the refined estimates as a ``pandas.DataFrame``, a row a parameter.
@@ -367,8 +388,9 @@ class Identification(Printed):
     def _table(self) -> TextTable:
         background = () if self.background is None else self.background.estimates
         rows = [estimate.cells for estimate in (*self.refined, *background)]
-        if isfinite(given := (self.model.mass or nan) * self.curve.units.kilogram):
-            rows.append(("m", short(given), "given", "kg", ""))
+        # the mass of one kilogram that stands for a unit of mass is not known
+        known = [one for one in self.fixed if one.name != "m" or isfinite(self.curve.units.kilogram)]
+        rows += [(one.name, short(one.value), "given", one.unit, "") for one in known]
         low, high = self.amplitude_range
         slow, fast = self.frequency_range
         tested = (

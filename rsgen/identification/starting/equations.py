@@ -89,7 +89,6 @@ def _motion(equations: Equations, finer: int, motion: int) -> Waves:
 def equation_rows(
     equations: Equations,
     law: ForceLaw,
-    mass: float | None,
     nonlinear: Array,
     *,
     scaled: bool = False,
@@ -99,7 +98,7 @@ def equation_rows(
 
     Parameters
     ----------
-    equations, law, mass
+    equations, law
         What is solved.
     nonlinear
         Values of the parameters in which the law is not linear.
@@ -111,14 +110,14 @@ def equation_rows(
     Returns
     -------
     matrix, right
-        Columns are the linear parameters, the factors where they are asked for, the mass where it is free.
+        Columns are the linear parameters, the factors where they are asked for, the mass.
     """
     samples = _samples(equations, law, [nonlinear], coarse=coarse)
-    return _rows(equations, law, mass, nonlinear, samples[0], scaled=scaled)
+    return _rows(equations, law, nonlinear, samples[0], scaled=scaled)
 
 
 def rows_of_trials(
-    equations: Equations, law: ForceLaw, mass: float | None, trials: Sequence[Array] | Array, *, coarse: bool
+    equations: Equations, law: ForceLaw, trials: Sequence[Array] | Array, *, coarse: bool
 ) -> list[tuple[Array, Array]]:
     """Give ``equation_rows`` with factors for many values of the nonlinear parameters.
 
@@ -130,7 +129,7 @@ def rows_of_trials(
         part = trials[low : low + block]
         samples = _samples(equations, law, part, coarse=coarse)
         rows += [
-            _rows(equations, law, mass, trial, sample, scaled=True)
+            _rows(equations, law, trial, sample, scaled=True)
             for trial, sample in zip(part, samples, strict=True)
         ]
     return rows
@@ -176,7 +175,6 @@ def _joined(parts: Sequence[ForceSample]) -> ForceSample:
 def _rows(
     equations: Equations,
     law: ForceLaw,
-    mass: float | None,
     nonlinear: Array,
     sample: ForceSample,
     *,
@@ -187,29 +185,24 @@ def _rows(
     values[list(law.nonlinear)] = nonlinear
     omega = equations.omega[:, None]
     signals, still = _parts(law, sample, values, scaled)
-    columns = [_fundamental(signal) for signal in signals]
+    inertia = equations.omega**2 * equations.harmonics[:, 1]
+    columns = [*map(_fundamental, signals), -inertia]
     if not equations.harmonics[:, ::2].any():
         # what an even force leaves along a motion without mean and even harmonics is round-off
         for place in np.flatnonzero(np.isin(law.linear, law.even)):
             columns[place] = np.zeros(len(columns[place]), dtype=complex)
-    inertia = equations.omega**2 * equations.harmonics[:, 1]
     right = equations.force - project(still, 1)
-    if mass is None:
-        columns.append(-inertia)
-    else:
-        right = right + mass * inertia
     weight = equations.weight
-    matrix = _columns(columns, len(right)) * weight[:, None]
+    matrix = np.stack(columns, axis=1) * weight[:, None]
     blocks = [matrix.real, matrix.imag]
     rights = [(right * weight).real, (right * weight).imag]
-    free = [np.zeros(len(omega))] if mass is None else []
     if equations.mean:
-        means = [s.mean(axis=1) for s in signals] + free
-        blocks.append(_columns(means, len(weight)) * weight[:, None])
+        means = [*(s.mean(axis=1) for s in signals), np.zeros(len(omega))]
+        blocks.append(np.stack(means, axis=1) * weight[:, None])
         rights.append(-still.mean(axis=1) * weight)
     if len(equations.turning):
         block, balance = _turning_rows(equations, law, values, scaled)
-        blocks.append(np.column_stack([block, *[column[: len(block)] for column in free]]))
+        blocks.append(np.column_stack([block, np.zeros(len(block))]))
         rights.append(balance)
     stacked, flat = np.concatenate(blocks), np.concatenate(rights)
     return stacked, flat

@@ -63,13 +63,13 @@ _ENDS = 4
 """Best trials, none a neighbour of a better one, from which a search descends."""
 
 
-def search_nonlinear(equations: Equations, law: ForceLaw, mass: float | None, begin: Array | None) -> Array:
+def search_nonlinear(equations: Equations, law: ForceLaw, mass: float, begin: Array | None) -> Array:
     """Search all nonlinear parameters of a law.
 
     Parameters
     ----------
     equations, law, mass
-        What is solved.
+        What is solved; m [kg] is NaN where it is free.
     begin
         Values that lead to the solution; None searches the whole range.
 
@@ -151,8 +151,9 @@ def _as_good(cost: float, count: int) -> float:
 class _Search:
     """Residuals of trials; linear parameters and the factors of groups are solved for at each."""
 
-    def __init__(self, equations: Equations, law: ForceLaw, mass: float | None) -> None:
-        self._equations, self._law, self._mass = equations, law, mass
+    def __init__(self, equations: Equations, law: ForceLaw, mass: float) -> None:
+        self._equations, self._law = equations, law
+        self._known = np.append(np.full(len(law.linear) + len(law.scaled), np.nan), mass)
         some = np.unique(np.linspace(0, len(equations.omega) - 1, _SCANNED).round().astype(np.intp))
         self._scanned = equations.select(some)
         place = {which: i for i, which in enumerate(law.nonlinear)}
@@ -178,7 +179,7 @@ class _Search:
         values = np.array(trial)
         if self._groups:
             solution, _ = self._solve(self._equations, trial, coarse=False)
-            matrix, right = equation_rows(self._equations, self._law, self._mass, trial, scaled=True)
+            matrix, right = equation_rows(self._equations, self._law, trial, scaled=True)
             effect = self._factors(np.sqrt(np.sum(matrix**2, axis=0)))
             least = _SOLVER * np.sqrt(np.sum(right**2)) / np.where(effect > 0, effect, 1.0)
             for group, factor in zip(self._groups, np.maximum(self._factors(solution), least), strict=True):
@@ -192,21 +193,21 @@ class _Search:
     def _solve(self, equations: Equations, trial: Array, *, coarse: bool) -> tuple[Array, Array]:
         """Linear parameters, factors, mass; and what they leave."""
         with np.errstate(all="ignore"):
-            matrix, right = equation_rows(equations, self._law, self._mass, trial, scaled=True, coarse=coarse)
+            matrix, right = equation_rows(equations, self._law, trial, scaled=True, coarse=coarse)
         return self._settle(matrix, right)
 
     def _settle(self, matrix: Array, right: Array) -> tuple[Array, Array]:
         # not finite, or soon: a negative power at x = 0, an overflow
         if not (np.max(np.abs(matrix), initial=0.0) < _HUGE and np.max(np.abs(right)) < _HUGE):
             return np.zeros(matrix.shape[1]), np.full(len(right), _HUGE)
-        solution = solve_scaled(matrix, right)[0]
+        solution = solve_scaled(matrix, right, known=self._known)[0]
         for _ in self._groups:
             negative = np.flatnonzero(self._factors(solution) < 0) + len(self._law.linear)
             if not len(negative):
                 break
             # of degree one for positive factors only
             matrix[:, negative] = 0.0
-            solution = solve_scaled(matrix, right)[0]
+            solution = solve_scaled(matrix, right, known=self._known)[0]
         return solution, np.asarray(right - matrix @ solution)
 
     def residual(self, trial: Array, *, coarse: bool = False) -> Array:
@@ -220,7 +221,7 @@ class _Search:
     def costs(self, trials: Array) -> Array:
         """Sum of squares at many trials, on few points with few samples."""
         with np.errstate(all="ignore"):
-            rows = rows_of_trials(self._scanned, self._law, self._mass, trials, coarse=True)
+            rows = rows_of_trials(self._scanned, self._law, trials, coarse=True)
         return np.array([float(np.sum(self._settle(*each)[1] ** 2)) for each in rows])
 
     def along(self, start: Array, windows: list[Array]) -> Array:
@@ -245,16 +246,16 @@ class _Search:
 
     def missing(self, trial: Array) -> int:
         """How many directions the linear parameters do not tell at a trial."""
-        matrix, right = equation_rows(self._equations, self._law, self._mass, trial, scaled=True)
+        matrix, right = equation_rows(self._equations, self._law, trial, scaled=True)
         if not (np.isfinite(matrix).all() and np.isfinite(right).all()):
             return 0
-        return int(solve_scaled(matrix, right)[2].shape[1])
+        return int(solve_scaled(matrix, right, known=self._known)[2].shape[1])
 
     def _shapes(self, some: Equations, trials: Array, whole: bool) -> list[Array | None]:
         """Columns of unit size at each trial; None where they are not finite, or soon will not be."""
         shapes: list[Array | None] = []
         with np.errstate(all="ignore"):
-            for matrix, right in rows_of_trials(some, self._law, None, trials, coarse=True):
+            for matrix, right in rows_of_trials(some, self._law, trials, coarse=True):
                 columns = np.column_stack([matrix, right]) if whole else matrix
                 norm = np.abs(columns).max(axis=0)
                 finite = np.all(np.isfinite(norm)) and norm.max() < _HUGE

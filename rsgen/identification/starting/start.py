@@ -7,6 +7,7 @@ like have to be searched.
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import replace
 from itertools import product
 from typing import TypeVar
@@ -170,9 +171,10 @@ def _directions(problem: Problem, parameters: Array) -> list[Array]:
     values, mass, _ = problem.split(parameters)
     sine = sine_motion(points.omega, points.amplitude).harmonics
     equations = Equations(points.omega, points.force, sine, False, 1 / np.abs(points.force), np.zeros((0, 2)))
-    matrix, right = equation_rows(equations, law, problem.given, values[list(law.nonlinear)])
+    matrix, right = equation_rows(equations, law, values[list(law.nonlinear)])
     norm = np.sqrt(np.sum(matrix**2, axis=0))
-    null = solve_scaled(matrix, right)[2]
+    free = problem.free[[*law.linear, len(values)]]
+    null = solve_scaled(matrix, right, known=np.where(free, np.nan, 0.0))[2]
     null = np.where(np.abs(null) > NULL_PART, null, 0.0) / np.where(norm > 0, norm, 1.0)[:, None]
     largest = int(np.argmax(points.amplitude))
     motion = Motion(points.omega[[largest]], sine[[largest]])
@@ -224,53 +226,53 @@ _NEIGHBOURS = 4
 def solve_equations(
     equations: Equations,
     law: ForceLaw,
-    mass: float | None,
+    fixed: Mapping[str, float],
     near: Array | None = None,
 ) -> Solution:
-    """Solve for all parameters of the law, and for the mass where it is None.
+    """Solve for all parameters of the law, and for the mass, but for those that are fixed.
 
     Parameters
     ----------
-    equations, law, mass
+    equations, law, fixed
         What is solved.
     near
         (p,) values whose nonlinear ones lead to the solution; None searches their whole range.
     """
+    mass = fixed.get("m", np.nan)
     chosen = np.argsort(np.abs(equations.harmonics[:, 1]), kind="stable")
     few = chosen[np.unique(np.linspace(0, len(chosen) - 1, _SEARCHED).round().astype(np.intp))]
     nonlinear = np.zeros(0)
     if law.nonlinear:
         begin = None if near is None else near[list(law.nonlinear)]
         nonlinear = search_nonlinear(equations.select(few), law, mass, begin)
-    matrix, right = equation_rows(equations, law, mass, nonlinear)
-    solution, _, _ = solve_scaled(matrix, right)
+    matrix, right = equation_rows(equations, law, nonlinear)
+    known = np.append(np.full(len(law.linear), np.nan), mass)
+    solution, _, _ = solve_scaled(matrix, right, known=known)
     residual = right - matrix @ solution
     values = law.values_of(solution, nonlinear)
     if law.nonlinear:
-        matrix = np.column_stack([matrix, _nonlinear_columns(equations, law, mass, nonlinear, solution)])
-    _, inverse, null = solve_scaled(matrix, right)
-    freedom = max(len(right) - matrix.shape[1] + null.shape[1], 1)
+        matrix = np.column_stack([matrix, _nonlinear_columns(equations, law, nonlinear, solution)])
+    known = np.append(known, np.full(len(nonlinear), np.nan))
+    _, inverse, null = solve_scaled(matrix, right, known=known)
+    freedom = max(len(right) - int(np.isnan(known).sum()) + null.shape[1], 1)
     covariance = determined(inverse @ inverse.T * float(residual @ residual) / freedom, null)
-    order = [*law.linear, *([len(values)] if mass is None else []), *law.nonlinear]
+    order = [*law.linear, len(values), *law.nonlinear]
     sorted_covariance = np.empty_like(covariance)
     sorted_covariance[np.ix_(order, order)] = covariance
     misfit = float(np.sqrt(residual @ residual / max(len(right), 1)))
-    inertia = float(solution[-1]) if mass is None else mass
-    return Solution(values, inertia, sorted_covariance, freedom, misfit)
+    return Solution(values, float(solution[len(law.linear)]), sorted_covariance, freedom, misfit)
 
 
 def point_misfit(equations: Equations, law: ForceLaw, solution: Solution) -> Array:
     """(n,) how far each point is from the solution, relative to its force."""
     linear = np.append(solution.values[list(law.linear)], solution.mass)
     bare = replace(equations, mean=False, turning=np.zeros((0, 2)))
-    matrix, right = equation_rows(bare, law, None, solution.values[list(law.nonlinear)])
+    matrix, right = equation_rows(bare, law, solution.values[list(law.nonlinear)])
     misfit = right - matrix @ linear
     return np.asarray(np.hypot(*np.split(misfit, 2)))
 
 
-def _nonlinear_columns(
-    equations: Equations, law: ForceLaw, mass: float | None, nonlinear: Array, solution: Array
-) -> Array:
+def _nonlinear_columns(equations: Equations, law: ForceLaw, nonlinear: Array, solution: Array) -> Array:
     columns = []
     for i in range(len(nonlinear)):
         step = np.zeros(len(nonlinear))
@@ -278,8 +280,8 @@ def _nonlinear_columns(
         high, low = (
             matrix @ solution - right
             for matrix, right in (
-                equation_rows(equations, law, mass, nonlinear + step),
-                equation_rows(equations, law, mass, nonlinear - step),
+                equation_rows(equations, law, nonlinear + step),
+                equation_rows(equations, law, nonlinear - step),
             )
         )
         columns.append((high - low) / (2 * step[i]))
@@ -299,7 +301,7 @@ def start_fit(problem: Problem) -> tuple[Problem, Array]:
 def _start_first_order(problem: Problem) -> Array:
     observed = problem.observed
     if not observed.points.phase_known:
-        found = _start_amplitudes(observed.points, problem.law, problem.given)
+        found = _start_amplitudes(observed.points, problem.law, problem.fixed)
         parameters = problem.join(found.values, found.mass)
         if not observed.fitted.any():
             return parameters
@@ -310,7 +312,7 @@ def _start_first_order(problem: Problem) -> Array:
         ).regression.parameters
     trials = []
     for background in _start_backgrounds(problem):
-        found = _start_values(observed.mode(background), problem.law, problem.given)
+        found = _start_values(observed.mode(background), problem.law, problem.fixed)
         trials.append(problem.join(found.values, found.mass, background))
     if len(trials) == 1:
         return trials[0]
@@ -319,18 +321,18 @@ def _start_first_order(problem: Problem) -> Array:
     return min(fits, key=lambda found: found.regression.noise).regression.parameters
 
 
-def _start_values(points: Points, law: ForceLaw, mass: float | None) -> Solution:
+def _start_values(points: Points, law: ForceLaw, fixed: Mapping[str, float]) -> Solution:
     """First order, or the measured waveform where that fits better."""
     some = points.select(points.spread(2 * QUICK))
-    first = _linear_start(some, law, mass, 1)
+    first = _linear_start(some, law, fixed, 1)
     if not points.strong:
         return first
     # in the balance of the fundamental along the measured waveform a law is as linear as it is written
-    whole = _linear_start(some, law, mass, points.harmonics.shape[1] - 1)
+    whole = _linear_start(some, law, fixed, points.harmonics.shape[1] - 1)
     return whole if whole.misfit < first.misfit else first
 
 
-def _linear_start(points: Points, law: ForceLaw, mass: float | None, order: int) -> Solution:
+def _linear_start(points: Points, law: ForceLaw, fixed: Mapping[str, float], order: int) -> Solution:
     """All points, gross outliers with less weight, up to a harmonic of the measured waveform."""
     equations = Equations(
         points.omega,
@@ -343,7 +345,7 @@ def _linear_start(points: Points, law: ForceLaw, mass: float | None, order: int)
     )
     weight = equations.weight
     for _ in range(3):
-        solution = solve_equations(equations, law, mass)
+        solution = solve_equations(equations, law, fixed)
         misfit = point_misfit(replace(equations, weight=weight), law, solution)
         typical = max(1.4826 * float(np.median(misfit)), _TYPICAL)
         factor = 1 / np.maximum(1.0, misfit / (_GROSS * typical)) ** 2
@@ -363,9 +365,9 @@ def _start_backgrounds(problem: Problem) -> list[Array]:
     few = replace(problem.select(points.spread(QUICK)), law=law)
     some = points.select(points.spread(_SCANNED))
     phases = 2 * np.pi * np.arange(_TURNS) / _TURNS - np.pi
-    misfits = [_turned(some, law, problem.given, float(phase)) for phase in phases]
+    misfits = [_turned(some, law, problem.fixed, float(phase)) for phase in phases]
     best = int(np.argmin([found.misfit if found.mass > 0 else np.inf for found in misfits]))
-    found = _turned(few.observed.points, law, problem.given, float(phases[best]))
+    found = _turned(few.observed.points, law, problem.fixed, float(phases[best]))
     names = observed.background.names
     parameters = few.join(found.values, found.mass, np.append(phases[best], np.zeros(len(names) - 1)))
     trials = _place_neighbour(few, parameters) if "f_n" in names else [parameters]
@@ -387,7 +389,7 @@ def _beside_receptances(problem: Problem, phases: Array) -> list[Fit]:
         moved = np.array(points.harmonics)
         moved[:, 1] -= seen * points.force
         mode = replace(points, harmonics=moved)
-        turned = [_turned(mode, problem.law, problem.given, float(phase)) for phase in phases]
+        turned = [_turned(mode, problem.law, problem.fixed, float(phase)) for phase in phases]
         best = int(np.argmin([found.misfit if found.mass > 0 else np.inf for found in turned]))
         b = seen * np.exp(-1j * phases[best])
         background = np.zeros(len(observed.background.names))
@@ -435,13 +437,13 @@ def _place_neighbour(problem: Problem, parameters: Array) -> list[Array]:
     return [problem.join(begun.values, begun.mass, found.background) for found in fits[:_NEIGHBOURS]]
 
 
-def _turned(points: Points, law: ForceLaw, mass: float | None, psi: float) -> Solution:
+def _turned(points: Points, law: ForceLaw, fixed: Mapping[str, float], psi: float) -> Solution:
     """Solve the first-order balance with the force turned by psi [rad]."""
     force = points.force * np.exp(1j * psi)
     weight = 1 / np.abs(force)
     none = np.zeros((0, 2))
     equations = Equations(points.omega, force, points.harmonics[:, :2], False, weight, none)
-    return solve_equations(equations, law, mass)
+    return solve_equations(equations, law, fixed)
 
 
 def _guessed(points: Points) -> NDArray[np.float64]:
@@ -463,7 +465,7 @@ def _guessed(points: Points) -> NDArray[np.float64]:
     return np.where(side > 0, np.pi - below, np.where(side < 0, below, np.pi / 2))
 
 
-def _start_amplitudes(points: Points, law: ForceLaw, mass: float | None) -> Solution:
+def _start_amplitudes(points: Points, law: ForceLaw, fixed: Mapping[str, float]) -> Solution:
     """Fit the law to phases that the law itself predicts, from a guess on.
 
     At the peak of a run the response lags a quarter period, c = F/(omega X) (Liu et al., Sec. 1.2), below it
@@ -478,7 +480,7 @@ def _start_amplitudes(points: Points, law: ForceLaw, mass: float | None) -> Solu
         equations = Equations(
             points.omega, force * np.exp(1j * lag), harmonics, False, 1 / force, np.zeros((0, 2))
         )
-        found = solve_equations(equations, law, mass)
+        found = solve_equations(equations, law, fixed)
         balance = _hold(law, found.values, found.mass, points.omega, points.amplitude, 1)
         misfit = float(np.sqrt(np.mean(np.log(np.abs(balance.force) / force) ** 2)))
         if start is not None and not misfit < (1 - UNCHANGED) * best:
