@@ -24,9 +24,9 @@ from rsgen.common.errors import RsgenError
 from rsgen.common.finding import STATES
 from rsgen.common.output import write_atomic
 from rsgen.data.surface import ResponseSurface, load_surface
-from rsgen.describing import derive
+from rsgen.describing import PrintedComparison, derive
 from rsgen.formula import parse
-from rsgen.formula.units.quantities import SWEEPS, choose_scale, quantity_text
+from rsgen.formula.units.quantities import SWEEPS, choose_scale, number_text, quantity_text
 from rsgen.identification.prediction import Prediction
 from rsgen.identification.results import Identification
 from rsgen.law.element import FORCE_KEYS, Element
@@ -34,7 +34,7 @@ from rsgen.law.memory import memory_form
 from rsgen.law.notation import mathml
 from rsgen.report.figures import Drawing
 from rsgen.report.figures.overview import largest_answer
-from rsgen.report.interpretation import PrintedFormula, describe_elements, dissipation_findings, mean_finding
+from rsgen.report.interpretation import describe_elements, dissipation_findings, mean_finding
 from rsgen.report.page_tables import (
     NO_MODAL,
     Modal,
@@ -156,12 +156,13 @@ def _element(element: Element) -> dict[str, Any]:
     }
 
 
-def _printed(formula: PrintedFormula) -> dict[str, Any]:
+def _printed(formula: PrintedComparison) -> dict[str, Any]:
+    share = number_text(100 * formula.largest_deviation, 3)
+    place = f"at X = {quantity_text(formula.amplitude, 'm', 3)}"
     return {
         "what": formula.what,
-        "agrees": formula.agrees,
         "formula": _formula(formula.formula, display=True),
-        "sentences": formula.sentences,
+        "said": "agrees with the derivation" if formula.agrees else f"differs by up to {share} %, {place}",
     }
 
 
@@ -211,7 +212,7 @@ def render_page(
     identification: Identification,
     comparison: Comparison,
     prediction: Prediction,
-    printed: Sequence[PrintedFormula],
+    printed: Sequence[PrintedComparison],
     drawings: Iterable[Drawing],
     provenance: Mapping[str, str],
     modal: Modal = NO_MODAL,

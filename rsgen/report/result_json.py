@@ -16,13 +16,14 @@ from rsgen.analysis.comparison import Comparison, Row, verdict_of
 from rsgen.common.arrays import Array
 from rsgen.common.finding import StatedVerdict
 from rsgen.data.surface import ResponseSurface
-from rsgen.describing import derive
+from rsgen.describing import PrintedComparison, derive
 from rsgen.formula import write
+from rsgen.formula.units.quantities import quantity_text
 from rsgen.identification.prediction import HeldOutLevel, Prediction
 from rsgen.identification.ranking import Ranking
 from rsgen.identification.results import Estimate, Identification, Resonance
 from rsgen.law.element import FORCE_KEYS
-from rsgen.report.interpretation import PrintedFormula, dissipation_entry
+from rsgen.report.interpretation import dissipation_entry
 from rsgen.report.page_tables import NO_MODAL, Modal, modal_entry
 from rsgen.report.provenance import Subject
 from rsgen.report.wording import sentence
@@ -166,7 +167,7 @@ def build_result(
     identification: Identification,
     comparison: Comparison,
     prediction: Prediction,
-    printed: Iterable[PrintedFormula],
+    printed: Iterable[PrintedComparison],
     durations: Mapping[str, float],
     modal: Modal = NO_MODAL,
 ) -> dict[str, Any]:
@@ -191,7 +192,7 @@ def build_result(
                 "formula": write(formula.formula),
                 "agrees": formula.agrees,
                 "largest_deviation": finite_or_none(formula.largest_deviation),
-                "where": formula.where,
+                "where": "" if formula.agrees else f"X = {quantity_text(formula.amplitude, 'm', 3)}",
             }
             for formula in printed
         ],

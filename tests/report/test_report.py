@@ -21,7 +21,6 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from matplotlib.figure import Figure
-from scipy.special import ellipk
 
 import rsgen
 from rsgen.analysis.comparison import Comparison
@@ -35,10 +34,8 @@ from rsgen.law.element import make_element
 from rsgen.report import draw_all, write_index
 from rsgen.report.figures import Drawing, draw_thumbnail
 from rsgen.report.interpretation import (
-    PrintedFormula,
     check_printed,
     describe_elements,
-    free_frequency,
     mean_finding,
 )
 from rsgen.report.page import THUMBNAIL, picture_svg, render_page, table_of_results
@@ -281,117 +278,39 @@ def identified(force: str, values: dict[str, float]) -> tuple[Model, Identificat
     return model, replace(IDENTIFICATION, model=model, refined=refined, **exact)
 
 
-def checked(model: Model, identification: Identification, formula: str) -> PrintedFormula:
-    case = cubic_case(model=model, printed={"stiffness": parse(formula)})
-    (verdict,) = check_printed(Subject.of_case(case, identification), identification)
-    return verdict
-
-
 def test_misprint_of_equation_20_is_caught() -> None:
     values = {"k4": 5920.0, "k5": 6900.0, "b": 0.02}
-    model, identification = identified(
-        "Piecewise((k4*x, abs(x) <= b), (k5*x + (k4 - k5)*b*sign(x), True))", values
-    )
+    text = "Piecewise((k4*x, abs(x) <= b), (k5*x + (k4 - k5)*b*sign(x), True))"
+    model, identification = identified(text, values)
     inner = "k5 - (k5 - k4)/pi*(2*asin(b/X) + {}*b/X**2*sqrt(X**2 - b**2))"
-    printed = checked(model, identification, f"Piecewise((k4, X <= b), ({inner.format(1)}, True))")
-    right = checked(model, identification, f"Piecewise((k4, X <= b), ({inner.format(2)}, True))")
+    found = []
+    for factor in (1, 2):
+        formula = parse(f"Piecewise((k4, X <= b), ({inner.format(factor)}, True))")
+        case = cubic_case(model=model, printed={"stiffness": formula})
+        found += check_printed(Subject.of_case(case, identification), identification)
+    printed, right = found
     assert right.agrees
     assert not printed.agrees
     X = np.linspace(0.0201, identification.amplitude_range[1], 4000)
     exact = 6900.0 - 980.0 / np.pi * (2 * np.arcsin(0.02 / X) + 0.04 / X**2 * np.sqrt(X**2 - 0.02**2))
     missing = 980.0 / np.pi * 0.02 / X**2 * np.sqrt(X**2 - 0.02**2) / exact
     assert printed.largest_deviation == pytest.approx(missing.max(), rel=1e-3)
-    place = float(re.search(r"at X = ([0-9.]+) mm", printed.sentences[0])[1])
-    assert place == pytest.approx(1e3 * X[np.argmax(missing)], rel=0.01)
-
-
-@pytest.mark.slow
-def test_equation_22_is_too_stiff_by_nine_per_cent() -> None:
-    model, identification = identified("Piecewise((k6*x, x > 0), (k7*x, True))", {"k6": 4000.0, "k7": 8000.0})
-    verdict = checked(model, identification, "(k6 + k7)/2")
-    assert not verdict.agrees
-    w6, w7 = np.sqrt(4000 / MASS), np.sqrt(8000 / MASS)
-    exact = 2 * w6 * w7 / (w6 + w7) / (2 * np.pi)
-    sentence = verdict.sentences[-1]
-    assert f"{exact:.4f} Hz" in sentence
-    assert f"{100 * (6000 / MASS / (2 * np.pi * exact) ** 2 - 1):+.2f} % in stiffness" in sentence
-    assert "+9.28 % in stiffness" in sentence
-
-
-@pytest.mark.parametrize("hardening", [0.0, 0.3, 20.0])
-def test_free_vibration_of_a_cubic_spring(hardening: float) -> None:
-    # exact period of x'' + x + h x^3 = 0: a complete elliptic integral (Nayfeh, Mook, Sec. 2.2)
-    exact = np.sqrt(1 + hardening) / (4 * ellipk(hardening / (2 * (1 + hardening))))
-    found = free_frequency(lambda x: x + hardening * x**3, 1.0, 1.0)
-    assert found == pytest.approx(exact, rel=1e-9)
-
-
-@pytest.mark.parametrize("ratio", [0.1, 1.0, 2.0, 50.0])
-def test_free_vibration_of_a_bilinear_spring(ratio: float) -> None:
-    found = free_frequency(lambda x: x if x > 0 else ratio * x, 1.0, 0.3)
-    assert 2 * np.pi * found == pytest.approx(2 * np.sqrt(ratio) / (1 + np.sqrt(ratio)), rel=1e-9)
-
-
-def test_no_free_vibration_without_a_spring() -> None:
-    assert np.isnan(free_frequency(lambda x: -x, 1.0, 1.0))
+    assert printed.amplitude == pytest.approx(X[np.argmax(missing)], rel=0.01)
 
 
 @pytest.mark.parametrize(
     ("force", "values", "words"),
     [
-        ("k*x", {"k": 5920.0}, "linear: stiffness stays at 5.92 kN/m"),
-        (
-            "k*x + kn*x**3",
-            {"k": K1, "kn": KN1},
-            "softening, cubic: stiffness falls by 7.4 %, from 5.92 kN/m at 520 µm to 5.48 kN/m at 52 mm",
-        ),
-        ("k*x + kn*x**3", {"k": K1, "kn": -KN1}, "hardening, cubic: stiffness rises by 7"),
-        ("c*v", {"c": 3.8}, "linear: damping stays at 3.8 N·s/m"),
-        (
-            "Ff*sign(v)",
-            {"Ff": 0.4},
-            "dry friction: damping falls from 15.7 N·s/m at 520 µm to 157 mN·s/m at 52 mm, a factor of 100",
-        ),
-        ("c*v*abs(v)", {"c": 2.0}, "quadratic: damping rises from"),
-        ("c*v*abs(v)", {"c": 2.0}, "a factor of 100 (at 10 Hz)"),
-        ("c*v + d*v**2*sign(v)", {"c": 3.0, "d": 0.01}, "quadratic: damping rises by"),
-        (
-            "k*x + a*x**3 + b*x**5",
-            {"k": 5e3, "a": -2e6, "b": 2e9},
-            "first softening, then hardening, cubic and",
-        ),
-        ("k*tanh(a*x)", {"k": 100.0, "a": 50.0}, "softening: stiffness falls"),
-        ("c*(x**2 - b)*v", {"c": 100.0, "b": 3e-4}, "and changes its sign"),
-        ("c*(x**2 - b)*v", {"c": 100.0, "b": 1e-2}, "negative, it drives the motion"),
-        (
-            "k*Max(x - b, 0) + k*Min(x + b, 0)",
-            {"k": 9e3, "b": 0.02},
-            "piecewise: stiffness comes up from zero",
-        ),
-        # a gap that the test never closes
-        ("k*x + h*Max(x - b, 0)", {"k": 5e3, "h": 1e3, "b": 0.2}, "linear: stiffness stays at 5 kN/m"),
+        ("k*x", {"k": 5920.0}, "stiffness 5.92 kN/m at 520 µm, 5.92 kN/m at 52 mm"),
+        ("k*x + kn*x**3", {"k": K1, "kn": KN1}, "stiffness 5.92 kN/m at 520 µm, 5.48 kN/m at 52 mm"),
+        ("Ff*sign(v)", {"Ff": 0.4}, "damping 15.7 N·s/m at 520 µm, 157 mN·s/m at 52 mm"),
+        ("k*x + c*v", {"k": 5920.0, "c": 3.8}, "at 52 mm; damping 3.8 N·s/m at 520 µm, 3.8 N·s/m at 52 mm"),
         ("k*x", {"k": float("nan")}, "not identifiable from this test: k"),
-        ("Piecewise((k*x, x > 0), (2*k*x, True))", {"k": 4000.0}, "the mean moves to"),
-        ("Piecewise((k*x, x > 0), (2*k*x, True))", {"k": 4000.0}, "though the law is not linear: stiffness"),
     ],
 )
 def test_elements_are_put_into_words(force: str, values: dict[str, float], words: str) -> None:
     model, identification = identified(force, values)
     assert words in described(model.elements[0], identification)
-
-
-def test_a_change_within_its_uncertainty_is_none() -> None:
-    model, exact = identified("k*x + kn*x**3", {"k": K1, "kn": KN1})
-    whole = 0.75 * KN1 * exact.amplitude_range[1] ** 2
-    for share, words in (
-        (0.1, "softening, cubic"),
-        (3.0, "no change with amplitude that this test resolves"),
-    ):
-        spread = abs(share * KN1 / 2)
-        noisy = replace(exact, covariance=np.diag([0.0, spread**2]))
-        assert words in (text := described(model.elements[0], noisy))
-    # the 95 % half width of 3/4 kn X^2, three halves of it as one standard error
-    assert f"± {1.96 * 1.5 * abs(whole) / 1e3:.2g} kN/m" in text
 
 
 def test_parameters_that_are_not_identifiable_are_named_beside_the_others() -> None:
@@ -400,7 +319,7 @@ def test_parameters_that_are_not_identifiable_are_named_beside_the_others() -> N
     lost = replace(lost, value=float("nan"), finding=Finding("not-determined", "warning", "kn"))
     partly = replace(exact, refined=(known, lost), solution=np.array([K1, 0.0]))
     words = described(model.elements[0], partly)
-    assert words.startswith("linear: stiffness stays at 5.92 kN/m")
+    assert words.startswith("stiffness 5.92 kN/m at 520 µm")
     assert words.endswith("not identifiable from this test: kn")
 
 
@@ -518,7 +437,7 @@ def test_the_equations_of_states_stand_in_page_and_result_and_a_loop_that_stays_
     text = render_page(subject, SURFACE, found, comparison, PREDICTION, (), blanks, {})
     assert "<dt>Memory <i>z</i>′</dt>" in text
     assert "joint &lt;b&gt;" in text
-    assert "hysteretic" in described(joint, found)
+    assert "stiffness 1.01 MN/m" in described(joint, found)
     growing = make_element("joint", "k1*x + c1*v + z", {"z": "k1*v - kn1*abs(v)*z"})
     open_loop = replace(found, model=Model([growing], mass=MASS), solution=np.array([C1, K1, -1e6]))
     assert described(growing, open_loop) == "the loop of z does not close with the identified values"

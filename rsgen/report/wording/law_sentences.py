@@ -13,7 +13,6 @@ __all__ = []
 
 say_plainly(
     {
-        "mean-moves": "the mean moves to {mean:.2q} at {amplitude:.2q}, {share:.2p} of the amplitude",
         "element-not-identifiable": "not identifiable from this test: {parameters}",
         "energy-measured": "as measured near the resonances, at {points:.6g} points, the energy of a "
         "cycle grows on average with the power {exponent:.3g} ± {half_width:.1g} of the amplitude",
@@ -48,93 +47,15 @@ def _quantity(found: Finding, name: str, digits: int = 3) -> str:
     return quantity_text(*found.numbers[name], digits)
 
 
-def _at(found: Finding, end: str) -> str:
-    """Value and amplitude of a point of the course."""
-    return f"{_quantity(found, f'value_{end}')} at {_quantity(found, f'amplitude_{end}', 2)}"
-
-
-def _frequency(found: Finding) -> str:
-    return f" (at {_quantity(found, 'frequency')})" if "frequency" in found.numbers else ""
-
-
-def _verb(found: Finding, start: str = "first", end: str = "last") -> str:
-    return "rises" if found[f"value_{end}"] > found[f"value_{start}"] else "falls"
-
-
-def _direction(found: Finding, verb: str) -> str:
-    if found.names["kind"] == "stiffness":
-        return "hardening" if verb == "rises" else "softening"
-    return "growing with amplitude" if verb == "rises" else "falling with amplitude"
-
-
-def _head(found: Finding) -> str:
-    """What it is in a word or two, and of what: "hardening, cubic: stiffness"."""
-    shape, kind = found.names["shape"], found.names["kind"]
-    words = [shape] if kind == "damping" and shape else [_direction(found, _verb(found)), shape]
-    return f"{', '.join(filter(None, words))}: {kind}"
-
-
-def _from_to(found: Finding) -> str:
-    return f"from {_at(found, 'first')} to {_at(found, 'last')}"
-
-
-@says("course-constant")
+@says("element-course")
 def _(found: Finding) -> str:
-    linear = found.names["linear"] == "yes"
-    word = "linear" if linear else "the same at every amplitude, though the law is not linear"
     low, high = (_quantity(found, f"amplitude_{end}", 2) for end in ("first", "last"))
-    return (
-        f"{word}: {found.names['kind']} stays at {_quantity(found, 'value', 4)} from {low} to {high}"
-        f"{_frequency(found)}"
-    )
-
-
-@says("course-turns")
-def _(found: Finding) -> str:
-    shape, verbs = found.names["shape"], (_verb(found, "first", "turn"), _verb(found, "turn", "last"))
-    words = f"first {_direction(found, verbs[0])}, then {_direction(found, verbs[1])}"
-    return (
-        f"{', '.join(filter(None, [words, shape]))}: {found.names['kind']} {verbs[0]} from "
-        f"{_at(found, 'first')} to {_at(found, 'turn')} and {verbs[1]} to {_at(found, 'last')}"
-        f"{_frequency(found)}"
-    )
-
-
-@says("course-not-resolved")
-def _(found: Finding) -> str:
-    return (
-        f"no change with amplitude that this test resolves: {found.names['kind']} is {_at(found, 'first')} "
-        f"and {_at(found, 'last')}, a difference of {_quantity(found, 'change', 2)} ± "
-        f"{_quantity(found, 'half_width', 2)}{_frequency(found)}"
-    )
-
-
-@says("course-from-zero")
-def _(found: Finding) -> str:
-    return f"{_head(found)} comes up from zero to {_at(found, 'last')}{_frequency(found)}"
-
-
-@says("course-changes-sign")
-def _(found: Finding) -> str:
-    return f"{_head(found)} {_verb(found)} {_from_to(found)}, and changes its sign{_frequency(found)}"
-
-
-@says("course-negative")
-def _(found: Finding) -> str:
-    does = "drives the motion" if found.names["kind"] == "damping" else "pushes away from rest"
-    return f"{_head(found)} {_verb(found)} {_from_to(found)}: negative, it {does}{_frequency(found)}"
-
-
-@says("course-by-factor")
-def _(found: Finding) -> str:
-    factor = f"a factor of {found['factor']:.2g}"
-    return f"{_head(found)} {_verb(found)} {_from_to(found)}, {factor}{_frequency(found)}"
-
-
-@says("course-by-share")
-def _(found: Finding) -> str:
-    share = f"{number_text(100 * found['share'], 2)} %"
-    return f"{_head(found)} {_verb(found)} by {share}, {_from_to(found)}{_frequency(found)}"
+    said = [
+        f"{kind} {_quantity(found, f'{kind}_first')} at {low}, {_quantity(found, f'{kind}_last')} at {high}"
+        for kind in ("stiffness", "damping")
+        if f"{kind}_first" in found.numbers
+    ]
+    return "; ".join(said)
 
 
 @says("slides-as-a-whole")
