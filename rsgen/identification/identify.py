@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 
 import numpy as np
 
 from rsgen.common.arrays import Array
 from rsgen.common.errors import require
+from rsgen.common.finding import Finding
 from rsgen.common.tolerances import MEANINGLESS, NOISY, ORDER, QUICK, STEPS, TAIL
 from rsgen.data.multisine import MultisineSpectra
 from rsgen.data.oscillator import Model, Observation, join_model
@@ -18,7 +19,7 @@ from rsgen.identification.fitting.observed import Problem
 from rsgen.identification.fitting.points import per_unit_mass
 from rsgen.identification.judge import judge, prepare
 from rsgen.identification.lines.identify_multisine import identify_multisine
-from rsgen.identification.prediction import judge_held_out
+from rsgen.identification.prediction import judge_held_out, judge_records
 from rsgen.identification.resonance import identify_ratios
 from rsgen.identification.results import Identification, changed
 from rsgen.identification.soundness import runs_away
@@ -162,16 +163,20 @@ def identify(
     """
     model = join_model(law, observation, mass)
     if isinstance(surface, MultisineSpectra):
-        return _with_held_out(identify_multisine(surface, model), surface)
+        records = identify_multisine(surface, model)
+        return _with_held_out(records, judge_records, records)
     require(surface, ResponseSurface, "surface")
     surface, model = per_unit_mass(without_copies(surface), model)
-    return _with_held_out(identify_ratios(surface, model, _identify) or _identify(surface, model), surface)
+    found = identify_ratios(surface, model, _identify) or _identify(surface, model)
+    return _with_held_out(found, judge_held_out, found, surface)
 
 
-def _with_held_out(found: Identification, surface: ResponseSurface | MultisineSpectra) -> Identification:
+def _with_held_out(
+    found: Identification, judged: Callable[..., tuple[Finding, ...]], *test: object
+) -> Identification:
     """An identification with what the levels that it has not seen say of it: they are part of its verdict."""
     with np.errstate(all="ignore"):
-        return changed(found, findings=(*found.findings, *judge_held_out(found, surface)))
+        return changed(found, findings=(*found.findings, *judged(*test)))
 
 
 def _identify(surface: ResponseSurface, model: Model) -> Identification:

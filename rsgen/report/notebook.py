@@ -23,8 +23,8 @@ from rsgen.analysis.comparison import Comparison
 from rsgen.cases import Case
 from rsgen.common.errors import RsgenError
 from rsgen.common.output import write_atomic
+from rsgen.data.multisine import MultisineSpectra
 from rsgen.data.surface import ResponseSurface
-from rsgen.dynamics.simulation import SimulatedTest
 from rsgen.identification.prediction import Prediction
 from rsgen.identification.results import Identification
 from rsgen.report import figures
@@ -39,8 +39,6 @@ __all__ = [
     "known_results",
     "literal",
     "prose",
-    "render_lesson",
-    "save_lesson",
     "write_notebook",
 ]
 
@@ -309,14 +307,15 @@ def build_notebook(
     surface_file
         Where a measured case finds its surface: a file beside the notebook.
     """
-    return render_lesson(
-        "notebook/lesson.txt",
+    lesson = _environment().get_template("notebook/lesson.txt")
+    text = lesson.render(
         title=case.title or case.name,
         across=bool(case.model.sensors),
         source=case.source,
         name=case.name,
         case_text=case.text,
-        simulated=isinstance(case.test, SimulatedTest),
+        simulated=case.oscillator is not None,
+        multisine=case.test.many_lines,
         known=case.truth is not None,
         mean=mean,
         held_out=held_out,
@@ -324,11 +323,6 @@ def build_notebook(
         ranked=case.ranked,
         surface_file=surface_file,
     )
-
-
-def render_lesson(template: str, **values: object) -> nbformat.NotebookNode:
-    """Write the cells of a template, not yet executed; every value is written as literal or as prose."""
-    text = _environment().get_template(template).render(**values)
     pieces = _CELL.split(text)[1:]
     write: Any = nbformat.v4  # its functions have no types
     make = {"code": write.new_code_cell, "markdown": write.new_markdown_cell}
@@ -343,11 +337,11 @@ def render_lesson(template: str, **values: object) -> nbformat.NotebookNode:
 
 def known_results(
     case: Case,
-    surface: ResponseSurface,
+    surface: ResponseSurface | MultisineSpectra,
     identification: Identification,
     comparison: Comparison,
     prediction: Prediction,
-    levels: Sequence[float],
+    asked: Sequence[object],
     drawings: Sequence[Drawing],
     modal: Modal = NO_MODAL,
 ) -> KnownResults:
@@ -357,8 +351,8 @@ def known_results(
     ----------
     case
         As it was loaded, with its own law.
-    levels
-        [N] of the prediction.
+    asked
+        Inputs of the prediction beside the identification: levels [N] and surface; none of a multisine.
     modal
         The modal table, or why there is none.
     """
@@ -377,6 +371,9 @@ def known_results(
         "energy": (surface, *fitted),
         "responses": (surface, prediction),
         "held-out": (prediction,),
+        "best-linear": (identification,),
+        "line-misfit": (identification,),
+        "predicted-record": (prediction,),
     }
     if modal.table is not None:
         results.add("modal_table", surface, case.model, result=modal.table)
@@ -387,10 +384,11 @@ def known_results(
             results.add(function, *inputs[drawing.name], result=drawing)
     results.add("simulate", case.oscillator, case.test, result=surface)
     results.add("load_surface", _SURFACE_FILE, result=surface)
+    results.add("read", results.case, result=surface)
     if identification.ranking is not None:
         results.add("rank", surface, results.case.model, result=identification.ranking)
     results.add("identify", surface, case.model, result=identification)
-    results.add("predict", identification, list(levels), surface, result=prediction)
+    results.add("predict", identification, *asked, result=prediction)
     results.add("compare", identification, case.truth, case.accept, result=comparison)
     return results
 
@@ -418,11 +416,6 @@ def write_notebook(
         A cell failed; the notebook with its traceback is on disk.
     """
     notebook = build_notebook(case, mean=mean, held_out=held_out, loops=loops, surface_file=surface_file)
-    save_lesson(path, notebook, results)
-
-
-def save_lesson(path: Path, notebook: nbformat.NotebookNode, results: KnownResults | None) -> None:
-    """Execute a lesson and save it, even where a cell fails; an RsgenError says which."""
     fault = execute_cells(notebook, results)
     nbformat.validate(notebook)
     write: Any = nbformat.v4.writes  # has no types; ``nbformat.writes`` would validate once more

@@ -10,7 +10,8 @@ import importlib
 import json
 import math
 import re
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Collection, Iterable, Mapping, Sequence
+from functools import singledispatch
 from pathlib import Path
 from typing import Any
 from urllib.parse import quote
@@ -23,10 +24,12 @@ from rsgen.analysis.comparison import Comparison, verdict_of
 from rsgen.common.errors import RsgenError
 from rsgen.common.finding import STATES
 from rsgen.common.output import write_atomic
+from rsgen.data.multisine import MultisineSpectra
 from rsgen.data.surface import ResponseSurface, load_surface
 from rsgen.describing import PrintedComparison, derive
 from rsgen.formula import parse
 from rsgen.formula.units.quantities import SWEEPS, choose_scale, number_text, quantity_text
+from rsgen.identification.lines import MultisineIdentification
 from rsgen.identification.prediction import Prediction
 from rsgen.identification.results import Identification
 from rsgen.law.element import FORCE_KEYS, Element
@@ -41,19 +44,27 @@ from rsgen.report.page_tables import (
     background_table,
     estimate_table,
     held_out_table,
+    linear_table,
     modal_page_table,
     ranking_table,
+    record_table,
     resonance_table,
     verdict_table,
 )
 from rsgen.report.provenance import Subject, page_environment, plain_text
 from rsgen.report.result_json import Entry, read_result, read_results
 from rsgen.report.wording import full_sentence, sentence
-from rsgen.report.wording.sentences import MARKED, error_text, proof_sentence, state_verdict, surface_sentence
+from rsgen.report.wording.sentences import (
+    MARKED,
+    error_text,
+    proof_sentence,
+    spectra_sentence,
+    state_verdict,
+    surface_sentence,
+)
 
 __all__ = [
     "THUMBNAIL",
-    "common_context",
     "inline_svg",
     "picture_svg",
     "render_interactive",
@@ -133,6 +144,13 @@ _CONTENTS = (
     ("warnings", "Warnings"),
     ("provenance", "Provenance"),
 )
+_LINE_CONTENTS = (
+    _CONTENTS[0],
+    ("test", "Test"),
+    ("misfit", "Balance at the lines"),
+    *(entry for entry in _CONTENTS[3:] if entry[0] != "method"),
+)
+"""Of a multisine, whose one estimate needs no section on methods."""
 
 
 def _formula(expression: Any, display: bool = False) -> Markup:
@@ -170,45 +188,9 @@ def _drawing(drawing: Drawing) -> dict[str, Any]:
     return {"svg": inline_svg(drawing), "caption": drawing.caption, "alternative": drawing.alternative}
 
 
-def common_context(
-    subject: Subject,
-    identification: Identification,
-    comparison: Comparison,
-    prediction: Prediction,
-    drawings: Iterable[Drawing],
-    provenance: Mapping[str, str],
-) -> dict[str, Any]:
-    """Give what every page says, of whatever test: heading, verdict, meaning, figures, provenance."""
-    verdict = verdict_of(identification, comparison, prediction)
-    stated = state_verdict(verdict)
-    # what comes from the case stays as it is written there
-    warnings = [*subject.warnings, *map(full_sentence, identification.findings)]
-    return {
-        "title": subject.title,
-        "name": subject.name,
-        "source": subject.source,
-        "state": verdict.state,
-        "verdict": stated["headline"],
-        "reasons": list(zip(stated["sentences"], stated["next_steps"], strict=True)),
-        "mark": MARKED.get(verdict.state, ""),
-        "outcome": full_sentence(identification.outcome),
-        "verdict_table": verdict_table(comparison),
-        "meaning": list(describe_elements(subject.elements, identification).items()),
-        "warnings": warnings,
-        "other_warnings": [text for text in warnings if text not in stated["sentences"]],
-        "drawings": {drawing.name: _drawing(drawing) for drawing in drawings},
-        "prediction_remarks": [
-            full_sentence(found) for found in prediction.findings if found not in identification.findings
-        ],
-        "provenance": list(provenance.items()),
-        "case_text": subject.case.text if subject.case is not None else "",
-        "version": rsgen.__version__,
-    }
-
-
 def render_page(
     subject: Subject,
-    surface: ResponseSurface,
+    surface: ResponseSurface | MultisineSpectra,
     identification: Identification,
     comparison: Comparison,
     prediction: Prediction,
@@ -235,15 +217,17 @@ def render_page(
     RsgenError
         The templates are not found.
     """
-    mean = mean_finding(surface, identification)
-    common = common_context(subject, identification, comparison, prediction, drawings, provenance)
-    energy = dissipation_findings(surface, identification) if "energy" in common["drawings"] else []
-    context = common | {
-        "contents": _CONTENTS,
-        "mean_sentence": None if mean is None else full_sentence(mean),
-        "surface_sentence": surface_sentence(surface),
-        "energy_sentences": [full_sentence(finding) for finding in energy],
-        "held_out_table": held_out_table(prediction.held_out),
+    drawn = {drawing.name: _drawing(drawing) for drawing in drawings}
+    context = {
+        "title": subject.title,
+        "name": subject.name,
+        "source": subject.source,
+        **_verdict_context(subject, identification, comparison, prediction),
+        "drawings": drawn,
+        "provenance": list(provenance.items()),
+        "case_text": subject.case.text if subject.case is not None else "",
+        "version": rsgen.__version__,
+        "held_out_table": held_out_table(prediction.held_out) or record_table(prediction.records),
         "elements": [_element(element) for element in subject.elements],
         "printed": list(map(_printed, printed)),
         "motion_formula": _formula(parse("X0 + X*sin(phi)")),
@@ -256,8 +240,62 @@ def render_page(
         "background_table": background_table(identification),
         "ranking_table": ranking_table(identification),
         "ranking_verdict": [sentence(f) for f in getattr(identification.ranking, "findings", ())],
+        **_test_context(surface, identification, drawn),
     }
     return page_environment().get_template("report/report.html").render(context)
+
+
+def _verdict_context(
+    subject: Subject, identification: Identification, comparison: Comparison, prediction: Prediction
+) -> dict[str, Any]:
+    """Give what a result is worth, what it means, and what warns of it."""
+    verdict = verdict_of(identification, comparison, prediction)
+    stated = state_verdict(verdict)
+    # what comes from the case stays as it is written there
+    warnings = [*subject.warnings, *map(full_sentence, identification.findings)]
+    return {
+        "state": verdict.state,
+        "verdict": stated["headline"],
+        "reasons": list(zip(stated["sentences"], stated["next_steps"], strict=True)),
+        "mark": MARKED.get(verdict.state, ""),
+        "outcome": full_sentence(identification.outcome),
+        "verdict_table": verdict_table(comparison),
+        "meaning": list(describe_elements(subject.elements, identification).items()),
+        "warnings": warnings,
+        "other_warnings": [text for text in warnings if text not in stated["sentences"]],
+        "prediction_remarks": [
+            full_sentence(found) for found in prediction.findings if found not in identification.findings
+        ],
+    }
+
+
+@singledispatch
+def _test_context(surface: Any, identification: Identification, drawn: Collection[str]) -> dict[str, Any]:
+    """Give what a page says of a surface only, and what of spectra only."""
+    mean = mean_finding(surface, identification)
+    energy = dissipation_findings(surface, identification) if "energy" in drawn else []
+    return {
+        "contents": _CONTENTS,
+        "test_sentence": surface_sentence(surface),
+        "mean_sentence": None if mean is None else full_sentence(mean),
+        "energy_sentences": [full_sentence(finding) for finding in energy],
+        "linear_table": None,
+    }
+
+
+@_test_context.register
+def _(
+    spectra: MultisineSpectra,
+    identification: MultisineIdentification,
+    drawn: Collection[str],
+) -> dict[str, Any]:
+    return {
+        "contents": _LINE_CONTENTS,
+        "test_sentence": spectra_sentence(spectra, identification.frequency_range),
+        "mean_sentence": None,
+        "energy_sentences": [],
+        "linear_table": linear_table(identification.approximations),
+    }
 
 
 # ----------------------------------------------------------------------------

@@ -7,17 +7,21 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
+import numpy as np
+
 from rsgen.analysis.comparison import Comparison, Row
 from rsgen.common.errors import RsgenError
+from rsgen.data.multisine import BestLinear
 from rsgen.data.surface import ResponseSurface
 from rsgen.formula.units.quantities import choose_scale, number_text, quantity_text, unit_text
 from rsgen.identification.modal_result import MODAL_COLUMNS, ModalTable
 from rsgen.identification.modal_table import modal_table
 from rsgen.identification.prediction import HeldOutLevel, predict
+from rsgen.identification.prediction.prediction_result import PredictedRecord
 from rsgen.identification.results import Estimate, Identification
 from rsgen.law.element import FORCE_KEYS
 from rsgen.report.wording import sentence
-from rsgen.report.wording.sentences import error_text
+from rsgen.report.wording.sentences import error_text, share_text
 
 __all__ = [
     "NO_MODAL",
@@ -28,9 +32,11 @@ __all__ = [
     "background_table",
     "estimate_table",
     "held_out_table",
+    "linear_table",
     "modal_entry",
     "modal_page_table",
     "ranking_table",
+    "record_table",
     "resonance_table",
     "score_held_out",
     "tabulate_mode",
@@ -232,6 +238,65 @@ def held_out_table(
         "Points without prediction",
     )
     return Table(caption, columns, rows)
+
+
+def record_table(records: Sequence[PredictedRecord]) -> Table | None:
+    """Score the records of held-out levels; None where there are none."""
+    if not records:
+        return None
+    rows = tuple(
+        TableRow(
+            (
+                quantity_text(one.level, "N", 3),
+                Cell(str(int(np.count_nonzero(one.judged)))),
+                Cell(error_text(one.error, 3)),
+                Cell(error_text(one.noise)),
+            )
+        )
+        for one in records
+    )
+    columns = ("Level, rms", "Lines", "Error, root mean square", "Noise of the measured mean")
+    return Table("Levels that identification has not seen", columns, rows)
+
+
+def linear_table(approximations: Sequence[BestLinear]) -> Table:
+    """List the best linear approximations of a multisine, a row a level."""
+    stiffness = choose_scale([one.stiffness for one in approximations], "N/m")
+    size = choose_scale([one.rms for one in approximations], "m")
+
+    def cell(value: float, digits: int = 4) -> Cell:
+        return Cell(number_text(value, digits) if np.isfinite(value) else "–")
+
+    rows = tuple(
+        TableRow(
+            (
+                quantity_text(one.level, "N", 3),
+                Cell(str(one.records)),
+                cell(one.rms / size.factor),
+                cell(one.natural_frequency, 5),
+                cell(100 * one.damping_ratio),
+                cell(one.stiffness / stiffness.factor, 5),
+                Cell(error_text(one.distortion_share)),
+                Cell(share_text(one.even_share, one.even_bound)),
+                Cell(share_text(one.odd_share, one.odd_bound)),
+                Cell(error_text(one.noise_share)),
+            )
+        )
+        for one in approximations
+    )
+    columns = (
+        "Level, rms",
+        "Records",
+        size.label("Response, rms"),
+        "Natural frequency [Hz]",
+        "Damping ratio [%]",
+        stiffness.label("k"),
+        "Distortion at excited lines",
+        "at even lines",
+        "at other odd lines",
+        "Noise",
+    )
+    return Table("Best linear approximation of each level", columns, rows)
 
 
 def background_table(identification: Identification) -> Table | None:

@@ -6,6 +6,7 @@ import json
 import math
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
+from functools import singledispatch
 from pathlib import Path
 from typing import Any
 
@@ -15,10 +16,12 @@ import sympy
 from rsgen.analysis.comparison import Comparison, Row, verdict_of
 from rsgen.common.arrays import Array
 from rsgen.common.finding import StatedVerdict
+from rsgen.data.multisine import BestLinear, MultisineSpectra
 from rsgen.data.surface import ResponseSurface
 from rsgen.describing import PrintedComparison, derive
 from rsgen.formula import write
 from rsgen.formula.units.quantities import quantity_text
+from rsgen.identification.lines import MultisineIdentification
 from rsgen.identification.prediction import HeldOutLevel, Prediction
 from rsgen.identification.ranking import Ranking
 from rsgen.identification.results import Estimate, Identification, Resonance
@@ -33,13 +36,11 @@ __all__ = [
     "SCHEMA",
     "Entry",
     "build_result",
-    "common_entries",
     "elements_entry",
     "finite_or_none",
     "numbers_or_none",
     "read_result",
     "read_results",
-    "resonance_entry",
     "result_text",
     "rows_entry",
 ]
@@ -136,34 +137,9 @@ def _ranking(ranking: Ranking | None) -> dict[str, Any] | None:
     }
 
 
-def common_entries(
-    subject: Subject, identification: Identification, comparison: Comparison, prediction: Prediction
-) -> dict[str, Any]:
-    """Give what every result says, of whatever test: heading, verdict, values."""
-    return {
-        "schema": SCHEMA,
-        "case": subject.name,
-        "title": subject.title,
-        "source": subject.source,
-        "passed": comparison.passed,
-        "verdict": state_verdict(verdict_of(identification, comparison, prediction)),
-        "outcome": sentence(identification.outcome),
-        "warnings": [*subject.warnings, *map(sentence, identification.findings)],
-        "findings": [finding.to_dict() for finding in identification.findings],
-        "mass": finite_or_none(identification.mass),
-        "parameters": rows_entry(comparison, forces=False),
-        "forces": rows_entry(comparison, forces=True),
-        "elements": elements_entry(subject),
-        "residual": {
-            "relative": finite_or_none(identification.residual),
-            "noise": finite_or_none(identification.noise),
-        },
-    }
-
-
 def build_result(
     subject: Subject,
-    surface: ResponseSurface,
+    table: ResponseSurface | MultisineSpectra,
     identification: Identification,
     comparison: Comparison,
     prediction: Prediction,
@@ -183,39 +159,114 @@ def build_result(
     modal
         The modal table, or why there is none.
     """
-    curve = identification.curve
+    points, settled, entries = _entries_of(table, identification, prediction, modal)
     return {
-        **common_entries(subject, identification, comparison, prediction),
-        "printed": [
-            {
-                "what": formula.what,
-                "formula": write(formula.formula),
-                "agrees": formula.agrees,
-                "largest_deviation": finite_or_none(formula.largest_deviation),
-                "where": "" if formula.agrees else f"X = {quantity_text(formula.amplitude, 'm', 3)}",
-            }
-            for formula in printed
-        ],
+        "schema": SCHEMA,
+        "case": subject.name,
+        "title": subject.title,
+        "source": subject.source,
+        "passed": comparison.passed,
+        "verdict": state_verdict(verdict_of(identification, comparison, prediction)),
+        "outcome": sentence(identification.outcome),
+        "warnings": [*subject.warnings, *map(sentence, identification.findings)],
+        "findings": [finding.to_dict() for finding in identification.findings],
+        "mass": finite_or_none(identification.mass),
+        "parameters": rows_entry(comparison, forces=False),
+        "forces": rows_entry(comparison, forces=True),
+        "elements": elements_entry(subject),
+        "residual": {
+            "relative": finite_or_none(identification.residual),
+            "noise": finite_or_none(identification.noise),
+        },
+        "printed": [_printed(formula) for formula in printed],
         "surface": {
-            "points": len(surface),
-            "settled": int(np.count_nonzero(surface.settled)),
-            "origin": surface.origin,
+            "points": points,
+            "settled": settled,
+            "origin": table.origin,
             "seconds": finite_or_none(durations.get("surface")),
         },
+        "resonances": [_resonance(point) for point in identification.resonances],
+        **entries,
+    }
+
+
+def _printed(formula: PrintedComparison) -> dict[str, Any]:
+    return {
+        "what": formula.what,
+        "formula": write(formula.formula),
+        "agrees": formula.agrees,
+        "largest_deviation": finite_or_none(formula.largest_deviation),
+        "where": "" if formula.agrees else f"X = {quantity_text(formula.amplitude, 'm', 3)}",
+    }
+
+
+@singledispatch
+def _entries_of(
+    table: Any, identification: Identification, prediction: Prediction, modal: Modal
+) -> tuple[int, int, dict[str, Any]]:
+    """Count all and settled points, and give the entries that only a surface has, or only spectra have."""
+    curve = identification.curve
+    entries = {
         "equivalent": {
             name: numbers_or_none(getattr(curve, name))
             for name in ("amplitude", "frequency", "stiffness", "damping")
         },
-        "dissipation": dissipation_entry(surface, identification),
+        "dissipation": dissipation_entry(table, identification),
         "modal": modal_entry(modal),
-        "resonances": [resonance_entry(point) for point in identification.resonances],
         "held_out": [_held_out(item) for item in prediction.held_out],
         "background": _background(identification),
         "ranking": _ranking(identification.ranking),
     }
+    return len(table), int(np.count_nonzero(table.settled)), entries
 
 
-def resonance_entry(point: Resonance) -> dict[str, Any]:
+@_entries_of.register
+def _(
+    table: MultisineSpectra,
+    identification: MultisineIdentification,
+    prediction: Prediction,
+    modal: Modal,
+) -> tuple[int, int, dict[str, Any]]:
+    # a point is an excited line of a record
+    points = int(table.excited().sum())
+    entries = {
+        "multisine": {
+            "records": len(table),
+            "periods": table.periods,
+            "left_out": np.asarray(table.left_out).tolist(),
+            "line_spacing": finite_or_none(float(table.frequency[1])),
+            "levels": numbers_or_none(table.level),
+            "rms_force": numbers_or_none(table.rms_force()),
+            "rms_response": numbers_or_none(table.rms_response()),
+        },
+        "best_linear": [_best_linear(one) for one in identification.approximations],
+        "held_out": [
+            {**_finite_ones(one, ("level", "error", "noise")), "lines": int(np.count_nonzero(one.judged))}
+            for one in prediction.records
+        ],
+    }
+    return points, points, entries
+
+
+def _best_linear(one: BestLinear) -> dict[str, Any]:
+    return {
+        "records": one.records,
+        **_finite_ones(one, ("level", "natural_frequency", "damping_ratio", "stiffness", "mass")),
+        "distortion": finite_or_none(one.distortion_share),
+        "noise": finite_or_none(one.noise_share),
+        "even_lines": finite_or_none(one.even_share),
+        "even_lines_bound": finite_or_none(one.even_bound),
+        "odd_lines": finite_or_none(one.odd_share),
+        "odd_lines_bound": finite_or_none(one.odd_bound),
+        "frequency": numbers_or_none(one.frequency),
+        "receptance_real": numbers_or_none(one.receptance.real),
+        "receptance_imaginary": numbers_or_none(one.receptance.imag),
+        "response_noise": numbers_or_none(one.noise),
+        "response_distortion": numbers_or_none(one.distortion),
+    }
+
+
+def _resonance(point: Resonance) -> dict[str, Any]:
     """Give the resonance of a level."""
     numbers = _finite_ones(point, ("frequency", "damping_ratio", "amplitude", "stiffness", "damping"))
     return {"level": finite_or_none(point.level), "sweep": point.sweep, **numbers, "jump": point.jump}

@@ -169,7 +169,7 @@ def test_what_a_multisine_cannot_have_is_said_before_the_run(folder: Path, run_c
     (folder / "odd.toml").write_text(text, encoding="utf-8")
     checked = run_cli("check", folder / "odd.toml")
     assert "test.base: does not go with 'multisine'" in " ".join((checked.out + checked.err).split())
-    with pytest.raises(RsgenError, match="they go with what was identified from a multisine"):
+    with pytest.raises(RsgenError, match="surface: MultisineSpectra; must be ResponseSurface"):
         rsgen.predict(rsgen.Oscillator(1.0, "k*x", {"k": 1.0}), 1.0, rsgen.read(folder / "lines.toml"))
     with pytest.raises(MeasurementError, match="a level a record"):
         rsgen.MultisineSpectra([1.0], 1.0, np.ones((2, 5), complex), np.ones((2, 5), complex))

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated, Any, cast
 
 import typer
 
@@ -34,8 +34,7 @@ from rsgen.app.study.run_case import identify_case
 from rsgen.cases import Case, load_case
 from rsgen.common.errors import RsgenError
 from rsgen.common.finding import Verdict
-from rsgen.data.multisine import MultisineSpectra
-from rsgen.data.surface import load_surface
+from rsgen.data.surface import ResponseSurface, load_surface
 from rsgen.identification.prediction import predict
 from rsgen.identification.results import Estimate, Identification
 from rsgen.report.wording import sentence
@@ -85,6 +84,8 @@ def identify_command(
     target = check_target(frf, ".uff", "--frf") if frf else None
     if target:
         refuse_foreign(target, is_foreign(target, FRF), inputs_of(loaded, surface), "--frf")
+        if loaded.test.many_lines:
+            raise RsgenError(f"{case.name}: --frf: of a multisine `rsgen run` writes the receptances")
     with stage_progress(loaded) as note:
         note("surface", 0.0)
         tested = load_surface(surface) if surface else obtain_table(loaded)
@@ -92,9 +93,7 @@ def identify_command(
         identification = identify_case(loaded, tested)
         verdict = _verdict(loaded, identification)
     if target:
-        if isinstance(tested, MultisineSpectra):
-            raise RsgenError(f"{case.name}: --frf: of a multisine `rsgen run` writes the receptances")
-        save_frf(target, tested, predict(identification, surface=tested))
+        save_frf(target, cast("ResponseSurface", tested), predict(identification, surface=tested))
     rows = _rows(identification)
     warnings = [*map(sentence, identification.findings)]
     if json:

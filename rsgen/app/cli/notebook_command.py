@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, cast
 
 import typer
 
@@ -19,14 +19,9 @@ from rsgen.app.cli.options import (
 )
 from rsgen.app.cli.terminal import ACCEPTED, print_json, print_line
 from rsgen.app.study import obtain_table
-from rsgen.cases import Case, load_case
-from rsgen.data.multisine import MultisineSpectra
+from rsgen.cases import load_case
 from rsgen.data.surface import ResponseSurface, save_surface
-from rsgen.dynamics.simulation import SimulatedTest
-from rsgen.files import MeasuredTest
-from rsgen.report.figures.cycles import shows_loops
-from rsgen.report.files import write_multisine_notebook
-from rsgen.report.interpretation import mean_finding
+from rsgen.report.files import shown_of
 from rsgen.report.notebook import KnownResults, write_notebook
 from rsgen.report.provenance import is_lesson_as_written
 
@@ -51,39 +46,28 @@ def notebook_command(
     loaded = load_case(case, data)
     target = check_target(out or Path(f"{loaded.name}.ipynb"), ".ipynb")
     refuse_foreign(target, not is_lesson_as_written(target), inputs_of(loaded))
-    if isinstance(loaded.test, MeasuredTest):
-        saved = target.with_suffix(".h5")
-        refuse_foreign(saved, is_foreign(saved, SURFACE), inputs_of(loaded))
+    # a lesson simulates anew, and reads the files of a multisine; of a measured surface it takes ours
+    beside = target.with_suffix(".h5")
+    kept = loaded.oscillator is None and not loaded.test.many_lines
+    if kept:
+        refuse_foreign(beside, is_foreign(beside, SURFACE), inputs_of(loaded))
     surface = obtain_table(loaded)
     results = KnownResults(loaded)
-    beside = None
-    if isinstance(surface, MultisineSpectra):
-        write_multisine_notebook(target, loaded, surface, results)
-    else:
-        beside = _sines(target, loaded, surface, results)
-    if json:
-        print_json({"case": loaded.name, "file": str(target), "surface": str(beside) if beside else None})
-    else:
-        print_line(f"{target}" + (f", which reads {beside}" if beside else ""))
-    return ACCEPTED
-
-
-def _sines(target: Path, case: Case, surface: ResponseSurface, results: KnownResults) -> Path | None:
-    """Write the notebook of a case with a response surface; the file of the surface where it was measured."""
-    beside = None
-    if isinstance(case.test, SimulatedTest):
-        results.add("simulate", case.oscillator, case.test, result=surface)
-    else:
-        beside = target.with_suffix(".h5")
-        save_surface(beside, surface)
+    results.add("simulate", loaded.oscillator, loaded.test, result=surface)
+    results.add("read", loaded, result=surface)
+    if kept:
+        save_surface(beside, cast("ResponseSurface", surface))
         results.add("load_surface", beside.name, result=surface)
     write_notebook(
         target,
-        case,
+        loaded,
         results,
-        mean=mean_finding(surface) is not None,
-        held_out=bool(case.model.observation.hold_out),
-        loops=shows_loops(surface, case.model),
-        surface_file=beside.name if beside else "surface.h5",
+        held_out=bool(loaded.model.observation.hold_out),
+        surface_file=beside.name,
+        **shown_of(surface, loaded.model),
     )
-    return beside
+    if json:
+        print_json({"case": loaded.name, "file": str(target), "surface": str(beside) if kept else None})
+    else:
+        print_line(f"{target}" + (f", which reads {beside}" if kept else ""))
+    return ACCEPTED

@@ -13,12 +13,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rsgen.common.arrays import Array, ComplexArray, frozen_array
-from rsgen.common.errors import RsgenError
+from rsgen.common.errors import require
 from rsgen.common.finding import Finding, Quantity, Severity, quantities
 from rsgen.common.text_table import Printed, TextTable, data_frame, lookup, short
 from rsgen.data.multisine import MultisineSpectra
 from rsgen.data.multisine.spectra import held_out_records
-from rsgen.data.surface import ResponseSurface
 from rsgen.dynamics.periodic_response import periodic_response
 from rsgen.identification.lines import MultisineIdentification
 from rsgen.law.numeric import compile_law
@@ -148,11 +147,14 @@ class Prediction(Printed):
         One a held-out level and sweep; empty without held-out levels or without a surface.
     findings
         Levels beyond the tested amplitudes, without a curve, with points that are not predicted.
+    records
+        Of a multisine one a record that was predicted.
     """
 
     curves: tuple[ResonanceCurve, ...]
     held_out: tuple[HeldOutLevel, ...]
     findings: tuple[Finding, ...]
+    records: tuple[PredictedRecord, ...] = ()
 
     def __getitem__(self, level: float) -> ResonanceCurve:
         """Curve of a level [N].
@@ -246,15 +248,7 @@ class PredictedRecord:
 
 @dataclass(frozen=True, slots=True, eq=False, repr=False)
 class MultisinePrediction(Prediction):
-    """Predicted responses of records; ``curves`` and ``held_out``, which are of single sines, are empty.
-
-    Parameters
-    ----------
-    records
-        One a record, in their order.
-    """
-
-    records: tuple[PredictedRecord, ...] = ()
+    """Predicted responses of records; ``curves`` and ``held_out``, which are of single sines, are empty."""
 
     def _table(self) -> TextTable:
         rows = tuple((short(one.level), short(one.error, 3), short(one.noise, 2)) for one in self.records)
@@ -264,7 +258,7 @@ class MultisinePrediction(Prediction):
 
 
 def predict_multisine(
-    found: MultisineIdentification, spectra: MultisineSpectra | ResponseSurface | None = None
+    found: MultisineIdentification, spectra: MultisineSpectra | None = None
 ) -> MultisinePrediction:
     """Predict the periodic responses to the measured forces of records, and score them.
 
@@ -286,8 +280,7 @@ def predict_multisine(
         spectra = own.select(np.flatnonzero(held)) if held.any() else None
     if spectra is None:
         return MultisinePrediction((), (), ())
-    if not isinstance(spectra, MultisineSpectra):
-        raise RsgenError(f"surface: {type(spectra).__name__}; a multisine is predicted for MultisineSpectra")
+    require(spectra, MultisineSpectra, "surface")
     records = tuple(_record(found, spectra, i) for i in range(len(spectra)))
     findings = _findings(found, records, np.sqrt(2) * spectra.rms_response())
     return MultisinePrediction((), (), tuple(findings), records)

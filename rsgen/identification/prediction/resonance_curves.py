@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from math import inf, isfinite, nan
+from typing import cast
 
 import numpy as np
 
@@ -35,7 +36,7 @@ from rsgen.identification.prediction.prediction_result import (
 from rsgen.identification.results import EquivalentCurve, Estimate, Identification
 from rsgen.law.motion import Motion
 
-__all__ = ["as_identification", "judge_held_out", "predict"]
+__all__ = ["as_identification", "judge_held_out", "judge_records", "predict"]
 
 
 # ----------------------------------------------------------------------------
@@ -225,15 +226,13 @@ def predict(
     """
     require(found, (Identification, ModalTable, Oscillator), "found")
     if isinstance(found, MultisineIdentification):
-        return predict_multisine(found, surface)
-    if isinstance(surface, MultisineSpectra):
-        raise RsgenError("surface: MultisineSpectra; they go with what was identified from a multisine")
+        return predict_multisine(found, cast("MultisineSpectra | None", surface))
     table, mass = None, found.mass
     if isinstance(found, ModalTable):
         table, found = found, table_as_identification(found)
     if surface is not None:
         require(surface, ResponseSurface, "surface")
-        surface = surface.on_mass(mass)
+        surface = cast("ResponseSurface", surface).on_mass(mass)
     if isinstance(found, Identification) and found.model.sensors:
         return _predict_across(found, levels, surface)
     chosen = _levels(found, levels, surface)
@@ -260,7 +259,12 @@ def predict(
     return Prediction(curves, held_out, (*_findings(tested, curves, held_out), *findings))
 
 
-def judge_held_out(found: Identification, surface: ResponseSurface | MultisineSpectra) -> tuple[Finding, ...]:
+def judge_records(found: MultisineIdentification) -> tuple[Finding, ...]:
+    """Findings on the records of a multisine that an identification has not seen."""
+    return (*_by_label(found, found.spectra), *predict_multisine(found).findings)
+
+
+def judge_held_out(found: Identification, surface: ResponseSurface) -> tuple[Finding, ...]:
     """Findings on the levels that an identification has not seen, each predicted and held against its test.
 
     Parameters
@@ -271,10 +275,6 @@ def judge_held_out(found: Identification, surface: ResponseSurface | MultisineSp
         The test that was identified, held-out levels included.
     """
     if not found.model.observation.hold_out:
-        return ()
-    if isinstance(found, MultisineIdentification):
-        return (*_by_label(found, found.spectra), *predict_multisine(found).findings)
-    if isinstance(surface, MultisineSpectra):
         return ()
     meant = _by_label(found, surface)
     if not isfinite(found.mass):
@@ -297,8 +297,7 @@ def _by_label(found: Identification, test: ResponseSurface | MultisineSpectra) -
             continue
         meant = float(test.level[test.label == label][0])
         if amount != meant:
-            unit = test.level_unit if isinstance(test, ResponseSurface) else "N"
-            numbers = quantities(label=asked, level=Quantity(meant, unit))
+            numbers = quantities(label=asked, level=Quantity(meant, test.level_unit))
             findings.append(Finding("held-out-by-label", "warning", numbers=numbers))
     return tuple(findings)
 

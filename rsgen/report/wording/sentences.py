@@ -26,7 +26,8 @@ from rsgen.common.finding import (
 from rsgen.formula.units.quantities import count_text, number_text, quantity_text
 
 if TYPE_CHECKING:
-    from rsgen.data.surface import ResponseSurface
+    from rsgen.data.multisine import MultisineSpectra
+from rsgen.data.surface import ResponseSurface
 
 __all__ = [
     "CODES",
@@ -186,6 +187,18 @@ def surface_sentence(surface: ResponseSurface) -> str:
     if settled == len(surface):
         return text + "All of them settled."
     return text + f"{len(surface) - settled} did not settle and are not used."
+
+
+def spectra_sentence(spectra: MultisineSpectra, band: tuple[float, float]) -> str:
+    """Say how many records of a multisine there are, and which lines [Hz] were fitted."""
+    made = "simulated" if spectra.origin == "simulated" else "measured"
+    step = quantity_text(float(spectra.frequency[1]), "Hz", 4)
+    low, high = band
+    return (
+        f"{count_text(len(spectra), 'record')} of {count_text(spectra.periods, 'settled period')} at "
+        f"{count_text(len(spectra.levels), 'level')}, {made}; lines {step} apart. Lines from "
+        f"{quantity_text(low, 'Hz', 4)} to {quantity_text(high, 'Hz', 4)} were fitted."
+    )
 
 
 def proof_sentence(closed_form: bool, checked_to: float | None) -> str:
