@@ -6,8 +6,6 @@ report.html is one file that reads like a chapter, verdict first.
 from __future__ import annotations
 
 import base64
-import importlib
-import json
 import math
 import re
 from collections.abc import Collection, Iterable, Mapping, Sequence
@@ -16,19 +14,17 @@ from pathlib import Path
 from typing import Any
 from urllib.parse import quote
 
-import numpy as np
 from markupsafe import Markup, escape
 
 import rsgen
 from rsgen.analysis.comparison import Comparison, verdict_of
-from rsgen.common.errors import RsgenError
 from rsgen.common.finding import STATES
 from rsgen.common.output import write_atomic
 from rsgen.data.multisine import MultisineSpectra
-from rsgen.data.surface import ResponseSurface, load_surface
+from rsgen.data.surface import ResponseSurface
 from rsgen.describing import PrintedComparison, derive
 from rsgen.formula import parse
-from rsgen.formula.units.quantities import SWEEPS, choose_scale, number_text, quantity_text
+from rsgen.formula.units.quantities import number_text, quantity_text
 from rsgen.identification.lines import MultisineIdentification
 from rsgen.identification.prediction import Prediction
 from rsgen.identification.results import Identification
@@ -36,7 +32,6 @@ from rsgen.law.element import FORCE_KEYS, Element
 from rsgen.law.memory import memory_form
 from rsgen.law.notation import mathml
 from rsgen.report.figures import Drawing
-from rsgen.report.figures.overview import largest_answer
 from rsgen.report.interpretation import describe_elements, dissipation_findings, mean_finding
 from rsgen.report.page_tables import (
     NO_MODAL,
@@ -52,7 +47,7 @@ from rsgen.report.page_tables import (
     verdict_table,
 )
 from rsgen.report.provenance import Subject, page_environment, plain_text
-from rsgen.report.result_json import Entry, read_result, read_results
+from rsgen.report.result_json import Entry, read_results
 from rsgen.report.wording import full_sentence, sentence
 from rsgen.report.wording.sentences import (
     MARKED,
@@ -67,7 +62,6 @@ __all__ = [
     "THUMBNAIL",
     "inline_svg",
     "picture_svg",
-    "render_interactive",
     "render_page",
     "table_of_results",
     "write_index",
@@ -423,119 +417,3 @@ def write_index(folder: Path | str) -> None:
     context = {"cases": contexts, "counts": counts, "marked": MARKED, "version": rsgen.__version__}
     write_atomic(place / "index.html", page.render(context))
     write_atomic(place / "table1.md", table_of_results(entries))
-
-
-# ----------------------------------------------------------------------------
-# A page to turn the response surface and read values; plotly draws it, from inside the file.
-
-_COORDINATE_DIGITS = 6
-
-
-def _plotly() -> str:
-    """Give the source of plotly.js that the Python package carries."""
-    try:
-        return str(importlib.import_module("plotly.offline").get_plotlyjs())
-    except ImportError:
-        raise RsgenError('plotly is not installed; get it by: pip install "rsgen[show]"') from None
-
-
-def _coordinates(values: Any) -> Any:
-    return [None if not np.isfinite(value) else float(f"{value:.{_COORDINATE_DIGITS}g}") for value in values]
-
-
-def _traces(surface: ResponseSurface) -> tuple[list[dict[str, Any]], dict[str, str]]:
-    amplitude = choose_scale(surface.answer[surface.settled], surface.answer_unit)
-    force = choose_scale(surface.level, surface.level_unit)
-    held, found = ("X", "F") if surface.response_held else ("F", "X")
-    axes = {
-        "x": "Frequency [Hz]",
-        "y": force.label(f"Level {held}"),
-        "z": amplitude.label("Amplitude X" if found == "X" else "Force F"),
-    }
-    colour = {"colorscale": "Viridis", "cmin": 0, "cmax": largest_answer(surface) / amplitude.factor}
-    hover = (
-        f"%{{x:.5g}} Hz<br>{held} = %{{y:.4g}} {force.unit}<br>{found} = %{{z:.5g}} {amplitude.unit}"
-        "<br>phase = %{customdata:.4g} °"
-    )
-    traces: list[dict[str, Any]] = []
-    for sweep, words in SWEEPS.items():
-        part = surface.select((surface.sweep == sweep) & surface.settled)
-        rows = [np.flatnonzero(part.level == level) for level in part.levels]
-        rows = [index[np.argsort(part.frequency[index], kind="stable")] for index in rows]
-        grid = len(rows) > 1 and all(
-            len(index) == len(rows[0]) and np.array_equal(part.frequency[index], part.frequency[rows[0]])
-            for index in rows
-        )
-        height, lag = part.answer / amplitude.factor, np.degrees(part.phase)
-        if grid:
-            traces.append(
-                {
-                    "type": "surface",
-                    "name": words,
-                    "showlegend": True,
-                    "x": _coordinates(part.frequency[rows[0]]),
-                    "y": _coordinates(part.levels / force.factor),
-                    "z": [_coordinates(height[index]) for index in rows],
-                    "customdata": [_coordinates(lag[index]) for index in rows],
-                    "showscale": not traces,
-                    "colorbar": {"title": {"text": axes["z"]}},
-                    "hovertemplate": hover,
-                    **colour,
-                }
-            )
-            continue
-        for number, index in enumerate(rows):
-            traces.append(
-                {
-                    "type": "scatter3d",
-                    "mode": "lines+markers",
-                    # one entry of the legend shows or hides all levels of a sweep
-                    "name": words,
-                    "legendgroup": sweep,
-                    "showlegend": number == 0,
-                    "x": _coordinates(part.frequency[index]),
-                    "y": _coordinates(part.level[index] / force.factor),
-                    "z": _coordinates(height[index]),
-                    "customdata": _coordinates(lag[index]),
-                    "hovertemplate": hover,
-                    "marker": {"size": 2, "color": _coordinates(height[index]), **colour},
-                    "line": {"width": 3, "color": _coordinates(height[index]), **colour},
-                }
-            )
-    return traces, axes
-
-
-def render_interactive(folder: str | Path) -> str:
-    """Render the page of one result: one file of about 5 MB with a script inside, no network.
-
-    Parameters
-    ----------
-    folder
-        ``reports/<case>``, where a run has left surface.h5 and result.json.
-
-    Raises
-    ------
-    RsgenError
-        There is no result, its surface cannot be read, or plotly is not installed.
-    """
-    place = Path(folder)
-    entry = read_result(place / "result.json")
-    if entry is None:
-        raise RsgenError(f"{place}: holds no result of rsgen; give reports/<case>")
-    if "multisine" in entry.result:
-        raise RsgenError(
-            f"{place}: a multisine has no response surface to turn; its report.html has all figures"
-        )
-    source = _plotly()
-    traces, axes = _traces(load_surface(place / "surface.h5"))
-    data = json.dumps({"traces": traces, "axes": axes}, allow_nan=False)
-    # inside a script element only its end tag and comments mean anything to HTML
-    data = data.replace("<", "\\u003c").replace("\u2028", "\\u2028").replace("\u2029", "\\u2029")
-    context = {
-        "title": entry.result["title"],
-        "verdict": entry.verdict["headline"],
-        "plotly": Markup(source.replace("</script", "<\\/script")),  # noqa: S704 - the package's own source
-        "data": Markup(data),  # noqa: S704 - JSON without a "<"
-        "version": rsgen.__version__,
-    }
-    return page_environment().get_template("report/interactive.html").render(context)

@@ -133,7 +133,6 @@ def test_no_words_show_the_help(capsys: pytest.CaptureFixture[str]) -> None:
         (("report", "--figures", "pdf"), "name them"),
         (("notebook", ROOT / "cases" / "cubic.toml", "--out", "x.txt"), "must end in .ipynb"),
         (("diff", "absent", "absent"), "holds no result"),
-        (("show", "absent"), "holds no result"),
     ],
 )
 def test_faulty_words_get_a_sentence(

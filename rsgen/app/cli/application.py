@@ -44,7 +44,6 @@ COMMANDS = {
     "report": "Write reports anew, without simulating.",
     "notebook": "Write the lesson on a case alone.",
     "diff": "What changed between two results.",
-    "show": "Turn the response surface and read values.",
     "inspect": "What is in a data file.",
     "init": "Begin a case file.",
     "laws": "The library of force laws.",
@@ -91,7 +90,6 @@ application = typer.Typer(
       rsgen inspect sweep.mat                    what is in a measured file
       rsgen derive "k1*x + kn1*x**3 + c1*v"      equivalent stiffness and damping of any law
       rsgen rank cases/cubic.toml                find the law behind a test
-      rsgen show reports/gearbox                 turn the response surface, read values
       rsgen diff before after                    what changed between two results
 
     \b

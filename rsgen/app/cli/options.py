@@ -18,7 +18,6 @@ __all__ = [
     "FRF",
     "MODAL",
     "SURFACE",
-    "SURFACE_PAGE",
     "Amplitude",
     "Cases",
     "Data",
@@ -74,7 +73,6 @@ Figures = Annotated[
 SURFACE = b"rsgen response surface"
 FRF = b"receptances by level\nrsgen\n"
 MODAL = b"amplitude [m],frequency [Hz],lower frequency [Hz]"
-SURFACE_PAGE = b": response surface</title>"
 DIFFERENCE = b"<title>rsgen: two results compared</title>"
 """What is near the beginning of each kind of file that a command writes, and hardly in any other."""
 

@@ -9,8 +9,7 @@ With the samples of force and response as arrays, two lines make a surface::
 down) go in as a list. ``from_stepped_sine`` and ``from_free_decay`` do the same for the other tests, and
 ``from_multisine`` makes the spectra of a periodic multisine, which ``identify`` takes as well;
 ``follow_decay`` gives frequency and damping of a free decay against its amplitude, and ``record_findings``
-finds where a record is clipped or stands still. ``from_sep5`` and ``to_sep5`` take and give channels as the
-SDyPy family has them.
+finds where a record is clipped or stands still.
 """
 
 from __future__ import annotations
@@ -18,7 +17,6 @@ from __future__ import annotations
 from rsgen.data.history.decay import FreeDecay, follow_decay, from_free_decay
 from rsgen.data.history.multisine_records import from_multisine
 from rsgen.data.history.record import TimeHistory, record_findings
-from rsgen.data.history.sep5 import from_sep5, to_sep5
 from rsgen.data.history.stepped_sine import from_stepped_sine
 from rsgen.data.history.swept_sine import from_swept_sine
 from rsgen.data.history.tracking import SweepLaw
@@ -30,11 +28,9 @@ __all__ = [
     "follow_decay",
     "from_free_decay",
     "from_multisine",
-    "from_sep5",
     "from_stepped_sine",
     "from_swept_sine",
     "record_findings",
-    "to_sep5",
 ]
 
 
