@@ -396,9 +396,27 @@ def test_amplitudes_alone_have_no_phase_and_degrees_are_not_read_as_radians():
         ResponseSurface.from_frame(columns | {"amplitude": amplitude})
 
 
-def test_a_data_frame_and_back_is_the_identity():
+def test_a_phase_that_was_not_recorded_is_nan_named_and_refused_where_it_is_needed():
+    surface = ResponseSurface.from_frame(linear_columns())
+    assert surface.limits == ()
+    assert np.isfinite(surface.phase).all()
+    surface.require_phase("here", "it is needed")
+    bare = replace(surface, phase_known=False)
+    assert [finding.code for finding in bare.limits] == ["phase-not-recorded"]
+    assert np.isnan(bare.phase).all()
+    with pytest.raises(RsgenError, match="here: the phases were not recorded; it is needed"):
+        bare.require_phase("here", "it is needed")
+    assert (surface.units.force, surface.units.of("N/m")) == ("N", "N/m")
+    per_mass = replace(surface, per_mass=True)
+    assert [finding.code for finding in per_mass.limits] == ["per-unit-mass"]
+    assert (per_mass.units.force, per_mass.units.of("N/m")) == ("m/s^2", "N/m/kg")
+    assert np.isnan(per_mass.units.kilogram)
+
+
+@pytest.mark.parametrize("phase_known", [True, False])
+def test_a_data_frame_and_back_is_the_identity(phase_known: bool):
     pandas = pytest.importorskip("pandas")
-    surface = replace(random_surface(4, 30, 5), phase_known=True, findings=(), origin="measured")
+    surface = replace(random_surface(4, 30, 5), phase_known=phase_known, findings=(), origin="measured")
     real = {name: np.array(getattr(surface, name)) for name in ("harmonics", "force_harmonics")}
     for harmonics in real.values():
         harmonics[:, 0].imag = 0

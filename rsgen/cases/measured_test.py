@@ -21,6 +21,13 @@ __all__ = ["MEASURED", "load_measured", "make_measured"]
 
 _SIGNAL = Signal(amplitude=1)
 
+_OF_PHASE = {
+    True: "response.phase: is missing; amplitude and phase, or real and imaginary, are needed "
+    "(or phase_known = false)",
+    False: "response.phase_known: is false, but there is a phase; leave one out",
+}
+"""What contradicts whether the phase was recorded."""
+
 MEASURED = table_of(
     MeasuredTest,
     "MeasuredTest",
@@ -146,11 +153,7 @@ def _signal_faults(table: Any, test: MeasuredTest) -> Iterator[str]:
             yield (
                 f"{place}.phase_sense: is missing; 'lag' (positive means later) or 'lead' (earlier) is needed"
             )
-    if response is not None and response.amplitude is not None and test.history is None:
-        if response.phase is None and response.phase_known:
-            yield (
-                "response.phase: is missing; amplitude and phase, or real and imaginary, are needed "
-                "(or phase_known = false)"
-            )
-        if response.phase is not None and not response.phase_known:
-            yield "response.phase_known: is false, but there is a phase; leave one out"
+    if response is None or response.amplitude is None or test.history is not None:
+        return
+    if (response.phase is None) == response.phase_known:
+        yield _OF_PHASE[response.phase_known]

@@ -24,6 +24,7 @@ AMPLITUDES = "amplitude (with phase), or real and imaginary, or complex"
 LATEST = 10.0
 """Delay of a channel [s]: no filter and no multiplexer is later."""
 _PLACES = ("amplitude", "phase", "real", "imaginary", "complex", "samples")
+_TOGETHER = (["amplitude"], ["amplitude", "phase"], ["complex"], ["samples"], ["real", "imaginary"])
 
 Column = Annotated[
     int | str,
@@ -88,9 +89,9 @@ class Signal(Checked):
 
     def faults(self) -> Iterator[tuple[str, str]]:
         """Find what does not fit together: a field's name ("" for all) and what is wrong with it."""
-        main = [name for name in given(self, *_PLACES) if name != "phase"]
+        places = list(given(self, *_PLACES))
         if self.channels is not None:
-            if main or self.phase is not None:
+            if places:
                 yield "channels", "are given, and columns too; leave one of them out"
             for name in given(self, "factor", "unit", "scale", "phase_unit", "phase_sense"):
                 yield name, "is of a column, but channels are given; say it of each channel"
@@ -99,10 +100,8 @@ class Signal(Checked):
             except MeasurementError as fault:
                 yield "channels", str(fault)
             return
-        if main not in (["amplitude"], ["complex"], ["samples"], ["real", "imaginary"]):
+        if places not in _TOGETHER:
             yield "", f"give {AMPLITUDES}, or samples of a time history; one is needed"
-        elif self.phase is not None and self.amplitude is None:
-            yield "phase", "goes with amplitude only; leave one out"
         if self.samples is not None and self.scale == "rms":
             yield "scale", "is 'rms', but samples are instants; leave it out"
         if self.factor == 0:

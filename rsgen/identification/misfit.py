@@ -117,8 +117,7 @@ def misfit_findings(
     observed = fit.problem.observed
     # other modes are part of a measured motion across: there is no background beside it
     trials = {} if fit.problem.law.acts_across else _with_backgrounds(fit)
-    alone = bool(trials) and surface.origin == "measured" and observed.kind == "none"
-    if alone and observed.points.phase_known:
+    if trials and surface.origin == "measured" and observed.direct:
         found.append(_background_proposal(points, resonances))
     if not names:
         # a term that is missing misses some levels more than others, as dry friction the lowest

@@ -341,7 +341,7 @@ def _see(points: Points, model: Model) -> SeenMode:
     """
     observed = Observed.of(points, model.observation.background)
     mode, background = points, np.zeros(0)
-    if observed.background.names or not points.phase_known:
+    if not observed.direct:
         problem, start = start_fit(Problem(model.elements, compile_law(model.force), observed, model.fixed))
         found = fit_balance(problem, start, order=1)
         background = found.background

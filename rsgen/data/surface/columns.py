@@ -355,19 +355,21 @@ def _harmonic_columns(prefix: str, harmonics: ComplexArray) -> dict[str, Any]:
 
 def _fundamental(table: _Table, force: ComplexArray, degrees: bool) -> tuple[ComplexArray, bool]:
     name = "amplitude"
-    if table.has("response") and not np.iscomplexobj(table.read("response")) and table.has("phase"):
+    lag = np.asarray(table.read("phase"), dtype=np.float64) if table.has("phase") else np.zeros(0)
+    # a phase that was not recorded is NaN at every point
+    recorded = bool(np.isfinite(lag).any())
+    if table.has("response") and not np.iscomplexobj(table.read("response")) and recorded:
         name = "response"
     elif (response := table.complex("response")) is not None:
-        return response, True
+        return response, recorded or not table.has("phase")
     if not table.has(name):
         raise RsgenError(
             "from_frame: no response; give a column 'response', 'response_real' and 'response_imag', or "
             f"'amplitude' and 'phase'; there are {', '.join(table.names)}"
         )
     amplitude = np.asarray(table.read(name), dtype=np.float64)
-    if not table.has("phase"):
+    if not recorded:
         return amplitude.astype(np.complex128), False
-    lag = np.asarray(table.read("phase"), dtype=np.float64)
     if degrees:
         lag = np.radians(lag)
     elif np.nanmax(np.abs(lag), initial=0.0) > _LARGEST_PHASE:
@@ -393,8 +395,7 @@ def frame_of_surface(surface: Any) -> Any:
         "force": surface.force,
         "amplitude": surface.amplitude,
     }
-    if surface.phase_known:
-        columns |= {"response": surface.harmonics[:, 1], "phase": surface.phase}
+    columns |= {"response": surface.harmonics[:, 1], "phase": surface.phase}
     columns |= _harmonic_columns("", surface.harmonics)
     if surface.force_harmonics.shape[1] > 2 or surface.force_harmonics[:, 0].any():
         columns |= _harmonic_columns("force_", surface.force_harmonics)

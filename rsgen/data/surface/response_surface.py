@@ -435,7 +435,7 @@ class ResponseSurface:
         * ``force`` [N], complex or real; or ``force_real`` and ``force_imag``,
         * ``response`` [m], complex; or ``response_real`` and ``response_imag``; or ``amplitude`` and
           ``phase``, the lag of the displacement behind the force (rad; positive: the displacement comes
-          later); ``amplitude`` alone is a test without phases,
+          later); ``amplitude`` alone, or a ``phase`` of NaN, is a test without phases,
         * where there are any, ``mean``, ``harmonic_2``, ``harmonic_3``, ..., ``peak_max``, ``peak_min``,
           ``sweep``, ``outcome``, ``residual``, ``error`` and ``stable``, as ``to_frame`` gives them,
         * where they were recorded, ``force_mean``, ``force_harmonic_2``, ... and, across the elements between

@@ -11,6 +11,7 @@ from collections import defaultdict, deque
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from fnmatch import fnmatchcase
+from itertools import groupby
 from typing import Any
 
 from rsgen.data.surface.columns import QUANTITIES
@@ -470,13 +471,12 @@ def write_base(draft: Draft, base: Base, sense: str) -> None:
 
 def write_motions(draft: Draft, responses: Sequence[Sensor], sense: str, left_out: str) -> None:
     """Write [test.response], and [test.channels] where there are several."""
-    if responses[0].has_phase:
-        # a sum of channels needs the phases of all
-        bare = [sensor.main.title or sensor.main.path for sensor in responses if not sensor.has_phase]
-        responses = [sensor for sensor in responses if sensor.has_phase]
-        left_out = "; ".join(
-            filter(None, [f"left out: {', '.join(bare)}, without a phase" * bool(bare), left_out])
-        )
+    # a sum of channels needs the phases of all
+    responses, *rest = [list(alike) for _, alike in groupby(responses, key=lambda one: one.has_phase)]
+    bare = [sensor.main.title or sensor.main.path for part in rest for sensor in part]
+    left_out = "; ".join(
+        filter(None, [f"left out: {', '.join(bare)}, without a phase" * bool(bare), left_out])
+    )
     relative = "test.base" in draft.tables and RELATIVE(responses[0].main)
     if relative:
         draft.tables["test.base"]["response"] = "relative"

@@ -85,6 +85,8 @@ class Observed:
     scale
         (n,) amplitude [m] with which a fit begins to compare by logarithms, see ``linearise``: from the
         beginning without phases, where the sign of a difference is that of its logarithm. Else None.
+    direct
+        Whether the points are those of the mode as they are: no background, and phases recorded.
     """
 
     points: Points
@@ -94,6 +96,7 @@ class Observed:
     band: tuple[float, float]
     recorded: tuple[int, ...]
     scale: Array | None = None
+    direct: bool = False
 
     @classmethod
     def of(cls, points: Points, kind: str = "none") -> Observed:
@@ -102,7 +105,8 @@ class Observed:
         band = float(frequency.min()), float(frequency.max())
         shape = background_terms(kind, points.omega, points.force, band)
         if points.phase_known:
-            return cls(points, shape, np.ones(len(shape.names), bool), kind, band, points.measured)
+            fitted = np.ones(len(shape.names), dtype=bool)
+            return cls(points, shape, fitted, kind, band, points.measured, direct=not shape.names)
         # without phase psi has no effect, and imaginary parts of b hardly one that damping has not
         fitted = np.array([name not in _NEED_PHASE for name in shape.names], dtype=bool)
         return cls(points, shape, fitted, kind, band, (), points.amplitude)

@@ -468,13 +468,6 @@ def _respond(
     return balance.respond(mode) + shape.receptance(values) * mode.force
 
 
-def _miss(predicted: ComplexArray, measured: ComplexArray, surface: ResponseSurface) -> Array:
-    """(n,) distance from prediction to measurement [m]; of amplitudes where the phase was not recorded."""
-    if surface.phase_known:
-        return np.asarray(np.abs(predicted - measured))
-    return np.asarray(np.abs(np.abs(predicted) - np.abs(measured)))
-
-
 def _missed(
     held_out: tuple[HeldOutLevel, ...], surface: ResponseSurface, misfit: float, *, by_law: bool = True
 ) -> tuple[Finding, ...]:
@@ -486,7 +479,7 @@ def _missed(
     for item in held_out:
         size = np.abs(item.measured)
         known = np.isfinite(item.predicted)
-        miss = np.where(known, _miss(item.predicted, item.measured, surface), size)
+        miss = np.where(known, np.abs(item.predicted - item.measured), size)
         if not by_law:
             miss, size = miss[known], size[known]
         judged = np.argsort(miss)[: len(miss) - int(np.ceil(_AT_JUMPS * len(miss)))]
@@ -520,7 +513,10 @@ def _score(
             rows = rows[np.argsort(surface.frequency[rows], kind="stable")]
             measured = surface.harmonics[rows, 1]
             predicted = _respond(identification, balance, surface.select(rows))
-            miss = _miss(predicted, measured, surface)
+            # a phase that was not recorded is the predicted one
+            turned = np.abs(measured) * np.exp(1j * np.nan_to_num(np.angle(predicted)))
+            measured = np.where(np.isfinite(surface.phase[rows]), measured, turned)
+            miss = np.abs(predicted - measured)
             known = np.isfinite(miss)
             error = largest = nan
             if known.any():
