@@ -236,13 +236,9 @@ class _Builder:
                 # what is wrong with an equation says its own key
                 self.faults.append(f"{place}.{text if text.startswith('memory.') else f'{key}: {text}'}")
                 continue
-            if table.across is not None:
-                element = replace(element, across=table.across)
-                if self.simulated:
-                    self.fault(f"{place}.across", "a simulated test has one response; leave it out")
             if MASS in element.parameters:
                 self.fault(f"{place}.{key}", "'m' is the mass; name the parameter otherwise")
-            built.append(element)
+            built.append(replace(element, across=table.across or ""))
         return tuple(built)
 
     def parameters(self, elements: tuple[Element, ...]) -> dict[str, str]:
@@ -305,12 +301,13 @@ class _Builder:
         return None
 
     def across(self) -> str | None:
-        """Between which channels elements act; one pair in a case."""
+        """Between which channels elements act; one pair in a case, none in one that is simulated."""
         said = {table.across: number for number, table in reversed([*enumerate(self.tables, start=1)])}
         said.pop(None, None)
-        for other, number in list(said.items())[:-1]:
-            text = f"{quote(str(other))}; one sum of channels is allowed in a case"
-            self.fault(f"element.{number}.across", text)
+        for other, number in list(said.items())[: None if self.simulated else -1]:
+            several = f"{quote(str(other))}; one sum of channels is allowed in a case"
+            alone = "a simulated test has one response; leave it out"
+            self.fault(f"element.{number}.across", alone if self.simulated else several)
         return next(iter(said), None)
 
     def printed(self, units: dict[str, str]) -> dict[str, sympy.Expr]:
@@ -368,7 +365,7 @@ class _Builder:
         elements = self.elements()
         complete = len(elements) == len(self.tables) > 0
         units = self.parameters(elements)
-        mass = self.mass()
+        mass, across = self.mass(), self.across()
         values = self.truth_given(elements, units, complete)
         printed = self.printed(units) if complete else {}
         accept = self.accept(elements, units) if complete else {}
@@ -376,7 +373,7 @@ class _Builder:
         test = (
             make_simulated(document.test, self.maker)
             if self.simulated
-            else make_measured(document.test, self.maker, mass, calibrated, self.across())
+            else make_measured(document.test, self.maker, mass, calibrated, across)
         )
         observation = make_observation(document.identify, test, self.maker)
         if mass is not None and not calibrated:

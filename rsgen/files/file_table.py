@@ -29,12 +29,12 @@ __all__ = [
     "Sources",
     "Table",
     "file_of",
+    "join_motions",
     "read_channels",
     "read_sources",
     "read_table",
     "scaled",
     "to_si",
-    "with_across",
 ]
 
 
@@ -527,17 +527,18 @@ def _whole_rows(sources: Sources) -> Sources:
     return replace(kept, tables=kept.tables | {path: marked})
 
 
-def with_across(surface: ResponseSurface, across: ResponseSurface) -> ResponseSurface:
-    """Join the surface of a response and that of the motion across, of the same records.
+def join_motions(response: ResponseSurface, *others: ResponseSurface) -> ResponseSurface:
+    """Join the surface of a response and those of further motions, of the same records.
 
     Raises
     ------
     MeasurementError
-        The two do not have the same points.
+        They do not have the same points.
     """
-    if not np.array_equal(surface.frequency, across.frequency):
-        raise MeasurementError(
-            f"response: {len(surface)} points, and {len(across)} of the motion across; both must have the "
-            "same frequencies: record them with the same force"
-        )
-    return replace(surface, across=across.harmonics)
+    for other in others:
+        if not np.array_equal(response.frequency, other.frequency):
+            raise MeasurementError(
+                f"response: {len(response)} points, and {len(other)} of the motion across; both must have "
+                "the same frequencies: record them with the same force"
+            )
+    return replace(response, across=np.hstack([response.across, *(other.harmonics for other in others)]))

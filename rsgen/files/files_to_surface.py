@@ -29,7 +29,7 @@ from rsgen.data.surface.phase_lag import lag_findings
 from rsgen.data.surface.plausibility import base_findings, quantity_findings
 from rsgen.files.column_titles import contradiction, is_angular, unit_in
 from rsgen.files.data_files import file_label
-from rsgen.files.file_table import Sources, Table, read_sources, with_across
+from rsgen.files.file_table import Sources, Table, join_motions, read_sources
 from rsgen.files.histories import read_histories, read_motions
 from rsgen.files.nominal_levels import amplitude_steps, hold, level_of_file, settle_levels
 from rsgen.files.plan import HERTZ, HistoryRule, MeasuredTest, SweepRule
@@ -483,10 +483,8 @@ def _from_multisine(test: MeasuredTest, rule: HistoryRule) -> MultisineSpectra:
 
 
 def _from_histories(test: MeasuredTest, rule: HistoryRule) -> ResponseSurface:
-    histories, *others = read_motions(test)
-    surface = _demodulated(histories, test, rule)
-    for other in others:
-        surface = with_across(surface, _demodulated(other, test, rule))
+    motions = read_motions(test)
+    histories, surface = motions[0], join_motions(*(_demodulated(one, test, rule) for one in motions))
     if test.base is not None:
         surface = replace(surface, per_mass=True, base="acceleration")
     if rule.excitation != "ring-down":

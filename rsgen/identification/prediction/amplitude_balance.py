@@ -17,9 +17,11 @@ from rsgen.data.oscillator import Model
 from rsgen.data.surface import ResponseSurface
 from rsgen.dynamics.harmonic_balance import Response, following_harmonics, hold_amplitude
 from rsgen.dynamics.linear_part import Inertia
+from rsgen.identification.fitting.across import MeasuredAcross, law_of
 from rsgen.identification.modal_result import ModalTable, SplineMode
 from rsgen.identification.prediction.prediction_result import BEYOND
 from rsgen.identification.results import EquivalentCurve, Estimate, Identification
+from rsgen.law.motion import Motion
 from rsgen.law.numeric import compile_law
 
 __all__ = ["AmplitudeBalance", "SynthesisBalance", "table_as_identification"]
@@ -59,6 +61,9 @@ _NEXT = 0.5
 class AmplitudeBalance:
     """The balance of an identified structure as a function of amplitude and frequency."""
 
+    about: tuple[Finding, ...] = ()
+    """What a reader of its predictions should know."""
+
     def __init__(self, identification: Identification) -> None:
         self._law = compile_law(identification.model.force)
         self._values = np.array(identification.solution)
@@ -70,6 +75,10 @@ class AmplitudeBalance:
         self._largest = identification.amplitude_range[1]
         self._centre = np.pi * sum(identification.frequency_range)
         self._tabulate(2 * self._largest)
+
+    def drawn(self, levels: list[float]) -> list[float]:
+        """Which levels have a curve: all of them."""
+        return levels
 
     def solve(self, size: Array, omega: Array, start: ComplexArray | None = None) -> Response:
         """Hold the amplitudes X [m] at the frequencies [rad/s]; both (n,)."""
@@ -310,6 +319,70 @@ class SynthesisBalance(AmplitudeBalance):
         size = np.full(len(omega), self._least * BEYOND)
         at = self.solve(size, omega)
         return np.asarray(np.abs(at.force_slope - at.force) / size)
+
+
+# ----------------------------------------------------------------------------
+# Responses of a law across two sensors: only where the motion across was measured with the response.
+
+_RANGE = (0.1, 10.0)
+"""Amplitudes that are tried, relative to the measured one: an error of that size predicts nothing."""
+
+_TRIED = 120
+"""Amplitudes in that range: four per cent apart, closer than the branches of a jump lie."""
+
+_NEAR = np.linspace(0.9, 1.1, 201)
+"""Amplitudes near the measured one, a thousandth apart: two states that lie closer are one measurement."""
+
+_HALVINGS = 40
+"""Of an interval of four per cent: to round-off."""
+
+
+class MeasuredBalance(AmplitudeBalance):
+    """The balance of a law across two sensors: only where the motion across was measured too."""
+
+    def __init__(self, identification: Identification) -> None:
+        self._law = law_of(identification.model.elements)
+        self._values, self._mass = np.array(identification.solution), identification.mass
+        names = {"sensors": identification.model.sensors}
+        self.about = (Finding("predicted-along-measured", "info", names=names),)
+
+    def drawn(self, levels: list[float]) -> list[float]:
+        """None: there are no curves without the motion across."""
+        return []
+
+    def respond(self, mode: ResponseSurface) -> ComplexArray:
+        """(n,) complex fundamental [m] under the measured force.
+
+        The motion across goes with the response as it was measured at the same point. Of several amplitudes
+        that the force holds the one nearest to the measured one is taken; NaN where there is none.
+        """
+        if not mode.across.size:
+            return np.full(len(mode), np.nan, dtype=complex)
+        motions = (Motion(mode.omega, np.nan_to_num(motion)) for motion in (mode.harmonics, mode.across))
+        forward = MeasuredAcross(self._law, *motions, rides=0.0)
+        measured, level = mode.amplitude, np.abs(mode.force)
+
+        def force_at(size: Array) -> ComplexArray:
+            return forward(self._values, self._mass, size).force
+
+        sizes = np.union1d(np.geomspace(*_RANGE, _TRIED), _NEAR)
+        table = np.array([np.abs(force_at(share * measured)) - level for share in sizes])
+        crossed = (table[:-1] < 0) != (table[1:] < 0)
+        distance = np.where(crossed, np.abs(np.log(sizes[:-1, None])), np.inf)
+        row = np.argmin(distance, axis=0)
+        upward = np.take_along_axis(table, row[None, :], axis=0)[0] < 0
+        low, high = sizes[row] * measured, sizes[row + 1] * measured
+        for _ in range(_HALVINGS):
+            middle = (low + high) / 2
+            above = (np.abs(force_at(middle)) >= level) == upward
+            low, high = np.where(above, low, middle), np.where(above, middle, high)
+        found = high * np.exp(1j * (np.angle(mode.force) - np.angle(force_at(high))))
+        return np.where(np.isfinite(distance.min(axis=0)), found, np.nan)
+
+
+def balance_of(found: Identification) -> AmplitudeBalance:
+    """Make the balance that predicts an identified structure."""
+    return MeasuredBalance(found) if found.model.sensors else AmplitudeBalance(found)
 
 
 def table_as_identification(table: ModalTable) -> Identification:

@@ -16,13 +16,13 @@ from rsgen.data.multisine import MultisineSpectra
 from rsgen.data.oscillator import Model, Oscillator, refuse_across
 from rsgen.data.surface import ResponseSurface, match_level, typical_amounts
 from rsgen.describing import derive
-from rsgen.identification.fitting.across import MeasuredAcross, law_of
 from rsgen.identification.fitting.points import held_out_mask
 from rsgen.identification.lines import MultisineIdentification
 from rsgen.identification.modal_result import ModalTable
 from rsgen.identification.prediction.amplitude_balance import (
     AmplitudeBalance,
     SynthesisBalance,
+    balance_of,
     table_as_identification,
 )
 from rsgen.identification.prediction.prediction_result import (
@@ -34,62 +34,8 @@ from rsgen.identification.prediction.prediction_result import (
     severity_of_error,
 )
 from rsgen.identification.results import EquivalentCurve, Estimate, Identification
-from rsgen.law.motion import Motion
 
 __all__ = ["as_identification", "judge_held_out", "judge_records", "predict"]
-
-
-# ----------------------------------------------------------------------------
-# Responses of a law across two sensors: only where the motion across was measured with the response.
-
-_RANGE = (0.1, 10.0)
-"""Amplitudes that are tried, relative to the measured one: an error of that size predicts nothing."""
-
-_TRIED = 120
-"""Amplitudes in that range: four per cent apart, closer than the branches of a jump lie."""
-
-_NEAR = np.linspace(0.9, 1.1, 201)
-"""Amplitudes near the measured one, a thousandth apart: two states that lie closer are one measurement."""
-
-_HALVINGS = 40
-"""Of an interval of four per cent: to round-off."""
-
-
-class MeasuredBalance:
-    """The balance of a law across two sensors: only where the motion across was measured too."""
-
-    def __init__(self, identification: Identification) -> None:
-        self._law = law_of(identification.model.elements)
-        self._values, self._mass = np.array(identification.solution), identification.mass
-
-    def respond(self, mode: ResponseSurface) -> ComplexArray:
-        """(n,) complex fundamental [m] under the measured force.
-
-        The motion across goes with the response as it was measured at the same point. Of several amplitudes
-        that the force holds the one nearest to the measured one is taken; NaN where there is none.
-        """
-        if not mode.across.size:
-            return np.full(len(mode), np.nan, dtype=complex)
-        motions = (Motion(mode.omega, np.nan_to_num(motion)) for motion in (mode.harmonics, mode.across))
-        forward = MeasuredAcross(self._law, *motions, rides=0.0)
-        measured, level = mode.amplitude, np.abs(mode.force)
-
-        def force_at(size: Array) -> ComplexArray:
-            return forward(self._values, self._mass, size).force
-
-        sizes = np.union1d(np.geomspace(*_RANGE, _TRIED), _NEAR)
-        table = np.array([np.abs(force_at(share * measured)) - level for share in sizes])
-        crossed = (table[:-1] < 0) != (table[1:] < 0)
-        distance = np.where(crossed, np.abs(np.log(sizes[:-1, None])), np.inf)
-        row = np.argmin(distance, axis=0)
-        upward = np.take_along_axis(table, row[None, :], axis=0)[0] < 0
-        low, high = sizes[row] * measured, sizes[row + 1] * measured
-        for _ in range(_HALVINGS):
-            middle = (low + high) / 2
-            above = (np.abs(force_at(middle)) >= level) == upward
-            low, high = np.where(above, low, middle), np.where(above, middle, high)
-        found = high * np.exp(1j * (np.angle(mode.force) - np.angle(force_at(high))))
-        return np.where(np.isfinite(distance.min(axis=0)), found, np.nan)
 
 
 # ----------------------------------------------------------------------------
@@ -233,8 +179,6 @@ def predict(
     if surface is not None:
         require(surface, ResponseSurface, "surface")
         surface = cast("ResponseSurface", surface).on_mass(mass)
-    if isinstance(found, Identification) and found.model.sensors:
-        return _predict_across(found, levels, surface)
     chosen = _levels(found, levels, surface)
     if isinstance(found, Identification) and not isfinite(found.mass):
         about = Finding("curves-need-mass", "warning")
@@ -246,17 +190,18 @@ def predict(
         tested = found.amplitude_range
     low, high = found.frequency_range
     window = (low * (1 - _MARGIN), high * (1 + _MARGIN)) if band is None else _checked(band)
-    balance = SynthesisBalance(table, window) if table is not None else AmplitudeBalance(found)
+    balance = SynthesisBalance(table, window) if table is not None else balance_of(found)
+    refuse_across(found.model.sensors, levels=levels is not None)
     omega = (2 * np.pi * window[0], 2 * np.pi * window[1])
-    curves = tuple(_curve(found, balance, level, omega, tested) for level in chosen)
+    curves = tuple(_curve(found, balance, level, omega, tested) for level in balance.drawn(chosen))
     held_out: tuple[HeldOutLevel, ...] = ()
     findings = list[Finding]()
     if surface is not None:
         held_out = _score(found, balance, surface)
         findings += _missed(held_out, surface, found.residual * np.sqrt(2), by_law=table is None)
-        if surface.base in ("displacement", "velocity"):
+        if curves and surface.base in ("displacement", "velocity"):
             findings.append(Finding("curves-of-constant-acceleration", "info", names={"base": surface.base}))
-    return Prediction(curves, held_out, (*_findings(tested, curves, held_out), *findings))
+    return Prediction(curves, held_out, (*balance.about, *_findings(tested, curves, held_out), *findings))
 
 
 def judge_records(found: MultisineIdentification) -> tuple[Finding, ...]:
@@ -280,8 +225,7 @@ def judge_held_out(found: Identification, surface: ResponseSurface) -> tuple[Fin
     if not isfinite(found.mass):
         return meant
     surface = surface.on_mass(found.mass)
-    balance = MeasuredBalance(found) if found.model.sensors else AmplitudeBalance(found)
-    held_out = _score(found, balance, surface)
+    held_out = _score(found, balance_of(found), surface)
     missed = _missed(held_out, surface, found.residual * np.sqrt(2))
     return (*meant, *_missing(held_out), *missed)
 
@@ -300,16 +244,6 @@ def _by_label(found: Identification, test: ResponseSurface | MultisineSpectra) -
             numbers = quantities(label=asked, level=Quantity(meant, test.level_unit))
             findings.append(Finding("held-out-by-label", "warning", numbers=numbers))
     return tuple(findings)
-
-
-def _predict_across(found: Identification, levels: object, surface: ResponseSurface | None) -> Prediction:
-    """Score held-out levels along the motion across that was measured; there are no curves without it."""
-    sensors = found.model.sensors
-    refuse_across(sensors, levels=levels is not None)
-    held_out = () if surface is None else _score(found, MeasuredBalance(found), surface)
-    missed = () if surface is None else _missed(held_out, surface, found.residual * np.sqrt(2))
-    about = Finding("predicted-along-measured", "info", names={"sensors": sensors})
-    return Prediction((), held_out, (about, *_findings(found.amplitude_range, (), held_out), *missed))
 
 
 def _levels(
@@ -457,7 +391,7 @@ def _branches(
 
 
 def _respond(
-    identification: Identification, balance: AmplitudeBalance | MeasuredBalance, surface: ResponseSurface
+    identification: Identification, balance: AmplitudeBalance, surface: ResponseSurface
 ) -> ComplexArray:
     """(n,) predicted fundamental [m] as the sensor sees it, on the branch nearest to the measured one."""
     background = identification.background
@@ -493,7 +427,7 @@ def _missed(
 
 
 def _score(
-    identification: Identification, balance: AmplitudeBalance | MeasuredBalance, surface: ResponseSurface
+    identification: Identification, balance: AmplitudeBalance, surface: ResponseSurface
 ) -> tuple[HeldOutLevel, ...]:
     observation = identification.model.observation
     low, high = observation.band or (0.0, inf)
