@@ -21,9 +21,6 @@ from rsgen.law.identifiable import in_order
 from rsgen.law.motion import Motion
 from rsgen.law.numeric import compile_law
 
-__all__ = ["Comparison", "Row", "compare", "verdict_of"]
-
-
 _FORCE_POINTS = 401
 
 _LOOPS = 9

@@ -18,8 +18,6 @@ from rsgen.common.output import write_atomic
 from rsgen.data.surface import ResponseSurface
 from rsgen.identification.prediction import Prediction, ResonanceCurve
 
-__all__ = ["save_frf"]
-
 _LONGEST = 80
 """Characters of a line of text in the format."""
 _WIDTH = 13

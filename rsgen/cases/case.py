@@ -23,8 +23,6 @@ from rsgen.data.oscillator import Model, Observation, Oscillator
 from rsgen.dynamics.simulation import MultisineTest, SimulatedTest
 from rsgen.files import MeasuredTest
 
-__all__ = ["Case", "CaseDocument", "Document", "ElementTable", "case_schema"]
-
 Formula = Annotated[str, Obeys(str, Rule(fewest=1, most=MAX_TEXT))]
 
 

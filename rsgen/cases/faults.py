@@ -15,8 +15,6 @@ from pydantic import BaseModel, ValidationError
 
 from rsgen.common.errors import CaseError, printable, quote
 
-__all__ = ["is_device", "name_fault", "parse_case", "read_text", "sentences", "suggest", "text_fault"]
-
 # ----------------------------------------------------------------------------
 # What names and descriptive texts may contain: they become folders, files and report headings.
 

@@ -32,18 +32,6 @@ from rsgen.formula.units import parameter_units, quantity, unit_faults, unit_of
 from rsgen.law.element import Element, force_keys, laws, make_element
 from rsgen.law.memory import memory_form
 
-__all__ = [
-    "DATA_VARIABLE",
-    "build",
-    "find_cases",
-    "load_case",
-    "make_observation",
-    "make_simulated",
-    "name_clashes",
-    "read",
-]
-
-
 # ----------------------------------------------------------------------------
 # Lists of case files, and cases that cannot be run into one folder.
 

@@ -17,8 +17,6 @@ from rsgen.files import HistoryRule, MeasuredTest, Signal
 from rsgen.files.plan import Excitation
 from rsgen.files.signals import combination
 
-__all__ = ["MEASURED", "load_measured", "make_measured"]
-
 _SIGNAL = Signal(amplitude=1)
 
 _OF_PHASE = {

@@ -23,22 +23,6 @@ from rsgen.common.declaration import Declared, Rule, declared, read_hint
 from rsgen.common.errors import RsgenError, quote
 from rsgen.formula.units import quantity
 
-__all__ = [
-    "MAX_POINTS",
-    "Grid",
-    "Maker",
-    "Obeys",
-    "Quantity",
-    "Table",
-    "Text",
-    "expand",
-    "path_fault",
-    "reason",
-    "resolve_files",
-    "table_of",
-]
-
-
 # ----------------------------------------------------------------------------
 # Rows of levels and frequencies: from start, stop and count, or value by value, to an ascending array.
 

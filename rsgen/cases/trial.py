@@ -23,8 +23,6 @@ from rsgen.law.memory import memory_form
 from rsgen.law.motion import Motion
 from rsgen.law.numeric import compile_law
 
-__all__ = ["law_faults", "law_notes"]
-
 _NEAR = 1e-12
 """So near rest [m, m/s] every motion comes: a law must be a number there."""
 

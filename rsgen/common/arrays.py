@@ -8,8 +8,6 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-__all__ = ["Array", "Chosen", "ComplexArray", "blocks", "blocks_joined", "frozen_array"]
-
 Array = NDArray[np.float64]
 ComplexArray = NDArray[np.complex128]
 Chosen = NDArray[np.bool_] | NDArray[np.intp] | slice

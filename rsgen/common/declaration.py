@@ -21,17 +21,6 @@ from typing import Annotated, Any, Literal, TypeVar, Union, get_args, get_origin
 
 from rsgen.common.errors import RsgenError
 
-__all__ = [
-    "Declared",
-    "Rule",
-    "check",
-    "declare",
-    "declared",
-    "documented",
-    "given",
-    "read_hint",
-]
-
 T = TypeVar("T")
 
 

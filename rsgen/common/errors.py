@@ -7,21 +7,6 @@ import os
 from collections.abc import Iterable
 from numbers import Real
 
-__all__ = [
-    "DEBUG_VARIABLE",
-    "CaseError",
-    "ExpressionError",
-    "MeasurementError",
-    "RsgenError",
-    "UnknownNameError",
-    "keep_from_terminal",
-    "printable",
-    "program_fault",
-    "quote",
-    "require",
-    "require_number",
-]
-
 
 class RsgenError(Exception):
     """A fault of the input, in a sentence that names place, fault and what is allowed."""

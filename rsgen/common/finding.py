@@ -7,22 +7,6 @@ from dataclasses import dataclass, field
 from types import MappingProxyType
 from typing import Any, Literal, NamedTuple, TypedDict
 
-__all__ = [
-    "STATES",
-    "USABLE",
-    "Finding",
-    "Quantity",
-    "Severity",
-    "State",
-    "StatedVerdict",
-    "Verdict",
-    "quantities",
-    "reach_verdict",
-    "severity_of",
-    "verdict_lines",
-]
-
-
 Severity = Literal["info", "warning", "doubt", "error"]
 
 

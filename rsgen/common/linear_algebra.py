@@ -10,8 +10,6 @@ from numpy.typing import NDArray
 from rsgen.common.arrays import Array, blocks
 from rsgen.common.tolerances import ROUND_OFF
 
-__all__ = ["b_splines", "solve_scaled", "spline_values"]
-
 _NULL = 1e-9
 """Singular values below this, relative to the largest after column scaling, count as zero."""
 

@@ -12,8 +12,6 @@ from pathlib import Path
 
 from rsgen.common.errors import RsgenError
 
-__all__ = ["is_alive", "left_behind", "sync_folder", "write_atomic"]
-
 _DAY = 86_400.0
 """Seconds after which an unfinished file or folder is left behind, even if its number is a process again."""
 

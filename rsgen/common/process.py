@@ -20,18 +20,6 @@ except ImportError:
     # Windows and WebAssembly have no such limits
     resource = None  # type: ignore[assignment]
 
-__all__ = [
-    "ALGEBRA",
-    "MEMORY_STATUS",
-    "READY",
-    "collect_seldom",
-    "command",
-    "confine",
-    "environment",
-    "leave_at_once",
-    "single_thread",
-]
-
 ALGEBRA = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")
 """What the libraries of linear algebra read when they are loaded. With two threads an identification takes
 three times as much processor time and is no sooner (laws of the paper, 246 points, 2 cores)."""

@@ -11,8 +11,6 @@ from typing import Any, TypeVar
 
 from rsgen.common.errors import RsgenError, UnknownNameError
 
-__all__ = ["MOST_DIGITS", "Printed", "TextTable", "data_frame", "lookup", "short", "with_error"]
-
 T = TypeVar("T")
 
 MOST_DIGITS = 10

@@ -6,16 +6,6 @@ from typing import Any
 
 import scipy
 
-__all__ = [
-    "ANY_LAW", "APART", "BLOCK", "BRANCH", "CHANCE", "CONFIDENCE", "DAMPED", "ERRORS", "EXCESS",
-    "EXPECTED_NOISE", "FEW", "FLAT", "FOLLOWED", "GAIN", "GROUPS", "HALVINGS", "LARGE", "LIGHT",
-    "MEANINGLESS", "MOVE", "NEAR_STEPS", "NOISY", "NORMAL", "NOTICEABLE", "NULL_PART", "ORDER",
-    "OUTLIERS", "POINTS_A_KNOT", "POOR", "QUICK", "ROUNDS", "ROUND_OFF", "SAME_NUMBER", "SAMPLES",
-    "SAMPLES_SWITCHED", "SEVERAL", "SIGMAS", "SIGNIFICANT", "START_ORDER", "STEPS", "STIFFENING", "TAIL",
-    "TAKEN", "TO_REST", "TRIALS", "TRIAL_STEPS", "TURNED", "UNCHANGED", "chi_square_exceeded",
-    "f_quantile", "f_tail", "normal_quantile", "normal_share", "samples_for", "t_quantile",
-]  # fmt: skip
-
 ANY_LAW = "k*x + k3*x**3 + k5*x**5 + c*v + c3*v**3 + c5*v**5"
 """Any law at one harmonic, roughly: enough to find phase error and background before a law is tried."""
 

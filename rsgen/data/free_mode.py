@@ -20,8 +20,6 @@ from rsgen.common.arrays import Array, Chosen, ComplexArray
 from rsgen.common.linear_algebra import solve_scaled
 from rsgen.common.tolerances import ERRORS, NULL_PART, POINTS_A_KNOT
 
-__all__ = ["FreeMode", "Kinematics", "estimate_mass", "fit_mode", "fit_powers", "hats", "steady"]
-
 _KNOTS = 32
 """Most knots of piecewise linear curves: ten a decade follow the onset of every slider of a joint."""
 

@@ -18,18 +18,6 @@ from rsgen.law import Element, LawLike, as_elements
 from rsgen.law.memory import equations_of
 from rsgen.law.notation import latex
 
-__all__ = [
-    "BACKGROUNDS",
-    "KNOWN_MASS",
-    "OFFSET",
-    "Model",
-    "Observation",
-    "Oscillator",
-    "join_model",
-    "refuse_across",
-    "total_force",
-]
-
 BACKGROUNDS = ("none", "phase", "constant", "residuals", "neighbour")
 """Kinds of background; each contains the ones before it."""
 

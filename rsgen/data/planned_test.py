@@ -14,8 +14,6 @@ if TYPE_CHECKING:
     from rsgen.data.multisine import MultisineSpectra
     from rsgen.data.surface import ResponseSurface
 
-__all__ = ["PlannedTest"]
-
 
 class PlannedTest(ABC):
     """A test, simulated or measured, with the answers of one of which nothing is known beforehand."""

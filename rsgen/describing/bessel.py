@@ -14,8 +14,6 @@ from itertools import product
 
 import sympy
 
-__all__ = ["Wave", "elementary", "moment", "product_of_waves", "read_wave"]
-
 _CIRCULAR = (sympy.sin, sympy.cos)
 _EXPONENTIAL = (sympy.exp, sympy.sinh, sympy.cosh)
 MOST_WAVES = 64

@@ -18,23 +18,6 @@ from rsgen.formula.evaluation import compiled
 from rsgen.formula.names import OMEGA, STATE_V, STATE_X, X0, X
 from rsgen.law.pieces import NormalForm
 
-__all__ = [
-    "HIGHEST_POWER",
-    "Addend",
-    "Arc",
-    "ClosedPart",
-    "End",
-    "Triple",
-    "antiderivative",
-    "close",
-    "integral_over",
-    "make_arc",
-    "over_quarters",
-    "quarter",
-    "read_addend",
-]
-
-
 # ----------------------------------------------------------------------------
 # Real powers: |sin|**p |cos|**q over quarters of a cycle, by gamma functions.
 #

@@ -33,9 +33,6 @@ from rsgen.law.normal_form import expanded, moves
 from rsgen.law.notation import readable
 from rsgen.law.pieces import NormalForm, normal_form
 
-__all__ = ["derive"]
-
-
 ZERO_MEAN = 1e-12
 """Mean forces below this share of the mean absolute force, on all random cycles, are zero by symmetry."""
 

@@ -22,16 +22,6 @@ from rsgen.law.memory import equations_of
 from rsgen.law.notation import latex
 from rsgen.law.pieces import normal_form
 
-__all__ = [
-    "DescribingFunction",
-    "Equivalent",
-    "PrintedComparison",
-    "Remembered",
-    "compare_printed",
-    "taken_as_positive",
-    "variables_of",
-]
-
 
 def variables_of(formula: sympy.Expr) -> tuple[sympy.Symbol, ...]:
     """List the variables on which a describing function depends: X always, X0 and omega where they occur.

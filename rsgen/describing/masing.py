@@ -29,19 +29,6 @@ from rsgen.law.memory import MemoryForm
 from rsgen.law.normal_form import expanded, moves
 from rsgen.law.pieces import NormalForm, Piece, normal_form, normal_form_at
 
-__all__ = [
-    "Branches",
-    "ClosedMasing",
-    "Pieces",
-    "asymptotes",
-    "close_masing",
-    "decisive_in",
-    "loop_of",
-    "on_cycle",
-    "pieces_of",
-]
-
-
 # ----------------------------------------------------------------------------
 # Laws with memory along a cycle with known turning points: branches of Masing laws, structural damping.
 #

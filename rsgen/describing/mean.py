@@ -11,9 +11,6 @@ from numpy.typing import NDArray
 from rsgen.common.arrays import Array
 from rsgen.formula.names import X0
 
-__all__ = ["closed_mean", "solve_mean"]
-
-
 Balance = Callable[[Array, NDArray[np.intp]], Array]
 """Mean force at trial means (m,) for the cycles with these numbers (m,)."""
 

@@ -20,19 +20,6 @@ from rsgen.formula import symbol
 from rsgen.formula.evaluation import Numeric, compiled
 from rsgen.law.pieces import NormalForm
 
-__all__ = [
-    "LEAST_SETS",
-    "PROOF_TOLERANCE",
-    "Cycle",
-    "Projections",
-    "Trial",
-    "draw_trial",
-    "project",
-    "switching_angles",
-    "worst_error",
-]
-
-
 Along = Callable[[Array, NDArray[np.intp]], Array]
 """A function along cycles: angles (m, s), numbers of the cycles (m,)."""
 

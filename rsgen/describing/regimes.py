@@ -12,17 +12,6 @@ from rsgen.formula import symbol
 from rsgen.formula.names import OMEGA, X0, X
 from rsgen.law.normal_form import is_long
 
-__all__ = [
-    "Limit",
-    "Reading",
-    "grows_slowly",
-    "limit_at_infinity",
-    "limit_at_rest",
-    "limit_at_zero",
-    "read",
-    "tidy",
-]
-
 MOST_COLLECTED = 12
 """Angles, roots and Bessel functions that are collected; more make no formula a person reads."""
 

@@ -34,9 +34,6 @@ from rsgen.law.memory import Inner, MemoryForm, memory_form
 from rsgen.law.normal_form import expanded, moves
 from rsgen.law.notation import readable
 
-__all__ = ["Parts", "add_memory", "take_apart"]
-
-
 DRAWN = 400
 """Sets of parameters of which those are taken in which the assumptions of a formula hold."""
 

@@ -27,9 +27,6 @@ from rsgen.law.memory import Inner, MemoryForm, Rate
 from rsgen.law.pieces import Switch, normal_form
 from rsgen.law.switched_sum import switched_sum
 
-__all__ = ["Cycles", "Loop", "is_odd", "try_loops"]
-
-
 TOLERANCE = 1e-12
 """Difference of two extrapolations, relative to the mean absolute force, after which none follows."""
 

@@ -21,17 +21,6 @@ from rsgen.dynamics.steady_state import LOCATED, USUAL_ACCURACY, USUAL_HARMONICS
 from rsgen.dynamics.virtual_test import Progress, SimulatedTest, in_parts
 from rsgen.law.numeric import compile_law
 
-__all__ = [
-    "ControlledStates",
-    "PhaseStates",
-    "control_grid",
-    "hold_by_balance",
-    "phase_grid",
-    "solve_phase_control",
-    "solve_response_control",
-]
-
-
 # ----------------------------------------------------------------------------
 # Response-controlled tests: the amplitude X is held and the force follows.
 #

@@ -17,21 +17,6 @@ from rsgen.formula.evaluation import Numeric, compiled
 from rsgen.law.memory import memory_form, real_powers
 from rsgen.law.pieces import normal_form_at
 
-__all__ = [
-    "FixedPoints",
-    "LoopMemory",
-    "PeriodMap",
-    "Sticking",
-    "Stiffness",
-    "attraction",
-    "correction",
-    "find_fixed_points",
-    "jacobians",
-    "norm",
-    "times",
-    "units_of_states",
-]
-
 # ----------------------------------------------------------------------------
 # Sizes of the states of a law: what they are divided by, and how fast they follow the motion.
 

@@ -29,12 +29,6 @@ from rsgen.dynamics.steady_state import SteadyStates
 from rsgen.law.motion import FourierSeries, Motion, fourier_series
 from rsgen.law.numeric import ForceLaw, ForceSample, compile_law
 
-__all__ = [
-    "LinearPart", "Response", "balance_states", "following_harmonics", "hold_amplitude", "hold_oscillator",
-    "respond", "solve_harmonic_balance",
-]  # fmt: skip
-
-
 _SETTLED = 1e-10
 """Relative step at which the harmonics have converged: the next one would be its square."""
 

@@ -29,8 +29,6 @@ import numpy as np
 from rsgen.common.arrays import Array, Chosen, ComplexArray
 from rsgen.data.oscillator import BACKGROUNDS, OFFSET
 
-__all__ = ["BackgroundTerms", "Inertia", "background_terms"]
-
 
 class _HasResponse(Protocol):
     """Rows of a test: points or a surface."""

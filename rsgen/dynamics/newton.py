@@ -16,8 +16,6 @@ from numpy.typing import NDArray
 
 from rsgen.common.arrays import Array
 
-__all__ = ["Equations", "Roots", "newton", "solve_each"]
-
 _ROUND_OFF = 1e-9
 """Relative growth of a residual that is none."""
 

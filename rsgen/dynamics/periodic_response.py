@@ -22,8 +22,6 @@ from rsgen.law.motion import harmonics_of, waveform
 from rsgen.law.numeric import ForceLaw
 from rsgen.law.switched_sum import ForceSample
 
-__all__ = ["OVERSAMPLED", "SMALL", "PeriodicResponse", "periodic_response"]
-
 OVERSAMPLED = 4
 """Samples a period over the number of lines: cubes of signals reach three times their highest line, and fold
 back above it only."""

@@ -28,18 +28,6 @@ from rsgen.dynamics.fixed_point import (
     times,
 )
 
-__all__ = [
-    "COARSE",
-    "DIVERGED",
-    "PERIOD_TWO",
-    "SETTLED",
-    "UNSETTLED",
-    "Settling",
-    "SteadyStates",
-    "grid_above",
-    "settle",
-]
-
 # ----------------------------------------------------------------------------
 # Numbers of steps in a period on offer: few different ones fill the batches.
 

@@ -23,20 +23,6 @@ from rsgen.dynamics.periodic_response import periodic_response
 from rsgen.dynamics.steady_state import ACCURACY, HARMONICS, USUAL_ACCURACY, USUAL_HARMONICS, SteadyStates
 from rsgen.law.numeric import ForceLaw, compile_law
 
-__all__ = [
-    "MultisineTest",
-    "Progress",
-    "SimulatedTest",
-    "VirtualTest",
-    "add_noise",
-    "free_mean_fault",
-    "grid_of",
-    "in_parts",
-    "level_grid",
-    "simulate_multisine",
-    "swept",
-]
-
 _RESONANT = 0.2
 """Lags within 11 degrees of a quarter period say nothing of the mass: k - m omega^2 is nearly zero."""
 

@@ -13,9 +13,6 @@ from rsgen.formula.units import quantity, sensor_unit
 if TYPE_CHECKING:
     from rsgen.files.plan import MeasuredTest, Signal
 
-__all__ = ["contradiction", "is_angular", "is_unit", "split_title", "unit_doubts", "unit_in"]
-
-
 # ----------------------------------------------------------------------------
 # Whether a case reads a column in the unit that its title names.
 

@@ -14,18 +14,6 @@ from typing import IO
 
 from rsgen.common.errors import MeasurementError
 
-__all__ = [
-    "FORMATS",
-    "MAX_TEXT_BYTES",
-    "Format",
-    "Rewritten",
-    "check_digest",
-    "file_label",
-    "open_regular",
-    "open_text",
-    "recognise_format",
-]
-
 MAX_TEXT_BYTES = 256 * 2**20
 _UTF_16 = (b"\xff\xfe", b"\xfe\xff")
 """How a text of two bytes a sign begins."""

@@ -25,19 +25,6 @@ from rsgen.files.text_columns import Columns, read_columns
 from rsgen.files.tree import Channel
 from rsgen.formula.units import quantity, sensor_unit
 
-__all__ = [
-    "Sources",
-    "Table",
-    "file_of",
-    "join_motions",
-    "read_channels",
-    "read_sources",
-    "read_table",
-    "scaled",
-    "to_si",
-]
-
-
 # ----------------------------------------------------------------------------
 # Channels whose unit the case leaves to the file, brought to SI.
 

@@ -36,9 +36,6 @@ from rsgen.files.plan import HERTZ, HistoryRule, MeasuredTest, SweepRule
 from rsgen.formula.units import quantity, sensor_unit
 from rsgen.law.motion import cycle_work
 
-__all__ = ["passivity_findings", "read_measurement", "repeated_rows", "run_findings", "tell_branches_apart"]
-
-
 # ----------------------------------------------------------------------------
 # Whether the runs of one test fit together: copies, units that differ from file to file, branches.
 

@@ -13,8 +13,6 @@ from numpy.typing import NDArray
 from rsgen.common.errors import MeasurementError
 from rsgen.files.tree import MAX_NODES, Node, array_bytes, is_wanted
 
-__all__ = ["sample_hdf5", "walk_hdf5"]
-
 MAX_DEPTH = 12
 MAX_REFERENCES = 10_000
 _UNITS = ("units", "unit", "Units", "Unit", "UNITS", "UNIT")

@@ -21,9 +21,6 @@ from rsgen.files.file_table import file_of, read_channels, scaled
 from rsgen.files.nominal_levels import level_of_file
 from rsgen.files.plan import HistoryRule, MeasuredTest
 
-__all__ = ["read_histories", "read_motions", "shifted"]
-
-
 _ON_SAMPLE = 1e-6
 """Of a sample: start and stop as near to one are the instant of it."""
 

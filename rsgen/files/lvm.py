@@ -20,8 +20,6 @@ from rsgen.common.errors import MeasurementError
 from rsgen.files.text_columns import LONGEST_NUMBER, MISSING, number_in
 from rsgen.files.tree import Node
 
-__all__ = ["walk_lvm"]
-
 _END = "***End_of_Header***"
 _SPECIAL = ("***Start_Special***", "***End_Special***")
 _ABSCISSA = "X_Value"

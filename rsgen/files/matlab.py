@@ -14,8 +14,6 @@ from scipy.io.matlab import MatlabFunction, MatlabObject, MatlabOpaque
 from rsgen.common.errors import MeasurementError
 from rsgen.files.tree import Node, array_bytes, is_wanted
 
-__all__ = ["sample_matlab", "walk_matlab"]
-
 MAX_DEPTH = 12
 _TEXTS = 12
 """Texts shown of a list."""

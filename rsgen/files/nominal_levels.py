@@ -19,18 +19,6 @@ from rsgen.data.surface.phase_lag import at_phase_resonance
 from rsgen.files.data_files import file_label
 from rsgen.files.plan import MeasuredTest
 
-__all__ = [
-    "Held",
-    "amplitude_steps",
-    "group_levels",
-    "group_runs",
-    "hold",
-    "level_of_file",
-    "recognise_control",
-    "settle_levels",
-]
-
-
 # ----------------------------------------------------------------------------
 # What a test held, and the level of each of its points that follows: force, amplitude, phase, or nothing.
 

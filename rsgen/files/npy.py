@@ -16,8 +16,6 @@ from numpy.typing import NDArray
 from rsgen.common.errors import MeasurementError
 from rsgen.files.tree import Node, array_bytes
 
-__all__ = ["sample_npy", "sample_npz", "walk_npy", "walk_npz"]
-
 MAX_HEADER = 10_000
 """Bytes of a header: as many as numpy itself parses, for it reads this text with Python's parser."""
 _PICKLE = "holds Python objects (a pickle), which could run code; arrays of numbers are read"

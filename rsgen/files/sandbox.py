@@ -21,8 +21,6 @@ from rsgen.common.process import MEMORY_STATUS, READY, command, environment
 from rsgen.files.data_files import FORMATS, check_digest, file_label, open_regular
 from rsgen.files.tree import Channel, Contents, Entry, array_bytes, largest_bytes
 
-__all__ = ["list_binary", "read_binary", "reading_fault"]
-
 MAX_BYTES = 2**30
 """Largest binary file that is opened."""
 MAX_HEADER = 64 * 2**20

@@ -35,8 +35,6 @@ from rsgen.files.tree import (
     select,
 )
 
-__all__ = ["main"]
-
 _MEMORY_BYTES = 96 * 2**20
 _COPIES = 3
 Walk = Callable[[BinaryIO, set[str] | None, int], Iterator[Node]]

@@ -15,11 +15,6 @@ from rsgen.common.declaration import Rule, check, declare, documented, given
 from rsgen.common.errors import MeasurementError
 from rsgen.data.surface.columns import QUANTITIES
 
-__all__ = [
-    "AMPLITUDES", "BaseRule", "Checked", "Column", "Factor", "NamedChannel", "Scale", "Seconds",
-    "Signal", "Unit", "combination",
-]  # fmt: skip
-
 AMPLITUDES = "amplitude (with phase), or real and imaginary, or complex"
 LATEST = 10.0
 """Delay of a channel [s]: no filter and no multiplexer is later."""

@@ -14,8 +14,6 @@ from rsgen.common.arrays import Array
 from rsgen.common.errors import MeasurementError
 from rsgen.files.tree import Node, array_bytes, is_wanted
 
-__all__ = ["sample_tdms", "walk_tdms"]
-
 _UNITS = ("unit_string", "NI_UnitDescription", "Unit", "unit", "Units", "units")
 """Properties in which DIAdem, LabVIEW and users keep the unit of a channel."""
 _READ = "fiubc"

@@ -28,25 +28,6 @@ from rsgen.files.data_files import MAX_TEXT_BYTES, Rewritten, check_digest, file
 if TYPE_CHECKING:
     from rsgen.files.plan import Layout
 
-__all__ = [
-    "LONGEST_NUMBER",
-    "MAX_COLUMNS",
-    "MISSING",
-    "PLAIN",
-    "REMARKS",
-    "WORD",
-    "Columns",
-    "TextLines",
-    "automatic_delimiter",
-    "column_names",
-    "is_of_words",
-    "number_in",
-    "plain_rows",
-    "read_columns",
-    "split_cells",
-]
-
-
 # ----------------------------------------------------------------------------
 # The cells of a line of text: numbers, words, and what stands for a number that is missing.
 

@@ -18,11 +18,6 @@ from rsgen.common.errors import MeasurementError, quote
 if TYPE_CHECKING:
     from rsgen.files.plan import Layout
 
-__all__ = [
-    "LARGEST_BYTES", "MAX_NODES", "TEXT", "Channel", "Contents", "Entry", "Node", "array_bytes", "describe",
-    "facts", "find", "is_wanted", "largest_bytes", "natural_order", "select",
-]  # fmt: skip
-
 LARGEST_BYTES = 2**30
 """Bytes of numbers that are taken from one file, at most."""
 MAX_NODES = 50_000

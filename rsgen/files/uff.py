@@ -22,9 +22,6 @@ from rsgen.common.arrays import Array
 from rsgen.common.errors import MeasurementError
 from rsgen.files.tree import Node, array_bytes
 
-__all__ = ["SI", "UnitSystem", "unit_system", "walk_universal"]
-
-
 # ----------------------------------------------------------------------------
 # What functions are, in words of ISO 7626, and how they were made.
 

@@ -17,8 +17,6 @@ from numpy.typing import NDArray
 from rsgen.common.errors import MeasurementError
 from rsgen.files.tree import Node, array_bytes
 
-__all__ = ["walk_wav"]
-
 _INTEGER, _FLOAT, _EXTENSIBLE = 1, 3, 0xFFFE
 _KINDS = {
     (_INTEGER, 8): "u1", (_INTEGER, 16): "<i2", (_INTEGER, 24): "u1", (_INTEGER, 32): "<i4",

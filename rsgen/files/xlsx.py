@@ -22,8 +22,6 @@ from rsgen.files.column_titles import is_unit, unit_in
 from rsgen.files.text_columns import MISSING, WORD
 from rsgen.files.tree import Node, is_wanted
 
-__all__ = ["sample_xlsx", "walk_xlsx"]
-
 MAX_ROWS = 2**20
 """Rows of a sheet, as Excel has them."""
 MAX_CELLS = 20_000_000

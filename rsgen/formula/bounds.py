@@ -16,26 +16,6 @@ import sympy
 from rsgen.common.errors import ExpressionError
 from rsgen.formula.names import Masing, Structural, shown
 
-__all__ = [
-    "DEPTH",
-    "DIGITS",
-    "EXPONENT",
-    "EXTREMES",
-    "LENGTH",
-    "TERMS",
-    "Value",
-    "algebra_faults",
-    "as_float",
-    "check_finished",
-    "check_power",
-    "check_value",
-    "decimal_value",
-    "power_terms",
-    "refusal",
-    "scan",
-]
-
-
 # ----------------------------------------------------------------------------
 # Faults of the algebra library on texts that nobody would write: a refusal of the law, with its kind.
 

@@ -17,8 +17,6 @@ from rsgen.common.arrays import Array
 from rsgen.formula.bounds import as_float
 from rsgen.formula.names import rebuilt, renamed
 
-__all__ = ["Numeric", "compiled"]
-
 Numeric = Callable[..., tuple[Array, ...]]
 
 _LARGEST_WHOLE = 2**53

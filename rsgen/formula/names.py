@@ -18,30 +18,6 @@ import sympy
 
 from rsgen.common.errors import ExpressionError
 
-__all__ = [
-    "CONSTANTS",
-    "FUNCTIONS",
-    "OMEGA",
-    "PHI",
-    "STATES",
-    "STATE_V",
-    "STATE_X",
-    "X0",
-    "Inner",
-    "Masing",
-    "State",
-    "Structural",
-    "X",
-    "check_name",
-    "closest",
-    "free_symbols",
-    "rebuilt",
-    "remembers",
-    "renamed",
-    "shown",
-    "symbol",
-]
-
 FUNCTIONS = (
     "abs", "Abs", "sign", "Piecewise", "Min", "Max", "Heaviside", "sqrt", "exp", "log", "ln", "sin", "cos",
     "tan", "asin", "acos", "atan", "atan2", "sinh", "cosh", "tanh", "besselj", "besseli", "gamma",

@@ -19,23 +19,6 @@ from rsgen.common.errors import ExpressionError
 from rsgen.formula.bounds import DIGITS
 from rsgen.formula.names import STATES, Masing, State, Structural, free_symbols, shown, symbol
 
-__all__ = [
-    "Level",
-    "Printer",
-    "Product",
-    "TextPrinter",
-    "common_denominator",
-    "decimal_text",
-    "depends_on_state",
-    "interval",
-    "is_negative",
-    "natural",
-    "oriented",
-    "split_product",
-    "split_sum",
-    "write",
-]
-
 # ----------------------------------------------------------------------------
 # The order in which a person writes terms and factors: low degrees first, coefficients in front.
 

@@ -29,17 +29,6 @@ from rsgen.formula.bounds import (
 )
 from rsgen.formula.names import CONSTANTS, FUNCTIONS, Masing, Structural, closest, shown, symbol
 
-__all__ = [
-    "FUNCTION_TABLE",
-    "Function",
-    "check_arguments",
-    "constant_number",
-    "parse",
-    "unknown_function",
-    "unknown_name",
-]
-
-
 # ----------------------------------------------------------------------------
 # What was probably meant by a name or function that the language does not have.
 

@@ -26,9 +26,6 @@ from rsgen.identification.soundness import runs_away
 from rsgen.identification.starting.start import start_fit
 from rsgen.law import LawLike
 
-__all__ = ["fit_all_harmonics", "identify"]
-
-
 # ----------------------------------------------------------------------------
 # All harmonics: by the balance, then by the simulator where only that has all of them.
 

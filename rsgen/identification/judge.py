@@ -65,9 +65,6 @@ from rsgen.law.element import law_remarks
 from rsgen.law.motion import Motion
 from rsgen.law.numeric import ForceLaw
 
-__all__ = ["Findings", "Prepared", "judge", "prepare", "repeat_findings"]
-
-
 # ----------------------------------------------------------------------------
 # From a surface and a model to points that can be used, and what is fitted to them.
 

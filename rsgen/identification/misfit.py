@@ -47,18 +47,6 @@ from rsgen.identification.starting.start import is_hidden, records_even
 from rsgen.law.element import make_element
 from rsgen.law.numeric import ForceLaw
 
-__all__ = [
-    "even_findings",
-    "explain_hidden",
-    "fit_near",
-    "free_curves_leave",
-    "law_with",
-    "mirror_findings",
-    "misfit_findings",
-    "widen_squares",
-]
-
-
 _TELLING = 16
 """Points below which a pattern may not show: a damper missed by 5 % is found from here on, not at 12."""
 

@@ -29,8 +29,6 @@ from rsgen.dynamics.harmonic_balance import Response
 from rsgen.formula.units.quantities import ForceUnits
 from rsgen.identification.results import Background
 
-__all__ = ["MODAL_COLUMNS", "ModalSplines", "ModalTable", "ModalTest", "SplineBasis", "SplineMode"]
-
 _MARGIN = 0.02
 """Splines reach so far beyond the amplitudes of the points, relatively: noise moves single ones outside."""
 

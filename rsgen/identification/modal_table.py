@@ -57,9 +57,6 @@ from rsgen.identification.starting.start import start_fit, with_phase
 from rsgen.law.motion import feeds_exciter
 from rsgen.law.numeric import compile_law
 
-__all__ = ["ModeProblem", "SeenMode", "choose_splines", "fit_splines", "modal_table"]
-
-
 # ----------------------------------------------------------------------------
 # The fit of a modal table: splines of all shapes are tried, one is fitted with noise on both sides.
 

@@ -38,9 +38,6 @@ from rsgen.identification.starting.start import solve_equations
 from rsgen.law.motion import project, sine_motion
 from rsgen.law.numeric import ForceLaw
 
-__all__ = ["find_resonances", "fit_resonances", "identify_ratios", "resonance_findings"]
-
-
 _STEEP = np.cos(np.pi / 5)
 """Off a jump, neighbours differ in phase by less than this cosine says (36 degrees)."""
 

@@ -49,9 +49,6 @@ from rsgen.identification.fitting.points import Points
 from rsgen.identification.results import EquivalentCurve, Resonance, RestoringForce
 from rsgen.law.motion import Motion, project, sine_motion
 
-__all__ = ["equivalent_curve", "force_levels", "invert_curve", "invert_motion"]
-
-
 _DRAWN = 61
 """Places at which a force is drawn: no corner of a curve can be seen."""
 

@@ -40,16 +40,6 @@ from rsgen.law.motion import Motion, project, sine_motion
 from rsgen.law.numeric import ForceLaw, Part
 from rsgen.law.switched_sum import ForceSample
 
-__all__ = [
-    "across_findings",
-    "aside_findings",
-    "feeding_findings",
-    "limit_findings",
-    "runs_away",
-    "sign_findings",
-]
-
-
 _MANY_ASIDE = 0.15
 """Points set aside beyond this share: what is left is a choice of points that suit the law."""
 

@@ -21,14 +21,6 @@ from rsgen.law.memory import MemoryForm, memory_form, positive_in
 from rsgen.law.normal_form import expanded
 from rsgen.law.pieces import Piece, Switch, normal_form, normal_form_at, slope_between_jumps
 
-__all__ = [
-    "Character",
-    "character",
-    "jointly_linear",
-    "onset",
-    "vanishes",
-]
-
 _PLACES = 64
 """Random states or values at which an identity is tried."""
 

@@ -23,9 +23,6 @@ from rsgen.formula import symbol
 from rsgen.law.normal_form import STATES
 from rsgen.law.numeric import ForceLaw, compile_law
 
-__all__ = ["Combination", "combinations_of", "equal_terms", "in_order", "put_in_order"]
-
-
 # ----------------------------------------------------------------------------
 # Equal terms of a law, such as two sliders: no test says which is which, so their values have an order.
 

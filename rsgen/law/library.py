@@ -8,8 +8,6 @@ from typing import NamedTuple
 
 import numpy as np
 
-__all__ = ["GELB", "LIU", "NAYFEH", "ROWS", "WORDEN", "Range", "Row", "Search"]
-
 
 @dataclass(frozen=True, slots=True)
 class Range:

@@ -17,20 +17,6 @@ from rsgen.formula import symbol
 from rsgen.law.memory import MemoryForm, real_powers
 from rsgen.law.switched_sum import Follow, ForceSample, SwitchedSum, switched_sum
 
-__all__ = [
-    "Loop",
-    "Loops",
-    "Reversals",
-    "StateLoops",
-    "close_loops",
-    "compile_loops",
-    "find_reversals",
-    "from_rest",
-    "make_loops",
-    "periodic_states",
-]
-
-
 # ----------------------------------------------------------------------------
 # Closed loops of Masing laws along periodic motions, from their virgin curve.
 #

@@ -16,11 +16,6 @@ from numpy.typing import NDArray
 
 from rsgen.common.arrays import Array, ComplexArray
 
-__all__ = [
-    "FourierSeries", "Motion", "cycle_work", "feeds_exciter", "fourier_series", "harmonics_of", "project",
-    "sine_motion", "waveform",
-]  # fmt: skip
-
 _PEAKS = 128
 """Samples a period among which the largest is sought: of a sine it is at most 0.03 % below the peak."""
 

@@ -12,8 +12,6 @@ import sympy
 
 from rsgen.formula.printing import Level, Printer, TextPrinter, decimal_text, depends_on_state, split_sum
 
-__all__ = ["latex", "mathml", "readable"]
-
 _GREEK = frozenset({
     "alpha", "beta", "gamma", "delta", "epsilon", "zeta", "eta", "theta", "iota", "kappa", "lambda", "mu",
     "nu", "xi", "rho", "sigma", "tau", "upsilon", "phi", "chi", "psi", "omega", "Gamma", "Delta", "Theta",

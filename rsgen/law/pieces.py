@@ -22,9 +22,6 @@ from rsgen.law.memory import memory_form
 from rsgen.law.normal_form import MOST_OPERATIONS, Form, Key, add, expanded, moves
 from rsgen.law.rewriting import inner_switches, reduce_law
 
-__all__ = ["NormalForm", "Piece", "Switch", "normal_form", "normal_form_at", "slope_between_jumps"]
-
-
 # ----------------------------------------------------------------------------
 # Derivatives of laws between their jumps.
 

@@ -39,9 +39,6 @@ from rsgen.law.normal_form import (
     without_signs,
 )
 
-__all__ = ["inner_switches", "reduce_law", "sign_of_smooth", "step_of_smooth"]
-
-
 # ----------------------------------------------------------------------------
 # Where a smooth function of x and v changes its sign: H(s) as steps x - b and v - w where that can be.
 

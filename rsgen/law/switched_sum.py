@@ -21,9 +21,6 @@ from rsgen.law.pieces import normal_form, slope_between_jumps
 if TYPE_CHECKING:
     from rsgen.law.motion import FourierSeries
 
-__all__ = ["Follow", "ForceSample", "SwitchedSum", "switched_sum"]
-
-
 # ----------------------------------------------------------------------------
 # A law along periodic motions: its force and how the force follows parameters and motion.
 

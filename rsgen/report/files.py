@@ -60,8 +60,6 @@ from rsgen.report.result_json import (
     result_text,
 )
 
-__all__ = ["draw_all", "save_records", "shown_of", "write_report"]
-
 
 def draw_all(
     subject: Subject,

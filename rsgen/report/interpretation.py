@@ -29,17 +29,6 @@ from rsgen.report.figures.equivalent import evaluated, solution_of
 from rsgen.report.provenance import Subject
 from rsgen.report.wording import sentence
 
-__all__ = [
-    "check_printed",
-    "describe_elements",
-    "dissipation_entry",
-    "dissipation_findings",
-    "element_findings",
-    "mean_finding",
-    "slip_findings",
-]
-
-
 # ----------------------------------------------------------------------------
 # What a test and its model say about the energy of a cycle: for the page as a finding, for result.json.
 

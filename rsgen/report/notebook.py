@@ -32,17 +32,6 @@ from rsgen.report.figures import Drawing
 from rsgen.report.page_tables import NO_MODAL, Modal
 from rsgen.report.provenance import TEMPLATES, lesson_mark, plain_text
 
-__all__ = [
-    "KnownResults",
-    "build_notebook",
-    "execute_cells",
-    "known_results",
-    "literal",
-    "prose",
-    "write_notebook",
-]
-
-
 # ----------------------------------------------------------------------------
 # Run the cells of a notebook in this process, given the results that the run already has.
 

@@ -58,15 +58,6 @@ from rsgen.report.wording.sentences import (
     surface_sentence,
 )
 
-__all__ = [
-    "THUMBNAIL",
-    "inline_svg",
-    "picture_svg",
-    "render_page",
-    "table_of_results",
-    "write_index",
-]
-
 # ----------------------------------------------------------------------------
 # Figures inside a page: SVG that takes its colours from the page and clashes with no other figure.
 #

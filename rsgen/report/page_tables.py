@@ -23,27 +23,6 @@ from rsgen.law.element import FORCE_KEYS
 from rsgen.report.wording import sentence
 from rsgen.report.wording.sentences import error_text, share_text
 
-__all__ = [
-    "NO_MODAL",
-    "Cell",
-    "Modal",
-    "Table",
-    "TableRow",
-    "background_table",
-    "estimate_table",
-    "held_out_table",
-    "linear_table",
-    "modal_entry",
-    "modal_page_table",
-    "ranking_table",
-    "record_table",
-    "resonance_table",
-    "score_held_out",
-    "tabulate_mode",
-    "verdict_table",
-]
-
-
 _BACKGROUND_NAMES = {
     "psi": "lead of the force in the phase of the response",
     "b0_re": "response per force in the middle of the band, real",

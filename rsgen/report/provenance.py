@@ -28,19 +28,6 @@ from rsgen.identification.results import Estimate, Identification
 from rsgen.law.element import Element
 from rsgen.law.memory import with_equations
 
-__all__ = [
-    "TEMPLATES",
-    "Subject",
-    "coded",
-    "collect_provenance",
-    "is_lesson_as_written",
-    "lesson_mark",
-    "page_environment",
-    "plain_text",
-    "unbroken",
-    "verbatim",
-]
-
 # ----------------------------------------------------------------------------
 # The template environment: everything from a file is text, and a missing value is an error.
 

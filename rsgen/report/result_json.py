@@ -32,20 +32,6 @@ from rsgen.report.provenance import Subject
 from rsgen.report.wording import sentence
 from rsgen.report.wording.sentences import read_verdict, state_verdict
 
-__all__ = [
-    "SCHEMA",
-    "Entry",
-    "build_result",
-    "elements_entry",
-    "finite_or_none",
-    "numbers_or_none",
-    "read_result",
-    "read_results",
-    "result_text",
-    "rows_entry",
-]
-
-
 SCHEMA = 1
 
 _DIGITS = 9

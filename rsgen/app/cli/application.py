@@ -32,8 +32,6 @@ from rsgen.app.cli.terminal import (
 from rsgen.common.errors import CaseError, RsgenError, keep_from_terminal, program_fault
 from rsgen.common.process import collect_seldom, leave_at_once, single_thread
 
-__all__ = ["COMMANDS", "application", "run_program"]
-
 COMMANDS = {
     "run": "From case files to reports.",
     "check": "Find every fault in case files.",

@@ -13,8 +13,6 @@ from rsgen.cases.trial import law_faults, law_notes
 from rsgen.common.errors import CaseError, MeasurementError, RsgenError, program_fault
 from rsgen.report.wording import sentence
 
-__all__ = ["check_command"]
-
 
 def _plan(case: Case) -> dict[str, Any]:
     """What a run of a case will do.

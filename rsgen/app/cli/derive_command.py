@@ -23,19 +23,6 @@ from rsgen.law.element import forces_by_motion, law_remarks, make_element
 from rsgen.law.identifiable import combinations_of
 from rsgen.law.memory import rates_of
 
-__all__ = [
-    "PICTURE_ONLY",
-    "derive_command",
-    "describe",
-    "law_sentences",
-    "read_memory",
-    "read_settings",
-    "sentences_of_elements",
-    "spell",
-    "write_picture",
-]
-
-
 # ----------------------------------------------------------------------------
 # What the commands say of a law before any test: what no test distinguishes, and what is odd about it.
 

@@ -22,17 +22,6 @@ from rsgen.report.provenance import page_environment
 from rsgen.report.result_json import read_result, read_results
 from rsgen.report.wording.sentences import error_text, read_verdict
 
-__all__ = [
-    "CaseDifference",
-    "ValueDifference",
-    "compare_results",
-    "diff_command",
-    "difference_data",
-    "difference_table",
-    "render_difference",
-    "verdict_change",
-]
-
 _SAME = 1e-12
 """Relative change below which two values are the same: the last digits differ between machines."""
 

@@ -40,9 +40,6 @@ from rsgen.identification.results import Estimate, Identification
 from rsgen.report.wording import sentence
 from rsgen.report.wording.sentences import state_verdict
 
-__all__ = ["identify_command"]
-
-
 _METHODS = ("paper", "first_order", "refined")
 
 

@@ -29,8 +29,6 @@ from rsgen.formula.units import parameter_units
 from rsgen.law.element import make_element
 from rsgen.law.memory import equations_of
 
-__all__ = ["case_text", "init_command"]
-
 _LAW = "k1*x + kn1*x**3 + c1*v"
 
 # a spring that puts the resonance of 1.5 kg at 10 Hz, amid the frequencies above, lightly damped

@@ -14,9 +14,6 @@ from rsgen.files.inspection import Contents, Entry, Proposal, list_contents, pro
 from rsgen.files.sandbox import reading_fault
 from rsgen.files.tree import TEXT
 
-__all__ = ["inspect_command", "proposal_text"]
-
-
 MOST = 60
 """Arrays shown in a table; --all and --json list all."""
 _UNITS_OF_DOUBT = 60

@@ -14,8 +14,6 @@ from rsgen.common.errors import RsgenError
 from rsgen.describing import derive
 from rsgen.law.element import Law, Library, laws
 
-__all__ = ["laws_command"]
-
 
 def laws_command(
     name: Annotated[

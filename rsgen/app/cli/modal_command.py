@@ -29,8 +29,6 @@ from rsgen.identification.modal_table import modal_table
 from rsgen.report.page_tables import Modal, modal_entry, score_held_out
 from rsgen.report.wording import sentence
 
-__all__ = ["modal_command"]
-
 Csv = Annotated[
     Path | None,
     typer.Option("--csv", help="Write all rows with their intervals, SI units.", show_default=False),

@@ -25,8 +25,6 @@ from rsgen.report.files import shown_of
 from rsgen.report.notebook import KnownResults, write_notebook
 from rsgen.report.provenance import is_lesson_as_written
 
-__all__ = ["notebook_command"]
-
 
 def notebook_command(
     case: OneCase,

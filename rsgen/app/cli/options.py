@@ -13,28 +13,6 @@ from rsgen.common.errors import RsgenError
 if TYPE_CHECKING:
     from rsgen.cases import Case
 
-__all__ = [
-    "DIFFERENCE",
-    "FRF",
-    "MODAL",
-    "SURFACE",
-    "Amplitude",
-    "Cases",
-    "Data",
-    "Figures",
-    "Json",
-    "Memory",
-    "OneCase",
-    "Out",
-    "Plot",
-    "Settings",
-    "Surface",
-    "check_target",
-    "inputs_of",
-    "is_foreign",
-    "refuse_foreign",
-]
-
 Cases = Annotated[list[Path], typer.Argument(help="Case files, or folders of them.", show_default=False)]
 OneCase = Annotated[Path, typer.Argument(help="A case file.", show_default=False)]
 Out = Annotated[Path, typer.Option("--out", "-o", help="The folder of all results.")]

@@ -18,8 +18,6 @@ from rsgen.cases import Case
 from rsgen.common.finding import verdict_lines
 from rsgen.dynamics.kernel import cache_fault
 
-__all__ = ["Listener", "case_progress", "print_cache_fault", "stage_progress"]
-
 
 def print_cache_fault() -> None:
     """Say once why nothing compiled is stored, before a command that compiles."""

@@ -27,8 +27,6 @@ from rsgen.identification.ranking import Ranking, rank
 from rsgen.report.wording import sentence
 from rsgen.report.wording.sentences import state_verdict
 
-__all__ = ["rank_command"]
-
 
 def _read(path: Path, data: Path | None) -> tuple[str, ResponseSurface, Model | None]:
     """Read a surface, which has no law, or a case with its model."""

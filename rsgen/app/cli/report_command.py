@@ -18,8 +18,6 @@ from rsgen.common.errors import RsgenError
 from rsgen.report import write_index
 from rsgen.report.result_json import read_results
 
-__all__ = ["report_command"]
-
 
 def report_command(
     cases: Annotated[

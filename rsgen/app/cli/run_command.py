@@ -15,9 +15,6 @@ from rsgen.app.study import CaseRun, run_cases
 from rsgen.cases import find_cases
 from rsgen.common.errors import RsgenError
 
-__all__ = ["check_figures", "exit_code", "run_command"]
-
-
 FIGURE_KINDS = ("pdf", "svg", "png")
 
 

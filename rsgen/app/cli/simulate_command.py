@@ -16,8 +16,6 @@ from rsgen.cases.trial import law_faults
 from rsgen.common.errors import CaseError, RsgenError
 from rsgen.data.surface import save_surface
 
-__all__ = ["simulate_command"]
-
 
 def simulate_command(
     case: OneCase,

@@ -13,27 +13,6 @@ from typing import Any, TextIO
 
 from rsgen.common.finding import USABLE, StatedVerdict, verdict_lines
 
-__all__ = [
-    "ACCEPTED",
-    "FAULTY",
-    "INTERRUPTED",
-    "MISSED",
-    "number",
-    "open_streams",
-    "output_fault",
-    "plain",
-    "print_block",
-    "print_faults",
-    "print_json",
-    "print_line",
-    "print_table",
-    "print_verdict",
-    "verdict_code",
-    "write_error",
-    "write_output",
-]
-
-
 # ----------------------------------------------------------------------------
 # Standard output and error, whatever they are: closed, full, left by their reader, or poor in letters.
 #

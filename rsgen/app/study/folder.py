@@ -21,22 +21,6 @@ import rsgen
 from rsgen.common.errors import RsgenError
 from rsgen.common.output import left_behind, sync_folder, write_atomic
 
-__all__ = [
-    "MANIFEST",
-    "UNFINISHED",
-    "check_index",
-    "check_replaceable",
-    "file_hash",
-    "inputs_unchanged",
-    "listed_files",
-    "program_hash",
-    "read_manifest",
-    "recover",
-    "replaced_folder",
-    "write_manifest",
-]
-
-
 # Windows has no such locks
 _locks: Any = import_module("fcntl") if os.name == "posix" else None
 

@@ -23,16 +23,6 @@ from rsgen.identification.fitting.points import Points, at_resonance_alone, per_
 from rsgen.identification.fitting.repeats import gather_repeats
 from rsgen.law.numeric import compile_law
 
-__all__ = [
-    "STAGES",
-    "Progress",
-    "Step",
-    "mass_findings",
-    "point_faults",
-    "size_findings",
-    "stage_reporter",
-]
-
 
 def mass_findings(case: Case, surface: ResponseSurface) -> tuple[Finding, ...]:
     """Say that a measured test, of a mass that is not given, determines none; nothing where it does."""

@@ -30,9 +30,6 @@ from rsgen.cases import Case, find_cases, load_case, name_clashes
 from rsgen.common.errors import CaseError, RsgenError, keep_from_terminal
 from rsgen.common.process import ALGEBRA, collect_seldom
 
-__all__ = ["cluster_workers", "local_workers", "run_cases", "work"]
-
-
 # ----------------------------------------------------------------------------
 # Where cases are worked on: processes of this machine or workers of a Dask cluster, behind one interface.
 #

@@ -38,16 +38,6 @@ from rsgen.identification.ranking import identify_best
 from rsgen.identification.results import Identification
 from rsgen.report.provenance import is_lesson_as_written
 
-__all__ = [
-    "CaseRun",
-    "check_place",
-    "current_result",
-    "identify_case",
-    "obtain_surface",
-    "obtain_table",
-    "run_case",
-]
-
 RESULT = "result.json"
 SURFACE = "surface.h5"
 

@@ -35,8 +35,6 @@ from rsgen.data.history.release import Stretch, find_decays, force_ends
 from rsgen.data.surface import ResponseSurface
 from rsgen.data.surface.columns import DERIVATIVE
 
-__all__ = ["FreeDecay", "follow_decay", "from_free_decay"]
-
 _NOTHING = 1e-100
 """Below this no quantity in SI units is a motion; its reciprocals would overflow."""
 _ROUNDS = 4

@@ -21,24 +21,6 @@ from rsgen.data.free_mode import FreeMode, Kinematics, estimate_mass
 from rsgen.data.history.record import BLOCK
 from rsgen.data.surface.columns import DERIVATIVE
 
-__all__ = [
-    "DENSE",
-    "HARMONICS",
-    "NOISE_WIDTH",
-    "PERIODS",
-    "Windows",
-    "demodulate",
-    "differentiate",
-    "displacement_harmonics",
-    "flank_mass",
-    "highest_order",
-    "independent_instants",
-    "mean_square",
-    "place_windows",
-    "steady_force",
-]
-
-
 # ----------------------------------------------------------------------------
 # From what a sensor gives to displacement, velocity and acceleration of harmonics whose amplitudes change.
 #

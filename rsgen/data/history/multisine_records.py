@@ -13,9 +13,6 @@ from rsgen.data.history.record import TimeHistory, as_histories, name_levels
 from rsgen.data.multisine.spectra import MultisineSpectra, rms
 from rsgen.data.surface.columns import DERIVATIVE
 
-__all__ = ["find_period", "from_multisine"]
-
-
 _REPEATS = 0.9
 """A force is periodic where it agrees with itself a period later by this much: a tenth of it may be noise."""
 _FIRST = 0.995

@@ -15,27 +15,6 @@ from rsgen.common.errors import MeasurementError
 from rsgen.common.finding import Finding, Quantity
 from rsgen.data.surface.columns import DERIVATIVE, QUANTITIES, group_forces
 
-__all__ = [
-    "BLOCK",
-    "FAINT",
-    "FEWEST",
-    "QUIET",
-    "ForceKind",
-    "TimeHistory",
-    "as_histories",
-    "blocks",
-    "check_force",
-    "check_options",
-    "check_response",
-    "cut_off",
-    "describe_force",
-    "kind_of_force",
-    "name_levels",
-    "record_findings",
-    "sampling_rate",
-]
-
-
 QUIET = 0.02
 """A force below this fraction of its largest is off: amplifiers leave a hum of a percent or so."""
 BLOCK = 2**18

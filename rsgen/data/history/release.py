@@ -15,8 +15,6 @@ from rsgen.common.arrays import Array
 from rsgen.common.errors import MeasurementError
 from rsgen.data.history.record import FEWEST, QUIET, TimeHistory, cut_off
 
-__all__ = ["Stretch", "find_decays", "force_ends"]
-
 _LOOK = 8
 """Periods of a spectrum that shows the amplitude: short beside a decay, long enough to part the mode."""
 _HOP = 2

@@ -29,9 +29,6 @@ from rsgen.data.history.record import (
 )
 from rsgen.data.surface import ResponseSurface
 
-__all__ = ["fit_sine", "from_stepped_sine", "refine_frequency"]
-
-
 # ----------------------------------------------------------------------------
 # Least-squares fit of a sine and its harmonics, frequency refined (as IEEE 1057 does), block by block.
 

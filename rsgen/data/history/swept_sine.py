@@ -52,9 +52,6 @@ from rsgen.data.history.tracking import (
 from rsgen.data.surface import ResponseSurface
 from rsgen.data.surface.response_surface import SWEPT_TOO_FAST
 
-__all__ = ["from_swept_sine"]
-
-
 POINTS = 400
 """Points of a sweep; more repeat what their neighbours say and make every later stage slower."""
 _MIXED = 8

@@ -19,21 +19,6 @@ from rsgen.data.history.envelope import DENSE, NOISE_WIDTH, Windows, demodulate,
 from rsgen.data.history.record import TimeHistory, blocks, describe_force
 from rsgen.data.surface.columns import monotone_runs
 
-__all__ = [
-    "LAWS",
-    "Sweep",
-    "SweepLaw",
-    "SweptPoints",
-    "distorted_forces",
-    "faint_forces",
-    "fast_sweeps",
-    "find_sweeps",
-    "free_motion",
-    "most_by_pace",
-    "other_modes",
-]
-
-
 # ----------------------------------------------------------------------------
 # The law of a sweep: frequency against time, linear or logarithmic, given or found from the force.
 

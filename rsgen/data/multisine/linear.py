@@ -26,9 +26,6 @@ from rsgen.data.free_mode import fit_mode, steady
 from rsgen.data.multisine.spectra import MultisineSpectra, rms, scatter, smooth
 from rsgen.data.surface.plausibility import Sizes, size_findings
 
-__all__ = ["BestLinear", "Distortion", "best_linear", "implausible"]
-
-
 # ----------------------------------------------------------------------------
 # Whether records of a multisine, and the mode found from them, have sizes that a vibration test can have.
 

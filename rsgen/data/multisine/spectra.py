@@ -17,16 +17,6 @@ from rsgen.common.text_table import Printed, TextTable, short
 if TYPE_CHECKING:
     from rsgen.data.oscillator import Observation
 
-__all__ = [
-    "SMOOTHED",
-    "MultisineSpectra",
-    "check_records",
-    "held_out_records",
-    "rms",
-    "scatter",
-    "smooth",
-]
-
 _FLOOR = 1e-9
 """Lines this far below the largest are round-off: ratios of such lines mean nothing."""
 _ROUND_OFF = 1e-14

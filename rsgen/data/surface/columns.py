@@ -12,25 +12,6 @@ from rsgen.common.arrays import Array, ComplexArray
 from rsgen.common.errors import RsgenError
 from rsgen.common.text_table import data_frame
 
-__all__ = [
-    "BASE_UNITS",
-    "COLUMN_UNITS",
-    "CONTROLS",
-    "DERIVATIVE",
-    "QUANTITIES",
-    "SWEEPS",
-    "below_acceleration",
-    "check_numbers",
-    "column",
-    "columns_of_frame",
-    "force_columns",
-    "frame_of_surface",
-    "group_forces",
-    "monotone_runs",
-    "recognise_directions",
-    "response_columns",
-]
-
 SWEEPS = ("rest", "up", "down")
 
 CONTROLS = ("force", "response", "phase", "continuation")

@@ -14,8 +14,6 @@ from rsgen.common.finding import Finding, Quantity, Severity
 if TYPE_CHECKING:
     from rsgen.data.surface.response_surface import ResponseSurface
 
-__all__ = ["RESONANT", "BackboneGap", "at_phase_resonance", "backbone_gap", "lag_findings"]
-
 RESONANT = 0.52
 """Lags within 30 degrees of a quarter period [rad] may be meant to be one, with a delay that nobody
 corrected; others are slices off resonance."""

@@ -21,20 +21,6 @@ from rsgen.data.free_mode import fit_powers
 from rsgen.data.surface.columns import DERIVATIVE, QUANTITIES
 from rsgen.data.surface.response_surface import ResponseSurface
 
-__all__ = [
-    "LIMITS",
-    "MISTAKES",
-    "Limit",
-    "Mistake",
-    "Sizes",
-    "base_findings",
-    "driven_points",
-    "level_findings",
-    "plausibility_findings",
-    "quantity_findings",
-    "size_findings",
-]
-
 # ----------------------------------------------------------------------------
 # The law that any law resembles at one harmonic, fitted to a test before one is chosen.
 #

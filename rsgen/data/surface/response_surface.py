@@ -33,9 +33,6 @@ from rsgen.data.surface.columns import (
 )
 from rsgen.formula.units.quantities import PER_UNIT_MASS, WHOLE, ForceUnits
 
-__all__ = ["HALF_POWER", "OUTCOMES", "ResponseSurface", "match_level", "typical_amounts", "without_copies"]
-
-
 # ----------------------------------------------------------------------------
 # What was measured at each level, as a number: the force near the resonance, or the amplitude held.
 

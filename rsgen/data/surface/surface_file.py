@@ -25,8 +25,6 @@ from rsgen.data.surface.response_surface import OUTCOMES, ResponseSurface
 if TYPE_CHECKING:
     import h5py
 
-__all__ = ["load_surface", "main", "save_surface"]
-
 _FORMAT, _SCHEMA = "rsgen response surface", 1
 
 _WAIT_SECONDS = 60.0

@@ -18,8 +18,6 @@ from rsgen.dynamics.kernel.generation import MemoryRows, generate, parameter_ord
 from rsgen.dynamics.kernel.store import load_kernel
 from rsgen.law.memory import memory_form
 
-__all__ = ["Integrated", "Kernel", "compile_kernel"]
-
 _WORK = 1024 * 64
 """Numbers of work space: more rows of 64 points than any law that can be read needs."""
 

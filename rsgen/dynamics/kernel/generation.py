@@ -17,19 +17,6 @@ from rsgen.law.character import onset
 from rsgen.law.memory import MemoryForm, memory_form, real_powers
 from rsgen.law.pieces import NormalForm, Piece, Switch, normal_form, normal_form_at
 
-__all__ = [
-    "ALONE",
-    "DEEPEST",
-    "EVERYTHING",
-    "NOTHING",
-    "WITHIN",
-    "Body",
-    "MemoryRows",
-    "generate",
-    "parameter_order",
-]
-
-
 # ----------------------------------------------------------------------------
 # What a kernel hands over from one call to the next for a law with memory: the rows of its states.
 

@@ -30,19 +30,6 @@ import platformdirs
 from rsgen.common.errors import RsgenError
 from rsgen.common.output import is_alive
 
-__all__ = [
-    "PrivateFolder",
-    "UntrustedFolderError",
-    "cache_fault",
-    "cache_folder",
-    "compile_source",
-    "host",
-    "load_kernel",
-    "load_object",
-    "open_private_folder",
-]
-
-
 # ----------------------------------------------------------------------------
 # A folder whose files only its user can write; each begins with a digest that finds damage.
 #

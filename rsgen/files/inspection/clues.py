@@ -14,13 +14,6 @@ from rsgen.files.column_titles import is_angular, is_unit, split_title, unit_in
 from rsgen.files.tree import TEXT, Contents, Entry
 from rsgen.formula.units import quantity, sensor_unit
 
-__all__ = [
-    "ANGULAR", "BASE", "CONTROL", "DECIBEL", "DRIVE", "FORCE", "FREQUENCY", "INCREMENT", "IS_FORCE",
-    "IS_MOTION", "LEVEL", "LOAD", "LONG", "NAMES", "NOMINAL", "OVER_FORCE", "PHASE", "QUOTIENT", "RATE",
-    "REAL", "RELATIVE", "RESPONSE", "RMS", "TIME", "TODO", "Clue", "Draft", "complex_parts", "last_name",
-    "of_size", "phase_sense", "plain_unit", "remarked", "run_of", "unit_for", "without_unit",
-]  # fmt: skip
-
 TODO = "TODO: "
 """How a comment begins that asks for what no name or unit in the file says."""
 OVER_FORCE = {"displacement": "receptance", "velocity": "mobility", "acceleration": "accelerance"}

@@ -32,8 +32,6 @@ from rsgen.files.text_columns import (
 )
 from rsgen.files.tree import Contents, Entry, facts
 
-__all__ = ["list_contents"]
-
 LOOKED_AT = 300
 """Lines of a text from which its layout is recognised."""
 FEWEST_LINES = 3

@@ -53,17 +53,6 @@ from rsgen.files.plan import HERTZ, SECONDS, Layout
 from rsgen.files.tree import Contents, Entry, natural_order
 from rsgen.formula.units.quantities import UNKNOWN
 
-__all__ = [
-    "Proposal",
-    "level_in",
-    "levels_in_columns",
-    "propose",
-    "propose_amplitudes",
-    "propose_history",
-    "without_level",
-]
-
-
 # ----------------------------------------------------------------------------
 # Levels that stand side by side: columns "x@1N", "x@2N", or variables "phase_1N", "phase_2N".
 

@@ -42,25 +42,6 @@ from rsgen.files.inspection.clues import (
 )
 from rsgen.files.tree import Entry
 
-__all__ = [
-    "Base",
-    "Sensor",
-    "Sensors",
-    "channel_names",
-    "find_base",
-    "find_sensors",
-    "fundamentals",
-    "is_of_another",
-    "place_of",
-    "quantity_of",
-    "scale_of",
-    "unit_of_force",
-    "words_of",
-    "write_base",
-    "write_motions",
-]
-
-
 # ----------------------------------------------------------------------------
 # Whether a table or record without a force is that of a structure on a driven base, and its motion.
 

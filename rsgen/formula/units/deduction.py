@@ -12,8 +12,6 @@ from rsgen.common.errors import RsgenError
 from rsgen.formula.names import Masing, State, Structural
 from rsgen.formula.units.unit_text import FORCE, NUMBER, Dimension, read_unit
 
-__all__ = ["parameter_units", "unit_faults"]
-
 _LENGTH = Dimension({"m": Fraction(1)})
 _TIME = Dimension({"s": Fraction(1)})
 _PLAIN = 100

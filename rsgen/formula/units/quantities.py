@@ -14,24 +14,6 @@ from numpy.typing import ArrayLike
 from rsgen.common.errors import RsgenError
 from rsgen.formula.units.unit_text import NUMBER, Dimension, read_unit
 
-__all__ = [
-    "PER_UNIT_MASS",
-    "SWEEPS",
-    "WHOLE",
-    "ForceUnits",
-    "Scale",
-    "choose_scale",
-    "count_text",
-    "number_text",
-    "per_mass_unit",
-    "quantity",
-    "quantity_text",
-    "sensor_factor",
-    "sensor_unit",
-    "unit_of",
-    "unit_text",
-]
-
 _LONGEST = 120
 _SMALLEST, _LARGEST = 1e-300, 1e300
 _NUMBER = re.compile(

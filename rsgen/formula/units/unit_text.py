@@ -17,9 +17,6 @@ from rsgen.common.errors import RsgenError
 if TYPE_CHECKING:
     from pint import UnitRegistry
 
-__all__ = ["FORCE", "NUMBER", "Dimension", "Unit", "read_unit"]
-
-
 # ----------------------------------------------------------------------------
 # Physical dimensions: what a unit measures, apart from its size.
 

@@ -31,8 +31,6 @@ from rsgen.law.element import Element, forces_by_motion
 from rsgen.law.motion import Motion, fourier_series, project
 from rsgen.law.numeric import ForceLaw, Part, compile_law
 
-__all__ = ["MeasuredAcross", "law_of", "motions_of", "sensor_pair"]
-
 _MOTIONS = ("response", "motion across {!r}")
 """What the parts of a law follow, each with the sensors that its elements act between."""
 

@@ -18,9 +18,6 @@ from rsgen.identification.fitting.points import Points
 from rsgen.identification.fitting.simulator import Simulator
 from rsgen.law.motion import Motion, sine_motion
 
-__all__ = ["RESOLUTION", "Fit", "Solution", "fit_balance", "fit_simulator"]
-
-
 _EXACT = 1e-3
 """Below this misfit, relative, data show what ``SAMPLES`` miss of a switch."""
 

@@ -20,9 +20,6 @@ from rsgen.identification.fitting.observed import Observed
 from rsgen.law.motion import Motion
 from rsgen.law.numeric import ForceLaw
 
-__all__ = ["Descent", "Forward", "HarmonicBalance", "Parametrised"]
-
-
 _AT_REST = 1e-6
 """Relative last step to a place of rest."""
 

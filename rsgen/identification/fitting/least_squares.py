@@ -27,21 +27,6 @@ from rsgen.common.tolerances import (
     chi_square_exceeded,
 )
 
-__all__ = [
-    "Alternative",
-    "Linearisation",
-    "Regression",
-    "Rules",
-    "alternatives",
-    "descend",
-    "determined",
-    "eliminate",
-    "fit",
-    "remove_bias",
-    "summarise",
-]
-
-
 _OWN_SHARE = 1e-6
 """Share of the square of a column that is its own, below which the other columns make it up."""
 

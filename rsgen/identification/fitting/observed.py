@@ -24,18 +24,6 @@ from rsgen.identification.fitting.points import Points
 from rsgen.law.element import Element
 from rsgen.law.numeric import ForceLaw
 
-__all__ = [
-    "FORCE_TO_RESPONSE_NOISE",
-    "MISSING_TERMS",
-    "Observed",
-    "Problem",
-    "beyond_chance",
-    "is_systematic",
-    "neighbour_power",
-    "with_coefficients",
-]
-
-
 FORCE_TO_RESPONSE_NOISE = 1.0
 """Ratio of the relative noises of force and response: sine tests rarely say which sensor is worse."""
 

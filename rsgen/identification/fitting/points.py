@@ -16,22 +16,6 @@ from rsgen.data.surface import OUTCOMES, ResponseSurface
 from rsgen.data.surface.phase_lag import RESONANT, BackboneGap, backbone_gap
 from rsgen.law.motion import Motion, feeds_exciter
 
-__all__ = [
-    "ASYMMETRIC",
-    "LAG_ERROR",
-    "Points",
-    "assumed_mass",
-    "at_resonance_alone",
-    "gap_of",
-    "held_out_mask",
-    "loop_error",
-    "mass_sure",
-    "near_resonance",
-    "per_unit_mass",
-    "select_points",
-]
-
-
 ASYMMETRIC = 0.2
 """Mean or higher harmonic, relative to the amplitude, that a motion near a centred sine does not have."""
 

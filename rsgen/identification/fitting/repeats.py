@@ -18,9 +18,6 @@ from rsgen.data.surface import ResponseSurface
 from rsgen.identification.fitting.across import sensor_pair
 from rsgen.identification.fitting.points import ASYMMETRIC
 
-__all__ = ["JUMP", "Repeats", "gather_repeats"]
-
-
 JUMP = 1.5
 """Amplitudes of a larger ratio lie on either side of a jump: repeats of it have no mean."""
 

@@ -23,9 +23,6 @@ from rsgen.law.element import Element
 from rsgen.law.motion import Motion
 from rsgen.law.numeric import ForceLaw
 
-__all__ = ["Simulator", "go_on"]
-
-
 _CURVED = (MOVE, 2e-2)
 """Least and largest relative change of the force by which second derivatives are taken."""
 

@@ -54,11 +54,6 @@ from rsgen.law.identifiable import put_in_order
 from rsgen.law.motion import Motion
 from rsgen.law.numeric import compile_law
 
-__all__ = [
-    "MultisineIdentification",
-    "identify_multisine",
-]
-
 
 @dataclass(frozen=True, slots=True, eq=False, repr=False)
 class MultisineIdentification(Identification):

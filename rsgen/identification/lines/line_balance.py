@@ -30,8 +30,6 @@ from rsgen.law.motion import Motion, harmonics_of, waveform
 from rsgen.law.numeric import ForceLaw
 from rsgen.law.switched_sum import ForceSample
 
-__all__ = ["Balance", "Lines", "NoiseOfBalance", "lines_of"]
-
 _EXTENDED, _MOST_LINES = 16, 16384
 """Times the recorded lines that a motion has along a law with switches, and most lines: the velocity at a
 jump errs by the inverse of their number, which leaves a few 1e-6 of the force."""

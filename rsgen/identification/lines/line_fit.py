@@ -40,22 +40,6 @@ from rsgen.identification.starting.search import search_values
 from rsgen.law.motion import Motion
 from rsgen.law.numeric import DECADES, ForceLaw, compile_law, natural_sizes
 
-__all__ = [
-    "LineFit",
-    "blocks_left_out",
-    "chance_of_noise",
-    "delay_between",
-    "errors_of",
-    "fit_lines",
-    "fixed_beside",
-    "parts_of_band",
-    "relative_to_force",
-    "start_values",
-    "terms_beside",
-    "times_noise",
-]
-
-
 _BESIDE = 20
 """Lines to each side over which the power of the misfit is averaged: forty-one make it known to a quarter."""
 _DIGITS = 1e-26

@@ -24,9 +24,6 @@ from rsgen.identification.results import EquivalentCurve, Estimate, Identificati
 from rsgen.law.motion import Motion
 from rsgen.law.numeric import compile_law
 
-__all__ = ["AmplitudeBalance", "SynthesisBalance", "table_as_identification"]
-
-
 _ORDER_WITH_JUMPS = 3
 """Where friction holds the mass for a while, higher harmonics of a balance do not settle."""
 

@@ -22,17 +22,6 @@ from rsgen.dynamics.periodic_response import periodic_response
 from rsgen.identification.lines import MultisineIdentification
 from rsgen.law.numeric import compile_law
 
-__all__ = [
-    "BEYOND",
-    "HeldOutLevel",
-    "MultisinePrediction",
-    "PredictedRecord",
-    "Prediction",
-    "ResonanceCurve",
-    "predict_multisine",
-    "severity_of_error",
-]
-
 BEYOND = 1.01
 """A response is extrapolated beyond the tested amplitudes times this; less is the noise of the test."""
 

@@ -35,9 +35,6 @@ from rsgen.identification.prediction.prediction_result import (
 )
 from rsgen.identification.results import EquivalentCurve, Estimate, Identification
 
-__all__ = ["as_identification", "judge_held_out", "judge_records", "predict"]
-
-
 # ----------------------------------------------------------------------------
 # An oscillator with known values as an identification without any error, so that it can be predicted.
 

@@ -30,21 +30,6 @@ from rsgen.law.motion import Motion, fourier_series
 from rsgen.law.numeric import ForceLaw, compile_law
 from rsgen.law.pieces import normal_form
 
-__all__ = [
-    "NEAR",
-    "ReferenceMotion",
-    "Rows",
-    "Sum",
-    "Term",
-    "base_law",
-    "library_terms",
-    "make_rows",
-    "measured_motion",
-    "predicted_motion",
-    "terms_of",
-]
-
-
 # ----------------------------------------------------------------------------
 # What a ranking sums up: the laws of the library without their linear spring and damper.
 #

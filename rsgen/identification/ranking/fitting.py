@@ -19,9 +19,6 @@ from rsgen.identification.ranking.balance import Rows
 from rsgen.law.element import Element
 from rsgen.law.numeric import ForceLaw, compile_law
 
-__all__ = ["Fitted", "Guess", "fit_rows"]
-
-
 _HELD = 0.05
 """Least share of the inertia that springs without memory balance: rubber isolators, which are little else
 than a loop, keep a tenth of their stiffness."""

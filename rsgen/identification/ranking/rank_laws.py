@@ -42,9 +42,6 @@ from rsgen.law.element import Element, LawLike, as_elements
 from rsgen.law.memory import with_equations
 from rsgen.law.numeric import compile_law
 
-__all__ = ["identify_best", "rank"]
-
-
 _TIE = 6.0
 """Difference of BIC that is strong evidence (Kass and Raftery, Bayes factors, JASA 90 (1995))."""
 

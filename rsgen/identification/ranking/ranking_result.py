@@ -27,8 +27,6 @@ from rsgen.identification.results import Identification
 from rsgen.identification.results.estimates import phase_findings
 from rsgen.law.numeric import compile_law
 
-__all__ = ["OWN", "Candidate", "Judgement", "Ranking", "implausible", "is_same", "judge"]
-
 OWN = "the case's own law"
 """Name of the law of the case or model that is ranked, among the candidates."""
 

@@ -42,15 +42,6 @@ from rsgen.law.element import Element
 from rsgen.law.motion import Motion, feeds_exciter
 from rsgen.law.numeric import ForceLaw
 
-__all__ = [
-    "Reference",
-    "first_rows",
-    "follow",
-    "neighbour_noise",
-    "outlying",
-]
-
-
 WAVEFORM = 31
 """Harmonics of the waveform along which laws with jumps and corners are compared."""
 

@@ -26,9 +26,6 @@ from rsgen.identification.starting.start import solve_equations
 from rsgen.law.element import Element, Law, LawLike, Library, as_elements, make_element
 from rsgen.law.memory import with_equations
 
-__all__ = ["Entries", "Trial", "competitors", "search_sums", "start_guess"]
-
-
 Places = NDArray[np.intp]
 
 _RIDGE = 1e-10

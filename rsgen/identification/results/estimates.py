@@ -45,22 +45,6 @@ from rsgen.law.identifiable import combinations_of
 from rsgen.law.motion import Motion
 from rsgen.law.numeric import ForceLaw
 
-__all__ = [
-    "NOT_ZERO",
-    "Agreement",
-    "Difference",
-    "compare_parts",
-    "damping_findings",
-    "jackknife",
-    "law_ambiguity",
-    "make_estimates",
-    "parameter_findings",
-    "phase_findings",
-    "state_background",
-    "takes_energy",
-    "with_combinations",
-]
-
 NOT_ZERO = 0.5
 """A standard error beyond this share of the value: the 95 % interval contains zero."""
 

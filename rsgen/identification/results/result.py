@@ -22,18 +22,6 @@ from rsgen.formula.units import parameter_units
 from rsgen.formula.units.quantities import WHOLE, ForceUnits
 from rsgen.law.memory import with_equations
 
-__all__ = [
-    "Background",
-    "EquivalentCurve",
-    "Estimate",
-    "Identification",
-    "Resonance",
-    "RestoringForce",
-    "changed",
-    "later",
-    "units_of",
-]
-
 
 def _freeze(record: object, names: tuple[str, ...], dtype: type = np.float64) -> None:
     lengths = set()

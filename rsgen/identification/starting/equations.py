@@ -18,9 +18,6 @@ from rsgen.common.tolerances import SAMPLES, SAMPLES_SWITCHED
 from rsgen.law.motion import Motion, project
 from rsgen.law.numeric import ForceLaw, ForceSample, Waves
 
-__all__ = ["Equations", "equation_rows", "rows_of_trials"]
-
-
 _FINER_LOOPS = 2
 """Times ``SAMPLES`` for a law with memory: its equations are a start only, and its loops cost more."""
 

@@ -18,9 +18,6 @@ from rsgen.common.tolerances import SIGNIFICANT, TRIALS, UNCHANGED
 from rsgen.identification.starting.equations import Equations, equation_rows, rows_of_trials
 from rsgen.law.numeric import DECADES, ForceLaw, natural_sizes
 
-__all__ = ["search_nonlinear", "search_values"]
-
-
 _CHANGED = 1e-3
 """A law changes its shape where a column changes by more, relatively, from one value to the next."""
 

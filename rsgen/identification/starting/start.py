@@ -46,17 +46,6 @@ from rsgen.law.identifiable import put_in_order
 from rsgen.law.motion import Motion, sine_motion
 from rsgen.law.numeric import ForceLaw, compile_law
 
-__all__ = [
-    "is_hidden",
-    "point_misfit",
-    "records_even",
-    "solve_equations",
-    "start_asymmetric",
-    "start_fit",
-    "with_phase",
-]
-
-
 # ----------------------------------------------------------------------------
 # Even forces where the mean was not recorded: starting values, and what the test cannot say of them.
 #

@@ -39,15 +39,6 @@ from rsgen.report.figures.equivalent import (
 )
 from rsgen.report.figures.overview import colour_bar, level_colours
 
-__all__ = [
-    "draw_collapse",
-    "draw_damping",
-    "draw_modal",
-    "draw_resonance",
-    "draw_stiffness",
-]
-
-
 # ----------------------------------------------------------------------------
 # The modal table as a figure: resonance frequency and damping over the amplitude, without a law.
 

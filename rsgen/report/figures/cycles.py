@@ -36,24 +36,6 @@ from rsgen.report.figures.equivalent import (
     standard_errors,
 )
 
-__all__ = [
-    "Energy",
-    "MeasuredLoops",
-    "Slip",
-    "branch_mean",
-    "dissipated_energy",
-    "identified_slips",
-    "loop_force",
-    "mass_of",
-    "measured_energy",
-    "measured_loops",
-    "mode_surface",
-    "shows_loops",
-    "slip_limit",
-    "small_stiffness",
-    "stiffness_ratio",
-]
-
 SAMPLES = 512
 """Of a loop: no corner of it can be seen."""
 

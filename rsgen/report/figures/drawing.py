@@ -29,22 +29,6 @@ from rsgen.identification.modal_result import ModalTable
 from rsgen.identification.prediction import Prediction
 from rsgen.identification.results import Identification
 
-__all__ = [
-    "FIRST_ORDER",
-    "POINT",
-    "REFINED",
-    "STYLE",
-    "TRUTH",
-    "Drawing",
-    "GivenAxes",
-    "in_style",
-    "label_abscissa",
-    "lay_out",
-    "new_figure",
-    "project_style",
-    "take_axes",
-]
-
 # Okabe and Ito's colours, which colour-blind readers tell apart; line styles tell them apart in grey
 POINT: dict[str, Any] = {"marker": "o", "ls": "none", "mfc": "none", "mec": "#0072B2", "mew": 1.1, "ms": 4.5}
 REFINED: dict[str, Any] = {"color": "#D55E00", "lw": 1.5, "ls": "-"}

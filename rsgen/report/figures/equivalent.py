@@ -24,20 +24,6 @@ from rsgen.law.notation import readable
 from rsgen.law.pieces import normal_form
 from rsgen.report.figures.drawing import REFINED, Drawing, GivenAxes, in_style, take_axes
 
-__all__ = [
-    "Backbone",
-    "amplitudes_tested",
-    "backbone",
-    "calm_limits",
-    "draw_derivation",
-    "evaluated",
-    "refined_band",
-    "solution_of",
-    "standard_errors",
-    "telling_amplitude",
-    "values_of",
-]
-
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Backbone:

@@ -46,9 +46,6 @@ from rsgen.report.figures.drawing import (
 from rsgen.report.figures.equivalent import calm_limits, solution_of
 from rsgen.report.figures.responses import choose_levels
 
-__all__ = ["draw_energy", "draw_forces", "draw_loops", "force_function"]
-
-
 # ----------------------------------------------------------------------------
 # The forces themselves: what springs and dampers do at each displacement and velocity.
 

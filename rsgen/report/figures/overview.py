@@ -18,16 +18,6 @@ from rsgen.data.surface import ResponseSurface
 from rsgen.formula.units.quantities import SWEEPS, choose_scale, count_text, quantity_text
 from rsgen.report.figures.drawing import Drawing, GivenAxes, in_style, label_abscissa, new_figure, take_axes
 
-__all__ = [
-    "colour_bar",
-    "draw_map",
-    "draw_surface",
-    "draw_thumbnail",
-    "largest_answer",
-    "level_colours",
-    "peaks_by_level",
-]
-
 
 def level_colours() -> LinearSegmentedColormap:
     """The colours of levels and amplitudes: viridis without its darkest and palest ends.

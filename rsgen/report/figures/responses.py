@@ -23,16 +23,6 @@ from rsgen.law.motion import Motion, waveform
 from rsgen.report.figures.drawing import Drawing, GivenAxes, in_style, label_abscissa, take_axes
 from rsgen.report.figures.overview import level_colours, peaks_by_level
 
-__all__ = [
-    "choose_levels",
-    "draw_best_linear",
-    "draw_held_out",
-    "draw_line_misfit",
-    "draw_predicted_record",
-    "draw_responses",
-    "draw_time_history",
-]
-
 _OTHER = 0.01
 """A measured force that differs by more, relatively, is named beside the nominal level."""
 _MARKERS = {"rest": "o", "up": "^", "down": "v"}

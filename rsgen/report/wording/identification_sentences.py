@@ -6,9 +6,6 @@ from rsgen.common.finding import Finding
 from rsgen.formula.units.quantities import number_text, quantity_text
 from rsgen.report.wording.sentences import NEXT_STEPS, say_plainly, says
 
-__all__ = []
-
-
 _TESTED = "X up to {amplitude:.3q}, levels up to {level:.3q}"
 
 say_plainly(

@@ -8,9 +8,6 @@ from rsgen.common.finding import Finding
 from rsgen.formula.units.quantities import number_text, quantity_text
 from rsgen.report.wording.sentences import NEXT_STEPS, say_plainly, says
 
-__all__ = []
-
-
 say_plainly(
     {
         "element-not-identifiable": "not identifiable from this test: {parameters}",

@@ -29,25 +29,6 @@ if TYPE_CHECKING:
     from rsgen.data.multisine import MultisineSpectra
 from rsgen.data.surface import ResponseSurface
 
-__all__ = [
-    "CODES",
-    "MARKED",
-    "NEXT_STEPS",
-    "error_text",
-    "explain",
-    "full_sentence",
-    "headline",
-    "next_step",
-    "proof_sentence",
-    "read_verdict",
-    "say_plainly",
-    "says",
-    "sentence",
-    "share_text",
-    "state_verdict",
-    "surface_sentence",
-]
-
 Say = Callable[[Finding], str]
 
 CODES: dict[str, Say] = {}

@@ -6,8 +6,6 @@ from rsgen.common.finding import Finding
 from rsgen.formula.units.quantities import number_text, quantity_text
 from rsgen.report.wording.sentences import NEXT_STEPS, say_plainly, says
 
-__all__ = []
-
 say_plainly(
     {
         "points-not-measured": (
