@@ -3,15 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from pathlib import Path
 from typing import Any, Literal, get_args
 
-from pydantic import Field, ValidationError, create_model
+from pydantic import Field
 
-from rsgen.cases.faults import parse_case, sentences
-from rsgen.cases.tables import Maker, Table, table_of
+from rsgen.cases.tables import Maker, table_of
 from rsgen.common.declaration import given
-from rsgen.common.errors import CaseError, MeasurementError
+from rsgen.common.errors import MeasurementError
 from rsgen.data.surface.columns import BASE_UNITS
 from rsgen.files import HistoryRule, MeasuredTest, Signal
 from rsgen.files.plan import Excitation
@@ -42,37 +40,6 @@ MEASURED = table_of(
         ),
     },
 )
-_FIELDS: dict[str, Any] = {"test": (MEASURED, ...)}
-_Alone = create_model("_Alone", __base__=Table, **_FIELDS)
-
-
-def load_measured(text: str, folder: Path, mass: float | None = None) -> MeasuredTest:
-    """Read a measured test that stands alone, without a law: what a look at a data file tries.
-
-    Parameters
-    ----------
-    text
-        The [test] tables of a case file.
-    folder
-        Where its data files are.
-    mass
-        The moving mass [kg], if it is known.
-
-    Raises
-    ------
-    CaseError
-        With one sentence a fault, each with its key.
-    """
-    tree = parse_case(text)
-    try:
-        document: Any = _Alone.model_validate(tree)
-    except ValidationError as error:
-        raise CaseError(sentences(error, _Alone)) from None
-    maker = Maker((folder,))
-    test = make_measured(document.test, maker, mass, calibrated=True)
-    if maker.faults:
-        raise CaseError(maker.faults)
-    return test
 
 
 def make_measured(

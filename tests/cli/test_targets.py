@@ -10,7 +10,6 @@ from typing import Any
 import nbformat
 import pytest
 
-import rsgen
 from rsgen.analysis.export import save_frf
 from rsgen.app.cli.options import FRF, MODAL, SURFACE, is_foreign
 from rsgen.data.surface import save_surface
@@ -84,24 +83,6 @@ def test_the_measurement_is_not_written_over(
     answer = run_cli("notebook", "hdf5-steps.toml")
     assert (answer.code, "hdf5-steps.h5: is read by this command" in answer.err) == (2, True)
     assert data.read_bytes() == before
-
-
-def test_pages_replace_only_their_like(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, run_cli: Callable[..., Any]
-) -> None:
-    surface = cubic_surface()
-    found = rsgen.identify(surface, "k*x + k3*x**3 + c*v")
-    rsgen.write_report(tmp_path / "run", surface, found)
-    monkeypatch.chdir(tmp_path)
-    for words in (("diff", "run", "run"),):
-        page = tmp_path / f"{words[0]}.html"
-        page.write_bytes(MINE)
-        answer = run_cli(*words, "--out", page.name)
-        assert (answer.code, f"{page.name}: is there and not as rsgen" in answer.err) == (2, True)
-        assert page.read_bytes() == MINE
-        page.unlink()
-        assert run_cli(*words, "--out", page.name).code == 0
-        assert run_cli(*words, "--out", page.name).code == 0
 
 
 def test_an_empty_file_is_filled(simulated: Path, run_cli: Callable[..., Any]) -> None:

@@ -8,9 +8,9 @@ from pathlib import Path
 from typing import Any
 
 from rsgen.app.cli.inspect_command import proposal_text
-from rsgen.cases.measured_test import load_measured
+from rsgen.cases import load_case
 from rsgen.data.surface import ResponseSurface
-from rsgen.files import read_measurement
+from rsgen.files import MeasuredTest, read_measurement
 from rsgen.files.inspection import Proposal, list_contents, propose
 
 __all__ = ["drafted", "read_draft"]
@@ -40,6 +40,11 @@ def read_draft(
     tables = proposal.tables | {name: proposal.tables.get(name, {}) | keys for name, keys in places.items()}
     text = proposal_text(replace(proposal, tables=tables)).replace('"? N"', '"1 N"')
     text = text.replace('excitation = "?"', 'excitation = "swept-sine"')
-    surface = read_measurement(load_measured(text, path.parent, None))
+    law = "name = 'a'\ntitle = 'a'\nschema = 1\n[[element]]\nname = 'a'\nforce = 'k*x + c*v'\n"
+    case = path.with_name("draft.toml")
+    case.write_text(law + text, encoding="utf-8")
+    test = load_case(case).test
+    assert isinstance(test, MeasuredTest)
+    surface = read_measurement(test)
     assert isinstance(surface, ResponseSurface)
     return tomllib.loads(text)["test"], surface, proposal.doubts

@@ -9,7 +9,6 @@ from typing import Any
 
 import pytest
 
-from rsgen.app.cli.diff_command import compare_results, render_difference
 from rsgen.common.finding import Finding
 from rsgen.formula import parse
 from rsgen.report import draw_all, write_index
@@ -93,9 +92,6 @@ def pages(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
     (folder / "results" / "rejected" / "result.json").write_text(result, encoding="utf-8")
     (folder / "bare.html").write_text(POLICY.sub("", hostile), encoding="utf-8")
     write_index(folder / "results")
-    places = (folder / "results" / "plain", folder / "results" / "rejected")
-    changes = render_difference(compare_results(*places), "before", titles[0])
-    (folder / "difference.html").write_text(changes, encoding="utf-8")
     # describing functions wider than any phone, as those of laws with pieces are
     law = "Piecewise((k4*x, abs(x) <= b), (k5*x + (k4 - k5)*b*sign(x), True))"
     model, pieces = identified(law, {"k4": 5920.0, "k5": 6900.0, "b": 0.02})
@@ -109,13 +105,11 @@ def pages(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
         drawings,
     )
     (folder / "pieces.html").write_text(render_page(*parts, {"Versions": "rsgen"}), encoding="utf-8")
-    names = ("plain", "wide", "pieces", "hostile", "rejected", "bare", "difference")
+    names = ("plain", "wide", "pieces", "hostile", "rejected", "bare")
     return {name: folder / f"{name}.html" for name in names} | {"index": folder / "results" / "index.html"}
 
 
-@pytest.mark.parametrize(
-    "name", ["plain", "wide", "pieces", "hostile", "rejected", "bare", "difference", "index"]
-)
+@pytest.mark.parametrize("name", ["plain", "wide", "pieces", "hostile", "rejected", "bare", "index"])
 def test_page_is_quiet_and_fits(chromium: str, pages: dict[str, Path], name: str) -> None:
     address = pages[name].as_uri()
 
@@ -152,7 +146,7 @@ axe.run(document, {resultTypes: ["violations"]}).then(found => JSON.stringify(fo
 """
 
 
-@pytest.mark.parametrize("name", ["plain", "wide", "pieces", "hostile", "rejected", "difference", "index"])
+@pytest.mark.parametrize("name", ["plain", "wide", "pieces", "hostile", "rejected", "index"])
 def test_axe_finds_nothing(chromium: str, pages: dict[str, Path], name: str) -> None:
     axe = find_axe()
     if axe is None:

@@ -10,22 +10,15 @@ from typing import Annotated, Any
 
 import typer
 
-import rsgen
-from rsgen.app.cli.options import DIFFERENCE, Json, check_target, is_foreign, refuse_foreign
+from rsgen.app.cli.options import Json
 from rsgen.app.cli.terminal import ACCEPTED, MISSED, number, print_json, print_line, print_table
 from rsgen.common.errors import RsgenError
 from rsgen.common.finding import STATES, StatedVerdict, verdict_lines
-from rsgen.common.output import write_atomic
-from rsgen.formula.units.quantities import number_text, quantity_text
-from rsgen.report.page_tables import Cell, Table, TableRow
-from rsgen.report.provenance import page_environment
 from rsgen.report.result_json import read_result, read_results
-from rsgen.report.wording.sentences import error_text, read_verdict
+from rsgen.report.wording.sentences import read_verdict
 
 _SAME = 1e-12
 """Relative change below which two values are the same: the last digits differ between machines."""
-
-_VERDICTS: dict[object, str] = {True: "within", False: "outside", None: "–"}
 
 
 @dataclass(frozen=True, slots=True)
@@ -191,43 +184,6 @@ def compare_results(before: str | Path, after: str | Path) -> tuple[CaseDifferen
     return tuple(_compare(name, old.get(name), new.get(name)) for name in sorted({*old, *new}))
 
 
-def _value(value: float | None, error: float | None, unit: str) -> Cell:
-    if value is None:
-        return Cell("–")
-    return Cell(
-        quantity_text(value, unit, 8), f"standard error {quantity_text(error, unit, 2)}" if error else ""
-    )
-
-
-def difference_table(difference: CaseDifference) -> Table:
-    """Give the table of one case: before, after, change, change in standard errors, verdicts."""
-    rows = tuple(
-        TableRow(
-            (
-                row.name,
-                _value(row.before, row.error_before, row.unit),
-                _value(row.after, row.error_after, row.unit),
-                Cell(error_text(row.change) if row.changed else "none"),
-                Cell("–" if row.in_errors is None else number_text(row.in_errors, 2)),
-                Cell(_VERDICTS[row.passed_before]),
-                Cell(_VERDICTS[row.passed_after]),
-            )
-        )
-        for row in difference.rows
-    )
-    columns = ("Value", "Before", "After", "Change", "In standard errors", "Verdict before", "Verdict after")
-    return Table(f"Refined estimates of {difference.case}", columns, rows)
-
-
-def _sentence(difference: CaseDifference) -> str:
-    if difference.only:
-        return f"This case is only in the result {difference.only}."
-    moved = sum(row.changed for row in difference.rows)
-    words = "No value changed" if not moved else f"{moved} of {len(difference.rows)} values changed"
-    before, after = _named(difference.verdict_before), _named(difference.verdict_after)
-    return f"{words}; {before} as before." if before == after else f"{words}; {before} before, {after} now."
-
-
 def _named(verdict: StatedVerdict | None) -> str:
     """Name a verdict, with the findings that decided."""
     if verdict is None:
@@ -241,40 +197,6 @@ def verdict_change(difference: CaseDifference) -> str:
     if not difference.verdict_changed:
         return ""
     return f"{_named(difference.verdict_before)} -> {_named(difference.verdict_after)}"
-
-
-def _reasons(difference: CaseDifference) -> list[tuple[str, str]]:
-    """Give the sentences of what decides the verdict now, with the next steps."""
-    after = difference.verdict_after
-    return [] if after is None else list(zip(after["sentences"], after["next_steps"], strict=True))
-
-
-def render_difference(differences: Sequence[CaseDifference], before: str, after: str) -> str:
-    """Render the page of a comparison: one file, no script, no network.
-
-    Parameters
-    ----------
-    before, after
-        How the two results are called on the page.
-    """
-    context = {
-        "before": before,
-        "after": after,
-        "cases": [
-            {
-                "name": difference.case,
-                "sentence": _sentence(difference),
-                "worse": difference.worse,
-                "reasons": _reasons(difference),
-                "table": difference_table(difference) if difference.rows else None,
-            }
-            for difference in differences
-        ],
-        "changed": sum(difference.changed for difference in differences),
-        "worse": sum(difference.worse for difference in differences),
-        "version": rsgen.__version__,
-    }
-    return page_environment().get_template("report/difference.html").render(context)
 
 
 def difference_data(differences: Sequence[CaseDifference]) -> list[dict[str, Any]]:
@@ -332,9 +254,6 @@ def _printed(difference: CaseDifference) -> list[tuple[str, ...]]:
 def diff_command(
     before: Annotated[Path, typer.Argument(help="reports/<case>, or a folder of them.", show_default=False)],
     after: Annotated[Path, typer.Argument(help="The same, later.", show_default=False)],
-    out: Annotated[
-        Path | None, typer.Option("--out", "-o", help="Render a page, too.", show_default=False)
-    ] = None,
     json: Json = False,
 ) -> int:
     """Say what changed between two results in values and verdicts; 1 if a verdict is graver than before.
@@ -342,14 +261,9 @@ def diff_command(
     \b
     Examples:
       rsgen diff reports/cubic results/cubic
-      rsgen diff reports results --out changes.html
+      rsgen diff reports results --json
     """
-    target = None if out is None else check_target(out, ".html")
-    if target:
-        refuse_foreign(target, is_foreign(target, DIFFERENCE), ())
     differences = compare_results(before, after)
-    if target is not None:
-        write_atomic(target, render_difference(differences, str(before), str(after)))
     worse = sum(difference.worse for difference in differences)
     if json:
         print_json(difference_data(differences))
@@ -366,6 +280,4 @@ def diff_command(
     changed = sum(difference.changed for difference in differences)
     cases = "case" if len(differences) == 1 else "cases"
     print_line(f"{changed} of {len(differences)} {cases} changed, {worse} for the worse")
-    if target is not None:
-        print_line(f"{target}")
     return MISSED if worse else ACCEPTED

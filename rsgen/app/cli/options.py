@@ -51,7 +51,6 @@ Figures = Annotated[
 SURFACE = b"rsgen response surface"
 FRF = b"receptances by level\nrsgen\n"
 MODAL = b"amplitude [m],frequency [Hz],lower frequency [Hz]"
-DIFFERENCE = b"<title>rsgen: two results compared</title>"
 """What is near the beginning of each kind of file that a command writes, and hardly in any other."""
 
 _BEGINNING = 4096
