@@ -28,7 +28,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rsgen.common.arrays import Array, ComplexArray, blocks
-from rsgen.common.linear_algebra import b_splines, solve_scaled, spline_values
+from rsgen.common.linear_algebra import b_splines, solve_scaled
 from rsgen.common.tolerances import (
     CHANCE,
     CONFIDENCE,
@@ -344,7 +344,7 @@ def _splines(at: Array, knots: Array) -> Array:
     """(..., f) cubic B-splines over knots."""
     whole = np.concatenate([[knots[0]] * _DEGREE, knots, [knots[-1]] * _DEGREE])
     inside = np.clip(at, knots[0], knots[-1]).ravel()
-    return spline_values(inside, whole, _DEGREE).reshape(*at.shape, -1)
+    return b_splines(inside, whole, _DEGREE)[0].reshape(*at.shape, -1)
 
 
 def _dynamic(surface: ResponseSurface, found: Fit) -> tuple[Array, ComplexArray]:
