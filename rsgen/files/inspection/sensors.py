@@ -130,11 +130,6 @@ class Sensor:
         return tuple(column for _, column in self.places)
 
     @property
-    def phase(self) -> Entry | None:
-        """Its phase, None without one or where it has two parts."""
-        return dict(self.places).get("phase")
-
-    @property
     def has_phase(self) -> bool:
         """Whether its phase is known."""
         return len(self.places) > 1 or self.places[0][0] == "complex"
@@ -398,18 +393,17 @@ def place_of(draft: Draft, sensor: Sensor, place: str, sense: str = "") -> dict[
     table: dict[str, Any] = {key: draft.address(column) for key, column in sensor.places}
     if "amplitude" in table or "complex" in table:
         table |= scale_of(sensor.main)
-    phase = sensor.phase
     if sensor.doubt:
         draft.doubts[f"{place}.{sensor.places[-1][0]}"] = sensor.doubt
     if not sensor.has_phase:
         return table
-    if phase is None:
-        draft.doubts[f"{place}.phase_sense"] = _SENSE
-        return table | {"phase_sense": sense or "lead"}
+    # two parts or complex numbers have no column that could say its sense
+    phase = dict(sensor.places).get("phase", sensor.main)
     radian = {"phase_unit": "rad"} if phase.unit == "rad" else {}
-    if not (sense or phase_sense(phase)):
+    said = sense or phase_sense(phase)
+    if phase is sensor.main or not said:
         draft.doubts[f"{place}.phase_sense"] = _SENSE
-    return table | radian | {"phase_sense": sense or phase_sense(phase) or "lead"}
+    return table | radian | {"phase_sense": said or "lead"}
 
 
 _MOST_CHANNELS = 8
