@@ -24,7 +24,6 @@ from rsgen.formula.names import Structural, remembers
 from rsgen.identification.fitting.points import held_out_mask
 from rsgen.identification.lines import MultisineIdentification
 from rsgen.identification.prediction import Prediction, predict
-from rsgen.identification.prediction.prediction_result import MultisinePrediction
 from rsgen.identification.ranking import Ranking
 from rsgen.identification.results import Identification
 from rsgen.report.figures import (
@@ -108,7 +107,7 @@ def _(
     spectra: MultisineSpectra,
     subject: Subject,
     identification: MultisineIdentification,
-    prediction: MultisinePrediction,
+    prediction: Prediction,
     modal: Modal,
 ) -> list[Drawing]:
     drawings = [draw_best_linear(identification), draw_line_misfit(identification)]

@@ -27,7 +27,7 @@ from rsgen.files import MeasuredTest, read_measurement
 from rsgen.identification.lines import MultisineIdentification
 from rsgen.identification.modal_result import MODAL_COLUMNS, ModalTest
 from rsgen.identification.prediction import HeldOutLevel, ResonanceCurve
-from rsgen.identification.prediction.prediction_result import MultisinePrediction, PredictedRecord
+from rsgen.identification.prediction.prediction_result import PredictedRecord
 from rsgen.identification.ranking.ranking_result import Candidate
 from rsgen.identification.results import Background, EquivalentCurve, Estimate, Resonance, RestoringForce
 from rsgen.law import Element
@@ -46,7 +46,7 @@ CLASSES: tuple[type, ...] = (
     rsgen.ResponseSurface, rsgen.MultisineSpectra, rsgen.Identification, MultisineIdentification,
     Estimate, Resonance, EquivalentCurve, RestoringForce, Background, BestLinear, Distortion,
     rsgen.Ranking, Candidate, rsgen.ModalTable, ModalTest, rsgen.Prediction, ResonanceCurve, HeldOutLevel,
-    MultisinePrediction, PredictedRecord, SteadyStates, DescribingFunction, Equivalent, Limit,
+    PredictedRecord, SteadyStates, DescribingFunction, Equivalent, Limit,
     rsgen.Comparison, Row, Verdict, rsgen.Finding, Quantity, rsgen.Observation, rsgen.Oscillator,
     Model, rsgen.Law, Element, rsgen.SimulatedTest, rsgen.MultisineTest, rsgen.Case,
     rsgen.data.history.FreeDecay, rsgen.data.history.SweepLaw, rsgen.data.history.TimeHistory,

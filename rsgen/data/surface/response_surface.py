@@ -308,8 +308,11 @@ class ResponseSurface:
     @property
     def limits(self) -> tuple[Finding, ...]:
         """What no identification of this test can tell, by what was recorded."""
-        codes = {"phase-not-recorded": not self.phase_known, "per-unit-mass": self.per_mass}
-        return tuple(Finding(code, "info") for code, holds in codes.items() if holds)
+        limits = (
+            (Finding("phase-not-recorded", "info"), not self.phase_known),
+            (Finding("per-unit-mass", "info"), self.per_mass),
+        )
+        return tuple(finding for finding, holds in limits if holds)
 
     def require_phase(self, place: str, reason: str) -> None:
         """Refuse, at a place and for a reason that the message names, what only a test with phases serves."""

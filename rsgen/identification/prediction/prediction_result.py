@@ -137,7 +137,8 @@ class Prediction(Printed):
     findings
         Levels beyond the tested amplitudes, without a curve, with points that are not predicted.
     records
-        Of a multisine one a record that was predicted.
+        Of a multisine one a record that was predicted; curves and scores, which are of single sines, are
+        empty then.
     """
 
     curves: tuple[ResonanceCurve, ...]
@@ -178,6 +179,10 @@ class Prediction(Printed):
         return data_frame(columns)
 
     def _table(self) -> TextTable:
+        if self.records:
+            scores = [(short(one.level), short(one.error, 3), short(one.noise, 2)) for one in self.records]
+            of_records = ("level rms [N]", "error rms", "noise rms")
+            return TextTable(of_records, tuple(scores), notes=tuple(map(repr, self.findings)))
         rows = []
         for curve in self:
             highest, extrapolated = (nan, nan), ""
@@ -235,20 +240,7 @@ class PredictedRecord:
             object.__setattr__(self, name, frozen_array(getattr(self, name), kind))
 
 
-@dataclass(frozen=True, slots=True, eq=False, repr=False)
-class MultisinePrediction(Prediction):
-    """Predicted responses of records; ``curves`` and ``held_out``, which are of single sines, are empty."""
-
-    def _table(self) -> TextTable:
-        rows = tuple((short(one.level), short(one.error, 3), short(one.noise, 2)) for one in self.records)
-        return TextTable(
-            ("level rms [N]", "error rms", "noise rms"), rows, notes=tuple(map(repr, self.findings))
-        )
-
-
-def predict_multisine(
-    found: MultisineIdentification, spectra: MultisineSpectra | None = None
-) -> MultisinePrediction:
+def predict_multisine(found: MultisineIdentification, spectra: MultisineSpectra | None = None) -> Prediction:
     """Predict the periodic responses to the measured forces of records, and score them.
 
     Parameters
@@ -268,11 +260,11 @@ def predict_multisine(
         held = held_out_records(own, found.model.observation.hold_out)
         spectra = own.select(np.flatnonzero(held)) if held.any() else None
     if spectra is None:
-        return MultisinePrediction((), (), ())
+        return Prediction((), (), ())
     require(spectra, MultisineSpectra, "surface")
     records = tuple(_record(found, spectra, i) for i in range(len(spectra)))
     findings = _findings(found, records, np.sqrt(2) * spectra.rms_response())
-    return MultisinePrediction((), (), tuple(findings), records)
+    return Prediction((), (), tuple(findings), records)
 
 
 def _record(found: MultisineIdentification, spectra: MultisineSpectra, row: int) -> PredictedRecord:

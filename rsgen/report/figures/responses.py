@@ -18,7 +18,7 @@ from rsgen.data.surface import ResponseSurface, typical_amounts
 from rsgen.formula.units.quantities import SWEEPS, choose_scale, count_text, number_text, quantity_text
 from rsgen.identification.lines import MultisineIdentification
 from rsgen.identification.prediction import HeldOutLevel, Prediction, ResonanceCurve
-from rsgen.identification.prediction.prediction_result import MultisinePrediction, PredictedRecord
+from rsgen.identification.prediction.prediction_result import PredictedRecord
 from rsgen.law.motion import Motion, waveform
 from rsgen.report.figures.drawing import Drawing, GivenAxes, in_style, label_abscissa, take_axes
 from rsgen.report.figures.overview import level_colours, peaks_by_level
@@ -504,7 +504,7 @@ def draw_line_misfit(found: MultisineIdentification, *, ax: GivenAxes = None) ->
 
 
 @in_style
-def draw_predicted_record(prediction: MultisinePrediction, *, ax: GivenAxes = None) -> Drawing:
+def draw_predicted_record(prediction: Prediction, *, ax: GivenAxes = None) -> Drawing:
     """Draw a record that identification has not seen: measured, predicted, their difference; the first one.
 
     Parameters
@@ -519,7 +519,7 @@ def draw_predicted_record(prediction: MultisinePrediction, *, ax: GivenAxes = No
     RsgenError
         No record was predicted.
     """
-    require(prediction, MultisinePrediction, "prediction")
+    require(prediction, Prediction, "prediction")
     if not prediction.records:
         raise RsgenError("prediction: no record was predicted; hold a level out, or give spectra")
     one = prediction.records[0]
