@@ -8,17 +8,14 @@ from typing import Any
 
 import numpy as np
 
-from rsgen.common.arrays import Array
 from rsgen.common.finding import Finding, Quantity
-from rsgen.common.tolerances import CHANCE, NORMAL
+from rsgen.common.tolerances import CHANCE
 from rsgen.data.surface import ResponseSurface
 from rsgen.describing import PrintedComparison, compare_printed, derive
 from rsgen.formula import symbol
 from rsgen.identification.results import Identification
 from rsgen.law.element import Element
-from rsgen.law.numeric import compile_law
 from rsgen.report.figures.cycles import (
-    Energy,
     dissipated_energy,
     identified_slips,
     measured_energy,
@@ -30,31 +27,7 @@ from rsgen.report.provenance import Subject
 from rsgen.report.wording import sentence
 
 # ----------------------------------------------------------------------------
-# What a test and its model say about the energy of a cycle: for the page as a finding, for result.json.
-
-
-def _energies(surface: ResponseSurface, identification: Identification) -> tuple[Energy, Energy]:
-    return measured_energy(mode_surface(surface, identification)), dissipated_energy(identification)
-
-
-def dissipation_findings(surface: ResponseSurface, identification: Identification) -> list[Finding]:
-    """Find with which power of the amplitude the energy of a cycle grows, as measured and as identified."""
-    measured, refined = _energies(surface, identification)
-    found = []
-    if isfinite(measured.exponent):
-        numbers = {
-            "exponent": Quantity(measured.exponent),
-            "half_width": Quantity(NORMAL * measured.error),
-            "points": Quantity(len(measured.amplitude)),
-        }
-        found.append(Finding("energy-measured", "info", numbers=numbers))
-    if isfinite(refined.exponent):
-        numbers = {}
-        for name, end in (("first", 0), ("last", -1)):
-            numbers[name] = Quantity(float(refined.course[end]))
-            numbers[f"amplitude_{name}"] = Quantity(float(refined.amplitude[end]), "m")
-        found.append(Finding("energy-identified", "info", numbers=numbers))
-    return found
+# What a test and its model say about the energy of a cycle.
 
 
 def _known(value: float) -> float | None:
@@ -63,7 +36,8 @@ def _known(value: float) -> float | None:
 
 def dissipation_entry(surface: ResponseSurface, identification: Identification) -> dict[str, Any]:
     """Give the entry "dissipation" of result.json, SI units; what is not known is null."""
-    measured, refined = _energies(surface, identification)
+    measured = measured_energy(mode_surface(surface, identification))
+    refined = dissipated_energy(identification)
     values = solution_of(identification)
     ends = [0, -1] if isfinite(refined.exponent) else []
     known = np.isfinite([values[name] for name in identification.model.parameters]).all()
@@ -104,14 +78,6 @@ def slip_findings(element: Element, identification: Identification) -> list[Find
 
 _ROUND_OFF = 1e-9
 """Share of the stiffness of the whole below which that of an element is none."""
-
-_LEAST_FORCE = 1e-3
-"""Share of the largest force below which a force at rest or a departure from a straight line is none."""
-
-
-def _is_line(place: Array, force: Array) -> bool:
-    line = np.polynomial.Polynomial.fit(place, force, 1)(place)
-    return bool(np.max(np.abs(force - line)) <= _LEAST_FORCE * max(np.max(np.abs(force)), 1e-300))
 
 
 def element_findings(element: Element, identification: Identification) -> list[Finding]:
@@ -171,33 +137,15 @@ def describe_elements(elements: Iterable[Element], identification: Identificatio
     return {name: "; ".join(map(sentence, findings)) for name, findings in said.items() if findings}
 
 
-def _one_sided(identification: Identification, low: float, high: float) -> bool:
-    """Find whether the identified spring is without force at rest and no straight line from low to high."""
-    law = compile_law(identification.model.force)
-    if law.odd:
-        # the same on both sides: motion in one well of two has a mean as well
-        return False
-    point = law.ordered(identification.values)
-    x = np.append(np.linspace(low, high, 101), 0.0)
-    force = law.force(x, np.zeros_like(x), point)
-    size = float(np.max(np.abs(force)))
-    return bool(np.isfinite(size) and abs(force[-1]) <= _LEAST_FORCE * size and not _is_line(x, force))
-
-
 def mean_finding(surface: ResponseSurface, identification: Identification | None = None) -> Finding | None:
-    """Find what the two peaks say about a law with a mean; None where the mean is negligible.
+    """Find between which peaks the response swings; None where its mean is negligible.
 
     Parameters
     ----------
     surface
         Its largest settled response is described.
     identification
-        The peaks give the stiffness of the two sides only where its law has no force at rest and a spring
-        that is not linear: a constant force moves the mean of a linear spring as well.
-        Without it only the swing is described.
-
-    With light damping the energy at the two turning points is the same: for a bilinear spring
-    k6 Xp^2 = k7 Xn^2 (docs/method.md, 2, from Liu et al., Sec. 2.5).
+        Says what is noise; None where nobody knows.
     """
     settled = np.flatnonzero(surface.settled)
     if not settled.size:
@@ -209,8 +157,6 @@ def mean_finding(surface: ResponseSurface, identification: Identification | None
         return None
     top, bottom = (float(value) for value in surface.peak[i])
     numbers = {"low": Quantity(bottom, "m"), "high": Quantity(top, "m"), "mean": Quantity(mean, "m")}
-    if identification is not None and _one_sided(identification, bottom, top):
-        numbers["stiffness_ratio"] = Quantity((bottom / top) ** 2)
     return Finding("swing-about-mean", "info", numbers=numbers)
 
 

@@ -8,7 +8,7 @@ from __future__ import annotations
 import base64
 import math
 import re
-from collections.abc import Collection, Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from functools import singledispatch
 from pathlib import Path
 from typing import Any
@@ -32,7 +32,7 @@ from rsgen.law.element import FORCE_KEYS, Element
 from rsgen.law.memory import memory_form
 from rsgen.law.notation import mathml
 from rsgen.report.figures import Drawing
-from rsgen.report.interpretation import describe_elements, dissipation_findings, mean_finding
+from rsgen.report.interpretation import describe_elements, mean_finding
 from rsgen.report.page_tables import (
     NO_MODAL,
     Modal,
@@ -202,13 +202,12 @@ def render_page(
     RsgenError
         The templates are not found.
     """
-    drawn = {drawing.name: _drawing(drawing) for drawing in drawings}
     context = {
         "title": subject.title,
         "name": subject.name,
         "source": subject.source,
         **_verdict_context(subject, identification, comparison, prediction),
-        "drawings": drawn,
+        "drawings": {drawing.name: _drawing(drawing) for drawing in drawings},
         "provenance": list(provenance.items()),
         "case_text": subject.case.text if subject.case is not None else "",
         "version": rsgen.__version__,
@@ -225,7 +224,7 @@ def render_page(
         "background_table": background_table(identification),
         "ranking_table": ranking_table(identification),
         "ranking_verdict": [sentence(f) for f in getattr(identification.ranking, "findings", ())],
-        **_test_context(surface, identification, drawn),
+        **_test_context(surface, identification),
     }
     return page_environment().get_template("report/report.html").render(context)
 
@@ -255,30 +254,23 @@ def _verdict_context(
 
 
 @singledispatch
-def _test_context(surface: Any, identification: Identification, drawn: Collection[str]) -> dict[str, Any]:
+def _test_context(surface: Any, identification: Identification) -> dict[str, Any]:
     """Give what a page says of a surface only, and what of spectra only."""
     mean = mean_finding(surface, identification)
-    energy = dissipation_findings(surface, identification) if "energy" in drawn else []
     return {
         "contents": _CONTENTS,
         "test_sentence": surface_sentence(surface),
         "mean_sentence": None if mean is None else full_sentence(mean),
-        "energy_sentences": [full_sentence(finding) for finding in energy],
         "linear_table": None,
     }
 
 
 @_test_context.register
-def _(
-    spectra: MultisineSpectra,
-    identification: MultisineIdentification,
-    drawn: Collection[str],
-) -> dict[str, Any]:
+def _(spectra: MultisineSpectra, identification: MultisineIdentification) -> dict[str, Any]:
     return {
         "contents": _LINE_CONTENTS,
         "test_sentence": spectra_sentence(spectra, identification.frequency_range),
         "mean_sentence": None,
-        "energy_sentences": [],
         "linear_table": linear_table(identification.approximations),
     }
 

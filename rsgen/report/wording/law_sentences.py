@@ -11,11 +11,8 @@ from rsgen.report.wording.sentences import NEXT_STEPS, say_plainly, says
 say_plainly(
     {
         "element-not-identifiable": "not identifiable from this test: {parameters}",
-        "energy-measured": "as measured near the resonances, at {points:.6g} points, the energy of a "
-        "cycle grows on average with the power {exponent:.3g} ± {half_width:.1g} of the amplitude",
-        "energy-identified": "as identified it grows with the power {first:.3g} of the amplitude at "
-        "{amplitude_first:.2q} and {last:.3g} at {amplitude_last:.2q} (1 is macro-slip, 2.2 to 3 "
-        "micro-slip; 2 is viscous or structural damping, or the passage from micro-slip to macro-slip)",
+        "swing-about-mean": "at the largest response the displacement swings from {low:.3q} to {high:.3q} "
+        "about a mean of {mean:.3q}",
         "loop-does-not-close": "the loop of {states} does not close with the identified values",
         "element-without-force": "no force over the tested amplitudes",
         "constant-force": "{parameter} stands alone in the law: a constant force, which moves the mean only. "
@@ -61,21 +58,6 @@ def _(found: Finding) -> str:
     beyond = "" if found.names["tested"] == "yes" else ", beyond the tested amplitudes"
     return (
         f"macro-slip from {_quantity(found, 'amplitude')} on{beyond}, at {_quantity(found, 'force')}; {below}"
-    )
-
-
-@says("swing-about-mean")
-def _(found: Finding) -> str:
-    swing = (
-        f"at the largest response the displacement swings from {_quantity(found, 'low')} to "
-        f"{_quantity(found, 'high')} about a mean of {_quantity(found, 'mean')}"
-    )
-    if "stiffness_ratio" not in found.numbers:
-        return swing
-    return (
-        f"{swing}; the energy at the two turning points is the same when damping is light, so the stiffness "
-        "on the positive side is about (negative peak / positive peak)² = "
-        f"{found['stiffness_ratio']:.3g} times that on the negative side"
     )
 
 
