@@ -107,11 +107,10 @@ def element_findings(element: Element, identification: Identification) -> list[F
 
 def _course(element: Element, identification: Identification, values: dict[str, float]) -> list[Finding]:
     """Find stiffness and damping at the smallest and at the largest amplitude; none where neither acts."""
-    low, high = identification.amplitude_range
-    if element.across:
-        # what the element follows, and not the response
-        followed = identification.curve.amplitude[identification.curve.used]
-        low, high = float(followed.min()), float(followed.max())
+    curve = identification.curve.amplitude[identification.curve.used]
+    # elements across two sensors follow what the curve is over, and not the response
+    followed = {element.across: (float(curve.min()), float(curve.max())), "": identification.amplitude_range}
+    low, high = followed[element.across]
     omega = np.pi * sum(identification.frequency_range)
     amplitude, speed = np.array([low, high]), np.full(2, omega)
     # the mean is a matter of all elements together

@@ -231,6 +231,19 @@ def test_noise_of_two_sensors_in_the_motion_across_is_in_the_weight_and_in_the_i
 
 
 @pytest.mark.slow
+def test_noise_beyond_the_harmonics_of_a_joint_leaves_a_doubtful_result():
+    # nuisances of a point that go together to nine digits have an inverse that is no covariance to the last
+    exact, random = two_masses(), np.random.default_rng(2)
+    force, near, far = (
+        values + 0.03 * np.abs(values[:, 1:2]) * (draws[0] + 1j * draws[1]) / np.sqrt(2)
+        for values in (exact.force_harmonics, exact.harmonics, exact.harmonics - exact.across)
+        for draws in [random.standard_normal((2, *values.shape))]
+    )
+    noisy = replace(exact, force=force[:, 1], force_harmonics=None, harmonics=near, across=near - far)
+    assert rs.identify(noisy, ELEMENTS).verdict.state == "doubtful"
+
+
+@pytest.mark.slow
 def test_what_a_joint_lacks_is_sought_across_and_no_background_that_is_refused_is_proposed():
     linear = rs.make_element("joint", "kj*x + cj*v", across=SENSORS)
     found = {f.code: f for f in rs.identify(two_masses((0.1, 0.2, 0.4)), (ELEMENTS[0], linear)).findings}

@@ -522,7 +522,9 @@ def remove_bias(found: Regression, line: Linearisation, bend: Bend) -> Regressio
     normal = np.einsum("nma,nmb->nab", line.by_nuisance, line.by_nuisance)
     regular = found.used & (np.linalg.det(np.nan_to_num(normal)) > 0)
     factor = np.zeros_like(normal)
-    factor[regular] = np.linalg.cholesky(np.linalg.inv(normal[regular]) * found.noise**2)
+    # from N = U U^T with U upper triangular: the inverse of N itself may be no covariance to the last digit
+    upper = np.linalg.cholesky(normal[regular][:, ::-1, ::-1])[:, ::-1, ::-1]
+    factor[regular] = np.linalg.inv(upper).transpose(0, 2, 1) * found.noise
     shift, share = np.zeros(line.residual.shape), np.zeros((found.basis.shape[1],) * 2)
     # the first column has all nuisances: of the others the prediction may be at hand
     for column in np.moveaxis(factor, 2, 0)[::-1]:
