@@ -41,7 +41,7 @@ def changed(
 
 
 def of_plausibility(findings: tuple[Finding, ...]) -> list[Finding]:
-    return [f for f in findings if f.code in ("size-impossible", "size-unusual", "another-quantity")]
+    return [f for f in findings if f.code in ("size-impossible", "another-quantity")]
 
 
 def test_an_ordinary_test_has_nothing_to_remark() -> None:
@@ -141,8 +141,8 @@ def test_each_quantity_has_its_bounds(sizes: Sizes, quantity: str) -> None:
         Sizes(0.16, 3.0, 3.0, 3.0, 1.0, mass=1.0, damping=0.05),  # numbers without units
     ],
 )
-def test_what_exists_is_at_most_unusual(sizes: Sizes) -> None:
-    assert all(found.severity == "info" for found in size_findings(sizes))
+def test_what_exists_is_possible(sizes: Sizes) -> None:
+    assert list(size_findings(sizes)) == []
 
 
 def test_a_mistake_is_named_only_where_it_explains_everything() -> None:

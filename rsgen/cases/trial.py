@@ -119,22 +119,6 @@ def _balance(oscillator: Oscillator, test: PlannedTest) -> tuple[Array, Array, A
     return np.abs(motion.harmonics[:, 1]), work, push, round_off
 
 
-def law_notes(case: Case) -> list[str]:
-    """Say what of the values of a virtual test may keep points from settling; nothing else is odd."""
-    if case.oscillator is None:
-        return []
-    size, work, _, round_off = _balance(case.oscillator, case.test)
-    gives = work < -round_off
-    if not gives.any() or np.all(gives):
-        return []
-    takes = size[work > round_off]
-    between = f"between {takes.min():.2g} and {takes.max():.2g} m " if takes.size else ""
-    return [
-        f"with the values of [truth] the law takes energy out of motions {between}only, and gives it to "
-        "others: points may not settle"
-    ]
-
-
 def _sines(test: PlannedTest) -> Motion:
     """Sines of all sizes at the ends of the band; no sample is at rest or at a turning point."""
     size, omega = np.meshgrid(_SIZES, 2 * np.pi * test.ends, indexing="ij")

@@ -216,9 +216,7 @@ _SCALES = 1e-6
 """Share of the stiffness of a law that may not scale with its parameters: quadrature leaves less. A law of
 which more is left determines the mass by itself, as one whose damping contains its stiffness."""
 
-_OF_THE_MASS = frozenset(
-    {"mass-contradicted", "resonance-sparse", "shift-small", "size-unusual", "size-impossible"}
-)
+_OF_THE_MASS = frozenset({"mass-contradicted", "resonance-sparse", "shift-small", "size-impossible"})
 """Findings that an assumed mass, or a damping ratio with it, is part of."""
 
 _SHORT = {"N/m": "1/s^2", "N*s/m": "1/s"}

@@ -82,8 +82,6 @@ def test_a_simulation_without_a_settled_point_is_no_success(
 ) -> None:
     # it settles where the cubic damper wins, 6 m away
     path = written(tmp_path, "k*x + c*v + c3*v**3", "k = 5000\nc = -40\nc3 = 1e-3")
-    assert call("check", path) == 0
-    assert "takes energy out of motions between" in capsys.readouterr().out
     assert call("simulate", path, "--out", tmp_path / "s.h5") == 1
     assert "0 settled" in (said := capsys.readouterr().out)
     assert "check the values of [truth], their signs first" in said

@@ -19,7 +19,6 @@ PACKAGE = Path(rsgen.__file__).parent
 
 CHOICES = {
     "not-passive": {"against": "power and mass", "reversed": "channel and phase"},
-    "size-unusual": {"quantity": "mass", "side": "above"},
     "size-impossible": {"quantity": "velocity", "side": "above", "mistake": "milli, inch"},
     "another-quantity": {"is": "+1"},
     "base-misread": {"is": "swapped"},

@@ -75,7 +75,7 @@ LINEAR_FUNDAMENTALS = (
 UNSEEN_OF = {
     ("bilinear", "law without the decisive term"): LINEAR_FUNDAMENTALS,
     ("joint", "response in mm/s^2, read as m/s^2"): (
-        "6 g that move by 50 mm at 45 Hz under 10 N are unusual, which is said, and possible"
+        "6 g that move by 50 mm at 45 Hz under 10 N are unusual and possible"
     ),
 }
 """What the test of one case cannot show, though that of the others does."""

@@ -9,7 +9,7 @@ from rsgen.app.cli.options import Cases, Data, Json
 from rsgen.app.cli.terminal import ACCEPTED, FAULTY, print_faults, print_json, print_line
 from rsgen.app.study.foresight import point_faults, size_findings
 from rsgen.cases import Case, find_cases, load_case, name_clashes, read
-from rsgen.cases.trial import law_faults, law_notes
+from rsgen.cases.trial import law_faults
 from rsgen.common.errors import CaseError, MeasurementError, RsgenError, program_fault
 from rsgen.report.wording import sentence
 
@@ -30,7 +30,7 @@ def _plan(case: Case) -> dict[str, Any]:
     findings = (*table.findings, *size_findings(table, case)) if planned is None else ()
     finds_mass = case.model.mass is None and not table.per_mass
     finds_mass &= all(finding.code != "mass-at-resonance" for finding in findings)
-    notes = (*sentences_of_elements(case.model.elements), *law_notes(case), *map(sentence, findings))
+    notes = (*sentences_of_elements(case.model.elements), *map(sentence, findings))
     return {
         "case": case.name,
         "title": case.title,

@@ -98,9 +98,6 @@ def _rank_faults(case: Case, surface: ResponseSurface, points: Points) -> list[s
 # ----------------------------------------------------------------------------
 # How far a run has come.
 
-STAGES = ("surface", "identification", "report")
-"""What a run goes through, in this order."""
-
 _PAUSE_SECONDS = 0.2
 """Between two messages of one stage: no eye follows more, and a pipe takes a limited number."""
 
@@ -114,7 +111,7 @@ class Step:
     path
         The case file.
     stage
-        One of ``STAGES``.
+        "surface", "identification" or "report", in this order.
     share
         From 0 to 1; stays 0 in a stage that does not report its share.
     """

@@ -310,8 +310,7 @@ def size_findings(sizes: Sizes, *, quantity_sure: bool = False) -> Iterator[Find
     """Find sizes outside what a vibration test can have; one finding or none.
 
     The one that is farthest outside is reported, with the names of the others and the usual mistakes of unit
-    that would bring all of them into the ordinary range. Doubt where a size is impossible, information where
-    it is only unusual.
+    that would bring all of them into the ordinary range.
 
     Parameters
     ----------
@@ -319,16 +318,11 @@ def size_findings(sizes: Sizes, *, quantity_sure: bool = False) -> Iterator[Find
         True where phases say that the response is no other quantity than the one it was read as.
     """
     outside = sizes.excess(usual=False)
-    usual = not outside
-    outside = outside or sizes.excess(usual=True)
     if not outside:
         return
     worst, *others = sorted(outside, key=lambda name: -abs(outside[name]))
     limit, above = sizes.limits()[worst], outside[worst] > 0
-    bound = {
-        (False, True): limit.most, (False, False): limit.least,
-        (True, True): limit.high, (True, False): limit.low,
-    }[usual, above]  # fmt: skip
+    bound = limit.most if above else limit.least
     numbers = {"value": Quantity(sizes.values()[worst], limit.unit), "bound": Quantity(bound, limit.unit)}
     likely = [
         mistake.name
@@ -339,12 +333,9 @@ def size_findings(sizes: Sizes, *, quantity_sure: bool = False) -> Iterator[Find
         "quantity": worst,
         "side": "above" if above else "below",
         "others": ", ".join(others),
-        # what is possible needs no explanation
-        "mistake": "" if usual else ", ".join(likely[:_NAMED]),
+        "mistake": ", ".join(likely[:_NAMED]),
     }
-    yield Finding(
-        "size-unusual" if usual else "size-impossible", "info" if usual else "doubt", "", numbers, names
-    )
+    yield Finding("size-impossible", "doubt", "", numbers, names)
 
 
 _RADIAN = 180 / np.pi

@@ -167,19 +167,11 @@ class _Table:
             self.free.remove(found)
         return found
 
-    def take_all(self, *clues: Clue) -> list[Sensor]:
-        """Take all channels for which the first clue that holds for any holds."""
-        for clue in clues:
-            found = [sensor for sensor in self.free if clue(sensor.main)]
-            if found:
-                self.leave(found)
-                return found
-        return []
-
-    def leave(self, found: Sequence[Sensor]) -> None:
-        """Take channels that were found elsewhere."""
-        gone = {id(sensor) for sensor in found}
-        self.free = [sensor for sensor in self.free if id(sensor) not in gone]
+    def take_all(self, clue: Clue) -> list[Sensor]:
+        """Take all channels for which a clue holds."""
+        found = [sensor for sensor in self.free if clue(sensor.main)]
+        self.free = [sensor for sensor in self.free if sensor not in found]
+        return found
 
 
 def _are_channels(draft: Draft, run: tuple[str, str]) -> bool:

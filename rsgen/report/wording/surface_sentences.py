@@ -298,11 +298,6 @@ def _head(found: Finding) -> str:
     return f"{_WHAT[quantity]} is {_size(found, 'value')}, {side} {_size(found, 'bound')}{more}"
 
 
-@says("size-unusual")
-def _(found: Finding) -> str:
-    return f"unusual for a vibration test: {_head(found)}"
-
-
 @says("size-impossible")
 def _(found: Finding) -> str:
     mistakes = [_MISTAKES[name] for name in found.names["mistake"].split(", ") if name]
