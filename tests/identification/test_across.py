@@ -181,6 +181,8 @@ def test_levels_are_not_predicted_where_the_motion_across_is_not_known():
     found = rs.identify(two_masses(), ELEMENTS)
     with pytest.raises(RsgenError, match="levels: the law acts across 'far - near'"):
         rs.predict(found, [2.0])
+    with pytest.raises(RsgenError, match="levels: the law acts across 'far - near'"):
+        rs.predict(rs.Oscillator(MASS, ELEMENTS, TRUE), [2.0])
     with pytest.raises(RsgenError, match="ranking: the test has a motion across"):
         rs.rank(two_masses())
 
