@@ -241,7 +241,7 @@ def identify_ratios(
     if model.mass is not None:
         return None
     points = select_points(gather_repeats(surface)[0], model)
-    law = law_of(model.elements)
+    law = law_of(model.elements, points)
     # a loop has its stiffness in its damping, which is known without a mass
     if law.acts_across or law.remembers or not near_resonance(points):
         return None

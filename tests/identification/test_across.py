@@ -163,6 +163,7 @@ def test_a_held_out_level_is_predicted_with_its_measured_ratio():
             "k: cancels in the sum",
         ),
         ((*ELEMENTS, rs.make_element("other", "h*x", across="a - b")), {}, {}, "one pair of sensors"),
+        ((*ELEMENTS, rs.make_element("other", "h*x**2", across="a - b")), {}, {}, "one pair of sensors"),
         (
             ELEMENTS,
             {},

@@ -187,8 +187,8 @@ def predict(
         tested = found.amplitude_range
     low, high = found.frequency_range
     window = (low * (1 - _MARGIN), high * (1 + _MARGIN)) if band is None else _checked(band)
-    balance = SynthesisBalance(table, window) if table is not None else balance_of(found)
     refuse_across(found.model.sensors, levels=levels is not None)
+    balance = SynthesisBalance(table, window) if table is not None else balance_of(found)
     omega = (2 * np.pi * window[0], 2 * np.pi * window[1])
     curves = tuple(_curve(found, balance, level, omega, tested) for level in balance.drawn(chosen))
     held_out: tuple[HeldOutLevel, ...] = ()
