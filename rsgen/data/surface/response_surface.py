@@ -341,7 +341,8 @@ class ResponseSurface:
     def extent(self) -> dict[str, Any]:
         """How many points there are and where they lie."""
         return {
-            "levels": len(self.levels),
+            # np.unique would load masked arrays, which nothing else of a check needs
+            "levels": len(set(self.level.tolist())),
             "points": len(self),
             "sweeps": sorted(set(map(str, self.sweep))),
             "lowest_frequency": float(self.frequency.min()),
