@@ -108,15 +108,6 @@ def test_assumptions_change_the_formula(capsys: pytest.CaptureFixture[str]) -> N
     [
         (("--assume", "q>0"), "with a parameter of the law: k"),
         (("--assume", "k<0"), "name > 0"),
-        (("--set", "k=1"), "add --plot FILE"),
-        (("--plot", "a.gif"), ".svg, .png, .pdf"),
-        (("--plot", "a.svg", "--set", "q=1"), "names: k, omega"),
-        (("--plot", "a.svg", "--set", "k"), "must be name=value"),
-        (("--plot", "a.svg", "--set", "k=3 kg"), "N/m"),
-        (("--plot", "a.svg", "--set", "k=many"), "--set k"),
-        (("--plot", "a.svg", "--set", "omega=0"), "not positive"),
-        (("--plot", "a.svg", "--amplitude", "-1"), "not positive"),
-        (("--plot", "no/such/folder/a.svg"), "no/such/folder"),
     ],
 )
 def test_faults_of_options_are_named_in_one_sentence(
@@ -132,25 +123,13 @@ def test_faults_of_options_are_named_in_one_sentence(
     assert not list(tmp_path.iterdir())
 
 
-def test_picture_says_its_numbers(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    path = tmp_path / "k.svg"
-    assert (
-        call("derive", "k*x + k3*x**3 + c*v", "--plot", path, "--set", "k=1 kN/m", "--amplitude", "5 mm") == 0
-    )
-    assert str(path) in capsys.readouterr().out
-    texts = " ".join(ElementTree.parse(path).getroot().itertext())
+def test_picture_says_its_numbers() -> None:
+    drawing = draw_derivation(derive("k*x + k3*x**3 + c*v"), {"k": 1e3}, largest=5e-3)
+    texts = " ".join(ElementTree.fromstring(drawing.render("svg")).itertext())
     assert "k = 1000" in texts
     assert "c = k3 = 1 (not given)" in texts
     assert "omega = 1 rad/s" in texts
     assert "Amplitude X [mm]" in texts
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("kind", ["png", "pdf"])
-def test_picture_of_the_kind_its_name_says(kind: str, tmp_path: Path) -> None:
-    path = tmp_path / f"k.{kind}"
-    assert call("derive", "k*x + F*tanh(v/w)", "--plot", path, "--json") == 0
-    assert path.read_bytes()[:8].startswith({"png": b"\x89PNG", "pdf": b"%PDF"}[kind])
 
 
 @pytest.mark.parametrize(

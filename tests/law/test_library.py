@@ -50,18 +50,11 @@ def test_one_law_as_json(capsys: pytest.CaptureFixture[str]) -> None:
     ("words", "said"),
     [
         (("cubic",), "cubic-spring"),
-        (("--plot", "a.svg"), "give its name"),
-        (("coulomb", "--set", "Ff=1"), "add --plot FILE"),
     ],
 )
 def test_faults_are_named(words: tuple[str, ...], said: str, capsys: pytest.CaptureFixture[str]) -> None:
     assert call(*words) == 2
     assert said in capsys.readouterr().err
-
-
-def test_picture_takes_example_values(tmp_path: Path) -> None:
-    assert call("stribeck", "--plot", tmp_path / "law.svg", "--set", "vs=0.5") == 0
-    assert "Fc = 1, Fs = 2, vs = 0.5" in (tmp_path / "law.svg").read_text()
 
 
 @pytest.mark.slow

@@ -4,20 +4,17 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Sequence
-from pathlib import Path
 from typing import Annotated, Any
 
 import sympy
 import typer
 
-from rsgen.app.cli.options import Amplitude, Json, Memory, Plot, Settings
-from rsgen.app.cli.terminal import print_block, print_json, print_line
+from rsgen.app.cli.options import Json, Memory
+from rsgen.app.cli.terminal import print_block, print_json
 from rsgen.common.errors import ExpressionError, RsgenError
-from rsgen.common.output import write_atomic
 from rsgen.describing import DescribingFunction, derive, variables_of
 from rsgen.formula import parse, write
 from rsgen.formula.names import remembers
-from rsgen.formula.units import parameter_units, quantity
 from rsgen.law import Element, notation
 from rsgen.law.element import forces_by_motion, law_remarks, make_element
 from rsgen.law.identifiable import combinations_of
@@ -64,9 +61,6 @@ def read_memory(options: Sequence[str]) -> dict[str, str]:
 
 
 FORMULAS = ("stiffness", "damping", "mean_balance", "mean")
-KINDS = ("svg", "png", "pdf")
-PICTURE_ONLY = "--set and --amplitude are for a picture: add --plot FILE"
-
 
 Assume = Annotated[list[str] | None, typer.Option(help="That 'b>0'; repeatable.", show_default=False)]
 
@@ -78,9 +72,6 @@ def derive_command(
     ],
     memory: Memory = None,
     assume: Assume = None,
-    plot: Plot = None,
-    settings: Settings = None,
-    amplitude: Amplitude = None,
     json: Json = False,
     latex: Annotated[bool, typer.Option("--latex", help="Write the formulas as LaTeX.")] = False,
 ) -> int:
@@ -90,22 +81,16 @@ def derive_command(
     Examples:
       rsgen derive "k*x + masing(Min(kt*x, Fs))" --json
       rsgen derive "k*x + z" --memory "z = alpha*v - bg*abs(v)*z - bd*v*abs(z)"
-      rsgen derive "k*x + k3*x**3" --plot k.svg --set k=1000 --set "k3=20 N/mm^3" --amplitude "5 mm"
     """
-    if plot is None and (settings or amplitude):
-        raise RsgenError(PICTURE_ONLY)
     element = make_element("law", expression, read_memory(memory or []))
     started = time.perf_counter()
     function = derive(element, assume or [])
     seconds = time.perf_counter() - started
-    if plot is not None:
-        values, omega, top = read_settings(function, settings or [], amplitude)
-        write_picture(function, plot, values, omega, top)
     notes = law_sentences(function.force, full=True)
     if json:
         print_json(spell(function, seconds) | ({"notes": notes} if notes else {}))
     else:
-        describe(function, latex, plot, notes)
+        describe(function, latex, notes)
     return 0
 
 
@@ -153,9 +138,7 @@ def _written(formula: sympy.Expr | None) -> str | None:
     return text
 
 
-def describe(
-    function: DescribingFunction, latex: bool, picture: Path | None, notes: Sequence[str] = ()
-) -> None:
+def describe(function: DescribingFunction, latex: bool, notes: Sequence[str] = ()) -> None:
     """Print a describing function line by line, with further notes."""
     show = notation.latex if latex else notation.readable
 
@@ -190,8 +173,6 @@ def describe(
     for number, remark in enumerate((*notes, *function.remarks)):
         print_block(f"{'' if number else 'notes':<9}  ", remark)
     print_block(f"{'proof':<9}  ", _proof(function))
-    if picture is not None:
-        print_line(f"{'picture':<9}  {picture}")
 
 
 def _proof(function: DescribingFunction) -> str:
@@ -217,55 +198,3 @@ def _limit(value: sympy.Expr, show: Callable[[sympy.Expr], str]) -> str:
     if value.is_Mul and value.args[0].is_infinite:
         return f"{show(value.args[0])}, with the sign of {show(value.args[1].args[0])}"
     return show(value)
-
-
-def read_settings(
-    function: DescribingFunction, settings: Sequence[str], largest: str | None
-) -> tuple[dict[str, float], float, float | None]:
-    """Read ``name=value`` of a picture; give parameters, omega [rad/s] and largest amplitude [m]."""
-    try:
-        units = parameter_units(function.force)
-    except RsgenError:
-        # a law that adds metres to newtons can be drawn as well
-        units = {}
-    values: dict[str, float] = {}
-    known = (*function.parameters, "omega")
-    for setting in settings:
-        name, sign, text = (part.strip() for part in setting.partition("="))
-        if not sign or name not in known:
-            raise RsgenError(f"--set {setting!r}: must be name=value; names: {', '.join(known)}")
-        values[name] = _number(f"--set {name}", text, "rad/s" if name == "omega" else units.get(name) or None)
-    omega = values.pop("omega", 1.0)
-    top = None if largest is None else _number("--amplitude", largest, "m")
-    for option, number in (("--set omega", omega), ("--amplitude", 1.0 if top is None else top)):
-        if not number > 0:
-            raise RsgenError(f"{option}: {number:g} is not positive")
-    return values, omega, top
-
-
-def _number(option: str, text: str, unit: str | None) -> float:
-    try:
-        number: float | None = float(text)
-    except ValueError:
-        number = None
-    try:
-        return quantity(text if number is None else number, unit)
-    except RsgenError as fault:
-        raise RsgenError(f"{option}: {fault}") from None
-
-
-def write_picture(
-    function: DescribingFunction,
-    path: Path,
-    values: dict[str, float],
-    omega: float,
-    largest: float | None,
-) -> None:
-    """Draw a law with k(X) and c(X) into a file; its name says which kind."""
-    kind = path.suffix.lstrip(".").lower()
-    if kind not in KINDS:
-        raise RsgenError(f"--plot {path}: the name must end in .{', .'.join(KINDS)}")
-    # matplotlib takes 0.5 s, and few ask for a picture
-    from rsgen.report.figures import draw_derivation
-
-    write_atomic(path, draw_derivation(function, values, omega, largest).render(kind))

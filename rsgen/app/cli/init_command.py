@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import sys
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Annotated
@@ -115,19 +114,6 @@ def case_text(
     )
 
 
-def _ask(force: str | None, measured: str | None) -> tuple[str, str | None, str | None]:
-    """Ask for what was not given, on a terminal only: a program would wait for ever."""
-    if not sys.stdin.isatty():
-        raise RsgenError("NAME: is missing; rsgen init gearbox")
-    name = str(typer.prompt("Name of the case", default="my-case", err=True))
-    if force is None:
-        force = str(typer.prompt("Force law in x and v", default=_LAW, err=True))
-    if measured is None:
-        text = typer.prompt("Measured file (none: simulate)", default="", show_default=False, err=True)
-        measured = str(text).strip() or None
-    return name.strip(), force, measured
-
-
 def _drafted(data: Path, target: Path) -> tuple[str, str]:
     """Return path and [test] tables for a data file as the case's folder sees it."""
     contents = list_contents(data)
@@ -150,7 +136,7 @@ def _drafted(data: Path, target: Path) -> tuple[str, str]:
 def init_command(
     name: Annotated[
         str | None,
-        typer.Argument(help="The case's name or file; asked for on a terminal.", show_default=False),
+        typer.Argument(help="The case's name or file.", show_default=False),
     ] = None,
     law: Annotated[
         str | None,
@@ -173,7 +159,7 @@ def init_command(
     ] = None,
     json: Json = False,
 ) -> int:
-    """Write a commented case file to begin with; without a name, answer three questions.
+    """Write a commented case file to begin with.
 
     \b
     Examples:
@@ -187,7 +173,7 @@ def init_command(
     if name is None and data is not None:
         name = data.stem
     if name is None:
-        name, law, measured = _ask(law, measured)
+        raise RsgenError("NAME: is missing; rsgen init gearbox")
     file = Path(name)
     if file.suffix == ".toml":
         # a file was named: the case is called like it

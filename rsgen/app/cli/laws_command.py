@@ -7,10 +7,9 @@ from typing import Annotated, Any
 
 import typer
 
-from rsgen.app.cli.derive_command import PICTURE_ONLY, describe, read_settings, spell, write_picture
-from rsgen.app.cli.options import Amplitude, Json, Plot, Settings
+from rsgen.app.cli.derive_command import describe, spell
+from rsgen.app.cli.options import Json
 from rsgen.app.cli.terminal import print_json, print_line
-from rsgen.common.errors import RsgenError
 from rsgen.describing import derive
 from rsgen.law.element import Law, Library, laws
 
@@ -19,39 +18,29 @@ def laws_command(
     name: Annotated[
         str | None, typer.Argument(help="One law of the library; without it, all.", show_default=False)
     ] = None,
-    plot: Plot = None,
-    settings: Settings = None,
-    amplitude: Amplitude = None,
     json: Json = False,
 ) -> int:
     """List the library of force laws, or show one: formula, parameters, describing function, source.
 
     \b
     Examples:
-      rsgen laws cubic-spring --plot cubic.svg --set k3=-0.5
+      rsgen laws cubic-spring
     """
     if name is None:
-        if plot is not None or settings or amplitude:
-            raise RsgenError("--plot, --set and --amplitude are for one law: give its name")
         if json:
             print_json([_entry(law) for law in laws])
         else:
             _print_all(laws)
         return 0
     law = laws[name]
-    if plot is None and (settings or amplitude):
-        raise RsgenError(PICTURE_ONLY)
     started = time.perf_counter()
     function = derive(law)
     seconds = time.perf_counter() - started
-    if plot is not None:
-        values, omega, top = read_settings(function, settings or [], amplitude)
-        write_picture(function, plot, law.example | values, omega, top)
     if json:
         print_json(_entry(law) | {"describing": spell(function, seconds)})
     else:
         _print_law(law)
-        describe(function, latex=False, picture=plot)
+        describe(function, latex=False)
     return 0
 
 

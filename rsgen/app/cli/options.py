@@ -23,17 +23,6 @@ Data = Annotated[
     ),
 ]
 Json = Annotated[bool, typer.Option("--json", help="Answer as JSON, for programs.")]
-Plot = Annotated[
-    Path | None,
-    typer.Option(help="Draw the law, k(X) and c(X) into a .svg, .png or .pdf file.", show_default=False),
-]
-Settings = Annotated[
-    list[str] | None,
-    typer.Option(
-        "--set", help="A parameter (or omega) of the picture: name=value; others are 1.", show_default=False
-    ),
-]
-Amplitude = Annotated[str | None, typer.Option(help="Largest amplitude, as '2 mm'.", show_default=False)]
 Surface = Annotated[
     Path | None,
     typer.Option(help="A response surface that `rsgen simulate` wrote.", show_default=False),
