@@ -261,7 +261,7 @@ def _force_row(
         return None
     found, errors = [], []
     for estimates in (identification.refined, identification.paper, identification.first_order):
-        force = _force(identification, key, {estimate.name: estimate.value for estimate in estimates})
+        force = _force(identification, key, {e.name: e.value for e in (*estimates, *identification.fixed)})
         found.append(Estimate(key, float(np.max(np.abs(force))), nan, (nan, nan), "N"))
         errors.append(float(np.max(np.abs(force - true))) / (largest or 1.0))
     return _row(found, errors, largest, tolerance)

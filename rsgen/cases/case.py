@@ -109,9 +109,17 @@ _MULTISINE = table_of(
     "A virtual test with a periodic multisine: rsgen computes the periodic responses from [truth].",
     {"kind": (Literal["simulated-multisine"], Field())},
 )
+_FIXED: tuple[Any, Any] = (
+    dict[str, Quantity],
+    Field(
+        default_factory=dict,
+        description='Values of parameters that are known and not identified, such as { b = "3 mm" }; m is '
+        "the mass.",
+    ),
+)
 _DERIVED: dict[str, Any] = {
     "test": (_SIMULATED | _MULTISINE | MEASURED, Field(discriminator="kind")),
-    "identify": (table_of(Observation, "Observation") | None, None),
+    "identify": (table_of(Observation, "Observation", extras={"fixed": _FIXED}) | None, None),
 }
 CaseDocument = create_model("CaseDocument", __base__=Document, __doc__=Document.__doc__, **_DERIVED)
 

@@ -10,7 +10,7 @@ from dataclasses import replace
 from difflib import get_close_matches
 from math import isnan, prod
 from pathlib import Path
-from typing import Any
+from typing import Any, cast
 
 import sympy
 from pydantic import ValidationError
@@ -280,6 +280,23 @@ class _Builder:
             self.faults += [f"truth: {sentence}" for sentence in contradictions]
         return values
 
+    def fixed(self, units: dict[str, str]) -> dict[str, float]:
+        """Turn values that are not identified into SI."""
+        table, units = getattr(self.document.identify, "fixed", {}), {**units, MASS: "kg"}
+        if table and self.document.model == "rank":
+            self.fault("identify.fixed", "the law is not known before a ranking; a mass stands in [system]")
+        values: dict[str, float] = {}
+        for name, value in table.items():
+            place = f"identify.fixed.{_key(name)}"
+            if name not in units:
+                self.fault(place, _unknown(name, units))
+                continue
+            try:
+                values[name] = quantity(value, units[name] or None)
+            except RsgenError as fault:
+                self.fault(place, reason(fault))
+        return values
+
     def mass(self) -> float | None:
         value = self.document.system.mass
         if value is not None:
@@ -372,9 +389,15 @@ class _Builder:
                 "'rank' compares laws on a response surface; of a multisine identify one law after the "
                 "other, and compare their misfits",
             )
+        fixed = self.fixed(units)
         if self.faults:
             raise CaseError(self.faults)
-        oscillator = Oscillator(mass, elements, values) if self.simulated and mass is not None else None
+        try:
+            # where a test determines no mass, that of the case is known beforehand, as in a laboratory
+            model = Model(elements, test.known_mass(mass), observation, fixed)
+        except RsgenError as fault:
+            raise CaseError([f"identify.{reason(fault)}"]) from None
+        oscillator = Oscillator(cast("float", mass), elements, values) if self.simulated else None
         return Case(
             path=path,
             name=document.name,
@@ -383,8 +406,7 @@ class _Builder:
             text=text,
             sha256=hashlib.sha256(text.encode("utf-8")).hexdigest(),
             oscillator=oscillator,
-            # where a test determines no mass, that of the case is known beforehand, as in a laboratory
-            model=Model(elements, test.known_mass(mass), observation),
+            model=model,
             test=test,
             truth=None if oscillator is None else {**oscillator.values, MASS: oscillator.mass},
             accept=accept,

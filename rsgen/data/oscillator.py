@@ -15,6 +15,7 @@ from rsgen.common.declaration import Rule, check, declare, documented
 from rsgen.common.errors import RsgenError, require, require_number
 from rsgen.formula import write
 from rsgen.law import Element, LawLike, as_elements
+from rsgen.law.character import character
 from rsgen.law.memory import equations_of
 from rsgen.law.notation import latex
 
@@ -266,19 +267,22 @@ class Model(_Elements):
     def _checked(self, fixed: Mapping[str, float], mass: float | None) -> Mapping[str, float]:
         """Refuse values that cannot be fixed; a mass is one of them."""
         require(fixed, Mapping, "fixed")
-        places = {name: f"fixed.{name}" for name in fixed}
+        numbers = {name: require_number(value, f"fixed.{name}", "SI") for name, value in fixed.items()}
         if mass is not None:
-            fixed, places["m"] = {**fixed, "m": mass}, "mass"
-        numbers = {}
-        for name, value in fixed.items():
-            unit = "kg" if name == "m" else "SI"
-            number = require_number(value, places[name], unit)
-            if name not in (*self.parameters, "m"):
-                allowed = ", ".join((*self.parameters, "m"))
-                raise RsgenError(f"fixed: {name!r:.60} is no parameter; the law has {allowed}")
-            if fault := (KNOWN_MASS if name == "m" else Rule()).fault(number):
-                raise RsgenError(f"{places[name]}: {fault}, or None to identify it")
-            numbers[name] = number
+            mass = require_number(mass, "mass", "kg")
+            if numbers.setdefault("m", mass) != mass:
+                raise RsgenError(f"mass: {mass:g} kg, and {numbers['m']:g} kg in fixed; give it once")
+        allowed = (*self.parameters, "m")
+        foreign = sorted(repr(name)[:60] for name in numbers if name not in allowed)
+        if foreign:
+            raise RsgenError(f"fixed: {', '.join(foreign)}: no parameter; allowed are {', '.join(allowed)}")
+        law = character(self.force) if numbers.keys() - {"m"} else None
+        positive = () if law is None else tuple(law.parameters[place] for place in law.positive)
+        for name, value in numbers.items():
+            rule = KNOWN_MASS if name == "m" else Rule(above=0 if name in positive else None)
+            if fault := rule.fault(value):
+                place = "mass" if name == "m" else f"fixed.{name}"
+                raise RsgenError(f"{place}: {fault}; leave it out to identify it")
         if "m" in numbers and not self.observation.calibrated:
             raise RsgenError("mass: given, but the test is not calibrated; leave the mass out, or calibrate")
         return MappingProxyType(numbers)
@@ -343,5 +347,6 @@ def join_model(
 ) -> Model:
     """Join law, mass, observation and fixed values; what is given explicitly wins over the model's."""
     model = law if isinstance(law, Model) else Model(law)
-    require(fixed, Mapping, "fixed")
-    return Model(model.elements, mass, observation or model.observation, {**model.fixed, **fixed})
+    observation = model.observation if observation is None else observation
+    known = Model(model.elements, mass, observation, fixed).fixed
+    return Model(model.elements, None, observation, {**model.fixed, **known})

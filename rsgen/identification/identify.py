@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
+from types import MappingProxyType
 
 import numpy as np
 
@@ -132,8 +133,9 @@ def identify(
     observation: Observation | None = None,
     *,
     mass: float | None = None,
+    fixed: Mapping[str, float] = MappingProxyType({}),
 ) -> Identification:
-    """Identify every parameter of a law, and the mass where it is not given.
+    """Identify every parameter of a law, and the mass, but for those that are fixed.
 
     Parameters
     ----------
@@ -145,8 +147,11 @@ def identify(
     observation
         How the structure was observed; None: as the model says.
     mass
-        m [kg] where it is known; None: as the model says, and to be identified where that says nothing. Of
-        a driven base, whose force is one per mass, parameters without it are per unit mass.
+        m [kg] where it is known, as ``fixed={"m": mass}``; None: as the model says, and to be identified
+        where that says nothing. Of a driven base, whose force is one per mass, parameters without it are per
+        unit mass.
+    fixed
+        Values [SI] of parameters that are known beforehand, by name. No kernel is compiled anew for them.
 
     Returns
     -------
@@ -156,9 +161,10 @@ def identify(
     Raises
     ------
     RsgenError
-        A held-out level is not in the surface, or fewer than four points can be used.
+        A held-out level is not in the surface, fewer than four points can be used, or what is fixed is no
+        parameter or must be positive.
     """
-    model = join_model(law, observation, mass)
+    model = join_model(law, observation, mass, fixed)
     if isinstance(surface, MultisineSpectra):
         records = identify_multisine(surface, model)
         return _with_held_out(records, judge_records, records)

@@ -226,8 +226,8 @@ class Findings:
         found += self._implausible(calibrated, {finding.parameter for finding in of_parameters})
         found += self._runs()
         if any(f.code == "harmonics-across-left-out" and f.severity == "doubt" for f in about):
-            # what harmonics leave of the misfit another mass may take up, and is as wrong for it
-            found = [finding for finding in found if finding.code != "mass-contradicted"]
+            # what harmonics leave of the misfit another fixed value may take up, and is as wrong for it
+            found = [finding for finding in found if finding.code != "fixed-contradicted"]
         return tuple(found)
 
     def _implausible(self, calibrated: bool, not_identifiable: set[str]) -> Iterator[Finding]:

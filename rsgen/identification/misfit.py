@@ -43,6 +43,7 @@ from rsgen.identification.fitting.observed import (
 )
 from rsgen.identification.fitting.points import Points
 from rsgen.identification.results import Resonance
+from rsgen.identification.results.estimates import fixed_contradicted
 from rsgen.identification.starting.start import is_hidden, records_even
 from rsgen.law.element import make_element
 from rsgen.law.numeric import ForceLaw
@@ -86,7 +87,7 @@ def misfit_findings(
     if not systematic:
         # one point a level shows no pattern either, and a loop holds each until its noise is gone
         patterns = len(points) >= _TELLING and surface.control != "phase"
-        found = [] if decays else _mass_contradicted(fit, misfit)
+        found = [] if decays else _contradicted(fit, misfit)
         if misfit > (LARGE if patterns else POOR):
             severity: Severity = "error" if misfit > MEANINGLESS else "doubt"
             found.append(Finding("misfit-large", severity, numbers=numbers))
@@ -112,7 +113,7 @@ def misfit_findings(
         found += _level_apart(points, regression, surface.level_unit)
     if not any(finding.code in _OTHERWISE for finding in surface.findings):
         if severity != "error" and not decays:
-            found += _mass_contradicted(fit, left)
+            found += _contradicted(fit, left)
         found += _missing_background(fit, trials, wider, left) if trials else []
     return [*found, *(_offset_proposal(fit, trials) if trials else [])]
 
@@ -220,8 +221,8 @@ def _with_backgrounds(fit: Fit) -> dict[str, Fit]:
     return found
 
 
-def _mass_contradicted(fit: Fit, left: float) -> list[Finding]:
-    """Find a given mass that the points contradict: another takes up the misfit, more than a term does.
+def _contradicted(fit: Fit, left: float) -> list[Finding]:
+    """Find fixed values that the points contradict: another takes up the misfit, more than a term does.
 
     Parameters
     ----------
@@ -230,30 +231,25 @@ def _mass_contradicted(fit: Fit, left: float) -> list[Finding]:
     left
         The misfit that the best term would leave.
     """
-    given = fit.problem.fixed.get("m")
-    if given is None or not relative_misfit(fit) > NOTICEABLE:
+    if not (fit.problem.fixed and relative_misfit(fit) > NOTICEABLE):
         return []
     chosen = fit.problem.observed.points.spread(QUICK)
     problem = fit.problem.select(chosen[fit.regression.used[chosen]])
-    values, _, background = problem.split(fit.regression.parameters)
-    trials = [
-        fit_near(trial, trial.join(values, given, background), order=START_ORDER)
-        for trial in (problem, replace(problem, fixed={}))
-    ]
-    size, (whole, best) = relative_misfit(fit), map(relative_misfit, trials)
-    leaves = size * best / whole if whole > 0 else np.inf
-    # beside noise, which no mass takes up, the gain in units of that noise counts
-    gain = ((whole / best) ** 2 - 1) * trials[1].regression.freedom if best > 0 else np.inf
-    if not gain > SIGNIFICANT or leaves > left:
-        return []
-    place, free = len(values), trials[1].regression
-    mass = float(free.parameters[place])
-    times = abs(mass - given) / float(np.sqrt(free.covariance[place, place]))
-    if not (times > ERRORS and abs(mass / given - 1) > SAME_NUMBER):
-        return []
-    numbers = {"given": Quantity(given, "kg"), "fitted": Quantity(mass, "kg")}
-    numbers |= quantities(misfit=size, left=leaves, moved=mass / given - 1, times=times)
-    return [Finding("mass-contradicted", "doubt", "m", numbers)]
+    start, names = fit.regression.parameters, (*problem.law.parameters, "m")
+    size, whole = relative_misfit(fit), relative_misfit(fit_near(problem, start, order=START_ORDER))
+    found = []
+    for name, given in problem.fixed.items():
+        others = {other: value for other, value in problem.fixed.items() if other != name}
+        free = fit_near(replace(problem, fixed=others), start, order=START_ORDER).regression
+        place, best = names.index(name), float(free.noise * np.sqrt(2))
+        leaves = size * best / whole if whole > 0 else np.inf
+        # beside noise, which no value takes up, the gain in units of that noise counts
+        gain = ((whole / best) ** 2 - 1) * free.freedom if best > 0 else np.inf
+        moved = float(free.parameters[place]) - given
+        times = abs(moved) / float(np.sqrt(free.covariance[place, place]))
+        if gain > SIGNIFICANT and leaves <= left and times > ERRORS and abs(moved) > SAME_NUMBER * abs(given):
+            found.append(fixed_contradicted(name, given, moved, misfit=size, left=leaves, times=times))
+    return found
 
 
 def _missing_background(fit: Fit, trials: dict[str, Fit], wider: Array, left: float) -> list[Finding]:
@@ -433,7 +429,8 @@ def explain_hidden(problem: Problem, reasons: Mapping[str, Finding | None]) -> d
 def mirror_findings(problem: Problem, known: Collection[str]) -> tuple[Finding, ...]:
     """Say that the law of -x fits as well, where nothing even was recorded; name ``known`` parameters."""
     law = problem.law
-    if not is_hidden(problem) or records_even(problem):
+    fixed = [place for place in law.even if not problem.free[place]]
+    if not is_hidden(problem) or records_even(problem) or fixed:
         return ()
     names = [law.parameters[i] for i in law.even if law.parameters[i] in known]
     if not law.mirrored:
@@ -455,7 +452,7 @@ def widen_squares(problem: Problem, found: Regression) -> Regression:
     law = problem.law
     if not is_hidden(problem) or records_even(problem) or not law.mirrored:
         return found
-    even, factor = list(law.even), np.ones(len(found.covariance))
+    even, factor = [place for place in law.even if found.free[place]], np.ones(len(found.covariance))
     wide = float(t_quantile(found.freedom, CONFIDENCE))
     far = np.abs(found.parameters[even]) / (wide * np.sqrt(np.diag(found.covariance)[even]))
     low, high = np.sqrt(np.maximum(far**2 - 2 * far, 0.0)), np.sqrt(far**2 + 2 * far)

@@ -183,13 +183,15 @@ def fit_resonances(
             return Solution(unknown, mass, np.diag(np.append(unknown, mass_error)), 1, np.nan)
         # harmonics without the mean say nothing of how far apart the turning points lie from zero
         turned = not law.odd and (0 in points.measured or bool(np.isfinite(points.peak).all()))
+        sine = np.stack([np.zeros(good.sum()), size[good]], axis=1).astype(complex)
         equations = Equations(
             omega[good],
             1j * force[good],
-            np.stack([np.zeros(good.sum()), size[good]], axis=1).astype(complex),
+            sine,
             False,
             1 / force[good],
             turning[good] if turned else np.zeros((0, 2)),
+            (sine,) * (len(law.parts) - 1),
         )
         known = {**fixed, "m": mass}
         found = solve_equations(equations, law, known, near=near().values if law.nonlinear else None)
@@ -216,7 +218,7 @@ _SCALES = 1e-6
 """Share of the stiffness of a law that may not scale with its parameters: quadrature leaves less. A law of
 which more is left determines the mass by itself, as one whose damping contains its stiffness."""
 
-_OF_THE_MASS = frozenset({"mass-contradicted", "resonance-sparse", "shift-small", "size-impossible"})
+_OF_THE_MASS = frozenset({"fixed-contradicted", "resonance-sparse", "shift-small", "size-impossible"})
 """Findings that an assumed mass, or a damping ratio with it, is part of."""
 
 _SHORT = {"N/m": "1/s^2", "N*s/m": "1/s"}
@@ -229,7 +231,7 @@ _POWER = 1e-3
 def identify_ratios(
     surface: ResponseSurface, model: Model, identify: Callable[[ResponseSurface, Model], Identification]
 ) -> Identification | None:
-    """Identify without a mass from points at phase resonance alone; None where the test is another.
+    """Identify without a mass from points at phase resonance; None of another test, or with fixed values.
 
     Parameters
     ----------
@@ -238,7 +240,7 @@ def identify_ratios(
     identify
         Identifies with a given mass.
     """
-    if model.mass is not None:
+    if model.fixed:
         return None
     points = select_points(gather_repeats(surface)[0], model)
     law = law_of(model.elements, points)

@@ -8,7 +8,7 @@ same in the parameters themselves to sums.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass
 from fractions import Fraction
 from itertools import combinations, permutations
@@ -115,9 +115,11 @@ def in_order(force: sympy.Expr, values: Mapping[str, float]) -> dict[str, float]
     return ordered
 
 
-def put_in_order(law: ForceLaw, values: Array) -> Array:
-    """(p,) values of the parameters of a law, as ``in_order`` gives them."""
-    return np.array(list(in_order(law.expression, dict(zip(law.parameters, values, strict=True))).values()))
+def put_in_order(law: ForceLaw, values: Array, fixed: Collection[str] = ()) -> Array:
+    """(p,) values of the parameters of a law, as ``in_order`` gives them; terms with fixed ones stay."""
+    known = dict(zip(law.parameters, values, strict=True))
+    moved = in_order(law.expression, {name: known[name] for name in known if name not in fixed})
+    return law.ordered({**known, **moved})
 
 
 TRIALS = 3

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass, fields
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, fields, replace
 from functools import lru_cache
 from typing import Any, NamedTuple, Protocol
 
@@ -181,6 +181,50 @@ class ForceLaw(Character):
         """
         zero = np.zeros_like(x)
         return self._sum((x, v), (zero, zero), zero, values)[0]
+
+    def at(self, fixed: Mapping[str, float]) -> ForceLaw:
+        """Give the law of the other parameters: for equations along motions, with some values fixed."""
+        numbers = np.array([fixed.get(name, np.nan) for name in self.parameters])
+        free = np.flatnonzero(np.isnan(numbers)).tolist()
+        if len(free) == len(numbers):
+            return self
+
+        def kept(indices: Sequence[int]) -> tuple[int, ...]:
+            return tuple(free.index(i) for i in indices if i in free)
+
+        facts = {field.name: getattr(self, field.name) for field in fields(ForceLaw)}
+        facts["parameters"] = tuple(self.parameters[i] for i in free)
+        facts["scaled"] = tuple(kept(group) for group in self.scaled if len(kept(group)) == len(group))
+        facts |= {name: kept(facts[name]) for name in ("linear", "nonlinear", "positive", "even")}
+        return _LawAt(**facts, whole=self, numbers=numbers)
+
+
+@dataclass(frozen=True, slots=True, eq=False, kw_only=True)
+class _LawAt(ForceLaw):
+    """A law some of whose parameters have ``numbers`` (p,), NaN for the others."""
+
+    whole: ForceLaw
+    numbers: Array
+
+    def _all(self, values: Array) -> Array:
+        """(p, ...) values of the whole law, from those of the parameters that are left."""
+        every = np.empty((len(self.numbers), *np.shape(values)[1:]))
+        every.T[:] = self.numbers
+        every[np.isnan(self.numbers)] = values
+        return every
+
+    def _part(self, sample: ForceSample) -> ForceSample:
+        columns = zip(sample.by_parameter, np.isnan(self.numbers), strict=True)
+        return replace(sample, by_parameter=tuple(column for column, free in columns if free))
+
+    def sample_parts(self, motions: Sequence[Waves], step: Array, values: Array) -> tuple[ForceSample, ...]:
+        return tuple(map(self._part, self.whole.sample_parts(motions, step, self._all(values))))
+
+    def sample(self, x: Array, v: Array, a: Array, step: Array, values: Array) -> ForceSample:
+        return self._part(self.whole.sample(x, v, a, step, self._all(values)))
+
+    def still(self, x: Array, values: Array) -> ForceSample:
+        return self._part(self.whole.still(x, self._all(values)))
 
 
 def _sample(sums: tuple[Array, ...]) -> ForceSample:

@@ -153,6 +153,18 @@ def estimate_table(identification: Identification) -> Table:
         for refined in identification.refined
         for bias in [biases.get(refined.name, math.nan)]
     ]
+    rows += [
+        TableRow(
+            (
+                one.name,
+                Cell(unit_text(one.unit) or "–"),
+                *[Cell("–")] * 3,
+                Cell(quantity_text(one.value, "", 6), "fixed"),
+                Cell("–"),
+            )
+        )
+        for one in identification.fixed
+    ]
     columns = ("Parameter", "Unit", "Paper", "First order", "Its predicted bias", "Refined", "Standard error")
     return Table("All estimates in SI units, with 95 % intervals", columns, tuple(rows))
 

@@ -123,6 +123,11 @@ def _ranking(ranking: Ranking | None) -> dict[str, Any] | None:
     }
 
 
+def fixed_entry(identification: Identification) -> dict[str, dict[str, Any]]:
+    """Give values and units of what was known beforehand, by name."""
+    return {one.name: {"value": one.value, "unit": one.unit} for one in identification.fixed}
+
+
 def build_result(
     subject: Subject,
     table: ResponseSurface | MultisineSpectra,
@@ -157,6 +162,7 @@ def build_result(
         "warnings": [*subject.warnings, *map(sentence, identification.findings)],
         "findings": [finding.to_dict() for finding in identification.findings],
         "mass": finite_or_none(identification.mass),
+        "fixed": fixed_entry(identification),
         "parameters": rows_entry(comparison, forces=False),
         "forces": rows_entry(comparison, forces=True),
         "elements": elements_entry(subject),

@@ -97,7 +97,7 @@ def test_exact_data_are_identified_to_round_off_and_nothing_is_made_of_an_assume
     assert "without a mass none has a stiffness" in stiffness
     curves = rsgen.predict(found)
     assert (len(curves), curves.findings[0].code) == (0, "curves-need-mass")
-    with pytest.raises(rsgen.RsgenError, match="phase resonance do not determine the mass"):
+    with pytest.raises(rsgen.RsgenError, match="give it, or points off phase resonance"):
         rsgen.rank(locked(noise=0.0), [LAW, "k*x + c*v"])
 
 

@@ -120,7 +120,7 @@ def test_a_finding_that_contradicts_the_verdict_decides_it(fault: str, seed: int
     decided = {finding.code for finding in found.verdict.decided_by}
     assert found.verdict.state in ("doubtful", "rejected")
     if mass is not None:
-        assert "mass-contradicted" in decided
+        assert "fixed-contradicted" in decided
     contradicting = {"law-does-not-fit", "parts-disagree"} & {finding.code for finding in found.findings}
     assert contradicting <= decided
 
@@ -439,9 +439,9 @@ def test_the_least_stiffness_is_one_of_those_that_are_negative() -> None:
 @pytest.mark.parametrize(("factor", "expected"), [(1.05, "doubt"), (1.0, "")])
 def test_a_given_mass_that_the_points_contradict_is_doubted(factor: float, expected: str) -> None:
     found = findings(noisy(surface("cubic"), 0.003, 1), model("cubic", factor * MASS))
-    assert severity(found, "mass-contradicted") == expected
+    assert severity(found, "fixed-contradicted") == expected
     if expected:
-        assert found["mass-contradicted"]["fitted"] == pytest.approx(MASS, rel=2e-3)
+        assert found["fixed-contradicted"]["fitted"] == pytest.approx(MASS, rel=2e-3)
 
 
 @pytest.mark.slow

@@ -116,7 +116,7 @@ def test_a_given_mass_that_a_multisine_contradicts_is_named() -> None:
     test = rsgen.MultisineTest(np.array([3.0, 8.0]), (2.5, 20.0), 2.0, periods=8, noise_relative=0.01)
     spectra = rsgen.simulate(oscillator, test)
     found = rsgen.identify(spectra, "k*x + k3*x**3 + c*v", mass=1.03 * MASS)
-    (said,) = (finding for finding in found.verdict.decided_by if finding.code == "mass-contradicted")
+    (said,) = (finding for finding in found.verdict.decided_by if finding.code == "fixed-contradicted")
     assert said["fitted"] == pytest.approx(MASS, rel=0.005)
     assert rsgen.identify(spectra, "k*x + k3*x**3 + c*v", mass=MASS).verdict.state == "identified"
 

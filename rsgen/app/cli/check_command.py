@@ -35,7 +35,10 @@ def _plan(case: Case) -> dict[str, Any]:
         "case": case.name,
         "title": case.title,
         "parameters": list(case.model.parameters),
-        "identifies": [*(["m"] if finds_mass else []), *case.model.parameters],
+        "identifies": [
+            *(["m"] if finds_mass else []),
+            *(name for name in case.model.parameters if name not in case.model.fixed),
+        ],
         "warnings": [*case.warnings, *notes],
         **table.extent,
         **case.test.summary(),

@@ -37,6 +37,7 @@ from rsgen.common.finding import Verdict
 from rsgen.data.surface import ResponseSurface, load_surface
 from rsgen.identification.prediction import predict
 from rsgen.identification.results import Estimate, Identification
+from rsgen.report.result_json import fixed_entry
 from rsgen.report.wording import sentence
 from rsgen.report.wording.sentences import state_verdict
 
@@ -99,6 +100,7 @@ def identify_command(
                 "case": loaded.name,
                 "verdict": state_verdict(verdict),
                 "parameters": rows,
+                "fixed": fixed_entry(identification),
                 "residual": identification.residual,
                 "outcome": sentence(identification.outcome),
                 "warnings": warnings,
@@ -118,6 +120,8 @@ def identify_command(
             for row in rows
         ],
     )
+    for one in identification.fixed:
+        print_line(f"fixed: {one.name} = {number(one.value)} {one.unit}".rstrip())
     print_line(sentence(identification.outcome))
     for finding in identification.findings:
         if finding not in verdict.decided_by:

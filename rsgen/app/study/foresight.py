@@ -9,8 +9,6 @@ from functools import singledispatch
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-
 from rsgen.cases import Case
 from rsgen.common.errors import RsgenError
 from rsgen.common.finding import Finding, quantities
@@ -19,7 +17,13 @@ from rsgen.data.multisine.spectra import check_records
 from rsgen.data.oscillator import refuse_across
 from rsgen.data.surface import ResponseSurface
 from rsgen.data.surface.plausibility import plausibility_findings
-from rsgen.identification.fitting.points import Points, at_resonance_alone, per_unit_mass, select_points
+from rsgen.identification.fitting.points import (
+    Points,
+    at_resonance_alone,
+    mass_needs,
+    per_unit_mass,
+    select_points,
+)
 from rsgen.identification.fitting.repeats import gather_repeats
 from rsgen.law.numeric import compile_law
 
@@ -86,13 +90,9 @@ def _(table: MultisineSpectra, case: Case) -> list[Finding]:
 def _rank_faults(case: Case, surface: ResponseSurface, points: Points) -> list[str]:
     if not case.ranked:
         return []
-    faults = []
     surface.require_phase("model", "'rank' compares laws by force and phase; give a phase, or the law itself")
-    if case.model.mass is None and np.ptp(points.omega) == 0:
-        faults.append("'rank' needs the mass, or tests at more than one frequency")
-    elif mass_findings(case, surface):
-        faults.append("'rank' needs the mass, or points off phase resonance")
-    return faults
+    needed = mass_needs(points, per_unit_mass(surface, case.model)[1])
+    return [f"'rank' needs the mass, or {needed}"] if needed else []
 
 
 # ----------------------------------------------------------------------------

@@ -11,6 +11,7 @@ from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from fnmatch import fnmatch
 from functools import singledispatch
+from math import nan
 from pathlib import Path
 from typing import Any, cast
 
@@ -135,7 +136,7 @@ def obtain_table(
     RsgenError
         A file cannot be read.
     """
-    return _records(case.test, case.oscillator, progress).on_mass(case.model.mass)
+    return _records(case.test, case.oscillator, progress).on_mass(case.model.fixed.get("m", nan))
 
 
 @singledispatch

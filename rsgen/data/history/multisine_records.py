@@ -191,17 +191,17 @@ def _copies(
     return findings
 
 
-def _common_period(records: Sequence[TimeHistory], given: int | None) -> int:
+def _common_period(records: Sequence[TimeHistory], period: int | None) -> int:
     """Samples a period of all records: as given, checked, or found."""
-    if given is not None:
-        if not 2 <= given <= min(len(record) for record in records) // _FEWEST:
+    if period is not None:
+        if not 2 <= period <= min(len(record) for record in records) // _FEWEST:
             raise MeasurementError(
-                f"multisine: a period of {given} samples; {records[0].label} has {len(records[0])}: at least "
-                f"{_FEWEST} periods are needed"
+                f"multisine: a period of {period} samples; {records[0].label} has {len(records[0])}: at "
+                f"least {_FEWEST} periods are needed"
             )
         for record in records:
-            _check_repeats(record, given)
-        return given
+            _check_repeats(record, period)
+        return period
     lengths = [find_period(np.asarray(record.reference), record.label) for record in records]
     for record, length in zip(records, lengths, strict=True):
         if length != lengths[0]:
@@ -244,18 +244,18 @@ def _periods(record: TimeHistory, length: int) -> tuple[ComplexArray, ComplexArr
     return parts[0], parts[1]
 
 
-def _transient(record: TimeHistory, response: ComplexArray, given: int | None) -> int:
+def _transient(record: TimeHistory, response: ComplexArray, periods: int | None) -> int:
     """Periods to leave out: until the response is as near the mean of the last ones as these are."""
     count = len(response)
-    if given is not None:
-        if given < 0:
-            raise MeasurementError(f"multisine: transient: {given} periods; 0 or more are needed")
-        if count - given < _FEWEST:
+    if periods is not None:
+        if periods < 0:
+            raise MeasurementError(f"multisine: transient: {periods} periods; 0 or more are needed")
+        if count - periods < _FEWEST:
             raise MeasurementError(
-                f"{record.label}: {given} of {count} periods are to be left out; {_FEWEST} or more must "
+                f"{record.label}: {periods} of {count} periods are to be left out; {_FEWEST} or more must "
                 "remain"
             )
-        return given
+        return periods
     if count <= _FEWEST:
         return 0
     last = response[count // 2 :]

@@ -417,12 +417,9 @@ class ResponseSurface:
         empty = [name for name, value in values.items() if name not in COLUMN_UNITS or value is None]
         return ResponseSurface(**{k: v if k in empty else v[mask] for k, v in values.items()})
 
-    def on_mass(self, mass: float | None) -> ResponseSurface:
-        """The same test as a force [N] on a mass m [kg], where its force is one per mass.
-
-        As it is where the mass is not known: None or NaN.
-        """
-        if mass is None or not (self.per_mass and np.isfinite(mass)):
+    def on_mass(self, mass: float) -> ResponseSurface:
+        """The same test as a force [N] on a mass m [kg], where its force is one per mass; NaN: as it is."""
+        if not (self.per_mass and np.isfinite(mass)):
             return self
         return replace(self, force=mass * self.force_harmonics, per_mass=False)
 

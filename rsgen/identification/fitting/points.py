@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, fields, replace
+from math import nan
 from typing import Any
 
 import numpy as np
@@ -201,7 +202,7 @@ def per_unit_mass(surface: ResponseSurface, model: Model) -> tuple[ResponseSurfa
     With a known mass forces become newtons. Without one the mass of the balance is 1 kg, the forces stay as
     they are, and the parameters are per unit mass: no test of a driven base determines more.
     """
-    surface = surface.on_mass(model.mass)
+    surface = surface.on_mass(model.fixed.get("m", nan))
     return surface, join_model(model, mass=1.0) if surface.per_mass else model
 
 
@@ -305,6 +306,15 @@ def at_resonance_alone(points: Points, noise: float = 2 * EXPECTED_NOISE) -> boo
         return False
     spread = np.std(points.lag[points.in_quadrature])
     return bool(spread < max(_PHASES, ERRORS * noise))
+
+
+def mass_needs(points: Points, model: Model) -> str:
+    """Say what points have to be to determine a mass that is not given, "" where they do."""
+    if "m" in model.fixed:
+        return ""
+    if np.ptp(points.omega) == 0:
+        return "tests at more than one frequency"
+    return "points off phase resonance" if at_resonance_alone(points) else ""
 
 
 def mass_sure(mass: float, variance: float) -> bool:

@@ -45,6 +45,7 @@ from rsgen.identification.lines.line_fit import (
 from rsgen.identification.results import EquivalentCurve, Estimate, Identification, Resonance, units_of
 from rsgen.identification.results.estimates import (
     damping_findings,
+    fixed_contradicted,
     law_ambiguity,
     make_estimates,
     parameter_findings,
@@ -109,7 +110,7 @@ def identify_multisine(spectra: MultisineSpectra, model: Model) -> MultisineIden
         raise RsgenError(f"identify.band: {count} lines in it; more lines than parameters are needed")
     with np.errstate(all="ignore"):
         values, mass = start_values(lines, law, model.fixed)
-        fit = fit_lines(lines, law, model.fixed, put_in_order(law, values), mass)
+        fit = fit_lines(lines, law, model.fixed, put_in_order(law, values, model.fixed), mass)
         return _judge(spectra, model, fit)
 
 
@@ -137,7 +138,7 @@ def _judge(spectra: MultisineSpectra, model: Model, fit: LineFit) -> MultisineId
     findings += _sign_findings(fit, covariance)
     findings += [
         *_misfit_findings(fit, misfit, noise, wider),
-        *(_mass_findings(fit, terms, misfit) or ambiguous),
+        *(_contradicted(fit, terms, misfit) or ambiguous),
     ]
     motion = Motion(np.full(len(part), part.omega0), part.mean_response)
     # what a law takes from the motion is judged by the law as it stands
@@ -185,19 +186,18 @@ def _judge(spectra: MultisineSpectra, model: Model, fit: LineFit) -> MultisineId
     )
 
 
-def _mass_findings(fit: LineFit, terms: Mapping[str, Alternative], misfit: float) -> list[Finding]:
-    """Find a given mass that the lines contradict, more than they do any term; none or one."""
-    other = fixed_beside(fit).get("m")
-    if other is None or other.gain < max(SIGNIFICANT, *(one.gain for one in terms.values())):
-        return []
-    moved = other.value / fit.mass
-    if abs(moved) < SAME_NUMBER:
-        return []
+def _contradicted(fit: LineFit, terms: Mapping[str, Alternative], misfit: float) -> list[Finding]:
+    """Find fixed values that the lines contradict, more than they do any term."""
+    least = max(SIGNIFICANT, *(one.gain for one in terms.values()))
     square = np.sum(np.abs(fit.balance.residual[fit.lines.used]) ** 2 * 2 / fit.variance[fit.lines.used])
-    left = misfit * float(np.sqrt(max(1 - other.gain / square, 0.0)))
-    numbers = {"given": Quantity(fit.mass, "kg"), "fitted": Quantity(fit.mass + other.value, "kg")}
-    numbers |= quantities(misfit=misfit, left=left, moved=moved, times=float(np.sqrt(other.gain)))
-    return [Finding("mass-contradicted", "doubt", "m", numbers)]
+    found = []
+    for name, other in fixed_beside(fit).items():
+        given = fit.fixed[name]
+        if other.gain >= least and abs(other.value) >= SAME_NUMBER * abs(given):
+            left = misfit * float(np.sqrt(max(1 - other.gain / square, 0.0)))
+            times = float(np.sqrt(other.gain))
+            found.append(fixed_contradicted(name, given, other.value, misfit=misfit, left=left, times=times))
+    return found
 
 
 def _outcome(lines: Lines, estimates: tuple[Estimate, ...], misfit: float) -> Finding:

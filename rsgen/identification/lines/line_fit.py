@@ -217,8 +217,8 @@ def terms_beside(fit: LineFit) -> dict[str, Alternative]:
 
 def fixed_beside(fit: LineFit) -> dict[str, Alternative]:
     """Fit what each fixed parameter is off by, to first order, beside all that are free."""
-    places = np.flatnonzero(~fit.free)
-    return dict(zip(np.array([*fit.law.parameters, "m"])[places], _fit_beside(fit, places), strict=True))
+    places, names = np.flatnonzero(~fit.free), (*fit.law.parameters, "m")
+    return dict(zip((names[place] for place in places), _fit_beside(fit, places), strict=True))
 
 
 def _fit_beside(whole: LineFit, added: Sequence[int] | NDArray[np.intp]) -> list[Alternative]:
@@ -415,7 +415,9 @@ def start_values(lines: Lines, law: ForceLaw, fixed: Mapping[str, float]) -> tup
     fixed
         Values of parameters that are known, by name; "m" is the mass [kg].
     """
-    instants = _Instants(lines, law, fixed)
-    nonlinear = instants.search() if law.nonlinear else np.zeros(0)
+    part = law.at(fixed)
+    instants = _Instants(lines, part, fixed)
+    nonlinear = instants.search() if part.nonlinear else np.zeros(0)
     solution = instants.solve(*instants.rows(nonlinear))
-    return law.values_of(solution, nonlinear), float(solution[len(law.linear)])
+    found = dict(zip(part.parameters, part.values_of(solution, nonlinear), strict=True))
+    return law.ordered({**fixed, **found}), float(solution[len(part.linear)])

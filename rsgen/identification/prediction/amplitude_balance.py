@@ -69,6 +69,8 @@ class AmplitudeBalance:
         self._following = following_harmonics(self._law, self._order)
         self._samples = _SAMPLES_SWITCHED if self._law.switched else SAMPLES
         self._covariance = np.nan_to_num(identification.covariance)
+        names = (*self._law.parameters, "m")
+        self._places = [names.index(estimate.name) for estimate in identification.refined]
         self._largest = identification.amplitude_range[1]
         self._centre = np.pi * sum(identification.frequency_range)
         self._tabulate(2 * self._largest)
@@ -98,8 +100,7 @@ class AmplitudeBalance:
 
     def force_spread(self, at: Response) -> Array:
         """(n,) half width of the 95 % band of the force amplitude [N]."""
-        count = len(self._covariance)
-        slope = (np.conj(at.force)[:, None] * at.force_by[:, :count]).real / np.abs(at.force)[:, None]
+        slope = (np.conj(at.force)[:, None] * at.force_by[:, self._places]).real / np.abs(at.force)[:, None]
         variance = np.einsum("np,pq,nq->n", slope, self._covariance, slope)
         return np.asarray(NORMAL * np.sqrt(np.maximum(variance, 0.0)))
 
@@ -286,6 +287,7 @@ class SynthesisBalance(AmplitudeBalance):
         splines = table.splines
         self._splines, self._mass = splines, splines.mass
         self._covariance = np.nan_to_num(splines.covariance)
+        self._places = list(range(len(self._covariance)))
         self._least, self._largest = splines.basis.lowest, table.tested[1]
         self._centre = np.pi * sum(frequencies)
         self._tabulate(BEYOND * self._largest)

@@ -24,7 +24,7 @@ from rsgen.data.surface import ResponseSurface, without_copies
 from rsgen.formula import symbol
 from rsgen.identification.fitting.fit import fit_balance
 from rsgen.identification.fitting.observed import Observed, Problem
-from rsgen.identification.fitting.points import Points, at_resonance_alone, per_unit_mass, select_points
+from rsgen.identification.fitting.points import Points, mass_needs, per_unit_mass, select_points
 from rsgen.identification.ranking.balance import Rows, Term, base_law
 from rsgen.identification.ranking.fitting import Fitted, Guess, fit_rows
 from rsgen.identification.ranking.ranking_result import OWN, Candidate, Ranking, implausible, is_same, judge
@@ -130,16 +130,14 @@ def rank(
     refuse_across(surface.across.shape[1], ranking=True)
     laws, terms, base = competitors(candidates)
     base = join_model(base, observation, mass)
+    if set(base.fixed) - {"m"}:
+        raise RsgenError("ranking: other laws have other parameters; of what is fixed only the mass can stay")
     fixed, given_surface = base.fixed, surface
     surface, base = per_unit_mass(without_copies(surface), base)
     observed = _observed(surface, base)
     points = observed.points
-    one = np.ptp(points.omega) == 0
-    if "m" not in base.fixed and (one or at_resonance_alone(points)):
-        raise RsgenError(
-            f"ranking: tests at {'one frequency' if one else 'phase resonance'} do not determine the mass: "
-            "give it, or test at more frequencies"
-        )
+    if needed := mass_needs(points, base):
+        raise RsgenError(f"ranking: the test does not determine the mass; give it, or {needed}")
     background = _start_background(observed, base, tuple(laws.values()))
     mode = observed.mode(background)
     given = tuple(start_guess(name, elements, mode, base.fixed) for name, elements in laws.items())

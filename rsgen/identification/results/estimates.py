@@ -140,7 +140,7 @@ def damping_findings(
     of = {place: _order(sample.by_parameter[place], twice.by_parameter[place]) for place in dampers}
     orders = [order for place, order in of.items() if values[place] > 0 and np.isfinite(order)]
     whole, found = abs(float(np.sum(np.broadcast_to(sample.force, velocity.shape) * velocity))), []
-    for place in dampers:
+    for place in (place for place in dampers if law.parameters[place] in known):
         estimate = known[law.parameters[place]]
         between = min(orders, default=nan) < of[place] < max(orders, default=nan)
         if estimate.interval[1] < 0 and not between:
@@ -210,6 +210,16 @@ def _finding(
         numbers = {"value": Quantity(value, unit), "standard_error": Quantity(error, unit), **tested}
         return Finding("not-distinct-from-zero", "warning", name, numbers)
     return None
+
+
+def fixed_contradicted(
+    name: str, given: float, moved: float, *, misfit: float, left: float, times: float
+) -> Finding:
+    """Doubt a fixed value that the test moves by so much, so many standard errors, to leave less misfit."""
+    unit = "kg" if name == "m" else ""
+    numbers = {"given": Quantity(given, unit), "fitted": Quantity(given + moved, unit)}
+    numbers |= quantities(misfit=misfit, left=left, moved=moved / abs(given or moved), times=times)
+    return Finding("fixed-contradicted", "doubt", name, numbers)
 
 
 def with_combinations(reasons: Mapping[str, Finding | None], model: Model) -> dict[str, Finding | None]:

@@ -328,6 +328,8 @@ class Identification(Printed):
         return tuple(
             Estimate(name, value, 0.0, (value, value), units[name])
             for name, value in self.model.fixed.items()
+            # the mass of one kilogram that stands for a unit of mass is not known
+            if name != "m" or isfinite(self.curve.units.kilogram)
         )
 
     @property
@@ -376,9 +378,7 @@ class Identification(Printed):
     def _table(self) -> TextTable:
         background = () if self.background is None else self.background.estimates
         rows = [estimate.cells for estimate in (*self.refined, *background)]
-        # the mass of one kilogram that stands for a unit of mass is not known
-        known = [one for one in self.fixed if one.name != "m" or isfinite(self.curve.units.kilogram)]
-        rows += [(one.name, short(one.value), "given", one.unit, "") for one in known]
+        rows += [(one.name, short(one.value), "fixed", one.unit, "") for one in self.fixed]
         low, high = self.amplitude_range
         slow, fast = self.frequency_range
         tested = (

@@ -92,7 +92,8 @@ def start_asymmetric(problem: Problem, parameters: Array) -> tuple[Problem, Arra
     if not directions:
         return problem, parameters
     # x for -x mirrors the motion: where nothing even was recorded one sign of the first direction is enough
-    mirrored = not records_even(problem)
+    even = [place for place in law.even if problem.free[place]]
+    mirrored = not records_even(problem) and len(even) == len(law.even)
     signs = [(1.0,) if mirrored and not place else (1.0, -1.0) for place in range(len(directions))]
     sizes = [[0.0, *(sign * share for share in _SHARES for sign in each)] for each in signs]
     chosen = list(product(*sizes))
@@ -113,7 +114,6 @@ def start_asymmetric(problem: Problem, parameters: Array) -> tuple[Problem, Arra
     )
     if gain > 1 or not mirrored:
         found = np.array(best.regression.parameters)
-        even = list(law.even)
         if mirrored and law.mirrored and even and found[even[0]] < 0:
             found[even] *= -1
         return problem, found
@@ -227,7 +227,18 @@ def solve_equations(
     near
         (p,) values whose nonlinear ones lead to the solution; None searches their whole range.
     """
-    mass = fixed.get("m", np.nan)
+    free = [place for place, name in enumerate(law.parameters) if name not in fixed]
+    begin = None if near is None else near[free]
+    found = _solve_free(equations, law.at(fixed), fixed.get("m", np.nan), begin)
+    values, places = np.array([fixed.get(name, 0.0) for name in law.parameters]), [*free, len(law.parameters)]
+    values[free] = found.values
+    covariance = np.zeros((len(values) + 1,) * 2)
+    covariance[np.ix_(places, places)] = found.covariance
+    return replace(found, values=values, covariance=covariance)
+
+
+def _solve_free(equations: Equations, law: ForceLaw, mass: float, near: Array | None) -> Solution:
+    """Solve for all parameters of a law; the mass [kg] is known, or NaN."""
     chosen = np.argsort(np.abs(equations.harmonics[:, 1]), kind="stable")
     few = chosen[np.unique(np.linspace(0, len(chosen) - 1, _SEARCHED).round().astype(np.intp))]
     nonlinear = np.zeros(0)
@@ -283,7 +294,7 @@ def start_fit(problem: Problem) -> tuple[Problem, Array]:
     values, mass, background = problem.split(start)
     ordered = np.array(values)
     for part in problem.law.parts:
-        ordered[part.parameters] = put_in_order(part.law, values[part.parameters])
+        ordered[part.parameters] = put_in_order(part.law, values[part.parameters], problem.fixed)
     return start_asymmetric(problem, problem.join(ordered, mass, background))
 
 
@@ -351,12 +362,13 @@ def _start_backgrounds(problem: Problem) -> list[Array]:
         return [np.zeros(0)]
     points = observed.points
     law = compile_law(make_element("any", ANY_LAW).force)
-    few = replace(problem.select(points.spread(QUICK)), law=law)
+    known = {name: value for name, value in problem.fixed.items() if name == "m"}
+    few = replace(problem.select(points.spread(QUICK)), law=law, fixed=known)
     some = points.select(points.spread(_SCANNED))
     phases = 2 * np.pi * np.arange(_TURNS) / _TURNS - np.pi
-    misfits = [_turned(some, law, problem.fixed, float(phase)) for phase in phases]
+    misfits = [_turned(some, law, known, float(phase)) for phase in phases]
     best = int(np.argmin([found.misfit if found.mass > 0 else np.inf for found in misfits]))
-    found = _turned(few.observed.points, law, problem.fixed, float(phases[best]))
+    found = _turned(few.observed.points, law, known, float(phases[best]))
     names = observed.background.names
     parameters = few.join(found.values, found.mass, np.append(phases[best], np.zeros(len(names) - 1)))
     trials = _place_neighbour(few, parameters) if "f_n" in names else [parameters]

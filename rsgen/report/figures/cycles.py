@@ -349,7 +349,7 @@ def _determined(
         slip = slip_limit(curve, changed, identification.amplitude_range[1])
         return np.array([np.nan if slip is None else slip.amplitude])
 
-    names = {free.name for free in curve.virgin.free_symbols} - {"x"}
+    names = {free.name for free in curve.virgin.free_symbols} - {"x", *identification.model.fixed}
     known = {estimate.name for estimate in identification.refined if estimate.identifiable}
     for name in names - known:
         moved = float(place({**values, name: (1 + _MOVED) * values[name]})[0])

@@ -73,7 +73,7 @@ def solution_of(identification: Identification) -> dict[str, float]:
 
     The curve over what was tested is known also where single parameters are not.
     """
-    values = values_of(identification.refined)
+    values = values_of((*identification.refined, *identification.fixed))
     names = sorted(identification.model.parameters)
     fitted = dict(zip(names, identification.solution.tolist(), strict=True))
     return {name: value if np.isfinite(value) else fitted.get(name, value) for name, value in values.items()}
@@ -171,7 +171,7 @@ def standard_errors(
     covariance, centre = identification.covariance, evaluate(values)
     if covariance.shape != (len(rows), len(rows)):
         return np.zeros(centre.shape)
-    widths = {name: float(np.sqrt(covariance[rows[name], rows[name]])) for name in names}
+    widths = {name: float(np.sqrt(covariance[rows[name], rows[name]])) for name in names if name in rows}
     moving = {name: width for name, width in widths.items() if np.isfinite(width) and width > 0}
     slopes = np.zeros((len(moving), *centre.shape))
     for slope, (name, width) in zip(slopes, moving.items(), strict=True):

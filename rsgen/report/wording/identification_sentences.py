@@ -66,8 +66,8 @@ say_plainly(
             'with [identify] background = "{kind}" the misfit is {left:.2p} in place of {misfit:.2p}, and '
             "{parameter} differs by {moved:+.1%}, {times:.2g} standard errors"
         ),
-        "mass-contradicted": (
-            "with a mass of {fitted:.4q} in place of the given {given:.4q} ({moved:+.1%}, {times:.2g} "
+        "fixed-contradicted": (
+            "with {parameter} = {fitted:.4q} in place of the given {given:.4q} ({moved:+.1%}, {times:.2g} "
             "standard errors) the misfit is {left:.2p} in place of {misfit:.2p}"
         ),
         "response-at-limit": (
@@ -190,9 +190,9 @@ NEXT_STEPS.update(
             "Identify with this background, or in a narrower band around the mode, and compare: where the "
             "values differ, the sensor sees more than the mode."
         ),
-        "mass-contradicted": (
-            "Weigh again, and check the frequency axis and the factors of force and response; or leave the "
-            "mass out, so that it is identified."
+        "fixed-contradicted": (
+            "Measure the value again (weigh a mass), and check the frequency axis and the factors of force "
+            "and response; or leave the value out, so that it is identified."
         ),
         "law-ambiguous": (
             "Identify with the term as well, and with others in its place (rsgen rank); more levels, and "

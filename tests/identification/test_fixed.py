@@ -1,0 +1,203 @@
+"""Values that are known beforehand: a fixed parameter is a number in the law, and is stated as fixed."""
+
+from __future__ import annotations
+
+import functools
+import re
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import rsgen
+from rsgen.cases.faults import CaseError
+from rsgen.data.multisine import MultisineSpectra
+from rsgen.data.oscillator import Model
+from rsgen.identification.fitting import least_squares
+from tests.surfaces import LAWS, MASS, noisy, surface
+
+NOISE = 0.01
+
+
+@functools.cache
+def found(law: str, *names: str) -> rsgen.Identification:
+    true = {**LAWS[law][1], "m": MASS}
+    return rsgen.identify(
+        noisy(surface(law), NOISE, 1), LAWS[law][0], fixed={name: true[name] for name in names}
+    )
+
+
+@pytest.mark.parametrize(
+    ("law", "name"),
+    [("cubic", "k"), ("combined", "cn"), ("piecewise", "b"), ("tanh", "w"), ("two-gaps", "b1")],
+)
+def test_a_fixed_value_is_a_number_in_the_law(law: str, name: str) -> None:
+    text, true = LAWS[law]
+    # the number is a length or a speed as the parameter is, and no unit is asked for
+    written = rsgen.identify(noisy(surface(law), NOISE, 1), re.sub(rf"\b{name}\b", f"({true[name]!r})", text))
+    fixed = found(law, name)
+    assert [one.name for one in fixed.refined] == [one.name for one in written.refined]
+    for one, other in zip(fixed.refined, written.refined, strict=True):
+        assert abs(one.value - other.value) < 1e-6 * other.standard_error
+        assert one.standard_error == pytest.approx(other.standard_error, rel=1e-5)
+    assert fixed.verdict.state == written.verdict.state == "identified"
+
+
+@pytest.mark.parametrize(
+    ("law", "name", "other"), [("cubic", "k", "m"), ("piecewise", "k4", "m"), ("coulomb", "Ff", "c")]
+)
+def test_a_fixed_truth_narrows_what_goes_with_it(law: str, name: str, other: str) -> None:
+    free, fixed = found(law), found(law, name)
+    assert fixed[other].standard_error < 0.8 * free[other].standard_error
+    low, high = fixed[other].interval
+    assert low < {**LAWS[law][1], "m": MASS}[other] < high
+
+
+def test_a_mass_is_fixed_like_any_other() -> None:
+    table = noisy(surface("cubic"), NOISE, 1)
+    given = rsgen.identify(table, LAWS["cubic"][0], mass=MASS)
+    assert given.model == found("cubic", "m").model
+    assert np.array_equal(given.covariance, found("cubic", "m").covariance)
+    assert given.mass == given["m"].value == MASS
+
+
+def test_what_is_fixed_is_stated_as_fixed() -> None:
+    fixed = found("cubic", "k", "m")
+    assert {one.name: (one.value, one.unit) for one in fixed.fixed} == {
+        "k": (5920.0, "N/m"),
+        "m": (MASS, "kg"),
+    }
+    assert fixed["k"].interval == (5920.0, 5920.0)
+    assert [one.name for one in fixed.refined] == ["c", "kn"]
+    assert fixed.covariance.shape == (2, 2)
+    assert fixed.values["k"] == 5920.0
+    assert [line.split()[:3] for line in str(fixed).splitlines() if " fixed " in line] == [
+        ["k", "5920", "fixed"],
+        ["m", "1.5", "fixed"],
+    ]
+    # a band has no part of a value that is known
+    predicted = rsgen.predict(fixed, levels=(1.0,))
+    assert np.isfinite(predicted.curves[0].amplitude).all()
+
+
+@pytest.mark.parametrize(("law", "name", "wrong"), [("cubic", "k", 6200.0), ("piecewise", "b", 0.012)])
+def test_a_wrong_value_is_contradicted_by_the_points(law: str, name: str, wrong: float) -> None:
+    asked = rsgen.identify(noisy(surface(law), NOISE, 1), LAWS[law][0], fixed={name: wrong})
+    (said,) = (finding for finding in asked.findings if finding.code == "fixed-contradicted")
+    assert (said.parameter, said.severity, said["given"]) == (name, "doubt", wrong)
+    assert said["fitted"] == pytest.approx(LAWS[law][1][name], rel=5e-3)
+    assert not any(finding.code == "fixed-contradicted" for finding in found(law, name).findings)
+
+
+@functools.cache
+def spectra() -> MultisineSpectra:
+    oscillator = rsgen.Oscillator(1.0, "k*x + k3*x**3 + c*v", {"k": 4000.0, "k3": 2e6, "c": 2.0})
+    test = rsgen.MultisineTest(
+        level=(0.5, 2.0), period=8.0, band=(5.0, 15.0), periods=4, noise_relative=0.01, seed=3
+    )
+    made = rsgen.simulate(oscillator, test)
+    assert isinstance(made, MultisineSpectra)
+    return made
+
+
+def test_of_a_multisine_too() -> None:
+    free = rsgen.identify(spectra(), "k*x + k3*x**3 + c*v")
+    fixed = rsgen.identify(spectra(), "k*x + k3*x**3 + c*v", fixed={"k": 4000.0})
+    written = rsgen.identify(spectra(), "4000.0*x + k3*x**3 + c*v")
+    for one in written.refined:
+        assert abs(fixed[one.name].value - one.value) < 1e-6 * one.standard_error
+    assert fixed["m"].standard_error < 0.8 * free["m"].standard_error
+    wrong = rsgen.identify(spectra(), "k*x + k3*x**3 + c*v", fixed={"k3": 3e6})
+    (said,) = (finding for finding in wrong.findings if finding.code == "fixed-contradicted")
+    assert (said.parameter, said.severity) == ("k3", "doubt")
+    assert said["fitted"] == pytest.approx(2e6, rel=0.2)
+
+
+@pytest.mark.parametrize(
+    ("fixed", "fault"),
+    [
+        ({"b": 1.0}, "fixed: 'b': no parameter; allowed are c, k, kn, m"),
+        ({"k": "5"}, "fixed.k: '5'; must be a number"),
+        ({"k": np.inf}, "fixed.k: is inf; a number is needed"),
+        ({"m": -1.0}, "mass: is -1 kg; a number above 0 is needed"),
+        ([("k", 1.0)], "fixed: "),
+    ],
+)
+def test_what_cannot_be_fixed_is_refused(fixed: dict[str, float], fault: str) -> None:
+    with pytest.raises(rsgen.RsgenError, match=re.escape(fault)):
+        rsgen.identify(surface("cubic"), LAWS["cubic"][0], fixed=fixed)
+
+
+def test_a_value_that_the_law_forbids_is_refused() -> None:
+    with pytest.raises(rsgen.RsgenError, match=r"fixed\.F: is -1; a number above 0 is needed"):
+        Model("k*x + c*v + masing(Min(kt*x, F))", fixed={"F": -1.0})
+    with pytest.raises(rsgen.RsgenError, match=r"mass: 2 kg, and 1 kg in fixed; give it once"):
+        Model("k*x + c*v", mass=2.0, fixed={"m": 1.0})
+    with pytest.raises(rsgen.RsgenError, match="of what is fixed only the mass"):
+        rsgen.rank(surface("cubic"), Model(LAWS["cubic"][0], fixed={"k": 1.0}))
+
+
+CASE = """
+schema = 1
+name = "fixed"
+title = "A value that is known"
+[system]
+mass = "1.5 kg"
+[[element]]
+name = "spring"
+force = "k*x + kn*x**3"
+[[element]]
+name = "damper"
+force = "c*v"
+[truth]
+k = "5.92 kN/m"
+kn = "-2.2e5 N/m^3"
+c = "3.8 N*s/m"
+[test]
+kind = "simulated"
+level = { values = ["1 N", "3 N"] }
+frequency = { start = "8 Hz", stop = "12 Hz", count = 15 }
+[identify]
+fixed = { FIXED }
+"""
+
+
+def case(tmp_path: Path, fixed: str) -> rsgen.Case:
+    path = tmp_path / "fixed.toml"
+    path.write_text(CASE.replace("FIXED", fixed), encoding="utf-8")
+    return rsgen.load_case(path)
+
+
+def test_a_case_fixes_values(tmp_path: Path) -> None:
+    loaded = case(tmp_path, 'k = "5.92 kN/m", m = 1.5')
+    assert dict(loaded.model.fixed) == {"k": 5920.0, "m": 1.5}
+
+
+@pytest.mark.parametrize(
+    ("fixed", "fault"),
+    [
+        ('b = "3 mm"', "identify.fixed.b: is no parameter of the elements; known: c, k, kn, m"),
+        ('k = "3 mm"', "identify.fixed.k: "),
+        ("m = -1", "identify.mass: is -1 kg"),
+    ],
+)
+def test_a_case_with_a_value_that_cannot_be_fixed_is_refused(tmp_path: Path, fixed: str, fault: str) -> None:
+    with pytest.raises(CaseError, match=re.escape(fault)):
+        case(tmp_path, fixed)
+
+
+def test_columns_of_fixed_parameters_move_nothing() -> None:
+    generator = np.random.default_rng(1)
+    matrix, residual = generator.normal(size=(30, 2, 3)), generator.normal(size=(30, 2))
+
+    def linearise(parameters: np.ndarray, nuisance: np.ndarray) -> least_squares.Linearisation:
+        return least_squares.Linearisation(residual - matrix @ parameters, np.zeros((30, 2, 0)), matrix)
+
+    rules = least_squares.Rules(free=np.array([True, False, True]))
+    whole = least_squares.fit(linearise, np.array([0.0, 0.5, 0.0]), np.zeros((30, 0)), rules, reject=False)
+    flat, right = matrix.reshape(60, 3), (residual - 0.5 * matrix[:, :, 1]).ravel()
+    own = np.linalg.lstsq(flat[:, [0, 2]], right, rcond=None)[0]
+    assert whole.parameters == pytest.approx([own[0], 0.5, own[1]], rel=1e-12)
+    assert whole.freedom == 58
+    assert not whole.covariance[1].any()
+    assert not whole.influence[:, :, 1].any()
