@@ -13,7 +13,10 @@ import rsgen
 from rsgen.cases.faults import CaseError
 from rsgen.data.multisine import MultisineSpectra
 from rsgen.data.oscillator import Model
+from rsgen.formula import parse
 from rsgen.identification.fitting import least_squares
+from rsgen.law.motion import sine_motion
+from rsgen.law.numeric import compile_law
 from tests.surfaces import LAWS, MASS, noisy, surface
 
 NOISE = 0.01
@@ -201,3 +204,16 @@ def test_columns_of_fixed_parameters_move_nothing() -> None:
     assert whole.freedom == 58
     assert not whole.covariance[1].any()
     assert not whole.influence[:, :, 1].any()
+
+
+def test_a_law_with_numbers_is_the_law() -> None:
+    law = compile_law(parse("k*x + c*v + Piecewise((0, abs(x) < b), (k2*(x - b*sign(x)), True))"))
+    motion = sine_motion(np.array([10.0, 20.0]), np.array([0.5, 2.0]))
+    values = {"b": 1.0, "c": 2.0, "k": 3.0, "k2": 4.0}
+    whole = law.along(motion, law.ordered(values), 64)
+    part = law.at({"b": 1.0, "k": 3.0})
+    assert part.parameters == ("c", "k2")
+    found = part.along(motion, part.ordered(values), 64)
+    assert np.array_equal(found.force, whole.force)
+    assert np.array_equal(found.by_parameter, [whole.by_parameter[1], whole.by_parameter[3]])
+    assert law.at({}) is law
