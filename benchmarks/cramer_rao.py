@@ -16,7 +16,8 @@ from numpy.typing import NDArray
 
 from rsgen.data.oscillator import Oscillator
 from rsgen.data.surface import ResponseSurface
-from rsgen.dynamics.steady_state import SteadyStates, solve_steady_states
+from rsgen.dynamics.settling import SteadyStates
+from rsgen.dynamics.steady_state import solve_steady_states
 
 __all__ = ["Background", "cramer_rao"]
 

@@ -25,8 +25,7 @@ import rsgen
 from benchmarks.sections import write_section
 from rsgen.data.oscillator import Model, Oscillator
 from rsgen.data.surface import ResponseSurface
-from rsgen.dynamics.simulation import SimulatedTest
-from rsgen.dynamics.virtual_test import add_noise
+from rsgen.dynamics.virtual_test import SimulatedTest, add_noise
 from rsgen.identification.ranking import rank
 from rsgen.law.element import make_element
 from rsgen.law.memory import with_equations

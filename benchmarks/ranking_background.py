@@ -20,8 +20,7 @@ from benchmarks.background import MASS, OTHERS
 from benchmarks.cramer_rao import Background
 from benchmarks.sections import write_section
 from rsgen.data.oscillator import Observation, Oscillator
-from rsgen.dynamics.simulation import SimulatedTest
-from rsgen.dynamics.virtual_test import add_noise
+from rsgen.dynamics.virtual_test import SimulatedTest, add_noise
 from rsgen.law import make_element
 
 RUNS = 50

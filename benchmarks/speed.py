@@ -23,8 +23,9 @@ from benchmarks.peers import JOBS, Job
 from rsgen.common.output import write_atomic
 from rsgen.data.surface import ResponseSurface
 from rsgen.dynamics.kernel import compile_kernel
-from rsgen.dynamics.simulation import SimulatedTest, simulate
+from rsgen.dynamics.simulation import simulate
 from rsgen.dynamics.steady_state import solve_steady_states
+from rsgen.dynamics.virtual_test import SimulatedTest
 from tests.oracles import motion
 
 ROOT = Path(__file__).parent.parent

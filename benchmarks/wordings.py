@@ -14,7 +14,8 @@ os.environ["RSGEN_THREADS"] = "1"
 import numpy as np
 
 from rsgen.data.oscillator import Oscillator
-from rsgen.dynamics.simulation import SimulatedTest, simulate
+from rsgen.dynamics.simulation import simulate
+from rsgen.dynamics.virtual_test import SimulatedTest
 from rsgen.law import make_element
 
 WORDINGS = {

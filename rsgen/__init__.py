@@ -41,7 +41,8 @@ if TYPE_CHECKING:
     from rsgen.data.oscillator import Observation, Oscillator
     from rsgen.data.surface import ResponseSurface, load_surface, save_surface
     from rsgen.describing import derive
-    from rsgen.dynamics.simulation import MultisineTest, SimulatedTest, simulate
+    from rsgen.dynamics.simulation import simulate
+    from rsgen.dynamics.virtual_test import MultisineTest, SimulatedTest
     from rsgen.identification.identify import identify
     from rsgen.identification.modal_result import ModalTable
     from rsgen.identification.modal_table import modal_table

@@ -12,7 +12,7 @@ from rsgen.cases import Case
 from rsgen.common.finding import Finding
 from rsgen.data.oscillator import Model, Observation
 from rsgen.data.surface import ResponseSurface
-from rsgen.dynamics.simulation import SimulatedTest
+from rsgen.dynamics.virtual_test import SimulatedTest
 from rsgen.formula import parse, symbol
 from rsgen.identification.prediction import HeldOutLevel, Prediction, ResonanceCurve
 from rsgen.identification.results import EquivalentCurve, Estimate, Identification, Resonance

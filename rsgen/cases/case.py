@@ -20,7 +20,7 @@ from rsgen.cases.measured_test import MEASURED
 from rsgen.cases.tables import MAX_TEXT, Obeys, Quantity, Table, Text, table_of
 from rsgen.common.declaration import Rule
 from rsgen.data.oscillator import Model, Observation, Oscillator
-from rsgen.dynamics.simulation import MultisineTest, SimulatedTest
+from rsgen.dynamics.virtual_test import MultisineTest, SimulatedTest
 from rsgen.files import MeasuredTest
 
 Formula = Annotated[str, Obeys(str, Rule(fewest=1, most=MAX_TEXT))]

@@ -25,7 +25,7 @@ from rsgen.data.oscillator import KNOWN_MASS, Model, Observation, Oscillator, to
 from rsgen.data.planned_test import PlannedTest
 from rsgen.data.surface import ResponseSurface, load_surface, match_level
 from rsgen.data.surface.columns import BASE_UNITS
-from rsgen.dynamics.simulation import MultisineTest, SimulatedTest
+from rsgen.dynamics.virtual_test import MultisineTest, SimulatedTest
 from rsgen.files import MeasuredTest, read_measurement
 from rsgen.formula import check_name, parse, symbol, write
 from rsgen.formula.units import parameter_units, quantity, unit_faults, unit_of

@@ -21,9 +21,9 @@ from rsgen.common.arrays import Array, blocks
 from rsgen.common.errors import ExpressionError
 from rsgen.formula import symbol
 from rsgen.formula.evaluation import compiled
-from rsgen.formula.names import OMEGA, STATE_V, STATE_X, X0, X
+from rsgen.formula.names import OMEGA, STATE_V, STATE_X, X0, Inner, X
 from rsgen.law.loops import periodic_states
-from rsgen.law.memory import Inner, MemoryForm, Rate
+from rsgen.law.memory import MemoryForm, Rate
 from rsgen.law.pieces import Switch, normal_form
 from rsgen.law.switched_sum import switched_sum
 

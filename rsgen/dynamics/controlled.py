@@ -17,7 +17,8 @@ from rsgen.dynamics.fixed_point import LoopMemory, PeriodMap, attraction, units_
 from rsgen.dynamics.harmonic_balance import balance_states, hold_oscillator
 from rsgen.dynamics.kernel import compile_kernel
 from rsgen.dynamics.newton import Rows, newton
-from rsgen.dynamics.steady_state import LOCATED, USUAL_ACCURACY, USUAL_HARMONICS, SteadyStates, map_batches
+from rsgen.dynamics.settling import SteadyStates
+from rsgen.dynamics.steady_state import LOCATED, USUAL_ACCURACY, USUAL_HARMONICS, map_batches
 from rsgen.dynamics.virtual_test import Progress, SimulatedTest, in_parts
 from rsgen.law.numeric import compile_law
 

@@ -25,9 +25,10 @@ from rsgen.common.tolerances import BLOCK, HALVINGS, TRIAL_STEPS
 from rsgen.data.oscillator import Oscillator
 from rsgen.dynamics.linear_part import Inertia
 from rsgen.dynamics.newton import Rows, newton, solve_each
-from rsgen.dynamics.steady_state import SteadyStates
+from rsgen.dynamics.settling import SteadyStates
 from rsgen.law.motion import FourierSeries, Motion, fourier_series
-from rsgen.law.numeric import ForceLaw, ForceSample, compile_law
+from rsgen.law.numeric import ForceLaw, compile_law
+from rsgen.law.switched_sum import ForceSample
 
 _SETTLED = 1e-10
 """Relative step at which the harmonics have converged: the next one would be its square."""

@@ -15,7 +15,8 @@ from rsgen.data.surface import ResponseSurface
 from rsgen.data.surface.phase_lag import lag_findings
 from rsgen.dynamics.controlled import ControlledStates, control_grid, phase_grid
 from rsgen.dynamics.harmonic_balance import solve_harmonic_balance
-from rsgen.dynamics.steady_state import SteadyStates, solve_steady_states
+from rsgen.dynamics.settling import SteadyStates
+from rsgen.dynamics.steady_state import solve_steady_states
 from rsgen.dynamics.virtual_test import (
     MultisineTest,
     Progress,
@@ -27,8 +28,6 @@ from rsgen.dynamics.virtual_test import (
     simulate_multisine,
     swept,
 )
-
-__all__ = ["MultisineTest", "SimulatedTest", "simulate"]
 
 
 @overload

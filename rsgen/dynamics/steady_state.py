@@ -40,20 +40,6 @@ from rsgen.dynamics.settling import (
     settle,
 )
 
-__all__ = [
-    "ACCURACY",
-    "HARMONICS",
-    "LOCATED",
-    "USUAL_ACCURACY",
-    "USUAL_HARMONICS",
-    "Refined",
-    "SteadyStates",
-    "map_batches",
-    "refine",
-    "solve_steady_states",
-]
-
-
 # ----------------------------------------------------------------------------
 # Batches of points: they bound the memory, and the cores work side by side.
 

@@ -20,7 +20,8 @@ from rsgen.data.planned_test import PlannedTest
 from rsgen.data.surface import ResponseSurface
 from rsgen.data.surface.columns import BASE_UNITS, below_acceleration
 from rsgen.dynamics.periodic_response import periodic_response
-from rsgen.dynamics.steady_state import ACCURACY, HARMONICS, USUAL_ACCURACY, USUAL_HARMONICS, SteadyStates
+from rsgen.dynamics.settling import SteadyStates
+from rsgen.dynamics.steady_state import ACCURACY, HARMONICS, USUAL_ACCURACY, USUAL_HARMONICS
 from rsgen.law.numeric import ForceLaw, compile_law
 
 _RESONANT = 0.2

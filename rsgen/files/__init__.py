@@ -8,7 +8,8 @@ from rsgen.common import on_first_use
 
 if TYPE_CHECKING:
     from rsgen.files.files_to_surface import read_measurement
-    from rsgen.files.plan import HistoryRule, Layout, LevelRule, MeasuredTest, Signal, SweepRule
+    from rsgen.files.plan import HistoryRule, Layout, LevelRule, MeasuredTest, SweepRule
+    from rsgen.files.signals import Signal
 
 __all__ = ["HistoryRule", "Layout", "LevelRule", "MeasuredTest", "Signal", "SweepRule", "read_measurement"]
 

@@ -11,7 +11,8 @@ from rsgen.common.finding import Finding
 from rsgen.formula.units import quantity, sensor_unit
 
 if TYPE_CHECKING:
-    from rsgen.files.plan import MeasuredTest, Signal
+    from rsgen.files.plan import MeasuredTest
+    from rsgen.files.signals import Signal
 
 # ----------------------------------------------------------------------------
 # Whether a case reads a column in the unit that its title names.

@@ -7,6 +7,7 @@ import zipfile
 from collections.abc import Callable, Iterator
 from contextlib import AbstractContextManager, contextmanager
 from functools import partial
+from types import SimpleNamespace
 from typing import IO, Any, BinaryIO
 
 import numpy as np
@@ -65,18 +66,12 @@ def _header(file: IO[bytes], largest: int) -> tuple[tuple[int, ...], bool, np.dt
     return tuple(map(int, shape)), fortran, dtype
 
 
-def _read(file: IO[bytes], shape: tuple[int, ...], fortran: bool, dtype: np.dtype[Any]) -> NDArray[Any]:
-    # read_array would duplicate the descriptor, which the limits of the process forbid; cut off is named so
-    flat = np.empty(int(np.prod(shape, dtype=object)), dtype=dtype)
-    view = flat.view(np.uint8).data
-    done = 0
-    while done < len(view):
-        # typing.IO does not declare what every binary file of the library has
-        part = file.readinto(view[done:])  # type: ignore[attr-defined]
-        if not part:
-            raise MeasurementError(f"is cut off: {done} bytes of {len(view)}; send the whole file again")
-        done += part
-    return flat.reshape(shape[::-1]).transpose() if fortran else flat.reshape(shape)
+def _read(file: IO[bytes]) -> NDArray[Any]:
+    """Read an array whose header was checked, as a stream: no descriptor may be doubled here."""
+    try:
+        return npy.read_array(SimpleNamespace(read=file.read), allow_pickle=False, max_header_size=MAX_HEADER)
+    except ValueError as fault:
+        raise MeasurementError(f"is cut off: {fault}; send the whole file again") from None
 
 
 def _nodes(
@@ -91,7 +86,7 @@ def _nodes(
 
     def load(field: str | None = None) -> NDArray[Any]:
         with opened() as file:
-            values = _read(file, *_header(file, largest))
+            values = _read(file)
             # only at its end an archive compares the CRC-32 of a member
             if isinstance(file, zipfile.ZipExtFile) and file.read(1):
                 raise MeasurementError("holds more than its header declares; the file is damaged")

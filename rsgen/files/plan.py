@@ -31,24 +31,6 @@ from rsgen.files.signals import (
 )
 from rsgen.formula.units import quantity, sensor_factor, sensor_unit
 
-__all__ = [
-    "FROM_RECORDS",
-    "HERTZ",
-    "LABEL",
-    "SECONDS",
-    "Excitation",
-    "HistoryRule",
-    "Layout",
-    "LevelRule",
-    "MeasuredTest",
-    "MultisineRule",
-    "Signal",
-    "SweepRule",
-    "channel_faults",
-    "multisine_faults",
-]
-
-
 # ----------------------------------------------------------------------------
 # How records of a periodic multisine are read: a part of the plan of time histories.
 

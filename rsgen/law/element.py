@@ -20,28 +20,10 @@ from rsgen.formula.bounds import algebra_faults
 from rsgen.formula.evaluation import Numeric, compiled
 from rsgen.formula.names import remembers
 from rsgen.law.identifiable import equal_terms
-from rsgen.law.library import ROWS, Range, Search
+from rsgen.law.library import ROWS, Search
 from rsgen.law.memory import equations_of, memory_form, rates_of, read_formula, with_memory
 from rsgen.law.notation import latex, mathml
 from rsgen.law.pieces import normal_form
-
-__all__ = [
-    "FORCE_KEYS",
-    "Element",
-    "Law",
-    "LawLike",
-    "Library",
-    "Parameter",
-    "Range",
-    "Search",
-    "as_elements",
-    "force_keys",
-    "law_remarks",
-    "laws",
-    "make_element",
-    "refuse_library_names",
-]
-
 
 # ----------------------------------------------------------------------------
 # What the ``accept`` of a case may judge beside parameters: the whole force of a law.

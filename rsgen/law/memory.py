@@ -21,23 +21,6 @@ from rsgen.formula import check_name, parse, symbol, write
 from rsgen.formula.evaluation import Numeric, compiled
 from rsgen.formula.names import Inner, Masing, State, Structural, remembers
 
-__all__ = [
-    "Curve",
-    "Inner",
-    "MemoryForm",
-    "Rate",
-    "check_virgin",
-    "equations_of",
-    "memory_form",
-    "positive_in",
-    "rates_of",
-    "read_formula",
-    "real_powers",
-    "with_equations",
-    "with_memory",
-]
-
-
 # ----------------------------------------------------------------------------
 # What a virgin curve of a Masing law must be, and the signs that this leaves its parameters.
 

@@ -16,28 +16,6 @@ import sympy
 from rsgen.common.errors import ExpressionError
 from rsgen.formula.names import STATE_V, STATE_X, Inner
 
-__all__ = [
-    "ALWAYS",
-    "STATES",
-    "STATE_V",
-    "STATE_X",
-    "Form",
-    "Key",
-    "add",
-    "apart",
-    "complement",
-    "constant",
-    "expanded",
-    "is_long",
-    "moves",
-    "multiply",
-    "scale",
-    "sign_of_parameter",
-    "step",
-    "step_of_parameter",
-    "without_signs",
-]
-
 STATES = frozenset((STATE_X, STATE_V))
 
 LARGEST_FORM = 96

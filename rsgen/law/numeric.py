@@ -23,9 +23,6 @@ from rsgen.law.loops import Loops, compile_loops, from_rest
 from rsgen.law.memory import memory_form
 from rsgen.law.switched_sum import ForceSample, SwitchedSum, switched_sum
 
-__all__ = ["DECADES", "ForceLaw", "ForceSample", "Part", "Waves", "compile_law", "natural_sizes"]
-
-
 # ----------------------------------------------------------------------------
 # Sizes that parameters of a law naturally have in a test, from their units.
 

@@ -17,10 +17,9 @@ from sympy.logic.boolalg import BooleanFalse, BooleanTrue
 
 from rsgen.common.errors import ExpressionError
 from rsgen.formula.bounds import EXPONENT
+from rsgen.formula.names import STATE_V, STATE_X
 from rsgen.law.normal_form import (
     ALWAYS,
-    STATE_V,
-    STATE_X,
     Form,
     Key,
     add,

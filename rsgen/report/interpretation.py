@@ -60,22 +60,6 @@ def dissipation_entry(surface: ResponseSurface, identification: Identification) 
     }
 
 
-def slip_findings(element: Element, identification: Identification) -> list[Finding]:
-    """Find from which amplitude on an element slides as a whole, where the test determines it."""
-    return [
-        Finding(
-            "slides-as-a-whole",
-            "info",
-            numbers={"amplitude": Quantity(slip.amplitude, "m"), "force": Quantity(slip.force, "N")},
-            names={
-                "below": "sticks" if slip.sticks else "micro-slip",
-                "tested": "yes" if slip.amplitude < identification.amplitude_range[1] else "no",
-            },
-        )
-        for slip in identified_slips(identification, element.force)
-    ]
-
-
 _ROUND_OFF = 1e-9
 """Share of the stiffness of the whole below which that of an element is none."""
 
@@ -101,7 +85,7 @@ def element_findings(element: Element, identification: Identification) -> list[F
         own = np.isfinite([values[name] for name in element.parameters]).all()
         if unknown or not own or element.force.has(symbol("x")):
             return missing if unknown else []
-    found = [*_course(element, identification, values), *slip_findings(element, identification)]
+    found = _course(element, identification, values)
     return [*found, *missing] if unknown else found or [Finding("element-without-force", "info")]
 
 

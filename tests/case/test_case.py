@@ -20,7 +20,7 @@ import rsgen
 from rsgen.cases import case_schema, find_cases, load_case, name_clashes
 from rsgen.cases.tables import path_fault
 from rsgen.common.errors import CaseError, RsgenError
-from rsgen.dynamics.simulation import SimulatedTest
+from rsgen.dynamics.virtual_test import SimulatedTest
 from rsgen.files import MeasuredTest
 from rsgen.formula import check_name
 from rsgen.formula import write as write_formula

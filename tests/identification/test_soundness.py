@@ -10,7 +10,8 @@ import pytest
 from rsgen.common.finding import Finding, Quantity
 from rsgen.data.oscillator import Observation, Oscillator
 from rsgen.data.surface import ResponseSurface
-from rsgen.dynamics.simulation import MultisineTest, SimulatedTest, simulate
+from rsgen.dynamics.simulation import simulate
+from rsgen.dynamics.virtual_test import MultisineTest, SimulatedTest
 from rsgen.formula import parse
 from rsgen.identification import misfit
 from rsgen.identification.fitting.fit import Fit

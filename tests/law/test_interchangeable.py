@@ -7,7 +7,7 @@ import pytest
 
 import rsgen
 from rsgen.data.oscillator import Oscillator
-from rsgen.dynamics.simulation import SimulatedTest
+from rsgen.dynamics.virtual_test import SimulatedTest
 from rsgen.formula import parse
 from rsgen.law.identifiable import equal_terms
 

@@ -17,7 +17,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from rsgen.common.arrays import Array, ComplexArray
 from rsgen.data.oscillator import Oscillator
-from rsgen.dynamics.steady_state import SteadyStates
+from rsgen.dynamics.settling import SteadyStates
 from rsgen.formula import symbol
 from rsgen.formula.evaluation import Numeric, compiled
 from rsgen.law.memory import MemoryForm, memory_form

@@ -22,7 +22,7 @@ from rsgen.common.finding import Quantity, Verdict
 from rsgen.data.multisine.linear import BestLinear, Distortion
 from rsgen.data.oscillator import Model
 from rsgen.describing import DescribingFunction, Equivalent, Limit
-from rsgen.dynamics.steady_state import SteadyStates
+from rsgen.dynamics.settling import SteadyStates
 from rsgen.files import MeasuredTest, read_measurement
 from rsgen.identification.lines import MultisineIdentification
 from rsgen.identification.modal_result import MODAL_COLUMNS, ModalTest

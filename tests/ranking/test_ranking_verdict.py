@@ -15,8 +15,7 @@ from rsgen.common.errors import RsgenError
 from rsgen.common.finding import Finding
 from rsgen.data.oscillator import Model, Observation, Oscillator
 from rsgen.data.surface import ResponseSurface
-from rsgen.dynamics.simulation import SimulatedTest
-from rsgen.dynamics.virtual_test import add_noise
+from rsgen.dynamics.virtual_test import SimulatedTest, add_noise
 from rsgen.identification.fitting.observed import Observed
 from rsgen.identification.fitting.points import select_points
 from rsgen.identification.ranking import Ranking, rank

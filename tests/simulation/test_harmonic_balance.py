@@ -11,7 +11,8 @@ from rsgen.data.oscillator import Oscillator
 from rsgen.dynamics.harmonic_balance import hold_amplitude, hold_oscillator, respond, solve_harmonic_balance
 from rsgen.dynamics.linear_part import Inertia
 from rsgen.dynamics.newton import newton
-from rsgen.dynamics.simulation import SimulatedTest, simulate
+from rsgen.dynamics.simulation import simulate
+from rsgen.dynamics.virtual_test import SimulatedTest
 from rsgen.identification.identify import identify
 from rsgen.law.numeric import compile_law
 from tests.oracles import harmonic_balance as oracle

@@ -10,8 +10,9 @@ from rsgen.data.oscillator import Oscillator
 from rsgen.dynamics import harmonic_balance
 from rsgen.dynamics.controlled import solve_response_control
 from rsgen.dynamics.linear_part import Inertia
-from rsgen.dynamics.simulation import SimulatedTest, simulate
+from rsgen.dynamics.simulation import simulate
 from rsgen.dynamics.steady_state import solve_steady_states
+from rsgen.dynamics.virtual_test import SimulatedTest
 from rsgen.law.numeric import compile_law
 from tests.oracles.harmonic_balance import MemoryLoops, solve_harmonic_balance
 from tests.oracles.long_transients import largest_difference

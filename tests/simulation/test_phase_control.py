@@ -10,7 +10,7 @@ import pytest
 import rsgen
 from rsgen.common.errors import RsgenError
 from rsgen.data.surface.phase_lag import lag_findings
-from rsgen.dynamics.simulation import SimulatedTest
+from rsgen.dynamics.virtual_test import SimulatedTest
 from tests.surfaces import noisy
 
 MASS, K, K3, C = 1.5, 5920.0, 3e5, 3.8

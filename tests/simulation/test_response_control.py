@@ -13,8 +13,9 @@ from rsgen.common.errors import RsgenError
 from rsgen.data.oscillator import Model, Oscillator
 from rsgen.data.surface import load_surface, save_surface
 from rsgen.dynamics.controlled import solve_response_control
-from rsgen.dynamics.simulation import SimulatedTest, simulate
+from rsgen.dynamics.simulation import simulate
 from rsgen.dynamics.steady_state import solve_steady_states
+from rsgen.dynamics.virtual_test import SimulatedTest
 from rsgen.identification.identify import identify
 from rsgen.law.element import make_element
 from rsgen.report.figures import draw_map, draw_responses, draw_surface

@@ -11,7 +11,8 @@ import pytest
 from rsgen import load_case
 from rsgen.common.errors import RsgenError
 from rsgen.data.oscillator import Oscillator
-from rsgen.dynamics.simulation import SimulatedTest, simulate
+from rsgen.dynamics.simulation import simulate
+from rsgen.dynamics.virtual_test import SimulatedTest
 from rsgen.law.element import make_element
 from tests.oracles.harmonic_balance import _solve, solve_harmonic_balance
 

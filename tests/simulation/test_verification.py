@@ -10,7 +10,8 @@ import pytest
 
 from rsgen import load_case
 from rsgen.data.oscillator import Oscillator
-from rsgen.dynamics.simulation import SimulatedTest, simulate
+from rsgen.dynamics.simulation import simulate
+from rsgen.dynamics.virtual_test import SimulatedTest
 from rsgen.law.element import make_element
 from tests.oracles.harmonic_balance import solve_harmonic_balance
 from tests.oracles.long_transients import largest_difference

@@ -9,8 +9,7 @@ import pytest
 
 import rsgen
 from rsgen.data.oscillator import Model, Oscillator
-from rsgen.dynamics.simulation import SimulatedTest
-from rsgen.dynamics.virtual_test import add_noise
+from rsgen.dynamics.virtual_test import SimulatedTest, add_noise
 from rsgen.formula import parse
 from rsgen.identification.starting.equations import Equations
 from rsgen.identification.starting.start import solve_equations

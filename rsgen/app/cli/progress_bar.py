@@ -9,8 +9,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 from rich.console import Console
-from rich.progress import Progress, ProgressColumn, SpinnerColumn, Task, TaskID, TimeElapsedColumn
-from rich.text import Text
+from rich.progress import Progress, SpinnerColumn, TaskID, TextColumn, TimeElapsedColumn
 
 from rsgen.app.cli.terminal import plain, print_faults, print_line
 from rsgen.app.study import CaseRun, Step
@@ -82,14 +81,9 @@ def stage_progress(case: Case) -> Iterator[Callable[[str, float], None]]:
         yield lambda stage, share: bars.show(Step(case.path, stage, share))
 
 
+_AS_TEXT = TextColumn("{task.description}", markup=False)
+"""Case and stage; names come from files, and are no markup."""
 _DOING = {"surface": "simulating", "identification": "identifying", "report": "writing the report"}
-
-
-class _Stage(ProgressColumn):
-    """Case and stage as text, never as markup: names come from files."""
-
-    def render(self, task: Task) -> Text:
-        return Text(task.description)
 
 
 class Bars(Progress):
@@ -108,7 +102,7 @@ class Bars(Progress):
         self._total, self._finished = total, 0
         # this very stream: sys.stderr is another one while the cells of a notebook run
         console = Console(file=sys.stderr)
-        super().__init__(SpinnerColumn(), _Stage(), TimeElapsedColumn(), console=console, transient=True)
+        super().__init__(SpinnerColumn(), _AS_TEXT, TimeElapsedColumn(), console=console, transient=True)
         self._all = self.add_task(f"cases: 0 of {total}", visible=bool(total))
 
     def show(self, step: Step) -> None:

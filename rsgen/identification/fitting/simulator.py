@@ -18,7 +18,8 @@ from rsgen.common.errors import RsgenError
 from rsgen.common.tolerances import BRANCH, MOVE, ROUND_OFF, SIGMAS
 from rsgen.data.oscillator import Oscillator
 from rsgen.dynamics.harmonic_balance import Response
-from rsgen.dynamics.steady_state import SteadyStates, solve_steady_states
+from rsgen.dynamics.settling import SteadyStates
+from rsgen.dynamics.steady_state import solve_steady_states
 from rsgen.law.element import Element
 from rsgen.law.motion import Motion
 from rsgen.law.numeric import ForceLaw

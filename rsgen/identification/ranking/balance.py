@@ -24,7 +24,8 @@ from rsgen.common.arrays import Array, ComplexArray
 from rsgen.common.tolerances import BLOCK, EXPECTED_NOISE, ORDER
 from rsgen.formula import parse, symbol
 from rsgen.identification.fitting.observed import Observed
-from rsgen.law.element import Element, Law, Range, Search, laws, make_element
+from rsgen.law.element import Element, Law, laws, make_element
+from rsgen.law.library import Range, Search
 from rsgen.law.memory import memory_form, rates_of
 from rsgen.law.motion import Motion, fourier_series
 from rsgen.law.numeric import ForceLaw, compile_law

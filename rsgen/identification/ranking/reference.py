@@ -25,7 +25,8 @@ from rsgen.common.tolerances import (
 )
 from rsgen.data.free_mode import fit_mode, steady
 from rsgen.data.oscillator import Oscillator
-from rsgen.dynamics.steady_state import SteadyStates, solve_steady_states
+from rsgen.dynamics.settling import SteadyStates
+from rsgen.dynamics.steady_state import solve_steady_states
 from rsgen.identification.fitting.fit import Fit, fit_balance
 from rsgen.identification.fitting.observed import Observed, Problem, neighbour_power
 from rsgen.identification.fitting.simulator import go_on

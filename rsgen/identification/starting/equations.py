@@ -16,7 +16,8 @@ from numpy.typing import NDArray
 from rsgen.common.arrays import Array, ComplexArray
 from rsgen.common.tolerances import SAMPLES, SAMPLES_SWITCHED
 from rsgen.law.motion import Motion, project
-from rsgen.law.numeric import ForceLaw, ForceSample, Waves
+from rsgen.law.numeric import ForceLaw, Waves
+from rsgen.law.switched_sum import ForceSample
 
 _FINER_LOOPS = 2
 """Times ``SAMPLES`` for a law with memory: its equations are a start only, and its loops cost more."""

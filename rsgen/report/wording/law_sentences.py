@@ -52,15 +52,6 @@ def _(found: Finding) -> str:
     return "; ".join(said)
 
 
-@says("slides-as-a-whole")
-def _(found: Finding) -> str:
-    below = "it sticks below" if found.names["below"] == "sticks" else "micro-slip below"
-    beyond = "" if found.names["tested"] == "yes" else ", beyond the tested amplitudes"
-    return (
-        f"macro-slip from {_quantity(found, 'amplitude')} on{beyond}, at {_quantity(found, 'force')}; {below}"
-    )
-
-
 # ----------------------------------------------------------------------------
 # Sentences about predictions.
 
