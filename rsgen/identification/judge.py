@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
 from math import nan
@@ -22,7 +22,7 @@ from rsgen.dynamics.linear_part import background_terms
 from rsgen.formula.units.quantities import ForceUnits
 from rsgen.identification.fitting.across import law_of
 from rsgen.identification.fitting.fit import Fit, Solution, fit_balance
-from rsgen.identification.fitting.least_squares import Regression
+from rsgen.identification.fitting.least_squares import Alternative, Regression
 from rsgen.identification.fitting.observed import Observed, Problem, is_systematic
 from rsgen.identification.fitting.points import Points, gap_of, loop_error, select_points
 from rsgen.identification.fitting.repeats import Repeats, gather_repeats
@@ -31,6 +31,7 @@ from rsgen.identification.misfit import (
     explain_hidden,
     mirror_findings,
     misfit_findings,
+    unseen_findings,
     widen_squares,
 )
 from rsgen.identification.resonance import fit_resonances, resonance_findings
@@ -47,6 +48,7 @@ from rsgen.identification.results import (
 )
 from rsgen.identification.results.estimates import (
     Agreement,
+    law_ambiguity,
     make_estimates,
     parameter_findings,
     phase_findings,
@@ -59,8 +61,10 @@ from rsgen.identification.soundness import (
     feeding_findings,
     limit_findings,
     sign_findings,
+    stopped_points,
 )
 from rsgen.identification.starting.start import with_phase
+from rsgen.identification.terms import terms_beside
 from rsgen.law.element import law_remarks
 from rsgen.law.motion import Motion
 from rsgen.law.numeric import ForceLaw
@@ -178,6 +182,8 @@ class Findings:
         Of all runs.
     agreement
         Of the parts of the test.
+    terms
+        That the law may lack, each fitted beside it.
     """
 
     surface: ResponseSurface
@@ -185,6 +191,7 @@ class Findings:
     fit: Fit
     resonances: tuple[Resonance, ...]
     agreement: Agreement
+    terms: Mapping[str, Alternative]
 
     def collect(
         self, of_parameters: tuple[Finding, ...], about: tuple[Finding, ...], *, calibrated: bool
@@ -211,13 +218,14 @@ class Findings:
             len(self.surface),
             self.surface.level_unit,
             decays=self._decays(),
+            stopped=stopped_points(self.points, self.fit),
         )
         found += limit_findings(self.surface.findings, self.fit)
         if not self.fit.regression.converged:
             # where the steps ended says nothing of the best values, nor do the errors there
             found.append(Finding("not-converged", "doubt"))
         wider = self.agreement.wider
-        found += misfit_findings(self.surface, self.points, self.fit, self.resonances, wider)
+        found += misfit_findings(self.surface, self.points, self.fit, self.resonances, wider, self.terms)
         found += even_findings(self.fit)
         found += self.agreement.findings
         found += sign_findings(self.points, self.fit, self.agreement.wider)
@@ -318,9 +326,15 @@ def judge(test: Prepared, model: Model, refined: Fit) -> Identification:
     misfits = is_systematic(refined.regression.residual, points.pairs(used))
     agreement = Agreement.of(refined.regression, points, whole.covariance, misfits=misfits)
     regression, noise, about = _errors(test, refined, whole, agreement.wider)
-    regression = widen_squares(test.problem, agreement.widen(regression))
+    regression = agreement.widen(regression)
     whole = agreement.widen(whole)
     names, units = (*law.parameters, "m"), units_of(model, surface.units)
+    terms = terms_beside(refined, wider=float(np.median(agreement.wider)))
+    covariance, of_law = regression.covariance, widen_squares(test.problem, regression)
+    size = float(refined.regression.noise * np.sqrt(2))
+    ratio, ambiguous = law_ambiguity(terms, names, regression.parameters, covariance, size)
+    covariance = covariance * np.outer(ratio, ratio)
+    regression = widen_squares(test.problem, replace(regression, covariance=covariance))
     tested = {
         "amplitude": Quantity(float(points.amplitude.max()), "m"),
         "level": Quantity(float(points.level.max()), surface.level_unit),
@@ -340,13 +354,17 @@ def judge(test: Prepared, model: Model, refined: Fit) -> Identification:
         about = (*about, Finding("nothing-identifiable", "doubt"))
     outcome = _outcome(surface, points, estimates, refined)
     about = (*about, *resonance_findings(kept, model.fixed, law, outcome["misfit"]))
-    about = (*about, *feeding_findings(points, refined, estimates))
-    sure = {e.name: e.standard_error for e in estimates if e.identifiable}
+    # what a law takes from the motion, or leaves out of it, is judged by the law as it stands
+    as_it_stands = replace(solution, covariance=of_law.covariance)
+    known_by_law = make_estimates(as_it_stands, law, model, reasons, units)
+    about = (*about, *feeding_findings(points, refined, known_by_law))
+    sure = {e.name: e.standard_error for e in known_by_law if e.identifiable}
     errors = np.array([sure.get(name, nan) for name in law.parameters])
     about = (*about, *across_findings(refined, errors, misfits=misfits))
+    about = (*about, *ambiguous, *unseen_findings(refined, estimates))
     known = {e.name for e in estimates if np.isfinite(e.value)}
     free = np.flatnonzero(regression.free)
-    general = Findings(surface, points, refined, resonances, agreement)
+    general = Findings(surface, points, refined, resonances, agreement, terms)
     collected = general.collect(of_parameters, about, calibrated=model.observation.calibrated)
     return Identification(
         model=model,

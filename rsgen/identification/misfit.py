@@ -31,22 +31,19 @@ from rsgen.common.tolerances import (
 from rsgen.data.free_mode import fit_mode, hats, steady
 from rsgen.data.oscillator import OFFSET
 from rsgen.data.surface import ResponseSurface
-from rsgen.identification.fitting.across import law_of
+from rsgen.formula.names import symbol
 from rsgen.identification.fitting.fit import Fit, fit_balance
-from rsgen.identification.fitting.least_squares import Regression
+from rsgen.identification.fitting.least_squares import Alternative, Regression
 from rsgen.identification.fitting.observed import (
-    MISSING_TERMS,
     Observed,
     Problem,
     is_systematic,
-    with_coefficients,
 )
 from rsgen.identification.fitting.points import Points
-from rsgen.identification.results import Resonance
+from rsgen.identification.results import Estimate, Resonance
 from rsgen.identification.results.estimates import fixed_contradicted
 from rsgen.identification.starting.start import is_hidden, records_even
-from rsgen.law.element import make_element
-from rsgen.law.numeric import ForceLaw
+from rsgen.identification.terms import EVEN_SHARE, even_beside, law_with, with_terms
 
 _TELLING = 16
 """Points below which a pattern may not show: a damper missed by 5 % is found from here on, not at 12."""
@@ -64,7 +61,12 @@ def relative_misfit(fit: Fit) -> float:
 
 
 def misfit_findings(
-    surface: ResponseSurface, points: Points, fit: Fit, resonances: Sequence[Resonance], wider: Array
+    surface: ResponseSurface,
+    points: Points,
+    fit: Fit,
+    resonances: Sequence[Resonance],
+    wider: Array,
+    terms: Mapping[str, Alternative],
 ) -> list[Finding]:
     """Judge the misfit by its size, and whether it is the law's, the background's or the noise's.
 
@@ -78,6 +80,8 @@ def misfit_findings(
         Of all runs.
     wider
         (q,) by how much the standard errors of its parameters are to be widened.
+    terms
+        Beside the law, each fitted to first order.
     """
     regression, misfit = fit.regression, relative_misfit(fit)
     systematic = is_systematic(regression.residual, points.pairs(regression.used))
@@ -95,7 +99,8 @@ def misfit_findings(
     # beside a law that misses more than a hundredth no number of it is as good as its interval
     names, severity, left = dict[str, str](), severity_of(misfit, SAME_NUMBER, MEANINGLESS), misfit
     if severity != "error":
-        term, left = _missing_term(fit)
+        term = max(terms, key=lambda term: terms[term].gain)
+        left = _left_beside(fit, term)
         if left < (1 - TAKEN) * misfit:
             names, severity = {"term": term}, "doubt"
             numbers |= quantities(left=left)
@@ -135,37 +140,18 @@ def _level_apart(points: Points, regression: Regression, unit: str) -> list[Find
     return [Finding("level-apart", "doubt", numbers=numbers)]
 
 
-def _missing_term(fit: Fit) -> tuple[str, float]:
-    """Find the term that takes up most of the misfit, and what misfit it leaves, at one harmonic."""
+def _left_beside(fit: Fit, term: str) -> float:
+    """Misfit that a term would leave, by fits of one harmonic to some of the points."""
     chosen = fit.problem.observed.points.spread(QUICK)
-    chosen = chosen[fit.regression.used[chosen]]
-    problem = fit.problem.select(chosen)
-    values, mass, background = problem.split(fit.regression.parameters)
-    left: dict[str, float] = {}
-    for term in ("", *MISSING_TERMS):
-        law = law_with(problem, term)
-        known = dict(zip(problem.law.parameters, values, strict=True))
-        start = np.array([known.get(name, 0.0) for name in law.parameters])
-        held = tuple(law.parameters.index(problem.law.parameters[place]) for place in problem.held)
-        trial = replace(problem, law=replace(law, odd=problem.law.odd and law.odd), held=held)
-        found = fit_near(trial, trial.join(start, mass, background), order=1)
-        left[term] = relative_misfit(found)
-    whole = left.pop("")
-    best = min(left, key=lambda term: left[term])
-    return best, relative_misfit(fit) * left[best] / whole if whole > 0 else np.inf
+    few = fit.problem.select(chosen[fit.regression.used[chosen]])
+    trials = [with_terms(few, fit, terms)[:2] for terms in ((), (term,))]
+    whole, left = (relative_misfit(fit_near(*trial, order=1)) for trial in trials)
+    return relative_misfit(fit) * left / whole if whole > 0 else np.inf
 
 
 def fit_near(problem: Problem, parameters: Array, *, order: int) -> Fit:
     """Fit all points by a few steps from values that are near."""
     return fit_balance(problem, parameters, order=order, reject=False, steps=NEAR_STEPS, correct=False)
-
-
-def law_with(problem: Problem, *terms: str) -> ForceLaw:
-    """Add terms to the law, across two sensors where some elements act there; "" is none."""
-    place = problem.law.parts[-1].sensors
-    forces = with_coefficients([term for term in terms if term], problem.law.parameters)
-    more = [make_element("term beside the law", force, across=place) for force in forces.values()]
-    return law_of((*problem.elements, *more))
 
 
 def free_curves_leave(fit: Fit, points: Points) -> float:
@@ -346,7 +332,7 @@ def even_findings(fit: Fit) -> list[Finding]:
     """
     problem = fit.problem
     # of motions that are not odd the problem says so, of its law that alone does
-    if problem.law.acts_across or not records_even(problem) or not law_with(problem, "").odd:
+    if problem.law.acts_across or not records_even(problem) or not law_with(problem).odd:
         return []
     chosen = problem.observed.points.spread(QUICK)
     few = problem.select(chosen[fit.regression.used[chosen]])
@@ -370,23 +356,12 @@ def even_findings(fit: Fit) -> list[Finding]:
     return [Finding("even-force-missing", "doubt", numbers=numbers, names={"term": term})]
 
 
-def _even_trial(problem: Problem, fit: Fit, *terms: str) -> tuple[Problem, Array, list[int]]:
-    """The problem with even forces, values that are near, and the places of the forces among them."""
-    values, mass, background = problem.split(fit.regression.parameters)
-    law, known = law_with(problem, *terms), dict(zip(problem.law.parameters, values, strict=True))
-    start = np.array([known.get(name, 0.0) for name in law.parameters])
-    held = tuple(law.parameters.index(problem.law.parameters[i]) for i in problem.held)
-    trial = replace(problem, law=replace(law, odd=False), held=held)
-    places = [i for i, name in enumerate(law.parameters) if name not in known]
-    return trial, trial.join(start, mass, background), places
-
-
 def _gain_of_all(problem: Problem, fit: Fit) -> float:
     """Sum of squares that all even forces together take up to first order, in units of the noise.
 
     None of them takes up more, and where that is little the first order is all: none needs a fit.
     """
-    trial, begin, places = _even_trial(problem, fit, *_POWERS)
+    trial, begin, places = with_terms(problem, fit, tuple(_POWERS))
     left = fit_balance(trial, begin, order=START_ORDER, steps=0, reject=False, correct=False).regression
     of_forces = left.basis[places] / np.linalg.norm(left.basis[places], axis=1, keepdims=True)
     taken = np.linalg.qr(of_forces.T)[0].T @ np.einsum("nmr,nm->r", left.rows, left.residual)
@@ -397,7 +372,7 @@ def _gain_of_all(problem: Problem, fit: Fit) -> float:
 
 def _with_even(problem: Problem, fit: Fit, term: str) -> tuple[int, Fit, Regression]:
     """Place of an even force among the parameters, the fit with it, and that without it."""
-    trial, begin, (place,) = _even_trial(problem, fit, term)
+    trial, begin, (place,) = with_terms(problem, fit, (term,))
     without, best = (
         fit_near(replace(trial, held=held), begin, order=START_ORDER)
         for held in ((*trial.held, place), trial.held)
@@ -413,6 +388,33 @@ def _gain_of_offset(problem: Problem, without: Regression) -> float:
     # behind the real parts of force and fundamental
     mean = without.residual[used, 2]
     return float(np.sum(mean * unit[used]) ** 2 / np.sum(unit[used] ** 2))
+
+
+def unseen_findings(fit: Fit, estimates: Sequence[Estimate]) -> list[Finding]:
+    """Say what an even force would move that a symmetric law lacks and fundamentals do not show.
+
+    Of a cubic spring the points determine k3 - a k2^2/k, a = 10/9 for small motions (Nayfeh and Mook,
+    Nonlinear Oscillations, Wiley 1979, section 2.3): the stated k3 and its interval are of that.
+    """
+    problem = fit.problem
+    if problem.law.acts_across or records_even(problem) or not law_with(problem).odd:
+        return []
+    (k2, moved), series, x = even_beside(fit), problem.law.expression.expand(), symbol("x")
+    largest, found = float(problem.observed.points.amplitude.max()), []
+    change_of = dict(zip((*problem.law.parameters, "m"), moved.tolist(), strict=False))
+    for estimate in estimates:
+        change = change_of[estimate.name]
+        share = change / estimate.value
+        if not (estimate.identifiable and abs(share) > SAME_NUMBER):
+            continue
+        names = dict[str, str]()
+        if series.coeff(x, 3) == symbol(estimate.name):
+            spring = float(problem.law.still(np.zeros(1), fit.values).by_x[0])
+            combined = f"{-change * spring / k2**2:.3g}*k2**2/({series.coeff(x, 1)})"
+            names = {"determined": f"{estimate.name} - {combined}"}
+        numbers = quantities(even=EVEN_SHARE, amplitude=Quantity(largest, "m"), moved=share)
+        found.append(Finding("even-terms-not-seen", "info", estimate.name, numbers, names))
+    return found
 
 
 def explain_hidden(problem: Problem, reasons: Mapping[str, Finding | None]) -> dict[str, Finding | None]:

@@ -55,6 +55,10 @@ _PIECE = 0.1
 _WHOLE = 0.25
 """Share of a run set aside, wherever its points lie, from which on the run disagrees with the law."""
 
+_BREAK_AWAY = 1.5
+"""Amplitude of the force over that of dry friction up to which the mass may stand still for parts of a cycle:
+4/pi at resonance (Den Hartog, Trans. ASME 53, 1931), and what noise adds."""
+
 _SIGNS = 60
 """Points, evenly over the amplitude, at which the signs of k(X) and c(X) are looked at."""
 
@@ -72,7 +76,13 @@ _AT_LIMIT = 0.98
 
 
 def aside_findings(
-    points: Points, regression: Regression, tested: int, level_unit: str, *, decays: bool = False
+    points: Points,
+    regression: Regression,
+    tested: int,
+    level_unit: str,
+    *,
+    decays: bool = False,
+    stopped: NDArray[np.bool_] | None = None,
 ) -> list[Finding]:
     """Judge points set aside by their share, and by whether they lie together.
 
@@ -87,6 +97,8 @@ def aside_findings(
     decays
         True for a free decay. Noise does not fall with the motion, so that the small half of its points may
         be set aside for that alone; the large half is judged.
+    stopped
+        (n,) points that are no evidence against the law; see ``stopped_points``.
     """
     aside = ~regression.used
     if not aside.any():
@@ -94,6 +106,8 @@ def aside_findings(
     all_aside = int(np.count_nonzero(aside))
     if decays:
         aside = aside & (points.amplitude > np.median(points.amplitude))
+    if stopped is not None:
+        aside = aside & ~stopped
     count = int(np.count_nonzero(aside))
     share = count / len(points)
     severity = severity_of(share, FEW, _MANY_ASIDE) if count > _SINGLE else "warning"
@@ -111,6 +125,14 @@ def aside_findings(
             data["level"] = Quantity(float(points.level[rows[0]]), level_unit)
             found.append(Finding("run-set-aside", "doubt", numbers=data))
     return found
+
+
+def stopped_points(points: Points, fit: Fit) -> NDArray[np.bool_]:
+    """(n,) points without a prediction where friction nearly holds the mass: noise of the force decides."""
+    none, tiny = np.zeros(1), np.array([ROUND_OFF * float(np.max(points.amplitude * points.omega))])
+    law, values = fit.problem.law, fit.values
+    friction = float((law.force(none, tiny, values) - law.force(none, -tiny, values))[0]) / 2
+    return np.isnan(fit.regression.misfit) & (np.abs(points.force) < _BREAK_AWAY * friction)
 
 
 def limit_findings(remarked: Sequence[Finding], fit: Fit) -> list[Finding]:

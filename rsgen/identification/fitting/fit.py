@@ -9,10 +9,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rsgen.common.arrays import Array, ComplexArray
-from rsgen.common.tolerances import NOISY, NOTICEABLE, NULL_PART, SAMPLES, SAMPLES_SWITCHED, STEPS
+from rsgen.common.tolerances import NOISY, NOTICEABLE, NULL_PART, ORDER, SAMPLES, SAMPLES_SWITCHED, STEPS
 from rsgen.identification.fitting.across import MeasuredAcross, sensor_pair
 from rsgen.identification.fitting.forward import Descent, HarmonicBalance
-from rsgen.identification.fitting.least_squares import Regression, Rules, fit
+from rsgen.identification.fitting.least_squares import Regression, Rules, eliminate, fit
 from rsgen.identification.fitting.observed import FORCE_TO_RESPONSE_NOISE, Problem, is_systematic
 from rsgen.identification.fitting.points import Points
 from rsgen.identification.fitting.simulator import Simulator
@@ -206,6 +206,34 @@ def fit_balance(
         # slopes of a law with corners say how much of them is noise, but not how they bend
         found = replace(found, noise_share=descent.corrected(found).noise_share)
     return _finish(problem, descent, found)
+
+
+def linearise_beside(fit: Fit, problem: Problem, parameters: Array) -> tuple[Array, Array]:
+    """Residual (k, M) of a fit, and slopes (k, M, q) of a problem with more parameters, at the k points used.
+
+    Slopes are those of the balance, the residual is that of the fit, whose waveforms may have more harmonics.
+    What the unknowns of each point take up is eliminated.
+    """
+    observed, noise = problem.observed, fit.regression.noise
+    mode = observed.mode(fit.background)
+    forward = _forward(problem, mode, ORDER, observed.background.turn(fit.background))
+    if problem.law.switched:
+        forward.samples = max(forward.samples, SAMPLES_SWITCHED)
+    descent = Descent(problem, forward)
+    descent.scale = fit.scale
+    size = np.abs(fit.harmonics[:, 1])
+    nuisance = observed.nuisances(np.where(size > 0, size, mode.amplitude), fit.turn)
+    nuisance[:, 2:] = fit.regression.nuisance[:, 2:]
+    response = descent.predict(parameters, nuisance)
+    harmonics, count = np.zeros_like(response.harmonics), fit.harmonics.shape[1]
+    harmonics[:, :count] = fit.harmonics[:, : harmonics.shape[1]]
+    line = descent.linearise(parameters, nuisance, replace(response, force=fit.force, harmonics=harmonics))
+    if noise > NOISY and not problem.law.rough:
+        line = descent.unbent(line, parameters, nuisance, fit.regression.used, noise)
+    good = fit.regression.used & np.isfinite(line.residual).all(axis=1)
+    good &= np.isfinite(line.by_parameter).all(axis=(1, 2))
+    residual, matrix = eliminate(line)
+    return residual[good], matrix[good]
 
 
 def _forward(problem: Problem, mode: Points, order: int, turn: complex) -> HarmonicBalance | MeasuredAcross:

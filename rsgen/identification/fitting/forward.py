@@ -7,15 +7,17 @@ simulator, which is given the force (``simulator.py``).
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Protocol
 
 import numpy as np
+from numpy.typing import NDArray
 
 from rsgen.common.arrays import Array, ComplexArray
 from rsgen.common.tolerances import SAMPLES, TO_REST
 from rsgen.dynamics.harmonic_balance import Response, following_harmonics, hold_amplitude
 from rsgen.dynamics.linear_part import Inertia
-from rsgen.identification.fitting.least_squares import Linearisation, Regression, remove_bias
+from rsgen.identification.fitting.least_squares import Linearisation, Regression, bend_by_noise, remove_bias
 from rsgen.identification.fitting.observed import Observed
 from rsgen.law.motion import Motion
 from rsgen.law.numeric import ForceLaw
@@ -181,9 +183,11 @@ class Descent:
         values, mass, _ = self.problem.split(parameters)
         return self.forward(values, mass, np.exp(nuisance[:, 0]), nuisance[:, 1:])
 
-    def linearise(self, parameters: Array, nuisance: Array) -> Linearisation:
-        """Compare prediction and measurement, with slopes, in units of the expected noise."""
-        line, weight = self._rows(parameters, nuisance)
+    def linearise(
+        self, parameters: Array, nuisance: Array, response: Response | None = None
+    ) -> Linearisation:
+        """Compare prediction, or another response, with measurement, in units of the expected noise."""
+        line, weight = self._rows(parameters, nuisance, response)
         if weight is None:
             return line
         return Linearisation(
@@ -192,12 +196,15 @@ class Descent:
             weight @ line.by_parameter,
         )
 
-    def _rows(self, parameters: Array, nuisance: Array) -> tuple[Linearisation, Array | None]:
+    def _rows(
+        self, parameters: Array, nuisance: Array, response: Response | None = None
+    ) -> tuple[Linearisation, Array | None]:
         """Compare; and (n, M, M) what makes the noise of the rows independent and of unit size.
 
         Noise of the other harmonics of the force is in the predicted motion. None where there are none.
         """
-        response, observed = self.predict(parameters, nuisance), self.problem.observed
+        response = self.predict(parameters, nuisance) if response is None else response
+        observed = self.problem.observed
         place = self.problem.split(parameters)[2], nuisance, self.scale, self.compared
         noise = observed.load_noise(response, *place)
         weight = None
@@ -220,6 +227,13 @@ class Descent:
             self.linearise(found.parameters, found.nuisance),
             lambda direction: self._bend(found.parameters, found.nuisance, direction),
         )
+
+    def unbent(
+        self, line: Linearisation, parameters: Array, nuisance: Array, used: NDArray[np.bool_], noise: float
+    ) -> Linearisation:
+        """Take out of the residual what the square of the noise adds to it on the average."""
+        _, shift, _ = bend_by_noise(line, used, noise, lambda way: self._bend(parameters, nuisance, way))
+        return replace(line, residual=line.residual + np.where(np.isfinite(shift), shift, 0.0))
 
     def _bend(self, parameters: Array, nuisance: Array, direction: Array) -> tuple[Array, Array]:
         """Differences along directions (n, k), in steps that suit the model; see ``remove_bias``."""

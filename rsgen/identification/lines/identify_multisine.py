@@ -119,9 +119,9 @@ def _judge(spectra: MultisineSpectra, model: Model, fit: LineFit) -> MultisineId
     statistical, freedom, wider = errors_of(fit)
     names = (*law.parameters, "m")
     terms = terms_beside(fit)
-    ratio, ambiguous = law_ambiguity(terms, names, fit.parameters, statistical)
-    covariance = statistical * np.outer(ratio, ratio)
     misfit = relative_to_force(lines, np.abs(fit.balance.residual) ** 2)
+    ratio, ambiguous = law_ambiguity(terms, names, fit.parameters, statistical, misfit)
+    covariance = statistical * np.outer(ratio, ratio)
     noise = relative_to_force(lines, fit.noise.variance)
     amplitudes = np.sqrt(2) * part.rms_response()
     tested = {

@@ -25,6 +25,9 @@ from rsgen.common.tolerances import (
     ERRORS,
     GROUPS,
     LARGE,
+    NOISY,
+    NORMAL,
+    NOTICEABLE,
     NULL_PART,
     ROUND_OFF,
     SAME_NUMBER,
@@ -460,13 +463,18 @@ class Agreement:
 
 
 def law_ambiguity(
-    others: Mapping[str, Alternative], names: Sequence[str], values: Array, covariance: Array
+    others: Mapping[str, Alternative],
+    names: Sequence[str],
+    values: Array,
+    covariance: Array,
+    misfit: float,
 ) -> tuple[Array, list[Finding]]:
     """Widen errors by what terms that the law may lack would move, where the test calls for them.
 
-    An interval that rests on one law says nothing of the choice of the law. Where a term beside it stands
-    out of the noise, the variance is that of the noise and the square of the shift: what alternatives
-    differ by (Buckland, Burnham and Augustin, Biometrics 53, 1997).
+    An interval that rests on one law says nothing of the choice of the law. Where the points rather want a
+    term beside it than not, the variance is that of the noise and the square of the shift: what alternatives
+    differ by (Buckland, Burnham and Augustin, Biometrics 53, 1997). What is said is of a term that stands out
+    of the noise.
 
     Parameters
     ----------
@@ -474,24 +482,30 @@ def law_ambiguity(
         Terms beside the law, each fitted to first order.
     names, values, covariance
         (q,), (q,) and (q, q) of the parameters.
+    misfit
+        Relative, of the law [1]: corners and transients leave some, of which no value is doubted.
 
     Returns
     -------
     ratio, findings
         (q,) by which standard errors grow, and what is said of the term that stands out most.
     """
-    clear = {term: one for term, one in others.items() if one.gain > CHANCE**2}
-    spread = np.sqrt(np.diag(covariance))
-    if not clear or not np.isfinite(spread).any():
-        return np.ones(len(values)), []
-    shift = np.abs([one.shift for one in clear.values()]).max(axis=0)
+    spread, count = np.sqrt(np.diag(covariance)), len(values)
+    likely = [np.abs(one.shift[:count]) for one in others.values() if one.gain > NORMAL**2]
+    if not likely or not np.isfinite(spread).any():
+        return np.ones(count), []
     known = np.isfinite(spread) & (spread > 0)
-    ratio = np.where(known, np.hypot(1, shift / np.where(known, spread, 1.0)), 1.0)
-    term, best = max(clear.items(), key=lambda item: item[1].gain)
-    share = np.where(known & (np.abs(best.shift) > ERRORS * spread), best.shift / values, 0.0)
+    # of exact data the misfit is that of waveforms, and so is what terms move
+    moved = np.max(likely, axis=0)
+    known &= moved > NOISY * np.abs(values)
+    ratio = np.where(known, np.hypot(1, moved / np.where(known, spread, 1.0)), 1.0)
+    term, best = max(others.items(), key=lambda item: item[1].gain)
+    shift = best.shift[:count]
+    share = np.where(known & (np.abs(shift) > ERRORS * spread), shift / values, 0.0)
     worst = int(np.argmax(np.abs(share)))
-    if not share[worst]:
+    if not share[worst] or best.gain < CHANCE**2:
         return ratio, []
-    severity: Severity = "doubt" if abs(share[worst]) > LARGE else "warning"
+    doubted = abs(share[worst]) > LARGE and misfit > NOTICEABLE
+    severity: Severity = "doubt" if doubted else "warning"
     numbers = quantities(errors=np.sqrt(best.gain), moved=share[worst])
     return ratio, [Finding("law-ambiguous", severity, names[worst], numbers, {"term": term})]

@@ -1,0 +1,87 @@
+"""What a law may lack, as columns beside its fit: what each takes up of the misfit, and what it moves.
+
+No law is fitted again. At the solution a term of value zero has a slope like every parameter; what the
+parameters and the unknowns of the points leave of it is compared with the misfit: its score test.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from rsgen.common.arrays import Array
+from rsgen.common.linear_algebra import solve_scaled
+from rsgen.identification.fitting.across import law_of
+from rsgen.identification.fitting.fit import Fit, linearise_beside
+from rsgen.identification.fitting.least_squares import Alternative, alternatives
+from rsgen.identification.fitting.observed import MISSING_TERMS, Problem, with_coefficients
+from rsgen.law.element import make_element
+from rsgen.law.numeric import ForceLaw
+
+EVEN_SHARE = 0.1
+"""k2 X/k for which it is said what an even term would move: nobody sees it in a fundamental."""
+
+
+def law_with(problem: Problem, *terms: str) -> ForceLaw:
+    """Add terms to the law, across two sensors where some elements act there."""
+    place = problem.law.parts[-1].sensors
+    forces = with_coefficients(terms, problem.law.parameters)
+    more = [make_element("term beside the law", force, across=place) for force in forces.values()]
+    return law_of((*problem.elements, *more))
+
+
+def with_terms(problem: Problem, fit: Fit, terms: Sequence[str]) -> tuple[Problem, Array, list[int]]:
+    """The problem with terms, the values of a fit with zeros for them, and their places (t,).
+
+    Even terms make motions that are not odd.
+    """
+    values, mass, background = problem.split(fit.regression.parameters)
+    law, known = law_with(problem, *terms), dict(zip(problem.law.parameters, values, strict=True))
+    start = np.array([known.get(name, 0.0) for name in law.parameters])
+    held = tuple(law.parameters.index(problem.law.parameters[place]) for place in problem.held)
+    trial = replace(problem, law=replace(law, odd=problem.law.odd and law.odd), held=held)
+    added = with_coefficients(terms, known)
+    return trial, trial.join(start, mass, background), [law.parameters.index(name) for name in added]
+
+
+def terms_beside(
+    fit: Fit, terms: Sequence[str] = MISSING_TERMS, *, wider: float = 1.0
+) -> dict[str, Alternative]:
+    """Fit each term that the law may lack beside it, to first order.
+
+    The noise is what the law leaves, times by how much parts of the test make errors ``wider``.
+    """
+    problem, parameters, added = with_terms(fit.problem, fit, terms)
+    residual, matrix = linearise_beside(fit, problem, parameters)
+    noise = max(fit.regression.noise * wider, 1e-300)
+    right, rows = residual.reshape(-1) / noise, matrix.reshape(residual.size, -1) / noise
+    kept = np.delete(np.arange(len(parameters)), added)
+    none = np.zeros(len(parameters)), np.zeros((0, len(right)))
+    found = alternatives(right, rows[:, kept], rows[:, added], *none, problem.free[kept])
+    return dict(zip(terms, found, strict=True))
+
+
+def even_beside(fit: Fit) -> tuple[float, Array]:
+    """What a force k2*x**2 would move that fundamentals show by its square alone.
+
+    Returns
+    -------
+    k2, moved
+        A force of ``EVEN_SHARE`` of the inertia's at the largest amplitude, and (q,) by how much values are
+        off that are fitted without it; for others as k2^2.
+    """
+    problem, parameters, (place,) = with_terms(fit.problem, fit, ("x**2",))
+    points = problem.observed.points
+    largest = int(np.argmax(points.amplitude))
+    spring = fit.mass * float(points.omega[largest]) ** 2
+    parameters[place] = EVEN_SHARE * spring / float(points.amplitude[largest])
+    _, matrix = linearise_beside(fit, problem, parameters)
+    rows = matrix.reshape(-1, len(parameters))
+    # half of the slope times the force is the change of what goes with its square
+    column = rows[:, place] * parameters[place] / 2
+    moved, free = np.zeros(len(parameters)), np.flatnonzero(problem.free)
+    free = free[free != place]
+    moved[free] = solve_scaled(rows[:, free], column)[0]
+    return float(parameters[place]), np.delete(moved, place)

@@ -1,0 +1,85 @@
+"""Terms beside a law: what a law lacks, and what intervals say of it."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+import rsgen as rs
+from rsgen.data.oscillator import join_model
+from rsgen.identification.fitting.observed import MISSING_TERMS
+from rsgen.identification.identify import fit_all_harmonics
+from rsgen.identification.judge import prepare
+from rsgen.identification.starting.start import start_fit
+from rsgen.identification.terms import terms_beside
+
+LAW = "k*x + c*v + k3*x**3 + cq*v*abs(v)"
+TRUE = {"k": 5920.0, "c": 2.0, "k3": 2.0e5, "cq": 1.2}
+FRICTION = {"k": 5920.0, "c": 2.0, "Ff": 0.5}
+
+
+def measured(law: str, values: dict[str, float], levels: list[float], seed: int = 1) -> rs.ResponseSurface:
+    """A table of a structure of 1.5 kg with a thousandth of noise."""
+    test = rs.SimulatedTest(level=levels, frequency=np.linspace(8.5, 12, 30), noise_relative=1e-3, seed=seed)
+    return rs.simulate(rs.Oscillator(1.5, law, values), test)
+
+
+def gains(law: str, surface: rs.ResponseSurface) -> dict[str, float]:
+    """Gains of all terms beside a law."""
+    problem, start = start_fit(prepare(surface, join_model(law, None, None)).problem)
+    return {term: one.gain for term, one in terms_beside(fit_all_harmonics(problem, start)).items()}
+
+
+def test_a_damper_that_resembles_another_is_in_the_interval() -> None:
+    """A cubic damper beside drag leaves a misfit like noise; drag was 30 standard errors off."""
+    surface = measured(f"{LAW} + c3*v**3", TRUE | {"c3": 0.2}, [1.0, 2.0, 4.0, 6.0])
+    found = rs.identify(surface, LAW)
+    cq = found["cq"]
+    assert abs(cq.value - TRUE["cq"]) > 0.05 * TRUE["cq"]
+    assert abs(cq.value - TRUE["cq"]) < 2 * cq.standard_error or found.verdict.state != "identified"
+
+
+@pytest.mark.parametrize("law", ["k*x + c*v + Ff*sign(v)", LAW])
+def test_no_term_stands_out_beside_the_right_law(law: str) -> None:
+    """Terms that the law has already are made up of its own; corners are those of the simulator."""
+    values = FRICTION if "Ff" in law else TRUE
+    found = gains(law, measured(law, values, [1.0, 2.0, 4.0, 6.0]))
+    assert set(found) == set(MISSING_TERMS)
+    own = [term for term in MISSING_TERMS if term in law]
+    assert own
+    assert all(found[term] == 0 for term in own)
+    assert max(found.values()) < 16
+
+
+def test_levels_that_friction_nearly_holds_are_no_doubt() -> None:
+    """At 1.04 times the friction noise of the force decides whether the mass moves at all."""
+    law = "k*x + c*v + Ff*sign(v)"
+    found = rs.identify(measured(law, FRICTION, [0.52, 2.0, 4.0, 6.0]), law)
+    (aside,) = (finding for finding in found.findings if finding.code == "points-set-aside")
+    assert aside["aside"] > 20
+    assert found.verdict.state == "identified"
+    assert found["Ff"].value == pytest.approx(FRICTION["Ff"], rel=0.01)
+
+
+def test_what_fundamentals_do_not_show_is_said_with_what_it_moves() -> None:
+    """An even force of a twentieth of the spring's: k3 is off by what is said, and is k3 - (10/9) k2^2/k."""
+    cubic, k2 = "k*x + c*v + k3*x**3", 25000.0
+    values = {"k": TRUE["k"], "c": TRUE["c"], "k3": 4.0e6}
+    levels = [0.4, 0.8, 1.2, 1.6]
+    whole = measured(f"{cubic} + k2*x**2", values | {"k2": k2}, levels)
+    harmonics = np.full(whole.harmonics.shape, np.nan, dtype=complex)
+    harmonics[:, 1] = whole.harmonics[:, 1]
+    found = rs.identify(replace(whole, harmonics=harmonics), cubic)
+    (said,) = (finding for finding in found.findings if finding.code == "even-terms-not-seen")
+    share = k2 * said["amplitude"] / TRUE["k"] / said["even"]
+    assert said.parameter == "k3"
+    off = found["k3"].value / values["k3"] - 1
+    assert abs(off) > 3 * found["k3"].standard_error / values["k3"]
+    assert said["moved"] * share**2 == pytest.approx(off, rel=0.2)
+    factor = float(said.names["determined"].split(" - ")[1].split("*")[0])
+    assert factor == pytest.approx(10 / 9, rel=0.15)
+    assert said.names["determined"].endswith("*k2**2/(k)")
+    combined = values["k3"] - factor * k2**2 / TRUE["k"]
+    assert found["k3"].interval[0] < combined < found["k3"].interval[1]
+    codes = {finding.code for finding in rs.identify(whole, cubic).findings}
+    assert "even-terms-not-seen" not in codes
