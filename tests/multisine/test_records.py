@@ -15,13 +15,18 @@ K, C, MASS = 5000.0, 4.0, 1.5
 
 
 def records(
-    periods: int, *, factor: float = 1.0, rest: bool = False, levels: tuple[float, ...] = (2.0, 4.0)
+    periods: int,
+    *,
+    factor: float = 1.0,
+    rest: bool = False,
+    levels: tuple[float, ...] = (2.0, 4.0),
+    seed: int = 4,
 ) -> list[TimeHistory]:
     """Steady or from rest: a linear structure under random phases; ``factor`` on the recorded force."""
     lines = np.arange(PERIOD // 2 + 1)
     omega = 2 * np.pi * RATE / PERIOD * lines
     receptance = 1 / (K - MASS * omega**2 + 1j * C * omega)
-    generator = np.random.default_rng(4)
+    generator = np.random.default_rng(seed)
     made = []
     for level in levels:
         force = np.zeros(len(lines), dtype=complex)
@@ -82,3 +87,36 @@ def test_two_periods_from_rest_are_doubted_and_three_leave_the_first_out() -> No
     assert "multisine-two-periods" not in codes(longer)
     with pytest.raises(MeasurementError, match="transient: -1 periods; 0 or more"):
         from_multisine(records(4), transient=-1)
+
+
+def changed(one: TimeHistory, channel: str, gain: np.ndarray) -> TimeHistory:
+    """A record whose force or response was read with another gain (n,) from some instant on."""
+    both = {"reference": np.asarray(one.reference), "response": np.asarray(one.response)}
+    both[channel] = both[channel] * gain
+    return TimeHistory(one.rate, both["reference"], both["response"], level=one.level, label=one.label)
+
+
+@pytest.mark.parametrize("channel", ["reference", "response"])
+@pytest.mark.parametrize("course", ["step", "ramp"])
+def test_a_gain_that_changes_within_a_record_is_doubted(channel: str, course: str) -> None:
+    count = 12 * PERIOD
+    gain = np.linspace(1, 1.2, count) if course == "ramp" else 1 + 0.2 * (np.arange(count) >= count // 2)
+    spectra = from_multisine([changed(one, channel, gain) for one in records(12)])
+    found = rsgen.identify(spectra, "k*x + c*v")
+    (told,) = [finding for finding in found.findings if finding.code == "parts-disagree"]
+    assert told.severity == "doubt"
+    if course == "step":
+        # a step does not decay: it is no transient, and the periods before it stay
+        assert not np.any(spectra.left_out)
+        assert told["size"] == pytest.approx(0.2 / 1.1, rel=0.02)
+        assert "the periods from number 7 on, and those before, identified separately" in sentence(told)
+    assert not found.verdict.usable
+
+
+@pytest.mark.parametrize("rest", [False, True])
+def test_records_with_one_gain_are_not_doubted(rest: bool) -> None:
+    for seed in range(20):
+        histories = records(2 + seed % 8 + 2 * rest, rest=rest, levels=(1.0 + seed,), seed=seed)
+        found = rsgen.identify(from_multisine(histories), "k*x + c*v")
+        assert found.verdict.state == "identified", seed
+        assert "parts-disagree" not in {finding.code for finding in found.findings}

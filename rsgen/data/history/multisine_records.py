@@ -21,6 +21,8 @@ _SHORTEST = 16
 """Samples of the shortest period that is looked for: fewer hold few lines."""
 _STEADY = 1.5
 """A period this many times farther from the mean of the last ones than these typically are is transient."""
+_CLEAR = 4.0
+"""The same of a first period: what is farther off halves on its way to the settled ones."""
 _DRIFTS = 0.5
 """A scatter of the settled periods beyond this share of the response is no noise: nothing repeats there."""
 _FEWEST = 2
@@ -268,8 +270,26 @@ def _transient(record: TimeHistory, response: ComplexArray, periods: int | None)
             f"{record.label}: the response does not repeat: its periods differ by {typical / size:.0%} of "
             f"it. Record more periods, until it has settled, or drive it at a lower level. {_INSTEAD}"
         )
-    steady = np.flatnonzero(away <= _STEADY * typical + ROUND_OFF * size)
-    return int(steady[0])
+    limit = _STEADY * typical + ROUND_OFF * size
+    left = int(np.flatnonzero(away <= limit)[0])
+    clear = away[0] > _CLEAR * typical + ROUND_OFF * size
+    return 0 if clear and not _decays(record, len(record) // count, left) else left
+
+
+def _decays(record: TimeHistory, length: int, left: int) -> bool:
+    """Whether what the first periods have beside the settled ones is smaller in the second half of them.
+
+    A transient that decays steadily to what noise leaves falls by the root of that from half to half; a gain
+    that was another one stays as it was, relative to the response.
+    """
+    whole = len(record) // length
+    signal = np.asarray(record.response[len(record) - whole * length :], dtype=np.float64)
+    settled = signal[whole // 2 * length :].reshape(-1, length).mean(axis=0)
+    steady = np.tile(settled, left)
+    early, late = np.array_split(signal[: left * length] - steady, 2)
+    own = [float(np.linalg.norm(part)) for part in np.array_split(steady - settled.mean(), 2)]
+    falls = float(np.linalg.norm(early)) / max(float(np.linalg.norm(late)), 1e-300)
+    return falls * max(1.0, own[1] / max(own[0], 1e-300)) > _STEADY
 
 
 def _distance(periods: ComplexArray, centre: ComplexArray) -> Array:

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from rsgen.common.arrays import Array, ComplexArray, frozen_array
 from rsgen.common.errors import RsgenError
-from rsgen.common.finding import Finding, Quantity, quantities, severity_of
+from rsgen.common.finding import Finding, Quantity, Severity, quantities, severity_of
 from rsgen.common.tolerances import (
     CHANCE,
     LARGE,
@@ -39,6 +39,7 @@ from rsgen.identification.lines.line_fit import (
     parts_of_band,
     relative_to_force,
     start_values,
+    step_between_periods,
     terms_beside,
     times_noise,
 )
@@ -146,6 +147,7 @@ def _judge(spectra: MultisineSpectra, model: Model, fit: LineFit) -> MultisineId
     findings += damping_findings(law, motion, fit.values, of_law)
     findings += _damping_findings(fit, misfit, noise)
     findings += _delay_findings(fit, misfit)
+    findings += _drift_findings(fit, left=int(np.max(part.left_out, initial=0)))
     if (lines.first > 1).any():
         below = Quantity(float(part.frequency[lines.first.max()]), "Hz")
         findings.append(Finding("motion-by-law", "info", numbers={"below": below}))
@@ -261,6 +263,16 @@ def _delay_findings(fit: LineFit, misfit: float) -> list[Finding]:
         return []
     numbers = quantities(delay=Quantity(delay, "s"), left=left * misfit, misfit=misfit)
     return [Finding("channels-delayed", "doubt", numbers=numbers)]
+
+
+def _drift_findings(fit: LineFit, left: int) -> list[Finding]:
+    """Find a gain that changes within a record, of which ``left`` periods were left out; none or one."""
+    first, size, times = step_between_periods(fit)
+    if times < SIGMAS:
+        return []
+    severity: Severity = "doubt" if size > SAME_NUMBER else "warning"
+    names = {"parts": f"the periods from number {left + first + 1} on, and those before"}
+    return [Finding("parts-disagree", severity, "", quantities(z=times, size=size), names)]
 
 
 def _damping_findings(fit: LineFit, misfit: float, noise: float) -> list[Finding]:

@@ -16,6 +16,8 @@ from rsgen.common.tolerances import (
     CHANCE,
     EXCESS,
     GROUPS,
+    NOTICEABLE,
+    ROUND_OFF,
     ROUNDS,
     TRIALS,
     f_quantile,
@@ -254,6 +256,29 @@ def _scatter_of_periods(fit: LineFit, covariance: Array) -> Array:
     known = np.diag(covariance)
     ratio = np.sqrt(np.maximum(moved / np.where(known > 0, known, np.inf), 1.0))
     return np.outer(ratio, ratio)
+
+
+def step_between_periods(fit: LineFit) -> tuple[int, float, float]:
+    """Find the clearest change of a gain within a record: where it begins, its size, its standard errors.
+
+    A gain of force or response that changes moves the balance of any law by a share of the force, noise moves
+    it from line to line: the share is the slope over the force, at the lines that are excited, of the balance
+    of the periods from one on minus that of those before.
+    """
+    found, driven = (0, 0.0, 0.0), fit.lines.used & fit.lines.spectra.excited()
+    parts = (fit.lines.spectra.mean_force, fit.noise.apart, fit.variance, driven)
+    for force, apart, variance, used in zip(*parts, strict=True):
+        weight = np.sqrt(2 / variance[used])
+        column, freedom = force[used] * weight, 2 * np.count_nonzero(used) - 1
+        size = max(float(np.linalg.norm(column)), 1e-300)
+        for first in range(1, len(apart)):
+            step = (apart[first:, used].mean(axis=0) - apart[:first, used].mean(axis=0)) * weight
+            share = float(np.vdot(column, step).real) / size**2
+            error = float(np.linalg.norm(step - share * column)) / (size * np.sqrt(max(freedom, 1)))
+            times = abs(share) / max(error, ROUND_OFF)
+            if abs(share) > NOTICEABLE and times > found[2]:
+                found = (first, abs(share), times)
+    return found
 
 
 def delay_between(fit: LineFit) -> tuple[float, float, float]:

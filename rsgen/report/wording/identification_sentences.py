@@ -210,8 +210,8 @@ NEXT_STEPS.update(
             "check that force and response belong together."
         ),
         "parts-disagree": (
-            "Identify the levels apart, and look for one whose force, label or set-up differs; if none does, "
-            "try another law."
+            "Identify the levels apart, and look for one whose force, label or set-up differs, or for a gain "
+            "that changed on the way; if none does, try another law."
         ),
         "points-set-aside": (
             "Look at the points that were not used in the figure of responses; if they are sound, the law is "
@@ -323,11 +323,12 @@ def _(found: Finding) -> str:
 @says("parts-disagree")
 def _(found: Finding) -> str:
     meaning = (
-        "too little to tell levels apart" if found.severity == "warning" else "one law does not hold for all"
+        "too little to tell parts apart" if found.severity == "warning" else "one law does not hold for all"
     )
+    after = f" ({found['after']:.2g} of the widened ones)" if "after" in found.numbers else ""
     return (
-        f"{found.names['parts']}, identified separately, differ by up to {found['z']:.2g} standard errors "
-        f"({found['after']:.2g} of the widened ones), or {found['size']:.1%} of force and response: {meaning}"
+        f"{found.names['parts']}, identified separately, differ by up to {found['z']:.2g} standard errors"
+        f"{after}, or {found['size']:.1%} of force and response: {meaning}"
     )
 
 
