@@ -147,7 +147,7 @@ def _judge(spectra: MultisineSpectra, model: Model, fit: LineFit) -> MultisineId
     findings += damping_findings(law, motion, fit.values, of_law)
     findings += _damping_findings(fit, misfit, noise)
     findings += _delay_findings(fit, misfit)
-    findings += _drift_findings(fit, left=int(np.max(part.left_out, initial=0)))
+    findings += _drift_findings(fit, left=int(np.asarray(part.left_out).max(initial=0)))
     if (lines.first > 1).any():
         below = Quantity(float(part.frequency[lines.first.max()]), "Hz")
         findings.append(Finding("motion-by-law", "info", numbers={"below": below}))

@@ -269,13 +269,13 @@ def step_between_periods(fit: LineFit) -> tuple[int, float, float]:
     parts = (fit.lines.spectra.mean_force, fit.noise.apart, fit.variance, driven)
     for force, apart, variance, used in zip(*parts, strict=True):
         weight = np.sqrt(2 / variance[used])
-        column, freedom = force[used] * weight, 2 * np.count_nonzero(used) - 1
+        column, freedom = force[used] * weight, max(2 * int(used.sum()) - 1, 1)
         size = max(float(np.linalg.norm(column)), 1e-300)
         for first in range(1, len(apart)):
             step = (apart[first:, used].mean(axis=0) - apart[:first, used].mean(axis=0)) * weight
             share = float(np.vdot(column, step).real) / size**2
-            error = float(np.linalg.norm(step - share * column)) / (size * np.sqrt(max(freedom, 1)))
-            times = abs(share) / max(error, ROUND_OFF)
+            error = float(np.linalg.norm(step - share * column)) / (size * np.sqrt(freedom))
+            times = abs(share) / max(float(error), ROUND_OFF)
             if abs(share) > NOTICEABLE and times > found[2]:
                 found = (first, abs(share), times)
     return found
