@@ -11,6 +11,7 @@ The whole program::
     ranking = rs.rank(surface, [law, *rs.laws])
     table   = rs.modal_table(surface)                          # omega(X), zeta(X), k(X), c(X): no law
     curves  = rs.predict(found, levels=[1, 3, 9])
+    print(rs.compare_fits([found, rs.identify(surface, "k*x + c*v")]))
     rs.write_report("reports/joint", surface, found)
 
 and with a case file, which holds test, law, and, of a virtual test, the truth::
@@ -34,6 +35,7 @@ if TYPE_CHECKING:
     from rsgen import figures, history
     from rsgen.analysis.comparison import Comparison, compare, verdict_of
     from rsgen.analysis.export import save_frf
+    from rsgen.analysis.fits import compare_fits
     from rsgen.cases import Case, load_case, read
     from rsgen.common.errors import RsgenError
     from rsgen.common.finding import Finding
@@ -79,6 +81,7 @@ _PLACES = {
     "SimulatedTest": "dynamics.simulation",
     "best_linear": "data.multisine",
     "compare": "analysis.comparison",
+    "compare_fits": "analysis.fits",
     "derive": "describing",
     "explain": "report.wording.sentences",
     "identify": "identification.identify",
@@ -132,6 +135,7 @@ __all__ = [
     "SimulatedTest",
     "best_linear",
     "compare",
+    "compare_fits",
     "derive",
     "explain",
     "figures",

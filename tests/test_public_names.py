@@ -30,6 +30,7 @@ PUBLIC = [
     "SimulatedTest",
     "best_linear",
     "compare",
+    "compare_fits",
     "derive",
     "explain",
     "figures",

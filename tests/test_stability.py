@@ -88,9 +88,9 @@ def test_earlier_results_have_their_verdict_and_stand_in_the_index(version, tmp_
 def test_earlier_results_compare_with_later_ones(version):
     differences = {one.case: one for one in compare_results(HERE / VERSIONS[0], HERE / version)}
     small = differences[SMALL]
-    assert {row.name for row in small.rows} == {"m", "k1", "kn1", "c1"}
+    assert {row.name for row in small.fits} == {"m", "k1", "kn1", "c1"}
     assert not small.worse
-    assert (small.verdict_before["state"], small.verdict_after["state"]) == ("accepted", "accepted")
+    assert [fit.verdict.state for fit in small.fits.fits] == ["accepted", "accepted"]
 
 
 def test_a_number_that_is_not_known_is_refused_by_name(tmp_path):

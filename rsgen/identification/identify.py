@@ -10,7 +10,6 @@ import numpy as np
 
 from rsgen.common.arrays import Array
 from rsgen.common.errors import require
-from rsgen.common.finding import Finding
 from rsgen.common.tolerances import MEANINGLESS, NOISY, ORDER, QUICK, STEPS, TAIL
 from rsgen.data.multisine import MultisineSpectra
 from rsgen.data.oscillator import Model, Observation, join_model
@@ -20,7 +19,7 @@ from rsgen.identification.fitting.observed import Problem
 from rsgen.identification.fitting.points import per_unit_mass
 from rsgen.identification.judge import judge, prepare
 from rsgen.identification.lines.identify_multisine import identify_multisine
-from rsgen.identification.prediction import judge_held_out, judge_records
+from rsgen.identification.prediction import Prediction, score_held_out, score_records
 from rsgen.identification.resonance import identify_ratios
 from rsgen.identification.results import Identification, changed
 from rsgen.identification.soundness import runs_away
@@ -167,19 +166,19 @@ def identify(
     model = join_model(law, observation, mass, fixed)
     if isinstance(surface, MultisineSpectra):
         records = identify_multisine(surface, model)
-        return _with_held_out(records, judge_records, records)
+        return _with_held_out(records, score_records, records)
     require(surface, ResponseSurface, "surface")
     surface, model = per_unit_mass(without_copies(surface), model)
     found = identify_ratios(surface, model, _identify) or _identify(surface, model)
-    return _with_held_out(found, judge_held_out, found, surface)
+    return _with_held_out(found, score_held_out, found, surface)
 
 
-def _with_held_out(
-    found: Identification, judged: Callable[..., tuple[Finding, ...]], *test: object
-) -> Identification:
+def _with_held_out(found: Identification, score: Callable[..., Prediction], *test: object) -> Identification:
     """An identification with what the levels that it has not seen say of it: they are part of its verdict."""
     with np.errstate(all="ignore"):
-        return changed(found, findings=(*found.findings, *judged(*test)))
+        scored = score(*test)
+    held_out = (*scored.held_out, *scored.records)
+    return changed(found, findings=(*found.findings, *scored.findings), held_out=held_out)
 
 
 def _identify(surface: ResponseSurface, model: Model) -> Identification:

@@ -14,8 +14,9 @@ import numpy as np
 import sympy
 
 from rsgen.analysis.comparison import Comparison, Row, verdict_of
+from rsgen.analysis.fits import Fit, errors_by_level
 from rsgen.common.arrays import Array
-from rsgen.common.finding import StatedVerdict
+from rsgen.common.finding import Finding, StatedVerdict, Verdict
 from rsgen.data.multisine import BestLinear, MultisineSpectra
 from rsgen.data.surface import ResponseSurface
 from rsgen.describing import PrintedComparison, derive
@@ -288,6 +289,7 @@ def _background(identification: Identification) -> dict[str, Any] | None:
                 "name": estimate.name,
                 "unit": estimate.unit,
                 **_finite_ones(estimate, ("value", "standard_error")),
+                "interval": [finite_or_none(bound) for bound in estimate.interval],
             }
             for estimate in background.estimates
         ],
@@ -355,6 +357,41 @@ class Entry:
         """What the result is worth; of an older result what its findings and rows say."""
         return read_verdict(self.result)
 
+    def fit(self, name: str = "") -> Fit:
+        """Give the result as ``compare_fits`` takes an identification."""
+        fixed, background = self.result.get("fixed", {}), self.result.get("background") or {}
+        scores = [
+            (one["level"], one.get("sweep", ""), one["error"]) for one in self.result.get("held_out", [])
+        ]
+        decided = tuple(map(Finding.from_dict, self.verdict["decided_by"]))
+        return Fit(
+            name,
+            (
+                *(_read_estimate(row, row["refined"] or {}) for row in self.result["parameters"]),
+                *(
+                    _read_estimate({"name": key, **one}, {**one, "standard_error": 0.0})
+                    for key, one in fixed.items()
+                ),
+            ),
+            tuple(_read_estimate(one, one) for one in background.get("estimates", [])),
+            Verdict(self.verdict["state"], decided),
+            _number(self.result["residual"]["relative"]),
+            errors_by_level((_number(level), str(sweep), _number(error)) for level, sweep, error in scores),
+        )
+
+
+def _number(value: float | None, unknown: float = math.nan) -> float:
+    return unknown if value is None else float(value)
+
+
+def _read_estimate(row: Mapping[str, Any], numbers: Mapping[str, Any]) -> Estimate:
+    """Read what ``_estimate`` wrote; what is fixed has no error, and an older background no interval."""
+    value = _number(numbers.get("value"))
+    error = _number(numbers.get("standard_error"), math.inf)
+    low, high = numbers.get("interval", (value - 2 * error, value + 2 * error))
+    interval = (_number(low, -math.inf), _number(high, math.inf))
+    return Estimate(str(row["name"]), value, error, interval, str(row["unit"]))
+
 
 def read_result(path: Path) -> Entry | None:
     """Read one result.json of this schema; None where there is none, or none as a run writes it."""
@@ -364,7 +401,7 @@ def read_result(path: Path) -> Entry | None:
             return None
         result = json.loads(path.read_text(encoding="utf-8"))
         entry = Entry(path.parent, result)
-        if result["schema"] == SCHEMA and _is_whole(result) and entry.verdict and entry.rows:
+        if result["schema"] == SCHEMA and _is_whole(result) and entry.fit() and entry.rows:
             return entry
     except (OSError, ValueError, KeyError, TypeError, AttributeError, RecursionError, OverflowError):
         pass

@@ -18,6 +18,7 @@ import numpy as np
 
 import rsgen
 from rsgen.analysis.comparison import Row
+from rsgen.analysis.fits import FitComparison, FitRow
 from rsgen.common.finding import Quantity, Verdict
 from rsgen.data.multisine.linear import BestLinear, Distortion
 from rsgen.data.oscillator import Model
@@ -47,8 +48,8 @@ CLASSES: tuple[type, ...] = (
     Estimate, Resonance, EquivalentCurve, RestoringForce, Background, BestLinear, Distortion,
     rsgen.Ranking, Candidate, rsgen.ModalTable, ModalTest, rsgen.Prediction, ResonanceCurve, HeldOutLevel,
     PredictedRecord, SteadyStates, DescribingFunction, Equivalent, Limit,
-    rsgen.Comparison, Row, Verdict, rsgen.Finding, Quantity, rsgen.Observation, rsgen.Oscillator,
-    Model, rsgen.Law, Element, rsgen.SimulatedTest, rsgen.MultisineTest, rsgen.Case,
+    rsgen.Comparison, Row, FitComparison, FitRow, Verdict, rsgen.Finding, Quantity, rsgen.Observation,
+    rsgen.Oscillator, Model, rsgen.Law, Element, rsgen.SimulatedTest, rsgen.MultisineTest, rsgen.Case,
     rsgen.data.history.FreeDecay, rsgen.data.history.SweepLaw, rsgen.data.history.TimeHistory,
 )  # fmt: skip
 

@@ -1,4 +1,4 @@
-"""Two results compared: what moved, by how much of its uncertainty, and whether a verdict was lost."""
+"""Results compared: what moved, by how much of its uncertainty, and whether a verdict was lost."""
 
 from __future__ import annotations
 
@@ -7,11 +7,12 @@ from pathlib import Path
 
 import pytest
 
-from rsgen.app.cli.diff_command import compare_results, difference_data
+from rsgen.app.cli.diff_command import compare_results
 from rsgen.common.errors import RsgenError
 from rsgen.report.provenance import Subject
 from rsgen.report.result_json import build_result, result_text
 from rsgen.report.wording.sentences import read_verdict
+from tests.cli.test_cli import call
 from tests.samples import (
     cubic_case,
     cubic_comparison,
@@ -54,18 +55,17 @@ def test_a_result_does_not_differ_from_itself(tmp_path: Path) -> None:
     (difference,) = compare_results(place, place)
     assert not difference.changed
     assert not difference.worse
-    assert {row.change for row in difference.rows} == {0.0}
+    assert not any(row.changed for row in difference.fits)
+    assert difference.fits["kn1"].shifts == (0.0, 0.0)
 
 
 def test_a_moved_value_is_given_in_its_standard_errors(tmp_path: Path) -> None:
     before, after = write_result(tmp_path / "a"), write_result(tmp_path / "b", kn1=0.04)
     (difference,) = compare_results(before, after)
-    (moved,) = [row for row in difference.rows if row.changed]
+    (moved,) = [row for row in difference.fits if row.changed]
     assert moved.name == "kn1"
-    # kn1 is negative: times 1.04 it falls by 4 %
-    assert moved.change == pytest.approx(-0.04, rel=1e-9)
-    # standard errors of 1 % each, the second of a value 4 % larger
-    assert moved.in_errors == pytest.approx(-4 / (1 + 1.04**2) ** 0.5, rel=1e-9)
+    # kn1 is negative, and times 1.04 it falls; standard errors of 1 % each, the second of a value 4 % larger
+    assert moved.shifts[1] == pytest.approx(-4 / (1 + 1.04**2) ** 0.5, rel=1e-9)
     assert difference.worse
     (back,) = compare_results(after, before)
     assert back.changed
@@ -76,21 +76,53 @@ def test_folders_are_compared_case_by_case(tmp_path: Path) -> None:
     for side, names in (("a", ("one", "two")), ("b", ("two", "three"))):
         for name in names:
             write_result(tmp_path / side, name)
-    found = {d.case: d.only for d in compare_results(tmp_path / "a", tmp_path / "b")}
-    assert found == {"one": "before", "two": "", "three": "after"}
+    places = [str(tmp_path / side) for side in "ab"]
+    found = {d.case: [fit.name for fit in d.fits.fits] for d in compare_results(*places)}
+    assert found == {"one": places[:1], "two": places, "three": places[1:]}
 
 
-def test_values_without_verdict_are_compared_too(tmp_path: Path) -> None:
+def test_values_without_verdict_are_compared_too(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     before, after = (write_result(tmp_path / side, tolerance=None) for side in "ab")
-    (difference,) = compare_results(before, after)
-    assert all(row.passed_before is None and row.passed_after is None for row in difference.rows)
-    data = json.loads(json.dumps(difference_data([difference]), allow_nan=False))[0]
+    assert call("diff", before, after, "--json") == 0
+    data = json.loads(capsys.readouterr().out)[0]
+    assert data["values"][0]["fit"] == str(before)
     assert data["worse"] is False
-    assert data["passed"] == {"before": None, "after": None}
+    assert [fit["verdict"] for fit in data["fits"]] == ["identified"] * 2
     # what was judged once and is no longer has not become worse, but it has changed
     (loosened,) = compare_results(write_result(tmp_path / "judged"), after)
     assert loosened.changed
     assert not loosened.worse
+
+
+def test_three_results_stand_side_by_side(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    places = [
+        write_result(tmp_path / side, tolerance=None, k1=by)
+        for side, by in zip("abc", (0, 0, 0.1), strict=True)
+    ]
+    for place in places:
+        result = json.loads((place / "result.json").read_text(encoding="utf-8"))
+        for row in result["parameters"]:
+            value, error = (row["refined"][name] for name in ("value", "standard_error"))
+            row["refined"]["interval"] = [value - 2 * error, value + 2 * error]
+        result["fixed"] = {"m": {"value": 1.5, "unit": "kg"}}
+        result["background"] = {
+            "estimates": [{"name": "psi", "unit": "rad", "value": 0.1, "standard_error": 0.05}]
+        }
+        result["held_out"] = [{"level": 6.0, "sweep": "up", "error": None}, {"level": 8.0, "error": 0.25}]
+        (place / "result.json").write_text(json.dumps(result), encoding="utf-8")
+    (difference,) = compare_results(*places)
+    assert difference.fits["psi"].estimates[2].interval == pytest.approx((0, 0.2))
+    assert difference.fits["m"].estimates[0].standard_error == 0
+    (finding,) = difference.fits.findings
+    assert (finding.code, finding.names["values"]) == ("results-disagree", "k1")
+    assert call("diff", *places) == 0
+    shown = capsys.readouterr().out
+    heads, *lines = shown.splitlines()[1:]
+    assert heads.split() == ["unit", str(places[0]), str(places[1]), "shift", str(places[2]), "shift"]
+    assert any(line.startswith("k1 ") and line.endswith(" disjoint") for line in lines)
+    assert any(line.split() == ["held-out", "error,", "8", *["0.25"] * 3] for line in lines)
+    assert "k1: results that are accepted or identified have 95 % intervals without a common value" in shown
+    assert call("diff", places[0]) == 2
 
 
 @pytest.mark.parametrize("content", [None, "", "[]", '{"schema": 1}', "[" * 100_000])

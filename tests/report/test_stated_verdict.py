@@ -12,7 +12,7 @@ import pytest
 from matplotlib.figure import Figure
 
 import rsgen
-from rsgen.app.cli.diff_command import compare_results, difference_data, verdict_change
+from rsgen.app.cli.diff_command import compare_results, difference_data
 from rsgen.common.errors import RsgenError
 from rsgen.common.finding import STATES, Finding, Verdict, reach_verdict, verdict_lines
 from rsgen.identification.results import Identification
@@ -243,12 +243,12 @@ def test_another_verdict_is_a_difference(tmp_path: Path) -> None:
     before = write(tmp_path / "a", result_of(1.0))
     after = write(tmp_path / "b", result_of(1.0, DOUBT))
     (difference,) = compare_results(before, after)
-    assert not any(row.changed for row in difference.rows)
+    assert not any(row.changed for row in difference.fits)
     assert difference.changed
     assert difference.worse
-    assert verdict_change(difference) == "accepted -> doubtful (law-does-not-fit)"
+    assert [str(fit.verdict) for fit in difference.fits.fits] == ["accepted", "doubtful (law-does-not-fit)"]
     (data,) = difference_data([difference])
-    assert [data["verdict"][side]["state"] for side in ("before", "after")] == ["accepted", "doubtful"]
+    assert [fit["decided_by"] for fit in data["fits"]] == [[], ["law-does-not-fit"]]
     (back,) = compare_results(after, before)
     assert back.changed
     assert not back.worse
@@ -258,4 +258,3 @@ def test_another_verdict_is_a_difference(tmp_path: Path) -> None:
     assert not other.worse
     (same,) = compare_results(after, after)
     assert not same.changed
-    assert verdict_change(same) == ""

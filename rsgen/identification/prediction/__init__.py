@@ -3,6 +3,6 @@
 from __future__ import annotations
 
 from rsgen.identification.prediction.prediction_result import HeldOutLevel, Prediction, ResonanceCurve
-from rsgen.identification.prediction.resonance_curves import judge_held_out, judge_records, predict
+from rsgen.identification.prediction.resonance_curves import predict, score_held_out, score_records
 
-__all__ = ["HeldOutLevel", "Prediction", "ResonanceCurve", "judge_held_out", "judge_records", "predict"]
+__all__ = ["HeldOutLevel", "Prediction", "ResonanceCurve", "predict", "score_held_out", "score_records"]

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 from math import inf, isfinite, nan
 from typing import cast
 
@@ -201,13 +202,14 @@ def predict(
     return Prediction(curves, held_out, (*balance.about, *_findings(tested, curves, held_out), *findings))
 
 
-def judge_records(found: MultisineIdentification) -> tuple[Finding, ...]:
-    """Findings on the records of a multisine that an identification has not seen."""
-    return (*_by_label(found, found.spectra), *predict_multisine(found).findings)
+def score_records(found: MultisineIdentification) -> Prediction:
+    """Predict the records of a multisine that an identification has not seen."""
+    scored = predict_multisine(found)
+    return replace(scored, findings=(*_by_label(found, found.spectra), *scored.findings))
 
 
-def judge_held_out(found: Identification, surface: ResponseSurface) -> tuple[Finding, ...]:
-    """Findings on the levels that an identification has not seen, each predicted and held against its test.
+def score_held_out(found: Identification, surface: ResponseSurface) -> Prediction:
+    """Predict the levels that an identification has not seen, and hold each against its test.
 
     Parameters
     ----------
@@ -217,14 +219,14 @@ def judge_held_out(found: Identification, surface: ResponseSurface) -> tuple[Fin
         The test that was identified, held-out levels included.
     """
     if not found.model.observation.hold_out:
-        return ()
+        return Prediction((), (), ())
     meant = _by_label(found, surface)
     if not isfinite(found.mass):
-        return meant
+        return Prediction((), (), meant)
     surface = surface.on_mass(found.mass)
     held_out = _score(found, balance_of(found), surface)
     missed = _missed(held_out, surface, found.residual * np.sqrt(2))
-    return (*meant, *_missing(held_out), *missed)
+    return Prediction((), held_out, (*meant, *_missing(held_out), *missed))
 
 
 def _by_label(found: Identification, test: ResponseSurface | MultisineSpectra) -> tuple[Finding, ...]:

@@ -67,7 +67,9 @@ class Estimate:
 
     @property
     def cells(self) -> tuple[str, str, str, str, str]:
-        """Name, value, 95 % interval, unit and finding, as a table prints them."""
+        """Name, value, 95 % interval or "fixed", unit and finding, as a table prints them."""
+        if self.standard_error == 0:
+            return (self.name, short(self.value), "fixed", self.unit, "")
         if not self.identifiable:
             return (self.name, "", "", self.unit, self.finding.code if self.finding else "not-identifiable")
         digits = with_error(self.value, self.standard_error)
@@ -276,6 +278,9 @@ class Identification(Printed):
         parameters that are not identifiable. Predictions use it.
     background
         The background that was found and subtracted; None where nothing was asked for.
+    held_out
+        Scores of levels that were held out: a ``HeldOutLevel`` a level and sweep, of a multisine a
+        ``PredictedRecord`` a record; ``error`` is the relative error of the predicted response.
     """
 
     model: Model
@@ -297,6 +302,7 @@ class Identification(Printed):
     ranking: Any = None
     solution: NDArray[np.float64] = field(default_factory=lambda: np.zeros(0))
     background: Background | None = None
+    held_out: tuple[Any, ...] = ()
 
     def __post_init__(self) -> None:
         if len(self.solution) == 0:
@@ -377,8 +383,7 @@ class Identification(Printed):
 
     def _table(self) -> TextTable:
         background = () if self.background is None else self.background.estimates
-        rows = [estimate.cells for estimate in (*self.refined, *background)]
-        rows += [(one.name, short(one.value), "fixed", one.unit, "") for one in self.fixed]
+        rows = [estimate.cells for estimate in (*self.refined, *background, *self.fixed)]
         low, high = self.amplitude_range
         slow, fast = self.frequency_range
         tested = (

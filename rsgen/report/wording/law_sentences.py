@@ -78,7 +78,16 @@ say_plainly(
             "the held-out level {level:.3q} (sweep {sweep}) is predicted with an error of {error:.0%}, "
             "against a misfit of {misfit:.2p} where the law was fitted"
         ),
+        "results-disagree": (
+            "{values}: results that are accepted or identified have 95 % intervals without a common value; "
+            "furthest apart, by {shift:.2g} standard errors, are {first} and {second}"
+        ),
     }
+)
+
+NEXT_STEPS["results-disagree"] = (
+    "Take the law or background that predicts a held-out level best; until then a value is known no better "
+    "than the results differ."
 )
 
 NEXT_STEPS["held-out-missed"] = (

@@ -1,0 +1,249 @@
+"""Identifications of one structure side by side: by laws, backgrounds, fixed values, or tests."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from itertools import combinations
+from math import hypot, nan
+from typing import Any
+
+import numpy as np
+
+from rsgen.common.errors import RsgenError, require
+from rsgen.common.finding import Finding, Verdict, quantities
+from rsgen.common.text_table import Printed, TextTable, data_frame, lookup, short
+from rsgen.identification.results import Estimate, Identification
+
+SAME = 1e-12
+"""Relative change below which two values are the same: the last digits differ between machines."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Fit:
+    """One result as a comparison takes it.
+
+    Parameters
+    ----------
+    name
+        The head of its column.
+    estimates, background
+        Of the law with the mass, fixed values among them, and of the background.
+    verdict
+        What the result is worth.
+    misfit
+        Relative to force and response [1].
+    held_out
+        Relative error of the predicted response [1] by level and sweep, the largest of several records.
+    """
+
+    name: str
+    estimates: tuple[Estimate, ...]
+    background: tuple[Estimate, ...]
+    verdict: Verdict
+    misfit: float
+    held_out: Mapping[str, float]
+
+    @classmethod
+    def of(cls, found: Identification, name: str) -> Fit:
+        """Take these from an identification."""
+        background = () if found.background is None else found.background.estimates
+        scores = [(one.level, getattr(one, "sweep", ""), one.error) for one in found.held_out]
+        estimates = (*found.refined, *found.fixed)
+        return cls(name, estimates, background, found.verdict, found.residual, errors_by_level(scores))
+
+
+def errors_by_level(scores: Iterable[tuple[float, str, float]]) -> dict[str, float]:
+    """Name errors by level and sweep; of several records of a level the largest counts."""
+    return {f"{level:.4g} {sweep}".rstrip(): error for level, sweep, error in sorted(scores)}
+
+
+@dataclass(frozen=True, slots=True)
+class FitRow:
+    """One parameter in every fit.
+
+    Parameters
+    ----------
+    name, unit
+        Of the parameter. One that has another unit elsewhere is another parameter, in a row of its own.
+    estimates
+        One a fit; None where its law, or background, has no such parameter.
+    """
+
+    name: str
+    unit: str
+    estimates: tuple[Estimate | None, ...]
+
+    @property
+    def shifts(self) -> tuple[float, ...]:
+        """Change from the first fit in standard errors of a difference of independent tests, NaN where not
+        known. Of one test the errors are correlated, and the difference is the more certain.
+        """
+        return tuple(_shift(self.estimates[0], other) for other in self.estimates)
+
+    @property
+    def disjoint(self) -> tuple[bool, ...]:
+        """True where the 95 % interval has nothing in common with that of the first fit."""
+        return tuple(_disjoint(self.estimates[0], other) for other in self.estimates)
+
+    @property
+    def changed(self) -> bool:
+        """True where values differ by more than round-off, or a fit has none."""
+        first, *others = [nan if one is None else one.value for one in self.estimates]
+        return not np.allclose(others, first, rtol=SAME, atol=0, equal_nan=True)
+
+    def _cells(self) -> list[str]:
+        shown = [""] * len(self.estimates)
+        for i, one in enumerate(self.estimates):
+            if one is not None:
+                _, value, interval, _, finding = one.cells
+                shown[i] = f"{value} ({interval})" if value else finding
+        cells = shown[:1]
+        for text, shift, disjoint in zip(shown[1:], self.shifts[1:], self.disjoint[1:], strict=True):
+            cells += [text, f"{short(shift, 2)}{' disjoint' if disjoint else ''}"]
+        return cells
+
+
+def _shift(first: Estimate | None, other: Estimate | None) -> float:
+    if first is None or other is None:
+        return nan
+    spread = hypot(first.standard_error, other.standard_error)
+    return (other.value - first.value) / spread if spread else nan
+
+
+def _disjoint(first: Estimate | None, other: Estimate | None) -> bool:
+    # what is fixed has no interval
+    if first is None or other is None or not first.standard_error or not other.standard_error:
+        return False
+    (low, high), (lower, upper) = first.interval, other.interval
+    return max(low, lower) - min(high, upper) > SAME * abs(first.value)
+
+
+@dataclass(frozen=True, slots=True, eq=False, repr=False)
+class FitComparison(Printed):
+    """Fits side by side: ``comparison["k3"]`` is the row of a parameter, iterating gives all rows.
+
+    Parameters
+    ----------
+    fits
+        In the order of the columns.
+    """
+
+    fits: tuple[Fit, ...]
+
+    @property
+    def rows(self) -> tuple[FitRow, ...]:
+        """Parameters of the laws and the mass."""
+        return _rows([fit.estimates for fit in self.fits])
+
+    @property
+    def background(self) -> tuple[FitRow, ...]:
+        """Parameters of the backgrounds."""
+        return _rows([fit.background for fit in self.fits])
+
+    @property
+    def findings(self) -> tuple[Finding, ...]:
+        """The finding "results-disagree" where two results are usable, and intervals of theirs disjoint."""
+        apart = [
+            (abs(_shift(one, two)), row.name, first.name, second.name)
+            for row in self.rows
+            for (first, one), (second, two) in combinations(zip(self.fits, row.estimates, strict=True), 2)
+            if first.verdict.usable and second.verdict.usable and _disjoint(one, two)
+        ]
+        if not apart:
+            return ()
+        shift, _, first, second = max(apart)
+        names = {"values": ", ".join(dict.fromkeys(name for _, name, _, _ in apart))}
+        names |= {"first": first, "second": second}
+        return (Finding("results-disagree", "doubt", numbers=quantities(shift=shift), names=names),)
+
+    def __getitem__(self, name: str) -> FitRow:
+        """Row of a parameter, of the mass ("m") or of the background.
+
+        Raises
+        ------
+        RsgenError
+            There is none; it is a ``KeyError``, too.
+        """
+        return lookup(name, {row.name: row for row in (*self.background, *self.rows)}, "parameter")
+
+    def __iter__(self) -> Iterator[FitRow]:
+        return iter((*self.rows, *self.background))
+
+    def to_dicts(self) -> list[dict[str, Any]]:
+        """Give the numbers of every parameter and fit by name; a parameter that a law has not is left out."""
+        return [
+            {
+                "name": row.name,
+                "fit": fit.name,
+                "value": one.value,
+                "standard_error": one.standard_error,
+                "lower": one.interval[0],
+                "upper": one.interval[1],
+                "unit": row.unit,
+                "shift": shift,
+                "disjoint": disjoint,
+            }
+            for row in self
+            for fit, one, shift, disjoint in zip(
+                self.fits, row.estimates, row.shifts, row.disjoint, strict=True
+            )
+            if one is not None
+        ]
+
+    def to_frame(self) -> Any:
+        """Give ``to_dicts`` as a ``pandas.DataFrame``, a row a parameter and fit.
+
+        Raises
+        ------
+        RsgenError
+            pandas is not installed.
+        """
+        lines = self.to_dicts()
+        return data_frame({head: [line[head] for line in lines] for head in lines[0]}, "name")
+
+    def _table(self) -> TextTable:
+        levels = dict.fromkeys(level for fit in self.fits for level in fit.held_out)
+        about = {"misfit": [short(fit.misfit, 2) for fit in self.fits]}
+        about |= {
+            f"held-out error, {level}": [short(fit.held_out.get(level, nan), 2) for fit in self.fits]
+            for level in levels
+        }
+        about["verdict"] = [str(fit.verdict) for fit in self.fits]
+        rows = [(row.name, row.unit, *row._cells()) for row in self]
+        for head, (first, *others) in about.items():
+            rows.append((head, "", first, *(cell for text in others for cell in (text, ""))))
+        first, *others = [fit.name for fit in self.fits]
+        heads = ("", "unit", first, *(head for name in others for head in (name, "shift")))
+        return TextTable(heads, tuple(rows), notes=tuple(map(repr, self.findings)))
+
+
+def _rows(fits: Sequence[tuple[Estimate, ...]]) -> tuple[FitRow, ...]:
+    known = [{(one.name, one.unit): one for one in fit} for fit in fits]
+    keys = dict.fromkeys(key for fit in known for key in fit)
+    return tuple(FitRow(*key, tuple(fit.get(key) for fit in known)) for key in keys)
+
+
+def compare_fits(found: Sequence[Identification], names: Sequence[str] | None = None) -> FitComparison:
+    """Set identifications of one test, or of one structure, side by side.
+
+    Parameters
+    ----------
+    found
+        With different laws, backgrounds, fixed values, or of different tests; the first is the reference.
+        Those of multisines may be among them.
+    names
+        One a fit, for the heads of the columns; None: 1, 2, ...
+
+    Raises
+    ------
+    RsgenError
+        There is no identification, or there are as many names no fits.
+    """
+    require(found, Sequence, "found")
+    for one in found:
+        require(one, Identification, "found")
+    heads = [str(i + 1) for i in range(len(found))] if names is None else [*map(str, names)]
+    if not found or len(heads) != len(found):
+        raise RsgenError(f"names: {len(heads)} of {len(found)} fits; give one or more fits, and each a name")
+    return FitComparison(tuple(map(Fit.of, found, heads)))

@@ -1,0 +1,95 @@
+"""Identifications side by side: laws, backgrounds, fixed values, and what is said where they disagree."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import pytest
+
+import rsgen as rs
+from rsgen.common.errors import RsgenError
+from tests.pins.grids import NOISE
+from tests.pins.multisine import CUBIC, virtual
+from tests.surfaces import noisy
+
+LAW = "k*x + k3*x**3 + c*v"
+TRUE = {"k": 6000.0, "k3": 1e6, "c": 7.0}
+
+
+@pytest.fixture(scope="module")
+def fits() -> list[rs.Identification]:
+    test = rs.SimulatedTest(level=[1, 3, 6, 10], frequency=np.linspace(8, 14, 41))
+    surface = noisy(rs.simulate(rs.Oscillator(1.5, LAW, TRUE), test), 0.01, 1)
+    return [
+        rs.identify(surface, LAW, rs.Observation(hold_out=(6.0,))),
+        rs.identify(surface, LAW, rs.Observation(background="phase"), fixed={"m": 1.5}),
+        rs.identify(surface, "k*x + c*v", rs.Observation(hold_out=(6.0,))),
+    ]
+
+
+def test_fits_stand_side_by_side(fits: list[rs.Identification]) -> None:
+    compared = rs.compare_fits(fits, ["cubic", "with phase", "linear"])
+    k3 = compared["k3"]
+    first, second, third = k3.estimates
+    assert (first, second, third) == (fits[0]["k3"], fits[1]["k3"], None)
+    shift = (second.value - first.value) / np.hypot(first.standard_error, second.standard_error)
+    assert k3.shifts == pytest.approx((0, shift, np.nan), nan_ok=True)
+    assert compared["psi"].estimates[0] is None
+    assert compared["psi"].estimates[1].unit == "rad"
+    # a fixed value has no interval to be disjoint from another
+    heavy = replace(fits[1], model=replace(fits[1].model, fixed={"m": 1.6}))
+    assert not any(rs.compare_fits([fits[0], heavy])["m"].disjoint)
+    assert [fit.held_out.keys() for fit in compared.fits] == [{"6 rest"}, set(), {"6 rest"}]
+    assert compared.fits[0].held_out["6 rest"] < 0.03 < compared.fits[2].held_out["6 rest"]
+    text = str(compared)
+    assert text.splitlines()[0].split() == ["unit", "cubic", "with", "phase", "shift", "linear", "shift"]
+    assert "1.5 (fixed)" in text
+    assert "identified" in text
+    frame = compared.to_frame()
+    assert len(frame.loc["k3"]) == 2
+    assert list(frame.loc["k"]["fit"]) == ["cubic", "with phase", "linear"]
+    assert compared.findings == ()
+
+
+def test_held_out_errors_are_those_of_a_prediction(fits: list[rs.Identification]) -> None:
+    (scored,) = fits[0].held_out
+    assert scored.level == 6.0
+    assert scored.error == rs.compare_fits(fits).fits[0].held_out["6 rest"]
+    assert fits[1].held_out == ()
+
+
+def test_identified_results_that_disagree_are_named(fits: list[rs.Identification]) -> None:
+    moved = [
+        replace(one, value=1.1 * one.value, interval=tuple(1.1 * end for end in one.interval))
+        if one.name in ("k", "k3")
+        else one
+        for one in fits[0].refined
+    ]
+    other = replace(fits[0], refined=tuple(moved))
+    (finding,) = rs.compare_fits([fits[1], fits[0], other], ["a", "b", "c"]).findings
+    assert finding.code == "results-disagree"
+    assert set(finding.names["values"].split(", ")) == {"k", "k3"}
+    assert "c" in (finding.names["first"], finding.names["second"])
+    assert finding["shift"] > 10
+    doubted = replace(other, findings=(rs.Finding("law-does-not-fit", "doubt"),))
+    assert rs.compare_fits([fits[0], doubted]).findings == ()
+
+
+def test_multisine_identifications_are_compared_too() -> None:
+    spectra = virtual("cubic", NOISE)
+    fits = [rs.identify(spectra, CUBIC, rs.Observation(hold_out=held)) for held in ((5.0,), ())]
+    compared = rs.compare_fits(fits)
+    assert compared.fits[0].held_out == {"5": max(one.error for one in fits[0].held_out)}
+    assert max(map(abs, compared["k"].shifts)) < 3
+
+
+def test_a_name_for_each_fit_is_needed(fits: list[rs.Identification]) -> None:
+    with pytest.raises(RsgenError, match="names: 2 of 3 fits"):
+        rs.compare_fits(fits, ["a", "b"])
+    with pytest.raises(RsgenError, match="names: 0 of 0 fits"):
+        rs.compare_fits([])
+    wrong: Any = "found"
+    with pytest.raises(RsgenError, match="found: str; must be Identification"):
+        rs.compare_fits(wrong)
