@@ -217,7 +217,7 @@ class Findings:
             self.fit.regression,
             len(self.surface),
             self.surface.level_unit,
-            decays=self._decays(),
+            decays=self.surface.decays,
             stopped=stopped_points(self.points, self.fit),
         )
         found += limit_findings(self.surface.findings, self.fit)
@@ -269,15 +269,11 @@ class Findings:
             found.append(Finding("mean-of-symmetric-law", "warning", numbers=quantities(share=drift)))
         return found
 
-    def _decays(self) -> bool:
-        """Whether the points are those of a free decay."""
-        return any(finding.code == "force-of-decay" for finding in self.surface.findings)
-
     def _runs(self) -> list[Finding]:
         found, runs = [], len(self.resonances)
         jumps = sum(resonance.jump for resonance in self.resonances)
         # the points of a decay lie along the resonance, on neither side of it
-        if jumps and not self._decays():
+        if jumps and not self.surface.decays:
             found.append(Finding("resonance-jumped", "info", numbers=quantities(jumps=jumps, runs=runs)))
         few = sum(self._near(resonance) < _FEW for resonance in self.resonances)
         # loops and continuations have few points a level, and many levels

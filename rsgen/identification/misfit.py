@@ -86,12 +86,11 @@ def misfit_findings(
     regression, misfit = fit.regression, relative_misfit(fit)
     systematic = is_systematic(regression.residual, points.pairs(regression.used))
     numbers = quantities(misfit=misfit)
-    # the forces of a free decay are those of the given mass
-    decays = any(finding.code == "force-of-decay" for finding in surface.findings)
     if not systematic:
         # one point a level shows no pattern either, and a loop holds each until its noise is gone
         patterns = len(points) >= _TELLING and surface.control != "phase"
-        found = [] if decays else _contradicted(fit, misfit)
+        # the forces of a free decay are those of the given mass
+        found = [] if surface.decays else _contradicted(fit, misfit)
         if misfit > (LARGE if patterns else POOR):
             severity: Severity = "error" if misfit > MEANINGLESS else "doubt"
             found.append(Finding("misfit-large", severity, numbers=numbers))
@@ -109,15 +108,15 @@ def misfit_findings(
             numbers |= quantities(left=free * misfit)
     found = [Finding("law-does-not-fit", severity, numbers=numbers, names=names)]
     observed = fit.problem.observed
-    # other modes are part of a measured motion across: there is no background beside it
-    trials = {} if fit.problem.law.acts_across else _with_backgrounds(fit)
+    # other modes are part of a measured motion across, and nothing drives a decay: there is no background
+    trials = {} if fit.problem.law.acts_across or surface.decays else _with_backgrounds(fit)
     if trials and surface.origin == "measured" and observed.direct:
         found.append(_background_proposal(points, resonances))
     if not names:
         # a term that is missing misses some levels more than others, as dry friction the lowest
         found += _level_apart(points, regression, surface.level_unit)
     if not any(finding.code in _OTHERWISE for finding in surface.findings):
-        if severity != "error" and not decays:
+        if severity != "error" and not surface.decays:
             found += _contradicted(fit, left)
         found += _missing_background(fit, trials, wider, left) if trials else []
     return [*found, *(_offset_proposal(fit, trials) if trials else [])]

@@ -10,7 +10,8 @@ import pytest
 from scipy.integrate import solve_ivp
 from scipy.signal import cont2discrete, lfilter
 
-from rsgen.common.errors import MeasurementError
+import rsgen
+from rsgen.common.errors import MeasurementError, RsgenError
 from rsgen.common.finding import Finding
 from rsgen.data.history import SweepLaw, TimeHistory, follow_decay, from_free_decay, from_swept_sine
 from rsgen.data.history.decay import _scatter
@@ -282,3 +283,19 @@ def test_the_error_of_a_point_is_the_scatter_of_its_neighbours_about_a_line() ->
     found = _scatter(noise + 0.01 * np.arange(len(noise)))
     # 20 000 points in overlapping groups of a few: their mean square is good to some per cent
     assert np.mean(found**2) == pytest.approx(0.3**2, rel=0.04)
+
+
+def test_a_background_is_neither_advised_nor_accepted_for_a_free_decay() -> None:
+    table = from_free_decay(TimeHistory(RATE, None, decay("cubic"), "displacement"), mass=MASS)
+    assert table.decays
+    found = rsgen.identify(table, "k*x + c*v", mass=MASS)
+    codes = {finding.code for finding in found.findings}
+    assert "law-does-not-fit" in codes
+    assert codes.isdisjoint({"background-missing", "background-possible", "offset-possible"})
+    for kind in ("phase", "residuals", "residuals+offset"):
+        beside = rsgen.Observation(background=kind)
+        for ask in (rsgen.identify, rsgen.rank):
+            with pytest.raises(RsgenError, match="free decay"):
+                ask(table, "k*x + c*v", beside, mass=MASS)
+        with pytest.raises(RsgenError, match="free decay"):
+            rsgen.modal_table(table, beside, mass=MASS)

@@ -381,6 +381,11 @@ class ResponseSurface:
         return any(finding.code == "phase-lag-assumed" for finding in self.findings)
 
     @property
+    def decays(self) -> bool:
+        """Whether the points are those of free decays, whose forces follow from the motion and the mass."""
+        return any(finding.code == "force-of-decay" for finding in self.findings)
+
+    @property
     def force_unit(self) -> str:
         """Unit of the force: "N", or "m/s^2" (N/kg) where it is one per mass."""
         return self.units.force

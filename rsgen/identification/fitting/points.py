@@ -219,8 +219,14 @@ def select_points(surface: ResponseSurface, model: Model) -> Points:
     Raises
     ------
     RsgenError
-        A held-out level is not in the surface, or fewer than four points remain.
+        A held-out level is not in the surface, fewer than four points remain, or a background is asked for
+        beside free decays.
     """
+    if surface.decays and model.observation.background != "none":
+        raise RsgenError(
+            f"background: {model.observation.background!r}; points of a free decay are given, and what a "
+            "force drives beside the mode does not go on without one: leave it out"
+        )
     for level in model.observation.hold_out:
         if surface.find_level(level) is None:
             unit = surface.level_unit
