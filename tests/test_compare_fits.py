@@ -77,6 +77,14 @@ def test_identified_results_that_disagree_are_named(fits: list[rs.Identification
     assert rs.compare_fits([fits[0], doubted]).findings == ()
 
 
+def test_another_unit_is_another_parameter(fits: list[rs.Identification]) -> None:
+    refined = tuple(replace(one, unit="N*s^2/m^2") if one.name == "c" else one for one in fits[0].refined)
+    compared = rs.compare_fits([fits[0], replace(fits[0], refined=refined)])
+    assert [row.unit for row in compared if row.name == "c"] == ["N*s/m", "N*s^2/m^2"]
+    assert compared["c"].estimates == (fits[0]["c"], None)
+    assert compared["c"].changed
+
+
 def test_multisine_identifications_are_compared_too() -> None:
     spectra = virtual("cubic", NOISE)
     fits = [rs.identify(spectra, CUBIC, rs.Observation(hold_out=held)) for held in ((5.0,), ())]

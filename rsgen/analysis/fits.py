@@ -158,14 +158,14 @@ class FitComparison(Printed):
         return (Finding("results-disagree", "doubt", numbers=quantities(shift=shift), names=names),)
 
     def __getitem__(self, name: str) -> FitRow:
-        """Row of a parameter, of the mass ("m") or of the background.
+        """First row of a parameter, of the mass ("m") or of the background.
 
         Raises
         ------
         RsgenError
             There is none; it is a ``KeyError``, too.
         """
-        return lookup(name, {row.name: row for row in (*self.background, *self.rows)}, "parameter")
+        return lookup(name, {row.name: row for row in reversed([*self])}, "parameter")
 
     def __iter__(self) -> Iterator[FitRow]:
         return iter((*self.rows, *self.background))

@@ -19,7 +19,7 @@ from rsgen.identification.fitting.observed import Problem
 from rsgen.identification.fitting.points import per_unit_mass
 from rsgen.identification.judge import judge, prepare
 from rsgen.identification.lines.identify_multisine import identify_multisine
-from rsgen.identification.prediction import Prediction, score_held_out, score_records
+from rsgen.identification.prediction import Prediction, predict_held_out, predict_records
 from rsgen.identification.resonance import identify_ratios
 from rsgen.identification.results import Identification, changed
 from rsgen.identification.soundness import runs_away
@@ -166,11 +166,11 @@ def identify(
     model = join_model(law, observation, mass, fixed)
     if isinstance(surface, MultisineSpectra):
         records = identify_multisine(surface, model)
-        return _with_held_out(records, score_records, records)
+        return _with_held_out(records, predict_records, records)
     require(surface, ResponseSurface, "surface")
     surface, model = per_unit_mass(without_copies(surface), model)
     found = identify_ratios(surface, model, _identify) or _identify(surface, model)
-    return _with_held_out(found, score_held_out, found, surface)
+    return _with_held_out(found, predict_held_out, found, surface)
 
 
 def _with_held_out(found: Identification, score: Callable[..., Prediction], *test: object) -> Identification:

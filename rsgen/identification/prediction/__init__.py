@@ -3,6 +3,6 @@
 from __future__ import annotations
 
 from rsgen.identification.prediction.prediction_result import HeldOutLevel, Prediction, ResonanceCurve
-from rsgen.identification.prediction.resonance_curves import predict, score_held_out, score_records
+from rsgen.identification.prediction.resonance_curves import predict, predict_held_out, predict_records
 
-__all__ = ["HeldOutLevel", "Prediction", "ResonanceCurve", "predict", "score_held_out", "score_records"]
+__all__ = ["HeldOutLevel", "Prediction", "ResonanceCurve", "predict", "predict_held_out", "predict_records"]

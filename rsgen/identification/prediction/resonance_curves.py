@@ -202,13 +202,13 @@ def predict(
     return Prediction(curves, held_out, (*balance.about, *_findings(tested, curves, held_out), *findings))
 
 
-def score_records(found: MultisineIdentification) -> Prediction:
+def predict_records(found: MultisineIdentification) -> Prediction:
     """Predict the records of a multisine that an identification has not seen."""
     scored = predict_multisine(found)
     return replace(scored, findings=(*_by_label(found, found.spectra), *scored.findings))
 
 
-def score_held_out(found: Identification, surface: ResponseSurface) -> Prediction:
+def predict_held_out(found: Identification, surface: ResponseSurface) -> Prediction:
     """Predict the levels that an identification has not seen, and hold each against its test.
 
     Parameters
