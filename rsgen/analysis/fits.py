@@ -165,7 +165,7 @@ class FitComparison(Printed):
         RsgenError
             There is none; it is a ``KeyError``, too.
         """
-        return lookup(name, {row.name: row for row in reversed([*self])}, "parameter")
+        return lookup(name, {row.name: row for row in reversed((*self.rows, *self.background))}, "parameter")
 
     def __iter__(self) -> Iterator[FitRow]:
         return iter((*self.rows, *self.background))

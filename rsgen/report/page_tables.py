@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 
@@ -343,7 +342,7 @@ def ranking_table(identification: Identification) -> Table | None:
 
 
 # ----------------------------------------------------------------------------
-# The modal table of a report: rows for the page, an entry of result.json, or why there is none.
+# The modal table of a report: rows for the page, or why there is none.
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -396,42 +395,6 @@ def score_held_out(table: ModalTable, surface: ResponseSurface) -> tuple[HeldOut
     if not (table.test.observation.hold_out and "damping_ratio" in table.known):
         return ()
     return predict(table, None, surface).held_out
-
-
-def _finite(value: float) -> float | None:
-    """A number with as many digits as any test has; JSON has none that is not finite."""
-    return float(f"{value:.8e}") if math.isfinite(value) else None
-
-
-def modal_entry(modal: Modal) -> dict[str, Any] | None:
-    """Give the table for result.json: columns in SI, null where they are not known; or the reason."""
-    table = modal.table
-    if table is None:
-        return {"reason": modal.reason} if modal.reason else None
-
-    entry: dict[str, Any] = {
-        "points": table.points,
-        "misfit": _finite(table.misfit),
-        "mass": _finite(table.mass),
-        "mass_error": _finite(table.mass_error),
-        "known": list(table.known),
-        "amplitude": list(map(_finite, table.amplitude)),
-    }
-    for name in table.known:
-        for column in (name, f"{name}_lower", f"{name}_upper"):
-            entry[column] = list(map(_finite, getattr(table, column)))
-    entry["held_out"] = [
-        {
-            "level": item.level,
-            "sweep": item.sweep,
-            "points": len(item.frequency),
-            "missing": item.missing,
-            "error": _finite(item.error),
-            "largest_error": _finite(item.largest_error),
-        }
-        for item in modal.held_out
-    ]
-    return entry
 
 
 def modal_page_table(section: Modal) -> Table | None:

@@ -28,7 +28,7 @@ from rsgen.identification.ranking import Ranking
 from rsgen.identification.results import Estimate, Identification, Resonance
 from rsgen.law.element import FORCE_KEYS
 from rsgen.report.interpretation import dissipation_entry
-from rsgen.report.page_tables import NO_MODAL, Modal, modal_entry
+from rsgen.report.page_tables import NO_MODAL, Modal
 from rsgen.report.provenance import Subject
 from rsgen.report.wording import sentence
 from rsgen.report.wording.sentences import read_verdict, state_verdict
@@ -54,9 +54,7 @@ def numbers_or_none(values: Array) -> list[float | None]:
     return [None if not math.isfinite(v) else float(f"{v:.{_DIGITS - 1}e}") for v in values.tolist()]
 
 
-def _estimate(estimate: Estimate | None) -> dict[str, Any] | None:
-    if estimate is None:
-        return None
+def _estimate(estimate: Estimate) -> dict[str, Any]:
     entry: dict[str, Any] = {
         **_finite_ones(estimate, ("value", "standard_error")),
         "interval": [finite_or_none(bound) for bound in estimate.interval],
@@ -68,7 +66,8 @@ def _estimate(estimate: Estimate | None) -> dict[str, Any] | None:
 
 
 def _row(row: Row) -> dict[str, Any]:
-    estimates = {name: _estimate(getattr(row, name)) for name in ("paper", "first_order", "refined")}
+    found = {"paper": row.paper, "first_order": row.first_order, "refined": row.refined}
+    estimates = {name: None if one is None else _estimate(one) for name, one in found.items()}
     errors = ("paper_error", "first_order_error", "relative_error", "tolerance")
     true = {"name": row.name, "unit": row.unit, "true": finite_or_none(row.true)}
     return {**true, **estimates, **_finite_ones(row, errors), "passed": row.passed}
@@ -275,6 +274,21 @@ def _held_out(item: HeldOutLevel) -> dict[str, Any]:
     }
 
 
+def modal_entry(modal: Modal) -> dict[str, Any] | None:
+    """Give the modal table: columns in SI, null where they are not known; or why there is none."""
+    table = modal.table
+    if table is None:
+        return {"reason": modal.reason} if modal.reason else None
+    columns = [name + end for name in table.known for end in ("", "_lower", "_upper")]
+    return {
+        "points": table.points,
+        **_finite_ones(table, ("misfit", "mass", "mass_error")),
+        "known": list(table.known),
+        **{name: numbers_or_none(getattr(table, name)) for name in ("amplitude", *columns)},
+        "held_out": [_held_out(item) for item in modal.held_out],
+    }
+
+
 def _background(identification: Identification) -> dict[str, Any] | None:
     """The fitted background; null where none was asked for."""
     background = identification.background
@@ -285,12 +299,7 @@ def _background(identification: Identification) -> dict[str, Any] | None:
         "band": list(background.band),
         "share": finite_or_none(background.share),
         "estimates": [
-            {
-                "name": estimate.name,
-                "unit": estimate.unit,
-                **_finite_ones(estimate, ("value", "standard_error")),
-                "interval": [finite_or_none(bound) for bound in estimate.interval],
-            }
+            {"name": estimate.name, "unit": estimate.unit, **_estimate(estimate)}
             for estimate in background.estimates
         ],
     }

@@ -26,7 +26,8 @@ from rsgen.common.output import write_atomic
 from rsgen.data.surface import load_surface
 from rsgen.formula.units.quantities import quantity_text
 from rsgen.identification.modal_table import modal_table
-from rsgen.report.page_tables import Modal, modal_entry, score_held_out
+from rsgen.report.page_tables import Modal, score_held_out
+from rsgen.report.result_json import modal_entry
 from rsgen.report.wording import sentence
 
 Csv = Annotated[
