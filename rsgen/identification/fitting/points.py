@@ -29,6 +29,9 @@ _QUADRATURE = 0.2
 FEWEST = 4
 """Points: a mass, a spring and a damper, and one to disagree with them."""
 
+_REST = 1e-12
+"""Motion relative to the largest of a test that no sensor resolves."""
+
 _RANGE = (1e-60, 1e60)
 """Sizes of force, response and frequency in SI units: their fourth powers are still numbers, and nothing
 measured is near."""
@@ -183,6 +186,11 @@ def held_out_mask(surface: ResponseSurface, model: Model) -> NDArray[np.bool_]:
     return np.isin(surface.level, [level for level in meant if level is not None])
 
 
+def _at_rest(surface: ResponseSurface) -> float:
+    """Amplitude [m] up to which a point is at rest: friction holds the mass, what is left is round-off."""
+    return _REST * float(np.max(surface.amplitude, initial=0.0, where=np.isfinite(surface.amplitude)))
+
+
 def _why_unused(surface: ResponseSurface) -> str:
     """Count what keeps points out, in words."""
     reasons = [
@@ -190,7 +198,7 @@ def _why_unused(surface: ResponseSurface) -> str:
         for kind, sentence in enumerate(OUTCOMES)
         if kind and (count := int(np.count_nonzero(surface.outcome == kind)))
     ]
-    still = int(np.count_nonzero(surface.settled & (surface.amplitude == 0)))
+    still = int(np.count_nonzero(surface.settled & (surface.amplitude <= _at_rest(surface))))
     if still:
         reasons.append(f"{still} do not move: friction holds the mass at these levels")
     return f" ({'; '.join(reasons)})" if reasons else ""
@@ -242,7 +250,7 @@ def select_points(surface: ResponseSurface, model: Model) -> Points:
         & ~held_out_mask(surface, model)
         & np.isfinite(harmonics[:, 1])
         & np.isfinite(surface.force)
-        & (np.abs(harmonics[:, 1]) > 0)
+        & (np.abs(harmonics[:, 1]) > _at_rest(surface))
         & (np.abs(surface.force) > 0)
     )
     if model.observation.band is not None:
