@@ -15,6 +15,7 @@ from rsgen.data.multisine import MultisineSpectra
 from rsgen.data.oscillator import Model, Observation, join_model
 from rsgen.data.surface import ResponseSurface, without_copies
 from rsgen.identification.fitting.fit import RESOLUTION, Fit, fit_balance, fit_simulator
+from rsgen.identification.fitting.least_squares import Regression
 from rsgen.identification.fitting.observed import Problem
 from rsgen.identification.fitting.points import per_unit_mass
 from rsgen.identification.judge import judge, prepare
@@ -35,6 +36,9 @@ _ORDERS = (ORDER, 15, 23)
 _ACCURACIES = (1e-5, 1e-8)
 """Of the simulator inside the fit. The coarser is what a truncated waveform leaves of a law as soft as x|x|;
 the finer serves where the misfit turns out to be as small."""
+
+_SAME_VALUE = 0.1
+"""Standard errors that harmonics left out may move a value: the simulator is not asked for less."""
 
 _RESOLVED = 100.0
 """A misfit this many times the simulator's accuracy is not the simulator's."""
@@ -77,10 +81,17 @@ def _balance(problem: Problem, parameters: Array) -> tuple[Fit, bool]:
     law = problem.law
     points = problem.observed.mode(problem.split(parameters)[2])
     few = problem.select(points.spread(QUICK)) if len(points) > 2 * QUICK else problem
-    sharp = law.rough or points.strong
+    sharp, before = law.rough or points.strong, None
     for order in _ORDERS:
         refined = fit_balance(few, parameters, order=order)
         parameters = refined.regression.parameters
+        if before is not None and _alike(before, refined.regression, len(few.observed.points) / len(points)):
+            # what more harmonics would change is less than noise
+            sharp = False
+            break
+        if sharp and before is None and refined.regression.noise > _ACCURACIES[0]:
+            before = refined.regression
+            continue
         harmonics = np.abs(refined.harmonics[refined.regression.used])
         last = float(np.max(harmonics[:, -2:] / harmonics[:, 1:2], initial=0.0))
         enough = last < max(TAIL, 1e-3 * refined.regression.noise / np.sqrt(len(points)))
@@ -92,6 +103,17 @@ def _balance(problem: Problem, parameters: Array) -> tuple[Fit, bool]:
         return refined, sharp
     # what the simulator takes up needs no more than one step
     return fit_balance(problem, parameters, order=order, steps=1 if sharp else STEPS), sharp
+
+
+def _alike(one: Regression, other: Regression, share: float) -> bool:
+    """Whether two orders give the same values, within a tenth of the standard errors of all points.
+
+    ``share`` of the points were fitted.
+    """
+    error = np.sqrt(np.diag(one.covariance) * share)
+    moved = np.abs(one.parameters - other.parameters)
+    known = np.isfinite(error) & (error > 0)
+    return bool(known.any() and np.all(moved[known] < _SAME_VALUE * error[known]))
 
 
 def _refit_with_simulator(balanced: Fit) -> Fit:
