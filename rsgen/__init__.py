@@ -49,6 +49,7 @@ if TYPE_CHECKING:
     from rsgen.identification.modal_result import ModalTable
     from rsgen.identification.modal_table import modal_table
     from rsgen.identification.prediction import Prediction, predict
+    from rsgen.identification.profile import Profile, profile
     from rsgen.identification.ranking import Ranking, rank
     from rsgen.identification.results import Identification
     from rsgen.law import Law, laws, make_element
@@ -75,6 +76,7 @@ _PLACES = {
     "Observation": "data.oscillator",
     "Oscillator": "data.oscillator",
     "Prediction": "identification.prediction",
+    "Profile": "identification.profile",
     "Ranking": "identification.ranking",
     "ResponseSurface": "data.surface",
     "RsgenError": "common.errors",
@@ -91,6 +93,7 @@ _PLACES = {
     "make_element": "law",
     "modal_table": "identification.modal_table",
     "predict": "identification.prediction",
+    "profile": "identification.profile",
     "rank": "identification.ranking",
     "read": "cases",
     "save_frf": "analysis.export",
@@ -129,6 +132,7 @@ __all__ = [
     "Observation",
     "Oscillator",
     "Prediction",
+    "Profile",
     "Ranking",
     "ResponseSurface",
     "RsgenError",
@@ -147,6 +151,7 @@ __all__ = [
     "make_element",
     "modal_table",
     "predict",
+    "profile",
     "rank",
     "read",
     "save_frf",

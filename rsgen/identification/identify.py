@@ -89,7 +89,8 @@ def _balance(problem: Problem, parameters: Array) -> tuple[Fit, bool]:
             # what more harmonics would change is less than noise
             sharp = False
             break
-        if sharp and before is None and refined.regression.noise > _ACCURACIES[0]:
+        # a memory takes the simulator hundreds of cycles to settle
+        if law.remembers and sharp and before is None and refined.regression.noise > _ACCURACIES[0]:
             before = refined.regression
             continue
         harmonics = np.abs(refined.harmonics[refined.regression.used])

@@ -34,6 +34,7 @@ from rsgen.identification.misfit import (
     unseen_findings,
     widen_squares,
 )
+from rsgen.identification.profile import with_profiles
 from rsgen.identification.resonance import fit_resonances, resonance_findings
 from rsgen.identification.restoring_force import equivalent_curve, force_levels, invert_curve, invert_motion
 from rsgen.identification.results import (
@@ -339,7 +340,7 @@ def judge(test: Prepared, model: Model, refined: Fit) -> Identification:
     reasons = with_combinations(explain_hidden(test.problem, reasons), model)
     freedom = np.minimum(regression.freedom, each[: test.problem.count])
     solution = replace(refined.solution, covariance=regression.covariance, freedom=freedom)
-    estimates = make_estimates(solution, law, model, reasons, units)
+    estimates = with_profiles(refined, make_estimates(solution, law, model, reasons, units))
     curve = equivalent_curve(surface, points, used, refined)
     doubtful = {estimate.name for estimate in estimates if not estimate.identifiable}
     mass = nan if "m" in doubtful else refined.mass
@@ -380,6 +381,7 @@ def judge(test: Prepared, model: Model, refined: Fit) -> Identification:
         outcome=outcome,
         solution=refined.values,
         background=_background(refined, whole, surface.units),
+        fit=refined,
         findings=(*about, *law_remarks(model.force), *mirror_findings(test.problem, known), *collected),
     )
 

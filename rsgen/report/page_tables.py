@@ -94,6 +94,9 @@ def _estimate_cell(estimate: Estimate | None, unit: str, interval: bool = False)
         return Cell(text, _remark(estimate))
     scale = choose_scale([estimate.value], unit)
     note = f"± {number_text(half / scale.factor, 2)} {scale.unit}".rstrip()
+    if estimate.by_profile:
+        low, high = (number_text(end / scale.factor, _digits(estimate)) for end in estimate.interval)
+        note = f"{low} to {high} {scale.unit}".rstrip() + ", by profile likelihood"
     return Cell(text, "; ".join(filter(None, [note, _remark(estimate)])))
 
 

@@ -58,6 +58,7 @@ def _estimate(estimate: Estimate) -> dict[str, Any]:
     entry: dict[str, Any] = {
         **_finite_ones(estimate, ("value", "standard_error")),
         "interval": [finite_or_none(bound) for bound in estimate.interval],
+        **({"interval_by": "profile"} if estimate.by_profile else {}),
     }
     if estimate.finding is not None:
         entry["remark"] = sentence(estimate.finding)

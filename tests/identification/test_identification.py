@@ -66,7 +66,7 @@ def test_bilinear_stiffnesses_come_from_the_two_peaks() -> None:
 
 
 def test_truth_has_no_way_in() -> None:
-    assert list(inspect.signature(identify).parameters) == ["surface", "law", "observation", "mass"]
+    assert list(inspect.signature(identify).parameters) == ["surface", "law", "observation", "mass", "fixed"]
     assert not hasattr(model("cubic"), "values")
 
 

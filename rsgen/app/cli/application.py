@@ -38,6 +38,7 @@ COMMANDS = {
     "derive": "Describing functions of a force law.",
     "simulate": "From a case to a response surface.",
     "identify": "From a case to its parameters.",
+    "profile": "The interval of one parameter by its likelihood.",
     "rank": "Which law? The library ranked on a test.",
     "report": "Write reports anew, without simulating.",
     "notebook": "Write the lesson on a case alone.",

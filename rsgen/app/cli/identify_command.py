@@ -51,6 +51,7 @@ def _entry(estimate: Estimate | None) -> dict[str, Any] | None:
         "value": estimate.value,
         "standard_error": estimate.standard_error,
         "interval": list(estimate.interval),
+        "interval_by": "profile" if estimate.by_profile else "standard error",
     }
 
 
@@ -114,7 +115,7 @@ def identify_command(
             (
                 row["name"],
                 *(number(row[method]["value"] if row[method] else None) for method in _METHODS),
-                number((row["refined"]["interval"][1] - row["refined"]["interval"][0]) / 2, 2),
+                _interval_text(row["refined"]),
                 row["unit"],
             )
             for row in rows
@@ -127,6 +128,13 @@ def identify_command(
         if finding not in verdict.decided_by:
             print_line(f"note: {sentence(finding)}")
     return code
+
+
+def _interval_text(entry: dict[str, Any]) -> str:
+    low, high = entry["interval"]
+    if entry["interval_by"] == "profile":
+        return f"{number(low)} to {number(high)}, by profile"
+    return number((high - low) / 2, 2)
 
 
 def _verdict(case: Case, identification: Identification) -> Verdict:

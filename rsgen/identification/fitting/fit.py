@@ -9,7 +9,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rsgen.common.arrays import Array, ComplexArray
-from rsgen.common.tolerances import NOISY, NOTICEABLE, NULL_PART, ORDER, SAMPLES, SAMPLES_SWITCHED, STEPS
+from rsgen.common.tolerances import (
+    NEAR_STEPS,
+    NOISY,
+    NOTICEABLE,
+    NULL_PART,
+    ORDER,
+    SAMPLES,
+    SAMPLES_SWITCHED,
+    STEPS,
+)
 from rsgen.identification.fitting.across import MeasuredAcross, sensor_pair
 from rsgen.identification.fitting.forward import Descent, HarmonicBalance
 from rsgen.identification.fitting.least_squares import Regression, Rules, eliminate, fit
@@ -234,6 +243,33 @@ def linearise_beside(fit: Fit, problem: Problem, parameters: Array) -> tuple[Arr
     good &= np.isfinite(line.by_parameter).all(axis=(1, 2))
     residual, matrix = eliminate(line)
     return residual[good], matrix[good]
+
+
+def refit_weighted(near: Fit, problem: Problem, parameters: Array, *, order: int) -> Regression:
+    """Fit by harmonic balance with the weights of a fit that is near, so that sums of squares compare.
+
+    Parameters
+    ----------
+    near
+        A fit of the same points by a balance of the same order.
+    problem, parameters
+        What is fitted, and where to start.
+    order
+        Harmonics carried in the balance.
+    """
+    values = problem.split(parameters)[2]
+    mode, turn = problem.observed.mode(values), problem.observed.background.turn(values)
+    descent = Descent(problem, _forward(problem, mode, order, turn))
+    descent.scale = near.scale
+    rules = Rules(steps=NEAR_STEPS, held=problem.held, free=problem.free)
+    return fit(
+        descent.linearise,
+        parameters,
+        near.regression.nuisance,
+        rules,
+        neighbours=mode.neighbours,
+        reject=False,
+    )
 
 
 def _forward(problem: Problem, mode: Points, order: int, turn: complex) -> HarmonicBalance | MeasuredAcross:

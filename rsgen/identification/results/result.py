@@ -20,6 +20,7 @@ from rsgen.data.oscillator import Model
 from rsgen.dynamics.linear_part import BackgroundTerms, background_terms
 from rsgen.formula.units import parameter_units
 from rsgen.formula.units.quantities import WHOLE, ForceUnits
+from rsgen.identification.fitting.fit import Fit
 from rsgen.law.memory import with_equations
 
 
@@ -46,11 +47,14 @@ class Estimate:
     standard_error
         One standard deviation, same unit; infinite where the parameter is not identifiable.
     interval
-        The 95 % interval (lower, upper), Student t.
+        The 95 % interval (lower, upper), Student t; an end that the test does not tell is infinite.
     unit
         SI unit, "" where it is dimensionless or unknown.
     finding
         Why the test does not determine the parameter; None where it does.
+    by_profile
+        True where the interval is that of the profile likelihood, which need not be symmetric; else it is
+        Wald's, of the standard error.
     """
 
     name: str
@@ -59,6 +63,7 @@ class Estimate:
     interval: tuple[float, float]
     unit: str = ""
     finding: Finding | None = None
+    by_profile: bool = False
 
     @property
     def identifiable(self) -> bool:
@@ -74,7 +79,8 @@ class Estimate:
             return (self.name, "", "", self.unit, self.finding.code if self.finding else "not-identifiable")
         digits = with_error(self.value, self.standard_error)
         low, high = (short(end, digits) for end in self.interval)
-        return (self.name, short(self.value, digits), f"{low} to {high}", self.unit, "")
+        kind = ", by profile" if self.by_profile else ""
+        return (self.name, short(self.value, digits), f"{low} to {high}{kind}", self.unit, "")
 
 
 @dataclass(frozen=True, slots=True)
@@ -303,6 +309,7 @@ class Identification(Printed):
     solution: NDArray[np.float64] = field(default_factory=lambda: np.zeros(0))
     background: Background | None = None
     held_out: tuple[Any, ...] = ()
+    fit: Fit | None = None
 
     def __post_init__(self) -> None:
         if len(self.solution) == 0:

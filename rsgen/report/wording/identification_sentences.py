@@ -33,6 +33,7 @@ say_plainly(
             f"{{parameter}}: the response does not depend on it in the tested range ({_TESTED}); raise the "
             "level until it does"
         ),
+        "bounded-to-one-side": "{parameter}: the test says only that it is {side} {bound:.3q}",
         "not-distinct-from-zero": (
             "{parameter}: {value:.2g} with standard error {standard_error:.2g} cannot be distinguished from "
             f"zero ({_TESTED}); raise the level, or take more points near the resonance or more periods"

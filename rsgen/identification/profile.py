@@ -1,0 +1,278 @@
+"""Profile likelihood: an interval from fits with one value fixed, where a standard error says too little.
+
+The deviance D(b) is what the sum of squares grows by when b is fixed and every other parameter is fitted
+again, in units of the noise. The interval holds the values with sqrt(D) below the quantile of Student's t
+(Venzon and Moolgavkar, Applied Statistics 37, 1988). With a quadratic sum of squares it is the value and its
+standard error, which is Wald's; beside a breakpoint that is only just passed, a saturation or an exponent
+the sum of squares has a corner or a plateau, and the interval is lopsided or open to one side.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from math import inf, isfinite
+
+import numpy as np
+
+from rsgen.common.arrays import Array
+from rsgen.common.errors import RsgenError, require
+from rsgen.common.finding import Finding, Quantity
+from rsgen.common.text_table import Printed, TextTable, short
+from rsgen.common.tolerances import CONFIDENCE, NOISY, ORDER, t_quantile
+from rsgen.identification.fitting.fit import Fit, refit_weighted
+from rsgen.identification.fitting.least_squares import Regression
+from rsgen.identification.misfit import fit_near
+from rsgen.identification.results import Estimate, Identification
+
+_CLOSE = 0.02
+"""Relative to its target, sqrt(D) at the end of an interval."""
+
+_NOISIER = 1.5
+"""The balance may leave this much more than the fit that it stands for; with more it has no likelihood."""
+
+_WALD = 0.15
+"""Wald's interval stands where sqrt(D) at its ends is the quantile within this share."""
+
+_TOGETHER = 0.5
+"""Correlation from which a parameter goes with a nonlinear one, as the stiffness behind a gap does."""
+
+_FITS = 12
+"""Most fits to one side: a side that has no end after so many doublings is open."""
+
+_STEP = 2.0
+"""Factor from one distance to the next while no end is found."""
+
+
+@dataclass(frozen=True, slots=True, eq=False, repr=False)
+class Profile(Printed):
+    """How the misfit grows with the distance of one parameter from its value, all others fitted again.
+
+    Parameters
+    ----------
+    name, unit
+        The parameter, and its SI unit.
+    values, root
+        (k,) values that were tried, ascending, and the root of the deviance there with the sign of the
+        distance, in standard errors: a straight line where Wald's interval holds.
+    interval
+        Where ``root`` stays within the quantile of Student's t; an end without limit is infinite.
+    wald
+        From the standard error.
+    """
+
+    name: str
+    unit: str
+    values: Array
+    root: Array
+    interval: tuple[float, float]
+    wald: tuple[float, float]
+
+    def _table(self) -> TextTable:
+        rows = tuple((short(v, 6), short(r, 3)) for v, r in zip(self.values, self.root, strict=True))
+        low, high = (short(end, 5) for end in self.interval)
+        caption = f"{self.name}: {low} to {high} {self.unit}".rstrip() + ", 95 % by profile likelihood"
+        return TextTable((f"{self.name} {self.unit}".rstrip(), "root of the deviance"), rows, caption=caption)
+
+
+class _Likelihood:
+    """Fits with one parameter of a fit fixed, each started from its nearest neighbour; all are kept.
+
+    A fit with one value fixed has values of all others, too: what they are is as likely as it is.
+    """
+
+    def __init__(self, found: Fit) -> None:
+        problem = found.problem.select(np.flatnonzero(found.regression.used))
+        self._order = max(ORDER, *problem.observed.recorded)
+        self._near = fit_near(problem, found.regression.parameters, order=self._order)
+        base = refit_weighted(self._near, problem, self._near.regression.parameters, order=self._order)
+        self._problem, self._noise, self._cost = problem, base.noise, _cost(base)
+        self._error = np.sqrt(np.diag(found.regression.covariance))
+        self.names = (*problem.law.parameters, "m")
+        self.best = base.parameters
+        self.resolved = self._noise < _NOISIER * found.regression.noise
+        self._fits, self._roots, self._fixed = [self.best], [0.0], [-1]
+
+    def __call__(self, place: int, value: float) -> float:
+        """Return the root of the deviance with one value fixed; infinite where points are not predicted."""
+        # near in value, or likely: what the root would be of a fit moved there, if all were quadratic
+        known = np.array(self._fits)
+        far = (known[:, place] - value) / self._error[place]
+        start = np.array(known[np.argmin(far**2 + np.array(self._roots) ** 2)])
+        start[place] = value
+        fixed = {**self._problem.fixed, self.names[place]: value}
+        found = refit_weighted(self._near, replace(self._problem, fixed=fixed), start, order=self._order)
+        if not found.used.all():
+            return inf
+        root = float(np.sqrt(max(_cost(found) - self._cost, 0.0)) / max(self._noise, 1e-300))
+        self._fits.append(found.parameters)
+        self._roots.append(root)
+        self._fixed.append(place)
+        return root
+
+    def tried(self, place: int) -> list[tuple[float, float]]:
+        """Return values and roots of the fits in which a parameter was fixed, and of the best."""
+        chosen = [i for i, fixed in enumerate(self._fixed) if fixed in (-1, place)]
+        return [(float(self._fits[i][place]), self._roots[i]) for i in chosen]
+
+    def within(self, place: int, target: float) -> tuple[float, float]:
+        """Return the lowest and highest value of a parameter in fits whose root is within a target."""
+        values = np.array(self._fits)[np.array(self._roots) <= target, place]
+        return float(values.min()), float(values.max())
+
+    def end(self, place: int, step: float, target: float, stop: float) -> float:
+        """Find where the root reaches a target, by first steps of a size; infinite where it does not.
+
+        ``stop`` is a value not to be passed, at which the interval ends in any case.
+        """
+        near = self.within(place, target)[step > 0]
+        low, distance = 0.0, step
+        for _ in range(_FITS):
+            outer = near + distance
+            if (outer - stop) * np.sign(step) >= 0:
+                outer = stop
+            over = self(place, outer)
+            if over >= target or outer == stop:
+                break
+            near, low, distance = outer, over, distance * _STEP
+        if not over >= target:
+            return outer if outer == stop else float(np.sign(step)) * inf
+        for _ in range(_FITS):
+            if abs(over / target - 1) < _CLOSE:
+                break
+            share = (target - low) / (over - low) if isfinite(over) else 0.5
+            between = near + float(np.clip(share, 0.1, 0.9)) * (outer - near)
+            root = self(place, between)
+            if root < target:
+                near, low = between, root
+            else:
+                outer, over = between, root
+        return outer
+
+
+def _cost(found: Regression) -> float:
+    return float(np.sum(found.residual**2))
+
+
+def _target(found: Fit, estimate: Estimate) -> float:
+    """Return the root at which an interval ends: the quantile, as much larger as the error was widened."""
+    place = (*found.problem.law.parameters, "m").index(estimate.name)
+    # of independent errors of one size, as the sum of squares takes them
+    own = found.regression.noise * float(np.linalg.norm(found.regression.basis[place]))
+    return float(t_quantile(found.regression.freedom, CONFIDENCE)) * max(estimate.standard_error / own, 1.0)
+
+
+def _is_quadratic(likelihood: _Likelihood, estimate: Estimate, target: float) -> bool:
+    """Whether Wald's interval ends where the likelihood does."""
+    place = likelihood.names.index(estimate.name)
+    half = (estimate.interval[1] - estimate.interval[0]) / 2
+    roots = [likelihood(place, likelihood.best[place] + sign * half) for sign in (-1, 1)]
+    return all(abs(root / target - 1) < _WALD for root in roots)
+
+
+def _interval(found: Fit, likelihood: _Likelihood, estimate: Estimate, target: float) -> tuple[float, float]:
+    """Return the values whose root is within a target; those of a nonlinear parameter keep its sign."""
+    law, place = found.problem.law, likelihood.names.index(estimate.name)
+    best, step = float(likelihood.best[place]), (estimate.interval[1] - estimate.interval[0]) / 2
+    stops = [-inf, inf]
+    if place in law.nonlinear:
+        stops[0 if best > 0 else 1] = 0.0
+    low, high = (
+        likelihood.end(place, sign * step, target, stop) for sign, stop in zip((-1, 1), stops, strict=True)
+    )
+    # the simulator and the correction of bias move the value, and the interval with it
+    moved = float(found.regression.parameters[place]) - best
+    return low + moved, high + moved
+
+
+def with_profiles(found: Fit, estimates: Sequence[Estimate]) -> tuple[Estimate, ...]:
+    """Replace Wald's intervals by those of the profile likelihood where the two differ.
+
+    The sum of squares of a law that is linear in its parameters is nearly quadratic. Of another one that of
+    nonlinear parameters, and of those that go with them, is asked at both ends of their intervals.
+    """
+    law = found.problem.law
+    if not law.nonlinear or law.acts_across or found.regression.noise < NOISY:
+        return tuple(estimates)
+    known = [e for e in estimates if isfinite(e.value) and 0 < e.standard_error < inf]
+    with_nonlinear = _with_nonlinear(found.regression.covariance, law.nonlinear)
+    place = {name: i for i, name in enumerate((*law.parameters, "m"))}
+    asked = [e for e in known if place[e.name] in with_nonlinear]
+    asked.sort(key=lambda estimate: with_nonlinear.index(place[estimate.name]))
+    likelihood = _Likelihood(found)
+    if not likelihood.resolved:
+        return tuple(estimates)
+    target = {e.name: _target(found, e) for e in known}
+    bent = [e for e in asked if not _is_quadratic(likelihood, e, target[e.name])]
+    # a profile comes by values of the other parameters that are as likely: nonlinear ones come first
+    replaced = {e.name: _stated(e, _interval(found, likelihood, e, target[e.name])) for e in bent}
+    return tuple(replaced.get(e.name, e) for e in estimates)
+
+
+def _with_nonlinear(covariance: Array, nonlinear: Sequence[int]) -> list[int]:
+    """Return the places of nonlinear parameters, and then of those correlated with one of them."""
+    error = np.sqrt(np.diag(covariance))
+    with np.errstate(invalid="ignore"):
+        together = np.abs(covariance[:, list(nonlinear)]) > _TOGETHER * np.outer(
+            error, error[list(nonlinear)]
+        )
+    others = [place for place in np.flatnonzero(together.any(axis=1)) if place not in nonlinear]
+    return [*nonlinear, *map(int, others)]
+
+
+def _stated(estimate: Estimate, interval: tuple[float, float]) -> Estimate:
+    """State an interval of the profile: without one end a value is bounded, not identified."""
+    finding, (low, high) = estimate.finding, interval
+    if finding is not None and finding.code == "not-distinct-from-zero" and low * high > 0:
+        finding = None
+    if finding is None and not (isfinite(low) or isfinite(high)):
+        finding = Finding("not-determined", "warning", estimate.name)
+    elif finding is None and not (isfinite(low) and isfinite(high)):
+        side, bound = ("at least", low) if isfinite(low) else ("at most", high)
+        numbers = {"bound": Quantity(bound, estimate.unit)}
+        finding = Finding("bounded-to-one-side", "warning", estimate.name, numbers, {"side": side})
+    return replace(estimate, interval=interval, by_profile=True, finding=finding)
+
+
+def profile(found: Identification, name: str) -> Profile:
+    """Profile the likelihood of one parameter of an identification.
+
+    Parameters
+    ----------
+    found
+        What ``identify`` found on a sine test.
+    name
+        A parameter of its law, or "m", that was fitted and has a value.
+
+    Raises
+    ------
+    RsgenError
+        There is no such parameter or it has no value, the identification is of a multisine or of a law
+        across two sensors, or its data are exact, so that the likelihood is that of round-off.
+    """
+    require(found, Identification, "found")
+    fit, known = found.fit, {e.name: e for e in found.refined if isfinite(e.value)}
+    if fit is None:
+        raise RsgenError("profile: only of an identification from a sine test, as identify returns it")
+    if name not in known:
+        raise RsgenError(f"profile: {name!r} has no value here; those with one: {', '.join(known) or 'none'}")
+    likelihood = _Likelihood(fit)
+    if not likelihood.resolved:
+        raise RsgenError("profile: the data are exact, and what is left of them is no noise")
+    estimate, target = known[name], _target(fit, known[name])
+    interval = _interval(fit, likelihood, estimate, target)
+    place = likelihood.names.index(name)
+    tried = sorted(likelihood.tried(place), key=lambda pair: pair[0])
+    moved = float(fit.regression.parameters[place]) - float(likelihood.best[place])
+    scale = float(t_quantile(fit.regression.freedom, CONFIDENCE)) / target
+    return Profile(
+        name,
+        estimate.unit,
+        np.array([value + moved for value, _ in tried]),
+        np.array([root * scale * np.sign(value - likelihood.best[place]) for value, root in tried]),
+        interval,
+        (
+            estimate.value - estimate.standard_error * target * scale,
+            estimate.value + estimate.standard_error * target * scale,
+        ),
+    )

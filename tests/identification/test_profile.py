@@ -1,0 +1,91 @@
+"""Profile likelihood: Wald's where the law is linear, lopsided where a gap is only just passed."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from rsgen.common.errors import RsgenError
+from rsgen.data.oscillator import Oscillator
+from rsgen.data.surface import ResponseSurface
+from rsgen.dynamics.simulation import SimulatedTest, simulate
+from rsgen.identification.identify import identify
+from rsgen.identification.profile import profile
+
+CUBIC, VALUES = "k*x + c*v + k3*x**3", {"k": 6000.0, "c": 4.0, "k3": 2e5}
+GAP, STOP = "k*x + c*v + kg*(Max(x - b, 0) + Min(x + b, 0))", {"k": 6000.0, "c": 4.0, "kg": 6000.0, "b": 3e-3}
+
+
+def gauged(law: str, values: dict[str, float], level: list[float], seed: int) -> ResponseSurface:
+    test = SimulatedTest(
+        level=level,
+        frequency=np.linspace(9.85, 10.35, 10),
+        noise_relative=0.01,
+        seed=seed,
+        method="harmonic-balance",
+    )
+    return simulate(Oscillator(1.5, law, values), test)
+
+
+def test_it_is_walds_where_the_law_is_linear() -> None:
+    found = identify(gauged(CUBIC, VALUES, [1.0, 2.0, 4.0, 8.0], 1), CUBIC)
+    assert not any(estimate.by_profile for estimate in found.refined)
+    for estimate in found.refined:
+        one = profile(found, estimate.name)
+        half = estimate.interval[1] - estimate.value
+        assert np.subtract(one.interval, estimate.interval) == pytest.approx(0, abs=0.05 * half)
+        assert one.wald == pytest.approx(estimate.interval)
+        # the root of the deviance is a straight line of slope one by the standard error
+        line = (one.values - estimate.value) / estimate.standard_error
+        assert one.root == pytest.approx(line, abs=0.1)
+
+
+def test_the_deviance_is_that_of_an_identification_with_the_value_fixed() -> None:
+    surface = gauged(CUBIC, VALUES, [1.0, 2.0, 4.0, 8.0], 2)
+    # with the fundamental alone no weight depends on the solution
+    surface = ResponseSurface(surface.level, surface.frequency, surface.force, surface.harmonics[:, 1])
+    found = identify(surface, CUBIC)
+    one = profile(found, "k3")
+    regression = found.fit.regression
+    freedom, place = regression.freedom, found.fit.problem.law.parameters.index("k3")
+    # what terms the law may lack would move widens the interval
+    wider = found["k3"].standard_error / np.sqrt(regression.covariance[place, place])
+    for value, root in zip(one.values[[0, -1]], one.root[[0, -1]], strict=True):
+        held = identify(surface, CUBIC, fixed={"k3": float(value)})
+        # one freedom more; both misfits are per freedom
+        grown = (held.fit.regression.noise / regression.noise) ** 2 * (freedom + 1) - freedom
+        assert (root * wider) ** 2 == pytest.approx(grown, rel=0.05)
+
+
+@pytest.mark.slow
+def test_a_gap_only_just_passed_has_a_lopsided_interval() -> None:
+    force = 1.06 * STOP["b"] * STOP["c"] * 2 * np.pi * 10.07
+    surface = gauged(GAP, STOP, [force * share for share in (0.25, 0.5, 0.75, 1.0)], 1)
+    found = identify(surface, GAP)
+    stiffness = found["kg"]
+    assert stiffness.by_profile
+    low, high = stiffness.interval
+    assert low < STOP["kg"] < high
+    # a stop of any greater stiffness explains a touch; none does not
+    assert low > 0
+    assert high - stiffness.value > 2 * (stiffness.value - low)
+    assert "by profile" in str(found)
+    assert not found["k"].by_profile
+
+
+@pytest.mark.slow
+def test_a_gap_that_may_not_have_been_passed_is_bounded_to_one_side() -> None:
+    force = 1.045 * STOP["b"] * STOP["c"] * 2 * np.pi * 10.07
+    surface = gauged(GAP, STOP, [force * share for share in (0.25, 0.5, 0.75, 1.0)], 4)
+    gap = identify(surface, GAP)["b"]
+    assert not gap.identifiable
+    assert gap.finding.code == "bounded-to-one-side"
+    assert gap.interval[0] < STOP["b"] < gap.interval[1] == np.inf
+    assert gap.finding["bound"] == gap.interval[0]
+
+
+def test_what_has_no_profile_is_refused() -> None:
+    found = identify(gauged(CUBIC, VALUES, [1.0, 2.0, 4.0, 8.0], 1), CUBIC, mass=1.5)
+    for name in ("k9", "m"):
+        with pytest.raises(RsgenError, match="has no value here; those with one: c, k, k3"):
+            profile(found, name)
