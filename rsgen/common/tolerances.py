@@ -162,10 +162,6 @@ TRIAL_STEPS = 12
 """Newton or Gauss-Newton steps that show whether a trial leads anywhere: near a solution each doubles the
 digits, and a dozen leaves room for steps that had to be shortened."""
 
-TURNED = 0.785
-"""A phase error beyond an eighth of a turn [rad] is no amplifier: half way to the quarter by which another
-quantity differs; a reversed sign is off by a half."""
-
 UNCHANGED = 1e-3
 """Misfits, or sums of squares, that differ by a smaller share are the same: a step between them was the last,
 and ends of a search with them are one solution, as of sliders that change places."""

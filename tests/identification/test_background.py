@@ -15,6 +15,7 @@ from rsgen.data.surface import ResponseSurface
 from rsgen.files import read_measurement
 from rsgen.identification.identify import identify
 from rsgen.identification.prediction import predict
+from rsgen.report.wording import sentence
 from tests.surfaces import changed, model, noisy, surface, truth
 
 EXACT = 2e-5
@@ -232,3 +233,17 @@ def test_amplitudes_alone_show_an_offset():
     bare = changed(table, harmonics=sizes, force=np.abs(table.force).astype(complex), phase_known=False)
     found = identify(bare, model("cubic"), Observation(background="phase+offset"))
     assert max(errors(found, truth("cubic")).values()) < 1e-3
+
+
+@pytest.mark.parametrize(("psi", "severity"), [(0.75, "doubt"), (0.5, "doubt"), (-0.3, "info"), (0.1, None)])
+def test_a_phase_error_that_a_filter_would_pay_in_amplitude_is_said(cubic, psi, severity):
+    found = identify(among_others(cubic, psi, 0, 0), model("cubic"), Observation(background="phase"))
+    told = [finding for finding in found.findings if finding.code == "phase-turned"]
+    assert [finding.severity for finding in told] == ([severity] if severity else [])
+    assert found.verdict.state == ("doubtful" if severity == "doubt" else "identified")
+    assert [finding["loss"] for finding in told] == pytest.approx(
+        [1 - np.cos(psi)] if severity else [], abs=1e-3
+    )
+    assert all(
+        f"takes {100 * (1 - np.cos(psi)):.0f} % of the amplitude" in sentence(finding) for finding in told
+    )

@@ -326,7 +326,7 @@ def implausible(fitted: Fitted, rows: Rows) -> list[Finding]:
             numbers = {"value": Quantity(value)}
             found.append(Finding("law-at-limit", "doubt", name, numbers, {"law": guess.name}))
     found += _cancelling(guess, rows)
-    return found + phase_findings(guess.background)
+    return found + [finding for finding in phase_findings(guess.background) if finding.severity == "doubt"]
 
 
 def _cancelling(guess: Guess, rows: Rows) -> list[Finding]:

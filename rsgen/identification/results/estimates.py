@@ -32,7 +32,6 @@ from rsgen.common.tolerances import (
     ROUND_OFF,
     SAME_NUMBER,
     SEVERAL,
-    TURNED,
     f_tail,
     samples_for,
     t_quantile,
@@ -168,11 +167,17 @@ def takes_energy(power: Array) -> bool:
 
 
 def phase_findings(background: Array) -> list[Finding]:
-    """Find a phase error that is a sign, a sense or another quantity, taken up by a background (b,)."""
+    """Find a phase error that costs amplitude, too, taken up by a background (b,).
+
+    A filter of first order that turns a phase by psi leaves cos(psi) of the amplitude, of which a test in its
+    band shows nothing. Beyond a quarter of a turn it is a sign, a sense or another quantity.
+    """
     turned = float(np.angle(np.exp(1j * background[0]))) if len(background) else 0.0
-    if not abs(turned) > TURNED:
+    loss = float(1 - max(np.cos(turned), 0.0))
+    if not loss > SAME_NUMBER:
         return []
-    return [Finding("phase-turned", "doubt", "psi", {"phase": Quantity(turned, "rad")})]
+    numbers = quantities(phase=Quantity(turned, "rad"), loss=loss)
+    return [Finding("phase-turned", "doubt" if loss > LARGE else "info", "psi", numbers)]
 
 
 def parameter_findings(

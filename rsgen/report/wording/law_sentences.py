@@ -147,10 +147,6 @@ say_plainly(
             "true law may be another"
         ),
         "terms-cancel": "{law} and {other} cancel each other: their sum is {share:.0%} of the larger",
-        "phase-turned": (
-            "with this law the phase of the force has to be turned by {phase:.3q}: that is a wrong sign or "
-            "phase sense of a sensor, not a background"
-        ),
         "ranking-one-level": "one level only: other levels would separate more laws",
     }
 )
@@ -171,7 +167,9 @@ NEXT_STEPS.update(
             "energy is fed by design, write the term with its sign, as in -c*v."
         ),
         "terms-cancel": "Rank without {law} or without {other}, and compare the misfits.",
-        "phase-turned": "Check the sign of the sensor and the sense of the phase, then fit the background.",
+        "phase-turned": (
+            "Check the sign of the sensor, the sense of the phase and filters, then fit the background."
+        ),
         "law-unconfirmed": (
             "Identify the law that you expect, and those near the top of the table, one by one, and take the "
             "one that leaves least."
@@ -215,6 +213,18 @@ def _(f: Finding) -> str:
     small = f["noise"] <= f["least"]
     size = f"is less than {f['least']:g}" if small else f"looks like noise of {f['noise']:.2g}"
     return f"{f.names['law']} fits best: what it leaves unexplained at {f['points']:g} points {size}"
+
+
+@says("phase-turned")
+def _(found: Finding) -> str:
+    doubted, filtered = found.severity == "doubt", found["loss"] < 1
+    turned = f"with this law the phase of the force has to be turned by {_quantity(found, 'phase')}"
+    wrong = ": that is a wrong sign or phase sense of a sensor, or a filter, not a background"
+    loss = (
+        f"; a filter of first order that turns it as much takes {found['loss']:.0%} of the amplitude, and "
+        "moves k, c and m as much"
+    )
+    return f"{turned}{wrong if doubted else ''}{loss if filtered else ''}"
 
 
 @says("laws-not-separated")
