@@ -77,6 +77,22 @@ def test_identified_results_that_disagree_are_named(fits: list[rs.Identification
     assert rs.compare_fits([fits[0], doubted]).findings == ()
 
 
+def test_a_value_that_may_be_zero_is_shown_with_its_interval(fits: list[rs.Identification]) -> None:
+    finding = rs.Finding("not-distinct-from-zero", "warning", "c")
+    refined = tuple(
+        replace(one, value=0.1, standard_error=0.2, interval=(-0.3, 0.5), finding=finding)
+        if one.name == "c"
+        else one
+        for one in fits[0].refined
+    )
+    open_sign = replace(fits[0], refined=refined)
+    assert "0.1 (-0.3 to 0.5)" in str(rs.compare_fits([open_sign]))
+    assert any(
+        line.split() == ["c", "0.1", "-0.3", "to", "0.5", "N*s/m", finding.code]
+        for line in str(open_sign).splitlines()
+    )
+
+
 def test_another_unit_is_another_parameter(fits: list[rs.Identification]) -> None:
     refined = tuple(replace(one, unit="N*s^2/m^2") if one.name == "c" else one for one in fits[0].refined)
     compared = rs.compare_fits([fits[0], replace(fits[0], refined=refined)])

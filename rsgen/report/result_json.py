@@ -400,7 +400,8 @@ def _read_estimate(row: Mapping[str, Any], numbers: Mapping[str, Any]) -> Estima
     error = _number(numbers.get("standard_error"), math.inf)
     low, high = numbers.get("interval", (value - 2 * error, value + 2 * error))
     interval = (_number(low, -math.inf), _number(high, math.inf))
-    return Estimate(str(row["name"]), value, error, interval, str(row["unit"]))
+    by_profile = numbers.get("interval_by") == "profile"
+    return Estimate(str(row["name"]), value, error, interval, str(row["unit"]), by_profile=by_profile)
 
 
 def read_result(path: Path) -> Entry | None:

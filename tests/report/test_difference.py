@@ -103,7 +103,7 @@ def test_three_results_stand_side_by_side(tmp_path: Path, capsys: pytest.Capture
         result = json.loads((place / "result.json").read_text(encoding="utf-8"))
         for row in result["parameters"]:
             value, error = (row["refined"][name] for name in ("value", "standard_error"))
-            row["refined"]["interval"] = [value - 2 * error, value + 2 * error]
+            row["refined"] |= {"interval": [value - 2 * error, value + 2 * error], "interval_by": "profile"}
         result["fixed"] = {"m": {"value": 1.5, "unit": "kg"}}
         result["background"] = {
             "estimates": [{"name": "psi", "unit": "rad", "value": 0.1, "standard_error": 0.05}]
@@ -113,6 +113,7 @@ def test_three_results_stand_side_by_side(tmp_path: Path, capsys: pytest.Capture
     (difference,) = compare_results(*places)
     assert difference.fits["psi"].estimates[2].interval == pytest.approx((0, 0.2))
     assert difference.fits["m"].estimates[0].standard_error == 0
+    assert difference.fits["k1"].estimates[0].by_profile
     (finding,) = difference.fits.findings
     assert (finding.code, finding.names["values"]) == ("results-disagree", "k1")
     assert call("diff", *places) == 0

@@ -75,12 +75,13 @@ class Estimate:
         """Name, value, 95 % interval or "fixed", unit and finding, as a table prints them."""
         if self.standard_error == 0:
             return (self.name, short(self.value), "fixed", self.unit, "")
-        if not self.identifiable:
-            return (self.name, "", "", self.unit, self.finding.code if self.finding else "not-identifiable")
+        reason = self.finding.code if self.finding else ""
+        if not isfinite(self.value):
+            return (self.name, "", "", self.unit, reason or "not-identifiable")
         digits = with_error(self.value, self.standard_error)
         low, high = (short(end, digits) for end in self.interval)
         kind = ", by profile" if self.by_profile else ""
-        return (self.name, short(self.value, digits), f"{low} to {high}{kind}", self.unit, "")
+        return (self.name, short(self.value, digits), f"{low} to {high}{kind}", self.unit, reason)
 
 
 @dataclass(frozen=True, slots=True)
