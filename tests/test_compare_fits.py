@@ -87,6 +87,8 @@ def test_a_value_that_may_be_zero_is_shown_with_its_interval(fits: list[rs.Ident
     )
     open_sign = replace(fits[0], refined=refined)
     assert "0.1 (-0.3 to 0.5)" in str(rs.compare_fits([open_sign]))
+    unbounded = replace(fits[0], refined=tuple(replace(one, standard_error=np.inf) for one in refined))
+    assert np.isnan(rs.compare_fits([fits[0], unbounded])["c"].shifts[1])
     assert any(
         line.split() == ["c", "0.1", "-0.3", "to", "0.5", "N*s/m", finding.code]
         for line in str(open_sign).splitlines()

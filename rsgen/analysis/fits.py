@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import combinations
-from math import hypot, nan
+from math import hypot, inf, nan
 from typing import Any
 
 import numpy as np
@@ -108,7 +108,7 @@ def _shift(first: Estimate | None, other: Estimate | None) -> float:
     if first is None or other is None:
         return nan
     spread = hypot(first.standard_error, other.standard_error)
-    return (other.value - first.value) / spread if spread else nan
+    return (other.value - first.value) / spread if 0 < spread < inf else nan
 
 
 def _disjoint(first: Estimate | None, other: Estimate | None) -> bool:
