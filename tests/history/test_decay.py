@@ -299,3 +299,12 @@ def test_a_background_is_neither_advised_nor_accepted_for_a_free_decay() -> None
                 ask(table, "k*x + c*v", beside, mass=MASS)
         with pytest.raises(RsgenError, match="free decay"):
             rsgen.modal_table(table, beside, mass=MASS)
+
+
+def test_the_right_law_of_a_decay_is_not_doubted_for_frequencies_that_noise_orders() -> None:
+    clean, states = decay("linear"), []
+    for seed in range(20):
+        noise = 1e-5 * np.random.default_rng(seed).standard_normal(len(clean))
+        table = from_free_decay(TimeHistory(RATE, None, clean + noise, "displacement"), mass=MASS)
+        states.append(rsgen.identify(table, "k*x + c*v", mass=MASS).verdict.state)
+    assert states.count("identified") >= 19

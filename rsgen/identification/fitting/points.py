@@ -146,10 +146,11 @@ class Points:
     def neighbours(self) -> NDArray[np.intp]:
         """(k, 2) pairs next to each other in frequency within one level and sweep.
 
-        Points that have their level and sweep to themselves are of a backbone if all are at phase resonance,
-        and then next to each other in amplitude.
+        Of a free decay, and of a backbone where each point has its level to itself, all points are at phase
+        resonance. They are next to each other in amplitude: their frequencies follow from it, with noise.
         """
-        order = np.lexsort((self.omega, self.sweep, self.level))
+        along = self.amplitude if self.in_quadrature.all() else self.omega
+        order = np.lexsort((along, self.sweep, self.level))
         same = (self.level[order][1:] == self.level[order][:-1]) & (
             self.sweep[order][1:] == self.sweep[order][:-1]
         )
