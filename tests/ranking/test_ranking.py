@@ -570,6 +570,10 @@ def test_what_predicts_levels_comes_before_what_fits_them() -> None:
     order, lowest, tied = in_order(bic, error, count, odd)
     assert order == [3, 2, 4, 0, 1]
     assert (lowest, tied) == (40.0, [False, False, True, True, False])
+    # of as many parameters the nearer one comes first, even where one level alone reaches a stop
+    assert in_order([0.0, 900.0], [0.5, 0.1], [5, 5], [False] * 2)[0] == [0, 1]
+    # and beside noise a simpler law may predict better that fits worse
+    assert in_order([0.0, 300.0], [0.023, 0.01], [5, 4], [False] * 2)[0] == [0, 1]
     # with one level nothing is predicted: fit and parameters decide
     assert in_order(bic, [np.nan] * 5, count, odd)[0] == [1, 0, 2, 3, 4]
     assert in_order(bic, [np.nan] * 5, count, [False, True, False, False, False])[0] == [0, 1, 2, 3, 4]

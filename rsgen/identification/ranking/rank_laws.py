@@ -18,7 +18,16 @@ from numpy.typing import NDArray
 from rsgen.common.arrays import Array
 from rsgen.common.errors import RsgenError, require
 from rsgen.common.finding import Finding, quantities
-from rsgen.common.tolerances import ANY_LAW, EXCESS, EXPECTED_NOISE, NOTICEABLE, ORDER, QUICK, START_ORDER
+from rsgen.common.tolerances import (
+    ANY_LAW,
+    EXCESS,
+    EXPECTED_NOISE,
+    LARGE,
+    NOTICEABLE,
+    ORDER,
+    QUICK,
+    START_ORDER,
+)
 from rsgen.data.oscillator import Model, Observation, join_model, refuse_across
 from rsgen.data.surface import ResponseSurface, without_copies
 from rsgen.formula import symbol
@@ -117,7 +126,7 @@ def rank(
     Returns
     -------
     Ranking
-        Best first, by the error of levels predicted from the others, then by BIC and parameters, with
+        Best first by BIC and parameters, behind what predicts levels worse than a simpler law, with
         findings; *none fits* where even the best leaves more than noise.
 
     Raises
@@ -329,9 +338,10 @@ def _unconfirmed(best: Fitted, observed: Observed, fixed: Mapping[str, float], n
 def in_order(
     bic: Sequence[float], error: Sequence[float], count: Sequence[int], odd: Sequence[bool]
 ) -> tuple[list[int], float, list[bool]]:
-    """Order candidates: first what predicts levels from the others, of these those that tie by parameters.
+    """Order candidates: behind come those that predict levels worse than one of fewer parameters does.
 
-    A sum that follows every level and predicts none of them is no law.
+    A sum that follows every level and predicts none of them is no law; of those that tie the one with fewer
+    parameters comes first.
 
     Parameters
     ----------
@@ -345,8 +355,10 @@ def in_order(
     order, lowest, tied
         Numbers of the candidates, best first; the BIC of the nearest that predicts; which tie with it.
     """
-    enough = EXCESS * max(min((e for e in error if np.isfinite(e)), default=np.inf), NOTICEABLE)
-    behind = [e > enough for e in error]
+    behind = [
+        worse > LARGE and any(few < many and worse > EXCESS * error[i] for i, few in enumerate(count))
+        for many, worse in zip(count, error, strict=True)
+    ]
     lowest = min(value for value, late in zip(bic, behind, strict=True) if not late)
     tied = [value - lowest < _TIE and not late for value, late in zip(bic, behind, strict=True)]
 

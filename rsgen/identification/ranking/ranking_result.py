@@ -80,8 +80,8 @@ class Ranking(Printed):
     Parameters
     ----------
     candidates
-        Best first: those that predict levels from the others as well as any, of them those that tie by their
-        number of parameters, the others by BIC.
+        Best first: those that tie by their number of parameters, the others by BIC; behind them those that
+        predict levels from the others worse than a law of fewer parameters does.
     model
         The best law as a model for ``identify``.
     fits

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import suppress
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field, fields, replace
 from functools import partial
 from math import isfinite
 from typing import Any, TypeVar, cast
@@ -318,6 +318,10 @@ class Identification(Printed):
             object.__setattr__(self, "solution", [values[name] for name in self.model.parameters])
         for name in ("covariance", "levels", "solution"):
             object.__setattr__(self, name, frozen_array(getattr(self, name)))
+
+    def __getstate__(self) -> list[Any]:
+        """Give all fields but the fit, whose compiled law stays in this process."""
+        return [None if entry.name == "fit" else getattr(self, entry.name) for entry in fields(self)]
 
     @property
     def mass(self) -> float:
