@@ -149,14 +149,17 @@ def test_rough_laws_are_predicted_too(law: str) -> None:
 @pytest.mark.slow
 def test_bands_widen_with_the_noise(quintic: tuple[object, Prediction]) -> None:
     table, _ = quintic
-    generator = np.random.default_rng(1)
-    widths = []
-    for relative in (0.002, 0.02):
-        noise = relative * generator.normal(size=(len(table), 2)) @ np.array([1, 1j])
-        found = identify(changed(table, force=table.force * (1 + noise)), model("quintic"))
-        curve = predict(found, [4.0]).curves[0]
-        widths.append(np.nanmedian((curve.upper - curve.lower) / curve.amplitude))
-    assert 5 < widths[1] / widths[0] < 20
+    ratios = []
+    for seed in range(1, 6):
+        generator, widths = np.random.default_rng(seed), []
+        for relative in (0.002, 0.02):
+            noise = relative * generator.normal(size=(len(table), 2)) @ np.array([1, 1j])
+            found = identify(changed(table, force=table.force * (1 + noise)), model("quintic"))
+            curve = predict(found, [4.0]).curves[0]
+            widths.append(np.nanmedian((curve.upper - curve.lower) / curve.amplitude))
+        ratios.append(widths[1] / widths[0])
+    # in single tests a term that the law may lack stands out by chance, and widens the band
+    assert 5 < np.median(ratios) < 20
 
 
 def test_a_level_must_be_positive(quintic: tuple[object, Prediction]) -> None:

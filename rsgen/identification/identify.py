@@ -84,14 +84,16 @@ def _balance(problem: Problem, parameters: Array) -> tuple[Fit, bool]:
     sharp, before = law.rough or points.strong, None
     for order in _ORDERS:
         refined = fit_balance(few, parameters, order=order)
-        parameters = refined.regression.parameters
-        if before is not None and _alike(before, refined.regression, len(few.observed.points) / len(points)):
-            # what more harmonics would change is less than noise
-            sharp = False
+        if before is not None:
+            # what more harmonics would change is less than noise, or the simulator takes it up
+            sharp = not _alike(before.regression, refined.regression, len(few.observed.points) / len(points))
+            refined, order = (before, _ORDERS[0]) if sharp else (refined, order)
+            parameters = refined.regression.parameters
             break
+        parameters = refined.regression.parameters
         # a memory takes the simulator hundreds of cycles to settle
-        if law.remembers and sharp and before is None and refined.regression.noise > _ACCURACIES[0]:
-            before = refined.regression
+        if law.remembers and sharp and refined.regression.noise > _ACCURACIES[0]:
+            before = refined
             continue
         harmonics = np.abs(refined.harmonics[refined.regression.used])
         last = float(np.max(harmonics[:, -2:] / harmonics[:, 1:2], initial=0.0))
@@ -107,10 +109,12 @@ def _balance(problem: Problem, parameters: Array) -> tuple[Fit, bool]:
 
 
 def _alike(one: Regression, other: Regression, share: float) -> bool:
-    """Whether two orders give the same values, within a tenth of the standard errors of all points.
+    """Whether more harmonics follow all points, and give the same values within a tenth of their errors.
 
-    ``share`` of the points were fitted.
+    ``share`` of the points were fitted; the errors are those of all.
     """
+    if np.count_nonzero(other.used) < np.count_nonzero(one.used):
+        return False
     error = np.sqrt(np.diag(one.covariance) * share)
     moved = np.abs(one.parameters - other.parameters)
     known = np.isfinite(error) & (error > 0)

@@ -55,6 +55,9 @@ def terms_beside(
     """
     problem, parameters, added = with_terms(fit.problem, fit, terms)
     residual, matrix = linearise_beside(fit, problem, parameters)
+    if not residual.size:
+        # a loop that is not followed with another term beside it says nothing of that term
+        return {term: Alternative(0.0, np.inf, np.zeros(len(parameters) - len(added))) for term in terms}
     noise = max(fit.regression.noise * wider, 1e-300)
     right, rows = residual.reshape(-1) / noise, matrix.reshape(residual.size, -1) / noise
     kept = np.delete(np.arange(len(parameters)), added)

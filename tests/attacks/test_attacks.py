@@ -102,7 +102,8 @@ def test_every_attack_has_a_name_of_its_own_and_says_what_it_does() -> None:
         assert len({attack.__name__ for attack in attacks}) == len(attacks)
         assert all(attack.__doc__ for attack in attacks)
     assert [len(attacks) >= least for attacks, least in zip(lists, (20, 5, 4), strict=True)] == [True] * 3
-    assert len(cache.DAMAGES) + len(cache.FURTHER) >= 30
+    # twelve damaged the key beside the kernels, which is gone
+    assert len(cache.DAMAGES) + len(cache.FURTHER) >= 21
 
 
 def test_a_module_renews_its_own_rows_of_the_table(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

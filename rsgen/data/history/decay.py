@@ -147,6 +147,8 @@ def from_free_decay(
     """
     several = as_histories(histories, "free decay")
     check_options(several[0].label, band=band, mass=mass, harmonics=harmonics)
+    if mass is None:
+        raise MeasurementError(_NO_MASS.format(several[0].label))
     decays = [decay for history in several for decay in _follow_all(history, mass, band, harmonics, start)]
     force = [decay.force for decay in decays]
     level = [float(f"{np.max(np.abs(part)):.3g}") for part in force]
