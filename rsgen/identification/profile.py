@@ -40,6 +40,12 @@ _TOGETHER = 0.5
 _FITS = 12
 """Most fits to one side: a side that has no end after so many doublings is open."""
 
+_REACHED = 0.8
+"""Share of the target by which a root comes near it at an end, from one side or the other."""
+
+_JUMP = 2.0
+"""A root this many times that of the nearest fit, and one, may be a fit that went astray."""
+
 _STEP = 2.0
 """Factor from one distance to the next while no end is found."""
 
@@ -96,11 +102,21 @@ class _Likelihood:
     def __call__(self, place: int, value: float) -> float:
         """Return the root of the deviance with one value fixed; infinite where points are not predicted."""
         # near in value, or likely: what the root would be of a fit moved there, if all were quadratic
-        known = np.array(self._fits)
-        far = (known[:, place] - value) / self._error[place]
-        start = np.array(known[np.argmin(far**2 + np.array(self._roots) ** 2)])
-        start[place] = value
+        known, roots = np.array(self._fits), np.array(self._roots)
+        far = np.abs(known[:, place] - value)
+        root = self._fit(place, value, known[np.argmin((far / self._error[place]) ** 2 + roots**2)])
+        near, *others = np.argsort(far)
+        if root > _JUMP * (roots[near] + 1) and others:
+            # along the line through two fits, as a stop goes with the stiffness behind it
+            one, other = known[near], known[others[0]]
+            apart = one[place] - other[place]
+            share = (value - one[place]) / apart if apart else 0.0
+            root = min(root, self._fit(place, value, one + share * (one - other)))
+        return root
+
+    def _fit(self, place: int, value: float, start: Array) -> float:
         fixed = {**self._problem.fixed, self.names[place]: value}
+        start = np.where(np.arange(len(start)) == place, value, start)
         found = refit_weighted(self._near, replace(self._problem, fixed=fixed), start, order=self._order)
         if not found.used.all():
             return inf
@@ -147,7 +163,8 @@ class _Likelihood:
                 near, low = between, root
             else:
                 outer, over = between, root
-        return outer
+        # where the balance loses the motion, the root jumps: that is no end that the test tells
+        return outer if low > _REACHED * target or over < target / _REACHED else float(np.sign(step)) * inf
 
 
 def _cost(found: Regression) -> float:
@@ -162,10 +179,15 @@ def _target(found: Fit, estimate: Estimate) -> float:
     return float(t_quantile(found.regression.freedom, CONFIDENCE)) * max(estimate.standard_error / own, 1.0)
 
 
-def _is_quadratic(likelihood: _Likelihood, estimate: Estimate, target: float) -> bool:
+def _wald(found: Fit, estimate: Estimate) -> float:
+    """Return half the width of the interval that the standard error gives."""
+    return estimate.standard_error * float(t_quantile(found.regression.freedom, CONFIDENCE))
+
+
+def _is_quadratic(found: Fit, likelihood: _Likelihood, estimate: Estimate, target: float) -> bool:
     """Whether Wald's interval ends where the likelihood does."""
     place = likelihood.names.index(estimate.name)
-    half = (estimate.interval[1] - estimate.interval[0]) / 2
+    half = _wald(found, estimate)
     roots = [likelihood(place, likelihood.best[place] + sign * half) for sign in (-1, 1)]
     return all(abs(root / target - 1) < _WALD for root in roots)
 
@@ -173,7 +195,7 @@ def _is_quadratic(likelihood: _Likelihood, estimate: Estimate, target: float) ->
 def _interval(found: Fit, likelihood: _Likelihood, estimate: Estimate, target: float) -> tuple[float, float]:
     """Return the values whose root is within a target; those of a nonlinear parameter keep its sign."""
     law, place = found.problem.law, likelihood.names.index(estimate.name)
-    best, step = float(likelihood.best[place]), (estimate.interval[1] - estimate.interval[0]) / 2
+    best, step = float(likelihood.best[place]), _wald(found, estimate)
     stops = [-inf, inf]
     if place in law.nonlinear:
         stops[0 if best > 0 else 1] = 0.0
@@ -203,7 +225,7 @@ def with_profiles(found: Fit, estimates: Sequence[Estimate]) -> tuple[Estimate, 
     if not likelihood.resolved:
         return tuple(estimates)
     target = {e.name: _target(found, e) for e in known}
-    bent = [e for e in asked if not _is_quadratic(likelihood, e, target[e.name])]
+    bent = [e for e in asked if not _is_quadratic(found, likelihood, e, target[e.name])]
     # a profile comes by values of the other parameters that are as likely: nonlinear ones come first
     replaced = {e.name: _stated(e, _interval(found, likelihood, e, target[e.name])) for e in bent}
     return tuple(replaced.get(e.name, e) for e in estimates)
@@ -252,8 +274,8 @@ def profile(found: Identification, name: str) -> Profile:
     """
     require(found, Identification, "found")
     fit, known = found.fit, {e.name: e for e in found.refined if isfinite(e.value)}
-    if fit is None:
-        raise RsgenError("profile: only of an identification from a sine test, as identify returns it")
+    if fit is None or fit.problem.law.acts_across:
+        raise RsgenError("profile: only of what identify found with one sensor, in the process that found it")
     if name not in known:
         raise RsgenError(f"profile: {name!r} has no value here; those with one: {', '.join(known) or 'none'}")
     likelihood = _Likelihood(fit)
@@ -264,15 +286,12 @@ def profile(found: Identification, name: str) -> Profile:
     place = likelihood.names.index(name)
     tried = sorted(likelihood.tried(place), key=lambda pair: pair[0])
     moved = float(fit.regression.parameters[place]) - float(likelihood.best[place])
-    scale = float(t_quantile(fit.regression.freedom, CONFIDENCE)) / target
+    scale, half = float(t_quantile(fit.regression.freedom, CONFIDENCE)) / target, _wald(fit, estimate)
     return Profile(
         name,
         estimate.unit,
         np.array([value + moved for value, _ in tried]),
         np.array([root * scale * np.sign(value - likelihood.best[place]) for value, root in tried]),
         interval,
-        (
-            estimate.value - estimate.standard_error * target * scale,
-            estimate.value + estimate.standard_error * target * scale,
-        ),
+        (estimate.value - half, estimate.value + half),
     )

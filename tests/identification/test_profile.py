@@ -74,14 +74,16 @@ def test_a_gap_only_just_passed_has_a_lopsided_interval() -> None:
 
 
 @pytest.mark.slow
-def test_a_gap_that_may_not_have_been_passed_is_bounded_to_one_side() -> None:
-    force = 1.045 * STOP["b"] * STOP["c"] * 2 * np.pi * 10.07
-    surface = gauged(GAP, STOP, [force * share for share in (0.25, 0.5, 0.75, 1.0)], 4)
-    gap = identify(surface, GAP)["b"]
-    assert not gap.identifiable
-    assert gap.finding.code == "bounded-to-one-side"
-    assert gap.interval[0] < STOP["b"] < gap.interval[1] == np.inf
-    assert gap.finding["bound"] == gap.interval[0]
+def test_a_stop_that_is_barely_touched_is_bounded_to_one_side() -> None:
+    # a rigid stop a little further away explains the touch as well
+    force = 1.06 * STOP["b"] * STOP["c"] * 2 * np.pi * 10.07
+    found = identify(gauged(GAP, STOP, [force * share for share in (0.25, 0.5, 0.75, 1.0)], 7), GAP)
+    stiffness = found["kg"]
+    assert not stiffness.identifiable
+    assert stiffness.finding.code == "bounded-to-one-side"
+    assert 0 < stiffness.interval[0] < STOP["kg"] < stiffness.interval[1] == np.inf
+    assert stiffness.finding["bound"] == stiffness.interval[0]
+    assert found["b"].identifiable
 
 
 def test_what_has_no_profile_is_refused() -> None:
