@@ -20,7 +20,7 @@ SAME = 1e-12
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Fit:
+class ComparedFit:
     """One result as a comparison takes it.
 
     Parameters
@@ -45,7 +45,7 @@ class Fit:
     held_out: Mapping[str, float]
 
     @classmethod
-    def of(cls, found: Identification, name: str) -> Fit:
+    def of(cls, found: Identification, name: str) -> ComparedFit:
         """Take these from an identification."""
         background = () if found.background is None else found.background.estimates
         scores = [(one.level, getattr(one, "sweep", ""), one.error) for one in found.held_out]
@@ -129,7 +129,7 @@ class FitComparison(Printed):
         In the order of the columns.
     """
 
-    fits: tuple[Fit, ...]
+    fits: tuple[ComparedFit, ...]
 
     @property
     def rows(self) -> tuple[FitRow, ...]:
@@ -246,4 +246,4 @@ def compare_fits(found: Sequence[Identification], names: Sequence[str] | None = 
     heads = [str(i + 1) for i in range(len(found))] if names is None else [*map(str, names)]
     if not found or len(heads) != len(found):
         raise RsgenError(f"names: {len(heads)} of {len(found)} fits; give one or more fits, and each a name")
-    return FitComparison(tuple(map(Fit.of, found, heads)))
+    return FitComparison(tuple(map(ComparedFit.of, found, heads)))

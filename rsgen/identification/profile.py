@@ -3,7 +3,7 @@
 The deviance D(b) is what the sum of squares grows by when b is fixed and every other parameter is fitted
 again, in units of the noise. The interval holds the values with sqrt(D) below the quantile of Student's t
 (Venzon and Moolgavkar, Applied Statistics 37, 1988). With a quadratic sum of squares it is the value and its
-standard error, which is Wald's; beside a breakpoint that is only just passed, a saturation or an exponent
+standard error, which is Wald's; beside a breakpoint that is barely passed, a saturation or an exponent
 the sum of squares has a corner or a plateau, and the interval is lopsided or open to one side.
 """
 
@@ -25,28 +25,28 @@ from rsgen.identification.fitting.least_squares import Regression
 from rsgen.identification.misfit import fit_near
 from rsgen.identification.results import Estimate, Identification
 
-_CLOSE = 0.02
-"""Relative to its target, sqrt(D) at the end of an interval."""
+_END_TOLERANCE = 0.02
+"""Relative difference of sqrt(D) at the end of an interval from the quantile."""
 
-_NOISIER = 1.5
-"""The balance may leave this much more than the fit that it stands for; with more it has no likelihood."""
+_NOISE_RATIO = 1.5
+"""Noise of the balance to that of the fit, above which truncation outweighs the noise."""
 
-_WALD = 0.15
-"""Wald's interval stands where sqrt(D) at its ends is the quantile within this share."""
+_WALD_TOLERANCE = 0.15
+"""Relative difference of sqrt(D) at the ends of Wald's interval from the quantile, up to which it stands."""
 
-_TOGETHER = 0.5
+_CORRELATION = 0.5
 """Correlation from which a parameter goes with a nonlinear one, as the stiffness behind a gap does."""
 
-_FITS = 12
+_MOST_FITS = 12
 """Most fits to one side: a side that has no end after so many doublings is open."""
 
-_REACHED = 0.8
-"""Share of the target by which a root comes near it at an end, from one side or the other."""
+_END_SHARE = 0.8
+"""Share of the quantile that sqrt(D) has on both sides of an end: with less it jumps there."""
 
-_JUMP = 2.0
-"""A root this many times that of the nearest fit, and one, may be a fit that went astray."""
+_JUMP_RATIO = 2.0
+"""A fit with a root this many times that of its neighbour plus one is tried from a second start."""
 
-_STEP = 2.0
+_STEP_RATIO = 2.0
 """Factor from one distance to the next while no end is found."""
 
 
@@ -82,9 +82,9 @@ class Profile(Printed):
 
 
 class _Likelihood:
-    """Fits with one parameter of a fit fixed, each started from its nearest neighbour; all are kept.
+    """Fits with one parameter fixed, each started from one that is near; all are kept.
 
-    A fit with one value fixed has values of all others, too: what they are is as likely as it is.
+    A fit with one value fixed has values of all other parameters, which are as likely as that one.
     """
 
     def __init__(self, found: Fit) -> None:
@@ -96,7 +96,7 @@ class _Likelihood:
         self._error = np.sqrt(np.diag(found.regression.covariance))
         self.names = (*problem.law.parameters, "m")
         self.best = base.parameters
-        self.resolved = self._noise < _NOISIER * found.regression.noise
+        self.resolved = self._noise < _NOISE_RATIO * found.regression.noise
         self._fits, self._roots, self._fixed = [self.best], [0.0], [-1]
 
     def __call__(self, place: int, value: float) -> float:
@@ -106,7 +106,7 @@ class _Likelihood:
         far = np.abs(known[:, place] - value)
         root = self._fit(place, value, known[np.argmin((far / self._error[place]) ** 2 + roots**2)])
         near, *others = np.argsort(far)
-        if root > _JUMP * (roots[near] + 1) and others:
+        if root > _JUMP_RATIO * (roots[near] + 1) and others:
             # along the line through two fits, as a stop goes with the stiffness behind it
             one, other = known[near], known[others[0]]
             apart = one[place] - other[place]
@@ -143,18 +143,18 @@ class _Likelihood:
         """
         near = self.within(place, target)[step > 0]
         low, distance = 0.0, step
-        for _ in range(_FITS):
+        for _ in range(_MOST_FITS):
             outer = near + distance
             if (outer - stop) * np.sign(step) >= 0:
                 outer = stop
             over = self(place, outer)
             if over >= target or outer == stop:
                 break
-            near, low, distance = outer, over, distance * _STEP
+            near, low, distance = outer, over, distance * _STEP_RATIO
         if not over >= target:
             return outer if outer == stop else float(np.sign(step)) * inf
-        for _ in range(_FITS):
-            if abs(over / target - 1) < _CLOSE:
+        for _ in range(_MOST_FITS):
+            if abs(over / target - 1) < _END_TOLERANCE:
                 break
             share = (target - low) / (over - low) if isfinite(over) else 0.5
             between = near + float(np.clip(share, 0.1, 0.9)) * (outer - near)
@@ -164,7 +164,9 @@ class _Likelihood:
             else:
                 outer, over = between, root
         # where the balance loses the motion, the root jumps: that is no end that the test tells
-        return outer if low > _REACHED * target or over < target / _REACHED else float(np.sign(step)) * inf
+        return (
+            outer if low > _END_SHARE * target or over < target / _END_SHARE else float(np.sign(step)) * inf
+        )
 
 
 def _cost(found: Regression) -> float:
@@ -189,7 +191,7 @@ def _is_quadratic(found: Fit, likelihood: _Likelihood, estimate: Estimate, targe
     place = likelihood.names.index(estimate.name)
     half = _wald(found, estimate)
     roots = [likelihood(place, likelihood.best[place] + sign * half) for sign in (-1, 1)]
-    return all(abs(root / target - 1) < _WALD for root in roots)
+    return all(abs(root / target - 1) < _WALD_TOLERANCE for root in roots)
 
 
 def _interval(found: Fit, likelihood: _Likelihood, estimate: Estimate, target: float) -> tuple[float, float]:
@@ -224,9 +226,9 @@ def with_profiles(found: Fit, estimates: Sequence[Estimate]) -> tuple[Estimate, 
     likelihood = _Likelihood(found)
     if not likelihood.resolved:
         return tuple(estimates)
-    target = {e.name: _target(found, e) for e in known}
+    target = {e.name: _target(found, e) for e in asked}
     bent = [e for e in asked if not _is_quadratic(found, likelihood, e, target[e.name])]
-    # a profile comes by values of the other parameters that are as likely: nonlinear ones come first
+    # nonlinear parameters first: fits of their profiles are starts and likely values of the others
     replaced = {e.name: _stated(e, _interval(found, likelihood, e, target[e.name])) for e in bent}
     return tuple(replaced.get(e.name, e) for e in estimates)
 
@@ -235,7 +237,7 @@ def _with_nonlinear(covariance: Array, nonlinear: Sequence[int]) -> list[int]:
     """Return the places of nonlinear parameters, and then of those correlated with one of them."""
     error = np.sqrt(np.diag(covariance))
     with np.errstate(invalid="ignore"):
-        together = np.abs(covariance[:, list(nonlinear)]) > _TOGETHER * np.outer(
+        together = np.abs(covariance[:, list(nonlinear)]) > _CORRELATION * np.outer(
             error, error[list(nonlinear)]
         )
     others = [place for place in np.flatnonzero(together.any(axis=1)) if place not in nonlinear]
@@ -275,7 +277,9 @@ def profile(found: Identification, name: str) -> Profile:
     require(found, Identification, "found")
     fit, known = found.fit, {e.name: e for e in found.refined if isfinite(e.value)}
     if fit is None or fit.problem.law.acts_across:
-        raise RsgenError("profile: only of what identify found with one sensor, in the process that found it")
+        raise RsgenError(
+            "profile: found is no identification of a sine test with one sensor, as identify returns it"
+        )
     if name not in known:
         raise RsgenError(f"profile: {name!r} has no value here; those with one: {', '.join(known) or 'none'}")
     likelihood = _Likelihood(fit)

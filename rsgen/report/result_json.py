@@ -14,7 +14,7 @@ import numpy as np
 import sympy
 
 from rsgen.analysis.comparison import Comparison, Row, verdict_of
-from rsgen.analysis.fits import Fit, errors_by_level
+from rsgen.analysis.fits import ComparedFit, errors_by_level
 from rsgen.common.arrays import Array
 from rsgen.common.finding import Finding, StatedVerdict, Verdict
 from rsgen.data.multisine import BestLinear, MultisineSpectra
@@ -58,7 +58,7 @@ def _estimate(estimate: Estimate) -> dict[str, Any]:
     entry: dict[str, Any] = {
         **_finite_ones(estimate, ("value", "standard_error")),
         "interval": [finite_or_none(bound) for bound in estimate.interval],
-        **({"interval_by": "profile"} if estimate.by_profile else {}),
+        "interval_by": "profile" if estimate.by_profile else "standard error",
     }
     if estimate.finding is not None:
         entry["remark"] = sentence(estimate.finding)
@@ -367,14 +367,14 @@ class Entry:
         """What the result is worth; of an older result what its findings and rows say."""
         return read_verdict(self.result)
 
-    def fit(self, name: str = "") -> Fit:
+    def fit(self, name: str = "") -> ComparedFit:
         """Give the result as ``compare_fits`` takes an identification."""
         fixed, background = self.result.get("fixed", {}), self.result.get("background") or {}
         scores = [
             (one["level"], one.get("sweep", ""), one["error"]) for one in self.result.get("held_out", [])
         ]
         decided = tuple(map(Finding.from_dict, self.verdict["decided_by"]))
-        return Fit(
+        return ComparedFit(
             name,
             (
                 *(_read_estimate(row, row["refined"] or {}) for row in self.result["parameters"]),

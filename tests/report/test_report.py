@@ -265,6 +265,7 @@ def test_what_is_not_known_is_null() -> None:
         "value": C1,
         "standard_error": None,
         "interval": [None, None],
+        "interval_by": "standard error",
         "remark": sentence(LOST),
         "finding": LOST.to_dict(),
     }

@@ -9,7 +9,7 @@ from typing import Annotated, Any
 
 import typer
 
-from rsgen.analysis.fits import Fit, FitComparison
+from rsgen.analysis.fits import ComparedFit, FitComparison
 from rsgen.app.cli.options import Json
 from rsgen.app.cli.terminal import ACCEPTED, MISSED, print_block, print_json, print_line
 from rsgen.common.errors import RsgenError
@@ -39,7 +39,7 @@ class CaseDifference:
         return max(others, default=first) > first
 
 
-def _fits(place: Path) -> dict[str, Fit]:
+def _fits(place: Path) -> dict[str, ComparedFit]:
     single = read_result(place / "result.json")
     entries = [single] if single else read_results(place)
     if not entries:
