@@ -319,7 +319,7 @@ def test_rows_that_are_not_numbers_are_left_out_and_counted():
     surface = ResponseSurface(*columns.values())
     assert np.flatnonzero(~surface.settled).tolist() == [3, 5, 7]
     (found,) = surface.findings
-    assert (found.code, found["points"], found["all"]) == ("points-not-measured", 3, 40)
+    assert (found.code, found["rows"], found["all"]) == ("points-not-measured", 3, 40)
     assert "3 not settled" in repr(surface)
     # the finding is made once
     assert replace(surface, level=surface.level).findings == (found,)

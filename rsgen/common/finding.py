@@ -98,10 +98,49 @@ class Finding:
 
     @classmethod
     def from_dict(cls, data: Mapping[str, Any]) -> Finding:
-        """Make the finding that ``to_dict`` gave."""
+        """Make the finding that ``to_dict`` gave, by its code of today."""
         numbers = {name: Quantity(float(q["value"]), str(q["unit"])) for name, q in data["numbers"].items()}
         names = {str(name): str(text) for name, text in data["names"].items()}
-        return cls(data["code"], data["severity"], data["parameter"], numbers, names)
+        now = EARLIER.get(data["code"], Earlier(data["code"]))
+        numbers = {now.renamed.get(name, name): number for name, number in numbers.items()}
+        names = {**now.added} | {now.renamed.get(name, name): text for name, text in names.items()}
+        return cls(now.code, data["severity"], data["parameter"], numbers, names)
+
+
+_NONE: Mapping[str, str] = MappingProxyType({})
+
+
+class Earlier(NamedTuple):
+    """What an earlier code is called today: names that come with it, and data that are called otherwise."""
+
+    code: str
+    added: Mapping[str, str] = _NONE
+    renamed: Mapping[str, str] = _NONE
+
+
+EARLIER = {
+    "base-scaled": Earlier("base-misread"),
+    "continuation-recognised": Earlier("control-recognised", {"control": "continuation"}),
+    "force-from-ratio": Earlier("force-not-recorded", {"by": "ratio"}),
+    "frequency-angular": Earlier(
+        "unit-contradicts-title", {"unit": "Hz", "title": "an angular frequency in rad/s"}
+    ),
+    "levels-are-labels": Earlier("levels-disagree"),
+    "multisine-level-differs": Earlier("levels-disagree", renamed={"rms": "force"}),
+    "multisine-levels-disagree": Earlier("levels-in-other-unit", renamed={"rms": "force"}),
+    "multisine-two-periods": Earlier("periods-few"),
+    "one-period": Earlier("periods-few"),
+    "phase-lag-held": Earlier("phase-lag"),
+    "phase-lag-off": Earlier("phase-lag"),
+    "phase-resonance": Earlier("control-recognised", {"control": "phase"}),
+    "phase-two-modes": Earlier("phase-gap", {"overlap": "yes"}),
+    "points-not-measured": Earlier("points-not-measured", renamed={"points": "rows"}),
+    "response-held": Earlier("control-recognised", {"control": "response"}),
+    "rows-copied": Earlier("rows-twice", renamed={"copies": "rows"}),
+    "rows-without-number": Earlier("points-not-measured"),
+    "unit-of-file-unusable": Earlier("unit-contradicts-title", renamed={"unit": "title", "assumed": "unit"}),
+}
+"""Codes of the schema 1 of result.json that have gone, and what says the same today."""
 
 
 # ----------------------------------------------------------------------------

@@ -16,7 +16,7 @@ from rsgen.common.errors import MeasurementError, RsgenError, quote
 from rsgen.common.finding import Finding, quantities
 from rsgen.data.surface import ResponseSurface
 from rsgen.data.surface.columns import DERIVATIVE
-from rsgen.files.column_titles import unit_doubts, unit_in
+from rsgen.files.column_titles import contradiction, unit_doubts, unit_in
 from rsgen.files.data_files import file_label, recognise_format
 from rsgen.files.plan import MeasuredTest
 from rsgen.files.sandbox import read_binary
@@ -104,14 +104,16 @@ def to_si(
                     f"{label}: the unit of {quote(channel.path)} is not known: {channel.unit_source}; "
                     "name it by unit in the case"
                 )
-            about = {"file": label, "column": str(address), "unit": channel.unit}
             try:
                 factor = quantity(f"1 {sensor_unit(channel.unit or target, target)}", target)
             except RsgenError:
-                about["assumed"] = target
-                findings[channel.unit, address] = Finding("unit-of-file-unusable", "warning", names=about)
+                # a unit of another dimension than the quantity
+                findings[channel.unit, address] = contradiction(
+                    label, str(address), target, channel.unit, severity="warning"
+                )
                 continue
             if factor != 1:
+                about = {"file": label, "column": str(address), "unit": channel.unit}
                 about["source"] = channel.unit_source or "the file"
                 findings[channel.unit, address] = Finding("unit-of-file", "info", names=about)
             channels[number] = replace(
@@ -506,7 +508,7 @@ def _whole_rows(sources: Sources) -> Sources:
         raise MeasurementError(f"{main.label}: no row with a number in every column asked for; {where}")
     numbers = quantities(rows=len(lost), all=len(keep))
     finding = Finding(
-        "rows-without-number", "warning", numbers=numbers, names={"file": main.label, "first": place}
+        "points-not-measured", "warning", numbers=numbers, names={"file": main.label, "first": place}
     )
     kept = sources.keep(keep)
     path = sources.test.files[sources.number]

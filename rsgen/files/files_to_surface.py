@@ -304,8 +304,7 @@ def _hertz(test: MeasuredTest, table: Table) -> tuple[float, list[Finding]]:
         about = {"file": table.label, "column": str(column), "unit": unit, "source": "the file"}
         return HERTZ[unit], [Finding("unit-of-file", "info", names=about)]
     if unit not in HERTZ and is_angular(title):
-        about = {"file": table.label, "column": title}
-        return 1.0, [Finding("frequency-angular", "doubt", names=about)]
+        return 1.0, [contradiction(table.label, title, "Hz", "an angular frequency in rad/s")]
     return 1.0, []
 
 
@@ -424,7 +423,8 @@ def _amplitudes(test: MeasuredTest) -> ResponseSurface:
     followed = held.control == "continuation"
     findings = [*(finding for part in parts for finding in part.findings), *held.findings]
     if test.force is None and test.base is None:
-        findings.append(Finding("force-from-ratio" if test.per_force else "force-not-recorded", "warning"))
+        by = {"by": "ratio"} if test.per_force else {}
+        findings.append(Finding("force-not-recorded", "warning", names=by))
     surface = ResponseSurface(
         level=held.level,
         frequency=frequency,
@@ -473,7 +473,7 @@ def _from_multisine(test: MeasuredTest, rule: HistoryRule) -> MultisineSpectra:
     spectra = from_multisine(histories, period=rule.multisine.period, transient=rule.multisine.transient)
     records = [found for history in histories for found in record_findings(history)]
     # a force that is not in N has no amount that a level could be
-    kept = [f for f in spectra.findings if test.calibrated or f.code != "multisine-levels-disagree"]
+    kept = [f for f in spectra.findings if test.calibrated or f.code != "levels-in-other-unit"]
     if None not in labels:
         spectra = replace(spectra, label=np.array(labels, dtype=np.float64))
     return replace(spectra, findings=(*records, *kept))

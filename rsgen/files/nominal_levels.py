@@ -41,13 +41,6 @@ but noise and a shaker that drops do a part of it."""
 _TWO = 2
 """At least as many points of a run lie behind its fold: one is an error of reading."""
 
-_RECOGNISED = {
-    "response": [Finding("response-held", "info")],
-    "phase": [Finding("phase-resonance", "info")],
-    "continuation": [Finding("continuation-recognised", "info")],
-}
-"""What says that it was recognised."""
-
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Held:
@@ -90,8 +83,8 @@ def hold(
         control = "phase"
     if test.control is None and run is None and spread is None and _folded(frequency, force, displacement):
         control = "continuation"
-    if test.control is None:
-        findings += _RECOGNISED.get(control, [])
+    if test.control is None and control != "force":
+        findings.append(Finding("control-recognised", "info", names={"control": control}))
     if control == "phase" and not test.phase_known:
         # what the loop is for
         displacement = np.asarray(np.abs(displacement) * np.exp(-0.5j * np.pi))
@@ -357,9 +350,7 @@ def settle_levels(surface: ResponseSurface, test: MeasuredTest, known: bool, sai
         "unit": surface.level_unit,
     }
     said = said and not test.level.labels and test.calibrated
-    finding = Finding(
-        "levels-disagree" if said else "levels-are-labels", "doubt" if said else "info", names=labels
-    )
+    finding = Finding("levels-disagree", "doubt" if said else "info", names=labels)
     return replace(renamed, findings=(*surface.findings, finding))
 
 

@@ -125,8 +125,7 @@ def of_one_mode(findings: tuple[Finding, ...], points: Points, misfit: float) ->
 
     Two groups of different amplitudes are of one mode where one law fits both.
     """
-    codes = {"phase-two-modes", "phase-gap"}
-    rest = tuple(finding for finding in findings if finding.code not in codes)
+    rest = tuple(finding for finding in findings if finding.code != "phase-gap")
     gap = gap_of(points)
     if len(rest) == len(findings) or gap is None or (not gap.overlap and misfit < LARGE):
         return rest
@@ -202,7 +201,7 @@ class Findings:
         misfit = float(self.fit.regression.noise * np.sqrt(2))
         found += of_one_mode(self.surface.findings, self.points, misfit)
         found += self.surface.limits
-        misread = any(f.code in ("base-misread", "base-scaled") for f in self.surface.findings)
+        misread = any(f.code == "base-misread" for f in self.surface.findings)
         if self.fit.problem.observed.mode(self.fit.background).feed_exciter and not misread:
             found.append(Finding("structure-feeds-exciter", "error"))
         if not calibrated:

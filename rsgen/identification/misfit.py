@@ -48,7 +48,7 @@ from rsgen.identification.terms import EVEN_SHARE, even_beside, law_with, with_t
 _TELLING = 16
 """Points below which a pattern may not show: a damper missed by 5 % is found from here on, not at 12."""
 
-_OTHERWISE = frozenset({"another-quantity", "base-misread", "base-scaled", "not-passive"})
+_OTHERWISE = frozenset({"another-quantity", "base-misread", "not-passive"})
 """Findings about sign or quantity of the response: what a background takes up then is no other mode."""
 
 _REACH = 5.0

@@ -56,7 +56,7 @@ def test_a_fold_at_one_frequency_is_recognised_and_its_unstable_points_are_marke
 ):
     surface = read(tmp_path, states)
     assert (surface.control, surface.level_unit) == ("continuation", "m")
-    assert "continuation-recognised" in [finding.code for finding in surface.findings]
+    assert "control-recognised" in [finding.code for finding in surface.findings]
     assert np.count_nonzero(~states.stable) > 4
     # the force turns between two points, of which either may count
     rows = (surface.stable != states.stable).reshape(len(FREQUENCIES), POINTS)

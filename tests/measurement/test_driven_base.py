@@ -62,7 +62,7 @@ def findings(folder: Path, recorded: str, **said: object) -> list:
     text = CASE.replace("{base} + 1", str(keys["base"] + 1)).replace("{seen} + 1", str(keys["seen"] + 1))
     (folder / "case.toml").write_text(text.format(**keys))
     found = rs.read(rs.load_case(folder / "case.toml")).findings
-    return [f for f in found if f.code in ("base-misread", "base-scaled", "not-passive", "another-quantity")]
+    return [f for f in found if f.code in ("base-misread", "not-passive", "another-quantity")]
 
 
 @pytest.mark.parametrize("recorded", ["absolute", "relative"])
@@ -97,7 +97,7 @@ def test_another_quantity_of_one_channel_is_named(tmp_path, recorded, quantity, 
     response = 'quantity    = "acceleration"\nreal        = {seen}'
     assert response in CASE
     monkeypatch.setitem(globals(), "CASE", CASE.replace(response, response.replace("acceleration", quantity)))
-    (found,) = [f for f in findings(tmp_path, recorded) if f.code == "base-scaled"]
+    (found,) = [f for f in findings(tmp_path, recorded) if f.code == "base-misread"]
     assert (found.names["is"], found["order"], found["by"]) == ("quantity", order, 1.0)
 
 
@@ -108,7 +108,7 @@ def test_another_quantity_of_one_channel_is_named(tmp_path, recorded, quantity, 
 )
 def test_a_factor_of_one_channel_against_the_other_is_named(tmp_path, recorded, factor, mistake):
     (found,) = findings(tmp_path, recorded, factor=factor)
-    assert (found.code, found.severity, found.names["is"]) == ("base-scaled", "error", mistake)
+    assert (found.code, found.severity, found.names["is"]) == ("base-misread", "error", mistake)
     assert found["by"] * factor == pytest.approx(1, rel=1e-9)
     # what four powers of the amplitude and the digits of the file leave
     assert found["then"] < 1e-5 < found["misfit"]

@@ -73,7 +73,7 @@ def test_each_entry_is_a_level(tmp_path: Path) -> None:
     assert surface.control == "response"
     np.testing.assert_allclose(surface.levels, HELD, rtol=5e-3)
     assert [int(np.count_nonzero(surface.level == level)) for level in surface.levels] == [41] * 8
-    assert codes(surface)["response-held"] == "info"
+    assert codes(surface)["control-recognised"] == "info"
     assert len(read_measurement(of_runs(path, control="force")).levels) == 8
     assert len(read_measurement(of_runs(path, level=LevelRule(spread=0.05))).levels) == 14
 
@@ -112,12 +112,12 @@ def test_labels_are_called_by_what_was_measured(tmp_path: Path) -> None:
     forces = {"Level1.csv": 4.8, "Level3.csv": 28.8, "Level4.csv": 58.0}
     surface = read_measurement(of_files(tmp_path, forces, level=LevelRule(name="Level{level}.csv")))
     assert surface.levels.tolist() == [4.8, 28.8, 58.0]
-    assert codes(surface) == {"levels-are-labels": "info"}
+    assert codes(surface) == {"levels-disagree": "info"}
     said = read_measurement(of_files(tmp_path, forces, level=LevelRule(values=(1, 3, 4))))
     assert said.levels.tolist() == [4.8, 28.8, 58.0]
     assert codes(said) == {"levels-disagree": "doubt"}
     rule = LevelRule(values=(1, 3, 4), unit="label")
-    assert codes(read_measurement(of_files(tmp_path, forces, level=rule))) == {"levels-are-labels": "info"}
+    assert codes(read_measurement(of_files(tmp_path, forces, level=rule))) == {"levels-disagree": "info"}
 
 
 LABELLED = {"1.csv": 2.0, "2.csv": 4.0, "3.csv": 6.0}
@@ -198,7 +198,7 @@ def test_a_length_in_a_name_is_no_force(tmp_path: Path) -> None:
     rule = LevelRule(name="gap_{level}mm.csv")
     surface = read_measurement(of_files(tmp_path, forces, level=rule))
     assert surface.levels.tolist() == [30.0, 50.0]
-    assert codes(surface) == {"levels-are-labels": "info"}
+    assert codes(surface) == {"levels-disagree": "info"}
 
 
 def test_swapped_levels_are_doubted(tmp_path: Path) -> None:

@@ -53,7 +53,7 @@ def test_a_table_of_the_backbone_is_recognised_and_each_row_is_a_level(tmp_path:
     surface = read(table(tmp_path))
     assert (surface.control, len(surface.levels)) == ("phase", 23)
     np.testing.assert_allclose(surface.level, np.abs(surface.force), rtol=1e-9)
-    assert {"phase-resonance", "phase-lag-held"} <= set(codes(surface))
+    assert {"control-recognised", "phase-lag"} <= set(codes(surface))
     found = rsgen.identify(surface, "k*x + k3*x**3 + c*v", mass=MASS)
     assert found["k"].value == pytest.approx(K, rel=1e-4)
     assert found["k3"].value == pytest.approx(K3, rel=0.01)
@@ -76,7 +76,7 @@ def test_without_a_phase_and_without_the_word_nothing_is_assumed(tmp_path: Path)
 
 def test_the_lag_of_the_loop_is_said_and_corrected_with_the_mass(tmp_path: Path):
     surface = read(table(tmp_path, lag=95.0))
-    (found,) = [finding for finding in surface.findings if finding.code == "phase-lag-off"]
+    (found,) = [finding for finding in surface.findings if finding.code == "phase-lag"]
     assert found.numbers["lag"].value == pytest.approx(95, abs=1e-6)
     modal = rsgen.modal_table(surface, mass=MASS)
     np.testing.assert_allclose(modal.stiffness, K + 0.75 * K3 * modal.amplitude**2, rtol=1e-4)
@@ -179,13 +179,11 @@ def at_lags(lag: np.ndarray) -> ResponseSurface:
 
 def test_the_shift_of_a_lag_is_that_of_the_stiffness_it_hides():
     # k - m omega^2 = omega c cot(lag): k/m is off by 2 zeta cot(lag) omega^2, here said over zeta
-    (said,) = [f for f in lag_findings(at_lags(np.full(12, 96.0))) if f.code == "phase-lag-off"]
+    (said,) = [f for f in lag_findings(at_lags(np.full(12, 96.0))) if f.code == "phase-lag"]
     assert said["shift"] == pytest.approx(2 / np.tan(np.radians(84.0)), rel=1e-9)
     assert said["lag"] == pytest.approx(96.0)
 
 
 def test_the_lag_of_a_loop_is_that_of_most_of_its_points():
-    (said,) = [
-        f for f in lag_findings(at_lags(np.repeat([83.0, 96.0], [12, 4]))) if f.code == "phase-lag-off"
-    ]
+    (said,) = [f for f in lag_findings(at_lags(np.repeat([83.0, 96.0], [12, 4]))) if f.code == "phase-lag"]
     assert (said["lag"], said["points"], said["others"]) == pytest.approx((83.0, 12, 4))

@@ -46,7 +46,7 @@ def test_rows_with_gaps_are_left_out_and_counted(tmp_path: Path, gap: str) -> No
     path = text(tmp_path / "a.csv", f"f,F,x\n1,1,2\n2,1,{gap}\n3,{gap},{gap}\n4,1,2\n")
     surface = read(path)
     assert surface.frequency.tolist() == [1, 4]
-    assert rows_found(surface) == {"rows-without-number": {"rows": 2, "all": 4}}
+    assert rows_found(surface) == {"points-not-measured": {"rows": 2, "all": 4}}
     assert surface.findings[0].names == {"file": "a.csv", "first": "line 3"}
 
 
@@ -64,7 +64,7 @@ def test_gaps_of_binary_files_and_of_another_file_are_left_out_together(tmp_path
     np.savez(response, x=[1.0, np.nan, 1.0, 5.0])
     surface = read(force, response_files=(response,))
     assert surface.amplitude.tolist() == [1, 5]
-    assert rows_found(surface) == {"rows-without-number": {"rows": 2, "all": 4}}
+    assert rows_found(surface) == {"points-not-measured": {"rows": 2, "all": 4}}
 
 
 def test_utf_16_is_read_and_hashed_as_it_is(tmp_path: Path) -> None:
@@ -87,7 +87,7 @@ def test_an_angular_frequency_read_in_hertz_is_doubted(tmp_path: Path, title: st
     for column in (title, 1):
         surface = read(path, column)
         assert [(found.code, found.severity) for found in surface.findings] == [
-            ("frequency-angular", "doubt")
+            ("unit-contradicts-title", "doubt")
         ]
     for unit, first in (("Hz", 1.0), ("rad/s", 1 / (2 * np.pi))):
         surface = read(path, title, frequency_unit=unit)

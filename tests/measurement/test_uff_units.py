@@ -253,7 +253,7 @@ def test_a_unit_that_is_none_of_the_quantity_is_not_taken(tmp_path: Path) -> Non
     path.write_text(function(ACCELERANCE, *labelled), encoding="utf-8")
     surface = read(case_of(path))
     np.testing.assert_allclose(accelerance(surface), ACCELERANCE, rtol=PRINTED)
-    assert codes(surface) == ["unit-of-file-unusable"]
+    assert codes(surface) == ["unit-contradicts-title"]
 
 
 @pytest.mark.slow

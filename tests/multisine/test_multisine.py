@@ -125,7 +125,7 @@ def test_reversed_and_mixed_up_records_are_not_believed() -> None:
     assert not [f for f in from_multisine(record).findings if f.severity == "doubt"]
     weak = TimeHistory(record.rate, record.force, record.response, level=1.0, label="one")
     strong = TimeHistory(record.rate, record.force, record.response, level=2.0, label="two")
-    assert "multisine-level-differs" in [finding.code for finding in from_multisine([weak, strong]).findings]
+    assert "levels-disagree" in [finding.code for finding in from_multisine([weak, strong]).findings]
 
 
 @pytest.mark.slow

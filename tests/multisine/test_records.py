@@ -52,12 +52,12 @@ def codes(spectra: rsgen.MultisineSpectra) -> dict[str, str]:
 
 @pytest.mark.parametrize("factor", [1e-3, 1000.0, 0.3])
 def test_a_force_in_another_unit_than_its_levels_is_doubted(factor: float) -> None:
-    assert "multisine-levels-disagree" not in codes(from_multisine(records(4)))
+    assert "levels-in-other-unit" not in codes(from_multisine(records(4)))
     wrong = from_multisine(records(4, factor=factor))
-    assert codes(wrong)["multisine-levels-disagree"] == "doubt"
+    assert codes(wrong)["levels-in-other-unit"] == "doubt"
     assert not rsgen.identify(wrong, "k*x + c*v").verdict.usable
     unnamed = [TimeHistory(RATE, one.force, one.response) for one in records(4, factor=factor)]
-    assert "multisine-levels-disagree" not in codes(from_multisine(unnamed))
+    assert "levels-in-other-unit" not in codes(from_multisine(unnamed))
 
 
 def test_swapped_columns_are_not_believed() -> None:
@@ -78,13 +78,13 @@ def test_sizes_that_no_test_has_are_doubted() -> None:
 
 
 def test_two_periods_from_rest_are_doubted_and_three_leave_the_first_out() -> None:
-    assert codes(from_multisine(records(2)))["multisine-two-periods"] == "info"
+    assert codes(from_multisine(records(2)))["periods-few"] == "info"
     rest = from_multisine(records(2, rest=True))
-    assert codes(rest)["multisine-two-periods"] == "doubt"
+    assert codes(rest)["periods-few"] == "doubt"
     assert "none was left out" in sentence(rest.findings[-1])
     longer = from_multisine(records(8, rest=True))
     assert (np.asarray(longer.left_out) >= 1).all()
-    assert "multisine-two-periods" not in codes(longer)
+    assert "periods-few" not in codes(longer)
     with pytest.raises(MeasurementError, match="transient: -1 periods; 0 or more"):
         from_multisine(records(4), transient=-1)
 

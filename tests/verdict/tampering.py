@@ -30,7 +30,7 @@ NOMINAL = frozenset(
 )
 LEVELS = POINTS | NOMINAL
 SIZE = frozenset({"size-impossible"})
-UNIT = SIZE | {"frequency-angular", "unit-contradicts-title"}
+UNIT = SIZE | {"unit-contradicts-title"}
 WAVE = frozenset(
     {
         "not-a-steady-sine",

@@ -24,7 +24,7 @@ DOUBTED = [
     ("cubic", "force in kN, read as N", {"levels-disagree"}),
     ("cubic", "one level in g, read as m/s^2", {"law-does-not-fit", "parts-disagree"}),
     ("cubic", "response in g, read as m/s^2; mass known", {"law-does-not-fit"}),
-    ("cubic", "rad/s read as Hz, column called omega", {"frequency-angular"}),
+    ("cubic", "rad/s read as Hz, column called omega", {"unit-contradicts-title"}),
     ("cubic", "Hz read as rad/s, column called f_Hz", {"unit-contradicts-title"}),
     ("cubic", "acceleration read as velocity", {"another-quantity"}),
     ("cubic", "two levels swapped", {"law-does-not-fit", "parts-disagree"}),

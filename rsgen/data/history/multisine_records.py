@@ -153,14 +153,14 @@ def _level_findings(records: Sequence[TimeHistory], typical: Array, levels: Arra
 
     def about(end: int) -> tuple[dict[str, Quantity], dict[str, str]]:
         level, rms_ = Quantity(float(levels[end]), "N"), Quantity(float(typical[end]), "N")
-        numbers = {"level": level, "rms": rms_, "ratio": Quantity(float(ratio[end]))}
+        numbers = {"level": level, "force": rms_, "ratio": Quantity(float(ratio[end]))}
         return numbers, {"record": records[end].label}
 
     if ratio.max() > _APART * ratio.min():
         ends = (int(np.argmin(ratio)), int(np.argmax(ratio)))
-        return [Finding("multisine-level-differs", "doubt", "", *about(end)) for end in ends]
+        return [Finding("levels-disagree", "doubt", "", *about(end)) for end in ends]
     if ratio.max() > _AGREE or ratio.min() < 1 / _AGREE:
-        return [Finding("multisine-levels-disagree", "doubt", "", *about(int(np.argmax(levels))))]
+        return [Finding("levels-in-other-unit", "doubt", "", *about(int(np.argmax(levels))))]
     return []
 
 
@@ -175,7 +175,7 @@ def _unsettled(records: Sequence[TimeHistory], length: int) -> list[Finding]:
             decaying.append(record)
     severity: Severity = "doubt" if decaying else "info"
     names = {"record": ", ".join(record.label for record in decaying or short)}
-    return [Finding("multisine-two-periods", severity, names=names)] if short else []
+    return [Finding("periods-few", severity, "", quantities(periods=_FEWEST), names)] if short else []
 
 
 def _copies(

@@ -86,10 +86,8 @@ def _lag(lag: Array) -> tuple[Finding, ...]:
         "scatter": Quantity(float(np.degrees(np.std(off)))),
         "shift": Quantity(float(2 * abs(np.tan(missed)))),
     }
-    if abs(missed) < _HELD:
-        return (Finding("phase-lag-held", "info", numbers=numbers),)
-    severity: Severity = "warning" if abs(missed) < _LOST else "doubt"
-    return (Finding("phase-lag-off", severity, numbers=numbers),)
+    severity: Severity = "info" if abs(missed) < _HELD else "warning" if abs(missed) < _LOST else "doubt"
+    return (Finding("phase-lag", severity, numbers=numbers),)
 
 
 def _lock_lost(lag: Array, force: Array) -> tuple[Finding, ...]:
@@ -135,7 +133,7 @@ class BackboneGap:
         """Doubt two modes; where levels may be missing between the groups, say so with a severity."""
         numbers = {"low": Quantity(self.low, "Hz"), "high": Quantity(self.high, "Hz")}
         if self.overlap:
-            return Finding("phase-two-modes", "doubt", numbers=numbers)
+            return Finding("phase-gap", "doubt", numbers=numbers, names={"overlap": "yes"})
         return Finding("phase-gap", severity, numbers=numbers)
 
 

@@ -265,7 +265,7 @@ def plausibility_findings(
     mass, damping
         As for ``Sizes``.
     """
-    other = [f for f in surface.findings if f.code in ("another-quantity", "base-misread", "base-scaled")]
+    other = [f for f in surface.findings if f.code in ("another-quantity", "base-misread")]
     # a force per mass and a motion relative to the base are made of several measured quantities
     if not (other or surface.base):
         yield from (other := list(quantity_findings(surface)))
@@ -494,7 +494,7 @@ def _scaled(
     then, name, by, order = min(sound)
     numbers = {"misfit": Quantity(misfit), "then": Quantity(then), "by": Quantity(by)}
     numbers |= {"order": Quantity(order)} if order else {}
-    return (Finding("base-scaled", "error", "", numbers, {"is": name}),)
+    return (Finding("base-misread", "error", "", numbers, {"is": name}),)
 
 
 def _fit(

@@ -260,7 +260,7 @@ class ResponseSurface:
             outcome = np.where(measured, 0, _NOT_MEASURED)
             lost = int(np.count_nonzero(~measured))
             if lost:
-                numbers = {"points": Quantity(lost), "all": Quantity(n)}
+                numbers = {"rows": Quantity(lost), "all": Quantity(n)}
                 findings += (Finding("points-not-measured", "warning", numbers=numbers),)
         columns["sweep"] = column(sweep, "sweep", (n,))
         columns["outcome"] = column(outcome, "outcome", (n,))
@@ -533,6 +533,6 @@ def without_copies(surface: ResponseSurface) -> ResponseSurface:
     kept[good] = differing[place] | (first[kind] == np.arange(len(good)))
     if kept.all():
         return surface
-    numbers = quantities(copies=int(np.count_nonzero(~kept)), all=len(surface))
-    finding = Finding("rows-copied", "warning", numbers=numbers)
+    numbers = quantities(rows=int(np.count_nonzero(~kept)), all=len(surface))
+    finding = Finding("rows-twice", "warning", numbers=numbers)
     return replace(surface.select(kept), findings=(*surface.findings, finding))

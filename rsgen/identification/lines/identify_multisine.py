@@ -300,7 +300,7 @@ def _misfit_findings(fit: LineFit, misfit: float, noise: float, wider: float) ->
     """Judge what the law leaves by its size and by the noise."""
     times = times_noise(fit)
     if not np.isfinite(noise):
-        found = [Finding("one-period", "warning")]
+        found = [Finding("periods-few", "warning", numbers=quantities(periods=1))]
         if misfit > POOR:
             found.append(
                 Finding(

@@ -277,7 +277,7 @@ def read_verdict(result: Mapping[str, Any]) -> StatedVerdict:
     return {
         "state": entry["state"],
         "headline": str(entry["headline"]),
-        "decided_by": [{**decided, "code": str(decided["code"])} for decided in entry["decided_by"]],
+        "decided_by": [Finding.from_dict(decided).to_dict() for decided in entry["decided_by"]],
         "sentences": texts["sentences"],
         "next_steps": texts["next_steps"],
     }

@@ -8,13 +8,6 @@ from rsgen.report.wording.sentences import NEXT_STEPS, say_plainly, says
 
 say_plainly(
     {
-        "points-not-measured": (
-            "{points:g} of {all:g} points have no measured force or response and are left out"
-        ),
-        "rows-copied": (
-            "{copies:g} of {all:g} rows repeat another of the same level and frequency to the last digit: "
-            "written twice, not measured twice, and left out"
-        ),
         "note": "{text}",
         "direction-from-branch": (
             "runs of one level lie on two branches in one order of frequency: {points:.0f} points are taken "
@@ -70,32 +63,12 @@ say_plainly(
             "{record}: only {share:.0%} of the power of the response is at the lines of the force; the rest "
             "is noise, another source, or motion that is not periodic"
         ),
-        "force-not-recorded": (
-            "the force was not recorded and the nominal level stands for it; real forces fall at resonance, "
-            "which then looks like damping and stiffness of the structure"
-        ),
-        "force-from-ratio": (
-            "the files hold response over force, so the level stands for the force; where the real force "
-            "was smaller, so was the amplitude, and k(X) and c(X) are shifted in amplitude by as much"
-        ),
         "unit-of-file": (
             "{file}: {column} was read in {unit}, as the file says ({source}); a unit in the case would win"
-        ),
-        "unit-of-file-unusable": (
-            "{file}: {column} was read in {assumed}; the file says {unit}, which is another dimension: name "
-            "the unit and the factor in the case"
         ),
         "rows-of-words": (
             "{file}: rows of words among the numbers, as a header that repeats, passed over: {rows:.0f}; the "
             "first is line {line:.0f}"
-        ),
-        "rows-twice": (
-            "{file}: {rows:.0f} of {all:.0f} rows repeat the row before to the last digit: written twice, "
-            "not measured twice, and left out"
-        ),
-        "rows-without-number": (
-            "{file}: {rows:.0f} of {all:.0f} rows left out, without a number where one is needed; the first "
-            "is {first}"
         ),
         "response-stands-still": (
             "{record}: the response stands still while the force moves, {times:.0f} times, longest at "
@@ -104,27 +77,11 @@ say_plainly(
         "last-line-open": (
             "{file}: the last line has no line end, as where a file was cut off; see that nothing is missing"
         ),
-        "frequency-angular": (
-            "{file}: {column} was read in Hz, but its name says an angular frequency in rad/s; masses would "
-            "be off by a factor of 39"
-        ),
-        "levels-are-labels": (
-            "the levels {labels} are labels, not amounts of what was measured; in this order the levels are "
-            "{amounts}, measured near the resonance"
-        ),
-        "levels-disagree": (
-            "the levels are said to be {labels} {unit}, but {amounts} were measured; the measured ones are "
-            "used"
-        ),
         "levels-of-one-force": "{count:.0f} levels of different names were all measured at {amount:.3q}",
-        "unit-contradicts-title": "{file}: {column} is read in {unit}, but its title says {title}",
+        "unit-contradicts-title": "{file}: {column} is read in {unit}, but the file says {title}",
         "levels-swapped": (
             "the level of {low:.3q} was driven harder than that of {high:.3q}: measured {low_measured:.3q} "
             "and {high_measured:.3q}"
-        ),
-        "response-held": (
-            "within each run the amplitude of the response is constant and the force varies, so the test is "
-            'read as response-controlled; if it was not, write control = "force" under [test]'
         ),
         "run-repeated": (
             "{first} and {second} hold the same numbers row by row: one run was copied in place of another"
@@ -141,16 +98,17 @@ say_plainly(
 )
 NEXT_STEPS.update(
     {
-        "frequency-angular": 'Write unit = "rad/s" under [test.frequency], or unit = "Hz" where it is in Hz.',
         "levels-disagree": (
             'Write unit = "label" under [test.level] where the levels are names of runs; otherwise look for '
-            "a wrong unit or factor of the level or of what was measured."
+            "a wrong unit or factor, or levels in another order than the files."
         ),
         "levels-of-one-force": (
             'Look whether the force was recorded at all; write unit = "label" under [test.level] if these '
             "are repeats of one level."
         ),
-        "unit-contradicts-title": "Look which of the two is right, and change the case or the title.",
+        "unit-contradicts-title": (
+            "Look which is right, and write that unit in the case, or correct the title."
+        ),
         "levels-swapped": "Look whether two files, or two numbers of [test.level], are swapped.",
         "run-repeated": "Look for the run that is missing, and take the copy out.",
         "runs-of-other-size": "Bring the files to one unit, or read them in cases of their own.",
@@ -167,6 +125,75 @@ NEXT_STEPS.update(
         ),
     }
 )
+
+
+def _at(found: Finding, name: str = "file") -> str:
+    """Begin a sentence with the file or record that it is about, if any."""
+    return f"{found.names[name]}: " if name in found.names else ""
+
+
+@says("rows-twice")
+def _(found: Finding) -> str:
+    return (
+        f"{_at(found)}{found['rows']:.0f} of {found['all']:.0f} rows repeat another to the last digit: "
+        "written twice, not measured twice, and left out"
+    )
+
+
+@says("points-not-measured")
+def _(found: Finding) -> str:
+    first = f"; the first is {found.names['first']}" if "first" in found.names else ""
+    return (
+        f"{_at(found)}{found['rows']:.0f} of {found['all']:.0f} rows left out, without a number where one is "
+        f"needed{first}"
+    )
+
+
+@says("levels-disagree")
+def _(found: Finding) -> str:
+    if "record" in found.names:
+        level, force = _size(found, "level"), _size(found, "force")
+        return (
+            f"{found.names['record']}: the level is {level}, but the force has {force} rms; in other records "
+            "the ratio of both is another one"
+        )
+    labels, amounts = found.names["labels"], found.names["amounts"]
+    if found.severity == "info":
+        return (
+            f"the levels {labels} are labels, not amounts of what was measured; in this order the levels are "
+            f"{amounts}, measured near the resonance"
+        )
+    return (
+        f"the levels are said to be {labels} {found.names['unit']}, but {amounts} were measured; the "
+        "measured ones are used"
+    )
+
+
+@says("force-not-recorded")
+def _(found: Finding) -> str:
+    if "by" in found.names:
+        return (
+            "the files hold response over force, so the level stands for the force; where the real force was "
+            "smaller, so was the amplitude, and k(X) and c(X) are shifted in amplitude by as much"
+        )
+    return (
+        "the force was not recorded and the nominal level stands for it; real forces fall at resonance, "
+        "which then looks like damping and stiffness of the structure"
+    )
+
+
+_RECOGNISED = {
+    "response": "within each run the amplitude of the response is constant and the force varies, so the test "
+    "is read as response-controlled",
+    "phase": "all points lie within 20 degrees of phase resonance, so the test is read as phase-locked",
+    "continuation": "at some frequency the force falls while the amplitude grows, so the test is read as a "
+    "control-based continuation",
+}
+
+
+@says("control-recognised")
+def _(found: Finding) -> str:
+    return f'{_RECOGNISED[found.names["control"]]}; if it was not, write control = "force" under [test]'
 
 
 @says("decay-taken")
@@ -279,14 +306,15 @@ def _size(found: Finding, name: str) -> str:
 def _(found: Finding) -> str:
     level, force = _size(found, "level"), _size(found, "force")
     return (
-        f"at the level of {level} the force is {force}, and in this proportion at all levels: one of them "
-        "was read in another unit"
+        f"{_at(found, 'record')}at the level of {level} the force is {force}, and in this proportion at all "
+        "levels: one of them was read in another unit, or the level is no amount of the force"
     )
 
 
 NEXT_STEPS["levels-in-other-unit"] = (
     "Look up the unit of the force: one in kN that is read as N makes mass, stiffness and damping 1000 times "
-    "too small. If the force is right, give the levels in its unit."
+    "too small. If the force is right, give the levels in its unit (of a multisine root mean squares), or "
+    'write unit = "label" under [test.level].'
 )
 
 
@@ -360,36 +388,33 @@ _DERIVED = {
 """What makes another quantity of a motion."""
 
 
-@says("base-scaled")
-def _(found: Finding) -> str:
-    then, misfit = (f"{number_text(100 * found[name], 2)} %" for name in ("then", "misfit"))
+def _scaled(found: Finding) -> str:
     by, back = number_text(found["by"], 4), number_text(1 / found["by"], 4)
     order = round(found["order"]) if "order" in found.numbers else 0
     undone = f"with the response {_DERIVED.get(order, '')} {by} times as large"
     other = "" if order else f", or the base {back} times"
-    return (
-        "as the case reads them, base and response are not those of a mass on springs and dampers: any law "
-        f"leaves {misfit} of its force; {' '.join(undone.split())}{other}, {then}: "
-        f"{_SCALED[found.names['is']]}"
-    )
+    return f"{' '.join(undone.split())}{other}, {{then}}: {_SCALED[found.names['is']]}"
 
 
 @says("base-misread")
 def _(found: Finding) -> str:
-    undone = _MISREAD[found.names["is"]].format(found.names["response"])
     then, misfit = (f"{number_text(100 * found[name], 2)} %" for name in ("then", "misfit"))
+    undone = (
+        _scaled(found)
+        if "by" in found.numbers
+        else f"with {_MISREAD[found.names['is']].format(found.names['response'])}, {{then}}"
+    )
     return (
         "as the case reads them, base and response are not those of a mass on springs and dampers that take "
-        f"energy: any law leaves {misfit}, or feeds energy; with {undone}, {then}"
+        f"energy: any law leaves {misfit} of the force, or feeds energy; {undone.format(then=then)}"
     )
 
 
 NEXT_STEPS |= {
-    "base-scaled": (
-        "Look up unit, factor and scale of both channels in the notes of the test, correct the case, and run "
-        "it again."
+    "base-misread": (
+        "Look up sense, unit, factor and scale of both channels in the notes of the test, correct the case, "
+        "and run it again."
     ),
-    "base-misread": "Look the two channels up in the notes of the test, correct the case, and run it again.",
     "size-impossible": (
         "Look up the units of force, response and frequency in the notes of the test, correct them in the "
         "case, and run it again."
@@ -406,15 +431,6 @@ NEXT_STEPS |= {
 
 say_plainly(
     {
-        "multisine-level-differs": (
-            "{record}: the level is {level:.3q}, but the force has {rms:.3q} rms; in other records the ratio "
-            "of both is another one"
-        ),
-        "multisine-levels-disagree": (
-            "{record}: the level is said to be {level:.3q}, but the force has {rms:.3q} rms, {ratio:.2g} "
-            "times as much, and in all records alike: a unit or a factor is wrong, or the level is no root "
-            "mean square"
-        ),
         "channels-delayed": (
             "the response comes {delay:.3q} later than the force (negative: earlier): with that delay taken "
             "off the misfit is {left:.2p} in place of {misfit:.2p}"
@@ -430,10 +446,6 @@ say_plainly(
         "response-copies-force": (
             "{record}: the response is the force times a number at every line: one channel stands for both, "
             "or no resonance is near the lines"
-        ),
-        "one-period": (
-            "one period of each record: noise and misfit cannot be separated, and the intervals take the "
-            "misfit for noise; record several periods"
         ),
         "law-leaves-distortion": (
             "the law leaves {misfit:.2p} of the force, {times:.2g} times what the periods scatter: that "
@@ -470,18 +482,11 @@ _WITH_IT = (
 
 NEXT_STEPS.update(
     {
-        "multisine-level-differs": (
-            "Check that test.level.values stand in the order of test.file, and are root mean squares."
-        ),
-        "multisine-levels-disagree": (
-            "Check unit and factor of the force, and the unit of test.level; a wrong force scales every "
-            'parameter. Write unit = "label" under [test.level] where the levels are names.'
-        ),
         "record-feeds-exciter": (
             "Give test.response.factor the other sign if the sensor was mounted the other way round; look "
             "whether the columns of force and response are swapped, and the quantity of the response."
         ),
-        "multisine-two-periods": (
+        "periods-few": (
             "Record more periods, or start to record when the response has settled; transient = 0 under "
             "[test.multisine] says that it had."
         ),
@@ -518,8 +523,13 @@ def _(found: Finding) -> str:
     )
 
 
-@says("multisine-two-periods")
+@says("periods-few")
 def _(found: Finding) -> str:
+    if "record" not in found.names:
+        return (
+            "one period of each record: noise and misfit cannot be separated, and the intervals take the "
+            "misfit for noise; record several periods"
+        )
     record = found.names["record"]
     if found.severity == "doubt":
         return (

@@ -1,0 +1,45 @@
+"""Findings of the schema 1 of result.json are read under the codes of today, and can be said.
+
+``schema_1.json`` has every code of that schema with the numbers and names that its sentence had.
+"""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from rsgen.common.finding import EARLIER, Finding
+from rsgen.report.wording import CODES, next_step, sentence
+
+CODES_OF_SCHEMA_1: dict[str, Any] = json.loads(Path(__file__).with_name("schema_1.json").read_text("utf-8"))
+
+
+@pytest.mark.parametrize("code", sorted(CODES_OF_SCHEMA_1))
+@pytest.mark.parametrize("severity", ["info", "doubt"])
+def test_an_earlier_finding_is_said(code: str, severity: str) -> None:
+    data = CODES_OF_SCHEMA_1[code]
+    numbers = {name: {"value": 2.0, "unit": "m"} for name in data["numbers"]}
+    entry = {
+        "code": code,
+        "severity": severity,
+        "parameter": "kn",
+        "numbers": numbers,
+        "names": data["names"],
+    }
+    finding = Finding.from_dict(entry)
+    assert finding.code in CODES
+    assert (finding.severity, finding.parameter) == (severity, "kn")
+    assert sentence(finding) not in ("", repr(finding))
+    next_step(finding)
+    again = Finding.from_dict(finding.to_dict())
+    assert (again, again.numbers, again.names) == (finding, finding.numbers, finding.names)
+
+
+def test_a_code_that_went_is_read_under_one_that_is_there() -> None:
+    assert set(EARLIER) <= set(CODES_OF_SCHEMA_1)
+    assert {now.code for now in EARLIER.values()} <= set(CODES)
+    gone = set(CODES_OF_SCHEMA_1) - set(CODES)
+    assert gone <= set(EARLIER)
