@@ -63,6 +63,7 @@ bench: $(READY) ## measure speed, accuracy and verdicts into reports/*.md; BEFOR
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check --editable '.[bench]'
 	$(BIN)/python -m benchmarks.speed
 	$(BIN)/python -m benchmarks.accuracy
+	$(BIN)/python -m benchmarks.across
 	$(BIN)/python -m benchmarks.background
 	$(BIN)/python -m benchmarks.ranking
 	$(BIN)/python -m benchmarks.ranking_background

@@ -55,8 +55,8 @@ class ElementTable(Table):
     )
     across: Text | None = Field(
         default=None,
-        description="x of this element is a sum of channels of the test, such as 'payload - wing'; without "
-        "it the response.",
+        description="x of this element is a sum of channels of the test, such as 'payload - wing', or "
+        "one channel that measures it; without it the response.",
     )
     parameters: dict[str, Text] = Field(
         default_factory=dict,

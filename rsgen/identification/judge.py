@@ -92,7 +92,7 @@ def prepare(surface: ResponseSurface, model: Model) -> Prepared:
     RsgenError
         As for ``identify``; a background is asked for beside a motion across two sensors.
     """
-    surface, repeats = gather_repeats(surface)
+    surface, repeats = gather_repeats(surface, model.sensors)
     points = select_points(surface, model)
     law = law_of(model.elements, points)
     beside = model.observation.background not in ("none", "phase")

@@ -29,7 +29,7 @@ from rsgen.common.tolerances import (
 from rsgen.data.surface.columns import DERIVATIVE, QUANTITIES
 from rsgen.dynamics.harmonic_balance import following_harmonics, hold_amplitude
 from rsgen.dynamics.linear_part import Inertia
-from rsgen.identification.fitting.across import motions_of, sensor_pair
+from rsgen.identification.fitting.across import motions_of, sensor_noise
 from rsgen.identification.fitting.fit import Fit, fit_balance
 from rsgen.identification.fitting.least_squares import Regression
 from rsgen.identification.fitting.observed import Problem
@@ -376,7 +376,7 @@ def _noise_across(found: Fit, joint: Part) -> list[Finding]:
     share = found.regression.noise_share
     if not share > _OF_NOISE:
         return []
-    numbers = quantities(noise=sensor_pair(found.problem.observed.points).noise, part=share)
+    numbers = quantities(noise=sensor_noise(found.problem.observed.points, joint.sensors), part=share)
     return [Finding("noise-across", "doubt", "", numbers, {"sensors": joint.sensors})]
 
 
@@ -390,7 +390,7 @@ def _misfit_across(found: Fit, joint: Part) -> list[Finding]:
     higher = points.across[:, 2:]
     if higher.any():
         return []
-    noise = sensor_pair(points).noise
+    noise = sensor_noise(points, joint.sensors)
     # a misfit relative to the response is larger relative to the motion across
     smaller = float(np.median(np.abs(points.far[:, 0] / points.harmonics[:, 1])))
     if not misfit >= max(EXCESS * noise, NOTICEABLE * min(smaller, 1.0)):

@@ -238,8 +238,9 @@ def make_element(
     memory
         g(x, v, z) of z' = g for every state z of the law; z is zero at the start.
     across
-        Between which sensors x is, such as "payload - wing"; the test brings the motion there, as ``across``
-        of its surface. "": x is the response.
+        Between which sensors x is, such as "payload - wing", whose noise is in x; or the name of the one
+        sensor that measures it, such as "gauge". The test brings the motion there, as ``across`` of its
+        surface. "": x is the response.
 
     Raises
     ------
@@ -282,6 +283,14 @@ def make_element(
         except ExpressionError as fault:
             raise ExpressionError(f"memory.{rate.symbol}: {fault}") from None
     return Element(name, law, tuple(free for free in names if free not in ("x", "v")), across)
+
+
+def rides(sensors: str) -> float:
+    """Say how a motion across was measured: 1.0 where it is the response less that of another sensor.
+
+    0.0 where it has a sensor of its own: the name of one channel, such as "gauge".
+    """
+    return float(not sensors.isidentifier())
 
 
 def forces_by_motion(elements: Iterable[Element]) -> dict[str, sympy.Expr]:

@@ -15,7 +15,7 @@ import rsgen
 from rsgen.data.oscillator import BACKGROUNDS, OFFSET
 from rsgen.data.surface import ResponseSurface
 from tests.fitting.test_repeats import repeated
-from tests.identification.test_across import ELEMENTS, driven_by_a_sine, two_masses
+from tests.identification.test_across import ELEMENTS, GAUGE, driven_by_a_sine, seen_by, two_masses
 from tests.pins import pinned, trees
 from tests.pins.grids import NOISE, small
 from tests.pins.pinned import SWITCHED, Allowed, Pin, Tree
@@ -107,7 +107,7 @@ def _unsettled() -> Tree:
 
 
 def _across(table: ResponseSurface, *about: rsgen.Observation) -> Tree:
-    return trees.identification(rsgen.identify(table, ELEMENTS, *about))
+    return trees.identification(rsgen.identify(table, seen_by(GAUGE, *ELEMENTS), *about))
 
 
 def _fundamental_only() -> Tree:

@@ -8,7 +8,7 @@ import numpy as np
 
 import rsgen
 from rsgen.identification.prediction import HeldOutLevel, ResonanceCurve
-from tests.identification.test_across import ELEMENTS, two_masses
+from tests.identification.test_across import ELEMENTS, GAUGE, seen_by, two_masses
 from tests.pins import pinned, trees
 from tests.pins.controls import simulated
 from tests.pins.grids import NOISE, small
@@ -130,7 +130,7 @@ def _modal() -> Tree:
 
 def _across() -> Tree:
     table = two_masses(noise=0.003)
-    found = rsgen.identify(table, ELEMENTS, rsgen.Observation(hold_out=(3.0,)))
+    found = rsgen.identify(table, seen_by(GAUGE, *ELEMENTS), rsgen.Observation(hold_out=(3.0,)))
     return tree(rsgen.predict(found, surface=table))
 
 

@@ -7,7 +7,8 @@ The balance is written at the sensor of the response, two motions in one equatio
 Some elements follow the response x, others the motion z across two sensors, of which y is the far one. Other
 modes take part in both, so that no law says how y follows x: y was measured, with noise like x and F, and is
 an unknown of every point like these (errors in variables: Fuller, Measurement Error Models, Wiley 1987).
-Where z has a sensor of its own it is z that has such noise. What a law leaves is no noise of one sensor: the
+Where z has a sensor of its own it is z that has such noise: the name of the elements' sensors says which
+(``law.element.rides``), because the motions do not. What a law leaves is no noise of one sensor: the
 force and both motions share it, and the ratio of the two motions stays as it was measured.
 """
 
@@ -15,7 +16,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
-from typing import NamedTuple
 
 import numpy as np
 import sympy
@@ -24,10 +24,9 @@ from rsgen.common.arrays import Array, ComplexArray
 from rsgen.common.errors import RsgenError
 from rsgen.common.tolerances import samples_for
 from rsgen.data.oscillator import total_force
-from rsgen.data.surface import ResponseSurface
 from rsgen.dynamics.harmonic_balance import Response
 from rsgen.identification.fitting.points import Points
-from rsgen.law.element import Element, forces_by_motion
+from rsgen.law.element import Element, forces_by_motion, rides
 from rsgen.law.motion import Motion, fourier_series, project
 from rsgen.law.numeric import ForceLaw, Part, compile_law
 
@@ -45,63 +44,33 @@ _UNMATCHED = (
 _BESIDE = 2
 """Points to either side through which a cubic is laid: what it misses of the middle one is noise."""
 
-_LARGEST_DEVIATION = 5.0
-"""Square of a deviation, in variances, beyond which it is no noise: chance exceeds it once in 150."""
 
-
-class SensorPair(NamedTuple):
-    """How a motion across was measured.
-
-    Parameters
-    ----------
-    rides
-        1.0 where it is the response less a far sensor's, 0.0 where it has a sensor of its own.
-    noise
-        Relative, of response and other sensor; NaN: unknown.
-    """
-
-    rides: float
-    noise: float
-
-
-def sensor_pair(points: Points | ResponseSurface) -> SensorPair:
-    """Find which sensor a motion across is from, and its noise, from what is not smooth along a run.
+def sensor_noise(points: Points, sensors: str) -> float:
+    """Find the relative noise of response and other sensor from what is not smooth along a run; NaN: unknown.
 
     The ratio z/x of the motion across to the response is smooth, whatever the law: what it differs by from a
     cubic through its neighbours is noise. As a ratio of two sensors it is proportional to z/x; of z = x - y
-    both sensors make y/x as noisy, and z/x by the size of 1 - z/x. The more likely one is taken: complex
-    normal noise d of variance s^2 u^2 at the sizes u has the log-likelihood
-    -sum of log(s^2 u^2) + d^2/(s^2 u^2), with s from the median.
+    both sensors make y/x as noisy, and z/x by the size of 1 - z/x.
     """
     order = np.lexsort((points.omega, points.sweep, points.level))
     width = 2 * _BESIDE + 1
     if len(order) < width:
-        return SensorPair(1.0, float("nan"))
+        return float("nan")
     rows = np.lib.stride_tricks.sliding_window_view(order, width)
     rows = rows[(points.level[rows] == points.level[rows[:, :1]]).all(axis=1)]
     rows = rows[(points.sweep[rows] == points.sweep[rows[:, :1]]).all(axis=1)]
     rows = rows[(np.diff(points.omega[rows], axis=1) > 0).all(axis=1)]
     if len(rows) < width:
-        return SensorPair(1.0, float("nan"))
+        return float("nan")
     weights = _cubic(points.omega[rows])
-
     ratio = points.across[:, 1] / points.harmonics[:, 1]
     missed = np.abs(np.sum(weights * ratio[rows], axis=1)) ** 2
-    found = []
-    for rides in (1.0, 0.0):
-        size = np.sum(weights**2 * 2 * np.abs(rides - ratio[rows]) ** 2, axis=1)
-        moves = size > 0
-        # of the square of a complex normal number of unit variance the median is ln 2
-        square = (
-            max(float(np.median(missed[moves] / size[moves])) / np.log(2), 1e-300) if moves.any() else np.inf
-        )
-        # jumps, resonances and antiresonances count as deviations that chance hardly exceeds
-        unlikely = np.minimum(missed / np.maximum(square * size, 1e-300), _LARGEST_DEVIATION)
-        found.append(
-            (float(np.sum(np.log(np.maximum(square * size, 1e-300)) + unlikely)), rides, np.sqrt(square))
-        )
-    _, rides, noise = min(found)
-    return SensorPair(rides, float(noise))
+    size = np.sum(weights**2 * 2 * np.abs(rides(sensors) - ratio[rows]) ** 2, axis=1)
+    moves = size > 0
+    if not moves.any():
+        return float("nan")
+    # of the square of a complex normal number of unit variance the median is ln 2
+    return float(np.sqrt(np.median(missed[moves] / size[moves]) / np.log(2)))
 
 
 def _cubic(omega: Array) -> Array:
@@ -185,8 +154,6 @@ class MeasuredAcross:
         The force law, of two parts.
     response, across
         As measured at the same points: of the mode, and across the elements.
-    rides
-        1.0 where the motion across is the response less that of the other sensor, 0.0 where it is that.
     """
 
     harmonics: tuple[int, ...] = ()
@@ -196,9 +163,9 @@ class MeasuredAcross:
     correlation = 0.0
     """Of the relative deviations of the two sensors: 0 for noise, all but 1 for what the law leaves."""
 
-    def __init__(self, law: ForceLaw, response: Motion, across: Motion, *, rides: float) -> None:
+    def __init__(self, law: ForceLaw, response: Motion, across: Motion) -> None:
         self._law, self._response, self._across = law, response, across
-        self._rides = rides
+        self._rides = rides(law.parts[1].sensors)
         self._columns = max(response.harmonics.shape[1], across.harmonics.shape[1])
         least = 1 << (8 * (self._columns - 1) - 1).bit_length()
         self.samples = max(samples_for(law.switched), least)

@@ -19,7 +19,7 @@ from rsgen.common.tolerances import (
     SAMPLES_SWITCHED,
     STEPS,
 )
-from rsgen.identification.fitting.across import MeasuredAcross, sensor_pair
+from rsgen.identification.fitting.across import MeasuredAcross
 from rsgen.identification.fitting.forward import Descent, HarmonicBalance
 from rsgen.identification.fitting.least_squares import Regression, Rules, eliminate, fit
 from rsgen.identification.fitting.observed import FORCE_TO_RESPONSE_NOISE, Problem, is_systematic
@@ -275,8 +275,7 @@ def refit_weighted(near: Fit, problem: Problem, parameters: Array, *, order: int
 def _forward(problem: Problem, mode: Points, order: int, turn: complex) -> HarmonicBalance | MeasuredAcross:
     """Balance of all harmonics at the response; across two sensors the one along the measured motion."""
     if problem.law.acts_across:
-        across, rides = Motion(mode.omega, mode.across), sensor_pair(mode).rides
-        return MeasuredAcross(problem.law, mode.motion, across, rides=rides)
+        return MeasuredAcross(problem.law, mode.motion, Motion(mode.omega, mode.across))
     about_rest, load = 0 not in mode.measured, mode.load
     if load is not None:
         # the phase error between force and response turns every harmonic

@@ -15,8 +15,8 @@ from numpy.typing import NDArray
 from rsgen.common.arrays import Array
 from rsgen.common.tolerances import OUTLIERS, ROUND_OFF, SIGNIFICANT
 from rsgen.data.surface import ResponseSurface
-from rsgen.identification.fitting.across import sensor_pair
 from rsgen.identification.fitting.points import ASYMMETRIC
+from rsgen.law.element import rides
 
 JUMP = 1.5
 """Amplitudes of a larger ratio lie on either side of a jump: repeats of it have no mean."""
@@ -139,12 +139,12 @@ def _freedom(variance: Array, each: Array) -> Array:
     return np.where(squares > 0, sums / np.where(squares > 0, squares, 1.0), 1.0)
 
 
-def gather_repeats(surface: ResponseSurface) -> tuple[ResponseSurface, Repeats | None]:
+def gather_repeats(surface: ResponseSurface, sensors: str = "") -> tuple[ResponseSurface, Repeats | None]:
     """Join settled rows of one level, frequency and sweep to their mean.
 
     The phase counts from the force before it is averaged, so that a clock that runs on between readings does
     no harm. Rows that have no repeat stay as they are, and so do surfaces whose repeats do not scatter, or
-    whose responses follow the force from reading to reading.
+    whose responses follow the force from reading to reading. ``sensors`` are those of a motion across.
 
     Returns
     -------
@@ -192,9 +192,7 @@ def gather_repeats(surface: ResponseSurface) -> tuple[ResponseSurface, Repeats |
         harmonics=np.where(joined[:, None], mean, table.harmonics),
         peak=np.where(joined[:, None], np.nan, table.peak),
     )
-    # neighbours in frequency tell the sensors, readings of one point do not
-    rides = np.array([sensor_pair(means).rides for _ in across.T[1:2]])
-    moved = across[:, 1:2] - rides * harmonics[:, 1:2]
+    moved = across[:, 1:2] - rides(sensors) * harmonics[:, 1:2]
     far = np.nan_to_num(moved / _means(moved, row, count)[row] - 1)
     order = np.argsort(first, kind="stable")
     place = np.argsort(order, kind="stable")

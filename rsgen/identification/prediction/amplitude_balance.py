@@ -358,7 +358,7 @@ class MeasuredBalance(AmplitudeBalance):
         if not mode.across.size:
             return np.full(len(mode), np.nan, dtype=complex)
         motions = (Motion(mode.omega, np.nan_to_num(motion)) for motion in (mode.harmonics, mode.across))
-        forward = MeasuredAcross(self._law, *motions, rides=0.0)
+        forward = MeasuredAcross(self._law, *motions)
         measured, level = mode.amplitude, np.abs(mode.force)
 
         def force_at(size: Array) -> ComplexArray:
