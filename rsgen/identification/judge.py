@@ -31,6 +31,7 @@ from rsgen.identification.misfit import (
     explain_hidden,
     mirror_findings,
     misfit_findings,
+    relative_misfit,
     unseen_findings,
     widen_squares,
 )
@@ -198,8 +199,7 @@ class Findings:
     ) -> tuple[Finding, ...]:
         """All findings, those about parameters first, but for what others that are known explain."""
         found = [*of_parameters, *(self._small_shift() if of_parameters else ())]
-        misfit = float(self.fit.regression.noise * np.sqrt(2))
-        found += of_one_mode(self.surface.findings, self.points, misfit)
+        found += of_one_mode(self.surface.findings, self.points, relative_misfit(self.fit))
         found += self.surface.limits
         misread = any(f.code == "base-misread" for f in self.surface.findings)
         if self.fit.problem.observed.mode(self.fit.background).feed_exciter and not misread:
@@ -327,7 +327,7 @@ def judge(test: Prepared, model: Model, refined: Fit) -> Identification:
     names, units = (*law.parameters, "m"), units_of(model, surface.units)
     terms = terms_beside(refined, wider=float(np.median(agreement.wider)))
     covariance, of_law = regression.covariance, widen_squares(test.problem, regression)
-    size = float(refined.regression.noise * np.sqrt(2))
+    size = relative_misfit(refined)
     ratio, ambiguous = law_ambiguity(terms, names, regression.parameters, covariance, size)
     covariance = covariance * np.outer(ratio, ratio)
     regression = widen_squares(test.problem, replace(regression, covariance=covariance))
@@ -344,7 +344,6 @@ def judge(test: Prepared, model: Model, refined: Fit) -> Identification:
     doubtful = {estimate.name for estimate in estimates if not estimate.identifiable}
     mass = nan if "m" in doubtful else refined.mass
     predicted = refined.harmonics[used, 0].real
-    misfit = refined.regression.misfit[used]
     of_parameters = tuple(e.finding for e in estimates if e.finding is not None)
     if estimates and not any(estimate.identifiable for estimate in estimates):
         about = (*about, Finding("nothing-identifiable", "doubt"))
@@ -372,7 +371,7 @@ def judge(test: Prepared, model: Model, refined: Fit) -> Identification:
         resonances=resonances,
         curve=curve,
         restoring=later(lambda: _without_law(kept, predicted, curve, mass, noise)),
-        residual=float(np.sqrt(np.mean(misfit**2))) if len(misfit) else float("nan"),
+        residual=size,
         noise=noise,
         levels=force_levels(surface, points, resonances),
         amplitude_range=(float(kept.amplitude.min()), float(kept.amplitude.max())),
@@ -417,8 +416,7 @@ def _errors(
     test: Prepared, refined: Fit, whole: Regression, wider: Array
 ) -> tuple[Regression, float, tuple[Finding, ...]]:
     """Regression of the law before its errors get wider, noise of a reading, and what repeats say of both."""
-    # the expected noise has unit size in real and imaginary part each
-    noise = misfit = float(refined.regression.noise * np.sqrt(2))
+    noise = misfit = relative_misfit(refined)
     regression = whole.first(test.problem.count)
     about: tuple[Finding, ...] = ()
     if test.repeats is not None:
@@ -519,6 +517,6 @@ def _outcome(
         used=int(refined.regression.used.sum()),
         points=len(surface),
         levels=len(np.unique(points.level)),
-        misfit=float(refined.regression.noise * np.sqrt(2)),
+        misfit=relative_misfit(refined),
     )
     return Finding("identified", "info", numbers=numbers)

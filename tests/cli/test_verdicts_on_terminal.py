@@ -97,7 +97,11 @@ def test_every_command_says_the_same_of_a_measured_test(
     assert json.dumps(ran["verdict"]["headline"])[1:-1] in (folder / "notebook.ipynb").read_text()
     # a surface that was saved, and an unchanged result, have the same verdict
     assert call("identify", path, "--surface", folder / "surface.h5", "--json") == code
-    assert json.loads(capsys.readouterr().out)["verdict"] == ran["verdict"]
+    identified = json.loads(capsys.readouterr().out)
+    written = json.loads((folder / "result.json").read_text())
+    assert identified["verdict"] == ran["verdict"]
+    assert identified["parameters"] == written["parameters"]
+    assert identified["residual"] == written["residual"]["relative"]
     assert call("identify", path) == code
     assert capsys.readouterr().out.startswith(ran["verdict"]["headline"])
     assert call("run", path, "--out", out) == code

@@ -95,6 +95,9 @@ def test_the_table_holds_values_intervals_and_units(found: Identification) -> No
         ):
             # rounded to a small part of the interval, or to ten digits
             assert float(shown) == pytest.approx(exact, rel=1e-9, abs=width / 20)
+    # the misfit is the one that the page states: of real and imaginary part together
+    assert found.residual == found.outcome["misfit"]
+    assert f"misfit {found.residual:.2g}" in str(found)
     html = found._repr_html_()
     assert html.count("<tr>") == 1 + len(found.refined)
 

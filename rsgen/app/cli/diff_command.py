@@ -34,7 +34,9 @@ class CaseDifference:
 
     @property
     def worse(self) -> bool:
-        """True where a verdict is graver than the first; identified is as good as accepted."""
+        """True where a verdict is graver than the first, which identified is not, or results disagree."""
+        if self.fits.findings:
+            return True
         first, *others = [max(STATES.index(fit.verdict.state), 1) for fit in self.fits.fits]
         return max(others, default=first) > first
 
@@ -104,7 +106,7 @@ def diff_command(
     ],
     json: Json = False,
 ) -> int:
-    """Set results side by side, shifts in standard errors; 1 if a verdict is graver than the first.
+    """Set results side by side; 1 if a verdict is graver than the first, or identified results disagree.
 
     \b
     Examples:

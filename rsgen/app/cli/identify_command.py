@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated, Any, cast
+from typing import Annotated, cast
 
 import typer
 
@@ -31,38 +31,14 @@ from rsgen.app.cli.terminal import (
 )
 from rsgen.app.study import obtain_table
 from rsgen.app.study.run_case import identify_case
-from rsgen.cases import Case, load_case
+from rsgen.cases import load_case
 from rsgen.common.errors import RsgenError
-from rsgen.common.finding import Verdict
 from rsgen.data.surface import ResponseSurface, load_surface
 from rsgen.identification.prediction import predict
-from rsgen.identification.results import Estimate, Identification
-from rsgen.report.result_json import fixed_entry
+from rsgen.identification.results import Estimate
+from rsgen.report.result_json import fixed_entry, rows_entry
 from rsgen.report.wording import sentence
 from rsgen.report.wording.sentences import state_verdict
-
-_METHODS = ("paper", "first_order", "refined")
-
-
-def _entry(estimate: Estimate | None) -> dict[str, Any] | None:
-    if estimate is None:
-        return None
-    return {
-        "value": estimate.value,
-        "standard_error": estimate.standard_error,
-        "interval": list(estimate.interval),
-        "interval_by": "profile" if estimate.by_profile else "standard error",
-    }
-
-
-def _rows(identification: Identification) -> list[dict[str, Any]]:
-    found = {method: {e.name: e for e in getattr(identification, method)} for method in _METHODS}
-    return [
-        {"name": refined.name, "unit": refined.unit}
-        | {method: _entry(found[method].get(refined.name)) for method in _METHODS}
-        for refined in identification.refined
-    ]
-
 
 Frf = Annotated[Path | None, typer.Option(help="Write receptances, universal (.uff).", show_default=False)]
 
@@ -90,17 +66,19 @@ def identify_command(
         tested = load_surface(surface) if surface else obtain_table(loaded)
         note("identification", 0.0)
         identification = identify_case(loaded, tested)
-        verdict = _verdict(loaded, identification)
+        # as a run of the case would, with its truth
+        truth = loaded.with_model(identification.model).truth
+        comparison = compare(identification, truth, loaded.accept)
+        verdict = verdict_of(identification, comparison)
     if target:
         save_frf(target, cast("ResponseSurface", tested), predict(identification, surface=tested))
-    rows = _rows(identification)
     warnings = [*map(sentence, identification.findings)]
     if json:
         print_json(
             {
                 "case": loaded.name,
                 "verdict": state_verdict(verdict),
-                "parameters": rows,
+                "parameters": rows_entry(comparison, forces=False),
                 "fixed": fixed_entry(identification),
                 "residual": identification.residual,
                 "outcome": sentence(identification.outcome),
@@ -113,12 +91,14 @@ def identify_command(
         ("", "paper", "first order", "refined", "± (95 %)", "unit"),
         [
             (
-                row["name"],
-                *(number(row[method]["value"] if row[method] else None) for method in _METHODS),
-                _interval_text(row["refined"]),
-                row["unit"],
+                refined.name,
+                *(number(one.value) for one in (*others, refined)),
+                _interval_text(refined),
+                refined.unit,
             )
-            for row in rows
+            for *others, refined in zip(
+                identification.paper, identification.first_order, identification.refined, strict=True
+            )
         ],
     )
     for one in identification.fixed:
@@ -130,15 +110,8 @@ def identify_command(
     return code
 
 
-def _interval_text(entry: dict[str, Any]) -> str:
-    low, high = entry["interval"]
-    if entry["interval_by"] == "profile":
+def _interval_text(estimate: Estimate) -> str:
+    low, high = estimate.interval
+    if estimate.by_profile:
         return f"{number(low)} to {number(high)}, by profile"
     return number((high - low) / 2, 2)
-
-
-def _verdict(case: Case, identification: Identification) -> Verdict:
-    """Reach the verdict as a run of the case would, with its truth."""
-    return verdict_of(
-        identification, compare(identification, case.with_model(identification.model).truth, case.accept)
-    )

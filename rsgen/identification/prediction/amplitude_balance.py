@@ -417,7 +417,7 @@ def table_as_identification(table: ModalTable) -> Identification:
             level_unit=test.level_unit,
             units=test.units,
         ),
-        residual=table.misfit / np.sqrt(2),
+        residual=table.misfit,
         noise=table.misfit,
         levels=test.levels,
         amplitude_range=table.tested,

@@ -196,7 +196,7 @@ def predict(
     findings = list[Finding]()
     if surface is not None:
         held_out = _score(found, balance, surface)
-        findings += _missed(held_out, surface, found.residual * np.sqrt(2), by_law=table is None)
+        findings += _missed(held_out, surface, found.residual, by_law=table is None)
         if curves and surface.base in ("displacement", "velocity"):
             findings.append(Finding("curves-of-constant-acceleration", "info", names={"base": surface.base}))
     return Prediction(curves, held_out, (*balance.about, *_findings(tested, curves, held_out), *findings))
@@ -225,7 +225,7 @@ def predict_held_out(found: Identification, surface: ResponseSurface) -> Predict
         return Prediction((), (), meant)
     surface = surface.on_mass(found.mass)
     held_out = _score(found, balance_of(found), surface)
-    missed = _missed(held_out, surface, found.residual * np.sqrt(2))
+    missed = _missed(held_out, surface, found.residual)
     return Prediction((), held_out, (*meant, *_missing(held_out), *missed))
 
 

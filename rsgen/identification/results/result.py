@@ -263,7 +263,8 @@ class Identification(Printed):
     curve
         Equivalent stiffness and damping of every settled point.
     residual
-        Root mean square of the refined misfit, relative to force and response [1].
+        The refined misfit, real and imaginary part together, relative to force and response [1]; by its
+        degrees of freedom, as in ``outcome``.
     noise
         Estimated relative noise of force and response [1].
     levels
