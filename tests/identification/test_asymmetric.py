@@ -129,6 +129,18 @@ def test_two_stiffnesses_are_told_apart_but_not_their_sides():
     assert "mirror-image-fits" in codes(found)
 
 
+def test_a_one_sided_spring_that_noise_hides_leaves_the_fit_on_its_feet():
+    """Of k and kb the fundamental tells k + kb/2, and the square of kb within 1 % of noise hardly."""
+    law, values = "k*x + c*v + kb*Max(x, 0)", {"k": 5500.0, "kb": 500.0, "c": 7.5}
+    full, found = table(law, values), []
+    for seed in range(4):
+        found.append(identify(fundamental(noisy(full, 0.01, seed)), law))
+        assert found[-1].verdict.state == "identified", codes(found[-1])
+    for name, value in {**values, "m": MASS}.items():
+        ends = np.median([each[name].interval for each in found], axis=0)
+        assert ends[0] < value < ends[1], name
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize(
     ("law", "even"), [(QUADRATIC, "k2"), ("k*x + k3*x**3 + c*v + F0", "F0"), ("k*x + c*v + F0", "F0")]

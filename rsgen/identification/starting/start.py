@@ -7,8 +7,8 @@ like have to be searched.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import replace
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
 from itertools import product
 from typing import TypeVar
 
@@ -43,7 +43,7 @@ from rsgen.identification.starting.equations import Equations, equation_rows
 from rsgen.identification.starting.search import search_nonlinear
 from rsgen.law.element import make_element
 from rsgen.law.identifiable import put_in_order
-from rsgen.law.motion import Motion, sine_motion
+from rsgen.law.motion import sine_motion
 from rsgen.law.numeric import ForceLaw, compile_law
 
 # ----------------------------------------------------------------------------
@@ -88,8 +88,9 @@ def start_asymmetric(problem: Problem, parameters: Array) -> tuple[Problem, Arra
         return problem, parameters
     law, count = problem.law, len(problem.observed.points)
     few = problem.select(problem.observed.points.spread(_POINTS))
-    directions = _directions(few, parameters)[:_MOST]
-    if not directions:
+    hidden = hidden_directions(few, parameters)
+    directions = hidden.directions[:_MOST]
+    if not len(directions):
         return problem, parameters
     # x for -x mirrors the motion: where nothing even was recorded one sign of the first direction is enough
     even = [place for place in law.even if problem.free[place]]
@@ -97,13 +98,12 @@ def start_asymmetric(problem: Problem, parameters: Array) -> tuple[Problem, Arra
     signs = [(1.0,) if mirrored and not place else (1.0, -1.0) for place in range(len(directions))]
     sizes = [[0.0, *(sign * share for share in _SHARES for sign in each)] for each in signs]
     chosen = list(product(*sizes))
-    held = replace(few, held=law.even)
-    without, *fits = [
-        _fit(held, parameters + np.array(each) @ np.array(directions), TRIAL_STEPS) for each in chosen
-    ]
+    moved = np.flatnonzero(np.any(directions != 0, axis=0))
+    uneven = hidden.uneven[: len(directions)]
+    held = replace(few, held=tuple({*law.even, *uneven} - {-1}))
+    without, *fits = [_fit(held, hidden.centre + np.array(each) @ directions, TRIAL_STEPS) for each in chosen]
     best = _fit(few, min(fits, key=_cost).regression.parameters, 2 * TRIAL_STEPS)
     least = without.regression.parameters if np.isfinite(_cost(without)) else parameters
-    moved = np.flatnonzero(np.any(np.array(directions) != 0, axis=0))
     if not np.isfinite(np.diag(best.regression.covariance)[moved]).any():
         return problem, least
     gain = (
@@ -113,29 +113,33 @@ def start_asymmetric(problem: Problem, parameters: Array) -> tuple[Problem, Arra
         / len(few.observed.points)
     )
     if gain > 1 or not mirrored:
-        found = np.array(best.regression.parameters)
-        if mirrored and law.mirrored and even and found[even[0]] < 0:
-            found[even] *= -1
+        found = best.regression.parameters
+        image = hidden_directions(few, found)
+        if mirrored and image.symmetric and (found - image.centre)[image.uneven[0]] < 0:
+            found = 2 * image.centre - found
         return problem, found
-    if set(moved) - set(law.even):
+    if -1 in uneven:
+        # what is odd has a slope
         return problem, least
     small = fits[chosen.index(tuple(each[1] for each in sizes)) - 1]
-    resolved = _at_resolution(small, without, moved, count)
+    resolved = _at_resolution(small, without, directions, uneven, count)
     # errors there are smaller than where the trial misses the points
-    resolved = _at_resolution(_fit(held, resolved, TRIAL_STEPS), without, moved, count)
+    resolved = _at_resolution(_fit(held, resolved, TRIAL_STEPS), without, directions, uneven, count)
     # in exact data what is left is what a few harmonics leave out: the fits that follow go on from here
-    return (replace(problem, held=tuple(moved)) if without.regression.noise > NOISY else problem), resolved
+    return (replace(problem, held=tuple(uneven)) if without.regression.noise > NOISY else problem), resolved
 
 
-def _at_resolution(small: Fit, without: Fit, moved: NDArray[np.intp], count: int) -> Array:
-    """Give even values the size at which their standard error from ``count`` points is as large."""
+def _at_resolution(small: Fit, without: Fit, directions: Array, uneven: Sequence[int], count: int) -> Array:
+    """Give values of asymmetric forces the size at which their standard error from ``count`` points is as
+    large, and lead others along that go with them.
+    """
     noise = without.regression.noise / max(small.regression.noise, 1e-300)
     variance = np.diag(small.regression.covariance) * noise**2 * len(small.force) / count
-    found = np.array(without.regression.parameters)
+    start, place = without.regression.parameters, list(uneven)
     # p^2 is as uncertain everywhere: 2 p sigma_p is the same at any p
-    size = np.sqrt(np.abs(small.regression.parameters) * np.sqrt(variance))
-    found[moved] = np.where(np.isfinite(size), size, 0.0)[moved]
-    return found
+    size = np.sqrt(np.abs(small.regression.parameters - start) * np.sqrt(variance))[place]
+    change = np.where(np.isfinite(size), size, 0.0)
+    return np.asarray(start + np.linalg.lstsq(directions[:, place].T, change, rcond=None)[0] @ directions)
 
 
 def _fit(problem: Problem, parameters: Array, steps: int) -> Fit:
@@ -153,32 +157,72 @@ def _cost(found: Fit) -> float:
     return float(np.mean(misfit**2)) if len(misfit) > FOLLOWED * len(found.force) else np.inf
 
 
-def _directions(problem: Problem, parameters: Array) -> list[Array]:
-    """Null vectors of the first-order balance, (p,) each, as large as the spring's force."""
+@dataclass(frozen=True, slots=True, eq=False)
+class Hidden:
+    """What the first-order balance does not tell of linear parameters.
+
+    Of k*x + kb*Max(x, 0) it tells k + kb/2: what is hidden is a force abs(x), and the centre is at kb = 0.
+
+    Parameters
+    ----------
+    centre
+        (q,) parameters from which the force is symmetric as far as it can be.
+    directions
+        (d, q) null vectors, each with a force as large as the spring's.
+    uneven
+        (d,) a parameter of each that makes even forces, to be held while others settle; -1 where none does.
+    symmetric
+        Whether the force at the centre is symmetric, so that 2*centre - p is the mirror image of p.
+    """
+
+    centre: Array
+    directions: Array
+    uneven: tuple[int, ...]
+    symmetric: bool
+
+
+def _even(force: Array) -> Array:
+    """Even part of forces (..., s) along one period of a sine: x and v change sign after half of it."""
+    return np.asarray((force + np.roll(force, force.shape[-1] // 2, axis=-1)) / 2)
+
+
+def hidden_directions(problem: Problem, parameters: Array) -> Hidden:
+    """Find the null vectors of the first-order balance at (q,) parameters, and where they are symmetric."""
     law = problem.law
-    points = problem.observed.mode(problem.split(parameters)[2])
-    values, mass, _ = problem.split(parameters)
-    sine = sine_motion(points.omega, points.amplitude).harmonics
-    equations = Equations(points.omega, points.force, sine, False, 1 / np.abs(points.force), np.zeros((0, 2)))
+    values, mass, background = problem.split(parameters)
+    points = problem.observed.mode(background)
+    sines = sine_motion(points.omega, points.amplitude)
+    unit = 1 / np.abs(points.force)
+    equations = Equations(points.omega, points.force, sines.harmonics, False, unit, np.zeros((0, 2)))
     matrix, right = equation_rows(equations, law, values[list(law.nonlinear)])
     norm = np.sqrt(np.sum(matrix**2, axis=0))
     free = problem.free[[*law.linear, len(values)]]
     null = solve_scaled(matrix, right, known=np.where(free, np.nan, 0.0))[2]
     null = np.where(np.abs(null) > NULL_PART, null, 0.0) / np.where(norm > 0, norm, 1.0)[:, None]
+    directions = np.zeros((null.shape[1], len(parameters)))
+    directions[:, list(law.linear)] = null[: len(law.linear)].T
     largest = int(np.argmax(points.amplitude))
-    motion = Motion(points.omega[[largest]], sine[[largest]])
-    slopes = law.along(motion, values, SAMPLES).by_parameter
-    spring = abs(mass) * points.omega[largest] ** 2 * points.amplitude[largest]
-    found = []
-    for column in null.T:
-        parts = [c * slopes[j] for c, j in zip(column, law.linear, strict=False)]
-        force = np.sum(parts, axis=0)
-        largest_force = float(np.max(np.abs(force)))
-        if largest_force > 0:
-            direction = np.zeros(len(parameters))
-            direction[list(law.linear)] = column[: len(law.linear)] * (spring / largest_force)
-            found.append(direction)
-    return found
+    sample = law.along(sines.select(np.array([largest])), values, SAMPLES)
+    whole = np.broadcast_to(sample.force, (1, SAMPLES))[0]
+    slopes = np.array([np.broadcast_to(slope, (1, SAMPLES))[0] for slope in sample.by_parameter])
+    force = directions[:, : len(values)] @ slopes
+    size, spring = np.max(np.abs(force), axis=1), abs(mass) * points.omega[largest] ** 2
+    directions, force, size = (part[size > 0] for part in (directions, force, size))
+    scale = (spring * points.amplitude[largest] / size)[:, None]
+    directions, even = directions * scale, _even(force * scale)
+    if not len(directions):
+        return Hidden(parameters, directions, (), False)
+    back = np.linalg.lstsq(even.T, -_even(whole), rcond=NULL_PART)[0]
+    rest = np.max(np.abs(_even(whole) + back @ even))
+    of_each = np.max(np.abs(_even(slopes)), axis=1)
+    of_each[of_each < NULL_PART * np.max(np.abs(slopes), axis=1)] = 0.0
+    uneven = list[int]()
+    for direction in directions:
+        part = np.abs(direction[: len(values)]) * of_each
+        part[[place for place in uneven if place >= 0]] = 0.0
+        uneven.append(int(np.argmax(part)) if part.any() else -1)
+    symmetric = bool(rest < NULL_PART * np.max(np.abs(whole)))
+    return Hidden(parameters + back @ directions, directions, tuple(uneven), symmetric)
 
 
 Table = TypeVar("Table", Points, ResponseSurface)
