@@ -326,11 +326,11 @@ def judge(test: Prepared, model: Model, refined: Fit) -> Identification:
     whole = agreement.widen(whole)
     names, units = (*law.parameters, "m"), units_of(model, surface.units)
     terms = terms_beside(refined, wider=float(np.median(agreement.wider)))
-    covariance, of_law = regression.covariance, widen_squares(test.problem, regression)
+    covariance, of_law = regression.covariance, widen_squares(refined, regression)
     size = relative_misfit(refined)
     ratio, ambiguous = law_ambiguity(terms, names, regression.parameters, covariance, size)
     covariance = covariance * np.outer(ratio, ratio)
-    regression = widen_squares(test.problem, replace(regression, covariance=covariance))
+    regression = widen_squares(refined, replace(regression, covariance=covariance))
     tested = {
         "amplitude": Quantity(float(points.amplitude.max()), "m"),
         "level": Quantity(float(points.level.max()), surface.level_unit),

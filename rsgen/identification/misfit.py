@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import replace
-from math import nan
+from math import inf, nan
 
 import numpy as np
 
@@ -42,7 +42,7 @@ from rsgen.identification.fitting.observed import (
 from rsgen.identification.fitting.points import Points
 from rsgen.identification.results import Estimate, Resonance
 from rsgen.identification.results.estimates import fixed_contradicted
-from rsgen.identification.starting.start import is_hidden, records_even
+from rsgen.identification.starting.start import hidden_directions, is_hidden, records_even
 from rsgen.identification.terms import EVEN_SHARE, even_beside, law_with, with_terms
 
 _TELLING = 16
@@ -443,19 +443,35 @@ def mirror_findings(problem: Problem, known: Collection[str]) -> tuple[Finding, 
     )
 
 
-def widen_squares(problem: Problem, found: Regression) -> Regression:
-    """Widen the errors of values v that the points show by their squares alone.
+def widen_squares(fit: Fit, found: Regression) -> Regression:
+    """Widen the errors of values v that the points show by their squares alone, and of what goes with them.
 
     What is normally distributed is v^2, with a standard error of 2 |v| e where that of v is e by its slope,
     so that its interval is v^2 +- 2 w |v| e, w standard errors wide. Where that contains zero the interval of
-    v does, and has both signs; else it is as long as that between the roots.
+    v does, and has both signs; else it is as long as that between the roots. Of k*x + kb*Max(x, 0) the points
+    show k + kb/2 by its slope: k is as uncertain as half of kb.
+
+    Parameters
+    ----------
+    fit
+        What is judged.
+    found
+        The errors of its law (q,).
     """
-    law = problem.law
-    if not is_hidden(problem) or records_even(problem) or not law.mirrored:
+    problem, count = fit.problem, len(found.covariance)
+    if not is_hidden(problem) or records_even(problem):
         return found
-    even, factor = [place for place in law.even if found.free[place]], np.ones(len(found.covariance))
-    wide = float(t_quantile(found.freedom, CONFIDENCE))
-    far = np.abs(found.parameters[even]) / (wide * np.sqrt(np.diag(found.covariance)[even]))
-    low, high = np.sqrt(np.maximum(far**2 - 2 * far, 0.0)), np.sqrt(far**2 + 2 * far)
-    factor[even] = np.fmax(np.where(low > 0, (high - low) / 2, high), 1.0)
-    return replace(found, covariance=found.covariance * np.outer(factor, factor))
+    hidden = hidden_directions(problem, fit.regression.parameters)
+    if not hidden.symmetric:
+        return found
+    wide, covariance = float(t_quantile(found.freedom, CONFIDENCE)), np.array(found.covariance)
+    for place, direction in zip(hidden.uneven, hidden.directions[:, :count], strict=True):
+        error = float(np.sqrt(found.covariance[place, place])) if place >= 0 else nan
+        if not 0 < error < inf:
+            continue
+        far = abs(found.parameters[place] - hidden.centre[place]) / (wide * error)
+        low, high = np.sqrt(max(far**2 - 2 * far, 0.0)), np.sqrt(far**2 + 2 * far)
+        more = max((high - low) / 2 if low > 0 else high, 1.0) ** 2 - 1
+        along = direction / direction[place] * error
+        covariance += more * np.outer(along, along)
+    return replace(found, covariance=covariance)
