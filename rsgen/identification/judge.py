@@ -356,11 +356,14 @@ def judge(test: Prepared, model: Model, refined: Fit) -> Identification:
     sure = {e.name: e.standard_error for e in known_by_law if e.identifiable}
     errors = np.array([sure.get(name, nan) for name in law.parameters])
     about = (*about, *across_findings(refined, errors, misfits=misfits))
-    about = (*about, *ambiguous, *unseen_findings(refined, estimates))
+    about = (*about, *unseen_findings(refined, estimates))
     known = {e.name for e in estimates if np.isfinite(e.value)}
     free = np.flatnonzero(regression.free)
     general = Findings(surface, points, refined, resonances, agreement, terms)
     collected = general.collect(of_parameters, about, calibrated=model.observation.calibrated)
+    if not any(finding.code == "fixed-contradicted" for finding in collected):
+        # a wrong fixed value leaves what terms take up as well
+        about = (*about, *ambiguous)
     return Identification(
         model=model,
         paper=later(lambda: make_estimates(_of_one_amplitude(paper(), law), law, model, {}, units)),

@@ -106,6 +106,10 @@ def misfit_findings(
         elif (free := free_curves_leave(fit, points)) < 1 - TAKEN:
             names, severity = {"free": "curves"}, "doubt"
             numbers |= quantities(left=free * misfit)
+    known = not any(finding.code in _OTHERWISE for finding in surface.findings)
+    if severity != "error" and known and not surface.decays and (fixed := _contradicted(fit, left)):
+        # the law is not to blame for what it was given
+        return fixed
     found = [Finding("law-does-not-fit", severity, numbers=numbers, names=names)]
     observed = fit.problem.observed
     # other modes are part of a measured motion across, and nothing drives a decay: there is no background
@@ -115,10 +119,8 @@ def misfit_findings(
     if not names:
         # a term that is missing misses some levels more than others, as dry friction the lowest
         found += _level_apart(points, regression, surface.level_unit)
-    if not any(finding.code in _OTHERWISE for finding in surface.findings):
-        if severity != "error" and not surface.decays:
-            found += _contradicted(fit, left)
-        found += _missing_background(fit, trials, wider, left) if trials else []
+    if known and trials:
+        found += _missing_background(fit, trials, wider, left)
     return [*found, *(_offset_proposal(fit, trials) if trials else [])]
 
 

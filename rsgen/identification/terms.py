@@ -13,6 +13,7 @@ import numpy as np
 
 from rsgen.common.arrays import Array
 from rsgen.common.linear_algebra import solve_scaled
+from rsgen.formula.names import symbol
 from rsgen.identification.fitting.across import law_of
 from rsgen.identification.fitting.fit import Fit, linearise_beside
 from rsgen.identification.fitting.least_squares import Alternative, alternatives
@@ -51,8 +52,11 @@ def terms_beside(
 ) -> dict[str, Alternative]:
     """Fit each term that the law may lack beside it, to first order.
 
-    The noise is what the law leaves, times by how much parts of the test make errors ``wider``.
+    The noise is what the law leaves, times by how much parts of the test make errors ``wider``. No law lacks
+    a term whose coefficient is fixed.
     """
+    given = {fit.problem.law.expression.diff(symbol(name)) for name in fit.problem.fixed}
+    terms = [term for term in terms if make_element("term", term).force not in given]
     problem, parameters, added = with_terms(fit.problem, fit, terms)
     residual, matrix = linearise_beside(fit, problem, parameters)
     if not residual.size:

@@ -83,11 +83,17 @@ def test_what_is_fixed_is_stated_as_fixed() -> None:
     assert np.isfinite(predicted.curves[0].amplitude).all()
 
 
-@pytest.mark.parametrize(("law", "name", "wrong"), [("cubic", "k", 6200.0), ("piecewise", "b", 0.012)])
+@pytest.mark.parametrize(
+    ("law", "name", "wrong"),
+    [("cubic", "k", 6200.0), ("piecewise", "b", 0.012), ("cubic", "kn", -2.4e5), ("combined", "cn", 1.35)],
+)
 def test_a_wrong_value_is_contradicted_by_the_points(law: str, name: str, wrong: float) -> None:
     asked = rsgen.identify(noisy(surface(law), NOISE, 1), LAWS[law][0], fixed={name: wrong})
     (said,) = (finding for finding in asked.findings if finding.code == "fixed-contradicted")
     assert (said.parameter, said.severity, said["given"]) == (name, "doubt", wrong)
+    # neither the law nor a term is to blame for it
+    assert said in asked.verdict.decided_by
+    assert not {f.code for f in asked.findings} & {"law-does-not-fit", "law-ambiguous"}
     assert said["fitted"] == pytest.approx(LAWS[law][1][name], rel=5e-3)
     assert not any(finding.code == "fixed-contradicted" for finding in found(law, name).findings)
 
