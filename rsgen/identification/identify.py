@@ -10,7 +10,8 @@ import numpy as np
 
 from rsgen.common.arrays import Array
 from rsgen.common.errors import require
-from rsgen.common.tolerances import MEANINGLESS, NOISY, ORDER, QUICK, STEPS, TAIL
+from rsgen.common.finding import Finding, quantities
+from rsgen.common.tolerances import CONFIDENCE, MEANINGLESS, NOISY, ORDER, QUICK, STEPS, TAIL, f_quantile
 from rsgen.data.multisine import MultisineSpectra
 from rsgen.data.oscillator import Model, Observation, join_model
 from rsgen.data.surface import ResponseSurface, without_copies
@@ -23,7 +24,7 @@ from rsgen.identification.lines.identify_multisine import identify_multisine
 from rsgen.identification.prediction import Prediction, predict_held_out, predict_records
 from rsgen.identification.resonance import identify_ratios
 from rsgen.identification.results import Identification, changed
-from rsgen.identification.soundness import runs_away
+from rsgen.identification.soundness import held_points, runs_away, stopped_points
 from rsgen.identification.starting.start import start_fit
 from rsgen.law import LawLike
 
@@ -42,9 +43,6 @@ _SAME_VALUE = 0.1
 
 _RESOLVED = 100.0
 """A misfit this many times the simulator's accuracy is not the simulator's."""
-
-_WORSE = 1.05
-"""The simulator may not fit worse than the balance; if it does, it follows other branches."""
 
 _FOLLOWED = 0.9
 """Share of the points that the simulator must be able to follow; where it is not, the law is wrong."""
@@ -137,12 +135,19 @@ def _refit_with_simulator(balanced: Fit) -> Fit:
             accuracy = _ACCURACIES[1]
     whole = len(few) == len(balanced.force) and accuracy == _ACCURACIES[0]
     refitted = quick if whole else fit_simulator(problem, start, accuracy=accuracy)
-    followed = np.count_nonzero(refitted.regression.used) if refitted is not None else 0
-    if refitted is None or followed < _FOLLOWED * np.count_nonzero(balanced.regression.used):
+    if refitted is None:
+        return balanced
+    lost = balanced.regression.used & ~refitted.regression.used
+    lost &= ~stopped_points(problem.observed.points, refitted)
+    if np.count_nonzero(lost) > (1 - _FOLLOWED) * np.count_nonzero(balanced.regression.used):
         return balanced
     both = refitted.regression.used & balanced.regression.used
     misfit = [float(np.sqrt(np.mean(found.regression.misfit[both] ** 2))) for found in (refitted, balanced)]
-    return refitted if misfit[0] <= _WORSE * misfit[1] else balanced
+    # beyond chance a worse fit follows other branches
+    freedom = refitted.regression.freedom
+    return (
+        refitted if misfit[0] ** 2 <= f_quantile(freedom, freedom, CONFIDENCE) * misfit[1] ** 2 else balanced
+    )
 
 
 def _add_harmonics(followed: Fit) -> Fit:
@@ -213,6 +218,14 @@ def _identify(surface: ResponseSurface, model: Model) -> Identification:
     # what a trial makes infinite or undefined has no prediction there, and is dealt with as such
     with np.errstate(all="ignore"):
         problem, start = start_fit(test.problem)
-        test = replace(test, problem=problem)
-        found = fit_all_harmonics(problem, start)
-        return judge(test, model, found)
+        moving = np.flatnonzero(~held_points(problem, start))
+        held = len(problem.observed.points) - len(moving)
+        if held and len(moving) > problem.count:
+            problem, start = start_fit(test.problem.select(moving))
+        else:
+            held = 0
+        found = judge(replace(test, problem=problem), model, fit_all_harmonics(problem, start))
+    if not held:
+        return found
+    numbers = quantities(held=held, points=len(moving) + held)
+    return changed(found, findings=(*found.findings, Finding("points-held", "info", numbers=numbers)))

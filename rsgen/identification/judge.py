@@ -81,8 +81,12 @@ class Prepared:
 
     surface: ResponseSurface
     repeats: Repeats | None
-    points: Points
     problem: Problem
+
+    @property
+    def points(self) -> Points:
+        """Those that are fitted."""
+        return self.problem.observed.points
 
 
 def prepare(surface: ResponseSurface, model: Model) -> Prepared:
@@ -99,7 +103,7 @@ def prepare(surface: ResponseSurface, model: Model) -> Prepared:
     beside = model.observation.background not in ("none", "phase")
     refuse_across(model.sensors, background=beside, phases=not surface.phase_known)
     observed = Observed.of(points, model.observation.background)
-    return Prepared(surface, repeats, points, Problem(model.elements, law, observed, model.fixed))
+    return Prepared(surface, repeats, Problem(model.elements, law, observed, model.fixed))
 
 
 # ----------------------------------------------------------------------------

@@ -129,10 +129,29 @@ def aside_findings(
 
 def stopped_points(points: Points, fit: Fit) -> NDArray[np.bool_]:
     """(n,) points without a prediction where friction nearly holds the mass: noise of the force decides."""
-    none, tiny = np.zeros(1), np.array([ROUND_OFF * float(np.max(points.amplitude * points.omega))])
-    law, values = fit.problem.law, fit.values
-    friction = float((law.force(none, tiny, values) - law.force(none, -tiny, values))[0]) / 2
+    friction = _dry_friction(fit.problem, fit.values)
     return np.isnan(fit.regression.misfit) & (np.abs(points.force) < _BREAK_AWAY * friction)
+
+
+def held_points(problem: Problem, parameters: Array) -> NDArray[np.bool_]:
+    """(n,) points where friction takes nearly all of the force, and hardly any is left to move the mass.
+
+    They say that the friction is as large as the force, and a balance of few harmonics, which has 4/pi of
+    it, takes that for the friction of all others.
+    """
+    values, mass, background = problem.split(parameters)
+    points = problem.observed.mode(background)
+    friction = _dry_friction(problem, values)
+    left = abs(mass) * points.omega**2 * points.amplitude
+    size = np.abs(points.force)
+    return np.asarray((size < _BREAK_AWAY * friction) & (left < LARGE * size))
+
+
+def _dry_friction(problem: Problem, values: Array) -> float:
+    """Force [N] up to which the law holds the mass at rest."""
+    points, none = problem.observed.points, np.zeros(1)
+    tiny = np.array([ROUND_OFF * float(np.max(points.amplitude * points.omega))])
+    return float((problem.law.force(none, tiny, values) - problem.law.force(none, -tiny, values))[0]) / 2
 
 
 def limit_findings(remarked: Sequence[Finding], fit: Fit) -> list[Finding]:
@@ -247,11 +266,15 @@ def _signs_at(place: Part, motion: Motion, values: Array, basis: Array) -> tuple
     sample, velocity = place.law.along(motion, values, samples), motion.waveforms(samples)[1]
     size, rate = motion.harmonics[:, 1], velocity / np.mean(velocity**2, axis=1, keepdims=True)
     by_stiffness = _stacked([(project(by, 1) / size).real for by in sample.by_parameter], size)
+    # what takes energy at every instant is no spring, though friction that sticks has a part in phase
+    dampers = [j for j in place.law.linear if takes_energy(sample.by_parameter[j] * velocity)]
     by_damping = _stacked([np.mean(by * rate, axis=1) for by in sample.by_parameter], size)
     amplitude, speed = np.abs(size), np.sqrt(np.mean(velocity**2, axis=1))
     # of a law without springs, or without dampers, k(X) or c(X) is the round-off of its force
     least = ROUND_OFF * np.max(np.abs(sample.force), axis=1)
     k, c = (project(sample.force, 1) / size).real, np.mean(sample.force * rate, axis=1)
+    k = k - by_stiffness[:, dampers] @ values[dampers]
+    by_stiffness[:, dampers] = 0.0
     stiffness = _negative(amplitude, k, by_stiffness @ basis, "N/m", least / amplitude)
     damping = _negative(amplitude, c, by_damping @ basis, "N*s/m", least / speed)
     if damping and np.sum(c * speed**2) > 0 and _is_active(place.law, sample, velocity, values):

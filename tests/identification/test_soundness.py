@@ -54,6 +54,18 @@ def test_a_sound_test_has_nothing_to_doubt(table: ResponseSurface) -> None:
     assert "law-does-not-fit" not in findings(table)
 
 
+@pytest.mark.parametrize("levels", [(0.53, 0.62), (0.53, 0.62, 0.68)])
+def test_friction_that_nearly_holds_the_mass_is_identified_by_what_moves(levels: tuple[float, ...]) -> None:
+    """At 1.06 times the friction a hundredth of the force moves the mass; at 1.24 it stops in every cycle."""
+    law, values = "k*x + c*v + Ff*sign(v)", {"k": 1e4, "c": 1.0, "Ff": 0.5}
+    test = SimulatedTest(level=levels, frequency=np.linspace(13, 19, 19), noise_relative=0.0)
+    found = identify(simulate(Oscillator(1.0, law, values), test), law)
+    assert found.verdict.state == "identified"
+    assert "points-held" in {finding.code for finding in found.findings}
+    for name, value in {**values, "m": 1.0}.items():
+        assert found[name].value == pytest.approx(value, rel=1e-4), name
+
+
 @pytest.mark.slow
 def test_a_missing_term_is_named_and_doubted(table: ResponseSurface) -> None:
     found = findings(table, "k*x + c*v")["law-does-not-fit"]

@@ -97,6 +97,10 @@ say_plainly(
         "points-not-settled": (
             "{unsettled:.0f} of {all:.0f} points have no settled response and were left out"
         ),
+        "points-held": (
+            "at {held:.0f} of {points:.0f} points friction takes nearly all of the force, and noise decides "
+            "how far the mass moves: they were left out"
+        ),
         "points-set-aside": (
             "{aside:.0f} of {points:.0f} points were set aside: they disagree with the others or lie too "
             "near a jump to be followed"
