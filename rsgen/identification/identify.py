@@ -21,6 +21,7 @@ from rsgen.identification.fitting.observed import Problem
 from rsgen.identification.fitting.points import per_unit_mass
 from rsgen.identification.judge import judge, prepare
 from rsgen.identification.lines.identify_multisine import identify_multisine
+from rsgen.identification.misfit import law_misses
 from rsgen.identification.prediction import Prediction, predict_held_out, predict_records
 from rsgen.identification.resonance import identify_ratios
 from rsgen.identification.results import Identification, changed
@@ -64,7 +65,8 @@ def fit_all_harmonics(problem: Problem, start: Array) -> Fit:
     if problem.law.mean_free:
         # the simulator's motions drift where nothing holds their mean; loops are the same wherever they lie
         return _add_harmonics(found)
-    if problem.law.remembers and runs_away(found):
+    # the corners of a memory are its force's, not jumps: what it misses is not theirs
+    if problem.law.remembers and (runs_away(found) or law_misses(found)):
         return found
     if sharp and not feeds and found.regression.noise * np.sqrt(2) < MEANINGLESS:
         # a misfit between the simulator's own and noise: some points were not followed

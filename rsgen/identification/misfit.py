@@ -60,6 +60,13 @@ def relative_misfit(fit: Fit) -> float:
     return float(fit.regression.noise * np.sqrt(2))
 
 
+def law_misses(fit: Fit) -> bool:
+    """Whether a law misses more than noise and a hundredth: no number of it is as good as its interval."""
+    regression, points = fit.regression, fit.problem.observed.points
+    systematic = is_systematic(regression.residual, points.pairs(regression.used))
+    return systematic and relative_misfit(fit) > SAME_NUMBER
+
+
 def misfit_findings(
     surface: ResponseSurface,
     points: Points,

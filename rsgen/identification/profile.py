@@ -22,7 +22,7 @@ from rsgen.common.text_table import Printed, TextTable, short
 from rsgen.common.tolerances import CONFIDENCE, NOISY, ORDER, t_quantile
 from rsgen.identification.fitting.fit import Fit, refit_weighted
 from rsgen.identification.fitting.least_squares import Regression
-from rsgen.identification.misfit import fit_near
+from rsgen.identification.misfit import fit_near, law_misses
 from rsgen.identification.results import Estimate, Identification
 
 _END_TOLERANCE = 0.02
@@ -213,10 +213,11 @@ def with_profiles(found: Fit, estimates: Sequence[Estimate]) -> tuple[Estimate, 
     """Replace Wald's intervals by those of the profile likelihood where the two differ.
 
     The sum of squares of a law that is linear in its parameters is nearly quadratic. Of another one that of
-    nonlinear parameters, and of those that go with them, is asked at both ends of their intervals.
+    nonlinear parameters, and of those that go with them, is asked at both ends of their intervals. What a
+    law misses is no noise, and its sum of squares no likelihood.
     """
     law = found.problem.law
-    if not law.nonlinear or law.acts_across or found.regression.noise < NOISY:
+    if not law.nonlinear or law.acts_across or found.regression.noise < NOISY or law_misses(found):
         return tuple(estimates)
     known = [e for e in estimates if isfinite(e.value) and 0 < e.standard_error < inf]
     with_nonlinear = _with_nonlinear(found.regression.covariance, law.nonlinear)

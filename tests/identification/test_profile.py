@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import sys
+
 import numpy as np
 import pytest
 
@@ -84,6 +86,19 @@ def test_a_stop_that_is_barely_touched_is_bounded_to_one_side() -> None:
     assert 0 < stiffness.interval[0] < STOP["kg"] < stiffness.interval[1] == np.inf
     assert stiffness.finding["bound"] == stiffness.interval[0]
     assert found["b"].identifiable
+
+
+def test_what_a_law_misses_is_no_likelihood(monkeypatch: pytest.MonkeyPatch) -> None:
+    # profiled and simulated, a slider fitted to more than a slider took minutes
+    def refused(*args: object, **options: object) -> None:
+        raise AssertionError("simulated")
+
+    monkeypatch.setattr(sys.modules["rsgen.identification.identify"], "fit_simulator", refused)
+    values = {"k": 6000.0, "c": 4.0, "kt": 1500.0, "Fs": 0.8, "Ff": 0.2}
+    surface = gauged("k*x + c*v + masing(Min(kt*x, Fs)) + Ff*sign(v)", values, [1.0, 2.0, 4.0, 8.0], 1)
+    found = identify(surface, "k*x + c*v + masing(Min(kt*x, Fs))", mass=1.8)
+    assert found.verdict.state == "doubtful"
+    assert not any(estimate.by_profile for estimate in found.refined)
 
 
 def test_what_has_no_profile_is_refused() -> None:
