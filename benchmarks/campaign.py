@@ -141,8 +141,7 @@ def _missing(drawn: Drawn, random: np.random.Generator) -> Drawn:
 
 def _too_many(drawn: Drawn, random: np.random.Generator) -> Drawn:
     term, _ = _term(drawn, random)
-    truth = replace(drawn.truth, values={**drawn.truth.values, "more": 0.0})
-    return replace(drawn, fitted=f"{drawn.fitted} + more*{term}", truth=truth)
+    return replace(drawn, fitted=f"{drawn.fitted} + more*{term}")
 
 
 def _asymmetric(drawn: Drawn, random: np.random.Generator) -> Drawn:
@@ -235,7 +234,7 @@ class Row:
 def run(kind: str, seed: int, laws: Sequence[str] = tuple(LAWS)) -> Row:
     """Draw a test, identify it and compare with the truth."""
     drawn = KINDS[kind](draw(seed, laws), np.random.default_rng([seed, 1]))
-    truth = {**drawn.truth.values, "m": drawn.truth.mass}
+    truth = {"more": 0.0, **drawn.truth.values, "m": drawn.truth.mass}
     surface = drawn.surface()
     begin = time.process_time()
     try:
@@ -272,9 +271,12 @@ def run(kind: str, seed: int, laws: Sequence[str] = tuple(LAWS)) -> Row:
 
 def section(rows: Sequence[Row]) -> list[str]:
     """Make the section of the report."""
+    seeds = sorted({row.seed for row in rows})
+    named = f"Seed {seeds[0]}" if len(seeds) == 1 else f"Seeds {seeds[0]} to {seeds[-1]}"
     lines = [
         HEADING,
         "",
+        f"{named} of each kind (`python -m benchmarks.campaign`).",
         "Random laws, levels, frequencies and noise (0 to 3 %), with all harmonics or fundamentals only. The",
         "law that is fitted is right, lacks a term or has one too many. *Wrong*: identified, and a value is",
         f"more than {FAR:g} standard errors off (asked: none). *Stated*: wrong, but the result says what",

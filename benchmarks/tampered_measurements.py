@@ -8,6 +8,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
+from scipy.io import loadmat
 
 import rsgen
 from tests.verdict.laboratory import Laboratory
@@ -23,9 +24,16 @@ from tests.verdict.tampering import (
 )
 
 CASES = Path(__file__).parent.parent / "tests" / "cases"
-NAMES = ("wire", "nlbeam", "clamp", "f16", "decay")
+NAMES = ("wire", "nlbeam", "clamp", "silverbox", "f16", "decay")
 TABLES = ("wire", "nlbeam", "clamp")
 """Stepped sines; the numbers of their surfaces are tampered with as those of a virtual test."""
+
+RECORD = (
+    MISFIT
+    | WAVE
+    | {"parts-disagree", "law-leaves-distortion", "damping-missing", "channels-delayed", "record-missed"}
+)
+"""What is said of records of a multisine that one law does not explain."""
 
 READINGS = 10
 """Of fifty a point: enough for their scatter, and five times quicker."""
@@ -48,6 +56,83 @@ class Edited:
         path = folder / "case.toml"
         path.write_text(self.text, encoding="utf-8")
         return path
+
+
+@dataclass(frozen=True)
+class Records:
+    """The periodic records of a measured multisine, level by level: ``u`` and ``y`` are (n,) arrays."""
+
+    text: str
+    rate: float
+    u: tuple[np.ndarray, ...]
+    y: tuple[np.ndarray, ...]
+
+    def write(self, folder: Path) -> Path:
+        """Write a file a level and the case; give its path."""
+        text = self.text.replace('"mat"', '"npz"')
+        for level, samples in zip(VOLTAGES, zip(self.u, self.y, strict=True), strict=True):
+            for name, values in zip("uy", samples, strict=True):
+                text = text.replace(f"silverbox/SNJP_{name}m_{level}.mat", f"{name}_{level}.npz")
+                np.savez(folder / f"{name}_{level}.npz", **{f"{name}m": values, "fs": self.rate})
+        return Edited(text).write(folder)
+
+
+VOLTAGES = (5, 50, 100)
+PERIOD, PERIODS = 8192, 15
+"""Samples of a period, and how many of the thirty are taken: half the time, and as good an error."""
+
+
+def _records(change: Callable[[Records], Records]) -> Callable[[str], Records]:
+    def make(name: str) -> Records:
+        files = [[loadmat(folder() / name / f"SNJP_{c}m_{level}.mat") for c in "uy"] for level in VOLTAGES]
+        u, y = (
+            tuple(pair[i][f"{channel}m"].ravel()[: PERIOD * PERIODS] for pair in files)
+            for i, channel in enumerate("uy")
+        )
+        text = (CASES / f"{name}.toml").read_text(encoding="utf-8")
+        return change(Records(text, float(files[0][0]["fs"].item()), u, y))
+
+    return make
+
+
+def _each(channel: str, change: Callable[[np.ndarray], np.ndarray]) -> Callable[[str], Records]:
+    """Change the samples of every level of a channel, "u" or "y"."""
+
+    def of_records(one: Records) -> Records:
+        return replace(one, **{channel: tuple(change(samples) for samples in getattr(one, channel))})
+
+    return _records(of_records)
+
+
+def _last(channel: str, change: Callable[[np.ndarray], np.ndarray]) -> Callable[[str], Records]:
+    """Change the samples of the highest level of a channel, "u" or "y"."""
+
+    def of_records(one: Records) -> Records:
+        rest = getattr(one, channel)
+        return replace(one, **{channel: (*rest[:-1], change(rest[-1]))})
+
+    return _records(of_records)
+
+
+def _from_middle(gain: float) -> Callable[[np.ndarray], np.ndarray]:
+    return lambda x: x * np.where(np.arange(len(x)) < len(x) // 2, 1, gain)
+
+
+def _one_period_noise(x: np.ndarray) -> np.ndarray:
+    noise = np.std(x) * np.random.default_rng(1).standard_normal(PERIOD)
+    return np.concatenate([x[: 8 * PERIOD], noise, x[9 * PERIOD :]])
+
+
+def _clipped(x: np.ndarray) -> np.ndarray:
+    return np.clip(x, -0.5 * np.abs(x).max(), 0.5 * np.abs(x).max())
+
+
+def _samples_lost(x: np.ndarray) -> np.ndarray:
+    return np.concatenate([np.delete(x, slice(9 * PERIOD + 100, 9 * PERIOD + 140)), np.zeros(40)])
+
+
+def _hum(x: np.ndarray) -> np.ndarray:
+    return x + 0.3 * np.std(x) * np.sin(2 * np.pi * 50 / 2441.40625 * np.arange(len(x)))
 
 
 def edited(name: str, right: frozenset[str], *changes: tuple[str, str], refusal: str = "") -> Tampering:
@@ -113,6 +198,10 @@ WITHOUT_PHASE = (
     "10 % outliers in one block",
     "frequencies of one level 2 % too high",
     "sensor overloaded at half of the largest response",
+    "gain of the sensor 1.3 times from the middle on",
+    "gain of the sensor drifts by 15 %",
+    "gain of the sensor 1.2 times from the middle of a level on",
+    "frequencies of one level shifted by half of a line's width",
     "a second mode in the band",
     "Hz read as kHz",
 )
@@ -120,6 +209,7 @@ WITH_PHASE = (
     *WITHOUT_PHASE,
     "phase in the wrong sense (conjugate)",
     "another sensor's channel, with a delay",
+    "response turned by 30 degrees",
 )
 
 LINEAR = "law without the decisive term"
@@ -177,6 +267,57 @@ OF_CASE: dict[str, tuple[Tampering, ...]] = {
         ),
         edited(LINEAR, MISFIT, (" + k2*x*abs(x) + k3*x**3", ""), (' + c2*v*abs(v)"', '"')),
     ),
+    "silverbox": (
+        *(
+            Tampering(f"gain of {what} 1.2 times from the middle of the records on", RECORD, build=make)
+            for what, make in (
+                ("the response", _each("y", _from_middle(1.2))),
+                ("the force", _each("u", _from_middle(1.2))),
+            )
+        ),
+        *(
+            Tampering(f"gain of {what} drifts by 15 %", RECORD, build=make)
+            for what, make in (
+                ("the response", _each("y", lambda y: y * np.linspace(1, 1.15, len(y)))),
+                ("the force", _each("u", lambda u: u * np.linspace(1, 1.15, len(u)))),
+            )
+        ),
+        Tampering(
+            "gain of the response 1.2 times at the highest level", RECORD, build=_last("y", lambda y: 1.2 * y)
+        ),
+        Tampering("a period of the highest level noise", RECORD, build=_last("y", _one_period_noise)),
+        Tampering("sensor overloaded at half of the largest response", RECORD, build=_each("y", _clipped)),
+        Tampering("samples lost at the highest level", RECORD, build=_last("y", _samples_lost)),
+        Tampering(
+            "hum of the mains in the response",
+            RECORD,
+            build=_each("y", _hum),
+            unseen="50 Hz is no line of the period: it is noise, and in the intervals as such",
+        ),
+        Tampering("sign of the response reversed", SENSE, build=_each("y", np.negative)),
+        Tampering("record played backwards", SENSE | RECORD, build=_each("y", lambda y: y[::-1])),
+        Tampering(
+            "response later by half of a radian at the resonance",
+            SENSE | RECORD,
+            build=_each("y", lambda y: np.roll(y, 3)),
+        ),
+        Tampering(
+            "responses of two levels swapped",
+            RECORD,
+            build=_records(lambda one: replace(one, y=(one.y[1], one.y[0], one.y[2]))),
+        ),
+        edited("displacement read as velocity", SENSE | RECORD, ('"displacement"', '"velocity"')),
+        edited("displacement read as acceleration", SENSE | RECORD, ('"displacement"', '"acceleration"')),
+        edited("law without the cubic term", RECORD, (" + k3*x**3", "")),
+        edited("law without the quadratic term", RECORD, (" + k2*x**2", "")),
+        edited("a law guessed wrongly", RECORD, (" + k3*x**3", " + k5*x**5")),
+        edited("a drag for the damper", RECORD, ('"c*v"', '"c*v*abs(v)"')),
+        edited(
+            "one level for all",
+            frozenset({"multisine-level-differs"}),
+            ('"5 mV", "50 mV"', '"100 mV", "50 mV"'),
+        ),
+    ),
     "f16": (
         edited("sign of the response reversed", SENSE, ('Acceleration[3]"', 'Acceleration[3]"\nfactor = -1')),
         edited(
@@ -193,24 +334,29 @@ OF_CASE: dict[str, tuple[Tampering, ...]] = {
             "swept sine taken as a stepped sine",
             WAVE | MISFIT,
             ('"swept-sine"', '"stepped-sine"'),
-            refusal="points can be used (settled",
+            refusal="both must have the same frequencies",
         ),
         edited(
             "sweep taken as a free decay",
             WAVE | MISFIT,
             ('"swept-sine"', '"ring-down"'),
-            ('[[element]]\nname  = "spring"', 'system = { mass = 1 }\n[[element]]\nname  = "spring"'),
+            ('[[element]]\nname  = "wing"', 'system = { mass = 1 }\n[[element]]\nname  = "wing"'),
             ('[test.force]\nsamples = "Force"\nunit    = "N"\n', ""),
-            ('hold_out   = ["67.0 N"]', ""),
+            ('hold_out = ["28.8 N"]', ""),
             refusal="decay",
         ),
         edited(
             "samples of the generator taken for the force",
             MISFIT | SENSE,
             ('samples = "Force"', 'samples = "Voltage"'),
-            refusal="no level 67 N in the surface",
+            refusal="no level 28.8 N in the surface",
         ),
-        edited(LINEAR, MISFIT, (" + k2*x*abs(x) + k3*x**3", ""), (" + c3*v**3 + c5*v**5 + c7*v**7", "")),
+        edited(
+            LINEAR,
+            MISFIT,
+            (" + k2*x*abs(x)**0.5 + k3*x*abs(x) + k4*x**3", ""),
+            (" + c2*v*abs(v)**0.5 + c3*v*abs(v) + c4*v**3", ""),
+        ),
     ),
     "decay": (
         edited(

@@ -270,6 +270,37 @@ def clipped(test: Laboratory) -> Laboratory:
     return _responds(test, test.response * np.minimum(1, 0.5 * size.max() / size))
 
 
+# ---- time inside a test: rows are in the order of the file, level after level
+
+
+def gain_stepped(test: Laboratory) -> Laboratory:
+    late = np.arange(len(test.response)) >= len(test.response) // 2
+    return _responds(test, np.where(late, 1.3, 1.0) * test.response)
+
+
+def gain_drifted(test: Laboratory) -> Laboratory:
+    return _responds(test, np.linspace(1, 1.15, len(test.response)) * test.response)
+
+
+def gain_stepped_in_level(test: Laboratory) -> Laboratory:
+    rows = test.at(_level(test, 0.7))
+    response = test.response.copy()
+    response[rows[len(rows) // 2 :]] *= 1.2
+    return _responds(test, response)
+
+
+def shifted_in_line(test: Laboratory) -> Laboratory:
+    size = np.abs(_receptance(test))[test.at(test.levels[0])]
+    frequency = np.sort(test.frequency[test.at(test.levels[0])][size > size.max() / np.sqrt(2)])
+    width = float(np.ptp(frequency)) or float(np.median(np.diff(np.unique(test.frequency))))
+    rows = test.level == _level(test, 0.6)
+    return replace(test, frequency=np.where(rows, test.frequency + 0.5 * width, test.frequency))
+
+
+def turned(test: Laboratory) -> Laboratory:
+    return _responds(test, test.response * np.exp(1j * np.pi / 6))
+
+
 # ---- other modes
 
 
@@ -360,6 +391,11 @@ TAMPERINGS = (
     Tampering("10 % outliers in one block", POINTS, outlying_block),
     Tampering("frequencies of one level 2 % too high", LEVELS, shifted_level),
     Tampering("sensor overloaded at half of the largest response", POINTS, clipped),
+    Tampering("gain of the sensor 1.3 times from the middle on", POINTS, gain_stepped),
+    Tampering("gain of the sensor drifts by 15 %", POINTS, gain_drifted),
+    Tampering("gain of the sensor 1.2 times from the middle of a level on", POINTS, gain_stepped_in_level),
+    Tampering("frequencies of one level shifted by half of a line's width", LEVELS, shifted_in_line),
+    Tampering("response turned by 30 degrees", SENSE | MISFIT, turned),
     Tampering("a second mode in the band", BACKGROUND, second_mode),
     Tampering("a constant background left out", BACKGROUND, constant_background),
     Tampering("a phase error of 0.2 rad left out", BACKGROUND, phase_error),
