@@ -313,6 +313,8 @@ _ALONG_ONE_MOTION = {
     "make the response that difference, or measure stepped or swept sines",
     "ranking": "ranking: the test has a motion across two sensors, and laws are compared along one motion; "
     "give the law, or a surface without it",
+    "simulation": "element: acts across {!r}, but a simulated structure is one mass with one motion; leave "
+    "across out of its elements, or bring the motion across and identify them",
     "levels": "levels: the law acts across {!r}, whose motion is known only where it was measured; leave "
     "levels out and give the surface, for a score of its held-out levels",
 }

@@ -10,7 +10,7 @@ import numpy as np
 from rsgen.common.arrays import Array, ComplexArray
 from rsgen.common.errors import RsgenError, require
 from rsgen.data.multisine import MultisineSpectra
-from rsgen.data.oscillator import Oscillator
+from rsgen.data.oscillator import Oscillator, refuse_across
 from rsgen.data.surface import ResponseSurface
 from rsgen.data.surface.phase_lag import lag_findings
 from rsgen.dynamics.controlled import ControlledStates, control_grid, phase_grid
@@ -66,10 +66,11 @@ def simulate(
     ------
     RsgenError
         The test asks for a combination that does not exist, or is to be integrated and no spring holds the
-        mean displacement.
+        mean displacement. An element acts across two sensors.
     """
     require(oscillator, Oscillator, "oscillator")
     require(test, (SimulatedTest, MultisineTest), "test")
+    refuse_across(oscillator.sensors, simulation=True)
     if isinstance(test, MultisineTest):
         return simulate_multisine(oscillator, test)
     fault = free_mean_fault(oscillator, test)

@@ -17,7 +17,7 @@ from numpy.typing import ArrayLike, NDArray
 from rsgen.common.arrays import Array, ComplexArray
 from rsgen.common.declaration import Rule
 from rsgen.common.errors import RsgenError
-from rsgen.data.oscillator import Oscillator
+from rsgen.data.oscillator import Oscillator, refuse_across
 from rsgen.dynamics.fixed_point import (
     Indices,
     LoopMemory,
@@ -288,8 +288,10 @@ def solve_steady_states(
     Raises
     ------
     RsgenError
-        Shapes do not fit, a frequency is not positive, harmonics or accuracy are out of range.
+        Shapes do not fit, a frequency is not positive, harmonics or accuracy are out of range. An element
+        acts across two sensors.
     """
+    refuse_across(oscillator.sensors, simulation=True)
     F = np.atleast_1d(np.asarray(force, dtype=np.complex128))
     f = np.atleast_1d(np.asarray(frequency, dtype=np.float64))
     _check(F, f, harmonics, accuracy)

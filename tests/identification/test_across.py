@@ -10,6 +10,7 @@ import pytest
 import rsgen as rs
 from rsgen.common.errors import RsgenError
 from rsgen.data.oscillator import join_model
+from rsgen.dynamics.steady_state import solve_steady_states
 from rsgen.identification.fitting.across import MeasuredAcross, law_of, sensor_noise
 from rsgen.identification.fitting.fit import fit_balance
 from rsgen.identification.fitting.repeats import gather_repeats
@@ -194,6 +195,21 @@ def test_levels_are_not_predicted_where_the_motion_across_is_not_known():
         rs.predict(rs.Oscillator(MASS, ELEMENTS, TRUE), [2.0])
     with pytest.raises(RsgenError, match="ranking: the test has a motion across"):
         rs.rank(two_masses())
+
+
+def test_a_structure_across_two_sensors_is_not_simulated_as_one_mass():
+    oscillator = rs.Oscillator(MASS, ELEMENTS, TRUE)
+    for test in (
+        rs.SimulatedTest(level=1.0, frequency=[10.0, 12.0]),
+        rs.SimulatedTest(level=1.0, frequency=[10.0, 12.0], method="harmonic-balance"),
+        rs.MultisineTest(level=1.0, band=(5.0, 20.0), period=4.0),
+    ):
+        with pytest.raises(
+            RsgenError, match="acts across 'far - near', but a simulated structure is one mass"
+        ):
+            rs.simulate(oscillator, test)
+    with pytest.raises(RsgenError, match="leave across out"):
+        solve_steady_states(oscillator, 1.0, 10.0)
 
 
 @pytest.mark.slow
