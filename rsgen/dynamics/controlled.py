@@ -12,11 +12,11 @@ from numpy.typing import ArrayLike, NDArray
 
 from rsgen.common.arrays import Array, ComplexArray
 from rsgen.common.errors import RsgenError
+from rsgen.common.newton import Rows, newton
 from rsgen.data.oscillator import Oscillator
 from rsgen.dynamics.fixed_point import LoopMemory, PeriodMap, attraction, units_of_states
 from rsgen.dynamics.harmonic_balance import balance_states, hold_oscillator
 from rsgen.dynamics.kernel import compile_kernel
-from rsgen.dynamics.newton import Rows, newton
 from rsgen.dynamics.settling import SteadyStates
 from rsgen.dynamics.steady_state import LOCATED, USUAL_ACCURACY, USUAL_HARMONICS, map_batches
 from rsgen.dynamics.virtual_test import Progress, SimulatedTest, in_parts

@@ -21,10 +21,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rsgen.common.arrays import Array, Chosen, ComplexArray, blocks, blocks_joined
+from rsgen.common.newton import Rows, newton, solve_each
 from rsgen.common.tolerances import BLOCK, HALVINGS, TRIAL_STEPS
 from rsgen.data.oscillator import Oscillator
 from rsgen.dynamics.linear_part import Inertia
-from rsgen.dynamics.newton import Rows, newton, solve_each
 from rsgen.dynamics.settling import SteadyStates
 from rsgen.law.motion import FourierSeries, Motion, fourier_series
 from rsgen.law.numeric import ForceLaw, compile_law

@@ -16,8 +16,8 @@ import numpy as np
 import scipy
 
 from rsgen.common.arrays import Array, ComplexArray
+from rsgen.common.newton import Rows, newton
 from rsgen.common.tolerances import HALVINGS
-from rsgen.dynamics.newton import Rows, newton
 from rsgen.law.motion import harmonics_of, waveform
 from rsgen.law.numeric import ForceLaw
 from rsgen.law.switched_sum import ForceSample

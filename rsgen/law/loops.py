@@ -13,6 +13,7 @@ import sympy
 from numpy.typing import NDArray
 
 from rsgen.common.arrays import Array
+from rsgen.common.newton import newton
 from rsgen.formula import symbol
 from rsgen.law.memory import MemoryForm, real_powers
 from rsgen.law.switched_sum import Follow, ForceSample, SwitchedSum, switched_sum
@@ -206,13 +207,11 @@ class Loop:
 # ----------------------------------------------------------------------------
 # Closed loops of states z' = g(x, v, z; p) along periodic motions: all samples at once, by Newton's method.
 #
-# From sample to sample  z_1 - z_0 = h ((1 - theta) g_0 + theta g_1)  with  theta = 1/(1 - exp(-q)) - 1/q, q
-# = h
-# times the largest rate of decay: exact for a linear law with constant input, the trapezoidal rule where
-# little
-# happens in a step, the implicit Euler rule where a stiff law follows at once (exponential fitting; Liniger
-# and
-# Willoughby, SIAM J. Numer. Anal. 7 (1970) 47). The error is O(h^2), as that of the shares of switches.
+# From sample to sample  z_1 - z_0 = h ((1 - theta) g_0 + theta g_1)  with  theta = 1/(1 - exp(-q)) - 1/q,
+# q = h times the largest rate of decay: exact for a linear law with constant input, the trapezoidal rule
+# where little happens in a step, the implicit Euler rule where a stiff law follows at once (exponential
+# fitting; Liniger and Willoughby, SIAM J. Numer. Anal. 7 (1970) 47). The error is O(h^2), as that of the
+# shares of switches.
 
 _STEPS = 25
 """Most Newton steps; laws that are piecewise linear in z need a handful."""
@@ -400,43 +399,58 @@ def periodic_states(
         Whether steps may be longer than what z' remembers. Else theta is 1/2, with errors in even powers of
         the step however fast it forgets.
     """
-    shape = motion[0].shape
-    states = np.zeros((len(equations), *shape)) if start is None else np.array(start)
-    step = np.broadcast_to(step, shape)
-
-    def at(rows: Indices) -> tuple[Array, _Recurrence]:
-        x, v, a = (each[rows] for each in motion)
-        own = [value if np.ndim(value) == 0 else value[rows] for value in values]
-        rate, slopes = _rates(equations, (x, v, a), states[:, rows], step[rows], own, by_parameters=False)
-        return rate, _linearised(slopes[:, 2:], step[rows], fitted=fitted)
-
-    open_rows = np.arange(len(step))
-    for attempt in range(_STEPS):
-        rate, recurrence = at(open_rows)
-        gain = recurrence.gather(np.transpose(rate, (2, 0, 1))[:, :, None])[:, :, 0]
-        before = np.transpose(states[:, open_rows], (2, 0, 1))
-        after = np.concatenate([before[1:], sign * before[:1]])
-        lack = gain - (after - before)
-        change = np.transpose(recurrence.solve(lack[:, :, None], sign)[:, :, 0], (1, 2, 0))
-        states[:, open_rows] += change
-        with np.errstate(all="ignore"):
-            largest = np.max(np.abs(states[:, open_rows]), axis=2)
-            settled = np.max(np.abs(change), axis=2) <= _CLOSED * largest
-            settled &= np.max(np.abs(lack), axis=0) <= _GAP * largest
-        lost = ~np.isfinite(change).all(axis=(0, 2))
-        if attempt >= _PATIENCE:
-            lost |= recurrence.growth() > _FLEES
-        states[:, open_rows[lost]] = np.nan
-        open_rows = open_rows[~(settled.all(axis=0) | lost)]
-        if not len(open_rows):
-            break
-    recurrence = at(np.arange(len(step)))[1]
+    count, samples = motion[0].shape
+    begin = np.zeros((len(equations), count, samples)) if start is None else start
+    loops = _OpenLoops(equations, motion, np.broadcast_to(step, (count, samples)), values, sign, fitted)
+    flat = np.moveaxis(begin, 0, 1).reshape(count, -1)
+    roots = newton(loops, flat, settled=_CLOSED, steps=_STEPS, halvings=0)
+    recurrence = loops.lack(np.arange(count), roots.unknowns)[1]
     # what grows in one step alone is on a corner there, and not known to grow in the steps around it
     corner = np.maximum(np.einsum("siin->sin", recurrence.forward) - 1, 0).max(axis=(0, 1))
-    flees = recurrence.growth() > 1 + _GAP + corner
     # states that start at zero never reach a loop that they flee
-    states[:, open_rows], states[:, flees] = np.nan, np.nan
-    return states
+    roots.unknowns[~(roots.size <= _CLOSED) | (recurrence.growth() > 1 + _GAP + corner)] = np.nan
+    return np.moveaxis(roots.unknowns.reshape(count, -1, samples), 1, 0)
+
+
+@dataclass(slots=True, eq=False)
+class _OpenLoops:
+    """What n loops lack to be closed, as problems of Newton's method; unknowns (n, q s) are their states."""
+
+    equations: Sequence[SwitchedSum]
+    motion: tuple[Array, Array, Array]
+    interval: Array
+    values: Sequence[Any] | Array
+    sign: float
+    fitted: bool
+    taken: int = 0
+
+    def lack(self, rows: Indices, unknowns: Array) -> tuple[Array, _Recurrence]:
+        """(s, q, k) what each step from sample to sample lacks, and the rule linearised there."""
+        x, v, a = (each[rows] for each in self.motion)
+        own = [value if np.ndim(value) == 0 else value[rows] for value in self.values]
+        step, states = self.interval[rows], np.moveaxis(unknowns.reshape(len(x), -1, x.shape[1]), 1, 0)
+        rate, slopes = _rates(self.equations, (x, v, a), states, step, own, by_parameters=False)
+        recurrence = _linearised(slopes[:, 2:], step, fitted=self.fitted)
+        gain = recurrence.gather(np.transpose(rate, (2, 0, 1))[:, :, None])[:, :, 0]
+        before = np.transpose(states, (2, 0, 1))
+        return gain - (np.concatenate([before[1:], self.sign * before[:1]]) - before), recurrence
+
+    def residual(self, rows: Indices, unknowns: Array) -> Array:
+        """(k, q s)."""
+        return self.lack(rows, unknowns)[0].T.reshape(unknowns.shape)
+
+    def step(self, rows: Indices, unknowns: Array) -> tuple[Array, Array, Array]:
+        """Relative sizes are those of the worst state; none where states are seen to flee."""
+        lack, recurrence = self.lack(rows, unknowns)
+        change = recurrence.solve(lack[:, :, None], self.sign)[:, :, 0].T
+        with np.errstate(all="ignore"):
+            largest = np.abs(unknowns.reshape(change.shape) + change).max(axis=2)
+            missing = np.maximum(np.abs(change).max(axis=2), np.abs(lack.T).max(axis=2) * (_CLOSED / _GAP))
+            size = np.where(missing > 0, missing / largest, missing)
+        if self.taken >= _PATIENCE:
+            change[recurrence.growth() > _FLEES] = np.nan
+        self.taken += 1
+        return lack.T.reshape(unknowns.shape), change.reshape(unknowns.shape), size.max(axis=1)
 
 
 def _rates(

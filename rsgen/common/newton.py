@@ -65,7 +65,7 @@ def newton(equations: Equations, start: Array, *, settled: float, steps: int, ha
     settled
         Relative size of a step after which the next one would be its square: it is the last one.
     steps, halvings
-        Most steps, and halvings of each.
+        Most steps, and lengths of each that are tried; none: every step is taken whole.
     """
     unknowns, before = np.array(start), np.array(start)
     size, unsettled = np.full(len(start), np.inf), np.ones(len(start), dtype=bool)
@@ -74,17 +74,18 @@ def newton(equations: Equations, start: Array, *, settled: float, steps: int, ha
         going = unsettled[rows]
         if not going.any():
             break
-        if 2 * np.count_nonzero(going) < len(rows):
-            # fewer problems are cheaper, but the equations evaluate anew what they had at hand
+        if np.count_nonzero(going) * (2 if halvings else 1) < len(rows):
+            # fewer problems are cheaper, but the equations evaluate anew what a trial left at hand
             rows, going = rows[going], going[going]
         here = before[rows] = unknowns[rows]
         residual, move, relative = equations.step(rows, here)
         going &= np.isfinite(move).all(axis=1)
         size[rows[going]] = relative[going]
         last = going & (relative <= settled)
-        move = np.where(going[:, None], move, 0.0)
+        move[~going] = 0.0
         stays = _shorten(equations, rows, here, move, residual, going & ~last, halvings)
-        unknowns[rows[~stays]] += move[~stays]
+        move[stays] = 0.0
+        unknowns[rows] = here + move
         unsettled[rows] = going & ~last & ~stays
     return Roots(unknowns=unknowns, before=before, size=size)
 
@@ -100,7 +101,7 @@ def _shorten(
 ) -> NDArray[np.bool_]:
     """Halve steps in place until residuals do not grow; True where no part of a step serves."""
     least = np.linalg.norm(residual, axis=1) * (1 + _ROUND_OFF)
-    worse = np.array(trying)
+    worse = trying & (halvings > 0)
     # at first with all rows: what is evaluated there serves the next step
     chosen = np.arange(len(rows)) if trying.any() else np.arange(0)
     for attempt in range(halvings):
