@@ -83,7 +83,7 @@ def _balance(problem: Problem, parameters: Array) -> tuple[Fit, bool]:
     few = problem.select(points.spread(QUICK)) if len(points) > 2 * QUICK else problem
     sharp, before = law.rough or points.strong, None
     for order in _ORDERS:
-        refined = fit_balance(few, parameters, order=order)
+        refined = fit_balance(few, parameters, order=order, correct=few is problem)
         if before is not None:
             # what more harmonics would change is less than noise, or the simulator takes it up
             sharp = not _alike(before.regression, refined.regression, len(few.observed.points) / len(points))
@@ -105,7 +105,7 @@ def _balance(problem: Problem, parameters: Array) -> tuple[Fit, bool]:
     if few is problem:
         return refined, sharp
     # what the simulator takes up needs no more than one step
-    return fit_balance(problem, parameters, order=order, steps=1 if sharp else STEPS), sharp
+    return fit_balance(problem, parameters, order=order, steps=1 if sharp else STEPS, near=noise), sharp
 
 
 def _alike(one: Regression, other: Regression, share: float) -> bool:

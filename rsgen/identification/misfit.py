@@ -32,7 +32,7 @@ from rsgen.data.free_mode import fit_mode, hats, steady
 from rsgen.data.oscillator import OFFSET
 from rsgen.data.surface import ResponseSurface
 from rsgen.formula.names import symbol
-from rsgen.identification.fitting.fit import Fit, fit_balance
+from rsgen.identification.fitting.fit import Fit, fit_balance, linearise_beside
 from rsgen.identification.fitting.least_squares import Alternative, Regression
 from rsgen.identification.fitting.observed import (
     Observed,
@@ -343,9 +343,10 @@ def even_findings(fit: Fit) -> list[Finding]:
     if problem.law.acts_across or not records_even(problem) or not law_with(problem).odd:
         return []
     chosen = problem.observed.points.spread(QUICK)
-    few = problem.select(chosen[fit.regression.used[chosen]])
-    if _gain_of_all(few, fit) < SIGNIFICANT / 2:
+    chosen = chosen[fit.regression.used[chosen]]
+    if _gain_of_all(fit.select(chosen)) < SIGNIFICANT / 2:
         return []
+    few = problem.select(chosen)
     trials = {term: _with_even(few, fit, term) for term in _POWERS}
     term = min(trials, key=lambda term: trials[term][1].regression.noise)
     place, best, without = trials[term]
@@ -364,18 +365,24 @@ def even_findings(fit: Fit) -> list[Finding]:
     return [Finding("even-force-missing", "doubt", numbers=numbers, names={"term": term})]
 
 
-def _gain_of_all(problem: Problem, fit: Fit) -> float:
+def _gain_of_all(fit: Fit) -> float:
     """Sum of squares that all even forces together take up to first order, in units of the noise.
 
     None of them takes up more, and where that is little the first order is all: none needs a fit.
     """
-    trial, begin, places = with_terms(problem, fit, tuple(_POWERS))
-    left = fit_balance(trial, begin, order=START_ORDER, steps=0, reject=False, correct=False).regression
-    of_forces = left.basis[places] / np.linalg.norm(left.basis[places], axis=1, keepdims=True)
-    taken = np.linalg.qr(of_forces.T)[0].T @ np.einsum("nmr,nm->r", left.rows, left.residual)
+    trial, begin, places = with_terms(fit.problem, fit, tuple(_POWERS))
+    # to first order an even force moves the mean and the second harmonic
+    residual, matrix = linearise_beside(fit, trial, begin, order=2)
+    right, rows = residual.reshape(-1), matrix.reshape(residual.size, len(begin))
+    size = np.linalg.norm(rows, axis=0)
+    others = np.setdiff1d(np.flatnonzero(trial.free & (size > 0)), places)
+    columns = [*others, *places]
+    # the last directions of an orthogonal basis are what the others leave of the last columns
+    basis = np.linalg.qr(rows[:, columns] / np.maximum(size[columns], 1e-300))[0]
+    gain = float(np.sum((basis[:, -len(places) :].T @ right) ** 2))
     # the noise is what they leave
-    whole, gain = left.noise**2 * left.freedom, float(np.sum(taken**2))
-    return gain / max(whole - gain, 1e-300) * (left.freedom - len(places))
+    freedom = len(residual) * (residual.shape[1] - fit.regression.nuisance.shape[1]) - len(columns)
+    return gain / max(float(right @ right) - gain, 1e-300) * freedom
 
 
 def _with_even(problem: Problem, fit: Fit, term: str) -> tuple[int, Fit, Regression]:

@@ -168,6 +168,7 @@ def fit_balance(
     reject: bool = True,
     steps: int = STEPS,
     correct: bool = True,
+    near: float = 0.0,
 ) -> Fit:
     """Fit by harmonic balance to all points at once.
 
@@ -183,6 +184,9 @@ def fit_balance(
         Most Gauss-Newton steps.
     correct
         Whether the bias of the square of the noise is removed: not from a misfit that is no noise.
+    near
+        Misfit of the fit to some of these points that gave the parameters; of others zero. Where it is noise,
+        one step by plain differences leads near enough to compare by logarithms.
     """
     observed, law = problem.observed, problem.law
     mode = observed.mode(problem.split(parameters)[2])
@@ -192,7 +196,8 @@ def fit_balance(
     natural = 0.0 if law.odd else _natural_sizes(problem, parameters, mode)
     rules = Rules(steps=steps, held=problem.held, free=problem.free, natural=natural)
     common: dict[str, Any] = {"reject": reject, "neighbours": mode.neighbours}
-    found = fit(descent.linearise, parameters, nuisance, rules, **common)
+    first = replace(rules, steps=1) if near > NOISY and not law.rough and not law.acts_across else rules
+    found = fit(descent.linearise, parameters, nuisance, first, **common)
     if isinstance(forward, MeasuredAcross) and is_systematic(found.residual, mode.pairs(found.used)):
         # with sensors that may deviate apart a wrong law bends the motion across until it fits
         forward.correlation = 1 - NOTICEABLE**2
@@ -217,16 +222,22 @@ def fit_balance(
     return _finish(problem, descent, found)
 
 
-def linearise_beside(fit: Fit, problem: Problem, parameters: Array) -> tuple[Array, Array]:
+def linearise_beside(
+    fit: Fit, problem: Problem, parameters: Array, *, order: int = ORDER
+) -> tuple[Array, Array]:
     """Residual (k, M) of a fit, and slopes (k, M, q) of a problem with more parameters, at the k points used.
 
-    Slopes are those of the balance, the residual is that of the fit, whose waveforms may have more harmonics.
-    What the unknowns of each point take up is eliminated.
+    Slopes are those of a balance of an order, the residual is that of the fit, whose waveforms may have more
+    harmonics. What the unknowns of each point take up is eliminated.
     """
-    observed, noise = problem.observed, fit.regression.noise
+    observed = problem.observed
     mode = observed.mode(fit.background)
-    forward = _forward(problem, mode, ORDER, observed.background.turn(fit.background))
-    if problem.law.switched:
+    # a term of value zero moves nothing: the balance begins where that of the fit ended
+    phase, solved = np.angle(mode.harmonics[:, 1]), np.isfinite(fit.harmonics).all(axis=1, keepdims=True)
+    near = Motion(mode.omega, np.where(solved, fit.harmonics, 0.0)).turned(phase)
+    turn = observed.background.turn(fit.background)
+    forward = _forward(problem, mode, order, turn, near)
+    if fit.problem.law.switched:
         forward.samples = max(forward.samples, SAMPLES_SWITCHED)
     descent = Descent(problem, forward)
     descent.scale = fit.scale
@@ -237,8 +248,6 @@ def linearise_beside(fit: Fit, problem: Problem, parameters: Array) -> tuple[Arr
     harmonics, count = np.zeros_like(response.harmonics), fit.harmonics.shape[1]
     harmonics[:, :count] = fit.harmonics[:, : harmonics.shape[1]]
     line = descent.linearise(parameters, nuisance, replace(response, force=fit.force, harmonics=harmonics))
-    if noise > NOISY and not problem.law.rough:
-        line = descent.unbent(line, parameters, nuisance, fit.regression.used, noise)
     good = fit.regression.used & np.isfinite(line.residual).all(axis=1)
     good &= np.isfinite(line.by_parameter).all(axis=(1, 2))
     residual, matrix = eliminate(line)
@@ -272,15 +281,21 @@ def refit_weighted(near: Fit, problem: Problem, parameters: Array, *, order: int
     )
 
 
-def _forward(problem: Problem, mode: Points, order: int, turn: complex) -> HarmonicBalance | MeasuredAcross:
-    """Balance of all harmonics at the response; across two sensors the one along the measured motion."""
+def _forward(
+    problem: Problem, mode: Points, order: int, turn: complex, near: Motion | None = None
+) -> HarmonicBalance | MeasuredAcross:
+    """Balance of all harmonics at the response; across two sensors the one along the measured motion.
+
+    The balance begins ``near`` a motion of the phase that was measured, or with what was measured.
+    """
     if problem.law.acts_across:
         return MeasuredAcross(problem.law, mode.motion, Motion(mode.omega, mode.across))
     about_rest, load = 0 not in mode.measured, mode.load
     if load is not None:
         # the phase error between force and response turns every harmonic
         load = load * (turn ** np.arange(load.shape[1]))
-    return HarmonicBalance(problem.law, mode.motion, order, about_rest=about_rest, load=load)
+    start = mode.motion if near is None else near
+    return HarmonicBalance(problem.law, start, order, about_rest=about_rest, load=load)
 
 
 def fit_simulator(problem: Problem, start: Fit, *, accuracy: float) -> Fit | None:

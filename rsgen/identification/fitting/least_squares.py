@@ -511,32 +511,6 @@ Bend = Callable[[Array], tuple[Array, Array]]
 the change (n, M, q) of its slopes by the parameters."""
 
 
-def bend_by_noise(
-    line: Linearisation, used: Mask, noise: float, bend: Bend
-) -> tuple[Mask, Array, list[Array]]:
-    """Say what noise of the nuisances does to the prediction on the average: half of H L L^T, see below.
-
-    Returns
-    -------
-    regular, shift, slopes
-        (n,) points of which it is known, (n, M) what is added to their residuals, and the changes (n, M, q)
-        of the slopes by the parameters along each column of L.
-    """
-    normal = np.einsum("nma,nmb->nab", line.by_nuisance, line.by_nuisance)
-    regular = used & (np.linalg.det(np.nan_to_num(normal)) > 0)
-    factor = np.zeros_like(normal)
-    # from N = U U^T with U upper triangular: the inverse of N itself may be no covariance to the last digit
-    upper = np.linalg.cholesky(normal[regular][:, ::-1, ::-1])[:, ::-1, ::-1]
-    factor[regular] = np.linalg.inv(upper).transpose(0, 2, 1) * noise
-    shift, changes = np.zeros(line.residual.shape), []
-    # the first column has all nuisances: of the others the prediction may be at hand
-    for column in np.moveaxis(factor, 2, 0)[::-1]:
-        second, slopes = bend(column)
-        shift += 0.5 * second
-        changes.append(np.nan_to_num(slopes))
-    return regular, shift, changes
-
-
 def remove_bias(found: Regression, line: Linearisation, bend: Bend) -> Regression:
     """Correct the parameters for the square of the noise.
 
@@ -545,10 +519,18 @@ def remove_bias(found: Regression, line: Linearisation, bend: Bend) -> Regressio
     parameters, too: what that adds to the information is noise (attenuation; Fuller, Measurement Error
     Models, Wiley 1987, chapter 2).
     """
-    regular, shift, slopes = bend_by_noise(line, found.used, found.noise, bend)
-    share = np.zeros((found.basis.shape[1],) * 2)
-    for slope in slopes:
-        _, matrix = eliminate(replace(line, by_parameter=slope))
+    normal = np.einsum("nma,nmb->nab", line.by_nuisance, line.by_nuisance)
+    regular = found.used & (np.linalg.det(np.nan_to_num(normal)) > 0)
+    factor = np.zeros_like(normal)
+    # from N = U U^T with U upper triangular: the inverse of N itself may be no covariance to the last digit
+    upper = np.linalg.cholesky(normal[regular][:, ::-1, ::-1])[:, ::-1, ::-1]
+    factor[regular] = np.linalg.inv(upper).transpose(0, 2, 1) * found.noise
+    shift, share = np.zeros(line.residual.shape), np.zeros((found.basis.shape[1],) * 2)
+    # the first column has all nuisances: of the others the prediction may be at hand
+    for column in np.moveaxis(factor, 2, 0)[::-1]:
+        second, slopes = bend(column)
+        shift += 0.5 * second
+        _, matrix = eliminate(replace(line, by_parameter=np.nan_to_num(slopes)))
         moved = matrix[regular] @ found.basis
         share += np.tensordot(moved, moved, ([0, 1], [0, 1]))
     regular &= np.isfinite(shift).all(axis=1)
