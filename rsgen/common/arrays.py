@@ -46,6 +46,9 @@ def blocks_joined(
             column = getattr(of_block, name)
             if column is None:
                 continue
+            if len(column) == count:
+                joined[name] = column
+                continue
             if name not in joined:
                 joined[name] = np.empty((count, *column.shape[1:]), column.dtype)
             joined[name][rows] = column

@@ -274,6 +274,7 @@ class _Balance:
         self._dynamic = series.matrix(linear.dynamic(omega, series.orders))
         self._dynamic_by = linear.dynamic_by(omega, series.orders)
         self._last: tuple[Rows, Array, ForceSample, Array] | None = None
+        self._slopes: tuple[ForceSample, Array] | None = None
 
     def _coordinates(self, rows: Rows, unknowns: Array) -> Array:
         return np.concatenate([self._at[rows, : self._first], unknowns], axis=1)
@@ -295,7 +296,10 @@ class _Balance:
         return sample, residual
 
     def _tangent(self, rows: Rows, sample: ForceSample) -> Array:
-        return sample.tangent(self._series, self._omega[rows]) + self._dynamic[rows]
+        """(k, d, d) of the balance along a sampled motion."""
+        if self._slopes is None or self._slopes[0] is not sample:
+            self._slopes = sample, sample.tangent(self._series, self._omega[rows]) + self._dynamic[rows]
+        return self._slopes[1]
 
     def residual(self, rows: Rows, unknowns: Array) -> Array:
         """(k, d - first) of the equations that the unknowns have to fulfil."""

@@ -35,6 +35,9 @@ from rsgen.law import LawLike
 _ORDERS = (ORDER, 15, 23)
 """Harmonics carried in the balance, raised until the last one no longer matters."""
 
+_FEW_HARMONICS = 5
+"""Of motions near a sine under a smooth law: what they leave out follows from how they decay."""
+
 _ACCURACIES = (1e-5, 1e-8)
 """Of the simulator inside the fit. The coarser is what a truncated waveform leaves of a law as soft as x|x|;
 the finer serves where the misfit turns out to be as small."""
@@ -82,8 +85,9 @@ def _balance(problem: Problem, parameters: Array) -> tuple[Fit, bool]:
     points = problem.observed.mode(problem.split(parameters)[2])
     few = problem.select(points.spread(QUICK)) if len(points) > 2 * QUICK else problem
     sharp, before = law.rough or points.strong, None
-    for order in _ORDERS:
-        refined = fit_balance(few, parameters, order=order, correct=few is problem)
+    near_sine = not (sharp or law.switched or law.remembers)
+    for order in (_FEW_HARMONICS, *_ORDERS) if near_sine else _ORDERS:
+        refined = fit_balance(few, parameters, order=order, compared=ORDER, correct=few is problem)
         if before is not None:
             # what more harmonics would change is less than noise, or the simulator takes it up
             sharp = not _alike(before.regression, refined.regression, len(few.observed.points) / len(points))
@@ -95,8 +99,11 @@ def _balance(problem: Problem, parameters: Array) -> tuple[Fit, bool]:
         if law.remembers and sharp and refined.regression.noise > _ACCURACIES[0]:
             before = refined
             continue
-        harmonics = np.abs(refined.harmonics[refined.regression.used])
-        last = float(np.max(harmonics[:, -2:] / harmonics[:, 1:2], initial=0.0))
+        harmonics = np.abs(refined.harmonics[refined.regression.used, : order + 1])
+        higher = harmonics[:, 2:] / harmonics[:, 1:2]
+        last = float(np.max(higher[:, -2:], initial=0.0))
+        if order == _FEW_HARMONICS:
+            last *= last / max(float(np.max(higher[:, :2], initial=0.0)), TAIL)
         enough = last < max(TAIL, 1e-3 * refined.regression.noise / np.sqrt(len(points)))
         if law.switched or sharp or enough:
             break
@@ -105,7 +112,8 @@ def _balance(problem: Problem, parameters: Array) -> tuple[Fit, bool]:
     if few is problem:
         return refined, sharp
     # what the simulator takes up needs no more than one step
-    return fit_balance(problem, parameters, order=order, steps=1 if sharp else STEPS, near=noise), sharp
+    steps = 1 if sharp else STEPS
+    return fit_balance(problem, parameters, order=order, compared=ORDER, steps=steps, near=noise), sharp
 
 
 def _alike(one: Regression, other: Regression, share: float) -> bool:

@@ -148,8 +148,9 @@ class FourierSeries:
 
     def complex(self, coordinates: Array) -> NDArray[Any]:
         """(n, d, ...) real to (n, orders, ...) complex."""
-        values = coordinates[:, self._real_parts].astype(complex)
-        values[:, self._oscillates] += 1j * coordinates[:, self._imaginary_parts]
+        values = np.zeros((len(coordinates), len(self.orders), *coordinates.shape[2:]), dtype=complex)
+        values.real = coordinates[:, self._real_parts]
+        values.imag[:, self._oscillates] = coordinates[:, self._imaginary_parts]
         return values
 
     def matrix(self, factor: ComplexArray) -> Array:

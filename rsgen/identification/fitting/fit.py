@@ -82,6 +82,8 @@ class Fit:
         (n,) phase of the true fundamental [rad]; harmonic h is the predicted one times exp(i h turn).
     scale
         (n,) amplitude of the fundamental that the sensor sees [m].
+    order
+        Highest harmonic of the balance; those beyond are zero.
     """
 
     problem: Problem
@@ -90,6 +92,7 @@ class Fit:
     harmonics: ComplexArray
     turn: Array
     scale: Array
+    order: int
 
     @property
     def values(self) -> Array:
@@ -129,10 +132,11 @@ class Fit:
             self.harmonics[chosen],
             self.turn[chosen],
             self.scale[chosen],
+            self.order,
         )
 
 
-def _finish(problem: Problem, descent: Descent, regression: Regression) -> Fit:
+def _finish(problem: Problem, descent: Descent, regression: Regression, order: int) -> Fit:
     """Predict at the estimate, relative to a fundamental of phase zero."""
     response = descent.predict(regression.parameters, regression.nuisance)
     lag = np.angle(response.harmonics[:, 1])
@@ -157,6 +161,7 @@ def _finish(problem: Problem, descent: Descent, regression: Regression) -> Fit:
         motion.harmonics,
         problem.observed.turn(regression.nuisance) + lag,
         np.abs(problem.observed.seen(response, values)),
+        order,
     )
 
 
@@ -165,6 +170,7 @@ def fit_balance(
     parameters: Array,
     *,
     order: int,
+    compared: int = 0,
     reject: bool = True,
     steps: int = STEPS,
     correct: bool = True,
@@ -178,6 +184,8 @@ def fit_balance(
         What is fitted, and where to start.
     order
         Harmonics carried in the balance; 1 is first order.
+    compared
+        Harmonics up to which measured ones count, where more than those: with a prediction of zero.
     reject
         Whether outliers are set aside.
     steps
@@ -191,7 +199,8 @@ def fit_balance(
     observed, law = problem.observed, problem.law
     mode = observed.mode(problem.split(parameters)[2])
     nuisance = observed.nuisances(mode.amplitude, np.angle(mode.harmonics[:, 1]))
-    forward = _forward(problem, mode, order, observed.background.turn(problem.split(parameters)[2]))
+    turn = observed.background.turn(problem.split(parameters)[2])
+    forward = _forward(problem, mode, order, turn, compared=compared)
     descent = Descent(problem, forward)
     natural = 0.0 if law.odd else _natural_sizes(problem, parameters, mode)
     rules = Rules(steps=steps, held=problem.held, free=problem.free, natural=natural)
@@ -219,16 +228,15 @@ def fit_balance(
     elif found.noise > NOISY and isinstance(forward, MeasuredAcross):
         # slopes of a law with corners say how much of them is noise, but not how they bend
         found = replace(found, noise_share=descent.corrected(found).noise_share)
-    return _finish(problem, descent, found)
+    return _finish(problem, descent, found, order)
 
 
-def linearise_beside(
-    fit: Fit, problem: Problem, parameters: Array, *, order: int = ORDER
-) -> tuple[Array, Array]:
+def linearise_beside(fit: Fit, problem: Problem, parameters: Array, *, order: int = 0) -> tuple[Array, Array]:
     """Residual (k, M) of a fit, and slopes (k, M, q) of a problem with more parameters, at the k points used.
 
-    Slopes are those of a balance of an order, the residual is that of the fit, whose waveforms may have more
-    harmonics. What the unknowns of each point take up is eliminated.
+    Slopes are those of a balance of an order, without one of that of the fit up to ``ORDER``; the residual is
+    that of the fit, whose waveforms may have more harmonics. What the unknowns of each point take up is
+    eliminated.
     """
     observed = problem.observed
     mode = observed.mode(fit.background)
@@ -236,7 +244,8 @@ def linearise_beside(
     phase, solved = np.angle(mode.harmonics[:, 1]), np.isfinite(fit.harmonics).all(axis=1, keepdims=True)
     near = Motion(mode.omega, np.where(solved, fit.harmonics, 0.0)).turned(phase)
     turn = observed.background.turn(fit.background)
-    forward = _forward(problem, mode, order, turn, near)
+    order, compared = (order, order) if order else (min(fit.order, ORDER), ORDER)
+    forward = _forward(problem, mode, order, turn, near, compared)
     if fit.problem.law.switched:
         forward.samples = max(forward.samples, SAMPLES_SWITCHED)
     descent = Descent(problem, forward)
@@ -282,7 +291,7 @@ def refit_weighted(near: Fit, problem: Problem, parameters: Array, *, order: int
 
 
 def _forward(
-    problem: Problem, mode: Points, order: int, turn: complex, near: Motion | None = None
+    problem: Problem, mode: Points, order: int, turn: complex, near: Motion | None = None, compared: int = 0
 ) -> HarmonicBalance | MeasuredAcross:
     """Balance of all harmonics at the response; across two sensors the one along the measured motion.
 
@@ -295,7 +304,7 @@ def _forward(
         # the phase error between force and response turns every harmonic
         load = load * (turn ** np.arange(load.shape[1]))
     start = mode.motion if near is None else near
-    return HarmonicBalance(problem.law, start, order, about_rest=about_rest, load=load)
+    return HarmonicBalance(problem.law, start, order, compared=compared, about_rest=about_rest, load=load)
 
 
 def fit_simulator(problem: Problem, start: Fit, *, accuracy: float) -> Fit | None:
@@ -351,7 +360,7 @@ def fit_simulator(problem: Problem, start: Fit, *, accuracy: float) -> Fit | Non
         forward.renew()
     if np.count_nonzero(found.used) < _FOLLOWED * len(drive):
         return None
-    return _finish(problem, descent, found)
+    return _finish(problem, descent, found, start.order)
 
 
 def _null_of_law(found: Regression, count: int) -> Array:

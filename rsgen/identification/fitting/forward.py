@@ -74,6 +74,8 @@ class HarmonicBalance:
         converge.
     order
         Highest harmonic.
+    compared
+        Highest harmonic that is compared, not below the order: those beyond it are predicted to be zero.
     about_rest
         Whether motions begin about the place of rest of the law, because the mean of ``start`` is not known.
     load
@@ -92,14 +94,17 @@ class HarmonicBalance:
         start: Motion,
         order: int,
         *,
+        compared: int = 0,
         about_rest: bool = False,
         load: ComplexArray | None = None,
     ) -> None:
         even = load is not None and bool(np.any(load[:, ::2]))
-        self.harmonics = following_harmonics(law, order, even=even)
+        highest = max(order, compared, 1)
+        self._follow = following_harmonics(law, order, even=even)
+        self.harmonics = following_harmonics(law, highest, even=even)
         self.samples = max(SAMPLES, 1 << (6 * order - 1).bit_length())
-        self._start = np.zeros((len(start), max(order, 1) + 1), dtype=complex)
-        known = [h for h in self.harmonics if h < len(start.orders)]
+        self._start = np.zeros((len(start), highest + 1), dtype=complex)
+        known = [h for h in self._follow if h < len(start.orders)]
         self._start[:, known] = start.turned(-np.angle(start.harmonics[:, 1])).harmonics[:, known]
         self._load = None
         if load is not None:
@@ -130,7 +135,7 @@ class HarmonicBalance:
             self._omega,
             size,
             guess,
-            self.harmonics,
+            self._follow,
             self.samples,
             self._load,
         )

@@ -262,15 +262,34 @@ def eliminate(line: Linearisation) -> tuple[Array, Array]:
 
 def _eliminate(residual: Array, matrix: Array, by_nuisance: Array) -> None:
     """Remove it in place."""
-    basis: list[Array] = []
-    for column in np.moveaxis(by_nuisance, 2, 0):
-        for unit in basis:
-            column = column - unit * np.sum(unit * column, axis=1, keepdims=True)
-        norm = np.sqrt(np.sum(column**2, axis=1, keepdims=True))
-        unit = column / np.where(norm > 0, norm, 1.0)
-        basis.append(unit)
-        residual -= unit * np.sum(unit * residual, axis=1, keepdims=True)
+    for unit in _orthonormal(by_nuisance)[0]:
+        residual -= unit * _along(unit, residual)[:, None]
         matrix -= unit[:, :, None] * np.einsum("nm,nmq->nq", unit, matrix)[:, None, :]
+
+
+def _along(unit: Array, rows: Array) -> Array:
+    """(n,) products of vectors (n, M)."""
+    return np.asarray(np.einsum("nm,nm->n", unit, rows))
+
+
+def _orthonormal(matrix: Array) -> tuple[list[Array], Array]:
+    """k orthonormal columns (n, M) of n small matrices (n, M, k), and their triangles (n, k, k).
+
+    A column without effect stays zero.
+
+    By Gram and Schmidt in the modified order (Golub and Van Loan, Matrix Computations, 2013, Sec. 5.2.8).
+    """
+    count = matrix.shape[2]
+    units: list[Array] = []
+    triangle = np.zeros((len(matrix), count, count))
+    for j in range(count):
+        column = matrix[:, :, j]
+        for i, unit in enumerate(units):
+            triangle[:, i, j] = share = _along(unit, column)
+            column = column - unit * share[:, None]
+        triangle[:, j, j] = norm = np.sqrt(_along(column, column))
+        units.append(column / np.where(norm > 0, norm, 1.0)[:, None])
+    return units, triangle
 
 
 def _stacked(matrix: Array, residual: Array, chosen: Mask) -> tuple[Array, Array]:
@@ -349,12 +368,14 @@ def _settle(line: Linearisation, parameters: Array, rules: Rules, used: Mask) ->
 
 
 def _least_squares(matrix: Array, right: Array) -> Array:
-    """(n, k) solutions of n small problems (n, M, k), by orthogonalisation."""
-    # of a column without effect the unknown is zero
-    lost = np.sum(matrix**2, axis=1) == 0
-    q, r = np.linalg.qr(matrix)
-    r[:, np.arange(r.shape[1]), np.arange(r.shape[1])] += lost
-    return np.asarray(np.linalg.solve(r, np.swapaxes(q, 1, 2) @ right[:, :, None]))[:, :, 0]
+    """(n, k) solutions of n small problems (n, M, k); zero of a column without effect."""
+    units, triangle = _orthonormal(matrix)
+    solution = np.zeros((len(matrix), len(units)))
+    for j in reversed(range(len(units))):
+        size = triangle[:, j, j]
+        rest = _along(units[j], right) - _along(triangle[:, j, j + 1 :], solution[:, j + 1 :])
+        solution[:, j] = rest / np.where(size > 0, size, 1.0)
+    return solution
 
 
 def _agreeing(line: Linearisation, used: Mask, neighbours: NDArray[np.intp] | None) -> Mask:
