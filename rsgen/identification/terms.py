@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
+from functools import lru_cache
 
 import numpy as np
 
@@ -18,7 +19,7 @@ from rsgen.identification.fitting.across import law_of
 from rsgen.identification.fitting.fit import Fit, linearise_beside
 from rsgen.identification.fitting.least_squares import Alternative, alternatives
 from rsgen.identification.fitting.observed import MISSING_TERMS, Problem, with_coefficients
-from rsgen.law.element import make_element
+from rsgen.law.element import Element, make_element
 from rsgen.law.numeric import ForceLaw
 
 EVEN_SHARE = 0.1
@@ -29,8 +30,12 @@ def law_with(problem: Problem, *terms: str) -> ForceLaw:
     """Add terms to the law, across two sensors where some elements act there."""
     place = problem.law.parts[-1].sensors
     forces = with_coefficients(terms, problem.law.parameters)
-    more = [make_element("term beside the law", force, across=place) for force in forces.values()]
-    return law_of((*problem.elements, *more))
+    return law_of((*problem.elements, *(_term(force, place) for force in forces.values())))
+
+
+@lru_cache(maxsize=64)
+def _term(force: str, place: str) -> Element:
+    return make_element("term beside the law", force, across=place)
 
 
 def with_terms(problem: Problem, fit: Fit, terms: Sequence[str]) -> tuple[Problem, Array, list[int]]:

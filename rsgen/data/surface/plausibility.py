@@ -378,12 +378,14 @@ def quantity_findings(surface: ResponseSurface, quantity: str | None = None) -> 
         found = fit_powers(force, motion, omega, powers, weight)
         return found.misfit, found.passive
 
-    fits = {name: fit(other) for name, other in others.items()}
     misfit, signs = fit(response)
+    if misfit < FITS:
+        return
+    fits = {name: fit(other) for name, other in others.items()}
     sound = {name: left for name, (left, positive) in fits.items() if all(positive)}
     best = min(sound, key=lambda name: sound[name], default=None)
     share = BETTER if any(signs) else AS_GOOD
-    if best is None or misfit < FITS or sound[best] > share * misfit:
+    if best is None or sound[best] > share * misfit:
         return
     names = {"read": quantity or "", "is": best, "sure": "yes" if sound[best] < BETTER * misfit else "no"}
     numbers = {"misfit": Quantity(misfit), "then": Quantity(sound[best])}

@@ -247,11 +247,9 @@ def _unsettled(surface: ResponseSurface, group: NDArray[np.intp]) -> NDArray[np.
     with np.errstate(divide="ignore", invalid="ignore"):
         ratio = surface.harmonics[:, 1] / surface.force
     far = np.zeros(len(group), dtype=bool)
-    order = np.argsort(group, kind="stable")
-    edges = np.flatnonzero(np.diff(group[order])) + 1
-    for rows in np.split(order, edges):
-        if len(rows) < _BATCHED:
-            continue
+    names, count = np.unique(group, return_counts=True)
+    for name in names[count >= _BATCHED]:
+        rows = np.flatnonzero(group == name)
         own = ratio[rows]
         distance = np.abs(own - complex(np.median(own.real), np.median(own.imag)))
         limit = max(_FAR * float(np.median(distance)), float(np.quantile(distance, 1 - OUTLIERS)))
