@@ -382,7 +382,7 @@ def _gain_of_all(fit: Fit) -> float:
     gain = float(np.sum((basis[:, -len(places) :].T @ right) ** 2))
     # the noise is what they leave
     freedom = len(residual) * (residual.shape[1] - fit.regression.nuisance.shape[1]) - len(columns)
-    return gain / max(float(right @ right) - gain, 1e-300) * freedom
+    return float(gain / max(float(right @ right) - gain, 1e-300) * freedom)
 
 
 def _with_even(problem: Problem, fit: Fit, term: str) -> tuple[int, Fit, Regression]:
