@@ -13,7 +13,7 @@ APART = 3.0
 """A level, or a group of points, that misfits this many times as much as the others is apart: sound
 structures have misfits that differ by less than two."""
 
-BLOCK = 384
+BLOCK = 512
 """Points worked on at once: their sample arrays stay in the processor's cache."""
 
 BRANCH = 0.2

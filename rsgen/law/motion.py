@@ -49,7 +49,7 @@ class Motion:
 
     def turned(self, phase: Array) -> Motion:
         """Advance every motion by a phase (n,) [rad] of its fundamental."""
-        return Motion(self.omega, self.harmonics * np.exp(1j * phase)[:, None] ** self.orders)
+        return Motion(self.omega, self.harmonics * np.exp(1j * phase[:, None] * self.orders))
 
     def waveforms(self, samples: int) -> tuple[Array, Array, Array]:
         """Displacement [m], velocity [m/s] and acceleration [m/s^2], each (n, samples), from t = 0 on.

@@ -126,7 +126,7 @@ def test_second_derivatives_along_a_direction_are_those_of_the_residuals(points:
         low, here, high = (
             descent.linearise(parameters, nuisance + times * direction) for times in (-h, 0.0, h)
         )
-        second, slopes = descent._bend(parameters, nuisance, direction)
+        second, slopes = descent._bend(parameters, nuisance, direction, descent._rows(parameters, nuisance))
         difference = (2 * here.residual - low.residual - high.residual) / h**2
         # error of central differences in a thousandth of a unit: its square, and round-off over it
         assert np.abs(second - difference).max() < 1e-4 * np.abs(difference).max()

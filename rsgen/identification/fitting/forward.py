@@ -191,7 +191,10 @@ class Descent:
         self, parameters: Array, nuisance: Array, response: Response | None = None
     ) -> Linearisation:
         """Compare prediction, or another response, with measurement, in units of the expected noise."""
-        line, weight = self._rows(parameters, nuisance, response)
+        return self._weighted(*self._rows(parameters, nuisance, response))
+
+    @staticmethod
+    def _weighted(line: Linearisation, weight: Array | None) -> Linearisation:
         if weight is None:
             return line
         return Linearisation(
@@ -226,17 +229,26 @@ class Descent:
 
     def corrected(self, found: Regression) -> Regression:
         """Remove the bias of the square of the noise."""
+        place = found.parameters, found.nuisance
+        here = self._rows(*place)
         return remove_bias(
-            found,
-            self.linearise(found.parameters, found.nuisance),
-            lambda direction: self._bend(found.parameters, found.nuisance, direction),
+            found, self._weighted(*here), lambda direction: self._bend(*place, direction, here)
         )
 
-    def _bend(self, parameters: Array, nuisance: Array, direction: Array) -> tuple[Array, Array]:
-        """Differences along directions (n, k), in steps that suit the model; see ``remove_bias``."""
+    def _bend(
+        self,
+        parameters: Array,
+        nuisance: Array,
+        direction: Array,
+        rows: tuple[Linearisation, Array | None],
+    ) -> tuple[Array, Array]:
+        """Differences from the rows there along directions (n, k), in steps that suit the model.
+
+        See ``remove_bias``.
+        """
         length = np.abs(direction).max(axis=1, keepdims=True)
         unit, step = direction / np.where(length > 0, length, 1.0), self.forward.step
-        here, weight = self._rows(parameters, nuisance)
+        here, weight = rows
         high = self._rows(parameters, nuisance + step * unit)[0]
         if self.forward.exact_slopes:
             second = ((high.by_nuisance - here.by_nuisance) @ unit[:, :, None])[:, :, 0] / step

@@ -256,15 +256,16 @@ def eliminate(line: Linearisation) -> tuple[Array, Array]:
     """Remove from residual and derivatives what the nuisances of each point can take up."""
     residual, matrix = np.array(line.residual), np.array(line.by_parameter)
     for part in blocks(len(residual), BLOCK):
-        _eliminate(residual[part], matrix[part], line.by_nuisance[part])
+        units, _ = _orthonormal(line.by_nuisance[part])
+        _remove(units, residual[part, :, None])
+        _remove(units, matrix[part])
     return residual, matrix
 
 
-def _eliminate(residual: Array, matrix: Array, by_nuisance: Array) -> None:
-    """Remove it in place."""
-    for unit in _orthonormal(by_nuisance)[0]:
-        residual -= unit * _along(unit, residual)[:, None]
-        matrix -= unit[:, :, None] * np.einsum("nm,nmq->nq", unit, matrix)[:, None, :]
+def _remove(units: Sequence[Array], columns: Array) -> None:
+    """Take out of columns (n, M, q), in place, their parts along orthonormal vectors (n, M)."""
+    for unit in units:
+        columns -= unit[:, :, None] * np.einsum("nm,nmq->nq", unit, columns)[:, None, :]
 
 
 def _along(unit: Array, rows: Array) -> Array:
@@ -540,22 +541,24 @@ def remove_bias(found: Regression, line: Linearisation, bend: Bend) -> Regressio
     parameters, too: what that adds to the information is noise (attenuation; Fuller, Measurement Error
     Models, Wiley 1987, chapter 2).
     """
-    normal = np.einsum("nma,nmb->nab", line.by_nuisance, line.by_nuisance)
-    regular = found.used & (np.linalg.det(np.nan_to_num(normal)) > 0)
-    factor = np.zeros_like(normal)
-    # from N = U U^T with U upper triangular: the inverse of N itself may be no covariance to the last digit
-    upper = np.linalg.cholesky(normal[regular][:, ::-1, ::-1])[:, ::-1, ::-1]
-    factor[regular] = np.linalg.inv(upper).transpose(0, 2, 1) * found.noise
+    # with the last nuisance first, one column of L = R^-1 has all of them; beside the others the prediction
+    # may be at hand
+    units, triangle = _orthonormal(line.by_nuisance[:, :, ::-1])
+    regular = found.used & np.all(np.diagonal(triangle, axis1=1, axis2=2) > 0, axis=1)
+    factor = np.zeros_like(triangle)
+    factor[regular] = np.linalg.inv(triangle[regular])[:, ::-1] * found.noise
     shift, share = np.zeros(line.residual.shape), np.zeros((found.basis.shape[1],) * 2)
-    # the first column has all nuisances: of the others the prediction may be at hand
-    for column in np.moveaxis(factor, 2, 0)[::-1]:
+    for column in np.moveaxis(factor, 2, 0):
         second, slopes = bend(column)
         shift += 0.5 * second
-        _, matrix = eliminate(replace(line, by_parameter=np.nan_to_num(slopes)))
-        moved = matrix[regular] @ found.basis
+        slopes = np.nan_to_num(slopes)
+        _remove(units, slopes)
+        moved = slopes[regular] @ found.basis
         share += np.tensordot(moved, moved, ([0, 1], [0, 1]))
     regular &= np.isfinite(shift).all(axis=1)
-    residual, matrix = eliminate(replace(line, residual=shift))
+    residual, matrix = shift, np.array(line.by_parameter)
+    _remove(units, residual[:, :, None])
+    _remove(units, matrix)
     change, _, _ = Rules(free=found.free).solve(*_stacked(matrix, residual, regular), found.parameters)
     # what the points say of the corrected parameters
     moved = found.residual - np.nan_to_num(matrix) @ change

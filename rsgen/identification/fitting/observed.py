@@ -179,21 +179,22 @@ class Observed:
         compared: Sequence[int],
     ) -> Linearisation:
         points = self.points
-        back = np.exp(-1j * self.turn(nuisance))
-        measured = points.harmonics * back[:, None] ** np.arange(points.harmonics.shape[1])
+        turn = self.turn(nuisance)
+        back = np.exp(-1j * turn)
         # points that could not be predicted are NaN and say so below
         with np.errstate(invalid="ignore", divide="ignore"):
-            rows = self._compare_strong(response, values, back, measured[:, 1], scale is not None)
+            fundamental = points.harmonics[:, 1] * back
+            rows = self._compare_strong(response, values, back, fundamental, scale is not None)
             unit = points.amplitude if scale is None else scale
             none = np.zeros((len(points), len(values)))
             for h in compared:
                 by = np.hstack([response.harmonics_by[:, h], none])
-                predicted, slope = response.harmonics[:, h], response.harmonics_slope[:, h]
+                measured = points.harmonics[:, h] * np.exp(-1j * h * turn)
                 rows.append(
                     _Row(
-                        (measured[:, h] - predicted) / unit,
-                        slope / unit,
-                        1j * h * measured[:, h] / unit,
+                        (measured - response.harmonics[:, h]) / unit,
+                        response.harmonics_slope[:, h] / unit,
+                        1j * h * measured / unit,
                         by / unit[:, None],
                     )
                 )
