@@ -126,7 +126,7 @@ def test_extrapolation_is_marked(quintic: tuple[object, Prediction]) -> None:
     assert beyond.extrapolated.any()
     assert not inside.extrapolated[inside.amplitude > found.amplitude_range[0]].any()
     (finding,) = prediction.findings
-    assert (finding.code, finding["level"]) == ("curve-extrapolated", 60.0)
+    assert (finding.code, finding["level"]) == ("prediction-extrapolated", 60.0)
     # a level between two tested ones is interpolated, though the flanks of its curve lie below all points
     assert inside.extrapolated.any()
     assert [row[-1] for row in prediction._table().rows] == ["no", "yes"]

@@ -97,13 +97,10 @@ class Comparison(Printed):
         if not judged:
             return None
         outside = ", ".join(row.name for row in judged if not row.passed)
-        if outside:
-            numbers = quantities(judged=len(judged))
-            return Finding("values-outside-tolerance", "info", numbers=numbers, names={"values": outside})
         largest = max((row.relative_error for row in judged), default=nan)
-        return Finding(
-            "values-within-tolerance", "info", numbers=quantities(judged=len(judged), largest=largest)
-        )
+        numbers = quantities(judged=len(judged), largest=largest)
+        names = {"outside": outside} if outside else {}
+        return Finding("values-judged", "info", numbers=numbers, names=names)
 
     def to_frame(self) -> Any:
         """Give the rows as a ``pandas.DataFrame``.

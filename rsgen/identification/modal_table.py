@@ -462,9 +462,8 @@ def _table(modal: ModeProblem, found: Regression, surface: ResponseSurface, mode
     findings: tuple[Finding, ...] = ()
     if modal.assumed:
         known = ("frequency", "damping", "stiffness_per_mass")
-        findings = (
-            Finding("modal-mass-unknown", "warning", numbers=quantities(points=len(modal.seen.mode))),
-        )
+        numbers = quantities(points=len(modal.seen.mode))
+        findings = (Finding("mass-at-resonance", "warning", "m", numbers),)
     elif not (np.isfinite(surface.units.kilogram) and model.observation.calibrated):
         known = tuple(name for name in known if name not in ("stiffness", "damping"))
     if modal.assumed and not model.observation.calibrated:

@@ -356,7 +356,7 @@ class _Ratios:
         rest += [finding for finding in sizes if finding.code in _OF_THE_MASS]
         if not self.model.observation.calibrated:
             rest.append(Finding("not-calibrated", "info"))
-        elif any(f.code == "ratio-to-mass" for f in of_parameters):
+        elif any(f.code == "needs-mass" and "ratio" in f.numbers for f in of_parameters):
             # the damping is known, so that a bound on its ratio is one on the mass
             least = {"least": Quantity(self.pair[1].mass, "kg"), "damping": Quantity(DAMPED)}
             rest.append(Finding("ratios-hold-from", "warning", numbers=least))
@@ -427,7 +427,7 @@ class _Ratios:
                 "high": Quantity(value + half, unit),
                 "damping": Quantity(DAMPED),
             }
-            finding = Finding("ratio-to-mass", "warning", light.name, numbers)
+            finding = Finding("needs-mass", "warning", light.name, numbers)
         return _unknown(light.name, light.unit, finding or Finding("needs-mass", "warning", light.name))
 
 

@@ -123,7 +123,7 @@ def aside_findings(
             data = {"low": Quantity(float(ends[0]), "Hz"), "high": Quantity(float(ends[1]), "Hz")}
             data |= quantities(aside=lost, points=len(rows), together=longest)
             data["level"] = Quantity(float(points.level[rows[0]]), level_unit)
-            found.append(Finding("run-set-aside", "doubt", numbers=data))
+            found.append(Finding("points-set-aside", "doubt", numbers=data))
     return found
 
 

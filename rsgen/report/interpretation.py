@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
+from dataclasses import replace
 from math import isfinite
 from typing import Any
 
@@ -64,8 +65,8 @@ _ROUND_OFF = 1e-9
 """Share of the stiffness of the whole below which that of an element is none."""
 
 
-def element_findings(element: Element, identification: Identification) -> list[Finding]:
-    """Find what an identified spring or damper does over the tested amplitudes.
+def element_finding(element: Element, identification: Identification) -> Finding | None:
+    """Find what an identified spring or damper does over the tested amplitudes; None where nothing is known.
 
     Parameters
     ----------
@@ -76,7 +77,7 @@ def element_findings(element: Element, identification: Identification) -> list[F
     """
     identifiable = {estimate.name: estimate.identifiable for estimate in identification.refined}
     unknown = [name for name in element.parameters if not identifiable.get(name, True)]
-    missing = [Finding("element-not-identifiable", "warning", names={"parameters": ", ".join(unknown)})]
+    course = Finding("element-course", "info", names={"unknown": ", ".join(unknown)} if unknown else {})
     # the fit reproduces the test with these values, also where single ones are not identifiable
     names = sorted(identification.model.parameters)
     values = dict(zip(names, identification.solution.tolist(), strict=True))
@@ -84,13 +85,15 @@ def element_findings(element: Element, identification: Identification) -> list[F
         # without a mass the rest of a law has no values, which a damper of the velocity alone does not need
         own = np.isfinite([values[name] for name in element.parameters]).all()
         if unknown or not own or element.force.has(symbol("x")):
-            return missing if unknown else []
-    found = _course(element, identification, values)
-    return [*found, *missing] if unknown else found or [Finding("element-without-force", "info")]
+            return course if unknown else None
+    numbers, states = _course(element, identification, values)
+    return replace(course, numbers=numbers, names={**course.names} | states)
 
 
-def _course(element: Element, identification: Identification, values: dict[str, float]) -> list[Finding]:
-    """Find stiffness and damping at the smallest and at the largest amplitude; none where neither acts."""
+def _course(
+    element: Element, identification: Identification, values: dict[str, float]
+) -> tuple[dict[str, Quantity], dict[str, str]]:
+    """Stiffness and damping at the smallest and at the largest amplitude, or states whose loop is open."""
     curve = identification.curve.amplitude[identification.curve.used]
     # elements across two sensors follow what the curve is over, and not the response
     followed = {element.across: (float(curve.min()), float(curve.max())), "": identification.amplitude_range}
@@ -102,7 +105,7 @@ def _course(element: Element, identification: Identification, values: dict[str, 
     own = {name: values[name] for name in element.parameters}
     result = evaluated(derive(element), amplitude, speed, own, np.where(np.isfinite(mean), mean, 0.0))
     if not np.isfinite([result.stiffness, result.damping]).all() and element.memory:
-        return [Finding("loop-does-not-close", "warning", names={"states": ", ".join(element.memory)})]
+        return {}, {"states": ", ".join(element.memory)}
     numbers = {"amplitude_first": Quantity(low, "m"), "amplitude_last": Quantity(high, "m")}
     # an element has a share in stiffness or damping when it is not round-off of the whole
     size = float(np.nanmax(np.abs(identification.curve.stiffness), initial=0.0))
@@ -111,13 +114,13 @@ def _course(element: Element, identification: Identification, values: dict[str, 
         if np.isfinite(value).all() and np.abs(value).max() * rate > _ROUND_OFF * size:
             for end, number in zip(("first", "last"), value.tolist(), strict=True):
                 numbers[f"{kind}_{end}"] = Quantity(number, identification.curve.units.of(unit))
-    return [Finding("element-course", "info", numbers=numbers)] if len(numbers) > 2 else []
+    return numbers, {}
 
 
 def describe_elements(elements: Iterable[Element], identification: Identification) -> dict[str, str]:
     """Give the sentence of every element by its name."""
-    said = {element.name: element_findings(element, identification) for element in elements}
-    return {name: "; ".join(map(sentence, findings)) for name, findings in said.items() if findings}
+    said = {element.name: element_finding(element, identification) for element in elements}
+    return {name: sentence(finding) for name, finding in said.items() if finding is not None}
 
 
 def mean_finding(surface: ResponseSurface, identification: Identification | None = None) -> Finding | None:

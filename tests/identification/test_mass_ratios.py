@@ -96,7 +96,7 @@ def test_exact_data_are_identified_to_round_off_and_nothing_is_made_of_an_assume
     assert "the damping ratio is not known" in resonance
     assert "without a mass none has a stiffness" in stiffness
     curves = rsgen.predict(found)
-    assert (len(curves), curves.findings[0].code) == (0, "curves-need-mass")
+    assert (len(curves), curves.findings[0].code) == (0, "needs-mass")
     with pytest.raises(rsgen.RsgenError, match="give it, or points off phase resonance"):
         rsgen.rank(locked(noise=0.0), [LAW, "k*x + c*v"])
 

@@ -105,7 +105,7 @@ def test_without_a_mass_phase_resonance_determines_stiffness_per_mass_and_dampin
     np.testing.assert_allclose(table.omega, omega_of(table.amplitude), rtol=1e-4)
     np.testing.assert_allclose(table.damping, C1, rtol=1e-6)
     assert np.isnan([*table.stiffness, *table.damping_ratio, table.mass]).all()
-    assert [finding.code for finding in table.findings] == ["modal-mass-unknown"]
+    assert [finding.code for finding in table.findings] == ["mass-at-resonance"]
 
 
 def test_a_lag_off_a_quarter_period_is_corrected_with_the_mass_and_widens_without():

@@ -87,7 +87,7 @@ def test_accelerations_need_no_band(name: str, periods: int, period: int, noise:
 def test_a_law_that_lacks_a_term_is_refuted_from_accelerations() -> None:
     spectra = recorded(*motions("smooth"), periods=6, noise=0.01, seed=0)
     found = rsgen.identify(spectra, "k*x + k2*x**2 + c*v")
-    assert "law-leaves-distortion" in [finding.code for finding in found.findings]
+    assert "law-does-not-fit" in [finding.code for finding in found.findings]
     assert not found.verdict.usable
 
 
@@ -116,7 +116,7 @@ def test_a_law_without_a_damper_is_doubted_though_it_leaves_little() -> None:
     found = rsgen.identify(spectra, "k*x")
     assert found.residual < 0.05
     assert found.verdict.state == "doubtful"
-    assert "damping-missing" in [finding.code for finding in found.findings]
+    assert "misfit-beside-damping" in [finding.code for finding in found.findings]
     assert rsgen.identify(spectra, LAWS["light"][0]).verdict.state == "identified"
 
 
@@ -166,4 +166,4 @@ def test_two_periods_of_few_lines_are_no_doubt() -> None:
             "k*x + c*v",
             rsgen.Observation(band=(6.0, 11.0)),
         )
-        assert "law-leaves-distortion" not in [finding.code for finding in found.findings]
+        assert "law-does-not-fit" not in [finding.code for finding in found.findings]

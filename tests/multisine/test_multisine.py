@@ -109,7 +109,7 @@ def test_intervals_cover_the_truth() -> None:
 def test_a_wrong_law_is_not_taken_for_noise() -> None:
     found = rsgen.identify(spectra(duffing, SIZES, noise=1e-3, periods=8), "k*x + c*v")
     assert not found.verdict.usable
-    assert "law-leaves-distortion" in [finding.code for finding in found.findings]
+    assert "law-does-not-fit" in [finding.code for finding in found.findings]
 
 
 def test_reversed_and_mixed_up_records_are_not_believed() -> None:
@@ -118,7 +118,7 @@ def test_reversed_and_mixed_up_records_are_not_believed() -> None:
         found = rsgen.identify(rsgen.MultisineSpectra(good.level, OMEGA0, force, response), LAW)
         assert found.verdict.state == "rejected"
         codes = {finding.code for finding in found.findings}
-        assert codes & {"record-feeds-exciter", "mass-negative"}
+        assert codes & {"structure-feeds-exciter", "mass-negative"}
     record = histories(6, np.zeros(0))
     copied = from_multisine(TimeHistory(record.rate, record.force, 2 * np.asarray(record.force)))
     assert [f.code for f in copied.findings if f.severity == "doubt"] == ["response-copies-force"]

@@ -141,7 +141,7 @@ def test_a_wrong_law_is_refuted_on_the_held_out_level(folder: Path) -> None:
     spectra = rsgen.read(rsgen.load_case(folder / "lines.toml"))
     found = rsgen.identify(spectra, "k*x + c*v", rsgen.Observation(hold_out=(4.0,)))
     prediction = rsgen.predict(found)
-    assert "record-missed" in [finding.code for finding in prediction.findings]
+    assert "held-out-missed" in [finding.code for finding in prediction.findings]
     assert not rsgen.verdict_of(found, prediction=prediction).usable
 
 

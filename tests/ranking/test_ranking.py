@@ -177,7 +177,7 @@ def test_the_misfit_is_looked_for_where_it_is() -> None:
     spoilt = changed(table, force=table.force * np.where(inside, 1.15, 1.0))
     ranking = rank(spoilt, MEMORYLESS)
     assert not ranking.fits
-    (place,) = [finding for finding in ranking.findings if finding.code == "misfit-place"]
+    (place,) = [finding for finding in ranking.findings if finding.code == "no-law-fits"]
     assert 8.9 < place["frequency from"] < place["frequency to"] < 10.9
 
 

@@ -72,7 +72,7 @@ def test_few_bad_points_decide_nothing() -> None:
     assert ranking.fits
     assert ranking.candidates[0].name == "cubic-spring"
     assert ranking.noise == pytest.approx(NOISE, rel=0.2)
-    (aside,) = [finding for finding in ranking.findings if finding.code == "ranking-points-aside"]
+    (aside,) = [finding for finding in ranking.findings if finding.code == "points-set-aside"]
     assert (aside["aside"], aside["points"]) == (len(chosen), len(table))
 
 
@@ -173,7 +173,7 @@ def test_one_frequency_does_not_determine_the_mass() -> None:
 def test_few_points_are_said_to_be_few() -> None:
     table = measured("cubic")
     few = rank(table.select(np.arange(0, len(table), len(table) // 4)[:4]), BASE)
-    assert {"ranking-few-points", "law-nearest-unproved"} <= codes(few)
+    assert {"ranking-few-points", "law-nearest"} <= codes(few)
     assert "law-fits-best" not in codes(few)
     level = rank(table.select(table.level == table.levels[-1]), BASE)
     assert "ranking-one-level" in codes(level)
@@ -190,7 +190,7 @@ def test_levels_that_are_predicted_badly_are_reported(noisy: Noisy) -> None:
     assert ranking.candidates[0].name == "one-sided-stop"
     assert "levels-predicted-worse" in codes(ranking)
     well = ranked("cubic")
-    assert not codes(well) & {"levels-predicted-worse", "other-law-predicts-better"}
+    assert not codes(well) & {"levels-predicted-worse"}
 
 
 @pytest.mark.parametrize(("error", "severity"), [(0.05, "warning"), (0.58, "doubt")])

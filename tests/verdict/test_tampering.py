@@ -31,7 +31,7 @@ DOUBTED = [
     ("quintic", "labels 1, 2, 3, ... for the forces", {"law-does-not-fit"}),
     ("combined", "the same force at every level", {"law-does-not-fit"}),
     ("coulomb", "half of a level's points from another level", {"law-does-not-fit"}),
-    ("combined", "half of a level's points noise", {"run-set-aside"}),
+    ("combined", "half of a level's points noise", {"points-set-aside"}),
     ("quintic", "frequencies of one level 2 % too high", {"law-does-not-fit"}),
     ("piecewise", "frequencies of one level 2 % too high", {"level-apart"}),
     ("cubic", "sensor overloaded at half of the largest response", {"response-at-limit"}),

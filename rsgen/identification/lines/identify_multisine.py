@@ -213,7 +213,7 @@ def _outcome(lines: Lines, estimates: tuple[Estimate, ...], misfit: float) -> Fi
         levels=len(lines.spectra.levels),
         misfit=misfit,
     )
-    return Finding("identified-from-lines", "info", numbers=numbers)
+    return Finding("identified", "info", numbers=numbers)
 
 
 def _resonance(found: BestLinear) -> Resonance:
@@ -250,7 +250,7 @@ def _sign_findings(fit: LineFit, covariance: Array) -> list[Finding]:
     spread = np.abs(velocity) ** 2 * force**2 + np.abs(part.mean_force * lines.rate) ** 2 * response**2
     limit = CHANCE * np.sqrt(0.5 * np.sum(spread * lines.used, axis=1))
     if np.any(power < -limit):
-        found.append(Finding("record-feeds-exciter", "error"))
+        found.append(Finding("structure-feeds-exciter", "error"))
     if fit.mass < -CHANCE * float(np.nan_to_num(np.sqrt(covariance[-1, -1]))):
         found.append(Finding("mass-negative", "error", "m", {"mass": Quantity(fit.mass, "kg")}))
     return found
@@ -287,13 +287,11 @@ def _damping_findings(fit: LineFit, misfit: float, noise: float) -> list[Finding
         return []
     share = relative_to_force(fit.lines, Balance.damping(fit.lines, fit.law, fit.values, fit.mass))
     left = float(np.sqrt(max(misfit**2 - np.nan_to_num(noise) ** 2, 0.0)))
-    if share == 0:
-        numbers = quantities(misfit=misfit)
-        return [Finding("damping-missing", "doubt", numbers=numbers)] if left > NOTICEABLE else []
     # of a law with memory nobody can say which part of it is damping
-    if not left > LARGE * share:
+    if not left > max(LARGE * share, 0.0 if share else NOTICEABLE):
         return []
-    return [Finding("misfit-beside-damping", "doubt", numbers=quantities(misfit=misfit, share=left / share))]
+    numbers = quantities(misfit=misfit, **({"share": left / share} if share else {}))
+    return [Finding("misfit-beside-damping", "doubt", numbers=numbers)]
 
 
 def _misfit_findings(fit: LineFit, misfit: float, noise: float, wider: float) -> list[Finding]:
@@ -302,27 +300,17 @@ def _misfit_findings(fit: LineFit, misfit: float, noise: float, wider: float) ->
     if not np.isfinite(noise):
         found = [Finding("periods-few", "warning", numbers=quantities(periods=1))]
         if misfit > POOR:
-            found.append(
-                Finding(
-                    "law-does-not-fit",
-                    severity_of(misfit, POOR, MEANINGLESS),
-                    numbers=quantities(misfit=misfit),
-                )
-            )
+            severity = severity_of(misfit, POOR, MEANINGLESS)
+            found.append(Finding("law-does-not-fit", severity, numbers=quantities(misfit=misfit)))
         return found
     # exact data have no noise to compare with
     if times < chance_of_noise(fit) or misfit < NOTICEABLE:
-        if misfit > 2 * POOR:
-            return [
-                Finding(
-                    "misfit-large",
-                    "doubt" if misfit > MEANINGLESS else "warning",
-                    numbers=quantities(misfit=misfit),
-                )
-            ]
-        return []
-    numbers = quantities(
-        misfit=misfit, times=times, wider=wider, groups=int(parts_of_band(fit.lines).max()) + 1
-    )
-    severity = severity_of(misfit, POOR, MEANINGLESS)
-    return [Finding("law-leaves-distortion", severity, numbers=numbers)]
+        severity = "doubt" if misfit > MEANINGLESS else "warning"
+        large = Finding("misfit-large", severity, numbers=quantities(misfit=misfit))
+        return [large] if misfit > 2 * POOR else []
+    severity, size = severity_of(misfit, POOR, MEANINGLESS), quantities(misfit=misfit, times=times)
+    parts = quantities(wider=wider, groups=int(parts_of_band(fit.lines).max()) + 1)
+    return [
+        Finding("law-does-not-fit", severity, numbers=size),
+        Finding("intervals-widened", "warning", numbers=parts, names={"by": "parts of the band"}),
+    ]

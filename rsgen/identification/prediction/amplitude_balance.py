@@ -422,7 +422,7 @@ def table_as_identification(table: ModalTable) -> Identification:
         levels=test.levels,
         amplitude_range=table.tested,
         frequency_range=test.frequencies,
-        outcome=Finding("values-given", "info"),
+        outcome=Finding("identified", "info"),
         solution=np.zeros(len(Model(ANY_LAW).parameters)),
         background=test.background,
     )

@@ -294,16 +294,13 @@ def _findings(
     for one, amplitude in zip(records, map(float, amplitudes), strict=True):
         level = Quantity(one.level, "N")
         if not np.isfinite(one.error):
-            findings.append(Finding("record-not-predicted", "doubt", numbers=quantities(level=level)))
+            findings.append(Finding("no-steady-state", "doubt", numbers=quantities(level=level)))
             continue
         if amplitude > reach:
-            numbers = quantities(
-                level=level,
-                amplitude=Quantity(amplitude, "m"),
-                tested=Quantity(found.amplitude_range[1], "m"),
-            )
-            findings.append(Finding("record-extrapolated", "warning", numbers=numbers))
+            tested = Quantity(found.amplitude_range[1], "m")
+            numbers = quantities(level=level, amplitude=Quantity(amplitude, "m"), high=tested)
+            findings.append(Finding("prediction-extrapolated", "warning", numbers=numbers))
         if severity := severity_of_error(one.error):
             numbers = quantities(level=level, error=one.error, misfit=found.residual)
-            findings.append(Finding("record-missed", severity, numbers=numbers))
+            findings.append(Finding("held-out-missed", severity, numbers=numbers))
     return findings

@@ -75,7 +75,7 @@ def as_identification(oscillator: Oscillator, levels: Sequence[float]) -> Identi
         levels=np.array(levels),
         amplitude_range=amplitudes,
         frequency_range=frequencies,
-        outcome=Finding("values-given", "info"),
+        outcome=Finding("identified", "info"),
     )
 
 
@@ -179,7 +179,7 @@ def predict(
         surface = cast("ResponseSurface", surface).on_mass(mass)
     chosen = _levels(found, levels, surface)
     if isinstance(found, Identification) and not isfinite(found.mass):
-        about = Finding("curves-need-mass", "warning")
+        about = Finding("needs-mass", "warning")
         return Prediction((), (), (about,))
     tested = (0.0, inf)
     if isinstance(found, Oscillator):
@@ -298,7 +298,7 @@ def _findings(
         at = {"level": Quantity(curve.level, curve.level_unit)}
         if np.any(curve.extrapolated & (curve.amplitude > tested[1])):
             numbers = at | {"low": Quantity(tested[0], "m"), "high": Quantity(tested[1], "m")}
-            findings.append(Finding("curve-extrapolated", "warning", numbers=numbers))
+            findings.append(Finding("prediction-extrapolated", "warning", numbers=numbers))
         if len(curve.frequency) == 0:
             findings.append(Finding("no-steady-state", "warning", numbers=at))
     return (*findings, *_missing(held_out))

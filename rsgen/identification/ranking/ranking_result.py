@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from rsgen.common.arrays import Array
 from rsgen.common.errors import RsgenError
-from rsgen.common.finding import Finding, Quantity, Verdict, reach_verdict
+from rsgen.common.finding import Finding, Quantity, Severity, Verdict, reach_verdict
 from rsgen.common.text_table import Printed, TextTable, data_frame, lookup, short
 from rsgen.common.tolerances import EXCESS, FEW, LARGE, NOTICEABLE
 from rsgen.data.oscillator import Model
@@ -130,9 +130,7 @@ class Ranking(Printed):
     @property
     def verdict(self) -> Verdict:
         """What the ranking is worth: "rejected" where none fits, "doubtful" where one has to look first."""
-        best = (
-            f for f in self.findings if f.code in ("law-fits-best", "law-nearest", "law-nearest-unproved")
-        )
+        best = (f for f in self.findings if f.code in ("law-fits-best", "law-nearest"))
         return reach_verdict(self.findings, summary=next(best, None))
 
     def __getitem__(self, name: str) -> Candidate:
@@ -262,15 +260,9 @@ def judge(
     if missing.any():
         # nothing is to be confirmed
         doubts = [finding for finding in doubts if finding.code != "law-unconfirmed"]
-        findings += [
-            Finding(
-                "no-law-fits",
-                "error",
-                numbers={"unexplained": Quantity(unexplained), "noise": Quantity(float(noise[1]))},
-                names={"law": candidates[0].label},
-            ),
-            _where(best, points, pairs, missing, left),
-        ]
+        numbers = {"unexplained": Quantity(unexplained), "noise": Quantity(float(noise[1]))}
+        numbers |= _where(best, points, pairs, missing, left)
+        findings.append(Finding("no-law-fits", "error", numbers=numbers, names={"law": candidates[0].label}))
     else:
         sure = len(pairs) > 0 and not absurd and all(finding.severity != "doubt" for finding in doubts)
         findings += _fitting(candidates, float(noise[1]), points, sure=sure)
@@ -369,8 +361,7 @@ def _flexible(best: Fitted, noise: Array, candidates: Sequence[Candidate]) -> li
     if not first.held_out_error > EXCESS * max(fitted, NOTICEABLE):
         return []
     numbers = {"predicted": Quantity(first.held_out_error), "fitted": Quantity(fitted)}
-    badly = first.held_out_error > LARGE
-    found = [Finding("levels-predicted-worse", "doubt" if badly else "warning", numbers=numbers)]
+    names = dict[str, str]()
     better = [
         candidate
         for candidate in candidates
@@ -379,9 +370,9 @@ def _flexible(best: Fitted, noise: Array, candidates: Sequence[Candidate]) -> li
     ]
     if better:
         least = min(better, key=lambda candidate: candidate.held_out_error)
-        error = {"predicted": Quantity(least.held_out_error)}
-        found.append(Finding("other-law-predicts-better", "info", numbers=error, names={"law": least.label}))
-    return found
+        numbers["other"], names["law"] = Quantity(least.held_out_error), least.label
+    severity: Severity = "doubt" if first.held_out_error > LARGE else "warning"
+    return [Finding("levels-predicted-worse", severity, numbers=numbers, names=names)]
 
 
 def _uncertain(points: Points, parameters: int, out: int, aside: int) -> list[Finding]:
@@ -390,7 +381,8 @@ def _uncertain(points: Points, parameters: int, out: int, aside: int) -> list[Fi
     if out:
         numbers = {"aside": Quantity(out), "points": Quantity(len(points) + aside)}
         many = out > FEW * (len(points) + aside)
-        found.append(Finding("ranking-points-aside", "doubt" if many else "warning", numbers=numbers))
+        severity: Severity = "doubt" if many else "warning"
+        found.append(Finding("points-set-aside", severity, numbers=numbers, names={"by": "ranking"}))
     if len(points) < _POINTS_A_PARAMETER * parameters:
         numbers = {"points": Quantity(len(points)), "parameters": Quantity(parameters)}
         found.append(Finding("ranking-few-points", "warning", numbers=numbers))
@@ -405,13 +397,8 @@ def _fitting(candidates: Sequence[Candidate], noise: float, points: Points, *, s
     best, rest = tied[0], tied[1:]
     numbers = {"points": Quantity(len(points)), "noise": Quantity(noise), "least": Quantity(NOTICEABLE)}
     label = {candidate.name: candidate.label for candidate in candidates}
-    law = {"law": label[best]}
-    if sure:
-        found = [Finding("law-fits-best", "info", numbers=numbers, names=law)]
-    elif len(points.neighbours):
-        found = [Finding("law-nearest", "info", numbers=numbers, names=law)]
-    else:
-        found = [Finding("law-nearest-unproved", "info", numbers=numbers, names=law)]
+    law = {"law": label[best]} | ({} if len(points.neighbours) else {"noise": "not known"})
+    found = [Finding("law-fits-best" if sure else "law-nearest", "info", numbers=numbers, names=law)]
     inside = set(best.split(" + "))
     found += [
         Finding("laws-equal", "info", names={"law": term.name, "same": " and ".join(term.how.same)})
@@ -424,20 +411,17 @@ def _fitting(candidates: Sequence[Candidate], noise: float, points: Points, *, s
     other = [
         name for name in other if not any(set(less.split(" + ")) < set(name.split(" + ")) for less in other)
     ]
-    if other:
-        found.append(
-            Finding("laws-not-separated", "info", names={"laws": "; ".join(map(label.__getitem__, other))})
-        )
-    if more:
-        found.append(
-            Finding("laws-add-nothing", "info", names={"laws": "; ".join(map(label.__getitem__, more))})
-        )
-    return found
+    tied_to = {
+        kind: "; ".join(map(label.__getitem__, names))
+        for kind, names in (("laws", other), ("larger", more))
+        if names
+    }
+    return [*found, Finding("laws-not-separated", "info", names=tied_to)] if tied_to else found
 
 
 def _where(
     best: Fitted, points: Points, pairs: NDArray[np.intp], missing: NDArray[np.bool_], left: Array
-) -> Finding:
+) -> dict[str, Quantity]:
     """Find in which harmonics, at which frequencies and amplitudes the unexplained part lies."""
     numbers = {f"harmonic {h}": Quantity(float(left[h])) for h in np.flatnonzero(missing).tolist()}
     orders = np.repeat(np.arange(len(missing)), 2)[1:]
@@ -451,7 +435,7 @@ def _where(
         span = _range(values[pairs].mean(axis=1), power)
         if span is not None:
             numbers |= {f"{name} from": Quantity(span[0], unit), f"{name} to": Quantity(span[1], unit)}
-    return Finding("misfit-place", "warning", numbers=numbers)
+    return numbers
 
 
 def _range(values: Array, power: Array) -> tuple[float, float] | None:

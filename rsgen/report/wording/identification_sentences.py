@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from rsgen.common.finding import Finding
-from rsgen.formula.units.quantities import number_text, quantity_text
+from rsgen.formula.units.quantities import count_text, number_text, quantity_text
 from rsgen.report.wording.sentences import NEXT_STEPS, say_plainly, says
 
 _TESTED = "X up to {amplitude:.3q}, levels up to {level:.3q}"
@@ -24,7 +24,6 @@ say_plainly(
             "proportion to the response as it was measured there, and there are no curves, which would need "
             "it everywhere"
         ),
-        "values-given": "all parameters are given, none was identified",
         "confounded-with-background": (
             "{parameter}: only a combination with the background is identifiable; test wider, or fit a "
             "simpler background"
@@ -101,10 +100,6 @@ say_plainly(
             "at {held:.0f} of {points:.0f} points friction takes nearly all of the force, and noise decides "
             "how far the mass moves: they were left out"
         ),
-        "points-set-aside": (
-            "{aside:.0f} of {points:.0f} points were set aside: they disagree with the others or lie too "
-            "near a jump to be followed"
-        ),
         "not-converged": "the refined fit did not converge: the values are those at which its steps ended",
         "misfit-large": (
             "force and response differ from the law by {misfit:.1%}, without a pattern: noise this large "
@@ -117,10 +112,6 @@ say_plainly(
         ),
         "level-apart": (
             "level {level:.4q} misses the law by {misfit:.1%}, half of the levels by at most {typical:.1%}"
-        ),
-        "run-set-aside": (
-            "{aside:.0f} of {points:.0f} points of the level {level:.4q} were set aside, up to "
-            "{together:.0f} of them neighbours, from {low:.4q} to {high:.4q}: this run disagrees with the law"
         ),
         "stiffness-negative": (
             "k(X) is negative, down to {least:.3q}, for X of {low:.3q} to {high:.3q} ({share:.0%} of the "
@@ -219,15 +210,13 @@ NEXT_STEPS.update(
             "that changed on the way; if none does, try another law."
         ),
         "points-set-aside": (
-            "Look at the points that were not used in the figure of responses; if they are sound, the law is "
+            "Look at the points that were not used in the figure of responses: repeat them, or leave them "
+            "out by the case and say so; if they are sound, or one run or one end of the band, the law is "
             "wrong."
         ),
         "level-apart": (
             "Check force, unit and frequencies of this level, and whether the sensor was overloaded; or hold "
             "it out and compare."
-        ),
-        "run-set-aside": (
-            "Look at this run in the response figure, and repeat it, or leave it out by the case and say so."
         ),
         "not-converged": (
             "Compare with the first-order estimates; fewer parameters, or a given mass, let the fit settle."
@@ -261,6 +250,20 @@ NEXT_STEPS.update(
         ),
     }
 )
+
+
+@says("points-set-aside")
+def _(found: Finding) -> str:
+    counted = f"{found['aside']:.0f} of {found['points']:.0f} points"
+    if "level" in found.numbers:
+        level, low, high = (quantity_text(*found.numbers[name], 4) for name in ("level", "low", "high"))
+        return (
+            f"{counted} of the level {level} were set aside, up to {found['together']:.0f} of them "
+            f"neighbours, from {low} to {high}: this run disagrees with the law"
+        )
+    if "by" in found.names:
+        return f"{counted} are set aside: no candidate explains them"
+    return f"{counted} were set aside: they disagree with the others or lie too near a jump to be followed"
 
 
 @says("confounded")
@@ -308,9 +311,15 @@ def _(found: Finding) -> str:
         for kind, text in better.items()
         if kind in found.names
     )
+    times = f", {found['times']:.2g} times what the periods scatter" if "times" in found.numbers else ""
     if found.severity == "warning":
-        return f"the law fits to {found['misfit']:.1%}, and what it leaves is systematic, not noise{missing}"
-    return f"the law does not fit: the misfit of {found['misfit']:.1%} is systematic, not noise{missing}"
+        return (
+            f"the law fits to {found['misfit']:.1%}, and what it leaves is systematic, not "
+            f"noise{times}{missing}"
+        )
+    return (
+        f"the law does not fit: the misfit of {found['misfit']:.1%} is systematic, not noise{times}{missing}"
+    )
 
 
 @says("even-terms-not-seen")
@@ -339,11 +348,17 @@ def _(found: Finding) -> str:
 
 @says("identified")
 def _(found: Finding) -> str:
-    levels = f"{found['levels']:.0f} {'level' if found['levels'] == 1 else 'levels'}"
+    levels = count_text(int(found["levels"]), "level")
+    if "lines" not in found.numbers:
+        of, size = f"{found['used']:.0f} of {found['points']:.0f} points", "their size"
+    else:
+        records = count_text(int(found["records"]), "record")
+        of = f"{found['lines']:.0f} lines, {found['excited']:.0f} of them excited, of {records}"
+        size = "the force"
     return (
-        f"{found['identified']:.0f} of {found['parameters']:.0f} parameters have a value from "
-        f"{found['used']:.0f} of {found['points']:.0f} points at {levels}; force and response differ from "
-        f"the law by {number_text(100 * found['misfit'], 2)} % of their size"
+        f"{found['identified']:.0f} of {found['parameters']:.0f} parameters have a value from {of} at "
+        f"{levels}; force and response differ from the law by {number_text(100 * found['misfit'], 2)} % of "
+        f"{size}"
     )
 
 
@@ -401,16 +416,11 @@ say_plainly(
             "all {points:.0f} points lie at phase resonance: the mass follows only from loops of the law, "
             "whose area has the stiffness in it, and is as right as the law"
         ),
-        "ratio-to-mass": (
-            "{parameter}: only {parameter}/m is identifiable at phase resonance: {ratio:.6q}, 95 % interval "
-            "{low:.6q} to {high:.6q} for damping ratios up to {damping:.2p}"
-        ),
         "ratios-hold-from": (
             "the intervals of the ratios to the mass hold if the damping ratio is at most {damping:.2p}, and "
             "with the damping found that is a mass of at least {least:.3q}; those of a lighter structure may "
             "not contain the truth"
         ),
-        "needs-mass": "{parameter}: not identifiable at phase resonance without the mass, which scales it",
     }
 )
 
@@ -436,6 +446,24 @@ NEXT_STEPS |= {
         "force."
     ),
 }
+
+
+@says("needs-mass")
+def _(found: Finding) -> str:
+    name = found.parameter
+    if not name:
+        return (
+            "the mass is not known, so that neither resonance curves nor held-out levels are predicted: off "
+            "resonance both depend on it"
+        )
+    if "ratio" not in found.numbers:
+        return f"{name}: not identifiable at phase resonance without the mass, which scales it"
+    ratio, low, high = (quantity_text(*found.numbers[key], 6) for key in ("ratio", "low", "high"))
+    damping = number_text(100 * found["damping"], 2)
+    return (
+        f"{name}: only {name}/m is identifiable at phase resonance: {ratio}, 95 % interval {low} to {high} "
+        f"for damping ratios up to {damping} %"
+    )
 
 
 @says("phase-lag")
@@ -471,11 +499,6 @@ def _(found: Finding) -> str:
 
 say_plainly(
     {
-        "modal-mass-unknown": (
-            "all {points:.0f} points of the modal table lie at phase resonance, where the mass is not "
-            "identifiable: k/m and c are known, stiffness and damping ratio are not; give the mass, or "
-            "measure one slice off resonance"
-        ),
         "modal-across": (
             "the modal table is over the amplitude of the response; the motion across two sensors, which was "
             "measured, too, may have another course, so that k and c need not be one curve"

@@ -10,11 +10,8 @@ from rsgen.report.wording.sentences import NEXT_STEPS, say_plainly, says
 
 say_plainly(
     {
-        "element-not-identifiable": "not identifiable from this test: {parameters}",
         "swing-about-mean": "at the largest response the displacement swings from {low:.3q} to {high:.3q} "
         "about a mean of {mean:.3q}",
-        "loop-does-not-close": "the loop of {states} does not close with the identified values",
-        "element-without-force": "no force over the tested amplitudes",
         "constant-force": "{parameter} stands alone in the law: a constant force, which moves the mean only. "
         "If it is a state, its equation is missing (memory)",
         "loop-gives-energy": "{curve} gives energy to every motion: of Masing laws only virgin curves that "
@@ -43,13 +40,20 @@ def _quantity(found: Finding, name: str, digits: int = 3) -> str:
 
 @says("element-course")
 def _(found: Finding) -> str:
-    low, high = (_quantity(found, f"amplitude_{end}", 2) for end in ("first", "last"))
-    said = [
-        f"{kind} {_quantity(found, f'{kind}_first')} at {low}, {_quantity(found, f'{kind}_last')} at {high}"
-        for kind in ("stiffness", "damping")
-        if f"{kind}_first" in found.numbers
-    ]
-    return "; ".join(said)
+    said, names = list[str](), found.names
+    for kind in ("stiffness", "damping"):
+        if f"{kind}_first" in found.numbers:
+            ends = (f"{_quantity(found, f'{kind}_{end}')} at {_at(found, end)}" for end in ("first", "last"))
+            said.append(f"{kind} {', '.join(ends)}")
+    if "states" in names:
+        said.append(f"the loop of {names['states']} does not close with the identified values")
+    if "unknown" in names:
+        said.append(f"not identifiable from this test: {names['unknown']}")
+    return "; ".join(said) or "no force over the tested amplitudes"
+
+
+def _at(found: Finding, end: str) -> str:
+    return _quantity(found, f"amplitude_{end}", 2)
 
 
 # ----------------------------------------------------------------------------
@@ -57,15 +61,11 @@ def _(found: Finding) -> str:
 
 say_plainly(
     {
-        "curve-extrapolated": (
-            "the curve of {level:.3q} leaves the tested amplitudes ({low:.3q} to {high:.3q}): nothing is "
-            "known of the law there"
+        "prediction-extrapolated": (
+            "the motion under {level:.3q} leaves the tested amplitudes, up to {high:.3q}: nothing is known "
+            "of the law there"
         ),
-        "curves-need-mass": (
-            "the mass is not known, so that neither resonance curves nor held-out levels are predicted: off "
-            "resonance both depend on it"
-        ),
-        "no-steady-state": "no steady state in the tested frequencies under {level:.3q}",
+        "no-steady-state": "the law has no steady state in the tested frequencies under {level:.3q}",
         "held-out-points-missing": (
             "{missing:.0f} of {points:.0f} points of the held-out level {level:.3q} (sweep {sweep}) have no "
             "predicted steady state near the measured one"
@@ -73,10 +73,6 @@ say_plainly(
         "held-out-by-label": (
             "hold_out = {label:g} is the label of the level of {level:.3q}, which is held out; the level at "
             "which {label:g} was measured is not"
-        ),
-        "held-out-missed": (
-            "the held-out level {level:.3q} (sweep {sweep}) is predicted with an error of {error:.0%}, "
-            "against a misfit of {misfit:.2p} where the law was fitted"
         ),
         "results-disagree": (
             "{values}: results that are accepted or identified have 95 % intervals without a common value; "
@@ -90,10 +86,19 @@ NEXT_STEPS["results-disagree"] = (
     "than the results differ."
 )
 
-NEXT_STEPS["held-out-missed"] = (
+NEXT_STEPS["held-out-missed"] = NEXT_STEPS["no-steady-state"] = (
     "Identify with this level, too, and see whether the law still fits; if it does not, try another law or "
     "fewer levels."
 )
+
+
+@says("held-out-missed")
+def _(f: Finding) -> str:
+    sweep = f" (sweep {f.names['sweep']})" if "sweep" in f.names else ""
+    return (
+        f"the held-out level {_quantity(f, 'level')}{sweep} is predicted with an error of {f['error']:.0%}, "
+        f"against a misfit of {number_text(100 * f['misfit'], 2)} % where the law was fitted"
+    )
 
 
 # ----------------------------------------------------------------------------
@@ -132,13 +137,7 @@ say_plainly(
             "the structure would feed energy into the exciter: is the sense of the phase right, and the "
             "sign of the sensor?"
         ),
-        "law-nearest": "{law} comes nearest, with a noise of {noise:.2g} at {points:g} points",
-        "law-nearest-unproved": (
-            "{law} comes nearest; the frequencies are too far apart to tell noise from misfit, so that it is "
-            "not known whether it fits"
-        ),
         "laws-equal": "{law} beside a linear spring is the same law as {same}",
-        "ranking-points-aside": "{aside:g} of {points:g} points are set aside: no candidate explains them",
         "ranking-few-points": (
             "{points:g} points are few for {parameters:g} parameters: more would separate more laws"
         ),
@@ -177,26 +176,34 @@ NEXT_STEPS.update(
         "levels-predicted-worse": (
             "Test more levels between those that there are, or take the law that predicts levels best."
         ),
-        "ranking-points-aside": (
-            "Look where the points set aside lie: if they are one run or one end of the band, it is no "
-            "accident."
-        ),
     }
 )
 
 
+@says("law-nearest")
+def _(f: Finding) -> str:
+    if "noise" in f.names:
+        return (
+            f"{f.names['law']} comes nearest; the frequencies are too far apart to tell noise from misfit, "
+            "so that it is not known whether it fits"
+        )
+    return f"{f.names['law']} comes nearest, with a noise of {f['noise']:.2g} at {f['points']:g} points"
+
+
 @says("no-law-fits")
 def _(f: Finding) -> str:
+    if "unexplained" not in f.numbers:
+        return _place(f)
     return (
         f"none of these fits: even the best, {f.names['law']}, leaves {_percent(f['unexplained'])} of force "
         "and response unexplained (noise, judged by how much neighbouring points differ: "
         f"{_percent(f['noise'])}); all candidates assume one mode: a hysteresis "
-        "that is none of theirs, a second mode, a background or a drift would leave this"
+        f"that is none of theirs, a second mode, a background or a drift would leave this; {_place(f)}"
     )
 
 
-@says("misfit-place")
-def _(f: Finding) -> str:
+def _place(f: Finding) -> str:
+    """Say in which harmonics, where in frequency and amplitude, no law explains the test."""
     orders = [name for name in f.numbers if name.startswith("harmonic ")]
     named = {"harmonic 0": "mean", "harmonic 1": "fundamental"}
     parts = [f"{named.get(name, name)} ({_percent(f[name])})" for name in orders]
@@ -229,12 +236,11 @@ def _(found: Finding) -> str:
 
 @says("laws-not-separated")
 def _(f: Finding) -> str:
-    return f"this test does not separate it from: {_listed(f.names['laws'])}"
-
-
-@says("laws-add-nothing")
-def _(f: Finding) -> str:
-    return f"these contain it and fit no better: {_listed(f.names['laws'])}"
+    said = {
+        "laws": "this test does not separate it from",
+        "larger": "these contain it and fit no better",
+    }
+    return "; ".join(f"{text}: {_listed(f.names[kind])}" for kind, text in said.items() if kind in f.names)
 
 
 @says("law-unconfirmed")
@@ -247,13 +253,13 @@ def _(f: Finding) -> str:
 
 @says("levels-predicted-worse")
 def _(f: Finding) -> str:
-    return (
-        f"a level predicted from the others is off by {_percent(f['predicted'])}, but only by "
-        f"{_percent(f['fitted'])} when it is fitted with them: some values rest on a single level, or the "
-        "law is too flexible"
-    )
-
-
-@says("other-law-predicts-better")
-def _(f: Finding) -> str:
-    return f"{f.names['law']} predicts levels better: off by {_percent(f['predicted'])}"
+    said = list[str]()
+    if "fitted" in f.numbers:
+        said.append(
+            f"a level predicted from the others is off by {_percent(f['predicted'])}, but only by "
+            f"{_percent(f['fitted'])} when it is fitted with them: some values rest on a single level, or "
+            "the law is too flexible"
+        )
+    if "law" in f.names:
+        said.append(f"{f.names['law']} predicts levels better: off by {_percent(f['other'])}")
+    return "; ".join(said)

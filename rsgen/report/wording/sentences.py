@@ -207,16 +207,13 @@ MARKED: dict[str, str] = {"doubtful": "Doubtful: ", "rejected": "Not to be used:
 """What stands before every table and figure with numbers of such a result."""
 
 
-@says("values-within-tolerance")
+@says("values-judged")
 def _(found: Finding) -> str:
+    if "outside" in found.names:
+        return f"{found.names['outside']} outside tolerance"
     count = f"{found['judged']:.0f}"
     counted = {"1": "the one judged value", "2": "both judged values"}.get(count, f"all {count} values")
     return f"{counted} within tolerance, largest error {number_text(100 * found['largest'], 2)} %"
-
-
-@says("values-outside-tolerance")
-def _(found: Finding) -> str:
-    return f"{found.names['values']} outside tolerance"
 
 
 def headline(verdict: Verdict) -> str:

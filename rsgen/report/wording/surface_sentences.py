@@ -439,53 +439,15 @@ say_plainly(
             "below {below:.3q} noise hides the response, or would be most of the noise of the motion: there "
             "the motion along which the law is evaluated is the law's own"
         ),
-        "record-feeds-exciter": (
-            "the structure would feed energy into the exciter: force or response is reversed, or they are "
-            "mixed up"
-        ),
         "response-copies-force": (
             "{record}: the response is the force times a number at every line: one channel stands for both, "
             "or no resonance is near the lines"
         ),
-        "law-leaves-distortion": (
-            "the law leaves {misfit:.2p} of the force, {times:.2g} times what the periods scatter: that "
-            "part is not noise. The intervals come from leaving out each of {groups:.0f} parts of the lines "
-            "in turn (jackknife) and are typically {wider:.2g} times wider than noise makes them"
-        ),
-        "damping-missing": (
-            "the law has no damping, and what it leaves, {misfit:.2p} of the force, is more than noise"
-        ),
-        "misfit-beside-damping": (
-            "the misfit is small beside the whole force, but {share:.2p} of the damping force: friction or "
-            "other damping that the law lacks would look so, and is then counted in the damping coefficients "
-            "that it has"
-        ),
-        "record-not-predicted": (
-            "no periodic response of the identified law was found under the force of the held-out level "
-            "{level:.3q}"
-        ),
-        "record-extrapolated": (
-            "the held-out level {level:.3q} moves by {amplitude:.3q} (sqrt(2) rms), beyond the {tested:.3q} "
-            "of the levels that were fitted: nothing is known of the law there"
-        ),
-        "record-missed": (
-            "the held-out level {level:.3q} is predicted with an error of {error:.2p} rms, against a misfit "
-            "of {misfit:.2p} where the law was fitted"
-        ),
     }
-)
-
-_WITH_IT = (
-    "Identify with this level, too, and see whether the law still fits; if it does not, try another law or "
-    "fewer levels."
 )
 
 NEXT_STEPS.update(
     {
-        "record-feeds-exciter": (
-            "Give test.response.factor the other sign if the sensor was mounted the other way round; look "
-            "whether the columns of force and response are swapped, and the quantity of the response."
-        ),
         "periods-few": (
             "Record more periods, or start to record when the response has settled; transient = 0 under "
             "[test.multisine] says that it had."
@@ -497,16 +459,9 @@ NEXT_STEPS.update(
         "response-copies-force": (
             "Check which channel is the response, and that the lines reach the resonance."
         ),
-        "damping-missing": "Add a damper, c*v, and compare what is left.",
         "misfit-beside-damping": (
-            "Try another law of damping beside the one you have, such as F*sign(v) or c2*v*abs(v), and take "
-            "the one with the smaller misfit; the damping is not known better than this share."
-        ),
-        "record-not-predicted": _WITH_IT,
-        "record-missed": _WITH_IT,
-        "law-leaves-distortion": (
-            "Look at the lines at which the misfit stands above the noise; try another law, or a band around "
-            "one mode."
+            "Add a damper, such as c*v, F*sign(v) or c2*v*abs(v), and take the one that leaves least; the "
+            "damping is not known better than this share."
         ),
     }
 )
@@ -542,13 +497,13 @@ def _(found: Finding) -> str:
     )
 
 
-@says("identified-from-lines")
+@says("misfit-beside-damping")
 def _(found: Finding) -> str:
-    records = f"{found['records']:.0f} {'record' if found['records'] == 1 else 'records'}"
-    levels = f"{found['levels']:.0f} {'level' if found['levels'] == 1 else 'levels'}"
+    if "share" not in found.numbers:
+        left = number_text(100 * found["misfit"], 2)
+        return f"the law has no damping, and what it leaves, {left} % of the force, is more than noise"
     return (
-        f"{found['identified']:.0f} of {found['parameters']:.0f} parameters have a value from "
-        f"{found['lines']:.0f} lines, {found['excited']:.0f} of them excited, "
-        f"of {records} at {levels}; force and response differ from the law by "
-        f"{number_text(100 * found['misfit'], 2)} % of the force"
+        f"the misfit is small beside the whole force, but {number_text(100 * found['share'], 2)} % of the "
+        "damping force: friction or other damping that the law lacks would look so, and is then counted in "
+        "the damping coefficients that it has"
     )
