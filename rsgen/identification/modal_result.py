@@ -27,6 +27,7 @@ from rsgen.common.tolerances import CONFIDENCE, NORMAL, SAME_NUMBER, t_quantile
 from rsgen.data.oscillator import Observation
 from rsgen.dynamics.harmonic_balance import Response
 from rsgen.formula.units.quantities import ForceUnits
+from rsgen.identification.fitting.forward import Forward
 from rsgen.identification.results import Background
 
 _MARGIN = 0.02
@@ -83,7 +84,7 @@ def _place(amplitude: ArrayLike, power: int) -> Array:
     return np.asarray(np.log(amplitude) if not power else np.copysign(np.power(amplitude, power), power))
 
 
-class SplineMode:
+class SplineMode(Forward):
     """The mode as a forward model: values are the coefficients of k [N/m], then those of each c_j.
 
     ``orders`` are the powers j of omega with which the damping force grows at constant amplitude.

@@ -14,7 +14,7 @@ force and both motions share it, and the ratio of the two motions stays as it wa
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -22,9 +22,11 @@ import sympy
 
 from rsgen.common.arrays import Array, ComplexArray
 from rsgen.common.errors import RsgenError
-from rsgen.common.tolerances import samples_for
+from rsgen.common.tolerances import NOTICEABLE, samples_for
 from rsgen.data.oscillator import total_force
 from rsgen.dynamics.harmonic_balance import Response
+from rsgen.identification.fitting.forward import Forward
+from rsgen.identification.fitting.least_squares import Regression
 from rsgen.identification.fitting.points import Points
 from rsgen.law.element import Element, forces_by_motion, rides
 from rsgen.law.motion import Motion, fourier_series, project
@@ -143,7 +145,7 @@ def motions_of(law: ForceLaw, followed: Motion, points: Points) -> tuple[Motion,
     return (points.motion, Motion(points.omega, points.across)) if law.acts_across else (followed,)
 
 
-class MeasuredAcross:
+class MeasuredAcross(Forward):
     """Force at the response from a law across two sensors.
 
     Fundamentals of response and other sensor are what is asked for, all other harmonics as measured.
@@ -170,6 +172,23 @@ class MeasuredAcross:
         least = 1 << (8 * (self._columns - 1) - 1).bit_length()
         self.samples = max(samples_for(law.switched), least)
         self._series = fourier_series((1,), self.samples, half=False)
+
+    def share(self, systematic: Callable[[], bool]) -> bool:
+        """With sensors that may deviate apart a wrong law bends the motion across until it fits."""
+        if systematic():
+            self.correlation = 1 - NOTICEABLE**2
+        return self.correlation > 0
+
+    def of_noise(self, found: Regression, corrected: Callable[[], Regression]) -> Regression:
+        """Slopes of a law with corners say how much of them is noise, but not how they bend."""
+        return replace(found, noise_share=corrected().noise_share)
+
+    def of_sensors(self, influence: Array) -> Array:
+        """Those of the other sensor are the last; a deviation of the response takes it along."""
+        moved, half = np.array(influence), (influence.shape[1] + 1) // 2
+        moved[:, [half - 1, -1]] /= self.far_noise
+        moved[:, [1, half + 1]] -= self.correlation * moved[:, [half - 1, -1]]
+        return moved
 
     @property
     def far_noise(self) -> float:

@@ -12,7 +12,6 @@ from rsgen.common.arrays import Array, ComplexArray
 from rsgen.common.tolerances import (
     NEAR_STEPS,
     NOISY,
-    NOTICEABLE,
     NULL_PART,
     ORDER,
     SAMPLES,
@@ -144,14 +143,10 @@ def _finish(problem: Problem, descent: Descent, regression: Regression, order: i
     influence = descent.plain(regression.influence, regression.parameters, regression.nuisance)
     if descent.scale is None:
         influence = problem.observed.relative_influence(influence, values, regression.nuisance)
-    # of relative deviations; rows of the force are the first of either part, of a second sensor the last
+    # of relative deviations; rows of the force are the first of either part
     influence, half = np.array(influence), (influence.shape[1] + 1) // 2
     influence[:, [0, half][: problem.observed.parts]] /= FORCE_TO_RESPONSE_NOISE
-    if isinstance(descent.forward, MeasuredAcross):
-        forward = descent.forward
-        influence[:, [half - 1, -1]] /= forward.far_noise
-        # a deviation of the response takes the other sensor along
-        influence[:, [1, half + 1]] -= forward.correlation * influence[:, [half - 1, -1]]
+    influence = descent.forward.of_sensors(influence)
     regression = replace(regression, influence=influence)
     motion = Motion(problem.observed.points.omega, response.harmonics).turned(-lag)
     return Fit(
@@ -207,9 +202,7 @@ def fit_balance(
     common: dict[str, Any] = {"reject": reject, "neighbours": mode.neighbours}
     first = replace(rules, steps=1) if near > NOISY and not law.rough and not law.acts_across else rules
     found = fit(descent.linearise, parameters, nuisance, first, **common)
-    if isinstance(forward, MeasuredAcross) and is_systematic(found.residual, mode.pairs(found.used)):
-        # with sensors that may deviate apart a wrong law bends the motion across until it fits
-        forward.correlation = 1 - NOTICEABLE**2
+    if forward.share(lambda: is_systematic(found.residual, mode.pairs(found.used))):
         found = fit(descent.linearise, found.parameters, nuisance, rules, **common)
     # first order is what it says, not what a coarse sum makes of it
     coarse = law.switched and steps > 1 and forward.samples < SAMPLES_SWITCHED
@@ -225,9 +218,8 @@ def fit_balance(
         found = fit(descent.linearise, *place, rules, used=used, **common)
         if correct:
             found = descent.corrected(found)
-    elif found.noise > NOISY and isinstance(forward, MeasuredAcross):
-        # slopes of a law with corners say how much of them is noise, but not how they bend
-        found = replace(found, noise_share=descent.corrected(found).noise_share)
+    elif found.noise > NOISY:
+        found = forward.of_noise(found, lambda: descent.corrected(found))
     return _finish(problem, descent, found, order)
 
 

@@ -7,6 +7,7 @@ simulator, which is given the force (``simulator.py``).
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import Protocol
 
 import numpy as np
@@ -46,6 +47,18 @@ class Forward(Protocol):
         """
         ...
 
+    def share(self, systematic: Callable[[], bool]) -> bool:
+        """Let all sensors share what the law leaves if that is systematic; True where it is another model."""
+        return False
+
+    def of_noise(self, found: Regression, corrected: Callable[[], Regression]) -> Regression:
+        """Say how much of the slopes of a law with corners is noise, from the correction for noise."""
+        return found
+
+    def of_sensors(self, influence: Array) -> Array:
+        """Turn the influence (n, M, q) of nuisances' rows into that of relative deviations of the sensors."""
+        return influence
+
 
 def _place_of_rest(law: ForceLaw, values: Array, size: float) -> float:
     """Displacement [m] near zero at which the law exerts no force, in steps of at most size [m]; or zero."""
@@ -62,7 +75,7 @@ def _place_of_rest(law: ForceLaw, values: Array, size: float) -> float:
     return 0.0
 
 
-class HarmonicBalance:
+class HarmonicBalance(Forward):
     """The balance from trial to trial: each begins where slopes lead from the one before.
 
     Parameters

@@ -20,6 +20,7 @@ from rsgen.data.oscillator import Oscillator
 from rsgen.dynamics.harmonic_balance import Response
 from rsgen.dynamics.settling import SteadyStates
 from rsgen.dynamics.steady_state import solve_steady_states
+from rsgen.identification.fitting.forward import Forward
 from rsgen.law.element import Element
 from rsgen.law.motion import Motion
 from rsgen.law.numeric import ForceLaw
@@ -31,7 +32,7 @@ _STEEP = 20.0
 """Points whose amplitude grows by a larger power of the force lie at a fold: force noise decides there."""
 
 
-class Simulator:
+class Simulator(Forward):
     """Steady states of all points near the measured ones; their size is |F|, their reference the force.
 
     Parameters
