@@ -96,8 +96,11 @@ def misfit_findings(
     if not systematic:
         # one point a level shows no pattern either, and a loop holds each until its noise is gone
         patterns = len(points) >= _TELLING and surface.control != "phase"
-        # the forces of a free decay are those of the given mass
+        # the forces of a free decay are those of the given mass, and its small motions are mostly noise
         found = [] if surface.decays else _contradicted(fit, misfit)
+        if surface.decays:
+            misfit = _of_large_motions(fit)
+            numbers = quantities(misfit=misfit)
         if misfit > (LARGE if patterns else POOR):
             severity: Severity = "error" if misfit > MEANINGLESS else "doubt"
             found.append(Finding("misfit-large", severity, numbers=numbers))
@@ -129,6 +132,13 @@ def misfit_findings(
     if known and trials:
         found += _missing_background(fit, trials, wider, left)
     return [*found, *(_offset_proposal(fit, trials) if trials else [])]
+
+
+def _of_large_motions(fit: Fit) -> float:
+    """Relative misfit of the half of the points that move more."""
+    used, amplitude = fit.regression.used, fit.problem.observed.points.amplitude
+    large = used & (amplitude >= np.median(amplitude[used]))
+    return float(np.sqrt(2 * np.mean(fit.regression.misfit[large] ** 2)))
 
 
 def _level_apart(points: Points, regression: Regression, unit: str) -> list[Finding]:

@@ -308,3 +308,19 @@ def test_the_right_law_of_a_decay_is_not_doubted_for_frequencies_that_noise_orde
         table = from_free_decay(TimeHistory(RATE, None, clean + noise, "displacement"), mass=MASS)
         states.append(rsgen.identify(table, "k*x + c*v", mass=MASS).verdict.state)
     assert states.count("identified") >= 19
+
+
+def test_the_right_law_of_a_long_decay_is_not_doubted_for_the_noise_at_its_end() -> None:
+    states = []
+    for seed in range(8):
+        random = np.random.default_rng(seed)
+        frequency, zeta = random.uniform(10, 60), 10 ** random.uniform(-2.6, -1.9)
+        omega, rate = 2 * np.pi * frequency, 40 * frequency
+        t = np.arange(round(rate * min(6 / (zeta * omega), 40))) / rate
+        motion = np.exp(-zeta * omega * t) * np.cos(omega * t)
+        noisy = 1e-3 * (motion + 5e-3 * random.standard_normal(len(t)))
+        table = from_free_decay(TimeHistory(rate, None, noisy, "displacement"), mass=MASS)
+        found = rsgen.identify(table, "k*x + c*v", mass=MASS)
+        states.append(found.verdict.state)
+        assert found["k"].value == pytest.approx(MASS * omega**2, rel=2e-3)
+    assert states == ["identified"] * 8

@@ -352,13 +352,14 @@ def quantity_findings(surface: ResponseSurface, quantity: str | None = None) -> 
     Parameters
     ----------
     surface
-        Any; without phases or with few points nothing is found.
+        Any; without phases or with few points nothing is found, nor of a free decay, whose forces are made
+        of the motion.
     quantity
         What the response was read as; None where nobody said.
     """
     rows = driven_points(surface)
     powers = powers_for(len(rows), mass=True)
-    if not powers:
+    if not powers or surface.decays:
         return
     force, response, omega = surface.force[rows], surface.harmonics[rows, 1], surface.omega[rows]
     as_read = DERIVATIVE.get(quantity or "")
