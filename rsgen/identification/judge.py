@@ -352,7 +352,7 @@ def judge(test: Prepared, model: Model, refined: Fit) -> Identification:
     if estimates and not any(estimate.identifiable for estimate in estimates):
         about = (*about, Finding("nothing-identifiable", "doubt"))
     outcome = _outcome(surface, points, estimates, refined)
-    about = (*about, *resonance_findings(kept, model.fixed, law, outcome["misfit"]))
+    about = (*about, *resonance_findings(kept, model.fixed, law, refined.values, size))
     # what a law takes from the motion, or leaves out of it, is judged by the law as it stands
     as_it_stands = replace(solution, covariance=of_law.covariance)
     known_by_law = make_estimates(as_it_stands, law, model, reasons, units)

@@ -264,18 +264,21 @@ def identify_ratios(
 
 
 def resonance_findings(
-    points: Points, fixed: Mapping[str, float], law: ForceLaw, noise: float
+    points: Points, fixed: Mapping[str, float], law: ForceLaw, values: Array, noise: float
 ) -> tuple[Finding, ...]:
     """Say what a mass [kg] that was not given rests on where all points have the lag of resonance.
 
-    A law with memory has its stiffness in the area of its loops, and so determines a mass if it is right.
-    With others it rests on errors of the lag.
+    A law with memory has its stiffness in the area of its loops, and so determines a mass if it is right; so
+    does a fixed stiffness. With others it rests on errors of the lag.
     """
     if "m" in fixed or not at_resonance_alone(points, noise):
         return ()
     numbers = quantities(points=len(points))
     if law.remembers:
         return (Finding("mass-by-loops", "warning", "m", numbers),)
+    powers = _powers(points, law, values) if fixed else None
+    if powers is not None and any(powers[law.parameters.index(name)] for name in fixed):
+        return ()
     return (Finding("mass-at-resonance", "doubt", "m", numbers),)
 
 

@@ -186,3 +186,13 @@ def test_a_wrong_law_on_a_backbone_is_doubted(law: str, mass: float | None):
     assert found.verdict.state in ("doubtful", "rejected")
     frictionless = rsgen.identify(surface, LAW, mass=mass)
     assert "law-does-not-fit" in [finding.code for finding in frictionless.verdict.decided_by]
+
+
+@pytest.mark.parametrize(("name", "state"), [("k", "identified"), ("c", "doubtful")])
+def test_a_fixed_stiffness_determines_the_mass(name: str, state: str):
+    found = rsgen.identify(locked(), LAW, fixed={name: VALUES[name]})
+    assert found.verdict.state == state
+    assert ("mass-at-resonance" in {finding.code for finding in found.findings}) == (state == "doubtful")
+    if state == "identified":
+        assert found.mass == pytest.approx(MASS, rel=5e-3)
+        assert abs(found["k3"].value - VALUES["k3"]) < 4 * found["k3"].standard_error
