@@ -343,7 +343,7 @@ OF_CASE: dict[str, tuple[Tampering, ...]] = {
             ('[[element]]\nname  = "wing"', 'system = { mass = 1 }\n[[element]]\nname  = "wing"'),
             ('[test.force]\nsamples = "Force"\nunit    = "N"\n', ""),
             ('hold_out = ["28.8 N"]', ""),
-            refusal="decay",
+            refusal="does not go with 'ring-down'",
         ),
         edited(
             "samples of the generator taken for the force",
