@@ -28,11 +28,7 @@ NAMES = ("wire", "nlbeam", "clamp", "silverbox", "f16", "decay")
 TABLES = ("wire", "nlbeam", "clamp")
 """Stepped sines; the numbers of their surfaces are tampered with as those of a virtual test."""
 
-RECORD = (
-    MISFIT
-    | WAVE
-    | {"parts-disagree", "law-leaves-distortion", "damping-missing", "channels-delayed", "record-missed"}
-)
+RECORD = MISFIT | WAVE | {"parts-disagree", "misfit-beside-damping", "channels-delayed", "held-out-missed"}
 """What is said of records of a multisine that one law does not explain."""
 
 READINGS = 10
@@ -314,7 +310,7 @@ OF_CASE: dict[str, tuple[Tampering, ...]] = {
         edited("a drag for the damper", RECORD, ('"c*v"', '"c*v*abs(v)"')),
         edited(
             "one level for all",
-            frozenset({"multisine-level-differs"}),
+            frozenset({"levels-disagree"}),
             ('"5 mV", "50 mV"', '"100 mV", "50 mV"'),
         ),
     ),

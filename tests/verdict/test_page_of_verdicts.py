@@ -1,4 +1,4 @@
-"""The campaign of random tests: what it draws, how it judges, and its section of the page of verdicts."""
+"""What the page of verdicts is made of: codes of tampered tests, and the campaign of random tests."""
 
 from __future__ import annotations
 
@@ -9,9 +9,18 @@ from pathlib import Path
 import pytest
 
 from benchmarks import campaign
+from benchmarks.tampered_measurements import OF_CASE
+from rsgen.report.wording.sentences import CODES
+from tests.verdict.tampering import TAMPERINGS, UNSEEN
 
 LAW = "hardening"
 """Linear in all its parameters: a test of it takes a tenth of a second."""
+
+
+def test_a_tampered_test_asks_for_findings_that_there_are() -> None:
+    entries = [*TAMPERINGS, *UNSEEN, *(entry for entries in OF_CASE.values() for entry in entries)]
+    assert {code for entry in entries for code in entry.right} <= set(CODES)
+    assert {entry.corrected for entry in entries} - {""} <= set(CODES)
 
 
 def test_a_kind_and_a_seed_are_one_test() -> None:
