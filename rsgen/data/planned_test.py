@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from rsgen.common.arrays import Array
+from rsgen.common.errors import RsgenError
 
 if TYPE_CHECKING:
     from rsgen.data.multisine import MultisineSpectra
@@ -29,6 +30,11 @@ class PlannedTest(ABC):
     def many_lines(self) -> bool:
         """Whether the force of a record has many lines, so that the test leaves spectra and no surface."""
         return False
+
+    def require_surface(self, reason: str) -> None:
+        """Raise an ``RsgenError`` with a reason where the test leaves spectra and no response surface."""
+        if self.many_lines:
+            raise RsgenError(reason)
 
     @property
     def in_time(self) -> bool:

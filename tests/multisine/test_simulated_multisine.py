@@ -192,6 +192,7 @@ def test_a_case_of_a_virtual_multisine_is_checked_and_run(
     assert result["held_out"][0]["error"] < 0.02
     assert "comparison" in (tmp_path / "out" / "lines" / "notebook.ipynb").read_text(encoding="utf-8")
     assert "a multisine has no response surface" in run_cli("simulate", case).err
+    assert "--frf: of a multisine" in run_cli("identify", case, "--frf", case.with_suffix(".uff")).err
     case.write_text(CASE.format(held="6 N"), encoding="utf-8")
     assert "6 N is not tested; one of test.level is needed" in run_cli("check", case).err
 

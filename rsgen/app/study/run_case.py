@@ -161,11 +161,10 @@ def obtain_surface(case: Case, progress: Callable[[float], None] = lambda share:
     RsgenError
         As ``obtain_table``, or the test is a multisine.
     """
-    if case.test.many_lines:
-        raise RsgenError(
-            f"{case.path.name}: test.excitation: a multisine has no response surface; rsgen run and rsgen "
-            "identify take its spectra"
-        )
+    case.test.require_surface(
+        f"{case.path.name}: test.excitation: a multisine has no response surface; rsgen run and rsgen "
+        "identify take its spectra"
+    )
     return cast("ResponseSurface", obtain_table(case, progress))
 
 
