@@ -44,6 +44,19 @@ def test_of_columns_that_are_no_numbers_nothing_is_known() -> None:
     assert null.shape == (3, 0)
 
 
+def test_a_narrow_valley_with_a_bend_is_followed_to_its_end() -> None:
+    """Rosenbrock's, 1e5 steep: a thirty-second of a step leads up from its floor, a full one back to it."""
+
+    def linearise(p: np.ndarray, nuisance: np.ndarray) -> Linearisation:
+        residual = np.tile([1e5 * (p[0] ** 2 - p[1]), 1 - p[0]], (4, 1))
+        by = np.tile([[-2e5 * p[0], 1e5], [1.0, 0.0]], (4, 1, 1))
+        return Linearisation(residual, np.zeros((4, 2, 0)), by)
+
+    parameters, _, _, converged = descend(linearise, np.array([0.3, 0.09]), np.zeros((4, 0)))
+    assert converged
+    assert parameters == pytest.approx([1, 1], rel=1e-9)
+
+
 def line_through(noise: float, seed: int, spoilt: int = 0):
     """Points of y = p0 + p1 x with equal noise on x and y; nuisances are x and an idle one."""
     generator = np.random.default_rng(seed)

@@ -42,6 +42,10 @@ Mask = NDArray[np.bool_]
 _FOLLOWED = 0.98
 """A step after which fewer of the points can still be predicted is too long."""
 
+_RETURN = 2
+"""Steps within which a full step across the bend of a narrow valley must lead to its floor, lower down:
+the watchdog of Chamberlain, Powell, Lemarechal and Pedersen, Math. Programming Study 16, 1982."""
+
 _OUTLYING = 3e-3
 """Relative misfit below which no point is an outlier: in exact data most points may agree to round-off."""
 
@@ -351,9 +355,30 @@ def descend(
                 break
         least = max(rules.gain, UNCHANGED * right.size) if reached else rules.gain
         if realised < least or relative < ROUND_OFF:
-            # no better point along the step: round-off decides, or the step was already tiny
-            return parameters, nuisance, line, bool(realised >= 0) or relative < 1e-6 or gain < 1.0
+            done = realised >= 0 or relative < 1e-6 or gain < 1.0
+            if done or reached or rules.steps <= _RETURN:
+                return parameters, nuisance, line, done
+            step = rules.move(parameters, change), nuisance + nuisance_change
+            ahead = _across_bend(linearise, step, line, parameters, rules, good)
+            if ahead is None:
+                return parameters, nuisance, line, False
+            parameters, nuisance, line, _ = ahead
     return parameters, nuisance, line, False
+
+
+def _across_bend(
+    linearise: Linearise,
+    step: tuple[Array, Array],
+    line: Linearisation,
+    here: Array,
+    rules: Rules,
+    good: Mask,
+) -> tuple[Array, Array, Linearisation, bool] | None:
+    """Descend from a full step to the floor of a narrow valley; None where that is no lower than here."""
+    ahead = descend(linearise, *step, replace(rules, steps=_RETURN), good)
+    both = good & np.isfinite(ahead[2].residual).all(axis=1)
+    lower = rules.cost(ahead[2].residual[both], ahead[0]) < rules.cost(line.residual[both], here)
+    return ahead if lower and np.count_nonzero(both) >= _FOLLOWED * np.count_nonzero(good) else None
 
 
 def _settle(line: Linearisation, parameters: Array, rules: Rules, used: Mask) -> tuple[Array, Linearisation]:
