@@ -11,10 +11,10 @@ if TYPE_CHECKING:
 def setup(app: Sphinx) -> dict[str, Any]:
     """Register all parts with Sphinx."""
     # the tests take the snippets from here where no Sphinx is installed
-    from . import accessible, case_keys, docstrings, execution, gallery, law_library, mathml, verdicts
+    from . import accessible, case_keys, docstrings, execution, findings, gallery, law_library, mathml
 
     # a test of links and pages needs neither the output of commands nor every law
     app.add_config_value("rsgen_quick", False, "env", bool)
-    for part in (accessible, case_keys, docstrings, execution, gallery, law_library, mathml, verdicts):
+    for part in (accessible, case_keys, docstrings, execution, findings, gallery, law_library, mathml):
         part.register(app)
     return {"parallel_read_safe": False, "parallel_write_safe": True}

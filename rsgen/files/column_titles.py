@@ -7,7 +7,7 @@ from collections.abc import Mapping
 from typing import TYPE_CHECKING
 
 from rsgen.common.errors import RsgenError
-from rsgen.common.finding import Finding, Severity
+from rsgen.common.finding import Finding
 from rsgen.formula.units import quantity, sensor_unit
 
 if TYPE_CHECKING:
@@ -21,10 +21,10 @@ _SAME_UNIT = 1e-3
 """Units closer than this, relatively, are one: 9.81 and 9.80665 m/s^2 for g."""
 
 
-def contradiction(file: str, column: str, unit: str, title: str, *, severity: Severity = "doubt") -> Finding:
+def contradiction(file: str, column: str, unit: str, title: str) -> Finding:
     """Say that a column is read in another unit than its title, or the file, names."""
     about = {"file": file, "column": column, "unit": unit, "title": title}
-    return Finding("unit-contradicts-title", severity, names=about)
+    return Finding("unit-contradicts-title", "doubt", names=about)
 
 
 def unit_doubts(

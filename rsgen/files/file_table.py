@@ -16,7 +16,7 @@ from rsgen.common.errors import MeasurementError, RsgenError, quote
 from rsgen.common.finding import Finding, quantities
 from rsgen.data.surface import ResponseSurface
 from rsgen.data.surface.columns import DERIVATIVE
-from rsgen.files.column_titles import contradiction, unit_doubts, unit_in
+from rsgen.files.column_titles import unit_doubts, unit_in
 from rsgen.files.data_files import file_label, recognise_format
 from rsgen.files.plan import MeasuredTest
 from rsgen.files.sandbox import read_binary
@@ -108,9 +108,8 @@ def to_si(
                 factor = quantity(f"1 {sensor_unit(channel.unit or target, target)}", target)
             except RsgenError:
                 # a unit of another dimension than the quantity
-                findings[channel.unit, address] = contradiction(
-                    label, str(address), target, channel.unit, severity="warning"
-                )
+                about = {"file": label, "column": str(address), "unit": target, "title": channel.unit}
+                findings[channel.unit, address] = Finding("unit-contradicts-title", "warning", names=about)
                 continue
             if factor != 1:
                 about = {"file": label, "column": str(address), "unit": channel.unit}

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from rsgen.common.arrays import Array, ComplexArray
 from rsgen.common.errors import RsgenError
 from rsgen.common.finding import Finding, Quantity, Severity, quantities
-from rsgen.common.tolerances import ERRORS, EXCESS, LARGE, QUICK, SAME_NUMBER
+from rsgen.common.tolerances import EXCESS, LARGE, QUICK, SAME_NUMBER
 from rsgen.data.oscillator import Model, refuse_across
 from rsgen.data.surface import ResponseSurface
 from rsgen.data.surface.plausibility import plausibility_findings
@@ -109,12 +109,6 @@ def prepare(surface: ResponseSurface, model: Model) -> Prepared:
 # ----------------------------------------------------------------------------
 # Estimates with their intervals, and what a reader should know of them, as data.
 
-_STRONG = 0.05
-"""Higher harmonics beyond this share of the fundamental bias every first-order estimate by per cents."""
-
-_DRIFT = 0.02
-"""Mean displacement, relative to the amplitude, beyond which a symmetric law misses more than an offset."""
-
 _NO_SINE = 0.5
 """Harmonics beyond this share of the fundamental at half of the points: hardly the answer to a sine."""
 
@@ -151,26 +145,19 @@ def repeat_findings(repeats: Repeats, misfit: float, wider: float) -> tuple[Find
     """
     typical = float(np.median(repeats.count))
     expected = repeats.noise / np.sqrt(typical)
-    found = [
-        Finding(
-            "repeats-scatter",
-            "info",
-            numbers=quantities(
-                readings=len(repeats.row),
-                points=len(repeats.count),
-                repeats=typical,
-                of_reading=repeats.noise,
-                of_mean=expected,
-                aside=repeats.aside,
-            ),
-        )
-    ]
-    numbers = quantities(misfit=misfit, times=misfit / expected)
-    if misfit < EXCESS * expected:
-        found.append(Finding("misfit-is-scatter", "info", numbers=numbers))
-    else:
-        found.append(Finding("misfit-beyond-scatter", "warning", numbers=quantities(**numbers, wider=wider)))
-    return tuple(found)
+    numbers = quantities(
+        readings=len(repeats.row),
+        points=len(repeats.count),
+        repeats=typical,
+        of_reading=repeats.noise,
+        of_mean=expected,
+        aside=repeats.aside,
+        misfit=misfit,
+        times=misfit / expected,
+        wider=wider,
+    )
+    severity: Severity = "info" if misfit < EXCESS * expected else "warning"
+    return (Finding("repeats-scatter", severity, numbers=numbers),)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -237,7 +224,8 @@ class Findings:
         found += self._motion()
         found += self._implausible(calibrated, {finding.parameter for finding in of_parameters})
         found += self._runs()
-        if any(f.code == "harmonics-across-left-out" and f.severity == "doubt" for f in about):
+        across = [f for f in about if f.code == "harmonics-across-left-out" and "moved" in f.numbers]
+        if any(f.severity == "doubt" for f in across):
             # what harmonics leave of the misfit another fixed value may take up, and is as wrong for it
             found = [finding for finding in found if finding.code != "fixed-contradicted"]
         return tuple(found)
@@ -248,43 +236,21 @@ class Findings:
         return plausibility_findings(self.surface, calibrated=calibrated, mass=mass, damping=damping)
 
     def _motion(self) -> list[Finding]:
-        points, found = self.points, list[Finding]()
-        size, noise = points.amplitude, self.fit.regression.noise
-        if points.harmonics.shape[1] > 2:
-            higher = np.abs(points.harmonics[:, 2:]) / size[:, None]
-            # the largest of as many harmonics that are only noise
-            chance = ERRORS * noise * np.sqrt(2 * np.log(max(higher.size, 2)))
-            row, order = np.unravel_index(int(np.argmax(higher)), higher.shape)
-            largest = float(np.median(higher.max(axis=1)))
-            if largest > _NO_SINE:
-                numbers = quantities(share=largest)
-                severity: Severity = "error" if largest > _NOISE_AS_SINE else "doubt"
-                found.append(Finding("not-a-steady-sine", severity, numbers=numbers))
-            elif higher[row, order] > max(_STRONG, chance):
-                numbers = quantities(
-                    harmonic=2 + int(order),
-                    share=float(higher[row, order]),
-                    level=Quantity(float(points.level[row]), self.surface.level_unit),
-                    frequency=Quantity(float(points.omega[row] / 2 / np.pi), "Hz"),
-                )
-                found.append(Finding("harmonic-strong", "info", numbers=numbers))
-        drift = float(np.median(np.abs(points.harmonics[:, 0]) / size))
-        if self.fit.problem.law.parts[0].law.odd and drift > max(_DRIFT, ERRORS * noise):
-            found.append(Finding("mean-of-symmetric-law", "warning", numbers=quantities(share=drift)))
-        return found
+        """Find harmonics that the response to a steady sine has not at half of the points."""
+        higher = np.abs(self.points.harmonics[:, 2:]) / self.points.amplitude[:, None]
+        largest = float(np.median(higher.max(axis=1, initial=0.0)))
+        if not largest > _NO_SINE:
+            return []
+        severity: Severity = "error" if largest > _NOISE_AS_SINE else "doubt"
+        return [Finding("not-a-steady-sine", severity, numbers=quantities(share=largest))]
 
     def _runs(self) -> list[Finding]:
-        found, runs = [], len(self.resonances)
-        jumps = sum(resonance.jump for resonance in self.resonances)
-        # the points of a decay lie along the resonance, on neither side of it
-        if jumps and not self.surface.decays:
-            found.append(Finding("resonance-jumped", "info", numbers=quantities(jumps=jumps, runs=runs)))
+        """Find runs with few points near their resonance, but of loops, which have few a level."""
         few = sum(self._near(resonance) < _FEW for resonance in self.resonances)
-        # loops and continuations have few points a level, and many levels
-        if few and self.surface.control not in ("phase", "continuation"):
-            numbers = quantities(few=few, runs=runs, points=_FEW)
-            found.append(Finding("resonance-sparse", "warning", numbers=numbers))
-        return found
+        if not few or self.surface.control in ("phase", "continuation"):
+            return []
+        numbers = quantities(few=few, runs=len(self.resonances), points=_FEW)
+        return [Finding("resonance-sparse", "warning", numbers=numbers)]
 
     def _near(self, resonance: Resonance) -> int:
         """Points of the run within the width of its resonance."""

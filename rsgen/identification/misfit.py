@@ -309,7 +309,7 @@ def _offset_proposal(fit: Fit, trials: dict[str, Fit]) -> list[Finding]:
         return []
     size = relative_misfit(fit)
     numbers = quantities(misfit=size, left=size * left[kind] / left[own])
-    return [Finding("offset-possible", "info", numbers=numbers, names={"kind": kind})]
+    return [Finding("background-possible", "info", numbers=numbers, names={"kind": kind})]
 
 
 def _background_proposal(points: Points, resonances: Sequence[Resonance]) -> Finding:
@@ -460,13 +460,10 @@ def mirror_findings(problem: Problem, known: Collection[str]) -> tuple[Finding, 
     if not is_hidden(problem) or records_even(problem) or fixed:
         return ()
     names = [law.parameters[i] for i in law.even if law.parameters[i] in known]
-    if not law.mirrored:
-        return (Finding("mirror-image-fits", "warning"),)
-    return (
-        (Finding("sign-not-identifiable", "warning", names={"parameters": ", ".join(names)}),)
-        if names
-        else ()
-    )
+    if law.mirrored and not names:
+        return ()
+    signs = {"parameters": ", ".join(names)} if law.mirrored else {}
+    return (Finding("mirror-image-fits", "warning", names=signs),)
 
 
 def widen_squares(fit: Fit, found: Regression) -> Regression:

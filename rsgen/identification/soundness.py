@@ -168,7 +168,7 @@ def limit_findings(remarked: Sequence[Finding], fit: Fit) -> list[Finding]:
     known = [
         finding.numbers["limit"]
         for finding in remarked
-        if finding.code == "record-clipped" and finding.names["signal"] == "response"
+        if finding.code == "range-reached" and finding.names["signal"] == "response"
     ]
     if known:
         limit = min(known)
@@ -186,7 +186,7 @@ def limit_findings(remarked: Sequence[Finding], fit: Fit) -> list[Finding]:
     if not (misses or (known and np.mean(at) > FEW)):
         return []
     numbers = quantities(at=int(np.count_nonzero(at)), points=len(points), limit=limit)
-    return [Finding("response-at-limit", "doubt", numbers=numbers)]
+    return [Finding("range-reached", "doubt", numbers=numbers)]
 
 
 def _longest(marks: NDArray[np.bool_]) -> tuple[int, int]:
@@ -210,12 +210,12 @@ def sign_findings(points: Points, fit: Fit, wider: Array) -> list[Finding]:
     found = []
     if fit.mass < -CHANCE * float(np.linalg.norm(basis[len(problem.law.parameters)])):
         found.append(Finding("mass-negative", "error", "m", {"mass": Quantity(fit.mass, "kg")}))
-    for motion, (part, followed) in enumerate(_followed(points, fit)):
+    for part, followed in _followed(points, fit):
         place = part.parameters
         stiffness, damping = _signs_at(part, followed, fit.values[place], basis[place])
-        names: dict[str, str] = ({}, {"sensors": part.sensors})[motion]
-        found += _sign_finding(("stiffness-negative", "stiffness-negative-across")[motion], stiffness, names)
-        found += _sign_finding(("damping-negative", "damping-negative-across")[motion], damping, names)
+        names = {"sensors": part.sensors} if part.sensors else {}
+        found += _sign_finding("stiffness-negative", stiffness, names)
+        found += _sign_finding("damping-negative", damping, names)
     return found
 
 
@@ -419,7 +419,7 @@ def _misfit_across(found: Fit, joint: Part) -> list[Finding]:
     if not misfit >= max(EXCESS * noise, NOTICEABLE * min(smaller, 1.0)):
         return []
     names = {"sensors": joint.sensors}
-    return [Finding("misfit-across", "doubt", "", quantities(noise=noise, misfit=misfit), names)]
+    return [Finding("harmonics-across-left-out", "doubt", "", quantities(noise=noise, misfit=misfit), names)]
 
 
 def _moved(problem: Problem, parameters: Array, across: ComplexArray, missing: ComplexArray) -> Array:

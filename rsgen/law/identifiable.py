@@ -166,8 +166,8 @@ class Combination:
     @property
     def finding(self) -> Finding:
         """The fact as a finding."""
-        names = {"parameters": _listed(self.parameters), "determined": _listed(self.determined)}
-        return Finding("combinations-only", "info", names=names)
+        names = {"with": _listed(self.parameters), "determined": _listed(self.determined)}
+        return Finding("confounded", "info", names=names)
 
 
 def _listed(names: tuple[str, ...]) -> str:

@@ -91,7 +91,7 @@ def test_standard_errors_are_those_of_doing_the_test_again(cubic):
     for seed in range(8):
         found = identify(repeated(cubic, seed), model("cubic"))
         distances.append([(e.value - truth("cubic")[e.name]) / e.standard_error for e in found.refined])
-        assert "misfit-is-scatter" in {finding.code for finding in found.findings}
+        assert [f.severity for f in found.findings if f.code == "repeats-scatter"] == ["info"]
     assert 0.6 < np.sqrt(np.mean(np.square(distances))) < 1.5
 
 
@@ -102,7 +102,8 @@ def test_intervals_hold_where_the_readings_of_a_point_share_an_error(cubic):
     for seed in range(4):
         together = noisy(cubic, NOISE, 1000 + seed)
         found = identify(repeated(together, seed, NOISE / 3), model("cubic"))
-        finding = next(f for f in found.findings if f.code == "misfit-beyond-scatter")
+        finding = next(f for f in found.findings if f.code == "repeats-scatter")
+        assert finding.severity == "warning"
         # means scatter by a third over the root of the readings
         assert finding["wider"] == pytest.approx(np.hypot(1, 3 * np.sqrt(READINGS)), rel=0.2)
         for e in found.refined:
@@ -138,7 +139,7 @@ def test_small_steps_of_the_force_are_points_of_their_own(order):
     assert len(same) == len(table)
     found = identify(table, "k*x + c*v")
     assert found.noise < 0.01
-    assert not {"misfit-is-scatter", "repeats-scatter"} & {finding.code for finding in found.findings}
+    assert "repeats-scatter" not in {finding.code for finding in found.findings}
 
 
 def test_intervals_of_two_repeats_have_the_freedom_of_the_points_that_decide(cubic):
@@ -159,7 +160,7 @@ def test_intervals_of_two_repeats_have_the_freedom_of_the_points_that_decide(cub
 def test_a_wrong_law_is_not_taken_for_noise(cubic):
     linear = Model((make_element("law", "k*x + c*v"),))
     found = identify(repeated(cubic, 1), linear)
-    finding = next(f for f in found.findings if f.code == "misfit-beyond-scatter")
+    finding = next(f for f in found.findings if f.code == "repeats-scatter")
     assert finding["times"] > 2
     assert finding["wider"] > 1
     assert found.residual > 3 * found.noise

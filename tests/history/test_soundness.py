@@ -39,7 +39,7 @@ def test_clipped_records_are_found(limit: float, step: float) -> None:
     coarse = np.round(RESPONSE / step) * step if step else RESPONSE
     for cut in (np.clip(coarse, -most, most), np.minimum(coarse, most), np.maximum(coarse, -most)):
         (finding,) = found(cut)
-        assert (finding.code, *finding.names.values()) == ("record-clipped", "a.mat", "response")
+        assert (finding.code, *finding.names.values()) == ("range-reached", "a.mat", "response")
         clipped = np.count_nonzero(np.isin(cut, (most, -most)))
         # tops of one or two samples are no flat ones
         assert 0.9 * clipped < finding["samples"] <= clipped

@@ -298,7 +298,7 @@ def test_a_distorted_force_is_noted() -> None:
         400, clean.force + 0.1 * np.cos(3 * law.phase_at(t)), clean.response, label="a.mat"
     )
     findings = {finding.code: finding for finding in from_swept_sine(distorted).findings}
-    assert findings["force-distorted"]["harmonics"] == pytest.approx(0.1, rel=0.01)
+    assert findings["force-not-sine"]["harmonics"] == pytest.approx(0.1, rel=0.01)
 
 
 @pytest.mark.parametrize(

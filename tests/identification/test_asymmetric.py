@@ -79,7 +79,7 @@ def test_a_fundamental_gives_every_value_but_the_sign(full, tested):
     found = identify(measured, QUADRATIC, observation)
     assert off(found, {**VALUES, "m": MASS}) < EXACT
     assert found["k2"].value > 0
-    named = [finding.names for finding in found.findings if finding.code == "sign-not-identifiable"]
+    named = [finding.names for finding in found.findings if finding.code == "mirror-image-fits"]
     assert named == [{"parameters": "k2"}]
 
 
@@ -118,7 +118,7 @@ def test_the_second_harmonic_gives_the_sign():
     harmonics[:, 0] = 0
     found = identify(changed(full, harmonics=harmonics), QUADRATIC)
     assert abs(found["k2"].value / -1e5 - 1) < EXACT
-    assert "sign-not-identifiable" not in codes(found)
+    assert "mirror-image-fits" not in codes(found)
 
 
 @pytest.mark.slow

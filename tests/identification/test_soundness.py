@@ -275,7 +275,7 @@ def test_equal_largest_responses_are_those_of_an_overloaded_sensor(
     seen = table.amplitude * table.omega**order
     limit = 0.6 * seen.max()
     clipped = changed(table, harmonics=table.harmonics * np.minimum(1, limit / seen)[:, None])
-    found = findings(clipped)["response-at-limit"]
+    found = findings(clipped)["range-reached"]
     assert (found.severity, found["at"]) == ("doubt", np.count_nonzero(seen > limit))
     assert found["limit"] == pytest.approx(limit)
     assert found.numbers["limit"].unit == ("m", "m/s", "m/s^2")[order]
@@ -291,19 +291,20 @@ def test_a_response_that_is_held_overloads_no_sensor() -> None:
     size = np.minimum(level / np.abs(stiffness), 5e-3)
     harmonics = np.stack([np.zeros(len(size)), size], axis=1).astype(complex)
     table = ResponseSurface(level, frequency, size * stiffness, harmonics)
-    assert "response-at-limit" not in findings(table, "k*x + c*v")
+    assert "range-reached" not in findings(table, "k*x + c*v")
 
 
 def test_points_at_the_limit_of_a_record_are_counted(table: ResponseSurface) -> None:
     def remarked(limit: float) -> dict[str, Finding]:
         numbers = {"samples": Quantity(3000), "limit": Quantity(limit, "m/s^2")}
         names = {"record": "a.csv", "signal": "response"}
-        clipped = Finding("record-clipped", "warning", "", numbers, names)
+        clipped = Finding("range-reached", "warning", "", numbers, names)
         return findings(replace(table, findings=(clipped,)))
 
     seen = np.sort(table.amplitude * table.omega**2)
-    assert severity(remarked(seen[-len(seen) // 10]), "response-at-limit") == "doubt"
-    assert severity(remarked(seen[-3]), "response-at-limit") == ""
+    assert severity(remarked(seen[-len(seen) // 10]), "range-reached") == "doubt"
+    # of so few points the record alone says it
+    assert severity(remarked(seen[-3]), "range-reached") == "warning"
 
 
 def _one_level(count: int, noise: float = 0.0, seed: int = 0) -> ResponseSurface:
@@ -359,7 +360,7 @@ def test_a_reversed_channel_has_a_negative_mass(table: ResponseSurface) -> None:
 
 
 @pytest.mark.slow
-def test_harmonics_of_noise_are_not_strong_and_no_steady_sine() -> None:
+def test_harmonics_of_noise_are_no_steady_sine() -> None:
     exact = surface("cubic")
     generator = np.random.default_rng(7)
 
@@ -371,16 +372,9 @@ def test_harmonics_of_noise_are_not_strong_and_no_steady_sine() -> None:
         return changed(exact, harmonics=harmonics)
 
     quiet, loud, absurd = (findings(with_noise(size)) for size in (0.03, 0.3, 2.0))
-    assert "harmonic-strong" not in quiet
     assert "not-a-steady-sine" not in quiet
     assert severity(loud, "not-a-steady-sine") == "doubt"
     assert severity(absurd, "not-a-steady-sine") == "error"
-
-
-@pytest.mark.slow
-def test_a_mean_of_noise_is_no_missing_asymmetry() -> None:
-    loud = noisy(surface("cubic"), 0.05, 3)
-    assert "mean-of-symmetric-law" not in findings(loud)
 
 
 class Used:

@@ -176,7 +176,7 @@ def test_few_points_are_said_to_be_few() -> None:
     assert {"ranking-few-points", "law-nearest"} <= codes(few)
     assert "law-fits-best" not in codes(few)
     level = rank(table.select(table.level == table.levels[-1]), BASE)
-    assert "ranking-one-level" in codes(level)
+    assert "ranking-few-points" in codes(level)
     for finding in (*few.findings, *level.findings):
         assert sentence(finding).count(",") <= 4
 

@@ -258,7 +258,8 @@ def test_every_next_step_is_one_full_sentence(code: str) -> None:
 
 
 def test_numbers_are_printed_as_in_a_book() -> None:
-    found = Finding("misfit-is-scatter", "info", numbers={"misfit": 1.6e-8})
+    numbers = {"of_mean": 2e-8, "of_reading": 4e-8, "readings": 40, "points": 10, "repeats": 4, "aside": 0}
+    found = Finding("repeats-scatter", "info", numbers={**numbers, "misfit": 1.6e-8})
     assert "the misfit of 1.6 × 10⁻⁸ is" in sentence(found)
     found = Finding("law-does-not-fit", "doubt", numbers={"misfit": 0.1649})
     assert "the misfit of 16.5 % is" in sentence(found)

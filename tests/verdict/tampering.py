@@ -24,7 +24,7 @@ SENSE = frozenset(
 
 MISFIT = frozenset({"law-does-not-fit", "misfit-large"})
 BACKGROUND = MISFIT | {"background-missing"}
-POINTS = MISFIT | {"points-set-aside", "parts-disagree", "level-apart", "response-at-limit"}
+POINTS = MISFIT | {"points-set-aside", "parts-disagree", "level-apart", "range-reached"}
 NOMINAL = frozenset(
     {"levels-disagree", "levels-swapped", "levels-of-one-force", "run-repeated", "runs-of-other-size"}
 )

@@ -34,7 +34,7 @@ DOUBTED = [
     ("combined", "half of a level's points noise", {"points-set-aside"}),
     ("quintic", "frequencies of one level 2 % too high", {"law-does-not-fit"}),
     ("piecewise", "frequencies of one level 2 % too high", {"level-apart"}),
-    ("cubic", "sensor overloaded at half of the largest response", {"response-at-limit"}),
+    ("cubic", "sensor overloaded at half of the largest response", {"range-reached"}),
     ("quintic", "a second mode in the band", {"law-does-not-fit"}),
     ("cubic", "a constant background left out", {"law-does-not-fit"}),
     ("combined", "law without the decisive term", {"law-does-not-fit"}),

@@ -323,7 +323,7 @@ def record_findings(history: TimeHistory) -> tuple[Finding, ...]:
             rest = float(np.median(values))
             limit = min(abs(end - rest) for end, count in ends if count)
             numbers = {"samples": Quantity(samples), "limit": Quantity(limit, unit)}
-            findings.append(Finding("record-clipped", "warning", "", numbers, names))
+            findings.append(Finding("range-reached", "warning", "", numbers, names))
     stands = [] if history.force is None else _stands(history)
     if stands:
         begin, length = max(stands, key=lambda stand: stand[1])

@@ -440,7 +440,7 @@ def distorted_forces(parts: list[SweptPoints]) -> list[Finding]:
     """Find the sweeps whose force is no sine."""
     return [
         Finding(
-            "force-distorted", "info", "", {"harmonics": Quantity(part.distortion)}, {"record": part.label}
+            "force-not-sine", "info", "", {"harmonics": Quantity(part.distortion)}, {"record": part.label}
         )
         for part in parts
         if part.distortion > _DISTORTED

@@ -387,7 +387,7 @@ def _uncertain(points: Points, parameters: int, out: int, aside: int) -> list[Fi
         numbers = {"points": Quantity(len(points)), "parameters": Quantity(parameters)}
         found.append(Finding("ranking-few-points", "warning", numbers=numbers))
     if len(np.unique(points.level)) < 2:
-        found.append(Finding("ranking-one-level", "warning"))
+        found.append(Finding("ranking-few-points", "warning", numbers={"levels": Quantity(1)}))
     return found
 
 

@@ -208,10 +208,9 @@ def _finding(
     if weight.max(initial=0.0) > NULL_PART:
         column = regression.null[:, int(np.argmax(weight))]
         partners = [n for n, part in zip(names, column, strict=True) if n != name and abs(part) > NULL_PART]
-        if partners:
-            return Finding("confounded", "warning", name, names={"with": ", ".join(partners)})
-        if float(np.linalg.norm(column)) < _WHOLE:
-            return Finding("confounded-with-background", "warning", name)
+        if partners or float(np.linalg.norm(column)) < _WHOLE:
+            others = ", ".join(partners) or "the background"
+            return Finding("confounded", "warning", name, names={"with": others})
         return Finding("no-effect", "warning", name, tested)
     error, value = float(np.sqrt(regression.covariance[i, i])), float(regression.parameters[i])
     if np.isfinite(error) and error > NOT_ZERO * abs(value):

@@ -24,10 +24,6 @@ say_plainly(
             "proportion to the response as it was measured there, and there are no curves, which would need "
             "it everywhere"
         ),
-        "confounded-with-background": (
-            "{parameter}: only a combination with the background is identifiable; test wider, or fit a "
-            "simpler background"
-        ),
         "no-effect": (
             f"{{parameter}}: the response does not depend on it in the tested range ({_TESTED}); raise the "
             "level until it does"
@@ -50,18 +46,6 @@ say_plainly(
             "sides: a force {term} stands out of their noise by {errors:.2g} standard errors, and is "
             "{share:.2p} of the spring's at {amplitude:.3q}"
         ),
-        "sign-not-identifiable": (
-            "the sign of {parameters} is not identifiable: neither the mean nor an even harmonic was "
-            "recorded, and with the other sign -x fits as well as x; record the mean or the second harmonic"
-        ),
-        "mirror-image-fits": (
-            "the mirror image of the law, x and v with the other sign, fits as well: neither the mean nor an "
-            "even harmonic was recorded, which tell the two sides apart"
-        ),
-        "offset-possible": (
-            "a response that does not depend on the force, as pick-up from the generator leaves it, would "
-            'take the misfit from {misfit:.2g} to {left:.2g}: try [identify] background = "{kind}"'
-        ),
         "background-missing": (
             'with [identify] background = "{kind}" the misfit is {left:.2p} in place of {misfit:.2p}, and '
             "{parameter} differs by {moved:+.1%}, {times:.2g} standard errors"
@@ -69,15 +53,6 @@ say_plainly(
         "fixed-contradicted": (
             "with {parameter} = {fitted:.4q} in place of the given {given:.4q} ({moved:+.1%}, {times:.2g} "
             "standard errors) the misfit is {left:.2p} in place of {misfit:.2p}"
-        ),
-        "response-at-limit": (
-            "{at:.0f} of {points:.0f} points have a response of {limit:.3q}, as a sensor or amplifier at the "
-            "end of its range has"
-        ),
-        "misfit-across": (
-            "the law leaves {misfit:.2p}, and the two sensors of {sensors} have {noise:.2p} of noise: "
-            "only the fundamental across was recorded, and a joint that bends this motion may fit with "
-            "values that are far off; noise of the difference may be more than the joint says, too"
         ),
         "not-determined": "{parameter}: not determined by the points that this method uses",
         "shift-small": (
@@ -113,66 +88,23 @@ say_plainly(
         "level-apart": (
             "level {level:.4q} misses the law by {misfit:.1%}, half of the levels by at most {typical:.1%}"
         ),
-        "stiffness-negative": (
-            "k(X) is negative, down to {least:.3q}, for X of {low:.3q} to {high:.3q} ({share:.0%} of the "
-            "points)"
-        ),
-        "damping-negative": (
-            "c(X) is negative, down to {least:.3q}, for X of {low:.3q} to {high:.3q} ({share:.0%} of the "
-            "points): the structure would work on the exciter there"
-        ),
-        "stiffness-negative-across": (
-            "k(X) of the elements across {sensors} is negative, down to {least:.3q}, for X there of "
-            "{low:.3q} to {high:.3q} ({share:.0%} of the points)"
-        ),
-        "damping-negative-across": (
-            "c(X) of the elements across {sensors} is negative, down to {least:.3q}, for X there of "
-            "{low:.3q} to {high:.3q} ({share:.0%} of the points): a joint takes energy, it gives none"
-        ),
-        "harmonics-across-left-out": (
-            "of the motion across {sensors} no harmonic above {recorded:.0f} was recorded; with those that "
-            "the joint makes between two masses, harmonic {order:.0f} up to {share:.1%} of the fundamental, "
-            "{parameter} would differ by {moved:+.1%}, {times:.2g} standard errors"
-        ),
         "nothing-identifiable": "the test determines none of the parameters of the law",
         "not-a-steady-sine": (
             "harmonics reach {share:.0%} of the fundamental at half of the points: the response is hardly "
             "that to a steady sine"
         ),
-        "harmonic-strong": (
-            "harmonic {harmonic:.0f} reaches {share:.0%} of the fundamental (at {level:.4q}, "
-            "{frequency:.4g} Hz): first-order estimates are biased there"
-        ),
-        "mean-of-symmetric-law": (
-            "the mean displacement is {share:.0%} of the amplitude, but the law is symmetric: an asymmetric "
-            "part is missing or the sensor drifts"
-        ),
-        "resonance-jumped": (
-            "the response jumps across the resonance, or does not reach it, in {jumps:.0f} of {runs:.0f} "
-            "runs: there the paper's points are extrapolated from one side"
-        ),
         "resonance-sparse": (
             "{few:.0f} of {runs:.0f} runs have fewer than {points:.0f} points within the width of the "
             "resonance: damping rests on few points there"
-        ),
-        "misfit-is-scatter": (
-            "the misfit of {misfit:.2g} is no larger than the scatter of the means of repeated points: the "
-            "law explains all that can be explained"
-        ),
-        "misfit-beyond-scatter": (
-            "the misfit of {misfit:.2g} is {times:.2g} times the scatter of the means of repeated points, so "
-            "that the law is not exact, or the readings of a point share an error. The standard errors "
-            "contain what the law leaves: half of them are more than {wider:.2g} times as wide as the "
-            "scatter alone would make them"
         ),
     }
 )
 
 _OTHER_LAW = "Try another law, `rsgen rank` among those of the library, or fewer levels."
-_SIGN = "Check signs and units of force and response in the case; then take out terms that are not needed."
-_SENSE = (
-    "Write the sum {sensors} the other way round where the response counts negative in it; else look whether "
-    "one of its sensors is mounted upside down (factor = -1) or has another unit or factor."
+_SIGN = (
+    "Check signs and units of force and response in the case, and of each sensor of a sum of two: mounted "
+    "upside down it needs factor = -1, and the sum is written so that the response counts positive; then "
+    "take out terms that are not needed."
 )
 
 NEXT_STEPS.update(
@@ -198,7 +130,7 @@ NEXT_STEPS.update(
             "Add an even term to the law, such as k2*x**2, or a stop on one side; where the sensor has an "
             "offset, take it off."
         ),
-        "response-at-limit": (
+        "range-reached": (
             "Measure with a wider range; until then leave these levels, or this part of the band, out."
         ),
         "misfit-large": (
@@ -233,16 +165,10 @@ NEXT_STEPS.update(
             "Record the harmonics of both sensors (time histories give them), or leave out the levels and "
             "frequencies at which the joint distorts the motion."
         ),
-        "misfit-across": (
-            "Record the harmonics of both sensors (time histories give them), or leave out the levels and "
-            "frequencies at which the joint distorts the motion."
-        ),
         "noise-across": (
             "Measure with less noise, or the motion across by one sensor; take frequencies and levels at "
             "which the joint moves more, or give what is known, such as the mass."
         ),
-        "stiffness-negative-across": _SENSE,
-        "damping-negative-across": _SENSE,
         "stiffness-negative": _SIGN,
         "damping-negative": _SIGN,
         "not-a-steady-sine": (
@@ -250,6 +176,71 @@ NEXT_STEPS.update(
         ),
     }
 )
+
+
+@says("mirror-image-fits")
+def _(found: Finding) -> str:
+    if "parameters" in found.names:
+        return (
+            f"the sign of {found.names['parameters']} is not identifiable: neither the mean nor an even "
+            "harmonic was recorded, and with the other sign -x fits as well as x; record the mean or the "
+            "second harmonic"
+        )
+    return (
+        "the mirror image of the law, x and v with the other sign, fits as well: neither the mean nor an "
+        "even harmonic was recorded, which tell the two sides apart"
+    )
+
+
+@says("range-reached")
+def _(found: Finding) -> str:
+    if "record" in found.names:
+        return (
+            f"{found.names['record']}: the {found.names['signal']} is cut off at the end of its range in "
+            f"{found['samples']:.0f} samples; amplitudes are too small there: measure with a wider range, or "
+            "use start and stop"
+        )
+    return (
+        f"{found['at']:.0f} of {found['points']:.0f} points have a response of "
+        f"{quantity_text(*found.numbers['limit'], 3)}, as a sensor or amplifier at the end of its range has"
+    )
+
+
+def _negative(found: Finding, curve: str) -> str:
+    of = f" of the elements across {found.names['sensors']}" if "sensors" in found.names else ""
+    least, low, high = (quantity_text(*found.numbers[name], 3) for name in ("least", "low", "high"))
+    return (
+        f"{curve}(X){of} is negative, down to {least}, for X of {low} to {high} ({found['share']:.0%} of the "
+        "points)"
+    )
+
+
+@says("stiffness-negative")
+def _(found: Finding) -> str:
+    return _negative(found, "k")
+
+
+@says("damping-negative")
+def _(found: Finding) -> str:
+    return f"{_negative(found, 'c')}: the structure would feed energy into the exciter there"
+
+
+@says("harmonics-across-left-out")
+def _(found: Finding) -> str:
+    sensors = found.names["sensors"]
+    if "moved" in found.numbers:
+        return (
+            f"of the motion across {sensors} no harmonic above {found['recorded']:.0f} was recorded; with "
+            f"those that the joint makes between two masses, harmonic {found['order']:.0f} up to "
+            f"{found['share']:.1%} of the fundamental, {found.parameter} would differ by "
+            f"{found['moved']:+.1%}, {found['times']:.2g} standard errors"
+        )
+    misfit, noise = (number_text(100 * found[name], 2) for name in ("misfit", "noise"))
+    return (
+        f"the law leaves {misfit} %, and the two sensors of {sensors} have {noise} % of noise: only the "
+        "fundamental across was recorded, and a joint that bends this motion may fit with values that are "
+        "far off; noise of the difference may be more than the joint says, too"
+    )
 
 
 @says("points-set-aside")
@@ -268,15 +259,19 @@ def _(found: Finding) -> str:
 
 @says("confounded")
 def _(found: Finding) -> str:
-    partners = found.names["with"]
-    if found.names.get("determined"):
+    partners, determined = found.names["with"], found.names.get("determined", "")
+    if not found.parameter:
+        if not determined:
+            return f"no test separates {partners}: they act together in this law"
+        return f"only {determined} can be identified, not {partners} separately: the law depends on no more"
+    if determined:
         return (
-            f"{found.parameter}: any test determines only {found.names['determined']}; write one name for "
+            f"{found.parameter}: any test determines only {determined}; write one name for "
             f"each of these, or give one of {found.parameter}, {partners}"
         )
     return (
-        f"{found.parameter}: only a combination with {partners} is identifiable; give one of them, or test "
-        "wider"
+        f"{found.parameter}: only a combination with {partners} is identifiable; give one of them, test "
+        "wider, or fit a simpler background"
     )
 
 
@@ -364,6 +359,12 @@ def _(found: Finding) -> str:
 
 @says("background-possible")
 def _(found: Finding) -> str:
+    if "kind" in found.names:
+        misfit, left = (number_text(found[name], 2) for name in ("misfit", "left"))
+        return (
+            "a response that does not depend on the force, as pick-up from the generator leaves it, would "
+            f'take the misfit from {misfit} to {left}: try [identify] background = "{found.names["kind"]}"'
+        )
     # as it is typed into a case
     low, high = (f"{float(found[end]):.4g} Hz" for end in ("low", "high"))
     return (
@@ -381,10 +382,20 @@ def _(found: Finding) -> str:
         if found["aside"]
         else ""
     )
-    return (
+    scatter = (
         f"{found['readings']:.0f} readings of {found['points']:.0f} points: one reading scatters by "
         f"{found['of_reading']:.2g} of its size, the mean of {found['repeats']:g} by {found['of_mean']:.2g}"
         f"{aside}"
+    )
+    if "misfit" not in found.numbers:
+        return scatter
+    if found.severity == "info":
+        return f"{scatter}; the misfit of {found['misfit']:.2g} is no larger than the scatter of the means"
+    return (
+        f"{scatter}; the misfit of {found['misfit']:.2g} is {found['times']:.2g} times the scatter of the "
+        "means, so that the law is not exact, or the readings of a point share an error: half of the "
+        f"standard errors, which contain what the law leaves, are more than {found['wider']:.2g} times as "
+        "wide as the scatter alone would make them"
     )
 
 

@@ -26,14 +26,6 @@ say_plainly(
 )
 
 
-@says("combinations-only")
-def _(found: Finding) -> str:
-    parameters, determined = found.names["parameters"], found.names["determined"]
-    if not determined:
-        return f"no test separates {parameters}: they act together in this law"
-    return f"only {determined} can be identified, not {parameters} separately: the law depends on no more"
-
-
 def _quantity(found: Finding, name: str, digits: int = 3) -> str:
     return quantity_text(*found.numbers[name], digits)
 
@@ -138,15 +130,11 @@ say_plainly(
             "sign of the sensor?"
         ),
         "laws-equal": "{law} beside a linear spring is the same law as {same}",
-        "ranking-few-points": (
-            "{points:g} points are few for {parameters:g} parameters: more would separate more laws"
-        ),
         "law-at-limit": (
             "{law}: the search for {parameter} ends at the limit of its range ({value:.3g}), so that the "
             "true law may be another"
         ),
         "terms-cancel": "{law} and {other} cancel each other: their sum is {share:.0%} of the larger",
-        "ranking-one-level": "one level only: other levels would separate more laws",
     }
 )
 
@@ -178,6 +166,13 @@ NEXT_STEPS.update(
         ),
     }
 )
+
+
+@says("ranking-few-points")
+def _(f: Finding) -> str:
+    if "parameters" not in f.numbers:
+        return "one level only: other levels would separate more laws"
+    return f"{f['points']:g} points are few for {f['parameters']:g} parameters: more would separate more laws"
 
 
 @says("law-nearest")

@@ -14,10 +14,6 @@ say_plainly(
             "as swept the other way; where that is wrong, say in the case how they were swept "
             "(sweep.direction, or sweep.column)"
         ),
-        "record-clipped": (
-            "{record}: the {signal} is cut off at the end of its range in {samples:.0f} samples; amplitudes "
-            "are too small there: measure with a wider range, or use start and stop"
-        ),
         "sweep-not-corrected": (
             "the force was not corrected for the sweep rate: over this band the sweeps do not "
             "determine a moving mass, as they would with one mode in it; choose a band around one mode, or "
@@ -35,10 +31,6 @@ say_plainly(
             "{record}: response over force has another maximum near {frequency:.4g} Hz, of another mode "
             "perhaps; choose a band around one mode, or fit a background"
         ),
-        "force-distorted": (
-            "{record}: harmonics of the force reach {harmonics:.0%} of its fundamental; laws are fitted as "
-            "if it were a sine"
-        ),
         "force-of-decay": (
             "{record}: points of a free decay; the force of each is the one that would have held its "
             "motion, computed with the given mass"
@@ -54,10 +46,6 @@ say_plainly(
         "drive-after-start": (
             "{record}: the decay is taken from {begin:.4g} s on, as the case says, but the structure is "
             "still driven then"
-        ),
-        "force-not-sine": (
-            "{record}: only {share:.0%} of the power of the force is at its line and harmonics; the rest, "
-            "noise or other lines, drives the structure, too"
         ),
         "response-not-at-drive": (
             "{record}: only {share:.0%} of the power of the response is at the lines of the force; the rest "
@@ -189,6 +177,19 @@ _RECOGNISED = {
     "continuation": "at some frequency the force falls while the amplitude grows, so the test is read as a "
     "control-based continuation",
 }
+
+
+@says("force-not-sine")
+def _(found: Finding) -> str:
+    if "harmonics" in found.numbers:
+        return (
+            f"{found.names['record']}: harmonics of the force reach {found['harmonics']:.0%} of its "
+            "fundamental; laws are fitted as if it were a sine"
+        )
+    return (
+        f"{found.names['record']}: only {found['share']:.0%} of the power of the force is at its line and "
+        "harmonics; the rest, noise or other lines, drives the structure, too"
+    )
 
 
 @says("control-recognised")
