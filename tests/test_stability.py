@@ -108,3 +108,19 @@ def test_a_number_that_is_not_known_is_refused_by_name(tmp_path):
     (tmp_path / "small").mkdir()
     (tmp_path / "small" / "result.json").write_text(json.dumps(result | {"schema": 7}), encoding="utf-8")
     assert read_results(tmp_path) == []
+
+
+def test_a_doubt_of_schema_1_stands_under_the_code_of_today(tmp_path):
+    folder = HERE / "1-verdict" / SMALL
+    result = json.loads((folder / "result.json").read_text(encoding="utf-8"))
+    numbers = {"level": {"value": 2.0, "unit": "N"}, "aside": {"value": 20.0, "unit": ""}}
+    doubt = {"code": "run-set-aside", "severity": "doubt", "parameter": "", "numbers": numbers, "names": {}}
+    words = {"sentences": ["This run disagrees."], "next_steps": [""], "headline": "Doubtful"}
+    result["verdict"] = {"state": "doubtful", "decided_by": [doubt], **words}
+    (tmp_path / SMALL).mkdir()
+    (tmp_path / SMALL / "result.json").write_text(json.dumps(result), encoding="utf-8")
+    (entry,) = read_results(tmp_path)
+    assert [decided["code"] for decided in entry.verdict["decided_by"]] == ["points-set-aside"]
+    (small,) = (one for one in compare_results(folder, tmp_path / SMALL))
+    assert [finding.code for finding in small.fits.fits[1].verdict.decided_by] == ["points-set-aside"]
+    assert small.worse

@@ -33,7 +33,10 @@ from rsgen.report.provenance import Subject
 from rsgen.report.wording import sentence
 from rsgen.report.wording.sentences import read_verdict, state_verdict
 
-SCHEMA = 1
+SCHEMA = 2
+
+_READ = (1, SCHEMA)
+"""Schemas that are read: the first had other codes of findings, ``EARLIER``."""
 
 _DIGITS = 9
 """Significant digits of the long arrays: more than any test has, less than round-off between machines."""
@@ -139,7 +142,7 @@ def build_result(
     durations: Mapping[str, float],
     modal: Modal = NO_MODAL,
 ) -> dict[str, Any]:
-    """Give the content of result.json (schema 1); units are SI, what is not known is null.
+    """Give the content of result.json (schema 2); units are SI, what is not known is null.
 
     "verdict" is a ``StatedVerdict``: what the result is worth, the findings that decided, and what to do
     about each; "passed" says of the tolerances alone whether every judged value is within, true without any.
@@ -412,7 +415,7 @@ def read_result(path: Path) -> Entry | None:
             return None
         result = json.loads(path.read_text(encoding="utf-8"))
         entry = Entry(path.parent, result)
-        if result["schema"] == SCHEMA and _is_whole(result) and entry.fit() and entry.rows:
+        if result["schema"] in _READ and _is_whole(result) and entry.fit() and entry.rows:
             return entry
     except (OSError, ValueError, KeyError, TypeError, AttributeError, RecursionError, OverflowError):
         pass
