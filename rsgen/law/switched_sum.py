@@ -140,7 +140,10 @@ class SwitchedSum:
         active = None if term.everywhere else factor > 0
 
         def inside(output: Any) -> Any:
-            return output if active is None else np.where(active, output, 0.0)
+            if active is None:
+                return output
+            # an interval with a share in (x - b)**1.5, x > b, may begin where that is not defined
+            return np.where(active & ~((factor < 1) & np.isnan(output)), output, 0.0)
 
         value = inside(outputs[term.value])
         sums[0] += factor * value

@@ -6,6 +6,7 @@ from math import isnan
 import numpy as np
 import pytest
 
+import rsgen
 from rsgen.common.errors import RsgenError
 from rsgen.common.finding import Finding
 from rsgen.data.oscillator import Observation
@@ -296,3 +297,19 @@ def test_an_explicit_observation_wins_over_the_models():
     held = identify(table, model("cubic", hold_out=(8.0,)), Observation(hold_out=(4.0,)))
     assert 8.0 in held.levels
     assert 4.0 not in held.levels
+
+
+HUNT_CROSSLEY = "Piecewise((kh*(x + d)**1.5*(1 + l*v), x > -d), (0, True)) - kh*d**1.5"
+"""A preloaded contact, ASME J. Appl. Mech. 42 (1975) 440."""
+
+
+def test_a_contact_that_a_preload_closes_is_found() -> None:
+    values = {"k": 5337.0, "c": 1.3, "kh": 36e3, "d": 9e-4, "l": 1.2}
+    law = f"k*x + c*v + {HUNT_CROSSLEY}"
+    test = rsgen.SimulatedTest(
+        [0.1, 0.2, 0.32, 0.5], np.linspace(11, 16, 36), noise_relative=0.003, seed=3, harmonics=5
+    )
+    found = rsgen.identify(rsgen.simulate(rsgen.Oscillator(0.8, law, values), test), law)
+    assert found.verdict.state == "identified"
+    for name, value in {**values, "m": 0.8}.items():
+        assert abs(found[name].value - value) < 4 * found[name].standard_error, name

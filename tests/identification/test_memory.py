@@ -7,6 +7,7 @@ from importlib import import_module
 import numpy as np
 import pytest
 
+import rsgen
 from rsgen.data.oscillator import Model, Oscillator
 from rsgen.data.surface import ResponseSurface
 from rsgen.dynamics.simulation import SimulatedTest, simulate
@@ -18,6 +19,7 @@ from rsgen.identification.results import Identification
 from rsgen.law.element import laws, make_element
 from rsgen.law.numeric import compile_law
 from tests.stepping import DAMPING, MASS, SPRING, stepped
+from tests.surfaces import changed
 
 
 def _errors(found: Identification, truth: dict[str, float]) -> list[float]:
@@ -126,3 +128,37 @@ def test_a_memory_is_simulated_as_finely_as_its_steady_states_settle(monkeypatch
     found = identify(simulate(Oscillator(truth["m"], law, values), test), f"{law} + Ff*sign(v)")
     assert asked == [1e-5]
     assert max(abs(found[name].value / value - 1) for name, value in truth.items()) < 1e-3
+
+
+IWAN = (
+    "masing(R*Piecewise((x*phimax**(chi + 1)/(chi + 1) - x**(chi + 2)/((chi + 1)*(chi + 2)), x < phimax), "
+    "(phimax**(chi + 2)/(chi + 2), True)) + S*Min(x, phimax))"
+)
+"""Segalman's joint, J. Appl. Mech. 72 (2005) 752."""
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("size", [1.4e-7, 5e-4])
+def test_laws_of_a_jointed_beam_start_at_any_size(size: float) -> None:
+    """Micro-slip at 120 Hz whose largest motion is of a size [m]: a power law of power chi + 2."""
+    mass, omega, chi = 1.9, 2 * np.pi * 120, -0.4
+    k, phimax = mass * omega**2, 4 * size
+    values = {"k": 0.8 * k, "c": 1e-3 * mass * omega, "chi": chi, "phimax": phimax, "S": 0.02 * k}
+    values["R"] = 0.18 * k * (chi + 1) / phimax ** (chi + 1)
+    beam = rsgen.Oscillator(mass, f"k*x + c*v + {IWAN}", values)
+    alone = rsgen.derive(f"k*x + c*v + {IWAN}").evaluate(np.array([size]), omega, values)
+    level = float(alone.damping[0]) * omega * size * np.geomspace(0.05, 1, 5)
+    test = rsgen.SimulatedTest(
+        level, np.linspace(106, 122, 33), noise_relative=0.003, seed=1, harmonics=5, method="harmonic-balance"
+    )
+    table = rsgen.simulate(beam, test)
+    bare = np.full(table.harmonics.shape, np.nan, dtype=complex)
+    bare[:, 1] = table.harmonics[:, 1]
+    table = changed(table, harmonics=bare, peak=np.full(table.peak.shape, np.nan))
+    power = rsgen.identify(table, "c*v + masing(K*x - R*x**p)")
+    assert power.verdict.state == "identified"
+    assert abs(power["p"].value - (chi + 2)) < 4 * power["p"].standard_error
+    assert power.mass == pytest.approx(mass, rel=0.01)
+    whole = rsgen.identify(table, f"k*x + c*v + {IWAN}")
+    assert whole.verdict.state == "identified"
+    assert abs(whole["chi"].value - chi) < 4 * whole["chi"].standard_error
