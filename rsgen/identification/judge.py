@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from functools import cached_property
 from math import nan
@@ -22,7 +22,7 @@ from rsgen.dynamics.linear_part import background_terms
 from rsgen.formula.units.quantities import ForceUnits
 from rsgen.identification.fitting.across import law_of
 from rsgen.identification.fitting.fit import Fit, Solution, fit_balance
-from rsgen.identification.fitting.least_squares import Alternative, Regression
+from rsgen.identification.fitting.least_squares import Regression
 from rsgen.identification.fitting.observed import Observed, Problem, is_systematic
 from rsgen.identification.fitting.points import Points, gap_of, loop_error, select_points
 from rsgen.identification.fitting.repeats import Repeats, gather_repeats
@@ -48,9 +48,9 @@ from rsgen.identification.results import (
     later,
     units_of,
 )
+from rsgen.identification.results.alternatives import Alternatives
 from rsgen.identification.results.estimates import (
     Agreement,
-    law_ambiguity,
     make_estimates,
     parameter_findings,
     phase_findings,
@@ -66,7 +66,7 @@ from rsgen.identification.soundness import (
     stopped_points,
 )
 from rsgen.identification.starting.start import with_phase
-from rsgen.identification.terms import terms_beside
+from rsgen.identification.terms import alternatives_to
 from rsgen.law.element import law_remarks
 from rsgen.law.motion import Motion
 from rsgen.law.numeric import ForceLaw
@@ -174,8 +174,8 @@ class Findings:
         Of all runs.
     agreement
         Of the parts of the test.
-    terms
-        That the law may lack, each fitted beside it.
+    others
+        Alternatives to the fit, each to first order.
     """
 
     surface: ResponseSurface
@@ -183,7 +183,7 @@ class Findings:
     fit: Fit
     resonances: tuple[Resonance, ...]
     agreement: Agreement
-    terms: Mapping[str, Alternative]
+    others: Alternatives
 
     def collect(
         self, of_parameters: tuple[Finding, ...], about: tuple[Finding, ...], *, calibrated: bool
@@ -216,7 +216,7 @@ class Findings:
             # where the steps ended says nothing of the best values, nor do the errors there
             found.append(Finding("not-converged", "doubt"))
         wider = self.agreement.wider
-        found += misfit_findings(self.surface, self.points, self.fit, self.resonances, wider, self.terms)
+        found += misfit_findings(self.surface, self.points, self.fit, self.resonances, wider, self.others)
         found += even_findings(self.fit)
         found += self.agreement.findings
         found += sign_findings(self.points, self.fit, self.agreement.wider)
@@ -282,7 +282,8 @@ Table = TypeVar("Table", Points, ResponseSurface)
 
 def judge(test: Prepared, model: Model, refined: Fit) -> Identification:
     """Estimates of all three kinds, what they rest on, and what to know about them."""
-    law, (whole, each) = test.problem.law, _with_repeats(refined.regression, test.points, test.repeats)
+    law = test.problem.law
+    whole, each, shared = _with_repeats(refined.regression, test.points, test.repeats)
     surface, points = _mode(test.surface, refined), _mode(test.points, refined)
     used = refined.regression.used
     _require_followed(used, model)
@@ -291,16 +292,18 @@ def judge(test: Prepared, model: Model, refined: Fit) -> Identification:
     paper, resonances = fit_resonances(kept, law, model.fixed, lambda: first.fit.solution)
     misfits = is_systematic(refined.regression.residual, points.pairs(used))
     agreement = Agreement.of(refined.regression, points, whole.covariance, misfits=misfits)
-    regression, noise, about = _errors(test, refined, whole, agreement.wider)
-    regression = agreement.widen(regression)
+    regression, noise, about = _errors(test, refined, whole, shared * agreement.wider)
+    as_it_stands = widen_squares(refined, agreement.widen(regression)).covariance
     whole = agreement.widen(whole)
     names, units = (*law.parameters, "m"), units_of(model, surface.units)
-    terms = terms_beside(refined, wider=float(np.median(agreement.wider)))
-    covariance, of_law = regression.covariance, widen_squares(refined, regression)
+    systematic = misfits or bool(agreement.halves)
+    # nothing drives a decay: there is no background
+    kinds = alternatives_to(refined, agreement, backgrounds=systematic and not surface.decays)
+    others = Alternatives(names, np.sqrt(np.diag(regression.covariance)), kinds)
     size = relative_misfit(refined)
-    ratio, ambiguous = law_ambiguity(terms, names, regression.parameters, covariance, size)
-    covariance = covariance * np.outer(ratio, ratio)
-    regression = widen_squares(refined, replace(regression, covariance=covariance))
+    ratio, ambiguous = others.judge(regression.parameters, size)
+    regression = replace(regression, covariance=regression.covariance * np.outer(ratio, ratio))
+    regression = widen_squares(refined, regression)
     tested = {
         "amplitude": Quantity(float(points.amplitude.max()), "m"),
         "level": Quantity(float(points.level.max()), surface.level_unit),
@@ -320,8 +323,7 @@ def judge(test: Prepared, model: Model, refined: Fit) -> Identification:
     outcome = _outcome(surface, points, estimates, refined)
     about = (*about, *resonance_findings(kept, model.fixed, law, refined.values, size))
     # what a law takes from the motion, or leaves out of it, is judged by the law as it stands
-    as_it_stands = replace(solution, covariance=of_law.covariance)
-    known_by_law = make_estimates(as_it_stands, law, model, reasons, units)
+    known_by_law = make_estimates(replace(solution, covariance=as_it_stands), law, model, reasons, units)
     about = (*about, *feeding_findings(points, refined, known_by_law))
     sure = {e.name: e.standard_error for e in known_by_law if e.identifiable}
     errors = np.array([sure.get(name, nan) for name in law.parameters])
@@ -329,7 +331,7 @@ def judge(test: Prepared, model: Model, refined: Fit) -> Identification:
     about = (*about, *unseen_findings(refined, estimates))
     known = {e.name for e in estimates if np.isfinite(e.value)}
     free = np.flatnonzero(regression.free)
-    general = Findings(surface, points, refined, resonances, agreement, terms)
+    general = Findings(surface, points, refined, resonances, agreement, others)
     collected = general.collect(of_parameters, about, calibrated=model.observation.calibrated)
     if not any(finding.code == "fixed-contradicted" for finding in collected):
         # a wrong fixed value leaves what terms take up as well
@@ -352,6 +354,7 @@ def judge(test: Prepared, model: Model, refined: Fit) -> Identification:
         outcome=outcome,
         solution=refined.values,
         background=_background(refined, whole, surface.units),
+        alternatives=others,
         fit=refined,
         findings=(*about, *law_remarks(model.force), *mirror_findings(test.problem, known), *collected),
     )
@@ -359,13 +362,24 @@ def judge(test: Prepared, model: Model, refined: Fit) -> Identification:
 
 def _with_repeats(
     regression: Regression, points: Points, repeats: Repeats | None
-) -> tuple[Regression, Array]:
-    """Give a regression the covariance that repeats show, and degrees of freedom (q,); infinite without."""
+) -> tuple[Regression, Array, Array]:
+    """Give a regression the covariance that repeats show, but no less than its own.
+
+    What readings of a point share does not show in their scatter, but does in what the law leaves.
+
+    Returns
+    -------
+    regression, freedom, wider
+        Degrees of freedom (q,), infinite without repeats, and (q,) by which errors are more than the scatter.
+    """
+    count = len(regression.parameters)
     if repeats is None:
-        return regression, np.full(len(regression.parameters), np.inf)
+        return regression, np.full(count, np.inf), np.ones(count)
     covariance, freedom = repeats.covariance(points.index, regression.influence)
     covariance[np.isnan(regression.covariance)] = np.nan
-    return replace(regression, covariance=covariance), freedom
+    times = np.sqrt(np.diag(regression.covariance) / np.diag(covariance))
+    wider = np.fmax(np.where(np.isfinite(times), times, 1.0), 1.0)
+    return replace(regression, covariance=covariance * np.outer(wider, wider)), freedom, wider
 
 
 def _require_followed(used: NDArray[np.bool_], model: Model) -> None:

@@ -14,6 +14,7 @@ from rsgen.common.tolerances import (
     APART,
     CONFIDENCE,
     ERRORS,
+    EXCESS,
     LARGE,
     MEANINGLESS,
     NEAR_STEPS,
@@ -34,13 +35,10 @@ from rsgen.data.surface import ResponseSurface
 from rsgen.formula.names import symbol
 from rsgen.identification.fitting.fit import Fit, fit_balance, linearise_beside
 from rsgen.identification.fitting.least_squares import Alternative, Regression
-from rsgen.identification.fitting.observed import (
-    Observed,
-    Problem,
-    is_systematic,
-)
+from rsgen.identification.fitting.observed import Problem, is_systematic
 from rsgen.identification.fitting.points import Points
 from rsgen.identification.results import Estimate, Resonance
+from rsgen.identification.results.alternatives import Alternatives
 from rsgen.identification.results.estimates import fixed_contradicted
 from rsgen.identification.starting.start import hidden_directions, is_hidden, records_even
 from rsgen.identification.terms import EVEN_SHARE, even_beside, law_with, with_terms
@@ -73,7 +71,7 @@ def misfit_findings(
     fit: Fit,
     resonances: Sequence[Resonance],
     wider: Array,
-    terms: Mapping[str, Alternative],
+    others: Alternatives,
 ) -> list[Finding]:
     """Judge the misfit by its size, and whether it is the law's, the background's or the noise's.
 
@@ -87,8 +85,8 @@ def misfit_findings(
         Of all runs.
     wider
         (q,) by how much the standard errors of its parameters are to be widened.
-    terms
-        Beside the law, each fitted to first order.
+    others
+        Alternatives to the fit, each to first order.
     """
     regression, misfit = fit.regression, relative_misfit(fit)
     systematic = is_systematic(regression.residual, points.pairs(regression.used))
@@ -108,7 +106,7 @@ def misfit_findings(
     # beside a law that misses more than a hundredth no number of it is as good as its interval
     names, severity, left = dict[str, str](), severity_of(misfit, SAME_NUMBER, MEANINGLESS), misfit
     if severity != "error":
-        term = max(terms, key=lambda term: terms[term].gain)
+        term = max(others.kinds["term"], key=lambda term: others.kinds["term"][term].gain)
         left = _left_beside(fit, term)
         if left < (1 - TAKEN) * misfit:
             names, severity = {"term": term}, "doubt"
@@ -122,16 +120,15 @@ def misfit_findings(
         return fixed
     found = [Finding("law-does-not-fit", severity, numbers=numbers, names=names)]
     observed = fit.problem.observed
-    # other modes are part of a measured motion across, and nothing drives a decay: there is no background
-    trials = {} if fit.problem.law.acts_across or surface.decays else _with_backgrounds(fit)
-    if trials and surface.origin == "measured" and observed.direct:
+    backgrounds = others.kinds["background"]
+    if backgrounds and surface.origin == "measured" and observed.direct:
         found.append(_background_proposal(points, resonances))
     if not names:
         # a term that is missing misses some levels more than others, as dry friction the lowest
         found += _level_apart(points, regression, surface.level_unit)
-    if known and trials:
-        found += _missing_background(fit, trials, wider, left)
-    return [*found, *(_offset_proposal(fit, trials) if trials else [])]
+    if known and backgrounds:
+        found += _missing_background(fit, backgrounds, wider, left)
+    return [*found, *_offset_proposal(fit, backgrounds, wider)]
 
 
 def _of_large_motions(fit: Fit) -> float:
@@ -206,25 +203,6 @@ def free_curves_leave(fit: Fit, points: Points) -> float:
     return float(np.sqrt(share / (1 - free.unknowns / (2 * len(missed)))))
 
 
-def _with_backgrounds(fit: Fit) -> dict[str, Fit]:
-    """Fit some of the points with the background there is, and with more of one, by kind."""
-    observed = fit.problem.observed
-    chosen = observed.points.spread(QUICK)
-    problem = fit.problem.select(chosen[fit.regression.used[chosen]])
-    values, mass, background = problem.split(fit.regression.parameters)
-    plain = "phase" if observed.kind == "none" else observed.kind
-    offset = observed.kind.endswith(OFFSET)
-    kinds = (observed.kind, "residuals" + OFFSET) if offset else (observed.kind, "residuals", plain + OFFSET)
-    known = dict(zip(observed.background.names, background, strict=True))
-    found = {}
-    for kind in dict.fromkeys(kinds):
-        seen = Observed.of(problem.observed.points, kind)
-        start = np.array([known.get(name, 0.0) for name in seen.background.names])
-        trial = replace(problem, observed=replace(seen, band=observed.band))
-        found[kind] = fit_near(trial, trial.join(values, mass, start), order=START_ORDER)
-    return found
-
-
 def _contradicted(fit: Fit, left: float) -> list[Finding]:
     """Find fixed values that the points contradict: another takes up the misfit, more than a term does.
 
@@ -256,59 +234,58 @@ def _contradicted(fit: Fit, left: float) -> list[Finding]:
     return found
 
 
-def _missing_background(fit: Fit, trials: dict[str, Fit], wider: Array, left: float) -> list[Finding]:
+def _missing_background(
+    fit: Fit, others: Mapping[str, Alternative], wider: Array, left: float
+) -> list[Finding]:
     """Find a background that takes up the misfit, more than a term does, and moves a parameter.
 
     Parameters
     ----------
-    fit, trials
-        What is judged, and some of its points fitted with more of a background.
+    fit, others
+        What is judged, and more of a background beside it, by kind.
     wider
         As in ``misfit_findings``.
     left
         The misfit that the best term would leave.
     """
-    problem = fit.problem
-    without = trials[problem.observed.kind]
-    before = set(without.problem.observed.background.names)
-    more = {k: t for k, t in trials.items() if set(t.problem.observed.background.names) > before}
-    if not more:
+    found, of_law = fit.regression, slice(fit.problem.count)
+    left_by = {kind: _left_by(fit, one, wider) for kind, one in others.items()}
+    # the first of them is the simplest
+    kind = next(kind for kind, one in left_by.items() if one <= EXCESS * min(left_by.values()))
+    size, leaves = relative_misfit(fit), left_by[kind]
+    if not leaves < min((1 - TAKEN) * size, left):
         return []
-    kind, best = min(more.items(), key=lambda item: item[1].regression.noise)
-    whole, size = relative_misfit(without), relative_misfit(fit)
-    if not whole > 0:
-        # the trial follows no point
-        return []
-    taken = relative_misfit(best) < (1 - TAKEN) * whole
-    leaves = size * relative_misfit(best) / whole
-    pairs = best.problem.observed.points.pairs(best.regression.used)
-    if not (taken or not is_systematic(best.regression.residual, pairs)) or leaves > left:
-        return []
-    of_law = slice(problem.count)
-    change = best.regression.parameters[of_law] - without.regression.parameters[of_law]
-    stated, own = (np.sqrt(np.diag(found.regression.covariance))[of_law] for found in (fit, best))
-    times = np.abs(change) / np.fmax(stated * wider[of_law], own)
-    share = change / fit.regression.parameters[of_law]
+    change = others[kind].shift[of_law]
+    # halves that the same background sets apart widen the errors, and are no reason against it
+    times = np.abs(change) / np.sqrt(np.diag(found.covariance))[of_law]
+    share = change / found.parameters[of_law]
     clear = (times > ERRORS) & (np.abs(share) > SAME_NUMBER)
     if not clear.any():
         return []
     worst = int(np.argmax(np.where(clear, np.abs(share), 0.0)))
     numbers = quantities(misfit=size, left=leaves, moved=share[worst], times=times[worst])
-    name = (*problem.law.parameters, "m")[worst]
+    name = (*fit.problem.law.parameters, "m")[worst]
     return [Finding("background-missing", "doubt", name, numbers, {"kind": kind})]
 
 
-def _offset_proposal(fit: Fit, trials: dict[str, Fit]) -> list[Finding]:
+def _left_by(fit: Fit, other: Alternative, wider: Array) -> float:
+    """Relative misfit that an alternative leaves."""
+    return relative_misfit(fit) * float(
+        np.sqrt(max(1 - other.gain * np.median(wider) ** 2 / fit.regression.freedom, 0.0))
+    )
+
+
+def _offset_proposal(fit: Fit, others: Mapping[str, Alternative], wider: Array) -> list[Finding]:
     """Whether an offset takes up most of the misfit, more than terms proportional to the force."""
     own = fit.problem.observed.kind
-    if own.endswith(OFFSET):
+    kind = ("phase" if own == "none" else own) + OFFSET
+    if kind not in others:
         return []
-    (kind,) = (kind for kind in trials if kind.endswith(OFFSET))
-    left = {kind: relative_misfit(trial) for kind, trial in trials.items()}
-    if not left[kind] < (1 - TAKEN) * min(left[own], left["residuals"]):
+    size, left = relative_misfit(fit), _left_by(fit, others[kind], wider)
+    without = _left_by(fit, others["residuals"], wider) if "residuals" in others else size
+    if not left < (1 - TAKEN) * without:
         return []
-    size = relative_misfit(fit)
-    numbers = quantities(misfit=size, left=size * left[kind] / left[own])
+    numbers = quantities(misfit=size, left=left)
     return [Finding("background-possible", "info", numbers=numbers, names={"kind": kind})]
 
 

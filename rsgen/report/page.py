@@ -36,6 +36,7 @@ from rsgen.report.interpretation import describe_elements, mean_finding
 from rsgen.report.page_tables import (
     NO_MODAL,
     Modal,
+    alternative_table,
     background_table,
     estimate_table,
     held_out_table,
@@ -244,6 +245,7 @@ def _verdict_context(
         "mark": MARKED.get(verdict.state, ""),
         "outcome": full_sentence(identification.outcome),
         "verdict_table": verdict_table(comparison),
+        "alternative_table": alternative_table(identification),
         "meaning": list(describe_elements(subject.elements, identification).items()),
         "warnings": warnings,
         "other_warnings": [text for text in warnings if text not in stated["sentences"]],

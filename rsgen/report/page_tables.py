@@ -320,6 +320,29 @@ def background_table(identification: Identification) -> Table | None:
     )
 
 
+_ALTERNATIVES = {"term": "a law with {} as well", "background": "{} as background", "halves": "{}, apart"}
+
+
+def alternative_table(identification: Identification) -> Table | None:
+    """List what alternatives to the fit move; None where none was asked for."""
+    others = identification.alternatives
+    rows = tuple(
+        TableRow(
+            (
+                _ALTERNATIVES[kind].format(name),
+                _number(math.sqrt(one.gain), 2),
+                *(_number(shift, 2) for shift in others.shifts(one).values()),
+            )
+        )
+        for kind, name, one in others
+    )
+    caption = (
+        "What alternatives would move, in standard errors by noise alone; intervals hold the largest of "
+        "those that stand out by two"
+    )
+    return Table(caption, ("Alternative", "Stands out by", *others.known), rows) if rows else None
+
+
 def ranking_table(identification: Identification) -> Table | None:
     """List the laws compared; None where none were."""
     if identification.ranking is None:

@@ -15,7 +15,7 @@ from rsgen.data.surface import ResponseSurface
 from rsgen.files import read_measurement
 from rsgen.identification.fitting.repeats import Repeats, gather_repeats
 from rsgen.identification.identify import identify
-from rsgen.identification.results.estimates import Agreement
+from rsgen.identification.judge import prepare
 from rsgen.law.element import make_element
 from tests.surfaces import changed, model, noisy, surface, truth
 
@@ -168,7 +168,7 @@ def test_a_wrong_law_is_not_taken_for_noise(cubic):
 
 @pytest.mark.slow
 def test_the_beam_with_fifty_readings_a_point(
-    measured_data: Callable[[str], Path], monkeypatch: pytest.MonkeyPatch
+    measured_data: Callable[[str], Path],
 ):
     case = load_case(Path(__file__).parents[1] / "cases" / "nlbeam.toml", data=measured_data("nlbeam").parent)
     table = read_measurement(case.test)
@@ -180,10 +180,16 @@ def test_the_beam_with_fifty_readings_a_point(
     assert "not-calibrated" in {finding.code for finding in whole.findings}
     assert "intervals-widened" in {finding.code for finding in whole.findings}
     # the errors of doing the test again, before the misfit of the law widens them
-    monkeypatch.setattr(Agreement, "widen", lambda _, found: found)
-    parts = [identify(table.select(np.arange(len(table)) % 5 == k), asked) for k in range(5)]
-    spread = np.std([[e.value for e in part.refined] for part in parts], axis=0, ddof=1)
-    quoted = np.median([[e.standard_error for e in part.refined] for part in parts], axis=0)
+    parts, quoted = [], []
+    for k in range(5):
+        part = table.select(np.arange(len(table)) % 5 == k)
+        test, found = prepare(part, asked), identify(part, asked)
+        assert test.repeats is not None
+        assert found.fit is not None
+        covariance, _ = test.repeats.covariance(test.points.index, found.fit.regression.influence)
+        parts.append([e.value for e in found.refined])
+        quoted.append(np.sqrt(np.diag(covariance))[: len(found.refined)])
+    spread, quoted = np.std(parts, axis=0, ddof=1), np.median(quoted, axis=0)
     # five numbers give a spread within a factor of two; readings in a row drift, which subsets share
     assert np.all(spread < 2 * quoted)
     assert np.all(spread > quoted / 5)

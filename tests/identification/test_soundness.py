@@ -13,8 +13,6 @@ from rsgen.data.surface import ResponseSurface
 from rsgen.dynamics.simulation import simulate
 from rsgen.dynamics.virtual_test import MultisineTest, SimulatedTest
 from rsgen.formula import parse
-from rsgen.identification import misfit
-from rsgen.identification.fitting.fit import Fit
 from rsgen.identification.fitting.points import Points
 from rsgen.identification.identify import identify
 from rsgen.identification.results import Estimate
@@ -450,17 +448,3 @@ def test_a_given_mass_that_the_points_contradict_is_doubted(factor: float, expec
     assert severity(found, "fixed-contradicted") == expected
     if expected:
         assert found["fixed-contradicted"]["fitted"] == pytest.approx(MASS, rel=2e-3)
-
-
-@pytest.mark.slow
-def test_a_trial_that_follows_no_point_is_no_missing_background(
-    table: ResponseSurface, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    try_them = misfit._with_backgrounds
-
-    def lost(fit: Fit) -> dict[str, Fit]:
-        trials, own = try_them(fit), fit.problem.observed.kind
-        return trials | {own: replace(trials[own], regression=replace(trials[own].regression, noise=0.0))}
-
-    monkeypatch.setattr(misfit, "_with_backgrounds", lost)
-    assert "background-missing" not in findings(table, "k*x + c*v")

@@ -27,7 +27,8 @@ def measured(law: str, values: dict[str, float], levels: list[float], seed: int 
 def gains(law: str, surface: rs.ResponseSurface) -> dict[str, float]:
     """Gains of all terms beside a law."""
     problem, start = start_fit(prepare(surface, join_model(law, None, None)).problem)
-    return {term: one.gain for term, one in terms_beside(fit_all_harmonics(problem, start)).items()}
+    fit = fit_all_harmonics(problem, start)
+    return {term: one.gain for term, one in terms_beside(fit, fit.regression.noise).items()}
 
 
 def test_a_damper_that_resembles_another_is_in_the_interval() -> None:

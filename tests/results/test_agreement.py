@@ -10,7 +10,8 @@ from rsgen.data.oscillator import Model
 from rsgen.data.surface import ResponseSurface
 from rsgen.identification.fitting.least_squares import Linearisation, Regression, fit
 from rsgen.identification.identify import identify
-from rsgen.identification.results.estimates import compare_parts, jackknife
+from rsgen.identification.lines.line_fit import jackknife
+from rsgen.identification.results.estimates import compare_parts
 from tests.surfaces import model, noisy, surface
 
 NOISE = 0.01
@@ -112,16 +113,52 @@ def test_one_step_agrees_with_levels_really_identified_apart(law: str, apart: bo
         assert z < 4
 
 
+def test_halves_of_one_law_differ_by_noise_and_widen_nothing(data: tuple[np.ndarray, ...]) -> None:
+    x, _, group = data
+    generator, said = np.random.default_rng(7), 0
+    for _ in range(200):
+        found = compare_parts(line_through(x, 2 + 3 * x + generator.normal(size=40)), group < 2)
+        assert found is not None
+        said += found.spread.gain > 0
+        assert found.spread.shift.any() == (found.spread.gain > 0)
+    # each of two directions by chance once in twenty
+    assert said / 200 == pytest.approx(0.0975, abs=0.06)
+
+
+def test_what_halves_differ_by_is_their_distance_from_the_whole(data: tuple[np.ndarray, ...]) -> None:
+    x, y, group = data
+    part = group % 2 == 0
+    y = y + 5 * part
+    whole, here, there = line_through(x, y), line_through(x[part], y[part]), line_through(x[~part], y[~part])
+    found = compare_parts(whole, part)
+    assert found is not None
+    # of a mean, with the shares s and 1 - s of the points, it is sqrt(s (1 - s)) of the difference
+    assert found.spread.gain > 25
+    share = part.mean()
+    middle = np.array([1, x.mean()])
+    apart = middle @ (here.parameters - there.parameters)
+    assert abs(middle @ found.spread.shift) == pytest.approx(
+        np.sqrt(share * (1 - share)) * abs(apart), rel=0.1
+    )
+
+
 @pytest.mark.slow
-def test_widened_intervals_rest_on_the_number_of_levels() -> None:
+def test_intervals_of_a_wrong_law_hold_what_halves_say() -> None:
     table = noisy(surface("combined"), NOISE, 4)
-    found = identify(table, "k*x + kn*x**3 + c*v")
-    widths = [
-        (each.interval[1] - each.interval[0]) / (2 * each.standard_error)
-        for each in found
-        if each.identifiable
-    ]
-    # Student's t of six levels
-    assert widths == pytest.approx([2.5706] * len(widths), abs=1e-3)
-    plain = identify(table, model("combined"))
-    assert all((e.interval[1] - e.interval[0]) / (2 * e.standard_error) < 2 for e in plain)
+    asked = Model("k*x + kn*x**3 + c*v")
+    found, plain = identify(table, asked), identify(table, model("combined"))
+    rank = np.searchsorted(table.levels, table.level)
+    for rows in (rank % 2 == 0, rank < len(table.levels) // 2):
+        for half in (rows, ~rows):
+            apart = identify(table.select(half), asked)
+            for name in ("k", "kn", "c"):
+                low, high = found[name].interval
+                assert apart[name].interval[0] < high
+                assert apart[name].interval[1] > low
+    assert found.fit is not None
+    assert plain.fit is not None
+    stated, noise = (np.sqrt(np.diag(one)) for one in (found.covariance, found.fit.solution.covariance))
+    assert np.all(stated > 2 * noise)
+    # of a law that leaves noise they cost nothing
+    stated, noise = (np.sqrt(np.diag(one)) for one in (plain.covariance, plain.fit.solution.covariance))
+    assert np.all(stated < 1.5 * noise)

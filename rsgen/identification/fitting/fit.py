@@ -231,11 +231,12 @@ def linearise_beside(fit: Fit, problem: Problem, parameters: Array, *, order: in
     eliminated.
     """
     observed = problem.observed
-    mode = observed.mode(fit.background)
+    background = problem.split(parameters)[2]
+    mode = observed.mode(background)
     # a term of value zero moves nothing: the balance begins where that of the fit ended
     phase, solved = np.angle(mode.harmonics[:, 1]), np.isfinite(fit.harmonics).all(axis=1, keepdims=True)
     near = Motion(mode.omega, np.where(solved, fit.harmonics, 0.0)).turned(phase)
-    turn = observed.background.turn(fit.background)
+    turn = observed.background.turn(background)
     order, compared = (order, order) if order else (min(fit.order, ORDER), ORDER)
     forward = _forward(problem, mode, order, turn, near, compared)
     if fit.problem.law.switched:

@@ -44,10 +44,10 @@ from rsgen.identification.lines.line_fit import (
     times_noise,
 )
 from rsgen.identification.results import EquivalentCurve, Estimate, Identification, Resonance, units_of
+from rsgen.identification.results.alternatives import Alternatives
 from rsgen.identification.results.estimates import (
     damping_findings,
     fixed_contradicted,
-    law_ambiguity,
     make_estimates,
     parameter_findings,
     with_combinations,
@@ -121,7 +121,8 @@ def _judge(spectra: MultisineSpectra, model: Model, fit: LineFit) -> MultisineId
     names = (*law.parameters, "m")
     terms = terms_beside(fit)
     misfit = relative_to_force(lines, np.abs(fit.balance.residual) ** 2)
-    ratio, ambiguous = law_ambiguity(terms, names, fit.parameters, statistical, misfit)
+    others = Alternatives(names, np.sqrt(np.diag(statistical)), {"term": terms})
+    ratio, ambiguous = others.judge(fit.parameters, misfit)
     covariance = statistical * np.outer(ratio, ratio)
     noise = relative_to_force(lines, fit.noise.variance)
     amplitudes = np.sqrt(2) * part.rms_response()
@@ -180,6 +181,7 @@ def _judge(spectra: MultisineSpectra, model: Model, fit: LineFit) -> MultisineId
         outcome=_outcome(lines, estimates, misfit),
         findings=tuple(findings),
         solution=fit.values,
+        alternatives=others,
         spectra=spectra,
         approximations=approximations,
         used=frozen_array(lines.used, np.bool_),

@@ -37,11 +37,13 @@ from rsgen.identification.fitting.least_squares import (
 )
 from rsgen.identification.fitting.observed import MISSING_TERMS, with_coefficients
 from rsgen.identification.lines.line_balance import Balance, Lines, NoiseOfBalance
-from rsgen.identification.results.estimates import jackknife
 from rsgen.identification.starting.search import search_values
 from rsgen.law.motion import Motion
 from rsgen.law.numeric import DECADES, ForceLaw, compile_law, natural_sizes
 
+_ALONE = 1e-3
+"""Information on a direction outside a group below which that group is not left out: hardly any would be
+left."""
 _BESIDE = 20
 """Lines to each side over which the power of the misfit is averaged: forty-one make it known to a quarter."""
 _DIGITS = 1e-26
@@ -198,6 +200,27 @@ def blocks_left_out(fit: LineFit) -> Array:
     # without what the correction for noise in the slopes leaves in the equations of all lines
     rest = _beside_parameters(found, found.residual)
     return jackknife(replace(found, residual=rest), parts_of_band(fit.lines))
+
+
+def jackknife(whole: Regression, group: NDArray[np.intp]) -> Array:
+    """Covariance (q, q) of the parameters from leaving out one group (n,) of the points after the other,
+    exactly where the points are linear: errors where the points are not independent (Cameron and Miller,
+    J. Human Resources 50, 2015, the cluster-robust CR3).
+    """
+    basis, rows, residual = whole.basis, whole.rows[whole.used], whole.residual[whole.used]
+    group = group[whole.used]
+    numbers = np.unique(group)
+    unit = np.eye(basis.shape[1])
+    total = np.zeros_like(unit)
+    for number in numbers:
+        own, left_over = rows[group == number], residual[group == number]
+        left, across = np.linalg.eigh(unit - np.tensordot(own, own, ([0, 1], [0, 1])))
+        kept = left > _ALONE
+        score = across[:, kept].T @ np.einsum("nmr,nm->r", own, left_over)
+        moved = across[:, kept] @ (score / left[kept])
+        total += np.outer(moved, moved)
+    total *= (len(numbers) - 1) / max(len(numbers), 1)
+    return np.asarray(basis @ total @ basis.T)
 
 
 def _beside_parameters(found: Regression, signal: Array) -> Array:

@@ -1,11 +1,9 @@
 """From a fit to values with intervals and units, why some have none, and whether the parts of a test agree.
 
-A part is identified apart by one Gauss-Newton step from the solution of the whole, with the rows of the fit.
-In the coordinates of ``Regression.basis`` the whole has unit information, so that a part and the rest, I and
+A half is identified apart by one Gauss-Newton step from the solution of the whole, with the rows of the fit.
+In the coordinates of ``Regression.basis`` the whole has unit information, so that a half and the rest, I and
 1 - I, have the same independent directions, and the difference of their estimates along each is a test of its
-own (Chow, Econometrica 28, 1960, as a score test). Where parts disagree, errors that count every point as
-independent are too small; those of a block jackknife are not (Cameron and Miller, J. Human Resources 50,
-2015, the cluster-robust CR3).
+own (Chow, Econometrica 28, 1960, as a score test).
 """
 
 from __future__ import annotations
@@ -18,20 +16,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rsgen.common.arrays import Array
-from rsgen.common.finding import Finding, Quantity, Severity, quantities
+from rsgen.common.finding import Finding, Quantity, quantities
 from rsgen.common.tolerances import (
-    CHANCE,
     CONFIDENCE,
-    ERRORS,
-    GROUPS,
     LARGE,
-    NOISY,
     NORMAL,
-    NOTICEABLE,
     NULL_PART,
     ROUND_OFF,
     SAME_NUMBER,
-    SEVERAL,
     f_tail,
     samples_for,
     t_quantile,
@@ -42,6 +34,7 @@ from rsgen.identification.fitting.fit import Solution
 from rsgen.identification.fitting.least_squares import Alternative, Regression
 from rsgen.identification.fitting.observed import Observed
 from rsgen.identification.fitting.points import Points
+from rsgen.identification.results.alternatives import spread_between
 from rsgen.identification.results.result import Background, Estimate, units_of
 from rsgen.law.identifiable import combinations_of
 from rsgen.law.motion import Motion
@@ -247,21 +240,17 @@ def with_combinations(reasons: Mapping[str, Finding | None], model: Model) -> di
 
 
 # ----------------------------------------------------------------------------
-# Whether misfits have a pattern, and the parts agree: levels, runs and stretches of frequency.
+# What a test says otherwise, by a half of it or beside another law, and what that does to the errors.
 
 _BY_CHANCE = 1e-5
-"""Probability that parts of one law seem to disagree: one false alarm in a hundred thousand tests."""
+"""Probability that halves of one law seem to disagree: one false alarm in a hundred thousand tests."""
 
 _BOTH = 0.05
-"""Share of the information on a direction that each part must have: what one part has nearly alone, or
+"""Share of the information on a direction that each half must have: what one half has nearly alone, or
 hardly at all, is not compared."""
 
-_ALONE = 1e-3
-"""Information on a direction outside a group below which that group is not left out: hardly any would be
-left."""
-
 _SLIGHT = 3e-4
-"""Parts whose predictions differ by less, relative, change no engineering number."""
+"""Halves whose predictions differ by less, relative, change no engineering number."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -276,12 +265,16 @@ class Difference:
         Root mean square difference of their predictions, in the unit of the residuals.
     moved, error
         (q,) difference of each parameter and its standard error.
+    spread
+        By how much both are off the whole, weighted by their information, along directions in which they
+        differ by more than noise; its own noise is that of the whole.
     """
 
     chance: float
     size: float
     moved: Array
     error: Array
+    spread: Alternative
 
     def z(self, wider: Array | float = 1.0) -> float:
         """Largest difference of a parameter in standard errors, these widened by factors (q,)."""
@@ -305,211 +298,106 @@ def compare_parts(whole: Regression, part: NDArray[np.bool_]) -> Difference | No
     apart = (across.T @ score) / share - (across.T @ rest) / (1 - share)
     variance = 1 / share + 1 / (1 - share)
     noise, directions = max(whole.noise, 1e-300), len(share)
-    test = float(np.sum(apart**2 / variance)) / noise**2 / directions
+    squares = apart**2 / variance / noise**2
     count = max(int(np.count_nonzero(whole.used)), 1)
     step = whole.basis @ across
+    clear = squares > NORMAL**2
+    off = step @ np.where(clear, apart / np.sqrt(variance), 0.0)
     return Difference(
-        f_tail(directions, whole.freedom, test),
+        f_tail(directions, whole.freedom, float(np.sum(squares)) / directions),
         float(np.sqrt(np.sum(apart**2) / count)),
         step @ apart,
         noise * np.sqrt(step**2 @ variance),
+        Alternative(float(np.sqrt(np.sum(squares[clear]))), 1.0, off),
     )
 
 
-def jackknife(whole: Regression, group: NDArray[np.intp]) -> Array:
-    """Covariance (q, q) of the parameters from leaving out one group (n,) of the points after the other,
-    exactly where the points are linear.
-    """
-    basis, rows, residual = whole.basis, whole.rows[whole.used], whole.residual[whole.used]
-    group = group[whole.used]
-    numbers = np.unique(group)
-    unit = np.eye(basis.shape[1])
-    total = np.zeros_like(unit)
-    for number in numbers:
-        own, left_over = rows[group == number], residual[group == number]
-        left, across = np.linalg.eigh(unit - np.tensordot(own, own, ([0, 1], [0, 1])))
-        kept = left > _ALONE
-        score = across[:, kept].T @ np.einsum("nmr,nm->r", own, left_over)
-        moved = across[:, kept] @ (score / left[kept])
-        total += np.outer(moved, moved)
-    total *= (len(numbers) - 1) / max(len(numbers), 1)
-    return np.asarray(basis @ total @ basis.T)
-
-
-def _times(spread: Array, variance: Array) -> Array:
-    """(q,) factor, at least 1, from a standard error to a larger one; 1 where either is not known."""
-    with np.errstate(all="ignore"):
-        times: Array = np.nan_to_num(np.sqrt(spread / variance), nan=1.0, posinf=1.0)
-    return np.maximum(times, 1.0)
-
-
-def _levels(points: Points) -> NDArray[np.intp]:
-    """(n,) number of the level of each point, ascending."""
-    return np.unique(points.level, return_inverse=True)[1]
-
-
-def _runs(points: Points) -> NDArray[np.intp]:
-    """(n,) number of the run of each point."""
-    number = np.empty(len(points), dtype=np.intp)
-    for run, rows in enumerate(points.runs):
-        number[rows] = run
-    return number
-
-
-def _stretches(points: Points) -> NDArray[np.intp]:
-    """(n,) number of the stretch of frequency of each point, of all runs together at least ``GROUPS``."""
-    runs = points.runs
-    each = -(-GROUPS // len(runs))
-    stretch = np.empty(len(points), dtype=np.intp)
-    for run, rows in enumerate(runs):
-        stretch[rows] = run * each + np.arange(len(rows)) * each // len(rows)
-    return stretch
-
-
-def _splits(points: Points) -> dict[str, NDArray[np.bool_]]:
-    """Ways to cut the test in two: by levels, of one level by runs or stretches of frequency."""
-    for name, groups in {
-        "levels": _levels(points),
-        "runs": _runs(points),
-        "stretches": _stretches(points),
-    }.items():
-        count = int(groups.max()) + 1
-        if count > 1:
-            parts = {f"alternate-{name}": groups % 2 == 0}
-            if count > 2 and name == "levels":
-                parts["lower-and-upper-levels"] = groups < count // 2
-            return parts
-    return {}
+def halves_of(points: Points) -> dict[str, NDArray[np.bool_]]:
+    """Cut a test in two: by level, by time, and by side of the resonance; (n,) of one half by name."""
+    level = np.unique(points.level, return_inverse=True)[1]
+    count, halves = int(level.max()) + 1, dict[str, NDArray[np.bool_]]()
+    if count > 1:
+        halves["alternate levels"] = level % 2 == 0
+    if count > 2:
+        halves["lower and upper levels"] = level < count // 2
+    along = points.amplitude if points.in_quadrature.all() else points.omega
+    again, side, before = np.zeros(len(points), dtype=bool), np.zeros(len(points), dtype=bool), -1
+    for number, rows in enumerate(points.runs):
+        # of points at resonance the small motions are the late ones of a decay
+        peak = (
+            np.median(along[rows])
+            if along is points.amplitude
+            else along[rows[points.amplitude[rows].argmax()]]
+        )
+        side[rows] = along[rows] < peak
+        again[rows] = number % 2 if level[rows[0]] == before else 0
+        before = level[rows[0]]
+    halves["first and later sweeps"] = again
+    halves["sides of the resonance" if along is points.omega else "small and large motions"] = side
+    return halves
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Agreement:
-    """How the parts of a test agree, and what follows for the errors.
+    """How halves of a test agree, and what follows for the errors.
 
     Parameters
     ----------
     wider
         (q,) factor, at least 1, by which standard errors of all parameters of the fit grow.
-    freedom
-        Degrees of freedom of the intervals.
+    halves
+        What each pair of halves says; none where the misfit is noise.
     findings
         What disagrees.
     """
 
     wider: Array
-    freedom: int
+    halves: Mapping[str, Alternative]
     findings: tuple[Finding, ...] = ()
+
+    @property
+    def typical(self) -> float:
+        """Factor by which half of the errors grow at most: that of the noise beside alternatives."""
+        return float(np.median(self.wider))
 
     @classmethod
     def of(cls, whole: Regression, points: Points, covariance: Array, *, misfits: bool) -> Agreement:
-        """Compare the parts of a test.
+        """Compare the halves of a test.
 
         Parameters
         ----------
         whole, points
             A fit, and the points it was made of.
         covariance
-            (q, q) of its parameters, as it would be reported: that of the fit, or from the scatter of
-            repeats. It is never left smaller than that of the fit.
+            (q, q) of its parameters, as it would be reported.
         misfits
-            Whether the misfit is the law's, not noise: then errors are widened although parts agree.
+            Whether the misfit is the law's, not noise: then halves that differ widen the errors.
         """
-        # what readings of a point share does not show in their scatter, but does in what the law leaves
-        shared = _times(np.diag(whole.covariance), np.diag(covariance))
-        same = cls(shared, whole.freedom)
-        splits = _splits(points)
-        parts = {name: compare_parts(whole, part & whole.used) for name, part in splits.items()}
+        cuts = halves_of(points)
+        found = {name: compare_parts(whole, half & whole.used) for name, half in cuts.items()}
+        known = {name: one for name, one in found.items() if one is not None}
         apart = {
-            name: part
-            for name, part in parts.items()
-            if part is not None and part.size > _SLIGHT and part.chance < _BY_CHANCE / len(splits)
+            name: one
+            for name, one in known.items()
+            if one.size > _SLIGHT and one.chance < _BY_CHANCE / len(known)
         }
         if not (apart or misfits):
-            return same
-        levels = _levels(points)
-        enough = len(np.unique(levels[whole.used])) >= SEVERAL
-        group = levels if enough else _stretches(points)
-        freedom = len(np.unique(group[whole.used])) - 1
-        if freedom < 1:
-            return same
-        spread = np.diag(jackknife(whole, group))
-        wider = np.maximum(_times(spread, np.diag(covariance)), shared)
-        # the parts are compared by the errors of independent points
-        times = _times(spread, np.sum(whole.basis**2, axis=1) * whole.noise**2)
-        interval = t_quantile(freedom, CONFIDENCE) / t_quantile(max(whole.freedom, 1), CONFIDENCE)
-        found = [
-            Finding(
-                "intervals-widened",
-                "warning",
-                numbers=quantities(groups=freedom + 1, wider=float(np.median(wider[whole.free]) * interval)),
-                names={"by": "levels" if enough else "stretches"},
-            )
-        ]
-        if apart:
-            name, worst = max(apart.items(), key=lambda item: item[1].z())
-            held = max(part.z(times * interval) for part in apart.values())
-            size = max(part.size for part in apart.values())
-            found.append(
-                Finding(
-                    "parts-disagree",
-                    "doubt" if size > SAME_NUMBER else "warning",
-                    numbers=quantities(z=worst.z(), after=held, size=size),
-                    names={"parts": name.replace("-", " ")},
-                )
-            )
-        return cls(wider, freedom, tuple(found))
+            return cls(np.ones(len(covariance)), {})
+        halves = {name: one.spread for name, one in known.items()}
+        wider = spread_between(halves.values(), whole.parameters, np.sqrt(np.diag(covariance)))
+        if not apart:
+            return cls(wider, halves)
+        name, worst = max(apart.items(), key=lambda item: item[1].z())
+        size = max(one.size for one in apart.values())
+        finding = Finding(
+            "parts-disagree",
+            "doubt" if size > SAME_NUMBER else "warning",
+            numbers=quantities(z=worst.z(), size=size),
+            names={"parts": name},
+        )
+        return cls(wider, halves, (finding,))
 
     def widen(self, found: Regression) -> Regression:
         """Widen the errors of all parameters of a fit, or of the first ones."""
         wider = self.wider[: len(found.covariance)]
-        covariance = found.covariance * np.outer(wider, wider)
-        return replace(found, covariance=covariance, freedom=self.freedom)
-
-
-def law_ambiguity(
-    others: Mapping[str, Alternative],
-    names: Sequence[str],
-    values: Array,
-    covariance: Array,
-    misfit: float,
-) -> tuple[Array, list[Finding]]:
-    """Widen errors by what terms that the law may lack would move, where the test calls for them.
-
-    An interval that rests on one law says nothing of the choice of the law. Where the points rather want a
-    term beside it than not, the variance is that of the noise and the square of the shift: what alternatives
-    differ by (Buckland, Burnham and Augustin, Biometrics 53, 1997). What is said is of a term that stands out
-    of the noise.
-
-    Parameters
-    ----------
-    others
-        Terms beside the law, each fitted to first order.
-    names, values, covariance
-        (q,), (q,) and (q, q) of the parameters.
-    misfit
-        Relative, of the law [1]: corners and transients leave some, of which no value is doubted.
-
-    Returns
-    -------
-    ratio, findings
-        (q,) by which standard errors grow, and what is said of the term that stands out most.
-    """
-    spread, count = np.sqrt(np.diag(covariance)), len(values)
-    likely = [np.abs(one.shift[:count]) for one in others.values() if one.gain > NORMAL**2]
-    if not likely or not np.isfinite(spread).any():
-        return np.ones(count), []
-    known = np.isfinite(spread) & (spread > 0)
-    # of exact data the misfit is that of waveforms, and so is what terms move
-    moved = np.max(likely, axis=0)
-    known &= moved > NOISY * np.abs(values)
-    ratio = np.where(known, np.hypot(1, moved / np.where(known, spread, 1.0)), 1.0)
-    term, best = max(others.items(), key=lambda item: item[1].gain)
-    shift = best.shift[:count]
-    share = np.where(known & (np.abs(shift) > ERRORS * spread), shift / values, 0.0)
-    worst = int(np.argmax(np.abs(share)))
-    if not share[worst] or best.gain < CHANCE**2:
-        return ratio, []
-    doubted = abs(share[worst]) > LARGE and misfit > NOTICEABLE
-    severity: Severity = "doubt" if doubted else "warning"
-    numbers = quantities(errors=np.sqrt(best.gain), moved=share[worst])
-    return ratio, [Finding("law-ambiguous", severity, names[worst], numbers, {"term": term})]
+        return replace(found, covariance=found.covariance * np.outer(wider, wider))

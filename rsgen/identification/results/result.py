@@ -21,6 +21,7 @@ from rsgen.dynamics.linear_part import BackgroundTerms, background_terms
 from rsgen.formula.units import parameter_units
 from rsgen.formula.units.quantities import WHOLE, ForceUnits
 from rsgen.identification.fitting.fit import Fit
+from rsgen.identification.results.alternatives import Alternatives
 from rsgen.law.memory import with_equations
 
 
@@ -289,6 +290,8 @@ class Identification(Printed):
     held_out
         Scores of levels that were held out: a ``HeldOutLevel`` a level and sweep, of a multisine a
         ``PredictedRecord`` a record; ``error`` is the relative error of the predicted response.
+    alternatives
+        What terms beside the law, other backgrounds and halves of the test would move; the intervals hold it.
     """
 
     model: Model
@@ -311,6 +314,7 @@ class Identification(Printed):
     solution: NDArray[np.float64] = field(default_factory=lambda: np.zeros(0))
     background: Background | None = None
     held_out: tuple[Any, ...] = ()
+    alternatives: Alternatives = field(default_factory=Alternatives)
     fit: Fit | None = None
 
     def __post_init__(self) -> None:

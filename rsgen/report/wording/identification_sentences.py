@@ -37,10 +37,6 @@ say_plainly(
             "{parameter}: an even force changes the fundamental only by the square of its size, and the test "
             "is fitted as well without it; record the mean or the second harmonic"
         ),
-        "law-ambiguous": (
-            "a term {term} beside the law stands out of the noise by {errors:.2g} standard errors, and would "
-            "move {parameter} by {moved:.2p}; the intervals hold what such terms move"
-        ),
         "even-force-missing": (
             "the mean and the even harmonics that were recorded contradict a law that is the same on both "
             "sides: a force {term} stands out of their noise by {errors:.2g} standard errors, and is "
@@ -81,9 +77,8 @@ say_plainly(
             "would hide an error of the law"
         ),
         "intervals-widened": (
-            "the misfit is not random noise, so the intervals come from leaving out each of {groups:.0f} "
-            "{by} of the test in turn (jackknife): they are typically {wider:.2g} times wider than noise "
-            "makes them"
+            "the misfit is not random noise, so the intervals hold what {by} would move, too: they are "
+            "typically {wider:.2g} times wider than noise makes them"
         ),
         "level-apart": (
             "level {level:.4q} misses the law by {misfit:.1%}, half of the levels by at most {typical:.1%}"
@@ -123,8 +118,8 @@ NEXT_STEPS.update(
             "and response; or leave the value out, so that it is identified."
         ),
         "law-ambiguous": (
-            "Identify with the term as well, and with others in its place (rsgen rank); more levels, and "
-            "higher ones, tell them apart."
+            "Identify with the term or background as well, and others in its place (rsgen rank), or the "
+            "halves apart, and compare (rs.compare_fits); more levels, and higher ones, tell them apart."
         ),
         "even-force-missing": (
             "Add an even term to the law, such as k2*x**2, or a stop on one side; where the sensor has an "
@@ -314,6 +309,25 @@ def _(found: Finding) -> str:
         )
     return (
         f"the law does not fit: the misfit of {found['misfit']:.1%} is systematic, not noise{times}{missing}"
+    )
+
+
+_BESIDE = {
+    "term": "a term {} beside the law",
+    "background": 'a background "{}"',
+    "halves": "the difference of {}, identified separately,",
+}
+
+
+@says("law-ambiguous")
+def _(found: Finding) -> str:
+    kinds = [text.format(found.names[kind]) for kind, text in _BESIDE.items() if kind in found.names]
+    (said, *_) = (*kinds, "another law")
+    left = ", and leave a tenth of the value open" if found.severity == "doubt" else ""
+    moved = number_text(100 * abs(found["moved"]), 2)
+    return (
+        f"{said} stands out of the noise by {found['errors']:.2g} standard errors, and "
+        f"moves {found.parameter} by {moved} %; the intervals hold what such alternatives move{left}"
     )
 
 
