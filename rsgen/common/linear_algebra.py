@@ -72,6 +72,12 @@ def _solve_free(matrix: Array, right: Array, sizes: Sequence[Array | float]) -> 
             matrix, norm = np.where(lost, 0.0, matrix), np.where(lost, 0.0, norm)
     scale = np.where(norm > 0, norm, 1.0)
     triangle = _triangle(matrix, scale, right)
+    square = triangle[:count, :count]
+    if len(triangle) > count and np.all(np.diagonal(square)):
+        inverse = np.linalg.inv(square)
+        # norms of Frobenius: no singular value is as small, relative to the largest
+        if np.linalg.norm(inverse) * np.linalg.norm(square) < 1 / _NULL:
+            return (inverse @ triangle[:count, count]) / scale, inverse / scale[:, None], np.zeros((count, 0))
     parts = np.linalg.svd(triangle[:, :count], full_matrices=False)
     left, singular, across = (np.asarray(part) for part in parts)
     regular = singular > _NULL * np.max(singular, initial=1e-300)

@@ -134,11 +134,13 @@ def fit_mode(
         Powers of the frequency with which the damping force grows at constant amplitude, 1 of dampers.
     """
     rates = [motion.velocity * (1 if order == 1 else motion.omega ** (order - 1)) for order in orders]
-    curves = [shapes * part[:, None] for part in (motion.displacement, *rates)]
-    columns: ComplexArray = np.column_stack([*curves, motion.acceleration[:, None]])
-    columns = columns * weight[:, None]
-    right, known = force * weight, np.append(np.full(columns.shape[1] - 1, nan), mass)
-    values, errors, missing = _solve(columns, right, known)
+    factors = [factor * weight for factor in (motion.displacement, *rates, motion.acceleration)]
+    real, imaginary = (
+        np.column_stack([*(shapes * part[:, None] for part in parts[:-1]), parts[-1]])
+        for parts in ([factor.real for factor in factors], [factor.imag for factor in factors])
+    )
+    right, known = force * weight, np.append(np.full(real.shape[1] - 1, nan), mass)
+    values, errors, missing = _solve(real, imaginary, right, known)
     count = shapes.shape[1]
     return FreeMode(
         values,
@@ -146,21 +148,21 @@ def fit_mode(
         shapes @ values[count : 2 * count],
         float(values[-1]),
         float(errors[-1]),
-        right - columns @ values,
+        right - real @ values - 1j * (imaginary @ values),
         int(np.count_nonzero(np.isnan(known))),
         missing,
     )
 
 
-def _solve(columns: ComplexArray, right: ComplexArray, known: Array) -> tuple[Array, Array, int]:
+def _solve(real: Array, imaginary: Array, right: ComplexArray, known: Array) -> tuple[Array, Array, int]:
     """Real values (q,), their errors, and how many directions are not told; of what is apart, each alone.
 
     ``known`` (q,) are values that are given, NaN of the others.
     """
-    count, imaginary = columns.shape[1], np.any(columns.imag, axis=0)
-    parts = [(~imaginary, columns.real, right.real), (imaginary, columns.imag, right.imag)]
-    if np.any(columns.real[:, imaginary]):
-        matrix = np.concatenate([columns.real, columns.imag])
+    count, turned = real.shape[1], np.any(imaginary, axis=0)
+    parts = [(~turned, real, right.real), (turned, imaginary, right.imag)]
+    if np.any(real[:, turned]):
+        matrix = np.concatenate([real, imaginary])
         parts = [(np.ones(count, dtype=bool), matrix, np.concatenate([right.real, right.imag]))]
     values, errors, missing = np.zeros(count), np.zeros(count), 0
     for chosen, matrix, target in parts:
