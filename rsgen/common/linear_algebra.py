@@ -74,16 +74,17 @@ def _solve_free(matrix: Array, right: Array, sizes: Sequence[Array | float]) -> 
     triangle = _triangle(matrix, scale, right)
     square = triangle[:count, :count]
     if len(triangle) > count and np.all(np.diagonal(square)):
-        inverse = np.linalg.inv(square)
-        # norms of Frobenius: no singular value is as small, relative to the largest
-        if np.linalg.norm(inverse) * np.linalg.norm(square) < 1 / _NULL:
+        with np.errstate(all="ignore"):
+            inverse = np.linalg.inv(square)
+            # norms of Frobenius: no singular value is as small, relative to the largest
+            regular = np.linalg.norm(inverse) * np.linalg.norm(square) < 1 / _NULL
+        if regular:
             return (inverse @ triangle[:count, count]) / scale, inverse / scale[:, None], np.zeros((count, 0))
     parts = np.linalg.svd(triangle[:, :count], full_matrices=False)
     left, singular, across = (np.asarray(part) for part in parts)
-    regular = singular > _NULL * np.max(singular, initial=1e-300)
-    solution = across[regular].T @ ((left[:, regular].T @ triangle[:, count]) / singular[regular]) / scale
-    inverse = (across[regular].T / singular[regular]) / scale[:, None]
-    return solution, inverse, across[~regular].T
+    told = singular > _NULL * np.max(singular, initial=1e-300)
+    solution = across[told].T @ ((left[:, told].T @ triangle[:, count]) / singular[told]) / scale
+    return solution, (across[told].T / singular[told]) / scale[:, None], across[~told].T
 
 
 def _triangle(matrix: Array, scale: Array, right: Array) -> Array:

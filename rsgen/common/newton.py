@@ -100,8 +100,10 @@ def _shorten(
     halvings: int,
 ) -> NDArray[np.bool_]:
     """Halve steps in place until residuals do not grow; True where no part of a step serves."""
-    least = np.linalg.norm(residual, axis=1) * (1 + _ROUND_OFF)
-    worse = trying & (halvings > 0)
+    if not halvings:
+        return np.zeros(len(rows), dtype=bool)
+    least = _norm(residual) * (1 + _ROUND_OFF)
+    worse = np.array(trying)
     # at first with all rows: what is evaluated there serves the next step
     chosen = np.arange(len(rows)) if trying.any() else np.arange(0)
     for attempt in range(halvings):
@@ -110,9 +112,15 @@ def _shorten(
         if not len(chosen):
             break
         trial = equations.residual(rows[chosen], here[chosen] + move[chosen])
-        worse[chosen] &= ~(np.linalg.norm(trial, axis=1) <= least[chosen])
+        worse[chosen] &= ~(_norm(trial) <= least[chosen])
         chosen = np.flatnonzero(worse)
     return worse
+
+
+def _norm(residual: Array) -> Array:
+    # beyond the largest number it is infinite, as is every one that is larger
+    with np.errstate(over="ignore"):
+        return np.asarray(np.linalg.norm(residual, axis=1))
 
 
 def solve_each(matrix: Array, right: Array) -> Array:

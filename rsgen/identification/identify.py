@@ -40,7 +40,7 @@ _FEW_HARMONICS = 5
 
 _ACCURACIES = (1e-5, 1e-8)
 """Of the simulator inside the fit. The coarser is what a truncated waveform leaves of a law as soft as x|x|;
-the finer serves where the misfit turns out to be as small, but for memories, which settle slowly."""
+the finer serves where the misfit turns out to be as small."""
 
 _SAME_VALUE = 0.1
 """Standard errors that harmonics left out may move a value: the simulator is not asked for less."""
@@ -141,7 +141,7 @@ def _refit_with_simulator(balanced: Fit) -> Fit:
     if quick is not None:
         near = replace(balanced.regression, parameters=quick.regression.parameters)
         start = replace(balanced, regression=replace(near, noise=quick.regression.noise))
-        if quick.regression.noise < _RESOLVED * accuracy and not problem.law.remembers:
+        if quick.regression.noise < _RESOLVED * accuracy:
             accuracy = _ACCURACIES[1]
     whole = len(few) == len(balanced.force) and accuracy == _ACCURACIES[0]
     refitted = quick if whole else fit_simulator(problem, start, accuracy=accuracy)

@@ -8,9 +8,8 @@ import numpy as np
 import pytest
 
 import rsgen
-from rsgen.data.oscillator import Model, Oscillator
+from rsgen.data.oscillator import Model
 from rsgen.data.surface import ResponseSurface
-from rsgen.dynamics.simulation import SimulatedTest, simulate
 from rsgen.identification.fitting.fit import fit_balance, fit_simulator
 from rsgen.identification.fitting.observed import Observed, Problem
 from rsgen.identification.fitting.points import select_points
@@ -109,25 +108,6 @@ def test_a_law_that_runs_away_beyond_the_test_is_not_simulated(monkeypatch: pyte
     found = identify(surface, Model(law))
     assert found.verdict.state in ("doubtful", "rejected")
     assert "law-does-not-fit" in {finding.code for finding in found.findings}
-
-
-@pytest.mark.slow
-def test_a_memory_is_simulated_as_finely_as_its_steady_states_settle(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Exact data of a slider beside friction took fifty times as long as others, for the same values."""
-    module, asked = import_module("rsgen.identification.identify"), list[float]()
-
-    def watched(*fit: object, accuracy: float) -> object:
-        asked.append(accuracy)
-        return fit_simulator(*fit, accuracy=accuracy)
-
-    monkeypatch.setattr(module, "fit_simulator", watched)
-    truth = {"k": 6000.0, "c": 4.0, "kt": 1500.0, "Fs": 0.8, "m": 1.5}
-    law = "k*x + c*v + masing(Min(kt*x, Fs))"
-    test = SimulatedTest(level=[1.0, 2.0, 4.0], frequency=np.linspace(9.6, 11.5, 8))
-    values = {name: value for name, value in truth.items() if name != "m"}
-    found = identify(simulate(Oscillator(truth["m"], law, values), test), f"{law} + Ff*sign(v)")
-    assert asked == [1e-5]
-    assert max(abs(found[name].value / value - 1) for name, value in truth.items()) < 1e-3
 
 
 IWAN = (
