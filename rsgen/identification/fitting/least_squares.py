@@ -514,6 +514,9 @@ def alternatives(
 ) -> list[Alternative]:
     """Fit each of some columns beside all parameters, to first order from a solution.
 
+    Without readings errors are those of noise that is the same everywhere, or of noise as it is, whichever are
+    larger (H. White, Econometrica 48 (1980) 817).
+
     Parameters
     ----------
     residual, matrix
@@ -546,6 +549,9 @@ def alternatives(
             continue
         value = float(own @ residual - more + taken @ own_score) / size
         error = size**-0.5
+        if not len(readings):
+            # the noise of some rows is larger, as that of the small motions of a decay
+            error = max(error, float(np.linalg.norm(own * residual)) / size)
         if len(readings) > 1:
             moved = readings @ own / size
             error = max(error, float(np.sqrt(moved @ moved / (len(moved) * (len(moved) - 1)))))
