@@ -19,6 +19,7 @@ from rsgen.common.tolerances import (
     BLOCK,
     GAIN,
     HALVINGS,
+    NOISY,
     NULL_PART,
     OUTLIERS,
     ROUND_OFF,
@@ -356,7 +357,9 @@ def descend(
         least = max(rules.gain, UNCHANGED * right.size) if reached else rules.gain
         if realised < least or relative < ROUND_OFF:
             done = realised >= 0 or relative < 1e-6 or gain < 1.0
-            if done or reached or rules.steps <= _RETURN:
+            # of exact data what is left is of waveforms, and no valley
+            exact = reached or np.sqrt(np.mean(right**2)) < NOISY
+            if done or exact or rules.steps <= _RETURN:
                 return parameters, nuisance, line, done
             step = rules.move(parameters, change), nuisance + nuisance_change
             ahead = _across_bend(linearise, step, line, parameters, rules, good)
@@ -398,9 +401,8 @@ def _least_squares(matrix: Array, right: Array) -> Array:
     units, triangle = _orthonormal(matrix)
     solution = np.zeros((len(matrix), len(units)))
     for j in reversed(range(len(units))):
-        size = triangle[:, j, j]
         rest = _along(units[j], right) - _along(triangle[:, j, j + 1 :], solution[:, j + 1 :])
-        solution[:, j] = rest / np.where(size > 0, size, 1.0)
+        solution[:, j] = rest / np.where(triangle[:, j, j] > 0, triangle[:, j, j], 1.0)
     return solution
 
 
@@ -514,8 +516,7 @@ def alternatives(
 ) -> list[Alternative]:
     """Fit each of some columns beside all parameters, to first order from a solution.
 
-    Without readings errors are those of noise that is the same everywhere, or of noise as it is, whichever are
-    larger (H. White, Econometrica 48 (1980) 817).
+    Without readings the larger error counts, of equal noise or of noise as it is (White, Econometrica, 1980).
 
     Parameters
     ----------
@@ -550,9 +551,8 @@ def alternatives(
         value = float(own @ residual - more + taken @ own_score) / size
         error = size**-0.5
         if not len(readings):
-            # the noise of some rows is larger, as that of the small motions of a decay
             error = max(error, float(np.linalg.norm(own * residual)) / size)
-        if len(readings) > 1:
+        elif len(readings) > 1:
             moved = readings @ own / size
             error = max(error, float(np.sqrt(moved @ moved / (len(moved) * (len(moved) - 1)))))
         found.append(Alternative(value, error, -taken * value))
