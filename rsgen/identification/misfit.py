@@ -313,6 +313,11 @@ _POWERS = {"x**2": 2, "x**4": 4, "abs(x)": 1}
 made up of them; and the power of the amplitude that they go with."""
 
 
+def _is_symmetric(problem: Problem) -> bool:
+    """Whether the law is odd, along the response alone; its motions may be none."""
+    return law_with(problem).odd and not problem.law.acts_across
+
+
 def even_findings(fit: Fit) -> list[Finding]:
     """Find an even force that a symmetric law lacks, by the mean and the even harmonics that were recorded.
 
@@ -327,7 +332,7 @@ def even_findings(fit: Fit) -> list[Finding]:
     """
     problem = fit.problem
     # of motions that are not odd the problem says so, of its law that alone does
-    if problem.law.acts_across or not records_even(problem) or not law_with(problem).odd:
+    if not (records_even(problem) and _is_symmetric(problem)):
         return []
     chosen = problem.observed.points.spread(QUICK)
     chosen = chosen[fit.regression.used[chosen]]
@@ -399,7 +404,7 @@ def unseen_findings(fit: Fit, estimates: Sequence[Estimate]) -> list[Finding]:
     Nonlinear Oscillations, Wiley 1979, section 2.3): the stated k3 and its interval are of that.
     """
     problem = fit.problem
-    if problem.law.acts_across or records_even(problem) or not law_with(problem).odd:
+    if records_even(problem) or not _is_symmetric(problem):
         return []
     (k2, moved), series, x = even_beside(fit), problem.law.expression.expand(), symbol("x")
     largest, found = float(problem.observed.points.amplitude.max()), []

@@ -200,7 +200,7 @@ def fit_balance(
     natural = 0.0 if law.odd else _natural_sizes(problem, parameters, mode)
     rules = Rules(steps=steps, held=problem.held, free=problem.free, natural=natural)
     common: dict[str, Any] = {"reject": reject, "neighbours": mode.neighbours}
-    first = replace(rules, steps=1) if near > NOISY and not law.rough and not law.acts_across else rules
+    first = replace(rules, steps=1) if near > NOISY and not law.rough else rules
     found = fit(descent.linearise, parameters, nuisance, first, **common)
     if forward.share(lambda: is_systematic(found.residual, mode.pairs(found.used))):
         found = fit(descent.linearise, found.parameters, nuisance, rules, **common)
