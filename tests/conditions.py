@@ -18,7 +18,7 @@ from collections.abc import Iterator
 from pathlib import Path
 
 KINDS = {
-    "across": {"across", "acts_across", "sensors", "rides"},
+    "across": {"across", "acts_across", "sensors", "response_share"},
     "phase known": {"phase_known", "known_phase", "has_phase", "phases"},
     "per mass": {"per_mass", "per_unit_mass", "of_mass"},
     "mass given": {"mass_free", "free_mass", "mass_given"},

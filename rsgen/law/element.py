@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from difflib import get_close_matches
@@ -285,12 +286,17 @@ def make_element(
     return Element(name, law, tuple(free for free in names if free not in ("x", "v")), across)
 
 
-def rides(sensors: str) -> float:
-    """Say how a motion across was measured: 1.0 where it is the response less that of another sensor.
+_FACTOR = re.compile(r"(?<!\w)[\d.]+[eE][+-]?\d+")
+"""A factor of a channel whose exponent has a sign of its own."""
 
-    0.0 where it has a sensor of its own: the name of one channel, such as "gauge".
+
+def response_share(sensors: str) -> float:
+    """Return how much of the response is in a motion across: 1.0 where that is a difference of sensors.
+
+    0.0 where it has a sensor of its own: the name of one channel, such as "gauge" or "strain gauge".
     """
-    return float(not sensors.isidentifier())
+    summed = re.split("[+-]", _FACTOR.sub("", sensors))
+    return float(sum(any(map(str.isalpha, channel)) for channel in summed) > 1)
 
 
 def forces_by_motion(elements: Iterable[Element]) -> dict[str, sympy.Expr]:

@@ -1,6 +1,7 @@
 from __future__ import annotations
 
 import inspect
+from importlib import import_module
 from math import isnan
 
 import numpy as np
@@ -313,3 +314,19 @@ def test_a_contact_that_a_preload_closes_is_found() -> None:
     assert found.verdict.state == "identified"
     for name, value in {**values, "m": 0.8}.items():
         assert abs(found[name].value - value) < 4 * found[name].standard_error, name
+
+
+@pytest.mark.parametrize("k3", [2e5, 2e9])
+def test_harmonics_that_are_left_out_move_no_value(monkeypatch: pytest.MonkeyPatch, k3: float) -> None:
+    """Five harmonics serve motions near a sine; of others the balance has as many as it always had."""
+    module = import_module("rsgen.identification.identify")
+    values = {"k": 6000.0, "k3": k3, "c": 4.0}
+    test = rsgen.SimulatedTest([1.0, 2.0, 4.0], np.linspace(8, 24, 40), noise_relative=0.01, seed=1)
+    table = rsgen.simulate(rsgen.Oscillator(1.5, "k*x + k3*x**3 + c*v", values), test)
+    few = rsgen.identify(table, "k*x + k3*x**3 + c*v")
+    assert few.fit.order == (5 if k3 < 1e9 else 9)
+    monkeypatch.setattr(module, "_FEW_HARMONICS", 9)
+    every = rsgen.identify(table, "k*x + k3*x**3 + c*v")
+    assert every.fit.order == 9
+    for name in values:
+        assert abs(few[name].value - every[name].value) < 2e-3 * every[name].standard_error

@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 from rsgen.common.errors import ExpressionError
 from rsgen.formula import parse, symbol
 from rsgen.formula.evaluation import compiled
-from rsgen.law.element import Law, make_element
+from rsgen.law.element import Law, make_element, response_share
 from rsgen.law.pieces import normal_form, normal_form_at
 
 ROUND_OFF = 1e-10  # sums of pieces cancel terms that are up to about 1e4 times larger than the law
@@ -178,3 +178,14 @@ def test_squares_and_products_of_signs_of_parameters_disappear():
 def test_memory_that_is_no_mapping_is_refused() -> None:
     with pytest.raises(ExpressionError, match="must be a mapping"):
         Law("k*x + z", memory="z = a*v")
+
+
+@pytest.mark.parametrize(
+    ("sensors", "share"),
+    [
+        ("payload - wing", 1.0), ("payload-wing", 1.0), ("payload - 1e-3*wing", 1.0), ("2 * tip - root", 1.0),
+        ("gauge", 0.0), ("strain gauge", 0.0), ("-gauge", 0.0), ("1e-3*gauge", 0.0), ("0.5 * gauge", 0.0),
+    ],
+)  # fmt: skip
+def test_a_motion_across_is_a_difference_where_two_channels_are_summed(sensors: str, share: float) -> None:
+    assert response_share(sensors) == share

@@ -8,7 +8,7 @@ Some elements follow the response x, others the motion z across two sensors, of 
 modes take part in both, so that no law says how y follows x: y was measured, with noise like x and F, and is
 an unknown of every point like these (errors in variables: Fuller, Measurement Error Models, Wiley 1987).
 Where z has a sensor of its own it is z that has such noise: the name of the elements' sensors says which
-(``law.element.rides``), because the motions do not. What a law leaves is no noise of one sensor: the
+(``law.element.response_share``), because the motions do not. What a law leaves is no noise of one sensor: the
 force and both motions share it, and the ratio of the two motions stays as it was measured.
 """
 
@@ -28,7 +28,7 @@ from rsgen.dynamics.harmonic_balance import Response
 from rsgen.identification.fitting.forward import Forward
 from rsgen.identification.fitting.least_squares import Regression
 from rsgen.identification.fitting.points import Points
-from rsgen.law.element import Element, forces_by_motion, rides
+from rsgen.law.element import Element, forces_by_motion, response_share
 from rsgen.law.motion import Motion, fourier_series, project
 from rsgen.law.numeric import ForceLaw, Part, compile_law
 
@@ -67,7 +67,7 @@ def sensor_noise(points: Points, sensors: str) -> float:
     weights = _cubic(points.omega[rows])
     ratio = points.across[:, 1] / points.harmonics[:, 1]
     missed = np.abs(np.sum(weights * ratio[rows], axis=1)) ** 2
-    size = np.sum(weights**2 * 2 * np.abs(rides(sensors) - ratio[rows]) ** 2, axis=1)
+    size = np.sum(weights**2 * 2 * np.abs(response_share(sensors) - ratio[rows]) ** 2, axis=1)
     moves = size > 0
     if not moves.any():
         return float("nan")
@@ -167,7 +167,7 @@ class MeasuredAcross(Forward):
 
     def __init__(self, law: ForceLaw, response: Motion, across: Motion) -> None:
         self._law, self._response, self._across = law, response, across
-        self._rides = rides(law.parts[1].sensors)
+        self._response_share = response_share(law.parts[1].sensors)
         self._columns = max(response.harmonics.shape[1], across.harmonics.shape[1])
         least = 1 << (8 * (self._columns - 1) - 1).bit_length()
         self.samples = max(samples_for(law.switched), least)
@@ -210,7 +210,7 @@ class MeasuredAcross(Forward):
             harmonics, go with the response in the proportion that was measured.
         """
         measured, omega = self._response.harmonics[:, 1], self._response.omega
-        other = self._across.harmonics[:, 1] - self._rides * measured
+        other = self._across.harmonics[:, 1] - self._response_share * measured
         share = (size / np.abs(measured))[:, None]
         if others is None:
             phase, own, there = np.angle(measured), share, other * share[:, 0]
@@ -222,7 +222,7 @@ class MeasuredAcross(Forward):
         here, back = size * np.exp(1j * phase), np.exp(-1j * phase)
         motions = [
             _with_fundamental(motion, own, first).waveforms(self.samples)
-            for motion, first in ((self._response, here), (self._across, self._rides * here + there))
+            for motion, first in ((self._response, here), (self._across, self._response_share * here + there))
         ]
         samples = self._law.sample_parts(motions, self._response.interval(self.samples), values)
         near, joint = (sample.tangent(self._series, omega) for sample in samples)
@@ -230,7 +230,7 @@ class MeasuredAcross(Forward):
         def by_response(turn: complex) -> ComplexArray:
             """Change of the force with the logarithm of the response, along which the other sensor goes."""
             change, far = turn * here, self.correlation * turn * there
-            across = _times(joint, self._rides * change + far)
+            across = _times(joint, self._response_share * change + far)
             return np.asarray(back * (_times(near, change) + across - mass * omega**2 * change))
 
         force = back * sum(project(sample.force, 1) for sample in samples) - mass * omega**2 * size

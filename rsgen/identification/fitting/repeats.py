@@ -16,7 +16,7 @@ from rsgen.common.arrays import Array
 from rsgen.common.tolerances import OUTLIERS, ROUND_OFF, SIGNIFICANT
 from rsgen.data.surface import ResponseSurface
 from rsgen.identification.fitting.points import ASYMMETRIC
-from rsgen.law.element import rides
+from rsgen.law.element import response_share
 
 JUMP = 1.5
 """Amplitudes of a larger ratio lie on either side of a jump: repeats of it have no mean."""
@@ -192,7 +192,7 @@ def gather_repeats(surface: ResponseSurface, sensors: str = "") -> tuple[Respons
         harmonics=np.where(joined[:, None], mean, table.harmonics),
         peak=np.where(joined[:, None], np.nan, table.peak),
     )
-    moved = across[:, 1:2] - rides(sensors) * harmonics[:, 1:2]
+    moved = across[:, 1:2] - response_share(sensors) * harmonics[:, 1:2]
     far = np.nan_to_num(moved / _means(moved, row, count)[row] - 1)
     order = np.argsort(first, kind="stable")
     place = np.argsort(order, kind="stable")
