@@ -15,6 +15,7 @@ from typing import Any, cast
 import sympy
 from pydantic import ValidationError
 
+import rsgen.files
 from rsgen.cases.case import Case, CaseDocument, Document, ElementTable
 from rsgen.cases.faults import KINDS, name_fault, parse_case, read_text, sentences, suggest, text_fault
 from rsgen.cases.measured_test import make_measured
@@ -26,7 +27,7 @@ from rsgen.data.planned_test import PlannedTest
 from rsgen.data.surface import ResponseSurface, load_surface, match_level
 from rsgen.data.surface.columns import BASE_UNITS
 from rsgen.dynamics.virtual_test import MultisineTest, SimulatedTest
-from rsgen.files import MeasuredTest, read_measurement
+from rsgen.files import MeasuredTest
 from rsgen.formula import check_name, parse, symbol, write
 from rsgen.formula.units import parameter_units, quantity, unit_faults, unit_of
 from rsgen.law.element import Element, force_keys, laws, make_element
@@ -536,5 +537,6 @@ def read(
         source = load_case(source, data)
     test = source.test if isinstance(source, Case) else source
     if isinstance(test, MeasuredTest):
-        return read_measurement(test)
+        # the readers of files are imported when the name is first used
+        return rsgen.files.read_measurement(test)
     raise RsgenError("the case is simulated and has no file to read; rsgen.simulate computes its surface")

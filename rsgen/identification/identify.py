@@ -8,6 +8,7 @@ from types import MappingProxyType
 
 import numpy as np
 
+import rsgen.identification.lines
 from rsgen.common.arrays import Array
 from rsgen.common.errors import require
 from rsgen.common.finding import Finding, quantities
@@ -20,7 +21,6 @@ from rsgen.identification.fitting.least_squares import Regression
 from rsgen.identification.fitting.observed import Problem
 from rsgen.identification.fitting.points import per_unit_mass
 from rsgen.identification.judge import judge, prepare
-from rsgen.identification.lines.identify_multisine import identify_multisine
 from rsgen.identification.misfit import law_misses
 from rsgen.identification.prediction import Prediction, predict_held_out, predict_records
 from rsgen.identification.resonance import identify_ratios
@@ -207,7 +207,7 @@ def identify(
     """
     model = join_model(law, observation, mass, fixed)
     if isinstance(surface, MultisineSpectra):
-        records = identify_multisine(surface, model)
+        records = rsgen.identification.lines.identify_multisine(surface, model)
         return _with_held_out(records, predict_records, records)
     require(surface, ResponseSurface, "surface")
     surface, model = per_unit_mass(without_copies(surface), model)

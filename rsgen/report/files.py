@@ -22,10 +22,8 @@ from rsgen.data.surface import ResponseSurface, save_surface, typical_amounts
 from rsgen.dynamics import kernel
 from rsgen.formula.names import Structural, remembers
 from rsgen.identification.fitting.points import held_out_mask
-from rsgen.identification.lines import MultisineIdentification
 from rsgen.identification.prediction import Prediction, predict
-from rsgen.identification.ranking import Ranking
-from rsgen.identification.results import Identification
+from rsgen.identification.results import Identification, MultisineIdentification
 from rsgen.report.figures import (
     Drawing,
     choose_levels,
@@ -135,16 +133,13 @@ class _Parts:
         parts = {name: part for name, part in named.items() if part is not None}
         given = [*given, *(parts.pop(name) for name in [*parts] if not isinstance(parts[name], kinds[name]))]
         for part in given:
-            if isinstance(part, Ranking):
-                raise RsgenError(
-                    "write_report: a Ranking is no result yet; give ranking.best, its best law identified"
-                )
             name = next((name for name, kind in kinds.items() if isinstance(part, kind)), None)
             if name is None or name in parts:
                 fault = "is none of them" if name is None else f"is a second {name}"
                 raise RsgenError(
                     f"write_report: a {type(part).__name__} {fault}; a report is made of a ResponseSurface "
-                    "and an Identification, and of a Case and a Comparison where there are any"
+                    "and an Identification (of a Ranking, its best), and of a Case and a Comparison where "
+                    "there are any"
                 )
             parts[name] = part
         missing = [name for name in ("surface", "identification") if name not in parts]

@@ -25,9 +25,8 @@ from rsgen.data.surface import ResponseSurface
 from rsgen.describing import PrintedComparison, derive
 from rsgen.formula import parse
 from rsgen.formula.units.quantities import number_text, quantity_text
-from rsgen.identification.lines import MultisineIdentification
 from rsgen.identification.prediction import Prediction
-from rsgen.identification.results import Identification
+from rsgen.identification.results import Identification, MultisineIdentification
 from rsgen.law.element import FORCE_KEYS, Element
 from rsgen.law.memory import memory_form
 from rsgen.law.notation import mathml

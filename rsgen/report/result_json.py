@@ -8,7 +8,7 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from functools import singledispatch
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import sympy
@@ -22,16 +22,17 @@ from rsgen.data.surface import ResponseSurface
 from rsgen.describing import PrintedComparison, derive
 from rsgen.formula import write
 from rsgen.formula.units.quantities import quantity_text
-from rsgen.identification.lines import MultisineIdentification
 from rsgen.identification.prediction import HeldOutLevel, Prediction
-from rsgen.identification.ranking import Ranking
-from rsgen.identification.results import Estimate, Identification, Resonance
+from rsgen.identification.results import Estimate, Identification, MultisineIdentification, Resonance
 from rsgen.law.element import FORCE_KEYS
 from rsgen.report.interpretation import dissipation_entry
 from rsgen.report.page_tables import NO_MODAL, Modal
 from rsgen.report.provenance import Subject
 from rsgen.report.wording import sentence
 from rsgen.report.wording.sentences import read_verdict, state_verdict
+
+if TYPE_CHECKING:
+    from rsgen.identification.ranking import Ranking
 
 SCHEMA = 2
 

@@ -9,7 +9,7 @@ import numpy as np
 
 import rsgen
 from rsgen.data.multisine import BestLinear
-from rsgen.identification.lines import MultisineIdentification
+from rsgen.identification.results import MultisineIdentification
 from tests.multisine.test_multisine import LAW, SIZES, duffing, histories, spectra
 from tests.multisine.test_simulated_multisine import LAWS, simulated
 from tests.pins import pinned, trees

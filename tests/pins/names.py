@@ -25,12 +25,18 @@ from rsgen.data.oscillator import Model
 from rsgen.describing import DescribingFunction, Equivalent, Limit
 from rsgen.dynamics.settling import SteadyStates
 from rsgen.files import MeasuredTest, read_measurement
-from rsgen.identification.lines import MultisineIdentification
 from rsgen.identification.modal_result import MODAL_COLUMNS, ModalTest
 from rsgen.identification.prediction import HeldOutLevel, ResonanceCurve
 from rsgen.identification.prediction.prediction_result import PredictedRecord
 from rsgen.identification.ranking.ranking_result import Candidate
-from rsgen.identification.results import Background, EquivalentCurve, Estimate, Resonance, RestoringForce
+from rsgen.identification.results import (
+    Background,
+    EquivalentCurve,
+    Estimate,
+    MultisineIdentification,
+    Resonance,
+    RestoringForce,
+)
 from rsgen.law import Element
 from tests.conftest import FEW
 from tests.identification.test_across import two_masses

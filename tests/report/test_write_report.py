@@ -57,7 +57,7 @@ def test_a_title_is_shown_as_text(tmp_path: Path, found: rsgen.Identification) -
         ([SURFACE, "found"], "a str is none of them"),
         (
             [SURFACE, RANKING],
-            "a Ranking is no result yet; give ranking.best",
+            "a Ranking is none of them; .* an Identification \\(of a Ranking, its best\\)",
         ),
     ],
 )

@@ -15,6 +15,8 @@ from math import nan
 from pathlib import Path
 from typing import Any, cast
 
+import rsgen.files
+import rsgen.identification.ranking
 import rsgen.report
 from rsgen.analysis.comparison import compare
 from rsgen.app.study.folder import (
@@ -33,9 +35,8 @@ from rsgen.common.finding import StatedVerdict
 from rsgen.data.multisine import MultisineSpectra
 from rsgen.data.surface import ResponseSurface, load_surface
 from rsgen.dynamics.simulation import simulate
-from rsgen.files import MeasuredTest, read_measurement
+from rsgen.files import MeasuredTest
 from rsgen.identification.identify import identify
-from rsgen.identification.ranking import identify_best
 from rsgen.identification.results import Identification
 from rsgen.report.provenance import is_lesson_as_written
 
@@ -150,7 +151,7 @@ def _records(
 
 @_records.register
 def _(test: MeasuredTest, *_: object) -> ResponseSurface | MultisineSpectra:
-    return read_measurement(test)
+    return rsgen.files.read_measurement(test)
 
 
 def obtain_surface(case: Case, progress: Callable[[float], None] = lambda share: None) -> ResponseSurface:
@@ -177,7 +178,7 @@ def identify_case(case: Case, table: ResponseSurface | MultisineSpectra) -> Iden
         As ``identify`` and ``rank``.
     """
     if case.ranked:
-        return identify_best(cast("ResponseSurface", table), case.model)
+        return rsgen.identification.ranking.identify_best(cast("ResponseSurface", table), case.model)
     return identify(table, case.model)
 
 

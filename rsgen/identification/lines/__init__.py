@@ -2,6 +2,14 @@
 
 from __future__ import annotations
 
-from rsgen.identification.lines.identify_multisine import MultisineIdentification, identify_multisine
+from typing import TYPE_CHECKING
 
-__all__ = ["MultisineIdentification", "identify_multisine"]
+from rsgen.common import on_first_use
+
+if TYPE_CHECKING:
+    from rsgen.identification.lines.line_identification import identify_multisine
+
+__all__ = ["identify_multisine"]
+
+# most tests have one line a record
+__getattr__ = on_first_use(__name__, {"identify_multisine": "line_identification"})

@@ -19,7 +19,7 @@ from rsgen.common.text_table import Printed, TextTable, data_frame, lookup, shor
 from rsgen.data.multisine import MultisineSpectra
 from rsgen.data.multisine.spectra import held_out_records
 from rsgen.dynamics.periodic_response import periodic_response
-from rsgen.identification.lines import MultisineIdentification
+from rsgen.identification.results import MultisineIdentification
 from rsgen.law.numeric import compile_law
 
 BEYOND = 1.01

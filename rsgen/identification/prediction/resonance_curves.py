@@ -18,7 +18,6 @@ from rsgen.data.oscillator import Model, Oscillator, refuse_across
 from rsgen.data.surface import ResponseSurface, match_level, typical_amounts
 from rsgen.describing import derive
 from rsgen.identification.fitting.points import held_out_mask
-from rsgen.identification.lines import MultisineIdentification
 from rsgen.identification.modal_result import ModalTable
 from rsgen.identification.prediction.amplitude_balance import (
     AmplitudeBalance,
@@ -34,7 +33,7 @@ from rsgen.identification.prediction.prediction_result import (
     predict_multisine,
     severity_of_error,
 )
-from rsgen.identification.results import EquivalentCurve, Estimate, Identification
+from rsgen.identification.results import EquivalentCurve, Estimate, Identification, MultisineIdentification
 
 # ----------------------------------------------------------------------------
 # An oscillator with known values as an identification without any error, so that it can be predicted.

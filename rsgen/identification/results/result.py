@@ -12,10 +12,11 @@ from typing import Any, TypeVar, cast
 import numpy as np
 from numpy.typing import NDArray
 
-from rsgen.common.arrays import frozen_array
+from rsgen.common.arrays import Array, ComplexArray, frozen_array
 from rsgen.common.errors import RsgenError
 from rsgen.common.finding import Finding, Verdict, reach_verdict
 from rsgen.common.text_table import Printed, TextTable, data_frame, lookup, short, with_error
+from rsgen.data.multisine import BestLinear, MultisineSpectra
 from rsgen.data.oscillator import Model
 from rsgen.dynamics.linear_part import BackgroundTerms, background_terms
 from rsgen.formula.units import parameter_units
@@ -420,6 +421,34 @@ class Identification(Printed):
 
 Value = TypeVar("Value")
 Found = TypeVar("Found", bound=Identification)
+
+
+@dataclass(frozen=True, slots=True, eq=False, repr=False)
+class MultisineIdentification(Identification):
+    """The result of a multisine test: an ``Identification``, and the spectra behind it.
+
+    ``paper`` and ``first_order`` are not known: both read one harmonic. ``resonances`` are those of the
+    best linear approximation of each level; their amplitude is sqrt(2) times the rms displacement.
+
+    Parameters
+    ----------
+    spectra
+        All records, those held out too.
+    approximations
+        Best linear approximation of every level that took part.
+    used
+        (r, H+1) lines of each record that took part.
+    misfit
+        (r, H+1) balance of each record that took part, F - m x'' - n, at each line [N].
+    deviation
+        (r, H+1) standard deviation of that balance, from the scatter of the periods [N]; NaN of one period.
+    """
+
+    spectra: MultisineSpectra = field(kw_only=True)
+    approximations: tuple[BestLinear, ...] = field(kw_only=True)
+    used: NDArray[np.bool_] = field(kw_only=True)
+    misfit: ComplexArray = field(kw_only=True)
+    deviation: Array = field(kw_only=True)
 
 
 @dataclass(frozen=True, slots=True)

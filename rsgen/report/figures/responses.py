@@ -16,9 +16,9 @@ from rsgen.common.errors import RsgenError, require
 from rsgen.data.multisine import BestLinear
 from rsgen.data.surface import ResponseSurface, typical_amounts
 from rsgen.formula.units.quantities import SWEEPS, choose_scale, count_text, number_text, quantity_text
-from rsgen.identification.lines import MultisineIdentification
 from rsgen.identification.prediction import HeldOutLevel, Prediction, ResonanceCurve
 from rsgen.identification.prediction.prediction_result import PredictedRecord
+from rsgen.identification.results import MultisineIdentification
 from rsgen.law.motion import Motion, waveform
 from rsgen.report.figures.drawing import Drawing, GivenAxes, in_style, label_abscissa, take_axes
 from rsgen.report.figures.overview import level_colours, peaks_by_level

@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import replace
 from math import inf, nan
 
 import numpy as np
-from numpy.typing import NDArray
 
-from rsgen.common.arrays import Array, ComplexArray, frozen_array
+from rsgen.common.arrays import Array, frozen_array
 from rsgen.common.errors import RsgenError
 from rsgen.common.finding import Finding, Quantity, Severity, quantities, severity_of
 from rsgen.common.tolerances import (
@@ -43,7 +42,13 @@ from rsgen.identification.lines.line_fit import (
     terms_beside,
     times_noise,
 )
-from rsgen.identification.results import EquivalentCurve, Estimate, Identification, Resonance, units_of
+from rsgen.identification.results import (
+    EquivalentCurve,
+    Estimate,
+    MultisineIdentification,
+    Resonance,
+    units_of,
+)
 from rsgen.identification.results.alternatives import Alternatives
 from rsgen.identification.results.estimates import (
     damping_findings,
@@ -55,34 +60,6 @@ from rsgen.identification.results.estimates import (
 from rsgen.law.identifiable import put_in_order
 from rsgen.law.motion import Motion
 from rsgen.law.numeric import compile_law
-
-
-@dataclass(frozen=True, slots=True, eq=False, repr=False)
-class MultisineIdentification(Identification):
-    """What a multisine test determines of a model: an ``Identification``, and the spectra behind it.
-
-    ``paper`` and ``first_order`` are not known: both read one harmonic. ``resonances`` are those of the
-    best linear approximation of each level; their amplitude is sqrt(2) times the rms displacement.
-
-    Parameters
-    ----------
-    spectra
-        All records, those held out too.
-    approximations
-        Best linear approximation of every level that took part.
-    used
-        (r, H+1) lines of each record that took part.
-    misfit
-        (r, H+1) balance of each record that took part, F - m x'' - n, at each line [N].
-    deviation
-        (r, H+1) standard deviation of that balance, from the scatter of the periods [N]; NaN of one period.
-    """
-
-    spectra: MultisineSpectra = field(kw_only=True)
-    approximations: tuple[BestLinear, ...] = field(kw_only=True)
-    used: NDArray[np.bool_] = field(kw_only=True)
-    misfit: ComplexArray = field(kw_only=True)
-    deviation: Array = field(kw_only=True)
 
 
 def identify_multisine(spectra: MultisineSpectra, model: Model) -> MultisineIdentification:
