@@ -13,7 +13,7 @@ export RSGEN_DATA
 unexport PYTHONDONTWRITEBYTECODE
 
 .DEFAULT_GOAL := help
-.PHONY: help reports docs test types suite test-wheel fast constraints bench attack faults clean
+.PHONY: help reports docs test types suite test-all test-wheel fast constraints bench attack faults clean
 
 help: ## print this list
 	@grep -E '^[a-z-]+:.*##' Makefile | sed -E 's/:.*## /\t/' | expand -t 12
@@ -30,8 +30,7 @@ reports: $(READY) ## run every case and leave reports/index.html
 docs: $(READY) ## build docs/_build/html/index.html: tutorial, how-to, method, laws, gallery, API
 	$(BIN)/python -m sphinx -W -n -q -b html docs docs/_build/html
 
-test: $(READY) ## run every check: format, lint, types, imports, tests, doctests
-	@tests/fetch_tools.sh .venv
+test: $(READY) ## run the checks: format, lint, types, imports, tests, doctests
 	$(BIN)/ruff format --check .
 	$(BIN)/ruff check .
 	$(MAKE) --no-print-directory --jobs=2 types suite
@@ -46,6 +45,10 @@ types: $(READY)
 
 suite: $(READY)
 	$(BIN)/pytest -n 2 --dist worksteal
+
+test-all: $(READY) ## the long tests that `make test` leaves out: browser, attacks, whole library, many random examples
+	@tests/fetch_tools.sh .venv
+	$(BIN)/pytest -n 2 --dist worksteal --hypothesis-profile=thorough -m "thorough or hypothesis" tests
 
 fast: $(READY) ## the checks that take less than a minute
 	$(BIN)/ruff format --check .

@@ -9,6 +9,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import pytest
+from hypothesis import settings
 
 from rsgen.common.process import single_thread
 
@@ -19,6 +20,19 @@ from rsgen.app.cli import main  # noqa: E402
 from rsgen.data.surface import ResponseSurface  # noqa: E402
 from rsgen.identification.ranking.balance import library_terms  # noqa: E402
 from tests import surfaces  # noqa: E402
+
+# examples of a property in `make test` and in `make test-all`, the same in every run
+settings.register_profile("quick", max_examples=50, deadline=None, derandomize=True)
+settings.register_profile("thorough", settings.get_profile("quick"), max_examples=1500)
+settings.load_profile("quick")
+
+
+def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
+    """Leave out what is marked as thorough, and say so, but for a run with the profile of that name."""
+    if config.getoption("--hypothesis-profile") != "thorough":
+        for item in items:
+            if item.get_closest_marker("thorough"):
+                item.add_marker(pytest.mark.skip(reason="thorough: make test-all runs it"))
 
 
 @pytest.fixture(scope="session")

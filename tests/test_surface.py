@@ -61,7 +61,7 @@ def assert_same(one: ResponseSurface, two: ResponseSurface) -> None:
 
 
 @pytest.mark.slow
-@settings(max_examples=25, deadline=None, derandomize=True)
+@settings(max_examples=25)
 @given(seed=st.integers(0, 2**31), n=st.integers(1, 40), harmonics=st.integers(1, 9))
 def test_saving_and_loading_is_the_identity(
     tmp_path_factory: pytest.TempPathFactory, seed: int, n: int, harmonics: int
@@ -230,7 +230,7 @@ def test_a_pipe_is_no_surface(tmp_path):
 
 # each example starts a process; tests/attacks makes thousands
 @pytest.mark.slow
-@settings(max_examples=8, deadline=None, derandomize=True)
+@settings(max_examples=8)
 @given(data=st.data())
 def test_a_damaged_file_is_read_or_refused(tmp_path_factory, data):
     path = tmp_path_factory.getbasetemp() / "damaged.h5"

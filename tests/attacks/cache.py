@@ -1,6 +1,6 @@
 """The cache of machine code damaged, and code of strangers planted in it; each is tried by a new process.
 
-``python -m tests.attacks.cache``
+``python -m tests.attacks cache``
 """
 
 from __future__ import annotations
@@ -9,7 +9,7 @@ import os
 import shutil
 import subprocess
 import sys
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 from unittest.mock import patch
@@ -18,7 +18,7 @@ from rsgen.dynamics.kernel import generate
 from rsgen.dynamics.kernel import store as private_folder
 from rsgen.dynamics.kernel.store import compile_source, open_private_folder
 from rsgen.formula import parse
-from tests.attacks.program import HANG_SECONDS, Row, count_and_seed, environment, print_rows, row, temporary
+from tests.attacks.program import HANG_SECONDS, Row, environment, row, temporary
 from tests.kernel.test_store import DAMAGES
 
 LAW, OTHER_LAW = "c*v + k*x", "c*v + 3*k*x"
@@ -211,12 +211,3 @@ def run(count: int, seed: int) -> list[Row]:
             f"{len(executed)} of {len(ways)}{shown[1]}",
         ),
     ]
-
-
-def main(argv: Sequence[str] | None = None) -> int:
-    """Damage and plant, and print the figures."""
-    return print_rows(run(*count_and_seed(argv, len(DAMAGES) + len(FURTHER), __doc__)))
-
-
-if __name__ == "__main__":
-    sys.exit(main())

@@ -1,13 +1,12 @@
 """Attacks on case files: tampered ones of every kind, each loaded in a child process.
 
-``python -m tests.attacks.cases --count 10000 --seed 1`` prints counts; ``--only NUMBER`` repeats one.
+``python -m tests.attacks cases=10000``; ``python -m tests.attacks.cases --only NUMBER`` repeats one.
 """
 
 from __future__ import annotations
 
 import json
 import shutil
-import sys
 import warnings
 from collections.abc import Callable
 from pathlib import Path
@@ -22,7 +21,7 @@ from tests.attacks.child import Outcome, attempts, command, judged, measured, ta
 from tests.attacks.damage import DAMAGE
 from tests.attacks.texts import TEXTS, grown
 
-__all__ = ["attack", "main", "run"]
+__all__ = ["attack", "run"]
 
 SECONDS = 10.0
 MEGABYTES = 1024.0
@@ -120,9 +119,9 @@ def attack(number: int, seed: int) -> Outcome:
     return judged(outcome, SECONDS, MEGABYTES)
 
 
-def run(count: int, seed: int, report: Callable[[Outcome], None] = lambda _: None) -> list[dict[str, str]]:
+def run(count: int, seed: int) -> list[dict[str, str]]:
     """Load case files and give the rows of the table: figure, asked, measured."""
-    found = tally(attempts("tests.attacks.cases", [str(seed)], range(count)), report)
+    found = tally(attempts("tests.attacks.cases", [str(seed)], range(count)))
     kinds = found.kinds
     return [
         {
@@ -133,10 +132,5 @@ def run(count: int, seed: int, report: Callable[[Outcome], None] = lambda _: Non
     ]
 
 
-def main(argv: list[str]) -> int:
-    """Run attacks from the command line; 1 where one of them got through."""
-    return command(argv, "tests.attacks.cases", 10_000, attack, run)
-
-
 if __name__ == "__main__":
-    sys.exit(main(sys.argv[1:]))
+    command(attack)

@@ -88,7 +88,7 @@ def measured(number: int, name: str, attempt: Callable[[], str]) -> Outcome:
     return Outcome(number, name, said, round(worked, 3), round(taken, 1))
 
 
-def serve(attempt: Callable[[int], Outcome]) -> int:
+def serve(attempt: Callable[[int], Outcome]) -> None:
     """Answer numbers on standard input with outcomes on standard output, a line each."""
     answers = os.fdopen(os.dup(1), "w", encoding="utf-8")
     # what the attempts print is no answer
@@ -99,7 +99,6 @@ def serve(attempt: Callable[[int], Outcome]) -> int:
     for line in sys.stdin:
         answers.write(json.dumps(asdict(attempt(int(line)))) + "\n")
         answers.flush()
-    return 0
 
 
 class _Child:
@@ -201,15 +200,12 @@ def kind_of(outcome: Outcome) -> str:
     return outcome.said.split()[0].rstrip(":")
 
 
-def tally(
-    outcomes: Iterable[Outcome],
-    report: Callable[[Outcome], None],
-    kind: Callable[[Outcome], str] = kind_of,
-) -> Tally:
-    """Count outcomes by their kind; ``report`` hears each."""
+def tally(outcomes: Iterable[Outcome], kind: Callable[[Outcome], str] = kind_of) -> Tally:
+    """Count outcomes by their kind, and print those that got through; ``--only NUMBER`` repeats one."""
     found = Tally()
     for outcome in outcomes:
-        report(outcome)
+        if kind_of(outcome) not in ("result", "refused"):
+            print(f"{outcome.number}: {outcome.name}: {outcome.said}", file=sys.stderr, flush=True)
         found.kinds[kind(outcome)] += 1
         found.slowest = max(found.slowest, outcome.seconds)
         found.largest = max(found.largest, outcome.megabytes)
@@ -217,34 +213,15 @@ def tally(
 
 
 def command(
-    argv: list[str],
-    module: str,
-    count: int,
-    attack: Callable[[int, int], Outcome],
-    run: Callable[[int, int, Callable[[Outcome], None]], list[dict[str, str]]],
-    content: Callable[[int, int], object] = lambda number, seed: "",
-) -> int:
-    """Run attacks from the command line; 1 where one of them got through.
-
-    ``content`` gives what attack ``number`` consists of, to be shown where it got through.
-    """
-    parser = argparse.ArgumentParser(prog=f"python -m {module}")
-    parser.add_argument("--count", type=int, default=count)
+    attack: Callable[[int, int], Outcome], content: Callable[[int, int], object] = lambda number, seed: ""
+) -> None:
+    """Serve as the child of ``attempts``, or make one attack again and show what it consists of."""
+    parser = argparse.ArgumentParser()
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--only", type=int)
     parser.add_argument("--serve", type=int)
-    chosen = parser.parse_args(argv)
+    chosen = parser.parse_args()
     if chosen.serve is not None:
-        return serve(lambda number: attack(number, chosen.serve))
-    if chosen.only is not None:
+        serve(lambda number: attack(number, chosen.serve))
+    else:
         print(content(chosen.only, chosen.seed), attack(chosen.only, chosen.seed))
-        return 0
-
-    def show(outcome: Outcome) -> None:
-        if kind_of(outcome) not in ("result", "refused"):
-            text = f"{outcome.number}: {outcome.name}: {outcome.said} {content(outcome.number, chosen.seed)}"
-            print(text, file=sys.stderr, flush=True)
-
-    rows = run(chosen.count, chosen.seed, show)
-    print(json.dumps(rows, indent=1))
-    return 0 if all(row["measured"].startswith(row["asked"]) for row in rows) else 1

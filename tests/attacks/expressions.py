@@ -1,14 +1,13 @@
 """Attacks on the reading of texts: random and pathological force laws, each derived in a child process.
 
-``python -m tests.attacks.expressions --count 20000 --seed 1`` prints counts. A text is a number: with the
-seed it is the same on every machine, and ``--only NUMBER`` repeats it.
+``python -m tests.attacks expressions=20000``. A text is a number: with the
+seed it is the same on every machine, and ``python -m tests.attacks.expressions --only NUMBER`` repeats it.
 """
 
 from __future__ import annotations
 
-import sys
 import warnings
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 
 import numpy as np
 
@@ -19,7 +18,7 @@ from rsgen.law.element import make_element
 from tests.attacks.child import Outcome, attempts, command, judged, measured, tally
 from tests.attacks.texts import TEXTS, grown
 
-__all__ = ["attack", "main", "run", "text_of"]
+__all__ = ["attack", "run", "text_of"]
 
 SECONDS = 5.0
 """Work allowed until a text has its answer, on the machine of ``allowed``."""
@@ -61,9 +60,9 @@ def attack(number: int, seed: int) -> Outcome:
     return judged(outcome, SECONDS, MEGABYTES)
 
 
-def run(count: int, seed: int, report: Callable[[Outcome], None] = lambda _: None) -> list[dict[str, str]]:
+def run(count: int, seed: int) -> list[dict[str, str]]:
     """Derive texts and give the rows of the table: figure, asked, measured."""
-    found = tally(attempts("tests.attacks.expressions", [str(seed)], range(count)), report)
+    found = tally(attempts("tests.attacks.expressions", [str(seed)], range(count)))
     kinds = found.kinds
     return [
         {
@@ -74,10 +73,5 @@ def run(count: int, seed: int, report: Callable[[Outcome], None] = lambda _: Non
     ]
 
 
-def main(argv: list[str]) -> int:
-    """Run attacks from the command line; 1 where one of them got through."""
-    return command(argv, "tests.attacks.expressions", 20_000, attack, run, content=text_of)
-
-
 if __name__ == "__main__":
-    sys.exit(main(sys.argv[1:]))
+    command(attack, text_of)

@@ -1,6 +1,6 @@
 """Whole runs ended at random moments: what they leave, and what the next run makes of it.
 
-``python -m tests.attacks.kills --count 300 --seed 1``
+``python -m tests.attacks kills=300``
 """
 
 from __future__ import annotations
@@ -9,7 +9,6 @@ import os
 import random
 import shutil
 import signal
-import sys
 import time
 from collections import Counter
 from collections.abc import Sequence
@@ -20,12 +19,10 @@ from pathlib import Path
 from tests.attacks.program import (
     Ended,
     Row,
-    count_and_seed,
     end,
     environment,
     leftovers,
     lies,
-    print_rows,
     row,
     rsgen,
     start,
@@ -157,12 +154,3 @@ def run(count: int, seed: int) -> list[Row]:
             with temporary() as place:
                 kill_once(1_000_000 * seed + number, place, seconds, earlier, tally)
     return tally.rows()
-
-
-def main(argv: Sequence[str] | None = None) -> int:
-    """Kill as many runs as are asked for and print the figures."""
-    return print_rows(run(*count_and_seed(argv, 300, __doc__)))
-
-
-if __name__ == "__main__":
-    sys.exit(main())

@@ -1,6 +1,6 @@
 """A surface of a million points: simulated and saved by one process, loaded by another.
 
-``python -m tests.attacks.large``
+``python -m tests.attacks large``
 """
 
 from __future__ import annotations
@@ -8,9 +8,8 @@ from __future__ import annotations
 import json
 import subprocess
 import sys
-from collections.abc import Sequence
 
-from tests.attacks.program import Row, count_and_seed, environment, print_rows, row, temporary
+from tests.attacks.program import Row, environment, row, temporary
 
 SIDE = 1000
 """Levels, and frequencies a level."""
@@ -65,12 +64,3 @@ def run(count: int, seed: int) -> list[Row]:
             f"{simulated}; {loaded}",
         )
     ]
-
-
-def main(argv: Sequence[str] | None = None) -> int:
-    """Measure and print the figure."""
-    return print_rows(run(*count_and_seed(argv, SIDE**2, __doc__)))
-
-
-if __name__ == "__main__":
-    sys.exit(main())

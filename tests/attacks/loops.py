@@ -1,12 +1,11 @@
 """Attacks on laws with memory: random virgin curves, states and lags, each derived in a child process.
 
-``python -m tests.attacks.loops --count 3000 --seed 1`` prints counts; ``--only NUMBER`` repeats one.
+``python -m tests.attacks loops=3000``; ``python -m tests.attacks.loops --only NUMBER`` repeats one.
 """
 
 from __future__ import annotations
 
 import re
-import sys
 from collections.abc import Callable
 
 import numpy as np
@@ -16,7 +15,7 @@ from tests.attacks.child import Outcome, attempts, command, judged, measured, ta
 from tests.attacks.expressions import MEGABYTES, SECONDS, answer
 from tests.attacks.texts import NAMES, STATES, TEXTS, grown, no_language
 
-__all__ = ["attack", "law_of", "main", "run"]
+__all__ = ["attack", "law_of", "run"]
 
 KNOWN = ("Min(kt*x, Fs)", "kt*x - R*x**2", "Fs*(1 - exp(-kt*x/Fs))", "K*x/(1 + x/b)", "Fs*tanh(kt*x/Fs)",
          "R*x**0.5", "b*x*Max(1 - x/a, 0)", "jenkins")  # fmt: skip
@@ -111,9 +110,9 @@ def attack(number: int, seed: int) -> Outcome:
     return judged(outcome, SECONDS, MEGABYTES)
 
 
-def run(count: int, seed: int, report: Callable[[Outcome], None] = lambda _: None) -> list[dict[str, str]]:
+def run(count: int, seed: int) -> list[dict[str, str]]:
     """Derive laws and give the rows of the table: figure, asked, measured."""
-    found = tally(attempts("tests.attacks.loops", [str(seed)], range(count)), report)
+    found = tally(attempts("tests.attacks.loops", [str(seed)], range(count)))
     kinds = found.kinds
     return [
         {
@@ -124,10 +123,5 @@ def run(count: int, seed: int, report: Callable[[Outcome], None] = lambda _: Non
     ]
 
 
-def main(argv: list[str]) -> int:
-    """Run attacks from the command line; 1 where one of them got through."""
-    return command(argv, "tests.attacks.loops", 3000, attack, run, content=law_of)
-
-
 if __name__ == "__main__":
-    sys.exit(main(sys.argv[1:]))
+    command(attack, law_of)

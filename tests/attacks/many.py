@@ -1,23 +1,19 @@
 """Many small cases in one run: the time and the memory of a case, from the first to the last.
 
-``python -m tests.attacks.many --count 500``
+``python -m tests.attacks many=500``
 """
 
 from __future__ import annotations
 
-import sys
 import time
-from collections.abc import Sequence
 from itertools import pairwise
 from pathlib import Path
 from statistics import median
 
 from tests.attacks.program import (
     Row,
-    count_and_seed,
     end,
     environment,
-    print_rows,
     row,
     session,
     start,
@@ -90,12 +86,3 @@ def run(count: int, seed: int) -> list[Row]:
         row(f"{figure}: open files", "flat", f"{files} to {files_late}"),
         row(f"{figure}: faults", "0", f"{len(wrong)}" + (f" ({'; '.join(wrong)})" if wrong else "")),
     ]
-
-
-def main(argv: Sequence[str] | None = None) -> int:
-    """Run the cases and print the figures."""
-    return print_rows(run(*count_and_seed(argv, 500, __doc__)))
-
-
-if __name__ == "__main__":
-    sys.exit(main())

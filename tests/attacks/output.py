@@ -1,14 +1,13 @@
 """Ways to make rsgen delete or overwrite what the user has: whole commands, every file compared.
 
-``python -m tests.attacks.output``
+``python -m tests.attacks output``
 """
 
 from __future__ import annotations
 
 import shutil
-import sys
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from pathlib import Path
 
 from rsgen.app.study import read_manifest
@@ -16,10 +15,8 @@ from tests.attacks.program import (
     ORPHAN_SECONDS,
     Ended,
     Row,
-    count_and_seed,
     end,
     environment,
-    print_rows,
     row,
     rsgen,
     start,
@@ -231,12 +228,3 @@ def run(count: int, seed: int) -> list[Row]:
         row(f"{figure}: deleted or changed", "0", f"{len(lost)}{shown['l']}"),
         row(f"{figure}: tracebacks, hangs, wrong exit codes", "0", f"{len(talk)}{shown['t']}"),
     ]
-
-
-def main(argv: Sequence[str] | None = None) -> int:
-    """Try the ways and print the figures."""
-    return print_rows(run(*count_and_seed(argv, len(WAYS) + 1, __doc__)))
-
-
-if __name__ == "__main__":
-    sys.exit(main())

@@ -2,7 +2,7 @@
 
 The processes are those of a pool; then, in a fourth as many attacks, the workers of a Dask cluster.
 
-``python -m tests.attacks.pool --count 20 --seed 1``
+``python -m tests.attacks pool=20``
 """
 
 from __future__ import annotations
@@ -10,7 +10,6 @@ from __future__ import annotations
 import os
 import random
 import signal
-import sys
 import time
 from collections.abc import Callable, Sequence
 from contextlib import suppress
@@ -19,12 +18,10 @@ from pathlib import Path
 from tests.attacks.program import (
     HANG_SECONDS,
     Row,
-    count_and_seed,
     end,
     environment,
     leftovers,
     lies,
-    print_rows,
     row,
     start,
     temporary,
@@ -114,12 +111,3 @@ def _rows(what: str, count: int, seed: int, kill: Callable[[int, Path, Path], Ki
             f"{figure}: faults beside", "0", f"{len(wrong)}" + (f" ({'; '.join(wrong[:5])})" if wrong else "")
         ),
     ]
-
-
-def main(argv: Sequence[str] | None = None) -> int:
-    """Kill as many workers as are asked for and print the figures."""
-    return print_rows(run(*count_and_seed(argv, 20, __doc__)))
-
-
-if __name__ == "__main__":
-    sys.exit(main())

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import re
 import signal
 import subprocess
 import sys
@@ -186,17 +187,6 @@ def temporary() -> Iterator[Path]:
         yield Path(folder)
 
 
-def count_and_seed(argv: Sequence[str] | None, count: int, about: str | None) -> tuple[int, int]:
-    """Read ``--count`` and ``--seed`` of a module's command line."""
-    import argparse
-
-    parser = argparse.ArgumentParser(description=about)
-    parser.add_argument("--count", type=int, default=count, help="repetitions")
-    parser.add_argument("--seed", type=int, default=1)
-    chosen = parser.parse_args(argv)
-    return chosen.count, chosen.seed
-
-
 def print_rows(rows: Sequence[Mapping[str, str]]) -> int:
     """Print rows of the table; give 1 where a number that is asked is not the one measured."""
     for entry in rows:
@@ -205,6 +195,7 @@ def print_rows(rows: Sequence[Mapping[str, str]]) -> int:
 
 
 def reached(entry: Mapping[str, str]) -> bool:
-    """Whether a row begins with the number that is asked; other figures are for a reader to judge."""
-    asked, measured = entry["asked"].split()[0], entry["measured"].split()[0]
-    return not asked.isdigit() or asked == measured
+    """Whether a row begins with the numbers that are asked; other figures are for a reader to judge."""
+    asked = entry["asked"]
+    counts = re.fullmatch(r"\d+(, \d+)*( of \d+)?", asked)
+    return counts is None or re.match(rf"{asked}(?!\d)", entry["measured"]) is not None

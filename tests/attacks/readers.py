@@ -1,12 +1,11 @@
 """Attacks on the readers: tampered data and surface files of every format, each read in a child process.
 
-``python -m tests.attacks.readers --count 5000 --seed 1`` prints counts. An attack is a number: with the seed
-it makes the same file on every machine, and ``--only NUMBER`` repeats it.
+``python -m tests.attacks readers=5000``. An attack is a number: with the seed
+it makes the same file on every machine, and ``python -m tests.attacks.readers --only NUMBER`` repeats it.
 """
 
 from __future__ import annotations
 
-import sys
 import warnings
 from collections.abc import Callable
 from functools import lru_cache
@@ -26,7 +25,7 @@ from tests.attacks.good_files import ENDINGS, good, history_plan, table_plan
 from tests.attacks.traps import TRAPS
 from tests.attacks.traps_hdf5 import SECRET
 
-__all__ = ["attack", "main", "run"]
+__all__ = ["attack", "run"]
 
 SECONDS = 10.0
 """Work allowed for a file under SMALL bytes."""
@@ -141,9 +140,9 @@ def _kind(outcome: Outcome) -> str:
     return "outside" if "read outside" in outcome.said else kind_of(outcome)
 
 
-def run(count: int, seed: int, report: Callable[[Outcome], None] = lambda _: None) -> list[dict[str, str]]:
+def run(count: int, seed: int) -> list[dict[str, str]]:
     """Make attacks and give the rows of the table: figure, asked, measured."""
-    found = tally(attempts("tests.attacks.readers", [str(seed)], range(count)), report, _kind)
+    found = tally(attempts("tests.attacks.readers", [str(seed)], range(count)), _kind)
     kinds = found.kinds
     return [
         {
@@ -160,10 +159,5 @@ def run(count: int, seed: int, report: Callable[[Outcome], None] = lambda _: Non
     ]
 
 
-def main(argv: list[str]) -> int:
-    """Run attacks from the command line; 1 where one of them got through."""
-    return command(argv, "tests.attacks.readers", 5000, attack, run)
-
-
 if __name__ == "__main__":
-    sys.exit(main(sys.argv[1:]))
+    command(attack)

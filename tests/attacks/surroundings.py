@@ -1,6 +1,6 @@
 """A run where something around it is missing, full, closed, too long or forbidden.
 
-``python -m tests.attacks.surroundings``. Each attack runs one command and must end with a result that
+``python -m tests.attacks surroundings``. Each attack runs one command and must end with a result that
 verifies, or with code 2 and a sentence a fault; never with a traceback, a hang or half a result. What needs
 a file system of its own is tried in a mount namespace, where the system allows one.
 """
@@ -8,16 +8,14 @@ a file system of its own is tried in a mount namespace, where the system allows 
 from __future__ import annotations
 
 import shutil
-import sys
-from collections.abc import Sequence
 from pathlib import Path
 
 # both enter their attacks in the list
 from tests.attacks import around_files, around_limits
 from tests.attacks.around import ATTACKS, MOUNTING, Attack, namespace, run_small
-from tests.attacks.program import Row, count_and_seed, print_rows, row, temporary
+from tests.attacks.program import Row, row, temporary
 
-__all__ = ["around_files", "around_limits", "main", "run", "tried_here", "try_once"]
+__all__ = ["around_files", "around_limits", "run", "tried_here", "try_once"]
 
 
 def tried_here() -> list[Attack]:
@@ -54,12 +52,3 @@ def try_once(chosen: Attack, warm: Path) -> str:
         if warm.is_dir():
             shutil.copytree(warm, place / "cache")
         return chosen(place)
-
-
-def main(argv: Sequence[str] | None = None) -> int:
-    """Try the attacks and print the figures."""
-    return print_rows(run(*count_and_seed(argv, len(ATTACKS) + len(MOUNTING), __doc__)))
-
-
-if __name__ == "__main__":
-    sys.exit(main())

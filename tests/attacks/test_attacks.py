@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Callable
+from importlib import import_module
 from pathlib import Path
 
 import pytest
@@ -19,7 +20,6 @@ from tests.attacks.program import (
     row,
     rsgen,
     verified,
-    write_case,
 )
 from tests.attacks.surroundings import tried_here
 
@@ -36,27 +36,26 @@ def test_surroundings_that_end_a_command(attack: Callable[[Path], str], tmp_path
     assert attack(tmp_path) == ""
 
 
-@pytest.fixture(scope="module")
-def finished(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A case with its result, and the cache of its kernel."""
-    folder = tmp_path_factory.mktemp("finished")
-    output.prepare(folder)
-    return folder
+FEW = {
+    "kills": 10,
+    "pool": 2,
+    "cache": 6,
+    "output": 30,
+    "readers": 200,
+    "expressions": 150,
+    "loops": 40,
+    "cases": 400,
+    "surroundings": 12,
+    "many": 12,
+    "large": 10_000,
+}
 
 
-@pytest.mark.slow
-def test_remarks_in_a_result_that_a_killed_run_moved_aside_stay(finished: Path) -> None:
-    lost, ended = output.attack_once(output.remarks_in_a_result_moved_aside, finished)
-    assert (lost, ended.fault(0, 2)) == ([], "")
-
-
-@pytest.mark.slow
-def test_a_killed_run_is_cleared_up_by_the_next_one(finished: Path, tmp_path: Path) -> None:
-    tally = kills.Tally()
-    for name in ("one", "two"):
-        write_case(finished / "cases", name)
-    kills.kill_once(7, tmp_path, 4.0, finished, tally)
-    assert [row["measured"].partition(";")[0] for row in tally.rows()] == ["0 of 1"] * 5
+@pytest.mark.thorough
+@pytest.mark.parametrize("module", table.COUNTS)
+def test_a_few_attacks_of_each_kind(module: str) -> None:
+    rows = import_module(f"tests.attacks.{module}").run(FEW[module], seed=1)
+    assert [row for row in rows if not reached(row)] == []
 
 
 # ---------------------------------------------------------------- what the attacks are judged by
@@ -121,7 +120,18 @@ def test_a_module_renews_its_own_rows_of_the_table(tmp_path: Path, monkeypatch: 
     assert table.main(["nonsense"]) == 2
 
 
-def test_a_figure_is_reached_or_for_a_reader() -> None:
-    assert [reached(row("", *words)) for words in (("0", "0 of 9"), ("0", "1 of 9"), ("flat", "2 MB"))] == [
-        True, False, True,
-    ]  # fmt: skip
+@pytest.mark.parametrize(
+    ("asked", "measured", "wanted"),
+    [
+        ("0", "0 of 9", True),
+        ("0", "1 of 9", False),
+        ("0, 0, 0", "0, 0, 0 (4 refused)", True),
+        ("0, 0, 0", "0, 1, 0 (4 refused)", False),
+        ("31 of 31", "30 of 31", False),
+        ("2", "24 of 24", False),
+        ("flat", "2 MB", True),
+        ("8.3 s, 593 MB; 1.7 s", "9 s", True),
+    ],
+)
+def test_a_figure_is_reached_or_for_a_reader(asked: str, measured: str, wanted: bool) -> None:
+    assert reached(row("", asked, measured)) is wanted

@@ -13,7 +13,7 @@ from typing import Any
 import jsonschema
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 import rsgen
@@ -365,7 +365,6 @@ SNIPPETS = [
         st.tuples(st.floats(0, 1), st.integers(0, 6), st.sampled_from(SNIPPETS)), min_size=1, max_size=4
     ),
 )
-@settings(max_examples=150, derandomize=True, deadline=None)
 def test_a_damaged_case_is_a_case_or_a_case_error(
     tmp_path_factory: pytest.TempPathFactory, text: str, damages: list[tuple[float, int, str]]
 ) -> None:

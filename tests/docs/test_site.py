@@ -83,7 +83,7 @@ def chromium() -> str:
     return found
 
 
-@pytest.mark.slow
+@pytest.mark.thorough
 @pytest.mark.parametrize("name", JUDGED)
 def test_pages_fit_and_axe_finds_nothing(chromium: str, site: Path, name: str) -> None:
     axe = find_axe()
@@ -110,4 +110,4 @@ def test_pages_fit_and_axe_finds_nothing(chromium: str, site: Path, name: str) -
         assert fits, where
         assert broken == "[]", where
     if axe is None:
-        pytest.skip("no axe-core here: accessibility of docs/ was not judged; make test fetches it with npm")
+        pytest.skip("no axe-core here: docs/ was not judged; make test-all fetches it with npm")

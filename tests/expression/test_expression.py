@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 import sympy
-from hypothesis import example, given, settings
+from hypothesis import example, given
 from hypothesis import strategies as st
 
 from rsgen.common.errors import ExpressionError
@@ -342,7 +342,6 @@ def sympy_value(expr: sympy.Expr) -> complex:
 
 
 @pytest.mark.slow
-@settings(max_examples=300, deadline=None, derandomize=True)
 @given(FORMULAS)
 @example("(x + v)**2*k1 - Piecewise((x, abs(x) <= b), (b*sign(x), True))")
 def test_a_formula_means_what_python_takes_it_to_mean(text: str) -> None:
@@ -358,7 +357,6 @@ def test_a_formula_means_what_python_takes_it_to_mean(text: str) -> None:
 
 
 @pytest.mark.slow
-@settings(max_examples=500, deadline=None, derandomize=True)
 @given(FORMULAS)
 @example("abs(x/b)**3*Min(x, b)/(2*(x + b))")
 @example("-(x + b)*(k1 + k2)/(2*v)")
@@ -385,7 +383,6 @@ TOKENS = st.sampled_from([*WORDS.split(), *MORE.split(), *FUNNY.split(), "\n", "
 
 
 @pytest.mark.slow
-@settings(max_examples=1500, deadline=None, derandomize=True)
 @given(
     st.one_of(
         st.text(max_size=60),
@@ -409,7 +406,6 @@ def test_whatever_the_text_only_an_expression_error_comes_out(text: str) -> None
         assert not expr.has(sympy.zoo, sympy.oo, sympy.nan, sympy.I)
 
 
-@settings(max_examples=300, deadline=None, derandomize=True)
 @given(st.text(max_size=45))
 def test_a_name_is_legal_or_refused_in_a_sentence(name: str) -> None:
     try:

@@ -11,7 +11,7 @@ from xml.etree import ElementTree
 import matplotlib as mpl
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
@@ -268,7 +268,6 @@ def test_a_parameter_that_is_not_identifiable_leaves_the_points() -> None:
 
 
 @pytest.mark.slow
-@settings(derandomize=True, max_examples=200)
 @given(st.floats(1e-11, 1e5), st.sampled_from(["m", "N", "N/m", "N*s/m", "kg"]))
 def test_engineering_scale_keeps_the_value(value: float, unit: str) -> None:
     scale = choose_scale([value, -value / 3, np.nan], unit)
@@ -279,7 +278,6 @@ def test_engineering_scale_keeps_the_value(value: float, unit: str) -> None:
         assert shown >= 0.999
 
 
-@settings(derandomize=True, max_examples=300)
 @given(st.floats(-1e30, 1e30, allow_subnormal=False), st.integers(2, 8))
 def test_printed_numbers_can_be_read_back(value: float, digits: int) -> None:
     text = number_text(value, digits).replace("\u202f", "").replace("−", "-")

@@ -106,7 +106,7 @@ def test_no_steps_are_refused() -> None:
         from_stepped_sine(TimeHistory(RATE, None, np.zeros(4000)))
 
 
-@settings(max_examples=20, deadline=None, derandomize=True)
+@settings(max_examples=20)
 @given(f=st.floats(0.01, 0.12), off=st.floats(-0.4, 0.4), phase=st.floats(0, 6), mean=st.floats(-2, 2))
 def test_a_sine_is_fitted_exactly_and_its_frequency_refined(
     f: float, off: float, phase: float, mean: float

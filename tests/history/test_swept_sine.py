@@ -41,7 +41,7 @@ def forced(law: SweepLaw, rate: float, duration: float, level: float = 1.0) -> T
 
 
 @pytest.mark.slow
-@settings(max_examples=20, deadline=None, derandomize=True)
+@settings(max_examples=20)
 @given(
     kind=st.sampled_from(["linear", "logarithmic"]),
     low=st.floats(2, 20),

@@ -79,7 +79,7 @@ def test_form_is_minimal(law):
 
 
 @pytest.mark.parametrize("law", LAWS)
-@settings(max_examples=10, derandomize=True, deadline=None)
+@settings(max_examples=10)
 @given(seed=st.integers(0, 10**6), positive=st.booleans())
 def test_sum_of_pieces_is_the_law(law, seed, positive):
     force = parse(law)
@@ -96,7 +96,7 @@ def test_sum_of_pieces_is_the_law(law, seed, positive):
 
 @pytest.mark.slow
 @pytest.mark.parametrize("law", LAWS)
-@settings(max_examples=10, derandomize=True, deadline=None)
+@settings(max_examples=10)
 @given(seed=st.integers(0, 10**6))
 def test_sum_of_pieces_is_the_law_at_values_of_any_sign(law, seed):
     force = parse(law)

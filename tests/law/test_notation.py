@@ -4,7 +4,7 @@ from xml.etree import ElementTree
 
 import pytest
 import sympy
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from rsgen.common.errors import ExpressionError
@@ -160,7 +160,6 @@ def grown(inner: st.SearchStrategy[str]) -> st.SearchStrategy[str]:
 
 
 @pytest.mark.slow
-@settings(max_examples=200, deadline=None, derandomize=True)
 @given(st.recursive(LEAVES, grown, max_leaves=7))
 def test_every_formula_gives_sound_markup(formula: str) -> None:
     try:

@@ -6,7 +6,7 @@ import random
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from rsgen.data.oscillator import Oscillator
@@ -181,7 +181,6 @@ KINDS = ("gap", "stop", "saturation", "drag", "friction", "reach")
 
 
 @pytest.mark.slow
-@settings(max_examples=60, derandomize=True, deadline=None)
 @given(
     parts=st.lists(
         st.tuples(st.sampled_from(KINDS), st.sampled_from("xv"), st.sampled_from("bd")),

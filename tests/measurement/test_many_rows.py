@@ -9,7 +9,7 @@ from unittest.mock import patch
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from rsgen.common.errors import MeasurementError
@@ -57,7 +57,6 @@ def found(path: Path, layout: Layout, bytes_at_once: int, plain: bool) -> Column
             return str(fault)
 
 
-@settings(max_examples=400, deadline=None)
 @given(table=tables(), size=st.sampled_from([1, 7, 64, 1 << 18]))
 def test_blocks_change_nothing(table: tuple[bytes, Layout], size: int) -> None:
     content, layout = table

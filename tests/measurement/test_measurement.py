@@ -13,7 +13,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from rsgen.common.errors import MeasurementError
@@ -190,7 +190,6 @@ def test_every_mapping_gives_the_same_surface(
     ),
     delimiter=st.sampled_from([",", ";", "\t", "|", "  "]),
 )
-@settings(max_examples=40, derandomize=True, deadline=None)
 def test_written_numbers_come_back(
     tmp_path_factory: pytest.TempPathFactory, rows: list[tuple[float, ...]], delimiter: str
 ) -> None:

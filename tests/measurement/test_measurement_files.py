@@ -18,7 +18,7 @@ import h5py
 import numpy as np
 import pytest
 import scipy.io
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from rsgen.cases import load_case
@@ -319,7 +319,6 @@ def test_binary_universal_records(order: str, width: int) -> None:
 
 @pytest.mark.slow
 @given(st.data())
-@settings(max_examples=300, derandomize=True, deadline=None)
 def test_changed_universal_files_never_break_the_reader(data: st.DataObject) -> None:
     content = bytearray((FORMATS / data.draw(st.sampled_from(["frf.uff", "decay.uff"]))).read_bytes()[:3000])
     for _ in range(data.draw(st.integers(1, 6))):
@@ -333,7 +332,6 @@ def test_changed_universal_files_never_break_the_reader(data: st.DataObject) -> 
 
 @pytest.mark.slow
 @given(st.data())
-@settings(max_examples=200, derandomize=True, deadline=None)
 def test_changed_numpy_files_never_break_the_reader(data: st.DataObject) -> None:
     file = io.BytesIO()
     np.save(file, np.arange(6.0).reshape(2, 3))

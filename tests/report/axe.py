@@ -1,4 +1,4 @@
-"""axe-core, the usual judge of accessibility, for the browser tests; ``make test`` fetches it."""
+"""axe-core, the usual judge of accessibility, for the browser tests; ``make test-all`` fetches it."""
 
 from __future__ import annotations
 

@@ -39,7 +39,7 @@ _START_SECONDS = 60
 
 
 def find_browser() -> str | None:
-    """The browser's path; ``make test`` installs one where it may."""
+    """The browser's path; ``make test-all`` installs one where it may."""
     return next((path for name in _NAMES if (path := shutil.which(name))), None)
 
 

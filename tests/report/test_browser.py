@@ -28,7 +28,7 @@ from tests.samples import (
     cubic_surface,
 )
 
-pytestmark = pytest.mark.slow
+pytestmark = pytest.mark.thorough
 
 PHONE, DESK = 360, 1280
 POLICY = re.compile(r"<meta http-equiv=\"Content-Security-Policy\"[^>]*>")
@@ -38,9 +38,7 @@ POLICY = re.compile(r"<meta http-equiv=\"Content-Security-Policy\"[^>]*>")
 def chromium() -> str:
     found = find_browser()
     if found is None:
-        pytest.skip(
-            "no chromium here: the pages were not looked at in a browser; make test installs one where it may"
-        )
+        pytest.skip("no chromium here: no page was looked at in a browser; make test-all installs one")
     return found
 
 
@@ -150,7 +148,7 @@ axe.run(document, {resultTypes: ["violations"]}).then(found => JSON.stringify(fo
 def test_axe_finds_nothing(chromium: str, pages: dict[str, Path], name: str) -> None:
     axe = find_axe()
     if axe is None:
-        pytest.skip("no axe-core here: accessibility was not judged; make test fetches it with npm")
+        pytest.skip("no axe-core here: accessibility was not judged; make test-all fetches it with npm")
 
     async def visit(page: Page) -> dict[str, Any]:
         found = {}

@@ -14,7 +14,7 @@ from types import CodeType, FrameType
 
 import nbformat
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from nbclient import NotebookClient
 
@@ -57,7 +57,6 @@ def code_cells(notebook: nbformat.NotebookNode) -> list[str]:
 
 
 @pytest.mark.slow
-@settings(derandomize=True, max_examples=300)
 @given(st.text() | st.text("\"'\\\n\t\r{}%!?$\ud800\u202e\x00"))
 def test_literal_is_the_text_on_one_line(text: str) -> None:
     written = literal(text)
@@ -65,7 +64,6 @@ def test_literal_is_the_text_on_one_line(text: str) -> None:
     assert written.isprintable()
 
 
-@settings(derandomize=True, max_examples=300)
 @given(st.text("ab[](){}<>`*_\\$!|#:@~&.http\n"))
 def test_prose_has_no_markup(text: str) -> None:
     written = prose(text)

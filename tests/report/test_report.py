@@ -18,7 +18,7 @@ from typing import Any
 import jinja2
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from matplotlib.figure import Figure
 
@@ -183,7 +183,6 @@ def test_titles_are_text(blanks: list[Drawing], title: str) -> None:
     assert plain_text(title or "cubic") in "".join(outline.texts)
 
 
-@settings(derandomize=True, max_examples=200)
 @given(st.text(max_size=60))
 def test_plain_text_is_printable_and_keeps_what_is(text: str) -> None:
     shown = plain_text(text)

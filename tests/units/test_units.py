@@ -7,7 +7,7 @@ from fractions import Fraction
 
 import pint
 import pytest
-from hypothesis import example, given, settings
+from hypothesis import example, given
 from hypothesis import strategies as st
 
 from rsgen.common.errors import RsgenError
@@ -156,7 +156,6 @@ PIECES = [
 
 
 @pytest.mark.slow
-@settings(max_examples=400, deadline=None, derandomize=True)
 @given(st.one_of(st.text(max_size=30), st.lists(st.sampled_from(PIECES), max_size=12).map("".join)))
 @example("1" + " N" * 20)
 def test_whatever_the_text_only_an_rsgen_error_comes_out(text: str) -> None:
@@ -176,7 +175,6 @@ POWERS = st.dictionaries(
 
 
 @pytest.mark.slow
-@settings(max_examples=200, deadline=None, derandomize=True)
 @given(POWERS)
 def test_the_text_of_a_dimension_reads_back(powers: dict[str, Fraction]) -> None:
     dimension = Dimension(powers)
@@ -184,7 +182,6 @@ def test_the_text_of_a_dimension_reads_back(powers: dict[str, Fraction]) -> None
 
 
 @pytest.mark.slow
-@settings(max_examples=200, deadline=None, derandomize=True)
 @given(POWERS, POWERS)
 def test_dimensions_form_a_group(first: dict[str, Fraction], second: dict[str, Fraction]) -> None:
     one, two = Dimension(first), Dimension(second)
@@ -275,7 +272,6 @@ def test_a_parameter_with_two_units_is_a_fault() -> None:
         parameter_units(parse("k*Max(x - b, 0) + c*Max(v - b, 0)"))
 
 
-@settings(max_examples=100, deadline=None, derandomize=True)
 @given(st.integers(0, 5), st.integers(0, 5), st.fractions(0, 3, max_denominator=4))
 def test_a_power_law_has_the_unit_that_makes_it_a_force(i: int, j: int, q: Fraction) -> None:
     units = parameter_units(parse(f"a*x**{i}*v**{j}*abs(x)**({q})"))
