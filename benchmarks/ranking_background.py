@@ -57,7 +57,7 @@ KINDS: dict[str, Background] = {
     "none": Background(0.0, 0j, 0j),
 }
 
-HEAD = """## Which law, beside a background?
+HEAD = """## Which law, with a background?
 
 Noisy virtual tests of known laws ({levels} levels x {frequencies} frequencies), seen with a phase error of
 {psi:g} rad ("phase"), a constant receptance ("constant") and residual terms of modes below and above

@@ -92,7 +92,7 @@ class Comparison(Printed):
 
     @property
     def outcome(self) -> Finding | None:
-        """What was judged, as a finding; None where nothing was."""
+        """The judgement as a finding; None where nothing was judged."""
         judged = [row for row in self if row.tolerance is not None]
         if not judged:
             return None
@@ -103,7 +103,7 @@ class Comparison(Printed):
         return Finding("values-judged", "info", numbers=numbers, names=names)
 
     def to_frame(self) -> Any:
-        """Give the rows as a ``pandas.DataFrame``.
+        """Return the rows as a ``pandas.DataFrame``.
 
         Raises
         ------

@@ -35,7 +35,7 @@ class _Function:
 
 
 def _measured(surface: ResponseSurface) -> Iterator[_Function]:
-    """Give X/F of each level and sweep, frequencies ascending."""
+    """Return X/F of each level and sweep, frequencies ascending."""
     surface.require_phase("surface", "a frequency response has amplitudes and phases")
     kept = surface.select(surface.settled & (surface.force != 0))
     if not len(kept):
@@ -64,7 +64,7 @@ def _parts(curve: ResonanceCurve) -> Iterator[slice]:
 
 
 def _predicted(prediction: Prediction) -> Iterator[_Function]:
-    """Give X/F of each stable part of each resonance curve, frequencies ascending."""
+    """Return X/F of each stable part of each resonance curve, frequencies ascending."""
     for curve in prediction.curves:
         for number, part in enumerate(_parts(curve), start=1):
             order = np.argsort(curve.frequency[part], kind="stable")

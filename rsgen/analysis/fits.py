@@ -144,16 +144,16 @@ class FitComparison(Printed):
     @property
     def findings(self) -> tuple[Finding, ...]:
         """The finding "results-disagree" where two results are usable, and intervals of theirs disjoint."""
-        apart = [
+        differing = [
             (abs(_shift(one, two)), row.name, first.name, second.name)
             for row in self.rows
             for (first, one), (second, two) in combinations(zip(self.fits, row.estimates, strict=True), 2)
             if first.verdict.usable and second.verdict.usable and _disjoint(one, two)
         ]
-        if not apart:
+        if not differing:
             return ()
-        shift, _, first, second = max(apart)
-        names = {"values": ", ".join(dict.fromkeys(name for _, name, _, _ in apart))}
+        shift, _, first, second = max(differing)
+        names = {"values": ", ".join(dict.fromkeys(name for _, name, _, _ in differing))}
         names |= {"first": first, "second": second}
         return (Finding("results-disagree", "doubt", numbers=quantities(shift=shift), names=names),)
 
@@ -171,7 +171,7 @@ class FitComparison(Printed):
         return iter((*self.rows, *self.background))
 
     def to_dicts(self) -> list[dict[str, Any]]:
-        """Give the numbers of every parameter and fit by name; a parameter that a law has not is left out."""
+        """Return the numbers of every parameter and fit by name; parameters that a law lacks are left out."""
         return [
             {
                 "name": row.name,
@@ -192,7 +192,7 @@ class FitComparison(Printed):
         ]
 
     def to_frame(self) -> Any:
-        """Give ``to_dicts`` as a ``pandas.DataFrame``, a row a parameter and fit.
+        """Return ``to_dicts`` as a ``pandas.DataFrame``, a row a parameter and fit.
 
         Raises
         ------

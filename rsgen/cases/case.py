@@ -138,7 +138,7 @@ class _Schema(GenerateJsonSchema):
 
 
 def case_schema() -> dict[str, Any]:
-    """Give the JSON Schema of a case file, for editors that complete and check TOML.
+    """Return the JSON Schema of a case file, for editors that complete and check TOML.
 
     Examples
     --------
@@ -222,7 +222,7 @@ class Case:
         return self.path.parent
 
     def with_model(self, model: Model) -> Case:
-        """Give the case the law that a ranking found; what concerned another law is left out.
+        """Return the case the law that a ranking found; what concerned another law is left out.
 
         Parameters
         ----------

@@ -1,4 +1,4 @@
-"""What is wrong with a case, as sentences a person can act on: path, fault, what is allowed."""
+"""Faults of a case as sentences to act on: path, fault, allowed values."""
 
 from __future__ import annotations
 
@@ -26,12 +26,12 @@ _DEVICES = {"con", "prn", "aux", "nul", *(f"{port}{n}" for port in ("com", "lpt"
 
 
 def is_device(name: str) -> bool:
-    """Whether Windows takes a file name for a device, whatever its ending."""
+    """Return True if Windows takes a file name for a device, whatever its ending."""
     return name.casefold().split(".")[0] in _DEVICES
 
 
 def suggest(word: str, known: Collection[str]) -> str:
-    """Give a did-you-mean in words, with a trailing blank, or nothing when no known word is close.
+    """Return a did-you-mean in words, with a trailing blank, or nothing when no known word is close.
 
     Examples
     --------

@@ -231,7 +231,7 @@ class _Builder:
         return tuple(built)
 
     def parameters(self, elements: tuple[Element, ...]) -> dict[str, str]:
-        """Give the unit of every parameter, and note where its dimension contradicts itself."""
+        """Return the unit of every parameter, and note where its dimension contradicts itself."""
         force = total_force(elements)
         try:
             # states of one name in two elements, or a state with the name of another's parameter
@@ -354,7 +354,7 @@ class _Builder:
     def truth_given(
         self, elements: tuple[Element, ...], units: dict[str, str], complete: bool
     ) -> dict[str, float]:
-        """Give the true values of a simulated case; a measured one has none."""
+        """Return the true values of a simulated case; a measured one has none."""
         given = self.document.truth is not None
         if self.simulated and not given and any(e.parameters for e in elements):
             names = ", ".join(units)

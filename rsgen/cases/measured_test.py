@@ -22,12 +22,12 @@ _OF_PHASE = {
     "(or phase_known = false)",
     False: "response.phase_known: is false, but there is a phase; leave one out",
 }
-"""What contradicts whether the phase was recorded."""
+"""Contradiction between files and the key ``phase``."""
 
 MEASURED = table_of(
     MeasuredTest,
     "MeasuredTest",
-    "A real test: files beside the case, or in the folder that RSGEN_DATA names.",
+    "A real test: files in the folder of the case, or in the folder that RSGEN_DATA names.",
     {
         "kind": (Literal["measured"], Field()),
         "excitation": (
@@ -85,7 +85,7 @@ def make_measured(
 
 
 def _base_quantity(table: Any) -> str:
-    """What of the base was measured, "" where the case does not say."""
+    """Measured quantity of the base; "" where the case names none."""
     if table.base.quantity is not None:
         return str(table.base.quantity)
     try:

@@ -198,7 +198,7 @@ class Table(BaseModel):
 
 @dataclass(frozen=True, slots=True)
 class Obeys:
-    """What pydantic checks of a number, a text or either by a rule; with a unit, a text may give a number."""
+    """Return the pydantic checks of a number or text under a rule; with a unit, a text may give a number."""
 
     base: Any
     rule: Rule
@@ -209,7 +209,7 @@ class Obeys:
         return (float, str) if self.rule.unit is not None else get_args(self.base) or (self.base,)
 
     def read(self, value: object) -> object:
-        """Give the value; an integer as float where that is declared."""
+        """Return the value; an integer as float where that is declared."""
         kinds = (*self.kinds, int) if float in self.kinds else self.kinds
         # of a value with a unit the range is checked in SI units, when the unit has been read
         rule = self.rule if self.rule.unit is None else Rule(fewest=1, most=MAX_TEXT)
@@ -223,7 +223,7 @@ class Obeys:
         return core_schema.no_info_plain_validator_function(self.read)
 
     def __get_pydantic_json_schema__(self, schema: Any, handler: Any) -> dict[str, Any]:
-        """Give types and bounds as JSON Schema."""
+        """Return types and bounds as JSON Schema."""
         types = [_JSON[kind] for kind in self.kinds]
         bounds = {name: getattr(self.rule, attribute) for name, attribute in _BOUNDS.items()}
         known = {name: bound for name, bound in bounds.items() if bound is not None}
@@ -249,7 +249,7 @@ def _listed(value: object) -> object:
 
 
 def _annotation(base: Any, rule: Rule) -> Any:
-    """Give what pydantic checks for a declared type and rule."""
+    """Return what pydantic checks for a declared type and rule."""
     if get_origin(base) is np.ndarray:
         return Grid
     if get_origin(base) is tuple:
@@ -294,7 +294,7 @@ def _purpose(cls: Any) -> str:
 
 
 def _tree(cls: Any, optional: bool = False) -> dict[str, Any]:
-    """Give the keys of a dataclass, tables within tables; "" is what a table is for."""
+    """Return the keys of a dataclass, tables within tables; "" is what a table is for."""
     tree: dict[str, Any] = {}
     for one in declared(cls):
         if one.rule.outside:
@@ -360,7 +360,7 @@ def table_of(
 
 
 def reason(fault: Exception) -> str:
-    """Give what an exception says, on one line."""
+    """Return what an exception says, on one line."""
     return " ".join(str(fault).split())
 
 

@@ -1,4 +1,4 @@
-"""What all packages share; here, how a package imports its names on first use.
+"""Shared by all packages; here, the import of a package's names on first use.
 
 So a command loads no library that it does not use.
 """

@@ -1,4 +1,4 @@
-"""Names for arrays of numbers in annotations, and arrays that nobody can change."""
+"""Types of arrays in annotations, and read-only arrays."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ Chosen = NDArray[np.bool_] | NDArray[np.intp] | slice
 
 
 def frozen_array(values: ArrayLike, dtype: type = np.float64) -> NDArray[Any]:
-    """Copy into an array that nobody can change."""
+    """Copy into a read-only array."""
     array: NDArray[Any] = np.array(values, dtype=dtype)
     array.flags.writeable = False
     return array

@@ -1,4 +1,4 @@
-"""Rules of values: range, unit and help of a field stand beside it, once for everybody who checks it.
+"""Rules of values: range, unit and help of a field, declared with the field and used by every check.
 
     harmonics: int = declare(7, "Harmonics of the displacement.", at_least=1, at_most=64)
     mass: Annotated[float, Rule("Moving mass.", unit="kg", above=0)]
@@ -26,7 +26,7 @@ T = TypeVar("T")
 
 @dataclass(frozen=True, slots=True)
 class Rule:
-    """What a value may be: bounds of a number, length and form of a text, entries of a list, its SI unit.
+    """Allowed values: bounds of a number, length and form of a text, entries of a list, SI unit.
 
     Parameters
     ----------
@@ -38,7 +38,7 @@ class Rule:
         What is allowed, where the bounds alone do not say it well.
     key
         Where the value stands in a case file if not under the field's name; dots separate tables, and "" puts
-        the keys of a nested object beside those of the object itself.
+        the keys of a nested object among those of the object itself.
     required
         The key must be given where its table is.
     outside
@@ -60,7 +60,7 @@ class Rule:
     outside: bool = False
 
     def allowed(self, base: Any = float) -> str:
-        """What is allowed of a type, as it ends a message."""
+        """Return the allowed values of a type, as the end of a message."""
         if self.what is not None:
             return self.what
         if base is str:
@@ -82,7 +82,7 @@ class Rule:
         return f"{kind} {' and '.join(known)}".rstrip()
 
     def accepts(self, value: object) -> bool:
-        """Whether a number is in range, or a text as long as it may be and of the pattern."""
+        """Return True if a number is in range, or a text within its length and of its pattern."""
         if isinstance(value, bool):
             return True
         if isinstance(value, int | float):
@@ -125,7 +125,7 @@ class Declared:
 
 
 def read_hint(hint: Any) -> tuple[Any, Rule, bool]:
-    """Take an annotation apart: its type without None, its rule, and whether it may be None."""
+    """Split an annotation: its type without None, its rule, and whether it may be None."""
     if get_origin(hint) is Annotated:
         inner, *extras = get_args(hint)
         base, rule, optional = read_hint(inner)
@@ -146,7 +146,7 @@ def read_hint(hint: Any) -> tuple[Any, Rule, bool]:
 
 
 def declare(default: Any, help: str = "", **rule: Any) -> Any:
-    """Give a field of a dataclass a default and a rule: ``skip: int = declare(0, "Lines.", at_least=0)``."""
+    """Make a field of a dataclass with a default and a rule: ``declare(0, "Lines.", at_least=0)``."""
     return field(default=default, metadata={"rule": Rule(help, **rule)})
 
 

@@ -1,4 +1,4 @@
-"""What rsgen says when it cannot go on: where, what is wrong, what is allowed."""
+"""Exceptions of rsgen: place, fault, allowed values."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ class UnknownNameError(RsgenError, KeyError):
     """Nothing has the name that was asked for; also a ``KeyError``."""
 
     def __str__(self) -> str:
-        """Give the message as it is; a KeyError would quote it."""
+        """Return the message as it is; a KeyError would quote it."""
         return str(self.args[0])
 
 
@@ -77,7 +77,7 @@ def require(value: object, kinds: type | tuple[type, ...], place: str) -> None:
 
 
 def require_number(value: object, place: str, unit: str = "") -> float:
-    """Give a number of any numeric type as a float.
+    """Return a number of any numeric type as a float.
 
     Raises
     ------
@@ -115,7 +115,7 @@ def keep_from_terminal() -> None:
 
 
 def program_fault(fault: BaseException, about: str) -> str:
-    """Say an error that nobody foresaw in a sentence, and write its traceback to the log.
+    """Return an unexpected error as a sentence, and write its traceback to the log.
 
     What the system refused, a file or memory, is no fault of the program.
 

@@ -26,7 +26,7 @@ def quantities(**numbers: float | Quantity) -> dict[str, Quantity]:
 
 
 def severity_of(size: float, doubt: float, error: float) -> Severity:
-    """Give the severity of a size by two limits."""
+    """Return the severity of a size by two limits."""
     return "error" if size > error else "doubt" if size > doubt else "warning"
 
 
@@ -40,7 +40,7 @@ class Finding:
         What was found, lower case, words joined by hyphens: "points-set-aside".
     severity
         "info": good to know; "warning": some numbers are less certain than they look; "doubt": the result may
-        be wrong, somebody has to look first; "error": the result is wrong or means nothing. The verdict on a
+        be wrong, look at them first; "error": the result is wrong or means nothing. The verdict on a
         result follows from the severities alone (``rsgen.common.finding``).
     parameter
         The parameter concerned, "" where the finding concerns the whole result.
@@ -51,8 +51,8 @@ class Finding:
 
     Examples
     --------
-    >>> Finding("points-set-aside", "warning", numbers={"aside": 3, "points": 120})
-    points-set-aside (warning): aside = 3, points = 120
+    >>> Finding("points-held", "info", numbers={"held": 3, "points": 120})
+    points-held (info): held = 3, points = 120
     """
 
     code: str
@@ -82,7 +82,7 @@ class Finding:
         return Finding, (self.code, self.severity, self.parameter, dict(self.numbers), dict(self.names))
 
     def to_dict(self) -> dict[str, Any]:
-        """Give the finding as JSON takes it."""
+        """Return the finding as JSON takes it."""
         return {
             "code": self.code,
             "severity": self.severity,
@@ -111,7 +111,7 @@ _NONE: Mapping[str, str] = MappingProxyType({})
 
 
 class Earlier(NamedTuple):
-    """What an earlier code is called today: names that come with it, and data that are called otherwise."""
+    """Present code of an earlier one: names that come with it, and renamed data."""
 
     code: str
     added: Mapping[str, str] = _NONE
@@ -198,7 +198,7 @@ USABLE: tuple[State, ...] = ("accepted", "identified")
 
 @dataclass(frozen=True, slots=True)
 class Verdict:
-    """What a result is worth.
+    """The verdict on a result.
 
     Parameters
     ----------
@@ -209,7 +209,7 @@ class Verdict:
     decided_by
         The findings that decided, the gravest first; empty unless the state is "rejected" or "doubtful".
     summary
-        What was judged, or else what was identified: the numbers of a headline; None where nobody said.
+        What was judged, or else what was identified: the numbers of a headline; None where there are none.
     """
 
     state: State
@@ -222,7 +222,7 @@ class Verdict:
         return self.state in USABLE
 
     def __str__(self) -> str:
-        """Give the state with the codes that decided."""
+        """Return the state with the codes that decided."""
         codes = ", ".join(dict.fromkeys(finding.code for finding in self.decided_by))
         return f"{self.state} ({codes})" if codes else self.state
 
@@ -276,7 +276,7 @@ class StatedVerdict(TypedDict):
 
 
 def verdict_lines(stated: StatedVerdict) -> list[str]:
-    """Give the headline and, indented, what decided with what to do about it."""
+    """Return the headline and, indented, what decided with what to do about it."""
     lines = [stated["headline"]]
     for sentence, step in zip(stated["sentences"], stated["next_steps"], strict=True):
         lines += [f"  because: {sentence}", *([f"  next: {step}"] if step else [])]

@@ -32,7 +32,7 @@ def solve_scaled(
         round-off is not identifiable.
     known
         (q,) values of the unknowns that are known, NaN of the others: nothing is solved for them, and their
-        rows of what is returned beside the solution are zero.
+        rows of the second result are zero.
 
     Returns
     -------

@@ -31,7 +31,7 @@ def _permissions() -> int:
 
 
 def is_alive(process: int) -> bool:
-    """Whether a number is that of a process of this machine, as far as the system says."""
+    """Return True if a process of this machine has this number, as far as the system says."""
     if os.name != "posix":
         # there, asking would end the process; age decides instead
         return True
@@ -45,7 +45,7 @@ def is_alive(process: int) -> bool:
 
 
 def left_behind(path: Path) -> str | None:
-    """Give the name whose place an unfinished file or folder was to take; None unless its writer is gone."""
+    """Return the final name of an unfinished file or folder; None unless its writer is gone."""
     found = _UNFINISHED.fullmatch(path.name)
     if found is None:
         return None

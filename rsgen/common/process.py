@@ -21,8 +21,9 @@ except ImportError:
     resource = None  # type: ignore[assignment]
 
 ALGEBRA = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")
-"""What the libraries of linear algebra read when they are loaded. With two threads an identification takes
-three times as much processor time and is no sooner (laws of the paper, 246 points, 2 cores)."""
+"""Variables that the libraries of linear algebra read when they are loaded. With two threads an
+identification takes three times as much processor time and is no sooner (laws of the paper, 246 points,
+two cores)."""
 
 
 def single_thread() -> None:
@@ -47,7 +48,7 @@ def collect_seldom() -> None:
 
 
 def leave_at_once() -> None:
-    """Give the memory back as a whole at the exit of this process.
+    """Return the memory back as a whole at the exit of this process.
 
     Python searches all that was imported for cycles once more as it ends, a tenth of a second with sympy.
     What must be cleared up asks for it by ``atexit`` or a context; nothing waits for that search.
@@ -56,7 +57,7 @@ def leave_at_once() -> None:
 
 
 READY = b"ready\n"
-"""What such a process says once it is confined, before it opens anything."""
+"""Message of such a process once it is confined, before it opens anything."""
 MEMORY_STATUS = "/proc/self/statm"
 """Where Linux says how much memory a process has; other systems do not, and no limit above that is set."""
 _PROGRAM = (
@@ -66,7 +67,7 @@ _PROGRAM = (
 
 
 def command(module: str, order: str = "") -> list[str]:
-    """Give the command that calls ``main`` of a module of rsgen, with the order as its first argument.
+    """Return the command that calls ``main`` of a module of rsgen, with the order as its first argument.
 
     Trusted words, as a linter asks: the program is a constant, and nothing goes through a shell.
     """
@@ -74,7 +75,7 @@ def command(module: str, order: str = "") -> list[str]:
 
 
 def environment() -> dict[str, str]:
-    """Give the environment of such a process."""
+    """Return the environment of such a process."""
     # threads of the algebra library reserve memory that the limit would count
     threads = {f"{name}_NUM_THREADS": "1" for name in ("OPENBLAS", "OMP", "MKL", "NUMEXPR")}
     return {**os.environ, **threads, "PYTHONDONTWRITEBYTECODE": "1", "HDF5_USE_FILE_LOCKING": "FALSE"}

@@ -29,7 +29,7 @@ def short(value: float, digits: int = 5) -> str:
 
 
 def with_error(value: float, standard_error: float) -> int:
-    """Give the digits a value deserves: two of them beyond the leading digit of its standard error.
+    """Return the digits a value deserves: two of them beyond the leading digit of its standard error.
 
     Examples
     --------
@@ -72,7 +72,7 @@ class TextTable:
         return "\n".join([*filter(None, [self.caption]), *lines, *self.notes])
 
     def html(self) -> str:
-        """Give the table as HTML; every text is escaped."""
+        """Return the table as HTML; every text is escaped."""
 
         def row(cells: Sequence[Any], tag: str) -> str:
             return f"<tr>{''.join(f'<{tag}>{html.escape(str(cell))}</{tag}>' for cell in cells)}</tr>"
@@ -94,7 +94,7 @@ class Printed:
         raise NotImplementedError
 
     def __repr__(self) -> str:
-        """Give the table as text."""
+        """Return the table as text."""
         return str(self._table())
 
     def _repr_html_(self) -> str:
@@ -102,7 +102,7 @@ class Printed:
 
 
 def lookup(name: object, known: Mapping[str, T], what: str) -> T:
-    """Give what has this name.
+    """Return what has this name.
 
     Raises
     ------
@@ -115,7 +115,7 @@ def lookup(name: object, known: Mapping[str, T], what: str) -> T:
 
 
 def data_frame(columns: dict[str, Any], index: str = "") -> Any:
-    """Give a ``pandas.DataFrame`` of columns, one of them as its index; pandas is needed for this alone.
+    """Return a ``pandas.DataFrame`` of columns, one of them as its index; pandas is needed for this alone.
 
     Raises
     ------

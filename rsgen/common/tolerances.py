@@ -9,9 +9,9 @@ import scipy
 ANY_LAW = "k*x + k3*x**3 + k5*x**5 + c*v + c3*v**3 + c5*v**5"
 """Any law at one harmonic, roughly: enough to find phase error and background before a law is tried."""
 
-APART = 3.0
-"""A level, or a group of points, that misfits this many times as much as the others is apart: sound
-structures have misfits that differ by less than two."""
+DEVIATING_MISFIT_RATIO = 3.0
+"""Misfit of a level, or a group of points, over that of the others from which it deviates: in sound
+structures misfits differ by less than two."""
 
 BLOCK = 512
 """Points worked on at once: their sample arrays stay in the processor's cache."""
@@ -97,7 +97,7 @@ ORDER = 9
 laws."""
 
 OUTLIERS = 0.2
-"""At most this share of the points is set aside; if more disagree, it is the law that does not fit."""
+"""At most this share of the points is excluded; if more disagree, it is the law that does not fit."""
 
 POINTS_A_KNOT = 8
 """Between two knots of a free curve: they determine its values there, and noise does not show as waves."""
@@ -177,30 +177,30 @@ def samples_for(switched: bool) -> int:
 
 
 def normal_share(value: float) -> float:
-    """Give the probability that a standard normal number is below a value."""
+    """Return the probability that a standard normal number is below a value."""
     return float(scipy.special.ndtr(value))
 
 
 def normal_quantile(share: float) -> float:
-    """Give what a standard normal number is below with probability ``share``."""
+    """Return what a standard normal number is below with probability ``share``."""
     return float(scipy.special.ndtri(share))
 
 
 def t_quantile(freedom: Any, share: float) -> Any:
-    """Give what a number of Student's distribution is below with probability ``share``, of any freedoms."""
+    """Return what a number of Student's distribution is below with probability ``share``, of any freedoms."""
     return scipy.special.stdtrit(freedom, share)
 
 
 def f_tail(above: float, below: float, value: float) -> float:
-    """Give the probability that a ratio of variances, of these degrees of freedom, exceeds a value."""
+    """Return the probability that a ratio of variances, of these degrees of freedom, exceeds a value."""
     return float(scipy.special.fdtrc(above, below, value))
 
 
 def f_quantile(above: float, below: float, share: float) -> float:
-    """Give what a ratio of variances, of these degrees of freedom, is below with probability ``share``."""
+    """Return what a ratio of variances, of these degrees of freedom, is below with probability ``share``."""
     return float(scipy.special.fdtri(above, below, share))
 
 
 def chi_square_exceeded(freedom: int, chance: float) -> float:
-    """Give what a sum of so many squares of standard normal numbers exceeds with probability ``chance``."""
+    """Return what a sum of so many squares of standard normal numbers exceeds with probability ``chance``."""
     return float(scipy.special.chdtri(freedom, chance))

@@ -11,8 +11,8 @@ import numpy as np
 from rsgen.common.arrays import Array
 from rsgen.common.finding import Finding, Quantity, Severity, quantities, severity_of
 from rsgen.common.tolerances import (
-    APART,
     CONFIDENCE,
+    DEVIATING_MISFIT_RATIO,
     ERRORS,
     EXCESS,
     LARGE,
@@ -149,7 +149,7 @@ def _level_apart(points: Points, regression: Regression, unit: str) -> list[Find
     worst, typical = int(np.argmax(sizes)), float(np.median(sizes))
     level, size = float(levels[worst]), float(sizes[worst])
     pairs = points.pairs(regression.used & (points.level == level))
-    if not (size > max(POOR, APART * typical) and is_systematic(regression.residual, pairs)):
+    if not (size > max(POOR, DEVIATING_MISFIT_RATIO * typical) and is_systematic(regression.residual, pairs)):
         return []
     numbers = {"level": Quantity(level, unit), "misfit": Quantity(size), "typical": Quantity(typical)}
     return [Finding("level-apart", "doubt", numbers=numbers)]

@@ -11,8 +11,8 @@ from numpy.typing import NDArray
 from rsgen.common.arrays import Array, ComplexArray
 from rsgen.common.finding import Finding, Quantity, Severity, quantities, severity_of
 from rsgen.common.tolerances import (
-    APART,
     CHANCE,
+    DEVIATING_MISFIT_RATIO,
     ERRORS,
     EXCESS,
     FEW,
@@ -182,7 +182,7 @@ def limit_findings(remarked: Sequence[Finding], fit: Fit) -> list[Finding]:
             return []
     if not at.any() or at.all():
         return []
-    misses = np.median(miss[at]) > max(APART * np.median(miss[~at]), NOTICEABLE)
+    misses = np.median(miss[at]) > max(DEVIATING_MISFIT_RATIO * np.median(miss[~at]), NOTICEABLE)
     if not (misses or (known and np.mean(at) > FEW)):
         return []
     numbers = quantities(at=int(np.count_nonzero(at)), points=len(points), limit=limit)

@@ -1,4 +1,4 @@
-"""What a run leaves for people and for other programs: result.json, report.html, notebook.ipynb, index."""
+"""Results of a run for people and other programs: result.json, report.html, notebook.ipynb, index."""
 
 from __future__ import annotations
 

@@ -114,7 +114,7 @@ def _(
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Parts:
-    """What a report is made of; ``loaded`` is the case as it was read, None without one."""
+    """The parts of a report; ``loaded`` is the case as it was read, None without one."""
 
     loaded: Case | None
     surface: ResponseSurface | MultisineSpectra
@@ -284,7 +284,7 @@ def _(table: MultisineSpectra, place: Path) -> None:
 
 @singledispatch
 def shown_of(table: Any, model: Model) -> dict[str, bool]:
-    """Say which optional parts a lesson on a test has before anything is identified."""
+    """Return the optional parts of the notebook of a test, before anything is identified."""
     return {"mean": mean_finding(table) is not None, "loops": shows_loops(table, model)}
 
 
@@ -295,7 +295,7 @@ def _(table: MultisineSpectra, model: Model) -> dict[str, bool]:
 
 @singledispatch
 def _predicted(table: Any, identification: Identification) -> tuple[tuple[object, ...], Prediction, Modal]:
-    """Predict what was not seen: inputs of ``predict`` beside the identification, its result, modal table."""
+    """Predict levels not used: further inputs of ``predict``, its result, the modal table."""
     levels = [] if identification.model.sensors else _levels(table, identification)
     prediction = predict(identification, levels or None, table)
     return (levels, table), prediction, tabulate_mode(table, identification)

@@ -1,4 +1,4 @@
-"""What the numbers mean: a sentence for each spring and damper, energy, mean, formulas in print."""
+"""Interpretation of the numbers: a sentence for each spring and damper, energy, mean, printed formulas."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ from rsgen.report.provenance import Subject
 from rsgen.report.wording import sentence
 
 # ----------------------------------------------------------------------------
-# What a test and its model say about the energy of a cycle.
+# The energy of a cycle, of a test and of its model.
 
 
 def _known(value: float) -> float | None:
@@ -36,7 +36,7 @@ def _known(value: float) -> float | None:
 
 
 def dissipation_entry(surface: ResponseSurface, identification: Identification) -> dict[str, Any]:
-    """Give the entry "dissipation" of result.json, SI units; what is not known is null."""
+    """Return the entry "dissipation" of result.json, SI units; what is not known is null."""
     measured = measured_energy(mode_surface(surface, identification))
     refined = dissipated_energy(identification)
     values = solution_of(identification)
@@ -62,7 +62,7 @@ def dissipation_entry(surface: ResponseSurface, identification: Identification) 
 
 
 _ROUND_OFF = 1e-9
-"""Share of the stiffness of the whole below which that of an element is none."""
+"""Share of the total stiffness below which the stiffness of an element is round-off."""
 
 
 def element_finding(element: Element, identification: Identification) -> Finding | None:
@@ -118,7 +118,7 @@ def _course(
 
 
 def describe_elements(elements: Iterable[Element], identification: Identification) -> dict[str, str]:
-    """Give the sentence of every element by its name."""
+    """Return the sentence of every element by its name."""
     said = {element.name: element_finding(element, identification) for element in elements}
     return {name: sentence(finding) for name, finding in said.items() if finding is not None}
 
@@ -131,7 +131,7 @@ def mean_finding(surface: ResponseSurface, identification: Identification | None
     surface
         Its largest settled response is described.
     identification
-        Says what is noise; None where nobody knows.
+        Source of the noise level; None where it is not known.
     """
     settled = np.flatnonzero(surface.settled)
     if not settled.size:

@@ -1,4 +1,4 @@
-"""notebook.ipynb: a lesson on the case, executed, that calls the public API only."""
+"""notebook.ipynb: the analysis of a case step by step, executed, by the public API only."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ from rsgen.identification.results import Identification
 from rsgen.report import figures
 from rsgen.report.figures import Drawing
 from rsgen.report.page_tables import NO_MODAL, Modal
-from rsgen.report.provenance import TEMPLATES, lesson_mark, plain_text
+from rsgen.report.provenance import TEMPLATES, notebook_mark, plain_text
 
 # ----------------------------------------------------------------------------
 # Run the cells of a notebook in this process, given the results that the run already has.
@@ -40,7 +40,7 @@ _MOST_CHARACTERS = 300
 
 
 class KnownResults:
-    """What a run has computed, by the public call that computes it: function, inputs, result.
+    """Results of a run by the public call that computes them: function, inputs, result.
 
     A call in a cell with the same inputs gets the result; every other call is computed. Two inputs are the
     same if they are one object, or equal numbers, texts or lists of them.
@@ -55,11 +55,11 @@ class KnownResults:
         self._known.setdefault(function, []).append((inputs, result))
 
     def offered(self, module: ModuleType) -> _Offered:
-        """Give a module as cells see it, with functions that look here first."""
+        """Return a module as cells see it, with functions that look here first."""
         return _Offered(self, module)
 
     def named(self, module: ModuleType, name: str) -> Any:
-        """Give a public name of a module; a function looks here first."""
+        """Return a public name of a module; a function looks here first."""
         if module is rsgen and name == "load_case":
             return self._load_case
         if module is rsgen and name == "figures":
@@ -78,7 +78,7 @@ class KnownResults:
         return call
 
     def _load_case(self, path: str | Path) -> Case:
-        """Give the case of the run for a file with its text."""
+        """Return the case of the run for a file with its text."""
         text = Path(path).read_text(encoding="utf-8")
         return self.case if text.splitlines() == self.case.text.splitlines() else rsgen.load_case(path)
 
@@ -102,7 +102,7 @@ def _same(one: object, other: object) -> bool:
 
 
 def _namespace(results: KnownResults | None) -> dict[str, Any]:
-    """Give the names that cells begin with; their ``import rsgen`` gets the known results."""
+    """Return the names that cells begin with; their ``import rsgen`` gets the known results."""
     space: dict[str, Any] = {"__name__": "__main__"}
     if results is not None:
         package = results.offered(rsgen)
@@ -125,7 +125,7 @@ def _compiled(source: str, name: str) -> tuple[CodeType, CodeType | None]:
 
 
 def _shown(value: object) -> list[nbformat.NotebookNode]:
-    """Give a value in words, and as HTML, LaTeX or a picture where it has them, as a kernel would show it.
+    """Return a value in words, and as HTML, LaTeX or a picture where it has them, as a kernel would show it.
 
     A shell that does so replaces ``__main__`` and the hooks of ``sys`` and opens the user's history, which is
     wrong in a process that works on cases.
@@ -151,7 +151,7 @@ def _output(kind: str, **content: Any) -> nbformat.NotebookNode:
 
 
 def _run(source: str, name: str, space: dict[str, Any]) -> tuple[list[nbformat.NotebookNode], str | None]:
-    """Run a cell; give its outputs, and what went wrong."""
+    """Run a cell; return its outputs, and the fault or None."""
     fault, last = None, []
     stdout, stderr = io.StringIO(), io.StringIO()
     try:
@@ -283,7 +283,7 @@ def build_notebook(
     loops: bool = False,
     surface_file: str = _SURFACE_FILE,
 ) -> nbformat.NotebookNode:
-    """Write the lesson on a case, not yet executed.
+    """Build the notebook of a case, not yet executed.
 
     Parameters
     ----------
@@ -294,10 +294,10 @@ def build_notebook(
     loops
         Show the loops of the restoring force and the energy that they dissipate.
     surface_file
-        Where a measured case finds its surface: a file beside the notebook.
+        File of the surface of a measured case, in the folder of the notebook.
     """
-    lesson = _environment().get_template("notebook/lesson.txt")
-    text = lesson.render(
+    cells_text = _environment().get_template("notebook/cells.txt")
+    text = cells_text.render(
         title=case.title or case.name,
         across=bool(case.model.sensors),
         source=case.source,
@@ -319,7 +319,7 @@ def build_notebook(
         make[kind](body.strip("\n"), id=name)
         for kind, name, body in zip(pieces[::3], pieces[1::3], pieces[2::3], strict=True)
     ]
-    metadata = {**_METADATA, "rsgen": lesson_mark(cell.source for cell in cells)}
+    metadata = {**_METADATA, "rsgen": notebook_mark(cell.source for cell in cells)}
     notebook: nbformat.NotebookNode = write.new_notebook(cells=cells, metadata=metadata)
     return notebook
 
@@ -334,14 +334,14 @@ def known_results(
     drawings: Sequence[Drawing],
     modal: Modal = NO_MODAL,
 ) -> KnownResults:
-    """Collect what the lesson on a case would compute again.
+    """Collect results that the notebook of a case would compute again.
 
     Parameters
     ----------
     case
         As it was loaded, with its own law.
     asked
-        Inputs of the prediction beside the identification: levels [N] and surface; none of a multisine.
+        Further inputs of the prediction: levels [N] and surface; none of a multisine.
     modal
         The modal table, or why there is none.
     """
@@ -392,7 +392,7 @@ def write_notebook(
     loops: bool = False,
     surface_file: str = _SURFACE_FILE,
 ) -> None:
-    """Write, execute and save the lesson; it is saved even where a cell fails.
+    """Write, execute and save the notebook; it is saved even where a cell fails.
 
     Parameters
     ----------

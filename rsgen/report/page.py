@@ -96,13 +96,13 @@ def _coloured(drawing: Drawing) -> str:
 
 
 def picture_svg(drawing: Drawing) -> str:
-    """Give the figure as an SVG file, which follows the reader's choice of light or dark."""
+    """Return the figure as an SVG file, which follows the reader's choice of light or dark."""
     head, rest = _coloured(drawing).split(">", 1)
     return f"{head}>{_LIGHT_AND_DARK}{rest}"
 
 
 def inline_svg(drawing: Drawing) -> Markup:
-    """Give the figure as one ``<svg>`` element: own ids, no fixed size, named by its alternative text."""
+    """Return the figure as one ``<svg>`` element: own ids, no fixed size, named by its alternative text."""
     text = _coloured(drawing)
     text = re.sub(r' (?:xmlns(?::xlink)?|version)="[^"]*"', "", text)
     text = text.replace("xlink:href=", "href=")
@@ -232,7 +232,7 @@ def render_page(
 def _verdict_context(
     subject: Subject, identification: Identification, comparison: Comparison, prediction: Prediction
 ) -> dict[str, Any]:
-    """Give what a result is worth, what it means, and what warns of it."""
+    """Return what a result is worth, what it means, and what warns of it."""
     verdict = verdict_of(identification, comparison, prediction)
     stated = state_verdict(verdict)
     # what comes from the case stays as it is written there
@@ -256,7 +256,7 @@ def _verdict_context(
 
 @singledispatch
 def _test_context(surface: Any, identification: Identification) -> dict[str, Any]:
-    """Give what a page says of a surface only, and what of spectra only."""
+    """Return what a page says of a surface only, and what of spectra only."""
     mean = mean_finding(surface, identification)
     return {
         "contents": _CONTENTS,
@@ -285,7 +285,7 @@ _MARKDOWN = str.maketrans({c: f"\\{c}" for c in "\\`*_{}[]<>#|$&~!"})
 
 
 def _picture(entry: Entry) -> Markup | None:
-    """Give the picture of a result as an address; None where a result without a surface has none.
+    """Return the picture of a result as an address; None where a result without a surface has none.
 
     It is shown as an image, in which nothing acts or loads anything, whatever is in the file.
     """
@@ -340,7 +340,7 @@ def _rounded(error: float | None, least: float) -> str:
 
 
 def table_of_results(entries: list[Entry]) -> str:
-    """Give Table 1 as markdown; errors relative, to one digit, so that a change in git is a change indeed."""
+    """Return Table 1 as markdown; relative errors have one digit, so that git shows real changes only."""
     lines = [
         "# Table 1: true against identified",
         "",

@@ -58,13 +58,13 @@ class TableRow:
 class Table:
     """Caption, column headings, rows; the first cell of a row is its heading.
 
-    ``aside`` names the columns that a narrow screen leaves out.
+    ``optional`` names the columns that a narrow screen leaves out.
     """
 
     caption: str
     columns: tuple[str, ...]
     rows: tuple[TableRow, ...]
-    aside: tuple[str, ...] = ()
+    optional: tuple[str, ...] = ()
 
 
 def _number(value: float, digits: int = 4) -> Cell:
@@ -134,7 +134,7 @@ def _verdict_row(row: Row, known: bool, judged: bool) -> TableRow:
 
 
 def estimate_table(identification: Identification) -> Table:
-    """Give every estimate with unit, standard error and the predicted first-order bias."""
+    """Return every estimate with unit, standard error and the predicted first-order bias."""
     paper, first = (
         {estimate.name: estimate for estimate in estimates}
         for estimates in (identification.paper, identification.first_order)
@@ -172,7 +172,7 @@ def estimate_table(identification: Identification) -> Table:
 
 
 def resonance_table(identification: Identification) -> Table:
-    """Give the resonance of every level and sweep."""
+    """Return the resonance of every level and sweep."""
     points = identification.resonances
     amplitude = choose_scale([point.amplitude for point in points], "m")
     stiffness = choose_scale([point.stiffness for point in points], identification.curve.units.of("N/m"))
@@ -320,7 +320,11 @@ def background_table(identification: Identification) -> Table | None:
     )
 
 
-_ALTERNATIVES = {"term": "a law with {} as well", "background": "{} as background", "halves": "{}, apart"}
+_ALTERNATIVES = {
+    "term": "a law with {} as well",
+    "background": "{} as background",
+    "halves": "{}, separately",
+}
 
 
 def alternative_table(identification: Identification) -> Table | None:
@@ -380,7 +384,7 @@ class Modal:
     table
         None where there is none.
     reason
-        Why there is none; "" where nobody asked.
+        Why there is none; "" where none was asked for.
     held_out
         Levels that the table has not seen, predicted from it without a law.
     """
@@ -391,7 +395,7 @@ class Modal:
 
 
 NO_MODAL = Modal()
-"""Where nobody asked for a table."""
+"""No table was asked for."""
 
 _ROWS = 2
 """Every second row is on the page; the file has all."""
@@ -424,7 +428,7 @@ def score_held_out(table: ModalTable, surface: ResponseSurface) -> tuple[HeldOut
 
 
 def modal_page_table(section: Modal) -> Table | None:
-    """Give the rows for the page; None where there is no table."""
+    """Return the rows for the page; None where there is no table."""
     modal = section.table
     if modal is None:
         return None

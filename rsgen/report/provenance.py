@@ -1,4 +1,4 @@
-"""What a report is about, and where it comes from: case, law and truth; versions, machine and hashes."""
+"""Subject and provenance of a report: case, law and truth; versions, machine and hashes."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ _CATEGORIES = {"Cc", "Cf", "Cs", "Co", "Zl", "Zp"}
 
 
 TEMPLATES = Path(__file__).resolve().parents[1] / "templates"
-"""Package data; the folder of this name beside the package is a link to it."""
+"""Package data; the folder `templates` of the checkout is a link to it."""
 
 
 def plain_text(text: str, most: int = _MOST_CHARACTERS, keep: str = "") -> str:
@@ -65,7 +65,7 @@ def plain_text(text: str, most: int = _MOST_CHARACTERS, keep: str = "") -> str:
 
 
 def verbatim(text: str) -> Markup:
-    """Give a text of several lines for a ``<pre>`` block: escaped, line ends and tabs kept."""
+    """Return a text of several lines for a ``<pre>`` block: escaped, line ends and tabs kept."""
     return Markup(escape(plain_text(text.replace("\r\n", "\n"), most=200_000, keep="\n\t")))  # noqa: S704 - escaped
 
 
@@ -98,7 +98,7 @@ def _finalize(value: object) -> object:
 
 @cache
 def page_environment() -> jinja2.Environment:
-    """Give the environment of the HTML pages: autoescape on, undefined names are errors."""
+    """Return the environment of the HTML pages: autoescape on, undefined names are errors."""
     environment = jinja2.Environment(
         loader=jinja2.FileSystemLoader(TEMPLATES),
         autoescape=True,
@@ -138,7 +138,7 @@ def collect_provenance(
     durations: Mapping[str, float],
     command: Sequence[str],
 ) -> dict[str, str]:
-    """Give name and value pairs for the last section of the page.
+    """Return name and value pairs for the last section of the page.
 
     Parameters
     ----------
@@ -167,27 +167,28 @@ _MOST_BYTES = 50_000_000
 """A notebook of a run is smaller."""
 
 
-def lesson_mark(sources: Iterable[str]) -> dict[str, Any]:
-    """Give the entry "rsgen" of a notebook's metadata: a digest of the texts of its cells, not of outputs."""
+def notebook_mark(sources: Iterable[str]) -> dict[str, Any]:
+    """Return the entry "rsgen" of a notebook's metadata: a digest of its cells without their outputs."""
     digest = hashlib.sha256("\0".join(sources).encode()).hexdigest()
+    # the key "lesson" stands in the notebooks of earlier releases
     return {"lesson": True, "sources": digest}
 
 
-def is_lesson_as_written(place: Path) -> bool:
-    """Whether a file is a notebook that rsgen wrote, its cells as they were; it may have been executed."""
+def is_unchanged_notebook(place: Path) -> bool:
+    """Return True for a notebook that rsgen wrote, with unchanged cells; it may have been executed."""
     try:
         if place.is_symlink() or not place.is_file() or place.stat().st_size > _MOST_BYTES:
             return False
         content = json.loads(place.read_text(encoding="utf-8"))
         # a cell's text stands as one string or as its lines
         sources = ["".join(cell["source"]) for cell in content["cells"]]
-        return bool(content["metadata"]["rsgen"] == lesson_mark(sources))
+        return bool(content["metadata"]["rsgen"] == notebook_mark(sources))
     except (OSError, ValueError, KeyError, TypeError, RecursionError):
         return False
 
 
 # ----------------------------------------------------------------------------
-# What a report is about: the heading, the law, the truth; from a case file, or from the result alone.
+# The subject of a report: the heading, the law, the truth; from a case file, or from the result alone.
 
 R = TypeVar("R", Identification, Comparison)
 E = TypeVar("E", Estimate, Row)
@@ -234,7 +235,7 @@ class Subject:
         return cls(name, title, source, model.elements)
 
     def with_units(self, result: R) -> R:
-        """Give every estimate of a result the unit that the case knows and the law does not determine."""
+        """Return every estimate of a result the unit that the case knows and the law does not determine."""
 
         def known(entry: E) -> E:
             return entry and replace(entry, unit=entry.unit or self.units.get(entry.name, ""))

@@ -49,12 +49,12 @@ def finite_or_none(value: float | None) -> float | None:
 
 
 def _finite_ones(record: object, names: Iterable[str]) -> dict[str, float | None]:
-    """Give the attributes of a record by name, null where they are not known."""
+    """Return the attributes of a record by name, null where they are not known."""
     return {name: finite_or_none(getattr(record, name)) for name in names}
 
 
 def numbers_or_none(values: Array) -> list[float | None]:
-    """Give an array with nine digits, null where it is not known."""
+    """Return an array with nine digits, null where it is not known."""
     return [None if not math.isfinite(v) else float(f"{v:.{_DIGITS - 1}e}") for v in values.tolist()]
 
 
@@ -79,7 +79,7 @@ def _row(row: Row) -> dict[str, Any]:
 
 
 def rows_entry(comparison: Comparison, *, forces: bool) -> list[dict[str, Any]]:
-    """Give the rows of the parameters, or of the judged forces."""
+    """Return the rows of the parameters, or of the judged forces."""
     return [_row(row) for row in comparison.rows if (row.name in FORCE_KEYS) is forces]
 
 
@@ -89,7 +89,7 @@ def _written(formula: sympy.Expr) -> str | None:
 
 
 def elements_entry(subject: Subject) -> list[dict[str, Any]]:
-    """Give force, memory, k(X) and c(X) of every element."""
+    """Return force, memory, k(X) and c(X) of every element."""
     entries = []
     for element in subject.elements:
         function = derive(element)
@@ -129,7 +129,7 @@ def _ranking(ranking: Ranking | None) -> dict[str, Any] | None:
 
 
 def fixed_entry(identification: Identification) -> dict[str, dict[str, Any]]:
-    """Give values and units of what was known beforehand, by name."""
+    """Return values and units of what was known beforehand, by name."""
     return {one.name: {"value": one.value, "unit": one.unit} for one in identification.fixed}
 
 
@@ -143,7 +143,7 @@ def build_result(
     durations: Mapping[str, float],
     modal: Modal = NO_MODAL,
 ) -> dict[str, Any]:
-    """Give the content of result.json (schema 2); units are SI, what is not known is null.
+    """Return the content of result.json (schema 2); units are SI, what is not known is null.
 
     "verdict" is a ``StatedVerdict``: what the result is worth, the findings that decided, and what to do
     about each; "passed" says of the tolerances alone whether every judged value is within, true without any.
@@ -201,7 +201,7 @@ def _printed(formula: PrintedComparison) -> dict[str, Any]:
 def _entries_of(
     table: Any, identification: Identification, prediction: Prediction, modal: Modal
 ) -> tuple[int, int, dict[str, Any]]:
-    """Count all and settled points, and give the entries that only a surface has, or only spectra have."""
+    """Count all and settled points, and return the entries that only a surface has, or only spectra have."""
     curve = identification.curve
     entries = {
         "equivalent": {
@@ -264,7 +264,7 @@ def _best_linear(one: BestLinear) -> dict[str, Any]:
 
 
 def _resonance(point: Resonance) -> dict[str, Any]:
-    """Give the resonance of a level."""
+    """Return the resonance of a level."""
     numbers = _finite_ones(point, ("frequency", "damping_ratio", "amplitude", "stiffness", "damping"))
     return {"level": finite_or_none(point.level), "sweep": point.sweep, **numbers, "jump": point.jump}
 
@@ -280,7 +280,7 @@ def _held_out(item: HeldOutLevel) -> dict[str, Any]:
 
 
 def modal_entry(modal: Modal) -> dict[str, Any] | None:
-    """Give the modal table: columns in SI, null where they are not known; or why there is none."""
+    """Return the modal table: columns in SI, null where they are not known; or why there is none."""
     table = modal.table
     if table is None:
         return {"reason": modal.reason} if modal.reason else None
@@ -362,17 +362,17 @@ class Entry:
 
     @property
     def rows(self) -> list[dict[str, Any]]:
-        """What is judged, or may be: all parameters, and forces with a tolerance."""
+        """Rows of all parameters, and of forces with a tolerance."""
         judged = [row for row in self.result.get("forces", []) if row.get("tolerance") is not None]
         return [*self.result["parameters"], *judged]
 
     @property
     def verdict(self) -> StatedVerdict:
-        """What the result is worth; of an older result what its findings and rows say."""
+        """The verdict on the result; of an older result, as its findings and rows say."""
         return read_verdict(self.result)
 
     def fit(self, name: str = "") -> ComparedFit:
-        """Give the result as ``compare_fits`` takes an identification."""
+        """Return the result as ``compare_fits`` takes an identification."""
         fixed, background = self.result.get("fixed", {}), self.result.get("background") or {}
         scores = [
             (one["level"], one.get("sweep", ""), one["error"]) for one in self.result.get("held_out", [])
@@ -430,7 +430,7 @@ def read_results(folder: Path) -> list[Entry]:
 
 
 def _is_whole(result: Mapping[str, Any]) -> bool:
-    """Whether whatever a reader takes from a result is there, and of its kind."""
+    """Return True if every entry that a reader uses is there, and of its type."""
     surface = result["surface"]
     rows = [*result["parameters"], *result.get("forces", [])]
     printed = result.get("printed", [])

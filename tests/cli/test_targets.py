@@ -15,7 +15,7 @@ from rsgen.app.cli.options import FRF, MODAL, SURFACE, is_foreign
 from rsgen.data.surface import save_surface
 from rsgen.identification.modal_table import modal_table
 from rsgen.report.notebook import build_notebook
-from rsgen.report.provenance import is_lesson_as_written
+from rsgen.report.provenance import is_unchanged_notebook
 from tests.samples import cubic_case, cubic_model, cubic_surface
 
 FORMATS = Path(__file__).parents[2] / "cases" / "formats"
@@ -73,7 +73,7 @@ def test_the_case_is_not_written_over(simulated: Path, run_cli: Callable[..., An
 def test_the_measurement_is_not_written_over(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, run_cli: Callable[..., Any]
 ) -> None:
-    """The surface that a lesson reads would go where the data lie, if these are called as the case."""
+    """The surface that a notebook reads would go where the data lie, if these are called as the case."""
     monkeypatch.chdir(tmp_path)
     text = (FORMATS / "hdf5-steps.toml").read_text(encoding="utf-8").replace("steps.h5", "hdf5-steps.h5")
     (tmp_path / "hdf5-steps.toml").write_text(text, encoding="utf-8")
@@ -101,13 +101,13 @@ def test_a_file_that_a_command_wrote_is_replaced(tmp_path: Path) -> None:
     assert is_foreign(tmp_path, SURFACE)
 
 
-def test_a_lesson_is_replaced_until_somebody_changes_a_cell(tmp_path: Path) -> None:
-    path, lesson = tmp_path / "lesson.ipynb", build_notebook(cubic_case())
-    nbformat.write(lesson, path)
-    assert is_lesson_as_written(path)
-    lesson.cells[-1].outputs = [nbformat.v4.new_output("stream", text="executed again")]
-    nbformat.write(lesson, path)
-    assert is_lesson_as_written(path)
-    lesson.cells[-1].source += "\n# my remark"
-    nbformat.write(lesson, path)
-    assert not is_lesson_as_written(path)
+def test_a_notebook_is_replaced_until_a_user_changes_a_cell(tmp_path: Path) -> None:
+    path, notebook = tmp_path / "made.ipynb", build_notebook(cubic_case())
+    nbformat.write(notebook, path)
+    assert is_unchanged_notebook(path)
+    notebook.cells[-1].outputs = [nbformat.v4.new_output("stream", text="executed again")]
+    nbformat.write(notebook, path)
+    assert is_unchanged_notebook(path)
+    notebook.cells[-1].source += "\n# my remark"
+    nbformat.write(notebook, path)
+    assert not is_unchanged_notebook(path)

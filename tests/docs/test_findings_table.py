@@ -36,5 +36,5 @@ def test_rows_say_what_a_result_would_say() -> None:
     assert made.keys() == set(CODES) - {"note"}
     assert made["not-converged"]["finding"] == "not-converged (doubt)"
     assert made["level-apart"]["sentence"].startswith("level <level> misses the law by <misfit>")
-    assert "set aside" in made["points-set-aside"]["sentence"]
+    assert "excluded" in made["points-set-aside"]["sentence"]
     assert all(row["sentence"] for row in made.values())

@@ -177,9 +177,9 @@ def test_what_a_multisine_cannot_have_is_said_before_the_run(folder: Path, run_c
 
 @pytest.mark.slow
 def test_the_notebook_alone_has_the_steps_of_the_run(folder: Path, tmp_path: Path, run_cli: Callable) -> None:
-    written = run_cli("notebook", folder / "lines.toml", "--out", tmp_path / "lesson.ipynb")
+    written = run_cli("notebook", folder / "lines.toml", "--out", tmp_path / "made.ipynb")
     assert written.code == 0, written
-    notebook = json.loads((tmp_path / "lesson.ipynb").read_text(encoding="utf-8"))
+    notebook = json.loads((tmp_path / "made.ipynb").read_text(encoding="utf-8"))
     shown = {cell["id"]: "".join(map(str, cell.get("outputs", ()))) for cell in notebook["cells"]}
     assert "3 records of 6 periods" in shown["spectra"]
     case = rsgen.load_case(folder / "lines.toml")

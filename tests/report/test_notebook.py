@@ -134,7 +134,7 @@ def test_every_case_makes_a_notebook(path: Path) -> None:
 @pytest.mark.slow
 @pytest.mark.parametrize("path", CASES, ids=lambda path: path.stem)
 def test_ruff_has_nothing_to_say(path: Path, tmp_path: Path) -> None:
-    file = tmp_path / "lesson.ipynb"
+    file = tmp_path / "made.ipynb"
     nbformat.write(build_notebook(load_case(path), mean=True, held_out=True), file)
     for words in (("check",), ("format", "--diff")):
         # as it is out of the box, not as this project sets it
@@ -160,7 +160,7 @@ def small_case(folder: Path, old: str = "", new: str = "") -> Case:
 
 
 @pytest.mark.slow
-def test_the_run_and_a_kernel_of_its_own_give_the_same_lesson(
+def test_the_run_and_a_kernel_of_its_own_give_the_same_notebook(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """A kernel in an empty folder has the public interface alone; the run gives its cells what it has."""

@@ -278,7 +278,7 @@ def test_what_leaves_a_result_usable_is_not_said_as_if_it_did_not() -> None:
         for severity in ("warning", "doubt")
     )
     assert warned[0].startswith("the law fits to 2.0 %, ")
-    assert warned[1].endswith(": too little to tell parts apart")
+    assert warned[1].endswith(": too little to separate parts")
     assert doubted[0].startswith("the law does not fit: ")
     assert doubted[1].endswith(": one law does not hold for all")
 

@@ -26,7 +26,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
     SystemExit
         Always, with the exit code.
     """
-    # nothing is imported above that Ctrl-C could tear apart in view of the user
+    # nothing is imported above: Ctrl-C during an import would show a traceback
     try:
         from rsgen.app.cli.application import run_program
 

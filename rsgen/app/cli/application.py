@@ -41,7 +41,7 @@ COMMANDS = {
     "profile": "The interval of one parameter by its likelihood.",
     "rank": "Which law? The library ranked on a test.",
     "report": "Write reports anew, without simulating.",
-    "notebook": "Write the lesson on a case alone.",
+    "notebook": "Write the notebook of a case alone.",
     "diff": "What changed between two results.",
     "inspect": "What is in a data file.",
     "init": "Begin a case file.",
@@ -59,7 +59,7 @@ class _Commands(TyperGroup):
         super().__init__(**options | {"commands": lines})
 
     def resolve_command(self, ctx: Any, args: list[str]) -> Any:
-        """Give the command that the first word names, and the words behind it."""
+        """Return the command that the first word names, and the words behind it."""
         name, known, words = super().resolve_command(ctx, args)
         if known is None:
             return name, known, words
@@ -94,7 +94,7 @@ application = typer.Typer(
     \b
     Exit codes:
       0    every result is accepted or identified: a script may go on
-      1    a result is missed (outside [accept]), doubtful or rejected: somebody has to look
+      1    a result is missed (outside [accept]), doubtful or rejected: look at it first
       2    faulty input
       130  interrupted
     """,
@@ -120,7 +120,7 @@ def _options(
 # The frame of every command.
 
 CLEARING_SECONDS = 2.0
-"""For so long after an interrupt another one is the same one: clearing up must not be torn apart."""
+"""A second interrupt within this time is ignored, so that clean-up can finish."""
 
 LEAST_MEGABYTES = 400
 """Of address space. With 300 the library of linear algebra ends the process as it is loaded, with a code and
@@ -202,8 +202,8 @@ def run_program(arguments: Sequence[str] | None) -> None:
         print_faults([" ".join(str(fault).split())])
         code = FAULTY
     except KeyboardInterrupt:
-        # what is left to clear up at the exit must not be torn apart by an impatient second one; at its end
-        # Python gives signals with a handler back to the system, and those that are ignored stay so
+        # a second Ctrl-C must not interrupt the clean-up; as it ends Python resets signals that have a
+        # handler, but not those that are ignored
         for number in (signal.SIGINT, signal.SIGTERM):
             signal.signal(number, signal.SIG_IGN)
         print_faults(["rsgen: interrupted; nothing half-written was left"])

@@ -15,7 +15,7 @@ from rsgen.report.wording import sentence
 
 
 def _plan(case: Case) -> dict[str, Any]:
-    """What a run of a case will do.
+    """Return the plan of a run of a case.
 
     Raises
     ------

@@ -76,7 +76,7 @@ def compare_results(*places: str | Path) -> tuple[CaseDifference, ...]:
 
 
 def difference_data(differences: Sequence[CaseDifference]) -> list[dict[str, Any]]:
-    """Give a comparison for a program; what is not known is NaN or None."""
+    """Return a comparison for a program; what is not known is NaN or None."""
     return [
         {
             "case": difference.case,

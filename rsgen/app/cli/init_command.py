@@ -65,7 +65,7 @@ def case_text(
     test: str | None = None,
     memory: Mapping[str, str] | None = None,
 ) -> str:
-    """Give the text of a case to begin with.
+    """Return the text of a case to begin with.
 
     Parameters
     ----------

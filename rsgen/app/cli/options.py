@@ -30,7 +30,7 @@ Surface = Annotated[
 Memory = Annotated[list[str] | None, typer.Option(help="A state: 'z = g(x, v, z)'.", show_default=False)]
 Figures = Annotated[
     str | None,
-    typer.Option(help="Save every figure beside the report, too: pdf, svg or png.", show_default=False),
+    typer.Option(help="Save every figure with the report, too: pdf, svg or png.", show_default=False),
 ]
 
 
@@ -40,7 +40,7 @@ Figures = Annotated[
 SURFACE = b"rsgen response surface"
 FRF = b"receptances by level\nrsgen\n"
 MODAL = b"amplitude [m],frequency [Hz],lower frequency [Hz]"
-"""What is near the beginning of each kind of file that a command writes, and hardly in any other."""
+"""Text near the beginning of each kind of file that a command writes, and hardly of any other."""
 
 _BEGINNING = 4096
 """Bytes in which that stands."""
@@ -56,13 +56,13 @@ def check_target(path: Path, ending: str, option: str = "--out") -> Path:
 
 
 def inputs_of(case: Case, *others: Path | None) -> tuple[Path, ...]:
-    """Give the files that a command on a case reads: the case, its data, and others that it was given."""
+    """Return the files that a command on a case reads: the case, its data, and others that it was given."""
     data = case.test.all_files
     return (case.path, *data, *(path for path in others if path is not None))
 
 
 def is_foreign(path: Path, mark: bytes) -> bool:
-    """Whether there is something at a place that does not bear the mark of what a command would write."""
+    """Return True if a path exists and lacks the mark of the file that a command would write."""
     if not path.exists():
         return False
     if not path.is_file():
@@ -79,7 +79,7 @@ def refuse_foreign(path: Path, foreign: bool, reads: Iterable[Path], option: str
     foreign
         Whether what is there was not written by rsgen.
     reads
-        Files that the command reads; whoever wrote them, they stay.
+        Files that the command reads; they stay, whatever wrote them.
 
     Raises
     ------

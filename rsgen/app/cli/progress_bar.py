@@ -1,4 +1,4 @@
-"""What is seen of long work: a line a finished case; on a terminal also the stage of the others."""
+"""Progress display of `rsgen run`: a line for each finished case; on a terminal the stage of the others."""
 
 from __future__ import annotations
 
@@ -26,14 +26,14 @@ def print_cache_fault() -> None:
 
 
 class Listener(NamedTuple):
-    """What the work calls: ``finished`` after each case, ``progress`` now and then where somebody looks."""
+    """Callbacks of a run: ``finished`` after each case, ``progress`` now and then on a terminal."""
 
     finished: Callable[[CaseRun], None]
     progress: Callable[[Step], None] | None = None
 
 
 def _lines(run: CaseRun) -> list[str]:
-    """Say what became of a case: its verdict with where the result is, then what decided; [] if it failed."""
+    """Return the lines of a finished case: verdict and folder, then its reasons; [] if it failed."""
     if run.verdict is None:
         return []
     headline, *reasons = verdict_lines(run.verdict)

@@ -19,7 +19,7 @@ FIGURE_KINDS = ("pdf", "svg", "png")
 
 
 def exit_code(runs: Sequence[CaseRun]) -> int:
-    """Give 2 if a case failed, else 1 if a result is missed, doubtful or rejected, else 0."""
+    """Return 2 if a case failed, else 1 if a result is missed, doubtful or rejected, else 0."""
     if any(run.verdict is None for run in runs):
         return FAULTY
     return max((verdict_code(run.verdict["state"]) for run in runs if run.verdict), default=ACCEPTED)

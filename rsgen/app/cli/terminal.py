@@ -14,16 +14,16 @@ from typing import Any, TextIO
 from rsgen.common.finding import USABLE, StatedVerdict, verdict_lines
 
 # ----------------------------------------------------------------------------
-# Standard output and error, whatever they are: closed, full, left by their reader, or poor in letters.
+# Robust stdout and stderr: closed, full disk, broken pipe, limited encoding.
 #
-# A command goes on when nobody reads it any more: what it computes is worth more than what it prints.
+# A broken pipe does not stop a computation.
 
 _faults: list[OSError] = []
 """The first one of standard output in this command."""
 
 
 def open_streams() -> None:
-    """Give closed streams to the null device, and let no letter stop a command.
+    """Connect closed streams to the null device, and escape characters that cannot be encoded.
 
     The next file that a program opens takes the number of a closed stream, and what a library then prints
     would go into that file.
@@ -50,7 +50,7 @@ def write_output(text: str, *, flush: bool = False) -> None:
 
 
 def write_error(text: str) -> None:
-    """Print a line to standard error; where that fails, there is nobody to tell."""
+    """Print a line to standard error; where that fails, no message is possible."""
     try:
         print(text, file=sys.stderr)
     except OSError:
@@ -126,14 +126,14 @@ def print_faults(faults: Iterable[str]) -> None:
 
 
 def print_verdict(verdict: StatedVerdict) -> int:
-    """Print a verdict, what decided and what to do next; give the exit code."""
+    """Print a verdict, its reasons and next steps; return the exit code."""
     for line in verdict_lines(verdict):
         print_line(line)
     return verdict_code(verdict["state"])
 
 
 def verdict_code(state: object) -> int:
-    """Give the exit code of a verdict's state: 0 if a script may go on with the numbers, else 1."""
+    """Return the exit code of a verdict's state: 0 if a script may go on with the numbers, else 1."""
     return ACCEPTED if state in USABLE else MISSED
 
 

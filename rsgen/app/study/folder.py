@@ -1,4 +1,4 @@
-"""A result's folder is built beside its place and moved there whole, so that a killed run harms nothing."""
+"""A result's folder is built under a hidden name and then renamed, so that a killed run harms nothing."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ from rsgen.common.output import left_behind, sync_folder, write_atomic
 _locks: Any = import_module("fcntl") if os.name == "posix" else None
 
 _OURS = {"index.html": b"<title>rsgen: all cases</title>", "table1.md": b"# Table 1: true against identified"}
-"""Files over all results, and what is near their beginning; a file without it belongs to somebody else."""
+"""Summary files, and the marker near their beginning by which rsgen recognises its own."""
 
 _BEGINNING = 4096
 """Bytes in which that stands."""
@@ -41,7 +41,7 @@ _SHOWN = 3
 
 
 def recover(out: Path) -> None:
-    """Clear up after killed runs: a result moved aside comes back, unfinished ones are removed.
+    """Clear up after killed runs: a hidden earlier result comes back, unfinished ones are removed.
 
     A hidden folder with such a name in which there is more than a run wrote stays.
     """
@@ -106,7 +106,7 @@ def _filling(part: Path) -> Iterator[None]:
 
 
 def _is_filled(hidden: Path) -> bool:
-    """Whether a run somewhere holds the lock on the mark of a hidden folder."""
+    """Return True if a run holds the lock on the mark of a hidden folder."""
     if _locks is None:
         return False
     try:
@@ -126,7 +126,7 @@ def _is_filled(hidden: Path) -> bool:
 
 
 def _of_a_run(hidden: Path) -> bool:
-    """Whether a hidden folder holds nothing but what a run wrote: a name alone is no proof."""
+    """Return True if a hidden folder holds only files of a run: a name alone is no proof."""
     if (hidden / UNFINISHED).is_file():
         return True
     try:
@@ -170,7 +170,7 @@ def check_replaceable(place: Path) -> None:
 
 
 def check_index(out: Path) -> None:
-    """Refuse a folder of results in which somebody else's file has the name of the index or of Table 1.
+    """Refuse a folder of results where an index or Table 1 was not written by rsgen.
 
     Raises
     ------
@@ -193,7 +193,7 @@ def check_index(out: Path) -> None:
 
 
 def _written_by_run(path: Path, name: str, listed: Mapping[str, str]) -> bool:
-    """Whether a path below a result is as its manifest says: a file, or a folder on the way to one."""
+    """Return True if a path below a result is as in its manifest: a file, or a folder on the way to one."""
     if path.is_symlink():
         return False
     if path.is_dir():
@@ -203,7 +203,7 @@ def _written_by_run(path: Path, name: str, listed: Mapping[str, str]) -> bool:
 
 @contextmanager
 def replaced_folder(out: Path, name: str) -> Iterator[Path]:
-    """Give a folder to fill; when the block ends without fault it takes the place ``out/name``.
+    """Return a folder to fill; when the block ends without fault it takes the place ``out/name``.
 
     An earlier result stays untouched until then. Between the two renames a kill leaves the earlier result
     under its hidden name, from where ``recover`` brings it back.
@@ -236,7 +236,7 @@ def replaced_folder(out: Path, name: str) -> Iterator[Path]:
         ) from fault
     try:
         yield part
-        # somebody may have put a file there meanwhile
+        # a file may have been put there meanwhile
         check_replaceable(place)
         with _alone(out):
             (part / UNFINISHED).unlink(missing_ok=True)
@@ -270,7 +270,7 @@ _MAX_MANIFEST = 1_000_000
 
 
 def file_hash(path: Path) -> str:
-    """Give the SHA-256 of a file in hexadecimal.
+    """Return the SHA-256 of a file in hexadecimal.
 
     Raises
     ------
@@ -285,7 +285,7 @@ def file_hash(path: Path) -> str:
 
 @cache
 def program_hash() -> str:
-    """Give one SHA-256 over the program itself, so that results of older code are not taken for current."""
+    """Return one SHA-256 over the program itself, so that results of older code are not taken for current."""
     package = Path(rsgen.__file__).parent
     digest = hashlib.sha256()
     for path in sorted(package.rglob("*")):
@@ -356,7 +356,7 @@ def _read(folder: Path) -> dict[str, Any] | None:
 
 
 def listed_files(folder: Path) -> dict[str, str] | None:
-    """Give the SHA-256 that each file of a result had when it was written; None without a manifest."""
+    """Return the SHA-256 that each file of a result had when it was written; None without a manifest."""
     content = _read(folder)
     return None if content is None else content["files"]
 
@@ -377,7 +377,7 @@ def read_manifest(folder: Path) -> dict[str, Any] | None:
 
 
 def inputs_unchanged(manifest: dict[str, Any], inputs: dict[str, str | None]) -> bool:
-    """Whether a manifest was written from the same inputs, by the same program and packages."""
+    """Return True if a manifest was written from the same inputs, by the same program and packages."""
     return (
         manifest.get("inputs") == inputs
         and manifest.get("program") == program_hash()

@@ -1,4 +1,4 @@
-"""What is said of a run before it begins: what it would refuse; and how far it is."""
+"""Checks before a run begins, and the progress of a run."""
 
 from __future__ import annotations
 
@@ -99,7 +99,7 @@ def _rank_faults(case: Case, surface: ResponseSurface, points: Points) -> list[s
 # How far a run has come.
 
 _PAUSE_SECONDS = 0.2
-"""Between two messages of one stage: no eye follows more, and a pipe takes a limited number."""
+"""Minimum interval between progress messages of one stage."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -125,7 +125,7 @@ Progress = Callable[[Step], None]
 
 
 def stage_reporter(case: Case, progress: Progress | None) -> Callable[[str, float], None]:
-    """Give a function of stage and share that reports every new stage, and shares now and then."""
+    """Return a function of stage and share that reports every new stage, and shares now and then."""
     if progress is None:
         return lambda stage, share: None
     last = ("", 0.0)

@@ -41,13 +41,13 @@ _CLEARING_SECONDS = 1.0
 """A worker that was asked to end has this long to remove what it began; the parent removes the rest."""
 
 _TRIES = 2
-"""A case may have been the victim of another program's want of memory once, hardly twice."""
+"""Attempts per case: one more if the worker was killed, for example for want of memory."""
 
 _one_at_a_time = threading.Lock()
 """Figures are drawn, and output is captured, under settings that all threads of a process share."""
 
 _steps: list[SimpleQueue[Step]] = []
-"""In a worker: where it reports how far its case has come; empty where nobody listens."""
+"""In a worker: where it reports how far its case has come; empty without a listener."""
 
 
 def _frozen(content: dict[str, object]) -> MappingProxyType[str, object]:
@@ -101,7 +101,7 @@ def _prepare_worker(parent: Connection, steps: SimpleQueue[Step] | None) -> None
 
 @contextmanager
 def _beginning(share: int) -> Iterator[None]:
-    """Give each process begun meanwhile a number of processors, and no ear for Ctrl-C.
+    """Return each process begun meanwhile a number of processors, and no ear for Ctrl-C.
 
     With a thread for each processor in each process, the cases would fight for all of them.
     """
@@ -167,7 +167,7 @@ class _Processes(Executor):
                     pool, inner = self._given(idle, task.call)
                 except (OSError, RuntimeError) as fault:
                     if self._busy:
-                        # the system has no place for one more; those that work take this call, too
+                        # no further process can be started; queue the call for an existing worker
                         self._waiting.appendleft(task)
                     else:
                         self._idle.append(None)
@@ -179,7 +179,7 @@ class _Processes(Executor):
     def _given(
         self, idle: ProcessPoolExecutor | None, call: Callable[[], Any]
     ) -> tuple[ProcessPoolExecutor, Future[Any]]:
-        """Give a call to an idle pool; to a new one where its process was ended meanwhile."""
+        """Return a call to an idle pool; to a new one where its process was ended meanwhile."""
         if idle is not None:
             with suppress(BrokenExecutor):
                 return idle, idle.submit(call)
@@ -222,15 +222,15 @@ class _Processes(Executor):
 
 @contextmanager
 def local_workers(number: int, steps: list[SimpleQueue[Step]] | None) -> Iterator[Executor]:
-    """Give processes of this machine; when the block is left by a fault or Ctrl-C, they end within seconds.
+    """Return processes of this machine; when the block is left by a fault or Ctrl-C, they end within seconds.
 
     Parameters
     ----------
     number
         Processes at a time.
     steps
-        Gets a queue from each process, in which that reports how far its case has come; None where nobody
-        listens. A queue that all shared would stay locked by a process that is killed while it writes.
+        Gets a queue from each process, in which that reports how far its case has come; None without a
+        listener. A queue that all shared would stay locked by a process that is killed while it writes.
     """
     # copies of a server that has loaded everything would begin sooner; its socket lies in a temporary folder,
     # which a killed run leaves for good and which may be missing or have too long a name
@@ -264,7 +264,7 @@ def local_workers(number: int, steps: list[SimpleQueue[Step]] | None) -> Iterato
 
 @contextmanager
 def cluster_workers(address: str) -> Iterator[Executor]:
-    """Give the workers of a Dask scheduler; what has begun when the block is left by a fault ends by itself.
+    """Yield the workers of a Dask scheduler; after a fault in the block, running cases end by themselves.
 
     Parameters
     ----------
@@ -305,7 +305,7 @@ _LISTEN_SECONDS = 0.2
 def _sort(
     paths: Iterable[Path], out: Path, force: bool, data: Path | None, figures: str | None, away: bool
 ) -> tuple[dict[Path, Case], dict[Path, CaseRun]]:
-    """Give the cases that must be run, by path, and what became of the others: faulty or finished before.
+    """Return the cases that must be run, by path, and what became of the others: faulty or finished before.
 
     ``away`` is True where workers have another working folder, so that paths must be absolute.
     """
@@ -335,7 +335,7 @@ def _sort(
 
 
 def _outcome(future: Future[CaseRun], case: Case) -> CaseRun:
-    """Give what became of a case; a worker that was lost is a fault."""
+    """Return what became of a case; a worker that was lost is a fault."""
     lost = future.exception()
     if lost is None:
         return future.result()

@@ -38,7 +38,7 @@ from rsgen.dynamics.simulation import simulate
 from rsgen.files import MeasuredTest
 from rsgen.identification.identify import identify
 from rsgen.identification.results import Identification
-from rsgen.report.provenance import is_lesson_as_written
+from rsgen.report.provenance import is_unchanged_notebook
 
 RESULT = "result.json"
 SURFACE = "surface.h5"
@@ -46,7 +46,7 @@ SURFACE = "surface.h5"
 
 @dataclass(frozen=True, slots=True)
 class CaseRun:
-    """What became of a case.
+    """Outcome of one case.
 
     Parameters
     ----------
@@ -102,7 +102,7 @@ def check_place(case: Case, out: Path) -> None:
 
 
 def current_result(case: Case, out: Path, figures: str | None = None) -> CaseRun | None:
-    """Give the result of an earlier run if its manifest verifies and case, data and program are the same.
+    """Return the result of an earlier run if its manifest verifies and case, data and program are the same.
 
     With ``figures``, the kind of file, the figures must be there as well.
     """
@@ -155,7 +155,7 @@ def _(test: MeasuredTest, *_: object) -> ResponseSurface | MultisineSpectra:
 
 
 def obtain_surface(case: Case, progress: Callable[[float], None] = lambda share: None) -> ResponseSurface:
-    """Give the response surface of a case for what needs one.
+    """Return the response surface of a case for what needs one.
 
     Raises
     ------
@@ -247,10 +247,10 @@ def _failed_notebook(folder: Path, place: Path) -> Iterator[None]:
         yield
     except RsgenError:
         with contextlib.suppress(OSError):
-            if not place.exists() or is_lesson_as_written(place):
+            if not place.exists() or is_unchanged_notebook(place):
                 (folder / "notebook.ipynb").replace(place)
         raise
-    if is_lesson_as_written(place):
+    if is_unchanged_notebook(place):
         place.unlink()
 
 

@@ -64,7 +64,7 @@ def draw_modal(
     table
         From ``rsgen.modal_table``; no law is in it.
     identification
-        Its refined model is drawn beside it: a law that is right lies within the bands.
+        Its refined model is drawn over it: a law that is right lies within the bands.
     ax
         Axes for frequency and damping; None makes a figure.
     """
@@ -219,10 +219,10 @@ _KINDS = {
     "damping": ("Damper", "N*s/m", "c(X)"),
     "loss stiffness": ("Joint", "N/m", "ωc(X)"),
 }
-"""What has an equivalent property, its unit and its symbol."""
+"""Name, unit and symbol of each equivalent property."""
 
 _LEVELS = {"N": "Level F", "m": "Level X"}
-"""What levels are called by their unit; those of a base are levels."""
+"""Name of levels by their unit; those of a base are levels."""
 
 
 def _draw_equivalent(
@@ -385,7 +385,7 @@ def _collapses(
     joint: bool,
     speed: bool,
 ) -> tuple[_Collapse, _Collapse]:
-    """What falls on one curve: k over X; and of a joint omega c, of a drag c over omega X, else c."""
+    """Return the values of one curve: k over X; and of a joint omega c, of a drag c over omega X, else c."""
     x, rate = scales
     omega = 2 * np.pi * curve.frequency
     stiffness = _Collapse("stiffness", curve.stiffness, model.stiffness, curve.amplitude, grid, x)

@@ -91,7 +91,7 @@ def shows_loops(surface: ResponseSurface, model: Model) -> bool:
 
 
 def mode_surface(surface: ResponseSurface, identification: Identification | None) -> ResponseSurface:
-    """Give the surface without the background that was identified."""
+    """Return the surface without the background that was identified."""
     background = None if identification is None else identification.background
     if background is None:
         return surface
@@ -155,7 +155,7 @@ def loop_force(model: Model, values: Mapping[str, float], motion: Motion) -> Arr
 
 
 def branch_mean(displacement: Array, force: Array) -> tuple[Array, Array] | None:
-    """Give the mean of the rising and the falling branch of one loop (s,): its part without memory.
+    """Return the mean of the rising and the falling branch of one loop (s,): its part without memory.
 
     Returns
     -------
@@ -216,7 +216,7 @@ def _fitted(amplitude: Array, energy: Array) -> Energy:
 
 
 def measured_energy(surface: ResponseSurface) -> Energy:
-    """Give D = pi |F| |X| sin(phase) of the points between the half-power points of their levels.
+    """Return D = pi |F| |X| sin(phase) of the points between the half-power points of their levels.
 
     Parameters
     ----------
@@ -229,7 +229,7 @@ def measured_energy(surface: ResponseSurface) -> Energy:
 
 
 def dissipated_energy(identification: Identification, values: Mapping[str, float] | None = None) -> Energy:
-    """Give D(X) = pi omega c(X, omega) X^2 along the resonance of a model, over the tested amplitudes.
+    """Return D(X) = pi omega c(X, omega) X^2 along the resonance of a model, over the tested amplitudes.
 
     Parameters
     ----------
@@ -250,7 +250,7 @@ def dissipated_energy(identification: Identification, values: Mapping[str, float
 
 
 def small_stiffness(identification: Identification, values: Mapping[str, float]) -> float:
-    """Give k(0) [N/m], the stiffness for small amplitudes; NaN where there is none or it is infinite."""
+    """Return k(0) [N/m], the stiffness for small amplitudes; NaN where there is none or it is infinite."""
     tested = amplitudes_tested(identification, 2)
     if not tested.size:
         return float("nan")
@@ -267,7 +267,7 @@ def small_stiffness(identification: Identification, values: Mapping[str, float])
 def stiffness_ratio(
     identification: Identification, values: Mapping[str, float] | None = None
 ) -> tuple[Array, Array]:
-    """Give amplitudes [m] and k(X)/k(0) along the resonance of a model; NaN where k(0) is not known."""
+    """Return amplitudes [m] and k(X)/k(0) along the resonance of a model; NaN where k(0) is not known."""
     values = solution_of(identification) if values is None else values
     grid = amplitudes_tested(identification)
     return grid, backbone(identification, values, grid).stiffness / small_stiffness(identification, values)
@@ -323,7 +323,7 @@ def slip_limit(curve: Curve, values: Mapping[str, float], largest: float) -> Sli
 
 
 def identified_slips(identification: Identification, force: sympy.Expr | None = None) -> tuple[Slip, ...]:
-    """Give the limits that a test determines, of the whole law or of one element's ``force``.
+    """Return the limits that a test determines, of the whole law or of one element's ``force``.
 
     A limit is not determined where a parameter that moves it is not identifiable, or where its standard error
     is beyond half of it.

@@ -29,7 +29,7 @@ from rsgen.identification.modal_result import ModalTable
 from rsgen.identification.prediction import Prediction
 from rsgen.identification.results import Identification
 
-# Okabe and Ito's colours, which colour-blind readers tell apart; line styles tell them apart in grey
+# Okabe and Ito's colours, which colour-blind readers distinguish; line styles distinguish them in grey
 POINT: dict[str, Any] = {"marker": "o", "ls": "none", "mfc": "none", "mec": "#0072B2", "mew": 1.1, "ms": 4.5}
 REFINED: dict[str, Any] = {"color": "#D55E00", "lw": 1.5, "ls": "-"}
 FIRST_ORDER: dict[str, Any] = {"color": "#009E73", "lw": 1.2, "ls": (0, (6, 1.5, 1, 1.5))}
@@ -37,7 +37,7 @@ TRUTH: dict[str, Any] = {"color": "#1b1c1e", "lw": 1.2, "ls": (0, (1, 1.6))}
 
 
 # ----------------------------------------------------------------------------
-# The layout of a figure: panels one below the other, colours beside them, a heading above.
+# The layout of a figure: panels one below the other, colour bars right of them, a heading above.
 
 _PAD = 3.0
 """Points between what a panel shows and its neighbours, and around the figure: the gap between two words."""
@@ -111,9 +111,9 @@ def lay_out(figure: Figure) -> None:
         _place(figure, panels, bars, around, pad)
         if _ticks(panels) == ticks:
             break
-    for axes, (beside, below) in zip((*panels, *bars), labels, strict=True):
+    for axes, (right, below) in zip((*panels, *bars), labels, strict=True):
         # drawing would look for them again each time, by measuring all numbers of the axis
-        axes.yaxis.set_label_coords(_is_right(axes) + beside / axes.bbox.width, 0.5)
+        axes.yaxis.set_label_coords(_is_right(axes) + right / axes.bbox.width, 0.5)
         axes.xaxis.set_label_coords(0.5, below / axes.bbox.height)
 
 
@@ -124,8 +124,8 @@ def _is_right(axes: Axes) -> bool:
 
 def _label_places(axes: Axes) -> tuple[float, float]:
     """Pixels by which the ordinate's label is right of its edge, and the abscissa's above its own."""
-    beside, below = axes.yaxis.label.get_position()[0], axes.xaxis.label.get_position()[1]
-    return float(beside - (axes.bbox.x1 if _is_right(axes) else axes.bbox.x0)), float(below - axes.bbox.y0)
+    right, below = axes.yaxis.label.get_position()[0], axes.xaxis.label.get_position()[1]
+    return float(right - (axes.bbox.x1 if _is_right(axes) else axes.bbox.x0)), float(below - axes.bbox.y0)
 
 
 def _ticks(panels: Sequence[Axes]) -> list[list[float]]:
@@ -165,7 +165,7 @@ def _beyond(axes: Axes, renderer: RendererBase) -> tuple[float, float, float, fl
 
 
 def _place(figure: Figure, panels: Sequence[Axes], bars: Sequence[Axes], around: _Around, pad: float) -> None:
-    """Give panels and scale the room that their decorations leave."""
+    """Return panels and scale the room that their decorations leave."""
     width, height = figure.bbox.width, figure.bbox.height
     room = height - around.heading - float(np.sum(around.above + around.below)) - 2 * pad * len(panels)
     each = room / len(panels)
@@ -202,7 +202,7 @@ _KINDS = {
     "surface": ResponseSurface,
     "table": ModalTable,
 }
-"""What a drawing function takes, by the name of its argument."""
+"""Type of each argument of a drawing function, by name."""
 
 # no date, no version: the same figure gives the same bytes
 _NO_METADATA = {
@@ -256,7 +256,7 @@ GivenAxes = Axes | Sequence[Axes] | NDArray[Any] | None
 def take_axes(
     ax: GivenAxes, count: int, size: tuple[float, float], **shared: Any
 ) -> tuple[Figure, list[Axes]]:
-    """Give the axes of ``count`` panels, one below the other: the caller's, or those of a new figure.
+    """Return the axes of ``count`` panels, one below the other: the caller's, or those of a new figure.
 
     Parameters
     ----------
@@ -287,7 +287,7 @@ def label_abscissa(panels: Sequence[Axes], ax: GivenAxes, text: str) -> None:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Drawing:
-    """A finished figure; a notebook shows it by itself, ``figure`` is for whoever wants to change it.
+    """A finished figure; a notebook shows it by itself, ``figure`` is there to be changed.
 
     Parameters
     ----------
@@ -316,7 +316,7 @@ class Drawing:
                 lay_out(self.figure)
 
     def render(self, kind: str = "svg") -> bytes:
-        """Give the file content, the same bytes for the same figure.
+        """Return the file content, the same bytes for the same figure.
 
         Parameters
         ----------

@@ -51,12 +51,12 @@ class Backbone:
 
 
 def values_of(estimates: Iterable[Estimate]) -> dict[str, float]:
-    """Give the values of a set of estimates, the mass among them as "m" where it was identified."""
+    """Return the values of a set of estimates, the mass among them as "m" where it was identified."""
     return {estimate.name: estimate.value for estimate in estimates}
 
 
 def amplitudes_tested(identification: Identification, points: int = 160) -> Array:
-    """Give amplitudes [m] that cover what was tested, none outside."""
+    """Return amplitudes [m] that cover what was tested, none outside."""
     amplitude = identification.curve.amplitude
     amplitude = amplitude[np.isfinite(amplitude) & (amplitude > 0)]
     if not amplitude.size:
@@ -69,7 +69,7 @@ def amplitudes_tested(identification: Identification, points: int = 160) -> Arra
 
 
 def solution_of(identification: Identification) -> dict[str, float]:
-    """Give the refined values; where one is not identifiable, the value of the fit.
+    """Return the refined values; where one is not identifiable, the value of the fit.
 
     The curve over what was tested is known also where single parameters are not.
     """
@@ -145,7 +145,7 @@ def backbone(identification: Identification, values: Mapping[str, float], amplit
 
 
 def refined_band(identification: Identification, amplitude: Array) -> tuple[Backbone, Array, Array]:
-    """Give the backbone of the refined model and half the width of the 95 % band of stiffness and damping."""
+    """Return the backbone of the refined model and half the 95 % bands of stiffness and damping."""
     values = solution_of(identification)
     names = [estimate.name for estimate in identification.refined if estimate.name != "m"]
 
@@ -163,7 +163,7 @@ def standard_errors(
     names: Iterable[str],
     evaluate: Callable[[Mapping[str, float]], Array],
 ) -> Array:
-    """Give the standard error of every number that ``evaluate`` makes of the values, by linear propagation.
+    """Return the standard error of every number that ``evaluate`` makes of the values, by linear propagation.
 
     Only the covariance of ``names`` counts; a derivative is the difference over one standard error.
     """

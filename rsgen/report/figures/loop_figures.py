@@ -54,7 +54,7 @@ _WIDEST_BAND = 0.5
 
 
 def force_function(model: Model, values: Mapping[str, float]) -> Callable[[Array, Array], Array]:
-    """Give the force of a model as a function of displacement [m] and velocity [m/s], elementwise.
+    """Return the force of a model as a function of displacement [m] and velocity [m/s], elementwise.
 
     Parameters
     ----------

@@ -30,7 +30,7 @@ def level_colours() -> LinearSegmentedColormap:
 
 
 def colour_bar(figure: Figure, panels: list[Axes], norm: Normalize, label: str, aspect: float) -> None:
-    """Add the scale of the colours beside some panels."""
+    """Add a colour bar right of some panels."""
     bar = figure.colorbar(ScalarMappable(norm, level_colours()), ax=panels, pad=0.02, aspect=aspect)
     bar.set_label(label)
     bar.outline.set_visible(False)
@@ -39,7 +39,7 @@ def colour_bar(figure: Figure, panels: list[Axes], norm: Normalize, label: str, 
 
 
 def largest_answer(surface: ResponseSurface) -> float:
-    """Give the largest settled answer, SI; 1 where there is none, so that scales have an end."""
+    """Return the largest settled answer, SI; 1 where there is none, so that scales have an end."""
     return float(np.max(surface.answer, where=surface.settled, initial=0.0)) or 1.0
 
 
@@ -63,7 +63,7 @@ def _what(surface: ResponseSurface, words: str) -> str:
 def _grid(
     surface: ResponseSurface,
 ) -> tuple[Array, Array, Array] | None:
-    """Give frequency, level (both 1-D) and answer (level x frequency) where the points fill a grid."""
+    """Return frequency, level (both 1-D) and answer (level x frequency) where the points fill a grid."""
     level, frequency = np.unique(surface.level), np.unique(surface.frequency)
     if len(level) < 2 or len(frequency) < 2 or len(surface) != len(level) * len(frequency):
         return None
@@ -79,7 +79,7 @@ def _sweeps(surface: ResponseSurface) -> list[str]:
 
 
 def peaks_by_level(surface: ResponseSurface) -> list[int]:
-    """Give for each level the index of its settled point at resonance, levels ascending.
+    """Return for each level the index of its settled point at resonance, levels ascending.
 
     It is where the amplitude is largest, or, where the amplitude was held, the force least.
     """

@@ -24,7 +24,7 @@ from rsgen.report.figures.drawing import Drawing, GivenAxes, in_style, label_abs
 from rsgen.report.figures.overview import level_colours, peaks_by_level
 
 _OTHER = 0.01
-"""A measured force that differs by more, relatively, is named beside the nominal level."""
+"""A measured force that differs by more, relatively, is named next to the nominal level."""
 _MARKERS = {"rest": "o", "up": "^", "down": "v"}
 
 
@@ -177,7 +177,7 @@ def _shown_levels(
 
 
 def _tested(shown: ResponseSurface, level: float, sweep: str) -> tuple[Array, Array]:
-    """Give frequency and amplitude of the points at a force; where X was held, between neighbours."""
+    """Return frequency and amplitude of the points at a force; where X was held, between neighbours."""
     if not shown.response_held:
         part = shown.select((shown.level == level) & (shown.sweep == sweep))
         return part.frequency, part.amplitude
@@ -221,7 +221,7 @@ def _curves_of(prediction: Prediction, level: float) -> list[ResonanceCurve]:
 
 def _level_text(item: HeldOutLevel) -> str:
     """Name the level: a force, or the amplitude where that was held."""
-    # a force that was held has no number, and a length beside a force is that of a base
+    # a force that was held has no number, and a length next to a force is that of a base
     held = {"N": "F", "m": "X"} if np.isnan(item.force) else {"N": "F"}
     symbol = held.get(item.level_unit, "base")
     name = f"{symbol} = {quantity_text(item.level, item.level_unit, 3)}"
@@ -416,15 +416,15 @@ def draw_best_linear(found: MultisineIdentification, *, ax: GivenAxes = None) ->
 def _said(one: BestLinear) -> str:
     """The best linear approximation of one level in numbers."""
     noise = f"{number_text(100 * one.noise_share, 2)} %" if np.isfinite(one.noise_share) else "not known"
-    apart = ""
+    distortion = ""
     if np.isfinite(one.even_share) and np.isfinite(one.odd_share):
         even, odd = _hidden(one.even_share, one.even_bound), _hidden(one.odd_share, one.odd_bound)
-        apart = f", at even lines {even}, at odd lines that are not excited {odd}"
+        distortion = f", at even lines {even}, at odd lines that are not excited {odd}"
     return (
         f"At {quantity_text(one.level, 'N', 3)}: natural frequency "
         f"{quantity_text(one.natural_frequency, 'Hz', 5)}, damping ratio "
         f"{number_text(100 * one.damping_ratio, 3)} %, distortion "
-        f"{number_text(100 * one.distortion_share, 2)} % of the response{apart}, noise {noise}."
+        f"{number_text(100 * one.distortion_share, 2)} % of the response{distortion}, noise {noise}."
     )
 
 
@@ -458,7 +458,7 @@ def _draw_parts(axes: Axes, found: MultisineIdentification) -> None:
 
 @in_style
 def draw_line_misfit(found: MultisineIdentification, *, ax: GivenAxes = None) -> Drawing:
-    """Draw the balance that the law leaves at each line beside its noise and the force.
+    """Draw the residual of the balance at each line, its noise and the force.
 
     Parameters
     ----------
@@ -492,10 +492,10 @@ def draw_line_misfit(found: MultisineIdentification, *, ax: GivenAxes = None) ->
         share = float(np.linalg.norm(left) / np.linalg.norm(force))
         known = bool(np.isfinite(noise).all() and noise.all())
         times = float(np.sqrt(np.mean((left / noise) ** 2))) if known else float("nan")
-        beside = f", {number_text(times, 2)} times its noise" if np.isfinite(times) else ""
+        ratio = f", {number_text(times, 2)} times its noise" if np.isfinite(times) else ""
         texts.append(
             f"At {quantity_text(float(level[place]), 'N', 3)} the law leaves "
-            f"{number_text(100 * share, 2)} % of the force at {count_text(int(used.sum()), 'line')}{beside}."
+            f"{number_text(100 * share, 2)} % of the force at {count_text(int(used.sum()), 'line')}{ratio}."
         )
     panels[0].legend(loc="best")
     label_abscissa(panels, ax, "Frequency [Hz]")

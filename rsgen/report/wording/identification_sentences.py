@@ -119,7 +119,7 @@ NEXT_STEPS.update(
         ),
         "law-ambiguous": (
             "Identify with the term or background as well, and others in its place (rsgen rank), or the "
-            "halves apart, and compare (rs.compare_fits); more levels, and higher ones, tell them apart."
+            "halves separately, and compare (rs.compare_fits); more and higher levels distinguish them."
         ),
         "even-force-missing": (
             "Add an even term to the law, such as k2*x**2, or a stop on one side; where the sensor has an "
@@ -133,8 +133,8 @@ NEXT_STEPS.update(
             "check that force and response belong together."
         ),
         "parts-disagree": (
-            "Identify the levels apart, and look for one whose force, label or set-up differs, or for a gain "
-            "that changed on the way; if none does, try another law."
+            "Identify the levels separately, and look for one whose force, label or set-up differs, or for a "
+            "gain that changed on the way; if none does, try another law."
         ),
         "points-set-aside": (
             "Look at the points that were not used in the figure of responses: repeat them, or leave them "
@@ -183,7 +183,7 @@ def _(found: Finding) -> str:
         )
     return (
         "the mirror image of the law, x and v with the other sign, fits as well: neither the mean nor an "
-        "even harmonic was recorded, which tell the two sides apart"
+        "even harmonic was recorded, which distinguish the two sides"
     )
 
 
@@ -244,12 +244,12 @@ def _(found: Finding) -> str:
     if "level" in found.numbers:
         level, low, high = (quantity_text(*found.numbers[name], 4) for name in ("level", "low", "high"))
         return (
-            f"{counted} of the level {level} were set aside, up to {found['together']:.0f} of them "
+            f"{counted} of the level {level} were excluded, up to {found['together']:.0f} of them "
             f"neighbours, from {low} to {high}: this run disagrees with the law"
         )
     if "by" in found.names:
-        return f"{counted} are set aside: no candidate explains them"
-    return f"{counted} were set aside: they disagree with the others or lie too near a jump to be followed"
+        return f"{counted} are excluded: no candidate explains them"
+    return f"{counted} were excluded: they disagree with the others or lie too near a jump to be followed"
 
 
 @says("confounded")
@@ -313,7 +313,7 @@ def _(found: Finding) -> str:
 
 
 _BESIDE = {
-    "term": "a term {} beside the law",
+    "term": "a term {} added to the law",
     "background": 'a background "{}"',
     "halves": "the difference of {}, identified separately,",
 }
@@ -346,7 +346,7 @@ def _(found: Finding) -> str:
 @says("parts-disagree")
 def _(found: Finding) -> str:
     meaning = (
-        "too little to tell parts apart" if found.severity == "warning" else "one law does not hold for all"
+        "too little to separate parts" if found.severity == "warning" else "one law does not hold for all"
     )
     after = f" ({found['after']:.2g} of the widened ones)" if "after" in found.numbers else ""
     return (
@@ -390,16 +390,16 @@ def _(found: Finding) -> str:
 
 @says("repeats-scatter")
 def _(found: Finding) -> str:
-    aside = (
+    early = (
         f" ({found['aside']:.0f} more lie far off the others of their point, as before a response has "
-        "settled, and were set aside)"
+        "settled, and were excluded)"
         if found["aside"]
         else ""
     )
     scatter = (
         f"{found['readings']:.0f} readings of {found['points']:.0f} points: one reading scatters by "
         f"{found['of_reading']:.2g} of its size, the mean of {found['repeats']:g} by {found['of_mean']:.2g}"
-        f"{aside}"
+        f"{early}"
     )
     if "misfit" not in found.numbers:
         return scatter

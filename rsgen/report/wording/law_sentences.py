@@ -68,7 +68,7 @@ say_plainly(
         ),
         "results-disagree": (
             "{values}: results that are accepted or identified have 95 % intervals without a common value; "
-            "furthest apart, by {shift:.2g} standard errors, are {first} and {second}"
+            "with the largest difference, {shift:.2g} standard errors, are {first} and {second}"
         ),
     }
 )
@@ -129,7 +129,7 @@ say_plainly(
             "the structure would feed energy into the exciter: is the sense of the phase right, and the "
             "sign of the sensor?"
         ),
-        "laws-equal": "{law} beside a linear spring is the same law as {same}",
+        "laws-equal": "{law} with a linear spring is the same law as {same}",
         "law-at-limit": (
             "{law}: the search for {parameter} ends at the limit of its range ({value:.3g}), so that the "
             "true law may be another"
@@ -179,8 +179,8 @@ def _(f: Finding) -> str:
 def _(f: Finding) -> str:
     if "noise" in f.names:
         return (
-            f"{f.names['law']} comes nearest; the frequencies are too far apart to tell noise from misfit, "
-            "so that it is not known whether it fits"
+            f"{f.names['law']} comes nearest; the frequencies are too widely spaced to separate noise from "
+            "misfit, so that it is not known whether it fits"
         )
     return f"{f.names['law']} comes nearest, with a noise of {f['noise']:.2g} at {f['points']:g} points"
 

@@ -35,7 +35,7 @@ CODES: dict[str, Say] = {}
 """The function that says a finding, by the code of the finding."""
 
 NEXT_STEPS: dict[str, str] = {}
-"""What to do about a finding that casts doubt on a result, by its code: a full sentence, with the fields of
+"""Next step after a finding that casts doubt on a result, by its code: a full sentence, with the fields of
 ``say_plainly`` in braces. Every code that may have the severity "doubt" or "error" has one."""
 
 
@@ -67,7 +67,7 @@ class _Number(float):
 
 @dataclass(frozen=True, slots=True)
 class _Fields:
-    """What a text names in braces: "parameter", and the names and numbers of its finding."""
+    """Fields of a text in braces: "parameter", and the names and numbers of its finding."""
 
     finding: Finding
 
@@ -102,7 +102,7 @@ def _fill(text: str, finding: Finding) -> str:
 
 
 def next_step(finding: Finding) -> str:
-    """Say in one sentence what to do about a finding; "" where nobody wrote it down."""
+    """Return the next step after a finding as one sentence; "" where none is known."""
     return NEXT_STEPS.get(finding.code, "").format_map(_Fields(finding))
 
 
@@ -177,7 +177,7 @@ def spectra_sentence(spectra: MultisineSpectra, band: tuple[float, float]) -> st
     low, high = band
     return (
         f"{count_text(len(spectra), 'record')} of {count_text(spectra.periods, 'settled period')} at "
-        f"{count_text(len(spectra.levels), 'level')}, {made}; lines {step} apart. Lines from "
+        f"{count_text(len(spectra.levels), 'level')}, {made}; line spacing {step}. Lines from "
         f"{quantity_text(low, 'Hz', 4)} to {quantity_text(high, 'Hz', 4)} were fitted."
     )
 
@@ -204,7 +204,7 @@ _HEADLINES: dict[State, str] = {
 """The headline of a state, where nothing more is known or matters."""
 
 MARKED: dict[str, str] = {"doubtful": "Doubtful: ", "rejected": "Not to be used: "}
-"""What stands before every table and figure with numbers of such a result."""
+"""Label before every table and figure with numbers of such a result."""
 
 
 @says("values-judged")
@@ -256,7 +256,7 @@ def explain(verdict: Verdict) -> str:
 
 
 def read_verdict(result: Mapping[str, Any]) -> StatedVerdict:
-    """Give the verdict of a result.json; of an older one that has none, from its findings and its rows.
+    """Return the verdict of a result.json; of an older one that has none, from its findings and its rows.
 
     Raises
     ------

@@ -295,7 +295,7 @@ _MISTAKES = {
     "rpm": "a speed in rpm that was read as Hz",
     "radian": "a frequency in rad/s that was read as Hz",
 }
-"""What the mistakes of ``rsgen.data.surface.plausibility`` are."""
+"""The mistakes that ``rsgen.data.surface.plausibility`` finds."""
 
 
 def _size(found: Finding, name: str) -> str:
@@ -377,7 +377,7 @@ _SCALED = {
     "quantity": "one of them may be another quantity (displacement, velocity, acceleration) than was read",
     "peak-to-peak": "one of them may be from peak to peak and read as a peak value",
 }
-"""What a factor between base and response comes from."""
+"""Causes of a factor between base and response."""
 
 _DERIVED = {
     -2: "integrated twice and",
@@ -386,7 +386,7 @@ _DERIVED = {
     1: "differentiated once and",
     2: "differentiated twice and",
 }
-"""What makes another quantity of a motion."""
+"""Operations that turn a motion into another quantity."""
 
 
 def _scaled(found: Finding) -> str:
@@ -474,7 +474,7 @@ def _(found: Finding) -> str:
     left = f"up to {lost:.0f} at the beginning were left out" if lost else "none was left out"
     return (
         f"a period of {found['samples']:.0f} samples ({found.names['period']}), lines "
-        f"{quantity_text(found['step'], 'Hz', 4)} apart; {found['periods']:.0f} settled periods of each "
+        f"{quantity_text(found['step'], 'Hz', 4)} spacing; {found['periods']:.0f} settled periods of each "
         f"record are used, {left}"
     )
 
@@ -504,7 +504,7 @@ def _(found: Finding) -> str:
         left = number_text(100 * found["misfit"], 2)
         return f"the law has no damping, and what it leaves, {left} % of the force, is more than noise"
     return (
-        f"the misfit is small beside the whole force, but {number_text(100 * found['share'], 2)} % of the "
-        "damping force: friction or other damping that the law lacks would look so, and is then counted in "
-        "the damping coefficients that it has"
+        f"the misfit is small compared with the total force, but {number_text(100 * found['share'], 2)} % of "
+        "the damping force: friction or other damping that the law lacks would look so, and is then counted "
+        "in the damping coefficients that it has"
     )
