@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import re
+import zipfile
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, fields
 from fnmatch import fnmatchcase
 from math import prod
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, BinaryIO
 
 import numpy as np
 from numpy.typing import NDArray
@@ -198,6 +199,26 @@ def array_bytes(shape: tuple[int, ...], dtype: np.dtype[Any], largest: int) -> i
     if size > largest:
         raise MeasurementError(f"declares {size} bytes; at most {largest} are read from a file of this size")
     return size
+
+
+def open_archive(file: BinaryIO, largest: int) -> zipfile.ZipFile:
+    """Open an archive that unpacks to at most ``largest`` bytes; no member unpacks to more than it declares.
+
+    Raises
+    ------
+    MeasurementError
+        No archive, or too large.
+    """
+    try:
+        archive = zipfile.ZipFile(file)
+    except (zipfile.BadZipFile, OSError, ValueError) as fault:
+        raise MeasurementError(f"is no whole archive: {str(fault)[:120]}; send it again") from None
+    size = sum(member.file_size for member in archive.infolist())
+    if size > largest:
+        raise MeasurementError(
+            f"unpacks to {size} bytes; at most {largest} are read from a file of this size"
+        )
+    return archive
 
 
 def facts(values: NDArray[Any]) -> dict[str, Any]:

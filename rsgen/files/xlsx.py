@@ -7,7 +7,6 @@ looked at.
 from __future__ import annotations
 
 import io
-import zipfile
 from collections import Counter
 from collections.abc import Iterator, Sequence
 from datetime import datetime
@@ -20,7 +19,7 @@ from rsgen.common.arrays import Array
 from rsgen.common.errors import MeasurementError
 from rsgen.files.column_titles import is_unit, unit_in
 from rsgen.files.text_columns import MISSING, WORD
-from rsgen.files.tree import Node, is_wanted
+from rsgen.files.tree import Node, is_wanted, open_archive
 
 MAX_ROWS = 2**20
 """Rows of a sheet, as Excel has them."""
@@ -40,21 +39,6 @@ def sample_xlsx() -> bytes:
     book.active.append([1.0, datetime(2000, 1, 1)])
     book.save(file)
     return file.getvalue()
-
-
-def _check_archive(file: BinaryIO, largest: int) -> None:
-    """Check what the parts of the archive unpack to, before any is; none unpacks to more than it declares."""
-    try:
-        with zipfile.ZipFile(file) as archive:
-            members = archive.infolist()
-    except (zipfile.BadZipFile, OSError, ValueError) as fault:
-        raise MeasurementError(f"is no workbook: {str(fault)[:120]}; send it again") from None
-    size = sum(member.file_size for member in members)
-    if size > largest:
-        raise MeasurementError(
-            f"declares {size} bytes of sheets; at most {largest} are read from a file of this size"
-        )
-    file.seek(0)
 
 
 def _letter(column: int) -> str:
@@ -217,7 +201,8 @@ def walk_xlsx(file: BinaryIO, heads: set[str] | None, largest: int) -> Iterator[
     """
     from openpyxl import load_workbook  # comes with an extra
 
-    _check_archive(file, largest)
+    open_archive(file, largest)
+    file.seek(0)
     book = load_workbook(file, read_only=True, data_only=True, keep_links=False)
     sheets = [sheet for sheet in book.worksheets if is_wanted(sheet.title, heads)]
     for sheet in sheets:

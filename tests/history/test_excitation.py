@@ -41,18 +41,18 @@ def multisine() -> np.ndarray:
 @pytest.mark.slow
 @pytest.mark.parametrize("reader", READERS)
 @pytest.mark.parametrize(
-    ("force", "reason"),
+    "force",
     [
-        (RANDOM[0], "the force is random"),
-        (sosfilt(BAND, RANDOM[0]), "the force is random"),
-        (np.tile(RANDOM[0, :1000], len(TIME) // 1000), "periodic with many lines, as a multisine"),
-        (multisine(), "periodic with many lines, as a multisine"),
-        (blows(), "the force is a blow.*ring-down"),
+        RANDOM[0],
+        sosfilt(BAND, RANDOM[0]),
+        np.tile(RANDOM[0, :1000], len(TIME) // 1000),
+        multisine(),
+        blows(),
     ],
     ids=["white", "band", "periodic noise", "multisine", "blows"],
 )
-def test_what_is_no_sine_is_refused_with_the_reason(reader: str, force: np.ndarray, reason: str) -> None:
-    with pytest.raises(MeasurementError, match=reason):
+def test_what_is_no_sine_is_refused(reader: str, force: np.ndarray) -> None:
+    with pytest.raises(MeasurementError, match=r'blow.*"ring-down".*"multisine".*random force'):
         READERS[reader](TimeHistory(RATE, force, response_to(force)))
 
 

@@ -290,17 +290,6 @@ def test_harmonics_above_the_sampling_rate_are_unknown() -> None:
     assert np.isnan(surface.harmonics[:, 3:]).all()
 
 
-def test_a_distorted_force_is_noted() -> None:
-    clean = forced(SweepLaw("linear", 8.0, 0.05), 400.0, 80)
-    law = find_sweeps(clean)[0].law
-    t = np.arange(len(clean)) / 400
-    distorted = TimeHistory(
-        400, clean.force + 0.1 * np.cos(3 * law.phase_at(t)), clean.response, label="a.mat"
-    )
-    findings = {finding.code: finding for finding in from_swept_sine(distorted).findings}
-    assert findings["force-not-sine"]["harmonics"] == pytest.approx(0.1, rel=0.01)
-
-
 @pytest.mark.parametrize(
     ("history", "options", "message"),
     [

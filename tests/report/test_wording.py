@@ -20,7 +20,7 @@ PACKAGE = Path(rsgen.__file__).parent
 
 CHOICES = {
     "not-passive": {"against": "power and mass", "reversed": "channel and phase"},
-    "size-impossible": {"quantity": "velocity", "side": "above", "mistake": "milli, inch"},
+    "size-impossible": {"quantity": "velocity", "side": "above"},
     "another-quantity": {"is": "+1"},
     "base-misread": {"is": "swapped"},
     "control-recognised": {"control": "phase"},

@@ -17,6 +17,7 @@ from rsgen.common.finding import Finding
 from rsgen.data.history.envelope import HARMONICS, displacement_harmonics, highest_order
 from rsgen.data.history.record import (
     BLOCK,
+    NO_SINE,
     QUIET,
     TimeHistory,
     as_histories,
@@ -24,7 +25,6 @@ from rsgen.data.history.record import (
     check_force,
     check_options,
     check_response,
-    describe_force,
     name_levels,
 )
 from rsgen.data.surface import ResponseSurface
@@ -184,11 +184,8 @@ def from_stepped_sine(
         fitted = [s for s in found if s and low * (1 - _LEAST) <= s.frequency <= high * (1 + _LEAST)]
         if not fitted:
             raise MeasurementError(
-                f"{history.label}: no step found in the force{' in the band' if band else ''}: "
-                + (
-                    describe_force(history.reference)
-                    or f"a frequency must be held for at least {2 * _SIDE} periods"
-                )
+                f"{history.label}: no step found in the force{' in the band' if band else ''}: a frequency "
+                f"must be held for at least {2 * _SIDE} periods; {NO_SINE}"
             )
         findings += check_force(history, np.array([s.share for s in fitted]))
         line, power = (np.array([getattr(s, name) for s in fitted]) for name in ("line", "power"))

@@ -41,7 +41,6 @@ from rsgen.data.history.tracking import (
     Sweep,
     SweepLaw,
     SweptPoints,
-    distorted_forces,
     faint_forces,
     fast_sweeps,
     find_sweeps,
@@ -227,7 +226,6 @@ def _demodulated(
         ratio = motion.acceleration / motion.displacement
         flattened = np.abs(wider.acceleration / wider.displacement - ratio) / np.abs(ratio)
         smoothed = np.abs(wider.displacement / motion.displacement - 1)
-        distortion = np.linalg.norm(force[:, 1:], axis=1) / np.abs(force[:, 0])
         unclear = np.abs(steadier / force[:, 0] - 1)
     return SweptPoints(
         label=history.label,
@@ -241,7 +239,6 @@ def _demodulated(
         flattened=flattened,
         smoothed=smoothed,
         unclear=unclear,
-        distortion=float(np.median(distortion)),
         findings=tuple(findings),
     )
 
@@ -276,7 +273,6 @@ def _surface(parts: list[SweptPoints], mass: float | None) -> ResponseSurface:
         findings.append(Finding("sweep-not-corrected", "warning"))
     findings += faint_forces(parts, usable & ~driven)
     findings += other_modes(parts, steady, good)
-    findings += distorted_forces(parts)
     count = [len(part) for part in parts]
     level = name_levels([(part.level, float(np.median(np.abs(part.force)))) for part in parts])
     return ResponseSurface(

@@ -16,7 +16,7 @@ from rsgen.common.errors import MeasurementError
 from rsgen.common.finding import Finding, Quantity
 from rsgen.data.free_mode import Kinematics
 from rsgen.data.history.envelope import DENSE, NOISE_WIDTH, Windows, demodulate, place_windows
-from rsgen.data.history.record import TimeHistory, blocks, describe_force
+from rsgen.data.history.record import NO_SINE, TimeHistory, blocks
 from rsgen.data.surface.columns import monotone_runs
 
 # ----------------------------------------------------------------------------
@@ -148,12 +148,9 @@ def find_sweeps(history: TimeHistory, given: SweepLaw | str | None = None) -> tu
         sweeps.append(Sweep(begin, end, _refined(history, law, begin, end)))
     if not sweeps:
         raise MeasurementError(
-            f"{history.label}: no sweep found in the force: "
-            + (
-                describe_force(history.reference)
-                or f"its frequency must rise or fall over {_FEWEST / _LOOKS:.0%} of the history; set "
-                "test.excitation for a stepped sine or a free decay"
-            )
+            f"{history.label}: no sweep found in the force: its frequency must rise or fall over "
+            f"{_FEWEST / _LOOKS:.0%} of the history; a stepped sine is read with test.excitation = "
+            f'"stepped-sine"; {NO_SINE}'
         )
     return tuple(sweeps)
 
@@ -324,9 +321,6 @@ _SLOW = 0.1
 """rate/(zeta f)^2 below which a sweep is slow: it shifts a resonance by less than 2 % of its half width."""
 _FAST = 10.0
 """rate/(zeta f)^2 up to which the correction was proved (k(X) within 0.1 %, c(X) within 0.5 %)."""
-_DISTORTED = 0.05
-"""Harmonics of the force, relative to its fundamental, from which on they are reported."""
-
 _SUDDEN = 0.15
 """A correction of the force up to this fraction of it is never called a free motion ..."""
 _MORE = 2.0
@@ -342,8 +336,7 @@ class SweptPoints:
     ``force`` (n,) [N] and ``motion`` are of the fundamental, ``harmonics`` (n, H+1) the displacement [m],
     ``drive`` (n,) is the frequency of the force [Hz], ``rate`` (n,) how fast it changes [Hz/s], positive.
     ``flattened``, ``smoothed`` and ``unclear`` (n,) are the relative differences of A/X, of X and of the
-    force between two windows, ``distortion`` the harmonics of the force over its fundamental; ``findings``
-    are those about its force and response.
+    force between two windows; ``findings`` are those about its force and response.
     """
 
     label: str
@@ -357,7 +350,6 @@ class SweptPoints:
     flattened: Array
     smoothed: Array
     unclear: Array
-    distortion: float
     findings: tuple[Finding, ...]
 
     def __len__(self) -> int:
@@ -434,17 +426,6 @@ def other_modes(parts: list[SweptPoints], steady: ComplexArray, good: NDArray[np
                 f = Quantity(float(frequency[places[int(np.argmax(height))]]), "Hz")
                 return [Finding("another-maximum", "warning", "", {"frequency": f}, {"record": part.label})]
     return []
-
-
-def distorted_forces(parts: list[SweptPoints]) -> list[Finding]:
-    """Find the sweeps whose force is no sine."""
-    return [
-        Finding(
-            "force-not-sine", "info", "", {"harmonics": Quantity(part.distortion)}, {"record": part.label}
-        )
-        for part in parts
-        if part.distortion > _DISTORTED
-    ]
 
 
 def _counted(parts: list[SweptPoints], marked: NDArray[np.bool_]) -> dict[str, Quantity]:

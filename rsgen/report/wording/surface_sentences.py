@@ -181,11 +181,6 @@ _RECOGNISED = {
 
 @says("force-not-sine")
 def _(found: Finding) -> str:
-    if "harmonics" in found.numbers:
-        return (
-            f"{found.names['record']}: harmonics of the force reach {found['harmonics']:.0%} of its "
-            "fundamental; laws are fitted as if it were a sine"
-        )
     return (
         f"{found.names['record']}: only {found['share']:.0%} of the power of the force is at its line and "
         "harmonics; the rest, noise or other lines, drives the structure, too"
@@ -274,29 +269,6 @@ _WHAT = {
     "damping": "the smallest damping ratio",
 }
 
-_MISTAKES = {
-    "milli": "a response in mm, mm/s, mm/s^2 or mV that was read as m, m/s, m/s^2 or V",
-    "micro": "a response in µm, µm/s or µV that was read as m, m/s or V",
-    "nano": "a response in nm or nm/s that was read as m or m/s",
-    "twice-milli": "a response in m, m/s, m/s^2 or V that was read as mm, mm/s, mm/s^2 or mV",
-    "twice-micro": "a response in m, m/s or V that was read as µm, µm/s or µV",
-    "inch": "a response in inches that was read as metres",
-    "g": "an acceleration in g that was read as m/s^2",
-    "acceleration-as-displacement": "an acceleration that was read as a displacement",
-    "velocity-as-displacement": "a velocity read as a displacement (or an acceleration as a velocity)",
-    "displacement-as-velocity": "a displacement read as a velocity (or a velocity as an acceleration)",
-    "displacement-as-acceleration": "a displacement that was read as an acceleration",
-    "kilonewton": "a force in kN that was read as N",
-    "millinewton": "a force in mN or mV that was read as N or V",
-    "micronewton": "a force in µN that was read as N",
-    "pound": "a force in lbf that was read as N",
-    "kilohertz": "a frequency in kHz that was read as Hz",
-    "millihertz": "a frequency in mHz that was read as Hz",
-    "rpm": "a speed in rpm that was read as Hz",
-    "radian": "a frequency in rad/s that was read as Hz",
-}
-"""The mistakes that ``rsgen.data.surface.plausibility`` finds."""
-
 
 def _size(found: Finding, name: str) -> str:
     value, unit = found.numbers[name]
@@ -329,10 +301,8 @@ def _head(found: Finding) -> str:
 
 @says("size-impossible")
 def _(found: Finding) -> str:
-    mistakes = [_MISTAKES[name] for name in found.names["mistake"].split(", ") if name]
-    likely = f"; the sizes would be ordinary if this is {', or '.join(mistakes)}" if mistakes else ""
     reason = _REASONS[found.names["quantity"]][found.names["side"] != "above"]
-    return f"not possible in a vibration test: {_head(found)} ({reason}){likely}"
+    return f"not possible in a vibration test: {_head(found)} ({reason})"
 
 
 _BEHAVES = {
@@ -417,7 +387,8 @@ NEXT_STEPS |= {
         "and run it again."
     ),
     "size-impossible": (
-        "Look up the units of force, response and frequency in the notes of the test, correct them in the "
+        "Look up the units of force, response and frequency in the notes of the test (mm and m, g and m/s^2, "
+        "kN and N, rad/s and Hz, a velocity or an acceleration read as a displacement), correct them in the "
         "case, and run it again."
     ),
     "another-quantity": (
