@@ -9,6 +9,8 @@ RSGEN_DATA := $(wildcard $(abspath ../shared/data))
 endif
 export RSGEN_DATA
 
+SPELLED := rsgen docs tests benchmarks cases $(wildcard *.md) Makefile pyproject.toml
+
 # many tests start processes, and what one of them has compiled the others read
 unexport PYTHONDONTWRITEBYTECODE
 
@@ -33,6 +35,7 @@ docs: $(READY) ## build docs/_build/html/index.html: tutorial, how-to, method, l
 test: $(READY) ## run the checks: format, lint, types, imports, tests, doctests
 	$(BIN)/ruff format --check .
 	$(BIN)/ruff check .
+	$(BIN)/codespell $(SPELLED)
 	$(MAKE) --no-print-directory --jobs=2 types suite
 
 types: $(READY)
@@ -53,6 +56,7 @@ test-all: $(READY) ## the long tests that `make test` leaves out: browser, attac
 fast: $(READY) ## the checks that take less than a minute
 	$(BIN)/ruff format --check .
 	$(BIN)/ruff check .
+	$(BIN)/codespell $(SPELLED)
 	$(BIN)/pytest -n 2 --dist worksteal -m "not slow" -q
 
 test-wheel: $(READY) ## build wheel and sdist, use the wheel in empty environments of every Python found here

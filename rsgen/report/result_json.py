@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import math
+import re
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from functools import singledispatch
@@ -310,38 +311,14 @@ def _background(identification: Identification) -> dict[str, Any] | None:
     }
 
 
+_ARRAY = re.compile(r"\[\s+((?:[-+.0-9a-z]+,?\s+)+)\]")
+"""An array of numbers and nulls as ``json`` indents it; a text has no line end in JSON."""
+
+
 def result_text(result: Mapping[str, Any]) -> str:
     """Write a result as strict JSON, arrays of numbers on one line each."""
     text = json.dumps(result, indent=1, ensure_ascii=True, allow_nan=False)
-    return _short_arrays(text) + "\n"
-
-
-def _short_arrays(text: str) -> str:
-    lines: list[str] = []
-    row: list[str] | None = None
-    for line in text.split("\n"):
-        content = line.strip()
-        if row is None:
-            if content.endswith("["):
-                row = [line]
-            else:
-                lines.append(line)
-            continue
-        row.append(content)
-        if content in ("]", "],"):
-            inner = row[1:-1]
-            numeric = all(part.rstrip(",") == "null" or part[:1] in "-0123456789" for part in inner)
-            lines += [row[0] + " ".join(inner) + row[-1]] if numeric else _restore(row, line)
-            row = None
-        elif content.endswith(("{", "[")):
-            lines += _restore(row, line)
-            row = None
-    return "\n".join(lines)
-
-
-def _restore(row: list[str], last: str) -> list[str]:
-    indent = len(row[0]) - len(row[0].lstrip()) + 1
-    return [row[0], *(" " * indent + part for part in row[1:-1]), last]
+    return _ARRAY.sub(lambda array: f"[{' '.join(array[1].split())}]", text) + "\n"
 
 
 # ----------------------------------------------------------------------------

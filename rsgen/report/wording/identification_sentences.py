@@ -174,7 +174,7 @@ NEXT_STEPS.update(
 
 
 @says("mirror-image-fits")
-def _(found: Finding) -> str:
+def _mirror_image_fits(found: Finding) -> str:
     if "parameters" in found.names:
         return (
             f"the sign of {found.names['parameters']} is not identifiable: neither the mean nor an even "
@@ -188,7 +188,7 @@ def _(found: Finding) -> str:
 
 
 @says("range-reached")
-def _(found: Finding) -> str:
+def _range_reached(found: Finding) -> str:
     if "record" in found.names:
         return (
             f"{found.names['record']}: the {found.names['signal']} is cut off at the end of its range in "
@@ -211,17 +211,17 @@ def _negative(found: Finding, curve: str) -> str:
 
 
 @says("stiffness-negative")
-def _(found: Finding) -> str:
+def _stiffness_negative(found: Finding) -> str:
     return _negative(found, "k")
 
 
 @says("damping-negative")
-def _(found: Finding) -> str:
+def _damping_negative(found: Finding) -> str:
     return f"{_negative(found, 'c')}: the structure would feed energy into the exciter there"
 
 
 @says("harmonics-across-left-out")
-def _(found: Finding) -> str:
+def _harmonics_across_left_out(found: Finding) -> str:
     sensors = found.names["sensors"]
     if "moved" in found.numbers:
         return (
@@ -239,7 +239,7 @@ def _(found: Finding) -> str:
 
 
 @says("points-set-aside")
-def _(found: Finding) -> str:
+def _points_set_aside(found: Finding) -> str:
     counted = f"{found['aside']:.0f} of {found['points']:.0f} points"
     if "level" in found.numbers:
         level, low, high = (quantity_text(*found.numbers[name], 4) for name in ("level", "low", "high"))
@@ -253,7 +253,7 @@ def _(found: Finding) -> str:
 
 
 @says("confounded")
-def _(found: Finding) -> str:
+def _confounded(found: Finding) -> str:
     partners, determined = found.names["with"], found.names.get("determined", "")
     if not found.parameter:
         if not determined:
@@ -271,7 +271,7 @@ def _(found: Finding) -> str:
 
 
 @says("noise-across")
-def _(found: Finding) -> str:
+def _noise_across(found: Finding) -> str:
     noise, part = (number_text(100 * found[name], 2) for name in ("noise", "part"))
     return (
         f"the motion across {found.names['sensors']} has {noise} % of noise of its sensors, and that noise "
@@ -281,7 +281,7 @@ def _(found: Finding) -> str:
 
 
 @says("damping-feeds-energy")
-def _(found: Finding) -> str:
+def _damping_feeds_energy(found: Finding) -> str:
     if found.parameter:
         return (
             f"{found.parameter} is negative, {quantity_text(*found.numbers['value'], 3)}, and its damper "
@@ -294,7 +294,7 @@ def _(found: Finding) -> str:
 
 
 @says("law-does-not-fit")
-def _(found: Finding) -> str:
+def _law_does_not_fit(found: Finding) -> str:
     better = {"term": "a term {}", "free": "a stiffness and a damping free to follow the amplitude"}
     missing = "".join(
         f"; {text.format(found.names[kind])} would leave {number_text(100 * found['left'], 2)} %"
@@ -312,7 +312,7 @@ def _(found: Finding) -> str:
     )
 
 
-_BESIDE = {
+_ALTERNATIVES = {
     "term": "a term {} added to the law",
     "background": 'a background "{}"',
     "halves": "the difference of {}, identified separately,",
@@ -320,8 +320,8 @@ _BESIDE = {
 
 
 @says("law-ambiguous")
-def _(found: Finding) -> str:
-    kinds = [text.format(found.names[kind]) for kind, text in _BESIDE.items() if kind in found.names]
+def _law_ambiguous(found: Finding) -> str:
+    kinds = [text.format(found.names[kind]) for kind, text in _ALTERNATIVES.items() if kind in found.names]
     (said, *_) = (*kinds, "another law")
     left = ", and leave a tenth of the value open" if found.severity == "doubt" else ""
     moved = number_text(100 * abs(found["moved"]), 2)
@@ -332,7 +332,7 @@ def _(found: Finding) -> str:
 
 
 @says("even-terms-not-seen")
-def _(found: Finding) -> str:
+def _even_terms_not_seen(found: Finding) -> str:
     only = found.names.get("determined", "")
     combined = f"; determined is {only}, with the interval of {found.parameter}" if only else ""
     return (
@@ -344,7 +344,7 @@ def _(found: Finding) -> str:
 
 
 @says("parts-disagree")
-def _(found: Finding) -> str:
+def _parts_disagree(found: Finding) -> str:
     meaning = (
         "too little to separate parts" if found.severity == "warning" else "one law does not hold for all"
     )
@@ -356,7 +356,7 @@ def _(found: Finding) -> str:
 
 
 @says("identified")
-def _(found: Finding) -> str:
+def _identified(found: Finding) -> str:
     levels = count_text(int(found["levels"]), "level")
     if "lines" not in found.numbers:
         of, size = f"{found['used']:.0f} of {found['points']:.0f} points", "their size"
@@ -372,7 +372,7 @@ def _(found: Finding) -> str:
 
 
 @says("background-possible")
-def _(found: Finding) -> str:
+def _background_possible(found: Finding) -> str:
     if "kind" in found.names:
         misfit, left = (number_text(found[name], 2) for name in ("misfit", "left"))
         return (
@@ -389,7 +389,7 @@ def _(found: Finding) -> str:
 
 
 @says("repeats-scatter")
-def _(found: Finding) -> str:
+def _repeats_scatter(found: Finding) -> str:
     early = (
         f" ({found['aside']:.0f} more lie far off the others of their point, as before a response has "
         "settled, and were excluded)"
@@ -474,7 +474,7 @@ NEXT_STEPS |= {
 
 
 @says("needs-mass")
-def _(found: Finding) -> str:
+def _needs_mass(found: Finding) -> str:
     name = found.parameter
     if not name:
         return (
@@ -492,7 +492,7 @@ def _(found: Finding) -> str:
 
 
 @says("phase-lag")
-def _(found: Finding) -> str:
+def _phase_lag(found: Finding) -> str:
     lag = (
         f"at {found['points']:.0f} points of phase resonance the response lags the force by "
         f"{found['lag']:.2f} degrees, with a scatter of {found['scatter']:.2f}"
@@ -506,7 +506,7 @@ def _(found: Finding) -> str:
 
 
 @says("phase-gap")
-def _(found: Finding) -> str:
+def _phase_gap(found: Finding) -> str:
     low, high = (number_text(float(found[end]), 4) for end in ("low", "high"))
     if "overlap" in found.names:
         return (

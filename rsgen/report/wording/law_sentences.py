@@ -31,7 +31,7 @@ def _quantity(found: Finding, name: str, digits: int = 3) -> str:
 
 
 @says("element-course")
-def _(found: Finding) -> str:
+def _element_course(found: Finding) -> str:
     said, names = list[str](), found.names
     for kind in ("stiffness", "damping"):
         if f"{kind}_first" in found.numbers:
@@ -85,7 +85,7 @@ NEXT_STEPS["held-out-missed"] = NEXT_STEPS["no-steady-state"] = (
 
 
 @says("held-out-missed")
-def _(f: Finding) -> str:
+def _held_out_missed(f: Finding) -> str:
     sweep = f" (sweep {f.names['sweep']})" if "sweep" in f.names else ""
     return (
         f"the held-out level {_quantity(f, 'level')}{sweep} is predicted with an error of {f['error']:.0%}, "
@@ -169,14 +169,14 @@ NEXT_STEPS.update(
 
 
 @says("ranking-few-points")
-def _(f: Finding) -> str:
+def _ranking_few_points(f: Finding) -> str:
     if "parameters" not in f.numbers:
         return "one level only: other levels would separate more laws"
     return f"{f['points']:g} points are few for {f['parameters']:g} parameters: more would separate more laws"
 
 
 @says("law-nearest")
-def _(f: Finding) -> str:
+def _law_nearest(f: Finding) -> str:
     if "noise" in f.names:
         return (
             f"{f.names['law']} comes nearest; the frequencies are too widely spaced to separate noise from "
@@ -186,7 +186,7 @@ def _(f: Finding) -> str:
 
 
 @says("no-law-fits")
-def _(f: Finding) -> str:
+def _no_law_fits(f: Finding) -> str:
     if "unexplained" not in f.numbers:
         return _place(f)
     return (
@@ -211,14 +211,14 @@ def _place(f: Finding) -> str:
 
 
 @says("law-fits-best")
-def _(f: Finding) -> str:
+def _law_fits_best(f: Finding) -> str:
     small = f["noise"] <= f["least"]
     size = f"is less than {f['least']:g}" if small else f"looks like noise of {f['noise']:.2g}"
     return f"{f.names['law']} fits best: what it leaves unexplained at {f['points']:g} points {size}"
 
 
 @says("phase-turned")
-def _(found: Finding) -> str:
+def _phase_turned(found: Finding) -> str:
     doubted, filtered = found.severity == "doubt", found["loss"] < 1
     turned = f"with this law the phase of the force has to be turned by {_quantity(found, 'phase')}"
     wrong = ": that is a wrong sign or phase sense of a sensor, or a filter, not a background"
@@ -230,7 +230,7 @@ def _(found: Finding) -> str:
 
 
 @says("laws-not-separated")
-def _(f: Finding) -> str:
+def _laws_not_separated(f: Finding) -> str:
     said = {
         "laws": "this test does not separate it from",
         "larger": "these contain it and fit no better",
@@ -239,7 +239,7 @@ def _(f: Finding) -> str:
 
 
 @says("law-unconfirmed")
-def _(f: Finding) -> str:
+def _law_unconfirmed(f: Finding) -> str:
     return (
         f"{f.names['law']} does not follow the test by itself: fitted along its own motions it misses force "
         f"and response by {_percent(f['misfit'])}, in the ranking by {_percent(f['expected'])}"
@@ -247,7 +247,7 @@ def _(f: Finding) -> str:
 
 
 @says("levels-predicted-worse")
-def _(f: Finding) -> str:
+def _levels_predicted_worse(f: Finding) -> str:
     said = list[str]()
     if "fitted" in f.numbers:
         said.append(

@@ -208,7 +208,7 @@ MARKED: dict[str, str] = {"doubtful": "Doubtful: ", "rejected": "Not to be used:
 
 
 @says("values-judged")
-def _(found: Finding) -> str:
+def _values_judged(found: Finding) -> str:
     if "outside" in found.names:
         return f"{found.names['outside']} outside tolerance"
     count = f"{found['judged']:.0f}"

@@ -121,7 +121,7 @@ def _at(found: Finding, name: str = "file") -> str:
 
 
 @says("rows-twice")
-def _(found: Finding) -> str:
+def _rows_twice(found: Finding) -> str:
     return (
         f"{_at(found)}{found['rows']:.0f} of {found['all']:.0f} rows repeat another to the last digit: "
         "written twice, not measured twice, and left out"
@@ -129,7 +129,7 @@ def _(found: Finding) -> str:
 
 
 @says("points-not-measured")
-def _(found: Finding) -> str:
+def _points_not_measured(found: Finding) -> str:
     first = f"; the first is {found.names['first']}" if "first" in found.names else ""
     return (
         f"{_at(found)}{found['rows']:.0f} of {found['all']:.0f} rows left out, without a number where one is "
@@ -138,7 +138,7 @@ def _(found: Finding) -> str:
 
 
 @says("levels-disagree")
-def _(found: Finding) -> str:
+def _levels_disagree(found: Finding) -> str:
     if "record" in found.names:
         level, force = _size(found, "level"), _size(found, "force")
         return (
@@ -158,7 +158,7 @@ def _(found: Finding) -> str:
 
 
 @says("force-not-recorded")
-def _(found: Finding) -> str:
+def _force_not_recorded(found: Finding) -> str:
     if "by" in found.names:
         return (
             "the files hold response over force, so the level stands for the force; where the real force was "
@@ -180,7 +180,7 @@ _RECOGNISED = {
 
 
 @says("force-not-sine")
-def _(found: Finding) -> str:
+def _force_not_sine(found: Finding) -> str:
     return (
         f"{found.names['record']}: only {found['share']:.0%} of the power of the force is at its line and "
         "harmonics; the rest, noise or other lines, drives the structure, too"
@@ -188,12 +188,12 @@ def _(found: Finding) -> str:
 
 
 @says("control-recognised")
-def _(found: Finding) -> str:
+def _control_recognised(found: Finding) -> str:
     return f'{_RECOGNISED[found.names["control"]]}; if it was not, write control = "force" under [test]'
 
 
 @says("decay-taken")
-def _(found: Finding) -> str:
+def _decay_taken(found: Finding) -> str:
     begins = {
         "drive": f"a drive ends at {found['begin']:.4g} s",
         "start": f"it begins at {found['begin']:.4g} s, as given",
@@ -207,7 +207,7 @@ def _(found: Finding) -> str:
 
 
 @says("sweep-fast")
-def _(found: Finding) -> str:
+def _sweep_fast(found: Finding) -> str:
     beyond = (
         f"; beyond {found['proved_up_to']:g} this leaves errors of some percent in c(X): sweep slower"
         if found["pace"] > found["proved_up_to"]
@@ -223,7 +223,7 @@ def _(found: Finding) -> str:
 
 
 @says("not-passive")
-def _(found: Finding) -> str:
+def _not_passive(found: Finding) -> str:
     against = {
         "power": "the structure would feed energy into the shaker",
         "mass": "the moving mass would be negative",
@@ -276,7 +276,7 @@ def _size(found: Finding, name: str) -> str:
 
 
 @says("levels-in-other-unit")
-def _(found: Finding) -> str:
+def _levels_in_other_unit(found: Finding) -> str:
     level, force = _size(found, "level"), _size(found, "force")
     return (
         f"{_at(found, 'record')}at the level of {level} the force is {force}, and in this proportion at all "
@@ -300,7 +300,7 @@ def _head(found: Finding) -> str:
 
 
 @says("size-impossible")
-def _(found: Finding) -> str:
+def _size_impossible(found: Finding) -> str:
     reason = _REASONS[found.names["quantity"]][found.names["side"] != "above"]
     return f"not possible in a vibration test: {_head(found)} ({reason})"
 
@@ -318,7 +318,7 @@ _BEHAVES = {
 
 
 @says("another-quantity")
-def _(found: Finding) -> str:
+def _another_quantity(found: Finding) -> str:
     read = f"was read as {found.names['read']} but " if found.names["read"] else ""
     or_sign = "" if found.names["sure"] == "yes" else ", or one channel has the other sign"
     then, misfit = (f"{number_text(100 * found[name], 2)} %" for name in ("then", "misfit"))
@@ -368,7 +368,7 @@ def _scaled(found: Finding) -> str:
 
 
 @says("base-misread")
-def _(found: Finding) -> str:
+def _base_misread(found: Finding) -> str:
     then, misfit = (f"{number_text(100 * found[name], 2)} %" for name in ("then", "misfit"))
     undone = (
         _scaled(found)
@@ -440,18 +440,18 @@ NEXT_STEPS.update(
 
 
 @says("multisine-periods")
-def _(found: Finding) -> str:
+def _multisine_periods(found: Finding) -> str:
     lost = found["left_out"]
     left = f"up to {lost:.0f} at the beginning were left out" if lost else "none was left out"
     return (
-        f"a period of {found['samples']:.0f} samples ({found.names['period']}), lines "
-        f"{quantity_text(found['step'], 'Hz', 4)} spacing; {found['periods']:.0f} settled periods of each "
+        f"a period of {found['samples']:.0f} samples ({found.names['period']}), line spacing "
+        f"{quantity_text(found['step'], 'Hz', 4)}; {found['periods']:.0f} settled periods of each "
         f"record are used, {left}"
     )
 
 
 @says("periods-few")
-def _(found: Finding) -> str:
+def _periods_few(found: Finding) -> str:
     if "record" not in found.names:
         return (
             "one period of each record: noise and misfit cannot be separated, and the intervals take the "
@@ -470,7 +470,7 @@ def _(found: Finding) -> str:
 
 
 @says("misfit-beside-damping")
-def _(found: Finding) -> str:
+def _misfit_beside_damping(found: Finding) -> str:
     if "share" not in found.numbers:
         left = number_text(100 * found["misfit"], 2)
         return f"the law has no damping, and what it leaves, {left} % of the force, is more than noise"
