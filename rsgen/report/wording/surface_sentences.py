@@ -181,6 +181,12 @@ _RECOGNISED = {
 
 @says("force-not-sine")
 def _force_not_sine(found: Finding) -> str:
+    if "harmonics" in found.numbers:
+        # of results with schema 1
+        return (
+            f"{found.names['record']}: harmonics of the force reach {found['harmonics']:.0%} of its "
+            "fundamental; laws are fitted as if it were a sine"
+        )
     return (
         f"{found.names['record']}: only {found['share']:.0%} of the power of the force is at its line and "
         "harmonics; the rest, noise or other lines, drives the structure, too"
