@@ -1,5 +1,6 @@
-"""Trigonometric, hyperbolic and exponential laws: Bessel functions (Jacobi-Anger expansion).
+"""Moments integral sin(phi)**m cos(phi)**n f(z sin(phi) + c) dphi of trigonometric and exponential laws.
 
+They are Bessel functions (Jacobi-Anger expansion).
 With J0(z) = 1/(2 pi) integral cos(z sin(phi)) dphi and I0(z) = 1/(2 pi) integral exp(z sin(phi)) dphi
 (Abramowitz and Stegun, 9.1.18 and 9.6.16) every moment sin**m is a derivative in z, and derivatives of J0
 and I0 are sums of J_k and I_k (9.1.31, 9.6.29). Over the half of a cycle with positive cosine an odd power
@@ -10,14 +11,13 @@ functions of half-integer order (10.1.14, 10.2.36); written so it keeps all digi
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import partial
 from itertools import product
 
 import sympy
 
 _CIRCULAR = (sympy.sin, sympy.cos)
 _EXPONENTIAL = (sympy.exp, sympy.sinh, sympy.cosh)
-MOST_WAVES = 64
-"""Single waves that a product of waves may become."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -45,12 +45,10 @@ def product_of_waves(waves: list[Wave]) -> list[tuple[sympy.Expr, Wave]] | None:
     """Write a product of waves as a sum of single ones; None where circular and exponential ones meet."""
     if len(waves) == 1:
         return [(sympy.S.One, waves[0])]
-    if 2 ** len(waves) > MOST_WAVES:
-        return None
     if all(wave.kind in _CIRCULAR for wave in waves):
         sums = [(sympy.S.One, waves[0])]
         for wave in waves[1:]:
-            sums = [(a * b, both) for a, left in sums for b, both in _beat(left, wave)]
+            sums = [(a * b, single) for a, first in sums for b, single in _beat(first, wave)]
         return sums
     if any(wave.kind in _CIRCULAR for wave in waves):
         return None
@@ -116,10 +114,15 @@ def _derivative(kind: type, order: int, z: sympy.Expr) -> sympy.Expr:
     return total / 2**order
 
 
+def _integrand_is_odd(kind: type, power: int) -> bool:
+    """Decide whether s**power f(z s) is odd in s, so that its integral over both signs of s is zero."""
+    return kind in ((sympy.cos, sympy.cosh) if power % 2 else (sympy.sin, sympy.sinh))
+
+
 def _over_cycle(kind: type, m: int, z: sympy.Expr) -> sympy.Expr:
     """Integrate sin**m f(z sin(phi)) over a cycle."""
     odd = m % 2
-    if (odd and kind in (sympy.cos, sympy.cosh)) or (not odd and kind in (sympy.sin, sympy.sinh)):
+    if _integrand_is_odd(kind, m):
         return sympy.S.Zero
     sign = (-1) ** ((m + odd) // 2) if kind in _CIRCULAR else 1
     return 2 * sympy.pi * sign * _derivative(kind, m, z)
@@ -134,7 +137,7 @@ def _over_side(kind: type, polynomial: sympy.Poly, z: sympy.Expr) -> sympy.Expr:
         factor = rest.LC() / legendre.LC()
         rest = rest - factor * legendre
         odd = degree % 2
-        if (odd and kind in (sympy.cos, sympy.cosh)) or (not odd and kind in (sympy.sin, sympy.sinh)):
+        if _integrand_is_odd(kind, degree):
             continue
         if kind in _CIRCULAR:
             spherical = (-1) ** ((degree - odd) // 2) * sympy.besselj(degree + sympy.S.Half, z)
@@ -145,28 +148,26 @@ def _over_side(kind: type, polynomial: sympy.Poly, z: sympy.Expr) -> sympy.Expr:
 
 
 def elementary(formula: sympy.Expr) -> sympy.Expr:
-    """Write Bessel functions of half-integer order with sin, cos, sinh, cosh (as A&S, 10.1.11).
+    """Write Bessel functions of half-integer order with sin, cos, sinh, cosh.
 
-    Good to read, but small arguments lose digits; numbers are computed with the Bessel functions.
+    The recurrence f_(n+1) = (2 n + 1)/z f_n - f_(n-1), for besseli with the other sign, begins with sin(z)/z
+    (Abramowitz and Stegun, 10.1.11, 10.2.13). For display only: small arguments lose digits in it.
     """
 
-    def circular(order: sympy.Expr, z: sympy.Expr) -> sympy.Expr:
+    def written(kind: type, order: sympy.Expr, z: sympy.Expr) -> sympy.Expr:
         if not (order - sympy.S.Half).is_Integer:
-            return sympy.besselj(order, z)
-        earlier, now = sympy.cos(z) / z, sympy.sin(z) / z
+            return kind(order, z)
+        sine, cosine, sign = (
+            (sympy.sin, sympy.cos, 1) if kind is sympy.besselj else (sympy.sinh, sympy.cosh, -1)
+        )
+        previous, current = cosine(z) / z, sine(z) / z
         for n in range(int(order - sympy.S.Half)):
-            earlier, now = now, sympy.expand((2 * n + 1) / z * now - earlier)
-        return sympy.sqrt(2 * z / sympy.pi) * now
+            previous, current = current, sympy.expand(sign * ((2 * n + 1) / z * current - previous))
+        return sympy.sqrt(2 * z / sympy.pi) * current
 
-    def hyperbolic(order: sympy.Expr, z: sympy.Expr) -> sympy.Expr:
-        if not (order - sympy.S.Half).is_Integer:
-            return sympy.besseli(order, z)
-        earlier, now = sympy.cosh(z) / z, sympy.sinh(z) / z
-        for n in range(int(order - sympy.S.Half)):
-            earlier, now = now, sympy.expand(earlier - (2 * n + 1) / z * now)
-        return sympy.sqrt(2 * z / sympy.pi) * now
-
-    return formula.replace(sympy.besselj, circular).replace(sympy.besseli, hyperbolic)
+    for kind in (sympy.besselj, sympy.besseli):
+        formula = formula.replace(kind, partial(written, kind))
+    return formula
 
 
 def moment(wave: Wave, size: sympy.Expr, mean: sympy.Expr, m: int, n: int, half: bool) -> sympy.Expr | None:

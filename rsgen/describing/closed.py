@@ -1,4 +1,16 @@
-"""The closed part of a describing function: stiffness, damping and mean force of every piece, by its arc."""
+"""The closed part of a describing function: exact integrals of every piece of the law over its arcs.
+
+On the cycle x = X0 + X sin(phi), v = omega X cos(phi) it computes
+
+    k = 1/(pi X) integral n sin(phi) dphi,  c = 1/(pi omega X) integral n cos(phi) dphi,
+    mean force = 1/(2 pi) integral n dphi.
+
+A law in normal form is a sum of smooth pieces, each behind at most one switch in x and one in v. A switch is
+on over one arc of phi whose ends are an arcsine or an arccosine, so that the integral of powers of x and v is
+a polynomial in the angle, sine and cosine of the ends. Integrals of real powers over quarters of the cycle
+are gamma functions, those with trigonometric and exponential factors are Bessel functions (``bessel``). A law
+has a closed form if each of its addends has one.
+"""
 
 from __future__ import annotations
 
@@ -13,7 +25,6 @@ import sympy
 from rsgen.common.arrays import Array
 from rsgen.common.errors import ExpressionError
 from rsgen.describing.bessel import Wave, moment, product_of_waves, read_wave
-from rsgen.formula import symbol
 from rsgen.formula.evaluation import compiled
 from rsgen.formula.names import OMEGA, STATE_V, STATE_X, X0, X
 from rsgen.law.pieces import NormalForm
@@ -59,12 +70,14 @@ def over_quarters(
 # ----------------------------------------------------------------------------
 # Which terms have closed forms: reading one addend of a piece, and its integrals over the cycle.
 
-HIGHEST_POWER = 40
-"""Whole powers beyond are left to quadrature: their formulas would be pages long."""
+MAX_POWER = 40
+"""Largest whole power of x or v with a closed form; the formula of a larger one would be pages long."""
 
-MOST_WAVES = 6
+MAX_WAVES = 6
+"""Largest number of trigonometric or exponential factors of an addend: a product of n has 2**n terms."""
 
-Weighted = Callable[[int, int], sympy.Expr | None]
+Moment = Callable[[int, int], sympy.Expr | None]
+"""integral of sin**i cos**j, times the other factors of an addend, for (i, j)."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -80,31 +93,29 @@ class Addend:
     waves_v: tuple[Wave, ...]
 
     def integral(self, arc: Arc, mean: sympy.Expr, i: int, j: int) -> sympy.Expr | None:
-        """Integrate the addend times sin**i cos**j over an arc; None without a closed form."""
+        """Integrate the addend times sin**i cos**j over an arc; None if there is no closed form."""
         real_powers = not (self.p.is_zero and self.q.is_zero)
         if self.waves_x or self.waves_v:
             return None if real_powers else self._waves(arc, mean, i, j)
-        weighted = self._quarters(arc, mean) if real_powers else self._powers(arc)
-        return None if weighted is None else self._expanded(weighted, mean, i, j)
+        if not real_powers:
+            return self._expanded(lambda i, j: integral_over(arc, i, j), mean, i, j)
+        moment = self._quarters(arc, mean)
+        return None if moment is None else self._expanded(moment, mean, i, j)
 
-    def _expanded(self, weighted: Weighted, mean: sympy.Expr, i: int, j: int) -> sympy.Expr | None:
+    def _expanded(self, moment: Moment, mean: sympy.Expr, i: int, j: int) -> sympy.Expr | None:
         """Sum over the binomial expansion of (X0 + X sin)**m."""
         total = sympy.S.Zero
         speed = (OMEGA * X) ** (self.n + self.q)
         for r in range(self.m + 1):
             if r < self.m and mean == 0:
                 continue
-            part = weighted(r + i, self.n + j)
+            part = moment(r + i, self.n + j)
             if part is None:
                 return None
             total += sympy.binomial(self.m, r) * mean ** (self.m - r) * X ** (r + self.p) * part
         return self.coefficient * speed * total
 
-    @staticmethod
-    def _powers(arc: Arc) -> Weighted:
-        return lambda i, j: integral_over(arc, i, j)
-
-    def _quarters(self, arc: Arc, mean: sympy.Expr) -> Weighted | None:
+    def _quarters(self, arc: Arc, mean: sympy.Expr) -> Moment | None:
         centred_switch = arc.x is None or (arc.x.is_zero and mean == 0)
         if not centred_switch or not (arc.v is None or arc.v.is_zero):
             return None
@@ -131,14 +142,14 @@ class Addend:
                 rest = constant.integral(arc, mean, i, j)
                 value = None if rest is None else rest * wave.kind(wave.shift)
             else:
-                value = constant._expanded(_weighted(wave, in_x, mean, halved is not None), mean, i, j)
+                value = constant._expanded(_wave_moment(wave, in_x, mean, halved is not None), mean, i, j)
             if value is None:
                 return None
             total += factor * value
         return total
 
 
-def _weighted(wave: Wave, in_x: bool, mean: sympy.Expr, half: bool) -> Weighted:
+def _wave_moment(wave: Wave, in_x: bool, mean: sympy.Expr, half: bool) -> Moment:
     if in_x:
         return lambda i, j: moment(wave, X, mean, i, j, half)
     # v = omega X cos(phi): a quarter of a cycle later sine and cosine have changed places
@@ -148,21 +159,21 @@ def _weighted(wave: Wave, in_x: bool, mean: sympy.Expr, half: bool) -> Weighted:
 def read_addend(addend: sympy.Expr) -> Addend | None:
     """Read one product of a piece; None where a factor is none of the known kinds."""
     coefficient, moving = addend.as_independent(STATE_X, STATE_V, as_Add=False)
-    whole = {STATE_X: 0, STATE_V: 0}
-    real = {STATE_X: sympy.S.Zero, STATE_V: sympy.S.Zero}
+    integers = {STATE_X: 0, STATE_V: 0}
+    reals = {STATE_X: sympy.S.Zero, STATE_V: sympy.S.Zero}
     waves: dict[sympy.Symbol, list[Wave]] = {STATE_X: [], STATE_V: []}
     for factor in sympy.Mul.make_args(moving):
         base, exponent = (factor, sympy.S.One) if factor.func is sympy.exp else factor.as_base_exp()
-        if not _read_factor(base, exponent, whole, real, waves):
+        if not _read_factor(base, exponent, integers, reals, waves):
             return None
-    for state, power in whole.items():
+    for state, power in integers.items():
         if power < 0:
-            whole[state] = power % 2
-            real[state] += power - power % 2
-    if max(whole.values()) > HIGHEST_POWER or max(map(len, waves.values())) > MOST_WAVES:
+            integers[state] = power % 2
+            reals[state] += power - power % 2
+    if max(integers.values()) > MAX_POWER or max(map(len, waves.values())) > MAX_WAVES:
         return None
     return Addend(
-        coefficient, whole[STATE_X], real[STATE_X], whole[STATE_V], real[STATE_V],
+        coefficient, integers[STATE_X], reals[STATE_X], integers[STATE_V], reals[STATE_V],
         tuple(waves[STATE_X]), tuple(waves[STATE_V]),
     )  # fmt: skip
 
@@ -170,19 +181,20 @@ def read_addend(addend: sympy.Expr) -> Addend | None:
 def _read_factor(
     base: sympy.Expr,
     exponent: sympy.Expr,
-    whole: dict[sympy.Symbol, int],
-    real: dict[sympy.Symbol, sympy.Expr],
+    integers: dict[sympy.Symbol, int],
+    reals: dict[sympy.Symbol, sympy.Expr],
     waves: dict[sympy.Symbol, list[Wave]],
 ) -> bool:
+    """Enter a factor as an integer power of a state, a real power of its modulus, or waves; True if it is."""
     if base == 1:
         return True
-    if base in whole and exponent.is_Integer:
-        whole[base] += int(exponent)
+    if base in integers and exponent.is_Integer:
+        integers[base] += int(exponent)
         return True
-    if isinstance(base, sympy.Abs) and base.args[0] in whole and not exponent.free_symbols & set(whole):
-        real[base.args[0]] += exponent
+    if isinstance(base, sympy.Abs) and base.args[0] in integers and not exponent.free_symbols & set(integers):
+        reals[base.args[0]] += exponent
         return True
-    if not (exponent.is_Integer and 0 < exponent <= MOST_WAVES):
+    if not (exponent.is_Integer and 0 < exponent <= MAX_WAVES):
         return False
     for state, other in ((STATE_X, STATE_V), (STATE_V, STATE_X)):
         wave = read_wave(base, state, other)
@@ -235,12 +247,12 @@ _CENTRE = End(sympy.S.Zero, sympy.S.Zero, sympy.S.One)
 
 
 def _mirrored(end: End) -> End:
-    """Give the falling end pi - alpha of an x-switch."""
+    """Return the falling end pi - alpha of an x-switch."""
     return End(sympy.pi - end.angle, end.sine, -end.cosine)
 
 
 def _negated(end: End) -> End:
-    """Give the rising end -beta of a v-switch."""
+    """Return the rising end -beta of a v-switch."""
     return End(-end.angle, -end.sine, end.cosine)
 
 
@@ -312,11 +324,8 @@ def integral_over(arc: Arc, m: int, n: int) -> sympy.Expr:
     return sympy.expand(total)
 
 
-LONGEST = 150
-"""Terms beyond which a formula is read by nobody and would take many seconds: quadrature is better there."""
-
-ENDS_OF_BOTH = 4
-"""Ends of the arcs on which a switch in x and one in v are on together; a single switch has half as many."""
+MAX_TERMS = 150
+"""Largest number of terms of a closed form; a longer one would take many seconds, quadrature less."""
 
 Triple = tuple[sympy.Expr, sympy.Expr, sympy.Expr]
 """Stiffness [N/m], damping [N s/m] and mean force [N]."""
@@ -340,7 +349,7 @@ class ClosedPart:
     def evaluate(
         self, X_: Array, mean: Array, omega: Array, values: Mapping[sympy.Symbol, Array]
     ) -> list[Array]:
-        """Give stiffness, damping and mean force as arrays; all inputs broadcast against each other."""
+        """Return stiffness, damping and mean force as arrays; all inputs broadcast against each other."""
         names = tuple(values)
         atoms: dict[sympy.Symbol, Array] = {}
         for arc, _ in self.parts:
@@ -379,12 +388,10 @@ def _place_atoms(
             beta = np.arccos(cosine)
             enter(arc.v_end, beta, np.sqrt((1 - cosine) * (1 + cosine)), cosine)
     if arc.both:
-        low = np.maximum(alpha, -beta)
-        far = np.pi - alpha
-        near = np.minimum(2 * np.pi - beta, far)
-        for end, angle in zip(
-            arc.both, (low, np.maximum(low, np.minimum(far, beta)), near, far), strict=True
-        ):
+        start, stop = np.maximum(alpha, -beta), np.pi - alpha
+        first_stop = np.maximum(start, np.minimum(stop, beta))
+        second_start = np.minimum(2 * np.pi - beta, stop)
+        for end, angle in zip(arc.both, (start, first_stop, second_start, stop), strict=True):
             enter(end, angle, np.sin(angle), np.cos(angle))
 
 
@@ -401,7 +408,7 @@ def close(form: NormalForm, mean: sympy.Expr) -> ClosedPart | None:
     parts: dict[Arc, list[Triple]] = {}
     levels = [s.threshold for s in form.switches if s.threshold is not None]
     if any(e.has(sympy.Piecewise) for e in (*levels, *(piece.term for piece in form.pieces))):
-        # parameters that are cases of other parameters make formulas that nobody reads, and slowly
+        # thresholds that are cases of parameters make formulas too long to read, and slowly
         return None
     length = 0
     for piece in form.pieces:
@@ -412,7 +419,7 @@ def close(form: NormalForm, mean: sympy.Expr) -> ClosedPart | None:
             places[switch.variable] = switch.threshold
         arc = make_arc(places.get("x"), places.get("v"), mean == 0)
         length += _length(piece.term, arc)
-        if length > LONGEST:
+        if length > MAX_TERMS:
             return None
         for addend in sympy.Add.make_args(piece.term):
             triple = _triple(addend, arc, mean)
@@ -433,9 +440,9 @@ def _length(term: sympy.Expr, arc: Arc) -> int:
     }
     length = 0
     for addend in sympy.Add.make_args(term):
-        degrees = [addend.as_coeff_exponent(state)[1] for state in (symbol("x"), symbol("v"))]
+        degrees = [addend.as_coeff_exponent(state)[1] for state in (STATE_X, STATE_V)]
         m, n = (int(degree) if degree.is_Integer and degree > 0 else 0 for degree in degrees)
-        length += (1 + m) * (1 + n) * (ENDS_OF_BOTH if arc.both else 1) if moving else 1
+        length += (1 + m) * (1 + n) * max(len(arc.both), 1) if moving else 1
     return length
 
 

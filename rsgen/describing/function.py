@@ -47,19 +47,19 @@ class Equivalent(NamedTuple):
 
 
 class Remembered(Protocol):
-    """What a part of a law that remembers adds to a describing function."""
+    """A part of a law with memory, which adds to a describing function."""
 
     def harmonics(self, X_: Array, mean: Array, omega: Array, values: Mapping[str, Array]) -> list[Array]:
-        """Give stiffness [N/m], damping [N s/m] and mean force [N] of cycles; arrays (n,)."""
+        """Return stiffness [N/m], damping [N s/m] and mean force [N] of cycles; arrays (n,)."""
 
     def along(self, phi: Array, X_: float, mean: float, omega: float, values: Mapping[str, float]) -> Array:
-        """Give the force [N] at ascending phases (s,) from -pi/2 to 3 pi/2 of one cycle."""
+        """Return the force [N] at ascending phases (s,) from -pi/2 to 3 pi/2 of one cycle."""
 
 
 def taken_as_positive(names: Sequence[str]) -> tuple[str, ...]:
-    """Say which parameters formulas take as positive."""
-    taken = f"The formulas take {', '.join(names)} as positive; numbers are computed for either sign."
-    return (taken,) if names else ()
+    """Return a remark on the parameters that formulas take as positive; none without such parameters."""
+    remark = f"The formulas take {', '.join(names)} as positive; numbers are computed for either sign."
+    return (remark,) if names else ()
 
 
 def _scaled(formula: sympy.Expr, factor: sympy.Expr) -> sympy.Expr:
@@ -71,7 +71,7 @@ def _scaled(formula: sympy.Expr, factor: sympy.Expr) -> sympy.Expr:
     scaled = sympy.powsimp(formula * factor)
     integrals = [part for part in sympy.Mul.make_args(scaled) if isinstance(part, sympy.Integral)]
     if len(integrals) == 1:
-        # what stands behind an integral would read as a part of it
+        # a factor behind an integral would read as a part of it
         front = scaled / integrals[0]
         scaled = sympy.Integral(front * integrals[0].function, *integrals[0].limits)
     return scaled
@@ -193,21 +193,9 @@ class DescribingFunction:
             means = self._balanced(*flat, numbers)
         known = np.isfinite(means)
         stiffness, damping, _ = self.harmonics(flat[0], np.where(known, means, 0.0), flat[1], numbers)
-        states = self.memory
-        open_ = np.flatnonzero(known & np.isnan(stiffness + damping))
-        if states and len(open_):
-            size, speed, mean_ = (float(part[open_[0]]) for part in (*flat, means))
-            closes = np.isfinite(self.along(np.zeros(1), size, speed, values, mean_)).all()
-            raise RsgenError(
-                f"memory: the loop of {', '.join(states)} "
-                + ("is not known to nine digits" if closes else "does not close")
-                + f" at X = {size:.4g} m, omega = {speed:.4g} rad/s: under this sine it "
-                + (
-                    "changes much faster than the motion"
-                    if closes
-                    else "grows or drifts for ever, or is not found"
-                )
-            )
+        failed = np.flatnonzero(known & np.isnan(stiffness + damping))
+        if self.memory and len(failed):
+            raise self._loop_fault(values, *(float(part[failed[0]]) for part in (*flat, means)))
         stiffness, damping = (
             np.where(known, part, np.nan) if formula.has(symbol("X0")) else part
             for part, formula in ((stiffness, self.stiffness), (damping, self.damping))
@@ -215,7 +203,7 @@ class DescribingFunction:
         return Equivalent(stiffness.reshape(shape), damping.reshape(shape), means.reshape(shape))
 
     def harmonics(self, X: Array, mean: Array, omega: Array, values: Mapping[str, Array]) -> list[Array]:
-        """Give stiffness, damping and mean force for given means; (n,) arrays, parameters (n,) or scalars."""
+        """Return stiffness, damping and mean force at given means; (n,), parameters (n,) or scalars."""
         if self.plain is not None:
             total = self.plain.harmonics(X, mean, omega, values)
             for part in self.remembered:
@@ -234,7 +222,7 @@ class DescribingFunction:
         if remainder != 0:
             symbols = tuple(symbol(name) for name in self.parameters)
             fields = tuple(np.broadcast_to(values[name], X.shape) for name in self.parameters)
-            parts = project(remainder, normal_form(remainder), symbols, Cycle(X, mean, omega, fields))
+            parts = project(remainder, symbols, Cycle(X, mean, omega, fields))
             total[0] += parts.sine / (np.pi * X)
             total[1] += parts.cosine / (np.pi * omega * X)
             total[2] += parts.mean / (2 * np.pi)
@@ -243,7 +231,7 @@ class DescribingFunction:
     def along(
         self, phi: Array, X: float, omega: float, values: Mapping[str, float], mean: float = 0.0
     ) -> Array:
-        """Give the force along the closed loop of one cycle.
+        """Return the force along the closed loop of one cycle.
 
         Parameters
         ----------
@@ -265,8 +253,21 @@ class DescribingFunction:
         added = (part.along(phi, X, mean, omega, values) for part in self.remembered)
         return np.asarray(np.broadcast_to(total, phi.shape) + sum(added, np.zeros(phi.shape)))
 
+    def _loop_fault(self, values: Mapping[str, float], X: float, omega: float, mean: float) -> RsgenError:
+        """Return the reason for which the loop of the states has no describing function."""
+        closes = np.isfinite(self.along(np.zeros(1), X, omega, values, mean)).all()
+        fact, reason = (
+            ("is not known to nine digits", "changes much faster than the motion")
+            if closes
+            else ("does not close", "grows or drifts for ever, or is not found")
+        )
+        return RsgenError(
+            f"memory: the loop of {', '.join(self.memory)} {fact} at X = {X:.4g} m, "
+            f"omega = {omega:.4g} rad/s: under this sine it {reason}"
+        )
+
     def _name(self, name: str) -> sympy.Symbol:
-        """Give the symbol that stands for a parameter in the closed part."""
+        """Return the symbol that stands for a parameter in the closed part."""
         return sympy.Symbol(name, positive=True) if name in self.positive else symbol(name)
 
     def _numbers(self, values: Mapping[str, float]) -> dict[str, Array]:
@@ -306,8 +307,8 @@ class DescribingFunction:
 
 QUANTITIES = ("stiffness", "damping")
 
-AGREEMENT = 1e-9
-"""Relative difference up to which a printed formula is the derived one."""
+PRINTED_TOLERANCE = 1e-9
+"""Largest relative difference between a printed formula and the derived one that agree."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -333,8 +334,8 @@ class PrintedComparison:
 
     @property
     def agrees(self) -> bool:
-        """Whether both formulas give the same numbers."""
-        return self.largest_deviation <= AGREEMENT
+        """True if both formulas have the same values."""
+        return self.largest_deviation <= PRINTED_TOLERANCE
 
 
 def compare_printed(
@@ -379,16 +380,18 @@ def compare_printed(
             raise RsgenError(
                 f"printed.{what}: {', '.join(unknown)}: not in the law; known: {', '.join(sorted(names))}"
             )
-        own = found.stiffness if what == "stiffness" else found.damping
+        exact = found.stiffness if what == "stiffness" else found.damping
         ordered = (values[name] for name in derived.parameters)
         (shown,) = compiled((formula,), tuple(map(symbol, names)))(
             amplitude, np.nan_to_num(found.mean), omega, *ordered
         )
         with np.errstate(all="ignore"):
             # where the derived value is round-off of the others, so is a difference from it
-            deviation = np.abs(shown - own) / np.maximum(np.abs(own), AGREEMENT * np.nanmax(np.abs(own)))
+            deviation = np.abs(shown - exact) / np.maximum(
+                np.abs(exact), PRINTED_TOLERANCE * np.nanmax(np.abs(exact))
+            )
         # 0/0: both are zero at all amplitudes
-        deviation = np.where(np.isfinite(own), np.where(np.isnan(deviation), 0.0, deviation), -1.0)
+        deviation = np.where(np.isfinite(exact), np.where(np.isnan(deviation), 0.0, deviation), -1.0)
         place = int(np.argmax(deviation))
         results.append(PrintedComparison(what, formula, float(deviation[place]), float(amplitude[place])))
     return tuple(results)

@@ -19,7 +19,7 @@ import sympy
 from numpy.typing import NDArray
 
 from rsgen.common.arrays import Array
-from rsgen.describing.closed import HIGHEST_POWER, close, quarter
+from rsgen.describing.closed import MAX_POWER, close, quarter
 from rsgen.describing.quadrature import Cycle, project
 from rsgen.describing.regimes import Limit, Reading, tidy
 from rsgen.formula import symbol
@@ -32,14 +32,13 @@ from rsgen.law.pieces import NormalForm, Piece, normal_form, normal_form_at
 # ----------------------------------------------------------------------------
 # Laws with memory along a cycle with known turning points: branches of Masing laws, structural damping.
 #
-# Between the turning points X0 - X and X0 + X a Masing law follows the reversal rule: rising from -n(X) by
-# 2 n((x - X0 + X)/2), falling from n(X) by 2 n((X0 + X - x)/2); the displacement a quarter of a period
-# later is
-# v/omega. On the cycle the law is then a force of x and v again, and quadrature takes it as any other.
+# Between the turning points X0 - X and X0 + X the force of a Masing law rises from -n(X) by
+# 2 n((x - X0 + X)/2) and falls from n(X) by 2 n((X0 + X - x)/2); the displacement a quarter of a period later
+# is v/omega. On the cycle the law is again a function of x and v, and quadrature integrates it.
 
 
 def _virgin_at(virgin: sympy.Expr, place: sympy.Expr) -> sympy.Expr:
-    """Give the virgin curve at a displacement that is known as not negative."""
+    """Return the virgin curve at a displacement that is known as not negative."""
     if any(not power.exp.is_Integer for power in virgin.atoms(sympy.Pow) if power.base is not sympy.E):
         # round-off must not make a root of something negative
         place = sympy.Abs(place)
@@ -81,14 +80,14 @@ class Branches:
     parameters: tuple[str, ...]
 
     def harmonics(self, X_: Array, mean: Array, omega: Array, values: Mapping[str, Array]) -> list[Array]:
-        """Give stiffness [N/m], damping [N s/m] and mean force [N] of cycles; arrays (n,)."""
+        """Return stiffness [N/m], damping [N s/m] and mean force [N] of cycles; arrays (n,)."""
         return self.projected(X_, mean, omega, values)[:3]
 
     def projected(self, X_: Array, mean: Array, omega: Array, values: Mapping[str, Array]) -> list[Array]:
-        """Give stiffness, damping, mean force, and the mean absolute force as a stiffness [N/m]."""
+        """Return stiffness, damping, mean force, and the mean absolute force as a stiffness [N/m]."""
         names = (X, X0, OMEGA, *map(symbol, self.parameters))
         fields = (X_, mean, omega, *(np.broadcast_to(values[name], X_.shape) for name in self.parameters))
-        found = project(self.force, normal_form(self.force), names, Cycle(X_, mean, omega, fields))
+        found = project(self.force, names, Cycle(X_, mean, omega, fields))
         per_length = 1 / (np.pi * X_)
         return [
             found.sine * per_length,
@@ -98,7 +97,7 @@ class Branches:
         ]
 
     def along(self, phi: Array, X_: float, mean: float, omega: float, values: Mapping[str, float]) -> Array:
-        """Give the force [N] at phases (s,) of one cycle."""
+        """Return the force [N] at phases (s,) of one cycle."""
         names = (STATE_X, STATE_V, X, X0, OMEGA, *map(symbol, self.parameters))
         x, v = mean + X_ * np.sin(phi), omega * X_ * np.cos(phi)
         numbers = (values[name] for name in self.parameters)
@@ -111,7 +110,7 @@ class Branches:
 
 
 def decisive_in(virgin: sympy.Expr) -> set[str]:
-    """Name the parameters of a virgin curve whose sign decides how the formulas look."""
+    """Return the parameters of a virgin curve whose sign decides the form of the formulas."""
     form = normal_form(_continued(virgin))
     found: set[sympy.Basic] = set()
     for switch in form.switches:
@@ -192,8 +191,8 @@ def _sorted_pieces(
     return Pieces(kept, tuple(dict.fromkeys(assumed)))
 
 
-CANCELLED = 100.0
-"""Size of the terms of a damping, relative to the stiffness, beyond which two digits of it are lost."""
+MAX_CANCELLATION = 100.0
+"""Largest ratio of the terms of a damping to the stiffness; beyond, cancellation loses two digits."""
 
 _ANGLE, _ROOT, _COSINE = (sympy.Dummy(name, positive=True) for name in ("angle", "root", "cosine"))
 """pi/2 - T, X sin(T) cos(T) and cos(T) at a threshold."""
@@ -217,7 +216,7 @@ class Partial:
         return sympy.Integral(sympy.sin(PHI) ** (2 * self.power), (PHI, 0, stop))
 
     def evaluate(self, X_: Array, names: tuple[sympy.Symbol, ...], values: tuple[Array, ...]) -> Array:
-        """Give the integral by the incomplete beta function (Abramowitz and Stegun, 6.6.1)."""
+        """Return the integral by the incomplete beta function (Abramowitz and Stegun, 6.6.1)."""
         power, threshold = compiled((self.power, self.threshold), names)(*values)
         share = np.clip(threshold / X_, 0.0, 1.0)
         return np.asarray(
@@ -246,7 +245,7 @@ class ClosedMasing:
     def evaluate(
         self, X_: Array, omega: Array, names: tuple[sympy.Symbol, ...], values: tuple[Array, ...]
     ) -> tuple[Array, Array]:
-        """Give stiffness [N/m] and damping [N s/m]; arrays (n,), parameters (n,) or scalars."""
+        """Return stiffness [N/m] and damping [N s/m]; arrays (n,), parameters (n,) or scalars."""
         inside = tuple(partial.evaluate(X_, names, values) for partial in self.partials)
         arguments = (X, OMEGA, *names, *(partial.name for partial in self.partials))
         formulas = (self.stiffness.formula, self.damping.formula)
@@ -254,11 +253,11 @@ class ClosedMasing:
         return np.broadcast_to(stiffness, X_.shape), np.broadcast_to(damping, X_.shape)
 
     def holds(self, names: tuple[sympy.Symbol, ...], values: tuple[Array, ...]) -> NDArray[np.bool_]:
-        """Say where all of ``assumed`` is positive."""
-        found = np.asarray(True)
+        """Return where all of ``assumed`` is positive, broadcast over the values."""
+        valid = np.asarray(True)
         for part in compiled(self.assumed, names)(*values) if self.assumed else ():
-            found = found & (part > 0)
-        return found
+            valid = valid & (part > 0)
+        return valid
 
     def inaccurate(
         self,
@@ -268,14 +267,14 @@ class ClosedMasing:
         values: tuple[Array, ...],
         found: list[Array],
     ) -> NDArray[np.bool_]:
-        """Say where factors overflow, as in exp(-a X) I1(a X), or terms cancel, as for small a X; (n,)."""
+        """Return (n,) where factors overflow, as in exp(-a X) I1(a X), or terms cancel, as for small a X."""
         lost = ~np.isfinite(found[0]) | ~np.isfinite(found[1])
         if self.stiffness.formula.has(sympy.besseli, sympy.besselj):
             addends = sympy.Add.make_args(self.damping.formula)
             (sizes,) = compiled((sympy.Add(*map(sympy.Abs, addends)),), (X, OMEGA, *names))(
                 X_, omega, *values
             )
-            lost |= ~(omega * sizes <= CANCELLED * np.abs(found[0]))
+            lost |= ~(omega * sizes <= MAX_CANCELLATION * np.abs(found[0]))
         return lost
 
     @property
@@ -285,7 +284,7 @@ class ClosedMasing:
         return tuple(dict.fromkeys(c.gts for c in conditions if c.lts == X))
 
     def xreplace(self, places: dict[sympy.Symbol, sympy.Symbol]) -> ClosedMasing:
-        """Give it in other symbols."""
+        """Replace symbols."""
         stiffness, damping = (
             Reading(r.formula.xreplace(places), tuple(c.xreplace(places) for c in r.conditions))
             for r in (self.stiffness, self.damping)
@@ -330,7 +329,7 @@ def close_masing(virgin: sympy.Expr, factor: sympy.Expr) -> ClosedMasing | None:
 
 
 def asymptotes(virgin: sympy.Expr, factor: sympy.Expr) -> Iterable[Limit]:
-    """Give what stiffness and damping become for X -> 0 and X -> oo, by the leading powers of n(x)."""
+    """Return the limits of stiffness and damping for X -> 0 and X -> oo, from the leading powers of n(x)."""
     pieces = pieces_of(virgin)
     if pieces is None:
         return
@@ -353,7 +352,7 @@ def asymptotes(virgin: sympy.Expr, factor: sympy.Expr) -> Iterable[Limit]:
 
 
 def _smooth_start(near: sympy.Expr, factor: sympy.Expr) -> Iterable[Limit]:
-    """Give the limits for X -> 0 of a virgin curve with a slope at rest."""
+    """Return the limits for X -> 0 of a virgin curve with a slope at rest."""
     place = sympy.Symbol("x", positive=True)
     slope = near.diff(place).subs(place, 0)
     if not slope.has(sympy.nan, sympy.zoo, sympy.oo) and not any(
@@ -364,7 +363,7 @@ def _smooth_start(near: sympy.Expr, factor: sympy.Expr) -> Iterable[Limit]:
 
 
 def _ends(level: sympy.Expr) -> dict[sympy.Symbol, sympy.Expr]:
-    """Give angle, root and cosine at a threshold."""
+    """Return angle, root and cosine at a threshold."""
     above, below = sympy.fraction(sympy.together(level))
     root = (
         sympy.sqrt(above * (below * X - above)) / below
@@ -386,7 +385,7 @@ def _addend(
     coefficient, power = addend.as_coeff_exponent(place)
     if coefficient.has(place) or power.has(place):
         return _wave(addend.xreplace({place: STATE_X})) if level is None else None
-    if power.is_negative or (power.is_Integer and power > HIGHEST_POWER):
+    if power.is_negative or (power.is_Integer and power > MAX_POWER):
         return None
     scale = -8 * coefficient * X ** (power - 1) / sympy.pi
     if level is None:
@@ -401,7 +400,7 @@ def _addend(
 def _behind(
     power: sympy.Expr, level: sympy.Expr, partials: dict[tuple[sympy.Expr, sympy.Expr], Partial]
 ) -> sympy.Expr:
-    """Give J in angle, root and cosine at the threshold."""
+    """Return J in angle, root and cosine at the threshold."""
     first = _rise(power + sympy.S.Half, level)
     if power.is_zero:
         return -first
@@ -416,14 +415,14 @@ def _behind(
 
 
 def _rise(half: sympy.Expr, level: sympy.Expr) -> sympy.Expr:
-    """Give sin(T)**(2 half) cos(T)."""
+    """Return sin(T)**(2 half) cos(T)."""
     if half.is_Integer:
         return level**half * X**-half * _COSINE
     return level ** (half - sympy.S.Half) * X ** (-half - sympy.S.Half) * _ROOT
 
 
 def _whole(power: sympy.Expr, level: sympy.Expr) -> sympy.Expr:
-    """Give integral_T^(pi/2) sin(t)**(2 P) dt for whole 2 P."""
+    """Return integral_T^(pi/2) sin(t)**(2 P) dt for whole 2 P."""
     if power.is_zero:
         return _ANGLE
     if power == sympy.S.Half:
@@ -433,7 +432,7 @@ def _whole(power: sympy.Expr, level: sympy.Expr) -> sympy.Expr:
 
 
 def _wave(addend: sympy.Expr) -> Pair | None:
-    """Give what sines, hyperbolic functions and exponentials contribute, without a threshold.
+    """Return stiffness and energy of sines, hyperbolic functions and exponentials, without a threshold.
 
     The Masing stiffness at X is that of n as a memoryless law on the cycle of X/2 about X/2.
     """
@@ -469,7 +468,7 @@ def _read(terms: dict[sympy.Expr | None, tuple[sympy.Expr, dict[sympy.Symbol, sy
 
 
 def _tidy(formula: sympy.Expr, written: dict[sympy.Symbol, sympy.Expr] | None = None) -> sympy.Expr:
-    """Collect what belongs to the same angle, root or integral and to the same power of X."""
+    """Collect terms with the same angle, root or integral and the same power of X."""
     written = written or {}
     powers_of = formula.atoms(sympy.Pow)
     if not any(p.base.is_Add or (p.base == X and p.exp.free_symbols) for p in powers_of):

@@ -1,4 +1,10 @@
-"""The mean of the motion: X0 such that the mean force over a cycle is zero, in closed form or as a number."""
+"""The mean X0 of the motion, in closed form or as a number.
+
+It solves the mean balance integral n(X0 + X sin(phi), omega X cos(phi)) dphi = 0. Some laws have several
+roots; the one nearest to rest at which the mean force rises is returned, since a structure reaches it from
+rest. It is bracketed by a scan of means up to 64 amplitudes and solved by Ridders' method (IEEE Trans.
+Circuits Syst. 26 (1979) 979), for all cycles at once.
+"""
 
 from __future__ import annotations
 
@@ -17,29 +23,21 @@ Balance = Callable[[Array, NDArray[np.intp]], Array]
 SCAN = np.concatenate((-np.geomspace(64, 1e-3, 24), [0.0], np.geomspace(1e-3, 64, 24)))
 """Trial means, in multiples of the amplitude; the change of sign nearest to rest counts."""
 
-STEPS = 80
+MAX_TERMS = 200
+"""Largest number of terms of a mean balance that is solved in closed form."""
 
-SLOPE_STEP = 1e-4
-"""Change of the mean, in multiples of the amplitude, over which the slope of the mean force is taken."""
-
-SLIDES = 6
-"""Newton steps from a mean between known ones; three are enough where it changes smoothly."""
-
-_MOST_TERMS = 200
-"""Terms of a mean balance that is solved in closed form; a longer formula would say nothing to a reader."""
-
-COARSE = 256
-"""Amplitudes whose means are searched for when there are many more."""
+SEARCHED_AMPLITUDES = 256
+"""Amplitudes whose means are bracketed; the means of others are refined from their neighbours."""
 
 
 def closed_mean(balance: sympy.Expr) -> sympy.Expr | None:
     """Solve a mean balance that is linear or quadratic in X0 and has no cases.
 
-    Of the two roots of a quadratic the one is given that vanishes with the constant part, where the linear
-    stiffness is positive: the one that a structure reaches from rest.
+    Of the two roots of a quadratic the one is returned that vanishes with the constant part, if the linear
+    stiffness is positive.
     """
-    # the library would sort thousands of terms to find that X0 is in few of them
-    if not balance.has(X0) or len(sympy.Add.make_args(balance)) > _MOST_TERMS:
+    # SymPy sorts all terms of a polynomial first
+    if not balance.has(X0) or len(sympy.Add.make_args(balance)) > MAX_TERMS:
         return None
     if balance.has(sympy.Piecewise, sympy.Integral) or not balance.is_polynomial(X0):
         return None
@@ -56,7 +54,7 @@ def closed_mean(balance: sympy.Expr) -> sympy.Expr | None:
 
 
 def solve_mean(balance: Balance, X: Array, stiffness: Array, flat: bool) -> Array:
-    """Find the mean of every cycle: the nearest one to rest at which the mean force passes through zero.
+    """Find the mean of every cycle, nearest to rest, at which the mean force rises through zero.
 
     Parameters
     ----------
@@ -65,40 +63,35 @@ def solve_mean(balance: Balance, X: Array, stiffness: Array, flat: bool) -> Arra
     X
         (n,) amplitudes [m].
     stiffness
-        (n,) any force per length of the right size [N/m]: mean forces below 1e-14 of it times X are zero.
-
+        (n,) stiffness of the order of the law [N/m]: mean forces below 1e-14 of it times X are zero.
     flat
-        Whether the mean force may vanish on a whole range of means (a gap); then the edge of the range that
-        is nearest to rest is the answer.
+        The mean force may vanish on a range of means, as in a gap; the end of the range that is nearest to
+        rest is then the mean.
 
     Returns
     -------
     (n,) means [m]; nan where the mean force does not pass through zero.
     """
     n = len(X)
-    everyone = np.arange(n)
     tiny = 1e-14 * np.abs(stiffness) * X
-    at_rest = balance(np.zeros(n), everyone)
+    at_rest = balance(np.zeros(n), np.arange(n))
     result = np.where(np.abs(at_rest) <= tiny, 0.0, np.nan)
-    wanted = np.flatnonzero(np.isnan(result) & np.isfinite(at_rest))
-    if len(wanted) > 2 * COARSE:
-        # the mean changes smoothly with X: some are searched for, the others start from their neighbours
-        ordered = wanted[np.argsort(X[wanted], kind="stable")]
-        some = ordered[np.unique(np.linspace(0, len(ordered) - 1, COARSE).astype(np.intp))]
-        _search(balance, some, X, tiny, flat, result)
-        others = np.setdiff1d(wanted, some)
-        _slide(balance, others, some, X, tiny, result)
-        others = others[np.isnan(result[others])]
-        _follow(balance, others, np.interp(X[others], X[some], result[some]), X, tiny, result)
-        wanted = others[np.isnan(result[others])]
-    _search(balance, wanted, X, tiny, flat, result)
+    rows = np.flatnonzero(np.isnan(result) & np.isfinite(at_rest))
+    if len(rows) > 2 * SEARCHED_AMPLITUDES:
+        ordered = rows[np.argsort(X[rows], kind="stable")]
+        searched = ordered[np.unique(np.linspace(0, len(rows) - 1, SEARCHED_AMPLITUDES).astype(np.intp))]
+        _search(balance, searched, X, tiny, flat, result)
+        rows = np.setdiff1d(rows, searched)
+        _interpolate(balance, rows, searched, X, tiny, result)
+        rows = rows[np.isnan(result[rows])]
+    _search(balance, rows, X, tiny, flat, result)
     return result
 
 
 def _search(
     balance: Balance, rows: NDArray[np.intp], X: Array, tiny: Array, flat: bool, result: Array
 ) -> None:
-    """Scan a wide range of means for the nearest rise through zero; enter what is found."""
+    """Bracket the rise through zero that is nearest to rest, and solve for it; nan if there is none."""
     if not len(rows):
         return
     trials = SCAN * X[rows, None]
@@ -109,75 +102,68 @@ def _search(
     result[found_rows] = _refine(balance, found_rows, low[found], high[found], tiny[found_rows])
 
 
-def _slide(
-    balance: Balance, rows: NDArray[np.intp], some: NDArray[np.intp], X: Array, tiny: Array, result: Array
-) -> None:
-    """Improve what lies between known means by Newton steps, with slopes that lie between known slopes.
+SLOPE_STEP = 1e-4
+"""Finite difference of the mean over which the mean force is differentiated, relative to the amplitude."""
 
-    Steps that do not shrink (a corner of the mean force, another frequency) leave their mean open.
+MAX_NEWTON_STEPS = 6
+
+
+def _interpolate(
+    balance: Balance, rows: NDArray[np.intp], solved: NDArray[np.intp], X: Array, tiny: Array, result: Array
+) -> None:
+    """Interpolate means and slopes between solved amplitudes, and refine the means by Newton steps.
+
+    A mean whose steps do not shrink, as at a corner of the mean force or another frequency, stays nan.
     """
-    width = SLOPE_STEP * X[some]
-    rise = balance(result[some] + width, some) - balance(result[some] - width, some)
-    slope = np.interp(X[rows], X[some], rise / (2 * width))
-    mean = np.interp(X[rows], X[some], result[some])
+    width = SLOPE_STEP * X[solved]
+    rise = balance(result[solved] + width, solved) - balance(result[solved] - width, solved)
+    slope = np.interp(X[rows], X[solved], rise / (2 * width))
+    mean = np.interp(X[rows], X[solved], result[solved])
     usable = np.isfinite(mean) & (slope > 0)
     rows, mean, slope = rows[usable], mean[usable], slope[usable]
-    before = 0.01 * X[rows]
-    for _ in range(SLIDES):
+    last = 0.01 * X[rows]
+    for _ in range(MAX_NEWTON_STEPS):
         if not len(rows):
             return
         force = balance(mean, rows)
         step = force / slope
         mean = mean - step
-        # steps shrink by a constant factor: the next one would be this small
-        still = step**2 <= 1e-16 * X[rows] * before
-        done = (still | (np.abs(force) <= tiny[rows])) & (np.abs(step) < X[rows] / 8)
+        # steps shrink by a constant factor, so that the next one would be step**2 / last
+        converged = step**2 <= 1e-16 * X[rows] * last
+        done = (converged | (np.abs(force) <= tiny[rows])) & (np.abs(step) < X[rows] / 8)
         result[rows[done]] = mean[done]
-        on = ~done & (np.abs(step) < before / 8)
-        rows, mean, slope, before = rows[on], mean[on], slope[on], np.abs(step[on])
-
-
-def _follow(
-    balance: Balance, rows: NDArray[np.intp], guess: Array, X: Array, tiny: Array, result: Array
-) -> None:
-    """Refine good guesses of the mean; guesses that are not good stay open."""
-    for reach in (1e-4, 1e-2):
-        near = np.isfinite(guess) & np.isnan(result[rows])
-        some = rows[near]
-        if not len(some):
-            return
-        width = reach * np.maximum(np.abs(guess[near]), X[some])
-        low, high = guess[near] - width, guess[near] + width
-        rising = (balance(low, some) < -tiny[some]) & (balance(high, some) > tiny[some])
-        caught = some[rising]
-        result[caught] = _refine(balance, caught, low[rising], high[rising], tiny[caught])
+        active = ~done & (np.abs(step) < last / 8)
+        rows, mean, slope, last = rows[active], mean[active], slope[active], np.abs(step[active])
 
 
 def _nearest_rise(trials: Array, forces: Array, flat: bool) -> tuple[Array, Array, NDArray[np.bool_]]:
     """Find the interval nearest to zero on which the force rises through zero (or reaches it)."""
-    left, right = forces[:, :-1], forces[:, 1:]
+    lower, upper = forces[:, :-1], forces[:, 1:]
     with np.errstate(invalid="ignore"):
-        rising = (left < 0) & (right > 0)
+        rising = (lower < 0) & (upper > 0)
         if flat:
-            rising |= ((left < 0) & (right == 0)) | ((left == 0) & (right > 0))
+            rising |= ((lower < 0) & (upper == 0)) | ((lower == 0) & (upper > 0))
     distance = np.where(rising, np.abs(trials[:, :-1] + trials[:, 1:]), np.inf)
     place = np.argmin(distance, axis=1)
     rows = np.arange(len(trials))
     return trials[rows, place], trials[rows, place + 1], rising[rows, place]
 
 
+MAX_RIDDERS_STEPS = 80
+
+
 def _refine(balance: Balance, rows: NDArray[np.intp], low: Array, high: Array, tiny: Array) -> Array:
-    """Narrow brackets by Ridders' method; where the force is zero on one side, halve to its edge."""
+    """Solve in each bracket by Ridders' method; where the force is zero at one end, bisect to the edge."""
     below, above = balance(low, rows), balance(high, rows)
     best = np.where(above <= tiny, high, low)
     active = np.flatnonzero((np.abs(below) > tiny) & (above > tiny))
-    for still, pushed, ends in (
+    for zero, nonzero, one_sided in (
         (low, high, (np.abs(below) <= tiny) & (above > tiny)),
         (high, low, (below < -tiny) & (np.abs(above) <= tiny)),
     ):
-        edges = np.flatnonzero(ends)
-        best[edges] = _edge(balance, rows[edges], still[edges], pushed[edges], tiny[edges])
-    for _ in range(STEPS):
+        edges = np.flatnonzero(one_sided)
+        best[edges] = _edge(balance, rows[edges], zero[edges], nonzero[edges], tiny[edges])
+    for _ in range(MAX_RIDDERS_STEPS):
         if not len(active):
             break
         a, b, fa, fb = low[active], high[active], below[active], above[active]
@@ -202,12 +188,12 @@ def _refine(balance: Balance, rows: NDArray[np.intp], low: Array, high: Array, t
     return best
 
 
-def _edge(balance: Balance, rows: NDArray[np.intp], still: Array, pushed: Array, tiny: Array) -> Array:
-    """Find the end of a range of means without force between a mean in it and one outside."""
+def _edge(balance: Balance, rows: NDArray[np.intp], zero: Array, nonzero: Array, tiny: Array) -> Array:
+    """Bisect for the end of a range of means without force, between a mean in it and one outside."""
     if not len(rows):
-        return still
+        return zero
     for _ in range(54):
-        middle = (still + pushed) / 2
-        out = np.abs(balance(middle, rows)) > tiny
-        still, pushed = np.where(out, still, middle), np.where(out, middle, pushed)
-    return still
+        middle = (zero + nonzero) / 2
+        outside = np.abs(balance(middle, rows)) > tiny
+        zero, nonzero = np.where(outside, zero, middle), np.where(outside, middle, nonzero)
+    return zero

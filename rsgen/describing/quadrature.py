@@ -1,7 +1,11 @@
 """Projections of a law on a cycle by adaptive Gauss-Kronrod quadrature, for many cycles at once.
 
-Every cycle is split at its own switching angles; intervals that are not yet accurate are halved together, so
-that thousands of amplitudes cost little more than the hardest of them.
+    integral n(x, v) {sin(phi), cos(phi), 1, sign(n)} dphi,  x = X0 + X sin(phi),  v = omega X cos(phi)
+
+Every cycle is split at the angles at which its switches go on or off, since the rule of 21 nodes is accurate
+on smooth intervals only. Intervals that are not yet accurate are halved together for all cycles, so that
+thousands of amplitudes cost little more than the hardest of them. The error of an interval follows from the
+embedded rule of 10 nodes, as in QUADPACK (Piessens et al., Springer, 1983).
 """
 
 from __future__ import annotations
@@ -14,11 +18,11 @@ import numpy as np
 import sympy
 from numpy.typing import NDArray
 
-from rsgen.common.arrays import Array
+from rsgen.common.arrays import Array, blocks
 from rsgen.describing.closed import ClosedPart
 from rsgen.formula import symbol
 from rsgen.formula.evaluation import Numeric, compiled
-from rsgen.law.pieces import NormalForm
+from rsgen.law.pieces import NormalForm, normal_form
 
 Along = Callable[[Array, NDArray[np.intp]], Array]
 """A function along cycles: angles (m, s), numbers of the cycles (m,)."""
@@ -49,27 +53,6 @@ _WEIGHTS = np.concatenate((_KRONROD[:-1], _KRONROD[::-1]))
 _COARSE = np.zeros(21)
 _COARSE[1:10:2], _COARSE[11:20:2] = _GAUSS, _GAUSS[::-1]
 
-TOLERANCE = 1e-13
-"""Error allowed in a cycle, relative to the integral of the absolute force."""
-
-LONGEST = 4.0
-"""Longest range of phi that is not cut into four at the start."""
-
-SAMPLES = 193
-"""Samples of a cycle among which crossings of a general switch function are looked for."""
-
-ZOOMS = 6
-"""Times that a dip between two samples is looked at four times closer."""
-
-DEEPEST = 40
-MOST_INTERVALS = 64
-"""Intervals of one cycle that may be open at once; more means that round-off is being chased near a pole."""
-
-HOPELESS = 1e-7
-"""Error, relative to the integral of the absolute force, from which on a cycle has no finite value."""
-
-CYCLES_AT_ONCE = 8192
-
 
 class Cycle(NamedTuple):
     """Cycles x = mean + X sin(phi), v = omega X cos(phi) and the parameters of each; arrays (n,)."""
@@ -94,7 +77,7 @@ class Projections(NamedTuple):
 
 
 def switching_angles(form: NormalForm, parameters: tuple[sympy.Symbol, ...], cycle: Cycle) -> Array:
-    """Give (n, s) angles in [-pi/2, 3 pi/2] at which a switch of the law may go on or off."""
+    """Return (n, s) angles in [-pi/2, 3 pi/2] at which a switch of the law may go on or off."""
     columns: list[Array] = []
     for switch in form.switches:
         if switch.threshold is None:
@@ -114,6 +97,10 @@ def switching_angles(form: NormalForm, parameters: tuple[sympy.Symbol, ...], cyc
     return np.where(np.isfinite(stacked), stacked, -np.pi / 2)
 
 
+CYCLE_SAMPLES = 193
+"""Samples of a cycle between which sign changes of a general switch function are sought."""
+
+
 def _crossings(function: sympy.Expr, parameters: tuple[sympy.Symbol, ...], cycle: Cycle) -> list[Array]:
     """Find where a switch function of x and v changes its sign, by sampling and bisection."""
     slopes = tuple(function.diff(symbol(state)) for state in ("x", "v"))
@@ -128,14 +115,16 @@ def _crossings(function: sympy.Expr, parameters: tuple[sympy.Symbol, ...], cycle
         (value,) = evaluate(x, v, *(p[:, None] for p in some.parameters))
         return np.broadcast_to(value, phi.shape)
 
-    phi = np.broadcast_to(np.linspace(-np.pi / 2, 3 * np.pi / 2, SAMPLES), (len(cycle.X), SAMPLES))
+    phi = np.broadcast_to(
+        np.linspace(-np.pi / 2, 3 * np.pi / 2, CYCLE_SAMPLES), (len(cycle.X), CYCLE_SAMPLES)
+    )
     level = along(phi, np.arange(len(cycle.X)))
     rows, columns = np.nonzero((level[:, 1:] > 0) != (level[:, :-1] > 0))
     low, high = phi[rows, columns], phi[rows, columns + 1]
-    touching = _dips(along, phi, level)
-    rows = np.concatenate((rows, np.repeat(touching[0], 2)))
-    low = np.concatenate((low, np.stack((touching[1], touching[2]), axis=1).ravel()))
-    high = np.concatenate((high, np.stack((touching[2], touching[3]), axis=1).ravel()))
+    dip_rows, start, middle, stop = _dips(along, phi, level)
+    rows = np.concatenate((rows, np.repeat(dip_rows, 2)))
+    low = np.concatenate((low, np.stack((start, middle), axis=1).ravel()))
+    high = np.concatenate((high, np.stack((middle, stop), axis=1).ravel()))
     side = along(low[:, None], rows)[:, 0] > 0
     for _ in range(52):
         middle = (low + high) / 2
@@ -144,9 +133,13 @@ def _crossings(function: sympy.Expr, parameters: tuple[sympy.Symbol, ...], cycle
     order = np.argsort(rows, kind="stable")
     rows, high = rows[order], high[order]
     place = np.arange(len(rows)) - np.searchsorted(rows, rows)
-    found = np.full((int(place.max(initial=-1)) + 1, len(cycle.X)), -np.pi / 2)
-    found[place, rows] = high
-    return list(found)
+    angles = np.full((int(place.max(initial=-1)) + 1, len(cycle.X)), -np.pi / 2)
+    angles[place, rows] = high
+    return list(angles)
+
+
+MAX_ZOOMS = 6
+"""Number of fourfold magnifications of a dip between two samples."""
 
 
 def _dips(along: Along, phi: Array, level: Array) -> tuple[NDArray[np.intp], Array, Array, Array]:
@@ -155,18 +148,18 @@ def _dips(along: Along, phi: Array, level: Array) -> tuple[NDArray[np.intp], Arr
     size = np.abs(level)
     dip = (sign[:, 1:-1] == sign[:, :-2]) & (sign[:, 1:-1] == sign[:, 2:])
     before, here, after = size[:, :-2], size[:, 1:-1], size[:, 2:]
-    # what is constant or infinite over three samples dips nowhere
+    # a function that is constant or infinite over three samples has no dip there
     dip &= (here <= before) & (here <= after) & ((here < before) | (here < after))
     rows, columns = np.nonzero(dip)
     start, stop, side = phi[rows, columns], phi[rows, columns + 2], sign[rows, columns + 1]
     low, high = start, stop
     middle = phi[rows, columns + 1]
-    every = np.arange(len(rows))
-    for _ in range(ZOOMS):
+    dips = np.arange(len(rows))
+    for _ in range(MAX_ZOOMS):
         points = low[:, None] + (high - low)[:, None] * np.linspace(0, 1, 9)
         best = np.argmin(side[:, None] * along(points, rows), axis=1)
-        middle = points[every, best]
-        low, high = points[every, np.maximum(best - 1, 0)], points[every, np.minimum(best + 1, 8)]
+        middle = points[dips, best]
+        low, high = points[dips, np.maximum(best - 1, 0)], points[dips, np.minimum(best + 1, 8)]
     through = side * along(middle[:, None], rows)[:, 0] < 0
     return rows[through], start[through], middle[through], stop[through]
 
@@ -190,34 +183,24 @@ def _crossings_of_plane(
     ]
 
 
-def project(
-    force: sympy.Expr,
-    form: NormalForm,
-    parameters: tuple[sympy.Symbol, ...],
-    cycle: Cycle,
-    tolerance: float = TOLERANCE,
-) -> Projections:
-    """Integrate a law over cycles; where it is not finite, the cycle gets nan.
+CYCLES_PER_BLOCK = 8192
+
+
+def project(force: sympy.Expr, parameters: tuple[sympy.Symbol, ...], cycle: Cycle) -> Projections:
+    """Integrate a law over cycles; a cycle on which it is not finite gets nan.
 
     Parameters
     ----------
     force
-        The law as it is written; the normal form only says where to split.
-    form
-        Its normal form.
+        The law as it is written; its normal form is used only to split the cycles.
     parameters
         Symbols of the law other than x and v, in the order of ``cycle.parameters``.
     cycle
         The cycles; all arrays (n,).
-    tolerance
-        Error allowed, relative to the integral of the absolute force.
     """
     parts = [
-        _project(force, form, parameters, _some(cycle, slice(start, start + CYCLES_AT_ONCE)), tolerance)
-        for start in range(0, len(cycle.X), CYCLES_AT_ONCE)
+        _project(force, parameters, _some(cycle, rows)) for rows in blocks(len(cycle.X), CYCLES_PER_BLOCK)
     ]
-    if not parts:
-        return Projections(*(np.empty(0),) * 5)
     return Projections(*(np.concatenate(columns) for columns in zip(*parts, strict=True)))
 
 
@@ -225,8 +208,8 @@ def _some(cycle: Cycle, rows: slice | NDArray[np.intp]) -> Cycle:
     return Cycle(cycle.X[rows], cycle.mean[rows], cycle.omega[rows], tuple(p[rows] for p in cycle.parameters))
 
 
-def _rough(force: sympy.Expr) -> bool:
-    """Decide whether the law has real powers, whose ends need crowded nodes."""
+def _has_real_powers(force: sympy.Expr) -> bool:
+    """Decide whether the law has real powers, which need nodes that crowd at the ends of intervals."""
     return any(not power.exp.is_Integer for power in force.atoms(sympy.Pow) if power.base is not sympy.E)
 
 
@@ -234,8 +217,8 @@ def _intervals(angles: Array, first: float, last: float) -> tuple[NDArray[np.int
     """Cut [first, last] of every cycle at its angles: row, start, stop of each interval."""
     n = len(angles)
     ends = [np.full((n, 1), first), np.clip(angles, first, last), np.full((n, 1), last)]
-    if last - first > LONGEST:
-        # a law without switches starts with pieces that 21 nodes can do
+    if last - first > np.pi:
+        # a whole cycle without switches is too long for 21 nodes
         ends.append(np.broadcast_to(first + (last - first) * np.array([0.25, 0.5, 0.75]), (n, 3)))
     cuts = np.sort(np.concatenate(ends, axis=1), axis=1)
     rows, columns = np.nonzero(np.diff(cuts, axis=1) > 1e-15)
@@ -248,7 +231,7 @@ def _integrals(
     rows: NDArray[np.intp],
     ends: tuple[Array, Array],
     part: tuple[Array, Array],
-    rough: bool,
+    crowded: bool,
 ) -> tuple[Array, Array]:
     """Integrate over parts of intervals of the phase.
 
@@ -260,7 +243,7 @@ def _integrals(
         (k,) phases where the intervals start and stop.
     part
         (k,) shares of an interval between which is integrated.
-    rough
+    crowded
         Whether nodes crowd at the ends of the intervals.
 
     Returns
@@ -268,10 +251,10 @@ def _integrals(
     tuple
         (4, k) integrals of n sin, n cos, n and |n|, and (k,) the largest error of the first three.
     """
-    (start, stop), (left, right) = ends, part
-    local = (left + right)[:, None] / 2 + (right - left)[:, None] / 2 * _POINTS
-    width = ((right - left) / 2 * (stop - start))[:, None]
-    if rough:
+    (start, stop), (low, high) = ends, part
+    local = (low + high)[:, None] / 2 + (high - low)[:, None] / 2 * _POINTS
+    width = ((high - low) / 2 * (stop - start))[:, None]
+    if crowded:
         share, slope = local**3 * (10 - 15 * local + 6 * local**2), 30 * local**2 * (1 - local) ** 2
     else:
         share, slope = local, np.ones_like(local)
@@ -285,63 +268,69 @@ def _integrals(
         weighted = np.broadcast_to(value, phi.shape) * slope * width
         parts = np.stack((weighted * sine, weighted * cosine, weighted, np.abs(weighted)))
         fine = parts @ _WEIGHTS
-        doubt = np.abs(fine[:3] - parts[:3] @ _COARSE).max(axis=0)
-        # QUADPACK: the difference of the two rules is a pessimist's error
-        return fine, np.minimum(doubt, fine[3] * (200 * doubt / fine[3]) ** 1.5)
+        difference = np.abs(fine[:3] - parts[:3] @ _COARSE).max(axis=0)
+        # the difference of the two rules overestimates the error; the formula is that of QUADPACK
+        return fine, np.minimum(difference, fine[3] * (200 * difference / fine[3]) ** 1.5)
 
 
-def _project(
-    force: sympy.Expr,
-    form: NormalForm,
-    parameters: tuple[sympy.Symbol, ...],
-    cycle: Cycle,
-    tolerance: float,
-) -> Projections:
+RELATIVE_TOLERANCE = 1e-13
+"""Error allowed in a cycle, relative to the integral of the absolute force."""
+
+MAX_HALVINGS = 40
+MAX_OPEN_INTERVALS = 64
+"""Largest number of inaccurate intervals of one cycle; more are round-off near a pole."""
+
+MAX_RELATIVE_ERROR = 1e-7
+"""Error, relative to the integral of the absolute force, beyond which a cycle has no value."""
+
+
+def _project(force: sympy.Expr, parameters: tuple[sympy.Symbol, ...], cycle: Cycle) -> Projections:
     n = len(cycle.X)
     law = compiled((force,), (symbol("x"), symbol("v"), *parameters))
     in_x, in_v = force.has(symbol("x")), force.has(symbol("v"))
-    # a law of x (of v) alone is symmetric about phi = pi/2 (phi = 0): half a cycle says all
+    # a law of x (of v) alone is symmetric about phi = pi/2 (phi = 0): half a cycle is enough
     first, last = (-np.pi / 2, 3 * np.pi / 2) if in_x and in_v else (-np.pi / 2, np.pi / 2)
     if in_v and not in_x:
         first, last = 0.0, np.pi
     double = 1.0 if in_x and in_v else 2.0
-    rough = _rough(force)
-    rows, start, stop = _intervals(switching_angles(form, parameters, cycle), first, last)
-    left, right = np.zeros(len(rows)), np.ones(len(rows))
+    crowded = _has_real_powers(force)
+    rows, start, stop = _intervals(switching_angles(normal_form(force), parameters, cycle), first, last)
+    # the parts of these intervals that are still inaccurate, as shares of them
+    low, high = np.zeros(len(rows)), np.ones(len(rows))
     sums, errors = np.zeros((4, n)), np.zeros(n)
     size = np.zeros(n)
-    spoiled = np.zeros(n, dtype=bool)
-    for depth in range(DEEPEST + 1):
+    infinite = np.zeros(n, dtype=bool)
+    for depth in range(MAX_HALVINGS + 1):
         if not len(rows):
             break
-        fine, doubt = _integrals(law, cycle, rows, (start, stop), (left, right), rough)
+        fine, error = _integrals(law, cycle, rows, (start, stop), (low, high), crowded)
         with np.errstate(all="ignore"):
-            broken = ~np.isfinite(fine[3])
-            spoiled[rows[broken]] = True
+            overflow = ~np.isfinite(fine[3])
+            infinite[rows[overflow]] = True
             if depth == 0:
-                size += np.bincount(rows, np.where(broken, 0, fine[3]), n)
-            length = (right - left) * (stop - start) / (last - first)
-            allowed = np.maximum(tolerance * size[rows] * np.maximum(length, 0.05), 4e-15 * fine[3])
-            done = (doubt <= allowed) | ~np.isfinite(doubt) | spoiled[rows]
+                size += np.bincount(rows, np.where(overflow, 0, fine[3]), n)
+            length = (high - low) * (stop - start) / (last - first)
+            allowed = np.maximum(RELATIVE_TOLERANCE * size[rows] * np.maximum(length, 0.05), 4e-15 * fine[3])
+            done = (error <= allowed) | ~np.isfinite(error) | infinite[rows]
         if depth > 0:
-            done |= np.bincount(rows[~done], minlength=n)[rows] > MOST_INTERVALS
-        if depth == DEEPEST:
+            done |= np.bincount(rows[~done], minlength=n)[rows] > MAX_OPEN_INTERVALS
+        if depth == MAX_HALVINGS:
             done[:] = True
         for total, part in zip(sums, fine, strict=True):
             total += np.bincount(rows[done], part[done], n)
-        errors += np.bincount(rows[done], np.nan_to_num(doubt[done]), n)
+        errors += np.bincount(rows[done], np.nan_to_num(error[done]), n)
         again = np.flatnonzero(~done)
-        middle = (left[again] + right[again]) / 2
-        left, right = np.concatenate((left[again], middle)), np.concatenate((middle, right[again]))
+        middle = (low[again] + high[again]) / 2
+        low, high = np.concatenate((low[again], middle)), np.concatenate((middle, high[again]))
         rows = np.tile(rows[again], 2)
         start, stop = np.tile(start[again], 2), np.tile(stop[again], 2)
-    spoiled |= errors > HOPELESS * sums[3]
+    infinite |= errors > MAX_RELATIVE_ERROR * sums[3]
     sums *= double
-    sums[:, spoiled] = np.nan
     if not in_v:
-        sums[1] = np.where(spoiled, np.nan, 0.0)
+        sums[1] = 0.0
     if not in_x:
-        sums[0] = np.where(spoiled, np.nan, 0.0)
+        sums[0] = 0.0
+    sums[:, infinite] = np.nan
     return Projections(sums[0], sums[1], sums[2], sums[3], errors * double)
 
 
@@ -351,18 +340,18 @@ def _project(
 PROOF_TOLERANCE = 1e-10
 """Largest difference between a closed form and quadrature, relative to the mean absolute force."""
 
-LEAST_SETS = 20
-"""Parameter sets on which a law must be defined for a proof to count."""
+MIN_PROOF_CYCLES = 20
+"""Smallest number of random cycles on which a law must be defined for its proof."""
 
-SETS_A_REGIME = 12
+PROOF_CYCLES_PER_REGIME = 12
 
-_SHRUNK = (1.0, 0.3, 0.09, 0.0025)
-"""Factors of the amplitudes that are tried in turn: a law may be defined for small motions only."""
+_AMPLITUDE_FACTORS = (1.0, 0.3, 0.09, 0.0025)
+"""Factors of the amplitudes, tried in turn: some laws are defined for small motions only."""
 
 
 @dataclass(frozen=True, slots=True)
 class Trial:
-    """Random cycles of a law, and what quadrature of the law as written gives on them.
+    """Random cycles of a law, and the projections of the law as it is written, by quadrature.
 
     ``reference`` are stiffness, damping and mean force; ``size`` the mean absolute force in the same units.
     """
@@ -373,7 +362,7 @@ class Trial:
 
 
 def _thresholds(form: NormalForm, parameters: tuple[sympy.Symbol, ...], cycle: Cycle) -> Array:
-    """Give (n, t) amplitudes at which switches start to act, in ascending order."""
+    """Return (n, t) amplitudes at which switches start to act, in ascending order."""
     columns = []
     for switch in form.switches:
         if switch.threshold is None or switch.threshold.is_zero:
@@ -385,57 +374,55 @@ def _thresholds(form: NormalForm, parameters: tuple[sympy.Symbol, ...], cycle: C
     return np.sort(np.stack(np.broadcast_arrays(*columns, cycle.X)[:-1], axis=-1), axis=1)
 
 
-def draw_trial(
-    force: sympy.Expr,
-    form: NormalForm,
-    parameters: tuple[sympy.Symbol, ...],
-    centred: bool,
-    seed: int,
-) -> Trial:
+def between_thresholds(
+    rng: np.random.Generator, edges: Array, amplitude: Array, factor: float = 1.0
+) -> Array:
+    """Draw amplitudes (n,) in every regime in turn, between neighbouring thresholds ``edges`` (n, t).
+
+    Where two thresholds coincide, or are infinite, the given ``amplitude`` (n,) stays. ``factor`` multiplies
+    the others.
+    """
+    if not edges.shape[1]:
+        return amplitude
+    edges = np.concatenate((0.2 * edges[:, :1], edges, 3 * edges[:, -1:]), axis=1)
+    rows = np.arange(len(edges))
+    slot = rows % (edges.shape[1] - 1)
+    low, high = edges[rows, slot], edges[rows, slot + 1]
+    with np.errstate(invalid="ignore"):
+        drawn = (low + (high - low) * rng.uniform(0.05, 0.95, len(edges))) * factor
+        return np.where(high - low > 1e-6 * high, drawn, amplitude)
+
+
+def draw_trial(force: sympy.Expr, parameters: tuple[sympy.Symbol, ...], centred: bool, seed: int) -> Trial:
     """Draw parameters of sizes around one, and amplitudes between all thresholds in turn.
 
-    Parameters known as positive to sympy are drawn positive, others of either sign. Sets on which the law is
-    not defined are left out; when hardly any is left, smaller amplitudes are tried.
+    Parameters known as positive to SymPy are drawn positive, others of either sign. Cycles on which the law
+    is not defined are dropped; if fewer than ``MIN_PROOF_CYCLES`` remain, smaller amplitudes are tried.
     """
-    rng = np.random.default_rng(seed)
+    rng, form = np.random.default_rng(seed), normal_form(force)
     slots = 1 + sum(s.threshold is not None and not s.threshold.is_zero for s in form.switches)
-    n = max(2 * LEAST_SETS, SETS_A_REGIME * slots)
-    for shrink in _SHRUNK:
+    n = max(2 * MIN_PROOF_CYCLES, PROOF_CYCLES_PER_REGIME * slots)
+    for factor in _AMPLITUDE_FACTORS:
         sizes = tuple(
             np.exp(rng.uniform(-1, 1, n)) * (1 if p.is_positive else rng.choice((-1.0, 1.0), n))
             for p in parameters
         )
         omega = np.exp(rng.uniform(-1, 1, n))
-        amplitude = np.exp(rng.uniform(-1.2, 1.2, n)) * shrink
+        amplitude = np.exp(rng.uniform(-1.2, 1.2, n)) * factor
         mean = np.zeros(n) if centred else rng.normal(0, 0.5, n) * amplitude
         cycle = Cycle(amplitude, mean, omega, sizes)
         edges = _thresholds(form, parameters, cycle)
-        if edges.shape[1]:
-            edges = np.concatenate((0.2 * edges[:, :1], edges, 3 * edges[:, -1:]), axis=1)
-            slot = np.arange(n) % (edges.shape[1] - 1)
-            low, high = edges[np.arange(n), slot], edges[np.arange(n), slot + 1]
-            # thresholds that coincide, or are beyond all numbers, leave nothing between them
-            with np.errstate(invalid="ignore"):
-                spread = (low + (high - low) * rng.uniform(0.05, 0.95, n)) * shrink**0.5
-                amplitude = np.where(high - low > 1e-6 * high, spread, amplitude)
-            cycle = cycle._replace(X=amplitude)
-        found = project(force, form, parameters, cycle)
-        valid = np.isfinite(found.size) & (found.error <= 1e-11 * found.size)
-        if np.count_nonzero(valid) >= LEAST_SETS:
+        cycle = cycle._replace(X=between_thresholds(rng, edges, amplitude, factor**0.5))
+        projections = project(force, parameters, cycle)
+        valid = np.isfinite(projections.size) & (projections.error <= 1e-11 * projections.size)
+        if np.count_nonzero(valid) >= MIN_PROOF_CYCLES:
             break
     rows = np.flatnonzero(valid)
-    kept = Cycle(amplitude[rows], mean[rows], omega[rows], tuple(p[rows] for p in sizes))
-    return _trial(kept, Projections(*(column[rows] for column in found)))
-
-
-def _trial(cycle: Cycle, found: Projections) -> Trial:
+    cycle = _some(cycle, rows)
+    sine, cosine, mean, size, _ = (column[rows] for column in projections)
     k, c, m = 1 / (np.pi * cycle.X), 1 / (np.pi * cycle.omega * cycle.X), 1 / (2 * np.pi)
     with np.errstate(over="ignore"):
-        return Trial(
-            cycle,
-            (found.sine * k, found.cosine * c, found.mean * m),
-            (found.size * k, found.size * c, found.size * m),
-        )
+        return Trial(cycle, (sine * k, cosine * c, mean * m), (size * k, size * c, size * m))
 
 
 def _differences(values: list[Array], trial: Trial) -> float:
@@ -455,7 +442,7 @@ def worst_error(
     closed: ClosedPart | None,
     formulas: tuple[sympy.Expr, ...] | None,
 ) -> float:
-    """Compare what is evaluated (closed part) or shown (formulas) with the quadrature of a trial."""
+    """Return the largest error of a closed part or of formulas, relative to the mean absolute force."""
     cycle = trial.cycle
     values: list[Array] = []
     if closed is not None:

@@ -1,4 +1,9 @@
-"""The closed part of a describing function as a person reads it: cases in the amplitude, and their ends."""
+"""The closed part of a describing function for display: cases in the amplitude X, and limits.
+
+A switch at distance d from the mean is off for X <= d, and on over a part of the cycle beyond. Switches that
+begin to act at the same amplitude form a group, whose formula is written as a Piecewise in X. The limits
+X -> 0 and X -> oo follow from the leading power of a series in X or 1/X.
+"""
 
 from __future__ import annotations
 
@@ -8,12 +13,11 @@ import sympy
 
 from rsgen.describing.bessel import elementary
 from rsgen.describing.closed import Arc, ClosedPart, End
-from rsgen.formula import symbol
-from rsgen.formula.names import OMEGA, X0, X
+from rsgen.formula.names import OMEGA, STATE_V, STATE_X, X0, X
 from rsgen.law.normal_form import is_long
 
-MOST_COLLECTED = 12
-"""Angles, roots and Bessel functions that are collected; more make no formula a person reads."""
+MAX_COLLECTED = 12
+"""Largest number of angles, roots and Bessel functions by which terms are collected."""
 
 Places = dict[sympy.Symbol, sympy.Expr]
 
@@ -61,26 +65,19 @@ def _group_of(arc: Arc, mean: sympy.Expr) -> _Group:
     return _Group("always", sympy.S.Zero)
 
 
-def _on(arc: Arc, kind: str) -> Places:
+def _constant(arc: Arc, kind: str, *, on: bool) -> Places:
+    """Return the ends of an arc while its switch is on, or off, over the whole cycle."""
     end = arc.x_end if kind == "x" else arc.v_end
+    sign = sympy.Integer(-1 if on else 1)
     if end is None:
         return {}
     if kind == "x":
-        return _fixed(end, -sympy.pi / 2, -sympy.S.One, sympy.S.Zero)
-    return _fixed(end, sympy.pi, sympy.S.Zero, -sympy.S.One)
-
-
-def _off(arc: Arc, kind: str) -> Places:
-    end = arc.x_end if kind == "x" else arc.v_end
-    if end is None:
-        return {}
-    if kind == "x":
-        return _fixed(end, sympy.pi / 2, sympy.S.One, sympy.S.Zero)
-    return _fixed(end, sympy.S.Zero, sympy.S.Zero, sympy.S.One)
+        return _fixed(end, sign * sympy.pi / 2, sign, sympy.S.Zero)
+    return _fixed(end, sympy.pi * (1 - sign) / 2, sympy.S.Zero, sign)
 
 
 def _between(arc: Arc, kind: str, mean: sympy.Expr, written: Places) -> Places:
-    """Give the ends of an arc while its switch is on for a part of the cycle.
+    """Return the ends of an arc while its switch is on for a part of the cycle.
 
     Angle and root stay symbols, entered in ``written``, until the formula around them is tidy.
     """
@@ -99,7 +96,7 @@ def _between(arc: Arc, kind: str, mean: sympy.Expr, written: Places) -> Places:
 
 
 def _everywhere(arc: Arc, mean: sympy.Expr) -> Places:
-    """Give the ends of the arcs of two general switches by one formula that holds in every regime."""
+    """Return the ends of the arcs of two general switches by one formula that holds in every regime."""
 
     def clip(value: sympy.Expr) -> sympy.Expr:
         return sympy.Max(-1, sympy.Min(1, value))
@@ -120,7 +117,7 @@ def _everywhere(arc: Arc, mean: sympy.Expr) -> Places:
 def _cases(
     group: _Group, members: list[tuple[Arc, sympy.Expr]], mean: sympy.Expr, base: sympy.Expr
 ) -> list[tuple[sympy.Expr, sympy.Basic]]:
-    """Give base plus value and condition for each regime of the switches of a group."""
+    """Return base plus value and condition for each regime of the switches of a group."""
     reach = X if group.kind == "x" else OMEGA * X
     distance = group.distance
 
@@ -132,8 +129,7 @@ def _cases(
             if choose == "between":
                 places = _between(arc, group.kind, mean, written)
             else:
-                near = (choose == "near") == same
-                places = _off(arc, group.kind) if near else _on(arc, group.kind)
+                places = _constant(arc, group.kind, on=(choose == "near") != same)
             total += formula.xreplace(places)
         return tidy(total, written)
 
@@ -148,11 +144,11 @@ def _cases(
 
 
 def tidy(formula: sympy.Expr, written: Places | None = None) -> sympy.Expr:
-    """Collect what belongs to the same angle, root or Bessel function, so that differences stand together."""
+    """Collect terms by angle, root or Bessel function, so that differences stand together."""
     written = written or {}
     formula = sympy.expand(elementary(formula))
     special = sorted((*written, *formula.atoms(sympy.besselj, sympy.besseli)), key=sympy.default_sort_key)
-    if 0 < len(special) <= MOST_COLLECTED:
+    if 0 < len(special) <= MAX_COLLECTED:
         formula = sympy.collect(formula, special, sympy.factor_terms)
     if any(power.exp.free_symbols for power in formula.atoms(sympy.Pow)):
         formula = sympy.powsimp(formula, combine="exp")
@@ -189,15 +185,13 @@ def _merged(cases: list[tuple[sympy.Expr, sympy.Basic]]) -> Reading:
         return Reading(cases[0][0], ())
     conditions = [condition for _, condition in cases[:-1]]
     reach, distance = conditions[-1].args
-    # two cases before the last: X exceeds a distance that may have either sign
+    # with two cases before the last, X exceeds a distance that may have either sign
     beyond = reach > (distance if len(conditions) == 1 else sympy.Abs(distance))
     return Reading(sympy.Piecewise(*cases), (*conditions, beyond))
 
 
-STATES = symbol("x"), symbol("v")
-
-ORDER = 5
-"""Terms kept of every series in X or 1/X: more than any cancellation of leading terms has needed."""
+SERIES_TERMS = 5
+"""Number of terms of every series in X or 1/X: more than any cancellation of leading terms has needed."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -210,7 +204,7 @@ class Limit:
 
 
 def limit_at_zero(formula: sympy.Expr) -> sympy.Expr | None:
-    """Give the limit for X -> 0, or None where it does not follow from leading powers."""
+    """Return the limit for X -> 0, or None where it does not follow from leading powers."""
     formula = _branch(formula, first=True)
     if formula is None:
         return None
@@ -221,7 +215,7 @@ def limit_at_zero(formula: sympy.Expr) -> sympy.Expr | None:
 
 
 def limit_at_infinity(formula: sympy.Expr) -> sympy.Expr | None:
-    """Give the limit for X -> oo, or None where it does not follow from leading powers."""
+    """Return the limit for X -> oo, or None where it does not follow from leading powers."""
     formula = _branch(formula, first=False)
     if formula is None:
         return None
@@ -243,24 +237,24 @@ def _asin_series(z: sympy.Expr) -> sympy.Expr:
     return sympy.Add(
         *(
             sympy.binomial(2 * n, n) / sympy.Integer(4) ** n / (2 * n + 1) * z ** (2 * n + 1)
-            for n in range(ORDER)
+            for n in range(SERIES_TERMS)
         )
     )
 
 
 def _root_series(z: sympy.Expr) -> sympy.Expr:
     """Taylor polynomial of sqrt(1 - z) at 0."""
-    return sympy.Add(*(sympy.binomial(sympy.Rational(1, 2), n) * (-z) ** n for n in range(ORDER)))
+    return sympy.Add(*(sympy.binomial(sympy.Rational(1, 2), n) * (-z) ** n for n in range(SERIES_TERMS)))
 
 
 def _finite(value: sympy.Expr) -> sympy.Expr | None:
-    """Give a value, or None where it is not finite or is zero to a power that is not known."""
+    """Return a value, or None where it is not finite or is zero to a power that is not known."""
     unknown = any(power.base.is_zero for power in value.atoms(sympy.Pow))
     return None if unknown or value.has(sympy.nan, sympy.zoo, sympy.oo) else value
 
 
 def _sides(alone: sympy.Expr, state: sympy.Symbol, t: sympy.Symbol) -> list[sympy.Expr]:
-    """Give a law on either side of rest; none where it is not real there, as log(-t)."""
+    """Return a law on either side of rest; none where it is not real there, as log(-t)."""
     try:
         return [alone.xreplace({state: side}) for side in (t, -t)]
     except TypeError:
@@ -268,7 +262,7 @@ def _sides(alone: sympy.Expr, state: sympy.Symbol, t: sympy.Symbol) -> list[symp
 
 
 def limit_at_rest(law: sympy.Expr, state: sympy.Symbol) -> sympy.Expr | None:
-    """Give the limit of stiffness (``state`` x) or damping (v) for X -> 0 by the slope of the law at rest.
+    """Return the limit of stiffness (``state`` x) or damping (v) for X -> 0 by the slope of the law at rest.
 
     The motion is centred. The slopes on both sides count alike; a jump is infinitely stiff. None where the
     terms in ``state`` contain the other state as well, or where a switch cannot be decided.
@@ -294,7 +288,7 @@ def limit_at_rest(law: sympy.Expr, state: sympy.Symbol) -> sympy.Expr | None:
 
 
 def grows_slowly(law: sympy.Expr, state: sympy.Symbol) -> bool:
-    """Decide whether a law is seen to grow slower than its state, so that it adds nothing for X -> oo."""
+    """Decide whether a law grows slower than its state, so that its stiffness vanishes for X -> oo."""
     alone = _terms_alone(law, state)
     if alone is None:
         return False
@@ -304,8 +298,8 @@ def grows_slowly(law: sympy.Expr, state: sympy.Symbol) -> bool:
 
 
 def _terms_alone(law: sympy.Expr, state: sympy.Symbol) -> sympy.Expr | None:
-    """Give the addends with a state; None where they contain the other one as well."""
-    (other,) = (s for s in STATES if s != state)
+    """Return the addends with a state; None where they contain the other one as well."""
+    (other,) = {STATE_X, STATE_V} - {state}
     alone = sympy.Add(*(a for a in sympy.Add.make_args(sympy.expand_mul(law)) if a.has(state)))
     return None if alone.has(other) else alone
 
@@ -350,7 +344,7 @@ def _bessel_series(order: sympy.Expr, z: sympy.Expr, sign: int) -> sympy.Expr:
     return sympy.Add(
         *(
             sign**k * (z / 2) ** (2 * k + order) / (sympy.factorial(k) * sympy.gamma(k + order + 1))
-            for k in range(ORDER)
+            for k in range(SERIES_TERMS)
         )
     )
 

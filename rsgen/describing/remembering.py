@@ -1,8 +1,9 @@
-"""Describing functions of laws with memory: that of the memoryless part, and what each memory adds.
+"""Describing functions of laws with memory: the sum of those of its terms.
 
-On a cycle forces that add up have describing functions that add up. A Masing law or structural damping with
-a constant in front stands alone, in closed form where there is one; everything else that remembers is
-integrated along its loop.
+k and c are linear in the force, so that the memoryless terms, every Masing law or structural damping with a
+constant factor, and all other terms with memory are derived one by one and added. Masing laws have closed
+forms (``masing``) if the integrals of their virgin curve have, else quadrature of their branches; the other
+terms are integrated along their loop, which follows from the equations of the states (``state_loops``).
 """
 
 from __future__ import annotations
@@ -24,7 +25,7 @@ from rsgen.describing.masing import (
     loop_of,
     on_cycle,
 )
-from rsgen.describing.quadrature import LEAST_SETS, PROOF_TOLERANCE
+from rsgen.describing.quadrature import MIN_PROOF_CYCLES, PROOF_TOLERANCE, between_thresholds
 from rsgen.describing.regimes import Limit, Reading
 from rsgen.describing.state_loops import Loop, is_odd, try_loops
 from rsgen.formula import symbol
@@ -34,12 +35,6 @@ from rsgen.law.memory import MemoryForm, memory_form
 from rsgen.law.normal_form import expanded, moves
 from rsgen.law.notation import readable
 
-DRAWN = 400
-"""Sets of parameters of which those are taken in which the assumptions of a formula hold."""
-
-SETS = 40
-"""Random cycles of a proof: at least eight in every regime of five thresholds."""
-
 
 @dataclass(frozen=True, slots=True)
 class Parts:
@@ -48,35 +43,35 @@ class Parts:
     Parameters
     ----------
     plain
-        What does not remember, in x and v.
-    alone
-        (factor, virgin curve) of Masing laws with a constant in front.
+        The terms without memory, in x and v.
+    masing
+        (factor, virgin curve) of Masing laws with a constant factor.
     lag
         Stiffness of structural damping [N/m].
-    rest
-        What remembers in another way, in x, v and ``Inner`` symbols.
+    loop
+        All other terms, in x, v and ``Inner`` symbols.
     memory
-        The law taken apart.
+        The memories of the law.
     """
 
     plain: sympy.Expr
-    alone: tuple[tuple[sympy.Expr, sympy.Expr], ...]
+    masing: tuple[tuple[sympy.Expr, sympy.Expr], ...]
     lag: sympy.Expr
-    rest: sympy.Expr
+    loop: sympy.Expr
     memory: MemoryForm
 
     @property
     def centred(self) -> bool:
-        """Whether the loops of ``rest`` have no mean about X0 = 0."""
-        return self.rest == 0 or is_odd(self.rest, self.memory)
+        """True if the force of ``loop`` has no mean about X0 = 0."""
+        return self.loop == 0 or is_odd(self.loop, self.memory)
 
 
-def take_apart(force: sympy.Expr) -> Parts | None:
-    """Sort the addends of a law by what they remember; None for a law without memory."""
+def split_by_memory(force: sympy.Expr) -> Parts | None:
+    """Sort the addends of a law by the kind of their memory; None for a law without memory."""
     memory = memory_form(force)
     if memory is None:
         return None
-    plain, rest = list[sympy.Expr](), list[sympy.Expr]()
+    plain, loop = list[sympy.Expr](), list[sympy.Expr]()
     factors: dict[Inner, sympy.Expr] = {}
     linear = {*(curve.symbol for curve in memory.curves), memory.lag}
     for addend in sympy.Add.make_args(expanded(memory.force)):
@@ -88,15 +83,15 @@ def take_apart(force: sympy.Expr) -> Parts | None:
         if len(inside) == 1 and inside[0] in linear and not moves(factor) and addend == factor * inside[0]:
             factors[inside[0]] = factors.get(inside[0], sympy.S.Zero) + factor
         else:
-            rest.append(addend)
-    alone = tuple((factors[c.symbol], c.virgin) for c in memory.curves if c.symbol in factors)
+            loop.append(addend)
+    masing = tuple((factors[c.symbol], c.virgin) for c in memory.curves if c.symbol in factors)
     lag = sympy.S.Zero if memory.lag is None else factors.get(memory.lag, sympy.S.Zero)
-    return Parts(sympy.Add(*plain), alone, lag, sympy.Add(*rest), memory)
+    return Parts(sympy.Add(*plain), masing, lag, sympy.Add(*loop), memory)
 
 
 @dataclass(frozen=True, slots=True)
 class _Added:
-    """What one memory adds: formulas, how they are evaluated, what is left to quadrature, how sure it is."""
+    """The terms that one memory adds: formulas, numerical form, part by quadrature, error of the proof."""
 
     stiffness: sympy.Expr
     damping: sympy.Expr
@@ -120,7 +115,7 @@ class _Formulas:
     branches: Branches
 
     def harmonics(self, X_: Array, mean: Array, omega: Array, values: Mapping[str, Array]) -> list[Array]:
-        """Give stiffness [N/m], damping [N s/m] and mean force [N] of cycles; arrays (n,)."""
+        """Return stiffness [N/m], damping [N s/m] and mean force [N] of cycles; arrays (n,)."""
         if not all(np.all(values[name] > 0) for name in self.positive):
             return self.branches.harmonics(X_, mean, omega, values)
         names = tuple(map(symbol, self.parameters))
@@ -128,15 +123,16 @@ class _Formulas:
         if not np.all(self.closed.holds(names, numbers)):
             return self.branches.harmonics(X_, mean, omega, values)
         found = [np.array(part) for part in self.closed.evaluate(X_, omega, names, numbers)]
-        odd = np.flatnonzero(self.closed.inaccurate(X_, omega, names, numbers, found))
-        if len(odd):
-            fields = {name: np.broadcast_to(value, X_.shape)[odd] for name, value in values.items()}
-            parts = self.branches.harmonics(X_[odd], mean[odd], omega[odd], fields)
-            found[0][odd], found[1][odd] = parts[0], parts[1]
+        rows = np.flatnonzero(self.closed.inaccurate(X_, omega, names, numbers, found))
+        if len(rows):
+            fields = {name: np.broadcast_to(value, X_.shape)[rows] for name, value in values.items()}
+            found[0][rows], found[1][rows], _ = self.branches.harmonics(
+                X_[rows], mean[rows], omega[rows], fields
+            )
         return [*found, np.zeros(X_.shape)]
 
     def along(self, phi: Array, X_: float, mean: float, omega: float, values: Mapping[str, float]) -> Array:
-        """Give the force [N] at phases (s,) of one cycle."""
+        """Return the force [N] at phases (s,) of one cycle."""
         return self.branches.along(phi, X_, mean, omega, values)
 
 
@@ -147,24 +143,24 @@ def add_memory(
     plain: DescribingFunction,
     known: frozenset[str],
 ) -> DescribingFunction:
-    """Add what the memories of a law contribute to the describing function of its memoryless part.
+    """Add the describing functions of the memories of a law to that of its memoryless part.
 
     ``known`` are parameters that are known to be positive.
     """
-    added = [_masing(factor, virgin, known) for factor, virgin in parts.alone]
+    added = [_masing(factor, virgin, known) for factor, virgin in parts.masing]
     if parts.lag != 0:
         added.append(_structural(parts.lag))
-    if parts.rest != 0:
+    if parts.loop != 0:
         added.append(_loop(force, parts))
     positive = tuple(sorted({*plain.positive, *(name for part in added for name in part.positive)}))
-    said = taken_as_positive(plain.positive)
-    remarks = [*taken_as_positive(positive), *(r for r in plain.remarks if r not in said)]
+    replaced = taken_as_positive(plain.positive)
+    remarks = [*taken_as_positive(positive), *(r for r in plain.remarks if r not in replaced)]
     formulas = [
         sympy.Add(getattr(plain, what), *(getattr(part, short) for part in added))
         for what, short in (("stiffness", "stiffness"), ("damping", "damping"), ("mean_balance", "balance"))
     ]
-    every = [part.checked_to for part in added] + ([] if plain.force == 0 else [plain.checked_to])
-    checks = [check for check in every if check is not None]
+    all_checks = [part.checked_to for part in added] + ([] if plain.force == 0 else [plain.checked_to])
+    checks = [check for check in all_checks if check is not None]
     return replace(
         plain,
         force=force,
@@ -174,7 +170,7 @@ def add_memory(
         mean_balance=formulas[2],
         mean=plain.mean if all(part.balance == 0 for part in added) else None,
         closed_form=not any(formula.has(sympy.Integral) for formula in formulas),
-        checked_to=max(checks) if len(checks) == len(every) else None,
+        checked_to=max(checks) if len(checks) == len(all_checks) else None,
         regimes=tuple(dict.fromkeys((*plain.regimes, *(c for part in added for c in part.conditions)))),
         limits=tuple(_limits(plain, added)),
         remarks=(*remarks, *(remark for part in added for remark in part.remarks)),
@@ -235,10 +231,12 @@ def _masing(factor: sympy.Expr, virgin: sympy.Expr, assumed: frozenset[str]) -> 
             conditions = (*closed.stiffness.conditions, *closed.damping.conditions)
             evaluated = _Formulas(closed, names, positive, branches)
             texts = [readable(a) for a in closed.assumed if len(a.free_symbols) == 2]
-            said = [f"They hold for positive {' and '.join(texts)}; otherwise quadrature."] if texts else []
+            remarks = (
+                [f"They hold for positive {' and '.join(texts)}; otherwise quadrature."] if texts else []
+            )
             return _Added(
                 *closed.shown, sympy.S.Zero, evaluated, conditions, checked_to=error, positive=positive,
-                limits=ends, remarks=tuple(said),
+                limits=ends, remarks=tuple(remarks),
             )  # fmt: skip
         remark = (
             f"The closed form of masing({readable(virgin)}) differs from quadrature by {error:.1e}, more "
@@ -253,6 +251,10 @@ def _masing(factor: sympy.Expr, virgin: sympy.Expr, assumed: frozenset[str]) -> 
     )  # fmt: skip
 
 
+PROOF_CYCLES = 2 * MIN_PROOF_CYCLES
+"""Random cycles of a proof: at least eight in every regime of five thresholds."""
+
+
 def _worst(
     closed: ClosedMasing,
     branches: Branches,
@@ -263,63 +265,60 @@ def _worst(
     """Compare formulas with quadrature of the loop, branch by branch, on random cycles in all regimes."""
     rng = np.random.default_rng(seed)
     names = tuple(map(symbol, branches.parameters))
+    # the assumptions of the formula hold for some of these sets of parameters
+    drawn = 10 * PROOF_CYCLES
     numbers: tuple[Array, ...] = ()
     for name in branches.parameters:
-        sign = signs.get(name, rng.choice((-1.0, 1.0), DRAWN))
-        numbers = (*numbers, np.exp(rng.uniform(-1, 1, DRAWN)) * sign)
-    rows = np.flatnonzero(np.broadcast_to(closed.holds(names, numbers), (DRAWN,)))[:SETS]
-    if len(rows) < SETS:
+        sign = signs.get(name, rng.choice((-1.0, 1.0), drawn))
+        numbers = (*numbers, np.exp(rng.uniform(-1, 1, drawn)) * sign)
+    rows = np.flatnonzero(np.broadcast_to(closed.holds(names, numbers), (drawn,)))[:PROOF_CYCLES]
+    if len(rows) < PROOF_CYCLES:
         return float(np.inf)
     numbers = tuple(number[rows] for number in numbers)
     values = dict(zip(branches.parameters, numbers, strict=True))
-    amplitude, omega = np.exp(rng.uniform(-1.2, 1.2, SETS)), np.exp(rng.uniform(-1, 1, SETS))
+    amplitude = np.exp(rng.uniform(-1.2, 1.2, PROOF_CYCLES))
+    omega = np.exp(rng.uniform(-1, 1, PROOF_CYCLES))
     if levels:
-        edges = np.sort(
-            np.stack([*np.broadcast_arrays(*compiled(levels, names)(*numbers), amplitude)][:-1]), 0
-        )
-        edges = np.concatenate((0.2 * edges[:1], edges, 3 * edges[-1:]))
-        slot = np.arange(SETS) % (len(edges) - 1)
-        low, high = edges[slot, np.arange(SETS)], edges[slot + 1, np.arange(SETS)]
-        # coinciding thresholds leave nothing between them
-        inside = low + (high - low) * rng.uniform(0.05, 0.95, SETS)
-        amplitude = np.where(high - low > 1e-6 * high, inside, amplitude)
-    reference = branches.projected(amplitude, np.zeros(SETS), omega, values)
-    found = closed.evaluate(amplitude, omega, names, numbers)
+        edges = np.broadcast_arrays(*compiled(levels, names)(*numbers), amplitude)[:-1]
+        amplitude = between_thresholds(rng, np.sort(np.stack(edges, axis=1), axis=1), amplitude)
+    reference = branches.projected(amplitude, np.zeros(PROOF_CYCLES), omega, values)
+    stiffness, damping = closed.evaluate(amplitude, omega, names, numbers)
     with np.errstate(all="ignore"):
-        errors = np.maximum(np.abs(found[0] - reference[0]), omega * np.abs(found[1] - reference[1]))
-        # where nothing acts yet there is no force to compare with: both must be zero
+        errors = np.maximum(np.abs(stiffness - reference[0]), omega * np.abs(damping - reference[1]))
+        # without any force there is nothing to compare with: both must be zero
         errors = np.where(reference[3] > 0, errors / reference[3], errors)
-    known = np.isfinite(reference[3])
-    if np.count_nonzero(known) < LEAST_SETS:
+    finite = np.isfinite(reference[3])
+    if np.count_nonzero(finite) < MIN_PROOF_CYCLES:
         return float(np.inf)
-    return float(np.max(np.where(np.isfinite(errors[known]), errors[known], np.inf)))
+    return float(np.max(np.where(np.isfinite(errors[finite]), errors[finite], np.inf)))
 
 
 def _loop(force: sympy.Expr, parts: Parts) -> _Added:
-    """Add what only a loop can say: states with equations, and forces that are not linear in a memory."""
-    memory, rest = parts.memory, parts.rest
-    names = tuple(sorted({s.name for s in rest.free_symbols if not isinstance(s, Inner)} - {"x", "v"}))
+    """Integrate terms along their loop: states with equations, and forces not linear in a memory."""
+    memory, force_of_loop = parts.memory, parts.loop
     evaluated: Remembered
     error: float | None = None
-    said: tuple[str, ...] = ()
-    along = on_cycle(rest, memory)
+    remarks: tuple[str, ...] = ()
+    along = on_cycle(force_of_loop, memory)
     if any(isinstance(free, Inner) for free in along.free_symbols):
         loop = Loop.of(along, memory.rates)
-        (error, said), evaluated = try_loops(loop), loop
+        (error, remarks), evaluated = try_loops(loop), loop
     else:
         names = tuple(sorted({s.name for s in along.free_symbols} - {"x", "v", "X", "X0", "omega"}))
         evaluated = Branches(along, names)
     mean = sympy.S.Zero if parts.centred else X0
     moving = {STATE_X: mean + X * sympy.sin(PHI), STATE_V: OMEGA * X * sympy.cos(PHI)}
-    shown = rest.xreplace({z: sympy.Function(z.name, real=True)(PHI) for z in memory.states} | moving)
+    shown = force_of_loop.xreplace(
+        {z: sympy.Function(z.name, real=True)(PHI) for z in memory.states} | moving
+    )
     weights = (sympy.sin(PHI) / (sympy.pi * X), sympy.cos(PHI) / (sympy.pi * OMEGA * X), 1 / (2 * sympy.pi))
     integrals = []
     for weight in weights:
         outside, inside = (shown * weight).as_independent(PHI, as_Add=False)
         integrals.append(outside * sympy.Integral(inside, (PHI, 0, 2 * sympy.pi)))
-    where: dict[sympy.Expr, sympy.Expr] = {curve.symbol: Masing(curve.virgin) for curve in memory.curves}
-    where |= {Inner(state.name, real=True): state for state in force.atoms(State)}
-    remainder = rest.xreplace(where)
+    memories: dict[sympy.Expr, sympy.Expr] = {curve.symbol: Masing(curve.virgin) for curve in memory.curves}
+    memories |= {Inner(state.name, real=True): state for state in force.atoms(State)}
+    remainder = force_of_loop.xreplace(memories)
     remark = f"No closed form is known for {readable(remainder)}; its loop is computed and projected."
     balance = sympy.S.Zero if parts.centred else integrals[2]
     return _Added(
@@ -329,5 +328,5 @@ def _loop(force: sympy.Expr, parts: Parts) -> _Added:
         evaluated,
         remainder=remainder,
         checked_to=error,
-        remarks=(remark, *said),
+        remarks=(remark, *remarks),
     )

@@ -55,7 +55,7 @@ class Stiffness:
 
 
 def units_of_states(oscillator: Oscillator, force: ComplexArray, omega: Array) -> Array | None:
-    """What one metre of displacement makes of each of D numbers [its unit/m], (D,); None without states.
+    """Return the change of each of D state numbers for one metre of displacement [its unit/m], (D,).
 
     From the equations z' = g(x, v, z) at rest: |dg/dv| + |dg/dx|/omega; what depends on neither follows the
     other states. Only norms and the distances of neighbouring orbits depend on it.
@@ -384,7 +384,7 @@ _PIVOT = 1e-4  # of an elimination without exchange of rows: below, it loses mor
 
 @dataclass(frozen=True, slots=True, eq=False)
 class FixedPoints:
-    """What Newton's method made of k points: ``y`` (D, k), ``jacobian`` (D, D, k), ``found`` (k,)."""
+    """The result of Newton's method for k points: ``y`` (D, k), ``jacobian`` (D, D, k), ``found`` (k,)."""
 
     y: Array
     jacobian: Array

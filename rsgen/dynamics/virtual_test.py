@@ -156,7 +156,7 @@ class SimulatedTest(VirtualTest):
 
     @property
     def response_held(self) -> bool:
-        """Whether levels are amplitudes of the response, and the force is what the test finds."""
+        """True if levels are amplitudes of the response and the force follows from them."""
         return self.control in ("response", "continuation")
 
     @property
@@ -166,12 +166,12 @@ class SimulatedTest(VirtualTest):
 
     @property
     def in_time(self) -> bool:
-        """Whether the law is integrated in time."""
+        """True if the law is integrated in time."""
         return self.method == "time"
 
     @property
     def settles(self) -> bool:
-        """Whether a motion must settle under a given force before it counts."""
+        """True if every point must settle to a steady state under a given force."""
         return self.in_time and self.control == "force"
 
     @property
@@ -380,7 +380,7 @@ class MultisineTest(VirtualTest):
 
     @property
     def many_lines(self) -> bool:
-        """Whether the force of a record has many lines: it is a multisine."""
+        """True if the force has many lines, that is, is a multisine."""
         return True
 
     def known_mass(self, mass: float | None) -> float | None:

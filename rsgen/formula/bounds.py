@@ -17,7 +17,7 @@ from rsgen.common.errors import ExpressionError
 from rsgen.formula.names import Masing, Structural, shown
 
 # ----------------------------------------------------------------------------
-# Faults of the algebra library on texts that nobody would write: a refusal of the law, with its kind.
+# Faults of the algebra library on hostile texts become a refusal of the law, with its kind.
 
 _LIBRARIES = ("sympy", "mpmath")
 
@@ -49,7 +49,7 @@ def algebra_faults() -> Iterator[None]:
 
 
 def _of_library(trace: TracebackType | None) -> bool:
-    """Whether a fault began in the algebra library."""
+    """Decide whether a fault began in the algebra library."""
     while trace is not None and trace.tb_next is not None:
         trace = trace.tb_next
     return trace is not None and str(trace.tb_frame.f_globals.get("__name__")).startswith(_LIBRARIES)
@@ -115,7 +115,7 @@ def power_terms(base: Value, exponent: Value) -> int:
 
 
 def check_power(base: Value, exponent: Value) -> str | None:
-    """What is wrong with a power before it is worked out; None where nothing is."""
+    """Return the fault of a power before it is worked out, or None."""
     if base.expr == 0 and not (exponent.number is not None and exponent.number > 0):
         return "is a power of zero that is not defined"
     if exponent.number is None:
@@ -166,7 +166,7 @@ def _fault_of(part: sympy.Basic) -> str | None:
 
 
 def check_value(expr: sympy.Expr, terms: int) -> str | None:
-    """What is wrong with a part just built; None where it is finite, real and small enough.
+    """Return the fault of a part just built; None where it is finite, real and small enough.
 
     Only the top levels are looked at: what lies deeper was checked when it was built.
     """
@@ -181,7 +181,7 @@ def check_value(expr: sympy.Expr, terms: int) -> str | None:
 
 
 def check_finished(expr: sympy.Expr) -> str | None:
-    """What is wrong with a whole formula; None where every part of it belongs to the language."""
+    """Return the fault of a whole formula; None where every part of it belongs to the language."""
     for part in sympy.preorder_traversal(expr):
         fault = _fault_of(part)
         if fault:

@@ -26,7 +26,7 @@ _WHOLE_POWERS = 8
 """Powers of a name up to this are printed as products, which arrays take ten times quicker."""
 
 _AS_WRITTEN = (sympy.Expr, Relational)
-"""What is printed needs no evaluation, which may take seconds."""
+"""An expression to be printed needs no evaluation, which may take seconds."""
 
 
 def _printer() -> Any:
@@ -118,7 +118,7 @@ def _shared(
 
 
 def _real(value: Any) -> Array:
-    """Give values as real numbers; one that is complex, as acos(2) beside x, is not defined."""
+    """Return values as real numbers; a complex one, as of acos(2) + x, becomes nan."""
     array = np.asarray(value)
     if not np.iscomplexobj(array):
         return np.asarray(array, dtype=np.float64)

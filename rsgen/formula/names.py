@@ -187,7 +187,7 @@ def renamed(
     names: Mapping[sympy.Symbol, sympy.Symbol],
     as_written: tuple[type, ...] = _EXTREMES,
 ) -> sympy.Expr:
-    """Give symbols new names, which may be the old ones; what holds one of them is built anew.
+    """Return symbols new names, which may be the old ones; what holds one of them is built anew.
 
     Parameters
     ----------

@@ -38,7 +38,7 @@ def natural(text: str) -> list[tuple[int, int, str]]:
 
 
 def depends_on_state(expr: sympy.Basic) -> bool:
-    """Whether x, v, X, X0, omega, t or F occurs."""
+    """Decide whether x, v, X, X0, omega, t or F occurs."""
     return not _STATE_SYMBOLS.isdisjoint(free_symbols(expr))
 
 
@@ -90,7 +90,7 @@ def split_sum(expr: sympy.Expr) -> list[sympy.Expr]:
 
 
 def is_negative(term: sympy.Expr) -> bool:
-    """Whether a term is written with a minus sign in front."""
+    """Decide whether a term is written with a minus sign in front."""
     coefficient = term.as_coeff_Mul()[0]
     return bool(coefficient.is_number and coefficient.is_negative)
 
@@ -249,7 +249,7 @@ class Printer(ABC):
     """Writes an expression; the forms of products, powers, calls and cases are the subclass's own."""
 
     reads_back = False
-    """Whether ``parse`` must find the same expression: it multiplies a number or minus sign into a sum."""
+    """True if ``parse`` must find the same expression: it multiplies a number or minus sign into a sum."""
 
     def write(self, expr: sympy.Basic, level: Level = Level.ANY) -> str:
         """The written form of any part of a formula, in parentheses where its surroundings need them."""
@@ -378,7 +378,7 @@ class Printer(ABC):
         return "pi"
 
     def foreign(self, expr: sympy.Basic) -> tuple[str, Level]:
-        """What is not in the language."""
+        """Refuse an expression that is not in the language."""
         raise ExpressionError(f"{shown(str(expr))} is not in the language of formulas")
 
     @abstractmethod

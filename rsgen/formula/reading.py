@@ -204,7 +204,7 @@ def _nested(expr: sympy.Basic) -> int:
 
 
 def check_arguments(name: str, values: Sequence[Value]) -> str | None:
-    """What is wrong with the arguments before the function is worked out; None where nothing is."""
+    """Return the fault of the arguments before the function is worked out, or None."""
     numbers = [value.number for value in values]
     if any(number is not None and math.isinf(number) for number in numbers):
         return "is a function of a number beyond 1e308"
@@ -280,7 +280,7 @@ _COMPARE: dict[type[ast.cmpop], Callable[..., Any]] = {
     ast.GtE: sympy.Ge,
 }
 _SYMPY_FAULTS = (ArithmeticError, AttributeError, LookupError, NotImplementedError, TypeError, ValueError)
-"""What SymPy raises while it builds an expression of values that a function is not defined for."""
+"""Errors of SymPy while it builds an expression at values for which a function is not defined."""
 
 
 def parse(text: str, names: Collection[str] | None = None) -> sympy.Expr:

@@ -1,4 +1,4 @@
-"""What kind of law it is: odd, smooth or rough, and in which of its parameters it is linear.
+"""Properties of a law: odd, smooth or rough, and in which of its parameters it is linear.
 
 Linear at once, or only by a common factor of several."""
 
@@ -410,7 +410,7 @@ class Character:
 
     @property
     def mean_free(self) -> bool:
-        """Whether a law with memory has no spring that holds the mean displacement.
+        """True if a law with memory has no spring that holds the mean displacement.
 
         A loop is the same wherever it lies, so that the mass stays where the start left it.
         """
@@ -429,7 +429,7 @@ def character(force: sympy.Expr) -> Character:
     linear = jointly_linear(pieces, parameters)
     onsets = _onsets(force, parameters)
     even = tuple(
-        i for i in linear if _is_mirrored(slope_between_jumps(force, parameters[i]), states, parameters, 1.0)
+        i for i in linear if is_mirrored(slope_between_jumps(force, parameters[i]), states, parameters, 1.0)
     )
     without = force.subs({parameters[i]: 0 for i in even})
     return Character(
@@ -438,9 +438,9 @@ def character(force: sympy.Expr) -> Character:
         nonlinear=tuple(i for i in range(len(parameters)) if i not in linear),
         scaled=scaled_groups(len(parameters), linear, partial(is_scaled, pieces, parameters)),
         positive=(),
-        odd=_is_mirrored(force, states, parameters, -1.0),
+        odd=is_mirrored(force, states, parameters, -1.0),
         even=even,
-        mirrored=_is_mirrored(without, states, parameters, -1.0),
+        mirrored=is_mirrored(without, states, parameters, -1.0),
         remembers=False,
         switched=any(piece.switches for piece in pieces),
         rough=any(jump or corner for jump, corner in onsets),
@@ -481,10 +481,10 @@ def _character_with_memory(force: sympy.Expr, memory: MemoryForm) -> Character:
         i
         for i in linear
         if parameters[i] not in remembered
-        and _is_mirrored(slope_between_jumps(law, parameters[i]), moving, parameters, 1.0)
+        and is_mirrored(slope_between_jumps(law, parameters[i]), moving, parameters, 1.0)
     )
     without = law.subs({parameters[i]: 0 for i in even})
-    odd = all(_is_mirrored(rate, moving, parameters, -1.0) for rate in rates.values())
+    odd = all(is_mirrored(rate, moving, parameters, -1.0) for rate in rates.values())
     switched = bool(memory.curves) or any(
         piece.switches for part in (law, *rates.values()) for piece in normal_form(part).pieces
     )
@@ -496,9 +496,9 @@ def _character_with_memory(force: sympy.Expr, memory: MemoryForm) -> Character:
         positive=tuple(
             i for i in nonlinear if any(positive_in(c.virgin, parameters[i]) for c in memory.curves)
         ),
-        odd=odd and _is_mirrored(law, moving, parameters, -1.0),
+        odd=odd and is_mirrored(law, moving, parameters, -1.0),
         even=even,
-        mirrored=odd and _is_mirrored(without, moving, parameters, -1.0),
+        mirrored=odd and is_mirrored(without, moving, parameters, -1.0),
         remembers=True,
         switched=switched,
         # branches meet in a corner at every reversal
@@ -548,7 +548,7 @@ def _differs(term: sympy.Expr, variable: sympy.Symbol, threshold: sympy.Expr) ->
     return True if known.has(sympy.zoo) or not vanishes(known) else None
 
 
-def _is_mirrored(
+def is_mirrored(
     force: sympy.Expr, moving: Sequence[sympy.Symbol], parameters: Sequence[sympy.Symbol], sign: float
 ) -> bool:
     """Decide whether n(-x, -v, -z) = sign n(x, v, z)."""

@@ -40,7 +40,7 @@ with memory is that of its loops."""
 
 
 def force_keys(force: sympy.Expr) -> tuple[str, ...]:
-    """Give the keys of FORCE_KEYS that a law has: of one with memory only its loops are defined."""
+    """Return the keys of FORCE_KEYS that a law has: of one with memory only its loops are defined."""
     return ("loop_force",) if remembers(force) else ("stiffness_force", "damping_force")
 
 
@@ -124,7 +124,7 @@ def refuse_library_names(force: sympy.Expr) -> None:
 
 
 def _constant_forces(force: sympy.Expr) -> tuple[str, ...]:
-    """Give the names that stand alone as terms of a law, or times a number: no x or v moves them."""
+    """Return the names that stand alone as terms of a law, or times a number: no x or v moves them."""
     terms = (term.as_coeff_Mul()[1] for term in sympy.Add.make_args(force))
     states = {symbol("x"), symbol("v")}
     return tuple(sorted(term.name for term in terms if term.is_Symbol and term not in states))
@@ -403,7 +403,7 @@ class Law(_Summand):
 
     @property
     def added(self) -> sympy.Expr:
-        """What it adds to a linear spring and a linear damper [N], for a ranking."""
+        """The terms [N] that the law adds to a linear spring and a linear damper, for a ranking."""
         if self.search is not None and self.search.formula:
             return with_memory(parse(self.search.formula), self.search.memory)
         states = (symbol("x"), symbol("v"))
@@ -470,7 +470,7 @@ class Law(_Summand):
 
 
 LawLike = str | Element | Law
-"""What can be taken as a law: a formula, an element, a law."""
+"""A formula, an element or a law."""
 
 
 def _as_law(law: object) -> Law:
@@ -557,7 +557,7 @@ class Library:
     """
 
     def __getitem__(self, name: str) -> Law:
-        """Give a law by name.
+        """Return a law by name.
 
         Raises
         ------

@@ -1,4 +1,4 @@
-"""What no test can identify: parameters that act in products or sums only, found from the law alone.
+"""Parameters that no test can identify, because they act in products or sums only; from the law alone.
 
 Along motions of all sizes the force is a function of the parameters. Where its derivatives do not have full
 rank, whatever the values of the parameters, no motion separates them: a null vector that is the same in the
@@ -89,7 +89,7 @@ def _paired(force: sympy.Expr, one: sympy.Expr, other: sympy.Expr) -> Group | No
 
 
 def in_order(force: sympy.Expr, values: Mapping[str, float]) -> dict[str, float]:
-    """Give the values of equal terms the order of their names: the first parameter of each grows.
+    """Sort the values of equal terms by the order of their names: the first parameter of each grows.
 
     Parameters
     ----------
@@ -199,7 +199,7 @@ def combinations_of(force: sympy.Expr) -> tuple[Combination, ...]:
 
 
 def _null_space(names: tuple[str, ...], force: sympy.Expr, seed: int) -> tuple[Array, Array] | None:
-    """Give (d, p) directions in the logarithms of the parameters that change no force, and the values."""
+    """Return (d, p) directions in the logarithms of the parameters that change no force, and the values."""
     rng = np.random.default_rng(seed)
     values = np.exp(rng.uniform(-0.7, 0.7, len(names)))
     rows = _slopes(force, values, rng)
@@ -217,7 +217,7 @@ def _null_space(names: tuple[str, ...], force: sympy.Expr, seed: int) -> tuple[A
 
 
 def _slopes(force: sympy.Expr, values: Array, rng: np.random.Generator) -> Array:
-    """Give (m, p) derivatives of the force along random motions by the logarithms of the parameters."""
+    """Return (m, p) derivatives of the force along random motions by the logarithms of the parameters."""
     law = compile_law(force)
     phase = 2 * np.pi * np.arange(SAMPLES) / SAMPLES
     size = np.exp(rng.uniform(np.log(SMALLEST), np.log(LARGEST), (MOTIONS, 1)))

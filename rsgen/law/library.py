@@ -35,7 +35,7 @@ class Range:
 
 @dataclass(frozen=True, slots=True)
 class Search:
-    """How a ranking tries a law beside a linear spring and a linear damper.
+    """The way in which a ranking tries a law added to a linear spring and a linear damper.
 
     Parameters
     ----------
@@ -48,7 +48,7 @@ class Search:
     spring
         True where the law has a stiffness at rest: the linear spring is then left out.
     same
-        Other laws of the library that are the same beside a linear spring.
+        Other laws of the library that are the same if a linear spring is added.
     memory
         g(x, v, z) of z' = g for the states in ``formula``.
     """

@@ -143,7 +143,7 @@ def make_loops(
     step: Array,
     values: Sequence[Any] | Array,
 ) -> list[Loop]:
-    """Give the loop of every virgin curve along motions: displacement, velocity, acceleration (n, s)."""
+    """Return the loop of every virgin curve along motions: displacement, velocity, acceleration (n, s)."""
     if not virgins:
         return []
     at = find_reversals(*motion, step)
@@ -313,7 +313,7 @@ def _closing(gain: Array, ends: Array, sign: float) -> Array:
 
 
 def _block_length(samples: int) -> int:
-    """Give the divisor of a number of samples that is next to its root."""
+    """Return the divisor of a number of samples that is next to its root."""
     length = int(samples**0.5)
     while samples % length:
         length -= 1
@@ -414,7 +414,7 @@ def periodic_states(
 
 @dataclass(slots=True, eq=False)
 class _OpenLoops:
-    """What n loops lack to be closed, as problems of Newton's method; unknowns (n, q s) are their states."""
+    """The closure of n loops as problems of Newton's method; the unknowns (n, q s) are their states."""
 
     equations: Sequence[SwitchedSum]
     motion: tuple[Array, Array, Array]
@@ -583,7 +583,7 @@ def compile_loops(form: MemoryForm, parameters: tuple[str, ...]) -> Loops:
 
 
 def from_rest(form: MemoryForm) -> sympy.Expr:
-    """Give n(x, v) as reached from rest at once: states and lag zero, Masing laws on their virgin curve."""
+    """Return n(x, v) as reached from rest at once: states and lag zero, Masing laws on their virgin curve."""
     x = symbol("x")
     size = sympy.Abs(x)
     places = dict.fromkeys(form.states, sympy.S.Zero)

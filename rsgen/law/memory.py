@@ -86,7 +86,7 @@ def positive_in(curve: sympy.Expr, parameter: sympy.Symbol) -> bool:
 
 
 def _is_virgin(law: Numeric, values: Array) -> NDArray[np.bool_]:
-    """(t,) whether the curve is zero at zero and positive beside it, at values (p, t)."""
+    """(t,) whether the curve is zero at zero and positive near it, at values (p, t)."""
     (at_zero,), (beside,) = (law(np.full(values.shape[1], place), *values) for place in (0.0, _SMALL))
     zero = np.abs(at_zero) <= _AT_ZERO * np.abs(beside)
     return np.asarray(zero & (beside > 0) & np.isfinite(beside))
@@ -145,7 +145,7 @@ class MemoryForm:
 
 
 def with_memory(force: sympy.Expr, memory: Mapping[str, str | sympy.Expr]) -> sympy.Expr:
-    """Give the states of a law their equations.
+    """Attach equations to the states of a law.
 
     Parameters
     ----------
@@ -223,13 +223,13 @@ def _rate(name: str, text: str | sympy.Expr) -> sympy.Expr:
 
 
 def rates_of(force: sympy.Expr) -> dict[sympy.Symbol, sympy.Expr]:
-    """Give g of z' = g(x, v, z) for all states of a law, by symbol; empty where it has none."""
+    """Return g of z' = g(x, v, z) for all states of a law, by symbol; empty where it has none."""
     found = {z: rate for state in force.atoms(State) for z, rate in state.equations.items()}
     return {z: found[z] for z in sorted(found, key=str)}
 
 
 def equations_of(force: sympy.Expr) -> dict[str, str]:
-    """Give the equations of all states of a law as text, by name; empty where it has none."""
+    """Return the equations of all states of a law as text, by name; empty where it has none."""
     return {str(z): write(rate) for z, rate in rates_of(force).items()}
 
 
@@ -279,7 +279,7 @@ def memory_form(force: sympy.Expr) -> MemoryForm | None:
 
 
 def real_powers(virgin: sympy.Expr) -> sympy.Expr:
-    """Give a virgin curve whose powers are real on both sides of zero, as normal forms must be."""
+    """Return a virgin curve whose powers are real on both sides of zero, as normal forms must be."""
     broken: sympy.Expr = virgin.replace(
         lambda e: e.is_Pow and e.base.has(symbol("x")) and not e.exp.is_integer,
         lambda e: sympy.Abs(e.base) ** e.exp,

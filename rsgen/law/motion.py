@@ -102,7 +102,7 @@ def cycle_work(force: ComplexArray, fundamental: ComplexArray) -> Array:
 
 
 def feeds_exciter(force: ComplexArray, fundamental: ComplexArray) -> bool:
-    """Whether a structure works on its exciter, in sum and over most cycles (n,)."""
+    """Decide whether a structure works on its exciter, in sum and over most cycles (n,)."""
     work = cycle_work(force, fundamental)
     return bool(np.mean(work <= 0) > 0.5 and np.sum(work) < 0)
 

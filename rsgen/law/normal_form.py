@@ -73,18 +73,18 @@ def apart(expression: sympy.Expr, *, as_Add: bool) -> tuple[sympy.Expr, sympy.Ex
 
 
 def constant(value: sympy.Expr | int) -> Form:
-    """Give the form of a term that acts everywhere."""
+    """Return the form of a term that acts everywhere."""
     term = sympy.sympify(value)
     return {} if is_zero(term) else {ALWAYS: term}
 
 
 def is_zero(term: sympy.Expr) -> bool:
-    """Whether a term is zero as it is written; to prove it of a function may take the library seconds."""
+    """Decide whether a term is zero as it is written; a proof for a function may take SymPy seconds."""
     return bool(term.is_zero) if term.is_number else term == 0
 
 
 def step(x: sympy.Expr | None = None, v: sympy.Expr | None = None, other: sympy.Expr | None = None) -> Form:
-    """Give the form of one unit step: H(x - threshold), H(v - threshold) or H(other)."""
+    """Return the form of one unit step: H(x - threshold), H(v - threshold) or H(other)."""
     threshold = x if x is not None else v
     if threshold is sympy.oo:
         return {}
@@ -94,7 +94,7 @@ def step(x: sympy.Expr | None = None, v: sympy.Expr | None = None, other: sympy.
 
 
 def sign_of_parameter(value: sympy.Expr) -> Form:
-    """Give sign(value) of something that does not move, by the signs of its factors."""
+    """Return sign(value) of something that does not move, by the signs of its factors."""
     form = constant(1)
     whole = value if is_long(value) else sympy.factor_terms(sympy.together(value))
     for factor in sympy.Mul.make_args(whole):
@@ -112,7 +112,7 @@ def sign_of_parameter(value: sympy.Expr) -> Form:
 
 
 def step_of_parameter(value: sympy.Expr) -> Form:
-    """Give H(value) of something that does not move."""
+    """Return H(value) of something that does not move."""
     return scale(add(constant(1), sign_of_parameter(value)), sympy.Rational(1, 2))
 
 
@@ -247,7 +247,7 @@ def scale(form: Form, factor: sympy.Expr | int) -> Form:
 
 
 def complement(form: Form) -> Form:
-    """Give 1 - form; for a step this is the step the other way."""
+    """Return 1 - form; for a step this is the step the other way."""
     return add(constant(1), scale(form, -1))
 
 

@@ -206,7 +206,7 @@ class _FlatLatexPrinter(_LatexPrinter):
 
 
 def _is_wide(factor: sympy.Expr) -> bool:
-    """Whether a factor is too wide or too high to stand in a fraction or an exponent."""
+    """Decide whether a factor is too wide or too high to stand in a fraction or an exponent."""
     if isinstance(factor, sympy.Piecewise | sympy.Integral):
         return True
     return bool(
@@ -225,7 +225,7 @@ def _is_condition(expr: sympy.Basic) -> bool:
 
 
 def _is_definite(expr: sympy.Basic) -> bool:
-    """Whether this is an integral over one variable between limits."""
+    """Decide whether this is an integral over one variable between limits."""
     return isinstance(expr, sympy.Integral) and [len(limit) for limit in expr.limits] == [3]
 
 

@@ -56,7 +56,7 @@ Waves = tuple[Array, Array, Array]
 
 
 class Periodic(Protocol):
-    """What a law needs of n periodic motions: one period of them as waveforms (n, samples)."""
+    """One period of n motions: displacement, velocity, acceleration as waveforms (n, samples)."""
 
     def waveforms(self, samples: int) -> tuple[Array, Array, Array]:
         """Displacement [m], velocity [m/s] and acceleration [m/s^2]."""
@@ -110,7 +110,7 @@ class ForceLaw(Character):
 
     @property
     def acts_across(self) -> bool:
-        """Whether some elements follow the motion across two sensors."""
+        """True if some elements act on the motion between two sensors."""
         return len(self._parts) > 1
 
     def sample_parts(self, motions: Sequence[Waves], step: Array, values: Array) -> tuple[ForceSample, ...]:
@@ -180,7 +180,7 @@ class ForceLaw(Character):
         return self._sum((x, v), (zero, zero), zero, values)[0]
 
     def at(self, fixed: Mapping[str, float]) -> ForceLaw:
-        """Give the law of the other parameters: for equations along motions, with some values fixed."""
+        """Return the law of the other parameters: for equations along motions, with some values fixed."""
         numbers = np.array([fixed.get(name, np.nan) for name in self.parameters])
         free = np.flatnonzero(np.isnan(numbers)).tolist()
         if len(free) == len(numbers):

@@ -104,11 +104,6 @@ class NormalForm:
             )
         )
 
-    @property
-    def base(self) -> sympy.Expr:
-        """The sum of the terms that act everywhere."""
-        return sympy.Add(*(piece.term for piece in self.pieces if not piece.switches))
-
 
 def _switches(key: Key) -> tuple[Switch, ...]:
     switches = []
@@ -129,7 +124,7 @@ def _mapped(key: Key, change: Callable[[sympy.Expr], sympy.Expr]) -> Key:
 
 
 def _along_states(force: sympy.Expr) -> sympy.Expr:
-    """Give a law with memory as f(x, v, z): the states stand for what is remembered."""
+    """Return a law with memory as f(x, v, z): the states stand for what is remembered."""
     memory = memory_form(force)
     return force if memory is None else memory.force
 
@@ -194,7 +189,7 @@ def normal_form(force: sympy.Expr, positive: frozenset[str] = frozenset()) -> No
 
 
 def normal_form_at(force: sympy.Expr, values: Mapping[str, float]) -> NormalForm:
-    """Give the normal form near some values of the parameters: the same for every wording of a law.
+    """Return the normal form near some values of the parameters: the same for every wording of a law.
 
     Where the sign or the order of parameters decides (``abs(x) <= b`` is never true for a negative b), the
     normal form for all values has switches that meet or never act, and which ones depends on the wording.

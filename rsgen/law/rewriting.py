@@ -1,7 +1,7 @@
 """The walk through a law: every abs, sign, Heaviside, Piecewise, Min and Max becomes steps and terms.
 
-What is added and multiplied is taken apart wholly. Inside other functions (exp, log, non-integer powers,
-denominators) taking apart would give differences of huge or undefined numbers: exp(-abs(v)/w) would become
+Sums and products are decomposed completely. Inside other functions (exp, log, non-integer powers,
+denominators) a decomposition would give differences of huge or undefined numbers: exp(-abs(v)/w) would become
 exp(v/w) plus a step times (exp(-v/w) - exp(v/w)). There Abs(g) and Heaviside(s) of one switch stay, and a
 term is smooth between the switches.
 """
@@ -64,7 +64,7 @@ def _step_at(variable: sympy.Symbol, threshold: sympy.Expr) -> Form:
 
 
 def _signs_from_roots(variable: sympy.Symbol, roots: list[sympy.Expr]) -> Form:
-    """Give the sign of prod (variable - root)."""
+    """Return the sign of prod (variable - root)."""
     product = constant(1)
     for root in roots:
         product = multiply(product, add(constant(-1), scale(_step_at(variable, root), 2)))
@@ -72,7 +72,7 @@ def _signs_from_roots(variable: sympy.Symbol, roots: list[sympy.Expr]) -> Form:
 
 
 def _quadratic(variable: sympy.Symbol, a: sympy.Expr, b: sympy.Expr, c: sympy.Expr) -> Form:
-    """Give the sign of a s**2 + b s + c; a negative discriminant makes both roots one, which never acts."""
+    """Return the sign of a s**2 + b s + c; a negative discriminant merges both roots, without effect."""
     discriminant = sympy.expand(b**2 / 4 - a * c)
     if discriminant.is_nonpositive:
         return sign_of_parameter(a)
@@ -85,7 +85,7 @@ def _quadratic(variable: sympy.Symbol, a: sympy.Expr, b: sympy.Expr, c: sympy.Ex
 
 
 def _polynomial(factor: sympy.Expr, variable: sympy.Symbol) -> Form | None:
-    """Give the sign of an irreducible polynomial in one variable, or None where its roots are not known."""
+    """Return the sign of an irreducible polynomial in one variable, or None where its roots are not known."""
     if is_long(factor):
         return None
     try:
@@ -114,7 +114,7 @@ def _polynomial(factor: sympy.Expr, variable: sympy.Symbol) -> Form | None:
 
 
 def _monotone(factor: sympy.Expr) -> Form | None:
-    """Give the sign of a f(g) + c for an increasing f, by g against the inverse of f at -c/a."""
+    """Return the sign of a f(g) + c for an increasing f, by g against the inverse of f at -c/a."""
     offset, moving = apart(factor, as_Add=True)
     slope, inner = apart(moving, as_Add=False)
     known = _INVERSE.get(type(inner))
@@ -184,7 +184,7 @@ def _factored(function: sympy.Expr) -> tuple[tuple[sympy.Expr, int], ...]:
 
 
 def _explodes(expression: sympy.Expr) -> bool:
-    """Whether numbers are long, or powers of a number as exp(1e29) would be polynomials of that degree."""
+    """Decide whether numbers are long, or a power of a number, as exp(1e29), would be a long polynomial."""
     if any(_longest(number) > LARGEST_COEFFICIENT for number in expression.atoms(sympy.Rational)):
         return True
     powers = (power.exp for power in expression.atoms(sympy.Pow, sympy.exp) if power.exp.is_Rational)
@@ -197,7 +197,7 @@ def _longest(number: sympy.Rational) -> int:
 
 @lru_cache(maxsize=4096)
 def sign_of_smooth(function: sympy.Expr) -> Form:
-    """Give sign(s) of a function without switches of its own, as a form."""
+    """Return sign(s) of a function without switches of its own, as a form."""
     sign = constant(1)
     for factor, order in _factors(function):
         if order % 2:
@@ -206,7 +206,7 @@ def sign_of_smooth(function: sympy.Expr) -> Form:
 
 
 def step_of_smooth(function: sympy.Expr) -> Form:
-    """Give H(s) of a function without switches of its own, as a form."""
+    """Return H(s) of a function without switches of its own, as a form."""
     return scale(complement(scale(sign_of_smooth(function), -1)), sympy.Rational(1, 2))
 
 
@@ -225,13 +225,13 @@ def _switches(expression: sympy.Basic) -> bool:
 
 
 def reduce_law(force: sympy.Expr) -> Form:
-    """Give the form of a law; the sum of its terms times their steps is the law.
+    """Return the form of a law; the sum of its terms times their steps is the law.
 
     Raises
     ------
     ExpressionError
         The law is not real (``x**1.5``), not defined everywhere (a Piecewise that ends), contains a function
-        nobody knows, or has more pieces than any sensible law.
+        that is not known, or has more pieces than any sensible law.
     """
     if force.atoms(AppliedUndef) or force.has(sympy.I, sympy.zoo, sympy.nan, sympy.oo):
         raise ExpressionError(f"law: {force}: every function and number in it must be known, real and finite")
@@ -351,7 +351,7 @@ def _sign(inner: sympy.Expr) -> Form:
 
 
 def _step(inner: sympy.Expr) -> Form:
-    """Give H(s), s with switches of its own or without."""
+    """Return H(s), s with switches of its own or without."""
     if not moves(inner):
         return step_of_parameter(inner)
     if not _switches(inner):
@@ -363,7 +363,7 @@ def _step(inner: sympy.Expr) -> Form:
 
 
 def _step_of_distance(inner: sympy.Expr) -> Form | None:
-    """Give H(a abs(g) + c) with the two thresholds +-max(0, -c/a), which holds for either sign of c."""
+    """Return H(a abs(g) + c) with the two thresholds +-max(0, -c/a), which holds for either sign of c."""
     offset, moving = apart(inner, as_Add=True)
     slope, distance = apart(moving, as_Add=False)
     if not isinstance(distance, sympy.Abs) or _switches(distance.args[0]):
@@ -381,7 +381,7 @@ def _step_of_distance(inner: sympy.Expr) -> Form | None:
 
 
 def _step_by_cases(form: Form) -> Form:
-    """Give H(sum of terms behind steps): with one step on and off in turn, until none is left."""
+    """Return H(sum of terms behind steps): with one step on and off in turn, until none is left."""
     if len({single for key in form for single in _singles(key)}) > MOST_NESTED:
         raise ExpressionError(
             f"law: a condition with more than {MOST_NESTED} switches of its own; write it with fewer abs, "
@@ -419,7 +419,7 @@ def _without(key: Key, single: Key) -> Key:
 
 
 def _extreme(extreme: sympy.Max | sympy.Min) -> Form:
-    """Give Max(a, b) = b + (a - b) H(a - b), Min likewise with the step the other way."""
+    """Return Max(a, b) = b + (a - b) H(a - b), Min likewise with the step the other way."""
     still = [argument for argument in extreme.args if not moves(argument)]
     arguments = [argument for argument in extreme.args if moves(argument)]
     if still:

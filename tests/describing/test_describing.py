@@ -90,8 +90,7 @@ def test_equation_22_leaves_out_the_mean():
     found = derived.evaluate([0.1, 1.0, 10.0], 1.0, values)
     assert np.all(np.abs(found.stiffness / exact - 1) < 0.01)
     np.testing.assert_allclose(found.mean / [0.1, 1.0, 10.0], found.mean[0] / 0.1, rtol=1e-12)
-    assert any("transcendental" in remark for remark in derived.remarks)
-    assert any("exactly" in remark for remark in derived.remarks)
+    assert any("as a number" in remark for remark in derived.remarks)
 
 
 def test_quadratic_spring_has_its_mean_in_closed_form():

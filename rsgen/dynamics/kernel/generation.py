@@ -26,7 +26,7 @@ a transient has decayed for eight periods without closing a loop then, and the o
 to the virgin curve."""
 
 NOTHING, ALONE, EVERYTHING, WITHIN = 0.0, 1.0, 2.0, 3.0
-"""What the memory of a Masing law is at the start: none, a closed loop and nothing else, all its rows, a
+"""Kinds of memory of a Masing law at the start: none, a closed loop and nothing else, all its rows, a
 closed loop from which a larger motion leads to the virgin curve around its middle."""
 
 
@@ -53,7 +53,7 @@ class MemoryRows:
 
     @property
     def names(self) -> list[str]:
-        """What stands in each row from ``first`` on, as the kernel names it; then the stack."""
+        """The content of each row from ``first`` on, as the kernel names it; then the stack."""
         if not self.curves:
             return []
         forces = range(self.curves)

@@ -34,7 +34,7 @@ from rsgen.common.output import is_alive
 # A folder whose files only its user can write; each begins with a digest that finds damage.
 #
 # Machine code is loaded from here and runs as the user. So a folder or a file counts only when it belongs to
-# the user and nobody else can write it. That is asked of the opened descriptor, since what a name means can
+# the user and no other user can write it. That is asked of the opened descriptor, since what a name means can
 # change between two looks. A link, a pipe or a device is never followed, and the size of a file is known
 # before anything is read.
 
@@ -50,7 +50,7 @@ _PLAIN = getattr(os, "O_NOFOLLOW", 0) | getattr(os, "O_CLOEXEC", 0) | getattr(os
 
 
 class UntrustedFolderError(Exception):
-    """A folder cannot be made, or somebody else could have written what is in it; the text says why."""
+    """A folder cannot be made, or another user could have written what is in it; the text says why."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -66,7 +66,7 @@ class PrivateFolder:
     descriptor: int
 
     def read(self, name: str) -> bytes | None:
-        """Read what ``write`` wrote under a name; None where it is missing, damaged or somebody else's."""
+        """Read what ``write`` wrote under a name; None where it is missing, damaged or of another user."""
         whole = _read(self.descriptor, name)
         if whole is None or whole[:_DIGEST_BYTES] != _digest(name, whole[_DIGEST_BYTES:]):
             return None
@@ -104,7 +104,7 @@ def open_private_folder(path: Path) -> Iterator[PrivateFolder]:
     Raises
     ------
     UntrustedFolderError
-        It cannot be made or opened, is a link or no folder, belongs to somebody else, others may write into
+        It cannot be made or opened, is a link or no folder, belongs to another user, others may write into
         it, or the system cannot say (Windows).
     """
     if os.name != "posix":
@@ -137,7 +137,7 @@ def _make(path: Path) -> None:
 
 
 def _read(folder: int, name: str) -> bytes | None:
-    """Read a plain file of this user that nobody else can write."""
+    """Read a plain file of this user that no other user can write."""
     try:
         descriptor = os.open(name, os.O_RDONLY | _PLAIN, dir_fd=folder)
     except OSError:
@@ -182,7 +182,7 @@ _FOREIGN = {
     *("sin", "cos", "tan", "asin", "acos", "atan", "atan2", "sinh", "cosh", "tanh"),
     *("exp", "log", "pow", "sqrt", "fmod", "ldexp", "memset", "memcpy", "memmove"),
 }
-"""What machine code may call from outside itself; anything else would be missing when it is loaded."""
+"""Symbols that machine code may call; any other would be missing when it is loaded."""
 
 _OWNER = re.compile(r"^declare void( @NRT_MemInfo_call_dtor)(\([^)]*\)).*$", re.MULTILINE)
 """Numba frees arrays through this; those of a kernel belong to its caller, and nothing is ever freed."""
@@ -251,7 +251,7 @@ def _import(source: str, name: str) -> ModuleType:
 
 @contextmanager
 def _translation_only() -> Iterator[None]:
-    """Let numba translate to LLVM's language and no further, for as long as nobody else compiles.
+    """Let numba translate to LLVM's language and no further, for as long as no other thread compiles.
 
     Numba itself makes machine code of every function by itself and of all of them together; what is optimised
     once, at the end, compiles in half the time.

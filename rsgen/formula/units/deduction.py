@@ -230,7 +230,7 @@ class _Law:
 
 
 def _may_carry_unit(factor: sympy.Expr, rest: sympy.Expr) -> bool:
-    """Whether a number before a part may have a unit: in "1500*x", "562500*x**2/Fs", not in "a*x**3/3"."""
+    """Decide whether a number before a part may have a unit: in "1500*x", not in "a*x**3/3"."""
     if abs(factor) == 1:
         return False
     plain = max(abs(factor.p), factor.q) <= _PLAIN if factor.is_Rational else False

@@ -82,7 +82,7 @@ def sensor_unit(name: str, target: str) -> str:
 
 
 def sensor_factor(text: str, unit: str, target: str) -> float:
-    """Give the factor from numbers in ``unit`` to SI that the sheet of a sensor or amplifier says.
+    """Return the factor from numbers in ``unit`` to SI that the sheet of a sensor or amplifier says.
 
     Parameters
     ----------
@@ -224,7 +224,7 @@ class Scale:
     unit: str
 
     def label(self, what: str) -> str:
-        """Give an axis label, such as ``Amplitude X [mm]``."""
+        """Return an axis label, such as ``Amplitude X [mm]``."""
         return f"{what} [{self.unit}]" if self.unit else what
 
 

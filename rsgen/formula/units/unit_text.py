@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from pint import UnitRegistry
 
 # ----------------------------------------------------------------------------
-# Physical dimensions: what a unit measures, apart from its size.
+# Physical dimensions: the quantity that a unit measures, without its size.
 
 
 @dataclass(frozen=True, slots=True)
@@ -57,7 +57,7 @@ class Dimension:
 
     @property
     def name(self) -> str | None:
-        """What it measures, in words ("a force"), None where it has no common name."""
+        """The physical quantity in words ("a force"), None where it has no common name."""
         return _NAMES.get(str(self))
 
     def __str__(self) -> str:
