@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 import rsgen
-from rsgen.identification.lines.line_balance import Balance, Lines, NoiseOfBalance
-from rsgen.identification.lines.line_fit import errors_of, fit_lines
+from rsgen.identification.lines.line_balance import Balance, BalanceNoise, SpectralLines
+from rsgen.identification.lines.line_fit import fit_lines, parameter_covariance
 from rsgen.law.motion import harmonics_of, waveform
 from rsgen.law.numeric import ForceLaw, compile_law
 
@@ -32,19 +32,19 @@ def records(*, of_force: float, of_response: float, mean_known: bool = True) -> 
     )
 
 
-def lines_from(spectra: rsgen.MultisineSpectra, first: int = 1) -> Lines:
+def lines_from(spectra: rsgen.MultisineSpectra, first: int = 1) -> SpectralLines:
     """All lines from the first on, noisy or not, are taken from the record."""
     used = np.arange(LINES + 1)[None] > 0
-    return Lines(spectra, used, 256, np.array([first]), np.array([LINES]), LINES)
+    return SpectralLines(spectra, used, 256, np.array([first]), np.array([LINES]), LINES)
 
 
 def law_of(text: str) -> ForceLaw:
     return compile_law(rsgen.Law(text).force)
 
 
-def noise_of(lines: Lines, text: str, *values: float) -> NoiseOfBalance:
+def noise_of(lines: SpectralLines, text: str, *values: float) -> BalanceNoise:
     law, numbers = law_of(text), np.array(values)
-    balance = Balance.of(lines, law, numbers, MASS, NoiseOfBalance.unknown(lines, len(values)))
+    balance = Balance.of(lines, law, numbers, MASS, BalanceNoise.unknown(lines, len(values)))
     return balance.noise(lines, law, numbers, MASS)
 
 
@@ -73,7 +73,7 @@ def test_slopes_go_with_the_balance_as_the_mean_of_all_periods_does() -> None:
     # of k x the slope is x, and noise of x moves the balance by -(k - m omega^2) x
     spectra = records(of_force=0.0, of_response=1e-5)
     lines = lines_from(spectra)
-    found = noise_of(lines, "k*x", STIFFNESS).together[0, 0]
+    found = noise_of(lines, "k*x", STIFFNESS).cross_covariance[0, 0]
     omega = OMEGA0 * np.arange(LINES + 1)
     power = np.sum(np.abs(spectra.response[0] - spectra.mean_response[0]) ** 2, axis=0)
     expected = -(STIFFNESS - MASS * omega**2) * power / (PERIODS - 1) / PERIODS
@@ -89,15 +89,15 @@ def test_where_the_law_moves_itself_noise_of_the_force_counts_by_what_inertia_ta
     dynamic = STIFFNESS - MASS * omega**2 + 1j * omega * DAMPING
     share = np.where(omega < 6 * OMEGA0, -MASS * omega**2 / dynamic, 1.0)
     # the balance of every period, and the power that is expected of it
-    assert found.apart[0, :, 1:] == pytest.approx(share * apart[:, 1:], rel=1e-6, abs=1e-12)
+    assert found.deviation[0, :, 1:] == pytest.approx(share * apart[:, 1:], rel=1e-6, abs=1e-12)
     expected = np.abs(share) ** 2 * spectra.noise()[0][0, 1:] ** 2
-    assert found.shape[0, 1:] == pytest.approx(expected, rel=1e-6)
+    assert found.weight_shape[0, 1:] == pytest.approx(expected, rel=1e-6)
 
 
 def test_slopes_follow_the_mean_that_the_law_finds() -> None:
     spectra = records(of_force=0.0, of_response=0.0, mean_known=False)
     lines, law = lines_from(spectra), law_of("k*x + k2*x**2 + c*v")
-    values, none = np.array([DAMPING, STIFFNESS, SQUARE]), NoiseOfBalance.unknown(lines, 3)
+    values, none = np.array([DAMPING, STIFFNESS, SQUARE]), BalanceNoise.unknown(lines, 3)
     found = Balance.of(lines, law, values, MASS, none)
     for place, value in enumerate(values):
         step = np.zeros(3)
@@ -123,7 +123,7 @@ def test_errors_are_those_of_noise_on_the_force_alone() -> None:
     spectra, law = linear(of_force=0.02, of_response=0.0, seed=3), law_of("k*x + c*v")
     lines = lines_from(spectra)
     found = fit_lines(lines, law, {"m": MASS}, np.array([DAMPING, STIFFNESS]), MASS)
-    covariance = errors_of(found)[0]
+    covariance = parameter_covariance(found)[0]
     omega = OMEGA0 / 4 * np.arange(1, LINES + 1)
     variance = 0.02**2 / spectra.periods / 2 / np.array([np.sum((1e-3 * omega) ** 2), LINES * 1e-6])
     # a variance from 31 x 24 complex numbers, and lines that are weighed by it; a given mass has none

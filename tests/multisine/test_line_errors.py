@@ -10,13 +10,13 @@ from scipy.optimize import least_squares
 
 import rsgen
 from rsgen.data.oscillator import join_model
-from rsgen.identification.lines.line_balance import Balance, Lines, lines_of
+from rsgen.identification.lines.line_balance import Balance, SpectralLines, select_lines
 from rsgen.identification.lines.line_fit import (
     LineFit,
-    blocks_left_out,
-    errors_of,
+    band_jackknife,
+    band_parts,
     fit_lines,
-    parts_of_band,
+    parameter_covariance,
     start_values,
 )
 from rsgen.law.numeric import ForceLaw, compile_law
@@ -35,7 +35,7 @@ def records(noise: float) -> rsgen.MultisineSpectra:
     return rsgen.simulate(oscillator, test)
 
 
-def refitted(lines: Lines, fit: LineFit, law: ForceLaw) -> np.ndarray:
+def refitted(lines: SpectralLines, fit: LineFit, law: ForceLaw) -> np.ndarray:
     """Values and mass by scipy's least squares of the balance, with the weights of the whole."""
     base = fit.parameters
     weight = np.sqrt(2 / fit.variance)
@@ -54,17 +54,17 @@ def refitted(lines: Lines, fit: LineFit, law: ForceLaw) -> np.ndarray:
 @pytest.mark.parametrize("noise", [1e-3, 5e-3])
 def test_leaving_out_a_block_is_a_refit_without_it(formula: str, noise: float) -> None:
     law = compile_law(join_model(formula, None, None).force)
-    lines = lines_of(records(noise), None, switched=False)
+    lines = select_lines(records(noise), None, switched=False)
     with np.errstate(all="ignore"):
         fit = fit_lines(lines, law, {}, *start_values(lines, law, {}))
-        found = np.sqrt(np.diag(blocks_left_out(fit)))
-        groups = parts_of_band(lines)
+        found = np.sqrt(np.diag(band_jackknife(fit)))
+        groups = band_parts(lines)
         whole, moved = refitted(lines, fit, law), []
         for group in range(groups.max() + 1):
             used = np.array(lines.used)
             used[lines.used] = groups != group
             moved.append(refitted(replace(lines, used=used), fit, law) - whole)
-        covariance, freedom, wider = errors_of(fit)
+        covariance, freedom, wider = parameter_covariance(fit)
     count = len(moved)
     # Cameron and Miller, J. Human Resources 50, 2015: the sum over G groups, times (G - 1)/G
     np.testing.assert_allclose(

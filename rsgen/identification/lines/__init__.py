@@ -1,4 +1,4 @@
-"""Laws from periodic multisines: the balance of forces at every line, weighted by its noise."""
+"""Laws from periodic multisines: weighted least squares of the balance of forces at every line."""
 
 from __future__ import annotations
 

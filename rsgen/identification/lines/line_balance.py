@@ -1,17 +1,27 @@
-"""The balance of forces at the lines of periodic records: F_h = m (i h omega0)^2 X_h + N_h(x; p) + noise.
+"""Balance of forces at the lines of periodic records, and the noise of that balance.
 
-The law is evaluated along the mean motion of each record. Three things come from the single periods: the
-variance of the balance at each line, in which the noise of force and of response count as the law weighs
-them; the O(noise^2) bias of the law along a noisy motion (along the mean of P periods it is a P-th of what it
-is along one, so that (mean of N(x_p) - N(mean))/(P - 1) is left, the jackknife); and how the noise of the
-slopes goes with that of the balance, which in plain least squares would bias the parameters (errors in
-variables).
+With F_h and X_h the force and the displacement at line h, omega0 the fundamental frequency, m the mass and
+N_h(p) the spectrum of the law n(x, v; p) along the measured mean motion, the balance of line h is
 
-Lines in which the noise hides the response, and those above the record, are not taken from it: there the law
-itself gives the motion by iteration, above with inertia, X_h = (F_h - N_h)/(m (i h omega0)^2), below with the
-dynamic stiffness of its mean slopes. So noise reaches neither the velocity nor, as of accelerations divided
-by omega^2, the lowest lines, and a law with corners and jumps sees a motion that has all its lines. What is
-left of the balance at such lines is the inertia of how far the record is from the law's motion.
+    e_h = F_h - m (i h omega0)^2 X_h - N_h(p).
+
+It is linear in m and in most p, and no equation of motion has to be solved for it. Noise of the measured
+motion enters N nonlinearly, so three quantities are estimated from the P single periods of a record:
+
+* the variance of e_h, from its scatter between periods: noise of force and of response with the weight that
+  the law gives them;
+* the bias of N along a noisy motion, O(noise^2): along the mean of P periods it is a P-th of the bias along
+  one period, so that (mean of N(x_p) - N(mean x))/(P - 1) is subtracted (the jackknife estimate of bias,
+  Quenouille, Biometrika 43, 1956);
+* the covariance of the slopes de_h/dp with e_h, which biases plain least squares (errors in variables:
+  Fuller, Measurement Error Models, Wiley 1987).
+
+Lines at which noise hides the response, and lines above the record, are computed from the law by fixed-point
+iteration: above the record with inertia, X_h = (F_h - N_h)/(m (i h omega0)^2), below the lowest clear line
+with the dynamic stiffness of the mean slopes of the law. Noise then reaches neither the velocity nor, where
+displacements are accelerations over omega^2, the lowest lines, and a law with corners and jumps gets a motion
+with all its lines. The balance that remains at a computed line is the inertia of the difference between the
+record and the motion of the law.
 """
 
 from __future__ import annotations
@@ -30,29 +40,28 @@ from rsgen.law.motion import Motion, harmonics_of, waveform
 from rsgen.law.numeric import ForceLaw
 from rsgen.law.switched_sum import ForceSample
 
-_EXTENDED, _MOST_LINES = 16, 16384
-"""Times the recorded lines that a motion has along a law with switches, and most lines: the velocity at a
-jump errs by the inverse of their number, which leaves a few 1e-6 of the force."""
+_EXTENSION_BY_SWITCHES, _MAX_LINES = 16, 16384
+"""Lines of the motion along a law with switches, relative to those recorded, and their maximum. The error of
+the velocity at a jump falls with their number."""
 
-_CLEAR = 3.0
-"""Dynamic stiffness of a line, relative to the largest stiffness of the law, above which inertia rules there
-and the iteration to the law's own motion shrinks its error threefold a step."""
+_MIN_INERTIA_TO_STIFFNESS = 3.0
+"""The fixed-point iteration of a line above the record converges by this ratio a step."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Lines:
-    """Records and the lines at which their balance is asked.
+class SpectralLines:
+    """Records, and the lines at which their balance is fitted.
 
     Parameters
     ----------
     spectra
         The records that take part.
     used
-        (r, H+1) lines of each record.
+        (r, H+1) lines of each record at which the balance is fitted.
     samples
-        A period, at which the law is evaluated.
-    first, last
-        (r,) lowest and highest line of each record between which the response is taken from it.
+        Samples a period along which the law is evaluated.
+    lowest, highest
+        (r,) lowest and highest line of each record whose response is taken from the record.
     extended
         Highest line of the motions along which the law is evaluated.
     """
@@ -60,8 +69,8 @@ class Lines:
     spectra: MultisineSpectra
     used: NDArray[np.bool_]
     samples: int
-    first: NDArray[np.intp]
-    last: NDArray[np.intp]
+    lowest: NDArray[np.intp]
+    highest: NDArray[np.intp]
     extended: int
 
     def __len__(self) -> int:
@@ -69,69 +78,80 @@ class Lines:
 
     @property
     def rate(self) -> ComplexArray:
-        """(H+1,) i h omega0 [rad/s]."""
+        """Angular frequency i h omega0 (H+1,) of each line [rad/s]."""
         return np.asarray(1j * self.spectra.lines * self.spectra.omega0)
 
-    def scale(self, mass: float) -> Array:
-        """(r, H+1) power of what the balance adds up at each line [N^2], over neighbouring lines."""
+    def power(self, mass: float) -> Array:
+        """Return the power |F|^2 + |m omega^2 X|^2 (r, H+1) [N^2], smoothed over neighbouring lines."""
         force, response = self.spectra.mean_force, self.spectra.mean_response
         power = np.abs(force) ** 2 + np.abs(mass * self.rate**2 * response) ** 2
-        return np.stack([np.maximum(smooth(one), ROUND_OFF * one.max()) for one in power])
+        return np.stack([np.maximum(smooth(row), ROUND_OFF * row.max()) for row in power])
 
 
-def lines_of(spectra: MultisineSpectra, band: tuple[float, float] | None, *, switched: bool) -> Lines:
-    """Choose the lines: those of the band, else from the first to the highest excited one; never the mean."""
-    last = [np.flatnonzero(row)[-1] if row.any() else 0 for row in spectra.excited()]
+def select_lines(
+    spectra: MultisineSpectra, band: tuple[float, float] | None, *, switched: bool
+) -> SpectralLines:
+    """Select the lines of the band, or those up to the highest excited one; never line zero, the mean."""
+    last_excited = [np.flatnonzero(row)[-1] if row.any() else 0 for row in spectra.excited()]
     low, high = band or (0.0, np.inf)
     inside = (spectra.frequency >= low) & (spectra.frequency <= high) & (spectra.lines > 0)
-    used = np.stack([inside & (spectra.lines <= (np.inf if band else end)) for end in last])
+    used = np.stack([inside & (spectra.lines <= (np.inf if band else line)) for line in last_excited])
     recorded = len(spectra.lines) - 1
-    extended = max(recorded, min(_EXTENDED * recorded, _MOST_LINES)) if switched else recorded
+    extended = max(recorded, min(_EXTENSION_BY_SWITCHES * recorded, _MAX_LINES)) if switched else recorded
     samples = 1 << (OVERSAMPLED * (extended + 1) - 1).bit_length()
-    first, seen = spectra.reach()
-    return Lines(spectra, used, samples, first, seen, extended)
+    return SpectralLines(spectra, used, samples, *spectra.reach(), extended)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class NoiseOfBalance:
-    """What the single periods say: variance (r, H+1) of the mean balance [N^2], and the bias of the law.
+class BalanceNoise:
+    """Noise of the balance, estimated from the scatter of the single periods.
 
-    ``bias`` (r, H+1) is that of the law's force at ``values`` (p,) [N], to be subtracted; ``by_parameter``
-    (r, p, H+1) that of its slopes. ``together`` (r, p+1, H+1) is the covariance of the slopes, that by the
-    mass last, with the balance, real part. A variance that one period does not show is NaN. ``shape``
-    (r, H+1) is how the variance goes from line to line [N^2]: what of neighbouring lines is averaged is
-    divided by it first. ``apart`` (r, P, H+1) is how far the balance of each period is from their mean [N].
+    Parameters
+    ----------
+    values
+        (p,) values of the law at which it was estimated.
+    variance
+        (r, H+1) variance of the balance of the mean period [N^2]; NaN where there is one period.
+    weight_shape
+        (r, H+1) variance [N^2] that the linearised law expects, up to a factor: powers of neighbouring lines
+        are divided by it before they are averaged.
+    bias
+        (r, H+1) bias of the force of the law at ``values`` [N].
+    bias_by_parameter
+        (r, p, H+1) derivative of the bias by the values.
+    cross_covariance
+        (r, p+1, H+1) real part of the covariance of the slopes of the law, that by the mass last, with the
+        balance of the mean period.
+    deviation
+        (r, P, H+1) balance of each period minus the mean of the periods [N].
     """
 
     values: Array
     variance: Array
-    shape: Array
+    weight_shape: Array
     bias: ComplexArray
-    by_parameter: ComplexArray
-    together: Array
-    apart: ComplexArray
+    bias_by_parameter: ComplexArray
+    cross_covariance: Array
+    deviation: ComplexArray
 
     @classmethod
-    def unknown(cls, lines: Lines, parameters: int) -> NoiseOfBalance:
-        """Nothing is known."""
+    def unknown(cls, lines: SpectralLines, parameters: int) -> BalanceNoise:
+        """Return no bias, no covariance and variances of NaN for a law with so many parameters."""
         shape = lines.used.shape
-        none = np.zeros(shape, dtype=complex)
-        slopes = np.zeros((shape[0], parameters, shape[1]), dtype=complex)
-        together = np.zeros((shape[0], parameters + 1, shape[1]))
         return cls(
             np.zeros(parameters),
             np.full(shape, np.nan),
             np.ones(shape),
-            none,
-            slopes,
-            together,
+            np.zeros(shape, dtype=complex),
+            np.zeros((shape[0], parameters, shape[1]), dtype=complex),
+            np.zeros((shape[0], parameters + 1, shape[1])),
             np.zeros(lines.spectra.force.shape, dtype=complex),
         )
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Balance:
-    """The balance at values of the law and a mass.
+    """The balance of all records at values of the law and a mass.
 
     Parameters
     ----------
@@ -140,9 +160,9 @@ class Balance:
     by_parameter
         (r, p, H+1) dN/dp.
     by_mass
-        (r, H+1) (i h omega0)^2 X, what the mass multiplies, and what the law's own motion adds to it.
+        (r, H+1) (i h omega0)^2 X, and dN/dm through the computed lines of the motion.
     mean
-        (r,) mean displacement, measured or found from the law [m].
+        (r,) mean displacement, measured or computed from the law [m].
     """
 
     residual: ComplexArray
@@ -151,189 +171,210 @@ class Balance:
     mean: Array
 
     @classmethod
-    def of(cls, lines: Lines, law: ForceLaw, values: Array, mass: float, noise: NoiseOfBalance) -> Balance:
+    def of(
+        cls, lines: SpectralLines, law: ForceLaw, values: Array, mass: float, noise: BalanceNoise
+    ) -> Balance:
         """Evaluate the law along the mean motion of every record."""
         spectra = lines.spectra
-        parts = [
-            _Along(lines, law, values, mass, i).mean(spectra.mean_force[i], spectra.mean_response[i])
-            for i in range(len(lines))
-        ]
+        parts = [LawAlongRecord(lines, law, values, mass, i).mean for i in range(len(lines))]
         inertia = lines.rate**2 * spectra.mean_response
-        bias = noise.bias + np.einsum("rph,p->rh", noise.by_parameter, values - noise.values)
-        law_force = np.stack([part[0] for part in parts]) - bias
-        slopes = np.stack([part[1] for part in parts])
-        by_parameter, by_mass = slopes[:, :-1] - noise.by_parameter, slopes[:, -1] + inertia
-        residual = spectra.mean_force - mass * inertia - law_force
-        return cls(residual, by_parameter, by_mass, np.array([part[2] for part in parts]))
+        bias = noise.bias + np.einsum("rph,p->rh", noise.bias_by_parameter, values - noise.values)
+        law_force = np.stack([part.force for part in parts]) - bias
+        slopes = np.stack([part.slopes for part in parts])
+        return cls(
+            residual=spectra.mean_force - mass * inertia - law_force,
+            by_parameter=slopes[:, :-1] - noise.bias_by_parameter,
+            by_mass=slopes[:, -1] + inertia,
+            mean=np.array([part.mean for part in parts]),
+        )
 
     @staticmethod
-    def damping(lines: Lines, law: ForceLaw, values: Array, mass: float) -> Array:
-        """(r, H+1) power of the force that goes with the velocity [N^2]; NaN of a law with memory."""
+    def damping(lines: SpectralLines, law: ForceLaw, values: Array, mass: float) -> Array:
+        """Return the power of n(x, v) - n(x, 0) (r, H+1) [N^2]; NaN for a law with memory."""
         if law.remembers:
             return np.full(lines.used.shape, np.nan)
-        pairs = zip(lines.spectra.mean_force, lines.spectra.mean_response, strict=True)
-        forces = [_Along(lines, law, values, mass, i).damping(*pair) for i, pair in enumerate(pairs)]
+        forces = [LawAlongRecord(lines, law, values, mass, i).damping_force() for i in range(len(lines))]
         return np.asarray(np.abs(np.stack(forces)) ** 2)
 
-    def noise(self, lines: Lines, law: ForceLaw, values: Array, mass: float) -> NoiseOfBalance:
-        """Evaluate the law along every period, for the variance of the balance and the bias of the law."""
+    @staticmethod
+    def noise(lines: SpectralLines, law: ForceLaw, values: Array, mass: float) -> BalanceNoise:
+        """Evaluate the law along every period: variance of the balance, bias of the law, covariance."""
         spectra = lines.spectra
         count = spectra.periods
-        found = NoiseOfBalance.unknown(lines, len(values))
+        found = BalanceNoise.unknown(lines, len(values))
         if count < 2:
             return found
         found.values[:] = values
         for i in range(len(lines)):
-            along = _Along(lines, law, values, mass, i)
-            whole = along.mean(spectra.mean_force[i], spectra.mean_response[i])
-            parts = [along.one(*each) for each in zip(spectra.force[i], spectra.response[i], strict=True)]
-            forces = np.stack([part[0] for part in parts])
-            balance = spectra.force[i] - mass * lines.rate**2 * spectra.response[i] - forces
+            record = LawAlongRecord(lines, law, values, mass, i)
+            periods = [
+                record.period(*pair) for pair in zip(spectra.force[i], spectra.response[i], strict=True)
+            ]
+            forces = np.stack([period.force for period in periods])
+            slopes = np.stack([period.slopes for period in periods])
             if not spectra.exact[i]:
-                found.shape[i] = along.noise_shape(*(one[i] ** 2 for one in spectra.noise()))
-            found.bias[i] = (forces.mean(axis=0) - whole[0]) / (count - 1)
-            slopes = np.stack([part[1] for part in parts])
-            found.by_parameter[i] = (slopes.mean(axis=0) - whole[1])[:-1] / (count - 1)
+                found.weight_shape[i] = record.expected_variance(*(part[i] ** 2 for part in spectra.noise()))
+            found.bias[i] = (forces.mean(axis=0) - record.mean.force) / (count - 1)
+            found.bias_by_parameter[i] = (slopes.mean(axis=0) - record.mean.slopes)[:-1] / (count - 1)
+            balance = spectra.force[i] - mass * lines.rate**2 * spectra.response[i] - forces
             slopes[:, -1] += lines.rate**2 * spectra.response[i]
             columns = np.conj(slopes - slopes.mean(axis=0))
-            found.apart[i] = balance - balance.mean(axis=0)
-            found.together[i] = np.sum((columns * found.apart[i][:, None]).real, axis=0) / (count - 1) / count
-        found.variance[:] = scatter(found.apart / np.sqrt(found.shape[:, None])) * found.shape
+            found.deviation[i] = balance - balance.mean(axis=0)
+            products = (columns * found.deviation[i][:, None]).real
+            found.cross_covariance[i] = np.sum(products, axis=0) / (count - 1) / count
+        shape = found.weight_shape
+        found.variance[:] = scatter(found.deviation / np.sqrt(shape[:, None])) * shape
         return found
 
 
-class _Along:
-    """The law along the motions of one record: the mean one, and single periods with its unseen lines."""
+@dataclass(frozen=True, slots=True, eq=False)
+class LawSpectra:
+    """A law along one motion: force (H+1,) [N], slopes (p+1, H+1) by parameters and mass, mean of x [m]."""
 
-    def __init__(self, lines: Lines, law: ForceLaw, values: Array, mass: float, row: int) -> None:
-        self.lines, self.law, self.values, self.mass = lines, law, values, mass
+    force: ComplexArray
+    slopes: ComplexArray
+    mean: float
+
+
+class LawAlongRecord:
+    """The law along the motions of one record: its mean motion, and the motion of each period.
+
+    ``mean`` is the law along the mean motion, whose hidden and missing lines are computed on construction.
+    The computed lines of a period are those of the mean motion, plus the response of the linearised law to
+    the difference of the two forces.
+    """
+
+    def __init__(self, lines: SpectralLines, law: ForceLaw, values: Array, mass: float, record: int) -> None:
+        self._lines, self._law, self._values, self._mass = lines, law, values, mass
+        self._force = lines.spectra.mean_force[record]
+        self._response = lines.spectra.mean_response[record]
         orders = np.arange(lines.extended + 1)
-        self.rate = 1j * orders * lines.spectra.omega0
-        self.low = (orders > 0) & (orders < lines.first[row]) & (mass > 0)
-        self.high = orders > lines.last[row]
-        self.taken = ~(self.low | self.high)[: len(lines.spectra.lines)]
-        self.unseen: ComplexArray = np.zeros(lines.extended + 1, dtype=complex)
-        self.drive: ComplexArray = np.zeros(lines.extended + 1, dtype=complex)
-        self._stiffness, self._damping = 0.0, 0.0
+        self._rate = 1j * orders * lines.spectra.omega0
+        self._low = (orders > 0) & (orders < lines.lowest[record]) & (mass > 0)
+        self._high = orders > lines.highest[record]
+        self._measured = ~(self._low | self._high)[: len(self._response)]
+        self._computed = self._solve_lines()
+        self.mean, self._mean_dynamic = self._evaluate(self._response, self._computed)
 
-    @property
-    def _dynamic(self) -> ComplexArray:
-        """(extended + 1,) dynamic stiffness of the law's mean slopes [N/m]."""
-        return np.asarray(self.mass * self.rate**2 + self._damping * self.rate + self._stiffness)
+    def _dynamic_stiffness(self, sample: ForceSample) -> ComplexArray:
+        """Return m s^2 + c s + k (extended + 1,) [N/m] with the mean slopes k and c of the law."""
+        stiffness, damping = float(np.mean(sample.by_x)), float(np.mean(sample.by_v))
+        return np.asarray(self._mass * self._rate**2 + damping * self._rate + stiffness)
 
-    def mean(self, force: ComplexArray, response: ComplexArray) -> tuple[ComplexArray, ComplexArray, float]:
-        """Force of the law and its slopes by line, (H+1,) and (p+1, H+1), and the mean [m] of the motion.
-
-        The last slope is that by the mass, which moves the lines that are not taken from the record.
-        """
-        count, low, high = len(response), self.low, self.high
-        self.drive[:count] = force
-        self.unseen[:count] = np.where(high[:count], response, 0)
-        if not (low.any() or high.any()) or not self.mass > 0:
-            return self.one(force, response)
-        inertia = self.mass * self.rate**2
+    def _solve_lines(self) -> ComplexArray:
+        """Iterate to the lines (extended + 1,) [m] of the mean motion that the record does not give."""
+        count, low, high = len(self._response), self._low, self._high
+        drive, found = np.zeros((2, len(low)), dtype=complex)
+        drive[:count] = self._force
+        if not (low.any() or high.any()) or not self._mass > 0:
+            found[:count] = np.where(high[:count], self._response, 0)
+            return found
+        inertia = self._mass * self._rate**2
         before = float("inf")
-        self.unseen[:] = 0
         for _ in range(TRIAL_STEPS):
-            sample, _, spectrum = self._sample(response, slopes=False)
+            x, v, a, step, _ = self._waves(self._motion(self._response, found))
+            sample = self._law.sample(x, v, a, step, self._values)
             stiffness = float(np.max(np.abs(sample.by_x)))
-            ruled = low | (high & (np.abs(inertia) > _CLEAR * stiffness))
-            left = self.drive - inertia * self.unseen - spectrum[0]
-            dynamic = np.where(ruled, np.where(low, self._dynamic, inertia), 1)
-            found = np.where(ruled, self.unseen + left / dynamic, 0)
-            # nearer the resonance the record says more, noise and all
-            found[:count] = np.where(high[:count] & ~ruled[:count], response, found[:count])
-            moved = float(np.linalg.norm(found - self.unseen))
-            if not moved < before:
+            solved = low | (high & (np.abs(inertia) > _MIN_INERTIA_TO_STIFFNESS * stiffness))
+            balance = drive - inertia * found - self._spectrum(np.broadcast_to(sample.force, x.shape))[0]
+            dynamic = np.where(solved, np.where(low, self._dynamic_stiffness(sample), inertia), 1)
+            moved = np.where(solved, found + balance / dynamic, 0)
+            # near the resonance the iteration diverges: the noisy record is the better estimate there
+            moved[:count] = np.where(high[:count] & ~solved[:count], self._response, moved[:count])
+            change = float(np.linalg.norm(moved - found))
+            if not change < before:
                 break
-            self.unseen, before = found, moved
-            if moved < TAIL * float(np.linalg.norm(response)):
+            found, before = moved, change
+            if change < TAIL * float(np.linalg.norm(self._response)):
                 break
-        return self.one(force, response)
+        return found
 
-    def noise_shape(self, force: Array, response: Array) -> Array:
-        """(H+1,) variance of the balance of the linearised law, from those of force and response (H+1,)."""
-        count = len(self.taken)
-        low, inertia = self.low[:count], self.mass * self.lines.rate**2
-        # where the law moves itself, it takes up the force
-        dynamic = np.where(low, inertia, self._dynamic[:count])
-        share = np.where(low, inertia / self._dynamic[:count], 1)
+    def expected_variance(self, force: Array, response: Array) -> Array:
+        """Return the variance (H+1,) of the balance of the linearised law.
+
+        ``force`` [N^2] and ``response`` [m^2] are the variances (H+1,) of the two channels.
+        """
+        count = len(self._response)
+        low, inertia = self._low[:count], self._mass * self._lines.rate**2
+        # at a computed line the motion follows the force: m s^2 / (m s^2 + c s + k) of it stays in the
+        # balance
+        dynamic = np.where(low, inertia, self._mean_dynamic[:count])
+        share = np.where(low, inertia / self._mean_dynamic[:count], 1)
         power = np.abs(share) ** 2 * force + np.abs(dynamic) ** 2 * response
         return np.asarray(np.maximum(power, ROUND_OFF * float(power.max()) or 1.0))
 
-    def one(self, force: ComplexArray, response: ComplexArray) -> tuple[ComplexArray, ComplexArray, float]:
-        """The same of a single period, its unseen lines those of the mean motion, moved by its own force."""
-        count = len(response)
-        kept = self.unseen
-        if self.low.any():
-            part = self.low[:count]
-            self.unseen = np.array(kept)
-            self.unseen[:count][part] += ((force - self.drive[:count]) / self._dynamic[:count])[part]
-        _, mean, spectrum = self._sample(response, slopes=True)
-        self.unseen = kept
-        return spectrum[0, :count], spectrum[1:, :count], mean
+    def period(self, force: ComplexArray, response: ComplexArray) -> LawSpectra:
+        """Evaluate the law along the motion of a period, of lines (H+1,) [N] and [m]."""
+        count, computed = len(response), np.array(self._computed)
+        low = self._low[:count]
+        computed[:count][low] += ((force - self._force) / self._mean_dynamic[:count])[low]
+        return self._evaluate(response, computed)[0]
 
-    def _sample(self, response: ComplexArray, *, slopes: bool) -> tuple[ForceSample, float, ComplexArray]:
-        """Sample of the law, mean [m], spectra (2 + p, extended + 1) of its force and its slopes."""
-        lines, law, values = self.lines, self.law, self.values
-        whole, x, v, a, step, mean = self._waves(response)
+    def damping_force(self) -> ComplexArray:
+        """Return n(x, v) - n(x, 0) (H+1,) [N] along the mean motion, for a law without memory."""
+        x, v, a, step, _ = self._waves(self._motion(self._response, self._computed))
+        moving, still = (self._law.sample(x, rate, a, step, self._values).force for rate in (v, 0 * v))
+        return self._spectrum(np.broadcast_to(moving - still, x.shape))[0, : len(self._response)]
+
+    def _evaluate(self, response: ComplexArray, computed: ComplexArray) -> tuple[LawSpectra, ComplexArray]:
+        """Evaluate a law along a motion, and the dynamic stiffness (extended + 1,) of its mean slopes [N/m]."""
+        lines, law, values = self._lines, self._law, self._values
+        motion = self._motion(response, computed)
+        x, v, a, step, mean = self._waves(motion)
         sample = law.sample(x, v, a, step, values)
-        self._stiffness, self._damping = float(np.mean(sample.by_x)), float(np.mean(sample.by_v))
-        force = np.broadcast_to(sample.force, x.shape)
-        if not slopes:
-            return sample, mean, self._spectrum(force)
         by_x, by_v = (np.broadcast_to(part, x.shape)[0] for part in (sample.by_x, sample.by_v))
         columns = np.zeros((len(values) + 1, lines.samples))
         for column, part in zip(columns, sample.by_parameter, strict=False):
             column[:] = np.broadcast_to(part, x.shape)[0]
         if not lines.spectra.mean_known and law.springs and (stiffness := float(by_x.mean())):
-            # the mean follows the parameters
+            # the mean displacement moves with the parameters
             columns -= by_x * columns.mean(axis=1, keepdims=True) / stiffness
-        if self.low.any():
-            self._follow(columns, by_x, by_v, whole)
-        return sample, mean, self._spectrum(np.concatenate([force, columns]))
+        dynamic = self._dynamic_stiffness(sample)
+        if self._low.any():
+            columns += self._motion_slopes(columns, by_x, by_v, motion, dynamic)
+        count = len(response)
+        spectra = self._spectrum(np.concatenate([np.broadcast_to(sample.force, x.shape), columns]))
+        return LawSpectra(spectra[0, :count], spectra[1:, :count], mean), dynamic
 
-    def _waves(self, response: ComplexArray) -> tuple[ComplexArray, Array, Array, Array, Array, float]:
-        """Lines (extended + 1,) of the motion, its x, v, a (1, s), their step [s], and the mean [m]."""
-        lines, whole = self.lines, np.array(self.unseen)
-        whole[: len(response)][self.taken] = response[self.taken]
-        motion = Motion(np.array([lines.spectra.omega0]), whole[None])
-        mean = float(whole[0].real)
-        x, v, a = motion.waveforms(lines.samples)
-        step = motion.interval(lines.samples)
+    def _motion(self, response: ComplexArray, computed: ComplexArray) -> ComplexArray:
+        """Return the lines (extended + 1,) [m] of a motion: measured ones, and computed ones."""
+        motion = np.array(computed)
+        motion[: len(response)][self._measured] = response[self._measured]
+        return motion
+
+    def _waves(self, motion: ComplexArray) -> tuple[Array, Array, Array, Array, float]:
+        """Return x, v, a (1, s) of a motion, their sampling interval [s], and the mean of x [m]."""
+        lines, mean = self._lines, float(motion[0].real)
+        waves = Motion(np.array([lines.spectra.omega0]), motion[None])
+        x, v, a = waves.waveforms(lines.samples)
+        step = waves.interval(lines.samples)
         if not lines.spectra.mean_known:
-            x, mean = _centred(self.law, x - mean, v, a, step, self.values)
-        return whole, x, v, a, step, mean
+            x, mean = _balance_mean(self._law, x - mean, v, a, step, self._values)
+        return x, v, a, step, mean
 
-    def damping(self, force: ComplexArray, response: ComplexArray) -> ComplexArray:
-        """(H+1,) of the force that goes with the velocity, n(x, v) - n(x, 0) [N], of a law without memory."""
-        self.mean(force, response)
-        _, x, v, a, step, _ = self._waves(response)
-        moving, still = (self.law.sample(x, rate, a, step, self.values).force for rate in (v, 0 * v))
-        return self._spectrum(np.broadcast_to(moving - still, x.shape))[0, : len(response)]
+    def _motion_slopes(
+        self, columns: Array, by_x: Array, by_v: Array, motion: ComplexArray, dynamic: ComplexArray
+    ) -> Array:
+        """Return the slopes (p+1, s) that come from the motion at low lines, which parameters and mass move.
 
-    def _follow(self, columns: Array, by_x: Array, by_v: Array, whole: ComplexArray) -> None:
-        """Add to slopes (p+1, s) what the law's own motion, which follows parameters and mass, adds at first.
-
-        One step of the iteration to that motion: what more would change is less than noise does to slopes.
+        One step of the fixed-point iteration: further steps change less than noise does.
         """
-        low, change = self.low, np.zeros((len(columns), len(self.rate)), dtype=complex)
+        low, change = self._low, np.zeros((len(columns), len(self._rate)), dtype=complex)
         change[:, low] = -self._spectrum(columns)[:, low]
-        change[-1, low] -= (self.rate**2 * whole)[low]
-        change[:, low] /= self._dynamic[low]
-        columns += by_x * self._wave(change) + by_v * self._wave(change * self.rate)
+        change[-1, low] -= (self._rate**2 * motion)[low]
+        change[:, low] /= dynamic[low]
+        x, v = (waveform(part, self._lines.samples) for part in (change, change * self._rate))
+        return np.asarray(by_x * x + by_v * v)
 
     def _spectrum(self, waves: Array) -> ComplexArray:
-        """(n, extended + 1) of signals (n, s)."""
-        return harmonics_of(waves, self.lines.extended + 1)
-
-    def _wave(self, spectrum: ComplexArray) -> Array:
-        """(n, s) signals of spectra (n, extended + 1)."""
-        return waveform(spectrum, self.lines.samples)
+        """Return the lines (n, extended + 1) of signals (n, s)."""
+        return harmonics_of(waves, self._lines.extended + 1)
 
 
-def _centred(law: ForceLaw, x: Array, v: Array, a: Array, step: Array, values: Array) -> tuple[Array, float]:
-    """A motion about the mean at which the mean force of the law vanishes, and that mean [m]."""
+def _balance_mean(
+    law: ForceLaw, x: Array, v: Array, a: Array, step: Array, values: Array
+) -> tuple[Array, float]:
+    """Shift a motion (1, s) by Newton's method until the mean force of the law vanishes; shift [m] too."""
     mean = 0.0
     for _ in range(TO_REST if law.springs and not law.odd else 0):
         sample = law.sample(x + mean, v, a, step, values)

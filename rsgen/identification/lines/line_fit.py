@@ -1,4 +1,18 @@
-"""Least squares of the balance at the lines of periodic records, weighted by its noise, and the errors."""
+"""Weighted least squares of the balance at the lines of periodic records, with standard errors.
+
+Minimised is the sum over records and lines of |e_h(p, m)|^2 / variance_h, with e_h and its noise from
+``line_balance``. Gauss-Newton steps are enough, because e is linear in m and in most p; weights and bias are
+then taken at the solution, and the fit is repeated (iteratively reweighted least squares). Noise of the
+slopes pulls the estimate by (J^T W J)^-1 times the weighted covariance of slopes and balance; this is
+subtracted (errors in variables).
+
+Standard errors: (J^T W J)^-1, but at least as large as the scatter of the single periods says; where the
+misfit exceeds noise, the lines are not independent and the delete-a-group jackknife over parts of the band
+replaces it (CR3: Cameron and Miller, J. Human Resources 50, 2015).
+
+Initial values: along sampled motions the balance is linear in most parameters; those are solved for at every
+trial of the others (variable projection).
+"""
 
 from __future__ import annotations
 
@@ -36,49 +50,50 @@ from rsgen.identification.fitting.least_squares import (
     summarise,
 )
 from rsgen.identification.fitting.observed import MISSING_TERMS, with_coefficients
-from rsgen.identification.lines.line_balance import Balance, Lines, NoiseOfBalance
+from rsgen.identification.lines.line_balance import Balance, BalanceNoise, SpectralLines
 from rsgen.identification.starting.search import search_values
 from rsgen.law.motion import Motion
 from rsgen.law.numeric import DECADES, ForceLaw, compile_law, natural_sizes
 
-_ALONE = 1e-3
-"""Information on a direction outside a group below which that group is not left out: hardly any would be
-left."""
-_BESIDE = 20
-"""Lines to each side over which the power of the misfit is averaged: forty-one make it known to a quarter."""
-_DIGITS = 1e-26
-"""Power relative to that of the balance, below which it is that of its last digits."""
+_MIN_INFORMATION_OUTSIDE_GROUP = 1e-3
+"""A direction that the points outside a group determine less is not part of the jackknife."""
+_SMOOTHING_HALF_WIDTH = 20
+"""Lines to each side over which the power of the misfit is averaged; its relative error is 2/sqrt(2*41)."""
+_ROUND_OFF_POWER = 1e-26
+"""Power of round-off, relative to that of the balance."""
 
 
 @dataclass(frozen=True, eq=False)
 class LineFit:
-    """A law at the lines of records.
+    """A law fitted to the lines of records.
 
     Parameters
     ----------
     lines, law
-        What is fitted.
+        Data and model.
     fixed
         Values of parameters that are known, by name; "m" is the mass [kg].
     parameters
         (q,) values of the law, and the mass [kg].
-    noise, variance
-        What the single periods say, and the variance (r, H+1) that weighs each line.
+    noise
+        Noise of the balance from the single periods.
+    variance
+        (r, H+1) variance by which each line is weighted [N^2].
     converged
-        Whether the last steps had become small.
+        True if the last step was small.
     """
 
-    lines: Lines
+    lines: SpectralLines
     law: ForceLaw
     fixed: Mapping[str, float]
     parameters: Array
-    noise: NoiseOfBalance
+    noise: BalanceNoise
     variance: Array
     converged: bool = False
 
     @property
     def values(self) -> Array:
-        """(p,) of the law."""
+        """Values (p,) of the parameters of the law."""
         return self.parameters[:-1]
 
     @property
@@ -88,32 +103,32 @@ class LineFit:
 
     @property
     def free(self) -> NDArray[np.bool_]:
-        """(q,) False for parameters that are fixed."""
+        """Mask (q,), False for fixed parameters."""
         return np.array([name not in self.fixed for name in (*self.law.parameters, "m")])
 
     @cached_property
     def balance(self) -> Balance:
-        """At the parameters."""
+        """The balance at ``parameters``."""
         return Balance.of(self.lines, self.law, self.values, self.mass, self.noise)
 
     @property
     def columns(self) -> ComplexArray:
-        """(r, q, H+1) slopes of the balance by the parameters."""
+        """Slopes (r, q, H+1) of law and inertia by the parameters."""
         return np.concatenate([self.balance.by_parameter, self.balance.by_mass[:, None]], axis=1)
 
     @cached_property
     def regression(self) -> Regression:
-        """Errors, and what is not identifiable, for the noise that weighs the lines."""
+        """The linearised fit: covariance and null space for the variances of the lines."""
         line = self.linearise(self.parameters, self.nuisance)
         return summarise(line, self.parameters, self.nuisance, Rules(free=self.free))
 
     @property
     def nuisance(self) -> Array:
-        """(lines, 0): a line has no unknowns of its own."""
+        """Empty array (lines, 0): a line has no unknowns of its own."""
         return np.zeros((np.count_nonzero(self.lines.used), 0))
 
     def linearise(self, parameters: Array, nuisance: Array) -> Linearisation:
-        """Real and imaginary part of each used line, of unit variance, at other parameters."""
+        """Return real and imaginary part of each used line, scaled to unit variance, at other parameters."""
         fit = self if parameters is self.parameters else replace(self, parameters=parameters)
         used, weight = self.lines.used, np.sqrt(2 / self.variance)
         matrix = np.moveaxis(fit.columns * weight[:, None], 1, 2)[used]
@@ -125,204 +140,238 @@ class LineFit:
         )
 
 
-def _weights(fit: LineFit, noise: NoiseOfBalance) -> Array:
-    """(r, H+1) variance of each line: its noise, or the misfit around it where that is clearly more."""
-    left = np.stack(
+def _line_variances(fit: LineFit, noise: BalanceNoise) -> Array:
+    """Return the variance (r, H+1) of each line: its noise, or the smoothed misfit where that is larger."""
+    misfit = np.stack(
         [
-            _beside(np.abs(one) ** 2 / shape, used) * shape
-            for one, shape, used in zip(fit.balance.residual, noise.shape, fit.lines.used, strict=True)
+            _smoothed_power(np.abs(residual) ** 2 / shape, used) * shape
+            for residual, shape, used in zip(
+                fit.balance.residual, noise.weight_shape, fit.lines.used, strict=True
+            )
         ]
     )
     known = np.isfinite(noise.variance)
-    # the smoothed power of pure noise exceeds this once in thousands
-    chance = 1 + CHANCE / np.sqrt(2 * _BESIDE + 1)
-    clear = ~known | (left > chance * noise.variance)
-    variance = np.where(clear, left, noise.variance)
-    return np.maximum(variance, _DIGITS * fit.lines.scale(fit.mass))
+    # the smoothed power of pure noise exceeds this limit once in thousands
+    limit = 1 + CHANCE / np.sqrt(2 * _SMOOTHING_HALF_WIDTH + 1)
+    variance = np.where(~known | (misfit > limit * noise.variance), misfit, noise.variance)
+    return np.maximum(variance, _ROUND_OFF_POWER * fit.lines.power(fit.mass))
 
 
-def _beside(power: Array, used: NDArray[np.bool_]) -> Array:
-    """(H+1,) average of a power over the neighbouring used lines."""
+def _smoothed_power(power: Array, used: NDArray[np.bool_]) -> Array:
+    """Return the moving average (H+1,) of a power over the used lines."""
     chosen = np.flatnonzero(used)
     result = np.zeros(len(power))
-    result[chosen] = smooth(np.concatenate([[0.0], power[chosen]]), _BESIDE)[1:]
+    result[chosen] = smooth(np.concatenate([[0.0], power[chosen]]), _SMOOTHING_HALF_WIDTH)[1:]
     return result
 
 
-def fit_lines(lines: Lines, law: ForceLaw, fixed: Mapping[str, float], values: Array, mass: float) -> LineFit:
-    """Least squares with fixed weights, then weights of its result, some times over."""
-    # what a law leaves is spread over lines that are excited and others alike
-    variance = np.broadcast_to(lines.scale(mass).max(axis=1, keepdims=True), lines.used.shape)
-    unknown = NoiseOfBalance.unknown(lines, len(values))
+def fit_lines(
+    lines: SpectralLines, law: ForceLaw, fixed: Mapping[str, float], values: Array, mass: float
+) -> LineFit:
+    """Fit a law by iteratively reweighted least squares.
+
+    Parameters
+    ----------
+    lines, law
+        Data and model.
+    fixed
+        Values of parameters that are known, by name; "m" is the mass [kg].
+    values, mass
+        Initial values (p,) and initial mass [kg].
+    """
+    # nonlinear distortion is spread over all lines, excited or not: one variance a record to begin with
+    variance = np.broadcast_to(lines.power(mass).max(axis=1, keepdims=True), lines.used.shape)
+    unknown = BalanceNoise.unknown(lines, len(values))
     fit = LineFit(lines, law, fixed, np.append(values, mass), unknown, variance)
     rules = Rules(free=fit.free)
-    for turn in range(ROUNDS):
+    for iteration in range(ROUNDS):
         place, nuisance, line, converged = descend(fit.linearise, fit.parameters, fit.nuisance, rules)
-        if fit.noise.together.any():
-            place = place - _bias(fit, summarise(line, place, nuisance, rules))
+        if fit.noise.cross_covariance.any():
+            place = place - _slope_noise_bias(fit, summarise(line, place, nuisance, rules))
         converged = converged and bool(np.isfinite(line.residual).all())
         fit = replace(fit, parameters=place, converged=converged)
-        if turn < ROUNDS - 1:
+        if iteration < ROUNDS - 1:
             noise = fit.balance.noise(lines, law, fit.values, fit.mass)
-            fit = replace(fit, noise=noise, variance=_weights(fit, noise))
+            fit = replace(fit, noise=noise, variance=_line_variances(fit, noise))
     return fit
 
 
-def _bias(fit: LineFit, found: Regression) -> Array:
-    """(q,) what noise in the slopes, which goes with that of the balance, adds to the estimate."""
-    return np.asarray(found.basis @ (found.basis.T @ _score(fit)))
+def _slope_noise_bias(fit: LineFit, found: Regression) -> Array:
+    """Return the bias (q,) of the estimate by the covariance of slopes and balance."""
+    return np.asarray(found.basis @ (found.basis.T @ _slope_noise_score(fit)))
 
 
-def _score(fit: LineFit) -> Array:
-    """(q,) what noise adds to the product of the slopes with the residual."""
+def _slope_noise_score(fit: LineFit) -> Array:
+    """Return the expected product (q,) of slopes and residual that their common noise makes."""
     used = fit.lines.used
-    weighted = np.moveaxis(fit.noise.together, 1, 2)[used] * (2 / fit.variance)[used][:, None]
+    weighted = np.moveaxis(fit.noise.cross_covariance, 1, 2)[used] * (2 / fit.variance)[used][:, None]
     return np.asarray(weighted.sum(axis=0))
 
 
-def errors_of(fit: LineFit) -> tuple[Array, int, float]:
-    """Covariance, its degrees of freedom, and how much leaving parts out widens the errors."""
-    found, wider = fit.regression, 1.0
+def parameter_covariance(fit: LineFit) -> tuple[Array, int, float]:
+    """Return the covariance (q, q), its degrees of freedom, and the median ratio by which the jackknife over
+    parts of the band widens the standard errors.
+    """
+    found, widening = fit.regression, 1.0
     freedom, covariance = found.freedom, found.basis @ found.basis.T
     covariance = covariance * _scatter_of_periods(fit, covariance)
-    if times_noise(fit) > chance_of_noise(fit):
-        spread = np.diag(blocks_left_out(fit))
+    if misfit_to_noise(fit) > max_misfit_of_noise(fit):
+        spread = np.diag(band_jackknife(fit))
         known = np.diag(covariance)
         ratio = np.sqrt(np.maximum(spread / np.where(known > 0, known, np.inf), 1.0))
         covariance = covariance * np.outer(ratio, ratio)
-        wider, freedom = float(np.median(ratio[fit.free])), int(parts_of_band(fit.lines).max())
-    return determined(covariance, found.null), freedom, wider
+        widening, freedom = float(np.median(ratio[fit.free])), int(band_parts(fit.lines).max())
+    return determined(covariance, found.null), freedom, widening
 
 
-def blocks_left_out(fit: LineFit) -> Array:
-    """Covariance (q, q) from leaving out one part of the band after the other, with the weights of all."""
+def band_jackknife(fit: LineFit) -> Array:
+    """Return the jackknife covariance (q, q) over the parts of the band, with the weights of all lines."""
     found = fit.regression
-    # without what the correction for noise in the slopes leaves in the equations of all lines
-    rest = _beside_parameters(found, found.residual)
-    return jackknife(replace(found, residual=rest), parts_of_band(fit.lines))
+    # the correction for noise of the slopes has moved the residual off the minimum: project it back
+    residual = _orthogonal_to_parameters(found, found.residual)
+    return jackknife(replace(found, residual=residual), band_parts(fit.lines))
 
 
-def jackknife(whole: Regression, group: NDArray[np.intp]) -> Array:
-    """Covariance (q, q) of the parameters from leaving out one group (n,) of the points after the other,
-    exactly where the points are linear: errors where the points are not independent (Cameron and Miller,
-    J. Human Resources 50, 2015, the cluster-robust CR3).
+def jackknife(found: Regression, group: NDArray[np.intp]) -> Array:
+    """Return the delete-a-group jackknife covariance (q, q) of the parameters.
+
+    It holds for points that are not independent within a group, and is exact for linear models: CR3 of
+    Cameron and Miller, J. Human Resources 50, 2015.
+
+    Parameters
+    ----------
+    found
+        The linearised fit of all points.
+    group
+        (n,) number of the group of each point.
     """
-    basis, rows, residual = whole.basis, whole.rows[whole.used], whole.residual[whole.used]
-    group = group[whole.used]
+    basis, rows, residual = found.basis, found.rows[found.used], found.residual[found.used]
+    group = group[found.used]
     numbers = np.unique(group)
     unit = np.eye(basis.shape[1])
     total = np.zeros_like(unit)
     for number in numbers:
-        own, left_over = rows[group == number], residual[group == number]
-        left, across = np.linalg.eigh(unit - np.tensordot(own, own, ([0, 1], [0, 1])))
-        kept = left > _ALONE
-        score = across[:, kept].T @ np.einsum("nmr,nm->r", own, left_over)
-        moved = across[:, kept] @ (score / left[kept])
-        total += np.outer(moved, moved)
+        own_rows, own_residual = rows[group == number], residual[group == number]
+        information, directions = np.linalg.eigh(unit - np.tensordot(own_rows, own_rows, ([0, 1], [0, 1])))
+        kept = information > _MIN_INFORMATION_OUTSIDE_GROUP
+        score = directions[:, kept].T @ np.einsum("nmr,nm->r", own_rows, own_residual)
+        change = directions[:, kept] @ (score / information[kept])
+        total += np.outer(change, change)
     total *= (len(numbers) - 1) / max(len(numbers), 1)
     return np.asarray(basis @ total @ basis.T)
 
 
-def _beside_parameters(found: Regression, signal: Array) -> Array:
-    """What the parameters do not take up of a signal (lines, 2)."""
+def _orthogonal_to_parameters(found: Regression, signal: Array) -> Array:
+    """Return the part of a signal (lines, 2) that no change of the parameters makes."""
     return np.asarray(signal - found.rows @ np.tensordot(found.rows, signal, ([0, 1], [0, 1])))
 
 
-def terms_beside(fit: LineFit) -> dict[str, Alternative]:
-    """Fit each term that the law may lack beside it, to first order, with what noise does to its slopes."""
+def fit_missing_terms(fit: LineFit) -> dict[str, Alternative]:
+    """Return the law extended by each of ``MISSING_TERMS`` in turn, to first order."""
     terms = with_coefficients(MISSING_TERMS, fit.law.parameters)
     law = compile_law(sympy.Add(fit.law.expression, *map(parse, terms.values())))
     known = dict(zip(fit.law.parameters, fit.values, strict=True))
     values = np.array([known.get(name, 0.0) for name in law.parameters])
     noise = fit.balance.noise(fit.lines, law, values, fit.mass)
-    whole = replace(fit, law=law, parameters=np.append(values, fit.mass), noise=noise)
-    found = _fit_beside(whole, [law.parameters.index(name) for name in terms])
+    extended = replace(fit, law=law, parameters=np.append(values, fit.mass), noise=noise)
+    found = _fit_added_parameters(extended, [law.parameters.index(name) for name in terms])
     return dict(zip(MISSING_TERMS, found, strict=True))
 
 
-def fixed_beside(fit: LineFit) -> dict[str, Alternative]:
-    """Fit what each fixed parameter is off by, to first order, beside all that are free."""
+def fit_fixed_parameters(fit: LineFit) -> dict[str, Alternative]:
+    """Return the fit with each fixed parameter free in turn, to first order."""
     places, names = np.flatnonzero(~fit.free), (*fit.law.parameters, "m")
-    return dict(zip((names[place] for place in places), _fit_beside(fit, places), strict=True))
+    return dict(zip((names[place] for place in places), _fit_added_parameters(fit, places), strict=True))
 
 
-def _fit_beside(whole: LineFit, added: Sequence[int] | NDArray[np.intp]) -> list[Alternative]:
-    """Fit each of the added parameters beside all others."""
-    line, used = whole.linearise(whole.parameters, whole.nuisance), whole.lines.used
-    matrix = line.by_parameter.reshape(line.residual.size, len(whole.parameters))
-    kept = np.delete(np.arange(len(whole.parameters)), added)
-    weight = np.sqrt(2 / whole.variance)
-    apart = np.moveaxis(whole.noise.apart * weight[:, None], 1, 2)[used]
+def _fit_added_parameters(fit: LineFit, added: Sequence[int] | NDArray[np.intp]) -> list[Alternative]:
+    """Fit each of the added parameters together with all others."""
+    line, used = fit.linearise(fit.parameters, fit.nuisance), fit.lines.used
+    matrix = line.by_parameter.reshape(line.residual.size, len(fit.parameters))
+    others = np.delete(np.arange(len(fit.parameters)), added)
+    deviation = np.moveaxis(fit.noise.deviation * np.sqrt(2 / fit.variance)[:, None], 1, 2)[used]
     return alternatives(
         line.residual.reshape(-1),
-        matrix[:, kept],
+        matrix[:, others],
         matrix[:, added],
-        _score(whole)[[*kept, *added]],
-        np.stack([apart.real, apart.imag], axis=1).reshape(line.residual.size, -1).T,
-        whole.free[kept],
+        _slope_noise_score(fit)[[*others, *added]],
+        np.stack([deviation.real, deviation.imag], axis=1).reshape(line.residual.size, -1).T,
+        fit.free[others],
     )
 
 
 def _scatter_of_periods(fit: LineFit, covariance: Array) -> Array:
-    """(q, q) factor by which the scatter of single periods exceeds the covariance, at least 1.
+    """Return the factors (q, q), at least 1, by which the scatter of the periods exceeds the covariance.
 
-    What each period would move the estimate holds what the variances of the lines leave out: the noise of one
-    line is, along a nonlinear law, in the balance of many.
+    The estimate that each period alone would give includes the correlation between lines, which the variances
+    of the lines do not: along a nonlinear law the noise of one line is in the balance of many.
     """
     count = fit.lines.spectra.periods
-    moved = np.zeros(len(covariance))
-    parts = (fit.columns, fit.noise.apart, fit.variance, fit.lines.used)
-    for column, apart, variance, used in zip(*parts, strict=True):
+    variance_of_mean = np.zeros(len(covariance))
+    records = (fit.columns, fit.noise.deviation, fit.variance, fit.lines.used)
+    for column, deviation, variance, used in zip(*records, strict=True):
         weighted = np.conj(column[:, used]) * (2 / variance[used])
-        moves = (apart[:, used] @ weighted.T).real @ covariance
-        moved += np.sum(moves**2, axis=0) / max(count * (count - 1), 1)
+        estimates = (deviation[:, used] @ weighted.T).real @ covariance
+        variance_of_mean += np.sum(estimates**2, axis=0) / max(count * (count - 1), 1)
     known = np.diag(covariance)
-    ratio = np.sqrt(np.maximum(moved / np.where(known > 0, known, np.inf), 1.0))
+    ratio = np.sqrt(np.maximum(variance_of_mean / np.where(known > 0, known, np.inf), 1.0))
     return np.outer(ratio, ratio)
 
 
-def step_between_periods(fit: LineFit) -> tuple[int, float, float]:
-    """Find the clearest change of a gain within a record: where it begins, its size, its standard errors.
+def largest_gain_step(fit: LineFit) -> tuple[int, float, float]:
+    """Find the most significant change of a gain within a record.
 
-    A gain of force or response that changes moves the balance of any law by a share of the force, noise moves
-    it from line to line: the share is the slope over the force, at the lines that are excited, of the balance
-    of the periods from one on minus that of those before.
+    A gain of force or response that changes moves the balance of any law by a share of the force: the share
+    is the slope, over the force at the excited lines, of the mean balance of the later periods minus that of
+    the earlier ones.
+
+    Returns
+    -------
+    first, size, z
+        First period after the change, size of the change relative to the gain, and the same in standard
+        errors.
     """
     found, driven = (0, 0.0, 0.0), fit.lines.used & fit.lines.spectra.excited()
-    parts = (fit.lines.spectra.mean_force, fit.noise.apart, fit.variance, driven)
-    for force, apart, variance, used in zip(*parts, strict=True):
+    records = (fit.lines.spectra.mean_force, fit.noise.deviation, fit.variance, driven)
+    for force, deviation, variance, used in zip(*records, strict=True):
         weight = np.sqrt(2 / variance[used])
         column, freedom = force[used] * weight, max(2 * int(used.sum()) - 1, 1)
         size = max(float(np.linalg.norm(column)), 1e-300)
-        for first in range(1, len(apart)):
-            step = (apart[first:, used].mean(axis=0) - apart[:first, used].mean(axis=0)) * weight
+        for first in range(1, len(deviation)):
+            later, earlier = deviation[first:, used], deviation[:first, used]
+            step = (later.mean(axis=0) - earlier.mean(axis=0)) * weight
             share = float(np.vdot(column, step).real) / size**2
             error = float(np.linalg.norm(step - share * column)) / (size * np.sqrt(freedom))
-            times = abs(share) / max(float(error), ROUND_OFF)
-            if abs(share) > NOTICEABLE and times > found[2]:
-                found = (first, abs(share), times)
+            z = abs(share) / max(float(error), ROUND_OFF)
+            if abs(share) > NOTICEABLE and z > found[2]:
+                found = (first, abs(share), z)
     return found
 
 
-def delay_between(fit: LineFit) -> tuple[float, float, float]:
-    """Time by which the response comes later than the force [s], its error, and the share of misfit left.
+def channel_delay(fit: LineFit) -> tuple[float, float, float]:
+    """Fit a delay of the response behind the force, together with all parameters.
 
-    Shifted in time, the balance of any law is that of the shifted force: to first order a delay adds
-    i omega F to it, but at lines at which the motion is the law's own. It is fitted beside all parameters.
+    A delay t turns the force by exp(i omega t), which adds i omega t F to the balance to first order; not at
+    computed lines, where the motion follows the law.
+
+    Returns
+    -------
+    delay, error, misfit_ratio
+        Delay [s], its standard error [s], and the misfit with the delay over that without.
     """
     lines, found = fit.lines, fit.regression
-    taken = lines.spectra.lines >= lines.first[:, None]
-    column = (lines.rate * lines.spectra.mean_force * taken / np.sqrt(fit.variance / 2))[lines.used]
-    own = _beside_parameters(found, np.stack([column.real, column.imag], axis=1))
-    alone = _beside_parameters(found, found.residual)
-    size = max(float(np.linalg.norm(own)), 1e-300)
-    delay = float(np.sum(own * alone)) / size**2
-    left = float(np.linalg.norm(alone - own * delay)) / max(float(np.linalg.norm(alone)), 1e-300)
-    return delay, 1 / size, left
+    measured = lines.spectra.lines >= lines.lowest[:, None]
+    column = (lines.rate * lines.spectra.mean_force * measured / np.sqrt(fit.variance / 2))[lines.used]
+    slope = _orthogonal_to_parameters(found, np.stack([column.real, column.imag], axis=1))
+    residual = _orthogonal_to_parameters(found, found.residual)
+    size = max(float(np.linalg.norm(slope)), 1e-300)
+    delay = float(np.sum(slope * residual)) / size**2
+    ratio = float(np.linalg.norm(residual - slope * delay)) / max(float(np.linalg.norm(residual)), 1e-300)
+    return delay, 1 / size, ratio
 
 
-def parts_of_band(lines: Lines) -> NDArray[np.intp]:
-    """(lines,) parts of the band of every record, for the jackknife."""
+def band_parts(lines: SpectralLines) -> NDArray[np.intp]:
+    """Return the number (lines,) of the part of its record's band that each used line belongs to."""
     parts, first = [], 0
     for used in lines.used:
         count = int(used.sum())
@@ -331,70 +380,69 @@ def parts_of_band(lines: Lines) -> NDArray[np.intp]:
     return np.unique(np.concatenate(parts), return_inverse=True)[1]
 
 
-def times_noise(fit: LineFit) -> float:
-    """Misfit over its noise, root mean square over all lines; 1 where the noise is not known.
-
-    Periods that are equal show no noise but that of the last digits.
-    """
-    noise = np.maximum(fit.noise.variance, _DIGITS * fit.lines.scale(fit.mass))
+def misfit_to_noise(fit: LineFit) -> float:
+    """Return the root mean square over all lines of misfit over noise; 1 where the noise is not known."""
+    # periods that are equal show no noise but round-off
+    noise = np.maximum(fit.noise.variance, _ROUND_OFF_POWER * fit.lines.power(fit.mass))
     ratio = (np.abs(fit.balance.residual) ** 2 / noise)[fit.lines.used]
     ratio = ratio[~np.isnan(ratio)]
     return float(np.sqrt(np.mean(ratio))) if len(ratio) else 1.0
 
 
-def chance_of_noise(fit: LineFit) -> float:
-    """Misfit over its noise that chance hardly exceeds.
+def max_misfit_of_noise(fit: LineFit) -> float:
+    """Return the limit of ``misfit_to_noise`` that noise alone exceeds with the probability of ``CHANCE``.
 
-    The noise comes from few periods and a few lines beside each other: its inverse is larger on average, and
-    the ratio of the two sums of squares is that of Fisher's F.
+    The ratio of the two sums of squares follows Fisher's F distribution. The noise is averaged over few
+    neighbouring lines and periods, n degrees of freedom, so that its mean inverse is larger by n/(n - 1).
     """
-    count, more = int(fit.lines.used.sum()), fit.lines.spectra.periods - 1
-    if more < 1:
+    count, repeats = int(fit.lines.used.sum()), fit.lines.spectra.periods - 1
+    if repeats < 1:
         return EXCESS
-    rest, near = max(2 * count - int(fit.free.sum()), 1), more * (SMOOTHED + 1)
-    limit = f_quantile(rest, 2 * more * count, 1 - normal_share(-CHANCE))
-    return max(EXCESS, float(np.sqrt(limit * rest / (2 * count) * near / (near - 1))))
+    freedom, averaged = max(2 * count - int(fit.free.sum()), 1), repeats * (SMOOTHED + 1)
+    limit = f_quantile(freedom, 2 * repeats * count, 1 - normal_share(-CHANCE))
+    return max(EXCESS, float(np.sqrt(limit * freedom / (2 * count) * averaged / (averaged - 1))))
 
 
-def relative_to_force(lines: Lines, power: Array) -> float:
-    """Root mean square of a quantity (r, H+1) [N^2] over that of the force, averaged over the records."""
+def relative_to_force(lines: SpectralLines, power: Array) -> float:
+    """Return the root mean square over the records of sum(power)/sum(|F|^2), power (r, H+1) in N^2."""
     force = np.abs(lines.spectra.mean_force) ** 2
     shares = [
-        float(one[used].sum() / whole[used].sum())
-        for one, whole, used in zip(power, force, lines.used, strict=True)
+        float(own[used].sum() / total[used].sum())
+        for own, total, used in zip(power, force, lines.used, strict=True)
     ]
     return float(np.sqrt(np.mean(shares)))
 
 
 # ----------------------------------------------------------------------------
-# Values to start from: the law along sampled motions, linear in all that is linear, the rest searched.
+# Initial values: the balance at sampled instants, by variable projection.
 
-_SAMPLES = 1500
-"""Instants at which a law without memory is tried: many times its parameters, spread over all motions."""
-_PER_DECADE = 24
-"""Values a decade where one parameter is searched alone."""
-_NO_FORCE = 1e6
-"""Misfit where the law gives no finite force."""
+_MAX_INSTANTS = 1500
+"""Instants of all motions at which a law without memory is tried: many times its parameters."""
+_TRIALS_A_DECADE = 24
+_MISFIT_OF_INFINITE_FORCE = 1e6
 
 
-class _Instants:
-    """Force and motion at instants of all records, each in units of its record's force."""
+class _SampledBalance:
+    """Equation f = m a + n(x, v; p) + constant at instants of all records, relative to the force of each.
 
-    def __init__(self, lines: Lines, law: ForceLaw, fixed: Mapping[str, float]) -> None:
+    A constant a record: the mean of the force is rarely measured.
+    """
+
+    def __init__(self, lines: SpectralLines, law: ForceLaw, fixed: Mapping[str, float]) -> None:
         self.law = law
         spectra = lines.spectra
         samples = lines.samples
-        motion = Motion(np.full(len(spectra), spectra.omega0), _cut(spectra.mean_response, lines))
-        force = Motion(motion.omega, _cut(spectra.mean_force, lines)).waveforms(samples)[0]
+        motion = Motion(np.full(len(spectra), spectra.omega0), _clear_lines(spectra.mean_response, lines))
+        force = Motion(motion.omega, _clear_lines(spectra.mean_force, lines)).waveforms(samples)[0]
         self.force = force - force.mean(axis=1, keepdims=True)
         self.x, self.v, self.a = motion.waveforms(samples)
         if not spectra.mean_known:
             self.x = self.x - self.x.mean(axis=1, keepdims=True)
         self.step = motion.interval(samples)
-        every = max(1, self.x.size // _SAMPLES)
+        stride = max(1, self.x.size // _MAX_INSTANTS)
         self.chosen = np.zeros(self.x.shape, dtype=bool)
-        # an odd stride meets all phases
-        self.chosen.reshape(-1)[:: every | 1] = True
+        # an odd stride meets all phases of a period, whose samples are a power of two
+        self.chosen.reshape(-1)[:: stride | 1] = True
         self.weight = np.broadcast_to(1 / np.std(self.force, axis=1, keepdims=True), self.x.shape)
         size = float(np.max(rms(spectra.mean_response)))
         speed = float(np.max(np.std(self.v, axis=1)))
@@ -403,69 +451,67 @@ class _Instants:
         self.natural = natural_sizes(law, size, speed / size, float(np.max(np.std(self.force, axis=1))))
 
     def rows(self, nonlinear: Array) -> tuple[Array, Array]:
-        """Rows of f = m a + n + constant, a constant a record: the force has no mean worth trusting."""
-        law = self.law
+        """Return matrix and right side for values of the parameters in which the law is not linear."""
+        law, chosen = self.law, self.chosen
         values = np.zeros(len(law.parameters))
         values[list(law.nonlinear)] = nonlinear
         if law.remembers:
             sample = law.sample(self.x, self.v, self.a, self.step, values)
-            pick = self.chosen
-            still, slopes = sample.force[pick], [sample.by_parameter[i][pick] for i in law.linear]
+            constant_force = sample.force[chosen]
+            slopes = [sample.by_parameter[i][chosen] for i in law.linear]
         else:
-            pick = self.chosen
-            step = np.broadcast_to(self.step, self.x.shape)[pick][None]
-            sample = law.sample(self.x[pick][None], self.v[pick][None], self.a[pick][None], step, values)
-            still = np.broadcast_to(sample.force, step.shape)[0]
+            step = np.broadcast_to(self.step, self.x.shape)[chosen][None]
+            x, v, a = (wave[chosen][None] for wave in (self.x, self.v, self.a))
+            sample = law.sample(x, v, a, step, values)
+            constant_force = np.broadcast_to(sample.force, step.shape)[0]
             slopes = [np.broadcast_to(sample.by_parameter[i], step.shape)[0] for i in law.linear]
-        a, weight = self.a[pick], self.weight[pick]
-        right = self.force[pick] - still
-        record = np.nonzero(pick)[0]
+        weight = self.weight[chosen]
+        right = self.force[chosen] - constant_force
+        record = np.nonzero(chosen)[0]
         constants = [(record == i).astype(float) for i in range(len(self.x))]
-        columns = [*slopes, a, *constants]
+        columns = [*slopes, self.a[chosen], *constants]
         return np.stack(columns, axis=1) * weight[:, None], right * weight
 
     def residual(self, nonlinear: Array) -> Array:
-        """What the best linear parameters and mass leave; large where there is no force."""
+        """Return the residual at the best linear parameters and mass; large where the force is not finite."""
         matrix, right = self.rows(nonlinear)
         if not (np.isfinite(matrix).all() and np.isfinite(right).all()):
-            return np.full(len(right), _NO_FORCE)
+            return np.full(len(right), _MISFIT_OF_INFINITE_FORCE)
         return np.asarray(right - matrix @ self.solve(matrix, right))
 
     def solve(self, matrix: Array, right: Array) -> Array:
-        """Linear parameters, the mass, and the constants."""
+        """Return linear parameters, mass and constants of the least-squares solution."""
         return solve_scaled(matrix, right, known=self._known)[0]
 
     def search(self) -> Array:
-        """Search values around the natural sizes of the parameters in which the law is not linear."""
+        """Search the nonlinear parameters, decades around their natural sizes."""
         size = self.natural[list(self.law.nonlinear)]
         size = np.where(np.isfinite(size) & (size > 0), size, 1.0)
-        shares = np.logspace(-DECADES, DECADES, int(2 * DECADES * _PER_DECADE) + 1)
+        ratios = np.logspace(-DECADES, DECADES, int(2 * DECADES * _TRIALS_A_DECADE) + 1)
         count = TRIALS // (4 if self.law.remembers else 1)
-        return search_values(self.residual, list(size[:, None] * shares), count)
+        return search_values(self.residual, list(size[:, None] * ratios), count)
 
 
-def _cut(spectrum: ComplexArray, lines: Lines) -> ComplexArray:
-    """The lines from the lowest clear one to the highest used; the rest is mostly noise."""
+def _clear_lines(spectrum: ComplexArray, lines: SpectralLines) -> ComplexArray:
+    """Return the spectrum up to the highest used line, lines below the lowest clear one set to zero."""
     highest = int(np.flatnonzero(lines.used.any(axis=0))[-1])
-    hidden = (lines.spectra.lines > 0) & (lines.spectra.lines < lines.first[:, None])
+    hidden = (lines.spectra.lines > 0) & (lines.spectra.lines < lines.lowest[:, None])
     return np.asarray(np.where(hidden, 0, spectrum)[:, : highest + 1])
 
 
-def start_values(lines: Lines, law: ForceLaw, fixed: Mapping[str, float]) -> tuple[Array, float]:
-    """Find values (p,) of the law and a mass [kg] near the solution.
+def start_values(lines: SpectralLines, law: ForceLaw, fixed: Mapping[str, float]) -> tuple[Array, float]:
+    """Find initial values (p,) of the law and an initial mass [kg].
 
     Parameters
     ----------
-    lines
-        What is fitted.
-    law
-        As array functions.
+    lines, law
+        Data and model.
     fixed
         Values of parameters that are known, by name; "m" is the mass [kg].
     """
-    part = law.at(fixed)
-    instants = _Instants(lines, part, fixed)
-    nonlinear = instants.search() if part.nonlinear else np.zeros(0)
-    solution = instants.solve(*instants.rows(nonlinear))
-    found = dict(zip(part.parameters, part.values_of(solution, nonlinear), strict=True))
-    return law.ordered({**fixed, **found}), float(solution[len(part.linear)])
+    free_law = law.at(fixed)
+    balance = _SampledBalance(lines, free_law, fixed)
+    nonlinear = balance.search() if free_law.nonlinear else np.zeros(0)
+    solution = balance.solve(*balance.rows(nonlinear))
+    found = dict(zip(free_law.parameters, free_law.values_of(solution, nonlinear), strict=True))
+    return law.ordered({**fixed, **found}), float(solution[len(free_law.linear)])

@@ -1,4 +1,8 @@
-"""Identification of a law from a periodic multisine: the balance of every line, weighted by its noise."""
+"""Identification of a law from a periodic multisine.
+
+Solved is the weighted least-squares problem of the balance of forces at every line of every record
+(``line_fit``); this module selects records and lines, judges the fit, and assembles the result.
+"""
 
 from __future__ import annotations
 
@@ -27,20 +31,20 @@ from rsgen.data.multisine.spectra import check_records
 from rsgen.data.oscillator import Model, refuse_across
 from rsgen.identification.fitting.fit import Solution
 from rsgen.identification.fitting.least_squares import Alternative
-from rsgen.identification.lines.line_balance import Balance, Lines, lines_of
+from rsgen.identification.lines.line_balance import Balance, SpectralLines, select_lines
 from rsgen.identification.lines.line_fit import (
     LineFit,
-    chance_of_noise,
-    delay_between,
-    errors_of,
+    band_parts,
+    channel_delay,
+    fit_fixed_parameters,
     fit_lines,
-    fixed_beside,
-    parts_of_band,
+    fit_missing_terms,
+    largest_gain_step,
+    max_misfit_of_noise,
+    misfit_to_noise,
+    parameter_covariance,
     relative_to_force,
     start_values,
-    step_between_periods,
-    terms_beside,
-    times_noise,
 )
 from rsgen.identification.results import (
     EquivalentCurve,
@@ -79,24 +83,24 @@ def identify_multisine(spectra: MultisineSpectra, model: Model) -> MultisineIden
     """
     refuse_across(model.sensors, multisine=True)
     observation = model.observation
-    held = check_records(spectra, observation)
-    part = spectra.select(np.flatnonzero(~held))
+    held_out = check_records(spectra, observation)
+    part = spectra.select(np.flatnonzero(~held_out))
     law = compile_law(model.force)
-    lines = lines_of(part, observation.band, switched=law.switched)
+    lines = select_lines(part, observation.band, switched=law.switched)
     count = int(lines.used.sum())
     if 2 * count <= len(law.parameters) + 1:
         raise RsgenError(f"identify.band: {count} lines in it; more lines than parameters are needed")
     with np.errstate(all="ignore"):
         values, mass = start_values(lines, law, model.fixed)
         fit = fit_lines(lines, law, model.fixed, put_in_order(law, values, model.fixed), mass)
-        return _judge(spectra, model, fit)
+        return _assemble(spectra, model, fit)
 
 
-def _judge(spectra: MultisineSpectra, model: Model, fit: LineFit) -> MultisineIdentification:
+def _assemble(spectra: MultisineSpectra, model: Model, fit: LineFit) -> MultisineIdentification:
     lines, law, part = fit.lines, fit.law, fit.lines.spectra
-    statistical, freedom, wider = errors_of(fit)
+    statistical, freedom, widening = parameter_covariance(fit)
     names = (*law.parameters, "m")
-    terms = terms_beside(fit)
+    terms = fit_missing_terms(fit)
     misfit = relative_to_force(lines, np.abs(fit.balance.residual) ** 2)
     others = Alternatives(names, np.sqrt(np.diag(statistical)), {"term": terms})
     ratio, ambiguous = others.judge(fit.parameters, misfit)
@@ -116,22 +120,22 @@ def _judge(spectra: MultisineSpectra, model: Model, fit: LineFit) -> MultisineId
     findings = [e.finding for e in estimates if e.finding is not None]
     findings += _sign_findings(fit, covariance)
     findings += [
-        *_misfit_findings(fit, misfit, noise, wider),
-        *(_contradicted(fit, terms, misfit) or ambiguous),
+        *_misfit_findings(fit, misfit, noise, widening),
+        *(_fixed_findings(fit, terms, misfit) or ambiguous),
     ]
     motion = Motion(np.full(len(part), part.omega0), part.mean_response)
-    # what a law takes from the motion is judged by the law as it stands
-    of_law = make_estimates(replace(solution, covariance=statistical), law, model, reasons)
-    findings += damping_findings(law, motion, fit.values, of_law)
+    # the sign of the damping is that of this law: errors by alternative laws do not enter
+    by_noise = make_estimates(replace(solution, covariance=statistical), law, model, reasons)
+    findings += damping_findings(law, motion, fit.values, by_noise)
     findings += _damping_findings(fit, misfit, noise)
     findings += _delay_findings(fit, misfit)
-    findings += _drift_findings(fit, left=int(np.asarray(part.left_out).max(initial=0)))
-    if (lines.first > 1).any():
-        below = Quantity(float(part.frequency[lines.first.max()]), "Hz")
+    findings += _drift_findings(fit, skipped=int(np.asarray(part.left_out).max(initial=0)))
+    if (lines.lowest > 1).any():
+        below = Quantity(float(part.frequency[lines.lowest.max()]), "Hz")
         findings.append(Finding("motion-by-law", "info", numbers={"below": below}))
     findings += [*spectra.findings, *([] if fit.converged else [Finding("not-converged", "doubt")])]
     if model.observation.calibrated:
-        ratios = [one.damping_ratio for one in approximations if one.damping_ratio > 0]
+        ratios = [linear.damping_ratio for linear in approximations if linear.damping_ratio > 0]
         mass = fit.mass if np.isfinite(covariance).all() else nan
         findings += implausible(spectra, mass=mass, damping=min(ratios, default=nan))
     else:
@@ -139,12 +143,11 @@ def _judge(spectra: MultisineSpectra, model: Model, fit: LineFit) -> MultisineId
     free = np.flatnonzero(fit.free)
     frequency = part.frequency[lines.used.any(axis=0)]
     resonances = tuple(map(_resonance, approximations))
-    none = (nan, inf, (-inf, inf))
-    unread = tuple(Estimate(estimate.name, *none, estimate.unit) for estimate in estimates)
+    unknown = tuple(Estimate(e.name, nan, inf, (-inf, inf), e.unit) for e in estimates)
     return MultisineIdentification(
         model=model,
-        paper=unread,
-        first_order=unread,
+        paper=unknown,
+        first_order=unknown,
         refined=estimates,
         first_order_bias=(nan,) * len(estimates),
         covariance=covariance[np.ix_(free, free)],
@@ -167,22 +170,22 @@ def _judge(spectra: MultisineSpectra, model: Model, fit: LineFit) -> MultisineId
     )
 
 
-def _contradicted(fit: LineFit, terms: Mapping[str, Alternative], misfit: float) -> list[Finding]:
-    """Find fixed values that the lines contradict, more than they do any term."""
-    least = max(SIGNIFICANT, *(one.gain for one in terms.values()))
+def _fixed_findings(fit: LineFit, terms: Mapping[str, Alternative], misfit: float) -> list[Finding]:
+    """Find fixed values that the lines contradict more than they contradict the lack of any term."""
+    least = max(SIGNIFICANT, *(term.gain for term in terms.values()))
     square = np.sum(np.abs(fit.balance.residual[fit.lines.used]) ** 2 * 2 / fit.variance[fit.lines.used])
     found = []
-    for name, other in fixed_beside(fit).items():
-        given = fit.fixed[name]
-        if other.gain >= least and abs(other.value) >= SAME_NUMBER * abs(given):
-            left = misfit * float(np.sqrt(max(1 - other.gain / square, 0.0)))
-            times = float(np.sqrt(other.gain))
-            found.append(fixed_contradicted(name, given, other.value, misfit=misfit, left=left, times=times))
+    for name, free in fit_fixed_parameters(fit).items():
+        fixed = fit.fixed[name]
+        if free.gain >= least and abs(free.value) >= SAME_NUMBER * abs(fixed):
+            left = misfit * float(np.sqrt(max(1 - free.gain / square, 0.0)))
+            times = float(np.sqrt(free.gain))
+            found.append(fixed_contradicted(name, fixed, free.value, misfit=misfit, left=left, times=times))
     return found
 
 
-def _outcome(lines: Lines, estimates: tuple[Estimate, ...], misfit: float) -> Finding:
-    """What was found from how many lines."""
+def _outcome(lines: SpectralLines, estimates: tuple[Estimate, ...], misfit: float) -> Finding:
+    """Summarise the numbers of identified parameters, lines, records and levels."""
     numbers = quantities(
         identified=sum(estimate.identifiable for estimate in estimates),
         parameters=len(estimates),
@@ -196,7 +199,7 @@ def _outcome(lines: Lines, estimates: tuple[Estimate, ...], misfit: float) -> Fi
 
 
 def _resonance(found: BestLinear) -> Resonance:
-    """The mode of the best linear approximation of a level."""
+    """Return the mode of the best linear approximation of a level."""
     natural = 2 * np.pi * found.natural_frequency
     return Resonance(
         level=found.level,
@@ -210,7 +213,7 @@ def _resonance(found: BestLinear) -> Resonance:
 
 
 def _curve(resonances: tuple[Resonance, ...]) -> EquivalentCurve:
-    """Equivalent stiffness and damping of each level, at its resonance."""
+    """Return equivalent stiffness and damping of each level at its resonance."""
     amplitude, frequency, level, stiffness, damping = (
         np.array([getattr(point, name) for point in resonances])
         for name in ("amplitude", "frequency", "level", "stiffness", "damping")
@@ -220,14 +223,14 @@ def _curve(resonances: tuple[Resonance, ...]) -> EquivalentCurve:
 
 
 def _sign_findings(fit: LineFit, covariance: Array) -> list[Finding]:
-    """Find a structure that works on the exciter, and a negative mass."""
+    """Find a structure that feeds energy into the exciter, and a negative mass, both beyond noise."""
     lines, part, found = fit.lines, fit.lines.spectra, []
     # (r,) mean power of the force, and its standard deviation by the noise of force and response
     velocity = lines.rate * part.mean_response
     power = 0.5 * np.sum((part.mean_force * np.conj(velocity)).real * lines.used, axis=1)
-    force, response = (np.nan_to_num(one) for one in part.noise())
-    spread = np.abs(velocity) ** 2 * force**2 + np.abs(part.mean_force * lines.rate) ** 2 * response**2
-    limit = CHANCE * np.sqrt(0.5 * np.sum(spread * lines.used, axis=1))
+    force, response = map(np.nan_to_num, part.noise())
+    variance = np.abs(velocity) ** 2 * force**2 + np.abs(part.mean_force * lines.rate) ** 2 * response**2
+    limit = CHANCE * np.sqrt(0.5 * np.sum(variance * lines.used, axis=1))
     if np.any(power < -limit):
         found.append(Finding("structure-feeds-exciter", "error"))
     if fit.mass < -CHANCE * float(np.nan_to_num(np.sqrt(covariance[-1, -1]))):
@@ -236,59 +239,59 @@ def _sign_findings(fit: LineFit, covariance: Array) -> list[Finding]:
 
 
 def _delay_findings(fit: LineFit, misfit: float) -> list[Finding]:
-    """Find a delay between force and response that takes up most of the misfit; none or one."""
-    delay, error, left = delay_between(fit)
-    if misfit < NOTICEABLE or left > 1 - TAKEN or abs(delay) < SIGMAS * error:
+    """Find a delay between force and response that explains most of the misfit; none or one."""
+    delay, error, ratio = channel_delay(fit)
+    if misfit < NOTICEABLE or ratio > 1 - TAKEN or abs(delay) < SIGMAS * error:
         return []
-    numbers = quantities(delay=Quantity(delay, "s"), left=left * misfit, misfit=misfit)
+    numbers = quantities(delay=Quantity(delay, "s"), left=ratio * misfit, misfit=misfit)
     return [Finding("channels-delayed", "doubt", numbers=numbers)]
 
 
-def _drift_findings(fit: LineFit, left: int) -> list[Finding]:
-    """Find a gain that changes within a record, of which ``left`` periods were left out; none or one."""
-    first, size, times = step_between_periods(fit)
-    if times < SIGMAS:
+def _drift_findings(fit: LineFit, skipped: int) -> list[Finding]:
+    """Find a gain that changes within a record whose first ``skipped`` periods were not used; none or one."""
+    first, size, z = largest_gain_step(fit)
+    if z < SIGMAS:
         return []
     severity: Severity = "doubt" if size > SAME_NUMBER else "warning"
-    names = {"parts": f"the periods from number {left + first + 1} on, and those before"}
-    return [Finding("parts-disagree", severity, "", quantities(z=times, size=size), names)]
+    names = {"parts": f"the periods from number {skipped + first + 1} on, and those before"}
+    return [Finding("parts-disagree", severity, "", quantities(z=z, size=size), names)]
 
 
 def _damping_findings(fit: LineFit, misfit: float, noise: float) -> list[Finding]:
-    """Find a misfit that is no noise, is small beside the force, and is not small beside the damping.
+    """Find a misfit beyond noise that is small relative to the force, but not relative to the damping force.
 
-    At a resonance the damping alone balances a sine; of all lines of a multisine the springs and the mass
-    balance most, so that damping which a law lacks leaves little and goes into the damping that it has.
+    At the resonance the damping balances the force of a sine. In a multisine springs and inertia balance most
+    of the lines, so that a missing damping term leaves a small misfit and changes the other damping values.
     """
-    # of one period nobody can tell a misfit from noise
-    by_chance = np.isfinite(noise) and times_noise(fit) < chance_of_noise(fit)
+    # with one period, misfit and noise cannot be separated
+    by_chance = np.isfinite(noise) and misfit_to_noise(fit) < max_misfit_of_noise(fit)
     if misfit > POOR or by_chance:
         return []
     share = relative_to_force(fit.lines, Balance.damping(fit.lines, fit.law, fit.values, fit.mass))
-    left = float(np.sqrt(max(misfit**2 - np.nan_to_num(noise) ** 2, 0.0)))
-    # of a law with memory nobody can say which part of it is damping
-    if not left > max(LARGE * share, 0.0 if share else NOTICEABLE):
+    systematic = float(np.sqrt(max(misfit**2 - np.nan_to_num(noise) ** 2, 0.0)))
+    # the damping share of a law with memory is NaN: no finding
+    if not systematic > max(LARGE * share, 0.0 if share else NOTICEABLE):
         return []
-    numbers = quantities(misfit=misfit, **({"share": left / share} if share else {}))
+    numbers = quantities(misfit=misfit, **({"share": systematic / share} if share else {}))
     return [Finding("misfit-beside-damping", "doubt", numbers=numbers)]
 
 
-def _misfit_findings(fit: LineFit, misfit: float, noise: float, wider: float) -> list[Finding]:
-    """Judge what the law leaves by its size and by the noise."""
-    times = times_noise(fit)
+def _misfit_findings(fit: LineFit, misfit: float, noise: float, widening: float) -> list[Finding]:
+    """Compare the misfit with the noise, and with what is acceptable for a law."""
+    ratio = misfit_to_noise(fit)
     if not np.isfinite(noise):
         found = [Finding("periods-few", "warning", numbers=quantities(periods=1))]
         if misfit > POOR:
             severity = severity_of(misfit, POOR, MEANINGLESS)
             found.append(Finding("law-does-not-fit", severity, numbers=quantities(misfit=misfit)))
         return found
-    # exact data have no noise to compare with
-    if times < chance_of_noise(fit) or misfit < NOTICEABLE:
+    # a misfit of exact data exceeds the noise, which is zero there
+    if ratio < max_misfit_of_noise(fit) or misfit < NOTICEABLE:
         severity = "doubt" if misfit > MEANINGLESS else "warning"
         large = Finding("misfit-large", severity, numbers=quantities(misfit=misfit))
         return [large] if misfit > 2 * POOR else []
-    severity, size = severity_of(misfit, POOR, MEANINGLESS), quantities(misfit=misfit, times=times)
-    parts = quantities(wider=wider, groups=int(parts_of_band(fit.lines).max()) + 1)
+    severity, size = severity_of(misfit, POOR, MEANINGLESS), quantities(misfit=misfit, times=ratio)
+    parts = quantities(wider=widening, groups=int(band_parts(fit.lines).max()) + 1)
     return [
         Finding("law-does-not-fit", severity, numbers=size),
         Finding("intervals-widened", "warning", numbers=parts, names={"by": "parts of the band"}),

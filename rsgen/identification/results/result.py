@@ -425,23 +425,23 @@ Found = TypeVar("Found", bound=Identification)
 
 @dataclass(frozen=True, slots=True, eq=False, repr=False)
 class MultisineIdentification(Identification):
-    """The result of a multisine test: an ``Identification``, and the spectra behind it.
+    """Parameters identified from a multisine test: an ``Identification``, and the spectra that were fitted.
 
-    ``paper`` and ``first_order`` are not known: both read one harmonic. ``resonances`` are those of the
+    ``paper`` and ``first_order`` are NaN: both methods need single sines. ``resonances`` are those of the
     best linear approximation of each level; their amplitude is sqrt(2) times the rms displacement.
 
     Parameters
     ----------
     spectra
-        All records, those held out too.
+        All records, including held-out ones.
     approximations
-        Best linear approximation of every level that took part.
+        Best linear approximation of every fitted level.
     used
-        (r, H+1) lines of each record that took part.
+        (r, H+1) fitted lines of each fitted record.
     misfit
-        (r, H+1) balance of each record that took part, F - m x'' - n, at each line [N].
+        (r, H+1) residual F - m x'' - n of each fitted record at each line [N].
     deviation
-        (r, H+1) standard deviation of that balance, from the scatter of the periods [N]; NaN of one period.
+        (r, H+1) standard deviation of that residual, from the scatter of the periods [N]; NaN of one period.
     """
 
     spectra: MultisineSpectra = field(kw_only=True)
