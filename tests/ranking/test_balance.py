@@ -11,7 +11,7 @@ from rsgen.dynamics.harmonic_balance import following_harmonics, hold_amplitude
 from rsgen.dynamics.linear_part import Inertia
 from rsgen.identification.fitting.observed import Observed
 from rsgen.identification.fitting.points import select_points
-from rsgen.identification.ranking.balance import make_rows, predicted_motion
+from rsgen.identification.ranking.balance import predicted_motion, whiten_balance
 from rsgen.law.numeric import compile_law
 from tests.surfaces import LAWS, MASS, model
 
@@ -39,8 +39,8 @@ def left(distance: float) -> float:
     surface = ResponseSurface(1.0, OMEGA / 2 / np.pi, seen_force, seen)
     observed = Observed.of(select_points(surface, model("quintic")))
     motion = predicted_motion(observed, np.zeros(0), harmonics, force, TURN)
-    rows = make_rows(motion, LAW, VALUES, MASS, np.full(ORDER + 1, 0.01), balanced=True)
-    rest = rows.right - rows.along(LAW, VALUES)[0] - MASS * rows.inertia
+    rows = whiten_balance(motion, LAW, VALUES, MASS, np.full(ORDER + 1, 0.01), balanced=True)
+    rest = rows.right - rows.of_law(LAW, VALUES)[0] - MASS * rows.inertia
     return float(np.abs(rest[:, rows.compared]).max())
 
 

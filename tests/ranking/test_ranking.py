@@ -25,11 +25,11 @@ from rsgen.identification.fitting.observed import Observed
 from rsgen.identification.fitting.points import Points, select_points
 from rsgen.identification.identify import identify
 from rsgen.identification.ranking import Ranking, identify_best, rank
-from rsgen.identification.ranking.balance import Rows, Sum, library_terms, terms_of
-from rsgen.identification.ranking.fitting import Fitted, Guess, fit_rows
-from rsgen.identification.ranking.rank_laws import in_order
-from rsgen.identification.ranking.ranking_result import Judgement, judge
-from rsgen.identification.ranking.reference import follow
+from rsgen.identification.ranking.balance import Sum, WhitenedBalance, library_terms, terms_of
+from rsgen.identification.ranking.fitting import CandidateFit, CandidateLaw, fit_candidate
+from rsgen.identification.ranking.rank_laws import order_candidates
+from rsgen.identification.ranking.ranking_result import Assessment, assess_best
+from rsgen.identification.ranking.reference import fit_reference_motion
 from rsgen.identification.ranking.selection import search_sums
 from rsgen.law import laws
 from rsgen.law.element import make_element
@@ -149,11 +149,11 @@ def test_a_given_mass_holds_for_all() -> None:
 def test_none_fits_where_the_structure_is_another(structure: str, monkeypatch: pytest.MonkeyPatch) -> None:
     seen = []
 
-    def spy(best: Fitted, *rest: Any, **more: Any) -> Judgement:
-        seen.append((best.guess.name, rest[2][0].name))
-        return judge(best, *rest, **more)
+    def spy(best: CandidateFit, *rest: Any, **more: Any) -> Assessment:
+        seen.append((best.candidate.name, rest[2][0].name))
+        return assess_best(best, *rest, **more)
 
-    monkeypatch.setattr("rsgen.identification.ranking.rank_laws.judge", spy)
+    monkeypatch.setattr("rsgen.identification.ranking.rank_laws.assess_best", spy)
     if structure == "hysteresis":
         ranking = rank(bouc_wen(), MEMORYLESS)
     else:
@@ -185,19 +185,19 @@ def test_the_misfit_is_looked_for_where_it_is() -> None:
 
 
 @pytest.fixture(scope="module")
-def along() -> tuple[Points, Rows, Guess]:
+def along() -> tuple[Points, WhitenedBalance, CandidateLaw]:
     """The balance of a noisy test along the motion of its own law, in units of the true noise."""
     points = select_points(measured("combined"), model("combined"))
-    guess = Guess("own", model("combined").elements, truth("combined"))
-    reference = follow(Observed.of(points), guess, {})
+    candidate = CandidateLaw("own", model("combined").elements, truth("combined"))
+    reference = fit_reference_motion(Observed.of(points), candidate, {})
     assert reference is not None
     assert len(reference.chosen) == len(points)
-    return points, reference.rows(np.full(10, NOISE)), guess
+    return points, reference.rows(np.full(10, NOISE)), candidate
 
 
-def test_misfits_are_in_units_of_the_noise(along: tuple[Points, Rows, Guess]) -> None:
-    points, rows, guess = along
-    fitted = fit_rows(guess, rows, points.level, {})
+def test_misfits_are_in_units_of_the_noise(along: tuple[Points, WhitenedBalance, CandidateLaw]) -> None:
+    points, rows, candidate = along
+    fitted = fit_candidate(candidate, rows, points.level, {})
     assert fitted is not None
     # the sum of squares of N unit normals is N, give or take sqrt(2 N)
     count = fitted.residual[:, rows.compared].size
@@ -205,32 +205,34 @@ def test_misfits_are_in_units_of_the_noise(along: tuple[Points, Rows, Guess]) ->
 
 
 @pytest.mark.slow
-def test_the_fit_agrees_with_identification(along: tuple[Points, Rows, Guess]) -> None:
-    points, rows, guess = along
-    fitted = fit_rows(guess, rows, points.level, {})
+def test_the_fit_agrees_with_identification(along: tuple[Points, WhitenedBalance, CandidateLaw]) -> None:
+    points, rows, candidate = along
+    fitted = fit_candidate(candidate, rows, points.level, {})
     assert fitted is not None
     for estimate in identify(measured("combined"), model("combined")).refined:
         # two ways to one maximum of the likelihood
-        assert abs(fitted.guess.values[estimate.name] - estimate.value) < 0.3 * estimate.standard_error
+        assert abs(fitted.candidate.values[estimate.name] - estimate.value) < 0.3 * estimate.standard_error
 
 
-def test_unseen_levels_are_those_of_a_fit_without_them(along: tuple[Points, Rows, Guess]) -> None:
-    points, rows, guess = along
-    fitted = fit_rows(guess, rows, points.level, {})
+def test_unseen_levels_are_those_of_a_fit_without_them(
+    along: tuple[Points, WhitenedBalance, CandidateLaw],
+) -> None:
+    points, rows, candidate = along
+    fitted = fit_candidate(candidate, rows, points.level, {})
     assert fitted is not None
     for level in np.unique(points.level)[[0, -1]]:
         inside = np.flatnonzero(points.level != level)
-        rest = fit_rows(guess, rows.select(inside), points.level[inside], {})
+        rest = fit_candidate(candidate, rows.select(inside), points.level[inside], {})
         assert rest is not None
         law = compile_law(model("combined").force)
-        values = np.array([rest.guess.values[name] for name in law.parameters])
-        force, _ = rows.along(law, values)
-        residual = rows.right - force - rest.guess.values["m"] * rows.inertia
+        values = np.array([rest.candidate.values[name] for name in law.parameters])
+        force, _ = rows.of_law(law, values)
+        residual = rows.right - force - rest.candidate.values["m"] * rows.inertia
         out = points.level == level
-        assert fitted.unseen[out] == pytest.approx(residual[out], abs=1e-4)
+        assert fitted.held_out_residual[out] == pytest.approx(residual[out], abs=1e-4)
 
 
-def test_more_terms_never_miss_by_more(along: tuple[Points, Rows, Guess]) -> None:
+def test_more_terms_never_miss_by_more(along: tuple[Points, WhitenedBalance, CandidateLaw]) -> None:
     _, rows, _ = along
     terms = [term for term in library_terms() if not term.search and not term.how.dissipates]
     trials = {frozenset(t.name for t in trial.law.terms): trial for trial in search_sums(rows, terms, {}, 2)}
@@ -256,20 +258,20 @@ def test_friction_never_feeds_energy() -> None:
 
 @pytest.mark.parametrize("friction", [0.2, -0.2])
 def test_a_candidate_whose_friction_feeds_energy_is_dropped(
-    along: tuple[Points, Rows, Guess], friction: float
+    along: tuple[Points, WhitenedBalance, CandidateLaw], friction: float
 ) -> None:
-    points, rows, guess = along
+    points, rows, candidate = along
     damper = make_element("friction", "Ff*sign(v)")
-    force, _ = rows.along(compile_law(damper.force), np.array([friction]))
-    candidate = Guess(
-        "with friction", (*guess.elements, damper), {**guess.values, "Ff": 0.0}, dissipates=(("Ff",),)
+    force, _ = rows.of_law(compile_law(damper.force), np.array([friction]))
+    candidate = CandidateLaw(
+        "with friction", (*candidate.elements, damper), {**candidate.values, "Ff": 0.0}, dissipates=(("Ff",),)
     )
-    fitted = fit_rows(candidate, replace(rows, right=rows.right + force), points.level, {})
+    fitted = fit_candidate(candidate, replace(rows, right=rows.right + force), points.level, {})
     if friction < 0:
         assert fitted is None
     else:
         assert fitted is not None
-        assert fitted.guess.values["Ff"] == pytest.approx(friction, rel=0.1)
+        assert fitted.candidate.values["Ff"] == pytest.approx(friction, rel=0.1)
 
 
 def test_every_law_of_the_library_takes_part() -> None:
@@ -567,13 +569,14 @@ def test_what_predicts_levels_comes_before_what_fits_them() -> None:
         [7, 6, 5, 4, 3],
         [False] * 5,
     )
-    order, lowest, tied = in_order(bic, error, count, odd)
+    order, lowest, tied = order_candidates(bic, error, count, odd)
     assert order == [3, 2, 4, 0, 1]
     assert (lowest, tied) == (40.0, [False, False, True, True, False])
     # of as many parameters the nearer one comes first, even where one level alone reaches a stop
-    assert in_order([0.0, 900.0], [0.5, 0.1], [5, 5], [False] * 2)[0] == [0, 1]
+    assert order_candidates([0.0, 900.0], [0.5, 0.1], [5, 5], [False] * 2)[0] == [0, 1]
     # and beside noise a simpler law may predict better that fits worse
-    assert in_order([0.0, 300.0], [0.023, 0.01], [5, 4], [False] * 2)[0] == [0, 1]
+    assert order_candidates([0.0, 300.0], [0.023, 0.01], [5, 4], [False] * 2)[0] == [0, 1]
     # with one level nothing is predicted: fit and parameters decide
-    assert in_order(bic, [np.nan] * 5, count, odd)[0] == [1, 0, 2, 3, 4]
-    assert in_order(bic, [np.nan] * 5, count, [False, True, False, False, False])[0] == [0, 1, 2, 3, 4]
+    assert order_candidates(bic, [np.nan] * 5, count, odd)[0] == [1, 0, 2, 3, 4]
+    odd = [False, True, False, False, False]
+    assert order_candidates(bic, [np.nan] * 5, count, odd)[0] == [0, 1, 2, 3, 4]

@@ -19,11 +19,11 @@ from rsgen.dynamics.virtual_test import SimulatedTest, add_noise
 from rsgen.identification.fitting.observed import Observed
 from rsgen.identification.fitting.points import select_points
 from rsgen.identification.ranking import Ranking, rank
-from rsgen.identification.ranking.balance import Rows
-from rsgen.identification.ranking.fitting import Fitted, Guess
-from rsgen.identification.ranking.rank_laws import _unconfirmed
-from rsgen.identification.ranking.ranking_result import Judgement, implausible, judge
-from rsgen.identification.ranking.reference import follow
+from rsgen.identification.ranking.balance import WhitenedBalance
+from rsgen.identification.ranking.fitting import CandidateFit, CandidateLaw
+from rsgen.identification.ranking.rank_laws import _unconfirmed_findings
+from rsgen.identification.ranking.ranking_result import Assessment, assess_best, implausible_findings
+from rsgen.identification.ranking.reference import fit_reference_motion
 from rsgen.law.element import make_element
 from rsgen.report.wording import sentence
 from rsgen.report.wording.sentences import next_step
@@ -128,18 +128,22 @@ def test_a_background_does_not_reverse_a_sensor() -> None:
     assert right.verdict.state == "identified"
 
 
-def cubic_with(rows: Rows, *dampers: tuple[str, str], **values: float) -> list[str]:
+def cubic_with(rows: WhitenedBalance, *dampers: tuple[str, str], **values: float) -> list[str]:
     """Codes of what speaks against a cubic law with these dampers beside its own."""
     elements = tuple(make_element(name, force) for name, force in dampers)
     limits = {name: (0.05, 6.0) for name in values if name == "p"}
-    guess = Guess("all", (*model("cubic").elements, *elements), {**truth("cubic"), **values}, limits)
-    fitted = Fitted(guess, rows.right, rows.right, rows.compared, 0.0)
-    return [finding.code for finding in implausible(fitted, rows)]
+    candidate = CandidateLaw(
+        "all", (*model("cubic").elements, *elements), {**truth("cubic"), **values}, limits
+    )
+    fitted = CandidateFit(candidate, rows.right, rows.right, rows.compared, 0.0)
+    return [finding.code for finding in implausible_findings(fitted, rows)]
 
 
 def test_terms_against_each_other_and_a_search_at_its_limit_are_doubted() -> None:
     points = select_points(measured("cubic", 0.0), model("cubic"))
-    reference = follow(Observed.of(points), Guess("own", model("cubic").elements, truth("cubic")), {})
+    reference = fit_reference_motion(
+        Observed.of(points), CandidateLaw("own", model("cubic").elements, truth("cubic")), {}
+    )
     assert reference is not None
     rows = reference.rows(np.full(10, NOISE))
     grows, rests = ("grows", "mu*abs(x)*sign(v)"), ("rests", "cx*x**2*v")
@@ -197,12 +201,12 @@ def test_levels_that_are_predicted_badly_are_reported(noisy: Noisy) -> None:
 def test_a_law_whose_levels_do_not_predict_each_other_is_not_called_best(
     error: float, severity: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    def spoil(best: Fitted, *rest: Any, **more: Any) -> Judgement:
+    def spoil(best: CandidateFit, *rest: Any, **more: Any) -> Assessment:
         points, noise, candidates, aside = rest
         first = replace(candidates[0], held_out_error=error)
-        return judge(best, points, noise, [first, *candidates[1:]], aside, **more)
+        return assess_best(best, points, noise, [first, *candidates[1:]], aside, **more)
 
-    monkeypatch.setattr("rsgen.identification.ranking.rank_laws.judge", spoil)
+    monkeypatch.setattr("rsgen.identification.ranking.rank_laws.assess_best", spoil)
     ranking = rank(measured("cubic"), ["k*x + c*v", "k*x + k3*x**3 + c*v"])
     (worse,) = [finding for finding in ranking.findings if finding.code == "levels-predicted-worse"]
     assert worse.severity == severity
@@ -225,6 +229,6 @@ def test_a_law_that_does_not_follow_the_test_by_itself_is_doubted(law: str, expe
     table = measured("cubic")
     observed = Observed.of(select_points(table, BASE), "none")
     values = {name: value for name, value in {**truth("cubic"), "k3": -1e5}.items() if name in law}
-    best = SimpleNamespace(guess=Guess(law, (make_element("law", law),), {**values, "m": MASS}))
-    found = _unconfirmed(cast(Fitted, best), observed, {}, NOISE)
+    best = SimpleNamespace(candidate=CandidateLaw(law, (make_element("law", law),), {**values, "m": MASS}))
+    found = _unconfirmed_findings(cast(CandidateFit, best), observed, {}, NOISE)
     assert [finding.code for finding in found] == expected

@@ -317,7 +317,7 @@ class LawAlongRecord:
         return self._spectrum(np.broadcast_to(moving - still, x.shape))[0, : len(self._response)]
 
     def _evaluate(self, response: ComplexArray, computed: ComplexArray) -> tuple[LawSpectra, ComplexArray]:
-        """Evaluate a law along a motion, and the dynamic stiffness (extended + 1,) of its mean slopes [N/m]."""
+        """Evaluate a law along a motion; return its dynamic stiffness (extended + 1,) [N/m] as well."""
         lines, law, values = self._lines, self._law, self._values
         motion = self._motion(response, computed)
         x, v, a, step, mean = self._waves(motion)

@@ -1,18 +1,24 @@
-"""The balance of every harmonic at known motions, in units of its noise: linear in mass and coefficients.
+"""Balance of forces at a reference motion, whitened: linear in mass and coefficients for every candidate.
 
-At a motion near the measured one the balance  g = m a + n(x, v) - f  changes by J (z - z0) with the measured
-harmonics and force z. Its covariance is J S J' with S that of the measurement; divided by its root every row
-has the same noise, whatever law is tried: the errors-in-variables step of Britt and Luecke, The estimation of
-parameters in nonlinear, implicit models, Technometrics 15 (1973).
+At a motion z near the measured one, with harmonics X_h and the fundamental F of the force, the balance of
+harmonic h is
 
-What the sensors see of other modes moves z; its values join the balance linearly, so that every candidate has
-the background that suits it.
+    g_h = -m (h omega)^2 X_h + N_h(x, v) - F delta_h1,
+
+and it changes with the measured harmonics and force by J (z - z0). The covariance of g is J S J' with S that
+of the measurement. Multiplied by the inverse of its root every row has unit noise, whatever law is tried: the
+errors-in-variables step of Britt and Luecke, The estimation of parameters in nonlinear, implicit models,
+Technometrics 15 (1973). Laws can then be compared by linear least squares along one motion, without a
+harmonic balance for each of them.
+
+A background in the response moves z; its values join the rows linearly, so that every candidate has the
+background that suits it.
 """
 
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, fields, replace
 from functools import cached_property, lru_cache
 from itertools import permutations
 
@@ -20,7 +26,7 @@ import numpy as np
 import sympy
 from numpy.typing import NDArray
 
-from rsgen.common.arrays import Array, ComplexArray
+from rsgen.common.arrays import Array, Chosen, ComplexArray, blocks
 from rsgen.common.tolerances import BLOCK, EXPECTED_NOISE, ORDER
 from rsgen.formula import parse, symbol
 from rsgen.identification.fitting.observed import Observed
@@ -32,16 +38,13 @@ from rsgen.law.numeric import ForceLaw, compile_law
 from rsgen.law.pieces import normal_form
 
 # ----------------------------------------------------------------------------
-# What a ranking sums up: the laws of the library without their linear spring and damper.
-#
-# Every candidate has the base ``k*x + c*v``; a law of the library adds what is left of it without that, so
-# that
-# each of them stands for one idea and sums of them do not count the base twice.
+# Terms of the sums: the laws of the library without their linear spring and damper. Every sum has the base
+# ``k*x + c*v``, which is counted once.
 
 
 @dataclass(frozen=True)
 class Term:
-    """What one law of the library adds to the linear spring and damper."""
+    """A law of the library without its linear spring and damper."""
 
     source: Law
     how: Search
@@ -63,26 +66,26 @@ class Term:
 
     @cached_property
     def linear(self) -> tuple[str, ...]:
-        """Parameters in which the term is linear; the others move the part of the last one only."""
+        """Parameters in which the term is linear; the others scale the force of the last one only."""
         return tuple(name for name in self.law.parameters if name not in self.search)
 
 
 def base_law() -> ForceLaw:
-    """The linear damper and spring that every sum has; their coefficients in this order."""
+    """Return the linear damper and spring of every sum; their coefficients in this order."""
     return compile_law(parse("c*v + k*x"))
 
 
 @lru_cache(maxsize=1)
 def library_terms() -> tuple[Term, ...]:
-    """Give the terms of all laws of the library, each once."""
+    """Return the terms of all laws of the library."""
     return tuple(Term(law, law.search) for law in laws if law.search is not None)
 
 
 @lru_cache(maxsize=256)
 def terms_of(force: sympy.Expr) -> frozenset[str]:
-    """Give the terms that the linear parameters multiply, in normal form: the same whatever their names.
+    """Return what the linear parameters multiply, in a normal form that does not depend on names.
 
-    With the equations of states: without them all laws with a state would be one.
+    The equations of states are part of it: laws with a state differ in nothing else.
     """
     law = compile_law(force)
     # a blank: no parameter has such a name
@@ -98,7 +101,7 @@ def terms_of(force: sympy.Expr) -> frozenset[str]:
         rates = () if memory is None else memory.rates
         found.append(
             sorted(str(normal_form(part, positive).expression) for part in parts)
-            + [f"{each.symbol}' = {normal_form(each.rate, positive).expression}" for each in rates]
+            + [f"{state.symbol}' = {normal_form(state.rate, positive).expression}" for state in rates]
         )
     return frozenset(min(found))
 
@@ -122,7 +125,7 @@ class Sum:
 
     @property
     def has_spring(self) -> bool:
-        """Whether the linear spring is in it."""
+        """True if the linear spring is in it."""
         return not any(term.how.spring for term in self.terms)
 
     @cached_property
@@ -170,21 +173,18 @@ class Sum:
         )
 
 
-NEAR = 0.02
-"""Relative distance of a motion from the measured one up to which it stands for it, and up to which the
-linear balance carries a candidate's background there: the square of it is less than noise. What is farther
-waits for the candidate's own motion."""
+MAX_MOTION_DISTANCE = 0.02
+"""Relative distance of the reference motion from the measured one: its square is less than noise."""
 
-_SAMPLES = 128
-"""A period; laws are compared along one waveform, so that coarse sampling cancels."""
+_SAMPLES_A_PERIOD = 128
 
-_UNKNOWN = 1e3
-"""Noise of a harmonic that was not measured, in units of that of the others: it follows from the balance."""
+_NOISE_OF_UNMEASURED = 1e3
+"""Noise of a harmonic that was not measured, in units of that of the others."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class ReferenceMotion:
-    """Where the balance is looked at; phases relative to the fundamental.
+    """The motion about which the balance is linearised; phases relative to the fundamental.
 
     Parameters
     ----------
@@ -194,31 +194,31 @@ class ReferenceMotion:
         (n, J+1) complex displacement [m] along which laws are evaluated.
     force
         (n,) complex [N].
-    harmonics_off, force_off
-        (n, H+1), (n,) measured minus these; zero where a harmonic was not measured.
+    harmonics_deviation, force_deviation
+        (n, H+1), (n,) measured values minus these; zero where a harmonic was not measured.
     measured
-        (H+1,) which harmonics were measured; up to H the balance is looked at.
-    size
-        (n,) amplitude that the sensor sees [m], to which noise is relative.
+        (H+1,) mask of the measured harmonics; H is the highest harmonic of the balance.
+    amplitude
+        (n,) amplitude at the sensor [m], to which noise is relative.
     receptance
         (n,) of the background [m/N].
     background
-        (b,) its values here.
-    fundamental_by, force_by
-        (n, b) change of the measured mode by the values of the background.
+        (b,) values of the background.
+    fundamental_by_background, force_by_background
+        (n, b) derivatives of the fundamental and the force of the mode by these values.
     """
 
     omega: Array
     harmonics: ComplexArray
     force: ComplexArray
-    harmonics_off: ComplexArray
-    force_off: ComplexArray
+    harmonics_deviation: ComplexArray
+    force_deviation: ComplexArray
     measured: NDArray[np.bool_]
-    size: Array
+    amplitude: Array
     receptance: ComplexArray
     background: Array
-    fundamental_by: ComplexArray
-    force_by: ComplexArray
+    fundamental_by_background: ComplexArray
+    force_by_background: ComplexArray
 
     @property
     def order(self) -> int:
@@ -226,36 +226,31 @@ class ReferenceMotion:
         return len(self.measured) - 1
 
     @property
+    def known(self) -> NDArray[np.bool_]:
+        """Mask (2H+1,) of the measured harmonics: mean, then real and imaginary parts."""
+        return np.repeat(self.measured, 2)[1:]
+
+    @property
     def background_effect(self) -> Array:
-        """(b,) root mean square relative change of the measured mode by the values of the background."""
-        force = self.force_by / np.abs(self.force)[:, None]
-        fundamental = self.fundamental_by / self.size[:, None]
+        """Root mean square relative change (b,) of the mode by the values of the background."""
+        force = self.force_by_background / np.abs(self.force)[:, None]
+        fundamental = self.fundamental_by_background / self.amplitude[:, None]
         return np.asarray(np.sqrt(np.mean(np.abs(force) ** 2 + np.abs(fundamental) ** 2, axis=0)))
 
-    def select(self, chosen: NDArray[np.intp]) -> ReferenceMotion:
+    def select(self, chosen: Chosen) -> ReferenceMotion:
         """Keep some points."""
-        return ReferenceMotion(
-            self.omega[chosen],
-            self.harmonics[chosen],
-            self.force[chosen],
-            self.harmonics_off[chosen],
-            self.force_off[chosen],
-            self.measured,
-            self.size[chosen],
-            self.receptance[chosen],
-            self.background,
-            self.fundamental_by[chosen],
-            self.force_by[chosen],
-        )
+        columns = {f.name: getattr(self, f.name) for f in fields(self)}
+        of_points = {k: v[chosen] for k, v in columns.items() if k not in ("measured", "background")}
+        return replace(self, **of_points)
 
     def trajectory(self, samples: int) -> tuple[Array, Array, Array, Array]:
-        """x, v, a (n, samples) and the sampling interval (n, 1) [s]."""
+        """Return x, v, a (n, samples) and the sampling interval (n, 1) [s]."""
         motion = Motion(self.omega, self.harmonics)
         return *motion.waveforms(samples), motion.interval(samples)
 
 
 def measured_motion(observed: Observed, background: Array) -> ReferenceMotion:
-    """Take mean and fundamental as measured: first order, a start without any law but with a background."""
+    """Return the measured mean and fundamental without the background, to begin without a law."""
     mode = observed.mode(background)
     phase = np.angle(mode.harmonics[:, 1])
     harmonics = np.array(mode.harmonics[:, :2])
@@ -270,7 +265,7 @@ def measured_motion(observed: Observed, background: Array) -> ReferenceMotion:
         observed.points.amplitude,
         observed.background.receptance(background),
         background,
-        *_mode_by(observed, background, phase),
+        *_mode_by_background(observed, background, phase),
     )
 
 
@@ -281,38 +276,44 @@ def predicted_motion(
     force: ComplexArray,
     turn: Array,
 ) -> ReferenceMotion:
-    """Take the motion that a fitted law predicts nearest to the measured one.
+    """Return the motion that a fitted law predicts nearest to the measured one.
 
     Parameters
     ----------
     observed, background
         The measured points, and the background fitted with the law.
-    harmonics, force, turn
-        Predicted, relative to a fundamental of phase zero, and the phase of the true one (``Fit``).
+    harmonics, force
+        (n, J+1) [m], (n,) [N] predicted, relative to a fundamental of phase zero.
+    turn
+        (n,) phase of the measured fundamental [rad] (``Fit``).
     """
     mode = observed.mode(background)
     count = min(ORDER + 1, mode.harmonics.shape[1])
     back = np.exp(-1j * turn)
-    off = np.zeros((len(mode), ORDER + 1), dtype=complex)
-    off[:, :count] = mode.harmonics[:, :count] * back[:, None] ** np.arange(count) - harmonics[:, :count]
+    deviation = np.zeros((len(mode), ORDER + 1), dtype=complex)
+    deviation[:, :count] = (
+        mode.harmonics[:, :count] * back[:, None] ** np.arange(count) - harmonics[:, :count]
+    )
     measured = np.isin(np.arange(ORDER + 1), mode.measured)
-    off[:, ~measured] = 0
+    deviation[:, ~measured] = 0
     return ReferenceMotion(
         mode.omega,
         harmonics,
         force,
-        off,
+        deviation,
         mode.force * back - force,
         measured,
         observed.points.amplitude,
         observed.background.receptance(background),
         background,
-        *_mode_by(observed, background, turn),
+        *_mode_by_background(observed, background, turn),
     )
 
 
-def _mode_by(observed: Observed, background: Array, turn: Array) -> tuple[ComplexArray, ComplexArray]:
-    """(n, b) derivatives of fundamental and force of the mode, turned back, by the background."""
+def _mode_by_background(
+    observed: Observed, background: Array, turn: Array
+) -> tuple[ComplexArray, ComplexArray]:
+    """Return the derivatives (n, b) of fundamental and force of the mode, turned back, by the background."""
     shape = observed.background
     force = (observed.points.force * shape.turn(background) * np.exp(-1j * turn))[:, None]
     by_psi = np.zeros((len(turn), len(background)), dtype=complex)
@@ -322,25 +323,30 @@ def _mode_by(observed: Observed, background: Array, turn: Array) -> tuple[Comple
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Rows:
-    """The balance at a motion as rows of unit noise; its law-dependent side is linear in forces.
+class WhitenedBalance:
+    """The balance at a reference motion as rows of unit noise.
+
+    The force of a law along the trajectory, an inertia, and a change of the background have to add up to
+    ``right``. All three are linear maps.
 
     Parameters
     ----------
     trajectory
         x, v, a (n, samples) and the sampling interval, along which laws are evaluated.
     inertia
-        (n, 2H+1) of a unit mass.
+        (n, 2H+1) rows of a unit mass.
     right
-        (n, 2H+1) what laws and inertia have to balance.
+        (n, 2H+1) right side.
     background
-        (n, 2H+1, b) of changes of the values of the background from ``background_at``.
+        (n, 2H+1, b) rows of changes of the background from ``background_at``.
     background_at
-        (b,) those at the motion.
+        (b,) values of the background at the motion.
     background_weight
-        (b,) of these changes in the sum of squares.
+        (b,) weight of these changes in the sum of squares.
     compared
-        (2H+1,) False for rows that only serve to find a harmonic that was not measured.
+        (2H+1,) False for rows whose harmonic was not measured, which only determine that harmonic.
+    project
+        (n, 2H+1, samples) map from a force along the trajectory to rows.
     """
 
     trajectory: tuple[Array, Array, Array, Array]
@@ -350,44 +356,44 @@ class Rows:
     background_at: Array
     background_weight: Array
     compared: NDArray[np.bool_]
-    _project: Array
-    _known: dict[ForceLaw, tuple[Array, Array]] = field(default_factory=dict)
+    project: Array
+    _linear_laws: dict[ForceLaw, tuple[Array, Array]] = field(default_factory=dict)
 
-    def along(self, law: ForceLaw, values: Array) -> tuple[Array, Array]:
-        """(n, 2H+1) rows of a law at values and (n, 2H+1, q) their slopes by the values."""
+    def of_law(self, law: ForceLaw, values: Array) -> tuple[Array, Array]:
+        """Return the rows (n, 2H+1) of a law at values, and their slopes (n, 2H+1, q) by the values."""
         if law.nonlinear:
-            sample = law.sample(*self.trajectory, values)
-            columns = self.of(np.stack([sample.force, *sample.by_parameter], axis=-1))
-            return columns[:, :, 0], columns[:, :, 1:]
-        if law not in self._known:
-            sample = law.sample(*self.trajectory, np.zeros(len(values)))
-            columns = self.of(np.stack([sample.force, *sample.by_parameter], axis=-1))
-            self._known[law] = columns[:, :, 0], columns[:, :, 1:]
-        still, slopes = self._known[law]
-        return still + slopes @ values, slopes
+            return self._sample(law, values)
+        if law not in self._linear_laws:
+            self._linear_laws[law] = self._sample(law, np.zeros(len(values)))
+        constant, slopes = self._linear_laws[law]
+        return constant + slopes @ values, slopes
 
-    def of(self, signals: Array) -> Array:
-        """(n, 2H+1, j) rows of j forces (n, samples, j) along the motion."""
-        # a trial may overflow; whoever asked looks at what comes out
+    def _sample(self, law: ForceLaw, values: Array) -> tuple[Array, Array]:
+        sample = law.sample(*self.trajectory, values)
+        columns = self.of_forces(np.stack([sample.force, *sample.by_parameter], axis=-1))
+        return columns[:, :, 0], columns[:, :, 1:]
+
+    def of_forces(self, forces: Array) -> Array:
+        """Return the rows (n, 2H+1, j) of j forces (n, samples, j) along the trajectory."""
+        # a trial may overflow: callers check for finite sums of squares
         with np.errstate(all="ignore"):
-            return np.asarray(self._project @ signals)
+            return np.asarray(self.project @ forces)
 
-    def select(self, chosen: NDArray[np.intp]) -> Rows:
+    def select(self, chosen: NDArray[np.intp]) -> WhitenedBalance:
         """Keep some points."""
         x, v, a, step = (part[chosen] for part in self.trajectory)
-        return Rows(
-            (x, v, a, step),
-            self.inertia[chosen],
-            self.right[chosen],
-            self.background[chosen],
-            self.background_at,
-            self.background_weight,
-            self.compared,
-            self._project[chosen],
+        return replace(
+            self,
+            trajectory=(x, v, a, step),
+            inertia=self.inertia[chosen],
+            right=self.right[chosen],
+            background=self.background[chosen],
+            project=self.project[chosen],
+            _linear_laws={},
         )
 
 
-def make_rows(
+def whiten_balance(
     motion: ReferenceMotion,
     law: ForceLaw,
     values: Array,
@@ -395,75 +401,88 @@ def make_rows(
     noise: Array,
     *,
     balanced: bool,
-) -> Rows:
-    """Prepare rows at a motion; a law near the truth says how noise of the motion becomes noise of the force.
+) -> WhitenedBalance:
+    """Linearise the balance at a motion and scale it to unit noise.
 
     Parameters
     ----------
     motion
-        Where.
+        The reference motion.
     law, values, mass
-        A law near the truth.
+        A law near the truth, whose tangent stiffness turns noise of the motion into noise of the force.
     noise
         (H+1,) relative noise of mean, fundamental (and force) and harmonics, that of complex numbers.
     balanced
-        True where the motion is one of this very law. Other laws are then compared with it along the same
-        waveform, so that what a truncated waveform leaves of a jump or corner cancels.
+        True if the motion is one of this very law: its own force along the waveform then stands in place of
+        the measured one, so that the error by a truncated waveform at jumps and corners cancels.
     """
     width, count = 2 * motion.order + 1, len(motion.omega)
-    right, columns = np.empty((count, width)), np.empty((count, width))
-    background = np.empty((count, width, motion.force_by.shape[1]))
-    project = np.empty((count, width, _SAMPLES))
-    trajectory = motion.trajectory(_SAMPLES)
-    series = fourier_series(tuple(range(motion.order + 1)), _SAMPLES, half=False)
+    right, inertia = np.empty((count, width)), np.empty((count, width))
+    background = np.empty((count, width, len(motion.background)))
+    project = np.empty((count, width, _SAMPLES_A_PERIOD))
+    trajectory = motion.trajectory(_SAMPLES_A_PERIOD)
+    series = fourier_series(tuple(range(motion.order + 1)), _SAMPLES_A_PERIOD, half=False)
     projection = series.project.T
-    known = np.repeat(motion.measured, 2)[1:]
-    spread = np.where(known, np.repeat(noise, 2)[1:], _UNKNOWN * float(noise[1])) / np.sqrt(2)
     diagonal = np.arange(width)
-    # rows of unknown harmonics first: what they do not need is left to the others
-    order = np.argsort(known, kind="stable")
-    for low in range(0, count, BLOCK):
-        part = slice(low, low + BLOCK)
+    for part in blocks(count, BLOCK):
+        here = motion.select(part)
+        # J: dynamic stiffness of the law along the motion
         x, v, a, step = (column[part] for column in trajectory)
         sample = law.sample(x, v, a, step, values)
-        omega = motion.omega[part, None]
-        jacobian = sample.tangent(series, motion.omega[part])
-        inertia = -((series.order_of * omega) ** 2)
-        jacobian[:, diagonal, diagonal] += mass * inertia
-
-        def moved(fundamental: ComplexArray, force: ComplexArray, jacobian: Array = jacobian) -> Array:
-            """(n, 2H+1, j) what j changes (n, j) of the measurement leave in f - J z."""
-            by = fundamental[:, None]
-            change = -(jacobian[:, :, [1]] * by.real + jacobian[:, :, [2]] * by.imag)
-            change[:, 1] += force.real
-            change[:, 2] += force.imag
-            return np.asarray(change)
-
-        noisy = jacobian * (motion.size[part, None] * spread)[:, None, :]
-        covariance = noisy @ np.swapaxes(noisy, 1, 2)
-        # noise of the force moves the mode, too: the background is measured with it
-        force = motion.force[part, None] * np.array([1, 1j]) * noise[1] / np.sqrt(2)
-        driven = moved(-motion.receptance[part, None] * force, force)
-        covariance += driven @ np.swapaxes(driven, 1, 2)
-        # harmonics that were not measured make the matrix badly scaled: stay above round-off
-        covariance[:, diagonal, diagonal] *= 1 + 1e-9
-        root = np.empty_like(covariance)
-        sorted_rows = covariance[:, order[:, None], order]
-        root[:, order[:, None], order] = np.linalg.inv(np.linalg.cholesky(sorted_rows))
-        accelerated = inertia * series.real(motion.harmonics[part, : motion.order + 1])
+        square = -((series.order_of * here.omega[:, None]) ** 2)
+        jacobian = sample.tangent(series, here.omega)
+        jacobian[:, diagonal, diagonal] += mass * square
+        acceleration = square * series.real(here.harmonics[:, : motion.order + 1])
+        # right side: n + m a = f - J (z - z0)
         if balanced:
-            rest = sample.force @ series.project + mass * accelerated
+            forces = sample.force @ series.project + mass * acceleration
         else:
-            rest = np.zeros((len(x), width))
-            rest[:, 1], rest[:, 2] = motion.force[part].real, motion.force[part].imag
-        # the balance wanted is  n + m a = f - J (z - z0)
-        rest -= (jacobian @ series.real(motion.harmonics_off[part])[:, :, None])[:, :, 0]
-        rest[:, 1] += motion.force_off[part].real
-        rest[:, 2] += motion.force_off[part].imag
-        # a change of the background is one of the measurement
-        background[part] = root @ -moved(motion.fundamental_by[part], motion.force_by[part])
-        right[part] = (root @ rest[:, :, None])[:, :, 0]
-        columns[part] = (root @ accelerated[:, :, None])[:, :, 0]
+            forces = np.zeros((len(here.omega), width))
+            forces[:, 1], forces[:, 2] = here.force.real, here.force.imag
+        forces -= (jacobian @ series.real(here.harmonics_deviation)[:, :, None])[:, :, 0]
+        forces[:, 1] += here.force_deviation.real
+        forces[:, 2] += here.force_deviation.imag
+        # scaled by the inverse root of the covariance
+        root = _inverse_root(_covariance(here, jacobian, noise), motion.known)
+        background[part] = root @ -_change(jacobian, here.fundamental_by_background, here.force_by_background)
+        right[part] = (root @ forces[:, :, None])[:, :, 0]
+        inertia[part] = (root @ acceleration[:, :, None])[:, :, 0]
         project[part] = root @ projection
-    weight = motion.background_effect / NEAR * (1.0 if balanced else EXPECTED_NOISE)
-    return Rows(trajectory, columns, right, background, motion.background, weight, known, project)
+    weight = motion.background_effect / MAX_MOTION_DISTANCE * (1.0 if balanced else EXPECTED_NOISE)
+    return WhitenedBalance(
+        trajectory, inertia, right, background, motion.background, weight, motion.known, project
+    )
+
+
+def _change(jacobian: Array, fundamental: ComplexArray, force: ComplexArray) -> Array:
+    """Return the change (n, 2H+1, j) of f - J z by j changes (n, j) of fundamental and force."""
+    by = fundamental[:, None]
+    change = -(jacobian[:, :, [1]] * by.real + jacobian[:, :, [2]] * by.imag)
+    change[:, 1] += force.real
+    change[:, 2] += force.imag
+    return np.asarray(change)
+
+
+def _covariance(motion: ReferenceMotion, jacobian: Array, noise: Array) -> Array:
+    """Return the covariance (n, 2H+1, 2H+1) of the balance for relative noise (H+1,) of the harmonics."""
+    unmeasured = _NOISE_OF_UNMEASURED * float(noise[1])
+    spread = np.where(motion.known, np.repeat(noise, 2)[1:], unmeasured) / np.sqrt(2)
+    noisy = jacobian * (motion.amplitude[:, None] * spread)[:, None, :]
+    covariance = noisy @ np.swapaxes(noisy, 1, 2)
+    # noise of the force changes the mode as well: the background is a receptance times the measured force
+    force = motion.force[:, None] * np.array([1, 1j]) * noise[1] / np.sqrt(2)
+    driven = _change(jacobian, -motion.receptance[:, None] * force, force)
+    covariance += driven @ np.swapaxes(driven, 1, 2)
+    # the noise of unmeasured harmonics makes the matrix badly scaled: stay above round-off
+    diagonal = np.arange(covariance.shape[1])
+    covariance[:, diagonal, diagonal] *= 1 + 1e-9
+    return np.asarray(covariance)
+
+
+def _inverse_root(covariance: Array, known: NDArray[np.bool_]) -> Array:
+    """Return the inverse Cholesky factor (n, r, r), rows of unmeasured harmonics eliminated first."""
+    order = np.argsort(known, kind="stable")
+    root = np.empty_like(covariance)
+    ordered = covariance[:, order[:, None], order]
+    root[:, order[:, None], order] = np.linalg.inv(np.linalg.cholesky(ordered))
+    return root

@@ -1,4 +1,10 @@
-"""One candidate at its best values along a motion, and each level predicted from the others."""
+"""Fit of one candidate along a reference motion, and each level predicted from the others.
+
+Minimised is the sum of squares of the whitened balance (``balance``), right - rows of the law - m rows of the
+inertia - rows of the background, by Gauss-Newton: it is linear but for breakpoints, widths and exponents.
+The levels of the test serve for cross-validation: a level is predicted by the parameters that the others
+give.
+"""
 
 from __future__ import annotations
 
@@ -15,36 +21,35 @@ from rsgen.common.linear_algebra import solve_scaled
 from rsgen.common.tolerances import NEAR_STEPS
 from rsgen.data.oscillator import total_force
 from rsgen.identification.fitting.least_squares import Linearisation, Rules, descend
-from rsgen.identification.ranking.balance import Rows
+from rsgen.identification.ranking.balance import WhitenedBalance
 from rsgen.law.element import Element
 from rsgen.law.numeric import ForceLaw, compile_law
 
-_HELD = 0.05
-"""Least share of the inertia that springs without memory balance: rubber isolators, which are little else
-than a loop, keep a tenth of their stiffness."""
+_MIN_STATIC_STIFFNESS = 0.05
+"""Mean stiffness of a law, relative to the inertia that it balances. Rubber isolators keep a tenth."""
 
-_SPARSE = 7
-"""Every n-th point gives a stiffness well enough."""
+POINT_STRIDE = 7
+"""Every so-many-th point suffices for means and largest values of a force."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Guess:
-    """A candidate with values to start from.
+class CandidateLaw:
+    """A candidate with initial values.
 
     Parameters
     ----------
     name
-        In words.
+        Name in words.
     elements
         Springs and dampers.
     values
-        Of every parameter; the mass is "m".
+        Value of every parameter; the mass is "m".
     limits
-        Of those that have some.
+        Lower and upper limit of some parameters.
     dissipates
-        Parameters whose sum must not be negative.
+        Groups of parameters whose sum must not be negative.
     background
-        (b,) values of the background beside it.
+        (b,) values of the background.
     """
 
     name: str
@@ -61,64 +66,64 @@ class Guess:
 
     @property
     def law(self) -> ForceLaw:
-        """Compiled; its parameters are sorted by name."""
+        """The compiled force; its parameters are sorted by name."""
         return compile_law(self.force)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Fitted:
-    """A candidate at its best values.
+class CandidateFit:
+    """A candidate fitted along a reference motion.
 
     Parameters
     ----------
-    guess
-        The candidate with these values.
+    candidate
+        The candidate with the fitted values.
     residual
-        (n, 2H+1) what is left of the balance, in units of the noise.
-    unseen
-        (n, 2H+1) the same with each level predicted by the parameters that the other levels give.
+        (n, 2H+1) residual of the balance, in units of the noise.
+    held_out_residual
+        (n, 2H+1) residual of each level at the parameters that the other levels give.
     compared
-        (2H+1,) which rows count.
-    moved
-        What it costs that its background is not that of the motion.
+        (2H+1,) mask of the rows that count.
+    background_cost
+        Sum of squares of the change of the background.
     """
 
-    guess: Guess
+    candidate: CandidateLaw
     residual: Array
-    unseen: Array
+    held_out_residual: Array
     compared: NDArray[np.bool_]
-    moved: float
+    background_cost: float
 
     @property
     def misfit(self) -> float:
-        """Sum of squares."""
-        return float(np.sum(self.residual[:, self.compared] ** 2)) + self.moved
+        """Sum of squares in units of the noise."""
+        return float(np.sum(self.residual[:, self.compared] ** 2)) + self.background_cost
 
     @property
     def bic(self) -> float:
         """Bayesian information criterion (Schwarz 1978) for noise of known size."""
-        return self.misfit + len(self.guess.values) * float(np.log(self.residual[:, self.compared].size))
+        return self.misfit + len(self.candidate.values) * float(np.log(self.residual[:, self.compared].size))
 
 
 class _Balance:
-    """A candidate along a motion, element by element: linear ones are evaluated once for all candidates.
+    """The balance of a candidate, element by element: linear elements are shared by all candidates.
 
-    Values are those of the names and, behind them, the changes of the background.
+    Values (q,) are those of ``names``, then the changes of the background.
     """
 
-    def __init__(self, guess: Guess, rows: Rows, fixed: Mapping[str, float]) -> None:
+    def __init__(self, candidate: CandidateLaw, rows: WhitenedBalance, fixed: Mapping[str, float]) -> None:
         self.rows = rows
-        self.laws = [compile_law(element.force) for element in guess.elements]
+        self.laws = [compile_law(element.force) for element in candidate.elements]
         names = sorted({name for law in self.laws for name in law.parameters})
         self.names = (*names, "m")
-        self.free = np.array([each not in fixed for each in self.names] + [True] * len(rows.background_at))
+        self.free = np.array([name not in fixed for name in self.names] + [True] * len(rows.background_at))
         self.places = [[self.names.index(name) for name in law.parameters] for law in self.laws]
         self.nonlinear = sorted(
             {place[i] for law, place in zip(self.laws, self.places, strict=True) for i in law.nonlinear}
         )
 
     def evaluate(self, values: Array) -> tuple[Array, Array]:
-        """Residual (n, r) and its negative slopes (n, r, q)."""
+        """Return the residual (n, r) and its negative slopes (n, r, q)."""
         rows = self.rows
         count = len(self.names)
         residual = rows.right - values[count - 1] * rows.inertia - rows.background @ values[count:]
@@ -126,7 +131,7 @@ class _Balance:
         matrix[:, :, count - 1] = rows.inertia
         matrix[:, :, count:] = rows.background
         for law, place in zip(self.laws, self.places, strict=True):
-            force, slopes = rows.along(law, values[place])
+            force, slopes = rows.of_law(law, values[place])
             residual = residual - force
             # an element may share a parameter with another
             for i, j in enumerate(place):
@@ -134,63 +139,66 @@ class _Balance:
         return residual, matrix
 
     def linearise(self, values: Array, nuisance: Array) -> Linearisation:
-        """Rows that are compared, which have no nuisances (n, 0)."""
+        """Return the compared rows; the points have no nuisances (n, 0)."""
         residual, matrix = (part[:, self.rows.compared] for part in self.evaluate(values))
         return Linearisation(residual, np.zeros((*residual.shape, 0)), matrix)
 
     @property
     def prior(self) -> Array:
-        """(q,) inverse standard errors with which the changes of the background are known to be zero."""
+        """Inverse standard errors (q,) with which the changes of the background are known to be zero."""
         return np.append(np.zeros(len(self.names)), self.rows.background_weight)
 
-    def floats(self, values: Array) -> bool:
-        """Decide whether hardly anything but a loop holds the structure where it is.
+    def lacks_static_stiffness(self, values: Array) -> bool:
+        """Return True if almost all static stiffness comes from a hysteretic element.
 
-        A loop has no place of its own, so that such a law would explain any mean of the motion.
+        A loop has no position of equilibrium, so that such a law would explain any mean displacement.
         """
         if not any(law.remembers for law in self.laws):
             return False
-        x, v, a, step = (part[::_SPARSE] for part in self.rows.trajectory)
+        x, v, a, step = (part[::POINT_STRIDE] for part in self.rows.trajectory)
         samples = [
             law.sample(x, v, a, step, values[place])
             for law, place in zip(self.laws, self.places, strict=True)
         ]
         inertia = values[len(self.names) - 1] * np.sqrt(np.mean(a**2) / np.mean(x**2))
-        return bool(sum(float(np.mean(sample.by_x)) for sample in samples) < _HELD * inertia)
+        return bool(sum(float(np.mean(sample.by_x)) for sample in samples) < _MIN_STATIC_STIFFNESS * inertia)
 
 
-def fit_rows(guess: Guess, rows: Rows, level: Array, fixed: Mapping[str, float]) -> Fitted | None:
+def fit_candidate(
+    candidate: CandidateLaw, rows: WhitenedBalance, level: Array, fixed: Mapping[str, float]
+) -> CandidateFit | None:
     """Fit a candidate along the motion and predict each level from the others.
 
     Parameters
     ----------
-    guess
-        The candidate.
+    candidate
+        The candidate with initial values.
     rows
         The balance.
     level
-        (n,) [N] to which each point belongs.
+        (n,) level of each point [N].
     fixed
-        Names of parameters that stay at their values of the candidate.
+        Names of parameters that keep their values.
 
     Returns
     -------
-    Fitted or None
-        None where friction would feed energy, or nothing finite comes out.
+    CandidateFit or None
+        None if friction would feed energy, the static stiffness is missing, or the sum of squares is not
+        finite.
     """
-    balance = _Balance(guess, rows, fixed)
+    balance = _Balance(candidate, rows, fixed)
     names = balance.names
-    still = np.zeros(len(rows.background_at))
-    place = np.array([*(guess.values[each] for each in names), *still])
+    unchanged = np.zeros(len(rows.background_at))
+    place = np.array([*(candidate.values[name] for name in names), *unchanged])
     free = (-np.inf, np.inf)
-    limits = np.array([*(guess.limits.get(each, free) for each in names), *(free for _ in still)])
+    limits = np.array([*(candidate.limits.get(name, free) for name in names), *(free for _ in unchanged)])
     limits = limits.reshape(-1, 2)
     rules = Rules(
         steps=NEAR_STEPS if balance.nonlinear else 0,
         linear=[i for i in np.flatnonzero(balance.free).tolist() if i not in balance.nonlinear],
         free=balance.free,
         prior=balance.prior,
-        move=partial(_moved, limits=limits, nonlinear=balance.nonlinear),
+        move=partial(_limited_step, limits=limits, nonlinear=balance.nonlinear),
     )
     place = np.clip(place, limits[:, 0], limits[:, 1])
     place, *_ = descend(balance.linearise, place, np.zeros((len(level), 0)), rules)
@@ -198,19 +206,19 @@ def fit_rows(guess: Guess, rows: Rows, level: Array, fixed: Mapping[str, float])
     if not np.isfinite(np.sum(residual[:, rows.compared] ** 2)):
         return None
     values = dict(zip(names, place[: len(names)].tolist(), strict=True))
-    if any(sum(values[name] for name in names) < 0 for names in guess.dissipates):
+    if any(sum(values[name] for name in names) < 0 for names in candidate.dissipates):
         return None
-    if balance.floats(place):
+    if balance.lacks_static_stiffness(place):
         return None
     background = rows.background_at + place[len(names) :]
-    fitted = replace(guess, values=values, background=background)
-    unseen = _unseen(balance, place, residual, matrix, level)
-    moved = float(np.sum((balance.prior * place) ** 2))
-    return Fitted(fitted, residual, unseen, rows.compared, moved)
+    fitted = replace(candidate, values=values, background=background)
+    held_out_residual = _held_out_residual(balance, place, residual, matrix, level)
+    background_cost = float(np.sum((balance.prior * place) ** 2))
+    return CandidateFit(fitted, residual, held_out_residual, rows.compared, background_cost)
 
 
-def _moved(place: Array, change: Array, limits: Array, nonlinear: list[int]) -> Array:
-    """Let breakpoints, widths and exponents at most double or halve in a step, and keep to their limits."""
+def _limited_step(place: Array, change: Array, limits: Array, nonlinear: list[int]) -> Array:
+    """Return the next values: nonlinear ones at most doubled or halved, all within their limits."""
     moved = place + change
     for i in nonlinear:
         if place[i]:
@@ -218,18 +226,20 @@ def _moved(place: Array, change: Array, limits: Array, nonlinear: list[int]) -> 
     return np.clip(moved, limits[:, 0], limits[:, 1])
 
 
-def _unseen(balance: _Balance, place: Array, residual: Array, matrix: Array, level: Array) -> Array:
-    """Residual of each level with the parameters that the other levels give, one Gauss-Newton step away."""
-    unseen = np.full_like(residual, np.nan)
-    parts = [level == one for one in np.unique(level)]
+def _held_out_residual(
+    balance: _Balance, place: Array, residual: Array, matrix: Array, level: Array
+) -> Array:
+    """Return the residual of each level at the parameters of the other levels, by one Gauss-Newton step."""
+    held_out_residual = np.full_like(residual, np.nan)
+    parts = [level == amount for amount in np.unique(level)]
     if len(parts) < 2:
-        return unseen
-    still = np.where(balance.free, np.nan, 0.0)
-    known = np.column_stack([np.diag(balance.prior), -balance.prior * place])
+        return held_out_residual
+    fixed = np.where(balance.free, np.nan, 0.0)
+    prior = np.column_stack([np.diag(balance.prior), -balance.prior * place])
     rows = np.concatenate([matrix, residual[:, :, None]], axis=2)[:, balance.rows.compared]
     triangles = [np.linalg.qr(rows[part].reshape(-1, rows.shape[2]), mode="r") for part in parts]
     for i, part in enumerate(parts):
-        rest = np.concatenate([known, *triangles[:i], *triangles[i + 1 :]])
-        moved = solve_scaled(rest[:, :-1], rest[:, -1], known=still)[0]
-        unseen[part] = residual[part] - matrix[part] @ moved
-    return unseen
+        others = np.concatenate([prior, *triangles[:i], *triangles[i + 1 :]])
+        change = solve_scaled(others[:, :-1], others[:, -1], known=fixed)[0]
+        held_out_residual[part] = residual[part] - matrix[part] @ change
+    return held_out_residual

@@ -1,8 +1,11 @@
-"""Which law? Candidates compared with the test and with each other.
+"""Model selection: candidate laws ranked by BIC on one test.
 
-All candidates are compared along one motion, that of the best law so far; with a better law found the motion
-is taken anew, until the best law is the one whose motion it is. Along it every candidate is a fit of maximum
-likelihood, to second order in its distance from the best; a ranking of near candidates needs no more.
+BIC = chi^2 + q log(n) with chi^2 the sum of squares of the whitened balance of forces (``balance``) and q the
+number of parameters (Schwarz, Annals of Statistics 6, 1978). A harmonic balance for each of hundreds of
+candidates would take minutes; so all are compared along one reference motion, that of the best law so far,
+where each candidate is a linear least squares. If another law becomes the best, its motion is the next
+reference, until the best law is the one whose motion is the reference. A candidate's misfit is then that of
+maximum likelihood to second order in its distance from the best law, which is enough to order near ones.
 """
 
 from __future__ import annotations
@@ -34,68 +37,76 @@ from rsgen.formula import symbol
 from rsgen.identification.fitting.fit import fit_balance
 from rsgen.identification.fitting.observed import Observed, Problem
 from rsgen.identification.fitting.points import Points, mass_needs, per_unit_mass, select_points
-from rsgen.identification.ranking.balance import Rows, Term, base_law
-from rsgen.identification.ranking.fitting import Fitted, Guess, fit_rows
-from rsgen.identification.ranking.ranking_result import OWN, Candidate, Ranking, implausible, is_same, judge
+from rsgen.identification.ranking.balance import Term, WhitenedBalance, base_law
+from rsgen.identification.ranking.fitting import CandidateFit, CandidateLaw, fit_candidate
+from rsgen.identification.ranking.ranking_result import (
+    OWN,
+    Candidate,
+    Ranking,
+    assess_best,
+    implausible_findings,
+    is_same,
+)
 from rsgen.identification.ranking.reference import (
     Reference,
     first_rows,
-    follow,
+    fit_reference_motion,
     neighbour_noise,
-    outlying,
+    outliers_of,
 )
-from rsgen.identification.ranking.selection import Entries, competitors, start_guess
+from rsgen.identification.ranking.selection import Candidates, competitors, start_candidate
 from rsgen.identification.results import Identification
 from rsgen.identification.starting.start import start_fit
 from rsgen.law.element import Element, LawLike, as_elements
 from rsgen.law.memory import with_equations
 from rsgen.law.numeric import compile_law
 
-_TIE = 6.0
-"""Difference of BIC that is strong evidence (Kass and Raftery, Bayes factors, JASA 90 (1995))."""
+_STRONG_EVIDENCE = 6.0
+"""Difference of BIC (Kass and Raftery, Bayes factors, JASA 90 (1995))."""
 
-_AGAIN = 3
-"""Best candidates of a round whose motion is tried, and that compete in the next: a search is coarser than
-a fit."""
+_LEADERS = 3
+"""Best candidates of a round whose motion may be the reference, and that compete in the next round."""
 
-_ROUNDS = 5
-"""In which the best law of one gives the motion of the next: most end with the law they began with."""
+_MAX_ROUNDS = 5
 
-_POINTS = 500
-"""That are enough to separate laws; more of them only narrow intervals."""
+_MAX_POINTS = 500
+"""Points that separate laws; more of them only narrow intervals."""
 
-_CONFIRMED = 3.0
-"""The right law leaves as much along its own motions as in the ranking, a few harmonics apart."""
+_MAX_MISFIT_TO_EXPECTED = 3.0
+"""Misfit of the best law along its own motions, relative to that in the ranking; harmonics left out of the
+balance make less."""
 
-_CERTAINLY = 0.03
-"""Friction that sticks leaves less than this with a few harmonics."""
+_MIN_MISFIT_OF_DOUBT = 0.03
+"""Smaller misfits along the law's own motions are due to few harmonics, as for friction that sticks."""
 
-_FLEXIBLE = (f"{ANY_LAW} + Ff*sign(v)", ANY_LAW)
-"""Follow other laws roughly, with friction and without: where no law is given, they fit the background."""
+_SURROGATES = (f"{ANY_LAW} + Ff*sign(v)", ANY_LAW)
+"""Surrogates of any law, with friction and without, with which the first background is fitted."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Round:
-    """Candidates along the motion of one of them: ``leader`` is that one, fitted along it."""
+    """One reference motion: noise and balance there, and the ``leader``, the law of the motion, fitted."""
 
     reference: Reference
     noise: Array
-    rows: Rows
-    leader: Fitted
+    rows: WhitenedBalance
+    leader: CandidateFit
 
     def without(self, out: NDArray[np.bool_]) -> _Round:
-        """Leave some points aside."""
+        """Exclude some points."""
         inside = np.flatnonzero(~out)
         leader = replace(
-            self.leader, residual=self.leader.residual[inside], unseen=self.leader.unseen[inside]
+            self.leader,
+            residual=self.leader.residual[inside],
+            held_out_residual=self.leader.held_out_residual[inside],
         )
         return _Round(self.reference.select(inside), self.noise, self.rows.select(inside), leader)
 
-    def left(self, points: Points) -> float:
-        """What the leader leaves beyond noise, relative to force and response."""
-        pairs = _trusted(self.leader, self.noise, points.select(self.reference.chosen))
-        total, apart = neighbour_noise(self.leader.residual, pairs, self.leader.compared)
-        return float(np.sqrt(np.nansum(self.noise**2 * np.maximum(total**2 - apart**2, 0.0))))
+    def systematic_misfit(self, points: Points) -> float:
+        """Return the misfit of the leader beyond noise, relative to force and response."""
+        pairs = _inlier_pairs(self.leader, self.noise, points.select(self.reference.chosen))
+        total, random = neighbour_noise(self.leader.residual, pairs, self.leader.compared)
+        return float(np.sqrt(np.nansum(self.noise**2 * np.maximum(total**2 - random**2, 0.0))))
 
 
 def rank(
@@ -106,28 +117,28 @@ def rank(
     mass: float | None = None,
     terms_in_sum: int = 2,
 ) -> Ranking:
-    """Compare laws on a test.
+    """Rank candidate laws on a test.
 
     Parameters
     ----------
     surface
-        Settled points of any test; held-out levels are left aside.
+        Settled points of any test; held-out levels are not used.
     candidates
-        Formulas, elements and laws compete as they are; laws of ``rsgen.laws`` are tried beside a linear
-        spring and a linear damper, alone and in sums. A model competes with all of the
-        library. None: the library.
+        Formulas, elements and laws compete as they are; laws of ``rsgen.laws`` are added to a linear spring
+        and a linear damper, one by one and in sums. A model competes with all of the library. None: the
+        library.
     observation
-        How the structure was observed; None: as a model says.
+        How the structure was observed; None: that of a model.
     mass
-        m [kg] where it is known; None: as a model says, and to be identified where that says nothing.
+        m [kg] if it is known; None: that of a model, or identified.
     terms_in_sum
-        Most laws of the library in a sum; sums of three follow much that they do not explain.
+        Largest number of laws of the library in a sum; sums of three often overfit.
 
     Returns
     -------
     Ranking
-        Best first by BIC and parameters, behind what predicts levels worse than a simpler law, with
-        findings; *none fits* where even the best leaves more than noise.
+        Best first by BIC and parameters; last are candidates that predict levels worse than a simpler law
+        does. With findings; *none fits* if even the best has a misfit beyond noise.
 
     Raises
     ------
@@ -149,59 +160,61 @@ def rank(
         raise RsgenError(f"ranking: the test does not determine the mass; give it, or {needed}")
     background = _start_background(observed, base, tuple(laws.values()))
     mode = observed.mode(background)
-    given = tuple(start_guess(name, elements, mode, base.fixed) for name, elements in laws.items())
+    given = tuple(start_candidate(name, elements, mode, base.fixed) for name, elements in laws.items())
     rows = first_rows(observed, background, base_law(), base.fixed.get("m", nan))
     rounds = _all_rounds(observed, rows, given, terms, base.fixed, terms_in_sum)
-    # rounds may go in a circle: the one whose leader leaves least counts, of equals the last
-    left = [each.left(points) for each, _ in rounds]
-    best = max(i for i, value in enumerate(left) if value <= min(left) + NOTICEABLE)
+    # rounds may go in a circle: take the last of those with the least misfit
+    misfits = [one.systematic_misfit(points) for one, _ in rounds]
+    best = max(i for i, misfit in enumerate(misfits) if misfit <= min(misfits) + NOTICEABLE)
     found = _ranking(observed, *rounds[best], tuple(laws), base, surface)
-    # the mass of one kilogram that stands for a unit of mass is not known
+    # without a mass the balance was fitted per unit mass, with a mass of 1 kg
     return replace(found, model=replace(found.model, fixed=fixed), surface=given_surface)
 
 
 def _all_rounds(
     observed: Observed,
-    rows: Rows,
-    given: tuple[Guess, ...],
+    rows: WhitenedBalance,
+    given: tuple[CandidateLaw, ...],
     terms: tuple[Term, ...],
     fixed: Mapping[str, float],
     terms_in_sum: int,
-) -> list[tuple[_Round, list[Fitted]]]:
-    """Rounds without memory, and where their best leaves more than noise, rounds with all laws.
+) -> list[tuple[_Round, list[CandidateFit]]]:
+    """Run rounds of laws without memory, and if their best has a misfit beyond noise, rounds of all laws.
 
-    Along the motion of a law with memory a true law without may look wrong, so those have a turn alone.
+    Laws without memory are ranked first, because the reference motion of a hysteretic law would bias them.
     """
     plain = tuple(term for term in terms if not term.law.remembers)
-    rounds: list[tuple[_Round, list[Fitted]]] = []
+    rounds: list[tuple[_Round, list[CandidateFit]]] = []
     fault: RsgenError | None = None
-    for some in dict.fromkeys((plain, terms)):
-        entries = Entries(given, some, fixed, terms_in_sum)
+    for allowed in dict.fromkeys((plain, terms)):
+        entries = Candidates(given, allowed, fixed, terms_in_sum)
         try:
-            known = rounds[-1][1][:_AGAIN] if rounds else []
-            guesses = entries.search(rows, observed.points, known=known)
-            rounds += _rounds(observed, entries.fit(guesses, rows, observed.points, first=True), entries)
+            known = rounds[-1][1][:_LEADERS] if rounds else []
+            candidates = entries.search(rows, observed.points, known=known)
+            rounds += _rounds(observed, entries.fit(candidates, rows, observed.points, first=True), entries)
         except RsgenError as refused:
             fault = refused
-        if rounds and min(each.left(observed.points) for each, _ in rounds) <= NOTICEABLE:
+        if rounds and min(one.systematic_misfit(observed.points) for one, _ in rounds) <= NOTICEABLE:
             break
     if fault is not None and not rounds:
         raise fault
     return rounds
 
 
-def _rounds(observed: Observed, found: list[Fitted], entries: Entries) -> list[tuple[_Round, list[Fitted]]]:
-    """Candidates along the motion of the best of the round before, until the best is the same again."""
-    rounds: list[tuple[_Round, list[Fitted]]] = []
+def _rounds(
+    observed: Observed, found: list[CandidateFit], entries: Candidates
+) -> list[tuple[_Round, list[CandidateFit]]]:
+    """Rank along the motion of the best candidate so far, until the best is the same again."""
+    rounds: list[tuple[_Round, list[CandidateFit]]] = []
     tried: list[str] = []
-    for _ in range(_ROUNDS):
+    for _ in range(_MAX_ROUNDS):
         current = _next_round(observed, found, entries.fixed, rounds[-1][0].noise if rounds else None)
         if current is None:
             break
-        current, found = _compared(observed.points, current, entries, found)
+        current, found = _compare(observed.points, current, entries, found)
         rounds.append((current, found))
-        name = current.leader.guess.name
-        if found[0].guess.name in (name, *tried):
+        name = current.leader.candidate.name
+        if found[0].candidate.name in (name, *tried):
             break
         tried.append(name)
     if not rounds:
@@ -226,146 +239,155 @@ def identify_best(surface: ResponseSurface, model: Model) -> Identification:
 
 
 def _observed(surface: ResponseSurface, base: Model) -> Observed:
-    """Some of the points: as many as separate laws."""
+    """Return the points, at most as many as separate laws."""
     surface.require_phase("ranking", "laws are compared by force and phase together")
     points = select_points(surface, base)
     observed = Observed.of(points, base.observation.background)
-    return observed.select(points.spread(_POINTS))
+    return observed.select(points.spread(_MAX_POINTS))
 
 
 def _start_background(observed: Observed, base: Model, given: Sequence[tuple[Element, ...]]) -> Array:
-    """A background to start from: that beside the law that leaves least, of those given and flexible ones."""
+    """Return an initial background: that of the best fit among the laws of the user and the surrogates."""
     if not observed.background.names:
         return np.zeros(0)
     # a linear law would put its misfit into the background
     laws = [elements for elements in given if not _is_linear(replace(base, elements=elements).force)]
-    laws += [as_elements(law) for law in _FLEXIBLE]
-    few = observed.select(observed.points.spread(QUICK))
+    laws += [as_elements(law) for law in _SURROGATES]
+    subsample = observed.select(observed.points.spread(QUICK))
     fits = []
     for elements in laws:
-        problem = Problem(elements, compile_law(replace(base, elements=elements).force), few, base.fixed)
+        problem = Problem(
+            elements, compile_law(replace(base, elements=elements).force), subsample, base.fixed
+        )
         fits.append(fit_balance(*start_fit(problem), order=START_ORDER))
     return min(fits, key=lambda found: found.regression.noise if found.mass > 0 else np.inf).background
 
 
 def _is_linear(force: sympy.Expr) -> bool:
-    """Whether a force is linear in displacement and velocity."""
+    """Return True if a force is linear in displacement and velocity."""
     states = symbol("x"), symbol("v")
     return bool(force.is_polynomial(*states)) and sympy.Poly(force, *states).total_degree() <= 1
 
 
 def _next_round(
-    observed: Observed, candidates: list[Fitted], fixed: Mapping[str, float], before: Array | None
+    observed: Observed, candidates: list[CandidateFit], fixed: Mapping[str, float], before: Array | None
 ) -> _Round | None:
-    """Take the motion of the best candidate that can follow the measured one; ``before`` is a noise."""
-    for fit in candidates[:_AGAIN]:
-        reference = follow(observed, fit.guess, fixed)
-        found = None if reference is None else _round(observed.points, fit.guess, reference, fixed, before)
+    """Return a round with the motion of the best candidate that has one; ``before`` is the last noise."""
+    for fit in candidates[:_LEADERS]:
+        reference = fit_reference_motion(observed, fit.candidate, fixed)
+        found = (
+            None if reference is None else _round(observed.points, fit.candidate, reference, fixed, before)
+        )
         if found is not None:
             return found
     return None
 
 
 def _round(
-    points: Points, guess: Guess, reference: Reference, fixed: Mapping[str, float], before: Array | None
+    points: Points,
+    candidate: CandidateLaw,
+    reference: Reference,
+    fixed: Mapping[str, float],
+    before: Array | None,
 ) -> _Round | None:
-    """Fit the law whose motion it is, and estimate the noise."""
+    """Fit the law of the reference motion, and estimate the noise."""
     noise = np.full(ORDER + 1, EXPECTED_NOISE) if before is None else before
     chosen = points.select(reference.chosen)
-    guess = replace(guess, values=reference.named)
+    candidate = replace(candidate, values=reference.parameters)
     for last in (False, False, True):
         rows = reference.rows(noise)
-        leader = fit_rows(guess, rows, chosen.level, fixed)
+        leader = fit_candidate(candidate, rows, chosen.level, fixed)
         if leader is None or last:
             break
-        _, apart = neighbour_noise(leader.residual, _trusted(leader, noise, chosen), rows.compared)
-        noise = np.maximum(noise * np.where(np.isfinite(apart), apart, 1.0), NOTICEABLE)
+        _, random = neighbour_noise(leader.residual, _inlier_pairs(leader, noise, chosen), rows.compared)
+        noise = np.maximum(noise * np.where(np.isfinite(random), random, 1.0), NOTICEABLE)
     return None if leader is None else _Round(reference, noise, rows, leader)
 
 
-def _trusted(fitted: Fitted, noise: Array, points: Points) -> NDArray[np.intp]:
-    """Pairs of neighbours without those few points that stand out."""
+def _inlier_pairs(fitted: CandidateFit, noise: Array, points: Points) -> NDArray[np.intp]:
+    """Return the pairs of neighbours without outliers."""
     pairs = points.neighbours
-    return pairs[~outlying(fitted, noise)[pairs].any(axis=1)]
+    return pairs[~outliers_of(fitted, noise)[pairs].any(axis=1)]
 
 
-def _compared(
-    points: Points, current: _Round, entries: Entries, known: Sequence[Fitted]
-) -> tuple[_Round, list[Fitted]]:
-    """Fit the candidates; a few points that even the best cannot explain are left aside, at most twice.
-
-    Without these points the same candidates are near: they are fitted again and no others are searched.
-    """
+def _compare(
+    points: Points, current: _Round, entries: Candidates, known: Sequence[CandidateFit]
+) -> tuple[_Round, list[CandidateFit]]:
+    """Fit the candidates; at most twice exclude outliers of the best and refit the same candidates."""
     chosen = points.select(current.reference.chosen)
-    # the law whose motion it is competes in any case, and so do the best of the round before
-    guesses = entries.search(current.rows, chosen, known=[current.leader, *known[:_AGAIN]])
-    found = entries.fit(guesses, current.rows, chosen, first=False)
+    # the law of the motion competes in any case, and so do the best of the round before
+    candidates = entries.search(current.rows, chosen, known=[current.leader, *known[:_LEADERS]])
+    found = entries.fit(candidates, current.rows, chosen, first=False)
     for _ in range(2):
-        out = outlying(found[0], current.noise)
+        out = outliers_of(found[0], current.noise)
         if not out.any():
             break
         current = current.without(out)
         chosen = points.select(current.reference.chosen)
-        found = entries.fit(guesses, current.rows, chosen, first=False)
-    name = current.leader.guess.name
-    # fitted without the points aside; it may have been dropped
-    leader = next((fit for fit in found if fit.guess.name == name), current.leader)
+        found = entries.fit(candidates, current.rows, chosen, first=False)
+    name = current.leader.candidate.name
+    # fitted without the excluded points, unless it was dropped
+    leader = next((fit for fit in found if fit.candidate.name == name), current.leader)
     return replace(current, leader=leader), found
 
 
-def _unconfirmed(best: Fitted, observed: Observed, fixed: Mapping[str, float], noise: float) -> list[Finding]:
-    """Find that the best law, fitted along its own motions, leaves far more than along those of the ranking.
+def _unconfirmed_findings(
+    best: CandidateFit, observed: Observed, fixed: Mapping[str, float], noise: float
+) -> list[Finding]:
+    """Fit the best law along its own motions; find that its misfit is far larger than in the ranking.
 
-    ``noise`` is that of the ranking, relative. Candidates share one motion, which need not be one of theirs.
+    ``noise`` is the relative noise of the ranking, where candidates share a motion that may be of another
+    law.
     """
-    few = observed.select(observed.points.spread(QUICK))
-    guess, law = best.guess, compile_law(best.guess.force)
-    problem = Problem(guess.elements, law, few, fixed)
-    values = np.array([guess.values[name] for name in law.parameters])
-    near = problem.join(values, guess.values["m"], guess.background)
+    subsample = observed.select(observed.points.spread(QUICK))
+    candidate, law = best.candidate, compile_law(best.candidate.force)
+    problem = Problem(candidate.elements, law, subsample, fixed)
+    values = np.array([candidate.values[name] for name in law.parameters])
+    near = problem.join(values, candidate.values["m"], candidate.background)
     expected = np.sqrt(2) * noise
-    # only a law that fails from the values of the ranking is searched as widely as an identification would
+    # if the fit fails from the values of the ranking, search as an identification does
     for searched in (False, True):
         start = start_fit(problem) if searched else (problem, near)
         fit = fit_balance(*start, order=START_ORDER)
         misfit = np.sqrt(2) * fit.regression.noise
-        if not misfit > max(_CONFIRMED * expected, _CERTAINLY):
+        if not misfit > max(_MAX_MISFIT_TO_EXPECTED * expected, _MIN_MISFIT_OF_DOUBT):
             return []
     numbers = quantities(misfit=float(misfit), expected=float(expected))
-    return [Finding("law-unconfirmed", "doubt", numbers=numbers, names={"law": best.guess.name})]
+    return [Finding("law-unconfirmed", "doubt", numbers=numbers, names={"law": best.candidate.name})]
 
 
-def in_order(
+def order_candidates(
     bic: Sequence[float], error: Sequence[float], count: Sequence[int], odd: Sequence[bool]
 ) -> tuple[list[int], float, list[bool]]:
-    """Order candidates: behind come those that predict levels worse than one of fewer parameters does.
+    """Order candidates by BIC; of tied ones the one with fewer parameters comes first.
 
-    A sum that follows every level and predicts none of them is no law; of those that tie the one with fewer
-    parameters comes first.
+    Candidates that predict held-out levels worse than one of fewer parameters overfit, and come last.
 
     Parameters
     ----------
     bic, error, count
         Of each candidate: its criterion, the error of predicted levels (NaN with one level), parameters.
     odd
-        Which candidates contradict themselves; of those that tie they come last.
+        True for candidates that are implausible_findings by themselves; of tied ones they come last.
 
     Returns
     -------
     order, lowest, tied
-        Numbers of the candidates, best first; the BIC of the nearest that predicts; which tie with it.
+        Numbers of the candidates, best first; the lowest BIC without overfitting; which tie with it.
     """
-    behind = [
+    overfitted = [
         worse > LARGE and any(few < many and worse > EXCESS * error[i] for i, few in enumerate(count))
         for many, worse in zip(count, error, strict=True)
     ]
-    lowest = min(value for value, late in zip(bic, behind, strict=True) if not late)
-    tied = [value - lowest < _TIE and not late for value, late in zip(bic, behind, strict=True)]
+    lowest = min(value for value, last in zip(bic, overfitted, strict=True) if not last)
+    tied = [
+        value - lowest < _STRONG_EVIDENCE and not last for value, last in zip(bic, overfitted, strict=True)
+    ]
 
     def place(number: int) -> tuple[float, ...]:
         if tied[number]:
             return 0, odd[number], count[number], bic[number]
-        return 1, behind[number], 0, bic[number]
+        return 1, overfitted[number], 0, bic[number]
 
     return sorted(range(len(bic)), key=place), lowest, tied
 
@@ -373,66 +395,80 @@ def in_order(
 def _ranking(
     observed: Observed,
     current: _Round,
-    candidates: list[Fitted],
+    candidates: list[CandidateFit],
     given: Sequence[str],
     base: Model,
     surface: ResponseSurface,
 ) -> Ranking:
-    """Order the candidates, merge given laws with their like of the library, and judge the best."""
+    """Order the candidates, merge laws of the user with equal ones of the library, and assess the best."""
     points = observed.points
-    candidates, own = _merged(candidates, current.rows, given)
+    candidates, own = _merge_equal_laws(candidates, current.rows, given)
     scale = np.repeat(current.noise, 2)[1:]
-    error = [float(np.sqrt(np.mean((fit.unseen * scale)[:, fit.compared] ** 2))) for fit in candidates]
-    odd = [bool(implausible(fit, current.rows)) for fit in candidates]
-    order, lowest, tied = in_order(
-        [fit.bic for fit in candidates], error, [len(fit.guess.values) for fit in candidates], odd
+    error = [
+        float(np.sqrt(np.mean((fit.held_out_residual * scale)[:, fit.compared] ** 2))) for fit in candidates
+    ]
+    odd = [bool(implausible_findings(fit, current.rows)) for fit in candidates]
+    order, lowest, tied = order_candidates(
+        [fit.bic for fit in candidates], error, [len(fit.candidate.values) for fit in candidates], odd
     )
     ordered = [candidates[number] for number in order]
     rows = [
         Candidate(
-            fit.guess.name,
-            with_equations(fit.guess.force),
-            len(fit.guess.values) - len(base.fixed),
+            fit.candidate.name,
+            with_equations(fit.candidate.force),
+            len(fit.candidate.values) - len(base.fixed),
             error[number],
             fit.bic - lowest,
             tied[number],
-            {name: value for name, value in fit.guess.values.items() if name not in base.fixed},
+            {name: value for name, value in fit.candidate.values.items() if name not in base.fixed},
             fit is own,
         )
         for number, fit in zip(order, ordered, strict=True)
     ]
     chosen = points.select(current.reference.chosen)
-    aside = len(points) - len(chosen)
+    excluded = len(points) - len(chosen)
     doubts = [
-        *implausible(ordered[0], current.rows),
-        *_unconfirmed(ordered[0], observed, base.fixed, float(current.noise[1])),
+        *implausible_findings(ordered[0], current.rows),
+        *_unconfirmed_findings(ordered[0], observed, base.fixed, float(current.noise[1])),
     ]
-    judgement = judge(
-        ordered[0], chosen, current.noise, rows, aside, feeds=current.reference.feeds, doubts=doubts
+    assessment = assess_best(
+        ordered[0],
+        chosen,
+        current.noise,
+        rows,
+        excluded,
+        feeds=current.reference.feeds_exciter,
+        doubts=doubts,
     )
     return Ranking(
         tuple(rows),
-        replace(base, elements=ordered[0].guess.elements),
-        judgement.fits,
-        judgement.findings,
+        replace(base, elements=ordered[0].candidate.elements),
+        assessment.fits,
+        assessment.findings,
         float(current.noise[1]),
-        judgement.unexplained,
+        assessment.unexplained,
         surface,
     )
 
 
-def _merged(candidates: list[Fitted], rows: Rows, given: Sequence[str]) -> tuple[list[Fitted], Fitted | None]:
-    """Drop what is a given law under another name; that of a model takes the library's, and is given, too."""
+def _merge_equal_laws(
+    candidates: list[CandidateFit], rows: WhitenedBalance, given: Sequence[str]
+) -> tuple[list[CandidateFit], CandidateFit | None]:
+    """Drop sums that equal a law of the user. A model's own law takes the name of the library, and is
+    returned.
+    """
     own = None
     for name in given:
-        law = next((fit for fit in candidates if fit.guess.name == name), None)
+        law = next((fit for fit in candidates if fit.candidate.name == name), None)
         if law is None:
             continue
         twins = [fit for fit in candidates if fit is not law and is_same(fit, law, rows)]
         candidates = [fit for fit in candidates if not any(fit is twin for twin in twins)]
         if name == OWN:
-            named = replace(law, guess=replace(law.guess, name=twins[0].guess.name if twins else name))
+            named = replace(
+                law, candidate=replace(law.candidate, name=twins[0].candidate.name if twins else name)
+            )
             candidates = [named if fit is law else fit for fit in candidates]
-            # a linear law is the base of all, and stands in where a case has none
-            own = None if _is_linear(law.guess.force) else named
+            # a linear law is the base of all sums, and the default of a case without a law
+            own = None if _is_linear(law.candidate.force) else named
     return candidates, own

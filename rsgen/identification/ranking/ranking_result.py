@@ -1,4 +1,8 @@
-"""The result of a ranking: candidates, best first, whether even the best fits, and where it does not."""
+"""The result of a ranking: candidates, best first, and whether the best fits.
+
+The best law fits if its misfit beyond noise, m^2 = total^2 - noise^2 from the differences of neighbouring
+points (``reference.neighbour_noise``), is not significant by Fisher's z or below what sensors resolve.
+"""
 
 from __future__ import annotations
 
@@ -20,9 +24,9 @@ from rsgen.data.surface import ResponseSurface
 from rsgen.identification.fitting.observed import beyond_chance
 from rsgen.identification.fitting.points import Points
 from rsgen.identification.identify import identify
-from rsgen.identification.ranking.balance import Rows, library_terms, terms_of
-from rsgen.identification.ranking.fitting import Fitted, Guess
-from rsgen.identification.ranking.reference import neighbour_noise, outlying
+from rsgen.identification.ranking.balance import WhitenedBalance, library_terms, terms_of
+from rsgen.identification.ranking.fitting import POINT_STRIDE, CandidateFit, CandidateLaw
+from rsgen.identification.ranking.reference import neighbour_noise, outliers_of
 from rsgen.identification.results import Identification
 from rsgen.identification.results.estimates import phase_findings
 from rsgen.law.numeric import compile_law
@@ -38,19 +42,19 @@ class Candidate:
     Parameters
     ----------
     name
-        Laws of the library that it adds to a linear spring and damper; or as it was given.
+        Laws of the library that it adds to a linear spring and damper; or the name of the user's law.
     force
         The whole law in x and v, in rsgen's language, and the equations of its states.
     parameters
-        How many, the mass included where it is free.
+        Number of free parameters, with the mass.
     held_out_error
         Error of levels predicted from the others, relative to force and response [1]; NaN with one level.
     bic
         Bayesian information criterion, relative to the lowest; 6 and more is strong evidence against.
     tied
-        True where the test does not separate it from the best.
+        True if the test does not separate it from the best.
     values
-        Of the parameters, SI, "m" where the mass is free: good to start from, without intervals.
+        Values of the parameters, SI, "m" if the mass is free: initial values, without intervals.
     own
         True for the law of the model, or of the case, that was ranked.
     """
@@ -66,7 +70,7 @@ class Candidate:
 
     @property
     def label(self) -> str:
-        """Its name in sentences and tables; a law of the library that is the ranked model's says so."""
+        """Name in sentences and tables, marked if it is the law of the ranked model."""
         return f"{OWN} ({self.name})" if self.own and self.name != OWN else self.name
 
 
@@ -80,21 +84,20 @@ class Ranking(Printed):
     Parameters
     ----------
     candidates
-        Best first: those that tie by their number of parameters, the others by BIC; behind them those that
-        predict levels from the others worse than a law of fewer parameters does.
+        Best first: tied ones by their number of parameters, the others by BIC; last those that predict
+        levels worse than a law of fewer parameters does.
     model
         The best law as a model for ``identify``.
     fits
-        False where even the best leaves more than noise, except at a few points that a finding counts, or
-        where its mass is negative or the structure would feed energy into the exciter.
+        False if the misfit of the best is beyond noise, except at a few points that a finding counts, or if
+        its mass is negative or the structure would feed energy into the exciter.
     findings
-        What no passive structure does; the best law, and those the test does not separate from it, or that
-        none fits and where; what makes the ranking less certain.
+        Violations of passivity; the best law and those tied with it, or that none fits and where the misfit
+        lies; limits of the ranking.
     noise
-        Relative noise of force and response on which the comparison rests [1]: what neighbours in frequency
-        do not share.
+        Relative noise of force and response [1], from the differences of neighbours in frequency.
     unexplained
-        What even the best leaves beyond noise, relative to force and response [1]; 0 where it fits.
+        Misfit of the best beyond noise, relative to force and response [1]; 0 if it fits.
     surface
         The test; ``best`` identifies the best law on it.
     """
@@ -121,7 +124,7 @@ class Ranking(Printed):
             raise RsgenError("ranking.best: the ranking was made without its surface")
         if not self._best:
             found = identify(self.surface, self.model)
-            # what speaks against the law chosen speaks against its identification
+            # doubts about the choice of the law are doubts about its identification
             against = self.verdict.decided_by if self.fits else self.findings
             findings = (*against, *found.findings)
             self._best.append(replace(found, ranking=self, findings=findings))
@@ -129,7 +132,7 @@ class Ranking(Printed):
 
     @property
     def verdict(self) -> Verdict:
-        """What the ranking is worth: "rejected" where none fits, "doubtful" where one has to look first."""
+        """Verdict on the ranking: "rejected" if none fits, "doubtful" if the user must decide."""
         best = (f for f in self.findings if f.code in ("law-fits-best", "law-nearest"))
         return reach_verdict(self.findings, summary=next(best, None))
 
@@ -141,7 +144,7 @@ class Ranking(Printed):
         RsgenError
             There is none; it is a ``KeyError``, too.
         """
-        return lookup(name, {each.name: each for each in self.candidates}, "candidate")
+        return lookup(name, {candidate.name: candidate for candidate in self}, "candidate")
 
     def __iter__(self) -> Iterator[Candidate]:
         return iter(self.candidates)
@@ -150,7 +153,7 @@ class Ranking(Printed):
         return len(self.candidates)
 
     def to_frame(self) -> Any:
-        """Give the candidates as a ``pandas.DataFrame``, best first.
+        """Return the candidates as a ``pandas.DataFrame``, best first.
 
         Raises
         ------
@@ -158,19 +161,19 @@ class Ranking(Printed):
             pandas is not installed.
         """
         names = ("name", "force", "parameters", "bic", "held_out_error", "tied")
-        return data_frame({name: [getattr(each, name) for each in self] for name in names}, "name")
+        return data_frame({name: [getattr(candidate, name) for candidate in self] for name in names}, "name")
 
     def _table(self) -> TextTable:
         rows = tuple(
             (
-                each.label,
-                each.parameters,
-                short(each.bic, 4),
-                short(each.held_out_error, 2),
-                "best" if each is self.candidates[0] else "tied" if each.tied else "",
-                each.force,
+                candidate.label,
+                candidate.parameters,
+                short(candidate.bic, 4),
+                short(candidate.held_out_error, 2),
+                "best" if candidate is self.candidates[0] else "tied" if candidate.tied else "",
+                candidate.force,
             )
-            for each in self
+            for candidate in self
         )
         fits = "fits" if self.fits else f"none fits, unexplained {self.unexplained:.2g}"
         verdict = self.verdict
@@ -183,107 +186,107 @@ class Ranking(Printed):
 
 
 # ----------------------------------------------------------------------------
-# Does even the best law fit? What it leaves beyond noise, and where, as findings.
+# Assessment of the best law: its misfit beyond noise, and where it lies, as findings.
 
-_FUNDAMENTAL = 5e-3
-"""A law that leaves less of force and response fits: sensors are calibrated no better."""
+_MAX_UNEXPLAINED = 5e-3
+"""Misfit of force and response, relative, that calibration errors of sensors reach."""
 
-_HARMONIC_SHARE = 0.1
-"""A law fits a higher harmonic of which it leaves less, or less than the least noise of a ranking."""
+_MAX_UNEXPLAINED_OF_HARMONIC = 0.1
+"""Misfit of a higher harmonic, relative to that harmonic."""
 
-_FED = 0.5
-"""A damper that gives back this share of what the law dissipates stands against another one: such a pair
-follows any curve, and a structure at rest has no such dampers."""
+_MAX_FED_ENERGY = 0.5
+"""Energy that one damper feeds, relative to the dissipation of the law: such a pair of dampers overfits."""
 
-_CANCELLED = 0.2
-"""Two terms whose sum is smaller than this share of the larger cancel each other."""
+_MIN_SUM_OF_TERMS = 0.2
+"""Force of the sum of two terms relative to the larger of them: smaller ones cancel."""
 
-_POINTS_A_PARAMETER = 6
-"""Fewer points a parameter are few."""
+_MIN_POINTS_A_PARAMETER = 6
 
-_MOST, _WHOLE = 0.6, 0.75
-"""Share of what is not explained that lies in a range, and most of the tested range that it may take."""
+_SHARE_LOCATED, _MAX_RANGE = 0.6, 0.75
+"""Share of the misfit that lies in a stated range, and the part of the tested range that it may cover."""
 
 
 @dataclass(frozen=True, slots=True)
-class Judgement:
-    """Whether the best law fits, what is unexplained (relative), and the findings."""
+class Assessment:
+    """Assessment of the best law: does it fit, its misfit beyond noise (relative), and the findings."""
 
     fits: bool
     unexplained: float
     findings: tuple[Finding, ...]
 
 
-def judge(
-    best: Fitted,
+def assess_best(
+    best: CandidateFit,
     points: Points,
     noise: Array,
     candidates: Sequence[Candidate],
-    aside: int,
+    excluded: int,
     *,
     feeds: bool,
     doubts: Sequence[Finding],
-) -> Judgement:
-    """Judge a ranking.
+) -> Assessment:
+    """Decide if the best law fits, and state the findings of a ranking.
 
     Parameters
     ----------
     best
-        The first of the candidates.
+        Fit of the first candidate.
     points
-        Those that took part.
+        The points of the fit.
     noise
-        (H+1,) relative, of mean, fundamental and harmonics.
+        (H+1,) relative noise of mean, fundamental and harmonics.
     candidates
         Best first.
-    aside
-        Points that no law follows and that took no part.
+    excluded
+        Number of outliers that were excluded.
     feeds
-        True where the structure would work on the exciter over most cycles.
+        True if the structure would feed energy into the exciter over most cycles.
     doubts
-        What speaks against the best by itself.
+        Findings against the best law by itself.
     """
-    out = outlying(best, noise)
+    outliers = outliers_of(best, noise)
     pairs = points.neighbours
-    pairs = pairs[~out[pairs].any(axis=1)]
-    total, apart = neighbour_noise(best.residual, pairs, best.compared)
-    shared = np.nan_to_num(np.maximum(total**2 - apart**2, 0.0))
-    left = noise * np.sqrt(shared)
+    pairs = pairs[~outliers[pairs].any(axis=1)]
+    total, random = neighbour_noise(best.residual, pairs, best.compared)
+    shared = np.nan_to_num(np.maximum(total**2 - random**2, 0.0))
+    misfit = noise * np.sqrt(shared)
     correlation = np.nan_to_num(shared / np.maximum(total**2, 1e-300))
     # real and imaginary part; a mean is one number
-    counted = np.where(np.arange(len(left)) == 0, 1, 2) * len(pairs)
-    missing = beyond_chance(correlation, counted) & (left > _limits(points, len(left)))
-    unexplained = float(np.sqrt(np.sum(left[missing] ** 2)))
-    absurd = _absurd(candidates[0], feeds)
-    doubts = [*doubts, *_flexible(best, noise, candidates)]
-    findings = list(absurd)
+    counted = np.where(np.arange(len(misfit)) == 0, 1, 2) * len(pairs)
+    missing = beyond_chance(correlation, counted) & (misfit > _max_misfits(points, len(misfit)))
+    unexplained = float(np.sqrt(np.sum(misfit[missing] ** 2)))
+    impossible = _passivity_findings(candidates[0], feeds)
+    doubts = [*doubts, *_overfitting_findings(best, noise, candidates)]
+    findings = list(impossible)
     if missing.any():
-        # nothing is to be confirmed
+        # no law fits, so that there is none to confirm
         doubts = [finding for finding in doubts if finding.code != "law-unconfirmed"]
         numbers = {"unexplained": Quantity(unexplained), "noise": Quantity(float(noise[1]))}
-        numbers |= _where(best, points, pairs, missing, left)
+        numbers |= _locate_misfit(best, points, pairs, missing, misfit)
         findings.append(Finding("no-law-fits", "error", numbers=numbers, names={"law": candidates[0].label}))
     else:
-        sure = len(pairs) > 0 and not absurd and all(finding.severity != "doubt" for finding in doubts)
-        findings += _fitting(candidates, float(noise[1]), points, sure=sure)
+        sure = len(pairs) > 0 and not impossible and all(finding.severity != "doubt" for finding in doubts)
+        findings += _best_law_findings(candidates, float(noise[1]), points, sure=sure)
     findings += doubts
-    findings += _uncertain(points, candidates[0].parameters, aside + int(np.count_nonzero(out)), aside)
-    return Judgement(len(pairs) > 0 and not absurd and not missing.any(), unexplained, tuple(findings))
+    findings += _sample_findings(
+        points, candidates[0].parameters, excluded + int(np.count_nonzero(outliers)), excluded
+    )
+    return Assessment(len(pairs) > 0 and not impossible and not missing.any(), unexplained, tuple(findings))
 
 
-def _limits(points: Points, count: int) -> Array:
-    """(count,) what a law that fits may leave of mean, fundamental and harmonics, relative."""
+def _max_misfits(points: Points, count: int) -> Array:
+    """Return the largest relative misfit (count,) of a law that fits, of mean, fundamental and harmonics."""
     known = min(count, points.harmonics.shape[1])
     size = np.zeros(count)
     relative = np.abs(points.harmonics[:, :known]) ** 2 / points.amplitude[:, None] ** 2
     size[:known] = np.sqrt(np.mean(relative, axis=0))
-    limits = np.maximum(NOTICEABLE, _HARMONIC_SHARE * size)
-    limits[:2] = _FUNDAMENTAL
+    limits = np.maximum(NOTICEABLE, _MAX_UNEXPLAINED_OF_HARMONIC * size)
+    limits[:2] = _MAX_UNEXPLAINED
     return np.asarray(limits)
 
 
-def _absurd(best: Candidate, feeds: bool) -> list[Finding]:
-    """Find what no passive structure does."""
+def _passivity_findings(best: Candidate, feeds: bool) -> list[Finding]:
+    """Find violations of passivity: a negative mass, energy fed into the exciter."""
     found = []
     mass = best.values.get("m", 1.0)
     if mass <= 0:
@@ -293,46 +296,48 @@ def _absurd(best: Candidate, feeds: bool) -> list[Finding]:
     return found
 
 
-def is_same(one: Fitted, other: Fitted, rows: Rows) -> bool:
-    """Whether two candidates are one law: by their normal forms, or by forces where parameters differ."""
-    if len(one.guess.values) != len(other.guess.values):
+def is_same(one: CandidateFit, other: CandidateFit, rows: WhitenedBalance) -> bool:
+    """Return True if two candidates are one law, by their normal forms or by their forces."""
+    if len(one.candidate.values) != len(other.candidate.values):
         return False
-    if terms_of(one.guess.force) == terms_of(other.guess.force):
+    if terms_of(one.candidate.force) == terms_of(other.candidate.force):
         return True
-    x, v, a, step = (part[::7] for part in rows.trajectory)
+    x, v, a, step = (part[::POINT_STRIDE] for part in rows.trajectory)
     forces = []
     for fit in (one, other):
-        law = fit.guess.law
-        values = law.ordered(fit.guess.values)
+        law = fit.candidate.law
+        values = law.ordered(fit.candidate.values)
         forces.append(law.sample(x, v, a, step, values).force)
-    apart = float(np.max(np.abs(forces[0] - forces[1])))
-    return apart <= NOTICEABLE * float(np.max(np.abs(forces[1])))
+    difference = float(np.max(np.abs(forces[0] - forces[1])))
+    return difference <= NOTICEABLE * float(np.max(np.abs(forces[1])))
 
 
-def implausible(fitted: Fitted, rows: Rows) -> list[Finding]:
-    """Find what speaks against a candidate by itself, however well it fits."""
-    guess, found = fitted.guess, []
-    for name, (low, high) in guess.limits.items():
-        value = guess.values[name]
+def implausible_findings(fitted: CandidateFit, rows: WhitenedBalance) -> list[Finding]:
+    """Find values at their limits, terms that cancel and doubtful phases of a candidate."""
+    candidate, found = fitted.candidate, []
+    for name, (low, high) in candidate.limits.items():
+        value = candidate.values[name]
         if value in (low, high):
             numbers = {"value": Quantity(value)}
-            found.append(Finding("law-at-limit", "doubt", name, numbers, {"law": guess.name}))
-    found += _cancelling(guess, rows)
-    return found + [finding for finding in phase_findings(guess.background) if finding.severity == "doubt"]
+            found.append(Finding("law-at-limit", "doubt", name, numbers, {"law": candidate.name}))
+    found += _cancellation_findings(candidate, rows)
+    return found + [
+        finding for finding in phase_findings(candidate.background) if finding.severity == "doubt"
+    ]
 
 
-def _cancelling(guess: Guess, rows: Rows) -> list[Finding]:
-    """Find a damper that feeds energy against another, and two terms that nearly take each other away."""
-    names = [element.name for element in guess.elements]
+def _cancellation_findings(candidate: CandidateLaw, rows: WhitenedBalance) -> list[Finding]:
+    """Find a damper that feeds energy, and two terms that nearly cancel."""
+    names = [element.name for element in candidate.elements]
     if len(names) < 2:
         return []
     x, v, a, step = rows.trajectory
-    # every point counts the same, whatever its level
+    # relative to the power of each point
     level = np.sqrt(np.mean((x * v) ** 2, axis=1))[:, None]
     forces = []
-    for element in guess.elements:
+    for element in candidate.elements:
         law = compile_law(element.force)
-        values = law.ordered(guess.values)
+        values = law.ordered(candidate.values)
         forces.append(law.sample(x, v, a, step, values).force / level)
     work = np.array([float(np.mean(force * v)) for force in forces])
     size = [float(np.sqrt(np.mean(force**2))) for force in forces]
@@ -342,19 +347,19 @@ def _cancelling(guess: Guess, rows: Rows) -> list[Finding]:
     }
     least = min(sums, key=lambda pair: sums[pair])
     fed = float(np.sum(np.maximum(-work, 0.0)) / max(float(work.sum()), 1e-300))
-    if work.sum() > 0 and fed > _FED:
+    if work.sum() > 0 and fed > _MAX_FED_ENERGY:
         one, other = names[int(np.argmin(work))], names[int(np.argmax(work))]
         numbers = {"share": Quantity(fed)}
         return [Finding("damping-feeds-energy", "doubt", "", numbers, {"law": one, "other": other})]
-    if sums[least] < _CANCELLED:
+    if sums[least] < _MIN_SUM_OF_TERMS:
         one, other = (names[i] for i in least)
         numbers = {"share": Quantity(sums[least])}
         return [Finding("terms-cancel", "doubt", "", numbers, {"law": one, "other": other})]
     return []
 
 
-def _flexible(best: Fitted, noise: Array, candidates: Sequence[Candidate]) -> list[Finding]:
-    """Find where the first predicts levels clearly worse than it fits them, or than others predict them."""
+def _overfitting_findings(best: CandidateFit, noise: Array, candidates: Sequence[Candidate]) -> list[Finding]:
+    """Find that the first candidate predicts levels clearly worse than it fits them: overfitting."""
     scale = np.repeat(noise, 2)[1:]
     fitted = float(np.sqrt(np.mean((best.residual * scale)[:, best.compared] ** 2)))
     first = candidates[0]
@@ -375,15 +380,15 @@ def _flexible(best: Fitted, noise: Array, candidates: Sequence[Candidate]) -> li
     return [Finding("levels-predicted-worse", severity, numbers=numbers, names=names)]
 
 
-def _uncertain(points: Points, parameters: int, out: int, aside: int) -> list[Finding]:
-    """Find what makes a ranking less certain than it looks."""
+def _sample_findings(points: Points, parameters: int, outliers: int, excluded: int) -> list[Finding]:
+    """Find outliers, and too few points or levels for a ranking."""
     found = []
-    if out:
-        numbers = {"aside": Quantity(out), "points": Quantity(len(points) + aside)}
-        many = out > FEW * (len(points) + aside)
+    if outliers:
+        numbers = {"aside": Quantity(outliers), "points": Quantity(len(points) + excluded)}
+        many = outliers > FEW * (len(points) + excluded)
         severity: Severity = "doubt" if many else "warning"
         found.append(Finding("points-set-aside", severity, numbers=numbers, names={"by": "ranking"}))
-    if len(points) < _POINTS_A_PARAMETER * parameters:
+    if len(points) < _MIN_POINTS_A_PARAMETER * parameters:
         numbers = {"points": Quantity(len(points)), "parameters": Quantity(parameters)}
         found.append(Finding("ranking-few-points", "warning", numbers=numbers))
     if len(np.unique(points.level)) < 2:
@@ -391,7 +396,9 @@ def _uncertain(points: Points, parameters: int, out: int, aside: int) -> list[Fi
     return found
 
 
-def _fitting(candidates: Sequence[Candidate], noise: float, points: Points, *, sure: bool) -> list[Finding]:
+def _best_law_findings(
+    candidates: Sequence[Candidate], noise: float, points: Points, *, sure: bool
+) -> list[Finding]:
     """State the best law and those that the test does not separate from it."""
     tied = [candidate.name for candidate in candidates if candidate.tied]
     best, rest = tied[0], tied[1:]
@@ -407,7 +414,7 @@ def _fitting(candidates: Sequence[Candidate], noise: float, points: Points, *, s
     ]
     more = [name for name in rest if inside < set(name.split(" + "))]
     other = [name for name in rest if name not in more]
-    # what contains another tied law adds nothing
+    # a sum that contains another tied law is not named
     other = [
         name for name in other if not any(set(less.split(" + ")) < set(name.split(" + ")) for less in other)
     ]
@@ -419,34 +426,34 @@ def _fitting(candidates: Sequence[Candidate], noise: float, points: Points, *, s
     return [*found, Finding("laws-not-separated", "info", names=tied_to)] if tied_to else found
 
 
-def _where(
-    best: Fitted, points: Points, pairs: NDArray[np.intp], missing: NDArray[np.bool_], left: Array
+def _locate_misfit(
+    best: CandidateFit, points: Points, pairs: NDArray[np.intp], missing: NDArray[np.bool_], misfit: Array
 ) -> dict[str, Quantity]:
-    """Find in which harmonics, at which frequencies and amplitudes the unexplained part lies."""
-    numbers = {f"harmonic {h}": Quantity(float(left[h])) for h in np.flatnonzero(missing).tolist()}
+    """Return the harmonics, frequencies and amplitudes of the misfit beyond noise."""
+    numbers = {f"harmonic {h}": Quantity(float(misfit[h])) for h in np.flatnonzero(missing).tolist()}
     orders = np.repeat(np.arange(len(missing)), 2)[1:]
     rows = best.compared & missing[orders]
-    # neighbours do not share noise: their product is what the law leaves
+    # neighbours do not share noise: the mean of their product is the power of the misfit
     power = np.sum(best.residual[pairs[:, 0]][:, rows] * best.residual[pairs[:, 1]][:, rows], axis=1)
     for name, values, unit in (
         ("frequency", points.omega / (2 * np.pi), "Hz"),
         ("amplitude", points.amplitude, "m"),
     ):
-        span = _range(values[pairs].mean(axis=1), power)
+        span = _shortest_range(values[pairs].mean(axis=1), power)
         if span is not None:
             numbers |= {f"{name} from": Quantity(span[0], unit), f"{name} to": Quantity(span[1], unit)}
     return numbers
 
 
-def _range(values: Array, power: Array) -> tuple[float, float] | None:
-    """Shortest range with most of the power; None where it is nearly the whole one."""
+def _shortest_range(values: Array, power: Array) -> tuple[float, float] | None:
+    """Return the shortest range with most of the power; None if it is nearly all of the tested range."""
     order = np.argsort(values, kind="stable")
     ranked, sums = values[order], np.concatenate([[0.0], np.cumsum(np.maximum(power[order], 0.0))])
     best: tuple[float, float] | None = None
     for i in range(len(ranked)):
-        j = int(np.searchsorted(sums, sums[i] + _MOST * sums[-1]))
+        j = int(np.searchsorted(sums, sums[i] + _SHARE_LOCATED * sums[-1]))
         if j <= len(ranked) and (best is None or ranked[j - 1] - ranked[i] < best[1] - best[0]):
             best = (float(ranked[i]), float(ranked[j - 1]))
-    if best is None or best[1] - best[0] > _WHOLE * (ranked[-1] - ranked[0]):
+    if best is None or best[1] - best[0] > _MAX_RANGE * (ranked[-1] - ranked[0]):
         return None
     return best

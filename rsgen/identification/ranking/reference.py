@@ -1,4 +1,10 @@
-"""The motion along which candidates are compared: that of the best law so far, near the measured one."""
+"""The reference motion, along which candidates are compared: that of the best law so far.
+
+A law is fitted to the measured points by harmonic balance at the measured amplitudes (``fitting.fit``); its
+predicted motions have all harmonics and no noise. Near dry friction a truncated balance is far off, so that
+laws with jumps or corners are simulated instead, with the force adjusted until the amplitude is the measured
+one. Noise is estimated from the differences between neighbouring points, which no smooth misfit explains.
+"""
 
 from __future__ import annotations
 
@@ -31,43 +37,43 @@ from rsgen.identification.fitting.fit import Fit, fit_balance
 from rsgen.identification.fitting.observed import Observed, Problem, neighbour_power
 from rsgen.identification.fitting.simulator import go_on
 from rsgen.identification.ranking.balance import (
-    NEAR,
+    MAX_MOTION_DISTANCE,
     ReferenceMotion,
-    Rows,
-    make_rows,
+    WhitenedBalance,
     measured_motion,
     predicted_motion,
+    whiten_balance,
 )
-from rsgen.identification.ranking.fitting import Fitted, Guess, fit_rows
+from rsgen.identification.ranking.fitting import CandidateFit, CandidateLaw, fit_candidate
 from rsgen.law.element import Element
 from rsgen.law.motion import Motion, feeds_exciter
 from rsgen.law.numeric import ForceLaw
 
-WAVEFORM = 31
+_HARMONICS_WITH_JUMPS = 31
 """Harmonics of the waveform along which laws with jumps and corners are compared."""
 
-_ACCURACY = 3e-5
-"""Of the simulated amplitude, far less than the least noise of a ranking."""
+_SIMULATION_TOLERANCE = 3e-5
+"""Relative error of the simulated amplitude, below the least noise of a ranking."""
 
-_CLEARLY = 0.7
+_MAX_SECOND_TO_FIRST = 0.7
 """Second differences smaller than this share of the first ones measure the noise better."""
 
-_AGAIN = 2
-"""Times that a law is fitted along its simulated motion, which then follows."""
+_SIMULATED_FITS = 2
+"""Fits along the simulated motion, which is simulated anew after each."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Reference:
-    """Points that a law can follow, and the balance along its motion.
+    """The motions of a law at the points where it has a steady state near the measured one.
 
     Parameters
     ----------
     chosen
         Indices of these points.
     motion
-        Predicted, nearest to the measured.
+        The predicted motions.
     law, values, mass
-        Whose motion it is.
+        The law.
     """
 
     chosen: NDArray[np.intp]
@@ -77,26 +83,26 @@ class Reference:
     mass: float
 
     @property
-    def named(self) -> dict[str, float]:
-        """Values by name; the mass is "m"."""
+    def parameters(self) -> dict[str, float]:
+        """Values of the law by name; the mass is "m"."""
         return {**dict(zip(self.law.parameters, self.values.tolist(), strict=True)), "m": self.mass}
 
-    def rows(self, noise: Array) -> Rows:
-        """Prepare the balance for relative noise (H+1,) of mean, fundamental and harmonics."""
-        return make_rows(self.motion, self.law, self.values, self.mass, noise, balanced=True)
+    def rows(self, noise: Array) -> WhitenedBalance:
+        """Return the balance for relative noise (H+1,) of mean, fundamental and harmonics."""
+        return whiten_balance(self.motion, self.law, self.values, self.mass, noise, balanced=True)
 
     def select(self, chosen: NDArray[np.intp]) -> Reference:
         """Keep some of the points chosen."""
         return replace(self, chosen=self.chosen[chosen], motion=self.motion.select(chosen))
 
     @property
-    def feeds(self) -> bool:
-        """Whether the structure works on the exciter."""
+    def feeds_exciter(self) -> bool:
+        """True if the structure feeds energy into the exciter."""
         return feeds_exciter(self.motion.force, self.motion.harmonics[:, 1])
 
 
-def first_rows(observed: Observed, background: Array, law: ForceLaw, mass: float) -> Rows:
-    """Prepare a first-order balance about the measured motion.
+def first_rows(observed: Observed, background: Array, law: ForceLaw, mass: float) -> WhitenedBalance:
+    """Return a first-order balance about the measured motion.
 
     Parameters
     ----------
@@ -105,16 +111,18 @@ def first_rows(observed: Observed, background: Array, law: ForceLaw, mass: float
     law
         The base, ``c*v + k*x``.
     mass
-        [kg], NaN where it is free.
+        Mass [kg]; NaN if it is free.
     """
     motion = measured_motion(observed, background)
     points = observed.points
     balance = steady(motion.force, motion.harmonics[:, 1], points.omega)
     found = fit_mode(*balance, np.ones((len(points), 1)), 1 / np.abs(motion.force), mass=mass)
-    return make_rows(motion, law, found.values[[1, 0]], found.mass, np.ones(2), balanced=False)
+    return whiten_balance(motion, law, found.values[[1, 0]], found.mass, np.ones(2), balanced=False)
 
 
-def follow(observed: Observed, best: Guess, fixed: Mapping[str, float]) -> Reference | None:
+def fit_reference_motion(
+    observed: Observed, best: CandidateLaw, fixed: Mapping[str, float]
+) -> Reference | None:
     """Fit a candidate and its background to the measured waveforms.
 
     Parameters
@@ -124,23 +132,23 @@ def follow(observed: Observed, best: Guess, fixed: Mapping[str, float]) -> Refer
     best
         The candidate, and the background to start from.
     fixed
-        Names of parameters that stay at their values of the candidate.
+        Names of parameters that keep their values.
 
     Returns
     -------
     Reference or None
-        None where the candidate has no steady states near the measured ones.
+        None if the candidate has no steady states near the measured ones.
     """
     law = best.law
     values = law.ordered(best.values)
     problem = Problem(best.elements, law, observed, fixed)
     place = problem.join(values, best.values["m"], best.background)
     found = fit_balance(problem, place, order=ORDER, reject=False, steps=TRIAL_STEPS)
-    if law.rough and found.mass > 0 and _shared(found) < NEAR:
-        exact = _simulated(best, found, fixed)
+    if law.rough and found.mass > 0 and _shared_misfit(found) < MAX_MOTION_DISTANCE:
+        exact = _simulated_reference(best, found, fixed)
         if exact is not None:
             return exact
-    chosen = np.flatnonzero(_followed(found))
+    chosen = np.flatnonzero(_predicted(found))
     if len(chosen) < FOLLOWED * len(found.force):
         return None
     part = found.select(chosen)
@@ -148,58 +156,62 @@ def follow(observed: Observed, best: Guess, fixed: Mapping[str, float]) -> Refer
     return Reference(chosen, motion, law, found.values, found.mass)
 
 
-def _shared(found: Fit) -> float:
-    """Root mean square of the relative misfit of the force that neighbours share, without extreme points."""
+def _shared_misfit(found: Fit) -> float:
+    """Return the root mean square of the relative misfit of the force that neighbours share, trimmed."""
     points = found.problem.observed.mode(found.background)
     misfit = (points.force * np.exp(-1j * found.turn) - found.force) / np.abs(points.force)
     first, second = misfit[points.neighbours].T
     common = np.sort((first * np.conj(second)).real)
     common = common[np.isfinite(common)]
-    # near sticking the balance of some points is far off for any law
-    outer = int(OUTLIERS * len(common))
-    common = common[outer : len(common) - outer]
+    # near sticking the truncated balance of some points is far off for any law
+    trimmed = int(OUTLIERS * len(common))
+    common = common[trimmed : len(common) - trimmed]
     return float(np.sqrt(max(float(np.mean(common)), 0.0))) if len(common) else 0.0
 
 
-def _followed(found: Fit) -> NDArray[np.bool_]:
+def _predicted(found: Fit) -> NDArray[np.bool_]:
+    """Return the mask (n,) of the points that a fit predicts."""
     return np.asarray(
         found.regression.used & np.isfinite(found.harmonics).all(axis=1) & np.isfinite(found.force)
     )
 
 
-def _simulated(best: Guess, found: Fit, fixed: Mapping[str, float]) -> Reference | None:
-    """Take the simulated motion, all harmonics, of a law with jumps or corners; improve the law along it."""
+def _simulated_reference(best: CandidateLaw, found: Fit, fixed: Mapping[str, float]) -> Reference | None:
+    """Simulate a law with jumps or corners, and improve the law along its simulated motion."""
     level = found.problem.observed.points.level
-    reference = _hold(best.elements, found.values, found.mass, found.background, found)
-    for _ in range(_AGAIN):
+    reference = _simulate_amplitudes(best.elements, found.values, found.mass, found.background, found)
+    for _ in range(_SIMULATED_FITS):
         if reference is None:
             return None
         noise = np.full(ORDER + 1, EXPECTED_NOISE)
         rows, inside = reference.rows(noise), reference.chosen
-        guess = replace(best, values=reference.named)
-        leader = fit_rows(guess, rows, level[inside], fixed)
-        out = None if leader is None else outlying(leader, noise)
+        candidate = replace(best, values=reference.parameters)
+        leader = fit_candidate(candidate, rows, level[inside], fixed)
+        out = None if leader is None else outliers_of(leader, noise)
         if out is not None and out.any():
             agreeing = np.flatnonzero(~out)
-            leader = fit_rows(guess, rows.select(agreeing), level[inside[agreeing]], fixed)
+            leader = fit_candidate(candidate, rows.select(agreeing), level[inside[agreeing]], fixed)
         if leader is None:
             return reference
-        values = reference.law.ordered(leader.guess.values)
-        inertia = leader.guess.values["m"]
-        reference = _hold(best.elements, values, inertia, leader.guess.background, found) or reference
+        values = reference.law.ordered(leader.candidate.values)
+        inertia = leader.candidate.values["m"]
+        reference = (
+            _simulate_amplitudes(best.elements, values, inertia, leader.candidate.background, found)
+            or reference
+        )
     return reference
 
 
-def _hold(
+def _simulate_amplitudes(
     elements: tuple[Element, ...], values: Array, mass: float, background: Array, found: Fit
 ) -> Reference | None:
-    """Simulate the points with the force that holds the measured amplitude; None where too few are held.
+    """Simulate the points with the force that gives the measured amplitude; None if too few have one.
 
-    The truncated balance only gives the state to start from: near sticking its amplitude is far off.
+    The truncated balance only gives the initial state: near sticking its amplitude is far off.
     """
     law, observed = found.problem.law, found.problem.observed
     points = observed.mode(background)
-    good = _followed(found)
+    good = _predicted(found)
     wanted = points.amplitude
     drive: ComplexArray = points.force * np.exp(-1j * np.where(good, found.turn, 0.0))
     state = Motion(points.omega, found.harmonics).states()
@@ -211,8 +223,8 @@ def _hold(
             oscillator,
             force,
             points.omega / (2 * np.pi),
-            harmonics=WAVEFORM,
-            accuracy=_ACCURACY,
+            harmonics=_HARMONICS_WITH_JUMPS,
+            accuracy=_SIMULATION_TOLERANCE,
             start=start,
         )
 
@@ -220,7 +232,7 @@ def _hold(
         states = solve(drive, state)
         state = go_on(states, states.settled, state)
         moved = solve((1 + MOVE) * drive, state)
-        # a point that does not settle, or sticks, has no amplitude: it keeps its force
+        # a point that does not settle, or sticks, has no amplitude and keeps its force
         with np.errstate(divide="ignore", invalid="ignore"):
             growth = np.log(np.abs(moved.harmonics[:, 1] / states.harmonics[:, 1])) / np.log1p(MOVE)
             step = np.log(wanted / np.abs(states.harmonics[:, 1])) / np.where(growth > FLAT, growth, np.inf)
@@ -229,22 +241,22 @@ def _hold(
         states = solve(drive, state)
     except RsgenError:
         return None
-    near = np.abs(np.abs(states.harmonics[:, 1]) / wanted - 1) < NEAR
+    near = np.abs(np.abs(states.harmonics[:, 1]) / wanted - 1) < MAX_MOTION_DISTANCE
     chosen = np.flatnonzero(good & states.settled & near)
     if len(chosen) < FOLLOWED * len(points):
         return None
-    # to a fundamental of phase zero
+    # turned to a fundamental of phase zero
     lag = np.angle(states.harmonics[chosen, 1])
-    harmonics = states.harmonics[chosen] * np.exp(-1j * lag)[:, None] ** np.arange(WAVEFORM + 1)
+    harmonics = states.harmonics[chosen] * np.exp(-1j * lag)[:, None] ** np.arange(_HARMONICS_WITH_JUMPS + 1)
     drive, turn = drive[chosen] * np.exp(-1j * lag), found.turn[chosen] + lag
     motion = predicted_motion(observed.select(chosen), background, harmonics, drive, turn)
     return Reference(chosen, motion, law, values, mass)
 
 
-def outlying(fitted: Fitted, noise: Array) -> NDArray[np.bool_]:
-    """(n,) True for a few points that a law leaves far more of than of the others; none where they are many.
+def outliers_of(fitted: CandidateFit, noise: Array) -> NDArray[np.bool_]:
+    """Return the mask (n,) of a few points with far larger residuals than the others; False if they are many.
 
-    Such a point shows a spike or a motion that the simulation misses, not a fault of the law.
+    A few outliers are spikes, or motions that the simulation misses, and no fault of the law.
     """
     size = np.abs(fitted.residual[:, fitted.compared])
     least = (NOTICEABLE / np.repeat(noise, 2)[1:])[fitted.compared]
@@ -256,25 +268,25 @@ def outlying(fitted: Fitted, noise: Array) -> NDArray[np.bool_]:
 def neighbour_noise(
     residual: Array, pairs: NDArray[np.intp], compared: NDArray[np.bool_]
 ) -> tuple[Array, Array]:
-    """Root mean square of mean, fundamental and harmonics (H+1,), and the part that neighbours do not share.
+    """Return root mean squares (H+1,) of the residual of each harmonic: all, and the part that is noise.
 
-    Neighbours in frequency of one run share what a law leaves; noise they do not share. Where second
-    differences are clearly smaller than first ones, the grid is coarse for the misfit: they tell the noise.
-    Without neighbours nothing is compared: NaN.
+    Neighbours in frequency of one run share the misfit of a law, but not noise, so that half their mean
+    square difference is noise. Where second differences are clearly smaller than first ones, the grid is
+    coarse for the misfit, and a sixth of their mean square is noise. NaN without neighbours.
     """
     if not len(pairs):
         unknown = np.full((residual.shape[1] + 1) // 2, np.nan)
         return unknown, unknown
     total, shared = neighbour_power(residual, pairs)
-    apart = total - shared
+    noise = total - shared
     inner = np.flatnonzero(pairs[:-1, 1] == pairs[1:, 0])
     if len(inner):
         left, middle, right = (residual[rows] for rows in (*pairs[inner].T, pairs[inner + 1, 1]))
-        twice = np.mean((left - 2 * middle + right) ** 2, axis=0) / 6
-        apart = np.where(twice < _CLEARLY * apart, twice, apart)
+        second = np.mean((left - 2 * middle + right) ** 2, axis=0) / 6
+        noise = np.where(second < _MAX_SECOND_TO_FIRST * noise, second, noise)
     orders = np.repeat(np.arange((residual.shape[1] + 1) // 2), 2)[1:]
     result = []
-    for power in (total, apart):
+    for power in (total, noise):
         power = np.where(compared, power, np.nan)
         result.append(np.sqrt([np.mean(power[orders == h]) for h in range(orders[-1] + 1)]))
     return result[0], result[1]

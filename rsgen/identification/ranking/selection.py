@@ -1,6 +1,8 @@
-"""Which sums of terms come near the test? Every term is evaluated once, every sum is a small least squares.
+"""Search of sums of terms: least squares of the whitened balance for every subset of the columns.
 
-Parameters in which a term is not linear take a few values each, and between them the term is linearised.
+The rows of every term are evaluated once, with a few values of each parameter in which it is not linear;
+between these values the term is linearised. Products of all columns are formed once, so that every sum is the
+solution of small normal equations. Sums are ordered by BIC = misfit + parameters * log(rows), Schwarz 1978.
 """
 
 from __future__ import annotations
@@ -18,8 +20,8 @@ from rsgen.common.errors import RsgenError
 from rsgen.data.oscillator import Model
 from rsgen.formula import symbol
 from rsgen.identification.fitting.points import Points
-from rsgen.identification.ranking.balance import Rows, Sum, Term, base_law, library_terms
-from rsgen.identification.ranking.fitting import Fitted, Guess, fit_rows
+from rsgen.identification.ranking.balance import Sum, Term, WhitenedBalance, base_law, library_terms
+from rsgen.identification.ranking.fitting import CandidateFit, CandidateLaw, fit_candidate
 from rsgen.identification.ranking.ranking_result import OWN
 from rsgen.identification.starting.equations import Equations
 from rsgen.identification.starting.start import solve_equations
@@ -29,26 +31,26 @@ from rsgen.law.memory import with_equations
 Places = NDArray[np.intp]
 
 _RIDGE = 1e-10
-"""Columns have unit size; beneath this share of it a combination of them is not compared."""
+"""Ridge of the normal equations of columns of unit size."""
 
-_BEAM = 24
+_BEAM_WIDTH = 24
 """Best sums of each size that are tried with one term more."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Trial:
-    """A sum of terms with the values that come nearest to the test.
+class SumFit:
+    """A sum of terms with its best values.
 
     Parameters
     ----------
     law
         The sum.
     values
-        Of every parameter, by its name in the sum; a mass that is free is "m".
+        Value of every parameter, by its name in the sum; a free mass is "m".
     misfit
-        Sum of squares left, in units of the noise.
+        Sum of squares in units of the noise.
     bic
-        Bayesian information criterion: misfit + parameters * log(rows).
+        Bayesian information criterion.
     """
 
     law: Sum
@@ -58,23 +60,23 @@ class Trial:
 
     @property
     def remembers(self) -> bool:
-        """Whether one of its terms has a memory."""
+        """True if one of its terms has a memory."""
         return any(term.law.remembers for term in self.law.terms)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class _Variants:
-    """A term at some values of the parameters it is not linear in.
+class _TermVariants:
+    """A term at some values of the parameters in which it is not linear.
 
     Parameters
     ----------
     values
-        (variants, searched) of these parameters.
+        (variants, searched) values of these parameters.
     reach
-        (variants, searched) how far from each of them its slope is trusted: to half way to the next value.
+        (variants, searched) distance up to which the slope at each value is used: half way to the next value.
     columns, slopes
-        (variants, linear), (variants, searched) where the columns of coefficients and of slopes stand; slopes
-        are those of a last coefficient of one.
+        (variants, linear), (variants, searched) numbers of the columns of the linear parameters, and of the
+        slopes by the others; these belong to a last coefficient of one.
     """
 
     values: Array
@@ -82,32 +84,32 @@ class _Variants:
     columns: Places
     slopes: Places
 
-    def select(self, chosen: Places) -> _Variants:
-        """Keep some of them."""
-        return _Variants(*(getattr(self, each.name)[chosen] for each in fields(self)))
+    def select(self, chosen: Places) -> _TermVariants:
+        """Keep some variants."""
+        return _TermVariants(*(getattr(self, column.name)[chosen] for column in fields(self)))
 
 
-class _Columns:
-    """All columns, normalised, and their products."""
+class _TermColumns:
+    """Columns of base and terms, of unit size, and their products without the part of the background."""
 
-    def __init__(self, rows: Rows, terms: Sequence[Term], fixed: Mapping[str, float]) -> None:
+    def __init__(self, rows: WhitenedBalance, terms: Sequence[Term], fixed: Mapping[str, float]) -> None:
         x, v, a, step = rows.trajectory
         size, speed = float(np.max(np.abs(x))), float(np.max(np.abs(v)))
         base = base_law().sample(x, v, a, step, np.zeros(2)).by_parameter
-        blocks = [rows.of(np.stack(base, axis=-1)), rows.inertia[:, :, None]]
+        blocks = [rows.of_forces(np.stack(base, axis=-1)), rows.inertia[:, :, None]]
         self.base = {name: i for i, name in enumerate(("c", "k", "m")) if name not in fixed}
-        self.variants: dict[str, _Variants] = {}
+        self.variants: dict[str, _TermVariants] = {}
         count = 3
         for term in terms:
             names = term.law.parameters
             order = [names.index(name) for name in (*term.linear, *term.search)]
             ranges = [
-                [where.factor(size, speed) * value for value in where.values]
-                for where in term.search.values()
+                [interval.factor(size, speed) * value for value in interval.values]
+                for interval in term.search.values()
             ]
             trials = list(product(*ranges))
             places = count + np.arange(len(trials) * len(order)).reshape(len(trials), len(order))
-            self.variants[term.name] = _Variants(
+            self.variants[term.name] = _TermVariants(
                 np.array(trials).reshape(len(trials), len(ranges)),
                 np.array([[*map(_reach, ranges, trial)] for trial in trials]).reshape(
                     len(trials), len(ranges)
@@ -122,7 +124,7 @@ class _Columns:
                 for name, value in zip(term.search, trial, strict=True):
                     point[names.index(name)] = value
                 sample = term.law.sample(x, v, a, step, point)
-                blocks.append(rows.of(np.stack([sample.by_parameter[i] for i in order], axis=-1)))
+                blocks.append(rows.of_forces(np.stack([sample.by_parameter[i] for i in order], axis=-1)))
         compared = rows.compared
         matrix = np.concatenate(blocks, axis=2)[:, compared].reshape(-1, count)
         right = rows.right - fixed.get("m", 0.0) * rows.inertia
@@ -133,45 +135,47 @@ class _Columns:
         self.products = matrix.T @ matrix
         self.against = matrix.T @ flat
         self.power = float(flat @ flat)
-        # every sum has the background that suits it: only what that leaves is compared
+        # every sum has its own best background: project it out of all columns
         background = rows.background[:, compared].reshape(len(flat), -1)
         if background.shape[1]:
-            whole = np.vstack([background, np.diag(rows.background_weight)])
-            orthonormal, _ = np.linalg.qr(whole / np.sqrt(np.sum(whole**2, axis=0)))
+            weighted = np.vstack([background, np.diag(rows.background_weight)])
+            orthonormal, _ = np.linalg.qr(weighted / np.sqrt(np.sum(weighted**2, axis=0)))
             basis = orthonormal[: len(flat)]
-            taken = basis.T @ matrix
-            self.products -= taken.T @ taken
-            self.against -= taken.T @ (basis.T @ flat)
+            shares = basis.T @ matrix
+            self.products -= shares.T @ shares
+            self.against -= shares.T @ (basis.T @ flat)
             self.power -= float(np.sum((basis.T @ flat) ** 2))
         self.rows = len(flat)
 
 
-def search_sums(rows: Rows, terms: Sequence[Term], fixed: Mapping[str, float], most: int) -> list[Trial]:
-    """Try the base, every term, every pair, and the best sums with every term more; best first by BIC.
+def search_sums(
+    rows: WhitenedBalance, terms: Sequence[Term], fixed: Mapping[str, float], most: int
+) -> list[SumFit]:
+    """Fit the base, every term, every pair, and the best sums with one more term; best first by BIC.
 
     Parameters
     ----------
     rows
         The balance.
     terms
-        What there is.
+        Terms to choose from.
     fixed
-        The mass "m" [kg], where it is known.
+        The mass "m" [kg], if it is known.
     most
-        Terms in a sum.
+        Largest number of terms in a sum.
     """
-    columns = _Columns(rows, terms, fixed)
+    columns = _TermColumns(rows, terms, fixed)
     place = {term.name: i for i, term in enumerate(terms)}
 
     def sensible(chosen: Sequence[Term]) -> bool:
-        # two loops look like one of a third shape, and no steady test takes them apart
-        alone = (sum(term.how.spring for term in chosen), sum(term.law.remembers for term in chosen))
-        return max(alone) <= 1
+        # two hysteretic terms are not separable in a steady-state test, nor are two springs in place of k*x
+        counts = (sum(term.how.spring for term in chosen), sum(term.law.remembers for term in chosen))
+        return max(counts) <= 1
 
-    found: dict[frozenset[str], tuple[Trial, tuple[_Variants, ...]]] = {}
+    found: dict[frozenset[str], tuple[SumFit, tuple[_TermVariants, ...]]] = {}
 
-    def consider(chosen: tuple[Term, ...], variants: Sequence[_Variants]) -> None:
-        result = _best(columns, Sum(chosen), variants)
+    def consider(chosen: tuple[Term, ...], variants: Sequence[_TermVariants]) -> None:
+        result = _best_variants(columns, Sum(chosen), variants)
         key = frozenset(term.name for term in chosen)
         if result is not None and (key not in found or result[0].misfit < found[key][0].misfit):
             found[key] = result
@@ -184,37 +188,40 @@ def search_sums(rows: Rows, terms: Sequence[Term], fixed: Mapping[str, float], m
             (entry for key, entry in found.items() if len(key) == size - 1),
             key=lambda entry: entry[0].misfit,
         )
-        # laws with memory stand beside the others and take no place from them
-        kinds = ([entry for entry in last if entry[0].remembers is kind][:_BEAM] for kind in (False, True))
+        # sums with memory have a beam of their own
+        kinds = (
+            [entry for entry in last if entry[0].remembers is kind][:_BEAM_WIDTH] for kind in (False, True)
+        )
         for trial, variants in chain.from_iterable(kinds):
             inside = {term.name for term in trial.law.terms}
             for term in terms:
                 if term.name not in inside and sensible((*trial.law.terms, term)):
                     among = [*zip(trial.law.terms, variants, strict=True)]
                     among.append((term, columns.variants[term.name]))
-                    # one order, that of the library: a sum stands once
+                    # terms in the order of the library, so that every sum is tried once
                     among.sort(key=lambda entry: place[entry[0].name])
-                    consider(tuple(part for part, _ in among), [each for _, each in among])
+                    consider(tuple(term for term, _ in among), [variant for _, variant in among])
     return sorted((entry[0] for entry in found.values()), key=lambda trial: trial.bic)
 
 
 def _reach(values: Sequence[float], value: float) -> float:
-    """Half the distance to the farther of the next values, and a little more."""
-    apart = sorted(abs(other - value) for other in values if other != value)[:2]
-    return 0.6 * apart[-1] if apart else 0.1 * abs(value)
+    """Return the distance up to which a slope is used: a little over half way to the next values."""
+    distances = sorted(abs(other - value) for other in values if other != value)[:2]
+    return 0.6 * distances[-1] if distances else 0.1 * abs(value)
 
 
-def _best(
-    columns: _Columns, law: Sum, variants: Sequence[_Variants]
-) -> tuple[Trial, tuple[_Variants, ...]] | None:
-    """Solve for every combination of variants at once and take the best that is allowed, and its variants."""
+def _best_variants(
+    columns: _TermColumns, law: Sum, variants: Sequence[_TermVariants]
+) -> tuple[SumFit, tuple[_TermVariants, ...]] | None:
+    """Solve for every combination of variants; return the best admissible one and its variants."""
     base = {name: i for name, i in columns.base.items() if name != "k" or law.has_spring}
+    sizes = [len(variant.values) for variant in variants]
     # without a term there is one combination, of none
-    count = prod(len(each.values) for each in variants)
-    picks = np.indices([len(each.values) for each in variants]).reshape(len(variants), count)
-    choices = [each.select(pick) for each, pick in zip(variants, picks, strict=True)]
+    count = prod(sizes)
+    picks = np.indices(sizes).reshape(len(variants), count)
+    choices = [variant.select(pick) for variant, pick in zip(variants, picks, strict=True)]
     best: tuple[float, dict[str, float], int] | None = None
-    # between its values a term is linearised; where that leads too far, it stays at the value
+    # linearised between the values of a term; if the slope leads too far, at the values only
     for between in (True, False) if any(term.search for term in law.terms) else (False,):
         parts = [np.broadcast_to(np.array(list(base.values())), (count, len(base)))]
         for choice in choices:
@@ -224,19 +231,20 @@ def _best(
         for group in law.dissipates:
             misfit[np.sum([named[name] for name in group], axis=0) < 0] = np.inf
         if between:
-            misfit[~_near(law, named, choices)] = np.inf
+            misfit[~_within_reach(law, named, choices)] = np.inf
         i = int(np.argmin(misfit))
         if np.isfinite(misfit[i]) and (best is None or misfit[i] < best[0]):
             best = float(misfit[i]), {name: float(value[i]) for name, value in named.items()}, i
     if best is None:
         return None
-    left = max(best[0], 0.0)
-    trial = Trial(law, best[1], left, left + len(best[1]) * float(np.log(columns.rows)))
+    misfit_of_best = max(best[0], 0.0)
+    bic = misfit_of_best + len(best[1]) * float(np.log(columns.rows))
+    trial = SumFit(law, best[1], misfit_of_best, bic)
     return trial, tuple(choice.select(np.array([best[2]])) for choice in choices)
 
 
-def _solve(columns: _Columns, index: NDArray[np.intp]) -> tuple[Array, Array]:
-    """Misfit (trials,) and coefficients (trials, width) of the columns (trials, width)."""
+def _solve(columns: _TermColumns, index: NDArray[np.intp]) -> tuple[Array, Array]:
+    """Return misfits (trials,) and coefficients (trials, width) of the columns ``index`` (trials, width)."""
     matrix = columns.products[index[:, :, None], index[:, None, :]]
     width = np.arange(index.shape[1])
     matrix[:, width, width] += _RIDGE
@@ -249,10 +257,10 @@ def _named(
     law: Sum,
     base: dict[str, int],
     coefficients: Array,
-    choices: Sequence[_Variants],
+    choices: Sequence[_TermVariants],
     between: bool,
 ) -> dict[str, Array]:
-    """Values (trials,) of every parameter by its name in the sum."""
+    """Return the values (trials,) of every parameter by its name in the sum."""
     values = dict(zip(base, coefficients.T, strict=False))
     place = len(base)
     for choice, term, names in zip(choices, law.terms, law.names, strict=True):
@@ -270,8 +278,8 @@ def _named(
     return values
 
 
-def _near(law: Sum, named: dict[str, Array], choices: Sequence[_Variants]) -> NDArray[np.bool_]:
-    """(trials,) True where every linearised parameter stays near the value it was linearised at."""
+def _within_reach(law: Sum, named: dict[str, Array], choices: Sequence[_TermVariants]) -> NDArray[np.bool_]:
+    """Return the mask (trials,) of trials whose linearised parameters are within reach of their values."""
     near = np.ones(len(choices[0].values), dtype=bool)
     for choice, term, names in zip(choices, law.terms, law.names, strict=True):
         for i, name in enumerate(term.search):
@@ -280,76 +288,79 @@ def _near(law: Sum, named: dict[str, Array], choices: Sequence[_Variants]) -> ND
 
 
 # ----------------------------------------------------------------------------
-# What competes: laws as they are given, and sums of laws of the library.
+# Candidates: laws of the user as they are, and sums of laws of the library.
 
-_SEARCHED = 300
-"""Points on which sums are searched: a coarse search needs fewer than a fit."""
+_SEARCH_POINTS = 300
+"""Points on which sums are searched."""
 
-_FITTED = (20, 6)
-"""Candidates without memory that are fitted, and single laws among them: shown even where sums are nearer."""
+_SHORTLIST = (20, 6)
+"""Sums without memory that are fitted, and single laws among them, which are shown even if sums are nearer.
+"""
 
-_LOOPS = (8, 3)
-"""The same of candidates with memory: they take no place from the others."""
+_SHORTLIST_WITH_MEMORY = (8, 3)
+"""The same for sums with memory."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Entries:
-    """What competes.
+class Candidates:
+    """The candidates of a ranking.
 
     Parameters
     ----------
     given
-        Laws as they are, with values to start from.
+        Laws of the user with initial values.
     terms
-        Laws of the library that are tried beside a linear spring and damper, alone and in sums.
+        Laws of the library, added to a linear spring and damper, one by one and in sums.
     fixed
-        The mass "m" [kg], where it is known.
+        The mass "m" [kg], if it is known.
     terms_in_sum
-        Most laws of the library in a sum.
+        Largest number of laws of the library in a sum.
     """
 
-    given: tuple[Guess, ...]
+    given: tuple[CandidateLaw, ...]
     terms: tuple[Term, ...]
     fixed: Mapping[str, float]
     terms_in_sum: int
 
     def search(
         self,
-        rows: Rows,
+        rows: WhitenedBalance,
         points: Points,
         *,
-        known: Sequence[Fitted] = (),
-    ) -> list[Guess]:
-        """Search sums and give the best of them, beside the laws that are given.
+        known: Sequence[CandidateFit] = (),
+    ) -> list[CandidateLaw]:
+        """Return the laws of the user and the best sums.
 
         Parameters
         ----------
         rows, points
-            The balance, and the points that it is of.
+            The balance, and its points.
         known
-            Candidates that compete in any case.
+            Fits whose candidates compete in any case.
         """
-        guesses = list(self.given)
-        if self.terms or not guesses:
-            few = points.spread(_SEARCHED)
-            trials = search_sums(rows.select(few), self.terms, self.fixed, self.terms_in_sum)
-            plain = _near_laws([trial for trial in trials if not trial.remembers], *_FITTED)
-            loops = _near_laws([trial for trial in trials if trial.remembers], *_LOOPS)
-            guesses += [_guess(trial, rows, self.fixed) for trial in (*plain, *loops)]
-        again = [fit.guess for fit in known]
-        return list({_parts(guess.name): guess for guess in (*again, *guesses)}.values())
+        candidates = list(self.given)
+        if self.terms or not candidates:
+            some = points.spread(_SEARCH_POINTS)
+            trials = search_sums(rows.select(some), self.terms, self.fixed, self.terms_in_sum)
+            plain = _shortlist([trial for trial in trials if not trial.remembers], *_SHORTLIST)
+            loops = _shortlist([trial for trial in trials if trial.remembers], *_SHORTLIST_WITH_MEMORY)
+            candidates += [_candidate_of(trial, rows, self.fixed) for trial in (*plain, *loops)]
+        again = [fit.candidate for fit in known]
+        return list({_term_names(candidate.name): candidate for candidate in (*again, *candidates)}.values())
 
-    def fit(self, guesses: Sequence[Guess], rows: Rows, points: Points, *, first: bool) -> list[Fitted]:
+    def fit(
+        self, candidates: Sequence[CandidateLaw], rows: WhitenedBalance, points: Points, *, first: bool
+    ) -> list[CandidateFit]:
         """Fit candidates with every parameter free; best first.
 
         Parameters
         ----------
-        guesses
+        candidates
             The candidates.
         rows, points
-            The balance, and the points that it is of.
+            The balance, and its points.
         first
-            True along the measured motion, where the noise is not yet known.
+            True along the measured motion, where the noise is unknown: the best misfit then stands for it.
 
         Raises
         ------
@@ -357,19 +368,23 @@ class Entries:
             No candidate gives a finite balance.
         """
         fits = [
-            fit for guess in guesses if (fit := fit_rows(guess, rows, points.level, self.fixed)) is not None
+            fit
+            for candidate in candidates
+            if (fit := fit_candidate(candidate, rows, points.level, self.fixed)) is not None
         ]
         if not fits:
             raise RsgenError("ranking: no candidate gives a finite balance at the measured points")
         noise = min(fit.misfit for fit in fits) / fits[0].residual.size if first else 1.0
         penalty = np.log(fits[0].residual[:, rows.compared].size)
-        return sorted(fits, key=lambda fit: fit.misfit / max(noise, 1e-300) + penalty * len(fit.guess.values))
+        return sorted(
+            fits, key=lambda fit: fit.misfit / max(noise, 1e-300) + penalty * len(fit.candidate.values)
+        )
 
 
 def competitors(
     candidates: Model | LawLike | Sequence[LawLike] | None,
 ) -> tuple[dict[str, tuple[Element, ...]], tuple[Term, ...], Model]:
-    """Laws that compete as they are, terms of the library, and the model whose test and mass hold for all."""
+    """Return the laws of the user by name, terms of the library, and a model with observation and mass."""
     linear = Model((make_element("linear-spring", "k*x"), make_element("linear-damper", "c*v")))
     if candidates is None:
         return {}, library_terms(), linear
@@ -395,7 +410,7 @@ def competitors(
 
 
 def _completed(elements: tuple[Element, ...]) -> tuple[Element, ...]:
-    """A spring or damper of the library with the linear one that it lacks."""
+    """Add the linear spring or damper that a law of the library lacks."""
     names = {name for element in elements for name in element.parameters}
     has = {state: any(element.force.has(symbol(state)) for element in elements) for state in "xv"}
     missing = [
@@ -406,12 +421,12 @@ def _completed(elements: tuple[Element, ...]) -> tuple[Element, ...]:
     return (*elements, *missing)
 
 
-def start_guess(
+def start_candidate(
     name: str, elements: tuple[Element, ...], points: Points, fixed: Mapping[str, float]
-) -> Guess:
-    """A law with values of first order to start from."""
-    guess = Guess(name, elements, {})
-    law = guess.law
+) -> CandidateLaw:
+    """Return a law with initial values from the first-order balance."""
+    candidate = CandidateLaw(name, elements, {})
+    law = candidate.law
     equations = Equations(
         points.omega,
         points.force,
@@ -422,22 +437,24 @@ def start_guess(
     )
     solution = solve_equations(equations, law, fixed)
     values = dict(zip(law.parameters, solution.values.tolist(), strict=True))
-    return replace(guess, values={**values, "m": solution.mass})
+    return replace(candidate, values={**values, "m": solution.mass})
 
 
-def _near_laws(trials: Sequence[Trial], most: int, alone: int) -> list[Trial]:
-    """The first sums, and the first laws that stand alone, shown even where sums are nearer."""
+def _shortlist(trials: Sequence[SumFit], most: int, alone: int) -> list[SumFit]:
+    """Return the first ``most`` sums, with at least the first ``alone`` single laws among them."""
     single = [trial for trial in trials if len(trial.law.terms) <= 1][:alone]
     return [trial for trial in trials if trial not in single][: most - len(single)] + single
 
 
-def _parts(name: str) -> frozenset[str]:
-    """Laws in a sum, in whatever order."""
+def _term_names(name: str) -> frozenset[str]:
+    """Return the names of the laws in a sum."""
     return frozenset(name.split(" + "))
 
 
-def _guess(trial: Trial, rows: Rows, fixed: Mapping[str, float]) -> Guess:
+def _candidate_of(trial: SumFit, rows: WhitenedBalance, fixed: Mapping[str, float]) -> CandidateLaw:
     x, v, *_ = rows.trajectory
     size, speed = float(np.max(np.abs(x))), float(np.max(np.abs(v)))
     law = trial.law
-    return Guess(law.name, law.elements, {**trial.values, **fixed}, law.limits(size, speed), law.dissipates)
+    return CandidateLaw(
+        law.name, law.elements, {**trial.values, **fixed}, law.limits(size, speed), law.dissipates
+    )
