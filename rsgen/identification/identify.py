@@ -105,7 +105,8 @@ def _balance(problem: Problem, parameters: Array) -> tuple[Fit, bool]:
         if order == _FEW_HARMONICS:
             last *= last / max(float(np.max(higher[:, :2], initial=0.0)), TAIL)
         enough = last < max(TAIL, 1e-3 * refined.regression.noise / np.sqrt(len(points)))
-        if law.switched or sharp or enough:
+        # nor do harmonics mend a law that misses by far, whose fits creep
+        if law.switched or sharp or enough or refined.regression.noise * np.sqrt(2) > MEANINGLESS:
             break
     noise = refined.regression.noise
     sharp = (sharp or (law.switched and noise < _ACCURACIES[0])) and noise > _ACCURACIES[-1]

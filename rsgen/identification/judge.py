@@ -62,6 +62,7 @@ from rsgen.identification.soundness import (
     aside_findings,
     feeding_findings,
     limit_findings,
+    nearly_held,
     sign_findings,
     stopped_points,
 )
@@ -232,7 +233,10 @@ class Findings:
 
     def _implausible(self, calibrated: bool, not_identifiable: set[str]) -> Iterator[Finding]:
         mass = nan if "m" in not_identifiable else self.fit.mass
-        damping = min((r.damping_ratio for r in self.resonances if r.damping_ratio > 0), default=nan)
+        # what friction nearly holds has any damping
+        moving = self.points.select(~nearly_held(self.points, self.fit))
+        ratios = [r.damping_ratio for r in self.resonances if _run_of(moving, r).any()]
+        damping = min((ratio for ratio in ratios if ratio > 0), default=nan)
         return plausibility_findings(self.surface, calibrated=calibrated, mass=mass, damping=damping)
 
     def _motion(self) -> list[Finding]:
@@ -255,7 +259,7 @@ class Findings:
     def _near(self, resonance: Resonance) -> int:
         """Points of the run within the width of its resonance."""
         points = self.points
-        near = (points.level == resonance.level) & (points.sweep == resonance.sweep)
+        near = _run_of(points, resonance)
         width = max(2 * abs(resonance.damping_ratio), 1e-12) * resonance.frequency
         return int(np.count_nonzero(near & (np.abs(points.omega / 2 / np.pi - resonance.frequency) < width)))
 
@@ -275,6 +279,11 @@ class Findings:
             "level": Quantity(level, self.surface.level_unit),
         }
         return [Finding("shift-small", "info", numbers=numbers)]
+
+
+def _run_of(points: Points, resonance: Resonance) -> NDArray[np.bool_]:
+    """(n,) points of the run of a resonance."""
+    return np.asarray((points.level == resonance.level) & (points.sweep == resonance.sweep))
 
 
 Table = TypeVar("Table", Points, ResponseSurface)

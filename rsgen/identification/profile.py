@@ -22,11 +22,12 @@ from rsgen.common.text_table import Printed, TextTable, short
 from rsgen.common.tolerances import CONFIDENCE, NOISY, ORDER, t_quantile
 from rsgen.identification.fitting.fit import Fit, refit_weighted
 from rsgen.identification.fitting.least_squares import Regression
-from rsgen.identification.misfit import fit_near, law_misses
+from rsgen.identification.fitting.observed import is_systematic
+from rsgen.identification.misfit import fit_near
 from rsgen.identification.results import Estimate, Identification
 
 _END_TOLERANCE = 0.02
-"""Relative difference of sqrt(D) at the end of an interval from the quantile."""
+"""Relative difference of sqrt(D) at the end of an interval from the quantile, and of the place of a jump."""
 
 _NOISE_RATIO = 1.5
 """Noise of the balance to that of the fit, above which truncation outweighs the noise."""
@@ -65,6 +66,9 @@ class Profile(Printed):
         Where ``root`` stays within the quantile of Student's t; an end without limit is infinite.
     wald
         From the standard error.
+    followed
+        Values between which the balance has the motions that were measured, infinite where it never lost
+        them: an end of the interval that is infinite beside one that is not is the balance's, not the test's.
     """
 
     name: str
@@ -73,11 +77,15 @@ class Profile(Printed):
     root: Array
     interval: tuple[float, float]
     wald: tuple[float, float]
+    followed: tuple[float, float]
 
     def _table(self) -> TextTable:
         rows = tuple((short(v, 6), short(r, 3)) for v, r in zip(self.values, self.root, strict=True))
         low, high = (short(end, 5) for end in self.interval)
         caption = f"{self.name}: {low} to {high} {self.unit}".rstrip() + ", 95 % by profile likelihood"
+        for side, end in zip(("below", "above"), self.followed, strict=True):
+            if isfinite(end):
+                caption += f"; {side} {short(end, 5)} the balance, not the test, ends"
         return TextTable((f"{self.name} {self.unit}".rstrip(), "root of the deviance"), rows, caption=caption)
 
 
@@ -136,11 +144,13 @@ class _Likelihood:
         values = np.array(self._fits)[np.array(self._roots) <= target, place]
         return float(values.min()), float(values.max())
 
-    def end(self, place: int, step: float, target: float, stop: float) -> float:
+    def end(self, place: int, step: float, target: float, stop: float) -> tuple[float, float]:
         """Find where the root reaches a target, by first steps of a size; infinite where it does not.
 
-        ``stop`` is a value not to be passed, at which the interval ends in any case.
+        ``stop`` is a value not to be passed, at which the interval ends in any case. The second number is
+        the value up to which the balance has the motions that were measured, infinite where it keeps them.
         """
+        nowhere = float(np.sign(step)) * inf
         near = self.within(place, target)[step > 0]
         low, distance = 0.0, step
         for _ in range(_MOST_FITS):
@@ -152,11 +162,12 @@ class _Likelihood:
                 break
             near, low, distance = outer, over, distance * _STEP_RATIO
         if not over >= target:
-            return outer if outer == stop else float(np.sign(step)) * inf
+            return (outer if outer == stop else nowhere), nowhere
         for _ in range(_MOST_FITS):
-            if abs(over / target - 1) < _END_TOLERANCE:
+            narrow = abs(outer - near) < _END_TOLERANCE * abs(outer - self.best[place])
+            if narrow or abs(over / target - 1) < _END_TOLERANCE:
                 break
-            share = (target - low) / (over - low) if isfinite(over) else 0.5
+            share = 0.5 if over > _JUMP_RATIO * (low + 1) else (target - low) / (over - low)
             between = near + float(np.clip(share, 0.1, 0.9)) * (outer - near)
             root = self(place, between)
             if root < target:
@@ -164,9 +175,9 @@ class _Likelihood:
             else:
                 outer, over = between, root
         # where the balance loses the motion, the root jumps: that is no end that the test tells
-        return (
-            outer if low > _END_SHARE * target or over < target / _END_SHARE else float(np.sign(step)) * inf
-        )
+        if low > _END_SHARE * target or over < target / _END_SHARE:
+            return outer, nowhere
+        return nowhere, near
 
 
 def _cost(found: Regression) -> float:
@@ -194,19 +205,25 @@ def _is_quadratic(found: Fit, likelihood: _Likelihood, estimate: Estimate, targe
     return all(abs(root / target - 1) < _WALD_TOLERANCE for root in roots)
 
 
-def _interval(found: Fit, likelihood: _Likelihood, estimate: Estimate, target: float) -> tuple[float, float]:
-    """Return the values whose root is within a target; those of a nonlinear parameter keep its sign."""
+def _interval(
+    found: Fit, likelihood: _Likelihood, estimate: Estimate, target: float
+) -> tuple[tuple[float, float], tuple[float, float]]:
+    """Return the values whose root is within a target, and those that the balance can follow.
+
+    Those of a nonlinear parameter keep its sign.
+    """
     law, place = found.problem.law, likelihood.names.index(estimate.name)
     best, step = float(likelihood.best[place]), _wald(found, estimate)
     stops = [-inf, inf]
     if place in law.nonlinear:
         stops[0 if best > 0 else 1] = 0.0
-    low, high = (
+    ends = [
         likelihood.end(place, sign * step, target, stop) for sign, stop in zip((-1, 1), stops, strict=True)
-    )
+    ]
     # the simulator and the correction of bias move the value, and the interval with it
     moved = float(found.regression.parameters[place]) - best
-    return low + moved, high + moved
+    (low, least), (high, most) = (np.array(ends) + moved).tolist()
+    return (low, high), (least, most)
 
 
 def with_profiles(found: Fit, estimates: Sequence[Estimate]) -> tuple[Estimate, ...]:
@@ -214,13 +231,15 @@ def with_profiles(found: Fit, estimates: Sequence[Estimate]) -> tuple[Estimate, 
 
     The sum of squares of a law that is linear in its parameters is nearly quadratic. Of another one that of
     nonlinear parameters, and of those that go with them, is asked at both ends of their intervals. What a
-    law misses is no noise, and its sum of squares no likelihood.
+    law misses is no noise, and its sum of squares no likelihood; nor is one that has no least value.
     """
-    law = found.problem.law
-    if not law.nonlinear or law.acts_across or found.regression.noise < NOISY or law_misses(found):
+    law, regression = found.problem.law, found.regression
+    pairs = found.problem.observed.points.pairs(regression.used)
+    noise = regression.converged and regression.noise > NOISY
+    if not (law.nonlinear and noise) or law.acts_across or is_systematic(regression.residual, pairs):
         return tuple(estimates)
     known = [e for e in estimates if isfinite(e.value) and 0 < e.standard_error < inf]
-    with_nonlinear = _with_nonlinear(found.regression.covariance, law.nonlinear)
+    with_nonlinear = _with_nonlinear(regression.covariance, law.nonlinear)
     place = {name: i for i, name in enumerate((*law.parameters, "m"))}
     asked = [e for e in known if place[e.name] in with_nonlinear]
     asked.sort(key=lambda estimate: with_nonlinear.index(place[estimate.name]))
@@ -230,7 +249,7 @@ def with_profiles(found: Fit, estimates: Sequence[Estimate]) -> tuple[Estimate, 
     target = {e.name: _target(found, e) for e in asked}
     bent = [e for e in asked if not _is_quadratic(found, likelihood, e, target[e.name])]
     # nonlinear parameters first: fits of their profiles are starts and likely values of the others
-    replaced = {e.name: _stated(e, _interval(found, likelihood, e, target[e.name])) for e in bent}
+    replaced = {e.name: _stated(e, *_interval(found, likelihood, e, target[e.name])) for e in bent}
     return tuple(replaced.get(e.name, e) for e in estimates)
 
 
@@ -245,7 +264,7 @@ def _with_nonlinear(covariance: Array, nonlinear: Sequence[int]) -> list[int]:
     return [*nonlinear, *map(int, others)]
 
 
-def _stated(estimate: Estimate, interval: tuple[float, float]) -> Estimate:
+def _stated(estimate: Estimate, interval: tuple[float, float], followed: tuple[float, float]) -> Estimate:
     """State an interval of the profile: without one end a value is bounded, not identified."""
     finding, (low, high) = estimate.finding, interval
     if finding is not None and finding.code == "not-distinct-from-zero" and low * high > 0:
@@ -253,8 +272,12 @@ def _stated(estimate: Estimate, interval: tuple[float, float]) -> Estimate:
     if finding is None and not (isfinite(low) or isfinite(high)):
         finding = Finding("not-determined", "warning", estimate.name)
     elif finding is None and not (isfinite(low) and isfinite(high)):
-        side, bound = ("at least", low) if isfinite(low) else ("at most", high)
+        side, bound, reach = "at most", high, followed[0]
+        if isfinite(low):
+            side, bound, reach = "at least", low, followed[1]
         numbers = {"bound": Quantity(bound, estimate.unit)}
+        if isfinite(reach):
+            numbers["reach"] = Quantity(reach, estimate.unit)
         finding = Finding("bounded-to-one-side", "warning", estimate.name, numbers, {"side": side})
     return replace(estimate, interval=interval, by_profile=True, finding=finding)
 
@@ -287,7 +310,7 @@ def profile(found: Identification, name: str) -> Profile:
     if not likelihood.resolved:
         raise RsgenError("profile: the data are exact, and what is left of them is no noise")
     estimate, target = known[name], _target(fit, known[name])
-    interval = _interval(fit, likelihood, estimate, target)
+    interval, followed = _interval(fit, likelihood, estimate, target)
     place = likelihood.names.index(name)
     tried = sorted(likelihood.tried(place), key=lambda pair: pair[0])
     moved = float(fit.regression.parameters[place]) - float(likelihood.best[place])
@@ -299,4 +322,5 @@ def profile(found: Identification, name: str) -> Profile:
         np.array([root * scale * np.sign(value - likelihood.best[place]) for value, root in tried]),
         interval,
         (estimate.value - half, estimate.value + half),
+        followed,
     )

@@ -129,8 +129,12 @@ def aside_findings(
 
 def stopped_points(points: Points, fit: Fit) -> NDArray[np.bool_]:
     """(n,) points without a prediction where friction nearly holds the mass: noise of the force decides."""
-    friction = _dry_friction(fit.problem, fit.values)
-    return np.isnan(fit.regression.misfit) & (np.abs(points.force) < _BREAK_AWAY * friction)
+    return np.isnan(fit.regression.misfit) & nearly_held(points, fit)
+
+
+def nearly_held(points: Points, fit: Fit) -> NDArray[np.bool_]:
+    """(n,) points whose force hardly overcomes dry friction."""
+    return np.asarray(np.abs(points.force) < _BREAK_AWAY * _dry_friction(fit.problem, fit.values))
 
 
 def held_points(problem: Problem, parameters: Array) -> NDArray[np.bool_]:

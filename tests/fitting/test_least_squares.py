@@ -55,6 +55,12 @@ def test_a_narrow_valley_with_a_bend_is_followed_to_its_end() -> None:
     parameters, _, _, converged = descend(linearise, np.array([0.3, 0.09]), np.zeros((4, 0)))
     assert converged
     assert parameters == pytest.approx([1, 1], rel=1e-9)
+    # slopes of a simulator are kept from step to step: none of its steps shows a bend
+    _, _, line, converged = descend(
+        linearise, np.array([0.3, 0.09]), np.zeros((4, 0)), Rules(attainable=1e-9)
+    )
+    assert not converged
+    assert np.abs(line.residual[:, 1]).min() > 0.5
 
 
 def line_through(noise: float, seed: int, spoilt: int = 0):

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import sys
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -12,7 +13,7 @@ from rsgen.data.oscillator import Oscillator
 from rsgen.data.surface import ResponseSurface
 from rsgen.dynamics.simulation import SimulatedTest, simulate
 from rsgen.identification.identify import identify
-from rsgen.identification.profile import profile
+from rsgen.identification.profile import _Likelihood, profile, with_profiles
 
 CUBIC, VALUES = "k*x + c*v + k3*x**3", {"k": 6000.0, "c": 4.0, "k3": 2e5}
 GAP, STOP = "k*x + c*v + kg*(Max(x - b, 0) + Min(x + b, 0))", {"k": 6000.0, "c": 4.0, "kg": 6000.0, "b": 3e-3}
@@ -88,6 +89,62 @@ def test_a_stop_that_is_barely_touched_is_bounded_to_one_side() -> None:
     assert found["b"].identifiable
 
 
+class Roots(_Likelihood):
+    """The root of the deviance is the distance from zero, and jumps where the balance loses the motion."""
+
+    def __init__(self, lost: float) -> None:
+        self.lost, self.best, self.fits = lost, np.zeros(1), 0
+
+    def within(self, place: int, target: float) -> tuple[float, float]:
+        return 0.0, 0.0
+
+    def __call__(self, place: int, value: float) -> float:
+        self.fits += 1
+        return abs(value) if abs(value) < self.lost else 50.0
+
+
+@pytest.mark.parametrize("sign", [-1, 1])
+def test_an_end_of_the_balance_is_told_from_one_of_the_test(sign: int) -> None:
+    roots = Roots(1.3)
+    end, followed = roots.end(0, 0.5 * sign, 2.0, sign * np.inf)
+    assert end == sign * np.inf
+    assert followed == pytest.approx(1.3 * sign, rel=0.02)
+    assert roots.fits < 10
+    end, followed = Roots(9.0).end(0, 0.5 * sign, 2.0, sign * np.inf)
+    assert end == pytest.approx(2.0 * sign, rel=0.02)
+    assert followed == sign * np.inf
+
+
+def test_a_fit_that_did_not_converge_has_no_likelihood() -> None:
+    force = 1.06 * STOP["b"] * STOP["c"] * 2 * np.pi * 10.07
+    found = identify(gauged(GAP, STOP, [force * share for share in (0.25, 0.5, 0.75, 1.0)], 1), GAP)
+    stopped = replace(found.fit, regression=replace(found.fit.regression, converged=False))
+    assert not any(estimate.by_profile for estimate in with_profiles(stopped, found.first_order))
+
+
+def test_harmonics_do_not_mend_a_law_that_misses_by_far(monkeypatch: pytest.MonkeyPatch) -> None:
+    # each order more took its fifty creeping steps
+    module, orders = sys.modules["rsgen.identification.identify"], list[int]()
+    balance = module.fit_balance
+
+    def counted(*args: object, **options: object) -> object:
+        orders.append(options["order"])
+        return balance(*args, **options)
+
+    monkeypatch.setattr(module, "fit_balance", counted)
+    values = {"k": 100814.386, "c": 9.53633790, "k3": 9.21973092e10, "Ff": 0.295549636}
+    test = SimulatedTest(
+        level=[0.332776, 0.776476, 1.220177, 1.663878],
+        frequency=np.linspace(26.29275438, 32.54146569, 46),
+        noise_relative=0.001,
+        seed=963,
+    )
+    rubbing = simulate(Oscillator(2.95095620, "k*x + c*v + k3*x**3 + Ff*sign(v)", values), test)
+    rubbing = ResponseSurface(rubbing.level, rubbing.frequency, rubbing.force, rubbing.harmonics[:, 1])
+    assert identify(rubbing, CUBIC).verdict.state == "rejected"
+    assert orders == [5]
+
+
 def test_what_a_law_misses_is_no_likelihood(monkeypatch: pytest.MonkeyPatch) -> None:
     # profiled and simulated, a slider fitted to more than a slider took minutes
     def refused(*args: object, **options: object) -> None:
@@ -98,6 +155,17 @@ def test_what_a_law_misses_is_no_likelihood(monkeypatch: pytest.MonkeyPatch) -> 
     surface = gauged("k*x + c*v + masing(Min(kt*x, Fs)) + Ff*sign(v)", values, [1.0, 2.0, 4.0, 8.0], 1)
     found = identify(surface, "k*x + c*v + masing(Min(kt*x, Fs))", mass=1.8)
     assert found.verdict.state == "doubtful"
+    assert not any(estimate.by_profile for estimate in found.refined)
+
+
+def test_a_pattern_below_the_hundredth_is_no_likelihood_either() -> None:
+    values = {"k": 6000.0, "c": 4.0, "kt": 1500.0, "Fs": 0.8, "c2": 0.3}
+    law = "k*x + c*v + masing(Min(kt*x, Fs))"
+    test = SimulatedTest(
+        level=[1.0, 2.0, 4.0, 8.0], frequency=np.linspace(9.85, 11, 12), method="harmonic-balance"
+    )
+    found = identify(simulate(Oscillator(1.5, f"{law} + c2*v*abs(v)", values), test), law)
+    assert 1e-4 < found.residual < 0.01
     assert not any(estimate.by_profile for estimate in found.refined)
 
 

@@ -448,3 +448,10 @@ def test_a_given_mass_that_the_points_contradict_is_doubted(factor: float, expec
     assert severity(found, "fixed-contradicted") == expected
     if expected:
         assert found["fixed-contradicted"]["fitted"] == pytest.approx(MASS, rel=2e-3)
+
+
+def test_friction_that_nearly_holds_the_mass_is_no_impossible_damping() -> None:
+    # below its resonance friction gives it a ratio of 0.59 at the highest level, which says nothing of units
+    rubbing = Oscillator(1.3235, "k*x + c*v + Ff*sign(v)", {"k": 44149.0, "c": 2.593, "Ff": 0.30087})
+    test = SimulatedTest(level=np.linspace(0.0746, 0.373, 6), frequency=np.linspace(22.44, 28.87, 17))
+    assert "size-impossible" not in findings(simulate(rubbing, test), rubbing.force)

@@ -290,6 +290,15 @@ def test_names_keep_their_spelling_at_the_beginning() -> None:
     assert full_sentence(Finding.note("as somebody wrote it!")) == "as somebody wrote it!"
 
 
+def test_an_open_side_of_the_balance_is_no_open_side_of_the_test() -> None:
+    numbers = {"bound": Quantity(0.003, "m")}
+    finding = Finding("bounded-to-one-side", "warning", "b", numbers, {"side": "at least"})
+    assert sentence(finding) == "b: the test says only that it is at least 3 mm"
+    numbers = {**numbers, "reach": Quantity(0.0031, "m")}
+    lost = Finding("bounded-to-one-side", "warning", "b", numbers, {"side": "at least"})
+    assert sentence(lost).startswith("b is at least 3 mm; beyond 3.1 mm the balance, not the test, ends")
+
+
 def test_an_unknown_code_is_shown_as_data() -> None:
     found = Finding("of-the-future", "info", "k", {"share": 0.5})
     assert sentence(found) == repr(found) == "of-the-future k (info): share = 0.5"

@@ -42,6 +42,7 @@ def profile_command(
         columns = {
             "interval": found.interval,
             "wald": found.wald,
+            "followed": found.followed,
             "values": found.values.tolist(),
             "root": found.root.tolist(),
         }

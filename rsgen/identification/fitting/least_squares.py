@@ -357,8 +357,8 @@ def descend(
         least = max(rules.gain, UNCHANGED * right.size) if reached else rules.gain
         if realised < least or relative < ROUND_OFF:
             done = realised >= 0 or relative < 1e-6 or gain < 1.0
-            # of exact data what is left is of waveforms, and no valley
-            exact = reached or np.sqrt(np.mean(right**2)) < NOISY
+            # of exact data what is left is of waveforms, and no valley; slopes that are kept show no bend
+            exact = rules.attainable > 0 or np.sqrt(np.mean(right**2)) < NOISY
             if done or exact or rules.steps <= _RETURN:
                 return parameters, nuisance, line, done
             step = rules.move(parameters, change), nuisance + nuisance_change

@@ -28,7 +28,6 @@ say_plainly(
             f"{{parameter}}: the response does not depend on it in the tested range ({_TESTED}); raise the "
             "level until it does"
         ),
-        "bounded-to-one-side": "{parameter}: the test says only that it is {side} {bound:.3q}",
         "not-distinct-from-zero": (
             "{parameter}: {value:.2g} with standard error {standard_error:.2g} cannot be distinguished from "
             f"zero ({_TESTED}); raise the level, or take more points near the resonance or more periods"
@@ -171,6 +170,18 @@ NEXT_STEPS.update(
         ),
     }
 )
+
+
+@says("bounded-to-one-side")
+def _bounded_to_one_side(found: Finding) -> str:
+    said = f"{found.names['side']} {quantity_text(*found.numbers['bound'], 3)}"
+    if "reach" not in found.numbers:
+        return f"{found.parameter}: the test says only that it is {said}"
+    reach = quantity_text(*found.numbers["reach"], 3)
+    return (
+        f"{found.parameter} is {said}; beyond {reach} the balance, not the test, ends: the law has no motion "
+        "of the measured amplitude there"
+    )
 
 
 @says("mirror-image-fits")
