@@ -1,11 +1,15 @@
-"""The modal table: resonance frequency, damping ratio, stiffness and damping over the amplitude, no law.
+"""The modal table: resonance frequency, damping ratio, stiffness and damping over the amplitude, without a
+law.
 
-At one amplitude X the structure acts as a linear one, F/X = k(X) - m omega^2 + i omega c(X, omega). Off
-resonance it matters how c depends on the frequency: a force that does not depend on the rate, as of joints
-and friction, has omega c = c_0(X), a linear damper omega c = omega c_1(X), a drag v|v| omega c = omega^2
-c_2(X). With B-splines for k and c_j all is linear in their coefficients and in the mass, so that it is one
-more forward model, which is given the amplitude. Smooth springs are polynomials of X^2, drag and gaps of X,
-friction of 1/X; logarithms give a spring that hardens over decades as many knots everywhere.
+At one amplitude X the structure acts as a linear one,
+
+    F/X = k(X) - m omega^2 + i sum_j omega^j c_j(X).
+
+The order j of the damping matters off resonance: a force that does not depend on the rate, as of joints and
+friction, has j = 0, a linear damper j = 1, a drag v|v| j = 2. With B-splines for k and c_j the equation is
+linear in their coefficients and in the mass (de Boor, A Practical Guide to Splines, 1978), so that it is a
+forward model like a law, for a given amplitude. The coordinate of the splines is a power of X: smooth springs
+are polynomials of X^2, drag and gaps of X, friction of 1/X; a spring that hardens over decades needs ln X.
 """
 
 from __future__ import annotations
@@ -30,11 +34,11 @@ from rsgen.formula.units.quantities import ForceUnits
 from rsgen.identification.fitting.forward import Forward
 from rsgen.identification.results import Background
 
-_MARGIN = 0.02
-"""Splines reach so far beyond the amplitudes of the points, relatively: noise moves single ones outside."""
+_AMPLITUDE_MARGIN = 0.02
+"""Relative extension of the splines beyond the amplitudes of the points, for noise."""
 
-_BELOW = 2
-"""Intervals below the tested amplitudes, whose points show the background and nothing that is tabulated."""
+_INTERVALS_BELOW = 2
+"""Intervals below the tested amplitudes, for points that determine the background only."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -49,43 +53,47 @@ class SplineBasis:
     def over(
         cls, amplitude: Array, tested: tuple[float, float], degree: int, intervals: int, power: int
     ) -> SplineBasis:
-        """Share the amplitudes [m] within the tested ones among the intervals; two more serve those below."""
+        """Make intervals with equal numbers of the tested amplitudes [m], and two more below these."""
         size = amplitude[(amplitude >= tested[0]) & (amplitude <= tested[1])]
-        inner = np.quantile(_place(size, power), np.linspace(0, 1, intervals + 1))
-        inner[0] = _place(tested[0] / (1 + _MARGIN), power)
-        inner[-1] = _place(float(amplitude.max()) * (1 + _MARGIN), power)
-        lowest = float(_place(float(amplitude.min()) / (1 + _MARGIN), power))
+        inner = np.quantile(_coordinate(size, power), np.linspace(0, 1, intervals + 1))
+        inner[0] = _coordinate(tested[0] / (1 + _AMPLITUDE_MARGIN), power)
+        inner[-1] = _coordinate(float(amplitude.max()) * (1 + _AMPLITUDE_MARGIN), power)
+        lowest = float(_coordinate(float(amplitude.min()) / (1 + _AMPLITUDE_MARGIN), power))
         if degree and lowest < inner[0]:
-            inner = np.concatenate([np.linspace(lowest, inner[0], _BELOW + 1)[:-1], inner])
+            inner = np.concatenate([np.linspace(lowest, inner[0], _INTERVALS_BELOW + 1)[:-1], inner])
         return cls(np.concatenate([[inner[0]] * degree, inner, [inner[-1]] * degree]), degree, power)
 
     @property
     def count(self) -> int:
-        """How many functions."""
+        """Number of functions."""
         return len(self.knots) - self.degree - 1
 
     @property
     def lowest(self) -> float:
-        """Smallest amplitude [m] that points have shown."""
+        """Smallest amplitude of the points [m]."""
         first = float(self.knots[0])
-        return float(np.exp(first) if not self.power else abs(first) ** (1 / self.power)) * (1 + _MARGIN)
+        return float(np.exp(first) if not self.power else abs(first) ** (1 / self.power)) * (
+            1 + _AMPLITUDE_MARGIN
+        )
 
     def __call__(self, amplitude: Array) -> tuple[Array, Array]:
-        """(n, f) functions at amplitudes [m], and their derivatives by ln X; constant beyond the ends."""
-        u = _place(amplitude, self.power)
+        """Return the functions (n, f) at amplitudes [m], and their derivatives by ln X; constant beyond the
+        ends.
+        """
+        u = _coordinate(amplitude, self.power)
         inside = np.clip(u, self.knots[0], self.knots[-1])
         by_log = np.where(u == inside, self.power * u if self.power else 1.0, 0.0)
         functions, slopes = b_splines(inside, self.knots, self.degree)
         return functions, slopes * by_log[:, None]
 
 
-def _place(amplitude: ArrayLike, power: int) -> Array:
-    """Coordinate u of amplitudes [m], which grows with them."""
+def _coordinate(amplitude: ArrayLike, power: int) -> Array:
+    """Return the coordinate u of amplitudes [m], which grows with them."""
     return np.asarray(np.log(amplitude) if not power else np.copysign(np.power(amplitude, power), power))
 
 
 class SplineMode(Forward):
-    """The mode as a forward model: values are the coefficients of k [N/m], then those of each c_j.
+    """The mode as a forward model; its values are the coefficients of k [N/m], then those of each c_j.
 
     ``orders`` are the powers j of omega with which the damping force grows at constant amplitude.
     """
@@ -93,7 +101,7 @@ class SplineMode(Forward):
     harmonics: tuple[int, ...] = ()
     exact_slopes = True
     step = 1e-4
-    """As of the harmonic balance: error of central differences h^2, round-off eps/h."""
+    """Step of central differences, as of the harmonic balance: error h^2, round-off eps/h."""
 
     def __init__(self, omega: Array, basis: SplineBasis, orders: tuple[int, ...]) -> None:
         self._basis, self._inertia = basis, omega**2
@@ -121,25 +129,25 @@ class SplineMode(Forward):
 
 @dataclass(frozen=True, slots=True, eq=False)
 class ModalSplines:
-    """Fitted splines of k [N/m] and of the damping, the mass m [kg], and what is known of their errors.
+    """Fitted splines of k [N/m] and of the damping, the mass m [kg], and their covariance.
 
     Parameters
     ----------
     basis
-        Of all.
+        B-splines of k and of each c_j.
     orders
         Powers of omega with which the damping force grows at constant amplitude.
     values
         (f + f o,) coefficients of k, then of the damping of each order.
     mass
-        Identified, or given.
+        Identified or known mass [kg].
     covariance
-        (q + 1, q + 1) of the values and of the mass; a given mass has none.
+        (q + 1, q + 1) covariance of the values and the mass; zero for a known mass.
     freedom
-        Degrees of freedom of the noise that the covariance rests on.
+        Degrees of freedom of the estimated noise.
     others
-        Splines of other shapes that fit as well, each with its weight (these make one): where they differ,
-        as in gaps between amplitudes, points do not determine k and c.
+        Splines of other shapes that fit as well, with weights of sum one: where they differ, as in gaps
+        between amplitudes, the points do not determine k and c.
     """
 
     basis: SplineBasis
@@ -151,21 +159,21 @@ class ModalSplines:
     others: tuple[tuple[float, ModalSplines], ...] = ()
 
     def at(self, amplitude: Array) -> tuple[Array, Array, Array]:
-        """k [N/m], c [N s/m] at resonance, each (n,), and the covariance of k, c, m (n, 3, 3); X in m.
+        """Return k [N/m], c [N s/m] at resonance, each (n,), and the covariance of k, c, m (n, 3, 3).
 
-        To that of noise comes the spread of the other shapes (Burnham and Anderson, Model Selection and
-        Multimodel Inference, 2002, Sec. 4.3).
+        The spread of the other shapes is added to the covariance of noise: model averaging (Burnham and
+        Anderson, Model Selection and Multimodel Inference, 2002, Sec. 4.3).
         """
-        k, c, errors = self._alone(amplitude)
+        k, c, errors = self._evaluate(amplitude)
         for weight, other in self.others:
-            k_other, c_other, _ = other._alone(amplitude)
+            k_other, c_other, _ = other._evaluate(amplitude)
             mass = np.full(len(k), other.mass - self.mass)
-            apart = np.nan_to_num(np.stack([k_other - k, c_other - c, mass], axis=1))
-            errors = errors + weight * apart[:, :, None] * apart[:, None, :]
+            difference = np.nan_to_num(np.stack([k_other - k, c_other - c, mass], axis=1))
+            errors = errors + weight * difference[:, :, None] * difference[:, None, :]
         return k, c, errors
 
-    def _alone(self, amplitude: Array) -> tuple[Array, Array, Array]:
-        """What this shape says, with the covariance of noise."""
+    def _evaluate(self, amplitude: Array) -> tuple[Array, Array, Array]:
+        """Return k, c of this shape alone, and their covariance by noise."""
         shape, _ = self.basis(amplitude)
         parts = self.values.reshape(-1, self.basis.count) @ shape.T
         k = parts[0]
@@ -173,7 +181,7 @@ class ModalSplines:
             omega = np.sqrt(k / self.mass)
             rates = [omega ** (order - 1) for order in self.orders]
             c = np.sum(rates * parts[1:], axis=0)
-            # resonance moves with k and m, and c with it
+            # c at resonance depends on k and m through the frequency
             by_omega = [(j - 1) * rate / omega for j, rate in zip(self.orders, rates, strict=True)]
             turn = np.sum(by_omega * parts[1:], axis=0) * omega / 2
             by_k, by_mass = turn / k, -turn / self.mass
@@ -188,13 +196,13 @@ class ModalSplines:
         return k, c, slopes @ self.covariance @ np.swapaxes(slopes, 1, 2)
 
     def respond(self, amplitude: Array, omega: Array) -> NDArray[np.complex128]:
-        """(n,) complex force [N] that holds the amplitudes X [m] at frequencies [rad/s]; phase of X zero."""
+        """Return the complex force (n,) [N] for amplitudes X [m] of phase zero at frequencies [rad/s]."""
         mode = SplineMode(omega, self.basis, self.orders)
         return mode(self.values, self.mass, amplitude).force
 
 
 # ----------------------------------------------------------------------------
-# What a modal table holds.
+# The table.
 
 MODAL_COLUMNS = {
     "frequency": "Hz",
@@ -209,20 +217,20 @@ MODAL_COLUMNS = {
 
 @dataclass(frozen=True, slots=True, eq=False)
 class ModalTest:
-    """What a modal table knows of its test.
+    """The test of a modal table, as predictions need it.
 
     Parameters
     ----------
     observation
         How the structure was observed.
     levels
-        Forces [N, per mass N/kg] near the resonances of the levels that took part.
+        Forces [N, per mass N/kg] near the resonances of the fitted levels.
     frequencies
         Lowest and highest frequency [Hz] of the points.
     level_unit, units
         As of the response surface.
     background
-        What was fitted beside the mode; None where nothing was asked for.
+        The fitted background; None if none was asked for.
     """
 
     observation: Observation
@@ -235,13 +243,13 @@ class ModalTest:
 
 @dataclass(frozen=True, slots=True, eq=False, repr=False)
 class ModalTable(Printed):
-    """What a test says of the mode at each amplitude, without a law; ``rsgen.modal_table`` makes it.
+    """The mode at each amplitude, identified without a law; made by ``rsgen.modal_table``.
 
     Every column is an attribute, (r,), and so are the ends of its 95 % interval: ``table.frequency``,
     ``table.frequency_lower``, ``table.frequency_upper``. Columns are ``frequency`` [Hz], where the response
     lags the force by a quarter period, ``damping_ratio`` zeta = c/(2 sqrt(k m)) [1], ``stiffness`` k(X)
     [N/m], ``damping`` c(X) [N s/m], ``stiffness_per_mass`` k(X)/m [1/s^2] and ``damping_per_mass`` c(X)/m
-    [1/s]. One that the test does not determine is NaN.
+    [1/s]. A column that the test does not determine is NaN.
 
     Parameters
     ----------
@@ -254,16 +262,16 @@ class ModalTable(Printed):
     tested
         Lowest and highest amplitude [m] at which points lie near resonance; rows outside are extrapolation.
     mass, mass_error
-        m [kg] and its standard error: zero where it was given; NaN both where it is not known.
+        m [kg] and its standard error, which is zero for a given mass; both NaN if the mass is not known.
     misfit
         Root mean square distance of the points from F/X = k(X) - m omega^2 + i omega c(X), relative to force
         and response [1].
     points
-        How many test points it rests on.
+        Number of fitted test points.
     test
-        What predictions need to know of the test.
+        The test, as predictions need it.
     findings
-        What a reader should know.
+        Warnings to the reader of the table.
     """
 
     amplitude: Array
@@ -297,10 +305,10 @@ class ModalTable(Printed):
         return len(self.amplitude)
 
     def __iter__(self) -> Iterator[dict[str, float]]:
-        """Give row after row: amplitude, columns and ends of intervals by name."""
-        whole = {"amplitude": self.amplitude, **self._columns}
+        """Iterate over rows: amplitude, columns and ends of intervals by name."""
+        columns = {"amplitude": self.amplitude, **self._columns}
         for row in range(len(self)):
-            yield {name: float(column[row]) for name, column in whole.items()}
+            yield {name: float(column[row]) for name, column in columns.items()}
 
     @property
     def omega(self) -> Array:
@@ -309,12 +317,12 @@ class ModalTable(Printed):
 
     @property
     def shown(self) -> tuple[str, ...]:
-        """Names of the columns that are known: those per mass where stiffness and damping are not."""
+        """Names of the printed columns: those per mass only if the absolute ones are unknown."""
         absolute = {"stiffness_per_mass": "stiffness", "damping_per_mass": "damping"}
         return tuple(name for name in self.known if absolute.get(name) not in self.known)
 
     def at(self, amplitude: ArrayLike) -> ModalTable:
-        """Give the table at other amplitudes [m], those outside ``tested`` extrapolated as constants.
+        """Return the table at other amplitudes [m], those outside ``tested`` extrapolated as constants.
 
         Raises
         ------
@@ -324,7 +332,7 @@ class ModalTable(Printed):
         return replace(self, amplitude=np.asarray(amplitude, dtype=np.float64))
 
     def to_frame(self) -> Any:
-        """Give the table as a ``pandas.DataFrame`` with the amplitude as its index.
+        """Return the table as a ``pandas.DataFrame`` with the amplitude as its index.
 
         Raises
         ------
@@ -334,9 +342,9 @@ class ModalTable(Printed):
         return data_frame({"amplitude": self.amplitude, **self._columns}, "amplitude")
 
     def to_csv(self) -> str:
-        """Give the table as text with commas: a line of names with units, then a line a row; SI units.
+        """Return the table as CSV: a line of names with units, then a line a row; SI units.
 
-        What is not known is an empty cell.
+        Unknown values are empty cells.
         """
         heads = ["amplitude [m]"]
         for name, unit in MODAL_COLUMNS.items():
@@ -363,7 +371,6 @@ class ModalTable(Printed):
         caption = f"Modal table without a law: {self.points} points, misfit {self.misfit:.2g}, {mass}"
         notes = list(map(repr, self.findings))
         low, high = self.tested
-        # the least and the largest amplitude of a table itself are the ends
         beyond = (self.amplitude < low * (1 - SAME_NUMBER)) | (self.amplitude > high * (1 + SAME_NUMBER))
         if beyond.any():
             notes.append(
@@ -373,20 +380,20 @@ class ModalTable(Printed):
 
 
 def _tabulate(splines: ModalSplines, amplitude: Array, known: tuple[str, ...]) -> dict[str, Array]:
-    """Columns with the ends of their intervals, by linear propagation of the errors of k, c and m."""
+    """Return the columns and the ends of their intervals, by linear propagation of the errors of k, c, m."""
     k, c, errors = splines.at(amplitude)
     m = splines.mass
-    one, none = np.ones(len(k)), np.zeros(len(k))
+    one, zero = np.ones(len(k)), np.zeros(len(k))
     with np.errstate(invalid="ignore", divide="ignore"):
         frequency = np.sqrt(k / m) / (2 * np.pi)
         ratio = c / (2 * np.sqrt(k * m))
         values = {
-            "frequency": (frequency, (0.5 * frequency / k, none, -0.5 * frequency / m)),
+            "frequency": (frequency, (0.5 * frequency / k, zero, -0.5 * frequency / m)),
             "damping_ratio": (ratio, (-0.5 * ratio / k, 0.5 / np.sqrt(k * m), -0.5 * ratio / m)),
-            "stiffness": (k, (one, none, none)),
-            "damping": (c, (none, one, none)),
-            "stiffness_per_mass": (k / m, (one / m, none, -k / m**2)),
-            "damping_per_mass": (c / m, (none, one / m, -c / m**2)),
+            "stiffness": (k, (one, zero, zero)),
+            "damping": (c, (zero, one, zero)),
+            "stiffness_per_mass": (k / m, (one / m, zero, -k / m**2)),
+            "damping_per_mass": (c / m, (zero, one / m, -c / m**2)),
         }
     wide = float(t_quantile(splines.freedom, CONFIDENCE))
     columns: dict[str, Array] = {}

@@ -1,13 +1,15 @@
-"""The modal table of a test: a mode fitted without a law.
+"""Identification of a modal table: a mode fitted without a law.
 
-Every point of any test, at any phase, obeys F/X = k(X) - m omega^2 + i omega c(X) to first order. k and c
-are splines of ln X; amplitude and phase of each point, phase error and background are fitted beside them, as
-for a law (``descent``, ``observed``). Only amplitudes that occur near resonance are in the table: elsewhere a
-phase error of half a degree is more than the damping.
+Every point of any test, at any phase, obeys F/X = k(X) - m omega^2 + i omega c(X) to first order. The
+coefficients of splines for k and c, the mass, amplitude and phase of each point, phase error and background
+are fitted by errors-in-variables least squares, as for a law (``fitting``). The shape of the splines is
+chosen by the corrected Akaike criterion (Hurvich and Tsai, Biometrika 76, 1989); with a background, whose
+error flexible splines would absorb, by BIC. The table covers amplitudes that occur near resonance: elsewhere
+half a degree of phase error is more than the damping.
 
-The mass follows from points of one amplitude at several frequencies. Where all points lie at phase resonance
-it does not follow: k - m omega^2 is zero whatever m is. Then only k/m = omega^2 and c are identifiable; a lag
-phi that is not exactly a quarter period shifts k/m by 2 zeta/tan(phi), with zeta unknown.
+The mass follows from points of one amplitude at several frequencies. If all points lie at phase resonance,
+k - m omega^2 is zero for every m. Then only k/m = omega^2 and c are identifiable; a lag phi that is not
+exactly a quarter period shifts k/m by 2 zeta/tan(phi), with zeta unknown.
 """
 
 from __future__ import annotations
@@ -58,63 +60,71 @@ from rsgen.law.motion import feeds_exciter
 from rsgen.law.numeric import compile_law
 
 # ----------------------------------------------------------------------------
-# The fit of a modal table: splines of all shapes are tried, one is fitted with noise on both sides.
+# Choice of the splines: shapes are compared by linear least squares, one is fitted with noise on both sides.
 
 _SHAPES = ((0, 1), (1, 1), (2, 1), (3, 1), (3, 2), (3, 3), (3, 4), (3, 6), (3, 8), (3, 12), (3, 16))
-"""Degrees and intervals that are tried: a constant for a linear mode, as many pieces as a corner needs."""
+"""Degrees and numbers of intervals that are tried."""
 
 _POWERS = (0, -1, 1, 2)
-"""Of the amplitude, that are tried as the coordinate of the splines; zero is the logarithm."""
+"""Powers of the amplitude that are tried as the coordinate of the splines; zero is the logarithm."""
 
-_TRIED = 300
+_COMPARISON_POINTS = 300
 """Points, spread over the amplitude, on which shapes are compared: sixteen for each coefficient."""
 
-_MIDDLE = 6
-"""Of the shapes, with which the orders are chosen first."""
+_FIRST_SHAPE = 6
+"""Index of the shape with which the orders are chosen first."""
 
-_WIDE = 1.15
-"""Ratio of the highest to the lowest frequency from which on the order shows: over less the order changes the
-force of points off resonance, where damping is small, by a few per cent of that."""
+_MIN_FREQUENCY_RATIO = 1.15
+"""Highest over lowest frequency from which on the order of the damping shows."""
 
 _ORDERS: tuple[tuple[int, ...], ...] = ((1,), (0,), (2,), (0, 1), (1, 2), (0, 1, 2))
 """Orders of the damping that are tried: those of dampers, joints and drag, and their sums."""
 
-_CURVED = 2
-"""Degree from which on a spline approximates; constants and straight lines are right, or are not chosen."""
+_CURVED_DEGREE = 2
+"""Degree from which on a spline only approximates k and c."""
 
-_POINTS_A_COEFFICIENT = 2
-"""At least as many points for each coefficient of k and of c: half of what they say is left to disagree."""
+_MIN_POINTS_A_COEFFICIENT = 2
 
-_APART = 0.05
-"""Amplitudes within five per cent count as one, noise included: a coefficient needs one of its own."""
+_AMPLITUDE_TOLERANCE = 0.05
+"""Amplitudes that differ by less, relatively, count as one: a coefficient needs an amplitude of its own."""
 
-_UNLIKELY = 1e-3
-"""Shapes so much less likely than the best are left out: together they move no interval."""
+_MIN_LIKELIHOOD = 1e-3
+"""Likelihood of a shape relative to the best from which on it has a part in the model average."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class SeenMode:
-    """The points, a first guess of the mode without the background, and the range near resonance [m]."""
+class ModePoints:
+    """The points as observed, the same without a first background, and the amplitudes near resonance [m]."""
 
     observed: Observed
     mode: Points
     background: Array
     tested: tuple[float, float]
 
-    def select(self, rows: NDArray[np.intp]) -> SeenMode:
-        """Take some of the points."""
+    def select(self, rows: NDArray[np.intp]) -> ModePoints:
+        """Keep some points."""
         return replace(self, observed=self.observed.select(rows), mode=self.mode.select(rows))
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class ModeProblem:
-    """What is fitted: coefficients of the splines, the mass, the background.
+    """A least-squares problem: parameters are the coefficients of the splines, the mass, the background.
 
-    ``mass`` [kg] is known, NaN where it is fitted; it is ``assumed`` where k/m and c are all that is wanted.
-    ``others`` are other shapes that fit as well: weight, problem, and its solution.
+    Parameters
+    ----------
+    seen
+        The points.
+    basis, orders
+        Splines of k and c_j, and the orders j.
+    mass
+        Known mass [kg]; NaN if it is fitted.
+    assumed
+        True if the mass has any value, because only k/m and c are wanted.
+    others
+        Other shapes that fit as well: weight, problem, and its solution.
     """
 
-    seen: SeenMode
+    seen: ModePoints
     basis: SplineBasis
     orders: tuple[int, ...]
     mass: float
@@ -123,41 +133,41 @@ class ModeProblem:
 
     @property
     def observed(self) -> Observed:
-        """The points."""
+        """The points as observed."""
         return self.seen.observed
 
     @property
     def coefficients(self) -> int:
-        """How many."""
+        """Number of coefficients of all splines."""
         return self.basis.count * (1 + len(self.orders))
 
     @property
     def count(self) -> int:
-        """Parameters apart from the background."""
+        """Number of parameters without the background."""
         return self.coefficients + 1
 
     @property
     def free(self) -> NDArray[np.bool_]:
-        """(q,) False for a mass that is known."""
+        """Mask (q,), False for a known mass."""
         free = np.ones(self.count + len(self.observed.background.names), dtype=bool)
         free[self.coefficients] = np.isnan(self.mass)
         return free
 
     def split(self, parameters: Array) -> tuple[Array, float, Array]:
-        """Coefficients, mass [kg] and background."""
+        """Return coefficients, mass [kg] and background."""
         mass = float(parameters[self.coefficients])
         return parameters[: self.coefficients], mass, parameters[self.count :]
 
     def compared(self, predicted: tuple[int, ...]) -> tuple[int, ...]:
-        """Higher harmonics are part of no linear mode."""
+        """Return no harmonics: a linear mode has none."""
         return ()
 
     def forward(self, omega: Array) -> SplineMode:
-        """Give the forward model at the frequencies (n,) [rad/s]."""
+        """Return the forward model at the frequencies (n,) [rad/s]."""
         return SplineMode(omega, self.basis, self.orders)
 
     def solve(self) -> tuple[Array, float]:
-        """Parameters of the linear balance beside the background, and their corrected AIC, or BIC."""
+        """Solve the linear balance without the background; return parameters, and corrected AIC or BIC."""
         mode = self.seen.mode
         found = fit_mode(
             *steady(mode.force, mode.harmonics[:, 1], mode.omega),
@@ -168,84 +178,85 @@ class ModeProblem:
         )
         rows, used = 2 * len(mode), found.unknowns - found.missing
         # few points for many coefficients (Hurvich and Tsai, Biometrika 76, 1989)
-        each = np.log(rows) if len(self.seen.background) else 2.0
-        price = each * rows / max(rows - used - 1, 1)
+        penalty = np.log(rows) if len(self.seen.background) else 2.0
+        price = penalty * rows / max(rows - used - 1, 1)
         return found.values, rows * np.log(max(found.misfit**2 / 2, ROUND_OFF**2)) + used * price
 
 
-def choose_splines(seen: SeenMode, mass: float) -> ModeProblem:
+def choose_splines(seen: ModePoints, mass: float) -> ModeProblem:
     """Choose the shape of the splines and the orders of the damping, each by AIC given the other.
 
-    What is left out may then be as large as the noise, so that the next richer ones are fitted: intervals
-    are those of noise alone, and would not contain it. Beside a background, whose own error splines would
-    take up, the simplest ones by BIC are fitted.
+    The approximation error of the chosen splines may be as large as the noise, and intervals would not
+    contain it; so the next richer splines are fitted. With a background the simplest ones by BIC are fitted.
     """
     mode = seen.mode
     size = mode.amplitude[mode.amplitude >= seen.tested[0]]
-    # one amplitude more than coefficients, so that each is seen; two are a line
-    most = min(len(size) // _POINTS_A_COEFFICIENT, max(_different(size) - 1, 2))
+    # more amplitudes than coefficients; two amplitudes give a line
+    most = min(len(size) // _MIN_POINTS_A_COEFFICIENT, max(_count_amplitudes(size) - 1, 2))
     allowed = [s for s in _SHAPES if not s[0] or sum(s) <= most]
     shapes = [(*shape, power) for shape in allowed for power in _POWERS]
-    wide = float(mode.omega.max() / mode.omega.min()) > _WIDE
+    wide = float(mode.omega.max() / mode.omega.min()) > _MIN_FREQUENCY_RATIO
     trials = _ORDERS if wide else _ORDERS[:1]
-    some = seen.select(mode.spread(_TRIED))
+    some = seen.select(mode.spread(_COMPARISON_POINTS))
 
-    def trial(part: SeenMode, shape: tuple[int, int, int], orders: tuple[int, ...]) -> ModeProblem:
+    def trial(part: ModePoints, shape: tuple[int, int, int], orders: tuple[int, ...]) -> ModeProblem:
         return ModeProblem(part, SplineBasis.over(part.mode.amplitude, part.tested, *shape), orders, mass)
 
-    shape, orders = (*allowed[min(_MIDDLE, len(allowed) - 1)], _POWERS[0]), trials[0]
+    shape, orders = (*allowed[min(_FIRST_SHAPE, len(allowed) - 1)], _POWERS[0]), trials[0]
     for _ in range(ROUNDS):
         before = shape, orders
-        orders = min(trials, key=lambda each: trial(some, shape, each).solve()[1])
-        shape = min(shapes, key=lambda each: trial(some, each, orders).solve()[1])
+        orders = min(trials, key=lambda trial_orders: trial(some, shape, trial_orders).solve()[1])
+        shape = min(shapes, key=lambda trial_shape: trial(some, trial_shape, orders).solve()[1])
         if before == (shape, orders):
             break
     if len(seen.background):
         return trial(seen, shape, orders)
     # a sum of two may stand for one of three, as a curved spline for a more curved one
-    chosen = trial(seen, _richer(shape, allowed), orders if len(orders) == 1 else trials[-1])
-    return replace(chosen, others=_others([trial(some, each, orders) for each in shapes]))
+    chosen = trial(seen, _next_shape(shape, allowed), orders if len(orders) == 1 else trials[-1])
+    return replace(
+        chosen, others=_averaged_shapes([trial(some, each_shape, orders) for each_shape in shapes])
+    )
 
 
-def _others(trials: list[ModeProblem]) -> tuple[tuple[float, ModeProblem, Array], ...]:
-    """Weigh shapes by exp(-AIC/2), their probability of being nearest to the truth; the likely ones.
+def _averaged_shapes(trials: list[ModeProblem]) -> tuple[tuple[float, ModeProblem, Array], ...]:
+    """Return the likely shapes with Akaike weights exp(-AIC/2).
 
-    Where a curved one is the best, all only approximate, the best in each coordinate as well as the next.
+    If the best is curved, all of them only approximate: the best in each coordinate, with equal weights.
     """
     solved = [(*trial.solve(), trial) for trial in trials]
-    best = min(solved, key=lambda each: each[1])
-    if best[2].basis.degree >= _CURVED:
-        of_power = [[each for each in solved if each[2].basis.power == power] for power in _POWERS]
-        likely = [min(some, key=lambda each: each[1]) for some in of_power]
+    best = min(solved, key=lambda entry: entry[1])
+    if best[2].basis.degree >= _CURVED_DEGREE:
+        of_power = [[entry for entry in solved if entry[2].basis.power == power] for power in _POWERS]
+        likely = [min(entries, key=lambda entry: entry[1]) for entries in of_power]
         weights = np.ones(len(likely))
     else:
-        weights = np.exp([-0.5 * (each[1] - best[1]) for each in solved])
-        likely = [each for each, weight in zip(solved, weights, strict=True) if weight > _UNLIKELY]
-        weights = weights[weights > _UNLIKELY]
+        weights = np.exp([-0.5 * (entry[1] - best[1]) for entry in solved])
+        likely = [entry for entry, weight in zip(solved, weights, strict=True) if weight > _MIN_LIKELIHOOD]
+        weights = weights[weights > _MIN_LIKELIHOOD]
     return tuple(
         (float(weight), trial, found)
         for weight, (found, _, trial) in zip(weights / weights.sum(), likely, strict=True)
     )
 
 
-def _different(amplitude: Array) -> int:
-    """Count amplitudes [m] that differ: few where they were held."""
+def _count_amplitudes(amplitude: Array) -> int:
+    """Count different amplitudes [m]: few in a test with response control."""
     place = np.sort(np.log(amplitude))
-    edges = np.flatnonzero(np.diff(place) > _APART) + 1
-    return sum(max(1, round((part[-1] - part[0]) / _APART)) for part in np.split(place, edges))
+    edges = np.flatnonzero(np.diff(place) > _AMPLITUDE_TOLERANCE) + 1
+    return sum(max(1, round((part[-1] - part[0]) / _AMPLITUDE_TOLERANCE)) for part in np.split(place, edges))
 
 
-def _richer(shape: tuple[int, int, int], allowed: list[tuple[int, int]]) -> tuple[int, int, int]:
-    """Take the next shape after a curved one: what the chosen one cannot follow is as large as its noise."""
+def _next_shape(shape: tuple[int, int, int], allowed: list[tuple[int, int]]) -> tuple[int, int, int]:
+    """Return the next shape after a curved one."""
     degree, intervals, power = shape
     place = allowed.index((degree, intervals))
-    if degree < _CURVED:
+    if degree < _CURVED_DEGREE:
         return shape
     return (*allowed[min(place + 1, len(allowed) - 1)], power)
 
 
 def fit_splines(modal: ModeProblem) -> Regression:
-    """Maximum likelihood with noise of force and response, errors widened where parts disagree."""
+    """Fit by maximum likelihood with noise of force and response; errors widened where parts disagree."""
     observed, mode = modal.observed, modal.seen.mode
     descent = Descent(modal, modal.forward(mode.omega))
     nuisance = observed.nuisances(mode.amplitude, np.angle(mode.harmonics[:, 1]))
@@ -265,11 +276,10 @@ def fit_splines(modal: ModeProblem) -> Regression:
     return Agreement.of(found, observed.points, found.covariance, misfits=misfits).widen(found)
 
 
-_MOST = 800
-"""Points that are fitted, spread over the amplitude: more leave intervals narrower than any calibration."""
+_MAX_POINTS = 800
+"""Fitted points, spread over the amplitude."""
 
-_ROWS = 21
-"""Of the table: neighbours differ by a tenth of a decade where a test spans two."""
+_TABLE_ROWS = 21
 
 
 def modal_table(
@@ -280,12 +290,12 @@ def modal_table(
     Parameters
     ----------
     surface
-        Settled points of any test; unsettled and held-out ones are left aside.
+        Settled points of any test; unsettled and held-out ones are not used.
     about
         How the structure was observed: its background is fitted with the mode. Of a model the observation
         and the mass count, not its law.
     mass
-        m [kg] where it is known; None: as the model says, or identified from points off resonance. Where all
+        m [kg] if it is known; None: that of the model, or identified from points off resonance. If all
         points lie at phase resonance it is not identifiable, and the table has k/m and c alone.
 
     Raises
@@ -303,17 +313,17 @@ def modal_table(
     0.01581
     """
     require(surface, ResponseSurface, "surface")
-    model = _about(about, mass)
+    model = _model_of(about, mass)
     rows = without_copies(surface)
     copied = rows.findings[len(surface.findings) :]
     surface, model = per_unit_mass(rows, model)
     means, _ = gather_repeats(surface)
     points = select_points(means, model)
-    # a table is of the response alone
+    # without motions across two sensors
     points = replace(points, across=points.across[:, :0])
-    # what a trial makes infinite or undefined has no prediction there, and is dealt with as such
+    # trials may overflow: points that are not finite have no prediction
     with np.errstate(all="ignore"):
-        seen = _see(points, model)
+        seen = _mode_points(points, model)
         modal = choose_splines(seen, model.fixed.get("m", nan))
         found = fit_splines(modal)
         if not _mass_known(modal, found):
@@ -324,18 +334,15 @@ def modal_table(
     return replace(table, findings=(*copied, *table.findings))
 
 
-def _about(about: Observation | Model | None, mass: float | None) -> Model:
-    """Mass and observation, with a law that is near any other."""
+def _model_of(about: Observation | Model | None, mass: float | None) -> Model:
+    """Return mass and observation with the surrogate of any law."""
     require(about, (Observation, Model, type(None)), "about")
     model = about if isinstance(about, Model) else Model(ANY_LAW, observation=about)
     return join_model(Model(ANY_LAW, model.mass, model.observation), mass=mass)
 
 
-def _see(points: Points, model: Model) -> SeenMode:
-    """Take the points as a fit sees them, those that it needs.
-
-    Where background or phases have to be found, a law that is near any other finds them.
-    """
+def _mode_points(points: Points, model: Model) -> ModePoints:
+    """Select the points near resonance, and remove a background fitted with the surrogate of any law."""
     observed = Observed.of(points, model.observation.background)
     mode, background = points, np.zeros(0)
     if not observed.direct:
@@ -358,35 +365,35 @@ def _see(points: Points, model: Model) -> SeenMode:
         )
     size = mode.amplitude
     tested = float(size[near].min()), float(size[near].max())
-    # smaller motions say nothing of resonance, but all of the background
+    # smaller motions determine the background only
     rows = np.flatnonzero((size >= tested[0]) | bool(len(background)))
-    rows = rows[mode.select(rows).spread(_MOST)]
+    rows = rows[mode.select(rows).spread(_MAX_POINTS)]
     gap = gap_of(mode) if near_resonance(mode) else None
     if gap is not None and gap.overlap:
         raise RsgenError(
             f"modal table: points at phase resonance lie near {gap.low:.4g} and near {gap.high:.4g} Hz, on "
             "the backbones of two modes; a band with one of them is needed"
         )
-    return SeenMode(observed, mode, background, tested).select(rows)
+    return ModePoints(observed, mode, background, tested).select(rows)
 
 
 def _mass_known(modal: ModeProblem, found: Regression) -> bool:
-    """Whether the mass was given, or is positive and sure enough."""
+    """Return True if the mass is given, or positive and precise enough."""
     _, mass, _ = modal.split(found.parameters)
     place = modal.coefficients
     if modal.free[place] and at_resonance_alone(modal.seen.mode, _misfit(found)):
-        # only that the splines are simple would determine it
+        # only the simplicity of the splines would determine it
         return False
     return mass_sure(mass, float(found.covariance[place, place]))
 
 
 def _misfit(found: Regression) -> float:
-    """Relative, of real and imaginary part together [1]."""
+    """Return the relative misfit of real and imaginary part together [1]."""
     return float(found.noise * np.sqrt(2))
 
 
-def _at_phase_resonance(seen: SeenMode, lag_error: float) -> tuple[ModeProblem, Regression]:
-    """Fit k/m and c with any mass to the points at phase resonance, whose lags have an error [rad]."""
+def _at_phase_resonance(seen: ModePoints, lag_error: float) -> tuple[ModeProblem, Regression]:
+    """Fit k/m and c with an assumed mass at phase resonance; ``lag_error`` is that of the lags [rad]."""
     stiffness = seen.mode.force / seen.mode.harmonics[:, 1]
     rows = np.flatnonzero(seen.mode.in_quadrature)
     if len(rows) < FEWEST:
@@ -399,7 +406,7 @@ def _at_phase_resonance(seen: SeenMode, lag_error: float) -> tuple[ModeProblem, 
     seen = replace(seen, tested=(float(size.min()), float(size.max())))
     modal = choose_splines(seen, assumed_mass(seen.mode, LIGHT))
     found = fit_splines(modal)
-    # the shift that a lag off a quarter period causes with damping that is not known
+    # shift of k/m by a lag that differs from a quarter period, with unknown damping
     square = float(np.mean((stiffness[rows].real / stiffness[rows].imag) ** 2))
     shift = 2 * DAMPED * float(np.sqrt(square + (NORMAL * lag_error) ** 2))
     stiff = np.where(np.arange(len(found.parameters)) < modal.basis.count, found.parameters, 0.0)
@@ -408,7 +415,7 @@ def _at_phase_resonance(seen: SeenMode, lag_error: float) -> tuple[ModeProblem, 
     return modal, replace(found, covariance=found.covariance + error)
 
 
-def _left_out(points: Points, noise: float) -> float:
+def _harmonics_error(points: Points, noise: float) -> float:
     """Relative error of the mass that one harmonic leaves: the kinetic energy of the others, as measured.
 
     Higher harmonics follow the fundamental as n_h/(m h^2 omega^2), so that they add to k what falls with
@@ -421,8 +428,8 @@ def _left_out(points: Points, noise: float) -> float:
     return float(np.sqrt(np.mean((squares[:, seen] @ orders[seen] ** 2) ** 2)))
 
 
-def _test(modal: ModeProblem, found: Regression, surface: ResponseSurface, model: Model) -> ModalTest:
-    """What predictions need to know of the test."""
+def _modal_test(modal: ModeProblem, found: Regression, surface: ResponseSurface, model: Model) -> ModalTest:
+    """Return the test as predictions need it."""
     points = modal.observed.points
     part = surface.select(points.index)
     forces = np.unique(np.abs(part.force)) if surface.response_held else typical_amounts(part)
@@ -440,23 +447,23 @@ def _test(modal: ModeProblem, found: Regression, surface: ResponseSurface, model
 
 
 def _other_shapes(modal: ModeProblem) -> tuple[tuple[float, ModalSplines], ...]:
-    """The shapes that fit as well, as splines without errors of their own."""
+    """Return the shapes that fit as well, as splines without errors of their own."""
     splines = []
     for weight, other, found in modal.others:
         values, mass, _ = other.split(found)
-        none = np.zeros((len(values) + 1,) * 2)
-        splines.append((weight, ModalSplines(other.basis, other.orders, values, mass, none, 1)))
+        exact = np.zeros((len(values) + 1,) * 2)
+        splines.append((weight, ModalSplines(other.basis, other.orders, values, mass, exact, 1)))
     return tuple(splines)
 
 
 def _table(modal: ModeProblem, found: Regression, surface: ResponseSurface, model: Model) -> ModalTable:
-    """Evaluate the splines at rows of equal ratio, and say what they do not determine."""
+    """Evaluate the splines at amplitudes of equal ratio; state the quantities that they do not determine."""
     tested = modal.seen.tested
     values, mass, _ = modal.split(found.parameters)
-    # what one harmonic leaves out moves stiffness and a mass that is fitted together, and no frequency
+    # neglected harmonics change stiffness and a fitted mass by one factor, and no frequency
     together = np.zeros(modal.count)
     together[: modal.basis.count], together[-1] = values[: modal.basis.count], mass
-    together *= modal.free[modal.coefficients] * _left_out(modal.observed.points, found.noise)
+    together *= modal.free[modal.coefficients] * _harmonics_error(modal.observed.points, found.noise)
     covariance = found.covariance[: modal.count, : modal.count] + np.outer(together, together)
     known = tuple(MODAL_COLUMNS)
     findings: tuple[Finding, ...] = ()
@@ -477,7 +484,7 @@ def _table(modal: ModeProblem, found: Regression, surface: ResponseSurface, mode
     findings += tuple(Finding("modal-across", "info") for _ in surface.across.T[1:2])
     kilogram = float("nan") if modal.assumed else surface.units.kilogram
     return ModalTable(
-        amplitude=np.geomspace(*tested, _ROWS) if tested[1] > tested[0] else np.array(tested[:1]),
+        amplitude=np.geomspace(*tested, _TABLE_ROWS) if tested[1] > tested[0] else np.array(tested[:1]),
         splines=ModalSplines(
             modal.basis, modal.orders, values, mass, covariance, found.freedom, _other_shapes(modal)
         ),
@@ -487,6 +494,6 @@ def _table(modal: ModeProblem, found: Regression, surface: ResponseSurface, mode
         mass_error=float(np.sqrt(covariance[-1, -1])) * kilogram,
         misfit=misfit,
         points=int(np.count_nonzero(found.used)),
-        test=_test(modal, found, surface, model),
+        test=_modal_test(modal, found, surface, model),
         findings=findings,
     )

@@ -10,7 +10,7 @@ from rsgen.data.surface import ResponseSurface
 from rsgen.identification.fitting.observed import Observed
 from rsgen.identification.fitting.points import Points, select_points
 from rsgen.identification.modal_result import ModalSplines, SplineBasis
-from rsgen.identification.modal_table import ModeProblem, SeenMode, _left_out
+from rsgen.identification.modal_table import ModePoints, ModeProblem, _harmonics_error
 
 SIZES = np.geomspace(1e-3, 2e-2, 30)
 TESTED = (1e-3, 2e-2)
@@ -54,7 +54,7 @@ def test_the_mass_lacks_the_kinetic_energy_of_the_harmonics() -> None:
     # of x = X cos(wt) + 0.1 X cos(3wt) + 0.05 X cos(2wt): 9 * 0.01 + 4 * 0.0025 of the fundamental's
     harmonics = np.zeros((8, 4), dtype=complex)
     harmonics[:, 1:] = np.linspace(1e-3, 8e-3, 8)[:, None] * np.array([1.0, 0.05j, 0.1])
-    assert _left_out(points_of(harmonics), 1e-4) == pytest.approx(0.10, rel=1e-9)
+    assert _harmonics_error(points_of(harmonics), 1e-4) == pytest.approx(0.10, rel=1e-9)
 
 
 def test_few_points_make_coefficients_dear() -> None:
@@ -64,7 +64,7 @@ def test_few_points_make_coefficients_dear() -> None:
     harmonics[:, 1] = np.linspace(1e-3, 8e-3, 8)
     points = points_of(harmonics, noise=0.01)
     tested = (1e-3, 8e-3)
-    seen = SeenMode(Observed.of(points), points, np.zeros(0), tested)
+    seen = ModePoints(Observed.of(points), points, np.zeros(0), tested)
     problem = ModeProblem(seen, SplineBasis.over(points.amplitude, tested, 0, 1, 1), (1,), np.nan)
     found, price = problem.solve()
     size = np.abs(points.force)
