@@ -102,9 +102,9 @@ class _Problem:
         dx, dv = self.wave(change), self.wave(change * self.rate)
         by_x, by_v = self.slopes(sample)
         moved = by_x * dx + by_v * dv
-        for slope, follow in sample.by_memory:
+        for slope, perturbation in sample.by_memory:
             # (q, n, d, s) of one motion and one change
-            moved = moved + np.sum(slope[:, 0] * follow(dx[None], dv[None, None])[:, 0, 0], axis=0)
+            moved = moved + np.sum(slope[:, 0] * perturbation(dx[None], dv[None, None])[:, 0, 0], axis=0)
         return self.spectrum(moved) + self.mass * self.rate**2 * change
 
 

@@ -1,6 +1,9 @@
 """Properties of a law: odd, smooth or rough, and in which of its parameters it is linear.
 
-Linear at once, or only by a common factor of several."""
+A law is jointly linear in a set of parameters if no second derivative of its pieces by two of them differs
+from zero. Identities are tested at random states and values of several sizes, since SymPy's proofs do not end
+for every law.
+"""
 
 from __future__ import annotations
 
@@ -21,33 +24,20 @@ from rsgen.law.memory import MemoryForm, memory_form, positive_in
 from rsgen.law.normal_form import expanded
 from rsgen.law.pieces import Piece, Switch, normal_form, normal_form_at, slope_between_jumps
 
-_PLACES = 64
-"""Random states or values at which an identity is tried."""
+RANDOM_STATES = 64
 
-_SIZES = (1e-3, 1.0, 1e3)
-"""Of random states and values: numbers in a law hide at one size what another shows."""
+STATE_SIZES = (1e-3, 1.0, 1e3)
+"""Standard deviations of random states and values."""
 
-_SAME = 1e-9
-"""Relative size at which terms cancel."""
+CANCELLATION_TOLERANCE = 1e-9
+"""Largest relative size of a sum that is zero."""
 
-_ROUND_OFF = 1e-12
-"""What is left of parts that cancel, relative to the largest of them: b*ks - b*abs(ks)."""
+MAX_TERM_OPERATIONS = 150
+"""Operations of a term that is differentiated twice, five times those of the longest law of the library; of a
+longer one those parameters are linear that the text shows to be."""
 
-_CLEAR = 1e-6
-"""Relative second difference that is no round-off, so that no derivative needs to be looked at."""
-
-_LONGEST_TERM = 150
-"""Operations of a term whose slopes are looked at, five times those of the longest law of the library. Second
-derivatives of a longer one may take seconds; its parameters are linear where it is written so."""
-
-_MOST_LINEAR_SETS = 12
-"""Above this number of parameters the linear ones are chosen greedily instead of by trying every set."""
-
-_LARGEST_GROUP = 3
-"""Parameters in a group of degree one; force and stiffness of a saturation are two."""
-
-_FACTORS = (1.0, 2.0, 3.0)
-"""Common factors of a group at which the force must be affine."""
+MAX_SUBSET_PARAMETERS = 12
+"""Largest number of parameters of which all subsets are tried; of more a greedy choice is made."""
 
 
 def jointly_linear(
@@ -62,11 +52,11 @@ def jointly_linear(
     switches = {switch.function for piece in pieces for switch in piece.switches}
     thresholds = {free for function in switches for free in function.free_symbols}
     every = [piece.term for piece in pieces]
-    terms = [term for term in every if term.count_ops() <= _LONGEST_TERM]
+    terms = [term for term in every if term.count_ops() <= MAX_TERM_OPERATIONS]
     place = {p: i for i, p in enumerate(parameters)}
-    clash = set(clashing).union(*(_met(term, place)[1] for term in every if term not in terms))
-    clash |= _bent(terms, parameters)
-    # slopes of long fractions are longer: they are asked for only where trials found nothing
+    clash = set(clashing).union(*(_meeting_pairs(term, place)[1] for term in every if term not in terms))
+    clash |= _second_differences(terms, parameters)
+    # derivatives only of pairs that the second differences do not exclude
     slopes = [[] if (i, i) in clash else [term.diff(p) for term in terms] for i, p in enumerate(parameters)]
     clash |= {
         (i, j)
@@ -77,7 +67,7 @@ def jointly_linear(
         and not all(vanishes(slope.diff(other)) for slope in row if slope.has(other))
     }
     free = [i for i, p in enumerate(parameters) if p not in thresholds and (i, i) not in clash]
-    if len(free) <= _MOST_LINEAR_SETS:
+    if len(free) <= MAX_SUBSET_PARAMETERS:
         for size in range(len(free), 0, -1):
             for chosen in combinations(free, size):
                 if not any(pair in clash for pair in combinations(chosen, 2)):
@@ -89,43 +79,49 @@ def jointly_linear(
     return tuple(sorted(picked))
 
 
-def _met(
+def _meeting_pairs(
     expression: sympy.Expr, place: Mapping[sympy.Symbol, int]
 ) -> tuple[frozenset[int], set[tuple[int, int]]]:
-    """Find the parameters of an expression, and the pairs that meet in a product or a function of it.
+    """Find the parameters of an expression, and the pairs that are in one product or function of it.
 
-    In parameters of which no two meet the expression is linear at once; what cancels is not looked for.
+    An expression is jointly linear in parameters of which no two do so; cancellation is not looked for.
     """
     if not expression.args:
         return frozenset({place[expression]} if expression in place else ()), set()
-    inside, clashes = zip(*(_met(part, place) for part in expression.args), strict=True)
-    held: frozenset[int] = frozenset().union(*inside)
+    inside, clashes = zip(*(_meeting_pairs(part, place) for part in expression.args), strict=True)
+    indices: frozenset[int] = frozenset().union(*inside)
     clash: set[tuple[int, int]] = set().union(*clashes)
     if expression.is_Mul:
         pairs = (pair for one, other in combinations(inside, 2) for pair in product(one, other))
         clash |= {(min(pair), max(pair)) for pair in pairs}
     elif not expression.is_Add:
-        clash |= set(combinations_with_replacement(sorted(held), 2))
-    return held, clash
+        clash |= set(combinations_with_replacement(sorted(indices), 2))
+    return indices, clash
 
 
-def _bent(terms: Sequence[sympy.Expr], parameters: Sequence[sympy.Symbol]) -> set[tuple[int, int]]:
-    """Find pairs of parameters in which a term is clearly not linear at once, by second differences.
+MIN_SECOND_DIFFERENCE = 1e-6
+"""Smallest second difference, relative to the addends, that is not round-off."""
 
-    What is left of them is compared with all addends, whose round-off (x - b)**7 consists of near x = b.
+
+def _second_differences(
+    terms: Sequence[sympy.Expr], parameters: Sequence[sympy.Symbol]
+) -> set[tuple[int, int]]:
+    """Find pairs of parameters in which a term has a second difference that is not zero.
+
+    It is compared with the sum of all addends, since (x - b)**7 is round-off of its addends near x = b.
     """
     parts = [sympy.Add.make_args(expanded(term)) for term in terms]
     starts = np.cumsum([0, *(len(part) for part in parts[:-1])])
     states = tuple(sorted({s for term in terms for s in term.free_symbols} - set(parameters), key=str))
     law = compiled(tuple(addend for part in parts for addend in part), (*states, *parameters))
     generator = np.random.default_rng(0)
-    places = np.exp(generator.normal(size=(len(states) + len(parameters), _PLACES)))
+    places = np.exp(generator.normal(size=(len(states) + len(parameters), RANDOM_STATES)))
 
     def moved(*which: int) -> Array:
         trial = np.array(places)
         for i in which:
             trial[len(states) + i] += 0.5 * places[len(states) + i]
-        return np.array([np.broadcast_to(value, _PLACES) for value in law(*trial)])
+        return np.array([np.broadcast_to(value, RANDOM_STATES) for value in law(*trial)])
 
     if not parts:
         return set()
@@ -136,13 +132,13 @@ def _bent(terms: Sequence[sympy.Expr], parameters: Sequence[sympy.Symbol]) -> se
             corners = np.array([still, -once[i], -once[j], moved(i, j)])
             size = np.add.reduceat(np.abs(corners).max(axis=0), starts)
             bend = np.abs(np.add.reduceat(corners.sum(axis=0), starts))
-            if np.any((bend > _CLEAR * size) & np.isfinite(size)):
+            if np.any((bend > MIN_SECOND_DIFFERENCE * size) & np.isfinite(size)):
                 found.add((i, j))
     return found
 
 
 def vanishes(expression: sympy.Expr) -> bool:
-    """Decide whether an expression is zero, from its value at random places: to simplify one may not end."""
+    """Decide whether an expression is zero, from its value at random places: simplification may not end."""
     if expression == 0:
         return True
     if expression.has(sympy.DiracDelta, sympy.Derivative):
@@ -151,15 +147,22 @@ def vanishes(expression: sympy.Expr) -> bool:
     variables = tuple(sorted(expression.free_symbols, key=str))
     parts = sympy.Add.make_args(expression)
     generator = np.random.default_rng(0)
-    # sizes differ, so that what a large number in a law hides at most places shows at some
-    places = 10.0 ** generator.uniform(-4, 4, (len(variables), _PLACES)) * generator.uniform(
-        0.5, 2.0, _PLACES
+    # over eight decades, so that no term is negligible at all places
+    places = 10.0 ** generator.uniform(-4, 4, (len(variables), RANDOM_STATES)) * generator.uniform(
+        0.5, 2.0, RANDOM_STATES
     )
-    values = np.array([np.broadcast_to(part, _PLACES) for part in compiled(parts, variables)(*places)])
+    values = np.array([np.broadcast_to(part, RANDOM_STATES) for part in compiled(parts, variables)(*places)])
     with np.errstate(over="ignore"):
         size = np.sum(np.abs(values), axis=0)
     shown = np.isfinite(size) & (size > 0)
-    return bool(shown.any() and np.all(np.abs(values[:, shown].sum(axis=0)) <= _SAME * size[shown]))
+    return bool(
+        shown.any() and np.all(np.abs(values[:, shown].sum(axis=0)) <= CANCELLATION_TOLERANCE * size[shown])
+    )
+
+
+MAX_GROUP_SIZE = 3
+"""Largest number of parameters in whose common factor a law is linear; force and stiffness of a saturation
+are two."""
 
 
 def scaled_groups(
@@ -170,7 +173,7 @@ def scaled_groups(
     """Find the smallest disjoint groups of nonlinear parameters in whose common factor a law is linear."""
     free = [i for i in range(count) if i not in linear]
     groups: list[tuple[int, ...]] = []
-    for size in range(1, _LARGEST_GROUP + 1):
+    for size in range(1, MAX_GROUP_SIZE + 1):
         for chosen in combinations(free, size):
             if set(chosen) & {i for group in groups for i in group}:
                 continue
@@ -185,7 +188,7 @@ def is_scaled(
     chosen: tuple[int, ...],
     linear: Sequence[int],
 ) -> bool:
-    """Decide whether a factor of the chosen acts on a law that is affine in it."""
+    """Decide whether a law depends on a common factor of the chosen parameters, and is affine in it."""
     scaled = [_scales(piece, parameters, chosen, linear) for piece in pieces]
     return None not in scaled and any(scaled)
 
@@ -195,47 +198,54 @@ def _addends(piece: Piece) -> tuple[sympy.Expr, ...]:
     return tuple(sympy.Add.make_args(expanded(piece.term)))
 
 
+GROUP_FACTORS = (1.0, 2.0, 3.0)
+"""Common factors of a group between which the force must be affine."""
+
+ROUND_OFF_TOLERANCE = 1e-12
+"""Round-off of a sum, relative to its largest addend, as of b*ks - b*abs(ks)."""
+
+
 @np.errstate(all="ignore")
 def _scales(
     piece: Piece, parameters: Sequence[sympy.Symbol], chosen: tuple[int, ...], linear: Sequence[int]
 ) -> bool | None:
-    """Decide whether a factor of the chosen acts on a piece; None where the piece is not affine in it.
+    """Decide whether a piece depends on a factor of the chosen; None if it is not affine in it.
 
     Switches may change by a positive factor only.
     """
     group = {parameters[i] for i in chosen}
     addends, functions = _addends(piece), (switch.function for switch in piece.switches)
-    every = (*addends, *functions)
-    touched = [i for i, part in enumerate(every) if part.free_symbols & group]
-    parts = [every[i] for i in touched if i < len(addends)]
+    expressions = (*addends, *functions)
+    touched = [i for i, part in enumerate(expressions) if part.free_symbols & group]
+    parts = [expressions[i] for i in touched if i < len(addends)]
     if not touched:
         return False
     if not parts or any(part.free_symbols & {parameters[i] for i in linear} for part in parts):
         # a part that another unknown multiplies would be linear in neither
         return None
     # one function of all parts serves every group
-    law = compiled(every, (symbol("x"), symbol("v"), *parameters))
+    law = compiled(expressions, (symbol("x"), symbol("v"), *parameters))
     generator = np.random.default_rng(1)
     acts = False
-    for size in _SIZES:
-        x, v = generator.normal(size=(2, _PLACES)) * size
-        values = np.exp(generator.normal(size=len(parameters))) * generator.choice(_SIZES)
+    for size in STATE_SIZES:
+        x, v = generator.normal(size=(2, RANDOM_STATES)) * size
+        values = np.exp(generator.normal(size=len(parameters))) * generator.choice(STATE_SIZES)
         drawn = []
-        for factor in _FACTORS:
+        for factor in GROUP_FACTORS:
             trial = np.array(values)
             trial[list(chosen)] *= factor
             all_parts = law(x, v, *trial)
             drawn.append([np.broadcast_to(all_parts[i], x.shape) for i in touched])
-        shares = np.array([each[: len(parts)] for each in drawn])
-        signs = [each[len(parts) :] for each in drawn]
+        shares = np.array([values_of_parts[: len(parts)] for values_of_parts in drawn])
+        signs = [values_of_parts[len(parts) :] for values_of_parts in drawn]
         shares = shares[:, :, np.all(np.isfinite(shares), axis=(0, 1))]
         forces = shares.sum(axis=1)
         step = np.max(np.abs(forces[1] - forces[0]), initial=0.0)
         second = forces[2] - 2 * forces[1] + forces[0]
-        round_off = _ROUND_OFF * np.max(np.abs(shares), initial=0.0)
-        if np.any(np.abs(second) > max(_SAME * step, round_off)) or not _same_sign(signs):
+        round_off = ROUND_OFF_TOLERANCE * np.max(np.abs(shares), initial=0.0)
+        if np.any(np.abs(second) > max(CANCELLATION_TOLERANCE * step, round_off)) or not _same_sign(signs):
             return None
-        acts |= bool(step > max(_SAME * np.max(np.abs(forces), initial=0.0), round_off))
+        acts |= bool(step > max(CANCELLATION_TOLERANCE * np.max(np.abs(forces), initial=0.0), round_off))
     return acts
 
 
@@ -245,48 +255,46 @@ def _same_sign(signs: Sequence[Sequence[Array]]) -> bool:
     for before, after in zip(signs[0], signs[1], strict=True):
         size = np.max(np.abs(before), initial=0.0)
         factor = float(np.sum(before * after) / np.sum(before * before))
-        if not (factor > 0 and np.all(np.abs(after - factor * before) <= _SAME * factor * size)):
+        if not (
+            factor > 0 and np.all(np.abs(after - factor * before) <= CANCELLATION_TOLERANCE * factor * size)
+        ):
             return False
     return True
 
 
 # ----------------------------------------------------------------------------
-# In which parameters the loop of a law with states is linear: tried on loops along random motions.
+# Parameters in which the loop of a law with states is linear: by finite differences along random motions.
 
-_SAMPLES = 32
-"""A period: an identity of loops holds for the rule that closes them, however coarse it is."""
+LOOP_SAMPLES = 32
+"""Samples of a period: linearity holds for the discrete loop, however coarse it is."""
 
-_MOTIONS = 3
-"""Random motions at each size."""
+MOTIONS_PER_SIZE = 3
 
-_LOOP_SIZES = (0.1, 1.0, 10.0)
-"""Of random motions: a loop that saturates shows at one size what another hides."""
+MOTION_SIZES = (0.1, 1.0, 10.0)
+"""Standard deviations of random motions, with and without saturation of a loop."""
 
-_SAME_FORCES = 1e-6
-"""Relative size at which differences of forces cancel; loops close to 1e-10."""
+LOOP_TOLERANCE = 1e-6
+"""Largest relative difference of forces that is zero; loops close to 1e-10."""
 
-_LOOP_FACTORS = (-1.0, 1.0, 3.0)
-"""Factors of a parameter, evenly spaced, at which a force must be affine; that of abs(z) in an equation is
-affine for positive ones only."""
-
-_POSITIVE = (1.0, 2.0, 3.0)
-"""The same for a common factor of a group."""
+PARAMETER_FACTORS = (-1.0, 1.0, 3.0)
+"""Evenly spaced factors of a parameter between which the force must be affine. Both signs, because the factor
+of abs(z) in an equation is affine for positive ones only."""
 
 
-class TriedLoops:
-    """Loops of a law along random motions at random values, of those that close."""
+class RandomLoops:
+    """Closed loops of a law along random motions at random values."""
 
     def __init__(self, form: MemoryForm, parameters: tuple[str, ...]) -> None:
         generator = np.random.default_rng(0)
-        count = _MOTIONS * len(_LOOP_SIZES)
+        count = MOTIONS_PER_SIZE * len(MOTION_SIZES)
         harmonics = generator.normal(size=(2, count, 3)) / np.array([1.0, 4.0, 9.0])
-        harmonics *= np.repeat(_LOOP_SIZES, _MOTIONS)[:, None]
+        harmonics *= np.repeat(MOTION_SIZES, MOTIONS_PER_SIZE)[:, None]
         omega = np.exp(generator.normal(size=(count, 1)))
-        phase = 2 * np.pi * np.arange(_SAMPLES) / _SAMPLES
+        phase = 2 * np.pi * np.arange(LOOP_SAMPLES) / LOOP_SAMPLES
         wave = np.exp(1j * np.arange(1, 4)[:, None] * phase)
         rate = 1j * omega * np.arange(1, 4)
         self._motion = [((harmonics[0] + 1j * harmonics[1]) * rate**power @ wave).real for power in range(3)]
-        self._step = 2 * np.pi / _SAMPLES / omega
+        self._step = 2 * np.pi / LOOP_SAMPLES / omega
         self._values = np.exp(generator.normal(size=(len(parameters), count, 1)))
         self._loops = compile_loops(form, parameters)
         closed = np.isfinite(self._forces([([], 1.0)])[0]).all(axis=1)
@@ -296,32 +304,32 @@ class TriedLoops:
 
     def bends(self, i: int) -> bool:
         """Decide whether the force is not affine in a parameter."""
-        return not self._affine([i], _LOOP_FACTORS)[0]
+        return not self._affine([i], PARAMETER_FACTORS)[0]
 
     def couples(self, i: int, j: int) -> bool:
         """Decide whether the force is not jointly affine in two parameters, affine in each."""
-        return not self._separate([i], [j], _LOOP_FACTORS[0])
+        return not self._separate([i], [j], PARAMETER_FACTORS[0])
 
     def scales(self, group: Sequence[int], linear: Sequence[int]) -> bool:
         """Decide whether a common factor of a group acts, and the force is affine in it.
 
         ``linear`` are the parameters in which the force has to be affine at the same time.
         """
-        affine, acts = self._affine(group, _POSITIVE)
-        return affine and acts and all(self._separate(group, [other], _POSITIVE[1]) for other in linear)
+        affine, acts = self._affine(group, GROUP_FACTORS)
+        return affine and acts and all(self._separate(group, [other], GROUP_FACTORS[1]) for other in linear)
 
     def _affine(self, group: Sequence[int], factors: Sequence[float]) -> tuple[bool, bool]:
         """Decide whether the force is affine in a common factor, and whether the factor acts."""
         forces = self._forces([(group, factor) for factor in factors])
         return (
-            _vanishes(forces[0] - 2 * forces[1] + forces[2], forces),
-            not _vanishes(forces[1] - forces[0], forces),
+            _forces_cancel(forces[0] - 2 * forces[1] + forces[2], forces),
+            not _forces_cancel(forces[1] - forces[0], forces),
         )
 
     def _separate(self, group: Sequence[int], other: Sequence[int], factor: float) -> bool:
         """Decide whether a factor of two groups changes the force for one independently of the other."""
-        forces = self._forces([(each, factor) for each in ([], group, other, [*group, *other])])
-        return _vanishes(forces[0] - forces[1] - forces[2] + forces[3], forces)
+        forces = self._forces([(chosen, factor) for chosen in ([], group, other, [*group, *other])])
+        return _forces_cancel(forces[0] - forces[1] - forces[2] + forces[3], forces)
 
     def _forces(self, trials: Sequence[tuple[Sequence[int], float]]) -> Array:
         """(t, n, s) loops with a group of parameters multiplied by a factor, for every trial."""
@@ -331,25 +339,21 @@ class TriedLoops:
         x, v, a = (np.tile(part, (len(trials), 1)) for part in self._motion)
         step = np.tile(self._step, (len(trials), 1))
         sample = self._loops.sample(x, v, a, step, list(values.reshape(len(values), len(x), 1)))
-        return sample.force.reshape(len(trials), -1, _SAMPLES)
+        return sample.force.reshape(len(trials), -1, LOOP_SAMPLES)
 
 
-def _vanishes(difference: Array, forces: Array) -> bool:
+def _forces_cancel(difference: Array, forces: Array) -> bool:
     """Decide whether a combination of forces (n, s) cancels on every loop that closes."""
     size = np.max(np.abs(forces), axis=(0, 2), initial=0.0)
     closed = np.isfinite(size) & (size > 0)
     return bool(
-        closed.any() and np.all(np.abs(difference[closed]).max(axis=1) <= _SAME_FORCES * size[closed])
+        closed.any() and np.all(np.abs(difference[closed]).max(axis=1) <= LOOP_TOLERANCE * size[closed])
     )
-
-
-_TYPICAL = (0.7, 1e3)
-"""Values at which jumps and corners are looked for: positive, ascending by name, close and far apart."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Character:
-    """The kind of a law n(x, v; p).
+    """Properties of a law n(x, v; p).
 
     Parameters
     ----------
@@ -419,7 +423,7 @@ class Character:
 
 @lru_cache(maxsize=256)
 def character(force: sympy.Expr) -> Character:
-    """Find out what kind of law this is; parameters are every symbol but x and v, sorted by name."""
+    """Determine the properties of a law; its parameters are all symbols but x and v, sorted by name."""
     memory = memory_form(force)
     if memory is not None:
         return _character_with_memory(force, memory)
@@ -450,10 +454,10 @@ def character(force: sympy.Expr) -> Character:
 
 
 def _character_with_memory(force: sympy.Expr, memory: MemoryForm) -> Character:
-    """Find out what kind of law with memory this is, from its closed loops.
+    """Determine the properties of a law with memory, from its closed loops.
 
-    Masing's rule and the lag of structural damping are linear: such a force is linear in what its virgin
-    curve and its stiffness are linear in. Loops of states are tried.
+    Masing's rule and the lag of structural damping are linear: the force is linear in those parameters in
+    which its virgin curve or stiffness is. Loops of states are tested numerically.
     """
     x, v = symbol("x"), symbol("v")
     parameters = sorted(force.free_symbols - {x, v}, key=str)
@@ -466,17 +470,17 @@ def _character_with_memory(force: sympy.Expr, memory: MemoryForm) -> Character:
     law = law if memory.lag is None else law.xreplace({memory.lag: v})
     moving = (x, v, *rates)
     pieces = normal_form(law).pieces
-    tried = TriedLoops(memory, tuple(str(p) for p in parameters))
+    loops = RandomLoops(memory, tuple(str(p) for p in parameters))
     inside = [i for i, p in enumerate(parameters) if p in remembered]
-    bent = [i for i in inside if tried.bends(i)]
+    bent = [i for i in inside if loops.bends(i)]
     straight = [i for i in range(len(parameters)) if i not in bent]
     clash = {(i, i) for i in bent} | {
-        (i, j) for i, j in combinations(straight, 2) if {i, j} & set(inside) and tried.couples(i, j)
+        (i, j) for i, j in combinations(straight, 2) if {i, j} & set(inside) and loops.couples(i, j)
     }
     linear = jointly_linear(pieces, parameters, clash)
     nonlinear = tuple(i for i in range(len(parameters)) if i not in linear)
-    factors = tried.scales if rates else partial(is_scaled, pieces, parameters)
-    onsets = [each for part in (law, *rates.values()) for each in _onsets(part, parameters)]
+    factors = loops.scales if rates else partial(is_scaled, pieces, parameters)
+    onsets = [begin for part in (law, *rates.values()) for begin in _onsets(part, parameters)]
     even = tuple(
         i
         for i in linear
@@ -508,20 +512,24 @@ def _character_with_memory(force: sympy.Expr, memory: MemoryForm) -> Character:
     )
 
 
+PARAMETER_SPREADS = (0.7, 1e3)
+"""Differences of the parameter values, ascending by name from 1, at which jumps and corners are sought."""
+
+
 def _onsets(law: sympy.Expr, parameters: Sequence[sympy.Symbol]) -> list[tuple[bool | None, bool | None]]:
-    """How pieces set in at their switches, at values close together and far apart."""
+    """Return whether each piece begins with a jump or a corner at each of its switches; see ``onset``."""
     return [
         onset(piece, switch)
-        for spread in _TYPICAL
+        for spread in PARAMETER_SPREADS
         for piece in normal_form_at(law, {str(p): 1 + spread * i for i, p in enumerate(parameters)}).pieces
         for switch in piece.switches
     ]
 
 
 def onset(piece: Piece, switch: Switch) -> tuple[bool | None, bool | None]:
-    """Decide whether a piece sets in at a switch with a jump, and whether with a corner.
+    """Decide whether a piece begins at a switch with a jump, and whether with a corner.
 
-    None stands for what an unknown exponent decides, as that of ``abs(v)**p`` does at zero.
+    None if an unknown exponent decides, as that of ``abs(v)**p`` does at zero.
     """
     if switch.variable is None:
         return True, True
@@ -552,19 +560,18 @@ def is_mirrored(
     force: sympy.Expr, moving: Sequence[sympy.Symbol], parameters: Sequence[sympy.Symbol], sign: float
 ) -> bool:
     """Decide whether n(-x, -v, -z) = sign n(x, v, z)."""
-    # tried at random states and values of several sizes: a symbolic proof does not end for every law
     law = compiled((force,), (*moving, *parameters))
     generator = np.random.default_rng(0)
-    for scale in _SIZES:
-        x = generator.normal(size=(len(moving), _PLACES)) * scale
+    for scale in STATE_SIZES:
+        x = generator.normal(size=(len(moving), RANDOM_STATES)) * scale
         for _ in range(3):
             values = np.exp(generator.normal(size=len(parameters))) * scale
-            (one,), (other,) = law(*x, *values), law(*-x, *values)
-            one, other = np.broadcast_to(one, _PLACES), np.broadcast_to(other, _PLACES)
-            finite = np.isfinite(one) & np.isfinite(other)
-            largest = np.max(np.abs(one[finite]), initial=0.0)
+            (plus,), (minus,) = law(*x, *values), law(*-x, *values)
+            plus, minus = np.broadcast_to(plus, RANDOM_STATES), np.broadcast_to(minus, RANDOM_STATES)
+            finite = np.isfinite(plus) & np.isfinite(minus)
+            largest = np.max(np.abs(plus[finite]), initial=0.0)
             with np.errstate(over="ignore"):
-                left = np.abs(one[finite] - sign * other[finite])
-            if not np.all(left <= _SAME * largest):
+                difference = np.abs(plus[finite] - sign * minus[finite])
+            if not np.all(difference <= CANCELLATION_TOLERANCE * largest):
                 return False
     return True

@@ -27,7 +27,7 @@ from rsgen.law.notation import latex, mathml
 from rsgen.law.pieces import normal_form
 
 # ----------------------------------------------------------------------------
-# What the ``accept`` of a case may judge beside parameters: the whole force of a law.
+# Keys of ``accept`` in a case for the whole force of a law.
 
 FORCE_KEYS = {
     "stiffness_force": "stiffness force",
@@ -45,7 +45,7 @@ def force_keys(force: sympy.Expr) -> tuple[str, ...]:
 
 
 # ----------------------------------------------------------------------------
-# What is odd about a law whatever its values: found from the formula alone, before any test.
+# Remarks about a law from its formula alone, before any test.
 
 _TRIALS, _DECADES = 32, 1
 """Random positive values of all parameters, and decades to both sides of one that they span."""
@@ -54,24 +54,23 @@ _PLACES = np.geomspace(1e-4, 1e4, 49)
 """Displacements relative to parameters around one: far below and far above every corner."""
 
 _NODES, _WEIGHTS = np.polynomial.legendre.leggauss(40)
-"""Of the area below a virgin curve."""
+"""Quadrature of the area below a virgin curve."""
 
-_CLEAR = 0.02
-"""Share of the largest area that a corner between two nodes does not make."""
+MIN_ENERGY_SHARE = 0.02
+"""Smallest energy of a cycle, relative to 4 X n(X), above the error of the quadrature at a corner."""
+
+ROUND_OFF_TOLERANCE = 1e-9
+"""Largest negative force, relative to the largest force, that is round-off."""
 
 _ALSO_FORCES = ("preload",)
-"""Laws of the library whose name is that of a constant force as well."""
-
-_ROUND_OFF = 1e-9
-"""Negative force, relative to the largest, that is round-off."""
-
+"""Laws of the library whose name is also that of a constant force."""
 
 _LIKE_VARIABLES = frozenset({"a", "acc", "w", "f", "F", "vx", "vy"})
 """Parameters that a reader may take for acceleration, frequency, excitation or velocity."""
 
 
 def law_remarks(force: sympy.Expr) -> tuple[Finding, ...]:
-    """Find what may not be meant: constant forces, loops that give energy, names of variables, equal terms.
+    """Find probable mistakes: constant forces, loops that supply energy, names of variables, equal terms.
 
     Examples
     --------
@@ -91,13 +90,13 @@ def law_remarks(force: sympy.Expr) -> tuple[Finding, ...]:
 
 def _order(group: tuple[tuple[str, ...], ...]) -> Finding:
     names = sorted(group)
-    each = [names_of_one[0] for names_of_one in names]
+    first_names = [names_of_one[0] for names_of_one in names]
     return Finding(
         "equal-terms",
         "info",
         names={
             "terms": " and ".join(f"({', '.join(names_of_one)})" for names_of_one in names),
-            "order": " <= ".join(each),
+            "order": " <= ".join(first_names),
         },
     )
 
@@ -143,19 +142,19 @@ def _like_variables(force: sympy.Expr) -> list[str]:
 def _curves(force: sympy.Expr) -> Iterator[Finding]:
     form = memory_form(force)
     for curve in () if form is None else form.curves:
-        places, forces, energies = _tried(curve.virgin)
+        places, forces, energies = _sample_virgin_curve(curve.virgin)
         names = {"curve": f"masing({write(curve.virgin)[:200]})"}
         size = 4 * places * np.abs(forces)
-        clear = np.isfinite(energies) & (np.abs(energies) > _CLEAR * size)
+        clear = np.isfinite(energies) & (np.abs(energies) > MIN_ENERGY_SHARE * size)
         if clear.any() and np.all(energies[clear] < 0):
             yield Finding("loop-gives-energy", "warning", names=names)
         largest = np.fmax.accumulate(forces, axis=1)
-        if np.any(forces < -_ROUND_OFF * largest):
+        if np.any(forces < -ROUND_OFF_TOLERANCE * largest):
             yield Finding("virgin-curve-negative", "warning", names=names)
 
 
 @np.errstate(all="ignore")
-def _tried(virgin: sympy.Expr) -> tuple[Array, Array, Array]:
+def _sample_virgin_curve(virgin: sympy.Expr) -> tuple[Array, Array, Array]:
     """Places (1, x), forces (t, x) and energies of a cycle (t, x), at values at which it begins positive.
 
     The energy of a cycle between -X and X is 8 times the area below the curve less 4 X n(X) (Masing's rule).
@@ -165,17 +164,17 @@ def _tried(virgin: sympy.Expr) -> tuple[Array, Array, Array]:
     generator = np.random.default_rng(0)
     values = 10.0 ** generator.uniform(-_DECADES, _DECADES, (len(names), _TRIALS, 1))
     places = _PLACES[None, :]
-    forces = _at(law, places, values)
+    forces = _evaluate(law, places, values)
     area = np.zeros_like(forces)
     for node, weight in zip(_NODES, _WEIGHTS, strict=True):
-        area += weight / 2 * places * _at(law, places * (node + 1) / 2, values)
+        area += weight / 2 * places * _evaluate(law, places * (node + 1) / 2, values)
     begins = forces[:, 0] > 0
     return places, forces[begins], (8 * area - 4 * places * forces)[begins]
 
 
-def _at(law: Numeric, places: Array, values: Array) -> Array:
-    (found,) = law(places, *values)
-    return np.array(np.broadcast_to(found, (values.shape[1], places.shape[1])))
+def _evaluate(law: Numeric, places: Array, values: Array) -> Array:
+    (force,) = law(places, *values)
+    return np.array(np.broadcast_to(force, (values.shape[1], places.shape[1])))
 
 
 NOT_PARAMETERS = ("X", "X0", "omega")
@@ -442,8 +441,8 @@ class Law(_Summand):
                 f"it has {', '.join(self.parameters)}"
             )
         states = [renames.get(name, name) for name in self.memory]
-        taken = states + [renames.get(name, name) for name in self.parameters]
-        clash = sorted({name for name in states if taken.count(name) > 1})
+        new_names = states + [renames.get(name, name) for name in self.parameters]
+        clash = sorted({name for name in states if new_names.count(name) > 1})
         if clash:
             raise RsgenError(
                 f"law {self.name or self.formula!r}: {', '.join(clash)}: a state cannot have the name of "
@@ -516,7 +515,7 @@ def as_elements(law: LawLike | Sequence[LawLike]) -> tuple[Element, ...]:
     ['law', 'law-2']
     """
     parts = law if isinstance(law, Sequence) and not isinstance(law, str) else (law,)
-    taken = {part.name for part in parts if isinstance(part, Element)}
+    used = {part.name for part in parts if isinstance(part, Element)}
     elements: list[Element] = []
     for part in parts:
         if isinstance(part, Element):
@@ -524,10 +523,10 @@ def as_elements(law: LawLike | Sequence[LawLike]) -> tuple[Element, ...]:
             continue
         for element in _as_law(part).elements:
             name, number = element.name, 1
-            while name in taken:
+            while name in used:
                 number += 1
                 name = f"{element.name}-{number}"
-            taken.add(name)
+            used.add(name)
             elements.append(replace(element, name=name))
     return tuple(elements)
 

@@ -26,11 +26,10 @@ from rsgen.law.numeric import ForceLaw, compile_law
 # ----------------------------------------------------------------------------
 # Equal terms of a law, such as two sliders: no test says which is which, so their values have an order.
 
-_MOST_NAMES = 4
-"""Parameters that a term has for itself; of more the ways to pair two terms are too many to try."""
+MAX_OWN_PARAMETERS = 4
+"""Largest number of parameters that only one term has; all their permutations are tried."""
 
-_MOST_TERMS = 40
-"""Terms of a law that are compared, each with each."""
+MAX_COMPARED_TERMS = 40
 
 Group = tuple[tuple[str, ...], ...]
 
@@ -50,7 +49,7 @@ def equal_terms(force: sympy.Expr) -> tuple[Group, ...]:
     """
     terms = [term for term in sympy.Add.make_args(force) if len(term.free_symbols) > 1]
     groups: list[list[tuple[str, ...]]] = []
-    if len(terms) > _MOST_TERMS:
+    if len(terms) > MAX_COMPARED_TERMS:
         return ()
     for one, other in combinations(terms, 2):
         paired = _paired(force, one, other)
@@ -58,11 +57,11 @@ def equal_terms(force: sympy.Expr) -> tuple[Group, ...]:
             continue
         mine, theirs = paired
         # the first of equal terms meets all others first, and its order of names is that of all
-        known = next((group for group in groups if any(set(mine) == set(names) for names in group)), None)
-        if known is None:
+        group = next((group for group in groups if any(set(mine) == set(names) for names in group)), None)
+        if group is None:
             groups.append([mine, theirs])
-        elif not any(set(theirs) == set(names) for names in known):
-            known.append(theirs)
+        elif not any(set(theirs) == set(names) for names in group):
+            group.append(theirs)
     return tuple(tuple(group) for group in groups)
 
 
@@ -73,17 +72,21 @@ def _paired(force: sympy.Expr, one: sympy.Expr, other: sympy.Expr) -> Group | No
         for first, second in ((one, other), (other, one))
     )
     # displacement and velocity are not of the law: a spring and a damper have different places
-    if len(mine) != len(theirs) or not 0 < len(mine) <= _MOST_NAMES or not STATES.isdisjoint(mine + theirs):
+    if (
+        len(mine) != len(theirs)
+        or not 0 < len(mine) <= MAX_OWN_PARAMETERS
+        or not STATES.isdisjoint(mine + theirs)
+    ):
         return None
     if len(mine) == 1 and one.coeff(mine[0]) * mine[0] == one:
         # only the sum of both acts
         return None
     for order in permutations(theirs):
-        there = dict(zip(mine, order, strict=True))
-        if one.xreplace(there) != other:
+        renames = dict(zip(mine, order, strict=True))
+        if one.xreplace(renames) != other:
             continue
-        both = {**there, **{theirs: mine for mine, theirs in there.items()}}
-        if force.xreplace(both) == force:
+        exchange = {**renames, **{theirs: mine for mine, theirs in renames.items()}}
+        if force.xreplace(exchange) == force:
             return tuple(str(name) for name in mine), tuple(str(name) for name in order)
     return None
 
@@ -108,43 +111,43 @@ def in_order(force: sympy.Expr, values: Mapping[str, float]) -> dict[str, float]
     ordered = dict(values)
     for group in equal_terms(force):
         names = sorted(group)
-        if all(name in values for each in names for name in each):
-            rows = sorted(tuple(values[name] for name in each) for each in names)
-            for each, row in zip(names, rows, strict=True):
-                ordered.update(zip(each, row, strict=True))
+        if all(name in values for term in names for name in term):
+            rows = sorted(tuple(values[name] for name in term) for term in names)
+            for term, row in zip(names, rows, strict=True):
+                ordered.update(zip(term, row, strict=True))
     return ordered
 
 
 def put_in_order(law: ForceLaw, values: Array, fixed: Collection[str] = ()) -> Array:
     """(p,) values of the parameters of a law, as ``in_order`` gives them; terms with fixed ones stay."""
-    known = dict(zip(law.parameters, values, strict=True))
-    moved = in_order(law.expression, {name: known[name] for name in known if name not in fixed})
-    return law.ordered({**known, **moved})
+    named = dict(zip(law.parameters, values, strict=True))
+    ordered = in_order(law.expression, {name: named[name] for name in named if name not in fixed})
+    return law.ordered({**named, **ordered})
 
 
-TRIALS = 3
-"""Random values of all parameters; a null vector of nature is there at each of them."""
+# ----------------------------------------------------------------------------
+# Combinations of parameters, from the null space of the derivatives of the force.
+
+TRIAL_VALUES = 3
+"""Random values of all parameters; a combination of the law has the same null vector at each of them."""
 
 MOTIONS, SAMPLES = 40, 256
-"""Motions of a trial, and samples of their period: hundreds of equations a parameter."""
+"""Motions at each of them, and samples of a period: hundreds of equations a parameter."""
 
 SMALLEST, LARGEST = 0.02, 20.0
-"""Amplitudes relative to parameters around one, so that switches near one are passed and not passed."""
+"""Amplitudes relative to parameters around one, below and above all switches."""
 
-MOST_PARAMETERS = 12
-"""Laws of more parameters are not looked at: the derivatives of a deep one would take half a minute."""
+MAX_PARAMETERS = 12
+"""Largest number of parameters; the derivatives of a law with more take half a minute."""
 
-RANK = 1e-9
-"""Singular value, relative to the largest of scaled columns, of a direction that changes no force."""
+RANK_TOLERANCE = 1e-9
+"""Largest relative singular value, with scaled columns, of a direction that changes no force."""
 
-CLEAR = 1e-5
-"""The next singular value must be above this: between both lies no law, only doubt, and nothing is said."""
+DIRECTION_TOLERANCE = 1e-5
+"""Largest difference of equal directions; no law with a singular value between both is judged."""
 
-ALIKE = 1e-5
-"""Difference of directions at two sets of values that are one direction."""
-
-LARGEST_DENOMINATOR = 6
-"""Of the powers in a product."""
+MAX_DENOMINATOR = 6
+"""Largest denominator of a power in a product."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -185,17 +188,17 @@ def combinations_of(force: sympy.Expr) -> tuple[Combination, ...]:
     >>> combinations_of(parse("k*x + k3*x**3"))
     ()
     """
-    if not 2 <= len(force.free_symbols - {symbol("x"), symbol("v")}) <= MOST_PARAMETERS:
+    if not 2 <= len(force.free_symbols - {symbol("x"), symbol("v")}) <= MAX_PARAMETERS:
         return ()
     law = compile_law(force)
-    known = []
-    for seed in range(TRIALS):
-        trial = _null_space(law.parameters, force, seed)
-        if trial is None or not len(trial[0]):
+    spaces = []
+    for seed in range(TRIAL_VALUES):
+        space = _null_space(law.parameters, force, seed)
+        if space is None or not len(space[0]):
             return ()
-        known.append(trial)
-    groups = _groups([null for null, _ in known])
-    return tuple(_combination(group, known, law.parameters) for group in groups)
+        spaces.append(space)
+    groups = _groups([null for null, _ in spaces])
+    return tuple(_combination(group, spaces, law.parameters) for group in groups)
 
 
 def _null_space(names: tuple[str, ...], force: sympy.Expr, seed: int) -> tuple[Array, Array] | None:
@@ -207,13 +210,13 @@ def _null_space(names: tuple[str, ...], force: sympy.Expr, seed: int) -> tuple[A
         return None
     sizes = np.sqrt(np.mean(rows**2, axis=0))
     if not np.all(sizes > 0):
-        # a parameter that did not act in this trial: nothing follows
+        # a parameter without influence on these motions: nothing follows
         return None
     _, singular, directions = np.linalg.svd(rows / sizes, full_matrices=False)
     share = singular / singular[0]
-    if np.any((share > RANK) & (share < CLEAR)):
+    if np.any((share > RANK_TOLERANCE) & (share < DIRECTION_TOLERANCE)):
         return None
-    return directions[share <= RANK] / sizes, values
+    return directions[share <= RANK_TOLERANCE] / sizes, values
 
 
 def _slopes(force: sympy.Expr, values: Array, rng: np.random.Generator) -> Array:
@@ -224,7 +227,7 @@ def _slopes(force: sympy.Expr, values: Array, rng: np.random.Generator) -> Array
     omega = np.exp(rng.uniform(-1, 1, (MOTIONS, 1)))
     part = rng.uniform(-0.25, 0.25, (4, MOTIONS, 1))
     if law.odd:
-        # a law that pushes both ways alike never makes even harmonics or a mean
+        # an odd law has neither even harmonics nor a mean
         part[0] = 0
     order = np.array([1.0, 2.0, 3.0])[:, None, None]
     weight = np.stack([np.ones((MOTIONS, 1)), part[0], part[1]])
@@ -238,14 +241,14 @@ def _slopes(force: sympy.Expr, values: Array, rng: np.random.Generator) -> Array
         # every motion counts alike, however large its force
         largest = np.max(np.abs(rows), axis=(1, 2), keepdims=True)
         rows = (rows / largest).reshape(-1, len(values))
-    known: Array = rows[np.isfinite(rows).all(axis=1)]
-    return known
+    finite: Array = rows[np.isfinite(rows).all(axis=1)]
+    return finite
 
 
 def _groups(spaces: list[Array]) -> list[list[int]]:
     """Sort the parameters that null vectors move into groups that no null vector connects."""
     projector = spaces[0].T @ np.linalg.pinv(spaces[0].T)
-    linked = np.abs(projector) > ALIKE
+    linked = np.abs(projector) > DIRECTION_TOLERANCE
     groups: list[list[int]] = []
     for i in np.flatnonzero(linked.diagonal()):
         if not any(i in group for group in groups):
@@ -253,17 +256,18 @@ def _groups(spaces: list[Array]) -> list[list[int]]:
     return groups
 
 
-def _combination(group: list[int], known: list[tuple[Array, Array]], names: tuple[str, ...]) -> Combination:
-    """Name what is determined of a group: products, or else sums, or else nothing with a name."""
+def _combination(group: list[int], trials: list[tuple[Array, Array]], names: tuple[str, ...]) -> Combination:
+    """Find the products, or else the sums, of a group of parameters that a test determines."""
     inside = tuple(names[i] for i in group)
     for powers in (True, False):
-        spaces = [null if powers else null * values for null, values in known]
+        spaces = [null if powers else null * values for null, values in trials]
         parts = [_reduced(space[:, group]) for space in spaces]
         if any(part is None or not len(part) for part in parts):
             continue
         first = parts[0]
         if first is None or any(
-            part is None or part.shape != first.shape or np.abs(part - first).max() > ALIKE for part in parts
+            part is None or part.shape != first.shape or np.abs(part - first).max() > DIRECTION_TOLERANCE
+            for part in parts
         ):
             continue
         written = _written(first, inside, powers)
@@ -275,30 +279,32 @@ def _combination(group: list[int], known: list[tuple[Array, Array]], names: tupl
 def _reduced(space: Array) -> Array | None:
     """Bring the rows of a null space to the form with unit columns; None where it has none."""
     _, singular, directions = np.linalg.svd(space, full_matrices=False)
-    rows = directions[singular > ALIKE * singular[0]]
+    rows = directions[singular > DIRECTION_TOLERANCE * singular[0]]
     size = len(rows)
     best: tuple[float, Array] | None = None
     for columns in combinations(range(space.shape[1]), size):
         block = rows[:, columns]
-        if abs(np.linalg.det(block)) < ALIKE:
+        if abs(np.linalg.det(block)) < DIRECTION_TOLERANCE:
             continue
         reduced = np.linalg.solve(block, rows)
-        # what stays of the others: few and positive powers read best
-        cost = float(np.sum(np.abs(reduced)) + 2 * np.sum(reduced > ALIKE))
-        if best is None or cost < best[0] - ALIKE:
+        # few and positive powers of the other parameters read best
+        cost = float(np.sum(np.abs(reduced)) + 2 * np.sum(reduced > DIRECTION_TOLERANCE))
+        if best is None or cost < best[0] - DIRECTION_TOLERANCE:
             best = cost, reduced
     return None if best is None else best[1]
 
 
 def _pivots(reduced: Array) -> NDArray[np.intp]:
     """Find the columns of the unit matrix in a reduced null space."""
-    unit = (np.abs(reduced) > ALIKE).sum(axis=0) == 1
-    found = [next(int(j) for j in np.flatnonzero(unit) if abs(row[j] - 1) < ALIKE) for row in reduced]
+    unit = (np.abs(reduced) > DIRECTION_TOLERANCE).sum(axis=0) == 1
+    found = [
+        next(int(j) for j in np.flatnonzero(unit) if abs(row[j] - 1) < DIRECTION_TOLERANCE) for row in reduced
+    ]
     return np.array(found, dtype=np.intp)
 
 
 def _written(reduced: Array, names: tuple[str, ...], powers: bool) -> tuple[str, ...]:
-    """Write what is orthogonal to a null space as products or sums; empty where its numbers are odd."""
+    """Write the complement of a null space as products or sums; empty if weights are no simple fractions."""
     pivots = _pivots(reduced)
     found = []
     for j in range(len(names)):
@@ -307,14 +313,14 @@ def _written(reduced: Array, names: tuple[str, ...], powers: bool) -> tuple[str,
         weights = np.zeros(len(names))
         weights[j] = 1.0
         weights[pivots] = -reduced[:, j]
-        simple = [Fraction(float(w)).limit_denominator(LARGEST_DENOMINATOR) for w in weights]
-        if np.abs(weights - np.array([float(s) for s in simple])).max() > 10 * ALIKE:
+        simple = [Fraction(float(w)).limit_denominator(MAX_DENOMINATOR) for w in weights]
+        if np.abs(weights - np.array([float(s) for s in simple])).max() > 10 * DIRECTION_TOLERANCE:
             return ()
-        # whole numbers, the first of them positive
-        whole = np.lcm.reduce([weight.denominator for weight in simple])
-        whole *= next(1 if weight > 0 else -1 for weight in simple if weight)
+        # integer weights, the first of them positive
+        factor = int(np.lcm.reduce([weight.denominator for weight in simple]))
+        factor *= next(1 if weight > 0 else -1 for weight in simple if weight)
         pairs = [
-            (sympy.Symbol(n), sympy.Integer(int(w * int(whole)))) for n, w in zip(names, simple, strict=True)
+            (sympy.Symbol(n), sympy.Integer(int(w * factor))) for n, w in zip(names, simple, strict=True)
         ]
         found.append(
             sympy.Mul(*(n**w for n, w in pairs)) if powers else sympy.Add(*(n * w for n, w in pairs))

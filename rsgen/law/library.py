@@ -200,12 +200,12 @@ ROWS: dict[str, Row] = {
         ),
     ),
     "one-sided-stop": Row(
-        "Stop on one side beyond a gap, beside a spring", "k0*x + k*Max(0, x - b)", GELB,
+        "Stop on one side beyond a gap, with a spring", "k0*x + k*Max(0, x - b)", GELB,
         (_WITHOUT, _SLOPE, ("b", "gap, negative: preloaded", "m")),
         Search(ranges={"b": Range("x", tuple(np.linspace(-0.96, 0.96, 13)), (-0.99, 0.99))}), own=True,
     ),
     "two-sided-stop": Row(
-        "Stops on both sides beyond different gaps, beside a spring",
+        "Stops on both sides beyond different gaps, with a spring",
         "k0*x + k*(Max(0, x - b1) + Min(0, x + b2))", GELB,
         (
             _WITHOUT, _SLOPE,

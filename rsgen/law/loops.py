@@ -1,4 +1,10 @@
-"""The closed loop of a law with memory along periodic motions, and how it follows parameters and motion."""
+"""The closed loop of a law with memory along periodic motions, and its derivatives.
+
+Masing laws:  n = n_r -+ 2 n_virgin(|x - x_r|/2) after the reversal r;
+states:       dz/dt = g(x, v, z; p),  z(t + T) = z(t).
+
+All samples of a period are computed at once, with the derivatives that Newton's method on a balance needs.
+"""
 
 from __future__ import annotations
 
@@ -16,22 +22,22 @@ from rsgen.common.arrays import Array
 from rsgen.common.newton import newton
 from rsgen.formula import symbol
 from rsgen.law.memory import MemoryForm, real_powers
-from rsgen.law.switched_sum import Follow, ForceSample, SwitchedSum, switched_sum
+from rsgen.law.switched_sum import ForceSample, Perturbation, SwitchedSum, switched_sum
 
 # ----------------------------------------------------------------------------
 # Closed loops of Masing laws along periodic motions, from their virgin curve.
 #
 # After a reversal at x_r with force n_r the force is n_r -+ 2 n(|x - x_r|/2); a branch that reaches the
-# reversal before the last one closes a minor loop and goes on where that loop began (Madelung's rules, Ann.
-# Phys. 322 (1905) 861). Between the extremes of the period the loop is centred: n_r = n(A) at the largest
-# displacement, A half the distance of the extremes.
+# reversal before the last one closes a minor loop and continues the branch on which that loop began
+# (Madelung's rules, Ann. Phys. 322 (1905) 861). Between the extremes of the period the loop is centred:
+# n_r = n(A) at the largest displacement, A half the distance of the extremes.
 
 Indices = NDArray[np.intp]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Reversals:
-    """Where n motions reverse, and from which reversal the branch at each sample comes.
+    """Reversals of n motions, and the reversal at which the branch at each sample began.
 
     Parameters
     ----------
@@ -44,13 +50,13 @@ class Reversals:
     falling
         (r,) 1 where the branch after it falls, else -1.
     parent
-        (r,) reversal from which the branch that ends here comes; itself for the largest of a motion.
+        (r,) reversal at which the branch that ends here began; itself for the largest of a motion.
     opposite
         (r,) at the largest of a motion the smallest one, else unused.
     depth
         (r,) 0 for the largest of a motion, else one more than the parent's.
     reference
-        (n, s) reversal from which the branch at a sample comes.
+        (n, s) reversal at which the branch at a sample began.
     """
 
     row: Indices
@@ -74,7 +80,7 @@ def find_reversals(x: Array, v: Array, a: Array, step: Array) -> Reversals:
     count, samples = x.shape
     upward = v > 0
     turns = upward != np.roll(upward, -1, axis=1)
-    # what never moves stays where it is: a reversal without a branch
+    # a motion that stands still has a reversal without a branch
     turns[~turns.any(axis=1), -1] = True
     row, before = np.nonzero(turns)
     after = (before + 1) % samples
@@ -86,24 +92,26 @@ def find_reversals(x: Array, v: Array, a: Array, step: Array) -> Reversals:
     # where the motion hardly bends, v^2/(2a) would lead far away
     place = x[row, nearer] + speed * late + bend * late**2 / 2
     falling = np.where(upward[row, before], 1.0, -1.0)
-    found = np.bincount(row, minlength=count)
-    first = np.concatenate([[0], np.cumsum(found)[:-1]])
+    reversals = np.bincount(row, minlength=count)
+    first = np.concatenate([[0], np.cumsum(reversals)[:-1]])
     numbers = np.arange(len(row))
     parent, opposite, depth = np.array(numbers), np.array(numbers), np.zeros(len(row), dtype=np.intp)
     reference = np.repeat(first[:, None], samples, axis=1)
-    plain = found == 2
-    one, other = first[plain], first[plain] + 1
-    top = np.where(falling[one] > 0, one, other)
-    low = one + other - top
-    parent[low], opposite[top], depth[low] = top, low, 1
-    reference[plain] = np.where(upward[plain], low[:, None], top[:, None])
-    for each in np.flatnonzero(found > 2):
-        own = slice(first[each], first[each] + found[each])
-        _nest(x[each], place, numbers[own], before[own], falling, parent, opposite, depth, reference[each])
+    plain = reversals == 2
+    even, odd = first[plain], first[plain] + 1
+    top = np.where(falling[even] > 0, even, odd)
+    bottom = even + odd - top
+    parent[bottom], opposite[top], depth[bottom] = top, bottom, 1
+    reference[plain] = np.where(upward[plain], bottom[:, None], top[:, None])
+    for motion in np.flatnonzero(reversals > 2):
+        part = slice(first[motion], first[motion] + reversals[motion])
+        _nest_minor_loops(
+            x[motion], place, numbers[part], before[part], falling, parent, opposite, depth, reference[motion]
+        )
     return Reversals(row, nearer, place, late, falling, parent, opposite, depth, reference)
 
 
-def _nest(
+def _nest_minor_loops(
     x: Array,
     place: Array,
     numbers: Indices,
@@ -114,7 +122,7 @@ def _nest(
     depth: Indices,
     reference: Indices,
 ) -> None:
-    """Follow one period of a motion with minor loops from its largest displacement on."""
+    """Enter the branches of a motion with minor loops, from its largest displacement on, by a stack."""
     samples = len(x)
     start = int(np.argmax(np.where(falling[numbers] > 0, place[numbers], -np.inf)))
     order = np.roll(numbers, -start)
@@ -169,9 +177,9 @@ class Loop:
         half = np.abs(at.place - at.place[at.parent]) / 2
         first = at.depth == 0
         half[first] = (at.place[first] - at.place[at.opposite[first]]) / 2
-        own = [value if np.ndim(value) == 0 else value[at.row] for value in values]
-        still = np.zeros((len(half), 1))
-        ends = [part[:, 0] for part in virgin((half[:, None],), (still,), still, own)]
+        at_reversals = [value if np.ndim(value) == 0 else value[at.row] for value in values]
+        zero = np.zeros((len(half), 1))
+        ends = [part[:, 0] for part in virgin((half[:, None],), (zero,), zero, at_reversals)]
         branch = virgin((np.abs(x - at.place[at.reference]) / 2,), (np.abs(v) / 2,), step, values)
         self._end_slope, self.slope = ends[1], branch[1]
         down = at.falling[at.reference]
@@ -185,20 +193,20 @@ class Loop:
         """(r,) at every reversal, from the virgin curve at half the way from its parent."""
         at, reached = self._at, np.array(end)
         for depth in range(1, int(at.depth.max(initial=0)) + 1):
-            here = at.depth == depth
-            parent = at.parent[here]
-            reached[here] = reached[parent] - 2 * at.falling[parent] * end[here]
+            rows = at.depth == depth
+            parent = at.parent[rows]
+            reached[rows] = reached[parent] - 2 * at.falling[parent] * end[rows]
         return reached
 
-    def follow(self, dx: Array, dv: Array) -> Array:
+    def perturb(self, dx: Array, dv: Array) -> Array:
         """(1, n, d, s) change of the force for a change of the motion, dx (d, s) and dv (n, d, s)."""
         at = self._at
         place = at.shifts(dx, dv)
         reached = self._end_slope[:, None] * (place - place[at.opposite]) / 2
         for depth in range(1, int(at.depth.max(initial=0)) + 1):
-            here = at.depth == depth
-            parent = at.parent[here]
-            reached[here] = reached[parent] + self._end_slope[here, None] * (place[here] - place[parent])
+            rows = at.depth == depth
+            parent = at.parent[rows]
+            reached[rows] = reached[parent] + self._end_slope[rows, None] * (place[rows] - place[parent])
         slope = self.slope[None, :, None, :]
         place, reached = (np.moveaxis(part[at.reference], 2, 1) for part in (place, reached))
         return np.asarray(slope * (dx - place) + reached)
@@ -209,30 +217,18 @@ class Loop:
 #
 # From sample to sample  z_1 - z_0 = h ((1 - theta) g_0 + theta g_1)  with  theta = 1/(1 - exp(-q)) - 1/q,
 # q = h times the largest rate of decay: exact for a linear law with constant input, the trapezoidal rule
-# where little happens in a step, the implicit Euler rule where a stiff law follows at once (exponential
-# fitting; Liniger and Willoughby, SIAM J. Numer. Anal. 7 (1970) 47). The error is O(h^2), as that of the
-# shares of switches.
+# for slow states, the implicit Euler rule for states that decay within a step (exponential fitting; Liniger
+# and Willoughby, SIAM J. Numer. Anal. 7 (1970) 47). The error is O(h^2), as that of the shares of switches.
+# A loop counts only if it attracts its neighbours: states that begin at zero never reach another one.
 
-_STEPS = 25
-"""Most Newton steps; laws that are piecewise linear in z need a handful."""
+CLOSURE_TOLERANCE = 1e-10
+"""Largest relative Newton step of a closed loop."""
 
-_CLOSED = 1e-10
-"""Relative last step at which a loop has closed."""
+RESIDUAL_TOLERANCE = 1e-6
+"""Largest residual of a step, and growth of a disturbance in a period, relative to the state."""
 
-_GAP = 1e-6
-"""What a step lacked before the last change, relative to the state; what never closes lacks it for ever."""
-
-_PATIENCE = 3
-"""Newton steps after which a linearised loop is near enough to see that states flee it."""
-
-_FLEES = 10.0
-"""Growth of a disturbance in a period on the way to a loop that the loop itself will not make good."""
-
-_SMALL = 1e-2
-"""Decay in a step below which theta is taken from its series."""
-
-_UNDETERMINED = 1e-9
-"""A part of the states that decays by less in a period keeps what it begins with: zero."""
+MIN_PERIOD_DECAY = 1e-9
+"""Smallest decay in a period of a state that forgets its initial value; others keep it, zero."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -275,12 +271,12 @@ class _Recurrence:
         samples, size, columns, _ = right.shape
         right = _product(self.inverse, right)
         unit = np.eye(size)
-        # blocks of samples side by side, each from a start of its own: few long steps instead of many short
+        # blocks of samples in parallel, each with its own initial value, so that loops of Python are short
         length = _block_length(samples)
         blocks = samples // length
         forward = self.forward.reshape(blocks, length, *self.forward.shape[1:])
         sources = right.reshape(blocks, length, *right.shape[1:])
-        # of the homogeneous solutions beside the particular ones
+        # particular solutions, then homogeneous ones
         inside = np.zeros((length + 1, blocks, size, columns + size, right.shape[3]))
         inside[0, :, :, columns:] = unit[:, :, None]
         for j in range(length):
@@ -298,13 +294,11 @@ class _Recurrence:
 
 
 def _closing(gain: Array, ends: Array, sign: float) -> Array:
-    """(q, k, n) start that returns to itself times the sign after a period: (sign - gain) z = ends; the
-    smallest where states keep what they begin with.
-    """
+    """(q, k, n) initial value z with (sign - gain) z = ends; the smallest one where states do not decay."""
     size = len(gain)
     unit = np.eye(size)
     lack = sign * unit - np.moveaxis(gain, -1, 0)
-    bound = np.concatenate([lack, np.broadcast_to(_UNDETERMINED * unit, lack.shape)], axis=1)
+    bound = np.concatenate([lack, np.broadcast_to(MIN_PERIOD_DECAY * unit, lack.shape)], axis=1)
     good = np.isfinite(bound).all(axis=(1, 2))
     right = np.moveaxis(ends, -1, 0)
     begin = np.full(right.shape, np.nan)
@@ -345,7 +339,7 @@ class StateLoops:
     _recurrence: _Recurrence
     _by_motion: tuple[Array, Array]
 
-    def follow(self, dx: Array, dv: Array) -> Array:
+    def perturb(self, dx: Array, dv: Array) -> Array:
         """(q, n, d, s) change of the states for a change of the motion, dx (d, s) and dv (n, d, s)."""
         by_x, by_v = self._by_motion
         source = by_x[:, :, None] * dx + by_v[:, :, None] * dv
@@ -359,7 +353,7 @@ def close_loops(
     step: Array,
     values: Sequence[Any] | Array,
 ) -> StateLoops:
-    """Find the periodic states along n motions, and how they follow; arguments as of ``periodic_states``."""
+    """Find the periodic states along n motions and their derivatives; arguments as of ``periodic_states``."""
     states = periodic_states(equations, motion, step, values)
     rate, slopes = _rates(equations, motion, states, step, values)
     recurrence = _linearised(slopes[:, 2 : 2 + len(states)], np.broadcast_to(step, motion[0].shape))
@@ -379,7 +373,7 @@ def periodic_states(
     *,
     fitted: bool = True,
 ) -> Array:
-    """(q, n, s) periodic states along n motions; NaN where a loop does not close, or is fled by states.
+    """(q, n, s) periodic states along n motions; NaN where a loop does not close, or is unstable.
 
     Parameters
     ----------
@@ -396,20 +390,29 @@ def periodic_states(
     sign
         -1: motion and states turn their signs after the period, whose last step is zero.
     fitted
-        Whether steps may be longer than what z' remembers. Else theta is 1/2, with errors in even powers of
-        the step however fast it forgets.
+        Exponential fitting, for steps longer than the time constant of z. Else theta is 1/2, with errors in
+        even powers of the step.
     """
     count, samples = motion[0].shape
     begin = np.zeros((len(equations), count, samples)) if start is None else start
     loops = _OpenLoops(equations, motion, np.broadcast_to(step, (count, samples)), values, sign, fitted)
     flat = np.moveaxis(begin, 0, 1).reshape(count, -1)
-    roots = newton(loops, flat, settled=_CLOSED, steps=_STEPS, halvings=0)
+    roots = newton(loops, flat, settled=CLOSURE_TOLERANCE, steps=MAX_NEWTON_STEPS, halvings=0)
     recurrence = loops.lack(np.arange(count), roots.unknowns)[1]
-    # what grows in one step alone is on a corner there, and not known to grow in the steps around it
+    # growth within a single step comes from a corner of the law there
     corner = np.maximum(np.einsum("siin->sin", recurrence.forward) - 1, 0).max(axis=(0, 1))
-    # states that start at zero never reach a loop that they flee
-    roots.unknowns[~(roots.size <= _CLOSED) | (recurrence.growth() > 1 + _GAP + corner)] = np.nan
+    roots.unknowns[
+        ~(roots.size <= CLOSURE_TOLERANCE) | (recurrence.growth() > 1 + RESIDUAL_TOLERANCE + corner)
+    ] = np.nan
     return np.moveaxis(roots.unknowns.reshape(count, -1, samples), 1, 0)
+
+
+MAX_NEWTON_STEPS = 25
+MIN_NEWTON_STEPS = 3
+"""Newton steps after which the growth of a disturbance is that of the loop."""
+
+MAX_GROWTH = 10.0
+"""Growth of a disturbance in a period beyond which Newton's method ends: the loop is unstable."""
 
 
 @dataclass(slots=True, eq=False)
@@ -422,14 +425,14 @@ class _OpenLoops:
     values: Sequence[Any] | Array
     sign: float
     fitted: bool
-    taken: int = 0
+    steps_done: int = 0
 
     def lack(self, rows: Indices, unknowns: Array) -> tuple[Array, _Recurrence]:
         """(s, q, k) what each step from sample to sample lacks, and the rule linearised there."""
-        x, v, a = (each[rows] for each in self.motion)
-        own = [value if np.ndim(value) == 0 else value[rows] for value in self.values]
+        x, v, a = (part[rows] for part in self.motion)
+        values = [value if np.ndim(value) == 0 else value[rows] for value in self.values]
         step, states = self.interval[rows], np.moveaxis(unknowns.reshape(len(x), -1, x.shape[1]), 1, 0)
-        rate, slopes = _rates(self.equations, (x, v, a), states, step, own, by_parameters=False)
+        rate, slopes = _rates(self.equations, (x, v, a), states, step, values, by_parameters=False)
         recurrence = _linearised(slopes[:, 2:], step, fitted=self.fitted)
         gain = recurrence.gather(np.transpose(rate, (2, 0, 1))[:, :, None])[:, :, 0]
         before = np.transpose(states, (2, 0, 1))
@@ -440,16 +443,19 @@ class _OpenLoops:
         return self.lack(rows, unknowns)[0].T.reshape(unknowns.shape)
 
     def step(self, rows: Indices, unknowns: Array) -> tuple[Array, Array, Array]:
-        """Relative sizes are those of the worst state; none where states are seen to flee."""
+        """Newton's step, with the relative size of the worst state; NaN where the loop is unstable."""
         lack, recurrence = self.lack(rows, unknowns)
         change = recurrence.solve(lack[:, :, None], self.sign)[:, :, 0].T
         with np.errstate(all="ignore"):
             largest = np.abs(unknowns.reshape(change.shape) + change).max(axis=2)
-            missing = np.maximum(np.abs(change).max(axis=2), np.abs(lack.T).max(axis=2) * (_CLOSED / _GAP))
+            missing = np.maximum(
+                np.abs(change).max(axis=2),
+                np.abs(lack.T).max(axis=2) * (CLOSURE_TOLERANCE / RESIDUAL_TOLERANCE),
+            )
             size = np.where(missing > 0, missing / largest, missing)
-        if self.taken >= _PATIENCE:
-            change[recurrence.growth() > _FLEES] = np.nan
-        self.taken += 1
+        if self.steps_done >= MIN_NEWTON_STEPS:
+            change[recurrence.growth() > MAX_GROWTH] = np.nan
+        self.steps_done += 1
         return lack.T.reshape(unknowns.shape), change.reshape(unknowns.shape), size.max(axis=1)
 
 
@@ -464,12 +470,13 @@ def _rates(
 ) -> tuple[Array, Array]:
     """g (q, n, s) and its slopes (q, 2 + q + p, n, s) by x, v, states, parameters."""
     x, v, a = motion
-    # a share of a switch in z would change with the rate that is being solved for: such switches are sharp
+    # switches in z are sharp: their share of a step would depend on the rate that is being solved for
     sharp = np.zeros_like(states)
-    found = [
-        each((x, v, *states), (v, a, *sharp), step, values, by_parameters=by_parameters) for each in equations
+    results = [
+        equation((x, v, *states), (v, a, *sharp), step, values, by_parameters=by_parameters)
+        for equation in equations
     ]
-    return np.stack([each[0] for each in found]), np.stack([np.stack(each[1:]) for each in found])
+    return np.stack([g for g, *_ in results]), np.stack([np.stack(slopes) for _, *slopes in results])
 
 
 def _linearised(jacobian: Array, step: Array, *, fitted: bool = True) -> _Recurrence:
@@ -498,11 +505,15 @@ def _inverted(matrices: Array) -> Array:
     return inverse
 
 
+MIN_DECAY = 1e-2
+"""Smallest decay in a step at which theta follows from its formula, else from its series."""
+
+
 def _weight(decay: Array) -> Array:
     """Theta from the decay in a step, 1/2 to 1."""
     with np.errstate(all="ignore"):
-        whole = -1 / np.expm1(-decay) - 1 / decay
-    return np.where(decay < _SMALL, 0.5 + decay / 12, whole)
+        theta = -1 / np.expm1(-decay) - 1 / decay
+    return np.where(decay < MIN_DECAY, 0.5 + decay / 12, theta)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -523,34 +534,32 @@ class Loops:
     def sample(self, x: Array, v: Array, a: Array, step: Array, values: Sequence[Any] | Array) -> ForceSample:
         """Evaluate the closed loop along whole periods (n, s); see ``ForceLaw.sample``."""
         step = np.broadcast_to(step, (len(x), 1))
-        memory: list[Array] = []
-        rates: list[Array] = []
-        moved: list[Sequence[Array]] = []
-        follow: list[tuple[int, Follow]] = []
+        memory, rates = list[Array](), list[Array]()
+        moved, perturb = list[Sequence[Array]](), list[tuple[int, Perturbation]]()
         if self._equations:
-            found = close_loops(self._equations, (x, v, a), step, values)
-            memory += list(found.states)
-            rates += list(found.rates)
-            moved += [list(found.by_parameter[:, i]) for i in range(len(found.states))]
-            follow.append((len(found.states), found.follow))
+            loops = close_loops(self._equations, (x, v, a), step, values)
+            memory += list(loops.states)
+            rates += list(loops.rates)
+            moved += [list(loops.by_parameter[:, i]) for i in range(len(loops.states))]
+            perturb.append((len(loops.states), loops.perturb))
         for loop in make_loops(self._virgins, (x, v, a), step, values):
             memory.append(loop.force)
             rates.append(loop.slope * v)
             moved.append(loop.by_parameter)
-            follow.append((1, loop.follow))
+            perturb.append((1, loop.perturb))
         if self._lags:
             memory.append(_quarter_later(x))
             rates.append(_quarter_later(v))
             moved.append([])
-            follow.append((1, _follow_lag))
+            perturb.append((1, _perturb_lag))
         sums = self._force((x, v, *memory), (v, a, *rates), step, values)
         by_parameter = list(sums[3 + len(memory) :])
         for slope, changes in zip(sums[3:], moved, strict=False):
             for i, change in enumerate(changes):
                 by_parameter[i] = by_parameter[i] + slope * change
         by_memory, first = [], 3
-        for count, each in follow:
-            by_memory.append((np.stack(sums[first : first + count]), each))
+        for count, perturbation in perturb:
+            by_memory.append((np.stack(sums[first : first + count]), perturbation))
             first += count
         return ForceSample(sums[0], sums[1], sums[2], tuple(by_parameter), tuple(by_memory))
 
@@ -565,7 +574,7 @@ def _quarter_later(signal: Array) -> Array:
     return np.asarray(np.fft.irfft(spectrum, samples))
 
 
-def _follow_lag(dx: Array, dv: Array) -> Array:
+def _perturb_lag(dx: Array, dv: Array) -> Array:
     return np.broadcast_to(_quarter_later(dx), (1, *dv.shape))
 
 

@@ -2,7 +2,7 @@
 
 A law with memory is  n = f(x, v, z; p),  where every z is one of three kinds: z' = g(x, v, z; p) with z = 0
 at the start; a Masing law, given by its virgin curve; or the displacement a quarter of a period later
-(structural damping). ``memory_form`` takes a law apart into f and these; all later stages work on the parts.
+(structural damping). ``memory_form`` splits a law into f and these; all later stages work on the parts.
 """
 
 from __future__ import annotations
@@ -22,20 +22,19 @@ from rsgen.formula.evaluation import Numeric, compiled
 from rsgen.formula.names import Inner, Masing, State, Structural, remembers
 
 # ----------------------------------------------------------------------------
-# What a virgin curve of a Masing law must be, and the signs that this leaves its parameters.
+# Conditions on the virgin curve of a Masing law, and the signs of parameters that follow.
 
 _TYPICAL = (1.0, 0.3, 2.5)
-"""Values of all parameters, and displacements, at which the sign of a virgin curve is looked at."""
+"""Values of all parameters, and displacements, at which the sign of a virgin curve is determined."""
 
-_AT_ZERO = 1e-12
-"""Force at x = 0, relative to the largest, that is round-off."""
+ZERO_TOLERANCE = 1e-12
+"""Largest force at x = 0, relative to the largest force, that is round-off."""
+
+SMALL_DISPLACEMENT = 1e-9
+"""Displacement below every corner of a curve at these values."""
 
 _TRIALS, _DECADES = 64, 3
-"""Random values of all parameters at which a sign is tried, and decades to both sides of one that they span:
-the power of a curve must come near one, its corners near and far."""
-
-_SMALL = 1e-9
-"""Displacement before any corner of a curve at these values."""
+"""Random values of all parameters at which a sign is tried, and their decades to both sides of one."""
 
 
 def check_virgin(curve: sympy.Expr) -> None:
@@ -53,11 +52,11 @@ def check_virgin(curve: sympy.Expr) -> None:
         raise ExpressionError(f"masing({text}): a virgin curve depends on x")
     names = tuple(sorted(curve.free_symbols - {x}, key=str))
     law = compiled((curve,), (x, *names))
-    places = np.array([0.0, 1e-9, *(1e-3 * size for size in _TYPICAL)])
+    places = np.array([0.0, SMALL_DISPLACEMENT, *(1e-3 * size for size in _TYPICAL)])
     (forces,) = law(places, *np.full((len(names), len(places)), _TYPICAL[0]))
     forces = np.broadcast_to(forces, places.shape)
     largest = float(np.max(np.abs(forces), where=np.isfinite(forces), initial=1.0))
-    if not abs(forces[0]) <= _AT_ZERO * largest:
+    if not abs(forces[0]) <= ZERO_TOLERANCE * largest:
         raise ExpressionError(f"masing({text}): a virgin curve must be zero at x = 0")
     if np.all(forces[2:] < 0):
         raise ExpressionError(
@@ -79,7 +78,7 @@ def positive_in(curve: sympy.Expr, parameter: sympy.Symbol) -> bool:
     generator = np.random.default_rng(0)
     values = 10.0 ** generator.uniform(-_DECADES, _DECADES, (len(names), _TRIALS))
     if not _is_virgin(law, values).any():
-        # of no sign do all hold: nothing follows
+        # no virgin curve for either sign: nothing follows
         return False
     values[names.index(parameter)] *= -1
     return not _is_virgin(law, values).any()
@@ -87,9 +86,11 @@ def positive_in(curve: sympy.Expr, parameter: sympy.Symbol) -> bool:
 
 def _is_virgin(law: Numeric, values: Array) -> NDArray[np.bool_]:
     """(t,) whether the curve is zero at zero and positive near it, at values (p, t)."""
-    (at_zero,), (beside,) = (law(np.full(values.shape[1], place), *values) for place in (0.0, _SMALL))
-    zero = np.abs(at_zero) <= _AT_ZERO * np.abs(beside)
-    return np.asarray(zero & (beside > 0) & np.isfinite(beside))
+    (at_zero,), (nearby,) = (
+        law(np.full(values.shape[1], place), *values) for place in (0.0, SMALL_DISPLACEMENT)
+    )
+    zero = np.abs(at_zero) <= ZERO_TOLERANCE * np.abs(nearby)
+    return np.asarray(zero & (nearby > 0) & np.isfinite(nearby))
 
 
 _FIXED = ("t", "X", "X0", "omega", "F")
@@ -118,7 +119,7 @@ class Curve:
 
 @dataclass(frozen=True, slots=True)
 class MemoryForm:
-    """A law with memory, taken apart.
+    """A law with memory as f(x, v, z; p) and its memories z.
 
     Parameters
     ----------
@@ -184,7 +185,7 @@ def with_memory(force: sympy.Expr, memory: Mapping[str, str | sympy.Expr]) -> sy
     return force.xreplace({z: State(z, equations) for z in ordered})
 
 
-def read_formula(given: str | sympy.Expr | float) -> sympy.Expr:
+def read_formula(formula: str | sympy.Expr | float) -> sympy.Expr:
     """Take a formula as text, or as an expression; nothing else, since SymPy evaluates text in lists.
 
     Raises
@@ -192,11 +193,11 @@ def read_formula(given: str | sympy.Expr | float) -> sympy.Expr:
     ExpressionError
         It is neither, or the text is no formula.
     """
-    if isinstance(given, str):
-        return parse(given)
-    if not isinstance(given, sympy.Expr | float | int):
-        raise ExpressionError(f"a {type(given).__name__} is no formula; text or an expression is needed")
-    return sympy.sympify(given)
+    if isinstance(formula, str):
+        return parse(formula)
+    if not isinstance(formula, sympy.Expr | float | int):
+        raise ExpressionError(f"a {type(formula).__name__} is no formula; text or an expression is needed")
+    return sympy.sympify(formula)
 
 
 def _state(name: str) -> sympy.Symbol:
@@ -240,7 +241,7 @@ def with_equations(force: sympy.Expr) -> str:
 
 @lru_cache(maxsize=256)
 def memory_form(force: sympy.Expr) -> MemoryForm | None:
-    """Take a law with memory apart; None for a law without.
+    """Split a law with memory into its force and its memories; None for a law without.
 
     Raises
     ------

@@ -16,8 +16,8 @@ from numpy.typing import NDArray
 
 from rsgen.common.arrays import Array, ComplexArray
 
-_PEAKS = 128
-"""Samples a period among which the largest is sought: of a sine it is at most 0.03 % below the peak."""
+PEAK_SAMPLES = 128
+"""Samples of a period; the largest one of a sine is at most 0.03 % below its peak."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -66,7 +66,7 @@ class Motion:
 
     def peaks(self) -> Array:
         """(n, 2) largest and smallest displacement [m] among the samples of a period."""
-        x = waveform(np.array(self.harmonics), _PEAKS)
+        x = waveform(np.array(self.harmonics), PEAK_SAMPLES)
         return np.stack([x.max(axis=1), x.min(axis=1)], axis=1)
 
     def states(self) -> Array:

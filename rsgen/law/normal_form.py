@@ -18,36 +18,29 @@ from rsgen.formula.names import STATE_V, STATE_X, Inner
 
 STATES = frozenset((STATE_X, STATE_V))
 
-LARGEST_FORM = 96
-"""More pieces than any law a person writes has; a form that grows beyond is refused instead of hanging."""
+# budgets of the algebra: each keeps a text of a few operations from taking minutes
+MAX_PIECES = 96
+"""Largest number of pieces of a law; one with more is refused."""
 
-LARGEST_EXPANSION = 400
-"""Addends beyond which a power of a sum stays as it is written."""
+MAX_ADDENDS = 400
+"""Largest number of addends of an expanded sum, and of a numerator or denominator of a common fraction."""
 
-LARGEST_PARTS = 10_000
-"""Numbers, names and functions in all of them, beyond which the same holds: a part of a second of algebra."""
+MAX_ATOMS = 10_000
+"""Largest number of numbers, names and functions in an expanded sum."""
 
-_UNDECIDED = 10
-"""Operations in a difference of two thresholds beyond which nobody asks which is larger: to look whether
-factors have a sign takes the library a tenth of a second, and products of steps compare a thousand."""
+MAX_OPERATIONS = 2500
+"""Largest number of operations in all pieces and switch functions. Ten elements of the library have at most
+600, the loop of ramberg-osgood 2483."""
 
-MOST_OPERATIONS = 2500
-"""In all pieces and switch functions together. Ten elements of the library have 600 at most, the loop of
-ramberg-osgood 2483; what has more comes from texts of a few operations whose pieces multiply, and takes
-minutes to differentiate."""
-
-LARGEST_FRACTION = 400
-"""Addends above or below the line beyond which quotients are not brought on one: a fraction in a fraction ten
-deep has thousands, and dividing out takes the square of their number."""
-
-_MANY = 10**9
+COUNT_LIMIT = 10**9
+"""Counts of addends end here."""
 
 
 class Key(NamedTuple):
     """The steps of a term: threshold in x or None, threshold in v or None, functions of other steps.
 
-    ``signs`` are steps H(p) of parameters only. They live while a law is taken apart, so that cases that
-    exclude each other (k > 0 and k < 0) never meet, and end as factors (1 + sign(p))/2.
+    ``signs`` are steps H(p) of parameters only. They exist during the reduction of a law, so that cases that
+    exclude each other (k > 0 and k < 0) are never multiplied, and become factors (1 + sign(p))/2 at its end.
     """
 
     x: sympy.Expr | None = None
@@ -65,8 +58,8 @@ def moves(expression: sympy.Basic) -> bool:
     return any(free in STATES or isinstance(free, Inner) for free in expression.free_symbols)
 
 
-def apart(expression: sympy.Expr, *, as_Add: bool) -> tuple[sympy.Expr, sympy.Expr]:
-    """Split a sum or product into what does not move and what does."""
+def split_moving(expression: sympy.Expr, *, as_Add: bool) -> tuple[sympy.Expr, sympy.Expr]:
+    """Split a sum or product into the part free of x, v and memories, and the rest."""
     moving = [free for free in expression.free_symbols if isinstance(free, Inner)]
     split: tuple[sympy.Expr, sympy.Expr] = expression.as_independent(STATE_X, STATE_V, *moving, as_Add=as_Add)
     return split
@@ -94,15 +87,15 @@ def step(x: sympy.Expr | None = None, v: sympy.Expr | None = None, other: sympy.
 
 
 def sign_of_parameter(value: sympy.Expr) -> Form:
-    """Return sign(value) of something that does not move, by the signs of its factors."""
+    """Return sign(value) of an expression of parameters, by the signs of its factors."""
     form = constant(1)
-    whole = value if is_long(value) else sympy.factor_terms(sympy.together(value))
-    for factor in sympy.Mul.make_args(whole):
+    product = value if is_long(value) else sympy.factor_terms(sympy.together(value))
+    for factor in sympy.Mul.make_args(product):
         base, exponent = factor.as_base_exp()
         factor = base if exponent.is_integer and exponent.is_number and exponent % 2 else factor
-        known = sympy.sign(factor)
-        if known.is_number:
-            form = scale(form, known)
+        sign = sympy.sign(factor)
+        if sign.is_number:
+            form = scale(form, sign)
             continue
         if factor.could_extract_minus_sign():
             factor, form = -factor, scale(form, -1)
@@ -112,7 +105,7 @@ def sign_of_parameter(value: sympy.Expr) -> Form:
 
 
 def step_of_parameter(value: sympy.Expr) -> Form:
-    """Return H(value) of something that does not move."""
+    """Return H(value) of an expression of parameters."""
     return scale(add(constant(1), sign_of_parameter(value)), sympy.Rational(1, 2))
 
 
@@ -140,17 +133,19 @@ def _growth(expression: sympy.Basic) -> tuple[int, int]:
     if not inner:
         return 1, 1
     if expression.is_Add:
-        return min(sum(count for count, _ in inner), _MANY), max(parts for _, parts in inner)
+        return min(sum(count for count, _ in inner), COUNT_LIMIT), max(parts for _, parts in inner)
     if expression.is_Mul:
-        return min(prod(count for count, _ in inner), _MANY), min(sum(parts for _, parts in inner), _MANY)
+        return min(prod(count for count, _ in inner), COUNT_LIMIT), min(
+            sum(parts for _, parts in inner), COUNT_LIMIT
+        )
     if expression.is_Pow and expression.exp.is_Integer:
         (count, parts), power = inner[0], min(abs(int(expression.exp)), 500)
-        raised = min(comb(count + power - 1, power), _MANY)
-        parts = min(parts * min(power, count), _MANY)
+        raised = min(comb(count + power - 1, power), COUNT_LIMIT)
+        parts = min(parts * min(power, count), COUNT_LIMIT)
         if expression.exp > 0:
             return raised, parts
-        return 1, _MANY if raised > LARGEST_EXPANSION else min(raised * parts, _MANY)
-    return 1, min(1 + sum(count * parts for count, parts in inner), _MANY)
+        return 1, COUNT_LIMIT if raised > MAX_ADDENDS else min(raised * parts, COUNT_LIMIT)
+    return 1, min(1 + sum(count * parts for count, parts in inner), COUNT_LIMIT)
 
 
 @lru_cache(maxsize=4096)
@@ -158,26 +153,30 @@ def _fraction_growth(expression: sympy.Expr) -> tuple[int, int]:
     """Bound the addends above and below the line when an expression becomes one fraction."""
     if expression.is_Add:
         parts = [(sympy.fraction(term)[1], *_fraction_growth(term)) for term in expression.args]
-        below = min(prod({line: count for line, _, count in parts}.values()), _MANY)
-        return min(sum(above * below // count for _, above, count in parts), _MANY), below
+        below = min(prod({line: count for line, _, count in parts}.values()), COUNT_LIMIT)
+        return min(sum(above * below // count for _, above, count in parts), COUNT_LIMIT), below
     if expression.is_Mul:
         lines = [_fraction_growth(factor) for factor in expression.args]
-        return min(prod(above for above, _ in lines), _MANY), min(prod(below for _, below in lines), _MANY)
+        return min(prod(above for above, _ in lines), COUNT_LIMIT), min(
+            prod(below for _, below in lines), COUNT_LIMIT
+        )
     if expression.is_Pow and expression.exp.is_Integer:
         power = min(abs(int(expression.exp)), 500)
-        above, below = (min(comb(n + power - 1, power), _MANY) for n in _fraction_growth(expression.base))
+        above, below = (
+            min(comb(n + power - 1, power), COUNT_LIMIT) for n in _fraction_growth(expression.base)
+        )
         return (above, below) if expression.exp > 0 else (below, above)
     return 1, 1
 
 
 def is_long(expression: sympy.Expr) -> bool:
     """Decide whether an expression is too long to become one fraction or a polynomial: a budget in terms."""
-    return max(_fraction_growth(expression)) > LARGEST_FRACTION or _explodes(expression)
+    return max(_fraction_growth(expression)) > MAX_ADDENDS or _explodes(expression)
 
 
 def _explodes(expression: sympy.Expr) -> bool:
     addends, parts = _growth(expression)
-    return addends > LARGEST_EXPANSION or addends * parts > LARGEST_PARTS
+    return addends > MAX_ADDENDS or addends * parts > MAX_ATOMS
 
 
 def _tidy(addend: sympy.Expr) -> sympy.Expr:
@@ -209,6 +208,10 @@ def expanded(term: sympy.Expr) -> sympy.Expr:
     return term
 
 
+MAX_COMPARED_OPERATIONS = 10
+"""Largest number of operations in a difference of thresholds whose sign is asked for: SymPy takes 0.1 s."""
+
+
 @lru_cache(maxsize=4096)
 def _larger(a: sympy.Expr | None, b: sympy.Expr | None) -> sympy.Expr | None:
     if a is None or a == b:
@@ -216,7 +219,7 @@ def _larger(a: sympy.Expr | None, b: sympy.Expr | None) -> sympy.Expr | None:
     if b is None:
         return a
     difference = sympy.expand_mul(a - b)
-    if not difference.is_number and sympy.count_ops(difference) > _UNDECIDED:
+    if not difference.is_number and sympy.count_ops(difference) > MAX_COMPARED_OPERATIONS:
         return sympy.Max(*{*_candidates(a), *_candidates(b)}, evaluate=False)
     if difference.is_nonnegative:
         return a
@@ -259,9 +262,9 @@ def multiply(left: Form, right: Form) -> Form:
     ExpressionError
         The product has more pieces than any sensible law.
     """
-    if len(left) * len(right) > 8 * LARGEST_FORM:
+    if len(left) * len(right) > 8 * MAX_PIECES:
         raise ExpressionError(
-            f"law: more than {LARGEST_FORM} pieces behind switches; write it with fewer abs, sign, Min, Max"
+            f"law: more than {MAX_PIECES} pieces behind switches; write it with fewer abs, sign, Min, Max"
         )
     products = [
         {Key(_larger(a.x, b.x), _larger(a.v, b.v), a.others | b.others, a.signs | b.signs): expanded(f * g)}
@@ -269,8 +272,8 @@ def multiply(left: Form, right: Form) -> Form:
         for b, g in right.items()
     ]
     product = add(*products)
-    if len(product) > LARGEST_FORM:
+    if len(product) > MAX_PIECES:
         raise ExpressionError(
-            f"law: more than {LARGEST_FORM} pieces behind switches; write it with fewer abs, sign, Min, Max"
+            f"law: more than {MAX_PIECES} pieces behind switches; write it with fewer abs, sign, Min, Max"
         )
     return product

@@ -51,7 +51,7 @@ class _ReadablePrinter(TextPrinter):
         ]
 
     def quotient(self, above: Sequence[sympy.Expr], below: Sequence[sympy.Expr]) -> str:
-        integrals, rest = _integrals_apart(above)
+        integrals, rest = _separate_integrals(above)
         front = [super().quotient(rest, below)] if rest or below or not integrals else []
         return self.times.join([*front, *map(self.write, integrals)])
 
@@ -214,7 +214,7 @@ def _is_wide(factor: sympy.Expr) -> bool:
     ) or any(isinstance(part, sympy.Piecewise) for part in factor.args)
 
 
-def _integrals_apart(factors: Sequence[sympy.Expr]) -> tuple[list[sympy.Expr], list[sympy.Expr]]:
+def _separate_integrals(factors: Sequence[sympy.Expr]) -> tuple[list[sympy.Expr], list[sympy.Expr]]:
     """Separate integrals, which stand behind a fraction, from all other factors."""
     integrals = [factor for factor in factors if isinstance(factor, sympy.Integral)]
     return integrals, [factor for factor in factors if factor not in integrals]

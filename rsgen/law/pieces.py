@@ -2,8 +2,7 @@
 
 A law is a sum of smooth terms, each behind the product of at most a few switches,
 n(x, v) = sum_j d_j(x, v) * prod_i H(s_ji),  where H is the unit step. Describing functions integrate it piece
-by piece, the kernel compiles it with the switches as events, and identification differentiates it; nothing
-else takes a law apart.
+by piece, the kernel compiles it with the switches as events, and identification differentiates it.
 """
 
 from __future__ import annotations
@@ -19,7 +18,7 @@ from rsgen.common.errors import ExpressionError
 from rsgen.formula import symbol
 from rsgen.formula.evaluation import compiled
 from rsgen.law.memory import memory_form
-from rsgen.law.normal_form import MOST_OPERATIONS, Form, Key, add, expanded, moves
+from rsgen.law.normal_form import MAX_OPERATIONS, Form, Key, add, expanded, moves
 from rsgen.law.rewriting import inner_switches, reduce_law
 
 # ----------------------------------------------------------------------------
@@ -71,7 +70,7 @@ class Piece:
     Max and Min of x or v, and where it depends on x or v it contains sign nowhere, and Abs and Heaviside only
 
     * as ``Abs(g)**p`` with an exponent p that is no whole number (real on both sides of g = 0), and
-    * inside functions and denominators, where taking them apart would lose all digits: ``exp(-Abs(v)/w)``,
+    * inside functions and denominators, where a decomposition would lose all digits: ``exp(-Abs(v)/w)``,
       ``log(1 + Abs(x))``, ``v/(1 + Abs(v))``. What stands there belongs to switches of the normal form, so
       in a known mode ``Abs(x - b)`` is plus or minus ``x - b`` and ``Heaviside(x - b)`` is one or zero.
 
@@ -180,9 +179,9 @@ def normal_form(force: sympy.Expr, positive: frozenset[str] = frozenset()) -> No
     form = reduce_law(_along_states(force).xreplace(known))
     operations = sum(term.count_ops() for term in form.values())
     operations += sum(function.count_ops() for key in form for function in key.others)
-    if operations > MOST_OPERATIONS:
+    if operations > MAX_OPERATIONS:
         raise ExpressionError(
-            f"law: its pieces, multiplied out, take {operations} operations, at most {MOST_OPERATIONS} are "
+            f"law: its pieces, multiplied out, take {operations} operations, at most {MAX_OPERATIONS} are "
             "allowed; write it with fewer abs, sign, Min, Max, Piecewise or powers of sums"
         )
     return _sorted({_mapped(key, renamed): renamed(term) for key, term in form.items()})
@@ -228,7 +227,7 @@ def normal_form_at(force: sympy.Expr, values: Mapping[str, float]) -> NormalForm
 
 @lru_cache(maxsize=512)
 def _choices(force: sympy.Expr) -> tuple[sympy.Expr, ...]:
-    """List what in the normal form depends on signs or the order of parameters."""
+    """List the functions in the normal form that signs or the order of parameters decide."""
     form = normal_form(force)
     places = [piece.term for piece in form.pieces] + [switch.function for switch in form.switches]
     found = {choice for place in places for choice in place.atoms(*CHOICES) if not moves(choice)}

@@ -1,7 +1,9 @@
-"""The walk through a law: every abs, sign, Heaviside, Piecewise, Min and Max becomes steps and terms.
+"""Reduction of a law: every abs, sign, Heaviside, Piecewise, Min and Max becomes steps and terms.
+
+    |s| = s sign(s),  sign(s) = 2 H(s) - 1,  Max(a, b) = b + (a - b) H(a - b)
 
 Sums and products are decomposed completely. Inside other functions (exp, log, non-integer powers,
-denominators) a decomposition would give differences of huge or undefined numbers: exp(-abs(v)/w) would become
+denominators) a decomposition would give differences of huge or undefined numbers: exp(-abs(v)/w) would be
 exp(v/w) plus a step times (exp(-v/w) - exp(v/w)). There Abs(g) and Heaviside(s) of one switch stay, and a
 term is smooth between the switches.
 """
@@ -23,7 +25,6 @@ from rsgen.law.normal_form import (
     Form,
     Key,
     add,
-    apart,
     complement,
     constant,
     expanded,
@@ -33,6 +34,7 @@ from rsgen.law.normal_form import (
     multiply,
     scale,
     sign_of_parameter,
+    split_moving,
     step,
     step_of_parameter,
     without_signs,
@@ -41,12 +43,11 @@ from rsgen.law.normal_form import (
 # ----------------------------------------------------------------------------
 # Where a smooth function of x and v changes its sign: H(s) as steps x - b and v - w where that can be.
 
-LARGEST_COEFFICIENT = 2**128
-"""Polynomials with larger numbers, above or below the line, are not factored: 1e300 in a law of three minima
-took half a minute. Numbers of twice the digits of a double are below."""
+MAX_COEFFICIENT = 2**128
+"""Largest numerator or denominator in a polynomial that is factored: of 1e300 it took half a minute."""
 
-HIGHEST_DEGREE = 12
-"""Polynomials beyond are not factored: their roots would be numbers without meaning to a reader."""
+MAX_DEGREE = 12
+"""Largest degree of a polynomial that is factored."""
 
 _INVERSE: dict[type, tuple[Callable[[sympy.Expr], sympy.Expr], float, float]] = {
     sympy.exp: (sympy.log, 0, sympy.oo),
@@ -102,7 +103,7 @@ def _polynomial(factor: sympy.Expr, variable: sympy.Symbol) -> Form | None:
         return multiply(_signs_from_roots(variable, [threshold]), sign_of_parameter(slope))
     if degree == 2:
         return _quadratic(variable, *coefficients)
-    if degree <= HIGHEST_DEGREE and all(c.is_Rational for c in coefficients):
+    if degree <= MAX_DEGREE and all(c.is_Rational for c in coefficients):
         # irreducible: real roots are simple and no radicals worth reading
         roots = [root.evalf(30) for root in sympy.real_roots(polynomial)]
         return scale(_signs_from_roots(variable, roots), sympy.sign(coefficients[0]))
@@ -115,12 +116,12 @@ def _polynomial(factor: sympy.Expr, variable: sympy.Symbol) -> Form | None:
 
 def _monotone(factor: sympy.Expr) -> Form | None:
     """Return the sign of a f(g) + c for an increasing f, by g against the inverse of f at -c/a."""
-    offset, moving = apart(factor, as_Add=True)
-    slope, inner = apart(moving, as_Add=False)
-    known = _INVERSE.get(type(inner))
-    if known is None:
+    offset, moving = split_moving(factor, as_Add=True)
+    slope, inner = split_moving(moving, as_Add=False)
+    entry = _INVERSE.get(type(inner))
+    if entry is None:
         return None
-    inverse, lowest, highest = known
+    inverse, lowest, highest = entry
     level = -offset / slope
     unbounded = lowest == -sympy.oo and highest == sympy.oo
     if not (unbounded or level.is_number):
@@ -150,10 +151,10 @@ def _sign_of_factor(factor: sympy.Expr) -> Form:
     if factor.is_nonpositive:
         return constant(-1)
     states = factor.free_symbols & {STATE_X, STATE_V}
-    known = _polynomial(factor, states.pop()) if len(states) == 1 else None
-    if known is None:
-        known = _monotone(factor)
-    return _other(factor) if known is None else known
+    form = _polynomial(factor, states.pop()) if len(states) == 1 else None
+    if form is None:
+        form = _monotone(factor)
+    return _other(factor) if form is None else form
 
 
 @lru_cache(maxsize=4096)
@@ -168,9 +169,9 @@ def _factors(function: sympy.Expr) -> tuple[tuple[sympy.Expr, int], ...]:
             exponent = int(power) if power.is_Integer else 1
             root = root if power.is_Integer else base
             degrees = [sympy.degree(root, s) for s in (STATE_X, STATE_V) if root.is_polynomial(s)]
-            small = len(degrees) == 2 and sum(degrees) <= HIGHEST_DEGREE and not _explodes(root)
-            found = _factored(root) if small and root.is_Add and len(root.args) <= 12 else ((root, 1),)
-            listed.extend((factor, exponent * order) for factor, order in found)
+            small = len(degrees) == 2 and sum(degrees) <= MAX_DEGREE and not _explodes(root)
+            factors = _factored(root) if small and root.is_Add and len(root.args) <= 12 else ((root, 1),)
+            listed.extend((factor, exponent * order) for factor, order in factors)
     return tuple(listed)
 
 
@@ -185,7 +186,7 @@ def _factored(function: sympy.Expr) -> tuple[tuple[sympy.Expr, int], ...]:
 
 def _explodes(expression: sympy.Expr) -> bool:
     """Decide whether numbers are long, or a power of a number, as exp(1e29), would be a long polynomial."""
-    if any(_longest(number) > LARGEST_COEFFICIENT for number in expression.atoms(sympy.Rational)):
+    if any(_longest(number) > MAX_COEFFICIENT for number in expression.atoms(sympy.Rational)):
         return True
     powers = (power.exp for power in expression.atoms(sympy.Pow, sympy.exp) if power.exp.is_Rational)
     return any(_longest(power) > EXPONENT for power in powers)
@@ -213,11 +214,8 @@ def step_of_smooth(function: sympy.Expr) -> Form:
 SWITCHING = (sympy.Abs, sympy.sign, sympy.Heaviside, sympy.Piecewise, sympy.Max, sympy.Min)
 _EVEN = (sympy.cos, sympy.cosh)
 _ODD = (sympy.sin, sympy.tan, sympy.sinh, sympy.tanh, sympy.asin, sympy.atan)
-_MOST_FACTORS = 64
-_MOST_BITS = 4000
-"""Of the numbers in a law that is multiplied out, four times what the language allows to be written."""
-MOST_NESTED = 7
-"""Switches inside a switch function: each may be on or off, so that the cases double with every one."""
+MAX_BITS = 4000
+"""Largest length of a number in an expanded law, four times that of a number in a text."""
 
 
 def _switches(expression: sympy.Basic) -> bool:
@@ -241,7 +239,7 @@ def reduce_law(force: sympy.Expr) -> Form:
     form = without_signs(_form(force.xreplace(exact)))
     reduced = {key: _cancelled(expanded(term)) for key, term in form.items()}
     numbers = (number for term in reduced.values() for number in term.atoms(sympy.Rational))
-    if any(max(int(n.p).bit_length(), int(n.q).bit_length()) > _MOST_BITS for n in numbers):
+    if any(max(int(n.p).bit_length(), int(n.q).bit_length()) > MAX_BITS for n in numbers):
         raise ExpressionError(
             "law: multiplied out it has a number of more than a thousand digits; use numbers and powers of "
             "sizes that a measurement has"
@@ -286,7 +284,7 @@ def _form(expression: sympy.Expr) -> Form:
 def _check_power(expression: sympy.Pow) -> None:
     if expression.exp.is_integer or not moves(expression.base):
         return
-    _, rest = apart(expression.base, as_Add=False)
+    _, rest = split_moving(expression.base, as_Add=False)
     if rest in (STATE_X, STATE_V):
         raise ExpressionError(
             f"law: {expression}: not real for negative {rest}; write abs({rest})**p*sign({rest}) for an odd "
@@ -296,7 +294,7 @@ def _check_power(expression: sympy.Pow) -> None:
 
 def _power(power: sympy.Pow) -> Form:
     base, exponent = power.as_base_exp()
-    if exponent.is_Integer and 0 < exponent <= _MOST_FACTORS:
+    if exponent.is_Integer and 0 < exponent <= EXPONENT:
         if isinstance(base, sympy.Abs):
             inner = base.args[0]
             even = inner ** (exponent - exponent % 2)
@@ -312,7 +310,7 @@ def _power(power: sympy.Pow) -> Form:
     if moves(exponent) or not exponent.is_real:
         return constant(_within(power))
     if isinstance(base, sympy.Abs) and not _switches(base.args[0]):
-        coefficient, rest = apart(base.args[0], as_Add=False)
+        coefficient, rest = split_moving(base.args[0], as_Add=False)
         return constant(sympy.Abs(coefficient) ** exponent * sympy.Abs(rest) ** exponent)
     if base.is_Mul:
         signless = [f for f in base.args if f.is_nonnegative]
@@ -340,7 +338,7 @@ def _power_of(base: sympy.Expr, exponent: sympy.Expr) -> Form:
 
 
 def _absolute(inner: sympy.Expr) -> Form:
-    coefficient, rest = apart(inner, as_Add=False)
+    coefficient, rest = split_moving(inner, as_Add=False)
     if _switches(rest):
         return scale(multiply(_form(rest), _sign(rest)), sympy.Abs(coefficient))
     return scale(scale(sign_of_smooth(rest), rest), sympy.Abs(coefficient))
@@ -364,11 +362,11 @@ def _step(inner: sympy.Expr) -> Form:
 
 def _step_of_distance(inner: sympy.Expr) -> Form | None:
     """Return H(a abs(g) + c) with the two thresholds +-max(0, -c/a), which holds for either sign of c."""
-    offset, moving = apart(inner, as_Add=True)
-    slope, distance = apart(moving, as_Add=False)
+    offset, moving = split_moving(inner, as_Add=True)
+    slope, distance = split_moving(moving, as_Add=False)
     if not isinstance(distance, sympy.Abs) or _switches(distance.args[0]):
         return None
-    factor, function = apart(distance.args[0], as_Add=False)
+    factor, function = split_moving(distance.args[0], as_Add=False)
     reach = sympy.expand_mul(-offset / (slope * sympy.Abs(factor)))
     if reach.is_nonpositive:
         outside = constant(1)
@@ -380,21 +378,25 @@ def _step_of_distance(inner: sympy.Expr) -> Form | None:
     return scale(add(constant(1), sign), sympy.Rational(1, 2))
 
 
+MAX_NESTED_SWITCHES = 7
+"""Largest number of switches inside a switch function; each doubles the number of cases."""
+
+
 def _step_by_cases(form: Form) -> Form:
     """Return H(sum of terms behind steps): with one step on and off in turn, until none is left."""
-    if len({single for key in form for single in _singles(key)}) > MOST_NESTED:
+    if len({single for key in form for single in _singles(key)}) > MAX_NESTED_SWITCHES:
         raise ExpressionError(
-            f"law: a condition with more than {MOST_NESTED} switches of its own; write it with fewer abs, "
-            "sign, Min, Max inside each other"
+            f"law: a condition with more than {MAX_NESTED_SWITCHES} switches of its own; write it with fewer "
+            "abs, sign, Min, Max inside each other"
         )
     for key in form:
         for single in _singles(key):
-            on = add(*({_without(k, single): t} for k, t in form.items()))
-            off = {k: t for k, t in form.items() if single not in _singles(k)}
+            with_step = add(*({_without(k, single): t} for k, t in form.items()))
+            without_step = {k: t for k, t in form.items() if single not in _singles(k)}
             indicator: Form = {single: sympy.S.One}
             return add(
-                multiply(indicator, _step_by_cases(on)),
-                multiply(complement(indicator), _step_by_cases(off)),
+                multiply(indicator, _step_by_cases(with_step)),
+                multiply(complement(indicator), _step_by_cases(without_step)),
             )
     term = form.get(ALWAYS, sympy.S.Zero)
     return step_of_smooth(term) if moves(term) else step_of_parameter(term)
@@ -420,10 +422,10 @@ def _without(key: Key, single: Key) -> Key:
 
 def _extreme(extreme: sympy.Max | sympy.Min) -> Form:
     """Return Max(a, b) = b + (a - b) H(a - b), Min likewise with the step the other way."""
-    still = [argument for argument in extreme.args if not moves(argument)]
+    constants = [argument for argument in extreme.args if not moves(argument)]
     arguments = [argument for argument in extreme.args if moves(argument)]
-    if still:
-        arguments.append(extreme.func(*still))
+    if constants:
+        arguments.append(extreme.func(*constants))
     arguments.sort(key=lambda a: (moves(a), sympy.default_sort_key(a)))
     first, *rest = arguments
     largest = _form(first)
@@ -442,9 +444,9 @@ def _extreme(extreme: sympy.Max | sympy.Min) -> Form:
 def _piecewise(law: sympy.Piecewise) -> Form:
     remaining, total = constant(1), dict[Key, sympy.Expr]()
     for branch, condition in law.args:
-        here = multiply(remaining, _condition(condition))
-        total = add(total, multiply(here, _form(branch)))
-        remaining = add(remaining, scale(here, -1))
+        case = multiply(remaining, _condition(condition))
+        total = add(total, multiply(case, _form(branch)))
+        remaining = add(remaining, scale(case, -1))
     if remaining:
         raise ExpressionError(
             f"law: {law}: not defined everywhere; the last branch of a Piecewise needs the condition True"
@@ -472,10 +474,10 @@ def _condition(condition: sympy.Basic) -> Form:
 
 
 def _function(function: sympy.Expr) -> Form:
-    """Take apart f(g) where that is exact and harmless: parity, or one term behind steps; else keep it."""
+    """Write f(g) as steps and terms if that is exact: by parity, or one term behind steps; else keep it."""
     if len(function.args) == 1:
         (argument,) = function.args
-        coefficient, rest = apart(argument, as_Add=False)
+        coefficient, rest = split_moving(argument, as_Add=False)
         if isinstance(rest, sympy.Abs) and isinstance(function, _EVEN):
             return _form(function.func(coefficient * rest.args[0]))
         if isinstance(rest, sympy.Abs) and isinstance(function, _ODD):

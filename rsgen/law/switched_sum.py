@@ -22,9 +22,9 @@ if TYPE_CHECKING:
     from rsgen.law.motion import FourierSeries
 
 # ----------------------------------------------------------------------------
-# A law along periodic motions: its force and how the force follows parameters and motion.
+# A law along periodic motions: its force and the derivatives by parameters and motion.
 
-Follow = Callable[[Array, Array], Array]
+Perturbation = Callable[[Array, Array], Array]
 """From changes of displacement (d, s) [m] and velocity (n, d, s) [m/s] along n motions to those of q memories
 (q, n, d, s)."""
 
@@ -34,14 +34,14 @@ class ForceSample:
     """The law along a motion: force n, slopes dn/dx and dn/dv, and dn/dp for each parameter (same shape).
 
     Slopes by x and v are those with all memories kept; ``by_memory`` has the others: dn/dz (q, n, s) of some
-    memories and how these follow a change of the whole motion.
+    memories and their change for a change of the whole motion.
     """
 
     force: Array
     by_x: Array
     by_v: Array
     by_parameter: tuple[Array, ...]
-    by_memory: tuple[tuple[Array, Follow], ...] = ()
+    by_memory: tuple[tuple[Array, Perturbation], ...] = ()
 
     def tangent(self, series: FourierSeries, omega: Array) -> Array:
         """(n, d, d) derivative of the projected force by the coordinates of the motion (column).
@@ -54,8 +54,8 @@ class ForceSample:
             (n,) base frequency [rad/s].
         """
         tangent = series.tangent(self.by_x, omega[:, None] * self.by_v)
-        for slope, follow in self.by_memory:
-            change = follow(series.shape, omega[:, None, None] * series.rate)
+        for slope, perturbation in self.by_memory:
+            change = perturbation(series.shape, omega[:, None, None] * series.rate)
             moved = np.sum(slope[:, :, None] * change, axis=0)
             tangent += np.swapaxes(moved @ series.project, 1, 2)
         return tangent
@@ -171,11 +171,11 @@ def _share(outputs: Sequence[Any], switch: _Step, rates: Sequence[Array], step: 
             speed = speed + outputs[index] * rate
     width = np.abs(speed) * step
     share = value / width
-    still = (value == 0) & (width == 0)
-    share[still] = 0.0
+    constant_zero = (value == 0) & (width == 0)
+    share[constant_zero] = 0.0
     share += 0.5
     slope = np.where((share > 0) & (share < 1), 1 / width, 0.0)
-    slope[still] = 0.0
+    slope[constant_zero] = 0.0
     return np.clip(share, 0.0, 1.0, out=share), slope
 
 
