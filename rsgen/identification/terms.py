@@ -64,10 +64,8 @@ def terms_beside(fit: Fit, noise: float, terms: Sequence[str] = MISSING_TERMS) -
     terms = [term for term in terms if make_element("term", term).force not in given]
     problem, parameters, added = with_terms(fit.problem, fit, terms)
     residual, matrix = linearise_beside(fit, problem, parameters)
-    if not residual.size:
-        # a loop that is not followed with another term beside it says nothing of that term
-        return {term: Alternative(0.0, np.inf, np.zeros(len(parameters) - len(added))) for term in terms}
-    right, rows = residual.reshape(-1) / noise, matrix.reshape(residual.size, -1) / noise
+    # none where no loop is followed with another term beside it
+    right, rows = residual.reshape(-1) / noise, matrix.reshape(residual.size, len(parameters)) / noise
     kept = np.delete(np.arange(len(parameters)), added)
     none = np.zeros(len(parameters)), np.zeros((0, len(right)))
     found = alternatives(right, rows[:, kept], rows[:, added], *none, problem.free[kept])
@@ -104,7 +102,7 @@ def backgrounds_beside(fit: Fit, noise: float) -> dict[str, Alternative]:
     names, known = seen.background.names, dict(zip(observed.background.names, fit.background, strict=True))
     start = fit.problem.join(fit.values, fit.mass, np.array([known.get(name, 0.0) for name in names]))
     residual, matrix = linearise_beside(fit, replace(fit.problem, observed=seen), start)
-    right, rows = residual.reshape(-1) / noise, matrix.reshape(residual.size, -1) / noise
+    right, rows = residual.reshape(-1) / noise, matrix.reshape(residual.size, len(start)) / noise
     of_law = np.flatnonzero(fit.problem.free[:count])
 
     def solve(those: Collection[str]) -> tuple[Array, float]:
