@@ -7,11 +7,12 @@ import pytest
 
 import rsgen as rs
 from rsgen.data.oscillator import join_model
+from rsgen.identification.fitting.fit import Fit
 from rsgen.identification.fitting.observed import MISSING_TERMS
 from rsgen.identification.identify import fit_all_harmonics
 from rsgen.identification.judge import prepare
 from rsgen.identification.starting.start import start_fit
-from rsgen.identification.terms import terms_beside
+from rsgen.identification.terms import backgrounds_beside, terms_beside
 
 LAW = "k*x + c*v + k3*x**3 + cq*v*abs(v)"
 TRUE = {"k": 5920.0, "c": 2.0, "k3": 2.0e5, "cq": 1.2}
@@ -24,10 +25,15 @@ def measured(law: str, values: dict[str, float], levels: list[float], seed: int 
     return rs.simulate(rs.Oscillator(1.5, law, values), test)
 
 
+def fitted(law: str, surface: rs.ResponseSurface) -> Fit:
+    """The fit of a law, as far as terms are asked beside it."""
+    problem, start = start_fit(prepare(surface, join_model(law, None, None)).problem)
+    return fit_all_harmonics(problem, start)
+
+
 def gains(law: str, surface: rs.ResponseSurface) -> dict[str, float]:
     """Gains of all terms beside a law."""
-    problem, start = start_fit(prepare(surface, join_model(law, None, None)).problem)
-    fit = fit_all_harmonics(problem, start)
+    fit = fitted(law, surface)
     return {term: one.gain for term, one in terms_beside(fit, fit.regression.noise).items()}
 
 
@@ -84,3 +90,16 @@ def test_what_fundamentals_do_not_show_is_said_with_what_it_moves() -> None:
     assert found["k3"].interval[0] < combined < found["k3"].interval[1]
     codes = {finding.code for finding in rs.identify(whole, cubic).findings}
     assert "even-terms-not-seen" not in codes
+
+
+def test_loops_that_nothing_follows_have_no_alternatives(monkeypatch: pytest.MonkeyPatch) -> None:
+    """No point was left with a term beside the law, and identification ended in a ValueError."""
+    fit = fitted(LAW, measured(LAW, TRUE, [1.0, 4.0]))
+
+    def nothing(fit: Fit, problem: object, parameters: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        return np.zeros((0, 4)), np.zeros((0, 4, len(parameters)))
+
+    monkeypatch.setattr("rsgen.identification.terms.linearise_beside", nothing)
+    others = terms_beside(fit, 1.0) | backgrounds_beside(fit, 1.0)
+    assert {"x**5", "constant"} <= set(others)
+    assert not any(one.gain for one in others.values())
