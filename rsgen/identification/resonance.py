@@ -1,7 +1,13 @@
-"""Resonances: the paper's way from them to mass, k(X) and c(X); and what they alone determine without a mass.
+"""Resonances of a test: the paper's method, and identification without a mass at phase resonance.
 
-Liu et al., Sec. 1.2. At the resonance the displacement lags a quarter period, so that Re F/X = k - m omega^2
-vanishes: k(X) = m omega_n^2 and c(X) = 2 zeta m omega_n hold for the amplitude reached there.
+At phase resonance the displacement lags a quarter period, so that Re F/X = k(X) - m omega^2 vanishes. With
+the resonance frequency omega_n and the damping ratio zeta of each level,
+
+    k(X) = m omega_n^2,    c(X) = Im F/X / omega_n = 2 zeta m omega_n
+
+at the amplitude X reached there; the parameters of a law follow by linear least squares (Liu et al., Sec.
+1.2). The mass is the slope of Re F/X over omega^2 at one amplitude. Where all points lie at resonance there
+is no such slope: then only ratios to the mass are identifiable (second half of this module).
 """
 
 from __future__ import annotations
@@ -38,23 +44,23 @@ from rsgen.identification.starting.start import solve_equations
 from rsgen.law.motion import project, sine_motion
 from rsgen.law.numeric import ForceLaw
 
-_STEEP = np.cos(np.pi / 5)
-"""Off a jump, neighbours differ in phase by less than this cosine says (36 degrees)."""
+_MIN_COSINE_OF_STEP = np.cos(np.pi / 5)
+"""Cosine of the phase difference of neighbours, 36 degrees, below which a jump is between them."""
 
-_NEAR = 0.6
-"""Cotangent of a lag 30 degrees from a quarter period: a single point nearer is a resonance of its level."""
+_MAX_COTANGENT = 0.6
+"""Cotangent of a lag 30 degrees off a quarter period, within which a single point is a resonance."""
 
-_BENT = 2.0
-"""Re F/X that falls more times faster than the inertia alone takes the stiffness with it, as in a jump."""
+_MAX_FALL_TO_INERTIA = 2.0
+"""Fall of Re F/X between neighbours, relative to that by inertia, beyond which a jump is between them."""
 
 
-def _neighbours(points: Points, run: NDArray[np.intp]) -> NDArray[np.bool_]:
-    """(len(run) - 1,) True where two neighbours lie on one smooth branch."""
+def _smooth_steps(points: Points, run: NDArray[np.intp]) -> NDArray[np.bool_]:
+    """Return the mask (len(run) - 1,) of neighbours on one smooth branch."""
     stiffness = points.force[run] / points.harmonics[run, 1]
     size = np.abs(points.harmonics[run, 1])
     ratio = size[1:] / size[:-1]
     turn = (stiffness[1:] * np.conj(stiffness[:-1])).real / np.abs(stiffness[1:] * stiffness[:-1])
-    return np.asarray((ratio < JUMP) & (ratio > 1 / JUMP) & (turn > _STEEP))
+    return np.asarray((ratio < JUMP) & (ratio > 1 / JUMP) & (turn > _MIN_COSINE_OF_STEP))
 
 
 def find_resonances(points: Points, mass: float) -> tuple[tuple[Resonance, ...], NDArray[np.float64]]:
@@ -63,17 +69,17 @@ def find_resonances(points: Points, mass: float) -> tuple[tuple[Resonance, ...],
     Returns
     -------
     resonances
-        Ascending in level; a level whose points do not reach the resonance has none.
+        Ascending in level; none for a level whose points do not reach the resonance.
     turning
-        (r, 2) largest and smallest displacement [m] there.
+        (r, 2) largest and smallest displacement [m] at the resonances.
     """
     stiffness = points.force / points.harmonics[:, 1]
     amplitude = points.amplitude
     found: list[Resonance] = []
     places: list[tuple[int, int, float]] = []
     for run in points.runs:
-        held = np.abs(stiffness[run].real) < _NEAR * np.abs(stiffness[run].imag)
-        place = _crossing(stiffness[run].real, amplitude[run], _neighbours(points, run), held)
+        at_resonance = np.abs(stiffness[run].real) < _MAX_COTANGENT * np.abs(stiffness[run].imag)
+        place = _crossing(stiffness[run].real, amplitude[run], _smooth_steps(points, run), at_resonance)
         if place is None:
             continue
         near, other, share = place
@@ -102,15 +108,15 @@ def find_resonances(points: Points, mass: float) -> tuple[tuple[Resonance, ...],
                 damping=damping,
                 jump=near == other
                 and len(run) > 1
-                and not _reached(stiffness[run].real, points.omega[run], near, mass),
+                and not _passes_smoothly(stiffness[run].real, points.omega[run], near, mass),
             )
         )
         places.append((int(i), int(j), share))
-    return tuple(found), _turning(points, places)
+    return tuple(found), _turning_points(points, places)
 
 
-def _turning(points: Points, places: list[tuple[int, int, float]]) -> Array:
-    """(r, 2) largest and smallest displacement [m] between two points each, at a share of the way."""
+def _turning_points(points: Points, places: list[tuple[int, int, float]]) -> Array:
+    """Return largest and smallest displacement (r, 2) [m], interpolated between two points."""
     first, second = (np.array([place[side] for place in places], dtype=np.intp) for side in (0, 1))
     share = np.array([place[2] for place in places])[:, None]
     low, high = (
@@ -121,11 +127,11 @@ def _turning(points: Points, places: list[tuple[int, int, float]]) -> Array:
 
 
 def _crossing(
-    real: Array, size: Array, smooth: NDArray[np.bool_], held: NDArray[np.bool_]
+    real: Array, size: Array, smooth: NDArray[np.bool_], at_resonance: NDArray[np.bool_]
 ) -> tuple[int, int, float] | None:
-    """Where Re F/X passes zero: two neighbours and the share between them, or one point beside a jump.
+    """Return the two neighbours between which Re F/X passes zero, and the share of the way.
 
-    ``held`` says which points are at phase resonance as they are.
+    At a jump both are the point of larger amplitude. ``at_resonance`` marks points at phase resonance.
     """
     down = np.flatnonzero((real[:-1] > 0) & (real[1:] <= 0))
     if len(down):
@@ -136,29 +142,29 @@ def _crossing(
         return near, near, 0.0
     if not len(size):
         return None
-    if len(size) == 1 and held[0]:
-        # one point of a phase-locked loop, or a level tested at its resonance alone
+    if len(size) == 1 and at_resonance[0]:
+        # one point of a phase-locked loop
         return 0, 0, 0.0
     top = int(np.argmax(size))
-    # the largest response of a run that does not reach the resonance determines it only from nearby
+    # a run that does not pass the resonance: its largest response, unless at an end
     interior = 0 < top < len(size) - 1
     return (top, top, 0.0) if interior else None
 
 
-def _reached(real: Array, omega: Array, near: int, mass: float) -> bool:
-    """Tell whether Re F/X passes zero beside a point and falls as the inertia alone would, or slower.
+def _passes_smoothly(real: Array, omega: Array, near: int, mass: float) -> bool:
+    """Return True if Re F/X passes zero next to a point, and falls at most about as fast as by inertia alone.
 
-    Then the points lie far apart, but no jump is between them: that takes the stiffness with it.
+    The points are then far from each other, but no jump, which changes the stiffness, is between them.
     """
     for first in (near - 1, near):
         if first >= 0 and first + 1 < len(real) and real[first] > 0 >= real[first + 1]:
             inertia = mass * (omega[first + 1] ** 2 - omega[first] ** 2)
-            return bool(real[first] - real[first + 1] < _BENT * inertia)
+            return bool(real[first] - real[first + 1] < _MAX_FALL_TO_INERTIA * inertia)
     return False
 
 
-def _mass_of(points: Points) -> tuple[float, float]:
-    """Mass and its standard error: slope of the inverse receptance over omega^2 at the same amplitude."""
+def _estimate_mass(points: Points) -> tuple[float, float]:
+    """Return mass and standard error: slope of the inverse receptance over omega^2 at one amplitude."""
     found = estimate_mass(*steady(points.force, points.harmonics[:, 1], points.omega))
     return (found.mass, found.mass_error) if found is not None and found.mass > 0 else (np.nan, np.nan)
 
@@ -166,11 +172,11 @@ def _mass_of(points: Points) -> tuple[float, float]:
 def fit_resonances(
     points: Points, law: ForceLaw, fixed: Mapping[str, float], near: Callable[[], Solution]
 ) -> tuple[Callable[[], Solution], tuple[Resonance, ...]]:
-    """Find the resonance of every level, and say how to fit k(X) and c(X) of the law to them.
+    """Return a function that fits k(X) and c(X) of the law to the resonances, and the resonances.
 
-    ``near`` gives a solution where one is needed: for a mass that is not known, or a law that is not linear.
+    ``near`` returns an approximate solution, for an unknown mass or a law that is not linear in parameters.
     """
-    mass, mass_error = (fixed["m"], 0.0) if "m" in fixed else _mass_of(points)
+    mass, mass_error = (fixed["m"], 0.0) if "m" in fixed else _estimate_mass(points)
     resonances, turning = find_resonances(points, mass if np.isfinite(mass) else near().mass)
 
     def fitted() -> Solution:
@@ -181,7 +187,7 @@ def fit_resonances(
         if not (np.isfinite(mass) and good.any()):
             unknown = np.full(len(law.parameters), np.nan)
             return Solution(unknown, mass, np.diag(np.append(unknown, mass_error)), 1, np.nan)
-        # harmonics without the mean say nothing of how far apart the turning points lie from zero
+        # the turning points of an asymmetric motion need its mean
         turned = not law.odd and (0 in points.measured or bool(np.isfinite(points.peak).all()))
         sine = np.stack([np.zeros(good.sum()), size[good]], axis=1).astype(complex)
         equations = Equations(
@@ -208,48 +214,48 @@ def fit_resonances(
 # ----------------------------------------------------------------------------
 # A test at phase resonance where the mass is not given: stiffness over mass, and damping.
 #
-# There k(X) = m omega^2 holds whatever m is, so that every mass fits alike if the stiffness grows with it;
-# only errors of the lag would tell one from another. Lags that differ by more than those determine a mass,
-# and it is identified as in other tests. Else the law is fitted with two masses, those of a lightly and of a
-# well damped mode. What scales with the mass is given as a ratio to it; a lag phi off a quarter period shifts
-# that by 2 zeta/tan(phi), which the two fits enclose.
+# k(X) = m omega^2 holds for every m, if the stiffness is proportional to it. Lags that differ by more than
+# their errors determine a mass, which is identified as in other tests. Else the law is fitted with two
+# assumed masses, of a lightly and of a well damped mode, and parameters that are proportional to a power of
+# the mass are stated as ratios. A lag phi other than a quarter period shifts these by 2 zeta/tan(phi), an
+# error that the difference of the two fits includes.
 
-_SCALES = 1e-6
-"""Share of the stiffness of a law that may not scale with its parameters: quadrature leaves less. A law of
-which more is left determines the mass by itself, as one whose damping contains its stiffness."""
+_MAX_UNSCALED_STIFFNESS = 1e-6
+"""Share of the stiffness that no scaling of the parameters changes, by quadrature. A law with more of it
+determines the mass by itself, as one whose damping contains its stiffness."""
 
-_OF_THE_MASS = frozenset({"fixed-contradicted", "resonance-sparse", "shift-small", "size-impossible"})
-"""Findings that an assumed mass, or a damping ratio with it, is part of."""
+_CODES_OF_MASS = frozenset({"fixed-contradicted", "resonance-sparse", "shift-small", "size-impossible"})
+"""Findings that depend on the assumed mass."""
 
-_SHORT = {"N/m": "1/s^2", "N*s/m": "1/s"}
-"""Units of ratios to the mass, by those of the parameters, as the modal table has them."""
+_RATIO_UNITS = {"N/m": "1/s^2", "N*s/m": "1/s"}
+"""Units of ratios to the mass by units of parameters, as in the modal table."""
 
-_POWER = 1e-3
+_POWER_RESOLUTION = 1e-3
 """Rounding of the power of the mass in a parameter."""
 
 
 def identify_ratios(
     surface: ResponseSurface, model: Model, identify: Callable[[ResponseSurface, Model], Identification]
 ) -> Identification | None:
-    """Identify without a mass from points at phase resonance; None of another test, or with fixed values.
+    """Identify ratios to the mass from points at phase resonance; None for other tests, or with fixed values.
 
     Parameters
     ----------
     surface, model
-        As of an identification.
+        Arguments of ``identify``.
     identify
-        Identifies with a given mass.
+        Function that identifies with a given mass.
     """
     if model.fixed:
         return None
     points = select_points(gather_repeats(surface)[0], model)
     law = law_of(model.elements, points)
-    # a loop has its stiffness in its damping, which is known without a mass
+    # the damping of a loop contains its stiffness, so that it determines the mass
     if law.acts_across or law.remembers or not near_resonance(points):
         return None
     if not at_resonance_alone(points, noise=0.0):
         free = identify(surface, model)
-        if _has_mass(free, points):
+        if _determines_mass(free, points):
             return free
     masses = [assumed_mass(points, ratio) for ratio in (LIGHT, DAMPED)]
     if not min(masses) > 0:
@@ -257,42 +263,43 @@ def identify_ratios(
     # an assumed mass has no scale that could contradict that of the test
     scaled = replace(model, observation=replace(model.observation, calibrated=True))
     light, damped = (identify(surface, join_model(scaled, mass=mass)) for mass in masses)
-    powers = _powers(points, law, np.array(light.solution))
+    powers = _mass_powers(points, law, np.array(light.solution))
     if powers is None:
         return None
-    return _Ratios(surface, points, model, powers, (light, damped)).identification()
+    return _RatiosToMass(surface, points, model, powers, (light, damped)).identification()
 
 
 def resonance_findings(
     points: Points, fixed: Mapping[str, float], law: ForceLaw, values: Array, noise: float
 ) -> tuple[Finding, ...]:
-    """Say what a mass [kg] that was not given rests on where all points have the lag of resonance.
+    """Find that an identified mass has no good basis, because all points have the lag of resonance.
 
-    A law with memory has its stiffness in the area of its loops, and so determines a mass if it is right; so
-    does a fixed stiffness. With others it rests on errors of the lag.
+    A law with memory determines the mass by the area of its loops, a fixed stiffness by itself; otherwise the
+    mass follows from errors of the lag only.
     """
     if "m" in fixed or not at_resonance_alone(points, noise):
         return ()
     numbers = quantities(points=len(points))
     if law.remembers:
         return (Finding("mass-by-loops", "warning", "m", numbers),)
-    powers = _powers(points, law, values) if fixed else None
+    powers = _mass_powers(points, law, values) if fixed else None
     if powers is not None and any(powers[law.parameters.index(name)] for name in fixed):
         return ()
     return (Finding("mass-at-resonance", "doubt", "m", numbers),)
 
 
-def _has_mass(free: Identification, points: Points) -> bool:
-    """Tell whether lags that differ by more than the noise determine the mass of a fit that had it free."""
+def _determines_mass(free: Identification, points: Points) -> bool:
+    """Return True if lags differ by more than noise, so that a fit with a free mass determines it."""
     if at_resonance_alone(points, free.outcome["misfit"]):
         return False
     return mass_sure(free.refined[-1].value, float(free.covariance[-1, -1]))
 
 
-def _powers(points: Points, law: ForceLaw, values: Array) -> Array | None:
-    """(p,) power of the mass that each parameter scales with; None where the law itself determines a mass.
+def _mass_powers(points: Points, law: ForceLaw, values: Array) -> Array | None:
+    """Return the power (p,) of the mass in each parameter; None if the law itself determines the mass.
 
-    Of a sine, what multiplies the stiffness by a factor and leaves the damping as it is.
+    The solution of a linear system along sines: change of the parameters that multiplies the stiffness by a
+    factor and keeps the damping.
     """
     sample = law.along(sine_motion(points.omega, points.amplitude), values, samples_for(law.switched))
     size = points.amplitude
@@ -307,32 +314,33 @@ def _powers(points: Points, law: ForceLaw, values: Array) -> Array | None:
     if not (np.all(np.isfinite(scales)) and min(scales) > 0):
         return None
     matrix = np.stack(
-        [np.concatenate([part / s for part, s in zip(each, scales, strict=True)]) for each in slopes], axis=1
+        [np.concatenate([part / s for part, s in zip(slope, scales, strict=True)]) for slope in slopes],
+        axis=1,
     )
     wanted = np.concatenate([stiffness / scales[0], np.zeros(len(size)), mean / scales[2]])
     if not np.isfinite(matrix).all():
         return None
     change, _, _ = solve_scaled(matrix, wanted)
     left = np.linalg.norm(wanted - matrix @ change) / np.linalg.norm(wanted)
-    if not left < _SCALES:
+    if not left < _MAX_UNSCALED_STIFFNESS:
         return None
-    used = np.linalg.norm(matrix, axis=0) * np.abs(change) > _SCALES
+    used = np.linalg.norm(matrix, axis=0) * np.abs(change) > _MAX_UNSCALED_STIFFNESS
     powers = np.where(used, change / np.where(values != 0, values, 1.0), 0.0)
-    return np.asarray(np.round(powers / _POWER) * _POWER)
+    return np.asarray(np.round(powers / _POWER_RESOLUTION) * _POWER_RESOLUTION)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class _Ratios:
-    """Identifications with two assumed masses, and what scales with these.
+class _RatiosToMass:
+    """Identifications with two assumed masses, and the powers of the mass in the parameters.
 
     Parameters
     ----------
     surface, points, model
-        The test, those that were fitted, and the model, which has no mass.
+        The test, its fitted points, and the model, which has no mass.
     powers
         (p,) power of the mass in each parameter.
     pair
-        With the mass of a lightly damped mode, and of a well damped one.
+        Identifications with the masses of a lightly and of a well damped mode.
     """
 
     surface: ResponseSurface
@@ -342,7 +350,7 @@ class _Ratios:
     pair: tuple[Identification, Identification]
 
     def identification(self) -> Identification:
-        """What both have in common; NaN where a mass would be needed."""
+        """Return the identification with NaN for all values that need a mass."""
         light, known = self.pair[0], np.append(self.powers == 0, False)
         refined = (*(self._estimate(i) for i in range(len(self.powers))), self._mass())
         covariance = np.full((len(known), len(known)), np.nan)
@@ -354,13 +362,13 @@ class _Ratios:
         covariance[inner] = (light.covariance * np.outer(wider, wider))[np.ix_(known[:-1], known[:-1])]
         of_parameters = tuple(e.finding for e in refined if e.finding is not None)
         before = {id(e.finding) for e in light.refined}
-        rest = [f for f in light.findings if id(f) not in before and f.code not in _OF_THE_MASS]
+        rest = [f for f in light.findings if id(f) not in before and f.code not in _CODES_OF_MASS]
         sizes = plausibility_findings(self.surface, calibrated=self.model.observation.calibrated)
-        rest += [finding for finding in sizes if finding.code in _OF_THE_MASS]
+        rest += [finding for finding in sizes if finding.code in _CODES_OF_MASS]
         if not self.model.observation.calibrated:
             rest.append(Finding("not-calibrated", "info"))
         elif any(f.code == "needs-mass" and "ratio" in f.numbers for f in of_parameters):
-            # the damping is known, so that a bound on its ratio is one on the mass
+            # the damping is known: a bound on the damping ratio is one on the mass
             least = {"least": Quantity(self.pair[1].mass, "kg"), "damping": Quantity(DAMPED)}
             rest.append(Finding("ratios-hold-from", "warning", numbers=least))
         resonances = tuple(
@@ -371,8 +379,8 @@ class _Ratios:
         return replace(
             light,
             model=self.model,
-            paper=later(lambda: self._masked(light.paper)),
-            first_order=later(lambda: self._masked(light.first_order)),
+            paper=later(lambda: self._without_mass(light.paper)),
+            first_order=later(lambda: self._without_mass(light.first_order)),
             refined=refined,
             first_order_bias=later(
                 lambda: tuple(
@@ -393,8 +401,8 @@ class _Ratios:
         why = Finding("mass-at-resonance", "warning", "m", quantities(points=len(self.points)))
         return _unknown("m", "kg", why)
 
-    def _masked(self, estimates: tuple[Estimate, ...]) -> tuple[Estimate, ...]:
-        """Estimates of another method, without those that an assumed mass is in."""
+    def _without_mass(self, estimates: tuple[Estimate, ...]) -> tuple[Estimate, ...]:
+        """Return the estimates of another method, NaN where they depend on the assumed mass."""
         kept = [
             _unknown(e.name, e.unit, None) if power else e
             for e, power in zip(estimates, self.powers, strict=True)
@@ -402,17 +410,17 @@ class _Ratios:
         return (*kept, self._mass())
 
     def _estimate(self, i: int) -> Estimate:
-        """A parameter: its value where no mass is in it, else the finding that has its ratio to the mass."""
+        """Return a parameter: its value if it does not depend on the mass, else a finding with the ratio."""
         light, damped = (found.refined[i] for found in self.pair)
         if not (np.isfinite(light.value) and np.isfinite(damped.value)):
             return light
         power = float(self.powers[i])
-        per = [(found.mass**-power) for found in self.pair]
-        value, other = light.value * per[0], damped.value * per[1]
-        halves = [np.ptp(e.interval) / 2 * each for e, each in zip((light, damped), per, strict=True)]
+        scales = [(found.mass**-power) for found in self.pair]
+        value, other = light.value * scales[0], damped.value * scales[1]
+        halves = [np.ptp(e.interval) / 2 * scale for e, scale in zip((light, damped), scales, strict=True)]
         half = float(np.hypot(max(halves), other - value))
-        error = half * light.standard_error * per[0] / halves[0] if halves[0] > 0 else half
-        name, unit = f"{light.name}/m", _SHORT.get(light.unit, per_mass_unit(light.unit))
+        error = half * light.standard_error * scales[0] / halves[0] if halves[0] > 0 else half
+        name, unit = f"{light.name}/m", _RATIO_UNITS.get(light.unit, per_mass_unit(light.unit))
         finding = light.finding
         if finding is not None and finding.code == "not-distinct-from-zero" and power == 1:
             numbers = {

@@ -1,4 +1,13 @@
-"""The identified structure at a given amplitude: forces, frequencies and responses that belong to it."""
+"""Frequency response of an identified structure, with the amplitude as the independent variable.
+
+With the equivalent stiffness k(X, omega) and damping c(X, omega) of the whole waveform at amplitude X,
+
+    F^2 = X^2 ((k - m omega^2)^2 + omega^2 c^2)
+
+is quadratic in omega^2 while k and c are kept; a few fixed-point iterations give the two frequencies at which
+a force F has the amplitude X. Every X has one solution on each side of the resonance, so that stable and
+unstable branches come without continuation. At a given frequency Newton's method in X gives the response.
+"""
 
 from __future__ import annotations
 
@@ -12,62 +21,52 @@ from numpy.typing import NDArray
 from rsgen.common.arrays import Array, ComplexArray
 from rsgen.common.errors import RsgenError
 from rsgen.common.finding import Finding
-from rsgen.common.tolerances import ANY_LAW, NORMAL, ORDER, SAMPLES
+from rsgen.common.tolerances import ANY_LAW, NORMAL, ORDER, SAMPLES, START_ORDER, TRIAL_STEPS
 from rsgen.data.oscillator import Model
 from rsgen.data.surface import ResponseSurface
 from rsgen.dynamics.harmonic_balance import Response, following_harmonics, hold_amplitude
 from rsgen.dynamics.linear_part import Inertia
 from rsgen.identification.fitting.across import MeasuredAcross, law_of
 from rsgen.identification.modal_result import ModalTable, SplineMode
-from rsgen.identification.prediction.prediction_result import BEYOND
+from rsgen.identification.prediction.prediction_result import BEYOND, ERROR_LIMITS
 from rsgen.identification.results import EquivalentCurve, Estimate, Identification
 from rsgen.law.motion import Motion
 from rsgen.law.numeric import compile_law
 
-_ORDER_WITH_JUMPS = 3
-"""Where friction holds the mass for a while, higher harmonics of a balance do not settle."""
+_TABLE_SIZE = 120
+"""Amplitudes of a table of forces over the amplitude."""
 
-_SAMPLES_SWITCHED = 128
-"""A period, of a law with switches: a curve is drawn, not fitted."""
+_MIN_AMPLITUDE = 1e-4
+"""Smallest amplitude of the backbone table, relative to the largest tested."""
 
-_COARSE = 120
-"""Amplitudes at which the least force that holds them is tabulated."""
+_BISECTION_POINTS = 25
+"""Amplitudes of each of three refinements of an end of a curve."""
 
-_SMALLEST = 1e-4
-"""Smallest amplitude of the table, relative to the largest tested."""
+_FREQUENCY_TOLERANCE = 1e-7
+_FORCE_TOLERANCE = 1e-8
+"""Relative error of the force at which Newton's method ends."""
 
-_FINE = 25
-"""Amplitudes of each of three looks at an edge: every look divides the interval by 24."""
+_MAX_ITERATIONS = 40
+"""Newton steps of at most a fifth of the amplitude, or bisections of an interval."""
 
-_ROUNDS = 12
-"""Iterations to a frequency at most: stiffness and damping change little with it."""
-
-_CLOSE = 1e-7
-"""Relative change at which a frequency is found."""
-
-_EXACT = 1e-8
-"""Relative error of the force at which a descent ends: far below the noise of any test."""
-
-_DESCENT = 40
-"""Newton steps at most: by a fifth each they reach a thousandth of the start, and a thousand times it."""
-
-_NEXT = 0.5
-"""Newton steps from the measured amplitude that lead farther, relatively, have left its branch."""
+_MAX_AMPLITUDE_CHANGE = 0.5
+"""Relative change from the measured amplitude beyond which Newton's method has left its branch."""
 
 
 class AmplitudeBalance:
     """The balance of an identified structure as a function of amplitude and frequency."""
 
-    about: tuple[Finding, ...] = ()
-    """What a reader of its predictions should know."""
+    findings: tuple[Finding, ...] = ()
+    """Findings of every prediction."""
 
     def __init__(self, identification: Identification) -> None:
         self._law = compile_law(identification.model.force)
         self._values = np.array(identification.solution)
         self._mass = identification.mass
-        self._order = _ORDER_WITH_JUMPS if self._law.jumps else ORDER
+        # with jumps the higher harmonics of a balance do not converge near sticking
+        self._order = START_ORDER if self._law.jumps else ORDER
         self._following = following_harmonics(self._law, self._order)
-        self._samples = _SAMPLES_SWITCHED if self._law.switched else SAMPLES
+        self._samples = 2 * SAMPLES if self._law.switched else SAMPLES
         self._covariance = np.nan_to_num(identification.covariance)
         names = (*self._law.parameters, "m")
         self._places = [names.index(estimate.name) for estimate in identification.refined]
@@ -76,18 +75,18 @@ class AmplitudeBalance:
         self._tabulate(2 * self._largest)
 
     def drawn(self, levels: list[float]) -> list[float]:
-        """Which levels have a curve: all of them."""
+        """Return the levels that have a curve: all of them."""
         return levels
 
     def solve(self, size: Array, omega: Array, start: ComplexArray | None = None) -> Response:
-        """Hold the amplitudes X [m] at the frequencies [rad/s]; both (n,)."""
+        """Return the response with amplitudes X (n,) [m] at the frequencies (n,) [rad/s]."""
         guess = np.zeros((len(size), self._order + 1), dtype=complex) if start is None else start
         hold = partial(hold_amplitude, self._law, self._values, Inertia(self._mass))
         at = hold(omega, size, guess, self._following, self._samples)
         lost = ~(at.valid & np.isfinite(at.force))
         if not lost.any():
             return at
-        # first order where the higher harmonics do not settle
+        # first order where the higher harmonics do not converge
         mean = tuple(h for h in self._following if h == 0)
         rough = hold(omega[lost], size[lost], np.zeros_like(guess[lost]), mean, self._samples)
         merged = {}
@@ -99,7 +98,7 @@ class AmplitudeBalance:
         return Response(**merged)
 
     def force_spread(self, at: Response) -> Array:
-        """(n,) half width of the 95 % band of the force amplitude [N]."""
+        """Return the half width (n,) of the 95 % band of the force amplitude [N]."""
         slope = (np.conj(at.force)[:, None] * at.force_by[:, self._places]).real / np.abs(at.force)[:, None]
         variance = np.einsum("np,pq,nq->n", slope, self._covariance, slope)
         return np.asarray(NORMAL * np.sqrt(np.maximum(variance, 0.0)))
@@ -112,23 +111,23 @@ class AmplitudeBalance:
         guess = np.where(np.isfinite(at.harmonics), at.harmonics, 0)
         return stiffness.real + self._mass * omega**2, stiffness.imag / omega, guess
 
-    def _settle(
+    def _iterate_frequency(
         self, size: Array, omega: Array, square: Callable[[Array, Array, Array], Array]
     ) -> tuple[Array, Array, Array, Array]:
-        """Iterate omega^2 = square(u, k, X), u = k/m - c^2/(2 m^2), as k and c depend on omega.
+        """Iterate omega^2 = square(u, k, X), u = k/m - c^2/(2 m^2), because k and c depend on omega.
 
-        Gives omega [rad/s], k [N/m], u and the last square [rad^2/s^2], each (n,).
+        Returns omega [rad/s], k [N/m], u and the last square [rad^2/s^2], each (n,).
         """
         omega, (stiffness, middle, last) = np.array(omega), np.full((3, len(size)), np.nan)
         start: ComplexArray | None = None
         moving = np.arange(len(size))
-        for _ in range(_ROUNDS):
+        for _ in range(TRIAL_STEPS):
             stiff, damping, start = self._equivalent(size[moving], omega[moving], start)
             stiffness[moving] = stiff
             middle[moving] = stiff / self._mass - 0.5 * (damping / self._mass) ** 2
             last[moving] = square(middle[moving], stiff, size[moving])
             new = np.sqrt(np.where(last[moving] > 0, last[moving], np.nan))
-            far = np.abs(new / omega[moving] - 1) >= _CLOSE
+            far = np.abs(new / omega[moving] - 1) >= _FREQUENCY_TOLERANCE
             omega[moving] = np.where(np.isfinite(new), new, omega[moving])
             if not far.any():
                 break
@@ -136,33 +135,34 @@ class AmplitudeBalance:
         return omega, stiffness, middle, last
 
     def backbone(self, size: Array, guess: Array) -> tuple[Array, Array]:
-        """(n,) frequency [rad/s] at which each amplitude takes the least force, and that force [N].
+        """Return the frequency (n,) [rad/s] at which each amplitude needs the least force, and that force
+        [N].
 
-        There the two frequencies at which a level holds the amplitude meet, below the phase resonance where
-        damping is strong: u = omega^2 = k/m - c^2/(2 m^2), F^2 = X^2 (k^2 - m^2 u^2). NaN where the least
-        force is at rest or the equivalent stiffness is not positive. ``guess`` is (n,) [rad/s].
+        The two solutions of a level coincide there: u = omega^2 = k/m - c^2/(2 m^2), F^2 = X^2 (k^2 - m^2
+        u^2); with strong damping below the phase resonance. NaN if u or the equivalent stiffness is not
+        positive. ``guess`` is (n,) [rad/s].
         """
-        omega, stiffness, middle, _ = self._settle(size, guess, lambda middle, *_: middle)
+        omega, stiffness, middle, _ = self._iterate_frequency(size, guess, lambda middle, *_: middle)
         known = (stiffness > 0) & (middle > 0)
         least = size * np.sqrt(np.maximum(stiffness**2 - (self._mass * middle) ** 2, 0.0))
         return np.where(known, omega, np.nan), np.where(known, least, np.nan)
 
     def _tabulate(self, largest: float) -> None:
-        """Keep the backbone up to an amplitude [m]."""
-        size = np.geomspace(_SMALLEST * self._largest, largest, _COARSE)
-        omega, force = self.backbone(size, np.full(len(size), self._typical(self._largest)))
+        """Tabulate the backbone up to an amplitude [m]."""
+        size = np.geomspace(_MIN_AMPLITUDE * self._largest, largest, _TABLE_SIZE)
+        omega, force = self.backbone(size, np.full(len(size), self._frequency_near_resonance(self._largest)))
         self._table = (size, omega, force)
 
-    def _near(self, size: Array) -> Array:
-        """Frequency [rad/s] of the resonance from the table: a good first guess."""
+    def _interpolated_frequency(self, size: Array) -> Array:
+        """Interpolate the resonance frequency (n,) [rad/s] in the table."""
         table, omega, _ = self._table
         known = np.isfinite(omega)
         return (
             np.interp(size, table[known], omega[known]) if known.any() else np.full(len(size), self._centre)
         )
 
-    def _typical(self, size: float) -> float:
-        """Some frequency near the resonance at an amplitude."""
+    def _frequency_near_resonance(self, size: float) -> float:
+        """Return a frequency [rad/s] near the resonance at an amplitude [m]."""
         omega = self._centre
         for _ in range(20):
             stiffness, _, _ = self._equivalent(np.array([size]), np.array([omega]), None)
@@ -173,60 +173,63 @@ class AmplitudeBalance:
         return omega
 
     def spans(self, level: float, window: tuple[float, float]) -> list[tuple[float, float]]:
-        """Ranges of the amplitude [m] that the level [N] can hold at some frequency, ascending."""
+        """Return the ranges of amplitudes [m] that a level [N] reaches at some frequency, ascending."""
         for _ in range(8):
-            # enlarge until the level no longer holds the largest amplitude at its resonance
+            # enlarge the table until the level does not reach its end
             size, _, force = self._table
             if not force[-1] < level:
                 break
             self._tabulate(2 * float(size[-1]))
         size, _, force = self._table
-        held = force <= level
-        edges = np.flatnonzero(np.diff(held.astype(int)) != 0)
-        ends = [self._edge(float(size[i]), float(size[i + 1]), level) for i in edges]
-        if held[0]:
-            ends.insert(0, self._lowest(level, window))
-        if held[-1]:
+        reached = force <= level
+        edges = np.flatnonzero(np.diff(reached.astype(int)) != 0)
+        ends = [self._refine_end(float(size[i]), float(size[i + 1]), level) for i in edges]
+        if reached[0]:
+            ends.insert(0, self._smallest_amplitude(level, window))
+        if reached[-1]:
             ends.append(float(size[-1]))
         return [(low, high) for low, high in zip(ends[::2], ends[1::2], strict=False) if high > low]
 
-    def _edge(self, low: float, high: float, level: float) -> float:
-        """Amplitude between two others at which the level just holds the resonance."""
+    def _refine_end(self, low: float, high: float, level: float) -> float:
+        """Return the amplitude [m] between two others whose least force is the level [N]."""
         for _ in range(3):
-            size = np.linspace(low, high, _FINE)
-            _, force = self.backbone(size, self._near(size))
-            held = force <= level
-            i = int(np.flatnonzero(np.diff(held.astype(int)) != 0)[0]) if held.any() and not held.all() else 0
+            size = np.linspace(low, high, _BISECTION_POINTS)
+            _, force = self.backbone(size, self._interpolated_frequency(size))
+            reached = force <= level
+            i = (
+                int(np.flatnonzero(np.diff(reached.astype(int)) != 0)[0])
+                if reached.any() and not reached.all()
+                else 0
+            )
             low, high = float(size[i]), float(size[i + 1])
-        return low if held[i] else high
+        return low if reached[i] else high
 
-    def _lowest(self, level: float, window: tuple[float, float]) -> float:
-        """A little less than the smallest amplitude within the window of frequencies."""
+    def _smallest_amplitude(self, level: float, window: tuple[float, float]) -> float:
+        """Return a little less than the smallest amplitude [m] within the window of frequencies."""
         size = np.full(2, 1e-3 * self._largest)
         at = self.solve(size, np.array(window))
         return float(0.8 * np.min(level * size / np.abs(at.force)))
 
     def frequencies(self, size: Array, level: float, side: int) -> Array:
-        """(n,) frequency [rad/s] below (side -1) or above (+1) the resonance at which the level holds X.
-
-        NaN where there is none.
+        """Return the frequency (n,) [rad/s] below (side -1) or above (+1) the resonance; NaN if there is
+        none.
         """
 
         def square(middle: Array, stiffness: Array, size: Array) -> Array:
-            # (k - m u)^2 + u c^2 = (F/X)^2 is quadratic in u = omega^2 while k and c stay
+            # (k - m u)^2 + u c^2 = (F/X)^2 is quadratic in u = omega^2 for given k and c
             root = middle**2 + ((level / size) ** 2 - stiffness**2) / self._mass**2
             return np.asarray(middle + side * np.sqrt(np.maximum(root, 0.0)))
 
-        omega, _, _, last = self._settle(size, self._near(size), square)
+        omega, _, _, last = self._iterate_frequency(size, self._interpolated_frequency(size), square)
         return np.where(last > 0, omega, np.nan)
 
     def respond(self, mode: ResponseSurface) -> ComplexArray:
-        """(n,) complex fundamental [m] under its force, on the stable branch nearest to the measured one."""
+        """Return the complex fundamental (n,) [m] on the stable branch nearest to the measured one."""
         force, omega, near = mode.force, mode.omega, mode.amplitude
         level = np.abs(force)
-        size, ok = self._descend(level, omega, np.array(near))
+        size, ok = self._newton_amplitude(level, omega, np.array(near))
         if not ok.all():
-            size[~ok] = self._scan(level[~ok], omega[~ok], near[~ok])
+            size[~ok] = self._scan_amplitudes(level[~ok], omega[~ok], near[~ok])
         known = np.isfinite(size)
         result = np.full(len(size), np.nan + 0j)
         if known.any():
@@ -234,25 +237,30 @@ class AmplitudeBalance:
             result[known] = size[known] * force[known] / level[known] * np.exp(-1j * np.angle(at.force))
         return result
 
-    def _descend(self, level: Array, omega: Array, size: Array) -> tuple[Array, NDArray[np.bool_]]:
+    def _newton_amplitude(self, level: Array, omega: Array, size: Array) -> tuple[Array, NDArray[np.bool_]]:
+        """Solve for the amplitudes (n,) [m] of the levels by Newton's method; also a mask of the converged
+        ones.
+        """
         start, first = None, np.array(size)
         gain = np.ones(len(size))
         miss = np.full(len(size), np.inf)
-        for _ in range(_DESCENT):
+        for _ in range(_MAX_ITERATIONS):
             at = self.solve(size, omega, start)
             start = np.where(np.isfinite(at.harmonics), at.harmonics, 0)
             gain = (np.conj(at.force) * at.force_slope).real / np.abs(at.force) / size
             miss = np.abs(at.force) - level
-            if np.all(np.abs(miss) <= _EXACT * level):
+            if np.all(np.abs(miss) <= _FORCE_TOLERANCE * level):
                 break
             step = miss / np.where(np.abs(gain) > 1e-300, gain, 1e-300)
             size = size - np.clip(step, -0.2 * size, 0.2 * size)
-        good = (np.abs(miss) <= 1e-6 * level) & (gain > 0) & (np.abs(size / first - 1) < _NEXT)
+        good = (
+            (np.abs(miss) <= 1e-6 * level) & (gain > 0) & (np.abs(size / first - 1) < _MAX_AMPLITUDE_CHANGE)
+        )
         return size, good
 
-    def _scan(self, level: Array, omega: Array, near: Array) -> Array:
-        """Stable amplitude nearest to ``near`` by a scan over all amplitudes; NaN where there is none."""
-        sizes = np.geomspace(1e-3 * self._largest, 3 * self._largest, _COARSE)
+    def _scan_amplitudes(self, level: Array, omega: Array, near: Array) -> Array:
+        """Return the stable amplitude nearest to ``near`` among all amplitudes; NaN if there is none."""
+        sizes = np.geomspace(1e-3 * self._largest, 3 * self._largest, _TABLE_SIZE)
         rows = np.repeat(np.arange(len(level)), len(sizes))
         force = np.abs(self.solve(np.tile(sizes, len(level)), omega[rows]).force).reshape(len(level), -1)
         result = np.full(len(level), np.nan)
@@ -268,16 +276,9 @@ class AmplitudeBalance:
 # ----------------------------------------------------------------------------
 # Responses from a modal table, without a law: nonlinear single-mode synthesis.
 #
-# k(X) and c(X, omega) of the table take the place of a law in F = X (k - m omega^2 + i omega c), so that
-# the
-# resonance curve of any force follows by choosing X and solving for omega. Above the amplitudes of the
-# table
-# nothing is known; below them, on the flanks, inertia and stiffness decide, and k and c are taken as
-# constant.
-
-_MATTERS = 0.05
-"""Where k and c below the smallest amplitude seen might change the response by more, relatively, it is not
-predicted: a twentieth is as good as most sensors."""
+# k(X) and c(X, omega) of the table take the place of a law in F = X (k - m omega^2 + i omega c). Above the
+# amplitudes of the table nothing is predicted; below them, on the flanks of a resonance, inertia and
+# stiffness decide, and k and c are taken as constant.
 
 
 class SynthesisBalance(AmplitudeBalance):
@@ -299,61 +300,52 @@ class SynthesisBalance(AmplitudeBalance):
         return mode(splines.values, splines.mass, size)
 
     def _tabulate(self, largest: float) -> None:
-        """Keep the backbone up to an amplitude [m]: to the end of the table, never beyond."""
+        """Tabulate the backbone up to an amplitude [m], at most to the end of the modal table."""
         super()._tabulate(min(largest, BEYOND * self._largest))
 
     def respond(self, mode: ResponseSurface) -> ComplexArray:
-        """As of a law; NaN beyond the table, and below it where k and c would matter."""
+        """Return the response as for a law; NaN above the table, and below it if k and c matter there."""
         found = super().respond(mode)
         size = np.abs(found)
         with np.errstate(divide="ignore", invalid="ignore"):
-            # a force that is smooth changes k by no more than its slope there, by ln X, down to rest
+            # k changes by at most its slope by ln X at the lower end, down to rest
             below = np.clip(np.log(self._least / size), 0.0, 1.0)
             changed = self._drift(mode.omega) * below * size / np.abs(mode.force)
-            known = (size <= BEYOND * self._largest) & (changed < _MATTERS)
+            known = (size <= BEYOND * self._largest) & (changed < ERROR_LIMITS["warning"])
         return np.where(known, found, np.nan)
 
     def _drift(self, omega: Array) -> Array:
-        """(n,) change of the dynamic stiffness [N/m] by ln X at the lower end of the table."""
+        """Return the derivative (n,) of the dynamic stiffness [N/m] by ln X at the lower end of the table."""
         size = np.full(len(omega), self._least * BEYOND)
         at = self.solve(size, omega)
         return np.asarray(np.abs(at.force_slope - at.force) / size)
 
 
 # ----------------------------------------------------------------------------
-# Responses of a law across two sensors: only where the motion across was measured with the response.
+# Responses of a law across two sensors, at points where the motion across was measured with the response.
 
-_RANGE = (0.1, 10.0)
-"""Amplitudes that are tried, relative to the measured one: an error of that size predicts nothing."""
-
-_TRIED = 120
-"""Amplitudes in that range: four per cent apart, closer than the branches of a jump lie."""
-
-_NEAR = np.linspace(0.9, 1.1, 201)
-"""Amplitudes near the measured one, a thousandth apart: two states that lie closer are one measurement."""
-
-_HALVINGS = 40
-"""Of an interval of four per cent: to round-off."""
+_AMPLITUDE_RATIOS = np.union1d(np.geomspace(0.1, 10.0, _TABLE_SIZE), np.linspace(0.9, 1.1, 201))
+"""Amplitudes among which a solution is sought, relative to the measured one: closer than branches lie."""
 
 
 class MeasuredBalance(AmplitudeBalance):
-    """The balance of a law across two sensors: only where the motion across was measured too."""
+    """The balance of a law across two sensors, at points where both motions were measured."""
 
     def __init__(self, identification: Identification) -> None:
         self._law = law_of(identification.model.elements)
         self._values, self._mass = np.array(identification.solution), identification.mass
         names = {"sensors": identification.model.sensors}
-        self.about = (Finding("predicted-along-measured", "info", names=names),)
+        self.findings = (Finding("predicted-along-measured", "info", names=names),)
 
     def drawn(self, levels: list[float]) -> list[float]:
-        """None: there are no curves without the motion across."""
+        """Return no levels: curves would need the motion across."""
         return []
 
     def respond(self, mode: ResponseSurface) -> ComplexArray:
-        """(n,) complex fundamental [m] under the measured force.
+        """Return the complex fundamental (n,) [m] under the measured force.
 
-        The motion across goes with the response as it was measured at the same point. Of several amplitudes
-        that the force holds the one nearest to the measured one is taken; NaN where there is none.
+        The motion across keeps its measured ratio to the response. Of several solutions the one nearest to
+        the measured amplitude is returned; NaN if there is none.
         """
         if not mode.across.size:
             return np.full(len(mode), np.nan, dtype=complex)
@@ -364,14 +356,14 @@ class MeasuredBalance(AmplitudeBalance):
         def force_at(size: Array) -> ComplexArray:
             return forward(self._values, self._mass, size).force
 
-        sizes = np.union1d(np.geomspace(*_RANGE, _TRIED), _NEAR)
-        table = np.array([np.abs(force_at(share * measured)) - level for share in sizes])
+        ratios = _AMPLITUDE_RATIOS
+        table = np.array([np.abs(force_at(share * measured)) - level for share in ratios])
         crossed = (table[:-1] < 0) != (table[1:] < 0)
-        distance = np.where(crossed, np.abs(np.log(sizes[:-1, None])), np.inf)
+        distance = np.where(crossed, np.abs(np.log(ratios[:-1, None])), np.inf)
         row = np.argmin(distance, axis=0)
         upward = np.take_along_axis(table, row[None, :], axis=0)[0] < 0
-        low, high = sizes[row] * measured, sizes[row + 1] * measured
-        for _ in range(_HALVINGS):
+        low, high = ratios[row] * measured, ratios[row + 1] * measured
+        for _ in range(_MAX_ITERATIONS):
             middle = (low + high) / 2
             above = (np.abs(force_at(middle)) >= level) == upward
             low, high = np.where(above, low, middle), np.where(above, middle, high)
@@ -380,24 +372,24 @@ class MeasuredBalance(AmplitudeBalance):
 
 
 def balance_of(found: Identification) -> AmplitudeBalance:
-    """Make the balance that predicts an identified structure."""
+    """Return the balance that predicts an identified structure."""
     return MeasuredBalance(found) if found.model.sensors else AmplitudeBalance(found)
 
 
 def table_as_identification(table: ModalTable) -> Identification:
-    """Give what a prediction reads of an identification: ranges, levels, background, misfit, the mass.
+    """Return a modal table as an identification with ranges, levels, background, misfit and mass.
 
     Raises
     ------
     RsgenError
-        The mass is not known, so that no response off resonance follows.
+        The mass is not known, so that responses off resonance cannot be predicted.
     """
     if "damping_ratio" not in table.known:
         raise RsgenError(
             "predict: the modal table has no mass, so that responses off resonance do not follow; give the "
             "mass to modal_table, or measure off resonance"
         )
-    none = np.zeros(0)
+    empty = np.zeros(0)
     test = table.test
     return Identification(
         model=Model(ANY_LAW, observation=test.observation),
@@ -408,12 +400,8 @@ def table_as_identification(table: ModalTable) -> Identification:
         covariance=np.zeros((1, 1)),
         resonances=(),
         curve=EquivalentCurve(
-            none,
-            none,
-            none,
-            none,
-            none,
-            none.astype(bool),
+            *(empty,) * 5,
+            empty.astype(bool),
             level_unit=test.level_unit,
             units=test.units,
         ),

@@ -1,6 +1,9 @@
-"""What a prediction consists of: resonance curves, scores of held-out levels, responses to a multisine.
+"""Predictions: resonance curves, scores of held-out levels, and periodic responses to a multisine.
 
-Of a multisine: the periodic motion of the identified law under the force of a record."""
+The response to a record of a multisine solves m x'' + n(x, x') = f(t) for a periodic x
+(``periodic_response``) with the measured force f; its error is |predicted - measured|/|measured|, in root
+mean squares.
+"""
 
 from __future__ import annotations
 
@@ -23,16 +26,15 @@ from rsgen.identification.results import MultisineIdentification
 from rsgen.law.numeric import compile_law
 
 BEYOND = 1.01
-"""A response is extrapolated beyond the tested amplitudes times this; less is the noise of the test."""
+"""Amplitude relative to the largest tested one from which on a response is extrapolated."""
 
-_MISSED: dict[Severity, float] = {"error": 0.5, "doubt": 0.15, "warning": 0.05}
-"""Errors of held-out responses beyond which they refute the law, cast doubt on it, are worth a warning: a
-twentieth is as good as most sensors, a seventh worse than most tests, with a half nothing is predicted."""
+ERROR_LIMITS: dict[Severity, float] = {"error": 0.5, "doubt": 0.15, "warning": 0.05}
+"""Relative errors of held-out responses by severity: most sensors are within 5 %, most tests within 15 %."""
 
 
 def severity_of_error(error: float) -> Severity | None:
-    """What the relative error of a held-out response means for the law; None where it is small."""
-    return next((severity for severity, limit in _MISSED.items() if error > limit), None)
+    """Return the severity of a relative error of held-out responses; None if it is small."""
+    return next((severity for severity, limit in ERROR_LIMITS.items() if error > limit), None)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -81,7 +83,7 @@ class ResonanceCurve:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class HeldOutLevel:
-    """Measured against predicted for one level and sweep that identification has not seen.
+    """Measured and predicted responses of one held-out level and sweep.
 
     Parameters
     ----------
@@ -90,16 +92,16 @@ class HeldOutLevel:
     frequency
         (n,) [Hz], ascending.
     measured, predicted
-        (n,) complex fundamental X_1 [m] at the measured force; predicted is NaN where there is none.
+        (n,) complex fundamental X_1 [m] at the measured force; predicted is NaN without a steady state.
     error
         Root mean square of predicted - measured over that of measured [1].
     largest_error
         Largest |predicted - measured| over the largest |measured| [1].
     missing
-        How many points have no predicted steady state near the measured one.
+        Number of points without a predicted steady state near the measured one.
     force
-        Measured force near the resonance, for which the curve of the level is predicted; NaN where the test
-        held the amplitude.
+        Measured force near the resonance, for which the curve of the level is predicted; NaN with response
+        control.
     force_unit
         "N", or "m/s^2" where parameters and forces are per unit mass.
     """
@@ -124,21 +126,21 @@ class HeldOutLevel:
 
 @dataclass(frozen=True, slots=True, eq=False, repr=False)
 class Prediction(Printed):
-    """Resonance curves, scores of held-out levels, and what a reader should know about them.
+    """Resonance curves, scores of held-out levels, and findings about them.
 
     ``curves[3.0]`` is the curve of the level 3 N; iterating gives the curves.
 
     Parameters
     ----------
     curves
-        One a level, in the order asked for.
+        One for each level, in the order of the call.
     held_out
-        One a held-out level and sweep; empty without held-out levels or without a surface.
+        One for each held-out level and sweep; empty without held-out levels or without a surface.
     findings
         Levels beyond the tested amplitudes, without a curve, with points that are not predicted.
     records
-        Of a multisine one a record that was predicted; curves and scores, which are of single sines, are
-        empty then.
+        One for each predicted record of a multisine; curves and scores, which are of single sines, are then
+        empty.
     """
 
     curves: tuple[ResonanceCurve, ...]
@@ -163,7 +165,7 @@ class Prediction(Printed):
         return len(self.curves)
 
     def to_frame(self) -> Any:
-        """Give all points of all curves as a ``pandas.DataFrame``, along each curve.
+        """Return all points of all curves as a ``pandas.DataFrame``, along each curve.
 
         Raises
         ------
@@ -203,7 +205,7 @@ class Prediction(Printed):
 
 @dataclass(frozen=True, slots=True, eq=False)
 class PredictedRecord:
-    """Measured against predicted for one record that identification has not seen.
+    """Measured and predicted response of one held-out record.
 
     Parameters
     ----------
@@ -214,10 +216,10 @@ class PredictedRecord:
     measured, predicted
         (H+1,) complex displacement [m] under the measured force, the mean first.
     judged
-        (H+1,) lines that are scored: those of the band, never the mean or what noise hides below the others.
+        (H+1,) scored lines: those of the band, without the mean and low lines below the noise.
     error
-        Root mean square of predicted - measured over that of measured, at the judged lines [1]; NaN where
-        nothing was predicted.
+        Root mean square of predicted - measured over that of measured, at the judged lines [1]; NaN without
+        a prediction.
     noise
         The same of the noise of the measured mean [1]; NaN of one period.
     """
@@ -257,8 +259,8 @@ def predict_multisine(found: MultisineIdentification, spectra: MultisineSpectra 
     """
     own = found.spectra
     if spectra is None or spectra is own:
-        held = held_out_records(own, found.model.observation.hold_out)
-        spectra = own.select(np.flatnonzero(held)) if held.any() else None
+        mask = held_out_records(own, found.model.observation.hold_out)
+        spectra = own.select(np.flatnonzero(mask)) if mask.any() else None
     if spectra is None:
         return Prediction((), (), ())
     require(spectra, MultisineSpectra, "surface")

@@ -1,4 +1,10 @@
-"""From identified parameters to resonance curves with folds and stability, and to held-out levels."""
+"""Resonance curves with folds and stability, and scores of held-out levels, from identified parameters.
+
+At every amplitude X the balance F^2 = X^2 ((k - m omega^2)^2 + omega^2 c^2) is solved for the frequency
+(``amplitude_balance``). A branch is stable where |F| at constant frequency grows with X, d|F|/dX > 0; folds,
+where the response jumps, are the zeros of this slope. Bands of the amplitude are those of the force by linear
+propagation of the covariance of the parameters, divided by the slope.
+"""
 
 from __future__ import annotations
 
@@ -38,28 +44,27 @@ from rsgen.identification.results import EquivalentCurve, Estimate, Identificati
 # ----------------------------------------------------------------------------
 # An oscillator with known values as an identification without any error, so that it can be predicted.
 
-_SIZES = np.geomspace(1e-12, 1e3, 601)
-"""Amplitudes [m] among which the resonances of an oscillator are sought: from atoms to any structure."""
+_AMPLITUDES = np.geomspace(1e-12, 1e3, 601)
+"""Amplitudes [m] among which the resonances of an oscillator are sought."""
 
-_ROUNDS = 4
-"""Damping may depend on the frequency, and the frequency on stiffness alone: few rounds settle both."""
+_FREQUENCY_ITERATIONS = 4
 
-_FLANK = 1e-2
-"""The flanks of a resonance are drawn down to this share of its amplitude."""
+_FLANK_AMPLITUDE = 1e-2
+"""Smallest amplitude of a curve relative to that of the resonance."""
 
 _HALF_WIDTHS = 8.0
-"""Half widths around the resonances of an oscillator; there the amplitude is an eighth of the largest."""
+"""Half widths of the resonance on both sides of a curve."""
 
-_LEAST_AROUND = 0.1
-"""At least this share of the frequency is drawn on both sides."""
+_MIN_RELATIVE_WIDTH = 0.1
+"""Least width on both sides, relative to the frequency."""
 
 
 def as_identification(oscillator: Oscillator, levels: Sequence[float]) -> Identification:
-    """Give an oscillator as an identification without any error, over the amplitudes of its resonances."""
+    """Return an oscillator as an identification without errors, over the amplitudes of its resonances."""
     values = oscillator.values
     estimates = tuple(Estimate(name, value, 0.0, (value, value)) for name, value in values.items())
     amplitudes, frequencies = _resonant_ranges(oscillator, levels)
-    none = np.zeros(0)
+    empty = np.zeros(0)
     return Identification(
         model=Model(oscillator.elements, oscillator.mass),
         paper=(),
@@ -68,7 +73,7 @@ def as_identification(oscillator: Oscillator, levels: Sequence[float]) -> Identi
         first_order_bias=(),
         covariance=np.zeros((len(values), len(values))),
         resonances=(),
-        curve=EquivalentCurve(none, none, none, none, none, none.astype(bool)),
+        curve=EquivalentCurve(*(empty,) * 5, empty.astype(bool)),
         residual=0.0,
         noise=0.0,
         levels=np.array(levels),
@@ -81,17 +86,17 @@ def as_identification(oscillator: Oscillator, levels: Sequence[float]) -> Identi
 def _resonant_ranges(
     oscillator: Oscillator, levels: Sequence[float]
 ) -> tuple[tuple[float, float], tuple[float, float]]:
-    """Amplitudes [m] and frequencies [Hz] of the resonances of the levels, to first order."""
+    """Return the ranges of amplitude [m] and frequency [Hz] of the resonances, to first order."""
     function = derive(oscillator.force)
-    omega = np.ones_like(_SIZES)
-    for _ in range(_ROUNDS):
+    omega = np.ones_like(_AMPLITUDES)
+    for _ in range(_FREQUENCY_ITERATIONS):
         with np.errstate(all="ignore"):
-            first = function.evaluate(_SIZES, omega, oscillator.values)
+            first = function.evaluate(_AMPLITUDES, omega, oscillator.values)
             stiffness, damping = np.asarray(first.stiffness), np.asarray(first.damping)
             omega = np.sqrt(np.where(stiffness > 0, stiffness, np.nan) / oscillator.mass)
             omega = np.where(np.isfinite(omega), omega, 1.0)
     with np.errstate(all="ignore"):
-        force = damping * omega * _SIZES
+        force = damping * omega * _AMPLITUDES
     known = np.isfinite(force) & np.isfinite(stiffness) & (stiffness > 0)
     reached = known & (force <= max(levels))
     if reached[known][-1:].all():
@@ -99,32 +104,30 @@ def _resonant_ranges(
             f"predict: the resonance under {max(levels):g} N has no end; the law needs damping, and a "
             "stiffness that stays positive"
         )
-    largest = float(_SIZES[reached][-1]) if reached.any() else float(_SIZES[known][0])
+    largest = float(_AMPLITUDES[reached][-1]) if reached.any() else float(_AMPLITUDES[known][0])
     small = known & (force <= min(levels))
-    smallest = float(_SIZES[small][-1]) if small.any() else largest
-    chosen = known & (largest >= _SIZES) & (smallest * _FLANK <= _SIZES)
+    smallest = float(_AMPLITUDES[small][-1]) if small.any() else largest
+    chosen = known & (largest >= _AMPLITUDES) & (smallest * _FLANK_AMPLITUDE <= _AMPLITUDES)
     width = float(np.max(damping[chosen])) / (2 * oscillator.mass)
     low, high = float(np.min(omega[chosen])), float(np.max(omega[chosen]))
-    around = max(_HALF_WIDTHS * width, _LEAST_AROUND * high)
-    ends = (max(low - around, _LEAST_AROUND * low), high + around)
-    return (smallest * _FLANK, largest), (ends[0] / (2 * np.pi), ends[1] / (2 * np.pi))
+    around = max(_HALF_WIDTHS * width, _MIN_RELATIVE_WIDTH * high)
+    ends = (max(low - around, _MIN_RELATIVE_WIDTH * low), high + around)
+    return (smallest * _FLANK_AMPLITUDE, largest), (ends[0] / (2 * np.pi), ends[1] / (2 * np.pi))
 
 
-_POINTS = 161
-"""Points a branch, denser at both ends, where it turns."""
+_BRANCH_POINTS = 161
 
-_MARGIN = 0.05
-"""Curves are drawn so far beyond the tested frequencies."""
+_FREQUENCY_MARGIN = 0.05
+"""Relative extension of the curves beyond the tested frequencies."""
 
-_WIDEST = 0.5
-"""At a fold the band of the amplitude at a frequency opens without end; wider ones are not drawn."""
+_MAX_BAND = 0.5
+"""Widest band relative to the amplitude; it diverges at a fold."""
 
-_AT_JUMPS = 0.02
-"""Share of the points of a run that may lie between a predicted and a measured jump: they are not judged."""
+_SHARE_AT_JUMPS = 0.02
+"""Share of the points of a run that may lie between a predicted and a measured jump; they are not scored."""
 
-_OF_MISFIT = 2.0
-"""A held-out level is missed where its error is as many times the misfit of the levels that were fitted: the
-noise of force and response makes 1.3 of it."""
+_MAX_ERROR_TO_MISFIT = 2.0
+"""Error of a held-out level, relative to the misfit of the fitted levels; noise makes 1.3."""
 
 
 def predict(
@@ -136,18 +139,18 @@ def predict(
 ) -> Prediction:
     """Compute the resonance curve of every level; with a surface, score the held-out levels on it.
 
-    At every amplitude X the frequencies are sought at which the balance, with all harmonics, takes the force
-    of the level: F^2 = X^2 ((k(X) - m omega^2)^2 + omega^2 c(X, omega)^2) with k and c of the whole waveform.
-    So both branches and the unstable one come without continuation.
+    At every amplitude X the balance of all harmonics is solved for the frequencies at which the force of the
+    level is needed: F^2 = X^2 ((k(X) - m omega^2)^2 + omega^2 c(X, omega)^2) with k and c of the whole
+    waveform. So all branches, the unstable one too, come without continuation.
 
     Parameters
     ----------
     found
-        An identification, whose refined estimate is used, an oscillator, or a modal table: then no law takes
-        part, and curves end at its largest amplitude.
+        An identification, whose refined estimate is used, an oscillator, or a modal table, whose curves have
+        no law and end at its largest amplitude.
     levels
-        [N]; None: the forces measured near the resonances at the levels that took part in the identification
-        and, with a surface, at the held-out ones.
+        [N]; None: the forces measured near the resonances of the fitted levels and, with a surface, of the
+        held-out ones.
     surface
         Where the held-out levels were measured; None: no score. Of a multisine every record of these spectra
         is predicted, None: those of the held-out levels; ``levels`` and ``band`` are not used.
@@ -178,15 +181,16 @@ def predict(
         surface = cast("ResponseSurface", surface).on_mass(mass)
     chosen = _levels(found, levels, surface)
     if isinstance(found, Identification) and not isfinite(found.mass):
-        about = Finding("needs-mass", "warning")
-        return Prediction((), (), (about,))
+        return Prediction((), (), (Finding("needs-mass", "warning"),))
     tested = (0.0, inf)
     if isinstance(found, Oscillator):
         found = as_identification(found, chosen)
     else:
         tested = found.amplitude_range
     low, high = found.frequency_range
-    window = (low * (1 - _MARGIN), high * (1 + _MARGIN)) if band is None else _checked(band)
+    window = (
+        (low * (1 - _FREQUENCY_MARGIN), high * (1 + _FREQUENCY_MARGIN)) if band is None else _check_band(band)
+    )
     refuse_across(found.model.sensors, levels=levels is not None)
     balance = SynthesisBalance(table, window) if table is not None else balance_of(found)
     omega = (2 * np.pi * window[0], 2 * np.pi * window[1])
@@ -198,17 +202,17 @@ def predict(
         findings += _missed(held_out, surface, found.residual, by_law=table is None)
         if curves and surface.base in ("displacement", "velocity"):
             findings.append(Finding("curves-of-constant-acceleration", "info", names={"base": surface.base}))
-    return Prediction(curves, held_out, (*balance.about, *_findings(tested, curves, held_out), *findings))
+    return Prediction(curves, held_out, (*balance.findings, *_findings(tested, curves, held_out), *findings))
 
 
 def predict_records(found: MultisineIdentification) -> Prediction:
-    """Predict the records of a multisine that an identification has not seen."""
+    """Predict the held-out records of a multisine."""
     scored = predict_multisine(found)
     return replace(scored, findings=(*_by_label(found, found.spectra), *scored.findings))
 
 
 def predict_held_out(found: Identification, surface: ResponseSurface) -> Prediction:
-    """Predict the levels that an identification has not seen, and hold each against its test.
+    """Predict the held-out levels, and compare each with its test.
 
     Parameters
     ----------
@@ -229,7 +233,7 @@ def predict_held_out(found: Identification, surface: ResponseSurface) -> Predict
 
 
 def _by_label(found: Identification, test: ResponseSurface | MultisineSpectra) -> tuple[Finding, ...]:
-    """Say which level was meant by a number that is the label of one and the amount of another."""
+    """Find held-out numbers that are the label of one level and the amount of another."""
     findings: list[Finding] = []
     if test.label is None:
         return ()
@@ -267,7 +271,7 @@ def _levels(
 
 
 def _held_out_forces(found: Identification, surface: ResponseSurface | None) -> list[float]:
-    """Forces [N] at which held-out levels were tested; of a test at constant amplitude there are none."""
+    """Return the forces [N] of the held-out levels; none for a test with response control."""
     if found.curve.level_unit == "m" and (surface is None or not surface.base):
         return []
     if surface is None and found.curve.level_unit != "N":
@@ -277,12 +281,12 @@ def _held_out_forces(found: Identification, surface: ResponseSurface | None) -> 
         tested = np.unique(found.curve.level)
         meant = [match_level(tested, level) for level in found.model.observation.hold_out]
         return [level for level in meant if level is not None]
-    held = np.unique(surface.level[held_out_mask(surface, found.model)])
-    forces = typical_amounts(surface)[np.isin(surface.levels, held)]
+    held_out = np.unique(surface.level[held_out_mask(surface, found.model)])
+    forces = typical_amounts(surface)[np.isin(surface.levels, held_out)]
     return [float(force) for force in forces if isfinite(force)]
 
 
-def _checked(band: tuple[float, float]) -> tuple[float, float]:
+def _check_band(band: tuple[float, float]) -> tuple[float, float]:
     low, high = map(float, band)
     if not 0 < low < high < inf:
         raise RsgenError(f"band: {low:g} to {high:g} Hz; must be ascending, finite and positive")
@@ -304,7 +308,7 @@ def _findings(
 
 
 def _missing(held_out: tuple[HeldOutLevel, ...]) -> tuple[Finding, ...]:
-    """Find held-out levels with points that have no predicted steady state near them."""
+    """Find held-out levels with points without a predicted steady state near them."""
     findings = []
     for item in held_out:
         if item.missing:
@@ -332,8 +336,8 @@ def _curve(
         at = balance.solve(size, omega)
         gain = (np.conj(at.force) * at.force_slope).real / np.abs(at.force) / size
         spread = balance.force_spread(at) / np.maximum(np.abs(gain), 1e-300)
-        spread[spread > _WIDEST * size] = np.nan
-        seen, lag = _as_seen(identification, omega, size, at.force)
+        spread[spread > _MAX_BAND * size] = np.nan
+        seen, lag = _at_sensor(identification, omega, size, at.force)
         turn = np.flatnonzero(gain[:-1] * gain[1:] < 0)
         share = gain[turn] / (gain[turn] - gain[turn + 1])
         frequency = omega / (2 * np.pi)
@@ -361,10 +365,10 @@ def _curve(
     )
 
 
-def _as_seen(
+def _at_sensor(
     identification: Identification, omega: Array, size: Array, force: ComplexArray
 ) -> tuple[Array, Array]:
-    """Amplitude and lag of the response that the sensor sees, background included."""
+    """Return amplitude and lag of the response at the sensor, background included."""
     background = identification.background
     if background is None:
         return size, np.angle(force) % (2 * np.pi)
@@ -376,8 +380,8 @@ def _as_seen(
 def _branches(
     balance: AmplitudeBalance, level: float, span: tuple[float, float], window: tuple[float, float]
 ) -> list[tuple[Array, Array]]:
-    """Points (omega, X) along the curve between two amplitudes: up on the left, down on the right."""
-    blend = (1 - np.cos(np.linspace(0, np.pi, _POINTS))) / 2
+    """Return the points (omega, X) of a curve between two amplitudes: up on the left, down on the right."""
+    blend = (1 - np.cos(np.linspace(0, np.pi, _BRANCH_POINTS))) / 2
     size = span[0] + (span[1] - span[0]) * blend
     left, right = (balance.frequencies(size, level, side) for side in (-1, 1))
     omega = np.concatenate([left, right[::-1]])
@@ -391,7 +395,7 @@ def _branches(
 def _respond(
     identification: Identification, balance: AmplitudeBalance, surface: ResponseSurface
 ) -> ComplexArray:
-    """(n,) predicted fundamental [m] as the sensor sees it, on the branch nearest to the measured one."""
+    """Return the predicted fundamental (n,) [m] at the sensor, on the branch nearest to the measured one."""
     background = identification.background
     if background is None:
         return balance.respond(surface)
@@ -403,9 +407,10 @@ def _respond(
 def _missed(
     held_out: tuple[HeldOutLevel, ...], surface: ResponseSurface, misfit: float, *, by_law: bool = True
 ) -> tuple[Finding, ...]:
-    """Judge held-out levels by their error, but for points at jumps, against the misfit of the others.
+    """Find held-out levels whose error, without points at jumps, is large relative to the misfit of the fit.
 
-    What has no steady state there is missed by all of it ``by_law``; a modal table does not reach it.
+    A point without a steady state has an error of its full amplitude if the prediction is ``by_law``; for a
+    modal table it is out of range and does not count.
     """
     findings = []
     for item in held_out:
@@ -414,10 +419,10 @@ def _missed(
         miss = np.where(known, np.abs(item.predicted - item.measured), size)
         if not by_law:
             miss, size = miss[known], size[known]
-        judged = np.argsort(miss)[: len(miss) - int(np.ceil(_AT_JUMPS * len(miss)))]
+        judged = np.argsort(miss)[: len(miss) - int(np.ceil(_SHARE_AT_JUMPS * len(miss)))]
         error = float(np.linalg.norm(miss[judged]) / np.linalg.norm(size[judged])) if len(judged) else 0.0
         severity = severity_of_error(error)
-        if severity is None or error <= _OF_MISFIT * misfit:
+        if severity is None or error <= _MAX_ERROR_TO_MISFIT * misfit:
             continue
         numbers = quantities(error=error, misfit=misfit, level=Quantity(item.level, item.level_unit))
         findings.append(Finding("held-out-missed", severity, numbers=numbers, names={"sweep": item.sweep}))
