@@ -71,8 +71,7 @@ class Reversals:
 
     def shifts(self, dx: Array, dv: Array) -> Array:
         """(r, d) change of each place for changes of the motion, dx (d, s) and dv (n, d, s)."""
-        moved: Array = dx[:, self.sample].T + self.after[:, None] * dv[self.row, :, self.sample]
-        return moved
+        return np.asarray(dx[:, self.sample].T + self.after[:, None] * dv[self.row, :, self.sample])
 
 
 def find_reversals(x: Array, v: Array, a: Array, step: Array) -> Reversals:
@@ -531,6 +530,7 @@ class Loops:
             return np.zeros((0, *motion[0].shape))
         return periodic_states(self._equations, motion, step, values)
 
+    @np.errstate(over="ignore", invalid="ignore")  # what overflows is not finite
     def sample(self, x: Array, v: Array, a: Array, step: Array, values: Sequence[Any] | Array) -> ForceSample:
         """Evaluate the closed loop along whole periods (n, s); see ``ForceLaw.sample``."""
         step = np.broadcast_to(step, (len(x), 1))

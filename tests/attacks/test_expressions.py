@@ -184,6 +184,7 @@ def test_texts_are_the_same_for_a_seed(make: object) -> None:
         ("k*x + c*v + 1e300/(v*atan(v))", ()),
         ("k*x + abs(besseli(5, Ff))", ()),
         ("k*x + Piecewise((c*v, 7.5e-3**n <= v), (0, True))", ()),
+        ("sign(z)", ("z = c*v - k*z + k*x + exp(10**n*(x - 1/2))",)),
     ],
     ids=[
         "no force",
@@ -199,6 +200,7 @@ def test_texts_are_the_same_for_a_seed(make: object) -> None:
         "sum beyond all numbers",
         "conjugate",
         "number to a parameter",
+        "state beyond all numbers",
     ],
 )
 def test_a_law_that_once_got_through_has_an_answer(text: str, memory: tuple[str, ...]) -> None:
