@@ -1,4 +1,4 @@
-"""Files that are either whole or not there: every file that a run leaves is written here."""
+"""Files of a run: written whole or not at all, recognised by a mark, read back only where they are small."""
 
 from __future__ import annotations
 
@@ -12,15 +12,42 @@ from pathlib import Path
 
 from rsgen.common.errors import RsgenError
 
-_DAY = 86_400.0
+_SECONDS_OF_A_DAY = 86_400.0
 """Seconds after which an unfinished file or folder is left behind, even if its number is a process again."""
 
 _UNFINISHED = re.compile(r"\.(?P<name>.+)\.(?P<process>\d+)(\.\w+)?\.(part|old)")
 """Name of an unfinished file or folder: whose place it takes, and who writes it."""
 
-
-_LONGEST = 64
+_MAX_NAME = 64
 """Characters of a name that its unfinished file has, so that this is not too long for the system."""
+
+
+MAX_BYTES = 50_000_000
+"""Of a file of a run that is read back; those that runs write are smaller."""
+
+_MARKED_BYTES = 4096
+"""Bytes at the beginning of a file in which its mark stands."""
+
+
+def read_small(path: Path, most: int = MAX_BYTES) -> bytes:
+    """Read a plain file of at most so many bytes: a pipe would never end, nor would a device.
+
+    Raises
+    ------
+    OSError
+        It cannot be read, is no plain file, or is larger.
+    """
+    if not path.is_file() or path.stat().st_size > most:
+        raise FileNotFoundError(path)
+    return path.read_bytes()
+
+
+def has_mark(path: Path, mark: bytes) -> bool:
+    """Return True for a plain file with the mark near its beginning."""
+    if not path.is_file():
+        return False
+    with path.open("rb") as file:
+        return mark in file.read(_MARKED_BYTES)
 
 
 def _permissions() -> int:
@@ -51,7 +78,7 @@ def left_behind(path: Path) -> str | None:
         return None
     with suppress(OSError):
         process, age = int(found["process"]), time.time() - path.lstat().st_mtime
-        if process != os.getpid() and is_alive(process) and age < _DAY:
+        if process != os.getpid() and is_alive(process) and age < _SECONDS_OF_A_DAY:
             return None
     return found["name"]
 
@@ -70,7 +97,7 @@ def sync_folder(folder: Path) -> None:
 def _clear(target: Path) -> None:
     """Remove what killed writers of this file left."""
     for path in target.parent.iterdir():
-        if path.is_file() and path.suffix == ".part" and left_behind(path) == target.name[:_LONGEST]:
+        if path.is_file() and path.suffix == ".part" and left_behind(path) == target.name[:_MAX_NAME]:
             path.unlink(missing_ok=True)
 
 
@@ -108,7 +135,7 @@ def write_atomic(path: str | os.PathLike[str], data: str | bytes) -> None:
         if target.exists() and not target.is_symlink() and not stat.S_ISREG(target.stat().st_mode):
             raise RsgenError(f"{target}: is no regular file; only files are written")
         _clear(target)
-        prefix = f".{target.name[:_LONGEST]}.{os.getpid()}."
+        prefix = f".{target.name[:_MAX_NAME]}.{os.getpid()}."
         handle, name = tempfile.mkstemp(dir=target.parent, prefix=prefix, suffix=".part")
         temporary = Path(name)
         with os.fdopen(handle, "wb") as file:

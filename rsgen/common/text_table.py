@@ -13,8 +13,8 @@ from rsgen.common.errors import RsgenError, UnknownNameError
 
 T = TypeVar("T")
 
-MOST_DIGITS = 10
-"""More digits than this say nothing about a measured structure."""
+MAX_DIGITS = 10
+"""Of a value in a table: further ones say nothing about a measured structure."""
 
 
 def short(value: float, digits: int = 5) -> str:
@@ -39,8 +39,21 @@ def with_error(value: float, standard_error: float) -> int:
     if not (isfinite(value) and isfinite(standard_error)):
         return 4
     if standard_error <= 0 or value == 0:
-        return MOST_DIGITS if value else 4
-    return min(max(floor(log10(abs(value))) - floor(log10(standard_error)) + 2, 3), MOST_DIGITS)
+        return MAX_DIGITS if value else 4
+    return min(max(floor(log10(abs(value))) - floor(log10(standard_error)) + 2, 3), MAX_DIGITS)
+
+
+def aligned(rows: Sequence[Sequence[str]], right: bool = False) -> list[str]:
+    """Align columns by blanks, readable by eye and by awk.
+
+    Parameters
+    ----------
+    right
+        Columns of numbers: all but the first end at one place.
+    """
+    first, *others = (max(map(len, column)) for column in zip(*rows, strict=True))
+    place = str.rjust if right else str.ljust
+    return ["  ".join([row[0].ljust(first), *map(place, row[1:], others)]).rstrip() for row in rows]
 
 
 @dataclass(frozen=True, slots=True)
@@ -64,12 +77,7 @@ class TextTable:
     def __str__(self) -> str:
         """Aligned columns."""
         cells = [self.heads, *([str(cell) for cell in row] for row in self.rows)]
-        widths = [max(len(row[i]) for row in cells) for i in range(len(self.heads))]
-        lines = [
-            "  ".join(text.ljust(width) for text, width in zip(row, widths, strict=True)).rstrip()
-            for row in cells
-        ]
-        return "\n".join([*filter(None, [self.caption]), *lines, *self.notes])
+        return "\n".join([*filter(None, [self.caption]), *aligned(cells), *self.notes])
 
     def html(self) -> str:
         """Return the table as HTML; every text is escaped."""

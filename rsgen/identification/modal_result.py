@@ -26,7 +26,7 @@ from rsgen.common.arrays import Array
 from rsgen.common.errors import RsgenError
 from rsgen.common.finding import Finding
 from rsgen.common.linear_algebra import b_splines
-from rsgen.common.text_table import MOST_DIGITS, Printed, TextTable, data_frame, short
+from rsgen.common.text_table import MAX_DIGITS, Printed, TextTable, data_frame, short
 from rsgen.common.tolerances import CONFIDENCE, NORMAL, SAME_NUMBER, t_quantile
 from rsgen.data.oscillator import Observation
 from rsgen.dynamics.harmonic_balance import Response
@@ -351,7 +351,7 @@ class ModalTable(Printed):
             label = f"{name} [{unit or '1'}]"
             heads += [label, f"lower {label}", f"upper {label}"]
         lines = [",".join(heads)]
-        lines += [",".join(short(value, MOST_DIGITS) for value in row.values()) for row in self]
+        lines += [",".join(short(value, MAX_DIGITS) for value in row.values()) for row in self]
         return "\n".join(lines) + "\n"
 
     def _table(self) -> TextTable:

@@ -35,7 +35,7 @@ from rsgen.report.provenance import TEMPLATES, notebook_mark, plain_text
 # ----------------------------------------------------------------------------
 # Run the cells of a notebook in this process, given the results that the run already has.
 
-_MOST_CHARACTERS = 300
+_MESSAGE_CHARACTERS = 300
 """Longest message of a failed cell; the traceback in the notebook has all of it."""
 
 
@@ -191,7 +191,7 @@ def execute_cells(notebook: nbformat.NotebookNode, results: KnownResults | None 
             if output.output_type == "execute_result":
                 output.execution_count = number
         if fault is not None:
-            return f"cell {cell.id}: {plain_text(fault, _MOST_CHARACTERS)}"
+            return f"cell {cell.id}: {plain_text(fault, _MESSAGE_CHARACTERS)}"
     return None
 
 

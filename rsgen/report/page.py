@@ -19,7 +19,7 @@ from markupsafe import Markup, escape
 import rsgen
 from rsgen.analysis.comparison import Comparison, verdict_of
 from rsgen.common.finding import STATES
-from rsgen.common.output import write_atomic
+from rsgen.common.output import read_small, write_atomic
 from rsgen.data.multisine import MultisineSpectra
 from rsgen.data.surface import ResponseSurface
 from rsgen.describing import PrintedComparison, derive
@@ -279,7 +279,7 @@ def _(spectra: MultisineSpectra, identification: MultisineIdentification) -> dic
 # ----------------------------------------------------------------------------
 # index.html and table1.md: every case of a folder, true against identified.
 
-_MOST_PICTURE = 500_000
+_PICTURE_BYTES = 500_000
 """Bytes of a picture in the index; those that runs write have a tenth of it."""
 _MARKDOWN = str.maketrans({c: f"\\{c}" for c in "\\`*_{}[]<>#|$&~!"})
 
@@ -291,9 +291,7 @@ def _picture(entry: Entry) -> Markup | None:
     """
     path = entry.folder / THUMBNAIL
     try:
-        if not path.is_file() or path.stat().st_size > _MOST_PICTURE:
-            return None
-        coded = base64.b64encode(path.read_bytes()).decode("ascii")
+        coded = base64.b64encode(read_small(path, _PICTURE_BYTES)).decode("ascii")
     except OSError:
         return None
     return Markup(f"data:image/svg+xml;base64,{coded}")  # noqa: S704 - letters and digits, whatever was read

@@ -22,6 +22,7 @@ from markupsafe import Markup, escape
 import rsgen
 from rsgen.analysis.comparison import Comparison, Row
 from rsgen.cases import Case
+from rsgen.common.output import read_small
 from rsgen.data.multisine import MultisineSpectra
 from rsgen.data.surface import ResponseSurface
 from rsgen.identification.results import Estimate, Identification
@@ -31,7 +32,8 @@ from rsgen.law.memory import with_equations
 # ----------------------------------------------------------------------------
 # The template environment: everything from a file is text, and a missing value is an error.
 
-_MOST_CHARACTERS = 2000
+MAX_CHARACTERS = 2000
+"""Of a text on a page."""
 _CATEGORIES = {"Cc", "Cf", "Cs", "Co", "Zl", "Zp"}
 
 
@@ -39,7 +41,7 @@ TEMPLATES = Path(__file__).resolve().parents[1] / "templates"
 """Package data; the folder `templates` of the checkout is a link to it."""
 
 
-def plain_text(text: str, most: int = _MOST_CHARACTERS, keep: str = "") -> str:
+def plain_text(text: str, most: int = MAX_CHARACTERS, keep: str = "") -> str:
     r"""Make invisible characters visible: controls, direction marks, lone surrogates become escapes.
 
     Parameters
@@ -163,9 +165,6 @@ def collect_provenance(
 # ----------------------------------------------------------------------------
 # The mark of a notebook that rsgen wrote, by which one that a user has gone on with is told from it.
 
-_MOST_BYTES = 50_000_000
-"""A notebook of a run is smaller."""
-
 
 def notebook_mark(sources: Iterable[str]) -> dict[str, Any]:
     """Return the entry "rsgen" of a notebook's metadata: a digest of its cells without their outputs."""
@@ -177,9 +176,9 @@ def notebook_mark(sources: Iterable[str]) -> dict[str, Any]:
 def is_unchanged_notebook(place: Path) -> bool:
     """Return True for a notebook that rsgen wrote, with unchanged cells; it may have been executed."""
     try:
-        if place.is_symlink() or not place.is_file() or place.stat().st_size > _MOST_BYTES:
+        if place.is_symlink():
             return False
-        content = json.loads(place.read_text(encoding="utf-8"))
+        content = json.loads(read_small(place))
         # a cell's text stands as one string or as its lines
         sources = ["".join(cell["source"]) for cell in content["cells"]]
         return bool(content["metadata"]["rsgen"] == notebook_mark(sources))

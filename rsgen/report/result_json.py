@@ -18,6 +18,7 @@ from rsgen.analysis.comparison import Comparison, Row, verdict_of
 from rsgen.analysis.fits import ComparedFit, errors_by_level
 from rsgen.common.arrays import Array
 from rsgen.common.finding import Finding, StatedVerdict, Verdict
+from rsgen.common.output import read_small
 from rsgen.data.multisine import BestLinear, MultisineSpectra
 from rsgen.data.surface import ResponseSurface
 from rsgen.describing import PrintedComparison, derive
@@ -40,7 +41,7 @@ SCHEMA = 2
 _READ = (1, SCHEMA)
 """Schemas that are read: the first had other codes of findings, ``EARLIER``."""
 
-_DIGITS = 9
+_ARRAY_DIGITS = 9
 """Significant digits of the long arrays: more than any test has, less than round-off between machines."""
 
 
@@ -56,7 +57,7 @@ def _finite_ones(record: object, names: Iterable[str]) -> dict[str, float | None
 
 def numbers_or_none(values: Array) -> list[float | None]:
     """Return an array with nine digits, null where it is not known."""
-    return [None if not math.isfinite(v) else float(f"{v:.{_DIGITS - 1}e}") for v in values.tolist()]
+    return [None if not math.isfinite(v) else float(f"{v:.{_ARRAY_DIGITS - 1}e}") for v in values.tolist()]
 
 
 def _estimate(estimate: Estimate) -> dict[str, Any]:
@@ -324,8 +325,7 @@ def result_text(result: Mapping[str, Any]) -> str:
 # ----------------------------------------------------------------------------
 # A result.json as it is read: small enough, and with all that index, difference and pages take from it.
 
-_MOST_BYTES = 50_000_000
-_LONGEST_TEXT = 100_000
+_MAX_CHARACTERS = 100_000
 """Characters of a name, a unit, a title, which may be a law of thousands; a longer one is none of ours."""
 _ERRORS = ("paper_error", "first_order_error", "relative_error")
 
@@ -388,10 +388,7 @@ def _read_estimate(row: Mapping[str, Any], numbers: Mapping[str, Any]) -> Estima
 def read_result(path: Path) -> Entry | None:
     """Read one result.json of this schema; None where there is none, or none as a run writes it."""
     try:
-        # a pipe would never end, nor would a device
-        if not path.is_file() or path.stat().st_size > _MOST_BYTES:
-            return None
-        result = json.loads(path.read_text(encoding="utf-8"))
+        result = json.loads(read_small(path))
         entry = Entry(path.parent, result)
         if result["schema"] in _READ and _is_whole(result) and entry.fit() and entry.rows:
             return entry
@@ -434,7 +431,7 @@ def _is_row(row: Mapping[str, Any]) -> bool:
 
 
 def _are_texts(values: Iterable[Any]) -> bool:
-    return all(isinstance(value, str) and len(value) <= _LONGEST_TEXT for value in values)
+    return all(isinstance(value, str) and len(value) <= _MAX_CHARACTERS for value in values)
 
 
 def _is_number_or_none(value: Any) -> bool:

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 import rsgen
-from rsgen.app.study.foresight import mass_findings, point_faults
+from rsgen.app.cli.check_command import mass_findings, point_faults
 from rsgen.data.surface import ResponseSurface
 from rsgen.data.surface.phase_lag import lag_findings
 from rsgen.files import MeasuredTest, Signal, read_measurement

@@ -2,16 +2,98 @@
 
 from __future__ import annotations
 
+from functools import singledispatch
 from typing import Any
 
 from rsgen.app.cli.derive_command import sentences_of_elements
 from rsgen.app.cli.options import Cases, Data, Json
 from rsgen.app.cli.terminal import ACCEPTED, FAULTY, print_faults, print_json, print_line
-from rsgen.app.study.foresight import point_faults, size_findings
 from rsgen.cases import Case, find_cases, load_case, name_clashes, read
 from rsgen.cases.trial import law_faults
 from rsgen.common.errors import CaseError, MeasurementError, RsgenError, program_fault
+from rsgen.common.finding import Finding, quantities
+from rsgen.data.multisine import MultisineSpectra, implausible
+from rsgen.data.multisine.spectra import check_records
+from rsgen.data.oscillator import refuse_across
+from rsgen.data.surface import ResponseSurface
+from rsgen.data.surface.plausibility import plausibility_findings
+from rsgen.identification.fitting.points import (
+    Points,
+    at_resonance_alone,
+    mass_needs,
+    per_unit_mass,
+    select_points,
+)
+from rsgen.identification.fitting.repeats import gather_repeats
+from rsgen.law.numeric import compile_law
 from rsgen.report.wording import sentence
+
+
+def mass_findings(case: Case, surface: ResponseSurface) -> tuple[Finding, ...]:
+    """Say that a measured test, of a mass that is not given, determines none; nothing where it does."""
+    surface, model = per_unit_mass(surface, case.model)
+    if model.mass is not None:
+        return ()
+    points = select_points(gather_repeats(surface)[0], model)
+    # a law with memory has its stiffness in the area of its loops
+    if not at_resonance_alone(points) or (not case.ranked and compile_law(case.model.force).remembers):
+        return ()
+    return (Finding("mass-at-resonance", "warning", "m", quantities(points=len(points))),)
+
+
+def point_faults(case: Case, table: ResponseSurface | MultisineSpectra) -> list[str]:
+    """Say why identification or ranking could not use the points of a test; nothing where they can.
+
+    Parameters
+    ----------
+    case
+        As it was read.
+    table
+        What was measured, or planned: of a virtual test all points count as settled, for none is simulated.
+
+    Returns
+    -------
+    list of str
+        One sentence a fault, ``file: place: what; what is allowed``.
+    """
+    try:
+        faults = _faults_of(table, case)
+    except RsgenError as fault:
+        faults = [" ".join(str(fault).split())]
+    return [f"{case.path.name}: {text}" for text in faults]
+
+
+@singledispatch
+def _faults_of(table: Any, case: Case) -> list[str]:
+    points = select_points(gather_repeats(table)[0], case.model)
+    return [f"model: {text}" for text in _rank_faults(case, table, points)]
+
+
+@_faults_of.register
+def _(table: MultisineSpectra, case: Case) -> list[str]:
+    refuse_across(case.model.sensors, multisine=True)
+    check_records(table, case.observation)
+    return []
+
+
+@singledispatch
+def size_findings(table: Any, case: Case) -> list[Finding]:
+    """Find what no vibration test can have, and a mass that the points do not tell."""
+    odd = plausibility_findings(table, calibrated=case.observation.calibrated)
+    return [*odd, *mass_findings(case, table)]
+
+
+@size_findings.register
+def _(table: MultisineSpectra, case: Case) -> list[Finding]:
+    return list(implausible(table)) if case.observation.calibrated else []
+
+
+def _rank_faults(case: Case, surface: ResponseSurface, points: Points) -> list[str]:
+    if not case.ranked:
+        return []
+    surface.require_phase("model", "'rank' compares laws by force and phase; give a phase, or the law itself")
+    needed = mass_needs(points, per_unit_mass(surface, case.model)[1])
+    return [f"'rank' needs the mass, or {needed}"] if needed else []
 
 
 def _plan(case: Case) -> dict[str, Any]:

@@ -10,13 +10,15 @@ import typer
 
 from rsgen.app.cli.options import Json
 from rsgen.app.cli.terminal import print_faults, print_json, print_line
+from rsgen.common.text_table import aligned
 from rsgen.files.inspection import Contents, Entry, Proposal, list_contents, propose
 from rsgen.files.sandbox import reading_fault
 from rsgen.files.tree import TEXT
 
-MOST = 60
-"""Arrays shown in a table; --all and --json list all."""
-_UNITS_OF_DOUBT = 60
+MAX_ARRAYS = 60
+"""Shown in a table; --all and --json list all."""
+_REMARK_CHARACTERS = 60
+"""Of a fault or a remark in the table."""
 
 
 def _text(value: str) -> str:
@@ -62,31 +64,29 @@ def _row(entry: Entry) -> tuple[str, ...]:
     if entry.dtype == TEXT:
         return entry.path, "-", TEXT, "-", repr(entry.remark)
     if entry.fault:
-        return entry.path, _shape(entry), entry.dtype or "-", _unit(entry), entry.fault[:_UNITS_OF_DOUBT]
+        return entry.path, _shape(entry), entry.dtype or "-", _unit(entry), entry.fault[:_REMARK_CHARACTERS]
     more = ", ..." if entry.size > len(entry.first) else ""
     values = ", ".join(entry.first) + more
     title = "" if entry.path.endswith(entry.title) or entry.title in entry.remark else entry.title
     about = ", ".join(filter(None, (title, entry.remark)))
     if about:
-        values += f"  ({about[:_UNITS_OF_DOUBT]})"
+        values += f"  ({about[:_REMARK_CHARACTERS]})"
     return entry.path, _shape(entry), entry.dtype, _unit(entry), values
 
 
 def _show(contents: Contents, proposal: Proposal | None, everything: bool) -> None:
     usable = [entry for entry in contents.entries if entry.dtype and not entry.fault]
     shown = list(contents.entries)
-    if len(shown) > MOST and not everything:
+    if len(shown) > MAX_ARRAYS and not everything:
         # rows of numbers say more than the settings of an instrument
-        shown = sorted(shown, key=lambda entry: (bool(entry.fault), entry.size < 2))[:MOST]
+        shown = sorted(shown, key=lambda entry: (bool(entry.fault), entry.size < 2))[:MAX_ARRAYS]
     print_line(f"{contents.file.name}: {contents.format}, {len(usable)} arrays of numbers")
     header = ("path", "shape", "kind", "unit", "values")
     rows = [_row(entry) for entry in shown]
-    widths = [max(len(row[place]) for row in (header, *rows)) for place in range(4)]
-    for row in (header, *rows):
-        cells = [cell.ljust(width) for cell, width in zip(row, widths, strict=False)]
-        print_line("  ".join([*cells, row[4]]).rstrip())
+    for line in aligned([header, *rows]):
+        print_line(line)
     # a fault of many arrays is printed once, and in full
-    long = {entry.fault: entry.path for entry in reversed(shown) if len(entry.fault) > _UNITS_OF_DOUBT}
+    long = {entry.fault: entry.path for entry in reversed(shown) if len(entry.fault) > _REMARK_CHARACTERS}
     for fault, path in reversed(long.items()):
         print_line(fault if fault.startswith(f"{contents.file.name}:") else f"{path}: {fault}")
     if contents.remark:

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from rsgen.common.errors import RsgenError
+from rsgen.common.output import has_mark
 
 if TYPE_CHECKING:
     from rsgen.cases import Case
@@ -42,9 +43,6 @@ FRF = b"receptances by level\nrsgen\n"
 MODAL = b"amplitude [m],frequency [Hz],lower frequency [Hz]"
 """Text near the beginning of each kind of file that a command writes, and hardly of any other."""
 
-_BEGINNING = 4096
-"""Bytes in which that stands."""
-
 
 def check_target(path: Path, ending: str, option: str = "--out") -> Path:
     """Refuse a name for a new file that has another ending or no folder."""
@@ -63,12 +61,7 @@ def inputs_of(case: Case, *others: Path | None) -> tuple[Path, ...]:
 
 def is_foreign(path: Path, mark: bytes) -> bool:
     """Return True if a path exists and lacks the mark of the file that a command would write."""
-    if not path.exists():
-        return False
-    if not path.is_file():
-        return True
-    with path.open("rb") as file:
-        return mark not in file.read(_BEGINNING)
+    return path.exists() and not has_mark(path, mark)
 
 
 def refuse_foreign(path: Path, foreign: bool, reads: Iterable[Path], option: str = "--out") -> None:

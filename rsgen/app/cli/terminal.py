@@ -12,6 +12,7 @@ from contextlib import suppress
 from typing import Any, TextIO
 
 from rsgen.common.finding import USABLE, StatedVerdict, verdict_lines
+from rsgen.common.text_table import aligned
 
 # ----------------------------------------------------------------------------
 # Robust stdout and stderr: closed, full disk, broken pipe, limited encoding.
@@ -164,9 +165,6 @@ def number(value: float | None, digits: int = 6) -> str:
 
 
 def print_table(header: Sequence[str], rows: Iterable[Sequence[str]]) -> None:
-    """Print columns aligned by blanks, readable by eye and by awk; the first column left, the rest right."""
-    lines = [[plain(cell) for cell in row] for row in (header, *rows)]
-    widths = [max(map(len, column)) for column in zip(*lines, strict=True)]
-    for line in lines:
-        first, *rest = (cell.rjust(width) for cell, width in zip(line, widths, strict=True))
-        write_output("  ".join([first.strip().ljust(widths[0]), *rest]).rstrip())
+    """Print aligned columns: the first left, those of numbers right."""
+    for line in aligned([[plain(cell) for cell in row] for row in (header, *rows)], right=True):
+        write_output(line)

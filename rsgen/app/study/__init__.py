@@ -5,8 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from rsgen.app.study.folder import MANIFEST, read_manifest
-from rsgen.app.study.foresight import Step
-from rsgen.app.study.run_case import CaseRun, obtain_surface, obtain_table, run_case
+from rsgen.app.study.run_case import CaseRun, Step, obtain_surface, obtain_table, run_case
 from rsgen.common import on_first_use
 
 if TYPE_CHECKING:

@@ -19,7 +19,7 @@ from typing import Any
 
 import rsgen
 from rsgen.common.errors import RsgenError
-from rsgen.common.output import left_behind, sync_folder, write_atomic
+from rsgen.common.output import has_mark, left_behind, read_small, sync_folder, write_atomic
 
 # Windows has no such locks
 _locks: Any = import_module("fcntl") if os.name == "posix" else None
@@ -27,16 +27,13 @@ _locks: Any = import_module("fcntl") if os.name == "posix" else None
 _OURS = {"index.html": b"<title>rsgen: all cases</title>", "table1.md": b"# Table 1: true against identified"}
 """Summary files, and the marker near their beginning by which rsgen recognises its own."""
 
-_BEGINNING = 4096
-"""Bytes in which that stands."""
-
-_WAIT = 10.0
+_LOCK_SECONDS = 10.0
 """Seconds for which a run waits until another one has begun, cleared up or moved: each takes far less."""
 
-_PAUSE = 0.005
-"""Seconds from one look to the next meanwhile."""
+_POLL_SECONDS = 0.005
+"""Interval between two attempts to take a lock."""
 
-_SHOWN = 3
+_FILES_NAMED = 3
 """Files that a refusal names; more would hide what to do."""
 
 
@@ -80,12 +77,12 @@ def _alone(out: Path) -> Iterator[None]:
 
 
 def _wait_for_lock(handle: int) -> None:
-    end = time.monotonic() + _WAIT
+    end = time.monotonic() + _LOCK_SECONDS
     while time.monotonic() < end:
         with suppress(BlockingIOError):
             _locks.flock(handle, _locks.LOCK_EX | _locks.LOCK_NB)
             return
-        time.sleep(_PAUSE)
+        time.sleep(_POLL_SECONDS)
 
 
 @contextmanager
@@ -162,10 +159,10 @@ def check_replaceable(place: Path) -> None:
         if not _written_by_run(path, path.relative_to(place).as_posix(), listed)
     ]
     if strange:
-        more = f" and {len(strange) - _SHOWN} more" if len(strange) > _SHOWN else ""
+        more = f" and {len(strange) - _FILES_NAMED} more" if len(strange) > _FILES_NAMED else ""
         raise RsgenError(
-            f"{place}: holds what no run wrote there: {', '.join(strange[:_SHOWN])}{more}; move it away, for "
-            "a new result replaces the whole folder"
+            f"{place}: holds what no run wrote there: {', '.join(strange[:_FILES_NAMED])}{more}; move it "
+            "away, for a new result replaces the whole folder"
         )
 
 
@@ -179,13 +176,7 @@ def check_index(out: Path) -> None:
     """
     for name, mark in _OURS.items():
         place = out / name
-        if not place.exists() and not place.is_symlink():
-            continue
-        ours = False
-        if place.is_file() and not place.is_symlink():
-            with place.open("rb") as file:
-                ours = mark in file.read(_BEGINNING)
-        if not ours:
+        if place.is_symlink() or (place.exists() and not has_mark(place, mark)):
             raise RsgenError(
                 f"{place}: was not written by rsgen; move it away or choose another --out, for the index of "
                 "all results has this name"
@@ -265,7 +256,7 @@ UNFINISHED = ".unfinished"
 """A file that says of a hidden folder that a run fills it; it goes before the folder takes its place."""
 SCHEMA = 1
 _PACKAGES = ("numpy", "scipy", "sympy", "numba", "matplotlib", "h5py", "pydantic", "pint")
-_MAX_MANIFEST = 1_000_000
+_MANIFEST_BYTES = 1_000_000
 """Bytes; a longer file is none of ours."""
 
 
@@ -344,9 +335,7 @@ def _read(folder: Path) -> dict[str, Any] | None:
     """Read a manifest as it is written; None where there is none of this schema."""
     path = folder / MANIFEST
     try:
-        if not path.is_file() or path.stat().st_size > _MAX_MANIFEST:
-            return None
-        content = json.loads(path.read_text(encoding="utf-8"))
+        content = json.loads(read_small(path, _MANIFEST_BYTES))
     except (OSError, ValueError, RecursionError):
         return None
     if not isinstance(content, dict) or content.get("schema") != SCHEMA:

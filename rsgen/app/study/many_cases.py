@@ -24,8 +24,15 @@ from typing import Any
 
 import rsgen.report
 from rsgen.app.study.folder import check_index, recover
-from rsgen.app.study.foresight import Progress, Step
-from rsgen.app.study.run_case import CaseRun, check_place, current_result, run_case
+from rsgen.app.study.run_case import (
+    PROGRESS_SECONDS,
+    CaseRun,
+    Progress,
+    Step,
+    check_place,
+    current_result,
+    run_case,
+)
 from rsgen.cases import Case, find_cases, load_case, name_clashes
 from rsgen.common.errors import CaseError, RsgenError, keep_from_terminal
 from rsgen.common.process import ALGEBRA, collect_seldom
@@ -40,7 +47,7 @@ _CONNECT_SECONDS = 20
 _CLEARING_SECONDS = 1.0
 """A worker that was asked to end has this long to remove what it began; the parent removes the rest."""
 
-_TRIES = 2
+_ATTEMPTS = 2
 """Attempts per case: one more if the worker was killed, for example for want of memory."""
 
 _one_at_a_time = threading.Lock()
@@ -193,7 +200,7 @@ class _Processes(Executor):
         with self._lock:
             self._busy.discard(pool)
             self._idle.append(None if lost else pool)
-            again = lost and task.lost < _TRIES - 1 and not self._closed
+            again = lost and task.lost < _ATTEMPTS - 1 and not self._closed
             if again:
                 self._waiting.appendleft(replace(task, lost=task.lost + 1))
         if lost:
@@ -298,10 +305,6 @@ def cluster_workers(address: str) -> Iterator[Executor]:
             raise
 
 
-_LISTEN_SECONDS = 0.2
-"""Between two looks at how far the cases have come."""
-
-
 def _sort(
     paths: Iterable[Path], out: Path, force: bool, data: Path | None, figures: str | None, away: bool
 ) -> tuple[dict[Path, Case], dict[Path, CaseRun]]:
@@ -370,7 +373,7 @@ def _spread(
             }
             waiting = set(futures)
             while waiting:
-                done, waiting = wait(waiting, None if steps is None else _LISTEN_SECONDS, FIRST_COMPLETED)
+                done, waiting = wait(waiting, None if steps is None else PROGRESS_SECONDS, FIRST_COMPLETED)
                 for queue in steps or ():
                     while progress is not None and not queue.empty():
                         progress(queue.get())

@@ -27,7 +27,6 @@ from rsgen.app.study.folder import (
     replaced_folder,
     write_manifest,
 )
-from rsgen.app.study.foresight import Progress, stage_reporter
 from rsgen.cases import Case, load_case
 from rsgen.cases.trial import law_faults
 from rsgen.common.errors import CaseError, RsgenError, program_fault
@@ -42,6 +41,48 @@ from rsgen.report.provenance import is_unchanged_notebook
 
 RESULT = "result.json"
 SURFACE = "surface.h5"
+
+
+PROGRESS_SECONDS = 0.2
+"""Minimum interval between progress messages of one stage."""
+
+
+@dataclass(frozen=True, slots=True)
+class Step:
+    """A case has come to a stage, or to a share of it.
+
+    Parameters
+    ----------
+    path
+        The case file.
+    stage
+        "surface", "identification" or "report", in this order.
+    share
+        From 0 to 1; stays 0 in a stage that does not report its share.
+    """
+
+    path: Path
+    stage: str
+    share: float
+
+
+Progress = Callable[[Step], None]
+
+
+def stage_reporter(case: Case, progress: Progress | None) -> Callable[[str, float], None]:
+    """Return a function of stage and share that reports every new stage, and shares now and then."""
+    if progress is None:
+        return lambda stage, share: None
+    last = ("", 0.0)
+
+    def report(stage: str, share: float) -> None:
+        nonlocal last
+        now = time.monotonic()
+        if last[0] != stage or now - last[1] > PROGRESS_SECONDS:
+            last = (stage, now)
+            progress(Step(case.path, stage, share))
+
+    return report
 
 
 @dataclass(frozen=True, slots=True)
