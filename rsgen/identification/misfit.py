@@ -40,7 +40,7 @@ from rsgen.identification.fitting.points import Points
 from rsgen.identification.results import Estimate, Resonance
 from rsgen.identification.results.alternatives import Alternatives
 from rsgen.identification.results.estimates import fixed_contradicted
-from rsgen.identification.starting.start import hidden_directions, is_hidden, records_even
+from rsgen.identification.starting.start import even_directions, even_part_unobservable, records_even
 from rsgen.identification.terms import EVEN_SHARE, even_beside, law_with, with_terms
 
 _TELLING = 16
@@ -381,8 +381,8 @@ def _with_even(problem: Problem, fit: Fit, term: str) -> tuple[int, Fit, Regress
     """Place of an even force among the parameters, the fit with it, and that without it."""
     trial, begin, (place,) = with_terms(problem, fit, (term,))
     without, best = (
-        fit_near(replace(trial, held=held), begin, order=START_ORDER)
-        for held in ((*trial.held, place), trial.held)
+        fit_near(replace(trial, frozen=frozen), begin, order=START_ORDER)
+        for frozen in ((*trial.frozen, place), trial.frozen)
     )
     return place, best, without.regression
 
@@ -426,7 +426,7 @@ def unseen_findings(fit: Fit, estimates: Sequence[Estimate]) -> list[Finding]:
 
 def explain_hidden(problem: Problem, reasons: Mapping[str, Finding | None]) -> dict[str, Finding | None]:
     """Say of an even force without effect that the fundamental shows its square alone."""
-    names = [problem.law.parameters[i] for i in problem.law.even] if is_hidden(problem) else []
+    names = [problem.law.parameters[i] for i in problem.law.even] if even_part_unobservable(problem) else []
     return {
         name: Finding("even-force-not-seen", "warning", name, why.numbers)
         if why is not None and why.code == "no-effect" and name in names
@@ -439,7 +439,7 @@ def mirror_findings(problem: Problem, known: Collection[str]) -> tuple[Finding, 
     """Say that the law of -x fits as well, where nothing even was recorded; name ``known`` parameters."""
     law = problem.law
     fixed = [place for place in law.even if not problem.free[place]]
-    if not is_hidden(problem) or records_even(problem) or fixed:
+    if not even_part_unobservable(problem) or records_even(problem) or fixed:
         return ()
     names = [law.parameters[i] for i in law.even if law.parameters[i] in known]
     if law.mirrored and not names:
@@ -464,9 +464,9 @@ def widen_squares(fit: Fit, found: Regression) -> Regression:
         The errors of its law (q,).
     """
     problem, count = fit.problem, len(found.covariance)
-    if not is_hidden(problem) or records_even(problem):
+    if not even_part_unobservable(problem) or records_even(problem):
         return found
-    hidden = hidden_directions(problem, fit.regression.parameters)
+    hidden = even_directions(problem, fit.regression.parameters)
     if not hidden.symmetric:
         return found
     wide, covariance = float(t_quantile(found.freedom, CONFIDENCE)), np.array(found.covariance)

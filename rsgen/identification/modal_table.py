@@ -29,12 +29,12 @@ from rsgen.data.oscillator import Model, Observation, join_model
 from rsgen.data.surface import ResponseSurface, typical_amounts, without_copies
 from rsgen.data.surface.response_surface import HALF_POWER
 from rsgen.identification.fitting.fit import fit_balance
-from rsgen.identification.fitting.forward import Descent
+from rsgen.identification.fitting.forward import ErrorsInVariables
 from rsgen.identification.fitting.least_squares import Regression, Rules, fit
 from rsgen.identification.fitting.observed import Observed, Problem, is_systematic
 from rsgen.identification.fitting.points import (
-    FEWEST,
     LAG_ERROR,
+    MIN_POINTS,
     Points,
     assumed_mass,
     at_resonance_alone,
@@ -258,14 +258,14 @@ def _next_shape(shape: tuple[int, int, int], allowed: list[tuple[int, int]]) -> 
 def fit_splines(modal: ModeProblem) -> Regression:
     """Fit by maximum likelihood with noise of force and response; errors widened where parts disagree."""
     observed, mode = modal.observed, modal.seen.mode
-    descent = Descent(modal, modal.forward(mode.omega))
+    descent = ErrorsInVariables(modal, modal.forward(mode.omega))
     nuisance = observed.nuisances(mode.amplitude, np.angle(mode.harmonics[:, 1]))
     start = np.concatenate([modal.solve()[0], modal.seen.background])
     rules = Rules(free=modal.free)
     found = fit(descent.linearise, start, nuisance, rules, neighbours=mode.neighbours)
     if found.noise > NOISY:
         response = descent.predict(found.parameters, found.nuisance)
-        descent.scale = np.abs(observed.seen(response, modal.split(found.parameters)[2]))
+        descent.scale = np.abs(observed.predict_sensor(response, modal.split(found.parameters)[2]))
         place = found.parameters, found.nuisance, rules
         found = descent.corrected(fit(descent.linearise, *place, used=found.used, neighbours=mode.neighbours))
     if descent.scale is None:
@@ -353,10 +353,10 @@ def _mode_points(points: Points, model: Model) -> ModePoints:
         mode = observed.background.subtract(with_phase(points, found, receptance), background)
     stiffness = mode.force / mode.harmonics[:, 1]
     near = np.abs(stiffness.imag) > HALF_POWER * np.abs(stiffness)
-    if np.count_nonzero(near) < FEWEST:
+    if np.count_nonzero(near) < MIN_POINTS:
         raise RsgenError(
             f"modal table: {np.count_nonzero(near)} points lie within 45 degrees of resonance; "
-            f"at least {FEWEST} are needed"
+            f"at least {MIN_POINTS} are needed"
         )
     if feeds_exciter(mode.force[near], mode.harmonics[near, 1]):
         raise RsgenError(
@@ -396,7 +396,7 @@ def _at_phase_resonance(seen: ModePoints, lag_error: float) -> tuple[ModeProblem
     """Fit k/m and c with an assumed mass at phase resonance; ``lag_error`` is that of the lags [rad]."""
     stiffness = seen.mode.force / seen.mode.harmonics[:, 1]
     rows = np.flatnonzero(seen.mode.in_quadrature)
-    if len(rows) < FEWEST:
+    if len(rows) < MIN_POINTS:
         raise RsgenError(
             f"modal table: the mass is not identifiable, and {len(rows)} points lie at phase resonance, "
             "where it is not needed; give the mass, or measure on both sides of resonance"

@@ -37,7 +37,7 @@ from rsgen.identification.fitting.points import (
     near_resonance,
     select_points,
 )
-from rsgen.identification.fitting.repeats import JUMP, gather_repeats
+from rsgen.identification.fitting.repeats import MIN_JUMP_RATIO, gather_repeats
 from rsgen.identification.results import Estimate, Identification, Resonance, later
 from rsgen.identification.starting.equations import Equations
 from rsgen.identification.starting.start import solve_equations
@@ -60,7 +60,7 @@ def _smooth_steps(points: Points, run: NDArray[np.intp]) -> NDArray[np.bool_]:
     size = np.abs(points.harmonics[run, 1])
     ratio = size[1:] / size[:-1]
     turn = (stiffness[1:] * np.conj(stiffness[:-1])).real / np.abs(stiffness[1:] * stiffness[:-1])
-    return np.asarray((ratio < JUMP) & (ratio > 1 / JUMP) & (turn > _MIN_COSINE_OF_STEP))
+    return np.asarray((ratio < MIN_JUMP_RATIO) & (ratio > 1 / MIN_JUMP_RATIO) & (turn > _MIN_COSINE_OF_STEP))
 
 
 def find_resonances(points: Points, mass: float) -> tuple[tuple[Resonance, ...], NDArray[np.float64]]:

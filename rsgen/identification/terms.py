@@ -49,8 +49,8 @@ def with_terms(problem: Problem, fit: Fit, terms: Sequence[str]) -> tuple[Proble
     values, mass, background = problem.split(fit.regression.parameters)
     law, known = law_with(problem, *terms), dict(zip(problem.law.parameters, values, strict=True))
     start = np.array([known.get(name, 0.0) for name in law.parameters])
-    held = tuple(law.parameters.index(problem.law.parameters[place]) for place in problem.held)
-    trial = replace(problem, law=replace(law, odd=problem.law.odd and law.odd), held=held)
+    frozen = tuple(law.parameters.index(problem.law.parameters[place]) for place in problem.frozen)
+    trial = replace(problem, law=replace(law, odd=problem.law.odd and law.odd), frozen=frozen)
     added = with_coefficients(terms, known)
     return trial, trial.join(start, mass, background), [law.parameters.index(name) for name in added]
 

@@ -9,7 +9,7 @@ import pytest
 
 from rsgen.data.oscillator import BACKGROUNDS
 from rsgen.dynamics.harmonic_balance import following_harmonics
-from rsgen.identification.fitting.forward import Descent, HarmonicBalance
+from rsgen.identification.fitting.forward import ErrorsInVariables, HarmonicBalance
 from rsgen.identification.fitting.least_squares import Linearisation, eliminate
 from rsgen.identification.fitting.observed import Observed, Problem
 from rsgen.identification.fitting.points import Points, select_points
@@ -121,7 +121,7 @@ def test_second_derivatives_along_a_direction_are_those_of_the_residuals(points:
     nuisance = problem.observed.nuisances(points.amplitude, np.angle(points.harmonics[:, 1])) + 0.003
     direction, h = 0.02 * np.random.default_rng(0).normal(size=nuisance.shape), 0.05
     for scale in (None, points.amplitude):
-        descent = Descent(problem, HarmonicBalance(law, points.motion, 5))
+        descent = ErrorsInVariables(problem, HarmonicBalance(law, points.motion, 5))
         descent.scale = scale
         low, here, high = (
             descent.linearise(parameters, nuisance + times * direction) for times in (-h, 0.0, h)

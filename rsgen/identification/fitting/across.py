@@ -1,15 +1,15 @@
-"""Laws between two sensors, and their forward model along the motions that were measured.
+"""Laws between two sensors, and their forward model along the measured motions.
 
-The balance is written at the sensor of the response, two motions in one equation:
+With x the response, y the motion of a second sensor and z = x - y the motion across an element, the balance
+at the sensor of the response is
 
-    F = -m omega^2 x_1 + N(x)_1 + N_a(z)_1,    z = x - y.
+    F = -m omega^2 x_1 + N(x)_1 + N_a(z)_1.
 
-Some elements follow the response x, others the motion z across two sensors, of which y is the far one. Other
-modes take part in both, so that no law says how y follows x: y was measured, with noise like x and F, and is
-an unknown of every point like these (errors in variables: Fuller, Measurement Error Models, Wiley 1987).
-Where z has a sensor of its own it is z that has such noise: the name of the elements' sensors says which
-(``law.element.response_share``), because the motions do not. What a law leaves is no noise of one sensor: the
-force and both motions share it, and the ratio of the two motions stays as it was measured.
+Other modes contribute to x and y, so that no law predicts y from x: y was measured, with noise like x and F,
+and is an unknown of every point as these are (errors in variables: Fuller, Measurement Error Models, Wiley
+1987). If z has a sensor of its own, z has that noise instead; the name of the elements' sensors says which
+(``law.element.response_share``). The misfit of a wrong law is no noise of one sensor: it changes the force
+and both motions, and the ratio of the motions stays as measured.
 """
 
 from __future__ import annotations
@@ -33,7 +33,7 @@ from rsgen.law.motion import Motion, fourier_series, project
 from rsgen.law.numeric import ForceLaw, Part, compile_law
 
 _MOTIONS = ("response", "motion across {!r}")
-"""What the parts of a law follow, each with the sensors that its elements act between."""
+"""Motions of the parts of a law in messages."""
 
 _UNMATCHED = (
     "across: the test has a motion across two sensors, but no element follows it; say which ones do "
@@ -41,21 +41,21 @@ _UNMATCHED = (
     "across: an element acts across {}; the test has no motion across",
     "across: {}; one pair of sensors is allowed in a law",
 )
-"""Of elements that act between no, one or several pairs of sensors, where the test has other motions."""
+"""Messages for elements between no, one or several pairs of sensors, if the motions of the test differ."""
 
-_BESIDE = 2
-"""Points to either side through which a cubic is laid: what it misses of the middle one is noise."""
+_CUBIC_HALF_WIDTH = 2
+"""Neighbours on each side through which a cubic is laid."""
 
 
 def sensor_noise(points: Points, sensors: str) -> float:
-    """Find the relative noise of response and other sensor from what is not smooth along a run; NaN: unknown.
+    """Estimate the relative noise of response and second sensor from the roughness of a run; NaN if unknown.
 
-    The ratio z/x of the motion across to the response is smooth, whatever the law: what it differs by from a
-    cubic through its neighbours is noise. As a ratio of two sensors it is proportional to z/x; of z = x - y
-    both sensors make y/x as noisy, and z/x by the size of 1 - z/x.
+    The ratio z/x of the motion across to the response is smooth for any law: its difference from a cubic
+    through its neighbours is noise. If z was measured, that noise is proportional to z/x; if y was measured,
+    to y/x = 1 - z/x.
     """
     order = np.lexsort((points.omega, points.sweep, points.level))
-    width = 2 * _BESIDE + 1
+    width = 2 * _CUBIC_HALF_WIDTH + 1
     if len(order) < width:
         return float("nan")
     rows = np.lib.stride_tricks.sliding_window_view(order, width)
@@ -71,47 +71,47 @@ def sensor_noise(points: Points, sensors: str) -> float:
     moves = size > 0
     if not moves.any():
         return float("nan")
-    # of the square of a complex normal number of unit variance the median is ln 2
+    # the square of a complex normal number of unit variance has the median ln 2
     return float(np.sqrt(np.median(missed[moves] / size[moves]) / np.log(2)))
 
 
 def _cubic(omega: Array) -> Array:
-    """(n, 2 b + 1) weights of the middle one and, negative, of the cubic through the others there."""
+    """Return weights (n, 2 b + 1): one for the middle point, minus the cubic through the others."""
     weights = np.ones_like(omega)
-    beside = [i for i in range(omega.shape[1]) if i != _BESIDE]
-    for i in beside:
-        for j in beside:
+    others = [i for i in range(omega.shape[1]) if i != _CUBIC_HALF_WIDTH]
+    for i in others:
+        for j in others:
             if i != j:
-                weights[:, i] *= (omega[:, _BESIDE] - omega[:, j]) / (omega[:, i] - omega[:, j])
+                weights[:, i] *= (omega[:, _CUBIC_HALF_WIDTH] - omega[:, j]) / (omega[:, i] - omega[:, j])
         weights[:, i] *= -1
     return weights
 
 
 def law_of(elements: Sequence[Element], points: Points | None = None) -> ForceLaw:
-    """Compile the law of some elements, by the motions that they follow.
+    """Compile the law of some elements, in parts by motion.
 
     Parameters
     ----------
     elements
-        All of them.
+        All elements of the model.
     points
-        Of the test, along whose motions the law is to be fitted.
+        Points of the test, if the law is to be fitted.
 
     Raises
     ------
     RsgenError
         Elements act across two sensors and the motion across is not in the test, or the other way round; they
-        act across several; or a law is not odd, whose mean across nobody recorded.
+        act across several; or a law is not odd and the mean across was not recorded.
     """
-    whole = compile_law(total_force(elements))
+    total = compile_law(total_force(elements))
     forces = forces_by_motion(elements)
     known, asymmetric = (True, True), False
     if points is not None:
         _match(forces, points)
         known, asymmetric = points.means, points.asymmetric
     if len(forces) == 1:
-        # an odd law has motions that are not: in one well of two, or after the symmetry breaks
-        return replace(whole, odd=False) if whole.odd and asymmetric else whole
+        # an odd law has asymmetric motions, too: in one well of two, or after symmetry breaking
+        return replace(total, odd=False) if total.odd and asymmetric else total
     parts = []
     for motion, (sensors, force) in enumerate(forces.items()):
         law = compile_law(force)
@@ -121,49 +121,50 @@ def law_of(elements: Sequence[Element], points: Points | None = None) -> ForceLa
                 f"across: the elements that follow the {followed} are not odd, and the mean of that motion "
                 "was not recorded; displacements with their mean, or an odd law, are needed"
             )
-        lost = ", ".join(name for name in law.parameters if name not in whole.parameters)
+        lost = ", ".join(name for name in law.parameters if name not in total.parameters)
         if lost:
             raise RsgenError(
                 f"across: {lost}: cancels in the sum of the elements; give it another name in the elements "
                 "that act across"
             )
-        places = np.array([whole.parameters.index(name) for name in law.parameters], dtype=np.intp)
+        places = np.array([total.parameters.index(name) for name in law.parameters], dtype=np.intp)
         parts.append(Part(law, places, sensors))
-    # along motions that were measured with their mean nothing even is left to be found
-    return replace(whole, odd=True, even=(), _parts=tuple(parts))
+    # the means of both motions were measured: there is no even part to compute
+    return replace(total, odd=True, even=(), _parts=tuple(parts))
 
 
 def _match(forces: Mapping[str, sympy.Expr], points: Points) -> None:
-    """Refuse elements and a test that do not have the same motions."""
+    """Raise an error if elements and test do not have the same motions."""
     _, *sensors = map(repr, sorted(forces))
     if len(sensors) != points.far.shape[1]:
         raise RsgenError(_UNMATCHED[min(len(sensors), 2)].format(", ".join(sensors)))
 
 
 def motions_of(law: ForceLaw, followed: Motion, points: Points) -> tuple[Motion, ...]:
-    """Motions of the parts of a law: of several the measured ones, of one that which is ``followed``."""
+    """Return the motions of the parts of a law: measured ones for two parts, ``followed`` for one."""
     return (points.motion, Motion(points.omega, points.across)) if law.acts_across else (followed,)
 
 
 class MeasuredAcross(Forward):
     """Force at the response from a law across two sensors.
 
-    Fundamentals of response and other sensor are what is asked for, all other harmonics as measured.
+    The fundamentals of response and second sensor are arguments, all other harmonics as measured.
 
     Parameters
     ----------
     law
         The force law, of two parts.
     response, across
-        As measured at the same points: of the mode, and across the elements.
+        Measured motions of the mode and across the elements, at the same points.
     """
 
     harmonics: tuple[int, ...] = ()
     exact_slopes = True
     step = 1e-4
-    """As that of the harmonic balance."""
+    """Step of central differences, as of the harmonic balance."""
     correlation = 0.0
-    """Of the relative deviations of the two sensors: 0 for noise, all but 1 for what the law leaves."""
+    """Correlation of the relative deviations of the two sensors: 0 for noise, nearly 1 for misfit of the law.
+    """
 
     def __init__(self, law: ForceLaw, response: Motion, across: Motion) -> None:
         self._law, self._response, self._across = law, response, across
@@ -174,17 +175,17 @@ class MeasuredAcross(Forward):
         self._series = fourier_series((1,), self.samples, half=False)
 
     def share(self, systematic: Callable[[], bool]) -> bool:
-        """With sensors that may deviate apart a wrong law bends the motion across until it fits."""
+        """Correlate the two sensors if the misfit is systematic: independent ones would absorb it."""
         if systematic():
             self.correlation = 1 - NOTICEABLE**2
         return self.correlation > 0
 
     def of_noise(self, found: Regression, corrected: Callable[[], Regression]) -> Regression:
-        """Slopes of a law with corners say how much of them is noise, but not how they bend."""
+        """Return the regression with the noise share of its slopes; their curvature at corners is unknown."""
         return replace(found, noise_share=corrected().noise_share)
 
     def of_sensors(self, influence: Array) -> Array:
-        """Those of the other sensor are the last; a deviation of the response takes it along."""
+        """Return the influence of the deviations of each sensor; those of the second sensor are the last."""
         moved, half = np.array(influence), (influence.shape[1] + 1) // 2
         moved[:, [half - 1, -1]] /= self.far_noise
         moved[:, [1, half + 1]] -= self.correlation * moved[:, [half - 1, -1]]
@@ -192,7 +193,7 @@ class MeasuredAcross(Forward):
 
     @property
     def far_noise(self) -> float:
-        """Deviation of the other sensor that is independent of that of the response, as a share of it."""
+        """Independent share of the deviation of the second sensor."""
         return float(np.sqrt(1 - self.correlation**2))
 
     def __call__(self, values: Array, mass: float, size: Array, others: Array | None = None) -> Response:
@@ -205,9 +206,9 @@ class MeasuredAcross(Forward):
         size
             (n,) amplitudes of the response [m].
         others
-            (n, 3) its phase [rad] and real and imaginary part of the relative deviation of the other sensor,
-            in units of ``far_noise``, from what goes with that of the response. None: that sensor, and all
-            harmonics, go with the response in the proportion that was measured.
+            (n, 3) phase of the response [rad], and real and imaginary part of the relative deviation of the
+            second sensor in units of ``far_noise``. None: the second sensor, and all harmonics, keep their
+            measured ratio to the response.
         """
         measured, omega = self._response.harmonics[:, 1], self._response.omega
         other = self._across.harmonics[:, 1] - self._response_share * measured
@@ -228,7 +229,7 @@ class MeasuredAcross(Forward):
         near, joint = (sample.tangent(self._series, omega) for sample in samples)
 
         def by_response(turn: complex) -> ComplexArray:
-            """Change of the force with the logarithm of the response, along which the other sensor goes."""
+            """Return the derivative of the force by the logarithm of the response, with the second sensor."""
             change, far = turn * here, self.correlation * turn * there
             across = _times(joint, self._response_share * change + far)
             return np.asarray(back * (_times(near, change) + across - mass * omega**2 * change))
@@ -257,13 +258,13 @@ class MeasuredAcross(Forward):
 
 
 def _with_fundamental(motion: Motion, share: Array, fundamental: ComplexArray) -> Motion:
-    """A share (n, 1) of all harmonics, but for a fundamental (n,) [m]."""
+    """Scale all harmonics by a factor (n, 1), and set the fundamental (n,) [m]."""
     harmonics = motion.harmonics * share
     harmonics[:, 1] = fundamental
     return Motion(motion.omega, harmonics)
 
 
 def _times(tangent: Array, change: ComplexArray) -> ComplexArray:
-    """(n,) change of a force by that of a fundamental, from its tangent (n, 2, 2) in real coordinates."""
+    """Return the change (n,) of a force by that of a fundamental, from its real tangent (n, 2, 2)."""
     real, imaginary = (tangent[:, i, 0] * change.real + tangent[:, i, 1] * change.imag for i in range(2))
     return np.asarray(real + 1j * imaginary)

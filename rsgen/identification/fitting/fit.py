@@ -19,7 +19,7 @@ from rsgen.common.tolerances import (
     STEPS,
 )
 from rsgen.identification.fitting.across import MeasuredAcross
-from rsgen.identification.fitting.forward import Descent, HarmonicBalance
+from rsgen.identification.fitting.forward import ErrorsInVariables, HarmonicBalance
 from rsgen.identification.fitting.least_squares import Regression, Rules, eliminate, fit
 from rsgen.identification.fitting.observed import FORCE_TO_RESPONSE_NOISE, Problem, is_systematic
 from rsgen.identification.fitting.points import Points
@@ -135,7 +135,7 @@ class Fit:
         )
 
 
-def _finish(problem: Problem, descent: Descent, regression: Regression, order: int) -> Fit:
+def _finish(problem: Problem, descent: ErrorsInVariables, regression: Regression, order: int) -> Fit:
     """Predict at the estimate, relative to a fundamental of phase zero."""
     response = descent.predict(regression.parameters, regression.nuisance)
     lag = np.angle(response.harmonics[:, 1])
@@ -155,7 +155,7 @@ def _finish(problem: Problem, descent: Descent, regression: Regression, order: i
         response.force * np.exp(-1j * lag),
         motion.harmonics,
         problem.observed.turn(regression.nuisance) + lag,
-        np.abs(problem.observed.seen(response, values)),
+        np.abs(problem.observed.predict_sensor(response, values)),
         order,
     )
 
@@ -196,9 +196,9 @@ def fit_balance(
     nuisance = observed.nuisances(mode.amplitude, np.angle(mode.harmonics[:, 1]))
     turn = observed.background.turn(problem.split(parameters)[2])
     forward = _forward(problem, mode, order, turn, compared=compared)
-    descent = Descent(problem, forward)
+    descent = ErrorsInVariables(problem, forward)
     natural = 0.0 if law.odd else _natural_sizes(problem, parameters, mode)
-    rules = Rules(steps=steps, held=problem.held, free=problem.free, natural=natural)
+    rules = Rules(steps=steps, frozen=problem.frozen, free=problem.free, natural=natural)
     common: dict[str, Any] = {"reject": reject, "neighbours": mode.neighbours}
     first = replace(rules, steps=1) if near > NOISY and not law.rough else rules
     found = fit(descent.linearise, parameters, nuisance, first, **common)
@@ -213,7 +213,7 @@ def fit_balance(
     # second derivatives of a balance of few harmonics mean nothing where the law jumps or has a corner
     if found.noise > NOISY and not law.rough:
         response = descent.predict(found.parameters, found.nuisance)
-        descent.scale = np.abs(observed.seen(response, problem.split(found.parameters)[2]))
+        descent.scale = np.abs(observed.predict_sensor(response, problem.split(found.parameters)[2]))
         place, used = (found.parameters, found.nuisance), found.used
         found = fit(descent.linearise, *place, rules, used=used, **common)
         if correct:
@@ -241,7 +241,7 @@ def linearise_beside(fit: Fit, problem: Problem, parameters: Array, *, order: in
     forward = _forward(problem, mode, order, turn, near, compared)
     if fit.problem.law.switched:
         forward.samples = max(forward.samples, SAMPLES_SWITCHED)
-    descent = Descent(problem, forward)
+    descent = ErrorsInVariables(problem, forward)
     descent.scale = fit.scale
     size = np.abs(fit.harmonics[:, 1])
     nuisance = observed.nuisances(np.where(size > 0, size, mode.amplitude), fit.turn)
@@ -270,9 +270,9 @@ def refit_weighted(near: Fit, problem: Problem, parameters: Array, *, order: int
     """
     values = problem.split(parameters)[2]
     mode, turn = problem.observed.mode(values), problem.observed.background.turn(values)
-    descent = Descent(problem, _forward(problem, mode, order, turn))
+    descent = ErrorsInVariables(problem, _forward(problem, mode, order, turn))
     descent.scale = near.scale
-    rules = Rules(steps=NEAR_STEPS, held=problem.held, free=problem.free)
+    rules = Rules(steps=NEAR_STEPS, frozen=problem.frozen, free=problem.free)
     return fit(
         descent.linearise,
         parameters,
@@ -331,7 +331,7 @@ def fit_simulator(problem: Problem, start: Fit, *, accuracy: float) -> Fit | Non
         null=_null_of_law(before, problem.count),
         accuracy=accuracy,
     )
-    descent = Descent(problem, forward)
+    descent = ErrorsInVariables(problem, forward)
     descent.scale = start.scale if noisy else observed.points.amplitude
     parameters, noise = before.parameters, before.noise
     nuisance = observed.nuisances(np.abs(drive), np.angle(drive))
@@ -339,7 +339,9 @@ def fit_simulator(problem: Problem, start: Fit, *, accuracy: float) -> Fit | Non
     predicted = forward.solve(np.append(values, mass), np.exp(nuisance[:, 0]), accuracy)
     if np.count_nonzero(np.isfinite(predicted[:, 1])) < _FOLLOWED * len(drive):
         return None
-    rules = Rules(steps=_STEPS_KEPT, attainable=RESOLUTION * accuracy, held=problem.held, free=problem.free)
+    rules = Rules(
+        steps=_STEPS_KEPT, attainable=RESOLUTION * accuracy, frozen=problem.frozen, free=problem.free
+    )
     for _ in range(_RENEWALS):
         found = fit(descent.linearise, parameters, nuisance, rules, neighbours=observed.points.neighbours)
         if noisy:

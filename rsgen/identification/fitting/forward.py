@@ -1,8 +1,9 @@
-"""Forward models: from parameters to force and motion at every test point, and what a fit descends on.
+"""Forward models: from parameters to force and motion at every test point; residuals of a fit under them.
 
-The model here is the harmonic balance. At the amplitude that was measured it has one solution, also where the
-response folds over the force; so it serves for measured points on any branch. The other forward model is the
-simulator, which is given the force (``simulator.py``).
+The harmonic balance solves -m (h omega)^2 X_h + N_h(x) = F_h for the harmonics of a motion of given amplitude
+|X_1|, and for the force. At a given amplitude it has one solution, also where the response folds over the
+force, so that it predicts measured points on any branch. The other forward model is the simulator, for a
+given force (``simulator``). ``ErrorsInVariables`` compares either with the measured points.
 """
 
 from __future__ import annotations
@@ -21,53 +22,53 @@ from rsgen.identification.fitting.observed import Observed
 from rsgen.law.motion import Motion
 from rsgen.law.numeric import ForceLaw
 
-_AT_REST = 1e-6
-"""Relative last step to a place of rest."""
+_REST_TOLERANCE = 1e-6
+"""Relative last step of Newton's method to the place of rest."""
 
-_FAR = 0.5
-"""Relative change beyond which slopes no longer lead from one trial to the next."""
+_MAX_EXTRAPOLATION = 0.5
+"""Relative change of the harmonics up to which slopes predict the next solution."""
 
 
 class Forward(Protocol):
-    """From values to the response at every test point."""
+    """A forward model: values of the parameters to the response at every test point."""
 
     harmonics: tuple[int, ...]
-    """Predicted ones other than the fundamental."""
+    """Predicted harmonics other than the fundamental."""
 
     step: float
     """Change of the logarithm of the size by which second derivatives are taken."""
 
     exact_slopes: bool
-    """Whether slopes are those of every call; else they stay for many."""
+    """True if slopes are computed at every call, False if they are kept for several."""
 
     def __call__(self, values: Array, mass: float, size: Array, others: Array | None = None) -> Response:
         """Predict at (p,) values, a mass [kg], (n,) sizes and (n, k - 1) other nuisances.
 
-        A force that follows the response alone does not depend on the others.
+        Only a law across two sensors depends on the other nuisances.
         """
         ...
 
     def share(self, systematic: Callable[[], bool]) -> bool:
-        """Let all sensors share what the law leaves if that is systematic; True where it is another model."""
+        """Correlate the sensors if the misfit is systematic; return True if that changes the model."""
         return False
 
     def of_noise(self, found: Regression, corrected: Callable[[], Regression]) -> Regression:
-        """Say how much of the slopes of a law with corners is noise, from the correction for noise."""
+        """Return the regression with the noise share of the slopes of a law with corners."""
         return found
 
     def of_sensors(self, influence: Array) -> Array:
-        """Turn the influence (n, M, q) of nuisances' rows into that of relative deviations of the sensors."""
+        """Convert the influence (n, M, q) of nuisances' rows to that of deviations of the sensors."""
         return influence
 
 
 def _place_of_rest(law: ForceLaw, values: Array, size: float) -> float:
-    """Displacement [m] near zero at which the law exerts no force, in steps of at most size [m]; or zero."""
+    """Return the place of rest [m] near zero by Newton steps of at most size [m]; zero if there is none."""
     x = np.zeros(1)
     for _ in range(TO_REST):
         sample = law.still(x, values)
         force, slope = float(sample.force[0]), float(sample.by_x[0])
         step = -force / slope if slope > 0 and np.isfinite(force) else np.inf
-        if abs(step) < _AT_REST * size:
+        if abs(step) < _REST_TOLERANCE * size:
             return float(x[0])
         if not np.isfinite(step):
             return 0.0
@@ -76,30 +77,30 @@ def _place_of_rest(law: ForceLaw, values: Array, size: float) -> float:
 
 
 class HarmonicBalance(Forward):
-    """The balance from trial to trial: each begins where slopes lead from the one before.
+    """Harmonic balance at given amplitudes; each call starts from the linear prediction of the last one.
 
     Parameters
     ----------
     law
         The force law.
     start
-        Motion that leads to the branch that was measured; serves the first trial, and points that did not
-        converge.
+        Measured motion, from which the first solution starts, and points that did not converge.
     order
         Highest harmonic.
     compared
-        Highest harmonic that is compared, not below the order: those beyond it are predicted to be zero.
+        Highest compared harmonic, not below the order: harmonics beyond the order are predicted as zero.
     about_rest
-        Whether motions begin about the place of rest of the law, because the mean of ``start`` is not known.
+        True if motions start about the place of rest of the law, because the mean was not measured.
     load
-        (n, K+1) harmonics of the force [N] in the phase of the measured response, of which the fundamental is
-        not looked at; None: the force is a sine.
+        (n, K+1) harmonics of the force [N] in the phase of the measured response, without regard to the
+        fundamental; None: the force is a sine.
     """
 
     exact_slopes = True
     step = 1e-5
-    """Leaves the second derivatives five digits: error of a difference h, and of slopes from the step before
-    h^2/h."""
+    """Step h of second derivatives, with an error of h by the difference, and of h by slopes of the last
+    step.
+    """
 
     def __init__(
         self,
@@ -158,20 +159,20 @@ class HarmonicBalance(Forward):
     def _next(self, response: Response, change: Array, growth: Array) -> ComplexArray:
         along = response.harmonics_slope * growth[:, None] + response.harmonics_by @ change
         size = np.abs(response.harmonics[:, 1:2])
-        # what did not converge is not finite at times, and no guide
+        # points that did not converge may be infinite
         with np.errstate(invalid="ignore"):
-            near = np.abs(along).max(axis=1, keepdims=True) < _FAR * size
+            near = np.abs(along).max(axis=1, keepdims=True) < _MAX_EXTRAPOLATION * size
             guess = response.harmonics + np.where(near, along, 0)
         good = response.valid & np.isfinite(guess).all(axis=1)
         return np.where(good[:, None], guess, self._start)
 
 
 # ----------------------------------------------------------------------------
-# Residuals, slopes and curvature of measured points under any forward model: what a fit descends on.
+# Residuals, slopes and curvature of measured points under any forward model.
 
 
 class Parametrised(Protocol):
-    """What is fitted to what, as a descent needs it."""
+    """The members of a problem that ``ErrorsInVariables`` uses."""
 
     @property
     def observed(self) -> Observed:
@@ -179,15 +180,15 @@ class Parametrised(Protocol):
         ...
 
     def split(self, parameters: Array) -> tuple[Array, float, Array]:
-        """Values for the forward model, mass [kg] and background."""
+        """Return the values for the forward model, mass [kg] and background."""
         ...
 
     def compared(self, predicted: tuple[int, ...]) -> tuple[int, ...]:
-        """Harmonics other than the fundamental that are measured, of those ``predicted``."""
+        """Return the measured ones of the ``predicted`` harmonics, without the fundamental."""
         ...
 
 
-class Descent:
+class ErrorsInVariables:
     """Residuals and curvature of a problem under a forward model."""
 
     def __init__(self, problem: Parametrised, forward: Forward) -> None:
@@ -196,14 +197,14 @@ class Descent:
         self.scale = problem.observed.scale
 
     def predict(self, parameters: Array, nuisance: Array) -> Response:
-        """Ask the forward model at (q,) parameters and (n, k) nuisances."""
+        """Predict the response at (q,) parameters and (n, k) nuisances."""
         values, mass, _ = self.problem.split(parameters)
         return self.forward(values, mass, np.exp(nuisance[:, 0]), nuisance[:, 1:])
 
     def linearise(
         self, parameters: Array, nuisance: Array, response: Response | None = None
     ) -> Linearisation:
-        """Compare prediction, or another response, with measurement, in units of the expected noise."""
+        """Return residuals and slopes of the prediction, or of a response, in units of the expected noise."""
         return self._weighted(*self._rows(parameters, nuisance, response))
 
     @staticmethod
@@ -219,9 +220,9 @@ class Descent:
     def _rows(
         self, parameters: Array, nuisance: Array, response: Response | None = None
     ) -> tuple[Linearisation, Array | None]:
-        """Compare; and (n, M, M) what makes the noise of the rows independent and of unit size.
+        """Return residuals and slopes, and the whitening matrices (n, M, M) of their noise.
 
-        Noise of the other harmonics of the force is in the predicted motion. None where there are none.
+        Noise of higher harmonics of the force changes the predicted motion; None without these.
         """
         response = self.predict(parameters, nuisance) if response is None else response
         observed = self.problem.observed
@@ -234,7 +235,7 @@ class Descent:
         return observed.linearise(response, *place), weight
 
     def plain(self, influence: Array, parameters: Array, nuisance: Array) -> Array:
-        """Turn the influence (n, M, q) of independent rows into that of the residuals as they are."""
+        """Convert the influence (n, M, q) of whitened rows to that of the residuals."""
         if self.problem.observed.points.load is None:
             return influence
         weight = self._rows(parameters, nuisance)[1]
@@ -255,10 +256,7 @@ class Descent:
         direction: Array,
         rows: tuple[Linearisation, Array | None],
     ) -> tuple[Array, Array]:
-        """Differences from the rows there along directions (n, k), in steps that suit the model.
-
-        See ``remove_bias``.
-        """
+        """Return differences of the rows along directions (n, k); see ``remove_bias``."""
         length = np.abs(direction).max(axis=1, keepdims=True)
         unit, step = direction / np.where(length > 0, length, 1.0), self.forward.step
         here, weight = rows

@@ -1,8 +1,15 @@
-"""Maximum likelihood where force and response both carry noise.
+"""Nonlinear least squares with errors in variables: force and response both have noise.
 
-Every point has one or two unknowns that concern only itself (its true amplitude, its time origin): nuisances.
-They are eliminated point by point, so that the least-squares problem keeps the size of the parameters; the
-matrix is never squared, and its columns are scaled, because parameters differ by many orders of magnitude.
+Minimised is the sum over points of |r_i(p, e_i)|^2 with parameters p common to all points and one or two
+nuisances e_i of each point (its true amplitude, its phase):
+
+    dr_i = -J_i dp - K_i de_i.
+
+A Gauss-Newton step eliminates de_i point by point, by projecting r_i and J_i on the complement of K_i
+(variable projection: Golub and Pereyra, Inverse Problems 19, 2003), so that the linear problem keeps the size
+of p. It is solved by an orthogonal decomposition of J, not by normal equations, whose condition number is the
+square, with scaled columns, because parameters differ by many orders of magnitude. The result has covariance,
+null space, outliers and the O(noise^2) bias (Fuller, Measurement Error Models, Wiley 1987).
 """
 
 from __future__ import annotations
@@ -28,40 +35,40 @@ from rsgen.common.tolerances import (
     chi_square_exceeded,
 )
 
-_OWN_SHARE = 1e-6
-"""Share of the square of a column that is its own, below which the other columns make it up."""
+_MIN_INDEPENDENT_SHARE = 1e-6
+"""Share of the square of a column outside the span of the others, below which it is dependent."""
 
 
 def determined(covariance: Array, null: Array) -> Array:
-    """Covariance (q, q) without that of parameters with a part in null vectors (q, d): theirs is NaN."""
+    """Return the covariance (q, q), NaN for parameters with a part in null vectors (q, d)."""
     lost = np.abs(null).max(axis=1, initial=0.0) > NULL_PART
     return np.where(lost | lost[:, None], np.nan, covariance)
 
 
 Mask = NDArray[np.bool_]
 
-_FOLLOWED = 0.98
-"""A step after which fewer of the points can still be predicted is too long."""
+_MIN_PREDICTED_SHARE = 0.98
+"""Share of the points that must have a prediction after a step."""
 
-_RETURN = 2
-"""Steps within which a full step across the bend of a narrow valley must lead to its floor, lower down:
-the watchdog of Chamberlain, Powell, Lemarechal and Pedersen, Math. Programming Study 16, 1982."""
+_WATCHDOG_STEPS = 2
+"""Steps after a full step that increases the sum of squares, in which it must decrease: the watchdog of
+Chamberlain, Powell, Lemarechal and Pedersen, Math. Programming Study 16, 1982."""
 
-_OUTLYING = 3e-3
-"""Relative misfit below which no point is an outlier: in exact data most points may agree to round-off."""
+_MIN_OUTLIER_MISFIT = 3e-3
+"""Relative misfit below which no point is an outlier: in exact data most points agree to round-off."""
 
-_TOGETHER = 3.0
-"""Outliers that are neighbours more often than chance would bring, by this factor, are none."""
+_MAX_NEIGHBOUR_RATIO = 3.0
+"""Pairs of neighbouring outliers, relative to their number by chance, beyond which the law is wrong."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Linearisation:
-    """The model around the present parameters, in units of the expected noise.
+    """Residuals and derivatives at the present parameters, in units of the expected noise.
 
     Parameters
     ----------
     residual
-        (n, M) measured minus predicted; NaN in every row of a point that could not be predicted.
+        (n, M) measured minus predicted; NaN in every row of a point without a prediction.
     by_nuisance
         (n, M, k) derivative of the prediction by the k nuisances of each point.
     by_parameter
@@ -75,7 +82,7 @@ class Linearisation:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Regression:
-    """What a fit leaves.
+    """The result of a fit.
 
     Parameters
     ----------
@@ -86,20 +93,20 @@ class Regression:
     covariance
         (q, q), scaled with the noise found in the residual; NaN for parameters that are not identifiable.
     null
-        (q, d) directions in the space of scaled parameters that the points do not tell.
+        (q, d) directions in the space of scaled parameters that the points do not determine.
     scale
-        (q,) by which the parameters are scaled there.
+        (q,) scale of the parameters there.
     noise
         Noise found, in units of the expected one.
     misfit
-        (n,) distance of each point in units of the expected noise, per degree of freedom; NaN where it
-        could not be predicted.
+        (n,) distance of each point in units of the expected noise, per degree of freedom; NaN without a
+        prediction.
     used
-        (n,) False for outliers and points that could not be predicted.
+        (n,) False for outliers and points without a prediction.
     freedom
-        Degrees of freedom left for the noise.
+        Degrees of freedom of the noise.
     converged
-        False where the steps did not become small.
+        False if the steps did not become small.
     strength
         (q,) root mean square change of the prediction by a unit of each parameter, in units of the
         expected noise.
@@ -109,12 +116,12 @@ class Regression:
         (q, r) the parameters by r independent directions, which the points determine equally well.
     rows, residual
         (n, M, r) and (n, M) slopes by these directions and residuals; zero for points that are not used. The
-        sum of rows.T @ rows is the identity, that of rows.T @ residual nothing.
+        sum of rows.T @ rows is the identity, that of rows.T @ residual zero.
     free
-        (q,) False for parameters that are fixed: they have no errors, and move nothing.
+        (q,) False for fixed parameters, which have no errors.
     noise_share
-        Largest share that noise of the nuisances alone has in the information on a direction; from one on
-        nothing is known of that direction.
+        Largest share of noise of the nuisances in the information on a direction; from one on that direction
+        is not determined.
     """
 
     parameters: Array
@@ -136,7 +143,7 @@ class Regression:
     noise_share: float = 0.0
 
     def first(self, count: int) -> Regression:
-        """What concerns the first parameters; errors that the others cause stay in."""
+        """Return the part of the first parameters, marginalised over the others."""
         return replace(
             self,
             parameters=self.parameters[:count],
@@ -152,31 +159,31 @@ class Regression:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Rules:
-    """How a descent goes, and what is known of the parameters beside the points.
+    """Control of a descent, and prior knowledge of the parameters.
 
     Parameters
     ----------
     steps
-        Most Gauss-Newton steps.
+        Maximum of Gauss-Newton steps.
     gain
-        A step that lowers the sum of squares by less, in units of the noise found, is the last.
+        Decrease of the sum of squares, in units of the noise found, below which a step is the last.
     halvings
-        Lengths of a step that are tried, each half of the one before.
+        Number of step lengths that are tried, each half of the last.
     attainable
-        Misfit that the error of the prediction explains: below it steps are not halved, and end sooner.
+        Misfit by the error of the prediction: below it steps are not halved, and end sooner.
     natural
-        (q,) sizes at which parameters would matter, whatever their present values; see ``solve_scaled``.
-    held
-        Parameters that stay where they are, yet count among the unknowns when errors are stated.
+        (q,) typical sizes of the parameters; see ``solve_scaled``.
+    frozen
+        Parameters that keep their values, but count as unknowns in the covariance.
     free
-        (q,) False for parameters that are fixed: they stay where they are, and are no unknowns.
+        (q,) False for fixed parameters, which keep their values and are no unknowns.
     linear
-        Parameters in which the residual is linear: beside every trial of the others they take their best
-        values (variable projection), for which the slopes before are good enough.
+        Parameters in which the residual is linear: solved for at every trial of the others (variable
+        projection) with the slopes of the last step.
     prior
         (q,) inverse standard errors with which the parameters are known to be zero.
     move
-        From parameters and a step to where it leads, within bounds.
+        Function of parameters and a step that returns the next parameters, within bounds.
     """
 
     steps: int = STEPS
@@ -184,7 +191,7 @@ class Rules:
     halvings: int = HALVINGS
     attainable: float = 0.0
     natural: Array | float = 0.0
-    held: Sequence[int] = ()
+    frozen: Sequence[int] = ()
     free: Mask | bool = True
     linear: Sequence[int] = ()
     prior: Array | None = None
@@ -196,20 +203,20 @@ class Rules:
         return solve_scaled(flat, right, parameters, self.natural, known=known)
 
     def cost(self, residual: Array, parameters: Array) -> float:
-        """Sum of squares of residuals, and of what is known of the parameters."""
+        """Return the sum of squares of residuals and prior."""
         known = 0.0 if self.prior is None else float(np.sum((self.prior * parameters) ** 2))
         return float(np.sum(residual**2)) + known
 
     def equations(
         self, residual: Array, matrix: Array, parameters: Array, chosen: Mask
     ) -> tuple[Array, Array]:
-        """Rows (r, q) and right sides (r,) of a step: of the chosen points, and what is known beside them."""
+        """Return rows (r, q) and right sides (r,) of a step: chosen points, then the prior."""
         flat, right = _stacked(matrix, residual, chosen)
         if self.prior is None:
             return flat, right
         known = self.prior > 0
-        beside = np.diag(self.prior)[known], (-self.prior * parameters)[known]
-        return np.concatenate([flat, beside[0]]), np.concatenate([right, beside[1]])
+        prior = np.diag(self.prior)[known], (-self.prior * parameters)[known]
+        return np.concatenate([flat, prior[0]]), np.concatenate([right, prior[1]])
 
 
 _USUAL = Rules()
@@ -227,23 +234,23 @@ def fit(
     neighbours: NDArray[np.intp] | None = None,
     used: Mask | None = None,
 ) -> Regression:
-    """Gauss-Newton with step halving on parameters and nuisances together, and the errors.
+    """Fit parameters and nuisances by Gauss-Newton steps with halving; reject outliers; state errors.
 
     Parameters
     ----------
     linearise
-        Called with (q,) parameters and (n, k) nuisances.
+        Function of (q,) parameters and (n, k) nuisances.
     parameters, nuisance
-        Where to start.
+        Initial values.
     rules
-        Of each descent; there is one for each setting aside of outliers.
+        Control of each descent.
     reject
-        Whether outliers are set aside.
+        True if outliers are excluded, with a new descent after each exclusion.
     neighbours
-        (k, 2) pairs of points next to each other in the test. Where neighbours disagree together it is
-        the law that does not fit, and no point is set aside.
+        (k, 2) pairs of points next to each other in the test. If outliers are neighbours the law is wrong,
+        and no point is excluded.
     used
-        (n,) points to begin with, all where it is None.
+        (n,) mask of the points to begin with; None: all.
     """
     used = np.ones(len(nuisance), dtype=bool) if used is None else used
     converged = False
@@ -258,7 +265,7 @@ def fit(
 
 
 def eliminate(line: Linearisation) -> tuple[Array, Array]:
-    """Remove from residual and derivatives what the nuisances of each point can take up."""
+    """Project residual and derivatives on the complement of the nuisances of each point."""
     residual, matrix = np.array(line.residual), np.array(line.by_parameter)
     for part in blocks(len(residual), BLOCK):
         units, _ = _orthonormal(line.by_nuisance[part])
@@ -268,22 +275,21 @@ def eliminate(line: Linearisation) -> tuple[Array, Array]:
 
 
 def _remove(units: Sequence[Array], columns: Array) -> None:
-    """Take out of columns (n, M, q), in place, their parts along orthonormal vectors (n, M)."""
+    """Subtract from columns (n, M, q), in place, their parts along orthonormal vectors (n, M)."""
     for unit in units:
         columns -= unit[:, :, None] * np.einsum("nm,nmq->nq", unit, columns)[:, None, :]
 
 
 def _along(unit: Array, rows: Array) -> Array:
-    """(n,) products of vectors (n, M)."""
+    """Return the scalar products (n,) of vectors (n, M)."""
     return np.asarray(np.einsum("nm,nm->n", unit, rows))
 
 
 def _orthonormal(matrix: Array) -> tuple[list[Array], Array]:
-    """k orthonormal columns (n, M) of n small matrices (n, M, k), and their triangles (n, k, k).
+    """Return k orthonormal columns (n, M) of n matrices (n, M, k), and their triangles (n, k, k).
 
-    A column without effect stays zero.
-
-    By Gram and Schmidt in the modified order (Golub and Van Loan, Matrix Computations, 2013, Sec. 5.2.8).
+    By modified Gram-Schmidt (Golub and Van Loan, Matrix Computations, 2013, Sec. 5.2.8); a column of zeros
+    stays zero.
     """
     count = matrix.shape[2]
     units: list[Array] = []
@@ -299,7 +305,7 @@ def _orthonormal(matrix: Array) -> tuple[list[Array], Array]:
 
 
 def _stacked(matrix: Array, residual: Array, chosen: Mask) -> tuple[Array, Array]:
-    """Equations (r, q) of the chosen points, and their right sides (r,)."""
+    """Return the equations (r, q) of the chosen points, and their right sides (r,)."""
     if not chosen.all():
         matrix, residual = matrix[chosen], residual[chosen]
     right = residual.reshape(-1)
@@ -313,21 +319,21 @@ def descend(
     rules: Rules = _USUAL,
     used: Mask | None = None,
 ) -> tuple[Array, Array, Linearisation, bool]:
-    """Gauss-Newton with step halving, from parameters and nuisances to better ones; see ``fit``.
+    """Minimise by Gauss-Newton steps with halving; see ``fit``.
 
     Returns
     -------
     parameters, nuisance, line, converged
-        Where it ended, the model there, and whether the steps had become small.
+        The last values, residual and slopes there, and True if the steps became small.
     """
     used = np.ones(len(nuisance), dtype=bool) if used is None else used
-    parameters, line = _settle(linearise(parameters, nuisance), parameters, rules, used)
+    parameters, line = _solve_linear_parameters(linearise(parameters, nuisance), parameters, rules, used)
     for _ in range(rules.steps):
         good = used & np.isfinite(line.residual).all(axis=1)
         if not good.any():
             return parameters, nuisance, line, False
         flat, right = rules.equations(*eliminate(line), parameters, good)
-        flat[:, list(rules.held)] = 0.0
+        flat[:, list(rules.frozen)] = 0.0
         change, _, _ = rules.solve(flat, right, parameters)
         rest = line.residual - line.by_parameter @ change
         nuisance_change = np.zeros_like(nuisance)
@@ -345,21 +351,21 @@ def descend(
             moved = rules.move(parameters, part * change), nuisance + part * nuisance_change
             trial = linearise(*moved)
             both = good & np.isfinite(trial.residual).all(axis=1)
-            if np.count_nonzero(both) < _FOLLOWED * np.count_nonzero(good):
+            if np.count_nonzero(both) < _MIN_PREDICTED_SHARE * np.count_nonzero(good):
                 continue
-            settled, trial = _settle(trial, moved[0], rules, both)
+            solved, trial = _solve_linear_parameters(trial, moved[0], rules, both)
             before = rules.cost(line.residual[both], parameters)
-            after = rules.cost(trial.residual[both], settled)
+            after = rules.cost(trial.residual[both], solved)
             if after <= before:
-                parameters, nuisance, line = settled, moved[1], trial
+                parameters, nuisance, line = solved, moved[1], trial
                 realised = (before - after) * right.size / max(after, 1e-300)
                 break
         least = max(rules.gain, UNCHANGED * right.size) if reached else rules.gain
         if realised < least or relative < ROUND_OFF:
             done = realised >= 0 or relative < 1e-6 or gain < 1.0
-            # of exact data what is left is of waveforms, and no valley; slopes that are kept show no bend
+            # the misfit of exact data is due to truncated waveforms; slopes that are kept show no curvature
             exact = rules.attainable > 0 or np.sqrt(np.mean(right**2)) < NOISY
-            if done or exact or rules.steps <= _RETURN:
+            if done or exact or rules.steps <= _WATCHDOG_STEPS:
                 return parameters, nuisance, line, done
             step = rules.move(parameters, change), nuisance + nuisance_change
             ahead = _across_bend(linearise, step, line, parameters, rules, good)
@@ -377,27 +383,31 @@ def _across_bend(
     rules: Rules,
     good: Mask,
 ) -> tuple[Array, Array, Linearisation, bool] | None:
-    """Descend from a full step to the floor of a narrow valley; None where that is no lower than here."""
-    ahead = descend(linearise, *step, replace(rules, steps=_RETURN), good)
+    """Descend from a full step to the floor of a narrow valley; None if that is no lower."""
+    ahead = descend(linearise, *step, replace(rules, steps=_WATCHDOG_STEPS), good)
     both = good & np.isfinite(ahead[2].residual).all(axis=1)
     lower = rules.cost(ahead[2].residual[both], ahead[0]) < rules.cost(line.residual[both], here)
-    return ahead if lower and np.count_nonzero(both) >= _FOLLOWED * np.count_nonzero(good) else None
+    return (
+        ahead if lower and np.count_nonzero(both) >= _MIN_PREDICTED_SHARE * np.count_nonzero(good) else None
+    )
 
 
-def _settle(line: Linearisation, parameters: Array, rules: Rules, used: Mask) -> tuple[Array, Linearisation]:
-    """Give the linear parameters their best values while the others stay."""
+def _solve_linear_parameters(
+    line: Linearisation, parameters: Array, rules: Rules, used: Mask
+) -> tuple[Array, Linearisation]:
+    """Solve for the linear parameters at given values of the others."""
     linear = list(rules.linear)
     good = used & np.isfinite(line.residual).all(axis=1)
     if not linear or not good.any():
         return parameters, line
     flat, right = rules.equations(*eliminate(line), parameters, good)
-    settled, change = np.array(parameters), solve_scaled(flat[:, linear], right)[0]
-    settled[linear] += change
-    return settled, replace(line, residual=line.residual - line.by_parameter[:, :, linear] @ change)
+    solved, change = np.array(parameters), solve_scaled(flat[:, linear], right)[0]
+    solved[linear] += change
+    return solved, replace(line, residual=line.residual - line.by_parameter[:, :, linear] @ change)
 
 
 def _least_squares(matrix: Array, right: Array) -> Array:
-    """(n, k) solutions of n small problems (n, M, k); zero of a column without effect."""
+    """Return the solutions (n, k) of n least-squares problems (n, M, k); zero for a column of zeros."""
     units, triangle = _orthonormal(matrix)
     solution = np.zeros((len(matrix), len(units)))
     for j in reversed(range(len(units))):
@@ -407,32 +417,35 @@ def _least_squares(matrix: Array, right: Array) -> Array:
 
 
 def _agreeing(line: Linearisation, used: Mask, neighbours: NDArray[np.intp] | None) -> Mask:
-    """Points whose distance fits the spread of the others; the worst are set aside, at most a fixed share."""
+    """Return the mask of points without outliers, which are at most a fixed share."""
     residual, _ = eliminate(line)
     distance = np.sum(residual**2, axis=1)
     freedom = line.residual.shape[1] - line.by_nuisance.shape[2]
-    # force and fundamental alone have as many rows more than nuisances as there are nuisances
+    # force and fundamental have twice as many rows as nuisances
     fewest = min(line.by_nuisance.shape[2], freedom)
-    limit = max(_largest_by_chance(distance[used], fewest, freedom, 1e-3 / len(distance)), _OUTLYING**2)
+    limit = max(
+        _largest_by_chance(distance[used], fewest, freedom, 1e-3 / len(distance)), _MIN_OUTLIER_MISFIT**2
+    )
     order = np.sort(distance[np.isfinite(distance)])[::-1]
     most = int(OUTLIERS * len(order))
     if most < len(order):
         limit = max(limit, float(order[most]))
     agreeing = np.asarray(np.nan_to_num(distance, nan=np.inf) <= limit)
     if neighbours is not None:
-        apart = ~agreeing & np.isfinite(distance)
-        together = int(np.count_nonzero(apart[neighbours].all(axis=1)))
-        share = np.count_nonzero(apart) / len(apart)
-        if together > _TOGETHER * share**2 * len(neighbours) + 2:
-            return np.ones(len(apart), dtype=bool)
+        outliers = ~agreeing & np.isfinite(distance)
+        pairs = int(np.count_nonzero(outliers[neighbours].all(axis=1)))
+        share = np.count_nonzero(outliers) / len(outliers)
+        if pairs > _MAX_NEIGHBOUR_RATIO * share**2 * len(neighbours) + 2:
+            return np.ones(len(outliers), dtype=bool)
     return agreeing
 
 
 def _largest_by_chance(distance: Array, fewest: int, freedom: int, chance: float) -> float:
-    """What the distance of a point exceeds with a probability, by the median and upper quartile of all.
+    """Return the distance that a point exceeds with probability ``chance``.
 
-    Harmonics with less noise than the fundamental leave a distance of fewer degrees of freedom than it has
-    rows, with a longer tail; the fundamental and the force alone leave the ``fewest``.
+    Distances follow a scaled chi-square distribution; median and upper quartile determine its degrees of
+    freedom. Harmonics with less noise than the fundamental count little, so that there are fewer than rows,
+    at least the ``fewest``, those of force and fundamental.
     """
     if not len(distance):
         return chi_square_exceeded(freedom, chance)
@@ -454,12 +467,12 @@ def summarise(
     *,
     converged: bool = True,
 ) -> Regression:
-    """State errors, and what is not identifiable, of parameters and nuisances at which a descent ended."""
+    """Return covariance, null space and influence at the end of a descent."""
     used = np.ones(len(nuisance), dtype=bool) if used is None else used
     residual, matrix = eliminate(line)
     free = np.array(np.broadcast_to(rules.free, len(parameters)))
     count, points = int(np.count_nonzero(free)), int(np.count_nonzero(used))
-    each = residual.shape[1] - nuisance.shape[1]
+    freedom_of_point = residual.shape[1] - nuisance.shape[1]
     stacked, right = rules.equations(residual, matrix, parameters, used)
     _, inverse, null = rules.solve(stacked, right, parameters)
     norm = np.sqrt(np.einsum("rq,rq->q", stacked, stacked))
@@ -469,7 +482,7 @@ def summarise(
     distance = np.sum(residual**2, axis=1)
     matrix[~used] = 0.0
     residual[~used] = 0.0
-    # The sandwich keeps its word where the noise is not as expected; the larger of the two is reported.
+    # the sandwich covariance stays valid if the noise model is wrong; the larger of the two is reported
     scores = np.einsum("nmq,nm->nq", matrix, residual) @ inverse
     flat = matrix.reshape(residual.size, len(parameters))
     sandwich = inverse @ (scores.T @ scores) @ inverse.T * (max(points, 1) / max(points - count, 1))
@@ -484,7 +497,7 @@ def summarise(
         null=null,
         scale=np.where(norm > 0, norm, 1.0),
         noise=float(np.sqrt(variance)),
-        misfit=np.sqrt(distance / each),
+        misfit=np.sqrt(distance / freedom_of_point),
         used=used,
         freedom=freedom,
         converged=converged,
@@ -499,7 +512,7 @@ def summarise(
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Alternative:
-    """One more column beside a fit: the value it takes, its standard error, and what it moves (q,)."""
+    """One more column of a fit: its value, its standard error, and the shift (q,) of the parameters."""
 
     value: float
     error: float
@@ -507,34 +520,34 @@ class Alternative:
 
     @property
     def gain(self) -> float:
-        """Fall of the sum of squares, in units of the noise."""
+        """Decrease of the sum of squares, in units of the noise."""
         return (self.value / self.error) ** 2 if self.error > 0 else 0.0
 
 
 def alternatives(
     residual: Array, matrix: Array, columns: Array, score: Array, readings: Array, free: Mask | bool = True
 ) -> list[Alternative]:
-    """Fit each of some columns beside all parameters, to first order from a solution.
+    """Add each of some columns to a fit, to first order from its solution.
 
-    Without readings the larger error counts, of equal noise or of noise as it is (White, Econometrica, 1980).
+    Without readings the error is the larger one of equal and of unequal noise (White, Econometrica, 1980).
 
     Parameters
     ----------
     residual, matrix
-        (r,) and (r, q) at the solution, of unit variance, nuisances eliminated.
+        (r,) and (r, q) at the solution, of unit variance, without nuisances.
     columns
-        (r, t) what may be missing; each is tried alone.
+        (r, t) columns that may be missing; each is added alone.
     score
-        (q + t,) what noise in a slope adds to its product with the residual.
+        (q + t,) expected product of slope and residual by their common noise.
     readings
-        (P, r) deviation of single readings from their mean: their scatter is in the errors.
+        (P, r) deviations of single readings from their mean, whose scatter enlarges the errors.
     free
-        (q,) False for parameters that are fixed.
+        (q,) False for fixed parameters.
 
     Returns
     -------
     list
-        (t,), of value zero where a column is made up of the others.
+        (t,), with value zero for a column that depends on the others.
     """
     own_score, added = np.split(score, [matrix.shape[1]])
     known = np.where(np.broadcast_to(free, matrix.shape[1:]), np.nan, 0.0)
@@ -542,38 +555,37 @@ def alternatives(
     found = []
     for column, more in zip(columns.T, added, strict=True):
         # the pseudoinverse from its factor: inverse @ inverse.T @ matrix.T
-        taken = inverse @ (inverse.T @ (matrix.T @ column))
-        own = column - matrix @ taken
+        absorbed = inverse @ (inverse.T @ (matrix.T @ column))
+        own = column - matrix @ absorbed
         size = float(own @ own)
-        if not size > _OWN_SHARE * float(column @ column):
-            found.append(Alternative(0.0, np.inf, np.zeros(len(taken))))
+        if not size > _MIN_INDEPENDENT_SHARE * float(column @ column):
+            found.append(Alternative(0.0, np.inf, np.zeros(len(absorbed))))
             continue
-        value = float(own @ residual - more + taken @ own_score) / size
+        value = float(own @ residual - more + absorbed @ own_score) / size
         error = size**-0.5
         if not len(readings):
             error = max(error, float(np.linalg.norm(own * residual)) / size)
         elif len(readings) > 1:
             moved = readings @ own / size
             error = max(error, float(np.sqrt(moved @ moved / (len(moved) * (len(moved) - 1)))))
-        found.append(Alternative(value, error, -taken * value))
+        found.append(Alternative(value, error, -absorbed * value))
     return found
 
 
 Bend = Callable[[Array], tuple[Array, Array]]
-"""From directions (n, k) of the nuisances to second derivatives (n, M) of the prediction along them, and to
+"""Function of directions (n, k) of the nuisances: second derivatives (n, M) of the prediction along them, and
 the change (n, M, q) of its slopes by the parameters."""
 
 
 def remove_bias(found: Regression, line: Linearisation, bend: Bend) -> Regression:
-    """Correct the parameters for the square of the noise.
+    """Correct the parameters for the bias by the square of the noise.
 
-    Nuisances that are off by e bend the prediction by e.H.e/2, on the average by the sum of H L L^T / 2 with
-    L L^T their covariance: by second derivatives along the columns of L. They change the slopes by the
-    parameters, too: what that adds to the information is noise (attenuation; Fuller, Measurement Error
-    Models, Wiley 1987, chapter 2).
+    An error e of the nuisances changes the prediction by e.H.e/2 to second order, on average by trace(H L
+    L^T)/2 with their covariance L L^T: second derivatives along the columns of L. The change of the slopes by
+    the parameters adds noise to the information (attenuation; Fuller, Measurement Error Models, Wiley 1987,
+    chapter 2).
     """
-    # with the last nuisance first, one column of L = R^-1 has all of them; beside the others the prediction
-    # may be at hand
+    # the last nuisance first: only one column of L = R^-1 then needs a new prediction for it
     units, triangle = _orthonormal(line.by_nuisance[:, :, ::-1])
     regular = found.used & np.all(np.diagonal(triangle, axis1=1, axis2=2) > 0, axis=1)
     factor = np.zeros_like(triangle)
@@ -591,7 +603,7 @@ def remove_bias(found: Regression, line: Linearisation, bend: Bend) -> Regressio
     _remove(units, residual[:, :, None])
     _remove(units, matrix)
     change, _, _ = Rules(free=found.free).solve(*_stacked(matrix, residual, regular), found.parameters)
-    # what the points say of the corrected parameters
+    # residual at the corrected parameters
     moved = found.residual - np.nan_to_num(matrix) @ change
     moved[regular] += residual[regular]
     moved[~found.used] = 0.0

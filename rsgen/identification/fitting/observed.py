@@ -1,8 +1,12 @@
-"""What is fitted to what: residuals and slopes of a predicted response as the sensors saw it, and a law.
+"""Measurement model of the fits: residuals and slopes of a predicted response at the sensors.
+
+With z the motion of the mode and u the force on it, the measured force U and response Y are
 
     U = M u,    Y = C z + B u
 
-with the background of ``rsgen.dynamics.linear_part``. A recorded phase needs one nuisance a point more.
+with the background of ``rsgen.dynamics.linear_part``. Force and response both have noise (errors in
+variables): amplitude and, if it was recorded, phase of every point are unknowns (nuisances), which the least
+squares eliminates. Noise is taken as proportional to the size of force and fundamental.
 """
 
 from __future__ import annotations
@@ -25,20 +29,20 @@ from rsgen.law.element import Element
 from rsgen.law.numeric import ForceLaw
 
 FORCE_TO_RESPONSE_NOISE = 1.0
-"""Ratio of the relative noises of force and response: sine tests rarely say which sensor is worse."""
+"""Ratio of the relative noises of force and response; a sine test does not determine it."""
 
-_POINTS = 4096
-"""Compared at once: what is between a response and its slopes takes more memory than both."""
+_BLOCK_POINTS = 4096
+"""Points that are compared at once, for memory."""
 
 _NEED_PHASE = {"psi", "b0_im", "b1_im", "r_im", "zeta"}
-"""Values that amplitudes alone say nothing of, or little that damping does not."""
+"""Values of the background that amplitudes alone do not determine."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class _Row:
-    """One compared quantity: measured minus predicted, and derivatives of the prediction.
+class _ResidualBlock:
+    """Residual (n,) of one quantity, measured minus predicted, and derivatives of the prediction.
 
-    ``by_far`` (n, 2) is that by the deviation of each further sensor, None for zero.
+    ``by_far`` (n, 2) is the derivative by the deviation of the second sensor; None for zero.
     """
 
     residual: NDArray[Any]
@@ -50,31 +54,30 @@ class _Row:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Observed:
-    """The measured points as a fit sees them.
+    """The measured points, with the measurement model of force and response.
 
-    The nuisances of a point are the logarithm of the size that the forward model is asked for (amplitude or
-    force) and, where the phase was recorded, the phase of the model's reference; where a motion
-    across was measured, y = y_measured (1 + a + i b) of its sensor, then a and b. Noise is expected
-    relative to the size of force and fundamentals, the same in real and imaginary part; so a background that
-    takes the place of the mode gains nothing.
+    The nuisances of a point are the logarithm of the argument of the forward model (amplitude or force) and,
+    if the phase was recorded, the phase of the model's reference; with a motion across two sensors,
+    y = y_measured (1 + a + i b), also a and b. Noise is relative to the size of force and fundamentals, equal
+    in real and imaginary part, so that a background cannot replace the mode.
 
     Parameters
     ----------
     points
-        As measured, background included.
+        Measured points, background included.
     background
-        At the points.
+        Terms of the background at the points.
     fitted
-        (b,) which values of the background are fitted; the others stay.
+        (b,) mask of the fitted values of the background; the others stay.
     kind, band
-        Of the background, and lowest and highest frequency [Hz] that it is defined over.
+        Kind of the background, and the lowest and highest frequency [Hz] of its band.
     recorded
-        Harmonics of the response that were recorded with a phase; none where amplitudes alone were.
+        Harmonics of the response that were recorded with a phase; empty for amplitudes alone.
     scale
-        (n,) amplitude [m] with which a fit begins to compare by logarithms, see ``linearise``: from the
-        beginning without phases, where the sign of a difference is that of its logarithm. Else None.
+        (n,) amplitude [m] of a comparison by logarithms, see ``linearise``; without phases from the first
+        step on, else None.
     direct
-        Whether the points are those of the mode as they are: no background, and phases recorded.
+        True if the points are those of the mode: no background, and phases recorded.
     """
 
     points: Points
@@ -88,49 +91,49 @@ class Observed:
 
     @classmethod
     def of(cls, points: Points, kind: str = "none") -> Observed:
-        """Take the points with a background of a kind over their band."""
+        """Return the points with a background of a kind over their band."""
         frequency = points.omega / (2 * np.pi)
         band = float(frequency.min()), float(frequency.max())
         shape = background_terms(kind, points.omega, points.force, band)
         if points.phase_known:
             fitted = np.ones(len(shape.names), dtype=bool)
             return cls(points, shape, fitted, kind, band, points.measured, direct=not shape.names)
-        # without phase psi has no effect, and imaginary parts of b hardly one that damping has not
+        # without phases psi has no effect, and that of imaginary parts of b is nearly that of damping
         fitted = np.array([name not in _NEED_PHASE for name in shape.names], dtype=bool)
         return cls(points, shape, fitted, kind, band, (), points.amplitude)
 
     @property
     def parts(self) -> int:
-        """Parts of force and fundamental that are compared, and nuisances for them: size, and phase."""
+        """Number of nuisances of force and fundamental: the size, and the phase if it was recorded."""
         return 1 + self.recorded.count(1)
 
     def turn(self, nuisance: Array) -> Array:
-        """(n,) phase of the model's reference [rad], zero where none was recorded."""
+        """Return the phase (n,) of the model's reference [rad], zero without recorded phases."""
         return np.asarray(nuisance[:, 1 : self.parts].sum(axis=1))
 
     def without_neighbour(self) -> Observed:
-        """Residual terms only."""
+        """Return the points with residual terms in place of a neighbouring mode."""
         kind = self.kind.replace("neighbour", "residuals")
         shape = background_terms(kind, self.points.omega, self.points.force, self.band)
         return replace(self, kind=kind, background=shape, fitted=self.fitted[: len(shape.names)])
 
     def select(self, chosen: Chosen) -> Observed:
-        """Take some of the points; the band of the background stays."""
+        """Keep some points; the band of the background stays."""
         scale = None if self.scale is None else self.scale[chosen]
         background = self.background.select(chosen)
         return replace(self, points=self.points.select(chosen), background=background, scale=scale)
 
     def mode(self, values: Array) -> Points:
-        """The points without the background (b,)."""
+        """Return the points without a background of values (b,)."""
         return self.background.subtract(self.points, values)
 
     def nuisances(self, size: Array, phase: Array) -> Array:
-        """(n, k) to start from: logarithm of the size, phase where known, far sensor as measured."""
-        none = np.zeros((len(size), 2 * self.points.far.shape[1]))
-        return np.column_stack([np.log(size), *[phase][: self.parts - 1], none])
+        """Return initial nuisances (n, k): log of the size, phase if recorded, far sensor as measured."""
+        measured = np.zeros((len(size), 2 * self.points.far.shape[1]))
+        return np.column_stack([np.log(size), *[phase][: self.parts - 1], measured])
 
-    def seen(self, response: Response, values: Array) -> ComplexArray:
-        """(n,) fundamental at the sensor, in the reference of the response [m]."""
+    def predict_sensor(self, response: Response, values: Array) -> ComplexArray:
+        """Return the fundamental (n,) [m] at the sensor, in the reference of the response."""
         return np.asarray(
             response.harmonics[:, 1] + self.background.receptance(values) * response.force,
             dtype=np.complex128,
@@ -144,20 +147,20 @@ class Observed:
         scale: Array | None,
         compared: Sequence[int],
     ) -> Linearisation:
-        """Compare with a prediction.
+        """Return residuals and slopes of a prediction.
 
         Parameters
         ----------
         response
-            Predicted.
+            The prediction of the forward model.
         values
-            (b,) of the background.
+            (b,) values of the background.
         nuisance
-            (n, k) as above.
+            (n, k) nuisances of the points.
         scale
-            (n,) amplitude [m] of the fundamental that the noise of other harmonics is relative to; force and
-            fundamental are then compared by their logarithms, whose noise has mean zero and the same size
-            everywhere. None: plain differences relative to the measured sizes, which no start is too far for.
+            (n,) amplitude [m] to which the noise of higher harmonics is relative; force and fundamental are
+            then compared by their logarithms, whose noise is the same everywhere and has mean zero. None:
+            differences relative to the measured sizes, which are robust far from the solution.
         compared
             Other harmonics that are measured and predicted.
         """
@@ -167,7 +170,7 @@ class Observed:
             return self.select(part)._linearise(response.select(part), values, nuisance[part], unit, compared)
 
         count, names = len(self.points), list(Linearisation.__dataclass_fields__)
-        found = ((part, line(part)) for part in blocks(count, _POINTS))
+        found = ((part, line(part)) for part in blocks(count, _BLOCK_POINTS))
         return Linearisation(**blocks_joined(count, found, names))
 
     def _linearise(
@@ -181,17 +184,17 @@ class Observed:
         points = self.points
         turn = self.turn(nuisance)
         back = np.exp(-1j * turn)
-        # points that could not be predicted are NaN and say so below
+        # points without a prediction are NaN
         with np.errstate(invalid="ignore", divide="ignore"):
             fundamental = points.harmonics[:, 1] * back
-            rows = self._compare_strong(response, values, back, fundamental, scale is not None)
+            rows = self._compare_force_and_fundamental(response, values, back, fundamental, scale is not None)
             unit = points.amplitude if scale is None else scale
-            none = np.zeros((len(points), len(values)))
+            by_background = np.zeros((len(points), len(values)))
             for h in compared:
-                by = np.hstack([response.harmonics_by[:, h], none])
+                by = np.hstack([response.harmonics_by[:, h], by_background])
                 measured = points.harmonics[:, h] * np.exp(-1j * h * turn)
                 rows.append(
-                    _Row(
+                    _ResidualBlock(
                         (measured - response.harmonics[:, h]) / unit,
                         response.harmonics_slope[:, h] / unit,
                         1j * h * measured / unit,
@@ -213,15 +216,15 @@ class Observed:
         by_parameter = _split([row.by for row in rows], real)
         return Linearisation(residual, np.stack(by_nuisance, axis=2), by_parameter)
 
-    def _compare_strong(
+    def _compare_force_and_fundamental(
         self,
         response: Response,
         values: Array,
         back: ComplexArray,
         fundamental: ComplexArray,
         logarithmic: bool,
-    ) -> list[_Row]:
-        """Rows of the force and of the fundamental at the sensor."""
+    ) -> list[_ResidualBlock]:
+        """Return the residual blocks of the force and of the fundamental at the sensor."""
         points, shape = self.points, self.background
         force = points.force * shape.turn(values) * back
         b = shape.receptance(values)
@@ -240,15 +243,15 @@ class Observed:
             rests = [(force - response.force) / units[0], (fundamental - seen) / units[1]]
             turns = [(1j * force + by_phase) / units[0], 1j * fundamental / units[1]]
         by_far = None if response.force_far is None else response.force_far / units[0][:, None]
-        # psi turns the force that was measured alone
+        # psi turns the measured force only
         psi = 1j * (response.force if logarithmic else force) / units[0]
         by_psi = np.zeros_like(terms)
         by_psi[:, :1] = -psi[:, None] * self.fitted[:1]
         by_force = np.hstack([response.force_by / units[0][:, None], by_psi])
         by_seen = np.hstack([seen_by, terms * response.force[:, None]]) / units[1][:, None]
         return [
-            _Row(rests[0], response.force_slope / units[0], turns[0], by_force, by_far),
-            _Row(rests[1], seen_slope / units[1], turns[1], by_seen),
+            _ResidualBlock(rests[0], response.force_slope / units[0], turns[0], by_force, by_far),
+            _ResidualBlock(rests[1], seen_slope / units[1], turns[1], by_seen),
         ]
 
     def load_noise(
@@ -259,11 +262,11 @@ class Observed:
         scale: Array | None,
         compared: Sequence[int],
     ) -> Array | None:
-        """(n, M, L) what noise of the other harmonics of the force does to the rows of ``linearise``.
+        """Return the effect (n, M, L) of noise of the other harmonics of the force on the rows of
+        ``linearise``.
 
-        In units of the expected noise: that of each harmonic is as large as that of the fundamental of the
-        force. Those that are zero were not recorded, or did not stand out of the noise. None where no
-        harmonics of the force were given.
+        In units of the expected noise, which is the same for each harmonic of the force. Harmonics that are
+        zero were not recorded. None without harmonics of the force.
         """
         load = self.points.load
         if load is None or response.force_load is None or response.harmonics_load is None:
@@ -279,10 +282,10 @@ class Observed:
         return np.where(np.isfinite(noise).all(axis=(1, 2), keepdims=True), noise, 0.0)
 
     def relative_influence(self, influence: Array, values: Array, nuisance: Array) -> Array:
-        """Turn the influence (n, M, q) of plain differences into that of relative deviations.
+        """Convert the influence (n, M, q) of differences into that of relative deviations.
 
-        A plain difference of force or fundamental is compared in the phase of the reference, a relative
-        deviation of either in its own phase.
+        A difference of force or fundamental has the phase of the reference, a relative deviation the phase of
+        the quantity itself.
         """
         back = np.exp(-1j * nuisance[:, 1])
         relative, half = np.array(influence), (influence.shape[1] + 1) // 2
@@ -295,125 +298,127 @@ class Observed:
         return relative
 
 
-def _far_sensor(nuisance: Array, like: _Row) -> _Row:
-    """Row of a far sensor y = y_measured (1 + a + i b), relative to its motion."""
-    none = np.zeros(len(nuisance))
+def _far_sensor(nuisance: Array, like: _ResidualBlock) -> _ResidualBlock:
+    """Return the residual block of a far sensor y = y_measured (1 + a + i b), relative to its motion."""
+    zero = np.zeros(len(nuisance))
     unit = np.tile(np.array([1, 1j]), (len(nuisance), 1))
-    return _Row(-(nuisance[:, -2] + 1j * nuisance[:, -1]), none, none, np.zeros(like.by.shape), unit)
+    return _ResidualBlock(
+        -(nuisance[:, -2] + 1j * nuisance[:, -1]), zero, zero, np.zeros(like.by.shape), unit
+    )
 
 
 def _split(rows: Sequence[NDArray[Any]], real: Sequence[bool]) -> Array:
-    """Join c complex rows (n, ...) to (n, r, ...) real ones; of those marked real only the real part."""
+    """Stack real and imaginary parts of complex rows (n, ...) to (n, r, ...); of real ones real parts only."""
     parts = [np.asarray(row.real, dtype=np.float64) for row in rows]
     parts += [np.asarray(row.imag) for row, alone in zip(rows, real, strict=True) if not alone]
     return np.stack(parts, axis=1)
 
 
 # ----------------------------------------------------------------------------
-# What is fitted to what: a law with free values, and what the sensors saw.
+# The least-squares problem of a law and the measured points.
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Problem:
-    """What is fitted to what: parameters are those of the law by name, the mass, the background.
+    """A least-squares problem: parameters are those of the law by name, the mass, the background.
 
     Parameters
     ----------
     elements, law
-        The laws, for the simulator and as array functions.
+        The law, as elements for the simulator and as array functions.
     observed
         The measured points.
     fixed
         Values of parameters that are known, by name; "m" is the mass [kg].
-    held
-        Parameters that stay at their starting values, yet count among the unknowns when errors are stated.
+    frozen
+        Parameters that stay at their initial values, but count as unknowns in the covariance.
     """
 
     elements: tuple[Element, ...]
     law: ForceLaw
     observed: Observed
     fixed: Mapping[str, float] = field(default_factory=dict)
-    held: tuple[int, ...] = ()
+    frozen: tuple[int, ...] = ()
 
     @property
     def count(self) -> int:
-        """Parameters apart from the background."""
+        """Number of parameters without the background."""
         return len(self.law.parameters) + 1
 
     @property
     def free(self) -> NDArray[np.bool_]:
-        """(q,) False for parameters that are fixed."""
+        """Mask (q,), False for fixed parameters."""
         of_law = [name not in self.fixed for name in (*self.law.parameters, "m")]
         return np.array(of_law + [True] * len(self.observed.background.names))
 
     def split(self, parameters: Array) -> tuple[Array, float, Array]:
-        """Values of the law (p,), mass [kg] and background (b,)."""
+        """Return values of the law (p,), mass [kg] and background (b,)."""
         values = parameters[: len(self.law.parameters)]
         return values, float(parameters[len(values)]), parameters[self.count :]
 
     def join(self, values: Array, mass: float, background: Array | None = None) -> Array:
-        """One vector of them; None is a background of zeros."""
+        """Return the vector (q,) of values, mass and background; None is a background of zeros."""
         if background is None:
             background = np.zeros(len(self.observed.background.names))
         return np.concatenate([values, [mass], background])
 
     def select(self, chosen: NDArray[np.intp]) -> Problem:
-        """Take some of the points."""
+        """Keep some points."""
         return replace(self, observed=self.observed.select(chosen))
 
     def compared(self, predicted: tuple[int, ...]) -> tuple[int, ...]:
-        """Harmonics other than the fundamental that are measured, of those ``predicted``."""
+        """Return the measured ones of the ``predicted`` harmonics, without the fundamental."""
         return tuple(h for h in self.observed.recorded if h in predicted and h != 1)
 
 
 MISSING_TERMS = ("x*abs(x)", "x**3", "x**5", "v*abs(v)", "v**3", "sign(v)")
-"""What a law may lack: the commonest nonlinear springs and dampers; others are nearly made up of them."""
+"""Terms that a law may lack: the commonest nonlinear springs and dampers, which approximate others."""
 
 
 def with_coefficients(terms: Sequence[str], taken: Collection[str]) -> dict[str, str]:
-    """Multiply each term by a parameter of its own, of a name that is not taken yet, and give both."""
+    """Return each term times a parameter of a new name, by that name."""
     free = (name for i in count() if (name := f"term{i}") not in taken)
     return {name: f"{name}*({term})" for name, term in zip(free, terms, strict=False)}
 
 
 # ----------------------------------------------------------------------------
-# Whether misfits have a pattern: those of neighbours go together where the law, not noise, makes them.
+# Systematic misfit: residuals of neighbours in frequency are correlated if the law, not noise, makes them.
 
-_SYSTEMATIC = 0.3
-"""Correlation of neighbouring misfits, or share of them, that is the law's, not the noise's."""
+_MIN_CORRELATION = 0.3
+"""Correlation of neighbouring residuals from which on the misfit is systematic."""
 
-_PAIRS = 6
-"""Pairs of neighbours below which their correlation says nothing."""
+_MIN_PAIRS = 6
+"""Pairs of neighbours that a correlation needs."""
 
 
 def is_systematic(residual: Array, pairs: NDArray[np.intp]) -> bool:
-    """Tell whether misfits of any quantity go together between neighbours in frequency of one run.
+    """Return True if residuals of any quantity are correlated between neighbours in frequency of a run.
 
     Parameters
     ----------
     residual
-        (n, M) of force, fundamental and harmonics, real and imaginary parts, relative.
+        (n, M) relative residuals of force, fundamental and harmonics, real and imaginary parts.
     pairs
-        (k, 2) points next to each other in the test, of those that count; see ``Points.pairs``.
+        (k, 2) neighbours; see ``Points.pairs``.
     """
-    if len(pairs) < _PAIRS:
+    if len(pairs) < _MIN_PAIRS:
         return False
     power, shared = neighbour_power(residual, pairs)
     counts = power > NOTICEABLE**2 / 2
     if not counts.any():
         return False
-    # real and imaginary part are two independent numbers of a pair, whatever was recorded
-    each, together = shared[counts] / power[counts], shared[counts].sum() / power[counts].sum()
-    return bool(beyond_chance(each, len(pairs)).any() or beyond_chance(together, 2 * len(pairs)))
+    # a pair has two independent numbers, real and imaginary part
+    single, joint = shared[counts] / power[counts], shared[counts].sum() / power[counts].sum()
+    return bool(beyond_chance(single, len(pairs)).any() or beyond_chance(joint, 2 * len(pairs)))
 
 
 def neighbour_power(residual: Array, pairs: NDArray[np.intp]) -> tuple[Array, Array]:
-    """Mean square of misfits (n, M) at pairs of neighbours, and the part that they share: (M,) each."""
+    """Return the mean square of residuals (n, M) at pairs of neighbours, and their covariance, (M,) both."""
     first, second = (residual[side] for side in pairs.T)
     return np.mean(residual[pairs] ** 2, axis=(0, 1)), np.mean(first * second, axis=0)
 
 
 def beyond_chance(correlation: Any, numbers: Any) -> NDArray[np.bool_]:
-    """Whether so many numbers go together as noise hardly does: atanh r is normal (Fisher, Metron, 1921)."""
-    chance = np.tanh(CHANCE / np.sqrt(np.maximum(numbers - 3, 1e-300)))
-    return np.asarray(correlation > np.maximum(_SYSTEMATIC, chance))
+    """Return where a correlation of so many numbers is significant (Fisher, Metron, 1921: atanh r)."""
+    limit = np.tanh(CHANCE / np.sqrt(np.maximum(numbers - 3, 1e-300)))
+    return np.asarray(correlation > np.maximum(_MIN_CORRELATION, limit))

@@ -1,4 +1,9 @@
-"""The test points that take part."""
+"""Selection of the test points of a fit, and of those at phase resonance.
+
+Points are settled, finite, in the band and not held out. At phase resonance, where the lag is a quarter
+period, Re F/X = k - m omega^2 vanishes for every mass: a test with no other points determines only ratios to
+the mass.
+"""
 
 from __future__ import annotations
 
@@ -11,35 +16,30 @@ from numpy.typing import NDArray
 
 from rsgen.common.arrays import Array, Chosen
 from rsgen.common.errors import RsgenError
-from rsgen.common.tolerances import ERRORS, EXPECTED_NOISE
+from rsgen.common.tolerances import ERRORS, EXPECTED_NOISE, ROUND_OFF
 from rsgen.data.oscillator import Model, join_model
 from rsgen.data.surface import OUTCOMES, ResponseSurface
 from rsgen.data.surface.phase_lag import RESONANT, BackboneGap, backbone_gap
 from rsgen.law.motion import Motion, feeds_exciter
 
 ASYMMETRIC = 0.2
-"""Mean or higher harmonic, relative to the amplitude, that a motion near a centred sine does not have."""
+"""Mean or higher harmonic, relative to the amplitude, beyond that of a nearly sinusoidal motion."""
 
-_SOME = 3
-"""At least as many points are no accident."""
+_MIN_ASYMMETRIC_POINTS = 3
 
-_QUADRATURE = 0.2
-"""Points at phase resonance: a lag within 11 degrees of a quarter period [rad]; loops miss it by less."""
+_MAX_LAG_DEVIATION = 0.2
+"""Deviation of the lag from a quarter period [rad] of points at phase resonance."""
 
-FEWEST = 4
-"""Points: a mass, a spring and a damper, and one to disagree with them."""
+MIN_POINTS = 4
+"""A mass, a spring and a damper, and one more point."""
 
-_REST = 1e-12
-"""Motion relative to the largest of a test that no sensor resolves."""
-
-_RANGE = (1e-60, 1e60)
-"""Sizes of force, response and frequency in SI units: their fourth powers are still numbers, and nothing
-measured is near."""
+_SI_RANGE = (1e-60, 1e60)
+"""Admissible sizes of force, response and frequency in SI units: their fourth powers are finite."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Points:
-    """What the fits see of a surface.
+    """The points of a surface that are fitted.
 
     Parameters
     ----------
@@ -54,15 +54,15 @@ class Points:
     harmonics
         (n, H+1) complex displacement [m].
     measured
-        Harmonics (0 for the mean) that the test measured; others are all zero in the table.
+        Measured harmonics (0 for the mean); the columns of others are zero.
     peak
         (n, 2) largest and smallest displacement [m], NaN where unknown.
     across
-        (n, H+1) complex displacement [m] across two sensors; (n, 0) where the law acts on the response.
+        (n, H+1) complex displacement [m] across two sensors; (n, 0) if the law acts on the response.
     load
-        (n, K+1) complex harmonics of the force [N], None where only the fundamental was recorded.
+        (n, K+1) complex harmonics of the force [N]; None if only the fundamental was recorded.
     phase_known
-        False where force and response are sizes, and the phase between them was not recorded.
+        False if the phase between force and response was not recorded.
     """
 
     index: NDArray[np.intp]
@@ -87,12 +87,12 @@ class Points:
 
     @property
     def far(self) -> NDArray[np.complex128]:
-        """(n, E-1) fundamentals [m] of the E motions but the response: one across two sensors, or none."""
+        """Fundamental [m] of the motion across two sensors (n, 1); (n, 0) without one."""
         return self.across[:, 1:2]
 
     @property
     def means(self) -> tuple[bool, bool]:
-        """Whether the mean was recorded, of the response and of the motion across two sensors."""
+        """True if the mean was recorded, of the response and of the motion across two sensors."""
         return 0 in self.measured, bool(np.any(self.across[:, :1]))
 
     @property
@@ -102,36 +102,33 @@ class Points:
 
     @property
     def asymmetric(self) -> bool:
-        """Whether some motions have a mean or a second harmonic that no noise explains."""
+        """True if some motions have a mean or a second harmonic beyond noise."""
         even = np.abs(self.harmonics[:, 0:3:2]).max(axis=1) / self.amplitude
-        return int(np.count_nonzero(even > ASYMMETRIC)) >= _SOME
+        return int(np.count_nonzero(even > ASYMMETRIC)) >= _MIN_ASYMMETRIC_POINTS
 
     @property
     def strong(self) -> bool:
-        """Whether some motions are so far from a sine that a balance of few harmonics may miss them."""
+        """True if some motions are far from a sine, so that a balance of few harmonics may be wrong."""
         higher = np.abs(self.harmonics[:, 2:]).max(axis=1, initial=0.0) / self.amplitude
-        return int(np.count_nonzero(higher > ASYMMETRIC)) >= _SOME
+        return int(np.count_nonzero(higher > ASYMMETRIC)) >= _MIN_ASYMMETRIC_POINTS
 
     @property
     def lag(self) -> NDArray[np.float64]:
-        """(n,) lag beyond a quarter period [rad]; a response that leads counts as if it were reversed.
-
-        NaN where it was not recorded.
-        """
+        """Lag (n,) minus a quarter period [rad], of the reversed response if it leads; NaN without phases."""
         stiffness = self.force / self.harmonics[:, 1]
         lag = np.angle(stiffness.real + 1j * np.abs(stiffness.imag)) - np.pi / 2
         return np.where(self.phase_known, lag, np.nan)
 
     @property
     def feed_exciter(self) -> bool:
-        """Whether the structure works on its exciter; not known, so False, where no phase was recorded."""
+        """True if the structure feeds energy into its exciter; False without phases."""
         return self.phase_known and feeds_exciter(self.force, self.harmonics[:, 1])
 
     @property
     def in_quadrature(self) -> NDArray[np.bool_]:
-        """(n,) True where the response lags the force by nearly a quarter period, or as in all points."""
+        """Mask (n,) of responses that lag the force by nearly a quarter period, or as all points do."""
         common = float(np.median(self.lag))
-        return np.abs(self.lag - (common if abs(common) < RESONANT else 0.0)) < _QUADRATURE
+        return np.abs(self.lag - (common if abs(common) < RESONANT else 0.0)) < _MAX_LAG_DEVIATION
 
     @property
     def runs(self) -> list[NDArray[np.intp]]:
@@ -144,10 +141,10 @@ class Points:
 
     @property
     def neighbours(self) -> NDArray[np.intp]:
-        """(k, 2) pairs next to each other in frequency within one level and sweep.
+        """Pairs (k, 2) next to each other in frequency within one level and sweep.
 
-        Of a free decay, and of a backbone where each point has its level to itself, all points are at phase
-        resonance. They are next to each other in amplitude: their frequencies follow from it, with noise.
+        Points of a free decay, and of a backbone with one point a level, are all at phase resonance: these
+        are neighbours in amplitude, on which their frequencies depend.
         """
         along = self.amplitude if self.in_quadrature.all() else self.omega
         order = np.lexsort((along, self.sweep, self.level))
@@ -163,7 +160,7 @@ class Points:
         return np.stack([first, np.concatenate([order[1:][same], chain[1:]])], axis=1)
 
     def pairs(self, counted: NDArray[np.bool_]) -> NDArray[np.intp]:
-        """(k, 2) ``neighbours`` of which both are ``counted``, (n,)."""
+        """Return the ``neighbours`` (k, 2) that are both ``counted`` (n,)."""
         pairs = self.neighbours
         return pairs[counted[pairs].all(axis=1)]
 
@@ -174,7 +171,7 @@ class Points:
         return replace(self, **rows)
 
     def spread(self, count: int) -> NDArray[np.intp]:
-        """Choose about ``count`` points evenly over the amplitude: a quick picture of the whole test."""
+        """Return the indices of about ``count`` points, evenly over the amplitude."""
         if len(self) <= count:
             return np.arange(len(self))
         order = np.lexsort((self.omega, self.amplitude))
@@ -182,18 +179,18 @@ class Points:
 
 
 def held_out_mask(surface: ResponseSurface, model: Model) -> NDArray[np.bool_]:
-    """(n,) True where a point belongs to a level that identification must not see."""
-    meant = [surface.find_level(level) for level in model.observation.hold_out]
-    return np.isin(surface.level, [level for level in meant if level is not None])
+    """Return the mask (n,) of the points of held-out levels."""
+    levels = [surface.find_level(level) for level in model.observation.hold_out]
+    return np.isin(surface.level, [level for level in levels if level is not None])
 
 
 def _at_rest(surface: ResponseSurface) -> float:
-    """Amplitude [m] up to which a point is at rest: friction holds the mass, what is left is round-off."""
-    return _REST * float(np.max(surface.amplitude, initial=0.0, where=np.isfinite(surface.amplitude)))
+    """Return the amplitude [m] up to which a point is at rest, held by friction, to round-off."""
+    return ROUND_OFF * float(np.max(surface.amplitude, initial=0.0, where=np.isfinite(surface.amplitude)))
 
 
 def _why_unused(surface: ResponseSurface) -> str:
-    """Count what keeps points out, in words."""
+    """Return the reasons why points are not used, with counts, in words."""
     reasons = [
         f"{count} {sentence}"
         for kind, sentence in enumerate(OUTCOMES)
@@ -206,30 +203,29 @@ def _why_unused(surface: ResponseSurface) -> str:
 
 
 def per_unit_mass(surface: ResponseSurface, model: Model) -> tuple[ResponseSurface, Model]:
-    """Give test and model one kind of force: where it is one per mass, on the mass, or on one kilogram.
+    """Convert a surface of forces per mass: to newtons with a known mass, else to a mass of 1 kg.
 
-    With a known mass forces become newtons. Without one the mass of the balance is 1 kg, the forces stay as
-    they are, and the parameters are per unit mass: no test of a driven base determines more.
+    Without a mass the parameters are per unit mass: a test of a driven base determines no more.
     """
     surface = surface.on_mass(model.fixed.get("m", nan))
     return surface, join_model(model, mass=1.0) if surface.per_mass else model
 
 
 def _load_of(surface: ResponseSurface, index: NDArray[np.intp]) -> NDArray[np.complex128] | None:
-    """(n, K+1) harmonics of the force that were recorded, those that are not numbers zero."""
+    """Return the recorded harmonics of the force (n, K+1), zero where they are NaN; None without any."""
     load = np.nan_to_num(surface.force_harmonics[index])
     higher = load[:, [h for h in range(load.shape[1]) if h != 1]]
     return load if higher.any() else None
 
 
 def select_points(surface: ResponseSurface, model: Model) -> Points:
-    """Take the points that identification may use.
+    """Select the points of an identification.
 
     Raises
     ------
     RsgenError
         A held-out level is not in the surface, fewer than four points remain, or a background is asked for
-        beside free decays.
+        with free decays.
     """
     if surface.decays and model.observation.background != "none":
         raise RsgenError(
@@ -263,15 +259,16 @@ def select_points(surface: ResponseSurface, model: Model) -> Points:
         ("response", surface.amplitude),
         ("frequency", surface.omega),
     ):
-        low, high = _RANGE
+        low, high = _SI_RANGE
         far = index[(np.abs(size[index]) < low) | (np.abs(size[index]) > high)]
         if len(far):
             found = f"{np.abs(size[far[0]]):g} in row {far[0]}"
             raise RsgenError(f"surface.{name}: {found}; must be {low:g} to {high:g} in SI units")
-    if len(index) < FEWEST:
+    if len(index) < MIN_POINTS:
         raise RsgenError(
             f"surface: {len(index)} of {len(surface)} points can be used (settled, not held out, in the "
-            f"band, finite force and response); identification needs at least {FEWEST}{_why_unused(surface)}"
+            f"band, finite force and response); identification needs at least {MIN_POINTS}"
+            f"{_why_unused(surface)}"
         )
     chosen = harmonics[index]
     measured = tuple(int(h) for h in range(chosen.shape[1]) if h == 1 or np.any(chosen[:, h] != 0))
@@ -293,38 +290,37 @@ def select_points(surface: ResponseSurface, model: Model) -> Points:
 # ----------------------------------------------------------------------------
 # Points at phase resonance, where k - m omega^2 vanishes whatever the mass is.
 
-_OFF = 2
-"""At least as many points off resonance determine a mass, one on either side or two slices."""
+_MIN_OFF_RESONANCE = 2
+"""Points off resonance that determine a mass."""
 
-_PHASES = 0.01
-"""Lags that spread by less, half a degree [rad], say nothing of the mass: phases are measured no better."""
+_PHASE_RESOLUTION = 0.01
+"""Spread of lags [rad], half a degree, that is within errors of measurement."""
 
-_KNOWN = 0.2
-"""Standard error of the mass, relative, above which it is not identified: zeta would be as unsure."""
+_MAX_MASS_ERROR = 0.2
+"""Relative standard error of an identified mass."""
 
 LAG_ERROR = 0.035
-"""Standard deviation of a lag that was not recorded [rad], two degrees: filters and amplifiers of a loop that
-works leave as much. One value for the whole test, for they are the same at every level."""
+"""Standard deviation of a lag that was not recorded [rad], two degrees, one value for the whole test."""
 
 
 def near_resonance(points: Points) -> bool:
-    """Tell whether hardly a point lies off phase resonance, or off a lag that all share."""
-    return int(np.count_nonzero(~points.in_quadrature)) < _OFF
+    """Return True if almost all points lie at phase resonance, or have one common lag."""
+    return int(np.count_nonzero(~points.in_quadrature)) < _MIN_OFF_RESONANCE
 
 
 def at_resonance_alone(points: Points, noise: float = 2 * EXPECTED_NOISE) -> bool:
-    """Tell whether all points have one lag to within the noise [1]: a mass then rests on errors of the lag.
+    """Return True if all points have one lag within the noise [1], so that they determine no mass.
 
     Slices a few degrees on either side of resonance determine a mass, as F/X = k - m omega^2 differs in them.
     """
     if not near_resonance(points):
         return False
     spread = np.std(points.lag[points.in_quadrature])
-    return bool(spread < max(_PHASES, ERRORS * noise))
+    return bool(spread < max(_PHASE_RESOLUTION, ERRORS * noise))
 
 
 def mass_needs(points: Points, model: Model) -> str:
-    """Say what points have to be to determine a mass that is not given, "" where they do."""
+    """Return the kind of points that an unknown mass needs, in words; "" if there are some."""
     if "m" in model.fixed:
         return ""
     if np.ptp(points.omega) == 0:
@@ -333,27 +329,27 @@ def mass_needs(points: Points, model: Model) -> str:
 
 
 def mass_sure(mass: float, variance: float) -> bool:
-    """Tell whether an identified mass [kg] is positive, and its variance [kg^2] small enough."""
-    return bool(mass > 0 and variance < (_KNOWN * mass) ** 2)
+    """Return True if an identified mass [kg] is positive, and its variance [kg^2] small."""
+    return bool(mass > 0 and variance < (_MAX_MASS_ERROR * mass) ** 2)
 
 
 def assumed_mass(points: Points, ratio: float) -> float:
-    """Mass [kg] that gives points at phase resonance a damping ratio [1]: omega c = 2 zeta m omega^2."""
+    """Return the mass [kg] at which points at phase resonance have a damping ratio [1]: c = 2 zeta m w."""
     stiffness = points.force / points.harmonics[:, 1]
     return float(np.median(np.abs(stiffness.imag) / points.omega**2)) / (2 * ratio)
 
 
 def gap_of(points: Points) -> BackboneGap | None:
-    """Gap between the points at phase resonance; None where they lie on one backbone."""
+    """Return the gap between two groups of points at phase resonance; None if they lie on one backbone."""
     near = points.in_quadrature
     return backbone_gap(points.omega[near] / (2 * np.pi), points.amplitude[near])
 
 
 def loop_error(influence: Array) -> Array:
-    """Covariance (q, q) that the error of a lag causes which was taken for a quarter period.
+    """Return the covariance (q, q) by the error of a lag that was assumed to be a quarter period.
 
-    It turns every force by one angle, so that the imaginary part of all relative forces changes by it; the
-    (n, M, q) influence of those on the parameters adds up.
+    It turns every force by one angle, so that the imaginary parts of all relative forces change by it; their
+    (n, M, q) influence on the parameters adds up.
     """
     half = (influence.shape[1] + 1) // 2
     moved = LAG_ERROR * np.sum(influence[:, half], axis=0)

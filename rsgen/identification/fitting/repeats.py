@@ -1,8 +1,10 @@
-"""Repeats of a point joined to their mean.
+"""Repeated readings of a point: their mean is fitted, their scatter is a second estimate of the errors.
 
-The misfit of a law contains what the law cannot do and what the readings of a point share; the scatter of
-repeats contains what drifts from one to the next. Repeats tell them apart, and standard errors are those of
-the larger.
+With r_i the relative deviation of reading i from the mean of its point and I_i the influence of a unit
+deviation on the parameters, the covariance by scatter is the sum of (I_i r_i)(I_i r_i)^T over readings, with
+the factor n/(n - 1) of each point. The misfit of a law contains the errors of the law and errors common to
+the readings of a point; the scatter contains drift between readings. Standard errors are those of the larger
+one.
 """
 
 from __future__ import annotations
@@ -18,39 +20,39 @@ from rsgen.data.surface import ResponseSurface
 from rsgen.identification.fitting.points import ASYMMETRIC
 from rsgen.law.element import response_share
 
-JUMP = 1.5
-"""Amplitudes of a larger ratio lie on either side of a jump: repeats of it have no mean."""
+MIN_JUMP_RATIO = 1.5
+"""Ratio of two amplitudes from which on a jump lies between them."""
 
-_SAME = 1e-6
-"""Frequencies that differ by less, relatively, are one."""
+_FREQUENCY_TOLERANCE = 1e-6
+"""Relative difference up to which two frequencies are one."""
 
-_BATCHED = 6
-"""At least this many repeats are split into as many batches as the square root of their number."""
+_MIN_READINGS_OF_BATCHES = 6
+"""From so many readings on batch means are formed, as many as the square root of their number."""
 
-_FAR = 10.0
-"""Readings farther than this many median distances from the median are outliers."""
+_MAX_MEDIAN_DISTANCES = 10.0
+"""Distance of a reading from the median, in median distances, from which on it is an outlier."""
 
-_ENOUGH = 20
-"""Readings more than points from which on the scatter is a measure of the noise."""
+_MIN_EXCESS_READINGS = 20
+"""Readings minus points from which on their scatter is an estimate of the noise."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Repeats:
-    """Readings of the points of a surface of means, relative to those means.
+    """Readings of the points of a surface, relative to their means.
 
     Parameters
     ----------
     row
-        (r,) row of the surface of means that a reading belongs to.
+        (r,) row of the surface of means of each reading.
     place
-        (r,) which reading of its row it is, from 0, in the order of the test.
+        (r,) number of a reading among those of its row, from 0, in the order of the test.
     count
         (n,) readings of each row.
     force, response, far
         (r,) complex relative deviation of the fundamentals of force and response, (r, E-1) of those of
         further sensors, from their means [1].
     aside
-        Readings left out because they lie far off the others of their point.
+        Number of excluded outliers.
     """
 
     row: NDArray[np.intp]
@@ -69,10 +71,10 @@ class Repeats:
 
     @property
     def follow_force(self) -> bool:
-        """Whether responses follow the forces of the readings, so that each is a point of its own.
+        """True if the responses depend on the forces of the readings: then every reading is a point.
 
-        As in S-curves, where a force is raised in small steps, or where it fluctuates by itself. Where only
-        the sensors scatter, both deviate independently, and a slope of one over the other brings nothing.
+        As in S-curves, where the force is raised in small steps, or with a fluctuating force. Noise of the
+        sensors alone is independent, and the regression of one on the other is not significant.
         """
         force = self.force.real
         freedom = len(self.row) - len(self.count) - 1
@@ -83,20 +85,19 @@ class Repeats:
         return explained > SIGNIFICANT * max(total - explained, 0.0) / freedom
 
     def covariance(self, index: NDArray[np.intp], influence: Array) -> tuple[Array, Array]:
-        """Covariance (q, q) that the scatter causes in an estimate, and degrees of freedom (q,).
+        """Return the covariance (q, q) of an estimate by the scatter, and its degrees of freedom (q,).
 
-        A few points may decide a parameter, so that the freedom is that of a weighted sum of variances, each
-        of the size that equal noise at all points makes
-        (F. E. Satterthwaite, Biometrics Bull. 2 (1946) 110).
+        A few points may decide a parameter, so that the degrees of freedom are those of a weighted sum of
+        variances (F. E. Satterthwaite, Biometrics Bull. 2 (1946) 110), for equal noise at all points.
 
         Parameters
         ----------
         index
-            (k,) rows of the surface that were fitted.
+            (k,) fitted rows of the surface.
         influence
-            (k, M, q) change of the estimate by a unit of each residual: real parts of force, fundamental and
-            others, then imaginary parts in the same order, relative to their sizes; without a phase only
-            the amplitudes of force and fundamental.
+            (k, M, q) change of the estimate by a unit of each relative residual: real parts of force,
+            fundamental and others, then imaginary parts in the same order; without phases only the
+            amplitudes of force and fundamental.
         """
         place = np.full(len(self.count), -1)
         place[index] = np.arange(len(index))
@@ -107,16 +108,16 @@ class Repeats:
         parts = [(0, self.force.real), (1, self.response.real)]
         if influence.shape[1] > len(parts):
             parts += [(half, self.force.imag), (half + 1, self.response.imag)]
-        # those of further sensors are the last
+        # further sensors are last
         for place_of_far, far in enumerate(self.far.T, half - self.far.shape[1]):
             parts += [(place_of_far, far.real), (half + place_of_far, far.imag)]
         expected = np.zeros((len(index), influence.shape[2]))
         for column, part in parts:
             moved += part[fitted, None] * influence[point, column]
             expected += np.mean(part[fitted] ** 2) * influence[:, column] ** 2
-        # readings in a row share what drifts, so a mean is as sure as the means of its batches agree
+        # successive readings share a drift: the error of a mean is that of batch means
         count = self.count[self.row[fitted]]
-        batches = np.where(count < _BATCHED, count, np.sqrt(count).round()).astype(np.intp)
+        batches = np.where(count < _MIN_READINGS_OF_BATCHES, count, np.sqrt(count).round()).astype(np.intp)
         batch = self.place[fitted] * batches // count
         _, sums = np.unique(point * (int(batches.max(initial=0)) + 1) + batch, return_inverse=True)
         scaled = np.stack([np.bincount(sums, column / count) for column in moved.T], axis=1)
@@ -128,42 +129,42 @@ class Repeats:
         covariance = np.asarray(scaled.T @ scaled * (len(index) / max(repeated, 1)))
         some = np.unique(point)
         own = self.count[index][some]
-        each = np.where(own < _BATCHED, own, np.sqrt(own).round()) - 1
-        return covariance, _freedom(expected[some] / own[:, None], each)
+        freedom = np.where(own < _MIN_READINGS_OF_BATCHES, own, np.sqrt(own).round()) - 1
+        return covariance, _freedom(expected[some] / own[:, None], freedom)
 
 
-def _freedom(variance: Array, each: Array) -> Array:
-    """(q,) degrees of freedom of sums of the variances (n, q) of n points, ``each`` (n,) those of one."""
-    squares = np.sum(variance**2 / each[:, None], axis=0)
+def _freedom(variance: Array, freedom: Array) -> Array:
+    """Return the degrees of freedom (q,) of sums of variances (n, q) that have ``freedom`` (n,) each."""
+    squares = np.sum(variance**2 / freedom[:, None], axis=0)
     sums = np.sum(variance, axis=0) ** 2
     return np.where(squares > 0, sums / np.where(squares > 0, squares, 1.0), 1.0)
 
 
 def gather_repeats(surface: ResponseSurface, sensors: str = "") -> tuple[ResponseSurface, Repeats | None]:
-    """Join settled rows of one level, frequency and sweep to their mean.
+    """Replace settled rows of one level, frequency and sweep by their mean.
 
-    The phase counts from the force before it is averaged, so that a clock that runs on between readings does
-    no harm. Rows that have no repeat stay as they are, and so do surfaces whose repeats do not scatter, or
-    whose responses follow the force from reading to reading. ``sensors`` are those of a motion across.
+    Phases are relative to the force of each reading before the average, so that the clock may run on between
+    readings. Single rows stay as they are, and so do surfaces whose repeats do not scatter, or whose
+    responses depend on the force of each reading. ``sensors`` are those of a motion across.
 
     Returns
     -------
     surface
-        One row a point; joined rows lose what only one reading has (peaks).
+        One row a point; joined rows have no peaks.
     repeats
-        None where there are too few repeats to tell the noise, and where they are none.
+        None if there are too few repeats to estimate the noise.
     """
     if not len(surface) or surface.control == "continuation":
-        # what a continuation passes at one frequency are points of their own
+        # points of a continuation at one frequency are no repeats
         return surface, None
-    given, group = surface, _groups(surface)
-    kept = ~_unsettled(surface, group)
-    whole, surface, group = len(surface), surface.select(kept), group[kept]
+    original, group = surface, _groups(surface)
+    kept = ~_outliers(surface, group)
+    surface, group = surface.select(kept), group[kept]
     names, row, count = np.unique(group, return_inverse=True, return_counts=True)
-    if len(surface) - len(names) < _ENOUGH:
-        return given, None
+    if len(surface) - len(names) < _MIN_EXCESS_READINGS:
+        return original, None
     clock = np.exp(-1j * np.angle(surface.force))
-    harmonics = _turned(surface.harmonics, clock)
+    harmonics = _relative_phases(surface.harmonics, clock)
     level = np.abs(surface.force)
     mean_force = np.bincount(row, level) / count
     mean = _means(harmonics, row, count)
@@ -174,17 +175,17 @@ def gather_repeats(surface: ResponseSurface, sensors: str = "") -> tuple[Respons
     nth = np.empty(len(row), dtype=np.intp)
     nth[later] = np.arange(len(row)) - np.repeat(np.cumsum(count) - count, count)
     repeats = Repeats(
-        row, nth, count, force, response, np.zeros((len(row), 0), dtype=complex), whole - len(surface)
+        row, nth, count, force, response, np.zeros((len(row), 0), dtype=complex), len(original) - len(surface)
     )
     if repeats.noise < ROUND_OFF or repeats.follow_force:
-        return given, None
+        return original, None
     first = np.zeros(len(names), dtype=np.intp)
     first[row[::-1]] = np.arange(len(surface))[::-1]
     table = surface.select(first)
     joined = count > 1
-    forces = _means(_turned(surface.force_harmonics, clock), row, count)
+    forces = _means(_relative_phases(surface.force_harmonics, clock), row, count)
     forces[:, 1] = mean_force
-    across = _turned(surface.across, clock)
+    across = _relative_phases(surface.across, clock)
     means = replace(
         table,
         force=np.where(joined[:, None], forces, table.force_harmonics),
@@ -199,15 +200,17 @@ def gather_repeats(surface: ResponseSurface, sensors: str = "") -> tuple[Respons
     return means.select(order), replace(repeats, far=far, row=place[row], count=count[order])
 
 
-def _turned(harmonics: NDArray[np.complex128], clock: NDArray[np.complex128]) -> NDArray[np.complex128]:
-    """Count the phases of harmonics (n, H+1) from that of the clock's fundamental (n,)."""
+def _relative_phases(
+    harmonics: NDArray[np.complex128], clock: NDArray[np.complex128]
+) -> NDArray[np.complex128]:
+    """Return harmonics (n, H+1) with phases relative to the fundamental of the clock (n,)."""
     return np.asarray(harmonics * clock[:, None] ** np.arange(harmonics.shape[1]))
 
 
 def _means(
     harmonics: NDArray[np.complex128], row: NDArray[np.intp], count: NDArray[np.intp]
 ) -> NDArray[np.complex128]:
-    """(k, H+1) means of the readings (r, H+1) of each row."""
+    """Return the means (k, H+1) of the readings (r, H+1) of each row."""
     means = np.zeros((len(count), harmonics.shape[1]), dtype=np.complex128)
     for mean, h in zip(means.T, harmonics.T, strict=True):
         mean += (np.bincount(row, h.real) + 1j * np.bincount(row, h.imag)) / count
@@ -215,10 +218,14 @@ def _means(
 
 
 def _groups(surface: ResponseSurface) -> NDArray[np.intp]:
-    """(n,) number of the point that each row is a reading of; other rows have a number of their own."""
+    """Return the number (n,) of the point of each row; a row that has no repeats has its own."""
     order = np.lexsort((surface.frequency, surface.sweep, surface.level))
     frequency, level, sweep = (getattr(surface, name)[order] for name in ("frequency", "level", "sweep"))
-    new = (np.diff(frequency) > _SAME * frequency[1:]) | (level[1:] != level[:-1]) | (sweep[1:] != sweep[:-1])
+    new = (
+        (np.diff(frequency) > _FREQUENCY_TOLERANCE * frequency[1:])
+        | (level[1:] != level[:-1])
+        | (sweep[1:] != sweep[:-1])
+    )
     group = np.empty(len(surface), dtype=np.intp)
     group[order] = np.concatenate([[0], np.cumsum(new)])
     size = surface.amplitude
@@ -227,8 +234,8 @@ def _groups(surface: ResponseSurface) -> NDArray[np.intp]:
     largest = np.zeros(group.max() + 1)
     np.minimum.at(smallest, group[good], size[good])
     np.maximum.at(largest, group[good], size[good])
-    alone = ~good | (largest > JUMP * smallest)[group]
-    # one of two wells, or of two broken symmetries: as large, but a mirror image
+    alone = ~good | (largest > MIN_JUMP_RATIO * smallest)[group]
+    # motions in two wells, or mirror images after symmetry breaking, have one amplitude and no mean
     clock = np.exp(-1j * np.angle(surface.force))
     for even in range(0, min(3, surface.harmonics.shape[1]), 2):
         own = np.nan_to_num(surface.harmonics[:, even] * clock**even)
@@ -242,16 +249,18 @@ def _groups(surface: ResponseSurface) -> NDArray[np.intp]:
     return group
 
 
-def _unsettled(surface: ResponseSurface, group: NDArray[np.intp]) -> NDArray[np.bool_]:
-    """(n,) True for readings that lie far off the others of their point."""
+def _outliers(surface: ResponseSurface, group: NDArray[np.intp]) -> NDArray[np.bool_]:
+    """Return the mask (n,) of readings that are far from the others of their point."""
     with np.errstate(divide="ignore", invalid="ignore"):
         ratio = surface.harmonics[:, 1] / surface.force
     far = np.zeros(len(group), dtype=bool)
     names, count = np.unique(group, return_counts=True)
-    for name in names[count >= _BATCHED]:
+    for name in names[count >= _MIN_READINGS_OF_BATCHES]:
         rows = np.flatnonzero(group == name)
         own = ratio[rows]
         distance = np.abs(own - complex(np.median(own.real), np.median(own.imag)))
-        limit = max(_FAR * float(np.median(distance)), float(np.quantile(distance, 1 - OUTLIERS)))
+        limit = max(
+            _MAX_MEDIAN_DISTANCES * float(np.median(distance)), float(np.quantile(distance, 1 - OUTLIERS))
+        )
         far[rows] = distance > limit
     return far

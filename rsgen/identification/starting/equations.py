@@ -1,6 +1,11 @@
-"""Equations of the fundamental: dynamic stiffness  F/X = k(X) - m omega^2 + i omega c(X, omega).
+"""The first-order balance as linear equations, for initial values.
 
-They are linear in all but a few parameters, and in the common factor of some of these.
+With N_j(q) the fundamental of the force that parameter p_j multiplies along the measured motion,
+
+    sum_j p_j N_j(q) - m omega^2 X = F
+
+at every point, that is F/X = k(X) - m omega^2 + i omega c(X, omega). The equations are linear in all but a
+few parameters q, and in the common factor of groups of these.
 """
 
 from __future__ import annotations
@@ -19,11 +24,11 @@ from rsgen.law.motion import Motion, project
 from rsgen.law.numeric import ForceLaw, Waves
 from rsgen.law.switched_sum import ForceSample
 
-_FINER_LOOPS = 2
-"""Times ``SAMPLES`` for a law with memory: its equations are a start only, and its loops cost more."""
+_SAMPLES_FACTOR_OF_LOOPS = 2
+"""Samples of a law with memory, relative to ``SAMPLES``; its loops are expensive."""
 
-_TRIED = 2048
-"""Loops closed at once while values are searched: their arrays stay in the processor's cache."""
+_BLOCK_LOOPS = 2048
+"""Loops that are closed at once in a search: their arrays stay in the processor's cache."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -39,14 +44,14 @@ class Equations:
     harmonics
         (n, H+1) complex displacement [m] along which the law is evaluated.
     mean
-        Whether the mean of the force must vanish too.
+        True if the mean of the force must vanish, too.
     weight
-        (n,) [1/N]
+        (n,) weight of each point [1/N].
     turning
-        (t, 2) largest and smallest displacement [m] of points where the energy at both turning points must be
-        equal (the paper's k6 Xp^2 = k7 Xn^2); empty where this is not asked.
+        (t, 2) largest and smallest displacement [m] of points whose energy at both turning points must be
+        equal (the paper's k6 Xp^2 = k7 Xn^2); empty without this condition.
     others
-        (n, H+1) complex displacement [m] of each motion beside the response that a part of the law follows.
+        (n, H+1) complex displacement [m] of each motion other than the response.
     """
 
     omega: Array
@@ -59,7 +64,7 @@ class Equations:
 
     @property
     def motions(self) -> tuple[ComplexArray, ...]:
-        """(n, H+1) displacement [m] of each motion; the law of a joint follows the last one."""
+        """Displacement (n, H+1) [m] of each motion; the last one is that across a joint."""
         return self.harmonics, *self.others
 
     def select(self, chosen: NDArray[np.intp]) -> Equations:
@@ -78,7 +83,7 @@ class Equations:
 
 @lru_cache(maxsize=4)
 def _motion(equations: Equations, finer: int, motion: int) -> Waves:
-    """Displacement, velocity and acceleration (n, s): the same for every trial of the parameters."""
+    """Return displacement, velocity and acceleration (n, s), the same for every trial of the parameters."""
     count = equations.harmonics.shape[1]
     samples = max(SAMPLES, 1 << (8 * (count - 1) - 1).bit_length()) * finer
     return Motion(equations.omega, equations.motions[motion]).waveforms(samples)
@@ -92,23 +97,23 @@ def equation_rows(
     scaled: bool = False,
     coarse: bool = False,
 ) -> tuple[Array, Array]:
-    """Give real, weighted rows  matrix @ unknowns = right.
+    """Return real, weighted rows  matrix @ unknowns = right.
 
     Parameters
     ----------
     equations, law
-        What is solved.
+        Data and model.
     nonlinear
         Values of the parameters in which the law is not linear.
     scaled
-        Whether a common factor of every group of ``law.scaled`` is an unknown too.
+        True if the common factor of every group of ``law.scaled`` is an unknown, too.
     coarse
-        Fewer samples.
+        True for fewer samples.
 
     Returns
     -------
     matrix, right
-        Columns are the linear parameters, the factors where they are asked for, the mass.
+        Columns are the linear parameters, the factors if ``scaled``, the mass.
     """
     samples = _samples(equations, law, [nonlinear], coarse=coarse)
     return _rows(equations, law, nonlinear, samples[0], scaled=scaled)
@@ -117,11 +122,11 @@ def equation_rows(
 def rows_of_trials(
     equations: Equations, law: ForceLaw, trials: Sequence[Array] | Array, *, coarse: bool
 ) -> list[tuple[Array, Array]]:
-    """Give ``equation_rows`` with factors for many values of the nonlinear parameters.
+    """Return ``equation_rows`` with factors for many values of the nonlinear parameters.
 
-    Loops of all trials are closed at once: a period has far more samples than there are points.
+    Hysteresis loops of many trials are closed at once, for speed.
     """
-    block = max(1, _TRIED // len(equations.omega)) if law.remembers else 1
+    block = max(1, _BLOCK_LOOPS // len(equations.omega)) if law.remembers else 1
     rows = []
     for low in range(0, len(trials), block):
         part = trials[low : low + block]
@@ -138,7 +143,7 @@ def _samples(
 ) -> list[ForceSample]:
     """Sample the law along all motions, for each trial."""
     omega = equations.omega[:, None]
-    finer = _FINER_LOOPS if law.remembers else SAMPLES_SWITCHED // SAMPLES
+    finer = _SAMPLES_FACTOR_OF_LOOPS if law.remembers else SAMPLES_SWITCHED // SAMPLES
     finer = finer if law.switched and not coarse else 1
     motions = [_motion(equations, finer, place) for place in range(len(law.parts))]
     step = 2 * np.pi / motions[0][0].shape[1] / omega
@@ -148,22 +153,22 @@ def _samples(
         return [_joined(law.sample_parts(motions, step, values[0]))]
     many, count = len(trials), len(omega)
     motions = [(np.tile(x, (many, 1)), np.tile(v, (many, 1)), np.tile(a, (many, 1))) for x, v, a in motions]
-    each = np.repeat(values, count, axis=0).T[:, :, None]
-    whole = _joined(law.sample_parts(motions, np.tile(step, (many, 1)), each))
+    columns = np.repeat(values, count, axis=0).T[:, :, None]
+    joined = _joined(law.sample_parts(motions, np.tile(step, (many, 1)), columns))
     parts = [slice(i * count, (i + 1) * count) for i in range(many)]
     return [
         ForceSample(
-            whole.force[part],
-            whole.by_x[part],
-            whole.by_v[part],
-            tuple(by[part] for by in whole.by_parameter),
+            joined.force[part],
+            joined.by_x[part],
+            joined.by_v[part],
+            tuple(by[part] for by in joined.by_parameter),
         )
         for part in parts
     ]
 
 
 def _joined(parts: Sequence[ForceSample]) -> ForceSample:
-    """Add the forces of all parts of a law; slopes by motions that differ have no sum."""
+    """Add the forces of all parts of a law; slopes by different motions are not added."""
     first, *others = parts
     columns = zip(*(part.by_parameter for part in parts), strict=True)
     by = tuple(sum(column[1:], column[0]) for column in columns)
@@ -178,7 +183,7 @@ def _rows(
     *,
     scaled: bool,
 ) -> tuple[Array, Array]:
-    """Give the rows from a sample of the law."""
+    """Return the rows from a sample of the law."""
     values = np.zeros(len(law.parameters))
     values[list(law.nonlinear)] = nonlinear
     omega = equations.omega[:, None]
@@ -186,7 +191,7 @@ def _rows(
     inertia = equations.omega**2 * equations.harmonics[:, 1]
     columns = [*map(_fundamental, signals), -inertia]
     if not equations.harmonics[:, ::2].any():
-        # what an even force leaves along a motion without mean and even harmonics is round-off
+        # an even force has no fundamental along a motion without mean and even harmonics: remove round-off
         for place in np.flatnonzero(np.isin(law.linear, law.even)):
             columns[place] = np.zeros(len(columns[place]), dtype=complex)
     right = equations.force - project(still, 1)
@@ -207,10 +212,10 @@ def _rows(
 
 
 def _parts(law: ForceLaw, sample: ForceSample, values: Array, scaled: bool) -> tuple[list[Array], Array]:
-    """What each unknown multiplies, and the force that none does."""
+    """Return the force that each unknown multiplies, and the force without unknowns."""
     signals, still = [sample.by_parameter[i] for i in law.linear], sample.force
     for group in law.scaled if scaled else ():
-        # Euler: what is of degree one is the sum of its slopes times its parameters
+        # Euler: a force of degree one is the sum of its slopes times its parameters
         share = sum((values[i] * sample.by_parameter[i] for i in group), np.zeros_like(still))
         signals.append(share)
         still = still - share
@@ -218,18 +223,18 @@ def _parts(law: ForceLaw, sample: ForceSample, values: Array, scaled: bool) -> t
 
 
 def _fundamental(signal: Array) -> NDArray[Any]:
-    """Fundamental of a signal (n, s); that of a constant is zero, not the round-off of its sum."""
+    """Return the fundamental of a signal (n, s); exactly zero for a constant."""
     constant = np.all(signal == signal[:, :1], axis=1)
     return np.where(constant, 0.0, project(signal, 1))
 
 
 def _columns(columns: list[NDArray[Any]], count: int) -> NDArray[Any]:
-    """(count, columns), of none too."""
+    """Stack columns (count,) to (count, columns), which may be none."""
     return np.stack(columns, axis=1) if columns else np.zeros((count, 0))
 
 
 def _turning_rows(equations: Equations, law: ForceLaw, values: Array, scaled: bool) -> tuple[Array, Array]:
-    """Work of the spring between the turning points: zero for light damping."""
+    """Return rows for the work of the spring between the turning points, zero for light damping."""
     nodes, weights = np.polynomial.legendre.leggauss(40)
     high, low = equations.turning[:, 0], equations.turning[:, 1]
     parts, works = [], []

@@ -1,8 +1,10 @@
-"""Values to start from: the linear balance of a law, phase errors all around, phases made up.
+"""Initial values: linear balance, a scan over phase errors, reconstructed phases, even forces.
 
-At first order  F/X = k(X) - m omega^2 + i omega c(X, omega)  is linear in most parameters. These are solved
-for exactly at every trial of the others (variable projection), so that only breakpoints, exponents and the
-like have to be searched.
+At first order F/X = k(X) - m omega^2 + i omega c(X, omega) is linear in most parameters, which are solved for
+at every trial of the others (variable projection, ``search``). An unknown phase error is tried at angles
+around the circle. Without recorded phases they are those that the law predicts, by fixed-point iteration from
+the lag of a linear resonance. Even forces that only act through an unrecorded mean are tried at several
+sizes.
 """
 
 from __future__ import annotations
@@ -47,61 +49,62 @@ from rsgen.law.motion import sine_motion
 from rsgen.law.numeric import ForceLaw, compile_law
 
 # ----------------------------------------------------------------------------
-# Even forces where the mean was not recorded: starting values, and what the test cannot say of them.
+# Even forces without a recorded mean.
 #
-# The force k2 x^2 has no fundamental along a sine. It moves the mean and makes a second harmonic, and only
-# these act back, in proportion to k2^2. So a fit that begins at k2 = 0 has no slope to follow, and k2 and
-# -k2
-# fit alike where neither was recorded. Values of several sizes are tried; the motion follows from the law.
+# The force k2 x^2 has no fundamental along a sine. It changes the mean and the second harmonic, which change
+# the fundamental in proportion to k2^2. So the slope at k2 = 0 is zero, and k2 and -k2 fit equally if neither
+# was recorded. Values of several sizes are tried.
 
-_SHARES = (0.05, 0.2, 0.5)
-"""Largest force of a direction that is tried, relative to the spring's: x^2 of the last moves the mean by a
-quarter of the amplitude, of the first by as little as noise of one per cent leaves to be seen."""
+_FORCE_RATIOS = (0.05, 0.2, 0.5)
+"""Tried largest even forces, relative to that of the spring: x^2 of the last shifts the mean by a quarter of
+the amplitude, of the first by the effect of one per cent of noise."""
 
-_POINTS = 100
-"""Points that each trial is fitted to."""
+_TRIAL_POINTS = 100
+"""Points of each trial fit."""
 
-_MOST = 2
-"""Directions that are tried together: one more would multiply the trials by seven."""
+_MAX_DIRECTIONS = 2
+"""Directions that are tried together."""
 
 
-def is_hidden(problem: Problem) -> bool:
-    """Tell whether the law moves the mean, and the test did not record it."""
+def even_part_unobservable(problem: Problem) -> bool:
+    """Return True if the law shifts the mean, and the test did not record it."""
     return not problem.law.odd and 0 not in problem.observed.points.measured
 
 
-def start_asymmetric(problem: Problem, parameters: Array) -> tuple[Problem, Array]:
-    """Give values to directions in the parameters that leave the fundamental along a sine as it is.
+def start_even_forces(problem: Problem, parameters: Array) -> tuple[Problem, Array]:
+    """Return initial values of parameters that do not change the fundamental along a sine, by trials.
 
-    The response is linear in the square of such a value, and chance makes that square negative as often as
-    not where the truth is zero. No value fits then best, and there is no slope at zero; so the value stays
-    at its resolution, where its standard error is as large as itself.
+    The response is linear in the square of such a value. If its true value is zero, noise makes the estimated
+    square negative half of the time; the best value is then zero, where the slope is zero. The value is
+    frozen where its standard error equals it.
 
     Parameters
     ----------
     problem
-        What is fitted.
+        Points and law.
     parameters
-        Where the others start.
+        (q,) initial values of the other parameters.
     """
-    if not is_hidden(problem):
+    if not even_part_unobservable(problem):
         return problem, parameters
     law, count = problem.law, len(problem.observed.points)
-    few = problem.select(problem.observed.points.spread(_POINTS))
-    hidden = hidden_directions(few, parameters)
-    directions = hidden.directions[:_MOST]
+    few = problem.select(problem.observed.points.spread(_TRIAL_POINTS))
+    even_space = even_directions(few, parameters)
+    directions = even_space.directions[:_MAX_DIRECTIONS]
     if not len(directions):
         return problem, parameters
-    # x for -x mirrors the motion: where nothing even was recorded one sign of the first direction is enough
+    # -x mirrors the motion: without recorded even harmonics one sign of the first direction suffices
     even = [place for place in law.even if problem.free[place]]
     mirrored = not records_even(problem) and len(even) == len(law.even)
     signs = [(1.0,) if mirrored and not place else (1.0, -1.0) for place in range(len(directions))]
-    sizes = [[0.0, *(sign * share for share in _SHARES for sign in each)] for each in signs]
+    sizes = [[0.0, *(sign * share for share in _FORCE_RATIOS for sign in own)] for own in signs]
     chosen = list(product(*sizes))
     moved = np.flatnonzero(np.any(directions != 0, axis=0))
-    uneven = hidden.uneven[: len(directions)]
-    held = replace(few, held=tuple({*law.even, *uneven} - {-1}))
-    without, *fits = [_fit(held, hidden.centre + np.array(each) @ directions, TRIAL_STEPS) for each in chosen]
+    uneven = even_space.uneven[: len(directions)]
+    frozen = replace(few, frozen=tuple({*law.even, *uneven} - {-1}))
+    without, *fits = [
+        _fit(frozen, even_space.centre + np.array(sizes_of) @ directions, TRIAL_STEPS) for sizes_of in chosen
+    ]
     best = _fit(few, min(fits, key=_cost).regression.parameters, 2 * TRIAL_STEPS)
     least = without.regression.parameters if np.isfinite(_cost(without)) else parameters
     if not np.isfinite(np.diag(best.regression.covariance)[moved]).any():
@@ -114,25 +117,23 @@ def start_asymmetric(problem: Problem, parameters: Array) -> tuple[Problem, Arra
     )
     if gain > 1 or not mirrored:
         found = best.regression.parameters
-        image = hidden_directions(few, found)
+        image = even_directions(few, found)
         if mirrored and image.symmetric and (found - image.centre)[image.uneven[0]] < 0:
             found = 2 * image.centre - found
         return problem, found
     if -1 in uneven:
-        # what is odd has a slope
+        # an odd force has a slope
         return problem, least
-    small = fits[chosen.index(tuple(each[1] for each in sizes)) - 1]
+    small = fits[chosen.index(tuple(tried[1] for tried in sizes)) - 1]
     resolved = _at_resolution(small, without, directions, uneven, count)
-    # errors there are smaller than where the trial misses the points
-    resolved = _at_resolution(_fit(held, resolved, TRIAL_STEPS), without, directions, uneven, count)
-    # in exact data what is left is what a few harmonics leave out: the fits that follow go on from here
-    return (replace(problem, held=tuple(uneven)) if without.regression.noise > NOISY else problem), resolved
+    # errors are smaller there than at a trial that misses the points
+    resolved = _at_resolution(_fit(frozen, resolved, TRIAL_STEPS), without, directions, uneven, count)
+    # the misfit of exact data is that of few harmonics: further fits begin here without frozen parameters
+    return (replace(problem, frozen=tuple(uneven)) if without.regression.noise > NOISY else problem), resolved
 
 
 def _at_resolution(small: Fit, without: Fit, directions: Array, uneven: Sequence[int], count: int) -> Array:
-    """Give values of asymmetric forces the size at which their standard error from ``count`` points is as
-    large, and lead others along that go with them.
-    """
+    """Return parameters with even forces of the size of their standard errors from ``count`` points."""
     noise = without.regression.noise / max(small.regression.noise, 1e-300)
     variance = np.diag(small.regression.covariance) * noise**2 * len(small.force) / count
     start, place = without.regression.parameters, list(uneven)
@@ -147,21 +148,21 @@ def _fit(problem: Problem, parameters: Array, steps: int) -> Fit:
 
 
 def records_even(problem: Problem) -> bool:
-    """Tell whether the test recorded the mean or an even harmonic, with phases."""
+    """Return True if the test recorded the mean or an even harmonic, with phases."""
     return any(h % 2 == 0 for h in problem.observed.recorded)
 
 
 def _cost(found: Fit) -> float:
-    """Mean square misfit; infinite where too few of the points have a prediction."""
+    """Return the mean square misfit; infinite if too few of the points have a prediction."""
     misfit = found.regression.misfit[np.isfinite(found.regression.misfit)]
     return float(np.mean(misfit**2)) if len(misfit) > FOLLOWED * len(found.force) else np.inf
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Hidden:
-    """What the first-order balance does not tell of linear parameters.
+class EvenDirections:
+    """Directions of the linear parameters that the first-order balance does not determine.
 
-    Of k*x + kb*Max(x, 0) it tells k + kb/2: what is hidden is a force abs(x), and the centre is at kb = 0.
+    For k*x + kb*Max(x, 0) it determines k + kb/2: the direction is a force abs(x), and the centre is kb = 0.
 
     Parameters
     ----------
@@ -170,9 +171,9 @@ class Hidden:
     directions
         (d, q) null vectors, each with a force as large as the spring's.
     uneven
-        (d,) a parameter of each that makes even forces, to be held while others settle; -1 where none does.
+        (d,) a parameter of each that makes even forces, to be frozen in trials; -1 if there is none.
     symmetric
-        Whether the force at the centre is symmetric, so that 2*centre - p is the mirror image of p.
+        True if the force at the centre is symmetric, so that 2*centre - p is the mirror image of p.
     """
 
     centre: Array
@@ -182,11 +183,11 @@ class Hidden:
 
 
 def _even(force: Array) -> Array:
-    """Even part of forces (..., s) along one period of a sine: x and v change sign after half of it."""
+    """Return the even part of forces (..., s) along one period of a sine: -x, -v is half a period later."""
     return np.asarray((force + np.roll(force, force.shape[-1] // 2, axis=-1)) / 2)
 
 
-def hidden_directions(problem: Problem, parameters: Array) -> Hidden:
+def even_directions(problem: Problem, parameters: Array) -> EvenDirections:
     """Find the null vectors of the first-order balance at (q,) parameters, and where they are symmetric."""
     law = problem.law
     values, mass, background = problem.split(parameters)
@@ -203,7 +204,7 @@ def hidden_directions(problem: Problem, parameters: Array) -> Hidden:
     directions[:, list(law.linear)] = null[: len(law.linear)].T
     largest = int(np.argmax(points.amplitude))
     sample = law.along(sines.select(np.array([largest])), values, SAMPLES)
-    whole = np.broadcast_to(sample.force, (1, SAMPLES))[0]
+    total = np.broadcast_to(sample.force, (1, SAMPLES))[0]
     slopes = np.array([np.broadcast_to(slope, (1, SAMPLES))[0] for slope in sample.by_parameter])
     force = directions[:, : len(values)] @ slopes
     size, spring = np.max(np.abs(force), axis=1), abs(mass) * points.omega[largest] ** 2
@@ -211,9 +212,9 @@ def hidden_directions(problem: Problem, parameters: Array) -> Hidden:
     scale = (spring * points.amplitude[largest] / size)[:, None]
     directions, even = directions * scale, _even(force * scale)
     if not len(directions):
-        return Hidden(parameters, directions, (), False)
-    back = np.linalg.lstsq(even.T, -_even(whole), rcond=NULL_PART)[0]
-    rest = np.max(np.abs(_even(whole) + back @ even))
+        return EvenDirections(parameters, directions, (), False)
+    back = np.linalg.lstsq(even.T, -_even(total), rcond=NULL_PART)[0]
+    rest = np.max(np.abs(_even(total) + back @ even))
     of_each = np.max(np.abs(_even(slopes)), axis=1)
     of_each[of_each < NULL_PART * np.max(np.abs(slopes), axis=1)] = 0.0
     uneven = list[int]()
@@ -221,39 +222,37 @@ def hidden_directions(problem: Problem, parameters: Array) -> Hidden:
         part = np.abs(direction[: len(values)]) * of_each
         part[[place for place in uneven if place >= 0]] = 0.0
         uneven.append(int(np.argmax(part)) if part.any() else -1)
-    symmetric = bool(rest < NULL_PART * np.max(np.abs(whole)))
-    return Hidden(parameters + back @ directions, directions, tuple(uneven), symmetric)
+    symmetric = bool(rest < NULL_PART * np.max(np.abs(total)))
+    return EvenDirections(parameters + back @ directions, directions, tuple(uneven), symmetric)
 
 
 Table = TypeVar("Table", Points, ResponseSurface)
 
-_GROSS = 5.0
-"""Starting values give less weight to points that disagree by more than this many typical misfits."""
+_MAX_MISFIT_RATIO = 5.0
+"""Misfit of a point relative to the median from which on its weight is reduced."""
 
-_TYPICAL = 0.04
-"""Relative misfit of starting values that is never called gross: first order may be as wrong."""
+_MIN_TYPICAL_MISFIT = 0.04
+"""Relative misfit of first order that needs no reweighting."""
 
-_FEWEST_OF_LEVEL = 8
-"""Points of a level that determine a linear mode with a background, eight values."""
+_MIN_POINTS_OF_LEVEL = 8
+"""A linear mode with a background has eight parameters."""
 
-_SEARCHED = 120
-"""Points, spread over the amplitude, on which nonlinear parameters are searched: ten for each of a dozen."""
+_SEARCH_POINTS = 120
+"""Points on which nonlinear parameters are searched, spread over the amplitude."""
 
-_SCANNED = 80
-"""Points on which all phase errors are tried: the six parameters of any law and the mass need no more."""
+_PHASE_SCAN_POINTS = 80
+"""Points on which all phase errors are tried."""
 
-_TURNS = 12
-"""Phase errors around the circle, or places of a neighbour in three bands, that are tried: none is farther
-than fifteen degrees, or a seventh of the band, from one of them."""
+_GRID_SIZE = 12
+"""Tried phase errors around the circle, or natural frequencies of a neighbour in three bands."""
 
-_WEIGHINGS = 4
-"""Of an equation by its own denominator: what comes out is a start."""
+_REWEIGHTINGS = 4
 
-_RESIDUE = 0.3
-"""Residue with which a neighbour begins, relative to that of the mode: seen, and smaller."""
+_INITIAL_RESIDUE = 0.3
+"""Initial residue of a neighbour, relative to that of the mode."""
 
-_NEIGHBOURS = 4
-"""Places of a neighbour from which the law itself is tried."""
+_NEIGHBOUR_STARTS = 4
+"""Natural frequencies of a neighbour from which the law is fitted."""
 
 
 def solve_equations(
@@ -262,14 +261,14 @@ def solve_equations(
     fixed: Mapping[str, float],
     near: Array | None = None,
 ) -> Solution:
-    """Solve for all parameters of the law, and for the mass, but for those that are fixed.
+    """Solve for all parameters of the law and the mass that are not fixed.
 
     Parameters
     ----------
     equations, law, fixed
-        What is solved.
+        Data and model.
     near
-        (p,) values whose nonlinear ones lead to the solution; None searches their whole range.
+        (p,) values near the solution; None searches the nonlinear ones in their whole range.
     """
     free = [place for place, name in enumerate(law.parameters) if name not in fixed]
     begin = None if near is None else near[free]
@@ -284,7 +283,7 @@ def solve_equations(
 def _solve_free(equations: Equations, law: ForceLaw, mass: float, near: Array | None) -> Solution:
     """Solve for all parameters of a law; the mass [kg] is known, or NaN."""
     chosen = np.argsort(np.abs(equations.harmonics[:, 1]), kind="stable")
-    few = chosen[np.unique(np.linspace(0, len(chosen) - 1, _SEARCHED).round().astype(np.intp))]
+    few = chosen[np.unique(np.linspace(0, len(chosen) - 1, _SEARCH_POINTS).round().astype(np.intp))]
     nonlinear = np.zeros(0)
     if law.nonlinear:
         begin = None if near is None else near[list(law.nonlinear)]
@@ -308,7 +307,7 @@ def _solve_free(equations: Equations, law: ForceLaw, mass: float, near: Array | 
 
 
 def point_misfit(equations: Equations, law: ForceLaw, solution: Solution) -> Array:
-    """(n,) how far each point is from the solution, relative to its force."""
+    """Return the misfit (n,) of each point, relative to its force."""
     linear = np.append(solution.values[list(law.linear)], solution.mass)
     bare = replace(equations, mean=False, turning=np.zeros((0, 2)))
     matrix, right = equation_rows(bare, law, solution.values[list(law.nonlinear)])
@@ -333,13 +332,13 @@ def _nonlinear_columns(equations: Equations, law: ForceLaw, nonlinear: Array, so
 
 
 def start_fit(problem: Problem) -> tuple[Problem, Array]:
-    """Parameters to start from, without any knowledge but the points; the problem says which of them stay."""
+    """Return the problem, with frozen parameters if need be, and initial parameters (q,) from the points."""
     start = _start_first_order(problem)
     values, mass, background = problem.split(start)
     ordered = np.array(values)
     for part in problem.law.parts:
         ordered[part.parameters] = put_in_order(part.law, values[part.parameters], problem.fixed)
-    return start_asymmetric(problem, problem.join(ordered, mass, background))
+    return start_even_forces(problem, problem.join(ordered, mass, background))
 
 
 def _start_first_order(problem: Problem) -> Array:
@@ -349,7 +348,7 @@ def _start_first_order(problem: Problem) -> Array:
         parameters = problem.join(found.values, found.mass)
         if not observed.fitted.any():
             return parameters
-        # law and background share the tails of a resonance: the law comes near first
+        # law and background both fit the flanks of a resonance: fit the law first
         alone = replace(observed, fitted=np.zeros_like(observed.fitted))
         return fit_balance(
             replace(problem, observed=alone), parameters, order=START_ORDER
@@ -366,18 +365,17 @@ def _start_first_order(problem: Problem) -> Array:
 
 
 def _start_values(points: Points, law: ForceLaw, fixed: Mapping[str, float]) -> Solution:
-    """First order, or the measured waveform where that fits better."""
+    """Solve along sines, and along the measured waveforms; return the better solution."""
     some = points.select(points.spread(2 * QUICK))
     first = _linear_start(some, law, fixed, 1)
     if not points.strong:
         return first
-    # in the balance of the fundamental along the measured waveform a law is as linear as it is written
-    whole = _linear_start(some, law, fixed, points.harmonics.shape[1] - 1)
-    return whole if whole.misfit < first.misfit else first
+    measured = _linear_start(some, law, fixed, points.harmonics.shape[1] - 1)
+    return measured if measured.misfit < first.misfit else first
 
 
 def _linear_start(points: Points, law: ForceLaw, fixed: Mapping[str, float], order: int) -> Solution:
-    """All points, gross outliers with less weight, up to a harmonic of the measured waveform."""
+    """Solve the balance along the measured harmonics up to an order, outliers with less weight."""
     equations = Equations(
         points.omega,
         points.force,
@@ -391,8 +389,8 @@ def _linear_start(points: Points, law: ForceLaw, fixed: Mapping[str, float], ord
     for _ in range(3):
         solution = solve_equations(equations, law, fixed)
         misfit = point_misfit(replace(equations, weight=weight), law, solution)
-        typical = max(1.4826 * float(np.median(misfit)), _TYPICAL)
-        factor = 1 / np.maximum(1.0, misfit / (_GROSS * typical)) ** 2
+        typical = max(1.4826 * float(np.median(misfit)), _MIN_TYPICAL_MISFIT)
+        factor = 1 / np.maximum(1.0, misfit / (_MAX_MISFIT_RATIO * typical)) ** 2
         if np.count_nonzero(factor < 0.25) <= 0.002 * len(points):
             break
         equations = replace(equations, weight=weight * factor)
@@ -400,7 +398,7 @@ def _linear_start(points: Points, law: ForceLaw, fixed: Mapping[str, float], ord
 
 
 def _start_backgrounds(problem: Problem) -> list[Array]:
-    """Phase error and background, several of a neighbour, with a law that is near any other."""
+    """Return initial backgrounds, several for a neighbour, with the surrogate of any law."""
     observed = problem.observed
     if not observed.background.names:
         return [np.zeros(0)]
@@ -408,33 +406,33 @@ def _start_backgrounds(problem: Problem) -> list[Array]:
     law = compile_law(make_element("any", ANY_LAW).force)
     known = {name: value for name, value in problem.fixed.items() if name == "m"}
     few = replace(problem.select(points.spread(QUICK)), law=law, fixed=known)
-    some = points.select(points.spread(_SCANNED))
-    phases = 2 * np.pi * np.arange(_TURNS) / _TURNS - np.pi
-    misfits = [_turned(some, law, known, float(phase)) for phase in phases]
+    some = points.select(points.spread(_PHASE_SCAN_POINTS))
+    phases = 2 * np.pi * np.arange(_GRID_SIZE) / _GRID_SIZE - np.pi
+    misfits = [_solve_turned(some, law, known, float(phase)) for phase in phases]
     best = int(np.argmin([found.misfit if found.mass > 0 else np.inf for found in misfits]))
-    found = _turned(few.observed.points, law, known, float(phases[best]))
+    found = _solve_turned(few.observed.points, law, known, float(phases[best]))
     names = observed.background.names
     parameters = few.join(found.values, found.mass, np.append(phases[best], np.zeros(len(names) - 1)))
     trials = _place_neighbour(few, parameters) if "f_n" in names else [parameters]
     fits = [fit_balance(few, trial, order=1, correct=False) for trial in trials]
     if min(found.regression.noise for found in fits) > POOR and len(names) > 1:
-        fits += _beside_receptances(few, phases)
+        fits += _fit_with_linear_backgrounds(few, phases)
     return [found.background for found in fits]
 
 
-def _beside_receptances(problem: Problem, phases: Array) -> list[Fit]:
-    """Fit beside a background as large as the mode: the one that a linear mode at each level would have."""
+def _fit_with_linear_backgrounds(problem: Problem, phases: Array) -> list[Fit]:
+    """Fit with the background of a linear mode at each level, for backgrounds as large as the mode."""
     observed, fits = problem.observed, []
     points = observed.points
     for level in np.unique(points.level):
         run = points.select(points.level == level)
-        if len(run) < _FEWEST_OF_LEVEL:
+        if len(run) < _MIN_POINTS_OF_LEVEL:
             continue
         seen = _linear_receptance(run)
         moved = np.array(points.harmonics)
         moved[:, 1] -= seen * points.force
         mode = replace(points, harmonics=moved)
-        turned = [_turned(mode, problem.law, problem.fixed, float(phase)) for phase in phases]
+        turned = [_solve_turned(mode, problem.law, problem.fixed, float(phase)) for phase in phases]
         best = int(np.argmin([found.misfit if found.mass > 0 else np.inf for found in turned]))
         b = seen * np.exp(-1j * phases[best])
         background = np.zeros(len(observed.background.names))
@@ -445,10 +443,11 @@ def _beside_receptances(problem: Problem, phases: Array) -> list[Fit]:
 
 
 def _linear_receptance(points: Points) -> complex:
-    """Give b of x/F = b + a/(k - s^2 + i c s) for measured forces, s = omega over its mean, by least squares.
+    """Return b of x/F = b + a/(k - s^2 + i c s) for measured forces, s = omega over its mean, by least
+    squares.
 
-    The denominator multiplied out, the equation is linear; its weight follows in a few rounds (Sanathanan and
-    Koerner, IEEE Trans. Autom. Control 8 (1963)).
+    Multiplied by the denominator the equation is linear; it is reweighted by the last denominator (Sanathanan
+    and Koerner, IEEE Trans. Autom. Control 8 (1963)).
     """
     s = points.omega / np.mean(points.omega)
     ratio = points.harmonics[:, 1] / points.force
@@ -456,7 +455,7 @@ def _linear_receptance(points: Points) -> complex:
     numerator = [part * s**power for power in range(3) for part in (-one, -1j * one)]
     columns = np.stack([ratio, 1j * s * ratio, *numerator], axis=1)
     weight = 1 / np.abs(ratio)
-    for _ in range(_WEIGHINGS):
+    for _ in range(_REWEIGHTINGS):
         matrix, right = columns * weight[:, None], ratio * s**2 * weight
         matrix, right = np.vstack([matrix.real, matrix.imag]), np.concatenate([right.real, right.imag])
         found, _, _ = solve_scaled(matrix, right)
@@ -465,34 +464,34 @@ def _linear_receptance(points: Points) -> complex:
 
 
 def _place_neighbour(problem: Problem, parameters: Array) -> list[Array]:
-    """Try a neighbour at places around the band; those that leave the least misfit may be near.
+    """Return parameters with a neighbouring mode at the natural frequencies of least misfit.
 
-    It begins lightly damped with a share of the residue of the mode, and has a few steps at each place.
+    Each trial begins with light damping and a share of the residue of the mode, and has a few steps.
     """
     without = replace(problem, observed=problem.observed.without_neighbour())
     mode = len(parameters) - 4
     begun = fit_balance(without, parameters[:mode], order=1, steps=TRIAL_STEPS, correct=False)
     low, high = problem.observed.band
     fits = []
-    for place in np.linspace(max(low - (high - low), low / 2), high + (high - low), _TURNS):
-        neighbour = [_RESIDUE / begun.mass, 0.0, place, LIGHT]
+    for place in np.linspace(max(low - (high - low), low / 2), high + (high - low), _GRID_SIZE):
+        neighbour = [_INITIAL_RESIDUE / begun.mass, 0.0, place, LIGHT]
         trial = np.concatenate([begun.regression.parameters, neighbour])
         fits.append(fit_balance(problem, trial, order=1, steps=TRIAL_STEPS, reject=False, correct=False))
     fits.sort(key=lambda found: found.regression.noise if found.mass > 0 else np.inf)
-    return [problem.join(begun.values, begun.mass, found.background) for found in fits[:_NEIGHBOURS]]
+    return [problem.join(begun.values, begun.mass, found.background) for found in fits[:_NEIGHBOUR_STARTS]]
 
 
-def _turned(points: Points, law: ForceLaw, fixed: Mapping[str, float], psi: float) -> Solution:
-    """Solve the first-order balance with the force turned by psi [rad]."""
+def _solve_turned(points: Points, law: ForceLaw, fixed: Mapping[str, float], psi: float) -> Solution:
+    """Solve the first-order balance with the force turned by a phase psi [rad]."""
     force = points.force * np.exp(1j * psi)
     weight = 1 / np.abs(force)
-    none = np.zeros((0, 2))
-    equations = Equations(points.omega, force, points.harmonics[:, :2], False, weight, none)
+    turning = np.zeros((0, 2))
+    equations = Equations(points.omega, force, points.harmonics[:, :2], False, weight, turning)
     return solve_equations(equations, law, fixed)
 
 
-def _guessed(points: Points) -> NDArray[np.float64]:
-    """(n,) lag of the response [rad] from where each point lies in its run."""
+def _lag_of_linear_resonance(points: Points) -> NDArray[np.float64]:
+    """Return the lag (n,) of the response [rad] of a linear resonance with the peak of each run."""
     size, force = points.amplitude, np.abs(points.force)
     side = np.zeros(len(points))
     peaks: list[tuple[float, float]] = []
@@ -511,12 +510,12 @@ def _guessed(points: Points) -> NDArray[np.float64]:
 
 
 def _start_amplitudes(points: Points, law: ForceLaw, fixed: Mapping[str, float]) -> Solution:
-    """Fit the law to phases that the law itself predicts, from a guess on.
+    """Fit the law to phases that it predicts itself, by fixed-point iteration.
 
     At the peak of a run the response lags a quarter period, c = F/(omega X) (Liu et al., Sec. 1.2), below it
-    less, above it more; the law that fits then predicts the phase anew.
+    less, above it more.
     """
-    lag = _guessed(points)
+    lag = _lag_of_linear_resonance(points)
     force = np.abs(points.force)
     harmonics = sine_motion(points.omega, points.amplitude).harmonics
     best = np.inf
@@ -526,7 +525,7 @@ def _start_amplitudes(points: Points, law: ForceLaw, fixed: Mapping[str, float])
             points.omega, force * np.exp(1j * lag), harmonics, False, 1 / force, np.zeros((0, 2))
         )
         found = solve_equations(equations, law, fixed)
-        balance = _hold(law, found.values, found.mass, points.omega, points.amplitude, 1)
+        balance = _balance_at_amplitudes(law, found.values, found.mass, points.omega, points.amplitude, 1)
         misfit = float(np.sqrt(np.mean(np.log(np.abs(balance.force) / force) ** 2)))
         if start is not None and not misfit < (1 - UNCHANGED) * best:
             break
@@ -535,7 +534,9 @@ def _start_amplitudes(points: Points, law: ForceLaw, fixed: Mapping[str, float])
     return start if start is not None else found
 
 
-def _hold(law: ForceLaw, values: Array, mass: float, omega: Array, size: Array, order: int) -> Response:
+def _balance_at_amplitudes(
+    law: ForceLaw, values: Array, mass: float, omega: Array, size: Array, order: int
+) -> Response:
     samples = samples_for(law.switched)
     start = np.zeros((len(omega), max(order, 1) + 1), dtype=complex)
     follow = following_harmonics(law, order)
@@ -543,10 +544,7 @@ def _hold(law: ForceLaw, values: Array, mass: float, omega: Array, size: Array, 
 
 
 def with_phase(table: Table, found: Fit, receptance: ComplexArray) -> Table:
-    """Give force and response the phases that law and background (n,) [m/N] predict at each amplitude.
-
-    A table with phases stays as it is.
-    """
+    """Return a table with the phases that law and background (n,) [m/N] predict, if it has none."""
     if table.phase_known:
         return table
     law = found.problem.law
@@ -558,12 +556,12 @@ def with_phase(table: Table, found: Fit, receptance: ComplexArray) -> Table:
     b, omega, wanted = receptance[held], table.omega[held], seen[held]
     size = np.array(wanted)
     for _ in range(TRIAL_STEPS):
-        balance = _hold(law, found.values, found.mass, omega, size, START_ORDER)
+        balance = _balance_at_amplitudes(law, found.values, found.mass, omega, size, START_ORDER)
         response = size + b * balance.force
         slope = (np.conj(response) * (1 + b * balance.force_slope / size)).real / np.abs(response)
         step = (wanted - np.abs(response)) / np.where(np.abs(slope) > FLAT, slope, 1.0)
         size = size + np.nan_to_num(np.clip(step, -0.5 * size, 0.5 * size))
-    balance = _hold(law, found.values, found.mass, omega, size, START_ORDER)
+    balance = _balance_at_amplitudes(law, found.values, found.mass, omega, size, START_ORDER)
     force[held] *= np.exp(1j * np.nan_to_num(np.angle(balance.force)))
     harmonics[held, 1] *= np.exp(1j * np.nan_to_num(np.angle(size + b * balance.force)))
     if isinstance(table, Points):
