@@ -118,7 +118,7 @@ def _balance(problem: Problem, parameters: Array) -> tuple[Fit, bool]:
 
 
 def _alike(one: Regression, other: Regression, share: float) -> bool:
-    """Whether more harmonics follow all points, and give the same values within a tenth of their errors.
+    """Return True if more harmonics predict all points, with the same values within a tenth of their errors.
 
     ``share`` of the points were fitted; the errors are those of all.
     """
@@ -182,7 +182,7 @@ def identify(
     Parameters
     ----------
     surface
-        Settled points of any test; unsettled and held-out ones are left aside. Spectra of a multisine give a
+        Settled points of any test; unsettled and held-out ones are not used. Spectra of a multisine give a
         ``MultisineIdentification``.
     law
         Without values: a formula, an element, a law, a sequence of these, or a model.

@@ -58,11 +58,11 @@ from rsgen.identification.results.estimates import (
     with_combinations,
 )
 from rsgen.identification.soundness import (
-    across_findings,
-    aside_findings,
     feeding_findings,
+    joint_findings,
     limit_findings,
     nearly_held,
+    rejection_findings,
     sign_findings,
     stopped_points,
 )
@@ -96,13 +96,13 @@ def prepare(surface: ResponseSurface, model: Model) -> Prepared:
     Raises
     ------
     RsgenError
-        As for ``identify``; a background is asked for beside a motion across two sensors.
+        As for ``identify``; a background with a motion across two sensors.
     """
     surface, repeats = gather_repeats(surface, model.sensors)
     points = select_points(surface, model)
     law = law_of(model.elements, points)
-    beside = model.observation.background not in ("none", "phase")
-    refuse_across(model.sensors, background=beside, phases=not surface.phase_known)
+    background = model.observation.background not in ("none", "phase")
+    refuse_across(model.sensors, background=background, phases=not surface.phase_known)
     observed = Observed.of(points, model.observation.background)
     return Prepared(surface, repeats, Problem(model.elements, law, observed, model.fixed))
 
@@ -163,7 +163,7 @@ def repeat_findings(repeats: Repeats, misfit: float, wider: float) -> tuple[Find
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Findings:
-    """What is looked at for findings about data and fit.
+    """Data and fit as the findings need them.
 
     Parameters
     ----------
@@ -204,7 +204,7 @@ class Findings:
             found.append(
                 Finding("points-not-settled", "info", numbers=quantities(unsettled=unsettled, **counts))
             )
-        found += aside_findings(
+        found += rejection_findings(
             self.points,
             self.fit.regression,
             len(self.surface),
@@ -336,7 +336,7 @@ def judge(test: Prepared, model: Model, refined: Fit) -> Identification:
     about = (*about, *feeding_findings(points, refined, known_by_law))
     sure = {e.name: e.standard_error for e in known_by_law if e.identifiable}
     errors = np.array([sure.get(name, nan) for name in law.parameters])
-    about = (*about, *across_findings(refined, errors, misfits=misfits))
+    about = (*about, *joint_findings(refined, errors, misfits=misfits))
     about = (*about, *unseen_findings(refined, estimates))
     known = {e.name for e in estimates if np.isfinite(e.value)}
     free = np.flatnonzero(regression.free)
@@ -372,7 +372,7 @@ def judge(test: Prepared, model: Model, refined: Fit) -> Identification:
 def _with_repeats(
     regression: Regression, points: Points, repeats: Repeats | None
 ) -> tuple[Regression, Array, Array]:
-    """Give a regression the covariance that repeats show, but no less than its own.
+    """Return a regression with the covariance of repeats, but not less than its own.
 
     What readings of a point share does not show in their scatter, but does in what the law leaves.
 
@@ -485,7 +485,7 @@ class _FirstOrder:
         return fit_balance(self.problem, self.near, order=1, reject=False)
 
     def bias(self) -> Array:
-        """What the first-order fit makes of the noise-free response of the refined model."""
+        """Return the error of the first-order fit on the noise-free response of the refined model."""
         points, predicted = self.problem.observed.points, self.motion.turned(self.turn).harmonics
         count = points.harmonics.shape[1]
         harmonics = np.zeros((len(points), max(count, predicted.shape[1])), dtype=complex)

@@ -1,4 +1,10 @@
-"""Whether a misfit is noise or the law's: its pattern, its size, and what would take it up."""
+"""Is a misfit noise or an error of the law? Its pattern, its size, and the changes that would reduce it.
+
+Residuals of neighbours in frequency are correlated if the law is wrong (``observed.is_systematic``). A
+missing term, background, offset or even force is a column c of the linearised fit; to first order it reduces
+the sum of squares by (c_o.r)^2/|c_o|^2, with c_o its part outside the span of the parameters and r the
+residual (score test).
+"""
 
 from __future__ import annotations
 
@@ -33,7 +39,7 @@ from rsgen.data.free_mode import fit_mode, hats, steady
 from rsgen.data.oscillator import OFFSET
 from rsgen.data.surface import ResponseSurface
 from rsgen.formula.names import symbol
-from rsgen.identification.fitting.fit import Fit, fit_balance, linearise_beside
+from rsgen.identification.fitting.fit import Fit, fit_balance, linearise_extended
 from rsgen.identification.fitting.least_squares import Alternative, Regression
 from rsgen.identification.fitting.observed import Problem, is_systematic
 from rsgen.identification.fitting.points import Points
@@ -41,25 +47,25 @@ from rsgen.identification.results import Estimate, Resonance
 from rsgen.identification.results.alternatives import Alternatives
 from rsgen.identification.results.estimates import fixed_contradicted
 from rsgen.identification.starting.start import even_directions, even_part_unobservable, records_even
-from rsgen.identification.terms import EVEN_SHARE, even_beside, law_with, with_terms
+from rsgen.identification.terms import EVEN_SHARE, even_force_shift, law_with, with_terms
 
-_TELLING = 16
-"""Points below which a pattern may not show: a damper missed by 5 % is found from here on, not at 12."""
+_MIN_POINTS_OF_PATTERN = 16
+"""Number of points for the residual-pattern test: at 16 a 5 % damping error is detected, at 12 it is not."""
 
-_OTHERWISE = frozenset({"another-quantity", "base-misread", "not-passive"})
-"""Findings about sign or quantity of the response: what a background takes up then is no other mode."""
+_CODES_OF_RESPONSE = frozenset({"another-quantity", "base-misread", "not-passive"})
+"""Findings about sign or quantity of the response, which a background would only conceal."""
 
-_REACH = 5.0
-"""Half a band proposed for one mode, in widths of the resonance: there the mode has a tenth of its peak."""
+_WIDTHS_OF_BAND = 5.0
+"""Half width of a proposed band in widths of the resonance: there the mode has a tenth of its peak."""
 
 
 def relative_misfit(fit: Fit) -> float:
-    """Root mean square of real and imaginary part together, as everywhere in the result."""
+    """Return the root mean square misfit of real and imaginary part together, as in the result."""
     return float(fit.regression.noise * np.sqrt(2))
 
 
 def law_misses(fit: Fit) -> bool:
-    """Whether a law misses more than noise and a hundredth: no number of it is as good as its interval."""
+    """Return True if a misfit is systematic and above a hundredth, so that intervals are too narrow."""
     regression, points = fit.regression, fit.problem.observed.points
     systematic = is_systematic(regression.residual, points.pairs(regression.used))
     return systematic and relative_misfit(fit) > SAME_NUMBER
@@ -93,7 +99,7 @@ def misfit_findings(
     numbers = quantities(misfit=misfit)
     if not systematic:
         # one point a level shows no pattern either, and a loop holds each until its noise is gone
-        patterns = len(points) >= _TELLING and surface.control != "phase"
+        patterns = len(points) >= _MIN_POINTS_OF_PATTERN and surface.control != "phase"
         # the forces of a free decay are those of the given mass, and its small motions are mostly noise
         found = [] if surface.decays else _contradicted(fit, misfit)
         if surface.decays:
@@ -103,7 +109,7 @@ def misfit_findings(
             severity: Severity = "error" if misfit > MEANINGLESS else "doubt"
             found.append(Finding("misfit-large", severity, numbers=numbers))
         return found
-    # beside a law that misses more than a hundredth no number of it is as good as its interval
+    # with a systematic misfit above a hundredth, intervals are too narrow
     names, severity, left = dict[str, str](), severity_of(misfit, SAME_NUMBER, MEANINGLESS), misfit
     if severity != "error":
         term = max(others.kinds["term"], key=lambda term: others.kinds["term"][term].gain)
@@ -114,7 +120,7 @@ def misfit_findings(
         elif (free := free_curves_leave(fit, points)) < 1 - TAKEN:
             names, severity = {"free": "curves"}, "doubt"
             numbers |= quantities(left=free * misfit)
-    known = not any(finding.code in _OTHERWISE for finding in surface.findings)
+    known = not any(finding.code in _CODES_OF_RESPONSE for finding in surface.findings)
     if severity != "error" and known and not surface.decays and (fixed := _contradicted(fit, left)):
         # the law is not to blame for what it was given
         return fixed
@@ -225,7 +231,7 @@ def _contradicted(fit: Fit, left: float) -> list[Finding]:
         free = fit_near(replace(problem, fixed=others), start, order=START_ORDER).regression
         place, best = names.index(name), float(free.noise * np.sqrt(2))
         leaves = size * best / whole if whole > 0 else np.inf
-        # beside noise, which no value takes up, the gain in units of that noise counts
+        # with noise the gain counts in units of that noise
         gain = ((whole / best) ** 2 - 1) * free.freedom if best > 0 else np.inf
         moved = float(free.parameters[place]) - given
         times = abs(moved) / float(np.sqrt(free.covariance[place, place]))
@@ -242,7 +248,7 @@ def _missing_background(
     Parameters
     ----------
     fit, others
-        What is judged, and more of a background beside it, by kind.
+        The fit, and alternatives with more of a background, by kind.
     wider
         As in ``misfit_findings``.
     left
@@ -256,7 +262,7 @@ def _missing_background(
     if not leaves < min((1 - TAKEN) * size, left):
         return []
     change = others[kind].shift[of_law]
-    # halves that the same background sets apart widen the errors, and are no reason against it
+    # halves that differ by the same background widen the errors, and are no reason against it
     times = np.abs(change) / np.sqrt(np.diag(found.covariance))[of_law]
     share = change / found.parameters[of_law]
     clear = (times > ERRORS) & (np.abs(share) > SAME_NUMBER)
@@ -276,7 +282,7 @@ def _left_by(fit: Fit, other: Alternative, wider: Array) -> float:
 
 
 def _offset_proposal(fit: Fit, others: Mapping[str, Alternative], wider: Array) -> list[Finding]:
-    """Whether an offset takes up most of the misfit, more than terms proportional to the force."""
+    """Find that an offset explains most of the misfit, more than terms proportional to the force."""
     own = fit.problem.observed.kind
     kind = ("phase" if own == "none" else own) + OFFSET
     if kind not in others:
@@ -290,17 +296,17 @@ def _offset_proposal(fit: Fit, others: Mapping[str, Alternative], wider: Array) 
 
 
 def _background_proposal(points: Points, resonances: Sequence[Resonance]) -> Finding:
-    """In which band to look for a background."""
+    """Propose a band for the fit of a background."""
     tested = points.omega / (2 * np.pi)
     low, high = float(tested.min()), float(tested.max())
     if resonances:
-        reach = [_REACH * 2 * abs(r.damping_ratio) * r.frequency for r in resonances]
+        reach = [_WIDTHS_OF_BAND * 2 * abs(r.damping_ratio) * r.frequency for r in resonances]
         low = max(min(r.frequency - width for r, width in zip(resonances, reach, strict=True)), low)
         high = min(max(r.frequency + width for r, width in zip(resonances, reach, strict=True)), high)
         if not low < high:
             # resonances outside the tested frequencies say nothing about the band
             low, high = float(tested.min()), float(tested.max())
-    numbers = {"low": Quantity(low, "Hz"), "high": Quantity(high, "Hz"), "widths": Quantity(_REACH)}
+    numbers = {"low": Quantity(low, "Hz"), "high": Quantity(high, "Hz"), "widths": Quantity(_WIDTHS_OF_BAND)}
     return Finding("background-possible", "info", numbers=numbers)
 
 
@@ -314,14 +320,14 @@ made up of them; and the power of the amplitude that they go with."""
 
 
 def _is_symmetric(problem: Problem) -> bool:
-    """Whether the law is odd, along the response alone; its motions may be none."""
+    """Return True if the law is odd and acts along the response alone."""
     return law_with(problem).odd and not problem.law.acts_across
 
 
 def even_findings(fit: Fit) -> list[Finding]:
     """Find an even force that a symmetric law lacks, by the mean and the even harmonics that were recorded.
 
-    A symmetric law leaves them out of its misfit, for it has none. Beside an even force each point weighs
+    The misfit of a symmetric law does not contain them. With an even force each point weighs
     them against its noise, and the force stands where they say more for it than for an offset of the sensor.
     What it does not do to the fundamental itself its odd companion may: a stop on one side has both.
 
@@ -364,7 +370,7 @@ def _gain_of_all(fit: Fit) -> float:
     """
     trial, begin, places = with_terms(fit.problem, fit, tuple(_POWERS))
     # to first order an even force moves the mean and the second harmonic
-    residual, matrix = linearise_beside(fit, trial, begin, order=2)
+    residual, matrix = linearise_extended(fit, trial, begin, order=2)
     right, rows = residual.reshape(-1), matrix.reshape(residual.size, len(begin))
     size = np.linalg.norm(rows, axis=0)
     others = np.setdiff1d(np.flatnonzero(trial.free & (size > 0)), places)
@@ -406,7 +412,7 @@ def unseen_findings(fit: Fit, estimates: Sequence[Estimate]) -> list[Finding]:
     problem = fit.problem
     if records_even(problem) or not _is_symmetric(problem):
         return []
-    (k2, moved), series, x = even_beside(fit), problem.law.expression.expand(), symbol("x")
+    (k2, moved), series, x = even_force_shift(fit), problem.law.expression.expand(), symbol("x")
     largest, found = float(problem.observed.points.amplitude.max()), []
     change_of = dict(zip((*problem.law.parameters, "m"), moved.tolist(), strict=False))
     for estimate in estimates:

@@ -3,7 +3,7 @@
 The deviance D(b) is what the sum of squares grows by when b is fixed and every other parameter is fitted
 again, in units of the noise. The interval holds the values with sqrt(D) below the quantile of Student's t
 (Venzon and Moolgavkar, Applied Statistics 37, 1988). With a quadratic sum of squares it is the value and its
-standard error, which is Wald's; beside a breakpoint that is barely passed, a saturation or an exponent
+standard error, which is Wald's; near a breakpoint that is barely passed, a saturation or an exponent
 the sum of squares has a corner or a plateau, and the interval is lopsided or open to one side.
 """
 
@@ -68,7 +68,7 @@ class Profile(Printed):
         From the standard error.
     followed
         Values between which the balance has the motions that were measured, infinite where it never lost
-        them: an end of the interval that is infinite beside one that is not is the balance's, not the test's.
+        them: an infinite end of the interval with a finite one here is due to the balance, not to the test.
     """
 
     name: str
@@ -117,8 +117,8 @@ class _Likelihood:
         if root > _JUMP_RATIO * (roots[near] + 1) and others:
             # along the line through two fits, as a stop goes with the stiffness behind it
             one, other = known[near], known[others[0]]
-            apart = one[place] - other[place]
-            share = (value - one[place]) / apart if apart else 0.0
+            distance = one[place] - other[place]
+            share = (value - one[place]) / distance if distance else 0.0
             root = min(root, self._fit(place, value, one + share * (one - other)))
         return root
 
@@ -198,7 +198,7 @@ def _wald(found: Fit, estimate: Estimate) -> float:
 
 
 def _is_quadratic(found: Fit, likelihood: _Likelihood, estimate: Estimate, target: float) -> bool:
-    """Whether Wald's interval ends where the likelihood does."""
+    """Return True if Wald's interval agrees with that of the likelihood."""
     place = likelihood.names.index(estimate.name)
     half = _wald(found, estimate)
     roots = [likelihood(place, likelihood.best[place] + sign * half) for sign in (-1, 1)]

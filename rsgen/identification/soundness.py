@@ -1,4 +1,9 @@
-"""Whether a fit is worth its numbers: the points it set aside, the signs and phase of what it found."""
+"""Quality checks of a fit: rejected points, signs of mass, stiffness and damping, sensors at a joint.
+
+A negative k(X) or c(X), the fundamental of the force in phase with x and the work of a cycle over that of a
+damper, is compared with its error by linear propagation; the other checks are counts and ratios that are
+compared with fixed limits.
+"""
 
 from __future__ import annotations
 
@@ -40,42 +45,42 @@ from rsgen.law.motion import Motion, project, sine_motion
 from rsgen.law.numeric import ForceLaw, Part
 from rsgen.law.switched_sum import ForceSample
 
-_MANY_ASIDE = 0.15
-"""Points set aside beyond this share: what is left is a choice of points that suit the law."""
+_MAX_REJECTED_SHARE = 0.15
+"""Share of rejected points beyond which the others are a selection that suits the law."""
 
-_SINGLE = 3
-"""Points set aside up to this number may be single drop-outs of a small test."""
+_MAX_SINGLE_REJECTED = 3
+"""Rejected points that may be single drop-outs of a small test."""
 
-_STRETCH = 5
-"""Neighbours set aside together from which on it is a piece of a run, not a jump that came early."""
+_MIN_REJECTED_NEIGHBOURS = 5
+"""Rejected neighbours from which on a piece of a run disagrees; fewer are an early jump."""
 
-_PIECE = 0.1
-"""Share of a run from which on it is a piece of it."""
+_MIN_PIECE_OF_RUN = 0.1
+"""Length of such a piece as a share of its run."""
 
-_WHOLE = 0.25
-"""Share of a run set aside, wherever its points lie, from which on the run disagrees with the law."""
+_MAX_REJECTED_SHARE_OF_RUN = 0.25
+"""Share of rejected points of a run from which on the run disagrees with the law."""
 
-_BREAK_AWAY = 1.5
-"""Amplitude of the force over that of dry friction up to which the mass may stand still for parts of a cycle:
-4/pi at resonance (Den Hartog, Trans. ASME 53, 1931), and what noise adds."""
+_MAX_FORCE_TO_FRICTION = 1.5
+"""Amplitude of the force over that of dry friction up to which the mass may stop for parts of a cycle: 4/pi
+at resonance (Den Hartog, Trans. ASME 53, 1931), and noise."""
 
-_SIGNS = 60
-"""Points, evenly over the amplitude, at which the signs of k(X) and c(X) are looked at."""
+_SIGN_POINTS = 60
+"""Points, evenly over the amplitude, at which the signs of k(X) and c(X) are checked."""
 
-_BEYOND = 1.5
-"""Times the largest amplitude that transients reach on their way to a steady motion."""
+_TRANSIENT_OVERSHOOT = 1.5
+"""Largest amplitude of transients relative to that of the steady motions."""
 
-_MOST = 0.5
-"""Share of the points with a wrong sign beyond which the law as a whole has it."""
+_MAX_NEGATIVE_SHARE = 0.5
+"""Share of the points with a wrong sign beyond which the finding is an error."""
 
-_EQUAL = 2e-4
-"""Responses that differ by less, relative, are equal to within the rounding of a table of four digits."""
+_RESPONSE_ROUNDING = 2e-4
+"""Relative difference of equal responses in a table of four digits."""
 
-_AT_LIMIT = 0.98
-"""The fundamental of a clipped sine is at least its limit; a filter may take a little."""
+_MIN_CLIPPED_AMPLITUDE = 0.98
+"""Fundamental of a clipped sine relative to its limit."""
 
 
-def aside_findings(
+def rejection_findings(
     points: Points,
     regression: Regression,
     tested: int,
@@ -84,41 +89,40 @@ def aside_findings(
     decays: bool = False,
     stopped: NDArray[np.bool_] | None = None,
 ) -> list[Finding]:
-    """Judge points set aside by their share, and by whether they lie together.
+    """Find too many rejected points, and rejected points that are neighbours.
 
     Parameters
     ----------
     points, regression
-        That were fitted.
+        The fitted points, and their fit.
     tested
-        Points of the whole test.
+        Number of points of the test.
     level_unit
-        Of their levels: "N", or "m" where the response was held.
+        Unit of the levels: "N", or "m" with response control.
     decays
-        True for a free decay. Noise does not fall with the motion, so that the small half of its points may
-        be set aside for that alone; the large half is judged.
+        True for a free decay, whose small motions may be rejected for noise: only the large half counts.
     stopped
         (n,) points that are no evidence against the law; see ``stopped_points``.
     """
-    aside = ~regression.used
-    if not aside.any():
+    rejected = ~regression.used
+    if not rejected.any():
         return []
-    all_aside = int(np.count_nonzero(aside))
+    all_rejected = int(np.count_nonzero(rejected))
     if decays:
-        aside = aside & (points.amplitude > np.median(points.amplitude))
+        rejected = rejected & (points.amplitude > np.median(points.amplitude))
     if stopped is not None:
-        aside = aside & ~stopped
-    count = int(np.count_nonzero(aside))
+        rejected = rejected & ~stopped
+    count = int(np.count_nonzero(rejected))
     share = count / len(points)
-    severity = severity_of(share, FEW, _MANY_ASIDE) if count > _SINGLE else "warning"
-    numbers = quantities(aside=all_aside, points=len(points), all=tested)
+    severity = severity_of(share, FEW, _MAX_REJECTED_SHARE) if count > _MAX_SINGLE_REJECTED else "warning"
+    numbers = quantities(aside=all_rejected, points=len(points), all=tested)
     found = [Finding("points-set-aside", severity, numbers=numbers)]
     for rows in points.runs:
-        first, longest = _longest(aside[rows])
-        lost = int(np.count_nonzero(aside[rows]))
-        together = longest >= max(_STRETCH, _PIECE * len(rows))
-        if together or (lost > _SINGLE and lost > _WHOLE * len(rows)):
-            piece = np.arange(first, first + longest) if together else np.flatnonzero(aside[rows])
+        first, longest = _longest(rejected[rows])
+        lost = int(np.count_nonzero(rejected[rows]))
+        together = longest >= max(_MIN_REJECTED_NEIGHBOURS, _MIN_PIECE_OF_RUN * len(rows))
+        if together or (lost > _MAX_SINGLE_REJECTED and lost > _MAX_REJECTED_SHARE_OF_RUN * len(rows)):
+            piece = np.arange(first, first + longest) if together else np.flatnonzero(rejected[rows])
             ends = points.omega[rows[piece[[0, -1]]]] / (2 * np.pi)
             data = {"low": Quantity(float(ends[0]), "Hz"), "high": Quantity(float(ends[1]), "Hz")}
             data |= quantities(aside=lost, points=len(rows), together=longest)
@@ -134,7 +138,7 @@ def stopped_points(points: Points, fit: Fit) -> NDArray[np.bool_]:
 
 def nearly_held(points: Points, fit: Fit) -> NDArray[np.bool_]:
     """(n,) points whose force hardly overcomes dry friction."""
-    return np.asarray(np.abs(points.force) < _BREAK_AWAY * _dry_friction(fit.problem, fit.values))
+    return np.asarray(np.abs(points.force) < _MAX_FORCE_TO_FRICTION * _dry_friction(fit.problem, fit.values))
 
 
 def held_points(problem: Problem, parameters: Array) -> NDArray[np.bool_]:
@@ -148,7 +152,7 @@ def held_points(problem: Problem, parameters: Array) -> NDArray[np.bool_]:
     friction = _dry_friction(problem, values)
     left = abs(mass) * points.omega**2 * points.amplitude
     size = np.abs(points.force)
-    return np.asarray((size < _BREAK_AWAY * friction) & (left < LARGE * size))
+    return np.asarray((size < _MAX_FORCE_TO_FRICTION * friction) & (left < LARGE * size))
 
 
 def _dry_friction(problem: Problem, values: Array) -> float:
@@ -176,13 +180,13 @@ def limit_findings(remarked: Sequence[Finding], fit: Fit) -> list[Finding]:
     ]
     if known:
         limit = min(known)
-        at = series[limit.unit] > _AT_LIMIT * limit.value
+        at = series[limit.unit] > _MIN_CLIPPED_AMPLITUDE * limit.value
     else:
-        equal = {unit: values > (1 - _EQUAL) * values.max() for unit, values in series.items()}
+        equal = {unit: values > (1 - _RESPONSE_ROUNDING) * values.max() for unit, values in series.items()}
         unit, at = max(equal.items(), key=lambda item: int(np.count_nonzero(item[1])))
         limit = Quantity(float(series[unit].max()), unit)
         together = points.neighbours[at[points.neighbours].all(axis=1)]
-        if len(np.unique(together)) < max(_STRETCH, np.count_nonzero(at) / 2):
+        if len(np.unique(together)) < max(_MIN_REJECTED_NEIGHBOURS, np.count_nonzero(at) / 2):
             return []
     if not at.any() or at.all():
         return []
@@ -206,15 +210,15 @@ def _longest(marks: NDArray[np.bool_]) -> tuple[int, int]:
 def sign_findings(points: Points, fit: Fit, wider: Array) -> list[Finding]:
     """Find a negative mass, and k(X) or c(X) of elements at one place that are negative where it was tested.
 
-    Elements across two sensors and those that follow the response are judged apart: neither can make up for
-    a spring or damper that the others have with the wrong sign. Errors are (q,) times ``wider``.
+    Elements across two sensors are checked separately from the others, because neither can compensate a wrong
+    sign of the others. Standard errors are multiplied by ``wider`` (q,).
     """
     regression, problem = fit.regression, fit.problem
     basis = regression.basis * regression.noise * wider[:, None]
     found = []
     if fit.mass < -CHANCE * float(np.linalg.norm(basis[len(problem.law.parameters)])):
         found.append(Finding("mass-negative", "error", "m", {"mass": Quantity(fit.mass, "kg")}))
-    for part, followed in _followed(points, fit):
+    for part, followed in _parts_with_motions(points, fit):
         place = part.parameters
         stiffness, damping = _signs_at(part, followed, fit.values[place], basis[place])
         names = {"sensors": part.sensors} if part.sensors else {}
@@ -225,7 +229,7 @@ def sign_findings(points: Points, fit: Fit, wider: Array) -> list[Finding]:
 
 def feeding_findings(points: Points, fit: Fit, estimates: Sequence[Estimate]) -> list[Finding]:
     """Find dampers of all parts of a law that feed energy into the motion."""
-    followed = _followed(points, fit)
+    followed = _parts_with_motions(points, fit)
     return [
         finding
         for part, motion in followed
@@ -234,7 +238,7 @@ def feeding_findings(points: Points, fit: Fit, estimates: Sequence[Estimate]) ->
 
 
 def _is_active(law: ForceLaw, sample: ForceSample, velocity: Array, values: Array) -> bool:
-    """Whether some term feeds energy into the motion as it is written: -c*v, the damper of van der Pol."""
+    """Return True if some term is written to feed energy into the motion: -c*v, the damper of van der Pol."""
     for place in law.linear:
         power = np.broadcast_to(sample.by_parameter[place], velocity.shape) * velocity
         work, size = np.mean(values[place] * power, axis=1), np.mean(np.abs(values[place] * power), axis=1)
@@ -243,10 +247,10 @@ def _is_active(law: ForceLaw, sample: ForceSample, velocity: Array, values: Arra
     return False
 
 
-def _followed(points: Points, fit: Fit) -> list[tuple[Part, Motion]]:
-    """Parts of the law with the motion that each follows, at points spread over the amplitude."""
+def _parts_with_motions(points: Points, fit: Fit) -> list[tuple[Part, Motion]]:
+    """Return the parts of the law with their motions, at points spread over the amplitude."""
     used = np.flatnonzero(fit.regression.used & np.isfinite(fit.harmonics).all(axis=1))
-    some = used[points.select(used).spread(_SIGNS)]
+    some = used[points.select(used).spread(_SIGN_POINTS)]
     if not len(some):
         return []
     motion, law = Motion(points.omega[some], fit.harmonics[some]), fit.problem.law
@@ -254,7 +258,7 @@ def _followed(points: Points, fit: Fit) -> list[tuple[Part, Motion]]:
 
 
 _Negative = dict[str, Quantity]
-"""Where k(X) or c(X) is negative, and how much; empty where it is not."""
+"""Range of amplitudes with negative k(X) or c(X), and its size; empty without any."""
 
 
 def _signs_at(place: Part, motion: Motion, values: Array, basis: Array) -> tuple[_Negative, _Negative]:
@@ -269,10 +273,10 @@ def _signs_at(place: Part, motion: Motion, values: Array, basis: Array) -> tuple
     samples = max(samples_for(place.law.switched), 8 * len(motion.orders))
     sample, velocity = place.law.along(motion, values, samples), motion.waveforms(samples)[1]
     size, rate = motion.harmonics[:, 1], velocity / np.mean(velocity**2, axis=1, keepdims=True)
-    by_stiffness = _stacked([(project(by, 1) / size).real for by in sample.by_parameter], size)
+    by_stiffness = _stack([(project(by, 1) / size).real for by in sample.by_parameter], size)
     # what takes energy at every instant is no spring, though friction that sticks has a part in phase
     dampers = [j for j in place.law.linear if takes_energy(sample.by_parameter[j] * velocity)]
-    by_damping = _stacked([np.mean(by * rate, axis=1) for by in sample.by_parameter], size)
+    by_damping = _stack([np.mean(by * rate, axis=1) for by in sample.by_parameter], size)
     amplitude, speed = np.abs(size), np.sqrt(np.mean(velocity**2, axis=1))
     # of a law without springs, or without dampers, k(X) or c(X) is the round-off of its force
     least = ROUND_OFF * np.max(np.abs(sample.force), axis=1)
@@ -287,8 +291,8 @@ def _signs_at(place: Part, motion: Motion, values: Array, basis: Array) -> tuple
     return stiffness, damping
 
 
-def _stacked(columns: list[Array], like: NDArray[np.complex128]) -> Array:
-    """(n, columns), of none too."""
+def _stack(columns: list[Array], like: NDArray[np.complex128]) -> Array:
+    """Stack columns (n,) to (n, columns), which may be none."""
     return np.stack(columns, axis=1) if columns else np.zeros((len(like), 0))
 
 
@@ -301,13 +305,13 @@ def runs_away(fit: Fit) -> bool:
     if not size.size or not np.isfinite(size).all():
         return True
     omega = np.median(fit.problem.observed.points.omega)
-    motion = sine_motion(np.array([omega]), _BEYOND * size.max(keepdims=True))
+    motion = sine_motion(np.array([omega]), _TRANSIENT_OVERSHOOT * size.max(keepdims=True))
     force = fit.problem.law.along(motion, fit.values, SAMPLES_SWITCHED).force
     return not bool(project(force, 1)[0].real > 0)
 
 
 def _negative(size: Array, value: Array, spread: Array, unit: str, least: Array | float = 0.0) -> _Negative:
-    """Where k(X) or c(X) is negative beyond error and ``least``; empty where it is at hardly any point."""
+    """Return the range where k(X) or c(X) is negative beyond error and ``least``; empty for few points."""
     wrong = value < -CHANCE * np.linalg.norm(spread, axis=1) - least
     share = float(np.mean(wrong))
     if not share > FEW:
@@ -322,51 +326,48 @@ def _negative(size: Array, value: Array, spread: Array, unit: str, least: Array 
 
 def _sign_finding(code: str, found: _Negative, names: dict[str, str]) -> list[Finding]:
     """Make the finding of what ``_negative`` found of some elements; none of nothing."""
-    severity: Severity = "error" if found and found["share"].value > _MOST else "doubt"
+    severity: Severity = "error" if found and found["share"].value > _MAX_NEGATIVE_SHARE else "doubt"
     return [Finding(code, severity, "", found, names)] if found else []
 
 
-_OF_NOISE = 0.2
-"""Share of noise in the information on a combination of values from which on its errors are not those stated:
-at a quarter a stiffness across was 14 % too large on the average, and 17 % of its intervals missed."""
+_MAX_NOISE_SHARE = 0.2
+"""Share of noise in the information on a combination of values: at a quarter the mean error of a stiffness
+across was 14 %, and 17 % of its intervals missed."""
 
 
 # ----------------------------------------------------------------------------
-# What harmonics of a motion across two sensors that were not recorded can do to the values of a law.
+# Effect of unrecorded harmonics of a motion across two sensors on the values of a law.
 #
-# A joint bends the motion across it more than the response. At a harmonic each of the two masses that it
-# holds
-# apart answers its force N_h by inertia alone, m (h omega)^2 X_h = N_h here, -m_far (h omega)^2 X_far,h =
-# N_h
-# there. The difference z = x - x_far obeys mu (h omega)^2 Z_h = N_h(z) with the reduced mass
-# 1/mu = 1/m + 1/m_far: the balance of an oscillator of that mass at the amplitude that was measured. On two
-# masses, the far one hanging or on a spring of its own, with cubic joints and gaps, the third harmonic is
-# within 20 % of the exact one, 30 % where it meets a mode.
+# A joint distorts the motion across it more than the response. At a harmonic each of the two masses that it
+# connects answers its force N_h by inertia alone: m (h omega)^2 X_h = N_h on this side and
+# -m_far (h omega)^2 X_far,h = N_h on the other. The difference z = x - x_far obeys mu (h omega)^2 Z_h =
+# N_h(z) with the reduced mass 1/mu = 1/m + 1/m_far: the balance of an oscillator of that mass at the measured
+# amplitude. On two masses, the far one hanging or on a spring of its own, with cubic joints and gaps, the
+# third harmonic is within 20 % of the exact one, 30 % where it meets a mode.
 
 
-def across_findings(found: Fit, errors: Array, *, misfits: bool) -> tuple[Finding, ...]:
-    """Find what sensors on both sides of a joint leave open of the values.
+def joint_findings(found: Fit, errors: Array, *, misfits: bool) -> tuple[Finding, ...]:
+    """Find parameters of elements between two sensors that the measurement does not determine.
 
     Parameters
     ----------
     found
         The refined fit.
     errors
-        (p,) standard errors of the values of the law as they are stated; NaN where one is fixed or not
-        identifiable: it is not looked at.
+        (p,) stated standard errors of the values of the law; NaN for fixed or unidentifiable ones.
     misfits
         Whether the misfit is systematic.
     """
     findings: list[Finding] = []
     for joint in found.problem.law.parts[1:]:
-        findings += _left_out(found, joint, errors)
-        findings += _noise_across(found, joint)
-        findings += _misfit_across(found, joint) if misfits else []
+        findings += _missing_harmonics_findings(found, joint, errors)
+        findings += _sensor_noise_findings(found, joint)
+        findings += _joint_misfit_findings(found, joint) if misfits else []
     return tuple(findings)
 
 
-def _left_out(found: Fit, joint: Part, errors: Array) -> list[Finding]:
-    """Say how far values would move with the harmonics across that were not recorded; none or one finding."""
+def _missing_harmonics_findings(found: Fit, joint: Part, errors: Array) -> list[Finding]:
+    """Find values that unrecorded harmonics across would change; none or one finding."""
     law, points = found.problem.law, found.problem.observed.points
     some = np.flatnonzero(found.regression.used)
     some = some[points.select(some).spread(QUICK)]
@@ -376,8 +377,8 @@ def _left_out(found: Fit, joint: Part, errors: Array) -> list[Finding]:
     measured = problem.observed.mode(found.background)
     across = Motion(measured.omega, measured.across)
     recorded = np.flatnonzero((across.harmonics != 0).any(axis=0))
-    missing = _missing(joint, found, across, measured.harmonics[:, 1], recorded)
-    moved = _moved(problem, found.regression.parameters, across.harmonics, missing)
+    missing = _unrecorded_harmonics(joint, found, across, measured.harmonics[:, 1], recorded)
+    moved = _change_of_values(problem, found.regression.parameters, across.harmonics, missing)
     with np.errstate(all="ignore"):
         share, times = moved / np.abs(found.values), np.abs(moved) / errors
     large = np.isfinite(errors) & (np.abs(share) > NOTICEABLE)
@@ -398,20 +399,20 @@ def _left_out(found: Fit, joint: Part, errors: Array) -> list[Finding]:
     return [Finding("harmonics-across-left-out", severity, law.parameters[worst], numbers, names)]
 
 
-def _noise_across(found: Fit, joint: Part) -> list[Finding]:
-    """Doubt values where noise of the two sensors is what the fit knows of some combination of them."""
+def _sensor_noise_findings(found: Fit, joint: Part) -> list[Finding]:
+    """Find combinations of values whose information is mostly noise of the two sensors."""
     share = found.regression.noise_share
-    if not share > _OF_NOISE:
+    if not share > _MAX_NOISE_SHARE:
         return []
     numbers = quantities(noise=sensor_noise(found.problem.observed.points, joint.sensors), part=share)
     return [Finding("noise-across", "doubt", "", numbers, {"sensors": joint.sensors})]
 
 
-def _misfit_across(found: Fit, joint: Part) -> list[Finding]:
-    """Doubt a systematic misfit that the sensors do not explain where harmonics across were not recorded.
+def _joint_misfit_findings(found: Fit, joint: Part) -> list[Finding]:
+    """Find a systematic misfit beyond the noise of the sensors if harmonics across were not recorded.
 
-    A joint that bends the motion across it is another one along a sine, and its law may fit all but a per
-    cent with values that are nowhere near.
+    Along a sine a joint that distorts the motion across it acts as another one: its law may fit to a per cent
+    with wrong values.
     """
     points, misfit = found.problem.observed.points, found.regression.noise
     higher = points.across[:, 2:]
@@ -426,35 +427,38 @@ def _misfit_across(found: Fit, joint: Part) -> list[Finding]:
     return [Finding("harmonics-across-left-out", "doubt", "", quantities(noise=noise, misfit=misfit), names)]
 
 
-def _moved(problem: Problem, parameters: Array, across: ComplexArray, missing: ComplexArray) -> Array:
-    """(p,) change of the values of the law by harmonics (n, H+1) [m] beside those of the motion across."""
-    whole = np.array(missing)
-    whole[:, : across.shape[1]] += across
+def _change_of_values(
+    problem: Problem, parameters: Array, across: ComplexArray, missing: ComplexArray
+) -> Array:
+    """Return the change (p,) of the values of the law by more harmonics (n, H+1) [m] of the motion across."""
+    extended = np.array(missing)
+    extended[:, : across.shape[1]] += across
     values = []
-    for motion in (across, whole):
+    for motion in (across, extended):
         seen = replace(problem.observed, points=replace(problem.observed.points, across=motion))
         trial = replace(problem, observed=seen)
         values.append(fit_balance(trial, parameters, order=1, reject=False, correct=False).values)
     return np.asarray(values[1] - values[0])
 
 
-def _missing(
+def _unrecorded_harmonics(
     part: Part, found: Fit, across: Motion, response: ComplexArray, recorded: NDArray[np.intp]
 ) -> ComplexArray:
-    """(n, H+1) harmonics [m] across that the law makes and nobody recorded, in the phase measured."""
+    """Return the unrecorded harmonics (n, H+1) [m] across by the law, in the measured phase."""
     joint, values = part.law, found.values[part.parameters]
     force = project(joint.along(across, values, SAMPLES_SWITCHED).force, 1)
     far = _far_mass(force, response - across.harmonics[:, 1], across.omega)
     reduced = 1 / (1 / found.mass + 1 / (far or found.mass))
-    harmonics = _of_joint(joint, values, reduced, across)
+    harmonics = _joint_harmonics(joint, values, reduced, across)
     harmonics[:, [0, *recorded.tolist()]] = 0
     return harmonics
 
 
 def _far_mass(force: ComplexArray, motion: ComplexArray, omega: Array) -> float:
-    """Mass [kg] that the force of the joint (n,) moves on the far side; 0 where that is no mass on a spring.
+    """Return the mass [kg] on the far side that the force of the joint (n,) moves; 0 if unknown.
 
-    Where the response is not one of the two sensors, or something else drives the far side, nothing is known.
+    It is unknown if the far side is no mass on a spring, has another drive, or the response is a third
+    sensor.
     """
     size = np.abs(force)
     if not (size > 0).all():
@@ -471,8 +475,8 @@ def _far_mass(force: ComplexArray, motion: ComplexArray, omega: Array) -> float:
     return mass if misfit < MEANINGLESS and mass > 0 else 0.0
 
 
-def _of_joint(joint: ForceLaw, values: Array, mass: float, across: Motion) -> ComplexArray:
-    """(n, H+1) harmonics [m] of an oscillator of a mass [kg] with the law of the joint; zero where none."""
+def _joint_harmonics(joint: ForceLaw, values: Array, mass: float, across: Motion) -> ComplexArray:
+    """Return the harmonics (n, H+1) [m] of an oscillator of a mass [kg] with the law of the joint."""
     size, start = np.abs(across.harmonics[:, 1]), np.zeros((len(across), ORDER + 1), dtype=complex)
     follow = following_harmonics(joint, ORDER)
     made = hold_amplitude(joint, values, Inertia(mass), across.omega, size, start, follow, SAMPLES_SWITCHED)

@@ -1,7 +1,9 @@
-"""What a law or a background may lack, as columns beside the fit: what each takes up, and what it moves.
+"""Terms that a law or a background may lack, as additional columns of a fit: the score test.
 
-No law is fitted again. At the solution a term of value zero has a slope like every parameter; what the
-parameters and the unknowns of the points leave of it is compared with the misfit: its score test.
+At the solution a term of value zero has a slope c like every parameter. With c_o the part of c outside the
+span of the parameters and the nuisances, and r the residual in units of the noise, its value would be
+c_o.r/|c_o|^2 and the sum of squares smaller by (c_o.r)^2/|c_o|^2 (Rao, Proc. Cambridge Phil. Soc. 44, 1948).
+No law is fitted again.
 """
 
 from __future__ import annotations
@@ -18,7 +20,7 @@ from rsgen.data.oscillator import BACKGROUNDS, OFFSET
 from rsgen.dynamics.linear_part import background_terms
 from rsgen.formula.names import symbol
 from rsgen.identification.fitting.across import law_of
-from rsgen.identification.fitting.fit import Fit, linearise_beside
+from rsgen.identification.fitting.fit import Fit, linearise_extended
 from rsgen.identification.fitting.least_squares import Alternative, alternatives
 from rsgen.identification.fitting.observed import MISSING_TERMS, Observed, Problem, with_coefficients
 from rsgen.identification.results.estimates import Agreement
@@ -26,7 +28,7 @@ from rsgen.law.element import Element, make_element
 from rsgen.law.numeric import ForceLaw
 
 EVEN_SHARE = 0.1
-"""k2 X/k for which it is said what an even term would move: nobody sees it in a fundamental."""
+"""Force of an even term relative to that of the spring, which no fundamental shows."""
 
 
 def law_with(problem: Problem, *terms: str) -> ForceLaw:
@@ -38,13 +40,13 @@ def law_with(problem: Problem, *terms: str) -> ForceLaw:
 
 @lru_cache(maxsize=64)
 def _term(force: str, place: str) -> Element:
-    return make_element("term beside the law", force, across=place)
+    return make_element("additional term", force, across=place)
 
 
 def with_terms(problem: Problem, fit: Fit, terms: Sequence[str]) -> tuple[Problem, Array, list[int]]:
-    """The problem with terms, the values of a fit with zeros for them, and their places (t,).
+    """Return the problem with terms, the parameters of a fit with zeros for them, and their indices (t,).
 
-    Even terms make motions that are not odd.
+    Even terms make the motions asymmetric.
     """
     values, mass, background = problem.split(fit.regression.parameters)
     law, known = law_with(problem, *terms), dict(zip(problem.law.parameters, values, strict=True))
@@ -55,16 +57,15 @@ def with_terms(problem: Problem, fit: Fit, terms: Sequence[str]) -> tuple[Proble
     return trial, trial.join(start, mass, background), [law.parameters.index(name) for name in added]
 
 
-def terms_beside(fit: Fit, noise: float, terms: Sequence[str] = MISSING_TERMS) -> dict[str, Alternative]:
-    """Fit each term that the law may lack beside it, to first order, in units of a noise.
-
-    No law lacks a term whose coefficient is fixed.
+def fit_missing_terms(fit: Fit, noise: float, terms: Sequence[str] = MISSING_TERMS) -> dict[str, Alternative]:
+    """Fit each term that the law may lack, to first order, in units of a noise; none with a fixed
+    coefficient.
     """
-    given = {fit.problem.law.expression.diff(symbol(name)) for name in fit.problem.fixed}
-    terms = [term for term in terms if make_element("term", term).force not in given]
+    fixed = {fit.problem.law.expression.diff(symbol(name)) for name in fit.problem.fixed}
+    terms = [term for term in terms if make_element("term", term).force not in fixed]
     problem, parameters, added = with_terms(fit.problem, fit, terms)
-    residual, matrix = linearise_beside(fit, problem, parameters)
-    # none where no loop is followed with another term beside it
+    residual, matrix = linearise_extended(fit, problem, parameters)
+    # no rows if no loop closes with another term
     right, rows = residual.reshape(-1) / noise, matrix.reshape(residual.size, len(parameters)) / noise
     kept = np.delete(np.arange(len(parameters)), added)
     none = np.zeros(len(parameters)), np.zeros((0, len(right)))
@@ -75,24 +76,25 @@ def terms_beside(fit: Fit, noise: float, terms: Sequence[str] = MISSING_TERMS) -
 def alternatives_to(
     fit: Fit, agreement: Agreement, *, backgrounds: bool
 ) -> dict[str, Mapping[str, Alternative]]:
-    """Ask what a test says otherwise: by a law with one more term, by more of a background, by its halves.
+    """Return the alternatives to a fit: one more term, a larger background, halves of the test.
 
     Parameters
     ----------
     fit, agreement
-        A fit, and what halves of its points say.
+        A fit, and the agreement of halves of its points.
     backgrounds
-        Whether they are asked for.
+        True to include backgrounds.
     """
     noise = max(fit.regression.noise * agreement.typical, 1e-300)
-    more = backgrounds_beside(fit, noise) if backgrounds else {}
-    return {"term": terms_beside(fit, noise), "background": more, "halves": agreement.halves}
+    more = fit_larger_backgrounds(fit, noise) if backgrounds else {}
+    return {"term": fit_missing_terms(fit, noise), "background": more, "halves": agreement.halves}
 
 
-def backgrounds_beside(fit: Fit, noise: float) -> dict[str, Alternative]:
-    """Fit each kind of background that has more than the one there is beside it, to first order.
+def fit_larger_backgrounds(fit: Fit, noise: float) -> dict[str, Alternative]:
+    """Fit each kind of background that is larger than that of the fit, to first order.
 
-    Without a neighbour, whose place no slope knows. Other modes are part of a measured motion across.
+    Not a neighbouring mode, whose frequency has no slope; none across two sensors, whose motion has all
+    modes.
     """
     observed, count = fit.problem.observed, fit.problem.count
     points, band = observed.points, observed.band
@@ -101,46 +103,46 @@ def backgrounds_beside(fit: Fit, noise: float) -> dict[str, Alternative]:
     seen = replace(Observed.of(points, BACKGROUNDS[-2] + OFFSET), band=band, scale=observed.scale)
     names, known = seen.background.names, dict(zip(observed.background.names, fit.background, strict=True))
     start = fit.problem.join(fit.values, fit.mass, np.array([known.get(name, 0.0) for name in names]))
-    residual, matrix = linearise_beside(fit, replace(fit.problem, observed=seen), start)
+    residual, matrix = linearise_extended(fit, replace(fit.problem, observed=seen), start)
     right, rows = residual.reshape(-1) / noise, matrix.reshape(residual.size, len(start)) / noise
     of_law = np.flatnonzero(fit.problem.free[:count])
 
     def solve(those: Collection[str]) -> tuple[Array, float]:
-        """What parameters of the law move with these of the background, and the sum of squares left."""
-        beside = [
+        """Return the change of the law's parameters with some of the background, and the sum of squares."""
+        of_background = [
             place for place, name in enumerate(names, count) if name in those and seen.fitted[place - count]
         ]
-        columns = rows[:, [*of_law, *beside]]
+        columns = rows[:, [*of_law, *of_background]]
         moved, change = solve_scaled(columns, right)[0], np.zeros(count)
         change[of_law] = moved[: len(of_law)]
         return change, float(np.sum((right - columns @ moved) ** 2))
 
-    (begin, whole), found = solve(known), {}
+    (begin, square), found = solve(known), {}
     for kind in (kind + ending for kind in BACKGROUNDS[1:-1] for ending in ("", OFFSET)):
         more = background_terms(kind, points.omega, points.force, band).names
         if set(more) > set(known):
             change, left = solve(more)
-            found[kind] = Alternative(float(np.sqrt(max(whole - left, 0.0))), 1.0, change - begin)
+            found[kind] = Alternative(float(np.sqrt(max(square - left, 0.0))), 1.0, change - begin)
     return found
 
 
-def even_beside(fit: Fit) -> tuple[float, Array]:
-    """What a force k2*x**2 would move that fundamentals show by its square alone.
+def even_force_shift(fit: Fit) -> tuple[float, Array]:
+    """Return the shift of the values by a force k2*x**2, which acts on fundamentals in proportion to k2^2.
 
     Returns
     -------
     k2, moved
-        A force of ``EVEN_SHARE`` of the inertia's at the largest amplitude, and (q,) by how much values are
-        off that are fitted without it; for others as k2^2.
+        Coefficient of a force of ``EVEN_SHARE`` of the inertia at the largest amplitude, and the error (q,)
+        of values that are fitted without it, which is proportional to k2^2.
     """
     problem, parameters, (place,) = with_terms(fit.problem, fit, ("x**2",))
     points = problem.observed.points
     largest = int(np.argmax(points.amplitude))
     spring = fit.mass * float(points.omega[largest]) ** 2
     parameters[place] = EVEN_SHARE * spring / float(points.amplitude[largest])
-    _, matrix = linearise_beside(fit, problem, parameters)
+    _, matrix = linearise_extended(fit, problem, parameters)
     rows = matrix.reshape(-1, len(parameters))
-    # half of the slope times the force is the change of what goes with its square
+    # the change by a quadratic effect is half of its slope times the value
     column = rows[:, place] * parameters[place] / 2
     moved, free = np.zeros(len(parameters)), np.flatnonzero(problem.free)
     free = free[free != place]

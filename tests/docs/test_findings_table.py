@@ -17,7 +17,7 @@ def test_every_finding_has_a_place_and_a_severity() -> None:
 @pytest.mark.parametrize(
     ("code", "where", "threshold"),
     [
-        ("points-set-aside", "rsgen.identification.soundness.aside_findings", ("FEW", 0.05)),
+        ("points-set-aside", "rsgen.identification.soundness.rejection_findings", ("FEW", 0.05)),
         ("resonance-sparse", "rsgen.identification.judge.Findings._runs", ("FEW", 5)),
         ("law-does-not-fit", "rsgen.identification.misfit.misfit_findings", ("SAME_NUMBER", 0.01)),
     ],

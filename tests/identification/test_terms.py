@@ -12,7 +12,7 @@ from rsgen.identification.fitting.observed import MISSING_TERMS
 from rsgen.identification.identify import fit_all_harmonics
 from rsgen.identification.judge import prepare
 from rsgen.identification.starting.start import start_fit
-from rsgen.identification.terms import backgrounds_beside, terms_beside
+from rsgen.identification.terms import fit_larger_backgrounds, fit_missing_terms
 
 LAW = "k*x + c*v + k3*x**3 + cq*v*abs(v)"
 TRUE = {"k": 5920.0, "c": 2.0, "k3": 2.0e5, "cq": 1.2}
@@ -34,7 +34,7 @@ def fitted(law: str, surface: rs.ResponseSurface) -> Fit:
 def gains(law: str, surface: rs.ResponseSurface) -> dict[str, float]:
     """Gains of all terms beside a law."""
     fit = fitted(law, surface)
-    return {term: one.gain for term, one in terms_beside(fit, fit.regression.noise).items()}
+    return {term: one.gain for term, one in fit_missing_terms(fit, fit.regression.noise).items()}
 
 
 def test_a_damper_that_resembles_another_is_in_the_interval() -> None:
@@ -99,7 +99,7 @@ def test_loops_that_nothing_follows_have_no_alternatives(monkeypatch: pytest.Mon
     def nothing(fit: Fit, problem: object, parameters: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         return np.zeros((0, 4)), np.zeros((0, 4, len(parameters)))
 
-    monkeypatch.setattr("rsgen.identification.terms.linearise_beside", nothing)
-    others = terms_beside(fit, 1.0) | backgrounds_beside(fit, 1.0)
+    monkeypatch.setattr("rsgen.identification.terms.linearise_extended", nothing)
+    others = fit_missing_terms(fit, 1.0) | fit_larger_backgrounds(fit, 1.0)
     assert {"x**5", "constant"} <= set(others)
     assert not any(one.gain for one in others.values())

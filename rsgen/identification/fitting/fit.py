@@ -182,7 +182,7 @@ def fit_balance(
     compared
         Harmonics up to which measured ones count, where more than those: with a prediction of zero.
     reject
-        Whether outliers are set aside.
+        True if outliers are rejected.
     steps
         Most Gauss-Newton steps.
     correct
@@ -223,7 +223,9 @@ def fit_balance(
     return _finish(problem, descent, found, order)
 
 
-def linearise_beside(fit: Fit, problem: Problem, parameters: Array, *, order: int = 0) -> tuple[Array, Array]:
+def linearise_extended(
+    fit: Fit, problem: Problem, parameters: Array, *, order: int = 0
+) -> tuple[Array, Array]:
     """Residual (k, M) of a fit, and slopes (k, M, q) of a problem with more parameters, at the k points used.
 
     Slopes are those of a balance of an order, without one of that of the fit up to ``ORDER``; the residual is
@@ -360,10 +362,10 @@ def fit_simulator(problem: Problem, start: Fit, *, accuracy: float) -> Fit | Non
 
 def _null_of_law(found: Regression, count: int) -> Array:
     """(q, d) directions of parameters and mass that change no prediction, without those of a background."""
-    beside = np.abs(found.null[count:]).max(axis=0, initial=0.0) > NULL_PART
-    # round-off beside a parameter without effect would make it one of the others
+    of_background = np.abs(found.null[count:]).max(axis=0, initial=0.0) > NULL_PART
+    # null vectors with a part of the background are not those of the law
     null = np.where(np.abs(found.null[:count]) > NULL_PART, found.null[:count], 0.0)
-    return (null / found.scale[:count, None])[:, ~beside]
+    return (null / found.scale[:count, None])[:, ~of_background]
 
 
 def _natural_sizes(problem: Problem, parameters: Array, mode: Points) -> Array:

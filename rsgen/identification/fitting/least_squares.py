@@ -5,17 +5,17 @@ nuisances e_i of each point (its true amplitude, its phase):
 
     dr_i = -J_i dp - K_i de_i.
 
-A Gauss-Newton step eliminates de_i point by point, by projecting r_i and J_i on the complement of K_i
-(variable projection: Golub and Pereyra, Inverse Problems 19, 2003), so that the linear problem keeps the size
-of p. It is solved by an orthogonal decomposition of J, not by normal equations, whose condition number is the
-square, with scaled columns, because parameters differ by many orders of magnitude. The result has covariance,
-null space, outliers and the O(noise^2) bias (Fuller, Measurement Error Models, Wiley 1987).
+A Gauss-Newton step eliminates de_i by projecting r_i and J_i on the complement of K_i (variable projection:
+Golub and Pereyra, Inverse Problems 19, 2003), so that the linear problem keeps the size of p. It is solved by
+an orthogonal decomposition, not by normal equations, whose condition number is the square; columns are
+scaled, because parameters differ by many orders of magnitude. The O(noise^2) bias is that of Fuller (1987).
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -35,9 +35,6 @@ from rsgen.common.tolerances import (
     chi_square_exceeded,
 )
 
-_MIN_INDEPENDENT_SHARE = 1e-6
-"""Share of the square of a column outside the span of the others, below which it is dependent."""
-
 
 def determined(covariance: Array, null: Array) -> Array:
     """Return the covariance (q, q), NaN for parameters with a part in null vectors (q, d)."""
@@ -46,6 +43,9 @@ def determined(covariance: Array, null: Array) -> Array:
 
 
 Mask = NDArray[np.bool_]
+
+_MIN_INDEPENDENT_SHARE = 1e-6
+"""Share of the square of a column outside the span of the others, below which it is dependent."""
 
 _MIN_PREDICTED_SHARE = 0.98
 """Share of the points that must have a prediction after a step."""
@@ -99,8 +99,7 @@ class Regression:
     noise
         Noise found, in units of the expected one.
     misfit
-        (n,) distance of each point in units of the expected noise, per degree of freedom; NaN without a
-        prediction.
+        (n,) distance of each point per degree of freedom, in expected noise; NaN without a prediction.
     used
         (n,) False for outliers and points without a prediction.
     freedom
@@ -116,12 +115,11 @@ class Regression:
         (q, r) the parameters by r independent directions, which the points determine equally well.
     rows, residual
         (n, M, r) and (n, M) slopes by these directions and residuals; zero for points that are not used. The
-        sum of rows.T @ rows is the identity, that of rows.T @ residual zero.
+        sum of rows.T @ rows is the identity.
     free
         (q,) False for fixed parameters, which have no errors.
     noise_share
-        Largest share of noise of the nuisances in the information on a direction; from one on that direction
-        is not determined.
+        Largest share of noise of the nuisances in the information on a direction; below one.
     """
 
     parameters: Array
@@ -144,17 +142,10 @@ class Regression:
 
     def first(self, count: int) -> Regression:
         """Return the part of the first parameters, marginalised over the others."""
-        return replace(
-            self,
-            parameters=self.parameters[:count],
-            covariance=self.covariance[:count, :count],
-            null=self.null[:count],
-            scale=self.scale[:count],
-            strength=self.strength[:count],
-            influence=self.influence[:, :, :count],
-            basis=self.basis[:count],
-            free=self.free[:count],
-        )
+        names = ("parameters", "null", "scale", "strength", "basis", "free")
+        columns: dict[str, Any] = {name: getattr(self, name)[:count] for name in names}
+        influence = self.influence[:, :, :count]
+        return replace(self, covariance=self.covariance[:count, :count], influence=influence, **columns)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -170,7 +161,7 @@ class Rules:
     halvings
         Number of step lengths that are tried, each half of the last.
     attainable
-        Misfit by the error of the prediction: below it steps are not halved, and end sooner.
+        Misfit by the error of the prediction, below which steps are not halved, and end sooner.
     natural
         (q,) typical sizes of the parameters; see ``solve_scaled``.
     frozen
@@ -178,8 +169,7 @@ class Rules:
     free
         (q,) False for fixed parameters, which keep their values and are no unknowns.
     linear
-        Parameters in which the residual is linear: solved for at every trial of the others (variable
-        projection) with the slopes of the last step.
+        Parameters in which the residual is linear: solved for at every trial of the others.
     prior
         (q,) inverse standard errors with which the parameters are known to be zero.
     move
@@ -215,8 +205,8 @@ class Rules:
         if self.prior is None:
             return flat, right
         known = self.prior > 0
-        prior = np.diag(self.prior)[known], (-self.prior * parameters)[known]
-        return np.concatenate([flat, prior[0]]), np.concatenate([right, prior[1]])
+        rows = np.diag(self.prior)[known]
+        return np.concatenate([flat, rows]), np.concatenate([right, (-self.prior * parameters)[known]])
 
 
 _USUAL = Rules()
@@ -288,8 +278,7 @@ def _along(unit: Array, rows: Array) -> Array:
 def _orthonormal(matrix: Array) -> tuple[list[Array], Array]:
     """Return k orthonormal columns (n, M) of n matrices (n, M, k), and their triangles (n, k, k).
 
-    By modified Gram-Schmidt (Golub and Van Loan, Matrix Computations, 2013, Sec. 5.2.8); a column of zeros
-    stays zero.
+    Modified Gram-Schmidt (Golub and Van Loan, Matrix Computations, 2013, Sec. 5.2.8); zeros stay zero.
     """
     count = matrix.shape[2]
     units: list[Array] = []
@@ -327,7 +316,7 @@ def descend(
         The last values, residual and slopes there, and True if the steps became small.
     """
     used = np.ones(len(nuisance), dtype=bool) if used is None else used
-    parameters, line = _solve_linear_parameters(linearise(parameters, nuisance), parameters, rules, used)
+    parameters, line = _solve_linear(linearise(parameters, nuisance), parameters, rules, used)
     for _ in range(rules.steps):
         good = used & np.isfinite(line.residual).all(axis=1)
         if not good.any():
@@ -353,7 +342,7 @@ def descend(
             both = good & np.isfinite(trial.residual).all(axis=1)
             if np.count_nonzero(both) < _MIN_PREDICTED_SHARE * np.count_nonzero(good):
                 continue
-            solved, trial = _solve_linear_parameters(trial, moved[0], rules, both)
+            solved, trial = _solve_linear(trial, moved[0], rules, both)
             before = rules.cost(line.residual[both], parameters)
             after = rules.cost(trial.residual[both], solved)
             if after <= before:
@@ -392,7 +381,7 @@ def _across_bend(
     )
 
 
-def _solve_linear_parameters(
+def _solve_linear(
     line: Linearisation, parameters: Array, rules: Rules, used: Mask
 ) -> tuple[Array, Linearisation]:
     """Solve for the linear parameters at given values of the others."""
@@ -443,9 +432,8 @@ def _agreeing(line: Linearisation, used: Mask, neighbours: NDArray[np.intp] | No
 def _largest_by_chance(distance: Array, fewest: int, freedom: int, chance: float) -> float:
     """Return the distance that a point exceeds with probability ``chance``.
 
-    Distances follow a scaled chi-square distribution; median and upper quartile determine its degrees of
-    freedom. Harmonics with less noise than the fundamental count little, so that there are fewer than rows,
-    at least the ``fewest``, those of force and fundamental.
+    Distances follow a scaled chi-square distribution. Its degrees of freedom follow from median and upper
+    quartile; harmonics with less noise than the fundamental count little, so that there are few.
     """
     if not len(distance):
         return chi_square_exceeded(freedom, chance)
@@ -580,10 +568,10 @@ the change (n, M, q) of its slopes by the parameters."""
 def remove_bias(found: Regression, line: Linearisation, bend: Bend) -> Regression:
     """Correct the parameters for the bias by the square of the noise.
 
-    An error e of the nuisances changes the prediction by e.H.e/2 to second order, on average by trace(H L
-    L^T)/2 with their covariance L L^T: second derivatives along the columns of L. The change of the slopes by
-    the parameters adds noise to the information (attenuation; Fuller, Measurement Error Models, Wiley 1987,
-    chapter 2).
+    An error e of the nuisances changes the prediction by e.H.e/2 to second order, on average by trace(H C)/2
+    with C = L L^T their covariance: second derivatives along the columns of L. The change of the slopes by
+    the parameters adds noise to the information (attenuation; Fuller, Measurement Error Models, 1987, chapter
+    2).
     """
     # the last nuisance first: only one column of L = R^-1 then needs a new prediction for it
     units, triangle = _orthonormal(line.by_nuisance[:, :, ::-1])

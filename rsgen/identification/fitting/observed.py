@@ -308,7 +308,7 @@ def _far_sensor(nuisance: Array, like: _ResidualBlock) -> _ResidualBlock:
 
 
 def _split(rows: Sequence[NDArray[Any]], real: Sequence[bool]) -> Array:
-    """Stack real and imaginary parts of complex rows (n, ...) to (n, r, ...); of real ones real parts only."""
+    """Stack real and imaginary parts of complex rows (n, ...), real parts of real ones: (n, r, ...)."""
     parts = [np.asarray(row.real, dtype=np.float64) for row in rows]
     parts += [np.asarray(row.imag) for row, alone in zip(rows, real, strict=True) if not alone]
     return np.stack(parts, axis=1)

@@ -1,4 +1,4 @@
-"""What identification hands on: values with intervals, what they rest on, and the verdict on them."""
+"""Results of an identification: values with intervals, the data that they rest on, findings and verdict."""
 
 from __future__ import annotations
 

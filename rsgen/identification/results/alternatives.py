@@ -1,4 +1,8 @@
-"""What a test says otherwise: by another law, with more of a background, by halves."""
+"""Alternatives to a fit, to first order: another term, a larger background, halves of the test.
+
+If a test favours an alternative, errors are widened by its shift: sigma^2 + shift^2, model averaging with
+the weights of two models that are equally likely (Buckland, Burnham and Augustin, Biometrics 53, 1997).
+"""
 
 from __future__ import annotations
 
@@ -15,11 +19,11 @@ from rsgen.identification.fitting.least_squares import Alternative
 
 
 def spread_between(others: Iterable[Alternative], values: Array, error: Array) -> Array:
-    """By how much standard errors grow for what alternatives say: (q,) factors of at least 1.
+    """Return the factors (q,), at least 1, by which alternatives widen standard errors.
 
-    An interval that rests on one law, one background and all points alike says nothing of that choice. Where
-    the points rather want an alternative than not, the variance is that of the noise and the square of what
-    it moves (Buckland, Burnham and Augustin, Biometrics 53, 1997).
+    The interval of one law with one background does not contain the uncertainty of that choice. For an
+    alternative with a significant gain, the variance is that of noise plus the square of its shift (Buckland,
+    Burnham and Augustin, Biometrics 53, 1997).
 
     Parameters
     ----------
@@ -30,22 +34,22 @@ def spread_between(others: Iterable[Alternative], values: Array, error: Array) -
     """
     likely = [np.abs(one.shift[: len(values)]) for one in others if one.gain > NORMAL**2]
     moved = np.max([np.zeros(len(values)), *likely], axis=0)
-    # of exact data the misfit is that of waveforms, and so is what terms move
+    # the misfit of exact data, and the shift by terms, are due to truncated waveforms
     known = np.isfinite(error) & (error > 0) & (moved > NOISY * np.abs(values))
     return np.where(known, np.hypot(1, moved / np.where(known, error, 1.0)), 1.0)
 
 
 @dataclass(frozen=True, slots=True, eq=False, repr=False)
 class Alternatives(Printed):
-    """What each alternative to a fit would move, to first order: ``print`` gives a table in standard errors.
+    """Shifts of the parameters by alternatives, to first order; ``print`` shows them in standard errors.
 
     Parameters
     ----------
     names, error
         Parameters (q,), and their standard errors by noise alone.
     kinds
-        By kind and name: a "term" beside the law; where the misfit is systematic also a "background" in
-        place of the one there is, and "halves" of the test, identified apart.
+        Alternatives by kind and name: an additional "term"; with a systematic misfit also another
+        "background", and "halves" of the test, identified separately.
     """
 
     names: tuple[str, ...] = ()
@@ -53,36 +57,36 @@ class Alternatives(Printed):
     kinds: Mapping[str, Mapping[str, Alternative]] = field(default_factory=dict)
 
     def __iter__(self) -> Iterator[tuple[str, str, Alternative]]:
-        """Kind, name and alternative, without terms that the law has."""
+        """Iterate over kind, name and alternative, without terms of the law."""
         every = ((kind, name, one) for kind, of_kind in self.kinds.items() for name, one in of_kind.items())
         return (entry for entry in every if np.isfinite(entry[2].error))
 
     @property
     def known(self) -> tuple[str, ...]:
-        """Parameters with an error."""
+        """Names of the parameters with a standard error."""
         return tuple(n for n, e in zip(self.names, self.error, strict=True) if np.isfinite(e) and e > 0)
 
     def shifts(self, one: Alternative) -> dict[str, float]:
-        """What an alternative moves each of the ``known`` parameters by, in standard errors."""
+        """Return the shift of each of the ``known`` parameters by an alternative, in standard errors."""
         moved = zip(self.names, one.shift, self.error, strict=False)
-        # tenths: what is less is round-off of exact data
+        # rounded to tenths: less is round-off of exact data
         return {name: round(shift / error, 1) + 0.0 for name, shift, error in moved if name in self.known}
 
     def judge(self, values: Array, misfit: float) -> tuple[Array, list[Finding]]:
-        """Widen errors by what alternatives say, and doubt a value that one of them leaves open.
+        """Return factors that widen the errors, and findings about a value that an alternative changes.
 
         Parameters
         ----------
         values
-            (q,) of the parameters.
+            (q,) values of the parameters.
         misfit
-            Relative, of the law [1]: corners and transients leave some, of which no value is doubted.
+            Relative misfit of the law [1]; no value is doubted for that of corners and transients.
 
         Returns
         -------
         ratio, findings
-            (q,) by which standard errors grow, and what is said of the alternative that moves a value most
-            among those that stand out of the noise: a doubt where the interval leaves a tenth of it open.
+            (q,) factors of the standard errors, and a finding about the largest significant shift: a doubt
+            if the interval is wider than a tenth of the value.
         """
         ratio = spread_between((one for _, _, one in self), values, self.error)
         found, wider = list[Finding](), float(np.median(ratio[self.error > 0])) if self.known else 1.0

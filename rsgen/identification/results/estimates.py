@@ -1,9 +1,9 @@
-"""From a fit to values with intervals and units, why some have none, and whether the parts of a test agree.
+"""Estimates with intervals and units, reasons of unidentifiable values, and the agreement of parts of a test.
 
-A half is identified apart by one Gauss-Newton step from the solution of the whole, with the rows of the fit.
-In the coordinates of ``Regression.basis`` the whole has unit information, so that a half and the rest, I and
-1 - I, have the same independent directions, and the difference of their estimates along each is a test of its
-own (Chow, Econometrica 28, 1960, as a score test).
+A half is identified by one Gauss-Newton step from the solution of all points, with the rows of that fit. In
+the coordinates of ``Regression.basis`` all points have unit information, so that a half and the rest, I and 1
+- I, have the same eigenvectors, and the difference of their estimates along each is a test of its own (Chow,
+Econometrica 28, 1960, as a score test).
 """
 
 from __future__ import annotations
@@ -43,8 +43,8 @@ from rsgen.law.numeric import ForceLaw
 NOT_ZERO = 0.5
 """A standard error beyond this share of the value: the 95 % interval contains zero."""
 
-_WHOLE = 0.99
-"""Null vectors have unit norm; a shorter parameter part means that the background takes part."""
+_MIN_PARAMETER_NORM = 0.99
+"""Norm of the parameter part of a unit null vector; a smaller one includes the background."""
 
 
 def make_estimates(
@@ -56,7 +56,7 @@ def make_estimates(
 ) -> tuple[Estimate, ...]:
     """State each value with standard error, 95 % interval and unit, and why it is not identifiable.
 
-    What is fixed has no estimate; the mass is the last.
+    Fixed parameters have no estimate; the mass is the last.
     """
     values, names = np.append(found.values, found.mass), (*law.parameters, "m")
     variance = np.diag(found.covariance)
@@ -65,7 +65,7 @@ def make_estimates(
     estimates = []
     for name, value, var, wide in zip(names, values, variance, wides, strict=True):
         finite = bool(np.isfinite(var) and np.isfinite(value))
-        # round-off is the least error a value can have
+        # an error is at least round-off
         error = float(max(np.sqrt(max(var, 0.0)), 1e-16 * abs(value))) if finite else float("inf")
         centre = float(value) if finite else float("nan")
         interval = (centre - wide * error, centre + wide * error) if finite else (float("-inf"), float("inf"))
@@ -79,14 +79,14 @@ def make_estimates(
 def state_background(
     observed: Observed, values: Array, variance: Array, freedom: int, units: ForceUnits
 ) -> Background | None:
-    """Give the values (b,) of a background with 95 % intervals; None where none was asked for.
+    """Return the values (b,) of a background with 95 % intervals; None without one.
 
     Parameters
     ----------
     observed
-        The points that were fitted.
+        The fitted points.
     values, variance
-        (b,) of the background; a variance that is not finite is not known.
+        (b,) of the background; a variance that is not finite is unknown.
     freedom
         Degrees of freedom of the noise that the variance rests on.
     units
@@ -154,7 +154,7 @@ def _order(force: Array, twice: Array) -> float:
 
 
 def takes_energy(power: Array) -> bool:
-    """Whether a force takes energy out of the motion at every instant, or none, by its power (n, s)."""
+    """Return True if a force of power (n, s) takes energy out of the motion and never feeds any."""
     most = float(np.max(power, initial=0.0))
     return most > 0 and float(np.min(power)) >= -ROUND_OFF * most
 
@@ -201,7 +201,7 @@ def _finding(
     if weight.max(initial=0.0) > NULL_PART:
         column = regression.null[:, int(np.argmax(weight))]
         partners = [n for n, part in zip(names, column, strict=True) if n != name and abs(part) > NULL_PART]
-        if partners or float(np.linalg.norm(column)) < _WHOLE:
+        if partners or float(np.linalg.norm(column)) < _MIN_PARAMETER_NORM:
             others = ", ".join(partners) or "the background"
             return Finding("confounded", "warning", name, names={"with": others})
         return Finding("no-effect", "warning", name, tested)
@@ -240,34 +240,33 @@ def with_combinations(reasons: Mapping[str, Finding | None], model: Model) -> di
 
 
 # ----------------------------------------------------------------------------
-# What a test says otherwise, by a half of it or beside another law, and what that does to the errors.
+# Agreement of halves of a test, and the errors that follow from it.
 
-_BY_CHANCE = 1e-5
-"""Probability that halves of one law seem to disagree: one false alarm in a hundred thousand tests."""
+_FALSE_ALARM_RATE = 1e-5
+"""Probability that halves of a test of one law disagree by chance."""
 
-_BOTH = 0.05
-"""Share of the information on a direction that each half must have: what one half has nearly alone, or
-hardly at all, is not compared."""
+_MIN_INFORMATION_OF_HALF = 0.05
+"""Share of the information on a direction that each half must have to be compared."""
 
-_SLIGHT = 3e-4
-"""Halves whose predictions differ by less, relative, change no engineering number."""
+_MIN_DIFFERENCE = 3e-4
+"""Relative difference of the predictions of two halves that matters to an engineer."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Difference:
-    """What a part of the points says against the rest.
+    """Difference of the estimates of a part of the points and of the rest.
 
     Parameters
     ----------
     chance
-        Probability of a difference as large, if both obey one law and the misfit is noise.
+        Probability of a larger difference if both obey one law and the misfit is noise.
     size
         Root mean square difference of their predictions, in the unit of the residuals.
     moved, error
         (q,) difference of each parameter and its standard error.
     spread
-        By how much both are off the whole, weighted by their information, along directions in which they
-        differ by more than noise; its own noise is that of the whole.
+        Deviation of both from the estimate of all points, weighted by their information, along directions in
+        which they differ by more than noise.
     """
 
     chance: float
@@ -277,43 +276,43 @@ class Difference:
     spread: Alternative
 
     def z(self, wider: Array | float = 1.0) -> float:
-        """Largest difference of a parameter in standard errors, these widened by factors (q,)."""
+        """Return the largest difference of a parameter in standard errors, these times factors (q,)."""
         error = self.error * wider
         good = error > 0
         return float(np.max(np.abs(self.moved[good] / error[good]), initial=0.0))
 
 
-def compare_parts(whole: Regression, part: NDArray[np.bool_]) -> Difference | None:
-    """Compare a part (n,) of the points with the rest; None where they have no direction in common."""
-    rows, residual = whole.rows[part], whole.residual[part]
+def compare_parts(found: Regression, part: NDArray[np.bool_]) -> Difference | None:
+    """Compare a part (n,) of the points with the rest; None if no direction is determined by both."""
+    rows, residual = found.rows[part], found.residual[part]
     if not len(rows):
         return None
-    share, across = np.linalg.eigh(np.tensordot(rows, rows, ([0, 1], [0, 1])))
+    share, axes = np.linalg.eigh(np.tensordot(rows, rows, ([0, 1], [0, 1])))
     score = np.einsum("nmr,nm->r", rows, residual)
-    rest = np.einsum("nmr,nm->r", whole.rows, whole.residual) - score
-    both = (share > _BOTH) & (share < 1 - _BOTH)
+    rest = np.einsum("nmr,nm->r", found.rows, found.residual) - score
+    both = (share > _MIN_INFORMATION_OF_HALF) & (share < 1 - _MIN_INFORMATION_OF_HALF)
     if not both.any():
         return None
-    share, across = share[both], across[:, both]
-    apart = (across.T @ score) / share - (across.T @ rest) / (1 - share)
+    share, axes = share[both], axes[:, both]
+    difference = (axes.T @ score) / share - (axes.T @ rest) / (1 - share)
     variance = 1 / share + 1 / (1 - share)
-    noise, directions = max(whole.noise, 1e-300), len(share)
-    squares = apart**2 / variance / noise**2
-    count = max(int(np.count_nonzero(whole.used)), 1)
-    step = whole.basis @ across
+    noise, directions = max(found.noise, 1e-300), len(share)
+    squares = difference**2 / variance / noise**2
+    count = max(int(np.count_nonzero(found.used)), 1)
+    step = found.basis @ axes
     clear = squares > NORMAL**2
-    off = step @ np.where(clear, apart / np.sqrt(variance), 0.0)
+    off = step @ np.where(clear, difference / np.sqrt(variance), 0.0)
     return Difference(
-        f_tail(directions, whole.freedom, float(np.sum(squares)) / directions),
-        float(np.sqrt(np.sum(apart**2) / count)),
-        step @ apart,
+        f_tail(directions, found.freedom, float(np.sum(squares)) / directions),
+        float(np.sqrt(np.sum(difference**2) / count)),
+        step @ difference,
         noise * np.sqrt(step**2 @ variance),
         Alternative(float(np.sqrt(np.sum(squares[clear]))), 1.0, off),
     )
 
 
 def halves_of(points: Points) -> dict[str, NDArray[np.bool_]]:
-    """Cut a test in two: by level, by time, and by side of the resonance; (n,) of one half by name."""
+    """Return masks (n,) of halves of a test by name: by level, by time, by side of the resonance."""
     level = np.unique(points.level, return_inverse=True)[1]
     count, halves = int(level.max()) + 1, dict[str, NDArray[np.bool_]]()
     if count > 1:
@@ -323,7 +322,7 @@ def halves_of(points: Points) -> dict[str, NDArray[np.bool_]]:
     along = points.amplitude if points.in_quadrature.all() else points.omega
     again, side, before = np.zeros(len(points), dtype=bool), np.zeros(len(points), dtype=bool), -1
     for number, rows in enumerate(points.runs):
-        # of points at resonance the small motions are the late ones of a decay
+        # points at resonance are divided by amplitude: the small motions are the late ones of a decay
         peak = (
             np.median(along[rows])
             if along is points.amplitude
@@ -339,16 +338,16 @@ def halves_of(points: Points) -> dict[str, NDArray[np.bool_]]:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Agreement:
-    """How halves of a test agree, and what follows for the errors.
+    """Agreement of halves of a test, and the errors that follow from it.
 
     Parameters
     ----------
     wider
         (q,) factor, at least 1, by which standard errors of all parameters of the fit grow.
     halves
-        What each pair of halves says; none where the misfit is noise.
+        Spread of each pair of halves; none if the misfit is noise.
     findings
-        What disagrees.
+        Halves that disagree.
     """
 
     wider: Array
@@ -357,7 +356,7 @@ class Agreement:
 
     @property
     def typical(self) -> float:
-        """Factor by which half of the errors grow at most: that of the noise beside alternatives."""
+        """Median factor of the errors, by which the noise is multiplied in tests of alternatives."""
         return float(np.median(self.wider))
 
     @classmethod
@@ -367,28 +366,28 @@ class Agreement:
         Parameters
         ----------
         whole, points
-            A fit, and the points it was made of.
+            A fit, and its points.
         covariance
-            (q, q) of its parameters, as it would be reported.
+            (q, q) covariance of its parameters, as reported.
         misfits
-            Whether the misfit is the law's, not noise: then halves that differ widen the errors.
+            True if the misfit is systematic: then halves that differ widen the errors.
         """
         cuts = halves_of(points)
         found = {name: compare_parts(whole, half & whole.used) for name, half in cuts.items()}
         known = {name: one for name, one in found.items() if one is not None}
-        apart = {
+        disagreeing = {
             name: one
             for name, one in known.items()
-            if one.size > _SLIGHT and one.chance < _BY_CHANCE / len(known)
+            if one.size > _MIN_DIFFERENCE and one.chance < _FALSE_ALARM_RATE / len(known)
         }
-        if not (apart or misfits):
+        if not (disagreeing or misfits):
             return cls(np.ones(len(covariance)), {})
         halves = {name: one.spread for name, one in known.items()}
         wider = spread_between(halves.values(), whole.parameters, np.sqrt(np.diag(covariance)))
-        if not apart:
+        if not disagreeing:
             return cls(wider, halves)
-        name, worst = max(apart.items(), key=lambda item: item[1].z())
-        size = max(one.size for one in apart.values())
+        name, worst = max(disagreeing.items(), key=lambda item: item[1].z())
+        size = max(one.size for one in disagreeing.values())
         finding = Finding(
             "parts-disagree",
             "doubt" if size > SAME_NUMBER else "warning",

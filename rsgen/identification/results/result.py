@@ -1,4 +1,4 @@
-"""What identification hands on: estimates with intervals, resonances, the equivalent curve, warnings."""
+"""Result of an identification: estimates with intervals, resonances, the equivalent curve, findings."""
 
 from __future__ import annotations
 
@@ -221,7 +221,7 @@ class Background:
         return np.array([estimate.value for estimate in self.estimates])
 
     def shape(self, omega: NDArray[np.float64], force: NDArray[Any]) -> BackgroundTerms:
-        """Give the background at (n,) frequencies [rad/s] and forces [N] as a function of its values."""
+        """Return the background at (n,) frequencies [rad/s] and forces [N] as a function of its values."""
         return background_terms(self.kind, omega, force, self.band)
 
 
@@ -238,7 +238,7 @@ def units_of(model: Model, of: ForceUnits = WHOLE) -> dict[str, str]:
 
 @dataclass(frozen=True, slots=True, eq=False, repr=False)
 class Identification(Printed):
-    """What a response surface determines of a model.
+    """The parameters of a model identified from a response surface.
 
     ``found["k3"]`` is the refined estimate of a parameter, "m" that of the mass; ``print(found)`` gives a
     table, ``found.to_frame()`` a data frame.
@@ -250,18 +250,18 @@ class Identification(Printed):
     paper
         Resonance per level, then fit of k(X) and c(X) (Liu et al., Sec. 1.2), one Estimate a parameter.
     first_order
-        First-order harmonic balance over all points at once. Its intervals say how far noise may have moved
-        it; what one harmonic leaves out is no chance and stands in ``first_order_bias``.
+        First-order harmonic balance over all points at once. Its intervals are those of noise; the error by
+        neglected harmonics is ``first_order_bias``.
     refined
         All harmonics: the maximum-likelihood estimate.
     first_order_bias
-        What the one-harmonic approximation adds to each first-order estimate, predicted with the refined
-        parameters; same order and units as ``first_order``. NaN where it is not known.
+        Error of each first-order estimate by the one-harmonic approximation, predicted with the refined
+        parameters; same order and units as ``first_order``. NaN if unknown.
     covariance
         (p, p) of the refined estimates, in the order of ``refined``; rows of parameters that are not
         identifiable are NaN, those of fixed ones are absent.
     resonances
-        One a level and sweep, ascending in level.
+        One for each level and sweep, ascending in level.
     curve
         Equivalent stiffness and damping of every settled point.
     residual
@@ -270,29 +270,28 @@ class Identification(Printed):
     noise
         Estimated relative noise of force and response [1].
     levels
-        The nominal levels [N] that took part, ascending; held-out levels are absent. Where the test held the
-        amplitude: the forces at the resonances.
+        The fitted nominal levels [N], ascending; with response control the forces at the resonances.
     amplitude_range, frequency_range
-        Tested range of X [m] and of the frequency [Hz] over the points that took part.
+        Range of X [m] and of the frequency [Hz] over the fitted points.
     outcome
         The finding "identified": numbers of identified and all parameters, of points used and tested, of
         levels, and the relative misfit.
     findings
-        What a reader should know about test and fit, those about single parameters first.
+        Findings about test and fit, those about single parameters first.
     restoring
-        Forces without a law; None where the points do not suffice.
+        Forces without a law; None if the points do not suffice.
     ranking
-        The ``rsgen.identification.ranking.Ranking`` that chose the law; None where the law was given.
+        The ``rsgen.identification.ranking.Ranking`` that chose the law; None for a given law.
     solution
         (p,) parameters of the laws, sorted by name, with which the fit reproduces the test; finite also for
         parameters that are not identifiable. Predictions use it.
     background
-        The background that was found and subtracted; None where nothing was asked for.
+        The fitted background; None without one.
     held_out
-        Scores of levels that were held out: a ``HeldOutLevel`` a level and sweep, of a multisine a
-        ``PredictedRecord`` a record; ``error`` is the relative error of the predicted response.
+        Scores of held-out levels: a ``HeldOutLevel`` for each level and sweep, or a ``PredictedRecord`` for
+        each record of a multisine; ``error`` is the relative error of the predicted response.
     alternatives
-        What terms beside the law, other backgrounds and halves of the test would move; the intervals hold it.
+        Shifts by additional terms, other backgrounds and halves of the test; the intervals include them.
     """
 
     model: Model
@@ -326,7 +325,7 @@ class Identification(Printed):
             object.__setattr__(self, name, frozen_array(getattr(self, name)))
 
     def __getstate__(self) -> list[Any]:
-        """Give all fields but the fit, whose compiled law stays in this process."""
+        """Return all fields but the fit, whose compiled law cannot leave this process."""
         return [None if entry.name == "fit" else getattr(self, entry.name) for entry in fields(self)]
 
     @property
@@ -336,7 +335,7 @@ class Identification(Printed):
 
     @property
     def verdict(self) -> Verdict:
-        """What the findings say of the result, held-out levels too; ``rsgen.verdict_of`` adds a truth."""
+        """Verdict by the findings, with those of held-out levels; ``rsgen.verdict_of`` adds a truth."""
         return reach_verdict(self.findings, summary=self.outcome)
 
     @property
@@ -381,7 +380,7 @@ class Identification(Printed):
         return {estimate.name: estimate for estimate in (*self.refined, *self.fixed)}
 
     def to_frame(self) -> Any:
-        """Give the refined estimates as a ``pandas.DataFrame``, a row a parameter.
+        """Return the refined estimates as a ``pandas.DataFrame``, a row a parameter.
 
         Raises
         ------

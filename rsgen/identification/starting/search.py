@@ -112,7 +112,7 @@ def search_nonlinear(equations: Equations, law: ForceLaw, mass: float, begin: Ar
             break
     null_dimension = search.null_dimension(best)
     for i in np.flatnonzero(best < 0):
-        # tanh(v/w) with a factor, a gap beside a spring: the same law has two signs
+        # tanh(v/w) with a factor, a gap and a spring: the same law has two signs
         trial = np.array(best)
         trial[i] = -trial[i]
         # refining may lead to where a switch acts again
