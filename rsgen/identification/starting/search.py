@@ -33,10 +33,6 @@ _MAX_LOG_CHANGE = 3.0
 _SIMULATOR_MISFIT = 1e-6
 """Relative misfit by errors of a simulator; forces as small are no part of a law."""
 
-_COARSE_STARTS = 4
-"""Coarse descents a searched parameter, for a law with memory: with four equal sliders every third trial
-leads to the solution, so that sixteen miss it once in a thousand times."""
-
 _POSITIVE_TRIALS = TRIALS // 2
 """Trials of a law with memory whose parameters are all positive, as forces, stiffnesses and lengths are: of
 trials with random signs only one in 2^q would be."""
@@ -59,8 +55,10 @@ _WINDOW_STRIDE = 2
 _DECADES_OF_WINDOW = 14
 """Decades of SI units on both sides of one in which a law may change its shape."""
 
-_STARTS = 4
-"""Best trials, none a neighbour of a better one, from which a search descends."""
+STARTS = 4
+"""Best trials, none a neighbour of a better one, from which a search descends. For a law with memory so many
+a parameter: with four equal sliders every third trial leads to the solution, sixteen miss it once in a
+thousand."""
 
 
 def search_nonlinear(equations: Equations, law: ForceLaw, mass: float, begin: Array | None) -> Array:
@@ -89,9 +87,9 @@ def search_nonlinear(equations: Equations, law: ForceLaw, mass: float, begin: Ar
     best = trials[order[0]]
     lowest = search.cost(best)
     if law.remembers and len(search.free) > 1:
-        starts = search.coarse_ends(_separate(trials[order], _COARSE_STARTS * len(search.free)))
+        starts = search.coarse_ends(_separate(trials[order], STARTS * len(search.free)))
     else:
-        starts = _separate(trials[order], _STARTS)
+        starts = _separate(trials[order], STARTS)
     if len(search.free) > 1:
         # a few hundred trials are thin in two dimensions and more
         starts.append(search.sweep(starts[0], windows))
@@ -123,7 +121,7 @@ def search_nonlinear(equations: Equations, law: ForceLaw, mass: float, begin: Ar
     if (best < 0).any():
         # a gap and a saturation with signs and thresholds exchanged are one law
         positive = trials[order][np.all(trials[order] > 0, axis=1)]
-        for start in _separate(positive, _STARTS):
+        for start in _separate(positive, STARTS):
             found = search.refine(start)[0]
             if search.cost(found) <= equal and search.null_dimension(found) >= null_dimension:
                 best = found
@@ -379,7 +377,7 @@ def search_values(residual: Callable[[Array], Array], windows: Sequence[Array], 
     """Search parameters in their windows by descents from the best of ``count`` trials."""
     trials = _spread_trials(windows, count)
     costs = [float(np.sum(residual(trial) ** 2)) for trial in trials]
-    starts = _separate(trials[np.argsort(costs, kind="stable")], _STARTS)
+    starts = _separate(trials[np.argsort(costs, kind="stable")], STARTS)
     free = range(len(windows))
     return min((_descend(residual, start, free) for start in starts), key=lambda end: end[1])[0]
 

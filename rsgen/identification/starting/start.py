@@ -42,7 +42,7 @@ from rsgen.identification.fitting.least_squares import determined
 from rsgen.identification.fitting.observed import Problem
 from rsgen.identification.fitting.points import Points
 from rsgen.identification.starting.equations import Equations, equation_rows
-from rsgen.identification.starting.search import search_nonlinear
+from rsgen.identification.starting.search import STARTS, search_nonlinear
 from rsgen.law.element import make_element
 from rsgen.law.identifiable import put_in_order
 from rsgen.law.motion import sine_motion
@@ -250,9 +250,6 @@ _REWEIGHTINGS = 4
 
 _INITIAL_RESIDUE = 0.3
 """Initial residue of a neighbour, relative to that of the mode."""
-
-_NEIGHBOUR_STARTS = 4
-"""Natural frequencies of a neighbour from which the law is fitted."""
 
 
 def solve_equations(
@@ -478,7 +475,7 @@ def _place_neighbour(problem: Problem, parameters: Array) -> list[Array]:
         trial = np.concatenate([begun.regression.parameters, neighbour])
         fits.append(fit_balance(problem, trial, order=1, steps=TRIAL_STEPS, reject=False, correct=False))
     fits.sort(key=lambda found: found.regression.noise if found.mass > 0 else np.inf)
-    return [problem.join(begun.values, begun.mass, found.background) for found in fits[:_NEIGHBOUR_STARTS]]
+    return [problem.join(begun.values, begun.mass, found.background) for found in fits[:STARTS]]
 
 
 def _solve_turned(points: Points, law: ForceLaw, fixed: Mapping[str, float], psi: float) -> Solution:
