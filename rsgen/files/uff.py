@@ -276,7 +276,7 @@ class _Lines:
     def integer(self, text: str, what: str) -> int:
         if not re.fullmatch(r"[+-]?\d{1,12}", text.strip(), re.ASCII):
             raise self.fail(f"{what} is {text.strip()[:20]!r}; a whole number is needed")
-        return int(text)
+        return int(text.strip())
 
     def real(self, text: str, what: str) -> float:
         if not _FIELD.fullmatch(text):

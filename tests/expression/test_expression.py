@@ -351,7 +351,8 @@ def test_a_formula_means_what_python_takes_it_to_mean(text: str) -> None:
         return
     try:
         expected = python_value(text)
-    except (ArithmeticError, ValueError):
+    except (ArithmeticError, ValueError, TypeError):
+        # a root of a negative number is complex in Python, and complex numbers have no order
         return
     assert sympy_value(expr) == pytest.approx(expected, rel=ROUNDING, abs=ROUNDING)
 
