@@ -209,7 +209,7 @@ def test_a_phone_shows_the_verdict_beside_the_name(chromium: str, pages: dict[st
 def test_a_phone_reads_the_index_from_top_to_bottom(chromium: str, pages: dict[str, Path]) -> None:
     async def visit(page: Page) -> list[list[float]]:
         await page.show(pages["index"].as_uri(), PHONE)
-        shown = "[...row.querySelectorAll('td:not(.aside)')].map(cell => cell.getBoundingClientRect().top)"
+        shown = "[...row.querySelectorAll('td:not(.optional)')].map(cell => cell.getBoundingClientRect().top)"
         rows = f"[...document.querySelectorAll('#table tbody tr')].map(row => {shown})"
         return list(await page.ask(rows))
 
