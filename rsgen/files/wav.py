@@ -54,7 +54,7 @@ def _sizes(file: BinaryIO) -> tuple[int, int, int]:
             long = int.from_bytes(body[8:16], "little")
     if name != b"data":
         raise MeasurementError(f"more than {_MAX_PARTS} parts before its samples; it is damaged")
-    if not channels or block != channels * -(-bits // 8):
+    if not (channels and bits) or block != channels * -(-bits // 8):
         raise MeasurementError(
             f"{channels} channels of {bits} bits in {block} bytes, which do not fit together"
         )

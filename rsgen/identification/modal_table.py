@@ -213,9 +213,7 @@ def choose_splines(seen: ModePoints, mass: float) -> ModeProblem:
         return trial(seen, shape, orders)
     # a sum of two may stand for one of three, as a curved spline for a more curved one
     chosen = trial(seen, _next_shape(shape, allowed), orders if len(orders) == 1 else trials[-1])
-    return replace(
-        chosen, others=_averaged_shapes([trial(some, each_shape, orders) for each_shape in shapes])
-    )
+    return replace(chosen, others=_averaged_shapes([trial(some, candidate, orders) for candidate in shapes]))
 
 
 def _averaged_shapes(trials: list[ModeProblem]) -> tuple[tuple[float, ModeProblem, Array], ...]:

@@ -191,7 +191,7 @@ class _SplineShape:
             functions = np.concatenate([self.spring(x[part]), self.damper(v[part])], axis=2)
             # time zero of the motion is that of the complex amplitudes, so the fundamental is taken about it
             parts.append((functions.mean(axis=1), project(np.swapaxes(functions, 1, 2), 1)))
-        mean, fundamental = (np.concatenate(blocks_of) for blocks_of in zip(*parts, strict=True))
+        mean, fundamental = (np.concatenate(column) for column in zip(*parts, strict=True))
         return mean, fundamental
 
 

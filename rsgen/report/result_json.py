@@ -312,7 +312,7 @@ def _background(identification: Identification) -> dict[str, Any] | None:
     }
 
 
-_ARRAY = re.compile(r"\[\s+((?:[-+.0-9a-z]+,?\s+)+)\]")
+_ARRAY = re.compile(r"\[\n\s+((?:[-+.0-9a-z]+,?\s+)+)\]")
 """An array of numbers and nulls as ``json`` indents it; a text has no line end in JSON."""
 
 

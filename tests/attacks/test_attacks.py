@@ -36,7 +36,7 @@ def test_surroundings_that_end_a_command(attack: Callable[[Path], str], tmp_path
     assert attack(tmp_path) == ""
 
 
-FEW = {
+ATTACKS = {
     "kills": 10,
     "pool": 2,
     "cache": 6,
@@ -54,7 +54,7 @@ FEW = {
 @pytest.mark.thorough
 @pytest.mark.parametrize("module", table.COUNTS)
 def test_a_few_attacks_of_each_kind(module: str) -> None:
-    rows = import_module(f"tests.attacks.{module}").run(FEW[module], seed=1)
+    rows = import_module(f"tests.attacks.{module}").run(ATTACKS[module], seed=1)
     assert [row for row in rows if not reached(row)] == []
 
 

@@ -414,6 +414,7 @@ def sound(head: bytes = b"", data: int | None = None, samples: bytes = bytes(8))
         (sound(struct.pack("<HHIIHH", 1, 0, 1, 1, 0, 16)), "0 channels of 16 bits"),
         (sound(struct.pack("<HHIIHH", 1, 1, 0, 0, 2, 16)), "a sampling rate of 0"),
         (sound(struct.pack("<HHIIHH", 85, 1, 1, 1, 1, 0)), "1 channels of 0 bits"),
+        (sound(struct.pack("<HHIIHH", 1, 2, 1, 0, 0, 0)), "2 channels of 0 bits in 0 bytes"),
         (sound(samples=b""), "0 bytes of samples"),
         (sound(samples=bytes(7)), "7 bytes of samples, 2 each instant"),
         (sound().replace(b"RIFF", b"RIFX"), "in the other order"),

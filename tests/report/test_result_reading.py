@@ -103,3 +103,10 @@ def test_a_pipe_or_a_device_is_not_waited_for(tmp_path: Path) -> None:
     os.mkfifo(tmp_path / "pipe" / "result.json")
     (tmp_path / "device" / "result.json").symlink_to("/dev/zero")
     assert read_results(tmp_path) == []
+
+
+def test_arrays_stand_on_one_line_and_texts_stay() -> None:
+    content = {"title": "A beam [ 1, 2 ] and [ null ]", "x": [1.0, None, -2e-9], "rows": [{"a": []}]}
+    text = result_text(content)
+    assert json.loads(text) == content
+    assert '"x": [1.0, null, -2e-09]' in text

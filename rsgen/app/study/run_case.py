@@ -15,7 +15,7 @@ from math import nan
 from pathlib import Path
 from typing import Any, cast
 
-import rsgen.files
+import rsgen.files  # loads its readers, and the next line the ranking, for cases that need them
 import rsgen.identification.ranking
 import rsgen.report
 from rsgen.analysis.comparison import compare

@@ -201,6 +201,7 @@ _MIN_SUM_OF_TERMS = 0.2
 """Force of the sum of two terms relative to the larger of them: smaller ones cancel."""
 
 _MIN_POINTS_A_PARAMETER = 6
+"""With fewer a ranking says so."""
 
 _SHARE_LOCATED, _MAX_RANGE = 0.6, 0.75
 """Share of the misfit that lies in a stated range, and the part of the tested range that it may cover."""

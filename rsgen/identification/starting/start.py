@@ -103,7 +103,7 @@ def start_even_forces(problem: Problem, parameters: Array) -> tuple[Problem, Arr
     uneven = even_space.uneven[: len(directions)]
     frozen = replace(few, frozen=tuple({*law.even, *uneven} - {-1}))
     without, *fits = [
-        _fit(frozen, even_space.centre + np.array(sizes_of) @ directions, TRIAL_STEPS) for sizes_of in chosen
+        _fit(frozen, even_space.centre + np.array(ratios) @ directions, TRIAL_STEPS) for ratios in chosen
     ]
     best = _fit(few, min(fits, key=_cost).regression.parameters, 2 * TRIAL_STEPS)
     least = without.regression.parameters if np.isfinite(_cost(without)) else parameters
@@ -124,7 +124,7 @@ def start_even_forces(problem: Problem, parameters: Array) -> tuple[Problem, Arr
     if -1 in uneven:
         # an odd force has a slope
         return problem, least
-    small = fits[chosen.index(tuple(tried[1] for tried in sizes)) - 1]
+    small = fits[chosen.index(tuple(ratios[1] for ratios in sizes)) - 1]
     resolved = _at_resolution(small, without, directions, uneven, count)
     # errors are smaller there than at a trial that misses the points
     resolved = _at_resolution(_fit(frozen, resolved, TRIAL_STEPS), without, directions, uneven, count)
