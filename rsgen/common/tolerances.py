@@ -13,163 +13,163 @@ DEVIATING_MISFIT_RATIO = 3.0
 """Misfit of a level, or a group of points, over that of the others from which it deviates: in sound
 structures misfits differ by less than two."""
 
-BLOCK = 512
+POINTS_PER_BLOCK = 512
 """Points worked on at once: their sample arrays stay in the processor's cache."""
 
-BRANCH = 0.2
+BRANCH_DISTANCE = 0.2
 """A steady state predicted farther from the measured one, relatively, is on another branch."""
 
-CHANCE = 4.0
+NOISE_LIMIT_SIGMAS = 4.0
 """Standard deviations that chance exceeds to one side once in 30 000: what is farther off is no noise."""
 
 CONFIDENCE = 0.975
 """One-sided probability of every interval and band: 95 % between both ends."""
 
-DAMPED = 0.05
+MAX_LIGHT_DAMPING_RATIO = 0.05
 """Damping ratio up to which an unknown one may shift k/m: phase resonance finds lightly damped modes."""
 
-ERRORS = 3.0
+STANDARD_ERRORS_OF_DIFFERENCE = 3.0
 """Standard errors by which a value may differ from another, or from noise: chance brings more once in
 400."""
 
-EXCESS = 1.5
+NOISE_RATIO_BY_CHANCE = 1.5
 """Ratio of two estimates of one noise that chance reaches with a few points only."""
 
-EXPECTED_NOISE = 0.01
+ASSUMED_RELATIVE_NOISE = 0.01
 """Relative noise of force and response while none is known."""
 
-FEW = 0.05
+MAX_SHARE_OF_OUTLIERS_BY_CHANCE = 0.05
 """Points that are off are chance, or an end of the range, up to this share; a twentieth that is not
 explained is none."""
 
-FLAT = 0.05
+MIN_RELATIVE_SLOPE = 0.05
 """Where force or response grows less than this with the other, both relative, Newton's step is no guide."""
 
-FOLLOWED = 0.8
+MIN_SHARE_PREDICTED = 0.8
 """Share of the points that a trial must be able to predict; it may miss some, where its mean or its branch
 is not known yet."""
 
-GAIN = 1e-4
+MIN_GAIN_OF_STEP = 1e-4
 """A step that lowers the sum of squares by less, in units of the noise, moves no parameter by 0.01
 error."""
 
-GROUPS = 8
+JACKKNIFE_GROUPS = 8
 """Parts of a test that are left out in turn, or scatter: the spread of eight has a known factor of
 Student's t, and each is long enough to be correlated in itself."""
 
-HALVINGS = 6
+MAX_STEP_HALVINGS = 6
 """Of a step that leads to no better point: a sixty-fourth of it is as good as none."""
 
-LARGE = 0.1
+RELATIVE_ERROR_DOUBTFUL = 0.1
 """An error, a misfit or a shift of a tenth is doubtful, however wide the interval: noise as large hides
 what a law does wrong."""
 
-LIGHT = 0.01
+ASSUMED_DAMPING_RATIO = 0.01
 """Damping ratio of a mode while it is not known: it weighs frequency against force."""
 
-MEANINGLESS = 0.2
+MISFIT_REJECTED = 0.2
 """A fifth of force and response is not what the law says; truncated waveforms and one harmonic of a law
 that is right leave a few per cent."""
 
-MOVE = 1e-3
+FINITE_DIFFERENCE_STEP = 1e-3
 """Relative change by which derivatives of simulated responses are taken; their error is as large."""
 
 NEAR_STEPS = 8
 """Gauss-Newton steps from values that are near, such as those of a law without one more term."""
 
-NOISY = 1e-4
+MISFIT_OF_NOISE = 1e-4
 """Above this misfit, relative, it is noise (simulators and truncated waveforms stay below), and the
 O(noise^2) bias, a ten-thousandth of it and more, is corrected."""
 
-NORMAL = 1.959964
+INTERVAL_SIGMAS = 1.959964
 """Standard errors to both ends of a 95 % interval, where many points determine them: the quantile
 of the normal distribution for ``CONFIDENCE``."""
 
-NOTICEABLE = 1e-3
+MISFIT_NEGLIGIBLE = 1e-3
 """Misfits below this, relative, change no engineering number: a law may be as wrong, and corners and
 simulations leave as much."""
 
-NULL_PART = 1e-3
+MIN_NULL_COMPONENT = 1e-3
 """A parameter with a larger part in a null vector is not identifiable; smaller parts are round-off."""
 
-ORDER = 9
+BALANCE_HARMONICS = 9
 """Harmonics of a balance: those beyond are below a hundredth of the third for corners, and less for smooth
 laws."""
 
-OUTLIERS = 0.2
+MAX_SHARE_OF_OUTLIERS = 0.2
 """At most this share of the points is excluded; if more disagree, it is the law that does not fit."""
 
-POINTS_A_KNOT = 8
+POINTS_PER_KNOT = 8
 """Between two knots of a free curve: they determine its values there, and noise does not show as waves."""
 
-POOR = 0.05
+MISFIT_DOUBTFUL = 0.05
 """A systematic misfit of a twentieth is more than most noise, and than joints, sensors and one harmonic do
 to a law that is right, or to one that resembles it."""
 
-QUICK = 400
+SUBSAMPLE_POINTS = 400
 """Points that suffice to come near the estimate; all points then need one or two steps more."""
 
-ROUNDS = 3
+MAX_ALTERNATIONS = 3
 """Of an alternation, as of a fit and the weights that follow from it: two settle it, the third sees to it."""
 
 ROUND_OFF = 1e-12
 """An effect, relative to the largest, that is only round-off of doubles through a thousand operations."""
 
-SAME_NUMBER = 0.01
+RELATIVE_CHANGE_NEGLIGIBLE = 0.01
 """A value that moves by less than a hundredth is the same engineering number."""
 
-SAMPLES = 64
+SAMPLES_PER_PERIOD = 64
 """A period: exact for polynomials up to the seventh power of nine harmonics."""
 
-SAMPLES_SWITCHED = 256
+SAMPLES_PER_PERIOD_SWITCHED = 256
 """A period, where the law has switches: shares of an interval leave an error of its square."""
 
-SEVERAL = 4
+MIN_LEVELS_FOR_JACKKNIFE = 4
 """Levels from which on most of them speak against one, and their scatter measures an error."""
 
-SIGMAS = 8.0
+OUTLIER_SIGMAS = 8.0
 """Standard deviations beyond which a point among any number of them is not where it is by noise."""
 
-SIGNIFICANT = 25.0
+MIN_SIGNIFICANT_GAIN = 25.0
 """Gain in the sum of squares, in units of the noise, that a free parameter must bring to be believed: five
 standard deviations, a false alarm in two million."""
 
-START_ORDER = 3
+START_HARMONICS = 3
 """Harmonics while only starting values, phases or a background are sought; the fits that follow find the
 rest."""
 
-STEPS = 50
+MAX_GAUSS_NEWTON_STEPS = 50
 """Gauss-Newton steps of a fit: a law that is right needs ten, one that is not may creep."""
 
-STIFFENING = 1e-7
+SPLINE_SMOOTHING = 1e-7
 """Weight of the curvature of a spline: settles it where there are no points, without effect elsewhere."""
 
-TAIL = 1e-9
+HARMONIC_TRUNCATION = 1e-9
 """Relative size at which a last harmonic, or a change of unseen lines, moves no force any more in exact
 data."""
 
-TAKEN = 0.5
+MIN_MISFIT_REDUCTION = 0.5
 """A single cause (a term, a background, a delay) that takes up more than this share of a misfit is
 there."""
 
-TO_REST = 40
+MAX_STEPS_TO_REST = 40
 """Newton steps to the mean of a motion or a place of rest, none longer than the motion is large."""
 
-TRIALS = 400
+NONLINEAR_TRIALS = 400
 """Values tried of the parameters in which a law is not linear, spread over all their ranges."""
 
-TRIAL_STEPS = 12
+MAX_TRIAL_STEPS = 12
 """Newton or Gauss-Newton steps that show whether a trial leads anywhere: near a solution each doubles the
 digits, and a dozen leaves room for steps that had to be shortened."""
 
-UNCHANGED = 1e-3
+MISFIT_CHANGE_NEGLIGIBLE = 1e-3
 """Misfits, or sums of squares, that differ by a smaller share are the same: a step between them was the last,
 and ends of a search with them are one solution, as of sliders that change places."""
 
 
 def samples_for(switched: bool) -> int:
     """Samples a period along which a law is evaluated, with switches or without."""
-    return SAMPLES_SWITCHED if switched else SAMPLES
+    return SAMPLES_PER_PERIOD_SWITCHED if switched else SAMPLES_PER_PERIOD
 
 
 # ----------------------------------------------------------------------------

@@ -18,7 +18,7 @@ import numpy as np
 
 from rsgen.common.arrays import Array, Chosen, ComplexArray
 from rsgen.common.linear_algebra import solve_scaled
-from rsgen.common.tolerances import ERRORS, NULL_PART, POINTS_A_KNOT
+from rsgen.common.tolerances import MIN_NULL_COMPONENT, POINTS_PER_KNOT, STANDARD_ERRORS_OF_DIFFERENCE
 
 _KNOTS = 32
 """Most knots of piecewise linear curves: ten a decade follow the onset of every slider of a joint."""
@@ -170,7 +170,7 @@ def _solve(real: Array, imaginary: Array, right: ComplexArray, known: Array) -> 
         values[chosen], inverse, null = solve_scaled(matrix, target, known=known[chosen])
         left = np.linalg.norm(target - matrix @ values[chosen])
         freedom = max(len(target) - int(np.count_nonzero(np.isnan(known[chosen]))), 1)
-        lost = np.abs(null).max(axis=1, initial=0.0) > NULL_PART
+        lost = np.abs(null).max(axis=1, initial=0.0) > MIN_NULL_COMPONENT
         errors[chosen] = np.where(lost, np.inf, np.hypot.reduce(inverse, axis=1) * left / np.sqrt(freedom))
         missing += null.shape[1]
     return values, errors, missing
@@ -196,7 +196,7 @@ def fit_powers(
 
 def hats(amplitude: Array) -> Array:
     """(n, k) piecewise linear functions of the amplitude, with knots where the points are."""
-    count = int(np.clip(len(amplitude) // POINTS_A_KNOT, 2, _KNOTS))
+    count = int(np.clip(len(amplitude) // POINTS_PER_KNOT, 2, _KNOTS))
     knots = np.unique(np.quantile(amplitude, np.linspace(0, 1, count)))
     if len(knots) < 2:
         return np.ones((len(amplitude), 1))
@@ -216,7 +216,7 @@ def estimate_mass(force: ComplexArray, motion: Kinematics, shapes: Array | None 
     shapes
         As in ``fit_mode``; None for piecewise linear ones.
     """
-    if len(force) < 2 * POINTS_A_KNOT:
+    if len(force) < 2 * POINTS_PER_KNOT:
         return None
     shapes = hats(np.abs(motion.displacement)) if shapes is None else shapes
     least = _FAINT * np.median(np.abs(force))
@@ -230,4 +230,4 @@ def estimate_mass(force: ComplexArray, motion: Kinematics, shapes: Array | None 
         scale = 1 / np.maximum(np.abs(force - left), least)
         residual = np.abs(left) * scale
         weight = scale / np.maximum(1.0, residual / (_OUTLIER * max(float(np.median(residual)), _LEAST)))
-    return found if abs(found.mass) > ERRORS * found.mass_error else None
+    return found if abs(found.mass) > STANDARD_ERRORS_OF_DIFFERENCE * found.mass_error else None

@@ -22,7 +22,7 @@ from numpy.typing import NDArray
 
 from rsgen.common.arrays import Array, Chosen, ComplexArray, blocks, blocks_joined
 from rsgen.common.newton import Rows, newton, solve_each
-from rsgen.common.tolerances import BLOCK, HALVINGS, TRIAL_STEPS
+from rsgen.common.tolerances import MAX_STEP_HALVINGS, MAX_TRIAL_STEPS, POINTS_PER_BLOCK
 from rsgen.data.oscillator import Oscillator
 from rsgen.dynamics.linear_part import Inertia
 from rsgen.dynamics.settling import SteadyStates
@@ -188,7 +188,7 @@ def hold_amplitude(
             part,
             _Balance(
                 law, values, linear, omega[part], series, given[part], at[part], first=2, width=start.shape[1]
-            ).solve(TRIAL_STEPS, loaded=loaded),
+            ).solve(MAX_TRIAL_STEPS, loaded=loaded),
         )
         for part in _blocks(len(omega), samples)
     )
@@ -240,7 +240,7 @@ def respond(
 
 def _blocks(count: int, samples: int) -> list[slice]:
     # of more samples fewer points, so that their arrays do not grow
-    return blocks(count, min(BLOCK, BLOCK * _FEWEST_SAMPLES // samples))
+    return blocks(count, min(POINTS_PER_BLOCK, POINTS_PER_BLOCK * _FEWEST_SAMPLES // samples))
 
 
 def _series(law: ForceLaw, follow: tuple[int, ...], samples: int) -> FourierSeries:
@@ -324,7 +324,7 @@ class _Balance:
         first, rows = self._first, np.arange(len(self._at))
         before, at, size = self._at, self._at, np.zeros(len(rows))
         if at.shape[1] > first:
-            roots = newton(self, at[:, first:], settled=_SETTLED, steps=steps, halvings=HALVINGS)
+            roots = newton(self, at[:, first:], settled=_SETTLED, steps=steps, halvings=MAX_STEP_HALVINGS)
             before, at = (self._coordinates(rows, place) for place in (roots.before, roots.unknowns))
             size = roots.size
         # the last step is small: what it changes of the residual is known, slopes are those before it

@@ -17,7 +17,7 @@ import scipy
 
 from rsgen.common.arrays import Array, ComplexArray
 from rsgen.common.newton import Rows, newton
-from rsgen.common.tolerances import HALVINGS
+from rsgen.common.tolerances import MAX_STEP_HALVINGS
 from rsgen.law.motion import harmonics_of, waveform
 from rsgen.law.numeric import ForceLaw
 from rsgen.law.switched_sum import ForceSample
@@ -140,7 +140,7 @@ def periodic_response(
 
 def _solve(problem: _Problem, motion: ComplexArray) -> PeriodicResponse:
     equations = _Equations(problem)
-    roots = newton(equations, _joined(motion)[None], settled=SMALL, steps=_STEPS, halvings=HALVINGS)
+    roots = newton(equations, _joined(motion)[None], settled=SMALL, steps=_STEPS, halvings=MAX_STEP_HALVINGS)
     found = _parted(roots.unknowns[0])
     size = float(np.linalg.norm(problem.force)) or 1.0
     left = float(np.linalg.norm(problem.residual(found)[0])) / size

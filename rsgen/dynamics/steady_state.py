@@ -253,7 +253,7 @@ ACCURACY = Rule("Largest relative error of the fundamental.", at_least=1e-9, at_
 HARMONICS = Rule("Harmonics of the displacement, the mean apart.", at_least=1, at_most=64)
 
 USUAL_ACCURACY = 1e-4
-"""Relative error of the fundamental unless another is asked for: a tenth of ``NOTICEABLE``."""
+"""Relative error of the fundamental unless another is asked for: a tenth of ``MISFIT_NEGLIGIBLE``."""
 
 USUAL_HARMONICS = 7
 """Harmonics of the displacement unless others are asked for: three odd ones above the fundamental."""

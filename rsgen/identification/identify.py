@@ -12,7 +12,16 @@ import rsgen.identification.lines
 from rsgen.common.arrays import Array
 from rsgen.common.errors import require
 from rsgen.common.finding import Finding, quantities
-from rsgen.common.tolerances import CONFIDENCE, MEANINGLESS, NOISY, ORDER, QUICK, STEPS, TAIL, f_quantile
+from rsgen.common.tolerances import (
+    BALANCE_HARMONICS,
+    CONFIDENCE,
+    HARMONIC_TRUNCATION,
+    MAX_GAUSS_NEWTON_STEPS,
+    MISFIT_OF_NOISE,
+    MISFIT_REJECTED,
+    SUBSAMPLE_POINTS,
+    f_quantile,
+)
 from rsgen.data.multisine import MultisineSpectra
 from rsgen.data.oscillator import Model, Observation, join_model
 from rsgen.data.surface import ResponseSurface, without_copies
@@ -32,7 +41,7 @@ from rsgen.law import LawLike
 # ----------------------------------------------------------------------------
 # All harmonics: by the balance, then by the simulator where only that has all of them.
 
-_ORDERS = (ORDER, 15, 23)
+_ORDERS = (BALANCE_HARMONICS, 15, 23)
 """Harmonics carried in the balance, raised until the last one no longer matters."""
 
 _FEW_HARMONICS = 5
@@ -71,10 +80,13 @@ def fit_all_harmonics(problem: Problem, start: Array) -> Fit:
     # the corners of a memory are its force's, not jumps: what it misses is not theirs
     if problem.law.remembers and (runs_away(found) or law_misses(found)):
         return found
-    if sharp and not feeds and found.regression.noise * np.sqrt(2) < MEANINGLESS:
+    if sharp and not feeds and found.regression.noise * np.sqrt(2) < MISFIT_REJECTED:
         # a misfit between the simulator's own and noise: some points were not followed
         found = _refit_with_simulator(found)
-        if not problem.law.rough and 2 * RESOLUTION * _ACCURACIES[-1] < found.regression.noise < NOISY:
+        if (
+            not problem.law.rough
+            and 2 * RESOLUTION * _ACCURACIES[-1] < found.regression.noise < MISFIT_OF_NOISE
+        ):
             found = _add_harmonics(found)
     return found
 
@@ -83,11 +95,13 @@ def _balance(problem: Problem, parameters: Array) -> tuple[Fit, bool]:
     """All harmonics that matter, and whether only the simulator has all of them."""
     law = problem.law
     points = problem.observed.mode(problem.split(parameters)[2])
-    few = problem.select(points.spread(QUICK)) if len(points) > 2 * QUICK else problem
+    few = problem.select(points.spread(SUBSAMPLE_POINTS)) if len(points) > 2 * SUBSAMPLE_POINTS else problem
     sharp, before = law.rough or points.strong, None
     near_sine = not (sharp or law.switched or law.remembers)
     for order in (_FEW_HARMONICS, *_ORDERS) if near_sine else _ORDERS:
-        refined = fit_balance(few, parameters, order=order, compared=ORDER, correct=few is problem)
+        refined = fit_balance(
+            few, parameters, order=order, compared=BALANCE_HARMONICS, correct=few is problem
+        )
         if before is not None:
             # what more harmonics would change is less than noise, or the simulator takes it up
             sharp = not _alike(before.regression, refined.regression, len(few.observed.points) / len(points))
@@ -103,18 +117,20 @@ def _balance(problem: Problem, parameters: Array) -> tuple[Fit, bool]:
         higher = harmonics[:, 2:] / harmonics[:, 1:2]
         last = float(np.max(higher[:, -2:], initial=0.0))
         if order == _FEW_HARMONICS:
-            last *= last / max(float(np.max(higher[:, :2], initial=0.0)), TAIL)
-        enough = last < max(TAIL, 1e-3 * refined.regression.noise / np.sqrt(len(points)))
+            last *= last / max(float(np.max(higher[:, :2], initial=0.0)), HARMONIC_TRUNCATION)
+        enough = last < max(HARMONIC_TRUNCATION, 1e-3 * refined.regression.noise / np.sqrt(len(points)))
         # nor do harmonics mend a law that misses by far, whose fits creep
-        if law.switched or sharp or enough or refined.regression.noise * np.sqrt(2) > MEANINGLESS:
+        if law.switched or sharp or enough or refined.regression.noise * np.sqrt(2) > MISFIT_REJECTED:
             break
     noise = refined.regression.noise
     sharp = (sharp or (law.switched and noise < _ACCURACIES[0])) and noise > _ACCURACIES[-1]
     if few is problem:
         return refined, sharp
     # what the simulator takes up needs no more than one step
-    steps = 1 if sharp else STEPS
-    return fit_balance(problem, parameters, order=order, compared=ORDER, steps=steps, near=noise), sharp
+    steps = 1 if sharp else MAX_GAUSS_NEWTON_STEPS
+    return fit_balance(
+        problem, parameters, order=order, compared=BALANCE_HARMONICS, steps=steps, near=noise
+    ), sharp
 
 
 def _alike(one: Regression, other: Regression, share: float) -> bool:
@@ -137,7 +153,7 @@ def _refit_with_simulator(balanced: Fit) -> Fit:
     """
     problem = balanced.problem
     start, accuracy = balanced, _ACCURACIES[0]
-    few = problem.observed.mode(balanced.background).spread(QUICK)
+    few = problem.observed.mode(balanced.background).spread(SUBSAMPLE_POINTS)
     quick = fit_simulator(problem.select(few), balanced.select(few), accuracy=accuracy)
     if quick is not None:
         near = replace(balanced.regression, parameters=quick.regression.parameters)

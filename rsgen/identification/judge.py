@@ -14,7 +14,12 @@ from numpy.typing import NDArray
 from rsgen.common.arrays import Array, ComplexArray
 from rsgen.common.errors import RsgenError
 from rsgen.common.finding import Finding, Quantity, Severity, quantities
-from rsgen.common.tolerances import EXCESS, LARGE, QUICK, SAME_NUMBER
+from rsgen.common.tolerances import (
+    NOISE_RATIO_BY_CHANCE,
+    RELATIVE_CHANGE_NEGLIGIBLE,
+    RELATIVE_ERROR_DOUBTFUL,
+    SUBSAMPLE_POINTS,
+)
 from rsgen.data.oscillator import Model, refuse_across
 from rsgen.data.surface import ResponseSurface
 from rsgen.data.surface.plausibility import plausibility_findings
@@ -127,7 +132,7 @@ def of_one_mode(findings: tuple[Finding, ...], points: Points, misfit: float) ->
     """
     rest = tuple(finding for finding in findings if finding.code != "phase-gap")
     gap = gap_of(points)
-    if len(rest) == len(findings) or gap is None or (not gap.overlap and misfit < LARGE):
+    if len(rest) == len(findings) or gap is None or (not gap.overlap and misfit < RELATIVE_ERROR_DOUBTFUL):
         return rest
     return (*rest, gap.finding(severity="doubt"))
 
@@ -157,7 +162,7 @@ def repeat_findings(repeats: Repeats, misfit: float, wider: float) -> tuple[Find
         times=misfit / expected,
         wider=wider,
     )
-    severity: Severity = "info" if misfit < EXCESS * expected else "warning"
+    severity: Severity = "info" if misfit < NOISE_RATIO_BY_CHANCE * expected else "warning"
     return (Finding("repeats-scatter", severity, numbers=numbers),)
 
 
@@ -439,7 +444,7 @@ def _without_law(
     recorded = 0 in points.measured
     mean = points.harmonics[:, 0].real if recorded else predicted
     # about zero, where alone a force follows from k(X) without a law
-    if float(np.sqrt(np.mean((mean / points.amplitude) ** 2))) < SAME_NUMBER:
+    if float(np.sqrt(np.mean((mean / points.amplitude) ** 2))) < RELATIVE_CHANGE_NEGLIGIBLE:
         return invert_curve(curve, mass)
     return invert_motion(points, mass, noise) if recorded else None
 
@@ -494,7 +499,9 @@ class _FirstOrder:
             return np.full(self.problem.count, np.nan)
         force = self.force * np.exp(1j * self.turn)
         exact = replace(points, force=force, harmonics=harmonics[:, :count])
-        problem = replace(self.problem, observed=Observed.of(exact.select(exact.spread(2 * QUICK))))
+        problem = replace(
+            self.problem, observed=Observed.of(exact.select(exact.spread(2 * SUBSAMPLE_POINTS)))
+        )
         again = fit_balance(problem, self.fit.regression.parameters, order=1, reject=False)
         return again.regression.parameters - self.near
 

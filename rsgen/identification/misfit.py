@@ -19,20 +19,20 @@ from rsgen.common.finding import Finding, Quantity, Severity, quantities, severi
 from rsgen.common.tolerances import (
     CONFIDENCE,
     DEVIATING_MISFIT_RATIO,
-    ERRORS,
-    EXCESS,
-    LARGE,
-    MEANINGLESS,
+    MIN_LEVELS_FOR_JACKKNIFE,
+    MIN_MISFIT_REDUCTION,
+    MIN_SIGNIFICANT_GAIN,
+    MISFIT_DOUBTFUL,
+    MISFIT_NEGLIGIBLE,
+    MISFIT_REJECTED,
     NEAR_STEPS,
-    NOTICEABLE,
-    POINTS_A_KNOT,
-    POOR,
-    QUICK,
-    SAME_NUMBER,
-    SEVERAL,
-    SIGNIFICANT,
-    START_ORDER,
-    TAKEN,
+    NOISE_RATIO_BY_CHANCE,
+    POINTS_PER_KNOT,
+    RELATIVE_CHANGE_NEGLIGIBLE,
+    RELATIVE_ERROR_DOUBTFUL,
+    STANDARD_ERRORS_OF_DIFFERENCE,
+    START_HARMONICS,
+    SUBSAMPLE_POINTS,
     t_quantile,
 )
 from rsgen.data.free_mode import fit_mode, hats, steady
@@ -68,7 +68,7 @@ def law_misses(fit: Fit) -> bool:
     """Return True if a misfit is systematic and above a hundredth, so that intervals are too narrow."""
     regression, points = fit.regression, fit.problem.observed.points
     systematic = is_systematic(regression.residual, points.pairs(regression.used))
-    return systematic and relative_misfit(fit) > SAME_NUMBER
+    return systematic and relative_misfit(fit) > RELATIVE_CHANGE_NEGLIGIBLE
 
 
 def misfit_findings(
@@ -105,19 +105,23 @@ def misfit_findings(
         if surface.decays:
             misfit = _of_large_motions(fit)
             numbers = quantities(misfit=misfit)
-        if misfit > (LARGE if patterns else POOR):
-            severity: Severity = "error" if misfit > MEANINGLESS else "doubt"
+        if misfit > (RELATIVE_ERROR_DOUBTFUL if patterns else MISFIT_DOUBTFUL):
+            severity: Severity = "error" if misfit > MISFIT_REJECTED else "doubt"
             found.append(Finding("misfit-large", severity, numbers=numbers))
         return found
     # with a systematic misfit above a hundredth, intervals are too narrow
-    names, severity, left = dict[str, str](), severity_of(misfit, SAME_NUMBER, MEANINGLESS), misfit
+    names, severity, left = (
+        dict[str, str](),
+        severity_of(misfit, RELATIVE_CHANGE_NEGLIGIBLE, MISFIT_REJECTED),
+        misfit,
+    )
     if severity != "error":
         term = max(others.kinds["term"], key=lambda term: others.kinds["term"][term].gain)
         left = _left_beside(fit, term)
-        if left < (1 - TAKEN) * misfit:
+        if left < (1 - MIN_MISFIT_REDUCTION) * misfit:
             names, severity = {"term": term}, "doubt"
             numbers |= quantities(left=left)
-        elif (free := free_curves_leave(fit, points)) < 1 - TAKEN:
+        elif (free := free_curves_leave(fit, points)) < 1 - MIN_MISFIT_REDUCTION:
             names, severity = {"free": "curves"}, "doubt"
             numbers |= quantities(left=free * misfit)
     known = not any(finding.code in _CODES_OF_RESPONSE for finding in surface.findings)
@@ -148,14 +152,17 @@ def _level_apart(points: Points, regression: Regression, unit: str) -> list[Find
     """Find the level that disagrees with the law while most others obey it; none or one."""
     used = points.select(regression.used)
     levels = np.unique(used.level)
-    if len(levels) < SEVERAL:
+    if len(levels) < MIN_LEVELS_FOR_JACKKNIFE:
         return []
     square = regression.misfit[regression.used] ** 2
     sizes = np.sqrt([2 * np.mean(square[used.level == level]) for level in levels])
     worst, typical = int(np.argmax(sizes)), float(np.median(sizes))
     level, size = float(levels[worst]), float(sizes[worst])
     pairs = points.pairs(regression.used & (points.level == level))
-    if not (size > max(POOR, DEVIATING_MISFIT_RATIO * typical) and is_systematic(regression.residual, pairs)):
+    if not (
+        size > max(MISFIT_DOUBTFUL, DEVIATING_MISFIT_RATIO * typical)
+        and is_systematic(regression.residual, pairs)
+    ):
         return []
     numbers = {"level": Quantity(level, unit), "misfit": Quantity(size), "typical": Quantity(typical)}
     return [Finding("level-apart", "doubt", numbers=numbers)]
@@ -163,7 +170,7 @@ def _level_apart(points: Points, regression: Regression, unit: str) -> list[Find
 
 def _left_beside(fit: Fit, term: str) -> float:
     """Misfit that a term would leave, by fits of one harmonic to some of the points."""
-    chosen = fit.problem.observed.points.spread(QUICK)
+    chosen = fit.problem.observed.points.spread(SUBSAMPLE_POINTS)
     few = fit.problem.select(chosen[fit.regression.used[chosen]])
     trials = [with_terms(few, fit, terms)[:2] for terms in ((), (term,))]
     whole, left = (relative_misfit(fit_near(*trial, order=1)) for trial in trials)
@@ -192,7 +199,7 @@ def free_curves_leave(fit: Fit, points: Points) -> float:
     """
     predicted = fit.force / fit.harmonics[:, 1]
     good = fit.regression.used & np.isfinite(predicted)
-    if np.count_nonzero(good) < 2 * POINTS_A_KNOT:
+    if np.count_nonzero(good) < 2 * POINTS_PER_KNOT:
         return np.inf
     points, predicted = points.select(good), predicted[good]
     response, weight = points.harmonics[:, 1], 1 / np.abs(points.force)
@@ -219,23 +226,28 @@ def _contradicted(fit: Fit, left: float) -> list[Finding]:
     left
         The misfit that the best term would leave.
     """
-    if not (fit.problem.fixed and relative_misfit(fit) > NOTICEABLE):
+    if not (fit.problem.fixed and relative_misfit(fit) > MISFIT_NEGLIGIBLE):
         return []
-    chosen = fit.problem.observed.points.spread(QUICK)
+    chosen = fit.problem.observed.points.spread(SUBSAMPLE_POINTS)
     problem = fit.problem.select(chosen[fit.regression.used[chosen]])
     start, names = fit.regression.parameters, (*problem.law.parameters, "m")
-    size, whole = relative_misfit(fit), relative_misfit(fit_near(problem, start, order=START_ORDER))
+    size, whole = relative_misfit(fit), relative_misfit(fit_near(problem, start, order=START_HARMONICS))
     found = []
     for name, given in problem.fixed.items():
         others = {other: value for other, value in problem.fixed.items() if other != name}
-        free = fit_near(replace(problem, fixed=others), start, order=START_ORDER).regression
+        free = fit_near(replace(problem, fixed=others), start, order=START_HARMONICS).regression
         place, best = names.index(name), float(free.noise * np.sqrt(2))
         leaves = size * best / whole if whole > 0 else np.inf
         # with noise the gain counts in units of that noise
         gain = ((whole / best) ** 2 - 1) * free.freedom if best > 0 else np.inf
         moved = float(free.parameters[place]) - given
         times = abs(moved) / float(np.sqrt(free.covariance[place, place]))
-        if gain > SIGNIFICANT and leaves <= left and times > ERRORS and abs(moved) > SAME_NUMBER * abs(given):
+        if (
+            gain > MIN_SIGNIFICANT_GAIN
+            and leaves <= left
+            and times > STANDARD_ERRORS_OF_DIFFERENCE
+            and abs(moved) > RELATIVE_CHANGE_NEGLIGIBLE * abs(given)
+        ):
             found.append(fixed_contradicted(name, given, moved, misfit=size, left=leaves, times=times))
     return found
 
@@ -257,15 +269,15 @@ def _missing_background(
     found, of_law = fit.regression, slice(fit.problem.count)
     left_by = {kind: _left_by(fit, one, wider) for kind, one in others.items()}
     # the first of them is the simplest
-    kind = next(kind for kind, one in left_by.items() if one <= EXCESS * min(left_by.values()))
+    kind = next(kind for kind, one in left_by.items() if one <= NOISE_RATIO_BY_CHANCE * min(left_by.values()))
     size, leaves = relative_misfit(fit), left_by[kind]
-    if not leaves < min((1 - TAKEN) * size, left):
+    if not leaves < min((1 - MIN_MISFIT_REDUCTION) * size, left):
         return []
     change = others[kind].shift[of_law]
     # halves that differ by the same background widen the errors, and are no reason against it
     times = np.abs(change) / np.sqrt(np.diag(found.covariance))[of_law]
     share = change / found.parameters[of_law]
-    clear = (times > ERRORS) & (np.abs(share) > SAME_NUMBER)
+    clear = (times > STANDARD_ERRORS_OF_DIFFERENCE) & (np.abs(share) > RELATIVE_CHANGE_NEGLIGIBLE)
     if not clear.any():
         return []
     worst = int(np.argmax(np.where(clear, np.abs(share), 0.0)))
@@ -289,7 +301,7 @@ def _offset_proposal(fit: Fit, others: Mapping[str, Alternative], wider: Array) 
         return []
     size, left = relative_misfit(fit), _left_by(fit, others[kind], wider)
     without = _left_by(fit, others["residuals"], wider) if "residuals" in others else size
-    if not left < (1 - TAKEN) * without:
+    if not left < (1 - MIN_MISFIT_REDUCTION) * without:
         return []
     numbers = quantities(misfit=size, left=left)
     return [Finding("background-possible", "info", numbers=numbers, names={"kind": kind})]
@@ -340,9 +352,9 @@ def even_findings(fit: Fit) -> list[Finding]:
     # of motions that are not odd the problem says so, of its law that alone does
     if not (records_even(problem) and _is_symmetric(problem)):
         return []
-    chosen = problem.observed.points.spread(QUICK)
+    chosen = problem.observed.points.spread(SUBSAMPLE_POINTS)
     chosen = chosen[fit.regression.used[chosen]]
-    if _gain_of_all(fit.select(chosen)) < SIGNIFICANT / 2:
+    if _gain_of_all(fit.select(chosen)) < MIN_SIGNIFICANT_GAIN / 2:
         return []
     few = problem.select(chosen)
     trials = {term: _with_even(few, fit, term) for term in _POWERS}
@@ -350,14 +362,14 @@ def even_findings(fit: Fit) -> list[Finding]:
     place, best, without = trials[term]
     noise = max(best.regression.noise, 1e-300)
     gain = float(np.sum(without.residual**2) - np.sum(best.regression.residual**2)) / noise**2
-    if not gain - _gain_of_offset(few, without) / noise**2 > SIGNIFICANT:
+    if not gain - _gain_of_offset(few, without) / noise**2 > MIN_SIGNIFICANT_GAIN:
         return []
     points = few.observed.points
     largest = int(np.argmax(points.amplitude))
     size = float(points.amplitude[largest])
     spring = best.mass * float(points.omega[largest]) ** 2 * size
     share = abs(best.values[place]) * size ** _POWERS[term] / spring
-    if not share > SAME_NUMBER:
+    if not share > RELATIVE_CHANGE_NEGLIGIBLE:
         return []
     numbers = quantities(share=share, amplitude=Quantity(size, "m"), errors=np.sqrt(gain))
     return [Finding("even-force-missing", "doubt", numbers=numbers, names={"term": term})]
@@ -387,7 +399,7 @@ def _with_even(problem: Problem, fit: Fit, term: str) -> tuple[int, Fit, Regress
     """Place of an even force among the parameters, the fit with it, and that without it."""
     trial, begin, (place,) = with_terms(problem, fit, (term,))
     without, best = (
-        fit_near(replace(trial, frozen=frozen), begin, order=START_ORDER)
+        fit_near(replace(trial, frozen=frozen), begin, order=START_HARMONICS)
         for frozen in ((*trial.frozen, place), trial.frozen)
     )
     return place, best, without.regression
@@ -418,7 +430,7 @@ def unseen_findings(fit: Fit, estimates: Sequence[Estimate]) -> list[Finding]:
     for estimate in estimates:
         change = change_of[estimate.name]
         share = change / estimate.value
-        if not (estimate.identifiable and abs(share) > SAME_NUMBER):
+        if not (estimate.identifiable and abs(share) > RELATIVE_CHANGE_NEGLIGIBLE):
             continue
         names = dict[str, str]()
         if series.coeff(x, 3) == symbol(estimate.name):

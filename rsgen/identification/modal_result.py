@@ -27,7 +27,7 @@ from rsgen.common.errors import RsgenError
 from rsgen.common.finding import Finding
 from rsgen.common.linear_algebra import b_splines
 from rsgen.common.text_table import MAX_DIGITS, Printed, TextTable, data_frame, short
-from rsgen.common.tolerances import CONFIDENCE, NORMAL, SAME_NUMBER, t_quantile
+from rsgen.common.tolerances import CONFIDENCE, INTERVAL_SIGMAS, RELATIVE_CHANGE_NEGLIGIBLE, t_quantile
 from rsgen.data.oscillator import Observation
 from rsgen.dynamics.harmonic_balance import Response
 from rsgen.formula.units.quantities import ForceUnits
@@ -366,12 +366,14 @@ class ModalTable(Printed):
         heads = ("X [m]", *(f"{name} [{unit or '1'}]" for name, unit in shown.items()))
         mass = "mass not known" if isfinite(self.test.units.kilogram) else "per unit mass"
         if isfinite(self.mass):
-            error = f" ± {short(NORMAL * self.mass_error, 2)}" if self.mass_error else ", given"
+            error = f" ± {short(INTERVAL_SIGMAS * self.mass_error, 2)}" if self.mass_error else ", given"
             mass = f"mass {short(self.mass, 6)} kg{error}"
         caption = f"Modal table without a law: {self.points} points, misfit {self.misfit:.2g}, {mass}"
         notes = list(map(repr, self.findings))
         low, high = self.tested
-        beyond = (self.amplitude < low * (1 - SAME_NUMBER)) | (self.amplitude > high * (1 + SAME_NUMBER))
+        beyond = (self.amplitude < low * (1 - RELATIVE_CHANGE_NEGLIGIBLE)) | (
+            self.amplitude > high * (1 + RELATIVE_CHANGE_NEGLIGIBLE)
+        )
         if beyond.any():
             notes.append(
                 f"extrapolated as constants outside {short(low)} to {short(high)} m: nothing is known there"

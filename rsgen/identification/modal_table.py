@@ -23,7 +23,17 @@ from numpy.typing import NDArray
 from rsgen.common.arrays import Array
 from rsgen.common.errors import RsgenError, require
 from rsgen.common.finding import Finding, quantities
-from rsgen.common.tolerances import ANY_LAW, DAMPED, EXCESS, LIGHT, NOISY, NORMAL, POOR, ROUND_OFF, ROUNDS
+from rsgen.common.tolerances import (
+    ANY_LAW,
+    ASSUMED_DAMPING_RATIO,
+    INTERVAL_SIGMAS,
+    MAX_ALTERNATIONS,
+    MAX_LIGHT_DAMPING_RATIO,
+    MISFIT_DOUBTFUL,
+    MISFIT_OF_NOISE,
+    NOISE_RATIO_BY_CHANCE,
+    ROUND_OFF,
+)
 from rsgen.data.free_mode import fit_mode, steady
 from rsgen.data.oscillator import Model, Observation, join_model
 from rsgen.data.surface import ResponseSurface, typical_amounts, without_copies
@@ -203,7 +213,7 @@ def choose_splines(seen: ModePoints, mass: float) -> ModeProblem:
         return ModeProblem(part, SplineBasis.over(part.mode.amplitude, part.tested, *shape), orders, mass)
 
     shape, orders = (*allowed[min(_FIRST_SHAPE, len(allowed) - 1)], _POWERS[0]), trials[0]
-    for _ in range(ROUNDS):
+    for _ in range(MAX_ALTERNATIONS):
         before = shape, orders
         orders = min(trials, key=lambda trial_orders: trial(some, shape, trial_orders).solve()[1])
         shape = min(shapes, key=lambda trial_shape: trial(some, trial_shape, orders).solve()[1])
@@ -261,7 +271,7 @@ def fit_splines(modal: ModeProblem) -> Regression:
     start = np.concatenate([modal.solve()[0], modal.seen.background])
     rules = Rules(free=modal.free)
     found = fit(descent.linearise, start, nuisance, rules, neighbours=mode.neighbours)
-    if found.noise > NOISY:
+    if found.noise > MISFIT_OF_NOISE:
         response = descent.predict(found.parameters, found.nuisance)
         descent.scale = np.abs(observed.predict_sensor(response, modal.split(found.parameters)[2]))
         place = found.parameters, found.nuisance, rules
@@ -402,13 +412,13 @@ def _at_phase_resonance(seen: ModePoints, lag_error: float) -> tuple[ModeProblem
     seen = seen.select(rows)
     size = seen.mode.amplitude
     seen = replace(seen, tested=(float(size.min()), float(size.max())))
-    modal = choose_splines(seen, assumed_mass(seen.mode, LIGHT))
+    modal = choose_splines(seen, assumed_mass(seen.mode, ASSUMED_DAMPING_RATIO))
     found = fit_splines(modal)
     # shift of k/m by a lag that differs from a quarter period, with unknown damping
     square = float(np.mean((stiffness[rows].real / stiffness[rows].imag) ** 2))
-    shift = 2 * DAMPED * float(np.sqrt(square + (NORMAL * lag_error) ** 2))
+    shift = 2 * MAX_LIGHT_DAMPING_RATIO * float(np.sqrt(square + (INTERVAL_SIGMAS * lag_error) ** 2))
     stiff = np.where(np.arange(len(found.parameters)) < modal.basis.count, found.parameters, 0.0)
-    error = np.outer(stiff, stiff) * (shift / NORMAL) ** 2
+    error = np.outer(stiff, stiff) * (shift / INTERVAL_SIGMAS) ** 2
     modal = replace(modal, assumed=True)
     return modal, replace(found, covariance=found.covariance + error)
 
@@ -422,7 +432,7 @@ def _harmonics_error(points: Points, noise: float) -> float:
     """
     orders = np.arange(2, points.harmonics.shape[1])
     squares = np.abs(points.harmonics[:, 2:]) ** 2 / points.amplitude[:, None] ** 2
-    seen = np.mean(squares, axis=0) > 2 * (EXCESS * noise) ** 2
+    seen = np.mean(squares, axis=0) > 2 * (NOISE_RATIO_BY_CHANCE * noise) ** 2
     return float(np.sqrt(np.mean((squares[:, seen] @ orders[seen] ** 2) ** 2)))
 
 
@@ -474,7 +484,7 @@ def _table(modal: ModeProblem, found: Regression, surface: ResponseSurface, mode
     if modal.assumed and not model.observation.calibrated:
         known = ("frequency", "stiffness_per_mass")
     misfit = _misfit(found)
-    if misfit > POOR:
+    if misfit > MISFIT_DOUBTFUL:
         findings += (Finding("modal-scattered", "warning", numbers=quantities(misfit=misfit)),)
     gap = gap_of(modal.seen.mode) if near_resonance(modal.seen.mode) else None
     if gap is not None:

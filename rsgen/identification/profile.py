@@ -19,7 +19,7 @@ from rsgen.common.arrays import Array
 from rsgen.common.errors import RsgenError, require
 from rsgen.common.finding import Finding, Quantity
 from rsgen.common.text_table import Printed, TextTable, short
-from rsgen.common.tolerances import CONFIDENCE, NOISY, ORDER, t_quantile
+from rsgen.common.tolerances import BALANCE_HARMONICS, CONFIDENCE, MISFIT_OF_NOISE, t_quantile
 from rsgen.identification.fitting.fit import Fit, refit_weighted
 from rsgen.identification.fitting.least_squares import Regression
 from rsgen.identification.fitting.observed import is_systematic
@@ -97,7 +97,7 @@ class _Likelihood:
 
     def __init__(self, found: Fit) -> None:
         problem = found.problem.select(np.flatnonzero(found.regression.used))
-        self._order = max(ORDER, *problem.observed.recorded)
+        self._order = max(BALANCE_HARMONICS, *problem.observed.recorded)
         self._near = fit_near(problem, found.regression.parameters, order=self._order)
         base = refit_weighted(self._near, problem, self._near.regression.parameters, order=self._order)
         self._problem, self._noise, self._cost = problem, base.noise, _cost(base)
@@ -235,7 +235,7 @@ def with_profiles(found: Fit, estimates: Sequence[Estimate]) -> tuple[Estimate, 
     """
     law, regression = found.problem.law, found.regression
     pairs = found.problem.observed.points.pairs(regression.used)
-    noise = regression.converged and regression.noise > NOISY
+    noise = regression.converged and regression.noise > MISFIT_OF_NOISE
     if not (law.nonlinear and noise) or law.acts_across or is_systematic(regression.residual, pairs):
         return tuple(estimates)
     known = [e for e in estimates if isfinite(e.value) and 0 < e.standard_error < inf]

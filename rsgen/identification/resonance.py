@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 from rsgen.common.arrays import Array
 from rsgen.common.finding import Finding, Quantity, quantities
 from rsgen.common.linear_algebra import solve_scaled
-from rsgen.common.tolerances import DAMPED, LIGHT, samples_for
+from rsgen.common.tolerances import ASSUMED_DAMPING_RATIO, MAX_LIGHT_DAMPING_RATIO, samples_for
 from rsgen.data.free_mode import estimate_mass, steady
 from rsgen.data.oscillator import Model, join_model
 from rsgen.data.surface import ResponseSurface
@@ -257,7 +257,7 @@ def identify_ratios(
         free = identify(surface, model)
         if _determines_mass(free, points):
             return free
-    masses = [assumed_mass(points, ratio) for ratio in (LIGHT, DAMPED)]
+    masses = [assumed_mass(points, ratio) for ratio in (ASSUMED_DAMPING_RATIO, MAX_LIGHT_DAMPING_RATIO)]
     if not min(masses) > 0:
         return None
     # an assumed mass has no scale that could contradict that of the test
@@ -369,7 +369,7 @@ class _RatiosToMass:
             rest.append(Finding("not-calibrated", "info"))
         elif any(f.code == "needs-mass" and "ratio" in f.numbers for f in of_parameters):
             # the damping is known: a bound on the damping ratio is one on the mass
-            least = {"least": Quantity(self.pair[1].mass, "kg"), "damping": Quantity(DAMPED)}
+            least = {"least": Quantity(self.pair[1].mass, "kg"), "damping": Quantity(MAX_LIGHT_DAMPING_RATIO)}
             rest.append(Finding("ratios-hold-from", "warning", numbers=least))
         resonances = tuple(
             replace(r, stiffness=float("nan"), damping_ratio=float("nan")) for r in light.resonances
@@ -436,7 +436,7 @@ class _RatiosToMass:
                 "ratio": Quantity(value, unit),
                 "low": Quantity(value - half, unit),
                 "high": Quantity(value + half, unit),
-                "damping": Quantity(DAMPED),
+                "damping": Quantity(MAX_LIGHT_DAMPING_RATIO),
             }
             finding = Finding("needs-mass", "warning", light.name, numbers)
         return _unknown(light.name, light.unit, finding or Finding("needs-mass", "warning", light.name))

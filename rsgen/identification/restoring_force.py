@@ -30,16 +30,16 @@ from numpy.typing import NDArray
 from rsgen.common.arrays import Array, ComplexArray, blocks
 from rsgen.common.linear_algebra import b_splines, solve_scaled
 from rsgen.common.tolerances import (
-    CHANCE,
     CONFIDENCE,
-    EXCESS,
-    GROUPS,
-    POINTS_A_KNOT,
-    ROUNDS,
-    SAMPLES,
-    SAMPLES_SWITCHED,
-    SIGNIFICANT,
-    STIFFENING,
+    JACKKNIFE_GROUPS,
+    MAX_ALTERNATIONS,
+    MIN_SIGNIFICANT_GAIN,
+    NOISE_LIMIT_SIGMAS,
+    NOISE_RATIO_BY_CHANCE,
+    POINTS_PER_KNOT,
+    SAMPLES_PER_PERIOD,
+    SAMPLES_PER_PERIOD_SWITCHED,
+    SPLINE_SMOOTHING,
     normal_quantile,
     t_quantile,
 )
@@ -89,7 +89,7 @@ def invert_curve(curve: EquivalentCurve, mass: float) -> RestoringForce | None:
         None if fewer than 16 points remain.
     """
     used = curve.used & np.isfinite(curve.stiffness) & np.isfinite(curve.damping)
-    if np.count_nonzero(used) < 2 * POINTS_A_KNOT:
+    if np.count_nonzero(used) < 2 * POINTS_PER_KNOT:
         return None
     size = curve.amplitude[used]
     omega = 2 * np.pi * curve.frequency[used]
@@ -101,7 +101,7 @@ def invert_curve(curve: EquivalentCurve, mass: float) -> RestoringForce | None:
         _invert_describing_function(omega * size, omega * size * damping, force, free=free)
         for free in (False, True)
     )
-    jumps = free[3] < tied[3] * (1 - SIGNIFICANT / len(size))
+    jumps = free[3] < tied[3] * (1 - MIN_SIGNIFICANT_GAIN / len(size))
     v, damper, damper_band, _ = free if jumps else tied
     return RestoringForce(x, spring, spring_band, v, damper, damper_band)
 
@@ -114,11 +114,11 @@ def _invert_describing_function(
     ``amplitude`` is g(X) at the amplitudes ``reach`` with errors ``spread``; g(0) = 0 unless it is ``free``.
     """
     largest = float(reach.max())
-    knots, operator = _abel(int(np.clip(len(reach) // POINTS_A_KNOT, 2, _MAX_INTERVALS)))
+    knots, operator = _abel(int(np.clip(len(reach) // POINTS_PER_KNOT, 2, _MAX_INTERVALS)))
     functions = len(knots) - _DEGREE - 1
     matrix = b_splines(reach / largest, knots, _DEGREE)[0] / spread[:, None]
     curvature = np.diff(np.eye(functions), 2, axis=0)
-    curvature *= STIFFENING * np.abs(matrix).max() * np.sqrt(len(reach))
+    curvature *= SPLINE_SMOOTHING * np.abs(matrix).max() * np.sqrt(len(reach))
     if not free:
         # the first spline is the only one that is not zero at zero
         matrix[:, 0] = 0
@@ -217,7 +217,7 @@ def invert_motion(
         Its bands are those of the delete-a-group jackknife (Kott, Journal of Official Statistics 17 (2001)).
         None if fewer than 64 points remain, or the second harmonic was not measured.
     """
-    if len(points) < GROUPS * POINTS_A_KNOT or 2 not in points.measured:
+    if len(points) < JACKKNIFE_GROUPS * POINTS_PER_KNOT or 2 not in points.measured:
         return None
     points = points.select(points.spread(_MAX_POINTS))
     surfaces = _choose_surfaces(points, noise)
@@ -227,14 +227,16 @@ def invert_motion(
     drawn = [_fit_forces(points, signals, mass, noise, plan) for plan in plans]
     best = int(np.argmin([criterion for *_, criterion in drawn]))
     spring, damper, _ = drawn[best]
-    group = np.arange(len(points)) % GROUPS
-    others = [points.select(np.flatnonzero(group != g)) for g in range(GROUPS)]
+    group = np.arange(len(points)) % JACKKNIFE_GROUPS
+    others = [points.select(np.flatnonzero(group != g)) for g in range(JACKKNIFE_GROUPS)]
     parts = [
         _fit_forces(part, _signals(part, noise, surfaces), mass, noise, plans[best])[:2] for part in others
     ]
     bands = [
-        float(t_quantile(GROUPS - 1, CONFIDENCE))
-        * np.sqrt((GROUPS - 1) / GROUPS * np.sum((forces - forces.mean(axis=0)) ** 2, axis=0))
+        float(t_quantile(JACKKNIFE_GROUPS - 1, CONFIDENCE))
+        * np.sqrt(
+            (JACKKNIFE_GROUPS - 1) / JACKKNIFE_GROUPS * np.sum((forces - forces.mean(axis=0)) ** 2, axis=0)
+        )
         for forces in (np.stack(curves) for curves in zip(*parts, strict=True))
     ]
     at_x, at_v = plans[best].places
@@ -245,7 +247,7 @@ def _signals(
     points: Points, noise: float, surfaces: tuple[tuple[int, int] | None, ...]
 ) -> tuple[Array, Array]:
     """Return displacement and velocity (n, samples) of the smoothed measured motion."""
-    return Motion(points.omega, _denoised(points, noise, surfaces)).waveforms(2 * SAMPLES)[:2]
+    return Motion(points.omega, _denoised(points, noise, surfaces)).waveforms(2 * SAMPLES_PER_PERIOD)[:2]
 
 
 def _normalised_harmonics(points: Points) -> tuple[ComplexArray, ComplexArray]:
@@ -267,7 +269,7 @@ def _choose_surfaces(points: Points, noise: float) -> tuple[tuple[int, int] | No
     for h, values in enumerate(relative.T):
         best = min(range(len(tried)), key=lambda place: fits[place][1][h])
         scatter = np.sqrt(np.mean(np.abs(values - fits[best][0][:, h]) ** 2))
-        chosen.append(tried[best] if h != 1 and scatter < EXCESS * noise else None)
+        chosen.append(tried[best] if h != 1 and scatter < NOISE_RATIO_BY_CHANCE * noise else None)
     return tuple(chosen)
 
 
@@ -279,7 +281,7 @@ def _denoised(points: Points, noise: float, surfaces: tuple[tuple[int, int] | No
         if degrees is not None:
             relative[:, h] = _surfaces_of(points, values[:, None], *degrees)[0][:, 0]
         elif h > 1:
-            relative[:, h] = np.where(np.abs(values) > CHANCE * noise, values, 0)
+            relative[:, h] = np.where(np.abs(values) > NOISE_LIMIT_SIGMAS * noise, values, 0)
     return np.asarray(relative * back)
 
 
@@ -322,9 +324,9 @@ def _fit_forces(
     stiff = np.zeros((sum(counts) - 4, sum(counts)))
     stiff[: counts[0] - 2, : counts[0]] = np.diff(np.eye(counts[0]), 2, axis=0)
     stiff[counts[0] - 2 :, counts[0] :] = np.diff(np.eye(counts[1]), 2, axis=0)
-    stiff *= STIFFENING * np.abs(matrix).max() * np.sqrt(len(balance))
+    stiff *= SPLINE_SMOOTHING * np.abs(matrix).max() * np.sqrt(len(balance))
     weight = np.ones(len(balance))
-    for _ in range(ROUNDS):
+    for _ in range(MAX_ALTERNATIONS):
         scale = np.append(weight, np.ones(len(stiff)))
         solution, *_ = solve_scaled(
             np.concatenate([matrix, stiff]) * scale[:, None],
@@ -358,7 +360,7 @@ def _dynamic_stiffness(surface: ResponseSurface, found: Fit) -> tuple[Array, Com
     others = found.problem.law.parts[:-1]
     for part, harmonics in zip(others, motions, strict=False):
         motion = sine_motion(omega, harmonics[:, 1])
-        own = part.law.along(motion, found.values[part.parameters], SAMPLES_SWITCHED)
+        own = part.law.along(motion, found.values[part.parameters], SAMPLES_PER_PERIOD_SWITCHED)
         left = left - project(own.force, 1)
     followed = motions[len(others)][:, 1]
     return np.abs(followed), left / followed

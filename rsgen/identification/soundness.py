@@ -16,19 +16,19 @@ from numpy.typing import NDArray
 from rsgen.common.arrays import Array, ComplexArray
 from rsgen.common.finding import Finding, Quantity, Severity, quantities, severity_of
 from rsgen.common.tolerances import (
-    CHANCE,
+    BALANCE_HARMONICS,
     DEVIATING_MISFIT_RATIO,
-    ERRORS,
-    EXCESS,
-    FEW,
-    LARGE,
-    MEANINGLESS,
-    NOTICEABLE,
-    ORDER,
-    QUICK,
+    MAX_SHARE_OF_OUTLIERS_BY_CHANCE,
+    MISFIT_NEGLIGIBLE,
+    MISFIT_REJECTED,
+    NOISE_LIMIT_SIGMAS,
+    NOISE_RATIO_BY_CHANCE,
+    RELATIVE_CHANGE_NEGLIGIBLE,
+    RELATIVE_ERROR_DOUBTFUL,
     ROUND_OFF,
-    SAME_NUMBER,
-    SAMPLES_SWITCHED,
+    SAMPLES_PER_PERIOD_SWITCHED,
+    STANDARD_ERRORS_OF_DIFFERENCE,
+    SUBSAMPLE_POINTS,
     samples_for,
 )
 from rsgen.data.surface.columns import DERIVATIVE, QUANTITIES
@@ -114,7 +114,11 @@ def rejection_findings(
         rejected = rejected & ~stopped
     count = int(np.count_nonzero(rejected))
     share = count / len(points)
-    severity = severity_of(share, FEW, _MAX_REJECTED_SHARE) if count > _MAX_SINGLE_REJECTED else "warning"
+    severity = (
+        severity_of(share, MAX_SHARE_OF_OUTLIERS_BY_CHANCE, _MAX_REJECTED_SHARE)
+        if count > _MAX_SINGLE_REJECTED
+        else "warning"
+    )
     numbers = quantities(aside=all_rejected, points=len(points), all=tested)
     found = [Finding("points-set-aside", severity, numbers=numbers)]
     for rows in points.runs:
@@ -152,7 +156,7 @@ def held_points(problem: Problem, parameters: Array) -> NDArray[np.bool_]:
     friction = _dry_friction(problem, values)
     left = abs(mass) * points.omega**2 * points.amplitude
     size = np.abs(points.force)
-    return np.asarray((size < _MAX_FORCE_TO_FRICTION * friction) & (left < LARGE * size))
+    return np.asarray((size < _MAX_FORCE_TO_FRICTION * friction) & (left < RELATIVE_ERROR_DOUBTFUL * size))
 
 
 def _dry_friction(problem: Problem, values: Array) -> float:
@@ -190,8 +194,8 @@ def limit_findings(remarked: Sequence[Finding], fit: Fit) -> list[Finding]:
             return []
     if not at.any() or at.all():
         return []
-    misses = np.median(miss[at]) > max(DEVIATING_MISFIT_RATIO * np.median(miss[~at]), NOTICEABLE)
-    if not (misses or (known and np.mean(at) > FEW)):
+    misses = np.median(miss[at]) > max(DEVIATING_MISFIT_RATIO * np.median(miss[~at]), MISFIT_NEGLIGIBLE)
+    if not (misses or (known and np.mean(at) > MAX_SHARE_OF_OUTLIERS_BY_CHANCE)):
         return []
     numbers = quantities(at=int(np.count_nonzero(at)), points=len(points), limit=limit)
     return [Finding("range-reached", "doubt", numbers=numbers)]
@@ -216,7 +220,7 @@ def sign_findings(points: Points, fit: Fit, wider: Array) -> list[Finding]:
     regression, problem = fit.regression, fit.problem
     basis = regression.basis * regression.noise * wider[:, None]
     found = []
-    if fit.mass < -CHANCE * float(np.linalg.norm(basis[len(problem.law.parameters)])):
+    if fit.mass < -NOISE_LIMIT_SIGMAS * float(np.linalg.norm(basis[len(problem.law.parameters)])):
         found.append(Finding("mass-negative", "error", "m", {"mass": Quantity(fit.mass, "kg")}))
     for part, followed in _parts_with_motions(points, fit):
         place = part.parameters
@@ -242,7 +246,7 @@ def _is_active(law: ForceLaw, sample: ForceSample, velocity: Array, values: Arra
     for place in law.linear:
         power = np.broadcast_to(sample.by_parameter[place], velocity.shape) * velocity
         work, size = np.mean(values[place] * power, axis=1), np.mean(np.abs(values[place] * power), axis=1)
-        if not takes_energy(power) and np.any(work < -NOTICEABLE * size):
+        if not takes_energy(power) and np.any(work < -MISFIT_NEGLIGIBLE * size):
             return True
     return False
 
@@ -306,15 +310,15 @@ def runs_away(fit: Fit) -> bool:
         return True
     omega = np.median(fit.problem.observed.points.omega)
     motion = sine_motion(np.array([omega]), _TRANSIENT_OVERSHOOT * size.max(keepdims=True))
-    force = fit.problem.law.along(motion, fit.values, SAMPLES_SWITCHED).force
+    force = fit.problem.law.along(motion, fit.values, SAMPLES_PER_PERIOD_SWITCHED).force
     return not bool(project(force, 1)[0].real > 0)
 
 
 def _negative(size: Array, value: Array, spread: Array, unit: str, least: Array | float = 0.0) -> _Negative:
     """Return the range where k(X) or c(X) is negative beyond error and ``least``; empty for few points."""
-    wrong = value < -CHANCE * np.linalg.norm(spread, axis=1) - least
+    wrong = value < -NOISE_LIMIT_SIGMAS * np.linalg.norm(spread, axis=1) - least
     share = float(np.mean(wrong))
-    if not share > FEW:
+    if not share > MAX_SHARE_OF_OUTLIERS_BY_CHANCE:
         return {}
     return {
         "least": Quantity(float(value[wrong].min()), unit),
@@ -370,7 +374,7 @@ def _missing_harmonics_findings(found: Fit, joint: Part, errors: Array) -> list[
     """Find values that unrecorded harmonics across would change; none or one finding."""
     law, points = found.problem.law, found.problem.observed.points
     some = np.flatnonzero(found.regression.used)
-    some = some[points.select(some).spread(QUICK)]
+    some = some[points.select(some).spread(SUBSAMPLE_POINTS)]
     if not (found.mass > 0 and len(some)):
         return []
     problem = found.problem.select(some)
@@ -381,8 +385,11 @@ def _missing_harmonics_findings(found: Fit, joint: Part, errors: Array) -> list[
     moved = _change_of_values(problem, found.regression.parameters, across.harmonics, missing)
     with np.errstate(all="ignore"):
         share, times = moved / np.abs(found.values), np.abs(moved) / errors
-    large = np.isfinite(errors) & (np.abs(share) > NOTICEABLE)
-    doubts = large & (((times > ERRORS) & (np.abs(share) > SAME_NUMBER)) | (np.abs(share) > LARGE))
+    large = np.isfinite(errors) & (np.abs(share) > MISFIT_NEGLIGIBLE)
+    doubts = large & (
+        ((times > STANDARD_ERRORS_OF_DIFFERENCE) & (np.abs(share) > RELATIVE_CHANGE_NEGLIGIBLE))
+        | (np.abs(share) > RELATIVE_ERROR_DOUBTFUL)
+    )
     if not large.any():
         return []
     severity: Severity = "doubt" if doubts.any() else "info"
@@ -421,7 +428,7 @@ def _joint_misfit_findings(found: Fit, joint: Part) -> list[Finding]:
     noise = sensor_noise(points, joint.sensors)
     # a misfit relative to the response is larger relative to the motion across
     smaller = float(np.median(np.abs(points.far[:, 0] / points.harmonics[:, 1])))
-    if not misfit >= max(EXCESS * noise, NOTICEABLE * min(smaller, 1.0)):
+    if not misfit >= max(NOISE_RATIO_BY_CHANCE * noise, MISFIT_NEGLIGIBLE * min(smaller, 1.0)):
         return []
     names = {"sensors": joint.sensors}
     return [Finding("harmonics-across-left-out", "doubt", "", quantities(noise=noise, misfit=misfit), names)]
@@ -446,7 +453,7 @@ def _unrecorded_harmonics(
 ) -> ComplexArray:
     """Return the unrecorded harmonics (n, H+1) [m] across by the law, in the measured phase."""
     joint, values = part.law, found.values[part.parameters]
-    force = project(joint.along(across, values, SAMPLES_SWITCHED).force, 1)
+    force = project(joint.along(across, values, SAMPLES_PER_PERIOD_SWITCHED).force, 1)
     far = _far_mass(force, response - across.harmonics[:, 1], across.omega)
     reduced = 1 / (1 / found.mass + 1 / (far or found.mass))
     harmonics = _joint_harmonics(joint, values, reduced, across)
@@ -472,13 +479,18 @@ def _far_mass(force: ComplexArray, motion: ComplexArray, omega: Array) -> float:
     values = np.linalg.lstsq(matrix / scale, right, rcond=None)[0]
     misfit = float(np.sqrt(np.sum((right - matrix / scale @ values) ** 2) / len(force)))
     mass = float(values[1] / scale[1])
-    return mass if misfit < MEANINGLESS and mass > 0 else 0.0
+    return mass if misfit < MISFIT_REJECTED and mass > 0 else 0.0
 
 
 def _joint_harmonics(joint: ForceLaw, values: Array, mass: float, across: Motion) -> ComplexArray:
     """Return the harmonics (n, H+1) [m] of an oscillator of a mass [kg] with the law of the joint."""
-    size, start = np.abs(across.harmonics[:, 1]), np.zeros((len(across), ORDER + 1), dtype=complex)
-    follow = following_harmonics(joint, ORDER)
-    made = hold_amplitude(joint, values, Inertia(mass), across.omega, size, start, follow, SAMPLES_SWITCHED)
+    size, start = (
+        np.abs(across.harmonics[:, 1]),
+        np.zeros((len(across), BALANCE_HARMONICS + 1), dtype=complex),
+    )
+    follow = following_harmonics(joint, BALANCE_HARMONICS)
+    made = hold_amplitude(
+        joint, values, Inertia(mass), across.omega, size, start, follow, SAMPLES_PER_PERIOD_SWITCHED
+    )
     harmonics = np.where(made.valid[:, None] & np.isfinite(made.harmonics), made.harmonics, 0)
     return Motion(across.omega, harmonics).turned(np.angle(across.harmonics[:, 1])).harmonics

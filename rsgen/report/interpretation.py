@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from rsgen.common.finding import Finding, Quantity
-from rsgen.common.tolerances import CHANCE
+from rsgen.common.tolerances import NOISE_LIMIT_SIGMAS
 from rsgen.data.surface import ResponseSurface
 from rsgen.describing import PrintedComparison, compare_printed, derive
 from rsgen.formula import symbol
@@ -139,7 +139,10 @@ def mean_finding(surface: ResponseSurface, identification: Identification | None
     i = int(settled[np.argmax(surface.amplitude[settled])])
     mean, amplitude = float(surface.harmonics[i, 0].real), float(surface.amplitude[i])
     noise = 0.0 if identification is None or not np.isfinite(identification.noise) else identification.noise
-    if abs(mean) < max(1e-3, CHANCE * noise) * amplitude or not np.isfinite(surface.peak[i]).all():
+    if (
+        abs(mean) < max(1e-3, NOISE_LIMIT_SIGMAS * noise) * amplitude
+        or not np.isfinite(surface.peak[i]).all()
+    ):
         return None
     top, bottom = (float(value) for value in surface.peak[i])
     numbers = {"low": Quantity(bottom, "m"), "high": Quantity(top, "m"), "mean": Quantity(mean, "m")}

@@ -17,9 +17,17 @@ def test_every_finding_has_a_place_and_a_severity() -> None:
 @pytest.mark.parametrize(
     ("code", "where", "threshold"),
     [
-        ("points-set-aside", "rsgen.identification.soundness.rejection_findings", ("FEW", 0.05)),
+        (
+            "points-set-aside",
+            "rsgen.identification.soundness.rejection_findings",
+            ("MAX_SHARE_OF_OUTLIERS_BY_CHANCE", 0.05),
+        ),
         ("resonance-sparse", "rsgen.identification.judge.Findings._runs", ("FEW", 5)),
-        ("law-does-not-fit", "rsgen.identification.misfit.misfit_findings", ("SAME_NUMBER", 0.01)),
+        (
+            "law-does-not-fit",
+            "rsgen.identification.misfit.misfit_findings",
+            ("RELATIVE_CHANGE_NEGLIGIBLE", 0.01),
+        ),
     ],
 )
 def test_a_threshold_stands_with_its_reason(code: str, where: str, threshold: tuple[str, float]) -> None:

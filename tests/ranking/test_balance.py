@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from rsgen.common.tolerances import ORDER
+from rsgen.common.tolerances import BALANCE_HARMONICS
 from rsgen.data.surface import ResponseSurface
 from rsgen.dynamics.harmonic_balance import following_harmonics, hold_amplitude
 from rsgen.dynamics.linear_part import Inertia
@@ -24,12 +24,12 @@ TURN = np.array([0.4, -1.0, 2.0, 0.1, -2.5])
 
 def exact(size: np.ndarray, turn: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Force and harmonics of exact motions of these sizes and phases."""
-    follow = following_harmonics(LAW, ORDER)
+    follow = following_harmonics(LAW, BALANCE_HARMONICS)
     held = hold_amplitude(
-        LAW, VALUES, Inertia(MASS), OMEGA, size, np.zeros((5, ORDER + 1), complex), follow, 256
+        LAW, VALUES, Inertia(MASS), OMEGA, size, np.zeros((5, BALANCE_HARMONICS + 1), complex), follow, 256
     )
     phase = np.exp(1j * turn)
-    return held.force * phase, held.harmonics * phase[:, None] ** np.arange(ORDER + 1)
+    return held.force * phase, held.harmonics * phase[:, None] ** np.arange(BALANCE_HARMONICS + 1)
 
 
 def left(distance: float) -> float:
@@ -39,7 +39,7 @@ def left(distance: float) -> float:
     surface = ResponseSurface(1.0, OMEGA / 2 / np.pi, seen_force, seen)
     observed = Observed.of(select_points(surface, model("quintic")))
     motion = predicted_motion(observed, np.zeros(0), harmonics, force, TURN)
-    rows = whiten_balance(motion, LAW, VALUES, MASS, np.full(ORDER + 1, 0.01), balanced=True)
+    rows = whiten_balance(motion, LAW, VALUES, MASS, np.full(BALANCE_HARMONICS + 1, 0.01), balanced=True)
     rest = rows.right - rows.of_law(LAW, VALUES)[0] - MASS * rows.inertia
     return float(np.abs(rest[:, rows.compared]).max())
 

@@ -21,7 +21,7 @@ from rsgen.common.arrays import Array, ComplexArray
 from rsgen.common.errors import MeasurementError
 from rsgen.common.finding import Finding
 from rsgen.common.text_table import short
-from rsgen.common.tolerances import CHANCE
+from rsgen.common.tolerances import NOISE_LIMIT_SIGMAS
 from rsgen.data.free_mode import fit_mode, steady
 from rsgen.data.multisine.spectra import MultisineSpectra, rms, scatter, smooth
 from rsgen.data.surface.plausibility import Sizes, size_findings
@@ -97,7 +97,7 @@ class Distortion:
             return float("nan"), float("nan")
         variance = np.nan_to_num(self.noise**2)
         left = power - float(variance.sum())
-        chance = CHANCE * float(np.sqrt(np.sum(variance**2) / self.records))
+        chance = NOISE_LIMIT_SIGMAS * float(np.sqrt(np.sum(variance**2) / self.records))
         bound = float(np.sqrt((max(left, 0.0) + chance) / total))
         share = float(np.sqrt(left / total)) if left > chance else 0.0
         return share, bound if np.isfinite(self.noise).all() else float("nan")

@@ -22,7 +22,7 @@ import sympy
 
 from rsgen.common.arrays import Array, ComplexArray
 from rsgen.common.errors import RsgenError
-from rsgen.common.tolerances import NOTICEABLE, samples_for
+from rsgen.common.tolerances import MISFIT_NEGLIGIBLE, samples_for
 from rsgen.data.oscillator import total_force
 from rsgen.dynamics.harmonic_balance import Response
 from rsgen.identification.fitting.forward import Forward
@@ -177,7 +177,7 @@ class MeasuredAcross(Forward):
     def share(self, systematic: Callable[[], bool]) -> bool:
         """Correlate the two sensors if the misfit is systematic: independent ones would absorb it."""
         if systematic():
-            self.correlation = 1 - NOTICEABLE**2
+            self.correlation = 1 - MISFIT_NEGLIGIBLE**2
         return self.correlation > 0
 
     def of_noise(self, found: Regression, corrected: Callable[[], Regression]) -> Regression:

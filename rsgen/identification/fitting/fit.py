@@ -10,13 +10,13 @@ from numpy.typing import NDArray
 
 from rsgen.common.arrays import Array, ComplexArray
 from rsgen.common.tolerances import (
+    BALANCE_HARMONICS,
+    MAX_GAUSS_NEWTON_STEPS,
+    MIN_NULL_COMPONENT,
+    MISFIT_OF_NOISE,
     NEAR_STEPS,
-    NOISY,
-    NULL_PART,
-    ORDER,
-    SAMPLES,
-    SAMPLES_SWITCHED,
-    STEPS,
+    SAMPLES_PER_PERIOD,
+    SAMPLES_PER_PERIOD_SWITCHED,
 )
 from rsgen.identification.fitting.across import MeasuredAcross
 from rsgen.identification.fitting.forward import ErrorsInVariables, HarmonicBalance
@@ -27,7 +27,7 @@ from rsgen.identification.fitting.simulator import Simulator
 from rsgen.law.motion import Motion, sine_motion
 
 _EXACT = 1e-3
-"""Below this misfit, relative, data show what ``SAMPLES`` miss of a switch."""
+"""Below this misfit, relative, data show what ``SAMPLES_PER_PERIOD`` miss of a switch."""
 
 _FOLLOWED = 0.5
 """Share of the points that must be predicted on the measured branch; where fewer are, the start is wrong."""
@@ -167,7 +167,7 @@ def fit_balance(
     order: int,
     compared: int = 0,
     reject: bool = True,
-    steps: int = STEPS,
+    steps: int = MAX_GAUSS_NEWTON_STEPS,
     correct: bool = True,
     near: float = 0.0,
 ) -> Fit:
@@ -200,25 +200,25 @@ def fit_balance(
     natural = 0.0 if law.odd else _natural_sizes(problem, parameters, mode)
     rules = Rules(steps=steps, frozen=problem.frozen, free=problem.free, natural=natural)
     common: dict[str, Any] = {"reject": reject, "neighbours": mode.neighbours}
-    first = replace(rules, steps=1) if near > NOISY and not law.rough else rules
+    first = replace(rules, steps=1) if near > MISFIT_OF_NOISE and not law.rough else rules
     found = fit(descent.linearise, parameters, nuisance, first, **common)
     if forward.share(lambda: is_systematic(found.residual, mode.pairs(found.used))):
         found = fit(descent.linearise, found.parameters, nuisance, rules, **common)
     # first order is what it says, not what a coarse sum makes of it
-    coarse = law.switched and steps > 1 and forward.samples < SAMPLES_SWITCHED
+    coarse = law.switched and steps > 1 and forward.samples < SAMPLES_PER_PERIOD_SWITCHED
     if coarse and (order == 1 or found.noise < _EXACT):
-        forward.samples = SAMPLES_SWITCHED
+        forward.samples = SAMPLES_PER_PERIOD_SWITCHED
         more = replace(rules, steps=1 if order == 1 else steps)
         found = fit(descent.linearise, found.parameters, found.nuisance, more, **common)
     # second derivatives of a balance of few harmonics mean nothing where the law jumps or has a corner
-    if found.noise > NOISY and not law.rough:
+    if found.noise > MISFIT_OF_NOISE and not law.rough:
         response = descent.predict(found.parameters, found.nuisance)
         descent.scale = np.abs(observed.predict_sensor(response, problem.split(found.parameters)[2]))
         place, used = (found.parameters, found.nuisance), found.used
         found = fit(descent.linearise, *place, rules, used=used, **common)
         if correct:
             found = descent.corrected(found)
-    elif found.noise > NOISY:
+    elif found.noise > MISFIT_OF_NOISE:
         found = forward.of_noise(found, lambda: descent.corrected(found))
     return _finish(problem, descent, found, order)
 
@@ -228,8 +228,8 @@ def linearise_extended(
 ) -> tuple[Array, Array]:
     """Residual (k, M) of a fit, and slopes (k, M, q) of a problem with more parameters, at the k points used.
 
-    Slopes are those of a balance of an order, without one of that of the fit up to ``ORDER``; the residual is
-    that of the fit, whose waveforms may have more harmonics. What the unknowns of each point take up is
+    Slopes are those of a balance of an order, without one of that of the fit up to ``BALANCE_HARMONICS``; the
+    residual is that of the fit, whose waveforms may have more harmonics. The unknowns of each point are
     eliminated.
     """
     observed = problem.observed
@@ -239,10 +239,10 @@ def linearise_extended(
     phase, solved = np.angle(mode.harmonics[:, 1]), np.isfinite(fit.harmonics).all(axis=1, keepdims=True)
     near = Motion(mode.omega, np.where(solved, fit.harmonics, 0.0)).turned(phase)
     turn = observed.background.turn(background)
-    order, compared = (order, order) if order else (min(fit.order, ORDER), ORDER)
+    order, compared = (order, order) if order else (min(fit.order, BALANCE_HARMONICS), BALANCE_HARMONICS)
     forward = _forward(problem, mode, order, turn, near, compared)
     if fit.problem.law.switched:
-        forward.samples = max(forward.samples, SAMPLES_SWITCHED)
+        forward.samples = max(forward.samples, SAMPLES_PER_PERIOD_SWITCHED)
     descent = ErrorsInVariables(problem, forward)
     descent.scale = fit.scale
     size = np.abs(fit.harmonics[:, 1])
@@ -318,7 +318,7 @@ def fit_simulator(problem: Problem, start: Fit, *, accuracy: float) -> Fit | Non
         None where the simulator cannot follow enough of the points.
     """
     observed, before = problem.observed, start.regression
-    noisy = before.noise > NOISY
+    noisy = before.noise > MISFIT_OF_NOISE
     drive, motion, amplitude = _near_motion(start, noisy)
     forward = Simulator(
         problem.elements,
@@ -362,9 +362,9 @@ def fit_simulator(problem: Problem, start: Fit, *, accuracy: float) -> Fit | Non
 
 def _null_of_law(found: Regression, count: int) -> Array:
     """(q, d) directions of parameters and mass that change no prediction, without those of a background."""
-    of_background = np.abs(found.null[count:]).max(axis=0, initial=0.0) > NULL_PART
+    of_background = np.abs(found.null[count:]).max(axis=0, initial=0.0) > MIN_NULL_COMPONENT
     # null vectors with a part of the background are not those of the law
-    null = np.where(np.abs(found.null[:count]) > NULL_PART, found.null[:count], 0.0)
+    null = np.where(np.abs(found.null[:count]) > MIN_NULL_COMPONENT, found.null[:count], 0.0)
     return (null / found.scale[:count, None])[:, ~of_background]
 
 
@@ -378,7 +378,7 @@ def _natural_sizes(problem: Problem, parameters: Array, mode: Points) -> Array:
     largest = [int(np.argmax(mode.amplitude))]
     motion = sine_motion(mode.omega[largest], mode.amplitude[largest])
     force = abs(mass) * float(motion.omega[0] ** 2 * mode.amplitude[largest][0])
-    slopes = law.along(motion, values, SAMPLES).by_parameter
+    slopes = law.along(motion, values, SAMPLES_PER_PERIOD).by_parameter
     sizes = np.zeros(len(parameters))
     for place in law.linear:
         slope = float(np.max(np.abs(slopes[place])))

@@ -14,7 +14,7 @@ from typing import Protocol
 import numpy as np
 
 from rsgen.common.arrays import Array, ComplexArray
-from rsgen.common.tolerances import SAMPLES, TO_REST
+from rsgen.common.tolerances import MAX_STEPS_TO_REST, SAMPLES_PER_PERIOD
 from rsgen.dynamics.harmonic_balance import Response, following_harmonics, hold_amplitude
 from rsgen.dynamics.linear_part import Inertia
 from rsgen.identification.fitting.least_squares import Linearisation, Regression, remove_bias
@@ -64,7 +64,7 @@ class Forward(Protocol):
 def _place_of_rest(law: ForceLaw, values: Array, size: float) -> float:
     """Return the place of rest [m] near zero by Newton steps of at most size [m]; zero if there is none."""
     x = np.zeros(1)
-    for _ in range(TO_REST):
+    for _ in range(MAX_STEPS_TO_REST):
         sample = law.still(x, values)
         force, slope = float(sample.force[0]), float(sample.by_x[0])
         step = -force / slope if slope > 0 and np.isfinite(force) else np.inf
@@ -116,7 +116,7 @@ class HarmonicBalance(Forward):
         highest = max(order, compared, 1)
         self._follow = following_harmonics(law, order, even=even)
         self.harmonics = following_harmonics(law, highest, even=even)
-        self.samples = max(SAMPLES, 1 << (6 * order - 1).bit_length())
+        self.samples = max(SAMPLES_PER_PERIOD, 1 << (6 * order - 1).bit_length())
         self._start = np.zeros((len(start), highest + 1), dtype=complex)
         known = [h for h in self._follow if h < len(start.orders)]
         self._start[:, known] = start.turned(-np.angle(start.harmonics[:, 1])).harmonics[:, known]

@@ -23,22 +23,22 @@ from numpy.typing import NDArray
 from rsgen.common.arrays import Array, blocks
 from rsgen.common.linear_algebra import solve_scaled
 from rsgen.common.tolerances import (
-    BLOCK,
-    GAIN,
-    HALVINGS,
-    NOISY,
-    NULL_PART,
-    OUTLIERS,
+    MAX_GAUSS_NEWTON_STEPS,
+    MAX_SHARE_OF_OUTLIERS,
+    MAX_STEP_HALVINGS,
+    MIN_GAIN_OF_STEP,
+    MIN_NULL_COMPONENT,
+    MISFIT_CHANGE_NEGLIGIBLE,
+    MISFIT_OF_NOISE,
+    POINTS_PER_BLOCK,
     ROUND_OFF,
-    STEPS,
-    UNCHANGED,
     chi_square_exceeded,
 )
 
 
 def determined(covariance: Array, null: Array) -> Array:
     """Return the covariance (q, q), NaN for parameters with a part in null vectors (q, d)."""
-    lost = np.abs(null).max(axis=1, initial=0.0) > NULL_PART
+    lost = np.abs(null).max(axis=1, initial=0.0) > MIN_NULL_COMPONENT
     return np.where(lost | lost[:, None], np.nan, covariance)
 
 
@@ -176,9 +176,9 @@ class Rules:
         Function of parameters and a step that returns the next parameters, within bounds.
     """
 
-    steps: int = STEPS
-    gain: float = GAIN
-    halvings: int = HALVINGS
+    steps: int = MAX_GAUSS_NEWTON_STEPS
+    gain: float = MIN_GAIN_OF_STEP
+    halvings: int = MAX_STEP_HALVINGS
     attainable: float = 0.0
     natural: Array | float = 0.0
     frozen: Sequence[int] = ()
@@ -257,7 +257,7 @@ def fit(
 def eliminate(line: Linearisation) -> tuple[Array, Array]:
     """Project residual and derivatives on the complement of the nuisances of each point."""
     residual, matrix = np.array(line.residual), np.array(line.by_parameter)
-    for part in blocks(len(residual), BLOCK):
+    for part in blocks(len(residual), POINTS_PER_BLOCK):
         units, _ = _orthonormal(line.by_nuisance[part])
         _remove(units, residual[part, :, None])
         _remove(units, matrix[part])
@@ -349,11 +349,11 @@ def descend(
                 parameters, nuisance, line = solved, moved[1], trial
                 realised = (before - after) * right.size / max(after, 1e-300)
                 break
-        least = max(rules.gain, UNCHANGED * right.size) if reached else rules.gain
+        least = max(rules.gain, MISFIT_CHANGE_NEGLIGIBLE * right.size) if reached else rules.gain
         if realised < least or relative < ROUND_OFF:
             done = realised >= 0 or relative < 1e-6 or gain < 1.0
             # the misfit of exact data is due to truncated waveforms; slopes that are kept show no curvature
-            exact = rules.attainable > 0 or np.sqrt(np.mean(right**2)) < NOISY
+            exact = rules.attainable > 0 or np.sqrt(np.mean(right**2)) < MISFIT_OF_NOISE
             if done or exact or rules.steps <= _WATCHDOG_STEPS:
                 return parameters, nuisance, line, done
             step = rules.move(parameters, change), nuisance + nuisance_change
@@ -416,7 +416,7 @@ def _agreeing(line: Linearisation, used: Mask, neighbours: NDArray[np.intp] | No
         _largest_by_chance(distance[used], fewest, freedom, 1e-3 / len(distance)), _MIN_OUTLIER_MISFIT**2
     )
     order = np.sort(distance[np.isfinite(distance)])[::-1]
-    most = int(OUTLIERS * len(order))
+    most = int(MAX_SHARE_OF_OUTLIERS * len(order))
     if most < len(order):
         limit = max(limit, float(order[most]))
     agreeing = np.asarray(np.nan_to_num(distance, nan=np.inf) <= limit)

@@ -20,7 +20,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rsgen.common.arrays import Array, Chosen, ComplexArray, blocks, blocks_joined
-from rsgen.common.tolerances import CHANCE, NOTICEABLE
+from rsgen.common.tolerances import MISFIT_NEGLIGIBLE, NOISE_LIMIT_SIGMAS
 from rsgen.dynamics.harmonic_balance import Response
 from rsgen.dynamics.linear_part import BackgroundTerms, background_terms
 from rsgen.identification.fitting.least_squares import Linearisation
@@ -404,7 +404,7 @@ def is_systematic(residual: Array, pairs: NDArray[np.intp]) -> bool:
     if len(pairs) < _MIN_PAIRS:
         return False
     power, shared = neighbour_power(residual, pairs)
-    counts = power > NOTICEABLE**2 / 2
+    counts = power > MISFIT_NEGLIGIBLE**2 / 2
     if not counts.any():
         return False
     # a pair has two independent numbers, real and imaginary part
@@ -420,5 +420,5 @@ def neighbour_power(residual: Array, pairs: NDArray[np.intp]) -> tuple[Array, Ar
 
 def beyond_chance(correlation: Any, numbers: Any) -> NDArray[np.bool_]:
     """Return where a correlation of so many numbers is significant (Fisher, Metron, 1921: atanh r)."""
-    limit = np.tanh(CHANCE / np.sqrt(np.maximum(numbers - 3, 1e-300)))
+    limit = np.tanh(NOISE_LIMIT_SIGMAS / np.sqrt(np.maximum(numbers - 3, 1e-300)))
     return np.asarray(correlation > np.maximum(_MIN_CORRELATION, limit))

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from rsgen.common.arrays import Array, Chosen
 from rsgen.common.errors import RsgenError
-from rsgen.common.tolerances import ERRORS, EXPECTED_NOISE, ROUND_OFF
+from rsgen.common.tolerances import ASSUMED_RELATIVE_NOISE, ROUND_OFF, STANDARD_ERRORS_OF_DIFFERENCE
 from rsgen.data.oscillator import Model, join_model
 from rsgen.data.surface import OUTCOMES, ResponseSurface
 from rsgen.data.surface.phase_lag import RESONANT, BackboneGap, backbone_gap
@@ -308,7 +308,7 @@ def near_resonance(points: Points) -> bool:
     return int(np.count_nonzero(~points.in_quadrature)) < _MIN_OFF_RESONANCE
 
 
-def at_resonance_alone(points: Points, noise: float = 2 * EXPECTED_NOISE) -> bool:
+def at_resonance_alone(points: Points, noise: float = 2 * ASSUMED_RELATIVE_NOISE) -> bool:
     """Return True if all points have one lag within the noise [1], so that they determine no mass.
 
     Slices a few degrees on either side of resonance determine a mass, as F/X = k - m omega^2 differs in them.
@@ -316,7 +316,7 @@ def at_resonance_alone(points: Points, noise: float = 2 * EXPECTED_NOISE) -> boo
     if not near_resonance(points):
         return False
     spread = np.std(points.lag[points.in_quadrature])
-    return bool(spread < max(_PHASE_RESOLUTION, ERRORS * noise))
+    return bool(spread < max(_PHASE_RESOLUTION, STANDARD_ERRORS_OF_DIFFERENCE * noise))
 
 
 def mass_needs(points: Points, model: Model) -> str:

@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rsgen.common.arrays import Array
-from rsgen.common.tolerances import OUTLIERS, ROUND_OFF, SIGNIFICANT
+from rsgen.common.tolerances import MAX_SHARE_OF_OUTLIERS, MIN_SIGNIFICANT_GAIN, ROUND_OFF
 from rsgen.data.surface import ResponseSurface
 from rsgen.identification.fitting.points import ASYMMETRIC
 from rsgen.law.element import response_share
@@ -82,7 +82,7 @@ class Repeats:
         if freedom < 1 or not (power > 0 and total > 0):
             return False
         explained = abs(complex(np.sum(force * self.response))) ** 2 / power
-        return explained > SIGNIFICANT * max(total - explained, 0.0) / freedom
+        return explained > MIN_SIGNIFICANT_GAIN * max(total - explained, 0.0) / freedom
 
     def covariance(self, index: NDArray[np.intp], influence: Array) -> tuple[Array, Array]:
         """Return the covariance (q, q) of an estimate by the scatter, and its degrees of freedom (q,).
@@ -260,7 +260,8 @@ def _outliers(surface: ResponseSurface, group: NDArray[np.intp]) -> NDArray[np.b
         own = ratio[rows]
         distance = np.abs(own - complex(np.median(own.real), np.median(own.imag)))
         limit = max(
-            _MAX_MEDIAN_DISTANCES * float(np.median(distance)), float(np.quantile(distance, 1 - OUTLIERS))
+            _MAX_MEDIAN_DISTANCES * float(np.median(distance)),
+            float(np.quantile(distance, 1 - MAX_SHARE_OF_OUTLIERS)),
         )
         far[rows] = distance > limit
     return far

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from rsgen.common.arrays import Array, ComplexArray
 from rsgen.common.errors import RsgenError
-from rsgen.common.tolerances import BRANCH, MOVE, ROUND_OFF, SIGMAS
+from rsgen.common.tolerances import BRANCH_DISTANCE, FINITE_DIFFERENCE_STEP, OUTLIER_SIGMAS, ROUND_OFF
 from rsgen.data.oscillator import Oscillator
 from rsgen.dynamics.harmonic_balance import Response
 from rsgen.dynamics.settling import SteadyStates
@@ -25,7 +25,7 @@ from rsgen.law.element import Element
 from rsgen.law.motion import Motion
 from rsgen.law.numeric import ForceLaw
 
-_CURVED = (MOVE, 2e-2)
+_CURVED = (FINITE_DIFFERENCE_STEP, 2e-2)
 """Least and largest relative change of the force by which second derivatives are taken."""
 
 _STEEP = 20.0
@@ -77,7 +77,7 @@ class Simulator(Forward):
         self._amplitude, self._accuracy = amplitude, accuracy
         self.harmonics = tuple(h for h in compared if (h % 2 or not law.odd) and (h or law.springs))
         self._highest = max([1, *self.harmonics])
-        self._branch = max(BRANCH, SIGMAS * noise)
+        self._branch = max(BRANCH_DISTANCE, OUTLIER_SIGMAS * noise)
         self.step = float(np.clip(noise, *_CURVED))
         self._moves = _moves(parameters, strength)
         unit = np.where(self._moves > 0, self._moves, 1.0)
@@ -149,8 +149,10 @@ class Simulator(Forward):
         self, parameters: Array, drive: Array, base: ComplexArray
     ) -> tuple[ComplexArray, ComplexArray, NDArray[np.bool_]]:
         # the error of the simulation then matters no more than that of the difference
-        accuracy = max(self._accuracy, MOVE**2)
-        by_force = (self.solve(parameters, drive * (1 + MOVE), accuracy) - base) / MOVE
+        accuracy = max(self._accuracy, FINITE_DIFFERENCE_STEP**2)
+        by_force = (
+            self.solve(parameters, drive * (1 + FINITE_DIFFERENCE_STEP), accuracy) - base
+        ) / FINITE_DIFFERENCE_STEP
         columns = []
         for j, move in enumerate(self._moves):
             trial = np.array(parameters)
@@ -174,10 +176,10 @@ def go_on(states: SteadyStates, good: NDArray[np.bool_], before: Array) -> Array
 
 
 def _moves(parameters: Array, strength: Array) -> Array:
-    """Step of each parameter that moves the response by ``MOVE``, root mean square over all points.
+    """Return the step of each parameter that moves the response by ``FINITE_DIFFERENCE_STEP`` (r.m.s.).
 
     Zero where the response does not depend on the parameter: there is nothing to differentiate.
     """
     size = np.abs(parameters)
     acts = strength * size > ROUND_OFF * np.max(strength * size, initial=0.0)
-    return np.where(acts, np.minimum(MOVE / np.where(acts, strength, 1.0), 0.1 * size), 0.0)
+    return np.where(acts, np.minimum(FINITE_DIFFERENCE_STEP / np.where(acts, strength, 1.0), 0.1 * size), 0.0)

@@ -32,7 +32,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rsgen.common.arrays import Array, ComplexArray
-from rsgen.common.tolerances import ROUND_OFF, TAIL, TO_REST, TRIAL_STEPS
+from rsgen.common.tolerances import HARMONIC_TRUNCATION, MAX_STEPS_TO_REST, MAX_TRIAL_STEPS, ROUND_OFF
 from rsgen.data.multisine import MultisineSpectra
 from rsgen.data.multisine.spectra import scatter, smooth
 from rsgen.dynamics.periodic_response import OVERSAMPLED
@@ -271,7 +271,7 @@ class LawAlongRecord:
             return found
         inertia = self._mass * self._rate**2
         before = float("inf")
-        for _ in range(TRIAL_STEPS):
+        for _ in range(MAX_TRIAL_STEPS):
             x, v, a, step, _ = self._waves(self._motion(self._response, found))
             sample = self._law.sample(x, v, a, step, self._values)
             stiffness = float(np.max(np.abs(sample.by_x)))
@@ -285,7 +285,7 @@ class LawAlongRecord:
             if not change < before:
                 break
             found, before = moved, change
-            if change < TAIL * float(np.linalg.norm(self._response)):
+            if change < HARMONIC_TRUNCATION * float(np.linalg.norm(self._response)):
                 break
         return found
 
@@ -376,7 +376,7 @@ def _balance_mean(
 ) -> tuple[Array, float]:
     """Shift a motion (1, s) by Newton's method until the mean force of the law vanishes; shift [m] too."""
     mean = 0.0
-    for _ in range(TO_REST if law.springs and not law.odd else 0):
+    for _ in range(MAX_STEPS_TO_REST if law.springs and not law.odd else 0):
         sample = law.sample(x + mean, v, a, step, values)
         slope = float(np.mean(sample.by_x))
         move = -float(np.mean(sample.force)) / slope if slope else 0.0

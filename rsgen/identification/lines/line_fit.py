@@ -27,13 +27,13 @@ from numpy.typing import NDArray
 from rsgen.common.arrays import Array, ComplexArray
 from rsgen.common.linear_algebra import solve_scaled
 from rsgen.common.tolerances import (
-    CHANCE,
-    EXCESS,
-    GROUPS,
-    NOTICEABLE,
+    JACKKNIFE_GROUPS,
+    MAX_ALTERNATIONS,
+    MISFIT_NEGLIGIBLE,
+    NOISE_LIMIT_SIGMAS,
+    NOISE_RATIO_BY_CHANCE,
+    NONLINEAR_TRIALS,
     ROUND_OFF,
-    ROUNDS,
-    TRIALS,
     f_quantile,
     normal_share,
 )
@@ -152,7 +152,7 @@ def _line_variances(fit: LineFit, noise: BalanceNoise) -> Array:
     )
     known = np.isfinite(noise.variance)
     # the smoothed power of pure noise exceeds this limit once in thousands
-    limit = 1 + CHANCE / np.sqrt(2 * _SMOOTHING_HALF_WIDTH + 1)
+    limit = 1 + NOISE_LIMIT_SIGMAS / np.sqrt(2 * _SMOOTHING_HALF_WIDTH + 1)
     variance = np.where(~known | (misfit > limit * noise.variance), misfit, noise.variance)
     return np.maximum(variance, _ROUND_OFF_POWER * fit.lines.power(fit.mass))
 
@@ -184,13 +184,13 @@ def fit_lines(
     unknown = BalanceNoise.unknown(lines, len(values))
     fit = LineFit(lines, law, fixed, np.append(values, mass), unknown, variance)
     rules = Rules(free=fit.free)
-    for iteration in range(ROUNDS):
+    for iteration in range(MAX_ALTERNATIONS):
         place, nuisance, line, converged = descend(fit.linearise, fit.parameters, fit.nuisance, rules)
         if fit.noise.cross_covariance.any():
             place = place - _slope_noise_bias(fit, summarise(line, place, nuisance, rules))
         converged = converged and bool(np.isfinite(line.residual).all())
         fit = replace(fit, parameters=place, converged=converged)
-        if iteration < ROUNDS - 1:
+        if iteration < MAX_ALTERNATIONS - 1:
             noise = fit.balance.noise(lines, law, fit.values, fit.mass)
             fit = replace(fit, noise=noise, variance=_line_variances(fit, noise))
     return fit
@@ -343,7 +343,7 @@ def largest_gain_step(fit: LineFit) -> tuple[int, float, float]:
             share = float(np.vdot(column, step).real) / size**2
             error = float(np.linalg.norm(step - share * column)) / (size * np.sqrt(freedom))
             z = abs(share) / max(float(error), ROUND_OFF)
-            if abs(share) > NOTICEABLE and z > found[2]:
+            if abs(share) > MISFIT_NEGLIGIBLE and z > found[2]:
                 found = (first, abs(share), z)
     return found
 
@@ -375,8 +375,8 @@ def band_parts(lines: SpectralLines) -> NDArray[np.intp]:
     parts, first = [], 0
     for used in lines.used:
         count = int(used.sum())
-        parts.append(first + np.arange(count) * GROUPS // max(count, 1))
-        first += min(GROUPS, count)
+        parts.append(first + np.arange(count) * JACKKNIFE_GROUPS // max(count, 1))
+        first += min(JACKKNIFE_GROUPS, count)
     return np.unique(np.concatenate(parts), return_inverse=True)[1]
 
 
@@ -390,17 +390,19 @@ def misfit_to_noise(fit: LineFit) -> float:
 
 
 def max_misfit_of_noise(fit: LineFit) -> float:
-    """Return the limit of ``misfit_to_noise`` that noise alone exceeds with the probability of ``CHANCE``.
+    """Return the limit of ``misfit_to_noise`` noise exceeds with the chance of ``NOISE_LIMIT_SIGMAS``.
 
     The ratio of the two sums of squares follows Fisher's F distribution. The noise is averaged over few
     neighbouring lines and periods, n degrees of freedom, so that its mean inverse is larger by n/(n - 1).
     """
     count, repeats = int(fit.lines.used.sum()), fit.lines.spectra.periods - 1
     if repeats < 1:
-        return EXCESS
+        return NOISE_RATIO_BY_CHANCE
     freedom, averaged = max(2 * count - int(fit.free.sum()), 1), repeats * (SMOOTHED + 1)
-    limit = f_quantile(freedom, 2 * repeats * count, 1 - normal_share(-CHANCE))
-    return max(EXCESS, float(np.sqrt(limit * freedom / (2 * count) * averaged / (averaged - 1))))
+    limit = f_quantile(freedom, 2 * repeats * count, 1 - normal_share(-NOISE_LIMIT_SIGMAS))
+    return max(
+        NOISE_RATIO_BY_CHANCE, float(np.sqrt(limit * freedom / (2 * count) * averaged / (averaged - 1)))
+    )
 
 
 def relative_to_force(lines: SpectralLines, power: Array) -> float:
@@ -488,7 +490,7 @@ class _SampledBalance:
         size = self.natural[list(self.law.nonlinear)]
         size = np.where(np.isfinite(size) & (size > 0), size, 1.0)
         ratios = np.logspace(-DECADES, DECADES, int(2 * DECADES * _TRIALS_A_DECADE) + 1)
-        count = TRIALS // (4 if self.law.remembers else 1)
+        count = NONLINEAR_TRIALS // (4 if self.law.remembers else 1)
         return search_values(self.residual, list(size[:, None] * ratios), count)
 
 

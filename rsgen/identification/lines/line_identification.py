@@ -16,15 +16,15 @@ from rsgen.common.arrays import Array, frozen_array
 from rsgen.common.errors import RsgenError
 from rsgen.common.finding import Finding, Quantity, Severity, quantities, severity_of
 from rsgen.common.tolerances import (
-    CHANCE,
-    LARGE,
-    MEANINGLESS,
-    NOTICEABLE,
-    POOR,
-    SAME_NUMBER,
-    SIGMAS,
-    SIGNIFICANT,
-    TAKEN,
+    MIN_MISFIT_REDUCTION,
+    MIN_SIGNIFICANT_GAIN,
+    MISFIT_DOUBTFUL,
+    MISFIT_NEGLIGIBLE,
+    MISFIT_REJECTED,
+    NOISE_LIMIT_SIGMAS,
+    OUTLIER_SIGMAS,
+    RELATIVE_CHANGE_NEGLIGIBLE,
+    RELATIVE_ERROR_DOUBTFUL,
 )
 from rsgen.data.multisine import BestLinear, MultisineSpectra, best_linear, implausible
 from rsgen.data.multisine.spectra import check_records
@@ -172,12 +172,12 @@ def _assemble(spectra: MultisineSpectra, model: Model, fit: LineFit) -> Multisin
 
 def _fixed_findings(fit: LineFit, terms: Mapping[str, Alternative], misfit: float) -> list[Finding]:
     """Find fixed values that the lines contradict more than they contradict the lack of any term."""
-    least = max(SIGNIFICANT, *(term.gain for term in terms.values()))
+    least = max(MIN_SIGNIFICANT_GAIN, *(term.gain for term in terms.values()))
     square = np.sum(np.abs(fit.balance.residual[fit.lines.used]) ** 2 * 2 / fit.variance[fit.lines.used])
     found = []
     for name, free in fit_fixed_parameters(fit).items():
         fixed = fit.fixed[name]
-        if free.gain >= least and abs(free.value) >= SAME_NUMBER * abs(fixed):
+        if free.gain >= least and abs(free.value) >= RELATIVE_CHANGE_NEGLIGIBLE * abs(fixed):
             left = misfit * float(np.sqrt(max(1 - free.gain / square, 0.0)))
             times = float(np.sqrt(free.gain))
             found.append(fixed_contradicted(name, fixed, free.value, misfit=misfit, left=left, times=times))
@@ -230,10 +230,10 @@ def _sign_findings(fit: LineFit, covariance: Array) -> list[Finding]:
     power = 0.5 * np.sum((part.mean_force * np.conj(velocity)).real * lines.used, axis=1)
     force, response = map(np.nan_to_num, part.noise())
     variance = np.abs(velocity) ** 2 * force**2 + np.abs(part.mean_force * lines.rate) ** 2 * response**2
-    limit = CHANCE * np.sqrt(0.5 * np.sum(variance * lines.used, axis=1))
+    limit = NOISE_LIMIT_SIGMAS * np.sqrt(0.5 * np.sum(variance * lines.used, axis=1))
     if np.any(power < -limit):
         found.append(Finding("structure-feeds-exciter", "error"))
-    if fit.mass < -CHANCE * float(np.nan_to_num(np.sqrt(covariance[-1, -1]))):
+    if fit.mass < -NOISE_LIMIT_SIGMAS * float(np.nan_to_num(np.sqrt(covariance[-1, -1]))):
         found.append(Finding("mass-negative", "error", "m", {"mass": Quantity(fit.mass, "kg")}))
     return found
 
@@ -241,7 +241,7 @@ def _sign_findings(fit: LineFit, covariance: Array) -> list[Finding]:
 def _delay_findings(fit: LineFit, misfit: float) -> list[Finding]:
     """Find a delay between force and response that explains most of the misfit; none or one."""
     delay, error, ratio = channel_delay(fit)
-    if misfit < NOTICEABLE or ratio > 1 - TAKEN or abs(delay) < SIGMAS * error:
+    if misfit < MISFIT_NEGLIGIBLE or ratio > 1 - MIN_MISFIT_REDUCTION or abs(delay) < OUTLIER_SIGMAS * error:
         return []
     numbers = quantities(delay=Quantity(delay, "s"), left=ratio * misfit, misfit=misfit)
     return [Finding("channels-delayed", "doubt", numbers=numbers)]
@@ -250,9 +250,9 @@ def _delay_findings(fit: LineFit, misfit: float) -> list[Finding]:
 def _drift_findings(fit: LineFit, skipped: int) -> list[Finding]:
     """Find a gain that changes within a record whose first ``skipped`` periods were not used; none or one."""
     first, size, z = largest_gain_step(fit)
-    if z < SIGMAS:
+    if z < OUTLIER_SIGMAS:
         return []
-    severity: Severity = "doubt" if size > SAME_NUMBER else "warning"
+    severity: Severity = "doubt" if size > RELATIVE_CHANGE_NEGLIGIBLE else "warning"
     names = {"parts": f"the periods from number {skipped + first + 1} on, and those before"}
     return [Finding("parts-disagree", severity, "", quantities(z=z, size=size), names)]
 
@@ -265,12 +265,12 @@ def _damping_findings(fit: LineFit, misfit: float, noise: float) -> list[Finding
     """
     # with one period, misfit and noise cannot be separated
     by_chance = np.isfinite(noise) and misfit_to_noise(fit) < max_misfit_of_noise(fit)
-    if misfit > POOR or by_chance:
+    if misfit > MISFIT_DOUBTFUL or by_chance:
         return []
     share = relative_to_force(fit.lines, Balance.damping(fit.lines, fit.law, fit.values, fit.mass))
     systematic = float(np.sqrt(max(misfit**2 - np.nan_to_num(noise) ** 2, 0.0)))
     # the damping share of a law with memory is NaN: no finding
-    if not systematic > max(LARGE * share, 0.0 if share else NOTICEABLE):
+    if not systematic > max(RELATIVE_ERROR_DOUBTFUL * share, 0.0 if share else MISFIT_NEGLIGIBLE):
         return []
     numbers = quantities(misfit=misfit, **({"share": systematic / share} if share else {}))
     return [Finding("misfit-beside-damping", "doubt", numbers=numbers)]
@@ -281,16 +281,19 @@ def _misfit_findings(fit: LineFit, misfit: float, noise: float, widening: float)
     ratio = misfit_to_noise(fit)
     if not np.isfinite(noise):
         found = [Finding("periods-few", "warning", numbers=quantities(periods=1))]
-        if misfit > POOR:
-            severity = severity_of(misfit, POOR, MEANINGLESS)
+        if misfit > MISFIT_DOUBTFUL:
+            severity = severity_of(misfit, MISFIT_DOUBTFUL, MISFIT_REJECTED)
             found.append(Finding("law-does-not-fit", severity, numbers=quantities(misfit=misfit)))
         return found
     # a misfit of exact data exceeds the noise, which is zero there
-    if ratio < max_misfit_of_noise(fit) or misfit < NOTICEABLE:
-        severity = "doubt" if misfit > MEANINGLESS else "warning"
+    if ratio < max_misfit_of_noise(fit) or misfit < MISFIT_NEGLIGIBLE:
+        severity = "doubt" if misfit > MISFIT_REJECTED else "warning"
         large = Finding("misfit-large", severity, numbers=quantities(misfit=misfit))
-        return [large] if misfit > 2 * POOR else []
-    severity, size = severity_of(misfit, POOR, MEANINGLESS), quantities(misfit=misfit, times=ratio)
+        return [large] if misfit > 2 * MISFIT_DOUBTFUL else []
+    severity, size = (
+        severity_of(misfit, MISFIT_DOUBTFUL, MISFIT_REJECTED),
+        quantities(misfit=misfit, times=ratio),
+    )
     parts = quantities(wider=widening, groups=int(band_parts(fit.lines).max()) + 1)
     return [
         Finding("law-does-not-fit", severity, numbers=size),

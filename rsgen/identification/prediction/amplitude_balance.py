@@ -21,7 +21,14 @@ from numpy.typing import NDArray
 from rsgen.common.arrays import Array, ComplexArray
 from rsgen.common.errors import RsgenError
 from rsgen.common.finding import Finding
-from rsgen.common.tolerances import ANY_LAW, NORMAL, ORDER, SAMPLES, START_ORDER, TRIAL_STEPS
+from rsgen.common.tolerances import (
+    ANY_LAW,
+    BALANCE_HARMONICS,
+    INTERVAL_SIGMAS,
+    MAX_TRIAL_STEPS,
+    SAMPLES_PER_PERIOD,
+    START_HARMONICS,
+)
 from rsgen.data.oscillator import Model
 from rsgen.data.surface import ResponseSurface
 from rsgen.dynamics.harmonic_balance import Response, following_harmonics, hold_amplitude
@@ -64,9 +71,9 @@ class AmplitudeBalance:
         self._values = np.array(identification.solution)
         self._mass = identification.mass
         # with jumps the higher harmonics of a balance do not converge near sticking
-        self._order = START_ORDER if self._law.jumps else ORDER
+        self._order = START_HARMONICS if self._law.jumps else BALANCE_HARMONICS
         self._following = following_harmonics(self._law, self._order)
-        self._samples = 2 * SAMPLES if self._law.switched else SAMPLES
+        self._samples = 2 * SAMPLES_PER_PERIOD if self._law.switched else SAMPLES_PER_PERIOD
         self._covariance = np.nan_to_num(identification.covariance)
         names = (*self._law.parameters, "m")
         self._places = [names.index(estimate.name) for estimate in identification.refined]
@@ -101,7 +108,7 @@ class AmplitudeBalance:
         """Return the half width (n,) of the 95 % band of the force amplitude [N]."""
         slope = (np.conj(at.force)[:, None] * at.force_by[:, self._places]).real / np.abs(at.force)[:, None]
         variance = np.einsum("np,pq,nq->n", slope, self._covariance, slope)
-        return np.asarray(NORMAL * np.sqrt(np.maximum(variance, 0.0)))
+        return np.asarray(INTERVAL_SIGMAS * np.sqrt(np.maximum(variance, 0.0)))
 
     def _equivalent(
         self, size: Array, omega: Array, start: ComplexArray | None
@@ -121,7 +128,7 @@ class AmplitudeBalance:
         omega, (stiffness, middle, last) = np.array(omega), np.full((3, len(size)), np.nan)
         start: ComplexArray | None = None
         moving = np.arange(len(size))
-        for _ in range(TRIAL_STEPS):
+        for _ in range(MAX_TRIAL_STEPS):
             stiff, damping, start = self._equivalent(size[moving], omega[moving], start)
             stiffness[moving] = stiff
             middle[moving] = stiff / self._mass - 0.5 * (damping / self._mass) ** 2

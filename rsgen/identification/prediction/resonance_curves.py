@@ -18,7 +18,7 @@ import numpy as np
 from rsgen.common.arrays import Array, ComplexArray
 from rsgen.common.errors import RsgenError, require
 from rsgen.common.finding import Finding, Quantity, quantities
-from rsgen.common.tolerances import BRANCH
+from rsgen.common.tolerances import BRANCH_DISTANCE
 from rsgen.data.multisine import MultisineSpectra
 from rsgen.data.oscillator import Model, Oscillator, refuse_across
 from rsgen.data.surface import ResponseSurface, match_level, typical_amounts
@@ -471,7 +471,7 @@ def _score(
                     level_unit=surface.level_unit,
                     force_unit=identification.curve.units.force,
                     force=float(forces[surface.levels == level][0]),
-                    missing=len(rows) - int(np.count_nonzero(miss <= BRANCH * np.abs(measured))),
+                    missing=len(rows) - int(np.count_nonzero(miss <= BRANCH_DISTANCE * np.abs(measured))),
                 )
             )
     return tuple(scored)

@@ -27,7 +27,7 @@ import sympy
 from numpy.typing import NDArray
 
 from rsgen.common.arrays import Array, Chosen, ComplexArray, blocks
-from rsgen.common.tolerances import BLOCK, EXPECTED_NOISE, ORDER
+from rsgen.common.tolerances import ASSUMED_RELATIVE_NOISE, BALANCE_HARMONICS, POINTS_PER_BLOCK
 from rsgen.formula import parse, symbol
 from rsgen.identification.fitting.observed import Observed
 from rsgen.law.element import Element, Law, laws, make_element
@@ -288,13 +288,13 @@ def predicted_motion(
         (n,) phase of the measured fundamental [rad] (``Fit``).
     """
     mode = observed.mode(background)
-    count = min(ORDER + 1, mode.harmonics.shape[1])
+    count = min(BALANCE_HARMONICS + 1, mode.harmonics.shape[1])
     back = np.exp(-1j * turn)
-    deviation = np.zeros((len(mode), ORDER + 1), dtype=complex)
+    deviation = np.zeros((len(mode), BALANCE_HARMONICS + 1), dtype=complex)
     deviation[:, :count] = (
         mode.harmonics[:, :count] * back[:, None] ** np.arange(count) - harmonics[:, :count]
     )
-    measured = np.isin(np.arange(ORDER + 1), mode.measured)
+    measured = np.isin(np.arange(BALANCE_HARMONICS + 1), mode.measured)
     deviation[:, ~measured] = 0
     return ReferenceMotion(
         mode.omega,
@@ -424,7 +424,7 @@ def whiten_balance(
     series = fourier_series(tuple(range(motion.order + 1)), _SAMPLES_A_PERIOD, half=False)
     projection = series.project.T
     diagonal = np.arange(width)
-    for part in blocks(count, BLOCK):
+    for part in blocks(count, POINTS_PER_BLOCK):
         here = motion.select(part)
         # J: dynamic stiffness of the law along the motion
         x, v, a, step = (column[part] for column in trajectory)
@@ -448,7 +448,7 @@ def whiten_balance(
         right[part] = (root @ forces[:, :, None])[:, :, 0]
         inertia[part] = (root @ acceleration[:, :, None])[:, :, 0]
         project[part] = root @ projection
-    weight = motion.background_effect / MAX_MOTION_DISTANCE * (1.0 if balanced else EXPECTED_NOISE)
+    weight = motion.background_effect / MAX_MOTION_DISTANCE * (1.0 if balanced else ASSUMED_RELATIVE_NOISE)
     return WhitenedBalance(
         trajectory, inertia, right, background, motion.background, weight, motion.known, project
     )

@@ -23,13 +23,13 @@ from rsgen.common.errors import RsgenError, require
 from rsgen.common.finding import Finding, quantities
 from rsgen.common.tolerances import (
     ANY_LAW,
-    EXCESS,
-    EXPECTED_NOISE,
-    LARGE,
-    NOTICEABLE,
-    ORDER,
-    QUICK,
-    START_ORDER,
+    ASSUMED_RELATIVE_NOISE,
+    BALANCE_HARMONICS,
+    MISFIT_NEGLIGIBLE,
+    NOISE_RATIO_BY_CHANCE,
+    RELATIVE_ERROR_DOUBTFUL,
+    START_HARMONICS,
+    SUBSAMPLE_POINTS,
 )
 from rsgen.data.oscillator import Model, Observation, join_model, refuse_across
 from rsgen.data.surface import ResponseSurface, without_copies
@@ -165,7 +165,7 @@ def rank(
     rounds = _all_rounds(observed, rows, given, terms, base.fixed, terms_in_sum)
     # rounds may go in a circle: take the last of those with the least misfit
     misfits = [one.systematic_misfit(points) for one, _ in rounds]
-    best = max(i for i, misfit in enumerate(misfits) if misfit <= min(misfits) + NOTICEABLE)
+    best = max(i for i, misfit in enumerate(misfits) if misfit <= min(misfits) + MISFIT_NEGLIGIBLE)
     found = _ranking(observed, *rounds[best], tuple(laws), base, surface)
     # without a mass the balance was fitted per unit mass, with a mass of 1 kg
     return replace(found, model=replace(found.model, fixed=fixed), surface=given_surface)
@@ -194,7 +194,7 @@ def _all_rounds(
             rounds += _rounds(observed, entries.fit(candidates, rows, observed.points, first=True), entries)
         except RsgenError as refused:
             fault = refused
-        if rounds and min(one.systematic_misfit(observed.points) for one, _ in rounds) <= NOTICEABLE:
+        if rounds and min(one.systematic_misfit(observed.points) for one, _ in rounds) <= MISFIT_NEGLIGIBLE:
             break
     if fault is not None and not rounds:
         raise fault
@@ -253,13 +253,13 @@ def _start_background(observed: Observed, base: Model, given: Sequence[tuple[Ele
     # a linear law would put its misfit into the background
     laws = [elements for elements in given if not _is_linear(replace(base, elements=elements).force)]
     laws += [as_elements(law) for law in _SURROGATES]
-    subsample = observed.select(observed.points.spread(QUICK))
+    subsample = observed.select(observed.points.spread(SUBSAMPLE_POINTS))
     fits = []
     for elements in laws:
         problem = Problem(
             elements, compile_law(replace(base, elements=elements).force), subsample, base.fixed
         )
-        fits.append(fit_balance(*start_fit(problem), order=START_ORDER))
+        fits.append(fit_balance(*start_fit(problem), order=START_HARMONICS))
     return min(fits, key=lambda found: found.regression.noise if found.mass > 0 else np.inf).background
 
 
@@ -291,7 +291,7 @@ def _round(
     before: Array | None,
 ) -> _Round | None:
     """Fit the law of the reference motion, and estimate the noise."""
-    noise = np.full(ORDER + 1, EXPECTED_NOISE) if before is None else before
+    noise = np.full(BALANCE_HARMONICS + 1, ASSUMED_RELATIVE_NOISE) if before is None else before
     chosen = points.select(reference.chosen)
     candidate = replace(candidate, values=reference.parameters)
     for last in (False, False, True):
@@ -300,7 +300,7 @@ def _round(
         if leader is None or last:
             break
         _, random = neighbour_noise(leader.residual, _inlier_pairs(leader, noise, chosen), rows.compared)
-        noise = np.maximum(noise * np.where(np.isfinite(random), random, 1.0), NOTICEABLE)
+        noise = np.maximum(noise * np.where(np.isfinite(random), random, 1.0), MISFIT_NEGLIGIBLE)
     return None if leader is None else _Round(reference, noise, rows, leader)
 
 
@@ -339,7 +339,7 @@ def _unconfirmed_findings(
     ``noise`` is the relative noise of the ranking, where candidates share a motion that may be of another
     law.
     """
-    subsample = observed.select(observed.points.spread(QUICK))
+    subsample = observed.select(observed.points.spread(SUBSAMPLE_POINTS))
     candidate, law = best.candidate, compile_law(best.candidate.force)
     problem = Problem(candidate.elements, law, subsample, fixed)
     values = np.array([candidate.values[name] for name in law.parameters])
@@ -348,7 +348,7 @@ def _unconfirmed_findings(
     # if the fit fails from the values of the ranking, search as an identification does
     for searched in (False, True):
         start = start_fit(problem) if searched else (problem, near)
-        fit = fit_balance(*start, order=START_ORDER)
+        fit = fit_balance(*start, order=START_HARMONICS)
         misfit = np.sqrt(2) * fit.regression.noise
         if not misfit > max(_MAX_MISFIT_TO_EXPECTED * expected, _MIN_MISFIT_OF_DOUBT):
             return []
@@ -376,7 +376,8 @@ def order_candidates(
         Numbers of the candidates, best first; the lowest BIC without overfitting; which tie with it.
     """
     overfitted = [
-        worse > LARGE and any(few < many and worse > EXCESS * error[i] for i, few in enumerate(count))
+        worse > RELATIVE_ERROR_DOUBTFUL
+        and any(few < many and worse > NOISE_RATIO_BY_CHANCE * error[i] for i, few in enumerate(count))
         for many, worse in zip(count, error, strict=True)
     ]
     lowest = min(value for value, last in zip(bic, overfitted, strict=True) if not last)

@@ -18,7 +18,12 @@ from rsgen.common.arrays import Array
 from rsgen.common.errors import RsgenError
 from rsgen.common.finding import Finding, Quantity, Severity, Verdict, reach_verdict
 from rsgen.common.text_table import Printed, TextTable, data_frame, lookup, short
-from rsgen.common.tolerances import EXCESS, FEW, LARGE, NOTICEABLE
+from rsgen.common.tolerances import (
+    MAX_SHARE_OF_OUTLIERS_BY_CHANCE,
+    MISFIT_NEGLIGIBLE,
+    NOISE_RATIO_BY_CHANCE,
+    RELATIVE_ERROR_DOUBTFUL,
+)
 from rsgen.data.oscillator import Model
 from rsgen.data.surface import ResponseSurface
 from rsgen.identification.fitting.observed import beyond_chance
@@ -281,7 +286,7 @@ def _max_misfits(points: Points, count: int) -> Array:
     size = np.zeros(count)
     relative = np.abs(points.harmonics[:, :known]) ** 2 / points.amplitude[:, None] ** 2
     size[:known] = np.sqrt(np.mean(relative, axis=0))
-    limits = np.maximum(NOTICEABLE, _MAX_UNEXPLAINED_OF_HARMONIC * size)
+    limits = np.maximum(MISFIT_NEGLIGIBLE, _MAX_UNEXPLAINED_OF_HARMONIC * size)
     limits[:2] = _MAX_UNEXPLAINED
     return np.asarray(limits)
 
@@ -310,7 +315,7 @@ def is_same(one: CandidateFit, other: CandidateFit, rows: WhitenedBalance) -> bo
         values = law.ordered(fit.candidate.values)
         forces.append(law.sample(x, v, a, step, values).force)
     difference = float(np.max(np.abs(forces[0] - forces[1])))
-    return difference <= NOTICEABLE * float(np.max(np.abs(forces[1])))
+    return difference <= MISFIT_NEGLIGIBLE * float(np.max(np.abs(forces[1])))
 
 
 def implausible_findings(fitted: CandidateFit, rows: WhitenedBalance) -> list[Finding]:
@@ -364,7 +369,7 @@ def _overfitting_findings(best: CandidateFit, noise: Array, candidates: Sequence
     scale = np.repeat(noise, 2)[1:]
     fitted = float(np.sqrt(np.mean((best.residual * scale)[:, best.compared] ** 2)))
     first = candidates[0]
-    if not first.held_out_error > EXCESS * max(fitted, NOTICEABLE):
+    if not first.held_out_error > NOISE_RATIO_BY_CHANCE * max(fitted, MISFIT_NEGLIGIBLE):
         return []
     numbers = {"predicted": Quantity(first.held_out_error), "fitted": Quantity(fitted)}
     names = dict[str, str]()
@@ -372,12 +377,12 @@ def _overfitting_findings(best: CandidateFit, noise: Array, candidates: Sequence
         candidate
         for candidate in candidates
         if (candidate.tied or candidate.parameters < first.parameters)
-        and EXCESS * candidate.held_out_error < first.held_out_error
+        and NOISE_RATIO_BY_CHANCE * candidate.held_out_error < first.held_out_error
     ]
     if better:
         least = min(better, key=lambda candidate: candidate.held_out_error)
         numbers["other"], names["law"] = Quantity(least.held_out_error), least.label
-    severity: Severity = "doubt" if first.held_out_error > LARGE else "warning"
+    severity: Severity = "doubt" if first.held_out_error > RELATIVE_ERROR_DOUBTFUL else "warning"
     return [Finding("levels-predicted-worse", severity, numbers=numbers, names=names)]
 
 
@@ -386,7 +391,7 @@ def _sample_findings(points: Points, parameters: int, outliers: int, excluded: i
     found = []
     if outliers:
         numbers = {"aside": Quantity(outliers), "points": Quantity(len(points) + excluded)}
-        many = outliers > FEW * (len(points) + excluded)
+        many = outliers > MAX_SHARE_OF_OUTLIERS_BY_CHANCE * (len(points) + excluded)
         severity: Severity = "doubt" if many else "warning"
         found.append(Finding("points-set-aside", severity, numbers=numbers, names={"by": "ranking"}))
     if len(points) < _MIN_POINTS_A_PARAMETER * parameters:
@@ -403,7 +408,11 @@ def _best_law_findings(
     """State the best law and those that the test does not separate from it."""
     tied = [candidate.name for candidate in candidates if candidate.tied]
     best, rest = tied[0], tied[1:]
-    numbers = {"points": Quantity(len(points)), "noise": Quantity(noise), "least": Quantity(NOTICEABLE)}
+    numbers = {
+        "points": Quantity(len(points)),
+        "noise": Quantity(noise),
+        "least": Quantity(MISFIT_NEGLIGIBLE),
+    }
     label = {candidate.name: candidate.label for candidate in candidates}
     law = {"law": label[best]} | ({} if len(points.neighbours) else {"noise": "not known"})
     found = [Finding("law-fits-best" if sure else "law-nearest", "info", numbers=numbers, names=law)]

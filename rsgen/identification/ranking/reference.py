@@ -17,17 +17,17 @@ from numpy.typing import NDArray
 from rsgen.common.arrays import Array, ComplexArray
 from rsgen.common.errors import RsgenError
 from rsgen.common.tolerances import (
-    BRANCH,
-    EXPECTED_NOISE,
-    FEW,
-    FLAT,
-    FOLLOWED,
-    MOVE,
-    NOTICEABLE,
-    ORDER,
-    OUTLIERS,
-    SIGMAS,
-    TRIAL_STEPS,
+    ASSUMED_RELATIVE_NOISE,
+    BALANCE_HARMONICS,
+    BRANCH_DISTANCE,
+    FINITE_DIFFERENCE_STEP,
+    MAX_SHARE_OF_OUTLIERS,
+    MAX_SHARE_OF_OUTLIERS_BY_CHANCE,
+    MAX_TRIAL_STEPS,
+    MIN_RELATIVE_SLOPE,
+    MIN_SHARE_PREDICTED,
+    MISFIT_NEGLIGIBLE,
+    OUTLIER_SIGMAS,
 )
 from rsgen.data.free_mode import fit_mode, steady
 from rsgen.data.oscillator import Oscillator
@@ -143,13 +143,13 @@ def fit_reference_motion(
     values = law.ordered(best.values)
     problem = Problem(best.elements, law, observed, fixed)
     place = problem.join(values, best.values["m"], best.background)
-    found = fit_balance(problem, place, order=ORDER, reject=False, steps=TRIAL_STEPS)
+    found = fit_balance(problem, place, order=BALANCE_HARMONICS, reject=False, steps=MAX_TRIAL_STEPS)
     if law.rough and found.mass > 0 and _shared_misfit(found) < MAX_MOTION_DISTANCE:
         exact = _simulated_reference(best, found, fixed)
         if exact is not None:
             return exact
     chosen = np.flatnonzero(_predicted(found))
-    if len(chosen) < FOLLOWED * len(found.force):
+    if len(chosen) < MIN_SHARE_PREDICTED * len(found.force):
         return None
     part = found.select(chosen)
     motion = predicted_motion(part.problem.observed, found.background, part.harmonics, part.force, part.turn)
@@ -164,7 +164,7 @@ def _shared_misfit(found: Fit) -> float:
     common = np.sort((first * np.conj(second)).real)
     common = common[np.isfinite(common)]
     # near sticking the truncated balance of some points is far off for any law
-    trimmed = int(OUTLIERS * len(common))
+    trimmed = int(MAX_SHARE_OF_OUTLIERS * len(common))
     common = common[trimmed : len(common) - trimmed]
     return float(np.sqrt(max(float(np.mean(common)), 0.0))) if len(common) else 0.0
 
@@ -183,7 +183,7 @@ def _simulated_reference(best: CandidateLaw, found: Fit, fixed: Mapping[str, flo
     for _ in range(_SIMULATED_FITS):
         if reference is None:
             return None
-        noise = np.full(ORDER + 1, EXPECTED_NOISE)
+        noise = np.full(BALANCE_HARMONICS + 1, ASSUMED_RELATIVE_NOISE)
         rows, inside = reference.rows(noise), reference.chosen
         candidate = replace(best, values=reference.parameters)
         leader = fit_candidate(candidate, rows, level[inside], fixed)
@@ -231,19 +231,25 @@ def _simulate_amplitudes(
     try:
         states = solve(drive, state)
         state = go_on(states, states.settled, state)
-        moved = solve((1 + MOVE) * drive, state)
+        moved = solve((1 + FINITE_DIFFERENCE_STEP) * drive, state)
         # a point that does not settle, or sticks, has no amplitude and keeps its force
         with np.errstate(divide="ignore", invalid="ignore"):
-            growth = np.log(np.abs(moved.harmonics[:, 1] / states.harmonics[:, 1])) / np.log1p(MOVE)
-            step = np.log(wanted / np.abs(states.harmonics[:, 1])) / np.where(growth > FLAT, growth, np.inf)
+            growth = np.log(np.abs(moved.harmonics[:, 1] / states.harmonics[:, 1])) / np.log1p(
+                FINITE_DIFFERENCE_STEP
+            )
+            step = np.log(wanted / np.abs(states.harmonics[:, 1])) / np.where(
+                growth > MIN_RELATIVE_SLOPE, growth, np.inf
+            )
         # a longer step may end on another branch
-        drive = drive * np.exp(np.clip(np.nan_to_num(step), -BRANCH, BRANCH)).astype(np.complex128)
+        drive = drive * np.exp(np.clip(np.nan_to_num(step), -BRANCH_DISTANCE, BRANCH_DISTANCE)).astype(
+            np.complex128
+        )
         states = solve(drive, state)
     except RsgenError:
         return None
     near = np.abs(np.abs(states.harmonics[:, 1]) / wanted - 1) < MAX_MOTION_DISTANCE
     chosen = np.flatnonzero(good & states.settled & near)
-    if len(chosen) < FOLLOWED * len(points):
+    if len(chosen) < MIN_SHARE_PREDICTED * len(points):
         return None
     # turned to a fundamental of phase zero
     lag = np.angle(states.harmonics[chosen, 1])
@@ -259,10 +265,12 @@ def outliers_of(fitted: CandidateFit, noise: Array) -> NDArray[np.bool_]:
     A few outliers are spikes, or motions that the simulation misses, and no fault of the law.
     """
     size = np.abs(fitted.residual[:, fitted.compared])
-    least = (NOTICEABLE / np.repeat(noise, 2)[1:])[fitted.compared]
+    least = (MISFIT_NEGLIGIBLE / np.repeat(noise, 2)[1:])[fitted.compared]
     # the median of a normal deviate's size is 0.6745
-    out = np.asarray((size > SIGMAS * np.maximum(np.median(size, axis=0) / 0.6745, least)).any(axis=1))
-    return out if np.mean(out) <= FEW else np.zeros_like(out)
+    out = np.asarray(
+        (size > OUTLIER_SIGMAS * np.maximum(np.median(size, axis=0) / 0.6745, least)).any(axis=1)
+    )
+    return out if np.mean(out) <= MAX_SHARE_OF_OUTLIERS_BY_CHANCE else np.zeros_like(out)
 
 
 def neighbour_noise(

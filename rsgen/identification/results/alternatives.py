@@ -14,7 +14,14 @@ import numpy as np
 from rsgen.common.arrays import Array
 from rsgen.common.finding import Finding, Severity, quantities
 from rsgen.common.text_table import Printed, TextTable
-from rsgen.common.tolerances import CHANCE, ERRORS, LARGE, NOISY, NORMAL, NOTICEABLE
+from rsgen.common.tolerances import (
+    INTERVAL_SIGMAS,
+    MISFIT_NEGLIGIBLE,
+    MISFIT_OF_NOISE,
+    NOISE_LIMIT_SIGMAS,
+    RELATIVE_ERROR_DOUBTFUL,
+    STANDARD_ERRORS_OF_DIFFERENCE,
+)
 from rsgen.identification.fitting.least_squares import Alternative
 
 
@@ -32,10 +39,10 @@ def spread_between(others: Iterable[Alternative], values: Array, error: Array) -
     values, error
         (q,) parameters, and their standard errors by noise alone.
     """
-    likely = [np.abs(one.shift[: len(values)]) for one in others if one.gain > NORMAL**2]
+    likely = [np.abs(one.shift[: len(values)]) for one in others if one.gain > INTERVAL_SIGMAS**2]
     moved = np.max([np.zeros(len(values)), *likely], axis=0)
     # the misfit of exact data, and the shift by terms, are due to truncated waveforms
-    known = np.isfinite(error) & (error > 0) & (moved > NOISY * np.abs(values))
+    known = np.isfinite(error) & (error > 0) & (moved > MISFIT_OF_NOISE * np.abs(values))
     return np.where(known, np.hypot(1, moved / np.where(known, error, 1.0)), 1.0)
 
 
@@ -96,15 +103,21 @@ class Alternatives(Printed):
         share, said = np.zeros(len(values)), ("", "", 0.0)
         for kind, name, one in self:
             shift = one.shift[: len(values)]
-            clear = (ratio > 1) & (np.abs(shift) > ERRORS * self.error) & (one.gain >= CHANCE**2)
+            clear = (
+                (ratio > 1)
+                & (np.abs(shift) > STANDARD_ERRORS_OF_DIFFERENCE * self.error)
+                & (one.gain >= NOISE_LIMIT_SIGMAS**2)
+            )
             moved = np.where(clear, shift / values, 0.0)
             if np.max(np.abs(moved)) > np.max(np.abs(share)):
                 share, said = moved, (kind, name, float(np.sqrt(one.gain)))
         worst, (kind, name, errors) = int(np.argmax(np.abs(share))), said
         if not kind:
             return ratio, found
-        open_ = NORMAL * self.error[worst] * ratio[worst] > LARGE * abs(values[worst])
-        severity: Severity = "doubt" if open_ and misfit > NOTICEABLE else "warning"
+        open_ = INTERVAL_SIGMAS * self.error[worst] * ratio[worst] > RELATIVE_ERROR_DOUBTFUL * abs(
+            values[worst]
+        )
+        severity: Severity = "doubt" if open_ and misfit > MISFIT_NEGLIGIBLE else "warning"
         numbers = quantities(errors=errors, moved=share[worst])
         return ratio, [*found, Finding("law-ambiguous", severity, self.names[worst], numbers, {kind: name})]
 

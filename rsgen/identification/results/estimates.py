@@ -19,11 +19,11 @@ from rsgen.common.arrays import Array
 from rsgen.common.finding import Finding, Quantity, quantities
 from rsgen.common.tolerances import (
     CONFIDENCE,
-    LARGE,
-    NORMAL,
-    NULL_PART,
+    INTERVAL_SIGMAS,
+    MIN_NULL_COMPONENT,
+    RELATIVE_CHANGE_NEGLIGIBLE,
+    RELATIVE_ERROR_DOUBTFUL,
     ROUND_OFF,
-    SAME_NUMBER,
     f_tail,
     samples_for,
     t_quantile,
@@ -148,7 +148,7 @@ def damping_findings(
 def _order(force: Array, twice: Array) -> float:
     """Power of the motion that a force goes with, from that of twice the motion; NaN of what is no power."""
     size, larger = (float(np.linalg.norm(part)) for part in (force, twice))
-    if not np.allclose(twice * size, force * larger, rtol=0, atol=NULL_PART * size * larger):
+    if not np.allclose(twice * size, force * larger, rtol=0, atol=MIN_NULL_COMPONENT * size * larger):
         return nan
     return log2(larger / size)
 
@@ -167,10 +167,10 @@ def phase_findings(background: Array) -> list[Finding]:
     """
     turned = float(np.angle(np.exp(1j * background[0]))) if len(background) else 0.0
     loss = float(1 - max(np.cos(turned), 0.0))
-    if not loss > SAME_NUMBER:
+    if not loss > RELATIVE_CHANGE_NEGLIGIBLE:
         return []
     numbers = quantities(phase=Quantity(turned, "rad"), loss=loss)
-    return [Finding("phase-turned", "doubt" if loss > LARGE else "info", "psi", numbers)]
+    return [Finding("phase-turned", "doubt" if loss > RELATIVE_ERROR_DOUBTFUL else "info", "psi", numbers)]
 
 
 def parameter_findings(
@@ -198,9 +198,11 @@ def _finding(
 ) -> Finding | None:
     i = names.index(name)
     weight = np.abs(regression.null[i])
-    if weight.max(initial=0.0) > NULL_PART:
+    if weight.max(initial=0.0) > MIN_NULL_COMPONENT:
         column = regression.null[:, int(np.argmax(weight))]
-        partners = [n for n, part in zip(names, column, strict=True) if n != name and abs(part) > NULL_PART]
+        partners = [
+            n for n, part in zip(names, column, strict=True) if n != name and abs(part) > MIN_NULL_COMPONENT
+        ]
         if partners or float(np.linalg.norm(column)) < _MIN_PARAMETER_NORM:
             others = ", ".join(partners) or "the background"
             return Finding("confounded", "warning", name, names={"with": others})
@@ -300,7 +302,7 @@ def compare_parts(found: Regression, part: NDArray[np.bool_]) -> Difference | No
     squares = difference**2 / variance / noise**2
     count = max(int(np.count_nonzero(found.used)), 1)
     step = found.basis @ axes
-    clear = squares > NORMAL**2
+    clear = squares > INTERVAL_SIGMAS**2
     off = step @ np.where(clear, difference / np.sqrt(variance), 0.0)
     return Difference(
         f_tail(directions, found.freedom, float(np.sum(squares)) / directions),
@@ -390,7 +392,7 @@ class Agreement:
         size = max(one.size for one in disagreeing.values())
         finding = Finding(
             "parts-disagree",
-            "doubt" if size > SAME_NUMBER else "warning",
+            "doubt" if size > RELATIVE_CHANGE_NEGLIGIBLE else "warning",
             numbers=quantities(z=worst.z(), size=size),
             names={"parts": name},
         )

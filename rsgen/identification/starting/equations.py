@@ -19,13 +19,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rsgen.common.arrays import Array, ComplexArray
-from rsgen.common.tolerances import SAMPLES, SAMPLES_SWITCHED
+from rsgen.common.tolerances import SAMPLES_PER_PERIOD, SAMPLES_PER_PERIOD_SWITCHED
 from rsgen.law.motion import Motion, project
 from rsgen.law.numeric import ForceLaw, Waves
 from rsgen.law.switched_sum import ForceSample
 
 _SAMPLES_FACTOR_OF_LOOPS = 2
-"""Samples of a law with memory, relative to ``SAMPLES``; its loops are expensive."""
+"""Samples of a law with memory, relative to ``SAMPLES_PER_PERIOD``; its loops are expensive."""
 
 _BLOCK_LOOPS = 2048
 """Loops that are closed at once in a search: their arrays stay in the processor's cache."""
@@ -85,7 +85,7 @@ class Equations:
 def _motion(equations: Equations, finer: int, motion: int) -> Waves:
     """Return displacement, velocity and acceleration (n, s), the same for every trial of the parameters."""
     count = equations.harmonics.shape[1]
-    samples = max(SAMPLES, 1 << (8 * (count - 1) - 1).bit_length()) * finer
+    samples = max(SAMPLES_PER_PERIOD, 1 << (8 * (count - 1) - 1).bit_length()) * finer
     return Motion(equations.omega, equations.motions[motion]).waveforms(samples)
 
 
@@ -143,7 +143,7 @@ def _samples(
 ) -> list[ForceSample]:
     """Sample the law along all motions, for each trial."""
     omega = equations.omega[:, None]
-    finer = _SAMPLES_FACTOR_OF_LOOPS if law.remembers else SAMPLES_SWITCHED // SAMPLES
+    finer = _SAMPLES_FACTOR_OF_LOOPS if law.remembers else SAMPLES_PER_PERIOD_SWITCHED // SAMPLES_PER_PERIOD
     finer = finer if law.switched and not coarse else 1
     motions = [_motion(equations, finer, place) for place in range(len(law.parts))]
     step = 2 * np.pi / motions[0][0].shape[1] / omega

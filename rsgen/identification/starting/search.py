@@ -17,7 +17,7 @@ import numpy as np
 
 from rsgen.common.arrays import Array
 from rsgen.common.linear_algebra import solve_scaled
-from rsgen.common.tolerances import SIGNIFICANT, TRIALS, UNCHANGED
+from rsgen.common.tolerances import MIN_SIGNIFICANT_GAIN, MISFIT_CHANGE_NEGLIGIBLE, NONLINEAR_TRIALS
 from rsgen.identification.starting.equations import Equations, equation_rows, rows_of_trials
 from rsgen.law.numeric import DECADES, ForceLaw, natural_sizes
 
@@ -33,7 +33,7 @@ _MAX_LOG_CHANGE = 3.0
 _SIMULATOR_MISFIT = 1e-6
 """Relative misfit by errors of a simulator; forces as small are no part of a law."""
 
-_POSITIVE_TRIALS = TRIALS // 2
+_POSITIVE_TRIALS = NONLINEAR_TRIALS // 2
 """Trials of a law with memory whose parameters are all positive, as forces, stiffnesses and lengths are: of
 trials with random signs only one in 2^q would be."""
 
@@ -81,7 +81,7 @@ def search_nonlinear(equations: Equations, law: ForceLaw, mass: float, begin: Ar
     if begin is not None and np.all(np.isfinite(begin) & (begin != 0)):
         return search.scaled(search.refine(search.normalised(begin))[0])
     windows = [search.admitted(i) for i in range(len(law.nonlinear))]
-    trials = _spread_trials(windows, TRIALS, positive=_POSITIVE_TRIALS if law.remembers else 0)
+    trials = _spread_trials(windows, NONLINEAR_TRIALS, positive=_POSITIVE_TRIALS if law.remembers else 0)
     costs = search.costs(trials)
     order = np.argsort(costs, kind="stable")
     best = trials[order[0]]
@@ -143,7 +143,7 @@ def _inactive_switch_trials(best: Array, windows: list[Array], pins: list[int]) 
 
 
 def _equal_cost(cost: float, count: int) -> float:
-    return cost * (1 + SIGNIFICANT / count) + count * _SIMULATOR_MISFIT**2
+    return cost * (1 + MIN_SIGNIFICANT_GAIN / count) + count * _SIMULATOR_MISFIT**2
 
 
 class _Search:
@@ -238,7 +238,7 @@ class _Search:
         ends = sorted((self.refine(start, coarse=True) for start in starts), key=lambda end: end[1])
         different: list[tuple[Array, float]] = []
         for end in ends:
-            if not different or end[1] > (1 + UNCHANGED) * different[-1][1]:
+            if not different or end[1] > (1 + MISFIT_CHANGE_NEGLIGIBLE) * different[-1][1]:
                 different.append(end)
         return [trial for trial, _ in different[:_FINE_STARTS]]
 

@@ -21,17 +21,17 @@ from rsgen.common.arrays import Array, ComplexArray
 from rsgen.common.linear_algebra import solve_scaled
 from rsgen.common.tolerances import (
     ANY_LAW,
-    FLAT,
-    FOLLOWED,
-    LIGHT,
-    NOISY,
-    NULL_PART,
-    POOR,
-    QUICK,
-    SAMPLES,
-    START_ORDER,
-    TRIAL_STEPS,
-    UNCHANGED,
+    ASSUMED_DAMPING_RATIO,
+    MAX_TRIAL_STEPS,
+    MIN_NULL_COMPONENT,
+    MIN_RELATIVE_SLOPE,
+    MIN_SHARE_PREDICTED,
+    MISFIT_CHANGE_NEGLIGIBLE,
+    MISFIT_DOUBTFUL,
+    MISFIT_OF_NOISE,
+    SAMPLES_PER_PERIOD,
+    START_HARMONICS,
+    SUBSAMPLE_POINTS,
     samples_for,
 )
 from rsgen.data.surface import ResponseSurface
@@ -103,9 +103,9 @@ def start_even_forces(problem: Problem, parameters: Array) -> tuple[Problem, Arr
     uneven = even_space.uneven[: len(directions)]
     frozen = replace(few, frozen=tuple({*law.even, *uneven} - {-1}))
     without, *fits = [
-        _fit(frozen, even_space.centre + np.array(ratios) @ directions, TRIAL_STEPS) for ratios in chosen
+        _fit(frozen, even_space.centre + np.array(ratios) @ directions, MAX_TRIAL_STEPS) for ratios in chosen
     ]
-    best = _fit(few, min(fits, key=_cost).regression.parameters, 2 * TRIAL_STEPS)
+    best = _fit(few, min(fits, key=_cost).regression.parameters, 2 * MAX_TRIAL_STEPS)
     least = without.regression.parameters if np.isfinite(_cost(without)) else parameters
     if not np.isfinite(np.diag(best.regression.covariance)[moved]).any():
         return problem, least
@@ -127,9 +127,11 @@ def start_even_forces(problem: Problem, parameters: Array) -> tuple[Problem, Arr
     small = fits[chosen.index(tuple(ratios[1] for ratios in sizes)) - 1]
     resolved = _at_resolution(small, without, directions, uneven, count)
     # errors are smaller there than at a trial that misses the points
-    resolved = _at_resolution(_fit(frozen, resolved, TRIAL_STEPS), without, directions, uneven, count)
+    resolved = _at_resolution(_fit(frozen, resolved, MAX_TRIAL_STEPS), without, directions, uneven, count)
     # the misfit of exact data is that of few harmonics: further fits begin here without frozen parameters
-    return (replace(problem, frozen=tuple(uneven)) if without.regression.noise > NOISY else problem), resolved
+    return (
+        replace(problem, frozen=tuple(uneven)) if without.regression.noise > MISFIT_OF_NOISE else problem
+    ), resolved
 
 
 def _at_resolution(small: Fit, without: Fit, directions: Array, uneven: Sequence[int], count: int) -> Array:
@@ -144,7 +146,7 @@ def _at_resolution(small: Fit, without: Fit, directions: Array, uneven: Sequence
 
 
 def _fit(problem: Problem, parameters: Array, steps: int) -> Fit:
-    return fit_balance(problem, parameters, order=START_ORDER, steps=steps, reject=False, correct=False)
+    return fit_balance(problem, parameters, order=START_HARMONICS, steps=steps, reject=False, correct=False)
 
 
 def records_even(problem: Problem) -> bool:
@@ -155,7 +157,7 @@ def records_even(problem: Problem) -> bool:
 def _cost(found: Fit) -> float:
     """Return the mean square misfit; infinite if too few of the points have a prediction."""
     misfit = found.regression.misfit[np.isfinite(found.regression.misfit)]
-    return float(np.mean(misfit**2)) if len(misfit) > FOLLOWED * len(found.force) else np.inf
+    return float(np.mean(misfit**2)) if len(misfit) > MIN_SHARE_PREDICTED * len(found.force) else np.inf
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -199,13 +201,13 @@ def even_directions(problem: Problem, parameters: Array) -> EvenDirections:
     norm = np.sqrt(np.sum(matrix**2, axis=0))
     free = problem.free[[*law.linear, len(values)]]
     null = solve_scaled(matrix, right, known=np.where(free, np.nan, 0.0))[2]
-    null = np.where(np.abs(null) > NULL_PART, null, 0.0) / np.where(norm > 0, norm, 1.0)[:, None]
+    null = np.where(np.abs(null) > MIN_NULL_COMPONENT, null, 0.0) / np.where(norm > 0, norm, 1.0)[:, None]
     directions = np.zeros((null.shape[1], len(parameters)))
     directions[:, list(law.linear)] = null[: len(law.linear)].T
     largest = int(np.argmax(points.amplitude))
-    sample = law.along(sines.select(np.array([largest])), values, SAMPLES)
-    total = np.broadcast_to(sample.force, (1, SAMPLES))[0]
-    slopes = np.array([np.broadcast_to(slope, (1, SAMPLES))[0] for slope in sample.by_parameter])
+    sample = law.along(sines.select(np.array([largest])), values, SAMPLES_PER_PERIOD)
+    total = np.broadcast_to(sample.force, (1, SAMPLES_PER_PERIOD))[0]
+    slopes = np.array([np.broadcast_to(slope, (1, SAMPLES_PER_PERIOD))[0] for slope in sample.by_parameter])
     force = directions[:, : len(values)] @ slopes
     size, spring = np.max(np.abs(force), axis=1), abs(mass) * points.omega[largest] ** 2
     directions, force, size = (part[size > 0] for part in (directions, force, size))
@@ -213,16 +215,16 @@ def even_directions(problem: Problem, parameters: Array) -> EvenDirections:
     directions, even = directions * scale, _even(force * scale)
     if not len(directions):
         return EvenDirections(parameters, directions, (), False)
-    back = np.linalg.lstsq(even.T, -_even(total), rcond=NULL_PART)[0]
+    back = np.linalg.lstsq(even.T, -_even(total), rcond=MIN_NULL_COMPONENT)[0]
     rest = np.max(np.abs(_even(total) + back @ even))
     of_each = np.max(np.abs(_even(slopes)), axis=1)
-    of_each[of_each < NULL_PART * np.max(np.abs(slopes), axis=1)] = 0.0
+    of_each[of_each < MIN_NULL_COMPONENT * np.max(np.abs(slopes), axis=1)] = 0.0
     uneven = list[int]()
     for direction in directions:
         part = np.abs(direction[: len(values)]) * of_each
         part[[place for place in uneven if place >= 0]] = 0.0
         uneven.append(int(np.argmax(part)) if part.any() else -1)
-    symmetric = bool(rest < NULL_PART * np.max(np.abs(total)))
+    symmetric = bool(rest < MIN_NULL_COMPONENT * np.max(np.abs(total)))
     return EvenDirections(parameters + back @ directions, directions, tuple(uneven), symmetric)
 
 
@@ -348,7 +350,7 @@ def _start_first_order(problem: Problem) -> Array:
         # law and background both fit the flanks of a resonance: fit the law first
         alone = replace(observed, fitted=np.zeros_like(observed.fitted))
         return fit_balance(
-            replace(problem, observed=alone), parameters, order=START_ORDER
+            replace(problem, observed=alone), parameters, order=START_HARMONICS
         ).regression.parameters
     trials = []
     for background in _start_backgrounds(problem):
@@ -356,14 +358,14 @@ def _start_first_order(problem: Problem) -> Array:
         trials.append(problem.join(found.values, found.mass, background))
     if len(trials) == 1:
         return trials[0]
-    few = problem.select(observed.points.spread(QUICK))
-    fits = [fit_balance(few, trial, order=START_ORDER, correct=False) for trial in trials]
+    few = problem.select(observed.points.spread(SUBSAMPLE_POINTS))
+    fits = [fit_balance(few, trial, order=START_HARMONICS, correct=False) for trial in trials]
     return min(fits, key=lambda found: found.regression.noise).regression.parameters
 
 
 def _start_values(points: Points, law: ForceLaw, fixed: Mapping[str, float]) -> Solution:
     """Solve along sines, and along the measured waveforms; return the better solution."""
-    some = points.select(points.spread(2 * QUICK))
+    some = points.select(points.spread(2 * SUBSAMPLE_POINTS))
     first = _linear_start(some, law, fixed, 1)
     if not points.strong:
         return first
@@ -402,7 +404,7 @@ def _start_backgrounds(problem: Problem) -> list[Array]:
     points = observed.points
     law = compile_law(make_element("any", ANY_LAW).force)
     known = {name: value for name, value in problem.fixed.items() if name == "m"}
-    few = replace(problem.select(points.spread(QUICK)), law=law, fixed=known)
+    few = replace(problem.select(points.spread(SUBSAMPLE_POINTS)), law=law, fixed=known)
     some = points.select(points.spread(_PHASE_SCAN_POINTS))
     phases = 2 * np.pi * np.arange(_GRID_SIZE) / _GRID_SIZE - np.pi
     misfits = [_solve_turned(some, law, known, float(phase)) for phase in phases]
@@ -412,7 +414,7 @@ def _start_backgrounds(problem: Problem) -> list[Array]:
     parameters = few.join(found.values, found.mass, np.append(phases[best], np.zeros(len(names) - 1)))
     trials = _place_neighbour(few, parameters) if "f_n" in names else [parameters]
     fits = [fit_balance(few, trial, order=1, correct=False) for trial in trials]
-    if min(found.regression.noise for found in fits) > POOR and len(names) > 1:
+    if min(found.regression.noise for found in fits) > MISFIT_DOUBTFUL and len(names) > 1:
         fits += _fit_with_linear_backgrounds(few, phases)
     return [found.background for found in fits]
 
@@ -467,13 +469,13 @@ def _place_neighbour(problem: Problem, parameters: Array) -> list[Array]:
     """
     without = replace(problem, observed=problem.observed.without_neighbour())
     mode = len(parameters) - 4
-    begun = fit_balance(without, parameters[:mode], order=1, steps=TRIAL_STEPS, correct=False)
+    begun = fit_balance(without, parameters[:mode], order=1, steps=MAX_TRIAL_STEPS, correct=False)
     low, high = problem.observed.band
     fits = []
     for place in np.linspace(max(low - (high - low), low / 2), high + (high - low), _GRID_SIZE):
-        neighbour = [_INITIAL_RESIDUE / begun.mass, 0.0, place, LIGHT]
+        neighbour = [_INITIAL_RESIDUE / begun.mass, 0.0, place, ASSUMED_DAMPING_RATIO]
         trial = np.concatenate([begun.regression.parameters, neighbour])
-        fits.append(fit_balance(problem, trial, order=1, steps=TRIAL_STEPS, reject=False, correct=False))
+        fits.append(fit_balance(problem, trial, order=1, steps=MAX_TRIAL_STEPS, reject=False, correct=False))
     fits.sort(key=lambda found: found.regression.noise if found.mass > 0 else np.inf)
     return [problem.join(begun.values, begun.mass, found.background) for found in fits[:STARTS]]
 
@@ -517,14 +519,14 @@ def _start_amplitudes(points: Points, law: ForceLaw, fixed: Mapping[str, float])
     harmonics = sine_motion(points.omega, points.amplitude).harmonics
     best = np.inf
     start: Solution | None = None
-    for _ in range(TRIAL_STEPS):
+    for _ in range(MAX_TRIAL_STEPS):
         equations = Equations(
             points.omega, force * np.exp(1j * lag), harmonics, False, 1 / force, np.zeros((0, 2))
         )
         found = solve_equations(equations, law, fixed)
         balance = _balance_at_amplitudes(law, found.values, found.mass, points.omega, points.amplitude, 1)
         misfit = float(np.sqrt(np.mean(np.log(np.abs(balance.force) / force) ** 2)))
-        if start is not None and not misfit < (1 - UNCHANGED) * best:
+        if start is not None and not misfit < (1 - MISFIT_CHANGE_NEGLIGIBLE) * best:
             break
         best, start = misfit, found
         lag = np.angle(balance.force)
@@ -552,13 +554,13 @@ def with_phase(table: Table, found: Fit, receptance: ComplexArray) -> Table:
     harmonics[:, 1] = seen
     b, omega, wanted = receptance[held], table.omega[held], seen[held]
     size = np.array(wanted)
-    for _ in range(TRIAL_STEPS):
-        balance = _balance_at_amplitudes(law, found.values, found.mass, omega, size, START_ORDER)
+    for _ in range(MAX_TRIAL_STEPS):
+        balance = _balance_at_amplitudes(law, found.values, found.mass, omega, size, START_HARMONICS)
         response = size + b * balance.force
         slope = (np.conj(response) * (1 + b * balance.force_slope / size)).real / np.abs(response)
-        step = (wanted - np.abs(response)) / np.where(np.abs(slope) > FLAT, slope, 1.0)
+        step = (wanted - np.abs(response)) / np.where(np.abs(slope) > MIN_RELATIVE_SLOPE, slope, 1.0)
         size = size + np.nan_to_num(np.clip(step, -0.5 * size, 0.5 * size))
-    balance = _balance_at_amplitudes(law, found.values, found.mass, omega, size, START_ORDER)
+    balance = _balance_at_amplitudes(law, found.values, found.mass, omega, size, START_HARMONICS)
     force[held] *= np.exp(1j * np.nan_to_num(np.angle(balance.force)))
     harmonics[held, 1] *= np.exp(1j * np.nan_to_num(np.angle(size + b * balance.force)))
     if isinstance(table, Points):

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from rsgen.common.arrays import Array
 from rsgen.common.errors import RsgenError
-from rsgen.common.tolerances import CHANCE, POINTS_A_KNOT
+from rsgen.common.tolerances import NOISE_LIMIT_SIGMAS, POINTS_PER_KNOT
 from rsgen.data.free_mode import estimate_mass, steady
 from rsgen.data.oscillator import Model
 from rsgen.data.surface import ResponseSurface
@@ -109,7 +109,7 @@ def mass_of(surface: ResponseSurface) -> float:
     chosen = surface.select(surface.settled & (surface.amplitude > 0) & np.isfinite(surface.phase))
     found = estimate_mass(*steady(chosen.force, chosen.harmonics[:, 1], chosen.omega))
     if found is None:
-        few = 2 * POINTS_A_KNOT
+        few = 2 * POINTS_PER_KNOT
         raise RsgenError(f"mass: is missing; {few} settled points with phases are needed to read it")
     return found.mass
 
@@ -123,7 +123,7 @@ def _above_noise(surface: ResponseSurface) -> Motion:
     # points that did not settle say nothing of the noise
     last = np.median(size[moves, -2:], axis=0)
     noise = float(last.min()) if size.shape[1] > _FEWEST_FOR_NOISE else 0.0
-    kept = size > CHANCE * noise
+    kept = size > NOISE_LIMIT_SIGMAS * noise
     kept[:, 1] = True
     return Motion(surface.omega, np.where(kept, harmonics, 0))
 
