@@ -1,4 +1,4 @@
-"""What the title of a column says about its numbers: a name, a unit, an angular frequency."""
+"""Titles of columns: the name, the unit and an angular frequency in them."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from rsgen.files.signals import Signal
 
 # ----------------------------------------------------------------------------
-# Whether a case reads a column in the unit that its title names.
+# Comparison of the unit that a case gives to a column with the unit in its title.
 
 _SAME_UNIT = 1e-3
 """Units closer than this, relatively, are one: 9.81 and 9.80665 m/s^2 for g."""
@@ -125,7 +125,7 @@ def split_title(title: str) -> tuple[str, str]:
 
 
 def _opening(text: str) -> int:
-    """Find where what stands in brackets at the end begins, 0 where nothing does."""
+    """Return the first position inside the brackets at the end of a title; 0 if missing or empty."""
     if text[-1:] not in _BRACKETS:
         return 0
     sign, depth = text[-1], 0
@@ -137,7 +137,7 @@ def _opening(text: str) -> int:
 
 
 def unit_in(title: str) -> str:
-    """Give the unit in a title, or "".
+    """Return the unit in a title, or "".
 
     Examples
     --------
@@ -148,7 +148,7 @@ def unit_in(title: str) -> str:
 
 
 def is_unit(text: str) -> bool:
-    """Whether a text is a unit and nothing else, as in a row of units.
+    """Return True for a text that is a unit and nothing else, as in a row of units.
 
     Examples
     --------
@@ -159,7 +159,7 @@ def is_unit(text: str) -> bool:
 
 
 def is_angular(title: str) -> bool:
-    """Whether a title says that a frequency is angular, in rad/s.
+    """Return True for the title of an angular frequency, in rad/s.
 
     Examples
     --------

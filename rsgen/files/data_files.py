@@ -122,7 +122,7 @@ _OTHERS = (
         b"\xd0\xcf\x11\xe0",
         "an Excel workbook of .xls, or a protected one; save it as .xlsx without password",
     ),
-    (0, b"TDSh", "the index of a TDMS file; the .tdms file beside it is needed"),
+    (0, b"TDSh", "the index of a TDMS file; the .tdms file of the same name is needed"),
     (0, b"\x1f\x8b", "a packed file; unpack it"),
     (0, b"7z\xbc\xaf", "a packed file; unpack it"),
     (0, b"%PDF", "a PDF; text, MATLAB, HDF5, universal files and others of numbers are read"),

@@ -37,7 +37,7 @@ _SCALES = {
 
 
 def _left_to_file(test: MeasuredTest) -> dict[int | str, str]:
-    """Give the columns whose unit the case leaves to the file, each with its SI unit."""
+    """Return the SI unit of each column whose unit is taken from the file."""
     return {
         column: target
         for signal, target in test.signals
@@ -173,7 +173,7 @@ class Table:
             )
 
     def real(self, column: int | str) -> Array:
-        """Give a column of real numbers."""
+        """Return a column of real numbers."""
         values = self.columns[column]
         if np.iscomplexobj(values):
             raise MeasurementError(
@@ -188,7 +188,7 @@ class Table:
 
 
 def _stars(pattern: int | str, path: str) -> tuple[str, ...]:
-    """Give what the * of an address stood for."""
+    """Return the texts that the * of an address match in a path."""
     if not isinstance(pattern, str) or "*" not in pattern:
         return ()
     text = re.sub(r"\[[\d,:]+\]\Z", "", pattern)
@@ -199,9 +199,10 @@ def _stars(pattern: int | str, path: str) -> tuple[str, ...]:
 
 
 def _star(pattern: str, name: str) -> tuple[str, ...] | None:
-    """Give what each * stood for, the first ones for as much as they can; None where the name does not fit.
+    """Return the text that each * of a pattern matches, the first ones greedily; None without a match.
 
-    From the end, so that no place is tried twice, however many stars there are.
+    The search goes from the end of the name to its beginning and tries no position twice, so that its time is
+    linear in the number of stars.
     """
     first, *others = pattern.split("*")
     if not others:
@@ -395,7 +396,7 @@ def file_of(test: MeasuredTest, channel: NamedChannel, number: int) -> Path:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Sources:
-    """The tables of one file of a test and of the files beside it, row by row the same points.
+    """The tables of one file of a test and of the files of its other channels; equal rows are equal points.
 
     ``main`` has frequency, level and sweep; ``tables`` those of every file by its path.
     """
@@ -466,7 +467,7 @@ def _signal(table: Table, signal: Signal, factor: float, what: str) -> ComplexAr
 
 
 def read_sources(test: MeasuredTest, number: int) -> Sources:
-    """Read the table of a file and those beside it; rows in which a number is missing are left out."""
+    """Read the tables of a file and of other channels' files, without rows in which a number is missing."""
     main = test.files[number]
     wanted: dict[Path, list[int | str]] = {main: []}
     for place in (test.frequency, test.sweep.column, test.level.column):

@@ -37,7 +37,7 @@ from rsgen.formula.units import quantity, sensor_unit
 from rsgen.law.motion import cycle_work
 
 # ----------------------------------------------------------------------------
-# Whether the runs of one test fit together: copies, units that differ from file to file, branches.
+# Consistency of the runs of one test: copies, units that differ from file to file, branches.
 
 _FEWEST = 8
 """Points of a run from which on two runs are compared."""
@@ -48,8 +48,8 @@ _TWICE = 0.2
 _STEPS = (1e3, 1e6)
 """Factors between units of one set: m and mm, N and mN, m and um."""
 _NEAR_STEP = 2.0
-"""Beside a wrong unit, runs of one structure differ by less than this factor in response over force, in the
-middle of their points."""
+"""Except for a wrong unit, runs of one structure differ by less than this factor in the median of response
+over force."""
 _EVEN = 3.0
 """A wrong unit is the same factor at every point; what friction holds still at a level is not."""
 _APART = 1.5
@@ -164,7 +164,7 @@ def tell_branches_apart(surface: ResponseSurface, block: NDArray[np.int64]) -> N
 
 
 # ----------------------------------------------------------------------------
-# Whether force and response, as the case reads them, are those of a structure that takes energy.
+# Passivity: force and response, as the case reads them, must be those of a structure that takes energy.
 #
 # A structure without a source of energy takes power from its shaker at every frequency, and its dynamic
 # stiffness F/X = k(X) - m omega^2 + i omega c(X) falls with the frequency. A phase read in the wrong sense
@@ -178,7 +178,7 @@ _FEWEST_FOR_PASSIVITY = 8
 
 
 def _power(surface: ResponseSurface) -> float:
-    """Give the power that goes in over the most that could, from -1 to 1."""
+    """Return the power of the shaker over its upper limit (force and velocity in phase), from -1 to 1."""
     work = cycle_work(surface.force, surface.harmonics[:, 1])
     most = float(surface.frequency @ (np.pi * np.abs(surface.force) * surface.amplitude))
     return float(surface.frequency @ work) / most if most > 0 else 0.0
@@ -186,9 +186,9 @@ def _power(surface: ResponseSurface) -> float:
 
 @np.errstate(all="ignore")
 def _rises(surface: ResponseSurface) -> bool:
-    """Whether the real part of the dynamic stiffness rises with the square of the frequency at most levels.
+    """Return True if the real part of the dynamic stiffness rises with the square of the frequency.
 
-    Numbers that no test has may overflow; then nothing is concluded from them.
+    Absurd numbers may overflow; the answer is then False.
     """
     _, level, count = np.unique(surface.level, return_inverse=True, return_counts=True)
     chosen = surface.select(count[level] >= _FEWEST_FOR_PASSIVITY)
@@ -241,9 +241,9 @@ def passivity_findings(surface: ResponseSurface, sense: str | None, quantity: st
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Part:
-    """What one file gives; (n, E) motions, the displacement first.
+    """The points of one file; (n, E) motions, the displacement first.
 
-    The level is None where it is to be found from the forces of all files.
+    The level is None where it follows from the forces of all files.
     """
 
     frequency: Array
@@ -257,7 +257,7 @@ class _Part:
 
 
 def _level(test: MeasuredTest, number: int, table: Table) -> Array | None:
-    """Give the level of each row [N]; None where it is to be found from the forces of all files."""
+    """Return the level of each row [N]; None where it follows from the forces of all files."""
     alone = level_of_file(test, number)
     if alone is not None:
         return np.full(len(table.number), alone)
@@ -383,7 +383,7 @@ def _directions(
 
 
 def _has_entries(test: MeasuredTest) -> bool:
-    """Whether a * of the plan means the entries of a file, each of which is a run."""
+    """Return True if a * of the plan stands for the entries of a file, each of which is a run."""
     places = (test.frequency, *(column for source in test.sources for column in source.signal.columns))
     return any("*" in place for place in places if isinstance(place, str))
 

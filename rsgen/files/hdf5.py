@@ -46,7 +46,7 @@ def _attribute(item: h5py.Dataset, name: str) -> Any:
 
 
 def _complex(dtype: np.dtype[Any]) -> np.dtype[Any] | None:
-    """Give the complex type that MATLAB and others write as pairs of two floats."""
+    """Return the complex type of pairs of two floats, as MATLAB and others write it; None for other types."""
     if dtype.names not in (("real", "imag"), ("r", "i"), ("re", "im")):
         return None
     parts = {dtype[name] for name in dtype.names}

@@ -96,7 +96,7 @@ def shifted(samples: NDArray[Any], delay: float) -> Array:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Record:
-    """The channels of one file and of those beside it, as samples in the order of ``test.sources``."""
+    """The samples of the channels of a record, in the order of ``test.sources``, from one file or several."""
 
     test: MeasuredTest
     rate: float

@@ -46,7 +46,7 @@ class _Segment:
     faults: dict[int, str] = field(default_factory=dict)
 
     def cells(self, key: str) -> list[str]:
-        """Give what a row of the head says about each column, "" where it says nothing."""
+        """Return the cells of a row of the head, one a column; "" where a cell is missing."""
         said = self.head.get(key, [])
         paired = self.names.count(_ABSCISSA) > 1
         if paired and len(said) > 1 and said[0] and said[1]:
@@ -71,7 +71,7 @@ class _Reader:
         return MeasurementError(f"line {self.number}: {what}")
 
     def next(self) -> list[str] | None:
-        """Give the cells of the next line that is not blank; None at the end."""
+        """Return the cells of the next line that is not blank; None at the end."""
         while self.number < len(self.lines):
             line = self.lines[self.number].rstrip("\r")
             self.number += 1
@@ -131,7 +131,7 @@ class _Reader:
                 raise self.fail(f"more than {_MOST_SEGMENTS} segments; at most that many are read")
 
     def rows(self, segment: _Segment) -> list[str] | None:
-        """Read the rows of a segment; give the first line that is of the next one."""
+        """Read the rows of a segment; return the first line of the next segment."""
         width = len(segment.names)
         while (cells := self.next()) is not None:
             if cells[0] == _SPECIAL[0]:
@@ -192,7 +192,7 @@ def _without_tail(pair: Sequence[Array]) -> list[Array]:
 
 
 def _nodes(segment: _Segment, before: str, only: bool, reader: _Reader) -> Iterator[Node]:
-    """Give the channels of a segment, each with its abscissa where the file has one for each."""
+    """Return the channels of a segment, each with its abscissa if the file has one for each."""
     units, kinds, spelled = (segment.cells(key) for key in ("Y_Unit_Label", "X_Dimension", "X_Unit_Label"))
     starts, steps = (segment.cells(key) for key in ("X0", "Delta_X"))
     values = [np.array(column) for column in segment.values]

@@ -35,7 +35,7 @@ def sample_matlab() -> bytes:
 
 
 def _children(value: NDArray[Any], path: str) -> Iterator[tuple[str, Any]]:
-    """Take a struct or cell apart; members of a struct array are numbered from 1."""
+    """Return path and value of each member of a struct or cell; struct arrays are numbered from 1."""
     flat = value.ravel(order="F")
     for number, element in enumerate(flat, start=1):
         base = path if len(flat) == 1 and value.dtype.names else f"{path}/{number}"
@@ -76,7 +76,7 @@ def _walk(value: Any, path: str, depth: int) -> Iterator[Node]:
 def _check_sizes(
     file: BinaryIO, heads: set[str] | None, largest: int
 ) -> tuple[list[str], list[tuple[str, tuple[int, ...]]]]:
-    """Give the variables that are wanted, their sizes checked, and the others."""
+    """Check the sizes of the wanted variables; return their names, and name and shape of the others."""
     wanted = []
     others = []
     opened: Any = file

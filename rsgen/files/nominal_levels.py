@@ -1,4 +1,4 @@
-"""To which level each point belongs, and what the level is called: a nominal value, or what was measured."""
+"""Assign points to levels, and name each level by its nominal value or by the measured amount."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ from rsgen.files.data_files import file_label
 from rsgen.files.plan import MeasuredTest
 
 # ----------------------------------------------------------------------------
-# What a test held, and the level of each of its points that follows: force, amplitude, phase, or nothing.
+# The control mode of a test (force, amplitude, phase or continuation) and the levels of its points.
 
 _PHASE_SPREAD = 0.01
 """Levels of a phase-locked test differ by more: one point each, so that neighbours must not be joined."""
@@ -44,7 +44,7 @@ _TWO = 2
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Held:
-    """What was held: ``control`` of the surface, the displacement (n,), levels (n,), stability (n,)."""
+    """The control mode: ``control`` of the surface, the displacement (n,), levels (n,), stability (n,)."""
 
     control: str
     displacement: ComplexArray
@@ -289,7 +289,7 @@ def recognise_control(force: Array, size: Array, run: NDArray[Any]) -> str:
 
 
 def _named(amount: Array) -> Array:
-    """Round amounts to names, with as many digits as keep different ones apart."""
+    """Round amounts to names, with as many digits as distinguish different ones."""
     for digits in range(_DIGITS, 17):
         names = np.array([float(f"{value:.{digits}g}") for value in amount])
         if len(np.unique(names)) == len(np.unique(amount)):
@@ -298,7 +298,7 @@ def _named(amount: Array) -> Array:
 
 
 def _coincide(amount: Array) -> bool:
-    """Whether several levels were all measured with one amount."""
+    """Return True if several levels were measured with nearly the same amount."""
     return len(amount) > 1 and float(np.ptp(amount)) < _SPREAD * float(amount.min())
 
 

@@ -1,4 +1,4 @@
-"""Where in measured files what is found: the plan by which a reader fills a response surface.
+"""The plan of a measured test: files, columns, units and levels from which a response surface is read.
 
 The classes are declarations, too: a case file's [test] table has the same keys, derived by ``rsgen.cases``.
 """
@@ -158,7 +158,7 @@ class LevelRule(Checked):
     unit: Unit | None = declare(
         None,
         "Of the column or the name; N without it, m where the response was held. 'label': the numbers only "
-        "tell runs apart, and the levels are called by what was measured.",
+        "distinguish runs, and the levels are called by what was measured.",
     )
     scale: Scale = "peak"
 
@@ -174,12 +174,12 @@ class LevelRule(Checked):
 
     @property
     def labels(self) -> bool:
-        """Whether the levels are said to be names of runs."""
+        """True if the numbers of the levels are only names of runs."""
         return self.unit == LABEL
 
     @property
     def known(self) -> bool:
-        """Whether the level is known without looking at the force."""
+        """True if the level is known without the measured force."""
         return bool(given(self, "value", "values", "column", "name"))
 
 
@@ -345,7 +345,7 @@ class MeasuredTest(PlannedTest):
         return [what for what in self.made if what not in ("force", "base")]
 
     def terms(self, what: str) -> tuple[tuple[float, NamedChannel], ...]:
-        """Give factors and channels of "force", "response", "base" or "across"; none where it is not."""
+        """Return factors and channels of "force", "response", "base" or "across"; none if not recorded."""
         files = self.response_files if what == "response" else ()
         if what not in self.made:
             return ()
@@ -376,11 +376,11 @@ class MeasuredTest(PlannedTest):
 
     @property
     def many_lines(self) -> bool:
-        """Whether the force of a record has many lines: histories of a multisine."""
+        """True for time histories of a multisine, whose force has many spectral lines."""
         return self.history is not None and self.history.excitation == "multisine"
 
     def summary(self) -> dict[str, Any]:
-        """Return what the test is, beside the extent of its records."""
+        """Return the kind of test and its file, without the extent of its records."""
         return {"kind": "measured", "file": self.file.name}
 
     def origin(self) -> dict[str, str]:
@@ -439,13 +439,13 @@ class MeasuredTest(PlannedTest):
         # a factor says what the numbers are already
         if not found or given(self.level, "factor"):
             return ""
-        # beside a recorded force a length is that of a gap, or a place, and the number is a label
+        # where a force was recorded, a length in the name is a gap or a position, and the number a label
         label = self.force is not None and found[1].endswith("m") != (self.level_unit == "m")
         return "" if label else found[1]
 
     @property
     def unit_said(self) -> bool:
-        """Whether somebody said in which unit the levels are: the case, or the names of the files."""
+        """True if the case or the names of the files give the unit of the levels."""
         return bool(self.level.unit or self._unit_in_name or given(self.level, "value", "values"))
 
 

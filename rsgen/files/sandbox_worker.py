@@ -100,7 +100,7 @@ def _channels(nodes: list[Node], wanted: list[int | str], largest: int) -> None:
 
 
 def _heads(wanted: list[int | str] | None) -> set[str] | None:
-    """Give the names at the root that the addresses begin with; None where all are needed."""
+    """Return the names at the root with which the addresses begin; None where all are needed."""
     if wanted is None or any(isinstance(address, int) for address in wanted):
         return None
     names = [str(address).split("/")[0] for address in wanted]
@@ -138,7 +138,7 @@ def main() -> None:
         except MeasurementError:
             raise
         except Exception as fault:
-            # what a reader says of its variables helps nobody
+            # messages about variables of a reader do not help a user
             internal = isinstance(fault, UnboundLocalError | AttributeError | TypeError | IndexError)
             internal = internal or (isinstance(fault, OSError) and fault.errno is not None)
             reason = "its parts do not fit together" if internal else " ".join(str(fault).split())[:160]

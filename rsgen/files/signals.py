@@ -109,7 +109,7 @@ class Signal(Checked):
 
     @property
     def lags(self) -> bool:
-        """Whether a positive phase or imaginary part means later."""
+        """True if a positive phase or imaginary part means later than the reference."""
         return self.phase_sense == "lag"
 
 

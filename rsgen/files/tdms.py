@@ -32,20 +32,20 @@ def sample_tdms() -> bytes:
 
 
 def _text(properties: Mapping[str, Any], *names: str) -> str:
-    """Give the first property of these that is a text."""
+    """Return the first of the named properties that is a text, or ""."""
     found = (properties.get(name) for name in names)
     return next((text.strip() for text in found if isinstance(text, str) and text.strip()), "")
 
 
 def _step(properties: Mapping[str, Any]) -> float:
-    """Give the distance of the samples of a waveform, or 0."""
+    """Return the increment of the abscissa of a waveform, or 0."""
     step = properties.get("wf_increment")
     known = isinstance(step, int | float | np.number) and isfinite(step) and step > 0
     return float(step) if known else 0.0  # type: ignore[arg-type]
 
 
 def _unit_of_steps(properties: Mapping[str, Any]) -> str:
-    """Give the unit of a waveform's abscissa; "" is that of a time."""
+    """Return the unit of a waveform's abscissa; "" is that of a time."""
     frequency = "freq" in _text(properties, "wf_xname").casefold()
     return _text(properties, "wf_xunit_string") or ("Hz" if frequency else "")
 
@@ -55,7 +55,7 @@ def _even(start: float, step: float, count: int) -> Array:
 
 
 def _abscissas(group: Any) -> Iterator[Node]:
-    """Give the sampling rate of a group's waveforms, or the frequencies of its spectra."""
+    """Return the sampling rates of a group's waveforms, and the frequencies of its spectra."""
     waves = [channel for channel in group.channels() if _step(channel.properties) and len(channel)]
     sampled = [wave for wave in waves if _unit_of_steps(wave.properties) in _PERIODS]
     rates = {1 / _step(wave.properties) for wave in sampled}

@@ -64,7 +64,7 @@ def number_in(cell: str, decimal: str) -> float | None:
 
 
 def is_of_words(cells: Sequence[str], decimal: str) -> bool:
-    """Whether a row holds words and no number: a header, units, a remark.
+    """Return True if a row holds words and no number: a header, units, a remark.
 
     Examples
     --------
@@ -122,7 +122,7 @@ class TextLines:
         self._read = 0
 
     def lines(self) -> Iterator[tuple[int, str]]:
-        """Give number and text of each line; a block that is taken between two of them is left out.
+        """Return number and text of each line; a block that is taken between two of them is left out.
 
         Raises
         ------
@@ -133,11 +133,11 @@ class TextLines:
             yield self._text(raw)
 
     def texts(self, block: bytes) -> Iterator[tuple[int, str]]:
-        """Give number and text of each line of a block; raises as ``lines``."""
+        """Return number and text of each line of a block; raises as ``lines``."""
         return map(self._text, _split(block))
 
     def block(self) -> bytes:
-        """Give whole lines of about ``BLOCK`` bytes, not yet counted; nothing at the end.
+        """Return complete lines of about ``BLOCK`` bytes, not yet counted; nothing at the end.
 
         Raises
         ------
@@ -289,7 +289,7 @@ class Columns:
 
 
 def column_names(line: str, comments: Sequence[str]) -> list[str] | None:
-    """Give the names that a comment above the numbers may hold; None where the line is no comment."""
+    """Return the names in a comment above the numbers; None where the line is no comment."""
     sign = next((sign for sign in comments if line.startswith(sign)), None)
     return None if sign is None else re.split(r"[\s,;|]+", line.removeprefix(sign).strip())
 

@@ -1,4 +1,4 @@
-"""What is inside a data file of any format: a tree of named arrays of numbers, and addresses in it."""
+"""Trees of named arrays of numbers, to which readers of all formats lead, and addresses in them."""
 
 from __future__ import annotations
 
@@ -126,7 +126,7 @@ class Entry(_Array):
 
 @dataclass(frozen=True, slots=True)
 class Contents:
-    """What a data file holds.
+    """The contents of a data file.
 
     Parameters
     ----------
@@ -170,7 +170,7 @@ class Channel:
 
 
 def is_wanted(name: str, heads: set[str] | None) -> bool:
-    """Whether a name at the root of a file is wanted: all are for None, and where a * may stand for any."""
+    """Return True if a name at the root of a file is wanted: all are for None or if an address has a *."""
     return heads is None or name in heads or "*" in "".join(heads)
 
 

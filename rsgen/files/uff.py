@@ -1,4 +1,4 @@
-"""Universal files: functions at nodal degrees of freedom (data set 58, ASCII and binary), what is about them.
+"""Universal files: functions at nodal degrees of freedom (data set 58, ASCII and binary) and their units.
 
 Source of the format: the published descriptions of universal file data sets 58, "Function at Nodal DOF", 151,
 "Header", 164, "Units", and 1858, "Dataset 58 qualifiers"; of the words: ISO 7626-1, "Mechanical mobility:
@@ -23,7 +23,7 @@ from rsgen.common.errors import MeasurementError
 from rsgen.files.tree import Node, array_bytes
 
 # ----------------------------------------------------------------------------
-# What functions are, in words of ISO 7626, and how they were made.
+# Kinds of functions in words of ISO 7626, and their qualifiers.
 
 _FUNCTIONS = {
     0: "general", 1: "time response", 2: "auto spectrum", 3: "cross spectrum", 4: "frequency response",
@@ -96,7 +96,7 @@ def _fault_of(function: int, ordinate: int, over: int, said: _Qualifiers) -> str
 
 
 def _scale_of(function: int, said: _Qualifiers) -> str:
-    """Give "rms", "peak" or "half-peak" where a spectrum says what its amplitudes are, else ""."""
+    """Return the scale of a spectrum's amplitudes, "rms", "peak" or "half-peak"; "" where it is not given."""
     return _SCALES.get(said.scale, "") if function in _AMPLITUDES else ""
 
 
@@ -235,7 +235,7 @@ class _Axis:
 
 @dataclass(frozen=True, slots=True)
 class _Head:
-    """What the eleven lines before the numbers say."""
+    """The eleven lines before the numbers."""
 
     title: str
     function: int
@@ -449,7 +449,7 @@ class _Sets:
                 self.others.append(self.skip(text.strip()))
 
     def lines_of(self, name: str, most: int) -> list[str]:
-        """Give the first lines of a data set, and pass over the others."""
+        """Return the first lines of a data set, and pass over the others."""
         found: list[str] = []
         while (raw := self.lines.next()) is not None:
             if _is_end(raw):
@@ -473,15 +473,15 @@ class _Sets:
             raise self.lines.fail(str(fault)) from None
 
     def functions(self) -> Iterator[tuple[_Head, NDArray[Any], UnitSystem, _Qualifiers]]:
-        """Give each function with its qualifiers: those before it, or behind where the file ends so."""
+        """Return each function with its qualifiers, after it if the file ends with some, else before it."""
         behind = isinstance(self.found[-1], _Qualifiers)
         for number, part in enumerate(self.found):
             if isinstance(part, _Qualifiers):
                 continue
-            beside = (
+            neighbours = (
                 self.found[number + 1 : number + 2] if behind else self.found[max(0, number - 1) : number]
             )
-            said = [other for other in beside if isinstance(other, _Qualifiers)]
+            said = [other for other in neighbours if isinstance(other, _Qualifiers)]
             yield *part, said[0] if said else _Qualifiers()
 
     def skip(self, name: str) -> str:

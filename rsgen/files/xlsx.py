@@ -42,7 +42,7 @@ def sample_xlsx() -> bytes:
 
 
 def _letter(column: int) -> str:
-    """Give the letters of a column by its number from 1: A to Z, AA ..."""
+    """Return the letters of a column by its number from 1: A to Z, AA ..."""
     above, last = divmod(column - 1, 26)
     return (_letter(above) if above else "") + chr(ord("A") + last)
 
@@ -106,7 +106,7 @@ def _begin(rows: Sequence[_Row]) -> tuple[int, tuple[int, ...]]:
 
 
 def _titles(rows: Sequence[_Row], first: int, columns: Sequence[int], width: int) -> list[str]:
-    """Give the titles above a table, with the units of a row of their own."""
+    """Return the titles above a table, with the units of a row of their own."""
     heads: list[list[str]] = []
     for row in reversed(rows[max(0, first - 2) : first]):
         cells = [str(cell).strip()[:_LONGEST_TITLE] if isinstance(cell, str) else "" for cell in row]

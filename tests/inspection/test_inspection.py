@@ -415,7 +415,7 @@ def test_a_lone_reference_does_not_spoil_a_file(tmp_path: Path) -> None:
             b"\xd0\xcf\x11\xe0\xa1\xb1\x1a\xe1" + bytes(600),
             "is an Excel workbook of .xls, or a protected",
         ),
-        ("a.tdms_index", b"TDSh" + bytes(100), "the .tdms file beside it is needed"),
+        ("a.tdms_index", b"TDSh" + bytes(100), "the .tdms file of the same name is needed"),
         (
             "a.ods",
             b"PK\x03\x04" + bytes(26) + b"mimetypeapplication/vnd.oasis.opendocument.spreadsheet",

@@ -1,4 +1,4 @@
-"""What a data file holds, and the draft of a case that reads it."""
+"""List the contents of a data file, and draft a case that reads it."""
 
 from __future__ import annotations
 

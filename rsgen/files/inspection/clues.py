@@ -1,4 +1,4 @@
-"""Clues to what an array of a data file is: its name, unit and size, and texts beside it; not its values."""
+"""Recognise the arrays of a data file by their names, units, sizes and texts about them, not by values."""
 
 from __future__ import annotations
 
@@ -43,26 +43,26 @@ class Clue:
     holds: Callable[[Entry], bool]
 
     def __call__(self, entry: Entry) -> bool:
-        """Whether it holds for an array."""
+        """Return True if the condition holds for an array."""
         return self.holds(entry)
 
     def __and__(self, other: Clue) -> Clue:
-        """Both."""
+        """Return the condition that both hold."""
         return Clue(lambda entry: self(entry) and other(entry))
 
     def __or__(self, other: Clue) -> Clue:
-        """One of them."""
+        """Return the condition that at least one of them holds."""
         return Clue(lambda entry: self(entry) or other(entry))
 
     def __invert__(self) -> Clue:
-        """Not this."""
+        """Return the opposite condition."""
         return Clue(lambda entry: not self(entry))
 
 
 def last_name(entry: Entry) -> str:
-    """Give the title of a column without its unit, else the last part of a path with a meaning.
+    """Return the title of a column without its unit, else the last part of a path with a meaning.
 
-    "x/X1__V_/data" is about X1__V_.
+    The name of "x/X1__V_/data" is X1__V_.
     """
     if entry.title:
         return split_title(entry.title)[0] or entry.title
@@ -184,7 +184,7 @@ def remarked(word: str) -> Clue:
 
 
 def unit_for(unit: str, target: str) -> str | None:
-    """Give the unit, spelled as a case takes it, if it is one of the target's dimension."""
+    """Return a unit as a case spells it; None if its dimension is not that of the target."""
     name = unit.strip().replace("²", "^2").replace("µ", "u")
     name = "thou" if name in ("mil", "mils") else name
     try:
@@ -200,11 +200,11 @@ def phase_sense(phase: Entry) -> str:
 
 
 # ----------------------------------------------------------------------------
-# What is left of a file's arrays while the draft of a case is written, and what was taken from them.
+# The draft of a case while it is written, with the arrays that have no place in it yet.
 
 
 class Draft:
-    """The entries that are left, and what was taken from them."""
+    """The tables of a case as far as they are written, and the entries that have no place in them yet."""
 
     def __init__(self, contents: Contents) -> None:
         self.contents = contents
@@ -224,7 +224,7 @@ class Draft:
         return entry
 
     def address(self, entry: Entry) -> int | str:
-        """Give an array's address in a case."""
+        """Return the address of an array in a case."""
         if self.run:
             run, star = self.run
             if entry.path.startswith(run):
@@ -236,12 +236,12 @@ class Draft:
 
 
 def _is_empty(entry: Entry) -> bool:
-    """Whether no number of an array is finite, or all are zero; of complex numbers that is not known."""
+    """Return True if no number of a real array is finite, or all are zero; complex ones have no range."""
     return REAL(entry) and entry.size > 1 and (entry.low is None or entry.low == entry.high == 0)
 
 
 def _completed(entry: Entry, texts: Mapping[str, str]) -> Entry:
-    """Give an entry its unit, spelled as a case does, and its name from the texts beside it."""
+    """Add to an entry its unit, as a case spells it, and its name, both from texts in the file."""
     named = entry if entry.title else replace(entry, title=name_beside(entry.path, texts))
     name = last_name(named)
     unit = named.unit or unit_beside(entry.path, texts) or unit_in(name) or unit_within(name)
@@ -302,7 +302,7 @@ def plain_unit(unit: str) -> str:
 
 
 def unit_within(title: str) -> str:
-    """Give the unit in brackets amid a title, or as its last word; "" where there is none.
+    """Return the unit in brackets amid a title, or as its last word; "" where there is none.
 
     Examples
     --------
@@ -314,7 +314,7 @@ def unit_within(title: str) -> str:
 
 
 def without_unit(title: str) -> str:
-    """Take off the unit that ``unit_within`` gives.
+    """Remove the unit that ``unit_within`` returns.
 
     Examples
     --------
@@ -327,11 +327,11 @@ def without_unit(title: str) -> str:
 
 
 def unit_beside(path: str, texts: Mapping[str, str]) -> str:
-    """Give the unit of an array that a text beside it names, or "".
+    """Return the unit of an array from a text of the file, or "".
 
-    Beside "test/f" these are "test/f_unit", "test/units/f" and, in its own struct, "test/f/units"; beside
-    "sensor/data" it is "sensor/units"; beside "y_values/values" "y_values/quantity/label", beside
-    "Channel_1_Data" "Channel_1_Header/Unit".
+    The unit of "test/f" is in "test/f_unit", "test/units/f" or "test/f/units"; that of "sensor/data" in
+    "sensor/units"; that of "y_values/values" in "y_values/quantity/label"; and that of "Channel_1_Data" in
+    "Channel_1_Header/Unit".
 
     Examples
     --------
@@ -363,7 +363,7 @@ def _header(name: str) -> str:
 
 
 def name_beside(path: str, texts: Mapping[str, str]) -> str:
-    """Give the name of a channel that a text beside its numbers says, or "".
+    """Return the name of a channel from a text of the file, or "".
 
     Examples
     --------

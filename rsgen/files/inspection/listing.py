@@ -1,4 +1,4 @@
-"""What is in a data file of any format; of a text also how it is laid out."""
+"""List the arrays in a data file of any format, and recognise the layout of a text."""
 
 from __future__ import annotations
 
@@ -53,7 +53,7 @@ def _kinds(text: str, layout: Layout) -> tuple[bool, ...]:
 
 
 def _full(lines: Sequence[tuple[int, str]], layout: Layout) -> tuple[bool, ...]:
-    """Give the kinds of the row with the most numbers, of those as wide as the last one with a number."""
+    """Return True for each number of the row with most, of those as wide as the last row with a number."""
     kinds = [_kinds(text, layout) for _, text in reversed(lines)]
     width = next((len(row) for row in kinds if any(row)), 0)
     return max((row for row in kinds if len(row) == width), key=sum, default=())
@@ -117,7 +117,7 @@ def _layout(lines: Sequence[tuple[int, str]], label: str) -> tuple[Layout, int]:
 
 
 def _is_foreign(lines: Iterable[bytes]) -> bool:
-    """Whether a line is not UTF-8."""
+    """Return True if a line is not UTF-8."""
     try:
         for line in lines:
             line.decode("utf-8")
@@ -127,7 +127,7 @@ def _is_foreign(lines: Iterable[bytes]) -> bool:
 
 
 def _beginning(lines: Iterable[tuple[int, str]]) -> Iterator[tuple[int, str]]:
-    """Give the lines from which the layout is recognised, the first ones whatever their lengths."""
+    """Return the lines from which the layout is recognised, the first ones whatever their lengths."""
     left = LOOKED_AT_BYTES
     for number, text in islice(lines, LOOKED_AT):
         yield number, text
@@ -171,7 +171,7 @@ def _list_text(path: Path) -> Contents:
 
 
 def _head(lines: Sequence[tuple[int, str]], first: int, layout: Layout) -> list[str]:
-    """Give the cells of the line above where they are names: one a column, and no numbers."""
+    """Return the cells of the line above if they are names: one a column, and no numbers."""
     if first < 1:
         return []
     cells, below = (split_cells(lines[n][1], layout.delimiter) for n in (first - 1, first))
@@ -182,13 +182,13 @@ def _head(lines: Sequence[tuple[int, str]], first: int, layout: Layout) -> list[
 
 
 def _are_units(cells: Sequence[str]) -> bool:
-    """Whether cells are units rather than names: all known ones, such as Hz, N, m/s^2, g, deg."""
+    """Return True if all cells are known units, such as Hz, N, m/s^2, g, deg."""
     units = [cell.strip("[]()") for cell in cells]
     return all(unit in _PLAIN_UNITS or any(unit_for(unit, si) for si in _DIMENSIONS) for unit in units)
 
 
 def _remarked(begin: Sequence[tuple[int, str]], first: int, width: int) -> list[str]:
-    """Give the names in the last comment above the numbers, as ``read_columns`` takes them."""
+    """Return the names in the last comment above the numbers, as ``read_columns`` does."""
     found = (column_names(text.strip(), Layout().comments) for n, text in begin if n < first)
     names = [cells for cells in found if cells is not None]
     return names[-1] if names and len(names[-1]) == width else []

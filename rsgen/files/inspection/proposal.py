@@ -64,7 +64,7 @@ _LEVEL = re.compile(
 
 
 def level_in(text: str) -> str:
-    """Give the amount of a force in a text as a case writes it, "" where there is none.
+    """Return the amount of a force in a text as a case writes it, "" where there is none.
 
     Examples
     --------
@@ -76,7 +76,7 @@ def level_in(text: str) -> str:
 
 
 def without_level(text: str) -> str:
-    """Take the amount of a force out of a text.
+    """Remove the amount of a force from a text.
 
     Examples
     --------
@@ -175,7 +175,7 @@ class _Table:
 
 
 def _are_channels(draft: Draft, run: tuple[str, str]) -> bool:
-    """Whether entries called alike are force and response of one run, as those of a universal file are."""
+    """Return True if entries with one name are force and response of one run, as in a universal file."""
     first, star = run
     kinds: dict[str, set[bool]] = {}
     for entry in draft.free:
@@ -197,14 +197,14 @@ def _other_points(draft: Draft, star: str) -> str:
 
 
 def _titles_of_runs(draft: Draft) -> list[str]:
-    """Give the titles of all runs in the order in which these are read."""
+    """Return the titles of all runs in the order in which these are read."""
     star = draft.run[1] if draft.run else ""
     alike = [e for e in draft.contents.entries if e.title and not e.fault and fnmatchcase(e.path, f"{star}*")]
     return [e.title for e in sorted(alike, key=lambda entry: natural_order(entry.path))]
 
 
 def _level(draft: Draft, level: Entry | None, driven: bool, runs: int) -> dict[str, Any]:
-    """Give the table of the level; empty where the forces make the levels."""
+    """Return the table of the level; empty where levels follow from the measured forces."""
     if draft.levels:
         return {"values": draft.levels}
     if level is not None:
@@ -257,7 +257,7 @@ def _responses(draft: Draft, table: _Table) -> list[Sensor]:
 
 
 def _with_loose_phase(responses: list[Sensor], table: _Table) -> list[Sensor]:
-    """Give a phase whose title names no channel to the first response that has none."""
+    """Assign a phase whose title names no channel to the first response if that has none."""
     if not responses or responses[0].has_phase:
         return responses
     for phase in table.loose:
@@ -441,7 +441,7 @@ def _recorded(entry: Entry) -> Sensor:
 
 
 def _channels(entry: Entry) -> list[Sensor]:
-    """Give the channels of an array: itself or, of a matrix, its rows along the longer side."""
+    """Return the channels of an array: itself or, of a matrix, its rows along the longer side."""
     sides = [length for length in entry.shape if length > 1]
     if len(sides) < 2:
         return [_recorded(entry)]
@@ -516,11 +516,11 @@ def propose(contents: Contents) -> Proposal | None:
         What ``list_contents`` found.
     """
     draft = Draft(contents)
-    apart = draft.free
-    draft.free, draft.levels = levels_in_columns(apart, tree=contents.format != "csv")
+    separate = draft.free
+    draft.free, draft.levels = levels_in_columns(separate, tree=contents.format != "csv")
     time, rate, frequency = _abscissa(draft)
     if frequency is None and draft.levels:
-        draft.free, draft.levels = apart, []
+        draft.free, draft.levels = separate, []
         time, rate, frequency = _abscissa(draft)
     if frequency is None and not any(entry.size > 15 for entry in draft.free):
         return None

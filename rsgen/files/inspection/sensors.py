@@ -1,4 +1,4 @@
-"""The channels of a table: which columns are one, and what a case says of motions, forces and a base.
+"""Group the columns of a table into channels, and write motions, forces and a base into the draft of a case.
 
 Columns belong together by the words of their titles, never by their order alone where a title says otherwise.
 """
@@ -43,7 +43,7 @@ from rsgen.files.inspection.clues import (
 from rsgen.files.tree import Entry
 
 # ----------------------------------------------------------------------------
-# Whether a table or record without a force is that of a structure on a driven base, and its motion.
+# A driven base: found by names in a table or record without a force.
 
 _MOTION = IS_MOTION & Clue(lambda entry: not entry.unit.endswith("/N"))
 
@@ -131,7 +131,7 @@ class Sensor:
 
     @property
     def has_phase(self) -> bool:
-        """Whether its phase is known."""
+        """True if its phase is known."""
         return len(self.places) > 1 or self.places[0][0] == "complex"
 
 
@@ -144,7 +144,7 @@ class Sensors:
 
 
 def words_of(entry: Entry) -> tuple[str, ...]:
-    """Give the words of a title that say which channel a column is of.
+    """Return the words of a title that identify a channel, without those of amplitude, phase and unit.
 
     Examples
     --------
@@ -161,11 +161,11 @@ def words_of(entry: Entry) -> tuple[str, ...]:
 
 
 def fundamentals(entries: Sequence[Entry]) -> tuple[list[Entry], dict[int, list[Entry]]]:
-    """Set columns of higher harmonics aside, and take the order from the titles of the fundamental.
+    """Separate columns of higher harmonics, and remove the order from the titles of the fundamental.
 
     Returns
     -------
-    What is left, and the others by their order. "H1" alone is a frequency response, no harmonic.
+    The columns without higher harmonics, and those by their order. "H1" alone is a frequency response.
     """
     orders: dict[str, dict[int, Entry]] = defaultdict(dict)
     for entry in entries:
@@ -188,8 +188,8 @@ def fundamentals(entries: Sequence[Entry]) -> tuple[list[Entry], dict[int, list[
                     renamed[entry.path] = replace(entry, title=rest)
                 else:
                     higher[order].append(entry)
-    aside = {entry.path for members in higher.values() for entry in members}
-    return [renamed.get(e.path, e) for e in entries if e.path not in aside], dict(sorted(higher.items()))
+    harmonics = {entry.path for members in higher.values() for entry in members}
+    return [renamed.get(e.path, e) for e in entries if e.path not in harmonics], dict(sorted(higher.items()))
 
 
 def _likeness(phase: Sequence[str], other: Sequence[str]) -> int:
@@ -201,7 +201,7 @@ def _likeness(phase: Sequence[str], other: Sequence[str]) -> int:
 
 
 def is_of_another(phase: Entry, main: Entry) -> bool:
-    """Whether a phase says that it is of another channel: "phase x2" beside "x1"."""
+    """Return True if the title of a phase names another channel: "phase x2" is not of "x1"."""
     one, two = words_of(phase), words_of(main)
     if not one or _likeness(one, two):
         return False
@@ -286,7 +286,7 @@ def _partners(
 def _by_place(
     columns: Sequence[Entry], found: dict[int, Sensor], loose: Sequence[Entry]
 ) -> tuple[dict[int, Sensor], list[Entry]]:
-    """Give several phases without a name of a channel to the amplitudes that they stand behind."""
+    """Assign several phases without a channel's name to the amplitudes in the columns before them."""
     nameless = [entry for entry in loose if all(word.isdigit() for word in words_of(entry))]
     if len(nameless) < 2:
         return found, list(loose)
@@ -304,7 +304,7 @@ def _by_place(
 
 
 # ----------------------------------------------------------------------------
-# What is said about a channel in a case: quantity, unit, scale, columns, the sense of its phase.
+# The keys of a channel in a case: quantity, unit, scale, columns, the sense of its phase.
 
 
 def quantity_of(draft: Draft, entry: Entry, table: dict[str, Any], place: str) -> None:
@@ -356,7 +356,7 @@ def unknown(entry: Entry) -> str:
 
 
 def unit_of_force(draft: Draft, entry: Entry) -> str:
-    """Give the unit to write for a force."""
+    """Return the unit to write for a force, with a doubt where the file names none."""
     known = unit_for(entry.unit, "N") if entry.unit else None
     if known is None:
         draft.doubts["test.force.unit"] = (
@@ -413,7 +413,7 @@ _LONGEST = 30
 
 
 def channel_names(sensors: Sequence[Sensor]) -> list[str]:
-    """Give each channel a name that may stand in a sum: of its words, distinguished by numbers."""
+    """Return a name of each channel, valid in a sum: made of its words, distinguished by numbers."""
     names: list[str] = []
     for number, sensor in enumerate(sensors, start=1):
         text = ""
