@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 # ----------------------------------------------------------------------------
 # Comparison of the unit that a case gives to a column with the unit in its title.
 
-_SAME_UNIT = 1e-3
+_UNIT_TOLERANCE = 1e-3
 """Units closer than this, relatively, are one: 9.81 and 9.80665 m/s^2 for g."""
 
 
@@ -55,7 +55,7 @@ def unit_doubts(
         except RsgenError:
             # a title may end like a unit of something else
             continue
-        if title and abs(said - read) > _SAME_UNIT * abs(read):
+        if title and abs(said - read) > _UNIT_TOLERANCE * abs(read):
             found.append(contradiction(file, titles.get(column, str(column)), signal.unit, title))
     return found
 
@@ -79,7 +79,7 @@ _SPELLED = re.compile(r"_([munkµ]?m|in)_s(2?)\Z")
 _QUOTIENT = re.compile(r"(?<![(\[])(\([^()\s]{1,20}\)\s?/\s?(?:[A-Za-zµ]{1,4}|\([A-Za-zµ]{1,4}\)))\Z")
 """A unit with its own brackets at the end of a title: "accelerance (m/s^2)/N"."""
 _BRACKETS = {")": "(", "]": "["}
-_LONGEST = 30
+_MAX_UNIT_LENGTH = 30
 """Characters of a unit in brackets, at most."""
 _MANNER = re.compile(r"rms|eff\.?|peak|pk|amplitude|0-?p", re.IGNORECASE)
 """In brackets these are no units: "Kraft in N (rms)"."""
@@ -129,7 +129,7 @@ def _opening(text: str) -> int:
     if text[-1:] not in _BRACKETS:
         return 0
     sign, depth = text[-1], 0
-    for place in range(len(text) - 1, max(len(text) - _LONGEST - 3, -1), -1):
+    for place in range(len(text) - 1, max(len(text) - _MAX_UNIT_LENGTH - 3, -1), -1):
         depth += (text[place] == sign) - (text[place] == _BRACKETS[sign])
         if not depth:
             return place + 1 if text[place + 1 : -1].strip() else 0

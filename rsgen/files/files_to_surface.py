@@ -31,7 +31,13 @@ from rsgen.files.column_titles import contradiction, is_angular, unit_in
 from rsgen.files.data_files import file_label
 from rsgen.files.file_table import Sources, Table, join_motions, read_sources
 from rsgen.files.histories import read_histories, read_motions
-from rsgen.files.nominal_levels import amplitude_steps, hold, level_of_file, settle_levels
+from rsgen.files.nominal_levels import (
+    MIN_POINTS_OF_RUN,
+    amplitude_steps,
+    find_control_mode,
+    level_of_file,
+    name_levels,
+)
 from rsgen.files.plan import HERTZ, HistoryRule, MeasuredTest, SweepRule
 from rsgen.formula.units import quantity, sensor_unit
 from rsgen.law.motion import cycle_work
@@ -39,20 +45,18 @@ from rsgen.law.motion import cycle_work
 # ----------------------------------------------------------------------------
 # Consistency of the runs of one test: copies, units that differ from file to file, branches.
 
-_FEWEST = 8
-"""Points of a run from which on two runs are compared."""
-_MOST = 60
+_MAX_RUNS_COMPARED = 60
 """Runs that are compared with each other at most; each with each would take long for thousands."""
-_TWICE = 0.2
+_MIN_SHARE_OF_REPEATED_ROWS = 0.2
 """From this share of rows on that are the one before, an export wrote rows twice."""
-_STEPS = (1e3, 1e6)
+_UNIT_STEPS = (1e3, 1e6)
 """Factors between units of one set: m and mm, N and mN, m and um."""
-_NEAR_STEP = 2.0
+_MAX_RATIO_OF_RUNS = 2.0
 """Except for a wrong unit, runs of one structure differ by less than this factor in the median of response
 over force."""
-_EVEN = 3.0
+_MAX_SPREAD_OF_UNIT_STEP = 3.0
 """A wrong unit is the same factor at every point; what friction holds still at a level is not."""
-_APART = 1.5
+_MIN_RATIO_OF_BRANCHES = 1.5
 """Amplitudes of a larger ratio lie on two branches."""
 
 
@@ -63,7 +67,7 @@ def repeated_rows(frequency: Array, force: ComplexArray, response: ComplexArray)
     """
     same = np.zeros(len(frequency), dtype=np.bool_)
     same[1:] = np.all([values[1:] == values[:-1] for values in (frequency, force, response)], axis=0)
-    written_twice = same.sum() >= max(_FEWEST, _TWICE * len(same))
+    written_twice = same.sum() >= max(MIN_POINTS_OF_RUN, _MIN_SHARE_OF_REPEATED_ROWS * len(same))
     return same if written_twice else np.zeros_like(same)
 
 
@@ -74,8 +78,8 @@ def _runs(surface: ResponseSurface, block: NDArray[np.int64]) -> list[NDArray[np
     rows: dict[tuple[object, ...], list[int]] = {}
     for row, key in enumerate(keys):
         rows.setdefault(key, []).append(row)
-    found = [np.array(at) for at in rows.values() if len(at) >= _FEWEST]
-    return found[:_MOST]
+    found = [np.array(at) for at in rows.values() if len(at) >= MIN_POINTS_OF_RUN]
+    return found[:_MAX_RUNS_COMPARED]
 
 
 def run_findings(
@@ -122,13 +126,13 @@ def _factor_between(
     f = surface.frequency
     order = second[np.argsort(f[second], kind="stable")]
     inside = first[(f[first] >= f[order[0]]) & (f[first] <= f[order[-1]])]
-    if len(inside) < _FEWEST:
+    if len(inside) < MIN_POINTS_OF_RUN:
         return None
     ratio = np.interp(f[inside], f[order], size[order]) - size[inside]
     low, middle, high = np.quantile(ratio, [0.25, 0.5, 0.75])
-    if not high - low < np.log(_EVEN):
+    if not high - low < np.log(_MAX_SPREAD_OF_UNIT_STEP):
         return None
-    near = [step for step in _STEPS if abs(abs(middle) - np.log(step)) < np.log(_NEAR_STEP)]
+    near = [step for step in _UNIT_STEPS if abs(abs(middle) - np.log(step)) < np.log(_MAX_RATIO_OF_RUNS)]
     return near[0] if near else None
 
 
@@ -149,7 +153,7 @@ def tell_branches_apart(surface: ResponseSurface, block: NDArray[np.int64]) -> N
         if not len(inside):
             continue
         ratio = size[inside] / np.interp(f[inside], f[order], size[order])
-        above, below = ratio > _APART, ratio < 1 / _APART
+        above, below = ratio > _MIN_RATIO_OF_BRANCHES, ratio < 1 / _MIN_RATIO_OF_BRANCHES
         if not max(above.sum(), below.sum()) >= 3 or (above.any() and below.any()):
             continue
         upper, lower = (first, second) if above.any() else (second, first)
@@ -170,14 +174,13 @@ def tell_branches_apart(surface: ResponseSurface, block: NDArray[np.int64]) -> N
 # stiffness F/X = k(X) - m omega^2 + i omega c(X) falls with the frequency. A phase read in the wrong sense
 # mirrors the second, a channel with the sign reversed both; neither shows in the quality of a fit.
 
-_FED = -0.1
+_MIN_POWER_RATIO = -0.1
 """Power over the most that forces and velocities could bring; errors of the phase leave a few percent."""
-_RISES = 0.5
-"""Correlation of the real part with the square of the frequency that is no falling one with scatter."""
-_FEWEST_FOR_PASSIVITY = 8
+_MIN_CORRELATION = 0.5
+"""Correlation of the real part with the square of the frequency; a falling one with scatter has less."""
 
 
-def _power(surface: ResponseSurface) -> float:
+def _power_ratio(surface: ResponseSurface) -> float:
     """Return the power of the shaker over its upper limit (force and velocity in phase), from -1 to 1."""
     work = cycle_work(surface.force, surface.harmonics[:, 1])
     most = float(surface.frequency @ (np.pi * np.abs(surface.force) * surface.amplitude))
@@ -185,20 +188,20 @@ def _power(surface: ResponseSurface) -> float:
 
 
 @np.errstate(all="ignore")
-def _rises(surface: ResponseSurface) -> bool:
+def _stiffness_rises(surface: ResponseSurface) -> bool:
     """Return True if the real part of the dynamic stiffness rises with the square of the frequency.
 
     Absurd numbers may overflow; the answer is then False.
     """
     _, level, count = np.unique(surface.level, return_inverse=True, return_counts=True)
-    chosen = surface.select(count[level] >= _FEWEST_FOR_PASSIVITY)
+    chosen = surface.select(count[level] >= MIN_POINTS_OF_RUN)
     if not len(chosen):
         return False
     levels = (chosen.level[:, None] == np.unique(chosen.level)).astype(float)
     balance = steady(chosen.force, chosen.harmonics[:, 1], chosen.omega)
     fits = [fit_mode(*balance, levels, 1 / np.abs(chosen.force), mass=mass) for mass in (nan, 0.0)]
     left, whole = (float(np.sum(found.left.real**2)) for found in fits)
-    return fits[0].mass < 0 and left < (1 - _RISES**2) * whole
+    return fits[0].mass < 0 and left < (1 - _MIN_CORRELATION**2) * whole
 
 
 def passivity_findings(surface: ResponseSurface, sense: str | None, quantity: str) -> tuple[Finding, ...]:
@@ -214,7 +217,7 @@ def passivity_findings(surface: ResponseSurface, sense: str | None, quantity: st
         What was recorded: a velocity read in the wrong sense is a displacement mirrored and turned round.
     """
     good = surface.settled & np.isfinite(surface.phase) & (surface.amplitude > 0) & (surface.force != 0)
-    if np.count_nonzero(good) < _FEWEST_FOR_PASSIVITY:
+    if np.count_nonzero(good) < MIN_POINTS_OF_RUN:
         return ()
     chosen = surface.select(good)
     # signs do not depend on the scale; squares of absurd units would overflow
@@ -224,7 +227,7 @@ def passivity_findings(surface: ResponseSurface, sense: str | None, quantity: st
         harmonics=chosen.harmonics / np.max(np.abs(chosen.harmonics[:, 1])),
         frequency=chosen.frequency / np.max(chosen.frequency),
     )
-    fed, rises = _power(chosen) < _FED, _rises(chosen)
+    fed, rises = _power_ratio(chosen) < _MIN_POWER_RATIO, _stiffness_rises(chosen)
     if not (fed or rises):
         return ()
     names = {"against": " and ".join(["power"] * fed + ["mass"] * rises)}
@@ -419,7 +422,7 @@ def _amplitudes(test: MeasuredTest) -> ResponseSurface:
     known, entries = bool(levels), _has_entries(test)
     run = np.concatenate(levels) if known else block if entries else None
     files = np.repeat(np.arange(len(parts)), [len(part.frequency) for part in parts])
-    held = hold(test, frequency, _drive(test, force, frequency), displacement, run, block, files)
+    held = find_control_mode(test, frequency, _drive(test, force, frequency), displacement, run, block, files)
     followed = held.control == "continuation"
     findings = [*(finding for part in parts for finding in part.findings), *held.findings]
     if test.force is None and test.base is None:
@@ -451,7 +454,7 @@ def _amplitudes(test: MeasuredTest) -> ResponseSurface:
             surface = replace(surface, sweep=sweep, findings=(*surface.findings, finding))
     if followed or test.level.spread is not None or (run is None and held.control != "response"):
         return surface
-    return settle_levels(surface, test, known, any(part.unit_said for part in parts))
+    return name_levels(surface, test, known, any(part.unit_said for part in parts))
 
 
 def _levels_of_histories(
@@ -462,7 +465,7 @@ def _levels_of_histories(
     if surface.control == "continuation":
         return replace(surface, level=amplitude_steps(surface.amplitude, test.level.spread))
     known = all(history.level is not None for history in histories)
-    return settle_levels(surface, test, known, test.unit_said) if known else surface
+    return name_levels(surface, test, known, test.unit_said) if known else surface
 
 
 def _from_multisine(test: MeasuredTest, rule: HistoryRule) -> MultisineSpectra:

@@ -11,9 +11,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rsgen.common.errors import MeasurementError
-from rsgen.files.tree import MAX_NODES, Node, array_bytes, is_wanted
+from rsgen.files.tree import MAX_DEPTH, MAX_NODES, Node, array_bytes, is_wanted
 
-MAX_DEPTH = 12
 MAX_REFERENCES = 10_000
 _UNITS = ("units", "unit", "Units", "Unit", "UNITS", "UNIT")
 # MATLAB keeps there what cells and struct arrays refer to; it is met by following these references

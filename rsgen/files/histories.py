@@ -21,7 +21,7 @@ from rsgen.files.file_table import file_of, read_channels, scaled
 from rsgen.files.nominal_levels import level_of_file
 from rsgen.files.plan import HistoryRule, MeasuredTest
 
-_ON_SAMPLE = 1e-6
+_TIME_TOLERANCE = 1e-6
 """Of a sample: start and stop as near to one are the instant of it."""
 
 
@@ -62,11 +62,11 @@ def _rate_in(label: str, name: int | str, values: NDArray[Any]) -> float:
     return float(distinct[0])
 
 
-_TAPS = 48
+_HALF_WIDTH_OF_SINC = 48
 """Samples on either side of the sinc that shifts by a part of a sample: good to 1e-4 up to 0.47 of the
 sampling rate, beyond which no channel is trusted."""
 
-_BETA = 9.0
+_KAISER_BETA = 9.0
 """Of the Kaiser window over these: side lobes of 1e-4 and less."""
 
 
@@ -86,10 +86,10 @@ def shifted(samples: NDArray[Any], delay: float) -> Array:
     moved = np.asarray(samples, dtype=np.float64)[place]
     if part == 0:
         return moved
-    taps = np.arange(-_TAPS, _TAPS + 1)
-    away = (taps - part) / (_TAPS + 1)
-    kernel = np.sinc(taps - part) * np.i0(_BETA * np.sqrt(1 - away**2))
-    padded = np.pad(moved, _TAPS, mode="edge")
+    taps = np.arange(-_HALF_WIDTH_OF_SINC, _HALF_WIDTH_OF_SINC + 1)
+    away = (taps - part) / (_HALF_WIDTH_OF_SINC + 1)
+    kernel = np.sinc(taps - part) * np.i0(_KAISER_BETA * np.sqrt(1 - away**2))
+    padded = np.pad(moved, _HALF_WIDTH_OF_SINC, mode="edge")
     # x(t + part) is the sum of x(k) sinc(t + part - k)
     return np.asarray(np.convolve(padded, kernel[::-1] / kernel.sum(), mode="valid"))
 
@@ -163,10 +163,10 @@ def _histories(test: MeasuredTest, rule: HistoryRule, number: int) -> list[TimeH
     label, record = file_label(test.files[number]), _record(test, rule, number)
     rate, start, length = record.rate, record.start, len(record.samples[-1])
     # a sample that lies on start or stop, but for round-off, is between them
-    begin = 0 if rule.start is None else max(0, int(np.ceil((rule.start - start) * rate - _ON_SAMPLE)))
+    begin = 0 if rule.start is None else max(0, int(np.ceil((rule.start - start) * rate - _TIME_TOLERANCE)))
     end = length
     if rule.stop is not None:
-        end = min(length, int(np.floor((rule.stop - start) * rate + _ON_SAMPLE)) + 1)
+        end = min(length, int(np.floor((rule.stop - start) * rate + _TIME_TOLERANCE)) + 1)
     if end <= begin:
         raise MeasurementError(
             f"{label}: nothing between start and stop; it lasts from {start:g} to {start + length / rate:g} s"

@@ -17,7 +17,7 @@ import numpy as np
 
 from rsgen.common.arrays import Array
 from rsgen.common.errors import MeasurementError
-from rsgen.files.text_columns import LONGEST_NUMBER, MISSING, number_in
+from rsgen.files.text_columns import MAX_COLUMNS, MAX_NUMBER_LENGTH, MISSING, number_in
 from rsgen.files.tree import Node
 
 _END = "***End_of_Header***"
@@ -30,8 +30,7 @@ _LONG_UNITS = {
 }  # fmt: skip
 _DIMENSIONS = {"time": "s", "frequency": "Hz"}
 """Units of the abscissa where only its dimension is named."""
-_MOST_CHANNELS = 10_000
-_MOST_SEGMENTS = 10_000
+_MAX_SEGMENTS = 10_000
 # what float() and the careful reading take alike
 _PLAIN = re.compile(r"[0-9eE+\-.,;\s]*\Z", re.ASCII)
 
@@ -120,15 +119,15 @@ class _Reader:
                 raise self.fail(f"the names of the channels are needed after {_END}, {_ABSCISSA} first")
             while names and names[-1] in ("", _COMMENT):
                 names.pop()
-            if len(names) > _MOST_CHANNELS:
-                raise self.fail(f"{len(names)} columns; at most {_MOST_CHANNELS} are read")
+            if len(names) > MAX_COLUMNS:
+                raise self.fail(f"{len(names)} columns; at most {MAX_COLUMNS} are read")
             segment.names = names
             segment.values = [array("d") for _ in names]
             cells = self.rows(segment)
             yield segment
             count += 1
-            if count > _MOST_SEGMENTS:
-                raise self.fail(f"more than {_MOST_SEGMENTS} segments; at most that many are read")
+            if count > _MAX_SEGMENTS:
+                raise self.fail(f"more than {_MAX_SEGMENTS} segments; at most that many are read")
 
     def rows(self, segment: _Segment) -> list[str] | None:
         """Read the rows of a segment; return the first line of the next segment."""
@@ -150,7 +149,7 @@ class _Reader:
 
     def row(self, segment: _Segment, cells: list[str]) -> None:
         text = " ".join(cells)
-        if _PLAIN.match(text) and len(text) < LONGEST_NUMBER and not (self.decimal == "," and "." in text):
+        if _PLAIN.match(text) and len(text) < MAX_NUMBER_LENGTH and not (self.decimal == "," and "." in text):
             spelled = cells if self.decimal == "." else [cell.replace(",", ".") for cell in cells]
             try:
                 numbers = [float(cell) if cell else nan for cell in spelled]

@@ -12,10 +12,9 @@ from numpy.typing import NDArray
 from scipy.io.matlab import MatlabFunction, MatlabObject, MatlabOpaque
 
 from rsgen.common.errors import MeasurementError
-from rsgen.files.tree import Node, array_bytes, is_wanted
+from rsgen.files.tree import MAX_DEPTH, Node, array_bytes, is_wanted
 
-MAX_DEPTH = 12
-_TEXTS = 12
+_MAX_TEXTS_SHOWN = 12
 """Texts shown of a list."""
 _WIDTHS = {
     "double": "f8", "single": "f4", "int8": "i1", "uint8": "u1", "int16": "i2", "uint16": "u2",
@@ -60,7 +59,7 @@ def _walk(value: Any, path: str, depth: int) -> Iterator[Node]:
             return
         if not value.dtype.names and value.size and all(_is_text(member) for member in value.flat):
             texts = [str(member.ravel()[0]) if member.size else "" for member in value.ravel(order="F")]
-            yield Node.text(path, ", ".join(texts[:_TEXTS]), value.shape)
+            yield Node.text(path, ", ".join(texts[:_MAX_TEXTS_SHOWN]), value.shape)
             return
         for inner, child in _children(value, path):
             yield from _walk(child, inner, depth + 1)

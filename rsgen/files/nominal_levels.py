@@ -22,28 +22,28 @@ from rsgen.files.plan import MeasuredTest
 # ----------------------------------------------------------------------------
 # The control mode of a test (force, amplitude, phase or continuation) and the levels of its points.
 
-_PHASE_SPREAD = 0.01
+_PHASE_LOCKED_SPREAD = 0.01
 """Levels of a phase-locked test differ by more: one point each, so that neighbours must not be joined."""
 
-_STEP = 0.1
+_AMPLITUDE_STEP = 0.1
 """Of the amplitude, relative, from level to level of a continuation: a dozen where it doubles twice."""
 
-_SAME = 1e-3
+_FREQUENCY_TOLERANCE = 1e-3
 """Frequencies that differ by less, relatively, belong to one run of a continuation, which holds it."""
 
-_FEWEST_FOR_CONTROL = 5
+_MIN_POINTS_AT_FREQUENCY = 5
 """Points of such a run from which on the force says where it is unstable."""
 
-_FALLS = 0.1
+_MIN_FORCE_DROP = 0.1
 """Share by which the force falls along a run while the amplitude grows: no test that holds the force does so,
 but noise and a shaker that drops do a part of it."""
 
-_TWO = 2
-"""At least as many points of a run lie behind its fold: one is an error of reading."""
+_MIN_POINTS_PAST_FOLD = 2
+"""Points of a run behind its fold, at least: a single one is an error of reading."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Held:
+class ControlMode:
     """The control mode: ``control`` of the surface, the displacement (n,), levels (n,), stability (n,)."""
 
     control: str
@@ -53,7 +53,7 @@ class Held:
     findings: tuple[Finding, ...]
 
 
-def hold(
+def find_control_mode(
     test: MeasuredTest,
     frequency: Array,
     force: ComplexArray,
@@ -61,8 +61,8 @@ def hold(
     run: Array | NDArray[np.int64] | None,
     block: NDArray[np.int64],
     files: NDArray[np.intp],
-) -> Held:
-    """Find or take over what a table of amplitudes held.
+) -> ControlMode:
+    """Return the control mode of a table of amplitudes, from the plan or from its numbers, and the levels.
 
     Parameters
     ----------
@@ -78,7 +78,7 @@ def hold(
     spread = test.level.spread
     control: str = test.control or "force"
     if test.control is None and test.force is not None and run is not None and spread is None:
-        control = recognise_control(np.abs(force), np.abs(displacement), run)
+        control = infer_control_mode(np.abs(force), np.abs(displacement), run)
     if test.control is None and run is None and at_phase_resonance(force / displacement):
         control = "phase"
     if test.control is None and run is None and spread is None and _folded(frequency, force, displacement):
@@ -86,26 +86,26 @@ def hold(
     if test.control is None and control != "force":
         findings.append(Finding("control-recognised", "info", names={"control": control}))
     if control == "phase" and not test.phase_known:
-        # what the loop is for
+        # a phase-locked loop holds 90 degrees
         displacement = np.asarray(np.abs(displacement) * np.exp(-0.5j * np.pi))
         findings.append(Finding("phase-lag-assumed", "warning"))
     if control == "continuation":
         level = amplitude_steps(np.abs(displacement), spread)
         stable = _stable(frequency, np.abs(force), np.abs(displacement))
     elif spread is not None or (run is None and control == "phase"):
-        level = group_levels(np.abs(force), _PHASE_SPREAD if spread is None else spread)
+        level = group_levels(np.abs(force), _PHASE_LOCKED_SPREAD if spread is None else spread)
     elif run is not None:
         level = run.astype(np.float64)
     elif control == "response":
         level = files.astype(np.float64)
     else:
         level = group_runs(np.abs(force), frequency, block)
-    return Held(control, displacement, level, stable, tuple(findings))
+    return ControlMode(control, displacement, level, stable, tuple(findings))
 
 
 def amplitude_steps(amount: Array, step: float | None) -> Array:
     """(n,) middle of the step of equal ratio that each amplitude lies in: the levels of a continuation."""
-    ratio = np.log1p(_STEP if step is None else step)
+    ratio = np.log1p(_AMPLITUDE_STEP if step is None else step)
     good = np.isfinite(amount) & (amount > 0)
     number = np.floor(np.log(np.where(good, amount, 1.0)) / ratio)
     return np.asarray(np.exp((number + 0.5) * ratio))
@@ -114,8 +114,8 @@ def amplitude_steps(amount: Array, step: float | None) -> Array:
 def _runs(frequency: Array, size: Array) -> list[NDArray[np.intp]]:
     """Rows of each frequency that has some, ascending in amplitude."""
     order = np.argsort(frequency, kind="stable")
-    edges = np.flatnonzero(np.diff(frequency[order]) > _SAME * frequency[order][1:]) + 1
-    runs = [rows for rows in np.split(order, edges) if len(rows) >= _FEWEST_FOR_CONTROL]
+    edges = np.flatnonzero(np.diff(frequency[order]) > _FREQUENCY_TOLERANCE * frequency[order][1:]) + 1
+    runs = [rows for rows in np.split(order, edges) if len(rows) >= _MIN_POINTS_AT_FREQUENCY]
     return [rows[np.argsort(size[rows], kind="stable")] for rows in runs]
 
 
@@ -134,35 +134,38 @@ def _folded(frequency: Array, force: ComplexArray, displacement: ComplexArray) -
     Levels side by side at a frequency stand in the order of their forces.
     """
     size = np.abs(displacement)
-    edges = np.flatnonzero(np.abs(np.diff(frequency)) > _SAME * frequency[1:]) + 1
+    edges = np.flatnonzero(np.abs(np.diff(frequency)) > _FREQUENCY_TOLERANCE * frequency[1:]) + 1
     for rows in np.split(np.arange(len(frequency)), edges):
         steps = np.diff(size[rows])
-        if len(rows) < _FEWEST_FOR_CONTROL or not (np.all(steps > 0) or np.all(steps < 0)):
+        if len(rows) < _MIN_POINTS_AT_FREQUENCY or not (np.all(steps > 0) or np.all(steps < 0)):
             continue
         along = np.abs(force[rows])[:: 1 if steps[0] > 0 else -1]
-        if np.count_nonzero(along < (1 - _FALLS) * np.maximum.accumulate(along)) >= _TWO:
+        if (
+            np.count_nonzero(along < (1 - _MIN_FORCE_DROP) * np.maximum.accumulate(along))
+            >= _MIN_POINTS_PAST_FOLD
+        ):
             return True
     return False
 
 
 _NUMBER = r"([+-]?\d{1,30}(?:[.,]\d{1,30})?(?:[eE][+-]?\d{1,3})?)"
-_SPREAD = 0.05
+_MAX_LEVEL_SPREAD = 0.05
 """Runs whose forces differ by less than this fraction share a level: shakers repeat it to a few per cent."""
-_ONE_WAY = 0.8
+_MIN_SHARE_OF_SWEEP_STEPS = 0.8
 """A run is a sweep where this share of its steps goes one way; levels side by side at a frequency do not."""
-_DIGITS = 3
+_DIGITS_OF_LEVEL = 3
 """Digits of a level that is called by what was measured; more where two would have one name."""
-_AGREE = 2.0
+_MAX_LEVEL_RATIO = 2.0
 """A level is no amount of what was measured where it is above the largest, or below the typical one, by more
 than this factor. Shakers lose force at a resonance and stay near the level elsewhere."""
-_LARGEST = 0.9
+_QUANTILE_OF_LARGEST = 0.9
 """Quantile that stands for the largest amount: single readings may be off."""
-_HELD = 0.1
-"""What was held within a level stays within this range, from its 10 to its 90 per cent quantile."""
-_FREE = 0.5
-"""What was not held moves by more than this over a resonance."""
-_FEWEST = 8
-"""Points of a level from which on quantiles say what was held."""
+_MAX_RANGE_IF_CONTROLLED = 0.1
+"""Relative range, from the 10 to the 90 per cent quantile, of the controlled amount within a level."""
+_MIN_RANGE_IF_FREE = 0.5
+"""Relative range of an amount that is not controlled, over a resonance."""
+MIN_POINTS_OF_RUN = 8
+"""Points of a run or level from which it is compared with others and its quantiles are used."""
 
 
 def group_levels(force: Array, spread: float) -> Array:
@@ -215,12 +218,12 @@ def group_runs(force: Array, frequency: Array, block: NDArray[np.int64]) -> Arra
     for left, right in pairwise(edges):
         for start, stop, direction in monotone_runs(frequency[left:right], TURN):
             steps = np.diff(frequency[left + start : left + stop]) * (-1 if direction == "down" else 1)
-            if stop - start < _FEWEST or np.mean(steps > 0) < _ONE_WAY:
-                return group_levels(force, _SPREAD)
+            if stop - start < MIN_POINTS_OF_RUN or np.mean(steps > 0) < _MIN_SHARE_OF_SWEEP_STEPS:
+                return group_levels(force, _MAX_LEVEL_SPREAD)
             run[left + start : left + stop] = count
             count += 1
     level = _medians(force, run)
-    return group_levels(level, _SPREAD)[run]
+    return group_levels(level, _MAX_LEVEL_SPREAD)[run]
 
 
 def level_of_file(test: MeasuredTest, number: int) -> float | None:
@@ -255,25 +258,27 @@ def level_of_file(test: MeasuredTest, number: int) -> float | None:
     return level
 
 
-def _moved(values: Array) -> float:
+def _relative_range(values: Array) -> float:
     """Range of amounts over their median, without the outermost."""
     low, middle, high = np.quantile(values, [0.1, 0.5, 0.9])
     return float((high - low) / middle) if middle > 0 else np.inf
 
 
-def _held_findings(surface: ResponseSurface) -> list[Finding]:
-    """Find the level at which a response that is said to be held moves most."""
+def _control_findings(surface: ResponseSurface) -> list[Finding]:
+    """Find the level at which a response that should be constant varies most."""
     good = surface.settled & np.isfinite(surface.amplitude)
     rows = [(v, np.flatnonzero(good & (surface.level == v))) for v in surface.levels]
-    moved, level = max((_moved(surface.amplitude[at]) if len(at) else 0.0, float(v)) for v, at in rows)
-    if moved < _FREE:
+    moved, level = max(
+        (_relative_range(surface.amplitude[at]) if len(at) else 0.0, float(v)) for v, at in rows
+    )
+    if moved < _MIN_RANGE_IF_FREE:
         return []
     numbers = {"moved": Quantity(moved), "level": Quantity(level, "m")}
     return [Finding("response-not-held", "doubt", numbers=numbers)]
 
 
-def recognise_control(force: Array, size: Array, run: NDArray[Any]) -> str:
-    """Find what was held within every run: "response" where its amplitude stays while the force moves.
+def infer_control_mode(force: Array, size: Array, run: NDArray[Any]) -> str:
+    """Return "response" if in every run the amplitude stays constant while the force varies, else "force".
 
     Parameters
     ----------
@@ -284,13 +289,18 @@ def recognise_control(force: Array, size: Array, run: NDArray[Any]) -> str:
     """
 
     rows = [np.flatnonzero(run == number) for number in np.unique(run)]
-    held = all(len(at) >= _FEWEST and _moved(size[at]) < _HELD and _moved(force[at]) > _FREE for at in rows)
+    held = all(
+        len(at) >= MIN_POINTS_OF_RUN
+        and _relative_range(size[at]) < _MAX_RANGE_IF_CONTROLLED
+        and _relative_range(force[at]) > _MIN_RANGE_IF_FREE
+        for at in rows
+    )
     return "response" if held else "force"
 
 
-def _named(amount: Array) -> Array:
+def _rounded(amount: Array) -> Array:
     """Round amounts to names, with as many digits as distinguish different ones."""
-    for digits in range(_DIGITS, 17):
+    for digits in range(_DIGITS_OF_LEVEL, 17):
         names = np.array([float(f"{value:.{digits}g}") for value in amount])
         if len(np.unique(names)) == len(np.unique(amount)):
             return names
@@ -299,10 +309,10 @@ def _named(amount: Array) -> Array:
 
 def _coincide(amount: Array) -> bool:
     """Return True if several levels were measured with nearly the same amount."""
-    return len(amount) > 1 and float(np.ptp(amount)) < _SPREAD * float(amount.min())
+    return len(amount) > 1 and float(np.ptp(amount)) < _MAX_LEVEL_SPREAD * float(amount.min())
 
 
-def settle_levels(surface: ResponseSurface, test: MeasuredTest, known: bool, said: bool) -> ResponseSurface:
+def name_levels(surface: ResponseSurface, test: MeasuredTest, known: bool, said: bool) -> ResponseSurface:
     """Call levels by what was measured where they are labels; say where nominal levels and forces disagree.
 
     Parameters
@@ -319,19 +329,19 @@ def settle_levels(surface: ResponseSurface, test: MeasuredTest, known: bool, sai
     levels, none = surface.levels, (np.nan, np.nan)
     typical = typical_amounts(surface, surface.drive)
     if test.control == "response":
-        surface = replace(surface, findings=(*surface.findings, *_held_findings(surface)))
+        surface = replace(surface, findings=(*surface.findings, *_control_findings(surface)))
     if known and not test.level.labels:
         amount = surface.amplitude if surface.response_held else surface.drive
         good = surface.settled & np.isfinite(amount) & (amount > 0)
         median, largest = np.array(
             [
-                np.quantile(amount[at], [0.5, _LARGEST])
+                np.quantile(amount[at], [0.5, _QUANTILE_OF_LARGEST])
                 if (at := good & (surface.level == v)).any()
                 else none
                 for v in levels
             ]
         ).T
-        if not np.any((median > _AGREE * levels) | (levels > _AGREE * largest)):
+        if not np.any((median > _MAX_LEVEL_RATIO * levels) | (levels > _MAX_LEVEL_RATIO * largest)):
             return replace(surface, findings=(*surface.findings, *_order_findings(surface, levels, median)))
     if not np.isfinite(typical).all():
         return surface
@@ -339,7 +349,7 @@ def settle_levels(surface: ResponseSurface, test: MeasuredTest, known: bool, sai
         numbers = {"count": Quantity(len(levels)), "amount": Quantity(float(typical[0]), surface.level_unit)}
         finding = Finding("levels-of-one-force", "doubt", numbers=numbers)
         return replace(surface, findings=(*surface.findings, finding))
-    names = _named(typical)
+    names = _rounded(typical)
     renamed = replace(surface, level=names[np.searchsorted(levels, surface.level)])
     if not known:
         return renamed
@@ -358,7 +368,7 @@ def _order_findings(surface: ResponseSurface, levels: Array, median: Array) -> l
     """Find two levels of which the lower one was driven harder: their labels or files are swapped."""
     unit = surface.level_unit
     for i in range(len(levels) - 1):
-        if median[i] > median[i + 1] * (1 + _SPREAD):
+        if median[i] > median[i + 1] * (1 + _MAX_LEVEL_SPREAD):
             numbers = {
                 "low": Quantity(float(levels[i]), unit),
                 "high": Quantity(float(levels[i + 1]), unit),

@@ -30,7 +30,7 @@ WAIT_SECONDS = 30.0
 WAIT_RATE = 2 * 2**20
 """Time to wait for an answer: WAIT_SECONDS, and one more for each WAIT_RATE bytes. The reading process itself
 ends sooner, after a second of work or some of a text, but only where the system can count that."""
-UNCOUNTED = 10.0
+_UNCOUNTED_WAIT_DIVISOR = 10.0
 """Where it cannot, waiting is shorter by this factor, but for formats whose numbers are texts."""
 _WORKER = "rsgen.files.sandbox_worker"
 _DTYPES = ("<f4", "<f8", "<c8", "<c16", "|i1", "|u1", "<i2", "<u2", "<i4", "<u4", "<i8", "<u8", "<f2")
@@ -155,7 +155,7 @@ def _check_extra(name: str, form: str) -> None:
 
 def _seconds(size: int, form: str) -> float:
     seconds = WAIT_SECONDS + size / WAIT_RATE
-    return seconds if find_spec("resource") or FORMATS[form].texts else seconds / UNCOUNTED
+    return seconds if find_spec("resource") or FORMATS[form].texts else seconds / _UNCOUNTED_WAIT_DIVISOR
 
 
 @contextmanager

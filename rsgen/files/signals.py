@@ -16,7 +16,7 @@ from rsgen.common.errors import MeasurementError
 from rsgen.data.surface.columns import QUANTITIES
 
 AMPLITUDES = "amplitude (with phase), or real and imaginary, or complex"
-LATEST = 10.0
+MAX_DELAY = 10.0
 """Delay of a channel [s]: no filter and no multiplexer is later."""
 _PLACES = ("amplitude", "phase", "real", "imaginary", "complex", "samples")
 _TOGETHER = (["amplitude"], ["amplitude", "phase"], ["complex"], ["samples"], ["real", "imaginary"])
@@ -160,8 +160,8 @@ class NamedChannel(Checked):
         0.0,
         "How much later than the others its signal arrives, as behind a filter; taken off. Negative for a "
         "channel that is sampled later than the others, as by a multiplexer.",
-        at_least=-LATEST,
-        at_most=LATEST,
+        at_least=-MAX_DELAY,
+        at_most=MAX_DELAY,
     )
     files: tuple[Path, ...] = declare(
         (), "Its files, one for each of the test; those of the test without.", key="file", fewest=1, most=200

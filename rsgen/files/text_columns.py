@@ -31,7 +31,7 @@ if TYPE_CHECKING:
 # ----------------------------------------------------------------------------
 # The cells of a line of text: numbers, words, and what stands for a number that is missing.
 
-LONGEST_NUMBER = 400
+MAX_NUMBER_LENGTH = 400
 """Signs of a number, at most: the longest double written out has 17 digits behind 308 zeros."""
 # every sign fits in one way only, so that a number gone wrong at its end is not tried again from each digit
 _NUMBER = re.compile(r"[+-]?(?:\d+(?:\.\d*)?|\.\d+)(?:[eE][+-]?\d+)?\Z", re.ASCII)
@@ -60,7 +60,7 @@ def number_in(cell: str, decimal: str) -> float | None:
     """Read a plain number (digits, sign, decimal sign, exponent); None where the cell holds none."""
     if decimal == ",":
         cell = cell.replace(",", ".") if "." not in cell else "?"
-    return float(cell) if len(cell) <= LONGEST_NUMBER and _NUMBER.match(cell) else None
+    return float(cell) if len(cell) <= MAX_NUMBER_LENGTH and _NUMBER.match(cell) else None
 
 
 def is_of_words(cells: Sequence[str], decimal: str) -> bool:
@@ -85,7 +85,7 @@ def is_of_words(cells: Sequence[str], decimal: str) -> bool:
 # Lines of a text file, one by one or many at once: their lengths, their bytes and their encoding checked.
 
 MAX_LINE = 1_000_000
-BLOCK = 1 << 18
+BLOCK_BYTES = 1 << 18
 """Bytes read at once: thousands of lines, and little against the memory of a program."""
 
 
@@ -137,14 +137,14 @@ class TextLines:
         return map(self._text, _split(block))
 
     def block(self) -> bytes:
-        """Return complete lines of about ``BLOCK`` bytes, not yet counted; nothing at the end.
+        """Return complete lines of about ``BLOCK_BYTES`` bytes, not yet counted; nothing at the end.
 
         Raises
         ------
         MeasurementError
             The file is longer than a text may be.
         """
-        begin = self._file.read(BLOCK)
+        begin = self._file.read(BLOCK_BYTES)
         if begin and not begin.endswith(b"\n"):
             begin += self._file.readline(MAX_LINE + 1)
         return self._taken(begin)
@@ -197,7 +197,7 @@ PLAIN = "0123456789eE+-.,;| \t\r\n"
 converts is a plain number."""
 
 _PLAIN_BYTES = PLAIN.encode()
-_LONG = re.compile(rb"[0-9eE+\-.]{%d}" % (LONGEST_NUMBER + 1))
+_LONG = re.compile(rb"[0-9eE+\-.]{%d}" % (MAX_NUMBER_LENGTH + 1))
 
 
 def plain_rows(block: bytes, delimiter: str, decimal: str) -> Array | None:
@@ -227,7 +227,7 @@ def plain_rows(block: bytes, delimiter: str, decimal: str) -> Array | None:
     ends = np.flatnonzero(np.frombuffer(block, dtype=np.uint8) == ord("\n"))
     rows = len(ends) + (not block.endswith(b"\n"))
     lengths = np.diff(ends, prepend=-1, append=len(block))
-    if lengths.max() > LONGEST_NUMBER and _LONG.search(block):
+    if lengths.max() > MAX_NUMBER_LENGTH and _LONG.search(block):
         return None
     try:
         values = np.loadtxt(
@@ -251,7 +251,7 @@ REMARKS = "comment"
 """Title of the last column of LabVIEW's measurement files, which the rows leave out."""
 _ANY = ".{1,40}?"
 """What a * in the name of a column stands for."""
-_MOST_STARS = 2
+_MAX_STARS = 2
 """In the name of a column: what each stands for is tried in turn, against thousands of names."""
 _FORMULA = ("=", "+", "-", "@")
 
@@ -349,9 +349,9 @@ class _Table:
                 raise self.fail(line, f"no column {column}; the file has {self.width}")
             return [column - 1]
         found = [place for place, name in enumerate(names) if name == column]
-        if column.count("*") > _MOST_STARS and not found:
+        if column.count("*") > _MAX_STARS and not found:
             raise self.fail(
-                line, f"{quote(column)} has {column.count('*')} stars; at most {_MOST_STARS} may be"
+                line, f"{quote(column)} has {column.count('*')} stars; at most {_MAX_STARS} may be"
             )
         if "*" in column and not found:
             pattern = re.compile(_ANY.join(map(re.escape, column.split("*"))))
@@ -393,7 +393,9 @@ class _Table:
         cells = text.split(None if self.delimiter == "whitespace" else self.delimiter)
         if len(cells) not in self.widths:
             return None
-        if len(text) > LONGEST_NUMBER and any(len(cells[place]) > LONGEST_NUMBER for place in self.places):
+        if len(text) > MAX_NUMBER_LENGTH and any(
+            len(cells[place]) > MAX_NUMBER_LENGTH for place in self.places
+        ):
             return None
         try:
             values = [float(cells[place]) for place in self.places]
@@ -418,8 +420,8 @@ class _Table:
         return [nan if value is None else value for value in numbers]
 
     def reason(self, cell: str) -> str:
-        if len(cell) > LONGEST_NUMBER:
-            return f"{quote(cell)} has {len(cell)} signs; a number has at most {LONGEST_NUMBER}"
+        if len(cell) > MAX_NUMBER_LENGTH:
+            return f"{quote(cell)} has {len(cell)} signs; a number has at most {MAX_NUMBER_LENGTH}"
         if self.layout.decimal == "." and "," in cell:
             return f"{quote(cell)} is no number; for a decimal comma set test.layout.decimal = ','"
         return f"{quote(cell)} is no number; digits, sign, decimal point and exponent are allowed"

@@ -23,14 +23,16 @@ LARGEST_BYTES = 2**30
 """Bytes of numbers that are taken from one file, at most."""
 MAX_NODES = 50_000
 """Arrays that are listed of one file, at most."""
+MAX_DEPTH = 12
+"""Levels of groups, structs and cells in each other, at most."""
 _SMALL_BYTES = 32 * 2**20
 _EXPANSION = 20
 """A file may unpack to this multiple of its size: measurements hardly compress, bombs do a thousandfold."""
 TEXT = "text"
 """Kind of a node that holds a text; its remark is the text."""
-_LONGEST_TEXT = 60
+_MAX_TEXT_LENGTH = 60
 _KINDS = "fiubc"
-FIRST = 4
+VALUES_SHOWN = 4
 """Values shown of each array."""
 
 
@@ -90,7 +92,7 @@ class Node(_Array):
             path=path,
             shape=shape,
             dtype=TEXT,
-            remark=content[:_LONGEST_TEXT],
+            remark=content[:_MAX_TEXT_LENGTH],
             fault="is a text; numbers are needed",
         )
 
@@ -224,7 +226,7 @@ def open_archive(file: BinaryIO, largest: int) -> zipfile.ZipFile:
 def facts(values: NDArray[Any]) -> dict[str, Any]:
     """Return the facts of ``Entry``: first values and range."""
     flat = values.ravel()
-    known: dict[str, Any] = {"first": tuple(f"{value:.6g}" for value in flat[:FIRST])}
+    known: dict[str, Any] = {"first": tuple(f"{value:.6g}" for value in flat[:VALUES_SHOWN])}
     if not flat.size or flat.dtype.kind not in "fiu":
         return known
     finite = np.isfinite(flat)
@@ -251,7 +253,7 @@ def describe(node: Node) -> Entry:
 # ----------------------------------------------------------------------------
 # Where in the tree a channel is: "forced_data/drive_1/freq", "Acceleration[3]", "runs/*/x".
 
-_MOST_MEANT = 10_000
+_MAX_ARRAYS_PER_ADDRESS = 10_000
 _INDEX = re.compile(r"(?P<path>.+?)\[(?:(?P<one>\d{1,9})|(?P<row>\d{1,9}),:|:,(?P<column>\d{1,9}))\]\Z")
 _DIGITS = re.compile(r"(\d+)")
 
@@ -313,8 +315,10 @@ def find(nodes: Sequence[Node], wanted: int | str) -> tuple[list[Node], str | No
             (node for node in nodes if _matches(node.path, pattern)),
             key=lambda node: natural_order(node.path),
         )
-        if len(found) > _MOST_MEANT:
-            raise MeasurementError(f"{quote(text)} means {len(found)} arrays; at most {_MOST_MEANT} are read")
+        if len(found) > _MAX_ARRAYS_PER_ADDRESS:
+            raise MeasurementError(
+                f"{quote(text)} means {len(found)} arrays; at most {_MAX_ARRAYS_PER_ADDRESS} are read"
+            )
     else:
         found = []
     if not found:

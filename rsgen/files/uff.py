@@ -140,7 +140,7 @@ _SYSTEMS = {
     6: ("cm", "cN"), 7: ("inch", "lbf"), 8: ("mm", "kgf"), 10: ("mm", "N"),
 }  # fmt: skip
 """Length and force by the code of the unit system; 9 is user-defined."""
-_ROUNDED = 1e-4
+_FACTOR_TOLERANCE = 1e-4
 """Relative error of a factor that names a unit all the same: writers print four digits and more."""
 _PER_TIME = {8: "", 11: "/s", 12: "/s^2"}
 _PER_FORCE = re.compile(r"/\s*(?:[kmcuµM]?N|lbf?|kgf|kp|dyne?)\Z")
@@ -161,7 +161,7 @@ SI = UnitSystem("m", "N", "SI assumed")
 
 def _named(factor: float, units: dict[str, float]) -> str:
     """Find the unit of which there are ``factor`` in an SI unit, or ""."""
-    return next((name for name, size in units.items() if abs(factor * size - 1) < _ROUNDED), "")
+    return next((name for name, size in units.items() if abs(factor * size - 1) < _FACTOR_TOLERANCE), "")
 
 
 def unit_system(code: int, length: float, force: float) -> UnitSystem:

@@ -25,7 +25,7 @@ MAX_ROWS = 2**20
 """Rows of a sheet, as Excel has them."""
 MAX_CELLS = 20_000_000
 """Cells of a sheet, empty ones among others: reading as many takes longer than any file may."""
-_LONGEST_TITLE = 120
+_MAX_TITLE_LENGTH = 120
 _Row = Sequence[Any]
 
 
@@ -109,7 +109,7 @@ def _titles(rows: Sequence[_Row], first: int, columns: Sequence[int], width: int
     """Return the titles above a table, with the units of a row of their own."""
     heads: list[list[str]] = []
     for row in reversed(rows[max(0, first - 2) : first]):
-        cells = [str(cell).strip()[:_LONGEST_TITLE] if isinstance(cell, str) else "" for cell in row]
+        cells = [str(cell).strip()[:_MAX_TITLE_LENGTH] if isinstance(cell, str) else "" for cell in row]
         heads.append([*cells, *[""] * width][:width])
         named = [heads[-1][place] for place in columns if heads[-1][place]]
         if not named or not all(map(is_unit, named)):
@@ -160,7 +160,7 @@ def _table(sheet: str, rows: Sequence[_Row], offset: int, only: bool) -> Iterato
     if not columns:
         # texts alone, or formulas without their values below a title
         cells = [cell for row in rows for cell in row[:1]]
-        title = next((cell.strip()[:_LONGEST_TITLE] for cell in cells if isinstance(cell, str)), "")
+        title = next((cell.strip()[:_MAX_TITLE_LENGTH] for cell in cells if isinstance(cell, str)), "")
         yield Node.refused(f"{sheet}/{title or _letter(offset + 1)}", _refused(cells[1:]))
         return
     last = max((n for n, row in enumerate(rows) if any(cell is not None for cell in row)), default=-1)

@@ -17,7 +17,7 @@ from rsgen.files.data_files import FORMATS
 from rsgen.files.file_table import _stars
 from rsgen.files.inspection import list_contents
 from rsgen.files.sandbox import list_binary, read_binary
-from rsgen.files.text_columns import LONGEST_NUMBER, read_columns
+from rsgen.files.text_columns import MAX_NUMBER_LENGTH, read_columns
 from tests.attacks import readers
 from tests.attacks.child import allowed
 from tests.attacks.damage import DAMAGE, Damage, in_archive, in_chunk, in_variable
@@ -107,7 +107,7 @@ def test_a_number_of_a_million_digits_is_refused_by_its_length(ending: str, tmp_
     path.write_bytes(b"f,F\n1,2\n" + b"7" * 900_000 + ending.encode() + b",2\n")
     sentence = refusal(lambda: read_columns(path, Layout(), [1]))
     assert "line 3: column 1: '777" in sentence
-    assert f"at most {LONGEST_NUMBER}" in sentence
+    assert f"at most {MAX_NUMBER_LENGTH}" in sentence
 
 
 @pytest.mark.parametrize(("seed", "reason"), [(1, "EOF: reading array header"), (2, "Header info length")])

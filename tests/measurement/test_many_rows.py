@@ -47,7 +47,7 @@ def tables(draw: st.DrawFn) -> tuple[bytes, Layout]:
 
 def found(path: Path, layout: Layout, bytes_at_once: int, plain: bool) -> Columns | str:
     """Read both columns in blocks of some size, or line by line; a fault as its sentence."""
-    with patch.object(text_lines, "BLOCK", bytes_at_once):
+    with patch.object(text_lines, "BLOCK_BYTES", bytes_at_once):
         try:
             if plain:
                 return read_columns(path, layout, [2, 1])

@@ -32,17 +32,17 @@ from rsgen.files.text_columns import (
 )
 from rsgen.files.tree import Contents, Entry, facts
 
-LOOKED_AT = 300
+LAYOUT_LINES = 300
 """Lines of a text from which its layout is recognised."""
-FEWEST_LINES = 3
+MIN_LAYOUT_LINES = 3
 """Of these at least: names, units, numbers."""
-LOOKED_AT_BYTES = 2**18
+LAYOUT_BYTES = 2**18
 """Bytes of them: enough for 300 lines of 40 columns; every way to split them is tried."""
-_ALONE_BYTES = 32 * 2**20
+_MAX_BYTES_COLUMN_BY_COLUMN = 32 * 2**20
 """Where reading each column alone reads more bytes than this in all, none is."""
 _PLAIN_UNITS = ("", "-", "1", "Hz", "kHz", "rpm", "s", "ms", "deg", "rad", "V", "mV", "A", "%", "strain")
 _DIMENSIONS = ("N", "m", "m/s", "m/s^2", "kg", "Pa")
-_BLOCK = 3
+_MIN_ROWS_ABOVE_WORDS = 3
 """At least this number of rows of numbers above a row of words belong to the table; fewer, such as the
 numbers of the channels, to its header."""
 
@@ -98,7 +98,7 @@ def _judge(lines: Sequence[tuple[int, str]], layout: Layout) -> tuple[int, int, 
         # rows of numbers between two rows of words
         block = kinds[place + 1 : stop]
         repeated = place >= 0 and headers.count(lines[begin + place][1].split()) > 1
-        if block.count("numbers") >= (1 if first == len(lines) or repeated else _BLOCK):
+        if block.count("numbers") >= (1 if first == len(lines) or repeated else _MIN_ROWS_ABOVE_WORDS):
             first = begin + place + 1
         stop = place
     rows = sum(kind in ("numbers", "gaps") for kind in kinds[first - begin :])
@@ -128,11 +128,11 @@ def _is_foreign(lines: Iterable[bytes]) -> bool:
 
 def _beginning(lines: Iterable[tuple[int, str]]) -> Iterator[tuple[int, str]]:
     """Return the lines from which the layout is recognised, the first ones whatever their lengths."""
-    left = LOOKED_AT_BYTES
-    for number, text in islice(lines, LOOKED_AT):
+    left = LAYOUT_BYTES
+    for number, text in islice(lines, LAYOUT_LINES):
         yield number, text
         left -= len(text)
-        if left < 0 and number >= FEWEST_LINES:
+        if left < 0 and number >= MIN_LAYOUT_LINES:
             return
 
 
@@ -141,7 +141,7 @@ def _list_text(path: Path) -> Contents:
     with open_text(path, hashlib.sha256()) as file:
         begin = list(_beginning(TextLines(file, label, hashlib.sha256()).lines()))
         file.seek(0)
-        foreign = _is_foreign(islice(file, LOOKED_AT))
+        foreign = _is_foreign(islice(file, LAYOUT_LINES))
     comments = Layout().comments
     lines = [(n, text) for n, text in begin if text.strip() and not text.lstrip().startswith(comments)]
     if not lines:
@@ -199,7 +199,7 @@ def _numbers(path: Path, layout: Layout, wanted: list[int]) -> tuple[dict[int, A
     try:
         found = read_columns(path, layout, wanted)
     except MeasurementError as error:
-        if len(wanted) < 2 or len(wanted) * path.stat().st_size > _ALONE_BYTES:
+        if len(wanted) < 2 or len(wanted) * path.stat().st_size > _MAX_BYTES_COLUMN_BY_COLUMN:
             return {}, dict.fromkeys(wanted, str(error)), ""
     else:
         values = found.values

@@ -149,7 +149,7 @@ def _joined(address: str, first: Entry) -> Entry:
 # The draft of the case that reads a table of amplitudes over frequency: force or base, responses, level.
 
 _NO_MOTION = ~IS_MOTION & ~QUOTIENT
-_NAMED = 6
+_NAMES_SHOWN = 6
 """Columns that are left out and named; others are counted."""
 
 
@@ -193,7 +193,8 @@ def _other_points(draft: Draft, star: str) -> str:
     same = sum(entry.remark == points[0] for entry in motions) - 1
     again = f" and {same} more of this point" if same else ""
     names = list(dict.fromkeys(e.title for e in motions if e.remark != points[0]))
-    return f"left out: {', '.join(names[:_NAMED])}{again}; a case reads one point, whose entries are levels"
+    shown = ", ".join(names[:_NAMES_SHOWN])
+    return f"left out: {shown}{again}; a case reads one point, whose entries are levels"
 
 
 def _titles_of_runs(draft: Draft) -> list[str]:
@@ -264,7 +265,9 @@ def _with_loose_phase(responses: list[Sensor], table: _Table) -> list[Sensor]:
         if not is_of_another(phase, responses[0].main):
             table.loose.remove(phase)
             others = [sensor.main.title or sensor.main.path for sensor in responses[1:]]
-            doubt = f"or that of {', '.join(others[:_NAMED])}: its title names no channel" if others else ""
+            doubt = (
+                f"or that of {', '.join(others[:_NAMES_SHOWN])}: its title names no channel" if others else ""
+            )
             places = (*responses[0].places, ("phase", phase))
             return [Sensor(responses[0].main, places, doubt), *responses[1:]]
     return responses
@@ -277,9 +280,9 @@ def _called(column: Entry) -> str:
 def _ask_response(draft: Draft, names: Sequence[str], key: str = "amplitude") -> None:
     """Ask which of several columns is the response, where no name or unit says it."""
     draft.tables["test.response"] = {"quantity": "displacement", "unit": "m", key: UNKNOWN}
-    more = f" and {len(names) - _NAMED} more" if names[_NAMED:] else ""
+    more = f" and {len(names) - _NAMES_SHOWN} more" if names[_NAMES_SHOWN:] else ""
     draft.doubts[f"test.response.{key}"] = (
-        f"{TODO}write which is the response, its quantity and unit: {', '.join(names[:_NAMED])}{more}"
+        f"{TODO}write which is the response, its quantity and unit: {', '.join(names[:_NAMES_SHOWN])}{more}"
     )
 
 
@@ -289,8 +292,8 @@ def _left_out(table: _Table, higher: dict[int, list[Entry]]) -> str:
     names = [_called(entry) for entry in (*others, *table.loose)]
     said = ""
     if names:
-        more = f" and {len(names) - _NAMED} more" if names[_NAMED:] else ""
-        said = f"left out: {', '.join(names[:_NAMED])}{more}"
+        more = f" and {len(names) - _NAMES_SHOWN} more" if names[_NAMES_SHOWN:] else ""
+        said = f"left out: {', '.join(names[:_NAMES_SHOWN])}{more}"
     if higher:
         orders = f"harmonic{'s' * (len(higher) > 1)} {', '.join(map(str, higher))}"
         said += "; " * bool(said) + (
@@ -432,7 +435,9 @@ def propose_history(draft: Draft, time: Entry | None, rate: Entry | None) -> Non
     alike = fits & (IS_MOTION if IS_MOTION(first) else RESPONSE)
     others = [entry for entry in draft.free if alike(entry)]
     rest = [_called(entry) for entry in draft.free if fits(entry) and entry not in others]
-    left_out = f"left out: {', '.join(rest[:_NAMED])}{', ...' * (len(rest) > _NAMED)}" if rest else ""
+    left_out = (
+        f"left out: {', '.join(rest[:_NAMES_SHOWN])}{', ...' * (len(rest) > _NAMES_SHOWN)}" if rest else ""
+    )
     write_motions(draft, [s for entry in (first, *others) for s in _channels(entry)], "", left_out)
 
 

@@ -83,7 +83,7 @@ def find_base(sensors: Sequence[Sensor]) -> Base | None:
 
 _TOKEN = re.compile(r"[A-ZÄÖÜ]?[a-zäöüßéèçµφϕ]+|[A-ZÄÖÜ]+(?![a-z])|\d+")
 """Words of a title: "accTip_1" has acc, tip, 1."""
-_MOST_PAIRS = 100_000
+_MAX_PAIRS_COMPARED = 100_000
 """Phases times amplitudes that are compared word by word; of thousands only equal words count."""
 _OF_PHASE = re.compile(
     r"phas(?:e|en|enwinkel)?|phs|pha|phi|φ|ϕ|lag|lead|arg|ang(?:le)?|winkel|deg(?:rees?)?|rad"
@@ -268,7 +268,7 @@ def _partners(
         else:
             others.append(phase)
     open_ones = [entry for entry in amplitudes if id(entry) not in of]
-    if len(others) * len(open_ones) > _MOST_PAIRS:
+    if len(others) * len(open_ones) > _MAX_PAIRS_COMPARED:
         return of, others
     loose = []
     for phase in others:
@@ -406,9 +406,9 @@ def place_of(draft: Draft, sensor: Sensor, place: str, sense: str = "") -> dict[
     return table | radian | {"phase_sense": said or "lead"}
 
 
-_MOST_CHANNELS = 8
+_MAX_CHANNELS_PROPOSED = 8
 """Channels that are proposed with a table of their own; a file of a modal test may have hundreds."""
-_LONGEST = 30
+_MAX_NAME_LENGTH = 30
 """Characters of a channel's name; the case allows 40, and sums of them should fit a line."""
 
 
@@ -420,7 +420,7 @@ def channel_names(sensors: Sequence[Sensor]) -> list[str]:
         for word in words_of(sensor.main):
             text += word if not text or (word.isdigit() and text[-1].isalpha()) else f"_{word}"
         plain = unicodedata.normalize("NFKD", text.replace("ß", "ss")).encode("ascii", "ignore").decode()
-        name = re.sub(r"[^A-Za-z0-9_]", "", plain)[:_LONGEST].strip("_")
+        name = re.sub(r"[^A-Za-z0-9_]", "", plain)[:_MAX_NAME_LENGTH].strip("_")
         if not name or name[0].isdigit():
             name = f"channel_{name or number}"
         while name in names:
@@ -461,13 +461,15 @@ def write_motions(draft: Draft, responses: Sequence[Sensor], sense: str, left_ou
     if len(responses) == 1 or "per_force" in alone:
         others = [sensor.main.title or sensor.main.path for sensor in responses[1:]]
         reason = (
-            f"left out: {', '.join(others[:_MOST_CHANNELS])}; a case reads one response" if others else ""
+            f"left out: {', '.join(others[:_MAX_CHANNELS_PROPOSED])}; a case reads one response"
+            if others
+            else ""
         )
         _write_alone(draft, alone, key, "; ".join(filter(None, [reason, left_out])))
         return
     for doubt in [name for name in draft.doubts if name.startswith("test.response.")]:
         del draft.doubts[doubt]
-    chosen = responses[:_MOST_CHANNELS]
+    chosen = responses[:_MAX_CHANNELS_PROPOSED]
     names = channel_names(chosen)
     for name, sensor in zip(names, chosen, strict=True):
         place = f"test.channels.{name}"
