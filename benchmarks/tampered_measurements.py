@@ -28,7 +28,7 @@ NAMES = ("wire", "nlbeam", "clamp", "silverbox", "f16", "decay")
 TABLES = ("wire", "nlbeam", "clamp")
 """Stepped sines; the numbers of their surfaces are tampered with as those of a virtual test."""
 
-RECORD = MISFIT | WAVE | {"parts-disagree", "misfit-beside-damping", "channels-delayed", "held-out-missed"}
+RECORD = MISFIT | WAVE | {"parts-disagree", "damping-hidden-by-misfit", "channels-delayed", "held-out-missed"}
 """What is said of records of a multisine that one law does not explain."""
 
 READINGS = 10

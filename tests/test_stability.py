@@ -120,7 +120,7 @@ def test_a_doubt_of_schema_1_stands_under_the_code_of_today(tmp_path):
     (tmp_path / SMALL).mkdir()
     (tmp_path / SMALL / "result.json").write_text(json.dumps(result), encoding="utf-8")
     (entry,) = read_results(tmp_path)
-    assert [decided["code"] for decided in entry.verdict["decided_by"]] == ["points-set-aside"]
+    assert [decided["code"] for decided in entry.verdict["decided_by"]] == ["points-excluded"]
     (small,) = (one for one in compare_results(folder, tmp_path / SMALL))
-    assert [finding.code for finding in small.fits.fits[1].verdict.decided_by] == ["points-set-aside"]
+    assert [finding.code for finding in small.fits.fits[1].verdict.decided_by] == ["points-excluded"]
     assert small.worse

@@ -319,7 +319,7 @@ def test_rows_that_are_not_numbers_are_left_out_and_counted():
     surface = ResponseSurface(*columns.values())
     assert np.flatnonzero(~surface.settled).tolist() == [3, 5, 7]
     (found,) = surface.findings
-    assert (found.code, found["rows"], found["all"]) == ("points-not-measured", 3, 40)
+    assert (found.code, found["rows"], found["all"]) == ("rows-left-out", 3, 40)
     assert "3 not settled" in repr(surface)
     # the finding is made once
     assert replace(surface, level=surface.level).findings == (found,)
@@ -402,7 +402,7 @@ def test_a_phase_that_was_not_recorded_is_nan_named_and_refused_where_it_is_need
     assert np.isfinite(surface.phase).all()
     surface.require_phase("here", "it is needed")
     bare = replace(surface, phase_known=False)
-    assert [finding.code for finding in bare.limits] == ["phase-not-recorded"]
+    assert [finding.code for finding in bare.limits] == ["not-recorded"]
     assert np.isnan(bare.phase).all()
     with pytest.raises(RsgenError, match="here: the phases were not recorded; it is needed"):
         bare.require_phase("here", "it is needed")

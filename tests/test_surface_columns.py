@@ -63,7 +63,7 @@ def test_points_without_a_motion_across_are_not_measured():
     across[1] = np.nan
     made = surface(across=across)
     assert made.settled.tolist() == [True, False, True]
-    assert replace(made, outcome=None).findings[0].code == "points-not-measured"
+    assert replace(made, outcome=None).findings[0].code == "rows-left-out"
 
 
 @pytest.mark.parametrize(

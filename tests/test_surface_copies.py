@@ -31,7 +31,7 @@ def test_copies_change_neither_values_nor_intervals(copied: np.ndarray) -> None:
     for name in ("k1", "kn1", "c1", "m"):
         assert again[name].value == pytest.approx(found[name].value, rel=1e-9)
         assert again[name].interval == pytest.approx(found[name].interval, rel=1e-6)
-    (finding,) = [finding for finding in again.findings if finding.code == "rows-twice"]
+    (finding,) = [finding for finding in again.findings if finding.names.get("by") == "copies"]
     assert (finding["rows"], finding["all"]) == (len(copied), len(rows))
     assert "written twice" in sentence(finding)
     assert finding in rs.modal_table(surface.select(rows)).findings

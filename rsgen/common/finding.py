@@ -37,7 +37,7 @@ class Finding:
     Parameters
     ----------
     code
-        What was found, lower case, words joined by hyphens: "points-set-aside".
+        What was found, lower case, words joined by hyphens: "points-excluded".
     severity
         "info": good to know; "warning": some numbers are less certain than they look; "doubt": the result may
         be wrong, look at them first; "error": the result is wrong or means nothing. The verdict on a
@@ -51,8 +51,8 @@ class Finding:
 
     Examples
     --------
-    >>> Finding("points-held", "info", numbers={"held": 3, "points": 120})
-    points-held (info): held = 3, points = 120
+    >>> Finding("points-excluded", "info", numbers={"excluded": 3, "points": 120})
+    points-excluded (info): excluded = 3, points = 120
     """
 
     code: str
@@ -119,18 +119,26 @@ class Earlier(NamedTuple):
 
 
 EARLIER = {
+    "background-possible": Earlier("background-missing"),
     "base-scaled": Earlier("base-misread"),
     "combinations-only": Earlier("confounded", renamed={"parameters": "with"}),
     "confounded-with-background": Earlier("confounded", {"with": "the background"}),
     "continuation-recognised": Earlier("control-recognised", {"control": "continuation"}),
     "curve-extrapolated": Earlier("prediction-extrapolated"),
     "curves-need-mass": Earlier("needs-mass"),
-    "damping-missing": Earlier("misfit-beside-damping"),
-    "damping-negative-across": Earlier("damping-negative"),
+    "damping-missing": Earlier("damping-hidden-by-misfit"),
+    "damping-negative": Earlier("curve-negative", {"curve": "c(X)"}),
+    "damping-negative-across": Earlier("curve-negative", {"curve": "c(X)"}),
+    "decay-rises": Earlier("decay-not-free", {"by": "rise"}),
+    "drive-after-start": Earlier("decay-not-free", {"by": "drive"}),
     "element-not-identifiable": Earlier("element-course", renamed={"parameters": "unknown"}),
     "element-without-force": Earlier("element-course"),
-    "force-distorted": Earlier("force-not-sine"),
-    "force-from-ratio": Earlier("force-not-recorded", {"by": "ratio"}),
+    "even-force-not-seen": Earlier("even-terms-not-seen"),
+    "force-distorted": Earlier("power-not-at-lines", {"signal": "force"}),
+    "force-from-ratio": Earlier("not-recorded", {"signal": "force", "by": "ratio"}),
+    "force-in-noise": Earlier("points-excluded", {"by": "noise of the force"}, {"aside": "excluded"}),
+    "force-not-recorded": Earlier("not-recorded", {"signal": "force"}),
+    "force-not-sine": Earlier("power-not-at-lines", {"signal": "force"}),
     "frequency-angular": Earlier(
         "unit-contradicts-title", {"unit": "Hz", "title": "an angular frequency in rad/s"}
     ),
@@ -139,43 +147,69 @@ EARLIER = {
     "law-leaves-distortion": Earlier("law-does-not-fit"),
     "law-nearest-unproved": Earlier("law-nearest", {"noise": "not known"}),
     "laws-add-nothing": Earlier("laws-not-separated", renamed={"laws": "larger"}),
+    "laws-equal": Earlier("laws-not-separated"),
+    "level-apart": Earlier("level-deviates"),
     "levels-are-labels": Earlier("levels-disagree"),
     "loop-does-not-close": Earlier("element-course"),
+    "loop-gives-energy": Earlier("damping-feeds-energy"),
+    "mass-by-loops": Earlier("mass-at-resonance", {"by": "loops"}),
     "mean-of-symmetric-law": Earlier("note", {"text": "a symmetric law, and a response with a mean"}),
     "misfit-across": Earlier("harmonics-across-left-out"),
+    "misfit-beside-damping": Earlier("damping-hidden-by-misfit"),
     "misfit-beyond-scatter": Earlier("note", {"text": "the misfit is beyond the scatter of repeated points"}),
     "misfit-is-scatter": Earlier(
         "note", {"text": "the misfit is no larger than the scatter of repeated points"}
     ),
     "misfit-place": Earlier("no-law-fits"),
+    "modal-across": Earlier(
+        "note", {"text": "the motion across two sensors may have another course than the modal table"}
+    ),
     "modal-mass-unknown": Earlier("mass-at-resonance"),
+    "motion-mainly-free": Earlier("points-excluded", {"by": "free motion"}, {"aside": "excluded"}),
     "multisine-level-differs": Earlier("levels-disagree", renamed={"rms": "force"}),
     "multisine-levels-disagree": Earlier("levels-in-other-unit", renamed={"rms": "force"}),
-    "multisine-two-periods": Earlier("periods-few"),
-    "offset-possible": Earlier("background-possible"),
-    "one-period": Earlier("periods-few"),
+    "multisine-two-periods": Earlier("multisine-periods"),
+    "offset-possible": Earlier("background-missing"),
+    "one-period": Earlier("multisine-periods"),
     "other-law-predicts-better": Earlier("levels-predicted-worse", renamed={"predicted": "other"}),
+    "phase-lag-assumed": Earlier("phase-lag", {"by": "assumed"}),
     "phase-lag-held": Earlier("phase-lag"),
     "phase-lag-off": Earlier("phase-lag"),
+    "phase-not-recorded": Earlier("not-recorded", {"signal": "phase"}),
     "phase-resonance": Earlier("control-recognised", {"control": "phase"}),
     "phase-two-modes": Earlier("phase-gap", {"overlap": "yes"}),
-    "points-not-measured": Earlier("points-not-measured", renamed={"points": "rows"}),
+    "points-not-measured": Earlier("rows-left-out", {"by": "no number"}, {"points": "rows"}),
+    "points-not-settled": Earlier(
+        "points-excluded", {"by": "settling"}, {"unsettled": "excluded", "points": "fitted", "all": "points"}
+    ),
+    "points-set-aside": Earlier("points-excluded", renamed={"aside": "excluded"}),
     "ranking-one-level": Earlier("ranking-few-points"),
-    "ranking-points-aside": Earlier("points-set-aside", {"by": "ranking"}),
+    "ranking-points-aside": Earlier("points-excluded", {"by": "ranking"}, {"aside": "excluded"}),
     "ratio-to-mass": Earlier("needs-mass"),
     "record-clipped": Earlier("range-reached"),
     "record-extrapolated": Earlier("prediction-extrapolated", renamed={"tested": "high"}),
     "record-feeds-exciter": Earlier("structure-feeds-exciter"),
     "record-missed": Earlier("held-out-missed"),
     "record-not-predicted": Earlier("no-steady-state"),
+    "repeats-scatter": Earlier("repeats-scatter", renamed={"aside": "excluded"}),
     "resonance-jumped": Earlier("note", {"text": "the response jumps across a resonance"}),
     "response-at-limit": Earlier("range-reached"),
     "response-held": Earlier("control-recognised", {"control": "response"}),
-    "rows-copied": Earlier("rows-twice", renamed={"copies": "rows"}),
-    "rows-without-number": Earlier("points-not-measured"),
-    "run-set-aside": Earlier("points-set-aside"),
+    "response-not-at-drive": Earlier("power-not-at-lines", {"signal": "response"}),
+    "rows-copied": Earlier("rows-left-out", {"by": "copies"}, {"copies": "rows"}),
+    "rows-of-words": Earlier("rows-left-out", {"by": "words"}),
+    "rows-twice": Earlier("rows-left-out", {"by": "copies"}),
+    "rows-without-number": Earlier("rows-left-out", {"by": "no number"}, {"points": "rows"}),
+    "run-set-aside": Earlier("points-excluded", renamed={"aside": "excluded"}),
+    "several-decays": Earlier("decay-taken"),
     "sign-not-identifiable": Earlier("mirror-image-fits"),
-    "stiffness-negative-across": Earlier("stiffness-negative"),
+    "stiffness-negative": Earlier("curve-negative", {"curve": "k(X)"}),
+    "stiffness-negative-across": Earlier("curve-negative", {"curve": "k(X)"}),
+    "sweep-fast": Earlier("sweep-rate"),
+    "sweep-not-corrected": Earlier("sweep-rate"),
+    "swing-about-mean": Earlier(
+        "note", {"text": "the displacement of the largest response swings about a mean"}
+    ),
     "unit-of-file-unusable": Earlier("unit-contradicts-title", renamed={"unit": "title", "assumed": "unit"}),
     "values-given": Earlier("note", {"text": "all parameters are given, none was identified"}),
     "values-outside-tolerance": Earlier("values-judged", renamed={"values": "outside"}),
@@ -245,7 +279,7 @@ def reach_verdict(
     --------
     >>> reach_verdict([Finding("law-does-not-fit", "error")], within_tolerance=True).state
     'rejected'
-    >>> reach_verdict([Finding("points-set-aside", "warning")], within_tolerance=True).state
+    >>> reach_verdict([Finding("points-excluded", "warning")], within_tolerance=True).state
     'accepted'
     """
     findings = tuple(findings)

@@ -297,7 +297,7 @@ def _about_rows(label: str, text: Columns, vouched: bool) -> Iterator[Finding]:
     """Say how many rows of words were passed over, and that the end may be missing; a hash vouches for it."""
     if text.words:
         numbers = quantities(rows=len(text.words), line=text.words[0])
-        yield Finding("rows-of-words", "info", numbers=numbers, names={"file": label})
+        yield Finding("rows-left-out", "info", numbers=numbers, names={"file": label, "by": "words"})
     if not (text.ended or vouched):
         yield Finding("last-line-open", "info", names={"file": label})
 
@@ -507,9 +507,8 @@ def _whole_rows(sources: Sources) -> Sources:
         where = f"{' and '.join(dict.fromkeys(gaps))} has none" if gaps else f"the first gap is in {place}"
         raise MeasurementError(f"{main.label}: no row with a number in every column asked for; {where}")
     numbers = quantities(rows=len(lost), all=len(keep))
-    finding = Finding(
-        "points-not-measured", "warning", numbers=numbers, names={"file": main.label, "first": place}
-    )
+    names = {"file": main.label, "first": place, "by": "no number"}
+    finding = Finding("rows-left-out", "warning", numbers=numbers, names=names)
     kept = sources.keep(keep)
     path = sources.test.files[sources.number]
     marked = replace(kept.main, findings=(*kept.main.findings, finding))

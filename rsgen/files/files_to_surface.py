@@ -329,7 +329,8 @@ def _part(test: MeasuredTest, number: int) -> _Part:
     twice = repeated_rows(frequency, force, motions[:, 0])
     if twice.any():
         numbers = quantities(rows=int(twice.sum()), all=len(twice))
-        doubts = [*doubts, Finding("rows-twice", "warning", numbers=numbers, names={"file": table.label})]
+        names = {"file": table.label, "by": "copies"}
+        doubts = [*doubts, Finding("rows-left-out", "warning", numbers=numbers, names=names)]
         table = table.keep(~twice)
         frequency, force, motions = frequency[~twice], force[~twice], motions[~twice]
         level = None if level is None else level[~twice]
@@ -427,7 +428,7 @@ def _amplitudes(test: MeasuredTest) -> ResponseSurface:
     findings = [*(finding for part in parts for finding in part.findings), *held.findings]
     if test.force is None and test.base is None:
         by = {"by": "ratio"} if test.per_force else {}
-        findings.append(Finding("force-not-recorded", "warning", names=by))
+        findings.append(Finding("not-recorded", "warning", names={"signal": "force", **by}))
     surface = ResponseSurface(
         level=held.level,
         frequency=frequency,

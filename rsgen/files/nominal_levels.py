@@ -88,7 +88,7 @@ def find_control_mode(
     if control == "phase" and not test.phase_known:
         # a phase-locked loop holds 90 degrees
         displacement = np.asarray(np.abs(displacement) * np.exp(-0.5j * np.pi))
-        findings.append(Finding("phase-lag-assumed", "warning"))
+        findings.append(Finding("phase-lag", "warning", names={"by": "assumed"}))
     if control == "continuation":
         level = amplitude_steps(np.abs(displacement), spread)
         stable = _stable(frequency, np.abs(force), np.abs(displacement))

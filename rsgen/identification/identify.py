@@ -254,5 +254,6 @@ def _identify(surface: ResponseSurface, model: Model) -> Identification:
         found = judge(replace(test, problem=problem), model, fit_all_harmonics(problem, start))
     if not held:
         return found
-    numbers = quantities(held=held, points=len(moving) + held)
-    return changed(found, findings=(*found.findings, Finding("points-held", "info", numbers=numbers)))
+    numbers = quantities(excluded=held, points=len(moving) + held)
+    left_out = Finding("points-excluded", "info", numbers=numbers, names={"by": "friction"})
+    return changed(found, findings=(*found.findings, left_out))

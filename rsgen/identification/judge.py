@@ -157,7 +157,7 @@ def repeat_findings(repeats: Repeats, misfit: float, wider: float) -> tuple[Find
         repeats=typical,
         of_reading=repeats.noise,
         of_mean=expected,
-        aside=repeats.aside,
+        excluded=repeats.excluded,
         misfit=misfit,
         times=misfit / expected,
         wider=wider,
@@ -203,12 +203,10 @@ class Findings:
             found.append(Finding("structure-feeds-exciter", "error"))
         if not calibrated:
             found.append(Finding("not-calibrated", "info"))
-        counts = quantities(all=len(self.surface), points=len(self.points))
         unsettled = int(np.count_nonzero(~self.surface.settled))
         if unsettled:
-            found.append(
-                Finding("points-not-settled", "info", numbers=quantities(unsettled=unsettled, **counts))
-            )
+            numbers = quantities(excluded=unsettled, points=len(self.surface))
+            found.append(Finding("points-excluded", "info", numbers=numbers, names={"by": "settling"}))
         found += rejection_findings(
             self.points,
             self.fit.regression,

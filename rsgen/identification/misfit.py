@@ -165,7 +165,7 @@ def _level_apart(points: Points, regression: Regression, unit: str) -> list[Find
     ):
         return []
     numbers = {"level": Quantity(level, unit), "misfit": Quantity(size), "typical": Quantity(typical)}
-    return [Finding("level-apart", "doubt", numbers=numbers)]
+    return [Finding("level-deviates", "doubt", numbers=numbers)]
 
 
 def _left_beside(fit: Fit, term: str) -> float:
@@ -304,7 +304,7 @@ def _offset_proposal(fit: Fit, others: Mapping[str, Alternative], wider: Array) 
     if not left < (1 - MIN_MISFIT_REDUCTION) * without:
         return []
     numbers = quantities(misfit=size, left=left)
-    return [Finding("background-possible", "info", numbers=numbers, names={"kind": kind})]
+    return [Finding("background-missing", "info", numbers=numbers, names={"kind": kind})]
 
 
 def _background_proposal(points: Points, resonances: Sequence[Resonance]) -> Finding:
@@ -319,7 +319,7 @@ def _background_proposal(points: Points, resonances: Sequence[Resonance]) -> Fin
             # resonances outside the tested frequencies say nothing about the band
             low, high = float(tested.min()), float(tested.max())
     numbers = {"low": Quantity(low, "Hz"), "high": Quantity(high, "Hz"), "widths": Quantity(_WIDTHS_OF_BAND)}
-    return Finding("background-possible", "info", numbers=numbers)
+    return Finding("background-missing", "info", numbers=numbers)
 
 
 # ----------------------------------------------------------------------------
@@ -446,7 +446,7 @@ def explain_hidden(problem: Problem, reasons: Mapping[str, Finding | None]) -> d
     """Say of an even force without effect that the fundamental shows its square alone."""
     names = [problem.law.parameters[i] for i in problem.law.even] if even_part_unobservable(problem) else []
     return {
-        name: Finding("even-force-not-seen", "warning", name, why.numbers)
+        name: Finding("even-terms-not-seen", "warning", name, why.numbers)
         if why is not None and why.code == "no-effect" and name in names
         else why
         for name, why in reasons.items()

@@ -489,7 +489,6 @@ def _table(modal: ModeProblem, found: Regression, surface: ResponseSurface, mode
     gap = gap_of(modal.seen.mode) if near_resonance(modal.seen.mode) else None
     if gap is not None:
         findings += (gap.finding(severity="warning"),)
-    findings += tuple(Finding("modal-across", "info") for _ in surface.across.T[1:2])
     kilogram = float("nan") if modal.assumed else surface.units.kilogram
     return ModalTable(
         amplitude=np.geomspace(*tested, _TABLE_ROWS) if tested[1] > tested[0] else np.array(tested[:1]),

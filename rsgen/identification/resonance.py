@@ -281,7 +281,7 @@ def resonance_findings(
         return ()
     numbers = quantities(points=len(points))
     if law.remembers:
-        return (Finding("mass-by-loops", "warning", "m", numbers),)
+        return (Finding("mass-at-resonance", "warning", "m", numbers, {"by": "loops"}),)
     powers = _mass_powers(points, law, values) if fixed else None
     if powers is not None and any(powers[law.parameters.index(name)] for name in fixed):
         return ()

@@ -119,8 +119,8 @@ def rejection_findings(
         if count > _MAX_SINGLE_REJECTED
         else "warning"
     )
-    numbers = quantities(aside=all_rejected, points=len(points), all=tested)
-    found = [Finding("points-set-aside", severity, numbers=numbers)]
+    numbers = quantities(excluded=all_rejected, points=len(points), all=tested)
+    found = [Finding("points-excluded", severity, numbers=numbers)]
     for rows in points.runs:
         first, longest = _longest(rejected[rows])
         lost = int(np.count_nonzero(rejected[rows]))
@@ -129,9 +129,9 @@ def rejection_findings(
             piece = np.arange(first, first + longest) if together else np.flatnonzero(rejected[rows])
             ends = points.omega[rows[piece[[0, -1]]]] / (2 * np.pi)
             data = {"low": Quantity(float(ends[0]), "Hz"), "high": Quantity(float(ends[1]), "Hz")}
-            data |= quantities(aside=lost, points=len(rows), together=longest)
+            data |= quantities(excluded=lost, points=len(rows), together=longest)
             data["level"] = Quantity(float(points.level[rows[0]]), level_unit)
-            found.append(Finding("points-set-aside", "doubt", numbers=data))
+            found.append(Finding("points-excluded", "doubt", numbers=data))
     return found
 
 
@@ -226,8 +226,8 @@ def sign_findings(points: Points, fit: Fit, wider: Array) -> list[Finding]:
         place = part.parameters
         stiffness, damping = _signs_at(part, followed, fit.values[place], basis[place])
         names = {"sensors": part.sensors} if part.sensors else {}
-        found += _sign_finding("stiffness-negative", stiffness, names)
-        found += _sign_finding("damping-negative", damping, names)
+        found += _sign_finding(stiffness, names | {"curve": "k(X)"})
+        found += _sign_finding(damping, names | {"curve": "c(X)"})
     return found
 
 
@@ -328,10 +328,10 @@ def _negative(size: Array, value: Array, spread: Array, unit: str, least: Array 
     }
 
 
-def _sign_finding(code: str, found: _Negative, names: dict[str, str]) -> list[Finding]:
+def _sign_finding(found: _Negative, names: dict[str, str]) -> list[Finding]:
     """Make the finding of what ``_negative`` found of some elements; none of nothing."""
     severity: Severity = "error" if found and found["share"].value > _MAX_NEGATIVE_SHARE else "doubt"
-    return [Finding(code, severity, "", found, names)] if found else []
+    return [Finding("curve-negative", severity, "", found, names)] if found else []
 
 
 _MAX_NOISE_SHARE = 0.2

@@ -78,7 +78,7 @@ def law_remarks(force: sympy.Expr) -> tuple[Finding, ...]:
     >>> [finding.code for finding in law_remarks(parse("k*x + z"))]
     ['constant-force']
     >>> [finding.code for finding in law_remarks(parse("k*x + masing(kt*x**3)"))]
-    ['loop-gives-energy']
+    ['damping-feeds-energy']
     """
     return (
         *(Finding("constant-force", "warning", name) for name in _constant_forces(force)),
@@ -147,7 +147,7 @@ def _curves(force: sympy.Expr) -> Iterator[Finding]:
         size = 4 * places * np.abs(forces)
         clear = np.isfinite(energies) & (np.abs(energies) > MIN_ENERGY_SHARE * size)
         if clear.any() and np.all(energies[clear] < 0):
-            yield Finding("loop-gives-energy", "warning", names=names)
+            yield Finding("damping-feeds-energy", "warning", names=names)
         largest = np.fmax.accumulate(forces, axis=1)
         if np.any(forces < -ROUND_OFF_TOLERANCE * largest):
             yield Finding("virgin-curve-negative", "warning", names=names)

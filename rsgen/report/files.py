@@ -47,7 +47,7 @@ from rsgen.report.figures import (
 )
 from rsgen.report.figures.cycles import shows_loops
 from rsgen.report.figures.drawing import project_style
-from rsgen.report.interpretation import check_printed, mean_finding
+from rsgen.report.interpretation import check_printed, mean_sentence
 from rsgen.report.notebook import known_results, write_notebook
 from rsgen.report.page import THUMBNAIL, picture_svg, render_page
 from rsgen.report.page_tables import NO_MODAL, Modal, tabulate_mode
@@ -93,7 +93,7 @@ def _drawn(
     if shows_loops(surface, identification.model) and np.isfinite(identification.mass):
         drawings.append(draw_loops(surface, identification, subject.truth))
         drawings.append(draw_energy(surface, identification, subject.truth))
-    if mean_finding(surface, identification) is not None:
+    if mean_sentence(surface, identification):
         drawings.append(draw_time_history(surface))
     if prediction.held_out:
         drawings.append(draw_held_out(prediction))
@@ -285,7 +285,7 @@ def _(table: MultisineSpectra, place: Path) -> None:
 @singledispatch
 def shown_of(table: Any, model: Model) -> dict[str, bool]:
     """Return the optional parts of the notebook of a test, before anything is identified."""
-    return {"mean": mean_finding(table) is not None, "loops": shows_loops(table, model)}
+    return {"mean": bool(mean_sentence(table)), "loops": shows_loops(table, model)}
 
 
 @shown_of.register

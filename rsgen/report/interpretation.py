@@ -14,6 +14,7 @@ from rsgen.common.tolerances import NOISE_LIMIT_SIGMAS
 from rsgen.data.surface import ResponseSurface
 from rsgen.describing import PrintedComparison, compare_printed, derive
 from rsgen.formula import symbol
+from rsgen.formula.units.quantities import quantity_text
 from rsgen.identification.results import Identification
 from rsgen.law.element import Element
 from rsgen.report.figures.cycles import (
@@ -123,8 +124,8 @@ def describe_elements(elements: Iterable[Element], identification: Identificatio
     return {name: sentence(finding) for name, finding in said.items() if finding is not None}
 
 
-def mean_finding(surface: ResponseSurface, identification: Identification | None = None) -> Finding | None:
-    """Find between which peaks the response swings; None where its mean is negligible.
+def mean_sentence(surface: ResponseSurface, identification: Identification | None = None) -> str:
+    """Say between which peaks the largest response swings; "" where its mean is negligible.
 
     Parameters
     ----------
@@ -135,7 +136,7 @@ def mean_finding(surface: ResponseSurface, identification: Identification | None
     """
     settled = np.flatnonzero(surface.settled)
     if not settled.size:
-        return None
+        return ""
     i = int(settled[np.argmax(surface.amplitude[settled])])
     mean, amplitude = float(surface.harmonics[i, 0].real), float(surface.amplitude[i])
     noise = 0.0 if identification is None or not np.isfinite(identification.noise) else identification.noise
@@ -143,10 +144,9 @@ def mean_finding(surface: ResponseSurface, identification: Identification | None
         abs(mean) < max(1e-3, NOISE_LIMIT_SIGMAS * noise) * amplitude
         or not np.isfinite(surface.peak[i]).all()
     ):
-        return None
-    top, bottom = (float(value) for value in surface.peak[i])
-    numbers = {"low": Quantity(bottom, "m"), "high": Quantity(top, "m"), "mean": Quantity(mean, "m")}
-    return Finding("swing-about-mean", "info", numbers=numbers)
+        return ""
+    high, low, middle = (quantity_text(float(value), "m", 3) for value in (*surface.peak[i], mean))
+    return f"At the largest response the displacement swings from {low} to {high} about a mean of {middle}."
 
 
 _POINTS = 240

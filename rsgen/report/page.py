@@ -31,7 +31,7 @@ from rsgen.law.element import FORCE_KEYS, Element
 from rsgen.law.memory import memory_form
 from rsgen.law.notation import mathml
 from rsgen.report.figures import Drawing
-from rsgen.report.interpretation import describe_elements, mean_finding
+from rsgen.report.interpretation import describe_elements, mean_sentence
 from rsgen.report.page_tables import (
     NO_MODAL,
     Modal,
@@ -257,11 +257,10 @@ def _verdict_context(
 @singledispatch
 def _test_context(surface: Any, identification: Identification) -> dict[str, Any]:
     """Return what a page says of a surface only, and what of spectra only."""
-    mean = mean_finding(surface, identification)
     return {
         "contents": _CONTENTS,
         "test_sentence": surface_sentence(surface),
-        "mean_sentence": None if mean is None else full_sentence(mean),
+        "mean_sentence": mean_sentence(surface, identification),
         "linear_table": None,
     }
 

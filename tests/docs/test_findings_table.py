@@ -18,7 +18,7 @@ def test_every_finding_has_a_place_and_a_severity() -> None:
     ("code", "where", "threshold"),
     [
         (
-            "points-set-aside",
+            "points-excluded",
             "rsgen.identification.soundness.rejection_findings",
             ("MAX_SHARE_OF_OUTLIERS_BY_CHANCE", 0.05),
         ),
@@ -43,6 +43,6 @@ def test_rows_say_what_a_result_would_say() -> None:
     made = {row[0].split()[0]: dict(zip(HEADS, row, strict=True)) for row in rows()}
     assert made.keys() == set(CODES) - {"note"}
     assert made["not-converged"]["finding"] == "not-converged (doubt)"
-    assert made["level-apart"]["sentence"].startswith("level <level> misses the law by <misfit>")
-    assert "excluded" in made["points-set-aside"]["sentence"]
+    assert made["level-deviates"]["sentence"].startswith("level <level> misses the law by <misfit>")
+    assert "excluded" in made["points-excluded"]["sentence"]
     assert all(row["sentence"] for row in made.values())

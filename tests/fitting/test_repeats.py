@@ -81,7 +81,7 @@ def test_a_reading_before_the_response_has_settled_is_set_aside(cubic):
     harmonics = np.array(table.harmonics)
     harmonics[0] *= 1.3
     _, repeats = gather_repeats(changed(table, harmonics=harmonics))
-    assert repeats.aside >= 1
+    assert repeats.excluded >= 1
     assert repeats.noise == pytest.approx(np.sqrt(2) * NOISE, rel=0.1)
 
 

@@ -145,7 +145,7 @@ def test_a_fast_sweep_of_a_linear_oscillator_is_corrected(quantity: str) -> None
     near = np.abs(dynamic.real) < 5 * np.abs(dynamic.imag)
     assert np.max(np.abs(k / STIFFNESS - 1)) < 5e-4
     assert np.max(np.abs(c[near] / DAMPING - 1)) < AS_STEPPED
-    (fast,) = (finding for finding in surface.findings if finding.code == "sweep-fast")
+    (fast,) = (finding for finding in surface.findings if finding.code == "sweep-rate")
     # rate/(half width)^2 of the true oscillator
     assert fast["pace"] == pytest.approx(0.05 / 0.1**2, rel=0.02)
     assert fast["shift"] == pytest.approx(5 / (2 * np.pi), rel=0.02)
@@ -245,7 +245,7 @@ def test_the_frequency_of_a_point_is_that_of_the_force(cubic: float, down: bool,
 def test_a_mass_that_no_structure_has_corrects_nothing() -> None:
     # along one branch the frequency is a function of the amplitude: k(X) takes all; the mass came as -0.2
     surface = from_swept_sine(jumping(8e6, 2.0, SweepLaw("linear", 9.0, 0.01), 11.5))
-    (fast,) = (finding for finding in surface.findings if finding.code == "sweep-fast")
+    (fast,) = (finding for finding in surface.findings if finding.code == "sweep-rate")
     assert fast["mass"] == pytest.approx(MASS, rel=0.25)
     assert fast.names["mass"] == "from the flanks of the resonance"
 
@@ -261,7 +261,7 @@ def test_points_with_a_force_in_its_noise_are_not_settled() -> None:
     force = force + 0.05 * np.random.default_rng(3).normal(size=n)
     surface = from_swept_sine(TimeHistory(rate, force, x), mass=MASS)
     assert (np.diff(surface.frequency) > 0).all()
-    (finding,) = (found for found in surface.findings if found.code == "force-in-noise")
+    (finding,) = (found for found in surface.findings if found.names.get("by") == "noise of the force")
     assert 9.7 < finding["low"] < 10 < finding["high"] < 10.3
     low, high = finding["low"], finding["high"]
     assert not surface.settled[(surface.frequency >= low) & (surface.frequency <= high)].any()

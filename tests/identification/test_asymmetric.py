@@ -105,7 +105,7 @@ def test_harmonics_with_less_noise_set_no_point_aside(full, seed):
     harmonics = np.array(quiet.harmonics)
     harmonics[:, 1] = loud.harmonics[:, 1]
     found = identify(changed(full, harmonics=harmonics, force=loud.force), QUADRATIC)
-    assert "points-set-aside" not in codes(found)
+    assert "points-excluded" not in codes(found)
     true = VALUES | {"m": MASS}
     for estimate in found.refined:
         assert abs(estimate.value - true[estimate.name]) < SIGMAS * estimate.standard_error, estimate
@@ -155,7 +155,7 @@ def test_an_even_force_that_is_not_there_is_not_identifiable(law, even):
     for noise in (0.0, 0.01):
         found = identify(fundamental(full, noise), law)
         assert found[even].finding is not None
-        assert found[even].finding.code in {"even-force-not-seen", "not-distinct-from-zero"}
+        assert found[even].finding.code in {"even-terms-not-seen", "not-distinct-from-zero"}
         for name, value in values.items():
             if noise:
                 assert abs(found[name].value - value) < SIGMAS * found[name].standard_error

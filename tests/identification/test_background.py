@@ -130,10 +130,10 @@ def test_standard_errors_allow_for_the_background(cubic):
 @pytest.mark.slow
 def test_a_misfit_of_a_measured_test_proposes_what_to_try(cubic):
     seen = changed(among_others(cubic, PSI, FLEXIBILITY, INERTIA), origin="measured")
-    (proposal,) = (f for f in identify(seen, model("cubic")).findings if f.code == "background-possible")
+    (proposal,) = (f for f in identify(seen, model("cubic")).findings if "widths" in f.numbers)
     assert 8 <= proposal["low"] < proposal["high"] <= 12
     found = identify(seen, model("cubic"), Observation(background="residuals"))
-    assert "background-possible" not in {finding.code for finding in found.findings}
+    assert "background-missing" not in {finding.code for finding in found.findings}
 
 
 def test_predictions_are_of_what_the_sensor_sees(cubic):
@@ -207,11 +207,11 @@ def test_an_offset_comes_out_beside_any_other_background(cubic, kind):
 def test_a_misfit_that_an_offset_explains_proposes_it_and_its_intervals_cover(cubic):
     seen = noisy(with_offset(cubic), 0.01, 3)
     without = identify(seen, model("cubic"), Observation(background="phase"))
-    (proposal,) = (f for f in without.findings if f.code == "background-possible" and f.names)
+    (proposal,) = (f for f in without.findings if f.code == "background-missing" and f.severity == "info")
     assert proposal.names == {"kind": "phase+offset"}
     assert proposal["left"] < 0.5 * proposal["misfit"]
     found = identify(seen, model("cubic"), Observation(background=proposal.names["kind"]))
-    assert not {"background-possible", "law-does-not-fit"} & {finding.code for finding in found.findings}
+    assert not {"background-missing", "law-does-not-fit"} & {finding.code for finding in found.findings}
     of = {e.name: e for e in found.background.estimates}
     for name, value in {"o_re": OFFSET.real, "o_im": OFFSET.imag}.items():
         low, high = of[name].interval
@@ -223,9 +223,8 @@ def test_a_misfit_that_an_offset_explains_proposes_it_and_its_intervals_cover(cu
 @pytest.mark.slow
 def test_a_residual_term_is_not_called_an_offset(cubic):
     seen = changed(among_others(cubic, PSI, FLEXIBILITY, INERTIA), origin="measured")
-    assert not [
-        f for f in identify(seen, model("cubic")).findings if f.code == "background-possible" and f.names
-    ]
+    found = [f for f in identify(seen, model("cubic")).findings if f.code == "background-missing"]
+    assert not [f for f in found if f.severity == "info" and "kind" in f.names]
 
 
 def test_amplitudes_alone_show_an_offset():

@@ -106,7 +106,7 @@ def test_noise_of_the_harmonics_of_a_force_is_noise_and_no_reason_to_set_points_
     for seed in range(2):
         found = rs.identify(noisy(surface, 0.01, seed), LAW)
         assert found.verdict.state == "identified"
-        assert "points-set-aside" not in [finding.code for finding in found.findings]
+        assert "points-excluded" not in [finding.code for finding in found.findings]
         assert found.noise == pytest.approx(0.01, rel=0.1)
         for name, true in (TRUE | {"m": MASS}).items():
             assert abs(found[name].value - true) < 4 * found[name].standard_error, name

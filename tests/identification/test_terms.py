@@ -62,8 +62,8 @@ def test_levels_that_friction_nearly_holds_are_no_doubt() -> None:
     """At 1.04 times the friction noise of the force decides whether the mass moves at all."""
     law = "k*x + c*v + Ff*sign(v)"
     found = rs.identify(measured(law, FRICTION, [0.52, 2.0, 4.0, 6.0]), law)
-    (held,) = (finding for finding in found.findings if finding.code == "points-held")
-    assert held["held"] > 20
+    (held,) = (finding for finding in found.findings if finding.names.get("by") == "friction")
+    assert held["excluded"] > 20
     assert found.verdict.state == "identified"
     assert found["Ff"].value == pytest.approx(FRICTION["Ff"], rel=0.01)
 

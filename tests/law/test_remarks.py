@@ -17,8 +17,8 @@ from rsgen.law.element import law_remarks
         ("k*x + 2*F0", {"constant-force"}),
         ("k*x + c*v + Ff*sign(v)", set()),
         # a virgin curve that gets steeper turns its loop the other way
-        ("masing(kt*x**3)", {"loop-gives-energy"}),
-        ("k*x + masing(K*x + R*x**1.5)", {"loop-gives-energy"}),
+        ("masing(kt*x**3)", {"damping-feeds-energy"}),
+        ("k*x + masing(K*x + R*x**1.5)", {"damping-feeds-energy"}),
         # gives or dissipates, as the power says
         ("masing(a*x**p)", set()),
         ("k*x + m3*x**2*a + c2*vx*abs(v)", {"parameter-not-variable"}),

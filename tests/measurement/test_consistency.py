@@ -62,7 +62,7 @@ def test_rows_written_twice_count_once(tmp_path: Path, noisy: np.ndarray) -> Non
     path = write(tmp_path / "a.csv", 1.0, np.repeat(noisy, 2), np.repeat(FREQUENCY, 2))
     surface = read(path)
     assert len(surface) == 41
-    assert severities(surface) == {"rows-twice": "warning"}
+    assert severities(surface) == {"rows-left-out": "warning"}
     assert surface.findings[0]["rows"] == 41
 
 

@@ -115,7 +115,7 @@ def test_a_workbook_in_inches_and_pounds(tmp_path: Path, run_cli: Callable[..., 
     receptance = surface.harmonics[:, 1] / surface.force
     np.testing.assert_allclose(receptance, RECEPTANCE[kept], rtol=1e-12)
     # the row without a number is counted
-    (lost,) = (finding for finding in surface.findings if finding.code == "points-not-measured")
+    (lost,) = (finding for finding in surface.findings if finding.code == "rows-left-out")
     assert lost.numbers["rows"].value == 1
     assert lost.names["first"] == "row 9"
 

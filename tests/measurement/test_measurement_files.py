@@ -82,7 +82,7 @@ def test_magnitudes_of_several_files_have_no_phase() -> None:
     assert not surface.phase_known
     assert surface.levels.tolist() == [1.0, 3.0, 6.0]
     np.testing.assert_allclose(surface.amplitude, reference.amplitude, rtol=PRINTED)
-    assert [finding.code for finding in surface.findings] == ["force-not-recorded"]
+    assert [finding.code for finding in surface.findings] == ["not-recorded"]
 
 
 def test_examples_stay_small() -> None:

@@ -23,7 +23,7 @@ def read(path: Path, frequency: int | str = "f", **more: Any) -> ResponseSurface
 
 def rows_found(surface: ResponseSurface) -> dict[str, dict[str, float]]:
     return {
-        finding.code: {name: number.value for name, number in finding.numbers.items()}
+        finding.names["by"]: {name: number.value for name, number in finding.numbers.items()}
         for finding in surface.findings
     }
 
@@ -38,7 +38,7 @@ def test_a_header_that_repeats_is_passed_over_and_counted(tmp_path: Path) -> Non
     surface = read(path)
     assert surface.frequency.tolist() == [1, 2, 1, 2]
     assert surface.levels.tolist() == [1, 5]
-    assert rows_found(surface) == {"rows-of-words": {"rows": 2, "line": 4}}
+    assert rows_found(surface) == {"words": {"rows": 2, "line": 4}}
 
 
 @pytest.mark.parametrize("gap", ["NA", "nan", "", "n/a", "-", "overload", "#N/A", "-inf"])
@@ -46,8 +46,8 @@ def test_rows_with_gaps_are_left_out_and_counted(tmp_path: Path, gap: str) -> No
     path = text(tmp_path / "a.csv", f"f,F,x\n1,1,2\n2,1,{gap}\n3,{gap},{gap}\n4,1,2\n")
     surface = read(path)
     assert surface.frequency.tolist() == [1, 4]
-    assert rows_found(surface) == {"points-not-measured": {"rows": 2, "all": 4}}
-    assert surface.findings[0].names == {"file": "a.csv", "first": "line 3"}
+    assert rows_found(surface) == {"no number": {"rows": 2, "all": 4}}
+    assert surface.findings[0].names == {"file": "a.csv", "first": "line 3", "by": "no number"}
 
 
 @pytest.mark.parametrize("cell", ["1,5", "12a4", "=A1", "1_0", "12:30"])
@@ -64,7 +64,7 @@ def test_gaps_of_binary_files_and_of_another_file_are_left_out_together(tmp_path
     np.savez(response, x=[1.0, np.nan, 1.0, 5.0])
     surface = read(force, response_files=(response,))
     assert surface.amplitude.tolist() == [1, 5]
-    assert rows_found(surface) == {"points-not-measured": {"rows": 2, "all": 4}}
+    assert rows_found(surface) == {"no number": {"rows": 2, "all": 4}}
 
 
 def test_utf_16_is_read_and_hashed_as_it_is(tmp_path: Path) -> None:

@@ -262,14 +262,6 @@ def test_a_shaken_base_gives_the_table_per_unit_mass_and_with_the_mass_whole():
     np.testing.assert_allclose(whole.damping, C1, rtol=1e-4)
 
 
-def test_a_motion_across_two_sensors_is_remarked():
-    across = ResponseSurface(
-        SURFACE.level, SURFACE.frequency, SURFACE.force, SURFACE.harmonics, across=0.5 * SURFACE.harmonics
-    )
-    assert "modal-across" in [finding.code for finding in rsgen.modal_table(across).findings]
-    assert rsgen.modal_table(SURFACE).findings == ()
-
-
 @pytest.mark.slow
 def test_intervals_contain_curves_that_no_spline_follows_exactly():
     """A joint that softens by micro-slip, ln-like in X: what splines leave out must not exceed the noise."""

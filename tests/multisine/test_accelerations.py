@@ -106,7 +106,7 @@ def test_friction_that_a_law_lacks_is_missed_in_the_damping(periods: int) -> Non
     found = rsgen.identify(spectra, "k*x + k3*x**3 + c*v", rsgen.Observation(band=(2.5, 20.0)))
     assert found["c"].value > 1.15 * 4.0
     assert found.residual < 0.05
-    assert "misfit-beside-damping" in [finding.code for finding in found.findings]
+    assert "damping-hidden-by-misfit" in [finding.code for finding in found.findings]
     assert not found.verdict.usable
 
 
@@ -116,7 +116,7 @@ def test_a_law_without_a_damper_is_doubted_though_it_leaves_little() -> None:
     found = rsgen.identify(spectra, "k*x")
     assert found.residual < 0.05
     assert found.verdict.state == "doubtful"
-    assert "misfit-beside-damping" in [finding.code for finding in found.findings]
+    assert "damping-hidden-by-misfit" in [finding.code for finding in found.findings]
     assert rsgen.identify(spectra, LAWS["light"][0]).verdict.state == "identified"
 
 

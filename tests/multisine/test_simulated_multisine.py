@@ -47,7 +47,7 @@ def test_records_without_noise_weigh_all_lines_alike(periods: int) -> None:
     for each, true in {"k": 4000.0, "c": 2.0, "m": 1.0}.items():
         assert found[each].value == pytest.approx(true, rel=0.01), each
     codes = {finding.code for finding in found.findings}
-    assert ("periods-few" if periods == 1 else "law-does-not-fit") in codes
+    assert ("multisine-periods" if periods == 1 else "law-does-not-fit") in codes
 
 
 @pytest.mark.slow

@@ -72,8 +72,8 @@ def test_few_bad_points_decide_nothing() -> None:
     assert ranking.fits
     assert ranking.candidates[0].name == "cubic-spring"
     assert ranking.noise == pytest.approx(NOISE, rel=0.2)
-    (aside,) = [finding for finding in ranking.findings if finding.code == "points-set-aside"]
-    assert (aside["aside"], aside["points"]) == (len(chosen), len(table))
+    (aside,) = [finding for finding in ranking.findings if finding.code == "points-excluded"]
+    assert (aside["excluded"], aside["points"]) == (len(chosen), len(table))
 
 
 @pytest.mark.slow

@@ -26,7 +26,6 @@ import rsgen
 from rsgen.analysis.comparison import Comparison
 from rsgen.common.finding import Finding
 from rsgen.data.oscillator import Model
-from rsgen.data.surface import ResponseSurface
 from rsgen.formula import parse, write
 from rsgen.identification.results import Estimate, Identification
 from rsgen.law import Element
@@ -36,12 +35,12 @@ from rsgen.report.figures import Drawing, draw_thumbnail
 from rsgen.report.interpretation import (
     check_printed,
     describe_elements,
-    mean_finding,
+    mean_sentence,
 )
 from rsgen.report.page import THUMBNAIL, picture_svg, render_page, table_of_results
 from rsgen.report.provenance import TEMPLATES, Subject, page_environment, plain_text, verbatim
 from rsgen.report.result_json import build_result, read_results, result_text
-from rsgen.report.wording import full_sentence, sentence
+from rsgen.report.wording import sentence
 from tests.samples import (
     C1,
     K1,
@@ -97,11 +96,6 @@ def page(drawings: Sequence[Any], comparison: Comparison = COMPARISON, **changes
 
 def described(element: Element, identification: Identification) -> str:
     return describe_elements([element], identification)[element.name]
-
-
-def mean_words(surface: ResponseSurface, identification: Identification | None = None) -> str | None:
-    found = mean_finding(surface, identification)
-    return None if found is None else full_sentence(found)
 
 
 class Outline(HTMLParser):
@@ -325,12 +319,11 @@ def test_parameters_that_are_not_identifiable_are_named_beside_the_others() -> N
 
 def test_mean_is_put_into_words_where_there_is_one() -> None:
     bilinear = identified("Piecewise((k*x, x > 0), (2*k*x, True))", {"k": 4000.0})[1]
-    assert mean_words(SURFACE, bilinear) is None
+    assert mean_sentence(SURFACE, bilinear) == ""
     harmonics = SURFACE.harmonics.copy()
     harmonics[:, 0] = -0.17 * np.abs(harmonics[:, 1])
     peak = np.stack([SURFACE.amplitude, -np.sqrt(2) * SURFACE.amplitude], axis=1)
-    words = mean_words(replace(SURFACE, harmonics=harmonics, peak=peak), bilinear)
-    assert words is not None
+    words = mean_sentence(replace(SURFACE, harmonics=harmonics, peak=peak), bilinear)
     assert words.endswith("from −72.9 mm to 51.6 mm about a mean of −8.76 mm.")
 
 

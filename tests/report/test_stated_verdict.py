@@ -36,7 +36,7 @@ IDENTIFICATION = cubic_identification(SURFACE)
 PREDICTION = cubic_prediction(SURFACE)
 ERROR = Finding("structure-feeds-exciter", "error")
 DOUBT = Finding("law-does-not-fit", "doubt", numbers={"misfit": 0.05})
-WARNING = Finding("points-set-aside", "warning", numbers={"aside": 3, "points": 90})
+WARNING = Finding("points-excluded", "warning", numbers={"excluded": 3, "points": 90})
 
 
 def found_with(*findings: Finding) -> Identification:

@@ -24,7 +24,13 @@ CHOICES = {
     "another-quantity": {"is": "+1"},
     "base-misread": {"is": "swapped"},
     "control-recognised": {"control": "phase"},
+    "curve-negative": {"curve": "c(X)"},
+    "decay-not-free": {"by": "rise"},
     "decay-taken": {"after": "drive"},
+    "not-recorded": {"signal": "phase"},
+    "points-excluded": {"by": "friction"},
+    "power-not-at-lines": {"signal": "response"},
+    "rows-left-out": {"by": "words"},
 }
 """Findings whose names are chosen from a list."""
 
@@ -258,7 +264,7 @@ def test_every_next_step_is_one_full_sentence(code: str) -> None:
 
 
 def test_numbers_are_printed_as_in_a_book() -> None:
-    numbers = {"of_mean": 2e-8, "of_reading": 4e-8, "readings": 40, "points": 10, "repeats": 4, "aside": 0}
+    numbers = {"of_mean": 2e-8, "of_reading": 4e-8, "readings": 40, "points": 10, "repeats": 4, "excluded": 0}
     found = Finding("repeats-scatter", "info", numbers={**numbers, "misfit": 1.6e-8})
     assert "the misfit of 1.6 × 10⁻⁸ is" in sentence(found)
     found = Finding("law-does-not-fit", "doubt", numbers={"misfit": 0.1649})

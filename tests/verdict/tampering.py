@@ -14,8 +14,7 @@ SENSE = frozenset(
         "not-passive",
         "structure-feeds-exciter",
         "mass-negative",
-        "stiffness-negative",
-        "damping-negative",
+        "curve-negative",
         "another-quantity",
         "phase-turned",
     }
@@ -24,7 +23,7 @@ SENSE = frozenset(
 
 MISFIT = frozenset({"law-does-not-fit", "misfit-large"})
 BACKGROUND = MISFIT | {"background-missing"}
-POINTS = MISFIT | {"points-set-aside", "parts-disagree", "level-apart", "range-reached"}
+POINTS = MISFIT | {"points-excluded", "parts-disagree", "level-deviates", "range-reached"}
 NOMINAL = frozenset(
     {"levels-disagree", "levels-swapped", "levels-of-one-force", "run-repeated", "runs-of-other-size"}
 )
@@ -34,12 +33,9 @@ UNIT = SIZE | {"unit-contradicts-title"}
 WAVE = frozenset(
     {
         "not-a-steady-sine",
-        "force-not-sine",
-        "response-not-at-drive",
-        "motion-mainly-free",
-        "force-in-noise",
-        "decay-rises",
-        "drive-after-start",
+        "power-not-at-lines",
+        "points-excluded",
+        "decay-not-free",
     }
 )
 """The record is no steady sine, no sweep or no decay."""

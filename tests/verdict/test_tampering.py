@@ -18,8 +18,8 @@ QUICK = 6
 BY_NAME = {entry.name: entry for entry in TAMPERINGS}
 
 DOUBTED = [
-    ("cubic", "sign of the response reversed", {"not-passive", "mass-negative", "stiffness-negative"}),
-    ("coulomb", "phase in the wrong sense (conjugate)", {"structure-feeds-exciter", "damping-negative"}),
+    ("cubic", "sign of the response reversed", {"not-passive", "mass-negative", "curve-negative"}),
+    ("coulomb", "phase in the wrong sense (conjugate)", {"structure-feeds-exciter", "curve-negative"}),
     ("cubic", "response in mm/s^2, read as m/s^2", {"size-impossible"}),
     ("cubic", "force in kN, read as N", {"levels-disagree"}),
     ("cubic", "one level in g, read as m/s^2", {"law-does-not-fit", "parts-disagree"}),
@@ -31,9 +31,9 @@ DOUBTED = [
     ("quintic", "labels 1, 2, 3, ... for the forces", {"law-does-not-fit"}),
     ("combined", "the same force at every level", {"law-does-not-fit"}),
     ("coulomb", "half of a level's points from another level", {"law-does-not-fit"}),
-    ("combined", "half of a level's points noise", {"points-set-aside"}),
+    ("combined", "half of a level's points noise", {"points-excluded"}),
     ("quintic", "frequencies of one level 2 % too high", {"law-does-not-fit"}),
-    ("piecewise", "frequencies of one level 2 % too high", {"level-apart"}),
+    ("piecewise", "frequencies of one level 2 % too high", {"level-deviates"}),
     ("cubic", "sensor overloaded at half of the largest response", {"range-reached"}),
     ("quintic", "a second mode in the band", {"law-does-not-fit"}),
     ("cubic", "a constant background left out", {"law-does-not-fit"}),

@@ -221,10 +221,11 @@ def _follow_all(
         raise fault
     if len(stretches) > 1:
         numbers = {"found": Quantity(len(stretches)), "used": Quantity(len(decays))}
-        several = Finding("several-decays", "info", "", numbers, {"record": history.label})
+        several = Finding("decay-taken", "info", "", numbers, {"record": history.label})
         rising = [stretch for stretch in stretches if stretch.rises]
         ends = {"end": Quantity(history.start + rising[0].end / history.rate, "s")} if rising else {}
-        doubts = [Finding("decay-rises", "doubt", "", ends, {"record": history.label})] if rising else []
+        names = {"record": history.label, "by": "rise"}
+        doubts = [Finding("decay-not-free", "doubt", "", ends, names)] if rising else []
         decays[0] = replace(decays[0], findings=(several, *doubts, *decays[0].findings))
     return decays
 
@@ -277,7 +278,7 @@ def _limits(decay: FreeDecay, stretch: Stretch, history: TimeHistory) -> tuple[F
     after = "drive" if stretch.driven and not stretch.given else "start" if stretch.given else "blow"
     findings = [Finding("decay-taken", "info", "", numbers, {**names, "after": after})]
     if stretch.driven and stretch.given:
-        findings.append(Finding("drive-after-start", "doubt", "", {"begin": begin}, names))
+        findings.append(Finding("decay-not-free", "doubt", "", {"begin": begin}, {**names, "by": "drive"}))
     return tuple(findings)
 
 

@@ -175,7 +175,7 @@ def _unsettled(records: Sequence[TimeHistory], length: int) -> list[Finding]:
             decaying.append(record)
     severity: Severity = "doubt" if decaying else "info"
     names = {"record": ", ".join(record.label for record in decaying or short)}
-    return [Finding("periods-few", severity, "", quantities(periods=_FEWEST), names)] if short else []
+    return [Finding("multisine-periods", severity, "", quantities(periods=_FEWEST), names)] if short else []
 
 
 def _copies(

@@ -366,7 +366,8 @@ def check_force(history: TimeHistory, share: Array) -> list[Finding]:
         )
     if typical >= _CLEAN:
         return []
-    return [Finding("force-not-sine", "doubt", "", {"share": Quantity(typical)}, {"record": history.label})]
+    names = {"record": history.label, "signal": "force"}
+    return [Finding("power-not-at-lines", "doubt", "", {"share": Quantity(typical)}, names)]
 
 
 def check_response(history: TimeHistory, line: Array, power: Array) -> list[Finding]:
@@ -376,6 +377,5 @@ def check_response(history: TimeHistory, line: Array, power: Array) -> list[Find
     share = min(float(np.sum(line[known])) / total, 1.0) if total > 0 else 1.0
     if share >= _ANSWERS:
         return []
-    return [
-        Finding("response-not-at-drive", "doubt", "", {"share": Quantity(share)}, {"record": history.label})
-    ]
+    names = {"record": history.label, "signal": "response"}
+    return [Finding("power-not-at-lines", "doubt", "", {"share": Quantity(share)}, names)]

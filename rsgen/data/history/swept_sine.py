@@ -270,7 +270,7 @@ def _surface(parts: list[SweptPoints], mass: float | None) -> ResponseSurface:
         findings += free_motion(parts, free)
         findings += fast_sweeps(parts, steady, damping, good, moving.value, moving.origin)
     else:
-        findings.append(Finding("sweep-not-corrected", "warning"))
+        findings.append(Finding("sweep-rate", "warning"))
     findings += faint_forces(parts, usable & ~driven)
     findings += other_modes(parts, steady, good)
     count = [len(part) for part in parts]

@@ -235,7 +235,7 @@ def _goes_on(frequency: Array, before: NDArray[np.intp], after: NDArray[np.intp]
 
 
 def _first_law(time: Array, frequency: Array, kind: str | None) -> SweepLaw:
-    """Fit a law through the spectra, outliers aside."""
+    """Fit a law through the spectra, without outliers."""
     best: tuple[float, SweepLaw] | None = None
     spread = float(np.ptp(frequency))
     for name in LAWS if kind is None else (kind,):
@@ -325,8 +325,8 @@ _SUDDEN = 0.15
 """A correction of the force up to this fraction of it is never called a free motion ..."""
 _MORE = 2.0
 """... nor one of up to twice that which the pace asks for at the resonance of its sweep."""
-_ASIDE = 0.2
-"""Above this share of points set aside for one reason, what is left may not be the test that was meant."""
+_MAX_SHARE_EXCLUDED = 0.2
+"""Above this share of points excluded for one reason, what is left may not be the test that was meant."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -405,7 +405,7 @@ def fast_sweeps(
             "proved_up_to": Quantity(_FAST),
         }
         names = {"record": part.label, "direction": part.direction, "mass": origin}
-        findings = [Finding("sweep-fast", "info" if pace <= _FAST else "warning", "", numbers, names)]
+        findings = [Finding("sweep-rate", "info" if pace <= _FAST else "warning", "", numbers, names)]
     return findings
 
 
@@ -432,7 +432,7 @@ def _counted(parts: list[SweptPoints], marked: NDArray[np.bool_]) -> dict[str, Q
     """Count the marked points of all parts, and say where they are."""
     frequency = np.concatenate([part.drive for part in parts])[marked]
     return {
-        "aside": Quantity(float(np.count_nonzero(marked))),
+        "excluded": Quantity(float(np.count_nonzero(marked))),
         "points": Quantity(len(marked)),
         "low": Quantity(float(frequency.min()), "Hz"),
         "high": Quantity(float(frequency.max()), "Hz"),
@@ -457,13 +457,15 @@ def free_motion(parts: list[SweptPoints], free: NDArray[np.bool_]) -> list[Findi
     """Count the points whose motion is mainly a free one, as after a jump."""
     if not free.any():
         return []
-    many = np.mean(free) > _ASIDE
-    return [Finding("motion-mainly-free", "doubt" if many else "info", "", _counted(parts, free))]
+    many = np.mean(free) > _MAX_SHARE_EXCLUDED
+    names = {"by": "free motion"}
+    return [Finding("points-excluded", "doubt" if many else "info", "", _counted(parts, free), names)]
 
 
 def faint_forces(parts: list[SweptPoints], faint: NDArray[np.bool_]) -> list[Finding]:
     """Count the points at which the force does not stand out of its noise."""
     if not faint.any():
         return []
-    many = np.mean(faint) > _ASIDE
-    return [Finding("force-in-noise", "doubt" if many else "info", "", _counted(parts, faint))]
+    many = np.mean(faint) > _MAX_SHARE_EXCLUDED
+    names = {"by": "noise of the force"}
+    return [Finding("points-excluded", "doubt" if many else "info", "", _counted(parts, faint), names)]

@@ -98,7 +98,7 @@ _CONTROLLED = {
 }
 """What a test held, in the one line that shows a surface."""
 
-_LIMITS = {"phase-not-recorded": "phase not measured", "per-unit-mass": "per unit mass"}
+_LIMITS = {"not-recorded": "phase not measured", "per-unit-mass": "per unit mass"}
 """What a test cannot tell, in the same line."""
 
 OUTCOMES = (
@@ -261,7 +261,7 @@ class ResponseSurface:
             lost = int(np.count_nonzero(~measured))
             if lost:
                 numbers = {"rows": Quantity(lost), "all": Quantity(n)}
-                findings += (Finding("points-not-measured", "warning", numbers=numbers),)
+                findings += (Finding("rows-left-out", "warning", numbers=numbers, names={"by": "no number"}),)
         columns["sweep"] = column(sweep, "sweep", (n,))
         columns["outcome"] = column(outcome, "outcome", (n,))
         words: dict[str, object] = {"origin": origin, "control": control, "findings": findings, "base": base}
@@ -309,7 +309,7 @@ class ResponseSurface:
     def limits(self) -> tuple[Finding, ...]:
         """What no identification of this test can tell, by what was recorded."""
         limits = (
-            (Finding("phase-not-recorded", "info"), not self.phase_known),
+            (Finding("not-recorded", "info", names={"signal": "phase"}), not self.phase_known),
             (Finding("per-unit-mass", "info"), self.per_mass),
         )
         return tuple(finding for finding, holds in limits if holds)
@@ -378,7 +378,9 @@ class ResponseSurface:
     @property
     def lag_assumed(self) -> bool:
         """Whether a phase-locked test recorded no phase, and every lag was taken for a quarter period."""
-        return any(finding.code == "phase-lag-assumed" for finding in self.findings)
+        return any(
+            finding.names.get("by") == "assumed" for finding in self.findings if finding.code == "phase-lag"
+        )
 
     @property
     def decays(self) -> bool:
@@ -534,5 +536,5 @@ def without_copies(surface: ResponseSurface) -> ResponseSurface:
     if kept.all():
         return surface
     numbers = quantities(rows=int(np.count_nonzero(~kept)), all=len(surface))
-    finding = Finding("rows-twice", "warning", numbers=numbers)
+    finding = Finding("rows-left-out", "warning", numbers=numbers, names={"by": "copies"})
     return replace(surface.select(kept), findings=(*surface.findings, finding))

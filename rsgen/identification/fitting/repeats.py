@@ -51,7 +51,7 @@ class Repeats:
     force, response, far
         (r,) complex relative deviation of the fundamentals of force and response, (r, E-1) of those of
         further sensors, from their means [1].
-    aside
+    excluded
         Number of excluded outliers.
     """
 
@@ -61,7 +61,7 @@ class Repeats:
     force: NDArray[np.complex128]
     response: NDArray[np.complex128]
     far: NDArray[np.complex128]
-    aside: int
+    excluded: int
 
     @property
     def noise(self) -> float:

@@ -273,14 +273,14 @@ def _damping_findings(fit: LineFit, misfit: float, noise: float) -> list[Finding
     if not systematic > max(RELATIVE_ERROR_DOUBTFUL * share, 0.0 if share else MISFIT_NEGLIGIBLE):
         return []
     numbers = quantities(misfit=misfit, **({"share": systematic / share} if share else {}))
-    return [Finding("misfit-beside-damping", "doubt", numbers=numbers)]
+    return [Finding("damping-hidden-by-misfit", "doubt", numbers=numbers)]
 
 
 def _misfit_findings(fit: LineFit, misfit: float, noise: float, widening: float) -> list[Finding]:
     """Compare the misfit with the noise, and with what is acceptable for a law."""
     ratio = misfit_to_noise(fit)
     if not np.isfinite(noise):
-        found = [Finding("periods-few", "warning", numbers=quantities(periods=1))]
+        found = [Finding("multisine-periods", "warning", numbers=quantities(periods=1))]
         if misfit > MISFIT_DOUBTFUL:
             severity = severity_of(misfit, MISFIT_DOUBTFUL, MISFIT_REJECTED)
             found.append(Finding("law-does-not-fit", severity, numbers=quantities(misfit=misfit)))

@@ -390,10 +390,10 @@ def _sample_findings(points: Points, parameters: int, outliers: int, excluded: i
     """Find outliers, and too few points or levels for a ranking."""
     found = []
     if outliers:
-        numbers = {"aside": Quantity(outliers), "points": Quantity(len(points) + excluded)}
+        numbers = {"excluded": Quantity(outliers), "points": Quantity(len(points) + excluded)}
         many = outliers > MAX_SHARE_OF_OUTLIERS_BY_CHANCE * (len(points) + excluded)
         severity: Severity = "doubt" if many else "warning"
-        found.append(Finding("points-set-aside", severity, numbers=numbers, names={"by": "ranking"}))
+        found.append(Finding("points-excluded", severity, numbers=numbers, names={"by": "ranking"}))
     if len(points) < _MIN_POINTS_A_PARAMETER * parameters:
         numbers = {"points": Quantity(len(points)), "parameters": Quantity(parameters)}
         found.append(Finding("ranking-few-points", "warning", numbers=numbers))
@@ -418,7 +418,7 @@ def _best_law_findings(
     found = [Finding("law-fits-best" if sure else "law-nearest", "info", numbers=numbers, names=law)]
     inside = set(best.split(" + "))
     found += [
-        Finding("laws-equal", "info", names={"law": term.name, "same": " and ".join(term.how.same)})
+        Finding("laws-not-separated", "info", names={"law": term.name, "same": " and ".join(term.how.same)})
         for term in library_terms()
         if term.how.same and term.name in inside
     ]

@@ -32,18 +32,10 @@ say_plainly(
             "{parameter}: {value:.2g} with standard error {standard_error:.2g} cannot be distinguished from "
             f"zero ({_TESTED}); raise the level, or take more points near the resonance or more periods"
         ),
-        "even-force-not-seen": (
-            "{parameter}: an even force changes the fundamental only by the square of its size, and the test "
-            "is fitted as well without it; record the mean or the second harmonic"
-        ),
         "even-force-missing": (
             "the mean and the even harmonics that were recorded contradict a law that is the same on both "
             "sides: a force {term} stands out of their noise by {errors:.2g} standard errors, and is "
             "{share:.2p} of the spring's at {amplitude:.3q}"
-        ),
-        "background-missing": (
-            'with [identify] background = "{kind}" the misfit is {left:.2p} in place of {misfit:.2p}, and '
-            "{parameter} differs by {moved:+.1%}, {times:.2g} standard errors"
         ),
         "fixed-contradicted": (
             "with {parameter} = {fitted:.4q} in place of the given {given:.4q} ({moved:+.1%}, {times:.2g} "
@@ -54,21 +46,9 @@ say_plainly(
             "the resonance shifts by {shift:.2g} Hz over all levels, less than its width of {width:.2g} Hz; "
             "raise the level above {level:.4q}"
         ),
-        "phase-not-recorded": (
-            "phase not recorded: only amplitudes were fitted; damping is taken as positive, k(X) and c(X) of "
-            "single points rest on the phase that the law predicts, and an error of the law in phase alone "
-            "does not show"
-        ),
         "not-calibrated": (
             "arbitrary scale: force or response are not calibrated, so m and every parameter are per unit of "
             "the drive and of the response; frequencies and damping ratios do not depend on the scale"
-        ),
-        "points-not-settled": (
-            "{unsettled:.0f} of {all:.0f} points have no settled response and were left out"
-        ),
-        "points-held": (
-            "at {held:.0f} of {points:.0f} points friction takes nearly all of the force, and noise decides "
-            "how far the mass moves: they were left out"
         ),
         "not-converged": "the refined fit did not converge: the values are those at which its steps ended",
         "misfit-large": (
@@ -79,7 +59,7 @@ say_plainly(
             "the misfit is not random noise, so the intervals hold what {by} would move, too: they are "
             "typically {wider:.2g} times wider than noise makes them"
         ),
-        "level-apart": (
+        "level-deviates": (
             "level {level:.4q} misses the law by {misfit:.1%}, half of the levels by at most {typical:.1%}"
         ),
         "nothing-identifiable": "the test determines none of the parameters of the law",
@@ -135,12 +115,12 @@ NEXT_STEPS.update(
             "Identify the levels separately, and look for one whose force, label or set-up differs, or for a "
             "gain that changed on the way; if none does, try another law."
         ),
-        "points-set-aside": (
-            "Look at the points that were not used in the figure of responses: repeat them, or leave them "
-            "out by the case and say so; if they are sound, or one run or one end of the band, the law is "
-            "wrong."
+        "points-excluded": (
+            "Look at the points that were not used in the figure of responses: repeat them (in a sweep more "
+            "slowly, or with less noise of the force), or leave them out by the case and say so; if they are "
+            "sound, or one run or one end of the band, the law is wrong."
         ),
-        "level-apart": (
+        "level-deviates": (
             "Check force, unit and frequencies of this level, and whether the sensor was overloaded; or hold "
             "it out and compare."
         ),
@@ -163,8 +143,7 @@ NEXT_STEPS.update(
             "Measure with less noise, or the motion across by one sensor; take frequencies and levels at "
             "which the joint moves more, or give what is known, such as the mass."
         ),
-        "stiffness-negative": _SIGN,
-        "damping-negative": _SIGN,
+        "curve-negative": _SIGN,
         "not-a-steady-sine": (
             "Check the excitation that the case declares: noise and transients are not read as stepped sines."
         ),
@@ -212,23 +191,18 @@ def _range_reached(found: Finding) -> str:
     )
 
 
-def _negative(found: Finding, curve: str) -> str:
+@says("curve-negative")
+def _curve_negative(found: Finding) -> str:
+    curve = found.names["curve"]
     of = f" of the elements across {found.names['sensors']}" if "sensors" in found.names else ""
     least, low, high = (quantity_text(*found.numbers[name], 3) for name in ("least", "low", "high"))
     return (
-        f"{curve}(X){of} is negative, down to {least}, for X of {low} to {high} ({found['share']:.0%} of the "
-        "points)"
+        f"{curve}{of} is negative, down to {least}, for X of {low} to {high} ({found['share']:.0%} of the "
+        f"points){_FED if curve == 'c(X)' else ''}"
     )
 
 
-@says("stiffness-negative")
-def _stiffness_negative(found: Finding) -> str:
-    return _negative(found, "k")
-
-
-@says("damping-negative")
-def _damping_negative(found: Finding) -> str:
-    return f"{_negative(found, 'c')}: the structure would feed energy into the exciter there"
+_FED = ": the structure would feed energy into the exciter there"
 
 
 @says("harmonics-across-left-out")
@@ -249,18 +223,31 @@ def _harmonics_across_left_out(found: Finding) -> str:
     )
 
 
-@says("points-set-aside")
+_EXCLUDED_BY = {
+    "": "they disagree with the others or lie too near a jump to be followed",
+    "ranking": "no candidate explains them",
+    "settling": "their response did not settle",
+    "friction": "friction takes nearly all of the force there, and noise decides how far the mass moves",
+    "free motion": "the motion is mainly a free one, as after a jump or a fast passage",
+    "noise of the force": "the force does not stand out of its noise",
+}
+
+
+@says("points-excluded")
 def _points_set_aside(found: Finding) -> str:
-    counted = f"{found['aside']:.0f} of {found['points']:.0f} points"
+    counted = f"{found['excluded']:.0f} of {found['points']:.0f} points"
     if "level" in found.numbers:
         level, low, high = (quantity_text(*found.numbers[name], 4) for name in ("level", "low", "high"))
         return (
             f"{counted} of the level {level} were excluded, up to {found['together']:.0f} of them "
             f"neighbours, from {low} to {high}: this run disagrees with the law"
         )
-    if "by" in found.names:
-        return f"{counted} are excluded: no candidate explains them"
-    return f"{counted} were excluded: they disagree with the others or lie too near a jump to be followed"
+    between = (
+        f" between {found['low']:.5g} and {found['high']:.5g} Hz"
+        if {"low", "high"} <= found.numbers.keys()
+        else ""
+    )
+    return f"{counted}{between} were excluded: {_EXCLUDED_BY[found.names.get('by', '')]}"
 
 
 @says("confounded")
@@ -293,6 +280,11 @@ def _noise_across(found: Finding) -> str:
 
 @says("damping-feeds-energy")
 def _damping_feeds_energy(found: Finding) -> str:
+    if "curve" in found.names:
+        return (
+            f"{found.names['curve']} gives energy to every motion: of Masing laws only virgin curves that "
+            "flatten dissipate"
+        )
     if found.parameter:
         return (
             f"{found.parameter} is negative, {quantity_text(*found.numbers['value'], 3)}, and its damper "
@@ -344,6 +336,11 @@ def _law_ambiguous(found: Finding) -> str:
 
 @says("even-terms-not-seen")
 def _even_terms_not_seen(found: Finding) -> str:
+    if "even" not in found.numbers:
+        return (
+            f"{found.parameter}: an even force changes the fundamental only by the square of its size, and "
+            "the test is fitted as well without it; record the mean or the second harmonic"
+        )
     only = found.names.get("determined", "")
     combined = f"; determined is {only}, with the interval of {found.parameter}" if only else ""
     return (
@@ -382,8 +379,15 @@ def _identified(found: Finding) -> str:
     )
 
 
-@says("background-possible")
-def _background_possible(found: Finding) -> str:
+@says("background-missing")
+def _background_missing(found: Finding) -> str:
+    if "moved" in found.numbers:
+        misfit, left = (number_text(100 * found[name], 2) for name in ("misfit", "left"))
+        return (
+            f'with [identify] background = "{found.names["kind"]}" the misfit is {left} % in place of '
+            f"{misfit} %, and {found.parameter} differs by {found['moved']:+.1%}, {found['times']:.2g} "
+            "standard errors"
+        )
     if "kind" in found.names:
         misfit, left = (number_text(found[name], 2) for name in ("misfit", "left"))
         return (
@@ -402,9 +406,9 @@ def _background_possible(found: Finding) -> str:
 @says("repeats-scatter")
 def _repeats_scatter(found: Finding) -> str:
     early = (
-        f" ({found['aside']:.0f} more lie far off the others of their point, as before a response has "
+        f" ({found['excluded']:.0f} more lie far off the others of their point, as before a response has "
         "settled, and were excluded)"
-        if found["aside"]
+        if found["excluded"]
         else ""
     )
     scatter = (
@@ -438,20 +442,6 @@ say_plainly(
             "degrees, at forces that no other point has: where the loop lost the lock the motion was not "
             "steady; leave out such points, or measure them again"
         ),
-        "phase-lag-assumed": (
-            "no phase was recorded: all points of the phase-locked test are taken to lag by 90 degrees, and "
-            "nothing shows whether the loop held them there; intervals allow for a lag of the whole test "
-            "that is off by two degrees (one standard deviation)"
-        ),
-        "mass-at-resonance": (
-            "all {points:.0f} points lie at phase resonance, where k - m omega^2 vanishes whatever the mass "
-            "is; the damping and the ratio of stiffness to mass are identified, no more. Give the mass under "
-            "[system], or measure one slice off resonance, to have the stiffness itself"
-        ),
-        "mass-by-loops": (
-            "all {points:.0f} points lie at phase resonance: the mass follows only from loops of the law, "
-            "whose area has the stiffness in it, and is as right as the law"
-        ),
         "ratios-hold-from": (
             "the intervals of the ratios to the mass hold if the damping ratio is at most {damping:.2p}, and "
             "with the damping found that is a mass of at least {least:.3q}; those of a lighter structure may "
@@ -484,6 +474,21 @@ NEXT_STEPS |= {
 }
 
 
+@says("mass-at-resonance")
+def _mass_at_resonance(found: Finding) -> str:
+    at = f"all {found['points']:.0f} points lie at phase resonance"
+    if found.names.get("by") == "loops":
+        return (
+            f"{at}: the mass follows only from loops of the law, whose area has the stiffness in it, and is "
+            "as right as the law"
+        )
+    return (
+        f"{at}, where k - m omega^2 vanishes whatever the mass is; the damping and the ratio of stiffness to "
+        "mass are identified, no more. Give the mass under [system], or measure one slice off resonance, to "
+        "have the stiffness itself"
+    )
+
+
 @says("needs-mass")
 def _needs_mass(found: Finding) -> str:
     name = found.parameter
@@ -504,6 +509,12 @@ def _needs_mass(found: Finding) -> str:
 
 @says("phase-lag")
 def _phase_lag(found: Finding) -> str:
+    if found.names.get("by") == "assumed":
+        return (
+            "no phase was recorded: all points of the phase-locked test are taken to lag by 90 degrees, and "
+            "nothing shows whether the loop held them there; intervals allow for a lag of the whole test "
+            "that is off by two degrees (one standard deviation)"
+        )
     lag = (
         f"at {found['points']:.0f} points of phase resonance the response lags the force by "
         f"{found['lag']:.2f} degrees, with a scatter of {found['scatter']:.2f}"
@@ -535,10 +546,6 @@ def _phase_gap(found: Finding) -> str:
 
 say_plainly(
     {
-        "modal-across": (
-            "the modal table is over the amplitude of the response; the motion across two sensors, which was "
-            "measured, too, may have another course, so that k and c need not be one curve"
-        ),
         "modal-scattered": (
             "the points of the modal table depart by {misfit:.1%} from one curve k(X) and one curve c(X): "
             "noise, several modes in the band, or a response that depends on more than its amplitude"

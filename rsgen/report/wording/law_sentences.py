@@ -10,12 +10,8 @@ from rsgen.report.wording.sentences import NEXT_STEPS, say_plainly, says
 
 say_plainly(
     {
-        "swing-about-mean": "at the largest response the displacement swings from {low:.3q} to {high:.3q} "
-        "about a mean of {mean:.3q}",
         "constant-force": "{parameter} stands alone in the law: a constant force, which moves the mean only. "
         "If it is a state, its equation is missing (memory)",
-        "loop-gives-energy": "{curve} gives energy to every motion: of Masing laws only virgin curves that "
-        "flatten dissipate",
         "parameter-not-variable": "{parameter} is a parameter here, a constant of the law: of the motion a "
         "law has x and v only",
         "equal-terms": "{terms} are equal terms of the law, and no test says which is which; they are named "
@@ -129,7 +125,6 @@ say_plainly(
             "the structure would feed energy into the exciter: is the sense of the phase right, and the "
             "sign of the sensor?"
         ),
-        "laws-equal": "{law} with a linear spring is the same law as {same}",
         "law-at-limit": (
             "{law}: the search for {parameter} ends at the limit of its range ({value:.3g}), so that the "
             "true law may be another"
@@ -231,6 +226,8 @@ def _phase_turned(found: Finding) -> str:
 
 @says("laws-not-separated")
 def _laws_not_separated(f: Finding) -> str:
+    if "same" in f.names:
+        return f"{f.names['law']} with a linear spring is the same law as {f.names['same']}"
     said = {
         "laws": "this test does not separate it from",
         "larger": "these contain it and fit no better",

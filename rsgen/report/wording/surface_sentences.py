@@ -14,19 +14,6 @@ say_plainly(
             "as swept the other way; where that is wrong, say in the case how they were swept "
             "(sweep.direction, or sweep.column)"
         ),
-        "sweep-not-corrected": (
-            "the force was not corrected for the sweep rate: over this band the sweeps do not "
-            "determine a moving mass, as they would with one mode in it; choose a band around one mode, or "
-            "give the mass"
-        ),
-        "motion-mainly-free": (
-            "at {aside:.0f} of {points:.0f} swept points, between {low:.5g} and {high:.5g} Hz, the motion is "
-            "mainly a free one, as after a jump or a fast passage; these points are left out"
-        ),
-        "force-in-noise": (
-            "at {aside:.0f} of {points:.0f} swept points, between {low:.5g} and {high:.5g} Hz, the force "
-            "does not stand out of its noise; these points are left out"
-        ),
         "another-maximum": (
             "{record}: response over force has another maximum near {frequency:.4g} Hz, of another mode "
             "perhaps; choose a band around one mode, or fit a background"
@@ -35,28 +22,8 @@ say_plainly(
             "{record}: points of a free decay; the force of each is the one that would have held its "
             "motion, computed with the given mass"
         ),
-        "several-decays": (
-            "{record}: {found:.0f} decays, one after each blow or drive, {used:.0f} of which are used; each "
-            "is a level of its own"
-        ),
-        "decay-rises": (
-            "{record}: the amplitude rises again, more slowly than by a blow, from {end:.4g} s on: two modes "
-            "beat, or something drives the structure"
-        ),
-        "drive-after-start": (
-            "{record}: the decay is taken from {begin:.4g} s on, as the case says, but the structure is "
-            "still driven then"
-        ),
-        "response-not-at-drive": (
-            "{record}: only {share:.0%} of the power of the response is at the lines of the force; the rest "
-            "is noise, another source, or motion that is not periodic"
-        ),
         "unit-of-file": (
             "{file}: {column} was read in {unit}, as the file says ({source}); a unit in the case would win"
-        ),
-        "rows-of-words": (
-            "{file}: rows of words among the numbers, as a header that repeats, passed over: {rows:.0f}; the "
-            "first is line {line:.0f}"
         ),
         "response-stands-still": (
             "{record}: the response stands still while the force moves, {times:.0f} times, longest at "
@@ -101,15 +68,13 @@ NEXT_STEPS.update(
         "run-repeated": "Look for the run that is missing, and take the copy out.",
         "runs-of-other-size": "Bring the files to one unit, or read them in cases of their own.",
         "response-not-held": 'Leave out control = "response" if the test held the force.',
-        "decay-rises": "Choose a band around one mode, or use stop to end the record before the rise.",
-        "drive-after-start": "Leave the start out, so that the end of the drive is found, or move it.",
-        "force-not-sine": "Measure with a stepped or swept sine, and look for what else is in the force.",
-        "response-not-at-drive": (
-            "Look at the spectrum of the response, choose a band, or remove what else moves the structure."
+        "decay-not-free": (
+            "Leave start out, so that the end of the drive is found; end the record before the rise (stop), "
+            "or choose a band around one mode."
         ),
-        "motion-mainly-free": "Sweep slower, or step the frequency and wait until the response is steady.",
-        "force-in-noise": (
-            "Measure the force with less noise or a smaller range, or keep it from falling at the resonance."
+        "power-not-at-lines": (
+            "Look at the spectra of force and response; measure with a stepped or swept sine, choose a band, "
+            "or remove what else moves the structure."
         ),
     }
 )
@@ -120,21 +85,18 @@ def _at(found: Finding, name: str = "file") -> str:
     return f"{found.names[name]}: " if name in found.names else ""
 
 
-@says("rows-twice")
-def _rows_twice(found: Finding) -> str:
-    return (
-        f"{_at(found)}{found['rows']:.0f} of {found['all']:.0f} rows repeat another to the last digit: "
-        "written twice, not measured twice, and left out"
-    )
-
-
-@says("points-not-measured")
-def _points_not_measured(found: Finding) -> str:
+@says("rows-left-out")
+def _rows_left_out(found: Finding) -> str:
+    if found.names["by"] == "words":
+        return (
+            f"{found.names['file']}: rows of words among the numbers, as a header that repeats, passed over: "
+            f"{found['rows']:.0f}; the first is line {found['line']:.0f}"
+        )
+    counted = f"{_at(found)}{found['rows']:.0f} of {found['all']:.0f} rows"
+    if found.names["by"] == "copies":
+        return f"{counted} repeat another to the last digit: written twice, not measured twice, and left out"
     first = f"; the first is {found.names['first']}" if "first" in found.names else ""
-    return (
-        f"{_at(found)}{found['rows']:.0f} of {found['all']:.0f} rows left out, without a number where one is "
-        f"needed{first}"
-    )
+    return f"{counted} left out, without a number where one is needed{first}"
 
 
 @says("levels-disagree")
@@ -157,8 +119,14 @@ def _levels_disagree(found: Finding) -> str:
     )
 
 
-@says("force-not-recorded")
-def _force_not_recorded(found: Finding) -> str:
+@says("not-recorded")
+def _not_recorded(found: Finding) -> str:
+    if found.names["signal"] == "phase":
+        return (
+            "phase not recorded: only amplitudes were fitted; damping is taken as positive, k(X) and c(X) of "
+            "single points rest on the phase that the law predicts, and an error of the law in phase alone "
+            "does not show"
+        )
     if "by" in found.names:
         return (
             "the files hold response over force, so the level stands for the force; where the real force was "
@@ -179,8 +147,13 @@ _RECOGNISED = {
 }
 
 
-@says("force-not-sine")
-def _force_not_sine(found: Finding) -> str:
+@says("power-not-at-lines")
+def _power_not_at_lines(found: Finding) -> str:
+    if found.names["signal"] == "response":
+        return (
+            f"{found.names['record']}: only {found['share']:.0%} of the power of the response is at the "
+            "lines of the force; the rest is noise, another source, or motion that is not periodic"
+        )
     if "harmonics" in found.numbers:
         # of results with schema 1
         return (
@@ -200,6 +173,11 @@ def _control_recognised(found: Finding) -> str:
 
 @says("decay-taken")
 def _decay_taken(found: Finding) -> str:
+    if "found" in found.numbers:
+        return (
+            f"{found.names['record']}: {found['found']:.0f} decays, one after each blow or drive, "
+            f"{found['used']:.0f} of which are used; each is a level of its own"
+        )
     begins = {
         "drive": f"a drive ends at {found['begin']:.4g} s",
         "start": f"it begins at {found['begin']:.4g} s, as given",
@@ -212,8 +190,27 @@ def _decay_taken(found: Finding) -> str:
     )
 
 
-@says("sweep-fast")
-def _sweep_fast(found: Finding) -> str:
+@says("decay-not-free")
+def _decay_not_free(found: Finding) -> str:
+    record = found.names["record"]
+    if found.names["by"] == "rise":
+        return (
+            f"{record}: the amplitude rises again, more slowly than by a blow, from "
+            f"{number_text(found['end'], 4)} s on: two modes beat, or something drives the structure"
+        )
+    return (
+        f"{record}: the decay is taken from {number_text(found['begin'], 4)} s on, as the case says, but the "
+        "structure is still driven then"
+    )
+
+
+@says("sweep-rate")
+def _sweep_rate(found: Finding) -> str:
+    if "pace" not in found.numbers:
+        return (
+            "the force was not corrected for the sweep rate: over this band the sweeps do not determine a "
+            "moving mass, as they would with one mode in it; choose a band around one mode, or give the mass"
+        )
     beyond = (
         f"; beyond {found['proved_up_to']:g} this leaves errors of some percent in c(X): sweep slower"
         if found["pace"] > found["proved_up_to"]
@@ -426,7 +423,7 @@ say_plainly(
 
 NEXT_STEPS.update(
     {
-        "periods-few": (
+        "multisine-periods": (
             "Record more periods, or start to record when the response has settled; transient = 0 under "
             "[test.multisine] says that it had."
         ),
@@ -437,7 +434,7 @@ NEXT_STEPS.update(
         "response-copies-force": (
             "Check which channel is the response, and that the lines reach the resonance."
         ),
-        "misfit-beside-damping": (
+        "damping-hidden-by-misfit": (
             "Add a damper, such as c*v, F*sign(v) or c2*v*abs(v), and take the one that leaves least; the "
             "damping is not known better than this share."
         ),
@@ -447,6 +444,8 @@ NEXT_STEPS.update(
 
 @says("multisine-periods")
 def _multisine_periods(found: Finding) -> str:
+    if "samples" not in found.numbers:
+        return _too_few_periods(found)
     lost = found["left_out"]
     left = f"up to {lost:.0f} at the beginning were left out" if lost else "none was left out"
     return (
@@ -456,8 +455,7 @@ def _multisine_periods(found: Finding) -> str:
     )
 
 
-@says("periods-few")
-def _periods_few(found: Finding) -> str:
+def _too_few_periods(found: Finding) -> str:
     if "record" not in found.names:
         return (
             "one period of each record: noise and misfit cannot be separated, and the intervals take the "
@@ -475,7 +473,7 @@ def _periods_few(found: Finding) -> str:
     )
 
 
-@says("misfit-beside-damping")
+@says("damping-hidden-by-misfit")
 def _misfit_beside_damping(found: Finding) -> str:
     if "share" not in found.numbers:
         left = number_text(100 * found["misfit"], 2)
