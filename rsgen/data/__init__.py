@@ -1,1 +1,1 @@
-"""What a test is: records, response surfaces, and time histories that become one."""
+"""Data of a test: structure and observation, time histories, response surfaces, multisine spectra."""

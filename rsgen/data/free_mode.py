@@ -73,7 +73,7 @@ def steady(force: ComplexArray, response: ComplexArray, omega: Array) -> tuple[C
 
 @dataclass(frozen=True, slots=True, eq=False)
 class FreeMode:
-    """What was fitted, and what it leaves.
+    """Fitted coefficients, curves and mass, and the residual.
 
     Parameters
     ----------
@@ -105,7 +105,7 @@ class FreeMode:
 
     @property
     def passive(self) -> tuple[bool, bool, bool]:
-        """Whether the mass, and k and c at most points, are positive."""
+        """Return whether the mass, the median of k and the median of c are positive."""
         return self.mass > 0, bool(np.median(self.stiffness) > 0), bool(np.median(self.damping) > 0)
 
 
@@ -155,7 +155,9 @@ def fit_mode(
 
 
 def _solve(real: Array, imaginary: Array, right: ComplexArray, known: Array) -> tuple[Array, Array, int]:
-    """Real values (q,), their errors, and how many directions are not told; of what is apart, each alone.
+    """Return real values (q,), their errors (q,), and how many directions the points do not determine.
+
+    Columns that are real and columns that are imaginary at all points are two problems, each solved alone.
 
     ``known`` (q,) are values that are given, NaN of the others.
     """
@@ -204,7 +206,7 @@ def hats(amplitude: Array) -> Array:
 
 
 def estimate_mass(force: ComplexArray, motion: Kinematics, shapes: Array | None = None) -> FreeMode | None:
-    """Find the mass beside free curves; points that disagree lose weight. None if it is not known.
+    """Find the mass together with free curves k(X), c(X), outliers reweighted; None if it is not determined.
 
     Near resonance alone curves of few knots leave more than the inertia: a mass that is not distinct from
     zero is none.
@@ -225,7 +227,7 @@ def estimate_mass(force: ComplexArray, motion: Kinematics, shapes: Array | None 
         found = fit_mode(force, motion, shapes, weight)
         if not (np.isfinite(found.mass) and np.isfinite(found.mass_error)):
             return None
-        # relative to the force of the mode: beside the measured one noise of the motion would make it lighter
+        # relative to the force of the fit: relative to the measured one, noise of the motion biases m low
         left = found.left / weight
         scale = 1 / np.maximum(np.abs(force - left), least)
         residual = np.abs(left) * scale

@@ -23,7 +23,7 @@ BACKGROUNDS = ("none", "phase", "constant", "residuals", "neighbour")
 """Kinds of background; each contains the ones before it."""
 
 OFFSET = "+offset"
-"""Ending of a kind that has a response beside it which does not depend on the force."""
+"""Ending of a kind to which a response is added that does not depend on the force."""
 
 
 def _numbers(values: object, what: str, count: int | None = None) -> tuple[float, ...]:
@@ -44,7 +44,7 @@ Edge = Annotated[float, Rule(unit="Hz", at_least=0)]
 @documented
 @dataclass(frozen=True, slots=True)
 class Observation:
-    """How the structure was observed, apart from its law.
+    """How the structure was observed: background, band, calibration, held-out levels.
 
     Raises RsgenError where the background is unknown or the band not ascending.
     """
@@ -107,7 +107,7 @@ def total_force(elements: Iterable[Element]) -> sympy.Expr:
 
 
 class _Elements:
-    """What a structure with values and one without have in common."""
+    """Properties of a structure that follow from its elements, with or without values of parameters."""
 
     __slots__ = ()
 
@@ -222,7 +222,7 @@ class Oscillator(_Elements):
 
 @dataclass(frozen=True, slots=True, init=False, repr=False)
 class Model(_Elements):
-    """What identification gets: laws without values, so that truth cannot leak.
+    """Laws without values, and the observation: the input of identification, which never sees the truth.
 
     Parameters
     ----------
@@ -318,7 +318,7 @@ _ALONG_ONE_MOTION = {
     "levels": "levels: the law acts across {!r}, whose motion is known only where it was measured; leave "
     "levels out and give the surface, for a score of its held-out levels",
 }
-"""What is not determined along two motions, with the reason and what to do instead."""
+"""Reason why each is not determined along two motions, and what to do instead."""
 
 
 def refuse_across(sensors: str | int, **asked: bool) -> None:

@@ -1,4 +1,4 @@
-"""What any test says of itself before it is run or read."""
+"""Description of a test, simulated or measured, before it is run or read."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ class PlannedTest(ABC):
 
     @property
     def many_lines(self) -> bool:
-        """Whether the force of a record has many lines, so that the test leaves spectra and no surface."""
+        """Return whether a record's force has many lines, so that the test gives spectra and no surface."""
         return False
 
     def require_surface(self, reason: str) -> None:
@@ -38,12 +38,12 @@ class PlannedTest(ABC):
 
     @property
     def in_time(self) -> bool:
-        """Whether the law is integrated in time."""
+        """Return whether the law is integrated in time."""
         return False
 
     @property
     def settles(self) -> bool:
-        """Whether a motion must settle under a given force before it counts."""
+        """Return whether the response must settle under a given force before it is recorded."""
         return False
 
     @property
@@ -71,7 +71,7 @@ class PlannedTest(ABC):
 
     @abstractmethod
     def summary(self) -> dict[str, Any]:
-        """Return what the test is, beside the extent of its records."""
+        """Return kind and settings of the test, without the extent of its records."""
 
     @abstractmethod
     def origin(self) -> dict[str, str]:

@@ -206,7 +206,7 @@ _Band = tuple[float, float] | None
 def _follow_all(
     history: TimeHistory, mass: float | None, band: _Band, harmonics: int, start: float | None
 ) -> list[FreeDecay]:
-    """Follow every decay of a record; one that is too short is left out beside others."""
+    """Follow every decay of a record; one that is too short is left out if there are others."""
     ended = force_ends(history, len(history))
     loudest = int(np.argmax(np.abs(history.response - np.median(history.response))))
     line = _strongest(history.response[loudest if ended is None else ended :], history, band)

@@ -22,13 +22,11 @@ from rsgen.data.history.record import BLOCK
 from rsgen.data.surface.columns import DERIVATIVE
 
 # ----------------------------------------------------------------------------
-# From what a sensor gives to displacement, velocity and acceleration of harmonics whose amplitudes change.
+# Displacement, velocity and acceleration of harmonics of changing amplitude from one measured quantity.
 #
-# With y(t) = Re Y(t) exp(i h phi(t)), s = Y'/Y + i h phi' is the complex rate at which the harmonic moves:
-# growth and frequency. Differentiation is exact, y' = s y and y'' = (s^2 + s') y; integration is its
-# asymptotic
-# inverse, z = y/s (1 + s'/s^2 + ...), whose next term is of second order in how fast the rate itself
-# changes.
+# With y(t) = Re Y(t) exp(i h phi(t)), s = Y'/Y + i h phi' is the complex rate of the harmonic: growth and
+# frequency. Differentiation is exact, y' = s y and y'' = (s^2 + s') y; integration is its asymptotic inverse,
+# z = y/s (1 + s'/s^2 + ...), whose next term is of second order in the change of the rate.
 
 HARMONICS = 5
 """Harmonics of the displacement unless asked otherwise; those of smooth laws are in the noise beyond."""
@@ -85,7 +83,7 @@ _PER_PERIOD = 8
 _FEWEST = 24
 """Sums in a window: six a period of the taper."""
 _LENGTHS = 16
-"""Lengths of windows in an octave, 4 % apart: neighbours have one length and share their sums."""
+"""Lengths of windows in an octave, in steps of 4 %: neighbours have one length and share their sums."""
 DENSE = 20_001
 """Instants by which lengths of windows are added up: at least ten a window in a history of 2000 windows."""
 
@@ -141,7 +139,7 @@ def place_windows(middle: Array, length: Array, period: Array, orders: int, size
 def independent_instants(
     length: Callable[[Array], Array], begin: float, end: float, most: float | None = None
 ) -> Array:
-    """Lay instants [s] as far apart as windows of ``length(t)`` [s] are independent.
+    """Return instants [s] at which windows of ``length(t)`` [s] are independent, as densely as that allows.
 
     With ``most``, at most that many, evenly thinned and ``end`` among them.
     """
@@ -156,7 +154,7 @@ def independent_instants(
 def _batches(windows: Windows) -> list[NDArray[np.intp]]:
     """Cut windows in their order into runs of one step and one count that span about a block."""
     first, step, count = windows.first, windows.step, windows.count
-    # windows far apart are apart here: the samples between them are not needed
+    # a gap between windows begins a new run: the samples in it are not needed
     cut = (np.diff(step) != 0) | (np.diff(count) != 0) | (np.diff(first) > (step * count)[:-1])
     batches = []
     for run in np.split(np.arange(len(windows)), np.flatnonzero(cut) + 1):
@@ -212,8 +210,7 @@ def demodulate(
 
 
 # ----------------------------------------------------------------------------
-# How far a sweep is from a sequence of steady states, and the force that is left when the rest is taken
-# out.
+# The force of the steady states that a sweep passes, with the effect of its transient subtracted.
 #
 # The response lags behind the sweep: with the complex rate s of the motion (growth and frequency) the
 # fundamental of an oscillator m x'' + n(x, x') = f obeys, to first order in the slow change (Krylov and
@@ -222,22 +219,16 @@ def demodulate(
 #     F = k(X) X + c(X) V + m A,        V = s X,  A = (s^2 + s') X,
 #
 # where a steady state has V = i omega X and A = -omega^2 X at the frequency of the force. Velocity and
-# acceleration follow from the envelopes, so what is unknown is only the mass; it follows from the same
-# equation
-# over all points with k and c free functions of the amplitude. For a linear oscillator the equation is
-# exact at
-# any rate. Along one branch of a nonlinear resonance the frequency is itself a function of the amplitude,
-# and
-# the mass is not identifiable beside k(X); the flanks, where the amplitude is small and k(X) the same below
-# and
-# above the resonance, then determine it roughly.
+# acceleration follow from the envelopes, so that only the mass is unknown; it follows from the same equation
+# over all points with k and c free functions of the amplitude. For a linear oscillator the equation is exact
+# at any rate. Along one branch of a nonlinear resonance the frequency is itself a function of the amplitude,
+# and mass and k(X) are not identifiable together; the flanks, where the amplitude is small and k(X) the same
+# below and above the resonance, then determine the mass roughly.
 #
-# The pure number of a sweep is rate / (zeta f)^2: how far the frequency moves while the response rings
-# down,
-# against the half width of the resonance (Lewis 1932, Trans. ASME 54, 253; Cronin 1965, thesis, California
-# Institute of Technology). Slowly swept, a resonance comes out shifted by 1/(2 pi) of it, in half widths:
-# its
-# group delay 1/(2 pi zeta f) times the rate.
+# The dimensionless pace of a sweep is rate / (zeta f)^2: the change of the frequency within the decay time of
+# the response, relative to the half width of the resonance (Lewis 1932, Trans. ASME 54, 253; Cronin 1965,
+# thesis, California Institute of Technology). A slow sweep shifts the resonance by 1/(2 pi) of the pace, in
+# half widths: its group delay 1/(2 pi zeta f) times the rate.
 
 _FLANKS = 0.3
 """Up to this fraction of the largest amplitude k(X) is taken as constant: a cubic spring changes by 9 %."""

@@ -169,8 +169,8 @@ def _unsettled(records: Sequence[TimeHistory], length: int) -> list[Finding]:
     short, decaying = [record for record in records if len(record) // length <= _FEWEST], []
     for record in short:
         signal = np.asarray(record.response[len(record) - _FEWEST * length :], dtype=np.float64)
-        apart, quarter = signal[length:] - signal[:length], max(length // 4, 1)
-        early, late = (float(np.sqrt(np.mean(part**2))) for part in (apart[:quarter], apart[-quarter:]))
+        change, quarter = signal[length:] - signal[:length], max(length // 4, 1)
+        early, late = (float(np.sqrt(np.mean(part**2))) for part in (change[:quarter], change[-quarter:]))
         if early > _DECAYS * late and early > ROUND_OFF * float(np.abs(signal).max()):
             decaying.append(record)
     severity: Severity = "doubt" if decaying else "info"
@@ -277,7 +277,7 @@ def _transient(record: TimeHistory, response: ComplexArray, periods: int | None)
 
 
 def _decays(record: TimeHistory, length: int, left: int) -> bool:
-    """Whether what the first periods have beside the settled ones is smaller in the second half of them.
+    """Return whether the first ``left`` periods differ from the settled ones less in their second half.
 
     A transient that decays steadily to what noise leaves falls by the root of that from half to half; a gain
     that was another one stays as it was, relative to the response.

@@ -16,7 +16,7 @@ from rsgen.common.errors import MeasurementError
 from rsgen.data.history.record import FEWEST, QUIET, TimeHistory, cut_off
 
 _LOOK = 8
-"""Periods of a spectrum that shows the amplitude: short beside a decay, long enough to part the mode."""
+"""Periods in a spectrum that shows the amplitude: fewer than a decay has, enough to resolve the mode."""
 _HOP = 2
 """Periods from one spectrum to the next."""
 _AGAIN = log(3.0)
@@ -24,7 +24,7 @@ _AGAIN = log(3.0)
 _ABOVE_QUIET = log(10.0)
 """One of several decays begins at ten times the quietest tenth; noise comes to seven times its own."""
 _STANDS_OUT = log(20.0)
-"""Whether a response was driven is judged while it falls to a twentieth."""
+"""A steady drive is looked for until the response has fallen to a twentieth [logarithm]."""
 _SUDDEN = 3
 """A blow raises the amplitude threefold within three spectra; two modes that beat take longer."""
 _UP = 0.3
@@ -148,7 +148,7 @@ def _tops(high: Array) -> list[int]:
 
 
 def _slowly(high: Array) -> bool:
-    """Whether the amplitude comes to its last value over more spectra than a blow takes."""
+    """Return whether the amplitude (logarithm, n) rises to its last value more slowly than after a blow."""
     low = np.flatnonzero(high < high[-1] - _AGAIN)
     return len(high) - 1 - int(low[-1]) > _SUDDEN
 

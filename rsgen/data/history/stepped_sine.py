@@ -294,7 +294,7 @@ def _settled_part(history: TimeHistory, begin: int, end: int, omega: float, orde
             for part in (history.response[first:middle], history.response[middle:end])
         )
         size = max(abs(two[1]), _TINY)
-        # beside nothing every change is infinite
+        # relative to a response of zero, every change is infinite
         with np.errstate(over="ignore"):
             found = abs(one[1] * np.exp(1j * refined * (middle - first)) - two[1]) / size
             # of two halves that differ by noise alone, the difference has twice the variance of one

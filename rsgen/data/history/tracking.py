@@ -221,7 +221,7 @@ def _stretches(frequency: Array, loud: NDArray[np.bool_], line: float) -> list[N
 
 
 def _goes_on(frequency: Array, before: NDArray[np.intp], after: NDArray[np.intp], line: float) -> bool:
-    """Whether the frequency after a faint part is where the one before it leads to."""
+    """Return whether the frequency after a faint part continues the line of that before it."""
     if min(len(before), len(after)) < _FEWEST:
         return False
     last, first = before[-_FEWEST:], after[:_FEWEST]
@@ -235,7 +235,7 @@ def _goes_on(frequency: Array, before: NDArray[np.intp], after: NDArray[np.intp]
 
 
 def _first_law(time: Array, frequency: Array, kind: str | None) -> SweepLaw:
-    """Fit a law through the spectra, without outliers."""
+    """Fit a law to frequencies (n,) [Hz] of spectra at instants (n,) [s], robustly."""
     best: tuple[float, SweepLaw] | None = None
     spread = float(np.ptp(frequency))
     for name in LAWS if kind is None else (kind,):
@@ -260,7 +260,7 @@ def _first_law(time: Array, frequency: Array, kind: str | None) -> SweepLaw:
 def _refined(history: TimeHistory, law: SweepLaw, begin: float, end: float) -> SweepLaw:
     """Refine a law by the phase that the force has against it."""
     force, rate = history.reference, history.rate
-    # as far apart as windows are independent
+    # at instants whose windows are independent
     dense = np.linspace(begin, end, DENSE)
     passed = (law.phase_at(dense) - law.phase_at(dense[:1])) / (2 * np.pi * _PERIODS / NOISE_WIDTH)
     time = np.interp(np.arange(int(passed[-1]) + 1), passed, dense)
@@ -326,7 +326,7 @@ _SUDDEN = 0.15
 _MORE = 2.0
 """... nor one of up to twice that which the pace asks for at the resonance of its sweep."""
 _MAX_SHARE_EXCLUDED = 0.2
-"""Above this share of points excluded for one reason, what is left may not be the test that was meant."""
+"""Share of points excluded for one reason above which the others may not be the test that was meant."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -261,9 +261,9 @@ def _of_level(
     everywhere = np.interp(spectra.lines, lines, receptance.real) + 1j * np.interp(
         spectra.lines, lines, receptance.imag
     )
-    # noise of force and response together, as far as they move apart
-    apart = spectra.response[rows] - everywhere * spectra.force[rows]
-    variance = scatter(apart).mean(axis=0)
+    # noise of force and response together: scatter of the periods about Y = G F
+    deviation = spectra.response[rows] - everywhere * spectra.force[rows]
+    variance = scatter(deviation).mean(axis=0)
     noise = np.sqrt(variance[lines])
     distortion = np.sqrt(np.maximum(left - np.nan_to_num(variance[lines]), 0.0))
     size = np.sqrt(np.mean(np.abs(response) ** 2, axis=0))

@@ -1,4 +1,4 @@
-"""What a periodic multisine test left: force and displacement, line by line, period by period."""
+"""Spectra of a test with a periodic multisine: force and displacement by record, period and line."""
 
 from __future__ import annotations
 
@@ -121,7 +121,7 @@ class MultisineSpectra(Printed):
 
     @property
     def per_mass(self) -> bool:
-        """Whether forces are per mass: never, they are in newtons."""
+        """Return False: the forces are in newtons, not per mass."""
         return False
 
     def on_mass(self, mass: float | None) -> MultisineSpectra:
@@ -242,7 +242,7 @@ class MultisineSpectra(Printed):
         heads = ("level", "excited lines", "force rms", "noise", "response rms", "noise")
         step = self.omega0 / (2 * np.pi)
         caption = (
-            f"MultisineSpectra: {len(self)} records of {self.periods} periods, lines {step:.6g} Hz apart to "
+            f"MultisineSpectra: {len(self)} records of {self.periods} periods, a line every {step:.6g} Hz to "
             f"{self.frequency[-1]:.5g} Hz, {self.origin}"
         )
         return TextTable(heads, rows, caption=caption, notes=tuple(map(repr, self.findings)))
@@ -288,8 +288,8 @@ def scatter(periods: ComplexArray) -> Array:
     count = periods.shape[1]
     if count < 2:
         return np.full((len(periods), periods.shape[2]), np.nan)
-    apart = periods - periods.mean(axis=1, keepdims=True)
-    power = np.sum(np.abs(apart) ** 2, axis=1) / (count - 1) / count
+    deviation = periods - periods.mean(axis=1, keepdims=True)
+    power = np.sum(np.abs(deviation) ** 2, axis=1) / (count - 1) / count
     lines = np.maximum(np.arange(power.shape[1], dtype=np.float64), 1)
     found = [np.stack([smooth(one) for one in power * lines**fall]) * lines**-fall for fall in _FALLS]
     surprise = (count - 1) * np.array([_surprise(power[:, 1:], one[:, 1:]) for one in found])

@@ -15,14 +15,14 @@ from rsgen.common.text_table import data_frame
 SWEEPS = ("rest", "up", "down")
 
 CONTROLS = ("force", "response", "phase", "continuation")
-"""What a test holds within a level: force, amplitude of the response, force and phase, or nothing: points of
-a control-based continuation, whose levels are steps of the amplitude."""
+"""Quantity that a test holds constant within a level: force, amplitude of the response, force and phase, or
+none (control-based continuation, whose levels are steps of the amplitude)."""
 
 QUANTITIES = {"displacement": "m", "velocity": "m/s", "acceleration": "m/s^2"}
-"""What a motion may be given as, each the derivative of the one before, and its unit."""
+"""Quantities of a motion, each the derivative of the one before, and their units."""
 
 DERIVATIVE = {quantity: order for order, quantity in enumerate(QUANTITIES)}
-"""Which derivative of the displacement a quantity is."""
+"""Order of the derivative of the displacement that each quantity is."""
 
 BASE_UNITS = {"": "N"} | QUANTITIES
 """Unit of levels: of the force, or of the motion of the base that was driven."""
@@ -57,7 +57,7 @@ _DTYPES: dict[str, type | str] = {
 
 
 def column(values: Any, name: str, shape: tuple[int, ...]) -> NDArray[Any]:
-    """Copy a column into an array that nobody can change; a single value holds at every point."""
+    """Return a column as a read-only copy; a single value is repeated at every point."""
     try:
         array = np.array(values, dtype=_DTYPES.get(name, np.float64))
     except (TypeError, ValueError) as fault:
@@ -78,7 +78,7 @@ def column(values: Any, name: str, shape: tuple[int, ...]) -> NDArray[Any]:
 
 
 def response_columns(response: Any, harmonics: Any, phase_known: bool, rows: int) -> NDArray[Any]:
-    """Give the harmonics, mean first, from whichever of the two was given; faults bear the name given."""
+    """Return harmonics (n, H+1) [m], mean first, of a response or of harmonics; errors name the argument."""
     if (response is None) == (harmonics is None):
         raise RsgenError("surface: give the response once, as response= or as harmonics=")
     if harmonics is not None:
@@ -96,7 +96,7 @@ def response_columns(response: Any, harmonics: Any, phase_known: bool, rows: int
 
 
 def force_columns(force: Any, harmonics: Any, rows: int) -> dict[str, NDArray[Any]]:
-    """Give the fundamental and all recorded harmonics of the force, (n,) and (n, K+1), mean first.
+    """Return the fundamental (n,) and all recorded harmonics (n, K+1) of the force [N], mean first.
 
     A force with harmonics of its own wins; a fundamental alone takes its place among those given.
     """
@@ -118,7 +118,7 @@ def force_columns(force: Any, harmonics: Any, rows: int) -> dict[str, NDArray[An
 
 
 def across_columns(across: Any, shape: tuple[int, ...]) -> NDArray[Any]:
-    """Give the harmonics of the motion across two sensors, of the shape (n, H+1) that the response has.
+    """Return harmonics (n, H+1) [m] of the motion across two sensors, of the shape that the response has.
 
     None, and a motion without columns, which such a surface has, are a test with one response.
     """
@@ -271,7 +271,7 @@ class _Table:
         return np.asarray(self._frame[name])
 
     def complex(self, name: str) -> ComplexArray | None:
-        """Give ``name``, or ``name_real`` + i ``name_imag``; None where there is neither."""
+        """Return column ``name``, or ``name_real`` + i ``name_imag``; None without either."""
         if self.has(name):
             column = self.read(name)
         elif self.has(f"{name}_real", f"{name}_imag"):
@@ -290,7 +290,7 @@ class _Table:
 
 
 def columns_of_frame(frame: Any, degrees: bool) -> dict[str, Any]:
-    """Give the arguments of ``ResponseSurface`` that a table holds.
+    """Return the arguments of ``ResponseSurface`` that a table holds.
 
     Raises
     ------
@@ -363,7 +363,7 @@ def _fundamental(table: _Table, force: ComplexArray, degrees: bool) -> tuple[Com
 
 
 def frame_of_surface(surface: Any) -> Any:
-    """Give a ``pandas.DataFrame`` with the columns that ``columns_of_frame`` reads, and amplitude and phase.
+    """Return a ``pandas.DataFrame`` that ``columns_of_frame`` reads, with amplitude and phase.
 
     Raises
     ------

@@ -1,4 +1,4 @@
-"""Whether a phase-locked loop held the lag of resonance, a quarter period, and by how much it missed."""
+"""Findings about the lag of a phase-locked test: the error from that of resonance, a quarter period."""
 
 from __future__ import annotations
 
@@ -15,8 +15,8 @@ if TYPE_CHECKING:
     from rsgen.data.surface.response_surface import ResponseSurface
 
 RESONANT = 0.52
-"""Lags within 30 degrees of a quarter period [rad] may be meant to be one, with a delay that nobody
-corrected; others are slices off resonance."""
+"""Lags within 30 degrees of a quarter period [rad] may be meant to be one, with an uncorrected delay;
+others are slices off resonance."""
 
 _APART = 0.14
 """Lags that are set differ by more than eight degrees from the next; those of one loop scatter by less."""
@@ -34,7 +34,7 @@ _CLOSE = 0.35
 """Where all points lie within 20 degrees of a quarter period, a loop held them: sweeps pass the flanks."""
 
 _SAME_FORCE = 0.02
-"""Forces of one slice off resonance differ by less; levels of a backbone are farther apart."""
+"""Forces of one slice off resonance differ by less; levels of a backbone differ by more."""
 
 _MODES = 0.05
 """Least relative gap between the frequencies of two modes: from level to level those of one shift by less."""

@@ -65,7 +65,7 @@ def typical_amounts(surface: ResponseSurface, amount: Array | None = None) -> Ar
 
 
 def match_level(levels: Array, asked: float) -> float | None:
-    """Find the level that somebody means by a number as it is printed: equal within its digits; None if none.
+    """Return the level that equals a printed number within its digits; None if there is none, or several.
 
     Parameters
     ----------
@@ -96,10 +96,10 @@ _CONTROLLED = {
     "phase": "phase-locked",
     "continuation": "continuation",
 }
-"""What a test held, in the one line that shows a surface."""
+"""Controlled quantity of a test, in the one line that shows a surface."""
 
 _LIMITS = {"not-recorded": "phase not measured", "per-unit-mass": "per unit mass"}
-"""What a test cannot tell, in the same line."""
+"""Limits of a test by finding, in the same line."""
 
 OUTCOMES = (
     "settled: the response repeats with the period of the force",
@@ -109,7 +109,7 @@ OUTCOMES = (
     "not settled: the sweep passes faster than the response follows",
     "not measured: force or response is not a number",
 )
-"""What became of a test point; the table stores the index."""
+"""Outcomes of a test point; the table stores the index."""
 
 SWEPT_TOO_FAST, _NOT_MEASURED = 4, 5
 
@@ -307,7 +307,7 @@ class ResponseSurface:
 
     @property
     def limits(self) -> tuple[Finding, ...]:
-        """What no identification of this test can tell, by what was recorded."""
+        """Return findings about what the records of this test cannot determine: phase, absolute mass."""
         limits = (
             (Finding("not-recorded", "info", names={"signal": "phase"}), not self.phase_known),
             (Finding("per-unit-mass", "info"), self.per_mass),
@@ -330,7 +330,7 @@ class ResponseSurface:
         return np.unique(self.level)
 
     def find_level(self, asked: float) -> float | None:
-        """The level that somebody means by its label, or by its amount as it is printed; None if none."""
+        """Return the level with this label, or else the one of ``match_level``; None if there is none."""
         if self.label is not None:
             label = match_level(np.unique(self.label), asked)
             if label is not None:
@@ -372,19 +372,19 @@ class ResponseSurface:
 
     @property
     def response_held(self) -> bool:
-        """Whether levels are amplitudes of the response, and the force is what the test found."""
+        """Return whether levels are amplitudes of the response, and the force is the measured result."""
         return self.control in ("response", "continuation")
 
     @property
     def lag_assumed(self) -> bool:
-        """Whether a phase-locked test recorded no phase, and every lag was taken for a quarter period."""
+        """Return whether a phase-locked test without phases was read with a lag of a quarter period."""
         return any(
             finding.names.get("by") == "assumed" for finding in self.findings if finding.code == "phase-lag"
         )
 
     @property
     def decays(self) -> bool:
-        """Whether the points are those of free decays, whose forces follow from the motion and the mass."""
+        """Return whether the points are of free decays: forces computed from the motion and the mass."""
         return any(finding.code == "force-of-decay" for finding in self.findings)
 
     @property
@@ -461,7 +461,7 @@ class ResponseSurface:
         return cls(**{**columns_of_frame(frame, degrees), **columns})
 
     def to_frame(self) -> Any:
-        """Give a ``pandas.DataFrame`` with a row a test point; ``from_frame`` reads it back.
+        """Return a ``pandas.DataFrame`` with a row a test point; ``from_frame`` reads it back.
 
         Raises
         ------

@@ -37,7 +37,7 @@ def save_surface(path: str | os.PathLike[str], surface: ResponseSurface) -> None
     """Write a surface as HDF5, atomically; every array carries its unit.
 
     Complex arrays are HDF5 compounds (r, i), as h5py, MATLAB and Julia read them. ``settled`` is written
-    beside ``outcome`` for readers that only want yes or no.
+    next to ``outcome`` for readers that only need yes or no.
 
     Raises
     ------
@@ -96,7 +96,7 @@ _MAY_BE_MISSING = ("stable", "findings", "force_harmonics", "across", "label")
 """Columns that surfaces of earlier versions, or without a motion across or labels, do not have."""
 
 _FAULTS = (OSError, KeyError, ValueError, TypeError, AttributeError, RecursionError, MemoryError)
-"""What comes of arrays that do not belong together."""
+"""Exceptions raised by arrays that do not fit together."""
 
 
 def _described(file: BinaryIO, path: str) -> dict[str, Any]:
@@ -214,11 +214,11 @@ _DAMAGE = (
     RuntimeError,
     MemoryError,
 )
-"""What h5py makes of damage."""
+"""Exceptions that h5py raises for damaged files."""
 
 
 def _attribute(file: h5py.File, name: str) -> Any:
-    """Give an attribute as JSON has it."""
+    """Return an attribute as a value that JSON can store."""
     declared = file.attrs.get_id(name)
     # HDF5 itself gives no size of an empty one, such as the notes of an earlier version
     if math.prod(declared.shape) * declared.dtype.itemsize > _ATTRIBUTE_BYTES:
