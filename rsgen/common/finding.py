@@ -211,6 +211,7 @@ EARLIER = {
         "note", {"text": "the displacement of the largest response swings about a mean"}
     ),
     "unit-of-file-unusable": Earlier("unit-contradicts-title", renamed={"unit": "title", "assumed": "unit"}),
+    "virgin-curve-negative": Earlier("curve-negative"),
     "values-given": Earlier("note", {"text": "all parameters are given, none was identified"}),
     "values-outside-tolerance": Earlier("values-judged", renamed={"values": "outside"}),
     "values-within-tolerance": Earlier("values-judged"),

@@ -150,7 +150,7 @@ def _curves(force: sympy.Expr) -> Iterator[Finding]:
             yield Finding("damping-feeds-energy", "warning", names=names)
         largest = np.fmax.accumulate(forces, axis=1)
         if np.any(forces < -ROUND_OFF_TOLERANCE * largest):
-            yield Finding("virgin-curve-negative", "warning", names=names)
+            yield Finding("curve-negative", "warning", names=names)
 
 
 @np.errstate(all="ignore")

@@ -26,7 +26,7 @@ from rsgen.law.element import law_remarks
         ("k*x + a*x**3 + F*tanh(x/w)", set()),
         # neither
         ("masing(kt*x)", set()),
-        ("masing(K*x - R*x**p)", {"virgin-curve-negative"}),
+        ("masing(K*x - R*x**p)", {"curve-negative"}),
         ("masing(Min(kt*x, Fs)) + masing(F*tanh(k*x/F))", set()),
     ],
 )

@@ -194,6 +194,11 @@ def _range_reached(found: Finding) -> str:
 @says("curve-negative")
 def _curve_negative(found: Finding) -> str:
     curve = found.names["curve"]
+    if "share" not in found.numbers:
+        return (
+            f"{curve} turns negative where x is large: its loop is that of a joint only as far as the virgin "
+            "curve rises"
+        )
     of = f" of the elements across {found.names['sensors']}" if "sensors" in found.names else ""
     least, low, high = (quantity_text(*found.numbers[name], 3) for name in ("least", "low", "high"))
     return (

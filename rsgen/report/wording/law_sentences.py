@@ -16,8 +16,6 @@ say_plainly(
         "law has x and v only",
         "equal-terms": "{terms} are equal terms of the law, and no test says which is which; they are named "
         "so that {order}",
-        "virgin-curve-negative": "{curve} turns negative where x is large: its loop is that of a joint only "
-        "as far as the virgin curve rises",
     }
 )
 
