@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from math import inf
 from typing import Any
 
 import scipy
@@ -22,8 +23,11 @@ BRANCH_DISTANCE = 0.2
 NOISE_LIMIT_SIGMAS = 4.0
 """Standard deviations that chance exceeds to one side once in 30 000: what is farther off is no noise."""
 
-CONFIDENCE = 0.975
-"""One-sided probability of every interval and band: 95 % between both ends."""
+CONFIDENCE_LEVEL = 0.95
+"""Probability of every interval and band, between both ends."""
+
+INTERVAL_END = (1 + CONFIDENCE_LEVEL) / 2
+"""Probability below the upper end of an interval."""
 
 MAX_LIGHT_DAMPING_RATIO = 0.05
 """Damping ratio up to which an unknown one may shift k/m: phase resonance finds lightly damped modes."""
@@ -80,10 +84,6 @@ NEAR_STEPS = 8
 MISFIT_OF_NOISE = 1e-4
 """Above this misfit, relative, it is noise (simulators and truncated waveforms stay below), and the
 O(noise^2) bias, a ten-thousandth of it and more, is corrected."""
-
-INTERVAL_SIGMAS = 1.959964
-"""Standard errors to both ends of a 95 % interval, where many points determine them: the quantile
-of the normal distribution for ``CONFIDENCE``."""
 
 MISFIT_NEGLIGIBLE = 1e-3
 """Misfits below this, relative, change no engineering number: a law may be as wrong, and corners and
@@ -181,14 +181,18 @@ def normal_share(value: float) -> float:
     return float(scipy.special.ndtr(value))
 
 
-def normal_quantile(share: float) -> float:
-    """Return what a standard normal number is below with probability ``share``."""
-    return float(scipy.special.ndtri(share))
+def interval_sigmas(freedom: Any = inf) -> Any:
+    """Return the standard errors to both ends of an interval: the quantile of Student's distribution.
 
+    ``freedom`` are the degrees of freedom of the errors, a number or an array; the default is the normal
+    distribution.
 
-def t_quantile(freedom: Any, share: float) -> Any:
-    """Return what a number of Student's distribution is below with probability ``share``, of any freedoms."""
-    return scipy.special.stdtrit(freedom, share)
+    Examples
+    --------
+    >>> print(f"{interval_sigmas():.3f} {interval_sigmas(4):.3f}")
+    1.960 2.776
+    """
+    return scipy.special.stdtrit(freedom, INTERVAL_END)
 
 
 def f_tail(above: float, below: float, value: float) -> float:

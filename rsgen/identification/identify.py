@@ -14,8 +14,8 @@ from rsgen.common.errors import require
 from rsgen.common.finding import Finding, quantities
 from rsgen.common.tolerances import (
     BALANCE_HARMONICS,
-    CONFIDENCE,
     HARMONIC_TRUNCATION,
+    INTERVAL_END,
     MAX_GAUSS_NEWTON_STEPS,
     MISFIT_OF_NOISE,
     MISFIT_REJECTED,
@@ -173,7 +173,9 @@ def _refit_with_simulator(balanced: Fit) -> Fit:
     # beyond chance a worse fit follows other branches
     freedom = refitted.regression.freedom
     return (
-        refitted if misfit[0] ** 2 <= f_quantile(freedom, freedom, CONFIDENCE) * misfit[1] ** 2 else balanced
+        refitted
+        if misfit[0] ** 2 <= f_quantile(freedom, freedom, INTERVAL_END) * misfit[1] ** 2
+        else balanced
     )
 
 

@@ -17,7 +17,6 @@ import numpy as np
 from rsgen.common.arrays import Array
 from rsgen.common.finding import Finding, Quantity, Severity, quantities, severity_of
 from rsgen.common.tolerances import (
-    CONFIDENCE,
     DEVIATING_MISFIT_RATIO,
     MIN_LEVELS_FOR_JACKKNIFE,
     MIN_MISFIT_REDUCTION,
@@ -33,7 +32,7 @@ from rsgen.common.tolerances import (
     STANDARD_ERRORS_OF_DIFFERENCE,
     START_HARMONICS,
     SUBSAMPLE_POINTS,
-    t_quantile,
+    interval_sigmas,
 )
 from rsgen.data.free_mode import fit_mode, hats, steady
 from rsgen.data.oscillator import OFFSET
@@ -323,7 +322,7 @@ def _background_proposal(points: Points, resonances: Sequence[Resonance]) -> Fin
 
 
 # ----------------------------------------------------------------------------
-# Even forces: what recorded means and even harmonics say against a symmetric law, and what nobody can say
+# Even forces: what recorded means and even harmonics say against a symmetric law, and what is not known
 # of them where these were not recorded.
 
 _POWERS = {"x**2": 2, "x**4": 4, "abs(x)": 1}
@@ -487,7 +486,7 @@ def widen_squares(fit: Fit, found: Regression) -> Regression:
     hidden = even_directions(problem, fit.regression.parameters)
     if not hidden.symmetric:
         return found
-    wide, covariance = float(t_quantile(found.freedom, CONFIDENCE)), np.array(found.covariance)
+    wide, covariance = float(interval_sigmas(found.freedom)), np.array(found.covariance)
     for place, direction in zip(hidden.uneven, hidden.directions[:, :count], strict=True):
         error = float(np.sqrt(found.covariance[place, place])) if place >= 0 else nan
         if not 0 < error < inf:

@@ -27,7 +27,7 @@ from rsgen.common.errors import RsgenError
 from rsgen.common.finding import Finding
 from rsgen.common.linear_algebra import b_splines
 from rsgen.common.text_table import MAX_DIGITS, Printed, TextTable, data_frame, short
-from rsgen.common.tolerances import CONFIDENCE, INTERVAL_SIGMAS, RELATIVE_CHANGE_NEGLIGIBLE, t_quantile
+from rsgen.common.tolerances import RELATIVE_CHANGE_NEGLIGIBLE, interval_sigmas
 from rsgen.data.oscillator import Observation
 from rsgen.dynamics.harmonic_balance import Response
 from rsgen.formula.units.quantities import ForceUnits
@@ -366,7 +366,7 @@ class ModalTable(Printed):
         heads = ("X [m]", *(f"{name} [{unit or '1'}]" for name, unit in shown.items()))
         mass = "mass not known" if isfinite(self.test.units.kilogram) else "per unit mass"
         if isfinite(self.mass):
-            error = f" ± {short(INTERVAL_SIGMAS * self.mass_error, 2)}" if self.mass_error else ", given"
+            error = f" ± {short(interval_sigmas() * self.mass_error, 2)}" if self.mass_error else ", given"
             mass = f"mass {short(self.mass, 6)} kg{error}"
         caption = f"Modal table without a law: {self.points} points, misfit {self.misfit:.2g}, {mass}"
         notes = list(map(repr, self.findings))
@@ -397,7 +397,7 @@ def _tabulate(splines: ModalSplines, amplitude: Array, known: tuple[str, ...]) -
             "stiffness_per_mass": (k / m, (one / m, zero, -k / m**2)),
             "damping_per_mass": (c / m, (zero, one / m, -c / m**2)),
         }
-    wide = float(t_quantile(splines.freedom, CONFIDENCE))
+    wide = float(interval_sigmas(splines.freedom))
     columns: dict[str, Array] = {}
     for name, (value, slopes) in values.items():
         slope = np.stack([np.broadcast_to(part, k.shape) for part in slopes], axis=1)

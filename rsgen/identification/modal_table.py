@@ -26,13 +26,13 @@ from rsgen.common.finding import Finding, quantities
 from rsgen.common.tolerances import (
     ANY_LAW,
     ASSUMED_DAMPING_RATIO,
-    INTERVAL_SIGMAS,
     MAX_ALTERNATIONS,
     MAX_LIGHT_DAMPING_RATIO,
     MISFIT_DOUBTFUL,
     MISFIT_OF_NOISE,
     NOISE_RATIO_BY_CHANCE,
     ROUND_OFF,
+    interval_sigmas,
 )
 from rsgen.data.free_mode import fit_mode, steady
 from rsgen.data.oscillator import Model, Observation, join_model
@@ -416,9 +416,9 @@ def _at_phase_resonance(seen: ModePoints, lag_error: float) -> tuple[ModeProblem
     found = fit_splines(modal)
     # shift of k/m by a lag that differs from a quarter period, with unknown damping
     square = float(np.mean((stiffness[rows].real / stiffness[rows].imag) ** 2))
-    shift = 2 * MAX_LIGHT_DAMPING_RATIO * float(np.sqrt(square + (INTERVAL_SIGMAS * lag_error) ** 2))
+    shift = 2 * MAX_LIGHT_DAMPING_RATIO * float(np.sqrt(square + (interval_sigmas() * lag_error) ** 2))
     stiff = np.where(np.arange(len(found.parameters)) < modal.basis.count, found.parameters, 0.0)
-    error = np.outer(stiff, stiff) * (shift / INTERVAL_SIGMAS) ** 2
+    error = np.outer(stiff, stiff) * (shift / interval_sigmas()) ** 2
     modal = replace(modal, assumed=True)
     return modal, replace(found, covariance=found.covariance + error)
 

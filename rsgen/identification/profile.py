@@ -19,7 +19,7 @@ from rsgen.common.arrays import Array
 from rsgen.common.errors import RsgenError, require
 from rsgen.common.finding import Finding, Quantity
 from rsgen.common.text_table import Printed, TextTable, short
-from rsgen.common.tolerances import BALANCE_HARMONICS, CONFIDENCE, MISFIT_OF_NOISE, t_quantile
+from rsgen.common.tolerances import BALANCE_HARMONICS, MISFIT_OF_NOISE, interval_sigmas
 from rsgen.identification.fitting.fit import Fit, refit_weighted
 from rsgen.identification.fitting.least_squares import Regression
 from rsgen.identification.fitting.observed import is_systematic
@@ -189,12 +189,12 @@ def _target(found: Fit, estimate: Estimate) -> float:
     place = (*found.problem.law.parameters, "m").index(estimate.name)
     # of independent errors of one size, as the sum of squares takes them
     own = found.regression.noise * float(np.linalg.norm(found.regression.basis[place]))
-    return float(t_quantile(found.regression.freedom, CONFIDENCE)) * max(estimate.standard_error / own, 1.0)
+    return float(interval_sigmas(found.regression.freedom)) * max(estimate.standard_error / own, 1.0)
 
 
 def _wald(found: Fit, estimate: Estimate) -> float:
     """Return half the width of the interval that the standard error gives."""
-    return estimate.standard_error * float(t_quantile(found.regression.freedom, CONFIDENCE))
+    return estimate.standard_error * float(interval_sigmas(found.regression.freedom))
 
 
 def _is_quadratic(found: Fit, likelihood: _Likelihood, estimate: Estimate, target: float) -> bool:
@@ -314,7 +314,7 @@ def profile(found: Identification, name: str) -> Profile:
     place = likelihood.names.index(name)
     tried = sorted(likelihood.tried(place), key=lambda pair: pair[0])
     moved = float(fit.regression.parameters[place]) - float(likelihood.best[place])
-    scale, half = float(t_quantile(fit.regression.freedom, CONFIDENCE)) / target, _wald(fit, estimate)
+    scale, half = float(interval_sigmas(fit.regression.freedom)) / target, _wald(fit, estimate)
     return Profile(
         name,
         estimate.unit,

@@ -30,7 +30,6 @@ from numpy.typing import NDArray
 from rsgen.common.arrays import Array, ComplexArray, blocks
 from rsgen.common.linear_algebra import b_splines, solve_scaled
 from rsgen.common.tolerances import (
-    CONFIDENCE,
     JACKKNIFE_GROUPS,
     MAX_ALTERNATIONS,
     MIN_SIGNIFICANT_GAIN,
@@ -40,8 +39,7 @@ from rsgen.common.tolerances import (
     SAMPLES_PER_PERIOD,
     SAMPLES_PER_PERIOD_SWITCHED,
     SPLINE_SMOOTHING,
-    normal_quantile,
-    t_quantile,
+    interval_sigmas,
 )
 from rsgen.data.surface import ResponseSurface, typical_amounts
 from rsgen.identification.fitting.fit import Fit
@@ -129,7 +127,7 @@ def _invert_describing_function(
     freedom = max(len(reach) - functions, 1)
     squares = float(np.sum((amplitude / spread - matrix @ solution) ** 2))
     variance = squares / freedom
-    wide = normal_quantile(CONFIDENCE) * np.sqrt(variance)
+    wide = interval_sigmas() * np.sqrt(variance)
     band = wide * np.sqrt(np.sum((operator @ inverse) ** 2, axis=1))
     return np.linspace(0, largest, _CURVE_POINTS), operator @ solution, band, squares
 
@@ -233,7 +231,7 @@ def invert_motion(
         _fit_forces(part, _signals(part, noise, surfaces), mass, noise, plans[best])[:2] for part in others
     ]
     bands = [
-        float(t_quantile(JACKKNIFE_GROUPS - 1, CONFIDENCE))
+        float(interval_sigmas(JACKKNIFE_GROUPS - 1))
         * np.sqrt(
             (JACKKNIFE_GROUPS - 1) / JACKKNIFE_GROUPS * np.sum((forces - forces.mean(axis=0)) ** 2, axis=0)
         )

@@ -229,8 +229,8 @@ def select_points(surface: ResponseSurface, model: Model) -> Points:
     """
     if surface.decays and model.observation.background != "none":
         raise RsgenError(
-            f"background: {model.observation.background!r}; points of a free decay are given, and what a "
-            "force drives beside the mode does not go on without one: leave it out"
+            f"background: {model.observation.background!r}; points of a free decay are given, and the "
+            "background of a driven test does not go on without a force: leave it out"
         )
     for level in model.observation.hold_out:
         if surface.find_level(level) is None:

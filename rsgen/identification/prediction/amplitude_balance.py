@@ -24,10 +24,10 @@ from rsgen.common.finding import Finding
 from rsgen.common.tolerances import (
     ANY_LAW,
     BALANCE_HARMONICS,
-    INTERVAL_SIGMAS,
     MAX_TRIAL_STEPS,
     SAMPLES_PER_PERIOD,
     START_HARMONICS,
+    interval_sigmas,
 )
 from rsgen.data.oscillator import Model
 from rsgen.data.surface import ResponseSurface
@@ -108,7 +108,7 @@ class AmplitudeBalance:
         """Return the half width (n,) of the 95 % band of the force amplitude [N]."""
         slope = (np.conj(at.force)[:, None] * at.force_by[:, self._places]).real / np.abs(at.force)[:, None]
         variance = np.einsum("np,pq,nq->n", slope, self._covariance, slope)
-        return np.asarray(INTERVAL_SIGMAS * np.sqrt(np.maximum(variance, 0.0)))
+        return np.asarray(interval_sigmas() * np.sqrt(np.maximum(variance, 0.0)))
 
     def _equivalent(
         self, size: Array, omega: Array, start: ComplexArray | None

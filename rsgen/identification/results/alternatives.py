@@ -15,12 +15,12 @@ from rsgen.common.arrays import Array
 from rsgen.common.finding import Finding, Severity, quantities
 from rsgen.common.text_table import Printed, TextTable
 from rsgen.common.tolerances import (
-    INTERVAL_SIGMAS,
     MISFIT_NEGLIGIBLE,
     MISFIT_OF_NOISE,
     NOISE_LIMIT_SIGMAS,
     RELATIVE_ERROR_DOUBTFUL,
     STANDARD_ERRORS_OF_DIFFERENCE,
+    interval_sigmas,
 )
 from rsgen.identification.fitting.least_squares import Alternative
 
@@ -39,7 +39,7 @@ def spread_between(others: Iterable[Alternative], values: Array, error: Array) -
     values, error
         (q,) parameters, and their standard errors by noise alone.
     """
-    likely = [np.abs(one.shift[: len(values)]) for one in others if one.gain > INTERVAL_SIGMAS**2]
+    likely = [np.abs(one.shift[: len(values)]) for one in others if one.gain > interval_sigmas() ** 2]
     moved = np.max([np.zeros(len(values)), *likely], axis=0)
     # the misfit of exact data, and the shift by terms, are due to truncated waveforms
     known = np.isfinite(error) & (error > 0) & (moved > MISFIT_OF_NOISE * np.abs(values))
@@ -114,7 +114,7 @@ class Alternatives(Printed):
         worst, (kind, name, errors) = int(np.argmax(np.abs(share))), said
         if not kind:
             return ratio, found
-        open_ = INTERVAL_SIGMAS * self.error[worst] * ratio[worst] > RELATIVE_ERROR_DOUBTFUL * abs(
+        open_ = interval_sigmas() * self.error[worst] * ratio[worst] > RELATIVE_ERROR_DOUBTFUL * abs(
             values[worst]
         )
         severity: Severity = "doubt" if open_ and misfit > MISFIT_NEGLIGIBLE else "warning"

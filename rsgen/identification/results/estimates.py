@@ -18,15 +18,13 @@ from numpy.typing import NDArray
 from rsgen.common.arrays import Array
 from rsgen.common.finding import Finding, Quantity, quantities
 from rsgen.common.tolerances import (
-    CONFIDENCE,
-    INTERVAL_SIGMAS,
     MIN_NULL_COMPONENT,
     RELATIVE_CHANGE_NEGLIGIBLE,
     RELATIVE_ERROR_DOUBTFUL,
     ROUND_OFF,
     f_tail,
+    interval_sigmas,
     samples_for,
-    t_quantile,
 )
 from rsgen.data.oscillator import Model
 from rsgen.formula.units.quantities import ForceUnits
@@ -60,7 +58,7 @@ def make_estimates(
     """
     values, names = np.append(found.values, found.mass), (*law.parameters, "m")
     variance = np.diag(found.covariance)
-    wides = np.broadcast_to(t_quantile(found.freedom, CONFIDENCE), variance.shape).tolist()
+    wides = np.broadcast_to(interval_sigmas(found.freedom), variance.shape).tolist()
     units = units_of(model) if units is None else units
     estimates = []
     for name, value, var, wide in zip(names, values, variance, wides, strict=True):
@@ -95,7 +93,7 @@ def state_background(
     shape, points = observed.background, observed.points
     if not len(values):
         return None
-    wide = float(t_quantile(freedom, CONFIDENCE))
+    wide = float(interval_sigmas(freedom))
     errors = np.sqrt(np.where(np.isfinite(variance), variance, np.inf))
     # the residue of a neighbour, one over its mass, is then a number
     named = [units.of(unit).replace("1/kg*kg", "") for unit in shape.units]
@@ -302,7 +300,7 @@ def compare_parts(found: Regression, part: NDArray[np.bool_]) -> Difference | No
     squares = difference**2 / variance / noise**2
     count = max(int(np.count_nonzero(found.used)), 1)
     step = found.basis @ axes
-    clear = squares > INTERVAL_SIGMAS**2
+    clear = squares > interval_sigmas() ** 2
     off = step @ np.where(clear, difference / np.sqrt(variance), 0.0)
     return Difference(
         f_tail(directions, found.freedom, float(np.sum(squares)) / directions),

@@ -13,7 +13,7 @@ from matplotlib.figure import Figure
 
 from rsgen.common.arrays import Array
 from rsgen.common.errors import RsgenError
-from rsgen.common.tolerances import INTERVAL_SIGMAS
+from rsgen.common.tolerances import interval_sigmas
 from rsgen.describing import DescribingFunction, Equivalent, derive
 from rsgen.formula import symbol
 from rsgen.formula.evaluation import compiled
@@ -153,7 +153,7 @@ def refined_band(identification: Identification, amplitude: Array) -> tuple[Back
         model = backbone(identification, changed, amplitude)
         return np.array([model.stiffness, model.damping])
 
-    half = INTERVAL_SIGMAS * standard_errors(identification, values, names, evaluate)
+    half = interval_sigmas() * standard_errors(identification, values, names, evaluate)
     return backbone(identification, values, amplitude), half[0], half[1]
 
 
