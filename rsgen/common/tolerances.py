@@ -26,6 +26,9 @@ NOISE_LIMIT_SIGMAS = 4.0
 CONFIDENCE_LEVEL = 0.95
 """Probability of every interval and band, between both ends."""
 
+CONFIDENCE_TEXT = f"{100 * CONFIDENCE_LEVEL:g} %"
+"""As tables, pages and figures say it."""
+
 INTERVAL_END = (1 + CONFIDENCE_LEVEL) / 2
 """Probability below the upper end of an interval."""
 

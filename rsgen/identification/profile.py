@@ -19,7 +19,7 @@ from rsgen.common.arrays import Array
 from rsgen.common.errors import RsgenError, require
 from rsgen.common.finding import Finding, Quantity
 from rsgen.common.text_table import Printed, TextTable, short
-from rsgen.common.tolerances import BALANCE_HARMONICS, MISFIT_OF_NOISE, interval_sigmas
+from rsgen.common.tolerances import BALANCE_HARMONICS, CONFIDENCE_TEXT, MISFIT_OF_NOISE, interval_sigmas
 from rsgen.identification.fitting.fit import Fit, refit_weighted
 from rsgen.identification.fitting.least_squares import Regression
 from rsgen.identification.fitting.observed import is_systematic
@@ -82,7 +82,8 @@ class Profile(Printed):
     def _table(self) -> TextTable:
         rows = tuple((short(v, 6), short(r, 3)) for v, r in zip(self.values, self.root, strict=True))
         low, high = (short(end, 5) for end in self.interval)
-        caption = f"{self.name}: {low} to {high} {self.unit}".rstrip() + ", 95 % by profile likelihood"
+        caption = f"{self.name}: {low} to {high} {self.unit}".rstrip()
+        caption += f", {CONFIDENCE_TEXT} by profile likelihood"
         for side, end in zip(("below", "above"), self.followed, strict=True):
             if isfinite(end):
                 caption += f"; {side} {short(end, 5)} the balance, not the test, ends"

@@ -10,6 +10,7 @@ import numpy as np
 
 from rsgen.analysis.comparison import Comparison, Row
 from rsgen.common.errors import RsgenError
+from rsgen.common.tolerances import CONFIDENCE_TEXT
 from rsgen.data.multisine import BestLinear
 from rsgen.data.surface import ResponseSurface
 from rsgen.formula.units.quantities import choose_scale, number_text, quantity_text, unit_text
@@ -104,7 +105,13 @@ def verdict_table(comparison: Comparison) -> Table:
     """Hold every estimate against the truth; without truth, show the estimates with their intervals."""
     known = any(math.isfinite(row.true) for row in comparison.rows)
     judged = any(row.tolerance is not None for row in comparison.rows)
-    columns = ["Parameter", *(["True"] if known else []), "Paper", "First order", "Refined, 95 % interval"]
+    columns = [
+        "Parameter",
+        *(["True"] if known else []),
+        "Paper",
+        "First order",
+        f"Refined, {CONFIDENCE_TEXT} interval",
+    ]
     columns += ["Error, refined", "Error, first order"] if known else ["Standard error"]
     columns += ["Verdict"] if judged else []
     shown = [row for row in comparison.rows if row.name not in FORCE_KEYS or row.tolerance is not None]
@@ -168,7 +175,7 @@ def estimate_table(identification: Identification) -> Table:
         for one in identification.fixed
     ]
     columns = ("Parameter", "Unit", "Paper", "First order", "Its predicted bias", "Refined", "Standard error")
-    return Table("All estimates in SI units, with 95 % intervals", columns, tuple(rows))
+    return Table(f"All estimates in SI units, with {CONFIDENCE_TEXT} intervals", columns, tuple(rows))
 
 
 def resonance_table(identification: Identification) -> Table:
@@ -447,5 +454,8 @@ def modal_page_table(section: Modal) -> Table | None:
             note = f"± {number_text(half / factor, 2)}" if math.isfinite(half) else ""
             cells.append(Cell(number_text(row[name] / factor, 5), note))
         rows.append(TableRow(tuple(cells)))
-    caption = f"Modal table without a law, 95 % intervals; {modal.points} points, misfit {modal.misfit:.2g}"
+    caption = (
+        f"Modal table without a law, {CONFIDENCE_TEXT} intervals; {modal.points} points, misfit "
+        f"{modal.misfit:.2g}"
+    )
     return Table(caption, (amplitude.label("X"), *heads), tuple(rows))

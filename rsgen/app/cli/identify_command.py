@@ -32,6 +32,7 @@ from rsgen.app.cli.terminal import (
 from rsgen.app.study import obtain_table
 from rsgen.app.study.run_case import identify_case
 from rsgen.cases import load_case
+from rsgen.common.tolerances import CONFIDENCE_TEXT
 from rsgen.data.surface import ResponseSurface, load_surface
 from rsgen.identification.prediction import predict
 from rsgen.identification.results import Estimate
@@ -86,7 +87,7 @@ def identify_command(
         return verdict_code(verdict.state)
     code = print_verdict(state_verdict(verdict))
     print_table(
-        ("", "paper", "first order", "refined", "± (95 %)", "unit"),
+        ("", "paper", "first order", "refined", f"± ({CONFIDENCE_TEXT})", "unit"),
         [
             (
                 refined.name,

@@ -38,9 +38,6 @@ from rsgen.law.identifiable import combinations_of
 from rsgen.law.motion import Motion
 from rsgen.law.numeric import ForceLaw
 
-NOT_ZERO = 0.5
-"""A standard error beyond this share of the value: the 95 % interval contains zero."""
-
 _MIN_PARAMETER_NORM = 0.99
 """Norm of the parameter part of a unit null vector; a smaller one includes the background."""
 
@@ -206,7 +203,7 @@ def _finding(
             return Finding("confounded", "warning", name, names={"with": others})
         return Finding("no-effect", "warning", name, tested)
     error, value = float(np.sqrt(regression.covariance[i, i])), float(regression.parameters[i])
-    if np.isfinite(error) and error > NOT_ZERO * abs(value):
+    if np.isfinite(error) and interval_sigmas() * error > abs(value):
         numbers = {"value": Quantity(value, unit), "standard_error": Quantity(error, unit), **tested}
         return Finding("not-distinct-from-zero", "warning", name, numbers)
     return None

@@ -16,6 +16,7 @@ from rsgen.common.arrays import Array, ComplexArray, frozen_array
 from rsgen.common.errors import RsgenError
 from rsgen.common.finding import Finding, Verdict, reach_verdict
 from rsgen.common.text_table import Printed, TextTable, data_frame, lookup, short, with_error
+from rsgen.common.tolerances import CONFIDENCE_TEXT
 from rsgen.data.multisine import BestLinear, MultisineSpectra
 from rsgen.data.oscillator import Model
 from rsgen.dynamics.linear_part import BackgroundTerms, background_terms
@@ -408,7 +409,7 @@ class Identification(Printed):
             f"noise {self.noise:.2g}, misfit {self.residual:.2g}"
         )
         return TextTable(
-            ("parameter", "value", "95 % interval", "unit", "finding"),
+            ("parameter", "value", f"{CONFIDENCE_TEXT} interval", "unit", "finding"),
             tuple(rows),
             caption=f"{self.verdict}\n{with_equations(self.model.force)}",
             notes=(tested, *map(repr, self.findings)),

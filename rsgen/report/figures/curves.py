@@ -12,6 +12,7 @@ from matplotlib.axes import Axes
 from matplotlib.colors import Normalize
 
 from rsgen.common.arrays import Array
+from rsgen.common.tolerances import CONFIDENCE_TEXT
 from rsgen.formula import symbol
 from rsgen.formula.names import remembers
 from rsgen.formula.units.quantities import Scale, choose_scale, number_text, quantity_text
@@ -83,7 +84,11 @@ def draw_modal(
         factor = {"frequency": 1.0, "damping_ratio": 0.01}.get(name, scale.factor)
         axes.fill_between(grid / x.factor, low / factor, high / factor, color="#0072B2", alpha=0.2, lw=0)
         axes.plot(
-            grid / x.factor, value / factor, color=POINT["mec"], lw=1.3, label="without a law, 95 % band"
+            grid / x.factor,
+            value / factor,
+            color=POINT["mec"],
+            lw=1.3,
+            label=f"without a law, {CONFIDENCE_TEXT} band",
         )
         shown = [value / factor]
         if model is not None:
@@ -251,7 +256,7 @@ def _draw_equivalent(
     axes.plot(amplitude / x.factor, measured / y.factor, label="levels at resonance", **POINT)
     if np.isfinite(first).any():
         axes.plot(grid / x.factor, first / y.factor, label="first-order fit, all points", **FIRST_ORDER)
-    axes.plot(grid / x.factor, refined / y.factor, label="refined fit, 95 % band", **REFINED)
+    axes.plot(grid / x.factor, refined / y.factor, label=f"refined fit, {CONFIDENCE_TEXT} band", **REFINED)
     if truth is not None:
         true: Array = getattr(backbone(identification, truth, grid), what)
         lines.append(true)

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from rsgen.common.arrays import Array
 from rsgen.common.errors import RsgenError
-from rsgen.common.tolerances import NOISE_LIMIT_SIGMAS, POINTS_PER_KNOT
+from rsgen.common.tolerances import NOISE_LIMIT_SIGMAS, POINTS_PER_KNOT, interval_sigmas
 from rsgen.data.free_mode import estimate_mass, steady
 from rsgen.data.oscillator import Model
 from rsgen.data.surface import ResponseSurface
@@ -53,9 +53,6 @@ _SAME = 1e-3
 
 _MOVED = 0.1
 """Relative change of a parameter that is not identifiable, by which it is seen whether it moves a limit."""
-
-_DETERMINED = 0.5
-"""Standard error of a limit, relative, beyond which its 95 % interval contains zero."""
 
 _SLIDES = 1e-12
 """Relative difference to the limit force that is round-off of the virgin curve."""
@@ -356,4 +353,4 @@ def _determined(
         if not abs(moved / limit - 1) <= _SAME:
             return False
     error = float(standard_errors(identification, values, sorted(names & known), place)[0])
-    return error <= _DETERMINED * limit
+    return bool(interval_sigmas() * error <= limit)

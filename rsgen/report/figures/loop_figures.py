@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from rsgen.common.arrays import Array
 from rsgen.common.errors import RsgenError
+from rsgen.common.tolerances import CONFIDENCE_TEXT
 from rsgen.data.oscillator import Model
 from rsgen.data.surface import ResponseSurface
 from rsgen.formula.units.quantities import choose_scale, count_text, number_text, quantity_text
@@ -114,10 +115,9 @@ def draw_forces(
             named = identification.curve.units.of("N")
             words.append(_panel(axes, what, place, unit, force, expected, inverted, named))
     caption = "Forces of springs and of dampers over the tested range"
-    caption += (
-        ", and the nonparametric restoring force (points, 95 % band)." if restoring is not None else "."
-    )
-    return Drawing("forces", figure, caption, " ".join(words), ax is None)
+    if restoring is not None:
+        caption += f", and the nonparametric restoring force (points, {CONFIDENCE_TEXT} band)"
+    return Drawing("forces", figure, f"{caption}.", " ".join(words), ax is None)
 
 
 def _panel(

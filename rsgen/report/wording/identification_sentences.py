@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from rsgen.common.finding import Finding
+from rsgen.common.tolerances import CONFIDENCE_TEXT
 from rsgen.formula.units.quantities import count_text, number_text, quantity_text
 from rsgen.report.wording.sentences import NEXT_STEPS, say_plainly, says
 
@@ -507,8 +508,8 @@ def _needs_mass(found: Finding) -> str:
     ratio, low, high = (quantity_text(*found.numbers[key], 6) for key in ("ratio", "low", "high"))
     damping = number_text(100 * found["damping"], 2)
     return (
-        f"{name}: only {name}/m is identifiable at phase resonance: {ratio}, 95 % interval {low} to {high} "
-        f"for damping ratios up to {damping} %"
+        f"{name}: only {name}/m is identifiable at phase resonance: {ratio}, {CONFIDENCE_TEXT} interval "
+        f"{low} to {high} for damping ratios up to {damping} %"
     )
 
 

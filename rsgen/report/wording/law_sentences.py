@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from rsgen.common.finding import Finding
+from rsgen.common.tolerances import CONFIDENCE_TEXT
 from rsgen.formula.units.quantities import number_text, quantity_text
 from rsgen.report.wording.sentences import NEXT_STEPS, say_plainly, says
 
@@ -61,7 +62,8 @@ say_plainly(
             "which {label:g} was measured is not"
         ),
         "results-disagree": (
-            "{values}: results that are accepted or identified have 95 % intervals without a common value; "
+            f"{{values}}: results that are accepted or identified have {CONFIDENCE_TEXT} intervals without a "
+            "common value; "
             "with the largest difference, {shift:.2g} standard errors, are {first} and {second}"
         ),
     }
