@@ -42,7 +42,7 @@ def test_a_hard_text_has_an_answer(text: str) -> None:
     assert time.process_time() - begun < allowed(SECONDS)
 
 
-@pytest.mark.slow
+@pytest.mark.thorough
 @pytest.mark.parametrize("number", [78, 156, 203, 414, 456, 994, 3386])
 def test_a_text_that_once_got_through_has_an_answer(number: int) -> None:
     """Overflows and a product of inf, a sign of a cube root, a fraction, 30 pieces."""
@@ -75,7 +75,7 @@ def test_a_fault_of_rsgen_is_no_refusal() -> None:
         sympy.degree(symbol("x") ** symbol("n"), symbol("x"))
 
 
-@pytest.mark.slow
+@pytest.mark.thorough
 @pytest.mark.parametrize(
     "text",
     [
@@ -168,6 +168,7 @@ def test_texts_are_the_same_for_a_seed(make: object) -> None:
     assert text_of(3, 1) == text_of(3, 1)
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize(
     ("text", "memory"),
     [

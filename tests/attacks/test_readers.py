@@ -61,7 +61,7 @@ def test_damage_to_text_and_surfaces(damage: Damage, tmp_path: Path) -> None:
         readers._numbers(path, form)
 
 
-@pytest.mark.slow
+@pytest.mark.thorough
 def test_damage_that_keeps_the_hdf5_library_busy_ends(tmp_path: Path) -> None:
     """HDF5 1.14 follows a list of free blocks that leads back to itself without end; its process is ended."""
     content = bytearray(good("surface", tmp_path))

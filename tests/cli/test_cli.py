@@ -251,7 +251,7 @@ def on_terminal(*words: str | Path, **environment: str) -> str:
     return shown.decode("utf-8")
 
 
-@pytest.mark.slow
+@pytest.mark.thorough
 def test_a_terminal_sees_how_far_each_case_is(watched: tuple[Watched, Watched]) -> None:
     for run in watched:
         assert "Traceback" not in run.shown
@@ -476,7 +476,7 @@ def importing(parent: int) -> bool:
 
 
 @pytest.mark.skipif(not Path("/proc/self/maps").exists(), reason="only Linux shows what a process has loaded")
-@pytest.mark.slow
+@pytest.mark.thorough
 def test_an_interrupt_while_workers_begin_has_no_traceback(tmp_path: Path) -> None:
     for name in ("a", "b"):
         (tmp_path / f"{name}.toml").write_text((SMALL % "1e-2").replace('"small"', f'"{name}"'))

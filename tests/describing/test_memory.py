@@ -287,7 +287,7 @@ POWERS = (0.7, 1.0, 1.5, 1.7, 2.0)
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("bd", [-0.3, 0.3])
+@pytest.mark.parametrize("bd", [pytest.param(-0.3, marks=pytest.mark.thorough), 0.3])
 def test_powers_of_a_state_from_hardly_any_slip_to_almost_nothing_else(bd):
     law = derive(make_element("bw", "k*x + z", {"z": "A*v - bg*abs(v)*abs(z)**(n-1)*z - bd*v*abs(z)**n"}))
     assert law.checked_to is not None

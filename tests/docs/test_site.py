@@ -52,7 +52,7 @@ def site(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return folder
 
 
-@pytest.mark.slow
+@pytest.mark.thorough
 def test_pages_are_built_without_a_warning_and_ask_nobody(site: Path) -> None:
     pages = sorted(site.rglob("*.html"))
     sources = [path for path in (ROOT / "docs").rglob("*.md") if "_build" not in path.parts]
@@ -63,7 +63,7 @@ def test_pages_are_built_without_a_warning_and_ask_nobody(site: Path) -> None:
     assert "<math" in (site / "method.html").read_text(encoding="utf-8")
 
 
-@pytest.mark.slow
+@pytest.mark.thorough
 @pytest.mark.parametrize("name", ["laws", "gallery"])
 def test_parts_of_figures_are_found(site: Path, name: str) -> None:
     text = (site / f"{name}.html").read_text(encoding="utf-8")

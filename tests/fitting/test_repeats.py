@@ -166,7 +166,7 @@ def test_a_wrong_law_is_not_taken_for_noise(cubic):
     assert found.residual > 3 * found.noise
 
 
-@pytest.mark.slow
+@pytest.mark.thorough
 def test_the_beam_with_fifty_readings_a_point(
     measured_data: Callable[[str], Path],
 ):

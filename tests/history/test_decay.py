@@ -104,7 +104,7 @@ def test_a_decay_as_points_of_a_steady_test_has_the_same_curves() -> None:
     assert [finding.code for finding in surface.findings] == ["force-of-decay", "decay-taken"]
 
 
-@pytest.mark.slow
+@pytest.mark.thorough
 def test_forced_and_free_agree_where_they_are_of_one_structure() -> None:
     free = follow_decay(TimeHistory(RATE, None, decay("cubic")), mass=MASS)
 

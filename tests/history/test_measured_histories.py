@@ -29,7 +29,7 @@ def peak(frequency: np.ndarray, response: np.ndarray) -> tuple[float, float]:
     return frequency[i] - b / (2 * a), float(np.exp(c - b**2 / (4 * a)))
 
 
-@pytest.mark.slow
+@pytest.mark.thorough
 def test_a_level_of_the_f16_is_predicted_from_the_others(measured_data: Callable[[str], Path]) -> None:
     # the mount follows payload minus wing, and is predicted with the motion across that was measured there
     case = load_case(CASES / "f16.toml", data=measured_data("f16").parent)

@@ -184,7 +184,7 @@ def against_stepped(o: Oscillator, surface: ResponseSurface) -> tuple[np.ndarray
         "cubic",
         "coulomb",
         *(
-            pytest.param(name, marks=pytest.mark.slow)
+            pytest.param(name, marks=pytest.mark.thorough)
             for name in ("cubic-hardening", "quintic", "piecewise", "bilinear", "combined", "joint")
         ),
     ],

@@ -95,7 +95,8 @@ def test_two_real_neighbours_are_taken_for_residual_terms(cubic):
 
 @pytest.mark.slow
 @pytest.mark.parametrize(
-    ("frequency", "ratio", "band"), [(8.9, 0.03, (8.5, 11.5)), (11.2, 0.01, (9.2, 11.0))]
+    ("frequency", "ratio", "band"),
+    [pytest.param(8.9, 0.03, (8.5, 11.5), marks=pytest.mark.thorough), (11.2, 0.01, (9.2, 11.0))],
 )
 def test_a_neighbour_as_strong_as_the_mode_has_a_term_of_its_own(frequency, ratio, band):
     cubic = surface("cubic", frequencies=np.linspace(8, 12, 81))

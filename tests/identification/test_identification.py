@@ -201,7 +201,7 @@ def test_a_force_without_a_law_is_drawn_from_zero_or_over_both_sides() -> None:
     assert identify(noisy(table, 0.01, 1), model("bilinear")).restoring.displacement[0] < -0.01
 
 
-@pytest.mark.slow
+@pytest.mark.thorough
 @pytest.mark.parametrize("law", ["cubic", "coulomb"])
 def test_intervals_keep_their_word(law: str) -> None:
     runs = 40

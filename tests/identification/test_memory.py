@@ -87,7 +87,7 @@ def test_a_jenkins_element_is_identified() -> None:
     assert found.residual < 1e-3
 
 
-@pytest.mark.slow
+@pytest.mark.thorough
 def test_a_law_that_runs_away_beyond_the_test_is_not_simulated(monkeypatch: pytest.MonkeyPatch) -> None:
     """Dahl's friction far below its limit has no softening in X, as every Iwan joint has."""
     size, omega = (p.ravel() for p in np.meshgrid(np.geomspace(1e-4, 3e-3, 6), np.linspace(63, 94, 7)))
@@ -117,7 +117,7 @@ IWAN = (
 """Segalman's joint, J. Appl. Mech. 72 (2005) 752."""
 
 
-@pytest.mark.slow
+@pytest.mark.thorough
 @pytest.mark.parametrize("size", [1.4e-7, 5e-4])
 def test_laws_of_a_jointed_beam_start_at_any_size(size: float) -> None:
     """Micro-slip at 120 Hz whose largest motion is of a size [m]: a power law of power chi + 2."""

@@ -88,7 +88,9 @@ AWKWARD: dict[str, Callable[[np.ndarray], np.ndarray]] = {
 
 @pytest.mark.slow
 @pytest.mark.parametrize("kind", AWKWARD)
-@pytest.mark.parametrize("law", [CUBIC, "k*x + k2*x**2 + c*v + F*sign(v)"])
+@pytest.mark.parametrize(
+    "law", [CUBIC, pytest.param("k*x + k2*x**2 + c*v + F*sign(v)", marks=pytest.mark.thorough)]
+)
 def test_awkward_responses_give_a_result_without_a_warning(table, kind, law):
     try:
         found = identify(tampered(table, AWKWARD[kind]), law)

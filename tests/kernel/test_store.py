@@ -182,7 +182,7 @@ def test_without_a_place_for_the_cache_kernels_still_work(
     assert str(store.cache_fault()).startswith(f"{occupied}: ")
 
 
-@pytest.mark.slow
+@pytest.mark.thorough
 def test_parallel_processes_share_one_cache_and_later_ones_need_no_compiler(own_cache: Path) -> None:
     program = (
         "import sys; from rsgen.formula import parse; from rsgen.dynamics.kernel import compile_kernel; "

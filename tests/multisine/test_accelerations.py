@@ -59,7 +59,11 @@ def recorded(
 @pytest.mark.slow
 @pytest.mark.parametrize(
     ("name", "periods", "period", "noise", "runs"),
-    [("smooth", 2, 512, 0.01, 3), ("smooth", 6, 1024, 0.003, 1), ("friction", 2, 512, 0.01, 1)],
+    [
+        pytest.param("smooth", 2, 512, 0.01, 3, marks=pytest.mark.thorough),
+        ("smooth", 6, 1024, 0.003, 1),
+        ("friction", 2, 512, 0.01, 1),
+    ],
 )
 def test_accelerations_need_no_band(name: str, periods: int, period: int, noise: float, runs: int) -> None:
     force, response = motions(name, period)

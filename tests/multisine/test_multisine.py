@@ -94,7 +94,7 @@ def test_a_sensor_without_mean_leaves_the_mean_to_the_law() -> None:
         assert found[name].value == pytest.approx(true, rel=1e-8), name
 
 
-@pytest.mark.slow
+@pytest.mark.thorough
 def test_intervals_cover_the_truth() -> None:
     """One per cent of noise in force and response, 16 periods: 95 % intervals, 12 runs of five parameters."""
     within = []
@@ -254,7 +254,7 @@ def test_random_and_unsteady_records_are_refused_with_what_to_record() -> None:
         from_multisine(steady, period=500)
 
 
-@pytest.mark.slow
+@pytest.mark.thorough
 def test_silverbox_as_published(measured_data: Callable[[str], Path]) -> None:
     """Noel and Schoukens, Int. J. Control 2017: quadratic -0.256, cubic 3.98 with k = 1; 68.58 Hz, 4.68 %."""
     folder = measured_data("silverbox").parent

@@ -62,7 +62,7 @@ def test_figures_join_the_excited_lines_and_print_plain_numbers() -> None:
             assert np.isfinite(height).all(), "a point between two gaps is not drawn"
 
 
-@pytest.mark.slow
+@pytest.mark.thorough
 def test_a_law_with_memory_comes_back() -> None:
     law, values = "k*x + c*v + masing(Min(kt*x, Fs))", {"k": 5000.0, "c": 4.0, "kt": 2000.0, "Fs": 3.0}
     test = rsgen.MultisineTest((3.0, 5.0, 8.0), (2.5, 20.0), 2.0, periods=1)

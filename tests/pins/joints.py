@@ -143,8 +143,8 @@ PINS = {
     "predicted/jenkins-held-out": Pin(_held_out, SWITCHED),
 }
 
+PINS["identified/bouc-wen"] = replace(PINS["identified/bouc-wen"], thorough=True)
 for slow in (
-    "identified/bouc-wen",
     "identified/iwan4",
     "identified/jenkins-background",
     "predicted/jenkins-held-out",

@@ -82,6 +82,7 @@ class Pin:
     compute: Callable[[], Tree]
     allowed: Allowed = SMOOTH
     slow: bool = False
+    thorough: bool = False
     data: str = ""
     """Folder of measured data that it needs."""
 

@@ -54,7 +54,7 @@ REFUSED = {
 def _all() -> Iterator[ParameterSet]:
     for table, pins in TABLES.items():
         for key, pin in pins.items():
-            marks = [pytest.mark.slow] if pin.slow else []
+            marks = [pytest.mark.thorough] if pin.thorough else [pytest.mark.slow] if pin.slow else []
             yield pytest.param(table, key, id=f"{table}-{key}", marks=marks)
 
 

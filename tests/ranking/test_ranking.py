@@ -83,8 +83,9 @@ def winners(ranking: Ranking) -> set[str]:
     ("law", "noise", "whole"),
     [
         # a loop comes near to friction
-        *((law, NOISE, law == "coulomb") for law in NAMES),
-        ("cubic", 0.0, False),
+        pytest.param("coulomb", NOISE, True, marks=pytest.mark.thorough),
+        *((law, NOISE, False) for law in NAMES if law != "coulomb"),
+        pytest.param("cubic", 0.0, False, marks=pytest.mark.thorough),
         ("coulomb", 0.0, False),
     ],
 )
@@ -110,7 +111,7 @@ def test_the_true_law_is_first_or_tied(law: str, noise: float, whole: bool) -> N
         assert places == sorted(places)
 
 
-@pytest.mark.slow
+@pytest.mark.thorough
 def test_a_law_that_is_not_needed_is_not_chosen() -> None:
     linear = surface("cubic", frequencies=GRID, values={"k": 5920.0, "kn": 0.0, "c": 3.8})
     ranking = rank(noisy(linear, NOISE, 3), BASE)
@@ -145,7 +146,7 @@ def test_a_given_mass_holds_for_all() -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("structure", ["hysteresis", "two modes"])
+@pytest.mark.parametrize("structure", ["hysteresis", pytest.param("two modes", marks=pytest.mark.thorough)])
 def test_none_fits_where_the_structure_is_another(structure: str, monkeypatch: pytest.MonkeyPatch) -> None:
     seen = []
 
@@ -316,7 +317,7 @@ RIVALS = (
 """All loops, and what without memory comes nearest to them."""
 
 
-@pytest.mark.slow
+@pytest.mark.thorough
 def test_bouc_wen_is_recognised_by_its_loop() -> None:
     """The hysteretic benchmark as a stepped sine: products that can be identified come out of the ranking."""
     best = rank(bouc_wen(), [term.source for term in library_terms() if term.name in RIVALS]).candidates[0]
@@ -338,7 +339,7 @@ def test_a_slider_is_recognised_by_its_loop() -> None:
     assert min(c.bic for c, loop in zip(ranking.candidates, with_loop, strict=True) if not loop) > 100
 
 
-@pytest.mark.slow
+@pytest.mark.thorough
 def test_a_slip_far_below_the_largest_motion_is_recognised() -> None:
     """Dahl's friction of 5 % of the largest force: 0.2 mm of motions up to 56 mm, nearly Coulomb's."""
     law = rsgen.Law("k*x + c*v + Fc*z", memory={"z": "(v - z*abs(v))/xs"})
@@ -407,7 +408,7 @@ noise = { relative = 0.01 }
 """
 
 
-@pytest.mark.slow
+@pytest.mark.thorough
 @pytest.mark.usefixtures("few_laws")
 def test_a_case_asks_for_a_ranking(tmp_path: Path, run_cli: Callable[..., Answer]) -> None:
     path = tmp_path / "ranked.toml"
@@ -459,7 +460,7 @@ def test_the_command_ranks_a_surface(tmp_path: Path, run_cli: Callable[..., Answ
 # ---------------------------------------------------------------- real files
 
 
-@pytest.mark.slow
+@pytest.mark.thorough
 def test_no_memoryless_law_fits_the_hysteretic_benchmark(
     tmp_path: Path, measured_data: Callable[[str], Path]
 ) -> None:
@@ -529,7 +530,7 @@ def test_a_formula_that_the_library_has_stands_once() -> None:
     assert "cubic-spring" not in {candidate.name for candidate in ranking}
 
 
-@pytest.mark.slow
+@pytest.mark.thorough
 def test_laws_that_differ_in_the_equation_of_a_state_are_two_candidates() -> None:
     slides = rsgen.Law("k*x + c*v + z", memory={"z": "kt*v - r*abs(v)*z"})
     creeps = rsgen.Law("k*x + c*v + z", memory={"z": "kt*v - z/tau"})

@@ -49,7 +49,7 @@ def simulated(law: str, frequencies: np.ndarray, **values: float) -> ResponseSur
     )
 
 
-@pytest.mark.slow
+@pytest.mark.thorough
 @pytest.mark.parametrize("noise", [0.0, 0.003])
 def test_the_law_is_found_where_friction_nearly_sticks(noise: float, noisy: Noisy) -> None:
     # at the lowest level the truncated balance has another amplitude than the law
@@ -185,7 +185,7 @@ def test_few_points_are_said_to_be_few() -> None:
         assert sentence(finding).count(",") <= 4
 
 
-@pytest.mark.slow
+@pytest.mark.thorough
 def test_levels_that_are_predicted_badly_are_reported(noisy: Noisy) -> None:
     # a stop that the highest level alone reaches: the others cannot predict it
     law = "kk*Max(0, x - b)"

@@ -159,7 +159,7 @@ def small_case(folder: Path, old: str = "", new: str = "") -> Case:
     return case
 
 
-@pytest.mark.slow
+@pytest.mark.thorough
 def test_the_run_and_a_kernel_of_its_own_give_the_same_notebook(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -204,7 +204,7 @@ def counted() -> dict[CodeType, str]:
 
 @pytest.mark.slow
 @pytest.mark.usefixtures("few_laws")
-@pytest.mark.parametrize("model", ["declared", "rank"])
+@pytest.mark.parametrize("model", ["declared", pytest.param("rank", marks=pytest.mark.thorough)])
 def test_a_run_loads_computes_and_draws_once(model: str, tmp_path: Path) -> None:
     path = tmp_path / "small.toml"
     path.write_text(

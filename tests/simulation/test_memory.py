@@ -28,7 +28,7 @@ POWER = Oscillator(1.5, "c*v + k*x + masing(K*x - R*x**p)", LINEAR | {"K": 3000.
 
 LAWS = pytest.mark.parametrize(
     ("oscillator", "f0"),
-    [(JENKINS, 10.5), (BOUC_WEN, 33.0), (POWER, 11.5)],
+    [(JENKINS, 10.5), pytest.param(BOUC_WEN, 33.0, marks=pytest.mark.thorough), (POWER, 11.5)],
     ids=["jenkins", "bouc-wen", "power"],
 )
 

@@ -54,7 +54,7 @@ def identified(text: str, added: dict[str, float], level: tuple[float, float], n
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("noise", [0.0, 1e-2])
+@pytest.mark.parametrize("noise", [pytest.param(0.0, marks=pytest.mark.thorough), 1e-2])
 @pytest.mark.parametrize(
     ("text", "added"),
     [
@@ -66,7 +66,7 @@ def identified(text: str, added: dict[str, float], level: tuple[float, float], n
         ("kg*(Max(0, x - b) + Min(0, x + b))", {"kg": 3000.0, "b": 0.008}),
         # no other unknown multiplies what they switch
         ("Max(-20, Min(ks*x, 20))", {"ks": 2000.0}),
-        ("Max(0, ks*(x - b) - 5)", {"ks": 3000.0, "b": 0.002}),
+        pytest.param("Max(0, ks*(x - b) - 5)", {"ks": 3000.0, "b": 0.002}, marks=pytest.mark.thorough),
     ],
 )
 def test_values_come_back_with_their_signs(text: str, added: dict[str, float], noise: float) -> None:
@@ -78,7 +78,7 @@ def test_values_come_back_with_their_signs(text: str, added: dict[str, float], n
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("friction", ["", " + Ff*tanh(v/w)"])
+@pytest.mark.parametrize("friction", ["", pytest.param(" + Ff*tanh(v/w)", marks=pytest.mark.thorough)])
 def test_a_saturation_that_is_never_reached_is_no_number(friction: str) -> None:
     added = {"ks": 2000.0, "Fm": 500.0} | ({"Ff": 1.0, "w": 0.2} if friction else {})
     found, true = identified(SATURATION + friction, added, (2.0, 12.0), 1e-3)
@@ -107,7 +107,9 @@ def test_laws_of_few_unknowns_are_no_special_case(law: str) -> None:
     [
         {"k": 5000.0, "kg": 4000.0, "b": 0.012, "ks": 2500.0, "Fm": 10.0},
         # stiffness 7500, 5000, 9000 N/m with steps at 4 and 12 mm: the same force
-        {"k": 11500.0, "kg": -2500.0, "b": 0.004, "ks": -4000.0, "Fm": 48.0},
+        pytest.param(
+            {"k": 11500.0, "kg": -2500.0, "b": 0.004, "ks": -4000.0, "Fm": 48.0}, marks=pytest.mark.thorough
+        ),
     ],
     ids=["positive", "twin"],
 )
@@ -120,7 +122,7 @@ def test_two_switches_are_found_together(written: dict[str, float]) -> None:
         assert abs(estimate.value - true[estimate.name]) < 4.5 * estimate.standard_error, estimate
 
 
-@pytest.mark.slow
+@pytest.mark.thorough
 def test_equal_sliders_are_told_apart() -> None:
     """Four sliders have 24 equal solutions, and many that are none."""
     k, c, kt, limits = 5000.0, 3.0, 1500.0, np.array([1.0, 2.0, 4.0, 8.0])
@@ -140,7 +142,7 @@ def test_equal_sliders_are_told_apart() -> None:
     assert values["kt"] == pytest.approx(kt, rel=0.02)
 
 
-@pytest.mark.slow
+@pytest.mark.thorough
 def test_friction_of_four_searched_parameters_is_found() -> None:
     """LuGre's friction along sines: of its many minima most have parameters that mean nothing."""
     true = {"Fc": 5.0, "Fs": 8.0, "k": 4e4, "sigma0": 3e4, "sigma1": 8.0, "sigma2": 20.0, "vs": 0.05}

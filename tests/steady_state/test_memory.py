@@ -128,7 +128,11 @@ def _on_the_loop(
 
 @pytest.mark.slow
 @pytest.mark.parametrize("accuracy", [1e-4, 1e-6])
-@pytest.mark.parametrize("law", [JENKINS, IWAN], ids=["jenkins", "iwan with 20 sliders"])
+@pytest.mark.parametrize(
+    "law",
+    [JENKINS, pytest.param(IWAN, marks=pytest.mark.thorough)],
+    ids=["jenkins", "iwan with 20 sliders"],
+)
 def test_masing_laws_agree_with_sliders(law: tuple[np.ndarray, np.ndarray], accuracy: float) -> None:
     F, f = np.array([2.0, 5.0, 11.0]), np.array([11.9, 10.8, 10.2])
     o = _masing(*law)
@@ -176,7 +180,7 @@ def test_loops_within_the_loop_agree_with_sliders() -> None:
         assert np.abs(found.harmonics[:, 1] / [X for X, _ in exact] - 1).max() < accuracy
 
 
-@pytest.mark.slow
+@pytest.mark.thorough
 def test_a_slider_that_sticks_again_keeps_the_offset_of_its_last_slip() -> None:
     # it slips in the beats of the transient only; with the gap the offset decides on the fundamental, too
     law = rs.Law("c*v + k*x + ks*Max(x - b, 0) + masing(Min(kt*x, Fs))")

@@ -37,7 +37,7 @@ if __name__ == "__main__":
 """
 
 
-@pytest.mark.slow
+@pytest.mark.thorough
 def test_a_cluster_leaves_the_same_results(tmp_path: Path) -> None:
     cases = tmp_path / "cases"
     cases.mkdir()

@@ -551,7 +551,7 @@ def _kill_workers(out: Path, times: dict[str, int]) -> tuple[Callable[[Step], No
 
 
 @posix
-@pytest.mark.slow
+@pytest.mark.thorough
 def test_a_lost_worker_costs_its_own_case_only(tmp_path: Path) -> None:
     names = ("one", "two", "three")
     paths = [write_case(tmp_path, name) for name in names]
