@@ -1,4 +1,4 @@
-"""A mode without a law: stiffness and damping are free functions of the amplitude.
+"""Fit of a mode without a law: stiffness and damping are free functions of the amplitude.
 
 At one harmonic any law of one mode obeys (Krylov and Bogoliubov; docs/method.md, 4)
 
@@ -18,22 +18,24 @@ import numpy as np
 
 from rsgen.common.arrays import Array, Chosen, ComplexArray
 from rsgen.common.linear_algebra import solve_scaled
-from rsgen.common.tolerances import MIN_NULL_COMPONENT, POINTS_PER_KNOT, STANDARD_ERRORS_OF_DIFFERENCE
+from rsgen.common.tolerances import (
+    MIN_NULL_COMPONENT,
+    POINTS_PER_KNOT,
+    ROUND_OFF,
+    STANDARD_ERRORS_OF_DIFFERENCE,
+)
 
-_KNOTS = 32
-"""Most knots of piecewise linear curves: ten a decade follow the onset of every slider of a joint."""
+_MAX_KNOTS = 32
+"""Of piecewise linear curves: ten a decade follow the onset of every slider of a joint."""
 
-_FAINT = 1e-3
-"""Where the force is below this fraction of its median, errors do not shrink with it."""
+MIN_RELATIVE_FORCE = 1e-3
+"""Force, relative to its median, below which it is noise: errors do not shrink with it."""
 
-_ROUNDS = 4
-"""Fits in which outliers lose weight; more change the mass by less than its error."""
+_REWEIGHTINGS = 4
+"""Fits with new weights; more change the mass by less than its error."""
 
-_OUTLIER = 3.0
-"""A misfit of more than this many medians loses weight; 4 % of Rayleigh's distribution lie beyond."""
-
-_LEAST = 1e-12
-"""Typical misfit, relative to the force: of exact data, rounding is left."""
+_MAX_MISFIT_RATIO = 3.0
+"""Misfit over its median above which a point loses weight: 0.2 % of Rayleigh's distribution."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -48,25 +50,25 @@ class Kinematics:
     def omega(self) -> Array:
         """(n,) angular frequency of the steady motion with this acceleration [rad/s].
 
-        omega^2 = -Re(A/X): in it the slow change of the amplitude has no part.
+        omega^2 = -Re(A/X), which does not depend on a slow change of the amplitude.
         """
-        # where nothing moved, as in a drop-out, the frequency is unknown
+        # NaN where nothing moves, as in a drop-out
         with np.errstate(invalid="ignore", divide="ignore", over="ignore"):
             ratio = np.real(self.acceleration / self.displacement)
         return np.asarray(np.sqrt(np.maximum(-ratio, 0.0)))
 
     def select(self, chosen: Chosen) -> Kinematics:
-        """Take some of the points."""
+        """Return some of the points."""
         return Kinematics(*(getattr(self, entry.name)[chosen] for entry in fields(self)))
 
     @classmethod
     def joined(cls, parts: Sequence[Kinematics]) -> Kinematics:
-        """Put points one after the other."""
+        """Return the points of all parts, one after the other."""
         return cls(*(np.concatenate([getattr(p, entry.name) for p in parts]) for entry in fields(cls)))
 
 
 def steady(force: ComplexArray, response: ComplexArray, omega: Array) -> tuple[ComplexArray, Kinematics]:
-    """Force (n,) in the time of the response of steady motions, and these, exactly real or imaginary."""
+    """Return force (n,) [N] and kinematics (n,) of steady motions, with the phase of the response as zero."""
     size = np.abs(response).astype(np.complex128)
     return force * np.exp(-1j * np.angle(response)), Kinematics(size, 1j * omega * size, -(omega**2) * size)
 
@@ -82,11 +84,11 @@ class FreeMode:
     stiffness, damping
         (n,) k(X) [N/m] and, of the first order that was asked for, c(X) at every point.
     mass, mass_error
-        m [kg] and its standard error; of a given mass zero.
+        m [kg] and its standard error, zero where the mass is given.
     left
-        (n,) complex, what is left of the force times its weight.
+        (n,) complex residual of the force times its weight.
     unknowns, missing
-        How many of the values are not given, and directions in these that the points do not tell.
+        Number of values that are not given, and of directions among these that the points do not determine.
     """
 
     values: Array
@@ -100,7 +102,7 @@ class FreeMode:
 
     @property
     def misfit(self) -> float:
-        """Root mean square of what is left."""
+        """Root mean square of the weighted residual."""
         return float(np.linalg.norm(self.left) / np.sqrt(len(self.left)))
 
     @property
@@ -187,18 +189,18 @@ def fit_powers(
     *,
     mass: float = nan,
 ) -> FreeMode:
-    """Fit with powers of the amplitude, relative to the largest, as shapes."""
+    """Fit k(X), c(X) and m as ``fit_mode``, with powers of the relative amplitude as shapes."""
     largest = float(np.abs(response).max()) or 1.0
     response = response / largest
-    # a motion that was taken off as a whole explains nothing
+    # powers of a zero response stay above zero
     size = np.maximum(np.abs(response), np.finfo(float).tiny ** 0.25)
     shapes = np.stack([size**power for power in powers], axis=1)
     return fit_mode(*steady(force, response, omega), shapes, weight, mass=mass * largest)
 
 
 def hats(amplitude: Array) -> Array:
-    """(n, k) piecewise linear functions of the amplitude, with knots where the points are."""
-    count = int(np.clip(len(amplitude) // POINTS_PER_KNOT, 2, _KNOTS))
+    """Return piecewise linear functions (n, k) of the amplitude (n,), with knots at its quantiles."""
+    count = int(np.clip(len(amplitude) // POINTS_PER_KNOT, 2, _MAX_KNOTS))
     knots = np.unique(np.quantile(amplitude, np.linspace(0, 1, count)))
     if len(knots) < 2:
         return np.ones((len(amplitude), 1))
@@ -208,8 +210,8 @@ def hats(amplitude: Array) -> Array:
 def estimate_mass(force: ComplexArray, motion: Kinematics, shapes: Array | None = None) -> FreeMode | None:
     """Find the mass together with free curves k(X), c(X), outliers reweighted; None if it is not determined.
 
-    Near resonance alone curves of few knots leave more than the inertia: a mass that is not distinct from
-    zero is none.
+    With points near resonance only, curves of few knots may leave a larger misfit than the inertia: None
+    where the mass does not differ significantly from zero.
 
     Parameters
     ----------
@@ -221,9 +223,9 @@ def estimate_mass(force: ComplexArray, motion: Kinematics, shapes: Array | None 
     if len(force) < 2 * POINTS_PER_KNOT:
         return None
     shapes = hats(np.abs(motion.displacement)) if shapes is None else shapes
-    least = _FAINT * np.median(np.abs(force))
+    least = MIN_RELATIVE_FORCE * np.median(np.abs(force))
     weight = 1 / np.maximum(np.abs(force), least)
-    for _ in range(_ROUNDS):
+    for _ in range(_REWEIGHTINGS):
         found = fit_mode(force, motion, shapes, weight)
         if not (np.isfinite(found.mass) and np.isfinite(found.mass_error)):
             return None
@@ -231,5 +233,7 @@ def estimate_mass(force: ComplexArray, motion: Kinematics, shapes: Array | None 
         left = found.left / weight
         scale = 1 / np.maximum(np.abs(force - left), least)
         residual = np.abs(left) * scale
-        weight = scale / np.maximum(1.0, residual / (_OUTLIER * max(float(np.median(residual)), _LEAST)))
+        weight = scale / np.maximum(
+            1.0, residual / (_MAX_MISFIT_RATIO * max(float(np.median(residual)), ROUND_OFF))
+        )
     return found if abs(found.mass) > STANDARD_ERRORS_OF_DIFFERENCE * found.mass_error else None

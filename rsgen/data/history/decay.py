@@ -1,4 +1,4 @@
-"""Free decay to the same curves k(X) and c(X): the mode's frequency is the reference, its force is zero.
+"""Free decays to a response surface: k(X) and c(X) with the mode's frequency as reference and no force.
 
 In a free decay the complex rate s (growth and frequency) of the fundamental obeys, to first order in the slow
 change, 0 = k(X) + c(X) s + m (s^2 + s'), so that per unit mass
@@ -21,7 +21,8 @@ from rsgen.common.errors import MeasurementError
 from rsgen.common.finding import Finding, Quantity
 from rsgen.data.history.envelope import (
     HARMONICS,
-    PERIODS,
+    REFERENCE_PASSES,
+    WINDOW_PERIODS,
     demodulate,
     differentiate,
     displacement_harmonics,
@@ -30,23 +31,17 @@ from rsgen.data.history.envelope import (
     place_windows,
     steady_force,
 )
-from rsgen.data.history.record import FEWEST, TimeHistory, as_histories, check_options
-from rsgen.data.history.release import Stretch, find_decays, force_ends
+from rsgen.data.history.record import MIN_SAMPLES, TimeHistory, as_histories, check_options
+from rsgen.data.history.release import SPECTRUM_PERIODS, Stretch, find_decays, force_ends, within_octave
 from rsgen.data.surface import ResponseSurface
 from rsgen.data.surface.columns import DERIVATIVE
 
-_NOTHING = 1e-100
-"""Below this no quantity in SI units is a motion; its reciprocals would overflow."""
-_ROUNDS = 4
-"""Passes in which the frequency that was found becomes the reference; each squares the error of the phase."""
-_LOOK = 8
-"""Periods of the spectra that follow the frequency at first, padded to as many times finer lines."""
-_NEAR = (0.5, 1.6)
-"""The frequency is followed within these multiples of the strongest line, short of its octaves."""
-_CLEAR = 20.0
-"""A point is used where the amplitude is this many times its scatter: 5 % of noise in c(X)."""
-_GROUP = 7
-"""Neighbouring points whose scatter about a straight line gives the standard error of the middle one."""
+_MIN_SPECTRUM = 1e-100
+"""Of a motion, in SI units; the reciprocal of less would overflow."""
+_MIN_AMPLITUDE_RATIO = 20.0
+"""Amplitude of a point that is used, relative to its scatter: 5 % of noise in c(X)."""
+_NEIGHBOURS = 7
+"""Points whose scatter about a straight line gives the standard error of the middle one."""
 _NO_MASS = (
     "{}: a free decay determines stiffness and damping per mass only; give the mass, or 1 kg where it is not "
     "known: all parameters are then per kg"
@@ -62,7 +57,7 @@ class FreeDecay:
     time
         (n,) [s from the first sample].
     frequency
-        (n,) of the steady motion with the same stiffness and mass, sqrt(k/m)/(2 pi) in effect [Hz].
+        (n,) sqrt(k/m)/(2 pi): of the steady motion with the same stiffness and mass [Hz].
     damping_ratio
         (n,) c/(2 m omega) [1].
     stiffness, damping
@@ -76,7 +71,7 @@ class FreeDecay:
     label
         Of the history.
     findings
-        Where it begins and ends in its record, and why.
+        Begin and end of the decay in its record, with the reason.
     """
 
     time: Array
@@ -98,7 +93,7 @@ class FreeDecay:
 
     @property
     def force(self) -> ComplexArray:
-        """(n,) complex amplitude of the force that would have held each motion [N].
+        """(n,) complex amplitude of the force of each motion as a steady one [N].
 
         Raises
         ------
@@ -122,8 +117,8 @@ def from_free_decay(
 ) -> ResponseSurface:
     """Turn free decays of one structure into a response surface.
 
-    Every point has the force that would have held its motion, F = (k(X) - m omega^2 + i omega c(X)) X; each
-    decay is one level, named by the largest of its forces. A record with several blows has several decays.
+    Every point has the force of its motion as a steady one, F = (k(X) - m omega^2 + i omega c(X)) X; each
+    decay is one level, named by its largest force. A record with several blows has several decays.
 
     Parameters
     ----------
@@ -173,14 +168,13 @@ def follow_decay(
     harmonics: int = HARMONICS,
     start: float | None = None,
 ) -> FreeDecay:
-    """Follow frequency and damping of a free decay against its amplitude.
+    """Return frequency and damping of a free decay against its amplitude.
 
     Parameters
     ----------
     history
-        From anywhere before the release on: the decay begins where a measured force ends, or where the
-        response stops to be driven; it ends before the amplitude is that of the noise. Of several decays the
-        largest is followed.
+        Record that begins before the release: the decay begins where a measured force ends, or where the
+        response is no longer driven, and ends where noise begins. The largest of several decays is taken.
     mass
         Modal mass [kg]; without it stiffness and damping come per unit mass.
     band
@@ -188,7 +182,7 @@ def follow_decay(
     harmonics
         Highest harmonic of the displacement.
     start
-        Instant of the release [s], if known; a drive that goes on after it is a doubt.
+        Instant of the release [s], if known; a drive that continues after it is a doubt.
 
     Raises
     ------
@@ -206,7 +200,7 @@ _Band = tuple[float, float] | None
 def _follow_all(
     history: TimeHistory, mass: float | None, band: _Band, harmonics: int, start: float | None
 ) -> list[FreeDecay]:
-    """Follow every decay of a record; one that is too short is left out if there are others."""
+    """Return every decay of a record; one that is too short is left out if there are others."""
     ended = force_ends(history, len(history))
     loudest = int(np.argmax(np.abs(history.response - np.median(history.response))))
     line = _strongest(history.response[loudest if ended is None else ended :], history, band)
@@ -235,7 +229,7 @@ def _follow_one(
 ) -> FreeDecay:
     begin = stretch.begin
     samples = history.response[begin : stretch.end]
-    if len(samples) < FEWEST:
+    if len(samples) < MIN_SAMPLES:
         raise MeasurementError(f"{history.label}: {len(samples)} samples of a free decay are too few")
     line = _strongest(samples, history, band)
     time, envelope, curve = _tracked(samples, history, line, harmonics, stretch.floor)
@@ -262,7 +256,7 @@ def _follow_one(
 
 
 def _limits(decay: FreeDecay, stretch: Stretch, history: TimeHistory) -> tuple[Finding, ...]:
-    """Say where a decay begins and ends, if that is not where its record does."""
+    """Return findings about begin and end of a decay in its record."""
     names = {"record": history.label}
     size, time = decay.amplitude, decay.time + history.start
     begin = Quantity(history.start + stretch.begin / history.rate, "s")
@@ -285,19 +279,19 @@ def _limits(decay: FreeDecay, stretch: Stretch, history: TimeHistory) -> tuple[F
 def _tracked(
     samples: Array, history: TimeHistory, first: float, harmonics: int, floor: float
 ) -> tuple[Array, ComplexArray, scipy.interpolate.PchipInterpolator]:
-    """Follow the line that begins near ``first`` [Hz]: instants (n,) [s], envelopes there, its frequency."""
+    """Return instants (n,) [s], envelopes there, frequency [Hz] of the line that begins at ``first`` [Hz]."""
     time, frequency = _follow(samples, history.rate, first)
     if len(time) < 2:
         raise MeasurementError(f"{history.label}: the decay at {first:.4g} Hz is too short to be followed")
-    for _ in range(_ROUNDS):
+    for _ in range(REFERENCE_PASSES):
         curve = scipy.interpolate.PchipInterpolator(time, frequency, extrapolate=True)
         time, envelope = _demodulated(samples, history, curve, time, harmonics)
         clear = _clear(envelope[:, 1, 0], floor)
-        if np.count_nonzero(clear) < _GROUP:
+        if np.count_nonzero(clear) < _NEIGHBOURS:
             raise MeasurementError(
                 f"{history.label}: the decay at {first:.4g} Hz does not stand out of the noise for "
-                f"{_GROUP} independent windows of {PERIODS:g} periods, as is needed; where a second mode "
-                "beats with it, give a band around one"
+                f"{_NEIGHBOURS} independent windows of {WINDOW_PERIODS:g} periods, as is needed; where a "
+                "second mode beats with it, give a band around one"
             )
         time, envelope = time[clear], envelope[clear]
         growth = envelope[:, 1, 1] / envelope[:, 1, 0]
@@ -312,12 +306,12 @@ def _demodulated(
     time: Array,
     harmonics: int,
 ) -> tuple[Array, ComplexArray]:
-    """Take envelopes (n, orders, 3) [SI] against a curve of the frequency, at instants (n,) [s]."""
+    """Return instants (n,) [s] and envelopes (n, orders, 3) [SI] against a curve of the frequency [Hz]."""
     rate, turns = history.rate, curve.antiderivative()
-    t = independent_instants(lambda t: PERIODS / np.asarray(curve(t)), time[0], time[-1])
+    t = independent_instants(lambda t: WINDOW_PERIODS / np.asarray(curve(t)), time[0], time[-1])
     period = rate / curve(t)
     orders = highest_order(harmonics, rate, float(np.max(curve(t))))
-    windows = place_windows(t * rate, PERIODS * period, period, orders, len(samples))
+    windows = place_windows(t * rate, WINDOW_PERIODS * period, period, orders, len(samples))
     envelope = demodulate(
         samples, rate, lambda t: np.asarray(2 * pi * turns(t)), windows, tuple(range(orders + 1))
     )
@@ -325,12 +319,12 @@ def _demodulated(
 
 
 def _strongest(samples: Array, history: TimeHistory, band: _Band) -> float:
-    """Find the strongest line of the decay in the band [Hz]."""
+    """Return the frequency of the strongest line of the decay in the band [Hz]."""
     taper = np.hanning(2 * len(samples) + 1)[len(samples) + 1 :]
     power = np.abs(np.fft.rfft((samples - np.mean(samples)) * taper))
     line = np.fft.rfftfreq(len(samples), 1 / history.rate)
     allowed = (line > 0) if band is None else (line >= band[0]) & (line <= band[1])
-    if not allowed.any() or not power[allowed].max() > _NOTHING:
+    if not allowed.any() or not power[allowed].max() > _MIN_SPECTRUM:
         raise MeasurementError(
             f"{history.label}: nothing moves in the band; a band around the mode is needed"
         )
@@ -338,13 +332,13 @@ def _strongest(samples: Array, history: TimeHistory, band: _Band) -> float:
 
 
 def _follow(samples: Array, rate: float, first: float) -> tuple[Array, Array]:
-    """Follow the strongest line near the first one through short spectra."""
-    length = int(_LOOK * rate / first)
+    """Return instants (n,) [s] of short spectra, and the strongest line (n,) [Hz] near the first one."""
+    length = int(SPECTRUM_PERIODS * rate / first)
     starts = np.arange(0, max(len(samples) - length, 1), max(length // 2, 1))
     taper = np.hanning(length + 2)[1:-1]
-    padded = _LOOK * length
+    padded = SPECTRUM_PERIODS * length
     line = np.fft.rfftfreq(padded, 1 / rate)
-    near = (line > _NEAR[0] * first) & (line < _NEAR[1] * first)
+    near = within_octave(line, first)
     strongest = []
     for start in starts:
         part = np.asarray(samples[start : start + length], dtype=np.float64)
@@ -354,21 +348,23 @@ def _follow(samples: Array, rate: float, first: float) -> tuple[Array, Array]:
 
 
 def _clear(envelope: ComplexArray, floor: float) -> NDArray[np.bool_]:
-    """Mark points well above their scatter and the ``floor`` of the record, up to the first that is not."""
-    # fourth differences: those of noise have 70 times its variance, those of the decay itself are small
+    """Return (n,) True up to the first point whose amplitude is near its scatter or the ``floor``."""
+    # fourth differences of noise have 70 times its variance; those of the decay are small
     rough = np.abs(np.diff(envelope, 4)) / np.sqrt(70)
     if not len(rough):
         return np.zeros(len(envelope), dtype=bool)
-    # at the quiet end, the last fifth, they are noise alone
+    # the last fifth, the quiet end, is noise alone
     scatter = float(np.median(rough[-max(len(rough) // 5, 3) :]))
-    return np.asarray(np.logical_and.accumulate(np.abs(envelope) > _CLEAR * max(scatter, floor)))
+    return np.asarray(
+        np.logical_and.accumulate(np.abs(envelope) > _MIN_AMPLITUDE_RATIO * max(scatter, floor))
+    )
 
 
 def _scatter(values: Array) -> Array:
-    """Standard error of each value: scatter of its neighbours about a straight line through them."""
-    half = _GROUP // 2
-    k = np.arange(_GROUP) - half
-    views = np.lib.stride_tricks.sliding_window_view(values, _GROUP)
+    """Return the standard error of each value (n,): the scatter of its neighbours about a straight line."""
+    half = _NEIGHBOURS // 2
+    k = np.arange(_NEIGHBOURS) - half
+    views = np.lib.stride_tricks.sliding_window_view(values, _NEIGHBOURS)
     line = views.mean(axis=1)[:, None] + (views @ k / float(k @ k))[:, None] * k
-    spread = np.sqrt(np.sum((views - line) ** 2, axis=1) / (_GROUP - 2))
+    spread = np.sqrt(np.sum((views - line) ** 2, axis=1) / (_NEIGHBOURS - 2))
     return np.asarray(np.pad(spread, half, mode="edge"))

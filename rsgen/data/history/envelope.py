@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 
 from rsgen.common.arrays import Array, ComplexArray
 from rsgen.data.free_mode import FreeMode, Kinematics, estimate_mass
-from rsgen.data.history.record import BLOCK
+from rsgen.data.history.record import BLOCK_SAMPLES
 from rsgen.data.surface.columns import DERIVATIVE
 
 # ----------------------------------------------------------------------------
@@ -29,24 +29,24 @@ from rsgen.data.surface.columns import DERIVATIVE
 # z = y/s (1 + s'/s^2 + ...), whose next term is of second order in the change of the rate.
 
 HARMONICS = 5
-"""Harmonics of the displacement unless asked otherwise; those of smooth laws are in the noise beyond."""
-_NYQUIST = 0.45
-"""Harmonics up to this fraction of the sampling rate are taken: recorders filter off what is near 0.5."""
+"""Default number of harmonics of the displacement; higher ones of smooth laws are below the noise."""
+_MAX_RELATIVE_FREQUENCY = 0.45
+"""Of a harmonic, relative to the sampling rate: recorders filter out frequencies near 0.5."""
 
 
 def highest_order(wanted: int, rate: float, frequency: float) -> int:
-    """Find the highest harmonic, at most ``wanted``, that a sampling rate [Hz] lets through; at least 1."""
-    return max(1, min(wanted, int(_NYQUIST * rate / frequency)))
+    """Return the highest harmonic, at most ``wanted``, that a sampling rate [Hz] resolves; at least 1."""
+    return max(1, min(wanted, int(_MAX_RELATIVE_FREQUENCY * rate / frequency)))
 
 
 def differentiate(envelope: ComplexArray, omega: Array, slope: Array, quantity: str) -> Kinematics:
-    """Turn the envelope of a measured quantity into the kinematics of its harmonic.
+    """Return the kinematics of a harmonic from the envelope of the measured quantity.
 
     ``envelope`` (n, 3) is what was measured and its first and second time derivative [SI], ``omega`` (n,) the
     rate h phi' of the reference [rad/s], ``slope`` (n,) its change [rad/s^2].
     """
     y = envelope[:, 0]
-    # unknown where nothing moved
+    # NaN where nothing moves
     with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
         growth = envelope[:, 1] / y
         s = growth + 1j * omega
@@ -76,21 +76,21 @@ def displacement_harmonics(
     return table
 
 
-PERIODS = 10.0
-"""Window in periods: the shortest whose taper separates the harmonics by 100 dB."""
-_PER_PERIOD = 8
-"""Finer sampling is added up to this many sums a period of the highest harmonic: four times Nyquist's."""
-_FEWEST = 24
-"""Sums in a window: six a period of the taper."""
-_LENGTHS = 16
-"""Lengths of windows in an octave, in steps of 4 %: neighbours have one length and share their sums."""
-DENSE = 20_001
-"""Instants by which lengths of windows are added up: at least ten a window in a history of 2000 windows."""
+WINDOW_PERIODS = 10.0
+"""Periods in a window: the shortest whose taper separates the harmonics by 100 dB."""
+REFERENCE_PASSES = 4
+"""Passes in which the frequency that was found is the next reference; each squares the error."""
+_SUMS_PER_PERIOD = 8
+"""Of the highest harmonic, to which finer samples are added up: four times the Nyquist rate."""
+_LENGTHS_PER_OCTAVE = 16
+"""Lengths of windows, in steps of 4 %: neighbours have one length and share their sums."""
+INTEGRATION_INSTANTS = 20_001
+"""Instants for an integral over a history: at least ten a window in one of 2000 windows."""
 
 
 @lru_cache(maxsize=256)
 def _kernel(count: int) -> Array:
-    """(3, count) weights for value, first and second derivative at the middle, time in units of a sum."""
+    """Return weights (3, count) of value, first and second derivative at the middle, per sum."""
     place = np.arange(count) - (count - 1) / 2
     taper = np.cos(np.pi * place / count) ** 4
     powers = (place / count)[:, None] ** np.arange(4)
@@ -104,7 +104,7 @@ NOISE_WIDTH = float(4096 * np.sum(_kernel(4096)[0] ** 2))
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Windows:
-    """Where envelopes are taken: (n,) first samples, samples added up before the fit, sums in a window."""
+    """Windows of envelopes: (n,) first samples, samples added up before the fit, sums in a window."""
 
     first: NDArray[np.int64]
     step: NDArray[np.int64]
@@ -120,17 +120,17 @@ class Windows:
 
 
 def place_windows(middle: Array, length: Array, period: Array, orders: int, size: int) -> Windows:
-    """Lay windows around given places, for harmonics up to ``orders``, in a signal of ``size`` samples.
+    """Return windows around given places, for harmonics up to ``orders``, in a signal of ``size`` samples.
 
-    ``middle``, ``length`` and ``period`` of the reference (n,) are in samples; windows that do not fit inside
-    are left out.
+    ``middle``, ``length`` (several periods) and ``period`` of the reference (n,) are in samples; windows that
+    do not fit inside are left out.
     """
     middle, length, period = np.broadcast_arrays(middle, length, period)
-    finest = np.minimum(period / (_PER_PERIOD * max(orders, 1)), length / _FEWEST)
+    finest = period / (_SUMS_PER_PERIOD * max(orders, 1))
     step = np.maximum(1, 2 ** np.floor(np.log2(np.maximum(finest, 1.0)))).astype(np.int64)
-    even = np.exp2(np.round(_LENGTHS * np.log2(length / step)) / _LENGTHS)
-    count = np.maximum(np.round(even), _FEWEST // 2).astype(np.int64)
-    # on the grid of their sums, so that neighbours share them
+    count = np.exp2(np.round(_LENGTHS_PER_OCTAVE * np.log2(length / step)) / _LENGTHS_PER_OCTAVE)
+    count = np.round(count).astype(np.int64)
+    # a multiple of the step, so that neighbours share their sums
     first = (np.round((middle - step * count / 2) / step) * step).astype(np.int64)
     inside = (first >= 0) & (first + step * count <= size)
     return Windows(first[inside], step[inside], count[inside])
@@ -143,7 +143,7 @@ def independent_instants(
 
     With ``most``, at most that many, evenly thinned and ``end`` among them.
     """
-    dense = np.linspace(begin, end, DENSE)
+    dense = np.linspace(begin, end, INTEGRATION_INSTANTS)
     count = np.concatenate([[0.0], np.cumsum(np.diff(dense) * NOISE_WIDTH / length(dense)[1:])])
     wanted = np.arange(int(count[-1]) + 1)
     if most is not None:
@@ -152,21 +152,21 @@ def independent_instants(
 
 
 def _batches(windows: Windows) -> list[NDArray[np.intp]]:
-    """Cut windows in their order into runs of one step and one count that span about a block."""
+    """Return the places of windows, in order, in runs of one step and count that span about a block."""
     first, step, count = windows.first, windows.step, windows.count
     # a gap between windows begins a new run: the samples in it are not needed
     cut = (np.diff(step) != 0) | (np.diff(count) != 0) | (np.diff(first) > (step * count)[:-1])
     batches = []
     for run in np.split(np.arange(len(windows)), np.flatnonzero(cut) + 1):
         while len(run):
-            here = int(np.searchsorted(first[run], first[run[0]] + BLOCK, side="right"))
+            here = int(np.searchsorted(first[run], first[run[0]] + BLOCK_SAMPLES, side="right"))
             batches.append(run[:here])
             run = run[here:]
     return batches
 
 
 def mean_square(signal: NDArray[Any], windows: Windows) -> Array:
-    """Find the mean square of a real signal (n,) in each of the windows, which are in ascending order."""
+    """Return the mean square of a real signal (n,) in each of the windows, which are in ascending order."""
     out = np.zeros(len(windows))
     for batch in _batches(windows):
         first, length = windows.first[batch], windows.step[batch] * windows.count[batch]
@@ -184,7 +184,7 @@ def demodulate(
     windows: Windows,
     orders: tuple[int, ...],
 ) -> ComplexArray:
-    """Take envelopes of a real signal (n,), sampled at ``rate`` [Hz], at windows in ascending order.
+    """Demodulate a real signal (n,), sampled at ``rate`` [Hz], in windows in ascending order.
 
     ``phase`` gives the reference [rad] at times [s]; ``orders`` are harmonics, ascending, 0 the mean.
     Returns (windows, orders, 3): the envelope and its first and second time derivative.
@@ -230,26 +230,26 @@ def demodulate(
 # thesis, California Institute of Technology). A slow sweep shifts the resonance by 1/(2 pi) of the pace, in
 # half widths: its group delay 1/(2 pi zeta f) times the rate.
 
-_FLANKS = 0.3
-"""Up to this fraction of the largest amplitude k(X) is taken as constant: a cubic spring changes by 9 %."""
+_MAX_FLANK_AMPLITUDE = 0.3
+"""Relative to the largest, up to which k(X) is taken as constant: that of a cubic spring changes by 9 %."""
 
 
 def flank_mass(force: ComplexArray, motion: Kinematics) -> FreeMode | None:
-    """Find the mass from the flanks of a resonance, with k constant there, to a fifth; None without flanks.
+    """Return the mass from the flanks of a resonance, with k constant there, to 20 %; None without flanks.
 
     ``force`` (n,) [N] and ``motion`` are of the fundamental, at points of one sweep or of several.
     """
     size = np.abs(motion.displacement)
-    flank = (size > 0) & (size < _FLANKS * np.max(size, initial=0.0)) & (np.abs(force) > 0)
+    flank = (size > 0) & (size < _MAX_FLANK_AMPLITUDE * np.max(size, initial=0.0)) & (np.abs(force) > 0)
     return estimate_mass(force[flank], motion.select(flank), np.ones((np.count_nonzero(flank), 1)))
 
 
 def steady_force(
     force: ComplexArray, motion: Kinematics, mass: float, omega: Array
 ) -> tuple[ComplexArray, Array]:
-    """Find the force (n,) [N] that would hold the motion steady at ``omega`` [rad/s], and c(X) [N s/m]."""
+    """Return the force (n,) [N] of the steady motion at ``omega`` [rad/s], and c(X) [N s/m]."""
     x = motion.displacement
-    # unknown where nothing moved, as in a drop-out
+    # NaN where nothing moves, as in a drop-out
     with np.errstate(invalid="ignore", divide="ignore", over="ignore"):
         stiffness = force / x
         inertia = motion.acceleration / x

@@ -15,29 +15,27 @@ from rsgen.common.errors import MeasurementError
 from rsgen.common.finding import Finding, Quantity
 from rsgen.data.surface.columns import DERIVATIVE, QUANTITIES, group_forces
 
-QUIET = 0.02
-"""A force below this fraction of its largest is off: amplifiers leave a hum of a percent or so."""
-BLOCK = 2**18
+MAX_IDLE_FORCE = 0.02
+"""Largest force, relative to the largest of the record, with the drive off: hum of an amplifier."""
+BLOCK_SAMPLES = 2**18
 """Samples worked on at once, 2 MB that fit into a cache: long histories are never copied whole."""
-FAINT = 1e-3
-"""Where the force is below this fraction of its median, nothing drives the structure."""
-FEWEST = 16
-"""Samples below which nothing is a vibration: two periods of eight."""
-_LARGEST = 1e30
-"""Samples beyond this are no measurement; their squares would overflow."""
-_UNEVEN = 0.1
-"""An instant may be off by this fraction of a step, as rounded times in a text are."""
-_SPREAD = 0.1
-"""Sweeps whose forces differ by less than this, relatively, are one level."""
+MIN_SAMPLES = 16
+"""Samples of the shortest record: two periods of eight."""
+_MAX_SAMPLE = 1e30
+"""Largest sample; the squares of larger ones would overflow."""
+_MAX_JITTER = 0.1
+"""Largest error of an instant, relative to the step, as rounding in a text leaves."""
+MAX_LEVEL_SPREAD = 0.1
+"""Largest relative difference of forces of one level."""
 
 
 def blocks(values: NDArray[Any]) -> list[NDArray[Any]]:
-    """Cut samples into parts of at most BLOCK, without copying."""
-    return [values[start : start + BLOCK] for start in range(0, len(values), BLOCK)]
+    """Return samples (n,) in parts of at most ``BLOCK_SAMPLES``, without copying."""
+    return [values[start : start + BLOCK_SAMPLES] for start in range(0, len(values), BLOCK_SAMPLES)]
 
 
 def _samples(values: ArrayLike, name: str, label: str) -> NDArray[Any]:
-    """View samples, without a copy: one dimension, floating point, finite, read-only."""
+    """Return samples as a view, without a copy: one dimension, floating point, finite, read-only."""
     array = np.asarray(values)
     if array.dtype not in (np.float32, np.float64):
         if array.dtype.kind not in "iu":
@@ -48,11 +46,11 @@ def _samples(values: ArrayLike, name: str, label: str) -> NDArray[Any]:
     if array.ndim != 1:
         raise MeasurementError(f"{label}: {name}: shape {array.shape}; one row of samples is needed")
     for number, block in enumerate(blocks(array)):
-        finite = np.abs(block) < _LARGEST
+        finite = np.abs(block) < _MAX_SAMPLE
         if not finite.all():
-            place = number * BLOCK + int(np.argmin(finite)) + 1
+            place = number * BLOCK_SAMPLES + int(np.argmin(finite)) + 1
             raise MeasurementError(
-                f"{label}: {name}: sample {place} is not finite, or above {_LARGEST:g}; fill the gap, or "
+                f"{label}: {name}: sample {place} is not finite, or above {_MAX_SAMPLE:g}; fill the gap, or "
                 "leave it out by start and stop"
             )
     view = array.view()
@@ -61,7 +59,7 @@ def _samples(values: ArrayLike, name: str, label: str) -> NDArray[Any]:
 
 
 def _number(value: Any, name: str, unit: str, label: str) -> float:
-    """Check a number: finite, and positive unless it is the ``start``."""
+    """Return a number, checked: finite, and positive unless it is the ``start``."""
     try:
         number = float(value)
     except (TypeError, ValueError):
@@ -73,7 +71,7 @@ def _number(value: Any, name: str, unit: str, label: str) -> float:
 
 
 def sampling_rate(time: NDArray[Any], name: str) -> tuple[float, float]:
-    """Find sampling rate [Hz] and first instant [s] of evenly spaced instants (n,) [s], in messages ``name``.
+    """Return sampling rate [Hz] and first instant [s] of evenly spaced instants (n,) [s], called ``name``.
 
     Raises
     ------
@@ -87,10 +85,10 @@ def sampling_rate(time: NDArray[Any], name: str) -> tuple[float, float]:
     if not step > 0:
         raise MeasurementError(f"{name} does not rise; instants one after the other are needed")
     for number, part in enumerate(blocks(time)):
-        begin = number * BLOCK
+        begin = number * BLOCK_SAMPLES
         off = np.abs(part - (first + step * np.arange(begin, begin + len(part))))
-        # a NaN is off as well
-        bad = ~(off <= _UNEVEN * step)
+        # also True for NaN
+        bad = ~(off <= _MAX_JITTER * step)
         if bad.any():
             raise MeasurementError(
                 f"{name}: sample {begin + int(np.argmax(bad)) + 1} is off the even spacing of {step:g} s; "
@@ -184,9 +182,9 @@ class TimeHistory:
                     f"{self.label}: {len(self.force)} samples of force, {len(self.response)} of response; "
                     "one of each an instant is needed"
                 )
-        if len(self.response) < FEWEST:
+        if len(self.response) < MIN_SAMPLES:
             raise MeasurementError(
-                f"{self.label}: {len(self.response)} samples; at least {FEWEST} are needed"
+                f"{self.label}: {len(self.response)} samples; at least {MIN_SAMPLES} are needed"
             )
 
     def __repr__(self) -> str:
@@ -209,7 +207,7 @@ class TimeHistory:
 
 
 def as_histories(histories: TimeHistory | Sequence[TimeHistory], test: str) -> list[TimeHistory]:
-    """List one or several histories of a ``test``; a MeasurementError where there is none."""
+    """Return a list of one or several histories of a ``test``; a MeasurementError if there is none."""
     several = [histories] if isinstance(histories, TimeHistory) else list(histories)
     if not several or not all(isinstance(history, TimeHistory) for history in several):
         raise MeasurementError(f"{test}: one TimeHistory or more are needed")
@@ -224,7 +222,7 @@ def check_options(
     harmonics: int = 1,
     points: int = 2,
 ) -> None:
-    """Refuse a band [Hz], mass [kg] or number of harmonics or points that no history can have."""
+    """Raise a MeasurementError for a band [Hz], mass [kg], number of harmonics or points out of range."""
     if band is not None and not (len(band) == 2 and 0 <= band[0] < band[1]):
         raise MeasurementError(f"{label}: band: {band!r}; (lowest, highest) frequency in Hz is needed")
     if mass is not None and not (isfinite(mass) and mass > 0):
@@ -236,7 +234,7 @@ def check_options(
 
 
 def name_levels(levels: Sequence[tuple[float | None, float]]) -> Array:
-    """Name the level of each sweep: as given, or the mean force of its group rounded to three digits.
+    """Return the level (n,) [N] of each sweep: as given, or the mean force of its group to three digits.
 
     Parameters
     ----------
@@ -251,57 +249,61 @@ def name_levels(levels: Sequence[tuple[float | None, float]]) -> Array:
     named = np.array([np.nan if level is None else level for level, _ in levels], dtype=np.float64)
     unnamed = np.flatnonzero(np.isnan(named))
     force = np.array([typical for _, typical in levels])[unnamed]
-    group = group_forces(force, _SPREAD)
+    group = group_forces(force, MAX_LEVEL_SPREAD)
     for number in np.unique(group):
         named[unnamed[group == number]] = float(f"{np.mean(force[group == number]):.3g}")
     return named
 
 
 # ----------------------------------------------------------------------------
-# Faults of a record itself: samples cut off at the end of a range, a response that stands still.
+# Faults of a record: samples clipped at the end of a range, a response that stands still.
 
-_FLAT = 3
-"""A top is flat from 3 equal samples on; where the steps are coarse, a sine has some of these."""
-_FEWEST = 24
-"""At least 24 samples on flat tops are no chance."""
-_CROWD = 8
-"""A clipped record meets its limit this many times as often as the next value; a coarse sine 2.4 times."""
-_STILL = 32
-"""A live response does not repeat a value 32 times while the force moves ..."""
-_MOVES = 0.2
-"""... by this fraction of its largest."""
+_FLAT_TOP_SAMPLES = 3
+"""Equal samples of a flat top; where the steps are coarse, a sine has some of these."""
+_MIN_EQUAL_SAMPLES = 32
+"""Equal samples, on all flat tops or in one stretch, that coarse steps do not explain."""
+_MIN_CLIPPED_RATIO = 8
+"""Samples at the limit of a clipped record over those at the next value; a coarse sine has 2.4."""
+_MIN_FORCE_CHANGE = 0.2
+"""Change of the force, relative to its largest, during which a working sensor does not stand still."""
 
 
 def _runs(same: NDArray[np.bool_]) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-    """Find where True begins and how long it lasts."""
+    """Return the first places and the lengths of the runs of True."""
     edges = np.flatnonzero(np.diff(np.concatenate(([0], same.astype(np.int8), [0]))))
     return edges[::2], edges[1::2] - edges[::2]
 
 
-def cut_off(values: NDArray[Any], sign: int) -> int:
-    """Count the samples on flat tops at the largest (or smallest) value; 0 where they are no cut."""
+def clipped_samples(values: NDArray[Any], sign: int) -> int:
+    """Return the number of samples on flat tops at the largest (or smallest) value; 0 if not clipped."""
     top = max(float((sign * block).max()) for block in blocks(values))
     next_top, count, on_flat = -np.inf, 0, 0
     for block in blocks(values):
         raised = sign * block.astype(np.float64)
         _, lengths = _runs(raised == top)
-        on_flat += int(lengths[lengths >= _FLAT].sum())
+        on_flat += int(lengths[lengths >= _FLAT_TOP_SAMPLES].sum())
         below = raised[raised < top]
         if not below.size or below.max() < next_top:
             continue
         count = (count if below.max() == next_top else 0) + int(np.count_nonzero(below == below.max()))
         next_top = float(below.max())
-    return on_flat if np.isfinite(next_top) and on_flat >= max(_FEWEST, _CROWD * count) else 0
+    return (
+        on_flat
+        if np.isfinite(next_top) and on_flat >= max(_MIN_EQUAL_SAMPLES, _MIN_CLIPPED_RATIO * count)
+        else 0
+    )
 
 
 def _stands(history: TimeHistory) -> list[tuple[float, float]]:
-    """Find stretches of equal response while the force moves: begin and length [s]."""
+    """Return begin and length [s] of stretches of equal response while the force changes."""
     force, response = history.reference, history.response
-    least = _MOVES * max(float(np.abs(block).max()) for block in blocks(force))
+    least = _MIN_FORCE_CHANGE * max(float(np.abs(block).max()) for block in blocks(force))
     found = []
-    for start in range(0, len(response), BLOCK):
-        first, lengths = _runs(np.diff(response[start : start + BLOCK]) == 0)
-        for begin, length in zip(first[lengths >= _STILL], lengths[lengths >= _STILL], strict=True):
+    for start in range(0, len(response), BLOCK_SAMPLES):
+        first, lengths = _runs(np.diff(response[start : start + BLOCK_SAMPLES]) == 0)
+        for begin, length in zip(
+            first[lengths >= _MIN_EQUAL_SAMPLES], lengths[lengths >= _MIN_EQUAL_SAMPLES], strict=True
+        ):
             moving = force[start + begin : start + begin + length]
             if float(moving.max()) - float(moving.min()) > least:
                 found.append((history.start + (start + begin) / history.rate, length / history.rate))
@@ -309,17 +311,20 @@ def _stands(history: TimeHistory) -> list[tuple[float, float]]:
 
 
 def record_findings(history: TimeHistory) -> tuple[Finding, ...]:
-    """Find where samples are cut off or missing, which a fit to amplitudes alone does not show."""
+    """Return findings about clipped or missing samples, which a fit to amplitudes does not show."""
     findings = []
     for name, values in (("force", history.force), ("response", history.response)):
         if values is None:
             continue
-        ends = [(float(values.max()), cut_off(values, 1)), (float(values.min()), cut_off(values, -1))]
+        ends = [
+            (float(values.max()), clipped_samples(values, 1)),
+            (float(values.min()), clipped_samples(values, -1)),
+        ]
         samples = sum(count for _, count in ends)
         if samples:
             names = {"record": history.label, "signal": name}
             unit = "N" if name == "force" else QUANTITIES[history.quantity]
-            # of the motion, as its amplitudes are: many sensors have an offset
+            # relative to the median, as amplitudes are: many sensors have an offset
             rest = float(np.median(values))
             limit = min(abs(end - rest) for end, count in ends if count)
             numbers = {"samples": Quantity(samples), "limit": Quantity(limit, unit)}
@@ -334,14 +339,13 @@ def record_findings(history: TimeHistory) -> tuple[Finding, ...]:
 
 
 # ----------------------------------------------------------------------------
-# The share of the power of force and response at the lines of the force.
+# Share of the power of force and response at the frequency of the drive and its harmonics.
 
-_SINE = 0.5
-"""A force with less than half of its power at the line that it is read at, and its harmonics, is no sine."""
-_CLEAN = 0.9
-"""Below this share of the power the rest of the force drives the structure, too: by a third of the line."""
-_ANSWERS = 0.5
-"""A response with less than half of its power at the lines of the force is mainly not the answer to it."""
+_MIN_POWER_AT_DRIVE = 0.5
+"""Share of the power at the frequency of the drive and its harmonics: below, a force is no sine, and a
+response has another cause."""
+MIN_CLEAN_POWER = 0.9
+"""Share of the power of a force that is as intended; more than a tenth drives the structure, too."""
 NO_SINE = (
     'a blow, as of a hammer, is read with test.excitation = "ring-down", a periodic force of many lines with '
     '"multisine" (rsgen.data.history.from_multisine); from a random force no response surface follows: '
@@ -351,31 +355,31 @@ NO_SINE = (
 
 
 def check_force(history: TimeHistory, share: Array) -> list[Finding]:
-    """Judge a force by the shares (n,) of its power at the lines that it was read at.
+    """Return findings about the shares (n,) of the power of a force at the frequency of the drive.
 
     Raises
     ------
     MeasurementError
-        It is no sine.
+        The force is no sine.
     """
     typical = float(np.median(share))
-    if typical < _SINE:
+    if typical < _MIN_POWER_AT_DRIVE:
         raise MeasurementError(
             f"{history.label}: only {typical:.0%} of the power of the force is at the lines that it was read "
             f"at: it is no sine, or its noise hides its steps; {NO_SINE}"
         )
-    if typical >= _CLEAN:
+    if typical >= MIN_CLEAN_POWER:
         return []
     names = {"record": history.label, "signal": "force"}
     return [Finding("power-not-at-lines", "doubt", "", {"share": Quantity(typical)}, names)]
 
 
 def check_response(history: TimeHistory, line: Array, power: Array) -> list[Finding]:
-    """Judge a response by its power (n,) at the lines of the force and in all: both of n points [SI^2]."""
+    """Return findings about the power (n,) of a response at lines of the force, and in all [SI^2]."""
     known = np.isfinite(line) & np.isfinite(power)
     total = float(np.sum(power[known]))
     share = min(float(np.sum(line[known])) / total, 1.0) if total > 0 else 1.0
-    if share >= _ANSWERS:
+    if share >= _MIN_POWER_AT_DRIVE:
         return []
     names = {"record": history.label, "signal": "response"}
     return [Finding("power-not-at-lines", "doubt", "", {"share": Quantity(share)}, names)]

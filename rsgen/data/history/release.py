@@ -13,11 +13,11 @@ from numpy.typing import NDArray
 
 from rsgen.common.arrays import Array
 from rsgen.common.errors import MeasurementError
-from rsgen.data.history.record import FEWEST, QUIET, TimeHistory, cut_off
+from rsgen.data.history.record import MAX_IDLE_FORCE, MIN_SAMPLES, TimeHistory, clipped_samples
 
-_LOOK = 8
+SPECTRUM_PERIODS = 8
 """Periods in a spectrum that shows the amplitude: fewer than a decay has, enough to resolve the mode."""
-_HOP = 2
+_HOP_PERIODS = 2
 """Periods from one spectrum to the next."""
 _AGAIN = log(3.0)
 """An amplitude that grows threefold has been excited again; noise and beats of a tenth do not do that."""
@@ -88,7 +88,7 @@ def find_decays(
         There is none: the force does not end, or the amplitude does not fall.
     """
     first = 0 if start is None else max(0, round((start - history.start) * history.rate))
-    step = _HOP * history.rate / line
+    step = _HOP_PERIODS * history.rate / line
     high = _amplitudes(history.response[first:], history.rate, line, band)
     if not len(high):
         return [Stretch(_release(history, first, len(history), line)[0], len(history))]
@@ -109,12 +109,12 @@ def find_decays(
             continue
         if not ended and driven:
             # a spectrum ends as much later as it lasts, and the next one may have seen the drive, too
-            begin = first + int((back + driven + _LOOK / _HOP + 1) * step)
+            begin = first + int((back + driven + SPECTRUM_PERIODS / _HOP_PERIODS + 1) * step)
         seen = ended or driven > 0
         given = start is not None and top == tops[0]
         if given:
             # the peak of a decay that begins at once lies in its first spectra
-            seen = begin > first + _LOOK / _HOP * step
+            seen = begin > first + SPECTRUM_PERIODS / _HOP_PERIODS * step
             begin = first
         begin = max(begin, _after_clipping(history, begin, end))
         rises = after < len(high) and _slowly(high[top : after + 1])
@@ -122,7 +122,7 @@ def find_decays(
             len(part) < _FEWEST
             or float(high[max(top, back + min(driven, len(part) - 1))] - np.min(part)) > _FALLS
         )
-        if falls and begin + FEWEST <= end:
+        if falls and begin + MIN_SAMPLES <= end:
             found.append(Stretch(begin, end, seen, given, rises, _floor(high[max(back + driven, top) : low])))
     if not found:
         raise fault or MeasurementError(
@@ -156,22 +156,22 @@ def _slowly(high: Array) -> bool:
 def _release(history: TimeHistory, onset: int, end: int, line: float) -> tuple[int, bool]:
     """Find the first free sample of a decay whose amplitude is up at ``onset``, and whether a force ended."""
     forced = force_ends(history, end)
-    if forced is not None and forced > onset - _LOOK * history.rate / line:
+    if forced is not None and forced > onset - SPECTRUM_PERIODS * history.rate / line:
         return forced, True
     # a blow or a release lies within the spectrum that is the first to see all of it
-    inside = history.response[onset : min(onset + int(_LOOK * history.rate / line) + 1, end)]
+    inside = history.response[onset : min(onset + int(SPECTRUM_PERIODS * history.rate / line) + 1, end)]
     return onset + (int(np.argmax(np.abs(inside - np.mean(inside)))) if len(inside) else 0), False
 
 
 def _amplitudes(samples: NDArray[Any], rate: float, line: float, band: tuple[float, float] | None) -> Array:
     """Find the logarithm of the amplitude near ``line`` [Hz] in short spectra, one every two periods."""
-    length = max(int(_LOOK * rate / line), 8)
+    length = max(int(SPECTRUM_PERIODS * rate / line), 8)
     taper = np.hanning(length + 2)[1:-1]
     lines = np.fft.rfftfreq(length, 1 / rate)
-    near = (lines > 0.5 * line) & (lines < 1.6 * line)
+    near = within_octave(lines, line)
     if band is not None:
         near &= (lines >= band[0] - rate / length) & (lines <= band[1] + rate / length)
-    starts = np.arange(0, max(len(samples) - length + 1, 0), _HOP * rate / line)
+    starts = np.arange(0, max(len(samples) - length + 1, 0), _HOP_PERIODS * rate / line)
     sizes = []
     for place in starts.astype(np.int64):
         part = np.asarray(samples[place : place + length], dtype=np.float64)
@@ -183,9 +183,14 @@ def _amplitudes(samples: NDArray[Any], rate: float, line: float, band: tuple[flo
     return np.asarray(np.log(np.maximum(size, least)))
 
 
+def within_octave(lines: NDArray[np.floating[Any]], line: float) -> NDArray[np.bool_]:
+    """Return whether lines (n,) [Hz] are within an octave of that of a mode [Hz], clear of its double."""
+    return (lines > 0.5 * line) & (lines < 1.6 * line)
+
+
 def _driven(high: Array) -> int:
     """Find the last spectrum in which the response is driven; 0 where it decays at once."""
-    side = _LOOK // _HOP
+    side = SPECTRUM_PERIODS // _HOP_PERIODS
     range_ = np.flatnonzero(high < high[0] - _STANDS_OUT) if len(high) else high
     seen = high[: int(range_[0]) + side] if len(range_) else high
     if len(seen) < 3 * side:
@@ -231,7 +236,7 @@ def _after_clipping(history: TimeHistory, begin: int, end: int) -> int:
     values = history.response[begin:end]
     last = 0
     for sign in (1, -1):
-        if cut_off(values, sign):
+        if clipped_samples(values, sign):
             flat = np.flatnonzero(values == sign * np.max(sign * values))
             last = max(last, int(flat[-1]) + 1)
     return begin + last
@@ -253,9 +258,13 @@ def force_ends(history: TimeHistory, end: int) -> int | None:
         # noise alone: nothing was fed in
         return None
     noise = min(noise, largest / 2)
-    active = np.flatnonzero(size[:end] > max(QUIET * largest, noise)) if largest > 0 else np.array([end - 1])
+    active = (
+        np.flatnonzero(size[:end] > max(MAX_IDLE_FORCE * largest, noise))
+        if largest > 0
+        else np.array([end - 1])
+    )
     if not len(active):
         return None
-    if active[-1] + FEWEST > end:
+    if active[-1] + MIN_SAMPLES > end:
         raise MeasurementError(f"{history.label}: the force does not end; a free decay is needed")
     return int(active[-1]) + 1

@@ -14,11 +14,19 @@ from numpy.typing import NDArray
 from rsgen.common.arrays import Array, ComplexArray
 from rsgen.common.errors import MeasurementError
 from rsgen.common.finding import Finding
+from rsgen.common.tolerances import (
+    MAX_TRIAL_STEPS,
+    NOISE_LIMIT_SIGMAS,
+    OUTLIER_SIGMAS,
+    ROUND_OFF,
+    STANDARD_ERRORS_OF_DIFFERENCE,
+)
 from rsgen.data.history.envelope import HARMONICS, displacement_harmonics, highest_order
 from rsgen.data.history.record import (
-    BLOCK,
+    BLOCK_SAMPLES,
+    MAX_IDLE_FORCE,
+    MAX_LEVEL_SPREAD,
     NO_SINE,
-    QUIET,
     TimeHistory,
     as_histories,
     blocks,
@@ -31,11 +39,6 @@ from rsgen.data.surface import ResponseSurface
 
 # ----------------------------------------------------------------------------
 # Least-squares fit of a sine and its harmonics, frequency refined (as IEEE 1057 does), block by block.
-
-_ROUNDS = 12
-"""Corrections of the frequency at most; three are usual, each squares the error."""
-_EXACT = 1e-13
-"""Relative correction of the frequency that rounding leaves."""
 
 
 def _columns(first: int, count: int, omega: float, orders: int, drift: bool, middle: float) -> Array:
@@ -59,7 +62,7 @@ def _solve(signal: NDArray[Any], omega: float, orders: int, drift: bool) -> tupl
     scale[size - 2 :] = 2 / n if drift else 1.0
     for number, block in enumerate(blocks(signal)):
         samples = np.asarray(block, dtype=np.float64)
-        columns = _columns(number * BLOCK, len(samples), omega, orders, drift, middle) * scale
+        columns = _columns(number * BLOCK_SAMPLES, len(samples), omega, orders, drift, middle) * scale
         gram += columns.T @ columns
         right += columns.T @ samples
         square += float(samples @ samples)
@@ -86,7 +89,8 @@ def refine_frequency(signal: NDArray[Any], omega: float, orders: int) -> float:
 
     ``omega``, the angle a sample [rad], is at first off by less than half a turn over all samples.
     """
-    for _ in range(_ROUNDS):
+    # each step squares the error; three are usual
+    for _ in range(MAX_TRIAL_STEPS):
         p, _ = _solve(signal, omega, orders, True)
         fundamental, drift = complex(p[1], p[2]), complex(p[-2], p[-1])
         if fundamental == 0:
@@ -94,35 +98,23 @@ def refine_frequency(signal: NDArray[Any], omega: float, orders: int) -> float:
         # Y (1 + i d (t - middle)): the imaginary part of drift over fundamental is the error of omega
         step = float(np.clip((drift / fundamental).imag, -pi / len(signal), pi / len(signal)))
         omega += step
-        if abs(step) < _EXACT * omega:
+        if abs(step) < ROUND_OFF * omega:
             break
     return omega
 
 
-_SIDE = 8
-"""Periods compared on either side of an instant, and that a step must last: each half then has four."""
-_SIGMAS = 6.0
-"""A step is a change of period by more than six standard errors of it, which noise alone never is ..."""
-_LEAST = 2e-5
-"""... and by more than this fraction of it, which generators drift."""
-_LOUDER = 0.1
-"""A step is also where the force changes by more than this fraction, at the same frequency."""
-_GUARD = 0.3
-"""A crossing counts after the force was below zero by this fraction of what is quiet ..."""
-_CLEAR = 4.0
-"""... and by four standard deviations of its noise, which 1 in 30 000 samples exceeds."""
-_FINE = 20
-"""With 20 samples a period third differences of a sine are 0.7 % of it; those of noise 4.5 times it."""
-_SETTLED = 5e-3
+_MIN_PERIODS = 8
+"""Periods of the shortest step, and those compared before and after an instant: each half has four."""
+_MIN_FREQUENCY_CHANGE = 2e-5
+"""Relative change of frequency from one step to the next; generators drift by less."""
+_MIN_SAMPLES_PER_PERIOD = 20
+"""For an estimate of noise by third differences: those of a sine are 0.7 % of it, of noise 4.5 times it."""
+_MAX_SETTLING = 5e-3
 """Largest relative difference of the two halves of a part that counts as settled."""
-_DOUBT = 3.0
-"""Standard errors by which two settled halves may differ by noise."""
-_PARTS = (0.9, 0.75, 0.6, 0.45, 0.3)
+_SETTLED_PARTS = (0.9, 0.75, 0.6, 0.45, 0.3)
 """Last parts of a step; the longest that is settled is used."""
-_ON_FORCE = 2
+_FORCE_HARMONICS = 2
 """Harmonics of the force that are fitted with its fundamental."""
-_HEARD = 4.0
-"""Standard deviations of its noise by which a harmonic of the force stands out: chance does one in 3000."""
 _TINY = np.finfo(float).tiny
 """Stands for an amplitude of zero in a quotient."""
 
@@ -181,11 +173,15 @@ def from_stepped_sine(
     for history in several:
         found = [_fit(history, begin, end, omega, harmonics) for begin, end, omega in _stretches(history)]
         low, high = band or (0.0, np.inf)
-        fitted = [s for s in found if s and low * (1 - _LEAST) <= s.frequency <= high * (1 + _LEAST)]
+        fitted = [
+            s
+            for s in found
+            if s and low * (1 - _MIN_FREQUENCY_CHANGE) <= s.frequency <= high * (1 + _MIN_FREQUENCY_CHANGE)
+        ]
         if not fitted:
             raise MeasurementError(
                 f"{history.label}: no step found in the force{' in the band' if band else ''}: a frequency "
-                f"must be held for at least {2 * _SIDE} periods; {NO_SINE}"
+                f"must be held for at least {2 * _MIN_PERIODS} periods; {NO_SINE}"
             )
         findings += check_force(history, np.array([s.share for s in fitted]))
         line, power = (np.array([getattr(s, name) for s in fitted]) for name in ("line", "power"))
@@ -199,7 +195,7 @@ def from_stepped_sine(
         force=_same_width([s.force for s in steps]),
         harmonics=np.array([s.harmonics for s in steps]),
         sweep=np.concatenate(sweeps),
-        outcome=np.where(change <= _SETTLED, 0, 1),
+        outcome=np.where(change <= _MAX_SETTLING, 0, 1),
         residual=change,
         error=np.array([s.error for s in steps]),
         findings=tuple(findings),
@@ -207,20 +203,20 @@ def from_stepped_sine(
 
 
 def _directions(frequency: Array) -> NDArray[np.str_]:
-    """Find each step's direction from the one before; the first one's from the one after."""
+    """Return the direction of each step from the one before; of the first, from the one after."""
     moves = np.diff(frequency)
     moves = np.concatenate([moves[:1], moves]) if len(moves) else np.zeros(1)
     return np.where(moves > 0, "up", np.where(moves < 0, "down", "rest")).astype("U4")
 
 
 def _crossings(force: NDArray[Any]) -> tuple[Array, Array]:
-    """Find where the force crosses zero upwards, between samples, and its rms until the next such place."""
+    """Return upward zero crossings of a force [samples, interpolated], and its rms until the next one."""
     loudest = max(float(np.sqrt(np.mean(np.square(block, dtype=np.float64)))) for block in blocks(force))
     up = np.flatnonzero((force[:-1] < 0) & (force[1:] >= 0))
     if not len(up):
         return np.zeros(0), np.zeros(0)
-    # a crossing counts once the force has been clearly below zero since the last one
-    guard = max(_GUARD * QUIET * loudest, _CLEAR * _noise(force))
+    # a crossing counts if the force was below zero by more than hum and noise since the last one
+    guard = max(MAX_IDLE_FORCE * loudest, NOISE_LIMIT_SIGMAS * _noise(force))
     low = np.logical_or.reduceat(force < -guard, np.concatenate([[0], up + 1]))[:-1]
     up = up[low]
     before, after = (np.asarray(force[up + k], dtype=np.float64) for k in (0, 1))
@@ -231,49 +227,49 @@ def _crossings(force: NDArray[Any]) -> tuple[Array, Array]:
 
 def _noise(force: NDArray[Any]) -> float:
     """Estimate the white noise of a force that is sampled finely, by third differences; 0 where it is not."""
-    part = np.asarray(force[:BLOCK], dtype=np.float64)
+    part = np.asarray(force[:BLOCK_SAMPLES], dtype=np.float64)
     power = np.abs(np.fft.rfft(part - part.mean()))
-    if len(part) < _FINE or np.argmax(power) * _FINE > len(part):
+    if len(part) < _MIN_SAMPLES_PER_PERIOD or np.argmax(power) * _MIN_SAMPLES_PER_PERIOD > len(part):
         # the differences are those of the sine
         return 0.0
     return 1.4826 * float(np.median(np.abs(np.diff(part, 3)))) / float(np.sqrt(20))
 
 
 def _slopes(place: Array) -> tuple[Array, Array]:
-    """Mean period over _SIDE periods after each crossing by a straight line, and its residual."""
-    views = np.lib.stride_tricks.sliding_window_view(place, _SIDE + 1)
-    k = np.arange(_SIDE + 1) - _SIDE / 2
+    """Return the mean period [samples] after each crossing by a straight line, and its residual."""
+    views = np.lib.stride_tricks.sliding_window_view(place, _MIN_PERIODS + 1)
+    k = np.arange(_MIN_PERIODS + 1) - _MIN_PERIODS / 2
     slope = views @ k / float(k @ k)
     rest = views - views.mean(axis=1, keepdims=True) - slope[:, None] * k
     return slope, np.sqrt(np.mean(rest**2, axis=1))
 
 
 def _stretches(history: TimeHistory) -> list[tuple[int, int, float]]:
-    """Find stretches of constant frequency and force: first and last sample, and angle a sample [rad]."""
+    """Return stretches of constant frequency and force: first and last sample, and angle a sample [rad]."""
     place, rms = _crossings(history.reference)
-    if len(place) < 2 * _SIDE + 2:
+    if len(place) < 2 * _MIN_PERIODS + 2:
         return []
     slope, rest = _slopes(place)
-    before, after = slope[:-_SIDE], slope[_SIDE:]
-    noise = float(np.median(rest)) * np.sqrt(12 / _SIDE**3) * np.sqrt(2)
+    before, after = slope[:-_MIN_PERIODS], slope[_MIN_PERIODS:]
+    noise = float(np.median(rest)) * np.sqrt(12 / _MIN_PERIODS**3) * np.sqrt(2)
     jump = np.abs(after / before - 1)
-    level = np.median(np.lib.stride_tricks.sliding_window_view(rms, _SIDE), axis=1)
-    level, later = level[: len(jump)], level[_SIDE : _SIDE + len(jump)]
+    level = np.median(np.lib.stride_tricks.sliding_window_view(rms, _MIN_PERIODS), axis=1)
+    level, later = level[: len(jump)], level[_MIN_PERIODS : _MIN_PERIODS + len(jump)]
     louder = np.abs(later - level) / np.maximum(np.maximum(later, level), _TINY)
-    least = np.maximum(_SIGMAS * noise / np.minimum(before, after), _LEAST)
-    size = np.maximum(jump / least, louder / _LOUDER)
+    least = np.maximum(OUTLIER_SIGMAS * noise / np.minimum(before, after), _MIN_FREQUENCY_CHANGE)
+    size = np.maximum(jump / least, louder / MAX_LEVEL_SPREAD)
     edges = [0]
     for i in np.argsort(-size, kind="stable"):
         if size[i] < 1:
             break
-        edge = int(i) + _SIDE
-        if all(abs(edge - other) >= _SIDE for other in edges):
+        edge = int(i) + _MIN_PERIODS
+        if all(abs(edge - other) >= _MIN_PERIODS for other in edges):
             edges.append(edge)
     stretches = []
     for left, right in pairwise([*sorted(edges), len(place) - 1]):
         # the change lies within a period or so of the edge
         left, right = left + 1, right - 1
-        if right - left < _SIDE or np.median(rms[left:right]) < QUIET * np.max(rms):
+        if right - left < _MIN_PERIODS or np.median(rms[left:right]) < MAX_IDLE_FORCE * np.max(rms):
             continue
         mean = float(np.polyfit(np.arange(right + 1 - left), place[left : right + 1], 1)[0])
         stretches.append((int(np.ceil(place[left])), int(place[right]), 2 * pi / mean))
@@ -281,14 +277,14 @@ def _stretches(history: TimeHistory) -> list[tuple[int, int, float]]:
 
 
 def _settled_part(history: TimeHistory, begin: int, end: int, omega: float, orders: int) -> tuple[float, int]:
-    """Find the longest last part of a step whose halves agree: their difference, and its first sample."""
+    """Return the difference of the halves of the longest last part that is settled, and its first sample."""
     change, start = np.inf, begin
-    for part in _PARTS:
+    for part in _SETTLED_PARTS:
         first = end - int(part * (end - begin))
         middle = (first + end) // 2
-        if middle - first < _SIDE * pi / omega:
+        if middle - first < _MIN_PERIODS * pi / omega:
             break
-        refined = refine_frequency(history.reference[first:end], omega, min(orders, _ON_FORCE))
+        refined = refine_frequency(history.reference[first:end], omega, min(orders, _FORCE_HARMONICS))
         (one, noise_one), (two, noise_two) = (
             fit_sine(part, refined, orders)
             for part in (history.response[first:middle], history.response[middle:end])
@@ -298,24 +294,31 @@ def _settled_part(history: TimeHistory, begin: int, end: int, omega: float, orde
         with np.errstate(over="ignore"):
             found = abs(one[1] * np.exp(1j * refined * (middle - first)) - two[1]) / size
             # of two halves that differ by noise alone, the difference has twice the variance of one
-            doubt = _DOUBT * np.hypot(noise_one, noise_two) * np.sqrt(2 / (middle - first)) / size
-        if found < max(_SETTLED, doubt):
-            return float(min(found, _SETTLED)), first
+            doubt = (
+                STANDARD_ERRORS_OF_DIFFERENCE
+                * np.hypot(noise_one, noise_two)
+                * np.sqrt(2 / (middle - first))
+                / size
+            )
+        if found < max(_MAX_SETTLING, doubt):
+            return float(min(found, _MAX_SETTLING)), first
         if found < change:
             change, start = float(found), first
     return change, start
 
 
-def _heard(force: NDArray[Any], omega: float, orders: int, fundamental: complex) -> ComplexArray:
-    """(orders + 1,) harmonics of a force [N], those within its noise zero; no mean: no sensor holds one."""
+def _significant_harmonics(
+    force: NDArray[Any], omega: float, orders: int, fundamental: complex
+) -> ComplexArray:
+    """Return harmonics (orders + 1,) of a force [N]: zero within its noise, and the mean zero (unknown)."""
     found, left = fit_sine(force, omega, orders)
-    heard = np.where(np.abs(found) > _HEARD * left * np.sqrt(2 / len(force)), found, 0)
+    heard = np.where(np.abs(found) > NOISE_LIMIT_SIGMAS * left * np.sqrt(2 / len(force)), found, 0)
     heard[0], heard[1] = 0, fundamental
     return np.asarray(heard, dtype=np.complex128)
 
 
 def _same_width(rows: Sequence[ComplexArray]) -> ComplexArray:
-    """(n, K+1) rows of harmonics, those that a row does not have zero."""
+    """Return rows of harmonics as a table (n, K+1), zero where a row has fewer."""
     table = np.zeros((len(rows), max(2, *map(len, rows)) if rows else 2), dtype=np.complex128)
     for row, values in zip(table, rows, strict=True):
         row[: len(values)] = values
@@ -329,8 +332,8 @@ def _fit(history: TimeHistory, begin: int, end: int, omega: float, harmonics: in
     if not np.isfinite(change):
         return None
     force = history.reference[start:end]
-    omega = refine_frequency(force, omega, min(orders, _ON_FORCE))
-    pushed, left = fit_sine(force, omega, min(orders, _ON_FORCE))
+    omega = refine_frequency(force, omega, min(orders, _FORCE_HARMONICS))
+    pushed, left = fit_sine(force, omega, min(orders, _FORCE_HARMONICS))
     fed = float(np.sum(np.abs(pushed[1:]) ** 2)) / 2
     moved, noise = fit_sine(history.response[start:end], omega, orders)
     line = float(np.sum(np.abs(moved[1:]) ** 2)) / 2
@@ -340,7 +343,7 @@ def _fit(history: TimeHistory, begin: int, end: int, omega: float, harmonics: in
     return _Step(
         level=history.level,
         frequency=rate / (2 * pi),
-        force=_heard(force, omega, orders, complex(pushed[1])),
+        force=_significant_harmonics(force, omega, orders, complex(pushed[1])),
         harmonics=table[0],
         change=change,
         error=float(error),

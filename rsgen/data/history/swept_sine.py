@@ -12,11 +12,11 @@ from numpy.typing import NDArray
 from rsgen.common.arrays import Array, ComplexArray
 from rsgen.common.errors import MeasurementError
 from rsgen.common.finding import Finding
-from rsgen.data.free_mode import FreeMode, Kinematics, estimate_mass
+from rsgen.data.free_mode import MIN_RELATIVE_FORCE, FreeMode, Kinematics, estimate_mass
 from rsgen.data.history.envelope import (
     HARMONICS,
     NOISE_WIDTH,
-    PERIODS,
+    WINDOW_PERIODS,
     Windows,
     demodulate,
     differentiate,
@@ -29,7 +29,6 @@ from rsgen.data.history.envelope import (
     steady_force,
 )
 from rsgen.data.history.record import (
-    FAINT,
     TimeHistory,
     as_histories,
     check_force,
@@ -170,14 +169,14 @@ def _windows(
 
     def length(t: Array) -> Array:
         f = law.frequency_at(t)
-        return np.asarray(np.full_like(f, NOISE_WIDTH / bandwidth) if bandwidth else PERIODS / f)
+        return np.asarray(np.full_like(f, NOISE_WIDTH / bandwidth) if bandwidth else WINDOW_PERIODS / f)
 
     t = independent_instants(length, begin, end, points)
     # only places where both fit, with two periods to spare
     margin = _WIDER * length(t) / 2 + 2 / law.frequency_at(t)
     t = t[(t > margin) & (t < size / rate - margin)]
     if not len(t):
-        raise MeasurementError(f"{history.label}: too short for a window of {PERIODS:g} periods")
+        raise MeasurementError(f"{history.label}: too short for a window of {WINDOW_PERIODS:g} periods")
     period = rate / law.frequency_at(t)
     wide = place_windows(t * rate, _WIDER * length(t) * rate, period, 1, size)
     return place_windows(t * rate, length(t) * rate, period, orders, size), wide
@@ -250,7 +249,7 @@ def _surface(parts: list[SweptPoints], mass: float | None) -> ResponseSurface:
     force, flattened, unclear = column("force"), column("flattened").real, column("unclear").real
     motion = Kinematics.joined([part.motion for part in parts])
     omega = 2 * pi * column("drive").real
-    loud = np.abs(force) > FAINT * np.median(np.abs(force))
+    loud = np.abs(force) > MIN_RELATIVE_FORCE * np.median(np.abs(force))
     usable = loud & np.isfinite(flattened) & np.isfinite(motion.displacement)
     driven = unclear < _DOUBT
     good = usable & driven & (flattened < _FLATTENED)

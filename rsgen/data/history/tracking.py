@@ -15,7 +15,7 @@ from rsgen.common.arrays import Array, ComplexArray
 from rsgen.common.errors import MeasurementError
 from rsgen.common.finding import Finding, Quantity
 from rsgen.data.free_mode import Kinematics
-from rsgen.data.history.envelope import DENSE, NOISE_WIDTH, Windows, demodulate, place_windows
+from rsgen.data.history.envelope import INTEGRATION_INSTANTS, NOISE_WIDTH, Windows, demodulate, place_windows
 from rsgen.data.history.record import NO_SINE, TimeHistory, blocks
 from rsgen.data.surface.columns import monotone_runs
 
@@ -261,7 +261,7 @@ def _refined(history: TimeHistory, law: SweepLaw, begin: float, end: float) -> S
     """Refine a law by the phase that the force has against it."""
     force, rate = history.reference, history.rate
     # at instants whose windows are independent
-    dense = np.linspace(begin, end, DENSE)
+    dense = np.linspace(begin, end, INTEGRATION_INSTANTS)
     passed = (law.phase_at(dense) - law.phase_at(dense[:1])) / (2 * np.pi * _PERIODS / NOISE_WIDTH)
     time = np.interp(np.arange(int(passed[-1]) + 1), passed, dense)
     for count in range(_ROUNDS):
