@@ -28,8 +28,9 @@ import numpy as np
 import rsgen
 from benchmarks import campaign
 from benchmarks import tampered_measurements as measured
+from benchmarks.cramer_rao import Background
 from rsgen.common.output import write_atomic
-from rsgen.data.oscillator import BACKGROUNDS, Model
+from rsgen.data.oscillator import BACKGROUNDS, Model, Observation
 from rsgen.dynamics.virtual_test import add_noise
 from rsgen.law.element import as_elements
 from tests.oracles.memory import bouc_wen, two_masses
@@ -185,6 +186,23 @@ def _oracle(make: Callable[[], rsgen.ResponseSurface], law: str) -> Callable[[],
     return lambda: (add_noise(make(), laboratory.NOISE, 1), Model(law))
 
 
+def _with_other_modes(
+    quintic: float, flexibility: float, kind: str
+) -> Callable[[], tuple[rsgen.ResponseSurface, object]]:
+    """A cubic spring with a small quintic [N/m^5] and other modes [m/N], at 1 % noise."""
+
+    def load() -> tuple[rsgen.ResponseSurface, object]:
+        values = {"k": 5920.0, "k3": 3e5, "c": 4.0, "k5": quintic}
+        structure = rsgen.Oscillator(1.5, f"{CUBIC} + k5*x**5", values)
+        test = rsgen.SimulatedTest(np.linspace(2, 12, 6), np.linspace(8.5, 12.5, 41), harmonics=1)
+        modes = Background(psi=0.01, flexibility=flexibility * (1 - 0.1j), inertia=2e3 * flexibility)
+        surface = add_noise(modes.seen(rsgen.simulate(structure, test)), 0.01, 1)
+        return surface, Model(CUBIC, observation=Observation(background=kind))
+
+    return load
+
+
+CUBIC = "k*x + k3*x**3 + c*v"
 POLYNOMIAL = "k*x + k2*x*abs(x) + k3*x**3 + c*v + c2*v*abs(v)"
 
 STRUCTURES = (
@@ -197,7 +215,16 @@ STRUCTURES = (
     Structure("piecewise, cubic spring", _virtual("piecewise", ("k*x + k3*x**3", "c*v"))),
     Structure("quintic, linear", _virtual("quintic", MATTERING["quintic"])),
     Structure("hysteresis (Bouc-Wen), polynomial", _oracle(bouc_wen, POLYNOMIAL)),
-    Structure("two coupled masses, cubic spring", _oracle(two_masses, "k*x + k3*x**3 + c*v")),
+    Structure("two coupled masses, cubic spring", _oracle(two_masses, CUBIC)),
+    *(
+        Structure(
+            f"quintic {quintic:g} N/m^5, other modes {flexibility:g} m/N, {kind}",
+            _with_other_modes(quintic, flexibility, kind),
+        )
+        for quintic in (0.0, 4e6, 2e7)
+        for flexibility in (3e-6, 1e-5, 3e-5)
+        for kind in ("none", "residuals")
+    ),
     *(Structure(f"{name}, measured", _measured(name)) for name in (*measured.TABLES, "f16")),
 )
 

@@ -308,9 +308,8 @@ def judge(test: Prepared, model: Model, refined: Fit) -> Identification:
     as_it_stands = widen_squares(refined, agreement.widen(regression)).covariance
     whole = agreement.widen(whole)
     names, units = (*law.parameters, "m"), units_of(model, surface.units)
-    systematic = misfits or bool(agreement.halves)
     # nothing drives a decay: there is no background
-    kinds = alternatives_to(refined, agreement, backgrounds=systematic and not surface.decays)
+    kinds = alternatives_to(refined, agreement, backgrounds=not surface.decays)
     others = Alternatives(names, np.sqrt(np.diag(regression.covariance)), kinds)
     size = relative_misfit(refined)
     ratio, ambiguous = others.judge(regression.parameters, size)

@@ -106,11 +106,12 @@ def fit_larger_backgrounds(fit: Fit, noise: float) -> dict[str, Alternative]:
     residual, matrix = linearise_extended(fit, replace(fit.problem, observed=seen), start)
     right, rows = residual.reshape(-1) / noise, matrix.reshape(residual.size, len(start)) / noise
     of_law = np.flatnonzero(fit.problem.free[:count])
+    fitted = {name for name, kept in zip(names, seen.fitted, strict=True) if kept}
 
     def solve(those: Collection[str]) -> tuple[Array, float]:
         """Return the change of the law's parameters with some of the background, and the sum of squares."""
         of_background = [
-            place for place, name in enumerate(names, count) if name in those and seen.fitted[place - count]
+            place for place, name in enumerate(names, count) if name in fitted.intersection(those)
         ]
         columns = rows[:, [*of_law, *of_background]]
         moved, change = solve_scaled(columns, right)[0], np.zeros(count)
@@ -122,7 +123,8 @@ def fit_larger_backgrounds(fit: Fit, noise: float) -> dict[str, Alternative]:
         more = background_terms(kind, points.omega, points.force, band).names
         if set(more) > set(known):
             change, left = solve(more)
-            found[kind] = Alternative(float(np.sqrt(max(square - left, 0.0))), 1.0, change - begin)
+            gain, columns = max(square - left, 0.0), len((set(more) & fitted) - set(known))
+            found[kind] = Alternative(float(np.sqrt(gain)), 1.0, change - begin, columns)
     return found
 
 

@@ -8,10 +8,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from rsgen.analysis.fits import compare_fits
 from rsgen.cases import load_case
 from rsgen.common.errors import RsgenError
-from rsgen.data.oscillator import Observation
+from rsgen.data.oscillator import Observation, Oscillator
 from rsgen.data.surface import ResponseSurface
+from rsgen.dynamics.simulation import simulate
+from rsgen.dynamics.virtual_test import SimulatedTest, add_noise
 from rsgen.files import read_measurement
 from rsgen.identification.identify import identify
 from rsgen.identification.prediction import predict
@@ -249,3 +252,22 @@ def test_a_phase_error_that_a_filter_would_pay_in_amplitude_is_said(cubic, psi, 
     assert all(
         f"takes {100 * (1 - np.cos(psi)):.0f} % of the amplitude" in sentence(finding) for finding in told
     )
+
+
+@pytest.mark.parametrize(("flexibility", "below"), [(1e-5, True), (3e-5, False)])
+def test_intervals_contain_the_effect_of_other_modes_without_a_pattern_in_the_misfit(flexibility, below):
+    """Other modes that leave no pattern in the misfit shifted k and m by 5 to 10 standard errors."""
+    values = {"k": 5920.0, "k3": 3e5, "c": 4.0}
+    structure = Oscillator(1.5, "k*x + k3*x**3 + c*v", values)
+    test = SimulatedTest(np.linspace(2, 12, 6), np.linspace(8.5, 12.5, 41), harmonics=1)
+    seen = among_others(simulate(structure, test), 0.01, flexibility * (1 - 0.1j), 2e3 * flexibility)
+    seen = add_noise(seen, 0.01, 1)
+    small = seen.select(seen.frequency < 9.9) if below else seen
+    found = [
+        identify(small, "k*x + k3*x**3 + c*v", Observation(background="none" if below else "constant")),
+        identify(seen, "k*x + k3*x**3 + c*v", Observation(background="residuals")),
+    ]
+    assert found[1].verdict.state == "identified"
+    assert not (found[0].verdict.usable and compare_fits(found).findings)
+    for name, true in {**values, "m": 1.5}.items():
+        assert all(abs(one[name].value - true) < 4 * one[name].standard_error for one in found)

@@ -500,16 +500,21 @@ def summarise(
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Alternative:
-    """One more column of a fit: its value, its standard error, and the shift (q,) of the parameters."""
+    """Additional columns of a fit, one as a rule: value, standard error, and the parameters' shift (q,)."""
 
     value: float
     error: float
     shift: Array
+    columns: int = 1
 
     @property
     def gain(self) -> float:
         """Decrease of the sum of squares, in units of the noise."""
         return (self.value / self.error) ** 2 if self.error > 0 else 0.0
+
+    def exceeds(self, chance: float) -> bool:
+        """Return True if noise alone gives so many columns such a gain less often."""
+        return self.gain > chi_square_exceeded(self.columns, chance)
 
 
 def alternatives(

@@ -15,12 +15,14 @@ from rsgen.common.arrays import Array
 from rsgen.common.finding import Finding, Severity, quantities
 from rsgen.common.text_table import Printed, TextTable
 from rsgen.common.tolerances import (
+    CONFIDENCE_LEVEL,
     MISFIT_NEGLIGIBLE,
     MISFIT_OF_NOISE,
     NOISE_LIMIT_SIGMAS,
     RELATIVE_ERROR_DOUBTFUL,
     STANDARD_ERRORS_OF_DIFFERENCE,
     interval_sigmas,
+    normal_share,
 )
 from rsgen.identification.fitting.least_squares import Alternative
 
@@ -39,7 +41,7 @@ def spread_between(others: Iterable[Alternative], values: Array, error: Array) -
     values, error
         (q,) parameters, and their standard errors by noise alone.
     """
-    likely = [np.abs(one.shift[: len(values)]) for one in others if one.gain > interval_sigmas() ** 2]
+    likely = [np.abs(one.shift[: len(values)]) for one in others if one.exceeds(1 - CONFIDENCE_LEVEL)]
     moved = np.max([np.zeros(len(values)), *likely], axis=0)
     # the misfit of exact data, and the shift by terms, are due to truncated waveforms
     known = np.isfinite(error) & (error > 0) & (moved > MISFIT_OF_NOISE * np.abs(values))
@@ -55,8 +57,8 @@ class Alternatives(Printed):
     names, error
         Parameters (q,), and their standard errors by noise alone.
     kinds
-        Alternatives by kind and name: an additional "term"; with a systematic misfit also another
-        "background", and "halves" of the test, identified separately.
+        Alternatives by kind and name: an additional "term", a larger "background", and, if they disagree,
+        "halves" of the test, identified separately.
     """
 
     names: tuple[str, ...] = ()
@@ -106,7 +108,7 @@ class Alternatives(Printed):
             clear = (
                 (ratio > 1)
                 & (np.abs(shift) > STANDARD_ERRORS_OF_DIFFERENCE * self.error)
-                & (one.gain >= NOISE_LIMIT_SIGMAS**2)
+                & one.exceeds(2 * normal_share(-NOISE_LIMIT_SIGMAS))
             )
             moved = np.where(clear, shift / values, 0.0)
             if np.max(np.abs(moved)) > np.max(np.abs(share)):
