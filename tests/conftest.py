@@ -22,7 +22,7 @@ from rsgen.identification.ranking.balance import library_terms  # noqa: E402
 from tests import surfaces  # noqa: E402
 
 # examples of a property in `make test` and in `make test-all`, the same in every run
-settings.register_profile("quick", max_examples=50, deadline=None, derandomize=True)
+settings.register_profile("quick", max_examples=20, deadline=None, derandomize=True)
 settings.register_profile("thorough", settings.get_profile("quick"), max_examples=1500)
 settings.load_profile("quick")
 

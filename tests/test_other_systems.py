@@ -102,7 +102,7 @@ def run_elsewhere(
     )
 
 
-@pytest.mark.slow
+@pytest.mark.thorough
 def test_a_case_goes_to_its_report_without_posix(tmp_path):
     (tmp_path / "small.toml").write_text(CASE, encoding="utf-8")
     program = """

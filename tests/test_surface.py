@@ -61,7 +61,7 @@ def assert_same(one: ResponseSurface, two: ResponseSurface) -> None:
 
 
 @pytest.mark.slow
-@settings(max_examples=25)
+@settings(max_examples=8)
 @given(seed=st.integers(0, 2**31), n=st.integers(1, 40), harmonics=st.integers(1, 9))
 def test_saving_and_loading_is_the_identity(
     tmp_path_factory: pytest.TempPathFactory, seed: int, n: int, harmonics: int

@@ -57,7 +57,11 @@ def places_of_findings() -> dict[str, list[Place]]:
 
 def is_finding(node: ast.AST) -> bool:
     """Whether a call makes a finding, itself or by a function that is named after it."""
-    return isinstance(node, ast.Call) and "finding" in ast.unparse(node.func).split(".")[-1].lower()
+    if not isinstance(node, ast.Call):
+        return False
+    called = node.func
+    name = called.attr if isinstance(called, ast.Attribute) else getattr(called, "id", "")
+    return "finding" in name.lower()
 
 
 def texts_of(tree: ast.AST) -> list[str]:

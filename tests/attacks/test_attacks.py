@@ -26,7 +26,7 @@ from tests.attacks.surroundings import tried_here
 pytestmark = pytest.mark.skipif(os.name != "posix", reason="signals, limits and mounts are POSIX")
 
 
-@pytest.mark.slow
+@pytest.mark.thorough
 @pytest.mark.parametrize(
     "attack",
     [around_files.reader_that_leaves, around_files.name_too_long, around_files.deleted_folder_relative],

@@ -267,7 +267,7 @@ def test_a_terminal_sees_how_far_each_case_is(watched: tuple[Watched, Watched]) 
             assert {output.get("name", "stdout") for output in outputs} == {"stdout"}
 
 
-@pytest.mark.slow
+@pytest.mark.thorough
 def test_the_same_input_gives_the_same_bytes(watched: tuple[Watched, Watched]) -> None:
     # in another process: an order that hashes decide would differ
     outs = [run.out for run in watched]
@@ -394,12 +394,12 @@ def test_simulate_then_identify(tmp_path: Path, capsys: pytest.CaptureFixture[st
 
 
 @pytest.mark.slow
-def test_run_tells_accepted_from_missed(
-    watched: tuple[Watched, Watched], tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_run_tells_accepted_from_missed(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     path, out = tmp_path / "a.toml", tmp_path / "out"
-    shutil.copy(watched[0].cases / "a.toml", path)
-    shutil.copytree(watched[0].out / "a", out / "a")
+    case = SMALL.replace('"small"', '"a"')
+    path.write_text(case % "1e-2")
+    assert call("run", path, "--out", out) == 0
+    assert "unchanged" not in capsys.readouterr().out
     again = shell("run", path, "--out", out)
     assert again.returncode == 0
     assert "unchanged" in again.stdout
@@ -412,7 +412,6 @@ def test_run_tells_accepted_from_missed(
     assert len(list(out.glob("a/figure-*.svg"))) >= 8
     assert call("diff", out / "a", out, "--json") == 0
     assert json.loads(capsys.readouterr().out)[0]["changed"] is False
-    case = SMALL.replace('"small"', '"a"')
     path.write_text(case.replace("accept = { k = %s }\n", ""))
     for _ in range(2):
         assert call("run", path, "--out", out) == 0
@@ -431,7 +430,7 @@ def test_run_tells_accepted_from_missed(
         # each signal, stage and number of workers
         (signal.SIGINT, "out/.*.part", "2"),
         # the page is written, the cells of the notebook run
-        (signal.SIGTERM, "out/.*.part/report.html", "1"),
+        pytest.param(signal.SIGTERM, "out/.*.part/report.html", "1", marks=pytest.mark.thorough),
     ],
 )
 def test_an_interrupt_ends_with_130_and_leaves_nothing(

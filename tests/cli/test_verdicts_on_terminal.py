@@ -70,7 +70,7 @@ def test_a_finished_case_says_what_decided_and_what_to_do(capsys: pytest.Capture
 @pytest.mark.parametrize(
     ("old", "new", "states", "decided"),
     [
-        ("", "", {"identified"}, set()),
+        pytest.param("", "", {"identified"}, set(), marks=pytest.mark.thorough),
         ('phase_sense = "lag"', 'phase_sense = "lead"', {"rejected"}, {"structure-feeds-exciter"}),
     ],
 )

@@ -302,7 +302,7 @@ def test_powers_of_a_state_from_hardly_any_slip_to_almost_nothing_else(bd):
             held_against_stepping(law, values, rate, X, 1.0)
 
 
-@pytest.mark.slow
+@pytest.mark.thorough
 @pytest.mark.parametrize("power", ["abs(z)**0.5*z", "sqrt(abs(z))*sign(z)", "abs(z)**(-0.3)*z", "abs(z)*z"])
 def test_powers_of_a_state_as_numbers(power):
     law = derive(make_element("bw", "z", {"z": f"A*v - bg*abs(v)*{power}"}))

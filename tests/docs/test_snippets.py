@@ -67,7 +67,14 @@ def test_every_block_is_of_a_kind_that_is_tried(path: Path) -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("path", PAGES, ids=NAMES)
+@pytest.mark.parametrize(
+    "path",
+    [
+        pytest.param(path, marks=[pytest.mark.thorough] if path.parent.name == "howto" else [])
+        for path in PAGES
+    ],
+    ids=NAMES,
+)
 def test_snippets_run(path: Path, workspace: Workspace) -> None:
     for snippet in find_snippets(path.read_text(encoding="utf-8")):
         try:

@@ -338,7 +338,7 @@ LONG = 12_500_000
 """Samples of force and of response in 200 MB."""
 
 
-@pytest.mark.slow
+@pytest.mark.thorough
 @pytest.mark.skipif(sys.platform != "linux", reason="memory is counted in other units elsewhere")
 def test_a_long_history_is_demodulated_quickly_and_in_little_memory() -> None:
     law, rate, resonance = SweepLaw("linear", 20.0, 180.0 / 1250), 10_000.0, 63.0

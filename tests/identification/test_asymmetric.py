@@ -164,7 +164,7 @@ def test_an_even_force_that_is_not_there_is_not_identifiable(law, even):
         assert "not-converged" not in codes(found)
 
 
-@pytest.mark.slow
+@pytest.mark.thorough
 def test_the_interval_of_an_even_force_that_is_not_there_contains_zero():
     # the square of k2 is as often above zero as below, and beyond its standard error in a sixth of the tables
     exact = table("k*x + c*v", {"k": 5920.0, "c": 7.5})

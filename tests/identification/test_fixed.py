@@ -32,7 +32,13 @@ def found(law: str, *names: str) -> rsgen.Identification:
 
 @pytest.mark.parametrize(
     ("law", "name"),
-    [("cubic", "k"), ("combined", "cn"), ("piecewise", "b"), ("tanh", "w"), ("two-gaps", "b1")],
+    [
+        ("cubic", "k"),
+        ("combined", "cn"),
+        ("piecewise", "b"),
+        ("tanh", "w"),
+        pytest.param("two-gaps", "b1", marks=pytest.mark.thorough),
+    ],
 )
 def test_a_fixed_value_is_a_number_in_the_law(law: str, name: str) -> None:
     text, true = LAWS[law]

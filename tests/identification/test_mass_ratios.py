@@ -176,7 +176,7 @@ def test_a_test_without_scale_has_its_ratios():
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("mass", [MASS, None])
+@pytest.mark.parametrize("mass", [pytest.param(MASS, marks=pytest.mark.thorough), None])
 @pytest.mark.parametrize("law", ["k*x + c*v", "k*x + k3*x**3"])
 def test_a_wrong_law_on_a_backbone_is_doubted(law: str, mass: float | None):
     """One point a level has no neighbour in frequency: its neighbour is the next amplitude."""

@@ -76,7 +76,7 @@ def test_a_gap_only_just_passed_has_a_lopsided_interval() -> None:
     assert not found["k"].by_profile
 
 
-@pytest.mark.slow
+@pytest.mark.thorough
 def test_a_stop_that_is_barely_touched_is_bounded_to_one_side() -> None:
     # a rigid stop a little further away explains the touch as well
     force = 1.06 * STOP["b"] * STOP["c"] * 2 * np.pi * 10.07

@@ -64,7 +64,7 @@ def test_a_little_noise_does_little(relative: float) -> None:
     assert np.abs(found.stiffness_force - spring).max() < 2 * WANTED * np.abs(spring).max()
 
 
-@pytest.mark.slow
+@pytest.mark.thorough
 def test_bands_of_forces_without_a_law_are_as_wide_as_their_errors() -> None:
     table = surface("bilinear")
     scores = []

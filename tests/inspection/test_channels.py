@@ -416,7 +416,7 @@ def test_a_transmissibility_beside_its_base_is_no_response(tmp_path: Path) -> No
     assert "write that of the mass" in doubts["test.force.nominal"]
 
 
-@pytest.mark.slow
+@pytest.mark.thorough
 def test_thousands_of_columns_are_put_together_in_no_time() -> None:
     """Each phase was compared with each amplitude: a file of 3000 sensors took a quarter of a minute."""
     units = {"amp [mm]": "mm", "phase [deg]": "deg"}

@@ -134,7 +134,7 @@ def test_machine_code_never_relies_on_what_is_not_so() -> None:
                 kernel.integrate(**(good | {name: fault}), steps=16, periods=1)
 
 
-@pytest.mark.slow
+@pytest.mark.thorough
 def test_numba_is_left_as_it_was(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("RSGEN_CACHE", str(tmp_path))
     numba = pytest.importorskip("numba")

@@ -58,7 +58,14 @@ def test_faults_are_named(words: tuple[str, ...], said: str, capsys: pytest.Capt
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("law", laws, ids=lambda law: law.name)
+@pytest.mark.parametrize(
+    "law",
+    [
+        pytest.param(law, marks=[pytest.mark.thorough] if number % 6 else [])
+        for number, law in enumerate(laws)
+    ],
+    ids=lambda law: law.name,
+)
 def test_every_law_has_a_picture(law: Law) -> None:
     drawing = draw_derivation(derive(law), law.example)
     assert "not known" not in drawing.alternative or law.name == "quadratic-spring"

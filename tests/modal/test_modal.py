@@ -78,7 +78,7 @@ def test_the_damping_at_resonance_does_not_depend_on_how_it_grows_with_frequency
     np.testing.assert_allclose(table.mass, MASS, rtol=1e-6)
 
 
-@pytest.mark.slow
+@pytest.mark.thorough
 def test_intervals_cover_what_they_say_under_noise():
     at = np.array([0.01, 0.02, 0.03])
     surface = SURFACE.select(np.abs(SURFACE.frequency - 9.95) < 0.9)
@@ -294,7 +294,7 @@ def test_intervals_contain_curves_that_no_spline_follows_exactly():
     assert all(hit >= least for hit in hits.values()), (hits, count)
 
 
-@pytest.mark.slow
+@pytest.mark.thorough
 @pytest.mark.parametrize(
     ("law", "values"),
     [

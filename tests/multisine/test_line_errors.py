@@ -96,7 +96,7 @@ def within(found: rsgen.Identification, true: dict[str, float], errors: float) -
     return all(abs(e.value - true[e.name]) < errors * e.standard_error for e in found)
 
 
-@pytest.mark.slow
+@pytest.mark.thorough
 def test_a_term_that_the_law_lacks_is_in_the_intervals_of_a_multisine() -> None:
     for seed in range(4):
         spectra, true = with_quintic(seed)

@@ -326,7 +326,7 @@ def test_bouc_wen_is_recognised_by_its_loop() -> None:
     assert best.values == pytest.approx(truth, rel=5e-3)
 
 
-@pytest.mark.slow
+@pytest.mark.thorough
 def test_a_slider_is_recognised_by_its_loop() -> None:
     """Jenkins: no law without memory comes near; sums have one law with memory at most."""
     table = stepped(lambda v, z: 1e4 * v, 40.0, (30.0, 90.0, 180.0), (24.0, 29.0))
@@ -498,7 +498,7 @@ def test_candidates_of_a_user_compete_with_the_library() -> None:
     assert "mine" in {candidate.name for candidate in ranking}
 
 
-@pytest.mark.slow
+@pytest.mark.thorough
 def test_the_background_does_not_take_what_only_a_candidate_explains() -> None:
     table = measured("coulomb", 0.0)
     harmonics = np.array(table.harmonics)

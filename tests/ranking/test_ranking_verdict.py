@@ -62,7 +62,7 @@ def test_the_law_is_found_where_friction_nearly_sticks(noise: float, noisy: Nois
     assert ranking.candidates[0].held_out_error < max(1.2 * noise, 1e-5)
 
 
-@pytest.mark.slow
+@pytest.mark.thorough
 def test_few_bad_points_decide_nothing() -> None:
     table = measured("cubic")
     chosen = np.random.default_rng(1).choice(len(table), len(table) // 40, replace=False)
@@ -76,7 +76,7 @@ def test_few_bad_points_decide_nothing() -> None:
     assert (aside["excluded"], aside["points"]) == (len(chosen), len(table))
 
 
-@pytest.mark.slow
+@pytest.mark.thorough
 def test_motions_that_the_simulation_misses_decide_nothing() -> None:
     # the lowest level just overcomes the preload, where a force more or less is everything
     speed = 2 * np.pi * 10 * AMPLITUDE
@@ -91,7 +91,7 @@ FRICTION = [rsgen.laws[name] for name in ("coulomb", "power-damper", "tanh-frict
 
 @pytest.mark.slow
 @pytest.mark.parametrize("fault", ["sign", "sense"])
-@pytest.mark.parametrize("law", ["cubic", "coulomb"])
+@pytest.mark.parametrize("law", ["cubic", pytest.param("coulomb", marks=pytest.mark.thorough)])
 def test_a_structure_that_feeds_the_exciter_is_doubted(law: str, fault: str) -> None:
     table = measured(law)
     spoilt = -table.harmonics if fault == "sign" else np.conj(table.harmonics)

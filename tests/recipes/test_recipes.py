@@ -191,6 +191,7 @@ COMPLETE = (
 """Tests of all laws, formats, findings, figures and commands; the page names what else they ask for."""
 
 
+@pytest.mark.thorough
 def test_the_tests_of_completeness_pass(scratch: Scratch) -> None:
     ran = scratch.run(COMPLETE)
     assert ran.failed == ()

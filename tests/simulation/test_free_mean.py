@@ -55,7 +55,7 @@ def test_a_check_says_it_before_a_run(tmp_path: Path) -> None:
     assert "no spring holds the mean displacement" in fault
 
 
-@pytest.mark.slow
+@pytest.mark.thorough
 def test_loops_without_a_spring_are_identified_about_zero() -> None:
     """By the balance alone: the simulator would follow motions that drift for thousands of periods."""
     surface = rsgen.simulate(rsgen.Oscillator(1.5, DAHL, VALUES), grid("harmonic-balance"))

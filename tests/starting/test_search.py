@@ -101,15 +101,13 @@ def test_laws_of_few_unknowns_are_no_special_case(law: str) -> None:
     assert {e.name: e.value for e in found.refined} == pytest.approx(true, rel=1e-6)
 
 
-@pytest.mark.slow
+@pytest.mark.thorough
 @pytest.mark.parametrize(
     "written",
     [
         {"k": 5000.0, "kg": 4000.0, "b": 0.012, "ks": 2500.0, "Fm": 10.0},
         # stiffness 7500, 5000, 9000 N/m with steps at 4 and 12 mm: the same force
-        pytest.param(
-            {"k": 11500.0, "kg": -2500.0, "b": 0.004, "ks": -4000.0, "Fm": 48.0}, marks=pytest.mark.thorough
-        ),
+        {"k": 11500.0, "kg": -2500.0, "b": 0.004, "ks": -4000.0, "Fm": 48.0},
     ],
     ids=["positive", "twin"],
 )

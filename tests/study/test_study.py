@@ -512,7 +512,7 @@ main(words)
 
 @posix
 @pytest.mark.slow
-@pytest.mark.parametrize("step", ["obtain_table", "write_manifest"])
+@pytest.mark.parametrize("step", ["obtain_table", pytest.param("write_manifest", marks=pytest.mark.thorough)])
 def test_killing_the_command_keeps_the_earlier_result(
     finished: tuple[Path, Path, CaseRun], tmp_path: Path, step: str
 ) -> None:
@@ -570,7 +570,7 @@ def test_a_lost_worker_costs_its_own_case_only(tmp_path: Path) -> None:
 # ---------------------------------------------------------------- a real structure
 
 
-@pytest.mark.slow
+@pytest.mark.thorough
 def test_the_vibrating_wire_from_file_to_report(tmp_path: Path, measured_data: Callable[[str], Path]) -> None:
     data = measured_data("wire").parent
     path = Path(__file__).parents[1] / "cases" / "wire.toml"
