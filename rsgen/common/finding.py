@@ -123,7 +123,9 @@ EARLIER = {
     "base-scaled": Earlier("base-misread"),
     "combinations-only": Earlier("confounded", renamed={"parameters": "with"}),
     "confounded-with-background": Earlier("confounded", {"with": "the background"}),
-    "continuation-recognised": Earlier("control-recognised", {"control": "continuation"}),
+    "continuation-recognised": Earlier(
+        "note", {"text": "how the test was controlled was recognised from its numbers"}
+    ),
     "curve-extrapolated": Earlier("prediction-extrapolated"),
     "curves-need-mass": Earlier("needs-mass"),
     "damping-missing": Earlier("damping-hidden-by-misfit"),
@@ -176,7 +178,9 @@ EARLIER = {
     "phase-lag-held": Earlier("phase-lag"),
     "phase-lag-off": Earlier("phase-lag"),
     "phase-not-recorded": Earlier("not-recorded", {"signal": "phase"}),
-    "phase-resonance": Earlier("control-recognised", {"control": "phase"}),
+    "phase-resonance": Earlier(
+        "note", {"text": "how the test was controlled was recognised from its numbers"}
+    ),
     "phase-two-modes": Earlier("phase-gap", {"overlap": "yes"}),
     "points-not-measured": Earlier("rows-left-out", {"by": "no number"}, {"points": "rows"}),
     "points-not-settled": Earlier(
@@ -194,13 +198,16 @@ EARLIER = {
     "repeats-scatter": Earlier("repeats-scatter", renamed={"aside": "excluded"}),
     "resonance-jumped": Earlier("note", {"text": "the response jumps across a resonance"}),
     "response-at-limit": Earlier("range-reached"),
-    "response-held": Earlier("control-recognised", {"control": "response"}),
+    "response-held": Earlier("note", {"text": "how the test was controlled was recognised from its numbers"}),
     "response-not-at-drive": Earlier("power-not-at-lines", {"signal": "response"}),
     "rows-copied": Earlier("rows-left-out", {"by": "copies"}, {"copies": "rows"}),
     "rows-of-words": Earlier("rows-left-out", {"by": "words"}),
     "rows-twice": Earlier("rows-left-out", {"by": "copies"}),
     "rows-without-number": Earlier("rows-left-out", {"by": "no number"}, {"points": "rows"}),
     "run-set-aside": Earlier("points-excluded", renamed={"aside": "excluded"}),
+    "runs-of-other-size": Earlier(
+        "note", {"text": "response over force differs between two runs by a factor between units"}
+    ),
     "several-decays": Earlier("decay-taken"),
     "sign-not-identifiable": Earlier("mirror-image-fits"),
     "stiffness-negative": Earlier("curve-negative", {"curve": "k(X)"}),

@@ -34,28 +34,22 @@ from rsgen.files.histories import read_histories, read_motions
 from rsgen.files.nominal_levels import (
     MIN_POINTS_OF_RUN,
     amplitude_steps,
-    find_control_mode,
+    assign_levels,
     level_of_file,
     name_levels,
+    stable_points,
 )
 from rsgen.files.plan import HERTZ, HistoryRule, MeasuredTest, SweepRule
 from rsgen.formula.units import quantity, sensor_unit
 from rsgen.law.motion import cycle_work
 
 # ----------------------------------------------------------------------------
-# Consistency of the runs of one test: copies, units that differ from file to file, branches.
+# Consistency of the runs of one test: copies, branches.
 
 _MAX_RUNS_COMPARED = 60
 """Runs that are compared with each other at most; each with each would take long for thousands."""
 _MIN_SHARE_OF_REPEATED_ROWS = 0.2
 """From this share of rows on that are the one before, an export wrote rows twice."""
-_UNIT_STEPS = (1e3, 1e6)
-"""Factors between units of one set: m and mm, N and mN, m and um."""
-_MAX_RATIO_OF_RUNS = 2.0
-"""Except for a wrong unit, runs of one structure differ by less than this factor in the median of response
-over force."""
-_MAX_SPREAD_OF_UNIT_STEP = 3.0
-"""A wrong unit is the same factor at every point; what friction holds still at a level is not."""
 _MIN_RATIO_OF_BRANCHES = 1.5
 """Amplitudes of a larger ratio lie on two branches."""
 
@@ -85,7 +79,7 @@ def _runs(surface: ResponseSurface, block: NDArray[np.int64]) -> list[NDArray[np
 def run_findings(
     surface: ResponseSurface, block: NDArray[np.int64], labels: list[str], by_ratio: bool
 ) -> list[Finding]:
-    """Find runs that are copies of each other, and levels read in units of another size.
+    """Find two runs that are copies of each other.
 
     Parameters
     ----------
@@ -96,18 +90,11 @@ def run_findings(
     by_ratio
         Whether the files hold response over force: of a linear structure it is the same at every level.
     """
-    runs, found = _runs(surface, block), list[Finding]()
-    for first, second in combinations(runs, 2):
-        names = {"first": labels[block[first[0]]], "second": labels[block[second[0]]]}
-        if not by_ratio and _is_copy(surface, first, second):
-            found.append(Finding("run-repeated", "doubt", names=names))
-            return found
-    for first, second in combinations(runs, 2):
-        factor = _factor_between(surface, first, second)
-        if factor is not None:
+    for first, second in combinations(() if by_ratio else _runs(surface, block), 2):
+        if _is_copy(surface, first, second):
             names = {"first": labels[block[first[0]]], "second": labels[block[second[0]]]}
-            return [Finding("runs-of-other-size", "doubt", numbers=quantities(factor=factor), names=names)]
-    return found
+            return [Finding("run-repeated", "doubt", names=names)]
+    return []
 
 
 def _is_copy(surface: ResponseSurface, first: NDArray[np.intp], second: NDArray[np.intp]) -> bool:
@@ -115,25 +102,6 @@ def _is_copy(surface: ResponseSurface, first: NDArray[np.intp], second: NDArray[
         np.array_equal(values[first], values[second])
         for values in (surface.frequency, surface.amplitude, surface.harmonics[:, 1])
     )
-
-
-def _factor_between(
-    surface: ResponseSurface, first: NDArray[np.intp], second: NDArray[np.intp]
-) -> float | None:
-    """Factor by which response over force differs, where it is a step between units; else None."""
-    with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
-        size = np.log(surface.amplitude / np.abs(surface.force))
-    f = surface.frequency
-    order = second[np.argsort(f[second], kind="stable")]
-    inside = first[(f[first] >= f[order[0]]) & (f[first] <= f[order[-1]])]
-    if len(inside) < MIN_POINTS_OF_RUN:
-        return None
-    ratio = np.interp(f[inside], f[order], size[order]) - size[inside]
-    low, middle, high = np.quantile(ratio, [0.25, 0.5, 0.75])
-    if not high - low < np.log(_MAX_SPREAD_OF_UNIT_STEP):
-        return None
-    near = [step for step in _UNIT_STEPS if abs(abs(middle) - np.log(step)) < np.log(_MAX_RATIO_OF_RUNS)]
-    return near[0] if near else None
 
 
 def tell_branches_apart(surface: ResponseSurface, block: NDArray[np.int64]) -> NDArray[np.str_]:
@@ -423,25 +391,30 @@ def _amplitudes(test: MeasuredTest) -> ResponseSurface:
     known, entries = bool(levels), _has_entries(test)
     run = np.concatenate(levels) if known else block if entries else None
     files = np.repeat(np.arange(len(parts)), [len(part.frequency) for part in parts])
-    held = find_control_mode(test, frequency, _drive(test, force, frequency), displacement, run, block, files)
-    followed = held.control == "continuation"
-    findings = [*(finding for part in parts for finding in part.findings), *held.findings]
+    findings = [finding for part in parts for finding in part.findings]
+    if test.control == "phase" and not test.phase_known:
+        # a phase-locked loop holds 90 degrees
+        displacement = np.asarray(np.abs(displacement) * np.exp(-0.5j * np.pi))
+        findings.append(Finding("phase-lag", "warning", names={"by": "assumed"}))
+    drive, size = np.abs(_drive(test, force, frequency)), np.abs(displacement)
+    level = assign_levels(test, frequency, drive, size, run, block, files)
+    followed = test.control == "continuation"
     if test.force is None and test.base is None:
         by = {"by": "ratio"} if test.per_force else {}
         findings.append(Finding("not-recorded", "warning", names={"signal": "force", **by}))
     surface = ResponseSurface(
-        level=held.level,
+        level=level,
         frequency=frequency,
         force=force,
-        response=held.displacement.astype(np.complex128),
+        response=displacement.astype(np.complex128),
         # no such test measures a mean
         across=np.concatenate([0 * far, far], axis=1),
         per_mass=test.base is not None,
         base="" if test.base is None else test.terms("base")[0][1].quantity,
-        sweep="rest" if followed else _directions(test.sweep, frequency, held.level, marks, block),
-        phase_known=test.phase_known or held.control == "phase",
-        control=held.control,
-        stable=held.stable,
+        sweep="rest" if followed else _directions(test.sweep, frequency, level, marks, block),
+        phase_known=test.phase_known or test.control == "phase",
+        control=test.control,
+        stable=stable_points(frequency, drive, size) if followed else None,
         findings=tuple(findings),
     )
     names = [_called(test, number, entry) for number, part in enumerate(parts) for entry in _blocks(part)]
@@ -453,7 +426,7 @@ def _amplitudes(test: MeasuredTest) -> ResponseSurface:
         if turned["points"].value:
             finding = Finding("direction-from-branch", "info", numbers=turned)
             surface = replace(surface, sweep=sweep, findings=(*surface.findings, finding))
-    if followed or test.level.spread is not None or (run is None and held.control != "response"):
+    if followed or test.level.spread is not None or (run is None and test.control != "response"):
         return surface
     return name_levels(surface, test, known, any(part.unit_said for part in parts))
 
@@ -462,7 +435,7 @@ def _levels_of_histories(
     surface: ResponseSurface, test: MeasuredTest, histories: list[TimeHistory]
 ) -> ResponseSurface:
     """Say what was held, and settle the levels that the plan gives."""
-    surface = replace(surface, control=test.control or "force")
+    surface = replace(surface, control=test.control)
     if surface.control == "continuation":
         return replace(surface, level=amplitude_steps(surface.amplitude, test.level.spread))
     known = all(history.level is not None for history in histories)

@@ -3,24 +3,22 @@
 from __future__ import annotations
 
 import re
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from itertools import pairwise
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from rsgen.common.arrays import Array, ComplexArray
+from rsgen.common.arrays import Array
 from rsgen.common.errors import MeasurementError, quote
 from rsgen.common.finding import Finding, Quantity
 from rsgen.data.surface import ResponseSurface, typical_amounts
 from rsgen.data.surface.columns import TURN, group_forces, monotone_runs
-from rsgen.data.surface.phase_lag import at_phase_resonance
 from rsgen.files.data_files import file_label
 from rsgen.files.plan import MeasuredTest
 
 # ----------------------------------------------------------------------------
-# The control mode of a test (force, amplitude, phase or continuation) and the levels of its points.
+# The levels of a table of amplitudes, and the stability of its points.
 
 _PHASE_LOCKED_SPREAD = 0.01
 """Levels of a phase-locked test differ by more: one point each, so that neighbours must not be joined."""
@@ -34,73 +32,37 @@ _FREQUENCY_TOLERANCE = 1e-3
 _MIN_POINTS_AT_FREQUENCY = 5
 """Points of such a run from which on the force says where it is unstable."""
 
-_MIN_FORCE_DROP = 0.1
-"""Share by which the force falls along a run while the amplitude grows: no test that holds the force does so,
-but noise and a shaker that drops do a part of it."""
 
-_MIN_POINTS_PAST_FOLD = 2
-"""Points of a run behind its fold, at least: a single one is an error of reading."""
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class ControlMode:
-    """The control mode: ``control`` of the surface, the displacement (n,), levels (n,), stability (n,)."""
-
-    control: str
-    displacement: ComplexArray
-    level: Array
-    stable: NDArray[np.bool_] | None
-    findings: tuple[Finding, ...]
-
-
-def find_control_mode(
+def assign_levels(
     test: MeasuredTest,
     frequency: Array,
-    force: ComplexArray,
-    displacement: ComplexArray,
+    force: Array,
+    displacement: Array,
     run: Array | NDArray[np.int64] | None,
     block: NDArray[np.int64],
     files: NDArray[np.intp],
-) -> ControlMode:
-    """Return the control mode of a table of amplitudes, from the plan or from its numbers, and the levels.
+) -> Array:
+    """Return the level (n,) of each row of a table of amplitudes.
 
     Parameters
     ----------
     frequency, force, displacement
-        (n,) [Hz], [N], [m].
+        (n,) [Hz], and amplitudes [N], [m].
     run
         (n,) levels, or numbers of runs, where the plan knows them.
     block, files
         (n,) numbers of blocks, and of files.
     """
-    findings: list[Finding] = []
-    stable = None
     spread = test.level.spread
-    control: str = test.control or "force"
-    if test.control is None and test.force is not None and run is not None and spread is None:
-        control = infer_control_mode(np.abs(force), np.abs(displacement), run)
-    if test.control is None and run is None and at_phase_resonance(force / displacement):
-        control = "phase"
-    if test.control is None and run is None and spread is None and _folded(frequency, force, displacement):
-        control = "continuation"
-    if test.control is None and control != "force":
-        findings.append(Finding("control-recognised", "info", names={"control": control}))
-    if control == "phase" and not test.phase_known:
-        # a phase-locked loop holds 90 degrees
-        displacement = np.asarray(np.abs(displacement) * np.exp(-0.5j * np.pi))
-        findings.append(Finding("phase-lag", "warning", names={"by": "assumed"}))
-    if control == "continuation":
-        level = amplitude_steps(np.abs(displacement), spread)
-        stable = _stable(frequency, np.abs(force), np.abs(displacement))
-    elif spread is not None or (run is None and control == "phase"):
-        level = group_levels(np.abs(force), _PHASE_LOCKED_SPREAD if spread is None else spread)
-    elif run is not None:
-        level = run.astype(np.float64)
-    elif control == "response":
-        level = files.astype(np.float64)
-    else:
-        level = group_runs(np.abs(force), frequency, block)
-    return ControlMode(control, displacement, level, stable, tuple(findings))
+    if test.control == "continuation":
+        return amplitude_steps(displacement, spread)
+    if spread is not None or (run is None and test.control == "phase"):
+        return group_levels(force, _PHASE_LOCKED_SPREAD if spread is None else spread)
+    if run is not None:
+        return run.astype(np.float64)
+    if test.control == "response":
+        return files.astype(np.float64)
+    return group_runs(force, frequency, block)
 
 
 def amplitude_steps(amount: Array, step: float | None) -> Array:
@@ -119,33 +81,12 @@ def _runs(frequency: Array, size: Array) -> list[NDArray[np.intp]]:
     return [rows[np.argsort(size[rows], kind="stable")] for rows in runs]
 
 
-def _stable(frequency: Array, force: Array, size: Array) -> NDArray[np.bool_]:
+def stable_points(frequency: Array, force: Array, size: Array) -> NDArray[np.bool_]:
     """(n,) False where the force falls as the amplitude grows at one frequency: no force held it there."""
     stable = np.ones(len(force), dtype=bool)
     for rows in _runs(frequency, size):
         stable[rows] = np.gradient(force[rows]) >= 0
     return stable
-
-
-def _folded(frequency: Array, force: ComplexArray, displacement: ComplexArray) -> bool:
-    """Tell whether rows one after another follow a fold at one frequency.
-
-    There the force falls far, at two points at least, while the amplitude grows from row to row, or falls.
-    Levels side by side at a frequency stand in the order of their forces.
-    """
-    size = np.abs(displacement)
-    edges = np.flatnonzero(np.abs(np.diff(frequency)) > _FREQUENCY_TOLERANCE * frequency[1:]) + 1
-    for rows in np.split(np.arange(len(frequency)), edges):
-        steps = np.diff(size[rows])
-        if len(rows) < _MIN_POINTS_AT_FREQUENCY or not (np.all(steps > 0) or np.all(steps < 0)):
-            continue
-        along = np.abs(force[rows])[:: 1 if steps[0] > 0 else -1]
-        if (
-            np.count_nonzero(along < (1 - _MIN_FORCE_DROP) * np.maximum.accumulate(along))
-            >= _MIN_POINTS_PAST_FOLD
-        ):
-            return True
-    return False
 
 
 _NUMBER = r"([+-]?\d{1,30}(?:[.,]\d{1,30})?(?:[eE][+-]?\d{1,3})?)"
@@ -160,10 +101,8 @@ _MAX_LEVEL_RATIO = 2.0
 than this factor. Shakers lose force at a resonance and stay near the level elsewhere."""
 _QUANTILE_OF_LARGEST = 0.9
 """Quantile that stands for the largest amount: single readings may be off."""
-_MAX_RANGE_IF_CONTROLLED = 0.1
-"""Relative range, from the 10 to the 90 per cent quantile, of the controlled amount within a level."""
 _MIN_RANGE_IF_FREE = 0.5
-"""Relative range of an amount that is not controlled, over a resonance."""
+"""Relative range, from the 10 to the 90 per cent quantile, of an amount that is not controlled."""
 MIN_POINTS_OF_RUN = 8
 """Points of a run or level from which it is compared with others and its quantiles are used."""
 
@@ -275,27 +214,6 @@ def _control_findings(surface: ResponseSurface) -> list[Finding]:
         return []
     numbers = {"moved": Quantity(moved), "level": Quantity(level, "m")}
     return [Finding("response-not-held", "doubt", numbers=numbers)]
-
-
-def infer_control_mode(force: Array, size: Array, run: NDArray[Any]) -> str:
-    """Return "response" if in every run the amplitude stays constant while the force varies, else "force".
-
-    Parameters
-    ----------
-    force, size
-        (n,) amplitudes of the force [N] and the displacement [m].
-    run
-        (n,) number of the run.
-    """
-
-    rows = [np.flatnonzero(run == number) for number in np.unique(run)]
-    held = all(
-        len(at) >= MIN_POINTS_OF_RUN
-        and _relative_range(size[at]) < _MAX_RANGE_IF_CONTROLLED
-        and _relative_range(force[at]) > _MIN_RANGE_IF_FREE
-        for at in rows
-    )
-    return "response" if held else "force"
 
 
 def _rounded(amount: Array) -> Array:

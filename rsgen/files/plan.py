@@ -263,9 +263,9 @@ class MeasuredTest(PlannedTest):
     response_files: tuple[Path, ...] = declare(
         (), "Files of the response, one for each of the force.", key="response.file", fewest=1, most=MAX_FILES
     )
-    control: Literal["force", "response", "phase", "continuation"] | None = declare(
-        None,
-        "What was held constant within a level; recognised without. Levels of a held response are "
+    control: Literal["force", "response", "phase", "continuation"] = declare(
+        "force",
+        "What was held constant within a level. Levels of a held response are "
         "amplitudes. phase: a phase-locked loop, one point a level. continuation: points on any branch.",
     )
     history: HistoryRule | None = declare(None, "How histories were taken; None for tables.", key="")

@@ -66,20 +66,6 @@ def test_rows_written_twice_count_once(tmp_path: Path, noisy: np.ndarray) -> Non
     assert surface.findings[0]["rows"] == 41
 
 
-@pytest.mark.parametrize("factor", [1e-3, 1e3, 1e6])
-def test_a_file_in_another_unit_is_doubted(tmp_path: Path, noisy: np.ndarray, factor: float) -> None:
-    first = write(tmp_path / "a.csv", 1.0, noisy)
-    surface = read(first, write(tmp_path / "b.csv", 2.0, 2 * factor * noisy))
-    assert severities(surface) == {"runs-of-other-size": "doubt"}
-    assert surface.findings[0]["factor"] == pytest.approx(max(factor, 1 / factor))
-
-
-def test_friction_that_holds_a_level_still_is_no_unit(tmp_path: Path, noisy: np.ndarray) -> None:
-    stuck = 1e-3 * noisy.min() * np.geomspace(1, 1.1, 41)
-    surface = read(write(tmp_path / "a.csv", 1.0, stuck), write(tmp_path / "b.csv", 2.0, 2 * noisy))
-    assert severities(surface) == {}
-
-
 @pytest.mark.parametrize(("hardens", "upper"), [(True, "up"), (False, "down")])
 def test_an_upper_branch_is_no_upward_sweep_where_a_mode_softens(
     tmp_path: Path, hardens: bool, upper: str

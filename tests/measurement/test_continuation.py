@@ -27,7 +27,7 @@ def states() -> ControlledStates:
     return solve_response_control(rsgen.Oscillator(MASS, LAW, VALUES), size, frequency, accuracy=1e-7)
 
 
-def read(folder: Path, states: ControlledStates, rows: Any = slice(None), **options: Any) -> ResponseSurface:
+def read(folder: Path, states: ControlledStates, **options: Any) -> ResponseSurface:
     ratio = states.force / states.harmonics[:, 1]
     table = np.stack(
         [
@@ -39,7 +39,7 @@ def read(folder: Path, states: ControlledStates, rows: Any = slice(None), **opti
         axis=1,
     )
     path = folder / "continuation.csv"
-    np.savetxt(path, table[rows], delimiter=",", header="frequency,force,response,lag", comments="")
+    np.savetxt(path, table, delimiter=",", header="frequency,force,response,lag", comments="")
     plan = MeasuredTest(
         files=path,
         frequency="frequency",
@@ -51,12 +51,9 @@ def read(folder: Path, states: ControlledStates, rows: Any = slice(None), **opti
     return read_measurement(plan)
 
 
-def test_a_fold_at_one_frequency_is_recognised_and_its_unstable_points_are_marked(
-    tmp_path: Path, states: ControlledStates
-):
-    surface = read(tmp_path, states)
+def test_unstable_points_of_a_fold_are_marked(tmp_path: Path, states: ControlledStates):
+    surface = read(tmp_path, states, control="continuation")
     assert (surface.control, surface.level_unit) == ("continuation", "m")
-    assert "control-recognised" in [finding.code for finding in surface.findings]
     assert np.count_nonzero(~states.stable) > 4
     # the force turns between two points, of which either may count
     rows = (surface.stable != states.stable).reshape(len(FREQUENCIES), POINTS)
@@ -83,10 +80,3 @@ def test_steps_of_the_amplitude_are_as_wide_as_the_case_says(tmp_path: Path, sta
         ratio = surface.amplitude / surface.level
         assert np.all((ratio > 1 / np.sqrt(1 + step) - 1e-9) & (ratio < np.sqrt(1 + step) + 1e-9))
     assert len(coarse.levels) < len(fine.levels)
-
-
-def test_levels_side_by_side_at_each_frequency_are_no_continuation(tmp_path: Path, states: ControlledStates):
-    """Rows in the order of their forces, as a multichannel table has them, whatever branch they lie on."""
-    force = np.abs(states.force).reshape(len(FREQUENCIES), POINTS)
-    rows = (np.argsort(force, axis=1) + POINTS * np.arange(len(FREQUENCIES))[:, None]).ravel()
-    assert read(tmp_path, states, rows).control == "force"

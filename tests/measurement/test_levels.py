@@ -69,12 +69,12 @@ def codes(surface: ResponseSurface) -> dict[str, str]:
 def test_each_entry_is_a_level(tmp_path: Path) -> None:
     """Eight runs at held amplitudes were grouped by like force into 25 levels."""
     path = held_runs(tmp_path / "a.mat")
-    surface = read_measurement(of_runs(path))
+    surface = read_measurement(of_runs(path, control="response"))
     assert surface.control == "response"
     np.testing.assert_allclose(surface.levels, HELD, rtol=5e-3)
     assert [int(np.count_nonzero(surface.level == level)) for level in surface.levels] == [41] * 8
-    assert codes(surface)["control-recognised"] == "info"
-    assert len(read_measurement(of_runs(path, control="force")).levels) == 8
+    assert codes(surface) == {}
+    assert len(read_measurement(of_runs(path)).levels) == 8
     assert len(read_measurement(of_runs(path, level=LevelRule(spread=0.05))).levels) == 14
 
 

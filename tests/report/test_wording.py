@@ -23,7 +23,6 @@ CHOICES = {
     "size-impossible": {"quantity": "velocity", "side": "above"},
     "another-quantity": {"is": "+1"},
     "base-misread": {"is": "swapped"},
-    "control-recognised": {"control": "phase"},
     "curve-negative": {"curve": "c(X)"},
     "decay-not-free": {"by": "rise"},
     "decay-taken": {"after": "drive"},

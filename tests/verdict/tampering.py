@@ -24,9 +24,7 @@ SENSE = frozenset(
 MISFIT = frozenset({"law-does-not-fit", "misfit-large"})
 BACKGROUND = MISFIT | {"background-missing"}
 POINTS = MISFIT | {"points-excluded", "parts-disagree", "level-deviates", "range-reached"}
-NOMINAL = frozenset(
-    {"levels-disagree", "levels-swapped", "levels-of-one-force", "run-repeated", "runs-of-other-size"}
-)
+NOMINAL = frozenset({"levels-disagree", "levels-swapped", "levels-of-one-force", "run-repeated"})
 LEVELS = POINTS | NOMINAL
 SIZE = frozenset({"size-impossible"})
 UNIT = SIZE | {"unit-contradicts-title"}

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from rsgen.common.arrays import Array, ComplexArray
+from rsgen.common.arrays import Array
 from rsgen.common.finding import Finding, Quantity, Severity
 
 if TYPE_CHECKING:
@@ -30,9 +30,6 @@ _HELD = 0.02
 _LOST = 0.17
 """Loops that miss by ten degrees are not locked: k/m is shifted by a third of the damping ratio."""
 
-_CLOSE = 0.35
-"""Where all points lie within 20 degrees of a quarter period, a loop held them: sweeps pass the flanks."""
-
 _SAME_FORCE = 0.02
 """Forces of one slice off resonance differ by less; levels of a backbone differ by more."""
 
@@ -44,15 +41,6 @@ _WIDER = 5.0
 
 _EACH = 3
 """Points of each mode from which on it is one: a step of its own may end a backbone."""
-
-_FEWEST = 4
-"""Points from which on that is no accident."""
-
-
-def at_phase_resonance(ratio: ComplexArray) -> bool:
-    """Tell whether force over displacement (n,) complex is that of phase resonance at every point."""
-    ratio = ratio[np.isfinite(ratio)]
-    return len(ratio) >= _FEWEST and bool(np.all(np.abs(np.angle(ratio) - pi / 2) < _CLOSE))
 
 
 def lag_findings(surface: ResponseSurface) -> tuple[Finding, ...]:

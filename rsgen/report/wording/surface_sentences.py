@@ -41,10 +41,6 @@ say_plainly(
         "run-repeated": (
             "{first} and {second} hold the same numbers row by row: one run was copied in place of another"
         ),
-        "runs-of-other-size": (
-            "response over force differs by a factor of about {factor:.0f} between {first} and {second}: "
-            "their units differ, as m and mm do"
-        ),
         "response-not-held": (
             "the case says that the response was held within a level, but it varies by {moved:.0%} at "
             "{level:.3q}"
@@ -66,7 +62,6 @@ NEXT_STEPS.update(
         ),
         "levels-swapped": "Look whether two files, or two numbers of [test.level], are swapped.",
         "run-repeated": "Look for the run that is missing, and take the copy out.",
-        "runs-of-other-size": "Bring the files to one unit, or read them in cases of their own.",
         "response-not-held": 'Leave out control = "response" if the test held the force.',
         "decay-not-free": (
             "Leave start out, so that the end of the drive is found; end the record before the rise (stop), "
@@ -138,15 +133,6 @@ def _not_recorded(found: Finding) -> str:
     )
 
 
-_RECOGNISED = {
-    "response": "within each run the amplitude of the response is constant and the force varies, so the test "
-    "is read as response-controlled",
-    "phase": "all points lie within 20 degrees of phase resonance, so the test is read as phase-locked",
-    "continuation": "at some frequency the force falls while the amplitude grows, so the test is read as a "
-    "control-based continuation",
-}
-
-
 @says("power-not-at-lines")
 def _power_not_at_lines(found: Finding) -> str:
     if found.names["signal"] == "response":
@@ -164,11 +150,6 @@ def _power_not_at_lines(found: Finding) -> str:
         f"{found.names['record']}: only {found['share']:.0%} of the power of the force is at its line and "
         "harmonics; the rest, noise or other lines, drives the structure, too"
     )
-
-
-@says("control-recognised")
-def _control_recognised(found: Finding) -> str:
-    return f'{_RECOGNISED[found.names["control"]]}; if it was not, write control = "force" under [test]'
 
 
 @says("decay-taken")
