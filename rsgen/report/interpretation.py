@@ -19,7 +19,6 @@ from rsgen.identification.results import Identification
 from rsgen.law.element import Element
 from rsgen.report.figures.cycles import (
     dissipated_energy,
-    identified_slips,
     measured_energy,
     mode_surface,
     small_stiffness,
@@ -56,9 +55,6 @@ def dissipation_entry(surface: ResponseSurface, identification: Identification) 
             "exponent": [float(refined.course[end]) for end in ends],
         },
         "stiffness_at_rest": _known(rest),
-        "macro_slip": [
-            {"amplitude": slip.amplitude, "force": slip.force} for slip in identified_slips(identification)
-        ],
     }
 
 

@@ -13,24 +13,18 @@ import rsgen as rs
 from rsgen import figures
 from rsgen.common.errors import RsgenError
 from rsgen.data.oscillator import Model
-from rsgen.dynamics.virtual_test import add_noise
-from rsgen.formula import parse
-from rsgen.law.memory import Curve, memory_form
 from rsgen.law.motion import Motion, project
 from rsgen.report.figures.cycles import (
     branch_mean,
     dissipated_energy,
-    identified_slips,
     loop_force,
     mass_of,
     measured_energy,
     measured_loops,
     shows_loops,
-    slip_limit,
     small_stiffness,
     stiffness_ratio,
 )
-from tests.oracles.masing import slider
 from tests.samples import cubic_identification, cubic_surface
 
 M, KT, FS = 1.5, 4e4, 8.0
@@ -114,44 +108,6 @@ def test_the_mean_of_both_branches_is_the_part_without_memory() -> None:
     place, force = found
     np.testing.assert_allclose(force[2:-2], (6e3 * place + 4e9 * place**3)[2:-2], rtol=0, atol=1e-3 * FS)
     assert branch_mean(x + SLIP * np.cos(5 * phase), cubic) is None
-
-
-def test_a_joint_slides_where_its_virgin_curve_ends() -> None:
-    values = {"kt": KT, "Fs": FS, "K": 2e4, "p": 1.5, "k": 6e3}
-
-    def virgin(law: str) -> Curve:
-        form = memory_form(parse(law))
-        assert form is not None
-        return form.curves[0]
-
-    joints = {
-        "k*x + masing(Min(kt*x, Fs))": (SLIP, True),
-        # Iwan's model with uniform density: a parabola up to 2 Fs/kt
-        "masing(Piecewise((kt*x - kt**2*x**2/(4*Fs), x < 2*Fs/kt), (Fs, True)))": (2 * SLIP, False),
-    }
-    for law, (amplitude, sticks) in joints.items():
-        slip = slip_limit(virgin(law), values, 1e-3)
-        assert slip is not None
-        assert slip.amplitude == pytest.approx(amplitude, rel=1e-5), law
-        assert slip.force == pytest.approx(FS, rel=1e-9)
-        assert slip.sticks is sticks
-    for law in ("masing(kt*x - K*x**p)", "masing(Fs*(1 - exp(-x*kt/Fs)) + k*x)"):
-        assert slip_limit(virgin(law), values, 1e-3) is None
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize(("largest", "slips"), [(0.9, 0), (30.0, 1)])
-def test_a_limit_that_the_test_does_not_determine_is_not_drawn(largest: float, slips: int) -> None:
-    """A joint that sticks at all levels, and one that slides."""
-    size = np.geomspace(0.05, largest, 12) * SLIP
-    loop = slider(KT, FS, size)
-    surface = sines(6e3 + loop.real, 20.0 + loop.imag / np.sqrt((6e3 + loop.real) / M), size)
-    found = rs.identify(add_noise(surface, 0.003, 1), "k*x + c*v + masing(Min(kt*x, Fs))", mass=M)
-    determined = identified_slips(found)
-    assert len(determined) == slips
-    drawing = figures.draw_energy(surface, found)
-    assert ("macro-slip sets in" in drawing.alternative) is bool(slips)
-    assert all(slip.amplitude == pytest.approx(SLIP, rel=0.1) for slip in determined)
 
 
 def test_loops_are_shown_where_they_say_something() -> None:

@@ -11,21 +11,17 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
-import sympy
 from numpy.typing import NDArray
 
 from rsgen.common.arrays import Array
 from rsgen.common.errors import RsgenError
-from rsgen.common.tolerances import NOISE_LIMIT_SIGMAS, POINTS_PER_KNOT, interval_sigmas
+from rsgen.common.tolerances import NOISE_LIMIT_SIGMAS, POINTS_PER_KNOT
 from rsgen.data.free_mode import estimate_mass, steady
 from rsgen.data.oscillator import Model
 from rsgen.data.surface import ResponseSurface
 from rsgen.describing import derive
-from rsgen.formula import symbol
-from rsgen.formula.evaluation import compiled
 from rsgen.formula.names import remembers
 from rsgen.identification.results import Identification
-from rsgen.law.memory import Curve, memory_form
 from rsgen.law.motion import Motion, cycle_work
 from rsgen.law.numeric import compile_law
 from rsgen.report.figures.equivalent import (
@@ -33,7 +29,6 @@ from rsgen.report.figures.equivalent import (
     backbone,
     evaluated,
     solution_of,
-    standard_errors,
 )
 
 SAMPLES = 512
@@ -50,12 +45,6 @@ _AT_REST = (1e-9, 1e-8)
 
 _SAME = 1e-3
 """Relative difference of the two readings of a stiffness at rest that is none: less than a line shows."""
-
-_MOVED = 0.1
-"""Relative change of a parameter that is not identifiable, by which it is seen whether it moves a limit."""
-
-_SLIDES = 1e-12
-"""Relative difference to the limit force that is round-off of the virgin curve."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -268,89 +257,3 @@ def stiffness_ratio(
     values = solution_of(identification) if values is None else values
     grid = amplitudes_tested(identification)
     return grid, backbone(identification, values, grid).stiffness / small_stiffness(identification, values)
-
-
-@dataclass(frozen=True, slots=True)
-class Slip:
-    """Where a Masing law slides as a whole.
-
-    Parameters
-    ----------
-    amplitude
-        X [m] above which every cycle has macro-slip; below there is micro-slip, or none.
-    force
-        The limit force [N].
-    sticks
-        True where nothing slides below: the virgin curve is a straight line up to there.
-    """
-
-    amplitude: float
-    force: float
-    sticks: bool
-
-
-def slip_limit(curve: Curve, values: Mapping[str, float], largest: float) -> Slip | None:
-    """Find where a virgin curve reaches a limit force; None where it does not.
-
-    Parameters
-    ----------
-    curve, values
-        Of a law, and every parameter of it, SI.
-    largest
-        Displacement [m] of the test; limits beyond a thousand times of it are none.
-    """
-    names = sorted(free.name for free in curve.virgin.free_symbols if free.name != "x")
-    law = compiled((curve.virgin,), tuple(map(symbol, ("x", *names))))
-    numbers = [values[name] for name in names]
-
-    def virgin(x: float) -> float:
-        with np.errstate(all="ignore"):
-            return float(law(x, *numbers)[0])
-
-    far = 1e3 * largest
-    limit = virgin(far)
-    if not limit > 0 or abs(virgin(far / 2) - limit) > _SLIDES * limit:
-        return None
-    low, high = 0.0, far / 2
-    while high - low > _SLIDES * high:
-        middle = (low + high) / 2
-        low, high = (low, middle) if abs(virgin(middle) - limit) <= _SLIDES * limit else (middle, high)
-    sticks = abs(virgin(high / 2) - limit / 2) <= _SAME * limit
-    return Slip(high, limit, sticks)
-
-
-def identified_slips(identification: Identification, force: sympy.Expr | None = None) -> tuple[Slip, ...]:
-    """Return the limits that a test determines, of the whole law or of one element's ``force``.
-
-    A limit is not determined where a parameter that moves it is not identifiable, or where its standard error
-    is beyond half of it.
-    """
-    form = memory_form(identification.model.force if force is None else force)
-    values, largest = solution_of(identification), identification.amplitude_range[1]
-    if form is None or not np.isfinite([values[name] for name in identification.model.parameters]).all():
-        return ()
-    found = []
-    for curve in form.curves:
-        slip = slip_limit(curve, values, largest)
-        if slip is not None and _determined(identification, curve, values, slip.amplitude):
-            found.append(slip)
-    return tuple(found)
-
-
-def _determined(
-    identification: Identification, curve: Curve, values: Mapping[str, float], limit: float
-) -> bool:
-    """Decide whether the amplitude of a limit follows from the test."""
-
-    def place(changed: Mapping[str, float]) -> Array:
-        slip = slip_limit(curve, changed, identification.amplitude_range[1])
-        return np.array([np.nan if slip is None else slip.amplitude])
-
-    names = {free.name for free in curve.virgin.free_symbols} - {"x", *identification.model.fixed}
-    known = {estimate.name for estimate in identification.refined if estimate.identifiable}
-    for name in names - known:
-        moved = float(place({**values, name: (1 + _MOVED) * values[name]})[0])
-        if not abs(moved / limit - 1) <= _SAME:
-            return False
-    error = float(standard_errors(identification, values, sorted(names & known), place)[0])
-    return bool(interval_sigmas() * error <= limit)

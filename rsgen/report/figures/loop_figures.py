@@ -22,10 +22,8 @@ from rsgen.law.motion import cycle_work
 from rsgen.law.numeric import compile_law
 from rsgen.report.figures.cycles import (
     Energy,
-    Slip,
     branch_mean,
     dissipated_energy,
-    identified_slips,
     loop_force,
     mass_of,
     measured_energy,
@@ -173,7 +171,6 @@ _FEW_DECADES = 300.0
 """Ratio of the ends of an axis up to which three numbers a decade fit on it."""
 
 _MEMORYLESS: dict[str, Any] = {"color": "#0072B2", "lw": 0.9, "ls": (0, (5, 2))}
-_LIMIT: dict[str, Any] = {"color": "#009E73", "lw": 1.0, "ls": (0, (4, 1.5, 1, 1.5))}
 
 
 def _peak_rows(surface: ResponseSurface) -> NDArray[np.intp]:
@@ -348,20 +345,13 @@ def draw_energy(
     top.set_ylabel(y.label("Energy of a cycle D"))
     if len(panels) > 1:
         _draw_ratio(panels[1], identification, truth, rest, x.factor)
-    slips = identified_slips(identification)
-    for i, slip in enumerate(slips):
-        for axes in panels:
-            low, high = axes.get_xlim()
-            if low < slip.amplitude / x.factor < high:
-                label = "macro-slip to the right" if i == 0 and axes is top else "_"
-                axes.axvline(slip.amplitude / x.factor, label=label, **_LIMIT)
     top.legend(loc="upper left")
     label_abscissa(panels, ax, x.label("Amplitude X"))
     caption = (
         "Energy dissipated in a cycle: its slope is near 2 for viscous and structural damping, 2.2 to 3 in "
         "micro-slip, 1 in macro-slip."
     )
-    return Drawing("energy", figure, caption, _energy_words(measured, found, slips, rest), ax is None)
+    return Drawing("energy", figure, caption, _energy_words(measured, found, rest), ax is None)
 
 
 def _plain_ticks(axis: Axis) -> None:
@@ -396,7 +386,7 @@ def _draw_ratio(
     axes.set_ylabel("Stiffness k(X)/k(0) [1]")
 
 
-def _energy_words(measured: Energy, found: Energy, slips: tuple[Slip, ...], rest: float) -> str:
+def _energy_words(measured: Energy, found: Energy, rest: float) -> str:
     parts = []
     if np.isfinite(measured.exponent):
         parts.append(
@@ -411,7 +401,6 @@ def _energy_words(measured: Energy, found: Energy, slips: tuple[Slip, ...], rest
             f"{quantity_text(float(found.energy[-1]), 'J', 3)} at "
             f"{quantity_text(float(found.amplitude[-1]), 'm', 3)}, slope {number_text(last, 3)}"
         )
-    parts += [f"macro-slip sets in at {quantity_text(slip.amplitude, 'm', 3)}" for slip in slips]
     if np.isfinite(rest):
         parts.append(f"the stiffness at rest is {quantity_text(rest, 'N/m', 4)}")
     text = "; ".join(parts) or "no point dissipates, so that there are 0 energies to show"
