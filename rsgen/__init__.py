@@ -20,7 +20,7 @@ and with a case file, which holds test, law, and, of a virtual test, the truth::
     surface        = rs.simulate(case.oscillator, case.test)       # or rs.read(case)
     identification = rs.identify(surface, case.model)              # laws without values: truth cannot leak
     comparison     = rs.compare(identification, case.truth, case.accept)
-    rs.write_report("reports/cubic", case, surface, identification, comparison)
+    rs.write_report("reports/cubic", surface, identification, case=case, comparison=comparison)
 
 Names are imported when they are first used, so that ``import rsgen`` and ``rsgen --help`` stay quick.
 """

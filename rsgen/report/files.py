@@ -121,44 +121,13 @@ class _Parts:
     identification: Identification
     comparison: Comparison
 
-    @classmethod
-    def of(cls, given: Sequence[Any], named: Mapping[str, Any]) -> _Parts:
-        """Sort the arguments of ``write_report`` by their types."""
-        kinds: dict[str, type | tuple[type, ...]] = {
-            "case": Case,
-            "surface": (ResponseSurface, MultisineSpectra),
-            "identification": Identification,
-            "comparison": Comparison,
-        }
-        parts = {name: part for name, part in named.items() if part is not None}
-        given = [*given, *(parts.pop(name) for name in [*parts] if not isinstance(parts[name], kinds[name]))]
-        for part in given:
-            name = next((name for name, kind in kinds.items() if isinstance(part, kind)), None)
-            if name is None or name in parts:
-                fault = "is none of them" if name is None else f"is a second {name}"
-                raise RsgenError(
-                    f"write_report: a {type(part).__name__} {fault}; a report is made of a ResponseSurface "
-                    "and an Identification (of a Ranking, its best), and of a Case and a Comparison where "
-                    "there are any"
-                )
-            parts[name] = part
-        missing = [name for name in ("surface", "identification") if name not in parts]
-        if missing:
-            raise RsgenError(f"write_report: {' and '.join(missing)} missing")
-        case, found = parts.get("case"), parts["identification"]
-        known = None if case is None else case.with_model(found.model)
-        judged = parts.get("comparison")
-        if judged is None:
-            judged = compare(found) if known is None else compare(found, known.truth, known.accept)
-        return cls(case, parts["surface"], found, judged)
-
 
 def write_report(
     folder: str | Path,
-    *parts: Case | ResponseSurface | MultisineSpectra | Identification | Comparison,
+    surface: ResponseSurface | MultisineSpectra,
+    identification: Identification,
+    *,
     case: Case | None = None,
-    surface: ResponseSurface | MultisineSpectra | None = None,
-    identification: Identification | None = None,
     comparison: Comparison | None = None,
     title: str = "",
     source: str = "",
@@ -170,17 +139,14 @@ def write_report(
 
     Of a multisine ``surface`` are its spectra, which go into spectra.npz; it has no modal.csv.
 
-    ``write_report(folder, surface, identification)`` is enough, by position or by name;
-    ``write_report(folder, case, surface, identification, comparison)`` adds heading, source and truth.
-
     Parameters
     ----------
     folder
         Made if missing. Every file is written whole or not at all.
+    surface, identification
+        The test, and what was identified from it; of a ranking its best.
     case
         Its title, source, truth and text are shown, and notebook.ipynb is written from it.
-    surface, identification
-        The test, and what was identified from it.
     comparison
         None: made from the truth and the tolerances of the case.
     title, source
@@ -195,22 +161,28 @@ def write_report(
     Raises
     ------
     RsgenError
-        Surface or identification are missing, a file cannot be written, or a cell of the notebook failed. The
+        An argument is of another type, a file cannot be written, or a cell of the notebook failed. The
         notebook comes last and is saved even then, so that all files are there.
     """
     require(folder, (str, Path), "folder")
-    named = {"case": case, "surface": surface, "identification": identification, "comparison": comparison}
-    given = _Parts.of(parts, named)
+    require(surface, (ResponseSurface, MultisineSpectra), "surface")
+    require(identification, Identification, "identification")
+    if comparison is None and case is not None:
+        known = case.with_model(identification.model)
+        comparison = compare(identification, known.truth, known.accept)
+    elif comparison is None:
+        comparison = compare(identification)
     started = time.perf_counter()
     place = Path(folder)
     try:
         place.mkdir(parents=True, exist_ok=True)
     except OSError as fault:
         raise RsgenError(f"{place}: cannot be made: {fault.strerror or fault}") from fault
-    if given.loaded is not None:
-        subject = Subject.of_case(given.loaded, given.identification)
+    if case is not None:
+        subject = Subject.of_case(case, identification)
     else:
-        subject = Subject.of_result(given.identification, place.resolve().name, title, source)
+        subject = Subject.of_result(identification, place.resolve().name, title, source)
+    given = _Parts(case, surface, identification, comparison)
     _write_files(place, subject, given, dict(durations or {}), command, figures, started)
 
 

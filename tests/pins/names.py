@@ -95,7 +95,8 @@ def paths_of(tree: object, path: str = "") -> Iterator[str]:
 def report_files(kind: str) -> dict[str, bytes]:
     """What a report of that kind leaves in its folder."""
     with tempfile.TemporaryDirectory() as folder:
-        rsgen.write_report(folder, *REPORTS[kind]())
+        surface, found, case = REPORTS[kind]()
+        rsgen.write_report(folder, surface, found, case=case)
         return {path.name: path.read_bytes() for path in sorted(Path(folder).iterdir())}
 
 
@@ -113,14 +114,14 @@ def _spectra_names() -> Tree:
             return {"names": sorted(f"{name} {file[name].dtype.kind} {file[name].ndim}d" for name in file)}
 
 
-Parts = tuple[rsgen.Case | rsgen.ResponseSurface | rsgen.MultisineSpectra | rsgen.Identification, ...]
+Parts = tuple[rsgen.ResponseSurface | rsgen.MultisineSpectra, rsgen.Identification, rsgen.Case | None]
 
 
 def _sine() -> Parts:
     """A test with a law from a ranking, a background and a held-out level."""
     table = small("cubic", NOISE)
     about = rsgen.Observation(hold_out=(6.0,), background="phase")
-    return table, rsgen.rank(table, library(*FEW), about).best
+    return table, rsgen.rank(table, library(*FEW), about).best, None
 
 
 def _joint() -> Parts:
@@ -131,19 +132,19 @@ def _joint() -> Parts:
     case = replace(case, test=test)
     assert case.oscillator is not None
     table = noisy(rsgen.simulate(case.oscillator, test), NOISE, 1)
-    return case, table, rsgen.identify(table, case.model)
+    return table, rsgen.identify(table, case.model), case
 
 
 def _multisine() -> Parts:
     spectra = virtual("cubic", NOISE)
-    return spectra, rsgen.identify(spectra, CUBIC, rsgen.Observation(hold_out=(5.0,)))
+    return spectra, rsgen.identify(spectra, CUBIC, rsgen.Observation(hold_out=(5.0,))), None
 
 
 def _measured() -> Parts:
     case = rsgen.load_case(ROOT / "tests" / "cases" / "nlbeam.toml", data=Path(os.environ["RSGEN_DATA"]))
     assert isinstance(case.test, MeasuredTest)
     table = read_measurement(case.test)
-    return case, table, rsgen.identify(table, case.model)
+    return table, rsgen.identify(table, case.model), case
 
 
 REPORTS: dict[str, Callable[[], Parts]] = {

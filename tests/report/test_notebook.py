@@ -168,7 +168,7 @@ def test_the_run_and_a_kernel_of_its_own_give_the_same_notebook(
     surface = rsgen.simulate(case.oscillator, case.test)
     identification = rsgen.identify(surface, case.model)
     comparison = rsgen.compare(identification, case.truth, case.accept)
-    rsgen.write_report(tmp_path / "out", case, surface, identification, comparison)
+    rsgen.write_report(tmp_path / "out", surface, identification, case=case, comparison=comparison)
     run = nbformat.read(tmp_path / "out" / "notebook.ipynb", as_version=4)
     nbformat.validate(run)
     assert str(tmp_path) not in str(run)

@@ -1,4 +1,4 @@
-"""Laws of a report as a whole: its parts are recognised by type, with a case file or without one."""
+"""Laws of a report as a whole: with a case file or without one."""
 
 from __future__ import annotations
 
@@ -13,7 +13,6 @@ from rsgen.common.errors import RsgenError
 from tests.samples import cubic_case, cubic_model, cubic_surface
 
 SURFACE = cubic_surface()
-RANKING = rsgen.Ranking((), cubic_model(), fits=True, findings=(), noise=0.0, unexplained=0.0)
 
 
 @pytest.fixture(scope="module")
@@ -48,25 +47,6 @@ def test_a_title_is_shown_as_text(tmp_path: Path, found: rsgen.Identification) -
     assert "our lab" in page
 
 
-@pytest.mark.parametrize(
-    ("parts", "said"),
-    [
-        ([], "surface and identification missing"),
-        ([SURFACE], "identification missing"),
-        ([SURFACE, SURFACE], "a second surface"),
-        ([SURFACE, "found"], "a str is none of them"),
-        (
-            [SURFACE, RANKING],
-            "a Ranking is none of them; .* an Identification \\(of a Ranking, its best\\)",
-        ),
-    ],
-)
-def test_parts_that_make_no_report_are_named(tmp_path: Path, parts: list[object], said: str) -> None:
-    with pytest.raises(RsgenError, match=said):
-        rsgen.write_report(tmp_path / "out", *parts)
-    assert not (tmp_path / "out").exists()
-
-
 @pytest.mark.slow
 def test_a_case_brings_the_truth_when_no_comparison_is_given(
     tmp_path: Path, found: rsgen.Identification, monkeypatch: pytest.MonkeyPatch
@@ -75,7 +55,7 @@ def test_a_case_brings_the_truth_when_no_comparison_is_given(
     monkeypatch.setattr("rsgen.report.files.write_notebook", lambda path, *_, **__: written.append(path))
     case = cubic_case()
     compared = rsgen.compare(found, case.truth, case.accept)
-    rsgen.write_report(tmp_path / "a", case, SURFACE, found, compared)
+    rsgen.write_report(tmp_path / "a", SURFACE, found, case=case, comparison=compared)
     rsgen.write_report(tmp_path / "b", SURFACE, found, case=case)
     one, other = (json.loads((tmp_path / name / "result.json").read_text()) for name in "ab")
     assert one == other
@@ -87,5 +67,5 @@ def test_names_and_folders_of_another_kind_are_refused(found: rsgen.Identificati
     wrong: Any = 5
     with pytest.raises(RsgenError, match="folder: int; must be str or Path"):
         rsgen.write_report(wrong, SURFACE, found)
-    with pytest.raises(RsgenError, match="a int is none of them"):
+    with pytest.raises(RsgenError, match="identification: int; must be Identification"):
         rsgen.write_report("never", SURFACE, identification=wrong)

@@ -261,10 +261,18 @@ def _execute(
         comparison = compare(identification, truth, case.accept)
         durations = {"surface": tested - started, "identification": time.perf_counter() - tested}
         report("report", 0.0)
-        results = (case, surface, identification, comparison)
         with _temporary_in(folder), _failed_notebook(folder, out / f"{case.name}-failed.ipynb"):
             # rsgen.report imports pages and figures, 0.5 s, when one of its names is first used
-            rsgen.report.write_report(folder, *results, durations=durations, command=command, figures=figures)
+            rsgen.report.write_report(
+                folder,
+                surface,
+                identification,
+                case=case,
+                comparison=comparison,
+                durations=durations,
+                command=command,
+                figures=figures,
+            )
         passed, verdict = _said(folder)
         write_manifest(folder, inputs, case.test.noise_seed, command)
     return CaseRun(case.path, case.name, out / case.name, passed, verdict=verdict)
