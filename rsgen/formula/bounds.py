@@ -155,13 +155,10 @@ def _fault_of(part: sympy.Basic) -> str | None:
         return f"has {len(part.args)} arguments in Min or Max; at most {EXTREMES} are allowed"
     elif part.is_Number or part is sympy.zoo:
         return "is not finite"
-    elif part is sympy.I:
+    elif part is sympy.I or (part.is_Pow and part.base.is_Rational and part.base.is_negative):
         return "is not real"
-    elif part.is_Pow and part.exp.is_Rational:
-        if abs(part.exp) > EXPONENT:
-            return f"has the power {part.exp}; powers up to {EXPONENT} are allowed"
-        if part.base.is_Rational and part.base.is_negative:
-            return "is not real"
+    elif part.is_Pow and part.exp.is_Rational and abs(part.exp) > EXPONENT:
+        return f"has the power {part.exp}; powers up to {EXPONENT} are allowed"
     return None
 
 
