@@ -1,9 +1,9 @@
-"""Best linear approximation of each level, its noise, and what no linear structure would answer.
+"""Best linear approximation of each level, its noise and its nonlinear distortion.
 
 At an excited line Y = G F + S + N: G the best linear approximation, smooth in frequency; S the distortion,
 which looks like noise but repeats every period; N noise, which does not. G is a local polynomial over
 neighbouring excited lines, times one mode fitted to all of them (Schoukens, Vandersteen, Barbe, Pintelon,
-IEEE Trans. Instrum. Meas. 58 (2009) 3207); what it leaves is S + N, and the scatter of the periods is N.
+IEEE Trans. Instrum. Meas. 58 (2009) 3207); its residual is S + N, and the scatter of the periods is N.
 Where only odd lines are excited, even nonlinearity answers at even lines and odd nonlinearity also at the odd
 lines that are not excited.
 """
@@ -21,17 +21,17 @@ from rsgen.common.arrays import Array, ComplexArray
 from rsgen.common.errors import MeasurementError
 from rsgen.common.finding import Finding
 from rsgen.common.text_table import short
-from rsgen.common.tolerances import NOISE_LIMIT_SIGMAS
+from rsgen.common.tolerances import MAX_TRIAL_STEPS, NOISE_LIMIT_SIGMAS
 from rsgen.data.free_mode import fit_mode, steady
-from rsgen.data.multisine.spectra import MultisineSpectra, rms, scatter, smooth
+from rsgen.data.multisine.spectra import LINES_TO_EACH_SIDE, MultisineSpectra, rms, scatter, smooth
 from rsgen.data.surface.plausibility import Sizes, size_findings
 
 # ----------------------------------------------------------------------------
-# Whether records of a multisine, and the mode found from them, have sizes that a vibration test can have.
+# Plausibility of the sizes of records of a multisine, and of the mode found from them.
 
 
 def implausible(spectra: MultisineSpectra, *, mass: float = nan, damping: float = nan) -> Iterator[Finding]:
-    """Find sizes of another unit, as ``size_findings`` of a surface; amplitudes are sqrt(2) rms.
+    """Return findings about sizes in another unit, as ``size_findings``; amplitudes are sqrt(2) rms.
 
     Parameters
     ----------
@@ -51,30 +51,26 @@ def implausible(spectra: MultisineSpectra, *, mass: float = nan, damping: float 
     yield from size_findings(sizes)
 
 
-_SIDE = 5
-"""Excited lines to each side of the window, which determine the polynomial three times over."""
-_TERMS = 3
-"""Of the local polynomial: it has the curvature of what the mode leaves of a resonance within the window."""
-_FEWEST = 4
-"""Excited lines that determine three values with one to spare."""
-_ROUNDS = 12
-"""Reweightings of the resonance, each of which divides its error by ten or more."""
+_POLYNOMIAL_TERMS = 3
+"""Of the local polynomial: value, slope and curvature within the window, relative to the mode."""
+_MIN_LINES = _POLYNOMIAL_TERMS + 1
+"""Excited lines of a level: one more than the polynomial has coefficients."""
 
 
 @dataclass(frozen=True, slots=True, eq=False, repr=False)
 class Distortion:
-    """The response at lines that the force does not excite, the linear answer to leakage subtracted.
+    """Response at lines that the force does not excite, without the linear response to leakage.
 
     Parameters
     ----------
     frequency
         (d,) [Hz].
     response
-        (d,) amplitude of the displacement, noise and all, root mean square over the records of the level [m].
+        (d,) amplitude of the displacement, with noise, root mean square over the records of the level [m].
     noise
-        (d,) standard deviation of its mean over periods [m]; NaN of one period.
+        (d,) standard deviation of its mean over periods [m]; NaN with one period.
     records
-        Of the level.
+        Number of records of the level.
     """
 
     frequency: Array
@@ -83,14 +79,14 @@ class Distortion:
     records: int
 
     def __repr__(self) -> str:
-        """Say in one line where it was looked for."""
+        """Return number and range of the lines."""
         return f"Distortion({len(self.frequency)} lines{_between(self.frequency)})"
 
     def share(self, whole: Array) -> tuple[float, float]:
-        """Root mean square, without the noise, over that of ``whole`` (e,) [1], and its upper bound.
+        """Return root mean square without noise over that of ``whole`` (e,) [1], and its upper bound.
 
-        Noise adds its variance to the power of a line, which scatters as much. Of one period nothing is
-        known of it: nothing is subtracted, and there is no bound.
+        Noise adds its variance to the power of a line, which scatters as much. With one period it is unknown:
+        nothing is subtracted, and the bound is NaN.
         """
         total, power = float(np.sum(whole**2)), float(np.sum(self.response**2))
         if not total > 0:
@@ -112,7 +108,7 @@ class BestLinear:
     level
         Nominal root mean square of the force [N].
     records
-        How many records it rests on.
+        Number of records.
     frequency
         (e,) of the excited lines [Hz].
     receptance
@@ -120,12 +116,12 @@ class BestLinear:
     response
         (e,) amplitude of the displacement, root mean square over the records [m].
     noise
-        (e,) standard deviation of the mean response from period to period [m]; NaN of one period.
+        (e,) standard deviation of the mean response over periods [m]; NaN with one period.
     distortion
-        (e,) root mean square of what G leaves beyond the noise [m].
+        (e,) root mean square of the residual of G, without noise [m].
     even, odd
-        Lines that are not excited, where all excited lines are odd; None where some are even, so that even
-        and odd distortions cannot be separated.
+        Distortion at even and odd lines that are not excited; None where some excited lines are even, so that
+        even and odd distortions cannot be separated.
     natural_frequency, damping_ratio
         Of the one mode that fits G best [Hz], [1]; NaN where no mode does.
     stiffness, mass
@@ -147,7 +143,7 @@ class BestLinear:
     mass: float
 
     def __repr__(self) -> str:
-        """Say the mode and the shares in one line; arrays of hundreds of lines say nothing in print."""
+        """Return mode and shares in one line, without the arrays of hundreds of lines."""
         said = {
             "natural frequency": (self.natural_frequency, " Hz"),
             "damping ratio": (self.damping_ratio, ""),
@@ -172,7 +168,7 @@ class BestLinear:
 
     @property
     def even_share(self) -> float:
-        """Response at even lines over that at the excited ones [1], 0 where noise hides it.
+        """Response at even lines over that at the excited ones [1], 0 where it is below the noise.
 
         NaN where even lines are excited.
         """
@@ -180,12 +176,12 @@ class BestLinear:
 
     @property
     def odd_share(self) -> float:
-        """The same at odd lines that are not excited [1]."""
+        """Response at odd lines that are not excited over that at the excited ones [1]."""
         return float("nan") if self.odd is None else self.odd.share(self.response)[0]
 
     @property
     def even_bound(self) -> float:
-        """Upper bound of ``even_share`` [1]: what noise could hide; NaN of one period, and as above."""
+        """Upper bound of ``even_share`` [1] by the noise; NaN with one period, and as ``even_share``."""
         return float("nan") if self.even is None else self.even.share(self.response)[1]
 
     @property
@@ -195,7 +191,7 @@ class BestLinear:
 
     @property
     def noise_share(self) -> float:
-        """Noise of the mean over the response at the excited lines [1]; NaN of one period."""
+        """Noise of the mean over the response at the excited lines [1]; NaN with one period."""
         return _share(self.noise, self.response)
 
 
@@ -209,12 +205,12 @@ def _share(part: Array, whole: Array) -> float:
 
 
 def best_linear(spectra: MultisineSpectra, band: tuple[float, float] | None = None) -> tuple[BestLinear, ...]:
-    """Find the best linear approximation of every level.
+    """Return the best linear approximation of every level.
 
     Parameters
     ----------
     spectra
-        Records of one level are realisations of one multisine, and serve one approximation together.
+        Records of one level are realisations of one multisine, and have one approximation.
     band
         Lowest and highest frequency [Hz]; None: every excited line.
 
@@ -230,10 +226,10 @@ def best_linear(spectra: MultisineSpectra, band: tuple[float, float] | None = No
     for level in spectra.levels:
         rows = spectra.at_level(float(level))
         chosen = excited[rows].all(axis=0) & inside
-        if np.count_nonzero(chosen) < _FEWEST:
+        if np.count_nonzero(chosen) < _MIN_LINES:
             raise MeasurementError(
                 f"multisine: level {level:g} N: {np.count_nonzero(chosen)} excited lines in the band; at "
-                f"least {_FEWEST} are needed: in a wider band; or force and response are swapped, for a "
+                f"least {_MIN_LINES} are needed: in a wider band; or force and response are swapped, for a "
                 "force has about as much at all its lines"
             )
         found.append(
@@ -271,7 +267,7 @@ def _of_level(
     if np.all(np.flatnonzero(excited) % 2 == 1):
         linear = np.sqrt(np.mean(np.abs(response - everywhere * force) ** 2, axis=0))
         span = inside & (spectra.lines <= 3 * lines[-1]) & ~excited
-        # lines noisier than every excited one, as the lowest of accelerations, would hide all others
+        # without lines noisier than every excited one, as the lowest of accelerations are
         span &= ~(variance > variance[lines].max())
         parts = [np.flatnonzero(span & (spectra.lines % 2 == rest)) for rest in (0, 1)]
         even, odd = (
@@ -297,15 +293,15 @@ def _of_level(
 def _local(
     lines: NDArray[np.intp], force: ComplexArray, response: ComplexArray
 ) -> tuple[ComplexArray, Array]:
-    """Local polynomial G (e,) of excited lines (e,) from (r, e), and the power (e,) that it leaves."""
+    """Return the local polynomial G (e,) at excited lines (e,) from (r, e), and its residual power (e,)."""
     count = len(lines)
     receptance, left = np.zeros(count, dtype=complex), np.zeros(count)
-    width = min(2 * _SIDE + 1, count)
+    width = min(2 * LINES_TO_EACH_SIDE + 1, count)
     for i, line in enumerate(lines):
-        first = min(max(i - _SIDE, 0), count - width)
+        first = min(max(i - LINES_TO_EACH_SIDE, 0), count - width)
         part = slice(first, first + width)
         away = (lines[part] - line) / max(lines[part][-1] - lines[part][0], 1)
-        powers = away[:, None] ** np.arange(min(_TERMS, width - 1))
+        powers = away[:, None] ** np.arange(min(_POLYNOMIAL_TERMS, width - 1))
         matrix = (force[:, part, None] * powers).reshape(-1, powers.shape[1])
         right = response[:, part].reshape(-1)
         solution = np.linalg.lstsq(matrix, right, rcond=None)[0]
@@ -316,7 +312,7 @@ def _local(
 
 
 def _receptance(omega: Array, mode: tuple[float, float, float, float]) -> ComplexArray:
-    """(e,) of one mode; ones where there is none."""
+    """Return the receptance (e,) [m/N] of one mode at ``omega`` [rad/s]; ones if the mode is NaN."""
     natural, ratio, stiffness, _ = mode
     if not np.isfinite(natural):
         return np.ones(len(omega), dtype=complex)
@@ -327,9 +323,10 @@ def _receptance(omega: Array, mode: tuple[float, float, float, float]) -> Comple
 def _mode(
     omega: Array, receptance: ComplexArray, weight: Array, power: Array
 ) -> tuple[float, float, float, float]:
-    """Natural frequency [Hz], damping ratio, stiffness and mass of one mode, fitted to G with weights."""
+    """Return natural frequency [Hz], damping ratio, stiffness and mass of a mode fitted to G; else NaN."""
     predicted, one = np.ones_like(receptance), np.ones((len(omega), 1))
-    for _ in range(_ROUNDS):
+    # each reweighting divides the error by ten or more
+    for _ in range(MAX_TRIAL_STEPS):
         # each line divided by its last dynamic stiffness: errors then count in G
         scale = np.sqrt(weight * power) / np.abs(predicted)
         found = fit_mode(*steady(np.ones_like(receptance), receptance, omega), one, scale)

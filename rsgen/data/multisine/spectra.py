@@ -13,26 +13,19 @@ from rsgen.common.arrays import Array, ComplexArray, frozen_array
 from rsgen.common.errors import MeasurementError, RsgenError
 from rsgen.common.finding import Finding
 from rsgen.common.text_table import Printed, TextTable, short
+from rsgen.common.tolerances import ROUND_OFF, STANDARD_ERRORS_OF_DIFFERENCE
 
 if TYPE_CHECKING:
     from rsgen.data.oscillator import Observation
 
-_FLOOR = 1e-9
-"""Lines this far below the largest are round-off: ratios of such lines mean nothing."""
-_ROUND_OFF = 1e-14
-"""Scatter of periods below this share of the signal is that of their mean's last digits."""
-_ABOVE = 3.0
-"""A line below this many times the noise of its mean may be noise."""
-_GAP = 3.0
-"""Excited lines stand above the others by a factor; what a generator leaks is 10 dB lower at least."""
-SMOOTHED = 5
+_MIN_EXCITED_RATIO = 3.0
+"""Of the weakest excited line to the strongest other one: leakage of a generator is 10 dB lower at least."""
+LINES_TO_EACH_SIDE = 5
 """Lines to each side whose scatter is averaged: scatter of a few periods alone is off by tens of per cent."""
-_FALLS = (0, 2, 4)
+_NOISE_POWERS = (0, 2, 4)
 """Powers of the frequency by which noise falls: white in displacement, velocity or acceleration."""
-_HIDDEN = 3.0
-"""A response below this many times the noise of its mean says less than a law does."""
-_CLEAR = 10.0
-"""The same of the lowest lines, of which few have most of the noise: beyond, that is a per cent of power."""
+_MIN_RATIO_LOWEST_LINES = 10.0
+"""Of the response at the lowest lines to noise, which few of them dominate: at 10 it is 1 % of the power."""
 _BAD_LEVEL = "a positive root mean square of the force is needed"
 
 
@@ -57,12 +50,12 @@ class MultisineSpectra(Printed):
     origin
         "measured" or "simulated".
     left_out
-        (r,) periods at the beginning of each record that the transient took.
+        (r,) periods of transient, left out at the beginning of each record.
     findings
-        What was found while it was read.
+        Findings of the reader of the records.
     label
-        (r,) number by which the test calls the level of a record, where that is no amount of its force;
-        None: the levels are their own names. ``hold_out`` takes it.
+        (r,) number that names the level of a record in the test, where it is no amount of its force; None:
+        the levels are their own names. ``hold_out`` takes it.
 
     Raises
     ------
@@ -150,10 +143,10 @@ class MultisineSpectra(Printed):
 
     @property
     def exact(self) -> NDArray[np.bool_]:
-        """(r,) whether the periods of a record are equal but for round-off: they say nothing of noise."""
+        """(r,) True where the periods of a record are equal except for round-off: their noise is unknown."""
         pairs = zip(self.noise(), (self.mean_force, self.mean_response), strict=True)
         small = [
-            np.linalg.norm(own[:, 1:], axis=1) < _ROUND_OFF * np.linalg.norm(whole[:, 1:], axis=1)
+            np.linalg.norm(own[:, 1:], axis=1) < ROUND_OFF * np.linalg.norm(whole[:, 1:], axis=1)
             for own, whole in pairs
         ]
         return np.asarray(np.logical_and(*small))
@@ -165,7 +158,7 @@ class MultisineSpectra(Printed):
 
     @property
     def extent(self) -> dict[str, Any]:
-        """How many points there are and where they lie: a point is an excited line of a record."""
+        """Number and range of points, each an excited line of a record."""
         lines = self.excited().any(axis=0)
         frequency = self.frequency[lines]
         return {
@@ -185,26 +178,25 @@ class MultisineSpectra(Printed):
         return {"Spectra": f"{self.origin}, {size}"}
 
     def rms_force(self) -> Array:
-        """(r,) root mean square of the force, without its mean [N]."""
+        """Return the root mean square (r,) of the force, without its mean [N]."""
         return rms(self.mean_force)
 
     def rms_response(self) -> Array:
-        """(r,) root mean square of the displacement, without its mean and the lines that noise hides [m]."""
+        """Return the root mean square (r,) of the displacement [m] without mean and lines below noise."""
         return rms(np.where(self.lines < self.reach()[0][:, None], 0, self.mean_response))
 
     def reach(self) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
-        """(r,) lowest and highest line of each record between which the motion is best taken from it.
+        """Return lowest and highest line (r,) of each record between which noise does not hide the response.
 
-        Below and above, noise hides the response, or would be most of the noise of the motion: accelerations
-        divided by omega^2 have noise at the lowest lines that may exceed everything else. Without noise, or
-        of one period, all lines are taken.
+        Accelerations divided by omega^2 have noise at the lowest lines that may exceed everything else.
+        Without noise, or with one period, all lines are taken.
         """
         size, noise = np.abs(self.mean_response), np.where(self.exact[:, None], np.nan, self.noise()[1])
         ends = [_reach(*one) for one in zip(size, noise, self.excited(), strict=True)]
         return np.array([low for low, _ in ends]), np.array([high for _, high in ends])
 
     def select(self, chosen: Sequence[int] | NDArray[np.bool_] | NDArray[np.intp]) -> MultisineSpectra:
-        """Take some of the records."""
+        """Return some of the records."""
         rows = np.asarray(chosen)
         left = np.asarray(self.left_out)[rows]
         label = None if self.label is None else self.label[rows]
@@ -218,16 +210,16 @@ class MultisineSpectra(Printed):
         )
 
     def at_level(self, level: float) -> NDArray[np.intp]:
-        """Records of a nominal level [N]; none where it was not tested."""
+        """Return the places of the records of a nominal level [N]; none if it was not tested."""
         return np.flatnonzero(np.isclose(self.level, level, rtol=1e-6, atol=0.0))
 
     def excited(self) -> NDArray[np.bool_]:
-        """(r, H+1) lines that the force excites, found from the force: those above the widest gap."""
+        """Return (r, H+1) True at excited lines: those of the force above the widest gap between sizes."""
         pairs = zip(self.mean_force, scatter(self.force), strict=True)
         return np.stack([_excited(force, variance) for force, variance in pairs])
 
     def noise(self) -> tuple[Array, Array]:
-        """(r, H+1) standard deviation of mean force [N] and response [m] by line; NaN of one period."""
+        """Return standard deviations (r, H+1) of mean force [N] and response [m]; NaN with one period."""
         return np.sqrt(scatter(self.force)), np.sqrt(scatter(self.response))
 
     def _table(self) -> TextTable:
@@ -249,7 +241,7 @@ class MultisineSpectra(Printed):
 
 
 def _array(values: ArrayLike, name: str, kind: type, dimensions: tuple[int, ...]) -> NDArray[Any]:
-    """Take numbers as an array; a fault that names it where they are none."""
+    """Return numbers as an array of one of these dimensions; a MeasurementError names it otherwise."""
     try:
         array: NDArray[Any] = np.asarray(values, dtype=kind)
     except (TypeError, ValueError):
@@ -264,12 +256,12 @@ def _array(values: ArrayLike, name: str, kind: type, dimensions: tuple[int, ...]
 
 
 def rms(spectrum: ComplexArray) -> Array:
-    """(...,) root mean square of signals without their mean, from spectra (..., H+1)."""
+    """Return the root mean square (...,) of signals without their mean, from spectra (..., H+1)."""
     return np.asarray(np.sqrt(0.5 * np.sum(np.abs(spectrum[..., 1:]) ** 2, axis=-1)))
 
 
-def smooth(power: Array, side: int = SMOOTHED) -> Array:
-    """(H+1,) average of a power over neighbouring lines; the mean's line stays by itself."""
+def smooth(power: Array, side: int = LINES_TO_EACH_SIDE) -> Array:
+    """Return the average (H+1,) of a power over neighbouring lines; the line of the mean stays as it is."""
     if len(power) < 3:
         return power
     window = np.ones(2 * side + 1)
@@ -280,10 +272,10 @@ def smooth(power: Array, side: int = SMOOTHED) -> Array:
 
 
 def scatter(periods: ComplexArray) -> Array:
-    """(r, H+1) variance of the mean of p periods (r, p, H+1), by line, averaged over neighbours; NaN of one.
+    """Return the variance (r, H+1) of the mean of p periods (r, p, H+1), averaged over lines; NaN if p = 1.
 
-    Noise falls with a power of the frequency that all records have in common; of several that may be, each
-    counts by its likelihood.
+    Noise falls with one power of the frequency in all records; each possible power is weighted by its
+    likelihood.
     """
     count = periods.shape[1]
     if count < 2:
@@ -291,7 +283,7 @@ def scatter(periods: ComplexArray) -> Array:
     deviation = periods - periods.mean(axis=1, keepdims=True)
     power = np.sum(np.abs(deviation) ** 2, axis=1) / (count - 1) / count
     lines = np.maximum(np.arange(power.shape[1], dtype=np.float64), 1)
-    found = [np.stack([smooth(one) for one in power * lines**fall]) * lines**-fall for fall in _FALLS]
+    found = [np.stack([smooth(one) for one in power * lines**fall]) * lines**-fall for fall in _NOISE_POWERS]
     surprise = (count - 1) * np.array([_surprise(power[:, 1:], one[:, 1:]) for one in found])
     likelihood = np.exp(surprise.min() - surprise)
     log = np.log(np.maximum(found, np.finfo(float).tiny))
@@ -299,21 +291,21 @@ def scatter(periods: ComplexArray) -> Array:
 
 
 def _surprise(power: Array, expected: Array) -> float:
-    """Minus the logarithm of the likelihood of powers of noise, up to a factor and a constant."""
+    """Return minus the logarithm of the likelihood of powers of noise, up to a factor and a constant."""
     known = expected > 0
     return float(np.sum(np.log(expected[known]) + power[known] / expected[known]))
 
 
 def _reach(size: Array, noise: Array, excited: NDArray[np.bool_]) -> tuple[int, int]:
-    """Lowest and highest line of a response (H+1,), with its noise, that are taken from the record."""
+    """Return lowest and highest line of a response (H+1,) between which it is larger than its noise."""
     last = len(size) - 1
     if not np.isfinite(noise).all():
         return 1, last
-    high = np.flatnonzero(np.sqrt(smooth(size**2)) > _HIDDEN * noise)
+    high = np.flatnonzero(np.sqrt(smooth(size**2)) > STANDARD_ERRORS_OF_DIFFERENCE * noise)
     variance = np.maximum(noise[1:] ** 2, 1e-300)
-    # from below, so that a strong line is not taken for those before it
-    hidden = np.cumsum(size[1:] ** 2 / variance) <= _CLEAR**2 * np.arange(1, last + 1)
-    # lines below the excited ones, as long as their noise together is not more than that of these
+    # summed from below, so that a strong line does not hide the noise of those before it
+    hidden = np.cumsum(size[1:] ** 2 / variance) <= _MIN_RATIO_LOWEST_LINES**2 * np.arange(1, last + 1)
+    # lines below the excited ones are hidden if their noise together exceeds that of the excited ones
     driven = np.flatnonzero(excited[1:])
     if len(driven):
         below = np.cumsum(variance[: driven[0]][::-1])[::-1]
@@ -323,19 +315,20 @@ def _reach(size: Array, noise: Array, excited: NDArray[np.bool_]) -> tuple[int, 
 
 
 def _excited(force: ComplexArray, variance: Array) -> NDArray[np.bool_]:
-    """Find the lines of one record that the force excites."""
+    """Return (H+1,) True at the lines of one record that the force excites."""
     size = np.abs(force)
     size[0] = 0.0
     largest = float(size.max(initial=0.0))
-    noise = np.nan_to_num(np.sqrt(variance)) * _ABOVE
-    floored = np.maximum(size, np.maximum(noise, _FLOOR * largest))
-    # what noise hides is not excited, whatever the others are
-    seen = np.flatnonzero(size > np.maximum(noise, _FLOOR * largest))
+    noise = np.nan_to_num(np.sqrt(variance)) * STANDARD_ERRORS_OF_DIFFERENCE
+    floor = np.maximum(noise, ROUND_OFF * largest)
+    floored = np.maximum(size, floor)
+    # a line below the noise or round-off is not excited
+    seen = np.flatnonzero(size > floor)
     if not len(seen):
         return np.zeros(len(size), dtype=bool)
     ordered = np.sort(floored[1:])[::-1][: len(seen) + 1]
     ratio = ordered[:-1] / ordered[1:]
-    if not len(ratio) or float(ratio.max()) < _GAP:
+    if not len(ratio) or float(ratio.max()) < _MIN_EXCITED_RATIO:
         chosen = np.zeros(len(size), dtype=bool)
         chosen[seen] = True
         return chosen
@@ -343,11 +336,11 @@ def _excited(force: ComplexArray, variance: Array) -> NDArray[np.bool_]:
 
 
 # ----------------------------------------------------------------------------
-# Which records an identification may use.
+# Records that an identification uses.
 
 
 def check_records(spectra: MultisineSpectra, observation: Observation) -> NDArray[np.bool_]:
-    """(r,) records that are held out.
+    """Return (r,) True for the records that are held out.
 
     Raises
     ------
@@ -371,7 +364,7 @@ def check_records(spectra: MultisineSpectra, observation: Observation) -> NDArra
 
 
 def held_out_records(spectra: MultisineSpectra, levels: tuple[float, ...]) -> NDArray[np.bool_]:
-    """(r,) records of the held-out levels, by their labels or amounts [N].
+    """Return (r,) True for the records of held-out levels, by their labels or amounts [N].
 
     Raises
     ------

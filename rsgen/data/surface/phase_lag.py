@@ -14,44 +14,41 @@ from rsgen.common.finding import Finding, Quantity, Severity
 if TYPE_CHECKING:
     from rsgen.data.surface.response_surface import ResponseSurface
 
-RESONANT = 0.52
-"""Lags within 30 degrees of a quarter period [rad] may be meant to be one, with an uncorrected delay;
+MAX_LAG_ERROR = 0.52
+"""30 degrees [rad]: within it of a quarter period a lag is meant to be one, but for an uncorrected delay;
 others are slices off resonance."""
 
-_APART = 0.14
-"""Lags that are set differ by more than eight degrees from the next; those of one loop scatter by less."""
+_MAX_LAG_SCATTER = 0.07
+"""Standard deviation [rad], 4 degrees, of the lags of one loop; the next lag that is set is twice as far."""
 
-_SCATTERED = 0.07
-"""Lags that scatter by more than four degrees are not of one loop, but slices that were set."""
+_LAG_ERROR_NEGLIGIBLE = 0.02
+"""One degree [rad]: the lag error shifts k/m by a thirtieth of the damping ratio."""
 
-_HELD = 0.02
-"""A lag within a degree of a quarter period shifts k/m by a thirtieth of the damping ratio: no matter."""
+_LAG_ERROR_DOUBTFUL = 0.17
+"""Ten degrees [rad]: the loop is not locked, and k/m is shifted by a third of the damping ratio."""
 
-_LOST = 0.17
-"""Loops that miss by ten degrees are not locked: k/m is shifted by a third of the damping ratio."""
+_MAX_FORCE_SPREAD = 0.02
+"""Relative difference of the forces of one slice off resonance; levels of a backbone differ by more."""
 
-_SAME_FORCE = 0.02
-"""Forces of one slice off resonance differ by less; levels of a backbone differ by more."""
+MIN_MODE_SPACING = 0.05
+"""Relative distance of the frequencies of two modes; from level to level those of one shift by less."""
 
-_MODES = 0.05
-"""Least relative gap between the frequencies of two modes: from level to level those of one shift by less."""
+_MIN_GAP_RATIO = 5.0
+"""Of the gap between two modes to the largest step within either."""
 
-_WIDER = 5.0
-"""The gap between two modes is so many times as wide as the largest step within either."""
-
-_EACH = 3
-"""Points of each mode from which on it is one: a step of its own may end a backbone."""
+_MIN_POINTS = 3
+"""Points of a mode; fewer may be the end of a backbone."""
 
 
 def lag_findings(surface: ResponseSurface) -> tuple[Finding, ...]:
-    """Say which lag a phase-locked test has, whether it is that of resonance, and whether of one mode.
+    """Return findings about the lag of a phase-locked test: its error, and whether it is of one mode.
 
-    Nothing of other tests, and no lag where none was recorded.
+    None of other tests, and none about the lag where none was recorded.
     """
     if surface.control != "phase":
         return ()
     good = surface.select(surface.settled & np.isfinite(surface.phase) & (surface.amplitude > 0))
-    near = np.abs(good.phase - pi / 2) < RESONANT
+    near = np.abs(good.phase - pi / 2) < MAX_LAG_ERROR
     gap = backbone_gap(good.frequency[near], good.amplitude[near])
     several = () if gap is None else (gap.finding(severity="warning"),)
     several = (*several, *_lock_lost(good.phase, np.abs(good.force)))
@@ -59,12 +56,12 @@ def lag_findings(surface: ResponseSurface) -> tuple[Finding, ...]:
 
 
 def _lag(lag: Array) -> tuple[Finding, ...]:
-    """Say which lag (n,) points have, and whether it is that of resonance."""
+    """Return a finding about the lag (n,) [rad] of the points and its error from that of resonance."""
     off = _nearest(lag) - pi / 2
     if not len(off):
         seen = {"lag": Quantity(float(np.degrees(np.median(lag))))} if len(lag) else {}
         return (Finding("phase-not-resonant", "doubt", numbers=seen),) if len(lag) else ()
-    if np.std(off) > _SCATTERED:
+    if np.std(off) > _MAX_LAG_SCATTER:
         return ()
     missed = float(np.median(off))
     numbers = {
@@ -74,21 +71,23 @@ def _lag(lag: Array) -> tuple[Finding, ...]:
         "scatter": Quantity(float(np.degrees(np.std(off)))),
         "shift": Quantity(float(2 * abs(np.tan(missed)))),
     }
-    severity: Severity = "info" if abs(missed) < _HELD else "warning" if abs(missed) < _LOST else "doubt"
+    size = abs(missed)
+    severity: Severity = "warning" if size < _LAG_ERROR_DOUBTFUL else "doubt"
+    severity = "info" if size < _LAG_ERROR_NEGLIGIBLE else severity
     return (Finding("phase-lag", severity, numbers=numbers),)
 
 
 def _lock_lost(lag: Array, force: Array) -> tuple[Finding, ...]:
-    """Name points (n,) whose lag [rad] is not that of the backbone, at a force [N] that no other point has.
+    """Return a finding about points (n,) whose lag [rad] differs from that of the backbone.
 
-    Slices off resonance are measured at the force of other points. Where most points are off, the backbone
-    is not what was meant.
+    Points at a force [N] that others have are slices off resonance, and not counted. None where most points
+    differ: such a test is no backbone.
     """
     common = _nearest(lag)
     if len(common) <= len(lag) / 2:
         return ()
-    low, high = common.min() - _APART, common.max() + _APART
-    alone = np.array([np.sum(np.abs(force - one) < _SAME_FORCE * one) == 1 for one in force])
+    low, high = common.min() - 2 * _MAX_LAG_SCATTER, common.max() + 2 * _MAX_LAG_SCATTER
+    alone = np.array([np.sum(np.abs(force - one) < _MAX_FORCE_SPREAD * one) == 1 for one in force])
     lost = lag[((lag < low) | (lag > high)) & alone]
     if not len(lost):
         return ()
@@ -110,7 +109,7 @@ class BackboneGap:
     low, high
         Median frequency [Hz] of either.
     overlap
-        Whether there are amplitudes that both have: one mode has one frequency at an amplitude.
+        True if their amplitudes overlap: one mode has one frequency at an amplitude.
     """
 
     low: float
@@ -118,7 +117,7 @@ class BackboneGap:
     overlap: bool
 
     def finding(self, *, severity: Severity) -> Finding:
-        """Doubt two modes; where levels may be missing between the groups, say so with a severity."""
+        """Return a doubt about two modes; with this severity where levels may be missing instead."""
         numbers = {"low": Quantity(self.low, "Hz"), "high": Quantity(self.high, "Hz")}
         if self.overlap:
             return Finding("phase-gap", "doubt", numbers=numbers, names={"overlap": "yes"})
@@ -126,18 +125,18 @@ class BackboneGap:
 
 
 def backbone_gap(frequency: Array, amplitude: Array) -> BackboneGap | None:
-    """Gap between points at phase resonance (n,), in Hz and m; None where they lie on one backbone.
+    """Return the gap between points at phase resonance (n,), in Hz and m; None if on one backbone.
 
     A backbone is continuous, but levels may have been left out; two modes have a gap at all levels.
     """
     order = np.argsort(frequency)
     ordered, amplitude = frequency[order], amplitude[order]
     steps = np.diff(np.log(ordered))
-    if len(steps) < 2 * _EACH - 1:
+    if len(steps) < 2 * _MIN_POINTS - 1:
         return None
-    inner = steps[_EACH - 1 : len(steps) - _EACH + 1]
-    at = _EACH - 1 + int(np.argmax(inner))
-    if not steps[at] > max(_MODES, _WIDER * float(np.delete(steps, at).max())):
+    inner = steps[_MIN_POINTS - 1 : len(steps) - _MIN_POINTS + 1]
+    at = _MIN_POINTS - 1 + int(np.argmax(inner))
+    if not steps[at] > max(MIN_MODE_SPACING, _MIN_GAP_RATIO * float(np.delete(steps, at).max())):
         return None
     low, high = amplitude[: at + 1], amplitude[at + 1 :]
     return BackboneGap(
@@ -148,11 +147,11 @@ def backbone_gap(frequency: Array, amplitude: Array) -> BackboneGap | None:
 
 
 def _nearest(lag: Array) -> Array:
-    """The most frequent of the lags [rad] that a loop was set to, near a quarter period; none if all are far.
+    """Return the lags [rad] of the most frequent setting of a loop near a quarter period; none without one.
 
-    Of equally frequent ones the nearest counts.
+    Of equally frequent settings, the nearest is taken.
     """
-    groups = np.split(np.sort(lag), np.flatnonzero(np.diff(np.sort(lag)) > _APART) + 1)
+    groups = np.split(np.sort(lag), np.flatnonzero(np.diff(np.sort(lag)) > 2 * _MAX_LAG_SCATTER) + 1)
     away = [abs(float(np.median(group)) - pi / 2) if len(group) else np.inf for group in groups]
-    near = [i for i in range(len(groups)) if away[i] < RESONANT]
+    near = [i for i in range(len(groups)) if away[i] < MAX_LAG_ERROR]
     return groups[min(near, key=lambda i: (-len(groups[i]), away[i]))] if near else lag[:0]

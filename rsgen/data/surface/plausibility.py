@@ -24,20 +24,17 @@ from numpy.typing import NDArray
 
 from rsgen.common.arrays import Array, ComplexArray
 from rsgen.common.finding import Finding, Quantity
+from rsgen.common.tolerances import MIN_MISFIT_REDUCTION, MISFIT_DOUBTFUL
 from rsgen.data.free_mode import fit_powers
 from rsgen.data.surface.columns import DERIVATIVE, QUANTITIES
 from rsgen.data.surface.response_surface import ResponseSurface
 
-MAX_MISFIT = 0.05
-"""Of a correct reading, relative to the force; a misread channel leaves a fifth or a quarter."""
+_MAX_MISFIT_RATIO = 1 - MIN_MISFIT_REDUCTION
+"""Of the right reading to another one: noise and a wrong law leave the rest of the misfit. In measured tests
+other quantities leave 0.98 or more."""
 
-MAX_MISFIT_RATIO = 0.5
-"""The right reading leaves at most this share of the misfit: noise and a law that is missed stay. Other
-quantities leave 0.98 or more of measured tests."""
-
-MAX_MISFIT_RATIO_IMPASSIVE = 1.1
-"""The same where m, k or c is negative as it was read: the reading is wrong, and an equal misfit is
-enough."""
+_MAX_MISFIT_RATIO_IMPASSIVE = 1.1
+"""The same where m, k or c of the other reading is negative: it is wrong, and an equal misfit is enough."""
 
 _MAX_POWERS = 4
 _MIN_POINTS_PER_COEFFICIENT = 3
@@ -180,7 +177,7 @@ def plausibility_findings(
     mass: float = nan,
     damping: float = nan,
 ) -> Iterator[Finding]:
-    """Find what no vibration test can have: a response of another quantity, or sizes of another unit.
+    """Return findings about a response of another quantity, or sizes of another unit.
 
     Parameters
     ----------
@@ -205,12 +202,12 @@ def plausibility_findings(
 _UNIT_STEPS = (1e-6, 1e-3, 1e3, 1e6)
 """Factors between units: kN and N, N and mN."""
 
-_LEVEL_TOLERANCE = 1.5
-"""Factor within which forces near a resonance are their levels, up to one unit; numbers of runs are not."""
+LEVEL_TOLERANCE = 1.5
+"""Largest factor between a force and its nominal level: shakers drop at a resonance, but by less."""
 
 
 def level_findings(surface: ResponseSurface) -> Iterator[Finding]:
-    """Find forces that are the levels in another unit; one finding or none.
+    """Return a finding if forces are the levels in another unit.
 
     Levels are names, and often numbers of runs. Where at two levels or more the force is always the level
     times one factor between units, both are the same force, and one of them was read in another unit."""
@@ -222,7 +219,7 @@ def level_findings(surface: ResponseSurface) -> Iterator[Finding]:
     typical = np.array([np.median(force[level == one]) for one in levels])
     for factor in _UNIT_STEPS:
         ratio = np.abs(np.log(typical / levels / factor))
-        if len(levels) > 1 and np.max(ratio) < np.log(_LEVEL_TOLERANCE):
+        if len(levels) > 1 and np.max(ratio) < np.log(LEVEL_TOLERANCE):
             numbers = {
                 "level": Quantity(float(levels[-1]), surface.level_unit),
                 "force": Quantity(float(typical[-1]), surface.level_unit),
@@ -231,8 +228,7 @@ def level_findings(surface: ResponseSurface) -> Iterator[Finding]:
 
 
 def size_findings(sizes: Sizes) -> Iterator[Finding]:
-    """Find the size that is farthest outside the range of vibration tests, with the names of others; or
-    none."""
+    """Return a finding about the size farthest outside the range of vibration tests, if there is one."""
     outside = sizes.excess()
     if not outside:
         return
@@ -245,7 +241,7 @@ def size_findings(sizes: Sizes) -> Iterator[Finding]:
 
 
 def quantity_findings(surface: ResponseSurface, quantity: str | None = None) -> Iterator[Finding]:
-    """Find a response that is another quantity than the one it was read as; one finding or none.
+    """Return a finding if the response is another quantity than the one it was read as.
 
     Each derivative turns the phase by 90 degrees, so that the equation above fits the right quantity by far
     best: the response as it is, as a derivative or an integral of the displacement, or with its phase in
@@ -283,15 +279,15 @@ def quantity_findings(surface: ResponseSurface, quantity: str | None = None) -> 
         return found.misfit, found.passive
 
     misfit, signs = fit(response)
-    if misfit < MAX_MISFIT:
+    if misfit < MISFIT_DOUBTFUL:
         return
     fits = {name: fit(other) for name, other in others.items()}
     passive = {name: misfit for name, (misfit, signs) in fits.items() if all(signs)}
     best = min(passive, key=lambda name: passive[name], default=None)
-    ratio = MAX_MISFIT_RATIO if any(signs) else MAX_MISFIT_RATIO_IMPASSIVE
+    ratio = _MAX_MISFIT_RATIO if any(signs) else _MAX_MISFIT_RATIO_IMPASSIVE
     if best is None or passive[best] > ratio * misfit:
         return
-    sure = "yes" if passive[best] < MAX_MISFIT_RATIO * misfit else "no"
+    sure = "yes" if passive[best] < _MAX_MISFIT_RATIO * misfit else "no"
     numbers = {"misfit": Quantity(misfit), "then": Quantity(passive[best])}
     yield Finding(
         "another-quantity", "doubt", "", numbers, {"read": quantity or "", "is": best, "sure": sure}
@@ -315,7 +311,7 @@ misread."""
 
 
 def base_findings(surface: ResponseSurface, *, absolute: bool, senses: bool) -> tuple[Finding, ...]:
-    """Find the misreading of a driven base that explains the test better than the reading; or none.
+    """Return a finding if a misreading of a driven base explains the test better than the reading.
 
     Parameters
     ----------
@@ -334,7 +330,7 @@ def base_findings(surface: ResponseSurface, *, absolute: bool, senses: bool) -> 
     base = surface.force[rows] / omega**2
     response = surface.harmonics[rows, 1] + (base if absolute else 0)
     misfit, passive = _fit(base, response, omega, absolute, powers)
-    if passive and misfit < MAX_MISFIT:
+    if passive and misfit < MISFIT_DOUBTFUL:
         return ()
     readings = {
         "sign": (base, -response, absolute),
@@ -348,18 +344,18 @@ def base_findings(surface: ResponseSurface, *, absolute: bool, senses: bool) -> 
             "sense-both": (np.conj(base), np.conj(response), absolute),
         } | readings
     fits = {name: _fit(x_b, x, omega, kind, powers) for name, (x_b, x, kind) in readings.items()}
-    sound = {name: left for name, (left, positive) in fits.items() if positive and left < MAX_MISFIT}
+    sound = {name: left for name, (left, positive) in fits.items() if positive and left < MISFIT_DOUBTFUL}
     best = min(sound, key=lambda name: sound[name], default="")
     scaled = _scale_findings(base, response, omega, absolute, powers)
     if scaled:
         x_b, x, kind = readings.get(best, (base, response, absolute))
         of_law, _ = _fit(x_b, x, omega, kind, powers, of_law=True)
-        if scaled[0]["then"] < MAX_MISFIT_RATIO * of_law:
+        if scaled[0]["then"] < _MAX_MISFIT_RATIO * of_law:
             return scaled
-    if not best or sound[best] > (MAX_MISFIT_RATIO if passive else MAX_MISFIT_RATIO_IMPASSIVE) * misfit:
+    if not best or sound[best] > (_MAX_MISFIT_RATIO if passive else _MAX_MISFIT_RATIO_IMPASSIVE) * misfit:
         return ()
     # without a phase of its own the base has no sense: the first reading that is as good is taken
-    best = next(name for name in sound if sound[name] < MAX_MISFIT_RATIO_IMPASSIVE * sound[best])
+    best = next(name for name in sound if sound[name] < _MAX_MISFIT_RATIO_IMPASSIVE * sound[best])
     numbers = {"misfit": Quantity(misfit), "then": Quantity(sound[best])}
     names = {"is": best, "response": "relative" if absolute else "absolute"}
     return (Finding("base-misread", "error", "", numbers, names),)
@@ -368,7 +364,7 @@ def base_findings(surface: ResponseSurface, *, absolute: bool, senses: bool) -> 
 def _scale_findings(
     base: ComplexArray, response: ComplexArray, omega: Array, absolute: bool, powers: range
 ) -> tuple[Finding, ...]:
-    """Find a factor of one channel against the other with which any law fits; or none.
+    """Return a finding if any law fits with a factor between the two channels.
 
     Misfits are relative to the force of the law: next to the inertia of the base any law would fit a response
     that is far too small.
@@ -382,7 +378,7 @@ def _scale_findings(
         _fit(base, by * (1j * omega) ** order * response, omega, absolute, powers, of_law=True)
         for _, by, order in factors
     ]
-    limit = min(MAX_MISFIT, MAX_MISFIT_RATIO * misfit)
+    limit = min(MISFIT_DOUBTFUL, _MAX_MISFIT_RATIO * misfit)
     sound = [
         (left, *factor)
         for (left, positive), factor in zip(fits, factors, strict=True)

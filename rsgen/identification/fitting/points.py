@@ -19,7 +19,7 @@ from rsgen.common.errors import RsgenError
 from rsgen.common.tolerances import ASSUMED_RELATIVE_NOISE, ROUND_OFF, STANDARD_ERRORS_OF_DIFFERENCE
 from rsgen.data.oscillator import Model, join_model
 from rsgen.data.surface import OUTCOMES, ResponseSurface
-from rsgen.data.surface.phase_lag import RESONANT, BackboneGap, backbone_gap
+from rsgen.data.surface.phase_lag import MAX_LAG_ERROR, BackboneGap, backbone_gap
 from rsgen.law.motion import Motion, feeds_exciter
 
 ASYMMETRIC = 0.2
@@ -128,7 +128,7 @@ class Points:
     def in_quadrature(self) -> NDArray[np.bool_]:
         """Mask (n,) of responses that lag the force by nearly a quarter period, or as all points do."""
         common = float(np.median(self.lag))
-        return np.abs(self.lag - (common if abs(common) < RESONANT else 0.0)) < _MAX_LAG_DEVIATION
+        return np.abs(self.lag - (common if abs(common) < MAX_LAG_ERROR else 0.0)) < _MAX_LAG_DEVIATION
 
     @property
     def runs(self) -> list[NDArray[np.intp]]:

@@ -37,7 +37,7 @@ from rsgen.common.tolerances import (
     f_quantile,
     normal_share,
 )
-from rsgen.data.multisine.spectra import SMOOTHED, rms, smooth
+from rsgen.data.multisine.spectra import LINES_TO_EACH_SIDE, rms, smooth
 from rsgen.formula import parse
 from rsgen.identification.fitting.least_squares import (
     Alternative,
@@ -398,7 +398,7 @@ def max_misfit_of_noise(fit: LineFit) -> float:
     count, repeats = int(fit.lines.used.sum()), fit.lines.spectra.periods - 1
     if repeats < 1:
         return NOISE_RATIO_BY_CHANCE
-    freedom, averaged = max(2 * count - int(fit.free.sum()), 1), repeats * (SMOOTHED + 1)
+    freedom, averaged = max(2 * count - int(fit.free.sum()), 1), repeats * (LINES_TO_EACH_SIDE + 1)
     limit = f_quantile(freedom, 2 * repeats * count, 1 - normal_share(-NOISE_LIMIT_SIGMAS))
     return max(
         NOISE_RATIO_BY_CHANCE, float(np.sqrt(limit * freedom / (2 * count) * averaged / (averaged - 1)))
