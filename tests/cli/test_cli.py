@@ -593,7 +593,6 @@ _HEAVY = (
         (["laws"], _HEAVY),
         (["check", "cubic.toml"], (*_HEAVY, "numpy.ma")),
         (["inspect", "a.csv"], (*_HEAVY, "sympy", "jinja2")),
-        (["inspect", "table.csv"], (*_HEAVY, "sympy", "jinja2")),
         (["inspect", "steps.h5"], (*_HEAVY, "sympy", "jinja2")),
     ],
 )

@@ -156,7 +156,7 @@ def test_a_saved_figure_is_drawn_once(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("name", DRAWINGS)
+@pytest.mark.parametrize("name", ["collapse", "surface"])
 def test_settings_of_the_caller_do_not_matter(name: str) -> None:
     _, plain = drawn(name)
     with mpl.rc_context({"text.usetex": True, "font.size": 20, "lines.linewidth": 9, "svg.fonttype": "path"}):

@@ -49,7 +49,9 @@ def decay(name: str, quantity: str = "displacement", duration: float = 15) -> np
 
 @pytest.mark.slow
 @pytest.mark.parametrize("name", LAWS)
-@pytest.mark.parametrize("quantity", ["displacement", "acceleration"])
+@pytest.mark.parametrize(
+    "quantity", ["displacement", pytest.param("acceleration", marks=pytest.mark.thorough)]
+)
 def test_a_free_decay_gives_the_describing_functions(name: str, quantity: str) -> None:
     found = follow_decay(TimeHistory(RATE, None, decay(name, quantity), quantity), mass=MASS)
     omega = 2 * np.pi * found.frequency

@@ -87,7 +87,13 @@ AWKWARD: dict[str, Callable[[np.ndarray], np.ndarray]] = {
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("kind", AWKWARD)
+@pytest.mark.parametrize(
+    "kind",
+    [
+        pytest.param(kind, marks=[pytest.mark.thorough] if kind in ("noise", "real") else [])
+        for kind in AWKWARD
+    ],
+)
 @pytest.mark.parametrize(
     "law", [CUBIC, pytest.param("k*x + k2*x**2 + c*v + F*sign(v)", marks=pytest.mark.thorough)]
 )

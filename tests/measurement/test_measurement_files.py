@@ -455,7 +455,14 @@ ADDRESSES: dict[str, list[int | str]] = {
 @pytest.mark.slow
 @pytest.mark.skipif(sys.platform != "linux", reason="work and memory of a process are counted as Linux does")
 @pytest.mark.usefixtures("_warm")
-@pytest.mark.parametrize("entry", CORPUS, ids=lambda entry: entry["id"])
+@pytest.mark.parametrize(
+    "entry",
+    [
+        pytest.param(entry, marks=[pytest.mark.thorough] if number % 4 else [])
+        for number, entry in enumerate(CORPUS)
+    ],
+    ids=lambda entry: entry["id"],
+)
 def test_hostile_files(tmp_path: Path, entry: dict[str, str]) -> None:
     path = tmp_path / entry["id"].removeprefix("data-")
     path.write_bytes(base64.b64decode(entry.get("input_b64", "")))

@@ -143,14 +143,14 @@ PINS = {
     "predicted/jenkins-held-out": Pin(_held_out, SWITCHED),
 }
 
-PINS["identified/bouc-wen"] = replace(PINS["identified/bouc-wen"], thorough=True)
+for thorough in ("identified/bouc-wen", "measured/iwan4"):
+    PINS[thorough] = replace(PINS[thorough], thorough=True)
 for slow in (
     "identified/iwan4",
     "identified/jenkins-background",
     "predicted/jenkins-held-out",
     "describing/bouc-wen",
     "balance/bouc-wen",
-    "measured/iwan4",
 ):
     PINS[slow] = replace(PINS[slow], slow=True)
 

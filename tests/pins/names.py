@@ -163,7 +163,10 @@ PINS = {
     "spectra.npz": Pin(_spectra_names, slow=True),
     **{
         f"result.json/{kind}": Pin(
-            partial(result_names, kind), slow=True, data="nlbeam" if kind == "measured" else ""
+            partial(result_names, kind),
+            slow=True,
+            thorough=kind in ("joint", "measured"),
+            data="nlbeam" if kind == "measured" else "",
         )
         for kind in REPORTS
     },
