@@ -1,4 +1,4 @@
-"""Swept sine to a response surface: envelopes against the phase of the sweep, its transient taken out."""
+"""Swept sine to a response surface: envelopes against the phase of the sweep, its transient subtracted."""
 
 from __future__ import annotations
 
@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from rsgen.common.arrays import Array, ComplexArray
 from rsgen.common.errors import MeasurementError
 from rsgen.common.finding import Finding
+from rsgen.common.tolerances import RELATIVE_ERROR_DOUBTFUL
 from rsgen.data.free_mode import MIN_RELATIVE_FORCE, FreeMode, Kinematics, estimate_mass
 from rsgen.data.history.envelope import (
     HARMONICS,
@@ -50,30 +51,26 @@ from rsgen.data.history.tracking import (
 from rsgen.data.surface import ResponseSurface
 from rsgen.data.surface.response_surface import SWEPT_TOO_FAST
 
-POINTS = 400
-"""Points of a sweep; more repeat what their neighbours say and make every later stage slower."""
-_MIXED = 8
-"""Periods that a window must last at least: in fewer, harmonics leak into one another."""
-_WIDER = 1.5
-"""A second window, wider by this factor, shows what the first one flattens."""
-_FLATTENED = 0.02
-"""Largest relative difference of the acceleration between the two windows of a point that is used."""
-_DOUBT = 0.1
-"""A force or mass that is uncertain by more than this fraction is not used: it would not separate laws."""
-_FREE = 1.0
-"""A correction above this fraction of the measured and of the corrected force: mainly a free motion."""
-_FLANK = 0.2
-"""Points belong to a resonance down to this fraction of its receptance: five half widths of it."""
-_ONE_MODE = 0.15
-"""Misfit of one mode, relative to the force, up to which the sweep is corrected as one mode asks for."""
-_AGREE = 1.5
-"""A mass within this factor of that of the flanks is believed; those are good to a fifth."""
-_ROUGH = 0.3
-"""With a mass from the flanks, a correction up to this fraction of the force is good to a tenth of it."""
+MAX_POINTS = 400
+"""Of a sweep; more are correlated with their neighbours and make every later stage slower."""
+_WIDE_WINDOW = 1.5
+"""Length of a second window over the first; the difference shows how far the first flattens a peak."""
+_MAX_FLATTENING = 0.02
+"""Relative difference of the acceleration between the two windows of a point that is used."""
+_MAX_CORRECTION = 1.0
+"""Correction over the measured and the corrected force; a larger one is mainly a free motion."""
+_MIN_RECEPTANCE = 0.2
+"""Of the points of a resonance, relative to its peak: they reach to five half widths."""
+_MAX_MISFIT_ONE_MODE = 0.15
+"""Of one mode, relative to the force, with which a sweep is corrected by one mode."""
+_MAX_MASS_RATIO = 1.5
+"""Of the masses from the sweep and from its flanks; the latter is good to 20 %."""
+_MAX_CORRECTION_BY_FLANKS = 0.3
+"""Correction over the force with a mass from the flanks: its error is below a tenth of the force."""
 
 
 class _Mass(NamedTuple):
-    """A moving mass [kg]; how it was found; the correction, relative to the force, up to which it is good."""
+    """Moving mass [kg], its origin, and the correction, relative to the force, for which it is accurate."""
 
     value: float
     origin: str
@@ -87,15 +84,15 @@ def from_swept_sine(
     law: SweepLaw | str | None = None,
     bandwidth: float | None = None,
     harmonics: int = HARMONICS,
-    points: int = POINTS,
+    points: int = MAX_POINTS,
     mass: float | None = None,
 ) -> ResponseSurface:
     """Turn swept-sine time histories of one structure into a response surface.
 
     Every history may hold several sweeps, up and down, at several levels. The frequency of a point is that of
-    the force, never that of a free motion such as follows a jump. What the sweep itself asked for is taken
-    off the force (``quasi_steady``) where the mass is given or the sweeps determine it; a point whose motion
-    is mainly a free one, and one at which the force does not stand out of its noise, is not settled.
+    the force, not that of a free motion after a jump. The force becomes that of a steady motion where the
+    mass is given or the sweeps determine it (``envelope.steady_force``). A point whose motion is mainly a
+    free one, and one whose force is below its noise, is not settled.
 
     Parameters
     ----------
@@ -104,9 +101,9 @@ def from_swept_sine(
     band
         (lowest, highest) frequency [Hz] of the points; everything where None.
     law
-        The sweep law if known, or its kind "linear" or "logarithmic"; otherwise found from the force.
+        The sweep law, or its kind "linear" or "logarithmic"; None: found from the force.
     bandwidth
-        Of the demodulation [Hz]; where None, windows last ten periods of the force, which is 0.36 f.
+        Of the demodulation [Hz]; None: windows of ten periods of the force, 0.36 f, the widest possible.
     harmonics
         Highest harmonic of the displacement; those above 0.45 of the sampling rate come as NaN.
     points
@@ -147,7 +144,7 @@ def _windows(
     orders: int,
     points: int,
 ) -> tuple[Windows, Windows]:
-    """Lay the windows of a sweep, and wider ones for the fundamental."""
+    """Return the windows of a sweep, and wider ones for the fundamental."""
     law, rate, size = sweep.law, history.rate, len(history)
     begin, end = sweep.begin, sweep.end
     if band is not None:
@@ -160,7 +157,7 @@ def _windows(
             else f"{history.label}: the sweep is too short"
         )
     passed = law.frequency_at(np.array([begin, end]))
-    widest = NOISE_WIDTH / _MIXED * float(passed.min())
+    widest = NOISE_WIDTH / WINDOW_PERIODS * float(passed.min())
     if bandwidth is not None and not 0 < bandwidth <= widest:
         raise MeasurementError(
             f"{history.label}: bandwidth {bandwidth:g} Hz; must be above 0 and at most {widest:.3g} Hz, or "
@@ -172,13 +169,13 @@ def _windows(
         return np.asarray(np.full_like(f, NOISE_WIDTH / bandwidth) if bandwidth else WINDOW_PERIODS / f)
 
     t = independent_instants(length, begin, end, points)
-    # only places where both fit, with two periods to spare
-    margin = _WIDER * length(t) / 2 + 2 / law.frequency_at(t)
+    # both windows inside the record, and two periods more
+    margin = _WIDE_WINDOW * length(t) / 2 + 2 / law.frequency_at(t)
     t = t[(t > margin) & (t < size / rate - margin)]
     if not len(t):
         raise MeasurementError(f"{history.label}: too short for a window of {WINDOW_PERIODS:g} periods")
     period = rate / law.frequency_at(t)
-    wide = place_windows(t * rate, _WIDER * length(t) * rate, period, 1, size)
+    wide = place_windows(t * rate, _WIDE_WINDOW * length(t) * rate, period, 1, size)
     return place_windows(t * rate, length(t) * rate, period, orders, size), wide
 
 
@@ -211,7 +208,7 @@ def _demodulated(
     moved = mean_square(history.response, narrow)
     with np.errstate(invalid="ignore", divide="ignore"):
         share = np.sum(np.abs(force) ** 2, axis=1) / 2 / fed
-    # a constant belongs to neither
+    # without the mean, which is no vibration
     line = np.sum(np.abs(envelope[:, 1:, 0]) ** 2, axis=1) / 2
     power = np.maximum(moved - np.abs(envelope[:, 0, 0]) ** 2, line)
     findings = check_force(history, share[np.isfinite(share)]) if np.isfinite(share).any() else []
@@ -220,7 +217,7 @@ def _demodulated(
     omega = 2 * pi * law.frequency_at(t)
     table = displacement_harmonics(envelope[:, :, 0], omega, history.quantity, harmonics)
     table[:, 1] = motion.displacement
-    # unknown where nothing moved, as in a drop-out
+    # NaN where nothing moves, as in a drop-out
     with np.errstate(invalid="ignore", divide="ignore", over="ignore"):
         ratio = motion.acceleration / motion.displacement
         flattened = np.abs(wider.acceleration / wider.displacement - ratio) / np.abs(ratio)
@@ -251,16 +248,20 @@ def _surface(parts: list[SweptPoints], mass: float | None) -> ResponseSurface:
     omega = 2 * pi * column("drive").real
     loud = np.abs(force) > MIN_RELATIVE_FORCE * np.median(np.abs(force))
     usable = loud & np.isfinite(flattened) & np.isfinite(motion.displacement)
-    driven = unclear < _DOUBT
-    good = usable & driven & (flattened < _FLATTENED)
+    driven = unclear < RELATIVE_ERROR_DOUBTFUL
+    good = usable & driven & (flattened < _MAX_FLATTENING)
     findings = [finding for part in parts for finding in part.findings]
-    moving = _Mass(mass, "given", _FREE) if mass is not None else _moving_mass(parts, force, motion, good)
+    moving = (
+        _Mass(mass, "given", _MAX_CORRECTION)
+        if mass is not None
+        else _moving_mass(parts, force, motion, good)
+    )
     steady = force
     if moving is not None:
         steady, damping = steady_force(force, motion, moving.value, omega)
         steady = np.where(usable, steady, force)
         asked = np.abs(moving.value * flattened * motion.acceleration)
-        good &= asked < _DOUBT * np.maximum(np.abs(force), np.abs(steady))
+        good &= asked < RELATIVE_ERROR_DOUBTFUL * np.maximum(np.abs(force), np.abs(steady))
         correction = np.abs(steady - force) / np.maximum(np.abs(force), np.abs(steady))
         free = good & (
             correction >= np.minimum(moving.good_to, most_by_pace(parts, correction, steady, good))
@@ -289,29 +290,33 @@ def _surface(parts: list[SweptPoints], mass: float | None) -> ResponseSurface:
 def _moving_mass(
     parts: list[SweptPoints], force: ComplexArray, motion: Kinematics, good: NDArray[np.bool_]
 ) -> _Mass | None:
-    """Find the moving mass from the points at resonances, else from the flanks; None where it is unknown."""
+    """Return the moving mass from the points at resonances, else from the flanks; None if not determined."""
     flank = flank_mass(force[good], motion.select(good))
-    if flank is not None and (_typical(flank) > _ONE_MODE or not flank.mass > 0):
+    if flank is not None and (_typical(flank) > _MAX_MISFIT_ONE_MODE or not flank.mass > 0):
         flank = None
     picked = np.flatnonzero(_resonances(parts, good))
     found = estimate_mass(force[picked], motion.select(picked))
     if (
         found is not None
-        and _typical(found) < _ONE_MODE
-        and 0 < found.mass_error < _DOUBT * found.mass
-        and (flank is None or 1 / _AGREE < found.mass / flank.mass < _AGREE)
+        and _typical(found) < _MAX_MISFIT_ONE_MODE
+        and 0 < found.mass_error < RELATIVE_ERROR_DOUBTFUL * found.mass
+        and (flank is None or 1 / _MAX_MASS_RATIO < found.mass / flank.mass < _MAX_MASS_RATIO)
     ):
-        return _Mass(found.mass, "from the sweeps themselves", _FREE)
-    return None if flank is None else _Mass(flank.mass, "from the flanks of the resonance", _ROUGH)
+        return _Mass(found.mass, "from the sweeps themselves", _MAX_CORRECTION)
+    return (
+        None
+        if flank is None
+        else _Mass(flank.mass, "from the flanks of the resonance", _MAX_CORRECTION_BY_FLANKS)
+    )
 
 
 def _typical(found: FreeMode) -> float:
-    """Median misfit, relative to the force."""
+    """Return the median misfit, relative to the force."""
     return float(np.median(np.abs(found.left)))
 
 
 def _resonances(parts: list[SweptPoints], good: NDArray[np.bool_]) -> NDArray[np.bool_]:
-    """Mark the points around the highest receptance of each sweep."""
+    """Return (n,) True for the points around the highest receptance of each sweep."""
     marked = np.zeros(len(good), dtype=bool)
     begin = 0
     for part in parts:
@@ -319,7 +324,7 @@ def _resonances(parts: list[SweptPoints], good: NDArray[np.bool_]) -> NDArray[np
         size = np.abs(part.motion.displacement[chosen] / part.force[chosen])
         if len(chosen):
             top = int(np.argmax(size))
-            low = np.flatnonzero(size < _FLANK * size[top])
+            low = np.flatnonzero(size < _MIN_RECEPTANCE * size[top])
             left = int(np.max(low[low < top], initial=-1))
             right = int(np.min(low[low > top], initial=len(size)))
             marked[begin + chosen[left + 1 : right]] = True

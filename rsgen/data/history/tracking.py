@@ -1,4 +1,4 @@
-"""Sweeps in a time history: where each begins and ends, up or down, and its law, from the force alone."""
+"""Sweeps in a time history: begin, end and law of each, found from the force alone."""
 
 from __future__ import annotations
 
@@ -14,13 +14,23 @@ from numpy.typing import NDArray
 from rsgen.common.arrays import Array, ComplexArray
 from rsgen.common.errors import MeasurementError
 from rsgen.common.finding import Finding, Quantity
+from rsgen.common.tolerances import MAX_SHARE_OF_OUTLIERS, SUBSAMPLE_POINTS
 from rsgen.data.free_mode import Kinematics
-from rsgen.data.history.envelope import INTEGRATION_INSTANTS, NOISE_WIDTH, Windows, demodulate, place_windows
-from rsgen.data.history.record import NO_SINE, TimeHistory, blocks
+from rsgen.data.history.envelope import (
+    INTEGRATION_INSTANTS,
+    NOISE_WIDTH,
+    REFERENCE_PASSES,
+    Windows,
+    demodulate,
+    place_windows,
+)
+from rsgen.data.history.record import MIN_SAMPLES, NO_SINE, TimeHistory, blocks
 from rsgen.data.surface.columns import monotone_runs
+from rsgen.data.surface.phase_lag import MIN_MODE_SPACING
+from rsgen.data.surface.response_surface import HALF_POWER
 
 # ----------------------------------------------------------------------------
-# The law of a sweep: frequency against time, linear or logarithmic, given or found from the force.
+# Law of a sweep: frequency against time, linear or logarithmic, given or found from the force.
 
 LAWS = ("linear", "logarithmic")
 
@@ -65,26 +75,26 @@ class SweepLaw:
         return "up" if self.rate > 0 else "down"
 
     def frequency_at(self, t: Array) -> Array:
-        """Find the frequency [Hz]."""
+        """Return the frequency (n,) [Hz] at instants (n,) [s]."""
         if self.kind == "linear":
             return np.asarray(self.frequency + self.rate * t)
         return np.asarray(self.frequency * np.exp2(self.rate * t))
 
     def slope_at(self, t: Array) -> Array:
-        """Find df/dt [Hz/s]."""
+        """Return df/dt (n,) [Hz/s]."""
         if self.kind == "linear":
             return np.full_like(t, self.rate)
         return np.asarray(log(2) * self.rate * self.frequency_at(t))
 
     def phase_at(self, t: Array) -> Array:
-        """Find the phase [rad], whose derivative is 2 pi f."""
+        """Return the phase (n,) [rad], whose derivative is 2 pi f."""
         if self.kind == "linear":
             return np.asarray(self.phase + 2 * pi * t * (self.frequency + 0.5 * self.rate * t))
         growth = log(2) * self.rate
         return np.asarray(self.phase + 2 * pi * self.frequency / growth * np.expm1(growth * t))
 
     def time_of(self, frequency: float) -> float:
-        """Find when a frequency is passed [s]."""
+        """Return the instant [s] of a frequency [Hz]."""
         if self.kind == "linear":
             return (frequency - self.frequency) / self.rate
         # no logarithmic sweep begins at zero
@@ -92,27 +102,23 @@ class SweepLaw:
         return passed / (log(2) * self.rate)
 
 
-_LOOKS = 128
-"""Spectra along a history that show where the frequency goes: a dozen for each of ten sweeps."""
-_FEWEST = 10
-"""Spectra, and windows of the refinement, that a sweep must last; shorter ones are a start or a stop."""
-_LINES = 0.5
-"""Lines of a spectrum over which the frequency must go to be a sweep."""
-_NEAR = 2
-"""Lines on either side of the strongest that belong to it: the width of a Hann window's main lobe."""
-_FAINT = 0.1
-"""Parts whose strongest line is below this fraction of the strongest anywhere contain no sweep."""
-_TURN = 0.05
-"""A sweep has turned when the frequency moves back by this fraction of its range; spectra jitter by less."""
-_SWERVE = 0.2
-"""After a faint part a sweep goes on within this fraction of the way; a logarithmic one curves by less."""
-_PERIODS = 16.0
-"""Window of the refinement, in periods: a first law may be off by a sixteenth of the frequency."""
-_PLACES = 500
-"""Windows of the refinement, once the law is nearly right: their phases fix three numbers."""
-_ROUNDS = 4
-"""Refinements at most; each leaves the square of the error."""
-_STILL = 1e-6
+_SPECTRA = 128
+"""Of a history, which show its frequency: a dozen for each of ten sweeps."""
+_MIN_SPECTRA = 10
+"""Of a sweep, and windows of its refinement; shorter ones are a start or a stop."""
+_MIN_LINES = 0.5
+"""Lines of a spectrum over which the frequency of a sweep changes."""
+_MAIN_LOBE_LINES = 2
+"""Lines on either side of the strongest that belong to it, with a Hann window."""
+_MIN_LINE_RATIO = 0.1
+"""Of the strongest line in a part of a sweep to the strongest of the history."""
+_MIN_TURN = 0.05
+"""Change of frequency, relative to its range, by which a sweep turns back; that of noise is smaller."""
+_MAX_CURVATURE = 0.2
+"""Deviation of the frequency after a gap from the straight line, relative to its change in the gap."""
+_REFINEMENT_PERIODS = 16.0
+"""Of a window of the refinement: the first law may be off by a sixteenth of the frequency."""
+_PHASE_CHANGE_NEGLIGIBLE = 1e-6
 """A refinement by less [rad at the ends of the sweep] is the last."""
 
 
@@ -126,10 +132,10 @@ class Sweep:
 
 
 def find_sweeps(history: TimeHistory, given: SweepLaw | str | None = None) -> tuple[Sweep, ...]:
-    """Find the sweeps of a history from its force.
+    """Return the sweeps of a history, found from its force.
 
     ``given`` is the law if known, and the history then one sweep; or its kind, "linear" or "logarithmic";
-    where None, the kind that fits better.
+    None: the kind that fits better.
 
     Raises
     ------
@@ -149,38 +155,41 @@ def find_sweeps(history: TimeHistory, given: SweepLaw | str | None = None) -> tu
     if not sweeps:
         raise MeasurementError(
             f"{history.label}: no sweep found in the force: its frequency must rise or fall over "
-            f"{_FEWEST / _LOOKS:.0%} of the history; a stepped sine is read with test.excitation = "
+            f"{_MIN_SPECTRA / _SPECTRA:.0%} of the history; a stepped sine is read with test.excitation = "
             f'"stepped-sine"; {NO_SINE}'
         )
     return tuple(sweeps)
 
 
 def _ridge(history: TimeHistory) -> tuple[Array, Array, NDArray[np.bool_], float]:
-    """Follow the strongest line of the force: time, frequency, whether loud enough; resolution [Hz]."""
+    """Return time [s], frequency [Hz] and significance of the strongest line, and the resolution [Hz]."""
     force = history.reference
     n = len(force)
-    length = max(16, min(n, max(2 * n // _LOOKS, round(_PERIODS * history.rate / _typical(history)))))
-    starts = np.linspace(0, n - length, min(_LOOKS, n - length + 1)).astype(np.int64)
+    length = max(
+        MIN_SAMPLES,
+        min(n, max(2 * n // _SPECTRA, round(_REFINEMENT_PERIODS * history.rate / _typical(history)))),
+    )
+    starts = np.linspace(0, n - length, min(_SPECTRA, n - length + 1)).astype(np.int64)
     taper = np.hanning(length + 2)[1:-1]
     frequency, size = np.zeros(len(starts)), np.zeros(len(starts))
     for i, start in enumerate(starts):
         samples = np.asarray(force[start : start + length], dtype=np.float64)
         power = np.abs(np.fft.rfft((samples - samples.mean()) * taper)) ** 2
         top = int(np.argmax(power[1:])) + 1
-        near = slice(max(top - _NEAR, 0), top + _NEAR + 1)
+        near = slice(max(top - _MAIN_LOBE_LINES, 0), top + _MAIN_LOBE_LINES + 1)
         total = float(power[near].sum())
         place = np.arange(len(power))[near]
         frequency[i] = float(power[near] @ place) / total if total > 0 else 0.0
         size[i] = np.sqrt(total)
     frequency *= history.rate / length
     time = np.asarray((starts + (length - 1) / 2) / history.rate)
-    loud = np.asarray((size > _FAINT * size.max(initial=0.0)) & (frequency > 0))
+    loud = np.asarray((size > _MIN_LINE_RATIO * size.max(initial=0.0)) & (frequency > 0))
     return time, frequency, loud, history.rate / length
 
 
 def _typical(history: TimeHistory) -> float:
-    """Find a frequency that stands for the force: the mean over its spectrum [Hz]."""
-    # a long history is looked at in parts, for the spectrum of the whole costs time and memory
+    """Return the mean frequency of the spectrum of the force [Hz]."""
+    # in parts: one spectrum of a long history costs time and memory
     total, moment = 0.0, 0.0
     for block in blocks(history.reference):
         # squares of large numbers overflow in single precision
@@ -192,23 +201,23 @@ def _typical(history: TimeHistory) -> float:
 
 
 def _runs(frequency: Array, loud: NDArray[np.bool_], line: float) -> list[NDArray[np.intp]]:
-    """Split where the frequency turns or the force is faint; the spectra resolve a ``line`` [Hz]."""
-    # a single spectrum taken in by a disturbance is no turn
+    """Return the runs of spectra without a turn of the frequency or a gap; they resolve ``line`` [Hz]."""
+    # a single spectrum with a disturbance is no turn
     smooth = scipy.ndimage.median_filter(frequency, 3, mode="nearest")
     runs: list[NDArray[np.intp]] = []
-    least = max(_TURN * float(np.ptp(smooth[loud])), _LINES * line) if loud.any() else 0.0
+    least = max(_MIN_TURN * float(np.ptp(smooth[loud])), _MIN_LINES * line) if loud.any() else 0.0
     for stretch in _stretches(smooth, loud, line):
-        turns = monotone_runs(smooth[stretch], _TURN)
+        turns = monotone_runs(smooth[stretch], _MIN_TURN)
         for number, (start, stop, _) in enumerate(turns):
-            # spectra over the turn see both sides: they belong to neither run
+            # spectra over the turn have both frequencies, and belong to neither run
             run = stretch[start + (number > 0) : stop - (number < len(turns) - 1)]
-            if len(run) >= _FEWEST and np.ptp(smooth[run]) > least:
+            if len(run) >= _MIN_SPECTRA and np.ptp(smooth[run]) > least:
                 runs.append(run)
     return runs
 
 
 def _stretches(frequency: Array, loud: NDArray[np.bool_], line: float) -> list[NDArray[np.intp]]:
-    """Find the loud stretches; those between which one sweep goes on, as where its force fell, are one."""
+    """Return the stretches with a force; one sweep on both sides of a gap, where the force fell, is one."""
     stretches: list[NDArray[np.intp]] = []
     for part in np.split(np.arange(len(loud)), np.flatnonzero(np.diff(loud)) + 1):
         if not loud[part[0]]:
@@ -221,16 +230,17 @@ def _stretches(frequency: Array, loud: NDArray[np.bool_], line: float) -> list[N
 
 
 def _goes_on(frequency: Array, before: NDArray[np.intp], after: NDArray[np.intp], line: float) -> bool:
-    """Return whether the frequency after a faint part continues the line of that before it."""
-    if min(len(before), len(after)) < _FEWEST:
+    """Return whether the frequency after a gap continues the line of that before it."""
+    if min(len(before), len(after)) < _MIN_SPECTRA:
         return False
-    last, first = before[-_FEWEST:], after[:_FEWEST]
+    last, first = before[-_MIN_SPECTRA:], after[:_MIN_SPECTRA]
     slope, start = np.polyfit(last, frequency[last], 1)
     other = np.polyfit(first, frequency[first], 1)[0]
     moved = abs(slope) * (first[0] - last[-1])
     led_to = start + slope * first[0]
     return bool(
-        slope * other > 0 and abs(frequency[first[0]] - led_to) < max(_NEAR * line, _SWERVE * float(moved))
+        slope * other > 0
+        and abs(frequency[first[0]] - led_to) < max(_MAIN_LOBE_LINES * line, _MAX_CURVATURE * float(moved))
     )
 
 
@@ -258,22 +268,22 @@ def _first_law(time: Array, frequency: Array, kind: str | None) -> SweepLaw:
 
 
 def _refined(history: TimeHistory, law: SweepLaw, begin: float, end: float) -> SweepLaw:
-    """Refine a law by the phase that the force has against it."""
+    """Return a law refined by the phase of the force relative to it."""
     force, rate = history.reference, history.rate
     # at instants whose windows are independent
     dense = np.linspace(begin, end, INTEGRATION_INSTANTS)
-    passed = (law.phase_at(dense) - law.phase_at(dense[:1])) / (2 * np.pi * _PERIODS / NOISE_WIDTH)
+    passed = (law.phase_at(dense) - law.phase_at(dense[:1])) / (2 * np.pi * _REFINEMENT_PERIODS / NOISE_WIDTH)
     time = np.interp(np.arange(int(passed[-1]) + 1), passed, dense)
-    for count in range(_ROUNDS):
+    for count in range(REFERENCE_PASSES):
         if count:
-            # the phase no longer drifts by turns, so that few places are enough
-            time = time[np.linspace(0, len(time) - 1, min(len(time), _PLACES)).astype(np.intp)]
+            # the phase no longer changes by whole turns between windows, so that fewer are enough
+            time = time[np.linspace(0, len(time) - 1, min(len(time), SUBSAMPLE_POINTS)).astype(np.intp)]
         period = rate / law.frequency_at(time)
-        windows = place_windows(time * rate, _PERIODS * period, period, 1, len(force))
-        if len(windows) < _FEWEST:
+        windows = place_windows(time * rate, _REFINEMENT_PERIODS * period, period, 1, len(force))
+        if len(windows) < _MIN_SPECTRA:
             break
         law, moved = _shifted(law, force, rate, windows, end - begin)
-        if moved < _STILL:
+        if moved < _PHASE_CHANGE_NEGLIGIBLE:
             break
     return law
 
@@ -281,7 +291,7 @@ def _refined(history: TimeHistory, law: SweepLaw, begin: float, end: float) -> S
 def _shifted(
     law: SweepLaw, force: NDArray[Any], rate: float, windows: Windows, duration: float
 ) -> tuple[SweepLaw, float]:
-    """Fit phase, frequency and rate of a law to the phase of the force against it; and how far they moved."""
+    """Return a law with phase, frequency and rate refitted to the force, and the largest change [rad]."""
     envelope = demodulate(force, rate, law.phase_at, windows, (1,))[:, 0, 0]
     instant = windows.middle / rate
     lead = np.unwrap(np.angle(envelope))
@@ -298,7 +308,7 @@ def _shifted(
         try:
             model = candidate(p).phase_at(instant) - law.phase_at(instant)
         except MeasurementError:
-            # no frequency below zero, no standing sweep
+            # a frequency below zero or a rate of zero is no law
             return np.full(len(instant), 1e6)
         return np.asarray(weight * (model - lead))
 
@@ -309,24 +319,16 @@ def _shifted(
 # ----------------------------------------------------------------------------
 # Findings about sweeps: their pace at resonances, other modes in the band, harmonics of the force.
 
-_OTHER = 0.3
-"""Another maximum this high, relative to the highest, is reported ..."""
-_VALLEY = 0.5
-"""... where the receptance falls to this fraction of it between the two."""
-_APART = 0.04
-"""Nearer to the highest maximum than this, relatively, another one is of the same mode."""
-_HALF_POWER = 0.7
-"""Points down to this fraction of the highest receptance are the resonance; a single point may be noise."""
-_SLOW = 0.1
-"""rate/(zeta f)^2 below which a sweep is slow: it shifts a resonance by less than 2 % of its half width."""
-_FAST = 10.0
+_MIN_PROMINENCE = 0.3
+"""Of the receptance at another mode above the minimum between the two, relative to the highest."""
+_SLOW_PACE = 0.1
+"""rate/(zeta f)^2 below which a sweep shifts a resonance by less than 2 % of its half width."""
+_PROVED_PACE = 10.0
 """rate/(zeta f)^2 up to which the correction was proved (k(X) within 0.1 %, c(X) within 0.5 %)."""
-_SUDDEN = 0.15
-"""A correction of the force up to this fraction of it is never called a free motion ..."""
-_MORE = 2.0
-"""... nor one of up to twice that which the pace asks for at the resonance of its sweep."""
-_MAX_SHARE_EXCLUDED = 0.2
-"""Share of points excluded for one reason above which the others may not be the test that was meant."""
+_MIN_FREE_CORRECTION = 0.15
+"""Correction over the force of a point that is mainly a free motion ..."""
+_MIN_CORRECTION_RATIO = 2.0
+"""... and over the correction at the resonance of the sweep, which follows from its pace."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -360,13 +362,13 @@ class SweptPoints:
 def _sweep_by_sweep(
     parts: list[SweptPoints], steady: ComplexArray, good: NDArray[np.bool_]
 ) -> Iterator[tuple[SweptPoints, NDArray[np.intp], slice, Array]]:
-    """Each sweep that has good points: which of its points, where it stands in all, and their receptance."""
+    """Yield each sweep with good points: their places in it, its place in all points, their receptance."""
     begin = 0
     for part in parts:
         here = slice(begin, begin + len(part))
         chosen = np.flatnonzero(good[here])
         if len(chosen):
-            # of points that are not good the force may be next to nothing
+            # only good points: the force of others may be zero
             yield part, chosen, here, np.abs(part.motion.displacement[chosen] / steady[here][chosen])
         begin += len(part)
 
@@ -379,14 +381,14 @@ def fast_sweeps(
     mass: float,
     origin: str,
 ) -> list[Finding]:
-    """Judge the sweeps at their resonances: a finding about the fastest, none where all are slow.
+    """Return a finding about the fastest sweep at its resonance; none where all are slow.
 
     The points of all parts, one after the other, have the corrected force ``steady`` [N] and the damping c(X)
     [N s/m]; ``good`` ones are used. ``origin`` says where the mass [kg] is from.
     """
-    worst, findings = _SLOW, []
+    worst, findings = _SLOW_PACE, []
     for part, chosen, here, size in _sweep_by_sweep(parts, steady, good):
-        top = chosen[size > _HALF_POWER * size.max()]
+        top = chosen[size > HALF_POWER * size.max()]
         width = float(np.median(damping[here][top])) / (4 * pi * mass)
         rate = float(np.median(part.rate[top]))
         pace = rate / width**2 if width > 0 else np.inf
@@ -402,34 +404,32 @@ def fast_sweeps(
             "shift": Quantity(pace / (2 * pi)),
             "correction": Quantity(change),
             "mass": Quantity(mass, "kg"),
-            "proved_up_to": Quantity(_FAST),
+            "proved_up_to": Quantity(_PROVED_PACE),
         }
         names = {"record": part.label, "direction": part.direction, "mass": origin}
-        findings = [Finding("sweep-rate", "info" if pace <= _FAST else "warning", "", numbers, names)]
+        findings = [Finding("sweep-rate", "info" if pace <= _PROVED_PACE else "warning", "", numbers, names)]
     return findings
 
 
 def other_modes(parts: list[SweptPoints], steady: ComplexArray, good: NDArray[np.bool_]) -> list[Finding]:
-    """Find another maximum of the receptance, in the first sweep that has one."""
+    """Return a finding about another maximum of the receptance, in the first sweep that has one."""
     for part, chosen, _, size in _sweep_by_sweep(parts, steady, good):
         frequency = part.drive[chosen]
         order = np.argsort(frequency, kind="stable")
         frequency, size = frequency[order], size[order]
-        top = int(np.argmax(size))
-        for places in (np.arange(top, -1, -1), np.arange(top, len(size))):
-            side = size[places]
-            away = np.abs(frequency[places] / frequency[top] - 1) > _APART
-            # the lowest place on the way out
-            valley = np.minimum.accumulate(side)
-            height = np.where(away & (side > _OTHER * size[top]) & (valley < _VALLEY * side), side, 0.0)
-            if height.any():
-                f = Quantity(float(frequency[places[int(np.argmax(height))]]), "Hz")
-                return [Finding("another-maximum", "warning", "", {"frequency": f}, {"record": part.label})]
+        # zeros at both ends, so that a maximum may be the last point
+        padded, least = np.pad(size, 1), _MIN_PROMINENCE * float(size.max())
+        peaks = scipy.signal.find_peaks(padded, prominence=least)[0] - 1
+        away = np.abs(frequency[peaks] / frequency[np.argmax(size)] - 1) > MIN_MODE_SPACING
+        if away.any():
+            highest = max(peaks[away], key=lambda place: float(size[place]))
+            f = Quantity(float(frequency[highest]), "Hz")
+            return [Finding("another-maximum", "warning", "", {"frequency": f}, {"record": part.label})]
     return []
 
 
 def _counted(parts: list[SweptPoints], marked: NDArray[np.bool_]) -> dict[str, Quantity]:
-    """Count the marked points of all parts, and say where they are."""
+    """Return number and frequencies of the marked points of all parts."""
     frequency = np.concatenate([part.drive for part in parts])[marked]
     return {
         "excluded": Quantity(float(np.count_nonzero(marked))),
@@ -442,30 +442,32 @@ def _counted(parts: list[SweptPoints], marked: NDArray[np.bool_]) -> dict[str, Q
 def most_by_pace(
     parts: list[SweptPoints], correction: Array, steady: ComplexArray, good: NDArray[np.bool_]
 ) -> Array:
-    """Find the largest correction (n,), relative to the force, that the pace of each sweep explains.
+    """Return the largest correction (n,), relative to the force, that the pace of each sweep explains.
 
-    The correction of the good points around the resonance is what the pace asks for; a jump asks for more.
+    It follows from the correction of the good points around the resonance; that of a jump is larger.
     """
-    most = np.full(len(good), _SUDDEN)
+    most = np.full(len(good), _MIN_FREE_CORRECTION)
     for _, chosen, here, size in _sweep_by_sweep(parts, steady, good):
-        top = chosen[size > _HALF_POWER * size.max()]
-        most[here] = max(_SUDDEN, _MORE * float(np.median(correction[here][top])))
+        top = chosen[size > HALF_POWER * size.max()]
+        most[here] = max(
+            _MIN_FREE_CORRECTION, _MIN_CORRECTION_RATIO * float(np.median(correction[here][top]))
+        )
     return most
 
 
 def free_motion(parts: list[SweptPoints], free: NDArray[np.bool_]) -> list[Finding]:
-    """Count the points whose motion is mainly a free one, as after a jump."""
+    """Return a finding about the points whose motion is mainly a free one, as after a jump."""
     if not free.any():
         return []
-    many = np.mean(free) > _MAX_SHARE_EXCLUDED
+    many = np.mean(free) > MAX_SHARE_OF_OUTLIERS
     names = {"by": "free motion"}
     return [Finding("points-excluded", "doubt" if many else "info", "", _counted(parts, free), names)]
 
 
 def faint_forces(parts: list[SweptPoints], faint: NDArray[np.bool_]) -> list[Finding]:
-    """Count the points at which the force does not stand out of its noise."""
+    """Return a finding about the points at which the force is below its noise."""
     if not faint.any():
         return []
-    many = np.mean(faint) > _MAX_SHARE_EXCLUDED
+    many = np.mean(faint) > MAX_SHARE_OF_OUTLIERS
     names = {"by": "noise of the force"}
     return [Finding("points-excluded", "doubt" if many else "info", "", _counted(parts, faint), names)]
