@@ -16,6 +16,7 @@ import numpy as np
 
 from rsgen.common.arrays import Array
 from rsgen.common.finding import Finding, Quantity, Severity, quantities, severity_of
+from rsgen.common.linear_algebra import solve_scaled
 from rsgen.common.tolerances import (
     DEVIATING_MISFIT_RATIO,
     MIN_LEVELS_FOR_JACKKNIFE,
@@ -109,20 +110,21 @@ def misfit_findings(
             found.append(Finding("misfit-large", severity, numbers=numbers))
         return found
     # with a systematic misfit above a hundredth, intervals are too narrow
-    names, severity, left = (
-        dict[str, str](),
-        severity_of(misfit, RELATIVE_CHANGE_NEGLIGIBLE, MISFIT_REJECTED),
-        misfit,
-    )
+    severity = severity_of(misfit, RELATIVE_CHANGE_NEGLIGIBLE, MISFIT_REJECTED)
+    names, left = dict[str, str](), misfit
     if severity != "error":
         term = max(others.kinds["term"], key=lambda term: others.kinds["term"][term].gain)
-        left = _left_beside(fit, term)
-        if left < (1 - MIN_MISFIT_REDUCTION) * misfit:
-            names, severity = {"term": term}, "doubt"
-            numbers |= quantities(left=left)
-        elif (free := free_curves_leave(fit, points)) < 1 - MIN_MISFIT_REDUCTION:
-            names, severity = {"free": "curves"}, "doubt"
-            numbers |= quantities(left=free * misfit)
+        left = explained = _left_beside(fit, term)
+        names = {"term": term}
+        if not left < (1 - MIN_MISFIT_REDUCTION) * misfit:
+            curves = free_curves_leave(fit, points)
+            factors = inf if surface.decays else force_factors_leave(fit)
+            names = {"free": "curves"} if curves < factors else {"levels": "force"}
+            explained = min(curves, factors) * misfit
+        if explained < (1 - MIN_MISFIT_REDUCTION) * misfit:
+            severity, numbers = "doubt", numbers | quantities(left=explained)
+        else:
+            names = {}
     known = not any(finding.code in _CODES_OF_RESPONSE for finding in surface.findings)
     if severity != "error" and known and not surface.decays and (fixed := _contradicted(fit, left)):
         # the law is not to blame for what it was given
@@ -132,7 +134,7 @@ def misfit_findings(
     backgrounds = others.kinds["background"]
     if backgrounds and surface.origin == "measured" and observed.direct:
         found.append(_background_proposal(points, resonances))
-    if not names:
+    if not names.keys() & {"term", "free"}:
         # a term that is missing misses some levels more than others, as dry friction the lowest
         found += _level_apart(points, regression, surface.level_unit)
     if known and backgrounds:
@@ -213,6 +215,28 @@ def free_curves_leave(fit: Fit, points: Points) -> float:
     )
     share = np.sum(np.abs(free.left) ** 2) / np.sum(np.abs(weight * missed) ** 2)
     return float(np.sqrt(share / (1 - free.unknowns / (2 * len(missed)))))
+
+
+def force_factors_leave(fit: Fit) -> float:
+    """Return the share of the misfit left by another factor of the force at each level.
+
+    A shaker whose force was not measured, or an amplifier, has a gain that changes with the level. To first
+    order the residual changes by the same column c for a factor of all forces; its rows at one level are the
+    column of the factor there. Infinite if there are too few points.
+    """
+    problem, parameters = fit.problem, fit.regression.parameters
+    observed = problem.observed
+    louder = replace(observed, points=replace(observed.points, force=np.e * observed.points.force))
+    residual, matrix = linearise_extended(fit, problem, parameters)
+    column = linearise_extended(fit, replace(problem, observed=louder), parameters)[0] - residual
+    levels = observed.points.level[fit.regression.used]
+    at = levels[:, None] == np.unique(levels)
+    if len(residual) != len(levels) or len(levels) < POINTS_PER_KNOT * at.shape[1]:
+        return np.inf
+    columns = np.concatenate([matrix[:, :, problem.free], column[:, :, None] * at[:, None]], axis=2)
+    right, rows = residual.reshape(-1), columns.reshape(residual.size, -1)
+    left = right - rows @ solve_scaled(rows, right)[0]
+    return float(np.sqrt(np.sum(left**2) / np.sum(right**2) / (1 - at.shape[1] / len(right))))
 
 
 def _contradicted(fit: Fit, left: float) -> list[Finding]:

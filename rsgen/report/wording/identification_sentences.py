@@ -304,7 +304,11 @@ def _damping_feeds_energy(found: Finding) -> str:
 
 @says("law-does-not-fit")
 def _law_does_not_fit(found: Finding) -> str:
-    better = {"term": "a term {}", "free": "a stiffness and a damping free to follow the amplitude"}
+    better = {
+        "term": "a term {}",
+        "free": "a stiffness and a damping free to follow the amplitude",
+        "levels": "another factor of the {} at each level, as of a shaker whose force was not measured,",
+    }
     missing = "".join(
         f"; {text.format(found.names[kind])} would leave {number_text(100 * found['left'], 2)} %"
         for kind, text in better.items()
