@@ -32,7 +32,6 @@ from rsgen.identification.fitting.points import per_unit_mass
 from rsgen.identification.judge import judge, prepare
 from rsgen.identification.misfit import law_misses
 from rsgen.identification.prediction import Prediction, predict_held_out, predict_records
-from rsgen.identification.resonance import identify_ratios
 from rsgen.identification.results import Identification, changed
 from rsgen.identification.soundness import held_points, runs_away, stopped_points
 from rsgen.identification.starting.start import start_fit
@@ -230,7 +229,7 @@ def identify(
         return _with_held_out(records, predict_records, records)
     require(surface, ResponseSurface, "surface")
     surface, model = per_unit_mass(without_copies(surface), model)
-    found = identify_ratios(surface, model, _identify) or _identify(surface, model)
+    found = _identify(surface, model)
     return _with_held_out(found, predict_held_out, found, surface)
 
 

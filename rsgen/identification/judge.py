@@ -29,7 +29,13 @@ from rsgen.identification.fitting.across import law_of
 from rsgen.identification.fitting.fit import Fit, Solution, fit_balance
 from rsgen.identification.fitting.least_squares import Regression
 from rsgen.identification.fitting.observed import Observed, Problem, is_systematic
-from rsgen.identification.fitting.points import Points, gap_of, loop_error, select_points
+from rsgen.identification.fitting.points import (
+    Points,
+    gap_of,
+    loop_error,
+    refuse_unknown_mass,
+    select_points,
+)
 from rsgen.identification.fitting.repeats import Repeats, gather_repeats
 from rsgen.identification.misfit import (
     even_findings,
@@ -101,11 +107,13 @@ def prepare(surface: ResponseSurface, model: Model) -> Prepared:
     Raises
     ------
     RsgenError
-        As for ``identify``; a background with a motion across two sensors.
+        As for ``identify``; a background with a motion across two sensors; points at phase resonance, which
+        determine no mass, where it is not given.
     """
     surface, repeats = gather_repeats(surface, model.sensors)
     points = select_points(surface, model)
     law = law_of(model.elements, points)
+    refuse_unknown_mass(points, model, remembers=law.remembers)
     background = model.observation.background not in ("none", "phase")
     refuse_across(model.sensors, background=background, phases=not surface.phase_known)
     observed = Observed.of(points, model.observation.background)
@@ -332,7 +340,7 @@ def judge(test: Prepared, model: Model, refined: Fit) -> Identification:
     if estimates and not any(estimate.identifiable for estimate in estimates):
         about = (*about, Finding("nothing-identifiable", "doubt"))
     outcome = _outcome(surface, points, estimates, refined)
-    about = (*about, *resonance_findings(kept, model.fixed, law, refined.values, size))
+    about = (*about, *resonance_findings(kept, model.fixed, law, estimates[-1], size))
     # what a law takes from the motion, or leaves out of it, is judged by the law as it stands
     known_by_law = make_estimates(replace(solution, covariance=as_it_stands), law, model, reasons, units)
     about = (*about, *feeding_findings(points, refined, known_by_law))

@@ -124,11 +124,11 @@ PINS = {
     },
     **{
         f"identified/{mode}": Pin(partial(identified, mode))
-        for mode in ("up", "down", "response", "continuation", "phase", "phase-lags")
+        for mode in ("up", "down", "response", "continuation", "phase-lags")
     },
     **{
         f"identified/{mode}-coulomb": Pin(partial(identified, mode, law="coulomb"), SWITCHED)
-        for mode in ("rest", "response", "phase")
+        for mode in ("rest", "response")
     },
     **{f"identified/base-{base}": Pin(partial(identified, f"base-{base}")) for base in BASE_LEVELS},
     "identified/base-given-mass": Pin(lambda: identified("base-acceleration", MASS)),

@@ -134,11 +134,6 @@ def _across() -> Tree:
     return tree(rsgen.predict(found, surface=table))
 
 
-def _without_mass() -> Tree:
-    found = rsgen.identify(noisy(simulated("phase"), NOISE, 1), "k*x + k3*x**3 + c*v")
-    return tree(rsgen.predict(found, [3.0]))
-
-
 PINS = {
     **{f"describing/{name}": Pin(partial(describing, name)) for name in FORCES},
     "oscillator/cubic": Pin(lambda: of_oscillator("cubic", [0.5, 2.0])),
@@ -156,7 +151,6 @@ PINS = {
     "identified/base": Pin(lambda: of_mode("base-acceleration", 0.4)),
     "identified/base-given-mass": Pin(lambda: of_mode("base-acceleration", 0.4, MASS)),
     "identified/two-sensors": Pin(_across),
-    "identified/mass-unknown": Pin(_without_mass),
     "modal-table": Pin(_modal),
 }
 

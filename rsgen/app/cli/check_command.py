@@ -11,7 +11,7 @@ from rsgen.app.cli.terminal import ACCEPTED, FAULTY, print_faults, print_json, p
 from rsgen.cases import Case, find_cases, load_case, name_clashes, read
 from rsgen.cases.trial import law_faults
 from rsgen.common.errors import CaseError, MeasurementError, RsgenError, program_fault
-from rsgen.common.finding import Finding, quantities
+from rsgen.common.finding import Finding
 from rsgen.data.multisine import MultisineSpectra, implausible
 from rsgen.data.multisine.spectra import check_records
 from rsgen.data.oscillator import refuse_across
@@ -19,26 +19,14 @@ from rsgen.data.surface import ResponseSurface
 from rsgen.data.surface.plausibility import plausibility_findings
 from rsgen.identification.fitting.points import (
     Points,
-    at_resonance_alone,
     mass_needs,
     per_unit_mass,
+    refuse_unknown_mass,
     select_points,
 )
 from rsgen.identification.fitting.repeats import gather_repeats
 from rsgen.law.numeric import compile_law
 from rsgen.report.wording import sentence
-
-
-def mass_findings(case: Case, surface: ResponseSurface) -> tuple[Finding, ...]:
-    """Say that a measured test, of a mass that is not given, determines none; nothing where it does."""
-    surface, model = per_unit_mass(surface, case.model)
-    if model.mass is not None:
-        return ()
-    points = select_points(gather_repeats(surface)[0], model)
-    # a law with memory has its stiffness in the area of its loops
-    if not at_resonance_alone(points) or (not case.ranked and compile_law(case.model.force).remembers):
-        return ()
-    return (Finding("mass-at-resonance", "warning", "m", quantities(points=len(points))),)
 
 
 def point_faults(case: Case, table: ResponseSurface | MultisineSpectra) -> list[str]:
@@ -66,7 +54,11 @@ def point_faults(case: Case, table: ResponseSurface | MultisineSpectra) -> list[
 @singledispatch
 def _faults_of(table: Any, case: Case) -> list[str]:
     points = select_points(gather_repeats(table)[0], case.model)
-    return [f"model: {text}" for text in _rank_faults(case, table, points)]
+    if case.ranked:
+        return [f"model: {text}" for text in _rank_faults(case, table, points)]
+    table, model = per_unit_mass(table, case.model)
+    refuse_unknown_mass(points, model, remembers=compile_law(model.force).remembers)
+    return []
 
 
 @_faults_of.register
@@ -78,9 +70,8 @@ def _(table: MultisineSpectra, case: Case) -> list[str]:
 
 @singledispatch
 def size_findings(table: Any, case: Case) -> list[Finding]:
-    """Find what no vibration test can have, and a mass that the points do not tell."""
-    odd = plausibility_findings(table, calibrated=case.observation.calibrated)
-    return [*odd, *mass_findings(case, table)]
+    """Find what no vibration test can have."""
+    return [*plausibility_findings(table, calibrated=case.observation.calibrated)]
 
 
 @size_findings.register
@@ -89,8 +80,6 @@ def _(table: MultisineSpectra, case: Case) -> list[Finding]:
 
 
 def _rank_faults(case: Case, surface: ResponseSurface, points: Points) -> list[str]:
-    if not case.ranked:
-        return []
     surface.require_phase("model", "'rank' compares laws by force and phase; give a phase, or the law itself")
     needed = mass_needs(points, per_unit_mass(surface, case.model)[1])
     return [f"'rank' needs the mass, or {needed}"] if needed else []
@@ -111,7 +100,6 @@ def _plan(case: Case) -> dict[str, Any]:
         raise CaseError(faults)
     findings = (*table.findings, *size_findings(table, case)) if planned is None else ()
     finds_mass = case.model.mass is None and not table.per_mass
-    finds_mass &= all(finding.code != "mass-at-resonance" for finding in findings)
     notes = (*sentences_of_elements(case.model.elements), *map(sentence, findings))
     return {
         "case": case.name,

@@ -328,6 +328,24 @@ def mass_needs(points: Points, model: Model) -> str:
     return "points off phase resonance" if at_resonance_alone(points) else ""
 
 
+def refuse_unknown_mass(points: Points, model: Model, *, remembers: bool) -> None:
+    """Refuse points at phase resonance alone for a law that needs the mass for its stiffness.
+
+    k(X) = m omega^2 holds there for every m. A law with memory has its stiffness in the area of its loops; a
+    value that is fixed, or the motion across two sensors, may determine the mass.
+
+    Raises
+    ------
+    RsgenError
+        The mass is not known, and no point determines it.
+    """
+    if not (model.fixed or model.sensors or remembers) and at_resonance_alone(points):
+        raise RsgenError(
+            "the test does not determine the mass, for all points lie at phase resonance; give it, or points "
+            "off phase resonance (the modal table has k/m and c without)"
+        )
+
+
 def mass_sure(mass: float, variance: float) -> bool:
     """Return True if an identified mass [kg] is positive, and its variance [kg^2] small."""
     return bool(mass > 0 and variance < (_MAX_MASS_ERROR * mass) ** 2)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from rsgen.common.finding import Finding
-from rsgen.common.tolerances import CONFIDENCE_TEXT
 from rsgen.formula.units.quantities import count_text, number_text, quantity_text
 from rsgen.report.wording.sentences import NEXT_STEPS, say_plainly, says
 
@@ -443,6 +442,10 @@ def _repeats_scatter(found: Finding) -> str:
 
 say_plainly(
     {
+        "needs-mass": (
+            "the mass is not known, so that neither resonance curves nor held-out levels are predicted: off "
+            "resonance both depend on it"
+        ),
         "phase-not-resonant": (
             "no point of the phase-locked test lies near resonance: the response lags the force by {lag:.0f} "
             "degrees in place of 90"
@@ -452,19 +455,10 @@ say_plainly(
             "degrees, at forces that no other point has: where the loop lost the lock the motion was not "
             "steady; leave out such points, or measure them again"
         ),
-        "ratios-hold-from": (
-            "the intervals of the ratios to the mass hold if the damping ratio is at most {damping:.2p}, and "
-            "with the damping found that is a mass of at least {least:.3q}; those of a lighter structure may "
-            "not contain the truth"
-        ),
     }
 )
 
 NEXT_STEPS |= {
-    "ratios-hold-from": (
-        "See whether the structure has that mass; if it has not, give its mass under [system], even if it is "
-        "known to a fifth only."
-    ),
     "phase-gap": (
         "Take the rows of one mode: [identify] band between its frequencies, or a file of its own; where it "
         "is one mode, test some levels between."
@@ -493,27 +487,9 @@ def _mass_at_resonance(found: Finding) -> str:
             "as right as the law"
         )
     return (
-        f"{at}, where k - m omega^2 vanishes whatever the mass is; the damping and the ratio of stiffness to "
-        "mass are identified, no more. Give the mass under [system], or measure one slice off resonance, to "
-        "have the stiffness itself"
-    )
-
-
-@says("needs-mass")
-def _needs_mass(found: Finding) -> str:
-    name = found.parameter
-    if not name:
-        return (
-            "the mass is not known, so that neither resonance curves nor held-out levels are predicted: off "
-            "resonance both depend on it"
-        )
-    if "ratio" not in found.numbers:
-        return f"{name}: not identifiable at phase resonance without the mass, which scales it"
-    ratio, low, high = (quantity_text(*found.numbers[key], 6) for key in ("ratio", "low", "high"))
-    damping = number_text(100 * found["damping"], 2)
-    return (
-        f"{name}: only {name}/m is identifiable at phase resonance: {ratio}, {CONFIDENCE_TEXT} interval "
-        f"{low} to {high} for damping ratios up to {damping} %"
+        f"{at}, where k - m omega^2 vanishes whatever the mass is: only the damping and the ratio of "
+        "stiffness to mass follow. Give the mass under [system], or measure one slice off resonance, to have "
+        "the stiffness itself"
     )
 
 

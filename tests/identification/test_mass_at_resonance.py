@@ -1,0 +1,137 @@
+"""Points at phase resonance determine no mass: what does, and what is refused without one."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import rsgen
+from rsgen.files import MeasuredTest, Signal, read_measurement
+from tests.surfaces import noisy
+
+MASS, VALUES = 1.5, {"k": 5920.0, "k3": 3e5, "c": 3.8}
+LAW = "k*x + k3*x**3 + c*v"
+
+
+def locked(
+    law: str = LAW, lag: float = 90.0, noise: float = 0.01, seed: int = 1, **values: float
+) -> rsgen.ResponseSurface:
+    """24 levels held near a quarter period; a lag in degrees."""
+    test = rsgen.SimulatedTest(
+        level=np.linspace(1, 12, 24),
+        frequency=[6, 18],
+        control="phase",
+        phase_error=float(np.radians(lag - 90)),
+        noise_relative=noise,
+        seed=seed,
+        accuracy=1e-4 if "masing" in law else 1e-6,
+    )
+    return rsgen.simulate(rsgen.Oscillator(MASS, law, values or VALUES), test)
+
+
+@pytest.mark.parametrize("lag", [90.0, 92.0])
+@pytest.mark.parametrize("noise", [0.0, 0.01])
+def test_points_at_resonance_alone_are_refused_without_a_mass(lag: float, noise: float):
+    surface = locked(lag=lag, noise=noise)
+    for use in (rsgen.identify, lambda table, law: rsgen.rank(table, [law, "k*x + c*v"])):
+        with pytest.raises(rsgen.RsgenError, match="give it, or points off phase resonance"):
+            use(surface, LAW)
+
+
+@pytest.mark.slow
+def test_a_stiffness_comes_per_kilogram_of_the_mass_that_is_given():
+    found = rsgen.identify(locked(), LAW, mass=1.0)
+    for name in ("k", "k3"):
+        low, high = found[name].interval
+        assert low < VALUES[name] / MASS < high, name
+    assert found["c"].value == pytest.approx(VALUES["c"], rel=0.03)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("lags", [(80, 90, 100), (70, 80, 90), (75, 85)])
+def test_slices_a_few_degrees_apart_determine_the_mass_and_every_value(lags: tuple[float, ...]):
+    """F/X = k - m omega^2 + i omega c differs between them: a mass that is assumed would not fit."""
+    test = rsgen.SimulatedTest(
+        level=np.linspace(1, 12, 8), frequency=[6, 18], control="phase", lags=tuple(np.radians(lags))
+    )
+    exact = rsgen.simulate(rsgen.Oscillator(MASS, LAW, VALUES), test)
+    truth = {**VALUES, "m": MASS}
+    found = rsgen.identify(exact, LAW)
+    assert found.verdict.state == "identified"
+    for name, value in truth.items():
+        assert found[name].value == pytest.approx(value, rel=1e-5), name
+    read = noisy(exact, 0.003, 1)
+    found, table = rsgen.identify(read, LAW), rsgen.modal_table(read)
+    assert found.verdict.state == "identified"
+    for name, value in truth.items():
+        assert abs(found[name].value - value) < 3 * found[name].standard_error, name
+    assert found["m"].standard_error < 0.1 * MASS
+    assert abs(table.mass - MASS) < 3 * table.mass_error < 0.4 * MASS
+    assert table.misfit < 0.005
+
+
+@pytest.mark.slow
+def test_a_law_whose_damping_contains_its_stiffness_determines_the_mass():
+    truth = {"k": 5920.0, "c": 2.0, "kt": 800.0, "Fs": 5.0}
+    law = "k*x + c*v + masing(Min(kt*x, Fs))"
+    found = rsgen.identify(locked(law, noise=0.003, **truth), law)
+    for name, value in {**truth, "m": MASS}.items():
+        assert abs(found[name].value - value) < 4 * found[name].standard_error, name
+    (said,) = (finding for finding in found.findings if finding.code == "mass-at-resonance")
+    assert said.names == {"by": "loops"}
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("lag", [88.0, 92.0])
+def test_a_lag_that_was_not_recorded_is_in_every_interval(tmp_path: Path, lag: float):
+    surface = locked(lag=lag, noise=1e-4)
+    path = tmp_path / "loop.csv"
+    table = np.stack([surface.frequency, np.abs(surface.force), surface.amplitude], axis=1)
+    np.savetxt(path, table, delimiter=",", header="f,force,response", comments="")
+    read = read_measurement(
+        MeasuredTest(
+            files=path,
+            frequency="f",
+            force=Signal(amplitude="force"),
+            response=Signal(amplitude="response"),
+            quantity="displacement",
+            phase_known=False,
+            control="phase",
+        )
+    )
+    (said,) = (finding for finding in read.findings if finding.code == "phase-lag")
+    assert said.names == {"by": "assumed"}
+    found = rsgen.identify(read, LAW, mass=MASS)
+    low, high = found["k"].interval
+    assert low < VALUES["k"] < high
+    assert abs(found["k"].value - VALUES["k"]) > 0.2 * (high - low) / 4, "the error is one that counts"
+    for mass in (MASS, None):
+        modal = rsgen.modal_table(read, mass=mass)
+        exact = rsgen.modal_table(locked(noise=0.0), mass=MASS).at(modal.amplitude).stiffness_per_mass
+        assert np.all(modal.stiffness_per_mass_lower < exact)
+        assert np.all(exact < modal.stiffness_per_mass_upper)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("law", ["k*x + c*v", "k*x + k3*x**3"])
+def test_a_wrong_law_on_a_backbone_is_doubted(law: str):
+    """One point a level has no neighbour in frequency: its neighbour is the next amplitude."""
+    truth = {"k": 5920.0, "k3": 3e5, "c": 3.8, "Ff": 0.6}
+    surface = locked(LAW + " + Ff*sign(v)", noise=0.003, **truth)
+    assert rsgen.identify(surface, LAW + " + Ff*sign(v)", mass=MASS).verdict.state == "identified"
+    found = rsgen.identify(surface, law + " + Ff*sign(v)" * ("c*v" in law), mass=MASS)
+    assert found.verdict.state in ("doubtful", "rejected")
+    frictionless = rsgen.identify(surface, LAW, mass=MASS)
+    assert "law-does-not-fit" in [finding.code for finding in frictionless.verdict.decided_by]
+
+
+@pytest.mark.parametrize(("name", "state"), [("k", "identified"), ("c", "doubtful")])
+def test_a_fixed_stiffness_determines_the_mass(name: str, state: str):
+    found = rsgen.identify(locked(), LAW, fixed={name: VALUES[name]})
+    assert found.verdict.state == state
+    assert ("mass-at-resonance" in {finding.code for finding in found.findings}) == (state == "doubtful")
+    if state == "identified":
+        assert found.mass == pytest.approx(MASS, rel=5e-3)
+        assert abs(found["k3"].value - VALUES["k3"]) < 4 * found["k3"].standard_error
