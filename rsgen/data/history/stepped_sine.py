@@ -226,12 +226,13 @@ def _crossings(force: NDArray[Any]) -> tuple[Array, Array]:
 
 
 def _noise(force: NDArray[Any]) -> float:
-    """Estimate the white noise of a force that is sampled finely, by third differences; 0 where it is not."""
+    """Return the white noise of a finely sampled force, by third differences; 0 if coarsely sampled."""
     part = np.asarray(force[:BLOCK_SAMPLES], dtype=np.float64)
     power = np.abs(np.fft.rfft(part - part.mean()))
     if len(part) < _MIN_SAMPLES_PER_PERIOD or np.argmax(power) * _MIN_SAMPLES_PER_PERIOD > len(part):
-        # the differences are those of the sine
+        # the differences of the sine are larger than those of the noise
         return 0.0
+    # standard deviation from the median deviation; third differences have 20 times the variance
     return 1.4826 * float(np.median(np.abs(np.diff(part, 3)))) / float(np.sqrt(20))
 
 
