@@ -526,6 +526,31 @@ rsgen.app.cli.main()
 """
 
 
+_IMPORT = """
+import contextlib, os, signal, sys, time
+import rsgen.app.cli
+from rsgen.app.cli import application
+
+class Compiled:
+    def find_spec(self, *_):
+        sys.meta_path.remove(self)
+        try:
+            os.kill(os.getpid(), signal.SIGINT)
+            time.sleep(0.1)
+        except KeyboardInterrupt:
+            raise ImportError("failed to load")
+
+def run(**arguments):
+    sys.meta_path.insert(0, Compiled())
+    with contextlib.suppress(ModuleNotFoundError):
+        import absent
+    time.sleep(20)
+
+application.application = run
+rsgen.app.cli.main()
+"""
+
+
 _LATE = """
 import os, signal
 import rsgen.app.cli
@@ -547,7 +572,11 @@ rsgen.app.cli.main()
 
 
 @pytest.mark.skipif(os.name != "posix", reason="signals are POSIX")
-@pytest.mark.parametrize("program", [_LOST, _LATE], ids=["in a finalizer", "and a polite end at the exit"])
+@pytest.mark.parametrize(
+    "program",
+    [_LOST, _IMPORT, _LATE],
+    ids=["in a finalizer", "in an import", "and a polite end at the exit"],
+)
 def test_an_interrupt_ends_the_run_with_one_sentence(program: str) -> None:
     run = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, timeout=60)
     assert (run.returncode, run.stderr) == (130, "rsgen: interrupted; nothing half-written was left\n")

@@ -135,13 +135,24 @@ _last = -CLEARING_SECONDS
 def _interrupt(number: int, frame: FrameType | None) -> None:
     global _last
     now = time.monotonic()
-    if now - _last >= CLEARING_SECONDS:
-        _last = now
-        raise KeyboardInterrupt
+    if now - _last < CLEARING_SECONDS:
+        return
+    if _imports(frame):
+        threading.Timer(_SOON, interrupt_main).start()
+        return
+    _last = now
+    raise KeyboardInterrupt
+
+
+def _imports(frame: FrameType | None) -> bool:
+    """Return True within an import: compiled modules make an ImportError of an interrupt."""
+    while frame is not None and frame.f_code.co_filename != "<frozen importlib._bootstrap>":
+        frame = frame.f_back
+    return frame is not None
 
 
 def _repeat(lost: sys.UnraisableHookArgs) -> None:
-    """Interrupt again where Python threw the interrupt away, in a finalizer or an import."""
+    """Interrupt again where Python threw the interrupt away, in a finalizer."""
     global _last
     if isinstance(lost.exc_value, KeyboardInterrupt):
         _last = -CLEARING_SECONDS

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from fractions import Fraction
+from textwrap import shorten
 
 import sympy
 
@@ -223,7 +224,8 @@ class _Law:
         reference = next((form for part, form in proper if form.settled), telling[0][1])
         for part, form in telling:
             if form is not reference:
-                self.equal(part, form, reference, f"{reference.known} is needed in {whole}")
+                terms = shorten(str(whole), width=80, placeholder=" ...")
+                self.equal(part, form, reference, f"{reference.known} is needed in {terms}")
         if len(proper) < len(forms) and any(part != 0 for part, form in forms if form is None):
             self.later.append((reference,))
         return reference
