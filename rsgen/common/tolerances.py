@@ -100,26 +100,29 @@ BALANCE_HARMONICS = 9
 laws."""
 
 MAX_SHARE_OF_OUTLIERS = 0.2
-"""At most this share of the points is excluded; if more disagree, it is the law that does not fit."""
+"""At most this share of the points is excluded; if more disagree, it is the law that does not fit.
+``soundness`` rejects a result from three quarters of it on."""
 
 POINTS_PER_KNOT = 8
 """Between two knots of a free curve: they determine its values there, and noise does not show as waves."""
 
 MISFIT_DOUBTFUL = 0.05
-"""A systematic misfit of a twentieth is more than most noise, and than joints, sensors and one harmonic do
-to a law that is right, or to one that resembles it."""
+"""Doubtful misfit where its pattern cannot be seen (few points, a held phase, lines of a multisine): a
+twentieth is more than most noise, joints and sensors leave of a law that is right. With a pattern the limit
+is ``RELATIVE_CHANGE_NEGLIGIBLE``, without one ``RELATIVE_ERROR_DOUBTFUL`` (``identification/misfit``)."""
 
 SUBSAMPLE_POINTS = 400
 """Points that suffice to come near the estimate; all points then need one or two steps more."""
 
 MAX_ALTERNATIONS = 3
-"""Of an alternation, as of a fit and the weights that follow from it: two settle it, the third sees to it."""
+"""Alternations of a fit and the weights that follow from it: two converge, the third confirms it."""
 
 ROUND_OFF = 1e-12
 """An effect, relative to the largest, that is only round-off of doubles through a thousand operations."""
 
 RELATIVE_CHANGE_NEGLIGIBLE = 0.01
-"""A value that moves by less than a hundredth is the same engineering number."""
+"""A value that moves by less than a hundredth is the same engineering number; a systematic misfit may move it
+by as much."""
 
 SAMPLES_PER_PERIOD = 64
 """A period: exact for polynomials up to the seventh power of nine harmonics."""

@@ -69,11 +69,11 @@ from rsgen.identification.results.estimates import (
     with_combinations,
 )
 from rsgen.identification.soundness import (
+    exclusion_findings,
     feeding_findings,
     joint_findings,
     limit_findings,
     nearly_held,
-    rejection_findings,
     sign_findings,
     stopped_points,
 )
@@ -215,7 +215,7 @@ class Findings:
         if unsettled:
             numbers = quantities(excluded=unsettled, points=len(self.surface))
             found.append(Finding("points-excluded", "info", numbers=numbers, names={"by": "settling"}))
-        found += rejection_findings(
+        found += exclusion_findings(
             self.points,
             self.fit.regression,
             len(self.surface),
@@ -492,7 +492,7 @@ class _FirstOrder:
     @cached_property
     def fit(self) -> Fit:
         """First order, from values near the solution."""
-        return fit_balance(self.problem, self.near, order=1, reject=False)
+        return fit_balance(self.problem, self.near, order=1, exclude=False)
 
     def bias(self) -> Array:
         """Return the error of the first-order fit on the noise-free response of the refined model."""
@@ -507,7 +507,7 @@ class _FirstOrder:
         problem = replace(
             self.problem, observed=Observed.of(exact.select(exact.spread(2 * SUBSAMPLE_POINTS)))
         )
-        again = fit_balance(problem, self.fit.regression.parameters, order=1, reject=False)
+        again = fit_balance(problem, self.fit.regression.parameters, order=1, exclude=False)
         return again.regression.parameters - self.near
 
 

@@ -180,7 +180,7 @@ def _left_beside(fit: Fit, term: str) -> float:
 
 def fit_near(problem: Problem, parameters: Array, *, order: int) -> Fit:
     """Fit all points by a few steps from values that are near."""
-    return fit_balance(problem, parameters, order=order, reject=False, steps=NEAR_STEPS, correct=False)
+    return fit_balance(problem, parameters, order=order, exclude=False, steps=NEAR_STEPS, correct=False)
 
 
 def free_curves_leave(fit: Fit, points: Points) -> float:

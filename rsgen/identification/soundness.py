@@ -1,4 +1,4 @@
-"""Quality checks of a fit: rejected points, signs of mass, stiffness and damping, sensors at a joint.
+"""Quality checks of a fit: excluded points, signs of mass, stiffness and damping, sensors at a joint.
 
 A negative k(X) or c(X), the fundamental of the force in phase with x and the work of a cycle over that of a
 damper, is compared with its error by linear propagation; the other checks are counts and ratios that are
@@ -45,20 +45,20 @@ from rsgen.law.motion import Motion, project, sine_motion
 from rsgen.law.numeric import ForceLaw, Part
 from rsgen.law.switched_sum import ForceSample
 
-_MAX_REJECTED_SHARE = 0.15
-"""Share of rejected points beyond which the others are a selection that suits the law."""
+_MAX_EXCLUDED_SHARE = 0.15
+"""Share of excluded points beyond which the others are a selection that suits the law."""
 
-_MAX_SINGLE_REJECTED = 3
-"""Rejected points that may be single drop-outs of a small test."""
+_MAX_SINGLE_EXCLUDED = 3
+"""Excluded points that may be single drop-outs of a small test."""
 
-_MIN_REJECTED_NEIGHBOURS = 5
-"""Rejected neighbours from which on a piece of a run disagrees; fewer are an early jump."""
+_MIN_EXCLUDED_NEIGHBOURS = 5
+"""Excluded neighbours from which on a piece of a run disagrees; fewer are an early jump."""
 
 _MIN_PIECE_OF_RUN = 0.1
 """Length of such a piece as a share of its run."""
 
-_MAX_REJECTED_SHARE_OF_RUN = 0.25
-"""Share of rejected points of a run from which on the run disagrees with the law."""
+_MAX_EXCLUDED_SHARE_OF_RUN = 0.25
+"""Share of excluded points of a run from which on the run disagrees with the law."""
 
 _MAX_FORCE_TO_FRICTION = 1.5
 """Amplitude of the force over that of dry friction up to which the mass may stop for parts of a cycle: 4/pi
@@ -80,7 +80,7 @@ _MIN_CLIPPED_AMPLITUDE = 0.98
 """Fundamental of a clipped sine relative to its limit."""
 
 
-def rejection_findings(
+def exclusion_findings(
     points: Points,
     regression: Regression,
     tested: int,
@@ -89,7 +89,7 @@ def rejection_findings(
     decays: bool = False,
     stopped: NDArray[np.bool_] | None = None,
 ) -> list[Finding]:
-    """Find too many rejected points, and rejected points that are neighbours.
+    """Find too many excluded points, and excluded points that are neighbours.
 
     Parameters
     ----------
@@ -100,33 +100,33 @@ def rejection_findings(
     level_unit
         Unit of the levels: "N", or "m" with response control.
     decays
-        True for a free decay, whose small motions may be rejected for noise: only the large half counts.
+        True for a free decay, whose small motions may be excluded for noise: only the large half counts.
     stopped
         (n,) points that are no evidence against the law; see ``stopped_points``.
     """
-    rejected = ~regression.used
-    if not rejected.any():
+    excluded = ~regression.used
+    if not excluded.any():
         return []
-    all_rejected = int(np.count_nonzero(rejected))
+    all_excluded = int(np.count_nonzero(excluded))
     if decays:
-        rejected = rejected & (points.amplitude > np.median(points.amplitude))
+        excluded = excluded & (points.amplitude > np.median(points.amplitude))
     if stopped is not None:
-        rejected = rejected & ~stopped
-    count = int(np.count_nonzero(rejected))
+        excluded = excluded & ~stopped
+    count = int(np.count_nonzero(excluded))
     share = count / len(points)
     severity = (
-        severity_of(share, MAX_SHARE_OF_OUTLIERS_BY_CHANCE, _MAX_REJECTED_SHARE)
-        if count > _MAX_SINGLE_REJECTED
+        severity_of(share, MAX_SHARE_OF_OUTLIERS_BY_CHANCE, _MAX_EXCLUDED_SHARE)
+        if count > _MAX_SINGLE_EXCLUDED
         else "warning"
     )
-    numbers = quantities(excluded=all_rejected, points=len(points), all=tested)
+    numbers = quantities(excluded=all_excluded, points=len(points), all=tested)
     found = [Finding("points-excluded", severity, numbers=numbers)]
     for rows in points.runs:
-        first, longest = _longest(rejected[rows])
-        lost = int(np.count_nonzero(rejected[rows]))
-        together = longest >= max(_MIN_REJECTED_NEIGHBOURS, _MIN_PIECE_OF_RUN * len(rows))
-        if together or (lost > _MAX_SINGLE_REJECTED and lost > _MAX_REJECTED_SHARE_OF_RUN * len(rows)):
-            piece = np.arange(first, first + longest) if together else np.flatnonzero(rejected[rows])
+        first, longest = _longest(excluded[rows])
+        lost = int(np.count_nonzero(excluded[rows]))
+        together = longest >= max(_MIN_EXCLUDED_NEIGHBOURS, _MIN_PIECE_OF_RUN * len(rows))
+        if together or (lost > _MAX_SINGLE_EXCLUDED and lost > _MAX_EXCLUDED_SHARE_OF_RUN * len(rows)):
+            piece = np.arange(first, first + longest) if together else np.flatnonzero(excluded[rows])
             ends = points.omega[rows[piece[[0, -1]]]] / (2 * np.pi)
             data = {"low": Quantity(float(ends[0]), "Hz"), "high": Quantity(float(ends[1]), "Hz")}
             data |= quantities(excluded=lost, points=len(rows), together=longest)
@@ -190,7 +190,7 @@ def limit_findings(remarked: Sequence[Finding], fit: Fit) -> list[Finding]:
         unit, at = max(equal.items(), key=lambda item: int(np.count_nonzero(item[1])))
         limit = Quantity(float(series[unit].max()), unit)
         together = points.neighbours[at[points.neighbours].all(axis=1)]
-        if len(np.unique(together)) < max(_MIN_REJECTED_NEIGHBOURS, np.count_nonzero(at) / 2):
+        if len(np.unique(together)) < max(_MIN_EXCLUDED_NEIGHBOURS, np.count_nonzero(at) / 2):
             return []
     if not at.any() or at.all():
         return []
@@ -444,7 +444,7 @@ def _change_of_values(
     for motion in (across, extended):
         seen = replace(problem.observed, points=replace(problem.observed.points, across=motion))
         trial = replace(problem, observed=seen)
-        values.append(fit_balance(trial, parameters, order=1, reject=False, correct=False).values)
+        values.append(fit_balance(trial, parameters, order=1, exclude=False, correct=False).values)
     return np.asarray(values[1] - values[0])
 
 

@@ -19,7 +19,7 @@ def test_every_finding_has_a_place_and_a_severity() -> None:
     [
         (
             "points-excluded",
-            "rsgen.identification.soundness.rejection_findings",
+            "rsgen.identification.soundness.exclusion_findings",
             ("MAX_SHARE_OF_OUTLIERS_BY_CHANCE", 0.05),
         ),
         ("resonance-sparse", "rsgen.identification.judge.Findings._runs", ("FEW", 5)),

@@ -24,7 +24,7 @@ def found(seed: int, *, corrected: bool, expected: float = NOISE) -> float:
         return Linearisation(residual, by_own / expected, by_parameter / expected)
 
     nuisance = np.stack([seen_x, np.zeros(COUNT)], axis=1)
-    fitted = fit(linearise, np.array([1.5]), nuisance, reject=False)
+    fitted = fit(linearise, np.array([1.5]), nuisance, exclude=False)
     if corrected:
         line = linearise(fitted.parameters, fitted.nuisance)
 

@@ -33,7 +33,7 @@ def fitted(points: Points) -> Regression:
     law = compile_law(model("cubic").force)
     problem = Problem(model("cubic").elements, law, Observed.of(points))
     values = np.array([LAWS["cubic"][1][name] for name in law.parameters])
-    return fit_balance(problem, problem.join(values, MASS, np.zeros(0)), order=5, reject=False).regression
+    return fit_balance(problem, problem.join(values, MASS, np.zeros(0)), order=5, exclude=False).regression
 
 
 @pytest.mark.parametrize("part", [1.0, 1.0j], ids=["amplitude", "phase"])

@@ -160,7 +160,7 @@ def straight(slopes: np.ndarray, seen: np.ndarray):
 def test_what_nothing_determines_takes_up_no_freedom() -> None:
     # two parameters of which only the sum has an effect: of 40 numbers one goes into it
     seen = np.random.default_rng(5).normal(size=(20, 2))
-    found = fit(*straight(np.ones((20, 2, 2)), seen), reject=False)
+    found = fit(*straight(np.ones((20, 2, 2)), seen), exclude=False)
     assert found.freedom == 39
     assert found.noise == pytest.approx(seen.std(ddof=1), rel=1e-9)
 
@@ -170,7 +170,7 @@ def test_errors_are_never_less_than_those_of_equal_noise() -> None:
     x = np.linspace(0, 1, 40)
     seen = np.outer(2 * x, np.ones(2))
     seen[:10] += 0.1 * np.array([[1.0, -1.0], [-1.0, 1.0]] * 5)
-    found = fit(*straight(np.repeat(x[:, None, None], 2, axis=1), seen), reject=False)
+    found = fit(*straight(np.repeat(x[:, None, None], 2, axis=1), seen), exclude=False)
     assert found.covariance[0, 0] == pytest.approx(found.noise**2 / (2 * np.sum(x**2)), rel=1e-9)
 
 

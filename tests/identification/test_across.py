@@ -452,7 +452,7 @@ def test_influence_is_what_a_measured_value_moves_where_sensors_are_correlated(o
             surface, force=force, force_harmonics=None, harmonics=near, across=far if own else near - far
         )
         problem = prepare(moved, join_model(linear, None, None)).problem
-        return fit_balance(problem, start, order=1, reject=False, correct=False).regression
+        return fit_balance(problem, start, order=1, exclude=False, correct=False).regression
 
     influence = fitted(1.0).influence[row]
     half = (len(influence) + 1) // 2

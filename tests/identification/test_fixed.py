@@ -209,7 +209,7 @@ def test_columns_of_fixed_parameters_move_nothing() -> None:
         return least_squares.Linearisation(residual - matrix @ parameters, np.zeros((30, 2, 0)), matrix)
 
     rules = least_squares.Rules(free=np.array([True, False, True]))
-    whole = least_squares.fit(linearise, np.array([0.0, 0.5, 0.0]), np.zeros((30, 0)), rules, reject=False)
+    whole = least_squares.fit(linearise, np.array([0.0, 0.5, 0.0]), np.zeros((30, 0)), rules, exclude=False)
     flat, right = matrix.reshape(60, 3), (residual - 0.5 * matrix[:, :, 1]).ravel()
     own = np.linalg.lstsq(flat[:, [0, 2]], right, rcond=None)[0]
     assert whole.parameters == pytest.approx([own[0], 0.5, own[1]], rel=1e-12)

@@ -17,7 +17,7 @@ from rsgen.identification.fitting.points import Points
 from rsgen.identification.identify import identify
 from rsgen.identification.results import Estimate
 from rsgen.identification.results.estimates import damping_findings
-from rsgen.identification.soundness import _negative, rejection_findings
+from rsgen.identification.soundness import _negative, exclusion_findings
 from rsgen.law.motion import sine_motion
 from rsgen.law.numeric import compile_law
 from rsgen.report.wording import sentence
@@ -409,7 +409,7 @@ def aside(which: np.ndarray) -> dict[str, str]:
         np.arange(n), level, 2 * np.pi * frequency, np.full(n, "rest"), ones, np.ones((n, 2), complex), (1,),
         np.ones((n, 2)), np.zeros((n, 0)),
     )  # fmt: skip
-    found = rejection_findings(points, Used(~which), n, "m")  # type: ignore[arg-type]
+    found = exclusion_findings(points, Used(~which), n, "m")  # type: ignore[arg-type]
     assert all(finding.numbers["level"].unit == "m" for finding in found if "level" in finding.numbers)
     assert {finding.code for finding in found} <= {"points-excluded"}
     return {"level" if "level" in finding.numbers else "all": finding.severity for finding in found}
@@ -427,7 +427,7 @@ def test_noise_at_the_end_of_a_decay_is_not_the_law(large: bool, expected: str) 
     )  # fmt: skip
     which = np.zeros(n, bool)
     which[slice(0, 16, 2) if large else slice(24, 40, 2)] = True
-    found = rejection_findings(points, Used(~which), n, "m", decays=True)  # type: ignore[arg-type]
+    found = exclusion_findings(points, Used(~which), n, "m", decays=True)  # type: ignore[arg-type]
     assert [finding.severity for finding in found] == [expected]
     assert found[0]["excluded"] == 8
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -164,6 +165,11 @@ def test_records_are_held_out_by_their_labels() -> None:
     assert held_out_records(spectra, (2,)).tolist() == [False, True, False]
     assert held_out_records(spectra, (6,)).tolist() == [False, False, True]
     assert held_out_records(spectra.select([2, 1, 0]), (1,)).tolist() == [False, False, True]
+    # a label within its printed digits, as of a surface; the refusal lists labels
+    thirds = replace(spectra, label=np.array([1 / 3, 2 / 3, 1.0]))
+    assert held_out_records(thirds, (0.667,)).tolist() == [False, True, False]
+    with pytest.raises(RsgenError, match=r"label 0\.333333"):
+        held_out_records(thirds, (9.0,))
 
 
 @pytest.mark.parametrize(("asked", "said"), [(1, []), (2, [4.0]), (6, [])])

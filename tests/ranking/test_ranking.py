@@ -26,7 +26,7 @@ from rsgen.identification.fitting.points import Points, select_points
 from rsgen.identification.identify import identify
 from rsgen.identification.ranking import Ranking, identify_best, rank
 from rsgen.identification.ranking.balance import Sum, WhitenedBalance, library_terms, terms_of
-from rsgen.identification.ranking.fitting import CandidateFit, CandidateLaw, fit_candidate
+from rsgen.identification.ranking.candidate_fit import CandidateFit, CandidateLaw, fit_candidate
 from rsgen.identification.ranking.rank_laws import order_candidates
 from rsgen.identification.ranking.ranking_result import Assessment, assess_best
 from rsgen.identification.ranking.reference import fit_reference_motion

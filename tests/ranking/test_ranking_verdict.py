@@ -20,7 +20,7 @@ from rsgen.identification.fitting.observed import Observed
 from rsgen.identification.fitting.points import select_points
 from rsgen.identification.ranking import Ranking, rank
 from rsgen.identification.ranking.balance import WhitenedBalance
-from rsgen.identification.ranking.fitting import CandidateFit, CandidateLaw
+from rsgen.identification.ranking.candidate_fit import CandidateFit, CandidateLaw
 from rsgen.identification.ranking.rank_laws import _unconfirmed_findings
 from rsgen.identification.ranking.ranking_result import Assessment, assess_best, implausible_findings
 from rsgen.identification.ranking.reference import fit_reference_motion

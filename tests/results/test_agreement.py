@@ -29,7 +29,7 @@ def line_through(x: np.ndarray, y: np.ndarray) -> Regression:
         by[:, 0] = np.stack([np.ones(len(x)), x], axis=1)
         return Linearisation(rest, by_nuisance, by)
 
-    return fit(linearise, np.array([0.1, 0.1]), none, reject=False)
+    return fit(linearise, np.array([0.1, 0.1]), none, exclude=False)
 
 
 @pytest.fixture

@@ -14,6 +14,7 @@ from rsgen.common.errors import MeasurementError, RsgenError
 from rsgen.common.finding import Finding
 from rsgen.common.text_table import Printed, TextTable, short
 from rsgen.common.tolerances import ROUND_OFF, STANDARD_ERRORS_OF_DIFFERENCE
+from rsgen.data.surface.response_surface import find_level, list_levels
 
 if TYPE_CHECKING:
     from rsgen.data.oscillator import Observation
@@ -372,11 +373,10 @@ def held_out_records(spectra: MultisineSpectra, levels: tuple[float, ...]) -> ND
         A level was not tested.
     """
     held = np.zeros(len(spectra), dtype=bool)
-    for level in levels:
-        labelled = spectra.label is not None and np.isin(level, spectra.label)
-        rows = np.flatnonzero(spectra.label == level) if labelled else spectra.at_level(level)
-        if not len(rows):
-            known = ", ".join(f"{one:.4g}" for one in spectra.levels)
-            raise RsgenError(f"identify.hold_out: {level:g} N is not tested; tested are {known} N")
-        held[rows] = True
+    for asked in levels:
+        level = find_level(spectra.level, spectra.label, asked)
+        if level is None:
+            tested = list_levels(spectra.level, spectra.label)
+            raise RsgenError(f"identify.hold_out: {asked:g} N is not tested; tested are {tested} N")
+        held[spectra.at_level(level)] = True
     return held

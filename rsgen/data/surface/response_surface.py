@@ -90,6 +90,25 @@ def match_level(levels: Array, asked: float) -> float | None:
     return alike[0] if len(alike) == 1 else None
 
 
+def find_level(level: Array, label: Array | None, asked: float) -> float | None:
+    """Return the level with this label, or else with this amount, by ``match_level``; None if there is none.
+
+    ``level`` and ``label`` (n,) are those of all points or records; no label where levels have no other name.
+    """
+    named = None if label is None else match_level(np.unique(label), asked)
+    if label is None or named is None:
+        return match_level(np.unique(level), asked)
+    return float(level[label == named][0])
+
+
+def list_levels(level: Array, label: Array | None) -> str:
+    """Return all levels as a message lists them, with their labels where they have any."""
+    levels = np.unique(level)
+    if label is None:
+        return ", ".join(f"{one:g}" for one in levels)
+    return ", ".join(f"{one:g} (label {label[level == one][0]:g})" for one in levels)
+
+
 _CONTROLLED = {
     "force": "",
     "response": "response held",
@@ -330,12 +349,8 @@ class ResponseSurface:
         return np.unique(self.level)
 
     def find_level(self, asked: float) -> float | None:
-        """Return the level with this label, or else the one of ``match_level``; None if there is none."""
-        if self.label is not None:
-            label = match_level(np.unique(self.label), asked)
-            if label is not None:
-                return float(self.level[self.label == label][0])
-        return match_level(self.levels, asked)
+        """Return the level that is meant by a number; see ``find_level``."""
+        return find_level(self.level, self.label, asked)
 
     @property
     def extent(self) -> dict[str, Any]:
@@ -356,12 +371,8 @@ class ResponseSurface:
 
     @property
     def level_names(self) -> str:
-        """All levels as a message lists them, with their labels where they have any."""
-        names = [f"{level:g}" for level in self.levels]
-        if self.label is not None:
-            labels = [float(self.label[self.level == level][0]) for level in self.levels]
-            names = [f"{name} (label {label:g})" for name, label in zip(names, labels, strict=True)]
-        return ", ".join(names)
+        """All levels as a message lists them; see ``list_levels``."""
+        return list_levels(self.level, self.label)
 
     @property
     def level_unit(self) -> str:

@@ -1,4 +1,19 @@
-"""The one fit: a law, seen through an observation, by a forward model that is asked for every test point."""
+"""The one fit: values p of a law, mass and background, with errors in force and response of every point.
+
+Force and response of a point j are both noisy, so that its true amplitude and time origin n_j are unknowns,
+too (errors in variables: Britt and Luecke, Technometrics 15 (1973)):
+
+    minimise over p, n_1, n_2, ...:  sum_j |r_j(p, n_j)|^2,
+
+with r_j the differences of measured and predicted force and harmonics over their noise. ``forward`` predicts
+them: the harmonic balance is asked for the force at an amplitude, the simulator for the response to a force.
+Gauss-Newton steps eliminate each n_j before they solve for p: a test has many points and few values.
+
+``fit_balance`` first takes plain differences, which converge from far, and excludes outliers. Where the
+misfit is noise and the law smooth, it fits the same points again by logarithms of the ratios, whose errors
+have one size at all amplitudes, and subtracts the bias of second order in the noise. ``fit_simulator`` does
+the last step with the steady states of the simulator, whose derivatives are renewed a few times only.
+"""
 
 from __future__ import annotations
 
@@ -166,7 +181,7 @@ def fit_balance(
     *,
     order: int,
     compared: int = 0,
-    reject: bool = True,
+    exclude: bool = True,
     steps: int = MAX_GAUSS_NEWTON_STEPS,
     correct: bool = True,
     near: float = 0.0,
@@ -181,8 +196,8 @@ def fit_balance(
         Harmonics carried in the balance; 1 is first order.
     compared
         Harmonics up to which measured ones count, where more than those: with a prediction of zero.
-    reject
-        True if outliers are rejected.
+    exclude
+        True if outliers are excluded.
     steps
         Most Gauss-Newton steps.
     correct
@@ -199,7 +214,7 @@ def fit_balance(
     descent = ErrorsInVariables(problem, forward)
     natural = 0.0 if law.odd else _natural_sizes(problem, parameters, mode)
     rules = Rules(steps=steps, frozen=problem.frozen, free=problem.free, natural=natural)
-    common: dict[str, Any] = {"reject": reject, "neighbours": mode.neighbours}
+    common: dict[str, Any] = {"exclude": exclude, "neighbours": mode.neighbours}
     first = replace(rules, steps=1) if near > MISFIT_OF_NOISE and not law.rough else rules
     found = fit(descent.linearise, parameters, nuisance, first, **common)
     if forward.share(lambda: is_systematic(found.residual, mode.pairs(found.used))):
@@ -281,7 +296,7 @@ def refit_weighted(near: Fit, problem: Problem, parameters: Array, *, order: int
         near.regression.nuisance,
         rules,
         neighbours=mode.neighbours,
-        reject=False,
+        exclude=False,
     )
 
 

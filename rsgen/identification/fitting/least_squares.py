@@ -220,11 +220,11 @@ def fit(
     nuisance: Array,
     rules: Rules = _USUAL,
     *,
-    reject: bool = True,
+    exclude: bool = True,
     neighbours: NDArray[np.intp] | None = None,
     used: Mask | None = None,
 ) -> Regression:
-    """Fit parameters and nuisances by Gauss-Newton steps with halving; reject outliers; state errors.
+    """Fit parameters and nuisances by Gauss-Newton steps with halving; exclude outliers; state errors.
 
     Parameters
     ----------
@@ -234,7 +234,7 @@ def fit(
         Initial values.
     rules
         Control of each descent.
-    reject
+    exclude
         True if outliers are excluded, with a new descent after each exclusion.
     neighbours
         (k, 2) pairs of points next to each other in the test. If outliers are neighbours the law is wrong,
@@ -244,10 +244,10 @@ def fit(
     """
     used = np.ones(len(nuisance), dtype=bool) if used is None else used
     converged = False
-    for _ in range(4 if reject else 1):
+    for _ in range(4 if exclude else 1):
         parameters, nuisance, line, converged = descend(linearise, parameters, nuisance, rules, used)
         predicted = np.isfinite(line.residual).all(axis=1)
-        kept = (predicted & _agreeing(line, used & predicted, neighbours)) if reject else predicted & used
+        kept = (predicted & _agreeing(line, used & predicted, neighbours)) if exclude else predicted & used
         used, before = kept, used
         if np.array_equal(used, before):
             break

@@ -1,7 +1,7 @@
 """Balance of forces at a reference motion, whitened: linear in mass and coefficients for every candidate.
 
-At a motion z near the measured one, with harmonics X_h and the fundamental F of the force, the balance of
-harmonic h is
+At a reference motion z0 near the measured one z, with harmonics X_h and the fundamental F of the force, the
+balance of harmonic h is
 
     g_h = -m (h omega)^2 X_h + N_h(x, v) - F delta_h1,
 
@@ -29,7 +29,7 @@ from numpy.typing import NDArray
 from rsgen.common.arrays import Array, Chosen, ComplexArray, blocks
 from rsgen.common.tolerances import ASSUMED_RELATIVE_NOISE, BALANCE_HARMONICS, POINTS_PER_BLOCK
 from rsgen.formula import parse, symbol
-from rsgen.identification.fitting.observed import Observed
+from rsgen.identification.fitting.observed import FORCE_TO_RESPONSE_NOISE, Observed
 from rsgen.law.element import Element, Law, laws, make_element
 from rsgen.law.library import Range, Search
 from rsgen.law.memory import memory_form, rates_of
@@ -470,7 +470,7 @@ def _covariance(motion: ReferenceMotion, jacobian: Array, noise: Array) -> Array
     noisy = jacobian * (motion.amplitude[:, None] * spread)[:, None, :]
     covariance = noisy @ np.swapaxes(noisy, 1, 2)
     # noise of the force changes the mode as well: the background is a receptance times the measured force
-    force = motion.force[:, None] * np.array([1, 1j]) * noise[1] / np.sqrt(2)
+    force = motion.force[:, None] * np.array([1, 1j]) * FORCE_TO_RESPONSE_NOISE * noise[1] / np.sqrt(2)
     driven = _change(jacobian, -motion.receptance[:, None] * force, force)
     covariance += driven @ np.swapaxes(driven, 1, 2)
     # the noise of unmeasured harmonics makes the matrix badly scaled: stay above round-off

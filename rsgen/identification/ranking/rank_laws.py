@@ -38,7 +38,7 @@ from rsgen.identification.fitting.fit import fit_balance
 from rsgen.identification.fitting.observed import Observed, Problem
 from rsgen.identification.fitting.points import Points, mass_needs, per_unit_mass, select_points
 from rsgen.identification.ranking.balance import Term, WhitenedBalance, base_law
-from rsgen.identification.ranking.fitting import CandidateFit, CandidateLaw, fit_candidate
+from rsgen.identification.ranking.candidate_fit import CandidateFit, CandidateLaw, fit_candidate
 from rsgen.identification.ranking.ranking_result import (
     OWN,
     Candidate,

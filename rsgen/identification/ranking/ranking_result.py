@@ -30,7 +30,7 @@ from rsgen.identification.fitting.observed import beyond_chance
 from rsgen.identification.fitting.points import Points
 from rsgen.identification.identify import identify
 from rsgen.identification.ranking.balance import WhitenedBalance, library_terms, terms_of
-from rsgen.identification.ranking.fitting import POINT_STRIDE, CandidateFit, CandidateLaw
+from rsgen.identification.ranking.candidate_fit import POINT_STRIDE, CandidateFit, CandidateLaw
 from rsgen.identification.ranking.reference import neighbour_noise, outliers_of
 from rsgen.identification.results import Identification
 from rsgen.identification.results.estimates import phase_findings

@@ -44,7 +44,7 @@ from rsgen.identification.ranking.balance import (
     predicted_motion,
     whiten_balance,
 )
-from rsgen.identification.ranking.fitting import CandidateFit, CandidateLaw, fit_candidate
+from rsgen.identification.ranking.candidate_fit import CandidateFit, CandidateLaw, fit_candidate
 from rsgen.law.element import Element
 from rsgen.law.motion import Motion, feeds_exciter
 from rsgen.law.numeric import ForceLaw
@@ -143,7 +143,7 @@ def fit_reference_motion(
     values = law.ordered(best.values)
     problem = Problem(best.elements, law, observed, fixed)
     place = problem.join(values, best.values["m"], best.background)
-    found = fit_balance(problem, place, order=BALANCE_HARMONICS, reject=False, steps=MAX_TRIAL_STEPS)
+    found = fit_balance(problem, place, order=BALANCE_HARMONICS, exclude=False, steps=MAX_TRIAL_STEPS)
     if law.rough and found.mass > 0 and _shared_misfit(found) < MAX_MOTION_DISTANCE:
         exact = _simulated_reference(best, found, fixed)
         if exact is not None:

@@ -21,7 +21,7 @@ from rsgen.data.oscillator import Model
 from rsgen.formula import symbol
 from rsgen.identification.fitting.points import Points
 from rsgen.identification.ranking.balance import Sum, Term, WhitenedBalance, base_law, library_terms
-from rsgen.identification.ranking.fitting import CandidateFit, CandidateLaw, fit_candidate
+from rsgen.identification.ranking.candidate_fit import CandidateFit, CandidateLaw, fit_candidate
 from rsgen.identification.ranking.ranking_result import OWN
 from rsgen.identification.starting.equations import Equations
 from rsgen.identification.starting.start import solve_equations

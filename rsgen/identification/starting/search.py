@@ -5,6 +5,10 @@ Pereyra, Inverse Problems 19, 2003), so that only q of them, mostly one to three
 discrepancy sample (Halton) of their windows, and descents from the best. A group whose common factor the law
 is linear in (the stiffness and the force of a saturation) is searched by its ratios: one of the group is plus
 or minus one, and the factor is solved for.
+
+A window is the range of a parameter in which the shape of a term changes along the measured motion; outside,
+the term is another law (a gap that is never reached). Of solutions that fit equally the one with the most
+values without effect is taken, then the one with positive values.
 """
 
 from __future__ import annotations
@@ -46,8 +50,8 @@ _MAX_COLUMN = 1e100
 _COARSE_POINTS = 32
 """Points on which trials are compared."""
 
-_SWEEPS = 2
-"""Sweeps over all parameters one by one."""
+_SCANS = 2
+"""Scans over all parameters one by one."""
 
 _WINDOW_STRIDE = 2
 """Step between the tried values of a window."""
@@ -92,7 +96,7 @@ def search_nonlinear(equations: Equations, law: ForceLaw, mass: float, begin: Ar
         starts = _separate(trials[order], STARTS)
     if len(search.free) > 1:
         # a few hundred trials are thin in two dimensions and more
-        starts.append(search.sweep(starts[0], windows))
+        starts.append(search.scan_one_by_one(starts[0], windows))
     for start in starts:
         found, cost = search.refine(start)
         if cost < lowest * (1 - 1e-9):
@@ -100,7 +104,7 @@ def search_nonlinear(equations: Equations, law: ForceLaw, mass: float, begin: Ar
     rest = search.residual(best, coarse=True)
     candidates = [
         *trials[costs <= _equal_cost(float(rest @ rest), len(rest))],
-        *_inactive_switch_trials(best, windows, search.pins),
+        *_inactive_switch_trials(best, windows, search.unit_members),
     ]
     null_dimension, equal = search.null_dimension(best), _equal_cost(lowest, len(search.residual(best)))
     for trial in sorted(candidates, key=lambda trial: (np.sum(trial < 0), np.abs(trial).max())):
@@ -129,10 +133,10 @@ def search_nonlinear(equations: Equations, law: ForceLaw, mass: float, begin: Ar
     return search.scaled(best)
 
 
-def _inactive_switch_trials(best: Array, windows: list[Array], pins: list[int]) -> list[Array]:
+def _inactive_switch_trials(best: Array, windows: list[Array], unit_members: list[int]) -> list[Array]:
     """Return trials with one parameter at an end of its window, where its switch hardly acts."""
     positive = np.array(best)
-    positive[pins] = 1.0
+    positive[unit_members] = 1.0
     trials = [positive]
     for start in (best, positive):
         for i, window in enumerate(windows):
@@ -156,8 +160,8 @@ class _Search:
         self._scanned = equations.select(some)
         place = {which: i for i, which in enumerate(law.nonlinear)}
         self._groups = [[place[which] for which in group] for group in law.scaled]
-        self.pins = [group[-1] for group in self._groups]
-        self.free = [i for i in range(len(law.nonlinear)) if i not in self.pins]
+        self.unit_members = [group[-1] for group in self._groups]
+        self.free = [i for i in range(len(law.nonlinear)) if i not in self.unit_members]
 
         size, force = np.abs(equations.motions[-1][:, 1]), np.abs(equations.force)
         natural = natural_sizes(
@@ -222,10 +226,10 @@ class _Search:
             rows = rows_of_trials(self._scanned, self._law, trials, coarse=True)
         return np.array([float(np.sum(self._solve_rows(*row)[1] ** 2)) for row in rows])
 
-    def sweep(self, start: Array, windows: list[Array]) -> Array:
+    def scan_one_by_one(self, start: Array, windows: list[Array]) -> Array:
         """Minimise over one parameter after the other, along its whole window."""
         best = np.array(start)
-        for _ in range(_SWEEPS):
+        for _ in range(_SCANS):
             for i in self.free:
                 values = windows[i][::_WINDOW_STRIDE]
                 trials = np.repeat(best[None, :], len(values) + 1, axis=0)
@@ -268,7 +272,7 @@ class _Search:
 
     def active_values(self, which: int) -> Array:
         """Return values of one parameter between which the law changes its shape, of both signs."""
-        if which in self.pins:
+        if which in self.unit_members:
             return np.array([1.0, -1.0])
         if self._law.remembers and np.isfinite(self._natural[which]):
             size = self._natural[which] * np.logspace(-DECADES, DECADES, 12 * DECADES + 1)
@@ -301,7 +305,7 @@ class _Search:
         active = np.zeros(len(values), dtype=bool)
         for attempt in typical[:1] if len(self.free) == 1 else typical:
             others = np.full(len(self._law.nonlinear), attempt * generator.uniform(0.3, 0.7))
-            others[self.pins] = 1.0
+            others[self.unit_members] = 1.0
             trials = np.repeat(others[None, :], len(values), axis=0)
             trials[:, which] = values
             shapes = self._shapes(some, trials, whole)

@@ -146,7 +146,7 @@ def _at_resolution(small: Fit, without: Fit, directions: Array, uneven: Sequence
 
 
 def _fit(problem: Problem, parameters: Array, steps: int) -> Fit:
-    return fit_balance(problem, parameters, order=START_HARMONICS, steps=steps, reject=False, correct=False)
+    return fit_balance(problem, parameters, order=START_HARMONICS, steps=steps, exclude=False, correct=False)
 
 
 def records_even(problem: Problem) -> bool:
@@ -475,7 +475,7 @@ def _place_neighbour(problem: Problem, parameters: Array) -> list[Array]:
     for place in np.linspace(max(low - (high - low), low / 2), high + (high - low), _GRID_SIZE):
         neighbour = [_INITIAL_RESIDUE / begun.mass, 0.0, place, ASSUMED_DAMPING_RATIO]
         trial = np.concatenate([begun.regression.parameters, neighbour])
-        fits.append(fit_balance(problem, trial, order=1, steps=MAX_TRIAL_STEPS, reject=False, correct=False))
+        fits.append(fit_balance(problem, trial, order=1, steps=MAX_TRIAL_STEPS, exclude=False, correct=False))
     fits.sort(key=lambda found: found.regression.noise if found.mass > 0 else np.inf)
     return [problem.join(begun.values, begun.mass, found.background) for found in fits[:STARTS]]
 

@@ -239,7 +239,7 @@ _EXCLUDED_BY = {
 
 
 @says("points-excluded")
-def _points_set_aside(found: Finding) -> str:
+def _points_excluded(found: Finding) -> str:
     counted = f"{found['excluded']:.0f} of {found['points']:.0f} points"
     if "level" in found.numbers:
         level, low, high = (quantity_text(*found.numbers[name], 4) for name in ("level", "low", "high"))
