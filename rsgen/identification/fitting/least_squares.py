@@ -107,15 +107,13 @@ class Regression:
     converged
         False if the steps did not become small.
     strength
-        (q,) root mean square change of the prediction by a unit of each parameter, in units of the
-        expected noise.
+        (q,) root mean square change of the prediction by a unit of each parameter, in expected noise.
     influence
-        (n, M, q) change of the estimate by a unit of each residual; zero for points that are not used.
+        (n, M, q) change of the estimate by a unit of each residual; zero for points not used.
     basis
         (q, r) the parameters by r independent directions, which the points determine equally well.
     rows, residual
-        (n, M, r) and (n, M) slopes by these directions and residuals; zero for points that are not used. The
-        sum of rows.T @ rows is the identity.
+        (n, M, r) orthonormal slopes by these directions, (n, M) residuals; zero for points not used.
     free
         (q,) False for fixed parameters, which have no errors.
     noise_share
@@ -197,11 +195,9 @@ class Rules:
         known = 0.0 if self.prior is None else float(np.sum((self.prior * parameters) ** 2))
         return float(np.sum(residual**2)) + known
 
-    def equations(
-        self, residual: Array, matrix: Array, parameters: Array, chosen: Mask
-    ) -> tuple[Array, Array]:
-        """Return rows (r, q) and right sides (r,) of a step: chosen points, then the prior."""
-        flat, right = _stacked(matrix, residual, chosen)
+    def equations(self, residual: Array, matrix: Array, parameters: Array, used: Mask) -> tuple[Array, Array]:
+        """Return rows (r, q) and right sides (r,) of a step: points used, then the prior."""
+        flat, right = _stacked(matrix, residual, used)
         if self.prior is None:
             return flat, right
         known = self.prior > 0
@@ -237,8 +233,7 @@ def fit(
     exclude
         True if outliers are excluded, with a new descent after each exclusion.
     neighbours
-        (k, 2) pairs of points next to each other in the test. If outliers are neighbours the law is wrong,
-        and no point is excluded.
+        (k, 2) neighbours in the test. If outliers are neighbours the law is wrong, and none is excluded.
     used
         (n,) mask of the points to begin with; None: all.
     """
