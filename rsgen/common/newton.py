@@ -15,9 +15,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rsgen.common.arrays import Array
+from rsgen.common.tolerances import ROUND_OFF
 
-_ROUND_OFF = 1e-9
-"""Relative growth of a residual that is none."""
+MAX_NEWTON_STEPS = 40
+"""Steps at most: ten are usual, those that jump over a corner of a law need more."""
+
+CONVERGED_STEP = 1e-10
+"""Relative size of a last step: the error that is left is its square."""
 
 Rows = NDArray[np.intp]
 
@@ -102,7 +106,7 @@ def _shorten(
     """Halve steps in place until residuals do not grow; True where no part of a step serves."""
     if not halvings:
         return np.zeros(len(rows), dtype=bool)
-    least = _norm(residual) * (1 + _ROUND_OFF)
+    least = _norm(residual) * (1 + ROUND_OFF)
     worse = np.array(trying)
     # at first with all rows: what is evaluated there serves the next step
     chosen = np.arange(len(rows)) if trying.any() else np.arange(0)

@@ -158,9 +158,6 @@ MIN_MISFIT_REDUCTION = 0.5
 """A single cause (a term, a background, a delay) that takes up more than this share of a misfit is
 there."""
 
-MAX_STEPS_TO_REST = 40
-"""Newton steps to the mean of a motion or a place of rest, none longer than the motion is large."""
-
 NONLINEAR_TRIALS = 400
 """Values tried of the parameters in which a law is not linear, spread over all their ranges."""
 

@@ -1,1 +1,1 @@
-"""A law with values to a motion: kernels, steady states, harmonic balance, virtual tests."""
+"""Motions of an oscillator m x'' + n(x, x') = f(t): steady states, harmonic balance, virtual tests."""

@@ -1,4 +1,24 @@
-"""Tests under control: the amplitude is held and the force follows, or the frequency follows a lag."""
+"""Tests under control: the amplitude is held and the force follows, or the lag is and the frequency follows.
+
+Response control. For each amplitude X and frequency omega the state y and the force F are the D + 2 unknowns
+of
+
+    P(y; F, omega) - y = 0,    X1(y; F, omega) - X = 0,
+
+P the period map (``fixed_point``), X1 the complex fundamental of the orbit. Newton's method solves them
+(shooting), from first-order harmonic balance. F(omega, X) has one value also where X(omega, F) folds, so that
+nothing jumps and no branch is followed. Steps a period are doubled until F agrees. A motion is stable under
+constant force if the eigenvalues of dP/dy lie inside the unit circle.
+
+Phase resonance. A phase-locked loop turns the frequency until the displacement lags the force by an angle; at
+a quarter period that is resonance, k(X) = m omega^2 (Liu et al., Sec. 1.2), and points of all levels lie on
+the backbone. Its unknowns are ln X and ln omega:
+
+    ln F(X, omega) - (ln F + i lag) = 0,
+
+F(X, omega) that of response control. Newton's method begins with the slopes of the balance of one harmonic
+and corrects them by what each step shows (C. G. Broyden, Math. Comp. 19 (1965) 577).
+"""
 
 from __future__ import annotations
 
@@ -12,36 +32,22 @@ from numpy.typing import ArrayLike, NDArray
 
 from rsgen.common.arrays import Array, ComplexArray
 from rsgen.common.errors import RsgenError
-from rsgen.common.newton import Rows, newton
+from rsgen.common.newton import MAX_NEWTON_STEPS, Rows, newton
+from rsgen.common.tolerances import MAX_STEP_HALVINGS, ROUND_OFF
 from rsgen.data.oscillator import Oscillator
-from rsgen.dynamics.fixed_point import LoopMemory, PeriodMap, attraction, units_of_states
-from rsgen.dynamics.harmonic_balance import balance_states, hold_oscillator
+from rsgen.dynamics.fixed_point import ORBIT_OFFSET, LoopMemory, PeriodMap, attraction, units_of_states
+from rsgen.dynamics.harmonic_balance import LONGEST_STEP, balance_states, hold_oscillator
 from rsgen.dynamics.kernel import compile_kernel
 from rsgen.dynamics.settling import SteadyStates
-from rsgen.dynamics.steady_state import LOCATED, USUAL_ACCURACY, USUAL_HARMONICS, map_batches
+from rsgen.dynamics.steady_state import LOCATING_ACCURACY, ORDER, USUAL_ACCURACY, USUAL_HARMONICS, map_batches
 from rsgen.dynamics.virtual_test import Progress, SimulatedTest, in_parts
 from rsgen.law.numeric import compile_law
 
 # ----------------------------------------------------------------------------
-# Response-controlled tests: the amplitude X is held and the force follows.
-#
-# F(omega, X) is single-valued where X(omega, F) folds, so nothing jumps. State and force of each point are
-# found together by shooting: the motion repeats after one period, and its fundamental is X. Whether the
-# same
-# motion would survive under constant force is read from the Jacobian of the period map.
+# Response control: state and force together, by shooting.
 
-_OFFSET = 1e-6
-"""Of X and of the typical force: neighbouring orbits; truncation and rounding are both small there."""
-_ITERATIONS = 25
-"""Newton steps at most; six are usual, a step over a corner of the law needs more."""
-_HALVINGS = 5
-"""Halvings of a Newton step that does not come nearer."""
-_SINGULAR = 1e-14
-"""Determinant of the scaled Jacobian below which a Newton step has no direction: rounding."""
-_LEAST_STEPS, _MOST_STEPS = 64, 8192
+_MIN_STEPS, _MAX_STEPS = 64, 8192
 """Steps a period, doubled until two answers agree; the most reach 1e-9 with the law's jumps located."""
-_RICHARDSON = 2**3 - 1
-"""What halved steps change, over the error that is left, at order three."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -96,13 +102,13 @@ class _Shooting:
     def step(self, rows: Rows, unknowns: Array) -> tuple[Array, Array, Array]:
         """Newton's step with the Jacobian from D + 2 neighbouring orbits, which ``jacobian`` keeps."""
         points, size = self.points[rows], unknowns.shape[1]
-        offset = _OFFSET * self.amplitude[points]
+        offset = ORBIT_OFFSET * self.amplitude[points]
         trials = [unknowns] + [unknowns + offset[:, None] * np.eye(size)[i] for i in range(size)]
         found = np.split(self.residual(np.tile(rows, 1 + size), np.concatenate(trials)), 1 + size)
         slope = np.stack([(there - found[0]) / offset[:, None] for there in found[1:]], axis=2)
         self.jacobian[rows] = slope
         move = np.full_like(unknowns, np.nan)
-        sane = np.isfinite(slope).all(axis=(1, 2)) & (np.abs(np.linalg.det(np.nan_to_num(slope))) > _SINGULAR)
+        sane = np.isfinite(slope).all(axis=(1, 2)) & (np.abs(np.linalg.det(np.nan_to_num(slope))) > ROUND_OFF)
         move[sane] = -np.linalg.solve(slope[sane], found[0][sane][:, :, None])[:, :, 0]
         least = np.minimum(self.amplitude[points], np.hypot(*unknowns[:, -2:].T))
         return found[0], move, np.linalg.norm(move, axis=1) / np.maximum(least, np.finfo(float).tiny)
@@ -130,7 +136,9 @@ def solve_response_control(
     f = np.atleast_1d(np.asarray(frequency, dtype=np.float64))
     if X.shape != f.shape or X.ndim != 1 or not np.all(np.isfinite(X) & (X > 0) & np.isfinite(f) & (f > 0)):
         raise RsgenError("amplitude, frequency: must be (n,) both, positive and finite everywhere [m], [Hz]")
-    kernel = compile_kernel(oscillator.force, values=oscillator.values, locate_all=accuracy < LOCATED)
+    kernel = compile_kernel(
+        oscillator.force, values=oscillator.values, locate_all=accuracy < LOCATING_ACCURACY
+    )
     values = np.array([oscillator.values[name] for name in kernel.parameters])
     omega = 2 * np.pi * f
     inertia: ComplexArray = (oscillator.mass * omega**2 * X).astype(np.complex128)
@@ -208,16 +216,16 @@ def _refine(shooting: _Shooting, w: Array, H: int, accuracy: float) -> Controlle
         error=np.full(n, np.nan),
         stable=np.zeros(n, dtype=bool),
     )
-    steps = max(_LEAST_STEPS, 2 * (H + 1))
+    steps = max(_MIN_STEPS, 2 * (H + 1))
     points = np.arange(n)
     w, found, _ = _shoot(shooting, points, w, steps, 0.1 * accuracy)
     points, w = points[found], w[found]
-    while len(points) and steps < _MOST_STEPS:
+    while len(points) and steps < _MAX_STEPS:
         steps *= 2
         finer, found, here = _shoot(shooting, points, w, steps, 0.01 * accuracy)
         coarse, points, w = w[found], points[found], finer[found]
         change = np.hypot(*(w - coarse)[:, -2:].T)
-        error = change / np.maximum(np.hypot(*w[:, -2:].T), np.finfo(float).tiny) / _RICHARDSON
+        error = change / np.maximum(np.hypot(*w[:, -2:].T), np.finfo(float).tiny) / (2 ** (ORDER - 1) - 1)
         _record(here, result, points, w, H, error, here.jacobian[found])
         points, w = points[error > accuracy], w[error > accuracy]
     result.outcome[points] = 1
@@ -235,7 +243,7 @@ def _shoot(
         steps,
         np.zeros((len(points), w.shape[1], w.shape[1])),
     )
-    roots = newton(here, w, settled=tolerance, steps=_ITERATIONS, halvings=_HALVINGS)
+    roots = newton(here, w, settled=tolerance, steps=MAX_NEWTON_STEPS, halvings=MAX_STEP_HALVINGS)
     return roots.unknowns, roots.size <= tolerance, here
 
 
@@ -262,31 +270,16 @@ def _record(
 
 
 # ----------------------------------------------------------------------------
-# Phase resonance: a phase-locked loop turns the frequency until the response lags by a given angle.
-#
-# At a quarter period the lag is that of resonance, k(X) = m omega^2 (Liu et al., Sec. 1.2), and the points
-# of
-# all levels lie on the backbone. Amplitude and frequency of a level F follow from F(X, omega) of response
-# control, which has no folds: ln F(X, omega) = ln F + i lag is solved by Newton's method with the slopes of
-# the balance of one harmonic, corrected by what each step shows (C. G. Broyden, Math. Comp. 19 (1965) 577).
+# Phase resonance: frequency and amplitude at a given lag and force.
 
 _SIZES = np.geomspace(1e-12, 1e3, 121)
 """Amplitudes [m] among which a level is sought: from atoms to any structure, eight a decade."""
 
-_BISECTIONS = 20
+_BAND_HALVINGS = 20
 """Of the band: a millionth of it, finer than the width of any resonance."""
 
-_STEPS = 25
-"""Newton steps at most; four are usual, a corner of the law needs more."""
-
-_PHASE_OFFSET = 1e-5
-"""Relative change by which first slopes are taken: truncation and rounding are both small."""
-
-_FINER = 0.1
+_ACCURACY_OF_STEP = 0.1
 """The solver of each step is so much more accurate than what is asked."""
-
-_FARTHEST = 0.3
-"""Longest step of ln X and of ln omega: longer ones leave the branch."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -372,7 +365,7 @@ def _first_places(oscillator: Oscillator, wanted: ComplexArray, band: tuple[floa
             ends = [_lead(oscillator, _SIZES, np.full(len(_SIZES), edge)) for edge in edges]
             at = np.flatnonzero((ends[0] < lag) & (ends[1] >= lag))
             low, high = (np.full(len(at), edge) for edge in edges)
-            for _ in range(_BISECTIONS if len(at) else 0):
+            for _ in range(_BAND_HALVINGS if len(at) else 0):
                 middle = 0.5 * (low + high)
                 above = _lead(oscillator, _SIZES[at], middle) >= lag
                 low, high = np.where(above, low, middle), np.where(above, middle, high)
@@ -408,12 +401,12 @@ def _lock(
     place = np.array(place)
     inverse: Array = np.asarray(np.linalg.inv(slopes), dtype=np.float64)
     rest = _rest(hold, place, wanted, accuracy)
-    for _ in range(_STEPS):
-        active = np.flatnonzero(np.hypot(*rest.T) > _FINER * accuracy)
+    for _ in range(MAX_NEWTON_STEPS):
+        active = np.flatnonzero(np.hypot(*rest.T) > _ACCURACY_OF_STEP * accuracy)
         if not len(active):
             break
         step = -np.einsum("nij,nj->ni", inverse[active], rest[active])
-        step *= np.minimum(1.0, _FARTHEST / np.maximum(np.abs(step).max(axis=1), 1e-300))[:, None]
+        step *= np.minimum(1.0, LONGEST_STEP / np.maximum(np.abs(step).max(axis=1), 1e-300))[:, None]
         place[active] += step
         new = _rest(hold, place[active], wanted[active], accuracy)
         inverse[active] = _broyden(inverse[active], step, new - rest[active])
@@ -424,7 +417,7 @@ def _lock(
 def _rest(hold: Hold, place: Array, wanted: ComplexArray, accuracy: float) -> Array:
     """(n, 2) relative error of the force and error of the lag [rad]."""
     size, omega = np.exp(place).T
-    states = hold(size, omega / (2 * np.pi), accuracy=_FINER * accuracy)
+    states = hold(size, omega / (2 * np.pi), accuracy=_ACCURACY_OF_STEP * accuracy)
     rest = np.log(states.force) - wanted
     return np.stack([rest.real, rest.imag], axis=1)
 
@@ -434,10 +427,9 @@ def _slopes(oscillator: Oscillator, place: Array) -> Array:
     columns = []
     for unit in np.eye(2):
         ends = [
-            np.log(_held_force(oscillator, *np.exp(place + sign * _PHASE_OFFSET * unit).T))
-            for sign in (-1, 1)
+            np.log(_held_force(oscillator, *np.exp(place + sign * ORBIT_OFFSET * unit).T)) for sign in (-1, 1)
         ]
-        slope = (ends[1] - ends[0]) / (2 * _PHASE_OFFSET)
+        slope = (ends[1] - ends[0]) / (2 * ORBIT_OFFSET)
         columns.append(np.stack([slope.real, slope.imag], axis=1))
     return np.stack(columns, axis=2)
 

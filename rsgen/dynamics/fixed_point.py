@@ -1,4 +1,17 @@
-"""Newton's method on the period map, whose Jacobian comes from neighbouring orbits; what loops remember."""
+"""Fixed points of the period map by Newton's method, and whether they attract.
+
+    m x'' + n(x, x', z) = Re F exp(i omega t),  z' = g(x, x', z),  P: y(0) -> y(2 pi/omega),  y* = P(y*)
+
+y holds x, x'/omega and the memory z of the law; the ``kernel`` integrates P. A steady state is a fixed point,
+found by shooting: (I - J) d = P(y) - y, y <- y + d (M. Peeters et al., Mech. Syst. Signal Process. 23 (2009)
+195, Sec. 3). Column j of J is (P(y + h e_j) - P(y))/h, from an orbit that begins nearby: equations of
+variation would need rules at every switch of the law, which the kernel passes anyway. A fixed point attracts
+if all eigenvalues of J lie inside the unit circle (Floquet multipliers); this is decided without computing
+them, from the coefficients of det(s - J) (Jury's conditions for two states, Schur and Cohn's for more).
+
+Under a law of Masing type the future depends on reversals of the past. ``LoopMemory`` carries them along in a
+transient; a fixed point is sought with the outermost loop alone, ``HeldMemory`` with sliders that all stick.
+"""
 
 from __future__ import annotations
 
@@ -9,6 +22,7 @@ import sympy
 from numpy.typing import NDArray
 
 from rsgen.common.arrays import Array, ComplexArray
+from rsgen.common.tolerances import FINITE_DIFFERENCE_STEP, ROUND_OFF
 from rsgen.data.oscillator import Oscillator
 from rsgen.dynamics.kernel import Integrated, Kernel
 from rsgen.dynamics.kernel.generation import ALONE, DEEPEST, EVERYTHING, WITHIN, MemoryRows
@@ -20,12 +34,8 @@ from rsgen.law.pieces import normal_form_at
 # ----------------------------------------------------------------------------
 # Sizes of the states of a law: what they are divided by, and how fast they follow the motion.
 
-_SMALL = 1e-3
-"""Of the displacement that the force gives the mass alone: there states follow without their limits."""
-
-
-_STABLE = 2.0
-"""Steps times rate up to which the method of Runge and Kutta is stable, with a margin: the limit is 2.78."""
+_STABLE_STEP = 2.0
+"""Step times rate up to which the method of Runge and Kutta is stable, with a margin: the limit is 2.78."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -51,7 +61,7 @@ class Stiffness:
         """Steps a period (k,) that motions of an amplitude (k,) [m] need to stay stable."""
         rates = self.slopes(amplitude, omega * amplitude, *self.values)
         fastest = np.max([np.abs(np.nan_to_num(rate)) + 0 * omega for rate in rates], axis=0)
-        return np.asarray(2 * np.pi / omega * fastest / _STABLE)
+        return np.asarray(2 * np.pi / omega * fastest / _STABLE_STEP)
 
 
 def units_of_states(oscillator: Oscillator, force: ComplexArray, omega: Array) -> Array | None:
@@ -70,7 +80,8 @@ def units_of_states(oscillator: Oscillator, force: ComplexArray, omega: Array) -
     )
     w = float(np.median(omega))
     size = float(np.median(np.abs(force))) / (oscillator.mass * w * w)
-    x = _SMALL * size if size > 0 else _SMALL
+    # so small that states follow without reaching their limits
+    x = FINITE_DIFFERENCE_STEP * (size if size > 0 else 1.0)
     count = len(states)
     offsets = np.zeros((2 + count, 2 + count))
     offsets[0, 0], offsets[1, 1] = x, w * x
@@ -92,8 +103,8 @@ def units_of_states(oscillator: Oscillator, force: ComplexArray, omega: Array) -
 
 Indices = NDArray[np.intp]
 
-_TURNS = 2.0
-"""Turns of a motion in a period, at the top and at the bottom of its loop."""
+_OUTER_REVERSALS = 2.0
+"""Reversals of a motion in a period, at the top and at the bottom of its loop."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -125,7 +136,7 @@ class LoopMemory:
     def closed(cls, layout: MemoryRows, offset: Array) -> LoopMemory:
         """Loops around the forces ``offset`` (C, k) [N] that a motion has closed."""
         memory = cls.at_start(layout, offset, offset.shape[1])
-        memory.rows[layout.row("TURNS") - layout.smooth] = _TURNS
+        memory.rows[layout.row("TURNS") - layout.smooth] = _OUTER_REVERSALS
         return memory
 
     @property
@@ -166,7 +177,7 @@ class LoopMemory:
 
     def has_inner_loops(self, points: Indices) -> NDArray[np.bool_]:
         """Where the last period of the transient had other turns (k,) than those at top and bottom."""
-        return np.asarray(self._row("TURNS", points) != _TURNS)
+        return np.asarray(self._row("TURNS", points) != _OUTER_REVERSALS)
 
     def _middles(self, points: Indices) -> Array:
         """Force in the middle of each loop (C, k) [N] that a transient leaves.
@@ -222,9 +233,6 @@ class HeldMemory(LoopMemory):
 # decays or beats about it have no area and no fixed middle, so that their steady state is looked for with
 # the memory as the transient left it.
 
-_STRAIGHT = 1e-12
-"""Departure from a straight line, relative, that is rounding."""
-
 _PLACES = np.array([0.1, 0.3, 0.5, 0.7, 0.9])
 """Where a beginning is compared with a straight line, in parts of its length: a curve differs somewhere."""
 
@@ -250,7 +258,7 @@ class Sticking:
         force = compiled((virgin,), (symbol("x"), *map(symbol, names)))
         values = [oscillator.values[name] for name in names]
         end, *between = force(reach * np.append(1.0, _PLACES), *values)[0]
-        straight = end > 0 and np.abs(between - _PLACES * end).max() < _STRAIGHT * end
+        straight = end > 0 and np.abs(between - _PLACES * end).max() < ROUND_OFF * end
         return cls(end / reach, reach) if straight else None
 
     def reaches(self, middle: Array, top: Array, bottom: Array) -> NDArray[np.bool_]:
@@ -376,10 +384,11 @@ class PeriodMap:
         return moved
 
 
-_OFFSET = 1e-5  # of the amplitude: neighbouring orbits; truncation and rounding are both small there
-_ITERATIONS = 6  # Newton steps; a start that needs more is not near a fixed point
-_SINGULAR = 1e-12  # determinant of I - J that is rounding
-_PIVOT = 1e-4  # of an elimination without exchange of rows: below, it loses more digits than J has right
+ORBIT_OFFSET = 1e-5
+"""Relative distance of neighbouring orbits: truncation and rounding of a slope are both small there."""
+
+_MAX_NEWTON_STEPS = 6
+"""A start that needs more steps is not near a fixed point."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -405,7 +414,7 @@ def correction(jacobian: Array, residual: Array) -> Array:
     a, b = 1 - jacobian[0, 0], jacobian[0, 1]
     c, d = jacobian[1, 0], 1 - jacobian[1, 1]
     det = a * d - b * c
-    regular = np.abs(det) > _SINGULAR
+    regular = np.abs(det) > ROUND_OFF
     if not regular.all():
         det = np.where(regular, det, 1.0)
     move = np.empty_like(residual)
@@ -419,7 +428,7 @@ def correction(jacobian: Array, residual: Array) -> Array:
 def attraction(jacobian: Array) -> Array:
     """How far inside the unit circle the eigenvalues of J are (Jury's conditions); negative: outside."""
     if len(jacobian) > 2:
-        return _schur_cohn(_characteristic(jacobian)[0])
+        return _schur_cohn(_characteristic(jacobian))
     trace = jacobian[0, 0] + jacobian[1, 1]
     det = jacobian[0, 0] * jacobian[1, 1] - jacobian[0, 1] * jacobian[1, 0]
     return np.asarray(np.minimum(1 - np.abs(det), 1 + det - np.abs(trace)))
@@ -450,10 +459,10 @@ def times(jacobian: Array, y: Array) -> Array:
     return product
 
 
-def _characteristic(matrix: Array) -> tuple[list[Array], Array]:
-    """Coefficients c of det(s - A) = s^D + c1 s^(D-1) + ... + cD, and the M with A M = -cD.
+def _characteristic(matrix: Array) -> list[Array]:
+    """Return the coefficients c of det(s - A) = s^D + c1 s^(D-1) + ... + cD of k matrices (D, D, k).
 
-    Leverrier's method for k matrices (D, D, k); D is small.
+    Leverrier's method; D is small.
     """
     size = len(matrix)
     unit = np.eye(size)[:, :, None]
@@ -462,38 +471,17 @@ def _characteristic(matrix: Array) -> tuple[list[Array], Array]:
     for order in range(1, size + 1):
         product = np.einsum("ijk,jlk->ilk", matrix, auxiliary)
         coefficients.append(-np.einsum("iik->k", product) / order)
-        if order < size:
-            auxiliary = product + coefficients[-1] * unit
-    return coefficients, auxiliary
+        auxiliary = product + coefficients[-1] * unit
+    return coefficients
 
 
 def _correction(jacobian: Array, residual: Array) -> Array:
-    """As ``correction``, for laws with states of their own: Gauss's elimination, k points at once."""
-    size = len(residual)
-    matrix = np.eye(size)[:, :, None] - jacobian
-    move, sound = residual.copy(), np.ones(residual.shape[1], dtype=bool)
-    for row in range(size):
-        sound &= np.abs(matrix[row, row]) > _PIVOT
-        for lower in range(row + 1, size):
-            factor = matrix[lower, row] / np.where(sound, matrix[row, row], 1.0)
-            matrix[lower, row + 1 :] -= factor * matrix[row, row + 1 :]
-            move[lower] -= factor * move[row]
-    for row in reversed(range(size)):
-        for right in range(row + 1, size):
-            move[row] -= matrix[row, right] * move[right]
-        move[row] /= np.where(sound, matrix[row, row], 1.0)
-    if not sound.all():
-        move[:, ~sound] = _correction_of_few(jacobian[:, :, ~sound], residual[:, ~sound])
+    """As ``correction``, for laws with states of their own."""
+    matrix = np.eye(len(residual)) - jacobian.transpose(2, 0, 1)
+    move = residual.copy()
+    regular = np.abs(np.linalg.det(matrix)) > ROUND_OFF
+    move[:, regular] = np.linalg.solve(matrix[regular], residual.T[regular, :, None])[:, :, 0].T
     return move
-
-
-def _correction_of_few(jacobian: Array, residual: Array) -> Array:
-    """As ``_correction``, where a pivot is small: exact, and slower."""
-    coefficients, adjugate = _characteristic(np.eye(len(residual))[:, :, None] - jacobian)
-    last = coefficients[-1]
-    regular = np.abs(last) > _SINGULAR
-    move = times(adjugate, residual) / -np.where(regular, last, 1.0)
-    return np.asarray(np.where(regular, move, residual))
 
 
 def _schur_cohn(coefficients: list[Array]) -> Array:
@@ -537,12 +525,12 @@ def find_fixed_points(
     # more states make a Jacobian dear
     spared = spared or len(y) > 2
     slope = jacobian
-    for turn in range(_ITERATIONS):
+    for turn in range(_MAX_NEWTON_STEPS):
         size = np.maximum(norm(here), least)
         if spared and turn % 2:
             image = period_map.carry(points, here, steps, 1).state
         else:
-            image, slope = jacobians(period_map, points, here, steps, _OFFSET * size)
+            image, slope = jacobians(period_map, points, here, steps, ORBIT_OFFSET * size)
         move = correction(slope, image - here)
         length = norm(move)
         there = here + move

@@ -21,8 +21,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rsgen.common.arrays import Array, Chosen, ComplexArray, blocks, blocks_joined
-from rsgen.common.newton import Rows, newton, solve_each
-from rsgen.common.tolerances import MAX_STEP_HALVINGS, MAX_TRIAL_STEPS, POINTS_PER_BLOCK
+from rsgen.common.newton import CONVERGED_STEP, MAX_NEWTON_STEPS, Rows, newton, solve_each
+from rsgen.common.tolerances import (
+    ASSUMED_DAMPING_RATIO,
+    MAX_STEP_HALVINGS,
+    MAX_TRIAL_STEPS,
+    POINTS_PER_BLOCK,
+)
 from rsgen.data.oscillator import Oscillator
 from rsgen.dynamics.linear_part import Inertia
 from rsgen.dynamics.settling import SteadyStates
@@ -30,33 +35,21 @@ from rsgen.law.motion import FourierSeries, Motion, fourier_series
 from rsgen.law.numeric import ForceLaw, compile_law
 from rsgen.law.switched_sum import ForceSample
 
-_SETTLED = 1e-10
-"""Relative step at which the harmonics have converged: the next one would be its square."""
-
-_CONVERGED = 1e-6
+_ACCEPTED_STEP = 1e-6
 """Relative last step that is still called convergence."""
 
-_LONGEST = 0.5
-"""Step of a coefficient at a held amplitude, relative to that: a longer one leaves the branch."""
+LONGEST_STEP = 0.5
+"""Step of a coefficient, relative to the amplitude that is held: a longer one leaves the branch."""
 
-_FAINT = 1e-9
-"""Of the drive over D: a motion below it is none."""
+_MOTION_AT_REST = 1e-9
+"""Amplitude, relative to the motion of the mass alone under the drive, at which a structure is at rest."""
 
-_REST = 1e-9
-"""Of the drive over the inertia: the amplitude at which the slopes at rest are taken."""
-
-_DAMPED = 0.02
-"""Damping of the first guess, of the inertia: without damping it is infinite at resonance."""
-
-_SAMPLES_A_HARMONIC, _FEWEST_SAMPLES = 16, 256
+_SAMPLES_PER_HARMONIC, _MIN_SAMPLES = 16, 256
 """Samples of a waveform a harmonic: powers up to the fifteenth are projected without aliasing; and at least,
 so that few harmonics see the corners of a law as well."""
 
-_FINER = 4
+_MEMORY_SAMPLES_RATIO = 4
 """Times as many samples of a law with memory: its loop is that of steps from sample to sample, O(h^2)."""
-
-_STEPS = 40
-"""Newton steps at a given drive: ten are usual, a step that jumps over a corner needs more."""
 
 
 class LinearPart(Protocol):
@@ -230,7 +223,7 @@ def respond(
             part,
             _Balance(
                 law, values, linear, omega[part], series, given[part], at[part], first=0, width=start.shape[1]
-            ).solve(_STEPS),
+            ).solve(MAX_NEWTON_STEPS),
         )
         for part in _blocks(len(omega), samples)
     )
@@ -240,7 +233,7 @@ def respond(
 
 def _blocks(count: int, samples: int) -> list[slice]:
     # of more samples fewer points, so that their arrays do not grow
-    return blocks(count, min(POINTS_PER_BLOCK, POINTS_PER_BLOCK * _FEWEST_SAMPLES // samples))
+    return blocks(count, min(POINTS_PER_BLOCK, POINTS_PER_BLOCK * _MIN_SAMPLES // samples))
 
 
 def _series(law: ForceLaw, follow: tuple[int, ...], samples: int) -> FourierSeries:
@@ -312,11 +305,11 @@ class _Balance:
         left = residual[:, first:]
         move = -solve_each(self._tangent(rows, sample)[:, first:, first:], left[:, :, None])[:, :, 0]
         # a motion that is hardly one is as large as the inertia of the drive would make it
-        faint = _FAINT * np.abs(self._given[rows]).max(axis=1) / np.abs(self._dynamic[rows, 0, 0])
+        faint = _MOTION_AT_REST * np.abs(self._given[rows]).max(axis=1) / np.abs(self._dynamic[rows, 0, 0])
         scale = np.maximum(np.abs(at[:, :2]).max(axis=1), faint)
         size = np.abs(move).max(axis=1) / np.maximum(scale, 1e-300)
         if first:
-            move *= np.minimum(1.0, _LONGEST / np.maximum(size, 1e-300))[:, None]
+            move *= np.minimum(1.0, LONGEST_STEP / np.maximum(size, 1e-300))[:, None]
         return left, move, size
 
     def solve(self, steps: int, *, loaded: bool = False) -> Response:
@@ -324,14 +317,16 @@ class _Balance:
         first, rows = self._first, np.arange(len(self._at))
         before, at, size = self._at, self._at, np.zeros(len(rows))
         if at.shape[1] > first:
-            roots = newton(self, at[:, first:], settled=_SETTLED, steps=steps, halvings=MAX_STEP_HALVINGS)
+            roots = newton(
+                self, at[:, first:], settled=CONVERGED_STEP, steps=steps, halvings=MAX_STEP_HALVINGS
+            )
             before, at = (self._coordinates(rows, place) for place in (roots.before, roots.unknowns))
             size = roots.size
         # the last step is small: what it changes of the residual is known, slopes are those before it
         sample, residual = self._sample(rows, before)
         tangent = self._tangent(rows, sample)
         residual = residual + (tangent @ (at - before)[:, :, None])[:, :, 0]
-        return self._response(at, residual, tangent, sample, size <= _CONVERGED, loaded=loaded)
+        return self._response(at, residual, tangent, sample, size <= _ACCEPTED_STEP, loaded=loaded)
 
     def _response(
         self,
@@ -438,14 +433,14 @@ def solve_harmonic_balance(
 
 
 def _others(law: ForceLaw, harmonics: int) -> tuple[int, ...]:
-    """Harmonics beside the fundamental; the mean only where a spring holds it."""
+    """Return the harmonics other than the fundamental; the mean only where a spring holds it."""
     return (*((0,) if law.springs else ()), *range(2, harmonics + 1))
 
 
 def _samples(law: ForceLaw, harmonics: int) -> tuple[int, ...]:
     """Samples a period, one solution after the other: where many are needed, few find the place."""
-    few = max(_SAMPLES_A_HARMONIC * (harmonics + 1), _FEWEST_SAMPLES)
-    return (few, _FINER * few) if law.remembers else (few,)
+    few = max(_SAMPLES_PER_HARMONIC * (harmonics + 1), _MIN_SAMPLES)
+    return (few, _MEMORY_SAMPLES_RATIO * few) if law.remembers else (few,)
 
 
 def _linear_motion(
@@ -453,10 +448,10 @@ def _linear_motion(
 ) -> ComplexArray:
     """(n, H+1) motion of the mass with the slope of the law at rest [m]."""
     motion, inertia = np.zeros_like(drive), mass * omega**2
-    tiny = _REST * np.maximum(np.abs(drive[:, 1]), np.finfo(float).tiny) / inertia
+    tiny = _MOTION_AT_REST * np.maximum(np.abs(drive[:, 1]), np.finfo(float).tiny) / inertia
     none = np.zeros((len(omega), 2), dtype=complex)
-    rest = hold_amplitude(law, values, Inertia(mass), omega, tiny, none, (), _FEWEST_SAMPLES)
-    motion[:, 1] = drive[:, 1] / (rest.force_slope / tiny + 1j * _DAMPED * inertia)
+    rest = hold_amplitude(law, values, Inertia(mass), omega, tiny, none, (), _MIN_SAMPLES)
+    motion[:, 1] = drive[:, 1] / (rest.force_slope / tiny + 2j * ASSUMED_DAMPING_RATIO * inertia)
     return motion
 
 

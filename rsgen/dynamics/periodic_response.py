@@ -1,10 +1,13 @@
 """The periodic response of an oscillator to a force with many lines, to round-off for smooth laws.
 
-Harmonic balance at every line by Newton's method. The tangent is never a matrix: its product with a motion is
-a product of waveforms, and GMRES solves with it, preconditioned by the same tangent in second differences,
-whose sparse factors cost no more than some transforms. Newton starts from a trapezoidal integration in time,
-window by window, which follows the motion from rest as a structure does, whatever the law does to its
-resonance.
+    m (i h omega0)^2 X_h + N_h(x) = F_h,    h = 0 ... H,    N_h the lines of n(x(t), x'(t))
+
+Newton's method: the tangent of step d is m d'' + (dn/dv) d' + (dn/dx) d. With thousands of lines it would be
+a dense matrix, which is never made: its product with d is one of waveforms (FFT), and GMRES (Y. Saad and
+M. H. Schultz, SIAM J. Sci. Stat. Comput. 7 (1986) 856) solves with such products, preconditioned by the same
+tangent in central differences, whose sparse factors cost no more than some transforms. Newton's method starts
+from a trapezoidal integration over some periods, which follows the motion from rest as a structure does,
+whatever the law does to its resonance; the integration itself solves windows of steps together.
 """
 
 from __future__ import annotations
@@ -16,7 +19,7 @@ import numpy as np
 import scipy
 
 from rsgen.common.arrays import Array, ComplexArray
-from rsgen.common.newton import Rows, newton
+from rsgen.common.newton import CONVERGED_STEP, MAX_NEWTON_STEPS, Rows, newton
 from rsgen.common.tolerances import MAX_STEP_HALVINGS
 from rsgen.law.motion import harmonics_of, waveform
 from rsgen.law.numeric import ForceLaw
@@ -25,26 +28,19 @@ from rsgen.law.switched_sum import ForceSample
 OVERSAMPLED = 4
 """Samples a period over the number of lines: cubes of signals reach three times their highest line, and fold
 back above it only."""
-_PER_CYCLE = 16
+_SAMPLES_PER_CYCLE = 16
 """Samples in a cycle of the highest excited line: the start need only be right to some per cent."""
-_WINDOW = 48
+_WINDOW_SAMPLES = 3 * _SAMPLES_PER_CYCLE
 """Samples integrated at once: three cycles of the highest line, in which Newton's method hardly fails."""
-_WINDOW_STEPS = 25
-"""Newton steps within a window; a window that takes more is left as it is."""
-_PERIODS = 12
+_MAX_PERIODS = 12
 """Periods integrated at most; the transient of a structure with its resonance among the lines is shorter."""
-_SETTLED = 1e-2
+_START_CHANGE = 1e-2
 """Change from period to period, relative, at which Newton's method takes over."""
-_STEPS = 30
-"""Newton steps."""
-SMALL = 1e-11
-"""Relative step at which a motion, or a fit to its lines, has converged."""
-_INNER = 1e-4
+_GMRES_TOLERANCE = 1e-4
 """Accuracy of the linear solution of a step: Newton's own error is larger until the last steps."""
-_AT_ROUND_OFF = 1e-10
-"""Residual relative to the force below which a step that gains nothing is round-off."""
-_SWITCHED = 1e-5
-"""The same of a law with switches: a sample shares a switch linearly, which leaves a kink."""
+SWITCHED_RESIDUAL = 1e-5
+"""Residual relative to the force that a law with switches leaves: a sample shares a switch linearly, and the
+kink stays; a change of recorded lines that the next doubling of the lines would halve."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -140,12 +136,19 @@ def periodic_response(
 
 def _solve(problem: _Problem, motion: ComplexArray) -> PeriodicResponse:
     equations = _Equations(problem)
-    roots = newton(equations, _joined(motion)[None], settled=SMALL, steps=_STEPS, halvings=MAX_STEP_HALVINGS)
+    roots = newton(
+        equations,
+        _joined(motion)[None],
+        settled=CONVERGED_STEP,
+        steps=MAX_NEWTON_STEPS,
+        halvings=MAX_STEP_HALVINGS,
+    )
     found = _parted(roots.unknowns[0])
     size = float(np.linalg.norm(problem.force)) or 1.0
     left = float(np.linalg.norm(problem.residual(found)[0])) / size
-    enough = _SWITCHED if problem.law.switched else _AT_ROUND_OFF
-    return PeriodicResponse(found, left, bool(roots.size[0] < SMALL or left < enough))
+    # a step that gains nothing is round-off there
+    enough = SWITCHED_RESIDUAL if problem.law.switched else CONVERGED_STEP
+    return PeriodicResponse(found, left, bool(roots.size[0] < CONVERGED_STEP or left < enough))
 
 
 class _Equations:
@@ -179,7 +182,9 @@ class _Equations:
             dtype=np.float64,
         )
         right = _joined(left)
-        move, _ = scipy.sparse.linalg.gmres(tangent, right, M=inverse, rtol=_INNER, restart=40, maxiter=3)
+        move, _ = scipy.sparse.linalg.gmres(
+            tangent, right, M=inverse, rtol=_GMRES_TOLERANCE, restart=40, maxiter=3
+        )
         moving = np.linalg.norm(move) / max(float(np.linalg.norm(unknowns)), 1e-300)
         return right[None], move[None], np.array([moving])
 
@@ -215,11 +220,11 @@ def _begin(problem: _Problem) -> ComplexArray:
     force = waveform(problem.force, count)
     step = problem.step * problem.samples / count
     state, last = np.zeros(2), np.zeros(count)
-    for _ in range(_PERIODS):
+    for _ in range(_MAX_PERIODS):
         x, state = _integrate(problem, force, step, state)
         if not np.isfinite(x).all():
             return linear
-        if np.linalg.norm(x - last) < _SETTLED * np.linalg.norm(x):
+        if np.linalg.norm(x - last) < _START_CHANGE * np.linalg.norm(x):
             break
         last = x
     return harmonics_of(x, problem.count)
@@ -237,16 +242,18 @@ def _samples_in_time(problem: _Problem) -> int:
     """A period: enough for the lines of the force, which are fewer than those of the motion."""
     strong = np.flatnonzero(np.abs(problem.force) > 1e-3 * np.abs(problem.force).max())
     highest = max(int(strong[-1]) if len(strong) else 1, 1)
-    return min(max(1 << (_PER_CYCLE * highest - 1).bit_length(), 2 * problem.count), 4 * problem.samples)
+    return min(
+        max(1 << (_SAMPLES_PER_CYCLE * highest - 1).bit_length(), 2 * problem.count), 4 * problem.samples
+    )
 
 
 def _integrate(problem: _Problem, force: Array, step: float, state: Array) -> tuple[Array, Array]:
     """One period by the trapezoidal rule from a state (x, v): displacement (n,) at the ends of the steps."""
     count = len(force)
     x = np.empty(count)
-    for begin in range(0, count, _WINDOW):
+    for begin in range(0, count, _WINDOW_SAMPLES):
         # the last step of a period ends where it begins
-        part = force[np.arange(begin, min(begin + _WINDOW, count) + 1) % count]
+        part = force[np.arange(begin, min(begin + _WINDOW_SAMPLES, count) + 1) % count]
         motion = _window(problem, part, step, state)
         x[begin : begin + len(motion) - 1] = motion[:-1, 0]
         state = motion[-1]
@@ -260,7 +267,7 @@ def _window(problem: _Problem, force: Array, step: float, state: Array) -> Array
     motion[:, 0] = state[0] + state[1] * step * np.arange(count + 1)
     motion[:, 1] = state[1]
     half = step / 2
-    for _ in range(_WINDOW_STEPS):
+    for _ in range(MAX_NEWTON_STEPS):
         x, v = motion[None, :, 0], motion[None, :, 1]
         a = np.gradient(motion[:, 1], step)[None]
         sample = law.sample(x, v, a, np.full((1, 1), step), problem.values)

@@ -1,4 +1,9 @@
-"""From a virtual test of an oscillator to its response surface, or to the spectra of its records."""
+"""From a virtual test of an oscillator to its response surface, or to the spectra of its records.
+
+The test says what is solved at each level and frequency: force given, x(t + T) = x(t) from rest or from the
+last point of a sweep (``steady_state``); force given, harmonic balance, stable or not (``harmonic_balance``);
+amplitude or lag given (``controlled``); a multisine (``virtual_test``).
+"""
 
 from __future__ import annotations
 

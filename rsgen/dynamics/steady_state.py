@@ -1,4 +1,18 @@
-"""Steady states of an oscillator as fixed points of the period map, from rest or near given states."""
+"""Steady states of an oscillator under harmonic force, from rest or from given states, to an asked accuracy.
+
+    m x'' + n(x, x', z) = Re F exp(i omega t),    x(t + T) = x(t),    T = 2 pi/omega
+
+1. ``settling`` finds with 24 steps a period to which fixed point of the period map each point goes.
+2. ``refine`` seeks that fixed point again with more steps. The Jacobian of the coarse map serves Newton's
+   method (chord method), so that no transient is repeated and a refinement costs two or three periods.
+3. Answers of n and r n steps a period differ by r^p - 1 times the error of the finer one, p the order of
+   the integration (Richardson; Hairer, Norsett and Wanner, Solving Ordinary Differential Equations I, 1993,
+   Sec. II.4). From this error follows the next number of steps, until it is below the accuracy.
+4. A fixed point that the finer map does not have was one of the coarse steps: from the start again, finer.
+
+The transient decides the branch and may be coarse; accuracy costs a period only. Points are independent of
+each other and are solved in batches on all cores.
+"""
 
 from __future__ import annotations
 
@@ -17,6 +31,7 @@ from numpy.typing import ArrayLike, NDArray
 from rsgen.common.arrays import Array, ComplexArray
 from rsgen.common.declaration import Rule
 from rsgen.common.errors import RsgenError
+from rsgen.common.tolerances import MISFIT_NEGLIGIBLE
 from rsgen.data.oscillator import Oscillator, refuse_across
 from rsgen.dynamics.fixed_point import (
     Indices,
@@ -31,7 +46,8 @@ from rsgen.dynamics.fixed_point import (
 )
 from rsgen.dynamics.kernel import Kernel, compile_kernel
 from rsgen.dynamics.settling import (
-    COARSE,
+    COARSE_STEPS,
+    FINER_STEPS,
     SETTLED,
     UNSETTLED,
     Settling,
@@ -41,10 +57,10 @@ from rsgen.dynamics.settling import (
 )
 
 # ----------------------------------------------------------------------------
-# Batches of points: they bound the memory, and the cores work side by side.
+# Batches of points: they bound the memory, and all cores work.
 
-_MOST = 16384  # points worked on at once; the larger, the less threads wait for one another
-_FEWEST = 256  # below, another thread costs more than it saves
+MAX_BATCH_POINTS = 16384  # points worked on at once; the larger, the less threads wait for one another
+_MIN_BATCH_POINTS = 256  # below, another thread costs more than it saves
 
 Answer = TypeVar("Answer")
 
@@ -55,7 +71,7 @@ def map_batches(work: Callable[[slice], Answer], count: int) -> list[Answer]:
     ``RSGEN_THREADS`` is the number of cores; where it is not set, all of this process.
     """
     cores = _threads()
-    batches = max(-(-count // _MOST), min(cores, count // _FEWEST), 1)
+    batches = max(-(-count // MAX_BATCH_POINTS), min(cores, count // _MIN_BATCH_POINTS), 1)
     # as many batches as fill the cores evenly
     batches = batches if batches < cores else -(-batches // cores) * cores
     edges = [count * i // batches for i in range(batches + 1)]
@@ -83,19 +99,13 @@ def _pool(process: int, count: int) -> ThreadPoolExecutor:
 
 # ----------------------------------------------------------------------------
 # From the coarse fixed point to the asked accuracy: finer steps where the error estimate wants them.
-#
-# The Jacobian of the coarse map serves the fine ones, so that a refinement costs two or three periods. The
-# difference between two step sizes is the error estimate (Richardson), from which follows how many steps
-# are
-# needed.
 
-_ORDER = 4  # of the integration between events
+ORDER = 4  # of the integration between events
 _ORDER_OF_MEMORY = 2  # taken for the estimate: reversals and corners meet in one of the first coarse steps
-_SAFETY = 0.5  # of the asked accuracy is what steps are chosen for
-_FIRST = 24  # steps of the first of two answers that are compared
-_COMPARED = 5  # harmonics from whose change the error follows
-_PERIODS = 8  # with the coarse Jacobian, before a new one is made; of a transient before a look
-_ROUNDS = 256  # of so many periods, for motions that only their transient leads to
+_AIMED_SHARE = 0.5  # of the asked accuracy is what steps are chosen for
+_COMPARED_HARMONICS = 5  # harmonics from whose change the error follows
+_PERIODS_PER_LOOK = 8  # with the coarse Jacobian, before a new one is made; of a transient before a look
+_MAX_LOOKS = 256  # of so many periods, for motions that only their transient leads to
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -129,8 +139,8 @@ def refine(period_map: PeriodMap, settling: Settling, harmonics: int, accuracy: 
     )
     jacobian = settling.jacobian.copy()
     points = np.flatnonzero(settling.outcome == SETTLED)
-    steps = np.maximum(settling.steps, grid_above(np.maximum(_FIRST, 2.0 * harmonics + 2)))
-    few = min(harmonics, _COMPARED)
+    steps = np.maximum(settling.steps, grid_above(np.maximum(COARSE_STEPS, 2.0 * harmonics + 2)))
+    few = min(harmonics, _COMPARED_HARMONICS)
     # the coarse fixed point belongs to other steps, or is good enough to be recorded at once
     late = 0 if len(points) and (steps[points] == settling.steps[points]).all() else 1
     _solve(period_map, result, jacobian, points, steps, 0.1 * accuracy, few, peaks=False, first_record=late)
@@ -145,7 +155,7 @@ def refine(period_map: PeriodMap, settling: Settling, harmonics: int, accuracy: 
         points = points[result.outcome[points] == SETTLED]
         points = points[~(result.error[points] <= accuracy)]
         steps[points] = finer[points]
-        wanted = steps[points] * (result.error[points] / (_SAFETY * accuracy)) ** (1 / _ORDER)
+        wanted = steps[points] * (result.error[points] / (_AIMED_SHARE * accuracy)) ** (1 / ORDER)
         finer[points] = grid_above(wanted)
         points = points[finer[points] > steps[points]]
     return result
@@ -159,7 +169,7 @@ def _estimate(result: Refined, points: Indices, last: ComplexArray, ratio: Array
     amplitude = np.abs(result.harmonics[points, 1])
     relative = np.divide(largest, amplitude, out=np.zeros_like(largest), where=amplitude > 0)
     # one order less than between events: crossings located in different steps do not cancel
-    order = _ORDER - 1 if len(result.y) == 2 else _ORDER_OF_MEMORY
+    order = ORDER - 1 if len(result.y) == 2 else _ORDER_OF_MEMORY
     return np.asarray(relative / (ratio**order - 1) + result.residual[points])
 
 
@@ -174,9 +184,9 @@ def _repeat(
     peaks: bool,
 ) -> None:
     """Carry transients with their whole memory until they repeat: motions with loops within the loop."""
-    for _ in range(_ROUNDS if len(points) else 0):
+    for _ in range(_MAX_LOOKS if len(points) else 0):
         moved = period_map.carry(
-            points, result.y[:, points], steps, _PERIODS, harmonics, peaks=peaks, transient=True
+            points, result.y[:, points], steps, _PERIODS_PER_LOOK, harmonics, peaks=peaks, transient=True
         )
         size = np.maximum(norm(moved.state), period_map.scale()[points])
         last, before = norm(moved.state - moved.history[1]), norm(moved.history[1] - moved.history[0])
@@ -215,10 +225,10 @@ def _solve(
         points = points[~inner]
     active, here, mine = points, result.y[:, points], steps[points]
     slope, least = jacobian[:, :, points], period_map.scale()[points]
-    for turn in range(2 * _PERIODS):
+    for turn in range(2 * _PERIODS_PER_LOOK):
         if not len(active):
             return
-        if turn == _PERIODS:
+        if turn == _PERIODS_PER_LOOK:
             fixed = find_fixed_points(period_map, active, here, mine, tolerance, least)
             here, slope = fixed.y, fixed.jacobian
             jacobian[:, :, active] = slope
@@ -250,16 +260,15 @@ def _solve(
 
 
 ACCURACY = Rule("Largest relative error of the fundamental.", at_least=1e-9, at_most=1e-2)
-HARMONICS = Rule("Harmonics of the displacement, the mean apart.", at_least=1, at_most=64)
+HARMONICS = Rule("Harmonics of the displacement, without the mean.", at_least=1, at_most=64)
 
-USUAL_ACCURACY = 1e-4
+USUAL_ACCURACY = MISFIT_NEGLIGIBLE / 10
 """Relative error of the fundamental unless another is asked for: a tenth of ``MISFIT_NEGLIGIBLE``."""
 
 USUAL_HARMONICS = 7
 """Harmonics of the displacement unless others are asked for: three odd ones above the fundamental."""
 
-LOCATED = 2e-6  # below this accuracy, jumps of the curvature of a law are located too
-_SECOND_LOOK = 8  # times the steps of the first transient
+LOCATING_ACCURACY = 2e-6  # below this accuracy, jumps of the curvature of a law are located too
 
 
 def solve_steady_states(
@@ -296,7 +305,9 @@ def solve_steady_states(
     f = np.atleast_1d(np.asarray(frequency, dtype=np.float64))
     _check(F, f, harmonics, accuracy)
     y = None if start is None else np.asarray(start, dtype=np.float64)
-    kernel = compile_kernel(oscillator.force, values=oscillator.values, locate_all=accuracy < LOCATED)
+    kernel = compile_kernel(
+        oscillator.force, values=oscillator.values, locate_all=accuracy < LOCATING_ACCURACY
+    )
     rows = kernel.rows
     coarse = kernel
     if rows.curves:
@@ -359,7 +370,7 @@ def _solve_batch(
             few = period_map.of(lost)
             if memory is not None:
                 few = replace(few, memory=LoopMemory.at_start(rows, offsets[:, lost], len(lost)))
-            again = settle(few, y[:, lost], from_rest=start is None, steps=_SECOND_LOOK * COARSE)
+            again = settle(few, y[:, lost], from_rest=start is None, steps=FINER_STEPS * COARSE_STEPS)
             refined.replace(lost, refine(few, again, harmonics, accuracy))
             if memory is not None and few.memory is not None:
                 memory.put(lost, few.memory)

@@ -1,4 +1,14 @@
-"""Virtual tests: what they measure and how, with a sine that steps or with a periodic multisine."""
+"""Virtual tests: what they measure and how, with a sine that steps or with a periodic multisine.
+
+A stepped sine drives at levels F and frequencies f, f(t) = Re F exp(i omega t); a shaken base of motion a_b
+drives the relative motion by -m a_b. A random-phase multisine (R. Pintelon and J. Schoukens, System
+Identification, 2012, Ch. 5) of period T and level s (root mean square) has the force lines
+
+    F_h = s sqrt(2/E) exp(2 pi i u_h),    f_h = h/T,
+
+for E excited lines with phases u_h uniform in 0 to 1. Its periodic response is solved with twice as many
+lines until the recorded ones stay (``periodic_response``). Noise is white, complex and Gaussian.
+"""
 
 from __future__ import annotations
 
@@ -13,18 +23,25 @@ from numpy.typing import ArrayLike, NDArray
 from rsgen.common.arrays import Array, ComplexArray
 from rsgen.common.declaration import Rule, check, declare, documented, given
 from rsgen.common.errors import RsgenError
+from rsgen.common.tolerances import HARMONIC_TRUNCATION
 from rsgen.data.multisine import MultisineSpectra
 from rsgen.data.multisine.spectra import rms
 from rsgen.data.oscillator import Oscillator
 from rsgen.data.planned_test import PlannedTest
 from rsgen.data.surface import ResponseSurface
 from rsgen.data.surface.columns import BASE_UNITS, below_acceleration
-from rsgen.dynamics.periodic_response import periodic_response
+from rsgen.dynamics.periodic_response import SWITCHED_RESIDUAL, periodic_response
 from rsgen.dynamics.settling import SteadyStates
-from rsgen.dynamics.steady_state import ACCURACY, HARMONICS, USUAL_ACCURACY, USUAL_HARMONICS
+from rsgen.dynamics.steady_state import (
+    ACCURACY,
+    HARMONICS,
+    MAX_BATCH_POINTS,
+    USUAL_ACCURACY,
+    USUAL_HARMONICS,
+)
 from rsgen.law.numeric import ForceLaw, compile_law
 
-_RESONANT = 0.2
+_MAX_RESONANT_LAG = 0.2
 """Lags within 11 degrees of a quarter period say nothing of the mass: k - m omega^2 is nearly zero."""
 
 
@@ -181,7 +198,7 @@ class SimulatedTest(VirtualTest):
 
     def known_mass(self, mass: float | None) -> float | None:
         """Return the mass [kg] of a shaken base or at phase resonance alone, where the test tells none."""
-        resonant = all(abs(lag + self.phase_error - pi / 2) < _RESONANT for lag in self.lags)
+        resonant = all(abs(lag + self.phase_error - pi / 2) < _MAX_RESONANT_LAG for lag in self.lags)
         return mass if self.base is not None or (self.control == "phase" and resonant) else None
 
     def planned(self) -> ResponseSurface:
@@ -200,7 +217,7 @@ class SimulatedTest(VirtualTest):
         )
 
     def summary(self) -> dict[str, Any]:
-        """Return what the test is, beside the extent of its records."""
+        """Return what the test is, without the extent of its records."""
         return {"kind": "simulated", "frequencies": self.per_level, "control": self.control}
 
     def origin(self) -> dict[str, str]:
@@ -230,8 +247,8 @@ def free_mean_fault(oscillator: Oscillator, test: PlannedTest) -> str:
         return ""
     return (
         "no spring holds the mean displacement: the law depends on x through its memory only, so that the "
-        "mass drifts and stays where the start left it; a spring beside the loop, however soft, is needed, "
-        'or method = "harmonic-balance", which keeps the mean at zero'
+        "mass drifts and stays where the start left it; a spring parallel to the loop, however soft, is "
+        'needed, or method = "harmonic-balance", which keeps the mean at zero'
     )
 
 
@@ -242,7 +259,7 @@ States = TypeVar("States", bound=SteadyStates)
 Progress = Callable[[float], None] | None
 """Called with the share that is done, from 0 to 1."""
 
-_PART = 65536
+_POINTS_PER_REPORT = 4 * MAX_BATCH_POINTS
 """Points between two reports of the progress: a second or so."""
 
 
@@ -255,11 +272,11 @@ def in_parts(solve: Callable[[Array, Array], States], test: SimulatedTest, progr
     """Solve the grid part by part, by ``solve(levels, frequencies)``."""
     level, frequency = grid_of(test)
     parts = []
-    for low in range(0, len(level), _PART):
-        part = slice(low, low + _PART)
+    for low in range(0, len(level), _POINTS_PER_REPORT):
+        part = slice(low, low + _POINTS_PER_REPORT)
         parts.append(solve(level[part], frequency[part]))
         if progress is not None:
-            progress(min(low + _PART, len(level)) / len(level))
+            progress(min(low + _POINTS_PER_REPORT, len(level)) / len(level))
     return type(parts[0]).joined(parts)
 
 
@@ -318,13 +335,9 @@ def add_noise(surface: ResponseSurface, relative: float, seed: int) -> ResponseS
 # ----------------------------------------------------------------------------
 # A virtual test with random-phase multisines.
 
-_EXACT = 1e-9
-"""Relative change of the recorded lines at which more lines of the motion no longer matter: a smooth law."""
-_SWITCHED = 1e-5
-"""The same of a law with switches: the next doubling would change half as much or less."""
-_MOST_LINES = 1 << 15
+_MAX_LINES = 1 << 15
 """Lines of a motion at most: its waveforms have four times as many samples."""
-_MOST_SAMPLES = 50_000_000
+_MAX_SAMPLES = 50_000_000
 """Complex numbers that force and response of a test may have: 0.8 GB each."""
 
 
@@ -373,8 +386,8 @@ class MultisineTest(VirtualTest):
         size = len(self.level) * self.realisations * self.periods * (self.recorded * high * self.period + 1)
         if not 0 <= low < high:
             yield "band", f"{low:g} to {high:g} Hz; must be ascending"
-        elif size > _MOST_SAMPLES:
-            yield "periods", f"{size:.3g} lines of all periods; at most {_MOST_SAMPLES}"
+        elif size > _MAX_SAMPLES:
+            yield "periods", f"{size:.3g} lines of all periods; at most {_MAX_SAMPLES}"
         elif not self.excited.size:
             yield "band", f"no line of a period of {self.period:g} s is in it; a longer one is needed"
 
@@ -395,7 +408,7 @@ class MultisineTest(VirtualTest):
         return MultisineSpectra(level, 2 * np.pi / self.period, lines, lines)
 
     def summary(self) -> dict[str, Any]:
-        """Return what the test is, beside the extent of its records."""
+        """Return what the test is, without the extent of its records."""
         return {"kind": "simulated", "periods": self.periods}
 
     def origin(self) -> dict[str, str]:
@@ -457,7 +470,7 @@ def _respond(
     count = len(force)
     before: ComplexArray | None = None
     start: ComplexArray | None = None
-    enough = _SWITCHED if law.switched else _EXACT
+    enough = SWITCHED_RESIDUAL if law.switched else HARMONIC_TRUNCATION
     lines = count - 1
     while True:
         drive = np.zeros(lines + 1, dtype=complex)
@@ -468,7 +481,7 @@ def _respond(
         recorded = found.spectrum[:count]
         if before is not None:
             change = float(np.linalg.norm(recorded - before)) / float(np.linalg.norm(recorded))
-            if change < enough or 2 * lines > _MOST_LINES:
+            if change < enough or 2 * lines > _MAX_LINES:
                 return recorded
         before = recorded
         lines *= 2

@@ -55,14 +55,20 @@ def _of_library(trace: TracebackType | None) -> bool:
     return trace is not None and str(trace.tb_frame.f_globals.get("__name__")).startswith(_LIBRARIES)
 
 
-EXPONENT = 64
-EXTREMES = 8
-TERMS = 2000
-_POWER_TERMS = 500  # of one power; it is multiplied out again and again while a law is derived
-_BITS = 997  # of numerator and denominator: as many as 1e300 has
-_RADICAND_BITS = 110  # SymPy factorises what stands under a root; 30 digits are quick
-_VARYING = 1000  # SymPy works out 3**(x - n) digit by digit where it takes x for a number
-_LARGEST = 1e300
+MAX_EXPONENT = 64
+MAX_CHOICES = 8
+"""Arguments of Min or Max."""
+MAX_TERMS = 2000
+"""Terms of an expanded formula."""
+_MAX_POWER_TERMS = 500
+"""Of one power; it is multiplied out again and again while a law is derived."""
+_MAX_NUMBER = 1e300
+_MAX_BITS = int(_MAX_NUMBER).bit_length()
+"""Of numerator and denominator."""
+_MAX_RADICAND_BITS = 110
+"""SymPy factorises what stands under a root; 30 digits are quick."""
+_MAX_IN_EXPONENT = 1000
+"""Number in an exponent with names: SymPy works 3**(x - n) out digit by digit if it takes x for a number."""
 
 _ALLOWED = (
     sympy.Symbol, sympy.Rational, sympy.core.numbers.Pi, sympy.core.numbers.Exp1, sympy.Add, sympy.Mul,
@@ -125,17 +131,19 @@ def check_power(base: Value, exponent: Value) -> str | None:
     if base.expr.is_Rational and exponent.number is not None:
         bits = max(int(base.expr.p).bit_length(), int(base.expr.q).bit_length())
         whole = exponent.expr.is_Integer
-        if bits * abs(exponent.number) > _BITS or (not whole and bits > _RADICAND_BITS):
-            return f"is a number with too many digits; keep it below {_LARGEST:g}"
+        if bits * abs(exponent.number) > _MAX_BITS or (not whole and bits > _MAX_RADICAND_BITS):
+            return f"is a number with too many digits; keep it below {_MAX_NUMBER:g}"
     terms = power_terms(base, exponent)
-    if terms > max(_POWER_TERMS, base.terms):
-        return f"would have up to {terms} terms when expanded; a power may have {_POWER_TERMS}"
+    if terms > max(_MAX_POWER_TERMS, base.terms):
+        return f"would have up to {terms} terms when expanded; a power may have {_MAX_POWER_TERMS}"
     return None
 
 
 def _varying_fault(exponent: sympy.Expr) -> str | None:
-    if any(abs(as_float(number)) > _VARYING for number in exponent.atoms(sympy.Rational)):
-        return f"has a number above {_VARYING} in an exponent with names; write exp(...) if it is meant"
+    if any(abs(as_float(number)) > _MAX_IN_EXPONENT for number in exponent.atoms(sympy.Rational)):
+        return (
+            f"has a number above {_MAX_IN_EXPONENT} in an exponent with names; write exp(...) if it is meant"
+        )
     return None
 
 
@@ -149,16 +157,16 @@ def _top(expr: sympy.Basic, levels: int) -> Iterator[sympy.Basic]:
 def _fault_of(part: sympy.Basic) -> str | None:
     if part.is_Rational:
         bits = max(int(part.p).bit_length(), int(part.q).bit_length())
-        if bits > _BITS or (part.p and not 1 / _LARGEST <= abs(as_float(part)) <= _LARGEST):
-            return f"has a number out of range; numbers lie between {1 / _LARGEST:g} and {_LARGEST:g}"
-    elif isinstance(part, sympy.Min | sympy.Max) and len(part.args) > EXTREMES:
-        return f"has {len(part.args)} arguments in Min or Max; at most {EXTREMES} are allowed"
+        if bits > _MAX_BITS or (part.p and not 1 / _MAX_NUMBER <= abs(as_float(part)) <= _MAX_NUMBER):
+            return f"has a number out of range; numbers lie between {1 / _MAX_NUMBER:g} and {_MAX_NUMBER:g}"
+    elif isinstance(part, sympy.Min | sympy.Max) and len(part.args) > MAX_CHOICES:
+        return f"has {len(part.args)} arguments in Min or Max; at most {MAX_CHOICES} are allowed"
     elif part.is_Number or part is sympy.zoo:
         return "is not finite"
     elif part is sympy.I or (part.is_Pow and part.base.is_Rational and part.base.is_negative):
         return "is not real"
-    elif part.is_Pow and part.exp.is_Rational and abs(part.exp) > EXPONENT:
-        return f"has the power {part.exp}; powers up to {EXPONENT} are allowed"
+    elif part.is_Pow and part.exp.is_Rational and abs(part.exp) > MAX_EXPONENT:
+        return f"has the power {part.exp}; powers up to {MAX_EXPONENT} are allowed"
     return None
 
 
@@ -167,9 +175,9 @@ def check_value(expr: sympy.Expr, terms: int) -> str | None:
 
     Only the top levels are looked at: what lies deeper was checked when it was built.
     """
-    if terms > TERMS:
+    if terms > MAX_TERMS:
         number = terms if terms < 10**9 else "over 10^9"
-        return f"would have up to {number} terms when expanded; at most {TERMS} are allowed"
+        return f"would have up to {number} terms when expanded; at most {MAX_TERMS} are allowed"
     for part in _top(expr, 3):
         fault = _fault_of(part)
         if fault:
@@ -200,10 +208,12 @@ def check_finished(expr: sympy.Expr) -> str | None:
 # parentheses are known to be harmless.
 
 
-LENGTH = 2000
-DEPTH = 40
-DIGITS = 30
-_EXPONENT_DIGITS = 3
+MAX_CHARACTERS = 2000
+MAX_DEPTH = 40
+"""Of parentheses and operations within each other."""
+MAX_DIGITS = 30
+"""Of a number."""
+_MAX_EXPONENT_DIGITS = len(str(int(math.log10(_MAX_NUMBER))))
 
 _CHARACTERS = frozenset("abcdefghijklmnopqrstuvwxyzABCDEFGHIJKLMNOPQRSTUVWXYZ0123456789_ .+-*/(),<>=&|!")
 _TOKEN = re.compile(
@@ -277,9 +287,9 @@ def _check_number(number: str, tail: str, column: int) -> None:
     if mantissa.isdigit() and mantissa.startswith("0") and len(mantissa) > 1:
         raise refusal(column, f"the number {shown(number)} begins with a superfluous 0")
     digits = mantissa.replace(".", "").lstrip("0")
-    if len(digits) > DIGITS:
-        raise refusal(column, f"a number with {len(digits)} digits; at most {DIGITS} are allowed")
-    if len(exponent.lstrip("+-0")) > _EXPONENT_DIGITS:
+    if len(digits) > MAX_DIGITS:
+        raise refusal(column, f"a number with {len(digits)} digits; at most {MAX_DIGITS} are allowed")
+    if len(exponent.lstrip("+-0")) > _MAX_EXPONENT_DIGITS:
         raise refusal(
             column, f"the number {shown(number)} is out of range; numbers lie between 1e-300 and 1e300"
         )
@@ -315,8 +325,8 @@ def scan(text: object) -> str:
     """
     if not isinstance(text, str):
         raise ExpressionError(f"a formula is text in quotes, not {type(text).__name__} {shown(text)}")
-    if len(text) > LENGTH:
-        raise ExpressionError(f"a formula of {len(text)} characters; at most {LENGTH} are allowed")
+    if len(text) > MAX_CHARACTERS:
+        raise ExpressionError(f"a formula of {len(text)} characters; at most {MAX_CHARACTERS} are allowed")
     if not text.strip(" "):
         raise ExpressionError("the formula is empty; write a law such as k1*x + kn1*x**3")
     _check_characters(text)
@@ -339,8 +349,10 @@ def scan(text: object) -> str:
             raise refusal(column, f"a number or name is missing before '{match[0]}'")
         if other == "(":
             depth += 1
-            if depth > DEPTH:
-                raise refusal(column, f"parentheses more than {DEPTH} deep; at most {DEPTH} are allowed")
+            if depth > MAX_DEPTH:
+                raise refusal(
+                    column, f"parentheses more than {MAX_DEPTH} deep; at most {MAX_DEPTH} are allowed"
+                )
         elif other == ")":
             depth -= 1
             if depth < 0:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import sys
 from collections import Counter
 from collections.abc import Callable, Sequence
 from functools import lru_cache
@@ -19,10 +20,10 @@ from rsgen.formula.names import rebuilt, renamed
 
 Numeric = Callable[..., tuple[Array, ...]]
 
-_LARGEST_WHOLE = 2**53
+_MAX_WHOLE = 2**sys.float_info.mant_dig
 """Whole numbers beyond this are printed as floats: numpy has no functions of Python's large integers."""
 
-_WHOLE_POWERS = 8
+_MAX_PRODUCT_POWER = 8
 """Powers of a name up to this are printed as products, which arrays take ten times quicker."""
 
 _AS_WRITTEN = (sympy.Expr, Relational)
@@ -50,15 +51,15 @@ def _printer() -> Any:
         return str(text)
 
     def product(power: sympy.Pow, **settings: Any) -> str:
-        if power.base.is_Symbol and power.exp.is_Integer and 2 <= power.exp <= _WHOLE_POWERS:
+        if power.base.is_Symbol and power.exp.is_Integer and 2 <= power.exp <= _MAX_PRODUCT_POWER:
             return "(" + "*".join([printer._print(power.base)] * int(power.exp)) + ")"
         return str(general(power, **settings))
 
     def whole(number: sympy.Integer) -> str:
-        return str(int(number)) if abs(int(number)) <= _LARGEST_WHOLE else decimal(number)
+        return str(int(number)) if abs(int(number)) <= _MAX_WHOLE else decimal(number)
 
     def quotient(number: sympy.Rational) -> str:
-        small = max(abs(int(number.p)), int(number.q)) <= _LARGEST_WHOLE
+        small = max(abs(int(number.p)), int(number.q)) <= _MAX_WHOLE
         return f"({int(number.p)}/{int(number.q)})" if small else decimal(number)
 
     def decimal(number: sympy.Rational) -> str:

@@ -42,8 +42,8 @@ STATES = {
 _RESERVED = frozenset(FUNCTIONS) - {"gamma"} | frozenset(CONSTANTS) | {"inf", "nan"}
 _POSITIVE = frozenset({"X", "omega"})
 _LEGAL = re.compile(r"[A-Za-z][A-Za-z0-9_]*")
-_LONGEST = 40
-_FORM = f"a name is a letter followed by letters, digits and _, at most {_LONGEST} characters"
+_MAX_CHARACTERS = 40
+_FORM = f"a name is a letter followed by letters, digits and _, at most {_MAX_CHARACTERS} characters"
 
 
 def shown(text: object, longest: int = 40) -> str:
@@ -65,7 +65,7 @@ def closest(name: str, known: Iterable[str]) -> str | None:
 def _check_form(name: object) -> str:
     if not isinstance(name, str):
         raise ExpressionError(f"{shown(name)} is not a name but a {type(name).__name__}; {_FORM}")
-    if len(name) > _LONGEST:
+    if len(name) > _MAX_CHARACTERS:
         raise ExpressionError(f"the name {shown(name)} has {len(name)} characters; {_FORM}")
     if not _LEGAL.fullmatch(name):
         raise ExpressionError(f"{shown(name)} cannot be a name; {_FORM}")
@@ -241,7 +241,7 @@ class Structural(sympy.Function):  # type: ignore[misc]  # sympy has no types
 
 
 class Inner(sympy.Symbol):  # type: ignore[misc]  # sympy has no types
-    """The value of a memory inside a law that was taken apart: it moves with time, as x and v do."""
+    """The value of a memory inside a law whose terms are separated: it moves with time, as x and v do."""
 
     __slots__ = ()
 

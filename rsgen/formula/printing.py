@@ -16,7 +16,7 @@ from typing import ClassVar
 import sympy
 
 from rsgen.common.errors import ExpressionError
-from rsgen.formula.bounds import DIGITS
+from rsgen.formula.bounds import MAX_DIGITS
 from rsgen.formula.names import STATES, Masing, State, Structural, free_symbols, shown, symbol
 
 # ----------------------------------------------------------------------------
@@ -128,7 +128,7 @@ def _place(factor: sympy.Expr) -> tuple[int, int, list[tuple[int, int, str]]]:
 
 
 def split_product(expr: sympy.Expr) -> Product:
-    """Take a term apart as it is to be written."""
+    """Separate number, factors and divisors of a term as they are to be written."""
     number = sympy.Integer(1)
     above: list[sympy.Expr] = []
     below: list[sympy.Expr] = []
@@ -163,7 +163,7 @@ def oriented(relation: sympy.Basic) -> sympy.Basic:
 
 
 def common_denominator(expr: sympy.Expr) -> int:
-    """The number below the line under which a sum is written, 1 where its terms stay apart."""
+    """The number below the line under which a sum is written, 1 where each term has its own."""
     below = {int(term.as_coeff_Mul()[0].q) if term.as_coeff_Mul()[0].is_Rational else 1 for term in expr.args}
     return below.pop() if len(below) == 1 else 1
 
@@ -178,9 +178,9 @@ def interval(relations: Sequence[sympy.Basic]) -> tuple[sympy.Basic | type[sympy
 
 
 _PLAIN_DIGITS = 6  # integers up to here, and decimals as long, are written without an exponent
-_MOST_BITS = 3400  # numbers of more than a thousand digits, which no text has but a limit may, are rounded
-_ROUNDED = 15  # to so many digits, and are not read back
-_LARGEST_DENOMINATOR = 1024  # fractions of powers of two and the like are written as such up to here
+_MAX_BITS = 3400  # numbers of more than a thousand digits, which no text has but a limit may, are rounded
+_ROUNDED_DIGITS = 15  # to so many digits, and are not read back
+_MAX_DENOMINATOR = 1024  # fractions of powers of two and the like are written as such up to here
 _NAMES: dict[type[sympy.Basic], str] = {
     sympy.Abs: "abs", sympy.sign: "sign", sympy.Min: "Min", sympy.Max: "Max",
     sympy.exp: "exp", sympy.log: "log", sympy.sin: "sin", sympy.cos: "cos", sympy.tan: "tan",
@@ -193,11 +193,7 @@ _NAMES: dict[type[sympy.Basic], str] = {
 class Level(IntEnum):
     """How tightly a written form holds together; what is looser than its surroundings needs parentheses."""
 
-    ANY = 0
-    SUM = 1
-    PRODUCT = 2
-    POWER = 3
-    ATOM = 4
+    ANY, SUM, PRODUCT, POWER, ATOM = range(5)
 
 
 def _digits(number: sympy.Rational) -> tuple[str, int] | None:
@@ -212,7 +208,7 @@ def _digits(number: sympy.Rational) -> tuple[str, int] | None:
     places = max(twos, fives)
     whole = str(int(number.p) * 10**places // int(number.q))
     digits = whole.rstrip("0")
-    return (digits, len(whole) - 1 - places) if len(digits) <= DIGITS else None
+    return (digits, len(whole) - 1 - places) if len(digits) <= MAX_DIGITS else None
 
 
 def decimal_text(number: sympy.Rational) -> tuple[str, str] | None:
@@ -226,10 +222,10 @@ def decimal_text(number: sympy.Rational) -> tuple[str, str] | None:
     ('4.697', '21')
     """
     p, q = int(number.p), int(number.q)
-    if max(p.bit_length(), q.bit_length()) > _MOST_BITS:
-        mantissa, _, power = str(sympy.Float(number, _ROUNDED)).partition("e")
+    if max(p.bit_length(), q.bit_length()) > _MAX_BITS:
+        mantissa, _, power = str(sympy.Float(number, _ROUNDED_DIGITS)).partition("e")
         return mantissa.rstrip("0").rstrip("."), power.lstrip("+")
-    if p < 10**_PLAIN_DIGITS and (q == 1 or (q % 5 and q <= _LARGEST_DENOMINATOR)):
+    if p < 10**_PLAIN_DIGITS and (q == 1 or (q % 5 and q <= _MAX_DENOMINATOR)):
         return None
     found = _digits(number)
     if found is None:
@@ -310,9 +306,9 @@ class Printer(ABC):
         lead = [number] if decimal else [sympy.Integer(number.p)] if number.p != 1 else []
         under = [sympy.Integer(number.q)] if number.q != 1 and not decimal else []
         lower = [*below, *product.factors_below]
-        apart = self.reads_back and under and len(lower) == 1 and lower[0].is_Add
+        unmerged = self.reads_back and under and len(lower) == 1 and lower[0].is_Add
         whole = product.factors_below or (factors and not lead and not above)
-        if whole and not apart:
+        if whole and not unmerged:
             upper = [*lead, *above, *factors]
             text = self.quotient(upper, [*under, *lower])
         else:
@@ -320,7 +316,7 @@ class Printer(ABC):
             split = [([*lead, *above], [*under, *below]), (factors, list(product.factors_below))]
             text = self.juxtaposed([self.quotient(*half) for half in split if half[0] or half[1]] or ["1"])
         if product.negative:
-            return self.negated(text, bool(upper) and bool(upper[0].is_Add) and not apart), Level.SUM
+            return self.negated(text, bool(upper) and bool(upper[0].is_Add) and not unmerged), Level.SUM
         return text, self._term_level([*lead, *above, *factors], [*under, *lower])
 
     def _term_level(self, upper: Sequence[sympy.Expr], lower: Sequence[sympy.Expr]) -> Level:
@@ -438,11 +434,11 @@ class TextPrinter(Printer):
             mantissa, exponent = decimal
             return f"{mantissa}e{exponent}" if exponent else mantissa
         digits = str(number)
-        if len(digits) <= DIGITS:
+        if len(digits) <= MAX_DIGITS:
             return digits
         groups = [
-            (int(digits[max(0, end - DIGITS) : end]), len(digits) - end)
-            for end in range(len(digits), 0, -DIGITS)
+            (int(digits[max(0, end - MAX_DIGITS) : end]), len(digits) - end)
+            for end in range(len(digits), 0, -MAX_DIGITS)
         ]
         return f"({' + '.join(f'{group}e{place}' for group, place in reversed(groups) if group)})"
 

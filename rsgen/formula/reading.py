@@ -14,9 +14,9 @@ import sympy
 
 from rsgen.common.errors import ExpressionError
 from rsgen.formula.bounds import (
-    DEPTH,
-    EXPONENT,
-    EXTREMES,
+    MAX_CHOICES,
+    MAX_DEPTH,
+    MAX_EXPONENT,
     Value,
     as_float,
     check_finished,
@@ -32,7 +32,7 @@ from rsgen.formula.names import CONSTANTS, FUNCTIONS, Masing, Structural, closes
 # ----------------------------------------------------------------------------
 # What was probably meant by a name or function that the language does not have.
 
-_LISTED = 20
+_MAX_LISTED_NAMES = 20
 _SPELLING = {
     "sgn": "sign", "signum": "sign", "fabs": "abs", "step": "Heaviside", "heaviside": "Heaviside",
     "arcsin": "asin", "arccos": "acos", "arctan": "atan", "arctan2": "atan2", "tg": "tan", "sh": "sinh",
@@ -61,7 +61,7 @@ def unknown_name(name: str, known: Collection[str]) -> str:
         return f"{name} is a function; write {name}(...)"
     names = sorted(known)
     meant = closest(name, names)
-    listed = ", ".join(names[:_LISTED]) + (", ..." if len(names) > _LISTED else "")
+    listed = ", ".join(names[:_MAX_LISTED_NAMES]) + (", ..." if len(names) > _MAX_LISTED_NAMES else "")
     return (
         f"the name {shown(name)} is not known here"
         + (f", did you mean '{meant}'?" if meant else "")
@@ -84,8 +84,10 @@ def unknown_function(name: str, known: Collection[str]) -> str:
 # ----------------------------------------------------------------------------
 # The functions of the language: how SymPy makes them, how a float sees them, how they are written.
 
-_LARGEST_BESSEL = 1000.0
-_NESTED = 6  # SymPy asks of roots in functions in roots whether they are real: each takes ten times the last
+_MAX_BESSEL_ARGUMENT = 1000.0
+_MAX_NESTED_FUNCTIONS = (
+    6  # SymPy asks of roots in functions in roots whether they are real: each takes ten times the last
+)
 _SWITCHING = (sympy.Abs, sympy.sign, sympy.Min, sympy.Max, sympy.Heaviside, sympy.Piecewise, Masing)
 
 
@@ -170,8 +172,8 @@ FUNCTION_TABLE: dict[str, Function] = {
     "Abs": _one("abs", _absolute, abs, terms=_switched, head=sympy.Abs),
     "sign": _one("sign", sympy.sign, _sign, terms=_switched),
     "Heaviside": _one("Heaviside", sympy.Heaviside, _step, terms=_switched),
-    "Min": Function(sympy.Min, min, 2, EXTREMES, f"Min(a, b), at most {EXTREMES}", _chosen),
-    "Max": Function(sympy.Max, max, 2, EXTREMES, f"Max(a, b), at most {EXTREMES}", _chosen),
+    "Min": Function(sympy.Min, min, 2, MAX_CHOICES, f"Min(a, b), at most {MAX_CHOICES}", _chosen),
+    "Max": Function(sympy.Max, max, 2, MAX_CHOICES, f"Max(a, b), at most {MAX_CHOICES}", _chosen),
     "sqrt": _one("sqrt", sympy.sqrt, math.sqrt),
     "exp": _one("exp", sympy.exp, math.exp),
     "log": Function(sympy.log, math.log, 1, 1, "log(a), the natural logarithm; log(a)/log(10) for base 10"),
@@ -208,10 +210,10 @@ def check_arguments(name: str, values: Sequence[Value]) -> str | None:
     numbers = [value.number for value in values]
     if any(number is not None and math.isinf(number) for number in numbers):
         return "is a function of a number beyond 1e308"
-    if max(_nested(value.expr) for value in values) >= _NESTED:
-        return f"has more than {_NESTED} functions in each other"
-    if name == "gamma" and numbers[0] is not None and abs(numbers[0]) > EXPONENT:
-        return f"is out of range; numbers up to {EXPONENT} are allowed in gamma"
+    if max(_nested(value.expr) for value in values) >= _MAX_NESTED_FUNCTIONS:
+        return f"has more than {_MAX_NESTED_FUNCTIONS} functions in each other"
+    if name == "gamma" and numbers[0] is not None and abs(numbers[0]) > MAX_EXPONENT:
+        return f"is out of range; numbers up to {MAX_EXPONENT} are allowed in gamma"
     if (
         name in ("sqrt", "log", "ln")
         and values[0].expr.is_Rational
@@ -220,10 +222,10 @@ def check_arguments(name: str, values: Sequence[Value]) -> str | None:
         return "is a function of a number with too many digits"
     if name in ("besselj", "besseli"):
         order, argument = numbers
-        if order is None or not values[0].expr.is_Integer or abs(order) > EXPONENT:
-            return f"has no whole number up to {EXPONENT} as its order; write {name}(1, a)"
-        if argument is not None and abs(argument) > _LARGEST_BESSEL:
-            return f"is out of range; numbers up to {_LARGEST_BESSEL:g} are allowed in {name}"
+        if order is None or not values[0].expr.is_Integer or abs(order) > MAX_EXPONENT:
+            return f"has no whole number up to {MAX_EXPONENT} as its order; write {name}(1, a)"
+        if argument is not None and abs(argument) > _MAX_BESSEL_ARGUMENT:
+            return f"is out of range; numbers up to {_MAX_BESSEL_ARGUMENT:g} are allowed in {name}"
     return None
 
 
@@ -270,8 +272,8 @@ def constant_number(expr: sympy.Expr) -> float:
     return math.inf if math.isnan(total) else float(total)
 
 
-_NODES = 400
-_COMPARISONS = 16
+_MAX_PARTS = 400
+_MAX_COMPARISONS = 16
 
 _COMPARE: dict[type[ast.cmpop], Callable[..., Any]] = {
     ast.Lt: sympy.Lt,
@@ -343,8 +345,8 @@ class _Reader:
 
     def read(self, node: ast.expr) -> sympy.Expr:
         count = sum(isinstance(part, ast.expr) for part in ast.walk(node))
-        if count > _NODES:
-            raise ExpressionError(f"a formula of {count} parts; at most {_NODES} are allowed")
+        if count > _MAX_PARTS:
+            raise ExpressionError(f"a formula of {count} parts; at most {_MAX_PARTS} are allowed")
         value = self.value(node, 1)
         fault = check_finished(value.expr)
         if fault:
@@ -373,8 +375,10 @@ class _Reader:
             raise self.fault(node, f"{self.snippet(node)} has no finite real value") from None
 
     def value(self, node: ast.expr, depth: int) -> Value:
-        if depth > DEPTH:
-            raise self.fault(node, f"nested more than {DEPTH} deep; at most {DEPTH} levels are allowed")
+        if depth > MAX_DEPTH:
+            raise self.fault(
+                node, f"nested more than {MAX_DEPTH} deep; at most {MAX_DEPTH} levels are allowed"
+            )
         match node:
             case ast.Constant():
                 return self.number(node)
@@ -463,8 +467,8 @@ class _Reader:
 
     def power(self, node: ast.BinOp, depth: int) -> Value:
         base, exponent = self.value(node.left, depth + 1), self.value(node.right, depth + 1)
-        if exponent.number is not None and not abs(exponent.number) <= EXPONENT:
-            raise self.fault(node.right, f"the exponent {self.snippet(node.right)} is above {EXPONENT}")
+        if exponent.number is not None and not abs(exponent.number) <= MAX_EXPONENT:
+            raise self.fault(node.right, f"the exponent {self.snippet(node.right)} is above {MAX_EXPONENT}")
         fault = check_power(base, exponent)
         if fault:
             raise self.fault(node, f"{self.snippet(node)} {fault}")
@@ -511,8 +515,8 @@ class _Reader:
             value = self.value(outcome, depth + 1)
             condition, compared, weight = (sympy.true, 0, 1) if always else self.condition(when, depth + 1)
             comparisons += compared
-            if comparisons > _COMPARISONS:
-                raise self.fault(when, f"more than {_COMPARISONS} comparisons in one Piecewise")
+            if comparisons > _MAX_COMPARISONS:
+                raise self.fault(when, f"more than {_MAX_COMPARISONS} comparisons in one Piecewise")
             pairs.append((value.expr, condition))
             terms += value.terms * weight
         expr = self.built(node, sympy.Piecewise, *pairs)
@@ -520,8 +524,10 @@ class _Reader:
 
     def condition(self, node: ast.expr, depth: int) -> tuple[Any, int, int]:
         """A condition, how many comparisons it has, and how many terms stand on their sides."""
-        if depth > DEPTH:
-            raise self.fault(node, f"nested more than {DEPTH} deep; at most {DEPTH} levels are allowed")
+        if depth > MAX_DEPTH:
+            raise self.fault(
+                node, f"nested more than {MAX_DEPTH} deep; at most {MAX_DEPTH} levels are allowed"
+            )
         match node:
             case ast.BoolOp():
                 parts, both = node.values, isinstance(node.op, ast.And)
@@ -537,8 +543,8 @@ class _Reader:
                 )
         found = [self.condition(part, depth + 1) for part in parts]
         compared = sum(part[1] for part in found)
-        if compared > _COMPARISONS:
-            raise self.fault(node, f"more than {_COMPARISONS} comparisons in one Piecewise")
+        if compared > _MAX_COMPARISONS:
+            raise self.fault(node, f"more than {_MAX_COMPARISONS} comparisons in one Piecewise")
         joined = self.built(node, sympy.And if both else sympy.Or, *(part[0] for part in found))
         return joined, compared, sum(part[2] for part in found)
 

@@ -19,7 +19,7 @@ import sympy
 from numpy.typing import NDArray
 
 from rsgen.common.arrays import Array
-from rsgen.common.newton import newton
+from rsgen.common.newton import CONVERGED_STEP, MAX_NEWTON_STEPS, newton
 from rsgen.formula import symbol
 from rsgen.law.memory import MemoryForm, real_powers
 from rsgen.law.switched_sum import ForceSample, Perturbation, SwitchedSum, switched_sum
@@ -220,9 +220,6 @@ class Loop:
 # and Willoughby, SIAM J. Numer. Anal. 7 (1970) 47). The error is O(h^2), as that of the shares of switches.
 # A loop counts only if it attracts its neighbours: states that begin at zero never reach another one.
 
-CLOSURE_TOLERANCE = 1e-10
-"""Largest relative Newton step of a closed loop."""
-
 RESIDUAL_TOLERANCE = 1e-6
 """Largest residual of a step, and growth of a disturbance in a period, relative to the state."""
 
@@ -396,17 +393,16 @@ def periodic_states(
     begin = np.zeros((len(equations), count, samples)) if start is None else start
     loops = _OpenLoops(equations, motion, np.broadcast_to(step, (count, samples)), values, sign, fitted)
     flat = np.moveaxis(begin, 0, 1).reshape(count, -1)
-    roots = newton(loops, flat, settled=CLOSURE_TOLERANCE, steps=MAX_NEWTON_STEPS, halvings=0)
+    roots = newton(loops, flat, settled=CONVERGED_STEP, steps=MAX_NEWTON_STEPS, halvings=0)
     recurrence = loops.lack(np.arange(count), roots.unknowns)[1]
     # growth within a single step comes from a corner of the law there
     corner = np.maximum(np.einsum("siin->sin", recurrence.forward) - 1, 0).max(axis=(0, 1))
     roots.unknowns[
-        ~(roots.size <= CLOSURE_TOLERANCE) | (recurrence.growth() > 1 + RESIDUAL_TOLERANCE + corner)
+        ~(roots.size <= CONVERGED_STEP) | (recurrence.growth() > 1 + RESIDUAL_TOLERANCE + corner)
     ] = np.nan
     return np.moveaxis(roots.unknowns.reshape(count, -1, samples), 1, 0)
 
 
-MAX_NEWTON_STEPS = 25
 MIN_NEWTON_STEPS = 3
 """Newton steps after which the growth of a disturbance is that of the loop."""
 
@@ -449,7 +445,7 @@ class _OpenLoops:
             largest = np.abs(unknowns.reshape(change.shape) + change).max(axis=2)
             missing = np.maximum(
                 np.abs(change).max(axis=2),
-                np.abs(lack.T).max(axis=2) * (CLOSURE_TOLERANCE / RESIDUAL_TOLERANCE),
+                np.abs(lack.T).max(axis=2) * (CONVERGED_STEP / RESIDUAL_TOLERANCE),
             )
             size = np.where(missing > 0, missing / largest, missing)
         if self.steps_done >= MIN_NEWTON_STEPS:

@@ -18,7 +18,7 @@ from sympy.core.function import AppliedUndef
 from sympy.logic.boolalg import BooleanFalse, BooleanTrue
 
 from rsgen.common.errors import ExpressionError
-from rsgen.formula.bounds import EXPONENT
+from rsgen.formula.bounds import MAX_EXPONENT
 from rsgen.formula.names import STATE_V, STATE_X
 from rsgen.law.normal_form import (
     ALWAYS,
@@ -189,7 +189,7 @@ def _explodes(expression: sympy.Expr) -> bool:
     if any(_longest(number) > MAX_COEFFICIENT for number in expression.atoms(sympy.Rational)):
         return True
     powers = (power.exp for power in expression.atoms(sympy.Pow, sympy.exp) if power.exp.is_Rational)
-    return any(_longest(power) > EXPONENT for power in powers)
+    return any(_longest(power) > MAX_EXPONENT for power in powers)
 
 
 def _longest(number: sympy.Rational) -> int:
@@ -294,7 +294,7 @@ def _check_power(expression: sympy.Pow) -> None:
 
 def _power(power: sympy.Pow) -> Form:
     base, exponent = power.as_base_exp()
-    if exponent.is_Integer and 0 < exponent <= EXPONENT:
+    if exponent.is_Integer and 0 < exponent <= MAX_EXPONENT:
         if isinstance(base, sympy.Abs):
             inner = base.args[0]
             even = inner ** (exponent - exponent % 2)

@@ -1,4 +1,10 @@
-"""A compiled force law that integrates many test points over periods of the force."""
+"""A compiled force law that integrates many test points over periods of the force.
+
+    m x'' + n(x, x') = Re F exp(i omega t),    (x, x'/omega) at t = 0  ->  the same q periods later
+
+``generation`` writes the integrator as source and says how it works, ``store`` compiles and keeps it. Here
+the arrays are checked, because machine code checks nothing.
+"""
 
 from __future__ import annotations
 
@@ -18,7 +24,7 @@ from rsgen.dynamics.kernel.generation import MemoryRows, generate, parameter_ord
 from rsgen.dynamics.kernel.store import load_kernel
 from rsgen.law.memory import memory_form
 
-_WORK = 1024 * 64
+_WORK_NUMBERS = 1024 * 64
 """Numbers of work space: more rows of 64 points than any law that can be read needs."""
 
 _space = threading.local()
@@ -61,7 +67,7 @@ def _address(array: NDArray[Any]) -> int:
 def _work() -> Array:
     """Work space of one thread."""
     if not hasattr(_space, "rows"):
-        _space.rows = np.zeros(_WORK)
+        _space.rows = np.zeros(_WORK_NUMBERS)
     rows: Array = _space.rows
     return rows
 

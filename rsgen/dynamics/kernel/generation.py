@@ -1,4 +1,25 @@
-"""A force law in normal form becomes readable Python source that numba compiles."""
+"""A force law in normal form becomes Python source that numba compiles: the integrator of this one law.
+
+    x' = v,    m v' = Re F exp(i omega t) - n(x, v, z),    z' = g(x, v, z)
+
+Method: the classical fourth-order one of Runge and Kutta with a fixed number of steps a period (Hairer,
+Norsett and Wanner, Solving Ordinary Differential Equations I, 1993, Sec. II.1). It keeps its order on smooth
+pieces only, so a step in which a switch of the law changes its sign is repeated piece by piece, from event to
+event (ibid., Sec. II.6); dry friction may hold the mass until the applied force exceeds it. Powers are
+written as products and each law has its own source, because the force is evaluated some 10^9 times in a run.
+
+The source is the template ``templates/kernel/kernel.py.j2``, with ``events.py.j2`` and ``together.py.j2`` for
+laws with switches. What this module writes into it refers to variables of the template:
+
+    x, v, a         displacement, velocity, acceleration; xn, vn: at the end of the step
+    p0, p1, ...     parameters, in ``parameter_order``
+    g0, g1, ...     1 where the function of a located switch is positive, else 0
+    z0, z1, ...     states with equations; zn0: at the end of the step; b0: their rates
+    q, past         distance from the last reversal, on a virgin curve; up to where its corners are behind
+    xr, nr0, sw, iw, lim, corner
+                    last reversal, force there, w times the direction of the motion, 1/w (w = 1 on the virgin
+                    curve, else 2), where the loop closes, the next corner: force = nr0 + sw n(|x - xr| iw)
+"""
 
 from __future__ import annotations
 
@@ -13,6 +34,7 @@ from sympy.core.relational import Relational
 
 from rsgen.common.errors import ExpressionError
 from rsgen.formula import symbol, write
+from rsgen.formula.bounds import MAX_EXPONENT
 from rsgen.law.character import onset
 from rsgen.law.memory import MemoryForm, memory_form, real_powers
 from rsgen.law.pieces import NormalForm, Piece, Switch, normal_form, normal_form_at
@@ -96,7 +118,6 @@ _FUNCTIONS = {
     sympy.atan2: "math.atan2",
     sympy.Abs: "abs",
 }
-_LARGEST_CHAIN = 64  # beyond this integer powers are left to the power function
 
 
 class Body:
@@ -175,13 +196,13 @@ class Body:
         if exponent.is_Integer and exponent.is_negative:
             return f"(1.0/{self._power(base, -exponent)})"
         code = self.write(base)
-        if exponent.is_Integer and int(exponent) <= _LARGEST_CHAIN:
+        if exponent.is_Integer and int(exponent) <= MAX_EXPONENT:
             return self._chain(code, int(exponent))
         if exponent == sympy.Rational(1, 2):
             # a frozen mode is carried a little past the place where it ends: the root stays real there
             return f"math.sqrt(max({code}, 0.0))"
         twice = 2 * exponent
-        if twice.is_Integer and twice.is_positive and int(twice) <= _LARGEST_CHAIN:
+        if twice.is_Integer and twice.is_positive and int(twice) <= MAX_EXPONENT:
             whole = int(twice) // 2
             return f"{self._chain(code, whole)}*math.sqrt(max({code}, 0.0))"
         if exponent.is_Integer:
@@ -253,10 +274,10 @@ class Body:
 _TEMPLATE = "kernel/kernel.py.j2"
 
 _FIXED_ROWS, _EVENT_ROWS, _CURVE_ROWS, _LOOSE_ROWS = 9, 4, 12, 9
-"""Rows of the lane table: of every law, of those with events, of Masing laws, and of these apart from their
+"""Rows of the lane table: of every law, of those with events, of Masing laws, and of these without their
 stack; see the template."""
 
-_FEW_CORNERS = 4
+_MAX_COARSE_CORNERS = 4
 """Of virgin curves: of more each is slight, and every coarse step would meet several."""
 
 NO_SIMULATION = (
@@ -485,7 +506,7 @@ def generate(
         for laws in ((force, *rates), curves)
     )
     places = _corners(virgins, locate_all)
-    if coarse and len(places) > _FEW_CORNERS:
+    if coarse and len(places) > _MAX_COARSE_CORNERS:
         places = ()
     return _source(forms, virgins, places, memory, parameter_order(force), locate_all)
 

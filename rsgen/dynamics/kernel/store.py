@@ -28,7 +28,7 @@ from typing import Any
 import platformdirs
 
 from rsgen.common.errors import RsgenError
-from rsgen.common.output import is_alive
+from rsgen.common.output import MAX_BYTES, is_alive
 
 # ----------------------------------------------------------------------------
 # A folder whose files only its user can write; each begins with a digest that finds damage.
@@ -40,12 +40,9 @@ from rsgen.common.output import is_alive
 
 _DIGEST_BYTES = hashlib.sha256().digest_size
 
-_MOST_BYTES = 16_000_000
-"""A file; the machine code of the largest law that can be read has a tenth of it."""
-
 _UNFINISHED = re.compile(r"\..+\.(?P<writer>\d+)\.[0-9a-f]+\.part")
 
-_OTHERS_WRITE = 0o022
+_OTHERS_WRITE = stat.S_IWGRP | stat.S_IWOTH
 _PLAIN = getattr(os, "O_NOFOLLOW", 0) | getattr(os, "O_CLOEXEC", 0) | getattr(os, "O_NONBLOCK", 0)
 
 
@@ -145,7 +142,7 @@ def _read(folder: int, name: str) -> bytes | None:
     try:
         found = os.fstat(descriptor)
         own = stat.S_ISREG(found.st_mode) and found.st_uid == os.geteuid()
-        if not own or found.st_mode & _OTHERS_WRITE or found.st_size > _MOST_BYTES:
+        if not own or found.st_mode & _OTHERS_WRITE or found.st_size > MAX_BYTES:
             return None
         return os.read(descriptor, found.st_size)
     except OSError:

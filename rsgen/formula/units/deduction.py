@@ -15,7 +15,7 @@ from rsgen.formula.units.unit_text import FORCE, NUMBER, Dimension, read_unit
 
 _LENGTH = Dimension({"m": Fraction(1)})
 _TIME = Dimension({"s": Fraction(1)})
-_PLAIN = 100
+_MAX_PLAIN_NUMBER = 100
 """A ratio of whole numbers up to this before parameters is a plain number, as in series and means; before x
 and v alone any number but one may be a stiffness or a damping."""
 
@@ -235,7 +235,7 @@ def _may_carry_unit(factor: sympy.Expr, rest: sympy.Expr) -> bool:
     """Decide whether a number before a part may have a unit: in "1500*x", not in "a*x**3/3"."""
     if abs(factor) == 1:
         return False
-    plain = max(abs(factor.p), factor.q) <= _PLAIN if factor.is_Rational else False
+    plain = max(abs(factor.p), factor.q) <= _MAX_PLAIN_NUMBER if factor.is_Rational else False
     return not plain or all(free.name in _STATES for free in rest.free_symbols)
 
 

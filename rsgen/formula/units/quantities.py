@@ -12,9 +12,9 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from rsgen.common.errors import RsgenError
-from rsgen.formula.units.unit_text import NUMBER, Dimension, read_unit
+from rsgen.formula.units.unit_text import MAX_UNIT_CHARACTERS, NUMBER, Dimension, read_unit
 
-_LONGEST = 120
+_MAX_CHARACTERS = 2 * MAX_UNIT_CHARACTERS
 _SMALLEST, _LARGEST = 1e-300, 1e300
 _NUMBER = re.compile(
     r" *([+-]?(?:[0-9]{1,40}\.?[0-9]{0,40}|\.[0-9]{1,40})(?:[eE][+-]?[0-9]{1,3})?) *(.*)", re.DOTALL
@@ -38,9 +38,9 @@ def _shown(value: object) -> str:
 
 
 def _split(text: str) -> tuple[Fraction, str]:
-    if len(text) > _LONGEST:
+    if len(text) > _MAX_CHARACTERS:
         raise RsgenError(
-            f"{_shown(text)} has {len(text)} characters, at most {_LONGEST} are allowed; {_USAGE}"
+            f"{_shown(text)} has {len(text)} characters, at most {_MAX_CHARACTERS} are allowed; {_USAGE}"
         )
     match = _NUMBER.fullmatch(text)
     if text.startswith(UNKNOWN):

@@ -115,11 +115,11 @@ _NAMES = {
 }
 
 
-_LONGEST = 60
-_DEEPEST = 5
-_LARGEST_POWER = 20
+MAX_UNIT_CHARACTERS = 60
+_MAX_PARENTHESES = 5
+_MAX_POWER = 20
 _EXACT_DIGITS = 14  # what has no more digits is meant exactly; the rest of pint's float is rounding
-_MOST_BITS = 10_000  # far above the range of floats
+_MAX_BITS = 10_000  # far above the range of floats
 _EXAMPLES = "write a unit such as N/m, kN*s/m, N/m^3 or mm"
 _COMMON = [
     "N",
@@ -162,7 +162,7 @@ class Unit:
     def __pow__(self, exponent: Fraction) -> Unit:
         """Raise to a power; OverflowError where the factor leaves every useful range."""
         bits = max(self.factor.numerator.bit_length(), self.factor.denominator.bit_length())
-        if bits * abs(exponent) > _MOST_BITS:
+        if bits * abs(exponent) > _MAX_BITS:
             raise OverflowError
         if exponent.denominator == 1:
             return Unit(self.factor**exponent.numerator, self.dimension**exponent)
@@ -271,8 +271,8 @@ def read_unit(text: str) -> Unit:
     >>> read_unit("kN/mm").factor, str(read_unit("kN/mm").dimension)
     (Fraction(1000000, 1), 'N/m')
     """
-    if len(text) > _LONGEST:
-        raise RsgenError(f"a unit of {len(text)} characters; at most {_LONGEST} are allowed")
+    if len(text) > MAX_UNIT_CHARACTERS:
+        raise RsgenError(f"a unit of {len(text)} characters; at most {MAX_UNIT_CHARACTERS} are allowed")
     return _UnitText(text).read()
 
 
@@ -318,7 +318,7 @@ class _UnitText:
         return unit
 
     def product(self, depth: int) -> Unit:
-        if depth > _DEEPEST:
+        if depth > _MAX_PARENTHESES:
             raise self.fault("has too many parentheses")
         self.skip_blanks()
         unit = self.power(depth)
@@ -366,6 +366,6 @@ class _UnitText:
             raised = unit**exponent
         except OverflowError:
             raise self.fault("is out of range") from None
-        if any(abs(power) > _LARGEST_POWER for power in raised.dimension.powers.values()):
-            raise self.fault(f"has a power above {_LARGEST_POWER}")
+        if any(abs(power) > _MAX_POWER for power in raised.dimension.powers.values()):
+            raise self.fault(f"has a power above {_MAX_POWER}")
         return raised

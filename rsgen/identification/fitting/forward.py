@@ -14,7 +14,8 @@ from typing import Protocol
 import numpy as np
 
 from rsgen.common.arrays import Array, ComplexArray
-from rsgen.common.tolerances import MAX_STEPS_TO_REST, SAMPLES_PER_PERIOD
+from rsgen.common.newton import MAX_NEWTON_STEPS
+from rsgen.common.tolerances import SAMPLES_PER_PERIOD
 from rsgen.dynamics.harmonic_balance import Response, following_harmonics, hold_amplitude
 from rsgen.dynamics.linear_part import Inertia
 from rsgen.identification.fitting.least_squares import Linearisation, Regression, remove_bias
@@ -64,7 +65,7 @@ class Forward(Protocol):
 def _place_of_rest(law: ForceLaw, values: Array, size: float) -> float:
     """Return the place of rest [m] near zero by Newton steps of at most size [m]; zero if there is none."""
     x = np.zeros(1)
-    for _ in range(MAX_STEPS_TO_REST):
+    for _ in range(MAX_NEWTON_STEPS):
         sample = law.still(x, values)
         force, slope = float(sample.force[0]), float(sample.by_x[0])
         step = -force / slope if slope > 0 and np.isfinite(force) else np.inf

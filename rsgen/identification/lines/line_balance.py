@@ -32,7 +32,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rsgen.common.arrays import Array, ComplexArray
-from rsgen.common.tolerances import HARMONIC_TRUNCATION, MAX_STEPS_TO_REST, MAX_TRIAL_STEPS, ROUND_OFF
+from rsgen.common.newton import MAX_NEWTON_STEPS
+from rsgen.common.tolerances import HARMONIC_TRUNCATION, MAX_TRIAL_STEPS, ROUND_OFF
 from rsgen.data.multisine import MultisineSpectra
 from rsgen.data.multisine.spectra import scatter, smooth
 from rsgen.dynamics.periodic_response import OVERSAMPLED
@@ -376,7 +377,7 @@ def _balance_mean(
 ) -> tuple[Array, float]:
     """Shift a motion (1, s) by Newton's method until the mean force of the law vanishes; shift [m] too."""
     mean = 0.0
-    for _ in range(MAX_STEPS_TO_REST if law.springs and not law.odd else 0):
+    for _ in range(MAX_NEWTON_STEPS if law.springs and not law.odd else 0):
         sample = law.sample(x + mean, v, a, step, values)
         slope = float(np.mean(sample.by_x))
         move = -float(np.mean(sample.force)) / slope if slope else 0.0
