@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import combinations
 from math import hypot, inf, nan
 from typing import Any
@@ -13,6 +13,8 @@ import numpy as np
 from rsgen.common.errors import RsgenError, require
 from rsgen.common.finding import Finding, Verdict, quantities
 from rsgen.common.text_table import Printed, TextTable, data_frame, lookup, short
+from rsgen.common.tolerances import interval_sigmas
+from rsgen.identification.fitting.least_squares import Alternative
 from rsgen.identification.results import Estimate, Identification
 
 SAME = 1e-12
@@ -35,6 +37,8 @@ class ComparedFit:
         Relative to force and response [1].
     held_out
         Relative error of the predicted response [1] by level and sweep, the largest of several records.
+    significance
+        Root of the gain of an alternative, in standard errors of the noise; NaN of an identification.
     """
 
     name: str
@@ -43,6 +47,7 @@ class ComparedFit:
     verdict: Verdict
     misfit: float
     held_out: Mapping[str, float]
+    significance: float = nan
 
     @classmethod
     def of(cls, found: Identification, name: str) -> ComparedFit:
@@ -51,6 +56,24 @@ class ComparedFit:
         scores = [(one.level, getattr(one, "sweep", ""), one.error) for one in found.held_out]
         estimates = (*found.refined, *found.fixed)
         return cls(name, estimates, background, found.verdict, found.residual, errors_by_level(scores))
+
+    def shifted(self, name: str, other: Alternative, errors: Mapping[str, float]) -> ComparedFit:
+        """Return an alternative to this fit, to first order, with 95 % intervals by noise alone.
+
+        The variance of an additional parameter, along its shift, is added to that of the fit.
+        """
+        shifts, significance = dict(zip(errors, other.shift.tolist(), strict=False)), other.gain**0.5
+
+        def shift(one: Estimate) -> Estimate:
+            if not one.standard_error:
+                return one
+            value = one.value + shifts[one.name]
+            error = hypot(errors[one.name], shifts[one.name] / significance)
+            half = float(interval_sigmas()) * error
+            return Estimate(one.name, value, error, (value - half, value + half), one.unit, one.finding)
+
+        estimates = tuple(map(shift, self.estimates))
+        return ComparedFit(name, estimates, (), Verdict("not judged"), nan, {}, significance)
 
 
 def errors_by_level(scores: Iterable[tuple[float, str, float]]) -> dict[str, float]:
@@ -202,20 +225,27 @@ class FitComparison(Printed):
         lines = self.to_dicts()
         return data_frame({head: [line[head] for line in lines] for head in lines[0]}, "name")
 
-    def _table(self) -> TextTable:
+    @property
+    def table(self) -> TextTable:
+        """Return a row for each parameter, misfit, held-out error and verdict; a column for each fit."""
         levels = dict.fromkeys(level for fit in self.fits for level in fit.held_out)
         about = {"misfit": [short(fit.misfit, 2) for fit in self.fits]}
         about |= {
             f"held-out error, {level}": [short(fit.held_out.get(level, nan), 2) for fit in self.fits]
             for level in levels
         }
+        about["significance"] = [short(fit.significance, 2) for fit in self.fits]
         about["verdict"] = [str(fit.verdict) for fit in self.fits]
         rows = [(row.name, row.unit, *row._cells()) for row in self]
         for head, (first, *others) in about.items():
-            rows.append((head, "", first, *(cell for text in others for cell in (text, ""))))
+            if first or any(others):
+                rows.append((head, "", first, *(cell for text in others for cell in (text, ""))))
         first, *others = [fit.name for fit in self.fits]
         heads = ("", "unit", first, *(head for name in others for head in (name, "shift")))
         return TextTable(heads, tuple(rows), notes=tuple(map(repr, self.findings)))
+
+    def _table(self) -> TextTable:
+        return self.table
 
 
 def _rows(fits: Sequence[tuple[Estimate, ...]]) -> tuple[FitRow, ...]:
@@ -224,14 +254,17 @@ def _rows(fits: Sequence[tuple[Estimate, ...]]) -> tuple[FitRow, ...]:
     return tuple(FitRow(*key, tuple(fit.get(key) for fit in known)) for key in keys)
 
 
-def compare_fits(found: Sequence[Identification], names: Sequence[str] | None = None) -> FitComparison:
+def compare_fits(
+    found: Identification | Sequence[Identification], names: Sequence[str] | None = None
+) -> FitComparison:
     """Set identifications of one test, or of one structure, side by side.
 
     Parameters
     ----------
     found
         With different laws, backgrounds, fixed values, or of different tests; the first is the reference.
-        Those of multisines may be among them.
+        Those of multisines may be among them. A single one is compared with its ``alternatives``: of each
+        kind the one that widens the intervals most, to first order, with errors by noise alone.
     names
         One a fit, for the heads of the columns; None: 1, 2, ...
 
@@ -240,10 +273,22 @@ def compare_fits(found: Sequence[Identification], names: Sequence[str] | None = 
     RsgenError
         There is no identification, or there are as many names no fits.
     """
+    fits = _with_alternatives(found) if isinstance(found, Identification) else _one_by_one(found)
+    heads = [fit.name for fit in fits] if names is None else [*map(str, names)]
+    if not fits or len(heads) != len(fits):
+        raise RsgenError(f"names: {len(heads)} of {len(fits)} fits; give one or more fits, and each a name")
+    return FitComparison(tuple(replace(fit, name=head) for fit, head in zip(fits, heads, strict=True)))
+
+
+def _one_by_one(found: Sequence[Identification]) -> list[ComparedFit]:
     require(found, Sequence, "found")
     for one in found:
         require(one, Identification, "found")
-    heads = [str(i + 1) for i in range(len(found))] if names is None else [*map(str, names)]
-    if not found or len(heads) != len(found):
-        raise RsgenError(f"names: {len(heads)} of {len(found)} fits; give one or more fits, and each a name")
-    return FitComparison(tuple(map(ComparedFit.of, found, heads)))
+    return [ComparedFit.of(one, str(number)) for number, one in enumerate(found, 1)]
+
+
+def _with_alternatives(found: Identification) -> list[ComparedFit]:
+    others, fit = found.alternatives, replace(ComparedFit.of(found, "identified"), background=())
+    errors = dict(zip(others.names, others.error.tolist(), strict=True))
+    largest = others.largest(np.append(found.solution, found.mass))
+    return [fit, *(fit.shifted(name, one, errors) for name, one in largest.items())]

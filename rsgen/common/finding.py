@@ -230,10 +230,10 @@ EARLIER = {
 # ----------------------------------------------------------------------------
 # The verdict on a result, from the severities of its findings and the comparison with the truth.
 
-State = Literal["accepted", "missed", "identified", "doubtful", "rejected"]
+State = Literal["accepted", "missed", "identified", "doubtful", "rejected", "not judged"]
 
 STATES: tuple[State, ...] = ("accepted", "identified", "missed", "doubtful", "rejected")
-"""From the best to the worst; in a result the worst that holds is its state."""
+"""From the best to the worst; in a result the worst that holds is its state. An alternative is not judged."""
 
 USABLE: tuple[State, ...] = ("accepted", "identified")
 """States in which a program may go on with the numbers before anybody has looked."""

@@ -9,6 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from rsgen.analysis.comparison import Comparison, Row
+from rsgen.analysis.fits import compare_fits
 from rsgen.common.errors import RsgenError
 from rsgen.common.tolerances import CONFIDENCE_TEXT
 from rsgen.data.multisine import BestLinear
@@ -327,31 +328,15 @@ def background_table(identification: Identification) -> Table | None:
     )
 
 
-_ALTERNATIVES = {
-    "term": "a law with {} as well",
-    "background": "{} as background",
-    "halves": "{}, separately",
-}
-
-
 def alternative_table(identification: Identification) -> Table | None:
-    """List what alternatives to the fit move; None where none was asked for."""
-    others = identification.alternatives
-    rows = tuple(
-        TableRow(
-            (
-                _ALTERNATIVES[kind].format(name),
-                _number(math.sqrt(one.gain), 2),
-                *(_number(shift, 2) for shift in others.shifts(one).values()),
-            )
-        )
-        for kind, name, one in others
-    )
+    """Compare the fit with alternatives to it; None if none widens an interval."""
+    compared = compare_fits(identification)
+    rows = tuple(TableRow((row[0], *map(Cell, row[1:]))) for row in compared.table.rows)
     caption = (
-        "What alternatives would move, in standard errors by noise alone; intervals hold the largest of "
-        "those that stand out by two"
+        "Of each kind of alternative the one that widens the intervals most: to first order, with 95 % "
+        "intervals by noise alone; the identified intervals include these shifts"
     )
-    return Table(caption, ("Alternative", "Stands out by", *others.known), rows) if rows else None
+    return Table(caption, compared.table.heads, rows) if len(compared.fits) > 1 else None
 
 
 def ranking_table(identification: Identification) -> Table | None:

@@ -15,7 +15,7 @@ import numpy as np
 import sympy
 
 from rsgen.analysis.comparison import Comparison, Row, verdict_of
-from rsgen.analysis.fits import ComparedFit, errors_by_level
+from rsgen.analysis.fits import ComparedFit, FitComparison, compare_fits, errors_by_level
 from rsgen.common.arrays import Array
 from rsgen.common.finding import Finding, StatedVerdict, Verdict
 from rsgen.common.output import read_small
@@ -172,6 +172,7 @@ def build_result(
         "fixed": fixed_entry(identification),
         "parameters": rows_entry(comparison, forces=False),
         "forces": rows_entry(comparison, forces=True),
+        "alternatives": comparison_entry(compare_fits(identification)),
         "elements": elements_entry(subject),
         "residual": {
             "relative": finite_or_none(identification.residual),
@@ -186,6 +187,24 @@ def build_result(
         },
         "resonances": [_resonance(point) for point in identification.resonances],
         **entries,
+    }
+
+
+def comparison_entry(fits: FitComparison) -> dict[str, Any]:
+    """Return verdict and misfit of each fit, and each value with its shift from the first."""
+    numbers = ("value", "standard_error", "lower", "upper", "shift")
+    return {
+        "fits": [
+            {
+                "name": fit.name,
+                "verdict": fit.verdict.state,
+                "decided_by": [finding.code for finding in fit.verdict.decided_by],
+                **_finite_ones(fit, ("misfit", "significance")),
+                "held_out": {level: finite_or_none(error) for level, error in fit.held_out.items()},
+            }
+            for fit in fits.fits
+        ],
+        "values": [line | {name: finite_or_none(line[name]) for name in numbers} for line in fits.to_dicts()],
     }
 
 

@@ -1,5 +1,6 @@
 """Terms beside a law: what a law lacks, and what intervals say of it."""
 
+import json
 from dataclasses import replace
 
 import numpy as np
@@ -13,6 +14,8 @@ from rsgen.identification.identify import fit_all_harmonics
 from rsgen.identification.judge import prepare
 from rsgen.identification.starting.start import start_fit
 from rsgen.identification.terms import fit_larger_backgrounds, fit_missing_terms
+from rsgen.report.page_tables import alternative_table
+from rsgen.report.result_json import comparison_entry, result_text
 
 LAW = "k*x + c*v + k3*x**3 + cq*v*abs(v)"
 TRUE = {"k": 5920.0, "c": 2.0, "k3": 2.0e5, "cq": 1.2}
@@ -90,6 +93,52 @@ def test_what_fundamentals_do_not_show_is_said_with_what_it_moves() -> None:
     assert found["k3"].interval[0] < combined < found["k3"].interval[1]
     codes = {finding.code for finding in rs.identify(whole, cubic).findings}
     assert "even-terms-not-seen" not in codes
+
+
+def test_the_fit_is_compared_with_alternatives() -> None:
+    """A missing cubic damper: table, page and result.json have the alternatives that widen the intervals."""
+    found = rs.identify(measured(f"{LAW} + c3*v**3", TRUE | {"c3": 0.2}, [1.0, 2.0, 4.0, 6.0]), LAW)
+    compared = rs.compare_fits(found)
+    first, term, *others = compared.fits
+    assert first.name == "identified"
+    assert term.name.startswith("term: ")
+    assert {fit.name.split(": ")[0] for fit in others} <= {"background", "halves"}
+    assert {str(fit.verdict) for fit in (term, *others)} == {"not judged"}
+    shift = dict(
+        zip(found.alternatives.names, found.alternatives.kinds["term"][term.name[6:]].shift, strict=True)
+    )
+    for one, other in zip(first.estimates, term.estimates, strict=True):
+        assert other.value == pytest.approx(one.value + shift[one.name])
+        assert one.interval[0] < other.value < one.interval[1]
+    page = alternative_table(found)
+    assert page is not None
+    assert page.columns == compared.table.heads
+    assert [row.cells[0] for row in page.rows] == [row[0] for row in compared.table.rows]
+    entry = json.loads(result_text(comparison_entry(compared)))
+    assert [fit["name"] for fit in entry["fits"]] == [fit.name for fit in compared.fits]
+    assert entry["fits"][1]["verdict"] == "not judged"
+    assert entry["fits"][1]["significance"] == pytest.approx(term.significance)
+
+
+def test_an_alternative_is_what_a_fit_with_it_finds() -> None:
+    """Values of an alternative are those of the law with the term; errors are those of unequal noise."""
+    law = f"{LAW} + c3*v**3"
+    surface = measured(law, TRUE | {"c3": 0.05}, [1.0, 2.0, 4.0, 6.0])
+    found, free = rs.identify(surface, LAW), rs.identify(surface, law)
+    others = found.alternatives
+    errors = dict(zip(others.names, others.error.tolist(), strict=True))
+    term = rs.compare_fits(found).fits[0].shifted("", others.kinds["term"]["v**3"], errors)
+    for one in term.estimates:
+        assert one.value == pytest.approx(free[one.name].value, abs=free[one.name].standard_error)
+        assert 0.99 < one.standard_error / free[one.name].standard_error < 2
+
+
+def test_the_right_law_with_exact_data_has_no_alternatives() -> None:
+    """What terms take up of an exact test is round-off."""
+    law, test = "k*x + c*v", rs.SimulatedTest(level=[1.0, 4.0], frequency=np.linspace(8.5, 12, 20))
+    found = rs.identify(rs.simulate(rs.Oscillator(1.5, law, {"k": 5920.0, "c": 2.0}), test), law)
+    assert [fit.name for fit in rs.compare_fits(found).fits] == ["identified"]
+    assert alternative_table(found) is None
 
 
 def test_loops_that_nothing_follows_have_no_alternatives(monkeypatch: pytest.MonkeyPatch) -> None:

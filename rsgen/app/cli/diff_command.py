@@ -14,7 +14,7 @@ from rsgen.app.cli.options import Json
 from rsgen.app.cli.terminal import ACCEPTED, MISSED, print_block, print_json, print_line
 from rsgen.common.errors import RsgenError
 from rsgen.common.finding import STATES
-from rsgen.report.result_json import read_result, read_results
+from rsgen.report.result_json import comparison_entry, read_result, read_results
 from rsgen.report.wording import full_sentence, next_step
 
 
@@ -76,23 +76,13 @@ def compare_results(*places: str | Path) -> tuple[CaseDifference, ...]:
 
 
 def difference_data(differences: Sequence[CaseDifference]) -> list[dict[str, Any]]:
-    """Return a comparison for a program; what is not known is NaN or None."""
+    """Return a comparison for a program; what is not known is None."""
     return [
         {
             "case": difference.case,
             "changed": difference.changed,
             "worse": difference.worse,
-            "fits": [
-                {
-                    "name": fit.name,
-                    "verdict": fit.verdict.state,
-                    "decided_by": [finding.code for finding in fit.verdict.decided_by],
-                    "misfit": fit.misfit,
-                    "held_out": dict(fit.held_out),
-                }
-                for fit in difference.fits.fits
-            ],
-            "values": difference.fits.to_dicts(),
+            **comparison_entry(difference.fits),
             "findings": [finding.to_dict() for finding in difference.fits.findings],
         }
         for difference in differences

@@ -13,7 +13,6 @@ import numpy as np
 
 from rsgen.common.arrays import Array
 from rsgen.common.finding import Finding, Severity, quantities
-from rsgen.common.text_table import Printed, TextTable
 from rsgen.common.tolerances import (
     CONFIDENCE_LEVEL,
     MISFIT_NEGLIGIBLE,
@@ -48,9 +47,9 @@ def spread_between(others: Iterable[Alternative], values: Array, error: Array) -
     return np.where(known, np.hypot(1, moved / np.where(known, error, 1.0)), 1.0)
 
 
-@dataclass(frozen=True, slots=True, eq=False, repr=False)
-class Alternatives(Printed):
-    """Shifts of the parameters by alternatives, to first order; ``print`` shows them in standard errors.
+@dataclass(frozen=True, slots=True, eq=False)
+class Alternatives:
+    """Shifts of the parameters by alternatives, to first order; ``rsgen.compare_fits(found)`` shows them.
 
     Parameters
     ----------
@@ -70,16 +69,18 @@ class Alternatives(Printed):
         every = ((kind, name, one) for kind, of_kind in self.kinds.items() for name, one in of_kind.items())
         return (entry for entry in every if np.isfinite(entry[2].error))
 
-    @property
-    def known(self) -> tuple[str, ...]:
-        """Names of the parameters with a standard error."""
-        return tuple(n for n, e in zip(self.names, self.error, strict=True) if np.isfinite(e) and e > 0)
-
-    def shifts(self, one: Alternative) -> dict[str, float]:
-        """Return the shift of each of the ``known`` parameters by an alternative, in standard errors."""
-        moved = zip(self.names, one.shift, self.error, strict=False)
-        # rounded to tenths: less is round-off of exact data
-        return {name: round(shift / error, 1) + 0.0 for name, shift, error in moved if name in self.known}
+    def largest(self, values: Array) -> dict[str, Alternative]:
+        """Return, by name, the alternative of each kind that widens an error of values (q,) most, if any."""
+        found = {}
+        for kind, of_kind in self.kinds.items():
+            wider = {
+                name: float(np.max(spread_between([one], values, self.error)))
+                for name, one in of_kind.items()
+            }
+            name = max(wider, key=wider.__getitem__, default="")
+            if name and wider[name] > 1:
+                found[f"{kind}: {name}"] = of_kind[name]
+        return found
 
     def judge(self, values: Array, misfit: float) -> tuple[Array, list[Finding]]:
         """Return factors that widen the errors, and findings about a value that an alternative changes.
@@ -98,8 +99,10 @@ class Alternatives(Printed):
             if the interval is wider than a tenth of the value.
         """
         ratio = spread_between((one for _, _, one in self), values, self.error)
-        found, wider = list[Finding](), float(np.median(ratio[self.error > 0])) if self.known else 1.0
+        found = list[Finding]()
         if self.kinds.get("halves"):
+            known = self.error > 0
+            wider = float(np.median(ratio[known])) if known.any() else 1.0
             names = {"by": "other terms, backgrounds and halves of the test"}
             found = [Finding("intervals-widened", "warning", numbers=quantities(wider=wider), names=names)]
         share, said = np.zeros(len(values)), ("", "", 0.0)
@@ -122,13 +125,3 @@ class Alternatives(Printed):
         severity: Severity = "doubt" if open_ and misfit > MISFIT_NEGLIGIBLE else "warning"
         numbers = quantities(errors=errors, moved=share[worst])
         return ratio, [*found, Finding("law-ambiguous", severity, self.names[worst], numbers, {kind: name})]
-
-    def _table(self) -> TextTable:
-        rows = [
-            (kind, name, *(f"{z:.1f}" for z in (np.sqrt(one.gain), *self.shifts(one).values())))
-            for kind, name, one in self
-        ]
-        heads = ("alternative", "", "stands out", *self.known)
-        return TextTable(
-            heads, tuple(rows), caption="What alternatives move, in standard errors by noise alone"
-        )
