@@ -71,6 +71,7 @@ from rsgen.identification.results.estimates import (
 from rsgen.identification.soundness import (
     exclusion_findings,
     feeding_findings,
+    gain_findings,
     joint_findings,
     limit_findings,
     nearly_held,
@@ -233,6 +234,7 @@ class Findings:
         found += self.agreement.findings
         found += sign_findings(self.points, self.fit, self.agreement.wider)
         found += phase_findings(self.fit.background)
+        found += gain_findings(self.fit)
         found += self._motion()
         found += self._implausible(calibrated, {finding.parameter for finding in of_parameters})
         found += self._runs()

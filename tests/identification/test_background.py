@@ -271,3 +271,24 @@ def test_intervals_contain_the_effect_of_other_modes_without_a_pattern_in_the_mi
     assert not (found[0].verdict.usable and compare_fits(found).findings)
     for name, true in {**values, "m": 1.5}.items():
         assert all(abs(one[name].value - true) < 4 * one[name].standard_error for one in found)
+
+
+@pytest.mark.parametrize("background", ["constant", "residuals"])
+@pytest.mark.parametrize(("drift", "flexibility"), [(0.15, 0.0), (0.0, 0.0), (0.0, 3e-4)])
+def test_a_gain_that_a_background_conceals_is_bounded(background, drift, flexibility):
+    """A gain that changes by 15 % over the band is taken up by a background, and shifts k by 5 %."""
+    values = {"k": 5920.0, "k3": 3e5, "c": 4.0}
+    test = SimulatedTest(np.linspace(2, 12, 6), np.linspace(8.5, 12.5, 41), harmonics=1)
+    seen = simulate(Oscillator(1.5, "k*x + k3*x**3 + c*v", values), test)
+    seen = among_others(seen, 0.0, flexibility * (1 - 0.1j), 2e3 * flexibility)
+    gain = 1 + drift * (seen.frequency - 8.5) / 4
+    seen = add_noise(changed(seen, harmonics=seen.harmonics * gain[:, None]), 0.01, 1)
+    found = identify(seen, "k*x + k3*x**3 + c*v", Observation(background=background))
+    told = [finding for finding in found.findings if finding.code == "gain-may-change"]
+    if not drift:
+        # nothing else in the response, and other modes that no gain resembles
+        assert not told
+        return
+    assert told[0]["change"] == pytest.approx(drift, rel=0.15)
+    off = {name: abs(found[name].value / true - 1) for name, true in {**values, "m": 1.5}.items()}
+    assert 0.04 < max(off["k"], off["c"], off["m"], off["k3"] / 3) < told[0]["off"]

@@ -62,6 +62,11 @@ say_plainly(
         "level-deviates": (
             "level {level:.4q} misses the law by {misfit:.1%}, half of the levels by at most {typical:.1%}"
         ),
+        "gain-may-change": (
+            "a gain that changes by {change:.2p} over the band would leave what the background takes up for "
+            "other modes, and is not told from them; if it is such a gain, stiffness, damping and mass are "
+            "off by up to {off:.2p}, a cubic term by three times that: calibrate at both ends of the band"
+        ),
         "nothing-identifiable": "the test determines none of the parameters of the law",
         "not-a-steady-sine": (
             "harmonics reach {share:.0%} of the fundamental at half of the points: the response is hardly "
