@@ -19,6 +19,7 @@ import numpy as np
 from rsgen.common.arrays import Array, Chosen, ComplexArray
 from rsgen.common.linear_algebra import solve_scaled
 from rsgen.common.tolerances import (
+    DEVIATING_MISFIT_RATIO,
     MIN_NULL_COMPONENT,
     POINTS_PER_KNOT,
     ROUND_OFF,
@@ -33,9 +34,6 @@ MIN_RELATIVE_FORCE = 1e-3
 
 _REWEIGHTINGS = 4
 """Fits with new weights; more change the mass by less than its error."""
-
-_MAX_MISFIT_RATIO = 3.0
-"""Misfit over its median above which a point loses weight: 0.2 % of Rayleigh's distribution."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -234,6 +232,6 @@ def estimate_mass(force: ComplexArray, motion: Kinematics, shapes: Array | None 
         scale = 1 / np.maximum(np.abs(force - left), least)
         residual = np.abs(left) * scale
         weight = scale / np.maximum(
-            1.0, residual / (_MAX_MISFIT_RATIO * max(float(np.median(residual)), ROUND_OFF))
+            1.0, residual / (DEVIATING_MISFIT_RATIO * max(float(np.median(residual)), ROUND_OFF))
         )
     return found if abs(found.mass) > STANDARD_ERRORS_OF_DIFFERENCE * found.mass_error else None

@@ -13,7 +13,7 @@ from rsgen.common.arrays import Array
 from rsgen.common.errors import MeasurementError, quote
 from rsgen.common.finding import Finding, Quantity
 from rsgen.data.surface import ResponseSurface, typical_amounts
-from rsgen.data.surface.columns import TURN, group_forces, monotone_runs
+from rsgen.data.surface.columns import MIN_TURN, group_forces, monotone_runs
 from rsgen.files.data_files import file_label
 from rsgen.files.plan import MeasuredTest
 
@@ -155,7 +155,7 @@ def group_runs(force: Array, frequency: Array, block: NDArray[np.int64]) -> Arra
     count = 0
     edges = [0, *(np.flatnonzero(np.diff(block)) + 1).tolist(), len(force)]
     for left, right in pairwise(edges):
-        for start, stop, direction in monotone_runs(frequency[left:right], TURN):
+        for start, stop, direction in monotone_runs(frequency[left:right], MIN_TURN):
             steps = np.diff(frequency[left + start : left + stop]) * (-1 if direction == "down" else 1)
             if stop - start < MIN_POINTS_OF_RUN or np.mean(steps > 0) < _MIN_SHARE_OF_SWEEP_STEPS:
                 return group_levels(force, _MAX_LEVEL_SPREAD)

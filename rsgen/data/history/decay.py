@@ -36,8 +36,6 @@ from rsgen.data.history.release import SPECTRUM_PERIODS, Stretch, find_decays, f
 from rsgen.data.surface import ResponseSurface
 from rsgen.data.surface.columns import DERIVATIVE
 
-_MIN_SPECTRUM = 1e-100
-"""Of a motion, in SI units; the reciprocal of less would overflow."""
 _MIN_AMPLITUDE_RATIO = 20.0
 """Amplitude of a point that is used, relative to its scatter: 5 % of noise in c(X)."""
 _NEIGHBOURS = 7
@@ -324,7 +322,7 @@ def _strongest(samples: Array, history: TimeHistory, band: _Band) -> float:
     power = np.abs(np.fft.rfft((samples - np.mean(samples)) * taper))
     line = np.fft.rfftfreq(len(samples), 1 / history.rate)
     allowed = (line > 0) if band is None else (line >= band[0]) & (line <= band[1])
-    if not allowed.any() or not power[allowed].max() > _MIN_SPECTRUM:
+    if not allowed.any() or not power[allowed].max() > np.finfo(float).tiny:
         raise MeasurementError(
             f"{history.label}: nothing moves in the band; a band around the mode is needed"
         )

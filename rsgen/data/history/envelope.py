@@ -230,8 +230,9 @@ def demodulate(
 # thesis, California Institute of Technology). A slow sweep shifts the resonance by 1/(2 pi) of the pace, in
 # half widths: its group delay 1/(2 pi zeta f) times the rate.
 
-_MAX_FLANK_AMPLITUDE = 0.3
-"""Relative to the largest, up to which k(X) is taken as constant: that of a cubic spring changes by 9 %."""
+MAX_FLANK_AMPLITUDE = 0.2
+"""Relative to the largest, up to which k(X) is constant (a cubic spring changes by 4 %); above, points belong
+to the resonance, and reach to five half widths."""
 
 
 def flank_mass(force: ComplexArray, motion: Kinematics) -> FreeMode | None:
@@ -240,7 +241,7 @@ def flank_mass(force: ComplexArray, motion: Kinematics) -> FreeMode | None:
     ``force`` (n,) [N] and ``motion`` are of the fundamental, at points of one sweep or of several.
     """
     size = np.abs(motion.displacement)
-    flank = (size > 0) & (size < _MAX_FLANK_AMPLITUDE * np.max(size, initial=0.0)) & (np.abs(force) > 0)
+    flank = (size > 0) & (size < MAX_FLANK_AMPLITUDE * np.max(size, initial=0.0)) & (np.abs(force) > 0)
     return estimate_mass(force[flank], motion.select(flank), np.ones((np.count_nonzero(flank), 1)))
 
 

@@ -15,21 +15,25 @@ from rsgen.common.tolerances import (
     NOISE_RATIO_BY_CHANCE,
     ROUND_OFF,
 )
-from rsgen.data.history.record import MIN_CLEAN_POWER, MIN_SAMPLES, TimeHistory, as_histories, name_levels
+from rsgen.data.history.record import (
+    BLOCK_SAMPLES,
+    MIN_CLEAN_POWER,
+    MIN_POWER_AT_DRIVE,
+    MIN_SAMPLES,
+    TimeHistory,
+    as_histories,
+    name_levels,
+)
 from rsgen.data.multisine.spectra import MultisineSpectra, rms
 from rsgen.data.surface.columns import DERIVATIVE
 from rsgen.data.surface.plausibility import LEVEL_TOLERANCE
 
 _MIN_RATIO_TO_BEST = 0.995
 """Correlation at the period over the best at any lag: multiples of the period correlate as well."""
-_MAX_SCATTER = 0.5
-"""Of the settled periods, relative to the response; more is no noise: the response is not periodic."""
 _MIN_PERIODS = 2
 """Of a record: their difference shows the noise of each."""
 _MIN_DIFFERENCE_OF_COPY = 1e-4
 """One minus the correlation of the lines of force and response; less is one signal, without a mode."""
-_MAX_SAMPLES = 1 << 19
-"""Of a record in which the period is looked for: the transform stays small."""
 
 _INSTEAD = (
     "Record a periodic multisine: repeat one random-phase signal without a gap, generator and recorder on "
@@ -46,7 +50,8 @@ def find_period(force: Array, label: str = "time history") -> int:
     MeasurementError
         The force does not repeat, or not twice within its record.
     """
-    part = np.asarray(force[:_MAX_SAMPLES], dtype=np.float64)
+    # two blocks, for a period of one at most: the transform stays small
+    part = np.asarray(force[: 2 * BLOCK_SAMPLES], dtype=np.float64)
     part = part - part.mean()
     square = float(part @ part)
     if not square > 0:
@@ -257,7 +262,7 @@ def _transient(record: TimeHistory, response: ComplexArray, periods: int | None)
     own = away[count // 2 :]
     size = float(rms(last.mean(axis=0)))
     typical = float(np.median(own))
-    if typical > _MAX_SCATTER * size:
+    if typical**2 > MIN_POWER_AT_DRIVE * size**2:
         raise MeasurementError(
             f"{record.label}: the response does not repeat: its periods differ by {typical / size:.0%} of "
             f"it. Record more periods, until it has settled, or drive it at a lower level. {_INSTEAD}"

@@ -341,9 +341,9 @@ def record_findings(history: TimeHistory) -> tuple[Finding, ...]:
 # ----------------------------------------------------------------------------
 # Share of the power of force and response at the frequency of the drive and its harmonics.
 
-_MIN_POWER_AT_DRIVE = 0.5
-"""Share of the power at the frequency of the drive and its harmonics: below, a force is no sine, and a
-response has another cause."""
+MIN_POWER_AT_DRIVE = 0.5
+"""Share of the power at the frequencies of the drive: below, a force is no sine, and a response has another
+cause."""
 MIN_CLEAN_POWER = 0.9
 """Share of the power of a force that is as intended; more than a tenth drives the structure, too."""
 NO_SINE = (
@@ -363,7 +363,7 @@ def check_force(history: TimeHistory, share: Array) -> list[Finding]:
         The force is no sine.
     """
     typical = float(np.median(share))
-    if typical < _MIN_POWER_AT_DRIVE:
+    if typical < MIN_POWER_AT_DRIVE:
         raise MeasurementError(
             f"{history.label}: only {typical:.0%} of the power of the force is at the lines that it was read "
             f"at: it is no sine, or its noise hides its steps; {NO_SINE}"
@@ -379,7 +379,7 @@ def check_response(history: TimeHistory, line: Array, power: Array) -> list[Find
     known = np.isfinite(line) & np.isfinite(power)
     total = float(np.sum(power[known]))
     share = min(float(np.sum(line[known])) / total, 1.0) if total > 0 else 1.0
-    if share >= _MIN_POWER_AT_DRIVE:
+    if share >= MIN_POWER_AT_DRIVE:
         return []
     names = {"record": history.label, "signal": "response"}
     return [Finding("power-not-at-lines", "doubt", "", {"share": Quantity(share)}, names)]

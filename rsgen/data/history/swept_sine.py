@@ -16,6 +16,7 @@ from rsgen.common.tolerances import RELATIVE_ERROR_DOUBTFUL
 from rsgen.data.free_mode import MIN_RELATIVE_FORCE, FreeMode, Kinematics, estimate_mass
 from rsgen.data.history.envelope import (
     HARMONICS,
+    MAX_FLANK_AMPLITUDE,
     NOISE_WIDTH,
     WINDOW_PERIODS,
     Windows,
@@ -59,8 +60,6 @@ _MAX_FLATTENING = 0.02
 """Relative difference of the acceleration between the two windows of a point that is used."""
 _MAX_CORRECTION = 1.0
 """Correction over the measured and the corrected force; a larger one is mainly a free motion."""
-_MIN_RECEPTANCE = 0.2
-"""Of the points of a resonance, relative to its peak: they reach to five half widths."""
 _MAX_MISFIT_ONE_MODE = 0.15
 """Of one mode, relative to the force, with which a sweep is corrected by one mode."""
 _MAX_MASS_RATIO = 1.5
@@ -324,7 +323,7 @@ def _resonances(parts: list[SweptPoints], good: NDArray[np.bool_]) -> NDArray[np
         size = np.abs(part.motion.displacement[chosen] / part.force[chosen])
         if len(chosen):
             top = int(np.argmax(size))
-            low = np.flatnonzero(size < _MIN_RECEPTANCE * size[top])
+            low = np.flatnonzero(size < MAX_FLANK_AMPLITUDE * size[top])
             left = int(np.max(low[low < top], initial=-1))
             right = int(np.min(low[low > top], initial=len(size)))
             marked[begin + chosen[left + 1 : right]] = True

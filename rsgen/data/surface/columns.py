@@ -1,4 +1,4 @@
-"""Columns of the response surface: units, types, what each must satisfy; from and to data frames."""
+"""Columns of the response surface: units, types, checks; conversion from and to data frames."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ DERIVATIVE = {quantity: order for order, quantity in enumerate(QUANTITIES)}
 """Order of the derivative of the displacement that each quantity is."""
 
 BASE_UNITS = {"": "N"} | QUANTITIES
-"""Unit of levels: of the force, or of the motion of the base that was driven."""
+"""Unit of levels: of the force, or of the motion of a driven base."""
 
 COLUMN_UNITS = {
     "level": "N",
@@ -42,7 +42,7 @@ COLUMN_UNITS = {
     "stable": "",
     "label": "",
 }
-"""SI unit of every column where a force was held; ``level_unit`` and ``force_unit`` say it of any surface."""
+"""SI unit of every column of a test with a force; ``level_unit`` and ``force_unit`` hold for any surface."""
 
 _DTYPES: dict[str, type | str] = {
     "force": np.complex128,
@@ -98,7 +98,7 @@ def response_columns(response: Any, harmonics: Any, phase_known: bool, rows: int
 def force_columns(force: Any, harmonics: Any, rows: int) -> dict[str, NDArray[Any]]:
     """Return the fundamental (n,) and all recorded harmonics (n, K+1) of the force [N], mean first.
 
-    A force with harmonics of its own wins; a fundamental alone takes its place among those given.
+    The harmonics of ``force`` replace ``harmonics``; a fundamental alone replaces that of ``harmonics``.
     """
     if np.ndim(force) > 1:
         harmonics = column(force, "force", (rows, -1))
@@ -120,7 +120,7 @@ def force_columns(force: Any, harmonics: Any, rows: int) -> dict[str, NDArray[An
 def across_columns(across: Any, shape: tuple[int, ...]) -> NDArray[Any]:
     """Return harmonics (n, H+1) [m] of the motion across two sensors, of the shape that the response has.
 
-    None, and a motion without columns, which such a surface has, are a test with one response.
+    None, and a motion without columns, are a test with one response.
     """
     if across is None or np.shape(across)[1:] == (0,):
         return column(np.zeros((shape[0], 0)), "across", (shape[0], 0))
@@ -128,12 +128,12 @@ def across_columns(across: Any, shape: tuple[int, ...]) -> NDArray[Any]:
 
 
 def below_acceleration(quantity: str | None) -> int:
-    """How often a quantity must be differentiated to be an acceleration; None is a displacement."""
+    """Return the number of derivatives from a quantity to the acceleration; None is a displacement."""
     return DERIVATIVE["acceleration"] - DERIVATIVE[quantity or "displacement"]
 
 
 def check_numbers(columns: dict[str, Any]) -> None:
-    """Raise RsgenError where a frequency, a level or a shape can be none."""
+    """Raise RsgenError if a frequency, a level or the number of harmonics is out of range."""
     if columns["harmonics"].shape[1] < 2:
         raise RsgenError("surface.harmonics: needs at least the mean and the fundamental")
     frequency, level = columns["frequency"], columns["level"]
@@ -148,18 +148,14 @@ def check_numbers(columns: dict[str, Any]) -> None:
 
 
 # ----------------------------------------------------------------------------
-# Sweep direction and level of every test point, from the order of the frequencies and from like forces.
+# Sweep direction of every test point by the order of the frequencies; groups of like forces.
 
-TURN = 0.02
-"""A sweep has turned when the frequency moves back by this fraction of the block's range; less is jitter."""
-SHORTEST = 1 / 4
-"""More runs than this times the points are no sweeps: the rows are in no order of frequency."""
-MOST_RUNS = 8
-"""Up to this number of runs may be short all the same: a few points at some levels."""
+MIN_TURN = 0.02
+"""Change of frequency, relative to the range of the block, by which a sweep turns back; jitter is less."""
 
 
 def group_forces(force: Array, spread: float) -> NDArray[np.intp]:
-    """Number the groups of like forces (n,) [N]; in ascending order, a gap of more than ``spread`` parts two.
+    """Return the number (n,) of the group of each force (n,) [N]; a relative gap above ``spread`` begins one.
 
     Examples
     --------
@@ -174,7 +170,7 @@ def group_forces(force: Array, spread: float) -> NDArray[np.intp]:
 
 
 def monotone_runs(frequency: Array, turn: float) -> list[tuple[int, int, str]]:
-    """Split where the frequency (n,) turns back by a fraction of its range: (start, stop, direction).
+    """Return runs (start, stop, direction) between turns of the frequency (n,), relative to its range.
 
     Examples
     --------
@@ -194,7 +190,7 @@ def monotone_runs(frequency: Array, turn: float) -> list[tuple[int, int, str]]:
         elif move != 0 and (move > 0) == (direction == "up"):
             extreme = i
         elif abs(move) >= threshold:
-            # the turning point still belongs to the run that reached it
+            # the turning point belongs to the run before it
             runs.append((start, extreme + 1, direction))
             start, extreme, direction = extreme + 1, i, ("up" if move > 0 else "down")
     return [*runs, (start, len(frequency), direction or "rest")]
@@ -203,7 +199,7 @@ def monotone_runs(frequency: Array, turn: float) -> list[tuple[int, int, str]]:
 def recognise_directions(
     frequency: Array, level: Array, block: NDArray[np.int64] | None = None
 ) -> NDArray[np.str_]:
-    """Recognise the sweep direction of each point by the order of the frequencies.
+    """Return the sweep direction of each point by the order of the frequencies.
 
     A new run begins where the block or the level changes and where the frequency turns back.
 
@@ -233,16 +229,17 @@ def recognise_directions(
     edges = [0, *(np.flatnonzero(changed) + 1).tolist(), len(frequency)]
     count = 0
     for left, right in pairwise(edges):
-        for start, stop, direction in monotone_runs(frequency[left:right], TURN):
+        for start, stop, direction in monotone_runs(frequency[left:right], MIN_TURN):
             directions[left + start : left + stop] = direction
             count += 1
-    if count > max(MOST_RUNS, SHORTEST * len(frequency)):
+    # a direction needs two points: shorter runs on average are rows in no order
+    if 2 * count > len(frequency):
         directions[:] = "rest"
     return directions
 
 
 # ----------------------------------------------------------------------------
-# Between surfaces and data frames; any table with named columns is read.
+# Surfaces from and to data frames; any table with named columns is read.
 
 _AS_THEY_ARE = ("sweep", "outcome", "residual", "error", "stable")
 
@@ -251,7 +248,7 @@ _LARGEST_PHASE = 4 * np.pi
 
 
 class _Table:
-    """Columns by name, of whatever kind of table."""
+    """Columns by name, of any kind of table."""
 
     def __init__(self, frame: Any) -> None:
         dtype = getattr(frame, "dtype", None)
@@ -318,7 +315,7 @@ def columns_of_frame(frame: Any, degrees: bool) -> dict[str, Any]:
 
 
 def _with_harmonics(table: _Table, fundamental: Any, prefix: str) -> ComplexArray | None:
-    """(n, H+1) from the columns of one prefix, mean first; None without a fundamental."""
+    """Return harmonics (n, H+1) from the columns of one prefix, mean first; None without a fundamental."""
     if fundamental is None:
         return None
     higher: list[ComplexArray] = []
@@ -329,7 +326,7 @@ def _with_harmonics(table: _Table, fundamental: Any, prefix: str) -> ComplexArra
 
 
 def _harmonic_columns(prefix: str, harmonics: ComplexArray) -> dict[str, Any]:
-    """Mean and higher harmonics by name, as ``_with_harmonics`` reads them."""
+    """Return mean and higher harmonics by name, as ``_with_harmonics`` reads them."""
     means = {f"{prefix}mean": mean.real for mean in harmonics.T[:1]}
     return means | {f"{prefix}harmonic_{h}": harmonics[:, h] for h in range(2, harmonics.shape[1])}
 
