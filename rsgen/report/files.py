@@ -17,7 +17,6 @@ from rsgen.cases import Case
 from rsgen.common.errors import RsgenError, require
 from rsgen.common.output import write_atomic
 from rsgen.data.multisine import MultisineSpectra
-from rsgen.data.oscillator import Model
 from rsgen.data.surface import ResponseSurface, save_surface, typical_amounts
 from rsgen.dynamics import kernel
 from rsgen.formula.names import Structural, remembers
@@ -252,17 +251,6 @@ def _(table: MultisineSpectra, place: Path) -> None:
     arrays: dict[str, Any] = {name: getattr(table, name) for name in names}
     np.savez_compressed(buffer, **arrays)
     write_atomic(place / "spectra.npz", buffer.getvalue())
-
-
-@singledispatch
-def shown_of(table: Any, model: Model) -> dict[str, bool]:
-    """Return the optional parts of the notebook of a test, before anything is identified."""
-    return {"mean": bool(mean_sentence(table)), "loops": shows_loops(table, model)}
-
-
-@shown_of.register
-def _(table: MultisineSpectra, model: Model) -> dict[str, bool]:
-    return {}
 
 
 @singledispatch

@@ -281,7 +281,6 @@ def build_notebook(
     mean: bool = False,
     held_out: bool = False,
     loops: bool = False,
-    surface_file: str = _SURFACE_FILE,
 ) -> nbformat.NotebookNode:
     """Build the notebook of a case, not yet executed.
 
@@ -293,8 +292,6 @@ def build_notebook(
         Show the levels that identification has not seen.
     loops
         Show the loops of the restoring force and the energy that they dissipate.
-    surface_file
-        File of the surface of a measured case, in the folder of the notebook.
     """
     cells_text = _environment().get_template("notebook/cells.txt")
     text = cells_text.render(
@@ -310,7 +307,7 @@ def build_notebook(
         held_out=held_out,
         loops=loops,
         ranked=case.ranked,
-        surface_file=surface_file,
+        surface_file=_SURFACE_FILE,
     )
     pieces = _CELL.split(text)[1:]
     write: Any = nbformat.v4  # its functions have no types
@@ -390,7 +387,6 @@ def write_notebook(
     mean: bool = False,
     held_out: bool = False,
     loops: bool = False,
-    surface_file: str = _SURFACE_FILE,
 ) -> None:
     """Write, execute and save the notebook; it is saved even where a cell fails.
 
@@ -404,7 +400,7 @@ def write_notebook(
     RsgenError
         A cell failed; the notebook with its traceback is on disk.
     """
-    notebook = build_notebook(case, mean=mean, held_out=held_out, loops=loops, surface_file=surface_file)
+    notebook = build_notebook(case, mean=mean, held_out=held_out, loops=loops)
     fault = execute_cells(notebook, results)
     nbformat.validate(notebook)
     write: Any = nbformat.v4.writes  # has no types; ``nbformat.writes`` would validate once more

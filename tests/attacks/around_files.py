@@ -117,7 +117,7 @@ def other_files_too_long(place: Path) -> str:
     commands = (
         *(("check", f"{name}.toml"), ("simulate", case, "--out", f"{name}.h5"), ("inspect", f"{name}.mat")),
         ("init", f"{name}.toml"),
-        *(("diff", name, name), ("notebook", case, "--out", f"{name}.ipynb"), ("report", "--out", name)),
+        *(("diff", name, name), ("report", "--out", name)),
         *(("identify", case, "--surface", f"{name}.h5"), ("rank", f"{name}.h5")),
     )
     for words in commands:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import shutil
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -18,7 +17,6 @@ from rsgen.report.notebook import build_notebook
 from rsgen.report.provenance import is_unchanged_notebook
 from tests.samples import cubic_case, cubic_model, cubic_surface
 
-FORMATS = Path(__file__).parents[2] / "cases" / "formats"
 MINE = b"three years of work"
 SMALL = """
 schema = 1
@@ -48,7 +46,6 @@ def simulated(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     [
         (("simulate", "small.toml"), "small.h5"),
         (("simulate", "small.toml", "--out", "thesis.tex"), "thesis.tex"),
-        (("notebook", "small.toml"), "small.ipynb"),
         (("identify", "small.toml", "--frf", "impact.uff"), "impact.uff"),
         (("modal", "small.toml", "--csv", "logbook.csv"), "logbook.csv"),
     ],
@@ -68,21 +65,6 @@ def test_the_case_is_not_written_over(simulated: Path, run_cli: Callable[..., An
     answer = run_cli("simulate", "small.toml", "--out", "small.toml")
     assert (answer.code, "is read by this command" in answer.err) == (2, True)
     assert simulated.read_text(encoding="utf-8") == SMALL
-
-
-def test_the_measurement_is_not_written_over(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, run_cli: Callable[..., Any]
-) -> None:
-    """The surface that a notebook reads would go where the data lie, if these are called as the case."""
-    monkeypatch.chdir(tmp_path)
-    text = (FORMATS / "hdf5-steps.toml").read_text(encoding="utf-8").replace("steps.h5", "hdf5-steps.h5")
-    (tmp_path / "hdf5-steps.toml").write_text(text, encoding="utf-8")
-    data = tmp_path / "hdf5-steps.h5"
-    shutil.copy(FORMATS / "steps.h5", data)
-    before = data.read_bytes()
-    answer = run_cli("notebook", "hdf5-steps.toml")
-    assert (answer.code, "hdf5-steps.h5: is read by this command" in answer.err) == (2, True)
-    assert data.read_bytes() == before
 
 
 def test_an_empty_file_is_filled(simulated: Path, run_cli: Callable[..., Any]) -> None:

@@ -176,10 +176,11 @@ def test_what_a_multisine_cannot_have_is_said_before_the_run(folder: Path, run_c
 
 
 @pytest.mark.slow
-def test_the_notebook_alone_has_the_steps_of_the_run(folder: Path, tmp_path: Path, run_cli: Callable) -> None:
-    written = run_cli("notebook", folder / "lines.toml", "--out", tmp_path / "made.ipynb")
+def test_the_notebook_has_the_steps_of_the_run(folder: Path, tmp_path: Path, run_cli: Callable) -> None:
+    written = run_cli("run", folder / "lines.toml", "--out", tmp_path)
     assert written.code == 0, written
-    notebook = json.loads((tmp_path / "made.ipynb").read_text(encoding="utf-8"))
+    (path,) = tmp_path.glob("*/notebook.ipynb")
+    notebook = json.loads(path.read_text(encoding="utf-8"))
     shown = {cell["id"]: "".join(map(str, cell.get("outputs", ()))) for cell in notebook["cells"]}
     assert "3 records of 6 periods" in shown["spectra"]
     case = rsgen.load_case(folder / "lines.toml")
@@ -190,7 +191,7 @@ def test_the_notebook_alone_has_the_steps_of_the_run(folder: Path, tmp_path: Pat
     ranked.write_text(
         'model = "rank"\n' + (folder / "lines.toml").read_text(encoding="utf-8"), encoding="utf-8"
     )
-    refused = run_cli("notebook", ranked, "--data", folder)
+    refused = run_cli("identify", ranked, "--data", folder)
     assert "'rank' compares laws on a response surface" in " ".join(refused.err.split())
 
 

@@ -41,7 +41,6 @@ COMMANDS = {
     "profile": "The interval of one parameter by its likelihood.",
     "rank": "Which law? The library ranked on a test.",
     "report": "Write reports anew, without simulating.",
-    "notebook": "Write the notebook of a case alone.",
     "diff": "What changed between two results.",
     "inspect": "What is in a data file.",
     "init": "Begin a case file.",

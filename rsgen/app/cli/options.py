@@ -44,7 +44,7 @@ MODAL = b"amplitude [m],frequency [Hz],lower frequency [Hz]"
 """Text near the beginning of each kind of file that a command writes, and hardly of any other."""
 
 
-def check_target(path: Path, ending: str, option: str = "--out") -> Path:
+def check_target(path: Path, ending: str, option: str) -> Path:
     """Refuse a name for a new file that has another ending or no folder."""
     if path.suffix.lower() != ending:
         raise RsgenError(f"{option} {path}: the name must end in {ending}")
