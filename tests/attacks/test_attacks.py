@@ -10,7 +10,7 @@ from pathlib import Path
 import pytest
 
 from tests.attacks import __main__ as table
-from tests.attacks import around_files, cache, kills, many, output
+from tests.attacks import around_files, output
 from tests.attacks.program import (
     Ended,
     environment,
@@ -21,7 +21,6 @@ from tests.attacks.program import (
     rsgen,
     verified,
 )
-from tests.attacks.surroundings import tried_here
 
 pytestmark = pytest.mark.skipif(os.name != "posix", reason="signals, limits and mounts are POSIX")
 
@@ -93,31 +92,6 @@ def test_what_is_missing_of_the_users_files_is_seen(tmp_path: Path) -> None:
     assert output._missing(before, tmp_path) == []
     Path(next(iter(before))).unlink()
     assert output._missing(before, tmp_path) == list(before)
-
-
-def test_every_attack_has_a_name_of_its_own_and_says_what_it_does() -> None:
-    lists = (tried_here(), output.WAYS, [*cache.WAYS, *cache.WAYS_OF_ROOT])
-    for attacks in lists:
-        assert len({attack.__name__ for attack in attacks}) == len(attacks)
-        assert all(attack.__doc__ for attack in attacks)
-    assert [len(attacks) >= least for attacks, least in zip(lists, (20, 5, 4), strict=True)] == [True] * 3
-    # twelve damaged the key beside the kernels, which is gone
-    assert len(cache.DAMAGES) + len(cache.FURTHER) >= 21
-
-
-def test_a_module_renews_its_own_rows_of_the_table(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(table, "TABLE", tmp_path / "attacks.md")
-    for module, measured in (("many", "0 of 3"), ("kills", "1 of 2"), ("many", "0 | of\n4")):
-        rows = [row("figure", "0", measured)]
-        found = {"many": many, "kills": kills}[module]
-        monkeypatch.setattr(found, "run", lambda count, seed, rows=rows: rows)
-        assert table.main([f"{module}=2"]) == (measured == "1 of 2")
-    text = (tmp_path / "attacks.md").read_text(encoding="utf-8")
-    assert "0 of 3" not in text
-    assert "| figure | 0 | 0 / of 4 |" in text
-    # the order of the modules, whichever came first
-    assert text.index("## kills: ") < text.index("| figure | 0 | 1 of 2 |") < text.index("## many: ")
-    assert table.main(["nonsense"]) == 2
 
 
 @pytest.mark.parametrize(

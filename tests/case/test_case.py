@@ -96,14 +96,6 @@ def of_the_paper(case: rsgen.Case) -> bool:
     return not case.source.startswith("Beyond the paper: ")
 
 
-def test_the_paper_has_eight_systems() -> None:
-    cases = [load_case(path) for path in CASES]
-    assert [case.name for case in cases] == [path.stem for path in CASES]
-    assert [case.name for case in cases if of_the_paper(case)] == [
-        "bilinear", "combined", "coulomb", "cubic", "cubic-hardening", "joint", "piecewise", "quintic",
-    ]  # fmt: skip
-
-
 @pytest.mark.parametrize("path", CASES, ids=lambda path: path.stem)
 def test_case_of_a_virtual_test(path: Path) -> None:
     case = load_case(path)

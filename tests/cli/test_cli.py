@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import contextlib
 import json
 import os
 import re
@@ -295,14 +294,6 @@ def test_derive_as_json_parses_back(capsys: pytest.CaptureFixture[str]) -> None:
     assert answer["parameters"] == ["c2", "k1", "kn1"]
 
 
-def test_derive_without_closed_form(capsys: pytest.CaptureFixture[str]) -> None:
-    assert call("derive", "k*tanh(x/b)", "--json") == 0
-    answer = json.loads(capsys.readouterr().out)
-    assert answer["closed_form"] is False
-    assert answer["stiffness"] is None
-    assert answer["damping"] == "0"
-
-
 def test_derive_reads_as_a_person_writes(capsys: pytest.CaptureFixture[str]) -> None:
     assert call("derive", "k1*x + kn1*x**3") == 0
     assert "k1 + 3/4 kn1 X^2" in capsys.readouterr().out
@@ -456,41 +447,6 @@ def test_an_interrupt_ends_with_130_and_leaves_nothing(
     left = list((tmp_path / "out").glob("*")) if (tmp_path / "out").exists() else []
     assert [path for path in left if read_manifest(path) is None] == []
     assert len(left) < 2
-
-
-def importing(parent: int) -> bool:
-    """Whether a worker of a process has begun to import what it needs."""
-    for folder in Path("/proc").glob("[0-9]*"):
-        with contextlib.suppress(OSError):
-            status, maps = (folder / "stat").read_text(), (folder / "maps").read_text()
-            spawned = b"spawn_main" in (folder / "cmdline").read_bytes()
-            if (
-                spawned
-                and int(status.rpartition(")")[2].split()[1]) == parent
-                and "_multiarray_umath" in maps
-            ):
-                return True
-    return False
-
-
-@pytest.mark.skipif(not Path("/proc/self/maps").exists(), reason="only Linux shows what a process has loaded")
-@pytest.mark.thorough
-def test_an_interrupt_while_workers_begin_has_no_traceback(tmp_path: Path) -> None:
-    for name in ("a", "b"):
-        (tmp_path / f"{name}.toml").write_text((SMALL % "1e-2").replace('"small"', f'"{name}"'))
-    process = subprocess.Popen(
-        [*PROGRAM, "run", tmp_path, "--jobs", "2", "--out", tmp_path / "out"],
-        stdout=subprocess.PIPE,
-        stderr=subprocess.PIPE,
-        text=True,
-        start_new_session=True,
-    )
-    deadline = time.monotonic() + 120
-    while not importing(process.pid) and time.monotonic() < deadline and process.poll() is None:
-        time.sleep(0.01)
-    os.killpg(process.pid, signal.SIGINT)
-    _, errors = process.communicate(timeout=60)
-    assert (process.returncode, errors) == (130, "rsgen: interrupted; nothing half-written was left\n")
 
 
 @pytest.mark.slow

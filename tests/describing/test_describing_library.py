@@ -146,11 +146,6 @@ def test_table_of_laws(law, stiffness, damping, source, closed):
         assert errors[0] <= EXACT
 
 
-def test_table_is_as_long_as_promised():
-    assert len(TABLE) >= 30
-    assert sum(row[-1] for row in TABLE) >= 24
-
-
 MEMORYLESS = [law for law in laws if not remembers(law.force)]
 
 

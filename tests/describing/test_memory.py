@@ -58,11 +58,6 @@ def test_masing_laws_against_a_loop_stepped_through_time(virgin, values, closed)
         assert abs(found.damping - c) <= ASKED * size
 
 
-def test_as_many_curves_as_promised():
-    assert len(CURVES) >= 12
-    assert sum(row[-1] for row in CURVES) >= 8
-
-
 def test_masing_formulas_of_the_literature():
     R, p = symbol("R"), symbol("p")
     power = derive("masing(K*x - R*x**p)")

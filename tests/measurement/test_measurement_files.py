@@ -85,10 +85,6 @@ def test_magnitudes_of_several_files_have_no_phase() -> None:
     assert [finding.code for finding in surface.findings] == ["not-recorded"]
 
 
-def test_examples_stay_small() -> None:
-    assert sum(file.stat().st_size for file in FORMATS.iterdir() if file.is_file()) < 500_000
-
-
 # ---------------------------------------------------------------- addresses and shapes
 
 

@@ -35,16 +35,6 @@ LAWS = pytest.mark.parametrize(
 
 @pytest.mark.slow
 @LAWS
-def test_harmonic_balance_with_loops_of_its_own_agrees(oscillator: Oscillator, f0: float) -> None:
-    F, f = np.array([2.0, 6.0, 11.0]), f0 * np.array([0.95, 1.0, 1.1])
-    found = solve_steady_states(oscillator, F, f, accuracy=1e-6)
-    balance = solve_harmonic_balance(oscillator, F, f, harmonics=9)
-    # corners between two of 256 samples, and harmonics beyond the ninth
-    np.testing.assert_allclose(balance.harmonics[:, 1], found.harmonics[:, 1], rtol=2e-4)
-
-
-@pytest.mark.slow
-@LAWS
 def test_harmonic_balance_is_as_near_to_the_motion_as_that_with_loops_of_its_own(
     oscillator: Oscillator, f0: float
 ) -> None:

@@ -489,52 +489,6 @@ def test_a_fault_of_the_case_is_a_value(tmp_path: Path) -> None:
     assert not (tmp_path / "out").exists()
 
 
-HANGING = """
-import sys
-import time
-from pathlib import Path
-
-from rsgen.app.cli import main
-from rsgen.app.study import run_case
-
-step, marker, *words = sys.argv[1:]
-
-
-def hang(*inputs):
-    Path(marker).touch()
-    time.sleep(600)
-
-
-setattr(sys.modules[run_case.__module__], step, hang)
-main(words)
-"""
-
-
-@posix
-@pytest.mark.slow
-@pytest.mark.parametrize("step", ["obtain_table", pytest.param("write_manifest", marks=pytest.mark.thorough)])
-def test_killing_the_command_keeps_the_earlier_result(
-    finished: tuple[Path, Path, CaseRun], tmp_path: Path, step: str
-) -> None:
-    """The command is killed where it has just begun, and where all but the manifest is written."""
-    path, out, _ = finished
-    shutil.copytree(out, tmp_path / "out")
-    before = content(tmp_path / "out" / "small")
-    marker = tmp_path / "reached"
-    words = [step, str(marker), "run", str(path), "--force", "--out", str(tmp_path / "out")]
-    process = subprocess.Popen([sys.executable, "-c", HANGING, *words], start_new_session=True)
-    while not marker.exists():
-        assert process.poll() is None
-        time.sleep(0.01)
-    os.killpg(process.pid, signal.SIGKILL)
-    assert process.wait() == -signal.SIGKILL
-    assert len(list((tmp_path / "out").glob(".small.*.part"))) == 1
-    assert content(tmp_path / "out" / "small") == before
-    assert read_manifest(tmp_path / "out" / "small") is not None
-    recover(tmp_path / "out")
-    assert not list((tmp_path / "out").glob(".small*"))
-
-
 def _kill_workers(out: Path, times: dict[str, int]) -> tuple[Callable[[Step], None], dict[str, list[int]]]:
     """Give what kills the workers of some cases, as for want of memory, when the case has begun."""
     killed: dict[str, list[int]] = {name: [] for name in times}
