@@ -357,59 +357,33 @@ def test_archives_hold_no_pickles_and_no_lies() -> None:
 # ---------------------------------------------------------------- HDF5: nothing outside the file
 
 
-def secret(folder: Path) -> Path:
-    path = folder / "secret.h5"
-    with h5py.File(path, "w") as file:
-        file["x"] = np.full(4, 42.0)
-    return path
-
-
-def external(file: h5py.File, folder: Path) -> None:
-    file["x"] = h5py.ExternalLink(str(secret(folder)), "x")
-
-
-def soft(file: h5py.File, folder: Path) -> None:
-    file["y"] = np.ones(4)
-    file["x"] = h5py.SoftLink("/y")
-
-
-def virtual(file: h5py.File, folder: Path) -> None:
+def virtual(file: h5py.File, secret: Path) -> None:
     layout = h5py.VirtualLayout((4,), dtype="f8")
-    layout[:] = h5py.VirtualSource(str(secret(folder)), "x", shape=(4,))
+    layout[:] = h5py.VirtualSource(str(secret), "x", shape=(4,))
     file.create_virtual_dataset("x", layout)
 
 
-def raw(file: h5py.File, folder: Path) -> None:
-    (folder / "secret.bin").write_bytes(np.full(4, 42.0).tobytes())
-    file.create_dataset("x", shape=(4,), dtype="f8", external=[(str(folder / "secret.bin"), 0, 32)])
-
-
-def declared(file: h5py.File, folder: Path) -> None:
-    file.create_dataset("x", shape=(10**12,), dtype="f8", chunks=(1000,))
-
-
-def text(file: h5py.File, folder: Path) -> None:
-    file["x"] = ["a", "b"]
-
-
-def opaque(file: h5py.File, folder: Path) -> None:
-    file.create_dataset("x", data=np.void(b"\x80\x04cposix\nsystem\n"))
-
-
-def reference(file: h5py.File, folder: Path) -> None:
-    file["x"] = np.array([file.ref], dtype=h5py.ref_dtype)
-
-
-def deep(file: h5py.File, folder: Path) -> None:
-    file["/".join("x" * 40)] = np.ones(4)
+TRAPS: dict[str, Callable[[h5py.File, Path], object]] = {
+    "external": lambda file, secret: file.update({"x": h5py.ExternalLink(str(secret), "x")}),
+    "soft": lambda file, _: file.update({"y": np.ones(4), "x": h5py.SoftLink("/y")}),
+    "virtual": virtual,
+    "raw": lambda file, secret: file.create_dataset("x", (4,), "f8", external=[(str(secret), 0, 32)]),
+    "declared": lambda file, _: file.create_dataset("x", (10**12,), "f8", chunks=(1000,)),
+    "text": lambda file, _: file.update({"x": ["a", "b"]}),
+    "opaque": lambda file, _: file.create_dataset("x", data=np.void(b"\x80\x04cposix\nsystem\n")),
+    "reference": lambda file, _: file.update({"x": np.array([file.ref], dtype=h5py.ref_dtype)}),
+    "deep": lambda file, _: file.update({"/".join("x" * 40): np.ones(4)}),
+}
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("trap", [external, soft, virtual, raw, declared, text, opaque, reference, deep])
-def test_traps_in_hdf5_are_refused(tmp_path: Path, trap: Callable[[h5py.File, Path], None]) -> None:
-    path = tmp_path / "trap.h5"
+@pytest.mark.parametrize("trap", TRAPS)
+def test_traps_in_hdf5_are_refused(tmp_path: Path, trap: str) -> None:
+    path, secret = tmp_path / "trap.h5", tmp_path / "secret.h5"
+    with h5py.File(secret, "w") as file:
+        file["x"] = np.full(4, 42.0)
     with h5py.File(path, "w") as file:
-        trap(file, tmp_path)
+        TRAPS[trap](file, secret)
     with pytest.raises(MeasurementError, match=r"^trap\.h5: "):
         read_binary(path, "hdf5", ["x"])
     # the listing says why, and shows nothing from elsewhere
