@@ -294,16 +294,9 @@ def test_hostile_grids(tmp_path: Path, entry: dict[str, Any]) -> None:
 
 # entries that describe a situation on the disk; they are tests of output, measurement and study
 _SITUATIONS = {
-    "path-022",
-    "path-023",
-    "path-029",
-    "path-031",
-    "path-032",
-    "path-033",
-    "path-034",
-    "path-035",
+    "path-022", "path-023", "path-029", "path-031", "path-032", "path-033", "path-034", "path-035",
     "path-036",
-}
+}  # fmt: skip
 
 
 @pytest.mark.parametrize(
@@ -331,24 +324,9 @@ def test_hostile_titles(tmp_path: Path, entry: dict[str, Any]) -> None:
 
 TEXTS = [path.read_text(encoding="utf-8") for path in CASES]
 SNIPPETS = [
-    "[",
-    "]",
-    '"',
-    "=",
-    "\n",
-    "e9",
-    "-",
-    "nan",
-    "''",
-    "[truth]",
-    "{}",
-    "x",
-    "\x00",
-    "1e400",
-    "true",
-    ".",
+    "[", "]", '"', "=", "\n", "e9", "-", "nan", "''", "[truth]", "{}", "x", "\x00", "1e400", "true", ".",
     "#",
-]
+]  # fmt: skip
 
 
 @pytest.mark.slow

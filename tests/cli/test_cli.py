@@ -558,15 +558,9 @@ _SOUND = """frequency [Hz],F [N],x [m],phase [deg]
 11,1,1e-3,170
 """
 _HEAVY = (
-    "matplotlib",
-    "numba",
-    "scipy.linalg",
-    "scipy.optimize",
-    "scipy.stats",
-    "h5py",
-    "pint",
+    "matplotlib", "numba", "scipy.linalg", "scipy.optimize", "scipy.stats", "h5py", "pint",
     "concurrent.futures.process",
-)
+)  # fmt: skip
 
 
 @pytest.mark.slow

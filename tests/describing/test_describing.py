@@ -224,16 +224,9 @@ def test_singular_law_is_refused():
 # laws that hold for every force ------------------------------------------------------------------------
 
 ODD = (
-    "x",
-    "x**3",
-    "v*abs(v)",
-    "sign(v)",
-    "Max(0, abs(x) - 1)*sign(x)",
-    "sin(x)",
-    "x**2*v",
-    "tanh(x)",
+    "x", "x**3", "v*abs(v)", "sign(v)", "Max(0, abs(x) - 1)*sign(x)", "sin(x)", "x**2*v", "tanh(x)",
     "x*abs(v)",
-)
+)  # fmt: skip
 
 
 @pytest.mark.slow
@@ -278,36 +271,17 @@ def test_trapezoid_of_16_points_is_exact_for_polynomials(law):
 # what an engineer would write ----------------------------------------------------------------------------
 
 ENGINEER = (
-    "k*x + (Fc + (Fs - Fc)*exp(-abs(v)/vs))*sign(v) + c*v",
-    "k*x + kc*Max(0, x - b)",
-    "k*x + kc*Max(0, x - b)**1.5",
-    "k*x + kc*Max(0, x + b)**1.5 - F0",
-    "k*x + ks*(Max(0, x - b1) + Min(0, x + b2))",
-    "x**2 + x + x**3",
-    "k*abs(x)**2.5*sign(x)",
-    "k*x + F*(1 - exp(-abs(x)/a))*sign(x)",
-    "k*tan(x/4)",
-    "k*log(1 + abs(x)/a)*sign(x)",
-    "k*x + x**2*v",
-    "(x**2 - 1)*v + x",
-    "k*x + Max(0, x - b)*v*c",
-    "k*x + mu*Max(0, x)*sign(v)",
-    "k*x + mu*abs(x)*tanh(v/w)",
-    "k*x/sqrt(1 + (x/a)**2)",
-    "k*x/(1 + abs(x)/a)",
-    "k*x + F*sign(v - w)",
-    "k*x + c*Max(0, v)**2 - c2*Max(0, -v)**2",
-    "k*x + F*sign(x + v)",
-    "k*x + Max(k*x, F*v)",
-    "k*x + g*exp(a*x)",
-    "k*(x + x**3)*sign(v) + x",
-    "k*x + k2*x*cos(x)**2",
-    "k*sinh(x/a)*cosh(x/a)",
-    "c*v*exp(-(v/w)**2) + x",
-    "k*x - F/(4 - x)**2",
-    "k*x + F*Heaviside(v - 2*x**2 - 0.9)",
+    "k*x + (Fc + (Fs - Fc)*exp(-abs(v)/vs))*sign(v) + c*v", "k*x + kc*Max(0, x - b)",
+    "k*x + kc*Max(0, x - b)**1.5", "k*x + kc*Max(0, x + b)**1.5 - F0",
+    "k*x + ks*(Max(0, x - b1) + Min(0, x + b2))", "x**2 + x + x**3", "k*abs(x)**2.5*sign(x)",
+    "k*x + F*(1 - exp(-abs(x)/a))*sign(x)", "k*tan(x/4)", "k*log(1 + abs(x)/a)*sign(x)", "k*x + x**2*v",
+    "(x**2 - 1)*v + x", "k*x + Max(0, x - b)*v*c", "k*x + mu*Max(0, x)*sign(v)",
+    "k*x + mu*abs(x)*tanh(v/w)", "k*x/sqrt(1 + (x/a)**2)", "k*x/(1 + abs(x)/a)", "k*x + F*sign(v - w)",
+    "k*x + c*Max(0, v)**2 - c2*Max(0, -v)**2", "k*x + F*sign(x + v)", "k*x + Max(k*x, F*v)",
+    "k*x + g*exp(a*x)", "k*(x + x**3)*sign(v) + x", "k*x + k2*x*cos(x)**2", "k*sinh(x/a)*cosh(x/a)",
+    "c*v*exp(-(v/w)**2) + x", "k*x - F/(4 - x)**2", "k*x + F*Heaviside(v - 2*x**2 - 0.9)",
     "k*x + Piecewise((F, x*x > v), (3*v, True))",
-)
+)  # fmt: skip
 
 
 @pytest.mark.slow

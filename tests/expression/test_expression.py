@@ -261,23 +261,9 @@ NUMBERS = st.sampled_from(["2", "3", "0.5", "1/3", "7", "0.1", "1.25e1", "pi"])
 LEAVES = st.one_of(st.sampled_from(["x", "v", "X", "omega", "k1", "k2", "b", "gamma"]), NUMBERS)
 COMPARE = st.sampled_from(["<", "<=", ">", ">="])
 ONE_ARGUMENT = [
-    "abs",
-    "sign",
-    "Heaviside",
-    "sqrt",
-    "exp",
-    "log",
-    "ln",
-    "sin",
-    "cos",
-    "tan",
-    "asin",
-    "acos",
-    "atan",
-    "sinh",
-    "cosh",
-    "tanh",
-]
+    "abs", "sign", "Heaviside", "sqrt", "exp", "log", "ln", "sin", "cos", "tan", "asin", "acos", "atan",
+    "sinh", "cosh", "tanh",
+]  # fmt: skip
 
 
 def grown(inner: st.SearchStrategy[str]) -> st.SearchStrategy[str]:

@@ -19,15 +19,9 @@ __all__ = ["FAULTS", "GROUPS", "Fault", "FaultError", "Place", "find_place", "lo
 FAULTS = Path(__file__).with_name("faults.toml")
 
 GROUPS = (
-    "describing functions",
-    "kernels",
-    "balances",
-    "least squares",
-    "histories",
-    "readers",
-    "law and units",
+    "describing functions", "kernels", "balances", "least squares", "histories", "readers", "law and units",
     "prediction and modal",
-)
+)  # fmt: skip
 
 
 class FaultError(Exception):

@@ -19,21 +19,14 @@ from rsgen.law.pieces import normal_form
 ROUNDING = 1e-12
 
 LAWS = [
-    "c*v + k*x + kn*x**3",
-    "c*v + k*x + kn*x**5",
-    "c*v + k*x + F_f*sign(v)",
+    "c*v + k*x + kn*x**3", "c*v + k*x + kn*x**5", "c*v + k*x + F_f*sign(v)",
     "c*v + Piecewise((k4*x, abs(x) <= b), (k5*x + (k4 - k5)*b*sign(x), True))",
-    "c*v + Piecewise((k6*x, x > 0), (k7*x, True))",
-    "c*v + cn*v*abs(v) + k*x + kn*x**3",
+    "c*v + Piecewise((k6*x, x > 0), (k7*x, True))", "c*v + cn*v*abs(v) + k*x + kn*x**3",
     "a1*x + a2*x*abs(x) + a3*x**3 + a4*x**3*abs(x) + a5*x**5 + d1*v + d2*v*abs(v)",
-    "k*x + (F_f + mu*x**2)*sign(v)",
-    "k*Max(x - g, 0)**1.5 + c*v",
-    "k*abs(x)**1.5*sign(x) + c*v",
-    "k*tanh(x/d) + c*v/(1 + abs(x)/d)",
-    "k*sin(x/d) + a*sign(x + d*v)",
-    "k*exp(x/d)*x + F_f*sign(v - w)",
+    "k*x + (F_f + mu*x**2)*sign(v)", "k*Max(x - g, 0)**1.5 + c*v", "k*abs(x)**1.5*sign(x) + c*v",
+    "k*tanh(x/d) + c*v/(1 + abs(x)/d)", "k*sin(x/d) + a*sign(x + d*v)", "k*exp(x/d)*x + F_f*sign(v - w)",
     "k*x + cx*x*abs(x)*v*abs(v)",
-]
+]  # fmt: skip
 
 
 def _gates(force: sympy.Expr, source: str, x: float, v: float, values: dict[str, float]) -> list[float]:

@@ -92,15 +92,8 @@ def test_names_are_set_with_subscripts(name: str, text: str) -> None:
 
 
 HOSTILE = [
-    "<script>alert(1)</script>",
-    r"\input{x}",
-    "a}b",
-    "$x$",
-    "k&l",
-    "x\x1b[2J",
-    '"><img src=x>',
-    "\u202ek",
-]
+    "<script>alert(1)</script>", r"\input{x}", "a}b", "$x$", "k&l", "x\x1b[2J", '"><img src=x>', "\u202ek",
+]  # fmt: skip
 
 
 @pytest.mark.parametrize("name", HOSTILE)

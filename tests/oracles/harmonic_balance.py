@@ -23,18 +23,9 @@ from rsgen.formula.evaluation import Numeric, compiled
 from rsgen.law.memory import MemoryForm, memory_form
 
 __all__ = [
-    "Array",
-    "Basis",
-    "MemoryLoops",
-    "basis_of",
-    "first_order_force",
-    "product",
-    "project",
-    "solve_harmonic_balance",
-    "to_coefficients",
-    "to_harmonics",
-    "waveforms",
-]
+    "Array", "Basis", "MemoryLoops", "basis_of", "first_order_force", "product", "project",
+    "solve_harmonic_balance", "to_coefficients", "to_harmonics", "waveforms",
+]  # fmt: skip
 
 
 # ----------------------------------------------------------------------------

@@ -304,16 +304,8 @@ def test_parameters_of_a_sum_have_names_of_their_own() -> None:
 
 
 RIVALS = (
-    "bouc-wen",
-    "dahl",
-    "iwan",
-    "iwan4",
-    "jenkins",
-    "coulomb",
-    "tanh-joint",
-    "cubic-spring",
-    "power-damper",
-)
+    "bouc-wen", "dahl", "iwan", "iwan4", "jenkins", "coulomb", "tanh-joint", "cubic-spring", "power-damper",
+)  # fmt: skip
 """All loops, and what without memory comes nearest to them."""
 
 
