@@ -16,9 +16,8 @@ import sympy
 from pydantic import ValidationError
 
 import rsgen.files
-from rsgen.cases.case import Case, CaseDocument, Document, ElementTable
+from rsgen.cases.case import Case, CaseDocument, Document, ElementTable, make_measured
 from rsgen.cases.faults import KINDS, name_fault, parse_case, read_text, sentences, suggest, text_fault
-from rsgen.cases.measured_test import make_measured
 from rsgen.cases.tables import MAX_POINTS, Maker, reason
 from rsgen.common.errors import CaseError, ExpressionError, RsgenError, quote
 from rsgen.data.multisine import MultisineSpectra

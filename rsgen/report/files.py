@@ -18,6 +18,7 @@ from rsgen.common.errors import RsgenError, require
 from rsgen.common.output import write_atomic
 from rsgen.data.multisine import MultisineSpectra
 from rsgen.data.surface import ResponseSurface, save_surface, typical_amounts
+from rsgen.describing import PrintedComparison, compare_printed, derive
 from rsgen.dynamics import kernel
 from rsgen.formula.names import Structural, remembers
 from rsgen.identification.fitting.points import held_out_mask
@@ -46,9 +47,8 @@ from rsgen.report.figures import (
 )
 from rsgen.report.figures.cycles import shows_loops
 from rsgen.report.figures.drawing import project_style
-from rsgen.report.interpretation import check_printed, mean_sentence
 from rsgen.report.notebook import known_results, write_notebook
-from rsgen.report.page import THUMBNAIL, picture_svg, render_page
+from rsgen.report.page import THUMBNAIL, mean_sentence, picture_svg, render_page
 from rsgen.report.page_tables import NO_MODAL, Modal, tabulate_mode
 from rsgen.report.provenance import Subject, collect_provenance
 from rsgen.report.result_json import (
@@ -230,6 +230,29 @@ def _write_files(
         mean="time-history" in shown,
         held_out=not shown.isdisjoint({"held-out", "predicted-record"}),
         loops="loops" in shown,
+    )
+
+
+_POINTS = 240
+"""Amplitudes at which a formula in print is compared with the derivation."""
+
+
+def check_printed(subject: Subject, identification: Identification) -> tuple[PrintedComparison, ...]:
+    """Hold every formula that the source prints against the derivation, with the refined values.
+
+    Raises
+    ------
+    RsgenError
+        A formula is of something else than stiffness or damping, or has names that the law does not have.
+    """
+    model = identification.model
+    values = {name: float(identification.values[name]) for name in model.parameters}
+    low, high = identification.amplitude_range
+    if not (subject.printed and np.isfinite(list(values.values())).all() and 0 < low < high):
+        return ()
+    omega = np.pi * sum(identification.frequency_range)
+    return compare_printed(
+        derive(model.force), subject.printed, values, np.linspace(low, high, _POINTS), omega
     )
 
 

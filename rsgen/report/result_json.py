@@ -27,7 +27,13 @@ from rsgen.formula.units.quantities import quantity_text
 from rsgen.identification.prediction import HeldOutLevel, Prediction
 from rsgen.identification.results import Estimate, Identification, MultisineIdentification, Resonance
 from rsgen.law.element import FORCE_KEYS
-from rsgen.report.interpretation import dissipation_entry
+from rsgen.report.figures.cycles import (
+    dissipated_energy,
+    measured_energy,
+    mode_surface,
+    small_stiffness,
+)
+from rsgen.report.figures.equivalent import solution_of
 from rsgen.report.page_tables import NO_MODAL, Modal
 from rsgen.report.provenance import Subject
 from rsgen.report.wording import sentence
@@ -215,6 +221,29 @@ def _printed(formula: PrintedComparison) -> dict[str, Any]:
         "agrees": formula.agrees,
         "largest_deviation": finite_or_none(formula.largest_deviation),
         "where": "" if formula.agrees else f"X = {quantity_text(formula.amplitude, 'm', 3)}",
+    }
+
+
+def dissipation_entry(surface: ResponseSurface, identification: Identification) -> dict[str, Any]:
+    """Return the entry "dissipation" of result.json, SI units; what is not known is null."""
+    measured = measured_energy(mode_surface(surface, identification))
+    refined = dissipated_energy(identification)
+    values = solution_of(identification)
+    ends = [0, -1] if math.isfinite(refined.exponent) else []
+    known = np.isfinite([values[name] for name in identification.model.parameters]).all()
+    rest = small_stiffness(identification, values) if known else float("nan")
+    return {
+        "measured": {
+            "exponent": finite_or_none(measured.exponent),
+            "standard_error": finite_or_none(measured.error),
+            "points": len(measured.amplitude),
+        },
+        "identified": {
+            "amplitude": [float(refined.amplitude[end]) for end in ends],
+            "energy": [float(refined.energy[end]) for end in ends],
+            "exponent": [float(refined.course[end]) for end in ends],
+        },
+        "stiffness_at_rest": finite_or_none(rest),
     }
 
 

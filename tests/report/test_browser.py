@@ -13,7 +13,7 @@ from rsgen.common.finding import Finding
 from rsgen.formula import parse
 from rsgen.report import draw_all, write_index
 from rsgen.report.figures import draw_thumbnail
-from rsgen.report.interpretation import check_printed
+from rsgen.report.files import check_printed
 from rsgen.report.page import THUMBNAIL, picture_svg, render_page
 from rsgen.report.provenance import Subject, plain_text
 from rsgen.report.result_json import build_result, result_text

@@ -32,12 +32,15 @@ from rsgen.law import Element
 from rsgen.law.element import make_element
 from rsgen.report import draw_all, write_index
 from rsgen.report.figures import Drawing, draw_thumbnail
-from rsgen.report.interpretation import (
-    check_printed,
+from rsgen.report.files import check_printed
+from rsgen.report.page import (
+    THUMBNAIL,
     describe_elements,
     mean_sentence,
+    picture_svg,
+    render_page,
+    table_of_results,
 )
-from rsgen.report.page import THUMBNAIL, picture_svg, render_page, table_of_results
 from rsgen.report.provenance import TEMPLATES, Subject, page_environment, plain_text, verbatim
 from rsgen.report.result_json import build_result, read_results, result_text
 from rsgen.report.wording import sentence
