@@ -1,4 +1,4 @@
-"""A structure with one isolated mode: mass, springs and dampers; and what is declared about its test."""
+"""Structure with one isolated mode: mass, springs and dampers; and the declared observation of its test."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ OFFSET = "+offset"
 
 
 def _numbers(values: object, what: str, count: int | None = None) -> tuple[float, ...]:
-    """Read one number or several; ``what`` names the place and what is needed there."""
+    """Return one number or several as a tuple; ``what`` names them in the message of an RsgenError."""
     fault = RsgenError(f"{what}: {values!r:.60}; must be {'numbers' if count is None else 'numbers, a pair'}")
     try:
         found = np.atleast_1d(np.asarray(values, dtype=np.float64))
@@ -90,7 +90,7 @@ class Observation:
         check(self)
 
     def faults(self) -> Iterator[tuple[str, str]]:
-        """Find what does not fit together: a field's name and what is wrong with it."""
+        """Yield names of fields that contradict others, each with the reason."""
         if self.band is not None and self.band[0] >= self.band[1]:
             yield "band", f"{self.band[0]:g} to {self.band[1]:g} Hz; must be ascending"
 
@@ -102,7 +102,7 @@ KNOWN_MASS = Rule("Mass, where it is known beforehand.", unit="kg", above=0)
 
 
 def total_force(elements: Iterable[Element]) -> sympy.Expr:
-    """Add the forces n(x, v) [N] of elements; zero of none."""
+    """Return the sum of the forces n(x, v) [N] of elements; zero without elements."""
     return sympy.Add(*(element.force for element in elements))
 
 
@@ -120,7 +120,7 @@ class _Elements:
 
     @property
     def sensors(self) -> str:
-        """Between which sensors elements act, "" where all follow the response."""
+        """Pair of sensors between which elements act, "" where all act on the response."""
         return max((element.across for element in self.elements), default="")
 
     @property
@@ -130,7 +130,7 @@ class _Elements:
 
     @property
     def _law(self) -> str:
-        """The law as Python, as it makes the same elements."""
+        """The law as Python code that makes the same elements."""
         memory = equations_of(self.force)
         return f"Law({write(self.force)!r}, memory={memory})" if memory else repr(write(self.force))
 
@@ -184,7 +184,7 @@ class Oscillator(_Elements):
     elements
         The springs and dampers whose forces add up: a formula, an element, a law, or a sequence of these.
     values
-        One finite SI value for each parameter of the elements, no more and no less.
+        One finite SI value for each parameter of the elements.
 
     Raises
     ------
@@ -212,7 +212,7 @@ class Oscillator(_Elements):
         object.__setattr__(self, "values", _checked_values(values, self.parameters))
 
     def __repr__(self) -> str:
-        """Mass, law and values, as they make the same oscillator."""
+        """Return Python code that makes the same oscillator."""
         return f"Oscillator({self.mass:g}, {self._law}, {dict(self.values)})"
 
     def __reduce__(self) -> tuple[Any, ...]:
@@ -265,7 +265,7 @@ class Model(_Elements):
         object.__setattr__(self, "fixed", self._checked(fixed, mass))
 
     def _checked(self, fixed: Mapping[str, float], mass: float | None) -> Mapping[str, float]:
-        """Refuse values that cannot be fixed; a mass is one of them."""
+        """Return the fixed values with the mass; raise an RsgenError for those that cannot be fixed."""
         require(fixed, Mapping, "fixed")
         numbers = {name: require_number(value, f"fixed.{name}", "SI") for name, value in fixed.items()}
         if mass is not None:
@@ -293,7 +293,7 @@ class Model(_Elements):
         return self.fixed.get("m")
 
     def __repr__(self) -> str:
-        """Law, what is fixed, and what was declared about the test."""
+        """Return Python code with law, fixed values and observation."""
         others = {name: value for name, value in self.fixed.items() if name != "m"}
         parts = [self._law, *(f"mass={value:g}" for name, value in self.fixed.items() if name not in others)]
         parts += [f"fixed={others}"] if others else []
@@ -322,19 +322,19 @@ _ALONG_ONE_MOTION = {
 
 
 def refuse_across(sensors: str | int, **asked: bool) -> None:
-    """Refuse what is not determined along two motions.
+    """Raise an RsgenError for a request that is not determined along two motions.
 
     Parameters
     ----------
     sensors
-        Between which elements act, or how many columns of the motion there a test has; "" or 0: one motion.
+        Pair of sensors of the elements, or columns of the motion between sensors; "" or 0: one motion.
     asked
-        Which entries of ``_ALONG_ONE_MOTION`` are asked for.
+        Entries of ``_ALONG_ONE_MOTION``, True where requested.
 
     Raises
     ------
     RsgenError
-        One is.
+        A request is True, and elements act between two sensors.
     """
     reasons = [_ALONG_ONE_MOTION[name] for name, wanted in asked.items() if wanted]
     if sensors and reasons:
@@ -347,7 +347,7 @@ def join_model(
     mass: float | None = None,
     fixed: Mapping[str, float] = MappingProxyType({}),
 ) -> Model:
-    """Join law, mass, observation and fixed values; what is given explicitly wins over the model's."""
+    """Return a model of law, mass, observation and fixed values; arguments replace those of a model."""
     model = law if isinstance(law, Model) else Model(law)
     observation = model.observation if observation is None else observation
     known = Model(model.elements, mass, observation, fixed).fixed

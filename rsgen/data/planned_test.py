@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 
 
 class PlannedTest(ABC):
-    """A test, simulated or measured, with the answers of one of which nothing is known beforehand."""
+    """A test, simulated or measured; the defaults are those of a test without prior knowledge."""
 
     __slots__ = ()
 
@@ -32,7 +32,7 @@ class PlannedTest(ABC):
         return False
 
     def require_surface(self, reason: str) -> None:
-        """Raise an ``RsgenError`` with a reason where the test leaves spectra and no response surface."""
+        """Raise an ``RsgenError`` with a reason if the test gives spectra and no response surface."""
         if self.many_lines:
             raise RsgenError(reason)
 
@@ -62,11 +62,11 @@ class PlannedTest(ABC):
         return None
 
     def known_mass(self, mass: float | None) -> float | None:
-        """Return the mass [kg] that identification is given, of that of the case; None: it is identified."""
+        """Return the mass [kg] given to identification, from that of the case; None: it is identified."""
         return mass
 
     def planned(self) -> ResponseSurface | MultisineSpectra | None:
-        """Return the records as they are planned, each with the same response; None: the files say."""
+        """Return the planned records, each with the same response; None for files."""
         return None
 
     @abstractmethod

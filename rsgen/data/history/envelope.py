@@ -84,7 +84,7 @@ _SUMS_PER_PERIOD = 8
 """Of the highest harmonic, to which finer samples are added up: four times the Nyquist rate."""
 _LENGTHS_PER_OCTAVE = 16
 """Lengths of windows, in steps of 4 %: neighbours have one length and share their sums."""
-INTEGRATION_INSTANTS = 20_001
+_INTEGRATION_INSTANTS = 20_001
 """Instants for an integral over a history: at least ten a window in one of 2000 windows."""
 
 
@@ -143,7 +143,7 @@ def independent_instants(
 
     With ``most``, at most that many, evenly thinned and ``end`` among them.
     """
-    dense = np.linspace(begin, end, INTEGRATION_INSTANTS)
+    dense = np.linspace(begin, end, _INTEGRATION_INSTANTS)
     count = np.concatenate([[0.0], np.cumsum(np.diff(dense) * NOISE_WIDTH / length(dense)[1:])])
     wanted = np.arange(int(count[-1]) + 1)
     if most is not None:

@@ -258,7 +258,7 @@ def _transient(record: TimeHistory, response: ComplexArray, periods: int | None)
     if count <= _MIN_PERIODS:
         return 0
     last = response[count // 2 :]
-    away = _distance(response, last.mean(axis=0))
+    away = rms(response - last.mean(axis=0))
     own = away[count // 2 :]
     size = float(rms(last.mean(axis=0)))
     typical = float(np.median(own))
@@ -286,8 +286,3 @@ def _decays(record: TimeHistory, length: int, left: int) -> bool:
     own = [float(np.linalg.norm(part)) for part in np.array_split(steady - settled.mean(), 2)]
     falls = float(np.linalg.norm(early)) / max(float(np.linalg.norm(late)), 1e-300)
     return falls * max(1.0, own[1] / max(own[0], 1e-300)) > NOISE_RATIO_BY_CHANCE
-
-
-def _distance(periods: ComplexArray, centre: ComplexArray) -> Array:
-    """Return the root mean square (p,) of the difference of each period from another one, without mean."""
-    return rms(periods - centre)

@@ -17,11 +17,10 @@ from rsgen.common.finding import Finding, Quantity
 from rsgen.common.tolerances import MAX_SHARE_OF_OUTLIERS, SUBSAMPLE_POINTS
 from rsgen.data.free_mode import Kinematics
 from rsgen.data.history.envelope import (
-    INTEGRATION_INSTANTS,
-    NOISE_WIDTH,
     REFERENCE_PASSES,
     Windows,
     demodulate,
+    independent_instants,
     place_windows,
 )
 from rsgen.data.history.record import MIN_SAMPLES, NO_SINE, TimeHistory, blocks
@@ -270,10 +269,8 @@ def _first_law(time: Array, frequency: Array, kind: str | None) -> SweepLaw:
 def _refined(history: TimeHistory, law: SweepLaw, begin: float, end: float) -> SweepLaw:
     """Return a law refined by the phase of the force relative to it."""
     force, rate = history.reference, history.rate
-    # at instants whose windows are independent
-    dense = np.linspace(begin, end, INTEGRATION_INSTANTS)
-    passed = (law.phase_at(dense) - law.phase_at(dense[:1])) / (2 * np.pi * _REFINEMENT_PERIODS / NOISE_WIDTH)
-    time = np.interp(np.arange(int(passed[-1]) + 1), passed, dense)
+    first = law
+    time = independent_instants(lambda t: _REFINEMENT_PERIODS / first.frequency_at(t), begin, end)
     for count in range(REFERENCE_PASSES):
         if count:
             # the phase no longer changes by whole turns between windows, so that fewer are enough

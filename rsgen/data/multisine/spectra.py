@@ -14,7 +14,7 @@ from rsgen.common.errors import MeasurementError, RsgenError
 from rsgen.common.finding import Finding
 from rsgen.common.text_table import Printed, TextTable, short
 from rsgen.common.tolerances import ROUND_OFF, STANDARD_ERRORS_OF_DIFFERENCE
-from rsgen.data.surface.response_surface import find_level, list_levels
+from rsgen.data.surface.response_surface import LEVEL_ROUND_OFF, find_level, list_levels
 
 if TYPE_CHECKING:
     from rsgen.data.oscillator import Observation
@@ -212,7 +212,7 @@ class MultisineSpectra(Printed):
 
     def at_level(self, level: float) -> NDArray[np.intp]:
         """Return the places of the records of a nominal level [N]; none if it was not tested."""
-        return np.flatnonzero(np.isclose(self.level, level, rtol=1e-6, atol=0.0))
+        return np.flatnonzero(np.isclose(self.level, level, rtol=LEVEL_ROUND_OFF, atol=0.0))
 
     def excited(self) -> NDArray[np.bool_]:
         """Return (r, H+1) True at excited lines: those of the force above the widest gap between sizes."""

@@ -1,7 +1,7 @@
-"""The table itself: its columns, their defaults, and what each row must satisfy.
+"""Table of test points: its columns, their defaults and checks.
 
-Simulated and measured surfaces are indistinguishable downstream. Real tests are no grid, so the table is in
-long form; force and response are complex and as measured, never the nominal level.
+Simulated and measured surfaces have the same columns. Real tests are no grid, so that the table is in long
+form; force and response are complex and as measured, never the nominal level.
 """
 
 from __future__ import annotations
@@ -34,22 +34,22 @@ from rsgen.data.surface.columns import (
 from rsgen.formula.units.quantities import PER_UNIT_MASS, WHOLE, ForceUnits
 
 # ----------------------------------------------------------------------------
-# What was measured at each level, as a number: the force near the resonance, or the amplitude held.
+# Measured amount of each level: the force near the resonance, or the amplitude that was held.
 
 HALF_POWER = 1 / np.sqrt(2)
 """Points of at least this share of the largest amplitude, or whose lag has a sine as large (45 degrees off a
 quarter period), are near the resonance: within half power."""
-_EXACT = 1e-6
-"""A measured amount that differs from the nominal level by less, relatively, is the level: round-off."""
-_PRINTED = 3
-"""Digits that identify a level at least: pages and messages print no fewer."""
+LEVEL_ROUND_OFF = 1e-6
+"""Relative difference of a measured amount from its nominal level that is round-off of files."""
+_MIN_DIGITS = 3
+"""Of a level in pages and messages, which identify it."""
 
 
 def typical_amounts(surface: ResponseSurface, amount: Array | None = None) -> Array:
-    """Typical measured amount of each of ``surface.levels``: a force [N], or an amplitude [m] that was held.
+    """Return the measured amount of each of ``surface.levels``: a force [N], or a controlled amplitude [m].
 
-    The force is its median near the resonance, where it decides the response: shakers drop there. NaN where
-    no point of the level settled. ``amount`` (n,) stands for the size of the force.
+    The force is the median near the resonance, where shaker force drops. NaN where no point of the level
+    settled. ``amount`` (n,) replaces the magnitude of the force.
     """
     size, force = surface.amplitude, np.abs(surface.force) if amount is None else amount
     good = surface.settled & np.isfinite(size) & np.isfinite(force) & (force > 0)
@@ -60,7 +60,7 @@ def typical_amounts(surface: ResponseSurface, amount: Array | None = None) -> Ar
             continue
         near = at[size[at] >= HALF_POWER * size[at].max()]
         value = float(np.median(size[at] if surface.response_held else force[near]))
-        found[number] = level if abs(value - level) <= _EXACT * abs(level) else value
+        found[number] = level if abs(value - level) <= LEVEL_ROUND_OFF * abs(level) else value
     return found
 
 
@@ -81,11 +81,11 @@ def match_level(levels: Array, asked: float) -> float | None:
     >>> match_level(np.array([2.6, 5.0]), 3.0) is None
     True
     """
-    exact = [float(level) for level in levels if abs(level - asked) <= _EXACT * abs(asked)]
+    exact = [float(level) for level in levels if abs(level - asked) <= LEVEL_ROUND_OFF * abs(asked)]
     if exact:
         return min(exact, key=lambda level: abs(level - asked))
     mantissa = f"{asked:.15e}".partition("e")[0].replace(".", "").lstrip("-").rstrip("0")
-    digits = max(_PRINTED, len(mantissa))
+    digits = max(_MIN_DIGITS, len(mantissa))
     alike = [float(level) for level in levels if float(f"{level:.{digits}g}") == float(f"{asked:.{digits}g}")]
     return alike[0] if len(alike) == 1 else None
 
@@ -168,20 +168,20 @@ class ResponseSurface:
         None: settled, but for rows whose force or response is not finite; these count as not measured, and a
         finding says how many they are.
     residual, error
-        (n,) how far the state is from repeating, relative to the amplitude, and the estimated relative error
-        of the amplitude [1]; NaN where unknown.
+        (n,) change of the state in a period, relative to the amplitude, and the estimated relative error of
+        the amplitude [1]; NaN where unknown.
     origin
         "simulated" or "measured".
     phase_known
         False where the test recorded amplitudes only: ``phase`` is then NaN.
     control
-        What the test held constant within a level: "force", "response", or "phase" where a phase-locked loop
-        held a force and turned the frequency until the response lagged by an angle. "continuation": points of
-        a control-based continuation, stable or not, whose levels are steps of the amplitude.
+        Quantity that the test held constant within a level: "force", "response", or "phase" (a phase-locked
+        loop holds a force and controls the frequency until the response lags by an angle). "continuation":
+        points of a control-based continuation, stable or not, whose levels are steps of the amplitude.
     stable
-        (n,) False where the motion would leave this state if the force were held constant; default True.
+        (n,) False where the state is unstable at constant force; default True.
     findings
-        What a reader should know before using the numbers.
+        Findings about the numbers, made while reading.
     force_harmonics
         (n, K+1) complex force [N], mean first; see ``force``.
     across
@@ -196,8 +196,8 @@ class ResponseSurface:
         minus the acceleration of the base.
 
     label
-        (n,) number by which the test calls the level of a point, where that is no amount of what was
-        measured; None: the levels are their own names. ``hold_out`` takes it.
+        (n,) number that names the level of a point in the test, where it is no measured amount; None: the
+        levels are their own names. ``hold_out`` takes it.
 
     Raises
     ------
@@ -334,7 +334,7 @@ class ResponseSurface:
         return tuple(finding for finding, holds in limits if holds)
 
     def require_phase(self, place: str, reason: str) -> None:
-        """Refuse, at a place and for a reason that the message names, what only a test with phases serves."""
+        """Raise an RsgenError with a place and a reason if the phases were not recorded."""
         if not self.phase_known:
             raise RsgenError(f"{place}: the phases were not recorded; {reason}")
 
@@ -354,9 +354,9 @@ class ResponseSurface:
 
     @property
     def extent(self) -> dict[str, Any]:
-        """How many points there are and where they lie."""
+        """Number and range of the points."""
         return {
-            # np.unique would load masked arrays, which nothing else of a check needs
+            # without np.unique, which loads masked arrays
             "levels": len(set(self.level.tolist())),
             "points": len(self),
             "sweeps": sorted(set(map(str, self.sweep))),
@@ -376,7 +376,7 @@ class ResponseSurface:
 
     @property
     def level_unit(self) -> str:
-        """Unit of the levels: of the force; "m" where the response was held; of the motion of a base."""
+        """Unit of the levels: of the force, "m" where the response was held, or of the motion of a base."""
         if self.response_held:
             return "m"
         return BASE_UNITS[self.base] if self.base else self.force_unit
@@ -405,14 +405,14 @@ class ResponseSurface:
 
     @property
     def units(self) -> ForceUnits:
-        """Units of what the test tells, by whether its force is one per mass."""
+        """Units of force and parameters, per mass or not."""
         return PER_UNIT_MASS if self.per_mass else WHOLE
 
     @property
     def drive(self) -> Array:
-        """(n,) amount that the test drove with, in ``level_unit``: |F|, or that of the motion of the base.
+        """(n,) amplitude of the drive in ``level_unit``: |F|, or of the motion of a base.
 
-        That of a base follows from a force per mass only.
+        Of a base it follows from the force per mass.
         """
         size = np.abs(self.force)
         if not self.base:
@@ -421,7 +421,7 @@ class ResponseSurface:
 
     @property
     def answer(self) -> Array:
-        """(n,) what the test found at its levels: X [m], or |F| in ``force_unit`` where that was held."""
+        """(n,) measured result at the levels: X [m], or |F| in ``force_unit`` where X was held."""
         return np.abs(self.force) if self.response_held else self.amplitude
 
     @property
@@ -430,22 +430,22 @@ class ResponseSurface:
         return self.force_unit if self.response_held else "m"
 
     def select(self, mask: NDArray[np.bool_] | NDArray[np.intp]) -> ResponseSurface:
-        """Keep some points: a boolean mask (n,) or an index array."""
+        """Return some of the points, by a boolean mask (n,) or an index array."""
         values = {f.name: getattr(self, f.name) for f in fields(self)}
         empty = [name for name, value in values.items() if name not in COLUMN_UNITS or value is None]
         return ResponseSurface(**{k: v if k in empty else v[mask] for k, v in values.items()})
 
     def on_mass(self, mass: float) -> ResponseSurface:
-        """The same test as a force [N] on a mass m [kg], where its force is one per mass; NaN: as it is."""
+        """Return the test with forces [N] on a mass m [kg], if they are per mass; unchanged if m is NaN."""
         if not (self.per_mass and np.isfinite(mass)):
             return self
         return replace(self, force=mass * self.force_harmonics, per_mass=False)
 
     @classmethod
     def from_frame(cls, frame: Any, *, degrees: bool = False, **columns: Any) -> ResponseSurface:
-        """Make a surface from a data frame (pandas, polars), a structured array or a dict of columns.
+        """Return a surface from a data frame (pandas, polars), a structured array or a dict of columns.
 
-        Columns, in any order; others are passed over:
+        Columns, in any order; others are ignored:
 
         * ``level``, ``frequency`` [Hz],
         * ``force`` [N], complex or real; or ``force_real`` and ``force_imag``,
@@ -482,7 +482,7 @@ class ResponseSurface:
         return frame_of_surface(self)
 
     def __repr__(self) -> str:
-        """Size and range in one line."""
+        """Return size and range in one line."""
         if not len(self):
             return "ResponseSurface: no points"
         levels, unit = self.levels, self.level_unit
@@ -517,15 +517,14 @@ class ResponseSurface:
 
 
 # ----------------------------------------------------------------------------
-# Rows that were written twice: a copy is no second measurement, and would count as one.
+# Copies of rows, which are no second measurement.
 
 
 def without_copies(surface: ResponseSurface) -> ResponseSurface:
-    """Keep one row of each point whose rows are all equal to the last digit, and say how many were left out.
+    """Return the surface with one row of each point whose rows are equal; a finding has their number.
 
-    Noise leaves no two readings alike, but a display of few digits may: a point with readings that differ
-    keeps all of them, and a test keeps all rows if the readings of most of its repeated points differ.
-    Simulated points without noise lose nothing that a copy would add.
+    Readings with noise differ, but those of a display with few digits may be equal: a point with readings
+    that differ keeps all of them, and a test keeps all rows if readings differ at most repeated points.
     """
     sweep = 1.0 * (surface.sweep == "up") - 1.0 * (surface.sweep == "down")
     order = np.lexsort((surface.frequency, surface.level, sweep))

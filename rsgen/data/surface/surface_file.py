@@ -28,9 +28,9 @@ if TYPE_CHECKING:
 _FORMAT, _SCHEMA = "rsgen response surface", 1
 
 _WAIT_SECONDS = 60.0
-"""For the process that describes a file, on a busy machine as well; its work has a limit of its own."""
-_LONGEST_ANSWER = 2**20
-"""Bytes: attributes have at most 64 KB each."""
+"""For the answer of the process that describes a file, on a busy machine too; its work is limited as well."""
+_MAX_ANSWER_BYTES = 2**20
+"""Of the process that describes a file; attributes have at most 64 KB each."""
 
 
 def save_surface(path: str | os.PathLike[str], surface: ResponseSurface) -> None:
@@ -42,9 +42,9 @@ def save_surface(path: str | os.PathLike[str], surface: ResponseSurface) -> None
     Raises
     ------
     RsgenError
-        The file cannot be written; what was there before is still there.
+        The file cannot be written; an earlier one is unchanged.
     """
-    import h5py  # 0.1 s; whatever handles surfaces loads this module, and few write one
+    import h5py  # 0.1 s, for writing only
 
     require(surface, ResponseSurface, "surface")
     buffer = io.BytesIO()
@@ -55,7 +55,7 @@ def save_surface(path: str | os.PathLike[str], surface: ResponseSurface) -> None
             file.attrs[name] = getattr(surface, name)
         file.attrs["outcomes"] = list(OUTCOMES)
         values = {name: getattr(surface, name) for name in COLUMN_UNITS}
-        # what a test does not have is None, or a motion without columns
+        # columns that the test does not have are None, or have no harmonics
         columns = {k: v for k, v in values.items() if v is not None and v.shape[1:] != (0,)}
         columns["sweep"] = columns["sweep"].astype("S4")
         columns["settled"] = surface.settled.astype(np.uint8)
@@ -100,7 +100,7 @@ _FAULTS = (OSError, KeyError, ValueError, TypeError, AttributeError, RecursionEr
 
 
 def _described(file: BinaryIO, path: str) -> dict[str, Any]:
-    """Let another process find the arrays in the file, for damage makes the library search without end."""
+    """Return attributes and places of arrays, found by a confined process: damage may stop the library."""
     order = json.dumps([*COLUMN_UNITS, "findings"])
     process = subprocess.Popen(  # noqa: S603 - trusted words: the order names columns
         command("rsgen.data.surface.surface_file", order),
@@ -113,8 +113,8 @@ def _described(file: BinaryIO, path: str) -> dict[str, Any]:
     clock.daemon = True
     clock.start()
     try:
-        # communicate would read on and on what a process says that the file has taken over
-        said = process.stdout.read(_LONGEST_ANSWER) if process.stdout else b""
+        # limited, unlike communicate: a hostile file may control what the process writes
+        said = process.stdout.read(_MAX_ANSWER_BYTES) if process.stdout else b""
     finally:
         clock.cancel()
         process.kill()
@@ -133,7 +133,7 @@ def _described(file: BinaryIO, path: str) -> dict[str, Any]:
 
 
 class _Reader:
-    """An open file and what lies where in it; all arrays together take no more than the file."""
+    """Reader of an open file with the places of its arrays, which together are no larger than the file."""
 
     def __init__(self, file: BinaryIO, path: str, described: dict[str, Any]) -> None:
         self.file = file
@@ -178,12 +178,12 @@ def _surface(reader: _Reader) -> ResponseSurface:
     if "findings" in values:
         found = [Finding.from_dict(entry) for entry in json.loads(bytes(values["findings"]))]
     else:
-        # the plain sentences of earlier versions become notes
+        # sentences of earlier versions become notes
         found = [Finding.note(str(text)) for text in reader.attribute("notes", ())]
     return ResponseSurface(
         **values | {"findings": tuple(found)},
         origin=str(reader.attribute("origin")),
-        # surfaces written before there were tests without phase do not say
+        # missing in surfaces of versions without tests without phase
         phase_known=bool(reader.attribute("phase_known", True)),
         control=str(reader.attribute("control", "force")),
         per_mass=bool(reader.attribute("per_mass", False)),
@@ -192,18 +192,17 @@ def _surface(reader: _Reader) -> ResponseSurface:
 
 
 # ----------------------------------------------------------------------------
-# The process that opens a surface file with the HDF5 library, and says where in the file its arrays lie.
+# Process that opens a surface file with the HDF5 library and answers with the places of its arrays.
 #
-# The library was not written for files of strangers: damage makes it search without end. So it runs in a
-# process that can open no further file, whose memory and time are limited, and that answers with a line of
-# JSON. The numbers themselves are read by who asked, as plain bytes at places that are checked against the
-# file.
+# Damaged files may stop the library or exhaust memory. It therefore runs in a process that can open no
+# further file, with limited memory and time, and answers with a line of JSON. The parent process reads the
+# numbers as plain bytes at these places, which it checks against the size of the file.
 
-_SECONDS = 2.0
-"""Of work: a good file takes a hundredth of it, whatever its size, for no numbers are read."""
+_WORK_SECONDS = 2.0
+"""Processor time; a sound file of any size takes a hundredth of it, as no numbers are read."""
 _MEMORY_BYTES = 64 * 2**20
-_ATTRIBUTE_BYTES = 65_536
-"""The notes of earlier versions are the longest attribute; a file may declare any size."""
+_MAX_ATTRIBUTE_BYTES = 65_536
+"""Of an attribute, the longest of which are notes of earlier versions; a file may declare any size."""
 _DAMAGE = (
     OSError,
     KeyError,
@@ -220,8 +219,8 @@ _DAMAGE = (
 def _attribute(file: h5py.File, name: str) -> Any:
     """Return an attribute as a value that JSON can store."""
     declared = file.attrs.get_id(name)
-    # HDF5 itself gives no size of an empty one, such as the notes of an earlier version
-    if math.prod(declared.shape) * declared.dtype.itemsize > _ATTRIBUTE_BYTES:
+    # from shape and type: the storage size of an empty attribute is not known
+    if math.prod(declared.shape) * declared.dtype.itemsize > _MAX_ATTRIBUTE_BYTES:
         raise MeasurementError(f"{name}: longer than any surface has it")
     value = file.attrs[name]
     if isinstance(value, np.ndarray | np.generic):
@@ -232,7 +231,7 @@ def _attribute(file: h5py.File, name: str) -> Any:
 
 
 def _array(file: h5py.File, name: str) -> dict[str, Any]:
-    """Say where an array lies that is stored as it is: no link, no pieces, nothing to unpack."""
+    """Return the place of an array that is stored contiguously: no link, no chunks, no compression."""
     import h5py  # loaded before, see _outline
 
     link = file.get(name, getlink=True)
@@ -261,7 +260,7 @@ def _outline(file: BinaryIO, wanted: list[str]) -> dict[str, Any]:
 
 
 def _rehearse() -> None:
-    """Read a sample, so that everything is imported before no file can be opened any more."""
+    """Read a sample, so that everything is imported before the process is confined."""
     import h5py  # see _outline
 
     sample = io.BytesIO()
@@ -275,10 +274,10 @@ def _rehearse() -> None:
 
 
 def main() -> None:
-    """Describe the surface on standard input; the first argument names the arrays as JSON."""
+    """Write attributes and places of arrays (named by the first argument) of the file on standard input."""
     wanted = json.loads(sys.argv[1])
     _rehearse()
-    confine(_MEMORY_BYTES, _SECONDS)
+    confine(_MEMORY_BYTES, _WORK_SECONDS)
     out = sys.stdout.buffer
     out.write(READY)
     out.flush()
