@@ -10,10 +10,10 @@ import scipy
 from rsgen.common.arrays import Array, blocks
 from rsgen.common.tolerances import ROUND_OFF
 
-_NULL = 1e-9
+NULL_TOLERANCE = 1e-9
 """Singular values below this, relative to the largest after column scaling, count as zero."""
 
-_ROWS = 4096
+_ROWS_PER_BLOCK = 4096
 """Of a matrix that are made triangular at once: they stay in the processor's cache, and no copy of all the
 others is needed."""
 
@@ -77,12 +77,12 @@ def _solve_free(matrix: Array, right: Array, sizes: Sequence[Array | float]) -> 
         with np.errstate(all="ignore"):
             inverse = np.linalg.inv(square)
             # norms of Frobenius: no singular value is as small, relative to the largest
-            regular = np.linalg.norm(inverse) * np.linalg.norm(square) < 1 / _NULL
+            regular = np.linalg.norm(inverse) * np.linalg.norm(square) < 1 / NULL_TOLERANCE
         if regular:
             return (inverse @ triangle[:count, count]) / scale, inverse / scale[:, None], np.zeros((count, 0))
     parts = np.linalg.svd(triangle[:, :count], full_matrices=False)
     left, singular, across = (np.asarray(part) for part in parts)
-    told = singular > _NULL * np.max(singular, initial=1e-300)
+    told = singular > NULL_TOLERANCE * np.max(singular, initial=1e-300)
     solution = across[told].T @ ((left[:, told].T @ triangle[:, count]) / singular[told]) / scale
     return solution, (across[told].T / singular[told]) / scale[:, None], across[~told].T
 
@@ -91,7 +91,7 @@ def _triangle(matrix: Array, scale: Array, right: Array) -> Array:
     """Upper triangle R of Q R = (matrix / scale, right): of blocks of rows, then of their triangles."""
     parts = [
         np.linalg.qr(np.column_stack([matrix[block] / scale, right[block]]), mode="r")
-        for block in blocks(len(right), _ROWS)
+        for block in blocks(len(right), _ROWS_PER_BLOCK)
     ]
     return np.asarray(parts[0] if len(parts) == 1 else np.linalg.qr(np.concatenate(parts), mode="r"))
 

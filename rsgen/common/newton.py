@@ -17,9 +17,6 @@ from numpy.typing import NDArray
 from rsgen.common.arrays import Array
 from rsgen.common.tolerances import ROUND_OFF
 
-MAX_NEWTON_STEPS = 40
-"""Steps at most: ten are usual, those that jump over a corner of a law need more."""
-
 CONVERGED_STEP = 1e-10
 """Relative size of a last step: the error that is left is its square."""
 

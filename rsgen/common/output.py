@@ -8,11 +8,12 @@ import stat
 import tempfile
 import time
 from contextlib import suppress
+from datetime import timedelta
 from pathlib import Path
 
 from rsgen.common.errors import RsgenError
 
-_SECONDS_OF_A_DAY = 86_400.0
+_MAX_AGE = timedelta(days=1).total_seconds()
 """Seconds after which an unfinished file or folder is left behind, even if its number is a process again."""
 
 _UNFINISHED = re.compile(r"\.(?P<name>.+)\.(?P<process>\d+)(\.\w+)?\.(part|old)")
@@ -78,7 +79,7 @@ def left_behind(path: Path) -> str | None:
         return None
     with suppress(OSError):
         process, age = int(found["process"]), time.time() - path.lstat().st_mtime
-        if process != os.getpid() and is_alive(process) and age < _SECONDS_OF_A_DAY:
+        if process != os.getpid() and is_alive(process) and age < _MAX_AGE:
             return None
     return found["name"]
 

@@ -52,14 +52,6 @@ explained is none."""
 MIN_RELATIVE_SLOPE = 0.05
 """Where force or response grows less than this with the other, both relative, Newton's step is no guide."""
 
-MIN_SHARE_PREDICTED = 0.8
-"""Share of the points that a trial must be able to predict; it may miss some, where its mean or its branch
-is not known yet."""
-
-MIN_GAIN_OF_STEP = 1e-4
-"""A step that lowers the sum of squares by less, in units of the noise, moves no parameter by 0.01
-error."""
-
 JACKKNIFE_GROUPS = 8
 """Parts of a test that are left out in turn, or scatter: the spread of eight has a known factor of
 Student's t, and each is long enough to be correlated in itself."""
@@ -84,13 +76,13 @@ FINITE_DIFFERENCE_STEP = 1e-3
 NEAR_STEPS = 8
 """Gauss-Newton steps from values that are near, such as those of a law without one more term."""
 
-MISFIT_OF_NOISE = 1e-4
+MISFIT_NEGLIGIBLE = 1e-3
+"""Misfits below this, relative, or changes of one, change no engineering number: a law may be as wrong, and
+corners and simulations leave as much."""
+
+MISFIT_OF_NOISE = MISFIT_NEGLIGIBLE / 10
 """Above this misfit, relative, it is noise (simulators and truncated waveforms stay below), and the
 O(noise^2) bias, a ten-thousandth of it and more, is corrected."""
-
-MISFIT_NEGLIGIBLE = 1e-3
-"""Misfits below this, relative, change no engineering number: a law may be as wrong, and corners and
-simulations leave as much."""
 
 MIN_NULL_COMPONENT = 1e-3
 """A parameter with a larger part in a null vector is not identifiable; smaller parts are round-off."""
@@ -124,10 +116,14 @@ RELATIVE_CHANGE_NEGLIGIBLE = 0.01
 """A value that moves by less than a hundredth is the same engineering number; a systematic misfit may move it
 by as much."""
 
+MIN_GAIN_OF_STEP = RELATIVE_CHANGE_NEGLIGIBLE**2
+"""A step that lowers the sum of squares by less, in units of the noise, moves no parameter by a hundredth of
+its standard error."""
+
 SAMPLES_PER_PERIOD = 64
 """A period: exact for polynomials up to the seventh power of nine harmonics."""
 
-SAMPLES_PER_PERIOD_SWITCHED = 256
+SAMPLES_PER_PERIOD_SWITCHED = 4 * SAMPLES_PER_PERIOD
 """A period, where the law has switches: shares of an interval leave an error of its square."""
 
 MIN_LEVELS_FOR_JACKKNIFE = 4
@@ -144,8 +140,8 @@ START_HARMONICS = 3
 """Harmonics while only starting values, phases or a background are sought; the fits that follow find the
 rest."""
 
-MAX_GAUSS_NEWTON_STEPS = 50
-"""Gauss-Newton steps of a fit: a law that is right needs ten, one that is not may creep."""
+MAX_NEWTON_STEPS = 50
+"""Newton or Gauss-Newton steps: ten are usual; corners of a law, and a law that is not right, need more."""
 
 SPLINE_SMOOTHING = 1e-7
 """Weight of the curvature of a spline: settles it where there are no points, without effect elsewhere."""
@@ -164,10 +160,6 @@ NONLINEAR_TRIALS = 400
 MAX_TRIAL_STEPS = 12
 """Newton or Gauss-Newton steps that show whether a trial leads anywhere: near a solution each doubles the
 digits, and a dozen leaves room for steps that had to be shortened."""
-
-MISFIT_CHANGE_NEGLIGIBLE = 1e-3
-"""Misfits, or sums of squares, that differ by a smaller share are the same: a step between them was the last,
-and ends of a search with them are one solution, as of sliders that change places."""
 
 
 def samples_for(switched: bool) -> int:

@@ -1,5 +1,7 @@
 """Exact describing functions: equivalent stiffness and damping of any force law, each with its proof.
 
+    k = 1/(pi X) integral n sin(phi) dphi,  c = 1/(pi omega X) integral n cos(phi) dphi,  integral n dphi = 0
+
 The cycle x = X0 + X sin(phi), v = omega X cos(phi) is split at the angles at which switches of the normal
 form go on and off. ``closed`` integrates powers of sine and cosine between them and sums the addends;
 ``bessel`` has trigonometric, hyperbolic and exponential laws. ``regimes`` writes the sum as cases in X, with

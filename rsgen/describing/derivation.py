@@ -1,8 +1,12 @@
 """From a law to its describing function, with the proof of its formulas.
 
-Every addend of the law that has closed integrals gets formulas, the others are left to quadrature. Formulas
-are used only if they agree to 1e-10 with quadrature of the law as it is written, on random cycles in every
-regime of its switches: an error of the algebra, of SymPy or of a rule in ``closed``, never reaches a result.
+    k = 1/(pi X) integral n sin(phi) dphi,  c = 1/(pi omega X) integral n cos(phi) dphi,  integral n dphi = 0
+
+The law is split into addends (``law.pieces``). Each that has closed integrals gets formulas (``closed``), the
+others are left to quadrature; terms with memory are added (``remembering``), the mean X0 is solved for
+(``mean``). Formulas are used only if they agree to 1e-10 with quadrature of the law as it is written, on
+random cycles in every regime of its switches: an error of the algebra, of SymPy or of a rule in ``closed``,
+never reaches a result. Sources of the single rules stand where these are.
 """
 
 from __future__ import annotations
@@ -15,6 +19,7 @@ import numpy as np
 import sympy
 
 from rsgen.common.errors import ExpressionError, require
+from rsgen.common.tolerances import ROUND_OFF
 from rsgen.describing.closed import ClosedPart, close
 from rsgen.describing.function import DescribingFunction, taken_as_positive
 from rsgen.describing.mean import closed_mean
@@ -247,14 +252,10 @@ def _derive_memoryless(
     )
 
 
-ZERO_TOLERANCE = 1e-12
-"""Largest projection, relative to the mean absolute force on random cycles, that is zero by symmetry."""
-
-
 def _is_centred(trial: Trial) -> bool:
     """Decide whether the mean force is zero at zero mean, on all random cycles."""
     mean, size = trial.reference[2], trial.size[2]
-    return bool(len(mean)) and bool(np.all(np.abs(mean) <= ZERO_TOLERANCE * np.maximum(size, 1e-300)))
+    return bool(len(mean)) and bool(np.all(np.abs(mean) <= ROUND_OFF * np.maximum(size, 1e-300)))
 
 
 def _integrals(
@@ -277,7 +278,7 @@ def _integrals(
     for place, (weight, factor) in enumerate(weights):
         value, size = trial.reference[place], trial.size[place]
         share = float(np.max(np.abs(value) / np.maximum(size, 1e-300), initial=0.0))
-        vanishes = len(value) >= MIN_PROOF_CYCLES and share <= ZERO_TOLERANCE
+        vanishes = len(value) >= MIN_PROOF_CYCLES and share <= ROUND_OFF
         outside, inside = (along * weight).as_independent(PHI, as_Add=False)
         integral = outside * sympy.Integral(inside, (PHI, 0, 2 * sympy.pi))
         found.append(sympy.S.Zero if vanishes else factor * integral)

@@ -1,4 +1,13 @@
-"""The describing function of a law: formulas, values, derivatives, and formulas of a source against them."""
+"""The describing function of a law: formulas, values, derivatives, and formulas of a source against them.
+
+    n(x, v) ~ k x + c v  on  x = X0 + X sin(phi), v = omega X cos(phi),
+    k = 1/(pi X) integral n sin(phi) dphi,  c = 1/(pi omega X) integral n cos(phi) dphi,  integral n dphi = 0
+
+k and c are those of least mean square error over a cycle; the last equation gives the mean X0 (A. Gelb and
+W. E. Vander Velde, Multiple-Input Describing Functions, 1968, Ch. 2). Values are the sum of the closed part,
+evaluated by its formulas, of quadrature of what has none, and of terms with memory. A formula printed in a
+source is compared at many amplitudes, since two forms of one function need not look alike.
+"""
 
 from __future__ import annotations
 

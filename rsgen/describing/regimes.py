@@ -1,8 +1,12 @@
 """The closed part of a describing function for display: cases in the amplitude X, and limits.
 
+    k(X) = k_0 + sum over switches with d_i < X of k_i(X),    k(X) ~ a X^p  as X -> 0 and as X -> oo
+
 A switch at distance d from the mean is off for X <= d, and on over a part of the cycle beyond. Switches that
-begin to act at the same amplitude form a group, whose formula is written as a Piecewise in X. The limits
-X -> 0 and X -> oo follow from the leading power of a series in X or 1/X.
+begin to act at the same amplitude form a group, whose formula is written as a Piecewise in X: sums of arcs
+as ``closed`` makes them hold in all regimes, but cannot be read. The limits follow from the leading power of
+a series in X or 1/X (A. Gelb and W. E. Vander Velde, Multiple-Input Describing Functions, 1968, App. B, have
+such cases for common laws).
 """
 
 from __future__ import annotations

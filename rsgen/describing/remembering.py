@@ -1,9 +1,13 @@
 """Describing functions of laws with memory: the sum of those of its terms.
 
-k and c are linear in the force, so that the memoryless terms, every Masing law or structural damping with a
-constant factor, and all other terms with memory are derived one by one and added. Masing laws have closed
-forms (``masing``) if the integrals of their virgin curve have, else quadrature of their branches; the other
-terms are integrated along their loop, which follows from the equations of the states (``state_loops``).
+    k[n1 + n2] = k[n1] + k[n2],    c[n1 + n2] = c[n1] + c[n2]
+
+The integrals of a describing function are linear in the force, so that the memoryless terms, every Masing law
+or structural damping with a constant factor, and all other terms with memory are derived one by one and
+added. Masing laws have closed forms (``masing``) if the integrals of their virgin curve have, else quadrature
+of their branches; the other terms are integrated along their loop, which follows from the equations of the
+states (``state_loops``). Closed forms are proved by quadrature of the branches, loops by an integration in
+time (LSODA).
 """
 
 from __future__ import annotations

@@ -22,6 +22,7 @@ from numpy.typing import NDArray
 
 from rsgen.common.arrays import Array, blocks
 from rsgen.common.errors import ExpressionError
+from rsgen.common.tolerances import MAX_NEWTON_STEPS, ROUND_OFF
 from rsgen.formula import symbol
 from rsgen.formula.evaluation import compiled
 from rsgen.formula.names import OMEGA, STATE_V, STATE_X, X0, Inner, X
@@ -111,14 +112,8 @@ def _sorted(ends: Array, crossed: Rows) -> tuple[Array, Rows]:
 
 CYCLES_PER_BLOCK = 64
 
-EXTRAPOLATION_TOLERANCE = 1e-12
-"""Difference of two extrapolations, relative to the mean absolute force, at which refinement stops."""
-
 MAX_CROSSING_SEARCHES = 4
 """Searches for crossings: a later one finds those that appear or vanish as the loop is refined."""
-
-MAX_CROSSING_STEPS = 48
-"""Newton steps for the crossings: three suffice where they are simple, more where states forget slowly."""
 
 CROSSING_TOLERANCE = 1e-11
 """Accuracy of the phase of a crossing [rad]."""
@@ -293,9 +288,9 @@ class Loop:
                     change = change[: 2 if odd else 3].max(axis=0) / row[0][3]
                 better = consistent & ~(change >= error)
                 result[:, better], error[better], table = row[-1][:, better], change[better], row
-                if not np.any(consistent & (error > EXTRAPOLATION_TOLERANCE)):
+                if not np.any(consistent & (error > ROUND_OFF)):
                     break
-            if np.all(consistent | (error <= EXTRAPOLATION_TOLERANCE)):
+            if np.all(consistent | (error <= ROUND_OFF)):
                 break
         found = np.where(error > MAX_RELATIVE_ERROR, np.nan, result[:3])
         if odd:
@@ -379,7 +374,7 @@ class Loop:
         -------
         Parts, phases, states, and (n,) True where every switch has the sign of its flag between crossings.
         """
-        for _ in range(MAX_CROSSING_STEPS):
+        for _ in range(MAX_NEWTON_STEPS):
             phi, flags = parts.nodes(steps), parts.flags
             states = self._states(phi, flags, cycles, guess)
             guess = (phi, states)
@@ -477,7 +472,7 @@ STEPPED_CYCLES = 2
 
 MAX_LSODA_STEPS = 20_000
 
-STEPPED_TOLERANCE = 1e-6
+STEPPED_TOLERANCE = 1e3 * MAX_RELATIVE_ERROR
 """Difference from the integration in time beyond which a remark says so: a thousand times its error."""
 
 

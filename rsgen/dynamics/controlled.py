@@ -32,8 +32,8 @@ from numpy.typing import ArrayLike, NDArray
 
 from rsgen.common.arrays import Array, ComplexArray
 from rsgen.common.errors import RsgenError
-from rsgen.common.newton import MAX_NEWTON_STEPS, Rows, newton
-from rsgen.common.tolerances import MAX_STEP_HALVINGS, ROUND_OFF
+from rsgen.common.newton import Rows, newton
+from rsgen.common.tolerances import MAX_NEWTON_STEPS, MAX_STEP_HALVINGS, ROUND_OFF
 from rsgen.data.oscillator import Oscillator
 from rsgen.dynamics.fixed_point import ORBIT_OFFSET, LoopMemory, PeriodMap, attraction, units_of_states
 from rsgen.dynamics.harmonic_balance import LONGEST_STEP, balance_states, hold_oscillator

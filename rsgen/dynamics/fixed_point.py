@@ -521,7 +521,7 @@ def find_fixed_points(
     jacobian = np.zeros((len(y), len(y), k))
     found = np.zeros(k, dtype=bool)
     reach = 10 * (norm(y) + least)
-    active, here, everybody = np.arange(k), y, True
+    active, here, all_active = np.arange(k), y, True
     # more states make a Jacobian dear
     spared = spared or len(y) > 2
     slope = jacobian
@@ -536,7 +536,7 @@ def find_fixed_points(
         there = here + move
         sane = np.isfinite(length) & (norm(there) < reach)
         done = sane & (length <= tolerance * size)
-        if everybody and sane.all():
+        if all_active and sane.all():
             y, jacobian = there, slope
         else:
             y[:, active[sane]] = there[:, sane]
@@ -548,7 +548,7 @@ def find_fixed_points(
         if left.all():
             here = there
             continue
-        everybody = False
+        all_active = False
         active, points, steps = active[left], points[left], steps[left]
         least, reach, slope = least[left], reach[left], slope[:, :, left]
         here = there[:, left]

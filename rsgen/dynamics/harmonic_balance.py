@@ -21,9 +21,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rsgen.common.arrays import Array, Chosen, ComplexArray, blocks, blocks_joined
-from rsgen.common.newton import CONVERGED_STEP, MAX_NEWTON_STEPS, Rows, newton, solve_each
+from rsgen.common.newton import CONVERGED_STEP, Rows, newton, solve_each
 from rsgen.common.tolerances import (
     ASSUMED_DAMPING_RATIO,
+    MAX_NEWTON_STEPS,
     MAX_STEP_HALVINGS,
     MAX_TRIAL_STEPS,
     POINTS_PER_BLOCK,

@@ -19,8 +19,8 @@ import numpy as np
 import scipy
 
 from rsgen.common.arrays import Array, ComplexArray
-from rsgen.common.newton import CONVERGED_STEP, MAX_NEWTON_STEPS, Rows, newton
-from rsgen.common.tolerances import MAX_STEP_HALVINGS
+from rsgen.common.newton import CONVERGED_STEP, Rows, newton
+from rsgen.common.tolerances import MAX_NEWTON_STEPS, MAX_STEP_HALVINGS
 from rsgen.law.motion import harmonics_of, waveform
 from rsgen.law.numeric import ForceLaw
 from rsgen.law.switched_sum import ForceSample

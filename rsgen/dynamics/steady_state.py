@@ -31,7 +31,7 @@ from numpy.typing import ArrayLike, NDArray
 from rsgen.common.arrays import Array, ComplexArray
 from rsgen.common.declaration import Rule
 from rsgen.common.errors import RsgenError
-from rsgen.common.tolerances import MISFIT_NEGLIGIBLE
+from rsgen.common.tolerances import MISFIT_OF_NOISE
 from rsgen.data.oscillator import Oscillator, refuse_across
 from rsgen.dynamics.fixed_point import (
     Indices,
@@ -262,8 +262,8 @@ def _solve(
 ACCURACY = Rule("Largest relative error of the fundamental.", at_least=1e-9, at_most=1e-2)
 HARMONICS = Rule("Harmonics of the displacement, without the mean.", at_least=1, at_most=64)
 
-USUAL_ACCURACY = MISFIT_NEGLIGIBLE / 10
-"""Relative error of the fundamental unless another is asked for: a tenth of ``MISFIT_NEGLIGIBLE``."""
+USUAL_ACCURACY = MISFIT_OF_NOISE
+"""Relative error of the fundamental unless another is asked for."""
 
 USUAL_HARMONICS = 7
 """Harmonics of the displacement unless others are asked for: three odd ones above the fundamental."""

@@ -63,8 +63,10 @@ MAX_TERMS = 2000
 _MAX_POWER_TERMS = 500
 """Of one power; it is multiplied out again and again while a law is derived."""
 _MAX_NUMBER = 1e300
-_MAX_BITS = int(_MAX_NUMBER).bit_length()
-"""Of numerator and denominator."""
+MAX_BITS = int(_MAX_NUMBER).bit_length()
+"""Of numerator and denominator in a text."""
+MAX_DERIVED_BITS = 4 * MAX_BITS
+"""Of numbers that algebra makes of them."""
 _MAX_RADICAND_BITS = 110
 """SymPy factorises what stands under a root; 30 digits are quick."""
 _MAX_IN_EXPONENT = 1000
@@ -131,7 +133,7 @@ def check_power(base: Value, exponent: Value) -> str | None:
     if base.expr.is_Rational and exponent.number is not None:
         bits = max(int(base.expr.p).bit_length(), int(base.expr.q).bit_length())
         whole = exponent.expr.is_Integer
-        if bits * abs(exponent.number) > _MAX_BITS or (not whole and bits > _MAX_RADICAND_BITS):
+        if bits * abs(exponent.number) > MAX_BITS or (not whole and bits > _MAX_RADICAND_BITS):
             return f"is a number with too many digits; keep it below {_MAX_NUMBER:g}"
     terms = power_terms(base, exponent)
     if terms > max(_MAX_POWER_TERMS, base.terms):
@@ -157,7 +159,7 @@ def _top(expr: sympy.Basic, levels: int) -> Iterator[sympy.Basic]:
 def _fault_of(part: sympy.Basic) -> str | None:
     if part.is_Rational:
         bits = max(int(part.p).bit_length(), int(part.q).bit_length())
-        if bits > _MAX_BITS or (part.p and not 1 / _MAX_NUMBER <= abs(as_float(part)) <= _MAX_NUMBER):
+        if bits > MAX_BITS or (part.p and not 1 / _MAX_NUMBER <= abs(as_float(part)) <= _MAX_NUMBER):
             return f"has a number out of range; numbers lie between {1 / _MAX_NUMBER:g} and {_MAX_NUMBER:g}"
     elif isinstance(part, sympy.Min | sympy.Max) and len(part.args) > MAX_CHOICES:
         return f"has {len(part.args)} arguments in Min or Max; at most {MAX_CHOICES} are allowed"

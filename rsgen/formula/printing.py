@@ -16,7 +16,7 @@ from typing import ClassVar
 import sympy
 
 from rsgen.common.errors import ExpressionError
-from rsgen.formula.bounds import MAX_DIGITS
+from rsgen.formula.bounds import MAX_DERIVED_BITS, MAX_DIGITS
 from rsgen.formula.names import STATES, Masing, State, Structural, free_symbols, shown, symbol
 
 # ----------------------------------------------------------------------------
@@ -178,8 +178,7 @@ def interval(relations: Sequence[sympy.Basic]) -> tuple[sympy.Basic | type[sympy
 
 
 _PLAIN_DIGITS = 6  # integers up to here, and decimals as long, are written without an exponent
-_MAX_BITS = 3400  # numbers of more than a thousand digits, which no text has but a limit may, are rounded
-_ROUNDED_DIGITS = 15  # to so many digits, and are not read back
+_ROUNDED_DIGITS = 15  # of numbers that no text has but a limit may; they are not read back
 _MAX_DENOMINATOR = 1024  # fractions of powers of two and the like are written as such up to here
 _NAMES: dict[type[sympy.Basic], str] = {
     sympy.Abs: "abs", sympy.sign: "sign", sympy.Min: "Min", sympy.Max: "Max",
@@ -222,7 +221,7 @@ def decimal_text(number: sympy.Rational) -> tuple[str, str] | None:
     ('4.697', '21')
     """
     p, q = int(number.p), int(number.q)
-    if max(p.bit_length(), q.bit_length()) > _MAX_BITS:
+    if max(p.bit_length(), q.bit_length()) > MAX_DERIVED_BITS:
         mantissa, _, power = str(sympy.Float(number, _ROUNDED_DIGITS)).partition("e")
         return mantissa.rstrip("0").rstrip("."), power.lstrip("+")
     if p < 10**_PLAIN_DIGITS and (q == 1 or (q % 5 and q <= _MAX_DENOMINATOR)):

@@ -16,7 +16,7 @@ from rsgen.common.tolerances import (
     BALANCE_HARMONICS,
     HARMONIC_TRUNCATION,
     INTERVAL_END,
-    MAX_GAUSS_NEWTON_STEPS,
+    MAX_NEWTON_STEPS,
     MISFIT_OF_NOISE,
     MISFIT_REJECTED,
     SUBSAMPLE_POINTS,
@@ -126,7 +126,7 @@ def _balance(problem: Problem, parameters: Array) -> tuple[Fit, bool]:
     if few is problem:
         return refined, sharp
     # what the simulator takes up needs no more than one step
-    steps = 1 if sharp else MAX_GAUSS_NEWTON_STEPS
+    steps = 1 if sharp else MAX_NEWTON_STEPS
     return fit_balance(
         problem, parameters, order=order, compared=BALANCE_HARMONICS, steps=steps, near=noise
     ), sharp

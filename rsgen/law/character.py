@@ -17,9 +17,10 @@ import numpy as np
 import sympy
 
 from rsgen.common.arrays import Array
+from rsgen.common.tolerances import ROUND_OFF
 from rsgen.formula import symbol
 from rsgen.formula.evaluation import compiled
-from rsgen.law.loops import compile_loops
+from rsgen.law.loops import RESIDUAL_TOLERANCE, compile_loops
 from rsgen.law.memory import MemoryForm, memory_form, positive_in
 from rsgen.law.normal_form import expanded
 from rsgen.law.pieces import Piece, Switch, normal_form, normal_form_at, slope_between_jumps
@@ -201,9 +202,6 @@ def _addends(piece: Piece) -> tuple[sympy.Expr, ...]:
 GROUP_FACTORS = (1.0, 2.0, 3.0)
 """Common factors of a group between which the force must be affine."""
 
-ROUND_OFF_TOLERANCE = 1e-12
-"""Round-off of a sum, relative to its largest addend, as of b*ks - b*abs(ks)."""
-
 
 @np.errstate(all="ignore")
 def _scales(
@@ -242,7 +240,7 @@ def _scales(
         forces = shares.sum(axis=1)
         step = np.max(np.abs(forces[1] - forces[0]), initial=0.0)
         second = forces[2] - 2 * forces[1] + forces[0]
-        round_off = ROUND_OFF_TOLERANCE * np.max(np.abs(shares), initial=0.0)
+        round_off = ROUND_OFF * np.max(np.abs(shares), initial=0.0)
         if np.any(np.abs(second) > max(CANCELLATION_TOLERANCE * step, round_off)) or not _same_sign(signs):
             return None
         acts |= bool(step > max(CANCELLATION_TOLERANCE * np.max(np.abs(forces), initial=0.0), round_off))
@@ -272,9 +270,6 @@ MOTIONS_PER_SIZE = 3
 
 MOTION_SIZES = (0.1, 1.0, 10.0)
 """Standard deviations of random motions, with and without saturation of a loop."""
-
-LOOP_TOLERANCE = 1e-6
-"""Largest relative difference of forces that is zero; loops close to 1e-10."""
 
 PARAMETER_FACTORS = (-1.0, 1.0, 3.0)
 """Evenly spaced factors of a parameter between which the force must be affine. Both signs, because the factor
@@ -347,7 +342,7 @@ def _forces_cancel(difference: Array, forces: Array) -> bool:
     size = np.max(np.abs(forces), axis=(0, 2), initial=0.0)
     closed = np.isfinite(size) & (size > 0)
     return bool(
-        closed.any() and np.all(np.abs(difference[closed]).max(axis=1) <= LOOP_TOLERANCE * size[closed])
+        closed.any() and np.all(np.abs(difference[closed]).max(axis=1) <= RESIDUAL_TOLERANCE * size[closed])
     )
 
 

@@ -19,6 +19,7 @@ from numpy.typing import NDArray
 
 from rsgen.common.arrays import Array
 from rsgen.common.finding import Finding
+from rsgen.common.linear_algebra import NULL_TOLERANCE
 from rsgen.formula import symbol
 from rsgen.law.normal_form import STATES
 from rsgen.law.numeric import ForceLaw, compile_law
@@ -140,9 +141,6 @@ SMALLEST, LARGEST = 0.02, 20.0
 MAX_PARAMETERS = 12
 """Largest number of parameters; the derivatives of a law with more take half a minute."""
 
-RANK_TOLERANCE = 1e-9
-"""Largest relative singular value, with scaled columns, of a direction that changes no force."""
-
 DIRECTION_TOLERANCE = 1e-5
 """Largest difference of equal directions; no law with a singular value between both is judged."""
 
@@ -214,9 +212,9 @@ def _null_space(names: tuple[str, ...], force: sympy.Expr, seed: int) -> tuple[A
         return None
     _, singular, directions = np.linalg.svd(rows / sizes, full_matrices=False)
     share = singular / singular[0]
-    if np.any((share > RANK_TOLERANCE) & (share < DIRECTION_TOLERANCE)):
+    if np.any((share > NULL_TOLERANCE) & (share < DIRECTION_TOLERANCE)):
         return None
-    return directions[share <= RANK_TOLERANCE] / sizes, values
+    return directions[share <= NULL_TOLERANCE] / sizes, values
 
 
 def _slopes(force: sympy.Expr, values: Array, rng: np.random.Generator) -> Array:

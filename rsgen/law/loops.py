@@ -19,7 +19,8 @@ import sympy
 from numpy.typing import NDArray
 
 from rsgen.common.arrays import Array
-from rsgen.common.newton import CONVERGED_STEP, MAX_NEWTON_STEPS, newton
+from rsgen.common.newton import CONVERGED_STEP, newton
+from rsgen.common.tolerances import MAX_NEWTON_STEPS
 from rsgen.formula import symbol
 from rsgen.law.memory import MemoryForm, real_powers
 from rsgen.law.switched_sum import ForceSample, Perturbation, SwitchedSum, switched_sum

@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 
 from rsgen.common.arrays import Array
 from rsgen.common.errors import ExpressionError
+from rsgen.common.tolerances import ROUND_OFF
 from rsgen.formula import check_name, parse, symbol, write
 from rsgen.formula.evaluation import Numeric, compiled
 from rsgen.formula.names import Inner, Masing, State, Structural, remembers
@@ -26,9 +27,6 @@ from rsgen.formula.names import Inner, Masing, State, Structural, remembers
 
 _TYPICAL = (1.0, 0.3, 2.5)
 """Values of all parameters, and displacements, at which the sign of a virgin curve is determined."""
-
-ZERO_TOLERANCE = 1e-12
-"""Largest force at x = 0, relative to the largest force, that is round-off."""
 
 SMALL_DISPLACEMENT = 1e-9
 """Displacement below every corner of a curve at these values."""
@@ -56,7 +54,7 @@ def check_virgin(curve: sympy.Expr) -> None:
     (forces,) = law(places, *np.full((len(names), len(places)), _TYPICAL[0]))
     forces = np.broadcast_to(forces, places.shape)
     largest = float(np.max(np.abs(forces), where=np.isfinite(forces), initial=1.0))
-    if not abs(forces[0]) <= ZERO_TOLERANCE * largest:
+    if not abs(forces[0]) <= ROUND_OFF * largest:
         raise ExpressionError(f"masing({text}): a virgin curve must be zero at x = 0")
     if np.all(forces[2:] < 0):
         raise ExpressionError(
@@ -89,7 +87,7 @@ def _is_virgin(law: Numeric, values: Array) -> NDArray[np.bool_]:
     (at_zero,), (nearby,) = (
         law(np.full(values.shape[1], place), *values) for place in (0.0, SMALL_DISPLACEMENT)
     )
-    zero = np.abs(at_zero) <= ZERO_TOLERANCE * np.abs(nearby)
+    zero = np.abs(at_zero) <= ROUND_OFF * np.abs(nearby)
     return np.asarray(zero & (nearby > 0) & np.isfinite(nearby))
 
 

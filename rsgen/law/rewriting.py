@@ -18,7 +18,7 @@ from sympy.core.function import AppliedUndef
 from sympy.logic.boolalg import BooleanFalse, BooleanTrue
 
 from rsgen.common.errors import ExpressionError
-from rsgen.formula.bounds import MAX_EXPONENT
+from rsgen.formula.bounds import MAX_DERIVED_BITS, MAX_EXPONENT
 from rsgen.formula.names import STATE_V, STATE_X
 from rsgen.law.normal_form import (
     ALWAYS,
@@ -214,8 +214,6 @@ def step_of_smooth(function: sympy.Expr) -> Form:
 SWITCHING = (sympy.Abs, sympy.sign, sympy.Heaviside, sympy.Piecewise, sympy.Max, sympy.Min)
 _EVEN = (sympy.cos, sympy.cosh)
 _ODD = (sympy.sin, sympy.tan, sympy.sinh, sympy.tanh, sympy.asin, sympy.atan)
-MAX_BITS = 4000
-"""Largest length of a number in an expanded law, four times that of a number in a text."""
 
 
 def _switches(expression: sympy.Basic) -> bool:
@@ -239,7 +237,7 @@ def reduce_law(force: sympy.Expr) -> Form:
     form = without_signs(_form(force.xreplace(exact)))
     reduced = {key: _cancelled(expanded(term)) for key, term in form.items()}
     numbers = (number for term in reduced.values() for number in term.atoms(sympy.Rational))
-    if any(max(int(n.p).bit_length(), int(n.q).bit_length()) > MAX_BITS for n in numbers):
+    if any(max(int(n.p).bit_length(), int(n.q).bit_length()) > MAX_DERIVED_BITS for n in numbers):
         raise ExpressionError(
             "law: multiplied out it has a number of more than a thousand digits; use numbers and powers of "
             "sizes that a measurement has"

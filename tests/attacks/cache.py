@@ -16,7 +16,7 @@ from unittest.mock import patch
 
 from rsgen.dynamics.kernel import generate
 from rsgen.dynamics.kernel import store as private_folder
-from rsgen.dynamics.kernel.store import compile_source, open_private_folder
+from rsgen.dynamics.kernel.compiled import compile_source, open_private_folder
 from rsgen.formula import parse
 from tests.attacks.program import HANG_SECONDS, Row, environment, row, temporary
 from tests.kernel.test_store import DAMAGES

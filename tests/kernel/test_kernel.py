@@ -11,7 +11,7 @@ import sympy
 
 from rsgen.common.errors import RsgenError
 from rsgen.dynamics.kernel import compile_kernel, generate, parameter_order
-from rsgen.dynamics.kernel.store import load_kernel
+from rsgen.dynamics.kernel.compiled import load_kernel
 from rsgen.formula import parse, symbol
 from rsgen.law.pieces import normal_form
 

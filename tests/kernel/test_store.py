@@ -13,10 +13,14 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from rsgen.dynamics.kernel import Kernel, generate, store
-from rsgen.dynamics.kernel import store as private_folder
+from rsgen.dynamics.kernel import Kernel, compiled, generate
+from rsgen.dynamics.kernel.compiled import (
+    UntrustedFolderError,
+    compile_source,
+    load_kernel,
+    open_private_folder,
+)
 from rsgen.dynamics.kernel.generation import MemoryRows
-from rsgen.dynamics.kernel.store import UntrustedFolderError, compile_source, load_kernel, open_private_folder
 from rsgen.formula import parse
 
 pytestmark = pytest.mark.skipif(os.name != "posix", reason="without owners of files there is no cache")
@@ -25,7 +29,7 @@ pytestmark = pytest.mark.skipif(os.name != "posix", reason="without owners of fi
 def _one_step_further(source: str) -> np.ndarray:
     kernel = Kernel(("c", "k"), MemoryRows(0, 0), load_kernel(source))
     # as a new process would: from the cache, if there is one
-    store._loaded.clear()
+    compiled._loaded.clear()
     values = np.array([0.3, 40.0])
     return kernel.integrate(
         np.array([0]), np.zeros((2, 1)), np.array([[1.0, 0.0]]), np.array([6.0]), 1.0, values,
@@ -110,7 +114,7 @@ def test_a_damaged_kernel_is_compiled_again(
 ) -> None:
     source, code = compiled_once
     compilations = []
-    monkeypatch.setattr(store, "compile_source", lambda *given: compilations.append(given) or code)
+    monkeypatch.setattr(compiled, "compile_source", lambda *given: compilations.append(given) or code)
     expected = _one_step_further(source)
     DAMAGES[damage](_entry(own_cache))
     for _ in range(2):
@@ -129,10 +133,10 @@ def test_a_planted_kernel_is_never_loaded(
 ) -> None:
     source, code = compiled_once
     loaded: list[bytes] = []
-    monkeypatch.setattr(store, "compile_source", lambda *given: code)
-    load = store.load_object
+    monkeypatch.setattr(compiled, "compile_source", lambda *given: code)
+    load = compiled.load_object
     monkeypatch.setattr(
-        store, "load_object", lambda given, symbol: loaded.append(given) or load(given, symbol)
+        compiled, "load_object", lambda given, symbol: loaded.append(given) or load(given, symbol)
     )
     expected = _one_step_further(source)
     entry = _entry(own_cache)
@@ -150,14 +154,14 @@ def test_a_planted_kernel_is_never_loaded(
         own_cache.symlink_to(own_cache.parent / "real")
     # whoever can write there makes the digest as well: only the folder itself speaks against it
     with monkeypatch.context() as patch:
-        patch.setattr(private_folder, "_OTHERS_WRITE", 0)
+        patch.setattr(compiled, "_OTHERS_WRITE", 0)
         patch.setattr(os, "geteuid", lambda: own_cache.stat().st_uid)
         with open_private_folder(own_cache.resolve()) as folder:
             folder.write(entry.name, code[1].encode() + b"\0planted")
     loaded.clear()
     assert np.array_equal(_one_step_further(source), expected)
     assert loaded == [code[0]]
-    assert store.cache_fault() is not None
+    assert compiled.cache_fault() is not None
 
 
 @pytest.mark.slow
@@ -179,7 +183,7 @@ def test_without_a_place_for_the_cache_kernels_still_work(
     monkeypatch.setenv("RSGEN_CACHE", str(occupied))
     source = generate(parse("c*v + k*x")) + "\n# a kernel without a home\n"
     assert np.isfinite(_one_step_further(source)).all()
-    assert str(store.cache_fault()).startswith(f"{occupied}: ")
+    assert str(compiled.cache_fault()).startswith(f"{occupied}: ")
 
 
 @pytest.mark.thorough
@@ -202,7 +206,7 @@ def test_parallel_processes_share_one_cache_and_later_ones_need_no_compiler(own_
 def test_a_cache_is_made_for_its_user_alone(own_cache: Path) -> None:
     mask = os.umask(0)
     try:
-        store.cache_fault()
+        compiled.cache_fault()
     finally:
         os.umask(mask)
     assert stat.S_IMODE(own_cache.stat().st_mode) == 0o700

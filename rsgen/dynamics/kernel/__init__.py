@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-from rsgen.dynamics.kernel.compiled import Integrated, Kernel, compile_kernel
+from rsgen.dynamics.kernel.compiled import Integrated, Kernel, cache_fault, cache_folder, compile_kernel
 from rsgen.dynamics.kernel.generation import generate, parameter_order
-from rsgen.dynamics.kernel.store import cache_fault, cache_folder
 
 __all__ = [
     "Integrated",

@@ -225,7 +225,7 @@ def _named(name: str) -> Unit:
         return _KNOWN[name]
     registry = _registry()
     meanings = registry.parse_unit_name(name)
-    joined = _JOINED.fullmatch(name)  # a product to everybody but pint, to which Nm is a measure of yarn
+    joined = _JOINED.fullmatch(name)  # a product; to pint alone Nm is a measure of yarn
     if joined or not meanings:
         close = difflib.get_close_matches(name, _COMMON, n=1, cutoff=0.6)
         meant = f"{joined[1]}*{joined[2]}" if joined else close[0] if close else None

@@ -26,7 +26,7 @@ from numpy.typing import NDArray
 from rsgen.common.arrays import Array, ComplexArray
 from rsgen.common.tolerances import (
     BALANCE_HARMONICS,
-    MAX_GAUSS_NEWTON_STEPS,
+    MAX_NEWTON_STEPS,
     MIN_NULL_COMPONENT,
     MISFIT_OF_NOISE,
     NEAR_STEPS,
@@ -182,7 +182,7 @@ def fit_balance(
     order: int,
     compared: int = 0,
     exclude: bool = True,
-    steps: int = MAX_GAUSS_NEWTON_STEPS,
+    steps: int = MAX_NEWTON_STEPS,
     correct: bool = True,
     near: float = 0.0,
 ) -> Fit:

@@ -14,8 +14,7 @@ from typing import Protocol
 import numpy as np
 
 from rsgen.common.arrays import Array, ComplexArray
-from rsgen.common.newton import MAX_NEWTON_STEPS
-from rsgen.common.tolerances import SAMPLES_PER_PERIOD
+from rsgen.common.tolerances import MAX_NEWTON_STEPS, SAMPLES_PER_PERIOD
 from rsgen.dynamics.harmonic_balance import Response, following_harmonics, hold_amplitude
 from rsgen.dynamics.linear_part import Inertia
 from rsgen.identification.fitting.least_squares import Linearisation, Regression, remove_bias

@@ -23,12 +23,12 @@ from numpy.typing import NDArray
 from rsgen.common.arrays import Array, blocks
 from rsgen.common.linear_algebra import solve_scaled
 from rsgen.common.tolerances import (
-    MAX_GAUSS_NEWTON_STEPS,
+    MAX_NEWTON_STEPS,
     MAX_SHARE_OF_OUTLIERS,
     MAX_STEP_HALVINGS,
     MIN_GAIN_OF_STEP,
     MIN_NULL_COMPONENT,
-    MISFIT_CHANGE_NEGLIGIBLE,
+    MISFIT_NEGLIGIBLE,
     MISFIT_OF_NOISE,
     POINTS_PER_BLOCK,
     ROUND_OFF,
@@ -174,7 +174,7 @@ class Rules:
         Function of parameters and a step that returns the next parameters, within bounds.
     """
 
-    steps: int = MAX_GAUSS_NEWTON_STEPS
+    steps: int = MAX_NEWTON_STEPS
     gain: float = MIN_GAIN_OF_STEP
     halvings: int = MAX_STEP_HALVINGS
     attainable: float = 0.0
@@ -344,7 +344,7 @@ def descend(
                 parameters, nuisance, line = solved, moved[1], trial
                 realised = (before - after) * right.size / max(after, 1e-300)
                 break
-        least = max(rules.gain, MISFIT_CHANGE_NEGLIGIBLE * right.size) if reached else rules.gain
+        least = max(rules.gain, MISFIT_NEGLIGIBLE * right.size) if reached else rules.gain
         if realised < least or relative < ROUND_OFF:
             done = realised >= 0 or relative < 1e-6 or gain < 1.0
             # the misfit of exact data is due to truncated waveforms; slopes that are kept show no curvature

@@ -32,8 +32,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rsgen.common.arrays import Array, ComplexArray
-from rsgen.common.newton import MAX_NEWTON_STEPS
-from rsgen.common.tolerances import HARMONIC_TRUNCATION, MAX_TRIAL_STEPS, ROUND_OFF
+from rsgen.common.tolerances import HARMONIC_TRUNCATION, MAX_NEWTON_STEPS, MAX_TRIAL_STEPS, ROUND_OFF
 from rsgen.data.multisine import MultisineSpectra
 from rsgen.data.multisine.spectra import scatter, smooth
 from rsgen.dynamics.periodic_response import OVERSAMPLED

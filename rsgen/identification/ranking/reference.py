@@ -25,7 +25,6 @@ from rsgen.common.tolerances import (
     MAX_SHARE_OF_OUTLIERS_BY_CHANCE,
     MAX_TRIAL_STEPS,
     MIN_RELATIVE_SLOPE,
-    MIN_SHARE_PREDICTED,
     MISFIT_NEGLIGIBLE,
     OUTLIER_SIGMAS,
 )
@@ -149,7 +148,7 @@ def fit_reference_motion(
         if exact is not None:
             return exact
     chosen = np.flatnonzero(_predicted(found))
-    if len(chosen) < MIN_SHARE_PREDICTED * len(found.force):
+    if len(chosen) < (1 - MAX_SHARE_OF_OUTLIERS) * len(found.force):
         return None
     part = found.select(chosen)
     motion = predicted_motion(part.problem.observed, found.background, part.harmonics, part.force, part.turn)
@@ -249,7 +248,7 @@ def _simulate_amplitudes(
         return None
     near = np.abs(np.abs(states.harmonics[:, 1]) / wanted - 1) < MAX_MOTION_DISTANCE
     chosen = np.flatnonzero(good & states.settled & near)
-    if len(chosen) < MIN_SHARE_PREDICTED * len(points):
+    if len(chosen) < (1 - MAX_SHARE_OF_OUTLIERS) * len(points):
         return None
     # turned to a fundamental of phase zero
     lag = np.angle(states.harmonics[chosen, 1])

@@ -21,7 +21,7 @@ import numpy as np
 
 from rsgen.common.arrays import Array
 from rsgen.common.linear_algebra import solve_scaled
-from rsgen.common.tolerances import MIN_SIGNIFICANT_GAIN, MISFIT_CHANGE_NEGLIGIBLE, NONLINEAR_TRIALS
+from rsgen.common.tolerances import MIN_SIGNIFICANT_GAIN, MISFIT_NEGLIGIBLE, NONLINEAR_TRIALS
 from rsgen.identification.starting.equations import Equations, equation_rows, rows_of_trials
 from rsgen.law.numeric import DECADES, ForceLaw, natural_sizes
 
@@ -242,7 +242,7 @@ class _Search:
         ends = sorted((self.refine(start, coarse=True) for start in starts), key=lambda end: end[1])
         different: list[tuple[Array, float]] = []
         for end in ends:
-            if not different or end[1] > (1 + MISFIT_CHANGE_NEGLIGIBLE) * different[-1][1]:
+            if not different or end[1] > (1 + MISFIT_NEGLIGIBLE) * different[-1][1]:
                 different.append(end)
         return [trial for trial, _ in different[:_FINE_STARTS]]
 

@@ -22,12 +22,12 @@ from rsgen.common.linear_algebra import solve_scaled
 from rsgen.common.tolerances import (
     ANY_LAW,
     ASSUMED_DAMPING_RATIO,
+    MAX_SHARE_OF_OUTLIERS,
     MAX_TRIAL_STEPS,
     MIN_NULL_COMPONENT,
     MIN_RELATIVE_SLOPE,
-    MIN_SHARE_PREDICTED,
-    MISFIT_CHANGE_NEGLIGIBLE,
     MISFIT_DOUBTFUL,
+    MISFIT_NEGLIGIBLE,
     MISFIT_OF_NOISE,
     SAMPLES_PER_PERIOD,
     START_HARMONICS,
@@ -157,7 +157,9 @@ def records_even(problem: Problem) -> bool:
 def _cost(found: Fit) -> float:
     """Return the mean square misfit; infinite if too few of the points have a prediction."""
     misfit = found.regression.misfit[np.isfinite(found.regression.misfit)]
-    return float(np.mean(misfit**2)) if len(misfit) > MIN_SHARE_PREDICTED * len(found.force) else np.inf
+    return (
+        float(np.mean(misfit**2)) if len(misfit) > (1 - MAX_SHARE_OF_OUTLIERS) * len(found.force) else np.inf
+    )
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -526,7 +528,7 @@ def _start_amplitudes(points: Points, law: ForceLaw, fixed: Mapping[str, float])
         found = solve_equations(equations, law, fixed)
         balance = _balance_at_amplitudes(law, found.values, found.mass, points.omega, points.amplitude, 1)
         misfit = float(np.sqrt(np.mean(np.log(np.abs(balance.force) / force) ** 2)))
-        if start is not None and not misfit < (1 - MISFIT_CHANGE_NEGLIGIBLE) * best:
+        if start is not None and not misfit < (1 - MISFIT_NEGLIGIBLE) * best:
             break
         best, start = misfit, found
         lag = np.angle(balance.force)
