@@ -127,7 +127,7 @@ def fit_mode(
     shapes
         (n, f) functions of the amplitude whose sums are k and c, at every point.
     weight
-        (n,) of what is left of the force.
+        (n,) of the residual of the force.
     mass
         m [kg]; NaN where it is free.
     orders

@@ -318,7 +318,7 @@ _ALONG_ONE_MOTION = {
     "levels": "levels: the law acts across {!r}, whose motion is known only where it was measured; leave "
     "levels out and give the surface, for a score of its held-out levels",
 }
-"""Reason why each is not determined along two motions, and what to do instead."""
+"""Requests that are not determined along two motions: reason and remedy."""
 
 
 def refuse_across(sensors: str | int, **asked: bool) -> None:

@@ -42,8 +42,8 @@ def highest_order(wanted: int, rate: float, frequency: float) -> int:
 def differentiate(envelope: ComplexArray, omega: Array, slope: Array, quantity: str) -> Kinematics:
     """Return the kinematics of a harmonic from the envelope of the measured quantity.
 
-    ``envelope`` (n, 3) is what was measured and its first and second time derivative [SI], ``omega`` (n,) the
-    rate h phi' of the reference [rad/s], ``slope`` (n,) its change [rad/s^2].
+    ``envelope`` (n, 3) is the measured quantity and its first and second time derivative [SI], ``omega`` (n,)
+    the rate h phi' of the reference [rad/s], ``slope`` (n,) its change [rad/s^2].
     """
     y = envelope[:, 0]
     # NaN where nothing moves

@@ -1,7 +1,7 @@
 """Findings about sizes that no vibration test has, and about channels read as another quantity or in
 another unit.
 
-The ranges of sizes are wide: outside them nothing has been tested, whatever the structure. Small and fast
+The ranges of sizes are wide: outside them no structure has been tested. Small and fast
 structures (resonators on a chip, wires, ultrasonic tools) have ranges of their own: a mass of a microgram
 occurs among them, and at 30 Hz never.
 
@@ -297,7 +297,7 @@ def quantity_findings(surface: ResponseSurface, quantity: str | None = None) -> 
 # ----------------------------------------------------------------------------
 # The two channels of a driven base.
 #
-# Per unit mass a structure on a driven base weighs 1, whatever its law: with z = x - x_b
+# Per unit mass a structure on a driven base has the mass 1 with any law: with z = x - x_b
 #
 #     -a_b = k(X) z - omega^2 z + i omega c(X) z,     k, c positive.
 #
@@ -306,7 +306,7 @@ def quantity_findings(surface: ResponseSurface, quantity: str | None = None) -> 
 
 _UNIT_FACTORS = {"gravity": 9.80665, "milli": 1000.0, "both": 9806.65}
 _AMPLITUDE_FACTORS = {"rms": 2**0.5, "peak-to-peak": 2.0}
-"""Factors by which a channel is too large or too small if its unit, or what its amplitudes are, is
+"""Factors by which a channel is too large or too small if its unit, or the kind of its amplitudes, is
 misread."""
 
 

@@ -191,10 +191,9 @@ class ResponseSurface:
         True where the force is one per mass [N/kg = m/s^2], as a driven base gives it; parameters are then
         per unit mass.
     base
-        "" where a force drives; else "displacement", "velocity" or "acceleration": what of the motion of a
-        driven base the levels are amplitudes of. The response is relative to the base, the force per mass
-        minus the acceleration of the base.
-
+        "" where a force drives; else "displacement", "velocity" or "acceleration": quantity of the motion of
+        a driven base whose amplitudes are the levels. The response is relative to the base, the force per
+        mass minus the acceleration of the base.
     label
         (n,) number that names the level of a point in the test, where it is no measured amount; None: the
         levels are their own names. ``hold_out`` takes it.
