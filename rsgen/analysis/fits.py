@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import combinations
-from math import hypot, inf, nan
+from math import hypot, inf, isfinite, nan
 from typing import Any
 
 import numpy as np
@@ -290,5 +290,6 @@ def _one_by_one(found: Sequence[Identification]) -> list[ComparedFit]:
 def _with_alternatives(found: Identification) -> list[ComparedFit]:
     others, fit = found.alternatives, replace(ComparedFit.of(found, "identified"), background=())
     errors = dict(zip(others.names, others.error.tolist(), strict=True))
-    largest = others.largest(np.append(found.solution, found.mass))
+    stated = any(isfinite(one.standard_error) for one in found.refined)
+    largest = others.largest(np.append(found.solution, found.mass)) if stated else {}
     return [fit, *(fit.shifted(name, one, errors) for name, one in largest.items())]

@@ -332,7 +332,12 @@ def judge(test: Prepared, model: Model, refined: Fit) -> Identification:
     reasons = parameter_findings(names, units, tested, regression)
     reasons = with_combinations(explain_hidden(test.problem, reasons), model)
     freedom = np.minimum(regression.freedom, each[: test.problem.count])
-    solution = replace(refined.solution, covariance=regression.covariance, freedom=freedom)
+    solution = replace(
+        refined.solution,
+        covariance=regression.covariance,
+        freedom=freedom,
+        converged=regression.converged,
+    )
     estimates = with_profiles(refined, make_estimates(solution, law, model, reasons, units))
     curve = equivalent_curve(surface, points, used, refined)
     doubtful = {estimate.name for estimate in estimates if not estimate.identifiable}
@@ -416,7 +421,7 @@ def _require_followed(used: NDArray[np.bool_], model: Model) -> None:
 def _background(refined: Fit, whole: Regression, units: ForceUnits) -> Background | None:
     """The background with its errors, which stand behind those of the law."""
     problem = refined.problem
-    variance = np.diag(whole.covariance)[problem.count :]
+    variance = np.where(whole.converged, np.diag(whole.covariance)[problem.count :], np.inf)
     return state_background(problem.observed, refined.background, variance, whole.freedom, units)
 
 

@@ -8,12 +8,15 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+import rsgen as rs
 from rsgen.common.errors import RsgenError
 from rsgen.data.oscillator import Oscillator
 from rsgen.data.surface import ResponseSurface
 from rsgen.dynamics.simulation import SimulatedTest, simulate
+from rsgen.identification.fitting import least_squares
 from rsgen.identification.identify import identify
 from rsgen.identification.profile import _Likelihood, profile, with_profiles
+from rsgen.report.page_tables import estimate_table
 
 CUBIC, VALUES = "k*x + c*v + k3*x**3", {"k": 6000.0, "c": 4.0, "k3": 2e5}
 GAP, STOP = "k*x + c*v + kg*(Max(x - b, 0) + Min(x + b, 0))", {"k": 6000.0, "c": 4.0, "kg": 6000.0, "b": 3e-3}
@@ -120,6 +123,22 @@ def test_a_fit_that_did_not_converge_has_no_likelihood() -> None:
     found = identify(gauged(GAP, STOP, [force * share for share in (0.25, 0.5, 0.75, 1.0)], 1), GAP)
     stopped = replace(found.fit, regression=replace(found.fit.regression, converged=False))
     assert not any(estimate.by_profile for estimate in with_profiles(stopped, found.first_order))
+
+
+def test_a_fit_that_did_not_converge_states_no_interval(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Errors by the slopes, and shifts by alternatives, are those of the least sum of squares."""
+    descend = least_squares.descend
+    monkeypatch.setattr(least_squares, "descend", lambda *given: (*descend(*given)[:3], False))
+    test = rs.SimulatedTest(level=[1.0, 4.0], frequency=np.linspace(8.5, 12, 20), noise_relative=1e-2)
+    values = {"k": 5920.0, "c": 2.0, "k3": 2e6}
+    found = rs.identify(rs.simulate(rs.Oscillator(1.5, "k*x + c*v + k3*x**3", values), test), "k*x + c*v")
+    assert "not-converged" in {finding.code for finding in found.findings}
+    for estimate in found:
+        assert np.isfinite(estimate.value)
+        assert estimate.interval == (-np.inf, np.inf)
+        assert estimate.standard_error == np.inf
+    assert len(rs.compare_fits(found).fits) == 1
+    assert not any("±" in row.cells[5].note for row in estimate_table(found).rows)
 
 
 def test_harmonics_do_not_mend_a_law_that_misses_by_far(monkeypatch: pytest.MonkeyPatch) -> None:

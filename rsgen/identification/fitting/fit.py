@@ -71,6 +71,8 @@ class Solution:
         Degrees of freedom of the noise that the covariance rests on; (p + 1,) where they differ.
     misfit
         Root mean square, relative.
+    converged
+        False for a refined fit whose steps ended before the least sum of squares, where the covariance holds.
     """
 
     values: Array
@@ -78,6 +80,7 @@ class Solution:
     covariance: Array
     freedom: int | Array
     misfit: float
+    converged: bool = True
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -114,7 +114,7 @@ def _assemble(spectra: MultisineSpectra, model: Model, fit: LineFit) -> Multisin
     known = replace(fit.regression, covariance=covariance)
     reasons = parameter_findings(names, units_of(model), tested, known)
     reasons = with_combinations(reasons, model)
-    solution = Solution(fit.values, fit.mass, covariance, freedom, misfit)
+    solution = Solution(fit.values, fit.mass, covariance, freedom, misfit, fit.converged)
     estimates = make_estimates(solution, law, model, reasons)
     approximations = best_linear(part, model.observation.band)
     findings = [e.finding for e in estimates if e.finding is not None]

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from math import log2, nan
+from math import inf, log2, nan
 
 import numpy as np
 from numpy.typing import NDArray
@@ -51,7 +51,7 @@ def make_estimates(
 ) -> tuple[Estimate, ...]:
     """State each value with standard error, 95 % interval and unit, and why it is not identifiable.
 
-    Fixed parameters have no estimate; the mass is the last.
+    Fixed parameters have no estimate; the mass is the last. Without convergence no interval is known.
     """
     values, names = np.append(found.values, found.mass), (*law.parameters, "m")
     variance = np.diag(found.covariance)
@@ -61,9 +61,9 @@ def make_estimates(
     for name, value, var, wide in zip(names, values, variance, wides, strict=True):
         finite = bool(np.isfinite(var) and np.isfinite(value))
         # an error is at least round-off
-        error = float(max(np.sqrt(max(var, 0.0)), 1e-16 * abs(value))) if finite else float("inf")
+        error = float(max(np.sqrt(max(var, 0.0)), 1e-16 * abs(value))) if finite and found.converged else inf
         centre = float(value) if finite else float("nan")
-        interval = (centre - wide * error, centre + wide * error) if finite else (float("-inf"), float("inf"))
+        interval = (centre - wide * error, centre + wide * error) if finite else (-inf, inf)
         finding = reasons.get(name)
         if not finite and finding is None:
             finding = Finding("not-determined", "warning", name)

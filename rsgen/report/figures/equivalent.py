@@ -171,7 +171,7 @@ def standard_errors(
     covariance, centre = identification.covariance, evaluate(values)
     if covariance.shape != (len(rows), len(rows)):
         return np.zeros(centre.shape)
-    widths = {name: float(np.sqrt(covariance[rows[name], rows[name]])) for name in names if name in rows}
+    widths = {name: identification[name].standard_error for name in names if name in rows}
     moving = {name: width for name, width in widths.items() if np.isfinite(width) and width > 0}
     slopes = np.zeros((len(moving), *centre.shape))
     for slope, (name, width) in zip(slopes, moving.items(), strict=True):

@@ -50,7 +50,9 @@ say_plainly(
             "arbitrary scale: force or response are not calibrated, so m and every parameter are per unit of "
             "the drive and of the response; frequencies and damping ratios do not depend on the scale"
         ),
-        "not-converged": "the refined fit did not converge: the values are those at which its steps ended",
+        "not-converged": (
+            "the fit did not converge: the values are those at which its steps ended, without intervals"
+        ),
         "misfit-large": (
             "force and response differ from the law by {misfit:.1%}, without a pattern: noise this large "
             "would hide an error of the law"
