@@ -15,6 +15,7 @@ import sympy
 from numpy.typing import NDArray
 
 from rsgen.common.arrays import Array
+from rsgen.describing.closed import MAX_TERMS
 from rsgen.formula.names import X0
 
 Balance = Callable[[Array, NDArray[np.intp]], Array]
@@ -22,9 +23,6 @@ Balance = Callable[[Array, NDArray[np.intp]], Array]
 
 SCAN = np.concatenate((-np.geomspace(64, 1e-3, 24), [0.0], np.geomspace(1e-3, 64, 24)))
 """Trial means, in multiples of the amplitude; the change of sign nearest to rest counts."""
-
-MAX_TERMS = 200
-"""Largest number of terms of a mean balance that is solved in closed form."""
 
 SEARCHED_AMPLITUDES = 256
 """Amplitudes whose means are bracketed; the means of others are refined from their neighbours."""

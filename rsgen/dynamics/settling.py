@@ -100,25 +100,47 @@ class SteadyStates:
         return cls(**(whole if order is None else {name: array[order] for name, array in whole.items()}))
 
 
-SETTLED, UNSETTLED, PERIOD_TWO, DIVERGED = range(4)  # as in surface.OUTCOMES
-COARSE_STEPS = 24  # steps a period: enough to separate branches; accuracy comes afterwards
-_LONG, _CLOSER = 128, 4  # periods from which on the steps are four times finer
-FINER_STEPS = 8  # times as many steps, before a motion is called unbounded or a fixed point lost
-# periods of each round: about twice as long each time; a start near the answer is recognised earlier
-_FROM_REST = (8, 8, 16, 32, 64, 128, 256, 512, 1024, 2048)
-_FROM_START = (2, 4, 10, 16, 32, 64, 128, 256, 512, 1024, 2048)
-_LAST_STEP = 1e-3  # last Newton correction, of the amplitude: what is left is its square
-_MAX_DEPARTURE = (
-    0.05  # departure of the last two periods from the linear map, of the distance to the fixed point
-)
-_CIRCLE, _NARROW = 0.1, 1e-3  # the same all around the fixed point, where the motion is not close to it
-_REPEATED = 1e-9  # a motion that repeats this well has arrived, whatever the Jacobian is
-_MAX_GROWTH = 1.5  # times the amplitude at the start of a round, for which its steps are stable
-_LEAST_OF_DRIVEN = 2.5e-7  # of the least size: four times what the force makes of the mass alone
-_REPEATED_TWICE = 1e-6  # a motion that repeats after two periods this well, and not after one, has period two
-# below the first of attraction, the map is made again with this many steps and this offset; then it attracts
-# if more than the last
-_FAINT, _FAINT_STEPS, _FAINT_OFFSET, _NEUTRAL = 1e-3, 256, 1e-7, 1e-7
+SETTLED, UNSETTLED, PERIOD_TWO, DIVERGED = range(4)
+"""Outcomes, as in ``surface.OUTCOMES``."""
+
+COARSE_STEPS = 24
+"""Steps a period: enough to separate branches; accuracy comes afterwards."""
+
+FINER_STEPS = 8
+"""Times as many steps before a motion is called unbounded or a fixed point lost."""
+
+_ROUNDS_FROM_REST = (8, 8, 16, 32, 64, 128, 256, 512, 1024, 2048)
+_ROUNDS_FROM_STATE = (2, 4, 10, 16, 32, 64, 128, 256, 512, 1024, 2048)
+"""Periods of each round, about twice as many each time; a start near the answer is recognised earlier."""
+
+_REFINED_FROM, _REFINEMENT = 128, 4
+"""Periods of the round from which on there are four times as many steps: a corner that is just touched is met
+or missed with the place of the steps."""
+
+_MAX_LAST_STEP = 1e-3
+"""Last Newton correction, relative to the amplitude: what is left is its square."""
+
+_MAX_DEPARTURE = 0.05
+"""Departure of the last two periods from the linear map, relative to the distance from the fixed point."""
+
+_MAX_DEPARTURE_AROUND, _NEAR = 0.1, 1e-3
+"""The same all around the fixed point, where the motion is farther from it than this, of the amplitude."""
+
+_WEAK_ATTRACTION, _STEPS_OF_WEAK, _OFFSET_OF_WEAK, _MIN_ATTRACTION = 1e-3, 256, 1e-7, 1e-7
+"""The steps of the integration damp a little. Below the first of attraction (``fixed_point``) the Jacobian is
+made again with this many steps and this offset; the point attracts if there is more than the last."""
+
+_REPEATED = 1e-9
+"""A motion that repeats this well has arrived, whatever the Jacobian is."""
+
+_REPEATED_TWICE = 1e-6
+"""A motion that repeats after two periods this well, and not after one, has period two."""
+
+_MAX_GROWTH = 1.5
+"""Times the amplitude at the start of a round, for which its steps are stable."""
+
+_LEAST_TO_DRIVEN = 2.5e-7
+"""The least size of a motion, relative to four times what the force makes of the mass alone."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -142,10 +164,9 @@ def settle(period_map: PeriodMap, start: Array, *, from_rest: bool, steps: int =
     )
     least = period_map.scale()
     active = np.arange(n)
-    for periods in _FROM_REST if from_rest else _FROM_START:
-        if periods == _LONG:
-            # a corner that is just touched is seen or not with the place of the steps: closer, it is seen
-            result.steps[active] *= _CLOSER
+    for periods in _ROUNDS_FROM_REST if from_rest else _ROUNDS_FROM_STATE:
+        if periods == _REFINED_FROM:
+            result.steps[active] *= _REFINEMENT
         active = _one_round(period_map, result, active, periods, least)
         if not len(active):
             break
@@ -157,7 +178,7 @@ def _one_round(
 ) -> Indices:
     if period_map.stiffness is not None:
         # states that follow fast need short steps; the motion may still grow in this round
-        largest = np.maximum(_MAX_GROWTH * norm(result.y[:2, active]), least[active] / _LEAST_OF_DRIVEN)
+        largest = np.maximum(_MAX_GROWTH * norm(result.y[:2, active]), least[active] / _LEAST_TO_DRIVEN)
         wanted = period_map.stiffness.steps(largest, period_map.omega[active])
         result.steps[active] = np.maximum(result.steps[active], grid_above(wanted))
     before, steps = result.y[:, active], result.steps[active]
@@ -210,7 +231,7 @@ def _accept_any(
     period_map: PeriodMap, result: Settling, active: Indices, y: Array, history: Array, least: Array
 ) -> NDArray[np.bool_]:
     steps = result.steps[active]
-    fixed = find_fixed_points(period_map, active, y, steps, _LAST_STEP, least)
+    fixed = find_fixed_points(period_map, active, y, steps, _MAX_LAST_STEP, least)
     hidden = np.zeros(len(active), dtype=bool)
     if period_map.memory is not None:
         # loops within the loop are not those of the closed loop alone
@@ -248,7 +269,7 @@ def _accept_sticking(
         np.arange(len(here)),
     )
     held = replace(period_map.of(points), memory=HeldMemory.at(layout, middle, offset))
-    fixed = find_fixed_points(held, all_here, before, steps, _LAST_STEP, least, spared=True)
+    fixed = find_fixed_points(held, all_here, before, steps, _MAX_LAST_STEP, least, spared=True)
     peak = held.carry(all_here, fixed.y, steps, 1, 1, peaks=True).peak
     # later beats bring the greatest of both together
     swing = _swing(before - fixed.y, fixed.jacobian)
@@ -260,8 +281,8 @@ def _accept_sticking(
     closed = LoopMemory.closed(layout, force[None])
     start = np.concatenate([fixed.y[:, sure], peak.T])
     alone = replace(period_map.of(points), memory=closed)
-    found = find_fixed_points(alone, np.arange(len(points)), start, steps, _LAST_STEP, least)
-    same = norm(found.y[:first] - start[:first]) <= _LAST_STEP * np.maximum(norm(start[:first]), least)
+    found = find_fixed_points(alone, np.arange(len(points)), start, steps, _MAX_LAST_STEP, least)
+    same = norm(found.y[:first] - start[:first]) <= _MAX_LAST_STEP * np.maximum(norm(start[:first]), least)
     kept = np.flatnonzero(found.found & same)
     result.y[:, points[kept]], result.jacobian[:, :, points[kept]] = (
         found.y[:, kept], found.jacobian[:, :, kept],
@@ -299,15 +320,15 @@ def _is_reached(
     # nearer than the neighbouring orbits J is no better than the departure
     linear = (departure <= _MAX_DEPARTURE * distance + ORBIT_OFFSET * size) & (distance < size)
     sure = fixed.found & linear & (inside > 0) & possible
-    faint = np.flatnonzero(sure & (inside < _FAINT))
+    faint = np.flatnonzero(sure & (inside < _WEAK_ATTRACTION))
     if len(faint):
         # the integration itself damps a little: look with steps so fine that it does not
-        fine = np.maximum(_FAINT_STEPS, steps[faint])
+        fine = np.maximum(_STEPS_OF_WEAK, steps[faint])
         _, jacobian = jacobians(
-            period_map, points[faint], fixed.y[:, faint], fine, _FAINT_OFFSET * size[faint]
+            period_map, points[faint], fixed.y[:, faint], fine, _OFFSET_OF_WEAK * size[faint]
         )
-        sure[faint] = attraction(jacobian) > _NEUTRAL
-    wide = np.flatnonzero(sure & (norm(away) > _NARROW * size))
+        sure[faint] = attraction(jacobian) > _MIN_ATTRACTION
+    wide = np.flatnonzero(sure & (norm(away) > _NEAR * size))
     if len(wide):
         around, slope = fixed.y[:, wide], fixed.jacobian[:, :, wide]
         sure[wide] = _is_linear_around(period_map, points[wide], around, slope, away[:, wide], steps[wide])
@@ -332,4 +353,4 @@ def _is_linear_around(
     rays = np.concatenate([center - away, center + turned, center - turned], axis=1)
     predicted = np.concatenate([center - along, center + across, center - across], axis=1)
     departure = norm(period_map.carry(points, rays, steps, 1).state - predicted).reshape(3, -1).max(axis=0)
-    return np.asarray(departure <= _CIRCLE * norm(away))
+    return np.asarray(departure <= _MAX_DEPARTURE_AROUND * norm(away))

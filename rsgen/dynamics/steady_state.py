@@ -100,12 +100,23 @@ def _pool(process: int, count: int) -> ThreadPoolExecutor:
 # ----------------------------------------------------------------------------
 # From the coarse fixed point to the asked accuracy: finer steps where the error estimate wants them.
 
-ORDER = 4  # of the integration between events
-_ORDER_OF_MEMORY = 2  # taken for the estimate: reversals and corners meet in one of the first coarse steps
-_AIMED_SHARE = 0.5  # of the asked accuracy is what steps are chosen for
-_COMPARED_HARMONICS = 5  # harmonics from whose change the error follows
-_PERIODS_PER_LOOK = 8  # with the coarse Jacobian, before a new one is made; of a transient before a look
-_MAX_LOOKS = 256  # of so many periods, for motions that only their transient leads to
+ORDER = 4
+"""Of the integration between events."""
+
+_ORDER_OF_MEMORY = 2
+"""Assumed for laws with memory: several reversals and corners may meet in one of the first coarse steps."""
+
+_AIMED_SHARE = 0.5
+"""Of the asked accuracy: the error for which steps are chosen."""
+
+_COMPARED_HARMONICS = 5
+"""Harmonics from whose change the error follows."""
+
+_PERIODS_PER_LOOK = 8
+"""Periods with the coarse Jacobian before a new one is made, or of a transient before it is looked at."""
+
+_MAX_LOOKS = 256
+"""Looks at motions that only their transient leads to."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -268,7 +279,8 @@ USUAL_ACCURACY = MISFIT_OF_NOISE
 USUAL_HARMONICS = 7
 """Harmonics of the displacement unless others are asked for: three odd ones above the fundamental."""
 
-LOCATING_ACCURACY = 2e-6  # below this accuracy, jumps of the curvature of a law are located too
+LOCATING_ACCURACY = 2e-6
+"""Below this accuracy, jumps of the curvature of a law are located, too."""
 
 
 def solve_steady_states(

@@ -6,7 +6,7 @@ Method: the classical fourth-order one of Runge and Kutta with a fixed number of
 Norsett and Wanner, Solving Ordinary Differential Equations I, 1993, Sec. II.1). It keeps its order on smooth
 pieces only, so a step in which a switch of the law changes its sign is repeated piece by piece, from event to
 event (ibid., Sec. II.6); dry friction may hold the mass until the applied force exceeds it. Powers are
-written as products and each law has its own source, because the force is evaluated some 10^9 times in a run.
+written as products and each law has its own source, because the force is evaluated four times in each step.
 
 The source is the template ``templates/kernel/kernel.py.j2``, with ``events.py.j2`` and ``together.py.j2`` for
 laws with switches. What this module writes into it refers to variables of the template:
