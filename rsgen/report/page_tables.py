@@ -37,6 +37,10 @@ _BACKGROUND_NAMES = {
     "f_n": "natural frequency of the neighbour",
     "zeta": "damping ratio of the neighbour",
 }
+_KINDS_OF_INTERVAL = (
+    f"{CONFIDENCE_TEXT} intervals: ± by standard error, as always where the misfit is systematic; by profile "
+    "likelihood where stated"
+)
 _SWEEPS = {"rest": "from rest", "up": "up", "down": "down"}
 
 
@@ -119,7 +123,12 @@ def verdict_table(comparison: Comparison) -> Table:
     shown.sort(key=lambda row: row.tolerance is None)  # what is judged comes first
     rows = tuple(_verdict_row(row, known, judged) for row in shown)
     caption = "True against identified values" if known else "Identified values; no truth is known"
-    return Table(caption, tuple(columns), rows, ("Paper", "First order", "Error, first order"))
+    return Table(
+        f"{caption}. {_KINDS_OF_INTERVAL}",
+        tuple(columns),
+        rows,
+        ("Paper", "First order", "Error, first order"),
+    )
 
 
 def _verdict_row(row: Row, known: bool, judged: bool) -> TableRow:
@@ -176,7 +185,7 @@ def estimate_table(identification: Identification) -> Table:
         for one in identification.fixed
     ]
     columns = ("Parameter", "Unit", "Paper", "First order", "Its predicted bias", "Refined", "Standard error")
-    return Table(f"All estimates in SI units, with {CONFIDENCE_TEXT} intervals", columns, tuple(rows))
+    return Table(f"All estimates in SI units. {_KINDS_OF_INTERVAL}", columns, tuple(rows))
 
 
 def resonance_table(identification: Identification) -> Table:
@@ -333,8 +342,8 @@ def alternative_table(identification: Identification) -> Table | None:
     compared = compare_fits(identification)
     rows = tuple(TableRow((row[0], *map(Cell, row[1:]))) for row in compared.table.rows)
     caption = (
-        "Of each kind of alternative the one that widens the intervals most: to first order, with 95 % "
-        "intervals by noise alone; the identified intervals include these shifts"
+        "Of each kind of alternative the one that widens the intervals most: to first order, with "
+        f"{CONFIDENCE_TEXT} intervals by noise alone; the identified intervals include these shifts"
     )
     return Table(caption, compared.table.heads, rows) if len(compared.fits) > 1 else None
 

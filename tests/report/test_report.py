@@ -41,6 +41,7 @@ from rsgen.report.page import (
     render_page,
     table_of_results,
 )
+from rsgen.report.page_tables import estimate_table, verdict_table
 from rsgen.report.provenance import TEMPLATES, Subject, page_environment, plain_text, verbatim
 from rsgen.report.result_json import build_result, read_results, result_text
 from rsgen.report.wording import sentence
@@ -243,6 +244,12 @@ def test_result_keeps_the_contract() -> None:
     assert parse(element["stiffness"]) == parse("k1 + 3/4*kn1*X**2")
     assert write(parse(element["force"])) == element["force"]
     assert [formula["agrees"] for formula in read["printed"]] == [True, True]
+
+
+def test_tables_say_which_kind_of_interval_they_state() -> None:
+    """A systematic misfit rules out the profile likelihood, and a page did not say what it had instead."""
+    for table in (verdict_table(COMPARISON), estimate_table(IDENTIFICATION)):
+        assert "± by standard error, as always where the misfit is systematic" in table.caption
 
 
 LOST = Finding("not-determined", "warning", "c1")
