@@ -14,8 +14,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from unittest.mock import patch
 
-from rsgen.dynamics.kernel import generate
-from rsgen.dynamics.kernel import store as private_folder
+from rsgen.dynamics.kernel import compiled, generate
 from rsgen.dynamics.kernel.compiled import compile_source, open_private_folder
 from rsgen.formula import parse
 from tests.attacks.program import HANG_SECONDS, Row, environment, row, temporary
@@ -95,7 +94,7 @@ class Planted:
         """Write it, with its digest, as somebody does who can write into the folder."""
         folder = self.cache.resolve()
         with (
-            patch.object(private_folder, "_OTHERS_WRITE", 0),
+            patch.object(compiled, "_OTHERS_WRITE", 0),
             patch.object(os, "geteuid", lambda: folder.stat().st_uid),
             open_private_folder(folder) as opened,
         ):
