@@ -28,7 +28,7 @@ from rsgen.formula.units.quantities import ForceUnits
 from rsgen.identification.fitting.across import law_of
 from rsgen.identification.fitting.fit import Fit, Solution, fit_balance
 from rsgen.identification.fitting.least_squares import Regression
-from rsgen.identification.fitting.observed import Observed, Problem, is_systematic
+from rsgen.identification.fitting.observed import Observed, Problem
 from rsgen.identification.fitting.points import (
     Points,
     gap_of,
@@ -312,7 +312,7 @@ def judge(test: Prepared, model: Model, refined: Fit) -> Identification:
     kept = points.select(used)
     first = _FirstOrder.of(kept, refined)
     paper, resonances = fit_resonances(kept, law, model.fixed, lambda: first.fit.solution)
-    misfits = is_systematic(refined.regression.residual, points.pairs(used))
+    misfits = refined.systematic
     agreement = Agreement.of(refined.regression, points, whole.covariance, misfits=misfits)
     regression, noise, about = _errors(test, refined, whole, shared * agreement.wider)
     as_it_stands = widen_squares(refined, agreement.widen(regression)).covariance

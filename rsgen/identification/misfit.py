@@ -66,9 +66,7 @@ def relative_misfit(fit: Fit) -> float:
 
 def law_misses(fit: Fit) -> bool:
     """Return True if a misfit is systematic and above a hundredth, so that intervals are too narrow."""
-    regression, points = fit.regression, fit.problem.observed.points
-    systematic = is_systematic(regression.residual, points.pairs(regression.used))
-    return systematic and relative_misfit(fit) > RELATIVE_CHANGE_NEGLIGIBLE
+    return fit.systematic and relative_misfit(fit) > RELATIVE_CHANGE_NEGLIGIBLE
 
 
 def misfit_findings(
@@ -95,9 +93,8 @@ def misfit_findings(
         Alternatives to the fit, each to first order.
     """
     regression, misfit = fit.regression, relative_misfit(fit)
-    systematic = is_systematic(regression.residual, points.pairs(regression.used))
     numbers = quantities(misfit=misfit)
-    if not systematic:
+    if not fit.systematic:
         # one point a level shows no pattern either, and a loop holds each until its noise is gone
         patterns = len(points) >= _MIN_POINTS_OF_PATTERN and surface.control != "phase"
         # the forces of a free decay are those of the given mass, and its small motions are mostly noise

@@ -22,7 +22,6 @@ from rsgen.common.text_table import Printed, TextTable, short
 from rsgen.common.tolerances import BALANCE_HARMONICS, CONFIDENCE_TEXT, MISFIT_OF_NOISE, interval_sigmas
 from rsgen.identification.fitting.fit import Fit, refit_weighted
 from rsgen.identification.fitting.least_squares import Regression
-from rsgen.identification.fitting.observed import is_systematic
 from rsgen.identification.misfit import fit_near
 from rsgen.identification.results import Estimate, Identification
 
@@ -235,9 +234,8 @@ def with_profiles(found: Fit, estimates: Sequence[Estimate]) -> tuple[Estimate, 
     law misses is no noise, and its sum of squares no likelihood; nor is one that has no least value.
     """
     law, regression = found.problem.law, found.regression
-    pairs = found.problem.observed.points.pairs(regression.used)
     noise = regression.converged and regression.noise > MISFIT_OF_NOISE
-    if not (law.nonlinear and noise) or law.acts_across or is_systematic(regression.residual, pairs):
+    if not (law.nonlinear and noise) or law.acts_across or found.systematic:
         return tuple(estimates)
     known = [e for e in estimates if isfinite(e.value) and 0 < e.standard_error < inf]
     with_nonlinear = _with_nonlinear(regression.covariance, law.nonlinear)

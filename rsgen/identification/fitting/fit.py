@@ -134,6 +134,12 @@ class Fit:
         return Solution(self.values, self.mass, covariance, found.freedom, found.noise)
 
     @property
+    def systematic(self) -> bool:
+        """True if the misfit is correlated between neighbours in frequency, as that of noise is not."""
+        found = self.regression
+        return is_systematic(found.residual, self.problem.observed.points.pairs(found.used))
+
+    @property
     def motion(self) -> Motion:
         """Predicted, of the mode, in the phase that was measured."""
         return Motion(self.problem.observed.points.omega, self.harmonics).turned(self.turn)
