@@ -84,6 +84,16 @@ MISFIT_OF_NOISE = MISFIT_NEGLIGIBLE / 10
 """Above this misfit, relative, it is noise (simulators and truncated waveforms stay below), and the
 O(noise^2) bias, a ten-thousandth of it and more, is corrected."""
 
+MAX_LINEAR_CHANGE = 0.5
+"""Relative change beyond which derivatives predict nothing any more: near a fold the next half is on another
+branch."""
+
+TRIAL_POINTS = 120
+"""Points, spread over the amplitude, on which a starting value or a sign is tried."""
+
+COMPARISON_POINTS = 300
+"""Points, spread over the amplitude, on which shapes of a curve or sums of terms are compared."""
+
 MIN_NULL_COMPONENT = 1e-3
 """A parameter with a larger part in a null vector is not identifiable; smaller parts are round-off."""
 

@@ -17,6 +17,7 @@ from rsgen.common.tolerances import (
     HARMONIC_TRUNCATION,
     INTERVAL_END,
     MAX_NEWTON_STEPS,
+    MAX_SHARE_OF_OUTLIERS,
     MISFIT_OF_NOISE,
     MISFIT_REJECTED,
     SUBSAMPLE_POINTS,
@@ -55,9 +56,6 @@ _SAME_VALUE = 0.1
 
 _RESOLVED = 100.0
 """A misfit this many times the simulator's accuracy is not the simulator's."""
-
-_FOLLOWED = 0.9
-"""Share of the points that the simulator must be able to follow; where it is not, the law is wrong."""
 
 
 def fit_all_harmonics(problem: Problem, start: Array) -> Fit:
@@ -165,7 +163,7 @@ def _refit_with_simulator(balanced: Fit) -> Fit:
         return balanced
     lost = balanced.regression.used & ~refitted.regression.used
     lost &= ~stopped_points(problem.observed.points, refitted)
-    if np.count_nonzero(lost) > (1 - _FOLLOWED) * np.count_nonzero(balanced.regression.used):
+    if np.count_nonzero(lost) > MAX_SHARE_OF_OUTLIERS * np.count_nonzero(balanced.regression.used):
         return balanced
     both = refitted.regression.used & balanced.regression.used
     misfit = [float(np.sqrt(np.mean(found.regression.misfit[both] ** 2))) for found in (refitted, balanced)]

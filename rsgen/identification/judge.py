@@ -318,8 +318,8 @@ def judge(test: Prepared, model: Model, refined: Fit) -> Identification:
     as_it_stands = widen_squares(refined, agreement.widen(regression)).covariance
     whole = agreement.widen(whole)
     names, units = (*law.parameters, "m"), units_of(model, surface.units)
-    # nothing drives a decay: there is no background
-    kinds = alternatives_to(refined, agreement, backgrounds=not surface.decays)
+    # nothing drives a decay: there is no background; one whose phases were not recorded could be any
+    kinds = alternatives_to(refined, agreement, backgrounds=not (surface.decays or surface.lag_assumed))
     others = Alternatives(names, np.sqrt(np.diag(regression.covariance)), kinds)
     size = relative_misfit(refined)
     ratio, ambiguous = others.judge(regression.parameters, size)
@@ -347,7 +347,7 @@ def judge(test: Prepared, model: Model, refined: Fit) -> Identification:
     if estimates and not any(estimate.identifiable for estimate in estimates):
         about = (*about, Finding("nothing-identifiable", "doubt"))
     outcome = _outcome(surface, points, estimates, refined)
-    about = (*about, *resonance_findings(kept, model.fixed, law, estimates[-1], size))
+    about = (*about, *resonance_findings(kept, model.fixed, law, estimates, size))
     # what a law takes from the motion, or leaves out of it, is judged by the law as it stands
     known_by_law = make_estimates(replace(solution, covariance=as_it_stands), law, model, reasons, units)
     about = (*about, *feeding_findings(points, refined, known_by_law))

@@ -26,6 +26,7 @@ from rsgen.common.finding import Finding, quantities
 from rsgen.common.tolerances import (
     ANY_LAW,
     ASSUMED_DAMPING_RATIO,
+    COMPARISON_POINTS,
     MAX_ALTERNATIONS,
     MAX_LIGHT_DAMPING_RATIO,
     MISFIT_DOUBTFUL,
@@ -77,9 +78,6 @@ _SHAPES = ((0, 1), (1, 1), (2, 1), (3, 1), (3, 2), (3, 3), (3, 4), (3, 6), (3, 8
 
 _POWERS = (0, -1, 1, 2)
 """Powers of the amplitude that are tried as the coordinate of the splines; zero is the logarithm."""
-
-_COMPARISON_POINTS = 300
-"""Points, spread over the amplitude, on which shapes are compared: sixteen for each coefficient."""
 
 _FIRST_SHAPE = 6
 """Index of the shape with which the orders are chosen first."""
@@ -207,7 +205,7 @@ def choose_splines(seen: ModePoints, mass: float) -> ModeProblem:
     shapes = [(*shape, power) for shape in allowed for power in _POWERS]
     wide = float(mode.omega.max() / mode.omega.min()) > _MIN_FREQUENCY_RATIO
     trials = _ORDERS if wide else _ORDERS[:1]
-    some = seen.select(mode.spread(_COMPARISON_POINTS))
+    some = seen.select(mode.spread(COMPARISON_POINTS))
 
     def trial(part: ModePoints, shape: tuple[int, int, int], orders: tuple[int, ...]) -> ModeProblem:
         return ModeProblem(part, SplineBasis.over(part.mode.amplitude, part.tested, *shape), orders, mass)

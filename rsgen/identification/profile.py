@@ -19,7 +19,13 @@ from rsgen.common.arrays import Array
 from rsgen.common.errors import RsgenError, require
 from rsgen.common.finding import Finding, Quantity
 from rsgen.common.text_table import Printed, TextTable, short
-from rsgen.common.tolerances import BALANCE_HARMONICS, CONFIDENCE_TEXT, MISFIT_OF_NOISE, interval_sigmas
+from rsgen.common.tolerances import (
+    BALANCE_HARMONICS,
+    CONFIDENCE_TEXT,
+    MISFIT_OF_NOISE,
+    NOISE_RATIO_BY_CHANCE,
+    interval_sigmas,
+)
 from rsgen.identification.fitting.fit import Fit, refit_weighted
 from rsgen.identification.fitting.least_squares import Regression
 from rsgen.identification.misfit import fit_near
@@ -27,9 +33,6 @@ from rsgen.identification.results import Estimate, Identification
 
 _END_TOLERANCE = 0.02
 """Relative difference of sqrt(D) at the end of an interval from the quantile, and of the place of a jump."""
-
-_NOISE_RATIO = 1.5
-"""Noise of the balance to that of the fit, above which truncation outweighs the noise."""
 
 _WALD_TOLERANCE = 0.15
 """Relative difference of sqrt(D) at the ends of Wald's interval from the quantile, up to which it stands."""
@@ -104,7 +107,7 @@ class _Likelihood:
         self._error = np.sqrt(np.diag(found.regression.covariance))
         self.names = (*problem.law.parameters, "m")
         self.best = base.parameters
-        self.resolved = self._noise < _NOISE_RATIO * found.regression.noise
+        self.resolved = self._noise < NOISE_RATIO_BY_CHANCE * found.regression.noise
         self._fits, self._roots, self._fixed = [self.best], [0.0], [-1]
 
     def __call__(self, place: int, value: float) -> float:

@@ -11,7 +11,7 @@ at the amplitude X reached there; the parameters of a law follow by linear least
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
@@ -199,7 +199,7 @@ def fit_resonances(
 
 
 def resonance_findings(
-    points: Points, fixed: Mapping[str, float], law: ForceLaw, mass: Estimate, noise: float
+    points: Points, fixed: Mapping[str, float], law: ForceLaw, estimates: Sequence[Estimate], noise: float
 ) -> tuple[Finding, ...]:
     """Find that an identified mass has no good basis, because all points have the lag of resonance.
 
@@ -211,6 +211,7 @@ def resonance_findings(
     numbers = quantities(points=len(points))
     if law.remembers:
         return (Finding("mass-at-resonance", "warning", "m", numbers, {"by": "loops"}),)
+    mass = estimates[-1]  # where it is not fixed
     if mass_sure(mass.value, mass.standard_error**2):
         return ()
     return (Finding("mass-at-resonance", "doubt", "m", numbers),)

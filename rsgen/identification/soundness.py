@@ -18,6 +18,7 @@ from rsgen.common.finding import Finding, Quantity, Severity, quantities, severi
 from rsgen.common.tolerances import (
     BALANCE_HARMONICS,
     DEVIATING_MISFIT_RATIO,
+    MAX_SHARE_OF_OUTLIERS,
     MAX_SHARE_OF_OUTLIERS_BY_CHANCE,
     MISFIT_NEGLIGIBLE,
     MISFIT_REJECTED,
@@ -29,6 +30,7 @@ from rsgen.common.tolerances import (
     SAMPLES_PER_PERIOD_SWITCHED,
     STANDARD_ERRORS_OF_DIFFERENCE,
     SUBSAMPLE_POINTS,
+    TRIAL_POINTS,
     samples_for,
 )
 from rsgen.data.surface.columns import DERIVATIVE, QUANTITIES
@@ -45,7 +47,7 @@ from rsgen.law.motion import Motion, project, sine_motion
 from rsgen.law.numeric import ForceLaw, Part
 from rsgen.law.switched_sum import ForceSample
 
-_MAX_EXCLUDED_SHARE = 0.15
+_MAX_EXCLUDED_SHARE = 0.75 * MAX_SHARE_OF_OUTLIERS
 """Share of excluded points beyond which the others are a selection that suits the law."""
 
 _MAX_SINGLE_EXCLUDED = 3
@@ -63,9 +65,6 @@ _MAX_EXCLUDED_SHARE_OF_RUN = 0.25
 _MAX_FORCE_TO_FRICTION = 1.5
 """Amplitude of the force over that of dry friction up to which the mass may stop for parts of a cycle: 4/pi
 at resonance (Den Hartog, Trans. ASME 53, 1931), and noise."""
-
-_SIGN_POINTS = 60
-"""Points, evenly over the amplitude, at which the signs of k(X) and c(X) are checked."""
 
 _TRANSIENT_OVERSHOOT = 1.5
 """Largest amplitude of transients relative to that of the steady motions."""
@@ -273,7 +272,7 @@ def _is_active(law: ForceLaw, sample: ForceSample, velocity: Array, values: Arra
 def _parts_with_motions(points: Points, fit: Fit) -> list[tuple[Part, Motion]]:
     """Return the parts of the law with their motions, at points spread over the amplitude."""
     used = np.flatnonzero(fit.regression.used & np.isfinite(fit.harmonics).all(axis=1))
-    some = used[points.select(used).spread(_SIGN_POINTS)]
+    some = used[points.select(used).spread(TRIAL_POINTS)]
     if not len(some):
         return []
     motion, law = Motion(points.omega[some], fit.harmonics[some]), fit.problem.law

@@ -14,7 +14,7 @@ from typing import Protocol
 import numpy as np
 
 from rsgen.common.arrays import Array, ComplexArray
-from rsgen.common.tolerances import MAX_NEWTON_STEPS, SAMPLES_PER_PERIOD
+from rsgen.common.tolerances import MAX_LINEAR_CHANGE, MAX_NEWTON_STEPS, SAMPLES_PER_PERIOD
 from rsgen.dynamics.harmonic_balance import Response, following_harmonics, hold_amplitude
 from rsgen.dynamics.linear_part import Inertia
 from rsgen.identification.fitting.least_squares import Linearisation, Regression, remove_bias
@@ -24,9 +24,6 @@ from rsgen.law.numeric import ForceLaw
 
 _REST_TOLERANCE = 1e-6
 """Relative last step of Newton's method to the place of rest."""
-
-_MAX_EXTRAPOLATION = 0.5
-"""Relative change of the harmonics up to which slopes predict the next solution."""
 
 
 class Forward(Protocol):
@@ -161,7 +158,7 @@ class HarmonicBalance(Forward):
         size = np.abs(response.harmonics[:, 1:2])
         # points that did not converge may be infinite
         with np.errstate(invalid="ignore"):
-            near = np.abs(along).max(axis=1, keepdims=True) < _MAX_EXTRAPOLATION * size
+            near = np.abs(along).max(axis=1, keepdims=True) < MAX_LINEAR_CHANGE * size
             guess = response.harmonics + np.where(near, along, 0)
         good = response.valid & np.isfinite(guess).all(axis=1)
         return np.where(good[:, None], guess, self._start)

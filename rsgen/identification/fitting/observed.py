@@ -20,7 +20,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rsgen.common.arrays import Array, Chosen, ComplexArray, blocks, blocks_joined
-from rsgen.common.tolerances import MISFIT_NEGLIGIBLE, NOISE_LIMIT_SIGMAS
+from rsgen.common.tolerances import (
+    MISFIT_NEGLIGIBLE,
+    NOISE_LIMIT_SIGMAS,
+    POINTS_PER_BLOCK,
+)
 from rsgen.dynamics.harmonic_balance import Response
 from rsgen.dynamics.linear_part import BackgroundTerms, background_terms
 from rsgen.identification.fitting.least_squares import Linearisation
@@ -30,9 +34,6 @@ from rsgen.law.numeric import ForceLaw
 
 FORCE_TO_RESPONSE_NOISE = 1.0
 """Ratio of the relative noises of force and response; a sine test does not determine it."""
-
-_BLOCK_POINTS = 4096
-"""Points that are compared at once, for memory."""
 
 _NEED_PHASE = {"psi", "b0_im", "b1_im", "r_im", "zeta"}
 """Values of the background that amplitudes alone do not determine."""
@@ -170,7 +171,7 @@ class Observed:
             return self.select(part)._linearise(response.select(part), values, nuisance[part], unit, compared)
 
         count, names = len(self.points), list(Linearisation.__dataclass_fields__)
-        found = ((part, line(part)) for part in blocks(count, _BLOCK_POINTS))
+        found = ((part, line(part)) for part in blocks(count, POINTS_PER_BLOCK))
         return Linearisation(**blocks_joined(count, found, names))
 
     def _linearise(

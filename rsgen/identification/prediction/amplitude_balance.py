@@ -24,6 +24,7 @@ from rsgen.common.finding import Finding
 from rsgen.common.tolerances import (
     ANY_LAW,
     BALANCE_HARMONICS,
+    MAX_LINEAR_CHANGE,
     MAX_TRIAL_STEPS,
     SAMPLES_PER_PERIOD,
     START_HARMONICS,
@@ -55,9 +56,6 @@ _FORCE_TOLERANCE = 1e-8
 
 _MAX_ITERATIONS = 40
 """Newton steps of at most a fifth of the amplitude, or bisections of an interval."""
-
-_MAX_AMPLITUDE_CHANGE = 0.5
-"""Relative change from the measured amplitude beyond which Newton's method has left its branch."""
 
 
 class AmplitudeBalance:
@@ -260,9 +258,7 @@ class AmplitudeBalance:
                 break
             step = miss / np.where(np.abs(gain) > 1e-300, gain, 1e-300)
             size = size - np.clip(step, -0.2 * size, 0.2 * size)
-        good = (
-            (np.abs(miss) <= 1e-6 * level) & (gain > 0) & (np.abs(size / first - 1) < _MAX_AMPLITUDE_CHANGE)
-        )
+        good = (np.abs(miss) <= 1e-6 * level) & (gain > 0) & (np.abs(size / first - 1) < MAX_LINEAR_CHANGE)
         return size, good
 
     def _scan_amplitudes(self, level: Array, omega: Array, near: Array) -> Array:

@@ -19,13 +19,14 @@ from rsgen.common.arrays import Array, ComplexArray, frozen_array
 from rsgen.common.errors import require
 from rsgen.common.finding import Finding, Quantity, Severity, quantities
 from rsgen.common.text_table import Printed, TextTable, data_frame, lookup, short
+from rsgen.common.tolerances import RELATIVE_CHANGE_NEGLIGIBLE
 from rsgen.data.multisine import MultisineSpectra
 from rsgen.data.multisine.spectra import held_out_records
 from rsgen.dynamics.periodic_response import periodic_response
 from rsgen.identification.results import MultisineIdentification
 from rsgen.law.numeric import compile_law
 
-BEYOND = 1.01
+BEYOND = 1 + RELATIVE_CHANGE_NEGLIGIBLE
 """Amplitude relative to the largest tested one from which on a response is extrapolated."""
 
 ERROR_LIMITS: dict[Severity, float] = {"error": 0.5, "doubt": 0.15, "warning": 0.05}

@@ -18,7 +18,10 @@ import numpy as np
 from rsgen.common.arrays import Array, ComplexArray
 from rsgen.common.errors import RsgenError, require
 from rsgen.common.finding import Finding, Quantity, quantities
-from rsgen.common.tolerances import BRANCH_DISTANCE
+from rsgen.common.tolerances import (
+    BRANCH_DISTANCE,
+    MAX_LINEAR_CHANGE,
+)
 from rsgen.data.multisine import MultisineSpectra
 from rsgen.data.oscillator import Model, Oscillator, refuse_across
 from rsgen.data.surface import ResponseSurface, match_level, typical_amounts
@@ -119,9 +122,6 @@ _BRANCH_POINTS = 161
 
 _FREQUENCY_MARGIN = 0.05
 """Relative extension of the curves beyond the tested frequencies."""
-
-_MAX_BAND = 0.5
-"""Widest band relative to the amplitude; it diverges at a fold."""
 
 _SHARE_AT_JUMPS = 0.02
 """Share of the points of a run that may lie between a predicted and a measured jump; they are not scored."""
@@ -336,7 +336,7 @@ def _curve(
         at = balance.solve(size, omega)
         gain = (np.conj(at.force) * at.force_slope).real / np.abs(at.force) / size
         spread = balance.force_spread(at) / np.maximum(np.abs(gain), 1e-300)
-        spread[spread > _MAX_BAND * size] = np.nan
+        spread[spread > MAX_LINEAR_CHANGE * size] = np.nan
         seen, lag = _at_sensor(identification, omega, size, at.force)
         turn = np.flatnonzero(gain[:-1] * gain[1:] < 0)
         share = gain[turn] / (gain[turn] - gain[turn + 1])

@@ -25,6 +25,7 @@ from rsgen.common.tolerances import (
     ANY_LAW,
     ASSUMED_RELATIVE_NOISE,
     BALANCE_HARMONICS,
+    DEVIATING_MISFIT_RATIO,
     MISFIT_NEGLIGIBLE,
     NOISE_RATIO_BY_CHANCE,
     RELATIVE_ERROR_DOUBTFUL,
@@ -71,10 +72,6 @@ _MAX_ROUNDS = 5
 
 _MAX_POINTS = 500
 """Points that separate laws; more of them only narrow intervals."""
-
-_MAX_MISFIT_TO_EXPECTED = 3.0
-"""Misfit of the best law along its own motions, relative to that in the ranking; harmonics left out of the
-balance make less."""
 
 _MIN_MISFIT_OF_DOUBT = 0.03
 """Smaller misfits along the law's own motions are due to few harmonics, as for friction that sticks."""
@@ -350,7 +347,7 @@ def _unconfirmed_findings(
         start = start_fit(problem) if searched else (problem, near)
         fit = fit_balance(*start, order=START_HARMONICS)
         misfit = np.sqrt(2) * fit.regression.noise
-        if not misfit > max(_MAX_MISFIT_TO_EXPECTED * expected, _MIN_MISFIT_OF_DOUBT):
+        if not misfit > max(DEVIATING_MISFIT_RATIO * expected, _MIN_MISFIT_OF_DOUBT):
             return []
     numbers = quantities(misfit=float(misfit), expected=float(expected))
     return [Finding("law-unconfirmed", "doubt", numbers=numbers, names={"law": best.candidate.name})]

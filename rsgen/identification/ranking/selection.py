@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 
 from rsgen.common.arrays import Array
 from rsgen.common.errors import RsgenError
+from rsgen.common.tolerances import COMPARISON_POINTS
 from rsgen.data.oscillator import Model
 from rsgen.formula import symbol
 from rsgen.identification.fitting.points import Points
@@ -290,9 +291,6 @@ def _within_reach(law: Sum, named: dict[str, Array], choices: Sequence[_TermVari
 # ----------------------------------------------------------------------------
 # Candidates: laws of the user as they are, and sums of laws of the library.
 
-_SEARCH_POINTS = 300
-"""Points on which sums are searched."""
-
 _SHORTLIST = (20, 6)
 """Sums without memory that are fitted, and single laws among them, which are shown even if sums are nearer.
 """
@@ -340,7 +338,7 @@ class Candidates:
         """
         candidates = list(self.given)
         if self.terms or not candidates:
-            some = points.spread(_SEARCH_POINTS)
+            some = points.spread(COMPARISON_POINTS)
             trials = search_sums(rows.select(some), self.terms, self.fixed, self.terms_in_sum)
             plain = _shortlist([trial for trial in trials if not trial.remembers], *_SHORTLIST)
             loops = _shortlist([trial for trial in trials if trial.remembers], *_SHORTLIST_WITH_MEMORY)

@@ -19,16 +19,17 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rsgen.common.arrays import Array, ComplexArray
-from rsgen.common.tolerances import SAMPLES_PER_PERIOD, SAMPLES_PER_PERIOD_SWITCHED
+from rsgen.common.tolerances import (
+    POINTS_PER_BLOCK,
+    SAMPLES_PER_PERIOD,
+    SAMPLES_PER_PERIOD_SWITCHED,
+)
 from rsgen.law.motion import Motion, project
 from rsgen.law.numeric import ForceLaw, Waves
 from rsgen.law.switched_sum import ForceSample
 
 _SAMPLES_FACTOR_OF_LOOPS = 2
 """Samples of a law with memory, relative to ``SAMPLES_PER_PERIOD``; its loops are expensive."""
-
-_BLOCK_LOOPS = 2048
-"""Loops that are closed at once in a search: their arrays stay in the processor's cache."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -126,7 +127,7 @@ def rows_of_trials(
 
     Hysteresis loops of many trials are closed at once, for speed.
     """
-    block = max(1, _BLOCK_LOOPS // len(equations.omega)) if law.remembers else 1
+    block = max(1, POINTS_PER_BLOCK // len(equations.omega)) if law.remembers else 1
     rows = []
     for low in range(0, len(trials), block):
         part = trials[low : low + block]

@@ -22,6 +22,7 @@ from rsgen.common.linear_algebra import solve_scaled
 from rsgen.common.tolerances import (
     ANY_LAW,
     ASSUMED_DAMPING_RATIO,
+    MAX_ALTERNATIONS,
     MAX_SHARE_OF_OUTLIERS,
     MAX_TRIAL_STEPS,
     MIN_NULL_COMPONENT,
@@ -32,6 +33,7 @@ from rsgen.common.tolerances import (
     SAMPLES_PER_PERIOD,
     START_HARMONICS,
     SUBSAMPLE_POINTS,
+    TRIAL_POINTS,
     samples_for,
 )
 from rsgen.data.surface import ResponseSurface
@@ -59,9 +61,6 @@ _FORCE_RATIOS = (0.05, 0.2, 0.5)
 """Tried largest even forces, relative to that of the spring: x^2 of the last shifts the mean by a quarter of
 the amplitude, of the first by the effect of one per cent of noise."""
 
-_TRIAL_POINTS = 100
-"""Points of each trial fit."""
-
 _MAX_DIRECTIONS = 2
 """Directions that are tried together."""
 
@@ -88,7 +87,7 @@ def start_even_forces(problem: Problem, parameters: Array) -> tuple[Problem, Arr
     if not even_part_unobservable(problem):
         return problem, parameters
     law, count = problem.law, len(problem.observed.points)
-    few = problem.select(problem.observed.points.spread(_TRIAL_POINTS))
+    few = problem.select(problem.observed.points.spread(TRIAL_POINTS))
     even_space = even_directions(few, parameters)
     directions = even_space.directions[:_MAX_DIRECTIONS]
     if not len(directions):
@@ -235,22 +234,11 @@ Table = TypeVar("Table", Points, ResponseSurface)
 _MAX_MISFIT_RATIO = 5.0
 """Misfit of a point relative to the median from which on its weight is reduced."""
 
-_MIN_TYPICAL_MISFIT = 0.04
-"""Relative misfit of first order that needs no reweighting."""
-
 _MIN_POINTS_OF_LEVEL = 8
 """A linear mode with a background has eight parameters."""
 
-_SEARCH_POINTS = 120
-"""Points on which nonlinear parameters are searched, spread over the amplitude."""
-
-_PHASE_SCAN_POINTS = 80
-"""Points on which all phase errors are tried."""
-
 _GRID_SIZE = 12
 """Tried phase errors around the circle, or natural frequencies of a neighbour in three bands."""
-
-_REWEIGHTINGS = 4
 
 _INITIAL_RESIDUE = 0.3
 """Initial residue of a neighbour, relative to that of the mode."""
@@ -284,7 +272,7 @@ def solve_equations(
 def _solve_free(equations: Equations, law: ForceLaw, mass: float, near: Array | None) -> Solution:
     """Solve for all parameters of a law; the mass [kg] is known, or NaN."""
     chosen = np.argsort(np.abs(equations.harmonics[:, 1]), kind="stable")
-    few = chosen[np.unique(np.linspace(0, len(chosen) - 1, _SEARCH_POINTS).round().astype(np.intp))]
+    few = chosen[np.unique(np.linspace(0, len(chosen) - 1, TRIAL_POINTS).round().astype(np.intp))]
     nonlinear = np.zeros(0)
     if law.nonlinear:
         begin = None if near is None else near[list(law.nonlinear)]
@@ -390,7 +378,7 @@ def _linear_start(points: Points, law: ForceLaw, fixed: Mapping[str, float], ord
     for _ in range(3):
         solution = solve_equations(equations, law, fixed)
         misfit = point_misfit(replace(equations, weight=weight), law, solution)
-        typical = max(1.4826 * float(np.median(misfit)), _MIN_TYPICAL_MISFIT)
+        typical = max(1.4826 * float(np.median(misfit)), MISFIT_DOUBTFUL)
         factor = 1 / np.maximum(1.0, misfit / (_MAX_MISFIT_RATIO * typical)) ** 2
         if np.count_nonzero(factor < 0.25) <= 0.002 * len(points):
             break
@@ -407,7 +395,7 @@ def _start_backgrounds(problem: Problem) -> list[Array]:
     law = compile_law(make_element("any", ANY_LAW).force)
     known = {name: value for name, value in problem.fixed.items() if name == "m"}
     few = replace(problem.select(points.spread(SUBSAMPLE_POINTS)), law=law, fixed=known)
-    some = points.select(points.spread(_PHASE_SCAN_POINTS))
+    some = points.select(points.spread(TRIAL_POINTS))
     phases = 2 * np.pi * np.arange(_GRID_SIZE) / _GRID_SIZE - np.pi
     misfits = [_solve_turned(some, law, known, float(phase)) for phase in phases]
     best = int(np.argmin([found.misfit if found.mass > 0 else np.inf for found in misfits]))
@@ -456,7 +444,7 @@ def _linear_receptance(points: Points) -> complex:
     numerator = [part * s**power for power in range(3) for part in (-one, -1j * one)]
     columns = np.stack([ratio, 1j * s * ratio, *numerator], axis=1)
     weight = 1 / np.abs(ratio)
-    for _ in range(_REWEIGHTINGS):
+    for _ in range(MAX_ALTERNATIONS):
         matrix, right = columns * weight[:, None], ratio * s**2 * weight
         matrix, right = np.vstack([matrix.real, matrix.imag]), np.concatenate([right.real, right.imag])
         found, _, _ = solve_scaled(matrix, right)
