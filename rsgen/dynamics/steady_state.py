@@ -47,6 +47,7 @@ from rsgen.dynamics.fixed_point import (
 from rsgen.dynamics.kernel import Kernel, compile_kernel
 from rsgen.dynamics.settling import (
     COARSE_STEPS,
+    DIVERGED,
     FINER_STEPS,
     SETTLED,
     UNSETTLED,
@@ -117,6 +118,9 @@ _PERIODS_PER_LOOK = 8
 
 _MAX_LOOKS = 256
 """Looks at motions that only their transient leads to."""
+
+_MAX_DEPARTURE_TO_MOTION = 1e3
+"""Size of a motion relative to that of the coarse fixed point, beyond which it is none of that point's."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -195,6 +199,7 @@ def _repeat(
     peaks: bool,
 ) -> None:
     """Carry transients with their whole memory until they repeat: motions with loops within the loop."""
+    largest = _MAX_DEPARTURE_TO_MOTION * np.maximum(norm(result.y), period_map.scale())
     for _ in range(_MAX_LOOKS if len(points) else 0):
         moved = period_map.carry(
             points, result.y[:, points], steps, _PERIODS_PER_LOOK, harmonics, peaks=peaks, transient=True
@@ -208,7 +213,9 @@ def _repeat(
             result.peak[points] = moved.peak
         # what is still to come of a geometric approach
         left = ~(last * np.maximum(share / (1 - share), 1.0) <= tolerance * size)
-        points, steps = points[left], steps[left]
+        bounded = norm(moved.state) <= largest[points]
+        result.outcome[points[~bounded]] = DIVERGED
+        points, steps = points[left & bounded], steps[left & bounded]
         if not len(points):
             return
     result.outcome[points] = UNSETTLED
@@ -236,6 +243,7 @@ def _solve(
         points = points[~inner]
     active, here, mine = points, result.y[:, points], steps[points]
     slope, least = jacobian[:, :, points], period_map.scale()[points]
+    largest = _MAX_DEPARTURE_TO_MOTION * np.maximum(norm(here), least)
     for turn in range(2 * _PERIODS_PER_LOOK):
         if not len(active):
             return
@@ -248,11 +256,12 @@ def _solve(
         residual = moved.state - here
         move = correction(slope, residual)
         length = norm(move)
-        finite = np.isfinite(length)
-        there = here + move if finite.all() else here + np.where(finite, move, 0.0)
+        # nearly singular, a step may lead to any amplitude: the motion stays, and the next derivatives decide
+        near = norm(here + move) <= largest
+        there = here + move if near.all() else here + np.where(near, move, 0.0)
         if record is not None:
             size = np.maximum(norm(here), least)
-            done = length <= tolerance * size
+            done = near & (length <= tolerance * size)
             ready = slice(None) if done.all() else done
             at = active[ready]
             result.y[:, at] = there[:, ready]
@@ -263,7 +272,7 @@ def _solve(
             if done.all():
                 return
             left = ~done
-            active, mine, least = active[left], mine[left], least[left]
+            active, mine, least, largest = active[left], mine[left], least[left], largest[left]
             slope, there = slope[:, :, left], there[:, left]
         here = there
     result.y[:, active] = here

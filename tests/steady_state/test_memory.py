@@ -195,3 +195,32 @@ def test_a_slider_that_sticks_again_keeps_the_offset_of_its_last_slip() -> None:
         # a transient is carried in 24 steps a period: so sharp is the place of its last slip
         assert abs(found.harmonics[i, 1] / X - 1) < 3e-4
         assert abs(found.harmonics[i, 0].real - np.mean(wave[:-1])) < 1e-4 * abs(X)
+
+
+def test_a_step_of_nearly_singular_derivatives_does_not_leave_the_motion() -> None:
+    """A joint that a negative spring nearly balances: the refined fixed point had an amplitude of 1e11 m."""
+    law = "Ff*sign(v) + Fs*masing(Min(1, x/xs)) + c*v + k*x"
+    values = {
+        "Ff": 0.8128342796234922,
+        "Fs": 2046.9898416837937,
+        "c": 3.760881052172398,
+        "k": -53057.15278215357,
+        "xs": 0.03471043945920932,
+    }
+    force, frequency = np.array([8.073327314165057 + 5.855121410488167j]), np.array([9.67142857142857])
+    start = np.array([[0.02111058714225442, -0.002247404300963254]])
+    found = solve_steady_states(
+        Oscillator(1.4988616284270644, law, values),
+        force,
+        frequency,
+        accuracy=3e-5,
+        harmonics=31,
+        start=start,
+    )
+    # below its limit the joint is a spring: with friction alone the motion is the same
+    linear = {"Ff": values["Ff"], "c": values["c"], "k": values["k"] + values["Fs"] / values["xs"]}
+    same = solve_steady_states(
+        Oscillator(1.4988616284270644, "Ff*sign(v) + c*v + k*x", linear), force, frequency, accuracy=3e-5
+    )
+    assert found.settled.all()
+    assert found.harmonics[0, 1] == pytest.approx(same.harmonics[0, 1], rel=1e-4)
