@@ -54,7 +54,7 @@ class Roots:
     size: Array
 
 
-def newton(equations: Equations, start: Array, *, settled: float, steps: int, halvings: int) -> Roots:
+def newton(equations: Equations, start: Array, *, tolerance: float, steps: int, halvings: int) -> Roots:
     """Solve all problems; one whose residual no part of a step lowers stays where it is.
 
     Parameters
@@ -63,16 +63,16 @@ def newton(equations: Equations, start: Array, *, settled: float, steps: int, ha
         What is solved.
     start
         (n, d) unknowns to begin with.
-    settled
+    tolerance
         Relative size of a step after which the next one would be its square: it is the last one.
     steps, halvings
         Most steps, and lengths of each that are tried; none: every step is taken whole.
     """
     unknowns, before = np.array(start), np.array(start)
-    size, unsettled = np.full(len(start), np.inf), np.ones(len(start), dtype=bool)
+    size, unfinished = np.full(len(start), np.inf), np.ones(len(start), dtype=bool)
     rows = np.arange(len(start))
     for _ in range(steps):
-        going = unsettled[rows]
+        going = unfinished[rows]
         if not going.any():
             break
         if np.count_nonzero(going) * (2 if halvings else 1) < len(rows):
@@ -82,12 +82,12 @@ def newton(equations: Equations, start: Array, *, settled: float, steps: int, ha
         residual, move, relative = equations.step(rows, here)
         going &= np.isfinite(move).all(axis=1)
         size[rows[going]] = relative[going]
-        last = going & (relative <= settled)
+        last = going & (relative <= tolerance)
         move[~going] = 0.0
         stays = _shorten(equations, rows, here, move, residual, going & ~last, halvings)
         move[stays] = 0.0
         unknowns[rows] = here + move
-        unsettled[rows] = going & ~last & ~stays
+        unfinished[rows] = going & ~last & ~stays
     return Roots(unknowns=unknowns, before=before, size=size)
 
 

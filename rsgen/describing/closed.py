@@ -378,13 +378,13 @@ def _place_atoms(
 
     with np.errstate(all="ignore"):
         if arc.x_end is not None and arc.x is not None:
-            (level,) = compiled((arc.x,), names)(*values)
-            sine = np.clip((level - mean) / X_, -1, 1)
+            (threshold,) = compiled((arc.x,), names)(*values)
+            sine = np.clip((threshold - mean) / X_, -1, 1)
             alpha = np.arcsin(sine)
             enter(arc.x_end, alpha, sine, np.sqrt((1 - sine) * (1 + sine)))
         if arc.v_end is not None and arc.v is not None:
-            (level,) = compiled((arc.v,), names)(*values)
-            cosine = np.clip(level / (omega * X_), -1, 1)
+            (threshold,) = compiled((arc.v,), names)(*values)
+            cosine = np.clip(threshold / (omega * X_), -1, 1)
             beta = np.arccos(cosine)
             enter(arc.v_end, beta, np.sqrt((1 - cosine) * (1 + cosine)), cosine)
     if arc.both:
@@ -450,11 +450,12 @@ def _triple(addend: sympy.Expr, arc: Arc, mean: sympy.Expr) -> Triple | None:
     read = read_addend(addend)
     if read is None:
         return None
-    sine, cosine, level = (read.integral(arc, mean, i, j) for i, j in ((1, 0), (0, 1), (0, 0)))
-    if sine is None or cosine is None or level is None:
+    sine, cosine, constant = (read.integral(arc, mean, i, j) for i, j in ((1, 0), (0, 1), (0, 0)))
+    if sine is None or cosine is None or constant is None:
         return None
     weights = (1 / (sympy.pi * X), 1 / (sympy.pi * OMEGA * X), 1 / (2 * sympy.pi))
     stiffness, damping, force = (
-        sympy.expand_mul(weight * part) for weight, part in zip(weights, (sine, cosine, level), strict=True)
+        sympy.expand_mul(weight * part)
+        for weight, part in zip(weights, (sine, cosine, constant), strict=True)
     )
     return stiffness, damping, force

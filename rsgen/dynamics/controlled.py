@@ -243,7 +243,7 @@ def _shoot(
         steps,
         np.zeros((len(points), w.shape[1], w.shape[1])),
     )
-    roots = newton(here, w, settled=tolerance, steps=MAX_NEWTON_STEPS, halvings=MAX_STEP_HALVINGS)
+    roots = newton(here, w, tolerance=tolerance, steps=MAX_NEWTON_STEPS, halvings=MAX_STEP_HALVINGS)
     return roots.unknowns, roots.size <= tolerance, here
 
 

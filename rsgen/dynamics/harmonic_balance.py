@@ -319,7 +319,7 @@ class _Balance:
         before, at, size = self._at, self._at, np.zeros(len(rows))
         if at.shape[1] > first:
             roots = newton(
-                self, at[:, first:], settled=CONVERGED_STEP, steps=steps, halvings=MAX_STEP_HALVINGS
+                self, at[:, first:], tolerance=CONVERGED_STEP, steps=steps, halvings=MAX_STEP_HALVINGS
             )
             before, at = (self._coordinates(rows, place) for place in (roots.before, roots.unknowns))
             size = roots.size

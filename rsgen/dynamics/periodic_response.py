@@ -125,7 +125,8 @@ def periodic_response(
     force
         (H+1,) complex lines [N], the mean first; as many lines of the motion are computed.
     start
-        (H+1,) a motion near it [m]; None: integrated in time from rest.
+        (H+1,) a motion near it [m]; None: integrated in time from rest, under laws with memory and where that
+        overflows the motion without nonlinear terms.
     """
     samples = 1 << (OVERSAMPLED * len(force) - 1).bit_length()
     problem = _Problem(law, values, mass, omega0, force, samples)
@@ -139,7 +140,7 @@ def _solve(problem: _Problem, motion: ComplexArray) -> PeriodicResponse:
     roots = newton(
         equations,
         _joined(motion)[None],
-        settled=CONVERGED_STEP,
+        tolerance=CONVERGED_STEP,
         steps=MAX_NEWTON_STEPS,
         halvings=MAX_STEP_HALVINGS,
     )

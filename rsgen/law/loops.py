@@ -394,7 +394,7 @@ def periodic_states(
     begin = np.zeros((len(equations), count, samples)) if start is None else start
     loops = _OpenLoops(equations, motion, np.broadcast_to(step, (count, samples)), values, sign, fitted)
     flat = np.moveaxis(begin, 0, 1).reshape(count, -1)
-    roots = newton(loops, flat, settled=CONVERGED_STEP, steps=MAX_NEWTON_STEPS, halvings=0)
+    roots = newton(loops, flat, tolerance=CONVERGED_STEP, steps=MAX_NEWTON_STEPS, halvings=0)
     recurrence = loops.lack(np.arange(count), roots.unknowns)[1]
     # growth within a single step comes from a corner of the law there
     corner = np.maximum(np.einsum("siin->sin", recurrence.forward) - 1, 0).max(axis=(0, 1))

@@ -1,4 +1,7 @@
-"""Every sentence that rsgen says about a result: a file a layer, with a table of texts and a few functions.
+"""Every sentence that rsgen says about a result.
+
+Those about tests stand in ``surface_sentences``, those about fits, excluded points and modal tables in
+``identification_sentences``, those about laws, predictions, rankings and comparisons in ``law_sentences``.
 
 The numerical layers make findings (``rsgen.common.finding``); pages, notebooks, ``result.json`` and the
 command line take their sentences from here. Nothing reads a sentence back.

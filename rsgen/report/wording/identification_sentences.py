@@ -88,74 +88,72 @@ _SIGN = (
     "take out terms that are not needed."
 )
 
-NEXT_STEPS.update(
-    {
-        "law-does-not-fit": _OTHER_LAW,
-        "nothing-identifiable": (
-            "Give the mass if it is known, take a law with fewer parameters, or test more frequencies around "
-            "the resonance at more levels."
-        ),
-        "background-missing": (
-            "Identify with this background, or in a narrower band around the mode, and compare: where the "
-            "values differ, the sensor sees more than the mode."
-        ),
-        "fixed-contradicted": (
-            "Measure the value again (weigh a mass), and check the frequency axis and the factors of force "
-            "and response; or leave the value out, so that it is identified."
-        ),
-        "law-ambiguous": (
-            "Identify with the term or background as well, and others in its place (rsgen rank), or the "
-            "halves separately, and compare (rs.compare_fits); more and higher levels distinguish them."
-        ),
-        "even-force-missing": (
-            "Add an even term to the law, such as k2*x**2, or a stop on one side; where the sensor has an "
-            "offset, take it off."
-        ),
-        "range-reached": (
-            "Measure with a wider range; until then leave these levels, or this part of the band, out."
-        ),
-        "misfit-large": (
-            "Look at the points in the response figure: average more readings, wait longer before each, or "
-            "check that force and response belong together."
-        ),
-        "parts-disagree": (
-            "Identify the levels separately, and look for one whose force, label or set-up differs, or for a "
-            "gain that changed on the way; if none does, try another law."
-        ),
-        "points-excluded": (
-            "Look at the points that were not used in the figure of responses: repeat them (in a sweep more "
-            "slowly, or with less noise of the force), or leave them out by the case and say so; if they are "
-            "sound, or one run or one end of the band, the law is wrong."
-        ),
-        "level-deviates": (
-            "Check force, unit and frequencies of this level, and whether the sensor was overloaded; or hold "
-            "it out and compare."
-        ),
-        "not-converged": (
-            "Compare with the first-order estimates; fewer parameters, or a given mass, let the fit settle."
-        ),
-        "structure-feeds-exciter": (
-            "Read the phase of a table in the other sense (test.response.phase_sense), or give "
-            "test.response.factor the other sign; a time history has no phase that is read."
-        ),
-        "not-passive": (
-            "Correct the sense of the phase, or the sign of the channel, that is named above, and run the "
-            "case again."
-        ),
-        "harmonics-across-left-out": (
-            "Record the harmonics of both sensors (time histories give them), or leave out the levels and "
-            "frequencies at which the joint distorts the motion."
-        ),
-        "noise-across": (
-            "Measure with less noise, or the motion across by one sensor; take frequencies and levels at "
-            "which the joint moves more, or give what is known, such as the mass."
-        ),
-        "curve-negative": _SIGN,
-        "not-a-steady-sine": (
-            "Check the excitation that the case declares: noise and transients are not read as stepped sines."
-        ),
-    }
-)
+NEXT_STEPS |= {
+    "law-does-not-fit": _OTHER_LAW,
+    "nothing-identifiable": (
+        "Give the mass if it is known, take a law with fewer parameters, or test more frequencies around "
+        "the resonance at more levels."
+    ),
+    "background-missing": (
+        "Identify with this background, or in a narrower band around the mode, and compare: where the "
+        "values differ, the sensor sees more than the mode."
+    ),
+    "fixed-contradicted": (
+        "Measure the value again (weigh a mass), and check the frequency axis and the factors of force "
+        "and response; or leave the value out, so that it is identified."
+    ),
+    "law-ambiguous": (
+        "Identify with the term or background as well, and others in its place (rsgen rank), or the "
+        "halves separately, and compare (rs.compare_fits); more and higher levels distinguish them."
+    ),
+    "even-force-missing": (
+        "Add an even term to the law, such as k2*x**2, or a stop on one side; where the sensor has an "
+        "offset, take it off."
+    ),
+    "range-reached": (
+        "Measure with a wider range; until then leave these levels, or this part of the band, out."
+    ),
+    "misfit-large": (
+        "Look at the points in the response figure: average more readings, wait longer before each, or "
+        "check that force and response belong together."
+    ),
+    "parts-disagree": (
+        "Identify the levels separately, and look for one whose force, label or set-up differs, or for a "
+        "gain that changed on the way; if none does, try another law."
+    ),
+    "points-excluded": (
+        "Look at the points that were not used in the figure of responses: repeat them (in a sweep more "
+        "slowly, or with less noise of the force), or leave them out by the case and say so; if they are "
+        "sound, or one run or one end of the band, the law is wrong."
+    ),
+    "level-deviates": (
+        "Check force, unit and frequencies of this level, and whether the sensor was overloaded; or hold "
+        "it out and compare."
+    ),
+    "not-converged": (
+        "Compare with the first-order estimates; fewer parameters, or a given mass, let the fit settle."
+    ),
+    "structure-feeds-exciter": (
+        "Read the phase of a table in the other sense (test.response.phase_sense), or give "
+        "test.response.factor the other sign; a time history has no phase that is read."
+    ),
+    "not-passive": (
+        "Correct the sense of the phase, or the sign of the channel, that is named above, and run the "
+        "case again."
+    ),
+    "harmonics-across-left-out": (
+        "Record the harmonics of both sensors (time histories give them), or leave out the levels and "
+        "frequencies at which the joint distorts the motion."
+    ),
+    "noise-across": (
+        "Measure with less noise, or the motion across by one sensor; take frequencies and levels at "
+        "which the joint moves more, or give what is known, such as the mass."
+    ),
+    "curve-negative": _SIGN,
+    "not-a-steady-sine": (
+        "Check the excitation that the case declares: noise and transients are not read as stepped sines."
+    ),
+}
 
 
 @says("bounded-to-one-side")

@@ -133,34 +133,32 @@ say_plainly(
     }
 )
 
-NEXT_STEPS.update(
-    {
-        "mass-negative": (
-            "Check the sense of the phase and the sign of the sensor; or give the mass in the case, where it "
-            "is known."
-        ),
-        "no-law-fits": (
-            "Choose a band around one mode, try a background, or add a candidate law with the shape that the "
-            "restoring forces show."
-        ),
-        "law-at-limit": "Rank without {law}, or test at amplitudes where its {parameter} matters.",
-        "damping-feeds-energy": (
-            "Take the term out, or rank with the dampers that you expect alone, and check the background; if "
-            "energy is fed by design, write the term with its sign, as in -c*v."
-        ),
-        "terms-cancel": "Rank without {law} or without {other}, and compare the misfits.",
-        "phase-turned": (
-            "Check the sign of the sensor, the sense of the phase and filters, then fit the background."
-        ),
-        "law-unconfirmed": (
-            "Identify the law that you expect, and those near the top of the table, one by one, and take the "
-            "one that leaves least."
-        ),
-        "levels-predicted-worse": (
-            "Test more levels between those that there are, or take the law that predicts levels best."
-        ),
-    }
-)
+NEXT_STEPS |= {
+    "mass-negative": (
+        "Check the sense of the phase and the sign of the sensor; or give the mass in the case, where it "
+        "is known."
+    ),
+    "no-law-fits": (
+        "Choose a band around one mode, try a background, or add a candidate law with the shape that the "
+        "restoring forces show."
+    ),
+    "law-at-limit": "Rank without {law}, or test at amplitudes where its {parameter} matters.",
+    "damping-feeds-energy": (
+        "Take the term out, or rank with the dampers that you expect alone, and check the background; if "
+        "energy is fed by design, write the term with its sign, as in -c*v."
+    ),
+    "terms-cancel": "Rank without {law} or without {other}, and compare the misfits.",
+    "phase-turned": (
+        "Check the sign of the sensor, the sense of the phase and filters, then fit the background."
+    ),
+    "law-unconfirmed": (
+        "Identify the law that you expect, and those near the top of the table, one by one, and take the "
+        "one that leaves least."
+    ),
+    "levels-predicted-worse": (
+        "Test more levels between those that there are, or take the law that predicts levels best."
+    ),
+}
 
 
 @says("ranking-few-points")

@@ -47,32 +47,28 @@ say_plainly(
         ),
     }
 )
-NEXT_STEPS.update(
-    {
-        "levels-disagree": (
-            'Write unit = "label" under [test.level] where the levels are names of runs; otherwise look for '
-            "a wrong unit or factor, or levels in another order than the files."
-        ),
-        "levels-of-one-force": (
-            'Look whether the force was recorded at all; write unit = "label" under [test.level] if these '
-            "are repeats of one level."
-        ),
-        "unit-contradicts-title": (
-            "Look which is right, and write that unit in the case, or correct the title."
-        ),
-        "levels-swapped": "Look whether two files, or two numbers of [test.level], are swapped.",
-        "run-repeated": "Look for the run that is missing, and take the copy out.",
-        "response-not-held": 'Leave out control = "response" if the test held the force.',
-        "decay-not-free": (
-            "Leave start out, so that the end of the drive is found; end the record before the rise (stop), "
-            "or choose a band around one mode."
-        ),
-        "power-not-at-lines": (
-            "Look at the spectra of force and response; measure with a stepped or swept sine, choose a band, "
-            "or remove what else moves the structure."
-        ),
-    }
-)
+NEXT_STEPS |= {
+    "levels-disagree": (
+        'Write unit = "label" under [test.level] where the levels are names of runs; otherwise look for '
+        "a wrong unit or factor, or levels in another order than the files."
+    ),
+    "levels-of-one-force": (
+        'Look whether the force was recorded at all; write unit = "label" under [test.level] if these '
+        "are repeats of one level."
+    ),
+    "unit-contradicts-title": ("Look which is right, and write that unit in the case, or correct the title."),
+    "levels-swapped": "Look whether two files, or two numbers of [test.level], are swapped.",
+    "run-repeated": "Look for the run that is missing, and take the copy out.",
+    "response-not-held": 'Leave out control = "response" if the test held the force.',
+    "decay-not-free": (
+        "Leave start out, so that the end of the drive is found; end the record before the rise (stop), "
+        "or choose a band around one mode."
+    ),
+    "power-not-at-lines": (
+        "Look at the spectra of force and response; measure with a stepped or swept sine, choose a band, "
+        "or remove what else moves the structure."
+    ),
+}
 
 
 def _at(found: Finding, name: str = "file") -> str:
@@ -402,25 +398,21 @@ say_plainly(
     }
 )
 
-NEXT_STEPS.update(
-    {
-        "multisine-periods": (
-            "Record more periods, or start to record when the response has settled; transient = 0 under "
-            "[test.multisine] says that it had."
-        ),
-        "channels-delayed": (
-            "Check filters and sampling of both channels; name them under [test.channels] and give one this "
-            "delay, or shift its samples."
-        ),
-        "response-copies-force": (
-            "Check which channel is the response, and that the lines reach the resonance."
-        ),
-        "damping-hidden-by-misfit": (
-            "Add a damper, such as c*v, F*sign(v) or c2*v*abs(v), and take the one that leaves least; the "
-            "damping is not known better than this share."
-        ),
-    }
-)
+NEXT_STEPS |= {
+    "multisine-periods": (
+        "Record more periods, or start to record when the response has settled; transient = 0 under "
+        "[test.multisine] says that it had."
+    ),
+    "channels-delayed": (
+        "Check filters and sampling of both channels; name them under [test.channels] and give one this "
+        "delay, or shift its samples."
+    ),
+    "response-copies-force": ("Check which channel is the response, and that the lines reach the resonance."),
+    "damping-hidden-by-misfit": (
+        "Add a damper, such as c*v, F*sign(v) or c2*v*abs(v), and take the one that leaves least; the "
+        "damping is not known better than this share."
+    ),
+}
 
 
 @says("multisine-periods")
