@@ -27,7 +27,6 @@ from rsgen.common.arrays import Array, ComplexArray
 from rsgen.common.tolerances import (
     BALANCE_HARMONICS,
     MAX_NEWTON_STEPS,
-    MAX_SHARE_OF_OUTLIERS,
     MIN_NULL_COMPONENT,
     MISFIT_OF_NOISE,
     NEAR_STEPS,
@@ -44,6 +43,9 @@ from rsgen.law.motion import Motion, sine_motion
 
 _EXACT = 1e-3
 """Below this misfit, relative, data show what ``SAMPLES_PER_PERIOD`` miss of a switch."""
+
+_MIN_SHARE_FOLLOWED = 0.5
+"""Share of the points that must be predicted on the measured branch; where fewer are, the start is wrong."""
 
 RESOLUTION = 5.0
 """A misfit up to this many times the simulator's accuracy is the simulator's."""
@@ -361,7 +363,7 @@ def fit_simulator(problem: Problem, start: Fit, *, accuracy: float) -> Fit | Non
     nuisance = observed.nuisances(np.abs(drive), np.angle(drive))
     values, mass, _ = problem.split(parameters)
     predicted = forward.solve(np.append(values, mass), np.exp(nuisance[:, 0]), accuracy)
-    if np.count_nonzero(np.isfinite(predicted[:, 1])) < (1 - MAX_SHARE_OF_OUTLIERS) * len(drive):
+    if np.count_nonzero(np.isfinite(predicted[:, 1])) < _MIN_SHARE_FOLLOWED * len(drive):
         return None
     rules = Rules(
         steps=_STEPS_KEPT, attainable=RESOLUTION * accuracy, frozen=problem.frozen, free=problem.free
@@ -377,7 +379,7 @@ def fit_simulator(problem: Problem, start: Fit, *, accuracy: float) -> Fit | Non
         # near a fold derivatives change quickly
         noise = found.noise
         forward.renew()
-    if np.count_nonzero(found.used) < (1 - MAX_SHARE_OF_OUTLIERS) * len(drive):
+    if np.count_nonzero(found.used) < _MIN_SHARE_FOLLOWED * len(drive):
         return None
     return _finish(problem, descent, found, start.order)
 
