@@ -119,6 +119,9 @@ class Earlier(NamedTuple):
 
 
 EARLIER = {
+    "control-recognised": Earlier("note", {"text": "the control of the test was inferred from its numbers"}),
+    "periods-few": Earlier("multisine-periods"),
+    "points-held": Earlier("points-excluded", {"by": "friction"}, {"held": "excluded"}),
     "background-possible": Earlier("background-missing"),
     "base-scaled": Earlier("base-misread"),
     "combinations-only": Earlier("confounded", renamed={"parameters": "with"}),

@@ -111,7 +111,7 @@ POINTS_PER_KNOT = 8
 MISFIT_DOUBTFUL = 0.05
 """Doubtful misfit where its pattern cannot be seen (few points, a held phase, lines of a multisine): a
 twentieth is more than most noise, joints and sensors leave of a law that is right. With a pattern the limit
-is ``RELATIVE_CHANGE_NEGLIGIBLE``, without one ``RELATIVE_ERROR_DOUBTFUL`` (``identification/misfit``)."""
+is ``SYSTEMATIC_MISFIT_DOUBTFUL``, without one ``RELATIVE_ERROR_DOUBTFUL`` (``identification/misfit``)."""
 
 SUBSAMPLE_POINTS = 400
 """Points that suffice to come near the estimate; all points then need one or two steps more."""
@@ -123,8 +123,10 @@ ROUND_OFF = 1e-12
 """An effect, relative to the largest, that is only round-off of doubles through a thousand operations."""
 
 RELATIVE_CHANGE_NEGLIGIBLE = 0.01
-"""A value that moves by less than a hundredth is the same engineering number; a systematic misfit may move it
-by as much."""
+"""A value that moves by less than a hundredth is the same engineering number."""
+
+SYSTEMATIC_MISFIT_DOUBTFUL = RELATIVE_CHANGE_NEGLIGIBLE
+"""A misfit with a pattern may move values by as much as its size."""
 
 MIN_GAIN_OF_STEP = RELATIVE_CHANGE_NEGLIGIBLE**2
 """A step that lowers the sum of squares by less, in units of the noise, moves no parameter by a hundredth of

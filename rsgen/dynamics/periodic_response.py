@@ -7,7 +7,8 @@ a dense matrix, which is never made: its product with d is one of waveforms (FFT
 M. H. Schultz, SIAM J. Sci. Stat. Comput. 7 (1986) 856) solves with such products, preconditioned by the same
 tangent in central differences, whose sparse factors cost no more than some transforms. Newton's method starts
 from a trapezoidal integration over some periods, which follows the motion from rest as a structure does,
-whatever the law does to its resonance; the integration itself solves windows of steps together.
+whatever the law does to its resonance; the integration itself solves windows of steps together. Under a law
+with memory, or where that overflows, it starts from the motion of the slopes at rest.
 """
 
 from __future__ import annotations

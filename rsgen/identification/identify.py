@@ -60,11 +60,11 @@ _RESOLVED = 100.0
 
 def fit_all_harmonics(problem: Problem, start: Array) -> Fit:
     """Fit by the balance, then by the simulator where only that has all harmonics."""
-    found, sharp = _balance(problem, start)
+    found, needs_simulator = _balance(problem, start)
     observed = problem.observed
     if observed.points.load is not None and len(found.background):
         # a phase error turns all harmonics of the force, and is known by now
-        found, sharp = _balance(problem, found.regression.parameters)
+        found, needs_simulator = _balance(problem, found.regression.parameters)
     if problem.law.acts_across:
         # only the measured motion across is known, and no steady state is asked for
         return found
@@ -77,7 +77,7 @@ def fit_all_harmonics(problem: Problem, start: Array) -> Fit:
     # the corners of a memory are its force's, not jumps: what it misses is not theirs
     if problem.law.remembers and (runs_away(found) or law_misses(found)):
         return found
-    if sharp and not feeds and found.regression.noise * np.sqrt(2) < MISFIT_REJECTED:
+    if needs_simulator and not feeds and found.regression.noise * np.sqrt(2) < MISFIT_REJECTED:
         # a misfit between the simulator's own and noise: some points were not followed
         found = _refit_with_simulator(found)
         if (
@@ -93,21 +93,23 @@ def _balance(problem: Problem, parameters: Array) -> tuple[Fit, bool]:
     law = problem.law
     points = problem.observed.mode(problem.split(parameters)[2])
     few = problem.select(points.spread(SUBSAMPLE_POINTS)) if len(points) > 2 * SUBSAMPLE_POINTS else problem
-    sharp, before = law.rough or points.strong, None
-    near_sine = not (sharp or law.switched or law.remembers)
+    needs_simulator, before = law.rough or points.strong, None
+    near_sine = not (needs_simulator or law.switched or law.remembers)
     for order in (_FEW_HARMONICS, *_ORDERS) if near_sine else _ORDERS:
         refined = fit_balance(
             few, parameters, order=order, compared=BALANCE_HARMONICS, correct=few is problem
         )
         if before is not None:
             # what more harmonics would change is less than noise, or the simulator takes it up
-            sharp = not _alike(before.regression, refined.regression, len(few.observed.points) / len(points))
-            refined, order = (before, _ORDERS[0]) if sharp else (refined, order)
+            needs_simulator = not _alike(
+                before.regression, refined.regression, len(few.observed.points) / len(points)
+            )
+            refined, order = (before, _ORDERS[0]) if needs_simulator else (refined, order)
             parameters = refined.regression.parameters
             break
         parameters = refined.regression.parameters
         # a memory takes the simulator hundreds of cycles to settle
-        if law.remembers and sharp and refined.regression.noise > _ACCURACIES[0]:
+        if law.remembers and needs_simulator and refined.regression.noise > _ACCURACIES[0]:
             before = refined
             continue
         harmonics = np.abs(refined.harmonics[refined.regression.used, : order + 1])
@@ -117,17 +119,24 @@ def _balance(problem: Problem, parameters: Array) -> tuple[Fit, bool]:
             last *= last / max(float(np.max(higher[:, :2], initial=0.0)), HARMONIC_TRUNCATION)
         enough = last < max(HARMONIC_TRUNCATION, 1e-3 * refined.regression.noise / np.sqrt(len(points)))
         # nor do harmonics mend a law that misses by far, whose fits creep
-        if law.switched or sharp or enough or refined.regression.noise * np.sqrt(2) > MISFIT_REJECTED:
+        if (
+            law.switched
+            or needs_simulator
+            or enough
+            or refined.regression.noise * np.sqrt(2) > MISFIT_REJECTED
+        ):
             break
     noise = refined.regression.noise
-    sharp = (sharp or (law.switched and noise < _ACCURACIES[0])) and noise > _ACCURACIES[-1]
+    needs_simulator = (needs_simulator or (law.switched and noise < _ACCURACIES[0])) and noise > _ACCURACIES[
+        -1
+    ]
     if few is problem:
-        return refined, sharp
+        return refined, needs_simulator
     # what the simulator takes up needs no more than one step
-    steps = 1 if sharp else MAX_NEWTON_STEPS
+    steps = 1 if needs_simulator else MAX_NEWTON_STEPS
     return fit_balance(
         problem, parameters, order=order, compared=BALANCE_HARMONICS, steps=steps, near=noise
-    ), sharp
+    ), needs_simulator
 
 
 def _alike(one: Regression, other: Regression, share: float) -> bool:

@@ -33,6 +33,7 @@ from rsgen.common.tolerances import (
     STANDARD_ERRORS_OF_DIFFERENCE,
     START_HARMONICS,
     SUBSAMPLE_POINTS,
+    SYSTEMATIC_MISFIT_DOUBTFUL,
     interval_sigmas,
 )
 from rsgen.data.free_mode import fit_mode, hats, steady
@@ -66,7 +67,7 @@ def relative_misfit(fit: Fit) -> float:
 
 def law_misses(fit: Fit) -> bool:
     """Return True if a misfit is systematic and above a hundredth, so that intervals are too narrow."""
-    return fit.systematic and relative_misfit(fit) > RELATIVE_CHANGE_NEGLIGIBLE
+    return fit.systematic and relative_misfit(fit) > SYSTEMATIC_MISFIT_DOUBTFUL
 
 
 def misfit_findings(
@@ -107,7 +108,7 @@ def misfit_findings(
             found.append(Finding("misfit-large", severity, numbers=numbers))
         return found
     # with a systematic misfit above a hundredth, intervals are too narrow
-    severity = severity_of(misfit, RELATIVE_CHANGE_NEGLIGIBLE, MISFIT_REJECTED)
+    severity = severity_of(misfit, SYSTEMATIC_MISFIT_DOUBTFUL, MISFIT_REJECTED)
     names, left = dict[str, str](), misfit
     if severity != "error":
         term = max(others.kinds["term"], key=lambda term: others.kinds["term"][term].gain)
@@ -119,7 +120,9 @@ def misfit_findings(
             names = {"free": "curves"} if curves < factors else {"levels": "force"}
             explained = min(curves, factors) * misfit
         if explained < (1 - MIN_MISFIT_REDUCTION) * misfit:
-            severity, numbers = "doubt", numbers | quantities(left=explained)
+            numbers |= quantities(left=explained)
+            # gains of the levels are no other law: they are as doubtful as the misfit is large
+            severity = severity if "levels" in names else "doubt"
         else:
             names = {}
     known = not any(finding.code in _CODES_OF_RESPONSE for finding in surface.findings)

@@ -19,6 +19,7 @@ from rsgen.analysis.fits import ComparedFit, FitComparison, compare_fits, errors
 from rsgen.common.arrays import Array
 from rsgen.common.finding import Finding, StatedVerdict, Verdict
 from rsgen.common.output import read_small
+from rsgen.common.tolerances import interval_sigmas
 from rsgen.data.multisine import BestLinear, MultisineSpectra
 from rsgen.data.surface import ResponseSurface
 from rsgen.describing import PrintedComparison, derive
@@ -427,7 +428,8 @@ def _read_estimate(row: Mapping[str, Any], numbers: Mapping[str, Any]) -> Estima
     """Read what ``_estimate`` wrote; what is fixed has no error, and an older background no interval."""
     value = _number(numbers.get("value"))
     error = _number(numbers.get("standard_error"), math.inf)
-    low, high = numbers.get("interval", (value - 2 * error, value + 2 * error))
+    half = float(interval_sigmas()) * error
+    low, high = numbers.get("interval", (value - half, value + half))
     interval = (_number(low, -math.inf), _number(high, math.inf))
     by_profile = numbers.get("interval_by") == "profile"
     return Estimate(str(row["name"]), value, error, interval, str(row["unit"]), by_profile=by_profile)

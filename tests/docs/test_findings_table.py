@@ -26,7 +26,7 @@ def test_every_finding_has_a_place_and_a_severity() -> None:
         (
             "law-does-not-fit",
             "rsgen.identification.misfit.misfit_findings",
-            ("RELATIVE_CHANGE_NEGLIGIBLE", 0.01),
+            ("SYSTEMATIC_MISFIT_DOUBTFUL", 0.01),
         ),
     ],
 )

@@ -22,7 +22,7 @@ LIMIT = 60
 _PARTS = ("rsgen", "tests", "cases", "docs", "templates", "benchmarks", "reports")
 """Folders that tests read."""
 
-_COMPILE = ("compiled.py", "machine_code.py", "store.py")
+_COMPILE = ("compiled.py",)
 """Files of the kernel behind its source: what they do to it is not in the names of compiled kernels."""
 
 

@@ -247,6 +247,12 @@ def test_band_is_linear_propagation_of_the_covariance() -> None:
     np.testing.assert_allclose(damping, 1.959964 * np.sqrt(variance[0]), rtol=1e-6)
 
 
+def test_a_fit_that_did_not_converge_has_no_band() -> None:
+    refined = tuple(replace(one, standard_error=np.inf) for one in IDENTIFICATION.refined)
+    _, stiffness, damping = refined_band(replace(IDENTIFICATION, refined=refined), np.array([0.01]))
+    assert np.isnan([stiffness, damping]).all()
+
+
 @pytest.mark.slow
 def test_a_parameter_that_is_not_identifiable_leaves_the_points() -> None:
     from dataclasses import replace

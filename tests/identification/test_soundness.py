@@ -115,6 +115,16 @@ def test_a_gain_of_the_force_that_changes_from_level_to_level_is_named(
         assert "another factor of the force at each level" in sentence(found)
 
 
+def test_gains_of_some_tenths_of_a_per_cent_are_named_and_no_doubt() -> None:
+    exact = surface("cubic")
+    levels, place = np.unique(exact.level, return_inverse=True)
+    gain = 1 + 0.004 * np.random.default_rng(3).normal(size=len(levels))[place]
+    found = identify(noisy(changed(exact, force=exact.force / gain), 1e-3, 1), model("cubic"))
+    assert found.verdict.state == "identified"
+    (said,) = (finding for finding in found.findings if finding.code == "law-does-not-fit")
+    assert (said.severity, said.names) == ("warning", {"levels": "force"})
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize(("noise", "expected"), [(0.03, ""), (0.14, "doubt"), (0.5, "error")])
 def test_noise_is_judged_by_its_size(noise: float, expected: str) -> None:

@@ -165,6 +165,10 @@ def test_records_are_held_out_by_their_labels() -> None:
     assert held_out_records(spectra, (2,)).tolist() == [False, True, False]
     assert held_out_records(spectra, (6,)).tolist() == [False, False, True]
     assert held_out_records(spectra.select([2, 1, 0]), (1,)).tolist() == [False, False, True]
+    # a label may have several amounts, and an amount several labels
+    several = MultisineSpectra([1.0, 1.3, 1.0, 5.0], 1.0, lines[[0] * 4], lines[[0] * 4], label=[1, 1, 2, 3])
+    assert held_out_records(several, (1.0,)).tolist() == [True, True, False, False]
+    assert held_out_records(several, (5.0,)).tolist() == [False, False, False, True]
     # a label within its printed digits, as of a surface; the refusal lists labels
     thirds = replace(spectra, label=np.array([1 / 3, 2 / 3, 1.0]))
     assert held_out_records(thirds, (0.667,)).tolist() == [False, True, False]

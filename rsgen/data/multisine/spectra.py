@@ -14,7 +14,7 @@ from rsgen.common.errors import MeasurementError, RsgenError
 from rsgen.common.finding import Finding
 from rsgen.common.text_table import Printed, TextTable, short
 from rsgen.common.tolerances import ROUND_OFF, STANDARD_ERRORS_OF_DIFFERENCE
-from rsgen.data.surface.response_surface import LEVEL_ROUND_OFF, find_level, list_levels
+from rsgen.data.surface.response_surface import LEVEL_ROUND_OFF, list_levels, match_level
 
 if TYPE_CHECKING:
     from rsgen.data.oscillator import Observation
@@ -374,9 +374,13 @@ def held_out_records(spectra: MultisineSpectra, levels: tuple[float, ...]) -> ND
     """
     held = np.zeros(len(spectra), dtype=bool)
     for asked in levels:
-        level = find_level(spectra.level, spectra.label, asked)
-        if level is None:
+        label = None if spectra.label is None else match_level(np.unique(spectra.label), asked)
+        level = match_level(spectra.levels, asked)
+        if label is not None:
+            held |= spectra.label == label
+        elif level is not None:
+            held[spectra.at_level(level)] = True
+        else:
             tested = list_levels(spectra.level, spectra.label)
             raise RsgenError(f"identify.hold_out: {asked:g} N is not tested; tested are {tested} N")
-        held[spectra.at_level(level)] = True
     return held

@@ -103,10 +103,9 @@ def find_level(level: Array, label: Array | None, asked: float) -> float | None:
 
 def list_levels(level: Array, label: Array | None) -> str:
     """Return all levels as a message lists them, with their labels where they have any."""
-    levels = np.unique(level)
     if label is None:
-        return ", ".join(f"{one:g}" for one in levels)
-    return ", ".join(f"{one:g} (label {label[level == one][0]:g})" for one in levels)
+        return ", ".join(f"{one:g}" for one in np.unique(level))
+    return ", ".join(f"{one:g} (label {name:g})" for one, name in np.unique([level, label], axis=1).T)
 
 
 _CONTROLLED = {

@@ -9,7 +9,8 @@ event (ibid., Sec. II.6); dry friction may hold the mass until the applied force
 written as products and each law has its own source, because the force is evaluated four times in each step.
 
 The source is the template ``templates/kernel/kernel.py.j2``, with ``events.py.j2`` and ``together.py.j2`` for
-laws with switches. What this module writes into it refers to variables of the template:
+laws with switches, ``reversals.py.j2`` and ``in_turn.py.j2`` for laws of Masing type. What this module writes
+into it refers to variables of the template:
 
     x, v, a         displacement, velocity, acceleration; xn, vn: at the end of the step
     p0, p1, ...     parameters, in ``parameter_order``

@@ -10,8 +10,9 @@ them: the harmonic balance is asked for the force at an amplitude, the simulator
 Gauss-Newton steps eliminate each n_j before they solve for p: a test has many points and few values.
 
 ``fit_balance`` first takes plain differences, which converge from far, and excludes outliers. Where the
-misfit is noise and the law smooth, it fits the same points again by logarithms of the ratios, whose errors
-have one size at all amplitudes, and subtracts the bias of second order in the noise. ``fit_simulator`` does
+misfit is above that of exact data (``MISFIT_OF_NOISE``) and the law has no jump or corner, it fits the same
+points again by logarithms of the ratios, whose errors have one size at all amplitudes, and subtracts the bias
+of second order in the noise. ``fit_simulator`` does
 the last step with the steady states of the simulator, whose derivatives are renewed a few times only.
 """
 

@@ -287,9 +287,10 @@ def _misfit_findings(fit: LineFit, misfit: float, noise: float, widening: float)
         return found
     # a misfit of exact data exceeds the noise, which is zero there
     if ratio < max_misfit_of_noise(fit) or misfit < MISFIT_NEGLIGIBLE:
+        # scatter of the periods is in every interval, so that noise alone is doubted late
         severity = "doubt" if misfit > MISFIT_REJECTED else "warning"
         large = Finding("misfit-large", severity, numbers=quantities(misfit=misfit))
-        return [large] if misfit > 2 * MISFIT_DOUBTFUL else []
+        return [large] if misfit > RELATIVE_ERROR_DOUBTFUL else []
     severity, size = (
         severity_of(misfit, MISFIT_DOUBTFUL, MISFIT_REJECTED),
         quantities(misfit=misfit, times=ratio),

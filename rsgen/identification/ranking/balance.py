@@ -9,7 +9,8 @@ and it changes with the measured harmonics and force by J (z - z0). The covarian
 of the measurement. Multiplied by the inverse of its root every row has unit noise, whatever law is tried: the
 errors-in-variables step of Britt and Luecke, The estimation of parameters in nonlinear, implicit models,
 Technometrics 15 (1973). Laws can then be compared by linear least squares along one motion, without a
-harmonic balance for each of them.
+harmonic balance for each of them. J is that of the best law so far; harmonics that were not measured have a
+large noise.
 
 A background in the response moves z; its values join the rows linearly, so that every candidate has the
 background that suits it.

@@ -48,7 +48,7 @@ from rsgen.law.element import Element
 from rsgen.law.motion import Motion, feeds_exciter
 from rsgen.law.numeric import ForceLaw
 
-_HARMONICS_WITH_JUMPS = 31
+_HARMONICS_OF_ROUGH = 31
 """Harmonics of the waveform along which laws with jumps and corners are compared."""
 
 _SIMULATION_TOLERANCE = 3e-5
@@ -222,7 +222,7 @@ def _simulate_amplitudes(
             oscillator,
             force,
             points.omega / (2 * np.pi),
-            harmonics=_HARMONICS_WITH_JUMPS,
+            harmonics=_HARMONICS_OF_ROUGH,
             accuracy=_SIMULATION_TOLERANCE,
             start=start,
         )
@@ -252,7 +252,7 @@ def _simulate_amplitudes(
         return None
     # turned to a fundamental of phase zero
     lag = np.angle(states.harmonics[chosen, 1])
-    harmonics = states.harmonics[chosen] * np.exp(-1j * lag)[:, None] ** np.arange(_HARMONICS_WITH_JUMPS + 1)
+    harmonics = states.harmonics[chosen] * np.exp(-1j * lag)[:, None] ** np.arange(_HARMONICS_OF_ROUGH + 1)
     drive, turn = drive[chosen] * np.exp(-1j * lag), found.turn[chosen] + lag
     motion = predicted_motion(observed.select(chosen), background, harmonics, drive, turn)
     return Reference(chosen, motion, law, values, mass)

@@ -7,8 +7,9 @@ is linear in (the stiffness and the force of a saturation) is searched by its ra
 or minus one, and the factor is solved for.
 
 A window is the range of a parameter in which the shape of a term changes along the measured motion; outside,
-the term is another law (a gap that is never reached). Of solutions that fit equally the one with the most
-values without effect is taken, then the one with positive values.
+the term is another law (a gap that is never reached). Of solutions that fit equally the one is taken at which
+most linear parameters cannot be told from each other (the largest null space): it shows what the test does
+not determine. Then positive values are preferred.
 """
 
 from __future__ import annotations

@@ -172,6 +172,9 @@ def standard_errors(
     if covariance.shape != (len(rows), len(rows)):
         return np.zeros(centre.shape)
     widths = {name: identification[name].standard_error for name in names if name in rows}
+    if any(np.isinf(width) and identification[name].identifiable for name, width in widths.items()):
+        # a fit that did not converge has no errors
+        return np.full(centre.shape, np.nan)
     moving = {name: width for name, width in widths.items() if np.isfinite(width) and width > 0}
     slopes = np.zeros((len(moving), *centre.shape))
     for slope, (name, width) in zip(slopes, moving.items(), strict=True):
