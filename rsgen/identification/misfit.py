@@ -226,7 +226,7 @@ def force_factors_leave(fit: Fit) -> float:
     """
     problem, parameters = fit.problem, fit.regression.parameters
     observed = problem.observed
-    louder = replace(observed, points=replace(observed.points, force=np.e * observed.points.force))
+    louder = replace(observed, points=replace(observed.points, force=np.exp(1.0) * observed.points.force))
     residual, matrix = linearise_extended(fit, problem, parameters)
     column = linearise_extended(fit, replace(problem, observed=louder), parameters)[0] - residual
     levels = observed.points.level[fit.regression.used]
