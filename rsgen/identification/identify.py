@@ -127,9 +127,8 @@ def _balance(problem: Problem, parameters: Array) -> tuple[Fit, bool]:
         ):
             break
     noise = refined.regression.noise
-    needs_simulator = (needs_simulator or (law.switched and noise < _ACCURACIES[0])) and noise > _ACCURACIES[
-        -1
-    ]
+    needs_simulator |= law.switched and noise < _ACCURACIES[0]
+    needs_simulator &= noise > _ACCURACIES[-1]
     if few is problem:
         return refined, needs_simulator
     # what the simulator takes up needs no more than one step

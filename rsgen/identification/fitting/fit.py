@@ -12,8 +12,8 @@ Gauss-Newton steps eliminate each n_j before they solve for p: a test has many p
 ``fit_balance`` first takes plain differences, which converge from far, and excludes outliers. Where the
 misfit is above that of exact data (``MISFIT_OF_NOISE``) and the law has no jump or corner, it fits the same
 points again by logarithms of the ratios, whose errors have one size at all amplitudes, and subtracts the bias
-of second order in the noise. ``fit_simulator`` does
-the last step with the steady states of the simulator, whose derivatives are renewed a few times only.
+of second order in the noise. ``fit_simulator`` does the last step with the steady states of the simulator,
+whose derivatives are renewed a few times only.
 """
 
 from __future__ import annotations
