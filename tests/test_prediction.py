@@ -9,6 +9,8 @@ from scipy.interpolate import CubicSpline
 from rsgen.common.errors import RsgenError
 from rsgen.data.oscillator import Model, Observation, Oscillator
 from rsgen.data.surface import ResponseSurface
+from rsgen.dynamics.simulation import simulate
+from rsgen.dynamics.virtual_test import MultisineTest, SimulatedTest
 from rsgen.identification.identify import identify
 from rsgen.identification.prediction import Prediction, predict
 from tests.surfaces import changed, model, noisy, surface
@@ -231,6 +233,33 @@ def test_held_out_amplitudes_are_in_metres() -> None:
     assert {item.level_unit for item in prediction.held_out} == {"m"}
     # amplitudes are no forces to predict
     assert table.levels[2] not in [curve.level for curve in prediction]
+
+
+def test_held_amplitudes_are_predicted_on_unstable_branches_too() -> None:
+    # a force near a fold determines no amplitude: the point was predicted on another branch, 60 % off
+    hardening = Oscillator(1.5, "k*x + k3*x**3 + c*v", {"k": 5920.0, "k3": 3e5, "c": 6.0})
+    test = SimulatedTest(np.linspace(0.02, 0.06, 9), [9, 10, 11, 12], control="continuation")
+    table = simulate(hardening, test)
+    assert not table.stable[table.level == table.levels[-2]].all()
+    found = identify(table, Model(hardening.elements, None, Observation(hold_out=(table.levels[-2],))))
+    (item,) = predict(found, surface=table).held_out
+    assert item.error < EXACT
+    assert item.missing == 0
+
+
+def test_a_law_of_a_multisine_predicts_resonance_curves() -> None:
+    linear = Oscillator(1.5, "k*x + c*v", {"k": 5920.0, "c": 6.0})
+    spectra = simulate(linear, MultisineTest([3, 5], band=(2.5, 20), period=2, noise_relative=0.01))
+    found = identify(spectra, "k*x + c*v", Observation(hold_out=(5,)))
+    both, alone = predict(found, [4.0]), predict(found)
+    assert [record.level for record in both.records] == [record.level for record in alone.records] == [5.0]
+    assert not alone.curves
+    curve = both[4.0]
+    omega = 2 * np.pi * curve.frequency
+    exact = 4.0 / np.abs(5920.0 - 1.5 * omega**2 + 6j * omega)
+    # two half widths are four standard errors
+    assert np.all(np.abs(curve.amplitude - exact) < 2 * (curve.upper - curve.amplitude))
+    assert np.all(curve.upper - curve.amplitude < 0.01 * exact)
 
 
 def test_curves_are_predicted_at_the_measured_force() -> None:

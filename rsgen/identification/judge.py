@@ -33,7 +33,7 @@ from rsgen.identification.fitting.points import (
     Points,
     gap_of,
     loop_error,
-    refuse_unknown_mass,
+    refuse_resonance_alone,
     select_points,
 )
 from rsgen.identification.fitting.repeats import Repeats, gather_repeats
@@ -114,7 +114,7 @@ def prepare(surface: ResponseSurface, model: Model) -> Prepared:
     surface, repeats = gather_repeats(surface, model.sensors)
     points = select_points(surface, model)
     law = law_of(model.elements, points)
-    refuse_unknown_mass(points, model, remembers=law.remembers)
+    refuse_resonance_alone(points, model, remembers=law.remembers)
     background = model.observation.background not in ("none", "phase")
     refuse_across(model.sensors, background=background, phases=not surface.phase_known)
     observed = Observed.of(points, model.observation.background)

@@ -100,7 +100,7 @@ class _Likelihood:
 
     def __init__(self, found: Fit) -> None:
         problem = found.problem.select(np.flatnonzero(found.regression.used))
-        self._order = max(BALANCE_HARMONICS, *problem.observed.recorded)
+        self._order = max((BALANCE_HARMONICS, *problem.observed.recorded))
         self._near = fit_near(problem, found.regression.parameters, order=self._order)
         base = refit_weighted(self._near, problem, self._near.regression.parameters, order=self._order)
         self._problem, self._noise, self._cost = problem, base.noise, _cost(base)

@@ -40,6 +40,14 @@ def test_points_at_resonance_alone_are_refused_without_a_mass(lag: float, noise:
             use(surface, LAW)
 
 
+@pytest.mark.parametrize("background", ["constant", "residuals", "neighbour", "constant+offset"])
+def test_a_background_is_not_determined_at_resonance_alone(background: str):
+    # it was fitted, and the result rejected as of a structure that feeds energy into the exciter
+    observation = rsgen.Observation(background=background)
+    with pytest.raises(rsgen.RsgenError, match="all points lie at phase resonance"):
+        rsgen.identify(locked(), LAW, observation, mass=MASS)
+
+
 @pytest.mark.slow
 def test_a_stiffness_comes_per_kilogram_of_the_mass_that_is_given():
     found = rsgen.identify(locked(), LAW, mass=1.0)

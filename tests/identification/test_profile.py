@@ -79,6 +79,18 @@ def test_a_gap_only_just_passed_has_a_lopsided_interval() -> None:
     assert not found["k"].by_profile
 
 
+def test_a_gap_has_an_interval_without_phases_too() -> None:
+    # identification ended in a TypeError: no harmonic is recorded with a phase
+    test = SimulatedTest([2.0, 5.0, 8.0], np.linspace(8, 13, 25), noise_relative=0.01)
+    table = simulate(Oscillator(1.5, GAP, STOP | {"b": 0.01}), test)
+    bare = ResponseSurface(
+        table.level, table.frequency, np.abs(table.force), table.amplitude, phase_known=False
+    )
+    found = identify(bare, GAP)
+    low, high = profile(found, "b").interval
+    assert low < 0.01 < high < 1.1 * low
+
+
 @pytest.mark.thorough
 def test_a_stop_that_is_barely_touched_is_bounded_to_one_side() -> None:
     # a rigid stop a little further away explains the touch as well

@@ -21,7 +21,7 @@ from rsgen.identification.fitting.points import (
     Points,
     mass_needs,
     per_unit_mass,
-    refuse_unknown_mass,
+    refuse_resonance_alone,
     select_points,
 )
 from rsgen.identification.fitting.repeats import gather_repeats
@@ -58,7 +58,7 @@ def _faults_of(table: Any, case: Case) -> list[str]:
         return [f"model: {text}" for text in _rank_faults(case, table, points)]
     if case.oscillator is None:
         model = per_unit_mass(table, case.model)[1]
-        refuse_unknown_mass(points, model, remembers=compile_law(model.force).remembers)
+        refuse_resonance_alone(points, model, remembers=compile_law(model.force).remembers)
     return []
 
 

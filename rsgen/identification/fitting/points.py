@@ -328,17 +328,23 @@ def mass_needs(points: Points, model: Model) -> str:
     return "points off phase resonance" if at_resonance_alone(points) else ""
 
 
-def refuse_unknown_mass(points: Points, model: Model, *, remembers: bool) -> None:
-    """Refuse points at phase resonance alone for a law that needs the mass for its stiffness.
+def refuse_resonance_alone(points: Points, model: Model, *, remembers: bool) -> None:
+    """Refuse points at phase resonance alone for a background, and for a law whose stiffness needs the mass.
 
     k(X) = m omega^2 holds there for every m. A law with memory has its stiffness in the area of its loops; a
-    value that is fixed, or the motion across two sensors, may determine the mass.
+    value that is fixed, or the motion across two sensors, may determine the mass. The receptance of the mode,
+    1/(i omega c), and a background are one complex number at each amplitude.
 
     Raises
     ------
     RsgenError
-        The mass is not known, and no point determines it.
+        The mass is not known, and no point determines it; or a background beyond a phase error is asked for.
     """
+    if model.observation.background not in ("none", "phase") and at_resonance_alone(points):
+        raise RsgenError(
+            f"background: {model.observation.background!r}; all points lie at phase resonance, where mode and "
+            'background cannot be separated; leave it out, take "phase", or add points off phase resonance'
+        )
     if not (model.fixed or model.sensors or remembers) and at_resonance_alone(points):
         raise RsgenError(
             "the test does not determine the mass, for all points lie at phase resonance; give it, or points "

@@ -229,8 +229,14 @@ class AmplitudeBalance:
         return np.where(last > 0, omega, np.nan)
 
     def respond(self, mode: ResponseSurface) -> ComplexArray:
-        """Return the complex fundamental (n,) [m] on the stable branch nearest to the measured one."""
+        """Return the complex fundamental (n,) [m] on the stable branch nearest to the measured one.
+
+        Where the test held the amplitude, the predicted force at that amplitude is compared with the measured
+        one, as X F/F_predicted: near a fold, and on an unstable branch, a force determines no amplitude.
+        """
         force, omega, near = mode.force, mode.omega, mode.amplitude
+        if mode.response_held:
+            return np.asarray(near * force / self.solve(near, omega).force)
         level = np.abs(force)
         size, ok = self._newton_amplitude(level, omega, np.array(near))
         if not ok.all():
@@ -359,6 +365,8 @@ class MeasuredBalance(AmplitudeBalance):
         def force_at(size: Array) -> ComplexArray:
             return forward(self._values, self._mass, size).force
 
+        if mode.response_held:
+            return np.asarray(measured * mode.force / force_at(measured))
         ratios = _AMPLITUDE_RATIOS
         table = np.array([np.abs(force_at(share * measured)) - level for share in ratios])
         crossed = (table[:-1] < 0) != (table[1:] < 0)

@@ -93,7 +93,8 @@ class HeldOutLevel:
     frequency
         (n,) [Hz], ascending.
     measured, predicted
-        (n,) complex fundamental X_1 [m] at the measured force; predicted is NaN without a steady state.
+        (n,) complex fundamental X_1 [m] at the measured force; predicted is NaN without a steady state. Where
+        the test held the amplitude it is X_1 F/F_predicted, with the force that this amplitude needs.
     error
         Root mean square of predicted - measured over that of measured [1].
     largest_error
@@ -140,8 +141,7 @@ class Prediction(Printed):
     findings
         Levels beyond the tested amplitudes, without a curve, with points that are not predicted.
     records
-        One for each predicted record of a multisine; curves and scores, which are of single sines, are then
-        empty.
+        One for each predicted record of a multisine; scores of single sines are then empty.
     """
 
     curves: tuple[ResonanceCurve, ...]
@@ -182,7 +182,7 @@ class Prediction(Printed):
         return data_frame(columns)
 
     def _table(self) -> TextTable:
-        if self.records:
+        if self.records and not self.curves:
             scores = [(short(one.level), short(one.error, 3), short(one.noise, 2)) for one in self.records]
             of_records = ("level rms [N]", "error rms", "noise rms")
             return TextTable(of_records, tuple(scores), notes=tuple(map(repr, self.findings)))

@@ -153,7 +153,7 @@ def predict(
         held-out ones.
     surface
         Where the held-out levels were measured; None: no score. Of a multisine every record of these spectra
-        is predicted, None: those of the held-out levels; ``levels`` and ``band`` are not used.
+        is predicted, None: those of the held-out levels; curves, under a sine, only of ``levels`` asked for.
     band
         Lowest and highest frequency [Hz] of the curves; None: the tested range and a little more, of an
         oscillator the resonances with their flanks.
@@ -171,8 +171,11 @@ def predict(
     0.015
     """
     require(found, (Identification, ModalTable, Oscillator), "found")
+    records: Prediction | None = None
     if isinstance(found, MultisineIdentification):
-        return predict_multisine(found, cast("MultisineSpectra | None", surface))
+        records, surface = predict_multisine(found, cast("MultisineSpectra | None", surface)), None
+        if levels is None:
+            return records
     table, mass = None, found.mass
     if isinstance(found, ModalTable):
         table, found = found, table_as_identification(found)
@@ -202,7 +205,10 @@ def predict(
         findings += _missed(held_out, surface, found.residual, by_law=table is None)
         if curves and surface.base in ("displacement", "velocity"):
             findings.append(Finding("curves-of-constant-acceleration", "info", names={"base": surface.base}))
-    return Prediction(curves, held_out, (*balance.findings, *_findings(tested, curves, held_out), *findings))
+    findings = [*balance.findings, *_findings(tested, curves, held_out), *findings]
+    if records is None:
+        return Prediction(curves, held_out, tuple(findings))
+    return Prediction(curves, held_out, (*findings, *records.findings), records.records)
 
 
 def predict_records(found: MultisineIdentification) -> Prediction:

@@ -1,0 +1,339 @@
+"""Two tables of what each kind of test can do, made by doing it: ``docs/capabilities.md``.
+
+Every row is a virtual test with 1 % noise of one cubic structure, every column something that a user asks
+of it. A cell is "yes" where the answer is true: values within five standard errors, the right law first, a
+held-out level met. Otherwise it is the sentence of the refusal.
+
+``python -m tests.capabilities`` writes the page anew from the columns that each row refuses; the tests
+try every cell.
+"""
+
+from __future__ import annotations
+
+import functools
+import tempfile
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+import rsgen as rs
+from rsgen.app.cli import main
+from rsgen.data.multisine import MultisineSpectra
+from rsgen.data.oscillator import BACKGROUNDS, OFFSET
+from tests.surfaces import changed
+
+LAW = "k*x + k3*x**3 + c*v"
+TRUTH = {"k": 5920.0, "k3": 3e5, "c": 6.0}
+MASS = 1.5
+RIVALS = (LAW, "k*x + c*v", "k*x + c*v + Ff*sign(v)", "k*x + k5*x**5 + c*v")
+MAX_STANDARD_ERRORS = 5.0
+MAX_ERROR_HELD_OUT = 0.1
+
+Records = rs.ResponseSurface | MultisineSpectra
+
+_CASE = """schema = 1
+name   = "capability"
+title  = "Capability"
+
+[system]
+mass = "1.5 kg"
+
+[[element]]
+name  = "all"
+force = "{law}"
+
+[truth]
+k  = "5.92 kN/m"
+k3 = "3e5 N/m^3"
+c  = "6 N*s/m"
+
+[test]
+{test}
+"""
+_NOISE = "noise = { relative = 0.01, seed = 3 }"
+_STEPPED = 'kind = "simulated"\nfrequency = { start = 8, stop = 13, count = 31 }\n' + _NOISE
+_FORCES = 'level = { values = ["2 N", "5 N", "8 N", "12 N"] }'
+_AMPLITUDES = 'level = { values = ["10 mm", "20 mm", "30 mm", "40 mm"] }'
+_MULTISINE = f"""kind = "simulated-multisine"
+level = {{ values = ["3 N", "5 N", "8 N"] }}
+band = ["2.5 Hz", "20 Hz"]
+period = "4 s"
+{_NOISE}"""
+
+
+@dataclass(frozen=True)
+class Row:
+    """A kind of test.
+
+    Parameters
+    ----------
+    test
+        The table [test] of its case file.
+    known
+        Keyword arguments of ``identify``: what is known beforehand.
+    change
+        What is done to the virtual records before they are identified.
+    law
+        One formula, or elements.
+    values
+        True values of what is identified; None: those of the structure.
+    refused
+        Columns with a no that physics asks for, each with its reason.
+    """
+
+    test: str
+    known: Mapping[str, Any] = field(default_factory=dict)
+    change: Callable[[Any], Records] = lambda records: records
+    law: Any = LAW
+    values: Mapping[str, float] | None = None
+    refused: Mapping[str, str] = field(default_factory=dict)
+
+    @property
+    def case(self) -> str:
+        """Text of the case file."""
+        return _CASE.format(law=LAW, test=self.test)
+
+    @functools.cached_property
+    def records(self) -> Records:
+        """The records that are identified."""
+        with tempfile.TemporaryDirectory() as folder:
+            path = Path(folder) / "case.toml"
+            path.write_text(self.case)
+            case = rs.load_case(path)
+        assert case.oscillator is not None
+        return self.change(rs.simulate(case.oscillator, case.test))
+
+    @property
+    def level(self) -> float:
+        """The level that is held out: the second largest, or its label."""
+        return float(self.records.levels[-2])
+
+    def identify(self, observation: rs.Observation | None = None, **known: Any) -> rs.Identification:
+        """Identify the law, and check what was found."""
+        found = rs.identify(self.records, self.law, observation, **{**self.known, **known})
+        assert found.verdict.usable, str(found.verdict)
+        for name, value in (TRUTH if self.values is None else self.values).items():
+            estimate = found[name]
+            error = abs(estimate.value - value)
+            assert error <= MAX_STANDARD_ERRORS * estimate.standard_error, f"{name}: {estimate.value:.4g}"
+        return found
+
+
+def _ranked(row: Row) -> None:
+    ranking = rs.rank(row.records, RIVALS, mass=row.known.get("mass"))
+    right = next(candidate for candidate in ranking if candidate.values.keys() - {"m"} == TRUTH.keys())
+    assert right.tied or right is ranking.candidates[0], f"{right.name} is not among the best"
+    assert ranking.fits, str(ranking.verdict)
+
+
+def _held_out(row: Row) -> None:
+    found = row.identify(rs.Observation(hold_out=(row.level,)))
+    prediction = rs.predict(found, surface=row.records)
+    scores = [level.error for level in (*prediction.held_out, *prediction.records)]
+    assert scores, str(prediction)
+    assert max(scores) < MAX_ERROR_HELD_OUT, f"a held-out level is off by {max(scores):.2g}"
+
+
+def _predicted(row: Row) -> None:
+    level = float(np.sqrt(row.records.levels[-2] * row.records.levels[-1]))
+    curves = rs.predict(row.identify(), [level])
+    assert curves.curves
+
+
+def _fixed(row: Row) -> None:
+    row.identify(fixed={"c": TRUTH["c"] * (row.values or TRUTH)["c"] / TRUTH["c"]})
+
+
+def _profile(row: Row) -> None:
+    assert np.isfinite(rs.profile(row.identify(), "k3").interval).all()
+
+
+def _modal(row: Row) -> None:
+    table = rs.modal_table(row.records, mass=row.known.get("mass"))
+    assert len(table.amplitude)
+    assert np.isfinite(table.frequency).all()
+
+
+def _page(row: Row) -> None:
+    with tempfile.TemporaryDirectory() as folder:
+        rs.write_report(folder, row.records, row.identify())
+        assert (Path(folder) / "report.html").stat().st_size
+
+
+def _notebook(row: Row) -> None:
+    """Run the case as a user does: simulation, page, notebook."""
+    if row.law is not LAW:
+        rs.simulate(rs.Oscillator(MASS, row.law, dict(row.values or TRUTH)), rs.SimulatedTest([1], [10]))
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder) / "case.toml"
+        path.write_text(row.case)
+        with pytest.raises(SystemExit, match="0"):
+            main(["run", str(path), "--out", f"{folder}/reports"])
+        assert list(Path(folder).rglob("notebook.ipynb"))
+
+
+def _background(kind: str) -> Callable[[Row], None]:
+    def identify(row: Row) -> None:
+        row.identify(rs.Observation(background=kind))
+
+    return identify
+
+
+COLUMNS: dict[str, Callable[[Row], object]] = {
+    "identify": Row.identify,
+    "rank": _ranked,
+    **{f"background: {kind}": _background(kind) for kind in (*BACKGROUNDS[1:], "constant" + OFFSET)},
+    "modal table": _modal,
+    "predict": _predicted,
+    "hold out": _held_out,
+    "fixed": _fixed,
+    "profile": _profile,
+    "page": _page,
+    "virtual test, notebook": _notebook,
+}
+
+NO_FORCE = "a free decay has no force that a background could follow"
+NOT_DETERMINED = "not determined by points at phase resonance alone"
+BETWEEN = "the structure between the sensors is not modelled"
+REASONS = (NO_FORCE, NOT_DETERMINED, BETWEEN)
+"""All that a "no" may have."""
+
+OPEN = "not yet"
+"""A cell that has to become yes."""
+
+
+def _refused(columns: Iterable[str], reason: str) -> dict[str, str]:
+    return dict.fromkeys(columns, reason)
+
+
+_BACKGROUNDS = tuple(f"background: {kind}" for kind in (*BACKGROUNDS[2:], "constant" + OFFSET))
+EXCITATIONS = {
+    "stepped sine, force": Row(f"{_FORCES}\n{_STEPPED}"),
+    "stepped sine, response": Row(f'control = "response"\n{_AMPLITUDES}\n{_STEPPED}'),
+    "stepped sine, phase (three lags)": Row(
+        f'control = "phase"\nphase = {{ lags = ["60 deg", "90 deg", "120 deg"] }}\n{_FORCES}\n{_STEPPED}'
+    ),
+    "stepped sine, phase resonance alone": Row(
+        f'control = "phase"\nlevel = {{ start = 1, stop = 12, count = 24 }}\n{_STEPPED}',
+        {"mass": MASS},
+        refused=_refused(_BACKGROUNDS, NOT_DETERMINED),
+    ),
+    "continuation": Row(
+        'control = "continuation"\nlevel = { start = "3 mm", stop = "60 mm", count = 24 }\n'
+        + _STEPPED.replace("count = 31", "count = 6")
+    ),
+    "multisine": Row(
+        _MULTISINE,
+        refused=_refused(("rank", "background: phase", *_BACKGROUNDS, "modal table", "profile"), OPEN),
+    ),
+}
+
+
+def _without_phase(table: rs.ResponseSurface) -> rs.ResponseSurface:
+    return rs.ResponseSurface(
+        table.level, table.frequency, np.abs(table.force), table.amplitude, sweep="rest", phase_known=False
+    )
+
+
+def _joined(table: rs.ResponseSurface) -> rs.ResponseSurface:
+    """Add the motion across a joint, seen by a gauge, whose cubic force acts on the mass."""
+    count, order = len(table), table.harmonics.shape[1]
+    across = (0.3 - 0.1j) ** (np.arange(order) > 0) * table.harmonics
+    across[:, 0] = across[:, 0].real
+    wave = np.fft.irfft(np.pad(across, ((0, 0), (0, 32))) * np.r_[1, np.full(order + 31, 0.5)], axis=1)
+    joint = np.fft.rfft(JOINT * (wave * wave.shape[1]) ** 3, axis=1)[:, :order] / wave.shape[1]
+    force = joint * np.r_[1, np.full(order - 1, 2)]
+    force[:, 1] += table.force
+    noise = np.random.default_rng(4).normal(size=(count, order, 2)) @ [1, 1j] * 0.01 / np.sqrt(2)
+    noise[:, 0] = noise[:, 0].real
+    return changed(
+        table,
+        force=force[:, 1],
+        force_harmonics=force,
+        across=across + noise * np.abs(across[:, 1:2]),
+    )
+
+
+def _distorted(table: rs.ResponseSurface) -> rs.ResponseSurface:
+    """Add a third harmonic of 2 % to the force, and the response to it."""
+    force = np.zeros((len(table), 4), dtype=complex)
+    force[:, 1], force[:, 3] = table.force, 0.02j * np.abs(table.force)
+    harmonics = np.array(table.harmonics)
+    harmonics[:, 3] += force[:, 3] / (TRUTH["k"] + 3j * TRUTH["c"] * table.omega - 9 * MASS * table.omega**2)
+    return rs.ResponseSurface(table.level, table.frequency, force, harmonics, sweep="rest")
+
+
+JOINT = 4e6
+_JOINED = [rs.make_element("wing", LAW), rs.make_element("joint", "kj*x**3", across="gauge")]
+_PER_MASS = {name: value / MASS for name, value in TRUTH.items()}
+
+MODIFIERS = {
+    "driven base": Row(
+        f'base.quantity = "acceleration"\n{_FORCES.replace(" N", " m/s^2")}\n{_STEPPED}', values=_PER_MASS
+    ),
+    "two sensors": Row(
+        f"{_FORCES}\n{_STEPPED}",
+        change=_joined,
+        law=_JOINED,
+        values={**TRUTH, "kj": JOINT},
+        refused={
+            **_refused(("predict", "virtual test, notebook"), BETWEEN),
+            **_refused(("rank", *_BACKGROUNDS, "profile"), OPEN),
+        },
+    ),
+    "no phase": Row(f"{_FORCES}\n{_STEPPED}", change=_without_phase, refused={"rank": OPEN}),
+    "given mass": Row(f"{_FORCES}\n{_STEPPED}", {"mass": MASS}),
+    "harmonics of the force": Row(f"{_FORCES}\n{_STEPPED}", change=_distorted),
+}
+
+
+def stated(row: Row, column: str) -> str:
+    """Return what the page says of a cell."""
+    return row.refused.get(column, "yes")
+
+
+def answer(row: Row, column: str) -> str:
+    """Return "yes", or why not, by trying it."""
+    try:
+        COLUMNS[column](row)
+    except rs.RsgenError as refusal:
+        return f"refused: {refusal}"
+    except AssertionError as wrong:
+        return f"wrong: {wrong}".splitlines()[0]
+    return "yes"
+
+
+def _table(rows: Mapping[str, Row]) -> list[str]:
+    marks = {"yes": "yes", OPEN: OPEN} | {reason: f"no [{i}]" for i, reason in enumerate(REASONS, 1)}
+    lines = ["| | " + " | ".join(rows) + " |", "|---" * (len(rows) + 1) + "|"]
+    for column in COLUMNS:
+        cells = [marks[stated(row, column)] for row in rows.values()]
+        lines.append(f"| {column} | " + " | ".join(cells) + " |")
+    return lines
+
+
+def page() -> str:
+    """Return the text of ``docs/capabilities.md``."""
+    reasons = [f"* [{i}] {reason[0].upper()}{reason[1:]}." for i, reason in enumerate(REASONS, 1)]
+    return "\n".join([_HEAD, *_table(EXCITATIONS), _MODIFIED, *_table(MODIFIERS), "", *reasons, ""])
+
+
+_HEAD = """# What each kind of test can do
+
+Every cell is a virtual test with 1 % noise that `make test-all` runs: "yes" where values come back within
+their errors, the right law is first, a held-out level is met.
+
+## Excitation and control
+"""
+_MODIFIED = """
+## What else is known of a test
+
+The tests of this table are stepped sines with the force controlled.
+"""
+
+if __name__ == "__main__":
+    Path("docs/capabilities.md").write_text(page(), encoding="utf-8")
