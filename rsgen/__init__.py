@@ -33,9 +33,8 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from rsgen import figures, history
-    from rsgen.analysis.comparison import Comparison, compare, verdict_of
+    from rsgen.analysis.comparison import Comparison, compare, compare_fits, verdict_of
     from rsgen.analysis.export import save_frf
-    from rsgen.analysis.fits import compare_fits
     from rsgen.cases import Case, load_case, read
     from rsgen.common.errors import RsgenError
     from rsgen.common.finding import Finding
@@ -83,7 +82,7 @@ _PLACES = {
     "SimulatedTest": "dynamics.simulation",
     "best_linear": "data.multisine",
     "compare": "analysis.comparison",
-    "compare_fits": "analysis.fits",
+    "compare_fits": "analysis.comparison",
     "derive": "describing",
     "explain": "report.wording.sentences",
     "identify": "identification.identify",

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from rsgen.common.linear_algebra import b_splines
+from rsgen.common.solvers import b_splines
 
 
 @pytest.mark.parametrize("degree", range(5))

@@ -28,7 +28,8 @@ from rsgen.data.surface.columns import BASE_UNITS
 from rsgen.dynamics.virtual_test import MultisineTest, SimulatedTest
 from rsgen.files import MeasuredTest
 from rsgen.formula import check_name, parse, symbol, write
-from rsgen.formula.units import parameter_units, quantity, unit_faults, unit_of
+from rsgen.formula.unit_deduction import parameter_units, unit_faults
+from rsgen.formula.units import quantity, unit_of
 from rsgen.law.element import Element, force_keys, laws, make_element
 from rsgen.law.memory import memory_form
 

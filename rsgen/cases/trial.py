@@ -13,7 +13,7 @@ from rsgen.common.errors import RsgenError
 from rsgen.data.oscillator import Oscillator
 from rsgen.data.planned_test import PlannedTest
 from rsgen.describing import derive
-from rsgen.dynamics.kernel import generate
+from rsgen.dynamics.kernel_source import generate
 from rsgen.dynamics.virtual_test import free_mean_fault
 from rsgen.formula import symbol, write
 from rsgen.formula.evaluation import compiled

@@ -17,7 +17,7 @@ from math import nan
 import numpy as np
 
 from rsgen.common.arrays import Array, Chosen, ComplexArray
-from rsgen.common.linear_algebra import solve_scaled
+from rsgen.common.solvers import solve_scaled
 from rsgen.common.tolerances import (
     DEVIATING_MISFIT_RATIO,
     MIN_NULL_COMPONENT,

@@ -5,8 +5,8 @@
 The cycle x = X0 + X sin(phi), v = omega X cos(phi) is split at the angles at which switches of the normal
 form go on and off. ``closed`` integrates powers of sine and cosine between them and sums the addends;
 ``bessel`` has trigonometric, hyperbolic and exponential laws. ``regimes`` writes the sum as cases in X, with
-its ends, ``mean`` balances the mean, ``quadrature`` integrates what has no closed form, ``function`` holds
-the formulas and those of a source against them, and ``derivation`` leads through it.
+its ends, ``quadrature`` integrates what has no closed form, ``function`` balances the mean and holds the
+formulas and those of a source against them, and ``derivation`` leads through it.
 
 Of laws with memory ``remembering`` adds the parts: ``masing`` has closed forms of Masing laws by the pieces
 of their virgin curves, ``state_loops`` the closed loops of states.

@@ -27,7 +27,7 @@ from rsgen.common.errors import ExpressionError
 from rsgen.describing.bessel import Wave, moment, product_of_waves, read_wave
 from rsgen.formula.evaluation import compiled
 from rsgen.formula.names import OMEGA, STATE_V, STATE_X, X0, X
-from rsgen.law.pieces import NormalForm
+from rsgen.law.normal_form import NormalForm
 
 # ----------------------------------------------------------------------------
 # Real powers: |sin|**p |cos|**q over quarters of a cycle, by gamma functions.

@@ -2,11 +2,11 @@
 
     k = 1/(pi X) integral n sin(phi) dphi,  c = 1/(pi omega X) integral n cos(phi) dphi,  integral n dphi = 0
 
-The law is split into addends (``law.pieces``). Each that has closed integrals gets formulas (``closed``), the
-others are left to quadrature; terms with memory are added (``remembering``), the mean X0 is solved for
-(``mean``). Formulas are used only if they agree to 1e-10 with quadrature of the law as it is written, on
-random cycles in every regime of its switches: an error of the algebra, of SymPy or of a rule in ``closed``,
-never reaches a result. Sources of the single rules stand where these are.
+The law is split into addends (``law.normal_form``). Each that has closed integrals gets formulas
+(``closed``), the others are left to quadrature; terms with memory are added (``remembering``), the mean X0 is
+solved for (``function``). Formulas are used only if they agree to 1e-10 with quadrature of the law as it is
+written, on random cycles in every regime of its switches: an error of the algebra, of SymPy or of a rule in
+``closed``, never reaches a result. Sources of the single rules stand where these are.
 """
 
 from __future__ import annotations
@@ -21,8 +21,7 @@ import sympy
 from rsgen.common.errors import ExpressionError, require
 from rsgen.common.tolerances import ROUND_OFF
 from rsgen.describing.closed import ClosedPart, close
-from rsgen.describing.function import DescribingFunction, taken_as_positive
-from rsgen.describing.mean import closed_mean
+from rsgen.describing.function import DescribingFunction, closed_mean, taken_as_positive
 from rsgen.describing.quadrature import MIN_PROOF_CYCLES, PROOF_TOLERANCE, Trial, draw_trial, worst_error
 from rsgen.describing.regimes import (
     Limit,
@@ -38,9 +37,9 @@ from rsgen.formula import symbol
 from rsgen.formula.bounds import algebra_faults
 from rsgen.formula.names import OMEGA, PHI, STATE_V, STATE_X, X0, X, renamed
 from rsgen.law.element import Element, Law, make_element
-from rsgen.law.normal_form import expanded, moves
+from rsgen.law.forms import expanded, moves
+from rsgen.law.normal_form import NormalForm, normal_form
 from rsgen.law.notation import readable
-from rsgen.law.pieces import NormalForm, normal_form
 
 
 @algebra_faults()

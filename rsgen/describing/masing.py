@@ -25,9 +25,9 @@ from rsgen.describing.regimes import Limit, Reading, tidy
 from rsgen.formula import symbol
 from rsgen.formula.evaluation import compiled
 from rsgen.formula.names import OMEGA, PHI, STATE_V, STATE_X, X0, X
+from rsgen.law.forms import expanded, moves
 from rsgen.law.memory import MemoryForm
-from rsgen.law.normal_form import expanded, moves
-from rsgen.law.pieces import NormalForm, Piece, normal_form, normal_form_at
+from rsgen.law.normal_form import NormalForm, Piece, normal_form, normal_form_at
 
 # ----------------------------------------------------------------------------
 # Laws with memory along a cycle with known turning points: branches of Masing laws, structural damping.

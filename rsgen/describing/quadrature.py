@@ -22,7 +22,7 @@ from rsgen.common.arrays import Array, blocks
 from rsgen.describing.closed import ClosedPart
 from rsgen.formula import symbol
 from rsgen.formula.evaluation import Numeric, compiled
-from rsgen.law.pieces import NormalForm, normal_form
+from rsgen.law.normal_form import NormalForm, normal_form
 
 Along = Callable[[Array, NDArray[np.intp]], Array]
 """A function along cycles: angles (m, s), numbers of the cycles (m,)."""

@@ -18,7 +18,7 @@ import sympy
 from rsgen.describing.bessel import elementary
 from rsgen.describing.closed import Arc, ClosedPart, End
 from rsgen.formula.names import OMEGA, STATE_V, STATE_X, X0, X
-from rsgen.law.normal_form import is_long
+from rsgen.law.forms import is_long
 
 MAX_COLLECTED = 12
 """Largest number of angles, roots and Bessel functions by which terms are collected."""

@@ -35,8 +35,8 @@ from rsgen.describing.state_loops import Loop, is_odd, try_loops
 from rsgen.formula import symbol
 from rsgen.formula.evaluation import compiled
 from rsgen.formula.names import OMEGA, PHI, STATE_V, STATE_X, X0, Inner, Masing, State, X
+from rsgen.law.forms import expanded, moves
 from rsgen.law.memory import MemoryForm, memory_form
-from rsgen.law.normal_form import expanded, moves
 from rsgen.law.notation import readable
 
 

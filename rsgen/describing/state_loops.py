@@ -29,8 +29,7 @@ from rsgen.formula.names import OMEGA, STATE_V, STATE_X, X0, Inner, X
 from rsgen.law.character import is_mirrored
 from rsgen.law.loops import periodic_states
 from rsgen.law.memory import MemoryForm, Rate
-from rsgen.law.pieces import Switch, normal_form
-from rsgen.law.switched_sum import switched_sum
+from rsgen.law.normal_form import Switch, normal_form, switched_sum
 
 START, PERIOD = -np.pi / 2, 2 * np.pi
 """Phase at which a cycle begins, and its length."""

@@ -32,7 +32,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from rsgen.common.arrays import Array, ComplexArray
 from rsgen.common.errors import RsgenError
-from rsgen.common.newton import Rows, newton
+from rsgen.common.solvers import Rows, newton
 from rsgen.common.tolerances import MAX_NEWTON_STEPS, MAX_STEP_HALVINGS, ROUND_OFF
 from rsgen.data.oscillator import Oscillator
 from rsgen.dynamics.fixed_point import ORBIT_OFFSET, LoopMemory, PeriodMap, attraction, units_of_states

@@ -25,11 +25,11 @@ from rsgen.common.arrays import Array, ComplexArray
 from rsgen.common.tolerances import FINITE_DIFFERENCE_STEP, ROUND_OFF
 from rsgen.data.oscillator import Oscillator
 from rsgen.dynamics.kernel import Integrated, Kernel
-from rsgen.dynamics.kernel.generation import ALONE, DEEPEST, EVERYTHING, WITHIN, MemoryRows
+from rsgen.dynamics.kernel_source import ALONE, DEEPEST, EVERYTHING, WITHIN, MemoryRows
 from rsgen.formula import symbol
 from rsgen.formula.evaluation import Numeric, compiled
 from rsgen.law.memory import memory_form, real_powers
-from rsgen.law.pieces import normal_form_at
+from rsgen.law.normal_form import normal_form_at
 
 # ----------------------------------------------------------------------------
 # Sizes of the states of a law: what they are divided by, and how fast they follow the motion.

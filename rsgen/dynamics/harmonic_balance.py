@@ -21,7 +21,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rsgen.common.arrays import Array, Chosen, ComplexArray, blocks, blocks_joined
-from rsgen.common.newton import CONVERGED_STEP, Rows, newton, solve_each
+from rsgen.common.solvers import CONVERGED_STEP, Rows, newton, solve_each
 from rsgen.common.tolerances import (
     ASSUMED_DAMPING_RATIO,
     MAX_NEWTON_STEPS,
@@ -33,8 +33,8 @@ from rsgen.data.oscillator import Oscillator
 from rsgen.dynamics.linear_part import Inertia
 from rsgen.dynamics.settling import SteadyStates
 from rsgen.law.motion import FourierSeries, Motion, fourier_series
+from rsgen.law.normal_form import ForceSample
 from rsgen.law.numeric import ForceLaw, compile_law
-from rsgen.law.switched_sum import ForceSample
 
 _ACCEPTED_STEP = 1e-6
 """Relative last step that is still called convergence."""

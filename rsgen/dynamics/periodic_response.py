@@ -20,11 +20,11 @@ import numpy as np
 import scipy
 
 from rsgen.common.arrays import Array, ComplexArray
-from rsgen.common.newton import CONVERGED_STEP, Rows, newton
+from rsgen.common.solvers import CONVERGED_STEP, Rows, newton
 from rsgen.common.tolerances import MAX_NEWTON_STEPS, MAX_STEP_HALVINGS
 from rsgen.law.motion import harmonics_of, waveform
+from rsgen.law.normal_form import ForceSample
 from rsgen.law.numeric import ForceLaw
-from rsgen.law.switched_sum import ForceSample
 
 OVERSAMPLED = 4
 """Samples a period over the number of lines: cubes of signals reach three times their highest line, and fold

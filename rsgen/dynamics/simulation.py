@@ -17,7 +17,7 @@ from rsgen.common.errors import RsgenError, require
 from rsgen.data.multisine import MultisineSpectra
 from rsgen.data.oscillator import Oscillator, refuse_across
 from rsgen.data.surface import ResponseSurface
-from rsgen.data.surface.phase_lag import lag_findings
+from rsgen.data.surface.plausibility import lag_findings
 from rsgen.dynamics.controlled import ControlledStates, control_grid, phase_grid
 from rsgen.dynamics.harmonic_balance import solve_harmonic_balance
 from rsgen.dynamics.settling import SteadyStates

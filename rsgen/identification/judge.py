@@ -24,7 +24,7 @@ from rsgen.data.oscillator import Model, refuse_across
 from rsgen.data.surface import ResponseSurface
 from rsgen.data.surface.plausibility import plausibility_findings
 from rsgen.dynamics.linear_part import background_terms
-from rsgen.formula.units.quantities import ForceUnits
+from rsgen.formula.units import ForceUnits
 from rsgen.identification.fitting.across import law_of
 from rsgen.identification.fitting.fit import Fit, Solution, fit_balance
 from rsgen.identification.fitting.least_squares import Regression

@@ -16,7 +16,7 @@ import numpy as np
 
 from rsgen.common.arrays import Array
 from rsgen.common.finding import Finding, Quantity, Severity, quantities, severity_of
-from rsgen.common.linear_algebra import solve_scaled
+from rsgen.common.solvers import solve_scaled
 from rsgen.common.tolerances import (
     DEVIATING_MISFIT_RATIO,
     MIN_LEVELS_FOR_JACKKNIFE,

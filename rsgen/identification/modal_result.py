@@ -25,12 +25,12 @@ from numpy.typing import ArrayLike, NDArray
 from rsgen.common.arrays import Array
 from rsgen.common.errors import RsgenError
 from rsgen.common.finding import Finding
-from rsgen.common.linear_algebra import b_splines
+from rsgen.common.solvers import b_splines
 from rsgen.common.text_table import MAX_DIGITS, Printed, TextTable, data_frame, short
 from rsgen.common.tolerances import RELATIVE_CHANGE_NEGLIGIBLE, interval_sigmas
 from rsgen.data.oscillator import Observation
 from rsgen.dynamics.harmonic_balance import Response
-from rsgen.formula.units.quantities import ForceUnits
+from rsgen.formula.units import ForceUnits
 from rsgen.identification.fitting.forward import Forward
 from rsgen.identification.results import Background
 

@@ -28,7 +28,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rsgen.common.arrays import Array, ComplexArray, blocks
-from rsgen.common.linear_algebra import b_splines, solve_scaled
+from rsgen.common.solvers import b_splines, solve_scaled
 from rsgen.common.tolerances import (
     JACKKNIFE_GROUPS,
     MAX_ALTERNATIONS,

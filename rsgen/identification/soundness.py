@@ -44,8 +44,8 @@ from rsgen.identification.fitting.points import Points
 from rsgen.identification.results import Estimate
 from rsgen.identification.results.estimates import damping_findings, takes_energy
 from rsgen.law.motion import Motion, project, sine_motion
+from rsgen.law.normal_form import ForceSample
 from rsgen.law.numeric import ForceLaw, Part
-from rsgen.law.switched_sum import ForceSample
 
 _MAX_EXCLUDED_SHARE = 0.75 * MAX_SHARE_OF_OUTLIERS
 """Share of excluded points beyond which the others are a selection that suits the law."""

@@ -15,7 +15,7 @@ from functools import lru_cache
 import numpy as np
 
 from rsgen.common.arrays import Array
-from rsgen.common.linear_algebra import solve_scaled
+from rsgen.common.solvers import solve_scaled
 from rsgen.data.oscillator import BACKGROUNDS, OFFSET
 from rsgen.dynamics.linear_part import background_terms
 from rsgen.formula.names import symbol

@@ -20,10 +20,10 @@ from rsgen.common.arrays import Array
 from rsgen.common.tolerances import ROUND_OFF
 from rsgen.formula import symbol
 from rsgen.formula.evaluation import compiled
+from rsgen.law.forms import expanded
 from rsgen.law.loops import RESIDUAL_TOLERANCE, compile_loops
 from rsgen.law.memory import MemoryForm, memory_form, positive_in
-from rsgen.law.normal_form import expanded
-from rsgen.law.pieces import Piece, Switch, normal_form, normal_form_at, slope_between_jumps
+from rsgen.law.normal_form import Piece, Switch, normal_form, normal_form_at, slope_between_jumps
 
 RANDOM_STATES = 64
 

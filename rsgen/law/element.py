@@ -23,8 +23,8 @@ from rsgen.formula.names import remembers
 from rsgen.law.identifiable import equal_terms
 from rsgen.law.library import ROWS, Search
 from rsgen.law.memory import equations_of, memory_form, rates_of, read_formula, with_memory
+from rsgen.law.normal_form import normal_form
 from rsgen.law.notation import latex, mathml
-from rsgen.law.pieces import normal_form
 
 # ----------------------------------------------------------------------------
 # Keys of ``accept`` in a case for the whole force of a law.

@@ -19,9 +19,9 @@ from numpy.typing import NDArray
 
 from rsgen.common.arrays import Array
 from rsgen.common.finding import Finding
-from rsgen.common.linear_algebra import NULL_TOLERANCE
+from rsgen.common.solvers import NULL_TOLERANCE
 from rsgen.formula import symbol
-from rsgen.law.normal_form import STATES
+from rsgen.law.forms import STATES
 from rsgen.law.numeric import ForceLaw, compile_law
 
 # ----------------------------------------------------------------------------

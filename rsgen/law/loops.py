@@ -19,11 +19,11 @@ import sympy
 from numpy.typing import NDArray
 
 from rsgen.common.arrays import Array
-from rsgen.common.newton import CONVERGED_STEP, newton
+from rsgen.common.solvers import CONVERGED_STEP, newton
 from rsgen.common.tolerances import MAX_NEWTON_STEPS
 from rsgen.formula import symbol
 from rsgen.law.memory import MemoryForm, real_powers
-from rsgen.law.switched_sum import ForceSample, Perturbation, SwitchedSum, switched_sum
+from rsgen.law.normal_form import ForceSample, Perturbation, SwitchedSum, switched_sum
 
 # ----------------------------------------------------------------------------
 # Closed loops of Masing laws along periodic motions, from their virgin curve.

@@ -16,12 +16,12 @@ from rsgen.common.errors import RsgenError
 from rsgen.common.tolerances import samples_for
 from rsgen.formula import symbol
 from rsgen.formula.bounds import algebra_faults
-from rsgen.formula.units.deduction import parameter_units
-from rsgen.formula.units.unit_text import read_unit
+from rsgen.formula.unit_deduction import parameter_units
+from rsgen.formula.unit_text import read_unit
 from rsgen.law.character import Character, character
 from rsgen.law.loops import Loops, compile_loops, from_rest
 from rsgen.law.memory import memory_form
-from rsgen.law.switched_sum import ForceSample, SwitchedSum, switched_sum
+from rsgen.law.normal_form import ForceSample, SwitchedSum, switched_sum
 
 # ----------------------------------------------------------------------------
 # Sizes that parameters of a law naturally have in a test, from their units.

@@ -20,7 +20,7 @@ from sympy.logic.boolalg import BooleanFalse, BooleanTrue
 from rsgen.common.errors import ExpressionError
 from rsgen.formula.bounds import MAX_DERIVED_BITS, MAX_EXPONENT
 from rsgen.formula.names import STATE_V, STATE_X
-from rsgen.law.normal_form import (
+from rsgen.law.forms import (
     ALWAYS,
     Form,
     Key,

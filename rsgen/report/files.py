@@ -19,7 +19,7 @@ from rsgen.common.output import write_atomic
 from rsgen.data.multisine import MultisineSpectra
 from rsgen.data.surface import ResponseSurface, save_surface, typical_amounts
 from rsgen.describing import PrintedComparison, compare_printed, derive
-from rsgen.dynamics import kernel
+from rsgen.dynamics.kernel_source import generate
 from rsgen.formula.names import Structural, remembers
 from rsgen.identification.fitting.points import held_out_mask
 from rsgen.identification.prediction import Prediction, predict
@@ -201,7 +201,7 @@ def _write_files(
     save_records(surface, place)
     if not identification.model.force.has(Structural):
         # structural damping exists under periodic motion only, so that nothing simulates it
-        write_atomic(place / "kernel.py", kernel.generate(identification.model.force))
+        write_atomic(place / "kernel.py", generate(identification.model.force))
     asked, prediction, modal = _predicted(surface, identification)
     printed = check_printed(subject, identification)
     if modal.table is not None:

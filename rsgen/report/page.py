@@ -27,7 +27,7 @@ from rsgen.data.multisine import MultisineSpectra
 from rsgen.data.surface import ResponseSurface
 from rsgen.describing import PrintedComparison, derive
 from rsgen.formula import parse, symbol
-from rsgen.formula.units.quantities import number_text, quantity_text
+from rsgen.formula.units import number_text, quantity_text
 from rsgen.identification.prediction import Prediction
 from rsgen.identification.results import Identification, MultisineIdentification
 from rsgen.law.element import FORCE_KEYS, Element

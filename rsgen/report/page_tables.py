@@ -8,13 +8,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from rsgen.analysis.comparison import Comparison, Row
-from rsgen.analysis.fits import compare_fits
+from rsgen.analysis.comparison import Comparison, Row, compare_fits
 from rsgen.common.errors import RsgenError
 from rsgen.common.tolerances import CONFIDENCE_TEXT
 from rsgen.data.multisine import BestLinear
 from rsgen.data.surface import ResponseSurface
-from rsgen.formula.units.quantities import choose_scale, number_text, quantity_text, unit_text
+from rsgen.formula.units import choose_scale, number_text, quantity_text, unit_text
 from rsgen.identification.modal_result import MODAL_COLUMNS, ModalTable
 from rsgen.identification.modal_table import modal_table
 from rsgen.identification.prediction import HeldOutLevel, predict

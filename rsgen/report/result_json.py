@@ -14,8 +14,15 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import sympy
 
-from rsgen.analysis.comparison import Comparison, Row, verdict_of
-from rsgen.analysis.fits import ComparedFit, FitComparison, compare_fits, errors_by_level
+from rsgen.analysis.comparison import (
+    ComparedFit,
+    Comparison,
+    FitComparison,
+    Row,
+    compare_fits,
+    errors_by_level,
+    verdict_of,
+)
 from rsgen.common.arrays import Array
 from rsgen.common.finding import Finding, StatedVerdict, Verdict
 from rsgen.common.output import read_small
@@ -24,7 +31,7 @@ from rsgen.data.multisine import BestLinear, MultisineSpectra
 from rsgen.data.surface import ResponseSurface
 from rsgen.describing import PrintedComparison, derive
 from rsgen.formula import write
-from rsgen.formula.units.quantities import quantity_text
+from rsgen.formula.units import quantity_text
 from rsgen.identification.prediction import HeldOutLevel, Prediction
 from rsgen.identification.results import Estimate, Identification, MultisineIdentification, Resonance
 from rsgen.law.element import FORCE_KEYS

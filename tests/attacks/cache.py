@@ -14,8 +14,9 @@ from dataclasses import dataclass
 from pathlib import Path
 from unittest.mock import patch
 
-from rsgen.dynamics.kernel import compiled, generate
-from rsgen.dynamics.kernel.compiled import compile_source, open_private_folder
+from rsgen.dynamics import kernel as compiled
+from rsgen.dynamics.kernel import compile_source, open_private_folder
+from rsgen.dynamics.kernel_source import generate
 from rsgen.formula import parse
 from tests.attacks.program import HANG_SECONDS, Row, environment, row, temporary
 from tests.kernel.test_store import DAMAGES

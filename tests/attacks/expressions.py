@@ -13,7 +13,7 @@ import numpy as np
 
 from rsgen.app.cli.derive_command import derive_command, read_memory
 from rsgen.common.errors import RsgenError
-from rsgen.formula.units import parameter_units
+from rsgen.formula.unit_deduction import parameter_units
 from rsgen.law.element import make_element
 from tests.attacks.child import Outcome, attempts, command, judged, measured, tally
 from tests.attacks.texts import TEXTS, grown

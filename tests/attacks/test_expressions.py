@@ -14,7 +14,7 @@ from rsgen.formula import parse, symbol
 from rsgen.formula.bounds import algebra_faults
 from rsgen.formula.evaluation import compiled
 from rsgen.law import Law
-from rsgen.law.normal_form import expanded, is_long
+from rsgen.law.forms import expanded, is_long
 from tests.attacks.child import allowed
 from tests.attacks.expressions import answer, text_of
 from tests.attacks.texts import TEXTS

@@ -6,7 +6,7 @@ import pytest
 from rsgen.describing.quadrature import Cycle, switching_angles
 from rsgen.formula import parse, symbol
 from rsgen.formula.evaluation import compiled
-from rsgen.law.pieces import normal_form
+from rsgen.law.normal_form import normal_form
 
 ZERO = 1e-12  # of a switch function of size one
 

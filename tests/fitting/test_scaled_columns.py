@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from rsgen.common.arrays import blocks
-from rsgen.common.linear_algebra import solve_scaled
+from rsgen.common.solvers import solve_scaled
 
 
 def drawn(rows: int) -> tuple[np.ndarray, np.ndarray]:

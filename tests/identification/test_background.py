@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from rsgen.analysis.fits import compare_fits
+from rsgen.analysis.comparison import compare_fits
 from rsgen.cases import load_case
 from rsgen.common.errors import RsgenError
 from rsgen.data.oscillator import Observation, Oscillator

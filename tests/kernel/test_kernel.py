@@ -10,10 +10,10 @@ import pytest
 import sympy
 
 from rsgen.common.errors import RsgenError
-from rsgen.dynamics.kernel import compile_kernel, generate, parameter_order
-from rsgen.dynamics.kernel.compiled import load_kernel
+from rsgen.dynamics.kernel import compile_kernel, load_kernel
+from rsgen.dynamics.kernel_source import generate, parameter_order
 from rsgen.formula import parse, symbol
-from rsgen.law.pieces import normal_form
+from rsgen.law.normal_form import normal_form
 
 # the same arithmetic in another order
 ROUNDING = 1e-12

@@ -13,14 +13,15 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from rsgen.dynamics.kernel import Kernel, compiled, generate
-from rsgen.dynamics.kernel.compiled import (
+from rsgen.dynamics import kernel as compiled
+from rsgen.dynamics.kernel import (
+    Kernel,
     UntrustedFolderError,
     compile_source,
     load_kernel,
     open_private_folder,
 )
-from rsgen.dynamics.kernel.generation import MemoryRows
+from rsgen.dynamics.kernel_source import MemoryRows, generate
 from rsgen.formula import parse
 
 pytestmark = pytest.mark.skipif(os.name != "posix", reason="without owners of files there is no cache")

@@ -10,7 +10,7 @@ from rsgen.common.errors import ExpressionError
 from rsgen.formula import parse, symbol
 from rsgen.formula.evaluation import compiled
 from rsgen.law.element import Law, make_element, response_share
-from rsgen.law.pieces import normal_form, normal_form_at
+from rsgen.law.normal_form import normal_form, normal_form_at
 
 ROUND_OFF = 1e-10  # sums of pieces cancel terms that are up to about 1e4 times larger than the law
 

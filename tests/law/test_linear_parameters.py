@@ -7,7 +7,7 @@ import sympy
 
 from rsgen.formula import parse
 from rsgen.law.character import character, jointly_linear
-from rsgen.law.pieces import Piece
+from rsgen.law.normal_form import Piece
 
 
 @pytest.mark.parametrize(

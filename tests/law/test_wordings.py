@@ -10,12 +10,12 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from rsgen.data.oscillator import Oscillator
-from rsgen.dynamics.kernel import generate
+from rsgen.dynamics.kernel_source import generate
 from rsgen.dynamics.steady_state import solve_steady_states
 from rsgen.formula import parse
 from rsgen.law import make_element
 from rsgen.law.character import character
-from rsgen.law.pieces import normal_form_at
+from rsgen.law.normal_form import normal_form_at
 
 VALUES = {"b": 5e-3, "b2": 9e-3, "k4": 5900.0, "k5": 14800.0, "k6": 3000.0, "ks": 5900.0, "Fm": 30.0}
 VALUES |= {"Ff": 2.0, "cq": 20.0}

@@ -11,7 +11,7 @@ import pytest
 import rsgen
 from rsgen.app.cli.check_command import point_faults
 from rsgen.data.surface import ResponseSurface
-from rsgen.data.surface.phase_lag import lag_findings
+from rsgen.data.surface.plausibility import lag_findings
 from rsgen.files import MeasuredTest, Signal, read_measurement
 
 MASS, K, K3, C = 1.5, 5920.0, 3e5, 3.8

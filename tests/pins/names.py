@@ -17,8 +17,7 @@ import h5py
 import numpy as np
 
 import rsgen
-from rsgen.analysis.comparison import Row
-from rsgen.analysis.fits import FitComparison, FitRow
+from rsgen.analysis.comparison import FitComparison, FitRow, Row
 from rsgen.common.finding import Quantity, Verdict
 from rsgen.data.multisine.linear import BestLinear, Distortion
 from rsgen.data.oscillator import Model

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 import pytest
 
-from rsgen.common.newton import newton
+from rsgen.common.solvers import newton
 from rsgen.data.oscillator import Oscillator
 from rsgen.dynamics.harmonic_balance import hold_amplitude, hold_oscillator, respond, solve_harmonic_balance
 from rsgen.dynamics.linear_part import Inertia

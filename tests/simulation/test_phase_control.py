@@ -9,7 +9,7 @@ import pytest
 
 import rsgen
 from rsgen.common.errors import RsgenError
-from rsgen.data.surface.phase_lag import lag_findings
+from rsgen.data.surface.plausibility import lag_findings
 from rsgen.dynamics.virtual_test import SimulatedTest
 from tests.surfaces import noisy
 

@@ -7,7 +7,8 @@ import pytest
 
 import rsgen as rs
 from rsgen.data.oscillator import Oscillator
-from rsgen.dynamics.kernel import compile_kernel, generate
+from rsgen.dynamics.kernel import compile_kernel
+from rsgen.dynamics.kernel_source import generate
 from rsgen.dynamics.steady_state import solve_steady_states
 from tests.oracles import hysteresis
 

@@ -11,18 +11,10 @@ from hypothesis import example, given
 from hypothesis import strategies as st
 
 from rsgen.common.errors import RsgenError
-from rsgen.formula import parse
-from rsgen.formula.units import (
-    Dimension,
-    parameter_units,
-    quantity,
-    read_unit,
-    sensor_factor,
-    sensor_unit,
-    unit_faults,
-    unit_of,
-    unit_text,
-)
+from rsgen.formula import parse, unit_text
+from rsgen.formula.unit_deduction import parameter_units, unit_faults
+from rsgen.formula.unit_text import Dimension, read_unit
+from rsgen.formula.units import quantity, sensor_factor, sensor_unit, unit_of
 
 LAST_DIGITS = 4e-16  # of a double: two roundings
 

@@ -9,7 +9,7 @@ from typing import Annotated, Any
 
 import typer
 
-from rsgen.analysis.fits import ComparedFit, FitComparison
+from rsgen.analysis.comparison import ComparedFit, FitComparison
 from rsgen.app.cli.options import Json
 from rsgen.app.cli.terminal import ACCEPTED, MISSED, print_block, print_json, print_line
 from rsgen.common.errors import RsgenError

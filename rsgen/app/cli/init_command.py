@@ -24,7 +24,7 @@ from rsgen.files.inspection import list_contents, propose
 from rsgen.files.inspection.clues import TODO
 from rsgen.formula import symbol, write
 from rsgen.formula.names import remembers
-from rsgen.formula.units import parameter_units
+from rsgen.formula.unit_deduction import parameter_units
 from rsgen.law.element import make_element
 from rsgen.law.memory import equations_of
 

@@ -24,7 +24,7 @@ from rsgen.app.study import obtain_surface
 from rsgen.cases import load_case
 from rsgen.common.output import write_atomic
 from rsgen.data.surface import load_surface
-from rsgen.formula.units.quantities import quantity_text
+from rsgen.formula.units import quantity_text
 from rsgen.identification.modal_table import modal_table
 from rsgen.report.page_tables import Modal, score_held_out
 from rsgen.report.result_json import modal_entry

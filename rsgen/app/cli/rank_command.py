@@ -22,7 +22,7 @@ from rsgen.cases import load_case
 from rsgen.common.errors import RsgenError
 from rsgen.data.oscillator import Model
 from rsgen.data.surface import ResponseSurface, load_surface
-from rsgen.formula.units import parameter_units
+from rsgen.formula.unit_deduction import parameter_units
 from rsgen.identification.ranking import Ranking, rank
 from rsgen.report.wording import sentence
 from rsgen.report.wording.sentences import state_verdict

@@ -25,7 +25,7 @@ from rsgen.data.history.envelope import (
 )
 from rsgen.data.history.record import MIN_SAMPLES, NO_SINE, TimeHistory, blocks
 from rsgen.data.surface.columns import monotone_runs
-from rsgen.data.surface.phase_lag import MIN_MODE_SPACING
+from rsgen.data.surface.plausibility import MIN_MODE_SPACING
 from rsgen.data.surface.response_surface import HALF_POWER
 
 # ----------------------------------------------------------------------------

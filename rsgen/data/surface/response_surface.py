@@ -31,7 +31,7 @@ from rsgen.data.surface.columns import (
     recognise_directions,
     response_columns,
 )
-from rsgen.formula.units.quantities import PER_UNIT_MASS, WHOLE, ForceUnits
+from rsgen.formula.units import PER_UNIT_MASS, WHOLE, ForceUnits
 
 # ----------------------------------------------------------------------------
 # Measured amount of each level: the force near the resonance, or the amplitude that was held.

@@ -51,7 +51,7 @@ from rsgen.files.inspection.sensors import (
 )
 from rsgen.files.plan import HERTZ, SECONDS, Layout
 from rsgen.files.tree import Contents, Entry, natural_order
-from rsgen.formula.units.quantities import UNKNOWN
+from rsgen.formula.units import UNKNOWN
 
 # ----------------------------------------------------------------------------
 # Levels that stand side by side: columns "x@1N", "x@2N", or variables "phase_1N", "phase_2N".

@@ -21,7 +21,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rsgen.common.arrays import Array, blocks
-from rsgen.common.linear_algebra import solve_scaled
+from rsgen.common.solvers import solve_scaled
 from rsgen.common.tolerances import (
     MAX_NEWTON_STEPS,
     MAX_SHARE_OF_OUTLIERS,

@@ -19,7 +19,7 @@ from rsgen.common.errors import RsgenError
 from rsgen.common.tolerances import ASSUMED_RELATIVE_NOISE, ROUND_OFF, STANDARD_ERRORS_OF_DIFFERENCE
 from rsgen.data.oscillator import Model, join_model
 from rsgen.data.surface import OUTCOMES, ResponseSurface
-from rsgen.data.surface.phase_lag import MAX_LAG_ERROR, BackboneGap, backbone_gap
+from rsgen.data.surface.plausibility import MAX_LAG_ERROR, BackboneGap, backbone_gap
 from rsgen.law.motion import Motion, feeds_exciter
 
 ASYMMETRIC = 0.2

@@ -37,8 +37,8 @@ from rsgen.data.multisine import MultisineSpectra
 from rsgen.data.multisine.spectra import scatter, smooth
 from rsgen.dynamics.periodic_response import OVERSAMPLED
 from rsgen.law.motion import Motion, harmonics_of, waveform
+from rsgen.law.normal_form import ForceSample
 from rsgen.law.numeric import ForceLaw
-from rsgen.law.switched_sum import ForceSample
 
 _EXTENSION_BY_SWITCHES, _MAX_LINES = 16, 16384
 """Lines of the motion along a law with switches, relative to those recorded, and their maximum. The error of

@@ -25,7 +25,7 @@ import sympy
 from numpy.typing import NDArray
 
 from rsgen.common.arrays import Array, ComplexArray
-from rsgen.common.linear_algebra import solve_scaled
+from rsgen.common.solvers import solve_scaled
 from rsgen.common.tolerances import (
     JACKKNIFE_GROUPS,
     MAX_ALTERNATIONS,

@@ -35,8 +35,8 @@ from rsgen.law.element import Element, Law, laws, make_element
 from rsgen.law.library import Range, Search
 from rsgen.law.memory import memory_form, rates_of
 from rsgen.law.motion import Motion, fourier_series
+from rsgen.law.normal_form import normal_form
 from rsgen.law.numeric import ForceLaw, compile_law
-from rsgen.law.pieces import normal_form
 
 # ----------------------------------------------------------------------------
 # Terms of the sums: the laws of the library without their linear spring and damper. Every sum has the base

@@ -17,7 +17,7 @@ import sympy
 from numpy.typing import NDArray
 
 from rsgen.common.arrays import Array
-from rsgen.common.linear_algebra import solve_scaled
+from rsgen.common.solvers import solve_scaled
 from rsgen.common.tolerances import NEAR_STEPS
 from rsgen.data.oscillator import total_force
 from rsgen.identification.fitting.least_squares import Linearisation, Rules, descend

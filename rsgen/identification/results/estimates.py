@@ -27,7 +27,7 @@ from rsgen.common.tolerances import (
     samples_for,
 )
 from rsgen.data.oscillator import Model
-from rsgen.formula.units.quantities import ForceUnits
+from rsgen.formula.units import ForceUnits
 from rsgen.identification.fitting.fit import Solution
 from rsgen.identification.fitting.least_squares import Alternative, Regression
 from rsgen.identification.fitting.observed import Observed

@@ -20,8 +20,8 @@ from rsgen.common.tolerances import CONFIDENCE_TEXT
 from rsgen.data.multisine import BestLinear, MultisineSpectra
 from rsgen.data.oscillator import Model
 from rsgen.dynamics.linear_part import BackgroundTerms, background_terms
-from rsgen.formula.units import parameter_units
-from rsgen.formula.units.quantities import WHOLE, ForceUnits
+from rsgen.formula.unit_deduction import parameter_units
+from rsgen.formula.units import WHOLE, ForceUnits
 from rsgen.identification.fitting.fit import Fit
 from rsgen.identification.results.alternatives import Alternatives
 from rsgen.law.memory import with_equations

@@ -25,8 +25,8 @@ from rsgen.common.tolerances import (
     SAMPLES_PER_PERIOD_SWITCHED,
 )
 from rsgen.law.motion import Motion, project
+from rsgen.law.normal_form import ForceSample
 from rsgen.law.numeric import ForceLaw, Waves
-from rsgen.law.switched_sum import ForceSample
 
 _SAMPLES_FACTOR_OF_LOOPS = 2
 """Samples of a law with memory, relative to ``SAMPLES_PER_PERIOD``; its loops are expensive."""

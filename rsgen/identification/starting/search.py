@@ -21,7 +21,7 @@ from itertools import product
 import numpy as np
 
 from rsgen.common.arrays import Array
-from rsgen.common.linear_algebra import solve_scaled
+from rsgen.common.solvers import solve_scaled
 from rsgen.common.tolerances import MIN_SIGNIFICANT_GAIN, MISFIT_NEGLIGIBLE, NONLINEAR_TRIALS
 from rsgen.identification.starting.equations import Equations, equation_rows, rows_of_trials
 from rsgen.law.numeric import DECADES, ForceLaw, natural_sizes

@@ -6,7 +6,7 @@ Every function gives a `Drawing`: the figure, its caption, and what it shows in 
 
 from __future__ import annotations
 
-from rsgen.formula.units.quantities import choose_scale, count_text, number_text, quantity_text, unit_text
+from rsgen.formula.units import choose_scale, count_text, number_text, quantity_text, unit_text
 from rsgen.report.figures.curves import (
     draw_collapse,
     draw_damping,

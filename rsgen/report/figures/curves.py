@@ -15,7 +15,7 @@ from rsgen.common.arrays import Array
 from rsgen.common.tolerances import CONFIDENCE_TEXT
 from rsgen.formula import symbol
 from rsgen.formula.names import remembers
-from rsgen.formula.units.quantities import Scale, choose_scale, number_text, quantity_text
+from rsgen.formula.units import Scale, choose_scale, number_text, quantity_text
 from rsgen.identification.modal_result import ModalTable
 from rsgen.identification.results import EquivalentCurve, Identification
 from rsgen.report.figures.drawing import (

@@ -18,10 +18,10 @@ from rsgen.describing import DescribingFunction, Equivalent, derive
 from rsgen.formula import symbol
 from rsgen.formula.evaluation import compiled
 from rsgen.formula.names import Inner
-from rsgen.formula.units.quantities import choose_scale, number_text, quantity_text
+from rsgen.formula.units import choose_scale, number_text, quantity_text
 from rsgen.identification.results import Estimate, Identification
+from rsgen.law.normal_form import normal_form
 from rsgen.law.notation import readable
-from rsgen.law.pieces import normal_form
 from rsgen.report.figures.drawing import REFINED, Drawing, GivenAxes, in_style, take_axes
 
 

@@ -16,7 +16,7 @@ from rsgen.common.errors import RsgenError
 from rsgen.common.tolerances import CONFIDENCE_TEXT
 from rsgen.data.oscillator import Model
 from rsgen.data.surface import ResponseSurface
-from rsgen.formula.units.quantities import choose_scale, count_text, number_text, quantity_text
+from rsgen.formula.units import choose_scale, count_text, number_text, quantity_text
 from rsgen.identification.results import Identification
 from rsgen.law.motion import cycle_work
 from rsgen.law.numeric import compile_law

@@ -15,7 +15,7 @@ from matplotlib.figure import Figure
 from rsgen.common.arrays import Array
 from rsgen.common.errors import RsgenError
 from rsgen.data.surface import ResponseSurface
-from rsgen.formula.units.quantities import SWEEPS, choose_scale, count_text, quantity_text
+from rsgen.formula.units import SWEEPS, choose_scale, count_text, quantity_text
 from rsgen.report.figures.drawing import Drawing, GivenAxes, in_style, label_abscissa, new_figure, take_axes
 
 

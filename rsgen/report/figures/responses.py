@@ -15,7 +15,7 @@ from rsgen.common.arrays import Array
 from rsgen.common.errors import RsgenError, require
 from rsgen.data.multisine import BestLinear
 from rsgen.data.surface import ResponseSurface, typical_amounts
-from rsgen.formula.units.quantities import SWEEPS, choose_scale, count_text, number_text, quantity_text
+from rsgen.formula.units import SWEEPS, choose_scale, count_text, number_text, quantity_text
 from rsgen.identification.prediction import HeldOutLevel, Prediction, ResonanceCurve
 from rsgen.identification.prediction.prediction_result import PredictedRecord
 from rsgen.identification.results import MultisineIdentification

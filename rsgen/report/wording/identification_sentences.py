@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from rsgen.common.finding import Finding
-from rsgen.formula.units.quantities import count_text, number_text, quantity_text
+from rsgen.formula.units import count_text, number_text, quantity_text
 from rsgen.report.wording.sentences import NEXT_STEPS, say_plainly, says
 
 _TESTED = "X up to {amplitude:.3q}, levels up to {level:.3q}"

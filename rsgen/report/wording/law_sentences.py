@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 from rsgen.common.finding import Finding
 from rsgen.common.tolerances import CONFIDENCE_TEXT
-from rsgen.formula.units.quantities import number_text, quantity_text
+from rsgen.formula.units import number_text, quantity_text
 from rsgen.report.wording.sentences import NEXT_STEPS, say_plainly, says
 
 say_plainly(

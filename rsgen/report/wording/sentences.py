@@ -23,7 +23,7 @@ from rsgen.common.finding import (
     reach_verdict,
     verdict_lines,
 )
-from rsgen.formula.units.quantities import count_text, number_text, quantity_text
+from rsgen.formula.units import count_text, number_text, quantity_text
 
 if TYPE_CHECKING:
     from rsgen.data.multisine import MultisineSpectra

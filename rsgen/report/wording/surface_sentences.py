@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from rsgen.common.finding import Finding
-from rsgen.formula.units.quantities import number_text, quantity_text
+from rsgen.formula.units import number_text, quantity_text
 from rsgen.report.wording.sentences import NEXT_STEPS, say_plainly, says
 
 say_plainly(

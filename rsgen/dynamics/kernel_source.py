@@ -38,7 +38,7 @@ from rsgen.formula import symbol, write
 from rsgen.formula.bounds import MAX_EXPONENT
 from rsgen.law.character import onset
 from rsgen.law.memory import MemoryForm, memory_form, real_powers
-from rsgen.law.pieces import NormalForm, Piece, Switch, normal_form, normal_form_at
+from rsgen.law.normal_form import NormalForm, Piece, Switch, normal_form, normal_form_at
 
 # ----------------------------------------------------------------------------
 # What a kernel hands over from one call to the next for a law with memory: the rows of its states.
@@ -579,7 +579,7 @@ def _source(
 def _template() -> jinja2.Template:
     """Load the template of a kernel's source."""
     environment = jinja2.Environment(  # noqa: S701  (Python source, not HTML: nothing to escape)
-        loader=jinja2.FileSystemLoader(Path(__file__).parents[2] / "templates"),
+        loader=jinja2.FileSystemLoader(Path(__file__).parents[1] / "templates"),
         undefined=jinja2.StrictUndefined,
         keep_trailing_newline=True,
     )

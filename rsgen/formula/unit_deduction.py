@@ -11,7 +11,7 @@ import sympy
 
 from rsgen.common.errors import RsgenError
 from rsgen.formula.names import Masing, State, Structural
-from rsgen.formula.units.unit_text import FORCE, NUMBER, Dimension, read_unit
+from rsgen.formula.unit_text import FORCE, NUMBER, Dimension, read_unit
 
 _LENGTH = Dimension({"m": Fraction(1)})
 _TIME = Dimension({"s": Fraction(1)})

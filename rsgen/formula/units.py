@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from rsgen.common.errors import RsgenError
-from rsgen.formula.units.unit_text import MAX_UNIT_CHARACTERS, NUMBER, Dimension, read_unit
+from rsgen.formula.unit_text import MAX_UNIT_CHARACTERS, NUMBER, Dimension, read_unit
 
 _MAX_CHARACTERS = 2 * MAX_UNIT_CHARACTERS
 _SMALLEST, _LARGEST = 1e-300, 1e300

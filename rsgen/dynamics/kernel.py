@@ -2,10 +2,10 @@
 
     m x'' + n(x, x') = Re F exp(i omega t),    (x, x'/omega) at t = 0  ->  the same q periods later
 
-``generation`` writes the integrator of a law as source and says how it works. numba translates it to LLVM's
-language, LLVM optimises it once and makes machine code, which is stored in a file named by the hash of all
-that it depends on, in a folder of this user alone. Where no folder can be trusted, kernels are compiled in
-every process and stored nowhere. Machine code checks nothing, so that the arrays are checked here.
+``kernel_source`` writes the integrator of a law as source and says how it works. numba translates it to
+LLVM's language, LLVM optimises it once and makes machine code, which is stored in a file named by the hash of
+all that it depends on, in a folder of this user alone. Where no folder can be trusted, kernels are compiled
+in every process and stored nowhere. Machine code checks nothing, so that the arrays are checked here.
 """
 
 from __future__ import annotations
@@ -38,7 +38,7 @@ from numpy.typing import NDArray
 from rsgen.common.arrays import Array, ComplexArray
 from rsgen.common.errors import RsgenError
 from rsgen.common.output import MAX_BYTES, is_alive
-from rsgen.dynamics.kernel.generation import MemoryRows, generate, parameter_order
+from rsgen.dynamics.kernel_source import MemoryRows, generate, parameter_order
 from rsgen.law.memory import memory_form
 
 # ----------------------------------------------------------------------------
