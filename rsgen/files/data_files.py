@@ -96,14 +96,16 @@ class Format:
 # The rates of texts are a quarter of the 8 and 1.3 MB/s that good files reach; numbers that repeat pack
 # better than others, so that a small workbook may have as many as 32 MB of them.
 _ROWS = (
-    Format("mat", "matlab", "walk_matlab", _is_matlab, (".mat",), sample="sample_matlab"),
+    Format("mat", "array_files", "walk_matlab", _is_matlab, (".mat",), sample="sample_matlab"),
     Format("hdf5", "hdf5", "walk_hdf5", _is_hdf5, (".h5", ".hdf5", ".hdf"), sample="sample_hdf5"),
-    Format("npy", "npy", "walk_npy", lambda head: head.startswith(b"\x93NUMPY"), (".npy",), "sample_npy"),
-    Format("npz", "npy", "walk_npz", partial(_is_archive, book=False), (".npz",), sample="sample_npz"),
-    Format("uff", "uff", "walk_universal", _is_universal, (".uff", ".unv", ".uf", ".58")),
-    Format("lvm", "lvm", "walk_lvm", _is_labview, (), texts=True, rate=2 * 2**20),
     Format(
-        "tdms", "tdms", "walk_tdms", lambda head: head.startswith(b"TDSm"), (".tdms",),
+        "npy", "array_files", "walk_npy", lambda head: head.startswith(b"\x93NUMPY"), (".npy",), "sample_npy"
+    ),
+    Format("npz", "array_files", "walk_npz", partial(_is_archive, book=False), (".npz",), "sample_npz"),
+    Format("uff", "uff", "walk_universal", _is_universal, (".uff", ".unv", ".uf", ".58")),
+    Format("lvm", "labview", "walk_lvm", _is_labview, (), texts=True, rate=2 * 2**20),
+    Format(
+        "tdms", "labview", "walk_tdms", lambda head: head.startswith(b"TDSm"), (".tdms",),
         sample="sample_tdms", package="nptdms", plural="TDMS files",
     ),
     Format(
@@ -111,7 +113,7 @@ _ROWS = (
         sample="sample_xlsx", package="openpyxl", plural="Excel workbooks",
         texts=True, seconds=8.0, rate=2**19,
     ),
-    Format("wav", "wav", "walk_wav", _is_sound, (".wav",)),
+    Format("wav", "array_files", "walk_wav", _is_sound, (".wav",)),
 )  # fmt: skip
 FORMATS = {row.name: row for row in _ROWS}
 """The formats by their names: what else has to know of one takes it from here."""

@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from rsgen.cases import load_case
-from rsgen.cases.trial import law_faults
+from rsgen.cases.case import law_faults
 
 CASE = """\
 schema = 1

@@ -21,13 +21,13 @@ from rsgen.cases import load_case
 from rsgen.common.errors import MeasurementError
 from rsgen.data.surface import ResponseSurface
 from rsgen.files import HistoryRule, MeasuredTest, Signal, read_measurement, sandbox
+from rsgen.files.array_files import walk_wav
 from rsgen.files.data_files import recognise_format
 from rsgen.files.histories import read_histories
 from rsgen.files.inspection import list_contents
-from rsgen.files.lvm import walk_lvm
+from rsgen.files.labview import walk_lvm
 from rsgen.files.sandbox import read_binary
 from rsgen.files.tree import LARGEST_BYTES, find
-from rsgen.files.wav import walk_wav
 
 # what float64 keeps of a product of two factors
 ROUND_OFF = 1e-14

@@ -25,8 +25,8 @@ from rsgen.cases import load_case
 from rsgen.common.errors import MeasurementError
 from rsgen.data.surface import ResponseSurface
 from rsgen.files import LevelRule, MeasuredTest, Signal, read_measurement, sandbox
+from rsgen.files.array_files import walk_npy, walk_npz
 from rsgen.files.data_files import recognise_format
-from rsgen.files.npy import walk_npy, walk_npz
 from rsgen.files.sandbox import list_binary, read_binary
 from rsgen.files.tree import LARGEST_BYTES
 from rsgen.files.uff import walk_universal

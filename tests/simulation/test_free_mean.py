@@ -9,7 +9,7 @@ import pytest
 
 import rsgen
 from rsgen.cases import load_case
-from rsgen.cases.trial import law_faults
+from rsgen.cases.case import law_faults
 from rsgen.common.errors import RsgenError
 from rsgen.dynamics.virtual_test import add_noise
 from rsgen.law.numeric import compile_law

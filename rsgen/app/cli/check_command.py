@@ -9,7 +9,7 @@ from rsgen.app.cli.derive_command import sentences_of_elements
 from rsgen.app.cli.options import Cases, Data, Json
 from rsgen.app.cli.terminal import ACCEPTED, FAULTY, print_faults, print_json, print_line
 from rsgen.cases import Case, find_cases, load_case, name_clashes, read
-from rsgen.cases.trial import law_faults
+from rsgen.cases.case import law_faults
 from rsgen.common.errors import CaseError, MeasurementError, RsgenError, program_fault
 from rsgen.common.finding import Finding
 from rsgen.data.multisine import MultisineSpectra, implausible

@@ -12,7 +12,7 @@ from rsgen.app.cli.progress_bar import print_cache_fault, stage_progress
 from rsgen.app.cli.terminal import ACCEPTED, MISSED, print_json, print_line
 from rsgen.app.study import obtain_surface
 from rsgen.cases import load_case
-from rsgen.cases.trial import law_faults
+from rsgen.cases.case import law_faults
 from rsgen.common.errors import CaseError, RsgenError
 from rsgen.data.surface import save_surface
 

@@ -28,7 +28,7 @@ from rsgen.app.study.folder import (
     write_manifest,
 )
 from rsgen.cases import Case, load_case
-from rsgen.cases.trial import law_faults
+from rsgen.cases.case import law_faults
 from rsgen.common.errors import CaseError, RsgenError, program_fault
 from rsgen.common.finding import StatedVerdict
 from rsgen.data.multisine import MultisineSpectra

@@ -1,24 +1,25 @@
-"""Measurement files of LabVIEW (.lvm): the channels of each segment, by their names, in their units.
+"""Measurement files of LabVIEW: .lvm, the channels of each segment; .tdms, groups and channels.
 
-Source of the format: "Specification for the LabVIEW Measurement File (.lvm)" of National Instruments.
+Source of the format .lvm: "Specification for the LabVIEW Measurement File (.lvm)" of National Instruments.
 """
 
 from __future__ import annotations
 
+import io
 import re
 from array import array
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import partial
 from math import inf, isfinite, nan
-from typing import BinaryIO
+from typing import Any, BinaryIO
 
 import numpy as np
 
 from rsgen.common.arrays import Array
 from rsgen.common.errors import MeasurementError
 from rsgen.files.text_columns import MAX_COLUMNS, MAX_NUMBER_LENGTH, MISSING, number_in
-from rsgen.files.tree import Node
+from rsgen.files.tree import Node, array_bytes, is_wanted
 
 _END = "***End_of_Header***"
 _SPECIAL = ("***Start_Special***", "***End_Special***")
@@ -246,3 +247,116 @@ def walk_lvm(file: BinaryIO, heads: set[str] | None, largest: int) -> Iterator[N
     only = len(segments) == 1
     for number, segment in enumerate(segments, start=1):
         yield from _nodes(segment, "" if only else f"{number}/", only, reader)
+
+
+# ----------------------------------------------------------------------------
+# TDMS files of LabVIEW, DIAdem and other programs: groups and channels as a tree of arrays.
+
+_UNITS = ("unit_string", "NI_UnitDescription", "Unit", "unit", "Units", "units")
+"""Properties in which DIAdem, LabVIEW and users keep the unit of a channel."""
+_READ = "fiubc"
+"""Kinds of numbers; texts and instants of a clock are none."""
+_PERIODS = ("", "s")
+
+
+def sample_tdms() -> bytes:
+    """Make a small file."""
+    from nptdms import ChannelObject, TdmsWriter  # comes with an extra
+
+    file = io.BytesIO()
+    with TdmsWriter(file) as written:
+        written.write_segment([ChannelObject("a", "b", np.arange(3.0), {"wf_increment": 0.1})])
+    return file.getvalue()
+
+
+def _text(properties: Mapping[str, Any], *names: str) -> str:
+    """Return the first of the named properties that is a text, or ""."""
+    found = (properties.get(name) for name in names)
+    return next((text.strip() for text in found if isinstance(text, str) and text.strip()), "")
+
+
+def _step(properties: Mapping[str, Any]) -> float:
+    """Return the increment of the abscissa of a waveform, or 0."""
+    step = properties.get("wf_increment")
+    known = isinstance(step, int | float | np.number) and isfinite(step) and step > 0
+    return float(step) if known else 0.0  # type: ignore[arg-type]
+
+
+def _unit_of_steps(properties: Mapping[str, Any]) -> str:
+    """Return the unit of a waveform's abscissa; "" is that of a time."""
+    frequency = "freq" in _text(properties, "wf_xname").casefold()
+    return _text(properties, "wf_xunit_string") or ("Hz" if frequency else "")
+
+
+def _even(start: float, step: float, count: int) -> Array:
+    return np.asarray(start + step * np.arange(count), dtype=np.float64)
+
+
+def _abscissas(group: Any) -> Iterator[Node]:
+    """Return the sampling rates of a group's waveforms, and the frequencies of its spectra."""
+    waves = [channel for channel in group.channels() if _step(channel.properties) and len(channel)]
+    sampled = [wave for wave in waves if _unit_of_steps(wave.properties) in _PERIODS]
+    rates = {1 / _step(wave.properties) for wave in sampled}
+    taken = {channel.name for channel in group.channels()}
+    for wave in sampled if len(rates) > 1 or "rate" in taken else sampled[:1]:
+        path = f"{group.name}/{wave.name}/rate" if len(rates) > 1 or "rate" in taken else f"{group.name}/rate"
+        rate = np.array(1 / _step(wave.properties))
+        yield Node(path, (), "float64", load=partial(np.asarray, rate), unit="Hz", remark="sampling rate")
+    for wave in waves:
+        unit = _unit_of_steps(wave.properties)
+        if unit in _PERIODS:
+            continue
+        start, step, count = wave.properties.get("wf_start_offset", 0.0), _step(wave.properties), len(wave)
+        name = _text(wave.properties, "wf_xname") or "abscissa"
+        yield Node(
+            f"{group.name}/{wave.name}/{name}", (count,), "float64",
+            load=partial(_even, float(start), step, count), unit=unit,
+        )  # fmt: skip
+
+
+def _node(path: str, channel: Any, largest: int) -> Node:
+    kind = channel.dtype
+    if kind.kind not in _READ:
+        what = "instants of a clock" if kind.kind == "M" else "no numbers"
+        return Node.refused(path, f"holds {what}; real and complex numbers are read", (len(channel),))
+    try:
+        array_bytes((len(channel),), kind, largest)
+    except MeasurementError as fault:
+        return Node.refused(path, str(fault), (len(channel),))
+    return Node(
+        path, (len(channel),), kind.name, load=lambda: channel[:], title=channel.name,
+        unit=_text(channel.properties, *_UNITS),
+        remark=_text(channel.properties, "description", "NI_ChannelName"),
+    )  # fmt: skip
+
+
+def walk_tdms(file: BinaryIO, heads: set[str] | None, largest: int) -> Iterator[Node]:
+    """Walk through a TDMS file: group/channel, with scalings applied, and group/rate of waveforms.
+
+    Raises
+    ------
+    MeasurementError
+        Cut off, or it declares more numbers than it has bytes.
+    """
+    from nptdms import TdmsFile  # comes with an extra
+
+    size = file.seek(0, 2)
+    file.seek(0)
+    book = TdmsFile.open(file)
+    status = book.file_status
+    chunks = (status.channel_statuses or {}).values()
+    if status.incomplete_final_segment or any(c.read_length < c.expected_length for c in chunks):
+        raise MeasurementError(
+            "its last segment is not whole, so it is cut off; close the recording, send it again"
+        )
+    channels = [channel for group in book.groups() for channel in group.channels()]
+    # numbers are not packed in this format
+    declared = sum(len(c) * (c.data_type.size or 0) for c in channels if c.data_type is not None)
+    if declared > size:
+        raise MeasurementError(f"declares {declared} bytes of numbers; the file has {size}, so it is damaged")
+    for group in book.groups():
+        if not is_wanted(group.name, heads):
+            continue
+        for channel in group.channels():
+            yield _node(f"{group.name}/{channel.name}", channel, largest)
+        yield from _abscissas(group)
