@@ -282,7 +282,7 @@ MODIFIERS = {
         values={**TRUTH, "kj": JOINT},
         refused={
             **_refused(("predict", "virtual test, notebook"), BETWEEN),
-            **_refused(("rank", *_BACKGROUNDS, "profile"), OPEN),
+            **_refused(("rank", "background: neighbour"), OPEN),
         },
     ),
     "no phase": Row(f"{_FORCES}\n{_STEPPED}", change=_without_phase, refused={"rank": OPEN}),

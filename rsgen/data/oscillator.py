@@ -306,8 +306,8 @@ class Model(_Elements):
 
 
 _ALONG_ONE_MOTION = {
-    "background": "background: other modes take part already in the motion across {!r}; 'none' or 'phase' is "
-    "needed",
+    "neighbour": "background: a neighbouring mode and elements across {!r} explain a test in several ways; "
+    "take 'residuals', and a band that leaves the other mode out",
     "phases": "across: phases were not recorded; elements across {!r} need them",
     "multisine": "element: acts across {!r}, but a multisine is identified with the motion of one sensor; "
     "make the response that difference, or measure stepped or swept sines",

@@ -108,15 +108,15 @@ def prepare(surface: ResponseSurface, model: Model) -> Prepared:
     Raises
     ------
     RsgenError
-        As for ``identify``; a background with a motion across two sensors; points at phase resonance, which
-        determine no mass, where it is not given.
+        As for ``identify``; points at phase resonance alone, which determine neither a mass that is not given
+        nor a background; a motion across two sensors without phases or with a neighbouring mode.
     """
     surface, repeats = gather_repeats(surface, model.sensors)
     points = select_points(surface, model)
     law = law_of(model.elements, points)
     refuse_resonance_alone(points, model, remembers=law.remembers)
-    background = model.observation.background not in ("none", "phase")
-    refuse_across(model.sensors, background=background, phases=not surface.phase_known)
+    neighbour = model.observation.background.startswith("neighbour")
+    refuse_across(model.sensors, neighbour=neighbour, phases=not surface.phase_known)
     observed = Observed.of(points, model.observation.background)
     return Prepared(surface, repeats, Problem(model.elements, law, observed, model.fixed))
 

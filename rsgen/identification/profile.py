@@ -238,7 +238,7 @@ def with_profiles(found: Fit, estimates: Sequence[Estimate]) -> tuple[Estimate, 
     """
     law, regression = found.problem.law, found.regression
     noise = regression.converged and regression.noise > MISFIT_OF_NOISE
-    if not (law.nonlinear and noise) or law.acts_across or found.systematic:
+    if not (law.nonlinear and noise) or found.systematic:
         return tuple(estimates)
     known = [e for e in estimates if isfinite(e.value) and 0 < e.standard_error < inf]
     with_nonlinear = _with_nonlinear(regression.covariance, law.nonlinear)
@@ -297,15 +297,13 @@ def profile(found: Identification, name: str) -> Profile:
     Raises
     ------
     RsgenError
-        There is no such parameter or it has no value, the identification is of a multisine or of a law
-        across two sensors, or its data are exact, so that the likelihood is that of round-off.
+        There is no such parameter or it has no value, the identification is of a multisine, or its data are
+        exact, so that the likelihood is that of round-off.
     """
     require(found, Identification, "found")
     fit, known = found.fit, {e.name: e for e in found.refined if isfinite(e.value)}
-    if fit is None or fit.problem.law.acts_across:
-        raise RsgenError(
-            "profile: found is no identification of a sine test with one sensor, as identify returns it"
-        )
+    if fit is None:
+        raise RsgenError("profile: found is no identification of a sine test, as identify returns it")
     if name not in known:
         raise RsgenError(f"profile: {name!r} has no value here; those with one: {', '.join(known) or 'none'}")
     likelihood = _Likelihood(fit)

@@ -93,12 +93,11 @@ def alternatives_to(
 def fit_larger_backgrounds(fit: Fit, noise: float) -> dict[str, Alternative]:
     """Fit each kind of background that is larger than that of the fit, to first order.
 
-    Not a neighbouring mode, whose frequency has no slope; none across two sensors, whose motion has all
-    modes.
+    Not a neighbouring mode, whose frequency has no slope.
     """
     observed, count = fit.problem.observed, fit.problem.count
     points, band = observed.points, observed.band
-    if fit.problem.law.acts_across or observed.kind.startswith(BACKGROUNDS[-1]):
+    if observed.kind.startswith(BACKGROUNDS[-1]):
         return {}
     seen = replace(Observed.of(points, BACKGROUNDS[-2] + OFFSET), band=band, scale=observed.scale)
     names, known = seen.background.names, dict(zip(observed.background.names, fit.background, strict=True))

@@ -173,12 +173,7 @@ def test_a_held_out_level_is_predicted_with_its_measured_ratio():
         ),
         ((*ELEMENTS, rs.make_element("other", "h*x", across="a - b")), {}, {}, "one pair of sensors"),
         ((*ELEMENTS, rs.make_element("other", "h*x**2", across="a - b")), {}, {}, "one pair of sensors"),
-        (
-            ELEMENTS,
-            {},
-            {"observation": rs.Observation(background="residuals")},
-            "or 'phase' is",
-        ),
+        (ELEMENTS, {}, {"observation": rs.Observation(background="neighbour")}, "take 'residuals'"),
     ],
 )
 def test_what_cannot_be_identified_across_is_said(law, surface, options, said):
@@ -290,14 +285,31 @@ def test_noise_beyond_the_harmonics_of_a_joint_leaves_a_doubtful_result():
 
 
 @pytest.mark.slow
-def test_what_a_joint_lacks_is_sought_across_and_no_background_that_is_refused_is_proposed():
+def test_what_a_joint_lacks_is_sought_across():
     linear = rs.make_element("joint", "kj*x + cj*v", across=SENSORS)
     found = {f.code: f for f in rs.identify(two_masses((0.1, 0.2, 0.4)), (ELEMENTS[0], linear)).findings}
     misses = found["law-does-not-fit"]
     assert misses.names["term"] == "x**3"
     # what is left is the round-off of a law that is right; a cubic spring at the response leaves half
     assert misses["left"] < 0.02 * misses["misfit"]
-    assert not [code for code in found if code.startswith(("background", "offset"))]
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("kind", "receptance"), [("constant", (2e-5, 0)), ("residuals", (2e-5, 0.3))])
+def test_a_background_is_seen_by_the_response_and_not_by_the_joint(
+    kind: str, receptance: tuple[float, float]
+):
+    exact = driven_by_a_sine()
+    near = np.array(exact.harmonics)
+    near[:, 1] += (receptance[0] - receptance[1] / exact.omega**2) * exact.force
+    across = exact.across + near - exact.harmonics
+    seen = replace(exact, harmonics=near, across=across)
+    found = rs.identify(seen, ELEMENTS, rs.Observation(background=kind, hold_out=(0.5,)))
+    assert found.verdict.state == "identified"
+    for name, value in (TRUE | {"m": MASS}).items():
+        assert found[name].value == pytest.approx(value, rel=1e-5), name
+    assert found.held_out[0].error < 1e-6
+    assert not rs.identify(seen, ELEMENTS).verdict.usable
 
 
 FIRM = {"k": 22740.0, "c": 6.0, "kj": 24674.0, "cj": 2.0}

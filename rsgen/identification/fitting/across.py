@@ -9,7 +9,8 @@ Other modes contribute to x and y, so that no law predicts y from x: y was measu
 and is an unknown of every point as these are (errors in variables: Fuller, Measurement Error Models, Wiley
 1987). If z has a sensor of its own, z has that noise instead; the name of the elements' sensors says which
 (``law.element.response_share``). The misfit of a wrong law is no noise of one sensor: it changes the force
-and both motions, and the ratio of the motions stays as measured.
+and both motions, and the ratio of the motions stays as measured. A background is seen by the response
+alone: x is the motion without it, and so is z where it is the difference of x and y.
 """
 
 from __future__ import annotations
@@ -143,6 +144,25 @@ def _match(forces: Mapping[str, sympy.Expr], points: Points) -> None:
 def motions_of(law: ForceLaw, followed: Motion, points: Points) -> tuple[Motion, ...]:
     """Return the motions of the parts of a law: measured ones for two parts, ``followed`` for one."""
     return (points.motion, Motion(points.omega, points.across)) if law.acts_across else (followed,)
+
+
+def across_of_mode(
+    seen: ComplexArray, across: ComplexArray, mode: ComplexArray, sensors: str
+) -> ComplexArray:
+    """Return the motion across sensors (n, H+1) [m] without what a background adds to the response.
+
+    Parameters
+    ----------
+    seen, across
+        Measured harmonics (n, H+1) of the response and across the sensors [m].
+    mode
+        Those of the response without its background [m].
+    sensors
+        Name of the pair of sensors.
+    """
+    moved = np.array(across)
+    moved[:, 1] -= response_share(sensors) * (seen - mode)[:, 1]
+    return moved
 
 
 class MeasuredAcross(Forward):

@@ -34,7 +34,7 @@ from rsgen.common.tolerances import (
     SAMPLES_PER_PERIOD,
     SAMPLES_PER_PERIOD_SWITCHED,
 )
-from rsgen.identification.fitting.across import MeasuredAcross
+from rsgen.identification.fitting.across import MeasuredAcross, across_of_mode
 from rsgen.identification.fitting.forward import ErrorsInVariables, HarmonicBalance
 from rsgen.identification.fitting.least_squares import Regression, Rules, eliminate, fit
 from rsgen.identification.fitting.observed import FORCE_TO_RESPONSE_NOISE, Problem, is_systematic
@@ -318,7 +318,9 @@ def _forward(
     The balance begins ``near`` a motion of the phase that was measured, or with what was measured.
     """
     if problem.law.acts_across:
-        return MeasuredAcross(problem.law, mode.motion, Motion(mode.omega, mode.across))
+        seen, sensors = problem.observed.points, problem.law.parts[1].sensors
+        across = across_of_mode(seen.harmonics, seen.across, mode.harmonics, sensors)
+        return MeasuredAcross(problem.law, mode.motion, Motion(mode.omega, across))
     about_rest, load = 0 not in mode.measured, mode.load
     if load is not None:
         # the phase error between force and response turns every harmonic

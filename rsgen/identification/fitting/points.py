@@ -342,8 +342,8 @@ def refuse_resonance_alone(points: Points, model: Model, *, remembers: bool) -> 
     """
     if model.observation.background not in ("none", "phase") and at_resonance_alone(points):
         raise RsgenError(
-            f"background: {model.observation.background!r}; all points lie at phase resonance, where mode and "
-            'background cannot be separated; leave it out, take "phase", or add points off phase resonance'
+            f"background: {model.observation.background!r}; all points lie at phase resonance, where mode "
+            'and background cannot be separated; leave it out, take "phase", or add points off resonance'
         )
     if not (model.fixed or model.sensors or remembers) and at_resonance_alone(points):
         raise RsgenError(

@@ -26,6 +26,7 @@ from rsgen.data.multisine import MultisineSpectra
 from rsgen.data.oscillator import Model, Oscillator, refuse_across
 from rsgen.data.surface import ResponseSurface, match_level, typical_amounts
 from rsgen.describing import derive
+from rsgen.identification.fitting.across import across_of_mode
 from rsgen.identification.fitting.points import held_out_mask
 from rsgen.identification.modal_result import ModalTable
 from rsgen.identification.prediction.amplitude_balance import (
@@ -407,6 +408,9 @@ def _respond(
         return balance.respond(surface)
     shape, values = background.shape(surface.omega, surface.force), background.values
     mode = shape.subtract(surface, values)
+    if surface.across.size and (sensors := identification.model.sensors):
+        across = across_of_mode(surface.harmonics, surface.across, mode.harmonics, sensors)
+        mode = replace(mode, across=across)
     return balance.respond(mode) + shape.receptance(values) * mode.force
 
 
