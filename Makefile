@@ -63,7 +63,7 @@ test-wheel: $(READY) ## build wheel and sdist, use the wheel in empty environmen
 	$(BIN)/python tests/try_wheel.py
 
 constraints: $(READY) ## renew constraints.txt: the versions of reproducible runs
-	$(BIN)/uv pip compile pyproject.toml --extra cluster --extra tdms --extra xlsx --universal --upgrade --quiet \
+	$(BIN)/uv pip compile pyproject.toml --extra tdms --extra xlsx --universal --upgrade --quiet \
 		--custom-compile-command "make constraints" --no-annotate --output-file constraints.txt
 
 bench: $(READY) ## measure speed, accuracy and verdicts into reports/*.md; BEFORE=COMMIT: beside an earlier version

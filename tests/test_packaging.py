@@ -18,7 +18,7 @@ PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["
 EXTRAS = PROJECT["optional-dependencies"]
 OF_A_RUN = [
     *PROJECT["dependencies"],
-    *(wanted for extra in ("cluster", "tdms", "xlsx") for wanted in EXTRAS[extra]),
+    *(wanted for extra in ("tdms", "xlsx") for wanted in EXTRAS[extra]),
 ]
 
 

@@ -1,7 +1,5 @@
 """A run of six cases on two processes, one of which is killed: what the others come to.
 
-The processes are those of a pool; then, in a fourth as many attacks, the workers of a Dask cluster.
-
 ``python -m tests.attacks pool=20``
 """
 
@@ -11,7 +9,6 @@ import os
 import random
 import signal
 import time
-from collections.abc import Callable, Sequence
 from contextlib import suppress
 from pathlib import Path
 
@@ -48,7 +45,7 @@ def _begun(out: Path, name: str, seconds: float) -> int | None:
     return None
 
 
-def kill_a_worker(seed: int, place: Path, cache: Path, where: Sequence[str] = ("--jobs", "2")) -> Killed:
+def kill_a_worker(seed: int, place: Path, cache: Path) -> Killed:
     """Kill the worker of one case; give cases finished, others among them, and what else went wrong."""
     chance = random.Random(seed)
     folder, out = place / "cases", place / "out"
@@ -57,7 +54,7 @@ def kill_a_worker(seed: int, place: Path, cache: Path, where: Sequence[str] = ("
     for number, name in enumerate(names):
         write_case(folder, name, k=5920.0 + 50 * number)
     around = environment(place, RSGEN_CACHE=str(cache))
-    process = start(("run", folder, "--out", out, *where), env=around)
+    process = start(("run", folder, "--out", out, "--jobs", "2"), env=around)
     victim = chance.choice(names)
     worker = _begun(out, victim, HANG_SECONDS)
     time.sleep(chance.uniform(0.0, _LATEST))
@@ -73,33 +70,18 @@ def kill_a_worker(seed: int, place: Path, cache: Path, where: Sequence[str] = ("
     return len(finished), len(finished.keys() - {victim}), [f"seed {seed}: {text}" for text in wrong]
 
 
-def kill_a_cluster_worker(seed: int, place: Path, cache: Path) -> Killed:
-    """Kill the worker of one case on a cluster of two workers; give the same."""
-    from distributed import LocalCluster
-
-    with LocalCluster(dashboard_address=None, processes=True, n_workers=2, threads_per_worker=1) as cluster:
-        return kill_a_worker(seed, place, cache, ("--cluster", cluster.scheduler_address))
-
-
 def run(count: int, seed: int) -> list[Row]:
-    """Kill one worker in each of ``count`` runs, and in a fourth as many on a cluster."""
-    return [
-        *_rows("worker", count, seed, kill_a_worker),
-        *_rows("worker of a cluster", -(-count // 4), seed, kill_a_cluster_worker),
-    ]
-
-
-def _rows(what: str, count: int, seed: int, kill: Callable[[int, Path, Path], Killed]) -> list[Row]:
+    """Kill one worker in each of ``count`` runs."""
     finished, others, wrong = [], [], []
     with temporary() as cache:
         for number in range(count):
             with temporary() as place:
-                found = kill(1_000_000 * seed + number, place, cache / "kernels")
+                found = kill_a_worker(1_000_000 * seed + number, place, cache / "kernels")
             finished.append(found[0])
             others.append(found[1])
             wrong += found[2]
     held = sum(number == CASES - 1 for number in others)
-    figure = f"one {what} killed in a run of {CASES}, {count} times"
+    figure = f"one worker killed in a run of {CASES}, {count} times"
     return [
         row(f"{figure}: runs in which all others finished", f"{count}", f"{held} of {count}"),
         row(

@@ -93,7 +93,7 @@ def test_every_command_has_an_example(command: str, capsys: pytest.CaptureFixtur
 
 @pytest.mark.slow
 def test_the_shell_completes_commands_and_options() -> None:
-    for words, number, expected in (("rsgen de", 1, "derive"), ("rsgen run --clu", 2, "--cluster")):
+    for words, number, expected in (("rsgen de", 1, "derive"), ("rsgen run --job", 2, "--jobs")):
         completed = shell(_RSGEN_COMPLETE="complete_bash", COMP_WORDS=words, COMP_CWORD=str(number))
         assert completed.stdout.split() == [expected]
 

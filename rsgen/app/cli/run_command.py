@@ -41,13 +41,6 @@ def run_command(
         typer.Option("--jobs", "-j", min=1, max=256, help="Processes at a time.", show_default="processors"),
     ] = None,
     figures: Figures = None,
-    cluster: Annotated[
-        str | None,
-        typer.Option(
-            help="Address of a Dask scheduler whose workers see the same folders (needs rsgen[cluster]).",
-            show_default=False,
-        ),
-    ] = None,
     json: Json = False,
 ) -> int:
     """Run cases from file to report; unchanged ones with a verified result are skipped.
@@ -58,7 +51,6 @@ def run_command(
       rsgen run cases/cubic.toml --force
       rsgen run mine.toml --data /mnt/laboratory --out results
       rsgen run mine.toml --figures pdf
-      rsgen run cases --cluster tcp://node1:8786
     """
     print_cache_fault()
     check_figures(figures)
@@ -74,7 +66,6 @@ def run_command(
             command=words,
             figures=figures,
             workers=jobs,
-            cluster=cluster,
             **seen._asdict(),
         )
     if json:

@@ -38,12 +38,8 @@ from rsgen.common.errors import CaseError, RsgenError, keep_from_terminal
 from rsgen.common.process import ALGEBRA, collect_seldom
 
 # ----------------------------------------------------------------------------
-# Where cases are worked on: processes of this machine or workers of a Dask cluster, behind one interface.
-#
-# Both are executors of ``concurrent.futures``: ``submit`` gives a future, a future gives what became of a
-# case.
+# Processes of this machine, each with one case at a time.
 
-_CONNECT_SECONDS = 20
 _CLEARING_SECONDS = 1.0
 """A worker that was asked to end has this long to remove what it began; the parent removes the rest."""
 
@@ -269,54 +265,15 @@ def local_workers(number: int, steps: list[SimpleQueue[Step]] | None) -> Iterato
     ours.close()
 
 
-@contextmanager
-def cluster_workers(address: str) -> Iterator[Executor]:
-    """Yield the workers of a Dask scheduler; after a fault in the block, running cases end by themselves.
-
-    Parameters
-    ----------
-    address
-        Of the scheduler, such as "tcp://node1:8786".
-
-    Raises
-    ------
-    RsgenError
-        dask.distributed is not installed, or no scheduler answers.
-    """
-    try:
-        distributed: Any = importlib.import_module("distributed")
-    except ImportError:
-        raise RsgenError(
-            '--cluster: dask.distributed is not installed; get it by: pip install "rsgen[cluster]"'
-        ) from None
-    try:
-        client = distributed.Client(address, timeout=_CONNECT_SECONDS, set_as_default=False)
-    except (OSError, ValueError, TypeError) as fault:
-        reason = " ".join(str(fault).split())[:200]
-        raise RsgenError(
-            f"--cluster {address}: no scheduler answers: {reason}; start one with `dask scheduler`"
-        ) from fault
-    with client:
-        executor = client.get_executor(pure=False)
-        try:
-            yield executor
-        except BaseException:
-            executor.shutdown(wait=False)
-            raise
-
-
 def _sort(
-    paths: Iterable[Path], out: Path, force: bool, data: Path | None, figures: str | None, away: bool
+    paths: Iterable[Path], out: Path, force: bool, data: Path | None, figures: str | None
 ) -> tuple[dict[Path, Case], dict[Path, CaseRun]]:
-    """Return the cases that must be run, by path, and what became of the others: faulty or finished before.
-
-    ``away`` is True where workers have another working folder, so that paths must be absolute.
-    """
+    """Return the cases that must be run, by path, and what became of others: faulty or finished before."""
     cases: dict[Path, Case] = {}
     done: dict[Path, CaseRun] = {}
     for path in paths:
         try:
-            case = load_case(path.absolute() if away else path, data and data.absolute())
+            case = load_case(path, data and data.absolute())
             check_place(case, out)
             cases[path] = case
         except CaseError as fault:
@@ -360,14 +317,13 @@ def _spread(
     out: Path,
     settings: Mapping[str, Any],
     workers: int,
-    cluster: str | None,
     progress: Progress | None,
     note: Callable[[Path, CaseRun], None],
 ) -> None:
-    """Have all cases worked on, wherever the executor is; note each when it is finished."""
-    steps: list[SimpleQueue[Step]] | None = [] if progress is not None and cluster is None else None
+    """Have all cases worked on; note each when it is finished."""
+    steps: list[SimpleQueue[Step]] | None = None if progress is None else []
     try:
-        with cluster_workers(cluster) if cluster else local_workers(workers, steps) as executor:
+        with local_workers(workers, steps) as executor:
             futures = {
                 executor.submit(work, case, out.absolute(), settings): path for path, case in todo.items()
             }
@@ -395,7 +351,6 @@ def run_cases(
     figures: str | None = None,
     reuse_surface: bool = False,
     workers: int | None = None,
-    cluster: str | None = None,
     finished: Callable[[CaseRun], None] = lambda run: None,
     progress: Progress | None = None,
 ) -> tuple[CaseRun, ...]:
@@ -409,12 +364,10 @@ def run_cases(
         As for ``run_case``.
     workers
         Processes at a time; default is the number of processors. 1 runs in this process.
-    cluster
-        Address of a Dask scheduler whose workers see the same folders; ``workers`` is theirs then.
     finished
         Called after each case, in this process.
     progress
-        Called now and then, in this process, with how far each case has come; not from a cluster.
+        Called now and then, in this process, with how far each case has come.
 
     Returns
     -------
@@ -424,7 +377,7 @@ def run_cases(
     Raises
     ------
     RsgenError
-        A path does not exist or holds no case; no scheduler answers; the index cannot be written, or a file
+        A path does not exist or holds no case; the index cannot be written, or a file
         of its name was not written by rsgen.
     """
     files, place, runs = find_cases(paths), Path(out), dict[Path, CaseRun]()
@@ -436,12 +389,12 @@ def run_cases(
         finished(runs[path])
 
     folder = None if data is None else Path(data)
-    todo, done = _sort(files, place, force or reuse_surface, folder, figures, away=cluster is not None)
+    todo, done = _sort(files, place, force or reuse_surface, folder, figures)
     for path, run in done.items():
         note(path, run)
     number = min(workers or os.cpu_count() or 1, max(1, len(todo)))
-    if todo and (cluster or number > 1):
-        _spread(todo, place, settings, number, cluster, progress, note)
+    if number > 1:
+        _spread(todo, place, settings, number, progress, note)
     else:
         for path, case in todo.items():
             note(path, run_case(case, place, force=True, progress=progress, **settings))
