@@ -14,7 +14,7 @@ from rsgen.app.cli import main
 from rsgen.describing import derive
 from rsgen.formula import parse, symbol
 from rsgen.formula.evaluation import compiled
-from rsgen.report.figures.equivalent import draw_derivation, telling_amplitude
+from rsgen.report.figures.equivalent import draw_derivation
 
 JOINT = "k*x + F*tanh(x/a) + Ff*sign(v)"
 SAME = 1e-12  # a formula that was written and read back, in numbers
@@ -130,21 +130,6 @@ def test_picture_says_its_numbers() -> None:
     assert "c = k3 = 1 (not given)" in texts
     assert "omega = 1 rad/s" in texts
     assert "Amplitude X [mm]" in texts
-
-
-@pytest.mark.parametrize(
-    ("law", "values", "wanted"),
-    [
-        ("k*Max(0, abs(x) - b)*sign(x)", {"k": 1.0, "b": 0.002}, 0.006),
-        ("k*x + k3*x**3", {"k": 1e3, "k3": 1e9}, 3e-3),
-        ("c*v + Ff*sign(v)", {"c": 2.0, "Ff": 0.01}, 0.03),
-        ("k*x", {"k": 1.0}, 1.0),
-    ],
-)
-def test_telling_amplitude_lies_where_the_law_changes(
-    law: str, values: dict[str, float], wanted: float
-) -> None:
-    assert wanted / 4 <= telling_amplitude(derive(law), values, 1.0) <= 4 * wanted
 
 
 def test_drawing_shows_k_and_c_of_the_law() -> None:

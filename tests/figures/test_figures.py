@@ -74,21 +74,10 @@ UNIT = re.compile(r"\[[^\]]+\]$")
 
 @pytest.mark.slow
 @pytest.mark.parametrize("name", [name for name in DRAWINGS if name not in ("surface", "thumbnail")])
-def test_panels_lie_where_a_solver_of_constraints_puts_them(name: str) -> None:
-    """The independent way is matplotlib's; its scales of colours have room that they do not use."""
+def test_all_that_a_figure_shows_lies_inside_it(name: str) -> None:
     figure = DRAWINGS[name]().figure
-    panels = [axes for axes in figure.axes if axes.get_label() != "<colorbar>"]
-    size = [figure.bbox.width, figure.bbox.height] * 2
-    ours = np.array([axes.get_position().bounds for axes in panels]) * size
-    texts = [axes.get_tightbbox() for axes in figure.axes]
-    shown = Bbox.union(texts)
+    shown = Bbox.union([axes.get_tightbbox() for axes in figure.axes])
     assert Bbox.union([figure.bbox, shown]).bounds == figure.bbox.bounds
-    with mpl.style.context(figures.STYLE, after_reset=True):
-        figure.set_layout_engine("constrained")
-        figure.canvas.draw()
-    theirs = np.array([axes.get_position().bounds for axes in panels]) * size
-    # a quarter of a letter
-    assert np.abs(theirs - ours).max() < 2
 
 
 @pytest.mark.slow
