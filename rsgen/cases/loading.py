@@ -86,12 +86,12 @@ def name_clashes(cases: Iterable[Case]) -> dict[Path, str]:
 
 def make_simulated(table: Any, maker: Maker) -> SimulatedTest | MultisineTest:
     """Make a virtual test of at most a million points."""
+    if table.base is not None and table.base.quantity is not None:
+        maker.units = {"N": BASE_UNITS[table.base.quantity]}
     if table.kind == "simulated-multisine":
         return maker.make(MultisineTest, table, "test")
     if table.control in ("response", "continuation"):
         maker.units = {"N": "m"}
-    elif table.base is not None and table.base.quantity is not None:
-        maker.units = {"N": BASE_UNITS[table.base.quantity]}
     test = maker.make(SimulatedTest, table, "test")
     rows = ((table.level, test.level), (table.frequency, test.frequency))
     sizes = [size for grid, row in rows if (size := grid.count if row is None else len(row)) is not None]

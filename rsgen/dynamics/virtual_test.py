@@ -68,6 +68,21 @@ class VirtualTest(PlannedTest):
     level: Array
     noise_relative: float
     seed: int
+    base: str | None
+
+    @property
+    def level_unit(self) -> str:
+        """SI unit of the levels."""
+        return BASE_UNITS[self.base or ""]
+
+    def drive(self, mass: float, level: Array | ComplexArray, frequency: Array) -> ComplexArray:
+        """(n,) complex force [N] on the mass [kg] at levels and frequencies [Hz]: -m a_b of a shaken base.
+
+        The level has the phase of the force, or that of the motion of the base.
+        """
+        if self.base is None:
+            return np.asarray(level, dtype=np.complex128)
+        return np.asarray(-mass * (2j * np.pi * frequency) ** below_acceleration(self.base) * level)
 
     @property
     def planned_levels(self) -> Array:
@@ -82,6 +97,16 @@ class VirtualTest(PlannedTest):
     def _origin(self, made: str) -> dict[str, str]:
         noise = f"{self.noise_relative:g} relative, seed {self.seed}"
         return {"Simulation": made, "Noise": noise if self.noise_relative else "none"}
+
+
+_Base = Annotated[
+    Literal["displacement", "velocity", "acceleration"] | None,
+    Rule(
+        "What of the motion of a shaken base the levels are amounts of, instead of a force. The response is "
+        "the motion relative to the base.",
+        key="base.quantity",
+    ),
+]
 
 
 @documented
@@ -141,12 +166,7 @@ class SimulatedTest(VirtualTest):
         at_least=-0.5,
         at_most=0.5,
     )
-    base: Literal["displacement", "velocity", "acceleration"] | None = declare(
-        None,
-        "What of the motion of a shaken base the levels are amplitudes of, instead of a force. The response "
-        "is the motion relative to the base.",
-        key="base.quantity",
-    )
+    base: _Base = None
 
     def __post_init__(self) -> None:
         unit = self.level_unit
@@ -224,16 +244,6 @@ class SimulatedTest(VirtualTest):
         """Return names and values for the provenance of a result."""
         held = f"{self.base} of the base" if self.base else f"{self.control} control"
         return self._origin(f"{self.method}, {held}, sweep {self.sweep}, accuracy {self.accuracy:g}")
-
-    def drive(self, mass: float, level: Array, frequency: Array) -> ComplexArray:
-        """(n,) complex force [N] on the mass [kg] at levels and frequencies [Hz]: -m a_b of a shaken base.
-
-        The motion of the base has phase zero.
-        """
-        if self.base is None:
-            return np.asarray(level, dtype=np.complex128)
-        derivatives = below_acceleration(self.base)
-        return np.asarray(-mass * (2j * np.pi * frequency) ** derivatives * level)
 
 
 # ----------------------------------------------------------------------------
@@ -349,7 +359,13 @@ class MultisineTest(VirtualTest):
     Raises RsgenError where a value is out of range.
     """
 
-    level: Annotated[Array, Rule("Root mean square of the force of each level.", unit="N")]
+    level: Annotated[
+        Array,
+        Rule(
+            "Root mean square of the force of each level; of the motion of a base as [test.base] says.",
+            unit="N",
+        ),
+    ]
     band: Annotated[
         tuple[Annotated[float, Rule(unit="Hz", at_least=0)], Annotated[float, Rule(unit="Hz", above=0)]],
         Rule("Lowest and highest excited frequency."),
@@ -373,9 +389,10 @@ class MultisineTest(VirtualTest):
         key="noise.relative",
     )
     seed: int = declare(1, "Of phases and noise.", at_least=0, at_most=2**63 - 1, key="noise.seed")
+    base: _Base = None
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "level", level_grid(self.level, "level", "N"))
+        object.__setattr__(self, "level", level_grid(self.level, "level", self.level_unit))
         object.__setattr__(self, "band", tuple(map(float, self.band)))
         check(self)
 
@@ -397,15 +414,15 @@ class MultisineTest(VirtualTest):
         return True
 
     def known_mass(self, mass: float | None) -> float | None:
-        """Return None: forces in N determine the mass."""
-        return None
+        """Return the mass [kg] of a shaken base; forces in N determine it."""
+        return None if self.base is None else mass
 
     def planned(self) -> MultisineSpectra:
         """Return the records of the test, as if every excited line had the same force and response."""
         level = np.repeat(self.level, self.realisations)
         lines = np.zeros((len(level), int(self.excited[-1]) + 1), complex)
         lines[:, self.excited] = 1.0
-        return MultisineSpectra(level, 2 * np.pi / self.period, lines, lines)
+        return MultisineSpectra(level, 2 * np.pi / self.period, lines, lines, base=self.base or "")
 
     def summary(self) -> dict[str, Any]:
         """Return what the test is, without the extent of its records."""
@@ -446,20 +463,24 @@ def simulate_multisine(oscillator: Oscillator, test: MultisineTest) -> Multisine
         force = np.zeros(test.highest + 1, dtype=complex)
         force[excited] = level * np.sqrt(2 / len(excited))
         force[excited] *= np.exp(2j * np.pi * phases.random(len(excited)))
+        force = test.drive(oscillator.mass, force, np.arange(len(force)) / test.period)
         found = _respond(law, values, oscillator.mass, 2 * np.pi / test.period, force)
         if found is None:
             raise RsgenError(
-                f"test.level: {level:g} N: no periodic response was found; where dry friction holds the mass "
-                "for a while, or several motions are possible, test at higher levels"
+                f"test.level: {level:g} {test.level_unit}: no periodic response was found; where dry "
+                "friction holds the mass for a while, or several motions are possible, test at higher levels"
             )
         forces.append(force)
         responses.append(found)
+    per = 1.0 if test.base is None else oscillator.mass
     return MultisineSpectra(
         level=levels,
         omega0=2 * np.pi / test.period,
-        force=_noisy(np.array(forces), test, 1),
+        force=_noisy(np.array(forces) / per, test, 1),
         response=_noisy(np.array(responses), test, 2),
         origin="simulated",
+        per_mass=test.base is not None,
+        base=test.base or "",
     )
 
 

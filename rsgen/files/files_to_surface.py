@@ -446,7 +446,9 @@ def _from_multisine(test: MeasuredTest, rule: HistoryRule) -> MultisineSpectra:
     labels = [history.level for history in histories] if test.level.labels else [None]
     if test.level.labels:
         histories = [replace(history, level=None) for history in histories]
-    spectra = from_multisine(histories, period=rule.multisine.period, transient=rule.multisine.transient)
+    periods = rule.multisine
+    base = "" if test.base is None else "acceleration"
+    spectra = from_multisine(histories, period=periods.period, transient=periods.transient, base=base)
     records = [found for history in histories for found in record_findings(history)]
     # a force that is not in N has no amount that a level could be
     kept = [f for f in spectra.findings if test.calibrated or f.code != "levels-in-other-unit"]

@@ -516,9 +516,7 @@ def _sum_faults(test: MeasuredTest, what: str, signal: Signal) -> Iterator[str]:
 def _excitation_faults(test: MeasuredTest) -> Iterator[tuple[str, str]]:
     """Find excitations whose evaluation knows one force and one response only."""
     kind = "" if test.history is None else test.history.excitation
-    if kind not in ("ring-down", "multisine"):
-        return
-    for what in ("base", "across"):
+    for what in {"ring-down": ("base", "across"), "multisine": ("across",)}.get(kind, ()):
         if what in test.made:
             yield (
                 what,

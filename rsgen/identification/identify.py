@@ -231,7 +231,7 @@ def identify(
     """
     model = join_model(law, observation, mass, fixed)
     if isinstance(surface, MultisineSpectra):
-        records = rsgen.identification.lines.identify_multisine(surface, model)
+        records = rsgen.identification.lines.identify_multisine(*per_unit_mass(surface, model))
         return _with_held_out(records, predict_records, records)
     require(surface, ResponseSurface, "surface")
     surface, model = per_unit_mass(without_copies(surface), model)

@@ -270,7 +270,17 @@ def save_records(table: Any, place: Path) -> None:
 @save_records.register
 def _(table: MultisineSpectra, place: Path) -> None:
     buffer = io.BytesIO()
-    names = ("level", "omega0", "frequency", "force", "response", "mean_known", "left_out")
+    names = (
+        "level",
+        "omega0",
+        "frequency",
+        "force",
+        "response",
+        "mean_known",
+        "left_out",
+        "per_mass",
+        "base",
+    )
     arrays: dict[str, Any] = {name: getattr(table, name) for name in names}
     np.savez_compressed(buffer, **arrays)
     write_atomic(place / "spectra.npz", buffer.getvalue())

@@ -361,7 +361,7 @@ def _(spectra: MultisineSpectra, identification: MultisineIdentification) -> dic
         "contents": _LINE_CONTENTS,
         "test_sentence": spectra_sentence(spectra, identification.frequency_range),
         "mean_sentence": None,
-        "linear_table": linear_table(identification.approximations),
+        "linear_table": linear_table(identification.approximations, identification.curve.units),
     }
 
 

@@ -13,7 +13,7 @@ from rsgen.common.errors import RsgenError
 from rsgen.common.tolerances import CONFIDENCE_TEXT
 from rsgen.data.multisine import BestLinear
 from rsgen.data.surface import ResponseSurface
-from rsgen.formula.units import choose_scale, number_text, quantity_text, unit_text
+from rsgen.formula.units import ForceUnits, choose_scale, number_text, quantity_text, unit_text
 from rsgen.identification.modal_result import MODAL_COLUMNS, ModalTable
 from rsgen.identification.modal_table import modal_table
 from rsgen.identification.prediction import HeldOutLevel, predict
@@ -256,7 +256,7 @@ def record_table(records: Sequence[PredictedRecord]) -> Table | None:
     rows = tuple(
         TableRow(
             (
-                quantity_text(one.level, "N", 3),
+                quantity_text(one.level, one.level_unit, 3),
                 Cell(str(int(np.count_nonzero(one.judged)))),
                 Cell(error_text(one.error, 3)),
                 Cell(error_text(one.noise)),
@@ -268,9 +268,9 @@ def record_table(records: Sequence[PredictedRecord]) -> Table | None:
     return Table("Levels that identification has not seen", columns, rows)
 
 
-def linear_table(approximations: Sequence[BestLinear]) -> Table:
+def linear_table(approximations: Sequence[BestLinear], units: ForceUnits) -> Table:
     """List the best linear approximations of a multisine, a row a level."""
-    stiffness = choose_scale([one.stiffness for one in approximations], "N/m")
+    stiffness = choose_scale([one.stiffness for one in approximations], units.of("N/m"))
     size = choose_scale([one.rms for one in approximations], "m")
 
     def cell(value: float, digits: int = 4) -> Cell:
@@ -279,7 +279,7 @@ def linear_table(approximations: Sequence[BestLinear]) -> Table:
     rows = tuple(
         TableRow(
             (
-                quantity_text(one.level, "N", 3),
+                quantity_text(one.level, one.level_unit, 3),
                 Cell(str(one.records)),
                 cell(one.rms / size.factor),
                 cell(one.natural_frequency, 5),

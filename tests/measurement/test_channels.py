@@ -254,11 +254,10 @@ def test_what_does_not_fit_is_said(tmp_path, test, elements, said):
         rs.load_case(write(tmp_path, test, elements, a=(FORCE, WING, PAYLOAD)))
 
 
-@pytest.mark.parametrize("excitation", ["ring-down", "multisine"])
-def test_a_base_does_not_lose_its_unit_in_other_excitations(excitation):
-    history = HistoryRule(excitation, rate=400.0)
+def test_a_base_does_not_lose_its_unit_in_a_free_decay():
+    history = HistoryRule("ring-down", rate=400.0)
     base = BaseRule(Signal(samples="b"), "relative", "acceleration")
-    with pytest.raises(MeasurementError, match=f"base: does not go with '{excitation}'"):
+    with pytest.raises(MeasurementError, match="base: does not go with 'ring-down'"):
         MeasuredTest("a.csv", None, None, Signal(samples="x"), "displacement", history=history, base=base)
 
 

@@ -163,12 +163,6 @@ def test_what_a_multisine_cannot_have_is_said_before_the_run(folder: Path, run_c
     (folder / "odd.toml").write_text(text, encoding="utf-8")
     checked = run_cli("check", folder / "odd.toml")
     assert "5 N is not tested; tested are 1, 4, 8 N" in " ".join((checked.out + checked.err).split())
-    text = CASE.format(law=LAW, identify="", test="").replace('"4 N"]', '"4 m/s^2"]', 1)
-    text = text.replace("[test.force]\n", '[test.base]\nquantity = "acceleration"\n')
-    text = text.replace('["1 N", "4 N", "8 N"]', '["1 m/s^2", "4 m/s^2", "8 m/s^2"]')
-    (folder / "odd.toml").write_text(text, encoding="utf-8")
-    checked = run_cli("check", folder / "odd.toml")
-    assert "test.base: does not go with 'multisine'" in " ".join((checked.out + checked.err).split())
     with pytest.raises(RsgenError, match="surface: MultisineSpectra; must be ResponseSurface"):
         rsgen.predict(rsgen.Oscillator(1.0, "k*x", {"k": 1.0}), 1.0, rsgen.read(folder / "lines.toml"))
     with pytest.raises(MeasurementError, match="a level a record"):

@@ -25,7 +25,7 @@ from rsgen.data.history.record import (
     name_levels,
 )
 from rsgen.data.multisine.spectra import MultisineSpectra, rms
-from rsgen.data.surface.columns import DERIVATIVE
+from rsgen.data.surface.columns import BASE_UNITS, DERIVATIVE
 from rsgen.data.surface.plausibility import LEVEL_TOLERANCE
 
 _MIN_RATIO_TO_BEST = 0.995
@@ -77,7 +77,11 @@ def find_period(force: Array, label: str = "time history") -> int:
 
 
 def from_multisine(
-    histories: TimeHistory | Sequence[TimeHistory], *, period: int | None = None, transient: int | None = None
+    histories: TimeHistory | Sequence[TimeHistory],
+    *,
+    period: int | None = None,
+    transient: int | None = None,
+    base: str = "",
 ) -> MultisineSpectra:
     """Return the spectra of a test from records of a periodic multisine, one a level and realisation.
 
@@ -91,6 +95,9 @@ def from_multisine(
         Samples a period; None: found from the force.
     transient
         Periods left out at the beginning; None: found from the response, record by record.
+    base
+        "acceleration" where a base is driven: forces are then minus its acceleration, and responses
+        relative to it.
 
     Raises
     ------
@@ -127,7 +134,7 @@ def from_multisine(
     numbers = quantities(samples=length, periods=settled, left_out=max(left), step=step)
     found = "found" if period is None else "given"
     findings = [f for record in records for f in record.findings]
-    findings += [*copies, *_level_findings(records, typical, levels)]
+    findings += [*copies, *_level_findings(records, typical, levels, BASE_UNITS[base])]
     if transient is None:
         findings += _unsettled(records, length)
     findings.append(Finding("multisine-periods", "info", numbers=numbers, names={"period": found}))
@@ -139,15 +146,19 @@ def from_multisine(
         mean_known=mean_known,
         left_out=np.array(left, dtype=np.int64),
         findings=tuple(findings),
+        per_mass=bool(base),
+        base=base,
     )
 
 
-def _level_findings(records: Sequence[TimeHistory], typical: Array, levels: Array) -> list[Finding]:
+def _level_findings(
+    records: Sequence[TimeHistory], typical: Array, levels: Array, unit: str
+) -> list[Finding]:
     """Return findings about nominal levels that differ from the forces: some, or all by one factor."""
     ratio = typical / levels
 
     def about(end: int) -> tuple[dict[str, Quantity], dict[str, str]]:
-        level, rms_ = Quantity(float(levels[end]), "N"), Quantity(float(typical[end]), "N")
+        level, rms_ = Quantity(float(levels[end]), unit), Quantity(float(typical[end]), unit)
         numbers = {"level": level, "force": rms_, "ratio": Quantity(float(ratio[end]))}
         return numbers, {"record": records[end].label}
 

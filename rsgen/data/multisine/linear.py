@@ -106,7 +106,7 @@ class BestLinear:
     Parameters
     ----------
     level
-        Nominal root mean square of the force [N].
+        Nominal root mean square of the drive, in ``level_unit``.
     records
         Number of records.
     frequency
@@ -141,6 +141,7 @@ class BestLinear:
     damping_ratio: float
     stiffness: float
     mass: float
+    level_unit: str = "N"
 
     def __repr__(self) -> str:
         """Return mode and shares in one line, without the arrays of hundreds of lines."""
@@ -154,7 +155,7 @@ class BestLinear:
             f", {name} {short(value)}{unit}" for name, (value, unit) in said.items() if value >= 0
         )
         lines = f"{len(self.frequency)} lines{_between(self.frequency)}"
-        return f"BestLinear({short(self.level)} N rms, {lines}{known})"
+        return f"BestLinear({short(self.level)} {self.level_unit} rms, {lines}{known})"
 
     @property
     def rms(self) -> float:
@@ -228,9 +229,9 @@ def best_linear(spectra: MultisineSpectra, band: tuple[float, float] | None = No
         chosen = excited[rows].all(axis=0) & inside
         if np.count_nonzero(chosen) < _MIN_LINES:
             raise MeasurementError(
-                f"multisine: level {level:g} N: {np.count_nonzero(chosen)} excited lines in the band; at "
-                f"least {_MIN_LINES} are needed: in a wider band; or force and response are swapped, for a "
-                "force has about as much at all its lines"
+                f"multisine: level {level:g} {spectra.level_unit}: {np.count_nonzero(chosen)} excited lines "
+                f"in the band; at least {_MIN_LINES} are needed: in a wider band; or force and response are "
+                "swapped, for a force has about as much at all its lines"
             )
         found.append(
             _of_level(spectra, float(level), rows, chosen, np.asarray(excited[rows].any(axis=0)), inside)
@@ -287,6 +288,7 @@ def _of_level(
         even,
         odd,
         *mode,
+        spectra.level_unit,
     )
 
 

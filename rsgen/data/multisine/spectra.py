@@ -14,7 +14,9 @@ from rsgen.common.errors import MeasurementError, RsgenError
 from rsgen.common.finding import Finding
 from rsgen.common.text_table import Printed, TextTable, short
 from rsgen.common.tolerances import ROUND_OFF, STANDARD_ERRORS_OF_DIFFERENCE
+from rsgen.data.surface.columns import BASE_UNITS
 from rsgen.data.surface.response_surface import LEVEL_ROUND_OFF, list_levels, match_level
+from rsgen.formula.units import PER_UNIT_MASS, WHOLE, ForceUnits
 
 if TYPE_CHECKING:
     from rsgen.data.oscillator import Observation
@@ -39,7 +41,7 @@ class MultisineSpectra(Printed):
     Parameters
     ----------
     level
-        (r,) nominal root mean square of the force of each record [N], without its mean.
+        (r,) nominal root mean square of the drive of each record, without its mean, in ``level_unit``.
     omega0
         2 pi over the period [rad/s].
     force
@@ -57,6 +59,11 @@ class MultisineSpectra(Printed):
     label
         (r,) number that names the level of a record in the test, where it is no amount of its force; None:
         the levels are their own names. ``hold_out`` takes it.
+    per_mass
+        True where the force is one per mass [N/kg = m/s^2], as a driven base gives it.
+    base
+        "" where a force drives; else the quantity of the motion of a driven base, as of a response surface:
+        the response is relative to the base, the force per mass minus the acceleration of the base.
 
     Raises
     ------
@@ -73,6 +80,8 @@ class MultisineSpectra(Printed):
     left_out: NDArray[np.int64] | None = None
     findings: tuple[Finding, ...] = ()
     label: Array | None = None
+    per_mass: bool = False
+    base: str = ""
 
     def __post_init__(self) -> None:
         level = _array(self.level, "level", np.float64, (1,))
@@ -91,6 +100,9 @@ class MultisineSpectra(Printed):
             raise MeasurementError(f"MultisineSpectra: omega0: {self.omega0!r}; must be positive, in rad/s")
         if not (level > 0).all():
             raise MeasurementError(f"MultisineSpectra: level: {level.tolist()!r:.80}; {_BAD_LEVEL}")
+        if self.base not in BASE_UNITS:
+            known = ", ".join(map(repr, BASE_UNITS))
+            raise MeasurementError(f"MultisineSpectra: base: {self.base!r:.60}; one of {known} is needed")
         left = np.zeros(len(level), dtype=np.int64) if self.left_out is None else self.left_out
         for name, value in (("level", level), ("force", force), ("response", response), ("left_out", left)):
             kept = np.array(value)
@@ -110,17 +122,24 @@ class MultisineSpectra(Printed):
 
     @property
     def level_unit(self) -> str:
-        """Unit of the levels."""
-        return "N"
+        """Unit of the levels: of the force, or of the motion of a base."""
+        return BASE_UNITS[self.base] if self.base else self.units.force
 
     @property
-    def per_mass(self) -> bool:
-        """Return False: the forces are in newtons, not per mass."""
-        return False
+    def units(self) -> ForceUnits:
+        """Units of force and parameters, per mass or not."""
+        return PER_UNIT_MASS if self.per_mass else WHOLE
 
-    def on_mass(self, mass: float | None) -> MultisineSpectra:
-        """Return the same test: its forces are in newtons."""
-        return self
+    @property
+    def limits(self) -> tuple[Finding, ...]:
+        """Return findings about what the records of this test cannot determine: an absolute mass."""
+        return (Finding("per-unit-mass", "info"),) * self.per_mass
+
+    def on_mass(self, mass: float) -> MultisineSpectra:
+        """Return the test with forces [N] on a mass m [kg], if they are per mass; unchanged if m is NaN."""
+        if not (self.per_mass and np.isfinite(mass)):
+            return self
+        return replace(self, force=mass * self.force, per_mass=False)
 
     @property
     def lines(self) -> NDArray[np.intp]:
@@ -382,5 +401,6 @@ def held_out_records(spectra: MultisineSpectra, levels: tuple[float, ...]) -> ND
             held[spectra.at_level(level)] = True
         else:
             tested = list_levels(spectra.level, spectra.label)
-            raise RsgenError(f"identify.hold_out: {asked:g} N is not tested; tested are {tested} N")
+            unit = spectra.level_unit
+            raise RsgenError(f"identify.hold_out: {asked:g} {unit} is not tested; tested are {tested} {unit}")
     return held

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, fields, replace
 from math import nan
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,10 +17,13 @@ from numpy.typing import NDArray
 from rsgen.common.arrays import Array, Chosen
 from rsgen.common.errors import RsgenError
 from rsgen.common.tolerances import ASSUMED_RELATIVE_NOISE, ROUND_OFF, STANDARD_ERRORS_OF_DIFFERENCE
+from rsgen.data.multisine import MultisineSpectra
 from rsgen.data.oscillator import Model, join_model
 from rsgen.data.surface import OUTCOMES, ResponseSurface
 from rsgen.data.surface.plausibility import MAX_LAG_ERROR, BackboneGap, backbone_gap
 from rsgen.law.motion import Motion, feeds_exciter
+
+Records = TypeVar("Records", ResponseSurface, MultisineSpectra)
 
 ASYMMETRIC = 0.2
 """Mean or higher harmonic, relative to the amplitude, beyond that of a nearly sinusoidal motion."""
@@ -202,8 +205,8 @@ def _why_unused(surface: ResponseSurface) -> str:
     return f" ({'; '.join(reasons)})" if reasons else ""
 
 
-def per_unit_mass(surface: ResponseSurface, model: Model) -> tuple[ResponseSurface, Model]:
-    """Convert a surface of forces per mass: to newtons with a known mass, else to a mass of 1 kg.
+def per_unit_mass(surface: Records, model: Model) -> tuple[Records, Model]:
+    """Convert a test of forces per mass: to newtons with a known mass, else to a mass of 1 kg.
 
     Without a mass the parameters are per unit mass: a test of a driven base determines no more.
     """

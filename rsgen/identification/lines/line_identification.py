@@ -109,13 +109,14 @@ def _assemble(spectra: MultisineSpectra, model: Model, fit: LineFit) -> Multisin
     amplitudes = np.sqrt(2) * part.rms_response()
     tested = {
         "amplitude": Quantity(float(amplitudes.max()), "m"),
-        "level": Quantity(float(part.levels.max()), "N"),
+        "level": Quantity(float(part.levels.max()), part.level_unit),
     }
     known = replace(fit.regression, covariance=covariance)
-    reasons = parameter_findings(names, units_of(model), tested, known)
+    units = units_of(model, part.units)
+    reasons = parameter_findings(names, units, tested, known)
     reasons = with_combinations(reasons, model)
     solution = Solution(fit.values, fit.mass, covariance, freedom, misfit, fit.converged)
-    estimates = make_estimates(solution, law, model, reasons)
+    estimates = make_estimates(solution, law, model, reasons, units)
     approximations = best_linear(part, model.observation.band)
     findings = [e.finding for e in estimates if e.finding is not None]
     findings += _sign_findings(fit, covariance)
@@ -125,7 +126,7 @@ def _assemble(spectra: MultisineSpectra, model: Model, fit: LineFit) -> Multisin
     ]
     motion = Motion(np.full(len(part), part.omega0), part.mean_response)
     # the sign of the damping is that of this law: errors by alternative laws do not enter
-    by_noise = make_estimates(replace(solution, covariance=statistical), law, model, reasons)
+    by_noise = make_estimates(replace(solution, covariance=statistical), law, model, reasons, units)
     findings += damping_findings(law, motion, fit.values, by_noise)
     findings += _damping_findings(fit, misfit, noise)
     findings += _delay_findings(fit, misfit)
@@ -133,7 +134,11 @@ def _assemble(spectra: MultisineSpectra, model: Model, fit: LineFit) -> Multisin
     if (lines.lowest > 1).any():
         below = Quantity(float(part.frequency[lines.lowest.max()]), "Hz")
         findings.append(Finding("motion-by-law", "info", numbers={"below": below}))
-    findings += [*spectra.findings, *([] if fit.converged else [Finding("not-converged", "doubt")])]
+    findings += [
+        *spectra.findings,
+        *spectra.limits,
+        *([] if fit.converged else [Finding("not-converged", "doubt")]),
+    ]
     if model.observation.calibrated:
         ratios = [linear.damping_ratio for linear in approximations if linear.damping_ratio > 0]
         mass = fit.mass if np.isfinite(covariance).all() else nan
@@ -152,7 +157,7 @@ def _assemble(spectra: MultisineSpectra, model: Model, fit: LineFit) -> Multisin
         first_order_bias=(nan,) * len(estimates),
         covariance=covariance[np.ix_(free, free)],
         resonances=resonances,
-        curve=_curve(resonances),
+        curve=_curve(resonances, part),
         residual=misfit,
         noise=noise,
         levels=part.levels,
@@ -212,14 +217,14 @@ def _resonance(found: BestLinear) -> Resonance:
     )
 
 
-def _curve(resonances: tuple[Resonance, ...]) -> EquivalentCurve:
+def _curve(resonances: tuple[Resonance, ...], part: MultisineSpectra) -> EquivalentCurve:
     """Return equivalent stiffness and damping of each level at its resonance."""
     amplitude, frequency, level, stiffness, damping = (
         np.array([getattr(point, name) for point in resonances])
         for name in ("amplitude", "frequency", "level", "stiffness", "damping")
     )
     used = np.ones(len(resonances), dtype=bool)
-    return EquivalentCurve(amplitude, frequency, level, stiffness, damping, used)
+    return EquivalentCurve(amplitude, frequency, level, stiffness, damping, used, part.level_unit, part.units)
 
 
 def _sign_findings(fit: LineFit, covariance: Array) -> list[Finding]:

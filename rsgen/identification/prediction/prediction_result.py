@@ -211,7 +211,7 @@ class PredictedRecord:
     Parameters
     ----------
     level
-        Nominal root mean square of the force [N].
+        Nominal root mean square of the drive, in ``level_unit``.
     frequency
         (H+1,) of the lines [Hz].
     measured, predicted
@@ -232,6 +232,7 @@ class PredictedRecord:
     judged: NDArray[np.bool_]
     error: float
     noise: float
+    level_unit: str = "N"
 
     def __post_init__(self) -> None:
         for name, kind in (
@@ -265,6 +266,7 @@ def predict_multisine(found: MultisineIdentification, spectra: MultisineSpectra 
     if spectra is None:
         return Prediction((), (), ())
     require(spectra, MultisineSpectra, "surface")
+    spectra = spectra.on_mass(found.mass)
     records = tuple(_record(found, spectra, i) for i in range(len(spectra)))
     findings = _findings(found, records, np.sqrt(2) * spectra.rms_response())
     return Prediction((), (), tuple(findings), records)
@@ -286,7 +288,9 @@ def _record(found: MultisineIdentification, spectra: MultisineSpectra, row: int)
     error = float(np.linalg.norm((predicted - measured)[judged])) / size
     noise = float(np.linalg.norm(spectra.noise()[1][row][judged])) / size
     level = float(spectra.level[row])
-    return PredictedRecord(level, spectra.frequency, measured, predicted, judged, error, noise)
+    return PredictedRecord(
+        level, spectra.frequency, measured, predicted, judged, error, noise, spectra.level_unit
+    )
 
 
 def _findings(
@@ -295,7 +299,7 @@ def _findings(
     findings = []
     reach = BEYOND * found.amplitude_range[1]
     for one, amplitude in zip(records, map(float, amplitudes), strict=True):
-        level = Quantity(one.level, "N")
+        level = Quantity(one.level, one.level_unit)
         if not np.isfinite(one.error):
             findings.append(Finding("no-steady-state", "doubt", numbers=quantities(level=level)))
             continue

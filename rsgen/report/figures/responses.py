@@ -394,11 +394,15 @@ def draw_best_linear(found: MultisineIdentification, *, ax: GivenAxes = None) ->
     require(found, MultisineIdentification, "found")
     levels = found.approximations
     figure, panels = take_axes(ax, 2, (4.4, 4.6), sharex=True)
-    unit = "m/N"
+    unit = "m/N" if np.isfinite(found.curve.units.kilogram) else "s^2"
     scale = choose_scale(np.abs(np.concatenate([one.receptance for one in levels])), unit)
     norm = Normalize(0, max(len(levels) - 1, 1))
     for number, one in enumerate(levels):
-        look = {"color": level_colours()(norm(number)), "lw": 1.2, "label": quantity_text(one.level, "N", 3)}
+        look = {
+            "color": level_colours()(norm(number)),
+            "lw": 1.2,
+            "label": quantity_text(one.level, one.level_unit, 3),
+        }
         _semilog(panels[0], one.frequency, np.abs(one.receptance) / scale.factor, **look)
     panels[0].set_ylabel(scale.label("Receptance |G|"))
     panels[0].legend(loc="best", title="Level, rms")
@@ -421,7 +425,7 @@ def _said(one: BestLinear) -> str:
         even, odd = _hidden(one.even_share, one.even_bound), _hidden(one.odd_share, one.odd_bound)
         distortion = f", at even lines {even}, at odd lines that are not excited {odd}"
     return (
-        f"At {quantity_text(one.level, 'N', 3)}: natural frequency "
+        f"At {quantity_text(one.level, one.level_unit, 3)}: natural frequency "
         f"{quantity_text(one.natural_frequency, 'Hz', 5)}, damping ratio "
         f"{number_text(100 * one.damping_ratio, 3)} %, distortion "
         f"{number_text(100 * one.distortion_share, 2)} % of the response{distortion}, noise {noise}."
@@ -451,7 +455,7 @@ def _draw_parts(axes: Axes, found: MultisineIdentification) -> None:
             values = np.where(lines.response > 0, lines.response, np.nan) / scale.factor
             axes.plot(lines.frequency, values, mark, ms=2.2, mfc="none", mew=0.7, label=name)
     axes.set_xlim(one.frequency[0], one.frequency[-1])
-    axes.set_ylabel(scale.label(f"Lines at {quantity_text(one.level, 'N', 3)}"))
+    axes.set_ylabel(scale.label(f"Lines at {quantity_text(one.level, one.level_unit, 3)}"))
     _limit_lines(axes, float(one.response.max()) / scale.factor)
     axes.legend(loc="best")
 
@@ -475,11 +479,11 @@ def draw_line_misfit(found: MultisineIdentification, *, ax: GivenAxes = None) ->
     figure, panels = take_axes(ax, len(shown), (4.4, 2.4 * len(shown)), sharex=True)
     texts = []
     for axes, place in zip(panels, shown, strict=False):
-        used = found.used[place]
+        used, named = found.used[place], quantity_text(float(level[place]), spectra.level_unit, 3)
         frequency = spectra.frequency[used]
         force = np.abs(spectra.mean_force[rows[place]][used])
         left, noise = np.abs(found.misfit[place][used]), found.deviation[place][used]
-        scale = choose_scale(force, "N")
+        scale = choose_scale(force, spectra.units.force)
         parts = (
             ("force", force, "#1b1c1e"),
             ("misfit", left, "#D55E00"),
@@ -487,14 +491,14 @@ def draw_line_misfit(found: MultisineIdentification, *, ax: GivenAxes = None) ->
         )
         for name, values, colour in parts:
             _semilog(axes, frequency, values / scale.factor, color=colour, label=name, **_PALE)
-        axes.set_ylabel(scale.label(f"Level {quantity_text(float(level[place]), 'N', 3)}"))
+        axes.set_ylabel(scale.label(f"Level {named}"))
         _limit_lines(axes, float(force.max()) / scale.factor)
         share = float(np.linalg.norm(left) / np.linalg.norm(force))
         known = bool(np.isfinite(noise).all() and noise.all())
         times = float(np.sqrt(np.mean((left / noise) ** 2))) if known else float("nan")
         ratio = f", {number_text(times, 2)} times its noise" if np.isfinite(times) else ""
         texts.append(
-            f"At {quantity_text(float(level[place]), 'N', 3)} the law leaves "
+            f"At {named} the law leaves "
             f"{number_text(100 * share, 2)} % of the force at {count_text(int(used.sum()), 'line')}{ratio}."
         )
     panels[0].legend(loc="best")
@@ -540,7 +544,7 @@ def draw_predicted_record(prediction: Prediction, *, ax: GivenAxes = None) -> Dr
     panels[0].legend(loc="best")
     if len(panels) > 1:
         _draw_time(panels[1], one)
-    level = quantity_text(one.level, "N", 3)
+    level = quantity_text(one.level, one.level_unit, 3)
     noise = (
         f"; the noise of the measured mean is {number_text(100 * one.noise, 2)} %"
         if np.isfinite(one.noise)

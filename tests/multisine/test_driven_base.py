@@ -1,0 +1,119 @@
+"""Periodic multisines of a driven base: the motion of the base takes the place of a force."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import rsgen as rs
+
+LAW = "k*x + k3*x**3 + c*v"
+TRUTH = {"k": 5000.0, "k3": 4e6, "c": 4.0}
+MASS = 1.5
+
+
+def shaken(noise: float = 0.0, seed: int = 1, base: str = "acceleration") -> rs.MultisineSpectra:
+    test = rs.MultisineTest(
+        (2.0, 3.3, 5.3), (2.5, 20), 2.0, periods=8, noise_relative=noise, seed=seed, base=base
+    )
+    return rs.simulate(rs.Oscillator(MASS, LAW, TRUTH), test)
+
+
+@pytest.fixture(scope="module")
+def exact() -> rs.MultisineSpectra:
+    return shaken()
+
+
+def test_a_base_drives_as_the_inertia_force_does(exact: rs.MultisineSpectra) -> None:
+    pushed = replace(exact, force=MASS * exact.force, per_mass=False, base="")
+    free, given = rs.identify(pushed, LAW, mass=MASS), rs.identify(exact, LAW, mass=MASS)
+    alone = rs.identify(exact, LAW)
+    for name, true in TRUTH.items():
+        assert free[name].value == pytest.approx(true, rel=1e-8)
+        assert given[name].value == pytest.approx(free[name].value, rel=1e-12)
+        assert alone[name].value == pytest.approx(free[name].value / MASS, rel=1e-9)
+        assert alone[name].standard_error == pytest.approx(free[name].standard_error / MASS, rel=1e-6)
+    assert (given["k"].unit, alone["k"].unit) == ("N/m", "N/m/kg")
+    assert alone.curve.level_unit == "m/s^2"
+    assert "per-unit-mass" in {finding.code for finding in alone.findings}
+
+
+@pytest.mark.parametrize(("base", "power"), [("displacement", 2), ("velocity", 1)])
+def test_levels_are_those_of_the_motion_that_drives(base: str, power: int) -> None:
+    test = rs.MultisineTest((1e-3,), (2.5, 20), 2.0, base=base)
+    spectra = rs.simulate(rs.Oscillator(MASS, LAW, TRUTH), test)
+    motion = spectra.mean_force[:, 1:] / (2 * np.pi * spectra.frequency[1:]) ** power
+    assert np.sqrt(0.5 * np.sum(np.abs(motion) ** 2)) == pytest.approx(1e-3)
+    assert spectra.level_unit == {"displacement": "m", "velocity": "m/s"}[base]
+
+
+@pytest.mark.parametrize("seed", [1, 2])
+def test_noise_is_in_the_errors(seed: int) -> None:
+    found = rs.identify(shaken(0.01, seed), LAW, rs.Observation(hold_out=(3.3,)))
+    assert found.verdict.usable
+    for name, true in TRUTH.items():
+        assert abs(found[name].value - true / MASS) < 4 * found[name].standard_error, name
+    (record,) = rs.predict(found).records
+    assert record.error < 0.01
+    assert rs.predict(found, surface=shaken(0.01, seed)).records[1].error == pytest.approx(record.error)
+
+
+@pytest.mark.parametrize("wrong", ["sign", "absolute"])
+def test_a_misread_base_is_not_trusted(wrong: str) -> None:
+    right = shaken(0.01)
+    base = np.zeros_like(right.force)
+    base[..., 1:] = right.force[..., 1:] / (2 * np.pi * right.frequency[1:]) ** 2
+    read = {"sign": {"force": -right.force}, "absolute": {"response": right.response + base}}[wrong]
+    found = rs.identify(replace(right, **read), LAW)
+    assert not found.verdict.usable
+    assert "law-does-not-fit" in {finding.code for finding in found.findings}
+
+
+CASE = """schema = 1
+name   = "table"
+title  = "Shaken table"
+[[element]]
+name  = "all"
+force = "k*x + k3*x**3 + c*v"
+[test]
+kind       = "measured"
+excitation = "multisine"
+file       = ["low.csv", "middle.csv", "high.csv"]
+[test.time]
+rate = 200
+[test.base]
+quantity = "acceleration"
+samples  = 1
+response = "absolute"
+[test.response]
+quantity = "acceleration"
+samples  = 2
+[identify]
+hold_out = ["3.3 m/s^2"]
+"""
+
+
+@pytest.mark.slow
+def test_absolute_accelerations_of_a_table_are_read(
+    exact: rs.MultisineSpectra, tmp_path: Path, run_cli
+) -> None:
+    moved = exact.mean_response * (1j * exact.lines * exact.omega0) ** 2
+    channels = (-exact.mean_force, moved - exact.mean_force)
+    for name, *lines in zip(("low", "middle", "high"), *channels, strict=True):
+        samples = [np.tile(np.fft.irfft(np.pad(one, (0, 40)) * 200, 400), 4) for one in lines]
+        np.savetxt(tmp_path / f"{name}.csv", np.column_stack(samples), delimiter=",")
+    path = tmp_path / "case.toml"
+    path.write_text(CASE)
+    spectra = rs.read(rs.load_case(path))
+    assert (spectra.per_mass, spectra.base, spectra.levels.tolist()) == (True, "acceleration", [2, 3.3, 5.3])
+    found = rs.identify(spectra, LAW)
+    assert found["k3"].value == pytest.approx(TRUTH["k3"] / MASS, rel=1e-6)
+    run_cli("check", path)
+    run_cli("run", path, "--out", tmp_path / "out")
+    page = (tmp_path / "out" / "table" / "report.html").read_text(encoding="utf-8")
+    assert "3.3 m/s²" in page
+    with np.load(tmp_path / "out" / "table" / "spectra.npz") as saved:
+        assert (str(saved["base"]), bool(saved["per_mass"])) == ("acceleration", True)
