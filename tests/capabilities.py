@@ -228,7 +228,7 @@ EXCITATIONS = {
     ),
     "multisine": Row(
         _MULTISINE,
-        refused=_refused(("rank", "background: phase", *_BACKGROUNDS, "modal table", "profile"), OPEN),
+        refused=_refused(("background: phase", *_BACKGROUNDS, "modal table", "profile"), OPEN),
     ),
 }
 

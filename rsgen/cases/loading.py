@@ -384,12 +384,6 @@ class _Builder:
         observation = make_observation(document.identify, test, self.maker)
         if mass is not None and not calibrated:
             self.fault("system.mass", "a test that is not calibrated determines no mass; leave one out")
-        if document.model == "rank" and test.many_lines:
-            self.fault(
-                "model",
-                "'rank' compares laws on a response surface; of a multisine identify one law after the "
-                "other, and compare their misfits",
-            )
         fixed = self.fixed(units)
         if self.faults:
             raise CaseError(self.faults)

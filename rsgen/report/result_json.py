@@ -201,6 +201,7 @@ def build_result(
         },
         "resonances": [_resonance(point) for point in identification.resonances],
         **entries,
+        "ranking": _ranking(identification.ranking),
     }
 
 
@@ -270,7 +271,6 @@ def _entries_of(
         "modal": modal_entry(modal),
         "held_out": [_held_out(item) for item in prediction.held_out],
         "background": _background(identification),
-        "ranking": _ranking(identification.ranking),
     }
     return len(table), int(np.count_nonzero(table.settled)), entries
 

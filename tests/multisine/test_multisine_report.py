@@ -12,6 +12,7 @@ import pytest
 import rsgen
 from rsgen.common.errors import MeasurementError, RsgenError
 from rsgen.dynamics.periodic_response import periodic_response
+from rsgen.identification.ranking.balance import library_terms
 from rsgen.law.numeric import compile_law
 
 TRUE = {"c": 4.0, "k": 5000.0, "k2": 6e4, "k3": 4e6}
@@ -147,8 +148,8 @@ def test_a_wrong_law_is_refuted_on_the_held_out_level(folder: Path) -> None:
 
 @pytest.mark.slow
 def test_what_a_multisine_cannot_have_is_said_before_the_run(folder: Path, run_cli: Callable) -> None:
-    def said(identify: str = "", test: str = "", more: str = "", head: str = "") -> str:
-        text = head + CASE.format(law=LAW, identify=identify, test=test) + more
+    def said(identify: str = "", test: str = "", more: str = "") -> str:
+        text = CASE.format(law=LAW, identify=identify, test=test) + more
         place = folder / "odd.toml"
         place.write_text(text, encoding="utf-8")
         checked = run_cli("check", place)
@@ -158,7 +159,6 @@ def test_what_a_multisine_cannot_have_is_said_before_the_run(folder: Path, run_c
     assert "identified without a background" in said(identify='background = "constant"\n')
     assert "belongs to sines" in said(more='\n[test.demodulation]\nband = ["1 Hz", "9 Hz"]\n')
     assert "does not repeat every 500 samples" in said(more="\n[test.multisine]\nperiod = 500\n")
-    assert "'rank' compares laws on a response surface" in said(head='model = "rank"\n')
     text = CASE.format(law=LAW, identify="", test="").replace('"4 N"]\n', '"5 N"]\n', 1)
     (folder / "odd.toml").write_text(text, encoding="utf-8")
     checked = run_cli("check", folder / "odd.toml")
@@ -181,12 +181,30 @@ def test_the_notebook_has_the_steps_of_the_run(folder: Path, tmp_path: Path, run
     (row,) = (one for one in str(rsgen.identify(rsgen.read(case), case.model)).splitlines() if "k3  " in one)
     assert row.strip() in shown["identification"]
     assert "image/png" in shown["figure-predicted-record"]
-    ranked = tmp_path / "ranked.toml"
-    ranked.write_text(
-        'model = "rank"\n' + (folder / "lines.toml").read_text(encoding="utf-8"), encoding="utf-8"
-    )
-    refused = run_cli("identify", ranked, "--data", folder)
-    assert "'rank' compares laws on a response surface" in " ".join(refused.err.split())
+
+
+@pytest.mark.slow
+def test_a_case_ranks_laws_by_the_lines(
+    folder: Path, tmp_path: Path, run_cli: Callable, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    names = ("cubic-spring", "quadratic-spring", "coulomb")
+    few = tuple(term for term in library_terms() if term.name in names)
+    monkeypatch.setattr("rsgen.identification.ranking.selection.library_terms", lambda: few)
+    case, spring = tmp_path / "ranked.toml", LAW.split(" + ", 1)[0]
+    text = 'model = "rank"\n' + (folder / "lines.toml").read_text(encoding="utf-8")
+    case.write_text(text.replace(LAW, f"{spring} + c*v"), encoding="utf-8")
+    assert run_cli("check", case, "--data", folder).code == 0
+    listed = run_cli("rank", case, "--data", folder)
+    assert "cubic-spring + quadratic-spring fits best: what it leaves unexplained at" in listed.out, listed
+    written = run_cli("run", case, "--data", folder, "--out", tmp_path / "out")
+    assert written.code == 0, written
+    (path,) = tmp_path.glob("out/*/notebook.ipynb")
+    page = path.with_name("report.html").read_text(encoding="utf-8")
+    assert "cubic-spring + quadratic-spring" in page
+    result = json.loads(path.with_name("result.json").read_text(encoding="utf-8"))
+    best = result["ranking"]["candidates"][0]
+    assert best["name"] == "cubic-spring + quadratic-spring"
+    assert "rsgen.rank(spectra" in path.read_text(encoding="utf-8")
 
 
 def test_the_periodic_response_is_that_of_time_integration() -> None:

@@ -18,6 +18,7 @@ from tests.identification.test_across import two_masses as across
 from tests.oracles.memory import two_masses
 from tests.pins import pinned, trees
 from tests.pins.grids import FREQUENCIES, LEVELS, NOISE, small, small_joint
+from tests.pins.multisine import virtual
 from tests.pins.pinned import SMOOTH, SWITCHED, Pin, Tree
 from tests.surfaces import MASS, changed, noisy
 
@@ -132,8 +133,7 @@ def _held_amplitude() -> Tree:
 
 
 def _multisine() -> Tree:
-    spectra = rsgen.MultisineSpectra(np.ones(1), 1.0, np.ones((1, 30), complex), np.ones((1, 30), complex))
-    return {"ranked": rsgen.rank(spectra, list(FORMULAS)).fits}  # type: ignore[arg-type]
+    return tree(rsgen.rank(virtual("cubic", NOISE), [*FORMULAS, *library("coulomb", "dead-zone", "dahl")]))
 
 
 PINS = {

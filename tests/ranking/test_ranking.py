@@ -25,10 +25,10 @@ from rsgen.identification.fitting.observed import Observed
 from rsgen.identification.fitting.points import Points, select_points
 from rsgen.identification.identify import identify
 from rsgen.identification.ranking import Ranking, identify_best, rank
-from rsgen.identification.ranking.balance import Sum, WhitenedBalance, library_terms, terms_of
-from rsgen.identification.ranking.candidate_fit import CandidateFit, CandidateLaw, fit_candidate
+from rsgen.identification.ranking.balance import PointBalance, Sum, library_terms, terms_of
+from rsgen.identification.ranking.candidate_fit import CandidateFit, CandidateLaw, Round, fit_candidate
 from rsgen.identification.ranking.rank_laws import order_candidates
-from rsgen.identification.ranking.ranking_result import Assessment, assess_best
+from rsgen.identification.ranking.ranking_result import Assessment, Candidate, assess_best
 from rsgen.identification.ranking.reference import fit_reference_motion
 from rsgen.identification.ranking.selection import search_sums
 from rsgen.law import laws
@@ -150,9 +150,9 @@ def test_a_given_mass_holds_for_all() -> None:
 def test_none_fits_where_the_structure_is_another(structure: str, monkeypatch: pytest.MonkeyPatch) -> None:
     seen = []
 
-    def spy(best: CandidateFit, *rest: Any, **more: Any) -> Assessment:
-        seen.append((best.candidate.name, rest[2][0].name))
-        return assess_best(best, *rest, **more)
+    def spy(current: Round, best: CandidateFit, candidates: list[Candidate], *doubts: Any) -> Assessment:
+        seen.append((best.candidate.name, candidates[0].name))
+        return assess_best(current, best, candidates, *doubts)
 
     monkeypatch.setattr("rsgen.identification.ranking.rank_laws.assess_best", spy)
     if structure == "hysteresis":
@@ -186,7 +186,7 @@ def test_the_misfit_is_looked_for_where_it_is() -> None:
 
 
 @pytest.fixture(scope="module")
-def along() -> tuple[Points, WhitenedBalance, CandidateLaw]:
+def along() -> tuple[Points, PointBalance, CandidateLaw]:
     """The balance of a noisy test along the motion of its own law, in units of the true noise."""
     points = select_points(measured("combined"), model("combined"))
     candidate = CandidateLaw("own", model("combined").elements, truth("combined"))
@@ -196,9 +196,9 @@ def along() -> tuple[Points, WhitenedBalance, CandidateLaw]:
     return points, reference.rows(np.full(10, NOISE)), candidate
 
 
-def test_misfits_are_in_units_of_the_noise(along: tuple[Points, WhitenedBalance, CandidateLaw]) -> None:
-    points, rows, candidate = along
-    fitted = fit_candidate(candidate, rows, points.level, {})
+def test_misfits_are_in_units_of_the_noise(along: tuple[Points, PointBalance, CandidateLaw]) -> None:
+    _, rows, candidate = along
+    fitted = fit_candidate(candidate, rows, {})
     assert fitted is not None
     # the sum of squares of N unit normals is N, give or take sqrt(2 N)
     count = fitted.residual[:, rows.compared].size
@@ -206,9 +206,9 @@ def test_misfits_are_in_units_of_the_noise(along: tuple[Points, WhitenedBalance,
 
 
 @pytest.mark.slow
-def test_the_fit_agrees_with_identification(along: tuple[Points, WhitenedBalance, CandidateLaw]) -> None:
-    points, rows, candidate = along
-    fitted = fit_candidate(candidate, rows, points.level, {})
+def test_the_fit_agrees_with_identification(along: tuple[Points, PointBalance, CandidateLaw]) -> None:
+    _, rows, candidate = along
+    fitted = fit_candidate(candidate, rows, {})
     assert fitted is not None
     for estimate in identify(measured("combined"), model("combined")).refined:
         # two ways to one maximum of the likelihood
@@ -216,14 +216,14 @@ def test_the_fit_agrees_with_identification(along: tuple[Points, WhitenedBalance
 
 
 def test_unseen_levels_are_those_of_a_fit_without_them(
-    along: tuple[Points, WhitenedBalance, CandidateLaw],
+    along: tuple[Points, PointBalance, CandidateLaw],
 ) -> None:
     points, rows, candidate = along
-    fitted = fit_candidate(candidate, rows, points.level, {})
+    fitted = fit_candidate(candidate, rows, {})
     assert fitted is not None
     for level in np.unique(points.level)[[0, -1]]:
         inside = np.flatnonzero(points.level != level)
-        rest = fit_candidate(candidate, rows.select(inside), points.level[inside], {})
+        rest = fit_candidate(candidate, rows.select(inside), {})
         assert rest is not None
         law = compile_law(model("combined").force)
         values = np.array([rest.candidate.values[name] for name in law.parameters])
@@ -233,7 +233,7 @@ def test_unseen_levels_are_those_of_a_fit_without_them(
         assert fitted.held_out_residual[out] == pytest.approx(residual[out], abs=1e-4)
 
 
-def test_more_terms_never_miss_by_more(along: tuple[Points, WhitenedBalance, CandidateLaw]) -> None:
+def test_more_terms_never_miss_by_more(along: tuple[Points, PointBalance, CandidateLaw]) -> None:
     _, rows, _ = along
     terms = [term for term in library_terms() if not term.search and not term.how.dissipates]
     trials = {frozenset(t.name for t in trial.law.terms): trial for trial in search_sums(rows, terms, {}, 2)}
@@ -259,15 +259,15 @@ def test_friction_never_feeds_energy() -> None:
 
 @pytest.mark.parametrize("friction", [0.2, -0.2])
 def test_a_candidate_whose_friction_feeds_energy_is_dropped(
-    along: tuple[Points, WhitenedBalance, CandidateLaw], friction: float
+    along: tuple[Points, PointBalance, CandidateLaw], friction: float
 ) -> None:
-    points, rows, candidate = along
+    _, rows, candidate = along
     damper = make_element("friction", "Ff*sign(v)")
     force, _ = rows.of_law(compile_law(damper.force), np.array([friction]))
     candidate = CandidateLaw(
         "with friction", (*candidate.elements, damper), {**candidate.values, "Ff": 0.0}, dissipates=(("Ff",),)
     )
-    fitted = fit_candidate(candidate, replace(rows, right=rows.right + force), points.level, {})
+    fitted = fit_candidate(candidate, replace(rows, right=rows.right + force), {})
     if friction < 0:
         assert fitted is None
     else:

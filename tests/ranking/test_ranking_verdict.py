@@ -20,10 +20,14 @@ from rsgen.identification.fitting.observed import Observed
 from rsgen.identification.fitting.points import select_points
 from rsgen.identification.ranking import Ranking, rank
 from rsgen.identification.ranking.balance import WhitenedBalance
-from rsgen.identification.ranking.candidate_fit import CandidateFit, CandidateLaw
-from rsgen.identification.ranking.rank_laws import _unconfirmed_findings
-from rsgen.identification.ranking.ranking_result import Assessment, assess_best, implausible_findings
-from rsgen.identification.ranking.reference import fit_reference_motion
+from rsgen.identification.ranking.candidate_fit import CandidateFit, CandidateLaw, Round
+from rsgen.identification.ranking.ranking_result import (
+    Assessment,
+    Candidate,
+    assess_best,
+    implausible_findings,
+)
+from rsgen.identification.ranking.reference import PointTest, fit_reference_motion
 from rsgen.law.element import make_element
 from rsgen.report.wording import sentence
 from rsgen.report.wording.sentences import next_step
@@ -201,10 +205,9 @@ def test_levels_that_are_predicted_badly_are_reported(noisy: Noisy) -> None:
 def test_a_law_whose_levels_do_not_predict_each_other_is_not_called_best(
     error: float, severity: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    def spoil(best: CandidateFit, *rest: Any, **more: Any) -> Assessment:
-        points, noise, candidates, aside = rest
+    def spoil(current: Round, best: CandidateFit, candidates: list[Candidate], *doubts: Any) -> Assessment:
         first = replace(candidates[0], held_out_error=error)
-        return assess_best(best, points, noise, [first, *candidates[1:]], aside, **more)
+        return assess_best(current, best, [first, *candidates[1:]], *doubts)
 
     monkeypatch.setattr("rsgen.identification.ranking.rank_laws.assess_best", spoil)
     ranking = rank(measured("cubic"), ["k*x + c*v", "k*x + k3*x**3 + c*v"])
@@ -227,8 +230,8 @@ def test_a_mean_is_one_number_a_point() -> None:
 )
 def test_a_law_that_does_not_follow_the_test_by_itself_is_doubted(law: str, expected: list[str]) -> None:
     table = measured("cubic")
-    observed = Observed.of(select_points(table, BASE), "none")
+    test = PointTest(table, BASE, ())
     values = {name: value for name, value in {**truth("cubic"), "k3": -1e5}.items() if name in law}
     best = SimpleNamespace(candidate=CandidateLaw(law, (make_element("law", law),), {**values, "m": MASS}))
-    found = _unconfirmed_findings(cast(CandidateFit, best), observed, {}, NOISE)
+    found = test.doubts(cast(CandidateFit, best), NOISE)
     assert [finding.code for finding in found] == expected

@@ -17,9 +17,10 @@ from rsgen.app.cli.terminal import (
     print_verdict,
     verdict_code,
 )
-from rsgen.app.study import obtain_surface
+from rsgen.app.study import obtain_table
 from rsgen.cases import load_case
 from rsgen.common.errors import RsgenError
+from rsgen.data.multisine import MultisineSpectra
 from rsgen.data.oscillator import Model
 from rsgen.data.surface import ResponseSurface, load_surface
 from rsgen.formula.unit_deduction import parameter_units
@@ -28,12 +29,12 @@ from rsgen.report.wording import sentence
 from rsgen.report.wording.sentences import state_verdict
 
 
-def _read(path: Path, data: Path | None) -> tuple[str, ResponseSurface, Model | None]:
+def _read(path: Path, data: Path | None) -> tuple[str, ResponseSurface | MultisineSpectra, Model | None]:
     """Read a surface, which has no law, or a case with its model."""
     if path.suffix.lower() in (".h5", ".hdf5"):
         return path.stem, load_surface(path), None
     case = load_case(path, data)
-    return case.name, obtain_surface(case), case.model
+    return case.name, obtain_table(case), case.model
 
 
 def rank_command(
@@ -55,8 +56,8 @@ def rank_command(
       rsgen rank cubic.h5 --json
     """
     print_cache_fault()
-    name, surface, model = _read(case, data)
-    ranking = rank(surface, model, terms_in_sum=terms_in_sum)
+    name, table, model = _read(case, data)
+    ranking = rank(table, model, terms_in_sum=terms_in_sum)
     if json:
         print_json(
             {

@@ -219,7 +219,7 @@ def identify_case(case: Case, table: ResponseSurface | MultisineSpectra) -> Iden
         As ``identify`` and ``rank``.
     """
     if case.ranked:
-        return rsgen.identification.ranking.identify_best(cast("ResponseSurface", table), case.model)
+        return rsgen.identification.ranking.identify_best(table, case.model)
     return identify(table, case.model)
 
 

@@ -27,6 +27,7 @@ record and the motion of the law.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -310,9 +311,35 @@ class LawAlongRecord:
         computed[:count][low] += ((force - self._force) / self._mean_dynamic[:count])[low]
         return self._evaluate(response, computed)[0]
 
+    @cached_property
+    def trajectory(self) -> tuple[Array, Array, Array, Array]:
+        """x, v, a (1, s) of the mean motion, and their sampling interval [s]."""
+        return self._waves(self._motion(self._response, self._computed))[:4]
+
+    @cached_property
+    def _mean_slopes(self) -> tuple[Array, Array]:
+        """Slopes (s,) of the law along the mean motion, by x and by v."""
+        sample = self._law.sample(*self.trajectory, self._values)
+        by_x, by_v = (
+            np.broadcast_to(part, (1, self._lines.samples))[0] for part in (sample.by_x, sample.by_v)
+        )
+        return by_x, by_v
+
+    def lines_of(self, forces: Array) -> ComplexArray:
+        """Return the lines (n, H+1) [N] that forces (n, s) along the mean motion add to the balance.
+
+        They move the lines of the motion that follow from the law, which the linearised law answers.
+        """
+        by_x, by_v = self._mean_slopes
+        forces = self._with_mean(forces, by_x)
+        if self._low.any():
+            change = self._motion_slopes(self._spectrum(forces), by_x, by_v, self._mean_dynamic)
+            forces = forces + change
+        return self._spectrum(forces)[:, : len(self._response)]
+
     def damping_force(self) -> ComplexArray:
         """Return n(x, v) - n(x, 0) (H+1,) [N] along the mean motion, for a law without memory."""
-        x, v, a, step, _ = self._waves(self._motion(self._response, self._computed))
+        x, v, a, step = self.trajectory
         moving, still = (self._law.sample(x, rate, a, step, self._values).force for rate in (v, 0 * v))
         return self._spectrum(np.broadcast_to(moving - still, x.shape))[0, : len(self._response)]
 
@@ -326,15 +353,21 @@ class LawAlongRecord:
         columns = np.zeros((len(values) + 1, lines.samples))
         for column, part in zip(columns, sample.by_parameter, strict=False):
             column[:] = np.broadcast_to(part, x.shape)[0]
-        if not lines.spectra.mean_known and law.springs and (stiffness := float(by_x.mean())):
-            # the mean displacement moves with the parameters
-            columns -= by_x * columns.mean(axis=1, keepdims=True) / stiffness
+        columns = self._with_mean(columns, by_x)
         dynamic = self._dynamic_stiffness(sample)
         if self._low.any():
-            columns += self._motion_slopes(columns, by_x, by_v, motion, dynamic)
+            change = self._spectrum(columns)
+            change[-1] += self._rate**2 * motion
+            columns = columns + self._motion_slopes(change, by_x, by_v, dynamic)
         count = len(response)
         spectra = self._spectrum(np.concatenate([np.broadcast_to(sample.force, x.shape), columns]))
         return LawSpectra(spectra[0, :count], spectra[1:, :count], mean), dynamic
+
+    def _with_mean(self, columns: Array, by_x: Array) -> Array:
+        """Add what the mean displacement, where the law gives it, answers to forces (n, s)."""
+        if self._lines.spectra.mean_known or not self._law.springs or not (stiffness := float(by_x.mean())):
+            return columns
+        return np.asarray(columns - by_x * columns.mean(axis=1, keepdims=True) / stiffness)
 
     def _motion(self, response: ComplexArray, computed: ComplexArray) -> ComplexArray:
         """Return the lines (extended + 1,) [m] of a motion: measured ones, and computed ones."""
@@ -352,17 +385,13 @@ class LawAlongRecord:
             x, mean = _balance_mean(self._law, x - mean, v, a, step, self._values)
         return x, v, a, step, mean
 
-    def _motion_slopes(
-        self, columns: Array, by_x: Array, by_v: Array, motion: ComplexArray, dynamic: ComplexArray
-    ) -> Array:
-        """Return the slopes (p+1, s) that come from the motion at low lines, which parameters and mass move.
+    def _motion_slopes(self, balance: ComplexArray, by_x: Array, by_v: Array, dynamic: ComplexArray) -> Array:
+        """Return the forces (n, s) by the motion at low lines, which changes of the balance there move.
 
-        One step of the fixed-point iteration: further steps change less than noise does.
+        ``balance`` holds (n, extended + 1) lines. One step of the fixed-point iteration: further steps change
+        less than noise does.
         """
-        low, change = self._low, np.zeros((len(columns), len(self._rate)), dtype=complex)
-        change[:, low] = -self._spectrum(columns)[:, low]
-        change[-1, low] -= (self._rate**2 * motion)[low]
-        change[:, low] /= dynamic[low]
+        change = np.where(self._low, -balance / dynamic, 0)
         x, v = (waveform(part, self._lines.samples) for part in (change, change * self._rate))
         return np.asarray(by_x * x + by_v * v)
 

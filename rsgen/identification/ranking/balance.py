@@ -18,6 +18,7 @@ background that suits it.
 
 from __future__ import annotations
 
+from abc import ABC, abstractmethod
 from collections.abc import Mapping
 from dataclasses import dataclass, field, fields, replace
 from functools import cached_property, lru_cache
@@ -28,9 +29,15 @@ import sympy
 from numpy.typing import NDArray
 
 from rsgen.common.arrays import Array, Chosen, ComplexArray, blocks
-from rsgen.common.tolerances import ASSUMED_RELATIVE_NOISE, BALANCE_HARMONICS, POINTS_PER_BLOCK
+from rsgen.common.tolerances import (
+    ASSUMED_RELATIVE_NOISE,
+    BALANCE_HARMONICS,
+    COMPARISON_POINTS,
+    POINTS_PER_BLOCK,
+)
 from rsgen.formula import parse, symbol
 from rsgen.identification.fitting.observed import FORCE_TO_RESPONSE_NOISE, Observed
+from rsgen.identification.fitting.points import Points
 from rsgen.law.element import Element, Law, laws, make_element
 from rsgen.law.library import Range, Search
 from rsgen.law.memory import memory_form, rates_of
@@ -199,8 +206,8 @@ class ReferenceMotion:
         (n, H+1), (n,) measured values minus these; zero where a harmonic was not measured.
     measured
         (H+1,) mask of the measured harmonics; H is the highest harmonic of the balance.
-    amplitude
-        (n,) amplitude at the sensor [m], to which noise is relative.
+    points
+        The measured points; noise is relative to their amplitudes.
     receptance
         (n,) of the background [m/N].
     background
@@ -215,7 +222,7 @@ class ReferenceMotion:
     harmonics_deviation: ComplexArray
     force_deviation: ComplexArray
     measured: NDArray[np.bool_]
-    amplitude: Array
+    points: Points
     receptance: ComplexArray
     background: Array
     fundamental_by_background: ComplexArray
@@ -235,14 +242,16 @@ class ReferenceMotion:
     def background_effect(self) -> Array:
         """Root mean square relative change (b,) of the mode by the values of the background."""
         force = self.force_by_background / np.abs(self.force)[:, None]
-        fundamental = self.fundamental_by_background / self.amplitude[:, None]
+        fundamental = self.fundamental_by_background / self.points.amplitude[:, None]
         return np.asarray(np.sqrt(np.mean(np.abs(force) ** 2 + np.abs(fundamental) ** 2, axis=0)))
 
     def select(self, chosen: Chosen) -> ReferenceMotion:
         """Keep some points."""
         columns = {f.name: getattr(self, f.name) for f in fields(self)}
-        of_points = {k: v[chosen] for k, v in columns.items() if k not in ("measured", "background")}
-        return replace(self, **of_points)
+        of_points = {
+            k: v[chosen] for k, v in columns.items() if k not in ("measured", "background", "points")
+        }
+        return replace(self, points=self.points.select(chosen), **of_points)
 
     def trajectory(self, samples: int) -> tuple[Array, Array, Array, Array]:
         """Return x, v, a (n, samples) and the sampling interval (n, 1) [s]."""
@@ -263,7 +272,7 @@ def measured_motion(observed: Observed, background: Array) -> ReferenceMotion:
         np.zeros_like(harmonics),
         np.zeros_like(mode.force),
         np.array([0 in mode.measured, True]),
-        observed.points.amplitude,
+        observed.points,
         observed.background.receptance(background),
         background,
         *_mode_by_background(observed, background, phase),
@@ -304,7 +313,7 @@ def predicted_motion(
         deviation,
         mode.force * back - force,
         measured,
-        observed.points.amplitude,
+        observed.points,
         observed.background.receptance(background),
         background,
         *_mode_by_background(observed, background, turn),
@@ -324,30 +333,30 @@ def _mode_by_background(
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class WhitenedBalance:
+class WhitenedBalance(ABC):
     """The balance at a reference motion as rows of unit noise.
 
     The force of a law along the trajectory, an inertia, and a change of the background have to add up to
-    ``right``. All three are linear maps.
+    ``right``. All three are linear maps. A point has r rows: real and imaginary part of each harmonic.
 
     Parameters
     ----------
     trajectory
-        x, v, a (n, samples) and the sampling interval, along which laws are evaluated.
+        x, v, a (motions, samples) and the sampling interval, along which laws are evaluated.
     inertia
-        (n, 2H+1) rows of a unit mass.
+        (n, r) rows of a unit mass.
     right
-        (n, 2H+1) right side.
+        (n, r) right side.
     background
-        (n, 2H+1, b) rows of changes of the background from ``background_at``.
+        (n, r, b) rows of changes of the background from ``background_at``.
     background_at
         (b,) values of the background at the motion.
     background_weight
         (b,) weight of these changes in the sum of squares.
     compared
-        (2H+1,) False for rows whose harmonic was not measured, which only determine that harmonic.
-    project
-        (n, 2H+1, samples) map from a force along the trajectory to rows.
+        (r,) False for rows whose harmonic was not measured, which only determine that harmonic.
+    level
+        (n,) level of each point.
     """
 
     trajectory: tuple[Array, Array, Array, Array]
@@ -357,11 +366,23 @@ class WhitenedBalance:
     background_at: Array
     background_weight: Array
     compared: NDArray[np.bool_]
-    project: Array
-    _linear_laws: dict[ForceLaw, tuple[Array, Array]] = field(default_factory=dict)
+    level: Array
+    _linear_laws: dict[ForceLaw, tuple[Array, Array]] = field(default_factory=dict, kw_only=True)
+
+    def __len__(self) -> int:
+        return len(self.level)
+
+    @property
+    def few(self) -> WhitenedBalance:
+        """The points that suffice to choose among sums."""
+        return self
+
+    @abstractmethod
+    def project(self, forces: Array) -> Array:
+        """Return the rows (n, r, j) of j forces (motions, samples, j) along the trajectory."""
 
     def of_law(self, law: ForceLaw, values: Array) -> tuple[Array, Array]:
-        """Return the rows (n, 2H+1) of a law at values, and their slopes (n, 2H+1, q) by the values."""
+        """Return the rows (n, r) of a law at values, and their slopes (n, r, q) by the values."""
         if law.nonlinear:
             return self._sample(law, values)
         if law not in self._linear_laws:
@@ -375,12 +396,37 @@ class WhitenedBalance:
         return columns[:, :, 0], columns[:, :, 1:]
 
     def of_forces(self, forces: Array) -> Array:
-        """Return the rows (n, 2H+1, j) of j forces (n, samples, j) along the trajectory."""
+        """Return the rows (n, r, j) of j forces (motions, samples, j) along the trajectory."""
         # a trial may overflow: callers check for finite sums of squares
         with np.errstate(all="ignore"):
-            return np.asarray(self.project @ forces)
+            return self.project(forces)
 
-    def select(self, chosen: NDArray[np.intp]) -> WhitenedBalance:
+
+@dataclass(frozen=True, slots=True, eq=False)
+class PointBalance(WhitenedBalance):
+    """The balance of points of a sine test, a motion a point and 2H+1 rows.
+
+    Parameters
+    ----------
+    matrices
+        (n, 2H+1, samples) map from a force along the trajectory to rows.
+    spread
+        Some of the points, evenly over the amplitude.
+    """
+
+    matrices: Array
+    spread: NDArray[np.intp]
+
+    @property
+    def few(self) -> PointBalance:
+        """The points that suffice to choose among sums."""
+        return self.select(self.spread)
+
+    def project(self, forces: Array) -> Array:
+        """Return the rows (n, 2H+1, j) of j forces (n, samples, j) along the trajectory."""
+        return np.asarray(self.matrices @ forces)
+
+    def select(self, chosen: NDArray[np.intp]) -> PointBalance:
         """Keep some points."""
         x, v, a, step = (part[chosen] for part in self.trajectory)
         return replace(
@@ -389,7 +435,9 @@ class WhitenedBalance:
             inertia=self.inertia[chosen],
             right=self.right[chosen],
             background=self.background[chosen],
-            project=self.project[chosen],
+            level=self.level[chosen],
+            matrices=self.matrices[chosen],
+            spread=np.arange(len(chosen)),
             _linear_laws={},
         )
 
@@ -402,7 +450,7 @@ def whiten_balance(
     noise: Array,
     *,
     balanced: bool,
-) -> WhitenedBalance:
+) -> PointBalance:
     """Linearise the balance at a motion and scale it to unit noise.
 
     Parameters
@@ -450,8 +498,17 @@ def whiten_balance(
         inertia[part] = (root @ acceleration[:, :, None])[:, :, 0]
         project[part] = root @ projection
     weight = motion.background_effect / MAX_MOTION_DISTANCE * (1.0 if balanced else ASSUMED_RELATIVE_NOISE)
-    return WhitenedBalance(
-        trajectory, inertia, right, background, motion.background, weight, motion.known, project
+    return PointBalance(
+        trajectory,
+        inertia,
+        right,
+        background,
+        motion.background,
+        weight,
+        motion.known,
+        motion.points.level,
+        project,
+        motion.points.spread(COMPARISON_POINTS),
     )
 
 
@@ -468,7 +525,7 @@ def _covariance(motion: ReferenceMotion, jacobian: Array, noise: Array) -> Array
     """Return the covariance (n, 2H+1, 2H+1) of the balance for relative noise (H+1,) of the harmonics."""
     unmeasured = _NOISE_OF_UNMEASURED * float(noise[1])
     spread = np.where(motion.known, np.repeat(noise, 2)[1:], unmeasured) / np.sqrt(2)
-    noisy = jacobian * (motion.amplitude[:, None] * spread)[:, None, :]
+    noisy = jacobian * (motion.points.amplitude[:, None] * spread)[:, None, :]
     covariance = noisy @ np.swapaxes(noisy, 1, 2)
     # noise of the force changes the mode as well: the background is a receptance times the measured force
     force = motion.force[:, None] * np.array([1, 1j]) * FORCE_TO_RESPONSE_NOISE * noise[1] / np.sqrt(2)

@@ -8,18 +8,22 @@ give.
 
 from __future__ import annotations
 
+from abc import ABC, abstractmethod
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from functools import partial
+from typing import ClassVar
 
 import numpy as np
 import sympy
 from numpy.typing import NDArray
 
 from rsgen.common.arrays import Array
+from rsgen.common.finding import Finding, Quantity
 from rsgen.common.solvers import solve_scaled
 from rsgen.common.tolerances import NEAR_STEPS
 from rsgen.data.oscillator import total_force
+from rsgen.formula import symbol
 from rsgen.identification.fitting.least_squares import Linearisation, Rules, descend
 from rsgen.identification.ranking.balance import WhitenedBalance
 from rsgen.law.element import Element
@@ -69,6 +73,13 @@ class CandidateLaw:
         """The compiled force; its parameters are sorted by name."""
         return compile_law(self.force)
 
+    @property
+    def linear(self) -> bool:
+        """True if the force is linear in displacement and velocity."""
+        states = symbol("x"), symbol("v")
+        force = self.force
+        return bool(force.is_polynomial(*states)) and sympy.Poly(force, *states).total_degree() <= 1
+
 
 @dataclass(frozen=True, slots=True, eq=False)
 class CandidateFit:
@@ -79,11 +90,11 @@ class CandidateFit:
     candidate
         The candidate with the fitted values.
     residual
-        (n, 2H+1) residual of the balance, in units of the noise.
+        (n, r) residual of the balance, in units of the noise.
     held_out_residual
-        (n, 2H+1) residual of each level at the parameters that the other levels give.
+        (n, r) residual of each level at the parameters that the other levels give.
     compared
-        (2H+1,) mask of the rows that count.
+        (r,) mask of the rows that count.
     background_cost
         Sum of squares of the change of the background.
     """
@@ -165,7 +176,7 @@ class _Balance:
 
 
 def fit_candidate(
-    candidate: CandidateLaw, rows: WhitenedBalance, level: Array, fixed: Mapping[str, float]
+    candidate: CandidateLaw, rows: WhitenedBalance, fixed: Mapping[str, float]
 ) -> CandidateFit | None:
     """Fit a candidate along the motion and predict each level from the others.
 
@@ -175,8 +186,6 @@ def fit_candidate(
         The candidate with initial values.
     rows
         The balance.
-    level
-        (n,) level of each point [N].
     fixed
         Names of parameters that keep their values.
 
@@ -201,7 +210,7 @@ def fit_candidate(
         move=partial(_limited_step, limits=limits, nonlinear=balance.nonlinear),
     )
     place = np.clip(place, limits[:, 0], limits[:, 1])
-    place, *_ = descend(balance.linearise, place, np.zeros((len(level), 0)), rules)
+    place, *_ = descend(balance.linearise, place, np.zeros((len(rows), 0)), rules)
     residual, matrix = balance.evaluate(place)
     if not np.isfinite(np.sum(residual[:, rows.compared] ** 2)):
         return None
@@ -212,7 +221,7 @@ def fit_candidate(
         return None
     background = rows.background_at + place[len(names) :]
     fitted = replace(candidate, values=values, background=background)
-    held_out_residual = _held_out_residual(balance, place, residual, matrix, level)
+    held_out_residual = _held_out_residual(balance, place, residual, matrix)
     background_cost = float(np.sum((balance.prior * place) ** 2))
     return CandidateFit(fitted, residual, held_out_residual, rows.compared, background_cost)
 
@@ -226,11 +235,10 @@ def _limited_step(place: Array, change: Array, limits: Array, nonlinear: list[in
     return np.clip(moved, limits[:, 0], limits[:, 1])
 
 
-def _held_out_residual(
-    balance: _Balance, place: Array, residual: Array, matrix: Array, level: Array
-) -> Array:
+def _held_out_residual(balance: _Balance, place: Array, residual: Array, matrix: Array) -> Array:
     """Return the residual of each level at the parameters of the other levels, by one Gauss-Newton step."""
     held_out_residual = np.full_like(residual, np.nan)
+    level = balance.rows.level
     parts = [level == amount for amount in np.unique(level)]
     if len(parts) < 2:
         return held_out_residual
@@ -243,3 +251,118 @@ def _held_out_residual(
         change = solve_scaled(others[:, :-1], others[:, -1], known=fixed)[0]
         held_out_residual[part] = residual[part] - matrix[part] @ change
     return held_out_residual
+
+
+# ----------------------------------------------------------------------------
+# What a ranking asks of a test: points of sines and records of multisines answer.
+
+
+@dataclass(frozen=True, slots=True)
+class Misfit:
+    """Misfit of a law along a reference motion, beyond noise.
+
+    Parameters
+    ----------
+    systematic
+        Relative to force and response [1].
+    unexplained
+        The same, of parts where it is beyond chance and more than sensors resolve; 0: the law fits.
+    where
+        Numbers of a finding that say where it lies.
+    known
+        False if the test does not tell misfit from noise.
+    outliers
+        Number of points that were not counted.
+    """
+
+    systematic: float
+    unexplained: float
+    where: Mapping[str, Quantity]
+    known: bool
+    outliers: int = 0
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Round(ABC):
+    """One reference motion: the balance along it, and the ``leader``, the law of the motion, fitted to it."""
+
+    rows: WhitenedBalance
+    leader: CandidateFit
+
+    counted: ClassVar[str]
+    """Unit of the counts: points or lines."""
+
+    @property
+    @abstractmethod
+    def noise(self) -> float:
+        """Noise relative to force and response [1]; NaN if it is not known."""
+
+    @property
+    @abstractmethod
+    def feeds_exciter(self) -> bool:
+        """True if the structure feeds energy into the exciter."""
+
+    @property
+    def excluded(self) -> int:
+        """Number of points of the test that do not take part."""
+        return 0
+
+    def without_outliers(self, best: CandidateFit) -> Round | None:
+        """Exclude a few points that a law misses by far; None where there are none."""
+        return None
+
+    @abstractmethod
+    def relative(self, residual: Array) -> float:
+        """Return the root mean square of a residual (n, r) relative to force and response [1]."""
+
+    @abstractmethod
+    def misfit(self, fitted: CandidateFit) -> Misfit:
+        """Return what a law leaves along the motion."""
+
+
+class RankedTest(ABC):
+    """A test as a ranking sees it.
+
+    Parameters
+    ----------
+    fixed
+        The mass "m" [kg], if it is known.
+    first
+        The balance along the measured motion.
+    """
+
+    fixed: Mapping[str, float]
+    first: WhitenedBalance
+
+    @abstractmethod
+    def start(self, name: str, elements: tuple[Element, ...]) -> CandidateLaw:
+        """Return a law with initial values."""
+
+    @abstractmethod
+    def along(self, candidate: CandidateLaw, before: Round | None) -> Round | None:
+        """Fit a law by itself, and make its motion the reference; None if it does not follow the test."""
+
+    def doubts(self, best: CandidateFit, noise: float) -> list[Finding]:
+        """Find that a law fitted by itself misses the test by far more than ``noise``."""
+        return []
+
+
+MAX_UNEXPLAINED = 5e-3
+"""Misfit of force and response, relative, that calibration errors of sensors reach."""
+
+_SHARE_LOCATED, _MAX_RANGE = 0.6, 0.75
+"""Share of the misfit that lies in a stated range, and the part of the tested range that it may cover."""
+
+
+def shortest_range(values: Array, power: Array) -> tuple[float, float] | None:
+    """Return the shortest range with most of the power; None if it is nearly all of the tested range."""
+    order = np.argsort(values, kind="stable")
+    ranked, sums = values[order], np.concatenate([[0.0], np.cumsum(np.maximum(power[order], 0.0))])
+    best: tuple[float, float] | None = None
+    for i in range(len(ranked)):
+        j = int(np.searchsorted(sums, sums[i] + _SHARE_LOCATED * sums[-1]))
+        if j <= len(ranked) and (best is None or ranked[j - 1] - ranked[i] < best[1] - best[0]):
+            best = (float(ranked[i]), float(ranked[j - 1]))
+    if best is None or best[1] - best[0] > _MAX_RANGE * (ranked[-1] - ranked[0]):
+        return None
+    return best

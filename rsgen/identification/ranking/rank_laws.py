@@ -10,36 +10,21 @@ maximum likelihood to second order in its distance from the best law, which is e
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from math import nan
 
-import numpy as np
-import sympy
-from numpy.typing import NDArray
-
-from rsgen.common.arrays import Array
 from rsgen.common.errors import RsgenError, require
-from rsgen.common.finding import Finding, quantities
 from rsgen.common.tolerances import (
-    ANY_LAW,
-    ASSUMED_RELATIVE_NOISE,
-    BALANCE_HARMONICS,
-    DEVIATING_MISFIT_RATIO,
     MISFIT_NEGLIGIBLE,
     NOISE_RATIO_BY_CHANCE,
     RELATIVE_ERROR_DOUBTFUL,
-    START_HARMONICS,
-    SUBSAMPLE_POINTS,
 )
+from rsgen.data.multisine import MultisineSpectra
 from rsgen.data.oscillator import Model, Observation, join_model, refuse_across
 from rsgen.data.surface import ResponseSurface, without_copies
-from rsgen.formula import symbol
-from rsgen.identification.fitting.fit import fit_balance
-from rsgen.identification.fitting.observed import Observed, Problem
-from rsgen.identification.fitting.points import Points, mass_needs, per_unit_mass, select_points
-from rsgen.identification.ranking.balance import Term, WhitenedBalance, base_law
-from rsgen.identification.ranking.candidate_fit import CandidateFit, CandidateLaw, fit_candidate
+from rsgen.identification.fitting.points import per_unit_mass
+from rsgen.identification.ranking.balance import Term, WhitenedBalance
+from rsgen.identification.ranking.candidate_fit import CandidateFit, CandidateLaw, RankedTest, Round
 from rsgen.identification.ranking.ranking_result import (
     OWN,
     Candidate,
@@ -48,19 +33,12 @@ from rsgen.identification.ranking.ranking_result import (
     implausible_findings,
     is_same,
 )
-from rsgen.identification.ranking.reference import (
-    Reference,
-    first_rows,
-    fit_reference_motion,
-    neighbour_noise,
-    outliers_of,
-)
-from rsgen.identification.ranking.selection import Candidates, competitors, start_candidate
+from rsgen.identification.ranking.records import RecordTest
+from rsgen.identification.ranking.reference import PointTest
+from rsgen.identification.ranking.selection import Candidates, competitors
 from rsgen.identification.results import Identification
-from rsgen.identification.starting.start import start_fit
-from rsgen.law.element import Element, LawLike, as_elements
+from rsgen.law.element import LawLike
 from rsgen.law.memory import with_equations
-from rsgen.law.numeric import compile_law
 
 _STRONG_EVIDENCE = 6.0
 """Difference of BIC (Kass and Raftery, Bayes factors, JASA 90 (1995))."""
@@ -70,44 +48,22 @@ _LEADERS = 3
 
 _MAX_ROUNDS = 5
 
-_MAX_POINTS = 500
-"""Points that separate laws; more of them only narrow intervals."""
-
-_MIN_MISFIT_OF_DOUBT = 0.03
-"""Smaller misfits along the law's own motions are due to few harmonics, as for friction that sticks."""
-
-_SURROGATES = (f"{ANY_LAW} + Ff*sign(v)", ANY_LAW)
-"""Surrogates of any law, with friction and without, with which the first background is fitted."""
-
 
 @dataclass(frozen=True, slots=True, eq=False)
-class _Round:
-    """One reference motion: noise and balance there, and the ``leader``, the law of the motion, fitted."""
+class _Compared:
+    """A round, and the candidates fitted along its motion, best first."""
 
-    reference: Reference
-    noise: Array
-    rows: WhitenedBalance
-    leader: CandidateFit
+    round: Round
+    found: list[CandidateFit]
 
-    def without(self, out: NDArray[np.bool_]) -> _Round:
-        """Exclude some points."""
-        inside = np.flatnonzero(~out)
-        leader = replace(
-            self.leader,
-            residual=self.leader.residual[inside],
-            held_out_residual=self.leader.held_out_residual[inside],
-        )
-        return _Round(self.reference.select(inside), self.noise, self.rows.select(inside), leader)
-
-    def systematic_misfit(self, points: Points) -> float:
-        """Return the misfit of the leader beyond noise, relative to force and response."""
-        pairs = _inlier_pairs(self.leader, self.noise, points.select(self.reference.chosen))
-        total, random = neighbour_noise(self.leader.residual, pairs, self.leader.compared)
-        return float(np.sqrt(np.nansum(self.noise**2 * np.maximum(total**2 - random**2, 0.0))))
+    @property
+    def misfit(self) -> float:
+        """Misfit of the law of the motion beyond noise, relative to force and response."""
+        return self.round.misfit(self.round.leader).systematic
 
 
 def rank(
-    surface: ResponseSurface,
+    surface: ResponseSurface | MultisineSpectra,
     candidates: Model | LawLike | Sequence[LawLike] | None = None,
     observation: Observation | None = None,
     *,
@@ -119,7 +75,7 @@ def rank(
     Parameters
     ----------
     surface
-        Settled points of any test; held-out levels are not used.
+        Settled points of any test, or spectra of a multisine; held-out levels are not used.
     candidates
         Formulas, elements and laws compete as they are; laws of ``rsgen.laws`` are added to a linear spring
         and a linear damper, one by one and in sums. A model competes with all of the library. None: the
@@ -143,74 +99,62 @@ def rank(
         No candidate, too few points, one frequency or phase resonance without a mass, no phase recorded, or
         no candidate follows the test.
     """
-    require(surface, ResponseSurface, "surface")
-    refuse_across(surface.across.shape[1], ranking=True)
     laws, terms, base = competitors(candidates)
     base = join_model(base, observation, mass)
     if set(base.fixed) - {"m"}:
         raise RsgenError("ranking: other laws have other parameters; of what is fixed only the mass can stay")
-    fixed, given_surface = base.fixed, surface
-    surface, base = per_unit_mass(without_copies(surface), base)
-    observed = _observed(surface, base)
-    points = observed.points
-    if needed := mass_needs(points, base):
-        raise RsgenError(f"ranking: the test does not determine the mass; give it, or {needed}")
-    background = _start_background(observed, base, tuple(laws.values()))
-    mode = observed.mode(background)
-    given = tuple(start_candidate(name, elements, mode, base.fixed) for name, elements in laws.items())
-    rows = first_rows(observed, background, base_law(), base.fixed.get("m", nan))
-    rounds = _all_rounds(observed, rows, given, terms, base.fixed, terms_in_sum)
+    if isinstance(surface, MultisineSpectra):
+        refuse_across(base.sensors, multisine=True)
+        # without a mass the balance is fitted per unit mass, with a mass of 1 kg
+        test: RankedTest = RecordTest(*per_unit_mass(surface, base))
+    else:
+        require(surface, ResponseSurface, "surface")
+        refuse_across(surface.across.shape[1], ranking=True)
+        test = PointTest(*per_unit_mass(without_copies(surface), base), laws.values())
+    given = tuple(test.start(name, elements) for name, elements in laws.items())
+    rounds = _all_rounds(test, given, terms, terms_in_sum)
     # rounds may go in a circle: take the last of those with the least misfit
-    misfits = [one.systematic_misfit(points) for one, _ in rounds]
+    misfits = [one.misfit for one in rounds]
     best = max(i for i, misfit in enumerate(misfits) if misfit <= min(misfits) + MISFIT_NEGLIGIBLE)
-    found = _ranking(observed, *rounds[best], tuple(laws), base, surface)
-    # without a mass the balance was fitted per unit mass, with a mass of 1 kg
-    return replace(found, model=replace(found.model, fixed=fixed), surface=given_surface)
+    return _ranking(test, rounds[best], tuple(laws), base, surface)
 
 
 def _all_rounds(
-    observed: Observed,
-    rows: WhitenedBalance,
-    given: tuple[CandidateLaw, ...],
-    terms: tuple[Term, ...],
-    fixed: Mapping[str, float],
-    terms_in_sum: int,
-) -> list[tuple[_Round, list[CandidateFit]]]:
+    test: RankedTest, given: tuple[CandidateLaw, ...], terms: tuple[Term, ...], terms_in_sum: int
+) -> list[_Compared]:
     """Run rounds of laws without memory, and if their best has a misfit beyond noise, rounds of all laws.
 
     Laws without memory are ranked first, because the reference motion of a hysteretic law would bias them.
     """
     plain = tuple(term for term in terms if not term.law.remembers)
-    rounds: list[tuple[_Round, list[CandidateFit]]] = []
+    rounds: list[_Compared] = []
     fault: RsgenError | None = None
     for allowed in dict.fromkeys((plain, terms)):
-        entries = Candidates(given, allowed, fixed, terms_in_sum)
+        entries = Candidates(given, allowed, test.fixed, terms_in_sum)
         try:
-            known = rounds[-1][1][:_LEADERS] if rounds else []
-            candidates = entries.search(rows, observed.points, known=known)
-            rounds += _rounds(observed, entries.fit(candidates, rows, observed.points, first=True), entries)
+            candidates = entries.search(test.first, rounds[-1].found[:_LEADERS] if rounds else [])
+            rounds += _rounds(test, entries.fit(candidates, test.first, first=True), entries)
         except RsgenError as refused:
             fault = refused
-        if rounds and min(one.systematic_misfit(observed.points) for one, _ in rounds) <= MISFIT_NEGLIGIBLE:
+        if rounds and min(one.misfit for one in rounds) <= MISFIT_NEGLIGIBLE:
             break
     if fault is not None and not rounds:
         raise fault
     return rounds
 
 
-def _rounds(
-    observed: Observed, found: list[CandidateFit], entries: Candidates
-) -> list[tuple[_Round, list[CandidateFit]]]:
+def _rounds(test: RankedTest, found: list[CandidateFit], entries: Candidates) -> list[_Compared]:
     """Rank along the motion of the best candidate so far, until the best is the same again."""
-    rounds: list[tuple[_Round, list[CandidateFit]]] = []
+    rounds: list[_Compared] = []
     tried: list[str] = []
     for _ in range(_MAX_ROUNDS):
-        current = _next_round(observed, found, entries.fixed, rounds[-1][0].noise if rounds else None)
+        before = rounds[-1].round if rounds else None
+        motions = (test.along(fit.candidate, before) for fit in found[:_LEADERS])
+        current = next((motion for motion in motions if motion is not None), None)
         if current is None:
             break
-        current, found = _compare(observed.points, current, entries, found)
-        rounds.append((current, found))
-        name = current.leader.candidate.name
+        rounds.append(_compare(current, entries, found))
+        found, name = rounds[-1].found, current.leader.candidate.name
         if found[0].candidate.name in (name, *tried):
             break
         tried.append(name)
@@ -219,7 +163,7 @@ def _rounds(
     return rounds
 
 
-def identify_best(surface: ResponseSurface, model: Model) -> Identification:
+def identify_best(surface: ResponseSurface | MultisineSpectra, model: Model) -> Identification:
     """Rank, and identify the best law with intervals; the ranking is in the result.
 
     Parameters
@@ -235,122 +179,20 @@ def identify_best(surface: ResponseSurface, model: Model) -> Identification:
     return rank(surface, model).best
 
 
-def _observed(surface: ResponseSurface, base: Model) -> Observed:
-    """Return the points, at most as many as separate laws."""
-    surface.require_phase("ranking", "laws are compared by force and phase together")
-    points = select_points(surface, base)
-    observed = Observed.of(points, base.observation.background)
-    return observed.select(points.spread(_MAX_POINTS))
-
-
-def _start_background(observed: Observed, base: Model, given: Sequence[tuple[Element, ...]]) -> Array:
-    """Return an initial background: that of the best fit among the laws of the user and the surrogates."""
-    if not observed.background.names:
-        return np.zeros(0)
-    # a linear law would put its misfit into the background
-    laws = [elements for elements in given if not _is_linear(replace(base, elements=elements).force)]
-    laws += [as_elements(law) for law in _SURROGATES]
-    subsample = observed.select(observed.points.spread(SUBSAMPLE_POINTS))
-    fits = []
-    for elements in laws:
-        problem = Problem(
-            elements, compile_law(replace(base, elements=elements).force), subsample, base.fixed
-        )
-        fits.append(fit_balance(*start_fit(problem), order=START_HARMONICS))
-    return min(fits, key=lambda found: found.regression.noise if found.mass > 0 else np.inf).background
-
-
-def _is_linear(force: sympy.Expr) -> bool:
-    """Return True if a force is linear in displacement and velocity."""
-    states = symbol("x"), symbol("v")
-    return bool(force.is_polynomial(*states)) and sympy.Poly(force, *states).total_degree() <= 1
-
-
-def _next_round(
-    observed: Observed, candidates: list[CandidateFit], fixed: Mapping[str, float], before: Array | None
-) -> _Round | None:
-    """Return a round with the motion of the best candidate that has one; ``before`` is the last noise."""
-    for fit in candidates[:_LEADERS]:
-        reference = fit_reference_motion(observed, fit.candidate, fixed)
-        found = (
-            None if reference is None else _round(observed.points, fit.candidate, reference, fixed, before)
-        )
-        if found is not None:
-            return found
-    return None
-
-
-def _round(
-    points: Points,
-    candidate: CandidateLaw,
-    reference: Reference,
-    fixed: Mapping[str, float],
-    before: Array | None,
-) -> _Round | None:
-    """Fit the law of the reference motion, and estimate the noise."""
-    noise = np.full(BALANCE_HARMONICS + 1, ASSUMED_RELATIVE_NOISE) if before is None else before
-    chosen = points.select(reference.chosen)
-    candidate = replace(candidate, values=reference.parameters)
-    for last in (False, False, True):
-        rows = reference.rows(noise)
-        leader = fit_candidate(candidate, rows, chosen.level, fixed)
-        if leader is None or last:
-            break
-        _, random = neighbour_noise(leader.residual, _inlier_pairs(leader, noise, chosen), rows.compared)
-        noise = np.maximum(noise * np.where(np.isfinite(random), random, 1.0), MISFIT_NEGLIGIBLE)
-    return None if leader is None else _Round(reference, noise, rows, leader)
-
-
-def _inlier_pairs(fitted: CandidateFit, noise: Array, points: Points) -> NDArray[np.intp]:
-    """Return the pairs of neighbours without outliers."""
-    pairs = points.neighbours
-    return pairs[~outliers_of(fitted, noise)[pairs].any(axis=1)]
-
-
-def _compare(
-    points: Points, current: _Round, entries: Candidates, known: Sequence[CandidateFit]
-) -> tuple[_Round, list[CandidateFit]]:
+def _compare(current: Round, entries: Candidates, known: Sequence[CandidateFit]) -> _Compared:
     """Fit the candidates; at most twice exclude outliers of the best and refit the same candidates."""
-    chosen = points.select(current.reference.chosen)
     # the law of the motion competes in any case, and so do the best of the round before
-    candidates = entries.search(current.rows, chosen, known=[current.leader, *known[:_LEADERS]])
-    found = entries.fit(candidates, current.rows, chosen, first=False)
+    candidates = entries.search(current.rows, [current.leader, *known[:_LEADERS]])
+    found = entries.fit(candidates, current.rows)
     for _ in range(2):
-        out = outliers_of(found[0], current.noise)
-        if not out.any():
+        fewer = current.without_outliers(found[0])
+        if fewer is None:
             break
-        current = current.without(out)
-        chosen = points.select(current.reference.chosen)
-        found = entries.fit(candidates, current.rows, chosen, first=False)
+        current, found = fewer, entries.fit(candidates, fewer.rows)
     name = current.leader.candidate.name
     # fitted without the excluded points, unless it was dropped
     leader = next((fit for fit in found if fit.candidate.name == name), current.leader)
-    return replace(current, leader=leader), found
-
-
-def _unconfirmed_findings(
-    best: CandidateFit, observed: Observed, fixed: Mapping[str, float], noise: float
-) -> list[Finding]:
-    """Fit the best law along its own motions; find that its misfit is far larger than in the ranking.
-
-    ``noise`` is the relative noise of the ranking, where candidates share a motion that may be of another
-    law.
-    """
-    subsample = observed.select(observed.points.spread(SUBSAMPLE_POINTS))
-    candidate, law = best.candidate, compile_law(best.candidate.force)
-    problem = Problem(candidate.elements, law, subsample, fixed)
-    values = np.array([candidate.values[name] for name in law.parameters])
-    near = problem.join(values, candidate.values["m"], candidate.background)
-    expected = np.sqrt(2) * noise
-    # if the fit fails from the values of the ranking, search as an identification does
-    for searched in (False, True):
-        start = start_fit(problem) if searched else (problem, near)
-        fit = fit_balance(*start, order=START_HARMONICS)
-        misfit = np.sqrt(2) * fit.regression.noise
-        if not misfit > max(DEVIATING_MISFIT_RATIO * expected, _MIN_MISFIT_OF_DOUBT):
-            return []
-    numbers = quantities(misfit=float(misfit), expected=float(expected))
-    return [Finding("law-unconfirmed", "doubt", numbers=numbers, names={"law": best.candidate.name})]
+    return _Compared(replace(current, leader=leader), found)
 
 
 def order_candidates(
@@ -391,20 +233,16 @@ def order_candidates(
 
 
 def _ranking(
-    observed: Observed,
-    current: _Round,
-    candidates: list[CandidateFit],
+    test: RankedTest,
+    last: _Compared,
     given: Sequence[str],
     base: Model,
-    surface: ResponseSurface,
+    surface: ResponseSurface | MultisineSpectra,
 ) -> Ranking:
     """Order the candidates, merge laws of the user with equal ones of the library, and assess the best."""
-    points = observed.points
-    candidates, own = _merge_equal_laws(candidates, current.rows, given)
-    scale = np.repeat(current.noise, 2)[1:]
-    error = [
-        float(np.sqrt(np.mean((fit.held_out_residual * scale)[:, fit.compared] ** 2))) for fit in candidates
-    ]
+    current, fixed = last.round, test.fixed
+    candidates, own = _merge_equal_laws(last.found, current.rows, given)
+    error = [current.relative(fit.held_out_residual) for fit in candidates]
     odd = [bool(implausible_findings(fit, current.rows)) for fit in candidates]
     order, lowest, tied = order_candidates(
         [fit.bic for fit in candidates], error, [len(fit.candidate.values) for fit in candidates], odd
@@ -414,36 +252,23 @@ def _ranking(
         Candidate(
             fit.candidate.name,
             with_equations(fit.candidate.force),
-            len(fit.candidate.values) - len(base.fixed),
+            len(fit.candidate.values) - len(fixed),
             error[number],
             fit.bic - lowest,
             tied[number],
-            {name: value for name, value in fit.candidate.values.items() if name not in base.fixed},
+            {name: value for name, value in fit.candidate.values.items() if name not in fixed},
             fit is own,
         )
         for number, fit in zip(order, ordered, strict=True)
     ]
-    chosen = points.select(current.reference.chosen)
-    excluded = len(points) - len(chosen)
-    doubts = [
-        *implausible_findings(ordered[0], current.rows),
-        *_unconfirmed_findings(ordered[0], observed, base.fixed, float(current.noise[1])),
-    ]
-    assessment = assess_best(
-        ordered[0],
-        chosen,
-        current.noise,
-        rows,
-        excluded,
-        feeds=current.reference.feeds_exciter,
-        doubts=doubts,
-    )
+    doubts = [*implausible_findings(ordered[0], current.rows), *test.doubts(ordered[0], current.noise)]
+    assessment = assess_best(current, ordered[0], rows, doubts)
     return Ranking(
         tuple(rows),
         replace(base, elements=ordered[0].candidate.elements),
         assessment.fits,
         assessment.findings,
-        float(current.noise[1]),
+        current.noise,
         assessment.unexplained,
         surface,
     )
@@ -468,5 +293,5 @@ def _merge_equal_laws(
             )
             candidates = [named if fit is law else fit for fit in candidates]
             # a linear law is the base of all sums, and the default of a case without a law
-            own = None if _is_linear(law.candidate.force) else named
+            own = None if law.candidate.linear else named
     return candidates, own

@@ -12,11 +12,9 @@ from itertools import combinations
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
-from rsgen.common.arrays import Array
 from rsgen.common.errors import RsgenError
-from rsgen.common.finding import Finding, Quantity, Severity, Verdict, reach_verdict
+from rsgen.common.finding import Finding, Quantity, Severity, Verdict, quantities, reach_verdict
 from rsgen.common.text_table import Printed, TextTable, data_frame, lookup, short
 from rsgen.common.tolerances import (
     MAX_SHARE_OF_OUTLIERS_BY_CHANCE,
@@ -24,14 +22,12 @@ from rsgen.common.tolerances import (
     NOISE_RATIO_BY_CHANCE,
     RELATIVE_ERROR_DOUBTFUL,
 )
+from rsgen.data.multisine import MultisineSpectra
 from rsgen.data.oscillator import Model
 from rsgen.data.surface import ResponseSurface
-from rsgen.identification.fitting.observed import beyond_chance
-from rsgen.identification.fitting.points import Points
 from rsgen.identification.identify import identify
 from rsgen.identification.ranking.balance import WhitenedBalance, library_terms, terms_of
-from rsgen.identification.ranking.candidate_fit import POINT_STRIDE, CandidateFit, CandidateLaw
-from rsgen.identification.ranking.reference import neighbour_noise, outliers_of
+from rsgen.identification.ranking.candidate_fit import POINT_STRIDE, CandidateFit, CandidateLaw, Round
 from rsgen.identification.results import Identification
 from rsgen.identification.results.estimates import phase_findings
 from rsgen.law.numeric import compile_law
@@ -113,7 +109,7 @@ class Ranking(Printed):
     findings: tuple[Finding, ...]
     noise: float
     unexplained: float
-    surface: ResponseSurface | None = None
+    surface: ResponseSurface | MultisineSpectra | None = None
     _best: list[Identification] = field(default_factory=list, init=False)
 
     @property
@@ -193,12 +189,6 @@ class Ranking(Printed):
 # ----------------------------------------------------------------------------
 # Assessment of the best law: its misfit beyond noise, and where it lies, as findings.
 
-_MAX_UNEXPLAINED = 5e-3
-"""Misfit of force and response, relative, that calibration errors of sensors reach."""
-
-_MAX_UNEXPLAINED_OF_HARMONIC = 0.1
-"""Misfit of a higher harmonic, relative to that harmonic."""
-
 _MAX_FED_ENERGY = 0.5
 """Energy that one damper feeds, relative to the dissipation of the law: such a pair of dampers overfits."""
 
@@ -207,9 +197,6 @@ _MIN_SUM_OF_TERMS = 0.2
 
 _MIN_POINTS_A_PARAMETER = 6
 """With fewer a ranking says so."""
-
-_SHARE_LOCATED, _MAX_RANGE = 0.6, 0.75
-"""Share of the misfit that lies in a stated range, and the part of the tested range that it may cover."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -222,73 +209,37 @@ class Assessment:
 
 
 def assess_best(
-    best: CandidateFit,
-    points: Points,
-    noise: Array,
-    candidates: Sequence[Candidate],
-    excluded: int,
-    *,
-    feeds: bool,
-    doubts: Sequence[Finding],
+    current: Round, best: CandidateFit, candidates: Sequence[Candidate], doubts: Sequence[Finding]
 ) -> Assessment:
     """Decide if the best law fits, and state the findings of a ranking.
 
     Parameters
     ----------
+    current
+        The last round.
     best
         Fit of the first candidate.
-    points
-        The points of the fit.
-    noise
-        (H+1,) relative noise of mean, fundamental and harmonics.
     candidates
         Best first.
-    excluded
-        Number of outliers that were excluded.
-    feeds
-        True if the structure would feed energy into the exciter over most cycles.
     doubts
         Findings against the best law by itself.
     """
-    outliers = outliers_of(best, noise)
-    pairs = points.neighbours
-    pairs = pairs[~outliers[pairs].any(axis=1)]
-    total, random = neighbour_noise(best.residual, pairs, best.compared)
-    shared = np.nan_to_num(np.maximum(total**2 - random**2, 0.0))
-    misfit = noise * np.sqrt(shared)
-    correlation = np.nan_to_num(shared / np.maximum(total**2, 1e-300))
-    # real and imaginary part; a mean is one number
-    counted = np.where(np.arange(len(misfit)) == 0, 1, 2) * len(pairs)
-    missing = beyond_chance(correlation, counted) & (misfit > _max_misfits(points, len(misfit)))
-    unexplained = float(np.sqrt(np.sum(misfit[missing] ** 2)))
-    impossible = _passivity_findings(candidates[0], feeds)
-    doubts = [*doubts, *_overfitting_findings(best, noise, candidates)]
+    left = current.misfit(best)
+    impossible = _passivity_findings(candidates[0], current.feeds_exciter)
+    doubts = [*doubts, *_overfitting_findings(current.relative(best.residual), candidates)]
     findings = list(impossible)
-    if missing.any():
+    if left.unexplained:
         # no law fits, so that there is none to confirm
         doubts = [finding for finding in doubts if finding.code != "law-unconfirmed"]
-        numbers = {"unexplained": Quantity(unexplained), "noise": Quantity(float(noise[1]))}
-        numbers |= _locate_misfit(best, points, pairs, missing, misfit)
+        numbers = {"unexplained": Quantity(left.unexplained), "noise": Quantity(current.noise), **left.where}
         findings.append(Finding("no-law-fits", "error", numbers=numbers, names={"law": candidates[0].label}))
     else:
-        sure = len(pairs) > 0 and not impossible and all(finding.severity != "doubt" for finding in doubts)
-        findings += _best_law_findings(candidates, float(noise[1]), points, sure=sure)
+        sure = left.known and not impossible and all(finding.severity != "doubt" for finding in doubts)
+        findings += _best_law_findings(candidates, current, known=left.known, sure=sure)
     findings += doubts
-    findings += _sample_findings(
-        points, candidates[0].parameters, excluded + int(np.count_nonzero(outliers)), excluded
-    )
-    return Assessment(len(pairs) > 0 and not impossible and not missing.any(), unexplained, tuple(findings))
-
-
-def _max_misfits(points: Points, count: int) -> Array:
-    """Return the largest relative misfit (count,) of a law that fits, of mean, fundamental and harmonics."""
-    known = min(count, points.harmonics.shape[1])
-    size = np.zeros(count)
-    relative = np.abs(points.harmonics[:, :known]) ** 2 / points.amplitude[:, None] ** 2
-    size[:known] = np.sqrt(np.mean(relative, axis=0))
-    limits = np.maximum(MISFIT_NEGLIGIBLE, _MAX_UNEXPLAINED_OF_HARMONIC * size)
-    limits[:2] = _MAX_UNEXPLAINED
-    return np.asarray(limits)
+    findings += _sample_findings(current, candidates[0].parameters, left.outliers)
+    fits = left.known and not impossible and not left.unexplained
+    return Assessment(fits, left.unexplained, tuple(findings))
 
 
 def _passivity_findings(best: Candidate, feeds: bool) -> list[Finding]:
@@ -364,10 +315,8 @@ def _cancellation_findings(candidate: CandidateLaw, rows: WhitenedBalance) -> li
     return []
 
 
-def _overfitting_findings(best: CandidateFit, noise: Array, candidates: Sequence[Candidate]) -> list[Finding]:
+def _overfitting_findings(fitted: float, candidates: Sequence[Candidate]) -> list[Finding]:
     """Find that the first candidate predicts levels clearly worse than it fits them: overfitting."""
-    scale = np.repeat(noise, 2)[1:]
-    fitted = float(np.sqrt(np.mean((best.residual * scale)[:, best.compared] ** 2)))
     first = candidates[0]
     if not first.held_out_error > NOISE_RATIO_BY_CHANCE * max(fitted, MISFIT_NEGLIGIBLE):
         return []
@@ -386,35 +335,33 @@ def _overfitting_findings(best: CandidateFit, noise: Array, candidates: Sequence
     return [Finding("levels-predicted-worse", severity, numbers=numbers, names=names)]
 
 
-def _sample_findings(points: Points, parameters: int, outliers: int, excluded: int) -> list[Finding]:
+def _sample_findings(current: Round, parameters: int, outliers: int) -> list[Finding]:
     """Find outliers, and too few points or levels for a ranking."""
     found = []
-    if outliers:
-        numbers = {"excluded": Quantity(outliers), "points": Quantity(len(points) + excluded)}
-        many = outliers > MAX_SHARE_OF_OUTLIERS_BY_CHANCE * (len(points) + excluded)
+    count, tested = len(current.rows), len(current.rows) + current.excluded
+    if outliers := outliers + current.excluded:
+        many = outliers > MAX_SHARE_OF_OUTLIERS_BY_CHANCE * tested
         severity: Severity = "doubt" if many else "warning"
+        numbers = quantities(excluded=outliers, points=tested)
         found.append(Finding("points-excluded", severity, numbers=numbers, names={"by": "ranking"}))
-    if len(points) < _MIN_POINTS_A_PARAMETER * parameters:
-        numbers = {"points": Quantity(len(points)), "parameters": Quantity(parameters)}
+    if count < _MIN_POINTS_A_PARAMETER * parameters:
+        numbers = quantities(**{current.counted: count}, parameters=parameters)
         found.append(Finding("ranking-few-points", "warning", numbers=numbers))
-    if len(np.unique(points.level)) < 2:
-        found.append(Finding("ranking-few-points", "warning", numbers={"levels": Quantity(1)}))
+    if len(np.unique(current.rows.level)) < 2:
+        found.append(Finding("ranking-few-points", "warning", numbers=quantities(levels=1)))
     return found
 
 
 def _best_law_findings(
-    candidates: Sequence[Candidate], noise: float, points: Points, *, sure: bool
+    candidates: Sequence[Candidate], current: Round, *, known: bool, sure: bool
 ) -> list[Finding]:
     """State the best law and those that the test does not separate from it."""
     tied = [candidate.name for candidate in candidates if candidate.tied]
     best, rest = tied[0], tied[1:]
-    numbers = {
-        "points": Quantity(len(points)),
-        "noise": Quantity(noise),
-        "least": Quantity(MISFIT_NEGLIGIBLE),
-    }
+    counted = {current.counted: len(current.rows)}
+    numbers = quantities(**counted, noise=current.noise, least=MISFIT_NEGLIGIBLE)
     label = {candidate.name: candidate.label for candidate in candidates}
-    law = {"law": label[best]} | ({} if len(points.neighbours) else {"noise": "not known"})
+    law = {"law": label[best]} | ({} if known else {"noise": "not known"})
     found = [Finding("law-fits-best" if sure else "law-nearest", "info", numbers=numbers, names=law)]
     inside = set(best.split(" + "))
     found += [
@@ -434,36 +381,3 @@ def _best_law_findings(
         if names
     }
     return [*found, Finding("laws-not-separated", "info", names=tied_to)] if tied_to else found
-
-
-def _locate_misfit(
-    best: CandidateFit, points: Points, pairs: NDArray[np.intp], missing: NDArray[np.bool_], misfit: Array
-) -> dict[str, Quantity]:
-    """Return the harmonics, frequencies and amplitudes of the misfit beyond noise."""
-    numbers = {f"harmonic {h}": Quantity(float(misfit[h])) for h in np.flatnonzero(missing).tolist()}
-    orders = np.repeat(np.arange(len(missing)), 2)[1:]
-    rows = best.compared & missing[orders]
-    # neighbours do not share noise: the mean of their product is the power of the misfit
-    power = np.sum(best.residual[pairs[:, 0]][:, rows] * best.residual[pairs[:, 1]][:, rows], axis=1)
-    for name, values, unit in (
-        ("frequency", points.omega / (2 * np.pi), "Hz"),
-        ("amplitude", points.amplitude, "m"),
-    ):
-        span = _shortest_range(values[pairs].mean(axis=1), power)
-        if span is not None:
-            numbers |= {f"{name} from": Quantity(span[0], unit), f"{name} to": Quantity(span[1], unit)}
-    return numbers
-
-
-def _shortest_range(values: Array, power: Array) -> tuple[float, float] | None:
-    """Return the shortest range with most of the power; None if it is nearly all of the tested range."""
-    order = np.argsort(values, kind="stable")
-    ranked, sums = values[order], np.concatenate([[0.0], np.cumsum(np.maximum(power[order], 0.0))])
-    best: tuple[float, float] | None = None
-    for i in range(len(ranked)):
-        j = int(np.searchsorted(sums, sums[i] + _SHARE_LOCATED * sums[-1]))
-        if j <= len(ranked) and (best is None or ranked[j - 1] - ranked[i] < best[1] - best[0]):
-            best = (float(ranked[i]), float(ranked[j - 1]))
-    if best is None or best[1] - best[0] > _MAX_RANGE * (ranked[-1] - ranked[0]):
-        return None
-    return best

@@ -1,4 +1,4 @@
-"""The reference motion, along which candidates are compared: that of the best law so far.
+"""A test of sines as a ranking sees it: the reference motion of the best law so far, noise and misfit there.
 
 A law is fitted to the measured points by harmonic balance at the measured amplitudes (``fitting.fit``); its
 predicted motions have all harmonics and no noise. Near dry friction a truncated balance is far off, so that
@@ -8,18 +8,23 @@ one. Noise is estimated from the differences between neighbouring points, which 
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass, replace
+from math import nan
+from typing import ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
 
 from rsgen.common.arrays import Array, ComplexArray
 from rsgen.common.errors import RsgenError
+from rsgen.common.finding import Finding, Quantity, quantities
 from rsgen.common.tolerances import (
+    ANY_LAW,
     ASSUMED_RELATIVE_NOISE,
     BALANCE_HARMONICS,
     BRANCH_DISTANCE,
+    DEVIATING_MISFIT_RATIO,
     FINITE_DIFFERENCE_STEP,
     MAX_SHARE_OF_OUTLIERS,
     MAX_SHARE_OF_OUTLIERS_BY_CHANCE,
@@ -27,24 +32,40 @@ from rsgen.common.tolerances import (
     MIN_RELATIVE_SLOPE,
     MISFIT_NEGLIGIBLE,
     OUTLIER_SIGMAS,
+    START_HARMONICS,
+    SUBSAMPLE_POINTS,
 )
 from rsgen.data.free_mode import fit_mode, steady
-from rsgen.data.oscillator import Oscillator
+from rsgen.data.oscillator import Model, Oscillator
+from rsgen.data.surface import ResponseSurface
 from rsgen.dynamics.settling import SteadyStates
 from rsgen.dynamics.steady_state import solve_steady_states
 from rsgen.identification.fitting.fit import Fit, fit_balance
-from rsgen.identification.fitting.observed import Observed, Problem, neighbour_power
+from rsgen.identification.fitting.observed import Observed, Problem, beyond_chance, neighbour_power
+from rsgen.identification.fitting.points import Points, mass_needs, select_points
 from rsgen.identification.fitting.simulator import go_on
 from rsgen.identification.ranking.balance import (
     MAX_MOTION_DISTANCE,
+    PointBalance,
     ReferenceMotion,
-    WhitenedBalance,
+    base_law,
     measured_motion,
     predicted_motion,
     whiten_balance,
 )
-from rsgen.identification.ranking.candidate_fit import CandidateFit, CandidateLaw, fit_candidate
-from rsgen.law.element import Element
+from rsgen.identification.ranking.candidate_fit import (
+    MAX_UNEXPLAINED,
+    CandidateFit,
+    CandidateLaw,
+    Misfit,
+    RankedTest,
+    Round,
+    fit_candidate,
+    shortest_range,
+)
+from rsgen.identification.starting.equations import Equations
+from rsgen.identification.starting.start import solve_equations, start_fit
+from rsgen.law.element import Element, as_elements
 from rsgen.law.motion import Motion, feeds_exciter
 from rsgen.law.numeric import ForceLaw
 
@@ -86,7 +107,7 @@ class Reference:
         """Values of the law by name; the mass is "m"."""
         return {**dict(zip(self.law.parameters, self.values.tolist(), strict=True)), "m": self.mass}
 
-    def rows(self, noise: Array) -> WhitenedBalance:
+    def rows(self, noise: Array) -> PointBalance:
         """Return the balance for relative noise (H+1,) of mean, fundamental and harmonics."""
         return whiten_balance(self.motion, self.law, self.values, self.mass, noise, balanced=True)
 
@@ -94,21 +115,14 @@ class Reference:
         """Keep some of the points chosen."""
         return replace(self, chosen=self.chosen[chosen], motion=self.motion.select(chosen))
 
-    @property
-    def feeds_exciter(self) -> bool:
-        """True if the structure feeds energy into the exciter."""
-        return feeds_exciter(self.motion.force, self.motion.harmonics[:, 1])
 
-
-def first_rows(observed: Observed, background: Array, law: ForceLaw, mass: float) -> WhitenedBalance:
+def _first_rows(observed: Observed, background: Array, mass: float) -> PointBalance:
     """Return a first-order balance about the measured motion.
 
     Parameters
     ----------
     observed, background
         The measured points, and a background to start from.
-    law
-        The base, ``c*v + k*x``.
     mass
         Mass [kg]; NaN if it is free.
     """
@@ -116,7 +130,7 @@ def first_rows(observed: Observed, background: Array, law: ForceLaw, mass: float
     points = observed.points
     balance = steady(motion.force, motion.harmonics[:, 1], points.omega)
     found = fit_mode(*balance, np.ones((len(points), 1)), 1 / np.abs(motion.force), mass=mass)
-    return whiten_balance(motion, law, found.values[[1, 0]], found.mass, np.ones(2), balanced=False)
+    return whiten_balance(motion, base_law(), found.values[[1, 0]], found.mass, np.ones(2), balanced=False)
 
 
 def fit_reference_motion(
@@ -177,19 +191,17 @@ def _predicted(found: Fit) -> NDArray[np.bool_]:
 
 def _simulated_reference(best: CandidateLaw, found: Fit, fixed: Mapping[str, float]) -> Reference | None:
     """Simulate a law with jumps or corners, and improve the law along its simulated motion."""
-    level = found.problem.observed.points.level
     reference = _simulate_amplitudes(best.elements, found.values, found.mass, found.background, found)
     for _ in range(_SIMULATED_FITS):
         if reference is None:
             return None
         noise = np.full(BALANCE_HARMONICS + 1, ASSUMED_RELATIVE_NOISE)
-        rows, inside = reference.rows(noise), reference.chosen
+        rows = reference.rows(noise)
         candidate = replace(best, values=reference.parameters)
-        leader = fit_candidate(candidate, rows, level[inside], fixed)
+        leader = fit_candidate(candidate, rows, fixed)
         out = None if leader is None else outliers_of(leader, noise)
         if out is not None and out.any():
-            agreeing = np.flatnonzero(~out)
-            leader = fit_candidate(candidate, rows.select(agreeing), level[inside[agreeing]], fixed)
+            leader = fit_candidate(candidate, rows.select(np.flatnonzero(~out)), fixed)
         if leader is None:
             return reference
         values = reference.law.ordered(leader.candidate.values)
@@ -272,7 +284,7 @@ def outliers_of(fitted: CandidateFit, noise: Array) -> NDArray[np.bool_]:
     return out if np.mean(out) <= MAX_SHARE_OF_OUTLIERS_BY_CHANCE else np.zeros_like(out)
 
 
-def neighbour_noise(
+def _neighbour_noise(
     residual: Array, pairs: NDArray[np.intp], compared: NDArray[np.bool_]
 ) -> tuple[Array, Array]:
     """Return root mean squares (H+1,) of the residual of each harmonic: all, and the part that is noise.
@@ -297,3 +309,223 @@ def neighbour_noise(
         power = np.where(compared, power, np.nan)
         result.append(np.sqrt([np.mean(power[orders == h]) for h in range(orders[-1] + 1)]))
     return result[0], result[1]
+
+
+# ----------------------------------------------------------------------------
+# Rounds of a ranking along these motions.
+
+_MAX_POINTS = 500
+"""Points that separate laws; more of them only narrow intervals."""
+
+_MIN_MISFIT_OF_DOUBT = 0.03
+"""Smaller misfits along the law's own motions are due to few harmonics, as for friction that sticks."""
+
+_SURROGATES = (f"{ANY_LAW} + Ff*sign(v)", ANY_LAW)
+"""Surrogates of any law, with friction and without, with which the first background is fitted."""
+
+_MAX_UNEXPLAINED_OF_HARMONIC = 0.1
+"""Misfit of a higher harmonic, relative to that harmonic."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class PointRound(Round):
+    """A round at points of sines.
+
+    Parameters
+    ----------
+    reference
+        The motion, and its points.
+    rows
+        The balance at noise of that size.
+    noises
+        (H+1,) relative noise of mean, fundamental (and force) and harmonics.
+    tested
+        Points of the test.
+    """
+
+    rows: PointBalance
+    reference: Reference
+    noises: Array
+    tested: int
+    counted: ClassVar[str] = "points"
+
+    @property
+    def noise(self) -> float:
+        """Noise of the fundamental and the force; that of the last round where no points are neighbours."""
+        return float(self.noises[1])
+
+    @property
+    def feeds_exciter(self) -> bool:
+        """True if the structure feeds energy into the exciter."""
+        motion = self.reference.motion
+        return feeds_exciter(motion.force, motion.harmonics[:, 1])
+
+    @property
+    def excluded(self) -> int:
+        """Number of points of the test that do not take part."""
+        return self.tested - len(self.rows)
+
+    def without_outliers(self, best: CandidateFit) -> PointRound | None:
+        """Exclude the outliers of a law."""
+        out = outliers_of(best, self.noises)
+        if not out.any():
+            return None
+        inside = np.flatnonzero(~out)
+        leader = replace(
+            self.leader,
+            residual=self.leader.residual[inside],
+            held_out_residual=self.leader.held_out_residual[inside],
+        )
+        reference = self.reference.select(inside)
+        return replace(self, reference=reference, rows=self.rows.select(inside), leader=leader)
+
+    def relative(self, residual: Array) -> float:
+        """Return the root mean square of the compared rows of a residual, relative to force and response."""
+        scale = np.repeat(self.noises, 2)[1:]
+        return float(np.sqrt(np.mean((residual * scale)[:, self.rows.compared] ** 2)))
+
+    def misfit(self, fitted: CandidateFit) -> Misfit:
+        """Return what a law leaves, m^2 = total^2 - noise^2, from the differences of neighbouring points."""
+        points, out = self.reference.motion.points, outliers_of(fitted, self.noises)
+        pairs = points.pairs(~out)
+        total, random = _neighbour_noise(fitted.residual, pairs, fitted.compared)
+        shared = np.maximum(total**2 - random**2, 0.0)
+        systematic = float(np.sqrt(np.nansum(self.noises**2 * shared)))
+        shared = np.nan_to_num(shared)
+        misfit = self.noises * np.sqrt(shared)
+        correlation = np.nan_to_num(shared / np.maximum(total**2, 1e-300))
+        # real and imaginary part; a mean is one number
+        counted = np.where(np.arange(len(misfit)) == 0, 1, 2) * len(pairs)
+        missing = beyond_chance(correlation, counted) & (misfit > _max_misfits(points, len(misfit)))
+        unexplained = float(np.sqrt(np.sum(misfit[missing] ** 2)))
+        where = _locate_misfit(fitted, points, pairs, missing, misfit) if missing.any() else {}
+        return Misfit(systematic, unexplained, where, len(pairs) > 0, int(np.count_nonzero(out)))
+
+
+class PointTest(RankedTest):
+    """Points of sines: any law is compared with them by force and phase.
+
+    Parameters
+    ----------
+    surface
+        The test, of forces where a mass is known, and without copies of runs.
+    base
+        A model with observation and mass.
+    given
+        Laws of the user.
+
+    Raises
+    ------
+    RsgenError
+        The test does not determine the mass, or too few points are left.
+    """
+
+    def __init__(self, surface: ResponseSurface, base: Model, given: Collection[tuple[Element, ...]]) -> None:
+        surface.require_phase("ranking", "laws are compared by force and phase together")
+        points = select_points(surface, base)
+        observed = Observed.of(points, base.observation.background)
+        self.observed, self.fixed = observed.select(points.spread(_MAX_POINTS)), base.fixed
+        if needed := mass_needs(self.observed.points, base):
+            raise RsgenError(f"ranking: the test does not determine the mass; give it, or {needed}")
+        background = _start_background(self.observed, base, given)
+        self._mode = self.observed.mode(background)
+        self.first = _first_rows(self.observed, background, self.fixed.get("m", nan))
+
+    def start(self, name: str, elements: tuple[Element, ...]) -> CandidateLaw:
+        """Return a law with initial values from the first-order balance."""
+        points, candidate = self._mode, CandidateLaw(name, elements, {})
+        law = candidate.law
+        equations = Equations(
+            points.omega,
+            points.force,
+            points.harmonics[:, :2],
+            not law.odd and 0 in points.measured,
+            1 / np.abs(points.force),
+            np.zeros((0, 2)),
+        )
+        solution = solve_equations(equations, law, self.fixed)
+        values = dict(zip(law.parameters, solution.values.tolist(), strict=True))
+        return replace(candidate, values={**values, "m": solution.mass})
+
+    def along(self, candidate: CandidateLaw, before: Round | None) -> PointRound | None:
+        """Fit a law and estimate the noise along its motion; None if it has none near the measured one."""
+        reference = fit_reference_motion(self.observed, candidate, self.fixed)
+        if reference is None:
+            return None
+        noise = np.full(BALANCE_HARMONICS + 1, ASSUMED_RELATIVE_NOISE)
+        if isinstance(before, PointRound):
+            noise = before.noises
+        candidate = replace(candidate, values=reference.parameters)
+        for last in (False, False, True):
+            rows = reference.rows(noise)
+            leader = fit_candidate(candidate, rows, self.fixed)
+            if leader is None or last:
+                break
+            pairs = reference.motion.points.pairs(~outliers_of(leader, noise))
+            _, random = _neighbour_noise(leader.residual, pairs, rows.compared)
+            noise = np.maximum(noise * np.where(np.isfinite(random), random, 1.0), MISFIT_NEGLIGIBLE)
+        if leader is None:
+            return None
+        return PointRound(rows, leader, reference, noise, len(self.observed.points))
+
+    def doubts(self, best: CandidateFit, noise: float) -> list[Finding]:
+        """Find that a law misses the test by far more along its own motions than in the ranking."""
+        subsample = self.observed.select(self.observed.points.spread(SUBSAMPLE_POINTS))
+        candidate, law = best.candidate, best.candidate.law
+        problem = Problem(candidate.elements, law, subsample, self.fixed)
+        near = problem.join(law.ordered(candidate.values), candidate.values["m"], candidate.background)
+        expected = np.sqrt(2) * noise
+        # if the fit fails from the values of the ranking, search as an identification does
+        for searched in (False, True):
+            start = start_fit(problem) if searched else (problem, near)
+            fit = fit_balance(*start, order=START_HARMONICS)
+            misfit = np.sqrt(2) * fit.regression.noise
+            if not misfit > max(DEVIATING_MISFIT_RATIO * expected, _MIN_MISFIT_OF_DOUBT):
+                return []
+        numbers = quantities(misfit=float(misfit), expected=float(expected))
+        return [Finding("law-unconfirmed", "doubt", numbers=numbers, names={"law": candidate.name})]
+
+
+def _start_background(observed: Observed, base: Model, given: Collection[tuple[Element, ...]]) -> Array:
+    """Return an initial background: that of the best fit among the laws of the user and the surrogates."""
+    if not observed.background.names:
+        return np.zeros(0)
+    laws = [CandidateLaw("", as_elements(law), {}) for law in _SURROGATES]
+    # a linear law would put its misfit into the background
+    laws[:0] = [law for elements in given if not (law := CandidateLaw("", elements, {})).linear]
+    subsample = observed.select(observed.points.spread(SUBSAMPLE_POINTS))
+    fits = [
+        fit_balance(*start_fit(Problem(law.elements, law.law, subsample, base.fixed)), order=START_HARMONICS)
+        for law in laws
+    ]
+    return min(fits, key=lambda found: found.regression.noise if found.mass > 0 else np.inf).background
+
+
+def _max_misfits(points: Points, count: int) -> Array:
+    """Return the largest relative misfit (count,) of a law that fits, of mean, fundamental and harmonics."""
+    known = min(count, points.harmonics.shape[1])
+    size = np.zeros(count)
+    relative = np.abs(points.harmonics[:, :known]) ** 2 / points.amplitude[:, None] ** 2
+    size[:known] = np.sqrt(np.mean(relative, axis=0))
+    limits = np.maximum(MISFIT_NEGLIGIBLE, _MAX_UNEXPLAINED_OF_HARMONIC * size)
+    limits[:2] = MAX_UNEXPLAINED
+    return np.asarray(limits)
+
+
+def _locate_misfit(
+    best: CandidateFit, points: Points, pairs: NDArray[np.intp], missing: NDArray[np.bool_], misfit: Array
+) -> dict[str, Quantity]:
+    """Return the harmonics, frequencies and amplitudes of the misfit beyond noise."""
+    numbers = {f"harmonic {h}": Quantity(float(misfit[h])) for h in np.flatnonzero(missing).tolist()}
+    orders = np.repeat(np.arange(len(missing)), 2)[1:]
+    rows = best.compared & missing[orders]
+    # neighbours do not share noise: the mean of their product is the power of the misfit
+    power = np.sum(best.residual[pairs[:, 0]][:, rows] * best.residual[pairs[:, 1]][:, rows], axis=1)
+    for name, values, unit in (
+        ("frequency", points.omega / (2 * np.pi), "Hz"),
+        ("amplitude", points.amplitude, "m"),
+    ):
+        span = shortest_range(values[pairs].mean(axis=1), power)
+        if span is not None:
+            numbers |= {f"{name} from": Quantity(span[0], unit), f"{name} to": Quantity(span[1], unit)}
+    return numbers

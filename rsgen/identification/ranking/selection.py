@@ -8,7 +8,7 @@ solution of small normal equations. Sums are ordered by BIC = misfit + parameter
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, fields
 from itertools import chain, combinations, product
 from math import prod
 
@@ -17,15 +17,11 @@ from numpy.typing import NDArray
 
 from rsgen.common.arrays import Array
 from rsgen.common.errors import RsgenError
-from rsgen.common.tolerances import COMPARISON_POINTS
 from rsgen.data.oscillator import Model
 from rsgen.formula import symbol
-from rsgen.identification.fitting.points import Points
 from rsgen.identification.ranking.balance import Sum, Term, WhitenedBalance, base_law, library_terms
 from rsgen.identification.ranking.candidate_fit import CandidateFit, CandidateLaw, fit_candidate
 from rsgen.identification.ranking.ranking_result import OWN
-from rsgen.identification.starting.equations import Equations
-from rsgen.identification.starting.start import solve_equations
 from rsgen.law.element import Element, Law, LawLike, Library, as_elements, make_element
 from rsgen.law.memory import with_equations
 
@@ -320,26 +316,11 @@ class Candidates:
     fixed: Mapping[str, float]
     terms_in_sum: int
 
-    def search(
-        self,
-        rows: WhitenedBalance,
-        points: Points,
-        *,
-        known: Sequence[CandidateFit] = (),
-    ) -> list[CandidateLaw]:
-        """Return the laws of the user and the best sums.
-
-        Parameters
-        ----------
-        rows, points
-            The balance, and its points.
-        known
-            Fits whose candidates compete in any case.
-        """
+    def search(self, rows: WhitenedBalance, known: Sequence[CandidateFit] = ()) -> list[CandidateLaw]:
+        """Return the laws of the user and the best sums; the candidates of ``known`` compete in any case."""
         candidates = list(self.given)
         if self.terms or not candidates:
-            some = points.spread(COMPARISON_POINTS)
-            trials = search_sums(rows.select(some), self.terms, self.fixed, self.terms_in_sum)
+            trials = search_sums(rows.few, self.terms, self.fixed, self.terms_in_sum)
             plain = _shortlist([trial for trial in trials if not trial.remembers], *_SHORTLIST)
             loops = _shortlist([trial for trial in trials if trial.remembers], *_SHORTLIST_WITH_MEMORY)
             candidates += [_candidate_of(trial, rows, self.fixed) for trial in (*plain, *loops)]
@@ -347,16 +328,14 @@ class Candidates:
         return list({_term_names(candidate.name): candidate for candidate in (*again, *candidates)}.values())
 
     def fit(
-        self, candidates: Sequence[CandidateLaw], rows: WhitenedBalance, points: Points, *, first: bool
+        self, candidates: Sequence[CandidateLaw], rows: WhitenedBalance, *, first: bool = False
     ) -> list[CandidateFit]:
         """Fit candidates with every parameter free; best first.
 
         Parameters
         ----------
-        candidates
-            The candidates.
-        rows, points
-            The balance, and its points.
+        candidates, rows
+            The candidates, and the balance.
         first
             True along the measured motion, where the noise is unknown: the best misfit then stands for it.
 
@@ -366,9 +345,7 @@ class Candidates:
             No candidate gives a finite balance.
         """
         fits = [
-            fit
-            for candidate in candidates
-            if (fit := fit_candidate(candidate, rows, points.level, self.fixed)) is not None
+            fit for candidate in candidates if (fit := fit_candidate(candidate, rows, self.fixed)) is not None
         ]
         if not fits:
             raise RsgenError("ranking: no candidate gives a finite balance at the measured points")
@@ -417,25 +394,6 @@ def _completed(elements: tuple[Element, ...]) -> tuple[Element, ...]:
         if not has[state]
     ]
     return (*elements, *missing)
-
-
-def start_candidate(
-    name: str, elements: tuple[Element, ...], points: Points, fixed: Mapping[str, float]
-) -> CandidateLaw:
-    """Return a law with initial values from the first-order balance."""
-    candidate = CandidateLaw(name, elements, {})
-    law = candidate.law
-    equations = Equations(
-        points.omega,
-        points.force,
-        points.harmonics[:, :2],
-        not law.odd and 0 in points.measured,
-        1 / np.abs(points.force),
-        np.zeros((0, 2)),
-    )
-    solution = solve_equations(equations, law, fixed)
-    values = dict(zip(law.parameters, solution.values.tolist(), strict=True))
-    return replace(candidate, values={**values, "m": solution.mass})
 
 
 def _shortlist(trials: Sequence[SumFit], most: int, alone: int) -> list[SumFit]:

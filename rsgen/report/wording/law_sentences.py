@@ -161,40 +161,50 @@ NEXT_STEPS |= {
 }
 
 
+def _counted(f: Finding) -> str:
+    return f"{f['lines']:g} lines" if "lines" in f.numbers else f"{f['points']:g} points"
+
+
 @says("ranking-few-points")
 def _ranking_few_points(f: Finding) -> str:
     if "parameters" not in f.numbers:
         return "one level only: other levels would separate more laws"
-    return f"{f['points']:g} points are few for {f['parameters']:g} parameters: more would separate more laws"
+    return f"{_counted(f)} are few for {f['parameters']:g} parameters: more would separate more laws"
 
 
 @says("law-nearest")
 def _law_nearest(f: Finding) -> str:
     if "noise" in f.names:
+        lines = "one period is too little" if "lines" in f.numbers else ""
+        reason = lines or "the frequencies are too widely spaced"
         return (
-            f"{f.names['law']} comes nearest; the frequencies are too widely spaced to separate noise from "
-            "misfit, so that it is not known whether it fits"
+            f"{f.names['law']} comes nearest; {reason} to separate noise from misfit, so that it is not "
+            "known whether it fits"
         )
-    return f"{f.names['law']} comes nearest, with a noise of {f['noise']:.2g} at {f['points']:g} points"
+    return f"{f.names['law']} comes nearest, with a noise of {f['noise']:.2g} at {_counted(f)}"
 
 
 @says("no-law-fits")
 def _no_law_fits(f: Finding) -> str:
     if "unexplained" not in f.numbers:
         return _place(f)
+    compared = "neighbouring points" if _orders(f) else "periods"
     return (
         f"none of these fits: even the best, {f.names['law']}, leaves {_percent(f['unexplained'])} of force "
-        "and response unexplained (noise, judged by how much neighbouring points differ: "
+        f"and response unexplained (noise, judged by how much {compared} differ: "
         f"{_percent(f['noise'])}); all candidates assume one mode: a hysteresis "
         f"that is none of theirs, a second mode, a background or a drift would leave this; {_place(f)}"
     )
 
 
+def _orders(f: Finding) -> list[str]:
+    return [name for name in f.numbers if name.startswith("harmonic ")]
+
+
 def _place(f: Finding) -> str:
     """Say in which harmonics, where in frequency and amplitude, no law explains the test."""
-    orders = [name for name in f.numbers if name.startswith("harmonic ")]
     named = {"harmonic 0": "mean", "harmonic 1": "fundamental"}
-    parts = [f"{named.get(name, name)} ({_percent(f[name])})" for name in orders]
+    parts = [f"{named.get(name, name)} ({_percent(f[name])})" for name in _orders(f)]
     text = f"it is unexplained in the {_joined(parts or ['response'])}"
     if "frequency from" in f.numbers:
         text += f", mostly {_between(f['frequency from'], f['frequency to'], 'Hz')}"
@@ -207,7 +217,7 @@ def _place(f: Finding) -> str:
 def _law_fits_best(f: Finding) -> str:
     small = f["noise"] <= f["least"]
     size = f"is less than {f['least']:g}" if small else f"looks like noise of {f['noise']:.2g}"
-    return f"{f.names['law']} fits best: what it leaves unexplained at {f['points']:g} points {size}"
+    return f"{f.names['law']} fits best: what it leaves unexplained at {_counted(f)} {size}"
 
 
 @says("phase-turned")

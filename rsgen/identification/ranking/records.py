@@ -1,0 +1,204 @@
+"""Records of a multisine as a ranking sees them: every law is compared at the lines of all records.
+
+The reference motion is the measured mean motion of each record, with the lines that noise hides or that were
+not recorded as the best law so far gives them (``lines.line_balance``). Along it the balance of forces is
+linear in mass and coefficients of any law. Lines are weighted by the noise that the scatter of the periods
+shows, and what noise of the motion does to the force of the best law is taken off all laws.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import ClassVar
+
+import numpy as np
+
+from rsgen.common.arrays import Array
+from rsgen.common.errors import RsgenError
+from rsgen.common.finding import Quantity
+from rsgen.common.tolerances import MISFIT_NEGLIGIBLE
+from rsgen.data.multisine import MultisineSpectra
+from rsgen.data.multisine.spectra import check_records
+from rsgen.data.oscillator import Model
+from rsgen.identification.lines.line_balance import LawAlongRecord, SpectralLines, select_lines
+from rsgen.identification.lines.line_fit import (
+    LineFit,
+    fit_lines,
+    max_misfit_of_noise,
+    relative_to_force,
+    start_values,
+)
+from rsgen.identification.ranking.balance import WhitenedBalance, base_law
+from rsgen.identification.ranking.candidate_fit import (
+    MAX_UNEXPLAINED,
+    CandidateFit,
+    CandidateLaw,
+    Misfit,
+    RankedTest,
+    Round,
+    fit_candidate,
+    shortest_range,
+)
+from rsgen.law.element import Element
+from rsgen.law.motion import cycle_work
+from rsgen.law.numeric import ForceLaw
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class LineBalance(WhitenedBalance):
+    """The balance at the used lines of all records, a motion a record and two rows a line.
+
+    Parameters
+    ----------
+    fit
+        The law of the motion, fitted to the lines.
+    records
+        That law along the motion of each record.
+    """
+
+    fit: LineFit
+    records: tuple[LawAlongRecord, ...]
+
+    @classmethod
+    def along(cls, fit: LineFit) -> LineBalance:
+        """Return the balance along the motions of a fitted law."""
+        count, spectra = len(fit.lines), fit.lines.spectra
+        records = tuple(
+            LawAlongRecord(fit.lines, fit.law, fit.values, fit.mass, record) for record in range(count)
+        )
+        x, v, a, step = (
+            np.concatenate(parts) for parts in zip(*(r.trajectory for r in records), strict=True)
+        )
+        line = fit.linearise(fit.parameters, fit.nuisance)
+        inertia = line.by_parameter[:, :, -1]
+        rows = cls(
+            trajectory=(x, v, a, step),
+            inertia=inertia,
+            right=np.empty_like(inertia),
+            background=np.zeros((*inertia.shape, 0)),
+            background_at=np.zeros(0),
+            background_weight=np.zeros(0),
+            compared=np.ones(2, dtype=bool),
+            level=np.repeat(spectra.level, fit.lines.used.sum(axis=1)),
+            fit=fit,
+            records=records,
+        )
+        # at the values of the fit the rows leave what the fit leaves, without the bias by noise
+        own, _ = rows.of_law(fit.law, fit.values)
+        return replace(rows, right=line.residual + fit.mass * inertia + own)
+
+    def project(self, forces: Array) -> Array:
+        """Return the rows (lines, 2, j) of j forces (r, samples, j) along the trajectory."""
+        used, weight = self.fit.lines.used, np.sqrt(2 / self.fit.variance)
+        lines = np.concatenate(
+            [
+                (record.lines_of(np.ascontiguousarray(force.T)) * scale)[:, own].T
+                for record, force, scale, own in zip(self.records, forces, weight, used, strict=True)
+            ]
+        )
+        return np.stack([lines.real, lines.imag], axis=1)
+
+    def power(self, residual: Array) -> Array:
+        """Return the power (r, H+1) [N^2] at each line of a residual (lines, 2)."""
+        used = self.fit.lines.used
+        power = np.zeros(used.shape)
+        power[used] = np.sum(residual**2, axis=1) * self.fit.variance[used] / 2
+        return power
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class RecordRound(Round):
+    """A round at the lines of records."""
+
+    rows: LineBalance
+    counted: ClassVar[str] = "lines"
+
+    @property
+    def noise(self) -> float:
+        """Noise of the balance of the mean periods, relative to the force; NaN with one period."""
+        return relative_to_force(self.rows.fit.lines, self.rows.fit.noise.variance)
+
+    @property
+    def feeds_exciter(self) -> bool:
+        """True if the structure works on its exciter in most records."""
+        part = self.rows.fit.lines.spectra
+        work = np.sum(part.lines * cycle_work(part.mean_force, part.mean_response), axis=1)
+        return bool(np.mean(work < 0) > 0.5)
+
+    def relative(self, residual: Array) -> float:
+        """Return the root mean square of a residual (lines, 2), relative to the force of each record."""
+        return relative_to_force(self.rows.fit.lines, self.rows.power(residual))
+
+    def misfit(self, fitted: CandidateFit) -> Misfit:
+        """Return what a law leaves beyond the scatter of the periods."""
+        fit, total = self.rows.fit, self.relative(fitted.residual)
+        known = bool(np.isfinite(self.noise)) or total <= MISFIT_NEGLIGIBLE
+        by_chance = float(np.sqrt(np.mean(fitted.residual**2))) < max_misfit_of_noise(fit)
+        systematic = (
+            0.0 if known and by_chance else float(np.sqrt(max(total**2 - np.nan_to_num(self.noise) ** 2, 0)))
+        )
+        if not known or systematic <= MAX_UNEXPLAINED:
+            return Misfit(systematic, 0.0, {}, known)
+        frequency = np.broadcast_to(fit.lines.spectra.frequency, fit.lines.used.shape)[fit.lines.used]
+        span = shortest_range(frequency, np.sum(fitted.residual**2, axis=1))
+        ends = () if span is None else zip(("frequency from", "frequency to"), span, strict=True)
+        return Misfit(systematic, systematic, {name: Quantity(end, "Hz") for name, end in ends}, known)
+
+
+class RecordTest(RankedTest):
+    """Records of a multisine.
+
+    Parameters
+    ----------
+    spectra
+        The test.
+    base
+        A model with observation and mass.
+
+    Raises
+    ------
+    RsgenError
+        A held-out level is not in the records, or too few lines are left.
+    """
+
+    def __init__(self, spectra: MultisineSpectra, base: Model) -> None:
+        held_out = check_records(spectra, base.observation)
+        self._spectra, self._band = spectra.select(np.flatnonzero(~held_out)), base.observation.band
+        self.fixed = base.fixed
+        self._lines = self._select(base_law())
+        if 2 * self._lines.used.sum() <= len(base_law().parameters) + 1:
+            raise RsgenError("ranking: no more lines than parameters in the band")
+        with np.errstate(all="ignore"):
+            start = start_values(self._lines, base_law(), self.fixed)
+            self.first = LineBalance.along(fit_lines(self._lines, base_law(), self.fixed, *start))
+
+    def _select(self, law: ForceLaw) -> SpectralLines:
+        return select_lines(self._spectra, self._band, switched=law.switched)
+
+    def start(self, name: str, elements: tuple[Element, ...]) -> CandidateLaw:
+        """Return a law with initial values from the balance at sampled instants."""
+        candidate = CandidateLaw(name, elements, {})
+        law = candidate.law
+        with np.errstate(all="ignore"):
+            values, mass = start_values(self._lines, law, self.fixed)
+        return replace(
+            candidate, values={**dict(zip(law.parameters, values.tolist(), strict=True)), "m": mass}
+        )
+
+    def along(self, candidate: CandidateLaw, before: Round | None) -> RecordRound | None:
+        """Fit a law to all lines; None if the fit does not stay finite."""
+        law = candidate.law
+        with np.errstate(all="ignore"):
+            fit = fit_lines(
+                self._select(law), law, self.fixed, law.ordered(candidate.values), candidate.values["m"]
+            )
+            if not np.isfinite(fit.parameters).all():
+                return None
+            # a misfit of this law must not hide that another fits better
+            floor = MISFIT_NEGLIGIBLE**2 * fit.lines.power(fit.mass)
+            known = np.isfinite(fit.noise.variance)
+            fit = replace(fit, variance=np.where(known, np.maximum(fit.noise.variance, floor), fit.variance))
+            rows = LineBalance.along(fit)
+            values = {**dict(zip(law.parameters, fit.values.tolist(), strict=True)), "m": fit.mass}
+            leader = fit_candidate(replace(candidate, values=values), rows, self.fixed)
+        return None if leader is None else RecordRound(rows, leader)

@@ -1,0 +1,119 @@
+"""Laws ranked by the lines of multisines: virtual tests with noise, what no law explains, and one period."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+import rsgen as rs
+from rsgen.data.oscillator import Model
+from rsgen.identification.ranking.records import RecordTest
+from rsgen.law.element import as_elements
+from tests.ranking.test_ranking import MASS, NOISE
+
+BASE = "k*x + c*v"
+LAWS: dict[str, tuple[str, dict[str, float], tuple[float, ...]]] = {
+    "cubic-spring": ("k3*x**3", {"k3": 4e6}, (3, 5, 8)),
+    "coulomb": ("Ff*sign(v)", {"Ff": 0.6}, (8, 12, 20)),
+    "dead-zone": ("k_*(Max(x - b, 0) + Min(x + b, 0))", {"k_": 8000.0, "b": 2e-3}, (4, 6, 9)),
+    "jenkins": ("Fs*masing(Min(x/xs, 1))", {"Fs": 2.0, "xs": 1.3e-3}, (4, 8, 14)),
+}
+RIVALS = [
+    rs.laws[name] for name in (*LAWS, "quintic-spring", "bilinear-spring", "quadratic-damper", "preload")
+]
+
+
+def virtual(name: str, seed: int = 0) -> rs.MultisineSpectra:
+    """A virtual multisine of 36 lines at three levels, with 1 % noise."""
+    term, values, levels = LAWS[name]
+    truth = rs.Oscillator(MASS, f"{BASE} + {term}", {"k": 5000.0, "c": 15.0, **values})
+    test = rs.MultisineTest(levels, (2.5, 20), 1.0, periods=4, noise_relative=NOISE, seed=seed)
+    return rs.simulate(truth, test)
+
+
+def codes(ranking: rs.Ranking) -> set[str]:
+    return {finding.code for finding in ranking.findings}
+
+
+@pytest.mark.parametrize("seed", [0, 1])
+@pytest.mark.parametrize("name", [name for name in LAWS if name != "jenkins"])
+def test_the_law_behind_a_multisine_is_first_or_tied(name: str, seed: int) -> None:
+    ranking = rs.rank(virtual(name, seed), [law for law in RIVALS if law.name != "jenkins"])
+    assert ranking.fits
+    assert ranking[name].tied
+    assert ranking.verdict.state == "identified"
+    for law in (BASE, "k*x + k5*x**5 + c*v"):
+        assert not any(candidate.tied for candidate in ranking if candidate.force == law)
+    assert ranking[name].held_out_error < 2 * NOISE
+
+
+@pytest.mark.slow
+def test_a_joint_with_memory_is_found() -> None:
+    ranking = rs.rank(virtual("jenkins"), RIVALS)
+    assert ranking.fits
+    assert ranking.candidates[0].name == "jenkins"
+
+
+def test_the_rows_leave_what_the_fit_of_the_lines_leaves() -> None:
+    spectra = virtual("cubic-spring")
+    model = Model(as_elements(f"{BASE} + k3*x**3"))
+    test = RecordTest(spectra, model)
+    found = test.along(test.start("own", model.elements), None)
+    assert found is not None
+    # two ways to the least squares of the lines
+    identified = rs.identify(spectra, model)
+    assert found.relative(found.leader.residual) == pytest.approx(identified.residual, rel=1e-3)
+    for estimate in identified.refined:
+        off = found.leader.candidate.values[estimate.name] - estimate.value
+        assert abs(off) < 0.1 * estimate.standard_error
+
+
+def test_what_no_law_explains_is_said_and_located() -> None:
+    # the force of one band is off at all levels: no law does that
+    spectra = virtual("cubic-spring")
+    force = np.array(spectra.force)
+    inside = (spectra.frequency > 9) & (spectra.frequency < 12)
+    force[:, :, inside] *= 1.15
+    ranking = rs.rank(replace(spectra, force=force), RIVALS[:3])
+    assert not ranking.fits
+    assert ranking.verdict.state == "rejected"
+    (place,) = [finding for finding in ranking.findings if finding.code == "no-law-fits"]
+    assert 8 < place["frequency from"] <= place["frequency to"] < 13
+    assert "how much periods differ" in rs.sentence(place)
+
+
+def test_a_sensor_that_is_turned_feeds_the_exciter() -> None:
+    spectra = virtual("cubic-spring")
+    turned = rs.rank(replace(spectra, response=-spectra.response), RIVALS[:3])
+    assert {"structure-feeds-exciter", "mass-negative"} & codes(turned)
+    assert turned.verdict.state == "rejected"
+
+
+def test_one_period_does_not_say_whether_the_nearest_law_fits() -> None:
+    spectra = virtual("dead-zone")
+    first = replace(spectra, force=spectra.force[:, :1], response=spectra.response[:, :1])
+    ranking = rs.rank(first, RIVALS[:3])
+    assert ranking.candidates[0].name == "dead-zone"
+    assert not ranking.fits
+    (nearest,) = [finding for finding in ranking.findings if finding.code == "law-nearest"]
+    assert "one period is too little to separate noise from misfit" in rs.sentence(nearest)
+
+
+def test_a_given_mass_and_a_held_out_level_stay_out() -> None:
+    spectra = virtual("cubic-spring")
+    ranking = rs.rank(spectra, RIVALS[:2], rs.Observation(hold_out=(5,)), mass=MASS)
+    assert all("m" not in candidate.values for candidate in ranking)
+    assert ranking.best.held_out[0].level == 5
+    assert ranking.best["m"].value == MASS
+    assert ranking.best.ranking is ranking
+
+
+def test_a_driven_base_is_ranked_per_unit_mass() -> None:
+    pushed = virtual("cubic-spring")
+    shaken = replace(pushed, force=pushed.force / MASS, per_mass=True, base="acceleration")
+    ranking = rs.rank(shaken, RIVALS[:2])
+    assert ranking.candidates[0].name == "cubic-spring"
+    whole = rs.rank(pushed, RIVALS[:2], mass=MASS).candidates[0]
+    assert ranking.candidates[0].values["k"] == pytest.approx(whole.values["k"] / MASS, rel=1e-4)
