@@ -43,6 +43,7 @@ if TYPE_CHECKING:
     from rsgen.data.surface import ResponseSurface, load_surface, save_surface
     from rsgen.describing import derive
     from rsgen.dynamics.simulation import simulate
+    from rsgen.dynamics.transients import DecayTest, SweepTest
     from rsgen.dynamics.virtual_test import MultisineTest, SimulatedTest
     from rsgen.identification.identify import identify
     from rsgen.identification.modal_result import ModalTable
@@ -66,6 +67,7 @@ _NOT_INSTALLED = "0+unknown"
 _PLACES = {
     "Case": "cases",
     "Comparison": "analysis.comparison",
+    "DecayTest": "dynamics.transients",
     "Finding": "common.finding",
     "Identification": "identification.results",
     "Law": "law",
@@ -80,6 +82,7 @@ _PLACES = {
     "ResponseSurface": "data.surface",
     "RsgenError": "common.errors",
     "SimulatedTest": "dynamics.simulation",
+    "SweepTest": "dynamics.transients",
     "best_linear": "data.multisine",
     "compare": "analysis.comparison",
     "compare_fits": "analysis.comparison",
@@ -122,6 +125,7 @@ _PACKAGES = ("figures", "history")
 __all__ = [
     "Case",
     "Comparison",
+    "DecayTest",
     "Finding",
     "Identification",
     "Law",
@@ -136,6 +140,7 @@ __all__ = [
     "ResponseSurface",
     "RsgenError",
     "SimulatedTest",
+    "SweepTest",
     "best_linear",
     "compare",
     "compare_fits",

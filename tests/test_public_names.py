@@ -13,11 +13,11 @@ import pytest
 import rsgen
 
 PUBLIC = [
-    "Case", "Comparison", "Finding", "Identification", "Law", "ModalTable", "MultisineSpectra",
+    "Case", "Comparison", "DecayTest", "Finding", "Identification", "Law", "ModalTable", "MultisineSpectra",
     "MultisineTest", "Observation", "Oscillator", "Prediction", "Profile", "Ranking", "ResponseSurface",
-    "RsgenError", "SimulatedTest", "best_linear", "compare", "compare_fits", "derive", "explain", "figures",
-    "history", "identify", "laws", "load_case", "load_surface", "make_element", "modal_table", "predict",
-    "profile", "rank", "read", "save_frf", "save_surface", "sentence", "simulate", "verdict_of",
+    "RsgenError", "SimulatedTest", "SweepTest", "best_linear", "compare", "compare_fits", "derive", "explain",
+    "figures", "history", "identify", "laws", "load_case", "load_surface", "make_element", "modal_table",
+    "predict", "profile", "rank", "read", "save_frf", "save_surface", "sentence", "simulate", "verdict_of",
     "write_report",
 ]  # fmt: skip
 

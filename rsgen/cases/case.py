@@ -27,7 +27,8 @@ from rsgen.data.planned_test import PlannedTest
 from rsgen.data.surface.columns import BASE_UNITS
 from rsgen.describing import derive
 from rsgen.dynamics.kernel_source import generate
-from rsgen.dynamics.virtual_test import MultisineTest, SimulatedTest, free_mean_fault
+from rsgen.dynamics.transients import DecayTest, SweepTest
+from rsgen.dynamics.virtual_test import MultisineTest, SimulatedTest, VirtualTest, free_mean_fault
 from rsgen.files import HistoryRule, MeasuredTest, Signal
 from rsgen.files.plan import Excitation
 from rsgen.files.signals import combination
@@ -125,6 +126,18 @@ _MULTISINE = table_of(
     "A virtual test with a periodic multisine: rsgen computes the periodic responses from [truth].",
     {"kind": (Literal["simulated-multisine"], Field())},
 )
+_SWEEP = table_of(
+    SweepTest,
+    "SweepTest",
+    "A virtual swept sine: rsgen computes the records from [truth] and reads them.",
+    {"kind": (Literal["simulated-sweep"], Field())},
+)
+_DECAY = table_of(
+    DecayTest,
+    "DecayTest",
+    "Virtual free decays: rsgen computes the records from [truth] and reads them.",
+    {"kind": (Literal["simulated-decay"], Field())},
+)
 _MEASURED = table_of(
     MeasuredTest,
     "MeasuredTest",
@@ -150,7 +163,7 @@ _FIXED: tuple[Any, Any] = (
     ),
 )
 _DERIVED: dict[str, Any] = {
-    "test": (_SIMULATED | _MULTISINE | _MEASURED, Field(discriminator="kind")),
+    "test": (_SIMULATED | _MULTISINE | _SWEEP | _DECAY | _MEASURED, Field(discriminator="kind")),
     "identify": (table_of(Observation, "Observation", extras={"fixed": _FIXED}) | None, None),
 }
 CaseDocument = create_model("CaseDocument", __base__=Document, __doc__=Document.__doc__, **_DERIVED)
@@ -224,7 +237,7 @@ class Case:
     sha256: str
     oscillator: Oscillator | None
     model: Model
-    test: SimulatedTest | MultisineTest | MeasuredTest
+    test: VirtualTest | MeasuredTest
     truth: Mapping[str, float] | None
     accept: Mapping[str, float] = field(default_factory=dict)
     printed: Mapping[str, sympy.Expr] = field(default_factory=dict)

@@ -206,7 +206,7 @@ def parse_case(text: str) -> dict[str, Any]:
     return tree
 
 
-KINDS = ("simulated", "simulated-multisine", "measured")
+KINDS = ("simulated", "simulated-multisine", "simulated-sweep", "simulated-decay", "measured")
 """Of a test: the tags of its table, which are no keys of the file."""
 _QUOTED = ", ".join(map(repr, KINDS[:-1])) + f" or {KINDS[-1]!r}"
 _WANTED = {

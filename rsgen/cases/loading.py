@@ -25,7 +25,8 @@ from rsgen.data.oscillator import KNOWN_MASS, Model, Observation, Oscillator, to
 from rsgen.data.planned_test import PlannedTest
 from rsgen.data.surface import ResponseSurface, load_surface, match_level
 from rsgen.data.surface.columns import BASE_UNITS
-from rsgen.dynamics.virtual_test import MultisineTest, SimulatedTest
+from rsgen.dynamics.transients import DecayTest, SweepTest
+from rsgen.dynamics.virtual_test import MultisineTest, SimulatedTest, VirtualTest
 from rsgen.files import MeasuredTest
 from rsgen.formula import check_name, parse, symbol, write
 from rsgen.formula.unit_deduction import parameter_units, unit_faults
@@ -84,12 +85,20 @@ def name_clashes(cases: Iterable[Case]) -> dict[Path, str]:
 # The tables [test] of a virtual test and [identify] to the test and its observation.
 
 
-def make_simulated(table: Any, maker: Maker) -> SimulatedTest | MultisineTest:
-    """Make a virtual test of at most a million points."""
-    if table.base is not None and table.base.quantity is not None:
-        maker.units = {"N": BASE_UNITS[table.base.quantity]}
-    if table.kind == "simulated-multisine":
-        return maker.make(MultisineTest, table, "test")
+_WITHOUT_GRID: dict[str, type[VirtualTest]] = {
+    "simulated-multisine": MultisineTest,
+    "simulated-sweep": SweepTest,
+    "simulated-decay": DecayTest,
+}
+
+
+def make_simulated(table: Any, maker: Maker) -> VirtualTest:
+    """Make a virtual test; a grid has at most a million points."""
+    base = getattr(table, "base", None)
+    if base is not None and base.quantity is not None:
+        maker.units = {"N": BASE_UNITS[base.quantity]}
+    if table.kind in _WITHOUT_GRID:
+        return maker.make(_WITHOUT_GRID[table.kind], table, "test")
     if table.control in ("response", "continuation"):
         maker.units = {"N": "m"}
     test = maker.make(SimulatedTest, table, "test")

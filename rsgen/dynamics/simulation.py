@@ -2,13 +2,14 @@
 
 The test says what is solved at each level and frequency: force given, x(t + T) = x(t) from rest or from the
 last point of a sweep (``steady_state``); force given, harmonic balance, stable or not (``harmonic_balance``);
-amplitude or lag given (``controlled``); a multisine (``virtual_test``).
+amplitude or lag given (``controlled``); a multisine (``virtual_test``); a sweep or a decay (``transients``).
 """
 
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import overload
+from functools import singledispatch
+from typing import Any, overload
 
 import numpy as np
 
@@ -22,10 +23,12 @@ from rsgen.dynamics.controlled import ControlledStates, control_grid, phase_grid
 from rsgen.dynamics.harmonic_balance import solve_harmonic_balance
 from rsgen.dynamics.settling import SteadyStates
 from rsgen.dynamics.steady_state import solve_steady_states
+from rsgen.dynamics.transients import HistoryTest
 from rsgen.dynamics.virtual_test import (
     MultisineTest,
     Progress,
     SimulatedTest,
+    VirtualTest,
     add_noise,
     free_mean_fault,
     grid_of,
@@ -37,7 +40,7 @@ from rsgen.dynamics.virtual_test import (
 
 @overload
 def simulate(
-    oscillator: Oscillator, test: SimulatedTest, *, progress: Progress = None
+    oscillator: Oscillator, test: SimulatedTest | HistoryTest, *, progress: Progress = None
 ) -> ResponseSurface: ...
 
 
@@ -48,9 +51,9 @@ def simulate(
 
 
 def simulate(
-    oscillator: Oscillator, test: SimulatedTest | MultisineTest, *, progress: Progress = None
+    oscillator: Oscillator, test: VirtualTest, *, progress: Progress = None
 ) -> ResponseSurface | MultisineSpectra:
-    """Run a virtual test: the grid of levels and frequencies, level by level.
+    """Run a virtual test: the grid of levels and frequencies, level by level, or the records of another.
 
     Parameters
     ----------
@@ -60,7 +63,8 @@ def simulate(
     Returns
     -------
     ResponseSurface or MultisineSpectra
-        Of a multisine its spectra, a record a level and realisation. Else a surface of
+        Of a multisine its spectra, a record a level and realisation; of sweeps and decays what
+        ``rsgen.history`` reads from their records. Else a surface of
         len(level) * len(frequency) points. Points without a steady state of the period of the force are in
         it with their outcome and NaN harmonics. With ``control="response"`` or ``"continuation"`` the levels
         are the amplitudes X [m] that were held, the error is that of the force, and ``stable`` is False
@@ -74,13 +78,16 @@ def simulate(
         mean displacement. An element acts across two sensors.
     """
     require(oscillator, Oscillator, "oscillator")
-    require(test, (SimulatedTest, MultisineTest), "test")
+    require(test, VirtualTest, "test")
     refuse_across(oscillator.sensors, simulation=True)
-    if isinstance(test, MultisineTest):
-        return simulate_multisine(oscillator, test)
     fault = free_mean_fault(oscillator, test)
     if fault:
         raise RsgenError(f"law: {fault}")
+    return _simulated(test, oscillator, progress)
+
+
+@singledispatch
+def _simulated(test: Any, oscillator: Oscillator, progress: Progress) -> ResponseSurface | MultisineSpectra:
     level, frequency = grid_of(test)
     states: SteadyStates
     if test.response_held:
@@ -112,6 +119,16 @@ def simulate(
     )
     surface = add_noise(surface, test.noise_relative, test.seed)
     return replace(surface, findings=(*surface.findings, *lag_findings(surface)))
+
+
+@_simulated.register
+def _(test: MultisineTest, oscillator: Oscillator, progress: Progress) -> MultisineSpectra:
+    return simulate_multisine(oscillator, test)
+
+
+@_simulated.register
+def _(test: HistoryTest, oscillator: Oscillator, progress: Progress) -> ResponseSurface:
+    return test.simulated(oscillator)
 
 
 def _integrate(oscillator: Oscillator, test: SimulatedTest, progress: Progress) -> SteadyStates:

@@ -55,6 +55,7 @@ CLASSES: tuple[type, ...] = (
     PredictedRecord, SteadyStates, DescribingFunction, Equivalent, Limit,
     rsgen.Comparison, Row, FitComparison, FitRow, Verdict, rsgen.Finding, Quantity, rsgen.Observation,
     rsgen.Oscillator, Model, rsgen.Law, Element, rsgen.SimulatedTest, rsgen.MultisineTest, rsgen.Case,
+    rsgen.SweepTest, rsgen.DecayTest,
     rsgen.data.history.FreeDecay, rsgen.data.history.SweepLaw, rsgen.data.history.TimeHistory,
 )  # fmt: skip
 

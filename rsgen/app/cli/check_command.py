@@ -8,7 +8,8 @@ from typing import Any
 from rsgen.app.cli.derive_command import sentences_of_elements
 from rsgen.app.cli.options import Cases, Data, Json
 from rsgen.app.cli.terminal import ACCEPTED, FAULTY, print_faults, print_json, print_line
-from rsgen.cases import Case, find_cases, load_case, name_clashes, read
+from rsgen.app.study import obtain_table
+from rsgen.cases import Case, find_cases, load_case, name_clashes
 from rsgen.cases.case import law_faults
 from rsgen.common.errors import CaseError, MeasurementError, RsgenError, program_fault
 from rsgen.common.finding import Finding
@@ -95,7 +96,7 @@ def _plan(case: Case) -> dict[str, Any]:
         It would refuse the points of the test.
     """
     planned = case.test.planned()
-    table = read(case) if planned is None else planned
+    table = obtain_table(case) if planned is None else planned
     faults = point_faults(case, table)
     if faults:
         raise CaseError(faults)
@@ -125,7 +126,9 @@ def _describe(plan: dict[str, Any]) -> str:
         what = f"{levels} x {each} {across} = {plan['points']} points to simulate"
     else:
         band = f"{plan['lowest_frequency']:g} to {plan['highest_frequency']:g} Hz"
-        what = f"{plan['points']} measured points at {levels}, {band}, sweep {', '.join(plan['sweeps'])}"
+        what = (
+            f"{plan['points']} {plan['kind']} points at {levels}, {band}, sweep {', '.join(plan['sweeps'])}"
+        )
         if "periods" in plan:
             records = f"{plan['records']} records of {plan['periods']} periods"
             what = f"{plan['points']} excited lines of {records} at {levels}, {band}"

@@ -14,12 +14,17 @@ finds where a record is clipped or stands still.
 
 from __future__ import annotations
 
-from rsgen.data.history.decay import FreeDecay, follow_decay, from_free_decay
-from rsgen.data.history.multisine_records import from_multisine
-from rsgen.data.history.record import TimeHistory, record_findings
-from rsgen.data.history.stepped_sine import from_stepped_sine
-from rsgen.data.history.swept_sine import from_swept_sine
-from rsgen.data.history.tracking import SweepLaw
+from typing import TYPE_CHECKING
+
+from rsgen.common import on_first_use
+
+if TYPE_CHECKING:
+    from rsgen.data.history.decay import FreeDecay, follow_decay, from_free_decay
+    from rsgen.data.history.multisine_records import from_multisine
+    from rsgen.data.history.record import TimeHistory, record_findings
+    from rsgen.data.history.stepped_sine import from_stepped_sine
+    from rsgen.data.history.swept_sine import from_swept_sine
+    from rsgen.data.history.tracking import SweepLaw
 
 __all__ = [
     "FreeDecay",
@@ -32,6 +37,21 @@ __all__ = [
     "from_swept_sine",
     "record_findings",
 ]
+
+__getattr__ = on_first_use(
+    __name__,
+    {
+        "FreeDecay": "decay",
+        "SweepLaw": "tracking",
+        "TimeHistory": "record",
+        "follow_decay": "decay",
+        "from_free_decay": "decay",
+        "from_multisine": "multisine_records",
+        "from_stepped_sine": "stepped_sine",
+        "from_swept_sine": "swept_sine",
+        "record_findings": "record",
+    },
+)
 
 
 def __dir__() -> list[str]:

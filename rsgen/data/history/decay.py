@@ -38,6 +38,8 @@ from rsgen.data.surface.columns import DERIVATIVE
 
 _MIN_AMPLITUDE_RATIO = 20.0
 """Amplitude of a point that is used, relative to its scatter: 5 % of noise in c(X)."""
+_MAX_NOISE = 0.2
+"""Of the force of a point of a surface, relative: c(X) of smaller motions is mostly noise."""
 _NEIGHBOURS = 7
 """Points whose scatter about a straight line gives the standard error of the middle one."""
 _NO_MASS = (
@@ -142,7 +144,9 @@ def from_free_decay(
     check_options(several[0].label, band=band, mass=mass, harmonics=harmonics)
     if mass is None:
         raise MeasurementError(_NO_MASS.format(several[0].label))
-    decays = [decay for history in several for decay in _follow_all(history, mass, band, harmonics, start)]
+    decays = [
+        _certain(decay) for history in several for decay in _follow_all(history, mass, band, harmonics, start)
+    ]
     force = [decay.force for decay in decays]
     level = [float(f"{np.max(np.abs(part)):.3g}") for part in force]
     return ResponseSurface(
@@ -156,6 +160,22 @@ def from_free_decay(
             *(finding for decay in decays for finding in decay.findings),
         ),
     )
+
+
+def _certain(decay: FreeDecay) -> FreeDecay:
+    """Leave out the end of a decay, where noise is too much of the force that a surface has of each point.
+
+    Noise of the force has one size in a record of white noise.
+    """
+    size = 2 * pi * decay.frequency * decay.amplitude
+    noise = float(np.median(decay.damping_error * size))
+    padded = np.pad(decay.damping, _NEIGHBOURS // 2, mode="edge")
+    damping = np.lib.stride_tricks.sliding_window_view(padded, _NEIGHBOURS).mean(axis=1)
+    certain = np.logical_and.accumulate(_MAX_NOISE * damping * size > noise)
+    certain[:_NEIGHBOURS] = True
+    names = ("time", "frequency", "damping_ratio", "stiffness", "damping", "stiffness_error", "damping_error")
+    parts = {name: getattr(decay, name)[certain] for name in (*names, "harmonics")}
+    return replace(decay, **parts)
 
 
 def follow_decay(

@@ -29,7 +29,8 @@ _MAX_FALL_OF_DRIVE = log(20.0)
 _SPECTRA_OF_BLOW = 3
 """Within which a blow raises the amplitude threefold; two modes that beat take longer."""
 _MAX_DROP_OF_DRIVE = 0.3
-"""Of the logarithm of a driven response before its largest value."""
+"""Of the logarithm of a driven response before its largest value, or from begin to end: what dry friction
+stops falls ever faster, and much more than this before it is fast."""
 _MAX_PACE_OF_DRIVE = 0.25
 """Of a driven response, over the pace at which the amplitude falls afterwards."""
 _MIN_TIME_OF_DRIVE = 0.5
@@ -205,11 +206,9 @@ def _driven(high: Array) -> int:
     for begin, end in zip(steady[-2::-2], steady[::-2], strict=True):
         after = fall[min(end + side, len(fall) - 1) : end + 3 * side]
         pace = float(np.median(after))
-        # pace of the stretch and of the decay after it
-        fell = float(seen[begin] - seen[end]) / max(end - begin, 1)
-        if (
-            end - begin >= max(side, _MIN_TIME_OF_DRIVE / max(pace, 1e-9))
-            and fell < _MAX_PACE_OF_DRIVE * pace
+        fell = float(seen[begin] - seen[end])
+        if end - begin >= max(side, _MIN_TIME_OF_DRIVE / max(pace, 1e-9)) and fell < min(
+            _MAX_DROP_OF_DRIVE, _MAX_PACE_OF_DRIVE * pace * (end - begin)
         ):
             return int(end + 1)
     return 0

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from rsgen.common.arrays import Array, ComplexArray
 from rsgen.common.errors import MeasurementError
-from rsgen.common.finding import Finding, Quantity
+from rsgen.common.finding import Finding, Quantity, severity_of
 from rsgen.common.tolerances import MAX_SHARE_OF_OUTLIERS, SUBSAMPLE_POINTS
 from rsgen.data.free_mode import Kinematics
 from rsgen.data.history.envelope import (
@@ -322,6 +322,8 @@ _SLOW_PACE = 0.1
 """rate/(zeta f)^2 below which a sweep shifts a resonance by less than 2 % of its half width."""
 _PROVED_PACE = 10.0
 """rate/(zeta f)^2 up to which the correction was proved (k(X) within 0.1 %, c(X) within 0.5 %)."""
+_LOST_PACE = 300.0
+"""rate/(zeta f)^2 from which damping was off by up to a third in virtual sweeps, with noise unnoticed."""
 _MIN_FREE_CORRECTION = 0.15
 """Correction over the force of a point that is mainly a free motion ..."""
 _MIN_CORRECTION_RATIO = 2.0
@@ -404,7 +406,8 @@ def fast_sweeps(
             "proved_up_to": Quantity(_PROVED_PACE),
         }
         names = {"record": part.label, "direction": part.direction, "mass": origin}
-        findings = [Finding("sweep-rate", "info" if pace <= _PROVED_PACE else "warning", "", numbers, names)]
+        severity = "info" if pace <= _PROVED_PACE else severity_of(pace, _LOST_PACE, np.inf)
+        findings = [Finding("sweep-rate", severity, "", numbers, names)]
     return findings
 
 

@@ -155,13 +155,12 @@ def share_text(share: float, bound: float) -> str:
 def surface_sentence(surface: ResponseSurface) -> str:
     """Say how many points of which levels and frequencies the test has, and whether they settled."""
     settled = int(np.count_nonzero(surface.settled))
-    made = "simulated to the steady state" if surface.origin == "simulated" else "measured"
     lowest, highest = (quantity_text(float(f(surface.level)), surface.level_unit) for f in (np.min, np.max))
     forces = f"from {lowest} to {highest}" if len(surface.levels) > 1 else f"of {highest}"
     was = "was" if len(surface) == 1 else "were"
     text = (
-        f"{count_text(len(surface), 'test point')} {was} {made}: {count_text(len(surface.levels), 'level')} "
-        f"{forces}, {number_text(surface.frequency.min(), 5)} to "
+        f"{count_text(len(surface), 'test point')} {was} {surface.origin}: "
+        f"{count_text(len(surface.levels), 'level')} {forces}, {number_text(surface.frequency.min(), 5)} to "
         f"{number_text(surface.frequency.max(), 5)} Hz, "
         f"{count_text(surface.harmonics.shape[1] - 1, 'harmonic')}. "
     )

@@ -60,6 +60,7 @@ NEXT_STEPS |= {
     "levels-swapped": "Look whether two files, or two numbers of [test.level], are swapped.",
     "run-repeated": "Look for the run that is missing, and take the copy out.",
     "response-not-held": 'Leave out control = "response" if the test held the force.',
+    "sweep-rate": "Sweep so much slower that the resonance rings with the force, not after it.",
     "decay-not-free": (
         "Leave start out, so that the end of the drive is found; end the record before the rise (stop), "
         "or choose a band around one mode."

@@ -1,0 +1,160 @@
+"""Virtual sweeps and free decays: closed forms, the law of the stepped test, noise, faulty tests, cases."""
+
+from __future__ import annotations
+
+import json
+import re
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+import rsgen as rs
+
+MASS = 1.5
+CUBIC = rs.Oscillator(MASS, "k*x + kn*x**3 + c*v", {"k": 6000.0, "kn": 4e6, "c": 4.0})
+JOINT = rs.Oscillator(MASS, "k*x + c*v + Fc*sign(v)", {"k": 6000.0, "c": 0.3, "Fc": 0.05})
+MAX_STANDARD_ERRORS = 4.0
+
+
+def law(oscillator: rs.Oscillator) -> str:
+    return str(oscillator.force)
+
+
+def assert_found(found: rs.Identification, values: dict[str, float]) -> None:
+    assert found.verdict.state == "identified", str(found)
+    for name, value in values.items():
+        error = abs(found[name].value - value)
+        assert error < MAX_STANDARD_ERRORS * found[name].standard_error, f"{name}: {found[name].value:.6g}"
+
+
+def test_a_linear_decay_has_frequency_and_damping_of_the_closed_form() -> None:
+    c, k = 1.2, 6000.0
+    surface = rs.simulate(
+        rs.Oscillator(MASS, "k*x + c*v", {"k": k, "c": c}), rs.DecayTest([2e-3], duration=10, rate=400)
+    )
+    ratio = c / (2 * np.sqrt(k * MASS))
+    # the frequency of the steady motion, which that of the decay is below by ratio^2/2
+    np.testing.assert_allclose(surface.frequency, np.sqrt(k / MASS) / (2 * np.pi), rtol=1e-4)
+    found = (surface.force / surface.harmonics[:, 1]).imag / (2 * MASS * surface.omega**2)
+    np.testing.assert_allclose(found, ratio, rtol=1e-3)
+    assert surface.origin == "simulated"
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("kind", ["linear", "logarithmic"])
+def test_a_slow_sweep_has_the_law_of_the_stepped_test(kind: Any) -> None:
+    sweep = rs.SweepTest([1, 2, 4], (8, 14), duration=80, rate=200, law=kind)
+    swept = rs.identify(rs.simulate(CUBIC, sweep), law(CUBIC))
+    stepped = rs.identify(rs.simulate(CUBIC, rs.SimulatedTest([1, 2, 4], np.linspace(8, 14, 61))), law(CUBIC))
+    for name in (*CUBIC.values, "m"):
+        low, high = swept[name].interval
+        assert low < stepped[name].value < high
+        assert swept[name].value == pytest.approx(stepped[name].value, rel=2e-3)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("seed", [1, 2])
+def test_noisy_sweeps_and_decays_give_the_values(seed: int) -> None:
+    noise: dict[str, Any] = {"noise_relative": 0.01, "seed": seed}
+    sweep = rs.SweepTest([1, 2, 4], (8, 14), duration=60, rate=200, sweep="up", **noise)
+    assert_found(rs.identify(rs.simulate(CUBIC, sweep), law(CUBIC)), {**CUBIC.values, "m": MASS})
+    decays = rs.DecayTest([12e-3, 24e-3], duration=40, rate=400, **noise)
+    assert_found(rs.identify(rs.simulate(JOINT, decays), law(JOINT), mass=MASS), dict(JOINT.values))
+
+
+@pytest.mark.slow
+def test_too_fast_a_sweep_and_a_wrong_mass_are_doubted() -> None:
+    light = rs.Oscillator(MASS, CUBIC.elements, {**CUBIC.values, "c": 1.0})
+    fast = rs.SweepTest([1, 2, 4], (8, 14), duration=3, rate=200, noise_relative=0.01)
+    found = rs.identify(rs.simulate(light, fast), law(light))
+    assert str(found.verdict) == "doubtful (sweep-rate)"
+    sweep = rs.SweepTest([1, 2, 4], (8, 14), duration=60, rate=200, noise_relative=0.01)
+    found = rs.identify(rs.simulate(CUBIC, sweep), law(CUBIC), mass=1.2 * MASS)
+    assert found.verdict.state == "doubtful"
+    assert "fixed-contradicted" in [finding.code for finding in found.findings]
+
+
+def test_the_same_seed_gives_the_same_noise() -> None:
+    def simulated(seed: int) -> np.ndarray:
+        test = rs.DecayTest([2e-3], duration=10, rate=400, noise_relative=1e-4, seed=seed)
+        return rs.simulate(CUBIC, test).force
+
+    assert (simulated(1) == simulated(1)).all()
+    assert (simulated(1)[:5] != simulated(2)[:5]).all()
+
+
+def test_impossible_tests_are_refused_with_the_reason() -> None:
+    with pytest.raises(rs.RsgenError, match="band: 9 to 8 Hz; must be ascending"):
+        rs.SweepTest([1], (9, 8), duration=10, rate=400)
+    with pytest.raises(rs.RsgenError, match="rate: 100 Hz; at least 8 times the highest frequency"):
+        rs.SweepTest([1], (8, 14), duration=10, rate=100)
+    with pytest.raises(rs.RsgenError, match="samples of all records; at most"):
+        rs.DecayTest([1e-3], duration=1e6, rate=400)
+    grows = rs.Oscillator(MASS, "-k*x + c*v - kn*x**3", {"k": 6000.0, "c": 1.0, "kn": 1e9})
+    with pytest.raises(rs.RsgenError, match="grows without bound"):
+        rs.simulate(grows, rs.DecayTest([1e-2], duration=10, rate=400))
+
+
+CASE = """
+schema = 1
+name   = "transient"
+title  = "Virtual test in time"
+
+[system]
+mass = "1.5 kg"
+
+[[element]]
+name  = "all"
+force = "k*x + kn*x**3 + c*v"
+
+[truth]
+k  = "6 kN/m"
+kn = 4e6
+c  = {damping}
+
+[test]
+noise    = {{ relative = {noise}, seed = 5 }}
+{test}
+
+[accept]
+k = 0.01
+c = 0.05
+"""
+SWEEP = """kind     = "simulated-sweep"
+level    = { values = ["1 N", "2 N", "4 N"] }
+band     = ["8 Hz", "14 Hz"]
+duration = "60 s"
+rate     = "200 Hz"
+
+[identify]
+hold_out = ["2 N"]"""
+DECAY = """kind     = "simulated-decay"
+level    = { values = ["3 mm", "6 mm"] }
+duration = "15 s"
+rate     = "400 Hz\""""
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("test", "damping", "noise", "plan"),
+    [
+        (SWEEP, 4, 0.01, r"simulated points at 3 levels, 8\.\d+ to 13\.\d+ Hz, sweep down, up"),
+        (DECAY, 1, 1e-3, r"simulated points at 2 levels, 10\.\d+ to 10\.\d+ Hz, sweep rest"),
+    ],
+)
+def test_a_case_is_checked_and_run(
+    tmp_path: Path, run_cli: Callable[..., Any], test: str, damping: float, noise: float, plan: str
+) -> None:
+    case = tmp_path / "transient.toml"
+    case.write_text(CASE.format(test=test, damping=damping, noise=noise), encoding="utf-8")
+    checked = run_cli("check", case)
+    assert checked.code == 0, checked
+    assert re.search(plan, checked.out), checked.out
+    run = run_cli("run", case, "--out", tmp_path / "out")
+    assert run.code == 0, run
+    result = json.loads((tmp_path / "out" / "transient" / "result.json").read_text(encoding="utf-8"))
+    assert result["verdict"]["state"] == "accepted"
+    assert (tmp_path / "out" / "transient" / "notebook.ipynb").is_file()
