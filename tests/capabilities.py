@@ -49,7 +49,7 @@ force = "{law}"
 [truth]
 k  = "5.92 kN/m"
 k3 = "3e5 N/m^3"
-c  = "6 N*s/m"
+c  = "{damping} N*s/m"
 
 [test]
 {test}
@@ -58,6 +58,17 @@ _NOISE = "noise = { relative = 0.01, seed = 3 }"
 _STEPPED = 'kind = "simulated"\nfrequency = { start = 8, stop = 13, count = 31 }\n' + _NOISE
 _FORCES = 'level = { values = ["2 N", "5 N", "8 N", "12 N"] }'
 _AMPLITUDES = 'level = { values = ["10 mm", "20 mm", "30 mm", "40 mm"] }'
+_SWEEP = f"""kind = "simulated-sweep"
+{_FORCES}
+band = ["8 Hz", "13 Hz"]
+duration = "60 s"
+rate = "200 Hz"
+{_NOISE}"""
+_DECAY = f"""kind = "simulated-decay"
+level = {{ values = ["20 mm", "40 mm"] }}
+duration = "20 s"
+rate = "400 Hz"
+{_NOISE.replace("0.01", "0.003")}"""
 _MULTISINE = f"""kind = "simulated-multisine"
 level = {{ values = ["3 N", "5 N", "8 N"] }}
 band = ["2.5 Hz", "20 Hz"]
@@ -83,6 +94,8 @@ class Row:
         True values of what is identified; None: those of the structure.
     refused
         Columns with a no that physics asks for, each with its reason.
+    damping
+        True value of c of the structure: a decay needs some hundred periods.
     """
 
     test: str
@@ -91,11 +104,12 @@ class Row:
     law: Any = LAW
     values: Mapping[str, float] | None = None
     refused: Mapping[str, str] = field(default_factory=dict)
+    damping: float = TRUTH["c"]
 
     @property
     def case(self) -> str:
         """Text of the case file."""
-        return _CASE.format(law=LAW, test=self.test)
+        return _CASE.format(law=LAW, test=self.test, damping=self.damping)
 
     @functools.cached_property
     def records(self) -> Records:
@@ -226,6 +240,14 @@ EXCITATIONS = {
         'control = "continuation"\nlevel = { start = "3 mm", stop = "60 mm", count = 24 }\n'
         + _STEPPED.replace("count = 31", "count = 6")
     ),
+    "swept sine": Row(_SWEEP),
+    "free decay": Row(
+        _DECAY,
+        {"mass": MASS},
+        values={**TRUTH, "c": 1.0},
+        refused=_refused(("background: phase", *_BACKGROUNDS), NO_FORCE),
+        damping=1.0,
+    ),
     "multisine": Row(
         _MULTISINE,
         refused=_refused(("background: phase", *_BACKGROUNDS, "modal table", "profile"), OPEN),
@@ -325,7 +347,8 @@ def page() -> str:
 _HEAD = """# What each kind of test can do
 
 Every cell is a virtual test with 1 % noise that `make test-all` runs: "yes" where values come back within
-their errors, the right law is first, a held-out level is met.
+their errors, the right law is first, a held-out level is met. Noise of a sweep is 1 % of the largest sample
+of its record, that of a decay 0.3 %, which is 1 % where a third of the amplitude is left.
 
 ## Excitation and control
 """
