@@ -24,10 +24,10 @@ from numpy.typing import ArrayLike, NDArray
 
 from rsgen.common.arrays import Array
 from rsgen.common.errors import RsgenError
-from rsgen.common.finding import Finding
+from rsgen.common.finding import Finding, quantities
 from rsgen.common.solvers import b_splines
 from rsgen.common.text_table import MAX_DIGITS, Printed, TextTable, data_frame, short
-from rsgen.common.tolerances import RELATIVE_CHANGE_NEGLIGIBLE, interval_sigmas
+from rsgen.common.tolerances import MISFIT_DOUBTFUL, RELATIVE_CHANGE_NEGLIGIBLE, interval_sigmas
 from rsgen.data.oscillator import Observation
 from rsgen.dynamics.harmonic_balance import Response
 from rsgen.formula.units import ForceUnits
@@ -379,6 +379,21 @@ class ModalTable(Printed):
                 f"extrapolated as constants outside {short(low)} to {short(high)} m: nothing is known there"
             )
         return TextTable(heads, tuple(rows), caption, tuple(notes))
+
+
+_TABLE_ROWS = 21
+
+
+def table_amplitudes(tested: tuple[float, float]) -> Array:
+    """Return amplitudes [m] of equal ratio between two; one where these are the same."""
+    return np.geomspace(*tested, _TABLE_ROWS) if tested[1] > tested[0] else np.array(tested[:1])
+
+
+def scattered(misfit: float) -> tuple[Finding, ...]:
+    """Find a misfit that no describing function explains; none or one."""
+    if misfit <= MISFIT_DOUBTFUL:
+        return ()
+    return (Finding("modal-scattered", "warning", numbers=quantities(misfit=misfit)),)
 
 
 def _tabulate(splines: ModalSplines, amplitude: Array, known: tuple[str, ...]) -> dict[str, Array]:

@@ -29,13 +29,13 @@ from rsgen.common.tolerances import (
     COMPARISON_POINTS,
     MAX_ALTERNATIONS,
     MAX_LIGHT_DAMPING_RATIO,
-    MISFIT_DOUBTFUL,
     MISFIT_OF_NOISE,
     NOISE_RATIO_BY_CHANCE,
     ROUND_OFF,
     interval_sigmas,
 )
 from rsgen.data.free_mode import fit_mode, steady
+from rsgen.data.multisine import MultisineSpectra
 from rsgen.data.oscillator import Model, Observation, join_model
 from rsgen.data.surface import ResponseSurface, typical_amounts, without_copies
 from rsgen.data.surface.response_surface import HALF_POWER
@@ -57,6 +57,7 @@ from rsgen.identification.fitting.points import (
     select_points,
 )
 from rsgen.identification.fitting.repeats import gather_repeats
+from rsgen.identification.lines.modal_lines import table_of_lines
 from rsgen.identification.modal_result import (
     MODAL_COLUMNS,
     ModalSplines,
@@ -64,6 +65,8 @@ from rsgen.identification.modal_result import (
     ModalTest,
     SplineBasis,
     SplineMode,
+    scattered,
+    table_amplitudes,
 )
 from rsgen.identification.results.estimates import Agreement, state_background
 from rsgen.identification.starting.start import start_fit, with_phase
@@ -285,18 +288,20 @@ def fit_splines(modal: ModeProblem) -> Regression:
 _MAX_POINTS = 800
 """Fitted points, spread over the amplitude."""
 
-_TABLE_ROWS = 21
-
 
 def modal_table(
-    surface: ResponseSurface, about: Observation | Model | None = None, *, mass: float | None = None
+    surface: ResponseSurface | MultisineSpectra,
+    about: Observation | Model | None = None,
+    *,
+    mass: float | None = None,
 ) -> ModalTable:
     """Tabulate resonance frequency, damping ratio, k(X) and c(X) over the amplitude, without a law.
 
     Parameters
     ----------
     surface
-        Settled points of any test; unsettled and held-out ones are not used.
+        Settled points of any test; unsettled and held-out ones are not used. Of a multisine the describing
+        function of the force that fits all lines is tabulated.
     about
         How the structure was observed: its background is fitted with the mode. Of a model the observation
         and the mass count, not its law.
@@ -318,8 +323,10 @@ def modal_table(
     >>> round(float(table.damping_ratio[0]), 5)
     0.01581
     """
-    require(surface, ResponseSurface, "surface")
+    require(surface, (ResponseSurface, MultisineSpectra), "surface")
     model = _model_of(about, mass)
+    if isinstance(surface, MultisineSpectra):
+        return table_of_lines(*per_unit_mass(surface, model))
     rows = without_copies(surface)
     copied = rows.findings[len(surface.findings) :]
     surface, model = per_unit_mass(rows, model)
@@ -482,14 +489,13 @@ def _table(modal: ModeProblem, found: Regression, surface: ResponseSurface, mode
     if modal.assumed and not model.observation.calibrated:
         known = ("frequency", "stiffness_per_mass")
     misfit = _misfit(found)
-    if misfit > MISFIT_DOUBTFUL:
-        findings += (Finding("modal-scattered", "warning", numbers=quantities(misfit=misfit)),)
+    findings += scattered(misfit)
     gap = gap_of(modal.seen.mode) if near_resonance(modal.seen.mode) else None
     if gap is not None:
         findings += (gap.finding(severity="warning"),)
     kilogram = float("nan") if modal.assumed else surface.units.kilogram
     return ModalTable(
-        amplitude=np.geomspace(*tested, _TABLE_ROWS) if tested[1] > tested[0] else np.array(tested[:1]),
+        amplitude=table_amplitudes(tested),
         splines=ModalSplines(
             modal.basis, modal.orders, values, mass, covariance, found.freedom, _other_shapes(modal)
         ),

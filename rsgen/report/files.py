@@ -108,6 +108,8 @@ def _(
     modal: Modal,
 ) -> list[Drawing]:
     drawings = [draw_best_linear(identification), draw_line_misfit(identification)]
+    if modal.table is not None:
+        drawings.append(draw_modal(modal.table, identification))
     return [*drawings, draw_predicted_record(prediction)] if prediction.records else drawings
 
 
@@ -136,7 +138,7 @@ def write_report(
 ) -> None:
     """Write surface.h5, kernel.py, modal.csv, result.json and report.html; with a case also a notebook.
 
-    Of a multisine ``surface`` are its spectra, which go into spectra.npz; it has no modal.csv.
+    Of a multisine ``surface`` are its spectra, which go into spectra.npz.
 
     Parameters
     ----------
@@ -297,7 +299,7 @@ def _predicted(table: Any, identification: Identification) -> tuple[tuple[object
 @_predicted.register
 def _(table: MultisineSpectra, identification: Identification) -> tuple[tuple[()], Prediction, Modal]:
     # of what identification has not seen; other spectra would count what it has seen as held out
-    return (), predict(identification), NO_MODAL
+    return (), predict(identification), tabulate_mode(table, identification)
 
 
 def _levels(surface: ResponseSurface, identification: Identification) -> list[float]:

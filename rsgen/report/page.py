@@ -136,6 +136,7 @@ _LINE_CONTENTS = (
     _CONTENTS[0],
     ("test", "Test"),
     ("misfit", "Balance at the lines"),
+    ("modal", "Modal table"),
     *(entry for entry in _CONTENTS[3:] if entry[0] != "method"),
 )
 """Of a multisine, whose one estimate needs no section on methods."""

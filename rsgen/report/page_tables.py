@@ -11,7 +11,7 @@ import numpy as np
 from rsgen.analysis.comparison import Comparison, Row, compare_fits
 from rsgen.common.errors import RsgenError
 from rsgen.common.tolerances import CONFIDENCE_TEXT
-from rsgen.data.multisine import BestLinear
+from rsgen.data.multisine import BestLinear, MultisineSpectra
 from rsgen.data.surface import ResponseSurface
 from rsgen.formula.units import ForceUnits, choose_scale, number_text, quantity_text, unit_text
 from rsgen.identification.modal_result import MODAL_COLUMNS, ModalTable
@@ -411,7 +411,7 @@ _TITLES = {
 """Heads of the columns."""
 
 
-def tabulate_mode(surface: ResponseSurface, identification: Identification) -> Modal:
+def tabulate_mode(surface: ResponseSurface | MultisineSpectra, identification: Identification) -> Modal:
     """Make the modal table of a test, as the model was observed and with its mass where that was given."""
     try:
         table = modal_table(surface, identification.model)
@@ -420,7 +420,9 @@ def tabulate_mode(surface: ResponseSurface, identification: Identification) -> M
     return Modal(table, held_out=score_held_out(table, surface))
 
 
-def score_held_out(table: ModalTable, surface: ResponseSurface) -> tuple[HeldOutLevel, ...]:
+def score_held_out(
+    table: ModalTable, surface: ResponseSurface | MultisineSpectra
+) -> tuple[HeldOutLevel, ...]:
     """Predict the levels held out from a table, where its mass is known; none where none was held out."""
     if not (table.test.observation.hold_out and "damping_ratio" in table.known):
         return ()

@@ -295,6 +295,7 @@ def _(
             "rms_response": numbers_or_none(table.rms_response()),
         },
         "best_linear": [_best_linear(one) for one in identification.approximations],
+        "modal": modal_entry(modal),
         "held_out": [
             {**_finite_ones(one, ("level", "error", "noise")), "lines": int(np.count_nonzero(one.judged))}
             for one in prediction.records

@@ -20,7 +20,7 @@ from rsgen.app.cli.options import (
 )
 from rsgen.app.cli.progress_bar import print_cache_fault, stage_progress
 from rsgen.app.cli.terminal import ACCEPTED, number, print_json, print_line
-from rsgen.app.study import obtain_surface
+from rsgen.app.study import obtain_table
 from rsgen.cases import load_case
 from rsgen.common.output import write_atomic
 from rsgen.data.surface import load_surface
@@ -56,7 +56,7 @@ def modal_command(
         refuse_foreign(target, is_foreign(target, MODAL), inputs_of(loaded, surface), "--csv")
     with stage_progress(loaded) as note:
         note("surface", 0.0)
-        tested = load_surface(surface) if surface else obtain_surface(loaded)
+        tested = load_surface(surface) if surface else obtain_table(loaded)
     table = modal_table(tested, loaded.model)
     modal = Modal(table, held_out=score_held_out(table, tested))
     if target:

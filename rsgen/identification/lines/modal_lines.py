@@ -1,0 +1,161 @@
+"""The modal table of a multisine: the describing function of a force that fits the lines of all records.
+
+Forces linear in their coefficients p, powers and switches of x and v, are fitted as a law is (``line_fit``);
+the one with the lowest Akaike criterion is taken. Along a sine of amplitude X each has a describing
+function, so that k(X) and c(X) are linear in p, and so are the splines of the table through them. The motion
+of a multisine has every amplitude up to its peaks: the table needs no test at single amplitudes.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from rsgen.common.arrays import Array, ComplexArray
+from rsgen.common.tolerances import (
+    RELATIVE_CHANGE_NEGLIGIBLE,
+    ROUND_OFF,
+    SAMPLES_PER_PERIOD_SWITCHED,
+)
+from rsgen.data.multisine import MultisineSpectra
+from rsgen.data.multisine.spectra import check_records
+from rsgen.data.oscillator import Model
+from rsgen.formula import parse
+from rsgen.identification.lines.line_balance import select_lines
+from rsgen.identification.lines.line_fit import (
+    LineFit,
+    fit_lines,
+    misfit_to_noise,
+    parameter_covariance,
+    relative_to_force,
+    start_values,
+)
+from rsgen.identification.modal_result import (
+    MODAL_COLUMNS,
+    ModalSplines,
+    ModalTable,
+    ModalTest,
+    SplineBasis,
+    scattered,
+    table_amplitudes,
+)
+from rsgen.law.motion import Motion, project
+from rsgen.law.numeric import compile_law
+
+_SPRINGS = ("k1*x", "k3*x**3", "k5*x**5", "k7*x**7")
+_DAMPERS = ("c1*v", "c3*v**3", "c5*v**5")
+_SWITCHES = ("c2*v*abs(v)", "c0*sign(v)", "k2*x*abs(x)")
+"""Drag, friction and springs like x|x|, which few powers do not make up."""
+
+_KNOTS = (0.2, 0.4, 0.6, 0.8)
+"""Corners of a spring of straight pieces, relative to the largest displacement."""
+
+_MAX_MISFIT_TO_NOISE = 1.05
+"""Misfit over noise of powers up to which switches are not tried."""
+
+_MIN_LIKELIHOOD = 1e-3
+"""Likelihood of a force relative to the best from which on it has a part in the model average."""
+
+_LINE_SHAPE = (3, 6, 0)
+"""Degree, intervals and power of the splines of a describing function: known everywhere, without noise."""
+
+_DESCRIBED_AMPLITUDES = 100
+_MARGIN = 1 + RELATIVE_CHANGE_NEGLIGIBLE
+"""Factor of the amplitudes beyond the tested ones."""
+
+
+def _fit_forces(spectra: MultisineSpectra, model: Model) -> list[tuple[float, LineFit]]:
+    """Fit forces of more and more terms; return each with its AIC, the lowest first."""
+
+    def fitted(*terms: str) -> tuple[float, LineFit]:
+        law = compile_law(parse(" + ".join(terms)))
+        # along the motion as recorded: lines beyond it, that follow from a law, are small and cost much
+        lines = select_lines(spectra, model.observation.band, switched=False)
+        found = fit_lines(lines, law, model.fixed, *start_values(lines, law, model.fixed))
+        rows = 2 * int(lines.used.sum())
+        misfit = relative_to_force(lines, np.abs(found.balance.residual) ** 2)
+        return rows * np.log(max(misfit**2, ROUND_OFF**2)) + 2 * int(found.free.sum()), found
+
+    def lowest(tried: list[tuple[float, LineFit]]) -> int:
+        return min(range(len(tried)), key=lambda place: tried[place][0])
+
+    tried = [fitted(*_SPRINGS[:count], _DAMPERS[0]) for count in range(1, len(_SPRINGS) + 1)]
+    # one more than the lowest criterion asks for: the intervals hold what a poorer force would miss
+    springs = _SPRINGS[: lowest(tried) + 2]
+    tried += [fitted(*springs, *_DAMPERS[:count]) for count in range(2, len(_DAMPERS) + 1)]
+    if misfit_to_noise(tried[lowest(tried)][1]) > _MAX_MISFIT_TO_NOISE:
+        motion = Motion(np.full(len(spectra), spectra.omega0), spectra.mean_response)
+        reach = float(np.abs(motion.waveforms(4 * spectra.force.shape[2])[0]).max())
+        corners = (float(share * reach) for share in _KNOTS)
+        pieces = (f"h{i}*(Max(x - {at!r}, 0) + Min(x + {at!r}, 0))" for i, at in enumerate(corners))
+        tried += [fitted(*springs, _DAMPERS[0], switch) for switch in (*_SWITCHES, " + ".join(pieces))]
+    return sorted(tried, key=lambda entry: entry[0])
+
+
+def _splines(
+    found: LineFit, basis: SplineBasis, size: Array, errors: tuple[Array, int] | None
+) -> ModalSplines:
+    """Return splines through the describing function of a force, with the covariance of its coefficients."""
+    # stiffness comes from x alone, whatever the frequency
+    stiff = _describing(found, size, np.ones(len(size))).real
+    omega = np.sqrt(np.maximum(stiff @ found.values, ROUND_OFF) / found.mass)
+    damp = _describing(found, size, omega).imag / omega[:, None]
+    shape = np.linalg.pinv(basis(size)[0])
+    splines = np.zeros((2 * basis.count + 1, len(found.parameters)))
+    splines[:-1, :-1], splines[-1, -1] = np.concatenate([shape @ stiff, shape @ damp]), 1.0
+    covariance, freedom = (np.zeros((len(found.parameters),) * 2), 1) if errors is None else errors
+    values = (splines @ found.parameters)[:-1]
+    return ModalSplines(basis, (1,), values, found.mass, splines @ covariance @ splines.T, freedom)
+
+
+def table_of_lines(spectra: MultisineSpectra, model: Model) -> ModalTable:
+    """Tabulate the describing function of the force that fits the lines of periodic records."""
+    spectra = spectra.select(np.flatnonzero(~check_records(spectra, model.observation)))
+    amplitudes = np.sqrt(2) * spectra.rms_response()
+    tested = float(amplitudes.min()), float(amplitudes.max())
+    ends = tested[0] / _MARGIN, tested[1] * _MARGIN
+    size = np.geomspace(*ends, _DESCRIBED_AMPLITUDES)
+    basis = SplineBasis.over(size, ends, *_LINE_SHAPE)
+    with np.errstate(all="ignore"):
+        tried = _fit_forces(spectra, model)
+        least, found = tried[0]
+        covariance, freedom, _ = parameter_covariance(found)
+        weights = np.array([np.exp(-0.5 * (price - least)) for price, _ in tried])
+        others = [
+            (float(weight / weights.sum()), _splines(other, basis, size, None))
+            for weight, (_, other) in zip(weights, tried, strict=True)
+            if weight > _MIN_LIKELIHOOD
+        ]
+        splines = replace(_splines(found, basis, size, (covariance, freedom)), others=tuple(others[1:]))
+    frequency = spectra.frequency[found.lines.used.any(axis=0)]
+    known = tuple(MODAL_COLUMNS)
+    if not (np.isfinite(spectra.units.kilogram) and model.observation.calibrated):
+        known = tuple(name for name in known if name not in ("stiffness", "damping"))
+    misfit = relative_to_force(found.lines, np.abs(found.balance.residual) ** 2)
+    return ModalTable(
+        amplitude=table_amplitudes(tested),
+        splines=splines,
+        known=known,
+        tested=tested,
+        mass=found.mass * spectra.units.kilogram,
+        mass_error=float(np.sqrt(covariance[-1, -1])) * spectra.units.kilogram,
+        misfit=misfit,
+        points=int(found.lines.used.sum()),
+        test=ModalTest(
+            observation=replace(model.observation, hold_out=()),
+            levels=spectra.levels,
+            frequencies=(float(frequency[0]), float(frequency[-1])),
+            level_unit=spectra.level_unit,
+            units=spectra.units,
+            background=None,
+        ),
+        findings=scattered(misfit),
+    )
+
+
+def _describing(found: LineFit, size: Array, omega: Array) -> ComplexArray:
+    """Return the dynamic stiffness (n, p) of each coefficient along sines of amplitudes X [m]."""
+    motion = Motion(omega, size[:, None] * np.array([0.0, 1.0]) + 0j)
+    sample = found.law.along(motion, found.values, SAMPLES_PER_PERIOD_SWITCHED)
+    return np.stack([project(force, 1) for force in sample.by_parameter], axis=1) / size[:, None]

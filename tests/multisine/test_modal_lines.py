@@ -1,0 +1,62 @@
+"""The modal table of a multisine against describing functions in closed form."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+import rsgen as rs
+
+MASS, SPRING, DAMPER = 1.5, 5920.0, 6.0
+
+
+def spectra(law: str, noise: float = 0.0, seed: int = 1, **values: float) -> rs.MultisineSpectra:
+    """Two levels of a random-phase multisine."""
+    oscillator = rs.Oscillator(MASS, law, {"k": SPRING, "c": DAMPER} | values)
+    test = rs.MultisineTest([3, 8], band=(2.5, 20), period=2, periods=4, noise_relative=noise, seed=seed)
+    return rs.simulate(oscillator, test)
+
+
+def test_a_cubic_spring_has_three_quarters_of_its_coefficient() -> None:
+    table = rs.modal_table(spectra("k*x + k3*x**3 + c*v", k3=3e6))
+    np.testing.assert_allclose(table.stiffness, SPRING + 0.75 * 3e6 * table.amplitude**2, rtol=1e-6)
+    np.testing.assert_allclose(table.damping, DAMPER, rtol=1e-6)
+    assert table.mass == pytest.approx(MASS, rel=1e-8)
+    assert "stiffness" in table.known
+
+
+@pytest.mark.slow
+def test_drag_has_eight_thirds_of_its_speed_over_pi() -> None:
+    table = rs.modal_table(spectra("k*x + c*v + c2*v*abs(v)", noise=0.001, c2=5.0))
+    speed = np.sqrt(SPRING / MASS) * table.amplitude
+    np.testing.assert_allclose(table.damping, DAMPER + 8 / (3 * np.pi) * 5.0 * speed, rtol=2e-3)
+
+
+def test_intervals_cover_the_truth_and_a_level_held_out_is_not_seen() -> None:
+    records = spectra("k*x + k3*x**3 + c*v", noise=0.01, k3=3e6)
+    table = rs.modal_table(records, rs.Observation(hold_out=(8,)))
+    assert table.tested[1] < np.sqrt(2) * records.rms_response().max() * 0.9
+    exact = SPRING + 0.75 * 3e6 * table.amplitude**2
+    half = (table.stiffness_upper - table.stiffness_lower) / 2
+    assert np.all(np.abs(table.stiffness - exact) < 2 * half)
+    assert np.all(half < 0.01 * exact)
+
+
+def test_a_driven_base_gives_what_is_per_unit_mass() -> None:
+    oscillator = rs.Oscillator(MASS, "k*x + c*v", {"k": SPRING, "c": DAMPER})
+    test = rs.MultisineTest([3, 8], band=(2.5, 20), period=2, base="acceleration")
+    table = rs.modal_table(rs.simulate(oscillator, test))
+    assert not {"stiffness", "damping"} & set(table.known)
+    np.testing.assert_allclose(table.stiffness_per_mass, SPRING / MASS, rtol=1e-6)
+    assert np.isnan(table.mass)
+    whole = rs.modal_table(rs.simulate(oscillator, test), mass=MASS)
+    np.testing.assert_allclose(whole.stiffness, SPRING, rtol=1e-6)
+
+
+def test_curves_are_predicted_from_the_table() -> None:
+    table = rs.modal_table(spectra("k*x + c*v"))
+    curve = rs.predict(table, [3.0])[3.0]
+    omega = 2 * np.pi * curve.frequency
+    exact = 3.0 / np.abs(SPRING - MASS * omega**2 + 1j * DAMPER * omega)
+    known = curve.amplitude > table.tested[0]
+    np.testing.assert_allclose(curve.amplitude[known], exact[known], rtol=1e-5)
