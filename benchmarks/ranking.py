@@ -12,7 +12,9 @@ import sys
 import time
 from collections import Counter
 from collections.abc import Iterator, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, replace
+from itertools import count, islice
 from pathlib import Path
 
 os.environ.setdefault("RSGEN_THREADS", "1")
@@ -23,9 +25,11 @@ import numpy as np
 
 import rsgen
 from benchmarks.sections import write_section
+from rsgen.common.errors import RsgenError
+from rsgen.data.multisine import MultisineSpectra
 from rsgen.data.oscillator import Model, Oscillator
 from rsgen.data.surface import ResponseSurface
-from rsgen.dynamics.virtual_test import SimulatedTest, add_noise
+from rsgen.dynamics.virtual_test import MultisineTest, SimulatedTest, add_noise
 from rsgen.identification.ranking import rank
 from rsgen.law.element import make_element
 from rsgen.law.memory import with_equations
@@ -66,15 +70,23 @@ OTHERS: dict[str, tuple[str, dict[str, float], float, tuple[float, float], tuple
 }  # fmt: skip
 
 
+# the same in periodic multisines: term, values, levels [N]
+MULTISINES: dict[str, tuple[str, dict[str, float], tuple[float, ...]]] = {
+    "multisine: hardening": ("k3*x**3", {"k3": 4e6, "c": 4.0}, (4, 6, 9)),
+    "multisine: friction": ("Ff*sign(v)", {"Ff": 0.6, "c": 15.0}, (8, 12, 20)),
+    "multisine: gap": ("kg*(Max(0, x - b) + Min(0, x + b))", {"kg": 8e3, "b": 2e-3, "c": 15.0}, (4, 6, 9)),
+}
+
 HYSTERETIC = "none fits: hysteresis (Bouc-Wen)"
 TWO_MODES = "none fits: two masses"
 NO_LAW = (HYSTERETIC, TWO_MODES)
 
 HEAD = """## Which law?
 
-Noisy virtual tests ({levels} levels x {frequencies} frequencies, all harmonics noisy): in how many of the
-runs the true law came first, or tied for first (BIC within 6), and in how many some law fits. The
-true law is a candidate under names of its own. Of structures that no law describes none should fit.
+Noisy virtual tests ({levels} levels x {frequencies} frequencies, all harmonics noisy; multisines: 3 levels,
+8 periods): in how many of the runs the true law came first, or tied for first (BIC within 6), and in how
+many some law fits. The true law is a candidate under names of its own. Of structures that no law describes
+none should fit.
 
 | truth | noise | runs | first | tied | some law fits | seconds a ranking | first instead |
 | --- | --- | --- | --- | --- | --- | --- | --- |"""
@@ -94,6 +106,29 @@ class Tally:
     fits: int
     instead: Counter[str]
     seconds: float
+
+
+Tests = Iterator[ResponseSurface | MultisineSpectra]
+
+
+def noisy(surface: ResponseSurface, noise: float) -> Tests:
+    """Copies of a surface, each with noise of its own."""
+    return (add_noise(surface, noise, seed) for seed in count(1))
+
+
+def multisines(name: str, noise: float) -> tuple[Tests, Model]:
+    """Multisines with random phases, without those for which no periodic response is found."""
+    term, values, levels = MULTISINES[name]
+    elements = (make_element("law", f"{BASE} + {term}"),)
+    oscillator = Oscillator(1.5, elements, {"k": 5000.0, **values})
+
+    def tests() -> Tests:
+        for seed in count(1):
+            test = MultisineTest(levels, (2.5, 20), 2.0, periods=8, noise_relative=noise, seed=seed)
+            with suppress(RsgenError):
+                yield rsgen.simulate(oscillator, test)
+
+    return tests(), Model(elements)
 
 
 def of_case(name: str) -> tuple[ResponseSurface, Model]:
@@ -119,13 +154,15 @@ def of_law(name: str) -> tuple[ResponseSurface, Model]:
     return rsgen.simulate(Oscillator(mass, elements, values), test), Model(elements)
 
 
-def tally(name: str, surface: ResponseSurface, model: Model, noise: float, runs: int) -> Tally:
-    """Rank noisy copies of a surface; the truth is the candidate whose force is the model's."""
+def tally(name: str, tests: Tests, model: Model, runs: int) -> Tally:
+    """Rank tests; the truth is the candidate whose force is the model's."""
     first = tied = fits = 0
     instead: Counter[str] = Counter()
-    started = time.process_time()
-    for seed in range(1, runs + 1):
-        ranking = rank(add_noise(surface, noise, seed), model)
+    seconds = 0.0
+    for test in islice(tests, runs):
+        started = time.process_time()
+        ranking = rank(test, model)
+        seconds += time.process_time() - started
         place = [
             # by the text of the force: memories are written behind it
             with_equations(model.force) == c.force or c.name == SAME.get(name)
@@ -137,7 +174,7 @@ def tally(name: str, surface: ResponseSurface, model: Model, noise: float, runs:
         else:
             instead[ranking.candidates[0].name] += 1
         tied += any(here and c.tied for here, c in zip(place, ranking.candidates, strict=True))
-    return Tally(name, runs, first, tied, fits, instead, (time.process_time() - started) / runs)
+    return Tally(name, runs, first, tied, fits, instead, seconds / runs)
 
 
 def row(entry: Tally, noise: float) -> str:
@@ -161,11 +198,15 @@ def rows(runs: int, noises: Sequence[float], wanted: Sequence[str] = ()) -> Iter
     """Give the rows of the table one by one: the names wanted, or all."""
     cases = sorted(path.stem for path in CASES.glob("*.toml"))
     for noise in noises:
-        for name in (*cases, *OTHERS, *NO_LAW):
+        for name in (*cases, *OTHERS, *NO_LAW, *MULTISINES):
             if wanted and name not in wanted:
                 continue
-            make = of_law if name in OTHERS else no_law if name in NO_LAW else of_case
-            yield row(tally(name, *make(name), noise, runs if noise else 1), noise)
+            if name in MULTISINES:
+                tests, model = multisines(name, noise)
+            else:
+                surface, model = (of_law if name in OTHERS else no_law if name in NO_LAW else of_case)(name)
+                tests = noisy(surface, noise)
+            yield row(tally(name, tests, model, runs if noise else 1), noise)
 
 
 def main() -> None:
