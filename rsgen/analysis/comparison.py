@@ -14,7 +14,7 @@ from rsgen.common.arrays import Array
 from rsgen.common.errors import RsgenError, require
 from rsgen.common.finding import Finding, Verdict, quantities, reach_verdict
 from rsgen.common.text_table import Printed, TextTable, data_frame, lookup, short, with_error
-from rsgen.common.tolerances import interval_sigmas
+from rsgen.common.tolerances import ROUND_OFF, interval_sigmas
 from rsgen.data.oscillator import Oscillator
 from rsgen.identification.fitting.least_squares import Alternative
 from rsgen.identification.prediction import Prediction
@@ -293,9 +293,6 @@ def _force(identification: Identification, key: str, values: Mapping[str, float]
 # ----------------------------------------------------------------------------
 # Identifications of one structure side by side: by laws, backgrounds, fixed values, or tests.
 
-SAME = 1e-12
-"""Relative change below which two values are the same: the last digits differ between machines."""
-
 
 @dataclass(frozen=True, slots=True, eq=False)
 class ComparedFit:
@@ -389,7 +386,7 @@ class FitRow:
     def changed(self) -> bool:
         """True where values differ by more than round-off, or a fit has none."""
         first, *others = [nan if one is None else one.value for one in self.estimates]
-        return not np.allclose(others, first, rtol=SAME, atol=0, equal_nan=True)
+        return not np.allclose(others, first, rtol=ROUND_OFF, atol=0, equal_nan=True)
 
     def _cells(self) -> list[str]:
         shown = [""] * len(self.estimates)
@@ -415,7 +412,7 @@ def _disjoint(first: Estimate | None, other: Estimate | None) -> bool:
     if first is None or other is None or not first.standard_error or not other.standard_error:
         return False
     (low, high), (lower, upper) = first.interval, other.interval
-    return max(low, lower) - min(high, upper) > SAME * abs(first.value)
+    return max(low, lower) - min(high, upper) > ROUND_OFF * abs(first.value)
 
 
 @dataclass(frozen=True, slots=True, eq=False, repr=False)

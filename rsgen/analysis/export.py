@@ -22,7 +22,7 @@ _LONGEST = 80
 """Characters of a line of text in the format."""
 _WIDTH = 13
 """Columns of a frequency; as many digits as fit are written, where the format's own E13.5 has six."""
-_MOST_DIGITS = 11
+_MOST_DIGITS = _WIDTH - 2
 _FUNCTION, _COMPLEX_DOUBLE, _UNEVEN = 4, 6, 0
 _FREQUENCY, _DISPLACEMENT, _FORCE, _NOTHING = 18, 8, 13, 0
 

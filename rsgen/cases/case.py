@@ -18,7 +18,7 @@ import sympy
 from pydantic import Field, create_model
 from pydantic.json_schema import GenerateJsonSchema
 
-from rsgen.cases.tables import MAX_TEXT, Maker, Obeys, Quantity, Table, Text, table_of
+from rsgen.cases.tables import Maker, Obeys, Quantity, Table, Text, table_of
 from rsgen.common.arrays import Array
 from rsgen.common.declaration import Rule, given
 from rsgen.common.errors import MeasurementError, RsgenError
@@ -33,6 +33,7 @@ from rsgen.files import HistoryRule, MeasuredTest, Signal
 from rsgen.files.plan import Excitation
 from rsgen.files.signals import combination
 from rsgen.formula import symbol, write
+from rsgen.formula.bounds import MAX_CHARACTERS
 from rsgen.formula.evaluation import compiled
 from rsgen.formula.names import Structural
 from rsgen.law.element import Element
@@ -40,7 +41,7 @@ from rsgen.law.memory import memory_form
 from rsgen.law.motion import Motion
 from rsgen.law.numeric import compile_law
 
-Formula = Annotated[str, Obeys(str, Rule(fewest=1, most=MAX_TEXT))]
+Formula = Annotated[str, Obeys(str, Rule(fewest=1, most=MAX_CHARACTERS))]
 
 
 class SystemTable(Table):
@@ -378,8 +379,6 @@ def _signal_faults(table: Any, test: MeasuredTest) -> Iterator[str]:
 # ----------------------------------------------------------------------------
 # A law tried before a run: derived, written as a kernel, and evaluated next to rest.
 
-_NEAR = 1e-12
-"""So near rest [m, m/s] every motion comes: a law must be a number there."""
 
 _SIZES = np.geomspace(1e-12, 1e3, 61)
 """Amplitudes [m] from atoms to towers, four to a decade: gaps and corners act from some of them on."""
@@ -387,8 +386,6 @@ _SIZES = np.geomspace(1e-12, 1e3, 61)
 _SAMPLES = 256
 """Of a period: enough for the sign of a work or a stiffness."""
 
-_ROUND_OFF = 1e-14
-"""Work, relative to that of the largest forces on the way, that is only round-off of a sum of 256."""
 
 _SAME = 1e-6
 """A state that differs by less after a cycle, relative to its largest value, is where it was: the error of
@@ -440,7 +437,7 @@ def _never_settles(oscillator: Oscillator, test: PlannedTest) -> list[str]:
     law = compile_law(oscillator.force)
     values = law.ordered(oscillator.values)
     largest = float(test.planned_levels.max())
-    held = law.force(np.zeros(2), np.array([_NEAR, -_NEAR]), values)
+    held = law.force(np.zeros(2), np.array([_SIZES[0], -_SIZES[0]]), values)
     if held[0] >= largest and held[1] <= -largest:
         return [
             f"dry friction of {min(held[0], -held[1]):.4g} N holds the mass at every level; a level above it "
@@ -470,7 +467,7 @@ def _balance(oscillator: Oscillator, test: PlannedTest) -> tuple[Array, Array, A
     # no number, where the law overflows, is no evidence
     with np.errstate(over="ignore", invalid="ignore"):
         work, push = np.sum(force * v, axis=1), np.sum(force * x, axis=1)
-        round_off = _ROUND_OFF * np.sum(np.abs(force * v), axis=1)
+        round_off = _SAMPLES * np.finfo(float).eps * np.sum(np.abs(force * v), axis=1)
     return np.abs(motion.harmonics[:, 1]), work, push, round_off
 
 
@@ -556,7 +553,7 @@ def _open_loops(element: Element, values: Mapping[str, float], test: PlannedTest
 
 def _near_rest(element: Element, values: Mapping[str, float]) -> list[str]:
     law = compile_law(element.force)
-    places = np.array([(0.0, 0.0), *product((_NEAR, -_NEAR), repeat=2)])
+    places = np.array([(0.0, 0.0), *product((_SIZES[0], -_SIZES[0]), repeat=2)])
     forces = law.force(places[:, 0], places[:, 1], law.ordered(values))
     # 0*log(0) is no number and yet goes to one
     wrong = np.flatnonzero(np.isinf(forces) | (np.isnan(forces) & (places != 0).any(axis=1)))

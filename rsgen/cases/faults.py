@@ -14,11 +14,11 @@ from typing import Any, get_args
 from pydantic import BaseModel, ValidationError
 
 from rsgen.common.errors import CaseError, printable, quote
+from rsgen.common.output import MAX_NAME
 
 # ----------------------------------------------------------------------------
 # What names and descriptive texts may contain: they become folders, files and report headings.
 
-MAX_NAME = 64
 MAX_TEXT = 300
 _NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9_-]*\Z")
 # Windows opens a device, not a file, under these names

@@ -21,6 +21,7 @@ from rsgen.cases.faults import is_device
 from rsgen.common.arrays import Array
 from rsgen.common.declaration import Declared, Rule, declared, read_hint
 from rsgen.common.errors import RsgenError, quote
+from rsgen.formula.bounds import MAX_CHARACTERS
 from rsgen.formula.units import quantity
 
 # ----------------------------------------------------------------------------
@@ -181,7 +182,6 @@ def resolve_files(
 
 
 T = TypeVar("T")
-MAX_TEXT = 2_000
 _QUANTITY = 'a finite number in SI units or a text with its unit, as "5.92 kN/m",'
 _JSON = {int: "integer", float: "number", str: "string"}
 _BOUNDS = {
@@ -212,7 +212,7 @@ class Obeys:
         """Return the value; an integer as float where that is declared."""
         kinds = (*self.kinds, int) if float in self.kinds else self.kinds
         # of a value with a unit the range is checked in SI units, when the unit has been read
-        rule = self.rule if self.rule.unit is None else Rule(fewest=1, most=MAX_TEXT)
+        rule = self.rule if self.rule.unit is None else Rule(fewest=1, most=MAX_CHARACTERS)
         if isinstance(value, bool) or not isinstance(value, kinds) or not rule.accepts(value):
             allowed = self.rule.allowed(self.base) if self.rule.unit is None else _QUANTITY
             raise PydanticCustomError("rule", "{allowed}", {"allowed": allowed})
@@ -231,7 +231,7 @@ class Obeys:
 
 
 Quantity = Annotated[float | str, Obeys(float, Rule(unit=""))]
-Text = Annotated[str, Obeys(str, Rule(most=MAX_TEXT))]
+Text = Annotated[str, Obeys(str, Rule(most=MAX_CHARACTERS))]
 
 
 class Grid(Table):
@@ -263,7 +263,7 @@ def _annotation(base: Any, rule: Rule) -> Any:
         schema = WithJsonSchema({"type": ["string", "array"], "items": {"type": "string"}})
         return Annotated[entries, BeforeValidator(_listed), schema] if inner in (str, Path) else entries
     if base in (str, Path):
-        return Annotated[Any, Obeys(str, replace(rule, most=rule.most or MAX_TEXT))]
+        return Annotated[Any, Obeys(str, replace(rule, most=rule.most or MAX_CHARACTERS))]
     return base if base is bool or get_origin(base) is Literal else Annotated[Any, Obeys(base, rule)]
 
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import logging
 import os
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from numbers import Real
 
 
@@ -55,6 +55,22 @@ def quote(text: object, limit: int = 60) -> str:
     shown = str(text)
     escaped = shown[:limit].encode("utf-8", "backslashreplace").decode("utf-8")
     return repr(escaped) + ("..." if len(shown) > limit else "")
+
+
+LISTED = 6
+"""Names in a list; the others are counted."""
+
+
+def listed(names: Sequence[str]) -> str:
+    """List the first names in a sentence, and count the others.
+
+    Examples
+    --------
+    >>> listed([*"abcdefgh"])
+    'a, b, c, d, e, f and 2 more'
+    """
+    more = len(names) - LISTED
+    return ", ".join(names[:LISTED]) + (f" and {more} more" if more > 0 else "")
 
 
 def printable(text: str, limit: int = 1000) -> str:

@@ -19,8 +19,8 @@ _MAX_AGE = timedelta(days=1).total_seconds()
 _UNFINISHED = re.compile(r"\.(?P<name>.+)\.(?P<process>\d+)(\.\w+)?\.(part|old)")
 """Name of an unfinished file or folder: whose place it takes, and who writes it."""
 
-_MAX_NAME = 64
-"""Characters of a name that its unfinished file has, so that this is not too long for the system."""
+MAX_NAME = 64
+"""Characters of the name of a case, or of a file in that of its unfinished one: systems refuse others."""
 
 
 MAX_BYTES = 50_000_000
@@ -98,7 +98,7 @@ def sync_folder(folder: Path) -> None:
 def _clear(target: Path) -> None:
     """Remove what killed writers of this file left."""
     for path in target.parent.iterdir():
-        if path.is_file() and path.suffix == ".part" and left_behind(path) == target.name[:_MAX_NAME]:
+        if path.is_file() and path.suffix == ".part" and left_behind(path) == target.name[:MAX_NAME]:
             path.unlink(missing_ok=True)
 
 
@@ -136,7 +136,7 @@ def write_atomic(path: str | os.PathLike[str], data: str | bytes) -> None:
         if target.exists() and not target.is_symlink() and not stat.S_ISREG(target.stat().st_mode):
             raise RsgenError(f"{target}: is no regular file; only files are written")
         _clear(target)
-        prefix = f".{target.name[:_MAX_NAME]}.{os.getpid()}."
+        prefix = f".{target.name[:MAX_NAME]}.{os.getpid()}."
         handle, name = tempfile.mkstemp(dir=target.parent, prefix=prefix, suffix=".part")
         temporary = Path(name)
         with os.fdopen(handle, "wb") as file:

@@ -174,6 +174,11 @@ MAX_TRIAL_STEPS = 12
 digits, and a dozen leaves room for steps that had to be shortened."""
 
 
+def deviation_of_median(median: float) -> float:
+    """Return the standard deviation of normal noise from the median of its size, its upper quartile."""
+    return median / float(scipy.special.ndtri(0.75))
+
+
 def samples_for(switched: bool) -> int:
     """Samples a period along which a law is evaluated, with switches or without."""
     return SAMPLES_PER_PERIOD_SWITCHED if switched else SAMPLES_PER_PERIOD

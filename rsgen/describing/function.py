@@ -24,6 +24,7 @@ from rsgen.common.errors import RsgenError
 from rsgen.describing.closed import MAX_TERMS, ClosedPart
 from rsgen.describing.quadrature import Cycle, project
 from rsgen.describing.regimes import Limit
+from rsgen.describing.state_loops import MAX_RELATIVE_ERROR
 from rsgen.formula import symbol
 from rsgen.formula.evaluation import compiled
 from rsgen.formula.names import X0
@@ -316,9 +317,6 @@ class DescribingFunction:
 
 QUANTITIES = ("stiffness", "damping")
 
-PRINTED_TOLERANCE = 1e-9
-"""Largest relative difference between a printed formula and the derived one that agree."""
-
 
 @dataclass(frozen=True, slots=True)
 class PrintedComparison:
@@ -344,7 +342,7 @@ class PrintedComparison:
     @property
     def agrees(self) -> bool:
         """True if both formulas have the same values."""
-        return self.largest_deviation <= PRINTED_TOLERANCE
+        return self.largest_deviation <= MAX_RELATIVE_ERROR
 
 
 def compare_printed(
@@ -397,7 +395,7 @@ def compare_printed(
         with np.errstate(all="ignore"):
             # where the derived value is round-off of the others, so is a difference from it
             deviation = np.abs(shown - exact) / np.maximum(
-                np.abs(exact), PRINTED_TOLERANCE * np.nanmax(np.abs(exact))
+                np.abs(exact), MAX_RELATIVE_ERROR * np.nanmax(np.abs(exact))
             )
         # 0/0: both are zero at all amplitudes
         deviation = np.where(np.isfinite(exact), np.where(np.isnan(deviation), 0.0, deviation), -1.0)

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 
 from rsgen.common.errors import RsgenError
 from rsgen.common.finding import Finding
+from rsgen.formula.unit_text import MAX_UNIT_CHARACTERS
 from rsgen.formula.units import quantity, sensor_unit
 
 if TYPE_CHECKING:
@@ -79,8 +80,6 @@ _SPELLED = re.compile(r"_([munkµ]?m|in)_s(2?)\Z")
 _QUOTIENT = re.compile(r"(?<![(\[])(\([^()\s]{1,20}\)\s?/\s?(?:[A-Za-zµ]{1,4}|\([A-Za-zµ]{1,4}\)))\Z")
 """A unit with its own brackets at the end of a title: "accelerance (m/s^2)/N"."""
 _BRACKETS = {")": "(", "]": "["}
-_MAX_UNIT_LENGTH = 30
-"""Characters of a unit in brackets, at most."""
 _MANNER = re.compile(r"rms|eff\.?|peak|pk|amplitude|0-?p", re.IGNORECASE)
 """In brackets these are no units: "Kraft in N (rms)"."""
 _FUNCTION = re.compile(r"(?<![a-z])(?:re|im|real|imag|abs|mag|arg|phase|angle)\Z", re.IGNORECASE)
@@ -129,7 +128,7 @@ def _opening(text: str) -> int:
     if text[-1:] not in _BRACKETS:
         return 0
     sign, depth = text[-1], 0
-    for place in range(len(text) - 1, max(len(text) - _MAX_UNIT_LENGTH - 3, -1), -1):
+    for place in range(len(text) - 1, max(len(text) - MAX_UNIT_CHARACTERS - 3, -1), -1):
         depth += (text[place] == sign) - (text[place] == _BRACKETS[sign])
         if not depth:
             return place + 1 if text[place + 1 : -1].strip() else 0

@@ -11,9 +11,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rsgen.common.errors import MeasurementError
-from rsgen.files.tree import MAX_DEPTH, MAX_NODES, Node, array_bytes, is_wanted
+from rsgen.files.tree import MAX_CHANNELS, MAX_DEPTH, MAX_NODES, Node, array_bytes, is_wanted
 
-MAX_REFERENCES = 10_000
 _UNITS = ("units", "unit", "Units", "Unit", "UNITS", "UNIT")
 # MATLAB keeps there what cells and struct arrays refer to; it is met by following these references
 _HIDDEN = ("#refs#", "#subsystem#")
@@ -118,9 +117,9 @@ class _Walk:
     ) -> Iterator[Node]:
         """Follow the references of a MATLAB cell or struct array, inside the file only."""
         try:
-            array_bytes(shape, np.dtype("u8"), 8 * MAX_REFERENCES)
+            array_bytes(shape, np.dtype("u8"), 8 * MAX_CHANNELS)
         except MeasurementError:
-            yield Node.refused(path, f"holds more than {MAX_REFERENCES} references", shape)
+            yield Node.refused(path, f"holds more than {MAX_CHANNELS} references", shape)
             return
         if len(above) >= MAX_DEPTH:
             yield Node.refused(path, f"is nested more than {MAX_DEPTH} deep")

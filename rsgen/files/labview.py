@@ -18,8 +18,8 @@ import numpy as np
 
 from rsgen.common.arrays import Array
 from rsgen.common.errors import MeasurementError
-from rsgen.files.text_columns import MAX_COLUMNS, MAX_NUMBER_LENGTH, MISSING, number_in
-from rsgen.files.tree import Node, array_bytes, is_wanted
+from rsgen.files.text_columns import MAX_NUMBER_LENGTH, MISSING, number_in
+from rsgen.files.tree import MAX_CHANNELS, Node, array_bytes, is_wanted
 
 _END = "***End_of_Header***"
 _SPECIAL = ("***Start_Special***", "***End_Special***")
@@ -31,7 +31,6 @@ _LONG_UNITS = {
 }  # fmt: skip
 _DIMENSIONS = {"time": "s", "frequency": "Hz"}
 """Units of the abscissa where only its dimension is named."""
-_MAX_SEGMENTS = 10_000
 # what float() and the careful reading take alike
 _PLAIN = re.compile(r"[0-9eE+\-.,;\s]*\Z", re.ASCII)
 
@@ -120,15 +119,15 @@ class _Reader:
                 raise self.fail(f"the names of the channels are needed after {_END}, {_ABSCISSA} first")
             while names and names[-1] in ("", _COMMENT):
                 names.pop()
-            if len(names) > MAX_COLUMNS:
-                raise self.fail(f"{len(names)} columns; at most {MAX_COLUMNS} are read")
+            if len(names) > MAX_CHANNELS:
+                raise self.fail(f"{len(names)} columns; at most {MAX_CHANNELS} are read")
             segment.names = names
             segment.values = [array("d") for _ in names]
             cells = self.rows(segment)
             yield segment
             count += 1
-            if count > _MAX_SEGMENTS:
-                raise self.fail(f"more than {_MAX_SEGMENTS} segments; at most that many are read")
+            if count > MAX_CHANNELS:
+                raise self.fail(f"more than {MAX_CHANNELS} segments; at most that many are read")
 
     def rows(self, segment: _Segment) -> list[str] | None:
         """Read the rows of a segment; return the first line of the next segment."""

@@ -14,6 +14,7 @@ from rsgen.common.errors import MeasurementError, quote
 from rsgen.common.finding import Finding, Quantity
 from rsgen.data.surface import ResponseSurface, typical_amounts
 from rsgen.data.surface.columns import MIN_TURN, group_forces, monotone_runs
+from rsgen.data.surface.response_surface import LEVEL_DIGITS
 from rsgen.files.data_files import file_label
 from rsgen.files.plan import MeasuredTest
 
@@ -94,8 +95,6 @@ _MAX_LEVEL_SPREAD = 0.05
 """Runs whose forces differ by less than this fraction share a level: shakers repeat it to a few per cent."""
 _MIN_SHARE_OF_SWEEP_STEPS = 0.8
 """A run is a sweep where this share of its steps goes one way; levels side by side at a frequency do not."""
-_DIGITS_OF_LEVEL = 3
-"""Digits of a level that is called by what was measured; more where two would have one name."""
 _MAX_LEVEL_RATIO = 2.0
 """A level is no amount of what was measured where it is above the largest, or below the typical one, by more
 than this factor. Shakers lose force at a resonance and stay near the level elsewhere."""
@@ -218,7 +217,7 @@ def _control_findings(surface: ResponseSurface) -> list[Finding]:
 
 def _rounded(amount: Array) -> Array:
     """Round amounts to names, with as many digits as distinguish different ones."""
-    for digits in range(_DIGITS_OF_LEVEL, 17):
+    for digits in range(LEVEL_DIGITS, 17):
         names = np.array([float(f"{value:.{digits}g}") for value in amount])
         if len(np.unique(names)) == len(np.unique(amount)):
             return names

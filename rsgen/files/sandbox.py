@@ -17,15 +17,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rsgen.common.errors import MeasurementError, printable
-from rsgen.common.process import MEMORY_STATUS, READY, command, environment
+from rsgen.common.process import MAX_ANSWER_BYTES, MEMORY_STATUS, READY, START_SECONDS, command, environment
 from rsgen.files.data_files import FORMATS, check_digest, file_label, open_regular
-from rsgen.files.tree import Channel, Contents, Entry, array_bytes, largest_bytes
+from rsgen.files.tree import LARGEST_BYTES, Channel, Contents, Entry, array_bytes, largest_bytes
 
-MAX_BYTES = 2**30
-"""Largest binary file that is opened."""
-MAX_HEADER = 64 * 2**20
-START_SECONDS = 60.0
-"""To start the process, on a busy machine as well."""
 WAIT_SECONDS = 30.0
 WAIT_RATE = 2 * 2**20
 """Time to wait for an answer: WAIT_SECONDS, and one more for each WAIT_RATE bytes. The reading process itself
@@ -94,7 +89,7 @@ class _Process:
 
     def line(self) -> bytes:
         stream = self.process.stdout
-        line = stream.readline(MAX_HEADER) if stream else b""
+        line = stream.readline(MAX_ANSWER_BYTES) if stream else b""
         if not line.endswith(b"\n"):
             raise self.broken()
         return line
@@ -165,7 +160,7 @@ def _reading(
     """Start the process that reads a file; give it, the header of its answer and the size of the file."""
     name = file_label(path)
     _check_extra(name, form)
-    with open_regular(path, MAX_BYTES) as file:
+    with open_regular(path, LARGEST_BYTES) as file:
         size = file.seek(0, 2)
         file.seek(0)
         if sha256 is not None:

@@ -21,7 +21,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rsgen.common.errors import MeasurementError
-from rsgen.common.process import READY, confine
+from rsgen.common.process import READER_BYTES, READY, confine
 from rsgen.files.data_files import FORMATS
 from rsgen.files.tree import (
     LARGEST_BYTES,
@@ -35,7 +35,6 @@ from rsgen.files.tree import (
     select,
 )
 
-_MEMORY_BYTES = 96 * 2**20
 _COPIES = 3
 Walk = Callable[[BinaryIO, set[str] | None, int], Iterator[Node]]
 
@@ -118,7 +117,7 @@ def main() -> None:
     sys.stdin.buffer.seek(0)
     largest = largest_bytes(size)
     _rehearse(walk, getattr(module, row.sample)() if row.sample else b"")
-    confine(_MEMORY_BYTES + _COPIES * largest, row.seconds + size / row.rate)
+    confine(READER_BYTES + _COPIES * largest, row.seconds + size / row.rate)
     sys.stdout.buffer.write(READY)
     sys.stdout.buffer.flush()
     wanted = order["wanted"]

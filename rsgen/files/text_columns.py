@@ -24,6 +24,7 @@ from numpy.typing import NDArray
 from rsgen.common.arrays import Array
 from rsgen.common.errors import MeasurementError, quote
 from rsgen.files.data_files import MAX_TEXT_BYTES, Rewritten, check_digest, file_label, open_text
+from rsgen.files.tree import MAX_CHANNELS
 
 if TYPE_CHECKING:
     from rsgen.files.plan import Layout
@@ -245,7 +246,6 @@ def plain_rows(block: bytes, delimiter: str, decimal: str) -> Array | None:
 
 MAX_ROWS = 3_000_000
 """Rows of a text: ten minutes at 5 kHz; longer histories are kept in binary formats."""
-MAX_COLUMNS = 10_000
 _PLAIN = re.compile(rf"[{re.escape(PLAIN)}]*\Z")
 REMARKS = "comment"
 """Title of the last column of LabVIEW's measurement files, which the rows leave out."""
@@ -324,8 +324,8 @@ class _Table:
             self.delimiter = automatic_delimiter(text, self.layout.decimal)
         cells = split_cells(text, self.delimiter)
         self.width = len(cells)
-        if self.width > MAX_COLUMNS:
-            raise self.fail(line, f"{self.width} columns; at most {MAX_COLUMNS} are read")
+        if self.width > MAX_CHANNELS:
+            raise self.fail(line, f"{self.width} columns; at most {MAX_CHANNELS} are read")
         header = all(number_in(cell, self.layout.decimal) is None for cell in cells)
         names = cells if header else self.remark if len(self.remark) == self.width else []
         for name in names if header else []:

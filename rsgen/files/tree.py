@@ -20,9 +20,11 @@ if TYPE_CHECKING:
     from rsgen.files.plan import Layout
 
 LARGEST_BYTES = 2**30
-"""Bytes of numbers that are taken from one file, at most."""
+"""Bytes of a binary file, and of numbers that are taken from any file, at most."""
 MAX_NODES = 50_000
 """Arrays that are listed of one file, at most."""
+MAX_CHANNELS = 10_000
+"""Channels of one file or address, segments of them and references to them, at most: no test has as many."""
 MAX_DEPTH = 12
 """Levels of groups, structs and cells in each other, at most."""
 _SMALL_BYTES = 32 * 2**20
@@ -30,7 +32,8 @@ _EXPANSION = 20
 """A file may unpack to this multiple of its size: measurements hardly compress, bombs do a thousandfold."""
 TEXT = "text"
 """Kind of a node that holds a text; its remark is the text."""
-_MAX_TEXT_LENGTH = 60
+SHOWN_CHARACTERS = 60
+"""Characters shown of a text, a fault or a remark."""
 _KINDS = "fiubc"
 VALUES_SHOWN = 4
 """Values shown of each array."""
@@ -92,7 +95,7 @@ class Node(_Array):
             path=path,
             shape=shape,
             dtype=TEXT,
-            remark=content[:_MAX_TEXT_LENGTH],
+            remark=content[:SHOWN_CHARACTERS],
             fault="is a text; numbers are needed",
         )
 
@@ -253,7 +256,6 @@ def describe(node: Node) -> Entry:
 # ----------------------------------------------------------------------------
 # Where in the tree a channel is: "forced_data/drive_1/freq", "Acceleration[3]", "runs/*/x".
 
-_MAX_ARRAYS_PER_ADDRESS = 10_000
 _INDEX = re.compile(r"(?P<path>.+?)\[(?:(?P<one>\d{1,9})|(?P<row>\d{1,9}),:|:,(?P<column>\d{1,9}))\]\Z")
 _DIGITS = re.compile(r"(\d+)")
 
@@ -315,9 +317,9 @@ def find(nodes: Sequence[Node], wanted: int | str) -> tuple[list[Node], str | No
             (node for node in nodes if _matches(node.path, pattern)),
             key=lambda node: natural_order(node.path),
         )
-        if len(found) > _MAX_ARRAYS_PER_ADDRESS:
+        if len(found) > MAX_CHANNELS:
             raise MeasurementError(
-                f"{quote(text)} means {len(found)} arrays; at most {_MAX_ARRAYS_PER_ADDRESS} are read"
+                f"{quote(text)} means {len(found)} arrays; at most {MAX_CHANNELS} are read"
             )
     else:
         found = []

@@ -5,6 +5,7 @@ When parentheses are needed, where fractions stand; ``write`` gives the language
 from __future__ import annotations
 
 import re
+import sys
 from abc import ABC, abstractmethod
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -178,7 +179,6 @@ def interval(relations: Sequence[sympy.Basic]) -> tuple[sympy.Basic | type[sympy
 
 
 _PLAIN_DIGITS = 6  # integers up to here, and decimals as long, are written without an exponent
-_ROUNDED_DIGITS = 15  # of numbers that no text has but a limit may; they are not read back
 _MAX_DENOMINATOR = 1024  # fractions of powers of two and the like are written as such up to here
 _NAMES: dict[type[sympy.Basic], str] = {
     sympy.Abs: "abs", sympy.sign: "sign", sympy.Min: "Min", sympy.Max: "Max",
@@ -222,7 +222,7 @@ def decimal_text(number: sympy.Rational) -> tuple[str, str] | None:
     """
     p, q = int(number.p), int(number.q)
     if max(p.bit_length(), q.bit_length()) > MAX_DERIVED_BITS:
-        mantissa, _, power = str(sympy.Float(number, _ROUNDED_DIGITS)).partition("e")
+        mantissa, _, power = str(sympy.Float(number, sys.float_info.dig)).partition("e")
         return mantissa.rstrip("0").rstrip("."), power.lstrip("+")
     if p < 10**_PLAIN_DIGITS and (q == 1 or (q % 5 and q <= _MAX_DENOMINATOR)):
         return None

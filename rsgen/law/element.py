@@ -20,6 +20,7 @@ from rsgen.formula import check_name, parse, symbol, write
 from rsgen.formula.bounds import algebra_faults
 from rsgen.formula.evaluation import Numeric, compiled
 from rsgen.formula.names import remembers
+from rsgen.law.character import CANCELLATION_TOLERANCE
 from rsgen.law.identifiable import equal_terms
 from rsgen.law.library import ROWS, Search
 from rsgen.law.memory import equations_of, memory_form, rates_of, read_formula, with_memory
@@ -59,8 +60,6 @@ _NODES, _WEIGHTS = np.polynomial.legendre.leggauss(40)
 MIN_ENERGY_SHARE = 0.02
 """Smallest energy of a cycle, relative to 4 X n(X), above the error of the quadrature at a corner."""
 
-ROUND_OFF_TOLERANCE = 1e-9
-"""Largest negative force, relative to the largest force, that is round-off."""
 
 _ALSO_FORCES = ("preload",)
 """Laws of the library whose name is also that of a constant force."""
@@ -149,7 +148,7 @@ def _curves(force: sympy.Expr) -> Iterator[Finding]:
         if clear.any() and np.all(energies[clear] < 0):
             yield Finding("damping-feeds-energy", "warning", names=names)
         largest = np.fmax.accumulate(forces, axis=1)
-        if np.any(forces < -ROUND_OFF_TOLERANCE * largest):
+        if np.any(forces < -CANCELLATION_TOLERANCE * largest):
             yield Finding("curve-negative", "warning", names=names)
 
 

@@ -21,6 +21,7 @@ from rsgen.common.arrays import Array
 from rsgen.common.finding import Finding
 from rsgen.common.solvers import NULL_TOLERANCE
 from rsgen.formula import symbol
+from rsgen.law.character import MAX_SUBSET_PARAMETERS
 from rsgen.law.forms import STATES
 from rsgen.law.numeric import ForceLaw, compile_law
 
@@ -138,8 +139,6 @@ MOTIONS, SAMPLES = 40, 256
 SMALLEST, LARGEST = 0.02, 20.0
 """Amplitudes relative to parameters around one, below and above all switches."""
 
-MAX_PARAMETERS = 12
-"""Largest number of parameters; the derivatives of a law with more take half a minute."""
 
 DIRECTION_TOLERANCE = 1e-5
 """Largest difference of equal directions; no law with a singular value between both is judged."""
@@ -186,7 +185,7 @@ def combinations_of(force: sympy.Expr) -> tuple[Combination, ...]:
     >>> combinations_of(parse("k*x + k3*x**3"))
     ()
     """
-    if not 2 <= len(force.free_symbols - {symbol("x"), symbol("v")}) <= MAX_PARAMETERS:
+    if not 2 <= len(force.free_symbols - {symbol("x"), symbol("v")}) <= MAX_SUBSET_PARAMETERS:
         return ()
     law = compile_law(force)
     spaces = []

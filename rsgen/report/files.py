@@ -46,7 +46,7 @@ from rsgen.report.figures import (
     draw_time_history,
 )
 from rsgen.report.figures.cycles import shows_loops
-from rsgen.report.figures.drawing import project_style
+from rsgen.report.figures.drawing import POINTS, project_style
 from rsgen.report.notebook import known_results, write_notebook
 from rsgen.report.page import THUMBNAIL, mean_sentence, picture_svg, render_page
 from rsgen.report.page_tables import NO_MODAL, Modal, tabulate_mode
@@ -235,10 +235,6 @@ def _write_files(
     )
 
 
-_POINTS = 240
-"""Amplitudes at which a formula in print is compared with the derivation."""
-
-
 def check_printed(subject: Subject, identification: Identification) -> tuple[PrintedComparison, ...]:
     """Hold every formula that the source prints against the derivation, with the refined values.
 
@@ -254,7 +250,7 @@ def check_printed(subject: Subject, identification: Identification) -> tuple[Pri
         return ()
     omega = np.pi * sum(identification.frequency_range)
     return compare_printed(
-        derive(model.force), subject.printed, values, np.linspace(low, high, _POINTS), omega
+        derive(model.force), subject.printed, values, np.linspace(low, high, POINTS), omega
     )
 
 

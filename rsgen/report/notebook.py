@@ -35,9 +35,6 @@ from rsgen.report.provenance import TEMPLATES, notebook_mark, plain_text
 # ----------------------------------------------------------------------------
 # Run the cells of a notebook in this process, given the results that the run already has.
 
-_MESSAGE_CHARACTERS = 300
-"""Longest message of a failed cell; the traceback in the notebook has all of it."""
-
 
 class KnownResults:
     """Results of a run by the public call that computes them: function, inputs, result.
@@ -191,7 +188,7 @@ def execute_cells(notebook: nbformat.NotebookNode, results: KnownResults | None 
             if output.output_type == "execute_result":
                 output.execution_count = number
         if fault is not None:
-            return f"cell {cell.id}: {plain_text(fault, _MESSAGE_CHARACTERS)}"
+            return f"cell {cell.id}: {plain_text(fault)}"
     return None
 
 

@@ -30,6 +30,7 @@ from rsgen.formula import parse, symbol
 from rsgen.formula.units import number_text, quantity_text
 from rsgen.identification.prediction import Prediction
 from rsgen.identification.results import Identification, MultisineIdentification
+from rsgen.law.character import CANCELLATION_TOLERANCE
 from rsgen.law.element import FORCE_KEYS, Element
 from rsgen.law.memory import memory_form
 from rsgen.law.notation import mathml
@@ -258,10 +259,6 @@ def _verdict_context(
     }
 
 
-_ROUND_OFF = 1e-9
-"""Share of the total stiffness below which the stiffness of an element is round-off."""
-
-
 def element_finding(element: Element, identification: Identification) -> Finding | None:
     """Find what an identified spring or damper does over the tested amplitudes; None where nothing is known.
 
@@ -308,7 +305,7 @@ def _course(
     size = float(np.nanmax(np.abs(identification.curve.stiffness), initial=0.0))
     kinds = (("stiffness", "N/m", 1.0, result.stiffness), ("damping", "N*s/m", omega, result.damping))
     for kind, unit, rate, value in kinds:
-        if np.isfinite(value).all() and np.abs(value).max() * rate > _ROUND_OFF * size:
+        if np.isfinite(value).all() and np.abs(value).max() * rate > CANCELLATION_TOLERANCE * size:
             for end, number in zip(("first", "last"), value.tolist(), strict=True):
                 numbers[f"{kind}_{end}"] = Quantity(number, identification.curve.units.of(unit))
     return numbers, {}

@@ -25,6 +25,7 @@ from rsgen.cases import Case
 from rsgen.common.output import read_small
 from rsgen.data.multisine import MultisineSpectra
 from rsgen.data.surface import ResponseSurface
+from rsgen.formula.bounds import MAX_CHARACTERS
 from rsgen.identification.results import Estimate, Identification
 from rsgen.law.element import Element
 from rsgen.law.memory import with_equations
@@ -32,8 +33,6 @@ from rsgen.law.memory import with_equations
 # ----------------------------------------------------------------------------
 # The template environment: everything from a file is text, and a missing value is an error.
 
-MAX_CHARACTERS = 2000
-"""Of a text on a page."""
 _CATEGORIES = {"Cc", "Cf", "Cs", "Co", "Zl", "Zp"}
 
 

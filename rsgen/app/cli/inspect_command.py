@@ -13,12 +13,10 @@ from rsgen.app.cli.terminal import print_faults, print_json, print_line
 from rsgen.common.text_table import aligned
 from rsgen.files.inspection import Contents, Entry, Proposal, list_contents, propose
 from rsgen.files.sandbox import reading_fault
-from rsgen.files.tree import TEXT
+from rsgen.files.tree import SHOWN_CHARACTERS, TEXT
 
 MAX_ARRAYS = 60
 """Shown in a table; --all and --json list all."""
-_REMARK_CHARACTERS = 60
-"""Of a fault or a remark in the table."""
 
 
 def _text(value: str) -> str:
@@ -64,13 +62,13 @@ def _row(entry: Entry) -> tuple[str, ...]:
     if entry.dtype == TEXT:
         return entry.path, "-", TEXT, "-", repr(entry.remark)
     if entry.fault:
-        return entry.path, _shape(entry), entry.dtype or "-", _unit(entry), entry.fault[:_REMARK_CHARACTERS]
+        return entry.path, _shape(entry), entry.dtype or "-", _unit(entry), entry.fault[:SHOWN_CHARACTERS]
     more = ", ..." if entry.size > len(entry.first) else ""
     values = ", ".join(entry.first) + more
     title = "" if entry.path.endswith(entry.title) or entry.title in entry.remark else entry.title
     about = ", ".join(filter(None, (title, entry.remark)))
     if about:
-        values += f"  ({about[:_REMARK_CHARACTERS]})"
+        values += f"  ({about[:SHOWN_CHARACTERS]})"
     return entry.path, _shape(entry), entry.dtype, _unit(entry), values
 
 
@@ -86,7 +84,7 @@ def _show(contents: Contents, proposal: Proposal | None, everything: bool) -> No
     for line in aligned([header, *rows]):
         print_line(line)
     # a fault of many arrays is printed once, and in full
-    long = {entry.fault: entry.path for entry in reversed(shown) if len(entry.fault) > _REMARK_CHARACTERS}
+    long = {entry.fault: entry.path for entry in reversed(shown) if len(entry.fault) > SHOWN_CHARACTERS}
     for fault, path in reversed(long.items()):
         print_line(fault if fault.startswith(f"{contents.file.name}:") else f"{path}: {fault}")
     if contents.remark:

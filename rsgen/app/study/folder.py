@@ -18,7 +18,7 @@ from pathlib import Path
 from typing import Any
 
 import rsgen
-from rsgen.common.errors import RsgenError
+from rsgen.common.errors import RsgenError, listed
 from rsgen.common.output import has_mark, left_behind, read_small, sync_folder, write_atomic
 
 # Windows has no such locks
@@ -32,9 +32,6 @@ _LOCK_SECONDS = 10.0
 
 _POLL_SECONDS = 0.005
 """Interval between two attempts to take a lock."""
-
-_FILES_NAMED = 3
-"""Files that a refusal names; more would hide what to do."""
 
 
 def recover(out: Path) -> None:
@@ -147,8 +144,8 @@ def check_replaceable(place: Path) -> None:
         return
     if not any(place.iterdir()):
         return
-    listed = listed_files(place)
-    if listed is None:
+    of_run = listed_files(place)
+    if of_run is None:
         raise RsgenError(
             f"{place}: is a folder that no run made (it has no {MANIFEST}); move it away, or choose another "
             "--out"
@@ -156,12 +153,11 @@ def check_replaceable(place: Path) -> None:
     strange = [
         path.relative_to(place).as_posix()
         for path in sorted(place.rglob("*"))
-        if not _written_by_run(path, path.relative_to(place).as_posix(), listed)
+        if not _written_by_run(path, path.relative_to(place).as_posix(), of_run)
     ]
     if strange:
-        more = f" and {len(strange) - _FILES_NAMED} more" if len(strange) > _FILES_NAMED else ""
         raise RsgenError(
-            f"{place}: holds what no run wrote there: {', '.join(strange[:_FILES_NAMED])}{more}; move it "
+            f"{place}: holds what no run wrote there: {listed(strange)}; move it "
             "away, for a new result replaces the whole folder"
         )
 
@@ -256,8 +252,6 @@ UNFINISHED = ".unfinished"
 """A file that says of a hidden folder that a run fills it; it goes before the folder takes its place."""
 SCHEMA = 1
 _PACKAGES = ("numpy", "scipy", "sympy", "numba", "matplotlib", "h5py", "pydantic", "pint")
-_MANIFEST_BYTES = 1_000_000
-"""Bytes; a longer file is none of ours."""
 
 
 def file_hash(path: Path) -> str:
@@ -335,7 +329,7 @@ def _read(folder: Path) -> dict[str, Any] | None:
     """Read a manifest as it is written; None where there is none of this schema."""
     path = folder / MANIFEST
     try:
-        content = json.loads(read_small(path, _MANIFEST_BYTES))
+        content = json.loads(read_small(path))
     except (OSError, ValueError, RecursionError):
         return None
     if not isinstance(content, dict) or content.get("schema") != SCHEMA:

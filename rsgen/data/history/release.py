@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from rsgen.common.arrays import Array
 from rsgen.common.errors import MeasurementError
-from rsgen.common.tolerances import OUTLIER_SIGMAS, ROUND_OFF
+from rsgen.common.tolerances import OUTLIER_SIGMAS, ROUND_OFF, deviation_of_median
 from rsgen.data.history.record import MAX_IDLE_FORCE, MIN_SAMPLES, TimeHistory, clipped_samples
 
 SPECTRUM_PERIODS = 8
@@ -253,9 +253,7 @@ def force_ends(history: TimeHistory, end: int) -> int | None:
     largest = float(size.max())
     if not largest > 0 and not force.any():
         return None
-    # the median deviation of normal noise is its upper quartile
-    deviation = float(np.median(np.abs(rest - np.median(rest)))) / float(scipy.special.ndtri(0.75))
-    noise = OUTLIER_SIGMAS * deviation
+    noise = OUTLIER_SIGMAS * deviation_of_median(float(np.median(np.abs(rest - np.median(rest)))))
     if noise > largest and largest > _MAX_CREST_OF_SINE * float(np.std(rest)):
         # noise only: the structure was not driven
         return None

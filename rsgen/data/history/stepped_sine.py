@@ -20,6 +20,7 @@ from rsgen.common.tolerances import (
     OUTLIER_SIGMAS,
     ROUND_OFF,
     STANDARD_ERRORS_OF_DIFFERENCE,
+    deviation_of_median,
 )
 from rsgen.data.history.envelope import HARMONICS, displacement_harmonics, highest_order
 from rsgen.data.history.record import (
@@ -233,7 +234,7 @@ def _noise(force: NDArray[Any]) -> float:
         # the differences of the sine are larger than those of the noise
         return 0.0
     # standard deviation from the median deviation; third differences have 20 times the variance
-    return 1.4826 * float(np.median(np.abs(np.diff(part, 3)))) / float(np.sqrt(20))
+    return deviation_of_median(float(np.median(np.abs(np.diff(part, 3))))) / float(np.sqrt(20))
 
 
 def _slopes(place: Array) -> tuple[Array, Array]:

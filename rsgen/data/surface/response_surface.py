@@ -41,8 +41,8 @@ HALF_POWER = 1 / np.sqrt(2)
 quarter period), are near the resonance: within half power."""
 LEVEL_ROUND_OFF = 1e-6
 """Relative difference of a measured amount from its nominal level that is round-off of files."""
-_MIN_DIGITS = 3
-"""Of a level in pages and messages, which identify it."""
+LEVEL_DIGITS = 3
+"""Digits of a level in pages and messages, at least; more where two would have one name."""
 
 
 def typical_amounts(surface: ResponseSurface, amount: Array | None = None) -> Array:
@@ -85,7 +85,7 @@ def match_level(levels: Array, asked: float) -> float | None:
     if exact:
         return min(exact, key=lambda level: abs(level - asked))
     mantissa = f"{asked:.15e}".partition("e")[0].replace(".", "").lstrip("-").rstrip("0")
-    digits = max(_MIN_DIGITS, len(mantissa))
+    digits = max(LEVEL_DIGITS, len(mantissa))
     alike = [float(level) for level in levels if float(f"{level:.{digits}g}") == float(f"{asked:.{digits}g}")]
     return alike[0] if len(alike) == 1 else None
 

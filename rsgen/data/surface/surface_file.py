@@ -18,7 +18,15 @@ import numpy as np
 from rsgen.common.errors import MeasurementError, RsgenError, printable, require
 from rsgen.common.finding import Finding
 from rsgen.common.output import write_atomic
-from rsgen.common.process import READY, command, confine, environment
+from rsgen.common.process import (
+    MAX_ANSWER_BYTES,
+    READER_BYTES,
+    READY,
+    START_SECONDS,
+    command,
+    confine,
+    environment,
+)
 from rsgen.data.surface.columns import COLUMN_UNITS
 from rsgen.data.surface.response_surface import OUTCOMES, ResponseSurface
 
@@ -26,11 +34,6 @@ if TYPE_CHECKING:
     import h5py
 
 _FORMAT, _SCHEMA = "rsgen response surface", 1
-
-_WAIT_SECONDS = 60.0
-"""For the answer of the process that describes a file, on a busy machine too; its work is limited as well."""
-_MAX_ANSWER_BYTES = 2**20
-"""Of the process that describes a file; attributes have at most 64 KB each."""
 
 
 def save_surface(path: str | os.PathLike[str], surface: ResponseSurface) -> None:
@@ -109,12 +112,12 @@ def _described(file: BinaryIO, path: str) -> dict[str, Any]:
         stderr=subprocess.DEVNULL,
         env=environment(),
     )
-    clock = Timer(_WAIT_SECONDS, process.kill)
+    clock = Timer(START_SECONDS, process.kill)
     clock.daemon = True
     clock.start()
     try:
         # limited, unlike communicate: a hostile file may control what the process writes
-        said = process.stdout.read(_MAX_ANSWER_BYTES) if process.stdout else b""
+        said = process.stdout.read(MAX_ANSWER_BYTES) if process.stdout else b""
     finally:
         clock.cancel()
         process.kill()
@@ -200,7 +203,6 @@ def _surface(reader: _Reader) -> ResponseSurface:
 
 _WORK_SECONDS = 2.0
 """Processor time; a sound file of any size takes a hundredth of it, as no numbers are read."""
-_MEMORY_BYTES = 64 * 2**20
 _MAX_ATTRIBUTE_BYTES = 65_536
 """Of an attribute, the longest of which are notes of earlier versions; a file may declare any size."""
 _DAMAGE = (
@@ -277,7 +279,7 @@ def main() -> None:
     """Write attributes and places of arrays (named by the first argument) of the file on standard input."""
     wanted = json.loads(sys.argv[1])
     _rehearse()
-    confine(_MEMORY_BYTES, _WORK_SECONDS)
+    confine(READER_BYTES, _WORK_SECONDS)
     out = sys.stdout.buffer
     out.write(READY)
     out.flush()

@@ -18,7 +18,6 @@ from rsgen.files.inspection.clues import unit_for
 from rsgen.files.plan import Layout
 from rsgen.files.sandbox import list_binary
 from rsgen.files.text_columns import (
-    MAX_COLUMNS,
     MISSING,
     REMARKS,
     Columns,
@@ -30,21 +29,19 @@ from rsgen.files.text_columns import (
     read_columns,
     split_cells,
 )
-from rsgen.files.tree import Contents, Entry, facts
+from rsgen.files.tree import MAX_CHANNELS, Contents, Entry, facts
 
 LAYOUT_LINES = 300
 """Lines of a text from which its layout is recognised."""
-MIN_LAYOUT_LINES = 3
-"""Of these at least: names, units, numbers."""
 LAYOUT_BYTES = 2**18
 """Bytes of them: enough for 300 lines of 40 columns; every way to split them is tried."""
 _MAX_BYTES_COLUMN_BY_COLUMN = 32 * 2**20
 """Where reading each column alone reads more bytes than this in all, none is."""
 _PLAIN_UNITS = ("", "-", "1", "Hz", "kHz", "rpm", "s", "ms", "deg", "rad", "V", "mV", "A", "%", "strain")
 _DIMENSIONS = ("N", "m", "m/s", "m/s^2", "kg", "Pa")
-_MIN_ROWS_ABOVE_WORDS = 3
-"""At least this number of rows of numbers above a row of words belong to the table; fewer, such as the
-numbers of the channels, to its header."""
+_HEADER_LINES = 3
+"""Lines of a header, at most: names, units, numbers of the channels. So many rows of numbers above a row of
+words belong to the table."""
 
 
 def _kinds(text: str, layout: Layout) -> tuple[bool, ...]:
@@ -79,7 +76,7 @@ def _judge(lines: Sequence[tuple[int, str]], layout: Layout) -> tuple[int, int, 
     Rows of words and rows with gaps among the numbers do not end the table, so that nothing above is lost.
     """
     sign = None if layout.delimiter == "whitespace" else layout.delimiter
-    if any(len(text.split(sign, MAX_COLUMNS)) > MAX_COLUMNS for _, text in lines):
+    if any(len(text.split(sign, MAX_CHANNELS)) > MAX_CHANNELS for _, text in lines):
         return 0, len(lines), 0
     full = _full(lines, layout)
     if not any(full):
@@ -98,7 +95,7 @@ def _judge(lines: Sequence[tuple[int, str]], layout: Layout) -> tuple[int, int, 
         # rows of numbers between two rows of words
         block = kinds[place + 1 : stop]
         repeated = place >= 0 and headers.count(lines[begin + place][1].split()) > 1
-        if block.count("numbers") >= (1 if first == len(lines) or repeated else _MIN_ROWS_ABOVE_WORDS):
+        if block.count("numbers") >= (1 if first == len(lines) or repeated else _HEADER_LINES):
             first = begin + place + 1
         stop = place
     rows = sum(kind in ("numbers", "gaps") for kind in kinds[first - begin :])
@@ -132,7 +129,7 @@ def _beginning(lines: Iterable[tuple[int, str]]) -> Iterator[tuple[int, str]]:
     for number, text in islice(lines, LAYOUT_LINES):
         yield number, text
         left -= len(text)
-        if left < 0 and number >= MIN_LAYOUT_LINES:
+        if left < 0 and number >= _HEADER_LINES:
             return
 
 

@@ -9,6 +9,7 @@ from dataclasses import dataclass, field, replace
 from fnmatch import fnmatchcase
 from typing import Any
 
+from rsgen.common.errors import listed
 from rsgen.files.column_titles import split_title, unit_in
 from rsgen.files.inspection.clues import (
     ANGULAR,
@@ -149,8 +150,6 @@ def _joined(address: str, first: Entry) -> Entry:
 # The draft of the case that reads a table of amplitudes over frequency: force or base, responses, level.
 
 _NO_MOTION = ~IS_MOTION & ~QUOTIENT
-_NAMES_SHOWN = 6
-"""Columns that are left out and named; others are counted."""
 
 
 class _Table:
@@ -193,8 +192,7 @@ def _other_points(draft: Draft, star: str) -> str:
     same = sum(entry.remark == points[0] for entry in motions) - 1
     again = f" and {same} more of this point" if same else ""
     names = list(dict.fromkeys(e.title for e in motions if e.remark != points[0]))
-    shown = ", ".join(names[:_NAMES_SHOWN])
-    return f"left out: {shown}{again}; a case reads one point, whose entries are levels"
+    return f"left out: {listed(names)}{again}; a case reads one point, whose entries are levels"
 
 
 def _titles_of_runs(draft: Draft) -> list[str]:
@@ -265,9 +263,7 @@ def _with_loose_phase(responses: list[Sensor], table: _Table) -> list[Sensor]:
         if not is_of_another(phase, responses[0].main):
             table.loose.remove(phase)
             others = [sensor.main.title or sensor.main.path for sensor in responses[1:]]
-            doubt = (
-                f"or that of {', '.join(others[:_NAMES_SHOWN])}: its title names no channel" if others else ""
-            )
+            doubt = f"or that of {listed(others)}: its title names no channel" if others else ""
             places = (*responses[0].places, ("phase", phase))
             return [Sensor(responses[0].main, places, doubt), *responses[1:]]
     return responses
@@ -280,9 +276,8 @@ def _called(column: Entry) -> str:
 def _ask_response(draft: Draft, names: Sequence[str], key: str = "amplitude") -> None:
     """Ask which of several columns is the response, where no name or unit says it."""
     draft.tables["test.response"] = {"quantity": "displacement", "unit": "m", key: UNKNOWN}
-    more = f" and {len(names) - _NAMES_SHOWN} more" if names[_NAMES_SHOWN:] else ""
     draft.doubts[f"test.response.{key}"] = (
-        f"{TODO}write which is the response, its quantity and unit: {', '.join(names[:_NAMES_SHOWN])}{more}"
+        f"{TODO}write which is the response, its quantity and unit: {listed(names)}"
     )
 
 
@@ -292,8 +287,7 @@ def _left_out(table: _Table, higher: dict[int, list[Entry]]) -> str:
     names = [_called(entry) for entry in (*others, *table.loose)]
     said = ""
     if names:
-        more = f" and {len(names) - _NAMES_SHOWN} more" if names[_NAMES_SHOWN:] else ""
-        said = f"left out: {', '.join(names[:_NAMES_SHOWN])}{more}"
+        said = f"left out: {listed(names)}"
     if higher:
         orders = f"harmonic{'s' * (len(higher) > 1)} {', '.join(map(str, higher))}"
         said += "; " * bool(said) + (
@@ -435,9 +429,7 @@ def propose_history(draft: Draft, time: Entry | None, rate: Entry | None) -> Non
     alike = fits & (IS_MOTION if IS_MOTION(first) else RESPONSE)
     others = [entry for entry in draft.free if alike(entry)]
     rest = [_called(entry) for entry in draft.free if fits(entry) and entry not in others]
-    left_out = (
-        f"left out: {', '.join(rest[:_NAMES_SHOWN])}{', ...' * (len(rest) > _NAMES_SHOWN)}" if rest else ""
-    )
+    left_out = f"left out: {listed(rest)}" if rest else ""
     write_motions(draft, [s for entry in (first, *others) for s in _channels(entry)], "", left_out)
 
 

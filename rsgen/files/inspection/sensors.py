@@ -14,6 +14,7 @@ from fnmatch import fnmatchcase
 from itertools import groupby
 from typing import Any
 
+from rsgen.common.errors import listed
 from rsgen.data.surface.columns import QUANTITIES
 from rsgen.files.column_titles import split_title
 from rsgen.files.inspection.clues import (
@@ -460,11 +461,7 @@ def write_motions(draft: Draft, responses: Sequence[Sensor], sense: str, left_ou
     key = next(key for key in ("samples", "amplitude", "complex", "real") if key in alone)
     if len(responses) == 1 or "per_force" in alone:
         others = [sensor.main.title or sensor.main.path for sensor in responses[1:]]
-        reason = (
-            f"left out: {', '.join(others[:_MAX_CHANNELS_PROPOSED])}; a case reads one response"
-            if others
-            else ""
-        )
+        reason = f"left out: {listed(others)}; a case reads one response" if others else ""
         _write_alone(draft, alone, key, "; ".join(filter(None, [reason, left_out])))
         return
     for doubt in [name for name in draft.doubts if name.startswith("test.response.")]:

@@ -21,6 +21,7 @@ from rsgen.identification.results import EquivalentCurve, Identification
 from rsgen.report.figures.drawing import (
     FIRST_ORDER,
     POINT,
+    POINTS,
     REFINED,
     TRUTH,
     Drawing,
@@ -43,8 +44,6 @@ from rsgen.report.figures.overview import colour_bar, level_colours
 # ----------------------------------------------------------------------------
 # The modal table as a figure: resonance frequency and damping over the amplitude, without a law.
 
-_DRAWN = 121
-"""Amplitudes of the line: no corner of a curve can be seen."""
 
 _LABELS = {
     "frequency": "Resonance frequency [Hz]",
@@ -69,7 +68,7 @@ def draw_modal(
     ax
         Axes for frequency and damping; None makes a figure.
     """
-    grid = np.geomspace(table.amplitude[0], table.amplitude[-1], _DRAWN if len(table) > 1 else 1)
+    grid = np.geomspace(table.amplitude[0], table.amplitude[-1], POINTS if len(table) > 1 else 1)
     fine = table.at(grid)
     names = ["frequency", "damping_ratio" if "damping_ratio" in table.known else "damping"]
     names = [name for name in names if name in table.known]

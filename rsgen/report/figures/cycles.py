@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from rsgen.common.arrays import Array
 from rsgen.common.errors import RsgenError
-from rsgen.common.tolerances import NOISE_LIMIT_SIGMAS, POINTS_PER_KNOT
+from rsgen.common.tolerances import MISFIT_NEGLIGIBLE, NOISE_LIMIT_SIGMAS, POINTS_PER_KNOT
 from rsgen.data.free_mode import estimate_mass, steady
 from rsgen.data.oscillator import Model
 from rsgen.data.surface import ResponseSurface
@@ -42,9 +42,6 @@ _HALF_POWER = float(np.sqrt(0.5))
 
 _AT_REST = (1e-9, 1e-8)
 """Shares of the smallest amplitude at which the stiffness at rest is read: Segalman's law comes as X**0.5."""
-
-_SAME = 1e-3
-"""Relative difference of the two readings of a stiffness at rest that is none: less than a line shows."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -246,7 +243,7 @@ def small_stiffness(identification: Identification, values: Mapping[str, float])
     with np.errstate(all="ignore"):
         result = evaluated(derive(identification.model.force), amplitude, omega, used)
     near, far = np.broadcast_to(np.asarray(result.stiffness, dtype=np.float64), (2,))
-    settled = np.isfinite(near) and near > 0 and abs(far / near - 1) <= _SAME
+    settled = np.isfinite(near) and near > 0 and abs(far / near - 1) <= MISFIT_NEGLIGIBLE
     return float(near) if settled else float("nan")
 
 

@@ -101,6 +101,9 @@ def new_figure(width: float = 4.4, height: float = 3.3) -> Figure:
     return figure
 
 
+POINTS = 240
+"""Points of a curve: no corner of it can be seen."""
+
 GivenAxes = Axes | Sequence[Axes] | NDArray[Any] | None
 """Axes to draw on: one for each panel of the figure; fewer show the first panels, None makes a figure."""
 

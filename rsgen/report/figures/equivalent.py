@@ -19,7 +19,7 @@ from rsgen.formula import symbol
 from rsgen.formula.units import choose_scale, number_text, quantity_text
 from rsgen.identification.results import Estimate, Identification
 from rsgen.law.notation import readable
-from rsgen.report.figures.drawing import REFINED, Drawing, GivenAxes, in_style, take_axes
+from rsgen.report.figures.drawing import POINTS, REFINED, Drawing, GivenAxes, in_style, take_axes
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -207,7 +207,6 @@ def calm_limits(axes: Axes, values: Iterable[Array], least: float = 0.1) -> None
 # ----------------------------------------------------------------------------
 # The picture of a law: the force over a cycle, k(X) and c(X).
 
-POINTS = 481
 WIDTH = 72
 """Characters of a line of the heading."""
 

@@ -13,6 +13,7 @@ from matplotlib.ticker import FuncFormatter
 
 from rsgen.common.arrays import Array
 from rsgen.common.errors import RsgenError, require
+from rsgen.common.tolerances import RELATIVE_CHANGE_NEGLIGIBLE
 from rsgen.data.multisine import BestLinear
 from rsgen.data.surface import ResponseSurface, typical_amounts
 from rsgen.formula.units import SWEEPS, choose_scale, count_text, number_text, quantity_text
@@ -23,8 +24,6 @@ from rsgen.law.motion import Motion, waveform
 from rsgen.report.figures.drawing import Drawing, GivenAxes, in_style, label_abscissa, take_axes
 from rsgen.report.figures.overview import level_colours, peaks_by_level
 
-_OTHER = 0.01
-"""A measured force that differs by more, relatively, is named next to the nominal level."""
 _MARKERS = {"rest": "o", "up": "^", "down": "v"}
 
 
@@ -225,7 +224,7 @@ def _level_text(item: HeldOutLevel) -> str:
     held = {"N": "F", "m": "X"} if np.isnan(item.force) else {"N": "F"}
     symbol = held.get(item.level_unit, "base")
     name = f"{symbol} = {quantity_text(item.level, item.level_unit, 3)}"
-    if abs(item.force - item.level) > _OTHER * item.level:
+    if abs(item.force - item.level) > RELATIVE_CHANGE_NEGLIGIBLE * item.level:
         name += f" ({quantity_text(item.force, item.force_unit, 3)} near the resonance)"
     return name
 

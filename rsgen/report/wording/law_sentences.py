@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
+from rsgen.common.errors import listed
 from rsgen.common.finding import Finding
 from rsgen.common.tolerances import CONFIDENCE_TEXT
 from rsgen.formula.units import number_text, quantity_text
@@ -92,9 +93,6 @@ def _held_out_missed(f: Finding) -> str:
 # ----------------------------------------------------------------------------
 # Sentences about rankings.
 
-_LISTED = 5
-"""Names in a list; the others are counted."""
-
 
 def _percent(share: float) -> str:
     return f"{share:.1%}" if share < 1 else "more than 100 %"
@@ -102,12 +100,6 @@ def _percent(share: float) -> str:
 
 def _joined(names: Sequence[str]) -> str:
     return names[0] if len(names) == 1 else f"{', '.join(names[:-1])} and {names[-1]}"
-
-
-def _listed(laws: str) -> str:
-    names = laws.split("; ")
-    more = len(names) - _LISTED
-    return ", ".join(names[:_LISTED]) + (f" and {more} more" if more > 0 else "")
 
 
 def _between(low: float, high: float, unit: str) -> str:
@@ -240,7 +232,9 @@ def _laws_not_separated(f: Finding) -> str:
         "laws": "this test does not separate it from",
         "larger": "these contain it and fit no better",
     }
-    return "; ".join(f"{text}: {_listed(f.names[kind])}" for kind, text in said.items() if kind in f.names)
+    return "; ".join(
+        f"{text}: {listed(f.names[kind].split('; '))}" for kind, text in said.items() if kind in f.names
+    )
 
 
 @says("law-unconfirmed")
