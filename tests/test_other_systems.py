@@ -123,7 +123,7 @@ main(['run', 'small.toml', '--out', 'out', '--jobs', '1'])
 @pytest.mark.slow
 def test_a_binary_file_is_read_where_nothing_can_be_limited(tmp_path):
     order = json.dumps({"format": "mat", "wanted": None})
-    program = f"sys.argv[1:] = [{order!r}]\nfrom rsgen.files.sandbox_worker import main; main()"
+    program = f"sys.argv[1:] = [{order!r}]\nfrom rsgen.files.sandbox import main; main()"
     with (ROOT / "cases" / "formats" / "table.mat").open("rb") as file:
         done = run_elsewhere(program, tmp_path, ("scipy.io",), stdin=file)
     ready, header, *_ = done.stdout.split(b"\n")

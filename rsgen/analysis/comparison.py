@@ -20,9 +20,8 @@ from rsgen.identification.fitting.least_squares import Alternative
 from rsgen.identification.prediction import Prediction
 from rsgen.identification.results import Estimate, Identification
 from rsgen.law.element import force_keys
-from rsgen.law.identifiable import in_order
 from rsgen.law.motion import Motion
-from rsgen.law.numeric import compile_law
+from rsgen.law.numeric import compile_law, in_order
 
 _FORCE_POINTS = 401
 

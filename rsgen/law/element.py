@@ -21,11 +21,11 @@ from rsgen.formula.bounds import algebra_faults
 from rsgen.formula.evaluation import Numeric, compiled
 from rsgen.formula.names import remembers
 from rsgen.law.character import CANCELLATION_TOLERANCE
-from rsgen.law.identifiable import equal_terms
 from rsgen.law.library import ROWS, Search
 from rsgen.law.memory import equations_of, memory_form, rates_of, read_formula, with_memory
 from rsgen.law.normal_form import normal_form
 from rsgen.law.notation import latex, mathml
+from rsgen.law.numeric import equal_terms
 
 # ----------------------------------------------------------------------------
 # Keys of ``accept`` in a case for the whole force of a law.

@@ -7,7 +7,7 @@ import pytest
 from rsgen.app.cli.derive_command import law_sentences
 from rsgen.cases import load_case
 from rsgen.law import laws, make_element
-from rsgen.law.identifiable import combinations_of
+from rsgen.law.numeric import combinations_of
 
 CASES = sorted((Path(__file__).parents[2] / "cases").glob("*.toml"))
 BOUC_WEN = {"z": "alpha*v - beta*(gamma*abs(v)*z + delta*v*abs(z))"}

@@ -9,7 +9,7 @@ import rsgen
 from rsgen.data.oscillator import Oscillator
 from rsgen.dynamics.virtual_test import SimulatedTest
 from rsgen.formula import parse
-from rsgen.law.identifiable import equal_terms
+from rsgen.law.numeric import equal_terms
 
 SLIDERS = "masing(Min(ka*x, Fa)) + masing(Min(kb*x, Fb))"
 

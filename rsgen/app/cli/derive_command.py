@@ -17,8 +17,8 @@ from rsgen.formula import parse, write
 from rsgen.formula.names import remembers
 from rsgen.law import Element, notation
 from rsgen.law.element import forces_by_motion, law_remarks, make_element
-from rsgen.law.identifiable import combinations_of
 from rsgen.law.memory import rates_of
+from rsgen.law.numeric import combinations_of
 
 # ----------------------------------------------------------------------------
 # What the commands say of a law before any test: what no test distinguishes, and what is odd about it.

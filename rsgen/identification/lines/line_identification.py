@@ -61,9 +61,8 @@ from rsgen.identification.results.estimates import (
     parameter_findings,
     with_combinations,
 )
-from rsgen.law.identifiable import put_in_order
 from rsgen.law.motion import Motion
-from rsgen.law.numeric import compile_law
+from rsgen.law.numeric import compile_law, put_in_order
 
 
 def identify_multisine(spectra: MultisineSpectra, model: Model) -> MultisineIdentification:

@@ -34,9 +34,8 @@ from rsgen.identification.fitting.observed import Observed
 from rsgen.identification.fitting.points import Points
 from rsgen.identification.results.alternatives import spread_between
 from rsgen.identification.results.result import Background, Estimate, units_of
-from rsgen.law.identifiable import combinations_of
 from rsgen.law.motion import Motion
-from rsgen.law.numeric import ForceLaw
+from rsgen.law.numeric import ForceLaw, combinations_of
 
 _MIN_PARAMETER_NORM = 0.99
 """Norm of the parameter part of a unit null vector; a smaller one includes the background."""

@@ -46,9 +46,8 @@ from rsgen.identification.fitting.points import Points
 from rsgen.identification.starting.equations import Equations, equation_rows
 from rsgen.identification.starting.search import STARTS, search_nonlinear
 from rsgen.law.element import make_element
-from rsgen.law.identifiable import put_in_order
 from rsgen.law.motion import sine_motion
-from rsgen.law.numeric import ForceLaw, compile_law
+from rsgen.law.numeric import ForceLaw, compile_law, put_in_order
 
 # ----------------------------------------------------------------------------
 # Even forces without a recorded mean.

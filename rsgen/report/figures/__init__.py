@@ -14,10 +14,9 @@ from rsgen.report.figures.curves import (
     draw_resonance,
     draw_stiffness,
 )
-from rsgen.report.figures.drawing import STYLE, Drawing
+from rsgen.report.figures.drawing import STYLE, Drawing, draw_map, draw_surface, draw_thumbnail
 from rsgen.report.figures.equivalent import draw_derivation
 from rsgen.report.figures.loop_figures import draw_energy, draw_forces, draw_loops, force_function
-from rsgen.report.figures.overview import draw_map, draw_surface, draw_thumbnail
 from rsgen.report.figures.responses import (
     choose_levels,
     draw_best_linear,

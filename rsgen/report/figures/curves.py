@@ -26,8 +26,10 @@ from rsgen.report.figures.drawing import (
     TRUTH,
     Drawing,
     GivenAxes,
+    colour_bar,
     in_style,
     label_abscissa,
+    level_colours,
     take_axes,
 )
 from rsgen.report.figures.equivalent import (
@@ -39,7 +41,6 @@ from rsgen.report.figures.equivalent import (
     solution_of,
     values_of,
 )
-from rsgen.report.figures.overview import colour_bar, level_colours
 
 # ----------------------------------------------------------------------------
 # The modal table as a figure: resonance frequency and damping over the amplitude, without a law.

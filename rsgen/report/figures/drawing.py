@@ -1,4 +1,4 @@
-"""A figure together with its caption and with what it shows in words and numbers."""
+"""A figure with its caption and what it shows in words; colours of levels, and the surface itself."""
 
 from __future__ import annotations
 
@@ -13,16 +13,21 @@ from typing import Any, ParamSpec, TypeVar, cast
 
 import matplotlib
 import matplotlib.style
+import matplotlib.ticker
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.cm import ScalarMappable
+from matplotlib.colors import LinearSegmentedColormap, Normalize
 from matplotlib.figure import Figure
 from matplotlib.layout_engine import ConstrainedLayoutEngine
 from numpy.typing import NDArray
 
+from rsgen.common.arrays import Array
 from rsgen.common.errors import RsgenError, require
 from rsgen.data.surface import ResponseSurface
 from rsgen.describing import DescribingFunction
+from rsgen.formula.units import SWEEPS, choose_scale, count_text, quantity_text
 from rsgen.identification.modal_result import ModalTable
 from rsgen.identification.prediction import Prediction
 from rsgen.identification.results import Identification
@@ -191,3 +196,276 @@ class Drawing:
         return {"image/png": self.render("png"), "text/plain": self.alternative}, {
             "image/png": {"alt": self.alternative}
         }
+
+
+# ----------------------------------------------------------------------------
+# The response surface itself: amplitude over frequency and level, in three dimensions and as a map.
+
+
+def level_colours() -> LinearSegmentedColormap:
+    """The colours of levels and amplitudes: viridis without its darkest and palest ends.
+
+    Its lightness rises evenly, so that it survives grey print, and both ends stand out from light and dark
+    paper.
+    """
+    viridis = matplotlib.colormaps["viridis"]
+    return LinearSegmentedColormap.from_list("rsgen", viridis(np.linspace(0.12, 0.92, 64)))
+
+
+def colour_bar(figure: Figure, panels: list[Axes], norm: Normalize, label: str, aspect: float) -> None:
+    """Add a colour bar right of some panels."""
+    bar = figure.colorbar(ScalarMappable(norm, level_colours()), ax=panels, pad=0.02, aspect=aspect)
+    bar.set_label(label)
+    bar.outline.set_visible(False)
+    if bar.solids is not None:
+        bar.solids.set_rasterized(True)
+
+
+def largest_answer(surface: ResponseSurface) -> float:
+    """Return the largest settled answer, SI; 1 where there is none, so that scales have an end."""
+    return float(np.max(surface.answer, where=surface.settled, initial=0.0)) or 1.0
+
+
+def level_word(surface: ResponseSurface) -> str:
+    """Name the levels of a test: forces, amplitudes that were held, or those of a driven base, no force."""
+    if surface.response_held:
+        return "Level X"
+    return "Level" if surface.base else "Level F"
+
+
+def _answer_word(surface: ResponseSurface) -> str:
+    return "Force F" if surface.response_held else "Amplitude X"
+
+
+def _what(surface: ResponseSurface, words: str) -> str:
+    if surface.response_held:
+        return "force that holds the amplitude of the fundamental"
+    return f"amplitude of the fundamental, {words}"
+
+
+def _grid(
+    surface: ResponseSurface,
+) -> tuple[Array, Array, Array] | None:
+    """Return frequency, level (both 1-D) and answer (level x frequency) where the points fill a grid."""
+    level, frequency = np.unique(surface.level), np.unique(surface.frequency)
+    if len(level) < 2 or len(frequency) < 2 or len(surface) != len(level) * len(frequency):
+        return None
+    amplitude = np.full((len(level), len(frequency)), np.nan)
+    rows, columns = np.searchsorted(level, surface.level), np.searchsorted(frequency, surface.frequency)
+    amplitude[rows, columns] = np.where(surface.settled, surface.answer, np.nan)
+    unsettled = int(np.count_nonzero(~surface.settled))
+    return (frequency, level, amplitude) if np.isnan(amplitude).sum() == unsettled else None
+
+
+def _sweeps(surface: ResponseSurface) -> list[str]:
+    return [name for name in SWEEPS if np.any(surface.sweep == name)]
+
+
+def peaks_by_level(surface: ResponseSurface) -> list[int]:
+    """Return for each level the index of its settled point at resonance, levels ascending.
+
+    It is where the amplitude is largest, or, where the amplitude was held, the force least.
+    """
+    peaks = []
+    for level in surface.levels:
+        points = np.flatnonzero((surface.level == level) & surface.settled)
+        if points.size:
+            answer = surface.answer[points]
+            at = np.argmin(answer) if surface.response_held else np.argmax(answer)
+            peaks.append(int(points[at]))
+    return peaks
+
+
+def _alternative(surface: ResponseSurface) -> str:
+    peaks = peaks_by_level(surface)
+    if not peaks:
+        return "No test point settled, so there is no surface to show."
+    extreme = "least force" if surface.response_held else "largest amplitude"
+    unsettled = f"{count_text(int(np.count_nonzero(~surface.settled)), 'point')} did not settle."
+    least, most = (quantity_text(f(surface.level), surface.level_unit) for f in (np.min, np.max))
+    band = " to ".join(quantity_text(f(surface.frequency), "Hz", 5) for f in (np.min, np.max))
+    tested = f"{count_text(len(surface), 'test point')}, {count_text(len(surface.levels), 'level')}"
+    low, high = (
+        f"{quantity_text(surface.answer[i], surface.answer_unit, 3)} at "
+        f"{quantity_text(surface.frequency[i], 'Hz', 5)}"
+        for i in (peaks[0], peaks[-1])
+    )
+    if len(peaks) == 1:
+        level = quantity_text(surface.level[peaks[0]], surface.level_unit)
+        return f"{tested}, {band}. The {extreme} is {low}, level {level}. {unsettled}"
+    shift = surface.frequency[peaks[-1]] / surface.frequency[peaks[0]] - 1
+    return (
+        f"{tested} from {least} to {most}, {band}. The {extreme} rises from {low} (lowest level) to {high} "
+        f"(highest level): the peak moves by {100 * shift:+.2f} %. {unsettled}"
+    )
+
+
+@in_style
+def draw_surface(surface: ResponseSurface, *, ax: Any = None) -> Drawing:
+    """Draw the response surface in three dimensions.
+
+    A full grid is drawn as a sheet; points that are no grid, as measured ones are, as one line a level.
+    Where both sweeps were made, the sweep up is shown.
+
+    Parameters
+    ----------
+    surface
+        Any surface; points that did not settle leave holes.
+    ax
+        Axes made with ``projection="3d"``; None makes a figure.
+
+    Raises
+    ------
+    RsgenError
+        The axes are not three-dimensional.
+    """
+    if ax is None:
+        figure = new_figure(4.4, 3.7)
+        # matplotlib has no types for its 3-D axes
+        axes: Any = figure.add_axes((-0.05, 0.04, 0.96, 0.98), projection="3d")
+    else:
+        figure, (axes,) = take_axes(ax, 1, (4.4, 3.7))
+        if axes.name != "3d":
+            raise RsgenError('ax: these axes are flat; make them with projection="3d", or use draw_map')
+    sweep = _sweeps(surface)[0]
+    shown = surface.select(surface.sweep == sweep)
+    scale = choose_scale(shown.answer[shown.settled], shown.answer_unit)
+    force = choose_scale(shown.level, shown.level_unit)
+    norm, colours = Normalize(0, largest_answer(shown) / scale.factor), level_colours()
+    grid = _grid(shown)
+    if grid is not None:
+        frequency, level, amplitude = grid
+        height = amplitude / scale.factor
+        sheet = axes.plot_surface(
+            *np.meshgrid(frequency, level / force.factor),
+            height,
+            facecolors=colours(norm(np.nan_to_num(height))),
+            rcount=min(60, len(level)),
+            ccount=min(120, len(frequency)),
+            linewidth=0.15,
+            edgecolor=(0.1, 0.1, 0.1, 0.35),
+            shade=False,
+            antialiased=True,
+        )
+        sheet.set_rasterized(True)
+    else:
+        for value in shown.levels[::-1]:
+            line = shown.select((shown.level == value) & shown.settled)
+            if not len(line):
+                continue
+            order = np.argsort(line.frequency, kind="stable")
+            height = line.answer[order] / scale.factor
+            axes.plot(
+                line.frequency[order],
+                line.level[order] / force.factor,
+                height,
+                color=colours(norm(height.max())),
+                # one point has no line
+                marker="o" if len(line) == 1 else "",
+                ms=3,
+                lw=1.1,
+            )
+    axes.set_xlabel("Frequency [Hz]", labelpad=4)
+    axes.set_ylabel(force.label(level_word(shown)), labelpad=4)
+    axes.set_zlabel(scale.label(_answer_word(shown)), labelpad=2)
+    axes.tick_params(pad=0)
+    for axis in (axes.xaxis, axes.yaxis, axes.zaxis):
+        axis.pane.set_facecolor("none")
+        axis.set_major_locator(matplotlib.ticker.MaxNLocator(5, steps=[1, 2, 2.5, 5, 10]))
+    axes.view_init(elev=28, azim=-58)
+    axes.set_box_aspect((1.25, 1.0, 0.8), zoom=1.0)
+    words = "every point from rest" if sweep == "rest" else SWEEPS[sweep]
+    caption = f"Response surface: {_what(shown, words)}."
+    return Drawing("surface", figure, caption, _alternative(shown), ax is None)
+
+
+def _map_panel(axes: Axes, part: ResponseSurface, factor: float, force: float, norm: Normalize) -> None:
+    colours = level_colours()
+    grid = _grid(part)
+    if grid is not None:
+        frequency, level, amplitude = grid
+        axes.pcolormesh(
+            frequency,
+            level / force,
+            amplitude / factor,
+            shading="nearest",
+            cmap=colours,
+            norm=norm,
+            rasterized=True,
+        )
+    else:
+        good = part.settled
+        axes.scatter(
+            part.frequency[good],
+            part.level[good] / force,
+            c=part.answer[good] / factor,
+            cmap=colours,
+            norm=norm,
+            s=5,
+            marker="s",
+            linewidths=0,
+            rasterized=True,
+        )
+    bad = ~part.settled
+    if bad.any():
+        axes.plot(part.frequency[bad], part.level[bad] / force, "x", color="#1b1c1e", ms=3, mew=0.7)
+    peaks = peaks_by_level(part)
+    axes.plot(
+        part.frequency[peaks], part.level[peaks] / force, "o-", color="#1b1c1e", mfc="#ffffff", ms=3, lw=0.8
+    )
+    axes.grid(False)
+
+
+@in_style
+def draw_map(surface: ResponseSurface, *, ax: GivenAxes = None) -> Drawing:
+    """Draw the response surface as a map: frequency across, level up, amplitude as colour; a panel a sweep.
+
+    Parameters
+    ----------
+    surface
+        Any surface; points that did not settle are crossed.
+    ax
+        Axes, one a sweep; None makes a figure.
+    """
+    sweeps = _sweeps(surface)
+    scale = choose_scale(surface.answer[surface.settled], surface.answer_unit)
+    force = choose_scale(surface.level, surface.level_unit)
+    norm = Normalize(0, largest_answer(surface) / scale.factor)
+    height = 3.3 if len(sweeps) == 1 else 2.2 * len(sweeps)
+    figure, panels = take_axes(ax, len(sweeps), (4.4, height), sharex=True)
+    for axes, sweep in zip(panels, sweeps, strict=False):
+        _map_panel(axes, surface.select(surface.sweep == sweep), scale.factor, force.factor, norm)
+        axes.set_ylabel(force.label(level_word(surface)))
+        if len(sweeps) > 1:
+            axes.set_title(SWEEPS[sweep])
+    label_abscissa(panels, ax, "Frequency [Hz]")
+    colour_bar(figure, panels, norm, scale.label(_answer_word(surface)), 30)
+    caption = "The same surface as a map; the line joins the peaks of the levels and shows their shift."
+    if not surface.settled.all():
+        caption += " Crosses did not settle."
+    return Drawing("map", figure, caption, _alternative(surface), ax is None)
+
+
+@in_style
+def draw_thumbnail(surface: ResponseSurface, name: str = "thumbnail", *, ax: GivenAxes = None) -> Drawing:
+    """Draw the map without axes, small: a picture to recognise a case by.
+
+    Parameters
+    ----------
+    surface
+        Any surface; of two sweeps the one up is shown.
+    name
+        Of the drawing, so that several fit on one page.
+    ax
+        Axes to draw on; None makes a figure.
+    """
+    if ax is None:
+        figure = new_figure(2.4, 1.35)
+        axes: Axes = figure.add_axes((0, 0, 1, 1))
+    else:
+        figure, (axes,) = take_axes(ax, 1, (2.4, 1.35))
+    axes.set_axis_off()
+    part = surface.select(surface.sweep == _sweeps(surface)[0])
+    _map_panel(axes, part, 1.0, 1.0, Normalize(0, largest_answer(part)))
+    axes.margins(0)
+    return Drawing(name, figure, "Response surface.", _alternative(surface), ax is None)

@@ -21,8 +21,15 @@ from rsgen.identification.prediction import HeldOutLevel, Prediction, ResonanceC
 from rsgen.identification.prediction.prediction_result import PredictedRecord
 from rsgen.identification.results import MultisineIdentification
 from rsgen.law.motion import Motion, waveform
-from rsgen.report.figures.drawing import Drawing, GivenAxes, in_style, label_abscissa, take_axes
-from rsgen.report.figures.overview import level_colours, peaks_by_level
+from rsgen.report.figures.drawing import (
+    Drawing,
+    GivenAxes,
+    in_style,
+    label_abscissa,
+    level_colours,
+    peaks_by_level,
+    take_axes,
+)
 
 _MARKERS = {"rest": "o", "up": "^", "down": "v"}
 
