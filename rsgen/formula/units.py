@@ -205,6 +205,8 @@ _PREFIXES = {
     "m/s": ((1.0, "m/s"), (1e-3, "mm/s"), (1e-6, "µm/s")),
     "kg": ((1.0, "kg"), (1e-3, "g"), (1e-6, "mg"), (1e-9, "µg"), (1e-12, "ng")),
     "s": ((1.0, "s"), (1e-3, "ms"), (1e-6, "µs")),
+    # people read angles in degrees
+    "rad": ((math.pi / 180, "deg"),),
 }
 SWEEPS = {"rest": "from rest", "up": "sweep up", "down": "sweep down"}
 """How the points of a sweep were reached, in words."""

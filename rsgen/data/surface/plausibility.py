@@ -466,7 +466,7 @@ def _lag(lag: Array) -> tuple[Finding, ...]:
     """Return a finding about the lag (n,) [rad] of the points and its error from that of resonance."""
     off = _nearest(lag) - pi / 2
     if not len(off):
-        seen = {"lag": Quantity(float(np.degrees(np.median(lag))))} if len(lag) else {}
+        seen = {"lag": Quantity(float(np.median(lag)), "rad")} if len(lag) else {}
         return (Finding("phase-not-resonant", "doubt", numbers=seen),) if len(lag) else ()
     if np.std(off) > _MAX_LAG_SCATTER:
         return ()
@@ -474,8 +474,8 @@ def _lag(lag: Array) -> tuple[Finding, ...]:
     numbers = {
         "points": Quantity(len(off)),
         "others": Quantity(len(lag) - len(off)),
-        "lag": Quantity(float(np.degrees(pi / 2 + missed))),
-        "scatter": Quantity(float(np.degrees(np.std(off)))),
+        "lag": Quantity(pi / 2 + missed, "rad"),
+        "scatter": Quantity(float(np.std(off)), "rad"),
         "shift": Quantity(float(2 * abs(np.tan(missed)))),
     }
     size = abs(missed)
@@ -501,8 +501,8 @@ def _lock_lost(lag: Array, force: Array) -> tuple[Finding, ...]:
     numbers = {
         "lost": Quantity(len(lost)),
         "points": Quantity(len(lag)),
-        "low": Quantity(float(np.degrees(lost.min()))),
-        "high": Quantity(float(np.degrees(lost.max()))),
+        "low": Quantity(float(lost.min()), "rad"),
+        "high": Quantity(float(lost.max()), "rad"),
     }
     return (Finding("phase-lock-lost", "warning", numbers=numbers),)
 

@@ -16,7 +16,7 @@ from rsgen.common.tolerances import CONFIDENCE_TEXT
 from rsgen.formula import symbol
 from rsgen.formula.names import remembers
 from rsgen.formula.units import Scale, choose_scale, number_text, quantity_text
-from rsgen.identification.modal_result import ModalTable
+from rsgen.identification.modal_result import MODAL_COLUMNS, ModalTable
 from rsgen.identification.results import EquivalentCurve, Identification
 from rsgen.report.figures.drawing import (
     FIRST_ORDER,
@@ -47,8 +47,8 @@ from rsgen.report.figures.equivalent import (
 
 
 _LABELS = {
-    "frequency": "Resonance frequency [Hz]",
-    "damping_ratio": "Damping ratio [%]",
+    "frequency": "Resonance frequency",
+    "damping_ratio": "Damping ratio",
     "damping": "Damping c",
 }
 """Panels: damping ratio where it is known, else the damping itself."""
@@ -80,8 +80,9 @@ def draw_modal(
         model = backbone(identification, solution_of(identification), grid)
     for axes, name in zip(panels, names, strict=False):
         value, low, high = (getattr(fine, f"{name}{end}") for end in ("", "_lower", "_upper"))
-        scale = choose_scale(value, "N*s/m")
-        factor = {"frequency": 1.0, "damping_ratio": 0.01}.get(name, scale.factor)
+        unit = MODAL_COLUMNS[name]
+        scale = choose_scale(value, unit) if unit else Scale(0.01, "%")
+        factor = scale.factor
         axes.fill_between(grid / x.factor, low / factor, high / factor, color="#0072B2", alpha=0.2, lw=0)
         axes.plot(
             grid / x.factor,
@@ -98,7 +99,7 @@ def draw_modal(
                 grid / x.factor, line, label="refined model", **{**REFINED, "lw": 1.1, "ls": (0, (5, 2))}
             )
         calm_limits(axes, shown, least=0.01 if name == "frequency" else 0.2)
-        axes.set_ylabel(scale.label(_LABELS[name]) if name == "damping" else _LABELS[name])
+        axes.set_ylabel(scale.label(_LABELS[name]))
     label_abscissa(panels, ax, x.label("Amplitude X"))
     panels[0].legend(loc="best")
     caption = (
@@ -160,8 +161,8 @@ def draw_resonance(identification: Identification, *, ax: GivenAxes = None) -> D
         grid = grid[:0]
     model = backbone(identification, solution_of(identification), grid)
     parts = (
-        ("Resonance frequency [Hz]", frequency, model.frequency, [frequency, model.frequency], 0.01),
-        ("Damping ratio [%]", 100 * ratio, 100 * model.damping_ratio, [100 * ratio], 0.2),
+        ("Resonance frequency", frequency, model.frequency, [frequency, model.frequency], 0.01),
+        ("Damping ratio", 100 * ratio, 100 * model.damping_ratio, [100 * ratio], 0.2),
     )
     for axes, (label, read, line, limits, least) in zip(panels, parts, strict=False):
         axes.plot(amplitude / scale.factor, read, label="one level each", **POINT)

@@ -452,12 +452,12 @@ say_plainly(
             "resonance both depend on it"
         ),
         "phase-not-resonant": (
-            "no point of the phase-locked test lies near resonance: the response lags the force by {lag:.0f} "
-            "degrees in place of 90"
+            "no point of the phase-locked test lies near resonance: the response lags the force by {lag:.3q} "
+            "in place of 90 deg"
         ),
         "phase-lock-lost": (
-            "at {lost:.0f} of {points:.0f} points the response lags the force by {low:.0f} to {high:.0f} "
-            "degrees, at forces that no other point has: where the loop lost the lock the motion was not "
+            "at {lost:.0f} of {points:.0f} points the response lags the force by {low:.3q} to "
+            "{high:.3q}, at forces that no other point has: where the loop lost the lock the motion was not "
             "steady; leave out such points, or measure them again"
         ),
     }
@@ -506,15 +506,16 @@ def _phase_lag(found: Finding) -> str:
             "nothing shows whether the loop held them there; intervals allow for a lag of the whole test "
             "that is off by two degrees (one standard deviation)"
         )
+    middle, scatter = (quantity_text(*found.numbers[name], 4) for name in ("lag", "scatter"))
     lag = (
-        f"at {found['points']:.0f} points of phase resonance the response lags the force by "
-        f"{found['lag']:.2f} degrees, with a scatter of {found['scatter']:.2f}"
+        f"at {found['points']:.0f} points of phase resonance the response lags the force by {middle}, with a "
+        f"scatter of {scatter}"
     )
     if found.severity == "info":
         return f"{lag}: the loop held resonance"
     return (
-        f"{lag}, not by 90: k/m read as omega^2 is off by {found['shift']:.1%} of the damping ratio; it is "
-        "corrected where the mass is known"
+        f"{lag}, not by 90 deg: k/m read as omega^2 is off by {found['shift']:.1%} of the damping ratio; "
+        "it is corrected where the mass is known"
     )
 
 
