@@ -21,12 +21,13 @@ import numpy as np
 
 import rsgen
 from rsgen.common.output import write_atomic
+from rsgen.common.tolerances import interval_sigmas
 from rsgen.data.surface import ResponseSurface
 
 REPORT = Path(__file__).parent.parent / "reports" / "verdicts.md"
 HEADING = "## Random tests"
 TESTS, SEED = 120, 1
-FAR, WIDE = 4.0, 1.959964
+FAR, WIDE = 4.0, float(interval_sigmas())
 """Standard errors beyond which an identified value is wrong, and to both ends of a 95 % interval."""
 SLOW = 30
 """Times the median that no identification may take."""

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from rsgen.common.arrays import Array
 from rsgen.common.errors import MeasurementError, quote
 from rsgen.common.finding import Finding, Quantity
+from rsgen.common.tolerances import RELATIVE_CHANGE_NEGLIGIBLE
 from rsgen.data.surface import ResponseSurface, typical_amounts
 from rsgen.data.surface.columns import MIN_TURN, group_forces, monotone_runs
 from rsgen.data.surface.response_surface import LEVEL_DIGITS
@@ -21,8 +22,6 @@ from rsgen.files.plan import MeasuredTest
 # ----------------------------------------------------------------------------
 # The levels of a table of amplitudes, and the stability of its points.
 
-_PHASE_LOCKED_SPREAD = 0.01
-"""Levels of a phase-locked test differ by more: one point each, so that neighbours must not be joined."""
 
 _AMPLITUDE_STEP = 0.1
 """Of the amplitude, relative, from level to level of a continuation: a dozen where it doubles twice."""
@@ -58,7 +57,8 @@ def assign_levels(
     if test.control == "continuation":
         return amplitude_steps(displacement, spread)
     if spread is not None or (run is None and test.control == "phase"):
-        return group_levels(force, _PHASE_LOCKED_SPREAD if spread is None else spread)
+        # levels of a phase-locked test have one point each: neighbours must not be joined
+        return group_levels(force, RELATIVE_CHANGE_NEGLIGIBLE if spread is None else spread)
     if run is not None:
         return run.astype(np.float64)
     if test.control == "response":

@@ -5,6 +5,7 @@ from __future__ import annotations
 import difflib
 import math
 import re
+import sys
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from fractions import Fraction
@@ -119,7 +120,7 @@ MAX_UNIT_CHARACTERS = 60
 _MAX_PARENTHESES = 5
 _MAX_POWER = 20
 _EXACT_DIGITS = 14  # what has no more digits is meant exactly; the rest of pint's float is rounding
-_MAX_BITS = 10_000  # far above the range of floats
+_MAX_BITS = 10 * sys.float_info.max_exp  # far above the range of floats
 _EXAMPLES = "write a unit such as N/m, kN*s/m, N/m^3 or mm"
 _COMMON = [
     "N",
