@@ -250,7 +250,7 @@ EXCITATIONS = {
     ),
     "multisine": Row(
         _MULTISINE,
-        refused=_refused(("background: phase", *_BACKGROUNDS, "profile"), OPEN),
+        refused=_refused(("profile",), OPEN),
     ),
 }
 

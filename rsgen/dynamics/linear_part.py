@@ -27,6 +27,7 @@ from typing import Any, Protocol, TypeVar, cast
 import numpy as np
 
 from rsgen.common.arrays import Array, Chosen, ComplexArray
+from rsgen.data.multisine import MultisineSpectra
 from rsgen.data.oscillator import BACKGROUNDS, OFFSET
 
 
@@ -77,6 +78,8 @@ class BackgroundTerms:
 
     Parameters
     ----------
+    kind, band
+        Kind of the background, and the lowest and highest frequency [Hz] of its band.
     names, units
         Of the values.
     functions
@@ -85,6 +88,8 @@ class BackgroundTerms:
         (n,) [rad/s].
     """
 
+    kind: str
+    band: tuple[float, float]
     names: tuple[str, ...]
     units: tuple[str, ...]
     functions: ComplexArray
@@ -97,6 +102,11 @@ class BackgroundTerms:
     def select(self, chosen: Chosen) -> BackgroundTerms:
         """Take some of the points."""
         return replace(self, functions=self.functions[chosen], omega=self.omega[chosen])
+
+    def values_from(self, other: BackgroundTerms, values: Array) -> Array:
+        """Return values (b,) with those of another background of the same band, zero where it has none."""
+        known = dict(zip(other.names, values, strict=True))
+        return np.array([known.get(name, 0.0) for name in self.names])
 
     def turn(self, values: Array) -> complex:
         """exp(i psi)."""
@@ -131,6 +141,21 @@ class BackgroundTerms:
         peak = table.peak if np.all(self.functions == 0) else np.full_like(table.peak, np.nan)
         changed = replace(cast(Any, table), force=force, harmonics=harmonics, peak=peak)
         return cast(Table, changed)
+
+    def mode_of(self, spectra: MultisineSpectra, values: Array) -> MultisineSpectra:
+        """Leave the mode alone in records whose lines (r (H+1),) are the points; the mean stays."""
+        if not len(values):
+            return spectra
+        turn = np.where(spectra.lines > 0, self.turn(values), 1)
+        seen = self.receptance(values).reshape(len(spectra), 1, -1) * (spectra.lines > 0)
+        force = spectra.force * turn
+        return replace(spectra, force=force, response=spectra.response - seen * force)
+
+    def slopes_by_force(self, values: Array) -> ComplexArray:
+        """(n, b) derivatives by all values of the background response per turned force."""
+        slopes = self.slopes(values)
+        slopes[:, :1] = 1j * self.receptance(values)[:, None]
+        return slopes
 
     def _neighbour(self, values: Array) -> tuple[ComplexArray, ComplexArray, ComplexArray]:
         """(n,) receptance of a mode of mass 1 kg, and its derivatives by f_n [Hz] and zeta."""
@@ -170,4 +195,15 @@ def background_terms(
     if rank == len(BACKGROUNDS) - 1:
         names, units = (*names, "r_re", "r_im", "f_n", "zeta"), (*units, "1/kg", "1/kg", "Hz", "")
     columns = np.array(functions, dtype=np.complex128).reshape(len(functions), len(omega)).T
-    return BackgroundTerms(names, units, columns, omega)
+    return BackgroundTerms(kind, band, names, units, columns, omega)
+
+
+def background_of_lines(kind: str, spectra: MultisineSpectra, band: tuple[float, float]) -> BackgroundTerms:
+    """Return a background at the lines (r (H+1),) of records.
+
+    The force is that of excited lines; below the lowest one nothing drives, and terms keep their value there.
+    """
+    excited = spectra.excited()
+    lowest = 2 * np.pi * min(band[0], *spectra.frequency[excited.any(axis=0)])
+    omega = np.maximum(2 * np.pi * np.tile(spectra.frequency, len(spectra)), lowest)
+    return background_terms(kind, omega, np.where(excited, np.abs(spectra.mean_force), 0).reshape(-1), band)

@@ -234,7 +234,11 @@ class Findings:
         found += self.agreement.findings
         found += sign_findings(self.points, self.fit, self.agreement.wider)
         found += phase_findings(self.fit.background)
-        found += gain_findings(self.fit)
+        problem, variance = (
+            self.fit.problem,
+            np.diag(self.fit.regression.covariance)[self.fit.problem.count :],
+        )
+        found += gain_findings(problem.observed.background, self.fit.background, variance, self.fit.mass)
         found += self._motion()
         found += self._implausible(calibrated, {finding.parameter for finding in of_parameters})
         found += self._runs()
@@ -420,9 +424,10 @@ def _require_followed(used: NDArray[np.bool_], model: Model) -> None:
 
 def _background(refined: Fit, whole: Regression, units: ForceUnits) -> Background | None:
     """The background with its errors, which stand behind those of the law."""
-    problem = refined.problem
-    variance = np.where(whole.converged, np.diag(whole.covariance)[problem.count :], np.inf)
-    return state_background(problem.observed, refined.background, variance, whole.freedom, units)
+    variance = np.where(whole.converged, np.diag(whole.covariance)[refined.problem.count :], np.inf)
+    observed, values = refined.problem.observed, refined.background
+    seen = observed.points.force, observed.points.amplitude
+    return state_background(observed.background, *seen, values, variance, whole.freedom, units)
 
 
 def _errors(
@@ -463,8 +468,8 @@ def _without_law(
 
 def _mode(table: Table, found: Fit) -> Table:
     """Subtract the background; phases that were not recorded are those that the fit predicts."""
-    observed = found.problem.observed
-    shape = background_terms(observed.kind, table.omega, table.force, observed.band)
+    own = found.problem.observed.background
+    shape = background_terms(own.kind, table.omega, table.force, own.band)
     table = with_phase(table, found, shape.receptance(found.background))
     return shape.subtract(table, found.background)
 

@@ -137,9 +137,17 @@ def misfit_findings(
     if not names.keys() & {"term", "free"}:
         # a term that is missing misses some levels more than others, as dry friction the lowest
         found += _level_apart(points, regression, surface.level_unit)
-    if known and backgrounds:
-        found += _missing_background(fit, backgrounds, wider, left)
-    return [*found, *_offset_proposal(fit, backgrounds, wider)]
+    if backgrounds:
+        found += background_findings(
+            observed.background.kind,
+            backgrounds,
+            {kind: _left_by(fit, one, wider) for kind, one in backgrounds.items()},
+            regression.first(fit.problem.count),
+            (*fit.problem.law.parameters, "m"),
+            misfit=misfit,
+            left=left if known else 0.0,
+        )
+    return found
 
 
 def _of_large_motions(fit: Fit) -> float:
@@ -275,38 +283,43 @@ def _contradicted(fit: Fit, left: float) -> list[Finding]:
     return found
 
 
-def _missing_background(
-    fit: Fit, others: Mapping[str, Alternative], wider: Array, left: float
+def background_findings(
+    own: str,
+    others: Mapping[str, Alternative],
+    left_by: Mapping[str, float],
+    found: Regression,
+    names: Sequence[str],
+    *,
+    misfit: float,
+    left: float,
 ) -> list[Finding]:
     """Find a background that takes up the misfit, more than a term does, and moves a parameter.
 
     Parameters
     ----------
-    fit, others
-        The fit, and alternatives with more of a background, by kind.
-    wider
-        As in ``misfit_findings``.
-    left
-        The misfit that the best term would leave.
+    own, others, left_by
+        The kind of a fit, alternatives with more of a background by kind, and the misfit that each leaves.
+    found, names
+        Of the law and the mass.
+    misfit, left
+        Of the fit, and what the best term would leave.
     """
-    found, of_law = fit.regression, slice(fit.problem.count)
-    left_by = {kind: _left_by(fit, one, wider) for kind, one in others.items()}
+    offset = _offset_proposal(own, left_by, misfit)
     # the first of them is the simplest
     kind = next(kind for kind, one in left_by.items() if one <= NOISE_RATIO_BY_CHANCE * min(left_by.values()))
-    size, leaves = relative_misfit(fit), left_by[kind]
-    if not leaves < min((1 - MIN_MISFIT_REDUCTION) * size, left):
-        return []
-    change = others[kind].shift[of_law]
+    leaves = left_by[kind]
+    if not leaves < min((1 - MIN_MISFIT_REDUCTION) * misfit, left):
+        return offset
+    change = others[kind].shift[: len(names)]
     # halves that differ by the same background widen the errors, and are no reason against it
-    times = np.abs(change) / np.sqrt(np.diag(found.covariance))[of_law]
-    share = change / found.parameters[of_law]
+    times = np.abs(change) / np.sqrt(np.diag(found.covariance))
+    share = change / found.parameters
     clear = (times > STANDARD_ERRORS_OF_DIFFERENCE) & (np.abs(share) > RELATIVE_CHANGE_NEGLIGIBLE)
     if not clear.any():
-        return []
+        return offset
     worst = int(np.argmax(np.where(clear, np.abs(share), 0.0)))
-    numbers = quantities(misfit=size, left=leaves, moved=share[worst], times=times[worst])
-    name = (*fit.problem.law.parameters, "m")[worst]
-    return [Finding("background-missing", "doubt", name, numbers, {"kind": kind})]
+    numbers = quantities(misfit=misfit, left=leaves, moved=share[worst], times=times[worst])
+    return [Finding("background-missing", "doubt", names[worst], numbers, {"kind": kind}), *offset]
 
 
 def _left_by(fit: Fit, other: Alternative, wider: Array) -> float:
@@ -316,14 +329,12 @@ def _left_by(fit: Fit, other: Alternative, wider: Array) -> float:
     )
 
 
-def _offset_proposal(fit: Fit, others: Mapping[str, Alternative], wider: Array) -> list[Finding]:
+def _offset_proposal(own: str, left_by: Mapping[str, float], size: float) -> list[Finding]:
     """Find that an offset explains most of the misfit, more than terms proportional to the force."""
-    own = fit.problem.observed.kind
     kind = ("phase" if own == "none" else own) + OFFSET
-    if kind not in others:
+    if kind not in left_by:
         return []
-    size, left = relative_misfit(fit), _left_by(fit, others[kind], wider)
-    without = _left_by(fit, others["residuals"], wider) if "residuals" in others else size
+    left, without = left_by[kind], left_by.get("residuals", size)
     if not left < (1 - MIN_MISFIT_REDUCTION) * without:
         return []
     numbers = quantities(misfit=size, left=left)

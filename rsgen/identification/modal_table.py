@@ -454,7 +454,13 @@ def _modal_test(modal: ModeProblem, found: Regression, surface: ResponseSurface,
         level_unit=surface.level_unit,
         units=surface.units,
         background=state_background(
-            modal.observed, modal.split(found.parameters)[2], variance, found.freedom, surface.units
+            modal.observed.background,
+            modal.observed.points.force,
+            modal.observed.points.amplitude,
+            modal.split(found.parameters)[2],
+            variance,
+            found.freedom,
+            surface.units,
         ),
     )
 

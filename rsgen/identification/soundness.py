@@ -35,7 +35,7 @@ from rsgen.common.tolerances import (
 )
 from rsgen.data.surface.columns import DERIVATIVE, QUANTITIES
 from rsgen.dynamics.harmonic_balance import following_harmonics, hold_amplitude
-from rsgen.dynamics.linear_part import Inertia
+from rsgen.dynamics.linear_part import BackgroundTerms, Inertia
 from rsgen.identification.fitting.across import motions_of, sensor_noise
 from rsgen.identification.fitting.fit import Fit, fit_balance
 from rsgen.identification.fitting.least_squares import Regression
@@ -200,19 +200,18 @@ def limit_findings(remarked: Sequence[Finding], fit: Fit) -> list[Finding]:
     return [Finding("range-reached", "doubt", numbers=numbers)]
 
 
-def gain_findings(fit: Fit) -> list[Finding]:
+def gain_findings(background: BackgroundTerms, values: Array, variance: Array, mass: float) -> list[Finding]:
     """Bound the change of a gain over the band that a background conceals.
 
     A response F/D of a mode that is read with a relative error e is off by e F/D, which the term b0 of the
     background takes up with e = b0 D. As D = k - m omega^2 off the resonance, e changes by
     |Re b0| m (omega_2^2 - omega_1^2) over the band, and is half of it at one end if it is zero in the middle.
     """
-    observed, place = fit.problem.observed, fit.problem.count + 1
-    if "b0_re" not in observed.background.names:
+    if "b0_re" not in background.names:
         return []
-    term, error = abs(float(fit.background[1])), float(np.sqrt(fit.regression.covariance[place, place]))
-    low, high = (2 * np.pi * frequency for frequency in observed.band)
-    change = term * abs(fit.mass) * (high**2 - low**2)
+    term, error = abs(float(values[1])), float(np.sqrt(variance[1]))
+    low, high = (2 * np.pi * frequency for frequency in background.band)
+    change = term * abs(mass) * (high**2 - low**2)
     # no gain changes its sign in a band
     if not (term > STANDARD_ERRORS_OF_DIFFERENCE * error and RELATIVE_CHANGE_NEGLIGIBLE < change < 1):
         return []

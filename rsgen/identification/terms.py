@@ -13,11 +13,12 @@ from dataclasses import replace
 from functools import lru_cache
 
 import numpy as np
+from numpy.typing import NDArray
 
 from rsgen.common.arrays import Array
 from rsgen.common.solvers import solve_scaled
 from rsgen.data.oscillator import BACKGROUNDS, OFFSET
-from rsgen.dynamics.linear_part import background_terms
+from rsgen.dynamics.linear_part import BackgroundTerms, background_terms
 from rsgen.formula.names import symbol
 from rsgen.identification.fitting.across import law_of
 from rsgen.identification.fitting.fit import Fit, linearise_extended
@@ -96,22 +97,51 @@ def fit_larger_backgrounds(fit: Fit, noise: float) -> dict[str, Alternative]:
     Not a neighbouring mode, whose frequency has no slope.
     """
     observed, count = fit.problem.observed, fit.problem.count
-    points, band = observed.points, observed.band
-    if observed.kind.startswith(BACKGROUNDS[-1]):
+    points, own = observed.points, observed.background
+    if own.kind.startswith(BACKGROUNDS[-1]):
         return {}
-    seen = replace(Observed.of(points, BACKGROUNDS[-2] + OFFSET), band=band, scale=observed.scale)
-    names, known = seen.background.names, dict(zip(observed.background.names, fit.background, strict=True))
-    start = fit.problem.join(fit.values, fit.mass, np.array([known.get(name, 0.0) for name in names]))
+    larger = background_terms(LARGEST, points.omega, points.force, own.band)
+    seen = replace(Observed.of(points, LARGEST), background=larger, scale=observed.scale)
+    start = fit.problem.join(fit.values, fit.mass, larger.values_from(own, fit.background))
     residual, matrix = linearise_extended(fit, replace(fit.problem, observed=seen), start)
-    right, rows = residual.reshape(-1) / noise, matrix.reshape(residual.size, len(start)) / noise
-    of_law = np.flatnonzero(fit.problem.free[:count])
-    fitted = {name for name, kept in zip(names, seen.fitted, strict=True) if kept}
+    fitted = [name for name, kept in zip(larger.names, seen.fitted, strict=True) if kept]
+    rows = matrix.reshape(residual.size, len(start)) / noise
+    return larger_backgrounds(
+        residual.reshape(-1) / noise, rows, fit.problem.free[:count], own, larger, fitted
+    )
+
+
+LARGEST = BACKGROUNDS[-2] + OFFSET
+"""The largest kind of background whose values have slopes at zero."""
+
+
+def larger_backgrounds(
+    right: Array,
+    rows: Array,
+    free: NDArray[np.bool_],
+    own: BackgroundTerms,
+    larger: BackgroundTerms,
+    fitted: Collection[str],
+) -> dict[str, Alternative]:
+    """Return each kind of background beyond that of a fit, to first order.
+
+    Parameters
+    ----------
+    right, rows
+        (r,) residual and (r, q) slopes of unit variance; the last columns are the values of ``larger``.
+    free
+        (count,) False for fixed parameters of the law.
+    own, larger
+        The background of the fit, and the largest one.
+    fitted
+        Names of its values that are determined at all.
+    """
+    count, names, known = len(free), larger.names, own.names
+    of_law = np.flatnonzero(free)
 
     def solve(those: Collection[str]) -> tuple[Array, float]:
         """Return the change of the law's parameters with some of the background, and the sum of squares."""
-        of_background = [
-            place for place, name in enumerate(names, count) if name in fitted.intersection(those)
-        ]
+        of_background = [place for place, name in enumerate(names, count) if name in fitted and name in those]
         columns = rows[:, [*of_law, *of_background]]
         moved, change = solve_scaled(columns, right)[0], np.zeros(count)
         change[of_law] = moved[: len(of_law)]
@@ -119,10 +149,10 @@ def fit_larger_backgrounds(fit: Fit, noise: float) -> dict[str, Alternative]:
 
     (begin, square), found = solve(known), {}
     for kind in (kind + ending for kind in BACKGROUNDS[1:-1] for ending in ("", OFFSET)):
-        more = background_terms(kind, points.omega, points.force, band).names
+        more = background_terms(kind, larger.omega[:1], np.ones(1), larger.band).names
         if set(more) > set(known):
             change, left = solve(more)
-            gain, columns = max(square - left, 0.0), len((set(more) & fitted) - set(known))
+            gain, columns = max(square - left, 0.0), len(set(more) & set(fitted) - set(known))
             found[kind] = Alternative(float(np.sqrt(gain)), 1.0, change - begin, columns)
     return found
 

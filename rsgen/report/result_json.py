@@ -200,6 +200,7 @@ def build_result(
             "seconds": finite_or_none(durations.get("surface")),
         },
         "resonances": [_resonance(point) for point in identification.resonances],
+        "background": _background(identification),
         **entries,
         "ranking": _ranking(identification.ranking),
     }
@@ -270,7 +271,6 @@ def _entries_of(
         "dissipation": dissipation_entry(table, identification),
         "modal": modal_entry(modal),
         "held_out": [_held_out(item) for item in prediction.held_out],
-        "background": _background(identification),
     }
     return len(table), int(np.count_nonzero(table.settled)), entries
 

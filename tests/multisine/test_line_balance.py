@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 import rsgen
+from rsgen.dynamics.linear_part import background_of_lines
 from rsgen.identification.lines.line_balance import Balance, BalanceNoise, SpectralLines
 from rsgen.identification.lines.line_fit import fit_lines, parameter_covariance
 from rsgen.law.motion import harmonics_of, waveform
@@ -37,7 +38,8 @@ def records(*, of_force: float, of_response: float, mean_known: bool = True) -> 
 def lines_from(spectra: rsgen.MultisineSpectra, first: int = 1) -> SpectralLines:
     """All lines from the first on, noisy or not, are taken from the record."""
     used = np.arange(LINES + 1)[None] > 0
-    return SpectralLines(spectra, used, 256, np.array([first]), np.array([LINES]), LINES)
+    none = background_of_lines("none", spectra, (1.0, 2.0))
+    return SpectralLines(spectra, used, 256, np.array([first]), np.array([LINES]), LINES, none, np.zeros(0))
 
 
 def law_of(text: str) -> ForceLaw:
@@ -117,7 +119,7 @@ def test_slopes_follow_the_mean_that_the_law_finds() -> None:
         step[place] = 1e-3 * value
         up, down = (Balance.of(lines, law, values + s, MASS, none).residual[0, 1:] for s in (step, -step))
         slope = (down - up) / (2 * step[place])
-        assert np.abs(found.by_parameter[0, place, 1:] - slope).max() < 1e-5 * np.abs(slope).max()
+        assert np.abs(found.slopes[0, place, 1:] - slope).max() < 1e-5 * np.abs(slope).max()
 
 
 def linear(*, of_force: float, of_response: float, seed: int, periods: int = 32) -> rsgen.MultisineSpectra:

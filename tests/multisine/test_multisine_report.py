@@ -156,7 +156,6 @@ def test_what_a_multisine_cannot_have_is_said_before_the_run(folder: Path, run_c
         assert checked.code == 2, checked
         return " ".join((checked.out + checked.err).split())
 
-    assert "identified without a background" in said(identify='background = "constant"\n')
     assert "belongs to sines" in said(more='\n[test.demodulation]\nband = ["1 Hz", "9 Hz"]\n')
     assert "does not repeat every 500 samples" in said(more="\n[test.multisine]\nperiod = 500\n")
     text = CASE.format(law=LAW, identify="", test="").replace('"4 N"]\n', '"5 N"]\n', 1)

@@ -202,7 +202,6 @@ def test_a_case_of_a_virtual_multisine_is_checked_and_run(
     [
         ("period  =", "perjod  =", "test.perjod: is not a key here; did you mean 'period'?"),
         ("periods = 4", 'control = "phase"', "test.control: is not a key here"),
-        ("[identify]", '[identify]\nbackground = "constant"', "is identified without a background"),
         ("[identify]", "[unknown]\n[identify]", "unknown: is not a key here"),
     ],
 )

@@ -46,7 +46,6 @@ NUMBERS = {
 
 REFUSED = {
     "ranking": {"one-sensor/amplitudes-only", "two-sensors/laws", "two-sensors/across"},
-    "multisine": {"identified/background"},
 }
 """Tasks that rsgen refuses; another pin that is refused was made wrongly."""
 

@@ -70,8 +70,6 @@ class Observed:
         Terms of the background at the points.
     fitted
         (b,) mask of the fitted values of the background; the others stay.
-    kind, band
-        Kind of the background, and the lowest and highest frequency [Hz] of its band.
     recorded
         Harmonics of the response that were recorded with a phase; empty for amplitudes alone.
     scale
@@ -84,8 +82,6 @@ class Observed:
     points: Points
     background: BackgroundTerms
     fitted: NDArray[np.bool_]
-    kind: str
-    band: tuple[float, float]
     recorded: tuple[int, ...]
     scale: Array | None = None
     direct: bool = False
@@ -98,10 +94,10 @@ class Observed:
         shape = background_terms(kind, points.omega, points.force, band)
         if points.phase_known:
             fitted = np.ones(len(shape.names), dtype=bool)
-            return cls(points, shape, fitted, kind, band, points.measured, direct=not shape.names)
+            return cls(points, shape, fitted, points.measured, direct=not shape.names)
         # without phases psi has no effect, and that of imaginary parts of b is nearly that of damping
         fitted = np.array([name not in _NEED_PHASE for name in shape.names], dtype=bool)
-        return cls(points, shape, fitted, kind, band, (), points.amplitude)
+        return cls(points, shape, fitted, (), points.amplitude)
 
     @property
     def parts(self) -> int:
@@ -114,9 +110,9 @@ class Observed:
 
     def without_neighbour(self) -> Observed:
         """Return the points with residual terms in place of a neighbouring mode."""
-        kind = self.kind.replace("neighbour", "residuals")
-        shape = background_terms(kind, self.points.omega, self.points.force, self.band)
-        return replace(self, kind=kind, background=shape, fitted=self.fitted[: len(shape.names)])
+        kind = self.background.kind.replace("neighbour", "residuals")
+        shape = background_terms(kind, self.points.omega, self.points.force, self.background.band)
+        return replace(self, background=shape, fitted=self.fitted[: len(shape.names)])
 
     def select(self, chosen: Chosen) -> Observed:
         """Keep some points; the band of the background stays."""

@@ -5,7 +5,8 @@ N_h(p) the spectrum of the law n(x, v; p) along the measured mean motion, the ba
 
     e_h = F_h - m (i h omega0)^2 X_h - N_h(p).
 
-It is linear in m and in most p, and no equation of motion has to be solved for it. Noise of the measured
+With a background the sensor sees Y = X + B F, and X is what is left of it. The balance
+is linear in m and in most p, and no equation of motion has to be solved for it. Noise of the measured
 motion enters N nonlinearly, so three quantities are estimated from the P single periods of a record:
 
 * the variance of e_h, from its scatter between periods: noise of force and of response with the weight that
@@ -26,7 +27,8 @@ record and the motion of the law.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -36,9 +38,11 @@ from rsgen.common.arrays import Array, ComplexArray
 from rsgen.common.tolerances import HARMONIC_TRUNCATION, MAX_NEWTON_STEPS, MAX_TRIAL_STEPS, ROUND_OFF
 from rsgen.data.multisine import MultisineSpectra
 from rsgen.data.multisine.spectra import scatter, smooth
+from rsgen.data.oscillator import Observation
+from rsgen.dynamics.linear_part import BackgroundTerms, background_of_lines
 from rsgen.dynamics.periodic_response import OVERSAMPLED
 from rsgen.law.motion import Motion, harmonics_of, waveform
-from rsgen.law.normal_form import ForceSample
+from rsgen.law.normal_form import ForceSample, Perturbation
 from rsgen.law.numeric import ForceLaw
 
 _EXTENSION_BY_SWITCHES, _MAX_LINES = 16, 16384
@@ -65,6 +69,10 @@ class SpectralLines:
         (r,) lowest and highest line of each record whose response is taken from the record.
     extended
         Highest line of the motions along which the law is evaluated.
+    background
+        Terms of the background at all lines.
+    subtracted
+        (b,) values of the background that ``spectra`` are without; see ``mode``.
     """
 
     spectra: MultisineSpectra
@@ -73,6 +81,8 @@ class SpectralLines:
     lowest: NDArray[np.intp]
     highest: NDArray[np.intp]
     extended: int
+    background: BackgroundTerms
+    subtracted: Array
 
     def __len__(self) -> int:
         return len(self.spectra)
@@ -82,6 +92,19 @@ class SpectralLines:
         """Angular frequency i h omega0 (H+1,) of each line [rad/s]."""
         return np.asarray(1j * self.spectra.lines * self.spectra.omega0)
 
+    def mode(self, values: Array) -> SpectralLines:
+        """Return measured lines without a background of values (b,)."""
+        return replace(self, spectra=self.background.mode_of(self.spectra, values), subtracted=values)
+
+    def change_of_mode(self, record: int, force: ComplexArray) -> tuple[ComplexArray, ComplexArray]:
+        """Return the change (b, H+1) of force and motion of the mode under a force by the background."""
+        driven = np.where(self.spectra.lines > 0, force, 0)
+        place = np.arange(record * len(driven), (record + 1) * len(driven))
+        motion = -self.background.select(place).slopes_by_force(self.subtracted).T * driven
+        turned = np.zeros_like(motion)
+        turned[:1] = 1j * driven
+        return turned, motion
+
     def power(self, mass: float) -> Array:
         """Return the power |F|^2 + |m omega^2 X|^2 (r, H+1) [N^2], smoothed over neighbouring lines."""
         force, response = self.spectra.mean_force, self.spectra.mean_response
@@ -89,10 +112,9 @@ class SpectralLines:
         return np.stack([np.maximum(smooth(row), ROUND_OFF * row.max()) for row in power])
 
 
-def select_lines(
-    spectra: MultisineSpectra, band: tuple[float, float] | None, *, switched: bool
-) -> SpectralLines:
+def select_lines(spectra: MultisineSpectra, observation: Observation, *, switched: bool) -> SpectralLines:
     """Select the lines of the band, or those up to the highest excited one; never line zero, the mean."""
+    band = observation.band
     last_excited = [np.flatnonzero(row)[-1] if row.any() else 0 for row in spectra.excited()]
     low, high = band or (0.0, np.inf)
     inside = (spectra.frequency >= low) & (spectra.frequency <= high) & (spectra.lines > 0)
@@ -100,7 +122,12 @@ def select_lines(
     recorded = len(spectra.lines) - 1
     extended = max(recorded, min(_EXTENSION_BY_SWITCHES * recorded, _MAX_LINES)) if switched else recorded
     samples = 1 << (OVERSAMPLED * (extended + 1) - 1).bit_length()
-    return SpectralLines(spectra, used, samples, *spectra.reach(), extended)
+    driven = (used & spectra.excited()).any(axis=0)
+    # no line at all is refused where parameters are counted
+    fitted = spectra.frequency[driven if driven.any() else spectra.lines > 0]
+    background = background_of_lines(observation.background, spectra, (float(fitted[0]), float(fitted[-1])))
+    none = np.zeros(len(background.names))
+    return SpectralLines(spectra, used, samples, *spectra.reach(), extended, background, none)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -121,8 +148,8 @@ class BalanceNoise:
     bias_by_parameter
         (r, p, H+1) derivative of the bias by the values.
     cross_covariance
-        (r, p+1, H+1) real part of the covariance of the slopes of the law, that by the mass last, with the
-        balance of the mean period.
+        (r, q, H+1) real part of the covariance of the slopes, those of ``Balance``, with the balance of the
+        mean period.
     deviation
         (r, P, H+1) balance of each period minus the mean of the periods [N].
     """
@@ -145,7 +172,7 @@ class BalanceNoise:
             np.ones(shape),
             np.zeros(shape, dtype=complex),
             np.zeros((shape[0], parameters, shape[1]), dtype=complex),
-            np.zeros((shape[0], parameters + 1, shape[1])),
+            np.zeros((shape[0], parameters + 1 + len(lines.subtracted), shape[1])),
             np.zeros(lines.spectra.force.shape, dtype=complex),
         )
 
@@ -158,17 +185,14 @@ class Balance:
     ----------
     residual
         (r, H+1) F - m (i h omega0)^2 X - N [N].
-    by_parameter
-        (r, p, H+1) dN/dp.
-    by_mass
-        (r, H+1) (i h omega0)^2 X, and dN/dm through the computed lines of the motion.
+    slopes
+        (r, q, H+1) minus its derivatives by the values of the law, the mass, and the background.
     mean
         (r,) mean displacement, measured or computed from the law [m].
     """
 
     residual: ComplexArray
-    by_parameter: ComplexArray
-    by_mass: ComplexArray
+    slopes: ComplexArray
     mean: Array
 
     @classmethod
@@ -176,18 +200,12 @@ class Balance:
         cls, lines: SpectralLines, law: ForceLaw, values: Array, mass: float, noise: BalanceNoise
     ) -> Balance:
         """Evaluate the law along the mean motion of every record."""
-        spectra = lines.spectra
         parts = [LawAlongRecord(lines, law, values, mass, i).mean for i in range(len(lines))]
-        inertia = lines.rate**2 * spectra.mean_response
         bias = noise.bias + np.einsum("rph,p->rh", noise.bias_by_parameter, values - noise.values)
-        law_force = np.stack([part.force for part in parts]) - bias
         slopes = np.stack([part.slopes for part in parts])
-        return cls(
-            residual=spectra.mean_force - mass * inertia - law_force,
-            by_parameter=slopes[:, :-1] - noise.bias_by_parameter,
-            by_mass=slopes[:, -1] + inertia,
-            mean=np.array([part.mean for part in parts]),
-        )
+        slopes[:, : len(values)] -= noise.bias_by_parameter
+        residual = np.stack([part.balance for part in parts]) + bias
+        return cls(residual, slopes, np.array([part.mean for part in parts]))
 
     @staticmethod
     def damping(lines: SpectralLines, law: ForceLaw, values: Array, mass: float) -> Array:
@@ -211,14 +229,14 @@ class Balance:
             periods = [
                 record.period(*pair) for pair in zip(spectra.force[i], spectra.response[i], strict=True)
             ]
-            forces = np.stack([period.force for period in periods])
+            balance = np.stack([period.balance for period in periods])
             slopes = np.stack([period.slopes for period in periods])
             if not spectra.exact[i]:
                 found.weight_shape[i] = record.expected_variance(*(part[i] ** 2 for part in spectra.noise()))
-            found.bias[i] = (forces.mean(axis=0) - record.mean.force) / (count - 1)
-            found.bias_by_parameter[i] = (slopes.mean(axis=0) - record.mean.slopes)[:-1] / (count - 1)
-            balance = spectra.force[i] - mass * lines.rate**2 * spectra.response[i] - forces
-            slopes[:, -1] += lines.rate**2 * spectra.response[i]
+            # force and inertia are linear: what differs from the balance of the mean is the law's
+            found.bias[i] = (record.mean.balance - balance.mean(axis=0)) / (count - 1)
+            by_law = (slopes.mean(axis=0) - record.mean.slopes)[: len(values)]
+            found.bias_by_parameter[i] = by_law / (count - 1)
             columns = np.conj(slopes - slopes.mean(axis=0))
             found.deviation[i] = balance - balance.mean(axis=0)
             products = (columns * found.deviation[i][:, None]).real
@@ -230,9 +248,9 @@ class Balance:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class LawSpectra:
-    """A law along one motion: force (H+1,) [N], slopes (p+1, H+1) by parameters and mass, mean of x [m]."""
+    """A law along one motion: balance (H+1,) [N], slopes (q, H+1) as of ``Balance``, mean of x [m]."""
 
-    force: ComplexArray
+    balance: ComplexArray
     slopes: ComplexArray
     mean: float
 
@@ -246,7 +264,7 @@ class LawAlongRecord:
     """
 
     def __init__(self, lines: SpectralLines, law: ForceLaw, values: Array, mass: float, record: int) -> None:
-        self._lines, self._law, self._values, self._mass = lines, law, values, mass
+        self._lines, self._law, self._values, self._mass, self._record = lines, law, values, mass, record
         self._force = lines.spectra.mean_force[record]
         self._response = lines.spectra.mean_response[record]
         orders = np.arange(lines.extended + 1)
@@ -255,7 +273,7 @@ class LawAlongRecord:
         self._high = orders > lines.highest[record]
         self._measured = ~(self._low | self._high)[: len(self._response)]
         self._computed = self._solve_lines()
-        self.mean, self._mean_dynamic = self._evaluate(self._response, self._computed)
+        self.mean, self._mean_dynamic = self._evaluate(self._force, self._response, self._computed)
 
     def _dynamic_stiffness(self, sample: ForceSample) -> ComplexArray:
         """Return m s^2 + c s + k (extended + 1,) [N/m] with the mean slopes k and c of the law."""
@@ -309,7 +327,7 @@ class LawAlongRecord:
         count, computed = len(response), np.array(self._computed)
         low = self._low[:count]
         computed[:count][low] += ((force - self._force) / self._mean_dynamic[:count])[low]
-        return self._evaluate(response, computed)[0]
+        return self._evaluate(force, response, computed)[0]
 
     @cached_property
     def trajectory(self) -> tuple[Array, Array, Array, Array]:
@@ -343,25 +361,36 @@ class LawAlongRecord:
         moving, still = (self._law.sample(x, rate, a, step, self._values).force for rate in (v, 0 * v))
         return self._spectrum(np.broadcast_to(moving - still, x.shape))[0, : len(self._response)]
 
-    def _evaluate(self, response: ComplexArray, computed: ComplexArray) -> tuple[LawSpectra, ComplexArray]:
+    def _evaluate(
+        self, force: ComplexArray, response: ComplexArray, computed: ComplexArray
+    ) -> tuple[LawSpectra, ComplexArray]:
         """Evaluate a law along a motion; return its dynamic stiffness (extended + 1,) [N/m] as well."""
-        lines, law, values = self._lines, self._law, self._values
+        lines, law, values, count = self._lines, self._law, self._values, len(response)
         motion = self._motion(response, computed)
         x, v, a, step, mean = self._waves(motion)
         sample = law.sample(x, v, a, step, values)
         by_x, by_v = (np.broadcast_to(part, x.shape)[0] for part in (sample.by_x, sample.by_v))
-        columns = np.zeros((len(values) + 1, lines.samples))
+        turned, moved = lines.change_of_mode(self._record, force)
+        direct = np.zeros((len(values) + 1 + len(moved), count), dtype=complex)
+        direct[len(values)] = -(self._rate[:count] ** 2) * response
+        direct[len(values) + 1 :] = turned - self._mass * self._rate[:count] ** 2 * moved
+        columns = np.zeros((len(direct), lines.samples))
         for column, part in zip(columns, sample.by_parameter, strict=False):
             column[:] = np.broadcast_to(part, x.shape)[0]
+        if len(moved):
+            measured = np.zeros((len(moved), len(motion)), dtype=complex)
+            measured[:, :count][:, self._measured] = moved[:, self._measured]
+            columns[len(values) + 1 :] = self._by_motion(measured, by_x, by_v, sample.by_memory)
         columns = self._with_mean(columns, by_x)
         dynamic = self._dynamic_stiffness(sample)
         if self._low.any():
             change = self._spectrum(columns)
-            change[-1] += self._rate**2 * motion
+            change[len(values)] += self._rate**2 * motion
+            change[len(values) + 1 :, :count] -= turned
             columns = columns + self._motion_slopes(change, by_x, by_v, dynamic)
-        count = len(response)
         spectra = self._spectrum(np.concatenate([np.broadcast_to(sample.force, x.shape), columns]))
-        return LawSpectra(spectra[0, :count], spectra[1:, :count], mean), dynamic
+        balance = force - self._mass * self._rate[:count] ** 2 * response - spectra[0, :count]
+        return LawSpectra(balance, spectra[1:, :count] - direct, mean), dynamic
 
     def _with_mean(self, columns: Array, by_x: Array) -> Array:
         """Add what the mean displacement, where the law gives it, answers to forces (n, s)."""
@@ -388,12 +417,24 @@ class LawAlongRecord:
     def _motion_slopes(self, balance: ComplexArray, by_x: Array, by_v: Array, dynamic: ComplexArray) -> Array:
         """Return the forces (n, s) by the motion at low lines, which changes of the balance there move.
 
-        ``balance`` holds (n, extended + 1) lines. One step of the fixed-point iteration: further steps change
-        less than noise does.
+        ``balance`` holds (n, extended + 1) lines. One step of the fixed-point iteration: further steps, and
+        the memory that ``dynamic`` is without, change less than noise does.
         """
-        change = np.where(self._low, -balance / dynamic, 0)
+        return self._by_motion(np.where(self._low, -balance / dynamic, 0), by_x, by_v)
+
+    def _by_motion(
+        self,
+        change: ComplexArray,
+        by_x: Array,
+        by_v: Array,
+        by_memory: Sequence[tuple[Array, Perturbation]] = (),
+    ) -> Array:
+        """Return the forces (n, s) by a change (n, extended + 1) of the motion."""
         x, v = (waveform(part, self._lines.samples) for part in (change, change * self._rate))
-        return np.asarray(by_x * x + by_v * v)
+        found = by_x * x + by_v * v
+        for slope, perturbation in by_memory:
+            found += np.sum(slope[:, 0, None] * perturbation(x, v[None])[:, 0], axis=0)
+        return np.asarray(found)
 
     def _spectrum(self, waves: Array) -> ComplexArray:
         """Return the lines (n, extended + 1) of signals (n, s)."""

@@ -19,6 +19,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
+from operator import itemgetter
 
 import numpy as np
 import sympy
@@ -29,6 +30,7 @@ from rsgen.common.solvers import solve_scaled
 from rsgen.common.tolerances import (
     JACKKNIFE_GROUPS,
     MAX_ALTERNATIONS,
+    MAX_TRIAL_STEPS,
     MISFIT_NEGLIGIBLE,
     NOISE_LIMIT_SIGMAS,
     NOISE_RATIO_BY_CHANCE,
@@ -38,6 +40,8 @@ from rsgen.common.tolerances import (
     normal_share,
 )
 from rsgen.data.multisine.spectra import LINES_TO_EACH_SIDE, rms, smooth
+from rsgen.data.oscillator import BACKGROUNDS
+from rsgen.dynamics.linear_part import background_of_lines
 from rsgen.formula import parse
 from rsgen.identification.fitting.least_squares import (
     Alternative,
@@ -52,6 +56,8 @@ from rsgen.identification.fitting.least_squares import (
 from rsgen.identification.fitting.observed import MISSING_TERMS, with_coefficients
 from rsgen.identification.lines.line_balance import Balance, BalanceNoise, SpectralLines
 from rsgen.identification.starting.search import search_values
+from rsgen.identification.starting.start import neighbours
+from rsgen.identification.terms import LARGEST, larger_backgrounds
 from rsgen.law.motion import Motion
 from rsgen.law.numeric import DECADES, ForceLaw, compile_law, natural_sizes
 
@@ -74,7 +80,7 @@ class LineFit:
     fixed
         Values of parameters that are known, by name; "m" is the mass [kg].
     parameters
-        (q,) values of the law, and the mass [kg].
+        (q,) values of the law, the mass [kg], and the background.
     noise
         Noise of the balance from the single periods.
     variance
@@ -94,27 +100,33 @@ class LineFit:
     @property
     def values(self) -> Array:
         """Values (p,) of the parameters of the law."""
-        return self.parameters[:-1]
+        return self.parameters[: len(self.law.parameters)]
 
     @property
     def mass(self) -> float:
         """Mass [kg]."""
-        return float(self.parameters[-1])
+        return float(self.parameters[len(self.law.parameters)])
+
+    @property
+    def background(self) -> Array:
+        """Values (b,) of the background."""
+        return self.parameters[len(self.law.parameters) + 1 :]
 
     @property
     def free(self) -> NDArray[np.bool_]:
         """Mask (q,), False for fixed parameters."""
-        return np.array([name not in self.fixed for name in (*self.law.parameters, "m")])
+        of_law = [name not in self.fixed for name in (*self.law.parameters, "m")]
+        return np.array(of_law + [True] * len(self.background))
+
+    @cached_property
+    def mode(self) -> SpectralLines:
+        """The lines without the background."""
+        return self.lines.mode(self.background)
 
     @cached_property
     def balance(self) -> Balance:
         """The balance at ``parameters``."""
-        return Balance.of(self.lines, self.law, self.values, self.mass, self.noise)
-
-    @property
-    def columns(self) -> ComplexArray:
-        """Slopes (r, q, H+1) of law and inertia by the parameters."""
-        return np.concatenate([self.balance.by_parameter, self.balance.by_mass[:, None]], axis=1)
+        return Balance.of(self.mode, self.law, self.values, self.mass, self.noise)
 
     @cached_property
     def regression(self) -> Regression:
@@ -131,7 +143,7 @@ class LineFit:
         """Return real and imaginary part of each used line, scaled to unit variance, at other parameters."""
         fit = self if parameters is self.parameters else replace(self, parameters=parameters)
         used, weight = self.lines.used, np.sqrt(2 / self.variance)
-        matrix = np.moveaxis(fit.columns * weight[:, None], 1, 2)[used]
+        matrix = np.moveaxis(fit.balance.slopes * weight[:, None], 1, 2)[used]
         right = (fit.balance.residual * weight)[used]
         return Linearisation(
             np.stack([right.real, right.imag], axis=1),
@@ -154,7 +166,7 @@ def _line_variances(fit: LineFit, noise: BalanceNoise) -> Array:
     # the smoothed power of pure noise exceeds this limit once in thousands
     limit = 1 + NOISE_LIMIT_SIGMAS / np.sqrt(2 * _SMOOTHING_HALF_WIDTH + 1)
     variance = np.where(~known | (misfit > limit * noise.variance), misfit, noise.variance)
-    return np.maximum(variance, _ROUND_OFF_POWER * fit.lines.power(fit.mass))
+    return np.maximum(variance, _ROUND_OFF_POWER * fit.mode.power(fit.mass))
 
 
 def _smoothed_power(power: Array, used: NDArray[np.bool_]) -> Array:
@@ -177,12 +189,15 @@ def fit_lines(
     fixed
         Values of parameters that are known, by name; "m" is the mass [kg].
     values, mass
-        Initial values (p,) and initial mass [kg].
+        Initial values (p,) and initial mass [kg]; the background begins with zeros.
     """
     # nonlinear distortion is spread over all lines, excited or not: one variance a record to begin with
     variance = np.broadcast_to(lines.power(mass).max(axis=1, keepdims=True), lines.used.shape)
     unknown = BalanceNoise.unknown(lines, len(values))
-    fit = LineFit(lines, law, fixed, np.append(values, mass), unknown, variance)
+    start = np.concatenate([values, [mass], lines.subtracted])
+    fit = LineFit(lines, law, fixed, start, unknown, variance)
+    if "f_n" in lines.background.names:
+        fit = _place_neighbour(fit)
     rules = Rules(free=fit.free)
     for iteration in range(MAX_ALTERNATIONS):
         place, nuisance, line, converged = descend(fit.linearise, fit.parameters, fit.nuisance, rules)
@@ -191,9 +206,24 @@ def fit_lines(
         converged = converged and bool(np.isfinite(line.residual).all())
         fit = replace(fit, parameters=place, converged=converged)
         if iteration < MAX_ALTERNATIONS - 1:
-            noise = fit.balance.noise(lines, law, fit.values, fit.mass)
+            noise = fit.balance.noise(fit.mode, law, fit.values, fit.mass)
             fit = replace(fit, noise=noise, variance=_line_variances(fit, noise))
     return fit
+
+
+def _place_neighbour(fit: LineFit) -> LineFit:
+    """Return a fit with a neighbouring mode at the natural frequency of least misfit."""
+    own = fit.lines.background
+    residuals = background_of_lines(own.kind.replace("neighbour", "residuals"), fit.lines.spectra, own.band)
+    without = replace(fit.lines, background=residuals, subtracted=np.zeros(len(residuals.names)))
+    begun = fit_lines(without, fit.law, fit.fixed, fit.values, fit.mass)
+    fit = replace(fit, variance=begun.variance)
+    rules, trials = Rules(free=fit.free, steps=MAX_TRIAL_STEPS), []
+    for neighbour in neighbours(own.band, begun.mass):
+        start = np.append(begun.parameters, neighbour)
+        place, _, line, _ = descend(fit.linearise, start, fit.nuisance, rules)
+        trials.append((np.nan_to_num(rules.cost(line.residual, place), nan=np.inf), place))
+    return replace(fit, parameters=min(trials, key=itemgetter(0))[1])
 
 
 def _slope_noise_bias(fit: LineFit, found: Regression) -> Array:
@@ -272,10 +302,26 @@ def fit_missing_terms(fit: LineFit) -> dict[str, Alternative]:
     law = compile_law(sympy.Add(fit.law.expression, *map(parse, terms.values())))
     known = dict(zip(fit.law.parameters, fit.values, strict=True))
     values = np.array([known.get(name, 0.0) for name in law.parameters])
-    noise = fit.balance.noise(fit.lines, law, values, fit.mass)
-    extended = replace(fit, law=law, parameters=np.append(values, fit.mass), noise=noise)
+    noise = fit.balance.noise(fit.mode, law, values, fit.mass)
+    parameters = np.concatenate([values, fit.parameters[len(fit.values) :]])
+    extended = replace(fit, law=law, parameters=parameters, noise=noise)
     found = _fit_added_parameters(extended, [law.parameters.index(name) for name in terms])
     return dict(zip(MISSING_TERMS, found, strict=True))
+
+
+def fit_larger_backgrounds(fit: LineFit) -> dict[str, Alternative]:
+    """Return each kind of background that is larger than that of the fit, to first order."""
+    lines, own = fit.lines, fit.lines.background
+    if own.kind.startswith(BACKGROUNDS[-1]):
+        return {}
+    larger = background_of_lines(LARGEST, lines.spectra, own.band)
+    values = larger.values_from(own, fit.background)
+    parameters = np.concatenate([fit.values, [fit.mass], values])
+    seen = replace(lines, background=larger)
+    line = replace(fit, lines=seen, parameters=parameters).linearise(parameters, fit.nuisance)
+    rows = line.by_parameter.reshape(line.residual.size, len(parameters))
+    free = fit.free[: len(fit.values) + 1]
+    return larger_backgrounds(line.residual.reshape(-1), rows, free, own, larger, larger.names)
 
 
 def fit_fixed_parameters(fit: LineFit) -> dict[str, Alternative]:
@@ -308,7 +354,7 @@ def _scatter_of_periods(fit: LineFit, covariance: Array) -> Array:
     """
     count = fit.lines.spectra.periods
     variance_of_mean = np.zeros(len(covariance))
-    records = (fit.columns, fit.noise.deviation, fit.variance, fit.lines.used)
+    records = (fit.balance.slopes, fit.noise.deviation, fit.variance, fit.lines.used)
     for column, deviation, variance, used in zip(*records, strict=True):
         weighted = np.conj(column[:, used]) * (2 / variance[used])
         estimates = (deviation[:, used] @ weighted.T).real @ covariance
@@ -332,7 +378,7 @@ def largest_gain_step(fit: LineFit) -> tuple[int, float, float]:
         errors.
     """
     found, driven = (0, 0.0, 0.0), fit.lines.used & fit.lines.spectra.excited()
-    records = (fit.lines.spectra.mean_force, fit.noise.deviation, fit.variance, driven)
+    records = (fit.mode.spectra.mean_force, fit.noise.deviation, fit.variance, driven)
     for force, deviation, variance, used in zip(*records, strict=True):
         weight = np.sqrt(2 / variance[used])
         column, freedom = force[used] * weight, max(2 * int(used.sum()) - 1, 1)
@@ -361,7 +407,7 @@ def channel_delay(fit: LineFit) -> tuple[float, float, float]:
     """
     lines, found = fit.lines, fit.regression
     measured = lines.spectra.lines >= lines.lowest[:, None]
-    column = (lines.rate * lines.spectra.mean_force * measured / np.sqrt(fit.variance / 2))[lines.used]
+    column = (lines.rate * fit.mode.spectra.mean_force * measured / np.sqrt(fit.variance / 2))[lines.used]
     slope = _orthogonal_to_parameters(found, np.stack([column.real, column.imag], axis=1))
     residual = _orthogonal_to_parameters(found, found.residual)
     size = max(float(np.linalg.norm(slope)), 1e-300)
@@ -383,7 +429,7 @@ def band_parts(lines: SpectralLines) -> NDArray[np.intp]:
 def misfit_to_noise(fit: LineFit) -> float:
     """Return the root mean square over all lines of misfit over noise; 1 where the noise is not known."""
     # periods that are equal show no noise but round-off
-    noise = np.maximum(fit.noise.variance, _ROUND_OFF_POWER * fit.lines.power(fit.mass))
+    noise = np.maximum(fit.noise.variance, _ROUND_OFF_POWER * fit.mode.power(fit.mass))
     ratio = (np.abs(fit.balance.residual) ** 2 / noise)[fit.lines.used]
     ratio = ratio[~np.isnan(ratio)]
     return float(np.sqrt(np.mean(ratio))) if len(ratio) else 1.0

@@ -37,6 +37,7 @@ from rsgen.identification.lines.line_fit import (
     band_parts,
     channel_delay,
     fit_fixed_parameters,
+    fit_larger_backgrounds,
     fit_lines,
     fit_missing_terms,
     largest_gain_step,
@@ -46,7 +47,9 @@ from rsgen.identification.lines.line_fit import (
     relative_to_force,
     start_values,
 )
+from rsgen.identification.misfit import background_findings
 from rsgen.identification.results import (
+    Background,
     EquivalentCurve,
     Estimate,
     MultisineIdentification,
@@ -59,8 +62,11 @@ from rsgen.identification.results.estimates import (
     fixed_contradicted,
     make_estimates,
     parameter_findings,
+    phase_findings,
+    state_background,
     with_combinations,
 )
+from rsgen.identification.soundness import gain_findings
 from rsgen.law.motion import Motion
 from rsgen.law.numeric import compile_law, put_in_order
 
@@ -78,16 +84,16 @@ def identify_multisine(spectra: MultisineSpectra, model: Model) -> MultisineIden
     Raises
     ------
     RsgenError
-        A held-out level is not in the records, nothing is left, or the observation asks for a background.
+        A held-out level is not in the records, or nothing is left.
     """
     refuse_across(model.sensors, multisine=True)
     observation = model.observation
     held_out = check_records(spectra, observation)
     part = spectra.select(np.flatnonzero(~held_out))
     law = compile_law(model.force)
-    lines = select_lines(part, observation.band, switched=law.switched)
+    lines = select_lines(part, observation, switched=law.switched)
     count = int(lines.used.sum())
-    if 2 * count <= len(law.parameters) + 1:
+    if 2 * count <= len(law.parameters) + 1 + len(lines.subtracted):
         raise RsgenError(f"identify.band: {count} lines in it; more lines than parameters are needed")
     with np.errstate(all="ignore"):
         values, mass = start_values(lines, law, model.fixed)
@@ -96,13 +102,15 @@ def identify_multisine(spectra: MultisineSpectra, model: Model) -> MultisineIden
 
 
 def _assemble(spectra: MultisineSpectra, model: Model, fit: LineFit) -> MultisineIdentification:
-    lines, law, part = fit.lines, fit.law, fit.lines.spectra
-    statistical, freedom, widening = parameter_covariance(fit)
+    lines, law, part = fit.mode, fit.law, fit.mode.spectra
+    whole, freedom, widening = parameter_covariance(fit)
     names = (*law.parameters, "m")
-    terms = fit_missing_terms(fit)
+    count, of_background = len(names), np.diag(whole)[len(names) :]
+    statistical, terms = whole[:count, :count], fit_missing_terms(fit)
     misfit = relative_to_force(lines, np.abs(fit.balance.residual) ** 2)
-    others = Alternatives(names, np.sqrt(np.diag(statistical)), {"term": terms})
-    ratio, ambiguous = others.judge(fit.parameters, misfit)
+    more = fit_larger_backgrounds(fit)
+    others = Alternatives(names, np.sqrt(np.diag(statistical)), {"term": terms, "background": more})
+    ratio, ambiguous = others.judge(fit.parameters[:count], misfit)
     covariance = statistical * np.outer(ratio, ratio)
     noise = relative_to_force(lines, fit.noise.variance)
     amplitudes = np.sqrt(2) * part.rms_response()
@@ -110,7 +118,7 @@ def _assemble(spectra: MultisineSpectra, model: Model, fit: LineFit) -> Multisin
         "amplitude": Quantity(float(amplitudes.max()), "m"),
         "level": Quantity(float(part.levels.max()), part.level_unit),
     }
-    known = replace(fit.regression, covariance=covariance)
+    known = replace(fit.regression.first(count), covariance=covariance)
     units = units_of(model, part.units)
     reasons = parameter_findings(names, units, tested, known)
     reasons = with_combinations(reasons, model)
@@ -120,7 +128,7 @@ def _assemble(spectra: MultisineSpectra, model: Model, fit: LineFit) -> Multisin
     findings = [e.finding for e in estimates if e.finding is not None]
     findings += _sign_findings(fit, covariance)
     findings += [
-        *_misfit_findings(fit, misfit, noise, widening),
+        *_misfit_findings(fit, misfit, noise, widening, others),
         *(_fixed_findings(fit, terms, misfit) or ambiguous),
     ]
     motion = Motion(np.full(len(part), part.omega0), part.mean_response)
@@ -129,6 +137,8 @@ def _assemble(spectra: MultisineSpectra, model: Model, fit: LineFit) -> Multisin
     findings += damping_findings(law, motion, fit.values, by_noise)
     findings += _damping_findings(fit, misfit, noise)
     findings += _delay_findings(fit, misfit)
+    findings += phase_findings(fit.background)
+    findings += gain_findings(lines.background, fit.background, of_background, fit.mass)
     findings += _drift_findings(fit, skipped=int(np.asarray(part.left_out).max(initial=0)))
     if (lines.lowest > 1).any():
         below = Quantity(float(part.frequency[lines.lowest.max()]), "Hz")
@@ -144,7 +154,8 @@ def _assemble(spectra: MultisineSpectra, model: Model, fit: LineFit) -> Multisin
         findings += implausible(spectra, mass=mass, damping=min(ratios, default=nan))
     else:
         findings.append(Finding("not-calibrated", "info"))
-    free = np.flatnonzero(fit.free)
+    free = np.flatnonzero(fit.free[:count])
+    background = fitted_background(fit, whole, freedom)
     frequency = part.frequency[lines.used.any(axis=0)]
     resonances = tuple(map(_resonance, approximations))
     unknown = tuple(Estimate(e.name, nan, inf, (-inf, inf), e.unit) for e in estimates)
@@ -165,6 +176,7 @@ def _assemble(spectra: MultisineSpectra, model: Model, fit: LineFit) -> Multisin
         outcome=_outcome(lines, estimates, misfit),
         findings=tuple(findings),
         solution=fit.values,
+        background=background,
         alternatives=others,
         spectra=spectra,
         approximations=approximations,
@@ -177,13 +189,11 @@ def _assemble(spectra: MultisineSpectra, model: Model, fit: LineFit) -> Multisin
 def _fixed_findings(fit: LineFit, terms: Mapping[str, Alternative], misfit: float) -> list[Finding]:
     """Find fixed values that the lines contradict more than they contradict the lack of any term."""
     least = max(MIN_SIGNIFICANT_GAIN, *(term.gain for term in terms.values()))
-    square = np.sum(np.abs(fit.balance.residual[fit.lines.used]) ** 2 * 2 / fit.variance[fit.lines.used])
     found = []
     for name, free in fit_fixed_parameters(fit).items():
         fixed = fit.fixed[name]
         if free.gain >= least and abs(free.value) >= RELATIVE_CHANGE_NEGLIGIBLE * abs(fixed):
-            left = misfit * float(np.sqrt(max(1 - free.gain / square, 0.0)))
-            times = float(np.sqrt(free.gain))
+            left, times = misfit * _share_left(fit, free), float(np.sqrt(free.gain))
             found.append(fixed_contradicted(name, fixed, free.value, misfit=misfit, left=left, times=times))
     return found
 
@@ -228,7 +238,7 @@ def _curve(resonances: tuple[Resonance, ...], part: MultisineSpectra) -> Equival
 
 def _sign_findings(fit: LineFit, covariance: Array) -> list[Finding]:
     """Find a structure that feeds energy into the exciter, and a negative mass, both beyond noise."""
-    lines, part, found = fit.lines, fit.lines.spectra, []
+    lines, part, found = fit.mode, fit.mode.spectra, []
     # (r,) mean power of the force, and its standard deviation by the noise of force and response
     velocity = lines.rate * part.mean_response
     power = 0.5 * np.sum((part.mean_force * np.conj(velocity)).real * lines.used, axis=1)
@@ -271,7 +281,7 @@ def _damping_findings(fit: LineFit, misfit: float, noise: float) -> list[Finding
     by_chance = np.isfinite(noise) and misfit_to_noise(fit) < max_misfit_of_noise(fit)
     if misfit > MISFIT_DOUBTFUL or by_chance:
         return []
-    share = relative_to_force(fit.lines, Balance.damping(fit.lines, fit.law, fit.values, fit.mass))
+    share = relative_to_force(fit.lines, Balance.damping(fit.mode, fit.law, fit.values, fit.mass))
     systematic = float(np.sqrt(max(misfit**2 - np.nan_to_num(noise) ** 2, 0.0)))
     # the damping share of a law with memory is NaN: no finding
     if not systematic > max(RELATIVE_ERROR_DOUBTFUL * share, 0.0 if share else MISFIT_NEGLIGIBLE):
@@ -280,7 +290,24 @@ def _damping_findings(fit: LineFit, misfit: float, noise: float) -> list[Finding
     return [Finding("damping-hidden-by-misfit", "doubt", numbers=numbers)]
 
 
-def _misfit_findings(fit: LineFit, misfit: float, noise: float, widening: float) -> list[Finding]:
+def fitted_background(fit: LineFit, covariance: Array, freedom: int) -> Background | None:
+    """Return the background of a fit with the covariance (q, q) of its parameters; None without one."""
+    lines, count = fit.lines, len(fit.background)
+    variance = np.diag(covariance)[len(fit.values) + 1 :]
+    return state_background(
+        lines.background,
+        np.where(lines.used, lines.spectra.mean_force, 0).reshape(-1),
+        np.where(lines.used, np.abs(lines.spectra.mean_response), 0).reshape(-1),
+        fit.background,
+        variance if fit.converged else np.full(count, inf),
+        freedom,
+        lines.spectra.units,
+    )
+
+
+def _misfit_findings(
+    fit: LineFit, misfit: float, noise: float, widening: float, others: Alternatives
+) -> list[Finding]:
     """Compare the misfit with the noise, and with what is acceptable for a law."""
     ratio = misfit_to_noise(fit)
     if not np.isfinite(noise):
@@ -300,7 +327,23 @@ def _misfit_findings(fit: LineFit, misfit: float, noise: float, widening: float)
         quantities(misfit=misfit, times=ratio),
     )
     parts = quantities(wider=widening, groups=int(band_parts(fit.lines).max()) + 1)
-    return [
+    found = [
         Finding("law-does-not-fit", severity, numbers=size),
         Finding("intervals-widened", "warning", numbers=parts, names={"by": "parts of the band"}),
     ]
+    terms, more = (
+        {name: misfit * _share_left(fit, one) for name, one in others.kinds[kind].items()}
+        for kind in ("term", "background")
+    )
+    if more:
+        kind, backgrounds = fit.lines.background.kind, others.kinds["background"]
+        left, known = min(terms.values()), fit.regression.first(len(others.names))
+        found += background_findings(kind, backgrounds, more, known, others.names, misfit=misfit, left=left)
+    return found
+
+
+def _share_left(fit: LineFit, other: Alternative) -> float:
+    """Return the share of the misfit that an alternative leaves."""
+    used = fit.lines.used
+    square = np.sum(np.abs(fit.balance.residual[used]) ** 2 * 2 / fit.variance[used])
+    return float(np.sqrt(max(1 - other.gain / square, 0.0)))

@@ -31,6 +31,7 @@ from rsgen.identification.lines.line_fit import (
     relative_to_force,
     start_values,
 )
+from rsgen.identification.lines.line_identification import fitted_background
 from rsgen.identification.modal_result import (
     MODAL_COLUMNS,
     ModalSplines,
@@ -71,7 +72,7 @@ def _fit_forces(spectra: MultisineSpectra, model: Model) -> list[tuple[float, Li
     def fitted(*terms: str) -> tuple[float, LineFit]:
         law = compile_law(parse(" + ".join(terms)))
         # along the motion as recorded: lines beyond it, that follow from a law, are small and cost much
-        lines = select_lines(spectra, model.observation.band, switched=False)
+        lines = select_lines(spectra, model.observation, switched=False)
         found = fit_lines(lines, law, model.fixed, *start_values(lines, law, model.fixed))
         rows = 2 * int(lines.used.sum())
         misfit = relative_to_force(lines, np.abs(found.balance.residual) ** 2)
@@ -103,7 +104,8 @@ def _splines(
     damp = _describing(found, size, omega).imag / omega[:, None]
     shape = np.linalg.pinv(basis(size)[0])
     splines = np.zeros((2 * basis.count + 1, len(found.parameters)))
-    splines[:-1, :-1], splines[-1, -1] = np.concatenate([shape @ stiff, shape @ damp]), 1.0
+    count = len(found.values)
+    splines[:-1, :count], splines[-1, count] = np.concatenate([shape @ stiff, shape @ damp]), 1.0
     covariance, freedom = (np.zeros((len(found.parameters),) * 2), 1) if errors is None else errors
     values = (splines @ found.parameters)[:-1]
     return ModalSplines(basis, (1,), values, found.mass, splines @ covariance @ splines.T, freedom)
@@ -112,14 +114,14 @@ def _splines(
 def table_of_lines(spectra: MultisineSpectra, model: Model) -> ModalTable:
     """Tabulate the describing function of the force that fits the lines of periodic records."""
     spectra = spectra.select(np.flatnonzero(~check_records(spectra, model.observation)))
-    amplitudes = np.sqrt(2) * spectra.rms_response()
-    tested = float(amplitudes.min()), float(amplitudes.max())
-    ends = tested[0] / _MARGIN, tested[1] * _MARGIN
-    size = np.geomspace(*ends, _DESCRIBED_AMPLITUDES)
-    basis = SplineBasis.over(size, ends, *_LINE_SHAPE)
     with np.errstate(all="ignore"):
         tried = _fit_forces(spectra, model)
         least, found = tried[0]
+        amplitudes = np.sqrt(2) * found.mode.spectra.rms_response()
+        tested = float(amplitudes.min()), float(amplitudes.max())
+        ends = tested[0] / _MARGIN, tested[1] * _MARGIN
+        size = np.geomspace(*ends, _DESCRIBED_AMPLITUDES)
+        basis = SplineBasis.over(size, ends, *_LINE_SHAPE)
         covariance, freedom, _ = parameter_covariance(found)
         weights = np.array([np.exp(-0.5 * (price - least)) for price, _ in tried])
         others = [
@@ -139,7 +141,7 @@ def table_of_lines(spectra: MultisineSpectra, model: Model) -> ModalTable:
         known=known,
         tested=tested,
         mass=found.mass * spectra.units.kilogram,
-        mass_error=float(np.sqrt(covariance[-1, -1])) * spectra.units.kilogram,
+        mass_error=float(np.sqrt(np.diag(covariance)[len(found.values)])) * spectra.units.kilogram,
         misfit=misfit,
         points=int(found.lines.used.sum()),
         test=ModalTest(
@@ -148,7 +150,7 @@ def table_of_lines(spectra: MultisineSpectra, model: Model) -> ModalTable:
             frequencies=(float(frequency[0]), float(frequency[-1])),
             level_unit=spectra.level_unit,
             units=spectra.units,
-            background=None,
+            background=fitted_background(found, covariance, freedom),
         ),
         findings=scattered(misfit),
     )

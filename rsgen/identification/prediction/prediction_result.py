@@ -22,6 +22,7 @@ from rsgen.common.text_table import Printed, TextTable, data_frame, lookup, shor
 from rsgen.common.tolerances import RELATIVE_CHANGE_NEGLIGIBLE
 from rsgen.data.multisine import MultisineSpectra
 from rsgen.data.multisine.spectra import held_out_records
+from rsgen.dynamics.linear_part import background_of_lines
 from rsgen.dynamics.periodic_response import periodic_response
 from rsgen.identification.results import MultisineIdentification
 from rsgen.law.numeric import compile_law
@@ -273,21 +274,26 @@ def predict_multisine(found: MultisineIdentification, spectra: MultisineSpectra 
 
 
 def _record(found: MultisineIdentification, spectra: MultisineSpectra, row: int) -> PredictedRecord:
-    law = compile_law(found.model.force)
-    force = np.array(spectra.mean_force[row])
-    measured = spectra.mean_response[row]
+    law, spectra, background = compile_law(found.model.force), spectra.select([row]), found.background
+    mode, measured = spectra, spectra.mean_response[0]
+    if background is not None:
+        terms = background_of_lines(background.kind, spectra, background.band)
+        mode = terms.mode_of(spectra, background.values)
+    force = mode.mean_force[0]
     if not spectra.mean_known:
         # a sensor without mean: the force has none either, as identification takes it
         force[0] = 0.0
     response = periodic_response(law, found.solution, found.mass, spectra.omega0, force)
-    predicted = response.spectrum if response.converged else np.full(len(force), nan + 0j)
+    # what is not of the mode is added as it was measured
+    seen = response.spectrum + (measured - mode.mean_response[0])
+    predicted = seen if response.converged else np.full(len(force), nan + 0j)
     low, high = found.model.observation.band or (0.0, inf)
     judged = (spectra.frequency >= low) & (spectra.frequency <= high)
-    judged &= spectra.lines >= spectra.reach()[0][row]
+    judged &= spectra.lines >= spectra.reach()[0][0]
     size = float(np.linalg.norm(measured[judged])) or nan
     error = float(np.linalg.norm((predicted - measured)[judged])) / size
-    noise = float(np.linalg.norm(spectra.noise()[1][row][judged])) / size
-    level = float(spectra.level[row])
+    noise = float(np.linalg.norm(spectra.noise()[1][0][judged])) / size
+    level = float(spectra.level[0])
     return PredictedRecord(
         level, spectra.frequency, measured, predicted, judged, error, noise, spectra.level_unit
     )

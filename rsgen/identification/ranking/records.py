@@ -28,7 +28,7 @@ from rsgen.identification.lines.line_fit import (
     relative_to_force,
     start_values,
 )
-from rsgen.identification.ranking.balance import WhitenedBalance, base_law
+from rsgen.identification.ranking.balance import MAX_MOTION_DISTANCE, WhitenedBalance, base_law
 from rsgen.identification.ranking.candidate_fit import (
     MAX_UNEXPLAINED,
     CandidateFit,
@@ -62,22 +62,22 @@ class LineBalance(WhitenedBalance):
     @classmethod
     def along(cls, fit: LineFit) -> LineBalance:
         """Return the balance along the motions of a fitted law."""
-        count, spectra = len(fit.lines), fit.lines.spectra
+        mode, spectra, law = fit.mode, fit.mode.spectra, len(fit.values)
         records = tuple(
-            LawAlongRecord(fit.lines, fit.law, fit.values, fit.mass, record) for record in range(count)
+            LawAlongRecord(mode, fit.law, fit.values, fit.mass, record) for record in range(len(mode))
         )
         x, v, a, step = (
             np.concatenate(parts) for parts in zip(*(r.trajectory for r in records), strict=True)
         )
         line = fit.linearise(fit.parameters, fit.nuisance)
-        inertia = line.by_parameter[:, :, -1]
+        inertia = line.by_parameter[:, :, law]
         rows = cls(
             trajectory=(x, v, a, step),
             inertia=inertia,
             right=np.empty_like(inertia),
-            background=np.zeros((*inertia.shape, 0)),
-            background_at=np.zeros(0),
-            background_weight=np.zeros(0),
+            background=line.by_parameter[:, :, law + 1 :],
+            background_at=fit.background,
+            background_weight=_background_effect(mode) / MAX_MOTION_DISTANCE,
             compared=np.ones(2, dtype=bool),
             level=np.repeat(spectra.level, fit.lines.used.sum(axis=1)),
             fit=fit,
@@ -106,6 +106,20 @@ class LineBalance(WhitenedBalance):
         return power
 
 
+def _background_effect(mode: SpectralLines) -> Array:
+    """Root mean square relative change (b,) of force and motion by the values of the background."""
+    force, motion = mode.spectra.mean_force, mode.spectra.mean_response
+    changes = [mode.change_of_mode(record, force[record]) for record in range(len(mode))]
+    sizes = [
+        [
+            np.linalg.norm(part, axis=1) / np.linalg.norm(whole[record, 1:])
+            for part, whole in zip(change, (force, motion), strict=True)
+        ]
+        for record, change in enumerate(changes)
+    ]
+    return np.asarray(np.sqrt(np.mean(np.sum(np.square(sizes), axis=1), axis=0)))
+
+
 @dataclass(frozen=True, slots=True, eq=False)
 class RecordRound(Round):
     """A round at the lines of records."""
@@ -121,7 +135,7 @@ class RecordRound(Round):
     @property
     def feeds_exciter(self) -> bool:
         """True if the structure works on its exciter in most records."""
-        part = self.rows.fit.lines.spectra
+        part = self.rows.fit.mode.spectra
         work = np.sum(part.lines * cycle_work(part.mean_force, part.mean_response), axis=1)
         return bool(np.mean(work < 0) > 0.5)
 
@@ -163,7 +177,7 @@ class RecordTest(RankedTest):
 
     def __init__(self, spectra: MultisineSpectra, base: Model) -> None:
         held_out = check_records(spectra, base.observation)
-        self._spectra, self._band = spectra.select(np.flatnonzero(~held_out)), base.observation.band
+        self._spectra, self._observation = spectra.select(np.flatnonzero(~held_out)), base.observation
         self.fixed = base.fixed
         self._lines = self._select(base_law())
         if 2 * self._lines.used.sum() <= len(base_law().parameters) + 1:
@@ -171,9 +185,10 @@ class RecordTest(RankedTest):
         with np.errstate(all="ignore"):
             start = start_values(self._lines, base_law(), self.fixed)
             self.first = LineBalance.along(fit_lines(self._lines, base_law(), self.fixed, *start))
+            self._lines = self.first.fit.mode
 
     def _select(self, law: ForceLaw) -> SpectralLines:
-        return select_lines(self._spectra, self._band, switched=law.switched)
+        return select_lines(self._spectra, self._observation, switched=law.switched)
 
     def start(self, name: str, elements: tuple[Element, ...]) -> CandidateLaw:
         """Return a law with initial values from the balance at sampled instants."""
@@ -195,7 +210,7 @@ class RecordTest(RankedTest):
             if not np.isfinite(fit.parameters).all():
                 return None
             # a misfit of this law must not hide that another fits better
-            floor = MISFIT_NEGLIGIBLE**2 * fit.lines.power(fit.mass)
+            floor = MISFIT_NEGLIGIBLE**2 * fit.mode.power(fit.mass)
             known = np.isfinite(fit.noise.variance)
             fit = replace(fit, variance=np.where(known, np.maximum(fit.noise.variance, floor), fit.variance))
             rows = LineBalance.along(fit)

@@ -15,7 +15,7 @@ from math import inf, log2, nan
 import numpy as np
 from numpy.typing import NDArray
 
-from rsgen.common.arrays import Array
+from rsgen.common.arrays import Array, ComplexArray
 from rsgen.common.finding import Finding, Quantity, quantities
 from rsgen.common.tolerances import (
     MIN_NULL_COMPONENT,
@@ -27,10 +27,10 @@ from rsgen.common.tolerances import (
     samples_for,
 )
 from rsgen.data.oscillator import Model
+from rsgen.dynamics.linear_part import BackgroundTerms
 from rsgen.formula.units import ForceUnits
 from rsgen.identification.fitting.fit import Solution
 from rsgen.identification.fitting.least_squares import Alternative, Regression
-from rsgen.identification.fitting.observed import Observed
 from rsgen.identification.fitting.points import Points
 from rsgen.identification.results.alternatives import spread_between
 from rsgen.identification.results.result import Background, Estimate, units_of
@@ -71,14 +71,22 @@ def make_estimates(
 
 
 def state_background(
-    observed: Observed, values: Array, variance: Array, freedom: int, units: ForceUnits
+    shape: BackgroundTerms,
+    force: Array | ComplexArray,
+    amplitude: Array,
+    values: Array,
+    variance: Array,
+    freedom: int,
+    units: ForceUnits,
 ) -> Background | None:
     """Return the values (b,) of a background with 95 % intervals; None without one.
 
     Parameters
     ----------
-    observed
-        The fitted points.
+    shape
+        Its terms at the fitted points.
+    force, amplitude
+        (n,) of the points, as measured [N], [m].
     values, variance
         (b,) of the background; a variance that is not finite is unknown.
     freedom
@@ -86,7 +94,6 @@ def state_background(
     units
         Of the test.
     """
-    shape, points = observed.background, observed.points
     if not len(values):
         return None
     wide = float(interval_sigmas(freedom))
@@ -97,9 +104,9 @@ def state_background(
         Estimate(name, float(v), float(e), (float(v - wide * e), float(v + wide * e)), unit)
         for name, v, e, unit in zip(shape.names, values, errors, named, strict=True)
     )
-    part = np.abs(shape.receptance(values) * points.force)
-    share = float(np.sqrt(np.mean(part**2) / np.mean(points.amplitude**2)))
-    return Background(observed.kind, observed.band, estimates, share)
+    part = np.abs(shape.receptance(values) * force)
+    share = float(np.sqrt(np.mean(part**2) / np.mean(amplitude**2)))
+    return Background(shape.kind, shape.band, estimates, share)
 
 
 def damping_findings(

@@ -459,14 +459,20 @@ def _place_neighbour(problem: Problem, parameters: Array) -> list[Array]:
     without = replace(problem, observed=problem.observed.without_neighbour())
     mode = len(parameters) - 4
     begun = fit_balance(without, parameters[:mode], order=1, steps=MAX_TRIAL_STEPS, correct=False)
-    low, high = problem.observed.band
     fits = []
-    for place in np.linspace(max(low - (high - low), low / 2), high + (high - low), _GRID_SIZE):
-        neighbour = [_INITIAL_RESIDUE / begun.mass, 0.0, place, ASSUMED_DAMPING_RATIO]
+    for neighbour in neighbours(problem.observed.background.band, begun.mass):
         trial = np.concatenate([begun.regression.parameters, neighbour])
         fits.append(fit_balance(problem, trial, order=1, steps=MAX_TRIAL_STEPS, exclude=False, correct=False))
     fits.sort(key=lambda found: found.regression.noise if found.mass > 0 else np.inf)
     return [problem.join(begun.values, begun.mass, found.background) for found in fits[:STARTS]]
+
+
+def neighbours(band: tuple[float, float], mass: float) -> Array:
+    """Return initial values (k, 4) of modes near one of a mass, in a band [Hz] and around it."""
+    low, high = band
+    place = np.linspace(max(low - (high - low), low / 2), high + (high - low), _GRID_SIZE)
+    one = np.ones(len(place))
+    return np.column_stack([_INITIAL_RESIDUE / mass * one, 0 * one, place, ASSUMED_DAMPING_RATIO * one])
 
 
 def _solve_turned(points: Points, law: ForceLaw, fixed: Mapping[str, float], psi: float) -> Solution:

@@ -127,7 +127,7 @@ def backbone(identification: Identification, values: Mapping[str, float], amplit
     if not (amplitude.size and np.isfinite([mass, *used.values()]).all()):
         return Backbone(amplitude, unknown, unknown, unknown, unknown, mass)
     law = derive(identification.model.force)
-    omega = np.full(amplitude.shape, 2 * np.pi * float(np.median(identification.curve.frequency)))
+    omega = np.full(amplitude.shape, 2 * np.pi * float(np.nanmedian(identification.curve.frequency)))
     for _ in range(3):  # the stiffness of most laws does not depend on omega: the first round is final
         result = evaluated(law, amplitude, omega, used)
         stiffness = np.broadcast_to(np.asarray(result.stiffness, dtype=np.float64), amplitude.shape)

@@ -1,0 +1,162 @@
+"""Multisines whose sensor sees more than the mode: the background comes out, and the law beside it."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import rsgen
+from rsgen.common.arrays import Array
+from rsgen.dynamics.linear_part import background_of_lines
+from rsgen.identification.lines.line_balance import Balance, BalanceNoise, SpectralLines
+from rsgen.law.numeric import compile_law
+from tests.multisine.test_line_balance import LINES, records
+from tests.multisine.test_multisine import LAW, MASS, SIZES, TRUE, duffing, spectra
+
+VALUES = {
+    "phase": (0.03,),
+    "constant": (0.03, 2e-5, 1e-5),
+    "residuals": (0.03, 4e-5, 1e-5, 5e-5, -1e-5),
+    "residuals+offset": (0.03, 2e-5, 1e-5, 3e-5, -1e-5, 1e-5, 2e-5),
+    "neighbour": (0.03, 2e-5, 1e-5, 3e-5, -1e-5, 0.03, 0.01, 16.0, 0.02),
+}
+MAX_STANDARD_ERRORS = 4.0
+
+
+def seen(mode: rsgen.MultisineSpectra, kind: str) -> rsgen.MultisineSpectra:
+    """Return what sensors read of a mode beside a background: Y = X + B F, and F with a phase error."""
+    excited = mode.frequency[mode.excited().any(axis=0)]
+    terms = background_of_lines(kind, mode, (float(excited[0]), float(excited[-1])))
+    values, moving = np.array(VALUES[kind]), mode.lines > 0
+    part = terms.receptance(values).reshape(len(mode), 1, -1) * mode.force * moving
+    turned = np.where(moving, mode.force / terms.turn(values), mode.force)
+    return replace(mode, force=turned, response=mode.response + part, origin="measured")
+
+
+def with_noise(test: rsgen.MultisineSpectra, seed: int) -> rsgen.MultisineSpectra:
+    """Add one per cent of noise to every period of force and response."""
+    generator = np.random.default_rng(seed)
+
+    def noisy(one: np.ndarray) -> np.ndarray:
+        size = 0.01 * np.sqrt(0.5 * np.sum(np.abs(one[:, :1, 1:]) ** 2, axis=2, keepdims=True))
+        drawn = generator.standard_normal((2, *one.shape)) / np.sqrt(one.shape[2] - 1)
+        return one + size * (drawn[0] + 1j * drawn[1])
+
+    return replace(test, force=noisy(test.force), response=noisy(test.response))
+
+
+@pytest.mark.parametrize("kind", [name for name in VALUES if name != "neighbour"])
+@pytest.mark.parametrize("law", [LAW, "k*x + c*v"])
+def test_exact_records_give_law_and_background_to_round_off(kind: str, law: str) -> None:
+    def linear(x: Array, v: Array) -> Array:
+        return TRUE["k"] * x + TRUE["c"] * v
+
+    mode = spectra(duffing if law == LAW else linear, SIZES)
+    found = rsgen.identify(seen(mode, kind), law, rsgen.Observation(background=kind))
+    assert {e.name: e.value for e in found} == pytest.approx(
+        {e.name: {**TRUE, "m": MASS}[e.name] for e in found}, rel=1e-9
+    )
+    assert found.background is not None
+    assert found.background.values == pytest.approx(VALUES[kind], rel=1e-8)
+
+
+@pytest.mark.slow
+def test_a_mode_in_the_band_is_found_from_no_start() -> None:
+    found = rsgen.identify(
+        seen(spectra(duffing, SIZES), "neighbour"), LAW, rsgen.Observation(background="neighbour")
+    )
+    assert found["k3"].value == pytest.approx(TRUE["k3"], rel=1e-9)
+    assert found.background is not None
+    assert found.background.values == pytest.approx(VALUES["neighbour"], rel=1e-7)
+
+
+@pytest.mark.parametrize(
+    ("text", "values", "first", "mean_known"),
+    [
+        ("k*x + k2*x**2 + c*v", (4.0, 5000.0, 6e4), 1, True),
+        ("k*x + k2*x**2 + c*v", (4.0, 5000.0, 6e4), 1, False),
+        # lines that the law moves follow by its mean slopes: exactly under a linear one
+        ("k*x + c*v", (4.0, 5000.0), 4, True),
+        ("k*x + c*v + F*sign(v)", (0.05, 4.0, 5000.0), 1, True),
+        ("k*x + c*v + masing(Min(kt*x, F))", (3.0, 4.0, 5000.0, 3000.0), 1, True),
+    ],
+)
+def test_slopes_are_those_of_the_balance(
+    text: str, values: tuple[float, ...], first: int, mean_known: bool
+) -> None:
+    test = records(of_force=0.0, of_response=0.0, mean_known=mean_known)
+    background = background_of_lines("residuals+offset", test, (1.0, 8.0))
+    at = np.array([0.02, 1e-5, -2e-5, 3e-6, 1e-5, 1e-6, -2e-6])
+    place = np.array([first]), np.array([LINES])
+    measured = SpectralLines(test, test.lines[None] > 0, 4096, *place, LINES, background, np.zeros(7))
+    law = compile_law(rsgen.Law(text).force)
+    whole = np.concatenate([values, [MASS], at])
+
+    def balance(of: Array) -> Balance:
+        count = len(values)
+        lines = measured.mode(of[count + 1 :])
+        return Balance.of(lines, law, of[:count], of[count], BalanceNoise.unknown(lines, count))
+
+    found = balance(whole).slopes[0]
+    for number, value in enumerate(whole):
+        step = np.zeros(len(whole))
+        step[number] = 1e-4 * value
+        up, down = (balance(whole + one).residual[0, 1:] for one in (step, -step))
+        slope = (down - up) / (2 * step[number])
+        assert np.abs(found[number, 1:] - slope).max() < 2e-3 * np.abs(slope).max(), number
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("seed", [1, 2])
+def test_a_spring_with_noise_beside_a_background(seed: int) -> None:
+    truth = {"k": 5920.0, "k3": 3e5, "c": 6.0}
+    oscillator = rsgen.Oscillator(MASS, "k*x + k3*x**3 + c*v", truth)
+    plan = rsgen.MultisineTest((3.0, 5.0, 8.0), (2.5, 20.0), 4.0, periods=8, seed=seed)
+    test = with_noise(seen(rsgen.simulate(oscillator, plan), "residuals"), seed)
+    held = float(test.levels[1])
+    facts = rsgen.Observation(background="residuals", hold_out=(held,))
+    found = rsgen.identify(test, "k*x + k3*x**3 + c*v", facts)
+    assert found.verdict.usable
+    assert found.background is not None
+    expected = {**truth, "m": MASS, **dict(zip(found.background.shape(np.ones(1), np.ones(1)).names,
+                                               VALUES["residuals"], strict=True))}  # fmt: skip
+    for estimate in (*found, *found.background.estimates):
+        off = abs(estimate.value - expected[estimate.name])
+        assert off < MAX_STANDARD_ERRORS * estimate.standard_error, estimate.name
+    # the response at the sensor is predicted, background included
+    assert found.held_out[0].error < 2 * found.held_out[0].noise
+    blind = rsgen.identify(test, "k*x + k3*x**3 + c*v")
+    assert not blind.verdict.usable
+    (missing,) = [finding for finding in blind.findings if finding.code == "background-missing"]
+    assert missing.names["kind"] in ("constant", "residuals")
+
+
+def test_page_and_numbers_state_the_background(tmp_path: Path) -> None:
+    test = seen(spectra(duffing, SIZES), "constant")
+    rsgen.write_report(tmp_path, test, rsgen.identify(test, LAW, rsgen.Observation(background="constant")))
+    told = json.loads((tmp_path / "result.json").read_text(encoding="utf-8"))["background"]
+    assert [row["value"] for row in told["estimates"]] == pytest.approx(VALUES["constant"], rel=1e-8)
+    assert "Background, 0.5 to 58.5 Hz" in (tmp_path / "report.html").read_text(encoding="utf-8")
+
+
+@pytest.mark.slow
+def test_the_right_law_is_first_next_to_a_background() -> None:
+    test = with_noise(seen(spectra(duffing, SIZES, periods=8), "residuals"), 3)
+    rivals = (LAW, "k*x + k2*x**2 + c*v", "k*x + k2*x**2 + k5*x**5 + c*v", "k*x + k2*x**2 + c*v + F*sign(v)")
+    ranking = rsgen.rank(test, rivals, rsgen.Observation(background="residuals"))
+    assert ranking.fits
+    assert "k3" in ranking.candidates[0].values
+    assert not rsgen.rank(test, rivals).fits
+
+
+def test_the_modal_table_is_that_of_the_mode() -> None:
+    test = seen(spectra(lambda x, v: TRUE["k"] * x + TRUE["c"] * v, SIZES), "residuals")
+    table = rsgen.modal_table(test, rsgen.Observation(background="residuals"))
+    np.testing.assert_allclose(table.stiffness, TRUE["k"], rtol=1e-6)
+    np.testing.assert_allclose(table.damping, TRUE["c"], rtol=1e-5)
+    assert table.test.background is not None
+    assert table.test.background.values == pytest.approx(VALUES["residuals"], rel=1e-6)
