@@ -5,11 +5,11 @@ from __future__ import annotations
 from functools import singledispatch
 from typing import Any
 
+import rsgen
 from rsgen.app.cli.derive_command import sentences_of_elements
 from rsgen.app.cli.options import Cases, Data, Json
 from rsgen.app.cli.terminal import ACCEPTED, FAULTY, print_faults, print_json, print_line
-from rsgen.app.study import obtain_table
-from rsgen.cases import Case, find_cases, load_case, name_clashes
+from rsgen.cases import Case, find_cases, load_case, name_clashes, read
 from rsgen.cases.case import law_faults
 from rsgen.common.errors import CaseError, MeasurementError, RsgenError, program_fault
 from rsgen.common.finding import Finding
@@ -96,7 +96,10 @@ def _plan(case: Case) -> dict[str, Any]:
         It would refuse the points of the test.
     """
     planned = case.test.planned()
-    table = obtain_table(case) if planned is None else planned
+    table = planned
+    if table is None:
+        test: Any = case.test
+        table = read(case) if case.oscillator is None else rsgen.simulate(case.oscillator, test)
     faults = point_faults(case, table)
     if faults:
         raise CaseError(faults)
