@@ -335,6 +335,8 @@ def judge(test: Prepared, model: Model, refined: Fit) -> Identification:
     }
     reasons = parameter_findings(names, units, tested, regression)
     reasons = with_combinations(explain_hidden(test.problem, reasons), model)
+    stated = np.where(regression.converged, regression.covariance, nan)
+    ambiguous += others.within_noise(regression.parameters, stated, reasons, units)
     freedom = np.minimum(regression.freedom, each[: test.problem.count])
     solution = replace(
         refined.solution,
@@ -372,7 +374,7 @@ def judge(test: Prepared, model: Model, refined: Fit) -> Identification:
         first_order=later(lambda: make_estimates(first.fit.solution, law, model, reasons, units)),
         refined=estimates,
         first_order_bias=later(lambda: tuple(first.bias()[free].tolist())),
-        covariance=regression.covariance[np.ix_(free, free)],
+        covariance=stated[np.ix_(free, free)],
         resonances=resonances,
         curve=curve,
         restoring=later(lambda: _without_law(kept, predicted, curve, mass, noise)),

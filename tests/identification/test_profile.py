@@ -149,6 +149,10 @@ def test_a_fit_that_did_not_converge_states_no_interval(monkeypatch: pytest.Monk
         assert np.isfinite(estimate.value)
         assert estimate.interval == (-np.inf, np.inf)
         assert estimate.standard_error == np.inf
+    assert np.isnan(found.covariance).all()
+    curve = rs.predict(found, 2.0)[2.0]
+    assert np.isfinite(curve.amplitude).any()
+    assert np.isnan([curve.lower, curve.upper]).all()
     assert len(rs.compare_fits(found).fits) == 1
     assert not any("±" in row.cells[5].note for row in estimate_table(found).rows)
 

@@ -9,13 +9,16 @@ import pytest
 import rsgen as rs
 from rsgen.data.oscillator import join_model
 from rsgen.identification.fitting.fit import Fit
+from rsgen.identification.fitting.least_squares import Alternative
 from rsgen.identification.fitting.observed import MISSING_TERMS
 from rsgen.identification.identify import fit_all_harmonics
 from rsgen.identification.judge import prepare
+from rsgen.identification.results.alternatives import Alternatives
 from rsgen.identification.starting.start import start_fit
 from rsgen.identification.terms import fit_larger_backgrounds, fit_missing_terms
 from rsgen.report.page_tables import alternative_table
 from rsgen.report.result_json import comparison_entry, result_text
+from rsgen.report.wording.sentences import sentence
 
 LAW = "k*x + c*v + k3*x**3 + cq*v*abs(v)"
 TRUE = {"k": 5920.0, "c": 2.0, "k3": 2.0e5, "cq": 1.2}
@@ -139,6 +142,22 @@ def test_the_right_law_with_exact_data_has_no_alternatives() -> None:
     found = rs.identify(rs.simulate(rs.Oscillator(1.5, law, {"k": 5920.0, "c": 2.0}), test), law)
     assert [fit.name for fit in rs.compare_fits(found).fits] == ["identified"]
     assert alternative_table(found) is None
+
+
+def test_a_term_within_the_noise_is_said_with_its_shift_and_widens_nothing() -> None:
+    """Only beyond four standard errors of an identifiable value, and not if noise hides nothing."""
+    hidden, seen = Alternative(1.5, 1.0, np.array([0.5, -0.3])), Alternative(3.0, 1.0, np.array([0.0, -9.0]))
+    others = Alternatives(("c", "m"), np.array([0.1, 0.1]), {"term": {"v**3": hidden, "x**5": seen}})
+    values, covariance, units = np.array([2.0, 1.0]), np.eye(2) * 0.01, {"c": "N*s/m", "m": "kg"}
+    (said,) = others.within_noise(values, covariance, {}, units)
+    assert (said.code, said.severity, said.parameter) == ("law-ambiguous", "info", "c")
+    assert dict(said.names) == {"term": "v**3"}
+    assert said.numbers["shift"] == (0.5, "N*s/m")
+    assert (said["times"], said["errors"], said["moved"]) == pytest.approx((5.0, 1.5, 0.25))
+    assert "c by 500 mN·s/m, 5 times its standard error" in sentence(said)
+    assert others.within_noise(values, 2 * covariance, {}, units) == []
+    assert others.within_noise(values, covariance, {"c": said}, units) == []
+    assert others.judge(values, 0.01)[0][0] == 1
 
 
 def test_loops_that_nothing_follows_have_no_alternatives(monkeypatch: pytest.MonkeyPatch) -> None:

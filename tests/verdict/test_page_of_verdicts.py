@@ -39,3 +39,18 @@ def test_a_calm_result_far_from_the_truth_is_wrong_unless_it_is_doubted() -> Non
     assert not replace(far, state="doubtful").wrong
     assert not far.stated
     assert replace(far, codes=far.codes | {"mirror-image-fits"}).stated
+    assert replace(far, ambiguous=frozenset({"k3"})).stated
+    assert not replace(far, ambiguous=frozenset({"k"})).stated
+
+
+def test_a_term_that_noise_hides_is_named_with_what_it_would_move() -> None:
+    """A cubic damper beside a quadratic one, 1.5 standard errors out of the noise."""
+    row = campaign.run("missing", 1238)
+    assert row.wrong
+    assert row.ambiguous == {"c2"}
+    assert row.stated
+
+
+def test_trials_of_an_even_force_that_follow_no_point_end_nothing() -> None:
+    """Dry friction that holds most of a test of two stiffnesses ended in an OverflowError."""
+    assert campaign.run("missing", 1261).state == "rejected"

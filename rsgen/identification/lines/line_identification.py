@@ -120,8 +120,9 @@ def _assemble(spectra: MultisineSpectra, model: Model, fit: LineFit) -> Multisin
     }
     known = replace(fit.regression.first(count), covariance=covariance)
     units = units_of(model, part.units)
-    reasons = parameter_findings(names, units, tested, known)
-    reasons = with_combinations(reasons, model)
+    reasons = with_combinations(parameter_findings(names, units, tested, known), model)
+    stated = np.where(fit.converged, covariance, nan)
+    ambiguous += others.within_noise(fit.parameters, stated, reasons, units)
     solution = Solution(fit.values, fit.mass, covariance, freedom, misfit, fit.converged)
     estimates = make_estimates(solution, law, model, reasons, units)
     approximations = best_linear(part, model.observation.band)
@@ -165,7 +166,7 @@ def _assemble(spectra: MultisineSpectra, model: Model, fit: LineFit) -> Multisin
         first_order=unknown,
         refined=estimates,
         first_order_bias=(nan,) * len(estimates),
-        covariance=covariance[np.ix_(free, free)],
+        covariance=stated[np.ix_(free, free)],
         resonances=resonances,
         curve=_curve(resonances, part),
         residual=misfit,

@@ -72,7 +72,9 @@ class AmplitudeBalance:
         self._order = START_HARMONICS if self._law.jumps else BALANCE_HARMONICS
         self._following = following_harmonics(self._law, self._order)
         self._samples = 2 * SAMPLES_PER_PERIOD if self._law.switched else SAMPLES_PER_PERIOD
-        self._covariance = np.nan_to_num(identification.covariance)
+        known = np.isfinite(identification.covariance)
+        # without any error there is no band
+        self._covariance = np.where(known | ~known.any(), identification.covariance, 0.0)
         names = (*self._law.parameters, "m")
         self._places = [names.index(estimate.name) for estimate in identification.refined]
         self._largest = identification.amplitude_range[1]

@@ -12,7 +12,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from rsgen.common.arrays import Array
-from rsgen.common.finding import Finding, Severity, quantities
+from rsgen.common.finding import Finding, Quantity, Severity, quantities
 from rsgen.common.tolerances import (
     CONFIDENCE_LEVEL,
     MISFIT_NEGLIGIBLE,
@@ -125,3 +125,37 @@ class Alternatives:
         severity: Severity = "doubt" if open_ and misfit > MISFIT_NEGLIGIBLE else "warning"
         numbers = quantities(errors=errors, moved=share[worst])
         return ratio, [*found, Finding("law-ambiguous", severity, self.names[worst], numbers, {kind: name})]
+
+    def within_noise(
+        self,
+        values: Array,
+        covariance: Array,
+        reasons: Mapping[str, Finding | None],
+        units: Mapping[str, str],
+    ) -> list[Finding]:
+        """Find the term that noise hides and that would move a value most; none or one.
+
+        The test does not tell whether the law has it. No interval contains its shift: of a right law that
+        would be far too wide.
+
+        Parameters
+        ----------
+        values, covariance
+            (q,) values of the parameters, and the covariance (q, q) that is stated.
+        reasons, units
+            By parameter: why it is not identifiable, and its unit.
+        """
+        error, most, found = np.sqrt(np.diag(covariance)), NOISE_LIMIT_SIGMAS, list[Finding]()
+        known = np.array([reasons.get(name) is None for name in self.names]) & (error > 0)
+        error = np.where(known, error, np.inf)
+        for term, one in self.kinds["term"].items():
+            shift = one.shift[: len(values)]
+            # shifts of exact data are due to truncated waveforms
+            moved = np.where(np.abs(shift) > MISFIT_OF_NOISE * np.abs(values), shift / error, 0.0)
+            worst = int(np.argmax(np.abs(moved)))
+            if np.abs(moved[worst]) > most and not one.exceeds(1 - CONFIDENCE_LEVEL):
+                name, most = self.names[worst], float(np.abs(moved[worst]))
+                numbers = quantities(errors=np.sqrt(one.gain), moved=shift[worst] / values[worst], times=most)
+                numbers["shift"] = Quantity(float(shift[worst]), units[name])
+                found = [Finding("law-ambiguous", "info", name, numbers, {"term": term})]
+        return found

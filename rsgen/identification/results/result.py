@@ -260,7 +260,7 @@ class Identification(Printed):
         parameters; same order and units as ``first_order``. NaN if unknown.
     covariance
         (p, p) of the refined estimates, in the order of ``refined``; rows of parameters that are not
-        identifiable are NaN, those of fixed ones are absent.
+        identifiable are NaN, as are all of a fit that did not converge; those of fixed ones are absent.
     resonances
         One for each level and sweep, ascending in level.
     curve

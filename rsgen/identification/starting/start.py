@@ -134,7 +134,8 @@ def start_even_forces(problem: Problem, parameters: Array) -> tuple[Problem, Arr
 
 def _at_resolution(small: Fit, without: Fit, directions: Array, uneven: Sequence[int], count: int) -> Array:
     """Return parameters with even forces of the size of their standard errors from ``count`` points."""
-    noise = without.regression.noise / max(small.regression.noise, 1e-300)
+    # a trial that follows no point has no misfit, and resolves nothing
+    noise = without.regression.noise / (small.regression.noise or np.inf)
     variance = np.diag(small.regression.covariance) * noise**2 * len(small.force) / count
     start, place = without.regression.parameters, list(uneven)
     # p^2 is as uncertain everywhere: 2 p sigma_p is the same at any p

@@ -340,6 +340,13 @@ _ALTERNATIVES = {
 def _law_ambiguous(found: Finding) -> str:
     kinds = [text.format(found.names[kind]) for kind, text in _ALTERNATIVES.items() if kind in found.names]
     (said, *_) = (*kinds, "another law")
+    if "shift" in found.numbers:
+        shift = quantity_text(*found.numbers["shift"], 3)
+        return (
+            f"{said} would move {found.parameter} by {shift}, {found['times']:.2g} times its standard error, "
+            f"and stands out of the noise by only {found['errors']:.2g}: the test does not tell whether the "
+            "law has it, and no interval contains this shift"
+        )
     left = ", and leave a tenth of the value open" if found.severity == "doubt" else ""
     moved = number_text(100 * abs(found["moved"]), 2)
     return (
