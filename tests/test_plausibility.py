@@ -16,6 +16,7 @@ from rsgen.data.surface import ResponseSurface
 from rsgen.data.surface.plausibility import (
     RANGES,
     Sizes,
+    backbone_gap,
     level_findings,
     quantity_findings,
     size_findings,
@@ -217,3 +218,12 @@ def test_check_remarks_a_response_in_the_wrong_unit_or_of_the_wrong_quantity(
         assert old in text
         (tmp_path / "case.toml").write_text(text.replace(old, new, 1), encoding="utf-8")
         assert remark in run_cli("check", tmp_path / "case.toml").out
+
+
+@pytest.mark.parametrize(("gap", "modes"), [(0.045, 1), (0.055, 2)])
+def test_points_at_phase_resonance_are_of_two_modes_beyond_a_gap_of_a_twentieth(
+    gap: float, modes: int
+) -> None:
+    lower = 20 * np.exp(1e-3 * np.arange(4))
+    frequency, amplitude = np.concatenate([lower, lower * np.exp(gap + 3e-3)]), np.full(8, 1e-3)
+    assert (backbone_gap(frequency, amplitude) is not None) == (modes == 2)
