@@ -122,7 +122,7 @@ def _assemble(spectra: MultisineSpectra, model: Model, fit: LineFit) -> Multisin
     units = units_of(model, part.units)
     reasons = with_combinations(parameter_findings(names, units, tested, known), model)
     stated = np.where(fit.converged, covariance, nan)
-    ambiguous += others.within_noise(fit.parameters, stated, reasons, units)
+    ambiguous += others.within_noise(fit.parameters[:count], stated, reasons, units)
     solution = Solution(fit.values, fit.mass, covariance, freedom, misfit, fit.converged)
     estimates = make_estimates(solution, law, model, reasons, units)
     approximations = best_linear(part, model.observation.band)
