@@ -309,8 +309,6 @@ _ALONG_ONE_MOTION = {
     "neighbour": "background: a neighbouring mode and elements across {!r} explain a test in several ways; "
     "take 'residuals', and a band that leaves the other mode out",
     "phases": "across: phases were not recorded; elements across {!r} need them",
-    "multisine": "element: acts across {!r}, but a multisine is identified with the motion of one sensor; "
-    "make the response that difference, or measure stepped or swept sines",
     "ranking": "ranking: the test has a motion across two sensors, and laws are compared along one motion; "
     "give the law, or a surface without it",
     "simulation": "element: acts across {!r}, but a simulated structure is one mass with one motion; leave "

@@ -22,7 +22,7 @@ import scipy
 from rsgen.common.arrays import Array, ComplexArray
 from rsgen.common.solvers import CONVERGED_STEP, Rows, newton
 from rsgen.common.tolerances import MAX_NEWTON_STEPS, MAX_STEP_HALVINGS
-from rsgen.law.motion import harmonics_of, waveform
+from rsgen.law.motion import Motion, harmonics_of, waveform
 from rsgen.law.normal_form import ForceSample
 from rsgen.law.numeric import ForceLaw
 
@@ -112,6 +112,7 @@ def periodic_response(
     omega0: float,
     force: ComplexArray,
     start: ComplexArray | None = None,
+    far: ComplexArray | None = None,
 ) -> PeriodicResponse:
     """Compute the periodic response to a periodic force.
 
@@ -128,8 +129,13 @@ def periodic_response(
     start
         (H+1,) a motion near it [m]; None: integrated in time from rest, under laws with memory and where that
         overflows the motion without nonlinear terms.
+    far
+        (H+1,) the motion across two sensors less the share of the response in it [m], if some elements follow
+        it; with a ``start``.
     """
     samples = 1 << (OVERSAMPLED * len(force) - 1).bit_length()
+    if far is not None:
+        law = law.with_far(Motion(np.array([omega0]), far[None]).waveforms(samples))
     problem = _Problem(law, values, mass, omega0, force, samples)
     with np.errstate(all="ignore"):
         motion = _begin(problem) if start is None else start

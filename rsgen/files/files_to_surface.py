@@ -29,7 +29,7 @@ from rsgen.data.surface.plausibility import base_findings, lag_findings, quantit
 from rsgen.files.column_titles import contradiction, is_angular, unit_in
 from rsgen.files.data_files import file_label
 from rsgen.files.file_table import Sources, Table, join_motions, read_sources
-from rsgen.files.histories import read_histories, read_motions
+from rsgen.files.histories import read_motions
 from rsgen.files.nominal_levels import (
     MIN_POINTS_OF_RUN,
     amplitude_steps,
@@ -442,13 +442,19 @@ def _levels_of_histories(
 
 
 def _from_multisine(test: MeasuredTest, rule: HistoryRule) -> MultisineSpectra:
-    histories = read_histories(test)
+    histories, *across = read_motions(test)
     labels = [history.level for history in histories] if test.level.labels else [None]
     if test.level.labels:
         histories = [replace(history, level=None) for history in histories]
     periods = rule.multisine
     base = "" if test.base is None else "acceleration"
-    spectra = from_multisine(histories, period=periods.period, transient=periods.transient, base=base)
+    spectra = from_multisine(
+        histories,
+        period=periods.period,
+        transient=periods.transient,
+        base=base,
+        across=across[0] if across else (),
+    )
     records = [found for history in histories for found in record_findings(history)]
     # a force that is not in N has no amount that a level could be
     kept = [f for f in spectra.findings if test.calibrated or f.code != "levels-in-other-unit"]

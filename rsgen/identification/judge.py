@@ -113,7 +113,7 @@ def prepare(surface: ResponseSurface, model: Model) -> Prepared:
     """
     surface, repeats = gather_repeats(surface, model.sensors)
     points = select_points(surface, model)
-    law = law_of(model.elements, points)
+    law = law_of(model.elements, points.means[: 1 + points.far.shape[1]], points.asymmetric)
     refuse_resonance_alone(points, model, remembers=law.remembers)
     neighbour = model.observation.background.startswith("neighbour")
     refuse_across(model.sensors, neighbour=neighbour, phases=not surface.phase_known)

@@ -43,7 +43,7 @@ from rsgen.identification.fitting.observed import Problem
 from rsgen.identification.fitting.points import Points
 from rsgen.identification.results import Estimate
 from rsgen.identification.results.estimates import damping_findings, takes_energy
-from rsgen.law.motion import Motion, project, sine_motion
+from rsgen.law.motion import Motion, project, sine_motion, waveform
 from rsgen.law.normal_form import ForceSample
 from rsgen.law.numeric import ForceLaw, Part
 
@@ -240,12 +240,20 @@ def sign_findings(points: Points, fit: Fit, wider: Array) -> list[Finding]:
     if fit.mass < -NOISE_LIMIT_SIGMAS * float(np.linalg.norm(basis[len(problem.law.parameters)])):
         found.append(Finding("mass-negative", "error", "m", {"mass": Quantity(fit.mass, "kg")}))
     for part, followed in _parts_with_motions(points, fit):
-        place = part.parameters
-        stiffness, damping = _signs_at(part, followed, fit.values[place], basis[place])
-        names = {"sensors": part.sensors} if part.sensors else {}
-        found += _sign_finding(stiffness, names | {"curve": "k(X)"})
-        found += _sign_finding(damping, names | {"curve": "c(X)"})
+        found += signs_along(part, followed, fit.values, basis)
     return found
+
+
+def signs_along(
+    part: Part, motion: Motion, values: Array, basis: Array, orders: slice = slice(1, 2)
+) -> list[Finding]:
+    """Find a negative k(X) or c(X) of the elements that follow one motion; see ``_signs_at``."""
+    own, names = part.parameters, {"sensors": part.sensors} if part.sensors else {}
+    stiffness, damping = _signs_at(part, motion, values[own], basis[own], orders)
+    return [
+        *_sign_finding(stiffness, names | {"curve": "k(X)"}),
+        *_sign_finding(damping, names | {"curve": "c(X)"}),
+    ]
 
 
 def feeding_findings(points: Points, fit: Fit, estimates: Sequence[Estimate]) -> list[Finding]:
@@ -282,26 +290,32 @@ _Negative = dict[str, Quantity]
 """Range of amplitudes with negative k(X) or c(X), and its size; empty without any."""
 
 
-def _signs_at(place: Part, motion: Motion, values: Array, basis: Array) -> tuple[_Negative, _Negative]:
+def _signs_at(
+    place: Part, motion: Motion, values: Array, basis: Array, orders: slice
+) -> tuple[_Negative, _Negative]:
     """Find a negative k(X) or c(X) of the elements at one place; (p, r) ``basis`` of errors of its values.
 
+    k is that of the motion of some ``orders``: the fundamental of a sine, all lines of a multisine.
     c is the work of a cycle over that of a damper of 1 N s/m: of a motion that is no sine the fundamental
     alone may lose to the harmonics what the cycle as a whole does not.
     """
-    motion = motion.select(np.abs(motion.harmonics[:, 1]) > 0)
+    motion = motion.select((motion.harmonics[:, orders] != 0).any(axis=1))
     if not len(motion):
         return {}, {}
     samples = max(samples_for(place.law.switched), 8 * len(motion.orders))
     sample, velocity = place.law.along(motion, values, samples), motion.waveforms(samples)[1]
-    size, rate = motion.harmonics[:, 1], velocity / np.mean(velocity**2, axis=1, keepdims=True)
-    by_stiffness = _stack([(project(by, 1) / size).real for by in sample.by_parameter], size)
+    driven = np.zeros_like(motion.harmonics)
+    driven[:, orders] = motion.harmonics[:, orders]
+    x, rate = waveform(driven, samples), velocity / np.mean(velocity**2, axis=1, keepdims=True)
+    amplitude, speed = np.sqrt(2 * np.mean(x**2, axis=1)), np.sqrt(np.mean(velocity**2, axis=1))
+    place_of = 2 * x / amplitude[:, None] ** 2
+    by_stiffness = _stack([np.mean(by * place_of, axis=1) for by in sample.by_parameter], amplitude)
     # what takes energy at every instant is no spring, though friction that sticks has a part in phase
     dampers = [j for j in place.law.linear if takes_energy(sample.by_parameter[j] * velocity)]
-    by_damping = _stack([np.mean(by * rate, axis=1) for by in sample.by_parameter], size)
-    amplitude, speed = np.abs(size), np.sqrt(np.mean(velocity**2, axis=1))
+    by_damping = _stack([np.mean(by * rate, axis=1) for by in sample.by_parameter], amplitude)
     # of a law without springs, or without dampers, k(X) or c(X) is the round-off of its force
     least = ROUND_OFF * np.max(np.abs(sample.force), axis=1)
-    k, c = (project(sample.force, 1) / size).real, np.mean(sample.force * rate, axis=1)
+    k, c = np.mean(sample.force * place_of, axis=1), np.mean(sample.force * rate, axis=1)
     k = k - by_stiffness[:, dampers] @ values[dampers]
     by_stiffness[:, dampers] = 0.0
     stiffness = _negative(amplitude, k, by_stiffness @ basis, "N/m", least / amplitude)
@@ -312,7 +326,7 @@ def _signs_at(place: Part, motion: Motion, values: Array, basis: Array) -> tuple
     return stiffness, damping
 
 
-def _stack(columns: list[Array], like: NDArray[np.complex128]) -> Array:
+def _stack(columns: list[Array], like: Array) -> Array:
     """Stack columns (n,) to (n, columns), which may be none."""
     return np.stack(columns, axis=1) if columns else np.zeros((len(like), 0))
 

@@ -89,11 +89,14 @@ class Part(NamedTuple):
         (p,) where its parameters stand among those of the whole law.
     sensors
         Between which sensors that is, "" for the response.
+    share
+        How much of the response is in that motion: all in a difference of sensors, none in what has its own.
     """
 
     law: ForceLaw
     parameters: NDArray[np.intp]
     sensors: str = ""
+    share: float = 1.0
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -190,6 +193,17 @@ class ForceLaw(Character):
         zero = np.zeros_like(x)
         return self._sum((x, v), (zero, zero), zero, values)[0]
 
+    def with_far(self, far: Waves) -> ForceLaw:
+        """Return a law across two sensors as one of the response, the other motion given; others as they are.
+
+        ``far`` is the motion across less the share of the response in it, at the samples of ``sample``: minus
+        that of the second sensor, or all of it where it has a sensor of its own.
+        """
+        if not self.acts_across:
+            return self
+        facts = {field.name: getattr(self, field.name) for field in fields(ForceLaw)}
+        return _LawWithFar(**facts | {"_parts": ()}, whole=self, far=far)
+
     def at(self, fixed: Mapping[str, float]) -> ForceLaw:
         """Return the law of the other parameters: for equations along motions, with some values fixed."""
         numbers = np.array([fixed.get(name, np.nan) for name in self.parameters])
@@ -233,6 +247,27 @@ class _LawAt(ForceLaw):
 
     def still(self, x: Array, values: Array) -> ForceSample:
         return self._part(self.whole.still(x, self._all(values)))
+
+
+@dataclass(frozen=True, slots=True, eq=False, kw_only=True)
+class _LawWithFar(ForceLaw):
+    """A law across two sensors along the response, with the motion ``far`` of the second one."""
+
+    whole: ForceLaw
+    far: Waves
+
+    def sample(self, x: Array, v: Array, a: Array, step: Array, values: Array) -> ForceSample:
+        share = self.whole.parts[1].share
+        far, rate, second = self.far
+        across = (share * x + far, share * v + rate, share * a + second)
+        near, joint = self.whole.sample_parts([(x, v, a), across], step, values)
+        return ForceSample(
+            near.force + joint.force,
+            near.by_x + share * joint.by_x,
+            near.by_v + share * joint.by_v,
+            tuple(one + other for one, other in zip(near.by_parameter, joint.by_parameter, strict=True)),
+            (*near.by_memory, *((share * slope, change) for slope, change in joint.by_memory)),
+        )
 
 
 def _sample(sums: tuple[Array, ...]) -> ForceSample:

@@ -280,6 +280,7 @@ def _(table: MultisineSpectra, place: Path) -> None:
         "base",
     )
     arrays: dict[str, Any] = {name: getattr(table, name) for name in names}
+    arrays |= {} if table.across is None else {"across": table.across}
     np.savez_compressed(buffer, **arrays)
     write_atomic(place / "spectra.npz", buffer.getvalue())
 

@@ -141,12 +141,6 @@ def test_a_delay_between_the_channels_is_named_with_its_size() -> None:
     assert "channels-delayed" not in codes
 
 
-def test_a_law_across_two_sensors_is_refused() -> None:
-    law = rsgen.make_element("joint", "k*x + c*v", across="payload - wing")
-    with pytest.raises(RsgenError, match="acts across 'payload - wing', but a multisine"):
-        rsgen.identify(spectra(duffing, SIZES), law)
-
-
 def test_what_a_test_does_not_tell_is_not_a_number() -> None:
     found = rsgen.identify(spectra(duffing, SIZES), "ka*x + kb*x + k2*x**2 + k3*x**3 + c*v")
     assert not found["ka"].identifiable

@@ -82,6 +82,7 @@ def from_multisine(
     period: int | None = None,
     transient: int | None = None,
     base: str = "",
+    across: Sequence[TimeHistory] = (),
 ) -> MultisineSpectra:
     """Return the spectra of a test from records of a periodic multisine, one a level and realisation.
 
@@ -98,6 +99,8 @@ def from_multisine(
     base
         "acceleration" where a base is driven: forces are then minus its acceleration, and responses
         relative to it.
+    across
+        The same records with the motion across two sensors as their response, where elements follow it.
 
     Raises
     ------
@@ -114,40 +117,44 @@ def from_multisine(
                 f"{first.quantity} at {first.rate:g} Hz; records of one test need the same"
             )
     length = _common_period(records, period)
-    cut = [_periods(record, length) for record in records]
-    left = [
-        _transient(record, response, transient) for record, (_, response) in zip(records, cut, strict=True)
-    ]
-    settled = min(len(force) - out for (force, _), out in zip(cut, left, strict=True))
+    cut = [_periods(record, length) for record in (*records, *across)]
+    found = [_transient(one, x, transient) for one, (_, x) in zip((*records, *across), cut, strict=True)]
+    left = np.reshape(found, (-1, len(records))).max(axis=0)
+    settled = min(len(force) - out for (force, _), out in zip(cut, left, strict=False))
     omega0 = 2 * np.pi * first.rate / length
     rate: ComplexArray = np.asarray(1j * omega0 * np.arange(length // 2 + 1), dtype=np.complex128)
     rate[0] = 1.0
-    force = np.stack([f[len(f) - settled :] for f, _ in cut])
-    response = np.stack([x[len(x) - settled :] for _, x in cut]) / rate ** DERIVATIVE[first.quantity]
-    mean_known = first.quantity == "displacement"
-    if not mean_known:
-        response[:, :, 0] = 0.0
+    force = np.stack([f[len(f) - settled :] for f, _ in cut[: len(records)]])
+    response, *others = (
+        np.stack([x[len(x) - settled :] for _, x in part]) / rate ** DERIVATIVE[part_of[0].quantity]
+        for part, part_of in ((cut[: len(records)], records), (cut[len(records) :], across))
+        if part
+    )
+    mean_known = all(one.quantity == "displacement" for one in (*records, *across))
+    for motion in () if mean_known else (response, *others):
+        motion[:, :, 0] = 0.0
     copies = _copies(records, force.mean(axis=1), response.mean(axis=1), rate)
     typical = rms(force.mean(axis=1))
     levels = name_levels([(record.level, float(one)) for record, one in zip(records, typical, strict=True)])
     step = Quantity(omega0 / 2 / np.pi, "Hz")
-    numbers = quantities(samples=length, periods=settled, left_out=max(left), step=step)
-    found = "found" if period is None else "given"
+    numbers = quantities(samples=length, periods=settled, left_out=int(left.max()), step=step)
+    known = "found" if period is None else "given"
     findings = [f for record in records for f in record.findings]
     findings += [*copies, *_level_findings(records, typical, levels, BASE_UNITS[base])]
     if transient is None:
         findings += _unsettled(records, length)
-    findings.append(Finding("multisine-periods", "info", numbers=numbers, names={"period": found}))
+    findings.append(Finding("multisine-periods", "info", numbers=numbers, names={"period": known}))
     return MultisineSpectra(
         level=levels,
         omega0=omega0,
         force=force,
         response=response,
         mean_known=mean_known,
-        left_out=np.array(left, dtype=np.int64),
+        left_out=left,
         findings=tuple(findings),
         per_mass=bool(base),
         base=base,
+        across=others[0] if others else None,
     )
 
 

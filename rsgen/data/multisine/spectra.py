@@ -64,6 +64,9 @@ class MultisineSpectra(Printed):
     base
         "" where a force drives; else the quantity of the motion of a driven base, as of a response surface:
         the response is relative to the base, the force per mass minus the acceleration of the base.
+    across
+        Displacement across the springs and dampers that act between two sensors, as the response; None where
+        all act on the response.
 
     Raises
     ------
@@ -82,6 +85,7 @@ class MultisineSpectra(Printed):
     label: Array | None = None
     per_mass: bool = False
     base: str = ""
+    across: ComplexArray | None = None
 
     def __post_init__(self) -> None:
         level = _array(self.level, "level", np.float64, (1,))
@@ -91,7 +95,10 @@ class MultisineSpectra(Printed):
             force = force[:, None]
         if response.ndim == 2:
             response = response[:, None]
-        if force.shape != response.shape or len(force) != len(level) or not force.size:
+        across = response if self.across is None else _array(self.across, "across", np.complex128, (2, 3))
+        if across.ndim == 2:
+            across = across[:, None]
+        if not force.shape == response.shape == across.shape or len(force) != len(level) or not force.size:
             raise MeasurementError(
                 f"MultisineSpectra: force {force.shape}, response {response.shape}, level {level.shape}; "
                 "(records, periods, lines) of both and a level a record are needed"
@@ -104,7 +111,9 @@ class MultisineSpectra(Printed):
             known = ", ".join(map(repr, BASE_UNITS))
             raise MeasurementError(f"MultisineSpectra: base: {self.base!r:.60}; one of {known} is needed")
         left = np.zeros(len(level), dtype=np.int64) if self.left_out is None else self.left_out
-        for name, value in (("level", level), ("force", force), ("response", response), ("left_out", left)):
+        arrays = {"level": level, "force": force, "response": response, "left_out": left}
+        arrays |= {} if self.across is None else {"across": across}
+        for name, value in arrays.items():
             kept = np.array(value)
             kept.flags.writeable = False
             object.__setattr__(self, name, kept)
@@ -208,12 +217,35 @@ class MultisineSpectra(Printed):
     def reach(self) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
         """Return lowest and highest line (r,) of each record between which noise does not hide the response.
 
-        Accelerations divided by omega^2 have noise at the lowest lines that may exceed everything else.
+        Accelerations divided by omega^2 have noise at the lowest lines that may exceed everything else. Of
+        two motions the lowest line is one at which noise hides neither.
         Without noise, or with one period, all lines are taken.
         """
-        size, noise = np.abs(self.mean_response), np.where(self.exact[:, None], np.nan, self.noise()[1])
-        ends = [_reach(*one) for one in zip(size, noise, self.excited(), strict=True)]
-        return np.array([low for low, _ in ends]), np.array([high for _, high in ends])
+        motions = [self.response] if self.across is None else [self.response, self.across]
+        ends = []
+        for motion in motions:
+            size = np.abs(motion.mean(axis=1))
+            noise = np.where(self.exact[:, None], np.nan, np.sqrt(scatter(motion)))
+            ends.append([_reach(*one) for one in zip(size, noise, self.excited(), strict=True)])
+        return np.max([[low for low, _ in of] for of in ends], axis=0), np.array(
+            [high for _, high in ends[0]]
+        )
+
+    @property
+    def means(self) -> tuple[bool, ...]:
+        """True if the mean was recorded, of the response and of the motion across two sensors if any."""
+        return (self.mean_known,) * (1 if self.across is None else 2)
+
+    def far(self, share: float) -> ComplexArray | None:
+        """Return the motion across less a share of the response (r, p, H+1) [m]; None where there is none.
+
+        It is zero at lines that noise hides: no law gives the motion of a second sensor.
+        """
+        if self.across is None:
+            return None
+        low, high = (end[:, None, None] for end in self.reach())
+        seen = (self.lines == 0) | ((self.lines >= low) & (self.lines <= high))
+        return np.asarray(np.where(seen, self.across - share * self.response, 0))
 
     def select(self, chosen: Sequence[int] | NDArray[np.bool_] | NDArray[np.intp]) -> MultisineSpectra:
         """Return some of the records."""
@@ -227,6 +259,7 @@ class MultisineSpectra(Printed):
             response=self.response[rows],
             left_out=left,
             label=label,
+            across=None if self.across is None else self.across[rows],
         )
 
     def at_level(self, level: float) -> NDArray[np.intp]:

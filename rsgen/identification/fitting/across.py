@@ -88,15 +88,20 @@ def _cubic(omega: Array) -> Array:
     return weights
 
 
-def law_of(elements: Sequence[Element], points: Points | None = None) -> ForceLaw:
+def law_of(
+    elements: Sequence[Element], means: Sequence[bool] | None = None, asymmetric: bool = False
+) -> ForceLaw:
     """Compile the law of some elements, in parts by motion.
 
     Parameters
     ----------
     elements
         All elements of the model.
-    points
-        Points of the test, if the law is to be fitted.
+    means
+        Whether the mean was recorded, of the response and of the motion across two sensors if the test has
+        one; None: nothing is to be fitted.
+    asymmetric
+        True where some motions are.
 
     Raises
     ------
@@ -106,17 +111,15 @@ def law_of(elements: Sequence[Element], points: Points | None = None) -> ForceLa
     """
     total = compile_law(total_force(elements))
     forces = forces_by_motion(elements)
-    known, asymmetric = (True, True), False
-    if points is not None:
-        _match(forces, points)
-        known, asymmetric = points.means, points.asymmetric
+    if means is not None:
+        _match(forces, len(means) - 1)
     if len(forces) == 1:
         # an odd law has asymmetric motions, too: in one well of two, or after symmetry breaking
         return replace(total, odd=False) if total.odd and asymmetric else total
     parts = []
     for motion, (sensors, force) in enumerate(forces.items()):
         law = compile_law(force)
-        if not (law.odd or known[motion]):
+        if means is not None and not (law.odd or means[motion]):
             followed = _MOTIONS[motion].format(sensors)
             raise RsgenError(
                 f"across: the elements that follow the {followed} are not odd, and the mean of that motion "
@@ -129,15 +132,15 @@ def law_of(elements: Sequence[Element], points: Points | None = None) -> ForceLa
                 "that act across"
             )
         places = np.array([total.parameters.index(name) for name in law.parameters], dtype=np.intp)
-        parts.append(Part(law, places, sensors))
+        parts.append(Part(law, places, sensors, response_share(sensors)))
     # the means of both motions were measured: there is no even part to compute
     return replace(total, odd=True, even=(), _parts=tuple(parts))
 
 
-def _match(forces: Mapping[str, sympy.Expr], points: Points) -> None:
+def _match(forces: Mapping[str, sympy.Expr], pairs: int) -> None:
     """Raise an error if elements and test do not have the same motions."""
     _, *sensors = map(repr, sorted(forces))
-    if len(sensors) != points.far.shape[1]:
+    if len(sensors) != pairs:
         raise RsgenError(_UNMATCHED[min(len(sensors), 2)].format(", ".join(sensors)))
 
 
@@ -188,7 +191,7 @@ class MeasuredAcross(Forward):
 
     def __init__(self, law: ForceLaw, response: Motion, across: Motion) -> None:
         self._law, self._response, self._across = law, response, across
-        self._response_share = response_share(law.parts[1].sensors)
+        self._response_share = law.parts[1].share
         self._columns = max(response.harmonics.shape[1], across.harmonics.shape[1])
         least = 1 << (8 * (self._columns - 1) - 1).bit_length()
         self.samples = max(samples_for(law.switched), least)

@@ -73,6 +73,9 @@ class SpectralLines:
         Terms of the background at all lines.
     subtracted
         (b,) values of the background that ``spectra`` are without; see ``mode``.
+    far
+        (r, p, H+1) the motion across two sensors less the share of the response in it [m]; None where all
+        elements follow the response.
     """
 
     spectra: MultisineSpectra
@@ -83,6 +86,7 @@ class SpectralLines:
     extended: int
     background: BackgroundTerms
     subtracted: Array
+    far: ComplexArray | None = None
 
     def __len__(self) -> int:
         return len(self.spectra)
@@ -105,6 +109,13 @@ class SpectralLines:
         turned[:1] = 1j * driven
         return turned, motion
 
+    def law_of(self, law: ForceLaw, record: int, period: int | None = None) -> ForceLaw:
+        """Return a law along the response with the far motion of a period; None: of their mean."""
+        if self.far is None:
+            return law
+        far = self.far[record].mean(axis=0) if period is None else self.far[record, period]
+        return law.with_far(Motion(np.array([self.spectra.omega0]), far[None]).waveforms(self.samples))
+
     def power(self, mass: float) -> Array:
         """Return the power |F|^2 + |m omega^2 X|^2 (r, H+1) [N^2], smoothed over neighbouring lines."""
         force, response = self.spectra.mean_force, self.spectra.mean_response
@@ -112,8 +123,14 @@ class SpectralLines:
         return np.stack([np.maximum(smooth(row), ROUND_OFF * row.max()) for row in power])
 
 
-def select_lines(spectra: MultisineSpectra, observation: Observation, *, switched: bool) -> SpectralLines:
-    """Select the lines of the band, or those up to the highest excited one; never line zero, the mean."""
+def select_lines(
+    spectra: MultisineSpectra, observation: Observation, *, switched: bool, share: float = 1.0
+) -> SpectralLines:
+    """Select the lines of the band, or those up to the highest excited one; never line zero, the mean.
+
+    ``share`` is how much of the response is in the motion across. No law gives the motion of a second sensor:
+    the lowest lines that noise hides are no part of it.
+    """
     band = observation.band
     last_excited = [np.flatnonzero(row)[-1] if row.any() else 0 for row in spectra.excited()]
     low, high = band or (0.0, np.inf)
@@ -122,12 +139,19 @@ def select_lines(spectra: MultisineSpectra, observation: Observation, *, switche
     recorded = len(spectra.lines) - 1
     extended = max(recorded, min(_EXTENSION_BY_SWITCHES * recorded, _MAX_LINES)) if switched else recorded
     samples = 1 << (OVERSAMPLED * (extended + 1) - 1).bit_length()
+    (lowest, highest), far = spectra.reach(), spectra.far(share)
+    if far is not None:
+        hidden = spectra.lines < lowest[:, None]
+        used &= ~hidden
+        unseen = (hidden & (spectra.lines > 0))[:, None]
+        spectra = replace(spectra, response=np.where(unseen, 0, spectra.response))
+        lowest = np.ones_like(lowest)
     driven = (used & spectra.excited()).any(axis=0)
     # no line at all is refused where parameters are counted
     fitted = spectra.frequency[driven if driven.any() else spectra.lines > 0]
     background = background_of_lines(observation.background, spectra, (float(fitted[0]), float(fitted[-1])))
     none = np.zeros(len(background.names))
-    return SpectralLines(spectra, used, samples, *spectra.reach(), extended, background, none)
+    return SpectralLines(spectra, used, samples, lowest, highest, extended, background, none, far)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -227,7 +251,8 @@ class Balance:
         for i in range(len(lines)):
             record = LawAlongRecord(lines, law, values, mass, i)
             periods = [
-                record.period(*pair) for pair in zip(spectra.force[i], spectra.response[i], strict=True)
+                record.period(*pair, lines.law_of(law, i, period))
+                for period, pair in enumerate(zip(spectra.force[i], spectra.response[i], strict=True))
             ]
             balance = np.stack([period.balance for period in periods])
             slopes = np.stack([period.slopes for period in periods])
@@ -264,7 +289,8 @@ class LawAlongRecord:
     """
 
     def __init__(self, lines: SpectralLines, law: ForceLaw, values: Array, mass: float, record: int) -> None:
-        self._lines, self._law, self._values, self._mass, self._record = lines, law, values, mass, record
+        self._lines, self._law, self._values = lines, lines.law_of(law, record), values
+        self._mass, self._record = mass, record
         self._force = lines.spectra.mean_force[record]
         self._response = lines.spectra.mean_response[record]
         orders = np.arange(lines.extended + 1)
@@ -273,7 +299,7 @@ class LawAlongRecord:
         self._high = orders > lines.highest[record]
         self._measured = ~(self._low | self._high)[: len(self._response)]
         self._computed = self._solve_lines()
-        self.mean, self._mean_dynamic = self._evaluate(self._force, self._response, self._computed)
+        self.mean, self._mean_dynamic = self._evaluate(self._force, self._response, self._computed, self._law)
 
     def _dynamic_stiffness(self, sample: ForceSample) -> ComplexArray:
         """Return m s^2 + c s + k (extended + 1,) [N/m] with the mean slopes k and c of the law."""
@@ -322,12 +348,12 @@ class LawAlongRecord:
         power = np.abs(share) ** 2 * force + np.abs(dynamic) ** 2 * response
         return np.asarray(np.maximum(power, ROUND_OFF * float(power.max()) or 1.0))
 
-    def period(self, force: ComplexArray, response: ComplexArray) -> LawSpectra:
-        """Evaluate the law along the motion of a period, of lines (H+1,) [N] and [m]."""
+    def period(self, force: ComplexArray, response: ComplexArray, law: ForceLaw) -> LawSpectra:
+        """Evaluate the law of a period along its motion, of lines (H+1,) [N] and [m]."""
         count, computed = len(response), np.array(self._computed)
         low = self._low[:count]
         computed[:count][low] += ((force - self._force) / self._mean_dynamic[:count])[low]
-        return self._evaluate(force, response, computed)[0]
+        return self._evaluate(force, response, computed, law)[0]
 
     @cached_property
     def trajectory(self) -> tuple[Array, Array, Array, Array]:
@@ -362,10 +388,10 @@ class LawAlongRecord:
         return self._spectrum(np.broadcast_to(moving - still, x.shape))[0, : len(self._response)]
 
     def _evaluate(
-        self, force: ComplexArray, response: ComplexArray, computed: ComplexArray
+        self, force: ComplexArray, response: ComplexArray, computed: ComplexArray, law: ForceLaw
     ) -> tuple[LawSpectra, ComplexArray]:
         """Evaluate a law along a motion; return its dynamic stiffness (extended + 1,) [N/m] as well."""
-        lines, law, values, count = self._lines, self._law, self._values, len(response)
+        lines, values, count = self._lines, self._values, len(response)
         motion = self._motion(response, computed)
         x, v, a, step, mean = self._waves(motion)
         sample = law.sample(x, v, a, step, values)

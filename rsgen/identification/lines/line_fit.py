@@ -22,7 +22,6 @@ from functools import cached_property
 from operator import itemgetter
 
 import numpy as np
-import sympy
 from numpy.typing import NDArray
 
 from rsgen.common.arrays import Array, ComplexArray
@@ -42,7 +41,7 @@ from rsgen.common.tolerances import (
 from rsgen.data.multisine.spectra import LINES_TO_EACH_SIDE, rms, smooth
 from rsgen.data.oscillator import BACKGROUNDS
 from rsgen.dynamics.linear_part import background_of_lines
-from rsgen.formula import parse
+from rsgen.identification.fitting.across import law_of
 from rsgen.identification.fitting.least_squares import (
     Alternative,
     Linearisation,
@@ -58,8 +57,9 @@ from rsgen.identification.lines.line_balance import Balance, BalanceNoise, Spect
 from rsgen.identification.starting.search import search_values
 from rsgen.identification.starting.start import neighbours
 from rsgen.identification.terms import LARGEST, larger_backgrounds
+from rsgen.law.element import Element, make_element
 from rsgen.law.motion import Motion
-from rsgen.law.numeric import DECADES, ForceLaw, compile_law, natural_sizes
+from rsgen.law.numeric import DECADES, ForceLaw, natural_sizes
 
 _MIN_INFORMATION_OUTSIDE_GROUP = 1e-3
 """A direction that the points outside a group determine less is not part of the jackknife."""
@@ -299,7 +299,9 @@ def _orthogonal_to_parameters(found: Regression, signal: Array) -> Array:
 def fit_missing_terms(fit: LineFit) -> dict[str, Alternative]:
     """Return the law extended by each of ``MISSING_TERMS`` in turn, to first order."""
     terms = with_coefficients(MISSING_TERMS, fit.law.parameters)
-    law = compile_law(sympy.Add(fit.law.expression, *map(parse, terms.values())))
+    parts = fit.law.parts
+    own = [Element("part", part.law.expression, part.law.parameters, part.sensors) for part in parts]
+    law = law_of(own + [make_element("term", term, across=parts[-1].sensors) for term in terms.values()])
     known = dict(zip(fit.law.parameters, fit.values, strict=True))
     values = np.array([known.get(name, 0.0) for name in law.parameters])
     noise = fit.balance.noise(fit.mode, law, values, fit.mass)
@@ -477,7 +479,6 @@ class _SampledBalance:
     """
 
     def __init__(self, lines: SpectralLines, law: ForceLaw, fixed: Mapping[str, float]) -> None:
-        self.law = law
         spectra = lines.spectra
         samples = lines.samples
         motion = Motion(np.full(len(spectra), spectra.omega0), _clear_lines(spectra.mean_response, lines))
@@ -491,6 +492,11 @@ class _SampledBalance:
         self.chosen = np.zeros(self.x.shape, dtype=bool)
         # an odd stride meets all phases of a period, whose samples are a power of two
         self.chosen.reshape(-1)[:: stride | 1] = True
+        self.law = law
+        if lines.far is not None:
+            far = Motion(motion.omega, lines.far.mean(axis=1)).waveforms(samples)
+            x, v, a = far if law.remembers else (wave[self.chosen][None] for wave in far)
+            self.law = law.with_far((x, v, a))
         self.weight = np.broadcast_to(1 / np.std(self.force, axis=1, keepdims=True), self.x.shape)
         size = float(np.max(rms(spectra.mean_response)))
         speed = float(np.max(np.std(self.v, axis=1)))

@@ -28,7 +28,8 @@ from rsgen.common.tolerances import (
 )
 from rsgen.data.multisine import BestLinear, MultisineSpectra, best_linear, implausible
 from rsgen.data.multisine.spectra import check_records
-from rsgen.data.oscillator import Model, refuse_across
+from rsgen.data.oscillator import Model
+from rsgen.identification.fitting.across import law_of
 from rsgen.identification.fitting.fit import Solution
 from rsgen.identification.fitting.least_squares import Alternative
 from rsgen.identification.lines.line_balance import Balance, SpectralLines, select_lines
@@ -66,9 +67,9 @@ from rsgen.identification.results.estimates import (
     state_background,
     with_combinations,
 )
-from rsgen.identification.soundness import gain_findings
+from rsgen.identification.soundness import gain_findings, signs_along
 from rsgen.law.motion import Motion
-from rsgen.law.numeric import compile_law, put_in_order
+from rsgen.law.numeric import put_in_order
 
 
 def identify_multisine(spectra: MultisineSpectra, model: Model) -> MultisineIdentification:
@@ -86,12 +87,11 @@ def identify_multisine(spectra: MultisineSpectra, model: Model) -> MultisineIden
     RsgenError
         A held-out level is not in the records, or nothing is left.
     """
-    refuse_across(model.sensors, multisine=True)
     observation = model.observation
     held_out = check_records(spectra, observation)
     part = spectra.select(np.flatnonzero(~held_out))
-    law = compile_law(model.force)
-    lines = select_lines(part, observation, switched=law.switched)
+    law = law_of(model.elements, part.means)
+    lines = select_lines(part, observation, switched=law.switched, share=law.parts[-1].share)
     count = int(lines.used.sum())
     if 2 * count <= len(law.parameters) + 1 + len(lines.subtracted):
         raise RsgenError(f"identify.band: {count} lines in it; more lines than parameters are needed")
@@ -132,10 +132,17 @@ def _assemble(spectra: MultisineSpectra, model: Model, fit: LineFit) -> Multisin
         *_misfit_findings(fit, misfit, noise, widening, others),
         *(_fixed_findings(fit, terms, misfit) or ambiguous),
     ]
-    motion = Motion(np.full(len(part), part.omega0), part.mean_response)
+    motions = [Motion(np.full(len(part), part.omega0), part.mean_response)]
+    if lines.far is not None:
+        share = law.parts[1].share
+        motions.append(replace(motions[0], harmonics=lines.far.mean(axis=1) + share * part.mean_response))
     # the sign of the damping is that of this law: errors by alternative laws do not enter
     by_noise = make_estimates(replace(solution, covariance=statistical), law, model, reasons, units)
-    findings += damping_findings(law, motion, fit.values, by_noise)
+    for one, motion in zip(law.parts, motions, strict=True):
+        findings += damping_findings(one.law, motion, fit.values[one.parameters], by_noise)
+        if law.acts_across:
+            # neither part can compensate a wrong sign of the other
+            findings += signs_along(one, motion, fit.values, _basis(fit, covariance), slice(1, None))
     findings += _damping_findings(fit, misfit, noise)
     findings += _delay_findings(fit, misfit)
     findings += phase_findings(fit.background)
@@ -225,6 +232,14 @@ def _resonance(found: BestLinear) -> Resonance:
         stiffness=found.stiffness,
         damping=2 * found.damping_ratio * found.mass * natural,
     )
+
+
+def _basis(fit: LineFit, covariance: Array) -> Array:
+    """Return a basis (q, r) of the errors of all values, as wide as their covariance (q, q) says."""
+    basis = fit.regression.basis[: len(covariance)]
+    known = np.linalg.norm(basis, axis=1)
+    wider = np.sqrt(np.diag(covariance)) / np.where(known > 0, known, np.inf)
+    return basis * np.where(np.isfinite(wider), wider, 1)[:, None]
 
 
 def _curve(resonances: tuple[Resonance, ...], part: MultisineSpectra) -> EquivalentCurve:

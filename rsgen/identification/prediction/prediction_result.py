@@ -24,8 +24,8 @@ from rsgen.data.multisine import MultisineSpectra
 from rsgen.data.multisine.spectra import held_out_records
 from rsgen.dynamics.linear_part import background_of_lines
 from rsgen.dynamics.periodic_response import periodic_response
+from rsgen.identification.fitting.across import law_of
 from rsgen.identification.results import MultisineIdentification
-from rsgen.law.numeric import compile_law
 
 BEYOND = 1 + RELATIVE_CHANGE_NEGLIGIBLE
 """Amplitude relative to the largest tested one from which on a response is extrapolated."""
@@ -270,11 +270,15 @@ def predict_multisine(found: MultisineIdentification, spectra: MultisineSpectra 
     spectra = spectra.on_mass(found.mass)
     records = tuple(_record(found, spectra, i) for i in range(len(spectra)))
     findings = _findings(found, records, np.sqrt(2) * spectra.rms_response())
+    if found.model.sensors:
+        findings.append(Finding("predicted-along-measured", "info", names={"sensors": found.model.sensors}))
     return Prediction((), (), tuple(findings), records)
 
 
 def _record(found: MultisineIdentification, spectra: MultisineSpectra, row: int) -> PredictedRecord:
-    law, spectra, background = compile_law(found.model.force), spectra.select([row]), found.background
+    spectra, background = spectra.select([row]), found.background
+    law, start = law_of(found.model.elements, spectra.means), None
+    far = spectra.far(law.parts[-1].share)
     mode, measured = spectra, spectra.mean_response[0]
     if background is not None:
         terms = background_of_lines(background.kind, spectra, background.band)
@@ -283,7 +287,12 @@ def _record(found: MultisineIdentification, spectra: MultisineSpectra, row: int)
     if not spectra.mean_known:
         # a sensor without mean: the force has none either, as identification takes it
         force[0] = 0.0
-    response = periodic_response(law, found.solution, found.mass, spectra.omega0, force)
+    if far is not None:
+        start, far = (
+            np.where(spectra.lines < spectra.reach()[0], 0, mode.mean_response[0]),
+            far[0].mean(axis=0),
+        )
+    response = periodic_response(law, found.solution, found.mass, spectra.omega0, force, start, far)
     # what is not of the mode is added as it was measured
     seen = response.spectrum + (measured - mode.mean_response[0])
     predicted = seen if response.converged else np.full(len(force), nan + 0j)

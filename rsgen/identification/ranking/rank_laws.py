@@ -104,7 +104,7 @@ def rank(
     if set(base.fixed) - {"m"}:
         raise RsgenError("ranking: other laws have other parameters; of what is fixed only the mass can stay")
     if isinstance(surface, MultisineSpectra):
-        refuse_across(base.sensors, multisine=True)
+        refuse_across(base.sensors or int(surface.across is not None), ranking=True)
         # without a mass the balance is fitted per unit mass, with a mass of 1 kg
         test: RankedTest = RecordTest(*per_unit_mass(surface, base))
     else:

@@ -20,9 +20,8 @@ say_plainly(
             "are predicted with the measured motion of the base"
         ),
         "predicted-along-measured": (
-            "the law acts across {sensors}: held-out levels are predicted with the motion across in "
-            "proportion to the response as it was measured there, and there are no curves, which would need "
-            "it everywhere"
+            "the law acts across {sensors}: held-out levels are predicted with what was measured there of "
+            "the motion across, and there are no curves, which would need it everywhere"
         ),
         "no-effect": (
             f"{{parameter}}: the response does not depend on it in the tested range ({_TESTED}); raise the "

@@ -1,0 +1,165 @@
+"""Periodic multisines with elements across two sensors: chosen motions, and the force that they need."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import rsgen as rs
+from rsgen.common.errors import RsgenError
+
+OMEGA0, LINES, MASS = np.pi, 256, 1.5
+TRUTH = {"k": 5000.0, "c": 4.0, "kj": 4e6, "cj": 2.0, "m": MASS}
+WING, JOINT = "k*x + c*v", "kj*x**3 + cj*v"
+
+
+def spectra(noise: float = 0.0, seed: int = 0, *, gauge: bool = False, still: bool = False):
+    """Two motions of three levels; the force is m a + n(x, v) + n_a(z, dz/dt) at every line."""
+    generator, moved, samples = np.random.default_rng(seed), np.arange(2, 40), 8 * LINES
+    omega, rate = moved * OMEGA0, 1j * np.arange(LINES + 1) * OMEGA0
+
+    def motion(natural: float) -> np.ndarray:
+        shape = 1 / (natural - MASS * omega**2 + 6j * omega)
+        turn = np.exp(2j * np.pi * generator.random((3, len(moved))))
+        found = np.zeros((3, LINES + 1), dtype=complex)
+        found[:, moved] = np.array([[1e-3], [4e-3], [1e-2]]) * turn * shape / np.abs(shape).max()
+        return found
+
+    def wave(lines: np.ndarray, power: int) -> np.ndarray:
+        return np.fft.irfft(lines * rate**power * samples / 2, samples)
+
+    near = motion(5000)
+    far = 0 * near if still else 0.6 * near + 0.5 * motion(9000)
+    pushed = MASS * wave(near, 2) + TRUTH["c"] * wave(near, 1) + TRUTH["k"] * wave(near, 0)
+    pushed += TRUTH["kj"] * wave(near - far, 0) ** 3 + TRUTH["cj"] * wave(near - far, 1)
+    force = np.fft.rfft(pushed, axis=1)[:, : LINES + 1] * 2 / samples
+    force[:, 0] /= 2
+    size = np.sqrt(0.5 * np.sum(np.abs(force[:, 1:]) ** 2, axis=1))
+
+    def seen(lines: np.ndarray) -> np.ndarray:
+        drawn = generator.standard_normal((3, 6 if noise else 1, LINES + 1, 2)) @ [1, 1j]
+        drawn[..., 0] = drawn[..., 0].real
+        rms = np.sqrt(0.5 * np.sum(np.abs(lines[:, 1:]) ** 2, axis=1))
+        return lines[:, None] + noise * rms[:, None, None] * drawn / np.sqrt(LINES)
+
+    force, near, far, across = map(seen, (force, near, far, near - far))
+    return rs.MultisineSpectra(size, OMEGA0, force, near, across=across if gauge else near - far)
+
+
+def elements(sensors: str = "payload - wing") -> list[rs.Element]:
+    return [rs.make_element("wing", WING), rs.make_element("joint", JOINT, across=sensors)]
+
+
+@pytest.mark.parametrize("gauge", [False, True])
+def test_a_joint_between_two_sensors_comes_back_to_round_off(gauge: bool) -> None:
+    found = rs.identify(spectra(gauge=gauge), elements("gauge" if gauge else "payload - wing"))
+    for name, true in TRUTH.items():
+        assert found[name].value == pytest.approx(true, rel=1e-9), name
+
+
+def test_a_second_sensor_at_rest_is_none() -> None:
+    both = spectra(still=True)
+    law = [rs.make_element("wing", WING), rs.make_element("joint", "kj*x**3", across="payload - wing")]
+    across, plain = rs.identify(both, law), rs.identify(replace(both, across=None), f"{WING} + kj*x**3")
+    for name in ("k", "c", "kj", "m"):
+        assert across[name].value == pytest.approx(plain[name].value, rel=1e-9)
+        assert across[name].standard_error == pytest.approx(plain[name].standard_error, rel=1e-3)
+
+
+@pytest.mark.parametrize(("seed", "gauge"), [(1, False), (2, True)])
+def test_noise_of_both_sensors_is_in_the_errors(seed: int, gauge: bool) -> None:
+    records = spectra(0.01, seed, gauge=gauge)
+    law = elements("gauge" if gauge else "payload - wing")
+    found = rs.identify(records, law, rs.Observation(hold_out=(float(records.levels[1]),)))
+    assert found.verdict.usable
+    for name, true in TRUTH.items():
+        assert abs(found[name].value - true) < 4 * found[name].standard_error, name
+    prediction = rs.predict(found)
+    assert prediction.records[0].error < 0.01
+    assert [finding.code for finding in prediction.findings] == ["predicted-along-measured"]
+    with pytest.raises(RsgenError, match="known only where it was measured"):
+        rs.predict(found, [1.0])
+
+
+@pytest.mark.parametrize("wrong", ["reversed", "other motion"])
+def test_another_motion_across_is_rejected(wrong: str) -> None:
+    right = spectra(0.01)
+    across = -right.across if wrong == "reversed" else right.response - right.across
+    found = rs.identify(replace(right, across=across), elements())
+    assert not found.verdict.usable
+    (signs,) = {f.names.get("sensors") for f in found.findings if f.code == "curve-negative"}
+    assert signs == "payload - wing"
+
+
+def test_elements_and_records_have_the_same_motions() -> None:
+    with pytest.raises(RsgenError, match="the test has no motion across"):
+        rs.identify(replace(spectra(), across=None), elements())
+    with pytest.raises(RsgenError, match="but no element follows it"):
+        rs.identify(spectra(), WING)
+    unknown = replace(spectra(), mean_known=False)
+    even = [*elements(), rs.make_element("stop", "k2*x**2", across="payload - wing")]
+    with pytest.raises(RsgenError, match="are not odd"):
+        rs.identify(unknown, even)
+    with pytest.raises(RsgenError, match="laws are compared along one motion"):
+        rs.rank(spectra())
+
+
+CASE = """schema = 1
+name   = "joined"
+title  = "Two sensors"
+[[element]]
+name  = "wing"
+force = "k*x + c*v"
+[[element]]
+name   = "joint"
+force  = "kj*x**3 + cj*v"
+across = "payload - wing"
+[test]
+kind       = "measured"
+excitation = "multisine"
+file       = ["low.csv", "middle.csv", "high.csv"]
+[test.time]
+rate = 256
+[test.force]
+samples = 1
+[test.channels.payload]
+quantity = "displacement"
+samples  = 2
+[test.channels.wing]
+quantity = "displacement"
+samples  = 3
+[test.response]
+channels = "payload"
+"""
+
+
+@pytest.mark.slow
+def test_time_histories_of_two_sensors_are_read_and_reported(tmp_path: Path, run_cli) -> None:
+    exact = spectra()
+    channels = (exact.force, exact.response, exact.response - exact.across)
+    for name, *lines in zip(("low", "middle", "high"), *(one[:, 0] for one in channels), strict=True):
+        whole = [
+            2 * one[0].real / 2 + np.fft.irfft(one * (np.arange(LINES + 1) > 0) * LINES, 2 * LINES)
+            for one in lines
+        ]
+        np.savetxt(
+            tmp_path / f"{name}.csv", np.column_stack([np.tile(one, 4) for one in whole]), delimiter=","
+        )
+    path = tmp_path / "joined.toml"
+    level = float(f"{exact.levels[1]:.3g}")
+    path.write_text(CASE + f'[identify]\nhold_out = ["{level:g} N"]\n')
+    case = rs.load_case(path)
+    found = rs.identify(rs.read(case), case.model)
+    for name, true in TRUTH.items():
+        assert found[name].value == pytest.approx(true, rel=1e-4), name
+    assert run_cli("check", path).code == 0
+    run_cli("run", path, "--out", tmp_path / "out")
+    page = (tmp_path / "out" / "joined" / "report.html").read_text(encoding="utf-8")
+    assert "held-out levels are predicted with what was measured there" in " ".join(page.split())
+    notebook = (tmp_path / "out" / "joined" / "notebook.ipynb").read_text(encoding="utf-8")
+    assert '"output_type": "error"' not in notebook
+    with np.load(tmp_path / "out" / "joined" / "spectra.npz") as saved:
+        assert saved["across"].shape == saved["response"].shape
