@@ -153,6 +153,22 @@ def test_the_right_law_is_first_next_to_a_background() -> None:
     assert not rsgen.rank(test, rivals).fits
 
 
+@pytest.mark.parametrize("seed", [0, 1])
+def test_a_gap_next_to_a_background_is_found(seed: int) -> None:
+    # beside a linear law the background would take the misfit, and every law would lose its mass
+    law, values = (
+        "k*x + c*v + kg*(Max(0, x - b) + Min(0, x + b))",
+        {"k": 5e3, "c": 15.0, "kg": 8e3, "b": 2e-3},
+    )
+    test = rsgen.MultisineTest((4, 6, 9), (2.5, 20), 2.0, periods=8, seed=seed)
+    mode = rsgen.simulate(rsgen.Oscillator(MASS, law, values), test)
+    rivals = [rsgen.laws[name] for name in ("dead-zone", "cubic-spring", "coulomb", "quadratic-damper")]
+    observation = rsgen.Observation(background="residuals")
+    ranking = rsgen.rank(with_noise(seen(mode, "residuals"), seed), rivals, observation)
+    assert ranking.fits
+    assert ranking["dead-zone"].tied
+
+
 def test_the_modal_table_is_that_of_the_mode() -> None:
     test = seen(spectra(lambda x, v: TRUE["k"] * x + TRUE["c"] * v, SIZES), "residuals")
     table = rsgen.modal_table(test, rsgen.Observation(background="residuals"))

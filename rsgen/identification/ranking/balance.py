@@ -30,6 +30,7 @@ from numpy.typing import NDArray
 
 from rsgen.common.arrays import Array, Chosen, ComplexArray, blocks
 from rsgen.common.tolerances import (
+    ANY_LAW,
     ASSUMED_RELATIVE_NOISE,
     BALANCE_HARMONICS,
     COMPARISON_POINTS,
@@ -76,6 +77,10 @@ class Term:
     def linear(self) -> tuple[str, ...]:
         """Parameters in which the term is linear; the others scale the force of the last one only."""
         return tuple(name for name in self.law.parameters if name not in self.search)
+
+
+SURROGATES = (f"{ANY_LAW} + Ff*sign(v)", ANY_LAW)
+"""Surrogates of any law, with friction and without, with which the first background is fitted."""
 
 
 def base_law() -> ForceLaw:

@@ -20,6 +20,7 @@ from rsgen.common.tolerances import MISFIT_NEGLIGIBLE
 from rsgen.data.multisine import MultisineSpectra
 from rsgen.data.multisine.spectra import check_records
 from rsgen.data.oscillator import Model
+from rsgen.formula import parse
 from rsgen.identification.lines.line_balance import LawAlongRecord, SpectralLines, select_lines
 from rsgen.identification.lines.line_fit import (
     LineFit,
@@ -28,7 +29,7 @@ from rsgen.identification.lines.line_fit import (
     relative_to_force,
     start_values,
 )
-from rsgen.identification.ranking.balance import MAX_MOTION_DISTANCE, WhitenedBalance, base_law
+from rsgen.identification.ranking.balance import MAX_MOTION_DISTANCE, SURROGATES, WhitenedBalance, base_law
 from rsgen.identification.ranking.candidate_fit import (
     MAX_UNEXPLAINED,
     CandidateFit,
@@ -41,7 +42,7 @@ from rsgen.identification.ranking.candidate_fit import (
 )
 from rsgen.law.element import Element
 from rsgen.law.motion import cycle_work
-from rsgen.law.numeric import ForceLaw
+from rsgen.law.numeric import ForceLaw, compile_law
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -183,12 +184,18 @@ class RecordTest(RankedTest):
         if 2 * self._lines.used.sum() <= len(base_law().parameters) + 1:
             raise RsgenError("ranking: no more lines than parameters in the band")
         with np.errstate(all="ignore"):
-            start = start_values(self._lines, base_law(), self.fixed)
-            self.first = LineBalance.along(fit_lines(self._lines, base_law(), self.fixed, *start))
-            self._lines = self.first.fit.mode
+            # a linear law would put its misfit into a background
+            laws = map(compile_law, map(parse, SURROGATES)) if len(self._lines.subtracted) else [base_law()]
+            fits = [self._fit(law) for law in laws]
+        self.first = LineBalance.along(min(fits, key=_misfit))
+        self._lines = self.first.fit.mode
 
     def _select(self, law: ForceLaw) -> SpectralLines:
         return select_lines(self._spectra, self._observation, switched=law.switched)
+
+    def _fit(self, law: ForceLaw) -> LineFit:
+        lines = self._select(law)
+        return fit_lines(lines, law, self.fixed, *start_values(lines, law, self.fixed))
 
     def start(self, name: str, elements: tuple[Element, ...]) -> CandidateLaw:
         """Return a law with initial values from the balance at sampled instants."""
@@ -217,3 +224,8 @@ class RecordTest(RankedTest):
             values = {**dict(zip(law.parameters, fit.values.tolist(), strict=True)), "m": fit.mass}
             leader = fit_candidate(replace(candidate, values=values), rows, self.fixed)
         return None if leader is None else RecordRound(rows, leader)
+
+
+def _misfit(fit: LineFit) -> float:
+    """Return the misfit relative to the force; infinite with a mass that no structure has."""
+    return relative_to_force(fit.mode, np.abs(fit.balance.residual) ** 2) if fit.mass > 0 else np.inf

@@ -20,7 +20,6 @@ from rsgen.common.arrays import Array, ComplexArray
 from rsgen.common.errors import RsgenError
 from rsgen.common.finding import Finding, Quantity, quantities
 from rsgen.common.tolerances import (
-    ANY_LAW,
     ASSUMED_RELATIVE_NOISE,
     BALANCE_HARMONICS,
     BRANCH_DISTANCE,
@@ -46,6 +45,7 @@ from rsgen.identification.fitting.points import Points, mass_needs, select_point
 from rsgen.identification.fitting.simulator import go_on
 from rsgen.identification.ranking.balance import (
     MAX_MOTION_DISTANCE,
+    SURROGATES,
     PointBalance,
     ReferenceMotion,
     base_law,
@@ -320,9 +320,6 @@ _MAX_POINTS = 500
 _MIN_MISFIT_OF_DOUBT = 0.03
 """Smaller misfits along the law's own motions are due to few harmonics, as for friction that sticks."""
 
-_SURROGATES = (f"{ANY_LAW} + Ff*sign(v)", ANY_LAW)
-"""Surrogates of any law, with friction and without, with which the first background is fitted."""
-
 _MAX_UNEXPLAINED_OF_HARMONIC = 0.1
 """Misfit of a higher harmonic, relative to that harmonic."""
 
@@ -490,7 +487,7 @@ def _start_background(observed: Observed, base: Model, given: Collection[tuple[E
     """Return an initial background: that of the best fit among the laws of the user and the surrogates."""
     if not observed.background.names:
         return np.zeros(0)
-    laws = [CandidateLaw("", as_elements(law), {}) for law in _SURROGATES]
+    laws = [CandidateLaw("", as_elements(law), {}) for law in SURROGATES]
     # a linear law would put its misfit into the background
     laws[:0] = [law for elements in given if not (law := CandidateLaw("", elements, {})).linear]
     subsample = observed.select(observed.points.spread(SUBSAMPLE_POINTS))
