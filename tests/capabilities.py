@@ -248,10 +248,7 @@ EXCITATIONS = {
         refused=_refused(("background: phase", *_BACKGROUNDS), NO_FORCE),
         damping=1.0,
     ),
-    "multisine": Row(
-        _MULTISINE,
-        refused=_refused(("profile",), OPEN),
-    ),
+    "multisine": Row(_MULTISINE),
 }
 
 

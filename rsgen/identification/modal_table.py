@@ -20,6 +20,7 @@ from math import nan
 import numpy as np
 from numpy.typing import NDArray
 
+import rsgen.identification.lines
 from rsgen.common.arrays import Array
 from rsgen.common.errors import RsgenError, require
 from rsgen.common.finding import Finding, quantities
@@ -57,7 +58,6 @@ from rsgen.identification.fitting.points import (
     select_points,
 )
 from rsgen.identification.fitting.repeats import gather_repeats
-from rsgen.identification.lines.modal_lines import table_of_lines
 from rsgen.identification.modal_result import (
     MODAL_COLUMNS,
     ModalSplines,
@@ -326,7 +326,7 @@ def modal_table(
     require(surface, (ResponseSurface, MultisineSpectra), "surface")
     model = _model_of(about, mass)
     if isinstance(surface, MultisineSpectra):
-        return table_of_lines(*per_unit_mass(surface, model))
+        return rsgen.identification.lines.table_of_lines(*per_unit_mass(surface, model))
     rows = without_copies(surface)
     copied = rows.findings[len(surface.findings) :]
     surface, model = per_unit_mass(rows, model)

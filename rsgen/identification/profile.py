@@ -12,9 +12,11 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from math import inf, isfinite
+from typing import TYPE_CHECKING
 
 import numpy as np
 
+import rsgen.identification.lines
 from rsgen.common.arrays import Array
 from rsgen.common.errors import RsgenError, require
 from rsgen.common.finding import Finding, Quantity
@@ -27,9 +29,14 @@ from rsgen.common.tolerances import (
     interval_sigmas,
 )
 from rsgen.identification.fitting.fit import Fit, refit_weighted
-from rsgen.identification.fitting.least_squares import Regression
+from rsgen.identification.fitting.least_squares import Regression, Rules, descend
+from rsgen.identification.fitting.points import per_unit_mass
 from rsgen.identification.misfit import fit_near
-from rsgen.identification.results import Estimate, Identification
+from rsgen.identification.results import Estimate, Identification, MultisineIdentification
+from rsgen.law.numeric import ForceLaw
+
+if TYPE_CHECKING:
+    from rsgen.identification.lines.line_fit import LineFit
 
 _END_TOLERANCE = 0.02
 """Relative difference of sqrt(D) at the end of an interval from the quantile, and of the place of a jump."""
@@ -103,12 +110,16 @@ class _Likelihood:
         self._order = max((BALANCE_HARMONICS, *problem.observed.recorded))
         self._near = fit_near(problem, found.regression.parameters, order=self._order)
         base = refit_weighted(self._near, problem, self._near.regression.parameters, order=self._order)
-        self._problem, self._noise, self._cost = problem, base.noise, _cost(base)
+        self._problem, self.regression = problem, found.regression
+        self._begin(problem.law, base.parameters, _cost(base.residual), base.noise)
         self._error = np.sqrt(np.diag(found.regression.covariance))
-        self.names = (*problem.law.parameters, "m")
-        self.best = base.parameters
         self.resolved = self._noise < NOISE_RATIO_BY_CHANCE * found.regression.noise
-        self._fits, self._roots, self._fixed = [self.best], [0.0], [-1]
+
+    def _begin(self, law: ForceLaw, best: Array, cost: float, noise: float) -> None:
+        """Keep the best fit, its sum of squares, and the noise in whose units the deviance is."""
+        self.law, self.names, self.best = law, (*law.parameters, "m"), best
+        self._cost, self._noise = cost, noise
+        self._fits, self._roots, self._fixed = [best], [0.0], [-1]
 
     def __call__(self, place: int, value: float) -> float:
         """Return the root of the deviance with one value fixed; infinite where points are not predicted."""
@@ -126,16 +137,20 @@ class _Likelihood:
         return root
 
     def _fit(self, place: int, value: float, start: Array) -> float:
-        fixed = {**self._problem.fixed, self.names[place]: value}
-        start = np.where(np.arange(len(start)) == place, value, start)
-        found = refit_weighted(self._near, replace(self._problem, fixed=fixed), start, order=self._order)
-        if not found.used.all():
+        parameters, cost = self._refit(place, value, np.where(np.arange(len(start)) == place, value, start))
+        if not isfinite(cost):
             return inf
-        root = float(np.sqrt(max(_cost(found) - self._cost, 0.0)) / max(self._noise, 1e-300))
-        self._fits.append(found.parameters)
+        root = float(np.sqrt(max(cost - self._cost, 0.0)) / max(self._noise, 1e-300))
+        self._fits.append(parameters)
         self._roots.append(root)
         self._fixed.append(place)
         return root
+
+    def _refit(self, place: int, value: float, start: Array) -> tuple[Array, float]:
+        """Return parameters and sum of squares with one value fixed; infinite if a point is not predicted."""
+        fixed = {**self._problem.fixed, self.names[place]: value}
+        found = refit_weighted(self._near, replace(self._problem, fixed=fixed), start, order=self._order)
+        return found.parameters, _cost(found.residual) if found.used.all() else inf
 
     def tried(self, place: int) -> list[tuple[float, float]]:
         """Return values and roots of the fits in which a parameter was fixed, and of the best."""
@@ -183,24 +198,40 @@ class _Likelihood:
         return nowhere, near
 
 
-def _cost(found: Regression) -> float:
-    return float(np.sum(found.residual**2))
+class _LineLikelihood(_Likelihood):
+    """Fits of the lines of a multisine, with the variances of the last fit as weights."""
+
+    def __init__(self, found: LineFit) -> None:
+        self._found, self.regression = found, found.regression
+        best, _, line, _ = descend(found.linearise, found.parameters, found.nuisance, Rules(free=found.free))
+        self._begin(found.law, best, _cost(line.residual), self.regression.noise)
+        self._error = np.sqrt(np.diag(self.regression.covariance))
+        self.resolved = not found.lines.spectra.exact.all()
+
+    def _refit(self, place: int, value: float, start: Array) -> tuple[Array, float]:
+        found, free = self._found, np.array(self._found.free)
+        free[place] = False
+        parameters, _, line, _ = descend(found.linearise, start, found.nuisance, Rules(free=free))
+        return parameters, _cost(line.residual)
 
 
-def _target(found: Fit, estimate: Estimate) -> float:
+def _cost(residual: Array) -> float:
+    return float(np.sum(residual**2))
+
+
+def _target(regression: Regression, place: int, estimate: Estimate) -> float:
     """Return the root at which an interval ends: the quantile, as much larger as the error was widened."""
-    place = (*found.problem.law.parameters, "m").index(estimate.name)
     # of independent errors of one size, as the sum of squares takes them
-    own = found.regression.noise * float(np.linalg.norm(found.regression.basis[place]))
-    return float(interval_sigmas(found.regression.freedom)) * max(estimate.standard_error / own, 1.0)
+    own = regression.noise * float(np.linalg.norm(regression.basis[place]))
+    return float(interval_sigmas(regression.freedom)) * max(estimate.standard_error / own, 1.0)
 
 
-def _wald(found: Fit, estimate: Estimate) -> float:
+def _wald(regression: Regression, estimate: Estimate) -> float:
     """Return half the width of the interval that the standard error gives."""
-    return estimate.standard_error * float(interval_sigmas(found.regression.freedom))
+    return estimate.standard_error * float(interval_sigmas(regression.freedom))
 
 
-def _is_quadratic(found: Fit, likelihood: _Likelihood, estimate: Estimate, target: float) -> bool:
+def _is_quadratic(found: Regression, likelihood: _Likelihood, estimate: Estimate, target: float) -> bool:
     """Return True if Wald's interval agrees with that of the likelihood."""
     place = likelihood.names.index(estimate.name)
     half = _wald(found, estimate)
@@ -209,13 +240,13 @@ def _is_quadratic(found: Fit, likelihood: _Likelihood, estimate: Estimate, targe
 
 
 def _interval(
-    found: Fit, likelihood: _Likelihood, estimate: Estimate, target: float
+    found: Regression, likelihood: _Likelihood, estimate: Estimate, target: float
 ) -> tuple[tuple[float, float], tuple[float, float]]:
     """Return the values whose root is within a target, and those that the balance can follow.
 
     Those of a nonlinear parameter keep its sign.
     """
-    law, place = found.problem.law, likelihood.names.index(estimate.name)
+    law, place = likelihood.law, likelihood.names.index(estimate.name)
     best, step = float(likelihood.best[place]), _wald(found, estimate)
     stops = [-inf, inf]
     if place in law.nonlinear:
@@ -224,7 +255,7 @@ def _interval(
         likelihood.end(place, sign * step, target, stop) for sign, stop in zip((-1, 1), stops, strict=True)
     ]
     # the simulator and the correction of bias move the value, and the interval with it
-    moved = float(found.regression.parameters[place]) - best
+    moved = float(found.parameters[place]) - best
     (low, least), (high, most) = (np.array(ends) + moved).tolist()
     return (low, high), (least, most)
 
@@ -248,10 +279,10 @@ def with_profiles(found: Fit, estimates: Sequence[Estimate]) -> tuple[Estimate, 
     likelihood = _Likelihood(found)
     if not likelihood.resolved:
         return tuple(estimates)
-    target = {e.name: _target(found, e) for e in asked}
-    bent = [e for e in asked if not _is_quadratic(found, likelihood, e, target[e.name])]
+    target = {e.name: _target(regression, place[e.name], e) for e in asked}
+    bent = [e for e in asked if not _is_quadratic(regression, likelihood, e, target[e.name])]
     # nonlinear parameters first: fits of their profiles are starts and likely values of the others
-    replaced = {e.name: _stated(e, *_interval(found, likelihood, e, target[e.name])) for e in bent}
+    replaced = {e.name: _stated(e, *_interval(regression, likelihood, e, target[e.name])) for e in bent}
     return tuple(replaced.get(e.name, e) for e in estimates)
 
 
@@ -290,31 +321,35 @@ def profile(found: Identification, name: str) -> Profile:
     Parameters
     ----------
     found
-        What ``identify`` found on a sine test.
+        What ``identify`` found.
     name
         A parameter of its law, or "m", that was fitted and has a value.
 
     Raises
     ------
     RsgenError
-        There is no such parameter or it has no value, the identification is of a multisine, or its data are
-        exact, so that the likelihood is that of round-off.
+        There is no such parameter or it has no value, or the data are exact, so that the likelihood is that
+        of round-off.
     """
     require(found, Identification, "found")
-    fit, known = found.fit, {e.name: e for e in found.refined if isfinite(e.value)}
-    if fit is None:
-        raise RsgenError("profile: found is no identification of a sine test, as identify returns it")
+    known = {e.name: e for e in found.refined if isfinite(e.value)}
     if name not in known:
         raise RsgenError(f"profile: {name!r} has no value here; those with one: {', '.join(known) or 'none'}")
-    likelihood = _Likelihood(fit)
+    if isinstance(found, MultisineIdentification):
+        lines = rsgen.identification.lines.fit_multisine(*per_unit_mass(found.spectra, found.model))
+        likelihood: _Likelihood = _LineLikelihood(lines)
+    elif found.fit is not None:
+        likelihood = _Likelihood(found.fit)
+    else:
+        raise RsgenError("profile: found has no fit; give an identification as identify returns it")
     if not likelihood.resolved:
         raise RsgenError("profile: the data are exact, and what is left of them is no noise")
-    estimate, target = known[name], _target(fit, known[name])
-    interval, followed = _interval(fit, likelihood, estimate, target)
-    place = likelihood.names.index(name)
+    regression, place = likelihood.regression, likelihood.names.index(name)
+    estimate, target = known[name], _target(regression, place, known[name])
+    interval, followed = _interval(regression, likelihood, estimate, target)
     tried = sorted(likelihood.tried(place), key=lambda pair: pair[0])
-    moved = float(fit.regression.parameters[place]) - float(likelihood.best[place])
-    scale, half = float(interval_sigmas(fit.regression.freedom)) / target, _wald(fit, estimate)
+    moved = float(regression.parameters[place]) - float(likelihood.best[place])
+    scale, half = float(interval_sigmas(regression.freedom)) / target, _wald(regression, estimate)
     return Profile(
         name,
         estimate.unit,

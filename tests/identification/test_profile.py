@@ -12,7 +12,7 @@ import rsgen as rs
 from rsgen.common.errors import RsgenError
 from rsgen.data.oscillator import Oscillator
 from rsgen.data.surface import ResponseSurface
-from rsgen.dynamics.simulation import SimulatedTest, simulate
+from rsgen.dynamics.simulation import MultisineTest, SimulatedTest, simulate
 from rsgen.identification.fitting import least_squares
 from rsgen.identification.identify import identify
 from rsgen.identification.profile import _Likelihood, profile, with_profiles
@@ -202,6 +202,16 @@ def test_a_pattern_below_the_hundredth_is_no_likelihood_either() -> None:
     found = identify(simulate(Oscillator(1.5, f"{law} + c2*v*abs(v)", values), test), law)
     assert 1e-4 < found.residual < 0.01
     assert not any(estimate.by_profile for estimate in found.refined)
+
+
+@pytest.mark.slow
+def test_the_profile_of_a_multisine_is_walds_where_the_law_is_linear() -> None:
+    law = "k*x + k3*x**3 + c*v"
+    oscillator = Oscillator(1.5, law, {"k": 5920.0, "k3": 3e6, "c": 6.0})
+    test = MultisineTest([3, 8], band=(2.5, 20), period=2, periods=4, noise_relative=0.01)
+    found = identify(simulate(oscillator, test), law)
+    for name in ("k3", "m"):
+        np.testing.assert_allclose(profile(found, name).interval, found[name].interval, rtol=1e-3)
 
 
 def test_what_has_no_profile_is_refused() -> None:

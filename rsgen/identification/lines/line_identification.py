@@ -87,6 +87,13 @@ def identify_multisine(spectra: MultisineSpectra, model: Model) -> MultisineIden
     RsgenError
         A held-out level is not in the records, or nothing is left.
     """
+    fit = fit_multisine(spectra, model)
+    with np.errstate(all="ignore"):
+        return _assemble(spectra, model, fit)
+
+
+def fit_multisine(spectra: MultisineSpectra, model: Model) -> LineFit:
+    """Fit a law to the lines of the records that are not held out; raise as ``identify_multisine``."""
     observation = model.observation
     held_out = check_records(spectra, observation)
     part = spectra.select(np.flatnonzero(~held_out))
@@ -97,8 +104,7 @@ def identify_multisine(spectra: MultisineSpectra, model: Model) -> MultisineIden
         raise RsgenError(f"identify.band: {count} lines in it; more lines than parameters are needed")
     with np.errstate(all="ignore"):
         values, mass = start_values(lines, law, model.fixed)
-        fit = fit_lines(lines, law, model.fixed, put_in_order(law, values, model.fixed), mass)
-        return _assemble(spectra, model, fit)
+        return fit_lines(lines, law, model.fixed, put_in_order(law, values, model.fixed), mass)
 
 
 def _assemble(spectra: MultisineSpectra, model: Model, fit: LineFit) -> MultisineIdentification:
