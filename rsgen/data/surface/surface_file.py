@@ -19,7 +19,6 @@ from rsgen.common.errors import MeasurementError, RsgenError, printable, require
 from rsgen.common.finding import Finding
 from rsgen.common.output import write_atomic
 from rsgen.common.process import (
-    MAX_ANSWER_BYTES,
     READER_BYTES,
     READY,
     START_SECONDS,
@@ -117,7 +116,7 @@ def _described(file: BinaryIO, path: str) -> dict[str, Any]:
     clock.start()
     try:
         # limited, unlike communicate: a hostile file may control what the process writes
-        said = process.stdout.read(MAX_ANSWER_BYTES) if process.stdout else b""
+        said = process.stdout.read(_MAX_DESCRIPTION_BYTES) if process.stdout else b""
     finally:
         clock.cancel()
         process.kill()
@@ -201,6 +200,8 @@ def _surface(reader: _Reader) -> ResponseSurface:
 # further file, with limited memory and time, and answers with a line of JSON. The parent process reads the
 # numbers as plain bytes at these places, which it checks against the size of the file.
 
+_MAX_DESCRIPTION_BYTES = 2**20
+"""Of the answer of the process that describes a file; attributes have at most 64 KB each."""
 _WORK_SECONDS = 2.0
 """Processor time; a sound file of any size takes a hundredth of it, as no numbers are read."""
 _MAX_ATTRIBUTE_BYTES = 65_536

@@ -161,8 +161,8 @@ def draw_resonance(identification: Identification, *, ax: GivenAxes = None) -> D
         grid = grid[:0]
     model = backbone(identification, solution_of(identification), grid)
     parts = (
-        ("Resonance frequency", frequency, model.frequency, [frequency, model.frequency], 0.01),
-        ("Damping ratio", 100 * ratio, 100 * model.damping_ratio, [100 * ratio], 0.2),
+        ("Resonance frequency [Hz]", frequency, model.frequency, [frequency, model.frequency], 0.01),
+        ("Damping ratio [%]", 100 * ratio, 100 * model.damping_ratio, [100 * ratio], 0.2),
     )
     for axes, (label, read, line, limits, least) in zip(panels, parts, strict=False):
         axes.plot(amplitude / scale.factor, read, label="one level each", **POINT)
