@@ -9,7 +9,7 @@ the sum of squares has a corner or a plateau, and the interval is lopsided or op
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from math import inf, isfinite
 from typing import TYPE_CHECKING
@@ -25,6 +25,7 @@ from rsgen.common.tolerances import (
     BALANCE_HARMONICS,
     CONFIDENCE_TEXT,
     MISFIT_OF_NOISE,
+    NEAR_STEPS,
     NOISE_RATIO_BY_CHANCE,
     interval_sigmas,
 )
@@ -202,7 +203,12 @@ class _LineLikelihood(_Likelihood):
     """Fits of the lines of a multisine, with the variances of the last fit as weights."""
 
     def __init__(self, found: LineFit) -> None:
-        self._found, self.regression = found, found.regression
+        # along the lines as recorded: those beyond, which follow from the law, are small and cost most
+        recorded = len(found.lines.spectra.lines)
+        samples = found.lines.samples * recorded // (found.lines.extended + 1)
+        lines = replace(found.lines, extended=recorded - 1, samples=1 << (samples - 1).bit_length())
+        self.regression, found = found.regression, replace(found, lines=lines)
+        self._found = found
         best, _, line, _ = descend(found.linearise, found.parameters, found.nuisance, Rules(free=found.free))
         self._begin(found.law, best, _cost(line.residual), self.regression.noise)
         self._error = np.sqrt(np.diag(self.regression.covariance))
@@ -211,7 +217,9 @@ class _LineLikelihood(_Likelihood):
     def _refit(self, place: int, value: float, start: Array) -> tuple[Array, float]:
         found, free = self._found, np.array(self._found.free)
         free[place] = False
-        parameters, _, line, _ = descend(found.linearise, start, found.nuisance, Rules(free=free))
+        parameters, _, line, _ = descend(
+            found.linearise, start, found.nuisance, Rules(steps=NEAR_STEPS, free=free)
+        )
         return parameters, _cost(line.residual)
 
 
@@ -271,12 +279,26 @@ def with_profiles(found: Fit, estimates: Sequence[Estimate]) -> tuple[Estimate, 
     noise = regression.converged and regression.noise > MISFIT_OF_NOISE
     if not (law.nonlinear and noise) or found.systematic:
         return tuple(estimates)
+    return _replaced(lambda: _Likelihood(found), law, regression, estimates)
+
+
+def with_line_profiles(found: LineFit, estimates: Sequence[Estimate]) -> tuple[Estimate, ...]:
+    """Replace Wald's intervals of a multisine as ``with_profiles`` does those of sines."""
+    if not (found.law.nonlinear and found.converged) or found.systematic:
+        return tuple(estimates)
+    return _replaced(lambda: _LineLikelihood(found), found.law, found.regression, estimates)
+
+
+def _replaced(
+    begin: Callable[[], _Likelihood], law: ForceLaw, regression: Regression, estimates: Sequence[Estimate]
+) -> tuple[Estimate, ...]:
+    """Ask the likelihood at the ends of the intervals of nonlinear parameters and of what goes with them."""
     known = [e for e in estimates if isfinite(e.value) and 0 < e.standard_error < inf]
     with_nonlinear = _with_nonlinear(regression.covariance, law.nonlinear)
     place = {name: i for i, name in enumerate((*law.parameters, "m"))}
     asked = [e for e in known if place[e.name] in with_nonlinear]
     asked.sort(key=lambda estimate: with_nonlinear.index(place[estimate.name]))
-    likelihood = _Likelihood(found)
+    likelihood = begin()
     if not likelihood.resolved:
         return tuple(estimates)
     target = {e.name: _target(regression, place[e.name], e) for e in asked}

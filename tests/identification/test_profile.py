@@ -214,6 +214,18 @@ def test_the_profile_of_a_multisine_is_walds_where_the_law_is_linear() -> None:
         np.testing.assert_allclose(profile(found, name).interval, found[name].interval, rtol=1e-3)
 
 
+@pytest.mark.slow
+def test_a_gap_barely_passed_by_a_multisine_has_the_interval_of_its_likelihood() -> None:
+    # Wald's was 218 to 2064 N/m around 1141, six standard errors from the truth
+    values = {"k": 5920.0, "c": 6.0, "kg": 4000.0, "b": 0.01}
+    test = MultisineTest([3, 5, 8], band=(2.5, 20), period=4, periods=4, noise_relative=0.02, seed=1)
+    found = identify(simulate(Oscillator(1.5, GAP, values), test), GAP)
+    assert found["kg"].by_profile
+    for name, value in values.items():
+        low, high = found[name].interval
+        assert low < value < high, name
+
+
 def test_what_has_no_profile_is_refused() -> None:
     found = identify(gauged(CUBIC, VALUES, [1.0, 2.0, 4.0, 8.0], 1), CUBIC, mass=1.5)
     for name in ("k9", "m"):

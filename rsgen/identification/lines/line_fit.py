@@ -135,6 +135,11 @@ class LineFit:
         return summarise(line, self.parameters, self.nuisance, Rules(free=self.free))
 
     @property
+    def systematic(self) -> bool:
+        """True if the misfit exceeds the noise of the periods."""
+        return misfit_to_noise(self) > max_misfit_of_noise(self)
+
+    @property
     def nuisance(self) -> Array:
         """Empty array (lines, 0): a line has no unknowns of its own."""
         return np.zeros((np.count_nonzero(self.lines.used), 0))
@@ -245,7 +250,7 @@ def parameter_covariance(fit: LineFit) -> tuple[Array, int, float]:
     found, widening = fit.regression, 1.0
     freedom, covariance = found.freedom, found.basis @ found.basis.T
     covariance = covariance * _scatter_of_periods(fit, covariance)
-    if misfit_to_noise(fit) > max_misfit_of_noise(fit):
+    if fit.systematic:
         spread = np.diag(band_jackknife(fit))
         known = np.diag(covariance)
         ratio = np.sqrt(np.maximum(spread / np.where(known > 0, known, np.inf), 1.0))

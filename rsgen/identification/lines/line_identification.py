@@ -49,6 +49,7 @@ from rsgen.identification.lines.line_fit import (
     start_values,
 )
 from rsgen.identification.misfit import background_findings
+from rsgen.identification.profile import with_line_profiles
 from rsgen.identification.results import (
     Background,
     EquivalentCurve,
@@ -130,7 +131,7 @@ def _assemble(spectra: MultisineSpectra, model: Model, fit: LineFit) -> Multisin
     stated = np.where(fit.converged, covariance, nan)
     ambiguous += others.within_noise(fit.parameters[:count], stated, reasons, units)
     solution = Solution(fit.values, fit.mass, covariance, freedom, misfit, fit.converged)
-    estimates = make_estimates(solution, law, model, reasons, units)
+    estimates = with_line_profiles(fit, make_estimates(solution, law, model, reasons, units))
     approximations = best_linear(part, model.observation.band)
     findings = [e.finding for e in estimates if e.finding is not None]
     findings += _sign_findings(fit, covariance)
