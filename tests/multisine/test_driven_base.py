@@ -57,6 +57,8 @@ def test_noise_is_in_the_errors(seed: int) -> None:
     for name, true in TRUTH.items():
         assert abs(found[name].value - true / MASS) < 4 * found[name].standard_error, name
     (record,) = rs.predict(found).records
+    assert str(rs.predict(found)).startswith("level rms [m/s^2]")
+    assert str(rs.predict(found, [1.0])).startswith("level [m/s^2]")
     assert record.error < 0.01
     assert rs.predict(found, surface=shaken(0.01, seed)).records[1].error == pytest.approx(record.error)
 

@@ -140,7 +140,10 @@ def test_page_and_numbers_state_the_background(tmp_path: Path) -> None:
     rsgen.write_report(tmp_path, test, rsgen.identify(test, LAW, rsgen.Observation(background="constant")))
     told = json.loads((tmp_path / "result.json").read_text(encoding="utf-8"))["background"]
     assert [row["value"] for row in told["estimates"]] == pytest.approx(VALUES["constant"], rel=1e-8)
-    assert "Background, 0.5 to 58.5 Hz" in (tmp_path / "report.html").read_text(encoding="utf-8")
+    page = (tmp_path / "report.html").read_text(encoding="utf-8")
+    assert "Background, 0.5 to 58.5 Hz" in page
+    assert 'scope="row">psi<span class="interval">lead of the force in the phase of the response<' in page
+    assert "Cell(" not in page
 
 
 @pytest.mark.slow

@@ -185,7 +185,7 @@ class Prediction(Printed):
     def _table(self) -> TextTable:
         if self.records and not self.curves:
             scores = [(short(one.level), short(one.error, 3), short(one.noise, 2)) for one in self.records]
-            of_records = ("level rms [N]", "error rms", "noise rms")
+            of_records = (f"level rms [{self.records[0].level_unit}]", "error rms", "noise rms")
             return TextTable(of_records, tuple(scores), notes=tuple(map(repr, self.findings)))
         rows = []
         for curve in self:
@@ -197,7 +197,8 @@ class Prediction(Printed):
                 extrapolated = "yes" if curve.extrapolated[top] else "no"
             folds = ", ".join(f"{frequency:.5g}" for frequency in sorted(curve.folds[:, 0]))
             rows.append((short(curve.level), *map(short, highest), folds, extrapolated))
-        heads = ("level [N]", "largest amplitude [m]", "at [Hz]", "folds at [Hz]", "extrapolated")
+        unit = self.curves[0].level_unit if self.curves else "N"
+        heads = (f"level [{unit}]", "largest amplitude [m]", "at [Hz]", "folds at [Hz]", "extrapolated")
         return TextTable(heads, tuple(rows), notes=tuple(map(repr, self.findings)))
 
 
