@@ -37,6 +37,9 @@ from rsgen.identification.results import Background
 _AMPLITUDE_MARGIN = 0.02
 """Relative extension of the splines beyond the amplitudes of the points, for noise."""
 
+MIN_LIKELIHOOD = 1e-3
+"""Likelihood of a shape relative to the best from which on it has a part in the model average."""
+
 _INTERVALS_BELOW = 2
 """Intervals below the tested amplitudes, for points that determine the background only."""
 

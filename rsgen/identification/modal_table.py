@@ -59,6 +59,7 @@ from rsgen.identification.fitting.points import (
 )
 from rsgen.identification.fitting.repeats import gather_repeats
 from rsgen.identification.modal_result import (
+    MIN_LIKELIHOOD,
     MODAL_COLUMNS,
     ModalSplines,
     ModalTable,
@@ -98,9 +99,6 @@ _MIN_POINTS_A_COEFFICIENT = 2
 
 _AMPLITUDE_TOLERANCE = 0.05
 """Amplitudes that differ by less, relatively, count as one: a coefficient needs an amplitude of its own."""
-
-_MIN_LIKELIHOOD = 1e-3
-"""Likelihood of a shape relative to the best from which on it has a part in the model average."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -240,8 +238,8 @@ def _averaged_shapes(trials: list[ModeProblem]) -> tuple[tuple[float, ModeProble
         weights = np.ones(len(likely))
     else:
         weights = np.exp([-0.5 * (entry[1] - best[1]) for entry in solved])
-        likely = [entry for entry, weight in zip(solved, weights, strict=True) if weight > _MIN_LIKELIHOOD]
-        weights = weights[weights > _MIN_LIKELIHOOD]
+        likely = [entry for entry, weight in zip(solved, weights, strict=True) if weight > MIN_LIKELIHOOD]
+        weights = weights[weights > MIN_LIKELIHOOD]
     return tuple(
         (float(weight), trial, found)
         for weight, (found, _, trial) in zip(weights / weights.sum(), likely, strict=True)

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -60,3 +62,18 @@ def test_curves_are_predicted_from_the_table() -> None:
     exact = 3.0 / np.abs(SPRING - MASS * omega**2 + 1j * DAMPER * omega)
     known = curve.amplitude > table.tested[0]
     np.testing.assert_allclose(curve.amplitude[known], exact[known], rtol=1e-5)
+
+
+@pytest.mark.parametrize("mass", [None, MASS])
+def test_a_reversed_response_has_no_table(mass: float | None) -> None:
+    # a mass of -1.5 kg and a stiffness of -5920 N/m were tabulated
+    records = spectra("k*x + c*v", noise=0.01)
+    with pytest.raises(rs.RsgenError, match="would feed the exciter"):
+        rs.modal_table(replace(records, response=-records.response), mass=mass)
+
+
+def test_a_response_that_no_law_follows_has_no_table() -> None:
+    records = spectra("k*x + c*v", noise=0.01)
+    turned = np.exp(2j * np.pi * np.random.default_rng(1).random(records.response.shape[2]))
+    with pytest.raises(rs.RsgenError, match="modal table"):
+        rs.modal_table(replace(records, response=records.response * turned))

@@ -259,17 +259,21 @@ def _curve(resonances: tuple[Resonance, ...], part: MultisineSpectra) -> Equival
     return EquivalentCurve(amplitude, frequency, level, stiffness, damping, used, part.level_unit, part.units)
 
 
-def _sign_findings(fit: LineFit, covariance: Array) -> list[Finding]:
-    """Find a structure that feeds energy into the exciter, and a negative mass, both beyond noise."""
-    lines, part, found = fit.mode, fit.mode.spectra, []
+def lines_feed_exciter(fit: LineFit) -> bool:
+    """Return True if a record's response would feed energy into the exciter, beyond noise."""
+    lines, part = fit.mode, fit.mode.spectra
     # (r,) mean power of the force, and its standard deviation by the noise of force and response
     velocity = lines.rate * part.mean_response
     power = 0.5 * np.sum((part.mean_force * np.conj(velocity)).real * lines.used, axis=1)
     force, response = map(np.nan_to_num, part.noise())
     variance = np.abs(velocity) ** 2 * force**2 + np.abs(part.mean_force * lines.rate) ** 2 * response**2
     limit = NOISE_LIMIT_SIGMAS * np.sqrt(0.5 * np.sum(variance * lines.used, axis=1))
-    if np.any(power < -limit):
-        found.append(Finding("structure-feeds-exciter", "error"))
+    return bool(np.any(power < -limit))
+
+
+def _sign_findings(fit: LineFit, covariance: Array) -> list[Finding]:
+    """Find a structure that feeds energy into the exciter, and a negative mass, both beyond noise."""
+    found = [Finding("structure-feeds-exciter", "error")] if lines_feed_exciter(fit) else []
     if fit.mass < -NOISE_LIMIT_SIGMAS * float(np.nan_to_num(np.sqrt(covariance[-1, -1]))):
         found.append(Finding("mass-negative", "error", "m", {"mass": Quantity(fit.mass, "kg")}))
     return found

@@ -13,6 +13,7 @@ from dataclasses import replace
 import numpy as np
 
 from rsgen.common.arrays import Array, ComplexArray
+from rsgen.common.errors import RsgenError
 from rsgen.common.tolerances import (
     RELATIVE_CHANGE_NEGLIGIBLE,
     ROUND_OFF,
@@ -22,6 +23,7 @@ from rsgen.data.multisine import MultisineSpectra
 from rsgen.data.multisine.spectra import check_records
 from rsgen.data.oscillator import Model
 from rsgen.formula import parse
+from rsgen.identification.fitting.points import mass_sure
 from rsgen.identification.lines.line_balance import select_lines
 from rsgen.identification.lines.line_fit import (
     LineFit,
@@ -31,8 +33,9 @@ from rsgen.identification.lines.line_fit import (
     relative_to_force,
     start_values,
 )
-from rsgen.identification.lines.line_identification import fitted_background
+from rsgen.identification.lines.line_identification import fitted_background, lines_feed_exciter
 from rsgen.identification.modal_result import (
+    MIN_LIKELIHOOD,
     MODAL_COLUMNS,
     ModalSplines,
     ModalTable,
@@ -54,9 +57,6 @@ _KNOTS = (0.2, 0.4, 0.6, 0.8)
 
 _MAX_MISFIT_TO_NOISE = 1.05
 """Misfit over noise of powers up to which switches are not tried."""
-
-_MIN_LIKELIHOOD = 1e-3
-"""Likelihood of a force relative to the best from which on it has a part in the model average."""
 
 _LINE_SHAPE = (3, 6, 0)
 """Degree, intervals and power of the splines of a describing function: known everywhere, without noise."""
@@ -111,6 +111,21 @@ def _splines(
     return ModalSplines(basis, (1,), values, found.mass, splines @ covariance @ splines.T, freedom)
 
 
+def _refuse_unsound(found: LineFit, variance: float) -> None:
+    """Raise an RsgenError for energy that the exciter would receive, and a mass of no sure sign [kg^2]."""
+    if lines_feed_exciter(found):
+        raise RsgenError(
+            "modal table: the response leads the force, so that the structure would feed the exciter; look "
+            "at the sign, sense and quantity of the response"
+        )
+    if not mass_sure(found.mass, variance):
+        error = float(np.sqrt(variance))
+        raise RsgenError(
+            f"modal table: the mass of the lines is {found.mass:.3g} kg with a standard error of {error:.2g} "
+            "kg; give the mass, or look at the signs of force and response"
+        )
+
+
 def table_of_lines(spectra: MultisineSpectra, model: Model) -> ModalTable:
     """Tabulate the describing function of the force that fits the lines of periodic records."""
     spectra = spectra.select(np.flatnonzero(~check_records(spectra, model.observation)))
@@ -123,11 +138,13 @@ def table_of_lines(spectra: MultisineSpectra, model: Model) -> ModalTable:
         size = np.geomspace(*ends, _DESCRIBED_AMPLITUDES)
         basis = SplineBasis.over(size, ends, *_LINE_SHAPE)
         covariance, freedom, _ = parameter_covariance(found)
+        variance = float(np.diag(covariance)[len(found.values)])
+        _refuse_unsound(found, variance)
         weights = np.array([np.exp(-0.5 * (price - least)) for price, _ in tried])
         others = [
             (float(weight / weights.sum()), _splines(other, basis, size, None))
             for weight, (_, other) in zip(weights, tried, strict=True)
-            if weight > _MIN_LIKELIHOOD
+            if weight > MIN_LIKELIHOOD
         ]
         splines = replace(_splines(found, basis, size, (covariance, freedom)), others=tuple(others[1:]))
     frequency = spectra.frequency[found.lines.used.any(axis=0)]
@@ -141,7 +158,7 @@ def table_of_lines(spectra: MultisineSpectra, model: Model) -> ModalTable:
         known=known,
         tested=tested,
         mass=found.mass * spectra.units.kilogram,
-        mass_error=float(np.sqrt(np.diag(covariance)[len(found.values)])) * spectra.units.kilogram,
+        mass_error=float(np.sqrt(variance)) * spectra.units.kilogram,
         misfit=misfit,
         points=int(found.lines.used.sum()),
         test=ModalTest(
