@@ -10,6 +10,8 @@ import numpy as np
 from rsgen.data.oscillator import Model, Observation, Oscillator
 from rsgen.data.surface import ResponseSurface
 from rsgen.dynamics.steady_state import solve_steady_states
+from rsgen.identification.identify import identify
+from rsgen.identification.results import Identification
 from rsgen.law.element import make_element
 
 LAWS: dict[str, tuple[str, dict[str, float]]] = {
@@ -103,3 +105,32 @@ def noisy(table: ResponseSurface, relative: float, seed: int) -> ResponseSurface
     harmonics = table.harmonics + relative * table.amplitude[:, None] * noise(table.harmonics.shape)
     harmonics[:, 0] = harmonics[:, 0].real
     return changed(table, harmonics=harmonics, force=table.force * (1 + relative * noise((len(table),))))
+
+
+def without_phase(table: ResponseSurface) -> ResponseSurface:
+    """What an instrument keeps that shows amplitudes only."""
+    sizes = np.zeros((len(table), 2), dtype=complex)
+    sizes[:, 1] = table.amplitude
+    return changed(table, harmonics=sizes, force=np.abs(table.force).astype(complex), phase_known=False)
+
+
+@functools.cache
+def identified(law: str, noise: float = 0.0, seed: int = 1) -> Identification:
+    """The law identified from its own surface, once for all tests that look at the result."""
+    table = surface(law)
+    return identify(noisy(table, noise, seed) if noise else table, model(law))
+
+
+def errors(found: Identification, true: dict[str, float], stage: str = "refined") -> dict[str, float]:
+    """Relative errors of the values that are known to be true."""
+    return {e.name: abs(e.value / true[e.name] - 1) for e in getattr(found, stage) if e.name in true}
+
+
+def distances(found: Identification, true: dict[str, float]) -> np.ndarray:
+    """Errors of the same values in their standard errors."""
+    return np.array([(e.value - true[e.name]) / e.standard_error for e in found.refined if e.name in true])
+
+
+def codes(found: object) -> set[str]:
+    """Codes of the findings of a result."""
+    return {finding.code for finding in found.findings}  # type: ignore[attr-defined]

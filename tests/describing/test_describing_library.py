@@ -169,21 +169,6 @@ def test_library_law_agrees_with_quadrature(law):
         assert max(errors) <= EXACT
 
 
-def test_names_are_unique_and_found():
-    assert len({law.name for law in laws}) == len(laws)
-    assert all(laws[law.name] is law for law in laws)
-
-
-def test_unknown_name_is_refused_with_the_known_ones():
-    with pytest.raises(RsgenError, match="cubic-spring"):
-        laws["cubik"]
-
-
-def test_element_takes_a_name():
-    assert laws["coulomb"].element("pad").name == "pad"
-    assert laws["coulomb"].element().parameters == ("Ff",)
-
-
 def test_element_takes_names_of_parameters():
     element = laws["cubic-spring"].element("spring", {"k": "k3", "k3": "k"})
     assert element.force == parse("k3*x + k*x**3")

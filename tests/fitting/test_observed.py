@@ -107,12 +107,6 @@ def test_elimination_is_the_full_least_squares(points: Points) -> None:
     assert small == pytest.approx(whole, rel=1e-8, abs=1e-8 * np.abs(whole).max())
 
 
-def test_without_background_the_sensor_sees_the_mode(points: Points) -> None:
-    observed = Observed.of(points)
-    assert observed.background.names == ()
-    assert observed.mode(np.zeros(0)) is points
-
-
 def test_second_derivatives_along_a_direction_are_those_of_the_residuals(points: Points) -> None:
     # of sizes and phases together, in both kinds of rows
     law = compile_law(model("cubic").force)

@@ -123,7 +123,7 @@ def test_a_lag_that_was_not_recorded_is_in_every_interval(tmp_path: Path, lag: f
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("law", ["k*x + c*v", "k*x + k3*x**3"])
+@pytest.mark.parametrize("law", [pytest.param("k*x + c*v", marks=pytest.mark.thorough), "k*x + k3*x**3"])
 def test_a_wrong_law_on_a_backbone_is_doubted(law: str):
     """One point a level has no neighbour in frequency: its neighbour is the next amplitude."""
     truth = {"k": 5920.0, "k3": 3e5, "c": 3.8, "Ff": 0.6}

@@ -47,7 +47,7 @@ def test_bouc_wen_is_identified(hysteretic: ResponseSurface) -> None:
     assert found.residual / np.sqrt(2) < 1e-5
 
 
-@pytest.mark.slow
+@pytest.mark.thorough
 def test_names_that_act_in_products_only_leave_the_others_determined(hysteretic: ResponseSurface) -> None:
     """Differences of simulations do not vanish along a direction that changes nothing."""
     rng = np.random.default_rng(3)

@@ -109,14 +109,14 @@ def test_awkward_responses_give_a_result_without_a_warning(table, kind, law):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("background", ["none", "neighbour+offset"])
+@pytest.mark.parametrize("background", ["none", pytest.param("neighbour+offset", marks=pytest.mark.thorough)])
 def test_one_frequency_gives_a_result_without_a_warning(table, background):
     one = tampered(table, frequency=lambda f: 0 * f + 10.0)
     found = identify(one, CUBIC, Observation(background=background))
     assert any(estimate.finding is not None for estimate in found.refined) or found.findings
 
 
-@pytest.mark.slow
+@pytest.mark.thorough
 def test_a_level_that_friction_holds_is_left_out() -> None:
     # the state of the slider dies away over the cycles: its motion is 1e-40 m, not zero
     values = {"k": 6000.0, "c": 4.0, "kt": 2000.0, "Fs": 4.0, "Ff": 1.0}

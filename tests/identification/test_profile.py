@@ -81,7 +81,7 @@ def test_a_gap_only_just_passed_has_a_lopsided_interval() -> None:
 
 def test_a_gap_has_an_interval_without_phases_too() -> None:
     # identification ended in a TypeError: no harmonic is recorded with a phase
-    test = SimulatedTest([2.0, 5.0, 8.0], np.linspace(8, 13, 25), noise_relative=0.01)
+    test = SimulatedTest([2.0, 5.0, 8.0], np.linspace(8, 13, 15), noise_relative=0.01)
     table = simulate(Oscillator(1.5, GAP, STOP | {"b": 0.01}), test)
     bare = ResponseSurface(
         table.level, table.frequency, np.abs(table.force), table.amplitude, phase_known=False
@@ -214,7 +214,7 @@ def test_the_profile_of_a_multisine_is_walds_where_the_law_is_linear() -> None:
         np.testing.assert_allclose(profile(found, name).interval, found[name].interval, rtol=1e-3)
 
 
-@pytest.mark.slow
+@pytest.mark.thorough
 def test_a_gap_barely_passed_by_a_multisine_has_the_interval_of_its_likelihood() -> None:
     # Wald's was 218 to 2064 N/m around 1141, six standard errors from the truth
     values = {"k": 5920.0, "c": 6.0, "kg": 4000.0, "b": 0.01}

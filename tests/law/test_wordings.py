@@ -4,16 +4,12 @@ from __future__ import annotations
 
 import random
 
-import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from rsgen.data.oscillator import Oscillator
 from rsgen.dynamics.kernel_source import generate
-from rsgen.dynamics.steady_state import solve_steady_states
 from rsgen.formula import parse
-from rsgen.law import make_element
 from rsgen.law.character import character
 from rsgen.law.normal_form import normal_form_at
 
@@ -96,28 +92,6 @@ def test_wordings_have_one_character(name):
         (name != "three slopes", True, name != "drag", name == "friction", True)
     }
     assert len({(kind.parameters, kind.linear, kind.scaled) for kind in kinds}) == 1
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("name", FAMILIES)
-def test_wordings_have_the_same_steady_states(name):
-    force, frequency = np.repeat([5.0, 20.0, 30.0], 12), np.tile(np.linspace(8, 14, 12), 3)
-
-    def harmonics(elements):
-        force_law = sum(element.force for element in elements)
-        found = solve_steady_states(Oscillator(1.5, elements, values(force_law)), force, frequency)
-        return found.harmonics
-
-    first, *others = FAMILIES[name]
-    expected = harmonics((make_element("all", law(first)),))
-    settled = np.isfinite(expected)
-    assert settled.mean() > 0.9
-    for wording in others:
-        # as a sum of elements, too
-        parts = make_element("base", "c*v + k*x"), make_element("rest", wording.replace("&", "and"))
-        found = harmonics(parts)
-        assert np.array_equal(np.isfinite(found), settled)
-        assert np.max(np.abs(found - expected)[settled]) <= 1e-9 * np.max(np.abs(expected[settled]))
 
 
 def test_signs_and_order_of_values_choose_the_form():

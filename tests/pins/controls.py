@@ -70,6 +70,18 @@ def identified(mode: str, mass: float | None = None, law: str = "hardening") -> 
     }
 
 
+def bare(read: ResponseSurface) -> ResponseSurface:
+    """Return what stays of a test without phases."""
+    return ResponseSurface(
+        read.level,
+        read.frequency,
+        np.abs(read.force),
+        read.amplitude,
+        phase_known=False,
+        control=read.control,
+    )
+
+
 def tree_of_table(table: rsgen.ModalTable) -> Tree:
     """All columns of a modal table with the ends of their intervals."""
     shown = {name: series(getattr(table, name)) for name in table.shown}
@@ -101,20 +113,6 @@ def modal(table: ResponseSurface, background: str | None = None, mass: float | N
     return tree_of_table(rsgen.modal_table(noisy(table, NOISE, 1), about, mass=mass))
 
 
-def _lag_assumed() -> Tree:
-    """A table of resonances without phases: amplitude and frequency a level."""
-    read = simulated("phase")
-    bare = ResponseSurface(
-        read.level, read.frequency, np.abs(read.force), read.amplitude, phase_known=False, control="phase"
-    )
-    return tree_of_table(rsgen.modal_table(bare))
-
-
-def _beyond() -> Tree:
-    table = rsgen.modal_table(noisy(small("cubic"), NOISE, 1))
-    return tree_of_table(table.at(np.array([1e-4, 5e-3, 0.1])))
-
-
 PINS = {
     **{f"simulated/{mode}": Pin(partial(recorded, mode)) for mode in MODES},
     **{
@@ -138,13 +136,16 @@ PINS = {
     "modal/given-mass": Pin(lambda: modal(small("combined"), mass=MASS)),
     "modal/constant-background": Pin(lambda: modal(small("cubic"), "constant")),
     "modal/residuals": Pin(lambda: modal(small("cubic"), "residuals")),
-    "modal/beyond": Pin(_beyond),
+    "modal/beyond": Pin(
+        lambda: tree_of_table(rsgen.modal_table(noisy(small("cubic"), NOISE, 1)).at([1e-4, 5e-3, 0.1]))
+    ),
     "modal/response": Pin(lambda: modal(simulated("response"))),
     "modal/continuation": Pin(lambda: modal(simulated("continuation"))),
     "modal/phase": Pin(lambda: modal(simulated("phase"))),
     "modal/phase-given-mass": Pin(lambda: modal(simulated("phase"), mass=MASS)),
     "modal/phase-lags": Pin(lambda: modal(simulated("phase-lags"))),
-    "modal/lag-assumed": Pin(_lag_assumed),
+    # resonances without phases: amplitude and frequency a level
+    "modal/lag-assumed": Pin(lambda: tree_of_table(rsgen.modal_table(bare(simulated("phase"))))),
     "modal/base": Pin(lambda: modal(simulated("base-acceleration"))),
     "modal/coulomb": Pin(lambda: modal(small("coulomb")), SWITCHED),
 }

@@ -1,26 +1,25 @@
 """Identifications with pinned numbers: cases of the paper, measured tests, fifty random ones with noise.
 
-``python -m tests.pins.identifications --renew "reason" id ...`` computes the pins of these ids anew and
-writes the reason beside each; ``make test`` compares all of them with numbers.json.
+``python -m tests.pins.identifications --renew "reason" id ...`` computes the pins of these ids anew.
 """
 
 from __future__ import annotations
 
-import argparse
-import json
 import os
+from collections.abc import Callable
 from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
 import rsgen
 from rsgen.data.oscillator import Model, Observation
 from rsgen.files import read_measurement
+from tests.pins import pinned
+from tests.pins.pinned import Pin, Tree
 
 ROOT = Path(__file__).parents[2]
-NUMBERS = Path(__file__).with_name("numbers.json")
 MASS = 1.5
 
 LAWS: dict[str, tuple[str, dict[str, float]]] = {
@@ -88,8 +87,9 @@ def draw(seed: int) -> Draw:
     )
 
 
-def identify_draw(case: Draw) -> rsgen.Identification:
+def identify_draw(seed: int) -> rsgen.Identification:
     """Simulate, add the background, add noise, forget the phase, identify."""
+    case = draw(seed)
     elements = (rsgen.make_element("law", f"k*x + c*v + {LAWS[case.law][0]}"),)
     levels = np.array([2.0, 4.0, 7.0, 10.0])
     test = rsgen.SimulatedTest(level=levels, frequency=np.linspace(8, 12, 21), harmonics=5, accuracy=1e-7)
@@ -134,71 +134,39 @@ def _identify_measured(name: str) -> rsgen.Identification:
 
 
 PAPER = ("bilinear", "combined", "coulomb", "cubic", "cubic-hardening", "joint", "piecewise", "quintic")
-MEASURED = ("bouc_wen", "clamp", "f16", "nlbeam", "wire")
+MEASURED = {"bouc_wen": "bouc_wen", "clamp": "frid_clamp", "f16": "f16", "nlbeam": "nlbeam", "wire": "wire"}
+"""Cases and the folders of their data."""
+
 RANDOM = 50
 
-IDS = (
-    *(f"case/{name}/{noise}" for name in PAPER for noise in ("exact", "noisy")),
-    *(f"measured/{name}" for name in MEASURED),
-    *(f"random/{seed:02d}" for seed in range(RANDOM)),
-)
 
-
-def identify(key: str) -> rsgen.Identification:
-    """Repeat the identification of this id."""
-    kind, name, *rest = key.split("/")
-    if kind == "case":
-        return _identify_case(name, 0.01 if rest == ["noisy"] else 0.0)
-    return _identify_measured(name) if kind == "measured" else identify_draw(draw(int(name)))
-
-
-def _number(value: float) -> float | None:
-    return float(value) if np.isfinite(value) else None
-
-
-def numbers_of(found: rsgen.Identification) -> dict[str, Any]:
-    """All numbers that are pinned; null where a parameter is not identifiable."""
-    stages = {"refined": found.refined, "first_order": found.first_order, "paper": found.paper}
+def numbers(identified: Callable[[], rsgen.Identification]) -> Tree:
+    """Values with standard errors of every stage, noise and mass."""
+    found = identified()
     return {
         **{
-            stage: {e.name: [_number(e.value), _number(e.standard_error)] for e in estimates}
-            for stage, estimates in stages.items()
+            stage: {e.name: [e.value, e.standard_error] for e in getattr(found, stage)}
+            for stage in ("refined", "first_order", "paper")
         },
-        "noise": _number(found.noise),
-        "mass": _number(found.mass),
+        "noise": found.noise,
+        "mass": found.mass,
     }
 
 
-def compute(key: str) -> dict[str, Any]:
-    """The numbers of one id, or the kind of error with which rsgen refuses it."""
-    try:
-        return numbers_of(identify(key))
-    except rsgen.RsgenError as error:
-        return {"refused": type(error).__name__}
+IDENTIFICATIONS: dict[str, Callable[[], rsgen.Identification]] = {
+    **{
+        f"case/{name}/{kind}": partial(_identify_case, name, noise)
+        for name in PAPER
+        for kind, noise in (("exact", 0.0), ("noisy", 0.01))
+    },
+    **{f"measured/{name}": partial(_identify_measured, name) for name in MEASURED},
+    **{f"random/{seed:02d}": partial(identify_draw, seed) for seed in range(RANDOM)},
+}
 
-
-def read() -> dict[str, dict[str, Any]]:
-    """All pins by id."""
-    return json.loads(NUMBERS.read_text(encoding="utf-8"))
-
-
-def write(pins: dict[str, dict[str, Any]]) -> None:
-    """Write all pins, a line each."""
-    lines = [f"{json.dumps(key)}: {json.dumps(pins[key], allow_nan=False)}" for key in IDS if key in pins]
-    NUMBERS.write_text("{\n" + ",\n".join(lines) + "\n}\n", encoding="utf-8")
-
-
-def main() -> None:
-    """Renew pins with a reason."""
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--renew", metavar="REASON", required=True, help="why these numbers may change")
-    parser.add_argument("ids", nargs="+", choices=IDS, metavar="id")
-    arguments = parser.parse_args()
-    pins = read()
-    for key in arguments.ids:
-        pins[key] = {**compute(key), "renewed": arguments.renew}
-    write(pins)
-
+PINS = {
+    key: Pin(partial(numbers, found), thorough="f16" in key, data=MEASURED.get(key.split("/")[1], ""))
+    for key, found in IDENTIFICATIONS.items()
+}
 
 if __name__ == "__main__":
-    main()
+    pinned.renew(PINS, __file__, __doc__)

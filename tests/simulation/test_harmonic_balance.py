@@ -9,10 +9,17 @@ import pytest
 
 from rsgen.common.solvers import newton
 from rsgen.data.oscillator import Oscillator
-from rsgen.dynamics.harmonic_balance import hold_amplitude, hold_oscillator, respond, solve_harmonic_balance
+from rsgen.dynamics.harmonic_balance import (
+    following_harmonics,
+    hold_amplitude,
+    hold_oscillator,
+    respond,
+    solve_harmonic_balance,
+)  # fmt: skip
 from rsgen.dynamics.linear_part import Inertia
 from rsgen.dynamics.simulation import simulate
 from rsgen.dynamics.virtual_test import SimulatedTest
+from rsgen.formula import parse
 from rsgen.identification.identify import identify
 from rsgen.law.numeric import compile_law
 from tests.oracles import harmonic_balance as oracle
@@ -31,16 +38,11 @@ LAWS = {
 @pytest.mark.parametrize("name", LAWS)
 def test_an_independent_balance_finds_the_same_motions(name: str) -> None:
     oscillator = Oscillator(MASS, *LAWS[name])
-    f = OMEGA / 2 / np.pi
-    ours, theirs = (
-        solve(oscillator, DRIVE, f, harmonics=9)
-        for solve in (solve_harmonic_balance, oracle.solve_harmonic_balance)
-    )
+    ours = solve_harmonic_balance(oscillator, DRIVE, OMEGA / 2 / np.pi, harmonics=9)
+    harmonics, residual = oracle.solve_harmonic_balance(oscillator, DRIVE, OMEGA / 2 / np.pi, harmonics=9)
     assert ours.settled.all()
-    np.testing.assert_allclose(
-        ours.harmonics, theirs.harmonics, rtol=0, atol=1e-10 * np.abs(theirs.harmonics).max()
-    )
-    np.testing.assert_allclose(ours.residual, theirs.residual, atol=1e-9)
+    np.testing.assert_allclose(ours.harmonics, harmonics, rtol=0, atol=1e-10 * np.abs(harmonics).max())
+    np.testing.assert_allclose(ours.residual, residual, atol=1e-9)
 
 
 @pytest.mark.parametrize("name", LAWS)
@@ -79,6 +81,57 @@ def test_derivatives_at_a_given_drive_are_those_of_the_motion(name: str) -> None
     assert np.abs(at.harmonics_slope - grown).max() < 1e-6 * np.abs(grown).max()
     np.testing.assert_array_equal(at.force_by, 0)
     np.testing.assert_allclose(at.force_slope, DRIVE)
+
+
+SIZE = np.linspace(0.01, 0.03, 5)
+
+
+def hold(text: str, place: np.ndarray, size: np.ndarray = SIZE, order: int = 9, samples: int = 128):
+    """Hold amplitudes of a law at values and mass."""
+    law = compile_law(parse(text))
+    start = np.zeros((len(OMEGA), order + 1), dtype=complex)
+    orders = following_harmonics(law, order)
+    return hold_amplitude(law, place[:-1], Inertia(place[-1]), OMEGA, size, start, orders, samples)
+
+
+@pytest.mark.parametrize("name", LAWS)
+def test_derivatives_at_a_held_amplitude_are_those_of_the_balance(name: str) -> None:
+    text, values = LAWS[name]
+    place = np.array([*(values[key] for key in sorted(values)), MASS])
+    at = hold(text, place)
+    assert at.valid.all()
+    # near the cube root of what the balance leaves of its equations, relative
+    h = 1e-4
+
+    def close(slope: np.ndarray, high: np.ndarray, low: np.ndarray, step: float) -> None:
+        difference = (high - low) / (2 * step)
+        # error of central differences, relative to the largest entry
+        assert np.abs(slope - difference).max() < 1e-7 * np.abs(difference).max()
+
+    for j, value in enumerate(place):
+        step = h * value * np.eye(len(place))[j]
+        high, low = hold(text, place + step), hold(text, place - step)
+        close(at.force_by[:, j], high.force, low.force, value * h)
+        close(at.harmonics_by[:, :, j], high.harmonics, low.harmonics, value * h)
+    high, low = (hold(text, place, SIZE * (1 + s * h)) for s in (1, -1))
+    close(at.force_slope, high.force, low.force, h)
+    close(at.harmonics_slope, high.harmonics, low.harmonics, h)
+
+
+def test_one_harmonic_gives_the_describing_functions() -> None:
+    # Liu et al., Eqs. (14), (16), (23)
+    place = np.array([2.0, 3.0, 4000.0, 1e5, 1e8, MASS])
+    at = hold("k*x + k3*x**3 + k5*x**5 + c*v + cn*v*abs(v)", place, order=1, samples=4096)
+    stiffness = 4000 + 3 / 4 * 1e5 * SIZE**2 + 5 / 8 * 1e8 * SIZE**4
+    damping = 2 + 8 * 3 * OMEGA * SIZE / (3 * np.pi)
+    assert at.force / SIZE == pytest.approx(stiffness - MASS * OMEGA**2 + 1j * OMEGA * damping, rel=1e-6)
+
+
+def test_mean_of_an_unsymmetric_spring_balances_its_force() -> None:
+    # k x + k2 x^2 with one harmonic: k X0 + k2 (X0^2 + X^2/2) = 0
+    at = hold("k*x + k2*x**2", np.array([5920.0, 4e4, MASS]), order=1)
+    mean = (-5920 + np.sqrt(5920**2 - 2 * 4e4**2 * SIZE**2)) / (2 * 4e4)
+    assert at.harmonics[:, 0].real == pytest.approx(mean, rel=1e-10)
 
 
 class Lossy:

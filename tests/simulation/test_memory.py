@@ -14,7 +14,6 @@ from rsgen.dynamics.simulation import simulate
 from rsgen.dynamics.steady_state import solve_steady_states
 from rsgen.dynamics.virtual_test import SimulatedTest
 from rsgen.law.numeric import compile_law
-from tests.oracles.harmonic_balance import MemoryLoops, solve_harmonic_balance
 from tests.oracles.long_transients import largest_difference
 
 LINEAR = {"c": 3.8, "k": 5922.0}
@@ -35,21 +34,11 @@ LAWS = pytest.mark.parametrize(
 
 @pytest.mark.slow
 @LAWS
-def test_harmonic_balance_is_as_near_to_the_motion_as_that_with_loops_of_its_own(
-    oscillator: Oscillator, f0: float
-) -> None:
+def test_harmonic_balance_is_near_to_the_motion(oscillator: Oscillator, f0: float) -> None:
     F, f = np.array([2.0, 6.0, 11.0]), f0 * np.array([0.95, 1.0, 1.1])
     exact = solve_steady_states(oscillator, F, f, harmonics=9, accuracy=1e-9).harmonics[:, 1:]
-
-    def error(harmonics: np.ndarray) -> float:
-        return float(np.max(np.abs(harmonics[:, 1:10] - exact) / np.abs(exact[:, :1])))
-
-    ours, theirs = (
-        error(solve(oscillator, F, f, harmonics=15).harmonics)
-        for solve in (harmonic_balance.solve_harmonic_balance, solve_harmonic_balance)
-    )
-    assert ours < theirs
-    assert ours < 1e-5
+    found = harmonic_balance.solve_harmonic_balance(oscillator, F, f, harmonics=15).harmonics[:, 1:10]
+    assert np.max(np.abs(found - exact) / np.abs(exact[:, :1])) < 1e-5
 
 
 @pytest.mark.slow
@@ -99,30 +88,3 @@ def test_structural_damping_is_balanced_and_not_simulated_in_time() -> None:
     np.testing.assert_allclose(balance.harmonics[:, 1], exact, rtol=1e-9)
     with pytest.raises(rs.RsgenError, match="periodic motion only"):
         simulate(o, SimulatedTest(**grid))
-
-
-def test_loops_within_the_loop_of_the_oracle_are_those_of_a_slider() -> None:
-    # a strong third harmonic; the slider is stepped, and has forgotten its start after one period
-    loops = MemoryLoops.of(JENKINS, rs.law.memory.memory_form(JENKINS.force))
-    phase = 2 * np.pi * np.arange(8192) / 8192
-    x = 2e-3 * (np.cos(phase) + 0.8 * np.cos(3 * phase + 0.7))
-    (force,), _ = loops(x[None], 0 * x[None], 0 * x[None, ::2], np.array([60.0]))
-    slider, stepped, places = 0.0, [], x[::2]
-    for change in np.tile(np.diff(places, prepend=places[-1]), 2):
-        slider = float(np.clip(slider + 3000 * change, -2, 2))
-        stepped.append(slider)
-    np.testing.assert_allclose(force - 5922 * places, stepped[len(places) :], atol=1e-12)
-
-
-def test_states_of_the_oracle_are_of_fourth_order() -> None:
-    # z' = a v - b z is a spring and a damper in line: receptance 1/(k - m w^2 + i w c + i w a/(i w + b))
-    a, b, k, c, m = 2000.0, 40.0, 5000.0, 4.0, 1.5
-    law = rs.Law("c*v + k*x + z", memory={"z": "a*v - b*z"})
-    f = np.array([8.0, 9.5, 12.0])
-    found = solve_harmonic_balance(
-        Oscillator(m, law, {"a": a, "b": b, "c": c, "k": k}), [1.0, 1.0, 1.0], f, harmonics=1
-    )
-    ahead = 2j * np.pi * f
-    exact = 1 / (k + m * ahead**2 + c * ahead + a * ahead / (ahead + b))
-    # 256 steps a period: (2 pi/256)^4/120 of the state
-    assert np.abs(found.harmonics[:, 1] / exact - 1).max() < 1e-8

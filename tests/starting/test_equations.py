@@ -19,10 +19,10 @@ MASS = 1.5
 
 def test_motions_of_a_balance_fulfil_fundamental_and_mean() -> None:
     force, frequency = np.array([2.0, 4.0 + 1.0j, 6.0]), np.array([8.0, 9.0, 10.0])
-    states = solve_harmonic_balance(rsgen.Oscillator(MASS, LAW, TRUE), force, frequency, harmonics=8)
+    harmonics, _ = solve_harmonic_balance(rsgen.Oscillator(MASS, LAW, TRUE), force, frequency, harmonics=8)
     law = compile_law(rsgen.Law(LAW).force)
     omega = 2 * np.pi * frequency
-    equations = Equations(omega, force, states.harmonics, True, np.ones(3), np.zeros((0, 2)))
+    equations = Equations(omega, force, harmonics, True, np.ones(3), np.zeros((0, 2)))
     matrix, right = equation_rows(equations, law, np.zeros(0))
     unknowns = np.array([*(TRUE[law.parameters[i]] for i in law.linear), MASS])
     # real part, imaginary part and mean of every motion
