@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+import tomllib
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
+from functools import cache
+from pathlib import Path
 from types import MappingProxyType
 from typing import Any, Literal, NamedTuple, TypedDict
 
@@ -101,133 +104,17 @@ class Finding:
         """Make the finding that ``to_dict`` gave, by its code of today."""
         numbers = {name: Quantity(float(q["value"]), str(q["unit"])) for name, q in data["numbers"].items()}
         names = {str(name): str(text) for name, text in data["names"].items()}
-        now = EARLIER.get(data["code"], Earlier(data["code"]))
-        numbers = {now.renamed.get(name, name): number for name, number in numbers.items()}
-        names = {**now.added} | {now.renamed.get(name, name): text for name, text in names.items()}
-        return cls(now.code, data["severity"], data["parameter"], numbers, names)
+        now = earlier_codes().get(data["code"], {"code": data["code"]})
+        renamed = now.get("renamed", {})
+        numbers = {renamed.get(name, name): number for name, number in numbers.items()}
+        names = now.get("added", {}) | {renamed.get(name, name): text for name, text in names.items()}
+        return cls(now["code"], data["severity"], data["parameter"], numbers, names)
 
 
-_NONE: Mapping[str, str] = MappingProxyType({})
-
-
-class Earlier(NamedTuple):
-    """Present code of an earlier one: names that come with it, and renamed data."""
-
-    code: str
-    added: Mapping[str, str] = _NONE
-    renamed: Mapping[str, str] = _NONE
-
-
-EARLIER = {
-    "control-recognised": Earlier("note", {"text": "the control of the test was inferred from its numbers"}),
-    "periods-few": Earlier("multisine-periods"),
-    "points-held": Earlier("points-excluded", {"by": "friction"}, {"held": "excluded"}),
-    "background-possible": Earlier("background-missing"),
-    "base-scaled": Earlier("base-misread"),
-    "combinations-only": Earlier("confounded", renamed={"parameters": "with"}),
-    "confounded-with-background": Earlier("confounded", {"with": "the background"}),
-    "continuation-recognised": Earlier(
-        "note", {"text": "how the test was controlled was recognised from its numbers"}
-    ),
-    "curve-extrapolated": Earlier("prediction-extrapolated"),
-    "curves-need-mass": Earlier("needs-mass"),
-    "damping-missing": Earlier("damping-hidden-by-misfit"),
-    "damping-negative": Earlier("curve-negative", {"curve": "c(X)"}),
-    "damping-negative-across": Earlier("curve-negative", {"curve": "c(X)"}),
-    "decay-rises": Earlier("decay-not-free", {"by": "rise"}),
-    "drive-after-start": Earlier("decay-not-free", {"by": "drive"}),
-    "element-not-identifiable": Earlier("element-course", renamed={"parameters": "unknown"}),
-    "element-without-force": Earlier("element-course"),
-    "even-force-not-seen": Earlier("even-terms-not-seen"),
-    "force-distorted": Earlier("power-not-at-lines", {"signal": "force"}),
-    "force-from-ratio": Earlier("not-recorded", {"signal": "force", "by": "ratio"}),
-    "force-in-noise": Earlier("points-excluded", {"by": "noise of the force"}, {"aside": "excluded"}),
-    "force-not-recorded": Earlier("not-recorded", {"signal": "force"}),
-    "force-not-sine": Earlier("power-not-at-lines", {"signal": "force"}),
-    "frequency-angular": Earlier(
-        "unit-contradicts-title", {"unit": "Hz", "title": "an angular frequency in rad/s"}
-    ),
-    "harmonic-strong": Earlier("note", {"text": "a harmonic is strong, and first-order estimates biased"}),
-    "identified-from-lines": Earlier("identified"),
-    "law-leaves-distortion": Earlier("law-does-not-fit"),
-    "law-nearest-unproved": Earlier("law-nearest", {"noise": "not known"}),
-    "laws-add-nothing": Earlier("laws-not-separated", renamed={"laws": "larger"}),
-    "laws-equal": Earlier("laws-not-separated"),
-    "level-apart": Earlier("level-deviates"),
-    "levels-are-labels": Earlier("levels-disagree"),
-    "loop-does-not-close": Earlier("element-course"),
-    "loop-gives-energy": Earlier("damping-feeds-energy"),
-    "mass-by-loops": Earlier("mass-at-resonance", {"by": "loops"}),
-    "mean-of-symmetric-law": Earlier("note", {"text": "a symmetric law, and a response with a mean"}),
-    "misfit-across": Earlier("harmonics-across-left-out"),
-    "misfit-beside-damping": Earlier("damping-hidden-by-misfit"),
-    "misfit-beyond-scatter": Earlier("note", {"text": "the misfit is beyond the scatter of repeated points"}),
-    "misfit-is-scatter": Earlier(
-        "note", {"text": "the misfit is no larger than the scatter of repeated points"}
-    ),
-    "misfit-place": Earlier("no-law-fits"),
-    "modal-across": Earlier(
-        "note", {"text": "the motion across two sensors may have another course than the modal table"}
-    ),
-    "modal-mass-unknown": Earlier("mass-at-resonance"),
-    "motion-mainly-free": Earlier("points-excluded", {"by": "free motion"}, {"aside": "excluded"}),
-    "multisine-level-differs": Earlier("levels-disagree", renamed={"rms": "force"}),
-    "multisine-levels-disagree": Earlier("levels-in-other-unit", renamed={"rms": "force"}),
-    "multisine-two-periods": Earlier("multisine-periods"),
-    "offset-possible": Earlier("background-missing"),
-    "one-period": Earlier("multisine-periods"),
-    "other-law-predicts-better": Earlier("levels-predicted-worse", renamed={"predicted": "other"}),
-    "phase-lag-assumed": Earlier("phase-lag", {"by": "assumed"}),
-    "phase-lag-held": Earlier("phase-lag"),
-    "phase-lag-off": Earlier("phase-lag"),
-    "phase-not-recorded": Earlier("not-recorded", {"signal": "phase"}),
-    "phase-resonance": Earlier(
-        "note", {"text": "how the test was controlled was recognised from its numbers"}
-    ),
-    "phase-two-modes": Earlier("phase-gap", {"overlap": "yes"}),
-    "points-not-measured": Earlier("rows-left-out", {"by": "no number"}, {"points": "rows"}),
-    "points-not-settled": Earlier(
-        "points-excluded", {"by": "settling"}, {"unsettled": "excluded", "points": "fitted", "all": "points"}
-    ),
-    "points-set-aside": Earlier("points-excluded", renamed={"aside": "excluded"}),
-    "ranking-one-level": Earlier("ranking-few-points"),
-    "ranking-points-aside": Earlier("points-excluded", {"by": "ranking"}, {"aside": "excluded"}),
-    "ratio-to-mass": Earlier("note", {"text": "only the ratio to the mass was identified"}),
-    "ratios-hold-from": Earlier("note", {"text": "ratios to the mass hold from some mass on"}),
-    "record-clipped": Earlier("range-reached"),
-    "record-extrapolated": Earlier("prediction-extrapolated", renamed={"tested": "high"}),
-    "record-feeds-exciter": Earlier("structure-feeds-exciter"),
-    "record-missed": Earlier("held-out-missed"),
-    "record-not-predicted": Earlier("no-steady-state"),
-    "repeats-scatter": Earlier("repeats-scatter", renamed={"aside": "excluded"}),
-    "resonance-jumped": Earlier("note", {"text": "the response jumps across a resonance"}),
-    "response-at-limit": Earlier("range-reached"),
-    "response-held": Earlier("note", {"text": "how the test was controlled was recognised from its numbers"}),
-    "response-not-at-drive": Earlier("power-not-at-lines", {"signal": "response"}),
-    "rows-copied": Earlier("rows-left-out", {"by": "copies"}, {"copies": "rows"}),
-    "rows-of-words": Earlier("rows-left-out", {"by": "words"}),
-    "rows-twice": Earlier("rows-left-out", {"by": "copies"}),
-    "rows-without-number": Earlier("rows-left-out", {"by": "no number"}, {"points": "rows"}),
-    "run-set-aside": Earlier("points-excluded", renamed={"aside": "excluded"}),
-    "runs-of-other-size": Earlier(
-        "note", {"text": "response over force differs between two runs by a factor between units"}
-    ),
-    "several-decays": Earlier("decay-taken"),
-    "sign-not-identifiable": Earlier("mirror-image-fits"),
-    "stiffness-negative": Earlier("curve-negative", {"curve": "k(X)"}),
-    "stiffness-negative-across": Earlier("curve-negative", {"curve": "k(X)"}),
-    "sweep-fast": Earlier("sweep-rate"),
-    "sweep-not-corrected": Earlier("sweep-rate"),
-    "swing-about-mean": Earlier(
-        "note", {"text": "the displacement of the largest response swings about a mean"}
-    ),
-    "unit-of-file-unusable": Earlier("unit-contradicts-title", renamed={"unit": "title", "assumed": "unit"}),
-    "virgin-curve-negative": Earlier("curve-negative"),
-    "values-given": Earlier("note", {"text": "all parameters are given, none was identified"}),
-    "values-outside-tolerance": Earlier("values-judged", renamed={"values": "outside"}),
-    "values-within-tolerance": Earlier("values-judged"),
-}
-"""Codes of the schema 1 of result.json that have gone, and what says the same today."""
+@cache
+def earlier_codes() -> dict[str, dict[str, Any]]:
+    """Return what says today what the codes of schema 1 of result.json said: code, added and renamed data."""
+    return tomllib.loads(Path(__file__).with_name("earlier_codes.toml").read_text(encoding="utf-8"))
 
 
 # ----------------------------------------------------------------------------

@@ -53,7 +53,7 @@ if TYPE_CHECKING:
 SCHEMA = 2
 
 _READ = (1, SCHEMA)
-"""Schemas that are read: the first had other codes of findings, ``EARLIER``."""
+"""Schemas that are read: the first had other codes of findings, ``earlier_codes``."""
 
 _ARRAY_DIGITS = 9
 """Significant digits of the long arrays: more than any test has, less than round-off between machines."""

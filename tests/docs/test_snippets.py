@@ -20,11 +20,11 @@ NAMES = [str(path.relative_to(ROOT)) for path in PAGES]
 # what cannot be tried here: `make test` would run this test again, the others change the environment
 NOT_HERE = ("make ", "pip install ", "python -m pip install ", "git ")
 KINDS = {
-    "sh", "py", "python", "toml", "text", "{shell}", "{python}", "{file}", "{toctree}", "{include}", "{math}",
-    "{literalinclude}", "{law-library}", "{gallery}", "{findings-table}", "{case-keys}", "{eval-rst}",
-    "{note}", "{command-help}", "{autofunction}", "{autoclass}",
+    "sh", "py", "ini", "python", "toml", "text", "{shell}", "{python}", "{file}", "{toctree}", "{include}",
+    "{math}", "{literalinclude}", "{law-library}", "{gallery}", "{findings-table}", "{case-keys}",
+    "{eval-rst}", "{note}", "{command-help}", "{autofunction}", "{autoclass}",
 }  # fmt: skip
-"""What a block may be; another kind would escape these tests. Those of `py` are tried by tests/recipes."""
+"""Kinds of blocks; others would escape these tests. Those of `py` and `ini` are tried by tests/recipes."""
 MOST_BYTES = 150_000  # of a picture: the repository keeps every version
 
 

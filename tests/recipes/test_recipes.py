@@ -129,7 +129,7 @@ def scratch(tmp_path_factory: pytest.TempPathFactory) -> Scratch:
     """A copy with all additions of the page."""
     copy = Scratch.of(ROOT, tmp_path_factory.mktemp("recipes"))
     for block in find_snippets(PAGE.read_text(encoding="utf-8")):
-        if block.kind == "py":
+        if block.kind in ("py", "ini"):
             follow(block.text, copy.root)
     copy.caches.mkdir(mode=0o700)
     return copy

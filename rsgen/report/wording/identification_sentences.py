@@ -4,155 +4,7 @@ from __future__ import annotations
 
 from rsgen.common.finding import Finding
 from rsgen.formula.units import count_text, number_text, quantity_text
-from rsgen.report.wording.sentences import NEXT_STEPS, say_plainly, says
-
-_TESTED = "X up to {amplitude:.3q}, levels up to {level:.3q}"
-
-say_plainly(
-    {
-        "per-unit-mass": (
-            "the base was driven and no mass is given: parameters are per unit mass, N/m/kg in place of N/m; "
-            "give the mass to have them whole"
-        ),
-        "curves-of-constant-acceleration": (
-            "the test held the {base} of the base; predicted curves are those of a constant acceleration, "
-            "the one measured near the resonance of each level, and differ off resonance; held-out levels "
-            "are predicted with the measured motion of the base"
-        ),
-        "predicted-along-measured": (
-            "the law acts across {sensors}: held-out levels are predicted with what was measured there of "
-            "the motion across, and there are no curves, which would need it everywhere"
-        ),
-        "no-effect": (
-            f"{{parameter}}: the response does not depend on it in the tested range ({_TESTED}); raise the "
-            "level until it does"
-        ),
-        "not-distinct-from-zero": (
-            "{parameter}: {value:.2g} with standard error {standard_error:.2g} cannot be distinguished from "
-            f"zero ({_TESTED}); raise the level, or take more points near the resonance or more periods"
-        ),
-        "even-force-missing": (
-            "the mean and the even harmonics that were recorded contradict a law that is the same on both "
-            "sides: a force {term} stands out of their noise by {errors:.2g} standard errors, and is "
-            "{share:.2p} of the spring's at {amplitude:.3q}"
-        ),
-        "fixed-contradicted": (
-            "with {parameter} = {fitted:.4q} in place of the given {given:.4q} ({moved:+.1%}, {times:.2g} "
-            "standard errors) the misfit is {left:.2p} in place of {misfit:.2p}"
-        ),
-        "not-determined": "{parameter}: not determined by the points that this method uses",
-        "shift-small": (
-            "the resonance shifts by {shift:.2g} Hz over all levels, less than its width of {width:.2g} Hz; "
-            "raise the level above {level:.4q}"
-        ),
-        "not-calibrated": (
-            "arbitrary scale: force or response are not calibrated, so m and every parameter are per unit of "
-            "the drive and of the response; frequencies and damping ratios do not depend on the scale"
-        ),
-        "not-converged": (
-            "the fit did not converge: the values are those at which its steps ended, without intervals"
-        ),
-        "misfit-large": (
-            "force and response differ from the law by {misfit:.1%}, without a pattern: noise this large "
-            "would hide an error of the law"
-        ),
-        "intervals-widened": (
-            "the misfit is not random noise, so the intervals hold what {by} would move, too: they are "
-            "typically {wider:.2g} times wider than noise makes them"
-        ),
-        "level-deviates": (
-            "level {level:.4q} misses the law by {misfit:.1%}, half of the levels by at most {typical:.1%}"
-        ),
-        "gain-may-change": (
-            "a gain that changes by {change:.2p} over the band would leave what the background takes up for "
-            "other modes, and is not told from them; if it is such a gain, stiffness, damping and mass are "
-            "off by up to {off:.2p}, a cubic term by three times that: calibrate at both ends of the band"
-        ),
-        "nothing-identifiable": "the test determines none of the parameters of the law",
-        "not-a-steady-sine": (
-            "harmonics reach {share:.0%} of the fundamental at half of the points: the response is hardly "
-            "that to a steady sine"
-        ),
-        "resonance-sparse": (
-            "{few:.0f} of {runs:.0f} runs have fewer than {points:.0f} points within the width of the "
-            "resonance: damping rests on few points there"
-        ),
-    }
-)
-
-_OTHER_LAW = "Try another law, `rsgen rank` among those of the library, or fewer levels."
-_SIGN = (
-    "Check signs and units of force and response in the case, and of each sensor of a sum of two: mounted "
-    "upside down it needs factor = -1, and the sum is written so that the response counts positive; then "
-    "take out terms that are not needed."
-)
-
-NEXT_STEPS |= {
-    "law-does-not-fit": _OTHER_LAW,
-    "nothing-identifiable": (
-        "Give the mass if it is known, take a law with fewer parameters, or test more frequencies around "
-        "the resonance at more levels."
-    ),
-    "background-missing": (
-        "Identify with this background, or in a narrower band around the mode, and compare: where the "
-        "values differ, the sensor sees more than the mode."
-    ),
-    "fixed-contradicted": (
-        "Measure the value again (weigh a mass), and check the frequency axis and the factors of force "
-        "and response; or leave the value out, so that it is identified."
-    ),
-    "law-ambiguous": (
-        "Identify with the term or background as well, and others in its place (rsgen rank), or the "
-        "halves separately, and compare (rs.compare_fits); more and higher levels distinguish them."
-    ),
-    "even-force-missing": (
-        "Add an even term to the law, such as k2*x**2, or a stop on one side; where the sensor has an "
-        "offset, take it off."
-    ),
-    "range-reached": (
-        "Measure with a wider range; until then leave these levels, or this part of the band, out."
-    ),
-    "misfit-large": (
-        "Look at the points in the response figure: average more readings, wait longer before each, or "
-        "check that force and response belong together."
-    ),
-    "parts-disagree": (
-        "Identify the levels separately, and look for one whose force, label or set-up differs, or for a "
-        "gain that changed on the way; if none does, try another law."
-    ),
-    "points-excluded": (
-        "Look at the points that were not used in the figure of responses: repeat them (in a sweep more "
-        "slowly, or with less noise of the force), or leave them out by the case and say so; if they are "
-        "sound, or one run or one end of the band, the law is wrong."
-    ),
-    "level-deviates": (
-        "Check force, unit and frequencies of this level, and whether the sensor was overloaded; or hold "
-        "it out and compare."
-    ),
-    "not-converged": (
-        "Compare with the first-order estimates; fewer parameters, or a given mass, let the fit settle."
-    ),
-    "structure-feeds-exciter": (
-        "Read the phase of a table in the other sense (test.response.phase_sense), or give "
-        "test.response.factor the other sign; a time history has no phase that is read."
-    ),
-    "not-passive": (
-        "Correct the sense of the phase, or the sign of the channel, that is named above, and run the "
-        "case again."
-    ),
-    "harmonics-across-left-out": (
-        "Record the harmonics of both sensors (time histories give them), or leave out the levels and "
-        "frequencies at which the joint distorts the motion."
-    ),
-    "noise-across": (
-        "Measure with less noise, or the motion across by one sensor; take frequencies and levels at "
-        "which the joint moves more, or give what is known, such as the mass."
-    ),
-    "curve-negative": _SIGN,
-    "not-a-steady-sine": (
-        "Check the excitation that the case declares: noise and transients are not read as stepped sines."
-    ),
-}
+from rsgen.report.wording.sentences import says
 
 
 @says("bounded-to-one-side")
@@ -274,16 +126,6 @@ def _confounded(found: Finding) -> str:
     return (
         f"{found.parameter}: only a combination with {partners} is identifiable; give one of them, test "
         "wider, or fit a simpler background"
-    )
-
-
-@says("noise-across")
-def _noise_across(found: Finding) -> str:
-    noise, part = (number_text(100 * found[name], 2) for name in ("noise", "part"))
-    return (
-        f"the motion across {found.names['sensors']} has {noise} % of noise of its sensors, and that noise "
-        f"makes up to {part} % of what the fit rests on: the joint cannot be distinguished from it, and no "
-        "value is what it seems"
     )
 
 
@@ -451,43 +293,6 @@ def _repeats_scatter(found: Finding) -> str:
 # ----------------------------------------------------------------------------
 # Sentences about tests at phase resonance, and about continuations.
 
-say_plainly(
-    {
-        "needs-mass": (
-            "the mass is not known, so that neither resonance curves nor held-out levels are predicted: off "
-            "resonance both depend on it"
-        ),
-        "phase-not-resonant": (
-            "no point of the phase-locked test lies near resonance: the response lags the force by {lag:.3q} "
-            "in place of 90 deg"
-        ),
-        "phase-lock-lost": (
-            "at {lost:.0f} of {points:.0f} points the response lags the force by {low:.3q} to "
-            "{high:.3q}, at forces that no other point has: where the loop lost the lock the motion was not "
-            "steady; leave out such points, or measure them again"
-        ),
-    }
-)
-
-NEXT_STEPS |= {
-    "phase-gap": (
-        "Take the rows of one mode: [identify] band between its frequencies, or a file of its own; where it "
-        "is one mode, test some levels between."
-    ),
-    "mass-at-resonance": (
-        "Give the mass under [system], or measure one slice off resonance: some frequencies on both sides at "
-        "one level."
-    ),
-    "phase-lag": (
-        "Look at the phase of the loop's filters and at the sense and quantity of the response; the loop is "
-        "to hold 90 degrees between force and displacement."
-    ),
-    "phase-not-resonant": (
-        "Look at sense, sign and quantity of the response: at resonance a velocity is in phase with the "
-        "force."
-    ),
-}
-
 
 @says("mass-at-resonance")
 def _mass_at_resonance(found: Finding) -> str:
@@ -537,16 +342,3 @@ def _phase_gap(found: Finding) -> str:
         f"points at phase resonance lie near {low} and near {high} Hz, at amplitudes that do not overlap, "
         "with nothing between: levels between were not tested, or the two belong to two modes"
     )
-
-
-# ----------------------------------------------------------------------------
-# Sentences about modal tables.
-
-say_plainly(
-    {
-        "modal-scattered": (
-            "the points of the modal table depart by {misfit:.1%} from one curve k(X) and one curve c(X): "
-            "noise, several modes in the band, or a response that depends on more than its amplitude"
-        ),
-    }
-)

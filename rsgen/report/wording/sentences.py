@@ -7,13 +7,16 @@ about laws, predictions, rankings and comparisons follow.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping
+import tomllib
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
+from pathlib import Path
 from typing import TYPE_CHECKING, Any, Self
 
 import numpy as np
 
+from rsgen.common.errors import listed
 from rsgen.common.finding import (
     STATES,
     Finding,
@@ -24,15 +27,12 @@ from rsgen.common.finding import (
     reach_verdict,
     verdict_lines,
 )
+from rsgen.common.tolerances import CONFIDENCE_TEXT
+from rsgen.data.surface import ResponseSurface
 from rsgen.formula.units import count_text, number_text, quantity_text
 
 if TYPE_CHECKING:
     from rsgen.data.multisine import MultisineSpectra
-from collections.abc import Sequence
-
-from rsgen.common.errors import listed
-from rsgen.common.tolerances import CONFIDENCE_TEXT
-from rsgen.data.surface import ResponseSurface
 
 Say = Callable[[Finding], str]
 
@@ -40,8 +40,8 @@ CODES: dict[str, Say] = {}
 """The function that says a finding, by the code of the finding."""
 
 NEXT_STEPS: dict[str, str] = {}
-"""Next step after a finding that casts doubt on a result, by its code: a full sentence, with the fields of
-``say_plainly`` in braces. Every code that may have the severity "doubt" or "error" has one."""
+"""Next step after a finding that casts doubt on a result, by its code: a full sentence with ``_Fields`` in
+braces. Every code that may have the severity "doubt" or "error" has one."""
 
 
 class _Number(float):
@@ -72,13 +72,15 @@ class _Number(float):
 
 @dataclass(frozen=True, slots=True)
 class _Fields:
-    """Fields of a text in braces: "parameter", and the names and numbers of its finding."""
+    """Fields of a text in braces: "parameter", "confidence", and the names and numbers of its finding."""
 
     finding: Finding
 
     def __getitem__(self, name: str) -> str | _Number:
         if name == "parameter":
             return self.finding.parameter
+        if name == "confidence":
+            return CONFIDENCE_TEXT
         names = self.finding.names
         return names[name] if name in names else _Number(*self.finding.numbers[name])
 
@@ -96,14 +98,21 @@ def says(code: str) -> Callable[[Say], Say]:
     return register
 
 
-def say_plainly(texts: Mapping[str, str]) -> None:
-    """Register sentences without logic: format strings by code, with the fields of ``_Fields``."""
-    for code, text in texts.items():
-        CODES[code] = partial(_fill, text)
-
-
 def _fill(text: str, finding: Finding) -> str:
     return text.format_map(_Fields(finding))
+
+
+def _read_texts() -> None:
+    """Register the sentences without logic and the next steps, which stand in ``findings.toml``."""
+    texts = tomllib.loads(Path(__file__).with_name("findings.toml").read_text(encoding="utf-8"))
+    for code, said in texts.items():
+        if "sentence" in said:
+            CODES[code] = partial(_fill, said["sentence"])
+        if "next" in said:
+            NEXT_STEPS[code] = said["next"]
+
+
+_read_texts()
 
 
 def next_step(finding: Finding) -> str:
@@ -302,18 +311,6 @@ def _older(result: Mapping[str, Any]) -> StatedVerdict:
     }
 
 
-say_plainly(
-    {
-        "constant-force": "{parameter} stands alone in the law: a constant force, which moves the mean only. "
-        "If it is a state, its equation is missing (memory)",
-        "parameter-not-variable": "{parameter} is a parameter here, a constant of the law: of the motion a "
-        "law has x and v only",
-        "equal-terms": "{terms} are equal terms of the law, and no test says which is which; they are named "
-        "so that {order}",
-    }
-)
-
-
 def _quantity(found: Finding, name: str, digits: int = 3) -> str:
     return quantity_text(*found.numbers[name], digits)
 
@@ -338,39 +335,6 @@ def _at(found: Finding, end: str) -> str:
 
 # ----------------------------------------------------------------------------
 # Sentences about predictions.
-
-say_plainly(
-    {
-        "prediction-extrapolated": (
-            "the motion under {level:.3q} leaves the tested amplitudes, up to {high:.3q}: nothing is known "
-            "of the law there"
-        ),
-        "no-steady-state": "the law has no steady state in the tested frequencies under {level:.3q}",
-        "held-out-points-missing": (
-            "{missing:.0f} of {points:.0f} points of the held-out level {level:.3q} (sweep {sweep}) have no "
-            "predicted steady state near the measured one"
-        ),
-        "held-out-by-label": (
-            "hold_out = {label:g} is the label of the level of {level:.3q}, which is held out; the level at "
-            "which {label:g} was measured is not"
-        ),
-        "results-disagree": (
-            f"{{values}}: results that are accepted or identified have {CONFIDENCE_TEXT} intervals without a "
-            "common value; "
-            "with the largest difference, {shift:.2g} standard errors, are {first} and {second}"
-        ),
-    }
-)
-
-NEXT_STEPS["results-disagree"] = (
-    "Take the law or background that predicts a held-out level best; until then a value is known no better "
-    "than the results differ."
-)
-
-NEXT_STEPS["held-out-missed"] = NEXT_STEPS["no-steady-state"] = (
-    "Identify with this level, too, and see whether the law still fits; if it does not, try another law or "
-    "fewer levels."
-)
 
 
 @says("held-out-missed")
@@ -397,52 +361,6 @@ def _joined(names: Sequence[str]) -> str:
 def _between(low: float, high: float, unit: str) -> str:
     one, two = number_text(low, 4), number_text(high, 4)
     return f"near {one} {unit}" if one == two else f"between {one} and {two} {unit}"
-
-
-say_plainly(
-    {
-        "mass-negative": (
-            "the mass comes out negative ({mass:.3g} kg): is the sense of the phase right, and the sign of "
-            "the sensor?"
-        ),
-        "structure-feeds-exciter": (
-            "the structure would feed energy into the exciter: is the sense of the phase right, and the "
-            "sign of the sensor?"
-        ),
-        "law-at-limit": (
-            "{law}: the search for {parameter} ends at the limit of its range ({value:.3g}), so that the "
-            "true law may be another"
-        ),
-        "terms-cancel": "{law} and {other} cancel each other: their sum is {share:.0%} of the larger",
-    }
-)
-
-NEXT_STEPS |= {
-    "mass-negative": (
-        "Check the sense of the phase and the sign of the sensor; or give the mass in the case, where it "
-        "is known."
-    ),
-    "no-law-fits": (
-        "Choose a band around one mode, try a background, or add a candidate law with the shape that the "
-        "restoring forces show."
-    ),
-    "law-at-limit": "Rank without {law}, or test at amplitudes where its {parameter} matters.",
-    "damping-feeds-energy": (
-        "Take the term out, or rank with the dampers that you expect alone, and check the background; if "
-        "energy is fed by design, write the term with its sign, as in -c*v."
-    ),
-    "terms-cancel": "Rank without {law} or without {other}, and compare the misfits.",
-    "phase-turned": (
-        "Check the sign of the sensor, the sense of the phase and filters, then fit the background."
-    ),
-    "law-unconfirmed": (
-        "Identify the law that you expect, and those near the top of the table, one by one, and take the "
-        "one that leaves least."
-    ),
-    "levels-predicted-worse": (
-        "Test more levels between those that there are, or take the law that predicts levels best."
-    ),
-}
 
 
 def _counted(f: Finding) -> str:

@@ -4,72 +4,7 @@ from __future__ import annotations
 
 from rsgen.common.finding import Finding
 from rsgen.formula.units import number_text, quantity_text
-from rsgen.report.wording.sentences import NEXT_STEPS, say_plainly, says
-
-say_plainly(
-    {
-        "note": "{text}",
-        "direction-from-branch": (
-            "runs of one level lie on two branches in one order of frequency: {points:.0f} points are taken "
-            "as swept the other way; where that is wrong, say in the case how they were swept "
-            "(sweep.direction, or sweep.column)"
-        ),
-        "another-maximum": (
-            "{record}: response over force has another maximum near {frequency:.4g} Hz, of another mode "
-            "perhaps; choose a band around one mode, or fit a background"
-        ),
-        "force-of-decay": (
-            "{record}: points of a free decay; the force of each is the one that would have held its "
-            "motion, computed with the given mass"
-        ),
-        "unit-of-file": (
-            "{file}: {column} was read in {unit}, as the file says ({source}); a unit in the case would win"
-        ),
-        "response-stands-still": (
-            "{record}: the response stands still while the force moves, {times:.0f} times, longest at "
-            "{begin:.5g} s for {length:.3g} s: a drop-out; look at the points around it"
-        ),
-        "last-line-open": (
-            "{file}: the last line has no line end, as where a file was cut off; see that nothing is missing"
-        ),
-        "levels-of-one-force": "{count:.0f} levels of different names were all measured at {amount:.3q}",
-        "unit-contradicts-title": "{file}: {column} is read in {unit}, but the file says {title}",
-        "levels-swapped": (
-            "the level of {low:.3q} was driven harder than that of {high:.3q}: measured {low_measured:.3q} "
-            "and {high_measured:.3q}"
-        ),
-        "run-repeated": (
-            "{first} and {second} hold the same numbers row by row: one run was copied in place of another"
-        ),
-        "response-not-held": (
-            "the case says that the response was held within a level, but it varies by {moved:.0%} at "
-            "{level:.3q}"
-        ),
-    }
-)
-NEXT_STEPS |= {
-    "levels-disagree": (
-        'Write unit = "label" under [test.level] where the levels are names of runs; otherwise look for '
-        "a wrong unit or factor, or levels in another order than the files."
-    ),
-    "levels-of-one-force": (
-        'Look whether the force was recorded at all; write unit = "label" under [test.level] if these '
-        "are repeats of one level."
-    ),
-    "unit-contradicts-title": ("Look which is right, and write that unit in the case, or correct the title."),
-    "levels-swapped": "Look whether two files, or two numbers of [test.level], are swapped.",
-    "run-repeated": "Look for the run that is missing, and take the copy out.",
-    "response-not-held": 'Leave out control = "response" if the test held the force.',
-    "sweep-rate": "Sweep so much slower that the resonance rings with the force, not after it.",
-    "decay-not-free": (
-        "Leave start out, so that the end of the drive is found; end the record before the rise (stop), "
-        "or choose a band around one mode."
-    ),
-    "power-not-at-lines": (
-        "Look at the spectra of force and response; measure with a stepped or swept sine, choose a band, "
-        "or remove what else moves the structure."
-    ),
-}
+from rsgen.report.wording.sentences import says
 
 
 def _at(found: Finding, name: str = "file") -> str:
@@ -224,21 +159,6 @@ def _not_passive(found: Finding) -> str:
 # ----------------------------------------------------------------------------
 # Sentences about sizes that no vibration test has, and about responses that are another quantity.
 
-_REASONS = {
-    "frequency": (
-        "only what is smaller than a grain of sand vibrates faster",
-        "no test lasts as long as some such periods",
-    ),
-    "displacement": ("no rig moves a structure by more", "no sensor resolves less"),
-    "velocity": ("the stress that goes with more breaks every solid", "no sensor resolves less"),
-    "acceleration": ("no structure and no sensor endures more", "quiet ground moves as much"),
-    "force": ("no shaker brings more", "the thermal motion of the air brings as much"),
-    "mass": ("no structure that is tested weighs as much", "a sensor alone weighs more"),
-    "stiffness": ("a cube of steel of a metre is softer", "the softest cantilever is stiffer"),
-    "damping": ("with more there is no resonance to identify", "no material has less"),
-}
-"""Why nothing lies outside the bounds of ``rsgen.data.surface.plausibility``: above, and below."""
-
 _WHAT = {
     "frequency": "the frequency of resonance",
     "displacement": "the largest displacement",
@@ -265,13 +185,6 @@ def _levels_in_other_unit(found: Finding) -> str:
     )
 
 
-NEXT_STEPS["levels-in-other-unit"] = (
-    "Look up the unit of the force: one in kN that is read as N makes mass, stiffness and damping 1000 times "
-    "too small. If the force is right, give the levels in its unit (of a multisine root mean squares), or "
-    'write unit = "label" under [test.level].'
-)
-
-
 def _head(found: Finding) -> str:
     quantity, side = found.names["quantity"], found.names["side"]
     *others, last = found.names["others"].split(", ")
@@ -282,8 +195,7 @@ def _head(found: Finding) -> str:
 
 @says("size-impossible")
 def _size_impossible(found: Finding) -> str:
-    reason = _REASONS[found.names["quantity"]][found.names["side"] != "above"]
-    return f"not possible in a vibration test: {_head(found)} ({reason})"
+    return f"not possible in a vibration test: {_head(found)}"
 
 
 _BEHAVES = {
@@ -362,58 +274,8 @@ def _base_misread(found: Finding) -> str:
     )
 
 
-NEXT_STEPS |= {
-    "base-misread": (
-        "Look up sense, unit, factor and scale of both channels in the notes of the test, correct the case, "
-        "and run it again."
-    ),
-    "size-impossible": (
-        "Look up the units of force, response and frequency in the notes of the test (mm and m, g and m/s^2, "
-        "kN and N, rad/s and Hz, a velocity or an acceleration read as a displacement), correct them in the "
-        "case, and run it again."
-    ),
-    "another-quantity": (
-        "Look up what the sensor measured and in which unit its phase is, correct [test.response], and run "
-        "the case again."
-    ),
-}
-
-
 # ----------------------------------------------------------------------------
 # Tests with a periodic multisine.
-
-say_plainly(
-    {
-        "channels-delayed": (
-            "the response comes {delay:.3q} later than the force (negative: earlier): with that delay taken "
-            "off the misfit is {left:.2p} in place of {misfit:.2p}"
-        ),
-        "motion-by-law": (
-            "below {below:.3q} noise hides the response, or would be most of the noise of the motion: there "
-            "the motion along which the law is evaluated is the law's own"
-        ),
-        "response-copies-force": (
-            "{record}: the response is the force times a number at every line: one channel stands for both, "
-            "or no resonance is near the lines"
-        ),
-    }
-)
-
-NEXT_STEPS |= {
-    "multisine-periods": (
-        "Record more periods, or start to record when the response has settled; transient = 0 under "
-        "[test.multisine] says that it had."
-    ),
-    "channels-delayed": (
-        "Check filters and sampling of both channels; name them under [test.channels] and give one this "
-        "delay, or shift its samples."
-    ),
-    "response-copies-force": ("Check which channel is the response, and that the lines reach the resonance."),
-    "damping-hidden-by-misfit": (
-        "Add a damper, such as c*v, F*sign(v) or c2*v*abs(v), and take the one that leaves least; the "
-        "damping is not known better than this share."
-    ),
-}
 
 
 @says("multisine-periods")
