@@ -246,7 +246,6 @@ def plain_rows(block: bytes, delimiter: str, decimal: str) -> Array | None:
 
 MAX_ROWS = 3_000_000
 """Rows of a text: ten minutes at 5 kHz; longer histories are kept in binary formats."""
-_PLAIN = re.compile(rf"[{re.escape(PLAIN)}]*\Z")
 REMARKS = "comment"
 """Title of the last column of LabVIEW's measurement files, which the rows leave out."""
 _ANY = ".{1,40}?"
@@ -364,9 +363,7 @@ class _Table:
         raise self.fail(line, f"no column named {quote(column)}; known: {known}")
 
     def row(self, line: int, text: str) -> None:
-        values = self.quick(text)
-        if values is None:
-            values = self.careful(line, text)
+        values = self.cells(line, text)
         if values is None:
             # words before the first number are the header's, such as units below the names
             if self.lines:
@@ -382,28 +379,7 @@ class _Table:
         if len(self.lines) > MAX_ROWS:
             raise self.fail(line, f"more than {MAX_ROWS} rows; at most that many are read")
 
-    def quick(self, text: str) -> list[float] | None:
-        """Read a line that holds nothing but plain numbers, three times as fast; None for any other line."""
-        if not _PLAIN.match(text):
-            return None
-        if self.layout.decimal == ",":
-            if "." in text:
-                return None
-            text = text.replace(",", ".")
-        cells = text.split(None if self.delimiter == "whitespace" else self.delimiter)
-        if len(cells) not in self.widths:
-            return None
-        if len(text) > MAX_NUMBER_LENGTH and any(
-            len(cells[place]) > MAX_NUMBER_LENGTH for place in self.places
-        ):
-            return None
-        try:
-            values = [float(cells[place]) for place in self.places]
-        except ValueError:
-            return None
-        return values if all(map(isfinite, values)) else None
-
-    def careful(self, line: int, text: str) -> list[float] | None:
+    def cells(self, line: int, text: str) -> list[float] | None:
         """Read a line cell by cell, say what is wrong with the first faulty one; None for a row of words."""
         cells = split_cells(text, self.delimiter)
         if is_of_words(cells, self.layout.decimal):

@@ -30,7 +30,7 @@ from rsgen.identification.results import Identification
 from rsgen.report import figures
 from rsgen.report.figures import Drawing
 from rsgen.report.page_tables import NO_MODAL, Modal
-from rsgen.report.provenance import TEMPLATES, notebook_mark, plain_text
+from rsgen.report.provenance import notebook_mark, plain_text, template_environment
 
 # ----------------------------------------------------------------------------
 # Run the cells of a notebook in this process, given the results that the run already has.
@@ -259,15 +259,8 @@ def _only_safe(value: object) -> object:
 
 @cache
 def _environment() -> jinja2.Environment:
-    environment = jinja2.Environment(
-        loader=jinja2.FileSystemLoader(TEMPLATES),
-        autoescape=False,  # noqa: S701 - no HTML: every value passes _only_safe
-        undefined=jinja2.StrictUndefined,
-        trim_blocks=True,
-        lstrip_blocks=True,
-        keep_trailing_newline=True,
-        finalize=_only_safe,
-    )
+    # no HTML: every value passes _only_safe
+    environment = template_environment(False, _only_safe)
     environment.filters.update(literal=literal, prose=prose, lines=_lines)
     return environment
 

@@ -45,18 +45,11 @@ _SWEEPS = {"rest": "from rest", "up": "up", "down": "down"}
 
 @dataclass(frozen=True, slots=True)
 class Cell:
-    """A text and, below it in small print, a note."""
+    """A text and, below it in small print, a note; ``verdict`` is "yes", "no" or "open" where it is one."""
 
     text: str
     note: str = ""
-
-
-@dataclass(frozen=True, slots=True)
-class TableRow:
-    """A heading and its cells; ``passed`` is the verdict of a table with one column more than cells."""
-
-    cells: tuple[str | Cell, ...]
-    passed: bool | None = None
+    verdict: str = ""
 
 
 @dataclass(frozen=True, slots=True)
@@ -68,12 +61,8 @@ class Table:
 
     caption: str
     columns: tuple[str, ...]
-    rows: tuple[TableRow, ...]
+    rows: tuple[tuple[str | Cell, ...], ...]
     optional: tuple[str, ...] = ()
-
-
-def _number(value: float, digits: int = 4) -> Cell:
-    return Cell(number_text(value, digits))
 
 
 def _digits(estimate: Estimate) -> int:
@@ -130,7 +119,7 @@ def verdict_table(comparison: Comparison) -> Table:
     )
 
 
-def _verdict_row(row: Row, known: bool, judged: bool) -> TableRow:
+def _verdict_row(row: Row, known: bool, judged: bool) -> tuple[str | Cell, ...]:
     cells: list[str | Cell] = [FORCE_KEYS.get(row.name, row.name)]
     if known:
         note = "largest over the tested range" if row.name in FORCE_KEYS else ""
@@ -142,11 +131,15 @@ def _verdict_row(row: Row, known: bool, judged: bool) -> TableRow:
     ]
     if known:
         note = "" if row.tolerance is None else f"tolerance {error_text(row.tolerance, 1)}"
-        cells += [Cell(error_text(row.relative_error), note), Cell(error_text(row.first_order_error))]
+        cells += [Cell(error_text(row.relative_error), note), error_text(row.first_order_error)]
     else:
         relative = row.refined.standard_error / abs(row.refined.value) if row.refined.value else math.nan
-        cells.append(Cell(error_text(relative)))
-    return TableRow(tuple(cells), None if row.tolerance is None else row.passed)
+        cells.append(error_text(relative))
+    if judged and row.tolerance is None:
+        cells.append(Cell("–", verdict="open"))
+    elif judged:
+        cells.append(Cell("within", verdict="yes") if row.passed else Cell("outside", verdict="no"))
+    return tuple(cells)
 
 
 def estimate_table(identification: Identification) -> Table:
@@ -156,30 +149,26 @@ def estimate_table(identification: Identification) -> Table:
         for estimates in (identification.paper, identification.first_order)
     )
     biases = dict(zip(first, identification.first_order_bias, strict=False))
-    rows = [
-        TableRow(
-            (
-                refined.name,
-                Cell(unit_text(refined.unit) or "–"),
-                _estimate_cell(paper.get(refined.name), ""),
-                _estimate_cell(first.get(refined.name), "", interval=True),
-                _number(bias, 2) if math.isfinite(bias) else Cell("–"),
-                _estimate_cell(refined, "", interval=True),
-                _number(refined.standard_error, 2),
-            )
+    rows: list[tuple[str | Cell, ...]] = [
+        (
+            refined.name,
+            unit_text(refined.unit) or "–",
+            _estimate_cell(paper.get(refined.name), ""),
+            _estimate_cell(first.get(refined.name), "", interval=True),
+            number_text(bias, 2) if math.isfinite(bias) else "–",
+            _estimate_cell(refined, "", interval=True),
+            number_text(refined.standard_error, 2),
         )
         for refined in identification.refined
         for bias in [biases.get(refined.name, math.nan)]
     ]
     rows += [
-        TableRow(
-            (
-                one.name,
-                Cell(unit_text(one.unit) or "–"),
-                *[Cell("–")] * 3,
-                Cell(quantity_text(one.value, "", 6), "fixed"),
-                Cell("–"),
-            )
+        (
+            one.name,
+            unit_text(one.unit) or "–",
+            *["–"] * 3,
+            Cell(quantity_text(one.value, "", 6), "fixed"),
+            "–",
         )
         for one in identification.fixed
     ]
@@ -194,16 +183,14 @@ def resonance_table(identification: Identification) -> Table:
     stiffness = choose_scale([point.stiffness for point in points], identification.curve.units.of("N/m"))
     damping = choose_scale([point.damping for point in points], identification.curve.units.of("N*s/m"))
     rows = tuple(
-        TableRow(
-            (
-                quantity_text(point.level, identification.curve.level_unit),
-                Cell(_SWEEPS.get(point.sweep, point.sweep), "jump" if point.jump else ""),
-                _number(point.frequency, 6),
-                _number(100 * point.damping_ratio),
-                _number(point.amplitude / amplitude.factor),
-                _number(point.stiffness / stiffness.factor, 5),
-                _number(point.damping / damping.factor),
-            )
+        (
+            quantity_text(point.level, identification.curve.level_unit),
+            Cell(_SWEEPS.get(point.sweep, point.sweep), "jump" if point.jump else ""),
+            number_text(point.frequency, 6),
+            number_text(100 * point.damping_ratio),
+            number_text(point.amplitude / amplitude.factor),
+            number_text(point.stiffness / stiffness.factor, 5),
+            number_text(point.damping / damping.factor),
         )
         for point in points
     )
@@ -226,15 +213,13 @@ def held_out_table(
     if not held_out:
         return None
     rows = tuple(
-        TableRow(
-            (
-                quantity_text(item.level, item.level_unit),
-                Cell(_SWEEPS.get(item.sweep, item.sweep)),
-                Cell(str(len(item.frequency))),
-                Cell(error_text(item.error)),
-                Cell(error_text(item.largest_error)),
-                Cell(str(item.missing)),
-            )
+        (
+            quantity_text(item.level, item.level_unit),
+            _SWEEPS.get(item.sweep, item.sweep),
+            str(len(item.frequency)),
+            error_text(item.error),
+            error_text(item.largest_error),
+            str(item.missing),
         )
         for item in held_out
     )
@@ -254,13 +239,11 @@ def record_table(records: Sequence[PredictedRecord]) -> Table | None:
     if not records:
         return None
     rows = tuple(
-        TableRow(
-            (
-                quantity_text(one.level, one.level_unit, 3),
-                Cell(str(int(np.count_nonzero(one.judged)))),
-                Cell(error_text(one.error, 3)),
-                Cell(error_text(one.noise)),
-            )
+        (
+            quantity_text(one.level, one.level_unit, 3),
+            str(int(np.count_nonzero(one.judged))),
+            error_text(one.error, 3),
+            error_text(one.noise),
         )
         for one in records
     )
@@ -273,23 +256,21 @@ def linear_table(approximations: Sequence[BestLinear], units: ForceUnits) -> Tab
     stiffness = choose_scale([one.stiffness for one in approximations], units.of("N/m"))
     size = choose_scale([one.rms for one in approximations], "m")
 
-    def cell(value: float, digits: int = 4) -> Cell:
-        return Cell(number_text(value, digits) if np.isfinite(value) else "–")
+    def cell(value: float, digits: int = 4) -> str:
+        return number_text(value, digits) if np.isfinite(value) else "–"
 
     rows = tuple(
-        TableRow(
-            (
-                quantity_text(one.level, one.level_unit, 3),
-                Cell(str(one.records)),
-                cell(one.rms / size.factor),
-                cell(one.natural_frequency, 5),
-                cell(100 * one.damping_ratio),
-                cell(one.stiffness / stiffness.factor, 5),
-                Cell(error_text(one.distortion_share)),
-                Cell(share_text(one.even_share, one.even_bound)),
-                Cell(share_text(one.odd_share, one.odd_bound)),
-                Cell(error_text(one.noise_share)),
-            )
+        (
+            quantity_text(one.level, one.level_unit, 3),
+            str(one.records),
+            cell(one.rms / size.factor),
+            cell(one.natural_frequency, 5),
+            cell(100 * one.damping_ratio),
+            cell(one.stiffness / stiffness.factor, 5),
+            error_text(one.distortion_share),
+            share_text(one.even_share, one.even_bound),
+            share_text(one.odd_share, one.odd_bound),
+            error_text(one.noise_share),
         )
         for one in approximations
     )
@@ -314,16 +295,14 @@ def background_table(identification: Identification) -> Table | None:
     if background is None:
         return None
     rows = tuple(
-        TableRow(
-            (
-                Cell(estimate.name, _BACKGROUND_NAMES[estimate.name]),
-                Cell(unit_text(estimate.unit)),
-                *(
-                    (_estimate_cell(estimate, "", interval=True), _number(estimate.standard_error, 2))
-                    if math.isfinite(estimate.standard_error)
-                    else (Cell("–", "not identifiable"), Cell("–"))
-                ),
-            )
+        (
+            Cell(estimate.name, _BACKGROUND_NAMES[estimate.name]),
+            unit_text(estimate.unit),
+            *(
+                (_estimate_cell(estimate, "", interval=True), number_text(estimate.standard_error, 2))
+                if math.isfinite(estimate.standard_error)
+                else (Cell("–", "not identifiable"), "–")
+            ),
         )
         for estimate in background.estimates
     )
@@ -339,7 +318,7 @@ def background_table(identification: Identification) -> Table | None:
 def alternative_table(identification: Identification) -> Table | None:
     """Compare the fit with alternatives to it; None if none widens an interval."""
     compared = compare_fits(identification)
-    rows = tuple(TableRow((row[0], *map(Cell, row[1:]))) for row in compared.table.rows)
+    rows = tuple(map(tuple, compared.table.rows))
     caption = (
         "Of each kind of alternative the one that widens the intervals most: to first order, with "
         f"{CONFIDENCE_TEXT} intervals by noise alone; the identified intervals include these shifts"
@@ -352,15 +331,13 @@ def ranking_table(identification: Identification) -> Table | None:
     if identification.ranking is None:
         return None
     rows = tuple(
-        TableRow(
-            (
-                candidate.label,
-                Cell(candidate.force),
-                Cell(str(candidate.parameters)),
-                Cell(error_text(candidate.held_out_error)),
-                _number(candidate.bic),
-                Cell("ties with the best" if candidate.tied else "worse"),
-            )
+        (
+            candidate.label,
+            candidate.force,
+            str(candidate.parameters),
+            error_text(candidate.held_out_error),
+            number_text(candidate.bic),
+            "ties with the best" if candidate.tied else "worse",
         )
         for candidate in identification.ranking.candidates
     )
@@ -448,7 +425,7 @@ def modal_page_table(section: Modal) -> Table | None:
             half = (row[f"{name}_upper"] - row[f"{name}_lower"]) / 2
             note = f"± {number_text(half / factor, 2)}" if math.isfinite(half) else ""
             cells.append(Cell(number_text(row[name] / factor, 5), note))
-        rows.append(TableRow(tuple(cells)))
+        rows.append(tuple(cells))
     caption = (
         f"Modal table without a law, {CONFIDENCE_TEXT} intervals; {modal.points} points, misfit "
         f"{modal.misfit:.2g}"

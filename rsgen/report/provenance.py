@@ -8,7 +8,8 @@ import json
 import platform
 import re
 import unicodedata
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from functools import cache
 from importlib.metadata import PackageNotFoundError, version
@@ -97,33 +98,38 @@ def _finalize(value: object) -> object:
     return plain_text(value) if isinstance(value, str) and not isinstance(value, Markup) else value
 
 
-@cache
-def page_environment() -> jinja2.Environment:
-    """Return the environment of the HTML pages: autoescape on, undefined names are errors."""
-    environment = jinja2.Environment(
+def template_environment(autoescape: bool, finalize: Callable[[Any], object]) -> jinja2.Environment:
+    """Return an environment of templates; undefined names are errors, and ``finalize`` sees every value."""
+    return jinja2.Environment(
         loader=jinja2.FileSystemLoader(TEMPLATES),
-        autoescape=True,
+        autoescape=autoescape,  # noqa: S701 - off in notebooks alone, where every value passes _only_safe
         undefined=jinja2.StrictUndefined,
         trim_blocks=True,
         lstrip_blocks=True,
         keep_trailing_newline=True,
-        finalize=_finalize,
+        finalize=finalize,
     )
+
+
+@cache
+def page_environment() -> jinja2.Environment:
+    """Return the environment of the HTML pages: autoescape on."""
+    environment = template_environment(True, _finalize)
     environment.filters.update(verbatim=verbatim, unbroken=unbroken, coded=coded)
     return environment
 
 
-_PACKAGES = ("numpy", "scipy", "sympy", "numba", "matplotlib", "h5py")
+_PACKAGES = ("numpy", "scipy", "sympy", "numba", "matplotlib", "h5py", "pydantic", "pint")
 
 
-def _versions() -> str:
-    found = [f"rsgen {rsgen.__version__}", f"Python {platform.python_version()}"]
+@cache
+def package_versions() -> dict[str, str]:
+    """Return the versions of rsgen, Python and the packages that results depend on."""
+    found = {"rsgen": rsgen.__version__, "python": platform.python_version()}
     for package in _PACKAGES:
-        try:
-            found.append(f"{package} {version(package)}")
-        except PackageNotFoundError:
-            continue
-    return ", ".join(found)
+        with suppress(PackageNotFoundError):
+            found[package] = version(package)
+    return found
 
 
 def _origin(case: Case | None) -> dict[str, str]:
@@ -151,7 +157,7 @@ def collect_provenance(
     entries = {
         **_origin(case),
         **surface.provenance,
-        "Versions": _versions(),
+        "Versions": ", ".join(f"{name} {number}" for name, number in package_versions().items()),
         "Machine": f"{platform.system()} {platform.machine()}, {platform.python_implementation()}",
         "Command": " ".join(command) or "called from Python",
         "Written": datetime.datetime.now(datetime.UTC).strftime("%Y-%m-%d %H:%M UTC"),

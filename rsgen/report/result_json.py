@@ -123,9 +123,8 @@ def elements_entry(subject: Subject) -> list[dict[str, Any]]:
     return entries
 
 
-def _ranking(ranking: Ranking | None) -> dict[str, Any] | None:
-    if ranking is None:
-        return None
+def ranking_entry(ranking: Ranking) -> dict[str, Any]:
+    """Return verdict, noise and candidates of a ranking."""
     return {
         "fits": ranking.fits,
         "verdict": [sentence(finding) for finding in ranking.findings],
@@ -202,7 +201,7 @@ def build_result(
         "resonances": [_resonance(point) for point in identification.resonances],
         "background": _background(identification),
         **entries,
-        "ranking": _ranking(identification.ranking),
+        "ranking": None if identification.ranking is None else ranking_entry(identification.ranking),
     }
 
 

@@ -154,7 +154,7 @@ def test_a_fit_that_did_not_converge_states_no_interval(monkeypatch: pytest.Monk
     assert np.isfinite(curve.amplitude).any()
     assert np.isnan([curve.lower, curve.upper]).all()
     assert len(rs.compare_fits(found).fits) == 1
-    assert not any("±" in row.cells[5].note for row in estimate_table(found).rows)
+    assert not any("±" in row[5].note for row in estimate_table(found).rows)
 
 
 def test_harmonics_do_not_mend_a_law_that_misses_by_far(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -25,6 +25,7 @@ from rsgen.data.oscillator import Model
 from rsgen.data.surface import ResponseSurface, load_surface
 from rsgen.formula.unit_deduction import parameter_units
 from rsgen.identification.ranking import Ranking, rank
+from rsgen.report.result_json import ranking_entry
 from rsgen.report.wording import sentence
 from rsgen.report.wording.sentences import state_verdict
 
@@ -59,27 +60,15 @@ def rank_command(
     name, table, model = _read(case, data)
     ranking = rank(table, model, terms_in_sum=terms_in_sum)
     if json:
+        entry = ranking_entry(ranking)
         print_json(
             {
                 "case": name,
                 **state_verdict(ranking.verdict),
-                "fits": ranking.fits,
-                "verdict": [sentence(finding) for finding in ranking.findings],
-                "findings": [finding.to_dict() for finding in ranking.findings],
-                "noise": ranking.noise,
-                "unexplained": ranking.unexplained,
+                **entry,
                 "candidates": [
-                    {
-                        "name": entry.name,
-                        "own": entry.own,
-                        "force": entry.force,
-                        "parameters": entry.parameters,
-                        "held_out_error": entry.held_out_error,
-                        "bic": entry.bic,
-                        "tied": entry.tied,
-                        "values": dict(entry.values),
-                    }
-                    for entry in ranking.candidates
+                    one | {"own": candidate.own, "values": dict(candidate.values)}
+                    for one, candidate in zip(entry["candidates"], ranking.candidates, strict=True)
                 ],
             }
         )

@@ -13,13 +13,13 @@ from collections.abc import Iterable, Iterator, Mapping
 from contextlib import ExitStack, contextmanager, suppress
 from functools import cache
 from importlib import import_module
-from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from typing import Any
 
 import rsgen
 from rsgen.common.errors import RsgenError, listed
 from rsgen.common.output import has_mark, left_behind, read_small, sync_folder, write_atomic
+from rsgen.report.provenance import package_versions
 
 # Windows has no such locks
 _locks: Any = import_module("fcntl") if os.name == "posix" else None
@@ -251,7 +251,6 @@ MANIFEST = "manifest.json"
 UNFINISHED = ".unfinished"
 """A file that says of a hidden folder that a run fills it; it goes before the folder takes its place."""
 SCHEMA = 1
-_PACKAGES = ("numpy", "scipy", "sympy", "numba", "matplotlib", "h5py", "pydantic", "pint")
 
 
 def file_hash(path: Path) -> str:
@@ -280,17 +279,6 @@ def program_hash() -> str:
     return digest.hexdigest()
 
 
-@cache
-def _versions() -> dict[str, str]:
-    found = {"python": platform.python_version(), "rsgen": rsgen.__version__}
-    for package in _PACKAGES:
-        try:
-            found[package] = version(package)
-        except PackageNotFoundError:
-            continue
-    return found
-
-
 def write_manifest(
     folder: Path, inputs: dict[str, str | None], seed: int | None, command: Iterable[str]
 ) -> None:
@@ -316,7 +304,7 @@ def write_manifest(
         "schema": SCHEMA,
         "inputs": inputs,
         "program": program_hash(),
-        "versions": _versions(),
+        "versions": package_versions(),
         "platform": f"{platform.system()} {platform.machine()}, {sys.implementation.name}",
         "seed": seed,
         "command": list(command),
@@ -364,5 +352,5 @@ def inputs_unchanged(manifest: dict[str, Any], inputs: dict[str, str | None]) ->
     return (
         manifest.get("inputs") == inputs
         and manifest.get("program") == program_hash()
-        and manifest.get("versions") == _versions()
+        and manifest.get("versions") == package_versions()
     )
