@@ -279,21 +279,28 @@ def held_against_stepping(derived, values, rate, X, k=0.0, asked=ASKED):
 
 
 POWERS = (0.7, 1.0, 1.5, 1.7, 2.0)
+SLIPS = (1e-6, 1e-3, 0.1, 1.0, 5.0, 100.0, 1000.0)
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("bd", [pytest.param(-0.3, marks=pytest.mark.thorough), 0.3])
-def test_powers_of_a_state_from_hardly_any_slip_to_almost_nothing_else(bd):
+@pytest.mark.parametrize(
+    ("bd", "powers", "slips"),
+    [
+        *(pytest.param(bd, POWERS, SLIPS, marks=pytest.mark.thorough) for bd in (-0.3, 0.3)),
+        (0.3, (0.7, 1.7), SLIPS[::2]),
+    ],
+)
+def test_powers_of_a_state_from_hardly_any_slip_to_almost_nothing_else(bd, powers, slips):
     law = derive(make_element("bw", "k*x + z", {"z": "A*v - bg*abs(v)*abs(z)**(n-1)*z - bd*v*abs(z)**n"}))
     assert law.checked_to is not None
     assert law.checked_to < 1e-8
-    for n in POWERS:
+    for n in powers:
         values = {"k": 1.0, "A": 2.0, "bg": 0.7, "bd": bd, "n": n}
 
         def rate(x, v, z, n=n):
             return 2.0 * v - 0.7 * abs(v) * abs(z) ** n * np.sign(z) - bd * v * abs(z) ** n
 
-        for X in (1e-6, 1e-3, 0.1, 1.0, 5.0, 100.0, 1000.0):
+        for X in slips:
             held_against_stepping(law, values, rate, X, 1.0)
 
 

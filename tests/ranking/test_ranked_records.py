@@ -12,6 +12,7 @@ from rsgen.data.oscillator import Model
 from rsgen.identification.ranking.records import RecordTest
 from rsgen.law.element import as_elements
 from tests.ranking.test_ranking import MASS, NOISE
+from tests.surfaces import codes
 
 BASE = "k*x + c*v"
 LAWS: dict[str, tuple[str, dict[str, float], tuple[float, ...]]] = {
@@ -33,11 +34,7 @@ def virtual(name: str, seed: int = 0) -> rs.MultisineSpectra:
     return rs.simulate(truth, test)
 
 
-def codes(ranking: rs.Ranking) -> set[str]:
-    return {finding.code for finding in ranking.findings}
-
-
-@pytest.mark.parametrize("seed", [0, 1])
+@pytest.mark.parametrize("seed", [0, pytest.param(1, marks=pytest.mark.thorough)])
 @pytest.mark.parametrize("name", [name for name in LAWS if name != "jenkins"])
 def test_the_law_behind_a_multisine_is_first_or_tied(name: str, seed: int) -> None:
     ranking = rs.rank(virtual(name, seed), [law for law in RIVALS if law.name != "jenkins"])
@@ -76,7 +73,7 @@ def test_what_no_law_explains_is_said_and_located() -> None:
     force = np.array(spectra.force)
     inside = (spectra.frequency > 9) & (spectra.frequency < 12)
     force[:, :, inside] *= 1.15
-    ranking = rs.rank(replace(spectra, force=force), RIVALS[:3])
+    ranking = rs.rank(replace(spectra, force=force), RIVALS[:2])
     assert not ranking.fits
     assert ranking.verdict.state == "rejected"
     (place,) = [finding for finding in ranking.findings if finding.code == "no-law-fits"]

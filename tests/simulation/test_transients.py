@@ -56,7 +56,7 @@ def test_a_slow_sweep_has_the_law_of_the_stepped_test(kind: Any) -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("seed", [1, 2])
+@pytest.mark.parametrize("seed", [1, pytest.param(2, marks=pytest.mark.thorough)])
 def test_noisy_sweeps_and_decays_give_the_values(seed: int) -> None:
     noise: dict[str, Any] = {"noise_relative": 0.01, "seed": seed}
     sweep = rs.SweepTest([1, 2, 4], (8, 14), duration=60, rate=200, sweep="up", **noise)

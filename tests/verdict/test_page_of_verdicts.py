@@ -51,6 +51,7 @@ def test_a_term_that_noise_hides_is_named_with_what_it_would_move() -> None:
     assert row.stated
 
 
+@pytest.mark.thorough
 def test_trials_of_an_even_force_that_follow_no_point_end_nothing() -> None:
     """Dry friction that holds most of a test of two stiffnesses ended in an OverflowError."""
     assert campaign.run("missing", 1261).state == "rejected"
