@@ -121,14 +121,17 @@ def identified(law: str, noise: float = 0.0, seed: int = 1) -> Identification:
     return identify(noisy(table, noise, seed) if noise else table, model(law))
 
 
-def errors(found: Identification, true: dict[str, float], stage: str = "refined") -> dict[str, float]:
-    """Relative errors of the values that are known to be true."""
-    return {e.name: abs(e.value / true[e.name] - 1) for e in getattr(found, stage) if e.name in true}
+def errors(found: Identification, true: dict[str, float], stage: str = "") -> dict[str, float]:
+    """Relative errors of the values that are known, of another stage where that is named."""
+    by_name = {e.name: e for e in getattr(found, stage)} if stage else found
+    return {name: abs(by_name[name].value / value - 1) for name, value in true.items()}
 
 
 def distances(found: Identification, true: dict[str, float]) -> np.ndarray:
     """Errors of the same values in their standard errors."""
-    return np.array([(e.value - true[e.name]) / e.standard_error for e in found.refined if e.name in true])
+    return np.array(
+        [(found[name].value - value) / found[name].standard_error for name, value in true.items()]
+    )
 
 
 def codes(found: object) -> set[str]:

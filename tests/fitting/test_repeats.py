@@ -17,7 +17,7 @@ from rsgen.identification.fitting.repeats import Repeats, gather_repeats
 from rsgen.identification.identify import identify
 from rsgen.identification.judge import prepare
 from rsgen.law.element import make_element
-from tests.surfaces import changed, model, noisy, surface, truth
+from tests.surfaces import changed, codes, model, noisy, surface, truth
 
 READINGS, NOISE = 8, 0.01
 
@@ -139,7 +139,7 @@ def test_small_steps_of_the_force_are_points_of_their_own(order):
     assert len(same) == len(table)
     found = identify(table, "k*x + c*v")
     assert found.noise < 0.01
-    assert "repeats-scatter" not in {finding.code for finding in found.findings}
+    assert "repeats-scatter" not in codes(found)
 
 
 def test_intervals_of_two_repeats_have_the_freedom_of_the_points_that_decide(cubic):
@@ -177,8 +177,8 @@ def test_the_beam_with_fifty_readings_a_point(
     asked = replace(case.model, elements=(make_element("law", "k*x + kn*x*abs(x) + c*v + cn*v*abs(v)"),))
     whole = identify(table, case.model)
     assert whole.residual < 0.025
-    assert "not-calibrated" in {finding.code for finding in whole.findings}
-    assert "intervals-widened" in {finding.code for finding in whole.findings}
+    assert "not-calibrated" in codes(whole)
+    assert "intervals-widened" in codes(whole)
     # the errors of doing the test again, before the misfit of the law widens them
     parts, quoted = [], []
     for k in range(5):

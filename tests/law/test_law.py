@@ -12,6 +12,7 @@ from rsgen.common.errors import ExpressionError, RsgenError
 from rsgen.dynamics.steady_state import solve_steady_states
 from rsgen.formula import parse
 from rsgen.law import Law, as_elements, laws, make_element
+from tests.surfaces import errors
 
 
 def test_a_formula_is_a_law():
@@ -22,11 +23,6 @@ def test_a_formula_is_a_law():
     assert law.element().name == "law"
     assert rsgen.Law is Law
     assert rsgen.laws is laws
-
-
-def test_an_expression_is_a_law():
-    law = Law(parse("k*x + c*v"))
-    assert Law(law.formula).force == law.force
 
 
 @pytest.mark.parametrize("formula", ["x**1.5", "k*X", "k*x +", "__import__('os')"])
@@ -152,8 +148,7 @@ def test_a_law_is_identified_however_it_is_given(way):
     found = solve_steady_states(oscillator, FORCES, FREQUENCIES, accuracy=1e-7)
     surface = rsgen.ResponseSurface(FORCES, FREQUENCIES, FORCES, found.harmonics)
     identified = rsgen.identify(surface, way)
-    for name, value in true.items():
-        assert identified[name].value == pytest.approx(value, rel=1e-6)
+    assert max(errors(identified, true).values()) < 1e-6
 
 
 def test_laws_show_themselves_as_html() -> None:

@@ -46,17 +46,6 @@ def test_one_law_as_json(capsys: pytest.CaptureFixture[str]) -> None:
     assert found["describing"]["closed_form"] is True
 
 
-@pytest.mark.parametrize(
-    ("words", "said"),
-    [
-        (("cubic",), "cubic-spring"),
-    ],
-)
-def test_faults_are_named(words: tuple[str, ...], said: str, capsys: pytest.CaptureFixture[str]) -> None:
-    assert call(*words) == 2
-    assert said in capsys.readouterr().err
-
-
 @pytest.mark.slow
 @pytest.mark.parametrize(
     "law",

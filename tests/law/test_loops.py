@@ -7,7 +7,6 @@ import pytest
 from scipy.integrate import solve_ivp
 
 from rsgen.formula import parse
-from rsgen.law.character import character
 from rsgen.law.loops import _weight, find_reversals
 from rsgen.law.memory import with_memory
 from rsgen.law.motion import Motion, fourier_series, project
@@ -158,29 +157,6 @@ def test_a_loop_that_does_not_close_is_no_number() -> None:
     motion = _motion(0.05)
     assert np.isnan(law.along(motion, np.array([1.0, 0.0]), 64).force).all()
     assert np.isfinite(law.along(motion, np.array([1.0, 0.5]), 64).force).all()
-
-
-@pytest.mark.parametrize(
-    ("text", "memory", "linear", "scaled", "odd", "rough", "springs"),
-    [
-        ("k*x + masing(Min(kt*x, Fs))", {}, "k", ["Fs kt"], True, True, True),
-        ("masing(K*x - R*x**p) + structural(h)", {}, "K R h", [], True, True, False),
-        ("k*x + k2*x**2 + structural(h)", {}, "h k k2", [], False, False, True),
-        (STATES["bouc-wen"][1], STATES["bouc-wen"][0], "c k", ["alpha"], True, True, True),
-        (STATES["lugre"][1], STATES["lugre"][0], "k s1", ["Fc Fs s0"], True, True, True),
-        ("z", {"z": "sigma*v*(1 - z/Fc*sign(v))"}, "", ["Fc sigma"], True, True, False),
-        ("k*x + z", {"z": "k1*v - z/tau"}, "k k1", [], True, False, True),
-        ("q*z + x", {"z": "k1*v - z/tau"}, "k1", [], True, False, True),
-    ],
-)
-def test_character_with_memory(
-    text: str, memory: dict, linear: str, scaled: list, odd: bool, rough: bool, springs: bool
-) -> None:
-    """Of two factors of one loop one is linear; alpha of Bouc and Wen for one sign only."""
-    found = character(with_memory(parse(text), memory))
-    assert [found.parameters[i] for i in found.linear] == linear.split()
-    assert [" ".join(found.parameters[i] for i in group) for group in found.scaled] == scaled
-    assert (found.odd, found.rough, found.springs, found.remembers) == (odd, rough, springs, True)
 
 
 @pytest.mark.parametrize(

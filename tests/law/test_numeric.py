@@ -21,25 +21,6 @@ TEXTS = {
 }
 
 
-@pytest.mark.parametrize(
-    ("name", "linear", "odd", "rough", "jumps"),
-    [
-        ("cubic", {"c", "k", "kn"}, True, False, False),
-        ("friction", {"Ff", "k"}, True, True, True),
-        ("gap", {"k4", "k5"}, True, True, False),
-        ("bilinear", {"k6", "k7"}, False, True, False),
-        ("quadratic", {"cn", "k"}, True, False, False),
-        ("power", {"kp"}, True, False, False),
-        ("tanh", {"A", "k"}, True, False, False),
-    ],
-)
-def test_what_kind_of_law_it_is(name: str, linear: set[str], odd: bool, rough: bool, jumps: bool) -> None:
-    law = compile_law(parse(TEXTS[name]))
-    assert {law.parameters[i] for i in law.linear} == linear
-    assert {law.parameters[i] for i in law.nonlinear} == set(law.parameters) - linear
-    assert (law.odd, law.rough, law.jumps) == (odd, rough, jumps)
-
-
 @pytest.mark.parametrize("name", TEXTS)
 def test_force_and_slopes_agree_with_the_law(name: str) -> None:
     expression = parse(TEXTS[name])

@@ -14,27 +14,8 @@ from types import ModuleType
 import pytest
 from _pytest.mark import ParameterSet
 
-from tests.pins import (
-    controls,
-    histories,
-    joints,
-    multisine,
-    names,
-    observations,
-    predictions,
-    ranking,
-)
-from tests.pins.pinned import (
-    SMOOTH,
-    SWITCHED,
-    Allowed,
-    Pin,
-    Tree,
-    changes,
-    is_empty,
-    numbers_file,
-    read,
-)
+from tests.pins import controls, histories, joints, multisine, names, observations, predictions, ranking
+from tests.pins.pinned import SMOOTH, SWITCHED, Allowed, Pin, Tree, changes, is_empty, numbers_file, read
 
 MODULES: tuple[ModuleType, ...] = (
     ranking, multisine, controls, histories, joints, observations, predictions, names,

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import cache
 from pathlib import Path
 
 import numpy as np
@@ -11,6 +12,7 @@ import rsgen as rs
 from rsgen.app.study.run_case import obtain_surface
 from rsgen.common.errors import CaseError, RsgenError
 from rsgen.report.figures import draw_held_out
+from tests.surfaces import codes
 
 LAW = "k*x + k3*x**3 + c*v"
 TRUE = {"k": 2e4, "k3": 5e9, "c": 4.0}
@@ -20,10 +22,13 @@ UNITS = {"displacement": "m", "velocity": "m/s", "acceleration": "m/s^2"}
 
 
 def shaken(base: str, **options) -> rs.SimulatedTest:
-    return rs.SimulatedTest(
-        **{"level": LEVELS[base], "frequency": np.linspace(11, 25, 40), "base": base, "accuracy": 1e-9}
-        | options
-    )
+    grid = {"level": LEVELS[base], "frequency": np.linspace(11, 25, 40), "base": base, "accuracy": 1e-9}
+    return rs.SimulatedTest(**grid | options)
+
+
+@cache
+def cubic(base: str) -> rs.ResponseSurface:
+    return rs.simulate(rs.Oscillator(MASS, LAW, TRUE), shaken(base))
 
 
 @pytest.mark.parametrize("method", ["time", "harmonic-balance"])
@@ -41,23 +46,19 @@ def test_a_linear_structure_has_its_transmissibility(base, method):
     assert (surface.per_mass, surface.base, surface.level_unit) == (True, base, UNITS[base])
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("base", LEVELS)
 def test_a_cubic_law_is_found_per_unit_mass_and_with_the_mass_as_a_whole(base):
-    surface = rs.simulate(rs.Oscillator(MASS, LAW, TRUE), shaken(base))
+    surface = cubic(base)
     alone, whole = rs.identify(surface, LAW), rs.identify(surface, LAW, mass=MASS)
     for name, true in TRUE.items():
         assert alone[name].value == pytest.approx(true / MASS, rel=1e-6)
         assert whole[name].value == pytest.approx(true, rel=1e-6)
     assert [alone[name].unit for name in TRUE] == ["N/m/kg", "N/m^3/kg", "N*s/m/kg"]
     assert [whole[name].unit for name in TRUE] == ["N/m", "N/m^3", "N*s/m"]
-    assert "per-unit-mass" in {finding.code for finding in alone.findings}
-    assert "per-unit-mass" not in {finding.code for finding in whole.findings}
-    assert (alone.curve.units.force, alone.curve.units.of("J"), whole.curve.units.of("J")) == (
-        "m/s^2",
-        "J/kg",
-        "J",
-    )
+    assert "per-unit-mass" in codes(alone)
+    assert "per-unit-mass" not in codes(whole)
+    units = alone.curve.units.force, alone.curve.units.of("J"), whole.curve.units.of("J")
+    assert units == ("m/s^2", "J/kg", "J")
 
 
 def test_a_held_out_level_is_predicted_with_and_without_the_mass():
@@ -74,10 +75,10 @@ def test_a_held_out_level_is_predicted_with_and_without_the_mass():
 
 @pytest.mark.parametrize("base", LEVELS)
 def test_curves_of_a_base_say_what_they_hold(base):
-    surface = rs.simulate(rs.Oscillator(MASS, LAW, TRUE), shaken(base))
+    surface = cubic(base)
     held = rs.Observation(hold_out=(LEVELS[base][0],))
     prediction = rs.predict(rs.identify(surface, LAW, held), surface=surface)
-    said = "curves-of-constant-acceleration" in {finding.code for finding in prediction.findings}
+    said = "curves-of-constant-acceleration" in codes(prediction)
     assert said == (base != "acceleration")
     (item,) = prediction.held_out
     assert item.error < 1e-6
@@ -100,8 +101,7 @@ def test_a_background_beside_a_driven_base_has_units_per_mass():
 
 @pytest.mark.slow
 def test_a_ranking_finds_the_law_and_no_mass():
-    surface = rs.simulate(rs.Oscillator(MASS, LAW, TRUE), shaken("acceleration", accuracy=1e-6))
-    ranking = rs.rank(surface, [LAW, "k*x + c*v", "k*x + k2*x*abs(x) + c*v"])
+    ranking = rs.rank(cubic("acceleration"), [LAW, "k*x + c*v", "k*x + k2*x*abs(x) + c*v"])
     assert ranking.model.mass is None
     assert ranking.surface.per_mass
     assert set(ranking.model.parameters) == {"k", "k3", "c"}

@@ -34,13 +34,6 @@ def test_a_linear_mode_is_found_at_its_natural_frequency():
     assert (surface.control, surface.level_unit, len(surface.levels)) == ("phase", "N", 5)
 
 
-@pytest.mark.parametrize("degrees", [60.0, 90.0, 92.0, 120.0])
-def test_the_lag_is_the_one_that_was_asked_for_and_the_force_that_of_the_level(degrees: float):
-    surface = locked(oscillator(), lags=(np.radians(degrees),))
-    np.testing.assert_allclose(np.degrees(surface.phase), degrees, atol=1e-4)
-    np.testing.assert_allclose(np.abs(surface.force), LEVELS, rtol=1e-6)
-
-
 def test_points_are_those_of_the_force_controlled_test_at_the_frequency_found():
     """From rest, where the resonance is stable under constant force: softly nonlinear, so nothing folds."""
     system = oscillator(k=K, k3=2e4, c=C)
@@ -68,22 +61,20 @@ def test_what_the_band_does_not_contain_is_not_settled():
     assert surface.settled.tolist() == [True, True, False, False, False]
 
 
-def test_every_lag_is_tested_at_every_level():
-    surface = locked(oscillator(), lags=tuple(np.radians([60, 90, 120])), level=[2.0, 5.0])
-    np.testing.assert_allclose(np.degrees(surface.phase), [60, 90, 120] * 2, atol=1e-4)
-    np.testing.assert_allclose(surface.level, [2, 2, 2, 5, 5, 5])
+def test_every_lag_is_held_at_every_level():
+    lags = [60.0, 90.0, 92.0, 120.0]
+    surface = locked(oscillator(), lags=tuple(np.radians(lags)), level=[2.0, 5.0])
+    np.testing.assert_allclose(np.degrees(surface.phase), lags * 2, atol=1e-4)
+    np.testing.assert_allclose(surface.level, np.repeat([2.0, 5.0], 4))
+    np.testing.assert_allclose(np.abs(surface.force), surface.level, rtol=1e-6)
 
 
-@pytest.mark.parametrize(
-    ("error", "code", "severity"),
-    [(0.3, "phase-lag", "info"), (2.0, "phase-lag", "warning"), (12.0, "phase-lag", "doubt")],
-)
-def test_a_phase_error_is_said(error: float, code: str, severity: str):
+@pytest.mark.parametrize(("error", "severity"), [(0.3, "info"), (2.0, "warning"), (12.0, "doubt")])
+def test_a_phase_error_is_said(error: float, severity: str):
     surface = locked(oscillator(), phase_error=np.radians(error))
     (found,) = surface.findings
-    assert (found.code, found.severity) == (code, severity)
+    assert (found.code, found.severity) == ("phase-lag", severity)
     assert np.degrees(found.numbers["lag"].value) == pytest.approx(90 + error, abs=1e-3)
-    assert f"{90 + error:g} deg" in rsgen.sentence(found)
 
 
 def test_lags_of_slices_are_no_scatter_of_the_loop():
@@ -99,18 +90,20 @@ def test_slices_less_than_eight_degrees_apart_are_no_error_of_the_loop():
     assert lag_findings(locked(oscillator(), lags=tuple(np.radians([73, 80, 87])))) == ()
 
 
+def together(*tests: rsgen.ResponseSurface) -> rsgen.ResponseSurface:
+    columns = (np.concatenate([getattr(t, name) for t in tests]) for name in ("level", "frequency", "force"))
+    return rsgen.ResponseSurface(
+        *columns, np.concatenate([t.harmonics[:, 1] for t in tests]), control="phase"
+    )
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize(("second", "apart"), [(1.0, False), (1.3, True), (6.0, True)])
 def test_points_of_two_modes_are_no_backbone(second: float, apart: bool):
     """The other mode is as stiff, and lighter; a band with one of them is what it takes."""
     one = locked(oscillator(), level=np.linspace(1, 12, 12))
     other = replace(one, frequency=one.frequency * second, harmonics=one.harmonics / second)
-    both = rsgen.ResponseSurface(
-        *(np.concatenate([getattr(s, name) for s in (one, other)]) for name in ("level", "frequency")),
-        np.concatenate([one.force, other.force]),
-        np.concatenate([one.harmonics[:, 1], other.harmonics[:, 1]]),
-        control="phase",
-    )
+    both = together(one, other)
     gaps = [finding.names for finding in lag_findings(both) if finding.code == "phase-gap"]
     assert gaps == ([{"overlap": "yes"}] if apart else [])
     if apart:
@@ -138,11 +131,7 @@ def test_levels_that_were_left_out_are_no_second_mode():
     # a second mode of small motions, 15 % below
     other = rsgen.Oscillator(MASS, "k*x + c*v", {"k": 0.72 * K, "c": 30 * C})
     first, second = locked(oscillator()), locked(other, frequency=[5, 14])
-    both = rsgen.ResponseSurface(
-        *(np.concatenate([getattr(s, n) for s in (first, second)]) for n in ("level", "frequency", "force")),
-        np.concatenate([first.harmonics[:, 1], second.harmonics[:, 1]]),
-        control="phase",
-    )
+    both = together(first, second)
     both = replace(both, findings=lag_findings(both))
     wrong = rsgen.identify(both, LAW, mass=MASS)
     assert {"misfit-large", "phase-gap"} <= {finding.code for finding in wrong.verdict.decided_by}
@@ -163,12 +152,8 @@ def test_a_noisy_loop_with_two_degrees_of_error_gives_stiffness_and_damping():
         read = noisy(surface, 0.01, seed)
         table = rsgen.modal_table(read, mass=MASS)
         X = table.amplitude
-        worst.append(
-            [
-                np.abs(table.stiffness_per_mass / fine(X**2) - 1).max(),
-                np.abs(table.damping_ratio / ratio(X**2) - 1).max(),
-            ]
-        )
+        off = table.stiffness_per_mass / fine(X**2) - 1, table.damping_ratio / ratio(X**2) - 1
+        worst.append(np.abs(off).max(axis=1))
     typical = np.median(worst, axis=0)
     assert typical[0] < 1e-3
     assert typical[1] < 0.03

@@ -8,7 +8,7 @@ import h5py
 import numpy as np
 import pytest
 
-from rsgen import load_case, predict
+from rsgen import load_case
 from rsgen.common.errors import RsgenError
 from rsgen.data.oscillator import Model, Oscillator
 from rsgen.data.surface import load_surface, save_surface
@@ -18,7 +18,6 @@ from rsgen.dynamics.steady_state import solve_steady_states
 from rsgen.dynamics.virtual_test import SimulatedTest
 from rsgen.identification.identify import identify
 from rsgen.law.element import make_element
-from rsgen.report.figures import draw_map, draw_responses, draw_surface
 
 CASES = Path(__file__).parents[2] / "cases"
 
@@ -74,16 +73,6 @@ def test_folds_are_where_sweeps_jump() -> None:
         assert np.count_nonzero(np.diff(np.sign(force - F))) == solutions
 
 
-def test_surface_of_a_controlled_test_has_its_amplitudes_as_levels() -> None:
-    test = SimulatedTest([1e-3, 2e-3], np.linspace(9, 11, 5), control="response")
-    surface = simulate(duffing(2.5e6), test)
-    assert surface.settled.all()
-    assert np.allclose(surface.amplitude, surface.level)
-    assert np.ptp(np.abs(surface.force)) > 0
-    with pytest.raises(RsgenError, match="positive"):
-        solve_response_control(duffing(1.0), [0.0], [1.0])
-
-
 def held_amplitudes(kn: float) -> tuple[Oscillator, SimulatedTest]:
     test = SimulatedTest(
         np.linspace(2e-3, 2e-2, 8), np.linspace(7, 13, 61), control="response", accuracy=1e-6
@@ -95,6 +84,10 @@ def test_a_surface_of_held_amplitudes_says_so_in_its_file(tmp_path: Path) -> Non
     surface = simulate(*held_amplitudes(5e6))
     assert (surface.control, surface.level_unit, surface.answer_unit) == ("response", "m", "N")
     assert np.array_equal(surface.answer, np.abs(surface.force))
+    assert surface.settled.all()
+    np.testing.assert_allclose(surface.amplitude, surface.level, rtol=1e-9)
+    with pytest.raises(RsgenError, match="positive"):
+        solve_response_control(duffing(1.0), [0.0], [1.0])
     # a hardening spring this strong folds: between the folds no constant force holds the motion
     assert 0 < np.count_nonzero(surface.stable) < len(surface)
     save_surface(tmp_path / "surface.h5", surface)
@@ -106,7 +99,7 @@ def test_a_surface_of_held_amplitudes_says_so_in_its_file(tmp_path: Path) -> Non
 
 
 @pytest.mark.slow
-def test_what_was_identified_at_held_amplitudes_is_predicted_at_forces() -> None:
+def test_held_amplitudes_identify_the_law_and_its_levels_of_force() -> None:
     oscillator, test = held_amplitudes(-2e5)
     surface = simulate(oscillator, test)
     found = identify(surface, Model(oscillator.elements))
@@ -116,12 +109,3 @@ def test_what_was_identified_at_held_amplitudes_is_predicted_at_forces() -> None
     # at resonance the force overcomes the damper: F = c omega X
     needed = 3.8 * 2 * np.pi * 10 * test.level
     assert found.levels == pytest.approx(needed, rel=0.02)
-    in_space = draw_surface(surface).figure.axes[0]
-    assert (in_space.get_ylabel(), in_space.get_zlabel()) == ("Level X [mm]", "Force F [N]")
-    plane, colours = draw_map(surface).figure.axes
-    assert (plane.get_ylabel(), colours.get_ylabel()) == ("Level X [mm]", "Force F [N]")
-    curves = draw_responses(surface, predict(found)).figure.axes[0]
-    assert curves.get_ylabel() == "Amplitude X [mm]"
-    levels = [text.get_text() for text in curves.get_legend().get_texts()]
-    assert levels
-    assert all(level.endswith("N") for level in levels)

@@ -50,10 +50,8 @@ def test_up_and_down_differ_between_the_folds_only() -> None:
     assert np.all(np.diff(apart) == 1)
     assert np.all(up.amplitude[~weak][apart] > 2 * down.amplitude[~weak][apart])
     rest = simulate(duffing(), SimulatedTest([2.0, 8.0], frequency))
-    nearest = np.minimum(
-        np.abs(rest.amplitude / up.amplitude - 1), np.abs(rest.amplitude / down.amplitude - 1)
-    )
-    assert nearest.max() < SAME
+    nearest = [np.abs(rest.amplitude / other.amplitude - 1) for other in (up, down)]
+    assert np.min(nearest, axis=0).max() < SAME
 
 
 @pytest.mark.slow
@@ -81,13 +79,8 @@ def test_a_softening_spring_jumps_the_other_way() -> None:
 )
 def test_harmonic_balance_gives_the_same_surface(name: str, harmonics: int, agrees: float) -> None:
     case = load_case(CASES / f"{name}.toml")
-    test = replace(
-        case.test,
-        level=case.test.level[[1, -1]],
-        frequency=case.test.frequency[::8],
-        harmonics=harmonics,
-        accuracy=1e-6,
-    )
+    grid = {"level": case.test.level[[1, -1]], "frequency": case.test.frequency[::8]}
+    test = replace(case.test, **grid, harmonics=harmonics, accuracy=1e-6)
     time = simulate(case.oscillator, test)
     balance = simulate(case.oscillator, replace(test, method="harmonic-balance", sweep="up"))
     difference = np.abs(time.harmonics[:, :4] - balance.harmonics[:, :4]).max(axis=1) / time.amplitude

@@ -17,31 +17,11 @@ from rsgen.law.element import laws, make_element
 from rsgen.law.motion import Motion, project
 from rsgen.law.numeric import compile_law
 from tests.oracles.masing import slider
+from tests.surfaces import distances
 
 MASS = 1.5
 BASE = {"k": 5000.0, "c": 4.0}
 SATURATION = "Max(-Fm, Min(ks*x, Fm))"
-
-
-@pytest.mark.parametrize(
-    ("text", "groups"),
-    [
-        (f"k*x + {SATURATION}", [{"Fm", "ks"}]),
-        ("k*x + Max(0, ks*x - F0)", [{"F0", "ks"}]),
-        ("k*x + Max(0, ks*(x - b))", [{"ks"}]),
-        ("k*x + ks*Max(0, x - b)", []),
-        ("k*x + A*tanh(v/w)", []),
-        # numbers in a law hide what a parameter does
-        ("k*x + 4e8*x**5 + A*tanh(v/w)", []),
-        ("k*x + A*tanh(1e6*v/w)", []),
-        ("k*x + Max(0, ks*x - 500)", []),
-        ("k*x + kg*Max(-Fm, Min(ks*x, Fm))", []),
-        ("k*x + Fm*tanh(ks*x/Fm) + kp*abs(x)**q*sign(x)", [{"Fm", "ks"}]),
-    ],
-)
-def test_groups_of_degree_one_are_found(text: str, groups: list[set[str]]) -> None:
-    law = compile_law(parse(text))
-    assert [{law.parameters[i] for i in group} for group in law.scaled] == groups
 
 
 def identified(text: str, added: dict[str, float], level: tuple[float, float], noise: float, seed: int = 1):
@@ -118,8 +98,7 @@ def test_two_switches_are_found_together(written: dict[str, float]) -> None:
     text = f"kg*(Max(0, x - b) + Min(0, x + b)) + {SATURATION}"
     found, _ = identified(text, written, (2.0, 14.0), 1e-3)
     true = BASE | {"kg": 4000.0, "b": 0.012, "ks": 2500.0, "Fm": 10.0, "m": MASS}
-    for estimate in found.refined:
-        assert abs(estimate.value - true[estimate.name]) < 4.5 * estimate.standard_error, estimate
+    assert np.abs(distances(found, true)).max() < 4.5
 
 
 @pytest.mark.thorough

@@ -115,8 +115,17 @@ class Tampering:
         return self.change(stepped(name, every=every))
 
 
+G = 9.80665
+"""m/s^2"""
+
+
 def _responds(test: Laboratory, response: np.ndarray) -> Laboratory:
     return replace(test, response=response)
+
+
+def _along(test: Laboratory) -> np.ndarray:
+    """Places of the rows in the file, 0 the first, 1 the last."""
+    return np.linspace(0, 1, len(test.response))
 
 
 def _level(test: Laboratory, share: float) -> float:
@@ -131,33 +140,15 @@ def _generator(test: Laboratory) -> np.random.Generator:
 # ---- signs, units, channels
 
 
-def reversed_sign(test: Laboratory) -> Laboratory:
-    return _responds(test, -test.response)
-
-
-def conjugate(test: Laboratory) -> Laboratory:
-    return test.reading("response", phase_sense="lag")
-
-
-def millimetres(test: Laboratory) -> Laboratory:
-    return _responds(test, 1e3 * test.response)
-
-
-def kilonewtons(test: Laboratory) -> Laboratory:
-    return replace(test, force=1e-3 * test.force)
-
-
 def gravities_one_level(test: Laboratory) -> Laboratory:
     rows = test.level == _level(test, 0.6)
-    return _responds(test, np.where(rows, test.response / 9.80665, test.response))
-
-
-def gravities(test: Laboratory) -> Laboratory:
-    return _responds(test, test.response / 9.80665)
+    return _responds(test, np.where(rows, test.response / G, test.response))
 
 
 def gravities_known_mass(test: Laboratory) -> Laboratory:
-    return replace(gravities(test), further=f"system = {{ mass = {load(test.name).oscillator.mass} }}")
+    return replace(
+        _responds(test, test.response / G), further=f"system = {{ mass = {load(test.name).oscillator.mass} }}"
+    )
 
 
 def radians_as_hertz(test: Laboratory) -> Laboratory:
@@ -166,25 +157,9 @@ def radians_as_hertz(test: Laboratory) -> Laboratory:
     return shown.reading("frequency", column="omega_rad_s")
 
 
-def hertz_as_radians(test: Laboratory) -> Laboratory:
-    return test.reading("frequency", unit="rad/s")
-
-
 def radians_unnamed(test: Laboratory) -> Laboratory:
     shown = replace(test, frequency=2 * np.pi * test.frequency, heads=(test.heads[0], "x", *test.heads[2:]))
     return shown.reading("frequency", column="x")
-
-
-def kilohertz(test: Laboratory) -> Laboratory:
-    return test.reading("frequency", unit="kHz")
-
-
-def as_displacement(test: Laboratory) -> Laboratory:
-    return test.reading("response", quantity="displacement")
-
-
-def as_velocity(test: Laboratory) -> Laboratory:
-    return test.reading("response", quantity="velocity")
 
 
 def delayed_channel(test: Laboratory) -> Laboratory:
@@ -207,10 +182,6 @@ def labels(test: Laboratory) -> Laboratory:
     part = test.keep(np.flatnonzero(np.isin(test.level, chosen)))
     part = replace(part, level=1.0 + np.searchsorted(chosen, part.level))
     return replace(part, test={**part.test, "force": {"nominal": True}})
-
-
-def same_forces(test: Laboratory) -> Laboratory:
-    return replace(test, force=np.full(len(test.force), 5.0))
 
 
 def level_twice(test: Laboratory) -> Laboratory:
@@ -267,15 +238,6 @@ def clipped(test: Laboratory) -> Laboratory:
 # ---- time inside a test: rows are in the order of the file, level after level
 
 
-def gain_stepped(test: Laboratory) -> Laboratory:
-    late = np.arange(len(test.response)) >= len(test.response) // 2
-    return _responds(test, np.where(late, 1.3, 1.0) * test.response)
-
-
-def gain_drifted(test: Laboratory) -> Laboratory:
-    return _responds(test, np.linspace(1, 1.15, len(test.response)) * test.response)
-
-
 def gain_stepped_in_level(test: Laboratory) -> Laboratory:
     rows = test.at(_level(test, 0.7))
     response = test.response.copy()
@@ -289,10 +251,6 @@ def shifted_in_line(test: Laboratory) -> Laboratory:
     width = float(np.ptp(frequency)) or float(np.median(np.diff(np.unique(test.frequency))))
     rows = test.level == _level(test, 0.6)
     return replace(test, frequency=np.where(rows, test.frequency + 0.5 * width, test.frequency))
-
-
-def turned(test: Laboratory) -> Laboratory:
-    return _responds(test, test.response * np.exp(1j * np.pi / 6))
 
 
 # ---- other modes
@@ -316,19 +274,7 @@ def constant_background(test: Laboratory) -> Laboratory:
     return _responds(test, test.response - w**2 * seen * test.force)
 
 
-def phase_error(test: Laboratory) -> Laboratory:
-    return _responds(test, test.response * np.exp(-0.2j))
-
-
 # ---- laws
-
-
-def without_term(test: Laboratory) -> Laboratory:
-    return replace(test, laws=MATTERING[test.name])
-
-
-def another_law(test: Laboratory) -> Laboratory:
-    return replace(test, laws=OTHER_WRONG[test.name])
 
 
 # ---- histories
@@ -364,10 +310,14 @@ _REVERSIBLE = (
 )
 
 TAMPERINGS = (
-    Tampering("sign of the response reversed", SENSE, reversed_sign),
-    Tampering("phase in the wrong sense (conjugate)", SENSE, conjugate),
-    Tampering("response in mm/s^2, read as m/s^2", SIZE, millimetres),
-    Tampering("force in kN, read as N", SIZE | NOMINAL, kilonewtons),
+    Tampering("sign of the response reversed", SENSE, lambda test: _responds(test, -test.response)),
+    Tampering(
+        "phase in the wrong sense (conjugate)",
+        SENSE,
+        lambda test: test.reading("response", phase_sense="lag"),
+    ),
+    Tampering("response in mm/s^2, read as m/s^2", SIZE, lambda test: _responds(test, 1e3 * test.response)),
+    Tampering("force in kN, read as N", SIZE | NOMINAL, lambda test: replace(test, force=1e-3 * test.force)),
     Tampering("one level in g, read as m/s^2", LEVELS, gravities_one_level),
     Tampering(
         "response in g, read as m/s^2; mass known",
@@ -376,30 +326,61 @@ TAMPERINGS = (
         refusal="follows none of",
     ),
     Tampering("rad/s read as Hz, column called omega", UNIT, radians_as_hertz),
-    Tampering("Hz read as rad/s, column called f_Hz", UNIT, hertz_as_radians),
-    Tampering("Hz read as kHz", UNIT, kilohertz),
-    Tampering("acceleration read as displacement", SENSE, as_displacement),
-    Tampering("acceleration read as velocity", SENSE | MISFIT, as_velocity, refusal="follows none of"),
+    Tampering(
+        "Hz read as rad/s, column called f_Hz", UNIT, lambda test: test.reading("frequency", unit="rad/s")
+    ),
+    Tampering("Hz read as kHz", UNIT, lambda test: test.reading("frequency", unit="kHz")),
+    Tampering(
+        "acceleration read as displacement",
+        SENSE,
+        lambda test: test.reading("response", quantity="displacement"),
+    ),
+    Tampering(
+        "acceleration read as velocity",
+        SENSE | MISFIT,
+        lambda test: test.reading("response", quantity="velocity"),
+        refusal="follows none of",
+    ),
     Tampering("another sensor's channel, with a delay", MISFIT | SENSE, delayed_channel),
     Tampering("two levels swapped", LEVELS, swapped_levels),
     Tampering("labels 1, 2, 3, ... for the forces", LEVELS, labels, refusal="follows none of"),
-    Tampering("the same force at every level", LEVELS, same_forces),
+    Tampering(
+        "the same force at every level",
+        LEVELS,
+        lambda test: replace(test, force=np.full(len(test.force), 5.0)),
+    ),
     Tampering("one level twice, once under another force", LEVELS, level_twice),
     Tampering("half of a level's points from another level", LEVELS, half_of_another),
     Tampering("half of a level's points noise", POINTS, half_noise),
     Tampering("10 % outliers in one block", POINTS, outlying_block),
     Tampering("frequencies of one level 2 % too high", LEVELS, shifted_level),
     Tampering("sensor overloaded at half of the largest response", POINTS, clipped),
-    Tampering("gain of the sensor 1.3 times from the middle on", POINTS, gain_stepped),
-    Tampering("gain of the sensor drifts by 15 %", POINTS, gain_drifted),
+    Tampering(
+        "gain of the sensor 1.3 times from the middle on",
+        POINTS,
+        lambda test: _responds(test, np.where(_along(test) < 0.5, 1.0, 1.3) * test.response),
+    ),
+    Tampering(
+        "gain of the sensor drifts by 15 %",
+        POINTS,
+        lambda test: _responds(test, (1 + 0.15 * _along(test)) * test.response),
+    ),
     Tampering("gain of the sensor 1.2 times from the middle of a level on", POINTS, gain_stepped_in_level),
     Tampering("frequencies of one level shifted by half of a line's width", LEVELS, shifted_in_line),
-    Tampering("response turned by 30 degrees", SENSE | MISFIT, turned),
+    Tampering(
+        "response turned by 30 degrees",
+        SENSE | MISFIT,
+        lambda test: _responds(test, test.response * np.exp(1j * np.pi / 6)),
+    ),
     Tampering("a second mode in the band", BACKGROUND, second_mode),
     Tampering("a constant background left out", BACKGROUND, constant_background),
-    Tampering("a phase error of 0.2 rad left out", BACKGROUND, phase_error),
-    Tampering("law without the decisive term", MISFIT, without_term),
-    Tampering("a law guessed wrongly", MISFIT, another_law),
+    Tampering(
+        "a phase error of 0.2 rad left out",
+        BACKGROUND,
+        lambda test: _responds(test, test.response * np.exp(-0.2j)),
+    ),
+    Tampering("law without the decisive term", MISFIT, lambda test: replace(test, laws=MATTERING[test.name])),
+    Tampering("a law guessed wrongly", MISFIT, lambda test: replace(test, laws=OTHER_WRONG[test.name])),
     Tampering(
         "free decay with its drive before it",
         WAVE | MISFIT,
@@ -416,7 +397,12 @@ TAMPERINGS = (
 """Every case of ``cases/`` has to stand each of them."""
 
 UNSEEN = (
-    Tampering("response in g, read as m/s^2; mass unknown", SIZE, gravities, unseen=_REVERSIBLE),
+    Tampering(
+        "response in g, read as m/s^2; mass unknown",
+        SIZE,
+        lambda test: _responds(test, test.response / G),
+        unseen=_REVERSIBLE,
+    ),
     Tampering("rad/s read as Hz, no name says so", SIZE, radians_unnamed, unseen=_REVERSIBLE),
 )
 """Of one case each: what one test cannot show by itself."""
