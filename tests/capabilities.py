@@ -24,7 +24,8 @@ import rsgen as rs
 from rsgen.app.cli import main
 from rsgen.data.multisine import MultisineSpectra
 from rsgen.data.oscillator import BACKGROUNDS, OFFSET
-from tests.surfaces import changed
+from tests.case_files import GONE, SMALL, changed, law
+from tests.surfaces import changed as replaced
 
 LAW = "k*x + k3*x**3 + c*v"
 TRUTH = {"k": 5920.0, "k3": 3e5, "c": 6.0}
@@ -35,25 +36,6 @@ MAX_ERROR_HELD_OUT = 0.1
 
 Records = rs.ResponseSurface | MultisineSpectra
 
-_CASE = """schema = 1
-name   = "capability"
-title  = "Capability"
-
-[system]
-mass = "1.5 kg"
-
-[[element]]
-name  = "all"
-force = "{law}"
-
-[truth]
-k  = "5.92 kN/m"
-k3 = "3e5 N/m^3"
-c  = "{damping} N*s/m"
-
-[test]
-{test}
-"""
 _NOISE = "noise = { relative = 0.01, seed = 3 }"
 _STEPPED = 'kind = "simulated"\nfrequency = { start = 8, stop = 13, count = 31 }\n' + _NOISE
 _FORCES = 'level = { values = ["2 N", "5 N", "8 N", "12 N"] }'
@@ -109,7 +91,8 @@ class Row:
     @property
     def case(self) -> str:
         """Text of the case file."""
-        return _CASE.format(law=LAW, test=self.test, damping=self.damping)
+        known = law(LAW, **TRUTH | {"c": self.damping}) | {"test": GONE}
+        return f"{changed(SMALL, known)}[test]\n{self.test}\n"
 
     @functools.cached_property
     def records(self) -> Records:
@@ -269,7 +252,7 @@ def _joined(table: rs.ResponseSurface) -> rs.ResponseSurface:
     force[:, 1] += table.force
     noise = np.random.default_rng(4).normal(size=(count, order, 2)) @ [1, 1j] * 0.01 / np.sqrt(2)
     noise[:, 0] = noise[:, 0].real
-    return changed(
+    return replaced(
         table,
         force=force[:, 1],
         force_harmonics=force,

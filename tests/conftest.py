@@ -98,3 +98,14 @@ def measured_data() -> Callable[[str], Path]:
         return path
 
     return find
+
+
+@pytest.fixture(scope="session")
+def chromium() -> str:
+    """Return the path of a browser."""
+    from tests.report.browser import find_browser
+
+    found = find_browser()
+    if found is None:
+        pytest.skip("no chromium here: no page was looked at in a browser; make test-all installs one")
+    return found

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import json
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -17,6 +19,8 @@ from rsgen.formula import parse, symbol
 from rsgen.identification.prediction import HeldOutLevel, Prediction, ResonanceCurve
 from rsgen.identification.results import EquivalentCurve, Estimate, Identification, Resonance
 from rsgen.law.element import Element
+from rsgen.report.provenance import Subject
+from rsgen.report.result_json import build_result, result_text
 
 MASS, K1, KN1, C1 = 1.5, 5920.0, -2.2e5, 3.8
 """A softening cubic spring whose peak shifts by about 4 % at 12 N."""
@@ -67,38 +71,34 @@ def cubic_model(hold_out: tuple[float, ...] = ()) -> Model:
 
 
 def cubic_identification(surface: ResponseSurface) -> Identification:
-    """What identification would hand on, made from the truth with errors of known size."""
+    """Return what identification would hand on: the truth with errors of known size."""
     dynamic = surface.force / surface.harmonics[:, 1]
     stiffness, damping = dynamic.real + MASS * surface.omega**2, dynamic.imag / surface.omega
-    resonances = []
-    for level in surface.levels:
+
+    def resonance(level: float) -> Resonance:
         points = np.flatnonzero(surface.level == level)
         i = points[np.argmax(surface.amplitude[points])]
-        omega = surface.omega[i]
-        resonances.append(
-            Resonance(
-                level=float(level),
-                sweep=str(surface.sweep[i]),
-                frequency=float(surface.frequency[i]),
-                damping_ratio=float(damping[i] / (2 * MASS * omega)),
-                amplitude=float(surface.amplitude[i]),
-                stiffness=float(stiffness[i]),
-                damping=float(damping[i]),
-            )
+        return Resonance(
+            level=float(level),
+            sweep=str(surface.sweep[i]),
+            frequency=float(surface.frequency[i]),
+            damping_ratio=float(damping[i] / (2 * MASS * surface.omega[i])),
+            amplitude=float(surface.amplitude[i]),
+            stiffness=float(stiffness[i]),
+            damping=float(damping[i]),
+        )
+
+    def estimate(name: str, value: float, unit: str, error: float) -> Estimate:
+        size = abs(value)
+        return Estimate(
+            name, value * (1 + error), size * 0.01, (value - 0.02 * size, value + 0.02 * size), unit
         )
 
     def estimates(error: float) -> tuple[Estimate, ...]:
-        return tuple(
-            Estimate(
-                name,
-                value * (1 + error),
-                abs(value) * 0.01,
-                (value - abs(value) * 0.02, value + abs(value) * 0.02),
-                unit,
-            )
-            for name, value, unit in (("c1", C1, "N*s/m"), ("k1", K1, "N/m"), ("kn1", KN1, "N/m^3"))
-        )
+        values = (("c1", C1, "N*s/m"), ("k1", K1, "N/m"), ("kn1", KN1, "N/m^3"))
+        return tuple(estimate(*value, error) for value in values)
 
+    counts = {"identified": 3, "parameters": 3, "used": 488, "points": 488, "levels": 4, "misfit": 1e-7}
     return Identification(
         model=cubic_model(),
         paper=estimates(2e-2),
@@ -106,7 +106,7 @@ def cubic_identification(surface: ResponseSurface) -> Identification:
         refined=estimates(1e-7),
         first_order_bias=(0.0, 0.0, 0.0),
         covariance=np.diag([(0.002 * C1) ** 2, (0.002 * K1) ** 2, (0.01 * KN1) ** 2]),
-        resonances=tuple(resonances),
+        resonances=tuple(resonance(level) for level in surface.levels),
         curve=EquivalentCurve(
             amplitude=surface.amplitude,
             frequency=surface.frequency,
@@ -120,18 +120,7 @@ def cubic_identification(surface: ResponseSurface) -> Identification:
         levels=surface.levels,
         amplitude_range=(float(surface.amplitude.min()), float(surface.amplitude.max())),
         frequency_range=(float(surface.frequency.min()), float(surface.frequency.max())),
-        outcome=Finding(
-            "identified",
-            "info",
-            numbers={
-                "identified": 3,
-                "parameters": 3,
-                "used": 488,
-                "points": 488,
-                "levels": 4,
-                "misfit": 1e-7,
-            },
-        ),
+        outcome=Finding("identified", "info", numbers=counts),
     )
 
 
@@ -211,3 +200,27 @@ def cubic_comparison(identification: Identification, tolerance: float | None = 1
         passed = tolerance is None or errors[0] <= tolerance
         rows.append(Row(refined.name, refined.unit, true, paper, first, refined, *errors, tolerance, passed))
     return Comparison(tuple(rows), all(row.passed for row in rows))
+
+
+def cubic_result(
+    tolerance: float | None = 1e-6,
+    *findings: Finding,
+    held_out: tuple[Finding, ...] = (),
+    name: str = "cubic",
+) -> dict[str, Any]:
+    """Return what result.json says of the case, with findings of the test and of the levels held out."""
+    surface = cubic_surface()
+    found = replace(cubic_identification(surface), findings=findings)
+    prediction = replace(cubic_prediction(surface), findings=held_out)
+    subject = Subject.of_case(cubic_case(name=name), found)
+    parts = (subject, surface, found, cubic_comparison(found, tolerance), prediction, ())
+    content: dict[str, Any] = json.loads(result_text(build_result(*parts, {"surface": 1.0})))
+    return content
+
+
+def write_result(folder: Path, result: dict[str, Any], name: str = "cubic") -> Path:
+    """Write a result where a run writes that of a case; return its folder."""
+    place = folder / name
+    place.mkdir(parents=True)
+    (place / "result.json").write_text(json.dumps({**result, "case": name}), encoding="utf-8")
+    return place

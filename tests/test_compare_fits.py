@@ -29,7 +29,7 @@ def fits() -> list[rs.Identification]:
     ]
 
 
-def test_fits_stand_side_by_side(fits: list[rs.Identification]) -> None:
+def test_fits_stand_side_by_side(fits):
     compared = rs.compare_fits(fits, ["cubic", "with phase", "linear"])
     k3 = compared["k3"]
     first, second, third = k3.estimates
@@ -53,21 +53,28 @@ def test_fits_stand_side_by_side(fits: list[rs.Identification]) -> None:
     assert compared.findings == ()
 
 
-def test_held_out_errors_are_those_of_a_prediction(fits: list[rs.Identification]) -> None:
+def test_held_out_errors_are_those_of_a_prediction(fits):
     (scored,) = fits[0].held_out
     assert scored.level == 6.0
     assert scored.error == rs.compare_fits(fits).fits[0].held_out["6 rest"]
     assert fits[1].held_out == ()
 
 
-def test_identified_results_that_disagree_are_named(fits: list[rs.Identification]) -> None:
-    moved = [
-        replace(one, value=1.1 * one.value, interval=tuple(1.1 * end for end in one.interval))
-        if one.name in ("k", "k3")
+def changed(fit: rs.Identification, *names: str, by: float = 1.0, **changes: Any) -> rs.Identification:
+    """Change the estimates of some parameters, and scale their values and intervals."""
+    refined = (
+        replace(
+            one, **{"value": by * one.value, "interval": tuple(by * end for end in one.interval)} | changes
+        )
+        if one.name in names
         else one
-        for one in fits[0].refined
-    ]
-    other = replace(fits[0], refined=tuple(moved))
+        for one in fit.refined
+    )
+    return replace(fit, refined=tuple(refined))
+
+
+def test_identified_results_that_disagree_are_named(fits):
+    other = changed(fits[0], "k", "k3", by=1.1)
     (finding,) = rs.compare_fits([fits[1], fits[0], other], ["a", "b", "c"]).findings
     assert finding.code == "results-disagree"
     assert set(finding.names["values"].split(", ")) == {"k", "k3"}
@@ -77,33 +84,25 @@ def test_identified_results_that_disagree_are_named(fits: list[rs.Identification
     assert rs.compare_fits([fits[0], doubted]).findings == ()
 
 
-def test_a_value_that_may_be_zero_is_shown_with_its_interval(fits: list[rs.Identification]) -> None:
+def test_a_value_that_may_be_zero_is_shown_with_its_interval(fits):
     finding = rs.Finding("not-distinct-from-zero", "warning", "c")
-    refined = tuple(
-        replace(one, value=0.1, standard_error=0.2, interval=(-0.3, 0.5), finding=finding)
-        if one.name == "c"
-        else one
-        for one in fits[0].refined
-    )
-    open_sign = replace(fits[0], refined=refined)
+    values = {"value": 0.1, "standard_error": 0.2, "interval": (-0.3, 0.5), "finding": finding}
+    open_sign = changed(fits[0], "c", **values)
     assert "0.1 (-0.3 to 0.5)" in str(rs.compare_fits([open_sign]))
-    unbounded = replace(fits[0], refined=tuple(replace(one, standard_error=np.inf) for one in refined))
+    unbounded = changed(open_sign, *(one.name for one in open_sign), standard_error=np.inf)
     assert np.isnan(rs.compare_fits([fits[0], unbounded])["c"].shifts[1])
-    assert any(
-        line.split() == ["c", "0.1", "-0.3", "to", "0.5", "N*s/m", finding.code]
-        for line in str(open_sign).splitlines()
-    )
+    rows = [line.split() for line in str(open_sign).splitlines()]
+    assert ["c", "0.1", "-0.3", "to", "0.5", "N*s/m", finding.code] in rows
 
 
-def test_another_unit_is_another_parameter(fits: list[rs.Identification]) -> None:
-    refined = tuple(replace(one, unit="N*s^2/m^2") if one.name == "c" else one for one in fits[0].refined)
-    compared = rs.compare_fits([fits[0], replace(fits[0], refined=refined)])
+def test_another_unit_is_another_parameter(fits):
+    compared = rs.compare_fits([fits[0], changed(fits[0], "c", unit="N*s^2/m^2")])
     assert [row.unit for row in compared if row.name == "c"] == ["N*s/m", "N*s^2/m^2"]
     assert compared["c"].estimates == (fits[0]["c"], None)
     assert compared["c"].changed
 
 
-def test_multisine_identifications_are_compared_too() -> None:
+def test_multisine_identifications_are_compared_too():
     spectra = virtual("cubic", NOISE)
     fits = [rs.identify(spectra, CUBIC, rs.Observation(hold_out=held)) for held in ((5.0,), ())]
     compared = rs.compare_fits(fits)
@@ -111,7 +110,7 @@ def test_multisine_identifications_are_compared_too() -> None:
     assert max(map(abs, compared["k"].shifts)) < 3
 
 
-def test_a_name_for_each_fit_is_needed(fits: list[rs.Identification]) -> None:
+def test_a_name_for_each_fit_is_needed(fits):
     with pytest.raises(RsgenError, match="names: 2 of 3 fits"):
         rs.compare_fits(fits, ["a", "b"])
     with pytest.raises(RsgenError, match="names: 0 of 0 fits"):

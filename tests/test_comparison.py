@@ -21,7 +21,7 @@ def combined(surface_of: Callable[..., ResponseSurface]) -> Identification:
 
 
 @pytest.mark.slow
-def test_rows_hold_estimates_against_truth(combined: Identification) -> None:
+def test_rows_hold_estimates_against_truth(combined):
     result = compare(combined, truth("combined"), {"kn": 1e-4, "m": 1e-4})
     rows = {row.name: row for row in result.rows}
     assert list(rows) == ["c", "cn", "k", "kn", "m", "stiffness_force", "damping_force"]
@@ -32,7 +32,7 @@ def test_rows_hold_estimates_against_truth(combined: Identification) -> None:
     assert rows["kn"].tolerance == 1e-4
 
 
-def test_a_missed_tolerance_fails_the_whole(combined: Identification) -> None:
+def test_a_missed_tolerance_fails_the_whole(combined):
     wrong = truth("combined") | {"kn": 3.3e5}
     result = compare(combined, wrong, {"kn": 1e-2})
     assert not result.passed
@@ -42,7 +42,7 @@ def test_a_missed_tolerance_fails_the_whole(combined: Identification) -> None:
     )
 
 
-def test_forces_are_judged_over_the_tested_range(combined: Identification) -> None:
+def test_forces_are_judged_over_the_tested_range(combined):
     # 10 % on the cubic term, whose share of the force at the largest X is the deviation
     wrong = truth("combined") | {"kn": 3.3e5}
     row = next(
@@ -56,20 +56,20 @@ def test_forces_are_judged_over_the_tested_range(combined: Identification) -> No
     assert row.unit == "N"
 
 
-def test_without_truth_there_is_no_error_and_no_verdict(combined: Identification) -> None:
+def test_without_truth_there_is_no_error_and_no_verdict(combined):
     result = compare(combined)
     assert result.passed
     assert all(np.isnan(row.true) and np.isnan(row.relative_error) for row in result.rows)
     assert len(result.rows) == 5
 
 
-def test_a_true_zero_is_judged_absolutely(combined: Identification) -> None:
+def test_a_true_zero_is_judged_absolutely(combined):
     zero = truth("combined") | {"c": 0.0}
     row = next(row for row in compare(combined, zero).rows if row.name == "c")
     assert row.relative_error == pytest.approx(2.0, rel=1e-4)
 
 
-def test_unknown_and_blind_names_are_refused(combined: Identification) -> None:
+def test_unknown_and_blind_names_are_refused(combined):
     with pytest.raises(RsgenError, match="k9: not identified; allowed are c, cn, k, kn, m"):
         compare(combined, truth("combined"), {"k9": 1e-3})
     with pytest.raises(RsgenError, match="no truth for kn"):
@@ -94,7 +94,7 @@ def test_rows_come_by_name_as_a_table_and_as_a_frame():
     assert frame.loc["k1", "relative_error"] == comparison["k1"].relative_error
 
 
-def test_names_that_the_law_does_not_have_are_refused() -> None:
+def test_names_that_the_law_does_not_have_are_refused():
     found = cubic_identification(cubic_surface())
     with pytest.raises(RsgenError, match="truth: 'q': no parameter of the law; allowed are c1, k1, kn1, m"):
         compare(found, {"q": 1.0, "k1": 5920.0})

@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
@@ -31,7 +29,7 @@ def two_levels() -> rsgen.ResponseSurface:
     return rsgen.ResponseSurface(level, frequency, force, response, sweep=np.repeat(["up", "down"], (30, 25)))
 
 
-def test_pyuff_reads_what_was_measured(tmp_path: Path) -> None:
+def test_pyuff_reads_what_was_measured(tmp_path):
     pyuff = pytest.importorskip("pyuff", reason="no pyuff here: install rsgen[test]")
     surface, path = two_levels(), tmp_path / "a.uff"
     save_frf(path, surface)
@@ -51,7 +49,7 @@ def test_pyuff_reads_what_was_measured(tmp_path: Path) -> None:
 
 
 @pytest.mark.slow
-def test_a_case_proposed_from_it_reads_it(tmp_path: Path, run_cli: Callable[..., Any]) -> None:
+def test_a_case_proposed_from_it_reads_it(tmp_path, run_cli):
     surface, path, case = two_levels(), tmp_path / "a.uff", tmp_path / "a.toml"
     save_frf(path, surface)
     assert run_cli("init", "--from", path, case).code == 0
@@ -68,7 +66,7 @@ def test_a_case_proposed_from_it_reads_it(tmp_path: Path, run_cli: Callable[...,
 
 
 @pytest.mark.slow
-def test_predicted_curves_are_stable_parts_with_rising_frequencies(tmp_path: Path) -> None:
+def test_predicted_curves_are_stable_parts_with_rising_frequencies(tmp_path):
     """A hardening spring bends its curve over: two stable parts, which obey the balance of the law."""
     mass, stiffness, cubic, damping, level = 1.5, 5920.0, 1e7, 7.5, 6.0
     law = {"k": stiffness, "k3": cubic, "c": damping}
@@ -102,14 +100,14 @@ def test_predicted_curves_are_stable_parts_with_rising_frequencies(tmp_path: Pat
         ),
     ],
 )
-def test_what_is_no_frequency_response_is_refused(tmp_path: Path, results: Any, reason: str) -> None:
+def test_what_is_no_frequency_response_is_refused(tmp_path, results, reason):
     with pytest.raises(rsgen.RsgenError, match=reason):
         save_frf(tmp_path / "a.uff", *results)
     assert not list(tmp_path.iterdir())
 
 
 @pytest.mark.slow
-def test_identify_writes_measured_and_predicted(tmp_path: Path, run_cli: Callable[..., Any]) -> None:
+def test_identify_writes_measured_and_predicted(tmp_path, run_cli):
     path = tmp_path / "a.uff"
     run_cli("identify", FORMATS / "csv-table.toml", "--frf", path)
     titles = [line for line in path.read_text().split("\n") if line.startswith("receptance,")]

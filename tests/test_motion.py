@@ -18,7 +18,7 @@ def _random(count: int, orders: tuple[int, ...], seed: int) -> np.ndarray:
 
 
 @pytest.mark.parametrize(("orders", "samples", "half"), SERIES)
-def test_a_series_is_its_sum_and_comes_back(orders: tuple[int, ...], samples: int, half: bool) -> None:
+def test_a_series_is_its_sum_and_comes_back(orders, samples, half):
     series = fourier_series(orders, samples, half)
     harmonics = _random(5, orders, 1)
     phase = series.step * np.arange(series.shape.shape[1])
@@ -32,9 +32,7 @@ def test_a_series_is_its_sum_and_comes_back(orders: tuple[int, ...], samples: in
 
 
 @pytest.mark.parametrize(("orders", "samples", "half"), SERIES)
-def test_the_tangent_is_the_derivative_of_the_coordinates_of_a_force(
-    orders: tuple[int, ...], samples: int, half: bool
-) -> None:
+def test_the_tangent_is_the_derivative_of_the_coordinates_of_a_force(orders, samples, half):
     series = fourier_series(orders, samples, half)
     at = series.real(_random(4, orders, 2))
 
@@ -52,7 +50,7 @@ def test_the_tangent_is_the_derivative_of_the_coordinates_of_a_force(
         assert tangent[:, :, j] == pytest.approx(difference, rel=1e-7, abs=1e-7)
 
 
-def test_half_a_period_tells_as_much_of_odd_harmonics_as_a_whole_one() -> None:
+def test_half_a_period_tells_as_much_of_odd_harmonics_as_a_whole_one():
     orders = (1, 3, 5)
     half, whole = (fourier_series(orders, 64, part) for part in (True, False))
     x = half.real(_random(3, orders, 3))
@@ -65,7 +63,7 @@ def _motion() -> Motion:
     return Motion(np.array([1.0, 2.0, 30.0, 400.0]), harmonics)
 
 
-def test_waveforms_are_the_sum_and_its_derivatives() -> None:
+def test_waveforms_are_the_sum_and_its_derivatives():
     motion, samples = _motion(), 16
     time = motion.interval(samples) * np.arange(samples)
     for power, wave in enumerate(motion.waveforms(samples)):
@@ -75,7 +73,7 @@ def test_waveforms_are_the_sum_and_its_derivatives() -> None:
         assert wave == pytest.approx(direct, rel=1e-12, abs=1e-12 * np.abs(direct).max())
 
 
-def test_a_turn_is_a_shift_in_time() -> None:
+def test_a_turn_is_a_shift_in_time():
     motion, samples = _motion(), 16
     # a quarter period of the fundamental is four of sixteen samples
     turned = motion.turned(np.full(4, np.pi / 2))
@@ -83,14 +81,14 @@ def test_a_turn_is_a_shift_in_time() -> None:
         assert one == pytest.approx(np.roll(other, -4, axis=1), abs=1e-9 * np.abs(other).max())
 
 
-def test_states_and_peaks_are_those_of_the_waveform() -> None:
+def test_states_and_peaks_are_those_of_the_waveform():
     motion = _motion()
     x, v, _ = motion.waveforms(128)
     assert motion.states() == pytest.approx(np.stack([x[:, 0], v[:, 0]], axis=1), rel=1e-12)
     assert (motion.peaks() == np.stack([x.max(axis=1), x.min(axis=1)], axis=1)).all()
 
 
-def test_projection_gives_every_harmonic_back() -> None:
+def test_projection_gives_every_harmonic_back():
     motion = _motion()
     x = motion.waveforms(16)[0]
     for order in motion.orders:

@@ -11,6 +11,7 @@ from pathlib import Path
 import pytest
 
 from rsgen.files import sandbox
+from tests.case_files import CUBIC, GONE, write_small
 
 ROOT = Path(__file__).resolve().parent.parent
 
@@ -63,30 +64,6 @@ LIBRARIES = (
     "scipy.optimize",
 )
 
-CASE = """schema = 1
-name = "small"
-title = "small"
-[system]
-mass = "1.5 kg"
-[[element]]
-name = "spring"
-force = "k1*x + kn1*x**3"
-[[element]]
-name = "damper"
-force = "c1*v"
-[truth]
-k1 = "6 kN/m"
-kn1 = "4e5 N/m^3"
-c1 = "4 N*s/m"
-[test]
-kind = "simulated"
-level = { start = 2, stop = 5, count = 2 }
-frequency = { start = 8, stop = 12, count = 17 }
-[accept]
-m = 1e-4
-k1 = 1e-4
-"""
-
 
 def run_elsewhere(
     program: str, folder: Path, libraries: tuple[str, ...] = LIBRARIES, **options: object
@@ -104,7 +81,7 @@ def run_elsewhere(
 
 @pytest.mark.thorough
 def test_a_case_goes_to_its_report_without_posix(tmp_path):
-    (tmp_path / "small.toml").write_text(CASE, encoding="utf-8")
+    write_small(tmp_path, changes=CUBIC | {"accept": {"m": 1e-4, "k": 1e-4}, "test.accuracy": GONE})
     program = """
 import importlib, pkgutil, rsgen
 for module in pkgutil.walk_packages(rsgen.__path__, "rsgen."):

@@ -8,7 +8,6 @@ import signal
 import subprocess
 import sys
 import time
-from pathlib import Path
 
 import pytest
 
@@ -18,7 +17,7 @@ from rsgen.common.output import write_atomic
 KILLS = 6
 
 
-def test_text_and_bytes_come_back(tmp_path: Path) -> None:
+def test_text_and_bytes_come_back(tmp_path):
     write_atomic(tmp_path / "a.txt", "Müller & Söhne\n")
     write_atomic(tmp_path / "a.bin", b"\x00\xff")
     assert (tmp_path / "a.txt").read_bytes() == "Müller & Söhne\n".encode()
@@ -27,14 +26,14 @@ def test_text_and_bytes_come_back(tmp_path: Path) -> None:
 
 
 @pytest.mark.skipif(os.name != "posix", reason="permissions are POSIX")
-def test_mode_is_that_of_a_plain_file(tmp_path: Path) -> None:
+def test_mode_is_that_of_a_plain_file(tmp_path):
     (tmp_path / "plain").write_text("x")
     write_atomic(tmp_path / "atomic", "x")
     assert (tmp_path / "plain").stat().st_mode == (tmp_path / "atomic").stat().st_mode
 
 
 @pytest.mark.skipif(os.name != "posix", reason="symbolic links need rights elsewhere")
-def test_a_link_is_replaced_and_its_target_untouched(tmp_path: Path) -> None:
+def test_a_link_is_replaced_and_its_target_untouched(tmp_path):
     (tmp_path / "precious").write_text("precious")
     (tmp_path / "report.html").symlink_to(tmp_path / "precious")
     write_atomic(tmp_path / "report.html", "report")
@@ -43,7 +42,7 @@ def test_a_link_is_replaced_and_its_target_untouched(tmp_path: Path) -> None:
     assert (tmp_path / "report.html").read_text() == "report"
 
 
-def test_missing_folder_and_folder_in_the_way_are_sentences(tmp_path: Path) -> None:
+def test_missing_folder_and_folder_in_the_way_are_sentences(tmp_path):
     with pytest.raises(RsgenError, match="cannot be written"):
         write_atomic(tmp_path / "none" / "a", "x")
     (tmp_path / "folder").mkdir()
@@ -66,7 +65,7 @@ except RsgenError as fault:
 
 
 @pytest.mark.skipif(os.name != "posix", reason="the limit stands for a full disk and is POSIX")
-def test_full_disk_leaves_the_old_file(tmp_path: Path) -> None:
+def test_full_disk_leaves_the_old_file(tmp_path):
     target = tmp_path / "report.html"
     target.write_text("old")
     run = subprocess.run(
@@ -86,7 +85,7 @@ def _write_for_ever(path: str) -> None:
 
 @pytest.mark.skipif(not hasattr(signal, "SIGKILL"), reason="needs SIGKILL")
 @pytest.mark.slow
-def test_kill_in_the_middle_leaves_a_whole_file(tmp_path: Path) -> None:
+def test_kill_in_the_middle_leaves_a_whole_file(tmp_path):
     target = tmp_path / "result.json"
     context = multiprocessing.get_context("spawn")
     for kill in range(KILLS):

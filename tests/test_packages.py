@@ -50,7 +50,7 @@ def circle_in(graph: dict[str, set[str]]) -> list[str]:
     return []
 
 
-def test_no_modules_import_each_other_in_a_circle() -> None:
+def test_no_modules_import_each_other_in_a_circle():
     graph = {name: imported(tree) for name, tree in modules().items()}
     assert sum(map(len, graph.values())) > 1000
     assert circle_in(graph) == []
@@ -60,7 +60,7 @@ def test_no_modules_import_each_other_in_a_circle() -> None:
     assert circle_in(graph | {other: graph[other] | {one}}) != []
 
 
-def test_the_top_of_the_package_is_a_table_of_contents() -> None:
+def test_the_top_of_the_package_is_a_table_of_contents():
     there = {path.name for path in ROOT.iterdir() if path.is_dir() and any(path.rglob("*.py"))}
     assert sorted(there) == sorted(PACKAGES)
     assert {path.name for path in ROOT.glob("*.py")} == {
@@ -71,7 +71,7 @@ def test_the_top_of_the_package_is_a_table_of_contents() -> None:
     }
 
 
-def test_a_file_has_one_idea_and_a_name_of_its_own() -> None:
+def test_a_file_has_one_idea_and_a_name_of_its_own():
     paths = [path for path in ROOT.rglob("*.py") if not path.name.startswith("__")]
     assert {path.name: n for path in paths if (n := path.read_text("utf-8").count("\n")) > LONGEST} == {}
     assert [name for name, times in Counter(path.name for path in paths).items() if times > 1] == []

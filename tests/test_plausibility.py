@@ -44,13 +44,13 @@ def of_plausibility(findings: tuple[Finding, ...]) -> list[Finding]:
     return [f for f in findings if f.code in ("size-impossible", "another-quantity")]
 
 
-def test_an_ordinary_test_has_nothing_to_remark() -> None:
+def test_an_ordinary_test_has_nothing_to_remark():
     assert list(size_findings(ORDINARY)) == []
     assert list(quantity_findings(cubic_surface())) == []
 
 
 @pytest.mark.parametrize("factor", [1e-6, 1e-3, 1e3, 1e6])
-def test_forces_in_another_unit_than_their_levels_are_doubted(factor: float) -> None:
+def test_forces_in_another_unit_than_their_levels_are_doubted(factor):
     surface = cubic_surface()
     wrong = changed(surface, surface.harmonics[:, 1], factor * surface.force)
     (found,) = level_findings(wrong)
@@ -63,7 +63,7 @@ def test_forces_in_another_unit_than_their_levels_are_doubted(factor: float) -> 
         assert identified.verdict.state == "doubtful"
 
 
-def test_levels_that_are_numbers_of_runs_are_no_other_unit() -> None:
+def test_levels_that_are_numbers_of_runs_are_no_other_unit():
     surface = cubic_surface()
     runs = np.searchsorted(surface.levels, surface.level) + 1.0
     one = surface.select(surface.level == surface.levels[0])
@@ -73,7 +73,7 @@ def test_levels_that_are_numbers_of_runs_are_no_other_unit() -> None:
 
 @pytest.mark.parametrize("quantity", [None, "displacement", "acceleration"])
 @pytest.mark.parametrize("size", [1e-310, 1e-200, 1e200])
-def test_single_forces_and_responses_of_no_size_are_passed_over(size: float, quantity: str | None) -> None:
+def test_single_forces_and_responses_of_no_size_are_passed_over(size, quantity):
     surface = cubic_surface()
     odd = np.where(np.arange(len(surface)) % 7 == 0, size, 1.0)
     assert list(quantity_findings(changed(surface, odd * surface.harmonics[:, 1]), quantity)) == []
@@ -83,7 +83,7 @@ def test_single_forces_and_responses_of_no_size_are_passed_over(size: float, qua
 
 
 @pytest.mark.parametrize("factor", [1e3, 1e6, (20 * np.pi) ** 2])
-def test_a_response_in_a_smaller_unit_is_impossible(factor: float) -> None:
+def test_a_response_in_a_smaller_unit_is_impossible(factor):
     surface = cubic_surface()
     (found,) = size_findings(Sizes.of(changed(surface, factor * surface.harmonics[:, 1])))
     assert found.severity == "doubt"
@@ -106,7 +106,7 @@ def test_a_response_in_a_smaller_unit_is_impossible(factor: float) -> None:
         (Sizes(30, 0.1, 1, 1, 1e9), "force"),
     ],
 )
-def test_each_quantity_has_its_bounds(sizes: Sizes, quantity: str) -> None:
+def test_each_quantity_has_its_bounds(sizes, quantity):
     (found,) = size_findings(sizes)
     assert (found.severity, found.names["quantity"]) == ("doubt", quantity)
     assert found.numbers["value"].unit == RANGES[quantity].unit
@@ -124,7 +124,7 @@ def test_each_quantity_has_its_bounds(sizes: Sizes, quantity: str) -> None:
         Sizes(0.16, 3.0, 3.0, 3.0, 1.0, mass=1.0, damping=0.05),  # numbers without units
     ],
 )
-def test_what_exists_is_possible(sizes: Sizes) -> None:
+def test_what_exists_is_possible(sizes):
     assert list(size_findings(sizes)) == []
 
 
@@ -148,7 +148,7 @@ def radians_as_degrees(surface: ResponseSurface) -> np.ndarray:
         (radians_as_degrees, "radian"),
     ],
 )
-def test_a_response_of_another_quantity_is_recognised(tamper, found: str, noise: float) -> None:
+def test_a_response_of_another_quantity_is_recognised(tamper, found, noise):
     surface = cubic_surface(levels=4, frequencies=31)
     random = np.random.default_rng(2)
     scatter = 1 + noise * (random.normal(size=len(surface)) + 1j * random.normal(size=len(surface)))
@@ -160,7 +160,7 @@ def test_a_response_of_another_quantity_is_recognised(tamper, found: str, noise:
 
 @pytest.mark.parametrize("read", ["displacement", "velocity", "acceleration"])
 @pytest.mark.parametrize("true", ["displacement", "velocity", "acceleration"])
-def test_both_quantities_are_named_where_the_case_says_one(read: str, true: str) -> None:
+def test_both_quantities_are_named_where_the_case_says_one(read, true):
     quantities = ("displacement", "velocity", "acceleration")
     surface = cubic_surface(levels=3, frequencies=31)
     wrong = derived(quantities.index(true) - quantities.index(read))(surface)
@@ -169,14 +169,14 @@ def test_both_quantities_are_named_where_the_case_says_one(read: str, true: str)
 
 
 @pytest.mark.parametrize("sign", [1, -1])
-def test_a_reversed_sign_or_phase_is_no_other_quantity(sign: int) -> None:
+def test_a_reversed_sign_or_phase_is_no_other_quantity(sign):
     surface = cubic_surface()
     assert list(quantity_findings(changed(surface, -surface.harmonics[:, 1]))) == []
     assert list(quantity_findings(changed(surface, sign * np.conj(surface.harmonics[:, 1])))) == []
 
 
 @pytest.mark.slow
-def test_identification_doubts_a_response_in_millimetres_and_one_that_is_an_acceleration() -> None:
+def test_identification_doubts_a_response_in_millimetres_and_one_that_is_an_acceleration():
     surface = cubic_surface(levels=4)
     law = "k*x + k3*x**3 + c*v"
     assert of_plausibility(rsgen.identify(surface, law).findings) == []
@@ -186,7 +186,7 @@ def test_identification_doubts_a_response_in_millimetres_and_one_that_is_an_acce
     assert other.code == "another-quantity"
 
 
-def test_sizes_of_an_uncalibrated_test_are_not_judged() -> None:
+def test_sizes_of_an_uncalibrated_test_are_not_judged():
     surface = cubic_surface(levels=4)
     volts = changed(surface, 1e5 * surface.harmonics[:, 1])
     observation = rsgen.Observation(calibrated=False)
@@ -195,7 +195,7 @@ def test_sizes_of_an_uncalibrated_test_are_not_judged() -> None:
 
 @pytest.mark.slow
 @pytest.mark.parametrize("name", ["bouc_wen", "f16", "wire"])
-def test_measured_tests_are_not_doubted(name: str, measured_data: Callable[[str], Path]) -> None:
+def test_measured_tests_are_not_doubted(name, measured_data):
     folder = measured_data(name).parent
     case = rsgen.load_case(Path(__file__).parent / "cases" / f"{name}.toml", data=folder)
     surface = rsgen.read(case)
@@ -204,9 +204,7 @@ def test_measured_tests_are_not_doubted(name: str, measured_data: Callable[[str]
     assert all(found.severity == "info" for found in size_findings(Sizes.of(surface)))
 
 
-def test_check_remarks_a_response_in_the_wrong_unit_or_of_the_wrong_quantity(
-    tmp_path: Path, run_cli: Callable
-) -> None:
+def test_check_remarks_a_response_in_the_wrong_unit_or_of_the_wrong_quantity(tmp_path, run_cli):
     formats = Path(__file__).parents[1] / "cases" / "formats"
     text = (formats / "csv-table.toml").read_text(encoding="utf-8")
     assert "note" not in run_cli("check", formats / "csv-table.toml").out
@@ -221,9 +219,7 @@ def test_check_remarks_a_response_in_the_wrong_unit_or_of_the_wrong_quantity(
 
 
 @pytest.mark.parametrize(("gap", "modes"), [(0.045, 1), (0.055, 2)])
-def test_points_at_phase_resonance_are_of_two_modes_beyond_a_gap_of_a_twentieth(
-    gap: float, modes: int
-) -> None:
+def test_points_at_phase_resonance_are_of_two_modes_beyond_a_gap_of_a_twentieth(gap, modes):
     lower = 20 * np.exp(1e-3 * np.arange(4))
     frequency, amplitude = np.concatenate([lower, lower * np.exp(gap + 3e-3)]), np.full(8, 1e-3)
     assert (backbone_gap(frequency, amplitude) is not None) == (modes == 2)

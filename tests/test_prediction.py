@@ -18,7 +18,6 @@ from tests.surfaces import changed, model, noisy, surface
 EXACT = 1e-5
 """Predicted from exact data with all harmonics; what is left is the identification's own error."""
 
-
 BETWEEN = 1e-4
 """A spline through the points of a curve, whose spacing is a few percent, between them."""
 
@@ -31,7 +30,7 @@ def quintic() -> tuple[object, Prediction]:
 
 
 @pytest.mark.slow
-def test_held_out_levels_are_predicted(quintic: tuple[object, Prediction]) -> None:
+def test_held_out_levels_are_predicted(quintic):
     _, prediction = quintic
     assert [item.level for item in prediction.held_out] == [6.0, 10.0]
     for item in prediction.held_out:
@@ -41,7 +40,7 @@ def test_held_out_levels_are_predicted(quintic: tuple[object, Prediction]) -> No
         assert np.all(np.diff(item.frequency) > 0)
 
 
-def test_a_held_out_level_is_scored_within_the_band(quintic: tuple[object, Prediction]) -> None:
+def test_a_held_out_level_is_scored_within_the_band(quintic):
     table, whole = quintic
     asked = model("quintic", hold_out=(6.0,))
     found = identify(table, replace(asked, observation=replace(asked.observation, band=(9.0, 11.0))))
@@ -54,9 +53,7 @@ def test_a_held_out_level_is_scored_within_the_band(quintic: tuple[object, Predi
 @pytest.mark.slow
 @pytest.mark.parametrize(("law", "expected"), [(None, []), ("k*x + c*v", ["doubt"])])
 @pytest.mark.parametrize("noise", [0.0, 0.03])
-def test_a_held_out_level_that_is_missed_casts_doubt(
-    law: str | None, expected: list[str], noise: float
-) -> None:
+def test_a_held_out_level_that_is_missed_casts_doubt(law, expected, noise):
     table = noisy(surface("cubic"), noise, 1)
     asked = model("cubic", hold_out=(8.0,))
     if law is not None:
@@ -65,7 +62,7 @@ def test_a_held_out_level_that_is_missed_casts_doubt(
     assert [f.severity for f in findings if f.code == "held-out-missed"] == expected
 
 
-def test_without_phase_held_out_amplitudes_are_compared() -> None:
+def test_without_phase_held_out_amplitudes_are_compared():
     table = surface("cubic")
     harmonics = np.zeros_like(table.harmonics)
     harmonics[:, 1] = table.amplitude
@@ -75,7 +72,7 @@ def test_without_phase_held_out_amplitudes_are_compared() -> None:
     assert "held-out-missed" not in {finding.code for finding in prediction.findings}
 
 
-def test_curves_pass_through_the_measured_points(quintic: tuple[object, Prediction]) -> None:
+def test_curves_pass_through_the_measured_points(quintic):
     table, prediction = quintic
     for curve in prediction:
         # below the resonance, and below the fold where there is one, the amplitude is a function
@@ -93,7 +90,7 @@ def test_curves_pass_through_the_measured_points(quintic: tuple[object, Predicti
         np.testing.assert_allclose(np.exp(along(table.frequency[rows])), table.amplitude[rows], rtol=BETWEEN)
 
 
-def test_folds_bound_the_unstable_branch(quintic: tuple[object, Prediction]) -> None:
+def test_folds_bound_the_unstable_branch(quintic):
     _, prediction = quintic
     low, high = prediction.curves[0], prediction.curves[-1]
     assert len(low.folds) == 0
@@ -108,7 +105,7 @@ def test_folds_bound_the_unstable_branch(quintic: tuple[object, Prediction]) -> 
     assert between.max() <= high.folds[:, 0].max() * 1.001
 
 
-def test_linear_resonance_has_its_closed_form() -> None:
+def test_linear_resonance_has_its_closed_form():
     table = surface("cubic", values={"k": 5920.0, "kn": 0.0, "c": 3.8})
     found = identify(table, model("cubic"))
     curve = predict(found, [5.0]).curves[0]
@@ -120,7 +117,7 @@ def test_linear_resonance_has_its_closed_form() -> None:
     assert curve.stable.all()
 
 
-def test_extrapolation_is_marked(quintic: tuple[object, Prediction]) -> None:
+def test_extrapolation_is_marked(quintic):
     table, _ = quintic
     found = identify(table, model("quintic"))
     prediction = predict(found, [1.0, 60.0])
@@ -136,7 +133,7 @@ def test_extrapolation_is_marked(quintic: tuple[object, Prediction]) -> None:
 
 @pytest.mark.slow
 @pytest.mark.parametrize("law", ["coulomb", "bilinear"])
-def test_rough_laws_are_predicted_too(law: str) -> None:
+def test_rough_laws_are_predicted_too(law):
     table = surface(law)
     found = identify(table, model(law, hold_out=(8.0,)))
     prediction = predict(found, [4.0, 8.0], table)
@@ -149,7 +146,7 @@ def test_rough_laws_are_predicted_too(law: str) -> None:
 
 
 @pytest.mark.slow
-def test_bands_widen_with_the_noise(quintic: tuple[object, Prediction]) -> None:
+def test_bands_widen_with_the_noise(quintic):
     table, _ = quintic
     ratios = []
     for seed in range(1, 6):
@@ -164,15 +161,13 @@ def test_bands_widen_with_the_noise(quintic: tuple[object, Prediction]) -> None:
     assert 5 < np.median(ratios) < 20
 
 
-def test_a_level_must_be_positive(quintic: tuple[object, Prediction]) -> None:
+def test_a_level_must_be_positive(quintic):
     found = identify(quintic[0], model("quintic"))
     with pytest.raises(RsgenError, match="positive and finite"):
         predict(found, [-1.0])
 
 
-def test_an_oscillator_is_predicted_as_the_identification_that_found_it(
-    quintic: tuple[object, Prediction],
-) -> None:
+def test_an_oscillator_is_predicted_as_the_identification_that_found_it(quintic):
     table, _ = quintic
     found = identify(table, model("quintic"))
     oscillator = Oscillator(found.mass, found.model.elements, found.values)
@@ -187,7 +182,7 @@ def test_an_oscillator_is_predicted_as_the_identification_that_found_it(
 
 
 @pytest.mark.parametrize(("k", "c", "m"), [(5920.0, 3.8, 1.5), (1e9, 40.0, 1e-3), (0.1, 0.1, 100.0)])
-def test_the_curve_of_a_linear_oscillator_holds_its_resonance(k: float, c: float, m: float) -> None:
+def test_the_curve_of_a_linear_oscillator_holds_its_resonance(k, c, m):
     curves = predict(Oscillator(m, "k*x + c*v", {"k": k, "c": c}), levels=[0.5, 2.0])
     for curve in curves:
         omega = 2 * np.pi * curve.frequency
@@ -200,7 +195,7 @@ def test_the_curve_of_a_linear_oscillator_holds_its_resonance(k: float, c: float
     assert len(curves.findings) == 0
 
 
-def test_what_cannot_be_predicted_is_said(quintic: tuple[object, Prediction]) -> None:
+def test_what_cannot_be_predicted_is_said(quintic):
     linear = Oscillator(1.0, "k*x + c*v", {"k": 1.0, "c": 0.1})
     with pytest.raises(RsgenError, match="give the force levels"):
         predict(linear)
@@ -215,7 +210,7 @@ def test_what_cannot_be_predicted_is_said(quintic: tuple[object, Prediction]) ->
     assert [(found.code, found["level"]) for found in stuck.findings] == [("no-steady-state", 1.0)]
 
 
-def test_a_prediction_as_a_table_and_a_frame(quintic: tuple[object, Prediction]) -> None:
+def test_a_prediction_as_a_table_and_a_frame(quintic):
     pytest.importorskip("pandas")
     _, prediction = quintic
     lines = str(prediction).splitlines()
@@ -226,7 +221,7 @@ def test_a_prediction_as_a_table_and_a_frame(quintic: tuple[object, Prediction])
     assert [f"{value:.5g}" for value in top] == [line.split()[1] for line in lines[1 : 1 + len(prediction)]]
 
 
-def test_held_out_amplitudes_are_in_metres() -> None:
+def test_held_out_amplitudes_are_in_metres():
     table = replace(surface("cubic"), control="response", level=surface("cubic").level * 1e-3)
     found = identify(table, model("cubic", hold_out=(table.levels[2],)))
     prediction = predict(found, surface=table)
@@ -235,7 +230,7 @@ def test_held_out_amplitudes_are_in_metres() -> None:
     assert table.levels[2] not in [curve.level for curve in prediction]
 
 
-def test_held_amplitudes_are_predicted_on_unstable_branches_too() -> None:
+def test_held_amplitudes_are_predicted_on_unstable_branches_too():
     # a force near a fold determines no amplitude: the point was predicted on another branch, 60 % off
     hardening = Oscillator(1.5, "k*x + k3*x**3 + c*v", {"k": 5920.0, "k3": 3e5, "c": 6.0})
     test = SimulatedTest(np.linspace(0.02, 0.06, 9), [9, 10, 11, 12], control="continuation")
@@ -247,7 +242,7 @@ def test_held_amplitudes_are_predicted_on_unstable_branches_too() -> None:
     assert item.missing == 0
 
 
-def test_a_law_of_a_multisine_predicts_resonance_curves() -> None:
+def test_a_law_of_a_multisine_predicts_resonance_curves():
     linear = Oscillator(1.5, "k*x + c*v", {"k": 5920.0, "c": 6.0})
     spectra = simulate(linear, MultisineTest([3, 5], band=(2.5, 20), period=2, noise_relative=0.01))
     found = identify(spectra, "k*x + c*v", Observation(hold_out=(5,)))
@@ -262,23 +257,19 @@ def test_a_law_of_a_multisine_predicts_resonance_curves() -> None:
     assert np.all(curve.upper - curve.amplitude < 0.01 * exact)
 
 
-def test_curves_are_predicted_at_the_measured_force() -> None:
+def test_curves_are_predicted_at_the_measured_force():
     """A nominal level, or a label, is not the force that the structure felt."""
     table = surface("cubic")
     dropped = replace(table, force=0.7 * table.force, harmonics=0.7 * table.harmonics)
     found = identify(dropped, model("cubic", hold_out=(table.levels[1],)))
+    assert identify(table, model("cubic")).levels.tolist() == table.levels.tolist()
     forces = [0.7 * level for level in table.levels]
     assert [curve.level for curve in predict(found, surface=dropped)] == pytest.approx(forces)
     scored = predict(found, surface=dropped).held_out[0]
     assert (scored.level, scored.force) == pytest.approx((table.levels[1], forces[1]))
 
 
-def test_the_forces_of_a_virtual_test_are_its_levels() -> None:
-    table = surface("cubic")
-    assert identify(table, model("cubic")).levels.tolist() == table.levels.tolist()
-
-
-def test_a_level_is_held_out_by_the_number_that_is_printed() -> None:
+def test_a_level_is_held_out_by_the_number_that_is_printed():
     table = surface("cubic")
     table = replace(table, level=table.level * (1 + 3.7e-6))
     printed = float(f"{table.levels[1]:g}")
@@ -289,7 +280,7 @@ def test_a_level_is_held_out_by_the_number_that_is_printed() -> None:
         identify(table, model("cubic", hold_out=(1.01 * printed,)))
 
 
-def test_folds_lie_where_the_frequency_turns(quintic: tuple[object, Prediction]) -> None:
+def test_folds_lie_where_the_frequency_turns(quintic):
     # along a curve the frequency is extreme at a fold: of cubics through the six points around it
     off, along = [], np.arange(-2.0, 4.0)
     for curve in quintic[1].curves:
@@ -314,7 +305,7 @@ def linear() -> ResponseSurface:
     return surface("cubic", values={"k": 5920.0, "kn": 0.0, "c": 3.8})
 
 
-def test_a_band_is_the_slope_of_the_amplitude_times_the_error(linear: ResponseSurface) -> None:
+def test_a_band_is_the_slope_of_the_amplitude_times_the_error(linear):
     # |X| = F/|D|, D = k - m omega^2 + i omega c: by k dX = -X Re(D)/|D|^2, by c -X omega Im(D)/|D|^2;
     # the errors of both go together
     found = identify(linear, Model("k*x + c*v"))
@@ -334,7 +325,7 @@ def test_a_band_is_the_slope_of_the_amplitude_times_the_error(linear: ResponseSu
     assert ((curve.upper - curve.lower) / 2)[shown] == pytest.approx(half[shown], rel=1e-3, abs=1e-9)
 
 
-def test_a_curve_has_the_phase_error_of_the_test_once(linear: ResponseSurface) -> None:
+def test_a_curve_has_the_phase_error_of_the_test_once(linear):
     psi = 0.3
     seen = changed(linear, force=linear.force * np.exp(-1j * psi))
     found = identify(seen, Model("k*x + c*v"), Observation(background="phase"))

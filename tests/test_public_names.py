@@ -29,7 +29,7 @@ def test_the_public_names_are_these():
 
 @pytest.mark.slow
 @pytest.mark.parametrize("name", PUBLIC)
-def test_every_public_name_is_there_and_says_what_it_is(name: str):
+def test_every_public_name_is_there_and_says_what_it_is(name):
     assert getattr(rsgen, name).__doc__
 
 
@@ -62,7 +62,7 @@ def test_a_type_checker_sees_each_name_where_it_is_taken_from():
         ("CaseError", "rsgen.common.errors"),
     ],
 )
-def test_a_name_that_left_the_top_says_where_it_is(name: str, place: str):
+def test_a_name_that_left_the_top_says_where_it_is(name, place):
     with pytest.warns(DeprecationWarning, match=f"rsgen.{name} is {place}.{name}"):
         found = getattr(rsgen, name)
     assert found is getattr(importlib.import_module(place), name)

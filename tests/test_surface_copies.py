@@ -22,7 +22,7 @@ def noisy_surface() -> ResponseSurface:
 
 
 @pytest.mark.parametrize("copied", [np.arange(200), np.full(60, 17)], ids=["many rows", "one row often"])
-def test_copies_change_neither_values_nor_intervals(copied: np.ndarray) -> None:
+def test_copies_change_neither_values_nor_intervals(copied):
     surface = noisy_surface()
     rows = np.concatenate([np.arange(len(surface)), copied])
     assert without_copies(surface) is surface
@@ -37,7 +37,7 @@ def test_copies_change_neither_values_nor_intervals(copied: np.ndarray) -> None:
     assert finding in rs.modal_table(surface.select(rows)).findings
 
 
-def test_readings_of_few_digits_and_sweeps_that_agree_are_kept() -> None:
+def test_readings_of_few_digits_and_sweeps_that_agree_are_kept():
     surface = noisy_surface()
     coarse = surface.select(np.array([0, 0, 0, 1, 2]))
     response = np.array(coarse.harmonics)
@@ -53,7 +53,7 @@ def test_readings_of_few_digits_and_sweeps_that_agree_are_kept() -> None:
     assert without_copies(unmeasured) is unmeasured
 
 
-def test_repeated_readings_that_few_digits_make_equal_are_no_copies() -> None:
+def test_repeated_readings_that_few_digits_make_equal_are_no_copies():
     surface, random = cubic_surface(), np.random.default_rng(4)
     twice = surface.select(np.repeat(np.arange(len(surface)), 2))
     amplitude = np.abs(twice.harmonics[:, 1]) * (1 + 0.005 * random.standard_normal(len(twice)))

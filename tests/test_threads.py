@@ -26,6 +26,6 @@ def _printed(*words: str) -> str:
     return done.stdout
 
 
-def test_nothing_is_searched_for_cycles_at_the_exit() -> None:
+def test_nothing_is_searched_for_cycles_at_the_exit():
     assert _printed("collect_seldom") == "searched"
     assert _printed("leave_at_once") == ""

@@ -47,9 +47,10 @@ def places_of_findings() -> dict[str, list[Place]]:
     """Every code with the places that make it, by module."""
     found = defaultdict[str, list[Place]](list)
     for path in sorted(PACKAGE.rglob("*.py")):
-        if "wording" not in path.parts:
+        text = path.read_text(encoding="utf-8")
+        if "wording" not in path.parts and "inding(" in text:
             module = ".".join(path.relative_to(PACKAGE.parent).with_suffix("").parts)
-            for code, place in _Source(module, ast.parse(path.read_text(encoding="utf-8"))).places():
+            for code, place in Source(module, ast.parse(text)).places():
                 if place not in found[code]:
                     found[code].append(place)
     return dict(found)
@@ -70,17 +71,19 @@ def texts_of(tree: ast.AST) -> list[str]:
     return [part for part in parts if isinstance(part, str)]
 
 
-class _Source:
+class Source:
     """The tree of a module, with the parent of each node and its functions by name."""
 
     def __init__(self, module: str, tree: ast.Module) -> None:
         self.module, self.tree = module, tree
-        self.parent = {child: node for node in ast.walk(tree) for child in ast.iter_child_nodes(node)}
-        self.functions = {node.name: node for node in ast.walk(tree) if isinstance(node, ast.FunctionDef)}
+        self.nodes = list(ast.walk(tree))
+        self.parent = {child: node for node in self.nodes for child in ast.iter_child_nodes(node)}
+        self.functions = {node.name: node for node in self.nodes if isinstance(node, ast.FunctionDef)}
+        self._assigned: dict[ast.AST, dict[str, list[ast.expr]]] = {}
 
     def places(self) -> Iterator[tuple[str, Place]]:
         """Codes of the calls that make findings, each with its place."""
-        for node in ast.walk(self.tree):
+        for node in self.nodes:
             if isinstance(node, ast.Call) and is_finding(node) and node.args:
                 codes = [text for text in texts_of(node.args[0]) if text not in SEVERITIES]
                 scopes = [one for one in self.ancestors(node) if isinstance(one, _SCOPES)]
@@ -99,7 +102,7 @@ class _Source:
     def deciding(self, call: ast.Call, scope: ast.AST) -> Iterator[ast.AST]:
         """Expressions that decide whether a finding is made, and with which severity."""
         pending, seen = [*self.conditions(call, scope), *call.args[1:], *call.keywords], set[str]()
-        local = list(ast.walk(scope))
+        assigned = self.assigned(scope)
         called = {ast.unparse(call.func)}
         while pending:
             expression = pending.pop()
@@ -110,19 +113,19 @@ class _Source:
                 seen.add(name)
                 if name in self.functions and self.functions[name] is not scope:
                     yield self.functions[name]
-                for node in local:
-                    if (
-                        isinstance(node, ast.Assign | ast.AnnAssign | ast.AugAssign)
-                        and node.value is not None
-                    ):
-                        targets = node.targets if isinstance(node, ast.Assign) else [node.target]
-                        if any(
-                            name == part.id
-                            for t in targets
-                            for part in ast.walk(t)
-                            if isinstance(part, ast.Name)
-                        ):
-                            pending.append(node.value)
+                pending += assigned.get(name, ())
+
+    def assigned(self, scope: ast.AST) -> dict[str, list[ast.expr]]:
+        """Return what each name is assigned in a function."""
+        if scope not in self._assigned:
+            found = self._assigned[scope] = defaultdict[str, list[ast.expr]](list)
+            for node in ast.walk(scope):
+                if isinstance(node, ast.Assign | ast.AnnAssign | ast.AugAssign) and node.value is not None:
+                    targets = node.targets if isinstance(node, ast.Assign) else [node.target]
+                    parts = (part for target in targets for part in ast.walk(target))
+                    for name in {part.id for part in parts if isinstance(part, ast.Name)}:
+                        found[name].append(node.value)
+        return self._assigned[scope]
 
     def conditions(self, call: ast.Call, scope: ast.AST) -> Iterator[ast.expr]:
         """Conditions around a call, and those by which its function ends before it comes there."""
@@ -194,7 +197,8 @@ def _given() -> dict[str, set[str]]:
     """Severities that the functions of the package are given by name."""
     given = defaultdict[str, set[str]](set)
     for path in PACKAGE.rglob("*.py"):
-        for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+        text = path.read_text(encoding="utf-8")
+        for node in ast.walk(ast.parse(text)) if "severity=" in text else ():
             for word in node.keywords if isinstance(node, ast.Call) else ():
                 given[_called(node)] |= set(texts_of(word)) if word.arg == "severity" else set()
     return given

@@ -26,7 +26,6 @@ COUNTS = {
     "cases": 10_000,
     "surroundings": 60,
     "many": 500,
-    "large": 1_000_000,
 }
 """The modules, in the order of the table, and how often each attack is made."""
 

@@ -91,99 +91,72 @@ class Planted:
         """Where it goes."""
         return _entry(self.cache)
 
-    def forged(self) -> None:
-        """Write it, with its digest, as somebody does who can write into the folder."""
-        folder = self.cache.resolve()
-        with (
-            patch.object(compiled, "_OTHERS_WRITE", 0),
-            patch.object(os, "geteuid", lambda: folder.stat().st_uid),
-            open_private_folder(folder) as opened,
-        ):
-            opened.write(self.entry.name, self.content)
+    def written(self, name: str = "") -> None:
+        """Write it, with its digest, into a folder that is the user's."""
+        with open_private_folder(self.cache) as folder:
+            folder.write(name or self.entry.name, self.content)
+
+    def forged(self, mode: int = 0o700) -> None:
+        """Write it as somebody does who can write into the folder, whose mode is changed."""
+        self.cache.chmod(mode)
+        owner = self.cache.stat().st_uid
+        with patch.object(compiled, "_OTHERS_WRITE", 0), patch.object(os, "geteuid", lambda: owner):
+            self.written()
 
 
-def kept_digest(planted: Planted) -> None:
-    """The digest of the true code stays in front of other code."""
-    planted.entry.write_bytes(planted.entry.read_bytes()[:32] + planted.content)
-
-
-def by_the_user(planted: Planted) -> None:
-    """The user's own program writes it: this is executed, or an attack that is would not be seen."""
-    with open_private_folder(planted.cache) as folder:
-        folder.write(planted.entry.name, planted.content)
-
-
-def entry_of_another(planted: Planted) -> None:
+def _moved(planted: Planted) -> None:
     """A true entry, with a true digest, gets the name of another kernel."""
     entry = planted.entry
-    with open_private_folder(planted.cache) as folder:
-        folder.write("another", planted.content)
+    planted.written("another")
     (planted.cache / "another").replace(entry)
 
 
-def writable_by_all(planted: Planted) -> None:
-    """Everybody may write into the folder."""
-    planted.cache.chmod(0o777)
+def _linked(planted: Planted) -> None:
     planted.forged()
-
-
-def writable_by_a_group(planted: Planted) -> None:
-    """A group may write into the folder."""
-    planted.cache.chmod(0o770)
-    planted.forged()
-
-
-def shared_sticky_folder(planted: Planted) -> None:
-    """The folder is as /tmp is."""
-    planted.cache.chmod(0o1777)
-    planted.forged()
-
-
-def link_to_a_folder(planted: Planted) -> None:
-    """The name of the cache leads to a folder elsewhere."""
     planted.cache.rename(planted.cache.with_name("real"))
     planted.cache.symlink_to(planted.cache.with_name("real"))
-    planted.forged()
 
 
-def folder_of_another_user(planted: Planted) -> None:
-    """The folder and the entry belong to somebody else."""
+def _given_away(planted: Planted, *paths: Path) -> None:
     planted.forged()
-    for path in (planted.cache, *planted.cache.iterdir()):
+    for path in (planted.entry, *paths):
         os.chown(path, 12345, 12345)
 
 
-def entry_of_another_user(planted: Planted) -> None:
-    """The entry alone belongs to somebody else."""
-    planted.forged()
-    os.chown(planted.entry, 12345, 12345)
-
-
-WAYS = (
-    *(kept_digest, entry_of_another, writable_by_all, writable_by_a_group),
-    *(shared_sticky_folder, link_to_a_folder),
-)
-WAYS_OF_ROOT = (folder_of_another_user, entry_of_another_user)
+WAYS: dict[str, Callable[[Planted], object]] = {
+    "digest of the true code in front": lambda planted: planted.entry.write_bytes(
+        planted.entry.read_bytes()[:32] + planted.content
+    ),
+    "entry of another kernel": _moved,
+    "folder that all can write": lambda planted: planted.forged(0o777),
+    "folder that a group can write": lambda planted: planted.forged(0o770),
+    "folder as /tmp is": lambda planted: planted.forged(0o1777),
+    "link to a folder": _linked,
+}
+WAYS_OF_ROOT: dict[str, Callable[[Planted], object]] = {
+    "folder of another user": lambda planted: _given_away(planted, planted.cache),
+    "entry of another user": _given_away,
+}
 """Files can be given away by the administrator alone; for others these are not tried."""
 
 
 def plant(
-    attack: Callable[[Planted], None], compiled: Path, content: bytes, expected: str
+    attack: Callable[[Planted], object], compiled: Path, content: bytes, expected: str
 ) -> tuple[bool, str]:
-    """Plant code in one way; give whether it was executed, and what else went wrong."""
+    """Plant code in one way; return whether it was executed, and what else went wrong."""
     with temporary() as place:
         shutil.copytree(compiled / "cache", place / "cache")
         attack(Planted(place / "cache", content))
         found = _numbers(place)
     executed = found != expected and not found.startswith(("hung", "ended"))
-    return executed, "" if found == expected or executed else f"{attack.__name__}: {found}"
+    return executed, "" if found == expected or executed else found
 
 
 def run(count: int, seed: int) -> list[Row]:
     """Try ``count`` damages, spread over all kinds, and as many ways to plant; nothing is left to chance."""
     kinds = [*DAMAGES, *FURTHER]
     kinds = kinds[:: max(1, len(kinds) // count)][:count]
-    ways = [*WAYS, *(WAYS_OF_ROOT if os.geteuid() == 0 else ())][:count]
+    ways = dict([*WAYS.items(), *(WAYS_OF_ROOT.items() if os.geteuid() == 0 else ())][:count])
     with temporary() as compiled:
         expected = _numbers(compiled)
         if expected.startswith(("hung", "ended")):
@@ -192,11 +165,12 @@ def run(count: int, seed: int) -> list[Row]:
         name = f"rsgen_kernel_{_entry(compiled / 'cache').name}"
         code, symbol = compile_source(generate(parse(OTHER_LAW)), name)
         content = symbol.encode() + b"\0" + code
-        if not plant(by_the_user, compiled, content, expected)[0]:
+        # by the user's own program: this is executed, or an attack that is would not be seen
+        if not plant(Planted.written, compiled, content, expected)[0]:
             raise RuntimeError("code with the right digest is not executed, so these attacks show nothing")
-        found = [plant(attack, compiled, content, expected) for attack in ways]
-    executed = [attack.__name__ for attack, (ran, _) in zip(ways, found, strict=True) if ran]
-    wrong_ways = [text for _, text in found if text]
+        found = {name: plant(way, compiled, content, expected) for name, way in ways.items()}
+    executed = [name for name, (ran, _) in found.items() if ran]
+    wrong_ways = [f"{name}: {text}" for name, (_, text) in found.items() if text]
     shown = [f" ({'; '.join(which[:5])})" if which else "" for which in (wrong, [*executed, *wrong_ways])]
     asked = str(len(kinds))
     return [

@@ -17,7 +17,7 @@ from numpy.random import Generator
 
 from rsgen.cases import load_case
 from rsgen.common.errors import RsgenError
-from tests.attacks.child import Outcome, attempts, command, judged, measured, tally
+from tests.attacks.child import Outcome, attacked, command, judged, measured
 from tests.attacks.damage import DAMAGE
 from tests.attacks.texts import TEXTS, grown
 
@@ -120,16 +120,8 @@ def attack(number: int, seed: int) -> Outcome:
 
 
 def run(count: int, seed: int) -> list[dict[str, str]]:
-    """Load case files and give the rows of the table: figure, asked, measured."""
-    found = tally(attempts("tests.attacks.cases", [str(seed)], range(count)))
-    kinds = found.kinds
-    return [
-        {
-            "figure": f"fuzz of case files, {count}: crashes, over 10 s, over 1 GB",
-            "asked": "0, 0, 0",
-            "measured": f"{kinds['crash']}, {kinds['hang']}, {kinds['memory']} {found.text}",
-        }
-    ]
+    """Load case files and return the rows of the table: figure, asked, measured."""
+    return [attacked("cases", count, seed, "tampered case files: crashes, over 10 s, over 1 GB")[0]]
 
 
 if __name__ == "__main__":

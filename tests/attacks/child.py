@@ -17,7 +17,7 @@ from contextlib import suppress
 from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
 
-__all__ = ["Outcome", "Tally", "allowed", "attempts", "command", "judged", "kind_of", "measured", "tally"]
+__all__ = ["Outcome", "Tally", "allowed", "attacked", "command", "judged", "kind_of", "measured"]
 
 WALL_SECONDS = 180.0
 """An attempt without an answer for so long hangs, whatever it does meanwhile."""
@@ -210,6 +210,17 @@ def tally(outcomes: Iterable[Outcome], kind: Callable[[Outcome], str] = kind_of)
         found.slowest = max(found.slowest, outcome.seconds)
         found.largest = max(found.largest, outcome.megabytes)
     return found
+
+
+def attacked(
+    module: str, count: int, seed: int, figure: str, kind: Callable[[Outcome], str] = kind_of
+) -> tuple[dict[str, str], Tally]:
+    """Make attacks of a module in children; return the row of what got through, and the tally."""
+    found = tally(attempts(f"tests.attacks.{module}", [str(seed)], range(count)), kind)
+    kinds = ["crash", "hang", *(["outside"] if "outside" in figure else []), "memory"]
+    numbers = ", ".join(str(found.kinds[name]) for name in kinds)
+    asked = ", ".join("0" for _ in kinds)
+    return {"figure": f"{count} {figure}", "asked": asked, "measured": f"{numbers} {found.text}"}, found
 
 
 def command(

@@ -15,7 +15,7 @@ from rsgen.app.cli.derive_command import derive_command, read_memory
 from rsgen.common.errors import RsgenError
 from rsgen.formula.unit_deduction import parameter_units
 from rsgen.law.element import make_element
-from tests.attacks.child import Outcome, attempts, command, judged, measured, tally
+from tests.attacks.child import Outcome, attacked, command, judged, measured
 from tests.attacks.texts import TEXTS, grown
 
 __all__ = ["attack", "run", "text_of"]
@@ -61,16 +61,8 @@ def attack(number: int, seed: int) -> Outcome:
 
 
 def run(count: int, seed: int) -> list[dict[str, str]]:
-    """Derive texts and give the rows of the table: figure, asked, measured."""
-    found = tally(attempts("tests.attacks.expressions", [str(seed)], range(count)))
-    kinds = found.kinds
-    return [
-        {
-            "figure": f"{count} random texts derived: crashes, over 5 s, over 1 GB",
-            "asked": "0, 0, 0",
-            "measured": f"{kinds['crash']}, {kinds['hang']}, {kinds['memory']} {found.text}",
-        }
-    ]
+    """Derive texts and return the rows of the table: figure, asked, measured."""
+    return [attacked("expressions", count, seed, "random texts derived: crashes, over 5 s, over 1 GB")[0]]
 
 
 if __name__ == "__main__":

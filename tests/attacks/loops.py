@@ -11,7 +11,7 @@ from collections.abc import Callable
 import numpy as np
 from numpy.random import Generator
 
-from tests.attacks.child import Outcome, attempts, command, judged, measured, tally
+from tests.attacks.child import Outcome, attacked, command, judged, measured
 from tests.attacks.expressions import MEGABYTES, SECONDS, answer
 from tests.attacks.texts import NAMES, STATES, TEXTS, grown, no_language
 
@@ -51,14 +51,9 @@ def virgin(rng: Generator) -> tuple[str, tuple[str, ...]]:
             curve = f"{_pick(rng, NAMES)}*x*({_VELOCITY.sub('x', curve)}) + {_pick(rng, KNOWN[:5])}"
         curves.append(f"masing({curve})")
     around = (
-        "k*x + {}",
-        "{}",
-        "abs({})",
-        "k*x + {}*{}",
-        "x*{}",
-        "masing({})",
+        "k*x + {}", "{}", "abs({})", "k*x + {}*{}", "x*{}", "masing({})",
         "Piecewise(({}, x > b), (0, True))",
-    )
+    )  # fmt: skip
     law = around[0 if rng.random() < 0.6 else int(rng.integers(len(around)))]
     return law.replace("{}", " + ".join(curves)), ()
 
@@ -88,12 +83,8 @@ def lagging(rng: Generator) -> tuple[str, tuple[str, ...]]:
 
 
 WAYS: tuple[Callable[[Generator], tuple[str, tuple[str, ...]]], ...] = (
-    virgin,
-    virgin,
-    states,
-    states,
-    lagging,
-)
+    virgin, virgin, states, states, lagging,
+)  # fmt: skip
 
 
 def law_of(number: int, seed: int) -> tuple[str, str, tuple[str, ...]]:
@@ -111,15 +102,9 @@ def attack(number: int, seed: int) -> Outcome:
 
 
 def run(count: int, seed: int) -> list[dict[str, str]]:
-    """Derive laws and give the rows of the table: figure, asked, measured."""
-    found = tally(attempts("tests.attacks.loops", [str(seed)], range(count)))
-    kinds = found.kinds
+    """Derive laws and return the rows of the table: figure, asked, measured."""
     return [
-        {
-            "figure": f"{count} random laws with memory derived: crashes, over 5 s, over 1 GB",
-            "asked": "0, 0, 0",
-            "measured": f"{kinds['crash']}, {kinds['hang']}, {kinds['memory']} {found.text}",
-        }
+        attacked("loops", count, seed, "random laws with memory derived: crashes, over 5 s, over 1 GB")[0]
     ]
 
 

@@ -27,14 +27,7 @@ from tests.attacks.program import (
 NO_PROCESS = 4_194_303
 """A number of a process that hardly is one: of a run that seems to have been killed."""
 
-WAYS: list[Callable[[Path], None]] = []
-"""Each lays something of the user where a run writes, in a folder with a case and an earlier result."""
-
-
-def way(attack: Callable[[Path], None]) -> Callable[[Path], None]:
-    """Enter an attack in the list."""
-    WAYS.append(attack)
-    return attack
+MANIFEST = '{"schema": 1, "files": {"../thesis.tex": "0"}}'
 
 
 def _mine(path: Path, text: str = "three years of work") -> None:
@@ -42,107 +35,51 @@ def _mine(path: Path, text: str = "three years of work") -> None:
     path.write_text(text, encoding="utf-8")
 
 
-@way
-def folder_of_the_user(place: Path) -> None:
-    """A folder of the user has the name of the case."""
-    shutil.rmtree(place / "out" / "small")
-    _mine(place / "out" / "small" / "thesis.tex")
+def _instead(small: Path, *files: str) -> None:
+    """Lay files of the user in place of a result; "" is the folder itself."""
+    shutil.rmtree(small)
+    for name in files:
+        _mine(small / name if name else small, MANIFEST if name == "manifest.json" else "three years of work")
 
 
-@way
-def file_of_the_user(place: Path) -> None:
-    """A file of the user has the name of the case."""
-    shutil.rmtree(place / "out" / "small")
-    _mine(place / "out" / "small")
+def _link(place: Path, target: Path) -> None:
+    """Lay a link to a file of the user, or to the folder of one, in place of what a run wrote."""
+    _mine(target / "thesis.tex" if place.is_dir() else target)
+    shutil.rmtree(place) if place.is_dir() else place.unlink()
+    place.symlink_to(target)
 
 
-@way
-def file_inside_a_result(place: Path) -> None:
-    """The user keeps remarks beside the report."""
-    _mine(place / "out" / "small" / "remarks.txt")
+def _killed_between_renames(out: Path) -> None:
+    _mine(out / "small" / "remarks.txt")
+    shutil.copytree(out / "small", out / f".small.{NO_PROCESS}.old")
 
 
-@way
-def hidden_file_inside_a_result(place: Path) -> None:
-    """The user keeps a repository in the result."""
-    _mine(place / "out" / "small" / ".git" / "HEAD")
-
-
-@way
-def changed_report(place: Path) -> None:
-    """The user has written into the report."""
-    report = place / "out" / "small" / "report.html"
-    _mine(report, report.read_text(encoding="utf-8") + "<!-- my remarks -->")
-
-
-@way
-def changed_notebook(place: Path) -> None:
-    """The user has gone on in the notebook."""
-    _mine(place / "out" / "small" / "notebook.ipynb")
-
-
-@way
-def forged_manifest(place: Path) -> None:
-    """A manifest of the user lists other files of the user."""
-    shutil.rmtree(place / "out" / "small")
-    _mine(place / "out" / "small" / "thesis.tex")
-    _mine(place / "out" / "small" / "manifest.json", '{"schema": 1, "files": {"../thesis.tex": "0"}}')
-
-
-@way
-def link_for_a_result(place: Path) -> None:
-    """A link to a folder of the user has the name of the case."""
-    shutil.rmtree(place / "out" / "small")
-    _mine(place / "elsewhere" / "thesis.tex")
-    (place / "out" / "small").symlink_to(place / "elsewhere")
-
-
-@way
-def link_inside_a_result(place: Path) -> None:
-    """A file of the result is a link to the user's."""
-    _mine(place / "thesis.tex")
-    (place / "out" / "small" / "report.html").unlink()
-    (place / "out" / "small" / "report.html").symlink_to(place / "thesis.tex")
-
-
-@way
-def index_of_the_user(place: Path) -> None:
-    """The user's home page has the name of the index."""
-    _mine(place / "out" / "index.html", "<html>my home page</html>")
-
-
-@way
-def link_for_the_index(place: Path) -> None:
-    """The index is a link to a file of the user."""
-    _mine(place / "home.html")
-    (place / "out" / "index.html").unlink()
-    (place / "out" / "index.html").symlink_to(place / "home.html")
-
-
-@way
-def notebook_of_a_failed_run(place: Path) -> None:
-    """A notebook of the user has the name of one that failed."""
-    _mine(place / "out" / "small-failed.ipynb", '{"metadata": {}, "cells": []}')
-
-
-@way
-def folder_named_as_an_unfinished_one(place: Path) -> None:
-    """A hidden folder of the user is named as those of killed runs."""
-    _mine(place / "out" / f".small.{NO_PROCESS}.part" / "thesis.tex")
-
-
-@way
-def folder_named_as_one_moved_aside(place: Path) -> None:
-    """A hidden folder of the user is named as a result that a killed run moved aside."""
-    _mine(place / "out" / f".small.{NO_PROCESS}.old" / "thesis.tex")
-
-
-@way
-def remarks_in_a_result_moved_aside(place: Path) -> None:
-    """A run was killed between its two renames; in the earlier result are remarks of the user."""
-    _mine(place / "out" / "small" / "remarks.txt")
-    aside = place / "out" / f".small.{NO_PROCESS}.old"
-    shutil.copytree(place / "out" / "small", aside)
+WAYS: dict[str, Callable[[Path, Path], object]] = {
+    "folder of the user": lambda out, small: _instead(small, "thesis.tex"),
+    "file of the user": lambda out, small: _instead(small, ""),
+    "file inside a result": lambda out, small: _mine(small / "remarks.txt"),
+    "hidden file inside a result": lambda out, small: _mine(small / ".git" / "HEAD"),
+    "changed report": lambda out, small: _mine(
+        small / "report.html", (small / "report.html").read_text(encoding="utf-8") + "<!-- my remarks -->"
+    ),
+    "changed notebook": lambda out, small: _mine(small / "notebook.ipynb"),
+    "manifest that lists other files": lambda out, small: _instead(small, "thesis.tex", "manifest.json"),
+    "link for a result": lambda out, small: _link(small, out.parent / "elsewhere"),
+    "link inside a result": lambda out, small: _link(small / "report.html", out.parent / "thesis.tex"),
+    "index of the user": lambda out, small: _mine(out / "index.html", "<html>my home page</html>"),
+    "link for the index": lambda out, small: _link(out / "index.html", out.parent / "home.html"),
+    "notebook with the name of one that failed": lambda out, small: _mine(
+        out / "small-failed.ipynb", '{"metadata": {}, "cells": []}'
+    ),
+    "folder named as an unfinished one": lambda out, small: _mine(
+        out / f".small.{NO_PROCESS}.part" / "thesis.tex"
+    ),
+    "folder named as one moved away": lambda out, small: _mine(
+        out / f".small.{NO_PROCESS}.old" / "thesis.tex"
+    ),
+    "remarks in a result that was moved away": lambda out, small: _killed_between_renames(out),
+}
+"""What lays something of the user where a run writes: in the folder of results, or in an earlier result."""
 
 
 def _belongings(place: Path) -> dict[str, str]:
@@ -164,34 +101,31 @@ def _missing(before: dict[str, str], place: Path) -> list[str]:
     return [path for path, text in before.items() if after.get(path) != text and text not in after.values()]
 
 
-def attack_once(attack: Callable[[Path], None], finished: Path) -> tuple[list[str], Ended]:
-    """Lay the user's files, run with ``--force``; give what is lost, and how the run ended."""
+def attack_once(way: str, finished: Path) -> tuple[list[str], Ended]:
+    """Lay the user's files, run with ``--force``; return what is lost, and how the run ended."""
     with temporary() as place:
         for name in ("cases", "out", "cache"):
             shutil.copytree(finished / name, place / name)
-        attack(place)
-        before = _belongings(place)
+        out, small = place / "out", place / "out" / "small"
+        words = ("run", place / "cases" / "small.toml", "--force", "--out", out)
+        if way == DURING:
+            process = start(words, env=environment(place))
+            until = time.monotonic() + 20 * ORPHAN_SECONDS
+            while not list(out.glob(".small.*.part")) and time.monotonic() < until:
+                time.sleep(0.01)
+            _mine(small / "thesis.tex")
+            before = _belongings(place)
+            ended = end(process)
+        else:
+            WAYS[way](out, small)
+            before = _belongings(place)
+            ended = rsgen(*words, env=environment(place))
         if not before:
-            raise RuntimeError(f"{attack.__name__} laid nothing")
-        words = ("run", place / "cases" / "small.toml", "--force", "--out", place / "out")
-        ended = rsgen(*words, env=environment(place))
+            raise RuntimeError(f"{way}: laid nothing")
         return _missing(before, place), ended
 
 
-def file_during_a_run(finished: Path) -> tuple[list[str], Ended]:
-    """The user saves a file into the earlier result while the next one is computed."""
-    with temporary() as place:
-        for name in ("cases", "out", "cache"):
-            shutil.copytree(finished / name, place / name)
-        words = ("run", place / "cases" / "small.toml", "--force", "--out", place / "out")
-        process = start(words, env=environment(place))
-        until = time.monotonic() + 20 * ORPHAN_SECONDS
-        while not list((place / "out").glob(".small.*.part")) and time.monotonic() < until:
-            time.sleep(0.01)
-        _mine(place / "out" / "small" / "thesis.tex")
-        before = _belongings(place)
-        ended = end(process)
-        return _missing(before, place), ended
+DURING = "file saved during a run"
 
 
 def prepare(finished: Path) -> None:
@@ -206,25 +140,18 @@ def prepare(finished: Path) -> None:
 
 def run(count: int, seed: int) -> list[Row]:
     """Try the first ``count`` ways; nothing here is left to chance."""
-    lost, talk, tried = [], [], 0
+    lost, talk = [], []
+    ways = [*WAYS, DURING][:count]
     with temporary() as finished:
         prepare(finished)
-        for attack in WAYS[:count]:
-            gone, ended = attack_once(attack, finished)
-            tried += 1
-            lost += [f"{attack.__name__}: {Path(path).name}" for path in gone]
-            fault = ended.fault(0, 2)
-            talk += [f"{attack.__name__}: {fault}"] * bool(fault)
-        if count > len(WAYS):
-            gone, ended = file_during_a_run(finished)
-            tried += 1
-            lost += [f"file during a run: {Path(path).name}" for path in gone]
-            talk += [ended.fault(2)] * bool(ended.fault(2))
-    shown = {
-        name: f" ({'; '.join(which[:5])})" if which else "" for name, which in (("l", lost), ("t", talk))
-    }
-    figure = f"files of the user where a run with --force writes, {tried} ways"
+        for way in ways:
+            gone, ended = attack_once(way, finished)
+            lost += [f"{way}: {Path(path).name}" for path in gone]
+            # a file that comes during a run is noticed: the run is refused
+            fault = ended.fault(*(2,) if way == DURING else (0, 2))
+            talk += [f"{way}: {fault}"] * bool(fault)
+    figure = f"files of the user where a run with --force writes, {len(ways)} ways"
     return [
-        row(f"{figure}: deleted or changed", "0", f"{len(lost)}{shown['l']}"),
-        row(f"{figure}: tracebacks, hangs, wrong exit codes", "0", f"{len(talk)}{shown['t']}"),
+        row(f"{figure}: {what}", "0", str(len(which)) + (f" ({'; '.join(which[:5])})" if which else ""))
+        for what, which in (("deleted or changed", lost), ("tracebacks, hangs, wrong exit codes", talk))
     ]

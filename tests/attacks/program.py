@@ -15,6 +15,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from rsgen.app.study import MANIFEST, read_manifest
+from tests.case_files import CUBIC, write_small
 
 COMMAND = (sys.executable, "-c", "from rsgen.app.cli import main; main()")
 
@@ -23,23 +24,6 @@ HANG_SECONDS = 180.0
 
 ORPHAN_SECONDS = 3.0
 """A process of a run that is there so long after the run is an orphan; one that clears up has 1 s."""
-
-CASE = """\
-schema = 1
-name = "{name}"
-title = "{title}"
-system = {{ mass = "1.5 kg" }}
-element = [{{ name = "spring", force = "k*x + kn*x**3 + c*v" }}]
-truth = {{ k = {k!r}, kn = 2.2e5, c = 8.0 }}
-accept = {{ k = 1e-2 }}
-
-[test]
-kind = "simulated"
-level = {{ start = 2, stop = 10, count = 3 }}
-frequency = {{ start = 8, stop = 12, count = 21 }}
-harmonics = 3
-accuracy = 1e-5
-"""
 
 Row = dict[str, str]
 """A row of the table: ``figure``, ``asked``, ``measured``."""
@@ -50,11 +34,9 @@ def row(figure: str, asked: str, measured: str) -> Row:
     return {"figure": figure, "asked": asked, "measured": measured}
 
 
-def write_case(folder: Path, name: str = "small", *, k: float = 5920.0, title: str = "A small case") -> Path:
+def write_case(folder: Path, name: str = "small", *, k: float = 5920.0) -> Path:
     """Write a case of 63 points, named as its file."""
-    path = folder / f"{name}.toml"
-    path.write_text(CASE.format(name=name, title=title, k=k), encoding="utf-8")
-    return path
+    return write_small(folder, name, CUBIC | {"title": "A small case", "truth.k": k})
 
 
 @dataclass(frozen=True)

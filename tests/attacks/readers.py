@@ -19,7 +19,7 @@ from rsgen.common.errors import RsgenError
 from rsgen.data.surface import load_surface
 from rsgen.files import read_measurement
 from rsgen.files.inspection import list_contents, propose
-from tests.attacks.child import Outcome, attempts, command, judged, kind_of, measured, tally
+from tests.attacks.child import Outcome, attacked, command, judged, kind_of, measured
 from tests.attacks.damage import CHECKED, DAMAGE
 from tests.attacks.good_files import ENDINGS, good, history_plan, table_plan
 from tests.attacks.traps import TRAPS
@@ -141,22 +141,11 @@ def _kind(outcome: Outcome) -> str:
 
 
 def run(count: int, seed: int) -> list[dict[str, str]]:
-    """Make attacks and give the rows of the table: figure, asked, measured."""
-    found = tally(attempts("tests.attacks.readers", [str(seed)], range(count)), _kind)
-    kinds = found.kinds
-    return [
-        {
-            "figure": f"{count} tampered data and surface files: crashes, hangs, reads outside, over 1 GB",
-            "asked": "0, 0, 0, 0",
-            "measured": f"{kinds['crash']}, {kinds['hang']}, {kinds['outside']}, {kinds['memory']} "
-            f"{found.text}",
-        },
-        {
-            "figure": "other numbers after damage in a part that the format checks, unsaid",
-            "asked": "0",
-            "measured": str(kinds["unsaid"]),
-        },
-    ]
+    """Make attacks and return the rows of the table: figure, asked, measured."""
+    figure = "tampered data and surface files: crashes, hangs, reads outside, over 1 GB"
+    row, found = attacked("readers", count, seed, figure, _kind)
+    unsaid = "other numbers after damage in a part that the format checks, unsaid"
+    return [row, {"figure": unsaid, "asked": "0", "measured": str(found.kinds["unsaid"])}]
 
 
 if __name__ == "__main__":

@@ -5,7 +5,6 @@ from __future__ import annotations
 import struct
 import time
 from collections.abc import Callable
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -20,7 +19,7 @@ from rsgen.files.sandbox import list_binary, read_binary
 from rsgen.files.text_columns import MAX_NUMBER_LENGTH, read_columns
 from tests.attacks import readers
 from tests.attacks.child import allowed
-from tests.attacks.damage import DAMAGE, Damage, in_archive, in_chunk, in_variable
+from tests.attacks.damage import DAMAGE, in_archive, in_chunk, in_variable
 from tests.attacks.good_files import ENDINGS, good, table_plan
 from tests.attacks.traps import npy_padded
 
@@ -37,22 +36,25 @@ def refusal(act: Callable[[], object]) -> str:
     return str(caught.value)
 
 
-def test_every_format_is_attacked() -> None:
+def test_every_format_is_attacked():
     assert {"csv", *FORMATS} <= {*ENDINGS, *(row.name for row in FORMATS.values() if row.package)}
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("form", [form for form in ENDINGS if form not in ("uff", "surface")])
-def test_good_files_are_read(form: str, tmp_path: Path) -> None:
+def test_good_files_are_read(form, tmp_path):
     """What is tampered with is whole before: an attack that meets a broken file shows nothing."""
     path = tmp_path / f"a{ENDINGS[form]}"
     path.write_bytes(good(form, tmp_path))
     assert len(read_measurement(table_plan(path, form))) == 40
 
 
+BINARY = [form for form in ENDINGS if form not in ("csv", "surface")]
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize("damage", DAMAGE, ids=lambda damage: damage.__name__)
-def test_damage_to_text_and_surfaces(damage: Damage, tmp_path: Path) -> None:
+def test_damage_to_texts_and_surfaces(damage, tmp_path):
     rng = np.random.default_rng(5)
     for form in ("csv", "csv", "csv", "surface"):
         path = tmp_path / f"a{ENDINGS[form]}"
@@ -61,8 +63,27 @@ def test_damage_to_text_and_surfaces(damage: Damage, tmp_path: Path) -> None:
         readers._numbers(path, form)
 
 
+@pytest.mark.slow
+@pytest.mark.parametrize("form", BINARY)
+def test_damaged_files_are_listed_or_refused_and_those_cut_off_are_refused(form, tmp_path):
+    content, rng = good(form, tmp_path), np.random.default_rng(7)
+    damaged = [damage(content, rng) for damage in rng.choice(np.array(DAMAGE), 3)]
+    for number, changed in enumerate([*damaged, content[: len(content) // 3], content[:-3]]):
+        path, fault, entries = tmp_path / f"{number}{ENDINGS[form]}", "", ()
+        path.write_bytes(changed)
+        try:
+            entries = list_contents(path).entries
+        except MeasurementError as error:
+            fault = str(error)
+            assert fault.startswith(f"{path.name}: ")
+            assert fault.isprintable()
+        assert fault or number < len(damaged)
+        assert all(entry.fault or entry.dtype for entry in entries)
+        assert all(entry.low <= entry.high for entry in entries if entry.low is not None)
+
+
 @pytest.mark.thorough
-def test_damage_that_keeps_the_hdf5_library_busy_ends(tmp_path: Path) -> None:
+def test_damage_that_keeps_the_hdf5_library_busy_ends(tmp_path):
     """HDF5 1.14 follows a list of free blocks that leads back to itself without end; its process is ended."""
     content = bytearray(good("surface", tmp_path))
     heap = content.index(b"HEAP")
@@ -82,7 +103,7 @@ def test_damage_that_keeps_the_hdf5_library_busy_ends(tmp_path: Path) -> None:
     [("npz", in_archive), ("mat", in_variable), ("hdf5", in_chunk)],
     ids=["npz", "mat", "hdf5"],
 )
-def test_damage_that_a_checksum_shows_is_said(form: str, damage: Damage, tmp_path: Path) -> None:
+def test_damage_that_a_checksum_shows_is_said(form, damage, tmp_path):
     path = tmp_path / f"a{ENDINGS[form]}"
     addresses = ["f", "F", "x", "t", "u", "a"]
     content = good(form, tmp_path)
@@ -102,7 +123,7 @@ def test_damage_that_a_checksum_shows_is_said(form: str, damage: Damage, tmp_pat
 
 
 @pytest.mark.parametrize("ending", ["", "x", ".5.5", "e5e"])
-def test_a_number_of_a_million_digits_is_refused_by_its_length(ending: str, tmp_path: Path) -> None:
+def test_a_number_of_a_million_digits_is_refused_by_its_length(ending, tmp_path):
     path = tmp_path / "a.csv"
     path.write_bytes(b"f,F\n1,2\n" + b"7" * 900_000 + ending.encode() + b",2\n")
     sentence = refusal(lambda: read_columns(path, Layout(), [1]))
@@ -111,13 +132,13 @@ def test_a_number_of_a_million_digits_is_refused_by_its_length(ending: str, tmp_
 
 
 @pytest.mark.parametrize(("seed", "reason"), [(1, "EOF: reading array header"), (2, "Header info length")])
-def test_a_header_of_megabytes_is_refused(tmp_path: Path, seed: int, reason: str) -> None:
+def test_a_header_of_megabytes_is_refused(tmp_path, seed, reason):
     path = tmp_path / "a.npy"
     path.write_bytes(npy_padded(tmp_path, np.random.default_rng(seed)))
     assert f"is no whole .npy array of numbers: {reason}" in refusal(lambda: list_binary(path, "npy"))
 
 
-def test_thousands_of_columns_are_listed_soon(tmp_path: Path) -> None:
+def test_thousands_of_columns_are_listed_soon(tmp_path):
     path = tmp_path / "a.csv"
     row = ",".join(["1.5"] * 4000)
     path.write_text("\n".join([row] * 40 + [row[:-1] + "x"]) + "\n")
@@ -126,7 +147,7 @@ def test_thousands_of_columns_are_listed_soon(tmp_path: Path) -> None:
     assert time.process_time() - begun < allowed(SECONDS)
 
 
-def test_many_stars_in_the_name_of_a_column_take_no_time(tmp_path: Path) -> None:
+def test_many_stars_in_the_name_of_a_column_take_no_time(tmp_path):
     file = tmp_path / "a.csv"
     file.write_text(f"f,{'a' * 60}b,x_1N_2,x_2N_2,x_N_2\n1,2,3,4,5\n", encoding="utf-8")
     begun = time.process_time()
@@ -137,7 +158,7 @@ def test_many_stars_in_the_name_of_a_column_take_no_time(tmp_path: Path) -> None
     assert read_columns(file, Layout(), ["x_*N_*"], None).names == ("x_1N_2", "x_2N_2")
 
 
-def test_many_stars_in_an_address_take_no_time() -> None:
+def test_many_stars_in_an_address_take_no_time():
     begun = time.process_time()
     assert _stars("*a" * 90 + "b", "a" * 4000) == ("a" * 4000,)
     assert _stars("run_*/ch*_*[2]", "run_1/ch2_3_4") == ("1", "2_3", "4")

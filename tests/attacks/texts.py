@@ -98,13 +98,9 @@ def nested_functions(rng: Generator) -> str:
 def nested_switches(rng: Generator) -> str:
     """abs(abs(x - b) - c) and the like, to any depth."""
     make = (
-        "abs({} - {})",
-        "Max({}, {})",
-        "Min({}, {}*x)",
-        "sign({} + {})*x",
-        "Heaviside({} - {})*v",
+        "abs({} - {})", "Max({}, {})", "Min({}, {}*x)", "sign({} + {})*x", "Heaviside({} - {})*v",
         "abs({})*{}",
-    )
+    )  # fmt: skip
     return _nested("x", lambda t: _pick(rng, make).format(t, _leaf(rng)), _many(rng, 20))
 
 
@@ -117,13 +113,9 @@ def nested_cases(rng: Generator) -> str:
 def many_switches(rng: Generator) -> str:
     """A sum or product of many switches at different places."""
     make = (
-        "abs(x - {})",
-        "sign(v - {})",
-        "Max(x - {}, 0)",
-        "Heaviside(x + {})",
-        "abs(v)*x**2*{}",
+        "abs(x - {})", "sign(v - {})", "Max(x - {}, 0)", "Heaviside(x + {})", "abs(v)*x**2*{}",
         "abs(x*{} - v)",
-    )
+    )  # fmt: skip
     joint = _pick(rng, (" + ", "*", " - "))
     parts = [
         _pick(rng, make).format(_pick(rng, NAMES) + str(i) if rng.random() < 0.7 else i)
@@ -222,37 +214,13 @@ def quotients(rng: Generator) -> str:
 def no_language(rng: Generator) -> str:
     """Look-alikes, thousands of parentheses, control characters, words of Python, very long texts."""
     kinds = (
-        "(" * _many(rng, 5000) + "x" + ")" * _many(rng, 5000),
-        "-" * _many(rng, 4000) + "x",
-        "k*\u0445 + c*v",
-        "k\u2217x",
-        "\uff4b*x",
-        "k*x\u200b",
-        "\u202ek*x",
-        "x" * 10**6,
-        "9" * 10**6,
-        "x**" * 600 + "2",
-        "x." * 900 + "x",
-        "lambda: x",
-        "x if x else v",
-        "__import__('os')",
-        "x\x00",
-        "[x for x in v]",
-        "+".join(["x"] * 900),
-        "x" + "**x" * 600,
-        "Max(" + ", ".join(["x"] * 600) + ")",
-        "1e" + "9" * 500,
-        "x and v",
-        "x < v < b",
-        "\ud800",
-        "abs(" * 39 + "x" + ")" * 39,
-        "*".join(["(x + v)"] * 200),
-        "1_000*x",
-        "0x10*x",
-        "1j*x",
-        "x @ v",
-        "x := v",
-    )
+        "(" * _many(rng, 5000) + "x" + ")" * _many(rng, 5000), "-" * _many(rng, 4000) + "x",
+        "k*\u0445 + c*v", "k\u2217x", "\uff4b*x", "k*x\u200b", "\u202ek*x", "x" * 10**6, "9" * 10**6,
+        "x**" * 600 + "2", "x." * 900 + "x", "lambda: x", "x if x else v", "__import__('os')", "x\x00",
+        "[x for x in v]", "+".join(["x"] * 900), "x" + "**x" * 600, "Max(" + ", ".join(["x"] * 600) + ")",
+        "1e" + "9" * 500, "x and v", "x < v < b", "\ud800", "abs(" * 39 + "x" + ")" * 39,
+        "*".join(["(x + v)"] * 200), "1_000*x", "0x10*x", "1j*x", "x @ v", "x := v",
+    )  # fmt: skip
     return kinds[int(rng.integers(len(kinds)))]
 
 

@@ -12,6 +12,7 @@ from typing import Any
 
 import numpy as np
 import scipy.io
+import scipy.sparse
 from numpy.random import Generator
 
 from tests.attacks.good_files import arrays, good, power_of_ten, universal
@@ -70,15 +71,8 @@ def words_and_numbers(folder: Path, rng: Generator) -> bytes:
 
 def titles(folder: Path, rng: Generator) -> bytes:
     """Titles whose units are no units, or powers without end."""
-    unit = [
-        b"m^999999999",
-        b"m" * 50_000,
-        b"(" * 9000,
-        b"1/" * 5000 + b"s",
-        b"kg**-1e9",
-        b"10^400 m",
-        b"\xff\xfe m",
-    ]
+    unit = (b"m^999999999", b"m" * 50_000, b"(" * 9000, b"1/" * 5000 + b"s", b"kg**-1e9", b"10^400 m",
+            b"\xff\xfe m")  # fmt: skip
     name = b"x [" + unit[int(rng.integers(len(unit)))] + b"]"
     row = b"8.5,1,1e-3,1e-4"
     return b"f [Hz],F [N]," + name + b",y\n" + b"\n".join([row] * 30) + b"\n"
@@ -183,28 +177,20 @@ def archive(folder: Path, rng: Generator) -> bytes:
 
 def matlab(folder: Path, rng: Generator) -> bytes:
     """Bombs, deep structs, long names, cells by the thousand, text, sparse and empty arrays."""
-    file: Any = io.BytesIO()
+    deep: Any = np.ones(3)
+    for _ in range(power_of_ten(rng, 0.5, 2)):
+        deep = {"s": deep}
     kind = int(rng.integers(7))
-    tree: dict[str, Any] = {}
-    if kind == 0:
-        tree = {"f": np.zeros((1, power_of_ten(rng, 5, 7.3)))}
-    elif kind == 1:
-        deep: Any = np.ones(3)
-        for _ in range(power_of_ten(rng, 0.5, 2)):
-            deep = {"s": deep}
-        tree = {"f": deep}
-    elif kind == 2:
-        tree = {"f": np.array([np.ones(2)] * power_of_ten(rng, 2, 4), dtype=object)}
-    elif kind == 3:
-        tree = {"n" * 31: np.ones(2), "f": "text" * power_of_ten(rng, 0, 5), "t": np.array([], dtype=float)}
-    elif kind == 4:
-        from scipy.sparse import eye
-
-        tree = {"f": eye(power_of_ten(rng, 1, 5)), "t": np.zeros((2, 3, 4, 5))}
-    elif kind == 5:
-        tree = {f"v{number}": np.ones(1) for number in range(power_of_ten(rng, 1, 3.5))}
-    else:
-        tree = {"f": np.array([True, False]), "t": np.array([1, 2], dtype="i8"), "x": 1j * np.ones(2)}
+    tree: dict[str, Any] = [
+        lambda: {"f": np.zeros((1, power_of_ten(rng, 5, 7.3)))},
+        lambda: {"f": deep},
+        lambda: {"f": np.array([np.ones(2)] * power_of_ten(rng, 2, 4), dtype=object)},
+        lambda: {"n" * 31: np.ones(2), "f": "text" * power_of_ten(rng, 0, 5), "t": np.array([])},
+        lambda: {"f": scipy.sparse.eye(power_of_ten(rng, 1, 5)), "t": np.zeros((2, 3, 4, 5))},
+        lambda: {f"v{number}": np.ones(1) for number in range(power_of_ten(rng, 1, 3.5))},
+        lambda: {"f": np.array([True, False]), "t": np.array([1, 2], "i8"), "x": 1j * np.ones(2)},
+    ][kind]()
+    file: Any = io.BytesIO()
     scipy.io.savemat(file, tree, do_compression=bool(kind == 0 or rng.random() < 0.5), format="5")
     return bytes(file.getvalue())
 

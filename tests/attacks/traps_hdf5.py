@@ -32,48 +32,57 @@ def _made(make: Callable[[h5py.File], None], **how: Any) -> bytes:
 
 def hdf5_declared(folder: Path, rng: Generator) -> bytes:
     """Arrays of any size without a byte in the file, packed to nothing, or of a million chunks."""
-    kind, size = int(rng.integers(5)), power_of_ten(rng, 5, 12)
+    size = power_of_ten(rng, 5, 12)
+    arrays: list[dict[str, Any]] = [
+        {"shape": (size,), "dtype": "f8", "chunks": (1000,)},
+        {"shape": (size,), "dtype": "f8", "fillvalue": 1.0},
+        {"shape": (min(size, 10**7),), "dtype": "f8", "chunks": (10**5,), "compression": "gzip"},
+        {"shape": (10**9,), "dtype": "f8", "chunks": (10**8,), "compression": "gzip"},
+        {"shape": (power_of_ten(rng, 3, 4.3),), "dtype": "f8", "chunks": (1,), "compression": "gzip"},
+    ]
+    kind = int(rng.integers(5))
 
     def make(file: h5py.File) -> None:
-        if kind == 0:
-            file.create_dataset("f", shape=(size,), dtype="f8", chunks=(1000,))
-        elif kind == 1:
-            file.create_dataset("f", shape=(size,), dtype="f8", fillvalue=1.0)
-        elif kind == 2:
-            file.create_dataset("f", data=np.zeros(min(size, 10**7)), chunks=(10**5,), compression="gzip")
-        elif kind == 3:
-            file.create_dataset("f", shape=(10**9,), dtype="f8", chunks=(10**8,), compression="gzip")
-            file["f"][0] = 1.0
-        else:
-            count = power_of_ten(rng, 3, 4.3)
-            file.create_dataset("f", data=np.zeros(count), chunks=(1,), compression="gzip")
+        data = file.create_dataset("f", **arrays[kind])
+        if kind == 3:
+            data[0] = 1.0
+        elif kind in (2, 4):
+            data[...] = 0.0
 
     return _made(make)
 
 
-def hdf5_outside(folder: Path, rng: Generator) -> bytes:
-    """Links, virtual and external data that lead to another file."""
+def _virtual(file: h5py.File, name: str, outside: Path) -> None:
+    layout = h5py.VirtualLayout((40,), dtype="f8")
+    layout[:] = h5py.VirtualSource(str(outside), "f", shape=(40,))
+    file.create_virtual_dataset(name, layout)
+
+
+def _outside(folder: Path) -> tuple[Path, list[tuple[str, int, int]]]:
+    """Write a secret into files; return that of HDF5, and where it lies in the other."""
     outside = folder / "outside.h5"
     if not outside.exists():
         with h5py.File(outside, "w") as file:
             file["f"] = np.full(40, SECRET)
         (folder / "outside.bin").write_bytes(np.full(40, SECRET).tobytes())
-    kind = int(rng.integers(4))
+    return outside, [(str(folder / "outside.bin"), 0, 320)]
+
+
+def hdf5_outside(folder: Path, rng: Generator) -> bytes:
+    """Links, virtual and external data that lead to another file."""
+    outside, place = _outside(folder)
+    ways: list[Callable[[h5py.File], object]] = [
+        lambda file: file.update({"f": h5py.ExternalLink(str(outside), "f")}),
+        lambda file: _virtual(file, "f", outside),
+        lambda file: file.create_dataset("f", shape=(40,), dtype="f8", external=place),
+        lambda file: file.update({"f": h5py.SoftLink(str(outside))}),
+    ]
+    way = ways[int(rng.integers(4))]
 
     def make(file: h5py.File) -> None:
         for name in ("F", "x", "t", "u", "a"):
             file[name] = np.ones(40)
-        if kind == 0:
-            file["f"] = h5py.ExternalLink(str(outside), "f")
-        elif kind == 1:
-            layout = h5py.VirtualLayout((40,), dtype="f8")
-            layout[:] = h5py.VirtualSource(str(outside), "f", shape=(40,))
-            file.create_virtual_dataset("f", layout)
-        elif kind == 2:
-            where = [(str(folder / "outside.bin"), 0, 320)]
-            file.create_dataset("f", shape=(40,), dtype="f8", external=where)
-        else:
-            file["f"] = h5py.SoftLink(str(outside))
+        way(file)
 
     return _made(make)
 
@@ -113,52 +122,32 @@ def hdf5_tree(folder: Path, rng: Generator) -> bytes:
 # ---------------------------------------------------------------- surfaces
 
 
+TEXTS = (b"[" * 100_000, b'{"a":' * 9000, b"9" * 9000, b"[null]", b'[{"code": 1}]', b"\xff", b"NaN")
+
+
 def surface(folder: Path, rng: Generator) -> bytes:
     """A surface one of whose arrays is declared, packed, linked, of another kind or length, or deep JSON."""
-    file = io.BytesIO(good("surface", folder))
+    content = io.BytesIO(good("surface", folder))
     names = [*COLUMN_UNITS, "findings"]
-    name = names[int(rng.integers(len(names)))]
-    kind = int(rng.integers(9))
-    with h5py.File(file, "r+") as made:
-        if name in made:
-            del made[name]
-        if kind == 0:
-            made.create_dataset(name, shape=(power_of_ten(rng, 3, 12),), dtype="f8", chunks=(1000,))
-        elif kind == 1:
-            made.create_dataset(name, shape=(power_of_ten(rng, 3, 12),), dtype="f8")
-        elif kind == 2:
-            made.create_dataset(name, data=np.zeros(10**6), compression="gzip")
-        elif kind == 3:
-            hdf5_outside(folder, np.random.default_rng(1))
-            made.create_dataset(
-                name, shape=(40,), dtype="f8", external=[(str(folder / "outside.bin"), 0, 320)]
-            )
-        elif kind == 4:
-            layout = h5py.VirtualLayout((40,), dtype="f8")
-            layout[:] = h5py.VirtualSource(str(folder / "outside.h5"), "f", shape=(40,))
-            made.create_virtual_dataset(name, layout)
-        elif kind == 5:
-            texts = [
-                b"[" * 100_000,
-                b'{"a":' * 9000,
-                b"9" * 9000,
-                b"[null]",
-                b'[{"code": 1}]',
-                b"\xff",
-                b"NaN",
-            ]
-            made.create_dataset(name, data=np.bytes_(texts[int(rng.integers(len(texts)))]))
-        elif kind == 6:
-            values: list[Any] = [
-                np.full(40, np.nan),
-                np.full(40, 1e308),
-                np.zeros((40, 3)),
-                np.ones(39),
-                ["a"] * 40,
-            ]
-            made.create_dataset(name, data=values[int(rng.integers(len(values)))])
-        elif kind == 7:
-            made[name] = h5py.SoftLink("/" + name)
-        else:
-            made.attrs["origin"] = ["o" * 60_000, b"\xff", 3, np.ones(1000)][int(rng.integers(4))]
-    return file.getvalue()
+    name, size = names[int(rng.integers(len(names)))], power_of_ten(rng, 3, 12)
+    outside, place = _outside(folder)
+    values: list[Any] = [
+        np.full(40, np.nan), np.full(40, 1e308), np.zeros((40, 3)), np.ones(39), ["a"] * 40,
+        *map(np.bytes_, TEXTS),
+    ]  # fmt: skip
+    value, origin = values[int(rng.integers(len(values)))], ["o" * 60_000, b"\xff", 3, np.ones(1000)]
+    ways: list[Callable[[h5py.File], object]] = [
+        lambda file: file.create_dataset(name, shape=(size,), dtype="f8", chunks=(1000,)),
+        lambda file: file.create_dataset(name, shape=(size,), dtype="f8"),
+        lambda file: file.create_dataset(name, data=np.zeros(10**6), compression="gzip"),
+        lambda file: file.create_dataset(name, shape=(40,), dtype="f8", external=place),
+        lambda file: _virtual(file, name, outside),
+        lambda file: file.create_dataset(name, data=value),
+        lambda file: file.update({name: h5py.SoftLink("/" + name)}),
+        lambda file: file.attrs.__setitem__("origin", origin[int(rng.integers(4))]),
+    ]
+    with h5py.File(content, "r+") as file:
+        if name in file:
+            del file[name]
+        ways[int(rng.integers(len(ways)))](file)
+    return content.getvalue()

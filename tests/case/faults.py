@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import copy
 import json
 import math
 from collections import Counter
@@ -14,20 +13,7 @@ from typing import Any
 
 from rsgen.cases import load_case
 from rsgen.common.errors import CaseError
-
-GONE = object()
-"""In place of a value: the key is left out."""
-
-
-@dataclass(frozen=True)
-class Literal:
-    """A value that stands in the file as it is."""
-
-    text: str
-
-
-Changes = dict[str, Any]
-"""Bad values by the dotted path of their key; entries of lists count from 1."""
+from tests.case_files import GONE, Changes, Literal, changed
 
 SPRING = {"name": "spring", "force": "k1*x + kn1*x**3"}
 DAMPER = {"name": "damper", "force": "c1*v"}
@@ -236,33 +222,6 @@ OF_TEXT: dict[str, bytes] = {
 """Files that are no TOML."""
 
 
-def toml(value: Any) -> str:
-    """Write a value as TOML in one line."""
-    if isinstance(value, Literal):
-        return value.text
-    if isinstance(value, dict):
-        return "{" + ", ".join(f"{key} = {toml(entry)}" for key, entry in value.items()) + "}"
-    if isinstance(value, list):
-        return "[" + ", ".join(map(toml, value)) + "]"
-    # JSON and TOML agree in texts, numbers and truth values
-    return repr(value) if isinstance(value, float) else json.dumps(value)
-
-
-def changed(case: dict[str, Any], changes: Changes) -> bytes:
-    """Write a case with changes."""
-    tree = copy.deepcopy(case)
-    for path, value in changes.items():
-        *parents, key = path.split(".")
-        place: Any = tree
-        for parent in parents:
-            place = place[int(parent) - 1] if isinstance(place, list) else place[parent]
-        if value is GONE:
-            del place[key]
-        else:
-            place[key] = value
-    return "".join(f"{key} = {toml(value)}\n" for key, value in tree.items()).encode()
-
-
 @dataclass(frozen=True)
 class Fault:
     """A faulty case file; ``sentences.json`` has all that is said about it."""
@@ -282,7 +241,7 @@ def _faults() -> Iterator[Fault]:
     for case, rows in ((SIMULATED, OF_SIMULATED), (TABLE, OF_TABLE), (HISTORY, OF_HISTORY)):
         for changes in rows:
             times[name := ",".join(changes)] += 1
-            yield Fault(f"{name} {times[name]}" if times[name] > 1 else name, changed(case, changes))
+            yield Fault(f"{name} {times[name]}" if times[name] > 1 else name, changed(case, changes).encode())
     for name, content in OF_TEXT.items():
         yield Fault(name, content)
 

@@ -26,7 +26,8 @@ from rsgen.files import MeasuredTest
 from rsgen.formula import check_name
 from rsgen.formula import write as write_formula
 from rsgen.law import Law, make_element
-from tests.case.faults import FAULTS, HISTORY, SENTENCES, SIMULATED, TABLE, Fault, changed
+from tests.case.faults import FAULTS, HISTORY, SENTENCES, SIMULATED, TABLE
+from tests.case_files import changed
 
 ROOT = Path(__file__).parents[2]
 CASES = sorted((ROOT / "cases").glob("*.toml"), key=lambda path: path.stem)
@@ -97,7 +98,7 @@ def of_the_paper(case: rsgen.Case) -> bool:
 
 
 @pytest.mark.parametrize("path", CASES, ids=lambda path: path.stem)
-def test_case_of_a_virtual_test(path: Path) -> None:
+def test_case_of_a_virtual_test(path):
     case = load_case(path)
     assert isinstance(case.test, SimulatedTest)
     assert case.oscillator is not None
@@ -114,7 +115,7 @@ def test_case_of_a_virtual_test(path: Path) -> None:
         assert set(case.printed) == ({"stiffness", "damping"} if of_the_paper(case) else set())
 
 
-def test_units_reach_si() -> None:
+def test_units_reach_si():
     case = load_case(ROOT / "cases" / "cubic.toml")
     assert case.truth == {"k1": 5920.0, "kn1": -2.2e5, "c1": 3.8, "m": 1.5}
     assert case.units == {"k1": "N/m", "kn1": "N/m^3", "c1": "N*s/m", "m": "kg"}
@@ -124,7 +125,7 @@ def test_units_reach_si() -> None:
     assert piecewise.truth["b"] == pytest.approx(0.02, rel=1e-15)
 
 
-def test_misprints_stay_as_printed() -> None:
+def test_misprints_stay_as_printed():
     # Liu et al., Eqs. (20) and (22): wrong by a factor 2 in one term, and blind to the mean
     case = load_case(ROOT / "cases" / "piecewise.toml")
     values = {**case.truth, "X": 0.04}
@@ -137,7 +138,7 @@ def test_misprints_stay_as_printed() -> None:
     assert float(bilinear.subs({s: {"k6": 4000, "k7": 8000}[s.name] for s in bilinear.free_symbols})) == 6000
 
 
-def test_published_schema_is_current() -> None:
+def test_published_schema_is_current():
     published = json.loads((ROOT / "cases" / "case.schema.json").read_text(encoding="utf-8"))
     assert published == case_schema(), "write it anew, with an indent of 2"
     for path in CASES:
@@ -148,17 +149,17 @@ def test_published_schema_is_current() -> None:
 
 
 @pytest.mark.parametrize("case", [SIMULATED, TABLE, HISTORY], ids=["simulated", "table", "history"])
-def test_a_case_without_a_fault_loads(case: dict[str, Any], tmp_path: Path) -> None:
-    assert load_case(write(tmp_path, changed(case, {}).decode())).name == "good"
+def test_a_case_without_a_fault_loads(case, tmp_path):
+    assert load_case(write(tmp_path, changed(case, {}))).name == "good"
 
 
 @pytest.mark.parametrize("fault", FAULTS, ids=lambda fault: fault.name)
-def test_every_fault_has_its_sentences(fault: Fault, tmp_path: Path) -> None:
+def test_every_fault_has_its_sentences(fault, tmp_path):
     found = refused(fault.write(tmp_path))
     assert [f"faulty.toml: {sentence}" for sentence in SAID[fault.name]] == list(found)
 
 
-def test_no_file_no_regular_file_too_large(tmp_path: Path) -> None:
+def test_no_file_no_regular_file_too_large(tmp_path):
     assert "cannot be read" in refused(tmp_path / "absent.toml")[0]
     assert "no regular file" in refused(tmp_path)[0]
     large = write(tmp_path, "#" * 300_000)
@@ -167,14 +168,12 @@ def test_no_file_no_regular_file_too_large(tmp_path: Path) -> None:
     assert "in a line" in refused(write(tmp_path, "#" * 30_000))[0]
 
 
-def test_byte_order_mark_and_windows_line_ends_are_read(tmp_path: Path) -> None:
+def test_byte_order_mark_and_windows_line_ends_are_read(tmp_path):
     text = "\ufeff" + good().replace("\n", "\r\n")
     assert load_case(write(tmp_path, text)).name == "good"
 
 
-def test_memory_is_declared_beside_the_force_or_comes_with_a_law(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_memory_is_declared_beside_the_force_or_comes_with_a_law(tmp_path, monkeypatch):
     formula = "a*v - b*abs(v)*z - d*v*abs(z)"
     library = Law("c*v + z", "joint-law", memory={"z": formula})
     monkeypatch.setattr("rsgen.cases.loading.laws", {"joint-law": library})
@@ -189,7 +188,7 @@ def test_memory_is_declared_beside_the_force_or_comes_with_a_law(
         assert make_element(element.name, write_formula(element.force), element.memory) == element
 
 
-def test_element_names_a_law_of_the_library(tmp_path: Path) -> None:
+def test_element_names_a_law_of_the_library(tmp_path):
     law = 'law = "cubic-spring"\nparameters = { k3 = "kn1" }'
     case = load_case(
         write(tmp_path, good(truth="k = 5920\nkn1 = '-2e5 N/m^3'").replace('force = "k*x"', law))
@@ -210,17 +209,17 @@ def test_element_names_a_law_of_the_library(tmp_path: Path) -> None:
         ("", "is missing"),
     ],
 )
-def test_faults_of_laws_by_name(element: str, message: str, tmp_path: Path) -> None:
+def test_faults_of_laws_by_name(element, message, tmp_path):
     faults = refused(write(tmp_path, good().replace('force = "k*x"', element)))
     assert any("element.1" in fault and message in fault for fault in faults), faults
 
 
-def test_names_that_differ_by_case_only_are_noted(tmp_path: Path) -> None:
+def test_names_that_differ_by_case_only_are_noted(tmp_path):
     case = load_case(write(tmp_path, good("k*x + K*x**3", "k = 1\nK = 2")))
     assert case.warnings == ("parameters K and k differ by case only",)
 
 
-def test_cases_must_not_share_a_folder(tmp_path: Path) -> None:
+def test_cases_must_not_share_a_folder(tmp_path):
     one = load_case(write(tmp_path, good(), "a.toml"))
     two = load_case(write(tmp_path, good().replace('"good"', '"GOOD"'), "b.toml"))
     other = load_case(write(tmp_path, good().replace('"good"', '"other"'), "c.toml"))
@@ -228,7 +227,7 @@ def test_cases_must_not_share_a_folder(tmp_path: Path) -> None:
     assert name_clashes([one, other]) == {}
 
 
-def test_folders_are_searched_for_cases(tmp_path: Path) -> None:
+def test_folders_are_searched_for_cases(tmp_path):
     write(tmp_path, good(), "b.toml")
     write(tmp_path, good(), "a.toml")
     assert [path.name for path in find_cases([tmp_path])] == ["a.toml", "b.toml"]
@@ -239,7 +238,7 @@ def test_folders_are_searched_for_cases(tmp_path: Path) -> None:
         find_cases([tmp_path / "none.toml"])
 
 
-def test_grids(tmp_path: Path) -> None:
+def test_grids(tmp_path):
     def levels(text: str) -> list[float]:
         test = load_case(write(tmp_path, good(level=text))).test
         assert isinstance(test, SimulatedTest)
@@ -259,7 +258,7 @@ _KEYS_OF_A_CASE = {"param-034", "param-035", "param-036", "param-045"}
 
 
 @pytest.mark.parametrize("entry", corpus("parameters.json"), ids=lambda e: e["id"])
-def test_hostile_parameter_tables(tmp_path: Path, entry: dict[str, Any]) -> None:
+def test_hostile_parameter_tables(tmp_path, entry):
     text = entry["input"]
     refused(write(tmp_path, text))
     if entry["id"] in _KEYS_OF_A_CASE:
@@ -283,7 +282,7 @@ def test_hostile_parameter_tables(tmp_path: Path, entry: dict[str, Any]) -> None
 
 
 @pytest.mark.parametrize("entry", corpus("grids.json"), ids=lambda e: e["id"])
-def test_hostile_grids(tmp_path: Path, entry: dict[str, Any]) -> None:
+def test_hostile_grids(tmp_path, entry):
     text = entry["input"].replace("\n", ", ").replace("n=", "count=").replace("scale=", "spacing=")
     if "spacing" not in text:
         # a level of 0 is refused anyway; what the entry is about must be the reason
@@ -302,7 +301,7 @@ _SITUATIONS = {
 @pytest.mark.parametrize(
     "entry", [e for e in corpus("paths.json") if e["id"] not in _SITUATIONS], ids=lambda e: e["id"]
 )
-def test_hostile_paths(tmp_path: Path, entry: dict[str, Any]) -> None:
+def test_hostile_paths(tmp_path, entry):
     text = entry.get("input", "")
     assert path_fault(text)
     faults = refused(write(tmp_path, good().replace('"good"', json.dumps(text))))
@@ -310,7 +309,7 @@ def test_hostile_paths(tmp_path: Path, entry: dict[str, Any]) -> None:
 
 
 @pytest.mark.parametrize("entry", corpus("titles.json"), ids=lambda e: e["id"])
-def test_hostile_titles(tmp_path: Path, entry: dict[str, Any]) -> None:
+def test_hostile_titles(tmp_path, entry):
     text = entry["input"]
     if entry["field"] == "symbol name":
         refused(write(tmp_path, good().replace('"spring"', json.dumps(text))))
@@ -336,9 +335,7 @@ SNIPPETS = [
         st.tuples(st.floats(0, 1), st.integers(0, 6), st.sampled_from(SNIPPETS)), min_size=1, max_size=4
     ),
 )
-def test_a_damaged_case_is_a_case_or_a_case_error(
-    tmp_path_factory: pytest.TempPathFactory, text: str, damages: list[tuple[float, int, str]]
-) -> None:
+def test_a_damaged_case_is_a_case_or_a_case_error(tmp_path_factory, text, damages):
     for place, length, snippet in damages:
         start = int(place * len(text))
         text = text[:start] + snippet + text[start + length :]
@@ -357,7 +354,7 @@ def test_a_damaged_case_is_a_case_or_a_case_error(
 # ---------------------------------------------------------------- one declaration
 
 
-def test_a_surface_is_read_from_a_test_a_case_and_a_file(tmp_path: Path) -> None:
+def test_a_surface_is_read_from_a_test_a_case_and_a_file(tmp_path):
     path = ROOT / "cases" / "formats" / "csv-table.toml"
     case = load_case(path)
     surface = rsgen.read(case.test)
@@ -369,7 +366,7 @@ def test_a_surface_is_read_from_a_test_a_case_and_a_file(tmp_path: Path) -> None
 
 
 @pytest.mark.parametrize("name", ["cubic", "formats/mat-sweep"])
-def test_a_case_is_sent_to_a_process(name: str) -> None:
+def test_a_case_is_sent_to_a_process(name):
     case = load_case(ROOT / "cases" / f"{name}.toml")
     twin = pickle.loads(pickle.dumps(case))
     assert (twin.text, twin.sha256, twin.truth, twin.units) == (
@@ -391,7 +388,7 @@ def _validator() -> jsonschema.Validator:
 
 
 @pytest.mark.parametrize("path", [*CASES, *FORMATS], ids=lambda path: path.stem)
-def test_the_schema_takes_what_is_loaded(path: Path) -> None:
+def test_the_schema_takes_what_is_loaded(path):
     document = tomllib.loads(path.read_text(encoding="utf-8"))
     validator = _validator()
     validator.validate(document)
@@ -399,14 +396,14 @@ def test_the_schema_takes_what_is_loaded(path: Path) -> None:
     assert not validator.is_valid(document)
 
 
-def test_a_range_is_the_same_for_object_and_schema() -> None:
+def test_a_range_is_the_same_for_object_and_schema():
     with pytest.raises(RsgenError, match="harmonics: is 65; a whole number from 1 to 64 is needed"):
         SimulatedTest([1.0], [2.0], harmonics=65)
     schema = case_schema()["$defs"]["SimulatedTest"]["properties"]["harmonics"]
     assert (schema["minimum"], schema["maximum"]) == (1, 64)
 
 
-def test_levels_of_a_held_response_are_amplitudes(tmp_path: Path) -> None:
+def test_levels_of_a_held_response_are_amplitudes(tmp_path):
     text = (ROOT / "cases" / "formats" / "csv-table.toml").read_text(encoding="utf-8")
     held = text.replace('kind = "measured"', 'kind = "measured"\ncontrol = "response"')
     held = held.replace('column = "force_N"', 'values = ["2 mm"]') + '\n[identify]\nhold_out = ["2 mm"]\n'

@@ -2,33 +2,24 @@
 
 from __future__ import annotations
 
+import tomllib
 from pathlib import Path
 
 import pytest
 
 from rsgen.cases import load_case
 from rsgen.cases.case import law_faults
+from tests.case_files import law, write_small
 
-CASE = """\
-schema = 1
-name = "joint"
-title = "A joint"
-system = {{ mass = "1.5 kg" }}
-element = [
-    {{ name = "base", force = "k*x + c*v" }},
-    {{ name = "joint", force = "{force}"{memory} }},
-]
-truth = {{ k = 6000, c = 4, {truth} }}
-test = {{ kind = "simulated", level = {{ values = [1, 2] }}, frequency = {{ values = [8, 12] }} }}
-"""
 LUGRE = "v - s*abs(v)*z/(Fc + (Fs - Fc)*exp(-(v/vs)**2))"
 
 
 def faults(folder: Path, force: str, memory: str, truth: str) -> list[str]:
-    path = folder / "joint.toml"
-    declared = f', memory = {{ z = "{memory}" }}' if memory else ""
-    path.write_text(CASE.format(force=force, memory=declared, truth=truth), encoding="utf-8")
-    return law_faults(load_case(path))
+    changes = law("k*x + c*v", force, k=6000, c=4) | {"test.frequency": {"values": [8, 12]}}
+    changes |= {f"truth.{key}": value for key, value in tomllib.loads(truth.replace(", ", "\n")).items()}
+    if memory:
+        changes["element.2.memory"] = {"z": memory}
+    return law_faults(load_case(write_small(folder, "joint", changes)))
 
 
 @pytest.mark.slow
@@ -42,7 +33,7 @@ def faults(folder: Path, force: str, memory: str, truth: str) -> list[str]:
         ("s*z", LUGRE, "s = 10000, Fc = 1, Fs = 1.5, vs = 0.01"),
     ],
 )
-def test_a_loop_that_closes_is_no_fault(tmp_path: Path, force: str, memory: str, truth: str) -> None:
+def test_a_loop_that_closes_is_no_fault(tmp_path, force, memory, truth):
     assert faults(tmp_path, force, memory, truth) == []
 
 
@@ -61,9 +52,7 @@ def test_a_loop_that_closes_is_no_fault(tmp_path: Path, force: str, memory: str,
         ("masing(Min(kt*x, Fs))", "", "kt = 2000, Fs = -3", "a virgin curve must be zero at x = 0"),
     ],
 )
-def test_a_loop_that_stays_open_and_a_wrong_virgin_curve_are_one_sentence(
-    tmp_path: Path, force: str, memory: str, truth: str, expected: str
-) -> None:
+def test_an_open_loop_and_a_wrong_virgin_curve_are_one_sentence(tmp_path, force, memory, truth, expected):
     (fault,) = faults(tmp_path, force, memory, truth)
     assert fault.startswith("joint.toml: element.2.")
     assert expected in fault

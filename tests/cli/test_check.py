@@ -3,102 +3,58 @@
 from __future__ import annotations
 
 import shutil
-from collections.abc import Callable
 from pathlib import Path
 
 import pytest
 
 from rsgen.app.study import run_case
+from tests.case_files import law, write_small
 
 ROOT = Path(__file__).parents[2]
 
-SIMULATED = """\
-schema = 1
-name   = "bad"
-title  = "Bad"
-{top}
-[system]
-mass = 1.5
-{identify}
-[[element]]
-name  = "spring"
-force = "{spring}"
-
-[[element]]
-name  = "damper"
-force = "{damper}"
-
-[truth]
-{truth}
-
-[test]
-kind      = "simulated"
-level     = {{ values = {levels} }}
-frequency = {{ start = 8, stop = 12, count = {count} }}
-{test}
-"""
-GOOD = {
-    "top": "",
-    "identify": "",
-    "spring": "k*x",
-    "damper": "c*v",
-    "truth": "k = 5920\nc = 3.8",
-    "levels": "[1, 3]",
-    "count": "15",
-    "test": "",
+LINEAR = {
+    **law("k*x", "c*v", k=5920.0, c=3.8),
+    "test.level.values": [1, 3],
+    "test.frequency.count": 15,
 }
+SPRING, DAMPER = "element.1.force", "element.2.force"
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize(
     ("changes", "reason"),
     [
-        ({"identify": '[identify]\nband = ["20 Hz", "30 Hz"]'}, "0 of 30 points can be used"),
-        ({"identify": '[identify]\nband = ["8 Hz", "8.05 Hz"]'}, "2 of 30 points can be used"),
-        ({"identify": "[identify]\nhold_out = [2]"}, "hold_out"),
-        ({"levels": "[1]", "count": "3"}, "3 of 3 points can be used"),
-        ({"test": 'control = "phase"\nsweep = "up"'}, "finds its frequency"),
-        ({"spring": "k*gamma(x)"}, "gamma"),
-        ({"damper": "-c*v"}, "no damping"),
-        ({"damper": "c*x"}, "no damping"),
-        ({"damper": "c*v*x**2 - 2*c*v*x**2"}, "no damping"),
-        ({"spring": "-k*x"}, "negative stiffness"),
-        ({"damper": "c*v + 2*sign(v)"}, "dry friction of 2 N"),
+        ({"identify.band": ["20 Hz", "30 Hz"]}, "0 of 30 points can be used"),
+        ({"identify.band": ["8 Hz", "8.05 Hz"]}, "2 of 30 points can be used"),
+        ({"identify.hold_out": [2]}, "hold_out"),
+        ({"test.level.values": [1], "test.frequency.count": 3}, "3 of 3 points can be used"),
+        ({"test.control": "phase", "test.sweep": "up"}, "finds its frequency"),
+        ({SPRING: "k*gamma(x)"}, "gamma"),
+        ({DAMPER: "-c*v"}, "no damping"),
+        ({DAMPER: "c*x"}, "no damping"),
+        ({DAMPER: "c*v*x**2 - 2*c*v*x**2"}, "no damping"),
+        ({SPRING: "-k*x"}, "negative stiffness"),
+        ({DAMPER: "c*v + 2*sign(v)", "test.level.values": [0.5, 1]}, "dry friction of 2 N"),
+        # what may settle is not refused
+        ({}, ""),
+        ({"test.method": "harmonic-balance", DAMPER: "-c*v"}, ""),
+        ({DAMPER: "c*v*Max(abs(x) - 0.5, 0)"}, ""),  # damps large amplitudes only
+        ({SPRING: "-k*x + 1e6*x**3"}, ""),  # two wells
+        ({DAMPER: "c*v + 2*sign(v)"}, ""),  # holds the lower level only
+        ({DAMPER: "1e-6*c*v"}, ""),
     ],
 )
-def test_a_virtual_test_that_cannot_be_used_is_refused_before_it_is_run(
-    tmp_path: Path, run_cli: Callable, changes: dict[str, str], reason: str
-) -> None:
-    changes = {"levels": "[0.5, 1]"} | changes if "dry" in reason else changes
-    path = tmp_path / "bad.toml"
-    path.write_text(SIMULATED.format(**GOOD | changes), encoding="utf-8")
+def test_a_virtual_test_that_cannot_be_used_is_refused_before_it_is_run(tmp_path, run_cli, changes, reason):
+    path = write_small(tmp_path, "bad", LINEAR | changes)
     checked = run_cli("check", path)
-    assert (checked.code, checked.out) == (2, "")
-    assert reason in checked.err
-    assert checked.err.startswith("bad.toml: ")
-    ran = run_case(path, tmp_path / "out")
-    assert ran.passed is None
-    assert reason in " ".join(ran.faults)
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize(
-    "changes",
-    [
-        {},
-        {"test": 'method = "harmonic-balance"', "damper": "-c*v"},
-        {"damper": "c*v*Max(abs(x) - 0.5, 0)"},  # damps large amplitudes only
-        {"spring": "-k*x + 1e6*x**3", "truth": "k = 5920\nc = 3.8"},  # two wells
-        {"damper": "c*v + 2*sign(v)"},  # holds the lower level only
-        {"damper": "1e-6*c*v"},
-    ],
-)
-def test_a_virtual_test_that_may_settle_is_not_refused(
-    tmp_path: Path, run_cli: Callable, changes: dict[str, str]
-) -> None:
-    path = tmp_path / "odd.toml"
-    path.write_text(SIMULATED.format(**GOOD | changes), encoding="utf-8")
-    assert run_cli("check", path).code == 0
+    assert checked.code == (2 if reason else 0)
+    if reason:
+        assert checked.out == ""
+        assert checked.err.startswith("bad.toml: ")
+        assert reason in checked.err
+        ran = run_case(path, tmp_path / "out")
+        assert ran.passed is None
+        assert reason in " ".join(ran.faults)
 
 
 @pytest.mark.slow
@@ -114,9 +70,7 @@ def test_a_virtual_test_that_may_settle_is_not_refused(
         ('"table.csv"', '"empty.csv"', "empty.csv: no numbers in it"),
     ],
 )
-def test_a_measured_test_that_cannot_be_used_is_refused_before_it_is_run(
-    tmp_path: Path, run_cli: Callable, old: str, new: str, reason: str
-) -> None:
+def test_a_measured_test_that_cannot_be_used_is_refused_before_it_is_run(tmp_path, run_cli, old, new, reason):
     shutil.copy(ROOT / "cases" / "formats" / "table.csv", tmp_path)
     lines = (tmp_path / "table.csv").read_text(encoding="utf-8").splitlines(keepends=True)
     (tmp_path / "few.csv").write_text("".join(lines[:4]), encoding="utf-8")
@@ -132,7 +86,7 @@ def test_a_measured_test_that_cannot_be_used_is_refused_before_it_is_run(
 
 
 @pytest.mark.slow
-def test_a_ranking_without_phase_is_refused_before_it_is_run(tmp_path: Path, run_cli: Callable) -> None:
+def test_a_ranking_without_phase_is_refused_before_it_is_run(tmp_path, run_cli):
     for file in ("magnitude_1.0N.csv", "magnitude_3.0N.csv", "magnitude_6.0N.csv"):
         shutil.copy(ROOT / "cases" / "formats" / file, tmp_path)
     text = (ROOT / "cases" / "formats" / "csv-magnitude.toml").read_text(encoding="utf-8")
@@ -144,12 +98,8 @@ def test_a_ranking_without_phase_is_refused_before_it_is_run(tmp_path: Path, run
     assert "phase" in " ".join(run_case(path, tmp_path / "out").faults)
 
 
-def test_parameters_that_no_test_tells_apart_are_named_before_any_test(
-    tmp_path: Path, run_cli: Callable
-) -> None:
-    path = tmp_path / "product.toml"
-    changes = {"spring": "k*g*x", "truth": "k = 5920\nc = 3.8\ng = 1.0"}
-    path.write_text(SIMULATED.format(**GOOD | changes), encoding="utf-8")
-    checked = run_cli("check", path)
+def test_parameters_that_no_test_tells_apart_are_named_before_any_test(tmp_path, run_cli):
+    changes = LINEAR | {SPRING: "k*g*x", "truth.g": 1.0}
+    checked = run_cli("check", write_small(tmp_path, changes=changes))
     assert checked.code == 0
     assert "note: only g*k can be identified, not g and k separately" in checked.out

@@ -1,7 +1,6 @@
 """`rsgen derive` with laws that remember: their states in text, JSON and pictures; one sentence a fault."""
 
 import json
-from collections.abc import Callable
 
 import pytest
 
@@ -13,7 +12,7 @@ BOUC_WEN = ("k*x + z", "--memory", "z' = alpha*v - bg*abs(v)*z - bd*v*abs(z)")
 
 
 @pytest.mark.slow
-def test_equations_of_states_are_shown(run_cli: Callable) -> None:
+def test_equations_of_states_are_shown(run_cli):
     said = run_cli("derive", *BOUC_WEN)
     assert said.code == 0
     assert "n(x, v, z)  = k x + z" in said.out
@@ -21,7 +20,7 @@ def test_equations_of_states_are_shown(run_cli: Callable) -> None:
     assert "energy     D(X)        = integral_0^2pi X cos(phi) z(phi) dphi" in said.out
 
 
-def test_states_in_json(run_cli: Callable) -> None:
+def test_states_in_json(run_cli):
     found = json.loads(run_cli("derive", *BOUC_WEN, "--json").out)
     assert parse(found["memory"]["z"]) == parse("alpha*v - bg*abs(v)*z - bd*v*abs(z)")
     assert found["quadrature"] == "z"
@@ -30,7 +29,7 @@ def test_states_in_json(run_cli: Callable) -> None:
     assert sorted(two["memory"]) == ["w", "z"]
 
 
-def test_masing_laws_in_json_parse_back(run_cli: Callable) -> None:
+def test_masing_laws_in_json_parse_back(run_cli):
     found = json.loads(run_cli("derive", "k*x + masing(Min(kt*x, Fs))", "--json").out)
     assert found["closed_form"] is True
     assert found["memory"] == {}
@@ -39,7 +38,7 @@ def test_masing_laws_in_json_parse_back(run_cli: Callable) -> None:
 
 
 @pytest.mark.slow
-def test_loops_are_drawn() -> None:
+def test_loops_are_drawn():
     law = derive("k*x + masing(Min(kt*x, Fs))")
     text = draw_derivation(law, {"kt": 3.0}, largest=2.0).render("svg").decode()
     assert "Energy of a cycle D" in text
@@ -62,7 +61,7 @@ def test_loops_are_drawn() -> None:
         (("structural(h*x)",), "structural(h) takes a stiffness h"),
     ],
 )
-def test_faults_are_one_sentence(run_cli: Callable, words: tuple[str, ...], said: str) -> None:
+def test_faults_are_one_sentence(run_cli, words, said):
     found = run_cli("derive", *words)
     assert found.code == 2
     assert said in found.err

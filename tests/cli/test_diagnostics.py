@@ -7,7 +7,7 @@ import os
 import subprocess
 import sys
 import warnings
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
@@ -39,12 +39,12 @@ def shell(act: str, **environment: str) -> subprocess.CompletedProcess[str]:
 
 
 @pytest.mark.slow
-def test_a_warning_of_a_library_stays_off_the_terminal() -> None:
+def test_a_warning_of_a_library_stays_off_the_terminal():
     run = shell("print('done')")
     assert (run.returncode, run.stdout, run.stderr) == (0, "done\n", "")
 
 
-def test_a_fault_of_the_program_is_one_sentence() -> None:
+def test_a_fault_of_the_program_is_one_sentence():
     run = shell("raise ZeroDivisionError('of\\nthe program')")
     assert run.returncode == 2
     assert run.stdout == ""
@@ -53,7 +53,7 @@ def test_a_fault_of_the_program_is_one_sentence() -> None:
 
 
 @pytest.mark.slow
-def test_who_asks_sees_both() -> None:
+def test_who_asks_sees_both():
     run = shell("raise ZeroDivisionError('of the program')", RSGEN_DEBUG="1")
     assert "raw text of a library" in run.stderr
     assert "Traceback" in run.stderr
@@ -67,9 +67,7 @@ def _log_as_it_was() -> Iterator[None]:
 
 
 @pytest.mark.usefixtures("_log_as_it_was")
-def test_check_names_the_case_of_a_fault_of_the_program_and_goes_on(
-    run_cli: Callable, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_check_names_the_case_of_a_fault_of_the_program_and_goes_on(run_cli, monkeypatch):
     def odd(case: object) -> list[str]:
         if case.name == "cubic":
             raise ZeroDivisionError("odd")
@@ -85,7 +83,7 @@ def test_check_names_the_case_of_a_fault_of_the_program_and_goes_on(
 
 
 @pytest.mark.usefixtures("_log_as_it_was")
-def test_warnings_are_still_errors_for_those_who_want_them() -> None:
+def test_warnings_are_still_errors_for_those_who_want_them():
     keep_from_terminal()
     with warnings.catch_warnings():
         warnings.simplefilter("error")

@@ -46,7 +46,7 @@ def broken(monkeypatch: pytest.MonkeyPatch) -> Callable[[int, str], Broken]:
     return put
 
 
-def test_a_reader_that_left_is_no_fault(broken: Callable[[int, str], Broken]) -> None:
+def test_a_reader_that_left_is_no_fault(broken):
     stream = broken(errno.EPIPE, "stdout")
     streams.write_output("a line", flush=True)
     streams.write_output("another", flush=True)
@@ -54,7 +54,7 @@ def test_a_reader_that_left_is_no_fault(broken: Callable[[int, str], Broken]) ->
     assert streams.output_fault() is None
 
 
-def test_a_full_output_is_said_once_at_the_end(broken: Callable[[int, str], Broken]) -> None:
+def test_a_full_output_is_said_once_at_the_end(broken):
     broken(errno.ENOSPC, "stdout")
     streams.write_output("a line", flush=True)
     streams.write_output("another", flush=True)
@@ -63,7 +63,7 @@ def test_a_full_output_is_said_once_at_the_end(broken: Callable[[int, str], Brok
     assert streams.output_fault() is None
 
 
-def test_errors_that_nobody_reads_stop_nothing(broken: Callable[[int, str], Broken]) -> None:
+def test_errors_that_nobody_reads_stop_nothing(broken):
     assert not broken(errno.ENOSPC, "stderr").silenced
     streams.write_error("a fault")
     assert sys.stderr.silenced
@@ -94,21 +94,19 @@ def _shell(redirections: str, words: str, **variables: str) -> subprocess.Comple
         ("<&- >&- 2>&-", "run absent.toml", 2, ""),
     ],
 )
-def test_a_command_ends_well_whatever_its_streams_are(
-    redirections: str, words: str, code: int, error: str
-) -> None:
+def test_a_command_ends_well_whatever_its_streams_are(redirections, words, code, error):
     done = _shell(redirections, words)
     assert (done.returncode, done.stdout, done.stderr) == (code, "", error)
 
 
 @pytest.mark.slow
 @posix
-def test_a_reader_that_left_does_not_change_the_code() -> None:
+def test_a_reader_that_left_does_not_change_the_code():
     done = _shell("| true; exit ${PIPESTATUS[0]}", "laws")
     assert (done.returncode, done.stderr) == (0, "")
 
 
-def test_letters_that_an_output_does_not_have_are_escaped() -> None:
+def test_letters_that_an_output_does_not_have_are_escaped():
     program = "from rsgen.app.cli import terminal as t; t.open_streams(); t.write_output('10 \u03a9')"
     done = subprocess.run(
         [sys.executable, "-c", program],
@@ -121,7 +119,7 @@ def test_letters_that_an_output_does_not_have_are_escaped() -> None:
 
 
 @posix
-def test_a_limit_that_would_end_the_process_is_refused() -> None:
+def test_a_limit_that_would_end_the_process_is_refused():
     limited = subprocess.run(
         ["bash", "-c", f"ulimit -v 300000; {sys.executable} -m rsgen laws"],
         capture_output=True,
@@ -132,7 +130,7 @@ def test_a_limit_that_would_end_the_process_is_refused() -> None:
     assert limited.stderr.startswith("ulimit -v: memory is limited to 292 MB; at least 400 MB are needed")
 
 
-def test_what_the_system_refuses_is_no_fault_of_the_program() -> None:
+def test_what_the_system_refuses_is_no_fault_of_the_program():
     refused = program_fault(PermissionError(errno.EACCES, "Permission denied", "/here"), "small.toml")
     assert refused == "small.toml: the system refuses what this needs: Permission denied: /here"
     assert "too little memory" in program_fault(MemoryError(), "small.toml")

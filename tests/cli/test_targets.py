@@ -2,10 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from pathlib import Path
-from typing import Any
-
 import nbformat
 import pytest
 
@@ -15,30 +11,16 @@ from rsgen.data.surface import save_surface
 from rsgen.identification.modal_table import modal_table
 from rsgen.report.notebook import build_notebook
 from rsgen.report.provenance import is_unchanged_notebook
+from tests.case_files import write_small
 from tests.samples import cubic_case, cubic_model, cubic_surface
 
 MINE = b"three years of work"
-SMALL = """
-schema = 1
-name = "small"
-title = "A small case"
-system = { mass = "1.5 kg" }
-element = [{ name = "spring", force = "k*x + c*v" }]
-truth = { k = 5920.0, c = 8.0 }
-
-[test]
-kind = "simulated"
-level = { start = 2, stop = 10, count = 3 }
-frequency = { start = 8, stop = 12, count = 21 }
-"""
 
 
 @pytest.fixture
-def simulated(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+def simulated(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
-    path = tmp_path / "small.toml"
-    path.write_text(SMALL, encoding="utf-8")
-    return path
+    return write_small(tmp_path)
 
 
 @pytest.mark.parametrize(
@@ -50,9 +32,7 @@ def simulated(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
         (("modal", "small.toml", "--csv", "logbook.csv"), "logbook.csv"),
     ],
 )
-def test_a_file_of_the_user_is_not_written_over(
-    words: tuple[str, ...], name: str, simulated: Path, run_cli: Callable[..., Any]
-) -> None:
+def test_a_file_of_the_user_is_not_written_over(words, name, simulated, run_cli):
     mine = simulated.parent / name
     mine.write_bytes(MINE)
     answer = run_cli(*words)
@@ -61,18 +41,19 @@ def test_a_file_of_the_user_is_not_written_over(
     assert mine.read_bytes() == MINE
 
 
-def test_the_case_is_not_written_over(simulated: Path, run_cli: Callable[..., Any]) -> None:
+def test_the_case_is_not_written_over(simulated, run_cli):
+    before = simulated.read_bytes()
     answer = run_cli("simulate", "small.toml", "--out", "small.toml")
     assert (answer.code, "is read by this command" in answer.err) == (2, True)
-    assert simulated.read_text(encoding="utf-8") == SMALL
+    assert simulated.read_bytes() == before
 
 
-def test_an_empty_file_is_filled(simulated: Path, run_cli: Callable[..., Any]) -> None:
+def test_an_empty_file_is_filled(simulated, run_cli):
     (simulated.parent / "new.h5").touch()
     assert run_cli("simulate", "small.toml", "--out", "new.h5").code == 0
 
 
-def test_a_file_that_a_command_wrote_is_replaced(tmp_path: Path) -> None:
+def test_a_file_that_a_command_wrote_is_replaced(tmp_path):
     surface, model = cubic_surface(), cubic_model()
     save_surface(tmp_path / "a.h5", surface)
     save_frf(tmp_path / "a.uff", surface)
@@ -83,7 +64,7 @@ def test_a_file_that_a_command_wrote_is_replaced(tmp_path: Path) -> None:
     assert is_foreign(tmp_path, SURFACE)
 
 
-def test_a_notebook_is_replaced_until_a_user_changes_a_cell(tmp_path: Path) -> None:
+def test_a_notebook_is_replaced_until_a_user_changes_a_cell(tmp_path):
     path, notebook = tmp_path / "made.ipynb", build_notebook(cubic_case())
     nbformat.write(notebook, path)
     assert is_unchanged_notebook(path)

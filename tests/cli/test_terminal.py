@@ -17,11 +17,11 @@ from rsgen.report.wording import sentence
         ("line\u2028end\u202e", "line\\u2028end\\u202e"),
     ],
 )
-def test_spaces_are_blanks_and_control_characters_are_shown(text: str, shown: str) -> None:
+def test_spaces_are_blanks_and_control_characters_are_shown(text, shown):
     assert plain(text) == shown
 
 
-def test_thousands_in_a_sentence_are_printed_as_numbers() -> None:
+def test_thousands_in_a_sentence_are_printed_as_numbers():
     numbers = {"value": Quantity(8900.0), "standard_error": Quantity(180_000.0)}
     numbers |= {"amplitude": Quantity(1e-3, "m"), "level": Quantity(2.0, "N")}
     text = plain(sentence(Finding("not-distinct-from-zero", "warning", "c3", numbers)))

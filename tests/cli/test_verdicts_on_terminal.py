@@ -15,7 +15,7 @@ from rsgen.app.cli.run_command import exit_code
 from rsgen.app.study import CaseRun
 from rsgen.common.finding import STATES, Finding, Verdict
 from rsgen.report.wording.sentences import state_verdict
-from tests.cli.test_cli import call
+from tests.case_files import MEASURED, write_small
 from tests.surfaces import noisy, surface
 
 FORMATS = Path(__file__).parents[2] / "cases" / "formats"
@@ -43,13 +43,11 @@ def run_of(state: str | None) -> CaseRun:
         ((None,), 2),
     ],
 )
-def test_a_script_goes_on_with_accepted_and_identified_results_only(
-    states: tuple[str | None, ...], code: int
-) -> None:
+def test_a_script_goes_on_with_accepted_and_identified_results_only(states, code):
     assert exit_code([run_of(state) for state in states]) == code
 
 
-def test_a_finished_case_says_what_decided_and_what_to_do(capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_finished_case_says_what_decided_and_what_to_do(capsys):
     with case_progress(3, quiet=False) as seen:
         for state in ("accepted", "doubtful", None):
             seen.finished(run_of(state))
@@ -74,94 +72,73 @@ def test_a_finished_case_says_what_decided_and_what_to_do(capsys: pytest.Capture
         ('phase_sense = "lag"', 'phase_sense = "lead"', {"rejected"}, {"structure-feeds-exciter"}),
     ],
 )
-def test_every_command_says_the_same_of_a_measured_test(
-    old: str,
-    new: str,
-    states: set[str],
-    decided: set[str],
-    tmp_path: Path,
-    capsys: pytest.CaptureFixture[str],
-) -> None:
+def test_every_command_says_the_same_of_a_measured_test(old, new, states, decided, tmp_path, run_cli):
     shutil.copy(FORMATS / "table.csv", tmp_path)
     path, out = tmp_path / "case.toml", tmp_path / "out"
     path.write_text((FORMATS / "csv-table.toml").read_text().replace(old, new))
-    code = call("run", path, "--out", out, "--json")
-    (ran,) = json.loads(capsys.readouterr().out)
-    assert ran["verdict"]["state"] in states
-    assert decided <= {finding["code"] for finding in ran["verdict"]["decided_by"]}
-    assert code == (0 if states == {"identified"} else 1)
+    run = run_cli("run", path, "--out", out, "--json")
+    (ran,) = json.loads(run.out)
+    verdict = ran["verdict"]
+    assert verdict["state"] in states
+    assert decided <= {finding["code"] for finding in verdict["decided_by"]}
+    assert run.code == (0 if states == {"identified"} else 1)
     folder = out / "csv-table"
-    assert json.loads((folder / "result.json").read_text())["verdict"] == ran["verdict"]
-    assert ran["verdict"]["headline"] in (folder / "report.html").read_text().replace("\u00a0", " ")
-    assert ran["verdict"]["headline"] in (out / "index.html").read_text().replace("\u00a0", " ")
-    assert json.dumps(ran["verdict"]["headline"])[1:-1] in (folder / "notebook.ipynb").read_text()
-    # a surface that was saved, and an unchanged result, have the same verdict
-    assert call("identify", path, "--surface", folder / "surface.h5", "--json") == code
-    identified = json.loads(capsys.readouterr().out)
     written = json.loads((folder / "result.json").read_text())
-    assert identified["verdict"] == ran["verdict"]
+    assert written["verdict"] == verdict
+    for page in (folder / "report.html", out / "index.html"):
+        assert verdict["headline"] in page.read_text().replace("\u00a0", " ")
+    assert json.dumps(verdict["headline"])[1:-1] in (folder / "notebook.ipynb").read_text()
+    # a surface that was saved, and an unchanged result, have the same verdict
+    answer = run_cli("identify", path, "--surface", folder / "surface.h5", "--json")
+    identified = json.loads(answer.out)
+    assert (answer.code, identified["verdict"]) == (run.code, verdict)
     assert identified["parameters"] == written["parameters"]
     assert identified["residual"] == written["residual"]["relative"]
-    assert call("identify", path) == code
-    assert capsys.readouterr().out.startswith(ran["verdict"]["headline"])
-    assert call("run", path, "--out", out) == code
-    shown = capsys.readouterr().out
-    assert shown.startswith(f"csv-table: {ran['verdict']['headline']} (unchanged)")
-    assert shown.count("  because: ") == len(ran["verdict"]["decided_by"])
+    answer = run_cli("identify", path)
+    assert (answer.code, answer.out.startswith(verdict["headline"])) == (run.code, True)
+    answer = run_cli("run", path, "--out", out)
+    assert answer.code == run.code
+    assert answer.out.startswith(f"csv-table: {verdict['headline']} (unchanged)")
+    assert answer.out.count("  because: ") == len(verdict["decided_by"])
     # index alone
-    assert call("report", "--out", out) == 0
-    assert f"csv-table: {ran['verdict']['headline']}" in capsys.readouterr().out
-    assert call("report", path, "--out", out, "--json") == code
-    assert json.loads(capsys.readouterr().out)["verdicts"] == {"csv-table": ran["verdict"]}
+    answer = run_cli("report", "--out", out)
+    assert (answer.code, f"csv-table: {verdict['headline']}" in answer.out) == (0, True)
+    answer = run_cli("report", path, "--out", out, "--json")
+    assert (answer.code, json.loads(answer.out)["verdicts"]) == (run.code, {"csv-table": verdict})
 
 
-HELD_OUT = """\
-schema = 1
-name   = "held-out"
-title  = "A spring of another power shows at the highest level"
-
-[[element]]
-name  = "mount"
-force = "k*x + k3*x**3 + c*v"
-
-[identify]
-hold_out = [12]
-
-[test]
-kind = "measured"
-file = "table.csv"
-frequency = { column = "f_Hz" }
-force = { amplitude = "force_N" }
-level = { column = "level_N" }
-response = { quantity = "displacement", real = "x_real", imaginary = "x_imag", phase_sense = "lead" }
-"""
+HELD_OUT = {
+    **MEASURED,
+    "element": [{"name": "mount", "force": "k*x + k3*x**3 + c*v"}],
+    "identify": {"hold_out": [12]},
+    "test.frequency": {"column": "f_Hz"},
+    "test.force": {"amplitude": "force_N"},
+    "test.level": {"column": "level_N"},
+    "test.response": {
+        "quantity": "displacement",
+        "real": "x_real",
+        "imaginary": "x_imag",
+        "phase_sense": "lead",
+    },
+}
+"""A spring of another power shows at the highest level."""
 
 
 @pytest.mark.slow
-def test_python_and_every_command_judge_the_levels_held_out(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_python_and_every_command_judge_the_levels_held_out(tmp_path, run_cli):
     table = noisy(surface("power", np.array([2.0, 4.0, 6.0, 12.0])), 0.03, 1)
-    columns = (
-        table.level,
-        table.frequency,
-        table.force.real,
-        table.harmonics[:, 1].real,
-        table.harmonics[:, 1].imag,
-    )
+    response = table.harmonics[:, 1]
+    columns = (table.level, table.frequency, table.force.real, response.real, response.imag)
     heads = "level_N,f_Hz,force_N,x_real,x_imag"
-    np.savetxt(tmp_path / "table.csv", np.column_stack(columns), delimiter=",", header=heads, comments="")
-    path, out = tmp_path / "case.toml", tmp_path / "out"
-    path.write_text(HELD_OUT)
+    np.savetxt(tmp_path / "a.csv", np.column_stack(columns), delimiter=",", header=heads, comments="")
+    path, out = write_small(tmp_path, "held-out", HELD_OUT), tmp_path / "out"
     case = rsgen.load_case(path)
     found = rsgen.identify(rsgen.read(case), case.model)
     assert str(found.verdict) == "doubtful (held-out-missed)"
-    assert call("identify", path, "--json") == 1
-    told = json.loads(capsys.readouterr().out)["verdict"]
-    assert told == state_verdict(found.verdict)
-    assert call("run", path, "--out", out, "--json") == 1
-    (ran,) = json.loads(capsys.readouterr().out)
-    assert ran["verdict"] == told
+    identified, run = run_cli("identify", path, "--json"), run_cli("run", path, "--out", out, "--json")
+    assert (identified.code, run.code) == (1, 1)
+    told = json.loads(identified.out)["verdict"]
+    assert told == state_verdict(found.verdict) == json.loads(run.out)[0]["verdict"]
     # on the page the sentence stands among the reasons and in the list of all findings, not beside the curves
     page = (out / "held-out" / "report.html").read_text().replace("\u00a0", " ")
     assert page.count(told["sentences"][0][:50]) == 2

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import re
 import tomllib
-from pathlib import Path
 
 import pytest
 
@@ -33,7 +32,7 @@ def workspace(tmp_path_factory: pytest.TempPathFactory) -> Workspace:
     return Workspace(tmp_path_factory.mktemp("pages"))
 
 
-def test_what_a_block_says_is_found() -> None:
+def test_what_a_block_says_is_found():
     text = "a\n```{shell}\n:exit: 1\nrsgen laws  # all\n\n```\n\n```python\nprint(1)\n```\n"
     shell, program = find_snippets(text)
     assert (shell.kind, shell.options, shell.commands, shell.line) == (
@@ -45,7 +44,7 @@ def test_what_a_block_says_is_found() -> None:
     assert (program.kind, program.text, program.line) == ("python", "print(1)\n", 8)
 
 
-def test_a_snippet_that_fails_is_noticed(tmp_path: Path) -> None:
+def test_a_snippet_that_fails_is_noticed(tmp_path):
     workspace = Workspace(tmp_path)
     with pytest.raises(SnippetError, match="exit code 2"):
         workspace.run(["rsgen", "laws", "no-such-law"])
@@ -58,7 +57,7 @@ def test_a_snippet_that_fails_is_noticed(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("path", PAGES, ids=NAMES)
-def test_every_block_is_of_a_kind_that_is_tried(path: Path) -> None:
+def test_every_block_is_of_a_kind_that_is_tried(path):
     for snippet in find_snippets(path.read_text(encoding="utf-8")):
         assert snippet.kind in KINDS, f"line {snippet.line}"
         if snippet.kind == "sh":
@@ -75,7 +74,7 @@ def test_every_block_is_of_a_kind_that_is_tried(path: Path) -> None:
     ],
     ids=NAMES,
 )
-def test_snippets_run(path: Path, workspace: Workspace) -> None:
+def test_snippets_run(path, workspace):
     for snippet in find_snippets(path.read_text(encoding="utf-8")):
         try:
             workspace.perform(snippet, str(path))
@@ -109,7 +108,7 @@ def unknown_keys(table: dict, schema: dict, rule: dict, place: str = "") -> list
     return unknown
 
 
-def test_unknown_keys_are_noticed() -> None:
+def test_unknown_keys_are_noticed():
     part = tomllib.loads('[test.response]\nquantitie = "x"\n[identify]\nband = [1, 2]\n[tests]\na = 1\n')
     found = unknown_keys(part, case_schema(), case_schema())
     assert sorted(found) == ["test.response.quantitie", "tests"]
@@ -117,7 +116,7 @@ def test_unknown_keys_are_noticed() -> None:
 
 @pytest.mark.slow
 @pytest.mark.parametrize("path", PAGES, ids=NAMES)
-def test_parts_of_case_files_have_only_keys_that_are_read(path: Path) -> None:
+def test_parts_of_case_files_have_only_keys_that_are_read(path):
     schema = case_schema()
     for snippet in find_snippets(path.read_text(encoding="utf-8")):
         if snippet.kind == "toml":
@@ -125,7 +124,7 @@ def test_parts_of_case_files_have_only_keys_that_are_read(path: Path) -> None:
             assert unknown_keys(part, schema, schema) == [], f"line {snippet.line}"
 
 
-def test_what_the_readme_links_to_is_there_and_small() -> None:
+def test_what_the_readme_links_to_is_there_and_small():
     text = (ROOT / "README.md").read_text(encoding="utf-8")
     links = [link.partition("#")[0] for link in re.findall(r"\]\(([^)]*)\)", text) if "://" not in link]
     assert [link for link in links if not (ROOT / link).exists()] == []
@@ -134,7 +133,7 @@ def test_what_the_readme_links_to_is_there_and_small() -> None:
     assert all(picture.stat().st_size < MOST_BYTES for picture in pictures)
 
 
-def test_the_readme_shows_commands_and_a_program() -> None:
+def test_the_readme_shows_commands_and_a_program():
     kinds = [snippet.kind for snippet in find_snippets((ROOT / "README.md").read_text(encoding="utf-8"))]
     assert kinds.count("sh") >= 2
     assert "python" in kinds

@@ -82,7 +82,7 @@ def wrong_words(text: str, banned: dict[str, str] = NOT_OURS) -> list[str]:
     ]
 
 
-def test_a_wrong_word_is_noticed() -> None:
+def test_a_wrong_word_is_noticed():
     assert len(wrong_words("An uneven spring has a non-linear behavior.")) == 3
     assert wrong_words("A spring.") == []
     assert len(wrong_words("Set aside by somebody, beside the mode, apart.", VAGUE)) == 4
@@ -97,14 +97,14 @@ def vague_words(path: Path) -> list[str]:
 
 
 @pytest.mark.parametrize("path", [*PAGES, *SOURCES], ids=lambda path: str(path.relative_to(ROOT)))
-def test_relations_and_persons_are_named(path: Path) -> None:
+def test_relations_and_persons_are_named(path):
     assert vague_words(path) == []
 
 
 @pytest.mark.parametrize(
     "path", [path for path in SOURCES if path.suffix == ".py"], ids=lambda path: str(path.relative_to(ROOT))
 )
-def test_docstrings_begin_with_a_verb_or_a_noun(path: Path) -> None:
+def test_docstrings_begin_with_a_verb_or_a_noun(path):
     kinds = ast.Module | ast.ClassDef | ast.FunctionDef
     nodes = [
         node for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))) if isinstance(node, kinds)
@@ -114,12 +114,12 @@ def test_docstrings_begin_with_a_verb_or_a_noun(path: Path) -> None:
 
 
 @pytest.mark.parametrize("path", PAGES, ids=lambda path: str(path.relative_to(ROOT)))
-def test_words_are_those_of_the_field(path: Path) -> None:
+def test_words_are_those_of_the_field(path):
     assert wrong_words(prose(path)) == []
 
 
 @pytest.mark.parametrize("path", PAGES, ids=lambda path: str(path.relative_to(ROOT)))
-def test_sentences_are_short(path: Path) -> None:
+def test_sentences_are_short(path):
     text = re.sub(r"^(?:#.*|\|.*|:::.*)$", ".", prose(path), flags=re.MULTILINE)
     text = re.sub(r"^\s*(?:[*-]|\d+\.|:)\s", ". ", text, flags=re.MULTILINE)
     sentences = re.split(r"(?<=[.:;?!])\s", " ".join(text.split()))

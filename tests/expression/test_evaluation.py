@@ -20,7 +20,7 @@ ARGUMENTS = (symbol("x"), symbol("k"), symbol("b"))
 
 
 @pytest.mark.parametrize("text", TEXTS)
-def test_what_occurs_twice_has_the_numbers_of_the_whole(text: str) -> None:
+def test_what_occurs_twice_has_the_numbers_of_the_whole(text):
     formula = parse(text)
     formulas = (formula, formula.diff(symbol("k")) if "Max" not in text else formula**2)
     generator = np.random.default_rng(5)
@@ -33,7 +33,7 @@ def test_what_occurs_twice_has_the_numbers_of_the_whole(text: str) -> None:
             assert number == pytest.approx(float(whole.subs(values).evalf()), rel=1e-12)
 
 
-def test_no_function_is_evaluated_anew(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_no_function_is_evaluated_anew(monkeypatch):
     formula = parse("atan(k*x)*b + sin(k*x)*atan(k*x)")
 
     def evaluated(*arguments: object) -> None:

@@ -67,9 +67,8 @@ def outcome(text: str, names: set[str] | None) -> tuple[sympy.Expr | ExpressionE
 
 @pytest.fixture(autouse=True, scope="module")
 def warm() -> None:
-    parse(
-        "Piecewise((k*abs(x), x < b), (tanh(v)*Max(x, 0), True))"
-    )  # SymPy loads parts of itself on first use
+    # SymPy loads parts of itself on first use
+    parse("Piecewise((k*abs(x), x < b), (tanh(v)*Max(x, 0), True))")
 
 
 def checked_message(error: ExpressionError) -> None:
@@ -81,7 +80,7 @@ def checked_message(error: ExpressionError) -> None:
 
 
 @pytest.mark.parametrize("entry", CORPUS, ids=[entry["id"] for entry in CORPUS])
-def test_corpus_behaves_as_expected(entry: dict[str, object], tmp_path: Path) -> None:
+def test_corpus_behaves_as_expected(entry, tmp_path):
     canary = tmp_path / "canary"
     text, expected = corpus_text(entry, canary), str(entry["expected"])
     if entry["field"] == "symbol name":
@@ -154,7 +153,7 @@ def test_corpus_behaves_as_expected(entry: dict[str, object], tmp_path: Path) ->
         ("Max(" + ",".join(f"{n}*x*v" for n in range(9)) + ")", "at most 8"),
     ],
 )
-def test_a_refusal_says_where_what_and_what_instead(text: str, said: str) -> None:
+def test_a_refusal_says_where_what_and_what_instead(text, said):
     with pytest.raises(ExpressionError) as caught:
         parse(text, {"x", "v", "k1", "kn1", "k", "Ff"})
     checked_message(caught.value)
@@ -162,7 +161,7 @@ def test_a_refusal_says_where_what_and_what_instead(text: str, said: str) -> Non
 
 
 @pytest.mark.parametrize("text", [None, 5, 1.5, True, ["x"], b"x"])
-def test_only_text_is_read(text: object) -> None:
+def test_only_text_is_read(text):
     with pytest.raises(ExpressionError, match="a formula is text in quotes"):
         parse(text)
 
@@ -170,7 +169,7 @@ def test_only_text_is_read(text: object) -> None:
 @pytest.mark.parametrize(
     "name", ["k1", "kn1", "Ff", "gamma", "zeta", "E", "I", "lambda_", "e", "i", "max", "x1"]
 )
-def test_customary_parameter_names_are_legal(name: str) -> None:
+def test_customary_parameter_names_are_legal(name):
     assert check_name(name) == name
     assert parse(name, {name}) == symbol(name)
 
@@ -180,36 +179,22 @@ def test_customary_parameter_names_are_legal(name: str) -> None:
     [
         *("x", "v", "X", "X0", "omega", "t", "F"),
         *("sin", "abs", "Piecewise", "besselj", "pi", "inf", "nan"),
-        *(
-            "lambda",
-            "True",
-            "None",
-            "and",
-            "__class__",
-            "_a",
-            "",
-            " ",
-            "a b",
-            "k-1",
-            "1k",
-            "µ",
-            "k1\n",
-            "\ud800",
-        ),
+        *("lambda", "True", "None", "and", "__class__", "_a", "", " ", "a b", "k-1", "1k", "µ"),
+        *("k1\n", "\ud800"),
         *("a" * 41, None, 3, "<b>"),
     ],
 )
-def test_names_with_a_meaning_of_their_own_are_refused(name: object) -> None:
+def test_names_with_a_meaning_of_their_own_are_refused(name):
     with pytest.raises(ExpressionError) as caught:
         check_name(name)
     checked_message(caught.value)
 
 
-def test_gamma_is_a_function_only_where_it_is_called() -> None:
+def test_gamma_is_a_function_only_where_it_is_called():
     assert parse("gamma*gamma(3)", {"gamma"}) == 2 * symbol("gamma")
 
 
-def test_symbols_are_canonical() -> None:
+def test_symbols_are_canonical():
     assert symbol("X").is_positive
     assert symbol("omega").is_positive
     assert all(symbol(name).is_real and symbol(name).is_positive is None for name in ("x", "v", "X0", "k1"))
@@ -218,7 +203,7 @@ def test_symbols_are_canonical() -> None:
         symbol("sin")
 
 
-def test_numbers_are_exact() -> None:
+def test_numbers_are_exact():
     assert parse("0.75") == sympy.Rational(3, 4)
     assert parse("5.92e3") == 5920
     assert parse("4.697e21") == 4697 * 10**18
@@ -226,12 +211,12 @@ def test_numbers_are_exact() -> None:
 
 
 @pytest.mark.parametrize(("read", "written"), LAWS.items())
-def test_formulas_are_written_as_a_person_types_them(read: str, written: str) -> None:
+def test_formulas_are_written_as_a_person_types_them(read, written):
     assert write(parse(read)) == written
     assert parse(written) == parse(read)
 
 
-def test_long_numbers_are_written_so_that_they_can_be_read() -> None:
+def test_long_numbers_are_written_so_that_they_can_be_read():
     number = sympy.Integer(7) ** 100
     assert parse(write(number * symbol("x"))) == number * symbol("x")
     assert parse(write(symbol("x") / number)) == symbol("x") / number
@@ -250,7 +235,7 @@ def test_long_numbers_are_written_so_that_they_can_be_read() -> None:
         sympy.zeta(symbol("x")),
     ],
 )
-def test_what_is_not_in_the_language_is_not_written(expr: sympy.Expr) -> None:
+def test_what_is_not_in_the_language_is_not_written(expr):
     with pytest.raises(ExpressionError, match=r"language|no value"):
         write(expr)
 
@@ -302,20 +287,9 @@ def python_value(text: str) -> float:
         return next(value for value, holds in branches if holds)
 
     table = {name: getattr(math, name) for name in ONE_ARGUMENT if hasattr(math, name)}
-    table |= {
-        "abs": abs,
-        "sign": lambda a: (a > 0) - (a < 0),
-        "Heaviside": lambda a: (1 + (a > 0) - (a < 0)) / 2,
-    }
-    table |= {
-        "ln": math.log,
-        "Min": min,
-        "Max": max,
-        "atan2": math.atan2,
-        "pi": math.pi,
-        "Piecewise": piecewise,
-    }
-    table |= {"besselj": special.jv, "besseli": special.iv, "__builtins__": {}}
+    table |= {"sign": lambda a: (a > 0) - (a < 0), "Heaviside": lambda a: (1 + (a > 0) - (a < 0)) / 2}
+    table |= {"abs": abs, "ln": math.log, "Min": min, "Max": max, "atan2": math.atan2, "pi": math.pi}
+    table |= {"Piecewise": piecewise, "besselj": special.jv, "besseli": special.iv, "__builtins__": {}}
     value = eval(text, table, dict(VALUES))
     if isinstance(value, complex) or not math.isfinite(value) or abs(value) > 1e12:
         raise ArithmeticError
@@ -344,7 +318,7 @@ def sympy_value(expr: sympy.Expr) -> complex:
 @given(FORMULAS)
 @example("(x + v)**2*k1 - Piecewise((x, abs(x) <= b), (b*sign(x), True))")
 @example("Piecewise((X/3, Max(v, pi) >= besseli(4, gamma) or k2**(1/3) > -X), (besselj(1, 0.5), True))")
-def test_a_formula_means_what_python_takes_it_to_mean(text: str) -> None:
+def test_a_formula_means_what_python_takes_it_to_mean(text):
     try:
         expr = parse(text)
     except ExpressionError:
@@ -371,7 +345,7 @@ def test_a_formula_means_what_python_takes_it_to_mean(text: str) -> None:
 @example("abs(Max(b, 1/3 - k1, 10))")
 @example("(x**64)**(k1 + 64)")
 @example("Piecewise((k2, x > v), (-0.5, True))**b")
-def test_what_is_written_reads_back_as_the_same(text: str) -> None:
+def test_what_is_written_reads_back_as_the_same(text):
     try:
         expr = parse(text)
     except ExpressionError:
@@ -405,7 +379,7 @@ TOKENS = st.sampled_from([*WORDS.split(), *MORE.split(), *FUNNY.split(), "\n", "
 @example("(" * 900 + "x")
 @example("a<" * 900 + "a")
 @example("1 and " * 300 + "1")
-def test_whatever_the_text_only_an_expression_error_comes_out(text: str) -> None:
+def test_whatever_the_text_only_an_expression_error_comes_out(text):
     try:
         expr = parse(text)
     except ExpressionError as error:
@@ -415,7 +389,7 @@ def test_whatever_the_text_only_an_expression_error_comes_out(text: str) -> None
 
 
 @given(st.text(max_size=45))
-def test_a_name_is_legal_or_refused_in_a_sentence(name: str) -> None:
+def test_a_name_is_legal_or_refused_in_a_sentence(name):
     try:
         assert check_name(name) == name
     except ExpressionError as error:
@@ -426,7 +400,7 @@ def test_a_name_is_legal_or_refused_in_a_sentence(name: str) -> None:
 
 
 @pytest.mark.slow
-def test_reading_deep_in_a_call_stack_is_refused_not_a_crash() -> None:
+def test_reading_deep_in_a_call_stack_is_refused_not_a_crash():
     def deeper(levels: int) -> sympy.Expr | ExpressionError:
         if levels:
             return deeper(levels - 1)

@@ -21,12 +21,12 @@ NAMES = {symbol("k"): sympy.Symbol("k", positive=True), symbol("b"): sympy.Symbo
         "Max(-b, Min(k*x, b))",
     ],
 )
-def test_renaming_is_replacing(text: str) -> None:
+def test_renaming_is_replacing(text):
     law = parse(text)
     assert renamed(law, NAMES) == law.xreplace(NAMES)
 
 
-def test_the_largest_of_several_is_not_looked_for_anew(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_the_largest_of_several_is_not_looked_for_anew(monkeypatch):
     law = parse("Max(k*x, b, v) + Min(k*v, b, x)")
     expected = law.xreplace(NAMES)
 
@@ -38,12 +38,12 @@ def test_the_largest_of_several_is_not_looked_for_anew(monkeypatch: pytest.Monke
     assert renamed(law, NAMES) == expected
 
 
-def test_an_expression_without_the_symbols_stays_itself() -> None:
+def test_an_expression_without_the_symbols_stays_itself():
     law = parse("c*v + (x + v)/2")
     assert renamed(law, NAMES) is law
 
 
-def test_an_integral_has_the_symbols_of_its_ends_until_they_are_integrated_over() -> None:
+def test_an_integral_has_the_symbols_of_its_ends_until_they_are_integrated_over():
     x, v, b = map(symbol, "xvb")
     for limits in ([(x, 0, b)], [(x, 0, v), (v, 0, b)], [(v, 0, b), (x, 0, v)]):
         integral = sympy.Integral(x * v, *limits)

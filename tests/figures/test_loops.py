@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 
@@ -50,7 +49,7 @@ def sines(stiffness: np.ndarray, damping: np.ndarray, amplitude: np.ndarray) -> 
     return rs.ResponseSurface(np.abs(force), frequency, force, response.astype(complex))
 
 
-def test_a_measured_loop_is_the_force_that_moved_the_mass() -> None:
+def test_a_measured_loop_is_the_force_that_moved_the_mass():
     phase = 2 * np.pi * np.arange(512) / 512
     # any periodic force of the joint: its harmonics move the mass, whose fundamental the test drives
     wanted = np.array(
@@ -71,7 +70,7 @@ def test_a_measured_loop_is_the_force_that_moved_the_mass() -> None:
 
 
 @pytest.mark.parametrize("power", [1.4, 2.0, 2.6])
-def test_the_slope_of_a_power_law_is_its_power_plus_one(power: float) -> None:
+def test_the_slope_of_a_power_law_is_its_power_plus_one(power):
     amplitude = np.geomspace(1e-4, 1e-3, 12)
     energy = 3e4 * amplitude ** (power + 1)
     stiffness = np.full(12, 6e3)
@@ -82,13 +81,13 @@ def test_the_slope_of_a_power_law_is_its_power_plus_one(power: float) -> None:
     np.testing.assert_allclose(found.course, power + 1, rtol=1e-9)
 
 
-def test_points_off_resonance_say_little_about_the_energy() -> None:
+def test_points_off_resonance_say_little_about_the_energy():
     surface = sines(np.full(4, 6e3), np.full(4, 0.5), np.geomspace(1e-4, 1e-3, 4))
     # two thirds of the points are beyond the half-power points of so light a damping
     assert len(measured_energy(surface).amplitude) == 4
 
 
-def test_the_mass_is_read_without_a_law() -> None:
+def test_the_mass_is_read_without_a_law():
     amplitude = np.geomspace(1e-5, 1e-3, 40)
     stiffness = 6e3 + 4e4 / (1 + amplitude / 2e-4)
     surface = sines(stiffness, np.full(40, 30.0), amplitude)
@@ -98,7 +97,7 @@ def test_the_mass_is_read_without_a_law() -> None:
         mass_of(surface.select(np.arange(8)))
 
 
-def test_the_mean_of_both_branches_is_the_part_without_memory() -> None:
+def test_the_mean_of_both_branches_is_the_part_without_memory():
     phase = 2 * np.pi * (np.arange(2048) + 0.5) / 2048
     x = 3 * SLIP * np.cos(phase)
     cubic = 6e3 * x + 4e9 * x**3
@@ -110,7 +109,7 @@ def test_the_mean_of_both_branches_is_the_part_without_memory() -> None:
     assert branch_mean(x + SLIP * np.cos(5 * phase), cubic) is None
 
 
-def test_loops_are_shown_where_they_say_something() -> None:
+def test_loops_are_shown_where_they_say_something():
     surface = sines(np.full(4, 6e3), np.full(4, 30.0), np.geomspace(1e-4, 1e-3, 4))
     joint, spring = Model("k*x + masing(Min(kt*x, Fs))"), Model("k*x + c*v")
     assert shows_loops(surface, joint)
@@ -131,7 +130,7 @@ def replace_harmonics(surface: rs.ResponseSurface, harmonics: np.ndarray) -> rs.
 
 
 @pytest.mark.slow
-def test_loops_are_drawn_before_any_law() -> None:
+def test_loops_are_drawn_before_any_law():
     surface = sines(np.full(20, 6e3), np.full(20, 30.0), np.geomspace(1e-4, 1e-3, 20))
     drawing = figures.draw_loops(surface)
     assert "Loops with a mass of 1.5 kg" in drawing.alternative
@@ -141,7 +140,7 @@ def test_loops_are_drawn_before_any_law() -> None:
     assert few.alternative.count("dissipates") == 1
 
 
-def test_the_energy_of_an_identified_joint_is_its_closed_form() -> None:
+def test_the_energy_of_an_identified_joint_is_its_closed_form():
     truth = {"k": 5920.0, "kt": KT, "Fs": FS}
     law = "k*x + masing(Min(kt*x, Fs))"
     # only model, mass and tested amplitudes, 0.5 to 52 mm, count
@@ -158,7 +157,7 @@ def test_the_energy_of_an_identified_joint_is_its_closed_form() -> None:
     np.testing.assert_allclose(ratio, expected, rtol=1e-9)
 
 
-def test_identified_and_true_loops_follow_masings_rule() -> None:
+def test_identified_and_true_loops_follow_masings_rule():
     # a sample at a corner has the mean of its step
     phase = 2 * np.pi * np.arange(512) / 512
     motion = Motion(np.array([60.0]), np.array([[0, 3 * SLIP]], dtype=complex))
@@ -167,9 +166,7 @@ def test_identified_and_true_loops_follow_masings_rule() -> None:
 
 
 @pytest.mark.slow
-def test_the_loop_of_a_measured_sweep_has_the_mass_and_the_energy_of_the_benchmark(
-    measured_data: Callable[[str], Path],
-) -> None:
+def test_the_loop_of_a_measured_sweep_has_the_mass_and_the_energy_of_the_benchmark(measured_data):
     folder = measured_data("bouc_wen").parent
     surface = rs.read(Path(__file__).parents[1] / "cases" / "bouc_wen.toml", folder)
     # m = 2 kg; the truth of the joint gives the energy along the same motion
@@ -182,7 +179,7 @@ def test_the_loop_of_a_measured_sweep_has_the_mass_and_the_energy_of_the_benchma
     assert np.max(np.abs(loop.force - true)) < 0.03 * np.max(np.abs(true))
 
 
-def test_a_point_that_did_not_settle_takes_no_harmonics_from_the_others() -> None:
+def test_a_point_that_did_not_settle_takes_no_harmonics_from_the_others():
     harmonics = np.tile([0, 1e-3, 1e-6, 1e-4, 1e-7, 1e-7], (4, 1)).astype(complex)
     harmonics[3] = np.nan
     surface = rs.ResponseSurface(

@@ -1,11 +1,15 @@
-"""A draft of a case, read as a user reads it who has entered what it asks for."""
+"""Tables of an oscillator at two levels, and drafts of a case, read as a user reads them."""
 
 from __future__ import annotations
 
+import random
 import tomllib
+from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
+
+import numpy as np
 
 from rsgen.app.cli.inspect_command import proposal_text
 from rsgen.cases import load_case
@@ -13,7 +17,35 @@ from rsgen.data.surface import ResponseSurface
 from rsgen.files import MeasuredTest, read_measurement
 from rsgen.files.inspection import Proposal, list_contents, propose
 
-__all__ = ["drafted", "read_draft"]
+MASS, DAMPING, STIFFNESS = 1.5, 4.0, 6000.0
+FREQUENCY = np.linspace(6.0, 14.0, 17)
+OMEGA = 2 * np.pi * FREQUENCY
+LEVELS = (1.0, 3.0)
+
+
+def receptance(frequency: np.ndarray) -> np.ndarray:
+    omega = 2 * np.pi * frequency
+    return 1 / (STIFFNESS - MASS * omega**2 + 1j * omega * DAMPING)
+
+
+RECEPTANCE = receptance(FREQUENCY)
+
+
+def write_levels(
+    path: Path, columns: Callable[[float], dict[str, Any]], delimiter: str = ";", seed: int | None = None
+) -> Path:
+    """Write a row a frequency and level; with a seed the columns are in an order of chance."""
+    blocks = [columns(level) for level in LEVELS]
+    titles = list(blocks[0])
+    if seed is not None:
+        random.Random(seed).shuffle(titles)
+    rows = [
+        delimiter.join(f"{value:.9g}" for value in row)
+        for block in blocks
+        for row in np.transpose([np.broadcast_to(block[title], FREQUENCY.shape) for title in titles])
+    ]
+    path.write_text("\n".join([delimiter.join(titles), *rows, ""]), encoding="utf-8")
+    return path
 
 
 def drafted(path: Path) -> Proposal:

@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-import random
 import time
-from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -15,15 +13,20 @@ import pytest
 from rsgen.common.errors import RsgenError
 from rsgen.files.inspection import propose
 from rsgen.files.tree import Contents, Entry, facts
-from tests.inspection.drafts import drafted, read_draft
+from tests.inspection.drafts import (
+    DAMPING,
+    FREQUENCY,
+    LEVELS,
+    MASS,
+    OMEGA,
+    RECEPTANCE,
+    STIFFNESS,
+    drafted,
+    read_draft,
+    write_levels,
+)  # fmt: skip
 
-MASS, DAMPING, STIFFNESS = 1.5, 4.0, 6000.0
-FREQUENCY = np.linspace(6.0, 14.0, 17)
-OMEGA = 2 * np.pi * FREQUENCY
-LEVELS = (1.0, 3.0)
 G = 9.80665
-
-RECEPTANCE = 1 / (STIFFNESS - MASS * OMEGA**2 + 1j * OMEGA * DAMPING)
 SHAPES = {"one": 1.0, "two": 0.6 * np.exp(0.02j), "three": -0.3}
 """Motion of each sensor over that of the first; the last one is on the other side of a node."""
 
@@ -39,6 +42,14 @@ def acceleration(sensor: str, level: float) -> np.ndarray:
 
 def degrees(values: np.ndarray) -> np.ndarray:
     return np.angle(values, deg=True)
+
+
+def polar(values: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    return np.abs(values), degrees(values)
+
+
+def parts(values: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    return values.real, values.imag
 
 
 @dataclass
@@ -62,7 +73,7 @@ class Titles:
         columns = {self.frequency: FREQUENCY}
         in_parts = "im" in self.parts[1].casefold()
         for (called, unit), values in signals.items():
-            pair = (values.real, values.imag) if in_parts else (np.abs(values), degrees(values))
+            pair = parts(values) if in_parts else polar(values)
             for title, numbers in zip(self.parts, pair, strict=True):
                 columns[title.format(called, unit)] = numbers
         return columns
@@ -123,23 +134,6 @@ LABORATORIES = {
 }
 
 
-def write(
-    path: Path, columns: Callable[[float], dict[str, np.ndarray]], delimiter: str, seed: int | None
-) -> Path:
-    """Write a row a frequency and level, the columns in an order of chance."""
-    blocks = [columns(level) for level in LEVELS]
-    titles = list(blocks[0])
-    if seed is not None:
-        random.Random(seed).shuffle(titles)
-    rows = [
-        delimiter.join(f"{value:.9g}" for value in row)
-        for block in blocks
-        for row in np.transpose([np.broadcast_to(block[title], FREQUENCY.shape) for title in titles])
-    ]
-    path.write_text("\n".join([delimiter.join(titles), *rows, ""]), encoding="utf-8")
-    return path
-
-
 def sensor_read(tables: dict[str, Any], titles: Titles) -> str:
     """Name the sensor whose columns the proposal takes for the response."""
     chosen = tables["channels"][tables["response"]["channels"]]
@@ -152,10 +146,12 @@ def sensor_read(tables: dict[str, Any], titles: Titles) -> str:
 @pytest.mark.slow
 @pytest.mark.parametrize("name", LABORATORIES)
 @pytest.mark.parametrize("seed", [None, 1, 2])
-def test_columns_of_one_sensor_find_each_other(tmp_path: Path, name: str, seed: int | None) -> None:
+def test_columns_of_one_sensor_find_each_other(tmp_path, name, seed):
     """Whatever the order, force and response are read with their own phases: the receptance is exact."""
     titles = LABORATORIES[name]
-    tables, surface, doubts = read_draft(write(tmp_path / "a.csv", titles.columns, titles.delimiter, seed))
+    tables, surface, doubts = read_draft(
+        write_levels(tmp_path / "a.csv", titles.columns, titles.delimiter, seed)
+    )
     assert len(tables["channels"]) == len(titles.sensors)
     exact = SHAPES[sensor_read(tables, titles)] * np.tile(RECEPTANCE, len(LEVELS))
     np.testing.assert_allclose(surface.harmonics[:, 1] / surface.force, exact, rtol=1e-6)
@@ -186,53 +182,31 @@ TRANSMISSIBILITY = (STIFFNESS + 1j * OMEGA * DAMPING) / (STIFFNESS - MASS * OMEG
     ],
 )
 @pytest.mark.parametrize("seed", [None, 3])
-def test_a_driven_base_is_recognised(
-    tmp_path: Path, base: tuple[str, str], mass: tuple[str, str], named: bool, seed: int | None
-) -> None:
-    def columns(level: float) -> dict[str, np.ndarray]:
+def test_a_driven_base_is_recognised(tmp_path, base, mass, named, seed):
+    levels = base[0].startswith("Table")
+
+    def columns(level: float) -> dict[str, Any]:
         moved = level / G * np.exp(0.3j) * np.ones_like(FREQUENCY)
-        found = {"Frequency [Hz]": FREQUENCY}
+        split = parts if base[0].startswith("Re ") else polar
+        found = {"Frequency [Hz]": FREQUENCY} | ({"Level [g]": level / G} if levels else {})
         for titles, values in ((base, moved), (mass, moved * TRANSMISSIBILITY)):
-            in_parts = titles[0].startswith("Re ")
-            pair = (values.real, values.imag) if in_parts else (np.abs(values), degrees(values))
-            found |= dict(zip(titles, pair, strict=True))
+            found |= dict(zip(titles, split(values), strict=True))
         return found
 
-    tables, surface, doubts = read_draft(write(tmp_path / "a.csv", columns, ";", seed))
+    tables, surface, doubts = read_draft(write_levels(tmp_path / "a.csv", columns, ";", seed))
     assert tables["base"].get("amplitude", tables["base"].get("real")) == base[0]
     assert tables["base"]["response"] == "absolute"
     assert "force" not in tables
+    assert (tables.get("level") == {"column": "Level [g]"}) is levels
     assert surface.per_mass
-    np.testing.assert_allclose(
-        surface.harmonics[:, 1] / surface.force, MASS * np.tile(RECEPTANCE, 2), rtol=1e-6
-    )
+    ratio = surface.harmonics[:, 1] / surface.force
+    np.testing.assert_allclose(ratio, MASS * np.tile(RECEPTANCE, 2), rtol=1e-6)
     # a name that does not say base leaves a choice open
     assert named is ("test.base.quantity" not in doubts)
     assert "relative" in doubts["test.base.response"]
 
 
-def test_a_driven_base_beside_a_column_of_levels_is_recognised(tmp_path: Path) -> None:
-    def columns(level: float) -> dict[str, np.ndarray]:
-        moved = level / G * np.exp(0.3j) * np.ones_like(FREQUENCY)
-        seen = moved * TRANSMISSIBILITY
-        named = {"Frequency [Hz]": FREQUENCY, "Level [g]": level / G + 0 * FREQUENCY}
-        pairs = (moved, "Table"), (seen, "Payload")
-        return named | {
-            f"{name} {kind}": values
-            for motion, name in pairs
-            for kind, values in (("Amplitude [g]", np.abs(motion)), ("Phase [deg]", degrees(motion)))
-        }
-
-    tables, surface, _doubts = read_draft(write(tmp_path / "a.csv", columns, ";", None))
-    assert tables["base"]["amplitude"] == "Table Amplitude [g]"
-    assert tables["level"] == {"column": "Level [g]"}
-    assert surface.per_mass
-    np.testing.assert_allclose(
-        surface.harmonics[:, 1] / surface.force, MASS * np.tile(RECEPTANCE, 2), rtol=1e-6
-    )
-
-
-def test_a_phase_of_another_channel_is_never_taken(tmp_path: Path) -> None:
+def test_a_phase_of_another_channel_is_never_taken(tmp_path):
     def columns(level: float) -> dict[str, np.ndarray]:
         a = acceleration("one", level)
         # that of x1 was not recorded
@@ -243,14 +217,14 @@ def test_a_phase_of_another_channel_is_never_taken(tmp_path: Path) -> None:
             "x2 phase [deg]": degrees(a),
         }
 
-    tables, _surface, doubts = read_draft(write(tmp_path / "a.csv", columns, ",", None))
+    tables, _surface, doubts = read_draft(write_levels(tmp_path / "a.csv", columns, ",", None))
     assert tables["response"]["amplitude"] == "x1 [g]"
     assert "phase" not in tables["response"]
     assert tables["response"]["phase_known"] is False
     assert "left out: x2 phase [deg]" in doubts["test.response.amplitude"]
 
 
-def test_two_directions_are_no_real_and_imaginary_part(tmp_path: Path) -> None:
+def test_two_directions_are_no_real_and_imaginary_part(tmp_path):
     def columns(level: float) -> dict[str, np.ndarray]:
         a = acceleration("one", level) / force(level) * level
         two = (np.abs(a), 0.6 * np.abs(a))
@@ -262,13 +236,13 @@ def test_two_directions_are_no_real_and_imaginary_part(tmp_path: Path) -> None:
             )
         )
 
-    tables, _surface, doubts = read_draft(write(tmp_path / "a.csv", columns, ",", None))
+    tables, _surface, doubts = read_draft(write_levels(tmp_path / "a.csv", columns, ",", None))
     assert (tables["response"]["amplitude"], tables["response"]["phase"]) == ("x1_g", "phase_deg")
     assert "y1_g" in doubts["test.response.phase"]
 
 
 @pytest.mark.parametrize("order", ["{} H{} [N]", "{} {}f [N]", "{} harm. {} [N]"])
-def test_harmonics_are_not_taken_for_sensors(tmp_path: Path, order: str) -> None:
+def test_harmonics_are_not_taken_for_sensors(tmp_path, order):
     def columns(level: float) -> dict[str, np.ndarray]:
         found = {"f [Hz]": FREQUENCY}
         for number, size in ((3, 0.1), (1, 1.0), (2, 0.3)):
@@ -280,7 +254,7 @@ def test_harmonics_are_not_taken_for_sensors(tmp_path: Path, order: str) -> None
                 found[title.replace("[N]", "phase [deg]")] = degrees(values)
         return found
 
-    tables, surface, doubts = read_draft(write(tmp_path / "a.csv", columns, ";", None))
+    tables, surface, doubts = read_draft(write_levels(tmp_path / "a.csv", columns, ";", None))
     assert tables["force"]["phase"] == order.format("F", 1).replace("[N]", "phase [deg]")
     assert "harmonics 2, 3" in doubts["test.response.amplitude"]
     np.testing.assert_allclose(surface.harmonics[:, 1] / surface.force, np.tile(RECEPTANCE, 2), rtol=1e-6)
@@ -335,23 +309,15 @@ HEADS = {
 }  # fmt: skip
 
 
-def polar(values: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    return np.abs(values), degrees(values)
-
-
-def parts(values: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    return values.real, values.imag
-
-
 @pytest.mark.parametrize("name", HEADS)
 @pytest.mark.parametrize("seed", [None, 4])
-def test_headers_of_other_programs(tmp_path: Path, name: str, seed: int | None) -> None:
+def test_headers_of_other_programs(tmp_path, name, seed):
     head, values, said = HEADS[name]
 
     def columns(level: float) -> dict[str, np.ndarray]:
         return dict(zip(head.split(","), (FREQUENCY, *values(level)), strict=True))
 
-    path = write(tmp_path / "a.csv", columns, "\t", seed)
+    path = write_levels(tmp_path / "a.csv", columns, "\t", seed)
     entered = said if "quantity" in said else {}
     assert not entered or "TODO: not in the file" in drafted(path).doubts["test.response.unit"]
     tables, surface, _ = read_draft(path, response=entered)
@@ -361,7 +327,7 @@ def test_headers_of_other_programs(tmp_path: Path, name: str, seed: int | None) 
     np.testing.assert_allclose(ratio, np.tile(RECEPTANCE, 2), rtol=1e-6)
 
 
-def test_a_level_in_decibels_is_refused_by_its_title(tmp_path: Path) -> None:
+def test_a_level_in_decibels_is_refused_by_its_title(tmp_path):
     """All positive, they were read as metres."""
 
     def columns(level: float) -> dict[str, np.ndarray]:
@@ -369,7 +335,7 @@ def test_a_level_in_decibels_is_refused_by_its_title(tmp_path: Path) -> None:
         found = (FREQUENCY, 0 * OMEGA + level, 20 * np.log10(np.abs(x) * 1e6), degrees(x))
         return dict(zip(("f_Hz", "F_N", "x1_dB", "phase1_deg"), found, strict=True))
 
-    path = write(tmp_path / "a.csv", columns, ",", None)
+    path = write_levels(tmp_path / "a.csv", columns, ",", None)
     assert "decibels" in drafted(path).doubts["test.response.unit"]
     with pytest.raises(RsgenError, match="logarithmic"):
         read_draft(path)
@@ -384,8 +350,8 @@ def base_columns(level: float) -> dict[str, np.ndarray]:
     return dict(zip(ON_A_TABLE, (FREQUENCY, *base, *polar(level / G * TRANSMISSIBILITY)), strict=True))
 
 
-def test_one_of_several_directions_of_a_base_is_chosen_by_the_user(tmp_path: Path) -> None:
-    path = write(tmp_path / "a.csv", base_columns, ",", None)
+def test_one_of_several_directions_of_a_base_is_chosen_by_the_user(tmp_path):
+    path = write_levels(tmp_path / "a.csv", base_columns, ",", None)
     proposal = drafted(path)
     assert proposal.tables["test.base"]["amplitude"] == "Base X [g]"
     assert "TODO: or Base Y [g], Base Z [g]" in proposal.doubts["test.base.quantity"]
@@ -394,30 +360,30 @@ def test_one_of_several_directions_of_a_base_is_chosen_by_the_user(tmp_path: Pat
     np.testing.assert_allclose(surface.harmonics[:, 1] / surface.force, exact, rtol=1e-6)
 
 
-def test_absolute_motion_on_a_base_needs_phases(tmp_path: Path) -> None:
+def test_absolute_motion_on_a_base_needs_phases(tmp_path):
     """Without them the motion relative to the base was a difference of amplitudes."""
 
     def columns(level: float) -> dict[str, np.ndarray]:
         found = base_columns(level)
         return {title: found[title] for title in ("f [Hz]", "Base Z [g]", "Tip [g]")}
 
-    path = write(tmp_path / "a.csv", columns, ",", None)
+    path = write_levels(tmp_path / "a.csv", columns, ",", None)
     with pytest.raises(RsgenError, match="no phases were recorded"):
         read_draft(path)
 
 
-def test_a_transmissibility_beside_its_base_is_no_response(tmp_path: Path) -> None:
+def test_a_transmissibility_beside_its_base_is_no_response(tmp_path):
     def columns(level: float) -> dict[str, np.ndarray]:
         found = base_columns(level)
         ratio = dict(zip(("Transmissibility", "Phase [deg]"), polar(TRANSMISSIBILITY), strict=True))
         return {title: found[title] for title in ("f [Hz]", "Base Z [g]")} | ratio
 
-    _, _, doubts = read_draft(write(tmp_path / "a.csv", columns, ",", None))
+    _, _, doubts = read_draft(write_levels(tmp_path / "a.csv", columns, ",", None))
     assert "write that of the mass" in doubts["test.force.nominal"]
 
 
 @pytest.mark.thorough
-def test_thousands_of_columns_are_put_together_in_no_time() -> None:
+def test_thousands_of_columns_are_put_together_in_no_time():
     """Each phase was compared with each amplitude: a file of 3000 sensors took a quarter of a minute."""
     units = {"amp [mm]": "mm", "phase [deg]": "deg"}
     known = facts(np.linspace(1.0, 2.0, 9))

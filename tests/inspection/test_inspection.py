@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import hashlib
+import itertools
 import json
 import tomllib
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -18,9 +19,10 @@ from rsgen.app.cli.inspect_command import proposal_text
 from rsgen.cases import load_case
 from rsgen.common.errors import MeasurementError
 from rsgen.data.surface import ResponseSurface
-from rsgen.files import Layout, MeasuredTest, read_measurement
-from rsgen.files.inspection import Proposal, list_contents, propose
+from rsgen.files import Layout, read_measurement
+from rsgen.files.inspection import Proposal, list_contents
 from rsgen.files.text_columns import TextLines, read_columns
+from tests.inspection.drafts import drafted
 
 ROOT = Path(__file__).parents[2]
 FORMATS = ROOT / "cases" / "formats"
@@ -30,25 +32,41 @@ MEASURED = sorted(
 
 
 def proposed(path: Path) -> dict[str, Any]:
-    proposal = propose(list_contents(path))
-    assert proposal is not None
-    tree: dict[str, Any] = tomllib.loads(proposal_text(proposal))["test"]
+    tree: dict[str, Any] = tomllib.loads(proposal_text(drafted(path)))["test"]
     return tree
+
+
+def doubts(path: Path) -> dict[str, str]:
+    return drafted(path).doubts
+
+
+@pytest.fixture
+def begun(run_cli: Callable[..., Any]) -> Callable[[Path], Path]:
+    """Begin a case from a file, as ``rsgen init`` does."""
+
+    def begin(path: Path) -> Path:
+        case = path.with_name("new.toml")
+        assert run_cli("init", "--from", path, case).code == 0
+        return case
+
+    return begin
 
 
 def read_case(path: Path) -> ResponseSurface:
     """Read a case of few points; ``check`` would refuse it, for nothing can be identified from them."""
-    test = load_case(path).test
-    assert isinstance(test, MeasuredTest)
-    return read_measurement(test)
+    return read_measurement(load_case(path).test)
+
+
+def table(path: Path, head: str, rows: Sequence[str]) -> Path:
+    path.write_text("\n".join([head, *rows, ""]), encoding="utf-8")
+    return path
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("file", MEASURED, ids=lambda file: file.name)
-def test_a_case_begun_from_a_file_reads_it(tmp_path: Path, file: Path, run_cli: Callable[..., Any]) -> None:
+def test_a_case_begun_from_a_file_reads_it(tmp_path, file, run_cli, begun):
     (tmp_path / file.name).write_bytes(file.read_bytes())
-    case = tmp_path / "new.toml"
-    assert run_cli("init", "--from", tmp_path / file.name, case).code == 0
+    case = begun(tmp_path / file.name)
     if file.name == "decay.uff":
         # a decay asks for the mass, and says so
         checked = run_cli("check", case)
@@ -74,11 +92,11 @@ def test_a_case_begun_from_a_file_reads_it(tmp_path: Path, file: Path, run_cli: 
 
 
 @pytest.mark.slow
-def test_units_and_names_tell_what_is_what() -> None:
-    table = proposed(FORMATS / "table.csv")
-    assert table["frequency"] == {"column": "frequency_Hz"}
-    assert table["force"] == {"amplitude": "force_N", "unit": "N"}
-    assert table["response"] == {
+def test_units_and_names_tell_what_is_what():
+    tables = proposed(FORMATS / "table.csv")
+    assert tables["frequency"] == {"column": "frequency_Hz"}
+    assert tables["force"] == {"amplitude": "force_N", "unit": "N"}
+    assert tables["response"] == {
         "quantity": "acceleration",
         "unit": "g",
         "amplitude": "acceleration_g",
@@ -113,21 +131,17 @@ def test_units_and_names_tell_what_is_what() -> None:
         ("date;freq [Hz];force [N];disp [mm]\nmonday;1;1;2\nmonday;2;1;3\n", None, "freq [Hz]"),
     ],
 )
-def test_layouts_of_texts(
-    tmp_path: Path, run_cli: Callable[..., Any], text: str, layout: dict[str, Any] | None, column: int | str
-) -> None:
+def test_layouts_of_texts(tmp_path, text, layout, column, begun):
     path = tmp_path / "a.csv"
     path.write_text(text, encoding="utf-8")
-    table = proposed(path)
-    assert table.get("layout") == layout
-    assert table["frequency"]["column"] == column
-    case = tmp_path / "a.toml"
-    assert run_cli("init", "--from", path, case).code == 0
-    assert len(read_case(case)) > 1
+    tables = proposed(path)
+    assert tables.get("layout") == layout
+    assert tables["frequency"]["column"] == column
+    assert len(read_case(begun(path))) > 1
 
 
 @pytest.mark.slow
-def test_what_is_inside_is_shown(run_cli: Callable[..., Any]) -> None:
+def test_what_is_inside_is_shown(run_cli):
     shown = run_cli("inspect", FORMATS / "steps.h5").out
     for word in ("displacement", "10880", "float32", "N", "[test.response]", 'samples  = "displacement"'):
         assert word in shown
@@ -138,7 +152,7 @@ def test_what_is_inside_is_shown(run_cli: Callable[..., Any]) -> None:
 
 
 @pytest.mark.slow
-def test_faulty_files_are_a_sentence(tmp_path: Path, run_cli: Callable[..., Any]) -> None:
+def test_faulty_files_are_a_sentence(tmp_path, run_cli):
     path = tmp_path / "a.mat"
     path.write_bytes(b"MATLAB 5.0 MAT-file" + bytes(200))
     refused = run_cli("inspect", path)
@@ -149,7 +163,7 @@ def test_faulty_files_are_a_sentence(tmp_path: Path, run_cli: Callable[..., Any]
 
 
 @pytest.mark.slow
-def test_names_in_a_file_stay_text(tmp_path: Path, run_cli: Callable[..., Any]) -> None:
+def test_names_in_a_file_stay_text(tmp_path, run_cli, begun):
     path = tmp_path / "a.h5"
     evil = 'x"\n[test]\nfile="/etc/passwd\x1b[2J\u202e'
     with h5py.File(path, "w") as file:
@@ -159,14 +173,13 @@ def test_names_in_a_file_stay_text(tmp_path: Path, run_cli: Callable[..., Any]) 
     shown = run_cli("inspect", path).out
     assert "\x1b" not in shown
     assert "\u202e" not in shown
-    case = tmp_path / "new.toml"
-    assert run_cli("init", "--from", path, case).code == 0
+    case = begun(path)
     tree = tomllib.loads(case.read_text(encoding="utf-8"))
     assert tree["test"]["file"] == "a.h5"
     assert tree["test"]["response"]["amplitude"] == f"disp{evil}".replace("/", "_")
 
 
-def test_every_text_survives_toml() -> None:
+def test_every_text_survives_toml():
     for text in ('"', "\\", "\n\t\x00\x7f", "é µ ²", "\U0001f600", "#", "\u2028", "\U000e0001"):
         tree = tomllib.loads(proposal_text(Proposal({"test": {"file": text}})))
         assert tree["test"]["file"] == text
@@ -186,7 +199,7 @@ def test_every_text_survives_toml() -> None:
         "time-history-not-all-columns-filled",
     ],
 )
-def test_universal_files_of_others(name: str, measured_data: Callable[[str], Path]) -> None:
+def test_universal_files_of_others(name, measured_data):
     contents = list_contents(measured_data(f"uff/{name}.uff"))
     assert contents.format == "uff"
     faults = [entry.fault for entry in contents.entries]
@@ -197,7 +210,7 @@ def test_universal_files_of_others(name: str, measured_data: Callable[[str], Pat
 
 
 @pytest.mark.slow
-def test_ascii_and_binary_of_one_record_agree(measured_data: Callable[[str], Path]) -> None:
+def test_ascii_and_binary_of_one_record_agree(measured_data):
     from rsgen.files.sandbox import read_binary
 
     first, second = (
@@ -210,7 +223,7 @@ def test_ascii_and_binary_of_one_record_agree(measured_data: Callable[[str], Pat
 
 
 @pytest.mark.slow
-def test_real_files_are_understood(measured_data: Callable[[str], Path]) -> None:
+def test_real_files_are_understood(measured_data):
     f16 = proposed(measured_data("f16/F16Data_SineSw_Level1.mat"))
     assert f16["time"] == {"rate_column": "Fs"}
     assert f16["force"]["samples"] == "Force"
@@ -229,7 +242,7 @@ def test_real_files_are_understood(measured_data: Callable[[str], Path]) -> None
     )
 
 
-def test_nothing_to_recognise(tmp_path: Path) -> None:
+def test_nothing_to_recognise(tmp_path):
     path = tmp_path / "a.csv"
     path.write_text("a,b\nmonday,tuesday\n", encoding="utf-8")
     with pytest.raises(MeasurementError, match="no rows of numbers"):
@@ -245,26 +258,21 @@ GERMAN = "Prüfling: Träger\r\nFrequenz [Hz];Kraft [N];Weg [µm];Phase [°]\r\n
 
 
 @pytest.mark.parametrize("encoding", ["latin-1", "cp1252", "cp1250"])
-def test_a_text_of_a_german_laboratory_is_read(
-    tmp_path: Path, run_cli: Callable[..., Any], encoding: str
-) -> None:
+def test_a_text_of_a_german_laboratory_is_read(tmp_path, encoding, begun):
     path = tmp_path / "a.csv"
     text = GERMAN.replace("µ", "u") if encoding == "cp1250" else GERMAN
     path.write_bytes(text.encode(encoding))
-    table = proposed(path)
-    assert table["layout"] == {"decimal": ",", "skip": 1, "encoding": "cp1252"}
-    assert table["response"]["unit"] == "um"
-    assert table["response"]["phase"] == "Phase [°]"
-    case = tmp_path / "a.toml"
-    assert run_cli("init", "--from", path, case).code == 0
+    tables = proposed(path)
+    assert tables["layout"] == {"decimal": ",", "skip": 1, "encoding": "cp1252"}
+    assert tables["response"]["unit"] == "um"
+    assert tables["response"]["phase"] == "Phase [°]"
+    case = begun(path)
     # recognised without the key, too
     case.write_text(case.read_text(encoding="utf-8").replace('encoding = "cp1252"', ""), encoding="utf-8")
-    test = load_case(case).test
-    assert isinstance(test, MeasuredTest)
-    assert read_measurement(test).amplitude[0] == pytest.approx(3.25e-6)
+    assert read_case(case).amplitude[0] == pytest.approx(3.25e-6)
 
 
-def test_an_encoding_that_does_not_fit_is_a_sentence(tmp_path: Path) -> None:
+def test_an_encoding_that_does_not_fit_is_a_sentence(tmp_path):
     path = tmp_path / "a.csv"
     path.write_bytes("f;F;\u5909\u4f4d\n1;1;2\n2;1;3\n".encode("shift_jis"))
     assert proposed_column(path, "shift_jis") == "\u5909\u4f4d"
@@ -278,20 +286,18 @@ def proposed_column(path: Path, encoding: str) -> str:
     return text.split(";")[2]
 
 
-def test_rows_with_gaps_are_not_passed_over(tmp_path: Path, run_cli: Callable[..., Any]) -> None:
+def test_rows_with_gaps_are_not_passed_over(tmp_path, run_cli, begun):
     """Else a table with a gap would begin below it, and the rows above would be lost in silence."""
-    path = tmp_path / "a.csv"
     rows = [f"{8 + i / 10:.1f},1,{1 + i},{10 + i},0.9" for i in range(30)]
     rows[7] = "8.7,1,NaN,17,"
-    path.write_text("f_Hz,force_N,disp_um,lag_deg,coherence\n" + "\n".join(rows) + "\n", encoding="utf-8")
+    path = table(tmp_path / "a.csv", "f_Hz,force_N,disp_um,lag_deg,coherence", rows)
     contents = list_contents(path)
     assert contents.layout is not None
     assert contents.layout.skip == 0
     assert [entry.shape for entry in contents.entries] == [(30,)] * 5
     shown = run_cli("inspect", path).out
     assert "(1 of 30 are not finite)\n" in shown
-    case = tmp_path / "a.toml"
-    assert run_cli("init", "--from", path, case).code == 0
+    case = begun(path)
     checked = run_cli("check", case).out
     assert "29 measured points" in checked
     assert (
@@ -299,13 +305,11 @@ def test_rows_with_gaps_are_not_passed_over(tmp_path: Path, run_cli: Callable[..
     )
 
 
-def test_a_last_line_without_an_end_is_read(tmp_path: Path, run_cli: Callable[..., Any]) -> None:
+def test_a_last_line_without_an_end_is_read(tmp_path, begun):
     path = tmp_path / "a.csv"
     path.write_text("f_Hz,force_N,disp_um\n1,1,2\n2,1,3\n3,1,3", encoding="utf-8")
     assert "sha256" not in proposed(path)
-    case = tmp_path / "a.toml"
-    assert run_cli("init", "--from", path, case).code == 0
-    assert len(read_case(case)) == 3
+    assert len(read_case(begun(path))) == 3
 
 
 @pytest.mark.parametrize(
@@ -345,61 +349,43 @@ def test_a_last_line_without_an_end_is_read(tmp_path: Path, run_cli: Callable[..
         ),
     ],
 )
-def test_what_a_header_tells(
-    tmp_path: Path,
-    run_cli: Callable[..., Any],
-    head: str,
-    force: dict[str, Any],
-    response: dict[str, Any],
-    level: dict[str, Any],
-) -> None:
-    path = tmp_path / "a.csv"
-    rows = [
-        f"{level},{level * 0.99},{1 + f / 7},{10 + f / 10},{-10 - 4 * f}"
-        for level in (1, 2)
-        for f in range(40)
-    ]
-    path.write_text(head + "\n" + "\n".join(rows) + "\n", encoding="utf-8")
-    table = proposed(path)
-    assert table["force"] == force
-    assert response.items() <= table["response"].items()
-    assert table["level"] == level
-    case = tmp_path / "a.toml"
-    assert run_cli("init", "--from", path, case).code == 0
+def test_what_a_header_tells(tmp_path, run_cli, head, force, response, level, begun):
+    points = itertools.product((1, 2), range(40))
+    rows = [f"{n},{n * 0.99},{1 + f / 7},{10 + f / 10},{-10 - 4 * f}" for n, f in points]
+    path = table(tmp_path / "a.csv", head, rows)
+    tables = proposed(path)
+    assert tables["force"] == force
+    assert response.items() <= tables["response"].items()
+    assert tables["level"] == level
+    case = begun(path)
     assert run_cli("check", case).code == (2 if "dB" in head else 0)
 
 
-def test_rounded_times_of_a_text_are_times(tmp_path: Path) -> None:
+def test_rounded_times_of_a_text_are_times(tmp_path):
     """At 2048 Hz times with six decimals are off by a thousandth of a step."""
     path = tmp_path / "hammer_1.csv"
     t = np.arange(400) / 2048
     rows = [f"{a:.6f};{b:.3f};{c:.4f}" for a, b, c in zip(t, np.exp(-t), np.sin(500 * t), strict=True)]
     text = "Time (s);Hammer (N);Accel [m/s²]\n" + "\n".join(rows) + "\n"
     path.write_text(text.replace(".", ","), encoding="utf-8")
-    table = proposed(path)
-    assert table["time"] == {"column": "Time (s)"}
-    assert table["excitation"] == "ring-down"
+    tables = proposed(path)
+    assert tables["time"] == {"column": "Time (s)"}
+    assert tables["excitation"] == "ring-down"
     # a unit in brackets is no channel
     assert not any("channels" in doubt for doubt in doubts(path).values())
 
 
-def doubts(path: Path) -> dict[str, str]:
-    proposal = propose(list_contents(path))
-    assert proposal is not None
-    return proposal.doubts
-
-
 @pytest.mark.slow
-def test_names_of_variables_tell_units(tmp_path: Path) -> None:
+def test_names_of_variables_tell_units(tmp_path):
     path = tmp_path / "a.mat"
     t = np.arange(400) / 1024
     scipy.io.savemat(path, {"t": t, "force_lbf": np.sin(t), "acc_g": np.cos(t)})
-    table = proposed(path)
-    assert table["force"]["unit"] == "lbf"
-    assert table["response"]["unit"] == "g"
+    tables = proposed(path)
+    assert tables["force"]["unit"] == "lbf"
+    assert tables["response"]["unit"] == "g"
 
 
-def test_a_lone_reference_does_not_spoil_a_file(tmp_path: Path) -> None:
+def test_a_lone_reference_does_not_spoil_a_file(tmp_path):
     path = tmp_path / "a.h5"
     with h5py.File(path, "w") as file:
         file["x"] = np.arange(20.0)
@@ -424,7 +410,7 @@ def test_a_lone_reference_does_not_spoil_a_file(tmp_path: Path) -> None:
         ("a.csv.gz", b"\x1f\x8b\x08" + bytes(100), "is a packed file; unpack it"),
     ],
 )
-def test_other_files_of_laboratories_are_named(tmp_path: Path, name: str, begin: bytes, found: str) -> None:
+def test_other_files_of_laboratories_are_named(tmp_path, name, begin, found):
     path = tmp_path / name
     path.write_bytes(begin)
     with pytest.raises(MeasurementError, match=found):
@@ -432,7 +418,7 @@ def test_other_files_of_laboratories_are_named(tmp_path: Path, name: str, begin:
 
 
 @pytest.mark.slow
-def test_a_damaged_file_is_described_in_words_of_the_user(tmp_path: Path) -> None:
+def test_a_damaged_file_is_described_in_words_of_the_user(tmp_path):
     path = tmp_path / "a.mat"
     scipy.io.savemat(path, {"f": np.arange(9.0)})
     data = bytearray(path.read_bytes())
@@ -443,17 +429,11 @@ def test_a_damaged_file_is_described_in_words_of_the_user(tmp_path: Path) -> Non
         list_contents(path)
 
 
-def test_a_mil_is_a_length(tmp_path: Path, run_cli: Callable[..., Any]) -> None:
-    path = tmp_path / "a.csv"
-    path.write_text(
-        "f_Hz,force_N,disp_mil\n" + "".join(f"{f},1,{1 + f}\n" for f in range(1, 9)), encoding="utf-8"
-    )
-    case = tmp_path / "a.toml"
-    assert run_cli("init", "--from", path, case).code == 0
+def test_a_mil_is_a_length(tmp_path, begun):
+    path = table(tmp_path / "a.csv", "f_Hz,force_N,disp_mil", [f"{f},1,{1 + f}" for f in range(1, 9)])
+    case = begun(path)
     case.write_text(case.read_text(encoding="utf-8").replace('"thou"', '"mil"'), encoding="utf-8")
-    test = load_case(case).test
-    assert isinstance(test, MeasuredTest)
-    assert read_measurement(test).amplitude[0] == pytest.approx(50.8e-6)
+    assert read_case(case).amplitude[0] == pytest.approx(50.8e-6)
 
 
 ROWS = [f"{8 + i / 10:.1f},{2 + i // 20},{1 + i / 7:.4f},{10 + i}" for i in range(40)]
@@ -479,32 +459,26 @@ HEAD = "f_Hz,force_N,disp_um,lag_deg"
         (["channels: 1 2 3", "1,2,3,4", HEAD, *ROWS], 40, "csv, 4 arrays of numbers"),
     ],
 )
-def test_no_row_of_a_log_is_dropped_in_silence(
-    tmp_path: Path, run_cli: Callable[..., Any], lines: list[str], kept: int, said: str
-) -> None:
+def test_no_row_of_a_log_is_dropped_in_silence(tmp_path, run_cli, lines, kept, said, begun):
     """A header that repeats, or a row without numbers, made ``skip`` pass over all rows above."""
-    path, case = tmp_path / "log.csv", tmp_path / "log.toml"
-    path.write_text("\n".join([*lines, ""]), encoding="utf-8")
+    path = table(tmp_path / "log.csv", *lines[:1], lines[1:])
     assert said in run_cli("inspect", path).out
-    assert run_cli("init", "--from", path, case).code == 0
-    assert len(read_case(case)) == kept
+    assert len(read_case(begun(path))) == kept
 
 
-def test_utf_16_is_inspected_and_read(tmp_path: Path, run_cli: Callable[..., Any]) -> None:
-    path, case = tmp_path / "a.csv", tmp_path / "a.toml"
+def test_utf_16_is_inspected_and_read(tmp_path, run_cli, begun):
+    path = tmp_path / "a.csv"
     path.write_bytes("\r\n".join([HEAD, *ROWS]).encode("utf-16"))
-    assert run_cli("init", "--from", path, case).code == 0
-    assert "40 measured points" in run_cli("check", case).out
+    assert "40 measured points" in run_cli("check", begun(path)).out
 
 
 @pytest.mark.parametrize("title", ["Omega", "w", "omega_rad_s", "Omega [rad/s]"])
-def test_an_angular_frequency_is_proposed_as_one(tmp_path: Path, title: str) -> None:
-    path = tmp_path / "a.csv"
-    path.write_text("\n".join([HEAD.replace("f_Hz", title), *ROWS, ""]), encoding="utf-8")
+def test_an_angular_frequency_is_proposed_as_one(tmp_path, title):
+    path = table(tmp_path / "a.csv", HEAD.replace("f_Hz", title), ROWS)
     assert proposed(path)["frequency"] == {"column": title, "unit": "rad/s"}
 
 
-def test_the_header_of_labview_is_understood(tmp_path: Path) -> None:
+def test_the_header_of_labview_is_understood(tmp_path):
     head = (
         "LabVIEW Measurement\t\nSeparator\tTab\n***End_of_Header***\t\n\t\nChannels\t2\t\t\n"
         "Samples\t50\t50\t\nY_Unit_Label\tNewtons\tm/s^2\t\nX_Dimension\tTime\tTime\t\nX0\t0.0E+0\t0.0E+0\t\n"
@@ -513,10 +487,10 @@ def test_the_header_of_labview_is_understood(tmp_path: Path) -> None:
     path = tmp_path / "a.lvm"
     rows = "".join(f"{i / 100:.3f}\t{i % 7}\t{i % 5}\n" for i in range(50))
     path.write_text(head + rows, encoding="utf-8")
-    table = proposed(path)
-    assert table["time"] == {"column": "X_Value"}
-    assert table["force"] == {"samples": "Hammer", "unit": "N"}
-    assert table["response"] == {"quantity": "acceleration", "unit": "m/s^2", "samples": "Sensor 1"}
+    tables = proposed(path)
+    assert tables["time"] == {"column": "X_Value"}
+    assert tables["force"] == {"samples": "Hammer", "unit": "N"}
+    assert tables["response"] == {"quantity": "acceleration", "unit": "m/s^2", "samples": "Sensor 1"}
 
 
 @pytest.mark.slow
@@ -528,16 +502,14 @@ def test_the_header_of_labview_is_understood(tmp_path: Path) -> None:
         {"unit_f": "kHz", "unit_F": "mN", "unit_x": "um"},
     ],
 )
-def test_texts_of_a_matlab_file_are_shown_and_are_units(
-    tmp_path: Path, run_cli: Callable[..., Any], units: dict[str, Any]
-) -> None:
+def test_texts_of_a_matlab_file_are_shown_and_are_units(tmp_path, run_cli, units):
     path = tmp_path / "a.mat"
     numbers = {"f": np.linspace(1, 2, 30), "F": np.full(30, 2.0), "x": np.linspace(3, 4, 30)}
     scipy.io.savemat(path, {"test": {**numbers, **units}, "operator": "Jo"})
-    table = proposed(path)
-    assert table["frequency"]["unit"] == "kHz"
-    assert table["force"]["unit"] == "mN"
-    assert table["response"]["unit"] == "um"
+    tables = proposed(path)
+    assert tables["frequency"]["unit"] == "kHz"
+    assert tables["force"]["unit"] == "mN"
+    assert tables["response"]["unit"] == "um"
     shown = run_cli("inspect", path).out
     assert "'mN'" in shown
     assert "'Jo'" in shown

@@ -34,7 +34,7 @@ def is_the_sweep(surface: ResponseSurface) -> bool:
 
 
 @pytest.mark.slow
-def test_names_and_units_in_structs_of_a_modal_analyser(tmp_path: Path) -> None:
+def test_names_and_units_in_structs_of_a_modal_analyser(tmp_path):
     """Of each signal: steps of the abscissa, numbers, the label of their unit, and a record with its name."""
     signals = {}
     named = (("Wing:2:+Z", 0.6 * ACCELERATION, "g"), ("Shaker", FORCE, "N"), ("Wing:1:+Z", ACCELERATION, "g"))
@@ -54,7 +54,7 @@ def test_names_and_units_in_structs_of_a_modal_analyser(tmp_path: Path) -> None:
 
 
 @pytest.mark.slow
-def test_headers_beside_the_data_of_a_recorder(tmp_path: Path) -> None:
+def test_headers_beside_the_data_of_a_recorder(tmp_path):
     arrays: dict[str, Any] = {"Sample_rate": RATE}
     named = (
         ("Force cell", FORCE, "Newtons"),
@@ -76,7 +76,7 @@ def test_headers_beside_the_data_of_a_recorder(tmp_path: Path) -> None:
 
 
 @pytest.mark.slow
-def test_channels_without_names_are_not_guessed_silently(tmp_path: Path) -> None:
+def test_channels_without_names_are_not_guessed_silently(tmp_path):
     path = tmp_path / "a.mat"
     scipy.io.savemat(path, {"ch1": FORCE, "ch2": ACCELERATION, "ch3": 0.4 * ACCELERATION, "fs": RATE})
     doubts = drafted(path).doubts
@@ -84,7 +84,7 @@ def test_channels_without_names_are_not_guessed_silently(tmp_path: Path) -> None
     assert "ch1, ch2, ch3" in doubts["test.response.samples"]
 
 
-def test_channels_of_a_data_logger(tmp_path: Path) -> None:
+def test_channels_of_a_data_logger(tmp_path):
     nptdms = pytest.importorskip("nptdms", reason="no nptdms here: install rsgen[tdms]")
     path = tmp_path / "a.tdms"
     named = (
@@ -106,7 +106,7 @@ def test_channels_of_a_data_logger(tmp_path: Path) -> None:
     assert is_the_sweep(surface)
 
 
-def test_sheets_with_levels_in_their_names(tmp_path: Path) -> None:
+def test_sheets_with_levels_in_their_names(tmp_path):
     openpyxl = pytest.importorskip("openpyxl", reason="no openpyxl here: install rsgen[xlsx]")
     book = openpyxl.Workbook()
     book.remove(book.active)
@@ -165,9 +165,7 @@ def modal_file(path: Path, points: list[tuple[int, int, float]]) -> Path:
         ([(1, 3, 1.0), (1, 3, 1.0), (1, 3, 1.0)], ""),
     ],
 )
-def test_points_of_a_modal_test_are_no_levels(
-    tmp_path: Path, points: list[tuple[int, int, float]], left_out: str
-) -> None:
+def test_points_of_a_modal_test_are_no_levels(tmp_path, points, left_out):
     """Accelerances of different points read as levels of one were a wrong result without a word."""
     tables, surface, doubts = read_draft(modal_file(tmp_path / "a.uff", points))
     if left_out:
@@ -181,7 +179,7 @@ def test_points_of_a_modal_test_are_no_levels(
 
 
 @pytest.mark.slow
-def test_receptances_that_were_written_come_back_with_their_levels(tmp_path: Path) -> None:
+def test_receptances_that_were_written_come_back_with_their_levels(tmp_path):
     level = np.repeat([2.0, 10.0], len(FREQUENCY))
     response = level * np.tile(RECEPTANCE, 2)
     surface = ResponseSurface(

@@ -38,7 +38,7 @@ from rsgen.files.column_titles import is_angular, unit_in
         ("force", ""),
     ],
 )
-def test_a_unit_in_a_title(title: str, unit: str) -> None:
+def test_a_unit_in_a_title(title, unit):
     assert unit_in(title) == unit
 
 
@@ -46,14 +46,14 @@ def test_a_unit_in_a_title(title: str, unit: str) -> None:
     ("title", "angular"),
     [("freq [rad/s]", True), ("rad per sec", True), ("rads", True), ("rad / s", True), ("radius", False)],
 )
-def test_an_angular_frequency(title: str, angular: bool) -> None:
+def test_an_angular_frequency(title, angular):
     assert is_angular(title) == angular
 
 
 @pytest.mark.parametrize(
     "title", ["(" + " " * 30_000 + "x", "( x" + " " * 30_000 + "y", "(" * 30_000, "rad" + " " * 30_000 + "x"]
 )
-def test_a_long_title_takes_no_time(title: str) -> None:
+def test_a_long_title_takes_no_time(title):
     started = time.process_time()
     assert (unit_in(title), is_angular(title)) == ("", False)
     # a pattern that tries all ways takes minutes

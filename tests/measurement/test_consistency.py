@@ -39,12 +39,12 @@ def noisy() -> np.ndarray:
     return RECEPTANCE * (1 + 1e-3 * np.random.default_rng(1).standard_normal(41))
 
 
-def test_runs_of_one_structure_fit_together(tmp_path: Path, noisy: np.ndarray) -> None:
+def test_runs_of_one_structure_fit_together(tmp_path, noisy):
     paths = [write(tmp_path / f"{force}.csv", force, force * noisy) for force in (1.0, 2.0, 50.0)]
     assert severities(read(*paths)) == {}
 
 
-def test_a_copy_in_place_of_another_run_is_doubted(tmp_path: Path, noisy: np.ndarray) -> None:
+def test_a_copy_in_place_of_another_run_is_doubted(tmp_path, noisy):
     first = write(tmp_path / "a.csv", 1.0, noisy)
     copy = write(tmp_path / "b.csv", 2.0, noisy)
     surface = read(first, copy, write(tmp_path / "c.csv", 5.0, 5 * noisy))
@@ -52,13 +52,13 @@ def test_a_copy_in_place_of_another_run_is_doubted(tmp_path: Path, noisy: np.nda
     assert surface.findings[0].names == {"first": "a.csv", "second": "b.csv"}
 
 
-def test_a_file_stands_once_in_a_plan(tmp_path: Path, noisy: np.ndarray) -> None:
+def test_a_file_stands_once_in_a_plan(tmp_path, noisy):
     path = write(tmp_path / "a.csv", 1.0, noisy)
     with pytest.raises(MeasurementError, match=r"'a\.csv' stands twice"):
         read(path, path)
 
 
-def test_rows_written_twice_count_once(tmp_path: Path, noisy: np.ndarray) -> None:
+def test_rows_written_twice_count_once(tmp_path, noisy):
     path = write(tmp_path / "a.csv", 1.0, np.repeat(noisy, 2), np.repeat(FREQUENCY, 2))
     surface = read(path)
     assert len(surface) == 41
@@ -67,9 +67,7 @@ def test_rows_written_twice_count_once(tmp_path: Path, noisy: np.ndarray) -> Non
 
 
 @pytest.mark.parametrize(("hardens", "upper"), [(True, "up"), (False, "down")])
-def test_an_upper_branch_is_no_upward_sweep_where_a_mode_softens(
-    tmp_path: Path, hardens: bool, upper: str
-) -> None:
+def test_an_upper_branch_is_no_upward_sweep_where_a_mode_softens(tmp_path, hardens, upper):
     """Two files sorted by frequency were called upward sweeps, one the upper branch of a softening mode."""
     high = np.linspace(1, 3, 41) if hardens else np.linspace(3, 1, 41)
     low = np.linspace(0.3, 0.4, 41)
@@ -82,7 +80,7 @@ def test_an_upper_branch_is_no_upward_sweep_where_a_mode_softens(
     assert set(read(*paths, sweep=SweepRule(direction="up")).sweep) == {"up"}
 
 
-def test_a_run_that_lies_apart_between_two_points_of_another_keeps_its_direction() -> None:
+def test_a_run_that_lies_apart_between_two_points_of_another_keeps_its_direction():
     # the upper run has no point there that could say whether the resonance hardens
     low = np.r_[10.0:18.0, 18.0:18.9:0.2]
     high = np.r_[10.0:18.0, 19.0]

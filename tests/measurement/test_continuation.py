@@ -51,7 +51,7 @@ def read(folder: Path, states: ControlledStates, **options: Any) -> ResponseSurf
     return read_measurement(plan)
 
 
-def test_unstable_points_of_a_fold_are_marked(tmp_path: Path, states: ControlledStates):
+def test_unstable_points_of_a_fold_are_marked(tmp_path, states):
     surface = read(tmp_path, states, control="continuation")
     assert (surface.control, surface.level_unit) == ("continuation", "m")
     assert np.count_nonzero(~states.stable) > 4
@@ -61,7 +61,7 @@ def test_unstable_points_of_a_fold_are_marked(tmp_path: Path, states: Controlled
     assert np.count_nonzero(~surface.stable & ~states.stable) > 0.8 * np.count_nonzero(~states.stable)
 
 
-def test_every_point_counts_with_its_own_force(tmp_path: Path, states: ControlledStates):
+def test_every_point_counts_with_its_own_force(tmp_path, states):
     surface = read(tmp_path, states, control="continuation")
     found = rsgen.identify(surface, LAW)
     for name, value in {**VALUES, "m": MASS}.items():
@@ -71,7 +71,7 @@ def test_every_point_counts_with_its_own_force(tmp_path: Path, states: Controlle
     np.testing.assert_allclose(table.omega, wanted, rtol=1e-3)
 
 
-def test_steps_of_the_amplitude_are_as_wide_as_the_case_says(tmp_path: Path, states: ControlledStates):
+def test_steps_of_the_amplitude_are_as_wide_as_the_case_says(tmp_path, states):
     fine, coarse = (
         read(tmp_path, states, control="continuation", level=LevelRule(spread=spread))
         for spread in (0.05, 0.5)

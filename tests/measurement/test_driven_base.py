@@ -10,45 +10,24 @@ import pytest
 import rsgen as rs
 from rsgen.files import MeasuredTest, Signal, read_measurement
 from rsgen.files.signals import BaseRule
-
-CASE = """
-schema = 1
-name   = "base"
-title  = "Driven base"
-
-[[element]]
-name  = "all"
-force = "k*x + k3*x**3 + c*v"
-
-[test]
-kind = "measured"
-file = "a.csv"
-
-[test.frequency]
-column = 1
-
-[test.level]
-column = 2
-unit   = "m/s^2"
-
-[test.base]
-quantity    = "acceleration"
-real        = {base}
-imaginary   = {base} + 1
-phase_sense = "{base_sense}"
-response    = "{read}"
-
-[test.response]
-quantity    = "acceleration"
-real        = {seen}
-imaginary   = {seen} + 1
-phase_sense = "{seen_sense}"
-factor      = {factor}
-"""
-RIGHT = {"base": 3, "seen": 5, "base_sense": "lead", "seen_sense": "lead", "factor": 1}
+from tests.case_files import MEASURED, Changes, write_small
 
 
-def findings(folder: Path, recorded: str, **said: object) -> list:
+def motion(first: int, **keys: object) -> dict[str, object]:
+    return {"quantity": "acceleration", "real": first, "imaginary": first + 1, "phase_sense": "lead", **keys}
+
+
+CASE = {
+    **MEASURED,
+    "element": [{"name": "all", "force": "k*x + k3*x**3 + c*v"}],
+    "test.frequency": {"column": 1},
+    "test.level": {"column": 2, "unit": "m/s^2"},
+    "test.base": motion(3),
+    "test.response": motion(5),
+}
+
+
+def findings(folder: Path, recorded: str, said: Changes | None = None) -> list:
     """Read the exact answers of a cubic spring per unit mass; phases count from a generator, not the base."""
     frequency = np.tile(np.linspace(11, 22, 30), 2)
     omega, level = 2 * np.pi * frequency, np.repeat([0.3, 1.0], 30)
@@ -58,11 +37,12 @@ def findings(folder: Path, recorded: str, **said: object) -> list:
     seen = relative + base if recorded == "absolute" else relative
     columns = [frequency, level, base.real, base.imag, seen.real, seen.imag]
     np.savetxt(folder / "a.csv", np.column_stack(columns), delimiter=",", fmt="%.9g")
-    keys = RIGHT | {"read": recorded} | said
-    text = CASE.replace("{base} + 1", str(keys["base"] + 1)).replace("{seen} + 1", str(keys["seen"] + 1))
-    (folder / "case.toml").write_text(text.format(**keys))
-    found = rs.read(rs.load_case(folder / "case.toml")).findings
+    path = write_small(folder, "base", {**CASE, "test.base.response": recorded, **(said or {})})
+    found = rs.read(rs.load_case(path)).findings
     return [f for f in found if f.code in ("base-misread", "not-passive", "another-quantity")]
+
+
+SENSE_OF_BASE, SENSE_OF_RESPONSE = "test.base.phase_sense", "test.response.phase_sense"
 
 
 @pytest.mark.parametrize("recorded", ["absolute", "relative"])
@@ -70,18 +50,19 @@ def findings(folder: Path, recorded: str, **said: object) -> list:
     ("said", "mistake"),
     [
         ({}, ""),
-        ({"seen_sense": "lag"}, "sense-response"),
-        ({"base_sense": "lag"}, "sense-base"),
-        ({"base_sense": "lag", "seen_sense": "lag"}, "sense-both"),
-        ({"base": 5, "seen": 3}, "swapped"),
-        ({"factor": -1}, "sign"),
-        ({"read": "other"}, "reference"),
+        ({SENSE_OF_RESPONSE: "lag"}, "sense-response"),
+        ({SENSE_OF_BASE: "lag"}, "sense-base"),
+        ({SENSE_OF_BASE: "lag", SENSE_OF_RESPONSE: "lag"}, "sense-both"),
+        ({"test.base": motion(5), "test.response": motion(3)}, "swapped"),
+        ({"test.response.factor": -1}, "sign"),
+        ({"test.base.response": "other"}, "reference"),
     ],
 )
 def test_what_was_misread_of_a_driven_base_is_named(tmp_path, recorded, said, mistake):
-    if said.get("read") == "other":
-        said = {"read": "relative" if recorded == "absolute" else "absolute"}
-    found = findings(tmp_path, recorded, **said)
+    other = "relative" if recorded == "absolute" else "absolute"
+    if "test.base" in said:
+        said = {**said, "test.base.response": recorded}
+    found = findings(tmp_path, recorded, {k: other if v == "other" else v for k, v in said.items()})
     assert [f.code for f in found] == (["base-misread"] if mistake else [])
     for finding in found:
         assert (finding.names["is"], finding.severity) == (mistake, "error")
@@ -93,11 +74,9 @@ def test_what_was_misread_of_a_driven_base_is_named(tmp_path, recorded, said, mi
 
 @pytest.mark.parametrize("recorded", ["absolute", "relative"])
 @pytest.mark.parametrize(("quantity", "order"), [("velocity", -1), ("displacement", -2)])
-def test_another_quantity_of_one_channel_is_named(tmp_path, recorded, quantity, order, monkeypatch):
-    response = 'quantity    = "acceleration"\nreal        = {seen}'
-    assert response in CASE
-    monkeypatch.setitem(globals(), "CASE", CASE.replace(response, response.replace("acceleration", quantity)))
-    (found,) = [f for f in findings(tmp_path, recorded) if f.code == "base-misread"]
+def test_another_quantity_of_one_channel_is_named(tmp_path, recorded, quantity, order):
+    read = findings(tmp_path, recorded, {"test.response.quantity": quantity})
+    (found,) = [f for f in read if f.code == "base-misread"]
     assert (found.names["is"], found["order"], found["by"]) == ("quantity", order, 1.0)
 
 
@@ -107,7 +86,7 @@ def test_another_quantity_of_one_channel_is_named(tmp_path, recorded, quantity, 
     [(9.80665, "gravity"), (0.001, "milli"), (1000, "milli"), (2**0.5, "rms"), (0.5, "peak-to-peak")],
 )
 def test_a_factor_of_one_channel_against_the_other_is_named(tmp_path, recorded, factor, mistake):
-    (found,) = findings(tmp_path, recorded, factor=factor)
+    (found,) = findings(tmp_path, recorded, {"test.response.factor": factor})
     assert (found.code, found.severity, found.names["is"]) == ("base-misread", "error", mistake)
     assert found["by"] * factor == pytest.approx(1, rel=1e-9)
     # what four powers of the amplitude and the digits of the file leave
@@ -115,9 +94,7 @@ def test_a_factor_of_one_channel_against_the_other_is_named(tmp_path, recorded, 
 
 
 @pytest.mark.parametrize("quantity", ["displacement", "velocity", "acceleration"])
-def test_levels_without_a_column_are_amplitudes_of_what_was_measured_of_the_base(
-    tmp_path: Path, quantity: str
-) -> None:
+def test_levels_without_a_column_are_amplitudes_of_what_was_measured_of_the_base(tmp_path, quantity):
     # 3 and 9 of the unit of the base, held to a hundredth, at 30 frequencies
     frequency, level = np.tile(np.linspace(11, 22, 30), 2), np.repeat([3.0, 9.0], 30)
     omega = 2 * np.pi * frequency

@@ -67,7 +67,7 @@ def codes(surface: ResponseSurface) -> dict[str, str]:
 
 
 @pytest.mark.slow
-def test_each_entry_is_a_level(tmp_path: Path) -> None:
+def test_each_entry_is_a_level(tmp_path):
     """Eight runs at held amplitudes were grouped by like force into 25 levels."""
     path = held_runs(tmp_path / "a.mat")
     surface = read_measurement(of_runs(path, control="response"))
@@ -80,7 +80,7 @@ def test_each_entry_is_a_level(tmp_path: Path) -> None:
 
 
 @pytest.mark.slow
-def test_a_held_response_is_declared_with_its_unit(tmp_path: Path) -> None:
+def test_a_held_response_is_declared_with_its_unit(tmp_path):
     path = held_runs(tmp_path / "a.mat", level=HELD * 1e3)
     rule = LevelRule(column="run/*/level", unit="mm")
     surface = read_measurement(of_runs(path, control="response", level=rule))
@@ -89,15 +89,53 @@ def test_a_held_response_is_declared_with_its_unit(tmp_path: Path) -> None:
     assert codes(surface) == {}
 
 
-def test_a_force_that_was_held_is_no_held_response(tmp_path: Path) -> None:
+DIP = 1 - 0.6 * np.exp(-((FREQUENCY - 10) ** 2))
+STEPS = np.where(np.abs(FREQUENCY - 10) < 0.5, 0.7, 1.0)
+LABELS = {"Level1.csv": 4.8, "Level3.csv": 28.8, "Level4.csv": 58.0}
+AS_MEASURED, ALIKE = [4.8, 28.8, 58.0], {"1.csv": 5.0, "3.csv": 5.01, "9.csv": 4.99}
+
+
+@pytest.mark.parametrize(
+    ("forces", "rule", "levels", "said"),
+    [
+        # labels are called by what was measured: "Level4" stood for 4 N where the force was 58 N
+        (LABELS, {"name": "Level{level}.csv"}, AS_MEASURED, {"levels-disagree": "info"}),
+        (LABELS, {"values": (1, 3, 4)}, AS_MEASURED, {"levels-disagree": "doubt"}),
+        (LABELS, {"values": (1, 3, 4), "unit": "label"}, AS_MEASURED, {"levels-disagree": "info"}),
+        # nominal levels stay where the force falls at the resonance, and so does the level of a run
+        ({"2N.csv": 2 * DIP, "5N.csv": 5 * DIP}, {"name": "{level}N.csv"}, [2, 5], {}),
+        ({"a.csv": 2 * STEPS, "b.csv": 5 * STEPS}, {}, [2, 5], {}),
+        # a unit behind the number in a name is that of the level; a length is no force
+        ({"a_300mN.csv": 0.3, "a_500mN.csv": 0.5}, {"name": "a_{level}mN.csv"}, [0.3, 0.5], {}),
+        (
+            {"gap_1mm.csv": 30.0, "gap_3mm.csv": 50.0},
+            {"name": "gap_{level}mm.csv"},
+            [30.0, 50.0],
+            {"levels-disagree": "info"},
+        ),
+        (
+            {"a.csv": 1.5, "b.csv": 1.0, "c.csv": 2.0},
+            {"values": (1.0, 1.5, 2.0)},
+            [1.0, 1.5, 2.0],
+            {"levels-swapped": "doubt"},
+        ),
+        (ALIKE, {"name": "{level}.csv"}, [1, 3, 9], {"levels-of-one-force": "doubt"}),
+        (ALIKE, {"name": "{level}.csv", "unit": "label"}, [4.99, 5.0, 5.01], {"levels-disagree": "info"}),
+    ],
+)
+def test_levels_of_files(tmp_path, forces, rule, levels, said):
+    surface = read_measurement(of_files(tmp_path, forces, level=LevelRule(**rule)))
+    np.testing.assert_allclose(surface.levels, levels)
+    assert codes(surface) == said
+
+
+def test_a_force_that_was_held_is_no_held_response(tmp_path):
     forces = {f"{level}.csv": level * (1 + 0.5 * np.sin(FREQUENCY)) for level in (1, 3)}
-    surface = read_measurement(
-        of_files(tmp_path, forces, level=LevelRule(name="{level}.csv"), control="response")
-    )
-    assert codes(surface)["response-not-held"] == "doubt"
+    test = of_files(tmp_path, forces, level=LevelRule(name="{level}.csv"), control="response")
+    assert codes(read_measurement(test))["response-not-held"] == "doubt"
 
 
-def test_files_of_a_held_response_are_levels_of_the_amplitude_held(tmp_path: Path) -> None:
+def test_files_of_a_held_response_are_levels_of_the_amplitude_held(tmp_path):
     """Without levels in the plan, files were levels of 0 m and 1 m by their number."""
     for name, size in (("a", 1e-3), ("b", 2e-3)):
         rows = np.column_stack([FREQUENCY, 3 + np.sin(FREQUENCY), np.full(len(FREQUENCY), size)])
@@ -108,19 +146,6 @@ def test_files_of_a_held_response_are_levels_of_the_amplitude_held(tmp_path: Pat
     np.testing.assert_allclose(read_measurement(test).levels, [1e-3, 2e-3], rtol=1e-12)
 
 
-def test_labels_are_called_by_what_was_measured(tmp_path: Path) -> None:
-    """ "Level4" in a file's name stood for 4 N beside a measured force of 58 N."""
-    forces = {"Level1.csv": 4.8, "Level3.csv": 28.8, "Level4.csv": 58.0}
-    surface = read_measurement(of_files(tmp_path, forces, level=LevelRule(name="Level{level}.csv")))
-    assert surface.levels.tolist() == [4.8, 28.8, 58.0]
-    assert codes(surface) == {"levels-disagree": "info"}
-    said = read_measurement(of_files(tmp_path, forces, level=LevelRule(values=(1, 3, 4))))
-    assert said.levels.tolist() == [4.8, 28.8, 58.0]
-    assert codes(said) == {"levels-disagree": "doubt"}
-    rule = LevelRule(values=(1, 3, 4), unit="label")
-    assert codes(read_measurement(of_files(tmp_path, forces, level=rule))) == {"levels-disagree": "info"}
-
-
 LABELLED = {"1.csv": 2.0, "2.csv": 4.0, "3.csv": 6.0}
 
 
@@ -128,7 +153,7 @@ LABELLED = {"1.csv": 2.0, "2.csv": 4.0, "3.csv": 6.0}
     ("asked", "held"),
     [(1, 2.0), (2, 4.0), (3, 6.0), (6, 6.0)],  # 2 is a label, and the amount of another level
 )
-def test_a_level_is_held_out_by_its_label(tmp_path: Path, asked: float, held: float) -> None:
+def test_a_level_is_held_out_by_its_label(tmp_path, asked, held):
     """Of labels 1, 2, 3 at 2, 4, 6 N the level 2 held out label 1."""
     rule = LevelRule(name="{level}.csv", unit="label")
     saved = read_measurement(of_files(tmp_path, LABELLED, level=rule))
@@ -142,7 +167,7 @@ def test_a_level_is_held_out_by_its_label(tmp_path: Path, asked: float, held: fl
     assert [f["level"] for f in said] == ([held] if asked == 2 else [])
 
 
-def test_what_is_no_label_and_no_level_is_refused_with_both(tmp_path: Path) -> None:
+def test_what_is_no_label_and_no_level_is_refused_with_both(tmp_path):
     rule = LevelRule(name="{level}.csv", unit="label")
     surface = read_measurement(of_files(tmp_path, LABELLED, level=rule))
     with pytest.raises(
@@ -151,7 +176,7 @@ def test_what_is_no_label_and_no_level_is_refused_with_both(tmp_path: Path) -> N
         rsgen.identify(surface, "k*x + c*v", Observation(hold_out=(5,)))
 
 
-def test_levels_without_labels_are_held_out_by_their_amounts(tmp_path: Path) -> None:
+def test_levels_without_labels_are_held_out_by_their_amounts(tmp_path):
     forces = {"2N.csv": 2.0, "4N.csv": 4.0}
     surface = read_measurement(of_files(tmp_path, forces, level=LevelRule(name="{level}N.csv")))
     assert surface.label is None
@@ -159,7 +184,7 @@ def test_levels_without_labels_are_held_out_by_their_amounts(tmp_path: Path) -> 
     assert surface.find_level(1) is None
 
 
-def test_records_are_held_out_by_their_labels() -> None:
+def test_records_are_held_out_by_their_labels():
     lines = np.ones((3, 1, 4), complex)
     spectra = MultisineSpectra([2.0, 4.0, 6.0], 1.0, lines, lines, label=[1, 2, 3])
     assert held_out_records(spectra, (2,)).tolist() == [False, True, False]
@@ -177,7 +202,7 @@ def test_records_are_held_out_by_their_labels() -> None:
 
 
 @pytest.mark.parametrize(("asked", "said"), [(1, []), (2, [4.0]), (6, [])])
-def test_a_label_that_is_the_amount_of_another_record_is_said(asked: int, said: list[float]) -> None:
+def test_a_label_that_is_the_amount_of_another_record_is_said(asked, said):
     omega = 1j * np.arange(12) * 5.0
     size = np.array([2.0, 4.0, 6.0])[:, None, None]
     response = size * np.where(np.arange(12) > 0, 1e-3 * np.exp(1j * np.arange(12) ** 2), 0)
@@ -187,44 +212,7 @@ def test_a_label_that_is_the_amount_of_another_record_is_said(asked: int, said: 
     assert [f["level"] for f in found.findings if f.code == "held-out-by-label"] == said
 
 
-def test_nominal_levels_stay_where_the_force_falls_at_the_resonance(tmp_path: Path) -> None:
-    dip = 1 - 0.6 * np.exp(-((FREQUENCY - 10) ** 2))
-    forces = {f"{level}N.csv": level * dip for level in (2, 5)}
-    surface = read_measurement(of_files(tmp_path, forces, level=LevelRule(name="{level}N.csv")))
-    assert surface.levels.tolist() == [2, 5]
-    assert codes(surface) == {}
-
-
-def test_a_unit_behind_the_number_in_a_name_is_the_unit_of_the_level(tmp_path: Path) -> None:
-    forces = {"a_300mN.csv": 0.3, "a_500mN.csv": 0.5}
-    surface = read_measurement(of_files(tmp_path, forces, level=LevelRule(name="a_{level}mN.csv")))
-    np.testing.assert_allclose(surface.levels, [0.3, 0.5])
-    assert codes(surface) == {}
-
-
-def test_a_length_in_a_name_is_no_force(tmp_path: Path) -> None:
-    """ "gap_3mm.csv" was refused: a length, where N was needed."""
-    forces = {"gap_1mm.csv": 30.0, "gap_3mm.csv": 50.0}
-    rule = LevelRule(name="gap_{level}mm.csv")
-    surface = read_measurement(of_files(tmp_path, forces, level=rule))
-    assert surface.levels.tolist() == [30.0, 50.0]
-    assert codes(surface) == {"levels-disagree": "info"}
-
-
-def test_swapped_levels_are_doubted(tmp_path: Path) -> None:
-    forces = {"a.csv": 1.5, "b.csv": 1.0, "c.csv": 2.0}
-    surface = read_measurement(of_files(tmp_path, forces, level=LevelRule(values=(1.0, 1.5, 2.0))))
-    assert codes(surface) == {"levels-swapped": "doubt"}
-
-
-def test_a_run_is_a_level_though_its_force_falls(tmp_path: Path) -> None:
-    """Points of one run were dealt out to levels by like force where it fell in steps."""
-    steps = np.where(np.abs(FREQUENCY - 10) < 0.5, 0.7, 1.0)
-    surface = read_measurement(of_files(tmp_path, {"a.csv": 2 * steps, "b.csv": 5 * steps}))
-    np.testing.assert_allclose(surface.levels, [2, 5])
-
-
-def test_levels_side_by_side_are_grouped_by_force(tmp_path: Path) -> None:
+def test_levels_side_by_side_are_grouped_by_force(tmp_path):
     path = tmp_path / "a.csv"
     rows = [f"{f:.4g},{force},{force * 1e-3}" for f in FREQUENCY for force in (1.0, 3.0)]
     path.write_text("\n".join(["f,F,X", *rows, ""]), encoding="utf-8")
@@ -234,13 +222,13 @@ def test_levels_side_by_side_are_grouped_by_force(tmp_path: Path) -> None:
     assert read_measurement(test).levels.tolist() == [1, 3]
 
 
-def test_labels_cannot_stand_for_a_force() -> None:
+def test_labels_cannot_stand_for_a_force():
     rule = LevelRule(values=(1, 3), unit="label")
     with pytest.raises(MeasurementError, match="stands for the force, which was not recorded"):
         MeasuredTest((Path("a"), Path("b")), 1, None, Signal(amplitude=2), "displacement", level=rule)
 
 
-def test_typical_force_is_that_near_the_resonance() -> None:
+def test_typical_force_is_that_near_the_resonance():
     force = np.where(np.abs(FREQUENCY - 10) < 0.8, 2.5, 5.0)
     response = force / (
         STIFFNESS - MASS * (2 * np.pi * FREQUENCY) ** 2 + 1j * 2 * np.pi * FREQUENCY * DAMPING
@@ -260,16 +248,5 @@ def test_typical_force_is_that_near_the_resonance() -> None:
         ([58.2134, 28.8], 58.2, 0),
     ],
 )
-def test_a_level_is_found_by_the_digits_that_are_printed(
-    levels: list[float], asked: float, meant: int | None
-) -> None:
+def test_a_level_is_found_by_the_digits_that_are_printed(levels, asked, meant):
     assert match_level(np.array(levels), asked) == (None if meant is None else levels[meant])
-
-
-def test_levels_that_were_all_measured_with_one_force_are_doubted(tmp_path: Path) -> None:
-    forces = {"1.csv": 5.0, "3.csv": 5.01, "9.csv": 4.99}
-    surface = read_measurement(of_files(tmp_path, forces, level=LevelRule(name="{level}.csv")))
-    assert surface.levels.tolist() == [1, 3, 9]
-    assert codes(surface)["levels-of-one-force"] == "doubt"
-    rule = LevelRule(name="{level}.csv", unit="label")
-    assert "levels-of-one-force" not in codes(read_measurement(of_files(tmp_path, forces, level=rule)))

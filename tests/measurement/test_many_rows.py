@@ -58,7 +58,7 @@ def found(path: Path, layout: Layout, bytes_at_once: int, plain: bool) -> Column
 
 
 @given(table=tables(), size=st.sampled_from([1, 7, 64, 1 << 18]))
-def test_blocks_change_nothing(table: tuple[bytes, Layout], size: int) -> None:
+def test_blocks_change_nothing(table, size):
     content, layout = table
     equal_however_read(content, layout, size)
 
@@ -68,7 +68,7 @@ def test_blocks_change_nothing(table: tuple[bytes, Layout], size: int) -> None:
     [(",", "."), (";", "."), (";", ","), ("\t", ","), ("|", "."), ("whitespace", ",")],
 )
 @pytest.mark.parametrize("cell", ODD)
-def test_one_odd_cell_changes_nothing(cell: str, delimiter: str, decimal: str) -> None:
+def test_one_odd_cell_changes_nothing(cell, delimiter, decimal):
     between = " " if delimiter == "whitespace" else delimiter
     for column in (0, 1):
         rows = [["1", "2"], ["3", "4"], ["5", "6"], ["7", "8"]]
@@ -100,7 +100,7 @@ def long_table(tmp_path: Path) -> Iterator[Path]:
     return path
 
 
-def test_rows_of_numbers_are_read_at_once(long_table: Path) -> None:
+def test_rows_of_numbers_are_read_at_once(long_table):
     """Only the header and the first row are taken line by line."""
     with patch("rsgen.files.text_columns._Table.row", autospec=True) as row:
         # the first row is there
@@ -113,7 +113,7 @@ def test_rows_of_numbers_are_read_at_once(long_table: Path) -> None:
     np.testing.assert_array_equal(columns.line, np.arange(2, 100_002))
 
 
-def test_a_fault_behind_many_rows_names_its_line(long_table: Path) -> None:
+def test_a_fault_behind_many_rows_names_its_line(long_table):
     with long_table.open("a", encoding="utf-8") as file:
         file.write("1,2x\n")
     with pytest.raises(MeasurementError, match=r"line 100002: column 2: '2x' is no number"):

@@ -8,8 +8,8 @@ import json
 import math
 import os
 import time
-from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -17,7 +17,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from rsgen.common.errors import MeasurementError
-from rsgen.data.surface import ResponseSurface
+from rsgen.data.surface import recognise_directions
 from rsgen.files import Layout, LevelRule, MeasuredTest, Signal, SweepRule, read_measurement
 from rsgen.files.text_columns import read_columns
 
@@ -36,36 +36,37 @@ SWEEP = np.tile(["up"] * 7 + ["down"] * 7, 2)
 GRAVITY = 9.80665
 
 
-def write(path: Path, columns: dict[str, np.ndarray], delimiter: str = ",", header: bool = True) -> Path:
+def write(path: Path, delimiter: str = ",", header: bool = True, **columns: np.ndarray) -> Path:
     lines = [delimiter.join(columns)] if header else []
     lines += [delimiter.join(f"{value:.17g}" for value in row) for row in zip(*columns.values(), strict=True)]
     path.write_text("\n".join(lines) + "\n", encoding="utf-8")
     return path
 
 
+def plan(path: Path, **changes: Any) -> MeasuredTest:
+    """Describe a test in the plainest way: SI, displacement, real and imaginary part."""
+    known: dict[str, Any] = {
+        "frequency": "f",
+        "force": Signal(real="Fr", imaginary="Fi"),
+        "response": Signal(real="Xr", imaginary="Xi"),
+        "quantity": "displacement",
+        "level": LevelRule(spread=0.2),
+    }
+    return MeasuredTest(path, **known | changes)
+
+
 def plain(path: Path) -> MeasuredTest:
-    """Write and describe the test in the plainest way: SI, displacement, real and imaginary."""
-    write(
-        path,
-        {
-            "f": FREQUENCY,
-            "Fr": FORCE.real,
-            "Fi": FORCE.imag,
-            "Xr": DISPLACEMENT.real,
-            "Xi": DISPLACEMENT.imag,
-        },
-    )
-    return MeasuredTest(
-        files=path,
-        frequency="f",
-        force=Signal(real="Fr", imaginary="Fi"),
-        response=Signal(real="Xr", imaginary="Xi"),
-        quantity="displacement",
-        level=LevelRule(spread=0.2),
-    )
+    parts = {"Fr": FORCE.real, "Fi": FORCE.imag, "Xr": DISPLACEMENT.real, "Xi": DISPLACEMENT.imag}
+    return plan(write(path, f=FREQUENCY, **parts))
 
 
-def test_plain_file_gives_what_was_written(tmp_path: Path) -> None:
+def by_number(path: Path, **changes: Any) -> MeasuredTest:
+    """Plan to read frequency, force and the two parts of a response, in this order."""
+    known = {"frequency": 1, "force": Signal(amplitude=2), "response": Signal(real=3, imaginary=4)}
+    return plan(path, **known | {"level": LevelRule()} | changes)
+
+
+def test_plain_file_gives_what_was_written(tmp_path):
     surface = read_measurement(plain(tmp_path / "a.csv"))
     np.testing.assert_allclose(surface.harmonics[:, 1], DISPLACEMENT, rtol=ROUND_OFF)
     np.testing.assert_allclose(surface.force, FORCE, rtol=ROUND_OFF)
@@ -79,86 +80,43 @@ def test_plain_file_gives_what_was_written(tmp_path: Path) -> None:
 
 def _velocity_mm_rms_deg_lag(path: Path) -> MeasuredTest:
     velocity = 1j * OMEGA * DISPLACEMENT * 1e3 / math.sqrt(2)
-    write(
-        path,
-        {
-            "omega": OMEGA,
-            "F": np.abs(FORCE),
-            "V": np.abs(velocity),
-            "lag": -np.degrees(np.angle(velocity / FORCE)),
-        },
-        delimiter=";",
-    )
-    return MeasuredTest(
-        files=path,
-        frequency="omega",
-        frequency_unit="rad/s",
-        force=Signal(amplitude="F"),
-        response=Signal(amplitude="V", phase="lag", unit="mm/s", scale="rms", phase_sense="lag"),
+    lag = -np.degrees(np.angle(velocity / FORCE))
+    write(path, ";", omega=OMEGA, F=np.abs(FORCE), V=np.abs(velocity), lag=lag)
+    response = Signal(amplitude="V", phase="lag", unit="mm/s", scale="rms", phase_sense="lag")
+    return plan(
+        path, frequency="omega", frequency_unit="rad/s", force=Signal(amplitude="F"), response=response,
         quantity="velocity",
-        level=LevelRule(spread=0.2),
-    )
+    )  # fmt: skip
 
 
 def _acceleration_g_columns_by_number(path: Path) -> MeasuredTest:
-    acceleration = -(OMEGA**2) * DISPLACEMENT / GRAVITY
-    write(
+    a = -(OMEGA**2) * DISPLACEMENT / GRAVITY
+    up = np.where(SWEEP == "up", 1.0, -1.0)
+    columns = (np.arange(len(OMEGA)), a.real, -a.imag, FREQUENCY, FORCE.real, -FORCE.imag, up)
+    write(path, "\t", False, **dict(zip("abcdefg", columns, strict=True)))
+    return plan(
         path,
-        {
-            "a": np.arange(len(OMEGA)),
-            "b": acceleration.real,
-            "c": -acceleration.imag,
-            "d": FREQUENCY,
-            "e": FORCE.real,
-            "f": -FORCE.imag,
-            "up": np.where(SWEEP == "up", 1.0, -1.0),
-        },
-        delimiter="\t",
-        header=False,
-    )
-    return MeasuredTest(
-        files=path,
         frequency=4,
         force=Signal(real=5, imaginary=6, phase_sense="lag"),
         response=Signal(real=2, imaginary=3, phase_sense="lag", factor=GRAVITY),
         quantity="acceleration",
         sweep=SweepRule(column=7, up=1, down=-1),
-        level=LevelRule(spread=0.2),
     )
 
 
 def _decimal_comma(path: Path) -> MeasuredTest:
-    test = plain(path)
-    path.write_text(
-        path.read_text().replace(",", ";").replace(".", ",").replace("f;Fr", "# a remark: 1;5\nf;Fr"),
-        encoding="utf-8",
-    )
-    return MeasuredTest(
-        files=path,
-        frequency=1,
-        force=test.force,
-        response=test.response,
-        quantity="displacement",
-        layout=Layout(decimal=","),
-        level=test.level,
-    )
+    plain(path)
+    text = path.read_text().replace(",", ";").replace(".", ",").replace("f;Fr", "# a remark: 1;5\nf;Fr")
+    path.write_text(text, encoding="utf-8")
+    return plan(path, frequency=1, layout=Layout(decimal=","))
 
 
 def _blanks_and_names_in_a_comment(path: Path) -> MeasuredTest:
-    test = plain(path)
-    lines = path.read_text().splitlines()
-    body = [line.replace(",", "   ") for line in lines[1:]]
-    text = "\n".join(["made by hand", "", "% f Fr Fi Xr Xi", *body[:14], "", *body[14:]]) + "\n"
-    path.write_bytes(b"\xef\xbb\xbf" + text.replace("\n", "\r\n").encode())
-    return MeasuredTest(
-        files=path,
-        frequency="f",
-        force=test.force,
-        response=test.response,
-        quantity="displacement",
-        layout=Layout(skip=1),
-        level=test.level,
-    )
+    plain(path)
+    body = [line.replace(",", "   ") for line in path.read_text().splitlines()[1:]]
+    text = "\r\n".join(["made by hand", "", "% f Fr Fi Xr Xi", *body[:14], "", *body[14:], ""])
+    path.write_bytes(b"\xef\xbb\xbf" + text.encode())
+    return plan(path, layout=Layout(skip=1))
 
 
 @pytest.mark.parametrize(
@@ -170,14 +128,11 @@ def _blanks_and_names_in_a_comment(path: Path) -> MeasuredTest:
         _blanks_and_names_in_a_comment,
     ],
 )
-def test_every_mapping_gives_the_same_surface(
-    tmp_path: Path, mapping: Callable[[Path], MeasuredTest]
-) -> None:
+def test_every_mapping_gives_the_same_surface(tmp_path, mapping):
     surface = read_measurement(mapping(tmp_path / "m.csv"))
     np.testing.assert_allclose(surface.frequency, FREQUENCY, rtol=ROUND_OFF)
-    np.testing.assert_allclose(
-        surface.harmonics[:, 1] / surface.force, DISPLACEMENT / FORCE, rtol=100 * ROUND_OFF
-    )
+    ratio = surface.harmonics[:, 1] / surface.force
+    np.testing.assert_allclose(ratio, DISPLACEMENT / FORCE, rtol=100 * ROUND_OFF)
     np.testing.assert_allclose(np.abs(surface.force), np.abs(FORCE), rtol=ROUND_OFF)
     assert surface.sweep.tolist() == SWEEP.tolist()
 
@@ -190,13 +145,10 @@ def test_every_mapping_gives_the_same_surface(
     ),
     delimiter=st.sampled_from([",", ";", "\t", "|", "  "]),
 )
-def test_written_numbers_come_back(
-    tmp_path_factory: pytest.TempPathFactory, rows: list[tuple[float, ...]], delimiter: str
-) -> None:
+def test_written_numbers_come_back(tmp_path_factory, rows, delimiter):
     path = tmp_path_factory.mktemp("numbers") / "n.txt"
     path.write_text("".join(delimiter.join(map(repr, row)) + "\n" for row in rows))
-    test = MeasuredTest(path, 1, Signal(amplitude=2), Signal(real=3, imaginary=4), "displacement")
-    surface = read_measurement(test)
+    surface = read_measurement(by_number(path))
     table = np.array(rows)
     assert surface.frequency.tolist() == table[:, 0].tolist()
     assert surface.force.real.tolist() == table[:, 1].tolist()
@@ -204,24 +156,36 @@ def test_written_numbers_come_back(
 
 
 def _directions(frequency: list[float], blocks: str = "") -> list[str]:
-    from rsgen.data.surface import recognise_directions
-
     numbers = np.array([int(b) for b in blocks] if blocks else [0] * len(frequency))
     return [str(d)[0] for d in recognise_directions(np.array(frequency), np.ones(len(frequency)), numbers)]
 
 
-def test_directions_from_the_order() -> None:
-    assert _directions([1, 2, 3]) == ["u"] * 3
-    assert _directions([3, 2, 1]) == ["d"] * 3
-    assert _directions([1, 2, 3, 2, 1]) == ["u", "u", "u", "d", "d"]
-    assert _directions([5]) == ["r"]
-    assert _directions([2, 2, 2]) == ["r"] * 3
-    # a turning frequency tested twice ends one sweep and begins the other
-    assert _directions([1, 2, 3, 3, 2, 1]) == ["u"] * 3 + ["d"] * 3
-    # a jitter below 2 % of the range is no turn
-    assert _directions([1, 2, 1.99, 3, 4]) == ["u"] * 5
-    # the first point of a new block belongs to the new sweep, although it lies above the last one
-    assert _directions([1, 2, 3, 3.1, 2, 1], "000111") == ["u"] * 3 + ["d"] * 3
+@pytest.mark.parametrize(
+    ("frequency", "blocks", "directions"),
+    [
+        ([1, 2, 3], "", "uuu"),
+        ([3, 2, 1], "", "ddd"),
+        ([1, 2, 3, 2, 1], "", "uuudd"),
+        ([5], "", "r"),
+        ([2, 2, 2], "", "rrr"),
+        # a turning frequency tested twice ends one sweep and begins the other
+        ([1, 2, 3, 3, 2, 1], "", "uuuddd"),
+        # a jitter below 2 % of the range is no turn
+        ([1, 2, 1.99, 3, 4], "", "uuuuu"),
+        # the first point of a new block belongs to the new sweep, although it lies above the last one
+        ([1, 2, 3, 3.1, 2, 1], "000111", "uuuddd"),
+    ],
+)
+def test_directions_from_the_order(frequency, blocks, directions):
+    numbers = np.array([int(b) for b in blocks or "0" * len(frequency)])
+    found = recognise_directions(np.array(frequency), np.ones(len(frequency)), numbers)
+    assert "".join(str(direction)[0] for direction in found) == directions
+
+
+def test_rows_in_no_order_are_no_sweeps():
+    order = np.random.default_rng(1).permutation(200)
+    frequency, level = np.tile(np.linspace(8, 12, 50), 4)[order], np.repeat([1.0, 2.0, 3.0, 4.0], 50)[order]
+    assert set(recognise_directions(frequency, level, np.zeros(200, dtype=np.int64))) == {"rest"}
 
 
 # a receptance table has no time axis that could be uneven: these two belong to the readers of time histories
@@ -229,33 +193,22 @@ _TIME_ONLY = {"data-nonmono.csv", "data-jitter.csv"}
 
 
 @pytest.mark.parametrize("entry", [e for e in CORPUS if e["id"] not in _TIME_ONLY], ids=lambda e: e["id"])
-def test_hostile_files(tmp_path: Path, entry: dict[str, str]) -> None:
+def test_hostile_files(tmp_path, entry):
     path = tmp_path / "data.csv"
     content = base64.b64decode(entry.get("input_b64", ""))
     path.write_bytes(content)
     # empty files have no names; numbers then stand for the columns
     names = content.split(b"\n")[0].decode("utf-8-sig", "replace").replace(";", ",").split(",")
     columns: list[int | str] = list(names) if len(names) > 1 else [1, 1]
+    # the corpus holds time histories, read here as frequency, x and v; the row at 0 is skipped
+    accepted = entry["expected"].startswith("accept")
+    force = columns[0] if accepted else columns[-1]
+    response = Signal(real=columns[1], imaginary=columns[min(2, len(columns) - 1)] if accepted else force)
+    test = MeasuredTest(path, columns[0], Signal(amplitude=force), response, "velocity")
     started = time.perf_counter()
-    if entry["expected"].startswith("accept"):
-        # the corpus holds time histories, read here as frequency, x and v; the row at 0 is skipped
-        response = columns[2] if len(columns) > 2 else columns[1]
-        test = MeasuredTest(
-            path,
-            columns[0],
-            Signal(amplitude=columns[0]),
-            Signal(real=columns[1], imaginary=response),
-            "velocity",
-        )
+    if accepted:
         assert len(read_measurement(test)) >= 1
     else:
-        test = MeasuredTest(
-            path,
-            columns[0],
-            Signal(amplitude=columns[-1]),
-            Signal(real=columns[1], imaginary=columns[-1]),
-            "velocity",
-        )
         with pytest.raises(MeasurementError) as caught:
             read_measurement(test)
         assert str(caught.value).startswith("data.csv: ")
@@ -285,66 +238,51 @@ def test_hostile_files(tmp_path: Path, entry: dict[str, str]) -> None:
         ("# nothing but a remark\n", "no numbers in it"),
     ],
 )
-def test_faults_name_line_and_remedy(tmp_path: Path, text: str, message: str) -> None:
+def test_faults_name_line_and_remedy(tmp_path, text, message):
     path = tmp_path / "bad.csv"
     path.write_text(text, encoding="utf-8")
-    test = MeasuredTest(path, "f", Signal(amplitude="F"), Signal(real="a", imaginary="b"), "displacement")
+    test = plan(path, force=Signal(amplitude="F"), response=Signal(real="a", imaginary="b"))
     with pytest.raises(MeasurementError) as caught:
         read_measurement(test)
     assert message in str(caught.value)
 
 
-def test_hash_is_checked_and_a_missing_line_end_said(tmp_path: Path) -> None:
+def test_hash_is_checked_and_a_missing_line_end_said(tmp_path):
     path = tmp_path / "h.csv"
     path.write_bytes(b"1 1 1 1\n2 1 1 1")
 
-    def reading(sha256: str | None) -> ResponseSurface:
-        return read_measurement(
-            MeasuredTest(
-                path,
-                1,
-                Signal(amplitude=2),
-                Signal(real=3, imaginary=4),
-                "displacement",
-                sha256=(sha256,) if sha256 else (),
-            )
-        )
-
-    assert len(reading(hashlib.sha256(path.read_bytes()).hexdigest())) == 2
-    with pytest.raises(MeasurementError, match="the case expects"):
-        reading("0" * 64)
-
-    def said(surface: ResponseSurface) -> list[str]:
+    def said(*sha256: str) -> list[str]:
+        surface = read_measurement(by_number(path, sha256=sha256))
+        assert len(surface) == 2
         return [finding.code for finding in surface.findings if finding.code == "last-line-open"]
 
-    assert len(reading(None)) == 2
-    assert said(reading(None)) == ["last-line-open"]
-    assert said(reading(hashlib.sha256(path.read_bytes()).hexdigest())) == []
+    assert said(hashlib.sha256(path.read_bytes()).hexdigest()) == []
+    with pytest.raises(MeasurementError, match="the case expects"):
+        said("0" * 64)
+    assert said() == ["last-line-open"]
     # no row is open where the text ends in a remark or a blank
     path.write_bytes(b"1 1 1 1\n2 1 1 1\n# the end")
-    assert said(reading(None)) == []
+    assert said() == []
 
 
 @pytest.mark.skipif(os.name != "posix", reason="pipes and devices are POSIX")
-def test_only_regular_files_are_opened(tmp_path: Path) -> None:
+def test_only_regular_files_are_opened(tmp_path):
     os.mkfifo(tmp_path / "pipe")
     for path in (tmp_path / "pipe", Path("/dev/zero"), tmp_path, tmp_path / "absent.csv"):
         with pytest.raises(MeasurementError):
-            read_measurement(
-                MeasuredTest(path, 1, Signal(amplitude=2), Signal(real=3, imaginary=4), "velocity")
-            )
+            read_measurement(by_number(path))
 
 
-def test_size_is_checked_before_reading(tmp_path: Path) -> None:
+def test_size_is_checked_before_reading(tmp_path):
     path = tmp_path / "huge.csv"
     with path.open("wb") as file:
         # sparse: takes no disk, but would take the memory
         file.truncate(300 * 2**20)
     with pytest.raises(MeasurementError, match="at most"):
-        read_measurement(MeasuredTest(path, 1, Signal(amplitude=2), Signal(real=3, imaginary=4), "velocity"))
+        read_measurement(by_number(path))
 
 
-def test_signal_needs_a_pair_of_columns() -> None:
+def test_signal_needs_a_pair_of_columns():
     for columns in ({}, {"real": 1}, {"amplitude": 1, "real": 2}, {"real": 1, "imaginary": 2, "phase": 3}):
         with pytest.raises(MeasurementError, match=r"one is needed|leave one out"):
             Signal(**columns)
@@ -352,15 +290,6 @@ def test_signal_needs_a_pair_of_columns() -> None:
         Signal(amplitude=1, factor=0.0)
     with pytest.raises(MeasurementError, match="quantity"):
         MeasuredTest(Path("a"), 1, Signal(amplitude=2), Signal(amplitude=2), "jerk")
-
-
-def test_rows_in_no_order_are_no_sweeps() -> None:
-    rng = np.random.default_rng(1)
-    order = rng.permutation(200)
-    from rsgen.data.surface import recognise_directions
-
-    frequency, level = np.tile(np.linspace(8, 12, 50), 4)[order], np.repeat([1.0, 2.0, 3.0, 4.0], 50)[order]
-    assert set(recognise_directions(frequency, level, np.zeros(200, dtype=np.int64))) == {"rest"}
 
 
 @pytest.mark.parametrize(
@@ -373,7 +302,7 @@ def test_rows_in_no_order_are_no_sweeps() -> None:
         ("1;;3", (1.0, math.nan, 3.0)),
     ],
 )
-def test_decimal_commas(tmp_path: Path, row: str, numbers: tuple[float, ...] | None) -> None:
+def test_decimal_commas(tmp_path, row, numbers):
     path = tmp_path / "a.csv"
     path.write_text(f"a;b;c\n{row}\n", encoding="utf-8")
     if numbers is None:

@@ -37,7 +37,7 @@ def findings(
 
 
 @pytest.mark.parametrize("order", [0, 1, 2])
-def test_what_is_read_rightly_is_not_remarked(tmp_path: Path, order: int) -> None:
+def test_what_is_read_rightly_is_not_remarked(tmp_path, order):
     def read(response: np.ndarray, lag: bool = False, known: bool = True) -> tuple[Finding, ...]:
         motion = response * 1j**order
         return findings(tmp_path, motion.conj() if lag else motion, lag=lag, known=known, order=order)
@@ -65,9 +65,7 @@ def test_what_is_read_rightly_is_not_remarked(tmp_path: Path, order: int) -> Non
         (True, True, "channel and phase"),
     ],
 )
-def test_a_reversed_channel_or_phase_is_found(
-    tmp_path: Path, order: int, lag: bool, phase: bool, sign: bool, reversed_part: str
-) -> None:
+def test_a_reversed_channel_or_phase_is_found(tmp_path, order, lag, phase, sign, reversed_part):
     response = receptance(FREQUENCY) * 1j**order * (-1 if sign else 1)
     (finding,) = findings(tmp_path, response.conj() if phase != lag else response, lag=lag, order=order)
     assert finding.names["reversed"] == reversed_part
@@ -78,7 +76,7 @@ def test_a_reversed_channel_or_phase_is_found(
 
 @pytest.mark.parametrize("scale", [1e-200, 1.0, 1e200])
 @pytest.mark.parametrize("sign", [1, -1])
-def test_signs_are_found_in_any_unit_without_overflow(scale: float, sign: int) -> None:
+def test_signs_are_found_in_any_unit_without_overflow(scale, sign):
     frequency = np.linspace(8, 12, 25)
     omega = 2 * np.pi * frequency
     response = sign / (5920 - 1.5 * omega**2 + 6j * omega)
@@ -86,7 +84,7 @@ def test_signs_are_found_in_any_unit_without_overflow(scale: float, sign: int) -
     assert len(passivity_findings(surface, "lead", "displacement")) == (sign < 0)
 
 
-def test_numbers_that_no_test_has_prove_nothing() -> None:
+def test_numbers_that_no_test_has_prove_nothing():
     """A damaged file may hold any number; the check of the mass neither breaks nor finds by it."""
     force, response = np.ones(len(FREQUENCY), dtype=complex), receptance(FREQUENCY)
     force[3], response[5] = 1e200, response[5] * 1e-180

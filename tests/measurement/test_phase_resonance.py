@@ -13,6 +13,7 @@ from rsgen.app.cli.check_command import point_faults
 from rsgen.data.surface import ResponseSurface
 from rsgen.data.surface.plausibility import lag_findings
 from rsgen.files import MeasuredTest, Signal, read_measurement
+from tests.case_files import GONE, MEASURED, write_small
 
 MASS, K, K3, C = 1.5, 5920.0, 3e5, 3.8
 AMPLITUDE = np.linspace(4e-3, 48e-3, 23)
@@ -49,7 +50,7 @@ def codes(surface: ResponseSurface) -> list[str]:
     return [finding.code for finding in surface.findings]
 
 
-def test_each_row_of_a_backbone_is_a_level(tmp_path: Path):
+def test_each_row_of_a_backbone_is_a_level(tmp_path):
     surface = read(table(tmp_path), control="phase")
     assert (surface.control, len(surface.levels)) == ("phase", 23)
     np.testing.assert_allclose(surface.level, np.abs(surface.force), rtol=1e-9)
@@ -59,7 +60,7 @@ def test_each_row_of_a_backbone_is_a_level(tmp_path: Path):
     assert found["k3"].value == pytest.approx(K3, rel=0.01)
 
 
-def test_without_a_phase_the_loop_is_trusted_and_that_is_said(tmp_path: Path):
+def test_without_a_phase_the_loop_is_trusted_and_that_is_said(tmp_path):
     surface = read(table(tmp_path), phase_known=False, control="phase")
     assert surface.phase_known
     np.testing.assert_allclose(surface.phase, np.pi / 2)
@@ -69,12 +70,12 @@ def test_without_a_phase_the_loop_is_trusted_and_that_is_said(tmp_path: Path):
     np.testing.assert_allclose(modal.damping, C, rtol=1e-4)
 
 
-def test_without_a_phase_and_without_the_word_nothing_is_assumed(tmp_path: Path):
+def test_without_a_phase_and_without_the_word_nothing_is_assumed(tmp_path):
     surface = read(table(tmp_path), phase_known=False)
     assert (surface.control, surface.phase_known) == ("force", False)
 
 
-def test_the_lag_of_the_loop_is_said_and_corrected_with_the_mass(tmp_path: Path):
+def test_the_lag_of_the_loop_is_said_and_corrected_with_the_mass(tmp_path):
     surface = read(table(tmp_path, lag=95.0), control="phase")
     (found,) = [finding for finding in surface.findings if finding.code == "phase-lag"]
     assert found.numbers["lag"].value == pytest.approx(np.radians(95), abs=1e-7)
@@ -82,7 +83,7 @@ def test_the_lag_of_the_loop_is_said_and_corrected_with_the_mass(tmp_path: Path)
     np.testing.assert_allclose(modal.stiffness, K + 0.75 * K3 * modal.amplitude**2, rtol=1e-4)
 
 
-def test_points_at_which_the_loop_lost_the_lock_are_named_and_doubted(tmp_path: Path):
+def test_points_at_which_the_loop_lost_the_lock_are_named_and_doubted(tmp_path):
     path = table(tmp_path)
     rows = np.loadtxt(path, delimiter=",", skiprows=1)[::2]
     assert "phase-lock-lost" not in codes(read(path, control="phase"))
@@ -97,7 +98,7 @@ def test_points_at_which_the_loop_lost_the_lock_are_named_and_doubted(tmp_path: 
     assert found.verdict.state != "identified"
 
 
-def test_slices_off_resonance_at_the_forces_of_other_points_are_meant(tmp_path: Path):
+def test_slices_off_resonance_at_the_forces_of_other_points_are_meant(tmp_path):
     rows = np.concatenate(
         [np.loadtxt(table(tmp_path, lag), delimiter=",", skiprows=1)[::4] for lag in (90.0, 90.0, 60.0)]
     )
@@ -107,7 +108,7 @@ def test_slices_off_resonance_at_the_forces_of_other_points_are_meant(tmp_path: 
     assert "phase-lock-lost" not in codes(read(path, control="phase"))
 
 
-def test_a_velocity_that_is_read_as_displacement_is_doubted(tmp_path: Path):
+def test_a_velocity_that_is_read_as_displacement_is_doubted(tmp_path):
     surface = read(table(tmp_path, quantity="velocity"), control="phase")
     assert "phase-not-resonant" in codes(surface)
     right = read(table(tmp_path, quantity="velocity"), quantity="velocity", control="phase")
@@ -115,47 +116,33 @@ def test_a_velocity_that_is_read_as_displacement_is_doubted(tmp_path: Path):
     assert "phase-not-resonant" not in codes(right)
 
 
-CASE = """\
-schema = 1
-name   = "loop"
-title  = "Loop"
-source = "a test"
-{law}
-[test]
-kind    = "measured"
-file    = "loop.csv"
-control = "phase"
-
-[test.frequency]
-column = "frequency"
-
-[test.force]
-amplitude = "force"
-
-[test.response]
-quantity    = "displacement"
-amplitude   = "response"
-phase       = "lag"
-phase_sense = "lag"
-"""
+CASE = {
+    **MEASURED,
+    "test.file": "loop.csv",
+    "test.control": "phase",
+    "test.frequency": {"column": "frequency"},
+    "test.force": {"amplitude": "force"},
+    "test.response": {
+        "quantity": "displacement",
+        "amplitude": "response",
+        "phase": "lag",
+        "phase_sense": "lag",
+    },
+}
 
 
 @pytest.mark.parametrize(
-    ("law", "refused"),
+    ("changes", "refused"),
     [
-        ('[[element]]\nname = "all"\nforce = "k*x + k3*x**3 + c*v"', True),
-        ('[system]\nmass = "1.5 kg"\n[[element]]\nname = "all"\nforce = "k*x + c*v"', False),
-        ('[[element]]\nname = "all"\nforce = "k*x + c*v + masing(Min(kt*x, Fs))"', False),
-        ('model = "rank"', True),
+        ({"element.1.force": "k*x + k3*x**3 + c*v"}, True),
+        ({"system": {"mass": "1.5 kg"}}, False),
+        ({"element.1.force": "k*x + c*v + masing(Min(kt*x, Fs))"}, False),
+        ({"model": "rank", "element": GONE}, True),
     ],
 )
-def test_what_a_backbone_does_not_determine_is_refused_before_the_run(
-    tmp_path: Path, law: str, refused: bool
-):
+def test_what_a_backbone_does_not_determine_is_refused_before_the_run(tmp_path, changes, refused):
     surface = read(table(tmp_path))
-    path = tmp_path / "loop.toml"
-    path.write_text(CASE.format(law=law), encoding="utf-8")
-    faults = point_faults(rsgen.load_case(path), surface)
+    faults = point_faults(rsgen.load_case(write_small(tmp_path, "loop", CASE | changes)), surface)
     assert bool(faults) == refused
     assert all("phase resonance" in fault for fault in faults)
 

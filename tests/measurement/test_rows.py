@@ -33,7 +33,7 @@ def text(path: Path, lines: str) -> Path:
     return path
 
 
-def test_a_header_that_repeats_is_passed_over_and_counted(tmp_path: Path) -> None:
+def test_a_header_that_repeats_is_passed_over_and_counted(tmp_path):
     path = text(tmp_path / "a.csv", "f,F,x\n1,1,2\n2,1,3\nf,F,x\n1,5,2\n2,5,3\n--- end, by hand\n")
     surface = read(path)
     assert surface.frequency.tolist() == [1, 2, 1, 2]
@@ -42,7 +42,7 @@ def test_a_header_that_repeats_is_passed_over_and_counted(tmp_path: Path) -> Non
 
 
 @pytest.mark.parametrize("gap", ["NA", "nan", "", "n/a", "-", "overload", "#N/A", "-inf"])
-def test_rows_with_gaps_are_left_out_and_counted(tmp_path: Path, gap: str) -> None:
+def test_rows_with_gaps_are_left_out_and_counted(tmp_path, gap):
     path = text(tmp_path / "a.csv", f"f,F,x\n1,1,2\n2,1,{gap}\n3,{gap},{gap}\n4,1,2\n")
     surface = read(path)
     assert surface.frequency.tolist() == [1, 4]
@@ -51,14 +51,14 @@ def test_rows_with_gaps_are_left_out_and_counted(tmp_path: Path, gap: str) -> No
 
 
 @pytest.mark.parametrize("cell", ["1,5", "12a4", "=A1", "1_0", "12:30"])
-def test_a_number_gone_wrong_still_refuses_the_file(tmp_path: Path, cell: str) -> None:
+def test_a_number_gone_wrong_still_refuses_the_file(tmp_path, cell):
     path = text(tmp_path / "a.csv", f"f;F;x\n1;1;2\n2;1;{cell}\n")
     with pytest.raises(MeasurementError, match=r"line 3: column 3: .* is no number"):
         read_columns(path, Layout(delimiter=";"), ["f", "x"])
 
 
 @pytest.mark.slow
-def test_gaps_of_binary_files_and_of_another_file_are_left_out_together(tmp_path: Path) -> None:
+def test_gaps_of_binary_files_and_of_another_file_are_left_out_together(tmp_path):
     force, response = tmp_path / "a.npz", tmp_path / "b.npz"
     np.savez(force, f=[1.0, 2.0, np.nan, 4.0], F=[1.0, 1.0, 1.0, 1.0])
     np.savez(response, x=[1.0, np.nan, 1.0, 5.0])
@@ -67,7 +67,7 @@ def test_gaps_of_binary_files_and_of_another_file_are_left_out_together(tmp_path
     assert rows_found(surface) == {"no number": {"rows": 2, "all": 4}}
 
 
-def test_utf_16_is_read_and_hashed_as_it_is(tmp_path: Path) -> None:
+def test_utf_16_is_read_and_hashed_as_it_is(tmp_path):
     import hashlib
 
     path = tmp_path / "a.csv"
@@ -82,7 +82,7 @@ def test_utf_16_is_read_and_hashed_as_it_is(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("title", ["Omega", "w", "omega [1/s]", "angular frequency"])
-def test_an_angular_frequency_read_in_hertz_is_doubted(tmp_path: Path, title: str) -> None:
+def test_an_angular_frequency_read_in_hertz_is_doubted(tmp_path, title):
     path = text(tmp_path / "a.csv", f"{title},F,x\n1,1,2\n2,1,3\n")
     for column in (title, 1):
         surface = read(path, column)
@@ -95,7 +95,7 @@ def test_an_angular_frequency_read_in_hertz_is_doubted(tmp_path: Path, title: st
         assert surface.frequency[0] == pytest.approx(first)
 
 
-def test_units_of_a_header_hold_where_the_case_says_none(tmp_path: Path) -> None:
+def test_units_of_a_header_hold_where_the_case_says_none(tmp_path):
     path = text(tmp_path / "a.csv", "f_kHz,F_mN,x_mm\n1,2,3\n2,2,4\n")
     signals = Signal(amplitude="F_mN"), Signal(amplitude="x_mm")
     surface = read_measurement(MeasuredTest(path, "f_kHz", *signals, "displacement", phase_known=False))
@@ -104,7 +104,7 @@ def test_units_of_a_header_hold_where_the_case_says_none(tmp_path: Path) -> None
     assert [found.code for found in surface.findings] == ["unit-of-file"] * 3
 
 
-def test_rows_of_labview_leave_out_the_column_of_remarks(tmp_path: Path) -> None:
+def test_rows_of_labview_leave_out_the_column_of_remarks(tmp_path):
     path = text(tmp_path / "a.lvm", "X_Value\tF\tx\tComment\n0.0\t1\t2\n0.1\t1\t3\tknock\n")
     assert read_columns(path, Layout(), ["X_Value", "x"]).values.tolist() == [[0, 2], [0.1, 3]]
     ragged = text(tmp_path / "b.txt", "t\tF\tx\n0.0\t1\n")
@@ -121,9 +121,7 @@ def test_rows_of_labview_leave_out_the_column_of_remarks(tmp_path: Path) -> None
         ("response", {"unit": "m"}, "m"),
     ],
 )
-def test_a_case_that_contradicts_a_title_is_doubted(
-    tmp_path: Path, table: str, keys: dict[str, Any], unit: str
-) -> None:
+def test_a_case_that_contradicts_a_title_is_doubted(tmp_path, table, keys, unit):
     path = text(tmp_path / "a.csv", "f_Hz,F_N,x_mm\n1,2,3\n2,2,4\n")
     force, response = ({**keys} if table == name else {} for name in ("force", "response"))
     more = keys if table == "frequency" else {}
@@ -134,7 +132,7 @@ def test_a_case_that_contradicts_a_title_is_doubted(
     assert doubts[0].names["unit"] == unit
 
 
-def test_a_case_that_says_what_the_title_says_is_not_doubted(tmp_path: Path) -> None:
+def test_a_case_that_says_what_the_title_says_is_not_doubted(tmp_path):
     path = text(tmp_path / "a.csv", "f_Hz,drive_V,a_g\n1,2,3\n2,2,4\n")
     force, response = Signal(amplitude=2, unit="V", factor="3 N/V"), Signal(amplitude=3, unit="g")
     test = MeasuredTest(path, 1, force, response, "acceleration", phase_known=False, frequency_unit="Hz")

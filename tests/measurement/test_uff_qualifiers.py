@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import re
 import warnings
-from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -13,8 +12,9 @@ import pytest
 
 from rsgen.cases import load_case
 from rsgen.common.errors import MeasurementError
-from rsgen.files import MeasuredTest, read_measurement
-from rsgen.files.inspection import list_contents, propose
+from rsgen.files import read_measurement
+from rsgen.files.inspection import list_contents
+from tests.inspection.drafts import drafted
 
 pyuff = pytest.importorskip("pyuff", reason="no pyuff here: install rsgen[test]")
 
@@ -69,7 +69,7 @@ def write(path: Path, *sets: dict[str, Any]) -> Path:
 
 
 @pytest.mark.slow
-def test_a_file_of_pyuff_in_inches_and_pounds(tmp_path: Path, run_cli: Callable[..., Any]) -> None:
+def test_a_file_of_pyuff_in_inches_and_pounds(tmp_path, run_cli):
     """What pyuff wrote is read in SI; inspect says what it is in the words of ISO 7626."""
     header = pyuff.prepare_151(
         model_name="wing", description="left", db_app="program", program="writer", date_db_created="01-Jan-20"
@@ -85,9 +85,7 @@ def test_a_file_of_pyuff_in_inches_and_pounds(tmp_path: Path, run_cli: Callable[
     for said in ("'wing'", "'writer'", "01-Jan-20", "mobility, impact and exponential window adds damping"):
         assert said in shown
     case.write_text(text, encoding="utf-8")
-    test = load_case(case).test
-    assert isinstance(test, MeasuredTest)
-    surface = read_measurement(test)
+    surface = read_measurement(load_case(case).test)
     read_back = pyuff.UFF(str(path)).read_sets(3)
     np.testing.assert_allclose(read_back["data"] * 0.0254 / POUND, MOBILITY, rtol=PRINTED)
     found = 1j * surface.omega * surface.harmonics[:, 1] / surface.force
@@ -99,43 +97,29 @@ def test_a_file_of_pyuff_in_inches_and_pounds(tmp_path: Path, run_cli: Callable[
 @pytest.mark.parametrize(
     ("said", "scale", "factor"), [(3, {"scale": "rms"}, 2**0.5), (1, {"factor": 2.0}, 2.0), (2, {}, 1.0)]
 )
-def test_amplitudes_of_spectra_are_what_the_file_says(
-    tmp_path: Path, run_cli: Callable[..., Any], said: int, scale: dict[str, Any], factor: float
-) -> None:
+def test_amplitudes_of_spectra_are_what_the_file_says(tmp_path, run_cli, said, scale, factor):
     """Force and velocity as spectra: the proposal brings them to peaks; a case that does not is refused."""
     force = function(9, 0, np.full(41, 2.0 + 1j))
-    path = write(
-        tmp_path / "a.uff",
-        about(amplitude_units=said),
-        force,
-        about(amplitude_units=said),
-        function(11, 0),
-    )
+    amplitudes = about(amplitude_units=said)
+    path = write(tmp_path / "a.uff", amplitudes, force, amplitudes, function(11, 0))
     # pyuff reads spectra and writes none: frequency responses become spectra
     text, count = re.subn(r"(?m)^    4(?=.* BEAM)", "   12", path.read_text(encoding="utf-8"))
     assert count == 2
     path.write_text(text, encoding="utf-8")
-    proposal = propose(list_contents(path))
-    assert proposal is not None
+    proposal = drafted(path)
     for table in ("test.force", "test.response"):
         found = {key: v for key, v in proposal.tables[table].items() if key in ("scale", "factor")}
         assert found == scale
     case = tmp_path / "a.toml"
     assert run_cli("init", "--from", path, case).code == 0
-    test = load_case(case).test
-    assert isinstance(test, MeasuredTest)
-    surface = read_measurement(test)
+    surface = read_measurement(load_case(case).test)
     np.testing.assert_allclose(np.abs(surface.force), abs(2 + 1j) * factor, rtol=PRINTED)
     np.testing.assert_allclose(surface.omega * surface.amplitude, np.abs(MOBILITY) * factor, rtol=PRINTED)
     text = case.read_text(encoding="utf-8")
-    wrong = (
-        re.sub(r"(?m)^(scale|factor) .*\n", "", text)
-        if scale
-        else text.replace("[test.force]", "[test.force]\nscale = 'rms'")
-    )
+    without = re.sub(r"(?m)^(scale|factor) .*\n", "", text)
+    wrong = without if scale else text.replace("[test.force]", "[test.force]\nscale = 'rms'")
     case.write_text(wrong, encoding="utf-8")
     test = load_case(case).test
-    assert isinstance(test, MeasuredTest)
     with pytest.raises(MeasurementError, match=r"holds .*, as the file says; write (scale|factor) = "):
         read_measurement(test)
 
@@ -151,9 +135,7 @@ def test_amplitudes_of_spectra_are_what_the_file_says(
         ({}, (13, 12), r"is a force over a motion \(apparent mass\); receptance, mobility or accelerance"),
     ],
 )
-def test_functions_that_are_no_response(
-    tmp_path: Path, said: dict[str, int], axes: tuple[int, int], reason: str
-) -> None:
+def test_functions_that_are_no_response(tmp_path, said, axes, reason):
     """The second of two functions is none, whichever side its qualifiers stand on."""
     good, bad = function(), function(*axes)
     for order in ([about(), good, about(**said), bad], [good, about(), bad, about(**said)]):
@@ -162,7 +144,7 @@ def test_functions_that_are_no_response(
         assert re.match(reason, entries["2/ordinate"].fault)
 
 
-def test_a_data_set_1858_that_is_cut_short(tmp_path: Path) -> None:
+def test_a_data_set_1858_that_is_cut_short(tmp_path):
     path = write(tmp_path / "a.uff", about(), function())
     lines = path.read_text(encoding="utf-8").split("\n")
     path.write_text("\n".join([*lines[:3], *lines[8:]]), encoding="utf-8")

@@ -3,9 +3,8 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
@@ -13,9 +12,11 @@ import pytest
 from rsgen.cases import load_case
 from rsgen.common.errors import MeasurementError
 from rsgen.data.surface import ResponseSurface
-from rsgen.files import MeasuredTest, read_measurement
-from rsgen.files.inspection import list_contents, propose
+from rsgen.files import read_measurement
+from rsgen.files.inspection import list_contents
 from rsgen.files.uff import unit_system
+from tests.case_files import MEASURED, write_small
+from tests.inspection.drafts import drafted
 
 FREQUENCY = np.linspace(8.0, 12.0, 41)
 OMEGA = 2 * np.pi * FREQUENCY
@@ -65,24 +66,22 @@ def function(
     return "\n".join([*head, *(f"{v.real:20.12E}{v.imag:20.12E}" for v in numbers), "    -1"]) + "\n"
 
 
-def case_of(path: Path, response: str = "", quantity: str = "acceleration", level: str = '["1 N"]') -> Path:
+def case_of(path: Path, quantity: str = "acceleration", levels: int = 1, **response: str) -> Path:
     """Write a case that reads frequency responses; units are the file's unless ``response`` names one."""
-    case = path.with_suffix(".toml")
-    case.write_text(
-        f'schema = 1\nname = "a"\ntitle = "a"\nsource = "synthetic"\n'
-        f'[[element]]\nname = "spring"\nforce = "k*x + c*v"\n'
-        f'[test]\nkind = "measured"\nfile = "{path.name}"\n[test.frequency]\ncolumn = "*/abscissa"\n'
-        f'[test.force]\nnominal = true\n[test.response]\nquantity = "{quantity}"\ncomplex = "*/ordinate"\n'
-        f'per_force = true\nphase_sense = "lead"\n{response}\n[test.level]\nvalues = {level}\n',
-        encoding="utf-8",
-    )
-    return case
+    changes = {
+        **MEASURED,
+        "test.file": path.name,
+        "test.frequency": {"column": "*/abscissa"},
+        "test.force": {"nominal": True},
+        "test.response": {"quantity": quantity, "complex": "*/ordinate", "per_force": True, **response},
+        "test.response.phase_sense": "lead",
+        "test.level": {"values": [f"{n} N" for n in range(1, levels + 1)]},
+    }
+    return write_small(path.parent, path.stem, changes)
 
 
 def read(case: Path) -> ResponseSurface:
-    test = load_case(case).test
-    assert isinstance(test, MeasuredTest)
-    return read_measurement(test)
+    return read_measurement(load_case(case).test)
 
 
 def accelerance(surface: ResponseSurface) -> np.ndarray:
@@ -109,7 +108,7 @@ def codes(surface: ResponseSurface) -> list[str]:
         (9, "mm", "kN"),
     ],
 )
-def test_units_of_data_set_164(tmp_path: Path, code: int, length: str, force: str) -> None:
+def test_units_of_data_set_164(tmp_path, code, length, force):
     """The case names no unit: whatever the units of the file, the surface is the one in SI."""
     path = tmp_path / "a.uff"
     size = METRE[length] / NEWTON[force]
@@ -119,21 +118,38 @@ def test_units_of_data_set_164(tmp_path: Path, code: int, length: str, force: st
     surface = read(case_of(path))
     np.testing.assert_allclose(accelerance(surface), ACCELERANCE, rtol=PRINTED)
     assert codes(surface) == ([] if size == pytest.approx(1) else ["unit-of-file"])
-    proposal = propose(list_contents(path))
-    assert proposal is not None
-    response = proposal.tables["test.response"]
-    assert response["unit"] == f"{length}/s^2/{force}"
+    proposal = drafted(path)
+    assert proposal.tables["test.response"]["unit"] == f"{length}/s^2/{force}"
     assert proposal.doubts["test.response.unit"] == "data set 164"
 
 
-def test_data_set_164_divides() -> None:
+def test_data_set_164_divides():
     """The example of the published description: 3.28 feet are a metre, 0.2248 pounds are a newton."""
     system = unit_system(2, 3.28083989501312334, 0.224808943099710480)
     assert (system.length, system.force) == ("ft", "lbf")
 
 
 @pytest.mark.slow
-def test_displacements_in_mm_and_mn_without_labels(tmp_path: Path) -> None:
+@pytest.mark.parametrize(
+    ("factor", "labels", "unit", "source"),
+    [
+        # labels of axes win over data set 164
+        (1e3 / 9.80665, (axis(12, "Acceleration", "g"), axis(13, "Force", "kN")), "g/kN", "axis label"),
+        # the label of one axis alone, and one that holds the force already
+        (1e-3, (axis(12, "Acceleration", "m/s^2"),), "m/s^2/mN", "axis label, force: data set 164"),
+        (1.0, (axis(12, "FRF", "m/s^2/N"),), "m/s^2/N", "axis label"),
+    ],
+)
+def test_labels_of_axes(tmp_path, factor, labels, unit, source):
+    path = tmp_path / "a.uff"
+    path.write_text(units(1e3, 1e3, 5) + function(factor * ACCELERANCE, *labels), encoding="utf-8")
+    np.testing.assert_allclose(accelerance(read(case_of(path))), ACCELERANCE, rtol=PRINTED)
+    (entry,) = (entry for entry in list_contents(path).entries if entry.path == "1/ordinate")
+    assert (entry.unit, entry.unit_source) == (unit, source)
+
+
+@pytest.mark.slow
+def test_displacements_in_mm_and_mn_without_labels(tmp_path):
     path = tmp_path / "a.uff"
     receptance = ACCELERANCE / -(OMEGA**2)
     path.write_text(units(1e3, 1.0, 9) + function(receptance * 1e3, axis(8)), encoding="utf-8")
@@ -141,41 +157,28 @@ def test_displacements_in_mm_and_mn_without_labels(tmp_path: Path) -> None:
     np.testing.assert_allclose(surface.harmonics[:, 1] / surface.force, receptance, rtol=PRINTED)
 
 
-@pytest.mark.slow
-def test_axis_labels_win_over_data_set_164(tmp_path: Path) -> None:
+@pytest.mark.parametrize(
+    ("text", "response", "said"),
+    [
+        (units(1e3, 1e3, 5) + function(ACCELERANCE), {"unit": "m/s^2/N"}, []),
+        # a unit that is none of the quantity is not taken
+        (
+            function(ACCELERANCE, axis(12, "Channel 3", "V"), axis(13, "Force", "N")),
+            {},
+            ["unit-contradicts-title"],
+        ),
+    ],
+)
+def test_a_unit_in_the_case_wins_over_the_file(tmp_path, text, response, said):
     path = tmp_path / "a.uff"
-    labelled = axis(12, "Acceleration", "g"), axis(13, "Force", "kN")
-    path.write_text(units(1e3, 1e3, 5) + function(ACCELERANCE / 9.80665 * 1e3, *labelled), encoding="utf-8")
-    surface = read(case_of(path))
+    path.write_text(text, encoding="utf-8")
+    surface = read(case_of(path, **response))
     np.testing.assert_allclose(accelerance(surface), ACCELERANCE, rtol=PRINTED)
-    (entry,) = (entry for entry in list_contents(path).entries if entry.path == "1/ordinate")
-    assert (entry.unit, entry.unit_source) == ("g/kN", "axis label")
+    assert codes(surface) == said
 
 
 @pytest.mark.slow
-def test_a_label_of_one_axis_alone(tmp_path: Path) -> None:
-    path = tmp_path / "a.uff"
-    path.write_text(
-        units(1e3, 1e3, 5) + function(ACCELERANCE / 1e3, axis(12, "Acceleration", "m/s^2")), encoding="utf-8"
-    )
-    np.testing.assert_allclose(accelerance(read(case_of(path))), ACCELERANCE, rtol=PRINTED)
-    (entry,) = (entry for entry in list_contents(path).entries if entry.path == "1/ordinate")
-    assert (entry.unit, entry.unit_source) == ("m/s^2/mN", "axis label, force: data set 164")
-    # a label that holds the force already
-    path.write_text(units(1e3, 1e3, 5) + function(ACCELERANCE, axis(12, "FRF", "m/s^2/N")), encoding="utf-8")
-    np.testing.assert_allclose(accelerance(read(case_of(path))), ACCELERANCE, rtol=PRINTED)
-
-
-def test_a_unit_in_the_case_wins_over_the_file(tmp_path: Path) -> None:
-    path = tmp_path / "a.uff"
-    path.write_text(units(1e3, 1e3, 5) + function(ACCELERANCE), encoding="utf-8")
-    surface = read(case_of(path, 'unit = "m/s^2/N"'))
-    np.testing.assert_allclose(accelerance(surface), ACCELERANCE, rtol=PRINTED)
-    assert codes(surface) == []
-
-
-@pytest.mark.slow
-def test_each_data_set_164_is_for_what_follows_it(tmp_path: Path) -> None:
+def test_each_data_set_164_is_for_what_follows_it(tmp_path):
     path = tmp_path / "a.uff"
     parts = [
         function(ACCELERANCE),
@@ -193,11 +196,10 @@ def test_each_data_set_164_is_for_what_follows_it(tmp_path: Path) -> None:
         ("mm/s^2/N", "data set 164"),
         ("m/s^2/kN", "data set 164"),
     ]
-    surface = read(case_of(path, level='["1 N", "2 N", "3 N", "4 N"]'))
+    surface = read(case_of(path, levels=4))
     got = accelerance(surface).reshape(4, -1)
     np.testing.assert_allclose(got, np.outer([1, 1, 2, 1], ACCELERANCE), rtol=PRINTED)
-    proposal = propose(list_contents(path))
-    assert proposal is not None
+    proposal = drafted(path)
     # one unit for all would be wrong
     assert "unit" not in proposal.tables["test.response"]
     assert "mm/s^2/N" in proposal.doubts["test.response.quantity"]
@@ -213,20 +215,15 @@ def test_each_data_set_164_is_for_what_follows_it(tmp_path: Path) -> None:
         (units(7.0, 1.0), "factors 7 and 1 are of no known units"),
     ],
 )
-def test_a_data_set_164_that_contradicts_itself_decides_nothing(
-    tmp_path: Path, text: str, reason: str
-) -> None:
+def test_a_data_set_164_that_contradicts_itself_decides_nothing(tmp_path, text, reason):
     path = tmp_path / "a.uff"
     path.write_text(text + function(ACCELERANCE), encoding="utf-8")
-    with pytest.raises(
-        MeasurementError, match=rf"^a\.uff: the unit of '1/ordinate' is not known: .*{reason}"
-    ):
+    said = rf"^a\.uff: the unit of '1/ordinate' is not known: .*{reason}"
+    with pytest.raises(MeasurementError, match=said):
         read(case_of(path))
-    np.testing.assert_allclose(
-        accelerance(read(case_of(path, 'unit = "m/s^2/N"'))), ACCELERANCE, rtol=PRINTED
-    )
-    proposal = propose(list_contents(path))
-    assert proposal is not None
+    known = read(case_of(path, unit="m/s^2/N"))
+    np.testing.assert_allclose(accelerance(known), ACCELERANCE, rtol=PRINTED)
+    proposal = drafted(path)
     assert reason in proposal.doubts["test.response.unit"]
 
 
@@ -238,7 +235,7 @@ def test_a_data_set_164_that_contradicts_itself_decides_nothing(
         ((r"\n.*D\+03.*\n", "\n-273.15\n"), "line 4: the factors of length and force are needed"),
     ],
 )
-def test_faults_of_data_set_164(tmp_path: Path, change: tuple[str, str], message: str) -> None:
+def test_faults_of_data_set_164(tmp_path, change, message):
     path = tmp_path / "a.uff"
     text, count = re.subn(*change, units(1e3, 1e3, 5), count=1)
     assert count == 1
@@ -247,42 +244,28 @@ def test_faults_of_data_set_164(tmp_path: Path, change: tuple[str, str], message
         list_contents(path)
 
 
-def test_a_unit_that_is_none_of_the_quantity_is_not_taken(tmp_path: Path) -> None:
-    path = tmp_path / "a.uff"
-    labelled = axis(12, "Channel 3", "V"), axis(13, "Force", "N")
-    path.write_text(function(ACCELERANCE, *labelled), encoding="utf-8")
-    surface = read(case_of(path))
-    np.testing.assert_allclose(accelerance(surface), ACCELERANCE, rtol=PRINTED)
-    assert codes(surface) == ["unit-contradicts-title"]
-
-
 @pytest.mark.slow
-def test_time_histories_are_in_the_units_of_the_file(tmp_path: Path) -> None:
+def test_time_histories_are_in_the_units_of_the_file(tmp_path):
     """A free decay in inches, and the same in metres."""
     t = np.arange(2000) / 200
     decay = 1e-3 * np.exp(-0.4 * t) * np.cos(62 * t)
+    changes = {
+        **MEASURED,
+        "system": {"mass": "1 kg"},
+        "test.excitation": "ring-down",
+        "test.time": {"column": "1/abscissa"},
+        "test.response": {"quantity": "displacement", "samples": "1/ordinate"},
+    }
     surfaces = []
     for name, text, factor in (("a", "", 1.0), ("b", units(1 / 0.0254, 1 / NEWTON["lbf"], 7), 0.0254)):
-        path = tmp_path / f"{name}.uff"
         record = function(decay / factor, axis(8), axis(0), 1, axis(17, "Time", "s"), 0.0, 0.005)
         # real numbers: the imaginary parts go
-        record = re.sub(r"( *[-\d.]+E[+-]\d\d) {2}0\.0+E\+00\n", r"\1\n", record).replace(
-            f"{6:10d}{2000:10d}", f"{4:10d}{2000:10d}"
-        )
-        path.write_text(text + record, encoding="utf-8")
-        case = tmp_path / f"{name}.toml"
-        case.write_text(
-            f'schema = 1\nname = "{name}"\ntitle = "a"\nsource = "synthetic"\n'
-            f'[system]\nmass = "1 kg"\n[[element]]\nname = "s"\n'
-            f'force = "k*x + c*v"\n[test]\nkind = "measured"\nexcitation = "ring-down"\n'
-            f'file = "{path.name}"\n[test.time]\ncolumn = "1/abscissa"\n'
-            '[test.response]\nquantity = "displacement"\nsamples = "1/ordinate"\n',
-            encoding="utf-8",
-        )
-        surfaces.append(read(case))
+        record = re.sub(r"( *[-\d.]+E[+-]\d\d) {2}0\.0+E\+00\n", r"\1\n", record)
+        record = record.replace(f"{6:10d}{2000:10d}", f"{4:10d}{2000:10d}")
+        (tmp_path / f"{name}.uff").write_text(text + record, encoding="utf-8")
+        surfaces.append(read(write_small(tmp_path, name, changes | {"test.file": f"{name}.uff"})))
     np.testing.assert_allclose(surfaces[1].amplitude, surfaces[0].amplitude, rtol=1e-9)
-    assert codes(surfaces[0]) == []
-    assert codes(surfaces[1]) == ["unit-of-file"]
+    assert [codes(surface) for surface in surfaces] == [[], ["unit-of-file"]]
 
 
 @pytest.mark.slow
@@ -294,14 +277,7 @@ def test_time_histories_are_in_the_units_of_the_file(tmp_path: Path) -> None:
         ("", (), "m/s^2/N", "SI assumed"),
     ],
 )
-def test_inspect_and_init_say_which_units(
-    tmp_path: Path,
-    run_cli: Callable[..., Any],
-    before: str,
-    labels: tuple[str, ...],
-    unit: str,
-    source: str,
-) -> None:
+def test_inspect_and_init_say_which_units(tmp_path, run_cli, before, labels, unit, source):
     path, case = tmp_path / "a.uff", tmp_path / "a.toml"
     size = {"mm": 1e-3, "cm": 1e-2 / 1e3, "m/": 1.0}[unit[:2]]
     path.write_text(before + function(ACCELERANCE / size, *labels), encoding="utf-8")
@@ -316,7 +292,7 @@ def test_inspect_and_init_say_which_units(
 
 
 @pytest.mark.slow
-def test_universal_files_that_a_spreadsheet_has_saved(tmp_path: Path) -> None:
+def test_universal_files_that_a_spreadsheet_has_saved(tmp_path):
     """Two bytes a sign, and commas in place of points, are named as what they are."""
     path = tmp_path / "a.uff"
     path.write_text(function(ACCELERANCE), encoding="utf-16")

@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pytest
 
 import rsgen as rs
+from tests.case_files import MEASURED, write_small
 
 LAW = "k*x + k3*x**3 + c*v"
 TRUTH = {"k": 5000.0, "k3": 4e6, "c": 4.0}
@@ -27,7 +27,7 @@ def exact() -> rs.MultisineSpectra:
     return shaken()
 
 
-def test_a_base_drives_as_the_inertia_force_does(exact: rs.MultisineSpectra) -> None:
+def test_a_base_drives_as_the_inertia_force_does(exact):
     pushed = replace(exact, force=MASS * exact.force, per_mass=False, base="")
     free, given = rs.identify(pushed, LAW, mass=MASS), rs.identify(exact, LAW, mass=MASS)
     alone = rs.identify(exact, LAW)
@@ -42,7 +42,7 @@ def test_a_base_drives_as_the_inertia_force_does(exact: rs.MultisineSpectra) -> 
 
 
 @pytest.mark.parametrize(("base", "power"), [("displacement", 2), ("velocity", 1)])
-def test_levels_are_those_of_the_motion_that_drives(base: str, power: int) -> None:
+def test_levels_are_those_of_the_motion_that_drives(base, power):
     test = rs.MultisineTest((1e-3,), (2.5, 20), 2.0, base=base)
     spectra = rs.simulate(rs.Oscillator(MASS, LAW, TRUTH), test)
     motion = spectra.mean_force[:, 1:] / (2 * np.pi * spectra.frequency[1:]) ** power
@@ -51,7 +51,7 @@ def test_levels_are_those_of_the_motion_that_drives(base: str, power: int) -> No
 
 
 @pytest.mark.parametrize("seed", [1, 2])
-def test_noise_is_in_the_errors(seed: int) -> None:
+def test_noise_is_in_the_errors(seed):
     found = rs.identify(shaken(0.01, seed), LAW, rs.Observation(hold_out=(3.3,)))
     assert found.verdict.usable
     for name, true in TRUTH.items():
@@ -64,14 +64,14 @@ def test_noise_is_in_the_errors(seed: int) -> None:
 
 
 @pytest.mark.slow
-def test_laws_are_ranked_per_unit_mass() -> None:
+def test_laws_are_ranked_per_unit_mass():
     ranking = rs.rank(shaken(0.01), [LAW, "k*x + c*v", "k*x + c*v + Ff*sign(v)"])
     assert ranking.candidates[0].values.keys() >= {"k", "k3", "c"}
     assert ranking.fits
 
 
 @pytest.mark.parametrize("wrong", ["sign", "absolute"])
-def test_a_misread_base_is_not_trusted(wrong: str) -> None:
+def test_a_misread_base_is_not_trusted(wrong):
     right = shaken(0.01)
     base = np.zeros_like(right.force)
     base[..., 1:] = right.force[..., 1:] / (2 * np.pi * right.frequency[1:]) ** 2
@@ -81,41 +81,26 @@ def test_a_misread_base_is_not_trusted(wrong: str) -> None:
     assert "law-does-not-fit" in {finding.code for finding in found.findings}
 
 
-CASE = """schema = 1
-name   = "table"
-title  = "Shaken table"
-[[element]]
-name  = "all"
-force = "k*x + k3*x**3 + c*v"
-[test]
-kind       = "measured"
-excitation = "multisine"
-file       = ["low.csv", "middle.csv", "high.csv"]
-[test.time]
-rate = 200
-[test.base]
-quantity = "acceleration"
-samples  = 1
-response = "absolute"
-[test.response]
-quantity = "acceleration"
-samples  = 2
-[identify]
-hold_out = ["3.3 m/s^2"]
-"""
+CASE = {
+    **MEASURED,
+    "element": [{"name": "all", "force": LAW}],
+    "test.excitation": "multisine",
+    "test.file": ["low.csv", "middle.csv", "high.csv"],
+    "test.time": {"rate": 200},
+    "test.base": {"quantity": "acceleration", "samples": 1, "response": "absolute"},
+    "test.response": {"quantity": "acceleration", "samples": 2},
+    "identify": {"hold_out": ["3.3 m/s^2"]},
+}
 
 
 @pytest.mark.slow
-def test_absolute_accelerations_of_a_table_are_read(
-    exact: rs.MultisineSpectra, tmp_path: Path, run_cli
-) -> None:
+def test_absolute_accelerations_of_a_table_are_read(exact, tmp_path, run_cli):
     moved = exact.mean_response * (1j * exact.lines * exact.omega0) ** 2
     channels = (-exact.mean_force, moved - exact.mean_force)
     for name, *lines in zip(("low", "middle", "high"), *channels, strict=True):
         samples = [np.tile(np.fft.irfft(np.pad(one, (0, 40)) * 200, 400), 4) for one in lines]
         np.savetxt(tmp_path / f"{name}.csv", np.column_stack(samples), delimiter=",")
-    path = tmp_path / "case.toml"
-    path.write_text(CASE)
+    path = write_small(tmp_path, "table", CASE)
     spectra = rs.read(rs.load_case(path))
     assert (spectra.per_mass, spectra.base, spectra.levels.tolist()) == (True, "acceleration", [2, 3.3, 5.3])
     found = rs.identify(spectra, LAW)

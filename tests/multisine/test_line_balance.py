@@ -52,7 +52,7 @@ def noise_of(lines: SpectralLines, text: str, *values: float) -> BalanceNoise:
     return balance.noise(lines, law, numbers, MASS)
 
 
-def test_the_bias_of_a_square_is_the_variance_of_the_mean_motion() -> None:
+def test_the_bias_of_a_square_is_the_variance_of_the_mean_motion():
     # along the mean of P periods k2 x^2 is too large by k2 var(x)/P, with the variance of P numbers
     spectra = records(of_force=0.0, of_response=1e-4)
     lines = lines_from(spectra)
@@ -63,7 +63,7 @@ def test_the_bias_of_a_square_is_the_variance_of_the_mean_motion() -> None:
     assert np.abs(found - expected).max() < 1e-9 * np.abs(expected).max()
 
 
-def test_the_bias_follows_the_values_between_two_looks_at_the_periods() -> None:
+def test_the_bias_follows_the_values_between_two_looks_at_the_periods():
     spectra = records(of_force=0.0, of_response=1e-4)
     lines, law, text = lines_from(spectra), law_of("k2*x**2"), "k2*x**2"
     twice = np.array([2 * SQUARE])
@@ -73,7 +73,7 @@ def test_the_bias_follows_the_values_between_two_looks_at_the_periods() -> None:
     assert once.residual == pytest.approx(anew.residual, rel=1e-9)
 
 
-def test_slopes_go_with_the_balance_as_the_mean_of_all_periods_does() -> None:
+def test_slopes_go_with_the_balance_as_the_mean_of_all_periods_does():
     # of k x the slope is x, and noise of x moves the balance by -(k - m omega^2) x
     spectra = records(of_force=0.0, of_response=1e-5)
     lines = lines_from(spectra)
@@ -84,7 +84,7 @@ def test_slopes_go_with_the_balance_as_the_mean_of_all_periods_does() -> None:
     assert np.abs(found - expected).max() < 1e-9 * np.abs(expected).max()
 
 
-def test_where_the_law_moves_itself_noise_of_the_force_counts_by_what_inertia_takes_of_it() -> None:
+def test_where_the_law_moves_itself_noise_of_the_force_counts_by_what_inertia_takes_of_it():
     spectra = records(of_force=0.01, of_response=1e-15)
     lines = lines_from(spectra, first=6)
     found = noise_of(lines, "k*x + c*v", DAMPING, STIFFNESS)
@@ -98,7 +98,7 @@ def test_where_the_law_moves_itself_noise_of_the_force_counts_by_what_inertia_ta
     assert found.weight_shape[0, 1:] == pytest.approx(expected, rel=1e-6)
 
 
-def test_the_noise_does_not_depend_on_the_order_of_the_periods() -> None:
+def test_the_noise_does_not_depend_on_the_order_of_the_periods():
     spectra = records(of_force=0.01, of_response=1e-4)
     reverse = replace(spectra, force=spectra.force[:, ::-1], response=spectra.response[:, ::-1])
     values = (DAMPING, STIFFNESS, 1e9)
@@ -109,7 +109,7 @@ def test_the_noise_does_not_depend_on_the_order_of_the_periods() -> None:
     assert again.deviation[:, ::-1] == pytest.approx(found.deviation, rel=1e-9, abs=1e-12)
 
 
-def test_slopes_follow_the_mean_that_the_law_finds() -> None:
+def test_slopes_follow_the_mean_that_the_law_finds():
     spectra = records(of_force=0.0, of_response=0.0, mean_known=False)
     lines, law = lines_from(spectra), law_of("k*x + k2*x**2 + c*v")
     values, none = np.array([DAMPING, STIFFNESS, SQUARE]), BalanceNoise.unknown(lines, 3)
@@ -133,7 +133,7 @@ def linear(*, of_force: float, of_response: float, seed: int, periods: int = 32)
     return rsgen.MultisineSpectra(np.ones(1), OMEGA0 / 4, both[0][None], both[1][None])
 
 
-def test_errors_are_those_of_noise_on_the_force_alone() -> None:
+def test_errors_are_those_of_noise_on_the_force_alone():
     # of k and c the real and the imaginary part of each line have half of its variance
     spectra, law = linear(of_force=0.02, of_response=0.0, seed=3), law_of("k*x + c*v")
     lines = lines_from(spectra)
@@ -145,7 +145,7 @@ def test_errors_are_those_of_noise_on_the_force_alone() -> None:
     assert np.diag(covariance) == pytest.approx([*variance, 0.0], rel=0.2)
 
 
-def test_noise_of_the_response_does_not_pull_the_stiffness() -> None:
+def test_noise_of_the_response_does_not_pull_the_stiffness():
     # plain least squares would find k (1 - s^2/P/|x|^2), two per cent less
     law, found = law_of("k*x + c*v"), []
     for seed in range(40):

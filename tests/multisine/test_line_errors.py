@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from functools import cache
 
 import numpy as np
 import pytest
@@ -26,6 +27,7 @@ TRUE = {"k": 5000.0, "k3": 4e6, "c": 4.0, "c2": 1.0}
 TOLERANCE = 0.02
 
 
+@cache
 def records(noise: float) -> rsgen.MultisineSpectra:
     """Eight periods at two levels of a law with drag, which the laws below do not have."""
     oscillator = rsgen.Oscillator(MASS, "k*x + k3*x**3 + c*v + c2*v*abs(v)", TRUE)
@@ -52,7 +54,7 @@ def refitted(lines: SpectralLines, fit: LineFit, law: ForceLaw) -> np.ndarray:
 @pytest.mark.slow
 @pytest.mark.parametrize("formula", ["k*x + k3*x**3 + c*v", "k*x + c*v + c3*v**3"])
 @pytest.mark.parametrize("noise", [1e-3, pytest.param(5e-3, marks=pytest.mark.thorough)])
-def test_leaving_out_a_block_is_a_refit_without_it(formula: str, noise: float) -> None:
+def test_leaving_out_a_block_is_a_refit_without_it(formula, noise):
     law = compile_law(join_model(formula, None, None).force)
     lines = select_lines(records(noise), rsgen.Observation(), switched=False)
     with np.errstate(all="ignore"):
@@ -97,7 +99,7 @@ def within(found: rsgen.Identification, true: dict[str, float], errors: float) -
 
 
 @pytest.mark.thorough
-def test_a_term_that_the_law_lacks_is_in_the_intervals_of_a_multisine() -> None:
+def test_a_term_that_the_law_lacks_is_in_the_intervals_of_a_multisine():
     for seed in range(4):
         spectra, true = with_quintic(seed)
         lacks = rsgen.identify(spectra, "k*x + k3*x**3 + c*v")
@@ -111,7 +113,7 @@ def test_a_term_that_the_law_lacks_is_in_the_intervals_of_a_multisine() -> None:
         assert whole["k"].standard_error < lacks["k"].standard_error
 
 
-def test_a_given_mass_that_a_multisine_contradicts_is_named() -> None:
+def test_a_given_mass_that_a_multisine_contradicts_is_named():
     oscillator = rsgen.Oscillator(MASS, "k*x + k3*x**3 + c*v", {"k": 6000.0, "k3": 4e6, "c": 4.0})
     test = rsgen.MultisineTest(np.array([3.0, 8.0]), (2.5, 20.0), 2.0, periods=8, noise_relative=0.01)
     spectra = rsgen.simulate(oscillator, test)
@@ -121,7 +123,7 @@ def test_a_given_mass_that_a_multisine_contradicts_is_named() -> None:
     assert rsgen.identify(spectra, "k*x + k3*x**3 + c*v", mass=MASS).verdict.state == "identified"
 
 
-def test_a_parameter_may_have_any_name() -> None:
+def test_a_parameter_may_have_any_name():
     spectra = records(1e-3)
     found = rsgen.identify(spectra, "k*x + k3*x**3 + term0*v + term1*v*abs(v)")
     assert found["term1"].value == pytest.approx(TRUE["c2"], rel=0.02)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from functools import cache
 
 import numpy as np
 import pytest
@@ -12,6 +13,7 @@ import rsgen as rs
 MASS, SPRING, DAMPER = 1.5, 5920.0, 6.0
 
 
+@cache
 def spectra(law: str, noise: float = 0.0, seed: int = 1, **values: float) -> rs.MultisineSpectra:
     """Two levels of a random-phase multisine."""
     oscillator = rs.Oscillator(MASS, law, {"k": SPRING, "c": DAMPER} | values)
@@ -19,7 +21,7 @@ def spectra(law: str, noise: float = 0.0, seed: int = 1, **values: float) -> rs.
     return rs.simulate(oscillator, test)
 
 
-def test_a_cubic_spring_has_three_quarters_of_its_coefficient() -> None:
+def test_a_cubic_spring_has_three_quarters_of_its_coefficient():
     table = rs.modal_table(spectra("k*x + k3*x**3 + c*v", k3=3e6))
     np.testing.assert_allclose(table.stiffness, SPRING + 0.75 * 3e6 * table.amplitude**2, rtol=1e-6)
     np.testing.assert_allclose(table.damping, DAMPER, rtol=1e-6)
@@ -28,13 +30,13 @@ def test_a_cubic_spring_has_three_quarters_of_its_coefficient() -> None:
 
 
 @pytest.mark.slow
-def test_drag_has_eight_thirds_of_its_speed_over_pi() -> None:
+def test_drag_has_eight_thirds_of_its_speed_over_pi():
     table = rs.modal_table(spectra("k*x + c*v + c2*v*abs(v)", noise=0.001, c2=5.0))
     speed = np.sqrt(SPRING / MASS) * table.amplitude
     np.testing.assert_allclose(table.damping, DAMPER + 8 / (3 * np.pi) * 5.0 * speed, rtol=2e-3)
 
 
-def test_intervals_cover_the_truth_and_a_level_held_out_is_not_seen() -> None:
+def test_intervals_cover_the_truth_and_a_level_held_out_is_not_seen():
     records = spectra("k*x + k3*x**3 + c*v", noise=0.01, k3=3e6)
     table = rs.modal_table(records, rs.Observation(hold_out=(8,)))
     assert table.tested[1] < np.sqrt(2) * records.rms_response().max() * 0.9
@@ -44,7 +46,7 @@ def test_intervals_cover_the_truth_and_a_level_held_out_is_not_seen() -> None:
     assert np.all(half < 0.01 * exact)
 
 
-def test_a_driven_base_gives_what_is_per_unit_mass() -> None:
+def test_a_driven_base_gives_what_is_per_unit_mass():
     oscillator = rs.Oscillator(MASS, "k*x + c*v", {"k": SPRING, "c": DAMPER})
     test = rs.MultisineTest([3, 8], band=(2.5, 20), period=2, base="acceleration")
     table = rs.modal_table(rs.simulate(oscillator, test))
@@ -55,7 +57,7 @@ def test_a_driven_base_gives_what_is_per_unit_mass() -> None:
     np.testing.assert_allclose(whole.stiffness, SPRING, rtol=1e-6)
 
 
-def test_curves_are_predicted_from_the_table() -> None:
+def test_curves_are_predicted_from_the_table():
     table = rs.modal_table(spectra("k*x + c*v"))
     curve = rs.predict(table, [3.0])[3.0]
     omega = 2 * np.pi * curve.frequency
@@ -65,14 +67,14 @@ def test_curves_are_predicted_from_the_table() -> None:
 
 
 @pytest.mark.parametrize("mass", [None, MASS])
-def test_a_reversed_response_has_no_table(mass: float | None) -> None:
+def test_a_reversed_response_has_no_table(mass):
     # a mass of -1.5 kg and a stiffness of -5920 N/m were tabulated
     records = spectra("k*x + c*v", noise=0.01)
     with pytest.raises(rs.RsgenError, match="would feed the exciter"):
         rs.modal_table(replace(records, response=-records.response), mass=mass)
 
 
-def test_a_response_that_no_law_follows_has_no_table() -> None:
+def test_a_response_that_no_law_follows_has_no_table():
     records = spectra("k*x + c*v", noise=0.01)
     turned = np.exp(2j * np.pi * np.random.default_rng(1).random(records.response.shape[2]))
     with pytest.raises(rs.RsgenError, match="modal table"):

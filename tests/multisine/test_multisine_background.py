@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -15,7 +14,7 @@ from rsgen.dynamics.linear_part import background_of_lines
 from rsgen.identification.lines.line_balance import Balance, BalanceNoise, SpectralLines
 from rsgen.law.numeric import compile_law
 from tests.multisine.test_line_balance import LINES, records
-from tests.multisine.test_multisine import LAW, MASS, SIZES, TRUE, duffing, spectra
+from tests.multisine.test_multisine import LAW, MASS, SIZES, TRUE, duffing, linear, spectra
 
 VALUES = {
     "phase": (0.03,),
@@ -51,10 +50,7 @@ def with_noise(test: rsgen.MultisineSpectra, seed: int) -> rsgen.MultisineSpectr
 
 @pytest.mark.parametrize("kind", [name for name in VALUES if name != "neighbour"])
 @pytest.mark.parametrize("law", [LAW, "k*x + c*v"])
-def test_exact_records_give_law_and_background_to_round_off(kind: str, law: str) -> None:
-    def linear(x: Array, v: Array) -> Array:
-        return TRUE["k"] * x + TRUE["c"] * v
-
+def test_exact_records_give_law_and_background_to_round_off(kind, law):
     mode = spectra(duffing if law == LAW else linear, SIZES)
     found = rsgen.identify(seen(mode, kind), law, rsgen.Observation(background=kind))
     assert {e.name: e.value for e in found} == pytest.approx(
@@ -65,7 +61,7 @@ def test_exact_records_give_law_and_background_to_round_off(kind: str, law: str)
 
 
 @pytest.mark.slow
-def test_a_mode_in_the_band_is_found_from_no_start() -> None:
+def test_a_mode_in_the_band_is_found_from_no_start():
     found = rsgen.identify(
         seen(spectra(duffing, SIZES), "neighbour"), LAW, rsgen.Observation(background="neighbour")
     )
@@ -85,9 +81,7 @@ def test_a_mode_in_the_band_is_found_from_no_start() -> None:
         ("k*x + c*v + masing(Min(kt*x, F))", (3.0, 4.0, 5000.0, 3000.0), 1, True),
     ],
 )
-def test_slopes_are_those_of_the_balance(
-    text: str, values: tuple[float, ...], first: int, mean_known: bool
-) -> None:
+def test_slopes_are_those_of_the_balance(text, values, first, mean_known):
     test = records(of_force=0.0, of_response=0.0, mean_known=mean_known)
     background = background_of_lines("residuals+offset", test, (1.0, 8.0))
     at = np.array([0.02, 1e-5, -2e-5, 3e-6, 1e-5, 1e-6, -2e-6])
@@ -111,8 +105,8 @@ def test_slopes_are_those_of_the_balance(
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("seed", [1, 2])
-def test_a_spring_with_noise_beside_a_background(seed: int) -> None:
+@pytest.mark.parametrize("seed", [1, pytest.param(2, marks=pytest.mark.thorough)])
+def test_a_spring_with_noise_beside_a_background(seed):
     truth = {"k": 5920.0, "k3": 3e5, "c": 6.0}
     oscillator = rsgen.Oscillator(MASS, "k*x + k3*x**3 + c*v", truth)
     plan = rsgen.MultisineTest((3.0, 5.0, 8.0), (2.5, 20.0), 4.0, periods=8, seed=seed)
@@ -135,7 +129,7 @@ def test_a_spring_with_noise_beside_a_background(seed: int) -> None:
     assert missing.names["kind"] in ("constant", "residuals")
 
 
-def test_page_and_numbers_state_the_background(tmp_path: Path) -> None:
+def test_page_and_numbers_state_the_background(tmp_path):
     test = seen(spectra(duffing, SIZES), "constant")
     rsgen.write_report(tmp_path, test, rsgen.identify(test, LAW, rsgen.Observation(background="constant")))
     told = json.loads((tmp_path / "result.json").read_text(encoding="utf-8"))["background"]
@@ -146,8 +140,8 @@ def test_page_and_numbers_state_the_background(tmp_path: Path) -> None:
     assert "Cell(" not in page
 
 
-@pytest.mark.slow
-def test_the_right_law_is_first_next_to_a_background() -> None:
+@pytest.mark.thorough
+def test_the_right_law_is_first_next_to_a_background():
     test = with_noise(seen(spectra(duffing, SIZES, periods=8), "residuals"), 3)
     rivals = (LAW, "k*x + k2*x**2 + c*v", "k*x + k2*x**2 + k5*x**5 + c*v", "k*x + k2*x**2 + c*v + F*sign(v)")
     ranking = rsgen.rank(test, rivals, rsgen.Observation(background="residuals"))
@@ -156,13 +150,12 @@ def test_the_right_law_is_first_next_to_a_background() -> None:
     assert not rsgen.rank(test, rivals).fits
 
 
-@pytest.mark.parametrize("seed", [0, 1])
-def test_a_gap_next_to_a_background_is_found(seed: int) -> None:
+@pytest.mark.slow
+@pytest.mark.parametrize("seed", [0, pytest.param(1, marks=pytest.mark.thorough)])
+def test_a_gap_next_to_a_background_is_found(seed):
     # beside a linear law the background would take the misfit, and every law would lose its mass
-    law, values = (
-        "k*x + c*v + kg*(Max(0, x - b) + Min(0, x + b))",
-        {"k": 5e3, "c": 15.0, "kg": 8e3, "b": 2e-3},
-    )
+    law = "k*x + c*v + kg*(Max(0, x - b) + Min(0, x + b))"
+    values = {"k": 5e3, "c": 15.0, "kg": 8e3, "b": 2e-3}
     test = rsgen.MultisineTest((4, 6, 9), (2.5, 20), 2.0, periods=8, seed=seed)
     mode = rsgen.simulate(rsgen.Oscillator(MASS, law, values), test)
     rivals = [rsgen.laws[name] for name in ("dead-zone", "cubic-spring", "coulomb", "quadratic-damper")]
@@ -172,8 +165,8 @@ def test_a_gap_next_to_a_background_is_found(seed: int) -> None:
     assert ranking["dead-zone"].tied
 
 
-def test_the_modal_table_is_that_of_the_mode() -> None:
-    test = seen(spectra(lambda x, v: TRUE["k"] * x + TRUE["c"] * v, SIZES), "residuals")
+def test_the_modal_table_is_that_of_the_mode():
+    test = seen(spectra(linear, SIZES), "residuals")
     table = rsgen.modal_table(test, rsgen.Observation(background="residuals"))
     np.testing.assert_allclose(table.stiffness, TRUE["k"], rtol=1e-6)
     np.testing.assert_allclose(table.damping, TRUE["c"], rtol=1e-5)

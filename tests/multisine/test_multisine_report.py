@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
@@ -14,42 +13,25 @@ from rsgen.common.errors import MeasurementError, RsgenError
 from rsgen.dynamics.periodic_response import periodic_response
 from rsgen.identification.ranking.balance import library_terms
 from rsgen.law.numeric import compile_law
+from tests.case_files import MEASURED, write_small
 
 TRUE = {"c": 4.0, "k": 5000.0, "k2": 6e4, "k3": 4e6}
 MASS, RATE, PERIOD, PERIODS = 1.5, 256.0, 512, 6
 LAW = "k*x + k2*x**2 + k3*x**3 + c*v"
 LEVELS = (1.0, 4.0, 8.0)
 
-CASE = """
-schema = 1
-name   = "lines"
-title  = "A <b>multisine</b>"
-
-[[element]]
-name  = "all"
-force = "{law}"
-
-[identify]
-hold_out = ["4 N"]
-{identify}
-[test]
-kind       = "measured"
-file       = ["level1.csv", "level4.csv", "level8.csv"]
-excitation = "multisine"
-{test}
-[test.time]
-column = "t"
-
-[test.force]
-samples = "f"
-
-[test.response]
-quantity = "displacement"
-samples  = "x"
-
-[test.level]
-values = ["1 N", "4 N", "8 N"]
-"""
+CASE = {
+    **MEASURED,
+    "title": "A <b>multisine</b>",
+    "element": [{"name": "all", "force": LAW}],
+    "test.file": ["level1.csv", "level4.csv", "level8.csv"],
+    "test.excitation": "multisine",
+    "test.time": {"column": "t"},
+    "test.force": {"samples": "f"},
+    "test.response": {"quantity": "displacement", "samples": "x"},
+    "test.level": {"values": ["1 N", "4 N", "8 N"]},
+    "identify": {"hold_out": ["4 N"]},
+}
 
 
 def lines(size: float, seed: int) -> np.ndarray:
@@ -78,12 +60,19 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
         signals = [s + 1e-4 * s.std() * generator.standard_normal(len(s)) for s in signals]
         table = np.column_stack([np.arange(PERIOD * PERIODS) / RATE, *signals])
         np.savetxt(place / f"level{level:g}.csv", table, delimiter=",", header="t,f,x", comments="")
-    (place / "lines.toml").write_text(CASE.format(law=LAW, identify="", test=""), encoding="utf-8")
+    write_small(place, "lines", CASE)
     return place
 
 
+@pytest.fixture(scope="module")
+def found(folder):
+    """The law of the case, identified from its records."""
+    case = rsgen.load_case(folder / "lines.toml")
+    return rsgen.identify(rsgen.read(case), case.model)
+
+
 @pytest.mark.slow
-def test_a_case_of_a_multisine_runs_from_file_to_page(folder: Path, run_cli: Callable) -> None:
+def test_a_case_of_a_multisine_runs_from_file_to_page(folder, found, run_cli):
     checked = run_cli("check", folder / "lines.toml")
     assert checked.code == 0, checked
     assert "54 excited lines of 3 records of 6 periods at 3 levels" in " ".join(checked.out.split())
@@ -91,9 +80,9 @@ def test_a_case_of_a_multisine_runs_from_file_to_page(folder: Path, run_cli: Cal
     run = run_cli("run", folder / "lines.toml", "--out", out)
     assert run.code == 0, run
     result = json.loads((out / "lines" / "result.json").read_text(encoding="utf-8"))
-    found = {row["name"]: row["refined"]["value"] for row in result["parameters"]}
+    values = {row["name"]: row["refined"]["value"] for row in result["parameters"]}
     for name, true in {**TRUE, "m": MASS}.items():
-        assert found[name] == pytest.approx(true, rel=2e-3), name
+        assert values[name] == pytest.approx(true, rel=2e-3), name
     assert [one["level"] for one in result["best_linear"]] == [1.0, 8.0]
     (held,) = result["held_out"]
     assert held["level"] == 4.0
@@ -109,36 +98,33 @@ def test_a_case_of_a_multisine_runs_from_file_to_page(folder: Path, run_cli: Cal
     shown = {cell["id"]: "".join(map(str, cell.get("outputs", ()))) for cell in notebook["cells"]}
     assert "3 records of 6 periods" in shown["spectra"]
     assert "image/png" in shown["figure-predicted-record"]
+    (row,) = (one for one in str(found).splitlines() if "k3  " in one)
+    assert row.strip() in shown["identification"]
     again = run_cli("report", folder / "lines.toml", "--out", out)
     assert again.code == 0, again
 
 
 @pytest.mark.slow
-def test_python_has_the_same_with_text_and_frame(folder: Path) -> None:
-    case = rsgen.load_case(folder / "lines.toml")
-    spectra = rsgen.read(case)
+def test_python_has_the_same_with_text_and_frame(folder, found):
+    spectra = rsgen.read(rsgen.load_case(folder / "lines.toml"))
     assert isinstance(spectra, rsgen.MultisineSpectra)
     assert "3 records of 6 periods" in str(spectra)
-    found = rsgen.identify(spectra, case.model)
     assert "k3" in str(found)
     assert list(found.to_frame().index) == ["c", "k", "k2", "k3", "m"]
-    predicted = rsgen.predict(found)
-    assert "error rms" in str(predicted)
+    assert "error rms" in str(rsgen.predict(found))
     others = rsgen.predict(found, surface=spectra.select([0, 2]))
     assert [one.error < 2e-3 for one in others.records] == [True, True]
 
 
 @pytest.mark.slow
-def test_records_that_were_fitted_are_not_reported_as_held_out(folder: Path, tmp_path: Path) -> None:
+def test_records_that_were_fitted_are_not_reported_as_held_out(folder, found, tmp_path):
     """Spectra read anew are other objects than those that were identified, but the same test."""
-    case = rsgen.load_case(folder / "lines.toml")
-    found = rsgen.identify(rsgen.read(case), case.model)
-    rsgen.write_report(tmp_path / "out", rsgen.read(case), found)
+    rsgen.write_report(tmp_path / "out", rsgen.read(folder / "lines.toml"), found)
     result = json.loads((tmp_path / "out" / "result.json").read_text(encoding="utf-8"))
     assert [one["level"] for one in result["held_out"]] == [4.0]
 
 
-def test_a_wrong_law_is_refuted_on_the_held_out_level(folder: Path) -> None:
+def test_a_wrong_law_is_refuted_on_the_held_out_level(folder):
     spectra = rsgen.read(rsgen.load_case(folder / "lines.toml"))
     found = rsgen.identify(spectra, "k*x + c*v", rsgen.Observation(hold_out=(4.0,)))
     prediction = rsgen.predict(found)
@@ -147,21 +133,15 @@ def test_a_wrong_law_is_refuted_on_the_held_out_level(folder: Path) -> None:
 
 
 @pytest.mark.slow
-def test_what_a_multisine_cannot_have_is_said_before_the_run(folder: Path, run_cli: Callable) -> None:
-    def said(identify: str = "", test: str = "", more: str = "") -> str:
-        text = CASE.format(law=LAW, identify=identify, test=test) + more
-        place = folder / "odd.toml"
-        place.write_text(text, encoding="utf-8")
-        checked = run_cli("check", place)
+def test_what_a_multisine_cannot_have_is_said_before_the_run(folder, run_cli):
+    for changes, reason in (
+        ({"test.demodulation": {"band": ["1 Hz", "9 Hz"]}}, "belongs to sines"),
+        ({"test.multisine": {"period": 500}}, "does not repeat every 500 samples"),
+        ({"identify.hold_out": ["5 N"]}, "5 N is not tested; tested are 1, 4, 8 N"),
+    ):
+        checked = run_cli("check", write_small(folder, "odd", CASE | changes))
         assert checked.code == 2, checked
-        return " ".join((checked.out + checked.err).split())
-
-    assert "belongs to sines" in said(more='\n[test.demodulation]\nband = ["1 Hz", "9 Hz"]\n')
-    assert "does not repeat every 500 samples" in said(more="\n[test.multisine]\nperiod = 500\n")
-    text = CASE.format(law=LAW, identify="", test="").replace('"4 N"]\n', '"5 N"]\n', 1)
-    (folder / "odd.toml").write_text(text, encoding="utf-8")
-    checked = run_cli("check", folder / "odd.toml")
-    assert "5 N is not tested; tested are 1, 4, 8 N" in " ".join((checked.out + checked.err).split())
+        assert reason in " ".join((checked.out + checked.err).split())
     with pytest.raises(RsgenError, match="surface: MultisineSpectra; must be ResponseSurface"):
         rsgen.predict(rsgen.Oscillator(1.0, "k*x", {"k": 1.0}), 1.0, rsgen.read(folder / "lines.toml"))
     with pytest.raises(MeasurementError, match="a level a record"):
@@ -169,29 +149,11 @@ def test_what_a_multisine_cannot_have_is_said_before_the_run(folder: Path, run_c
 
 
 @pytest.mark.slow
-def test_the_notebook_has_the_steps_of_the_run(folder: Path, tmp_path: Path, run_cli: Callable) -> None:
-    written = run_cli("run", folder / "lines.toml", "--out", tmp_path)
-    assert written.code == 0, written
-    (path,) = tmp_path.glob("*/notebook.ipynb")
-    notebook = json.loads(path.read_text(encoding="utf-8"))
-    shown = {cell["id"]: "".join(map(str, cell.get("outputs", ()))) for cell in notebook["cells"]}
-    assert "3 records of 6 periods" in shown["spectra"]
-    case = rsgen.load_case(folder / "lines.toml")
-    (row,) = (one for one in str(rsgen.identify(rsgen.read(case), case.model)).splitlines() if "k3  " in one)
-    assert row.strip() in shown["identification"]
-    assert "image/png" in shown["figure-predicted-record"]
-
-
-@pytest.mark.slow
-def test_a_case_ranks_laws_by_the_lines(
-    folder: Path, tmp_path: Path, run_cli: Callable, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_case_ranks_laws_by_the_lines(folder, tmp_path, run_cli, monkeypatch):
     names = ("cubic-spring", "quadratic-spring", "coulomb")
     few = tuple(term for term in library_terms() if term.name in names)
     monkeypatch.setattr("rsgen.identification.ranking.selection.library_terms", lambda: few)
-    case, spring = tmp_path / "ranked.toml", LAW.split(" + ", 1)[0]
-    text = 'model = "rank"\n' + (folder / "lines.toml").read_text(encoding="utf-8")
-    case.write_text(text.replace(LAW, f"{spring} + c*v"), encoding="utf-8")
+    case = write_small(tmp_path, "ranked", CASE | {"model": "rank", "element.1.force": "k*x + c*v"})
     assert run_cli("check", case, "--data", folder).code == 0
     listed = run_cli("rank", case, "--data", folder)
     assert "cubic-spring + quadratic-spring fits best: what it leaves unexplained at" in listed.out, listed
@@ -206,7 +168,7 @@ def test_a_case_ranks_laws_by_the_lines(
     assert "rsgen.rank(spectra" in path.read_text(encoding="utf-8")
 
 
-def test_the_periodic_response_is_that_of_time_integration() -> None:
+def test_the_periodic_response_is_that_of_time_integration():
     """Newton's method on the lines against an independent integrator of the equation of motion."""
     from scipy.integrate import solve_ivp
 

@@ -51,7 +51,7 @@ def codes(spectra: rsgen.MultisineSpectra) -> dict[str, str]:
 
 
 @pytest.mark.parametrize("factor", [1e-3, 1000.0, 0.3])
-def test_a_force_in_another_unit_than_its_levels_is_doubted(factor: float) -> None:
+def test_a_force_in_another_unit_than_its_levels_is_doubted(factor):
     assert "levels-in-other-unit" not in codes(from_multisine(records(4)))
     wrong = from_multisine(records(4, factor=factor))
     assert codes(wrong)["levels-in-other-unit"] == "doubt"
@@ -60,14 +60,14 @@ def test_a_force_in_another_unit_than_its_levels_is_doubted(factor: float) -> No
     assert "levels-in-other-unit" not in codes(from_multisine(unnamed))
 
 
-def test_swapped_columns_are_not_believed() -> None:
+def test_swapped_columns_are_not_believed():
     swapped = [TimeHistory(RATE, one.response, one.force) for one in records(4)]
     assert not rsgen.identify(from_multisine(swapped), "k*x + c*v").verdict.usable
     with pytest.raises(RsgenError, match="wider band; or force and response are swapped"):
         rsgen.best_linear(from_multisine(records(4)), (9.0, 9.5))
 
 
-def test_sizes_that_no_test_has_are_doubted() -> None:
+def test_sizes_that_no_test_has_are_doubted():
     good = from_multisine(records(4))
     assert not [finding for finding in rsgen.identify(good, "k*x + c*v").findings if "size" in finding.code]
     tiny = rsgen.MultisineSpectra(good.level * 1e-9, good.omega0, good.force * 1e-9, good.response)
@@ -83,7 +83,7 @@ def few_periods(spectra: rsgen.MultisineSpectra) -> str | None:
     return next((finding.severity for finding in short if "record" in finding.names), None)
 
 
-def test_two_periods_from_rest_are_doubted_and_three_leave_the_first_out() -> None:
+def test_two_periods_from_rest_are_doubted_and_three_leave_the_first_out():
     assert few_periods(from_multisine(records(2))) == "info"
     rest = from_multisine(records(2, rest=True))
     assert few_periods(rest) == "doubt"
@@ -104,7 +104,7 @@ def changed(one: TimeHistory, channel: str, gain: np.ndarray) -> TimeHistory:
 
 @pytest.mark.parametrize("channel", ["reference", "response"])
 @pytest.mark.parametrize("course", ["step", "ramp"])
-def test_a_gain_that_changes_within_a_record_is_doubted(channel: str, course: str) -> None:
+def test_a_gain_that_changes_within_a_record_is_doubted(channel, course):
     count = 12 * PERIOD
     gain = np.linspace(1, 1.2, count) if course == "ramp" else 1 + 0.2 * (np.arange(count) >= count // 2)
     spectra = from_multisine([changed(one, channel, gain) for one in records(12)])
@@ -120,7 +120,7 @@ def test_a_gain_that_changes_within_a_record_is_doubted(channel: str, course: st
 
 
 @pytest.mark.parametrize("rest", [False, True])
-def test_records_with_one_gain_are_not_doubted(rest: bool) -> None:
+def test_records_with_one_gain_are_not_doubted(rest):
     for seed in range(20):
         histories = records(2 + seed % 8 + 2 * rest, rest=rest, levels=(1.0 + seed,), seed=seed)
         found = rsgen.identify(from_multisine(histories), "k*x + c*v")

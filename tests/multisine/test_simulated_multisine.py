@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Callable
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -13,6 +11,8 @@ import pytest
 import rsgen
 from rsgen import figures
 from rsgen.common.errors import RsgenError
+from tests.case_files import law as case_law
+from tests.case_files import write_small
 
 LAWS: dict[str, tuple[str, dict[str, float]]] = {
     "cubic": ("k*x + k3*x**3 + c*v", {"k": 5000.0, "k3": 4e6, "c": 4.0}),
@@ -30,7 +30,7 @@ def simulated(name: str, level: tuple[float, ...] = (3.0, 5.0, 8.0), **more: Any
 
 @pytest.mark.slow
 @pytest.mark.parametrize(("name", "within"), [("cubic", 1e-9), ("friction", 1e-4), ("corner", 1e-4)])
-def test_parameters_come_back(name: str, within: float) -> None:
+def test_parameters_come_back(name, within):
     law, values = LAWS[name]
     found = rsgen.identify(simulated(name), law)
     for each, true in {**values, "m": MASS}.items():
@@ -39,7 +39,7 @@ def test_parameters_come_back(name: str, within: float) -> None:
 
 @pytest.mark.slow
 @pytest.mark.parametrize("periods", [1, 2, 3])
-def test_records_without_noise_weigh_all_lines_alike(periods: int) -> None:
+def test_records_without_noise_weigh_all_lines_alike(periods):
     """A law that leaves a little is near the truth, and is not said to leave nothing."""
     test = rsgen.MultisineTest((0.3, 0.6), (5, 15), 2.0, periods=periods, realisations=2)
     oscillator = rsgen.Oscillator(1.0, "k*x + k3*x**3 + c*v", {"k": 4000.0, "k3": 1e7, "c": 2.0})
@@ -51,7 +51,7 @@ def test_records_without_noise_weigh_all_lines_alike(periods: int) -> None:
 
 
 @pytest.mark.slow
-def test_figures_join_the_excited_lines_and_print_plain_numbers() -> None:
+def test_figures_join_the_excited_lines_and_print_plain_numbers():
     found = rsgen.identify(simulated("cubic", (1.0, 3.0), periods=2), LAWS["cubic"][0])
     for draw in (figures.draw_best_linear, figures.draw_line_misfit):
         drawing = draw(found)
@@ -63,7 +63,7 @@ def test_figures_join_the_excited_lines_and_print_plain_numbers() -> None:
 
 
 @pytest.mark.thorough
-def test_a_law_with_memory_comes_back() -> None:
+def test_a_law_with_memory_comes_back():
     law, values = "k*x + c*v + masing(Min(kt*x, Fs))", {"k": 5000.0, "c": 4.0, "kt": 2000.0, "Fs": 3.0}
     test = rsgen.MultisineTest((3.0, 5.0, 8.0), (2.5, 20.0), 2.0, periods=1)
     found = rsgen.identify(rsgen.simulate(rsgen.Oscillator(MASS, law, values), test), law)
@@ -72,7 +72,7 @@ def test_a_law_with_memory_comes_back() -> None:
 
 
 @pytest.mark.slow
-def test_friction_moves_as_its_exact_pieces_do() -> None:
+def test_friction_moves_as_its_exact_pieces_do():
     """Between two reversals of v the structure is linear: the matrix exponential knows its motion exactly."""
     from scipy.linalg import expm
     from scipy.optimize import brentq
@@ -110,7 +110,7 @@ def test_friction_moves_as_its_exact_pieces_do() -> None:
 
 
 @pytest.mark.slow
-def test_noise_is_of_the_declared_size_and_distortions_stand_where_they_belong() -> None:
+def test_noise_is_of_the_declared_size_and_distortions_stand_where_they_belong():
     spectra = simulated("cubic", periods=40, noise_relative=0.01, realisations=2)
     assert len(spectra) == 6
     apart = spectra.response - spectra.response.mean(axis=1, keepdims=True)
@@ -127,7 +127,7 @@ def test_noise_is_of_the_declared_size_and_distortions_stand_where_they_belong()
 
 
 @pytest.mark.slow
-def test_noise_is_no_distortion_at_lines_that_are_not_excited() -> None:
+def test_noise_is_no_distortion_at_lines_that_are_not_excited():
     """The virtual test knows the distortion without noise; of a linear structure there is none."""
     for seed in range(3):
         noisy = rsgen.best_linear(simulated("cubic", noise_relative=0.03, periods=6, seed=seed))
@@ -140,47 +140,24 @@ def test_noise_is_no_distortion_at_lines_that_are_not_excited() -> None:
                 assert abs(one.odd_share**2 - true.odd_share**2) < one.odd_bound**2 - one.odd_share**2
 
 
-CASE = """
-schema = 1
-name   = "lines"
-title  = "Virtual multisine"
-
-[system]
-mass = "1.5 kg"
-
-[[element]]
-name  = "all"
-force = "k*x + k3*x**3 + c*v"
-
-[truth]
-k  = "5 kN/m"
-k3 = 4e6
-c  = 4
-
-[test]
-kind    = "simulated-multisine"
-level   = {{ values = ["3 N", "5 N", "8 N"] }}
-band    = ["2.5 Hz", "20 Hz"]
-period  = "2 s"
-periods = 4
-noise   = {{ relative = 0.01, seed = 5 }}
-
-[identify]
-hold_out = ["{held}"]
-
-[accept]
-k  = 0.01
-k3 = 0.02
-stiffness_force = 0.02
-"""
+CASE = {
+    **case_law("k*x + k3*x**3 + c*v", k=5e3, k3=4e6, c=4),
+    "test": {
+        "kind": "simulated-multisine",
+        "level": {"values": ["3 N", "5 N", "8 N"]},
+        "band": ["2.5 Hz", "20 Hz"],
+        "period": "2 s",
+        "periods": 4,
+        "noise": {"relative": 0.01, "seed": 5},
+    },
+    "identify": {"hold_out": ["5 N"]},
+    "accept": {"k": 0.01, "k3": 0.02, "stiffness_force": 0.02},
+}
 
 
 @pytest.mark.slow
-def test_a_case_of_a_virtual_multisine_is_checked_and_run(
-    tmp_path: Path, run_cli: Callable[..., Any]
-) -> None:
-    case = tmp_path / "lines.toml"
-    case.write_text(CASE.format(held="5 N"), encoding="utf-8")
+def test_a_case_of_a_virtual_multisine_is_checked_and_run(tmp_path, run_cli):
+    case = write_small(tmp_path, "lines", CASE)
     checked = run_cli("check", case)
     assert checked.code == 0, checked
     assert "54 excited lines of 3 records of 4 periods at 3 levels, 2.5 to 19.5 Hz" in checked.out
@@ -193,30 +170,26 @@ def test_a_case_of_a_virtual_multisine_is_checked_and_run(
     assert "comparison" in (tmp_path / "out" / "lines" / "notebook.ipynb").read_text(encoding="utf-8")
     assert "a multisine has no response surface" in run_cli("simulate", case).err
     assert "--frf: of a multisine" in run_cli("identify", case, "--frf", case.with_suffix(".uff")).err
-    case.write_text(CASE.format(held="6 N"), encoding="utf-8")
+    write_small(tmp_path, "lines", CASE | {"identify.hold_out": ["6 N"]})
     assert "6 N is not tested; one of test.level is needed" in run_cli("check", case).err
 
 
 @pytest.mark.parametrize(
-    ("line", "instead", "reason"),
+    ("key", "value", "reason"),
     [
-        ("period  =", "perjod  =", "test.perjod: is not a key here; did you mean 'period'?"),
-        ("periods = 4", 'control = "phase"', "test.control: is not a key here"),
-        ("[identify]", "[unknown]\n[identify]", "unknown: is not a key here"),
+        ("test.perjod", "2 s", "test.perjod: is not a key here; did you mean 'period'?"),
+        ("test.control", "phase", "test.control: is not a key here"),
+        ("unknown", {}, "unknown: is not a key here"),
     ],
 )
-def test_what_a_virtual_multisine_cannot_have_is_said_before_the_run(
-    tmp_path: Path, run_cli: Callable[..., Any], line: str, instead: str, reason: str
-) -> None:
-    case = tmp_path / "lines.toml"
-    case.write_text(CASE.format(held="5 N").replace(line, instead, 1), encoding="utf-8")
-    checked = run_cli("check", case)
+def test_what_a_virtual_multisine_cannot_have_is_said_before_the_run(tmp_path, run_cli, key, value, reason):
+    checked = run_cli("check", write_small(tmp_path, "lines", CASE | {key: value}))
     assert (checked.code, checked.out) == (2, "")
     assert reason in checked.err
 
 
 @pytest.mark.slow
-def test_impossible_tests_are_refused_with_the_reason() -> None:
+def test_impossible_tests_are_refused_with_the_reason():
     with pytest.raises(RsgenError, match=r"no line of a period of 0\.01 s is in it"):
         rsgen.MultisineTest((1.0,), (2.0, 20.0), 0.01)
     with pytest.raises(RsgenError, match="must be ascending"):

@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pytest
 
 import rsgen as rs
 from rsgen.common.errors import RsgenError
+from tests.case_files import MEASURED, write_small
 
 OMEGA0, LINES, MASS = np.pi, 256, 1.5
 TRUTH = {"k": 5000.0, "c": 4.0, "kj": 4e6, "cj": 2.0, "m": MASS}
@@ -54,13 +54,13 @@ def elements(sensors: str = "payload - wing") -> list[rs.Element]:
 
 
 @pytest.mark.parametrize("gauge", [False, True])
-def test_a_joint_between_two_sensors_comes_back_to_round_off(gauge: bool) -> None:
+def test_a_joint_between_two_sensors_comes_back_to_round_off(gauge):
     found = rs.identify(spectra(gauge=gauge), elements("gauge" if gauge else "payload - wing"))
     for name, true in TRUTH.items():
         assert found[name].value == pytest.approx(true, rel=1e-9), name
 
 
-def test_a_second_sensor_at_rest_is_none() -> None:
+def test_a_second_sensor_at_rest_is_none():
     both = spectra(still=True)
     law = [rs.make_element("wing", WING), rs.make_element("joint", "kj*x**3", across="payload - wing")]
     across, plain = rs.identify(both, law), rs.identify(replace(both, across=None), f"{WING} + kj*x**3")
@@ -70,7 +70,7 @@ def test_a_second_sensor_at_rest_is_none() -> None:
 
 
 @pytest.mark.parametrize(("seed", "gauge"), [(1, False), (2, True)])
-def test_noise_of_both_sensors_is_in_the_errors(seed: int, gauge: bool) -> None:
+def test_noise_of_both_sensors_is_in_the_errors(seed, gauge):
     records = spectra(0.01, seed, gauge=gauge)
     law = elements("gauge" if gauge else "payload - wing")
     found = rs.identify(records, law, rs.Observation(hold_out=(float(records.levels[1]),)))
@@ -85,7 +85,7 @@ def test_noise_of_both_sensors_is_in_the_errors(seed: int, gauge: bool) -> None:
 
 
 @pytest.mark.parametrize("wrong", ["reversed", "other motion"])
-def test_another_motion_across_is_rejected(wrong: str) -> None:
+def test_another_motion_across_is_rejected(wrong):
     right = spectra(0.01)
     across = -right.across if wrong == "reversed" else right.response - right.across
     found = rs.identify(replace(right, across=across), elements())
@@ -94,7 +94,7 @@ def test_another_motion_across_is_rejected(wrong: str) -> None:
     assert signs == "payload - wing"
 
 
-def test_elements_and_records_have_the_same_motions() -> None:
+def test_elements_and_records_have_the_same_motions():
     with pytest.raises(RsgenError, match="the test has no motion across"):
         rs.identify(replace(spectra(), across=None), elements())
     with pytest.raises(RsgenError, match="but no element follows it"):
@@ -107,50 +107,36 @@ def test_elements_and_records_have_the_same_motions() -> None:
         rs.rank(spectra())
 
 
-CASE = """schema = 1
-name   = "joined"
-title  = "Two sensors"
-[[element]]
-name  = "wing"
-force = "k*x + c*v"
-[[element]]
-name   = "joint"
-force  = "kj*x**3 + cj*v"
-across = "payload - wing"
-[test]
-kind       = "measured"
-excitation = "multisine"
-file       = ["low.csv", "middle.csv", "high.csv"]
-[test.time]
-rate = 256
-[test.force]
-samples = 1
-[test.channels.payload]
-quantity = "displacement"
-samples  = 2
-[test.channels.wing]
-quantity = "displacement"
-samples  = 3
-[test.response]
-channels = "payload"
-"""
+def channel(samples: int) -> dict[str, object]:
+    return {"quantity": "displacement", "samples": samples}
+
+
+CASE = {
+    **MEASURED,
+    "element": [
+        {"name": "wing", "force": WING},
+        {"name": "joint", "force": JOINT, "across": "payload - wing"},
+    ],
+    "test.excitation": "multisine",
+    "test.file": ["low.csv", "middle.csv", "high.csv"],
+    "test.time": {"rate": 256},
+    "test.force": {"samples": 1},
+    "test.channels": {"payload": channel(2), "wing": channel(3)},
+    "test.response": {"channels": "payload"},
+}
 
 
 @pytest.mark.slow
-def test_time_histories_of_two_sensors_are_read_and_reported(tmp_path: Path, run_cli) -> None:
+def test_time_histories_of_two_sensors_are_read_and_reported(tmp_path, run_cli):
     exact = spectra()
     channels = (exact.force, exact.response, exact.response - exact.across)
     for name, *lines in zip(("low", "middle", "high"), *(one[:, 0] for one in channels), strict=True):
-        whole = [
-            2 * one[0].real / 2 + np.fft.irfft(one * (np.arange(LINES + 1) > 0) * LINES, 2 * LINES)
-            for one in lines
-        ]
-        np.savetxt(
-            tmp_path / f"{name}.csv", np.column_stack([np.tile(one, 4) for one in whole]), delimiter=","
-        )
-    path = tmp_path / "joined.toml"
-    level = float(f"{exact.levels[1]:.3g}")
-    path.write_text(CASE + f'[identify]\nhold_out = ["{level:g} N"]\n')
+        moving = np.arange(LINES + 1) > 0
+        waves = [one[0].real + np.fft.irfft(one * moving * LINES, 2 * LINES) for one in lines]
+        table = np.column_stack([np.tile(wave, 4) for wave in waves])
+        np.savetxt(tmp_path / f"{name}.csv", table, delimiter=",")
+    held = {"identify.hold_out": [f"{exact.levels[1]:.3g} N"]}
+    path = write_small(tmp_path, "joined", CASE | held)
     case = rs.load_case(path)
     found = rs.identify(rs.read(case), case.model)
     for name, true in TRUTH.items():

@@ -142,37 +142,37 @@ def seen(scratch: Scratch) -> dict[str, Any]:
     return answer
 
 
-def test_a_law_is_listed_derived_and_identified(seen: dict[str, Any]) -> None:
+def test_a_law_is_listed_derived_and_identified(seen):
     assert "septic-spring" in seen["laws"]
     assert "35" in seen["stiffness"]
     assert seen["values"] == pytest.approx({"k": 5920, "k7": 2e18, "c": 7.5, "m": 1.5}, rel=0.1)
 
 
-def test_a_format_is_read_by_a_case(seen: dict[str, Any]) -> None:
+def test_a_format_is_read_by_a_case(seen):
     assert seen["points"] == 54
     assert "'flt'" in str(seen["schema"])
 
 
-def test_a_background_is_accepted_and_fitted(seen: dict[str, Any]) -> None:
+def test_a_background_is_accepted_and_fitted(seen):
     assert "b2_re" in seen["background"]
 
 
-def test_a_finding_has_its_sentence_and_its_next_step(seen: dict[str, Any]) -> None:
+def test_a_finding_has_its_sentence_and_its_next_step(seen):
     assert "54 points are few to tell one law from another" in seen["sentences"]
     assert len(seen["steps"]) == 1
 
 
-def test_a_key_is_read_and_in_the_schema(seen: dict[str, Any]) -> None:
+def test_a_key_is_read_and_in_the_schema(seen):
     assert seen["humidity"] == 0.4
     assert "'humidity': {'description': 'Of the air; 1 is saturated.'" in str(seen["schema"])
 
 
-def test_a_figure_is_drawn(seen: dict[str, Any]) -> None:
+def test_a_figure_is_drawn(seen):
     assert "54 points" in seen["drawn"]
     assert seen["bytes"] > 1000
 
 
-def test_a_command_is_listed_and_runs(scratch: Scratch, seen: dict[str, Any]) -> None:
+def test_a_command_is_listed_and_runs(scratch, seen):
     assert "How many points a measured test has." in run(scratch.root, "-m", "rsgen", "--help")
     assert run(scratch.root, "-m", "rsgen", "count", "held.toml") == "54 points\n"
 
@@ -192,13 +192,13 @@ COMPLETE = (
 
 
 @pytest.mark.thorough
-def test_the_tests_of_completeness_pass(scratch: Scratch) -> None:
+def test_the_tests_of_completeness_pass(scratch):
     ran = scratch.run(COMPLETE)
     assert ran.failed == ()
     assert ran.broken == ""
 
 
-def test_a_stale_recipe_is_noticed(tmp_path: Path) -> None:
+def test_a_stale_recipe_is_noticed(tmp_path):
     (tmp_path / "a.py").write_text("one\ntwo\ntwo\n")
     follow("# a.py, below: one\nthree\n", tmp_path)
     assert (tmp_path / "a.py").read_text() == "one\nthree\ntwo\ntwo\n"

@@ -9,49 +9,25 @@ import pytest
 
 from rsgen.app.cli.diff_command import compare_results
 from rsgen.common.errors import RsgenError
-from rsgen.report.provenance import Subject
-from rsgen.report.result_json import build_result, result_text
 from rsgen.report.wording.sentences import read_verdict
-from tests.cli.test_cli import call
-from tests.samples import (
-    cubic_case,
-    cubic_comparison,
-    cubic_identification,
-    cubic_prediction,
-    cubic_surface,
-)
+from tests.samples import cubic_result, write_result
 
 
-def write_result(folder: Path, name: str = "cubic", tolerance: float | None = 1e-6, **changes: float) -> Path:
-    surface = cubic_surface()
-    identification = cubic_identification(surface)
-    comparison = cubic_comparison(identification, tolerance)
-    prediction = cubic_prediction(surface)
-    parts = (
-        Subject.of_case(cubic_case(name=name), identification),
-        surface,
-        identification,
-        comparison,
-        prediction,
-        (),
-    )
-    result = build_result(*parts, {"surface": 1.0})
+def written(folder: Path, name: str = "cubic", tolerance: float | None = 1e-6, **changes: float) -> Path:
+    """Write a result whose values are changed by a share, with the verdict that belongs to its rows."""
+    result = cubic_result(tolerance, name=name)
     for row in result["parameters"]:
         row["refined"]["value"] *= 1 + changes.get(row["name"], 0.0)
         row["refined"]["standard_error"] = 0.01 * abs(row["refined"]["value"])
         if row["name"] in changes:
             row["passed"] = result["passed"] = False
-    # the verdict that belongs to these rows
     del result["verdict"]
     result["verdict"] = read_verdict(result)
-    place = folder / name
-    place.mkdir(parents=True)
-    (place / "result.json").write_text(result_text(result), encoding="utf-8")
-    return place
+    return write_result(folder, result, name)
 
 
-def test_a_result_does_not_differ_from_itself(tmp_path: Path) -> None:
-    place = write_result(tmp_path)
+def test_a_result_does_not_differ_from_itself(tmp_path):
+    place = written(tmp_path)
     (difference,) = compare_results(place, place)
     assert not difference.changed
     assert not difference.worse
@@ -59,8 +35,8 @@ def test_a_result_does_not_differ_from_itself(tmp_path: Path) -> None:
     assert difference.fits["kn1"].shifts == (0.0, 0.0)
 
 
-def test_a_moved_value_is_given_in_its_standard_errors(tmp_path: Path) -> None:
-    before, after = write_result(tmp_path / "a"), write_result(tmp_path / "b", kn1=0.04)
+def test_a_moved_value_is_given_in_its_standard_errors(tmp_path):
+    before, after = written(tmp_path / "a"), written(tmp_path / "b", kn1=0.04)
     (difference,) = compare_results(before, after)
     (moved,) = [row for row in difference.fits if row.changed]
     assert moved.name == "kn1"
@@ -72,32 +48,32 @@ def test_a_moved_value_is_given_in_its_standard_errors(tmp_path: Path) -> None:
     assert not back.worse
 
 
-def test_folders_are_compared_case_by_case(tmp_path: Path) -> None:
+def test_folders_are_compared_case_by_case(tmp_path):
     for side, names in (("a", ("one", "two")), ("b", ("two", "three"))):
         for name in names:
-            write_result(tmp_path / side, name)
+            written(tmp_path / side, name)
     places = [str(tmp_path / side) for side in "ab"]
     found = {d.case: [fit.name for fit in d.fits.fits] for d in compare_results(*places)}
     assert found == {"one": places[:1], "two": places, "three": places[1:]}
 
 
-def test_values_without_verdict_are_compared_too(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    before, after = (write_result(tmp_path / side, tolerance=None) for side in "ab")
-    assert call("diff", before, after, "--json") == 0
-    data = json.loads(capsys.readouterr().out)[0]
+def test_values_without_verdict_are_compared_too(tmp_path, run_cli):
+    before, after = (written(tmp_path / side, tolerance=None) for side in "ab")
+    answer = run_cli("diff", before, after, "--json")
+    (data,) = json.loads(answer.out)
+    assert answer.code == 0
     assert data["values"][0]["fit"] == str(before)
     assert data["worse"] is False
     assert [fit["verdict"] for fit in data["fits"]] == ["identified"] * 2
     # what was judged once and is no longer has not become worse, but it has changed
-    (loosened,) = compare_results(write_result(tmp_path / "judged"), after)
+    (loosened,) = compare_results(written(tmp_path / "judged"), after)
     assert loosened.changed
     assert not loosened.worse
 
 
-def test_three_results_stand_side_by_side(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_three_results_stand_side_by_side(tmp_path, run_cli):
     places = [
-        write_result(tmp_path / side, tolerance=None, k1=by)
-        for side, by in zip("abc", (0, 0, 0.1), strict=True)
+        written(tmp_path / side, tolerance=None, k1=by) for side, by in zip("abc", (0, 0, 0.1), strict=True)
     ]
     for place in places:
         result = json.loads((place / "result.json").read_text(encoding="utf-8"))
@@ -118,18 +94,20 @@ def test_three_results_stand_side_by_side(tmp_path: Path, capsys: pytest.Capture
     assert (finding.code, finding.names["values"]) == ("results-disagree", "k1")
     # of numbers that contradict each other a script has none to go on with
     assert difference.worse
-    assert call("diff", *places) == 1
-    shown = capsys.readouterr().out
-    heads, *lines = shown.splitlines()[1:]
+    shown = run_cli("diff", *places)
+    assert shown.code == 1
+    heads, *lines = shown.out.splitlines()[1:]
     assert heads.split() == ["unit", str(places[0]), str(places[1]), "shift", str(places[2]), "shift"]
     assert any(line.startswith("k1 ") and line.endswith(" disjoint") for line in lines)
     assert any(line.split() == ["held-out", "error,", "8", *["0.25"] * 3] for line in lines)
-    assert "k1: results that are accepted or identified have 95 % intervals without a common value" in shown
-    assert call("diff", places[0]) == 2
+    assert (
+        "k1: results that are accepted or identified have 95 % intervals without a common value" in shown.out
+    )
+    assert run_cli("diff", places[0]).code == 2
 
 
 @pytest.mark.parametrize("content", [None, "", "[]", '{"schema": 1}', "[" * 100_000])
-def test_what_is_no_result_gets_a_sentence(tmp_path: Path, content: str | None) -> None:
+def test_what_is_no_result_gets_a_sentence(tmp_path, content):
     if content is not None:
         (tmp_path / "result.json").write_text(content)
     with pytest.raises(RsgenError, match="holds no result"):

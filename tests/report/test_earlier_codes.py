@@ -19,7 +19,7 @@ CODES_OF_SCHEMA_1: dict[str, Any] = json.loads(Path(__file__).with_name("schema_
 
 @pytest.mark.parametrize("code", sorted(CODES_OF_SCHEMA_1))
 @pytest.mark.parametrize("severity", ["info", "doubt"])
-def test_an_earlier_finding_is_said(code: str, severity: str) -> None:
+def test_an_earlier_finding_is_said(code, severity):
     data = CODES_OF_SCHEMA_1[code]
     numbers = {name: {"value": 2.0, "unit": "m"} for name in data["numbers"]}
     entry = {
@@ -38,7 +38,7 @@ def test_an_earlier_finding_is_said(code: str, severity: str) -> None:
     assert (again, again.numbers, again.names) == (finding, finding.numbers, finding.names)
 
 
-def test_a_code_that_went_is_read_under_one_that_is_there() -> None:
+def test_a_code_that_went_is_read_under_one_that_is_there():
     # codes that schema 2 had before it was published
     earlier = earlier_codes()
     assert set(earlier) - set(CODES_OF_SCHEMA_1) == {"control-recognised", "periods-few", "points-held"}

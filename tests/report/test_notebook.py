@@ -23,33 +23,19 @@ from rsgen import Case, figures, load_case
 from rsgen.app.study import run_cases
 from rsgen.common.errors import RsgenError
 from rsgen.report.notebook import KnownResults, build_notebook, literal, prose, write_notebook
+from tests.case_files import CUBIC, GONE, write_small
 from tests.report.test_report import hostile_titles
 from tests.samples import cubic_case
 
 CASES = sorted(Path(__file__).parents[2].joinpath("cases").glob("*.toml"))
-SMALL = """\
-schema = 1
-name = "small"
-title = "Hardening spring <b>, $x$, [c](javascript:alert(1))"
-[system]
-mass = 1.5
-[[element]]
-name = "spring"
-force = "k*x + kn*x**3"
-[[element]]
-name = "damper"
-force = "c*v"
-[truth]
-k = 5920.0
-kn = 2e5
-c = 3.8
-[test]
-kind = "simulated"
-level = { start = 1, stop = 8, count = 3 }
-frequency = { start = 9, stop = 11, count = 25 }
-[accept]
-k = 1e-3
-"""
+SPRING = {
+    "title": "Hardening spring <b>, $x$, [c](javascript:alert(1))",
+    **CUBIC,
+    "truth.c": 3.8,
+    "test.level": {"start": 1, "stop": 8, "count": 3},
+    "test.frequency": {"start": 9, "stop": 11, "count": 25},
+    "accept.k": 1e-3,
+}
 
 
 def code_cells(notebook: nbformat.NotebookNode) -> list[str]:
@@ -58,14 +44,14 @@ def code_cells(notebook: nbformat.NotebookNode) -> list[str]:
 
 @pytest.mark.slow
 @given(st.text() | st.text("\"'\\\n\t\r{}%!?$\ud800\u202e\x00"))
-def test_literal_is_the_text_on_one_line(text: str) -> None:
+def test_literal_is_the_text_on_one_line(text):
     written = literal(text)
     assert literal_eval(written) == text
     assert written.isprintable()
 
 
 @given(st.text("ab[](){}<>`*_\\$!|#:@~&.http\n"))
-def test_prose_has_no_markup(text: str) -> None:
+def test_prose_has_no_markup(text):
     written = prose(text)
     # what is left of a special character is its number, between & and ;
     plain = written.replace("&#", "").replace(";", "")
@@ -73,7 +59,7 @@ def test_prose_has_no_markup(text: str) -> None:
 
 
 @pytest.mark.parametrize("title", hostile_titles(), ids=lambda title: ascii(title[:24]))
-def test_texts_of_a_case_are_never_code(title: str) -> None:
+def test_texts_of_a_case_are_never_code(title):
     tame = build_notebook(cubic_case())
     hostile = build_notebook(cubic_case(title=title, source=title, text=f"{title}\n"))
     nbformat.validate(hostile)
@@ -100,7 +86,7 @@ def test_texts_of_a_case_are_never_code(title: str) -> None:
         assert not any(line.lstrip().startswith(("!", "%", "?")) for line in source.splitlines())
 
 
-def test_only_the_public_interface_is_called() -> None:
+def test_only_the_public_interface_is_called():
     for mean, held_out in ((False, False), (True, True)):
         for source in code_cells(build_notebook(cubic_case(), mean=mean, held_out=held_out)):
             for node in ast.walk(ast.parse(source)):
@@ -115,14 +101,14 @@ def test_only_the_public_interface_is_called() -> None:
                         assert node.attr in figures.__all__
 
 
-def test_cells_have_stable_names() -> None:
+def test_cells_have_stable_names():
     names = [[cell.id for cell in build_notebook(cubic_case(title=t)).cells] for t in ("a", "b")]
     assert names[0] == names[1]
     assert len(set(names[0])) == len(names[0])
 
 
 @pytest.mark.parametrize("path", CASES, ids=lambda path: path.stem)
-def test_every_case_makes_a_notebook(path: Path) -> None:
+def test_every_case_makes_a_notebook(path):
     case = load_case(path)
     notebook = build_notebook(case)
     nbformat.validate(notebook)
@@ -133,7 +119,7 @@ def test_every_case_makes_a_notebook(path: Path) -> None:
 
 @pytest.mark.slow
 @pytest.mark.parametrize("path", CASES, ids=lambda path: path.stem)
-def test_ruff_has_nothing_to_say(path: Path, tmp_path: Path) -> None:
+def test_ruff_has_nothing_to_say(path, tmp_path):
     file = tmp_path / "made.ipynb"
     nbformat.write(build_notebook(load_case(path), mean=True, held_out=True), file)
     for words in (("check",), ("format", "--diff")):
@@ -151,18 +137,15 @@ def outputs(notebook: nbformat.NotebookNode) -> dict[str, list[nbformat.Notebook
     return {cell.id: cell.outputs for cell in notebook.cells if cell.cell_type == "code"}
 
 
-def small_case(folder: Path, old: str = "", new: str = "") -> Case:
-    source = folder / "small.toml"
-    source.write_text(SMALL.replace(old, new), encoding="utf-8")
+def small_case(folder: Path, **changes: float) -> Case:
+    source = write_small(folder, "once", SPRING | changes)
     case = load_case(source)
     source.unlink()
     return case
 
 
 @pytest.mark.thorough
-def test_the_run_and_a_kernel_of_its_own_give_the_same_notebook(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_the_run_and_a_kernel_of_its_own_give_the_same_notebook(tmp_path, monkeypatch):
     """A kernel in an empty folder has the public interface alone; the run gives its cells what it has."""
     case = small_case(tmp_path)
     surface = rsgen.simulate(case.oscillator, case.test)
@@ -205,13 +188,9 @@ def counted() -> dict[CodeType, str]:
 @pytest.mark.slow
 @pytest.mark.usefixtures("few_laws")
 @pytest.mark.parametrize("model", ["declared", pytest.param("rank", marks=pytest.mark.thorough)])
-def test_a_run_loads_computes_and_draws_once(model: str, tmp_path: Path) -> None:
-    path = tmp_path / "small.toml"
-    path.write_text(
-        SMALL
-        if model == "declared"
-        else SMALL.replace("[system]", 'model = "rank"\n[system]').split("[accept]")[0]
-    )
+def test_a_run_loads_computes_and_draws_once(model, tmp_path):
+    ranked = {"model": "rank", "accept": GONE} if model == "rank" else {}
+    path = write_small(tmp_path, changes=SPRING | ranked)
     codes, calls = counted(), Counter[str]()
 
     def count(frame: FrameType, event: str, _: object) -> None:
@@ -229,7 +208,7 @@ def test_a_run_loads_computes_and_draws_once(model: str, tmp_path: Path) -> None
     assert {name: number for name, number in calls.items() if number != 1} == {}
 
 
-def test_other_inputs_are_computed(tmp_path: Path) -> None:
+def test_other_inputs_are_computed(tmp_path):
     case = small_case(tmp_path)
     known = KnownResults(case)
     known.add("derive", "k*x", result="known")
@@ -239,7 +218,7 @@ def test_other_inputs_are_computed(tmp_path: Path) -> None:
     assert module.derive("k*x", []) != "known"
     assert str(module.derive("2*k*x").stiffness) == "2*k"
     assert module.make_element(case, [1.0]) == "known"
-    other = small_case(tmp_path, "5920.0", "5921.0")
+    other = small_case(tmp_path, **{"truth.k": 5921.0})
     file = tmp_path / "case.toml"
     file.write_text(case.text, encoding="utf-8")
     assert module.load_case(file) is case
@@ -250,7 +229,7 @@ def test_other_inputs_are_computed(tmp_path: Path) -> None:
     assert module.figures.draw_map is figures.draw_map
 
 
-def test_failed_notebook_is_saved_and_says_which_cell(tmp_path: Path) -> None:
+def test_failed_notebook_is_saved_and_says_which_cell(tmp_path):
     target = tmp_path / "notebook.ipynb"
     with pytest.raises(RsgenError, match=r"notebook\.ipynb: cell case: CaseError"):
         write_notebook(target, cubic_case(text="not a case"))

@@ -126,7 +126,7 @@ class Outline(HTMLParser):
 
 
 @pytest.mark.slow
-def test_page_needs_no_network_and_runs_nothing(drawings: list[Any]) -> None:
+def test_page_needs_no_network_and_runs_nothing(drawings):
     text = page(drawings)
     outline = Outline(text)
     assert len(text.encode()) < MOST_BYTES
@@ -143,7 +143,7 @@ def test_page_needs_no_network_and_runs_nothing(drawings: list[Any]) -> None:
 
 
 @pytest.mark.slow
-def test_page_can_be_found_through(drawings: list[Any]) -> None:
+def test_page_can_be_found_through(drawings):
     outline = Outline(page(drawings))
     counts = outline.count()
     assert all(counts[landmark] == 1 for landmark in ("main", "header", "nav", "footer", "h1", "title"))
@@ -163,14 +163,14 @@ def test_page_can_be_found_through(drawings: list[Any]) -> None:
 
 
 @pytest.mark.slow
-def test_same_input_same_bytes(drawings: list[Any]) -> None:
+def test_same_input_same_bytes(drawings):
     again = draw_all(cubic_subject(), SURFACE, IDENTIFICATION, PREDICTION)
     assert page(drawings) == page(again)
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("title", hostile_titles(), ids=lambda title: ascii(title[:24]))
-def test_titles_are_text(blanks: list[Drawing], title: str) -> None:
+def test_titles_are_text(blanks, title):
     tame = Outline(page(blanks))
     text = page(blanks, title=title, source=title, text=title, warnings=(title,), name="cubic")
     text.encode("utf-8")
@@ -182,7 +182,7 @@ def test_titles_are_text(blanks: list[Drawing], title: str) -> None:
 
 
 @given(st.text(max_size=60))
-def test_plain_text_is_printable_and_keeps_what_is(text: str) -> None:
+def test_plain_text_is_printable_and_keeps_what_is(text):
     shown = plain_text(text)
     shown.encode("utf-8")
     assert not {unicodedata.category(c) for c in shown} & {"Cc", "Cf", "Cs", "Zl", "Zp"}
@@ -190,22 +190,22 @@ def test_plain_text_is_printable_and_keeps_what_is(text: str) -> None:
         assert shown == text
 
 
-def test_long_texts_are_cut_and_say_so() -> None:
+def test_long_texts_are_cut_and_say_so():
     shown = plain_text("x" * 1_000_000)
     assert len(shown) < 3000
     assert shown.endswith("(1000000 characters)")
 
 
-def test_case_text_keeps_its_lines() -> None:
+def test_case_text_keeps_its_lines():
     assert verbatim("a = 1\r\n\tb = '<b>'\x1b") == "a = 1\n\tb = &#39;&lt;b&gt;&#39;\\x1b"
 
 
-def test_a_missing_value_is_an_error() -> None:
+def test_a_missing_value_is_an_error():
     with pytest.raises(jinja2.UndefinedError):
         page_environment().get_template("report/report.html").render({"title": "x"})
 
 
-def test_missed_tolerance_is_said_first(blanks: list[Drawing]) -> None:
+def test_missed_tolerance_is_said_first(blanks):
     missed = cubic_comparison(IDENTIFICATION, tolerance=1e-9)
     text = page(blanks, comparison=missed)
     assert "Missed: c1, k1, kn1 outside tolerance" in text
@@ -227,7 +227,7 @@ def strict(text: str) -> Any:
     return json.loads(text, parse_constant=refuse)
 
 
-def test_result_keeps_the_contract() -> None:
+def test_result_keeps_the_contract():
     content = result()
     text = result_text(content)
     read = strict(text)
@@ -246,7 +246,7 @@ def test_result_keeps_the_contract() -> None:
     assert [formula["agrees"] for formula in read["printed"]] == [True, True]
 
 
-def test_tables_say_which_kind_of_interval_they_state() -> None:
+def test_tables_say_which_kind_of_interval_they_state():
     """A systematic misfit rules out the profile likelihood, and a page did not say what it had instead."""
     for table in (verdict_table(COMPARISON), estimate_table(IDENTIFICATION)):
         assert "± by standard error, as always where the misfit is systematic" in table.caption
@@ -255,7 +255,7 @@ def test_tables_say_which_kind_of_interval_they_state() -> None:
 LOST = Finding("not-determined", "warning", "c1")
 
 
-def test_what_is_not_known_is_null() -> None:
+def test_what_is_not_known_is_null():
     refined = (
         Estimate("c1", C1, float("inf"), (-float("inf"), float("inf")), "N*s/m", LOST),
         *IDENTIFICATION.refined[1:],
@@ -282,7 +282,7 @@ def identified(force: str, values: dict[str, float]) -> tuple[Model, Identificat
     return model, replace(IDENTIFICATION, model=model, refined=refined, **exact)
 
 
-def test_misprint_of_equation_20_is_caught() -> None:
+def test_misprint_of_equation_20_is_caught():
     values = {"k4": 5920.0, "k5": 6900.0, "b": 0.02}
     text = "Piecewise((k4*x, abs(x) <= b), (k5*x + (k4 - k5)*b*sign(x), True))"
     model, identification = identified(text, values)
@@ -312,12 +312,12 @@ def test_misprint_of_equation_20_is_caught() -> None:
         ("k*x", {"k": float("nan")}, "not identifiable from this test: k"),
     ],
 )
-def test_elements_are_put_into_words(force: str, values: dict[str, float], words: str) -> None:
+def test_elements_are_put_into_words(force, values, words):
     model, identification = identified(force, values)
     assert words in described(model.elements[0], identification)
 
 
-def test_parameters_that_are_not_identifiable_are_named_beside_the_others() -> None:
+def test_parameters_that_are_not_identifiable_are_named_beside_the_others():
     model, exact = identified("k*x + kn*x**3", {"k": K1, "kn": 0.0})
     known, lost = exact.refined
     lost = replace(lost, value=float("nan"), finding=Finding("not-determined", "warning", "kn"))
@@ -327,7 +327,7 @@ def test_parameters_that_are_not_identifiable_are_named_beside_the_others() -> N
     assert words.endswith("not identifiable from this test: kn")
 
 
-def test_mean_is_put_into_words_where_there_is_one() -> None:
+def test_mean_is_put_into_words_where_there_is_one():
     bilinear = identified("Piecewise((k*x, x > 0), (2*k*x, True))", {"k": 4000.0})[1]
     assert mean_sentence(SURFACE, bilinear) == ""
     harmonics = SURFACE.harmonics.copy()
@@ -357,7 +357,7 @@ def results(tmp_path: Path) -> Path:
     return tmp_path
 
 
-def test_a_picture_of_its_own_has_the_colours_of_the_pages() -> None:
+def test_a_picture_of_its_own_has_the_colours_of_the_pages():
     style = (TEMPLATES / "report" / "style.css").read_text(encoding="utf-8")
     light, dark = re.findall(r":root \{(.*?)\}", style, flags=re.DOTALL)[:2]
     picture = picture_svg(draw_thumbnail(SURFACE))
@@ -369,7 +369,7 @@ def test_a_picture_of_its_own_has_the_colours_of_the_pages() -> None:
 
 
 @pytest.mark.slow
-def test_index_lists_what_can_be_read(results: Path) -> None:
+def test_index_lists_what_can_be_read(results):
     write_index(results)
     text = (results / "index.html").read_text(encoding="utf-8")
     outline = Outline(text)
@@ -392,12 +392,12 @@ def test_index_lists_what_can_be_read(results: Path) -> None:
     assert [entry.folder.name for entry in read_results(results)] == ["cubic", "odd #1"]
 
 
-def test_index_of_nothing_is_a_page(tmp_path: Path) -> None:
+def test_index_of_nothing_is_a_page(tmp_path):
     write_index(tmp_path)
     assert "0 cases" in (tmp_path / "index.html").read_text(encoding="utf-8")
 
 
-def test_table_of_results_is_stable(results: Path) -> None:
+def test_table_of_results_is_stable(results):
     entries = read_results(results)
     table = table_of_results(entries)
     lines = [line for line in table.splitlines() if line.startswith("| cubic ")]
@@ -411,9 +411,7 @@ def test_table_of_results_is_stable(results: Path) -> None:
 
 
 @pytest.mark.slow
-def test_the_equations_of_states_stand_in_page_and_result_and_a_loop_that_stays_open_is_said(
-    blanks: list[Drawing],
-) -> None:
+def test_the_equations_of_states_stand_in_page_and_result_and_a_loop_that_stays_open_is_said(blanks):
     joint = make_element("joint <b>", "k1*x + c1*v + z", {"z": "kn1*v - 20*abs(v)*z"})
     found = replace(
         IDENTIFICATION,

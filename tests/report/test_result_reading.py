@@ -14,34 +14,16 @@ import pytest
 from rsgen.app.cli.diff_command import compare_results
 from rsgen.common.errors import RsgenError
 from rsgen.report.page import write_index
-from rsgen.report.provenance import Subject
-from rsgen.report.result_json import build_result, read_result, read_results, result_text
-from tests.samples import (
-    cubic_case,
-    cubic_comparison,
-    cubic_identification,
-    cubic_prediction,
-    cubic_surface,
-)
+from rsgen.report.result_json import read_result, read_results, result_text
+from tests.samples import cubic_result, write_result
 
-
-@cache
-def good() -> str:
-    surface = cubic_surface()
-    found = cubic_identification(surface)
-    subject = Subject.of_case(cubic_case(), found)
-    parts = (subject, surface, found, cubic_comparison(found, 1.0), cubic_prediction(surface), ())
-    return result_text(build_result(*parts, {}))
+good = cache(lambda: json.dumps(cubic_result(1.0)))
 
 
 def written(folder: Path, change: Callable[[dict[str, Any]], object]) -> Path:
     result = json.loads(good())
     change(result)
-    place = folder / "other"
-    place.mkdir()
-    path = place / "result.json"
-    path.write_text(json.dumps(result), encoding="utf-8")
-    return path
+    return write_result(folder, result, "other") / "result.json"
 
 
 def first(**changes: object) -> Callable[[dict[str, Any]], object]:
@@ -75,19 +57,19 @@ CHANGES = {
 }
 
 
-def test_a_result_as_a_run_writes_it_is_read(tmp_path: Path) -> None:
+def test_a_result_as_a_run_writes_it_is_read(tmp_path):
     entry = read_result(written(tmp_path, lambda result: None))
     assert entry is not None
     assert entry.verdict["state"] == "accepted"
 
 
-def test_a_result_whose_title_is_a_long_law_is_read(tmp_path: Path) -> None:
+def test_a_result_whose_title_is_a_long_law_is_read(tmp_path):
     law = " + ".join(f"k{n}*x**{n}" for n in range(1, 1000))
     assert read_result(written(tmp_path, lambda result: result.update(title=law))) is not None
 
 
 @pytest.mark.parametrize("name", CHANGES)
-def test_a_result_that_no_run_wrote_is_left_out(name: str, tmp_path: Path) -> None:
+def test_a_result_that_no_run_wrote_is_left_out(name, tmp_path):
     path = written(tmp_path, CHANGES[name])
     assert read_result(path) is None
     with pytest.raises(RsgenError, match="holds no result of rsgen"):
@@ -97,7 +79,7 @@ def test_a_result_that_no_run_wrote_is_left_out(name: str, tmp_path: Path) -> No
 
 
 @pytest.mark.skipif(os.name != "posix", reason="pipes and devices are files there")
-def test_a_pipe_or_a_device_is_not_waited_for(tmp_path: Path) -> None:
+def test_a_pipe_or_a_device_is_not_waited_for(tmp_path):
     for name in ("pipe", "device"):
         (tmp_path / name).mkdir()
     os.mkfifo(tmp_path / "pipe" / "result.json")
@@ -105,7 +87,7 @@ def test_a_pipe_or_a_device_is_not_waited_for(tmp_path: Path) -> None:
     assert read_results(tmp_path) == []
 
 
-def test_arrays_stand_on_one_line_and_texts_stay() -> None:
+def test_arrays_stand_on_one_line_and_texts_stay():
     content = {"title": "A beam [ 1, 2 ] and [ null ]", "x": [1.0, None, -2e-9], "rows": [{"a": []}]}
     text = result_text(content)
     assert json.loads(text) == content

@@ -5,7 +5,6 @@ from __future__ import annotations
 import json
 from dataclasses import replace
 from functools import cache
-from pathlib import Path
 from typing import Any
 
 import pytest
@@ -20,7 +19,7 @@ from rsgen.report import draw_all
 from rsgen.report.figures import Drawing
 from rsgen.report.page import render_page, table_of_results, write_index
 from rsgen.report.provenance import Subject, coded
-from rsgen.report.result_json import build_result, read_result, read_results, result_text
+from rsgen.report.result_json import read_result, read_results
 from rsgen.report.wording import full_sentence, next_step
 from rsgen.report.wording.sentences import explain, read_verdict, state_verdict
 from tests.samples import (
@@ -28,7 +27,9 @@ from tests.samples import (
     cubic_comparison,
     cubic_identification,
     cubic_prediction,
+    cubic_result,
     cubic_surface,
+    write_result,
 )
 
 SURFACE = cubic_surface()
@@ -41,18 +42,6 @@ WARNING = Finding("points-excluded", "warning", numbers={"excluded": 3, "points"
 
 def found_with(*findings: Finding) -> Identification:
     return replace(IDENTIFICATION, findings=findings)
-
-
-def result_of(
-    tolerance: float | None, *findings: Finding, held_out: tuple[Finding, ...] = ()
-) -> dict[str, Any]:
-    found = found_with(*findings)
-    comparison = cubic_comparison(found, tolerance)
-    prediction = replace(PREDICTION, findings=held_out)
-    subject = Subject.of_case(cubic_case(), found)
-    parts = (subject, SURFACE, found, comparison, prediction, ())
-    content: dict[str, Any] = json.loads(result_text(build_result(*parts, {})))
-    return content
 
 
 @cache
@@ -69,13 +58,6 @@ def page_of(tolerance: float | None, *findings: Finding) -> str:
     return render_page(*parts, {"Versions": "rsgen"})
 
 
-def write(folder: Path, result: dict[str, Any], name: str = "cubic") -> Path:
-    place = folder / name
-    place.mkdir(parents=True)
-    (place / "result.json").write_text(json.dumps({**result, "case": name}), encoding="utf-8")
-    return place
-
-
 @pytest.mark.parametrize(
     ("tolerance", "findings", "held_out", "state", "decided"),
     [
@@ -88,18 +70,12 @@ def write(folder: Path, result: dict[str, Any], name: str = "cubic") -> Path:
         (1.0, (DOUBT, WARNING, ERROR), (), "rejected", (ERROR, DOUBT)),
     ],
 )
-def test_the_gravest_of_test_fit_and_held_out_levels_decides(
-    tolerance: float | None,
-    findings: tuple[Finding, ...],
-    held_out: tuple[Finding, ...],
-    state: str,
-    decided: tuple[Finding, ...],
-) -> None:
+def test_the_gravest_of_test_fit_and_held_out_levels_decides(tolerance, findings, held_out, state, decided):
     found = found_with(*findings)
     prediction = replace(PREDICTION, findings=held_out)
     verdict = rsgen.verdict_of(found, cubic_comparison(found, tolerance), prediction)
     assert (verdict.state, verdict.decided_by) == (state, decided)
-    stated = result_of(tolerance, *findings, held_out=held_out)["verdict"]
+    stated = cubic_result(tolerance, *findings, held_out=held_out)["verdict"]
     assert stated == json.loads(json.dumps(state_verdict(verdict)))
     assert stated["headline"].startswith(f"{state.capitalize()}: ")
     assert stated["sentences"] == [full_sentence(finding) for finding in decided]
@@ -108,8 +84,8 @@ def test_the_gravest_of_test_fit_and_held_out_levels_decides(
     assert verdict.usable == (state in ("accepted", "identified"))
 
 
-def test_headlines_say_what_was_judged() -> None:
-    headlines = {tolerance: result_of(tolerance)["verdict"]["headline"] for tolerance in (None, 1.0, 0.0)}
+def test_headlines_say_what_was_judged():
+    headlines = {tolerance: cubic_result(tolerance)["verdict"]["headline"] for tolerance in (None, 1.0, 0.0)}
     assert headlines[None].startswith("Identified: 3 of 3 parameters, misfit ")
     assert headlines[1.0].startswith("Accepted: all 3 values within tolerance, largest error ")
     assert headlines[0.0] == "Missed: c1, k1, kn1 outside tolerance"
@@ -122,7 +98,7 @@ def test_headlines_say_what_was_judged() -> None:
         assert explain(Verdict(state)).startswith(f"{state.capitalize()}: ")
 
 
-def test_a_result_prints_its_verdict_first() -> None:
+def test_a_result_prints_its_verdict_first():
     found = found_with(DOUBT, WARNING)
     assert found.verdict == reach_verdict((DOUBT, WARNING), summary=found.outcome)
     assert repr(found).splitlines()[0] == "doubtful (law-does-not-fit)"
@@ -130,7 +106,7 @@ def test_a_result_prints_its_verdict_first() -> None:
     assert repr(found_with()).splitlines()[0] == "identified"
 
 
-def test_what_is_none_of_a_result_has_no_verdict() -> None:
+def test_what_is_none_of_a_result_has_no_verdict():
     wrong: Any = "found"
     with pytest.raises(RsgenError, match="identification: str"):
         rsgen.verdict_of(wrong)
@@ -141,7 +117,7 @@ def test_what_is_none_of_a_result_has_no_verdict() -> None:
 
 
 @pytest.mark.slow
-def test_a_rejected_page_marks_its_numbers() -> None:
+def test_a_rejected_page_marks_its_numbers():
     text = page_of(1.0, DOUBT, ERROR).replace("\u00a0", " ")
     begin = text.index('class="verdict rejected">Rejected: these numbers are not to be used')
     for finding in (ERROR, DOUBT):
@@ -156,7 +132,7 @@ def test_a_rejected_page_marks_its_numbers() -> None:
 
 
 @pytest.mark.slow
-def test_a_doubtful_page_says_so_and_others_do_not() -> None:
+def test_a_doubtful_page_says_so_and_others_do_not():
     text = page_of(None, DOUBT)
     assert 'class="verdict doubtful">Doubtful: look before' in text
     assert '<caption><strong class="no">Doubtful: </strong>' in text
@@ -169,14 +145,14 @@ def test_a_doubtful_page_says_so_and_others_do_not() -> None:
         assert "This is the estimate to use." in text
 
 
-def test_older_results_have_the_verdict_of_their_findings_and_rows(tmp_path: Path) -> None:
+def test_older_results_have_the_verdict_of_their_findings_and_rows(tmp_path):
     for tolerance, findings, state in (
         (None, (WARNING,), "identified"),
         (1.0, (), "accepted"),
         (0.0, (), "missed"),
         (0.0, (WARNING, ERROR), "rejected"),
     ):
-        result = result_of(tolerance, *findings)
+        result = cubic_result(tolerance, *findings)
         del result["verdict"]
         stated = read_verdict(result)
         assert stated["state"] == state
@@ -184,7 +160,7 @@ def test_older_results_have_the_verdict_of_their_findings_and_rows(tmp_path: Pat
             # as it was said then
             assert stated["sentences"] == [result["warnings"][-1]]
             assert len(verdict_lines(stated)) == 2
-        entry = read_result(write(tmp_path / f"{tolerance}{state}", result) / "result.json")
+        entry = read_result(write_result(tmp_path / f"{tolerance}{state}", result) / "result.json")
         assert entry is not None
         assert entry.verdict == stated
 
@@ -199,20 +175,20 @@ def test_older_results_have_the_verdict_of_their_findings_and_rows(tmp_path: Pat
         {"state": "rejected", "headline": "", "decided_by": [3], "sentences": [""], "next_steps": [""]},
     ],
 )
-def test_an_entry_that_is_no_verdict_is_no_result(tmp_path: Path, entry: Any) -> None:
-    place = write(tmp_path, {**result_of(None), "verdict": entry})
+def test_an_entry_that_is_no_verdict_is_no_result(tmp_path, entry):
+    place = write_result(tmp_path, {**cubic_result(None), "verdict": entry})
     assert read_result(place / "result.json") is None
 
 
 @pytest.mark.slow
-def test_index_and_table_show_the_verdict_of_every_case(tmp_path: Path) -> None:
+def test_index_and_table_show_the_verdict_of_every_case(tmp_path):
     for name, tolerance, findings in (
         ("fine", 1.0, ()),
         ("open", None, ()),
         ("doubted", 1.0, (DOUBT,)),
         ("wrong", None, (ERROR,)),
     ):
-        write(tmp_path, result_of(tolerance, *findings), name)
+        write_result(tmp_path, cubic_result(tolerance, *findings), name)
     write_index(tmp_path)
     text = (tmp_path / "index.html").read_text()
     assert "4 cases: 1 accepted, 1 identified, 1 doubtful, 1 rejected." in text
@@ -239,9 +215,9 @@ def test_index_and_table_show_the_verdict_of_every_case(tmp_path: Path) -> None:
     assert "* fine: Liu et al., Eqs. (13), (14)" in lines
 
 
-def test_another_verdict_is_a_difference(tmp_path: Path) -> None:
-    before = write(tmp_path / "a", result_of(1.0))
-    after = write(tmp_path / "b", result_of(1.0, DOUBT))
+def test_another_verdict_is_a_difference(tmp_path):
+    before = write_result(tmp_path / "a", cubic_result(1.0))
+    after = write_result(tmp_path / "b", cubic_result(1.0, DOUBT))
     (difference,) = compare_results(before, after)
     assert not any(row.changed for row in difference.fits)
     assert difference.changed
@@ -253,7 +229,9 @@ def test_another_verdict_is_a_difference(tmp_path: Path) -> None:
     assert back.changed
     assert not back.worse
     # another reason for the same state
-    (other,) = compare_results(after, write(tmp_path / "c", result_of(1.0, replace(ERROR, severity="doubt"))))
+    (other,) = compare_results(
+        after, write_result(tmp_path / "c", cubic_result(1.0, replace(ERROR, severity="doubt")))
+    )
     assert other.changed
     assert not other.worse
     (same,) = compare_results(after, after)

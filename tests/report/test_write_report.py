@@ -10,6 +10,7 @@ import pytest
 
 import rsgen
 from rsgen.common.errors import RsgenError
+from rsgen.report.files import draw_all
 from tests.samples import cubic_case, cubic_model, cubic_surface
 
 SURFACE = cubic_surface()
@@ -20,50 +21,51 @@ def found() -> rsgen.Identification:
     return rsgen.identify(SURFACE, cubic_model())
 
 
+def results(*places: Path) -> list[Any]:
+    return [json.loads((place / "result.json").read_text()) for place in places]
+
+
 @pytest.mark.slow
-def test_a_report_needs_a_surface_and_a_result_only(tmp_path: Path, found: rsgen.Identification) -> None:
+def test_a_report_needs_a_surface_and_a_result_only_and_shows_a_title_as_text(tmp_path, found):
     by_place, by_name = tmp_path / "new" / "joint", tmp_path / "named" / "joint"
     rsgen.write_report(by_place, SURFACE, found)
-    rsgen.write_report(by_name, surface=SURFACE, identification=found)
+    rsgen.write_report(by_name, surface=SURFACE, identification=found, title="<b>Joint</b>", source="our lab")
     names = sorted(path.name for path in by_place.iterdir())
     assert names == ["kernel.py", "modal.csv", "report.html", "result.json", "surface.h5", "thumbnail.svg"]
-    results = [json.loads((place / "result.json").read_text()) for place in (by_place, by_name)]
-    assert results[0] == results[1]
-    assert results[0]["case"] == "joint"
-    assert results[0]["title"] == "n(x, v) = c1*v + k1*x + kn1*x**3"
-    values = {row["name"]: row["refined"]["value"] for row in results[0]["parameters"]}
+    plain, named = results(by_place, by_name)
+    assert named | {"title": plain["title"], "source": plain["source"]} == plain
+    assert (plain["case"], plain["title"]) == ("joint", "n(x, v) = c1*v + k1*x + kn1*x**3")
+    values = {row["name"]: row["refined"]["value"] for row in plain["parameters"]}
     assert values == {estimate.name: estimate.value for estimate in found}
-    assert all(row["true"] is None for row in results[0]["parameters"])
+    assert all(row["true"] is None for row in plain["parameters"])
     page = (by_place / "report.html").read_text()
     assert "Case file" not in page
     assert "notebook" not in page
-
-
-@pytest.mark.slow
-def test_a_title_is_shown_as_text(tmp_path: Path, found: rsgen.Identification) -> None:
-    rsgen.write_report(tmp_path, SURFACE, found, title="<b>Joint</b>", source="our lab")
-    page = (tmp_path / "report.html").read_text()
+    page = (by_name / "report.html").read_text()
     assert "<h1>&lt;b&gt;Joint&lt;/b&gt;</h1>" in page
     assert "our lab" in page
 
 
 @pytest.mark.slow
-def test_a_case_brings_the_truth_when_no_comparison_is_given(
-    tmp_path: Path, found: rsgen.Identification, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_case_brings_the_truth_when_no_comparison_is_given(tmp_path, found, monkeypatch):
     written: list[Path] = []
     monkeypatch.setattr("rsgen.report.files.write_notebook", lambda path, *_, **__: written.append(path))
+    # the figures of both are the same
+    drawn: list[Any] = []
+    monkeypatch.setattr(
+        "rsgen.report.files.draw_all", lambda *of: drawn or drawn.extend(draw_all(*of)) or drawn
+    )
     case = cubic_case()
     compared = rsgen.compare(found, case.truth, case.accept)
     rsgen.write_report(tmp_path / "a", SURFACE, found, case=case, comparison=compared)
     rsgen.write_report(tmp_path / "b", SURFACE, found, case=case)
-    one, other = (json.loads((tmp_path / name / "result.json").read_text()) for name in "ab")
+    one, other = results(tmp_path / "a", tmp_path / "b")
     assert one == other
     assert all(row["true"] is not None for row in one["parameters"])
     assert [path.name for path in written] == ["notebook.ipynb"] * 2
 
 
-def test_names_and_folders_of_another_kind_are_refused(found: rsgen.Identification) -> None:
+def test_names_and_folders_of_another_kind_are_refused(found):
     wrong: Any = 5
     with pytest.raises(RsgenError, match="folder: int; must be str or Path"):
         rsgen.write_report(wrong, SURFACE, found)

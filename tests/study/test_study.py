@@ -26,47 +26,28 @@ from rsgen.app.study.run_case import _failed_notebook, _temporary_in, current_re
 from rsgen.cases import load_case
 from rsgen.common.errors import RsgenError
 from rsgen.files import read_measurement
+from tests.case_files import CUBIC, write_small
 
 ROOT = Path(__file__).parents[2]
 NO_PROCESS = 4_194_303
 """A number that no process has."""
-posix = pytest.mark.skipif(os.name != "posix", reason="signals are POSIX")
-
-CASE = """\
-schema = 1
-name = "{name}"
-title = "A small case"
-system = {{ mass = "1.5 kg" }}
-
-[[element]]
-name = "spring"
-force = "k*x + kn*x**3"
-
-[[element]]
-name = "damper"
-force = "c*v"
-
-[truth]
-k = 5920.0
-kn = 2.2e5
-c = 8.0
-
-[test]
-kind = "simulated"
-level = {{ start = 2, stop = 10, count = 3 }}
-frequency = {{ start = 8, stop = 12, count = 21 }}
-harmonics = 5
-accuracy = 1e-5
-
-[accept]
-k = {accept}
-"""
+posix = pytest.mark.skipif(os.name != "posix", reason="signals and locks of files are POSIX")
 
 
-def write_case(folder: Path, name: str = "small", accept: str = "1e-2") -> Path:
-    path = folder / f"{name}.toml"
-    path.write_text(CASE.format(name=name, accept=accept), encoding="utf-8")
-    return path
+def write_case(folder: Path, name: str = "small", accept: object = 1e-2) -> Path:
+    return write_small(folder, name, CUBIC | {"test.harmonics": 5, "accept.k": accept})
+
+
+@pytest.fixture
+def earlier(tmp_path):
+    """A folder of results with that of a case."""
+    with replaced_folder(tmp_path, "case") as folder:
+        fill(folder, "earlier")
+    return tmp_path
+
+
+def names(folder: Path) -> list[str]:
+    return sorted(path.name for path in folder.iterdir())
 
 
 def fill(folder: Path, text: str) -> None:
@@ -82,7 +63,7 @@ def content(folder: Path) -> dict[str, bytes]:
 # ---------------------------------------------------------------- manifest
 
 
-def test_manifest_vouches_for_every_byte(tmp_path: Path) -> None:
+def test_manifest_vouches_for_every_byte(tmp_path):
     fill(tmp_path, "text")
     manifest = read_manifest(tmp_path)
     assert manifest is not None
@@ -97,11 +78,7 @@ def test_manifest_vouches_for_every_byte(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     "text",
     [
-        "",
-        "{",
-        "[]",
-        "null",
-        "[" * 100_000,
+        *("", "{", "[]", "null", "[" * 100_000),
         '{"schema": 1}',
         '{"schema": 1, "files": {}}',
         '{"schema": 2, "files": {"a": "b"}}',
@@ -110,7 +87,7 @@ def test_manifest_vouches_for_every_byte(tmp_path: Path) -> None:
         '{"schema": 1, "files": {"a\\u0000": "b"}}',
     ],
 )
-def test_a_corrupted_manifest_is_none(tmp_path: Path, text: str) -> None:
+def test_a_corrupted_manifest_is_none(tmp_path, text):
     fill(tmp_path, "text")
     (tmp_path / MANIFEST).write_text(text)
     assert read_manifest(tmp_path) is None
@@ -119,30 +96,28 @@ def test_a_corrupted_manifest_is_none(tmp_path: Path, text: str) -> None:
 # ---------------------------------------------------------------- the folder of a result
 
 
-def test_a_folder_takes_its_place_whole(tmp_path: Path) -> None:
+def test_a_folder_takes_its_place_whole(tmp_path):
     for text in ("first", "second"):
         with replaced_folder(tmp_path / "out", "case") as folder:
             fill(folder, text)
             assert folder.parent == tmp_path / "out"
         assert (tmp_path / "out" / "case" / "result.json").read_text() == text
-        assert [path.name for path in (tmp_path / "out").iterdir()] == ["case"]
+        assert names(tmp_path / "out") == ["case"]
     assert read_manifest(tmp_path / "out" / "case") is not None
 
 
-def test_a_fault_leaves_the_earlier_result(tmp_path: Path) -> None:
-    with replaced_folder(tmp_path, "case") as folder:
-        fill(folder, "earlier")
-    before = content(tmp_path / "case")
+def test_a_fault_leaves_the_earlier_result(earlier):
+    before = content(earlier / "case")
 
     def fail() -> None:
-        with replaced_folder(tmp_path, "case") as folder:
+        with replaced_folder(earlier, "case") as folder:
             fill(folder, "half")
             raise RsgenError("in the middle")
 
     with pytest.raises(RsgenError, match="in the middle"):
         fail()
-    assert content(tmp_path / "case") == before
-    assert [path.name for path in tmp_path.iterdir()] == ["case"]
+    assert content(earlier / "case") == before
+    assert names(earlier) == ["case"]
 
 
 def _hang_in_the_middle(out: str) -> None:
@@ -154,68 +129,54 @@ def _hang_in_the_middle(out: str) -> None:
 
 @pytest.mark.slow
 @posix
-def test_a_killed_run_leaves_the_earlier_result(tmp_path: Path) -> None:
-    with replaced_folder(tmp_path, "case") as folder:
-        fill(folder, "earlier")
-    before = content(tmp_path / "case")
-    process = multiprocessing.get_context("spawn").Process(target=_hang_in_the_middle, args=(str(tmp_path),))
+def test_a_killed_run_leaves_the_earlier_result(earlier):
+    before = content(earlier / "case")
+    process = multiprocessing.get_context("spawn").Process(target=_hang_in_the_middle, args=(str(earlier),))
     process.start()
-    while not list(tmp_path.glob(".case.*.part/ready")):
+    while not list(earlier.glob(".case.*.part/ready")):
         assert process.is_alive()
         time.sleep(0.01)
     # while it runs, others leave its folder alone
-    recover(tmp_path)
-    assert list(tmp_path.glob(".case.*.part"))
+    recover(earlier)
+    assert list(earlier.glob(".case.*.part"))
     process.kill()
     process.join()
-    assert content(tmp_path / "case") == before
-    recover(tmp_path)
-    assert [path.name for path in tmp_path.iterdir()] == ["case"]
+    assert content(earlier / "case") == before
+    recover(earlier)
+    assert names(earlier) == ["case"]
 
 
-def _dead_process() -> int:
-    process = subprocess.run(
-        [sys.executable, "-c", "import os; print(os.getpid())"], capture_output=True, check=True
-    )
-    return int(process.stdout)
-
-
-@posix
-def test_a_kill_between_the_two_renames_loses_nothing(tmp_path: Path) -> None:
-    with replaced_folder(tmp_path, "case") as folder:
-        fill(folder, "earlier")
-    dead = _dead_process()
-    (tmp_path / "case").rename(tmp_path / f".case.{dead}.old")
-    (tmp_path / f".case.{dead}.part").mkdir()
-    recover(tmp_path)
-    assert [path.name for path in tmp_path.iterdir()] == ["case"]
-    assert read_manifest(tmp_path / "case") is not None
+@pytest.fixture(scope="module")
+def dead():
+    """Return the number of a process that is over."""
+    return int(subprocess.check_output([sys.executable, "-c", "import os; print(os.getpid())"]))
 
 
 @posix
-def test_a_killed_run_of_another_case_is_cleared_up(tmp_path: Path) -> None:
-    dead = _dead_process()
-    (tmp_path / f".v1.5.{dead}.part").mkdir()
-    (tmp_path / f".other.{os.getppid()}.part").mkdir()
-    (tmp_path / ".notes.part").mkdir()
-    with replaced_folder(tmp_path, "case") as folder:
-        fill(folder, "text")
-    left = sorted(path.name for path in tmp_path.iterdir())
-    assert left == sorted(["case", f".other.{os.getppid()}.part", ".notes.part"])
+def test_a_kill_between_the_two_renames_loses_nothing(earlier, dead):
+    (earlier / "case").rename(earlier / f".case.{dead}.old")
+    (earlier / f".case.{dead}.part").mkdir()
+    recover(earlier)
+    assert names(earlier) == ["case"]
+    assert read_manifest(earlier / "case") is not None
 
 
 @posix
-@pytest.mark.parametrize("kind", ["part", "old"])
-def test_a_hidden_folder_of_the_user_is_not_taken_for_an_unfinished_one(tmp_path: Path, kind: str) -> None:
-    thesis = tmp_path / f".notes.{_dead_process()}.{kind}" / "thesis.tex"
-    thesis.parent.mkdir()
-    thesis.write_text("mine")
+def test_a_killed_run_of_another_case_is_cleared_up_and_folders_of_others_stay(tmp_path, dead):
+    runs = f".other.{os.getppid()}.part"
+    for name in (f".v1.5.{dead}.part", runs, ".notes.part"):
+        (tmp_path / name).mkdir()
+    theses = [tmp_path / f".{kind}.{dead}.{kind}" / "thesis.tex" for kind in ("part", "old")]
+    for thesis in theses:
+        thesis.parent.mkdir()
+        thesis.write_text("mine")
     with replaced_folder(tmp_path, "case") as folder:
         fill(folder, "text")
-    assert thesis.read_text() == "mine"
+    assert names(tmp_path) == sorted(["case", runs, ".notes.part", *(t.parent.name for t in theses)])
+    assert [thesis.read_text() for thesis in theses] == ["mine"] * 2
 
 
-def test_temporary_files_of_a_run_lie_in_its_folder(tmp_path: Path) -> None:
+def test_temporary_files_of_a_run_lie_in_its_folder(tmp_path):
     before = tempfile.gettempdir()
     with replaced_folder(tmp_path, "case") as folder, _temporary_in(folder):
         fill(folder, "text")
@@ -257,35 +218,30 @@ def _contents(place: Path) -> dict[str, object]:
 
 @posix
 @pytest.mark.parametrize("what", FOREIGN)
-def test_what_no_run_wrote_is_never_replaced(tmp_path: Path, what: str) -> None:
-    with replaced_folder(tmp_path, "case") as folder:
-        fill(folder, "earlier")
+def test_what_no_run_wrote_is_never_replaced(earlier, what):
     make, named = FOREIGN[what]
-    make(tmp_path / "case")
-    before = _contents(tmp_path)
+    make(earlier / "case")
+    before = _contents(earlier)
     # before anything is computed
-    with pytest.raises(RsgenError, match=named), replaced_folder(tmp_path, "case"):
+    with pytest.raises(RsgenError, match=named), replaced_folder(earlier, "case"):
         pytest.fail("the block began")
-    assert _contents(tmp_path) == before
+    assert _contents(earlier) == before
 
 
-def test_what_came_during_a_run_is_not_replaced_either(tmp_path: Path) -> None:
-    with replaced_folder(tmp_path, "case") as folder:
-        fill(folder, "earlier")
-
+def test_what_came_during_a_run_is_not_replaced_either(earlier):
     def late() -> None:
-        with replaced_folder(tmp_path, "case") as folder:
+        with replaced_folder(earlier, "case") as folder:
             fill(folder, "later")
-            (tmp_path / "case" / "thesis.tex").write_text("mine")
+            (earlier / "case" / "thesis.tex").write_text("mine")
 
     with pytest.raises(RsgenError, match=r"thesis\.tex"):
         late()
-    assert (tmp_path / "case" / "thesis.tex").read_text() == "mine"
-    assert (tmp_path / "case" / "report.html").read_text() == "earlierearlier"
-    assert [path.name for path in tmp_path.iterdir()] == ["case"]
+    assert (earlier / "case" / "thesis.tex").read_text() == "mine"
+    assert (earlier / "case" / "report.html").read_text() == "earlierearlier"
+    assert names(earlier) == ["case"]
 
 
-def test_a_result_with_missing_files_is_replaced(tmp_path: Path) -> None:
+def test_a_result_with_missing_files_is_replaced(tmp_path):
     (tmp_path / "case").mkdir()
     for text in ("first", "second"):
         with replaced_folder(tmp_path, "case") as folder:
@@ -294,15 +250,11 @@ def test_a_result_with_missing_files_is_replaced(tmp_path: Path) -> None:
     assert (tmp_path / "case" / "result.json").read_text() == "second"
 
 
-def test_a_file_in_the_way_is_a_sentence(tmp_path: Path) -> None:
+def test_a_file_in_the_way_is_a_sentence(tmp_path):
     (tmp_path / "case").write_text("precious")
 
-    def fail() -> None:
-        with replaced_folder(tmp_path, "case"):
-            pass
-
-    with pytest.raises(RsgenError, match="is no folder"):
-        fail()
+    with pytest.raises(RsgenError, match="is no folder"), replaced_folder(tmp_path, "case"):
+        pass
     assert (tmp_path / "case").read_text() == "precious"
 
 
@@ -318,7 +270,7 @@ def finished(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Path, Case
 
 
 @pytest.mark.slow
-def test_a_run_leaves_what_it_promises(finished: tuple[Path, Path, CaseRun]) -> None:
+def test_a_run_leaves_what_it_promises(finished):
     path, out, run = finished
     assert run.faults == ()
     assert run.passed
@@ -326,25 +278,20 @@ def test_a_run_leaves_what_it_promises(finished: tuple[Path, Path, CaseRun]) -> 
     wanted = {"surface.h5", "kernel.py", "result.json", "notebook.ipynb", "report.html", MANIFEST}
     assert wanted <= set(content(out / "small"))
     manifest = read_manifest(out / "small")
-    assert manifest is not None
-    assert manifest["inputs"] == {"case": load_case(path).sha256}
-    assert manifest["seed"] is None
+    assert (manifest["inputs"], manifest["seed"]) == ({"case": load_case(path).sha256}, None)
     result = json.loads((out / "small" / "result.json").read_text())
-    assert result["case"] == "small"
-    assert result["passed"] is True
+    assert (result["case"], result["passed"]) == ("small", True)
 
 
 @pytest.mark.slow
-def test_unchanged_is_skipped_and_changed_is_not(
-    finished: tuple[Path, Path, CaseRun], tmp_path: Path
-) -> None:
+def test_unchanged_is_skipped_and_changed_is_not(finished, tmp_path):
     path, out, _ = finished
     case = load_case(path)
     again = current_result(case, out)
     assert again is not None
     assert again.skipped
     assert again.passed
-    changed = load_case(write_case(tmp_path, accept="2e-2"))
+    changed = load_case(write_case(tmp_path, accept=2e-2))
     assert current_result(changed, out) is None
     copied = tmp_path / "out"
     for damage in ("result.json", "surface.h5", MANIFEST):
@@ -356,9 +303,9 @@ def test_unchanged_is_skipped_and_changed_is_not(
 
 
 @pytest.mark.slow
-def test_a_faulty_case_stops_no_other(finished: tuple[Path, Path, CaseRun], tmp_path: Path) -> None:
+def test_a_faulty_case_stops_no_other(finished, tmp_path):
     path, out, _ = finished
-    bad = write_case(tmp_path, "bad", accept="'much'")
+    bad = write_case(tmp_path, "bad", accept="much")
     twin = write_case(tmp_path, "SMALL")
     seen: list[str] = []
     runs = run_cases([bad, path, twin], out, finished=lambda run: seen.append(run.name))
@@ -372,9 +319,7 @@ def test_a_faulty_case_stops_no_other(finished: tuple[Path, Path, CaseRun], tmp_
 
 
 @pytest.mark.slow
-def test_a_report_is_written_anew_from_its_surface(
-    finished: tuple[Path, Path, CaseRun], tmp_path: Path
-) -> None:
+def test_a_report_is_written_anew_from_its_surface(finished, tmp_path):
     path, out, _ = finished
     shutil.copytree(out, tmp_path / "out")
     surface = (tmp_path / "out" / "small" / "surface.h5").read_bytes()
@@ -384,14 +329,14 @@ def test_a_report_is_written_anew_from_its_surface(
     assert (tmp_path / "out" / "small" / "surface.h5").read_bytes() == surface
     assert read_manifest(tmp_path / "out" / "small") is not None
     # a surface of another case is not taken
-    other = write_case(tmp_path, accept="3e-2")
+    other = write_case(tmp_path, accept=3e-2)
     assert (
         "holds no surface of this very case"
         in run_case(other, tmp_path / "out", reuse_surface=True).faults[0]
     )
 
 
-def test_results_never_go_where_the_case_lies(tmp_path: Path) -> None:
+def test_results_never_go_where_the_case_lies(tmp_path):
     path = write_case(tmp_path)
     assert "choose another --out" in run_case(path, tmp_path).faults[0]
     inside = tmp_path / "small"
@@ -401,7 +346,7 @@ def test_results_never_go_where_the_case_lies(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("name", ["index.html", "table1.md"])
-def test_a_file_with_the_name_of_the_index_stays(tmp_path: Path, name: str) -> None:
+def test_a_file_with_the_name_of_the_index_stays(tmp_path, name):
     path, out = write_case(tmp_path), tmp_path / "out"
     out.mkdir()
     (out / name).write_text("<html>my homepage</html>")
@@ -411,9 +356,9 @@ def test_a_file_with_the_name_of_the_index_stays(tmp_path: Path, name: str) -> N
     assert (out / name).read_text() == "<html>my homepage</html>"
 
 
-@pytest.mark.skipif(os.name != "posix", reason="there are no such locks")
+@posix
 @pytest.mark.parametrize("process", [os.getpid(), NO_PROCESS], ids=["own", "foreign"])
-def test_a_folder_that_another_run_fills_is_not_cleared(tmp_path: Path, process: int) -> None:
+def test_a_folder_that_another_run_fills_is_not_cleared(tmp_path, process):
     """That run may be another thread, or in another container or machine, with any number."""
     with replaced_folder(tmp_path, "other") as part:
         (part / "report.html").write_text("nearly done")
@@ -429,10 +374,8 @@ def test_a_folder_that_another_run_fills_is_not_cleared(tmp_path: Path, process:
     assert not killed.exists()
 
 
-@pytest.mark.skipif(os.name != "posix", reason="there are no such locks")
-def test_a_finished_folder_is_not_cleared_before_it_is_moved(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+@posix
+def test_a_finished_folder_is_not_cleared_before_it_is_moved(tmp_path, monkeypatch):
     """Its mark is gone then, and the disk may take its time."""
     others: list[threading.Thread] = []
 
@@ -451,8 +394,8 @@ def test_a_finished_folder_is_not_cleared_before_it_is_moved(
     assert read_manifest(tmp_path / "case") is not None
 
 
-@pytest.mark.skipif(os.name != "posix", reason="there are no such locks")
-def test_threads_that_begin_and_end_together_leave_each_other_alone(tmp_path: Path) -> None:
+@posix
+def test_threads_that_begin_and_end_together_leave_each_other_alone(tmp_path):
     def write(case: int) -> None:
         for _ in range(20):
             with replaced_folder(tmp_path, f"case{case}") as part:
@@ -464,9 +407,7 @@ def test_threads_that_begin_and_end_together_leave_each_other_alone(tmp_path: Pa
     assert len(list(tmp_path.iterdir())) == 6
 
 
-def test_a_notebook_of_the_user_is_not_taken_for_a_failed_one(
-    tmp_path: Path, finished: tuple[Path, Path, CaseRun]
-) -> None:
+def test_a_notebook_of_the_user_is_not_taken_for_a_failed_one(tmp_path, finished):
     mine, changed, theirs = (tmp_path / f"{name}-failed.ipynb" for name in ("small", "changed", "other"))
     lesson = (finished[1] / "small" / "notebook.ipynb").read_text(encoding="utf-8")
     mine.write_text('{"metadata": {}, "cells": []}')
@@ -481,8 +422,8 @@ def test_a_notebook_of_the_user_is_not_taken_for_a_failed_one(
     assert not theirs.exists()
 
 
-def test_a_fault_of_the_case_is_a_value(tmp_path: Path) -> None:
-    run = run_case(write_case(tmp_path, accept="-1"), tmp_path / "out")
+def test_a_fault_of_the_case_is_a_value(tmp_path):
+    run = run_case(write_case(tmp_path, accept=-1), tmp_path / "out")
     assert run.passed is None
     (fault,) = run.faults
     assert fault.startswith("small.toml: accept.k: is -1; a number above 0 ")
@@ -506,7 +447,7 @@ def _kill_workers(out: Path, times: dict[str, int]) -> tuple[Callable[[Step], No
 
 @posix
 @pytest.mark.thorough
-def test_a_lost_worker_costs_its_own_case_only(tmp_path: Path) -> None:
+def test_a_lost_worker_costs_its_own_case_only(tmp_path):
     names = ("one", "two", "three")
     paths = [write_case(tmp_path, name) for name in names]
     times = {"one": 1, "two": 2}
@@ -525,7 +466,7 @@ def test_a_lost_worker_costs_its_own_case_only(tmp_path: Path) -> None:
 
 
 @pytest.mark.thorough
-def test_the_vibrating_wire_from_file_to_report(tmp_path: Path, measured_data: Callable[[str], Path]) -> None:
+def test_the_vibrating_wire_from_file_to_report(tmp_path, measured_data):
     data = measured_data("wire").parent
     path = Path(__file__).parents[1] / "cases" / "wire.toml"
     case = load_case(path, data=data)
@@ -554,7 +495,7 @@ def test_the_vibrating_wire_from_file_to_report(tmp_path: Path, measured_data: C
 
 @pytest.mark.slow
 @pytest.mark.parametrize("value", ["first", "second"])
-def test_a_worker_has_the_settings_of_its_own_time(value: str, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_worker_has_the_settings_of_its_own_time(value, monkeypatch):
     monkeypatch.setenv("RSGEN_PROBE", value)
     with local_workers(1, None) as executor:
         assert executor.submit(os.getenv, "RSGEN_PROBE").result(60) == value

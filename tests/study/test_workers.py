@@ -46,7 +46,7 @@ def _beginning(*pools: Pool | Exception) -> Callable[[], Pool]:
     return begin
 
 
-def test_a_process_that_cannot_be_begun_leaves_its_calls_to_the_others() -> None:
+def test_a_process_that_cannot_be_begun_leaves_its_calls_to_the_others():
     pool = Pool()
     workers = _Processes(2, _beginning(pool, OSError("too many open files")))
     futures = [workers.submit(str, number) for number in range(3)]
@@ -55,7 +55,7 @@ def test_a_process_that_cannot_be_begun_leaves_its_calls_to_the_others() -> None
     assert [future.result(timeout=0) for future in futures] == ["0", "1", "2"]
 
 
-def test_where_no_process_can_be_begun_every_call_says_so(tmp_path) -> None:
+def test_where_no_process_can_be_begun_every_call_says_so(tmp_path):
     workers = _Processes(2, _beginning(*[RuntimeError("can't start new thread"), OSError("no semaphores")]))
     futures = [workers.submit(str, number) for number in range(2)]
     assert [type(future.exception(timeout=0)) for future in futures] == [RuntimeError, OSError]
@@ -65,7 +65,7 @@ def test_where_no_process_can_be_begun_every_call_says_so(tmp_path) -> None:
     )
 
 
-def test_a_process_that_ended_while_idle_is_replaced() -> None:
+def test_a_process_that_ended_while_idle_is_replaced():
     pools = [Pool(), Pool()]
     workers = _Processes(1, _beginning(*pools))
     first = workers.submit(str, 1)
@@ -76,7 +76,7 @@ def test_a_process_that_ended_while_idle_is_replaced() -> None:
     assert [future.result(timeout=0) for future in (first, second)] == ["1", "2"]
 
 
-def test_the_last_of_two_processes_keeps_its_place() -> None:
+def test_the_last_of_two_processes_keeps_its_place():
     """A call waits for the process that works, and gets a new one when that is lost."""
     pools = [Pool(), Pool()]
     workers = _Processes(2, _beginning(pools[0], OSError("no"), pools[1]))
@@ -88,7 +88,7 @@ def test_the_last_of_two_processes_keeps_its_place() -> None:
 
 
 @pytest.mark.slow
-def test_processes_lay_nothing_into_the_temporary_folder(tmp_path, monkeypatch) -> None:
+def test_processes_lay_nothing_into_the_temporary_folder(tmp_path, monkeypatch):
     monkeypatch.setattr("tempfile.tempdir", str(tmp_path))
     with local_workers(1, None) as executor:
         assert executor.submit(len, "one").result(60) == 3
@@ -96,7 +96,7 @@ def test_processes_lay_nothing_into_the_temporary_folder(tmp_path, monkeypatch) 
 
 
 @pytest.mark.parametrize("kind", [OSError, BrokenProcessPool])
-def test_a_lost_worker_and_one_never_begun_are_told_apart(tmp_path, kind: type[Exception]) -> None:
+def test_a_lost_worker_and_one_never_begun_are_told_apart(tmp_path, kind):
     future: Future = Future()
     future.set_exception(kind("why"))
     (fault,) = _outcome(future, load_case(write_case(tmp_path))).faults

@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+import atexit
 import contextlib
 import hashlib
 import json
+import os
+import shutil
 import tempfile
 import time
 from collections.abc import Callable, Iterator, Sequence
@@ -287,6 +290,9 @@ def _temporary_in(folder: Path) -> Iterator[None]:
         yield
     finally:
         tempfile.tempdir = before
+        if os.environ.get("MPLCONFIGDIR", "").startswith(str(folder)):
+            # matplotlib removes at exit the folder that it made here, which has gone by then
+            atexit.unregister(shutil.rmtree)
 
 
 @contextlib.contextmanager

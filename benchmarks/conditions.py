@@ -6,7 +6,7 @@ a comprehension whose condition holds a name of ``KINDS``, or compares one of ``
 whether "m" is in something that is ``fixed``, counts once, and so does each ``isinstance`` of a type of
 ``RECORDS``.
 
-    python -m tests.conditions [FOLDER]
+    python -m benchmarks.conditions [FOLDER]
 """
 
 from __future__ import annotations
