@@ -20,7 +20,6 @@ from rsgen.identification.results.estimates import damping_findings
 from rsgen.identification.soundness import _negative, exclusion_findings
 from rsgen.law.motion import sine_motion
 from rsgen.law.numeric import compile_law
-from rsgen.report.wording import sentence
 from tests.oracles.masing import slider
 from tests.surfaces import MASS, changed, codes, errors, model, noisy, surface
 
@@ -47,9 +46,29 @@ def test_round_off_of_a_law_that_lacks_a_term_has_no_sign(
     assert curve not in {finding.names["curve"] for finding in found if finding.code == "curve-negative"}
 
 
-def test_a_sound_test_has_nothing_to_doubt(table: ResponseSurface) -> None:
-    assert {finding.severity for finding in findings(table).values()} <= {"info", "warning"}
-    assert "law-does-not-fit" not in findings(table)
+@pytest.mark.parametrize(
+    ("change", "expected"),
+    [
+        ({}, {}),
+        ({"harmonics": np.conj}, {"structure-feeds-exciter": "error", "curve-negative": "error"}),
+        # also where the reading of the file has remarked it
+        (
+            {"harmonics": np.conj, "findings": lambda _: (Finding("not-passive", "doubt"),)},
+            {"structure-feeds-exciter": "error", "curve-negative": "error"},
+        ),
+        ({"harmonics": np.negative}, {"mass-negative": "error", "curve-negative": "error"}),
+    ],
+    ids=["sound", "sense", "sense remarked", "sign"],
+)
+def test_a_sense_or_sign_is_found(table: ResponseSurface, change: dict, expected: dict[str, str]) -> None:
+    seen = changed(table, **{name: make(getattr(table, name)) for name, make in change.items()})
+    found = findings(seen)
+    assert {code: severity(found, code) for code in expected} == expected
+    if not change:
+        assert {finding.severity for finding in found.values()} <= {"info", "warning"}
+        assert "law-does-not-fit" not in found
+    elif "mass-negative" not in expected:
+        assert found["curve-negative"].names["curve"] == "c(X)"
 
 
 @pytest.mark.parametrize("levels", [(0.53, 0.62), (0.53, 0.62, 0.68)])
@@ -64,14 +83,6 @@ def test_friction_that_nearly_holds_the_mass_is_identified_by_what_moves(levels:
 
 
 @pytest.mark.slow
-def test_a_missing_term_is_named_and_doubted(table: ResponseSurface) -> None:
-    found = findings(table, "k*x + c*v")["law-does-not-fit"]
-    assert found.severity == "doubt"
-    assert found.names["term"] == "x**3"
-    assert found["left"] < 0.3 * found["misfit"]
-
-
-@pytest.mark.slow
 def test_a_law_that_misses_the_amplitude_dependence_is_doubted() -> None:
     """Loops of dry joints, fitted by polynomials: no single term mends it, another law does."""
     size, omega = (
@@ -79,24 +90,13 @@ def test_a_law_that_misses_the_amplitude_dependence_is_doubted() -> None:
     )
     loops = sum(slider(200.0, limit, size) for limit in (0.13, 0.27, 0.53, 1.1))
     ratio = 5000.0 - MASS * omega**2 + 3j * omega + loops
-    table = noisy(
-        ResponseSurface(
-            level=size,
-            frequency=omega / (2 * np.pi),
-            force=ratio * size,
-            response=np.stack([np.zeros(len(size)), size], axis=1).astype(complex),
-        ),
-        0.003,
-        1,
-    )
-    found = findings(table, "k*x + k2*x*abs(x) + k3*x**3 + c*v + c2*v*abs(v) + Ff*sign(v)")[
-        "law-does-not-fit"
-    ]
+    table = noisy(ResponseSurface(size, omega / (2 * np.pi), ratio * size, size.astype(complex)), 0.003, 1)
+    law = "k*x + k2*x*abs(x) + k3*x**3 + c*v + c2*v*abs(v) + Ff*sign(v)"
+    found = findings(table, law)["law-does-not-fit"]
     assert found.severity == "doubt"
     assert "free" in found.names
     # below what is doubted by its size alone
     assert found["left"] < 0.5 * found["misfit"] < 0.025
-    assert "free to follow the amplitude" in sentence(found)
 
 
 @pytest.mark.parametrize(("law", "cause"), [("cubic", {"levels": "force"}), ("k*x + c*v", {"term": "x**3"})])
@@ -111,7 +111,6 @@ def test_a_gain_of_the_force_that_changes_from_level_to_level_is_named(
     if "levels" in cause:
         assert found.severity == "doubt"
         assert found["left"] == pytest.approx(0.003, rel=0.1)
-        assert "another factor of the force at each level" in sentence(found)
 
 
 def test_gains_of_some_tenths_of_a_per_cent_are_named_and_no_doubt() -> None:
@@ -174,7 +173,6 @@ def test_a_damper_that_feeds_energy_is_doubted(truth: str, values: dict[str, flo
     assert found["A"].value < 0
     (why,) = (finding for finding in found.verdict.decided_by if finding.code == "damping-feeds-energy")
     assert why.parameter == "A"
-    assert sentence(why).startswith("A is negative, −")
 
 
 VAN_DER_POL = "k*x + c*(x**2/a**2 - 1)*v"
@@ -248,14 +246,6 @@ def test_a_level_with_shifted_frequencies_is_named(table: ResponseSurface) -> No
 
 
 @pytest.mark.slow
-def test_a_missing_term_sets_no_level_apart() -> None:
-    # dry friction decides at the lowest level, whose force and frequencies are right
-    found = findings(noisy(surface("coulomb"), 0.003, 1), "k*x + c*v")
-    assert found["law-does-not-fit"].names["term"] == "sign(v)"
-    assert "level-deviates" not in found
-
-
-@pytest.mark.slow
 @pytest.mark.parametrize(("share", "expected"), [(0.3, "doubt"), (0.01, "")])
 def test_a_background_that_moves_a_parameter_is_missing(share: float, expected: str) -> None:
     # a flexibility of modes above, relative to the static one of the mode
@@ -286,8 +276,14 @@ def test_a_wrong_sign_or_quantity_is_no_missing_background(code: str) -> None:
 
 
 @pytest.mark.slow
-def test_a_missing_term_is_no_missing_background(table: ResponseSurface) -> None:
-    assert "background-missing" not in findings(table, "k*x + c*v")
+@pytest.mark.parametrize("law", ["cubic", "coulomb"])
+def test_a_missing_term_is_named_and_nothing_else_is_missing(law: str) -> None:
+    """Dry friction decides at the lowest level, whose force and frequencies are right."""
+    found = findings(noisy(surface(law), 0.003, 1), "k*x + c*v")
+    misses = found["law-does-not-fit"]
+    assert (misses.severity, misses.names["term"]) == ("doubt", "x**3" if law == "cubic" else "sign(v)")
+    assert misses["left"] < 0.3 * misses["misfit"]
+    assert not {"level-deviates", "background-missing"} & found.keys()
 
 
 @pytest.mark.slow
@@ -312,8 +308,7 @@ def test_a_response_that_is_held_overloads_no_sensor() -> None:
     omega = 2 * np.pi * frequency
     stiffness = 5920 - 1.5 * omega**2 + 3.8j * omega
     size = np.minimum(level / np.abs(stiffness), 5e-3)
-    harmonics = np.stack([np.zeros(len(size)), size], axis=1).astype(complex)
-    table = ResponseSurface(level, frequency, size * stiffness, harmonics)
+    table = ResponseSurface(level, frequency, size * stiffness, size.astype(complex))
     assert "range-reached" not in findings(table, "k*x + c*v")
 
 
@@ -364,23 +359,6 @@ def test_few_points_hide_no_wrong_damper(count: int) -> None:
     for seed in range(4):
         sound = findings(_one_level(count, 0.03, seed), "k*x + c*v + cq*v*abs(v)")
         assert {finding.severity for finding in sound.values()} <= {"info", "warning"}
-
-
-def test_a_reversed_phase_feeds_the_exciter(table: ResponseSurface) -> None:
-    mirrored = changed(table, harmonics=np.conj(table.harmonics))
-    found = findings(mirrored)
-    assert severity(found, "structure-feeds-exciter") == "error"
-    assert found["curve-negative"].names["curve"] == "c(X)"
-    assert severity(found, "curve-negative") == "error"
-    # also where the reading of the file has remarked it
-    remarked = replace(mirrored, findings=(Finding("not-passive", "doubt"),))
-    assert severity(findings(remarked), "structure-feeds-exciter") == "error"
-
-
-def test_a_reversed_channel_has_a_negative_mass(table: ResponseSurface) -> None:
-    found = findings(changed(table, harmonics=-table.harmonics))
-    assert severity(found, "mass-negative") == "error"
-    assert severity(found, "curve-negative") == "error"
 
 
 @pytest.mark.slow

@@ -143,10 +143,9 @@ PINS = {
     "predicted/jenkins-held-out": Pin(_held_out, SWITCHED),
 }
 
-for thorough in ("identified/bouc-wen", "measured/iwan4"):
+for thorough in ("identified/bouc-wen", "identified/iwan4", "measured/iwan4"):
     PINS[thorough] = replace(PINS[thorough], thorough=True)
 for slow in (
-    "identified/iwan4",
     "identified/jenkins-background",
     "predicted/jenkins-held-out",
     "describing/bouc-wen",

@@ -73,11 +73,10 @@ def _places(tree: Tree, path: Place = ()) -> Iterator[tuple[Place, Tree]]:
 
 
 def _with(tree: Tree, place: Place, value: Tree) -> Tree:
-    changed = copy.deepcopy(tree)
-    inner = changed
-    for key in place[:-1]:
-        inner = inner[key]
-    inner[place[-1]] = value
+    if not place:
+        return value
+    changed = copy.copy(tree)
+    changed[place[0]] = _with(tree[place[0]], place[1:], value)
     return changed
 
 
