@@ -131,11 +131,9 @@ def test_a_fast_sweep_of_a_linear_oscillator_is_corrected(quantity: str) -> None
     force = np.cos(law.phase_at(np.arange(n) / rate))
 
     # by differences of high order, not by the rule that is tested
-    def slope(y: np.ndarray) -> np.ndarray:
-        weights = np.array([-1 / 280, 4 / 105, -1 / 5, 4 / 5, 0, -4 / 5, 1 / 5, -4 / 105, 1 / 280])
-        return np.convolve(y, weights, "same") * rate
-
-    response = x if quantity == "displacement" else slope(x) if quantity == "velocity" else slope(slope(x))
+    weights, response = np.array([-1 / 280, 4 / 105, -1 / 5, 4 / 5, 0, -4 / 5, 1 / 5, -4 / 105, 1 / 280]), x
+    for _ in range(("displacement", "velocity", "acceleration").index(quantity)):
+        response = np.convolve(response, weights, "same") * rate
     history = TimeHistory(rate, force, response, quantity)
     surface = from_swept_sine(history, band=(8.5, 12))
     chosen = surface.select(surface.settled)
@@ -201,6 +199,13 @@ def test_a_sweep_through_a_case_gives_what_stepped_sine_gives(name: str) -> None
     assert c.max() < AS_STEPPED
 
 
+def spoilt(clean: TimeHistory, noise: float, random: np.random.Generator) -> TimeHistory:
+    """White noise on force and response, relative to their standard deviations."""
+    draws = random.normal(size=(2, len(clean)))
+    parts = zip((clean.force, clean.response), draws, strict=True)
+    return TimeHistory(clean.rate, *(part + noise * np.std(part) * draw for part, draw in parts))
+
+
 def jumping(cubic: float, level: float, law: SweepLaw, stop: float) -> TimeHistory:
     """Sweep an oscillator at 10 Hz, half width 0.05 Hz, through a resonance that jumps."""
     o = Oscillator(
@@ -217,12 +222,7 @@ def test_the_frequency_of_a_point_is_that_of_the_force(cubic: float, down: bool,
     """After a jump the response rings at its own frequency; points that say so would go back, by 0.5 Hz."""
     law = SweepLaw("linear", 11.5 if down else 9.0, -0.04 if down else 0.04)
     clean = jumping(cubic, 2.0, law, 9.0 if down else 11.5)
-    random = np.random.default_rng(1).normal(size=(2, len(clean)))
-    signals = [
-        part + noise * np.std(part) * error
-        for part, error in zip((clean.force, clean.response), random, strict=True)
-    ]
-    surface = from_swept_sine(TimeHistory(200.0, *signals))
+    surface = from_swept_sine(spoilt(clean, noise, np.random.default_rng(1)))
     steps = np.diff(surface.frequency) * (-1 if down else 1)
     assert (steps > 0).all()
     # evenly in time under a law that is known
@@ -363,18 +363,9 @@ def test_a_long_history_is_demodulated_quickly_and_in_little_memory() -> None:
 def test_a_logarithmic_sweep_with_noise_gives_the_same_oscillator() -> None:
     law = SweepLaw("logarithmic", 12.0, -0.008)
     random = np.random.default_rng(2)
-    histories = []
-    for level in (1.0, 3.0):
-        clean = sweep(linear(), level, law, 8.0, 400.0)
-        noise = 0.01 * random.normal(size=(2, len(clean)))
-        histories.append(
-            TimeHistory(
-                400.0,
-                clean.force + noise[0] * np.std(clean.force),
-                clean.response + noise[1] * np.std(clean.response),
-            )
-        )
-    surface = from_swept_sine(histories)
+    surface = from_swept_sine(
+        [spoilt(sweep(linear(), level, law, 8.0, 400.0), 0.01, random) for level in (1.0, 3.0)]
+    )
     assert surface.levels.tolist() == [1.0, 3.0]
     assert set(surface.sweep) == {"down"}
     dynamic = surface.force / surface.harmonics[:, 1]

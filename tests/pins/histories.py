@@ -20,6 +20,7 @@ from rsgen.data.history import (
 from rsgen.data.history.tracking import find_sweeps
 from tests.history.test_decay import MASS, RATE, STIFFNESS, decay
 from tests.history.test_stepped_sine import stepped
+from tests.history.test_swept_sine import spoilt
 from tests.oracles.swept import sweep
 from tests.pins import pinned, trees
 from tests.pins.pinned import Pin, Tree
@@ -36,17 +37,9 @@ def swept(law: SweepLaw, stop: float, level: float = 1.0) -> TimeHistory:
     return sweep(CUBIC, level, law, stop, 200.0)
 
 
-def noisy(history: TimeHistory, share: float = 1e-3) -> TimeHistory:
-    """White noise on force and response, relative to their standard deviations."""
-    draws = np.random.default_rng(7).normal(size=(2, len(history.response)))
-    force, response = np.asarray(history.force), np.asarray(history.response)
-    return TimeHistory(
-        history.rate,
-        force + share * np.std(force) * draws[0],
-        response + share * np.std(response) * draws[1],
-        history.quantity,
-        level=history.level,
-    )
+def noisy(history: TimeHistory) -> TimeHistory:
+    """A thousandth of white noise on force and response."""
+    return replace(spoilt(history, 1e-3, np.random.default_rng(7)), level=history.level)
 
 
 def _laws() -> Tree:
@@ -130,7 +123,7 @@ def _clipped() -> Tree:
 
 
 PINS = {
-    "swept/laws": Pin(_laws),
+    "swept/laws": Pin(_laws, slow=True),
     "swept/up": Pin(lambda: _swept(swept(UP, 11.0))),
     "swept/down": Pin(lambda: _swept(swept(DOWN, 9.0))),
     "swept/octaves": Pin(lambda: _swept(swept(OCTAVES, 11.0))),
@@ -154,9 +147,6 @@ PINS = {
     "decay/surface": Pin(lambda: trees.surface(_decay_surface())),
     "decay/identified": Pin(_identified_decay),
 }
-
-for slow in ("swept/laws",):
-    PINS[slow] = replace(PINS[slow], slow=True)
 
 if __name__ == "__main__":
     pinned.renew(PINS, __file__, __doc__)

@@ -139,7 +139,7 @@ PINS = {
     "background/constant-exact": Pin(lambda: of_kind("constant", noise=0.0)),
     "background/phase-coulomb": Pin(lambda: of_kind("phase", "coulomb"), SWITCHED),
     "background/residuals-coulomb": Pin(lambda: of_kind("residuals", "coulomb"), SWITCHED),
-    **{f"law/{law}": Pin(partial(whole, law), _allowed(law)) for law in LAWS},
+    **{f"law/{law}": Pin(partial(whole, law), _allowed(law), slow=law == "two-gaps") for law in LAWS},
     "law/cubic-given-mass": Pin(lambda: whole("cubic", MASS)),
     "law/confounded": Pin(_confounded),
     "amplitudes/cubic": Pin(lambda: without_phase("cubic")),
@@ -160,9 +160,6 @@ PINS = {
     "two-sensors/hold-out": Pin(lambda: _across(two_masses(noise=0.003), rsgen.Observation(hold_out=(3.0,)))),
     "two-sensors/driven-by-a-sine": Pin(lambda: _across(driven_by_a_sine())),
 }
-
-for slow in ("law/two-gaps",):
-    PINS[slow] = replace(PINS[slow], slow=True)
 
 if __name__ == "__main__":
     pinned.renew(PINS, __file__, __doc__)
