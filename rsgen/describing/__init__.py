@@ -12,6 +12,11 @@ Of laws with memory ``remembering`` adds the parts: ``masing`` has closed forms 
 of their virgin curves, ``state_loops`` the closed loops of states.
 """
 
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from rsgen.common import on_first_use
 from rsgen.describing.derivation import derive
 from rsgen.describing.function import (
     DescribingFunction,
@@ -22,12 +27,20 @@ from rsgen.describing.function import (
 )
 from rsgen.describing.regimes import Limit
 
+if TYPE_CHECKING:
+    from rsgen.describing.remembering import add_memory, split_by_memory
+
 __all__ = [
     "DescribingFunction",
     "Equivalent",
     "Limit",
     "PrintedComparison",
+    "add_memory",
     "compare_printed",
     "derive",
+    "split_by_memory",
     "variables_of",
 ]
+
+# most laws have no memory
+__getattr__ = on_first_use(__name__, dict.fromkeys(("add_memory", "split_by_memory"), "remembering"))

@@ -18,6 +18,7 @@ from functools import lru_cache
 import numpy as np
 import sympy
 
+import rsgen.describing  # adds memories, to laws that have one
 from rsgen.common.errors import ExpressionError, require
 from rsgen.common.tolerances import ROUND_OFF
 from rsgen.describing.closed import ClosedPart, close
@@ -32,12 +33,12 @@ from rsgen.describing.regimes import (
     limit_at_zero,
     read,
 )
-from rsgen.describing.remembering import add_memory, split_by_memory
 from rsgen.formula import symbol
 from rsgen.formula.bounds import algebra_faults
 from rsgen.formula.names import OMEGA, PHI, STATE_V, STATE_X, X0, X, renamed
 from rsgen.law.element import Element, Law, make_element
 from rsgen.law.forms import expanded, moves
+from rsgen.law.memory import memory_form
 from rsgen.law.normal_form import NormalForm, normal_form
 from rsgen.law.notation import readable
 
@@ -201,12 +202,13 @@ def _proved(part: ClosedPart, law: _Law, trial: Trial, remainder: sympy.Expr) ->
 
 @lru_cache(maxsize=256)
 def _derive(force: sympy.Expr, names: tuple[str, ...], known: frozenset[str]) -> DescribingFunction:
-    parts = split_by_memory(force)
-    if parts is None:
+    memory = memory_form(force)
+    if memory is None:
         return _derive_memoryless(force, names, known, may_centre=True)
+    parts = rsgen.describing.split_by_memory(memory)
     plain_names = tuple(name for name in names if parts.plain.has(symbol(name)))
     plain = _derive_memoryless(parts.plain, plain_names, known & set(plain_names), may_centre=parts.centred)
-    return add_memory(force, names, parts, plain, known)
+    return rsgen.describing.add_memory(force, names, parts, plain, known)
 
 
 @lru_cache(maxsize=256)

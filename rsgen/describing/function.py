@@ -24,13 +24,16 @@ from rsgen.common.errors import RsgenError
 from rsgen.describing.closed import MAX_TERMS, ClosedPart
 from rsgen.describing.quadrature import Cycle, project
 from rsgen.describing.regimes import Limit
-from rsgen.describing.state_loops import MAX_RELATIVE_ERROR
 from rsgen.formula import symbol
 from rsgen.formula.evaluation import compiled
 from rsgen.formula.names import X0
 from rsgen.law.memory import equations_of
 from rsgen.law.normal_form import normal_form
 from rsgen.law.notation import latex
+
+MAX_RELATIVE_ERROR = 1e-9
+"""Error of a result, relative to the mean absolute force, beyond which it is not known; a switch function
+smaller than this share of its range has no known sign."""
 
 
 def variables_of(formula: sympy.Expr) -> tuple[sympy.Symbol, ...]:

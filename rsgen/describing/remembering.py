@@ -36,7 +36,7 @@ from rsgen.formula import symbol
 from rsgen.formula.evaluation import compiled
 from rsgen.formula.names import OMEGA, PHI, STATE_V, STATE_X, X0, Inner, Masing, State, X
 from rsgen.law.forms import expanded, moves
-from rsgen.law.memory import MemoryForm, memory_form
+from rsgen.law.memory import MemoryForm
 from rsgen.law.notation import readable
 
 
@@ -70,11 +70,8 @@ class Parts:
         return self.loop == 0 or is_odd(self.loop, self.memory)
 
 
-def split_by_memory(force: sympy.Expr) -> Parts | None:
-    """Sort the addends of a law by the kind of their memory; None for a law without memory."""
-    memory = memory_form(force)
-    if memory is None:
-        return None
+def split_by_memory(memory: MemoryForm) -> Parts:
+    """Sort the addends of a law by the kind of their memory."""
     plain, loop = list[sympy.Expr](), list[sympy.Expr]()
     factors: dict[Inner, sympy.Expr] = {}
     linear = {*(curve.symbol for curve in memory.curves), memory.lag}

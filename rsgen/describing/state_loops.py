@@ -23,6 +23,7 @@ from numpy.typing import NDArray
 from rsgen.common.arrays import Array, blocks
 from rsgen.common.errors import ExpressionError
 from rsgen.common.tolerances import MAX_NEWTON_STEPS, ROUND_OFF
+from rsgen.describing.function import MAX_RELATIVE_ERROR
 from rsgen.formula import symbol
 from rsgen.formula.evaluation import compiled
 from rsgen.formula.names import OMEGA, STATE_V, STATE_X, X0, Inner, X
@@ -36,10 +37,6 @@ START, PERIOD = -np.pi / 2, 2 * np.pi
 
 STEPS = (32, 64, 128, 256, 512, 1024, 2048, 4096)
 """Steps of each part of a cycle, finer until the result is accurate."""
-
-MAX_RELATIVE_ERROR = 1e-9
-"""Error of a result, relative to the mean absolute force, beyond which it is not known; a switch function
-smaller than this share of its range has no known sign."""
 
 Rows = NDArray[np.intp]
 

@@ -38,7 +38,7 @@ from rsgen.data.oscillator import Oscillator
 from rsgen.dynamics.fixed_point import ORBIT_OFFSET, LoopMemory, PeriodMap, attraction, units_of_states
 from rsgen.dynamics.harmonic_balance import LONGEST_STEP, balance_states, hold_oscillator
 from rsgen.dynamics.kernel import compile_kernel
-from rsgen.dynamics.settling import SteadyStates
+from rsgen.dynamics.settling import ControlledStates, SteadyStates
 from rsgen.dynamics.steady_state import LOCATING_ACCURACY, ORDER, USUAL_ACCURACY, USUAL_HARMONICS, map_batches
 from rsgen.dynamics.virtual_test import Progress, SimulatedTest, in_parts
 from rsgen.law.numeric import compile_law
@@ -48,18 +48,6 @@ from rsgen.law.numeric import compile_law
 
 _MIN_STEPS, _MAX_STEPS = 64, 8192
 """Steps a period, doubled until two answers agree; the most reach 1e-9 with the law's jumps located."""
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class ControlledStates(SteadyStates):
-    """Periodic motions of given fundamental amplitude: steady states whose ``error`` is that of the force.
-
-    ``force`` (n,) [N] holds the fundamental at X [m], whose phase is zero; ``stable`` (n,) is True where the
-    motion attracts its neighbours when this force is held constant.
-    """
-
-    force: ComplexArray
-    stable: NDArray[np.bool_]
 
 
 @dataclass(frozen=True, slots=True, eq=False)

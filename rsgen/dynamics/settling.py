@@ -100,6 +100,18 @@ class SteadyStates:
         return cls(**(whole if order is None else {name: array[order] for name, array in whole.items()}))
 
 
+@dataclass(frozen=True, slots=True, eq=False)
+class ControlledStates(SteadyStates):
+    """Periodic motions of given fundamental amplitude: steady states whose ``error`` is that of the force.
+
+    ``force`` (n,) [N] holds the fundamental at X [m], whose phase is zero; ``stable`` (n,) is True where the
+    motion attracts its neighbours when this force is held constant.
+    """
+
+    force: ComplexArray
+    stable: NDArray[np.bool_]
+
+
 SETTLED, UNSETTLED, PERIOD_TWO, DIVERGED = range(4)
 """Outcomes, as in ``surface.OUTCOMES``."""
 

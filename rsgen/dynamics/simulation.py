@@ -13,15 +13,15 @@ from typing import Any, overload
 
 import numpy as np
 
+import rsgen.dynamics  # solves for amplitudes or lags, in tests that hold them
 from rsgen.common.arrays import Array, ComplexArray
 from rsgen.common.errors import RsgenError, require
 from rsgen.data.multisine import MultisineSpectra
 from rsgen.data.oscillator import Oscillator, refuse_across
 from rsgen.data.surface import ResponseSurface
 from rsgen.data.surface.plausibility import lag_findings
-from rsgen.dynamics.controlled import ControlledStates, control_grid, phase_grid
 from rsgen.dynamics.harmonic_balance import solve_harmonic_balance
-from rsgen.dynamics.settling import SteadyStates
+from rsgen.dynamics.settling import ControlledStates, SteadyStates
 from rsgen.dynamics.steady_state import solve_steady_states
 from rsgen.dynamics.transients import HistoryTest
 from rsgen.dynamics.virtual_test import (
@@ -91,9 +91,9 @@ def _simulated(test: Any, oscillator: Oscillator, progress: Progress) -> Respons
     level, frequency = grid_of(test)
     states: SteadyStates
     if test.response_held:
-        states = control_grid(oscillator, test, progress)
+        states = rsgen.dynamics.control_grid(oscillator, test, progress)
     elif test.control == "phase":
-        level, states = phase_grid(oscillator, test)
+        level, states = rsgen.dynamics.phase_grid(oscillator, test)
         frequency = states.frequency
     elif test.method == "harmonic-balance":
         states = _balance(oscillator, test, progress)

@@ -16,13 +16,13 @@ from itertools import combinations, combinations_with_replacement, product
 import numpy as np
 import sympy
 
+import rsgen.law  # compiles loops, for laws with memory
 from rsgen.common.arrays import Array
 from rsgen.common.tolerances import ROUND_OFF
 from rsgen.formula import symbol
 from rsgen.formula.evaluation import compiled
 from rsgen.law.forms import expanded
-from rsgen.law.loops import RESIDUAL_TOLERANCE, compile_loops
-from rsgen.law.memory import MemoryForm, memory_form, positive_in
+from rsgen.law.memory import RESIDUAL_TOLERANCE, MemoryForm, memory_form, positive_in
 from rsgen.law.normal_form import Piece, Switch, normal_form, normal_form_at, slope_between_jumps
 
 RANDOM_STATES = 64
@@ -291,7 +291,7 @@ class RandomLoops:
         self._motion = [((harmonics[0] + 1j * harmonics[1]) * rate**power @ wave).real for power in range(3)]
         self._step = 2 * np.pi / LOOP_SAMPLES / omega
         self._values = np.exp(generator.normal(size=(len(parameters), count, 1)))
-        self._loops = compile_loops(form, parameters)
+        self._loops = rsgen.law.compile_loops(form, parameters)
         closed = np.isfinite(self._forces([([], 1.0)])[0]).all(axis=1)
         self._motion = [part[closed] for part in self._motion]
         self._step = self._step[closed]

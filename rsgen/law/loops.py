@@ -15,14 +15,13 @@ from itertools import pairwise
 from typing import Any
 
 import numpy as np
-import sympy
 from numpy.typing import NDArray
 
 from rsgen.common.arrays import Array
 from rsgen.common.solvers import CONVERGED_STEP, newton
 from rsgen.common.tolerances import MAX_NEWTON_STEPS
 from rsgen.formula import symbol
-from rsgen.law.memory import MemoryForm, real_powers
+from rsgen.law.memory import RESIDUAL_TOLERANCE, MemoryForm, real_powers
 from rsgen.law.normal_form import ForceSample, Perturbation, SwitchedSum, switched_sum
 
 # ----------------------------------------------------------------------------
@@ -220,9 +219,6 @@ class Loop:
 # for slow states, the implicit Euler rule for states that decay within a step (exponential fitting; Liniger
 # and Willoughby, SIAM J. Numer. Anal. 7 (1970) 47). The error is O(h^2), as that of the shares of switches.
 # A loop counts only if it attracts its neighbours: states that begin at zero never reach another one.
-
-RESIDUAL_TOLERANCE = 1e-6
-"""Largest residual of a step, and growth of a disturbance in a period, relative to the state."""
 
 MIN_PERIOD_DECAY = 1e-9
 """Smallest decay in a period of a state that forgets its initial value; others keep it, zero."""
@@ -586,12 +582,3 @@ def compile_loops(form: MemoryForm, parameters: tuple[str, ...]) -> Loops:
         tuple(switched_sum(real_powers(curve.virgin), states[:1], names) for curve in form.curves),
         form.lag is not None,
     )
-
-
-def from_rest(form: MemoryForm) -> sympy.Expr:
-    """Return n(x, v) as reached from rest at once: states and lag zero, Masing laws on their virgin curve."""
-    x = symbol("x")
-    size = sympy.Abs(x)
-    places = dict.fromkeys(form.states, sympy.S.Zero)
-    places |= {c.symbol: sympy.sign(x) * c.virgin.xreplace({x: size}) for c in form.curves}
-    return form.force.xreplace(places)

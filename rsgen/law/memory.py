@@ -22,6 +22,9 @@ from rsgen.formula import check_name, parse, symbol, write
 from rsgen.formula.evaluation import Numeric, compiled
 from rsgen.formula.names import Inner, Masing, State, Structural, remembers
 
+RESIDUAL_TOLERANCE = 1e-6
+"""Largest residual of a step of a loop, and growth of a disturbance in a period, relative to the state."""
+
 # ----------------------------------------------------------------------------
 # Conditions on the virgin curve of a Masing law, and the signs of parameters that follow.
 
@@ -284,6 +287,15 @@ def real_powers(virgin: sympy.Expr) -> sympy.Expr:
         lambda e: sympy.Abs(e.base) ** e.exp,
     )
     return broken
+
+
+def from_rest(form: MemoryForm) -> sympy.Expr:
+    """Return n(x, v) as reached from rest at once: states and lag zero, Masing laws on their virgin curve."""
+    x = symbol("x")
+    size = sympy.Abs(x)
+    places = dict.fromkeys(form.states, sympy.S.Zero)
+    places |= {c.symbol: sympy.sign(x) * c.virgin.xreplace({x: size}) for c in form.curves}
+    return form.force.xreplace(places)
 
 
 def _free(name: str, states: Mapping[sympy.Symbol, Inner]) -> str:

@@ -13,12 +13,13 @@ from dataclasses import dataclass, fields, replace
 from fractions import Fraction
 from functools import lru_cache
 from itertools import combinations, permutations
-from typing import Any, NamedTuple, Protocol
+from typing import TYPE_CHECKING, Any, NamedTuple, Protocol
 
 import numpy as np
 import sympy
 from numpy.typing import NDArray
 
+import rsgen.law  # compiles loops, for laws with memory
 from rsgen.common.arrays import Array
 from rsgen.common.errors import RsgenError
 from rsgen.common.finding import Finding
@@ -30,9 +31,11 @@ from rsgen.formula.unit_deduction import parameter_units
 from rsgen.formula.unit_text import read_unit
 from rsgen.law.character import MAX_SUBSET_PARAMETERS, Character, character
 from rsgen.law.forms import STATES
-from rsgen.law.loops import Loops, compile_loops, from_rest
-from rsgen.law.memory import memory_form
+from rsgen.law.memory import from_rest, memory_form
 from rsgen.law.normal_form import ForceSample, SwitchedSum, switched_sum
+
+if TYPE_CHECKING:
+    from rsgen.law.loops import Loops
 
 # ----------------------------------------------------------------------------
 # Sizes that parameters of a law naturally have in a test, from their units.
@@ -289,7 +292,7 @@ def compile_law(force: sympy.Expr) -> ForceLaw:
             (symbol("x"), symbol("v")),
             tuple(map(symbol, kind.parameters)),
         ),
-        _loops=None if memory is None else compile_loops(memory, kind.parameters),
+        _loops=None if memory is None else rsgen.law.compile_loops(memory, kind.parameters),
     )
 
 

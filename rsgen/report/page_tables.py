@@ -5,13 +5,14 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from rsgen.analysis.comparison import Comparison, Row, compare_fits
 from rsgen.common.errors import RsgenError
 from rsgen.common.tolerances import CONFIDENCE_TEXT
-from rsgen.data.multisine import BestLinear, MultisineSpectra
+from rsgen.data.multisine import MultisineSpectra
 from rsgen.data.surface import ResponseSurface
 from rsgen.formula.units import ForceUnits, choose_scale, number_text, quantity_text, unit_text
 from rsgen.identification.modal_result import MODAL_COLUMNS, ModalTable
@@ -22,6 +23,9 @@ from rsgen.identification.results import Estimate, Identification
 from rsgen.law.element import FORCE_KEYS
 from rsgen.report.wording import sentence
 from rsgen.report.wording.sentences import error_text, share_text
+
+if TYPE_CHECKING:
+    from rsgen.data.multisine import BestLinear
 
 _BACKGROUND_NAMES = {
     "psi": "lead of the force in the phase of the response",

@@ -27,7 +27,7 @@ from rsgen.common.arrays import Array
 from rsgen.common.finding import Finding, StatedVerdict, Verdict
 from rsgen.common.output import read_small
 from rsgen.common.tolerances import interval_sigmas
-from rsgen.data.multisine import BestLinear, MultisineSpectra
+from rsgen.data.multisine import MultisineSpectra
 from rsgen.data.surface import ResponseSurface
 from rsgen.describing import PrintedComparison, derive
 from rsgen.formula import write
@@ -48,6 +48,7 @@ from rsgen.report.wording import sentence
 from rsgen.report.wording.sentences import read_verdict, state_verdict
 
 if TYPE_CHECKING:
+    from rsgen.data.multisine import BestLinear
     from rsgen.identification.ranking import Ranking
 
 SCHEMA = 2

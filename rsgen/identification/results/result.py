@@ -7,7 +7,7 @@ from contextlib import suppress
 from dataclasses import dataclass, field, fields, replace
 from functools import partial
 from math import isfinite
-from typing import Any, TypeVar, cast
+from typing import TYPE_CHECKING, Any, TypeVar, cast
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,7 +17,7 @@ from rsgen.common.errors import RsgenError
 from rsgen.common.finding import Finding, Verdict, reach_verdict
 from rsgen.common.text_table import Printed, TextTable, data_frame, lookup, short, with_error
 from rsgen.common.tolerances import CONFIDENCE_TEXT
-from rsgen.data.multisine import BestLinear, MultisineSpectra
+from rsgen.data.multisine import MultisineSpectra
 from rsgen.data.oscillator import Model
 from rsgen.dynamics.linear_part import BackgroundTerms, background_terms
 from rsgen.formula.unit_deduction import parameter_units
@@ -25,6 +25,9 @@ from rsgen.formula.units import WHOLE, ForceUnits
 from rsgen.identification.fitting.fit import Fit
 from rsgen.identification.results.alternatives import Alternatives
 from rsgen.law.memory import with_equations
+
+if TYPE_CHECKING:
+    from rsgen.data.multisine import BestLinear
 
 
 def _freeze(record: object, names: tuple[str, ...], dtype: type = np.float64) -> None:

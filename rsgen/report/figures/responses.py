@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from itertools import pairwise
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -14,7 +14,6 @@ from matplotlib.ticker import FuncFormatter
 from rsgen.common.arrays import Array
 from rsgen.common.errors import RsgenError, require
 from rsgen.common.tolerances import RELATIVE_CHANGE_NEGLIGIBLE
-from rsgen.data.multisine import BestLinear
 from rsgen.data.surface import ResponseSurface, typical_amounts
 from rsgen.formula.units import SWEEPS, choose_scale, count_text, number_text, quantity_text
 from rsgen.identification.prediction import HeldOutLevel, Prediction, ResonanceCurve
@@ -30,6 +29,9 @@ from rsgen.report.figures.drawing import (
     peaks_by_level,
     take_axes,
 )
+
+if TYPE_CHECKING:
+    from rsgen.data.multisine import BestLinear
 
 _MARKERS = {"rest": "o", "up": "^", "down": "v"}
 
