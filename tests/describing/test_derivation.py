@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Callable
 from pathlib import Path
 from xml.etree import ElementTree
 
@@ -10,32 +11,27 @@ import numpy as np
 import pytest
 from scipy.special import j0, j1
 
-from rsgen.app.cli import main
 from rsgen.describing import derive
 from rsgen.formula import parse, symbol
 from rsgen.formula.evaluation import compiled
 from rsgen.report.figures.equivalent import draw_derivation
+from tests.conftest import Answer
 
 JOINT = "k*x + F*tanh(x/a) + Ff*sign(v)"
 SAME = 1e-12  # a formula that was written and read back, in numbers
 
 
-def call(*words: str | Path) -> int:
-    with pytest.raises(SystemExit) as caught:
-        main([str(word) for word in words])
-    assert isinstance(caught.value.code, int)
-    return caught.value.code
+Run = Callable[..., Answer]
 
 
-def answer(capsys: pytest.CaptureFixture[str], *words: str) -> dict[str, object]:
-    assert call("derive", *words, "--json") == 0
-    found: dict[str, object] = json.loads(capsys.readouterr().out)
-    return found
+def answer(run_cli: Run, *words: str) -> dict[str, object]:
+    done = run_cli("derive", *words, "--json")
+    assert done.code == 0
+    return json.loads(done.out)
 
 
-def test_text_names_only_the_variables_that_occur(capsys: pytest.CaptureFixture[str]) -> None:
-    assert call("derive", "k*x + Ff*sign(v) + q*Max(0, x - b)") == 0
-    text = capsys.readouterr().out
+def test_text_names_only_the_variables_that_occur(run_cli: Run) -> None:
+    text = run_cli("derive", "k*x + Ff*sign(v) + q*Max(0, x - b)").out
     assert "k(X, X0)    = { k + q " in text
     assert "c(X, omega) = 4 Ff/(pi omega X)" in text
     assert "X > |X0 - b|" in text
@@ -44,24 +40,22 @@ def test_text_names_only_the_variables_that_occur(capsys: pytest.CaptureFixture[
     assert "*" not in text
 
 
-def test_text_shows_what_is_not_closed_as_an_integral(capsys: pytest.CaptureFixture[str]) -> None:
-    assert call("derive", JOINT) == 0
-    text = capsys.readouterr().out
+def test_text_shows_what_is_not_closed_as_an_integral(run_cli: Run) -> None:
+    text = run_cli("derive", JOINT).out
     assert "k + F/(pi X) integral_0^2pi sin(phi) tanh(X sin(phi)/a) dphi" in text
     assert "k(X -> 0)  = k + F/a" in text or "k(X -> 0)  = F/a + k" in text
     assert "c(X -> 0)  = oo, with the sign of Ff" in text
     assert "Integral" not in text
 
 
-def test_latex_goes_without_text_formulas(capsys: pytest.CaptureFixture[str]) -> None:
-    assert call("derive", JOINT, "--latex") == 0
-    text = capsys.readouterr().out
+def test_latex_goes_without_text_formulas(run_cli: Run) -> None:
+    text = run_cli("derive", JOINT, "--latex").out
     assert r"c(X, \omega) = \frac{4 F_{f}}{\pi \omega X}" in text
     assert r"\int_{0}^{2 \pi}" in text
 
 
-def test_json_has_null_and_the_closed_part_where_an_integral_is(capsys: pytest.CaptureFixture[str]) -> None:
-    found = answer(capsys, JOINT)
+def test_json_has_null_and_the_closed_part_where_an_integral_is(run_cli: Run) -> None:
+    found = answer(run_cli, JOINT)
     assert found["stiffness"] is None
     assert found["damping"] == "4*Ff/(pi*omega*X)"
     assert found["closed_part"] == {
@@ -82,8 +76,8 @@ def test_json_has_null_and_the_closed_part_where_an_integral_is(capsys: pytest.C
         "Min(Max(k1*x, k2*x - F), k3*x + F)",
     ],
 )
-def test_every_text_of_json_is_the_formula(capsys: pytest.CaptureFixture[str], law: str) -> None:
-    found, function = answer(capsys, law), derive(law)
+def test_every_text_of_json_is_the_formula(run_cli: Run, law: str) -> None:
+    found, function = answer(run_cli, law), derive(law)
     names = tuple(map(symbol, ("X", "X0", "omega", *function.parameters)))
     point = (1.7, 0.3, 0.8, *np.linspace(0.4, 1.9, len(function.parameters)))
     for quantity in ("stiffness", "damping", "mean_balance", "mean"):
@@ -96,11 +90,11 @@ def test_every_text_of_json_is_the_formula(capsys: pytest.CaptureFixture[str], l
         np.testing.assert_allclose(both[0], both[1], rtol=SAME, atol=SAME)
 
 
-def test_assumptions_change_the_formula(capsys: pytest.CaptureFixture[str]) -> None:
+def test_assumptions_change_the_formula(run_cli: Run) -> None:
     law = "c*Heaviside(x - b)*v"
-    assert "-b" in str(answer(capsys, law)["damping"]).replace(" ", "").split("X<=")[1]
-    assert "X <= b" in str(answer(capsys, law, "--assume", "b>0")["damping"])
-    assert str(answer(capsys, law, "--assume", "b>0", "--assume", "c > 0")["damping"]).count("X <=") == 1
+    assert "-b" in str(answer(run_cli, law)["damping"]).replace(" ", "").split("X<=")[1]
+    assert "X <= b" in str(answer(run_cli, law, "--assume", "b>0")["damping"])
+    assert str(answer(run_cli, law, "--assume", "b>0", "--assume", "c > 0")["damping"]).count("X <=") == 1
 
 
 @pytest.mark.parametrize(
@@ -111,12 +105,12 @@ def test_assumptions_change_the_formula(capsys: pytest.CaptureFixture[str]) -> N
     ],
 )
 def test_faults_of_options_are_named_in_one_sentence(
-    words: tuple[str, ...], said: str, capsys: pytest.CaptureFixture[str],
+    words: tuple[str, ...], said: str, run_cli: Run,
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch,
 ) -> None:  # fmt: skip
     monkeypatch.chdir(tmp_path)
-    assert call("derive", "k*x", *words) == 2
-    shown = capsys.readouterr()
+    shown = run_cli("derive", "k*x", *words)
+    assert shown.code == 2
     assert said in shown.err
     assert shown.err.count("\n") == 1
     assert shown.out == ""

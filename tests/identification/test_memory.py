@@ -14,17 +14,10 @@ from rsgen.identification.fitting.fit import fit_balance, fit_simulator
 from rsgen.identification.fitting.observed import Observed, Problem
 from rsgen.identification.fitting.points import select_points
 from rsgen.identification.identify import identify
-from rsgen.identification.results import Identification
 from rsgen.law.element import laws, make_element
 from rsgen.law.numeric import compile_law
-from tests.stepping import DAMPING, MASS, SPRING, stepped
-from tests.surfaces import changed, codes
-
-
-def _errors(found: Identification, truth: dict[str, float]) -> list[float]:
-    assert {e.name for e in found.refined} == set(truth)
-    return [abs(e.value / truth[e.name] - 1) for e in found.refined]
-
+from tests.oracles.memory import DAMPING, MASS, SPRING, sliding
+from tests.surfaces import changed, codes, errors
 
 BOUC_WEN = {"alpha": 2e4, "bg": 800.0, "bd": -500.0, "c": DAMPING, "k": SPRING, "m": MASS}
 
@@ -32,7 +25,7 @@ BOUC_WEN = {"alpha": 2e4, "bg": 800.0, "bd": -500.0, "c": DAMPING, "k": SPRING, 
 @pytest.fixture(scope="module")
 def hysteretic() -> ResponseSurface:
     alpha, bg, bd = (BOUC_WEN[name] for name in ("alpha", "bg", "bd"))
-    return stepped(
+    return sliding(
         lambda v, z: alpha * v - bg * np.abs(v) * z - bd * v * np.abs(z),
         np.inf, (20.0, 60.0, 180.0), (25.0, 31.0),
     )  # fmt: skip
@@ -43,7 +36,7 @@ def test_bouc_wen_is_identified(hysteretic: ResponseSurface) -> None:
     """From first guess to interval; a hundredth of the stiffness moves with the level."""
     memory = {"z": "alpha*v - bg*abs(v)*z - bd*v*abs(z)"}
     found = identify(hysteretic, Model((make_element("law", "k*x + c*v + z", memory),)))
-    assert max(_errors(found, BOUC_WEN)) < 1e-3
+    assert max(errors(found, BOUC_WEN).values()) < 1e-3
     assert found.residual / np.sqrt(2) < 1e-5
 
 
@@ -80,10 +73,10 @@ def test_names_that_act_in_products_only_leave_the_others_determined(hysteretic:
 def test_a_jenkins_element_is_identified() -> None:
     """A slider that sticks at the lowest level and slips at the others."""
     kt, Fs = 1e4, 8.0
-    surface = stepped(lambda v, z: kt * v, Fs, (15.0, 60.0, 180.0), (25.0, 29.0))
+    surface = sliding(lambda v, z: kt * v, Fs, (15.0, 60.0, 180.0), (25.0, 29.0))
     found = identify(surface, Model((make_element("law", "k*x + c*v + masing(Min(kt*x, Fs))"),)))
     truth = {"Fs": Fs, "c": DAMPING, "k": SPRING, "kt": kt, "m": MASS}
-    assert max(_errors(found, truth)) < 5e-3
+    assert max(errors(found, truth).values()) < 5e-3
     assert found.residual < 1e-3
 
 

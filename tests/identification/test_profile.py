@@ -17,7 +17,7 @@ from rsgen.identification.fitting import least_squares
 from rsgen.identification.identify import identify
 from rsgen.identification.profile import _Likelihood, profile, with_profiles
 from rsgen.report.page_tables import estimate_table
-from tests.surfaces import codes
+from tests.surfaces import codes, without_phase
 
 CUBIC, VALUES = "k*x + c*v + k3*x**3", {"k": 6000.0, "c": 4.0, "k3": 2e5}
 GAP, STOP = "k*x + c*v + kg*(Max(x - b, 0) + Min(x + b, 0))", {"k": 6000.0, "c": 4.0, "kg": 6000.0, "b": 3e-3}
@@ -32,6 +32,12 @@ def gauged(law: str, values: dict[str, float], level: list[float], seed: int) ->
         method="harmonic-balance",
     )
     return simulate(Oscillator(1.5, law, values), test)
+
+
+def touched(seed: int) -> ResponseSurface:
+    """A gap that the highest level only just passes."""
+    force = 1.06 * STOP["b"] * STOP["c"] * 2 * np.pi * 10.07
+    return gauged(GAP, STOP, [force * share for share in (0.25, 0.5, 0.75, 1.0)], seed)
 
 
 def test_it_is_walds_where_the_law_is_linear() -> None:
@@ -66,9 +72,7 @@ def test_the_deviance_is_that_of_an_identification_with_the_value_fixed() -> Non
 
 @pytest.mark.slow
 def test_a_gap_only_just_passed_has_a_lopsided_interval() -> None:
-    force = 1.06 * STOP["b"] * STOP["c"] * 2 * np.pi * 10.07
-    surface = gauged(GAP, STOP, [force * share for share in (0.25, 0.5, 0.75, 1.0)], 1)
-    found = identify(surface, GAP)
+    found = identify(touched(1), GAP)
     stiffness = found["kg"]
     assert stiffness.by_profile
     low, high = stiffness.interval
@@ -78,16 +82,16 @@ def test_a_gap_only_just_passed_has_a_lopsided_interval() -> None:
     assert high - stiffness.value > 2 * (stiffness.value - low)
     assert "by profile" in str(found)
     assert not found["k"].by_profile
+    # a fit that did not converge has no likelihood
+    stopped = replace(found.fit, regression=replace(found.fit.regression, converged=False))
+    assert not any(estimate.by_profile for estimate in with_profiles(stopped, found.first_order))
 
 
 def test_a_gap_has_an_interval_without_phases_too() -> None:
     # identification ended in a TypeError: no harmonic is recorded with a phase
     test = SimulatedTest([2.0, 5.0, 8.0], np.linspace(8, 13, 15), noise_relative=0.01)
     table = simulate(Oscillator(1.5, GAP, STOP | {"b": 0.01}), test)
-    bare = ResponseSurface(
-        table.level, table.frequency, np.abs(table.force), table.amplitude, phase_known=False
-    )
-    found = identify(bare, GAP)
+    found = identify(without_phase(table), GAP)
     low, high = profile(found, "b").interval
     assert low < 0.01 < high < 1.1 * low
 
@@ -95,8 +99,7 @@ def test_a_gap_has_an_interval_without_phases_too() -> None:
 @pytest.mark.thorough
 def test_a_stop_that_is_barely_touched_is_bounded_to_one_side() -> None:
     # a rigid stop a little further away explains the touch as well
-    force = 1.06 * STOP["b"] * STOP["c"] * 2 * np.pi * 10.07
-    found = identify(gauged(GAP, STOP, [force * share for share in (0.25, 0.5, 0.75, 1.0)], 7), GAP)
+    found = identify(touched(7), GAP)
     stiffness = found["kg"]
     assert not stiffness.identifiable
     assert stiffness.finding.code == "bounded-to-one-side"
@@ -129,13 +132,6 @@ def test_an_end_of_the_balance_is_told_from_one_of_the_test(sign: int) -> None:
     end, followed = Roots(9.0).end(0, 0.5 * sign, 2.0, sign * np.inf)
     assert end == pytest.approx(2.0 * sign, rel=0.02)
     assert followed == sign * np.inf
-
-
-def test_a_fit_that_did_not_converge_has_no_likelihood() -> None:
-    force = 1.06 * STOP["b"] * STOP["c"] * 2 * np.pi * 10.07
-    found = identify(gauged(GAP, STOP, [force * share for share in (0.25, 0.5, 0.75, 1.0)], 1), GAP)
-    stopped = replace(found.fit, regression=replace(found.fit.regression, converged=False))
-    assert not any(estimate.by_profile for estimate in with_profiles(stopped, found.first_order))
 
 
 def test_a_fit_that_did_not_converge_states_no_interval(monkeypatch: pytest.MonkeyPatch) -> None:

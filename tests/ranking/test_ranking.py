@@ -37,8 +37,7 @@ from rsgen.law.memory import with_memory
 from rsgen.law.numeric import compile_law
 from rsgen.report.wording import sentence
 from tests.conftest import FEW, Answer
-from tests.oracles.memory import bouc_wen, two_masses
-from tests.stepping import stepped
+from tests.oracles.memory import bouc_wen, sliding, two_masses
 from tests.surfaces import LAWS, MASS, changed, model, noisy, surface, truth
 
 CASES = Path(__file__).parents[1] / "cases"
@@ -321,7 +320,7 @@ def test_bouc_wen_is_recognised_by_its_loop() -> None:
 @pytest.mark.thorough
 def test_a_slider_is_recognised_by_its_loop() -> None:
     """Jenkins: no law without memory comes near; sums have one law with memory at most."""
-    table = stepped(lambda v, z: 1e4 * v, 40.0, (30.0, 90.0, 180.0), (24.0, 29.0))
+    table = sliding(lambda v, z: 1e4 * v, 40.0, (30.0, 90.0, 180.0), (24.0, 29.0))
     ranking = rank(noisy(table, 0.01, 1))
     assert ranking.fits
     assert ranking.candidates[0].name == "jenkins"
