@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import csv
 import io
-from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -15,7 +14,7 @@ from rsgen.data.oscillator import Model, Observation
 from rsgen.data.surface import ResponseSurface
 from rsgen.identification.modal_result import MODAL_COLUMNS
 from tests.samples import C1, K1, KN1, MASS, cubic_surface
-from tests.surfaces import noisy
+from tests.surfaces import changed, noisy, without_phase
 
 SURFACE = cubic_surface(levels=6, frequencies=41)
 
@@ -23,6 +22,19 @@ SURFACE = cubic_surface(levels=6, frequencies=41)
 def omega_of(amplitude: np.ndarray) -> np.ndarray:
     """First-order resonance of the softening spring [rad/s], Liu et al., Eq. (13)."""
     return np.sqrt((K1 + 0.75 * KN1 * amplitude**2) / MASS)
+
+
+def measured(X: np.ndarray, omega: np.ndarray, force: np.ndarray, **options: str) -> ResponseSurface:
+    """Points of these amplitudes under a force whose phase counts from the response."""
+    size = np.abs(force)
+    return ResponseSurface(
+        options.pop("level", size), omega / (2 * np.pi), size, X * np.exp(-1j * np.angle(force)), **options
+    )
+
+
+def inside(table: rsgen.ModalTable, name: str, true: np.ndarray) -> np.ndarray:
+    """Where the interval of a column contains what is true."""
+    return (getattr(table, f"{name}_lower") <= true) & (true <= getattr(table, f"{name}_upper"))
 
 
 def phase_resonance(
@@ -33,17 +45,13 @@ def phase_resonance(
     # k - m omega^2 = omega c cot(lag)
     cotangent = 1 / np.tan(np.radians(degrees))
     omega = (-c * cotangent + np.sqrt((c * cotangent) ** 2 + 4 * m * k)) / (2 * m)
-    force = amplitudes * (k - m * omega**2 + 1j * omega * c)
-    return ResponseSurface(
-        np.abs(force), omega / (2 * np.pi), np.abs(force), amplitudes * np.exp(-1j * np.angle(force))
-    )
+    return measured(amplitudes, omega, amplitudes * (k - m * omega**2 + 1j * omega * c))
 
 
 def test_a_linear_mode_has_the_same_row_at_every_amplitude():
     omega = 2 * np.pi * np.linspace(9, 11, 41)
-    table = rsgen.modal_table(
-        ResponseSurface(2.0, omega / 2 / np.pi, 2.0, 2 / (5000 - 1.25 * omega**2 + 2j * omega))
-    )
+    surface = ResponseSurface(2.0, omega / 2 / np.pi, 2.0, 2 / (5000 - 1.25 * omega**2 + 2j * omega))
+    table = rsgen.modal_table(surface)
     np.testing.assert_allclose(table.mass, 1.25, rtol=1e-9)
     np.testing.assert_allclose(table.omega, np.sqrt(4000), rtol=1e-10)
     np.testing.assert_allclose(table.damping_ratio, 2 / (2 * np.sqrt(5000 * 1.25)), rtol=1e-9)
@@ -70,9 +78,7 @@ def test_the_damping_at_resonance_does_not_depend_on_how_it_grows_with_frequency
     resonance = omega_of(X)
     c = C1 * (1 + 30 * X) * (omega / resonance) ** (order - 1) * resonance ** (order - 1) / 60 ** (order - 1)
     F = X * (K1 + 0.75 * KN1 * X**2 - MASS * omega**2 + 1j * omega * c)
-    table = rsgen.modal_table(
-        ResponseSurface(X, f.ravel(), np.abs(F), X * np.exp(-1j * np.angle(F)), control="response")
-    )
+    table = rsgen.modal_table(measured(X, omega, F, level=X, control="response"))
     wanted = C1 * (1 + 30 * table.amplitude) * (omega_of(table.amplitude) / 60) ** (order - 1)
     np.testing.assert_allclose(table.damping, wanted, rtol=1e-3)
     np.testing.assert_allclose(table.mass, MASS, rtol=1e-6)
@@ -88,8 +94,7 @@ def test_intervals_cover_what_they_say_under_noise():
         truth = {"frequency": omega_of(at) / (2 * np.pi), "stiffness": K1 + 0.75 * KN1 * at**2}
         truth["damping_ratio"] = C1 / (2 * MASS * omega_of(at))
         for name, true in truth.items():
-            low, high = getattr(table, f"{name}_lower"), getattr(table, f"{name}_upper")
-            hits[name] += int(np.count_nonzero((low <= true) & (true <= high)))
+            hits[name] += int(np.count_nonzero(inside(table, name, true)))
         count += len(at)
     # 95 % of 54, four standard deviations of a binomial below: wider than needed is allowed, narrower is not
     assert all(hit >= 0.95 * count - 4 * np.sqrt(0.95 * 0.05 * count) for hit in hits.values()), hits
@@ -106,6 +111,12 @@ def test_without_a_mass_phase_resonance_determines_stiffness_per_mass_and_dampin
     np.testing.assert_allclose(table.damping, C1, rtol=1e-6)
     assert np.isnan([*table.stiffness, *table.damping_ratio, table.mass]).all()
     assert [finding.code for finding in table.findings] == ["mass-at-resonance"]
+    # columns that are not known are empty, and no response off resonance is predicted
+    row = next(csv.DictReader(io.StringIO(table.to_csv())))
+    assert row["stiffness [N/m]"] == row["lower damping_ratio [1]"] == ""
+    assert "damping_ratio" not in repr(table)
+    with pytest.raises(RsgenError, match="give the mass"):
+        rsgen.predict(table, [1.0])
 
 
 def test_a_lag_off_a_quarter_period_is_corrected_with_the_mass_and_widens_without():
@@ -122,16 +133,14 @@ def test_a_lag_off_a_quarter_period_is_corrected_with_the_mass_and_widens_withou
 
 def test_one_slice_off_resonance_determines_the_mass():
     X = np.geomspace(5e-3, 5e-2, 9)
-    on, f = phase_resonance(X), np.array([9.6, 9.8, 10.1, 10.3])
-    omega = 2 * np.pi * f
-    F = 0.02 * (K1 + 0.75 * KN1 * 0.02**2 - MASS * omega**2 + 1j * omega * C1)
-    both = ResponseSurface(
-        np.append(on.level, np.abs(F)),
-        np.append(on.frequency, f),
-        np.append(on.force, np.abs(F)),
-        np.append(on.harmonics[:, 1], 0.02 * np.exp(-1j * np.angle(F))),
+    on = phase_resonance(X)
+    X, omega = (
+        np.append(X, np.full(4, 0.02)),
+        np.append(on.omega, 2 * np.pi * np.array([9.6, 9.8, 10.1, 10.3])),
     )
-    table = rsgen.modal_table(both)
+    table = rsgen.modal_table(
+        measured(X, omega, X * (K1 + 0.75 * KN1 * X**2 - MASS * omega**2 + 1j * omega * C1))
+    )
     assert table.known == tuple(MODAL_COLUMNS)
     np.testing.assert_allclose(table.mass, MASS, rtol=1e-3)
 
@@ -145,23 +154,14 @@ def test_a_test_without_scale_has_frequencies_and_damping_ratios():
 
 
 def test_a_phase_error_of_the_sensor_is_found_and_removed():
-    turned = ResponseSurface(
-        SURFACE.level, SURFACE.frequency, SURFACE.force, SURFACE.harmonics[:, 1] * np.exp(0.1j)
-    )
+    turned = changed(SURFACE, harmonics=SURFACE.harmonics * np.exp(0.1j))
     table = rsgen.modal_table(turned, Observation(background="phase"))
     np.testing.assert_allclose(table.omega, omega_of(table.amplitude), rtol=1e-4)
     np.testing.assert_allclose(table.damping, C1, rtol=2e-3)
 
 
 def test_amplitudes_alone_are_enough():
-    flat = ResponseSurface(
-        SURFACE.level,
-        SURFACE.frequency,
-        np.abs(SURFACE.force),
-        np.abs(SURFACE.harmonics[:, 1]),
-        phase_known=False,
-    )
-    table = rsgen.modal_table(flat)
+    table = rsgen.modal_table(without_phase(SURFACE))
     inner = slice(2, -2)
     np.testing.assert_allclose(table.omega[inner], omega_of(table.amplitude)[inner], rtol=1e-3)
     np.testing.assert_allclose(table.damping[inner], C1, rtol=0.02)
@@ -171,10 +171,8 @@ def test_amplitudes_beside_a_background_reach_as_far_as_those_of_the_mode():
     """The background adds to the mode in a phase that was not recorded; 7 and 11 parts in 1000 without it."""
     seen = SURFACE.harmonics[:, 1] + 2e-5 * np.exp(0.7j) * SURFACE.force
     whole = ResponseSurface(SURFACE.level, SURFACE.frequency, SURFACE.force, seen)
-    bare = replace(whole, force=np.abs(whole.force), harmonics=np.abs(whole.harmonics), phase_known=False)
-    known, found = (
-        rsgen.modal_table(surface, Observation(background="constant")) for surface in (whole, bare)
-    )
+    about = Observation(background="constant")
+    known, found = (rsgen.modal_table(surface, about) for surface in (whole, without_phase(whole)))
     np.testing.assert_allclose(found.tested, known.tested, rtol=4e-3)
 
 
@@ -196,19 +194,14 @@ def test_the_file_has_every_row_with_its_interval():
             np.testing.assert_allclose(column, getattr(table, f"{name}{end}"), rtol=1e-9)
 
 
-def test_columns_that_are_not_known_are_empty():
-    table = rsgen.modal_table(phase_resonance(np.geomspace(5e-3, 5e-2, 9)))
-    row = next(csv.DictReader(io.StringIO(table.to_csv())))
-    assert row["stiffness [N/m]"] == row["lower damping_ratio [1]"] == ""
-    assert "damping_ratio" not in repr(table)
-
-
 def test_what_cannot_be_tabulated_is_refused_with_the_reason():
     flank = SURFACE.select(SURFACE.frequency < 9)
     with pytest.raises(RsgenError, match="points lie within 45 degrees of resonance"):
         rsgen.modal_table(flank)
     with pytest.raises(RsgenError, match="about"):
         rsgen.modal_table(SURFACE, "k*x")
+    with pytest.raises(RsgenError, match="feed the exciter"):
+        rsgen.modal_table(changed(SURFACE, harmonics=-SURFACE.harmonics))
     with pytest.raises(RsgenError, match="positive and finite"):
         rsgen.modal_table(SURFACE).at([1e-3, -1.0])
     with pytest.raises(AttributeError, match="it has amplitude, frequency"):
@@ -238,18 +231,6 @@ def test_a_held_out_level_is_predicted_without_a_law(level: float):
     np.testing.assert_allclose(force[near], asked, rtol=2e-3)
 
 
-def test_without_a_mass_no_response_off_resonance_is_predicted():
-    table = rsgen.modal_table(phase_resonance(np.geomspace(5e-3, 5e-2, 9)))
-    with pytest.raises(RsgenError, match="give the mass"):
-        rsgen.predict(table, [1.0])
-
-
-def test_a_response_of_the_wrong_sign_is_refused():
-    turned = ResponseSurface(SURFACE.level, SURFACE.frequency, SURFACE.force, -SURFACE.harmonics[:, 1])
-    with pytest.raises(RsgenError, match="feed the exciter"):
-        rsgen.modal_table(turned)
-
-
 def test_a_shaken_base_gives_the_table_per_unit_mass_and_with_the_mass_whole():
     test = rsgen.SimulatedTest(level=[1.0, 3.0], frequency=np.linspace(9.4, 10.8, 15), base="acceleration")
     surface = rsgen.simulate(rsgen.Oscillator(MASS, "k*x + c*v", {"k": K1, "c": C1}), test)
@@ -277,7 +258,7 @@ def test_intervals_contain_curves_that_no_spline_follows_exactly():
         return size * (k - MASS * rate**2 + 1j * (loss + rate * C1))
 
     F = force(X, omega)
-    exact = ResponseSurface(X, f.ravel(), np.abs(F), X * np.exp(-1j * np.angle(F)), control="response")
+    exact = measured(X, omega, F, level=X, control="response")
     at = np.geomspace(1.5e-3, 2.5e-2, 7)
     k, loss = curves(at)
     true = {"stiffness": k, "damping": C1 + loss / np.sqrt(k / MASS)}
@@ -286,8 +267,7 @@ def test_intervals_contain_curves_that_no_spline_follows_exactly():
     for seed in range(runs):
         table = rsgen.modal_table(noisy(exact, 0.01, seed)).at(at)
         for name, wanted in true.items():
-            low, high = getattr(table, f"{name}_lower"), getattr(table, f"{name}_upper")
-            hits[name] += int(np.count_nonzero((low <= wanted) & (wanted <= high)))
+            hits[name] += int(np.count_nonzero(inside(table, name, wanted)))
     count = runs * len(at)
     # as above; the seven of a run depend on each other, so that they count as three
     least = 0.95 * count - 4 * np.sqrt(0.95 * 0.05 * count * 7 / 3)
@@ -312,13 +292,12 @@ def test_intervals_hold_between_the_amplitudes_that_were_tested(law, values):
         "stiffness_per_mass": between.omega**2,
         "damping": np.abs(between.force) / between.omega / between.amplitude,
     }
-    inside = {name: [] for name in true}
+    hits = {name: [] for name in true}
     for seed in range(16):
         table = rsgen.modal_table(noisy(tested, 0.01, seed), mass=1.5).at(between.amplitude)
         for name, column in true.items():
-            low, high = (getattr(table, f"{name}_{end}") for end in ("lower", "upper"))
-            inside[name].append((low < column) & (column < high))
-    for name, each in inside.items():
+            hits[name].append(inside(table, name, column))
+    for name, each in hits.items():
         assert np.mean(each) > 0.9, name
         assert np.mean(each, axis=0).min() > 0.5, name
 
