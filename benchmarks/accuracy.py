@@ -27,7 +27,6 @@ from rsgen.common.finding import Finding
 from rsgen.common.output import write_atomic
 from rsgen.data.surface import ResponseSurface
 from rsgen.dynamics.virtual_test import add_noise
-from rsgen.identification.fitting.points import held_out_mask
 
 ROOT = Path(__file__).parent.parent
 RUNS = 500
@@ -259,7 +258,7 @@ def main() -> None:
         for name in asked.case:
             begin = time.perf_counter()
             table = surface_of(name, FREQUENCIES)
-            seen = table.select(~held_out_mask(table, load(name).model))
+            seen = table.select(~table.held_out(load(name).observation.hold_out))
             true = {**load(name).truth}
             bounds[name] = {
                 key: value / abs(true[key])

@@ -20,18 +20,18 @@ from pydantic.json_schema import GenerateJsonSchema
 
 from rsgen.cases.tables import Maker, Obeys, Quantity, Table, Text, table_of
 from rsgen.common.arrays import Array
-from rsgen.common.declaration import Rule, given
+from rsgen.common.declaration import Rule
 from rsgen.common.errors import MeasurementError, RsgenError
 from rsgen.data.oscillator import Model, Observation, Oscillator
 from rsgen.data.planned_test import PlannedTest
-from rsgen.data.surface.columns import BASE_UNITS
+from rsgen.data.records import BASE_UNITS
 from rsgen.describing import derive
 from rsgen.dynamics.kernel_source import generate
 from rsgen.dynamics.transients import DecayTest, SweepTest
 from rsgen.dynamics.virtual_test import MultisineTest, SimulatedTest, VirtualTest, free_mean_fault
-from rsgen.files import HistoryRule, MeasuredTest, Signal
+from rsgen.files import HistoryRule, MeasuredTest
 from rsgen.files.plan import Excitation
-from rsgen.files.signals import combination
+from rsgen.files.signals import PLACES, combination
 from rsgen.formula import symbol, write
 from rsgen.formula.bounds import MAX_CHARACTERS
 from rsgen.formula.evaluation import compiled
@@ -284,8 +284,6 @@ class Case:
 # ----------------------------------------------------------------------------
 # From the table [test] of a measured case to the plan for reading its files.
 
-_SIGNAL = Signal(amplitude=1)
-
 _OF_PHASE = {
     True: "response.phase: is missing; amplitude and phase, or real and imaginary, are needed "
     "(or phase_known = false)",
@@ -356,17 +354,14 @@ def _signal_faults(table: Any, test: MeasuredTest) -> Iterator[str]:
     if force is None and table.base is None and table.excitation != "ring-down":
         yield "force: is missing; where it is, or nominal = true, is needed"
     elif force is not None and force.nominal:
-        if any(getattr(force, name) is not None for name in given(_SIGNAL, "amplitude")):
+        if any(getattr(force, name) is not None for name in PLACES):
             yield "force.nominal: is true, but there are columns of the force; leave one out"
         if test.history is not None:
             yield "force.nominal: a time history needs the force as it was; 'samples' is needed"
-    named = [(f"channels.{name}", channel.signal) for name, channel in (test.channels or {}).items()]
-    base = None if test.base is None else test.base.signal
-    for place, signal in (("force", test.force), ("base", base), ("response", test.response), *named):
-        if signal is None or test.history is not None:
-            continue
-        turned = (signal.phase, signal.imaginary, signal.complex) != (None, None, None)
-        if turned and signal.phase_sense is None:
+    named = {f"channels.{name}": channel for name, channel in (test.channels or {}).items()}
+    for place, channel in (test.made | named).items() if test.history is None else ():
+        turned = (channel.phase, channel.imaginary, channel.complex) != (None, None, None)
+        if turned and channel.phase_sense is None:
             yield (
                 f"{place}.phase_sense: is missing; 'lag' (positive means later) or 'lead' (earlier) is needed"
             )

@@ -9,11 +9,22 @@ from rsgen.common import on_first_use
 if TYPE_CHECKING:
     from rsgen.files.files_to_surface import read_measurement
     from rsgen.files.plan import HistoryRule, Layout, LevelRule, MeasuredTest, SweepRule
-    from rsgen.files.signals import Signal
+    from rsgen.files.signals import Channel, Signal
 
-__all__ = ["HistoryRule", "Layout", "LevelRule", "MeasuredTest", "Signal", "SweepRule", "read_measurement"]
+__all__ = [
+    "Channel",
+    "HistoryRule",
+    "Layout",
+    "LevelRule",
+    "MeasuredTest",
+    "Signal",
+    "SweepRule",
+    "read_measurement",
+]
 
 # a process that opens a file of strangers loads what it needs for that alone
 __getattr__ = on_first_use(
-    __name__, dict.fromkeys(__all__, "plan") | {"read_measurement": "files_to_surface"}
+    __name__,
+    dict.fromkeys(__all__, "plan")
+    | {"Channel": "signals", "Signal": "signals", "read_measurement": "files_to_surface"},
 )

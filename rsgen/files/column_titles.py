@@ -13,7 +13,7 @@ from rsgen.formula.units import quantity, sensor_unit
 
 if TYPE_CHECKING:
     from rsgen.files.plan import MeasuredTest
-    from rsgen.files.signals import Signal
+    from rsgen.files.signals import Channel
 
 # ----------------------------------------------------------------------------
 # Comparison of the unit that a case gives to a column with the unit in its title.
@@ -29,7 +29,7 @@ def contradiction(file: str, column: str, unit: str, title: str) -> Finding:
 
 
 def unit_doubts(
-    test: MeasuredTest, file: str, titles: Mapping[int | str, str], signal: Signal | None, target: str
+    test: MeasuredTest, file: str, titles: Mapping[int | str, str], channel: Channel
 ) -> list[Finding]:
     """Find columns whose title names another unit of the same quantity than the case.
 
@@ -39,25 +39,23 @@ def unit_doubts(
         The plan, and what the file is called.
     titles
         Of the columns, by their addresses.
-    signal
-        Force or response; None where there is none.
-    target
-        Its SI unit.
+    channel
+        A channel of the test.
     """
-    if signal is None or signal.unit is None or signal.factor != 1 or not test.calibrated:
+    if channel.unit is None or channel.factor != 1 or not test.calibrated:
         return []
-    found = []
-    for column in signal.columns:
+    found, target = [], test.unit_of(channel)
+    for column in channel.columns:
         title = unit_in(titles.get(column, ""))
         try:
             said, read = (
-                quantity(f"1 {sensor_unit(u, target)}", target) for u in (title or target, signal.unit)
+                quantity(f"1 {sensor_unit(u, target)}", target) for u in (title or target, channel.unit)
             )
         except RsgenError:
             # a title may end like a unit of something else
             continue
         if title and abs(said - read) > _UNIT_TOLERANCE * abs(read):
-            found.append(contradiction(file, titles.get(column, str(column)), signal.unit, title))
+            found.append(contradiction(file, titles.get(column, str(column)), channel.unit, title))
     return found
 
 

@@ -14,15 +14,15 @@ from numpy.typing import NDArray
 from rsgen.common.arrays import Array, ComplexArray
 from rsgen.common.errors import MeasurementError, RsgenError, quote
 from rsgen.common.finding import Finding, quantities
+from rsgen.data.records import DERIVATIVE
 from rsgen.data.surface import ResponseSurface
-from rsgen.data.surface.columns import DERIVATIVE
 from rsgen.files.column_titles import unit_doubts, unit_in
 from rsgen.files.data_files import file_label, recognise_format
 from rsgen.files.plan import MeasuredTest
 from rsgen.files.sandbox import read_binary
-from rsgen.files.signals import NamedChannel, Signal
+from rsgen.files.signals import Channel
 from rsgen.files.text_columns import Columns, read_columns
-from rsgen.files.tree import Channel
+from rsgen.files.tree import StoredArray
 from rsgen.formula.units import quantity, sensor_unit
 
 # ----------------------------------------------------------------------------
@@ -39,24 +39,24 @@ _SCALES = {
 def _left_to_file(test: MeasuredTest) -> dict[int | str, str]:
     """Return the SI unit of each column whose unit is taken from the file."""
     return {
-        column: target
-        for signal, target in test.signals
-        if signal is not None and signal.unit is None and test.calibrated
-        for column in signal.columns
-        if column != signal.phase
+        column: test.unit_of(channel)
+        for channel in test.sources
+        if channel.unit is None and test.calibrated
+        for column in channel.columns
+        if column != channel.phase
     }
 
 
-def _check_scale(test: MeasuredTest, label: str, column: int | str, channel: Channel) -> None:
+def _check_scale(test: MeasuredTest, label: str, column: int | str, array: StoredArray) -> None:
     """Refuse amplitudes that the file says to be others than the case reads."""
-    for signal, _ in test.signals:
-        if signal is None or not channel.scale or column not in signal.columns or column == signal.phase:
+    for channel in test.sources:
+        if not array.scale or column not in channel.columns or column == channel.phase:
             continue
-        said, needed = _SCALES[channel.scale]
-        fits = signal.factor != 1 if channel.scale == "half-peak" else signal.scale == channel.scale
+        said, needed = _SCALES[array.scale]
+        fits = channel.factor != 1 if array.scale == "half-peak" else channel.scale == array.scale
         if not fits:
             raise MeasurementError(
-                f"{label}: {quote(channel.path)} holds {said}, as the file says; write {needed} in the case"
+                f"{label}: {quote(array.path)} holds {said}, as the file says; write {needed} in the case"
             )
 
 
@@ -72,7 +72,7 @@ def scaled(values: NDArray[Any], factor: float) -> NDArray[Any]:
 
 
 def to_si(
-    test: MeasuredTest, label: str, wanted: Sequence[int | str], groups: Sequence[list[Channel]]
+    test: MeasuredTest, label: str, wanted: Sequence[int | str], groups: Sequence[list[StoredArray]]
 ) -> tuple[Finding, ...]:
     """Bring channels to SI in place where the case leaves the unit to the file.
 
@@ -222,7 +222,7 @@ def _star(pattern: str, name: str) -> tuple[str, ...] | None:
 
 
 def _entries(
-    label: str, wanted: Sequence[int | str], groups: Sequence[list[Channel]]
+    label: str, wanted: Sequence[int | str], groups: Sequence[list[StoredArray]]
 ) -> list[dict[int | str, NDArray[Any]]]:
     """Sort what wildcards found into entries: the same * stands for the same name in every column."""
     several = {address: group for address, group in zip(wanted, groups, strict=True) if _has_star(address)}
@@ -302,16 +302,16 @@ def _about_rows(label: str, text: Columns, vouched: bool) -> Iterator[Finding]:
         yield Finding("last-line-open", "info", names={"file": label})
 
 
-def _column(text: Columns, place: int, name: int | str) -> Channel:
+def _column(text: Columns, place: int, name: int | str) -> StoredArray:
     title = text.names[place]
     unit = unit_in(title)
     source = "the title of the column" if unit else ""
-    return Channel(title or str(name), text.values[:, place], unit, source)
+    return StoredArray(title or str(name), text.values[:, place], unit, source)
 
 
 def read_channels(
     test: MeasuredTest, path: Path, wanted: Sequence[int | str], sha256: str | None
-) -> tuple[list[list[Channel]], tuple[Finding, ...], Columns | None]:
+) -> tuple[list[list[StoredArray]], tuple[Finding, ...], Columns | None]:
     """Read channels of a file of a test.
 
     Returns
@@ -389,7 +389,7 @@ def read_table(
 # Channels of one file or several as SI amplitudes at the same points, and the sums that are made of them.
 
 
-def file_of(test: MeasuredTest, channel: NamedChannel, number: int) -> Path:
+def file_of(test: MeasuredTest, channel: Channel, number: int) -> Path:
     """Find the file that has a channel of one of the test's files."""
     return channel.files[number] if channel.files else test.files[number]
 
@@ -414,10 +414,10 @@ class Sources:
         """Keep some rows of all tables."""
         return replace(self, tables={path: table.keep(mask) for path, table in self.tables.items()})
 
-    def amplitude(self, channel: NamedChannel, what: str) -> ComplexArray:
+    def amplitude(self, channel: Channel, what: str) -> ComplexArray:
         """(n,) complex peak amplitude of a channel, its quantity in SI."""
         table = self.tables[file_of(self.test, channel, self.number)]
-        return _signal(table, channel.signal, self.test.scale_of(channel), what)
+        return _signal(table, channel, self.test.scale_of(channel), what)
 
     def sum(self, what: str, frequency: Array) -> ComplexArray:
         """(n,) the sum that ``what`` is made of: a force [N], or a displacement [m]."""
@@ -435,9 +435,9 @@ class Sources:
     def doubts(self) -> list[Finding]:
         """Find columns whose titles contradict the case."""
         found: list[Finding] = []
-        for channel, (signal, target) in zip(self.test.sources, self.test.signals, strict=True):
+        for channel in self.test.sources:
             table = self.tables[file_of(self.test, channel, self.number)]
-            found += unit_doubts(self.test, table.label, table.names, signal, target)
+            found += unit_doubts(self.test, table.label, table.names, channel)
         return found
 
     @property
@@ -446,20 +446,20 @@ class Sources:
         return tuple(finding for table in self.tables.values() for finding in table.findings)
 
 
-def _signal(table: Table, signal: Signal, factor: float, what: str) -> ComplexArray:
+def _signal(table: Table, channel: Channel, factor: float, what: str) -> ComplexArray:
     """Assemble complex SI peak amplitudes, exp(+i omega t): a lead is a positive phase."""
-    first, *second = signal.columns
+    first, *second = channel.columns
     value: NDArray[Any]
-    if signal.complex is not None:
+    if channel.complex is not None:
         value = np.asarray(table.columns[first], dtype=np.complex128)
-    elif signal.real is not None:
+    elif channel.real is not None:
         value = table.real(first) + 1j * table.real(second[0])
     else:
         magnitude = table.real(first)
         table.refuse(magnitude < 0, f"{what} amplitude is negative; 0 or more is needed")
-        radian = np.pi / 180 if signal.phase_unit == "deg" else 1.0
+        radian = np.pi / 180 if channel.phase_unit == "deg" else 1.0
         value = magnitude * np.exp(1j * radian * (table.real(second[0]) if second else 0.0))
-    value = np.conj(value) if signal.lags else value
+    value = np.conj(value) if channel.lags else value
     value = np.asarray(value * factor, dtype=np.complex128)
     table.refuse(~np.isfinite(value), f"{what} is too large after conversion to SI units")
     table.refuse(value == 0, f"{what} is zero; every point needs one that is not")
@@ -474,7 +474,7 @@ def read_sources(test: MeasuredTest, number: int) -> Sources:
         if place is not None:
             wanted[main].append(place)
     for channel in test.sources:
-        wanted.setdefault(file_of(test, channel, number), []).extend(channel.signal.columns)
+        wanted.setdefault(file_of(test, channel, number), []).extend(channel.columns)
     sha256 = test.sha256[number] if test.sha256 else None
     tables = {
         path: read_table(test, path, list(dict.fromkeys(places)), sha256 if path == main else None)

@@ -23,8 +23,8 @@ from rsgen.data.history import (
     record_findings,
 )
 from rsgen.data.multisine import MultisineSpectra
+from rsgen.data.records import below_acceleration
 from rsgen.data.surface import ResponseSurface, recognise_directions
-from rsgen.data.surface.columns import below_acceleration
 from rsgen.data.surface.plausibility import base_findings, lag_findings, quantity_findings
 from rsgen.files.column_titles import contradiction, is_angular, unit_in
 from rsgen.files.data_files import file_label
@@ -355,7 +355,7 @@ def _directions(
 
 def _has_entries(test: MeasuredTest) -> bool:
     """Return True if a * of the plan stands for the entries of a file, each of which is a run."""
-    places = (test.frequency, *(column for source in test.sources for column in source.signal.columns))
+    places = (test.frequency, *(column for source in test.sources for column in source.columns))
     return any("*" in place for place in places if isinstance(place, str))
 
 
@@ -365,7 +365,7 @@ def _blocks(part: _Part) -> range:
 
 def _called(test: MeasuredTest, number: int, entry: int) -> str:
     """Call a block of a file."""
-    name = file_label((test.response_files or test.files)[number])
+    name = file_label((test.response.files or test.files)[number])
     return f"{name}, part {entry + 1}" if len(test.files) == 1 else name
 
 
@@ -373,7 +373,7 @@ def _drive(test: MeasuredTest, force: ComplexArray, frequency: Array) -> Complex
     """(n,) what levels are amounts of: the force, or the motion of the base, in the phase of the force."""
     if test.base is None:
         return force
-    left = below_acceleration(test.terms("base")[0][1].quantity)
+    left = below_acceleration(test.quantity_of("base"))
     return np.asarray(force / (2 * np.pi * frequency) ** left)
 
 
@@ -409,7 +409,7 @@ def _amplitudes(test: MeasuredTest) -> ResponseSurface:
         # no such test measures a mean
         across=np.concatenate([0 * far, far], axis=1),
         per_mass=test.base is not None,
-        base="" if test.base is None else test.terms("base")[0][1].quantity,
+        base="" if test.base is None else test.quantity_of("base"),
         sweep="rest" if followed else _directions(test.sweep, frequency, level, marks, block),
         phase_known=test.phase_known or test.control == "phase",
         control=test.control,
@@ -515,7 +515,7 @@ def read_measurement(test: MeasuredTest) -> ResponseSurface | MultisineSpectra:
     if test.history is not None and test.history.excitation == "ring-down":
         return _from_histories(test, test.history)
     surface = _amplitudes(test) if test.history is None else _from_histories(test, test.history)
-    sense = None if test.history is not None else "lag" if test.sources[-1].signal.lags else "lead"
+    sense = None if test.history is not None else "lag" if test.sources[-1].lags else "lead"
     quantity = cast("str", test.quantity)
     # a force per mass and a motion relative to the base are made of several measured quantities
     other = tuple(quantity_findings(surface, quantity)) if test.base is None else ()

@@ -49,9 +49,9 @@ def _rows(
             raise MeasurementError(f"{label}: {quote(name)} is complex; samples are real numbers")
         rows[name] = values
     titles = {name: channels[0].path for name, channels in zip(wanted, groups, strict=True)}
-    for signal, target in test.signals:
-        if signal is not None and signal.samples in rows:
-            findings += unit_doubts(test, label, titles, signal, target)
+    for channel in test.sources:
+        if channel.samples in rows:
+            findings += unit_doubts(test, label, titles, channel)
     return rows
 
 
@@ -126,7 +126,7 @@ def _record(test: MeasuredTest, rule: HistoryRule, number: int) -> _Record:
     main = test.files[number]
     label = file_label(main)
     files = [file_of(test, channel, number) for channel in test.sources]
-    places = [cast("int | str", channel.signal.samples) for channel in test.sources]
+    places = [cast("int | str", channel.samples) for channel in test.sources]
     if len(set(zip(files, places, strict=True))) < len(places) and test.channels is None:
         raise MeasurementError(f"{label}: {quote(places[-1])} is force and response; they must differ")
     wanted: dict[Path, list[int | str]] = {}
@@ -184,7 +184,7 @@ def _histories(test: MeasuredTest, rule: HistoryRule, number: int) -> list[TimeH
             rate=rate,
             force=force,
             response=samples,
-            quantity=test.terms(what)[0][1].quantity,
+            quantity=test.quantity_of(what),
             level=level_of_file(test, number),
             start=start + begin / rate,
             label=label,

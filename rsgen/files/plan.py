@@ -10,22 +10,22 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from math import pi, sqrt
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, Literal, cast
+from typing import TYPE_CHECKING, Annotated, Any, Literal
 
-from rsgen.common.declaration import Rule, check, declare, documented, given
+from rsgen.common.declaration import Rule, check, choices, declare, documented, given
 from rsgen.common.errors import MeasurementError, RsgenError
 from rsgen.data.planned_test import PlannedTest
+from rsgen.data.records import QUANTITIES
 from rsgen.files.data_files import FORMATS
 from rsgen.files.signals import (
     AMPLITUDES,
     BaseRule,
+    Channel,
     Checked,
     Column,
     Factor,
-    NamedChannel,
     Scale,
     Seconds,
-    Signal,
     Unit,
     combination,
 )
@@ -241,13 +241,12 @@ class MeasuredTest(PlannedTest):
         Rule("The column of the frequency; None for histories.", key="frequency.column", required=True),
     ]
     force: Annotated[
-        Signal | None, Rule("None: not recorded, the level stands for it. Its phase is the reference.")
+        Channel | None, Rule("None: not recorded, the level stands for it. Its phase is the reference.")
     ]
-    response: Annotated[Signal, Rule("Where the response is, and what was measured.")]
-    quantity: Annotated[
-        Literal["displacement", "velocity", "acceleration"] | None,
-        Rule("What the response is; None: what its channels are.", key="response.quantity"),
-    ]
+    response: Annotated[Channel, Rule("Where the response is, and what was measured.")]
+    quantity: Literal["displacement", "velocity", "acceleration"] | None = declare(
+        None, "What the response is, where its channel does not say it.", outside=True
+    )
     frequency_unit: Literal["Hz", "kHz", "mHz", "rad/s", "rpm"] | None = declare(
         None, "Without it the unit that the file names, else Hz.", key="frequency.unit"
     )
@@ -260,9 +259,6 @@ class MeasuredTest(PlannedTest):
     format: FormatName = declare("auto", "auto: recognised by how the file begins. csv: columns of text.")
     per_force: bool = declare(False, "The response is response over force.", key="response.per_force")
     phase_known: bool = declare(True, "False: amplitudes alone were recorded.", key="response.phase_known")
-    response_files: tuple[Path, ...] = declare(
-        (), "Files of the response, one for each of the force.", key="response.file", fewest=1, most=MAX_FILES
-    )
     control: Literal["force", "response", "phase", "continuation"] = declare(
         "force",
         "What was held constant within a level. Levels of a held response are "
@@ -271,7 +267,7 @@ class MeasuredTest(PlannedTest):
     history: HistoryRule | None = declare(None, "How histories were taken; None for tables.", key="")
     calibrated: bool = declare(True, "False: any unit stands for N and the SI unit.", outside=True)
     base: BaseRule | None = declare(None, "Instead of a force: the motion of a driven base.")
-    channels: dict[str, NamedChannel] | None = declare(
+    channels: dict[str, Channel] | None = declare(
         None, "Channels by name, of which force, response, base and elements are made."
     )
     across: str | None = declare(
@@ -283,7 +279,7 @@ class MeasuredTest(PlannedTest):
         object.__setattr__(self, "files", tuple(map(Path, files)))
         check(self, MeasurementError)
         if self.quantity is None:
-            object.__setattr__(self, "quantity", self.terms("response")[0][1].quantity)
+            object.__setattr__(self, "quantity", self.quantity_of("response"))
 
     def faults(self) -> Iterator[tuple[str, str]]:
         """Find what does not fit together: a field's name and what is wrong with it."""
@@ -292,10 +288,9 @@ class MeasuredTest(PlannedTest):
         if found:
             yield from found
             return
-        for name, count in (("sha256", len(self.sha256)), ("response_files", len(self.response_files))):
-            if count not in (0, files):
-                yield name, f"{count} for {files} files; one for each is needed"
-        pairs = list(zip(self.files, self.response_files or self.files, strict=False))
+        if len(self.sha256) not in (0, files):
+            yield "sha256", f"{len(self.sha256)} for {files} files; one for each is needed"
+        pairs = list(zip(self.files, self.response.files or self.files, strict=False))
         for file, _ in [pair for number, pair in enumerate(pairs) if pair in pairs[:number]][:1]:
             yield "files", f"{file.name!r:.80} stands twice; each file once"
         one = files == 1 and self.history is None
@@ -320,8 +315,7 @@ class MeasuredTest(PlannedTest):
             needed = "a time history needs 'samples', its column, and nothing else"
         for name in (*self.made, "level"):
             for _, channel in self.terms(name) if name != "level" else ():
-                signal = channel.signal
-                if signal.columns and (signal.samples is None) != (self.history is None):
+                if channel.columns and (channel.samples is None) != (self.history is None):
                     yield name, needed
             try:
                 self.factor(name)
@@ -329,36 +323,37 @@ class MeasuredTest(PlannedTest):
                 yield name, " ".join(str(fault).split())
 
     @property
-    def made(self) -> dict[str, tuple[Signal, str | None]]:
-        """Signal and, where it is said, quantity of all that is made of channels: force, base, motions."""
-        signals: dict[str, tuple[Signal | None, str | None]] = {
-            "force": (self.force, "force"),
-            "base": (None, None) if self.base is None else (self.base.signal, self.base.quantity),
-            "response": (self.response, self.quantity),
-            "across": (None if self.across is None else Signal(channels=self.across), None),
+    def made(self) -> dict[str, Channel]:
+        """Channels, or sums of channels, that are force, base and motions."""
+        channels = {
+            "force": None if self.force is None else self.force.measuring("force"),
+            "base": None if self.base is None else self.base.channel,
+            "response": self.response.measuring(self.quantity),
+            "across": None if self.across is None else Channel(channels=self.across),
         }
-        return {what: (signal, said) for what, (signal, said) in signals.items() if signal is not None}
+        return {what: channel for what, channel in channels.items() if channel is not None}
 
     @property
     def motions(self) -> list[str]:
         """Motions that elements follow: the response, then that across two sensors if it is made."""
         return [what for what in self.made if what not in ("force", "base")]
 
-    def terms(self, what: str) -> tuple[tuple[float, NamedChannel], ...]:
+    def terms(self, what: str) -> tuple[tuple[float, Channel], ...]:
         """Return factors and channels of "force", "response", "base" or "across"; none if not recorded."""
-        files = self.response_files if what == "response" else ()
-        if what not in self.made:
-            return ()
-        signal, quantity = self.made[what]
-        if signal.channels is None:
-            return ((1.0, NamedChannel(signal, cast("Any", quantity), files=files)),)
+        channel = self.made.get(what)
+        if channel is None or channel.channels is None:
+            return () if channel is None else ((1.0, channel),)
         named = self.channels or {}
-        return tuple((factor, named[name]) for name, factor in combination(signal.channels).items())
+        return tuple((factor, named[name]) for name, factor in combination(channel.channels).items())
+
+    def quantity_of(self, what: str) -> str:
+        """Return what the channels of "force", "response", "base" or "across" measured."""
+        return self.terms(what)[0][1].quantity or "displacement"
 
     @property
-    def sources(self) -> tuple[NamedChannel, ...]:
+    def sources(self) -> tuple[Channel, ...]:
         """Every channel that is needed, once."""
-        found: list[NamedChannel] = []
+        found: list[Channel] = []
         for what in self.made:
             found += [channel for _, channel in self.terms(what) if channel not in found]
         return tuple(found)
@@ -367,7 +362,8 @@ class MeasuredTest(PlannedTest):
     def all_files(self) -> tuple[Path, ...]:
         """The files of the test and of its channels, each once."""
         named = [path for channel in (self.channels or {}).values() for path in channel.files]
-        return tuple(dict.fromkeys((*self.files, *self.response_files, *named)))
+        own = [path for channel in self.made.values() for path in channel.files]
+        return tuple(dict.fromkeys((*self.files, *own, *named)))
 
     @property
     def file(self) -> Path:
@@ -395,24 +391,19 @@ class MeasuredTest(PlannedTest):
         """The frequency column times this is in Hz, where the file names no unit."""
         return HERTZ[self.frequency_unit or "Hz"]
 
-    @property
-    def signals(self) -> tuple[tuple[Signal | None, str], ...]:
-        """All signals, each with its SI unit: of a response over force per newton."""
-        return tuple((channel.signal, self._unit_of(channel)) for channel in self.sources)
+    def unit_of(self, channel: Channel) -> str:
+        """SI unit of a channel: of a response over force per newton."""
+        return channel.si_unit + ("/N" if self.per_force and channel == self.made["response"] else "")
 
-    def _unit_of(self, channel: NamedChannel) -> str:
-        per_force = self.per_force and channel.signal is self.response
-        return channel.unit + ("/N" if per_force else "")
-
-    def scale_of(self, channel: NamedChannel) -> float:
+    def scale_of(self, channel: Channel) -> float:
         """The numbers of a channel times this are SI peak values."""
-        return self._size(channel.signal, self._unit_of(channel))
+        return self._size(channel, self.unit_of(channel))
 
     @property
     def level_unit(self) -> str:
         """SI unit of the levels: "N", "m" where the response was held, that of the motion of a base."""
         if self.base is not None:
-            return self.terms("base")[0][1].unit
+            return self.terms("base")[0][1].si_unit
         return "m" if self.control in ("response", "continuation") else "N"
 
     def factor(self, name: str) -> float:
@@ -424,7 +415,7 @@ class MeasuredTest(PlannedTest):
             return 1.0 if self.level.labels else self._size(self.level, self.level_unit, self._unit_in_name)
         return [1.0, *(self.scale_of(channel) for _, channel in self.terms(name))][-1]
 
-    def _size(self, said: Signal | LevelRule, target: str, in_name: str = "") -> float:
+    def _size(self, said: Channel | LevelRule, target: str, in_name: str = "") -> float:
         unit = said.unit or in_name or target
         peak = sqrt(2) if said.scale == "rms" else 1.0
         if isinstance(said.factor, str):
@@ -462,16 +453,16 @@ def channel_faults(test: MeasuredTest) -> Iterator[tuple[str, str]]:
     for name, channel in known.items():
         if not _NAME.fullmatch(name):
             yield "channels", f"{name!r:.80} is no name; a letter, then letters, digits and _ are needed"
+        if channel.channels is not None:
+            yield f"channels.{name}.channels", "is made of other channels; a column is needed"
+        elif channel.quantity is None:
+            yield f"channels.{name}.quantity", "is missing; what was measured is needed"
+    channels = {f"channels.{name}": channel for name, channel in known.items()} | test.made
+    for what, channel in channels.items():
         if len(channel.files) not in (0, len(test.files)):
-            yield f"channels.{name}.file", f"{len(channel.files)} for {len(test.files)} files; one for each"
-    wrong = False
-    for what, (signal, _) in test.made.items():
-        for fault in _sum_faults(test, what, signal):
-            wrong = True
-            yield what, fault
-    if test.response.channels is None and test.quantity is None:
-        wrong = True
-        yield "quantity", "is missing; 'displacement', 'velocity' or 'acceleration' is needed"
+            yield f"{what}.file", f"{len(channel.files)} for {len(test.files)} files; one for each is needed"
+    wrong = [fault for what, channel in test.made.items() for fault in _made_faults(test, what, channel)]
+    yield from wrong
     if not wrong:
         yield from _quantity_faults(test)
         yield from _excitation_faults(test)
@@ -480,36 +471,40 @@ def channel_faults(test: MeasuredTest) -> Iterator[tuple[str, str]]:
 
 def _quantity_faults(test: MeasuredTest) -> Iterator[tuple[str, str]]:
     """Find a quantity that is not that of the channels, and files that they do not come from."""
-    if test.response.channels is not None and test.response_files:
-        yield "response_files", "belong to columns, but channels are given; say the files of each channel"
-    for what, (signal, said) in test.made.items():
-        known = test.terms(what)[0][1].quantity
-        if signal.channels is not None and said not in (None, known):
+    for what, channel in test.made.items():
+        known, said = test.terms(what)[0][1].quantity, channel.quantity
+        if channel.channels is not None and said not in (None, known):
             yield f"{what}.quantity", f"is {said!r}, but its channels are {known}; leave it out"
 
 
-def _sum_faults(test: MeasuredTest, what: str, signal: Signal) -> Iterator[str]:
-    """Find what is wrong with the sum of channels that something is made of."""
-    if signal.channels is None:
+def _made_faults(test: MeasuredTest, what: str, channel: Channel) -> Iterator[tuple[str, str]]:
+    """Find what is wrong with the channel, or the sum of channels, that something is made of."""
+    if channel.channels is None:
+        if (what == "force") != (channel.quantity == "force") or channel.quantity is None:
+            said = "is missing" if channel.quantity is None else f"is {channel.quantity!r}"
+            needed = "'force'" if what == "force" else choices(Literal[tuple(QUANTITIES)])
+            yield f"{what}.quantity", f"{said}; {needed} is needed"
         return
     try:
-        names = combination(signal.channels)
+        names = combination(channel.channels)
     except MeasurementError as fault:
-        yield str(fault)
+        yield what, str(fault)
         return
     known = test.channels or {}
     unknown = [name for name in names if name not in known]
     if unknown:
-        yield f"{', '.join(unknown)}: no such channel; known: {', '.join(known) or 'none'}"
+        yield what, f"{', '.join(unknown)}: no such channel; known: {', '.join(known) or 'none'}"
         return
-    quantities = {known[name].quantity for name in names}
+    quantities = {str(known[name].quantity) for name in names}
     if (what == "force") != (quantities == {"force"}):
         needed = "of forces" if what == "force" else "of displacements, velocities or accelerations"
-        yield f"{signal.channels!r:.80} is made {needed}; its channels are {', '.join(sorted(quantities))}"
+        said = ", ".join(sorted(quantities))
+        yield what, f"{channel.channels!r:.80} is made {needed}; its channels are {said}"
     elif test.history is not None and len(quantities) > 1:
         yield (
-            f"{signal.channels!r:.80} adds {' and '.join(sorted(quantities))}; channels of one quantity are "
-            "needed in time histories"
+            what,
+            f"{channel.channels!r:.80} adds {' and '.join(sorted(quantities))}; channels of one quantity are "
+            "needed in time histories",
         )
 
 
@@ -537,10 +532,8 @@ def _base_faults(test: MeasuredTest) -> Iterator[tuple[str, str]]:
             "base.response",
             "is 'absolute', and no phases were recorded; the motion relative to the base needs them",
         )
-    if test.base.signal.channels is None and test.base.quantity is None:
-        yield "base.quantity", "is missing; 'displacement', 'velocity' or 'acceleration' is needed"
-    elif test.history is not None:
-        of_base, of_response = (test.terms(what)[0][1].quantity for what in ("base", "response"))
+    if test.history is not None:
+        of_base, of_response = (test.quantity_of(what) for what in ("base", "response"))
         if of_base != "acceleration":
             yield "base.quantity", f"is {of_base!r}; a time history needs the acceleration of the base"
         elif test.base.response == "absolute" and of_response != "acceleration":

@@ -42,10 +42,10 @@ from rsgen.files.data_files import FORMATS, check_digest, file_label, open_regul
 from rsgen.files.tree import (
     LARGEST_BYTES,
     MAX_NODES,
-    Channel,
     Contents,
     Entry,
     Node,
+    StoredArray,
     array_bytes,
     describe,
     facts,
@@ -207,7 +207,7 @@ def _reading(
 
 def read_binary(
     path: Path, form: str, wanted: Sequence[int | str], sha256: str | None = None
-) -> list[list[Channel]]:
+) -> list[list[StoredArray]]:
     """Read channels of a binary file in a separate process.
 
     Parameters
@@ -229,7 +229,7 @@ def read_binary(
         Missing, too large, damaged, not what it says to be, an address that is not there; the reading process
         broke down or took too long.
     """
-    channels: list[list[Channel]] = [[] for _ in wanted]
+    channels: list[list[StoredArray]] = [[] for _ in wanted]
     with _reading(path, form, list(wanted), sha256) as (process, header, size):
         most = 2 * largest_bytes(size)
         for item in header["arrays"]:
@@ -239,7 +239,7 @@ def read_binary(
             most -= array_bytes(shape, np.dtype(item["dtype"]), most)
             values = process.array(shape, item["dtype"])
             unit, source, scale = (str(item[key]) for key in ("unit", "unit_source", "scale"))
-            channel = Channel(str(item["path"]), values, unit, source, scale, int(item["row"]))
+            channel = StoredArray(str(item["path"]), values, unit, source, scale, int(item["row"]))
             channels[int(item["wanted"])].append(channel)
     return channels
 

@@ -1,4 +1,4 @@
-"""Signals of a measured test: the columns of one, channels with names, and what is made of several.
+"""Channels of a measured test: where each is, and sums of those with names.
 
 The classes are declarations, too: a case file has the same keys, derived by ``rsgen.cases``.
 """
@@ -7,18 +7,19 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterator
+from copy import copy
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Literal
 
 from rsgen.common.declaration import Rule, check, declare, documented, given
 from rsgen.common.errors import MeasurementError
-from rsgen.data.surface.columns import QUANTITIES
+from rsgen.data.records import QUANTITIES
 
 AMPLITUDES = "amplitude (with phase), or real and imaginary, or complex"
 MAX_DELAY = 10.0
 """Delay of a channel [s]: no filter and no multiplexer is later."""
-_PLACES = ("amplitude", "phase", "real", "imaginary", "complex", "samples")
+PLACES = ("amplitude", "phase", "real", "imaginary", "complex", "samples")
 _TOGETHER = (["amplitude"], ["amplitude", "phase"], ["complex"], ["samples"], ["real", "imaginary"])
 
 Column = Annotated[
@@ -58,9 +59,12 @@ class Checked:
 
 @documented
 @dataclass(frozen=True, slots=True)
-class Signal(Checked):
-    """A complex amplitude in one or two columns, or the samples of a time history."""
+class Channel(Checked):
+    """A recorded channel: complex amplitudes in one or two columns, or samples; or a sum of channels."""
 
+    quantity: Literal["force", "displacement", "velocity", "acceleration"] | None = declare(
+        None, "What was measured."
+    )
     amplitude: Column | None = None
     phase: Column | None = declare(None, "Goes with amplitude; 0 without.")
     real: Column | None = None
@@ -81,14 +85,24 @@ class Signal(Checked):
         "Instead of columns: a sum of named channels, such as 'payload - wing' or '0.5*left + 0.5*right'.",
         most=400,
     )
+    delay: Seconds = declare(
+        0.0,
+        "How much later than the others its signal arrives, as behind a filter; taken off. Negative for a "
+        "channel that is sampled later than the others, as by a multiplexer.",
+        at_least=-MAX_DELAY,
+        at_most=MAX_DELAY,
+    )
+    files: tuple[Path, ...] = declare(
+        (), "Its files, one for each of the test; those of the test without.", key="file", fewest=1, most=200
+    )
 
     def faults(self) -> Iterator[tuple[str, str]]:
         """Find what does not fit together: a field's name ("" for all) and what is wrong with it."""
-        places = list(given(self, *_PLACES))
+        places = list(given(self, *PLACES))
         if self.channels is not None:
             if places:
                 yield "channels", "are given, and columns too; leave one of them out"
-            for name in given(self, "factor", "unit", "scale", "phase_unit", "phase_sense"):
+            for name in given(self, "factor", "unit", "scale", "phase_unit", "phase_sense", "delay", "files"):
                 yield name, "is of a column, but channels are given; say it of each channel"
             try:
                 combination(self.channels)
@@ -105,13 +119,27 @@ class Signal(Checked):
     @property
     def columns(self) -> tuple[int | str, ...]:
         """The columns that are needed."""
-        return tuple(getattr(self, name) for name in given(self, *_PLACES))
+        return tuple(getattr(self, name) for name in given(self, *PLACES))
+
+    def measuring(self, quantity: str | None) -> Channel:
+        """Return the channel with its quantity, where it says none; its faults are left to ``faults``."""
+        known = copy(self)
+        object.__setattr__(known, "quantity", self.quantity or quantity)
+        return known
+
+    @property
+    def si_unit(self) -> str:
+        """SI unit of the quantity."""
+        return QUANTITIES.get(self.quantity or "displacement", "N")
 
     @property
     def lags(self) -> bool:
         """True if a positive phase or imaginary part means later than the reference."""
         return self.phase_sense == "lag"
 
+
+Signal = Channel
+"""Earlier name of ``Channel``; it goes after the next release."""
 
 _TERM = re.compile(r"\s*([+-]?)\s*(?:(\d+(?:\.\d*)?|\.\d+)\s*\*\s*)?([A-Za-z_][A-Za-z0-9_]{0,39})\s*")
 """A sign, a number and the name of a channel."""
@@ -149,45 +177,11 @@ def combination(text: str) -> dict[str, float]:
 
 @documented
 @dataclass(frozen=True, slots=True)
-class NamedChannel(Checked):
-    """A recorded channel with a name: its column, its sensor, and the files that have it."""
-
-    signal: Annotated[Signal, Rule("Where it is.", key="")]
-    quantity: Annotated[
-        Literal["force", "displacement", "velocity", "acceleration"], Rule("What was measured.")
-    ]
-    delay: Seconds = declare(
-        0.0,
-        "How much later than the others its signal arrives, as behind a filter; taken off. Negative for a "
-        "channel that is sampled later than the others, as by a multiplexer.",
-        at_least=-MAX_DELAY,
-        at_most=MAX_DELAY,
-    )
-    files: tuple[Path, ...] = declare(
-        (), "Its files, one for each of the test; those of the test without.", key="file", fewest=1, most=200
-    )
-
-    @property
-    def unit(self) -> str:
-        """SI unit of the quantity."""
-        return QUANTITIES.get(self.quantity, "N")
-
-    def faults(self) -> Iterator[tuple[str, str]]:
-        """Find what does not fit together: a field's name and what is wrong with it."""
-        if self.signal.channels is not None:
-            yield "signal", "is made of other channels; a column is needed"
-
-
-@documented
-@dataclass(frozen=True, slots=True)
 class BaseRule(Checked):
     """The motion of a driven base, instead of a force."""
 
-    signal: Annotated[Signal, Rule("Where it is.", key="")]
+    channel: Annotated[Channel, Rule("What of the base was measured, and where it is.", key="")]
     response: Annotated[
         Literal["relative", "absolute"],
         Rule("Whether the response is the motion relative to the base or the absolute one."),
     ]
-    quantity: Literal["displacement", "velocity", "acceleration"] | None = declare(
-        None, "What of the base was measured; without it that of its channels."
-    )

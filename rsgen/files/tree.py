@@ -153,7 +153,7 @@ class Contents:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Channel:
+class StoredArray:
     """An array that was read.
 
     Parameters

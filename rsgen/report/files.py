@@ -21,7 +21,6 @@ from rsgen.data.surface import ResponseSurface, save_surface, typical_amounts
 from rsgen.describing import PrintedComparison, compare_printed, derive
 from rsgen.dynamics.kernel_source import generate
 from rsgen.formula.names import Structural, remembers
-from rsgen.identification.fitting.points import held_out_mask
 from rsgen.identification.prediction import Prediction, predict
 from rsgen.identification.results import Identification, MultisineIdentification
 from rsgen.report.figures import (
@@ -304,7 +303,7 @@ def _levels(surface: ResponseSurface, identification: Identification) -> list[fl
     if surface.response_held:
         # its levels are no forces; those that the resonances needed are
         return [float(level) for level in identification.levels]
-    held_out = surface.level[held_out_mask(surface, identification.model)]
+    held_out = surface.level[surface.held_out(identification.model.observation.hold_out)]
     chosen = np.isin(surface.levels, [*choose_levels(surface, 5), *held_out])
     forces = typical_amounts(surface)[chosen]
     return sorted({float(force) for force in forces if np.isfinite(force)})

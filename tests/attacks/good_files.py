@@ -14,7 +14,7 @@ import scipy.io.wavfile
 from numpy.random import Generator
 
 from rsgen.data.surface import ResponseSurface, save_surface
-from rsgen.files import HistoryRule, LevelRule, MeasuredTest, Signal
+from rsgen.files import Channel, HistoryRule, LevelRule, MeasuredTest
 
 __all__ = ["ENDINGS", "arrays", "good", "history_plan", "power_of_ten", "table_plan", "universal"]
 
@@ -166,24 +166,24 @@ def good(form: str, folder: Path) -> bytes:
 
 def table_plan(path: Path, form: str) -> MeasuredTest:
     """Read the table of amplitudes of a good file."""
-    columns: tuple[Any, Any, Signal] = ("f", "F", Signal(complex="x"))
+    columns: tuple[Any, Any, Channel] = ("f", "F", Channel(complex="x"))
     if form == "npy":
-        columns = ("array[:,1]", "array[:,2]", Signal(real="array[:,3]", imaginary="array[:,4]"))
+        columns = ("array[:,1]", "array[:,2]", Channel(real="array[:,3]", imaginary="array[:,4]"))
     elif form == "csv":
-        columns = (1, 2, Signal(real=3, imaginary=4))
+        columns = (1, 2, Channel(real=3, imaginary=4))
     elif form == "uff":
-        columns = ("1/abscissa", "1/ordinate", Signal(amplitude="2/ordinate"))
+        columns = ("1/abscissa", "1/ordinate", Channel(amplitude="2/ordinate"))
     elif form in _BEFORE:
         f, F, re, im = (f"{_BEFORE[form][0]}{name}" for name in ("f", "F", "re", "im"))
-        columns = (f, F, Signal(real=re, imaginary=im))
+        columns = (f, F, Channel(real=re, imaginary=im))
     elif form == "wav":
-        columns = (1, 2, Signal(real=3, imaginary=4, unit="m"))
+        columns = (1, 2, Channel(real=3, imaginary=4, unit="m"))
         level = LevelRule(column=2)
         return MeasuredTest(
-            (path,), 1, Signal(amplitude=2, unit="N"), columns[2], "displacement", level=level
+            (path,), 1, Channel(amplitude=2, unit="N"), columns[2], "displacement", level=level
         )
     f, F, x = columns
-    return MeasuredTest((path,), f, Signal(amplitude=F), x, "displacement", level=LevelRule(column=F))
+    return MeasuredTest((path,), f, Channel(amplitude=F), x, "displacement", level=LevelRule(column=F))
 
 
 def history_plan(path: Path, form: str) -> MeasuredTest:
@@ -198,9 +198,9 @@ def history_plan(path: Path, form: str) -> MeasuredTest:
     elif form in _BEFORE:
         u, a, t = columns = tuple(f"{_BEFORE[form][1]}{name}" for name in ("u", "a", "t"))
     elif form == "wav":
-        signals = Signal(samples=5, unit="N"), Signal(samples=6, unit="m/s^2")
+        signals = Channel(samples=5, unit="N"), Channel(samples=6, unit="m/s^2")
         rule = HistoryRule("swept-sine", rate_column="rate")
         return MeasuredTest((path,), None, *signals, "acceleration", history=rule)
     u, a, t = columns
     rule = HistoryRule("swept-sine", time=t)
-    return MeasuredTest((path,), None, Signal(samples=u), Signal(samples=a), "acceleration", history=rule)
+    return MeasuredTest((path,), None, Channel(samples=u), Channel(samples=a), "acceleration", history=rule)

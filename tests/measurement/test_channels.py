@@ -12,7 +12,7 @@ import rsgen as rs
 from rsgen.common.errors import CaseError, MeasurementError
 from rsgen.files import HistoryRule, MeasuredTest
 from rsgen.files.histories import shifted
-from rsgen.files.signals import BaseRule, NamedChannel, Signal, combination
+from rsgen.files.signals import BaseRule, Channel, Signal, combination
 
 F = np.linspace(6.0, 9.0, 25)
 OMEGA = 2 * np.pi * F
@@ -56,7 +56,7 @@ def test_a_channel_sampled_later_has_a_negative_delay():
     np.testing.assert_allclose(
         shifted(np.cos(omega * (t + late)), -late)[200:-200], np.cos(omega * t)[200:-200], atol=1e-4
     )
-    said = next(one for one in fields(NamedChannel) if one.name == "delay").metadata
+    said = next(one for one in fields(Channel) if one.name == "delay").metadata
     assert "Negative for a channel that is sampled later" in str(said)
 
 
@@ -116,6 +116,24 @@ def test_each_channel_has_its_file_quantity_unit_factor_and_delay(tmp_path):
     surface = rs.read(rs.load_case(path))
     np.testing.assert_allclose(surface.force, FORCE, rtol=1e-12)
     np.testing.assert_allclose(surface.harmonics[:, 1], PAYLOAD - 0.5 * WING, rtol=1e-12)
+
+
+def test_columns_of_force_and_response_have_all_that_a_named_channel_has(tmp_path):
+    late = 1j * OMEGA * WING * np.exp(-2e-3j * OMEGA)
+    place = 'real = {}\nimaginary = {}\nphase_sense = "lead"\n'
+    force = "[test.force]\n" + place.format(1, 2) + 'file = "b.csv"\nquantity = "force"\n'
+    response = "[test.response]\n" + place.format(2, 3) + 'quantity = "velocity"\ndelay = "2 ms"\n'
+    surface = rs.read(rs.load_case(write(tmp_path, force + response, a=(late,), b=(FORCE,))))
+    np.testing.assert_allclose(surface.force, FORCE, rtol=1e-12)
+    np.testing.assert_allclose(surface.harmonics[:, 1], WING, rtol=1e-12)
+    for text, said in (
+        (force.replace('"force"', '"velocity"') + response, "test.force.quantity: is 'velocity'; 'force' is"),
+        (force + response.replace('"velocity"', '"force"'), "test.response.quantity: is 'force'; 'displ"),
+        (force.replace('"b.csv"', '["a.csv", "b.csv"]') + response, "test.force.file: 2 for 1 files"),
+        ("[test.force]\nnominal = true\nreal = 2\nimaginary = 3\n" + response, "test.force.nominal"),
+    ):
+        with pytest.raises(CaseError, match=said):
+            rs.load_case(write(tmp_path, text))
 
 
 @pytest.mark.parametrize("quantity", ["displacement", "velocity", "acceleration"])
@@ -228,7 +246,7 @@ channels = "payload"
         (CHANNELS + FORCE_AND_WING + "factor = -1\n", SPRING, "factor: is of a column"),
         (CHANNELS + FORCE_AND_WING + 'unit = "mm"\n', SPRING, "unit: is of a column"),
         (CHANNELS + FORCE_AND_WING + 'quantity = "velocity"\n', SPRING, "quantity: is 'velocity', but"),
-        (CHANNELS + FORCE_AND_WING + 'file = "b.csv"\n', SPRING, "files? of each channel"),
+        (CHANNELS + FORCE_AND_WING + 'file = "b.csv"\n', SPRING, "file: is of a column"),
         (CHANNELS + "delay = 1e300\n" + FORCE_AND_WING, SPRING, "delay"),
         (
             CHANNELS + '[test.force]\nchannels = "wing"\n[test.response]\nchannels = "wing"',
@@ -256,7 +274,7 @@ def test_what_does_not_fit_is_said(tmp_path, test, elements, said):
 
 def test_a_base_does_not_lose_its_unit_in_a_free_decay():
     history = HistoryRule("ring-down", rate=400.0)
-    base = BaseRule(Signal(samples="b"), "relative", "acceleration")
+    base = BaseRule(Signal(samples="b", quantity="acceleration"), "relative")
     with pytest.raises(MeasurementError, match="base: does not go with 'ring-down'"):
         MeasuredTest("a.csv", None, None, Signal(samples="x"), "displacement", history=history, base=base)
 

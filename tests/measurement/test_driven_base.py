@@ -107,6 +107,6 @@ def test_levels_without_a_column_are_amplitudes_of_what_was_measured_of_the_base
     )
     test = MeasuredTest(
         tmp_path / "a.csv", 1, None, Signal(real=3, imaginary=4, phase_sense="lead"), "displacement",
-        base=BaseRule(Signal(amplitude=2), "relative", quantity),
+        base=BaseRule(Signal(amplitude=2, quantity=quantity), "relative"),
     )  # fmt: skip
     assert np.sort(read_measurement(test).levels) == pytest.approx([3.0, 9.0], rel=0.01)

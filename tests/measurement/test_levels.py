@@ -13,11 +13,10 @@ import scipy.io
 import rsgen
 from rsgen.common.errors import MeasurementError, RsgenError
 from rsgen.data.multisine import MultisineSpectra
-from rsgen.data.multisine.spectra import held_out_records
 from rsgen.data.oscillator import Model, Observation
-from rsgen.data.surface import ResponseSurface, load_surface, match_level, save_surface, typical_amounts
+from rsgen.data.records import match_level
+from rsgen.data.surface import ResponseSurface, load_surface, save_surface, typical_amounts
 from rsgen.files import LevelRule, MeasuredTest, Signal, read_measurement
-from rsgen.identification.fitting.points import held_out_mask
 
 FREQUENCY = np.linspace(8, 12, 41)
 MASS, STIFFNESS, CUBIC, DAMPING = 1.5, 5920.0, 2e6, 7.5
@@ -159,8 +158,7 @@ def test_a_level_is_held_out_by_its_label(tmp_path, asked, held):
     saved = read_measurement(of_files(tmp_path, LABELLED, level=rule))
     save_surface(tmp_path / "surface.h5", saved)
     for surface in (saved, load_surface(tmp_path / "surface.h5"), saved.select(np.arange(len(saved))[::-1])):
-        mask = held_out_mask(surface, Model("k*x", observation=Observation(hold_out=(asked,))))
-        assert np.unique(surface.level[mask]).tolist() == [held]
+        assert np.unique(surface.level[surface.held_out((asked,))]).tolist() == [held]
     assert saved.find_level(asked) == held
     model = Model("k*x + c*v", observation=Observation(hold_out=(asked,)))
     said = [f for f in rsgen.identify(saved, model).findings if f.code == "held-out-by-label"]
@@ -187,18 +185,18 @@ def test_levels_without_labels_are_held_out_by_their_amounts(tmp_path):
 def test_records_are_held_out_by_their_labels():
     lines = np.ones((3, 1, 4), complex)
     spectra = MultisineSpectra([2.0, 4.0, 6.0], 1.0, lines, lines, label=[1, 2, 3])
-    assert held_out_records(spectra, (2,)).tolist() == [False, True, False]
-    assert held_out_records(spectra, (6,)).tolist() == [False, False, True]
-    assert held_out_records(spectra.select([2, 1, 0]), (1,)).tolist() == [False, False, True]
+    assert spectra.held_out((2,)).tolist() == [False, True, False]
+    assert spectra.held_out((6,)).tolist() == [False, False, True]
+    assert spectra.select([2, 1, 0]).held_out((1,)).tolist() == [False, False, True]
     # a label may have several amounts, and an amount several labels
     several = MultisineSpectra([1.0, 1.3, 1.0, 5.0], 1.0, lines[[0] * 4], lines[[0] * 4], label=[1, 1, 2, 3])
-    assert held_out_records(several, (1.0,)).tolist() == [True, True, False, False]
-    assert held_out_records(several, (5.0,)).tolist() == [False, False, False, True]
+    assert several.held_out((1.0,)).tolist() == [True, True, False, False]
+    assert several.held_out((5.0,)).tolist() == [False, False, False, True]
     # a label within its printed digits, as of a surface; the refusal lists labels
     thirds = replace(spectra, label=np.array([1 / 3, 2 / 3, 1.0]))
-    assert held_out_records(thirds, (0.667,)).tolist() == [False, True, False]
+    assert thirds.held_out((0.667,)).tolist() == [False, True, False]
     with pytest.raises(RsgenError, match=r"label 0\.333333"):
-        held_out_records(thirds, (9.0,))
+        thirds.require_levels((9.0,))
 
 
 @pytest.mark.parametrize(("asked", "said"), [(1, []), (2, [4.0]), (6, [])])

@@ -252,9 +252,9 @@ def test_nested_struct_of_a_lock_in(measured_data):
 @pytest.mark.slow
 def test_input_and_output_in_files_of_their_own(measured_data):
     force, response = (measured_data(f"bouc_wen/{name}val_sinesweep.mat") for name in "uy")
-    channels = {"force": "uval_sinesweep", "response": "yval_sinesweep"}
-    more = {"quantity": "displacement", "response_files": (response,), "history": swept(rate=750.0)}
-    (got,) = read_histories(history(force, **channels, **more))
+    moved = Signal(samples="yval_sinesweep", files=(response,))
+    more = {"quantity": "displacement", "history": swept(rate=750.0)}
+    (got,) = read_histories(history(force, force="uval_sinesweep", response=moved, **more))
     assert got.force is not None
     assert np.abs(got.force).max() == pytest.approx(40, rel=1e-6)
     assert len(got) == 153000

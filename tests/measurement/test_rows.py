@@ -14,8 +14,10 @@ from rsgen.files import Layout, MeasuredTest, Signal, read_measurement
 from rsgen.files.text_columns import read_columns
 
 
-def read(path: Path, frequency: int | str = "f", **more: Any) -> ResponseSurface:
-    signals = Signal(amplitude="F"), Signal(amplitude="x")
+def read(
+    path: Path, frequency: int | str = "f", response: tuple[Path, ...] = (), **more: Any
+) -> ResponseSurface:
+    signals = Signal(amplitude="F"), Signal(amplitude="x", files=response)
     return read_measurement(
         MeasuredTest(path, frequency, *signals, "displacement", phase_known=False, **more)
     )
@@ -62,7 +64,7 @@ def test_gaps_of_binary_files_and_of_another_file_are_left_out_together(tmp_path
     force, response = tmp_path / "a.npz", tmp_path / "b.npz"
     np.savez(force, f=[1.0, 2.0, np.nan, 4.0], F=[1.0, 1.0, 1.0, 1.0])
     np.savez(response, x=[1.0, np.nan, 1.0, 5.0])
-    surface = read(force, response_files=(response,))
+    surface = read(force, response=(response,))
     assert surface.amplitude.tolist() == [1, 5]
     assert rows_found(surface) == {"no number": {"rows": 2, "all": 4}}
 

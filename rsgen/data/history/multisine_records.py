@@ -25,7 +25,7 @@ from rsgen.data.history.record import (
     name_levels,
 )
 from rsgen.data.multisine.spectra import MultisineSpectra, rms
-from rsgen.data.surface.columns import BASE_UNITS, DERIVATIVE
+from rsgen.data.records import BASE_UNITS, DERIVATIVE
 from rsgen.data.surface.plausibility import LEVEL_TOLERANCE
 
 _MIN_RATIO_TO_BEST = 0.995

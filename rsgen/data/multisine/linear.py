@@ -24,6 +24,7 @@ from rsgen.common.text_table import short
 from rsgen.common.tolerances import MAX_TRIAL_STEPS, NOISE_LIMIT_SIGMAS
 from rsgen.data.free_mode import fit_mode, steady
 from rsgen.data.multisine.spectra import LINES_TO_EACH_SIDE, MultisineSpectra, rms, scatter, smooth
+from rsgen.data.records import LEVEL_ROUND_OFF
 from rsgen.data.surface.plausibility import Sizes, size_findings
 
 # ----------------------------------------------------------------------------
@@ -225,7 +226,7 @@ def best_linear(spectra: MultisineSpectra, band: tuple[float, float] | None = No
     inside = (spectra.frequency >= low) & (spectra.frequency <= high) & (spectra.lines > 0)
     found = []
     for level in spectra.levels:
-        rows = spectra.at_level(float(level))
+        rows = np.flatnonzero(np.isclose(spectra.level, level, rtol=LEVEL_ROUND_OFF, atol=0.0))
         chosen = excited[rows].all(axis=0) & inside
         if np.count_nonzero(chosen) < _MIN_LINES:
             raise MeasurementError(

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Any
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -14,9 +14,7 @@ from rsgen.common.errors import MeasurementError, RsgenError
 from rsgen.common.finding import Finding
 from rsgen.common.text_table import Printed, TextTable, short
 from rsgen.common.tolerances import ROUND_OFF, STANDARD_ERRORS_OF_DIFFERENCE
-from rsgen.data.surface.columns import BASE_UNITS
-from rsgen.data.surface.response_surface import LEVEL_ROUND_OFF, list_levels, match_level
-from rsgen.formula.units import PER_UNIT_MASS, WHOLE, ForceUnits
+from rsgen.data.records import BASE_UNITS, Records
 
 if TYPE_CHECKING:
     from rsgen.data.oscillator import Observation
@@ -33,7 +31,7 @@ _BAD_LEVEL = "a positive root mean square of the force is needed"
 
 
 @dataclass(frozen=True, slots=True, eq=False, repr=False)
-class MultisineSpectra(Printed):
+class MultisineSpectra(Records, Printed):
     """Spectra of a test with a periodic multisine, transient periods left out.
 
     x(t) = Re sum_h X_h exp(i h omega0 t), and the force alike; line h is at h omega0 / (2 pi).
@@ -73,6 +71,9 @@ class MultisineSpectra(Printed):
     MeasurementError
         Shapes differ, something is not finite, a level or omega0 is not positive.
     """
+
+    phase_known: ClassVar = True  # type: ignore[misc]  # a field of surfaces
+    columns: ClassVar = ("level", "force", "response", "left_out", "label", "across")
 
     level: Array
     omega0: float
@@ -120,35 +121,16 @@ class MultisineSpectra(Printed):
         if self.label is not None:
             object.__setattr__(self, "label", frozen_array(_array(self.label, "label", np.float64, (1,))))
 
-    def __len__(self) -> int:
-        """Count the records."""
-        return len(self.level)
-
     @property
     def periods(self) -> int:
         """Periods of each record."""
         return int(self.force.shape[1])
 
     @property
-    def level_unit(self) -> str:
-        """Unit of the levels: of the force, or of the motion of a base."""
-        return BASE_UNITS[self.base] if self.base else self.units.force
-
-    @property
-    def units(self) -> ForceUnits:
-        """Units of force and parameters, per mass or not."""
-        return PER_UNIT_MASS if self.per_mass else WHOLE
-
-    @property
-    def limits(self) -> tuple[Finding, ...]:
-        """Return findings about what the records of this test cannot determine: an absolute mass."""
-        return (Finding("per-unit-mass", "info"),) * self.per_mass
-
-    def on_mass(self, mass: float) -> MultisineSpectra:
-        """Return the test with forces [N] on a mass m [kg], if they are per mass; unchanged if m is NaN."""
-        if not (self.per_mass and np.isfinite(mass)):
-            return self
-        return replace(self, force=mass * self.force, per_mass=False)
+    def signals(self) -> Mapping[str, ComplexArray]:
+        """Lines of force [N], response and, where there is one, motion across [m], each (r, p, H+1)."""
+        across = {} if self.across is None else {"across": self.across}
+        return {"force": self.force, "response": self.response, **across}
 
     @property
     def lines(self) -> NDArray[np.intp]:
@@ -179,11 +161,6 @@ class MultisineSpectra(Printed):
             for own, whole in pairs
         ]
         return np.asarray(np.logical_and(*small))
-
-    @property
-    def levels(self) -> Array:
-        """Distinct levels [N], ascending."""
-        return np.unique(self.level)
 
     @property
     def extent(self) -> dict[str, Any]:
@@ -246,25 +223,6 @@ class MultisineSpectra(Printed):
         low, high = (end[:, None, None] for end in self.reach())
         seen = (self.lines == 0) | ((self.lines >= low) & (self.lines <= high))
         return np.asarray(np.where(seen, self.across - share * self.response, 0))
-
-    def select(self, chosen: Sequence[int] | NDArray[np.bool_] | NDArray[np.intp]) -> MultisineSpectra:
-        """Return some of the records."""
-        rows = np.asarray(chosen)
-        left = np.asarray(self.left_out)[rows]
-        label = None if self.label is None else self.label[rows]
-        return replace(
-            self,
-            level=self.level[rows],
-            force=self.force[rows],
-            response=self.response[rows],
-            left_out=left,
-            label=label,
-            across=None if self.across is None else self.across[rows],
-        )
-
-    def at_level(self, level: float) -> NDArray[np.intp]:
-        """Return the places of the records of a nominal level [N]; none if it was not tested."""
-        return np.flatnonzero(np.isclose(self.level, level, rtol=LEVEL_ROUND_OFF, atol=0.0))
 
     def excited(self) -> NDArray[np.bool_]:
         """Return (r, H+1) True at excited lines: those of the force above the widest gap between sizes."""
@@ -405,30 +363,8 @@ def check_records(spectra: MultisineSpectra, observation: Observation) -> NDArra
         raise RsgenError(
             f"record {silent[0] + 1} of {len(spectra)}: the response is zero; a motion is needed"
         )
-    held = held_out_records(spectra, observation.hold_out)
+    spectra.require_levels(observation.hold_out)
+    held = spectra.held_out(observation.hold_out)
     if held.all():
         raise RsgenError("identify.hold_out: holds every level back; at least one must remain")
-    return held
-
-
-def held_out_records(spectra: MultisineSpectra, levels: tuple[float, ...]) -> NDArray[np.bool_]:
-    """Return (r,) True for the records of held-out levels, by their labels or amounts [N].
-
-    Raises
-    ------
-    RsgenError
-        A level was not tested.
-    """
-    held = np.zeros(len(spectra), dtype=bool)
-    for asked in levels:
-        label = None if spectra.label is None else match_level(np.unique(spectra.label), asked)
-        level = match_level(spectra.levels, asked)
-        if label is not None:
-            held |= spectra.label == label
-        elif level is not None:
-            held[spectra.at_level(level)] = True
-        else:
-            tested = list_levels(spectra.level, spectra.label)
-            unit = spectra.level_unit
-            raise RsgenError(f"identify.hold_out: {asked:g} {unit} is not tested; tested are {tested} {unit}")
     return held

@@ -6,7 +6,6 @@ from rsgen.data.surface.columns import recognise_directions
 from rsgen.data.surface.response_surface import (
     OUTCOMES,
     ResponseSurface,
-    match_level,
     typical_amounts,
     without_copies,
 )
@@ -16,7 +15,6 @@ __all__ = [
     "OUTCOMES",
     "ResponseSurface",
     "load_surface",
-    "match_level",
     "recognise_directions",
     "save_surface",
     "typical_amounts",

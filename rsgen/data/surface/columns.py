@@ -18,15 +18,6 @@ CONTROLS = ("force", "response", "phase", "continuation")
 """Quantity that a test holds constant within a level: force, amplitude of the response, force and phase, or
 none (control-based continuation, whose levels are steps of the amplitude)."""
 
-QUANTITIES = {"displacement": "m", "velocity": "m/s", "acceleration": "m/s^2"}
-"""Quantities of a motion, each the derivative of the one before, and their units."""
-
-DERIVATIVE = {quantity: order for order, quantity in enumerate(QUANTITIES)}
-"""Order of the derivative of the displacement that each quantity is."""
-
-BASE_UNITS = {"": "N"} | QUANTITIES
-"""Unit of levels: of the force, or of the motion of a driven base."""
-
 COLUMN_UNITS = {
     "level": "N",
     "frequency": "Hz",
@@ -125,11 +116,6 @@ def across_columns(across: Any, shape: tuple[int, ...]) -> NDArray[Any]:
     if across is None or np.shape(across)[1:] == (0,):
         return column(np.zeros((shape[0], 0)), "across", (shape[0], 0))
     return column(across, "across", shape)
-
-
-def below_acceleration(quantity: str | None) -> int:
-    """Return the number of derivatives from a quantity to the acceleration; None is a displacement."""
-    return DERIVATIVE["acceleration"] - DERIVATIVE[quantity or "displacement"]
 
 
 def check_numbers(columns: dict[str, Any]) -> None:

@@ -6,8 +6,9 @@ form; force and response are complex and as measured, never the nominal level.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, fields, replace
-from typing import Any
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from typing import Any, ClassVar
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -16,13 +17,12 @@ from rsgen.common.arrays import Array, ComplexArray
 from rsgen.common.errors import RsgenError
 from rsgen.common.finding import Finding, Quantity, quantities
 from rsgen.common.text_table import TextTable, short
+from rsgen.data.records import BASE_UNITS, LEVEL_ROUND_OFF, Records, below_acceleration
 from rsgen.data.surface.columns import (
-    BASE_UNITS,
     COLUMN_UNITS,
     CONTROLS,
     SWEEPS,
     across_columns,
-    below_acceleration,
     check_numbers,
     column,
     columns_of_frame,
@@ -31,7 +31,6 @@ from rsgen.data.surface.columns import (
     recognise_directions,
     response_columns,
 )
-from rsgen.formula.units import PER_UNIT_MASS, WHOLE, ForceUnits
 
 # ----------------------------------------------------------------------------
 # Measured amount of each level: the force near the resonance, or the amplitude that was held.
@@ -39,10 +38,6 @@ from rsgen.formula.units import PER_UNIT_MASS, WHOLE, ForceUnits
 HALF_POWER = 1 / np.sqrt(2)
 """Points of at least this share of the largest amplitude, or whose lag has a sine as large (45 degrees off a
 quarter period), are near the resonance: within half power."""
-LEVEL_ROUND_OFF = 1e-6
-"""Relative difference of a measured amount from its nominal level that is round-off of files."""
-LEVEL_DIGITS = 3
-"""Digits of a level in pages and messages, at least; more where two would have one name."""
 
 
 def typical_amounts(surface: ResponseSurface, amount: Array | None = None) -> Array:
@@ -62,50 +57,6 @@ def typical_amounts(surface: ResponseSurface, amount: Array | None = None) -> Ar
         value = float(np.median(size[at] if surface.response_held else force[near]))
         found[number] = level if abs(value - level) <= LEVEL_ROUND_OFF * abs(level) else value
     return found
-
-
-def match_level(levels: Array, asked: float) -> float | None:
-    """Return the level that equals a printed number within its digits; None if there is none, or several.
-
-    Parameters
-    ----------
-    levels
-        (k,) levels there are, different from each other.
-    asked
-        As typed or copied from a page; its digits count, but three at least.
-
-    Examples
-    --------
-    >>> match_level(np.array([2.386357e-09, 5.1e-09]), 2.38636e-09)
-    2.386357e-09
-    >>> match_level(np.array([2.6, 5.0]), 3.0) is None
-    True
-    """
-    exact = [float(level) for level in levels if abs(level - asked) <= LEVEL_ROUND_OFF * abs(asked)]
-    if exact:
-        return min(exact, key=lambda level: abs(level - asked))
-    mantissa = f"{asked:.15e}".partition("e")[0].replace(".", "").lstrip("-").rstrip("0")
-    digits = max(LEVEL_DIGITS, len(mantissa))
-    alike = [float(level) for level in levels if float(f"{level:.{digits}g}") == float(f"{asked:.{digits}g}")]
-    return alike[0] if len(alike) == 1 else None
-
-
-def find_level(level: Array, label: Array | None, asked: float) -> float | None:
-    """Return the level with this label, or else with this amount, by ``match_level``; None if there is none.
-
-    ``level`` and ``label`` (n,) are those of all points or records; no label where levels have no other name.
-    """
-    named = None if label is None else match_level(np.unique(label), asked)
-    if label is None or named is None:
-        return match_level(np.unique(level), asked)
-    return float(level[label == named][0])
-
-
-def list_levels(level: Array, label: Array | None) -> str:
-    """Return all levels as a message lists them, with their labels where they have any."""
-    if label is None:
-        return ", ".join(f"{one:g}" for one in np.unique(level))
-    return ", ".join(f"{one:g} (label {name:g})" for one, name in np.unique([level, label], axis=1).T)
 
 
 _CONTROLLED = {
@@ -133,7 +84,7 @@ SWEPT_TOO_FAST, _NOT_MEASURED = 4, 5
 
 
 @dataclass(frozen=True, slots=True, eq=False, init=False, repr=False)
-class ResponseSurface:
+class ResponseSurface(Records):
     """Steady states of a structure over force level and frequency; n test points, H harmonics.
 
     ``ResponseSurface(level, frequency, force, response)`` is enough. A single value for level, force or any
@@ -209,6 +160,8 @@ class ResponseSurface:
     >>> surface
     ResponseSurface: 3 points, 1 level of 2 N, 9 to 11 Hz, 1 harmonic, measured
     """
+
+    columns: ClassVar = tuple(COLUMN_UNITS)
 
     level: Array
     frequency: Array
@@ -302,9 +255,10 @@ class ResponseSurface:
                 "'velocity' or 'acceleration'"
             )
 
-    def __len__(self) -> int:
-        """Count the test points."""
-        return len(self.frequency)
+    @property
+    def signals(self) -> Mapping[str, ComplexArray]:
+        """Harmonics of force [N], response and motion across [m], (n, K+1) and (n, H+1)."""
+        return {"force": self.force_harmonics, "response": self.harmonics, "across": self.across}
 
     @property
     def omega(self) -> Array:
@@ -322,15 +276,6 @@ class ResponseSurface:
         lag = (np.angle(self.force) - np.angle(self.harmonics[:, 1])) % (2 * np.pi)
         return np.where(self.phase_known, lag, np.nan)
 
-    @property
-    def limits(self) -> tuple[Finding, ...]:
-        """Return findings about what the records of this test cannot determine: phase, absolute mass."""
-        limits = (
-            (Finding("not-recorded", "info", names={"signal": "phase"}), not self.phase_known),
-            (Finding("per-unit-mass", "info"), self.per_mass),
-        )
-        return tuple(finding for finding, holds in limits if holds)
-
     def require_phase(self, place: str, reason: str) -> None:
         """Raise an RsgenError with a place and a reason if the phases were not recorded."""
         if not self.phase_known:
@@ -340,15 +285,6 @@ class ResponseSurface:
     def settled(self) -> NDArray[np.bool_]:
         """(n,) True where the response repeats with the period of the force."""
         return np.equal(self.outcome, 0)
-
-    @property
-    def levels(self) -> Array:
-        """The distinct nominal levels, ascending, in ``level_unit``."""
-        return np.unique(self.level)
-
-    def find_level(self, asked: float) -> float | None:
-        """Return the level that is meant by a number; see ``find_level``."""
-        return find_level(self.level, self.label, asked)
 
     @property
     def extent(self) -> dict[str, Any]:
@@ -368,18 +304,6 @@ class ResponseSurface:
         return {"Surface": f"{self.origin}, {len(self)} points"}
 
     @property
-    def level_names(self) -> str:
-        """All levels as a message lists them; see ``list_levels``."""
-        return list_levels(self.level, self.label)
-
-    @property
-    def level_unit(self) -> str:
-        """Unit of the levels: of the force, "m" where the response was held, or of the motion of a base."""
-        if self.response_held:
-            return "m"
-        return BASE_UNITS[self.base] if self.base else self.force_unit
-
-    @property
     def response_held(self) -> bool:
         """Return whether levels are amplitudes of the response, and the force is the measured result."""
         return self.control in ("response", "continuation")
@@ -395,16 +319,6 @@ class ResponseSurface:
     def decays(self) -> bool:
         """Return whether the points are of free decays: forces computed from the motion and the mass."""
         return any(finding.code == "force-of-decay" for finding in self.findings)
-
-    @property
-    def force_unit(self) -> str:
-        """Unit of the force: "N", or "m/s^2" (N/kg) where it is one per mass."""
-        return self.units.force
-
-    @property
-    def units(self) -> ForceUnits:
-        """Units of force and parameters, per mass or not."""
-        return PER_UNIT_MASS if self.per_mass else WHOLE
 
     @property
     def drive(self) -> Array:
@@ -426,18 +340,6 @@ class ResponseSurface:
     def answer_unit(self) -> str:
         """Unit of ``answer``."""
         return self.force_unit if self.response_held else "m"
-
-    def select(self, mask: NDArray[np.bool_] | NDArray[np.intp]) -> ResponseSurface:
-        """Return some of the points, by a boolean mask (n,) or an index array."""
-        values = {f.name: getattr(self, f.name) for f in fields(self)}
-        empty = [name for name, value in values.items() if name not in COLUMN_UNITS or value is None]
-        return ResponseSurface(**{k: v if k in empty else v[mask] for k, v in values.items()})
-
-    def on_mass(self, mass: float) -> ResponseSurface:
-        """Return the test with forces [N] on a mass m [kg], if they are per mass; unchanged if m is NaN."""
-        if not (self.per_mass and np.isfinite(mass)):
-            return self
-        return replace(self, force=mass * self.force_harmonics, per_mass=False)
 
     @classmethod
     def from_frame(cls, frame: Any, *, degrees: bool = False, **columns: Any) -> ResponseSurface:
@@ -529,10 +431,8 @@ def without_copies(surface: ResponseSurface) -> ResponseSurface:
     point = np.stack([sweep, surface.level, surface.frequency], axis=1)
     if not np.any(np.all(point[order[1:]] == point[order[:-1]], axis=1)):
         return surface
-    parts = (surface.force_harmonics, surface.harmonics, surface.across)
-    reading = np.concatenate(
-        [point, *(np.ascontiguousarray(part).view(np.float64) for part in parts)], axis=1
-    )
+    parts = [np.ascontiguousarray(part).view(np.float64) for part in surface.signals.values()]
+    reading = np.concatenate([point, *parts], axis=1)
     good = np.flatnonzero(np.isfinite(reading).all(axis=1))
     _, first, kind = np.unique(reading[good], axis=0, return_index=True, return_inverse=True)
     _, place = np.unique(point[good], axis=0, return_inverse=True)

@@ -23,7 +23,7 @@ from rsgen.data.surface import OUTCOMES, ResponseSurface
 from rsgen.data.surface.plausibility import MAX_LAG_ERROR, BackboneGap, backbone_gap
 from rsgen.law.motion import Motion, feeds_exciter
 
-Records = TypeVar("Records", ResponseSurface, MultisineSpectra)
+Test = TypeVar("Test", ResponseSurface, MultisineSpectra)
 
 ASYMMETRIC = 0.2
 """Mean or higher harmonic, relative to the amplitude, beyond that of a nearly sinusoidal motion."""
@@ -181,12 +181,6 @@ class Points:
         return np.sort(order[np.linspace(0, len(self) - 1, count).round().astype(np.intp)])
 
 
-def held_out_mask(surface: ResponseSurface, model: Model) -> NDArray[np.bool_]:
-    """Return the mask (n,) of the points of held-out levels."""
-    levels = [surface.find_level(level) for level in model.observation.hold_out]
-    return np.isin(surface.level, [level for level in levels if level is not None])
-
-
 def _at_rest(surface: ResponseSurface) -> float:
     """Return the amplitude [m] up to which a point is at rest, held by friction, to round-off."""
     return ROUND_OFF * float(np.max(surface.amplitude, initial=0.0, where=np.isfinite(surface.amplitude)))
@@ -205,7 +199,7 @@ def _why_unused(surface: ResponseSurface) -> str:
     return f" ({'; '.join(reasons)})" if reasons else ""
 
 
-def per_unit_mass(surface: Records, model: Model) -> tuple[Records, Model]:
+def per_unit_mass(surface: Test, model: Model) -> tuple[Test, Model]:
     """Convert a test of forces per mass: to newtons with a known mass, else to a mass of 1 kg.
 
     Without a mass the parameters are per unit mass: a test of a driven base determines no more.
@@ -235,19 +229,14 @@ def select_points(surface: ResponseSurface, model: Model) -> Points:
             f"background: {model.observation.background!r}; points of a free decay are given, and the "
             "background of a driven test does not go on without a force: leave it out"
         )
-    for level in model.observation.hold_out:
-        if surface.find_level(level) is None:
-            unit = surface.level_unit
-            raise RsgenError(
-                f"hold_out: no level {level:g} {unit} in the surface; it has {surface.level_names} {unit}"
-            )
+    surface.require_levels(model.observation.hold_out)
     harmonics = np.array(surface.harmonics)
     higher = ~np.isfinite(harmonics)
     higher[:, 1] = False
     harmonics[higher] = 0
     good = (
         surface.settled
-        & ~held_out_mask(surface, model)
+        & ~surface.held_out(model.observation.hold_out)
         & np.isfinite(harmonics[:, 1])
         & np.isfinite(surface.force)
         & (np.abs(harmonics[:, 1]) > _at_rest(surface))

@@ -21,7 +21,6 @@ from rsgen.common.finding import Finding, Quantity, Severity, quantities
 from rsgen.common.text_table import Printed, TextTable, data_frame, lookup, short
 from rsgen.common.tolerances import RELATIVE_CHANGE_NEGLIGIBLE
 from rsgen.data.multisine import MultisineSpectra
-from rsgen.data.multisine.spectra import held_out_records
 from rsgen.dynamics.linear_part import background_of_lines
 from rsgen.dynamics.periodic_response import periodic_response
 from rsgen.identification.fitting.across import law_of
@@ -263,7 +262,7 @@ def predict_multisine(found: MultisineIdentification, spectra: MultisineSpectra 
     """
     own = found.spectra
     if spectra is None or spectra is own:
-        mask = held_out_records(own, found.model.observation.hold_out)
+        mask = own.held_out(found.model.observation.hold_out)
         spectra = own.select(np.flatnonzero(mask)) if mask.any() else None
     if spectra is None:
         return Prediction((), (), ())

@@ -24,10 +24,10 @@ from rsgen.common.tolerances import (
 )
 from rsgen.data.multisine import MultisineSpectra
 from rsgen.data.oscillator import Model, Oscillator, refuse_across
-from rsgen.data.surface import ResponseSurface, match_level, typical_amounts
+from rsgen.data.records import match_level
+from rsgen.data.surface import ResponseSurface, typical_amounts
 from rsgen.describing import derive
 from rsgen.identification.fitting.across import across_of_mode
-from rsgen.identification.fitting.points import held_out_mask
 from rsgen.identification.modal_result import ModalTable
 from rsgen.identification.prediction.amplitude_balance import (
     AmplitudeBalance,
@@ -288,7 +288,7 @@ def _held_out_forces(found: Identification, surface: ResponseSurface | None) -> 
         tested = np.unique(found.curve.level)
         meant = [match_level(tested, level) for level in found.model.observation.hold_out]
         return [level for level in meant if level is not None]
-    held_out = np.unique(surface.level[held_out_mask(surface, found.model)])
+    held_out = np.unique(surface.level[surface.held_out(found.model.observation.hold_out)])
     forces = typical_amounts(surface)[np.isin(surface.levels, held_out)]
     return [float(force) for force in forces if isfinite(force)]
 
@@ -445,7 +445,7 @@ def _score(
     observation = identification.model.observation
     low, high = observation.band or (0.0, inf)
     chosen = (
-        held_out_mask(surface, identification.model)
+        surface.held_out(observation.hold_out)
         & surface.settled
         & (surface.frequency >= low)
         & (surface.frequency <= high)

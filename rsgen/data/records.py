@@ -1,0 +1,177 @@
+"""Records of a test: what points of sines and periods of a multisine have in common.
+
+A record is one periodic state of the structure. Force and motions are series of lines over its base
+frequency, s(t) = Re sum_h S_h exp(i h omega0 t), the mean first: a point of sines has one driven line and its
+harmonics, a record of a multisine many. Every record belongs to a level, by which levels are held out.
+"""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import fields, replace
+from typing import Any, ClassVar, Self
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rsgen.common.arrays import Array, ComplexArray
+from rsgen.common.errors import RsgenError
+from rsgen.common.finding import Finding
+from rsgen.formula.units import PER_UNIT_MASS, WHOLE, ForceUnits
+
+QUANTITIES = {"displacement": "m", "velocity": "m/s", "acceleration": "m/s^2"}
+"""Quantities of a motion, each the derivative of the one before, and their units."""
+
+DERIVATIVE = {quantity: order for order, quantity in enumerate(QUANTITIES)}
+"""Order of the derivative of the displacement that each quantity is."""
+
+BASE_UNITS = {"": "N"} | QUANTITIES
+"""Unit of levels: of the force, or of the motion of a driven base."""
+
+LEVEL_ROUND_OFF = 1e-6
+"""Relative difference of a measured amount from its nominal level that is round-off of files."""
+LEVEL_DIGITS = 3
+"""Digits of a level in pages and messages, at least; more where two would have one name."""
+
+
+def below_acceleration(quantity: str | None) -> int:
+    """Return the number of derivatives from a quantity to the acceleration; None is a displacement."""
+    return DERIVATIVE["acceleration"] - DERIVATIVE[quantity or "displacement"]
+
+
+def match_level(levels: Array, asked: float) -> float | None:
+    """Return the level that equals a printed number within its digits; None if there is none, or several.
+
+    Parameters
+    ----------
+    levels
+        (k,) levels there are, different from each other.
+    asked
+        As typed or copied from a page; its digits count, but three at least.
+
+    Examples
+    --------
+    >>> match_level(np.array([2.386357e-09, 5.1e-09]), 2.38636e-09)
+    2.386357e-09
+    >>> match_level(np.array([2.6, 5.0]), 3.0) is None
+    True
+    """
+    exact = [float(level) for level in levels if abs(level - asked) <= LEVEL_ROUND_OFF * abs(asked)]
+    if exact:
+        return min(exact, key=lambda level: abs(level - asked))
+    mantissa = f"{asked:.15e}".partition("e")[0].replace(".", "").lstrip("-").rstrip("0")
+    digits = max(LEVEL_DIGITS, len(mantissa))
+    alike = [float(level) for level in levels if float(f"{level:.{digits}g}") == float(f"{asked:.{digits}g}")]
+    return alike[0] if len(alike) == 1 else None
+
+
+class Records(ABC):
+    """Records of one test; its kinds are ``ResponseSurface`` and ``MultisineSpectra``, both dataclasses."""
+
+    __slots__ = ()
+    columns: ClassVar[tuple[str, ...]]
+    """Attributes with a row a record."""
+
+    level: Array
+    label: Array | None
+    per_mass: bool
+    phase_known: bool
+    base: str
+    origin: str
+    findings: tuple[Finding, ...]
+
+    def __len__(self) -> int:
+        """Count the records."""
+        return len(self.level)
+
+    @property
+    @abstractmethod
+    def signals(self) -> Mapping[str, ComplexArray]:
+        """Lines of force and motions by name, a row a record, the last axis the lines."""
+
+    @property
+    def levels(self) -> Array:
+        """The distinct nominal levels, ascending, in ``level_unit``."""
+        return np.unique(self.level)
+
+    @property
+    def units(self) -> ForceUnits:
+        """Units of force and parameters, per mass or not."""
+        return PER_UNIT_MASS if self.per_mass else WHOLE
+
+    @property
+    def force_unit(self) -> str:
+        """Unit of the force: "N", or "m/s^2" (N/kg) where it is one per mass."""
+        return self.units.force
+
+    @property
+    def level_unit(self) -> str:
+        """Unit of the levels: of the force, "m" where the response was held, or of the motion of a base."""
+        if self.response_held:
+            return "m"
+        return BASE_UNITS[self.base] if self.base else self.force_unit
+
+    @property
+    def response_held(self) -> bool:
+        """Return whether levels are amplitudes of the response, and the force is the measured result."""
+        return False
+
+    @property
+    def limits(self) -> tuple[Finding, ...]:
+        """Return findings about what the records of this test cannot determine: phase, absolute mass."""
+        limits = (
+            (Finding("not-recorded", "info", names={"signal": "phase"}), not self.phase_known),
+            (Finding("per-unit-mass", "info"), self.per_mass),
+        )
+        return tuple(finding for finding, holds in limits if holds)
+
+    @property
+    def level_names(self) -> str:
+        """All levels as a message lists them, with their labels where they have any."""
+        if self.label is None:
+            return ", ".join(f"{one:g}" for one in self.levels)
+        pairs = np.unique([self.level, self.label], axis=1).T
+        return ", ".join(f"{one:g} (label {name:g})" for one, name in pairs)
+
+    def _named(self, asked: float) -> float | None:
+        return None if self.label is None else match_level(np.unique(self.label), asked)
+
+    def find_level(self, asked: float) -> float | None:
+        """Return the level with this label, or else with this amount; None without one."""
+        named = self._named(asked)
+        return match_level(self.levels, asked) if named is None else float(self.level[self.label == named][0])
+
+    def require_levels(self, asked: Iterable[float]) -> None:
+        """Raise an RsgenError for a level that was not tested."""
+        for level in asked:
+            if self.find_level(level) is None:
+                unit = self.level_unit
+                raise RsgenError(
+                    f"hold_out: no level {level:g} {unit} in the test; it has {self.level_names} {unit}"
+                )
+
+    def held_out(self, asked: Iterable[float]) -> NDArray[np.bool_]:
+        """Return (r,) True for the records of the levels that are asked for by their labels or amounts."""
+        held = np.zeros(len(self), dtype=np.bool_)
+        for level in asked:
+            named, amount = self._named(level), self.find_level(level)
+            if named is not None:
+                held |= self.label == named
+            elif amount is not None:
+                held |= np.isclose(self.level, amount, rtol=LEVEL_ROUND_OFF, atol=0.0)
+        return held
+
+    def select(self, chosen: Sequence[int] | NDArray[np.bool_] | NDArray[np.intp]) -> Self:
+        """Return some of the records, by a boolean mask (r,) or an index array."""
+        rows = np.asarray(chosen)
+        values: dict[str, Any] = {one.name: getattr(self, one.name) for one in fields(self)}  # type: ignore[arg-type]
+        return type(self)(
+            **{k: v[rows] if k in self.columns and v is not None else v for k, v in values.items()}
+        )
+
+    def on_mass(self, mass: float) -> Self:
+        """Return the test with forces [N] on a mass m [kg], if they are per mass; unchanged if m is NaN."""
+        if not (self.per_mass and np.isfinite(mass)):
+            return self
+        return replace(self, force=mass * self.signals["force"], per_mass=False)  # type: ignore[type-var]
