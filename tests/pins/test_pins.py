@@ -29,15 +29,20 @@ proportion to its standard error. With the rows of every surface in another orde
 OF_ERROR = 1e-5
 """Largest relative change of a standard error or of the noise found."""
 
+OF_RESPONSE = 1e-12
+"""Or largest change of the noise relative to the response, and of standard errors with it: exact data has
+as noise what the last step of a fit leaves, which differs from processor to processor."""
+
 
 def rooms(pin: dict[str, Any]) -> Iterator[tuple[str, float | None, float]]:
     """Yield place, number and how far it may move, of every number of a pin but the mass."""
+    of_error = max(OF_ERROR, OF_RESPONSE / pin["noise"]) if pin["noise"] else OF_ERROR
     for stage in ("refined", "first_order", "paper"):
         for name, (value, error) in pin[stage].items():
             room = max(OF_VALUE * abs(value or 0.0), OF_STANDARD_ERROR * (error or 0.0))
             yield f"{stage} {name}", value, room
-            yield f"error of {stage} {name}", error, OF_ERROR * (error or 0.0)
-    yield "noise", pin["noise"], OF_ERROR * (pin["noise"] or 0.0)
+            yield f"error of {stage} {name}", error, of_error * (error or 0.0)
+    yield "noise", pin["noise"], of_error * (pin["noise"] or 0.0)
 
 
 def changes(old: dict[str, Any], new: dict[str, Any]) -> list[str]:
