@@ -137,23 +137,37 @@ def larger_backgrounds(
         Names of its values that are determined at all.
     """
     count, names, known = len(free), larger.names, own.names
-    of_law = np.flatnonzero(free)
 
-    def solve(those: Collection[str]) -> tuple[Array, float]:
-        """Return the change of the law's parameters with some of the background, and the sum of squares."""
-        of_background = [place for place, name in enumerate(names, count) if name in fitted and name in those]
-        columns = rows[:, [*of_law, *of_background]]
-        moved, change = solve_scaled(columns, right)[0], np.zeros(count)
-        change[of_law] = moved[: len(of_law)]
-        return change, float(np.sum((right - columns @ moved) ** 2))
+    def places(those: Collection[str]) -> list[int]:
+        """Return the columns of the free parameters and of some of the background."""
+        seen = [place for place, name in enumerate(names, count) if name in fitted and name in those]
+        return [*np.flatnonzero(free).tolist(), *seen]
 
-    (begin, square), found = solve(known), {}
-    for kind in (kind + ending for kind in BACKGROUNDS[1:-1] for ending in ("", OFFSET)):
-        more = background_terms(kind, larger.omega[:1], np.ones(1), larger.band).names
-        if set(more) > set(known):
-            change, left = solve(more)
-            gain, columns = max(square - left, 0.0), len(set(more) & set(fitted) - set(known))
-            found[kind] = Alternative(float(np.sqrt(gain)), 1.0, change - begin, columns)
+    kinds = (kind + ending for kind in BACKGROUNDS[1:-1] for ending in ("", OFFSET))
+    more = {kind: background_terms(kind, larger.omega[:1], np.ones(1), larger.band).names for kind in kinds}
+    groups = {kind: places(terms) for kind, terms in more.items() if set(terms) > set(known)}
+    return joint_alternatives(right, rows, places(known), groups, count)
+
+
+def joint_alternatives(
+    right: Array, rows: Array, own: Sequence[int], groups: Mapping[str, Sequence[int]], count: int
+) -> dict[str, Alternative]:
+    """Return fits to first order with groups of columns (r, q), which contain those of the fit, ``own``.
+
+    ``right`` and ``rows`` have unit variance; shifts are those of the first ``count`` columns.
+    """
+
+    def solve(columns: Sequence[int]) -> tuple[Array, float]:
+        """Return the change of all columns, and the sum of squares that is left."""
+        change = np.zeros(rows.shape[1])
+        change[columns] = solve_scaled(rows[:, columns], right)[0]
+        return change[:count], float(np.sum((right - rows @ change) ** 2))
+
+    (begin, square), found = solve(own), {}
+    for name, columns in groups.items():
+        change, left = solve(columns)
+        gain = max(square - left, 0.0)
+        found[name] = Alternative(float(np.sqrt(gain)), 1.0, change - begin, len(columns) - len(own))
     return found
 
 

@@ -94,6 +94,23 @@ def test_another_motion_across_is_rejected(wrong):
     assert signs == "payload - wing"
 
 
+@pytest.mark.parametrize("both", [False, True])
+def test_a_background_that_the_second_sensor_does_not_share_is_in_the_interval(both):
+    """Declared it is one of the first sensor, so that of both leaves that of the second; none is as wrong."""
+    records = spectra(1e-3, 1)
+    seen = 4e-7 * (1 + 0.3j) * records.force * (records.lines > 0)
+    sensors = {"response": records.response + seen} if both else {"across": records.across - seen}
+    facts = rs.Observation(background="constant" if both else "none")
+    found = rs.identify(replace(records, **sensors), elements(), facts)
+    known = replace(records, response=records.response + seen, across=records.across + seen)
+    right = rs.identify(known, elements(), rs.Observation(background="constant"))
+    assert abs(right["kj"].value - TRUTH["kj"]) < 3 * right["kj"].standard_error
+    assert abs(found["kj"].value - TRUTH["kj"]) > 4 * right["kj"].standard_error
+    assert abs(found["kj"].value - TRUTH["kj"]) < 3 * found["kj"].standard_error
+    (said,) = (finding for finding in found.findings if finding.code == "law-ambiguous")
+    assert said.names == {"background of the second sensor": "constant"}
+
+
 def test_elements_and_records_have_the_same_motions():
     with pytest.raises(RsgenError, match="the test has no motion across"):
         rs.identify(replace(spectra(), across=None), elements())

@@ -27,6 +27,7 @@ from numpy.typing import NDArray
 from rsgen.common.arrays import Array, ComplexArray
 from rsgen.common.solvers import solve_scaled
 from rsgen.common.tolerances import (
+    FINITE_DIFFERENCE_STEP,
     JACKKNIFE_GROUPS,
     MAX_ALTERNATIONS,
     MAX_TRIAL_STEPS,
@@ -56,7 +57,7 @@ from rsgen.identification.fitting.observed import MISSING_TERMS, with_coefficien
 from rsgen.identification.lines.line_balance import Balance, BalanceNoise, SpectralLines
 from rsgen.identification.starting.search import search_values
 from rsgen.identification.starting.start import neighbours
-from rsgen.identification.terms import LARGEST, larger_backgrounds
+from rsgen.identification.terms import LARGEST, joint_alternatives, larger_backgrounds
 from rsgen.law.element import Element, make_element
 from rsgen.law.motion import Motion
 from rsgen.law.numeric import DECADES, ForceLaw, natural_sizes
@@ -329,6 +330,27 @@ def fit_larger_backgrounds(fit: LineFit) -> dict[str, Alternative]:
     rows = line.by_parameter.reshape(line.residual.size, len(parameters))
     free = fit.free[: len(fit.values) + 1]
     return larger_backgrounds(line.residual.reshape(-1), rows, free, own, larger, larger.names)
+
+
+def fit_second_sensor(fit: LineFit) -> dict[str, Alternative]:
+    """Return each kind of background of the second sensor alone, which no fit has, to first order."""
+    lines, free = fit.mode, np.flatnonzero(fit.free)
+    if lines.far is None:
+        return {}
+    kinds = BACKGROUNDS[2:-1]  # those that follow the force
+    terms = background_of_lines(kinds[-1], lines.spectra, lines.background.band)
+    driven = np.where(lines.far == 0, 0, lines.spectra.force)
+    line, columns = fit.linearise(fit.parameters, fit.nuisance), []
+    for unit in np.eye(len(terms.names))[1:]:
+        moved = terms.receptance(unit).reshape(len(lines), 1, -1) * driven
+        moved *= FINITE_DIFFERENCE_STEP * np.linalg.norm(lines.far) / np.linalg.norm(moved)
+        other = replace(fit, lines=replace(fit.lines, far=lines.far + moved))
+        columns.append(line.residual - other.linearise(fit.parameters, fit.nuisance).residual)
+    rows = np.concatenate([line.by_parameter, np.stack(columns, axis=2)], axis=2)
+    added = len(fit.parameters) + np.arange(len(columns))
+    groups = {kind: [*free, *added[: 2 * i]] for i, kind in enumerate(kinds, start=1)}
+    right = line.residual.reshape(-1)
+    return joint_alternatives(right, rows.reshape(len(right), -1), list(free), groups, len(fit.values) + 1)
 
 
 def fit_fixed_parameters(fit: LineFit) -> dict[str, Alternative]:

@@ -41,6 +41,7 @@ from rsgen.identification.lines.line_fit import (
     fit_larger_backgrounds,
     fit_lines,
     fit_missing_terms,
+    fit_second_sensor,
     largest_gain_step,
     max_misfit_of_noise,
     misfit_to_noise,
@@ -115,8 +116,12 @@ def _assemble(spectra: MultisineSpectra, model: Model, fit: LineFit) -> Multisin
     count, of_background = len(names), np.diag(whole)[len(names) :]
     statistical, terms = whole[:count, :count], fit_missing_terms(fit)
     misfit = relative_to_force(lines, np.abs(fit.balance.residual) ** 2)
-    more = fit_larger_backgrounds(fit)
-    others = Alternatives(names, np.sqrt(np.diag(statistical)), {"term": terms, "background": more})
+    kinds = {
+        "term": terms,
+        "background": fit_larger_backgrounds(fit),
+        "background of the second sensor": fit_second_sensor(fit),
+    }
+    others = Alternatives(names, np.sqrt(np.diag(statistical)), kinds)
     ratio, ambiguous = others.judge(fit.parameters[:count], misfit)
     covariance = statistical * np.outer(ratio, ratio)
     noise = relative_to_force(lines, fit.noise.variance)

@@ -173,6 +173,7 @@ def _law_does_not_fit(found: Finding) -> str:
 _ALTERNATIVES = {
     "term": "a term {} added to the law",
     "background": 'a background "{}"',
+    "background of the second sensor": 'a background "{}" of the second sensor',
     "halves": "the difference of {}, identified separately,",
 }
 
