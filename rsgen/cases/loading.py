@@ -23,8 +23,8 @@ from rsgen.common.errors import CaseError, ExpressionError, RsgenError, quote
 from rsgen.data.multisine import MultisineSpectra
 from rsgen.data.oscillator import KNOWN_MASS, Model, Observation, Oscillator, total_force
 from rsgen.data.planned_test import PlannedTest
+from rsgen.data.record_set import BASE_UNITS, match_level
 from rsgen.data.surface import ResponseSurface, load_surface
-from rsgen.data.test_records import BASE_UNITS, match_level
 from rsgen.dynamics.transients import DecayTest, SweepTest
 from rsgen.dynamics.virtual_test import MultisineTest, SimulatedTest, VirtualTest
 from rsgen.files import MeasuredTest

@@ -28,8 +28,8 @@ from rsgen.data.multisine import MultisineSpectra
 from rsgen.data.multisine.spectra import rms
 from rsgen.data.oscillator import Oscillator
 from rsgen.data.planned_test import PlannedTest
+from rsgen.data.record_set import BASE_UNITS, below_acceleration
 from rsgen.data.surface import ResponseSurface
-from rsgen.data.test_records import BASE_UNITS, below_acceleration
 from rsgen.dynamics.periodic_response import SWITCHED_RESIDUAL, periodic_response
 from rsgen.dynamics.settling import SteadyStates
 from rsgen.dynamics.steady_state import (

@@ -14,8 +14,8 @@ from numpy.typing import NDArray
 from rsgen.common.arrays import Array, ComplexArray
 from rsgen.common.errors import MeasurementError, RsgenError, quote
 from rsgen.common.finding import Finding, quantities
+from rsgen.data.record_set import DERIVATIVE
 from rsgen.data.surface import ResponseSurface
-from rsgen.data.test_records import DERIVATIVE
 from rsgen.files.column_titles import unit_doubts, unit_in
 from rsgen.files.data_files import file_label, recognise_format
 from rsgen.files.plan import MeasuredTest

@@ -23,9 +23,9 @@ from rsgen.data.history import (
     record_findings,
 )
 from rsgen.data.multisine import MultisineSpectra
+from rsgen.data.record_set import below_acceleration
 from rsgen.data.surface import ResponseSurface, recognise_directions
 from rsgen.data.surface.plausibility import base_findings, lag_findings, quantity_findings
-from rsgen.data.test_records import below_acceleration
 from rsgen.files.column_titles import contradiction, is_angular, unit_in
 from rsgen.files.data_files import file_label
 from rsgen.files.file_table import Sources, Table, join_motions, read_sources

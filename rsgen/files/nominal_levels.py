@@ -13,9 +13,9 @@ from rsgen.common.arrays import Array
 from rsgen.common.errors import MeasurementError, quote
 from rsgen.common.finding import Finding, Quantity
 from rsgen.common.tolerances import RELATIVE_CHANGE_NEGLIGIBLE
+from rsgen.data.record_set import LEVEL_DIGITS
 from rsgen.data.surface import ResponseSurface, typical_amounts
 from rsgen.data.surface.columns import MIN_TURN, group_forces, monotone_runs
-from rsgen.data.test_records import LEVEL_DIGITS
 from rsgen.files.data_files import file_label
 from rsgen.files.plan import MeasuredTest
 

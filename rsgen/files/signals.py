@@ -14,7 +14,7 @@ from typing import Annotated, Literal
 
 from rsgen.common.declaration import Rule, check, declare, documented, given
 from rsgen.common.errors import MeasurementError
-from rsgen.data.test_records import QUANTITIES
+from rsgen.data.record_set import QUANTITIES
 
 AMPLITUDES = "amplitude (with phase), or real and imaginary, or complex"
 MAX_DELAY = 10.0

@@ -33,7 +33,7 @@ from rsgen.common.tolerances import (
     TRIAL_POINTS,
     samples_for,
 )
-from rsgen.data.test_records import DERIVATIVE, QUANTITIES
+from rsgen.data.record_set import DERIVATIVE, QUANTITIES
 from rsgen.dynamics.harmonic_balance import following_harmonics, hold_amplitude
 from rsgen.dynamics.linear_part import BackgroundTerms, Inertia
 from rsgen.identification.fitting.across import motions_of, sensor_noise

@@ -9,7 +9,7 @@ import pytest
 from scipy.signal import cont2discrete, lfilter
 
 import rsgen as rs
-from rsgen.data.test_records import QUANTITIES
+from rsgen.data.record_set import QUANTITIES
 
 MASS, DAMPING, STIFFNESS = 1.5, 1.9, 1.5 * (2 * np.pi * 10) ** 2
 RATE = 500.0

@@ -14,8 +14,8 @@ import rsgen
 from rsgen.common.errors import MeasurementError, RsgenError
 from rsgen.data.multisine import MultisineSpectra
 from rsgen.data.oscillator import Model, Observation
+from rsgen.data.record_set import match_level
 from rsgen.data.surface import ResponseSurface, load_surface, save_surface, typical_amounts
-from rsgen.data.test_records import match_level
 from rsgen.files import LevelRule, MeasuredTest, Signal, read_measurement
 
 FREQUENCY = np.linspace(8, 12, 41)

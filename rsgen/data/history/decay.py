@@ -33,8 +33,8 @@ from rsgen.data.history.envelope import (
 )
 from rsgen.data.history.record import MIN_SAMPLES, TimeHistory, as_histories, check_options
 from rsgen.data.history.release import SPECTRUM_PERIODS, Stretch, find_decays, force_ends, within_octave
+from rsgen.data.record_set import DERIVATIVE
 from rsgen.data.surface import ResponseSurface
-from rsgen.data.test_records import DERIVATIVE
 
 _MIN_AMPLITUDE_RATIO = 20.0
 """Amplitude of a point that is used, relative to its scatter: 5 % of noise in c(X)."""

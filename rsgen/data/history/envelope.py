@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 from rsgen.common.arrays import Array, ComplexArray
 from rsgen.data.free_mode import FreeMode, Kinematics, estimate_mass
 from rsgen.data.history.record import BLOCK_SAMPLES
-from rsgen.data.test_records import DERIVATIVE
+from rsgen.data.record_set import DERIVATIVE
 
 # ----------------------------------------------------------------------------
 # Displacement, velocity and acceleration of harmonics of changing amplitude from one measured quantity.

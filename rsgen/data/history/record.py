@@ -13,8 +13,8 @@ from numpy.typing import ArrayLike, NDArray
 from rsgen.common.arrays import Array
 from rsgen.common.errors import MeasurementError
 from rsgen.common.finding import Finding, Quantity
+from rsgen.data.record_set import DERIVATIVE, QUANTITIES
 from rsgen.data.surface.columns import group_forces
-from rsgen.data.test_records import DERIVATIVE, QUANTITIES
 
 MAX_IDLE_FORCE = 0.02
 """Largest force, relative to the largest of the record, with the drive off: hum of an amplifier."""

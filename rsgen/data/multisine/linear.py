@@ -24,8 +24,8 @@ from rsgen.common.text_table import short
 from rsgen.common.tolerances import MAX_TRIAL_STEPS, NOISE_LIMIT_SIGMAS
 from rsgen.data.free_mode import fit_mode, steady
 from rsgen.data.multisine.spectra import LINES_TO_EACH_SIDE, MultisineSpectra, rms, scatter, smooth
+from rsgen.data.record_set import LEVEL_ROUND_OFF
 from rsgen.data.surface.plausibility import Sizes, size_findings
-from rsgen.data.test_records import LEVEL_ROUND_OFF
 
 # ----------------------------------------------------------------------------
 # Plausibility of the sizes of records of a multisine, and of the mode found from them.

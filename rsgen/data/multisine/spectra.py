@@ -14,7 +14,7 @@ from rsgen.common.errors import MeasurementError, RsgenError
 from rsgen.common.finding import Finding
 from rsgen.common.text_table import Printed, TextTable, short
 from rsgen.common.tolerances import ROUND_OFF, STANDARD_ERRORS_OF_DIFFERENCE
-from rsgen.data.test_records import BASE_UNITS, Records
+from rsgen.data.record_set import BASE_UNITS, Records
 
 if TYPE_CHECKING:
     from rsgen.data.oscillator import Observation

@@ -27,8 +27,8 @@ from rsgen.common.arrays import Array, ComplexArray
 from rsgen.common.finding import Finding, Quantity, Severity
 from rsgen.common.tolerances import MIN_MISFIT_REDUCTION, MISFIT_DOUBTFUL
 from rsgen.data.free_mode import fit_powers
+from rsgen.data.record_set import DERIVATIVE, QUANTITIES
 from rsgen.data.surface.response_surface import ResponseSurface
-from rsgen.data.test_records import DERIVATIVE, QUANTITIES
 
 if TYPE_CHECKING:
     from rsgen.data.surface.response_surface import ResponseSurface

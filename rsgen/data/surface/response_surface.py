@@ -17,6 +17,7 @@ from rsgen.common.arrays import Array, ComplexArray
 from rsgen.common.errors import RsgenError
 from rsgen.common.finding import Finding, Quantity, quantities
 from rsgen.common.text_table import TextTable, short
+from rsgen.data.record_set import BASE_UNITS, LEVEL_ROUND_OFF, Records, below_acceleration
 from rsgen.data.surface.columns import (
     COLUMN_UNITS,
     CONTROLS,
@@ -30,7 +31,6 @@ from rsgen.data.surface.columns import (
     recognise_directions,
     response_columns,
 )
-from rsgen.data.test_records import BASE_UNITS, LEVEL_ROUND_OFF, Records, below_acceleration
 
 # ----------------------------------------------------------------------------
 # Measured amount of each level: the force near the resonance, or the amplitude that was held.

@@ -9,7 +9,7 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 from rsgen.common.errors import RsgenError
-from rsgen.data.test_records import QUANTITIES
+from rsgen.data.record_set import QUANTITIES
 from rsgen.files.column_titles import is_angular, is_unit, split_title, unit_in
 from rsgen.files.tree import TEXT, Contents, Entry
 from rsgen.formula.units import quantity, sensor_unit

@@ -15,7 +15,7 @@ from itertools import groupby
 from typing import Any
 
 from rsgen.common.errors import listed
-from rsgen.data.test_records import QUANTITIES
+from rsgen.data.record_set import QUANTITIES
 from rsgen.files.column_titles import split_title
 from rsgen.files.inspection.clues import (
     BASE,

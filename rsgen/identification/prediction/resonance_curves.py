@@ -24,8 +24,8 @@ from rsgen.common.tolerances import (
 )
 from rsgen.data.multisine import MultisineSpectra
 from rsgen.data.oscillator import Model, Oscillator, refuse_across
+from rsgen.data.record_set import match_level
 from rsgen.data.surface import ResponseSurface, typical_amounts
-from rsgen.data.test_records import match_level
 from rsgen.describing import derive
 from rsgen.identification.fitting.across import across_of_mode
 from rsgen.identification.modal_result import ModalTable
