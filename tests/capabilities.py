@@ -8,8 +8,6 @@ held-out level met. Otherwise it is the sentence of the refusal.
 try every cell.
 """
 
-from __future__ import annotations
-
 import functools
 import tempfile
 from collections.abc import Callable, Iterable, Mapping

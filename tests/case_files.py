@@ -1,7 +1,5 @@
 """Case files for tests: a small virtual test, and changes of it by the dotted path of a key."""
 
-from __future__ import annotations
-
 import copy
 import json
 from dataclasses import dataclass
@@ -70,7 +68,7 @@ def changed(case: dict[str, Any], changes: Changes) -> str:
         for parent in parents:
             place = place[int(parent) - 1] if isinstance(place, list) else place.setdefault(parent, {})
         if value is GONE:
-            del place[key]
+            place.pop(key, None)
         else:
             place[key] = copy.deepcopy(value)
     return "".join(f"{key} = {toml(value)}\n" for key, value in tree.items())

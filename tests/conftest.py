@@ -1,7 +1,5 @@
 """What the tests of several packages share: small surfaces, noise, the command line, measured data."""
 
-from __future__ import annotations
-
 import os
 import signal
 from collections.abc import Callable, Iterator

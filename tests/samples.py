@@ -1,7 +1,5 @@
 """Hand-made surfaces by first-order formulas: quick, plausible, and without the simulator."""
 
-from __future__ import annotations
-
 import json
 from dataclasses import replace
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Small virtual tests for identification: exact steady states, and noise on top of them."""
 
-from __future__ import annotations
-
 import functools
 from dataclasses import fields
 

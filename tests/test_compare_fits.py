@@ -1,7 +1,5 @@
 """Identifications side by side: laws, backgrounds, fixed values, and what is said where they disagree."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from typing import Any
 

@@ -1,7 +1,5 @@
 """Declared types are read alike, however the libraries of this machine write them."""
 
-from __future__ import annotations
-
 from typing import Annotated, Any, TypeVar, get_origin
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Frequency responses as universal files: read again by pyuff and by rsgen, in SI."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Periodic motions against direct sums; the tangent of a force against differences."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

@@ -1,7 +1,5 @@
 """Laws of the structure: values belong to parameters one to one, models carry no values."""
 
-from __future__ import annotations
-
 import math
 import pickle
 from dataclasses import fields

@@ -1,7 +1,5 @@
 """rsgen without what only POSIX systems have: what of Windows can be shown here."""
 
-from __future__ import annotations
-
 import json
 import os
 import subprocess

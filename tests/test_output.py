@@ -1,7 +1,5 @@
 """A file is whole or not there: the law of rsgen.common.output."""
 
-from __future__ import annotations
-
 import multiprocessing
 import os
 import signal

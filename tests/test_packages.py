@@ -1,7 +1,5 @@
 """The shape of the package: few rooms, no circles, one idea a file."""
 
-from __future__ import annotations
-
 import ast
 from collections import Counter
 from functools import cache

@@ -1,7 +1,5 @@
 """What is declared about the package at several places is the same everywhere."""
 
-from __future__ import annotations
-
 import importlib.metadata
 import re
 import tomllib

@@ -1,7 +1,5 @@
 """Sizes that a test cannot have and responses of another quantity are found; real tests are left alone."""
 
-from __future__ import annotations
-
 import shutil
 from collections.abc import Callable
 from dataclasses import replace

@@ -1,7 +1,5 @@
 """What a user gives by mistake is refused in a sentence, and nothing else is printed."""
 
-from __future__ import annotations
-
 import warnings
 
 import numpy as np

@@ -1,7 +1,5 @@
 """The public names of rsgen: what a user may import, and nothing by accident."""
 
-from __future__ import annotations
-
 import ast
 import importlib
 import subprocess

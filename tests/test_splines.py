@@ -1,7 +1,5 @@
 """B-splines and their slopes."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

@@ -4,8 +4,6 @@
 the schema NUMBER. A file there is never renewed.
 """
 
-from __future__ import annotations
-
 import json
 import shutil
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Laws of the response surface table and of its file."""
 
-from __future__ import annotations
-
 import os
 import tracemalloc
 from collections.abc import Callable

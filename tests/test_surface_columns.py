@@ -1,7 +1,5 @@
 """What a surface has beyond one response at one force: harmonics of the force, a motion across, a base."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import h5py

@@ -1,7 +1,5 @@
 """Rows written twice count once; readings of a coarse display, and sweeps that agree, are left alone."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

@@ -1,7 +1,5 @@
 """What a process settles before it works."""
 
-from __future__ import annotations
-
 import subprocess
 import sys
 

@@ -8,8 +8,6 @@ environment has the lowest declared versions of the dependencies, another those 
 that is how the workflow uses it on Windows and macOS.
 """
 
-from __future__ import annotations
-
 import argparse
 import json
 import os

@@ -4,8 +4,6 @@
 runs those modules, and leaves the other rows of the table as they are.
 """
 
-from __future__ import annotations
-
 import sys
 import time
 from collections.abc import Mapping, Sequence

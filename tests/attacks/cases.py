@@ -3,8 +3,6 @@
 ``python -m tests.attacks cases=10000``; ``python -m tests.attacks.cases --only NUMBER`` repeats one.
 """
 
-from __future__ import annotations
-
 import json
 import shutil
 import warnings

@@ -1,7 +1,5 @@
 """Attempts in a child process: what each came to, its processor time and its peak memory."""
 
-from __future__ import annotations
-
 import argparse
 import gc
 import json

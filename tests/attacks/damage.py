@@ -1,7 +1,5 @@
 """Damage to the bytes of a file, as transfers, disks, editors and strangers do it."""
 
-from __future__ import annotations
-
 import io
 import struct
 import zipfile

@@ -4,8 +4,6 @@
 seed it is the same on every machine, and ``python -m tests.attacks.expressions --only NUMBER`` repeats it.
 """
 
-from __future__ import annotations
-
 import warnings
 from collections.abc import Sequence
 

@@ -1,7 +1,5 @@
 """Good data files of every format, small, as bytes: what is tampered with in attacks on the readers."""
 
-from __future__ import annotations
-
 import io
 from importlib.util import find_spec
 from pathlib import Path

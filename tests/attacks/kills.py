@@ -3,15 +3,12 @@
 ``python -m tests.attacks kills=300``
 """
 
-from __future__ import annotations
-
 import os
 import random
 import shutil
 import signal
 import time
 from collections import Counter
-from collections.abc import Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -21,9 +18,9 @@ from tests.attacks.program import (
     Row,
     end,
     environment,
+    failures,
     leftovers,
     lies,
-    row,
     rsgen,
     start,
     temporary,
@@ -36,39 +33,33 @@ _NEXT_MOMENT = 1.15
 """Of the time of an undisturbed run, up to which moments are drawn: past its end, too."""
 
 
+FIGURES = (
+    "results that lie", "earlier results lost", "orphans", "leftovers after the next run",
+    "tracebacks, hangs, wrong exit codes",
+)  # fmt: skip
+
+
 @dataclass
 class Tally:
-    """What was found over all kills."""
+    """What was found over all kills, by figure."""
 
     tried: Counter[str] = field(default_factory=Counter)
     ended: int = 0  # runs that a signal reached while they ran
-    lying: list[str] = field(default_factory=list)
-    lost: list[str] = field(default_factory=list)
-    orphans: list[str] = field(default_factory=list)
-    left: list[str] = field(default_factory=list)
-    talk: list[str] = field(default_factory=list)  # tracebacks, hangs, wrong exit codes
+    found: dict[str, list[str]] = field(default_factory=lambda: {figure: [] for figure in FIGURES})
 
     def rows(self) -> list[Row]:
-        """The figures."""
+        """Return the figures."""
         number = sum(self.tried.values())
         kinds = ", ".join(f"{count} {kind}" for kind, count in sorted(self.tried.items()))
-        head = f"kills of whole runs at random moments, {number}"
         made = f"; {kinds}; {self.ended} reached the run before its end"
-        found = {
-            "results that lie": self.lying,
-            "earlier results lost": self.lost,
-            "orphans": self.orphans,
-            "leftovers after the next run": self.left,
-            "tracebacks, hangs, wrong exit codes": self.talk,
-        }
         return [
-            row(f"{head}: {what}", "0", f"{len(which)} of {number}{made * first}{_examples(which)}")
-            for first, (what, which) in zip((1, 0, 0, 0, 0), found.items(), strict=True)
+            failures(
+                f"kills of whole runs at random moments, {number}: {figure}",
+                which,
+                f" of {number}{made if figure == FIGURES[0] else ''}",
+            )
+            for figure, which in self.found.items()
         ]
-
-
-def _examples(which: Sequence[str]) -> str:
-    return f" ({'; '.join(which[:5])})" if which else ""
 
 
 def _signal(leader: int, number: signal.Signals, everybody: bool) -> bool:
@@ -108,19 +99,20 @@ def kill_once(seed: int, place: Path, seconds: float, earlier: Path, tally: Tall
     what = f"seed {seed}, {number.name}, {'all' if everybody else 'one'}, --jobs {jobs}"
     tally.tried[f"{number.name} {'pooled' if jobs == '2' else 'alone'}"] += 1
     tally.ended += reached and ended.code != 0
-    tally.lying += [f"{what}: {name}" for name in lies(out)]
-    tally.orphans += [what] * bool(ended.orphans)
+    lying, lost, orphans, left, talk = tally.found.values()
+    lying += [f"{what}: {name}" for name in lies(out)]
+    orphans += [what] * bool(ended.orphans)
     fault = _spoken(ended, number)
-    tally.talk += [f"{what}: {fault}"] * bool(fault)
+    talk += [f"{what}: {fault}"] * bool(fault)
     # a result that had been moved aside comes back before anything is computed
     following = rsgen("run", *cases, "--out", out, "--jobs", "1", env=around)
     fault = following.fault(0)
-    tally.talk += [f"{what}, next run: {fault}"] * bool(fault)
-    tally.lying += [f"{what}, next run: {name}" for name in lies(out)]
+    talk += [f"{what}, next run: {fault}"] * bool(fault)
+    lying += [f"{what}, next run: {name}" for name in lies(out)]
     kept = [case for case in cases if case.stem in before]
     if following.out.count("unchanged") < len(kept) or len(verified(out)) < len(before):
-        tally.lost.append(what)
-    tally.left += [f"{what}: {name}" for name in leftovers(out, place / "tmp", place / "cache")]
+        lost.append(what)
+    left += [f"{what}: {name}" for name in leftovers(out, place / "tmp", place / "cache")]
 
 
 def _spoken(ended: Ended, number: signal.Signals) -> str:

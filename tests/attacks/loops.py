@@ -3,8 +3,6 @@
 ``python -m tests.attacks loops=3000``; ``python -m tests.attacks.loops --only NUMBER`` repeats one.
 """
 
-from __future__ import annotations
-
 import re
 from collections.abc import Callable
 

@@ -3,8 +3,6 @@
 ``python -m tests.attacks many=500``
 """
 
-from __future__ import annotations
-
 import time
 from itertools import pairwise
 from pathlib import Path
@@ -14,6 +12,7 @@ from tests.attacks.program import (
     Row,
     end,
     environment,
+    failures,
     row,
     session,
     start,
@@ -75,14 +74,10 @@ def run(count: int, seed: int) -> list[Row]:
     early, late = median(steps[first - 1 - window : first - 1]), median(steps[-window:])
     (_, memory, files), (_, memory_late, files_late) = seen[first - 1], seen[-1]
     figure = f"{count} small cases in one process, from case {first} to {len(seen)}"
-    took = time.monotonic() - started
+    took = f"({time.monotonic() - started:.0f} s in all)"
     return [
-        row(
-            f"{figure}: processor seconds a case",
-            "flat",
-            f"{early:.2f} s to {late:.2f} s ({took:.0f} s in all)",
-        ),
+        row(f"{figure}: processor seconds a case", "flat", f"{early:.2f} s to {late:.2f} s {took}"),
         row(f"{figure}: memory", "flat", f"{memory:.0f} MB to {memory_late:.0f} MB"),
         row(f"{figure}: open files", "flat", f"{files} to {files_late}"),
-        row(f"{figure}: faults", "0", f"{len(wrong)}" + (f" ({'; '.join(wrong)})" if wrong else "")),
+        failures(f"{figure}: faults", wrong),
     ]

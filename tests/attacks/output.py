@@ -3,8 +3,6 @@
 ``python -m tests.attacks output``
 """
 
-from __future__ import annotations
-
 import shutil
 import time
 from collections.abc import Callable
@@ -17,7 +15,7 @@ from tests.attacks.program import (
     Row,
     end,
     environment,
-    row,
+    failures,
     rsgen,
     start,
     temporary,
@@ -152,6 +150,6 @@ def run(count: int, seed: int) -> list[Row]:
             talk += [f"{way}: {fault}"] * bool(fault)
     figure = f"files of the user where a run with --force writes, {len(ways)} ways"
     return [
-        row(f"{figure}: {what}", "0", str(len(which)) + (f" ({'; '.join(which[:5])})" if which else ""))
-        for what, which in (("deleted or changed", lost), ("tracebacks, hangs, wrong exit codes", talk))
+        failures(f"{figure}: deleted or changed", lost),
+        failures(f"{figure}: tracebacks, hangs, wrong exit codes", talk),
     ]

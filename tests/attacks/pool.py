@@ -3,8 +3,6 @@
 ``python -m tests.attacks pool=20``
 """
 
-from __future__ import annotations
-
 import os
 import random
 import signal
@@ -17,6 +15,7 @@ from tests.attacks.program import (
     Row,
     end,
     environment,
+    failures,
     leftovers,
     lies,
     row,
@@ -82,14 +81,13 @@ def run(count: int, seed: int) -> list[Row]:
             wrong += found[2]
     held = sum(number == CASES - 1 for number in others)
     figure = f"one worker killed in a run of {CASES}, {count} times"
+    whole = CASES * count
     return [
         row(f"{figure}: runs in which all others finished", f"{count}", f"{held} of {count}"),
         row(
-            f"{figure}: cases finished, with the one that lost its worker",
-            f"{CASES * count}",
-            f"{sum(finished)} of {CASES * count}",
+            f"{figure}: cases finished, with that of the lost worker",
+            f"{whole}",
+            f"{sum(finished)} of {whole}",
         ),
-        row(
-            f"{figure}: faults beside", "0", f"{len(wrong)}" + (f" ({'; '.join(wrong[:5])})" if wrong else "")
-        ),
+        failures(f"{figure}: faults", wrong),
     ]

@@ -1,7 +1,5 @@
 """rsgen as its user starts it: in a session of its own, in surroundings that an attack has changed."""
 
-from __future__ import annotations
-
 import os
 import re
 import signal
@@ -32,6 +30,11 @@ Row = dict[str, str]
 def row(figure: str, asked: str, measured: str) -> Row:
     """Make a row of the table."""
     return {"figure": figure, "asked": asked, "measured": measured}
+
+
+def failures(figure: str, which: Sequence[str], more: str = "") -> Row:
+    """Make a row of what none is asked for, with the first of those that there were."""
+    return row(figure, "0", f"{len(which)}{more}" + (f" ({'; '.join(which[:5])})" if which else ""))
 
 
 def write_case(folder: Path, name: str = "small", *, k: float = 5920.0) -> Path:

@@ -4,8 +4,6 @@
 it makes the same file on every machine, and ``python -m tests.attacks.readers --only NUMBER`` repeats it.
 """
 
-from __future__ import annotations
-
 import warnings
 from collections.abc import Callable
 from functools import lru_cache

@@ -5,8 +5,6 @@ must end with a result that verifies, or with code 2 and a sentence a fault; nev
 half a result. What needs a file system of its own is tried in a mount namespace, where the system allows one.
 """
 
-from __future__ import annotations
-
 import shlex
 import shutil
 import subprocess
@@ -22,9 +20,9 @@ from tests.attacks.program import (
     Row,
     end,
     environment,
+    failures,
     leftovers,
     lies,
-    row,
     rsgen,
     start,
     temporary,
@@ -294,12 +292,6 @@ def run(count: int, seed: int) -> list[Row]:
                 chosen = (ATTACKS | MOUNTED)[name]
                 fault = attack(place, chosen) if isinstance(chosen, Line) else chosen(place)
                 wrong += [f"{name}: {fault}"] * bool(fault)
-    shown = f" ({'; '.join(wrong[:20])})" if wrong else ""
     left = "" if namespace() else f"; {len(MOUNTED)} that need a mount namespace not tried"
-    return [
-        row(
-            f"surroundings, {len(names)} kinds: tracebacks, hangs, half results, wrong exit codes",
-            "0",
-            f"{len(wrong)} of {len(names)}{left}{shown}",
-        )
-    ]
+    figure = f"surroundings, {len(names)} kinds: tracebacks, hangs, half results, wrong exit codes"
+    return [failures(figure, wrong, f" of {len(names)}{left}")]

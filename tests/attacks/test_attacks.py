@@ -1,7 +1,5 @@
 """A small part of the attacks; where other tests make the same attack, only what the table is made of."""
 
-from __future__ import annotations
-
 import os
 from importlib import import_module
 from pathlib import Path

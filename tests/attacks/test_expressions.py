@@ -1,7 +1,5 @@
 """Texts that are hard to work out are answered soon; ``python -m tests.attacks.expressions`` tries many."""
 
-from __future__ import annotations
-
 import time
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Texts of force laws: grown at random by the grammar of the language, and made to be hard to work out."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 
 from numpy.random import Generator

@@ -1,7 +1,5 @@
 """Files made to hurt a reader: small ones that declare, unpack to, refer to or repeat what is too much."""
 
-from __future__ import annotations
-
 import io
 import struct
 import zipfile

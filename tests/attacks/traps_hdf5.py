@@ -1,7 +1,5 @@
 """HDF5 files and surfaces made to hurt a reader: declared, packed, linked, deep, or leading outside."""
 
-from __future__ import annotations
-
 import io
 from collections.abc import Callable
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Traps in the files of recorders: LabVIEW's text and TDMS, Excel workbooks, sound files."""
 
-from __future__ import annotations
-
 import io
 import struct
 import zipfile

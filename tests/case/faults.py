@@ -1,7 +1,5 @@
 """Faults of case files: what is changed in a good case; what is said about it is in ``sentences.json``."""
 
-from __future__ import annotations
-
 import json
 import math
 from collections import Counter

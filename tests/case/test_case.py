@@ -1,7 +1,5 @@
 """Case files: what is right loads, what is wrong is named by path with its remedy, all at once."""
 
-from __future__ import annotations
-
 import functools
 import json
 import pickle
@@ -382,7 +380,7 @@ def test_a_case_is_sent_to_a_process(name):
 
 
 @functools.cache
-def _validator() -> jsonschema.Validator:
+def _validator():
     schema = case_schema()
     return jsonschema.validators.validator_for(schema)(schema)
 

@@ -1,7 +1,5 @@
 """Every case of the paper stays within its `[accept]`, and reports/table1.md says what comes out."""
 
-from __future__ import annotations
-
 from functools import cache
 from math import log10
 from pathlib import Path

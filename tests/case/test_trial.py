@@ -1,7 +1,5 @@
 """Laws with memory tried before a run: what their values do to virgin curves and loops."""
 
-from __future__ import annotations
-
 import tomllib
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """What `run` refuses, `check` refuses before it, for the same reason."""
 
-from __future__ import annotations
-
 import shutil
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """The command line: answers on standard output, one sentence a fault on standard error, honest exit codes."""
 
-from __future__ import annotations
-
 import json
 import os
 import re

@@ -1,7 +1,5 @@
 """Neither a warning of a library nor a traceback reaches the terminal unasked."""
 
-from __future__ import annotations
-
 import logging
 import os
 import subprocess

@@ -1,7 +1,5 @@
 """What the commands say of laws that cannot mean what they say, before a run and after a simulation."""
 
-from __future__ import annotations
-
 import pytest
 
 from rsgen.cases import load_case

@@ -1,7 +1,5 @@
 """`rsgen modal`: the table on the terminal, as JSON and as a file, for cases with and without a mass."""
 
-from __future__ import annotations
-
 import csv
 import json
 

@@ -1,7 +1,5 @@
 """Streams that are closed, full or poor in letters: a sentence and the right code, and the work goes on."""
 
-from __future__ import annotations
-
 import errno
 import io
 import os

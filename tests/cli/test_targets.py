@@ -1,7 +1,5 @@
 """Files of the user where a command writes: refused in a sentence before it computes, and left alone."""
 
-from __future__ import annotations
-
 import nbformat
 import pytest
 

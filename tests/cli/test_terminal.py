@@ -1,7 +1,5 @@
 """What a terminal is given to print."""
 
-from __future__ import annotations
-
 import pytest
 
 from rsgen.app.cli.terminal import plain

@@ -1,7 +1,5 @@
 """What a terminal and a script see of a verdict: its lines, and the exit code."""
 
-from __future__ import annotations
-
 import json
 import shutil
 from pathlib import Path

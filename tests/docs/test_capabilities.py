@@ -1,7 +1,5 @@
 """The page of what each test can do says what is so."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import pytest

@@ -1,7 +1,5 @@
 """The table of findings in the pages: every finding has its row, with what decides it and where."""
 
-from __future__ import annotations
-
 import ast
 
 import pytest

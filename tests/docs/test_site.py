@@ -1,7 +1,5 @@
 """The pages of docs/ as a reader meets them: built without a warning, quiet, readable at any width."""
 
-from __future__ import annotations
-
 import re
 import subprocess
 import sys

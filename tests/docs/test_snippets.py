@@ -1,7 +1,5 @@
 """Every command and every line of Python in README.md and docs/ runs, in one folder for all pages."""
 
-from __future__ import annotations
-
 import re
 import tomllib
 

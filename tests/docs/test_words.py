@@ -1,7 +1,5 @@
 """The words of README.md, docs/ and rsgen/: those of the field, one for one thing, spelled one way."""
 
-from __future__ import annotations
-
 import ast
 import re
 from pathlib import Path

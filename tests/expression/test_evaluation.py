@@ -1,7 +1,5 @@
 """Formulas as numpy functions: the numbers of SymPy itself, found without evaluating any formula anew."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 import sympy

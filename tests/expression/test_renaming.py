@@ -1,7 +1,5 @@
 """Symbols with other names: what SymPy makes by replacing them, without evaluating what takes long."""
 
-from __future__ import annotations
-
 import pytest
 import sympy
 

@@ -1,7 +1,5 @@
 """Figures: every one draws, says what it shows in numbers, and is the same file for the same data."""
 
-from __future__ import annotations
-
 import re
 from collections.abc import Callable
 from dataclasses import fields, replace

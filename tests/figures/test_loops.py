@@ -1,7 +1,5 @@
 """Loops and the energy of a cycle, against closed forms of joints."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """Tables of an oscillator at two levels, and drafts of a case, read as a user reads them."""
 
-from __future__ import annotations
-
 import random
 import tomllib
 from collections.abc import Callable

@@ -1,7 +1,5 @@
 """Several sensors, a driven base, a force with its phase: columns as laboratories name them, in any order."""
 
-from __future__ import annotations
-
 import time
 from dataclasses import dataclass
 from pathlib import Path

@@ -1,7 +1,5 @@
 """What is in a file is shown, and the case that is proposed for it reads it."""
 
-from __future__ import annotations
-
 import hashlib
 import itertools
 import json

@@ -1,7 +1,5 @@
 """Files of recorders: channels, names and units beside the numbers, points of a modal test, sheets."""
 
-from __future__ import annotations
-
 import warnings
 from pathlib import Path
 from typing import Any

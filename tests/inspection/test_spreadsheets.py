@@ -1,7 +1,5 @@
 """Headers of spreadsheets as laboratories write them: real and imaginary parts, quantity over unit."""
 
-from __future__ import annotations
-
 import time
 from collections.abc import Callable
 from pathlib import Path

@@ -1,7 +1,5 @@
 """What titles of columns say, and how long a title of a stranger may take."""
 
-from __future__ import annotations
-
 import time
 
 import pytest

@@ -1,7 +1,5 @@
 """Runs that do not fit together: copies, rows written twice, units that differ, branches in one order."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Tables of a control-based continuation: stable and unstable points of one surface, read and identified."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Any
 

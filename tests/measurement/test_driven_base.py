@@ -1,7 +1,5 @@
 """Mistakes in reading a driven base: each is named by what it breaks, whatever the law."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

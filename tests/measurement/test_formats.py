@@ -1,7 +1,5 @@
 """Files of other programs, in other units than SI: TDMS, Excel, LabVIEW and sound; good and hostile."""
 
-from __future__ import annotations
-
 import io
 import re
 import struct

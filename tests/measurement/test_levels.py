@@ -1,7 +1,5 @@
 """Levels of measured tests: an entry or a run each, labels that are no amounts, held responses."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from pathlib import Path
 from typing import Any

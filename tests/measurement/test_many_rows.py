@@ -1,7 +1,5 @@
 """Rows that are read many at once are what they are line by line: numbers, lines, blocks and faults."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from pathlib import Path
 from tempfile import TemporaryDirectory

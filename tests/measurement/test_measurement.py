@@ -1,7 +1,5 @@
 """Measured files: the same test, written in any way a laboratory does, gives the same surface."""
 
-from __future__ import annotations
-
 import base64
 import hashlib
 import json

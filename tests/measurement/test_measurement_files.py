@@ -1,7 +1,5 @@
 """Files of every format: one test written in many ways gives one surface, and hostile files are refused."""
 
-from __future__ import annotations
-
 import base64
 import io
 import json

@@ -1,7 +1,5 @@
 """Time histories: read from any format into evenly sampled SI units, and turned into surfaces."""
 
-from __future__ import annotations
-
 import base64
 import json
 import subprocess

@@ -1,7 +1,5 @@
 """A structure takes energy from its shaker: what is read the other way round is found."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

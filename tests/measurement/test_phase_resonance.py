@@ -1,7 +1,5 @@
 """Tables of a phase-locked loop: one row a level, with a phase or without."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Any
 

@@ -1,7 +1,5 @@
 """Rows of data files that are no numbers: left out, counted and said."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Any
 

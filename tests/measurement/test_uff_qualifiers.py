@@ -1,7 +1,5 @@
 """Data sets 151, 164 and 1858 about functions of universal files, written and read by pyuff."""
 
-from __future__ import annotations
-
 import re
 import warnings
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Universal files in other units than SI: axis labels, data set 164, and what is reported about them."""
 
-from __future__ import annotations
-
 import re
 from collections.abc import Sequence
 from pathlib import Path
@@ -17,6 +15,8 @@ from rsgen.files.inspection import list_contents
 from rsgen.files.uff import unit_system
 from tests.case_files import MEASURED, write_small
 from tests.inspection.drafts import drafted
+
+pytestmark = pytest.mark.slow
 
 FREQUENCY = np.linspace(8.0, 12.0, 41)
 OMEGA = 2 * np.pi * FREQUENCY
@@ -92,7 +92,6 @@ def codes(surface: ResponseSurface) -> list[str]:
     return [finding.code for finding in surface.findings if finding.code.startswith("unit")]
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize(
     ("code", "length", "force"),
     [
@@ -129,7 +128,6 @@ def test_data_set_164_divides():
     assert (system.length, system.force) == ("ft", "lbf")
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize(
     ("factor", "labels", "unit", "source"),
     [
@@ -148,7 +146,6 @@ def test_labels_of_axes(tmp_path, factor, labels, unit, source):
     assert (entry.unit, entry.unit_source) == (unit, source)
 
 
-@pytest.mark.slow
 def test_displacements_in_mm_and_mn_without_labels(tmp_path):
     path = tmp_path / "a.uff"
     receptance = ACCELERANCE / -(OMEGA**2)
@@ -177,7 +174,6 @@ def test_a_unit_in_the_case_wins_over_the_file(tmp_path, text, response, said):
     assert codes(surface) == said
 
 
-@pytest.mark.slow
 def test_each_data_set_164_is_for_what_follows_it(tmp_path):
     path = tmp_path / "a.uff"
     parts = [
@@ -205,7 +201,6 @@ def test_each_data_set_164_is_for_what_follows_it(tmp_path):
     assert "mm/s^2/N" in proposal.doubts["test.response.quantity"]
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize(
     ("text", "reason"),
     [
@@ -244,7 +239,6 @@ def test_faults_of_data_set_164(tmp_path, change, message):
         list_contents(path)
 
 
-@pytest.mark.slow
 def test_time_histories_are_in_the_units_of_the_file(tmp_path):
     """A free decay in inches, and the same in metres."""
     t = np.arange(2000) / 200
@@ -268,7 +262,6 @@ def test_time_histories_are_in_the_units_of_the_file(tmp_path):
     assert [codes(surface) for surface in surfaces] == [[], ["unit-of-file"]]
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize(
     ("before", "labels", "unit", "source"),
     [
@@ -291,7 +284,6 @@ def test_inspect_and_init_say_which_units(tmp_path, run_cli, before, labels, uni
     np.testing.assert_allclose(accelerance(read(case)), ACCELERANCE, rtol=PRINTED)
 
 
-@pytest.mark.slow
 def test_universal_files_that_a_spreadsheet_has_saved(tmp_path):
     """Two bytes a sign, and commas in place of points, are named as what they are."""
     path = tmp_path / "a.uff"

@@ -1,7 +1,5 @@
 """Multisines by accelerometers: noise divided by omega^2 is largest at lines that nothing drives."""
 
-from __future__ import annotations
-
 from functools import cache
 
 import numpy as np
@@ -13,6 +11,8 @@ from rsgen.data.history import TimeHistory, from_multisine
 from rsgen.data.multisine.spectra import scatter
 from rsgen.dynamics.periodic_response import periodic_response
 from rsgen.law.numeric import compile_law
+
+pytestmark = pytest.mark.slow
 
 LAWS = {
     "smooth": ("k*x + k2*x**2 + k3*x**3 + c*v", {"k": 5000.0, "k2": 6e4, "k3": 4e6, "c": 4.0}),
@@ -56,7 +56,6 @@ def recorded(
     return from_multisine(histories)
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize(
     ("name", "periods", "period", "noise", "runs"),
     [
@@ -87,7 +86,6 @@ def test_accelerations_need_no_band(name, periods, period, noise, runs):
     assert np.all(np.median(errors, axis=0) < 1.5 * noise)
 
 
-@pytest.mark.slow
 def test_a_law_that_lacks_a_term_is_refuted_from_accelerations():
     spectra = recorded(*motions("smooth"), periods=6, noise=0.01, seed=0)
     found = rsgen.identify(spectra, "k*x + k2*x**2 + c*v")
@@ -95,7 +93,6 @@ def test_a_law_that_lacks_a_term_is_refuted_from_accelerations():
     assert not found.verdict.usable
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("periods", [1, 6])
 def test_friction_that_a_law_lacks_is_missed_in_the_damping(periods):
     """It leaves three per cent of the force, and makes the viscous damping a sixth too large."""
@@ -109,7 +106,6 @@ def test_friction_that_a_law_lacks_is_missed_in_the_damping(periods):
     assert not found.verdict.usable
 
 
-@pytest.mark.slow
 def test_a_law_without_a_damper_is_doubted_though_it_leaves_little():
     spectra = recorded(*motions("light"), periods=6, noise=0.003, seed=0)
     found = rsgen.identify(spectra, "k*x")
@@ -145,7 +141,6 @@ def test_noise_is_known_at_every_line_whatever_was_integrated(fall):
     np.testing.assert_allclose(ratio[:, 1:].mean(axis=0), 1.0, atol=0.1)
 
 
-@pytest.mark.slow
 def test_two_periods_of_few_lines_are_no_doubt():
     """Both misfit and noise are known from a handful of numbers: their ratio has a wide distribution."""
     generator = np.random.default_rng(5)

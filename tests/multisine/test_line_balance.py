@@ -1,7 +1,5 @@
 """What single periods say of the balance at the lines, against formulas for laws that are simple enough."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Errors of a law that leaves distortion: blocks of the band left out, against refits without each block."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from functools import cache
 
@@ -52,7 +50,9 @@ def refitted(lines: SpectralLines, fit: LineFit, law: ForceLaw) -> np.ndarray:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("formula", ["k*x + k3*x**3 + c*v", "k*x + c*v + c3*v**3"])
+@pytest.mark.parametrize(
+    "formula", ["k*x + k3*x**3 + c*v", pytest.param("k*x + c*v + c3*v**3", marks=pytest.mark.thorough)]
+)
 @pytest.mark.parametrize("noise", [1e-3, pytest.param(5e-3, marks=pytest.mark.thorough)])
 def test_leaving_out_a_block_is_a_refit_without_it(formula, noise):
     law = compile_law(join_model(formula, None, None).force)

@@ -1,7 +1,5 @@
 """The modal table of a multisine against describing functions in closed form."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from functools import cache
 

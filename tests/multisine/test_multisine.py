@@ -1,7 +1,5 @@
 """Periodic multisines: motions are chosen, the force they need follows exactly, the law is to be found."""
 
-from __future__ import annotations
-
 import re
 from functools import cache
 from pathlib import Path

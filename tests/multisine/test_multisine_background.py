@@ -1,7 +1,5 @@
 """Multisines whose sensor sees more than the mode: the background comes out, and the law beside it."""
 
-from __future__ import annotations
-
 import json
 from dataclasses import replace
 

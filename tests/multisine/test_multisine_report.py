@@ -1,7 +1,5 @@
 """A multisine from records in a file to check, run and page; prediction of a level that was held out."""
 
-from __future__ import annotations
-
 import json
 from pathlib import Path
 
@@ -14,6 +12,8 @@ from rsgen.dynamics.periodic_response import periodic_response
 from rsgen.identification.ranking.balance import library_terms
 from rsgen.law.numeric import compile_law
 from tests.case_files import MEASURED, write_small
+
+pytestmark = pytest.mark.slow
 
 TRUE = {"c": 4.0, "k": 5000.0, "k2": 6e4, "k3": 4e6}
 MASS, RATE, PERIOD, PERIODS = 1.5, 256.0, 512, 6
@@ -71,7 +71,6 @@ def found(folder):
     return rsgen.identify(rsgen.read(case), case.model)
 
 
-@pytest.mark.slow
 def test_a_case_of_a_multisine_runs_from_file_to_page(folder, found, run_cli):
     checked = run_cli("check", folder / "lines.toml")
     assert checked.code == 0, checked
@@ -104,7 +103,6 @@ def test_a_case_of_a_multisine_runs_from_file_to_page(folder, found, run_cli):
     assert again.code == 0, again
 
 
-@pytest.mark.slow
 def test_python_has_the_same_with_text_and_frame(folder, found):
     spectra = rsgen.read(rsgen.load_case(folder / "lines.toml"))
     assert isinstance(spectra, rsgen.MultisineSpectra)
@@ -116,7 +114,6 @@ def test_python_has_the_same_with_text_and_frame(folder, found):
     assert [one.error < 2e-3 for one in others.records] == [True, True]
 
 
-@pytest.mark.slow
 def test_records_that_were_fitted_are_not_reported_as_held_out(folder, found, tmp_path):
     """Spectra read anew are other objects than those that were identified, but the same test."""
     rsgen.write_report(tmp_path / "out", rsgen.read(folder / "lines.toml"), found)
@@ -132,7 +129,6 @@ def test_a_wrong_law_is_refuted_on_the_held_out_level(folder):
     assert not rsgen.verdict_of(found, prediction=prediction).usable
 
 
-@pytest.mark.slow
 def test_what_a_multisine_cannot_have_is_said_before_the_run(folder, run_cli):
     for changes, reason in (
         ({"test.demodulation": {"band": ["1 Hz", "9 Hz"]}}, "belongs to sines"),
@@ -148,7 +144,6 @@ def test_what_a_multisine_cannot_have_is_said_before_the_run(folder, run_cli):
         rsgen.MultisineSpectra([1.0], 1.0, np.ones((2, 5), complex), np.ones((2, 5), complex))
 
 
-@pytest.mark.slow
 def test_a_case_ranks_laws_by_the_lines(folder, tmp_path, run_cli, monkeypatch):
     names = ("cubic-spring", "quadratic-spring", "coulomb")
     few = tuple(term for term in library_terms() if term.name in names)

@@ -1,7 +1,5 @@
 """Records of a multisine that are not what the case says of them: levels, transients, units."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 
@@ -119,9 +117,11 @@ def test_a_gain_that_changes_within_a_record_is_doubted(channel, course):
     assert not found.verdict.usable
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("rest", [False, True])
-def test_records_with_one_gain_are_not_doubted(rest):
-    for seed in range(20):
+@pytest.mark.parametrize("seeds", [range(6), pytest.param(range(6, 20), marks=pytest.mark.thorough)])
+def test_records_with_one_gain_are_not_doubted(rest, seeds):
+    for seed in seeds:
         histories = records(2 + seed % 8 + 2 * rest, rest=rest, levels=(1.0 + seed,), seed=seed)
         found = rsgen.identify(from_multisine(histories), "k*x + c*v")
         assert found.verdict.state == "identified", seed

@@ -1,7 +1,5 @@
 """Virtual multisine tests of smooth laws, friction and corners: independent motions, and the way back."""
 
-from __future__ import annotations
-
 import json
 from typing import Any
 
@@ -13,6 +11,8 @@ from rsgen import figures
 from rsgen.common.errors import RsgenError
 from tests.case_files import law as case_law
 from tests.case_files import write_small
+
+pytestmark = pytest.mark.slow
 
 LAWS: dict[str, tuple[str, dict[str, float]]] = {
     "cubic": ("k*x + k3*x**3 + c*v", {"k": 5000.0, "k3": 4e6, "c": 4.0}),
@@ -28,7 +28,6 @@ def simulated(name: str, level: tuple[float, ...] = (3.0, 5.0, 8.0), **more: Any
     return rsgen.simulate(rsgen.Oscillator(MASS, law, values), test)
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize(("name", "within"), [("cubic", 1e-9), ("friction", 1e-4), ("corner", 1e-4)])
 def test_parameters_come_back(name, within):
     law, values = LAWS[name]
@@ -37,7 +36,6 @@ def test_parameters_come_back(name, within):
         assert found[each].value == pytest.approx(true, rel=within), each
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("periods", [1, 2, 3])
 def test_records_without_noise_weigh_all_lines_alike(periods):
     """A law that leaves a little is near the truth, and is not said to leave nothing."""
@@ -50,7 +48,6 @@ def test_records_without_noise_weigh_all_lines_alike(periods):
     assert ("multisine-periods" if periods == 1 else "law-does-not-fit") in codes
 
 
-@pytest.mark.slow
 def test_figures_join_the_excited_lines_and_print_plain_numbers():
     found = rsgen.identify(simulated("cubic", (1.0, 3.0), periods=2), LAWS["cubic"][0])
     for draw in (figures.draw_best_linear, figures.draw_line_misfit):
@@ -71,7 +68,6 @@ def test_a_law_with_memory_comes_back():
         assert found[each].value == pytest.approx(true, rel=1e-4), each
 
 
-@pytest.mark.slow
 def test_friction_moves_as_its_exact_pieces_do():
     """Between two reversals of v the structure is linear: the matrix exponential knows its motion exactly."""
     from scipy.linalg import expm
@@ -109,7 +105,6 @@ def test_friction_moves_as_its_exact_pieces_do():
     assert abs(state[0] - start[0]) < 3e-5 * size
 
 
-@pytest.mark.slow
 def test_noise_is_of_the_declared_size_and_distortions_stand_where_they_belong():
     spectra = simulated("cubic", periods=40, noise_relative=0.01, realisations=2)
     assert len(spectra) == 6
@@ -126,7 +121,6 @@ def test_noise_is_of_the_declared_size_and_distortions_stand_where_they_belong()
     assert np.isnan(rsgen.best_linear(simulated("cubic", lines="all"))[0].even_share)
 
 
-@pytest.mark.slow
 def test_noise_is_no_distortion_at_lines_that_are_not_excited():
     """The virtual test knows the distortion without noise; of a linear structure there is none."""
     for seed in range(3):
@@ -155,7 +149,6 @@ CASE = {
 }
 
 
-@pytest.mark.slow
 def test_a_case_of_a_virtual_multisine_is_checked_and_run(tmp_path, run_cli):
     case = write_small(tmp_path, "lines", CASE)
     checked = run_cli("check", case)
@@ -188,7 +181,6 @@ def test_what_a_virtual_multisine_cannot_have_is_said_before_the_run(tmp_path, r
     assert reason in checked.err
 
 
-@pytest.mark.slow
 def test_impossible_tests_are_refused_with_the_reason():
     with pytest.raises(RsgenError, match=r"no line of a period of 0\.01 s is in it"):
         rsgen.MultisineTest((1.0,), (2.0, 20.0), 0.01)

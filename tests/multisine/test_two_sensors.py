@@ -1,7 +1,5 @@
 """Periodic multisines with elements across two sensors: chosen motions, and the force that they need."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np
@@ -49,7 +47,7 @@ def spectra(noise: float = 0.0, seed: int = 0, *, gauge: bool = False, still: bo
     return rs.MultisineSpectra(size, OMEGA0, force, near, across=across if gauge else near - far)
 
 
-def elements(sensors: str = "payload - wing") -> list[rs.Element]:
+def elements(sensors: str = "payload - wing"):
     return [rs.make_element("wing", WING), rs.make_element("joint", JOINT, across=sensors)]
 
 

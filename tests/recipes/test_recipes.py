@@ -1,7 +1,5 @@
 """The recipes of docs/architecture.md, followed in a copy of the checkout: what they add works for a user."""
 
-from __future__ import annotations
-
 import json
 import os
 import re

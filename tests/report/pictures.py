@@ -1,7 +1,5 @@
 """Make the README's pictures of the reports here: ``.venv/bin/python -m tests.report.pictures``."""
 
-from __future__ import annotations
-
 import io
 import sys
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Pages in a real browser: no request, no script, text as text, no sideways scroll on a phone."""
 
-from __future__ import annotations
-
 import base64
 import re
 from dataclasses import replace

@@ -1,7 +1,5 @@
 """Results compared: what moved, by how much of its uncertainty, and whether a verdict was lost."""
 
-from __future__ import annotations
-
 import json
 from pathlib import Path
 

@@ -3,8 +3,6 @@
 ``schema_1.json`` has every code of that schema with the numbers and names that its sentence had.
 """
 
-from __future__ import annotations
-
 import json
 from pathlib import Path
 from typing import Any

@@ -1,7 +1,5 @@
 """The notebook: what comes from files is literal or prose, calls are public, failures are saved."""
 
-from __future__ import annotations
-
 import ast
 import inspect
 import json

@@ -1,7 +1,5 @@
 """The report page, result.json and the index: text stays text, numbers stay numbers, bytes stay bytes."""
 
-from __future__ import annotations
-
 import json
 import re
 import unicodedata

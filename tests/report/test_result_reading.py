@@ -1,7 +1,5 @@
 """A result.json of somebody else: read as a run writes it, or left out; never waited for."""
 
-from __future__ import annotations
-
 import json
 import os
 from collections.abc import Callable

@@ -1,7 +1,5 @@
 """The verdict on a result: one place reaches it, and everything that a user reads says the same of it."""
 
-from __future__ import annotations
-
 import json
 from dataclasses import replace
 from functools import cache

@@ -1,7 +1,5 @@
 """Laws of the sentences: every finding that is made anywhere has one, and each can be said."""
 
-from __future__ import annotations
-
 import ast
 import re
 import tomllib

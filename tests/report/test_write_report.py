@@ -1,7 +1,5 @@
 """Laws of a report as a whole: with a case file or without one."""
 
-from __future__ import annotations
-
 import json
 from pathlib import Path
 from typing import Any

@@ -1,7 +1,5 @@
 """Running cases: a result is whole and verified, or it is no result."""
 
-from __future__ import annotations
-
 import json
 import multiprocessing
 import os

@@ -1,7 +1,5 @@
 """Processes that cannot be begun, or end while they have nothing to do."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterator
 from concurrent.futures import Future
 from concurrent.futures.process import BrokenProcessPool
