@@ -285,7 +285,7 @@ MODIFIERS = {
             **_refused(("rank", "background: neighbour"), OPEN),
         },
     ),
-    "no phase": Row(f"{_FORCES}\n{_STEPPED}", change=_without_phase, refused={"rank": OPEN}),
+    "no phase": Row(f"{_FORCES}\n{_STEPPED}", change=_without_phase),
     "given mass": Row(f"{_FORCES}\n{_STEPPED}", {"mass": MASS}),
     "harmonics of the force": Row(f"{_FORCES}\n{_STEPPED}", change=_distorted),
 }

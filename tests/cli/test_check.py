@@ -84,16 +84,14 @@ def test_a_measured_test_that_cannot_be_used_is_refused_before_it_is_run(tmp_pat
 
 
 @pytest.mark.slow
-def test_a_ranking_without_phase_is_refused_before_it_is_run(tmp_path, run_cli):
+def test_a_ranking_without_phase_is_planned(tmp_path, run_cli):
     for file in ("magnitude_1.0N.csv", "magnitude_3.0N.csv", "magnitude_6.0N.csv"):
         shutil.copy(ROOT / "cases" / "formats" / file, tmp_path)
     text = (ROOT / "cases" / "formats" / "csv-magnitude.toml").read_text(encoding="utf-8")
-    path = tmp_path / "bad.toml"
+    path = tmp_path / "magnitude.toml"
     path.write_text(text.replace("schema = 1", 'schema = 1\nmodel = "rank"'), encoding="utf-8")
     checked = run_cli("check", path)
-    assert checked.code == 2
-    assert "phase" in checked.err
-    assert "phase" in " ".join(run_case(path, tmp_path / "out").faults)
+    assert (checked.code, checked.err) == (0, "")
 
 
 def test_parameters_that_no_test_tells_apart_are_named_before_any_test(tmp_path, run_cli):

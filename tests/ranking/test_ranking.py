@@ -356,9 +356,77 @@ def test_held_out_levels_are_not_seen() -> None:
     assert [c.bic for c in one.candidates] == [c.bic for c in other.candidates]
 
 
-def test_a_test_without_phase_is_refused() -> None:
-    with pytest.raises(RsgenError, match="phase"):
-        rank(changed(measured("cubic"), phase_known=False), BASE)
+_RIVALS = (
+    "k*x + c*v",
+    "k*x + kn*x**3 + c*v",
+    "k*x + c*v + F*sign(v)",
+    "k*x + c*v + kg*(Max(0, x - b) + Min(0, x + b))",
+    "k*x + c*v + cq*v*abs(v)",
+)
+_WITHOUT_PHASES = {
+    "cubic": (_RIVALS[1], {"k": 5920.0, "kn": 3e5, "c": 6.0}),
+    "friction": (_RIVALS[2], {"k": 5920.0, "c": 6.0, "F": 0.8}),
+    "gap": (_RIVALS[3], {"k": 5920.0, "c": 6.0, "kg": 3000.0, "b": 0.01}),
+}
+
+
+@cache
+def _exact(name: str) -> ResponseSurface:
+    law, values = _WITHOUT_PHASES[name]
+    test = rsgen.SimulatedTest([2, 5, 8, 12], np.linspace(8, 13, 31))
+    return rsgen.simulate(rsgen.Oscillator(MASS, law, values), test)
+
+
+def _without_phases(name: str, seed: int) -> ResponseSurface:
+    table = noisy(_exact(name), NOISE, seed)
+    size = np.abs(table.force)
+    return ResponseSurface(
+        table.level, table.frequency, size, table.amplitude, sweep="rest", phase_known=False
+    )
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("seed", [0, *(pytest.param(n, marks=pytest.mark.thorough) for n in range(1, 20))])
+@pytest.mark.parametrize("name", _WITHOUT_PHASES)
+def test_laws_are_ranked_without_phases(name: str, seed: int) -> None:
+    law = _WITHOUT_PHASES[name][0]
+    ranking = rank(_without_phases(name, seed), list(_RIVALS))
+    assert ranking[ranking.candidates[0].name].values.keys() == {*_WITHOUT_PHASES[name][1], "m"}
+    assert ranking.verdict.usable
+    # one number a point, and not a complex one: as much noise as there is
+    assert ranking.noise == pytest.approx(NOISE, rel=0.3)
+    for name_of, value in _WITHOUT_PHASES[name][1].items():
+        assert ranking.candidates[0].values[name_of] == pytest.approx(value, rel=0.1), law
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", _WITHOUT_PHASES)
+def test_without_phases_no_law_fits_a_wrong_level_or_another_law(name: str) -> None:
+    table = _without_phases(name, 0)
+    top = table.level == table.levels[-1]
+    wrong = rank(changed(table, force=np.where(top, 1.15, 1) * table.force), list(_RIVALS))
+    assert "no-law-fits" in [finding.code for finding in wrong.findings]
+    # a gap is as good as a cubic spring of this size
+    like = {_WITHOUT_PHASES[name][0], _RIVALS[3] if name == "cubic" else ""}
+    assert not rank(table, [law for law in _RIVALS if law not in like]).fits
+
+
+@pytest.mark.slow
+def test_phases_that_were_not_recorded_are_not_read() -> None:
+    table = _without_phases("cubic", 0)
+    turned = table.force * np.exp(2j * np.pi * np.random.default_rng(1).random(len(table)))
+    one, other = rank(table, list(_RIVALS)), rank(changed(table, force=turned), list(_RIVALS))
+    assert [c.bic for c in one] == pytest.approx([c.bic for c in other], rel=1e-6, abs=1e-3)
+
+
+@pytest.mark.thorough
+def test_the_library_is_ranked_without_phases() -> None:
+    ranking = rank(_without_phases("gap", 3))
+    assert "dead-zone" in winners(ranking)
+    # an even force changes an amplitude in second order: two of them would replace each other
+    for candidate in ranking:
+        parts = [term for term in library_terms() if term.name in candidate.name.split(" + ")]
+        assert sum(not term.law.odd for term in parts) <= 1
 
 
 @pytest.mark.slow

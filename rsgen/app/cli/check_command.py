@@ -18,7 +18,6 @@ from rsgen.data.multisine.spectra import check_records
 from rsgen.data.surface import ResponseSurface
 from rsgen.data.surface.plausibility import plausibility_findings
 from rsgen.identification.fitting.points import (
-    Points,
     mass_needs,
     per_unit_mass,
     refuse_resonance_alone,
@@ -55,7 +54,8 @@ def point_faults(case: Case, table: ResponseSurface | MultisineSpectra) -> list[
 def _faults_of(table: Any, case: Case) -> list[str]:
     points = select_points(gather_repeats(table)[0], case.model)
     if case.ranked:
-        return [f"model: {text}" for text in _rank_faults(case, table, points)]
+        needed = mass_needs(points, per_unit_mass(table, case.model)[1])
+        return [f"model: 'rank' needs the mass, or {needed}"] if needed else []
     if case.oscillator is None:
         model = per_unit_mass(table, case.model)[1]
         refuse_resonance_alone(points, model, remembers=compile_law(model.force).remembers)
@@ -77,12 +77,6 @@ def size_findings(table: Any, case: Case) -> list[Finding]:
 @size_findings.register
 def _(table: MultisineSpectra, case: Case) -> list[Finding]:
     return list(implausible(table)) if case.observation.calibrated else []
-
-
-def _rank_faults(case: Case, surface: ResponseSurface, points: Points) -> list[str]:
-    surface.require_phase("model", "'rank' compares laws by force and phase; give a phase, or the law itself")
-    needed = mass_needs(points, per_unit_mass(surface, case.model)[1])
-    return [f"'rank' needs the mass, or {needed}"] if needed else []
 
 
 def _plan(case: Case) -> dict[str, Any]:

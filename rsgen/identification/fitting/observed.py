@@ -120,6 +120,18 @@ class Observed:
         background = self.background.select(chosen)
         return replace(self, points=self.points.select(chosen), background=background, scale=scale)
 
+    def with_phases(self, values: Array, fundamental: ComplexArray, force: ComplexArray) -> Observed:
+        """Return the points with the phases of a predicted mode, fundamental (n,) [m] and force (n,) [N].
+
+        Only ``phase_known`` says that they were not recorded. Points without a prediction get zero.
+        """
+        points = self.points
+        harmonics = np.zeros((len(points), 2), dtype=complex)
+        seen = fundamental + self.background.receptance(values) * force
+        harmonics[:, 1] = points.amplitude * np.exp(1j * np.nan_to_num(np.angle(seen)))
+        turned = np.abs(points.force) * np.exp(1j * np.nan_to_num(np.angle(force)))
+        return replace(self, points=replace(points, force=turned, harmonics=harmonics, measured=(1,)))
+
     def mode(self, values: Array) -> Points:
         """Return the points without a background of values (b,)."""
         return self.background.subtract(self.points, values)

@@ -240,8 +240,13 @@ class ReferenceMotion:
 
     @property
     def known(self) -> NDArray[np.bool_]:
-        """Mask (2H+1,) of the measured harmonics: mean, then real and imaginary parts."""
-        return np.repeat(self.measured, 2)[1:]
+        """Mask (2H+1,) of the measured harmonics: mean, then real and imaginary parts.
+
+        Without phases the imaginary part of the fundamental is the balance at a right angle to the force.
+        """
+        known = np.repeat(self.measured, 2)[1:]
+        known[2] &= self.points.phase_known
+        return known
 
     @property
     def background_effect(self) -> Array:
@@ -302,6 +307,8 @@ def predicted_motion(
     turn
         (n,) phase of the measured fundamental [rad] (``Fit``).
     """
+    if not observed.points.phase_known:
+        observed, turn = observed.with_phases(background, harmonics[:, 1], force), np.zeros(len(force))
     mode = observed.mode(background)
     count = min(BALANCE_HARMONICS + 1, mode.harmonics.shape[1])
     back = np.exp(-1j * turn)
@@ -334,7 +341,8 @@ def _mode_by_background(
     by_psi = np.zeros((len(turn), len(background)), dtype=complex)
     by_psi[:, :1] = 1j
     receptance = shape.receptance(background)[:, None]
-    return -force * (shape.slopes(background) + receptance * by_psi), force * by_psi
+    slopes = shape.slopes(background) * observed.fitted
+    return -force * (slopes + receptance * by_psi), force * by_psi
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -382,6 +390,11 @@ class WhitenedBalance(ABC):
         """The points that suffice to choose among sums."""
         return self
 
+    @property
+    def amplitudes_alone(self) -> bool:
+        """True if neither phases nor harmonics were recorded."""
+        return False
+
     @abstractmethod
     def project(self, forces: Array) -> Array:
         """Return the rows (n, r, j) of j forces (motions, samples, j) along the trajectory."""
@@ -426,6 +439,11 @@ class PointBalance(WhitenedBalance):
     def few(self) -> PointBalance:
         """The points that suffice to choose among sums."""
         return self.select(self.spread)
+
+    @property
+    def amplitudes_alone(self) -> bool:
+        """True if neither phases nor harmonics were recorded."""
+        return not self.compared[2]
 
     def project(self, forces: Array) -> Array:
         """Return the rows (n, 2H+1, j) of j forces (n, samples, j) along the trajectory."""
@@ -497,7 +515,7 @@ def whiten_balance(
         forces[:, 1] += here.force_deviation.real
         forces[:, 2] += here.force_deviation.imag
         # scaled by the inverse root of the covariance
-        root = _inverse_root(_covariance(here, jacobian, noise), motion.known)
+        root = _whitening(here, _covariance(here, jacobian, noise))
         background[part] = root @ -_change(jacobian, here.fundamental_by_background, here.force_by_background)
         right[part] = (root @ forces[:, :, None])[:, :, 0]
         inertia[part] = (root @ acceleration[:, :, None])[:, :, 0]
@@ -529,17 +547,32 @@ def _change(jacobian: Array, fundamental: ComplexArray, force: ComplexArray) -> 
 def _covariance(motion: ReferenceMotion, jacobian: Array, noise: Array) -> Array:
     """Return the covariance (n, 2H+1, 2H+1) of the balance for relative noise (H+1,) of the harmonics."""
     unmeasured = _NOISE_OF_UNMEASURED * float(noise[1])
-    spread = np.where(motion.known, np.repeat(noise, 2)[1:], unmeasured) / np.sqrt(2)
+    spread = np.where(np.repeat(motion.measured, 2)[1:], np.repeat(noise, 2)[1:], unmeasured) / np.sqrt(2)
+    if not motion.points.phase_known:
+        # the response is the origin of the phase, and that of the force is free
+        spread[2] = 0.0
     noisy = jacobian * (motion.points.amplitude[:, None] * spread)[:, None, :]
     covariance = noisy @ np.swapaxes(noisy, 1, 2)
     # noise of the force changes the mode as well: the background is a receptance times the measured force
     force = motion.force[:, None] * np.array([1, 1j]) * FORCE_TO_RESPONSE_NOISE * noise[1] / np.sqrt(2)
+    force[:, 1] *= 1.0 if motion.points.phase_known else _NOISE_OF_UNMEASURED
     driven = _change(jacobian, -motion.receptance[:, None] * force, force)
     covariance += driven @ np.swapaxes(driven, 1, 2)
     # the noise of unmeasured harmonics makes the matrix badly scaled: stay above round-off
     diagonal = np.arange(covariance.shape[1])
     covariance[:, diagonal, diagonal] *= 1 + 1e-9
     return np.asarray(covariance)
+
+
+def _whitening(motion: ReferenceMotion, covariance: Array) -> Array:
+    """Return the map (n, r, r) to unit noise; without phases the fundamental is turned to the force."""
+    if motion.points.phase_known:
+        return _inverse_root(covariance, motion.known)
+    turn = np.tile(np.eye(covariance.shape[1]), (len(covariance), 1, 1))
+    direction = motion.force / np.abs(motion.force)
+    turn[:, 1, 1], turn[:, 1, 2] = direction.real, direction.imag
+    turn[:, 2, 1], turn[:, 2, 2] = -direction.imag, direction.real
+    return np.asarray(_inverse_root(turn @ covariance @ np.swapaxes(turn, 1, 2), motion.known) @ turn)
 
 
 def _inverse_root(covariance: Array, known: NDArray[np.bool_]) -> Array:

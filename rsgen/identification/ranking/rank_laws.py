@@ -96,8 +96,8 @@ def rank(
     Raises
     ------
     RsgenError
-        No candidate, too few points, one frequency or phase resonance without a mass, no phase recorded, or
-        no candidate follows the test.
+        No candidate, too few points, one frequency or phase resonance without a mass, or no candidate
+        follows the test.
     """
     laws, terms, base = competitors(candidates)
     base = join_model(base, observation, mass)
@@ -113,10 +113,14 @@ def rank(
         test = PointTest(*per_unit_mass(without_copies(surface), base), laws.values())
     given = tuple(test.start(name, elements) for name, elements in laws.items())
     rounds = _all_rounds(test, given, terms, terms_in_sum)
-    # rounds may go in a circle: take the last of those with the least misfit
+    return _ranking(test, _best_round(rounds), tuple(laws), base, surface)
+
+
+def _best_round(rounds: list[_Compared]) -> _Compared:
+    """Return the last of the rounds with the least misfit: rounds may go in a circle."""
     misfits = [one.misfit for one in rounds]
-    best = max(i for i, misfit in enumerate(misfits) if misfit <= min(misfits) + MISFIT_NEGLIGIBLE)
-    return _ranking(test, rounds[best], tuple(laws), base, surface)
+    least = min(misfits) + MISFIT_NEGLIGIBLE
+    return next(one for one, misfit in zip(rounds[::-1], misfits[::-1], strict=True) if misfit <= least)
 
 
 def _all_rounds(
@@ -124,8 +128,16 @@ def _all_rounds(
 ) -> list[_Compared]:
     """Run rounds of laws without memory, and if their best has a misfit beyond noise, rounds of all laws.
 
-    Laws without memory are ranked first, because the reference motion of a hysteretic law would bias them.
+    Laws without memory are ranked first, because the reference motion of a hysteretic law would bias them. So
+    would a mean that was not recorded, of a law that is not odd: of amplitudes alone all laws are compared
+    along the motion of an odd one, where one fits.
     """
+    odd = tuple(term for term in terms if term.law.odd)
+    if test.first.amplitudes_alone and len(odd) < len(terms):
+        symmetric = _best_round(_all_rounds(test, given, odd, terms_in_sum))
+        if not symmetric.round.misfit(symmetric.found[0]).unexplained:
+            entries = Candidates(given, terms, test.fixed, terms_in_sum)
+            return [_compare(symmetric.round, entries, symmetric.found)]
     plain = tuple(term for term in terms if not term.law.remembers)
     rounds: list[_Compared] = []
     fault: RsgenError | None = None

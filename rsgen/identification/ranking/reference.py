@@ -157,6 +157,7 @@ def fit_reference_motion(
     problem = Problem(best.elements, law, observed, fixed)
     place = problem.join(values, best.values["m"], best.background)
     found = fit_balance(problem, place, order=BALANCE_HARMONICS, exclude=False, steps=MAX_TRIAL_STEPS)
+    found = replace(found, problem=replace(problem, observed=_with_phases(found)))
     if law.rough and found.mass > 0 and _shared_misfit(found) < MAX_MOTION_DISTANCE:
         exact = _simulated_reference(best, found, fixed)
         if exact is not None:
@@ -167,6 +168,14 @@ def fit_reference_motion(
     part = found.select(chosen)
     motion = predicted_motion(part.problem.observed, found.background, part.harmonics, part.force, part.turn)
     return Reference(chosen, motion, law, found.values, found.mass)
+
+
+def _with_phases(found: Fit) -> Observed:
+    """Return the points of a fit, with the phases that it predicts where none were recorded."""
+    observed = found.problem.observed
+    if observed.points.phase_known:
+        return observed
+    return observed.with_phases(found.background, found.harmonics[:, 1], found.force)
 
 
 def _shared_misfit(found: Fit) -> float:
@@ -305,9 +314,10 @@ def _neighbour_noise(
         noise = np.where(second < _MAX_SECOND_TO_FIRST * noise, second, noise)
     orders = np.repeat(np.arange((residual.shape[1] + 1) // 2), 2)[1:]
     result = []
+    rows = np.bincount(orders, compared)
     for power in (total, noise):
-        power = np.where(compared, power, np.nan)
-        result.append(np.sqrt([np.mean(power[orders == h]) for h in range(orders[-1] + 1)]))
+        sums = np.bincount(orders, np.where(compared, power, 0.0))
+        result.append(np.sqrt(np.divide(sums, rows, out=np.full(len(rows), np.nan), where=rows > 0)))
     return result[0], result[1]
 
 
@@ -391,8 +401,8 @@ class PointRound(Round):
         shared = np.nan_to_num(shared)
         misfit = self.noises * np.sqrt(shared)
         correlation = np.nan_to_num(shared / np.maximum(total**2, 1e-300))
-        # real and imaginary part; a mean is one number
-        counted = np.where(np.arange(len(misfit)) == 0, 1, 2) * len(pairs)
+        # real and imaginary part; a mean, and a fundamental without phases, is one number
+        counted = np.bincount(np.repeat(np.arange(len(misfit)), 2)[1:], fitted.compared) * len(pairs)
         missing = beyond_chance(correlation, counted) & (misfit > _max_misfits(points, len(misfit)))
         unexplained = float(np.sqrt(np.sum(misfit[missing] ** 2)))
         where = _locate_misfit(fitted, points, pairs, missing, misfit) if missing.any() else {}
@@ -418,15 +428,14 @@ class PointTest(RankedTest):
     """
 
     def __init__(self, surface: ResponseSurface, base: Model, given: Collection[tuple[Element, ...]]) -> None:
-        surface.require_phase("ranking", "laws are compared by force and phase together")
         points = select_points(surface, base)
         observed = Observed.of(points, base.observation.background)
         self.observed, self.fixed = observed.select(points.spread(_MAX_POINTS)), base.fixed
         if needed := mass_needs(self.observed.points, base):
             raise RsgenError(f"ranking: the test does not determine the mass; give it, or {needed}")
-        background = _start_background(self.observed, base, given)
-        self._mode = self.observed.mode(background)
-        self.first = _first_rows(self.observed, background, self.fixed.get("m", nan))
+        seen, background = _start_observed(self.observed, base, given)
+        self._mode = seen.mode(background)
+        self.first = _first_rows(seen, background, self.fixed.get("m", nan))
 
     def start(self, name: str, elements: tuple[Element, ...]) -> CandidateLaw:
         """Return a law with initial values from the first-order balance."""
@@ -483,19 +492,30 @@ class PointTest(RankedTest):
         return [Finding("law-unconfirmed", "doubt", numbers=numbers, names={"law": candidate.name})]
 
 
-def _start_background(observed: Observed, base: Model, given: Collection[tuple[Element, ...]]) -> Array:
-    """Return an initial background: that of the best fit among the laws of the user and the surrogates."""
-    if not observed.background.names:
-        return np.zeros(0)
+def _start_observed(
+    observed: Observed, base: Model, given: Collection[tuple[Element, ...]]
+) -> tuple[Observed, Array]:
+    """Return the points, with phases if none were recorded, and an initial background.
+
+    Both are of the best fit among the laws of the user and the surrogates.
+    """
+    if not observed.background.names and observed.points.phase_known:
+        return observed, np.zeros(0)
     laws = [CandidateLaw("", as_elements(law), {}) for law in SURROGATES]
-    # a linear law would put its misfit into the background
-    laws[:0] = [law for elements in given if not (law := CandidateLaw("", elements, {})).linear]
+    if observed.points.phase_known:
+        # a linear law would put its misfit into the background
+        laws[:0] = [law for elements in given if not (law := CandidateLaw("", elements, {})).linear]
     subsample = observed.select(observed.points.spread(SUBSAMPLE_POINTS))
     fits = [
         fit_balance(*start_fit(Problem(law.elements, law.law, subsample, base.fixed)), order=START_HARMONICS)
         for law in laws
     ]
-    return min(fits, key=lambda found: found.regression.noise if found.mass > 0 else np.inf).background
+    best = min(fits, key=lambda found: found.regression.noise if found.mass > 0 else np.inf)
+    if observed.points.phase_known:
+        return observed, best.background
+    place = best.regression.parameters
+    every = fit_balance(replace(best.problem, observed=observed), place, order=START_HARMONICS, steps=1)
+    return _with_phases(every), every.background
 
 
 def _max_misfits(points: Points, count: int) -> Array:

@@ -166,7 +166,10 @@ def search_sums(
 
     def sensible(chosen: Sequence[Term]) -> bool:
         # two hysteretic terms are not separable in a steady-state test, nor are two springs in place of k*x
-        counts = (sum(term.how.spring for term in chosen), sum(term.law.remembers for term in chosen))
+        counts = [sum(term.how.spring for term in chosen), sum(term.law.remembers for term in chosen)]
+        if rows.amplitudes_alone:
+            # even forces change an amplitude in second order, and two of them take each other's place
+            counts.append(sum(not term.law.odd for term in chosen))
         return max(counts) <= 1
 
     found: dict[frozenset[str], tuple[SumFit, tuple[_TermVariants, ...]]] = {}
