@@ -134,13 +134,9 @@ def test_a_lag_off_a_quarter_period_is_corrected_with_the_mass_and_widens_withou
 def test_one_slice_off_resonance_determines_the_mass():
     X = np.geomspace(5e-3, 5e-2, 9)
     on = phase_resonance(X)
-    X, omega = (
-        np.append(X, np.full(4, 0.02)),
-        np.append(on.omega, 2 * np.pi * np.array([9.6, 9.8, 10.1, 10.3])),
-    )
-    table = rsgen.modal_table(
-        measured(X, omega, X * (K1 + 0.75 * KN1 * X**2 - MASS * omega**2 + 1j * omega * C1))
-    )
+    X, omega = np.append(X, np.full(4, 0.02)), 2 * np.pi * np.append(on.frequency, [9.6, 9.8, 10.1, 10.3])
+    force = X * (K1 + 0.75 * KN1 * X**2 - MASS * omega**2 + 1j * omega * C1)
+    table = rsgen.modal_table(measured(X, omega, force))
     assert table.known == tuple(MODAL_COLUMNS)
     np.testing.assert_allclose(table.mass, MASS, rtol=1e-3)
 
