@@ -44,8 +44,8 @@ from rsgen.report.figures import (
     draw_thumbnail,
     draw_time_history,
 )
-from rsgen.report.figures.cycles import shows_loops
 from rsgen.report.figures.drawing import POINTS, project_style
+from rsgen.report.figures.equivalent import shows_loops
 from rsgen.report.notebook import known_results, write_notebook
 from rsgen.report.page import THUMBNAIL, mean_sentence, picture_svg, render_page
 from rsgen.report.page_tables import NO_MODAL, Modal, tabulate_mode

@@ -35,13 +35,13 @@ from rsgen.formula.units import quantity_text
 from rsgen.identification.prediction import HeldOutLevel, Prediction
 from rsgen.identification.results import Estimate, Identification, MultisineIdentification, Resonance
 from rsgen.law.element import FORCE_KEYS
-from rsgen.report.figures.cycles import (
+from rsgen.report.figures.equivalent import (
     dissipated_energy,
     measured_energy,
     mode_surface,
     small_stiffness,
+    solution_of,
 )
-from rsgen.report.figures.equivalent import solution_of
 from rsgen.report.page_tables import NO_MODAL, Modal
 from rsgen.report.provenance import Subject
 from rsgen.report.wording import sentence

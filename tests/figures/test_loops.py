@@ -11,7 +11,7 @@ from rsgen import figures
 from rsgen.common.errors import RsgenError
 from rsgen.data.oscillator import Model
 from rsgen.law.motion import Motion, project
-from rsgen.report.figures.cycles import (
+from rsgen.report.figures.equivalent import (
     branch_mean,
     dissipated_energy,
     loop_force,

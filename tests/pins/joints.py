@@ -15,7 +15,7 @@ from rsgen.data.oscillator import Model
 from rsgen.dynamics.steady_state import solve_steady_states
 from rsgen.law.motion import Motion
 from rsgen.law.numeric import compile_law
-from rsgen.report.figures.cycles import SAMPLES, loop_force, measured_loops
+from rsgen.report.figures.equivalent import SAMPLES, loop_force, measured_loops
 from rsgen.report.result_json import dissipation_entry
 from tests.pins import pinned, trees
 from tests.pins.grids import JOINT_MASS, JOINTS, LEVELS, NOISE, joint, joint_law, small_joint

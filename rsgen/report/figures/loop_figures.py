@@ -20,18 +20,6 @@ from rsgen.formula.units import choose_scale, count_text, number_text, quantity_
 from rsgen.identification.results import Identification
 from rsgen.law.motion import cycle_work
 from rsgen.law.numeric import compile_law
-from rsgen.report.figures.cycles import (
-    Energy,
-    branch_mean,
-    dissipated_energy,
-    loop_force,
-    mass_of,
-    measured_energy,
-    measured_loops,
-    mode_surface,
-    small_stiffness,
-    stiffness_ratio,
-)
 from rsgen.report.figures.drawing import (
     POINT,
     REFINED,
@@ -42,7 +30,20 @@ from rsgen.report.figures.drawing import (
     label_abscissa,
     take_axes,
 )
-from rsgen.report.figures.equivalent import calm_limits, solution_of
+from rsgen.report.figures.equivalent import (
+    Energy,
+    branch_mean,
+    calm_limits,
+    dissipated_energy,
+    loop_force,
+    mass_of,
+    measured_energy,
+    measured_loops,
+    mode_surface,
+    small_stiffness,
+    solution_of,
+    stiffness_ratio,
+)
 from rsgen.report.figures.responses import choose_levels
 
 # ----------------------------------------------------------------------------
