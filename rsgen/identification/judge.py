@@ -11,6 +11,7 @@ from typing import TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
+import rsgen.identification  # profiles, for laws with nonlinear parameters
 from rsgen.common.arrays import Array, ComplexArray
 from rsgen.common.errors import RsgenError
 from rsgen.common.finding import Finding, Quantity, Severity, quantities
@@ -46,7 +47,6 @@ from rsgen.identification.misfit import (
     unseen_findings,
     widen_squares,
 )
-from rsgen.identification.profile import with_profiles
 from rsgen.identification.resonance import fit_resonances, resonance_findings
 from rsgen.identification.restoring_force import equivalent_curve, force_levels, invert_curve, invert_motion
 from rsgen.identification.results import (
@@ -344,7 +344,10 @@ def judge(test: Prepared, model: Model, refined: Fit) -> Identification:
         freedom=freedom,
         converged=regression.converged,
     )
-    estimates = with_profiles(refined, make_estimates(solution, law, model, reasons, units))
+    estimates = make_estimates(solution, law, model, reasons, units)
+    if law.nonlinear:
+        # the sum of squares of other laws is nearly quadratic
+        estimates = rsgen.identification.with_profiles(refined, estimates)
     curve = equivalent_curve(surface, points, used, refined)
     doubtful = {estimate.name for estimate in estimates if not estimate.identifiable}
     mass = nan if "m" in doubtful else refined.mass
