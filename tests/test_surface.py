@@ -1,9 +1,12 @@
 """Laws of the response surface table and of its file."""
 
 import os
+import pickle
 import tracemalloc
 from collections.abc import Callable
 from dataclasses import fields, replace
+from pathlib import Path
+from typing import Any
 
 import h5py
 import numpy as np
@@ -94,7 +97,7 @@ def test_every_array_of_the_file_carries_its_unit(tmp_path):
     assert units["force"] == "N"
     assert units["harmonics"] == units["peak"] == "m"
     assert units["frequency"] == "Hz"
-    words = {"origin", "phase_known", "control", "per_mass", "base"}
+    words = {"origin", "phase_known", "control", "per_mass", "base", "sensors"}
     assert set(units) == {f.name for f in fields(ResponseSurface)} - words | {"settled"}
 
 
@@ -407,3 +410,42 @@ def test_a_surface_shows_its_levels_in_a_notebook():
     html = ResponseSurface(*linear_columns().values())._repr_html_()
     assert html.count("<tr>") == 3
     assert "40 points, 2 levels 1 to 3 N, 6 to 10 Hz" in html
+
+
+def test_further_sensors_stay_with_their_points(tmp_path: Path) -> None:
+    f = np.linspace(9.0, 11.0, 6)
+    x = np.exp(1j * f)
+    root = np.stack([0 * x, 3 * x, x], axis=1)
+    made = ResponseSurface(2.0, f, 2.0, x, sensors={"tip": 2 * x, "root": root})
+    save_surface(tmp_path / "a.h5", made)
+    frame = ResponseSurface.from_frame(made.to_frame())
+    for surface in (made, load_surface(tmp_path / "a.h5"), frame, pickle.loads(pickle.dumps(made))):
+        part = surface.select(f < 10)
+        np.testing.assert_array_equal(part.signals["root"], root[f < 10])
+        np.testing.assert_array_equal(part.signals["tip"][:, 1], 2 * x[f < 10])
+
+
+@pytest.mark.parametrize(
+    ("sensors", "said"),
+    [
+        ({"a b": [1j]}, "'a b'"),
+        ({"across": [1j]}, "none of force, response, across"),
+        ({"tip": [1j, 2j]}, r"sensors\.tip: shape \(2,\)"),
+        ({"tip": [1.0]}, r"sensors\.tip: real numbers have no phase"),
+        ({"tip": [[1j]]}, r"sensors\.tip: needs at least"),
+        ([1j], "must be a dict"),
+    ],
+)
+def test_sensors_that_do_not_fit_are_refused(sensors: Any, said: str) -> None:
+    with pytest.raises(RsgenError, match=said):
+        ResponseSurface(2.0, [9.0], 2.0, [1j], sensors=sensors)
+
+
+def test_a_file_that_declares_sensors_it_does_not_have_is_refused(tmp_path: Path) -> None:
+    path = tmp_path / "a.h5"
+    save_surface(path, ResponseSurface(2.0, [9.0], 2.0, [1j], sensors={"tip": [1j]}))
+    for said in ("tip,root", "../x", "a," * 300):
+        with h5py.File(path, "r+") as file:
+            file.attrs["sensors"] = said
+        with pytest.raises(MeasurementError, match="sensor"):
+            load_surface(path)

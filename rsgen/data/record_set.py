@@ -166,9 +166,10 @@ class Records(ABC):
         """Return some of the records, by a boolean mask (r,) or an index array."""
         rows = np.asarray(chosen)
         values: dict[str, Any] = {one.name: getattr(self, one.name) for one in fields(self)}  # type: ignore[arg-type]
-        return type(self)(
-            **{k: v[rows] if k in self.columns and v is not None else v for k, v in values.items()}
-        )
+        chosen_values = {k: v[rows] for k, v in values.items() if k in self.columns and v is not None}
+        if "sensors" in values:
+            chosen_values["sensors"] = {name: lines[rows] for name, lines in values["sensors"].items()}
+        return type(self)(**values | chosen_values)
 
     def on_mass(self, mass: float) -> Self:
         """Return the test with forces [N] on a mass m [kg], if they are per mass; unchanged if m is NaN."""

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import re
+from collections.abc import Mapping
 from itertools import pairwise
 from typing import Any
 
@@ -116,6 +118,33 @@ def across_columns(across: Any, shape: tuple[int, ...]) -> NDArray[Any]:
     if across is None or np.shape(across)[1:] == (0,):
         return column(np.zeros((shape[0], 0)), "across", (shape[0], 0))
     return column(across, "across", shape)
+
+
+SENSOR_NAME = re.compile(r"[A-Za-z_][A-Za-z0-9_]{0,39}")
+"""What a further sensor may be called, as a channel of a case."""
+MAX_SENSORS = 200
+_SIGNALS = ("force", "response", "across")
+"""Names of signals that every surface has."""
+
+
+def sensor_columns(sensors: Any, rows: int) -> dict[str, NDArray[Any]]:
+    """Return harmonics (n, H+1) [m] of further sensors by name, mean first; (n,) is the fundamental alone."""
+    if not isinstance(sensors, Mapping) or len(sensors) > MAX_SENSORS:
+        raise RsgenError(f"surface.sensors: must be a dict of at most {MAX_SENSORS} names and columns")
+    found = {}
+    for name, values in sensors.items():
+        if not (isinstance(name, str) and SENSOR_NAME.fullmatch(name)) or name in _SIGNALS:
+            raise RsgenError(
+                f"surface.sensors: {name!r:.60}; must be a letter, then letters, digits and _, and none of "
+                f"{', '.join(_SIGNALS)}"
+            )
+        try:
+            found[name] = response_columns(np.asarray(values), None, True, rows)
+        except RsgenError as fault:
+            raise RsgenError(str(fault).replace("surface.response", f"surface.sensors.{name}")) from None
+        if found[name].shape[1] < 2:
+            raise RsgenError(f"surface.sensors.{name}: needs at least the mean and the fundamental")
+    return found
 
 
 def check_numbers(columns: dict[str, Any]) -> None:
@@ -291,6 +320,10 @@ def columns_of_frame(frame: Any, degrees: bool) -> dict[str, Any]:
         "force": _with_harmonics(table, force, "force_"),
         "harmonics": _with_harmonics(table, fundamental, ""),
         "across": _with_harmonics(table, table.complex("across"), "across_"),
+        "sensors": {
+            name: _with_harmonics(table, table.complex(f"sensor_{name}"), f"sensor_{name}_")
+            for name in _sensors_of(table.names)
+        },
         "phase_known": phase_known,
     }
     if table.has("label"):
@@ -298,6 +331,12 @@ def columns_of_frame(frame: Any, degrees: bool) -> dict[str, Any]:
     if table.has("peak_max", "peak_min"):
         columns["peak"] = np.stack([table.read("peak_max"), table.read("peak_min")], axis=1)
     return columns | {name: table.read(name) for name in _AS_THEY_ARE if table.has(name)}
+
+
+def _sensors_of(names: list[str]) -> list[str]:
+    """Return the names of further sensors, from those of columns: "sensor_tip", or its real part."""
+    heads = [name.removeprefix("sensor_") for name in names if name.startswith("sensor_")]
+    return [head.removesuffix("_real") for head in heads if not re.search(r"_(mean|imag|harmonic_\d+)", head)]
 
 
 def _with_harmonics(table: _Table, fundamental: Any, prefix: str) -> ComplexArray | None:
@@ -365,6 +404,8 @@ def frame_of_surface(surface: Any) -> Any:
         columns |= _harmonic_columns("force_", surface.force_harmonics)
     columns |= zip(("across",), surface.across.T[1:2], strict=False)
     columns |= _harmonic_columns("across_", surface.across)
+    for name, harmonics in surface.sensors.items():
+        columns |= {f"sensor_{name}": harmonics[:, 1]} | _harmonic_columns(f"sensor_{name}_", harmonics)
     if surface.label is not None:
         columns["label"] = surface.label
     columns |= {"peak_max": surface.peak[:, 0], "peak_min": surface.peak[:, 1]}

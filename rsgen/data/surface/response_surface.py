@@ -30,6 +30,7 @@ from rsgen.data.surface.columns import (
     frame_of_surface,
     recognise_directions,
     response_columns,
+    sensor_columns,
 )
 
 # ----------------------------------------------------------------------------
@@ -147,6 +148,9 @@ class ResponseSurface(Records):
     label
         (n,) number that names the level of a point in the test, where it is no measured amount; None: the
         levels are their own names. ``hold_out`` takes it.
+    sensors
+        Complex displacements [m] of further sensors by name, each (n,) or (n, H+1) as ``response``. They are
+        kept with the surface; identification uses response and ``across`` alone.
 
     Raises
     ------
@@ -182,6 +186,7 @@ class ResponseSurface(Records):
     per_mass: bool
     base: str
     label: Array | None
+    sensors: Mapping[str, ComplexArray]
 
     def __init__(
         self,
@@ -206,6 +211,7 @@ class ResponseSurface(Records):
         per_mass: bool = False,
         base: str = "",
         label: ArrayLike | None = None,
+        sensors: Mapping[str, ArrayLike] | None = None,
     ) -> None:
         n = len(np.atleast_1d(np.asarray(frequency)))
         findings = tuple(findings)
@@ -235,6 +241,7 @@ class ResponseSurface(Records):
         columns["sweep"] = column(sweep, "sweep", (n,))
         columns["outcome"] = column(outcome, "outcome", (n,))
         words: dict[str, object] = {"origin": origin, "control": control, "findings": findings, "base": base}
+        words["sensors"] = sensor_columns(sensors or {}, n)
         words |= {"phase_known": bool(phase_known), "per_mass": bool(per_mass)}
         for name, value in (columns | words).items():
             object.__setattr__(self, name, value)
@@ -257,8 +264,9 @@ class ResponseSurface(Records):
 
     @property
     def signals(self) -> Mapping[str, ComplexArray]:
-        """Harmonics of force [N], response and motion across [m], (n, K+1) and (n, H+1)."""
-        return {"force": self.force_harmonics, "response": self.harmonics, "across": self.across}
+        """Harmonics of force [N], response, motion across and further sensors [m], (n, K+1) and (n, H+1)."""
+        own = {"force": self.force_harmonics, "response": self.harmonics, "across": self.across}
+        return own | dict(self.sensors)
 
     @property
     def omega(self) -> Array:
@@ -401,6 +409,7 @@ class ResponseSurface(Records):
             _CONTROLLED[self.control],
             f"force with {recorded} harmonics" if (recorded := self.force_harmonics.shape[1] - 1) > 1 else "",
             *("motion across" for _ in self.across.T[1:2]),
+            f"sensors {', '.join(self.sensors)}" if self.sensors else "",
             f"{self.base} of the base" if self.base else "",
             self.origin,
         ]

@@ -9,6 +9,7 @@ import math
 import os
 import subprocess
 import sys
+from collections.abc import Mapping
 from pathlib import Path
 from threading import Timer
 from typing import TYPE_CHECKING, Any, BinaryIO
@@ -26,7 +27,7 @@ from rsgen.common.process import (
     confine,
     environment,
 )
-from rsgen.data.surface.columns import COLUMN_UNITS
+from rsgen.data.surface.columns import COLUMN_UNITS, MAX_SENSORS, SENSOR_NAME
 from rsgen.data.surface.response_surface import OUTCOMES, ResponseSurface
 
 if TYPE_CHECKING:
@@ -56,6 +57,8 @@ def save_surface(path: str | os.PathLike[str], surface: ResponseSurface) -> None
         for name in ("origin", "phase_known", "control", "per_mass", "base"):
             file.attrs[name] = getattr(surface, name)
         file.attrs["outcomes"] = list(OUTCOMES)
+        if surface.sensors:
+            file.attrs["sensors"] = ",".join(surface.sensors)
         values = {name: getattr(surface, name) for name in COLUMN_UNITS}
         # columns that the test does not have are None, or have no harmonics
         columns = {k: v for k, v in values.items() if v is not None and v.shape[1:] != (0,)}
@@ -64,6 +67,8 @@ def save_surface(path: str | os.PathLike[str], surface: ResponseSurface) -> None
         columns["stable"] = columns["stable"].astype(np.uint8)
         forces = dict.fromkeys(("force", "force_harmonics"), surface.force_unit)
         units = COLUMN_UNITS | forces | {"level": surface.level_unit}
+        for name, harmonics in surface.sensors.items():
+            columns[_SENSOR + name], units[_SENSOR + name] = harmonics, "m"
         found = [finding.to_dict() for finding in surface.findings]
         columns["findings"] = np.bytes_(json.dumps(found, default=float))
         for name, values in columns.items():
@@ -96,6 +101,19 @@ def load_surface(path: str | os.PathLike[str]) -> ResponseSurface:
 
 _MAY_BE_MISSING = ("stable", "findings", "force_harmonics", "across", "label")
 """Columns that surfaces of earlier versions, or without a motion across or labels, do not have."""
+
+_SENSOR = "sensor_"
+"""Begins the name of the array of a further sensor."""
+
+
+def _sensors(attributes: Mapping[str, Any]) -> list[str]:
+    """Return the names of further sensors that a file declares; a MeasurementError for what is no name."""
+    text = str(attributes.get("sensors", ""))
+    names = text.split(",") if text else []
+    if len(names) > MAX_SENSORS or not all(map(SENSOR_NAME.fullmatch, names)):
+        raise MeasurementError(f"sensors: {text!r:.60}; at most {MAX_SENSORS} names with commas are needed")
+    return names
+
 
 _FAULTS = (OSError, KeyError, ValueError, TypeError, AttributeError, RecursionError, MemoryError)
 """Exceptions raised by arrays that do not fit together."""
@@ -177,6 +195,7 @@ def _surface(reader: _Reader) -> ResponseSurface:
         if name in reader.arrays or name not in _MAY_BE_MISSING
     }
     values["sweep"] = np.char.decode(values["sweep"], "ascii")
+    values["sensors"] = {name: reader.array(_SENSOR + name) for name in _sensors(reader.attributes)}
     if "findings" in values:
         found = [Finding.from_dict(entry) for entry in json.loads(bytes(values["findings"]))]
     else:
@@ -255,11 +274,21 @@ def _outline(file: BinaryIO, wanted: list[str]) -> dict[str, Any]:
     import h5py  # as in save_surface; the rehearsal loads it before the process is confined
 
     with h5py.File(file, "r") as opened:
-        attributes = ("format", "schema", "origin", "phase_known", "control", "per_mass", "base", "notes")
-        return {
-            "attributes": {name: _attribute(opened, name) for name in attributes if name in opened.attrs},
-            "arrays": {name: _array(opened, name) for name in wanted if name in opened},
-        }
+        known = (
+            "format",
+            "schema",
+            "origin",
+            "phase_known",
+            "control",
+            "per_mass",
+            "base",
+            "notes",
+            "sensors",
+        )
+        attributes = {name: _attribute(opened, name) for name in known if name in opened.attrs}
+        wanted = [*wanted, *(_SENSOR + name for name in _sensors(attributes))]
+        arrays = {name: _array(opened, name) for name in wanted if name in opened}
+        return {"attributes": attributes, "arrays": arrays}
 
 
 def _rehearse() -> None:
