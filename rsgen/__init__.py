@@ -38,7 +38,7 @@ if TYPE_CHECKING:
     from rsgen.cases import Case, load_case, read
     from rsgen.common.errors import RsgenError
     from rsgen.common.finding import Finding
-    from rsgen.data.multisine import MultisineSpectra, best_linear
+    from rsgen.data.multisine import MultisineSpectra, best_linear, load_spectra, save_spectra
     from rsgen.data.oscillator import Observation, Oscillator
     from rsgen.data.surface import ResponseSurface, load_surface, save_surface
     from rsgen.describing import derive
@@ -91,6 +91,7 @@ _PLACES = {
     "identify": "identification.identify",
     "laws": "law",
     "load_case": "cases",
+    "load_spectra": "data.multisine",
     "load_surface": "data.surface",
     "make_element": "law",
     "modal_table": "identification.modal_table",
@@ -99,6 +100,7 @@ _PLACES = {
     "rank": "identification.ranking",
     "read": "cases",
     "save_frf": "analysis.export",
+    "save_spectra": "data.multisine",
     "save_surface": "data.surface",
     "sentence": "report.wording",
     "simulate": "dynamics.simulation",
@@ -151,6 +153,7 @@ __all__ = [
     "identify",
     "laws",
     "load_case",
+    "load_spectra",
     "load_surface",
     "make_element",
     "modal_table",
@@ -159,6 +162,7 @@ __all__ = [
     "rank",
     "read",
     "save_frf",
+    "save_spectra",
     "save_surface",
     "sentence",
     "simulate",

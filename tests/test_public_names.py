@@ -14,9 +14,9 @@ PUBLIC = [
     "Case", "Comparison", "DecayTest", "Finding", "Identification", "Law", "ModalTable", "MultisineSpectra",
     "MultisineTest", "Observation", "Oscillator", "Prediction", "Profile", "Ranking", "ResponseSurface",
     "RsgenError", "SimulatedTest", "SweepTest", "best_linear", "compare", "compare_fits", "derive", "explain",
-    "figures", "history", "identify", "laws", "load_case", "load_surface", "make_element", "modal_table",
-    "predict", "profile", "rank", "read", "save_frf", "save_surface", "sentence", "simulate", "verdict_of",
-    "write_report",
+    "figures", "history", "identify", "laws", "load_case", "load_spectra", "load_surface", "make_element",
+    "modal_table", "predict", "profile", "rank", "read", "save_frf", "save_spectra", "save_surface",
+    "sentence", "simulate", "verdict_of", "write_report",
 ]  # fmt: skip
 
 

@@ -429,7 +429,8 @@ class MultisineTest(VirtualTest):
 
     def origin(self) -> dict[str, str]:
         """Return names and values for the provenance of a result."""
-        return self._origin(f"multisine, {self.lines} lines, {self.realisations} realisations a level")
+        records = f"{self.realisations} realisation{'s' if self.realisations > 1 else ''} a level"
+        return self._origin(f"multisine, {self.lines} lines, {records}")
 
     @property
     def excited(self) -> NDArray[np.intp]:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import io
 import time
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -266,22 +265,9 @@ def save_records(table: Any, place: Path) -> None:
 
 @save_records.register
 def _(table: MultisineSpectra, place: Path) -> None:
-    buffer = io.BytesIO()
-    names = (
-        "level",
-        "omega0",
-        "frequency",
-        "force",
-        "response",
-        "mean_known",
-        "left_out",
-        "per_mass",
-        "base",
-    )
-    arrays: dict[str, Any] = {name: getattr(table, name) for name in names}
-    arrays |= {} if table.across is None else {"across": table.across}
-    np.savez_compressed(buffer, **arrays)
-    write_atomic(place / "spectra.npz", buffer.getvalue())
+    from rsgen.data.multisine import save_spectra  # for multisines only
+
+    save_spectra(place / "spectra.npz", table)
 
 
 @singledispatch

@@ -1,10 +1,13 @@
 """Virtual multisine tests of smooth laws, friction and corners: independent motions, and the way back."""
 
+import io
 import json
+import zipfile
 from typing import Any
 
 import numpy as np
 import pytest
+from numpy.lib import format as npy
 
 import rsgen
 from rsgen import figures
@@ -161,7 +164,19 @@ def test_a_case_of_a_virtual_multisine_is_checked_and_run(tmp_path, run_cli):
     assert [row["name"] for row in result["forces"]] == ["stiffness_force", "damping_force"]
     assert result["held_out"][0]["error"] < 0.02
     assert "comparison" in (tmp_path / "out" / "lines" / "notebook.ipynb").read_text(encoding="utf-8")
-    assert "a multisine has no response surface" in run_cli("simulate", case).err
+    target = tmp_path / "spectra.npz"
+    simulated = run_cli("simulate", case, "--out", target)
+    assert simulated.code == 0, simulated
+    assert "lines: 3 records, 4 periods, " in simulated.out
+    loaded = rsgen.load_case(case)
+    again, spectra = rsgen.load_spectra(target), rsgen.simulate(loaded.oscillator, loaded.test)
+    assert (again.force == spectra.force).all()
+    assert (again.response == spectra.response).all()
+    assert (again.origin, again.base, again.levels.tolist()) == ("simulated", "", spectra.levels.tolist())
+    # a file of the user stays, one of this command is written again
+    assert run_cli("simulate", case, "--out", target).code == 0
+    np.savez(target, a=np.arange(3.0))
+    assert run_cli("simulate", case, "--out", target).code == 2
     assert "--frf: of a multisine" in run_cli("identify", case, "--frf", case.with_suffix(".uff")).err
     write_small(tmp_path, "lines", CASE | {"identify.hold_out": ["6 N"]})
     assert "6 N is not tested; one of test.level is needed" in run_cli("check", case).err
@@ -195,3 +210,43 @@ def test_impossible_tests_are_refused_with_the_reason():
         rsgen.MultisineTest((1.0,), (2.0, 1e308), 100.0)
     with pytest.raises(RsgenError, match=r"0\.2 N: no periodic response.*dry friction holds the mass"):
         simulated("friction", (0.2,))
+
+
+def _damaged(folder, **changes):
+    values = {"omega0": 1.0, "level": [1.0], "force": np.ones((1, 2, 4)), "response": np.ones((1, 2, 4))}
+    kept = {name: value for name, value in (values | changes).items() if value is not None}
+    np.savez(folder / "spectra.npz", **kept)
+    return folder / "spectra.npz"
+
+
+@pytest.mark.parametrize(
+    ("changes", "fault"),
+    [
+        ({"force": None}, "force: missing"),
+        ({"level": np.array([{}], dtype=object)}, "level: object"),
+        ({"force": np.ones((1, 2, 3))}, "force .1, 2, 3."),
+        ({"origin": "<b>"}, "origin: one of measured, simulated"),
+        ({"base": "x" * 100}, "base: <U100"),
+        ({"omega0": np.nan}, "omega0"),
+    ],
+)
+def test_spectra_that_are_no_spectra_are_refused(tmp_path, changes, fault):
+    assert len(rsgen.load_spectra(_damaged(tmp_path))) == 1
+    with pytest.raises(rsgen.RsgenError, match=rf"spectra.npz: .*{fault}"):
+        rsgen.load_spectra(_damaged(tmp_path, **changes))
+
+
+def test_a_file_that_declares_more_than_it_holds_is_refused_before_it_is_read(tmp_path):
+    header = io.BytesIO()
+    npy.write_array_header_1_0(header, {"descr": "<c16", "fortran_order": False, "shape": (1, 10**9, 10**6)})
+    path = _damaged(tmp_path, force=None)
+    with zipfile.ZipFile(path, "a") as archive:
+        archive.writestr("force.npy", header.getvalue())
+    with pytest.raises(rsgen.RsgenError, match=r"force: complex128 .*as many as declared"):
+        rsgen.load_spectra(path)
+    path.write_bytes(path.read_bytes()[:200])
+    with pytest.raises(rsgen.RsgenError, match="cannot be read as spectra"):
+        rsgen.load_spectra(path)
+    path.unlink()
+    with pytest.raises(rsgen.RsgenError, match="there is no such file"):
+        rsgen.load_spectra(path)

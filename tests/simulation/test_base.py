@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 import rsgen as rs
-from rsgen.app.study.run_case import obtain_surface
+from rsgen.app.study.run_case import obtain_table
 from rsgen.common.errors import CaseError, RsgenError
 from rsgen.report.figures import draw_held_out
 from tests.surfaces import codes
@@ -140,7 +140,7 @@ def test_a_case_knows_the_mass_beforehand_and_levels_in_their_unit(tmp_path):
     case = rs.load_case(write(tmp_path, more="[identify]\nhold_out = ['20 um']"))
     assert case.model.mass == MASS
     np.testing.assert_allclose(case.test.level, [2e-5, 1e-4])
-    surface = obtain_surface(case)
+    surface = obtain_table(case)
     # what a run works with is a force on the mass
     assert not surface.per_mass
     np.testing.assert_allclose(surface.force, MASS * surface.omega**2 * surface.level)

@@ -38,6 +38,8 @@ Figures = Annotated[
 # ----------------------------------------------------------------------------
 # Files that a command writes: where they may lie, and that they never take the place of a user's file.
 
+SPECTRA = b"omega0.npy"
+"""Name of an array that a file of spectra has near its beginning."""
 SURFACE = b"rsgen response surface"
 FRF = b"receptances by level\nrsgen\n"
 MODAL = b"amplitude [m],frequency [Hz],lower frequency [Hz]"

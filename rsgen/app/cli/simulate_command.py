@@ -1,4 +1,4 @@
-"""The command `rsgen simulate`: the response surface of a simulated case as a file."""
+"""The command `rsgen simulate`: the records of a simulated case as a file."""
 
 from __future__ import annotations
 
@@ -7,24 +7,28 @@ from typing import Annotated
 
 import typer
 
-from rsgen.app.cli.options import SURFACE, Json, OneCase, inputs_of, is_foreign, refuse_foreign
+from rsgen.app.cli.options import SPECTRA, SURFACE, Json, OneCase, inputs_of, is_foreign, refuse_foreign
 from rsgen.app.cli.progress_bar import print_cache_fault, stage_progress
 from rsgen.app.cli.terminal import ACCEPTED, MISSED, print_json, print_line
-from rsgen.app.study import obtain_surface
+from rsgen.app.study import obtain_table
 from rsgen.cases import load_case
 from rsgen.cases.case import law_faults
 from rsgen.common.errors import CaseError, RsgenError
+from rsgen.data.multisine import MultisineSpectra, save_spectra
 from rsgen.data.surface import save_surface
 
 
 def simulate_command(
     case: OneCase,
     out: Annotated[
-        Path | None, typer.Option("--out", "-o", help="The HDF5 file to write.", show_default="<name>.h5")
+        Path | None,
+        typer.Option("--out", "-o", help="The file to write.", show_default="<name>.h5, <name>.npz"),
     ] = None,
     json: Json = False,
 ) -> int:
     """Simulate the test of a case and write the response surface as HDF5 (h5py, MATLAB, Julia read it).
+
+    The spectra of a multisine are written as a file of numpy (.npz).
 
     \b
     Example:
@@ -37,10 +41,20 @@ def simulate_command(
     refused = law_faults(loaded)
     if refused:
         raise CaseError(refused)
-    target = out or Path(f"{loaded.name}.h5")
-    refuse_foreign(target, is_foreign(target, SURFACE), inputs_of(loaded))
+    lines = loaded.test.many_lines
+    target = out or Path(f"{loaded.name}.{'npz' if lines else 'h5'}")
+    refuse_foreign(target, is_foreign(target, SPECTRA if lines else SURFACE), inputs_of(loaded))
     with stage_progress(loaded) as note:
-        surface = obtain_surface(loaded, lambda share: note("surface", share))
+        surface = obtain_table(loaded, lambda share: note("surface", share))
+    if isinstance(surface, MultisineSpectra):
+        save_spectra(target, surface)
+        size = {"records": len(surface), "periods": surface.periods, "lines": int(surface.lines[-1])}
+        if json:
+            print_json({"case": loaded.name, "file": str(target), **size})
+        else:
+            said = ", ".join(f"{count} {name if count > 1 else name[:-1]}" for name, count in size.items())
+            print_line(f"{loaded.name}: {said}: {target}")
+        return ACCEPTED
     save_surface(target, surface)
     settled = int(surface.settled.sum())
     if json:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from rsgen.app.study.folder import MANIFEST, read_manifest
-from rsgen.app.study.run_case import CaseRun, Step, obtain_surface, obtain_table, run_case
+from rsgen.app.study.run_case import CaseRun, Step, obtain_table, run_case
 from rsgen.common import on_first_use
 
 if TYPE_CHECKING:
@@ -15,7 +15,6 @@ __all__ = [
     "MANIFEST",
     "CaseRun",
     "Step",
-    "obtain_surface",
     "obtain_table",
     "read_manifest",
     "run_case",

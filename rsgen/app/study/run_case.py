@@ -16,7 +16,7 @@ from fnmatch import fnmatch
 from functools import singledispatch
 from math import nan
 from pathlib import Path
-from typing import Any, cast
+from typing import Any
 
 import rsgen.files  # loads its readers, and the next line the ranking, for cases that need them
 import rsgen.identification.ranking
@@ -196,21 +196,6 @@ def _records(
 @_records.register
 def _(test: MeasuredTest, *_: object) -> ResponseSurface | MultisineSpectra:
     return rsgen.files.read_measurement(test)
-
-
-def obtain_surface(case: Case, progress: Callable[[float], None] = lambda share: None) -> ResponseSurface:
-    """Return the response surface of a case for what needs one.
-
-    Raises
-    ------
-    RsgenError
-        As ``obtain_table``, or the test is a multisine.
-    """
-    case.test.require_surface(
-        f"{case.path.name}: test.excitation: a multisine has no response surface; rsgen run and rsgen "
-        "identify take its spectra"
-    )
-    return cast("ResponseSurface", obtain_table(case, progress))
 
 
 def identify_case(case: Case, table: ResponseSurface | MultisineSpectra) -> Identification:

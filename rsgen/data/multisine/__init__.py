@@ -9,8 +9,11 @@ from rsgen.data.multisine.spectra import MultisineSpectra
 
 if TYPE_CHECKING:
     from rsgen.data.multisine.linear import BestLinear, best_linear, implausible
+    from rsgen.data.multisine.spectra_file import load_spectra, save_spectra
 
-__all__ = ["BestLinear", "MultisineSpectra", "best_linear", "implausible"]
+__all__ = ["BestLinear", "MultisineSpectra", "best_linear", "implausible", "load_spectra", "save_spectra"]
 
 # most tests have one line a record
-__getattr__ = on_first_use(__name__, dict.fromkeys(("BestLinear", "best_linear", "implausible"), "linear"))
+_LINEAR = dict.fromkeys(("BestLinear", "best_linear", "implausible"), "linear")
+_FILE = dict.fromkeys(("load_spectra", "save_spectra"), "spectra_file")
+__getattr__ = on_first_use(__name__, _LINEAR | _FILE)
