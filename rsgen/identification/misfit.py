@@ -42,7 +42,7 @@ from rsgen.data.surface import ResponseSurface
 from rsgen.formula.names import symbol
 from rsgen.identification.fitting.fit import Fit, fit_balance, linearise_extended
 from rsgen.identification.fitting.least_squares import Alternative, Regression
-from rsgen.identification.fitting.observed import Problem, is_systematic
+from rsgen.identification.fitting.observed import Problem, is_systematic, systematic_columns
 from rsgen.identification.fitting.points import Points
 from rsgen.identification.results import Estimate, Resonance
 from rsgen.identification.results.alternatives import Alternatives
@@ -108,7 +108,8 @@ def misfit_findings(
             found.append(Finding("misfit-large", severity, numbers=numbers))
         return found
     # with a systematic misfit above a hundredth, intervals are too narrow
-    severity = severity_of(misfit, SYSTEMATIC_MISFIT_DOUBTFUL, MISFIT_REJECTED)
+    size = _of_systematic_columns(fit) if surface.decays else misfit
+    severity = severity_of(size, SYSTEMATIC_MISFIT_DOUBTFUL, MISFIT_REJECTED)
     names, left = dict[str, str](), misfit
     if severity != "error":
         term = max(others.kinds["term"], key=lambda term: others.kinds["term"][term].gain)
@@ -148,6 +149,14 @@ def misfit_findings(
             left=left if known else 0.0,
         )
     return found
+
+
+def _of_systematic_columns(fit: Fit) -> float:
+    """Relative misfit of the correlated quantities: the force of a decay has nearly all of its noise."""
+    found = fit.regression
+    chosen = systematic_columns(found.residual, fit.problem.observed.points.pairs(found.used))
+    power = np.sum(found.residual[found.used] ** 2, axis=0)
+    return relative_misfit(fit) * float(np.sqrt(np.sum(power[chosen]) / np.sum(power)))
 
 
 def _of_large_motions(fit: Fit) -> float:

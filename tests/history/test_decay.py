@@ -322,3 +322,18 @@ def test_the_right_law_of_a_long_decay_is_not_doubted_for_the_noise_at_its_end()
         states.append(found.verdict.state)
         assert found["k"].value == pytest.approx(MASS * omega**2, rel=2e-3)
     assert states == ["identified"] * 8
+
+
+def test_a_right_law_is_not_doubted_for_a_correlation_in_a_thousandth_of_the_power() -> None:
+    values = {"k": 6000.0, "c": 0.3, "Ff": 0.05}
+    test = rsgen.DecayTest(level=[6e-3, 12e-3], duration=25, rate=400, noise_relative=1e-3, seed=12)
+    law = "k*x + c*v + Ff*sign(v)"
+    table = rsgen.simulate(Oscillator(MASS, law, values), test)
+    found = rsgen.identify(table, law, mass=MASS)
+    assert found.fit.systematic
+    assert found.verdict.state == "identified"
+    for name, true in values.items():
+        assert abs(found[name].value - true) < 3 * found[name].standard_error
+    wrong = rsgen.identify(table, "k*x + c*v", mass=MASS)
+    assert "law-does-not-fit" in codes(wrong)
+    assert wrong.verdict.state in ("doubtful", "rejected")

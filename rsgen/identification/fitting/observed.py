@@ -401,7 +401,12 @@ _MIN_PAIRS = 6
 
 
 def is_systematic(residual: Array, pairs: NDArray[np.intp]) -> bool:
-    """Return True if residuals of any quantity are correlated between neighbours in frequency of a run.
+    """Return True if residuals of any quantity are correlated between neighbours in frequency of a run."""
+    return bool(systematic_columns(residual, pairs).any())
+
+
+def systematic_columns(residual: Array, pairs: NDArray[np.intp]) -> NDArray[np.bool_]:
+    """Return the columns (M,) whose residuals are correlated between neighbours in frequency of a run.
 
     Parameters
     ----------
@@ -410,15 +415,17 @@ def is_systematic(residual: Array, pairs: NDArray[np.intp]) -> bool:
     pairs
         (k, 2) neighbours; see ``Points.pairs``.
     """
+    found = np.zeros(residual.shape[1], dtype=bool)
     if len(pairs) < _MIN_PAIRS:
-        return False
+        return found
     power, shared = neighbour_power(residual, pairs)
     counts = power > MISFIT_NEGLIGIBLE**2 / 2
     if not counts.any():
-        return False
+        return found
     # a pair has two independent numbers, real and imaginary part
     single, joint = shared[counts] / power[counts], shared[counts].sum() / power[counts].sum()
-    return bool(beyond_chance(single, len(pairs)).any() or beyond_chance(joint, 2 * len(pairs)))
+    found[counts] = beyond_chance(single, len(pairs)) | beyond_chance(joint, 2 * len(pairs))
+    return found
 
 
 def neighbour_power(residual: Array, pairs: NDArray[np.intp]) -> tuple[Array, Array]:
