@@ -390,7 +390,12 @@ class _Builder:
             else make_measured(document.test, self.maker, mass, calibrated, across)
         )
         observation = make_observation(document.identify, test, self.maker)
-        if mass is not None and not calibrated:
+        if self.simulated and not calibrated:
+            self.fault(
+                "identify.calibrated",
+                "is false; a simulated test has known units, so that true alone is allowed",
+            )
+        elif mass is not None and not calibrated:
             self.fault("system.mass", "a test that is not calibrated determines no mass; leave one out")
         fixed = self.fixed(units)
         if self.faults:
