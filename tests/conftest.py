@@ -16,7 +16,7 @@ single_thread()
 
 from rsgen.app.cli import main  # noqa: E402
 from rsgen.data.surface import ResponseSurface  # noqa: E402
-from rsgen.identification.ranking.balance import library_terms  # noqa: E402
+from rsgen.identification.ranking.library_sums import library_terms  # noqa: E402
 from tests import surfaces  # noqa: E402
 
 # examples of a property in `make test` and in `make test-all`, the same in every run

@@ -316,8 +316,6 @@ _ALONG_ONE_MOTION = {
     "neighbour": "background: a neighbouring mode and elements across {!r} explain a test in several ways; "
     "take 'residuals', and a band that leaves the other mode out",
     "phases": "across: phases were not recorded; elements across {!r} need them",
-    "ranking": "ranking: the test has a motion across two sensors, and laws are compared along one motion; "
-    "give the law, or a surface without it",
     "simulation": "element: acts across {!r}, but a simulated structure is one mass with one motion; leave "
     "across out of its elements, or bring the motion across and identify them",
     "levels": "levels: the law acts across {!r}, whose motion is known only where it was measured; leave "

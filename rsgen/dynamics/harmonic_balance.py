@@ -94,6 +94,8 @@ class Response:
     force_far
         (n, 2) derivatives of the force by real and imaginary part of the relative deviation of a far sensor;
         None where there is none.
+    across
+        (n, H+1) the motion across two sensors that some elements followed [m]; None where there is none.
     """
 
     force: ComplexArray
@@ -108,6 +110,7 @@ class Response:
     load_orders: NDArray[np.intp] | None = None
     force_phase: ComplexArray | None = None
     force_far: ComplexArray | None = None
+    across: ComplexArray | None = None
 
     def select(self, chosen: Chosen) -> Response:
         """Take some of the points."""

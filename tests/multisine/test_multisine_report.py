@@ -9,7 +9,7 @@ import pytest
 import rsgen
 from rsgen.common.errors import MeasurementError, RsgenError
 from rsgen.dynamics.periodic_response import periodic_response
-from rsgen.identification.ranking.balance import library_terms
+from rsgen.identification.ranking.library_sums import library_terms
 from rsgen.law.numeric import compile_law
 from tests.case_files import MEASURED, write_small
 

@@ -9,10 +9,9 @@ from typing import Any
 import numpy as np
 
 import rsgen
-from rsgen.data.oscillator import Model
 from rsgen.formula.names import remembers
 from rsgen.identification.ranking import Ranking
-from rsgen.identification.ranking.balance import library_terms
+from rsgen.identification.ranking.library_sums import library_terms
 from tests.conftest import FEW
 from tests.identification.test_across import ELEMENTS
 from tests.identification.test_across import two_masses as across
@@ -78,6 +77,14 @@ def _simulated(mass: float, k: float, k3: float, c: float, *grid: Any, **options
     return ranked(noisy(table, NOISE, 1), FORMULAS)
 
 
+def _joints() -> Tree:
+    """Rank joints between two masses."""
+    ground, joint = ELEMENTS
+    rivals = ("kj*x + cj*v", "kj*x + k5*x**5 + cj*v", "kj*x + cj*v + c3*v**3")
+    laws = [[ground, rsgen.make_element("joint", law, across=joint.across)] for law in rivals]
+    return ranked(across(noise=NOISE), [list(ELEMENTS), *laws])
+
+
 PINS = {
     "one-sensor/cubic": Pin(lambda: ranked(small("cubic", NOISE), library(*FEW))),
     "one-sensor/best-identified": Pin(
@@ -115,9 +122,9 @@ PINS = {
     "multisine": Pin(
         lambda: ranked(virtual("cubic", NOISE), [*FORMULAS, *library("coulomb", "dead-zone", "dahl")])
     ),
-    # laws are compared along one motion
+    # no element follows the motion across
     "two-sensors/laws": Pin(lambda: ranked(across(), FORMULAS)),
-    "two-sensors/across": Pin(lambda: ranked(across(), Model(ELEMENTS))),
+    "two-sensors/across": Pin(_joints),
     "two-sensors/without-across": Pin(
         lambda: ranked(changed(across(noise=0.01), across=None), FORMULAS), UNFIT
     ),

@@ -26,7 +26,7 @@ NUMBERS = {
 }
 
 REFUSED = {
-    "ranking": {"two-sensors/laws", "two-sensors/across"},
+    "ranking": {"two-sensors/laws"},
 }
 """Tasks that rsgen refuses; another pin that is refused was made wrongly."""
 

@@ -15,11 +15,10 @@ alone: x is the motion without it, and so is z where it is the difference of x a
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import replace
 
 import numpy as np
-import sympy
 
 from rsgen.common.arrays import Array, ComplexArray
 from rsgen.common.errors import RsgenError
@@ -112,7 +111,7 @@ def law_of(
     total = compile_law(total_force(elements))
     forces = forces_by_motion(elements)
     if means is not None:
-        _match(forces, len(means) - 1)
+        sensors_of(elements, len(means) - 1)
     if len(forces) == 1:
         # an odd law has asymmetric motions, too: in one well of two, or after symmetry breaking
         return replace(total, odd=False) if total.odd and asymmetric else total
@@ -137,11 +136,18 @@ def law_of(
     return replace(total, odd=True, even=(), _parts=tuple(parts))
 
 
-def _match(forces: Mapping[str, sympy.Expr], pairs: int) -> None:
-    """Raise an error if elements and test do not have the same motions."""
-    _, *sensors = map(repr, sorted(forces))
+def sensors_of(elements: Iterable[Element], pairs: int) -> str:
+    """Return the pair of sensors between which elements act, "" without one.
+
+    Raises
+    ------
+    RsgenError
+        It is not the number of ``pairs`` between which the test has a motion.
+    """
+    sensors = sorted({element.across for element in elements} - {""})
     if len(sensors) != pairs:
-        raise RsgenError(_UNMATCHED[min(len(sensors), 2)].format(", ".join(sensors)))
+        raise RsgenError(_UNMATCHED[min(len(sensors), 2)].format(", ".join(map(repr, sensors))))
+    return sensors[0] if sensors else ""
 
 
 def motions_of(law: ForceLaw, followed: Motion, points: Points) -> tuple[Motion, ...]:
@@ -244,11 +250,12 @@ class MeasuredAcross(Forward):
             other = other * np.exp(self.correlation * moved)
             there = other * (1 + self.far_noise * (others[:, 1] + 1j * others[:, 2]))
         here, back = size * np.exp(1j * phase), np.exp(-1j * phase)
-        motions = [
-            _with_fundamental(motion, own, first).waveforms(self.samples)
-            for motion, first in ((self._response, here), (self._across, self._response_share * here + there))
-        ]
-        samples = self._law.sample_parts(motions, self._response.interval(self.samples), values)
+        followed = (
+            _with_fundamental(self._response, own, here),
+            _with_fundamental(self._across, own, self._response_share * here + there),
+        )
+        waves = [motion.waveforms(self.samples) for motion in followed]
+        samples = self._law.sample_parts(waves, self._response.interval(self.samples), values)
         near, joint = (sample.tangent(self._series, omega) for sample in samples)
 
         def by_response(turn: complex) -> ComplexArray:
@@ -277,6 +284,7 @@ class MeasuredAcross(Forward):
             force_far=np.stack(
                 [back * _times(joint, part * self.far_noise * other) for part in (1, 1j)], axis=1
             ),
+            across=followed[1].turned(np.angle(back)).harmonics,
         )
 
 

@@ -102,6 +102,9 @@ class Fit:
         (n,) amplitude of the fundamental that the sensor sees [m].
     order
         Highest harmonic of the balance; those beyond are zero.
+    across
+        (n, H+1) the motion across two sensors that the law followed [m], relative as ``harmonics``; (n, 0)
+        without one.
     """
 
     problem: Problem
@@ -111,6 +114,7 @@ class Fit:
     turn: Array
     scale: Array
     order: int
+    across: ComplexArray
 
     @property
     def values(self) -> Array:
@@ -157,6 +161,7 @@ class Fit:
             self.turn[chosen],
             self.scale[chosen],
             self.order,
+            self.across[chosen],
         )
 
 
@@ -174,6 +179,7 @@ def _finish(problem: Problem, descent: ErrorsInVariables, regression: Regression
     influence = descent.forward.of_sensors(influence)
     regression = replace(regression, influence=influence)
     motion = Motion(problem.observed.points.omega, response.harmonics).turned(-lag)
+    across = motion.harmonics[:, :0] if response.across is None else response.across
     return Fit(
         problem,
         regression,
@@ -182,6 +188,7 @@ def _finish(problem: Problem, descent: ErrorsInVariables, regression: Regression
         problem.observed.turn(regression.nuisance) + lag,
         np.abs(problem.observed.predict_sensor(response, values)),
         order,
+        across,
     )
 
 

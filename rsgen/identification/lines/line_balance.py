@@ -43,7 +43,7 @@ from rsgen.dynamics.linear_part import BackgroundTerms, background_of_lines
 from rsgen.dynamics.periodic_response import OVERSAMPLED
 from rsgen.law.motion import Motion, harmonics_of, waveform
 from rsgen.law.normal_form import ForceSample, Perturbation
-from rsgen.law.numeric import ForceLaw
+from rsgen.law.numeric import ForceLaw, Waves
 
 _EXTENSION_BY_SWITCHES, _MAX_LINES = 16, 16384
 """Lines of the motion along a law with switches, relative to those recorded, and their maximum. The error of
@@ -111,10 +111,12 @@ class SpectralLines:
 
     def law_of(self, law: ForceLaw, record: int, period: int | None = None) -> ForceLaw:
         """Return a law along the response with the far motion of a period; None: of their mean."""
-        if self.far is None:
-            return law
-        far = self.far[record].mean(axis=0) if period is None else self.far[record, period]
-        return law.with_far(Motion(np.array([self.spectra.omega0]), far[None]).waveforms(self.samples))
+        return law if self.far is None else law.with_far(self.far_waves(self.far[record], period))
+
+    def far_waves(self, far: ComplexArray, period: int | None = None) -> Waves:
+        """Return the waveforms (1, s) of the lines (p, H+1) of a far motion; see ``law_of``."""
+        lines = far.mean(axis=0) if period is None else far[period]
+        return Motion(np.array([self.spectra.omega0]), lines[None]).waveforms(self.samples)
 
     def power(self, mass: float) -> Array:
         """Return the power |F|^2 + |m omega^2 X|^2 (r, H+1) [N^2], smoothed over neighbouring lines."""

@@ -19,172 +19,26 @@ background that suits it.
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Mapping
+from collections.abc import Sequence
 from dataclasses import dataclass, field, fields, replace
-from functools import cached_property, lru_cache
-from itertools import permutations
+from typing import NamedTuple
 
 import numpy as np
-import sympy
 from numpy.typing import NDArray
 
 from rsgen.common.arrays import Array, Chosen, ComplexArray, blocks
 from rsgen.common.tolerances import (
-    ANY_LAW,
     ASSUMED_RELATIVE_NOISE,
     BALANCE_HARMONICS,
     COMPARISON_POINTS,
     POINTS_PER_BLOCK,
 )
-from rsgen.formula import parse, symbol
+from rsgen.identification.fitting.across import across_of_mode
 from rsgen.identification.fitting.observed import FORCE_TO_RESPONSE_NOISE, Observed
 from rsgen.identification.fitting.points import Points
-from rsgen.law.element import Element, Law, laws, make_element
-from rsgen.law.library import Range, Search
-from rsgen.law.memory import memory_form, rates_of
+from rsgen.law.element import response_share
 from rsgen.law.motion import Motion, fourier_series
-from rsgen.law.normal_form import normal_form
-from rsgen.law.numeric import ForceLaw, compile_law
-
-# ----------------------------------------------------------------------------
-# Terms of the sums: the laws of the library without their linear spring and damper. Every sum has the base
-# ``k*x + c*v``, which is counted once.
-
-
-@dataclass(frozen=True)
-class Term:
-    """A law of the library without its linear spring and damper."""
-
-    source: Law
-    how: Search
-
-    @property
-    def name(self) -> str:
-        """Name of the law."""
-        return self.source.name
-
-    @property
-    def search(self) -> Mapping[str, Range]:
-        """Parameters in which the term is not linear."""
-        return self.how.ranges
-
-    @cached_property
-    def law(self) -> ForceLaw:
-        """The term, compiled for arrays."""
-        return compile_law(self.source.added)
-
-    @cached_property
-    def linear(self) -> tuple[str, ...]:
-        """Parameters in which the term is linear; the others scale the force of the last one only."""
-        return tuple(name for name in self.law.parameters if name not in self.search)
-
-
-SURROGATES = (f"{ANY_LAW} + Ff*sign(v)", ANY_LAW)
-"""Surrogates of any law, with friction and without, with which the first background is fitted."""
-
-
-def base_law() -> ForceLaw:
-    """Return the linear damper and spring of every sum; their coefficients in this order."""
-    return compile_law(parse("c*v + k*x"))
-
-
-@lru_cache(maxsize=1)
-def library_terms() -> tuple[Term, ...]:
-    """Return the terms of all laws of the library."""
-    return tuple(Term(law, law.search) for law in laws if law.search is not None)
-
-
-@lru_cache(maxsize=256)
-def terms_of(force: sympy.Expr) -> frozenset[str]:
-    """Return what the linear parameters multiply, in a normal form that does not depend on names.
-
-    The equations of states are part of it: laws with a state differ in nothing else.
-    """
-    law = compile_law(force)
-    # a blank: no parameter has such a name
-    states = {z: sympy.Symbol(f"z {number}", real=True) for number, z in enumerate(rates_of(force))}
-    found = []
-    for order in permutations(law.nonlinear):
-        names = {symbol(law.parameters[i]): symbol(f"p{rank}") for rank, i in enumerate(order)}
-        plain = force.xreplace(names | states)
-        parts = [plain.diff(symbol(law.parameters[i])) for i in law.linear]
-        parts.append(plain.xreplace({symbol(law.parameters[i]): sympy.S.Zero for i in law.linear}))
-        positive = frozenset(map(str, names.values()))
-        memory = memory_form(plain)
-        rates = () if memory is None else memory.rates
-        found.append(
-            sorted(str(normal_form(part, positive).expression) for part in parts)
-            + [f"{state.symbol}' = {normal_form(state.rate, positive).expression}" for state in rates]
-        )
-    return frozenset(min(found))
-
-
-@dataclass(frozen=True)
-class Sum:
-    """A candidate: the base and some terms, parameters renamed so that each name stands once.
-
-    Parameters
-    ----------
-    terms
-        None for the base alone.
-    """
-
-    terms: tuple[Term, ...]
-
-    @property
-    def name(self) -> str:
-        """Names of the laws in it."""
-        return " + ".join(term.name for term in self.terms) or "linear-spring + linear-damper"
-
-    @property
-    def has_spring(self) -> bool:
-        """True if the linear spring is in it."""
-        return not any(term.how.spring for term in self.terms)
-
-    @cached_property
-    def names(self) -> tuple[dict[str, str], ...]:
-        """New name of every parameter of every term."""
-        taken = {"k", "c", "m"} if self.has_spring else {"c", "m"}
-        renamed = []
-        for term in self.terms:
-            row = {}
-            for name in term.law.parameters:
-                new = name
-                while new in taken:
-                    new += "_"
-                taken.add(new)
-                row[name] = new
-            renamed.append(row)
-        return tuple(renamed)
-
-    @cached_property
-    def elements(self) -> tuple[Element, ...]:
-        """Springs and dampers, ready for a model."""
-        base = [make_element("linear-spring", "k*x")] if self.has_spring else []
-        base.append(make_element("linear-damper", "c*v"))
-        for term, names in zip(self.terms, self.names, strict=True):
-            places = {symbol(old): symbol(new) for old, new in names.items()}
-            base.append(make_element(term.name, term.source.added.xreplace(places)))
-        return tuple(base)
-
-    def limits(self, size: float, speed: float) -> dict[str, tuple[float, float]]:
-        """Limits [SI] of the parameters it is not linear in, at largest displacement and velocity."""
-        limits = {}
-        for term, names in zip(self.terms, self.names, strict=True):
-            for name, where in term.search.items():
-                factor = where.factor(size, speed)
-                limits[names[name]] = (where.limits[0] * factor, where.limits[1] * factor)
-        return limits
-
-    @property
-    def dissipates(self) -> tuple[tuple[str, ...], ...]:
-        """Parameters whose sum must not be negative."""
-        return tuple(
-            tuple(names[name] for name in group)
-            for term, names in zip(self.terms, self.names, strict=True)
-            for group in term.how.dissipates
-        )
-
+from rsgen.law.numeric import ForceLaw
 
 MAX_MOTION_DISTANCE = 0.02
 """Relative distance of the reference motion from the measured one: its square is less than noise."""
@@ -193,6 +47,36 @@ _SAMPLES_A_PERIOD = 128
 
 _NOISE_OF_UNMEASURED = 1e3
 """Noise of a harmonic that was not measured, in units of that of the others."""
+
+Trajectory = tuple[Array, Array, Array, Array]
+"""x, v, a (motions, samples) and the sampling interval (motions, 1) [s]."""
+
+
+class MotionAcross(NamedTuple):
+    """The motion between two sensors that goes with a reference motion, at the same phases.
+
+    Parameters
+    ----------
+    harmonics
+        (n, J+1) complex displacement [m] along which elements are evaluated.
+    size
+        (n,) amplitude [m] of the second sensor.
+    deviation
+        (n, H+1) measured motion [m] of the second sensor minus this.
+    share
+        (n,) how much of the response is in the motion across.
+    """
+
+    harmonics: ComplexArray
+    size: Array
+    deviation: ComplexArray
+    share: Array
+
+    def select(self, chosen: Chosen) -> MotionAcross:
+        """Keep some points."""
+        return MotionAcross(
+            self.harmonics[chosen], self.size[chosen], self.deviation[chosen], self.share[chosen]
+        )
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -219,6 +103,8 @@ class ReferenceMotion:
         (b,) values of the background.
     fundamental_by_background, force_by_background
         (n, b) derivatives of the fundamental and the force of the mode by these values.
+    across
+        The motion between two sensors; None without one.
     """
 
     omega: Array
@@ -232,6 +118,7 @@ class ReferenceMotion:
     background: Array
     fundamental_by_background: ComplexArray
     force_by_background: ComplexArray
+    across: MotionAcross | None = None
 
     @property
     def order(self) -> int:
@@ -258,24 +145,52 @@ class ReferenceMotion:
     def select(self, chosen: Chosen) -> ReferenceMotion:
         """Keep some points."""
         columns = {f.name: getattr(self, f.name) for f in fields(self)}
-        of_points = {
-            k: v[chosen] for k, v in columns.items() if k not in ("measured", "background", "points")
-        }
-        return replace(self, points=self.points.select(chosen), **of_points)
+        whole = ("measured", "background", "points", "across")
+        of_points = {k: v[chosen] for k, v in columns.items() if k not in whole}
+        across = self.across and self.across.select(chosen)
+        return replace(self, points=self.points.select(chosen), across=across, **of_points)
 
-    def trajectory(self, samples: int) -> tuple[Array, Array, Array, Array]:
-        """Return x, v, a (n, samples) and the sampling interval (n, 1) [s]."""
-        motion = Motion(self.omega, self.harmonics)
-        return *motion.waveforms(samples), motion.interval(samples)
+    def with_across(
+        self, harmonics: ComplexArray, across: ComplexArray, share: float, far: ComplexArray | None = None
+    ) -> ReferenceMotion:
+        """Return the motion with one across two sensors, all but the fundamentals as measured.
+
+        Parameters
+        ----------
+        harmonics, across
+            (n, J+1) complex displacement [m] of the response and across.
+        share
+            How much of the response is in the motion across.
+        far
+            (n,) measured fundamental of the second sensor [m]; None: that of this motion.
+        """
+        deviation, far_deviation = np.zeros((2, len(across), 2), dtype=complex)
+        deviation[:, 1] = self.harmonics_deviation[:, 1]
+        second = across[:, 1] - share * harmonics[:, 1]
+        far_deviation[:, 1] = 0 if far is None else far - second
+        motion = MotionAcross(across, np.abs(second), far_deviation, np.full(len(across), share))
+        return replace(
+            self,
+            harmonics=harmonics,
+            harmonics_deviation=deviation,
+            measured=np.array([False, True]),
+            across=motion,
+        )
+
+    def trajectories(self, samples: int) -> tuple[Trajectory, ...]:
+        """Return those of the response, and across two sensors if there is one."""
+        followed = [self.harmonics] if self.across is None else [self.harmonics, self.across.harmonics]
+        motions = [Motion(self.omega, harmonics) for harmonics in followed]
+        return tuple((*motion.waveforms(samples), motion.interval(samples)) for motion in motions)
 
 
-def measured_motion(observed: Observed, background: Array) -> ReferenceMotion:
+def measured_motion(observed: Observed, background: Array, sensors: str) -> ReferenceMotion:
     """Return the measured mean and fundamental without the background, to begin without a law."""
     mode = observed.mode(background)
     phase = np.angle(mode.harmonics[:, 1])
     harmonics = np.array(mode.harmonics[:, :2])
     harmonics[:, 1] = np.abs(harmonics[:, 1])
-    return ReferenceMotion(
+    motion = ReferenceMotion(
         mode.omega,
         harmonics,
         mode.force * np.exp(-1j * phase),
@@ -287,6 +202,11 @@ def measured_motion(observed: Observed, background: Array) -> ReferenceMotion:
         background,
         *_mode_by_background(observed, background, phase),
     )
+    if not sensors:
+        return motion
+    across = across_of_mode(observed.points.harmonics, mode.across, mode.harmonics, sensors)
+    across = Motion(mode.omega, across).turned(-phase).harmonics
+    return motion.with_across(harmonics, across, response_share(sensors))
 
 
 def predicted_motion(
@@ -354,8 +274,8 @@ class WhitenedBalance(ABC):
 
     Parameters
     ----------
-    trajectory
-        x, v, a (motions, samples) and the sampling interval, along which laws are evaluated.
+    trajectories
+        Those of the response, and across two sensors if some elements follow that motion.
     inertia
         (n, r) rows of a unit mass.
     right
@@ -370,9 +290,11 @@ class WhitenedBalance(ABC):
         (r,) False for rows whose harmonic was not measured, which only determine that harmonic.
     level
         (n,) level of each point.
+    sensors
+        Between which the second motion is.
     """
 
-    trajectory: tuple[Array, Array, Array, Array]
+    trajectories: tuple[Trajectory, ...]
     inertia: Array
     right: Array
     background: Array
@@ -380,7 +302,8 @@ class WhitenedBalance(ABC):
     background_weight: Array
     compared: NDArray[np.bool_]
     level: Array
-    _linear_laws: dict[ForceLaw, tuple[Array, Array]] = field(default_factory=dict, kw_only=True)
+    sensors: str = field(default="", kw_only=True)
+    _linear_laws: dict[tuple[ForceLaw, bool], tuple[Array, Array]] = field(default_factory=dict, kw_only=True)
 
     def __len__(self) -> int:
         return len(self.level)
@@ -399,17 +322,22 @@ class WhitenedBalance(ABC):
     def project(self, forces: Array) -> Array:
         """Return the rows (n, r, j) of j forces (motions, samples, j) along the trajectory."""
 
-    def of_law(self, law: ForceLaw, values: Array) -> tuple[Array, Array]:
+    def motion_of(self, sensors: str) -> Trajectory:
+        """Return the trajectory of elements between two sensors; "" for that of the response."""
+        return self.trajectories[bool(sensors)]
+
+    def of_law(self, law: ForceLaw, values: Array, sensors: str = "") -> tuple[Array, Array]:
         """Return the rows (n, r) of a law at values, and their slopes (n, r, q) by the values."""
         if law.nonlinear:
-            return self._sample(law, values)
-        if law not in self._linear_laws:
-            self._linear_laws[law] = self._sample(law, np.zeros(len(values)))
-        constant, slopes = self._linear_laws[law]
+            return self._sample(law, values, sensors)
+        key = law, bool(sensors)
+        if key not in self._linear_laws:
+            self._linear_laws[key] = self._sample(law, np.zeros(len(values)), sensors)
+        constant, slopes = self._linear_laws[key]
         return constant + slopes @ values, slopes
 
-    def _sample(self, law: ForceLaw, values: Array) -> tuple[Array, Array]:
-        sample = law.sample(*self.trajectory, values)
+    def _sample(self, law: ForceLaw, values: Array, sensors: str) -> tuple[Array, Array]:
+        sample = law.sample(*self.motion_of(sensors), values)
         columns = self.of_forces(np.stack([sample.force, *sample.by_parameter], axis=-1))
         return columns[:, :, 0], columns[:, :, 1:]
 
@@ -451,10 +379,11 @@ class PointBalance(WhitenedBalance):
 
     def select(self, chosen: NDArray[np.intp]) -> PointBalance:
         """Keep some points."""
-        x, v, a, step = (part[chosen] for part in self.trajectory)
         return replace(
             self,
-            trajectory=(x, v, a, step),
+            trajectories=tuple(
+                (x[chosen], v[chosen], a[chosen], step[chosen]) for x, v, a, step in self.trajectories
+            ),
             inertia=self.inertia[chosen],
             right=self.right[chosen],
             background=self.background[chosen],
@@ -473,6 +402,7 @@ def whiten_balance(
     noise: Array,
     *,
     balanced: bool,
+    sensors: str = "",
 ) -> PointBalance:
     """Linearise the balance at a motion and scale it to unit noise.
 
@@ -487,42 +417,50 @@ def whiten_balance(
     balanced
         True if the motion is one of this very law: its own force along the waveform then stands in place of
         the measured one, so that the error by a truncated waveform at jumps and corners cancels.
+    sensors
+        Between which the motion has a second one.
     """
     width, count = 2 * motion.order + 1, len(motion.omega)
     right, inertia = np.empty((count, width)), np.empty((count, width))
     background = np.empty((count, width, len(motion.background)))
     project = np.empty((count, width, _SAMPLES_A_PERIOD))
-    trajectory = motion.trajectory(_SAMPLES_A_PERIOD)
+    trajectories = motion.trajectories(_SAMPLES_A_PERIOD)
     series = fourier_series(tuple(range(motion.order + 1)), _SAMPLES_A_PERIOD, half=False)
     projection = series.project.T
     diagonal = np.arange(width)
     for part in blocks(count, POINTS_PER_BLOCK):
         here = motion.select(part)
         # J: dynamic stiffness of the law along the motion
-        x, v, a, step = (column[part] for column in trajectory)
-        sample = law.sample(x, v, a, step, values)
+        waves = [(x[part], v[part], a[part]) for x, v, a, _ in trajectories]
+        samples = law.sample_parts(waves[: len(law.parts)], trajectories[0][3][part], values)
         square = -((series.order_of * here.omega[:, None]) ** 2)
-        jacobian = sample.tangent(series, here.omega)
+        jacobian, *joints = (sample.tangent(series, here.omega) for sample in samples)
+        followed = [] if here.across is None else list(zip([here.across], joints, strict=False))
+        for across, joint in followed:
+            jacobian += across.share[:, None, None] * joint
         jacobian[:, diagonal, diagonal] += mass * square
         acceleration = square * series.real(here.harmonics[:, : motion.order + 1])
         # right side: n + m a = f - J (z - z0)
         if balanced:
-            forces = sample.force @ series.project + mass * acceleration
+            own = np.sum([sample.force for sample in samples], axis=0)
+            forces = own @ series.project + mass * acceleration
         else:
             forces = np.zeros((len(here.omega), width))
             forces[:, 1], forces[:, 2] = here.force.real, here.force.imag
         forces -= (jacobian @ series.real(here.harmonics_deviation)[:, :, None])[:, :, 0]
+        for across, joint in followed:
+            forces -= (joint @ series.real(across.deviation)[:, :, None])[:, :, 0]
         forces[:, 1] += here.force_deviation.real
         forces[:, 2] += here.force_deviation.imag
         # scaled by the inverse root of the covariance
-        root = _whitening(here, _covariance(here, jacobian, noise))
+        root = _whitening(here, _covariance(here, jacobian, joints, noise))
         background[part] = root @ -_change(jacobian, here.fundamental_by_background, here.force_by_background)
         right[part] = (root @ forces[:, :, None])[:, :, 0]
         inertia[part] = (root @ acceleration[:, :, None])[:, :, 0]
         project[part] = root @ projection
     weight = motion.background_effect / MAX_MOTION_DISTANCE * (1.0 if balanced else ASSUMED_RELATIVE_NOISE)
     return PointBalance(
-        trajectory,
+        trajectories,
         inertia,
         right,
         background,
@@ -532,6 +470,7 @@ def whiten_balance(
         motion.points.level,
         project,
         motion.points.spread(COMPARISON_POINTS),
+        sensors=sensors,
     )
 
 
@@ -544,8 +483,11 @@ def _change(jacobian: Array, fundamental: ComplexArray, force: ComplexArray) -> 
     return np.asarray(change)
 
 
-def _covariance(motion: ReferenceMotion, jacobian: Array, noise: Array) -> Array:
-    """Return the covariance (n, 2H+1, 2H+1) of the balance for relative noise (H+1,) of the harmonics."""
+def _covariance(motion: ReferenceMotion, jacobian: Array, joints: Sequence[Array], noise: Array) -> Array:
+    """Return the covariance (n, 2H+1, 2H+1) of the balance for relative noise (H+1,) of the harmonics.
+
+    ``joints`` are tangents of what follows the second sensor, whose noise is its own.
+    """
     unmeasured = _NOISE_OF_UNMEASURED * float(noise[1])
     spread = np.where(np.repeat(motion.measured, 2)[1:], np.repeat(noise, 2)[1:], unmeasured) / np.sqrt(2)
     if not motion.points.phase_known:
@@ -558,6 +500,12 @@ def _covariance(motion: ReferenceMotion, jacobian: Array, noise: Array) -> Array
     force[:, 1] *= 1.0 if motion.points.phase_known else _NOISE_OF_UNMEASURED
     driven = _change(jacobian, -motion.receptance[:, None] * force, force)
     covariance += driven @ np.swapaxes(driven, 1, 2)
+    if motion.across is not None:
+        for joint in joints:
+            noisy = joint * (motion.across.size[:, None] * noise[1] / np.sqrt(2))[:, None]
+            covariance += noisy @ np.swapaxes(noisy, 1, 2)
+        # the mean is as measured, and its balance is not asked
+        covariance[:, 0] = covariance[:, :, 0] = np.eye(covariance.shape[1])[0]
     # the noise of unmeasured harmonics makes the matrix badly scaled: stay above round-off
     diagonal = np.arange(covariance.shape[1])
     covariance[:, diagonal, diagonal] *= 1 + 1e-9

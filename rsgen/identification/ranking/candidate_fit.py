@@ -22,11 +22,11 @@ from rsgen.common.arrays import Array
 from rsgen.common.finding import Finding, Quantity
 from rsgen.common.solvers import solve_scaled
 from rsgen.common.tolerances import NEAR_STEPS
-from rsgen.data.oscillator import total_force
 from rsgen.formula import symbol
-from rsgen.identification.fitting.least_squares import Linearisation, Rules, descend
+from rsgen.identification.fitting.across import law_of
+from rsgen.identification.fitting.least_squares import Linearisation, Rules, descend, summarise
 from rsgen.identification.ranking.balance import WhitenedBalance
-from rsgen.law.element import Element
+from rsgen.law.element import Element, forces_by_motion
 from rsgen.law.numeric import ForceLaw, compile_law
 
 _MIN_STATIC_STIFFNESS = 0.05
@@ -64,21 +64,39 @@ class CandidateLaw:
     background: Array = field(default_factory=lambda: np.zeros(0))
 
     @property
-    def force(self) -> sympy.Expr:
-        """n(x, v) [N]."""
-        return total_force(self.elements)
+    def forces(self) -> dict[str, sympy.Expr]:
+        """n(x, v) [N] by the sensors between which it acts."""
+        return forces_by_motion(self.elements)
 
     @property
     def law(self) -> ForceLaw:
         """The compiled force; its parameters are sorted by name."""
-        return compile_law(self.force)
+        return law_of(self.elements)
 
     @property
     def linear(self) -> bool:
         """True if the force is linear in displacement and velocity."""
         states = symbol("x"), symbol("v")
-        force = self.force
-        return bool(force.is_polynomial(*states)) and sympy.Poly(force, *states).total_degree() <= 1
+        return all(
+            force.is_polynomial(*states) and sympy.Poly(force, *states).total_degree() <= 1
+            for force in self.forces.values()
+        )
+
+    def forces_along(self, rows: WhitenedBalance, stride: int) -> dict[str, Array]:
+        """Return the sum of ``element_forces`` by the sensors between which they act."""
+        found: dict[str, Array] = {}
+        for element, force in zip(self.elements, self.element_forces(rows, stride), strict=True):
+            found[element.across] = found.get(element.across, 0.0) + force
+        return found
+
+    def element_forces(self, rows: WhitenedBalance, stride: int = 1) -> list[Array]:
+        """Return the force (motions, samples) of each element along every ``stride``-th of its motions."""
+        found = []
+        for element in self.elements:
+            law = compile_law(element.force)
+            x, v, a, step = (part[::stride] for part in rows.motion_of(element.across))
+            found.append(law.sample(x, v, a, step, law.ordered(self.values)).force + np.zeros_like(x))
+        return found
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -125,6 +143,7 @@ class _Balance:
     def __init__(self, candidate: CandidateLaw, rows: WhitenedBalance, fixed: Mapping[str, float]) -> None:
         self.rows = rows
         self.laws = [compile_law(element.force) for element in candidate.elements]
+        self.sensors = [element.across for element in candidate.elements]
         names = sorted({name for law in self.laws for name in law.parameters})
         self.names = (*names, "m")
         self.free = np.array([name not in fixed for name in self.names] + [True] * len(rows.background_at))
@@ -141,8 +160,8 @@ class _Balance:
         matrix = np.zeros((*residual.shape, len(values)))
         matrix[:, :, count - 1] = rows.inertia
         matrix[:, :, count:] = rows.background
-        for law, place in zip(self.laws, self.places, strict=True):
-            force, slopes = rows.of_law(law, values[place])
+        for law, place, sensors in zip(self.laws, self.places, self.sensors, strict=True):
+            force, slopes = rows.of_law(law, values[place], sensors)
             residual = residual - force
             # an element may share a parameter with another
             for i, j in enumerate(place):
@@ -162,11 +181,12 @@ class _Balance:
     def lacks_static_stiffness(self, values: Array) -> bool:
         """Return True if almost all static stiffness comes from a hysteretic element.
 
-        A loop has no position of equilibrium, so that such a law would explain any mean displacement.
+        A loop has no position of equilibrium, so that such a law would explain any mean displacement. Across
+        two sensors no balance of means is asked.
         """
-        if not any(law.remembers for law in self.laws):
+        if self.rows.sensors or not any(law.remembers for law in self.laws):
             return False
-        x, v, a, step = (part[::POINT_STRIDE] for part in self.rows.trajectory)
+        x, v, a, step = (part[::POINT_STRIDE] for part in self.rows.motion_of(""))
         samples = [
             law.sample(x, v, a, step, values[place])
             for law, place in zip(self.laws, self.places, strict=True)
@@ -224,6 +244,17 @@ def fit_candidate(
     held_out_residual = _held_out_residual(balance, place, residual, matrix)
     background_cost = float(np.sum((balance.prior * place) ** 2))
     return CandidateFit(fitted, residual, held_out_residual, rows.compared, background_cost)
+
+
+def errors_of_values(fitted: CandidateFit, rows: WhitenedBalance, fixed: Mapping[str, float]) -> Array:
+    """Return a root (p, d) of the covariance of the values of a fitted law, in their order."""
+    balance, candidate = _Balance(fitted.candidate, rows, fixed), fitted.candidate
+    place = np.array(
+        [*(candidate.values[name] for name in balance.names), *(candidate.background - rows.background_at)]
+    )
+    nuisance, rules = np.zeros((len(rows), 0)), Rules(free=balance.free, prior=balance.prior)
+    found = summarise(balance.linearise(place, nuisance), place, nuisance, rules)
+    return np.asarray(found.basis[: len(balance.names) - 1] * found.noise)
 
 
 def _limited_step(place: Array, change: Array, limits: Array, nonlinear: list[int]) -> Array:
@@ -329,10 +360,13 @@ class RankedTest(ABC):
         The mass "m" [kg], if it is known.
     first
         The balance along the measured motion.
+    means
+        Whether the mean was recorded, of each motion that elements follow.
     """
 
     fixed: Mapping[str, float]
     first: WhitenedBalance
+    means: tuple[bool, ...]
 
     @abstractmethod
     def start(self, name: str, elements: tuple[Element, ...]) -> CandidateLaw:

@@ -12,6 +12,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from itertools import chain
 
 from rsgen.common.errors import RsgenError, require
 from rsgen.common.tolerances import (
@@ -20,11 +21,13 @@ from rsgen.common.tolerances import (
     RELATIVE_ERROR_DOUBTFUL,
 )
 from rsgen.data.multisine import MultisineSpectra
-from rsgen.data.oscillator import Model, Observation, join_model, refuse_across
+from rsgen.data.oscillator import Model, Observation, join_model
 from rsgen.data.surface import ResponseSurface, without_copies
+from rsgen.identification.fitting.across import sensors_of
 from rsgen.identification.fitting.points import per_unit_mass
-from rsgen.identification.ranking.balance import Term, WhitenedBalance
+from rsgen.identification.ranking.balance import WhitenedBalance
 from rsgen.identification.ranking.candidate_fit import CandidateFit, CandidateLaw, RankedTest, Round
+from rsgen.identification.ranking.library_sums import Term
 from rsgen.identification.ranking.ranking_result import (
     OWN,
     Candidate,
@@ -32,13 +35,13 @@ from rsgen.identification.ranking.ranking_result import (
     assess_best,
     implausible_findings,
     is_same,
+    joint_sign_findings,
 )
 from rsgen.identification.ranking.records import RecordTest
 from rsgen.identification.ranking.reference import PointTest
-from rsgen.identification.ranking.selection import Candidates, competitors
+from rsgen.identification.ranking.selection import Candidates, competitors, law_text
 from rsgen.identification.results import Identification
 from rsgen.law.element import LawLike
-from rsgen.law.memory import with_equations
 
 _STRONG_EVIDENCE = 6.0
 """Difference of BIC (Kass and Raftery, Bayes factors, JASA 90 (1995))."""
@@ -103,15 +106,18 @@ def rank(
     base = join_model(base, observation, mass)
     if set(base.fixed) - {"m"}:
         raise RsgenError("ranking: other laws have other parameters; of what is fixed only the mass can stay")
+    elements = tuple(chain(*laws.values()))
     if isinstance(surface, MultisineSpectra):
-        refuse_across(base.sensors or int(surface.across is not None), ranking=True)
+        sensors = sensors_of(elements, int(surface.across is not None))
         # without a mass the balance is fitted per unit mass, with a mass of 1 kg
-        test: RankedTest = RecordTest(*per_unit_mass(surface, base))
+        test: RankedTest = RecordTest(*per_unit_mass(surface, base), laws.values(), sensors)
     else:
         require(surface, ResponseSurface, "surface")
-        refuse_across(surface.across.shape[1], ranking=True)
-        test = PointTest(*per_unit_mass(without_copies(surface), base), laws.values())
+        sensors = sensors_of(elements, int(surface.across.size > 0))
+        test = PointTest(*per_unit_mass(without_copies(surface), base), laws.values(), sensors)
     given = tuple(test.start(name, elements) for name, elements in laws.items())
+    # of a law that is not odd the balance between two sensors needs the mean of the motion there
+    terms = tuple(term for term in terms if term.law.odd or not sensors or test.means[-1])
     rounds = _all_rounds(test, given, terms, terms_in_sum)
     return _ranking(test, _best_round(rounds), tuple(laws), base, surface)
 
@@ -263,7 +269,7 @@ def _ranking(
     rows = [
         Candidate(
             fit.candidate.name,
-            with_equations(fit.candidate.force),
+            law_text(fit.candidate.elements),
             len(fit.candidate.values) - len(fixed),
             error[number],
             fit.bic - lowest,
@@ -273,7 +279,11 @@ def _ranking(
         )
         for number, fit in zip(order, ordered, strict=True)
     ]
-    doubts = [*implausible_findings(ordered[0], current.rows), *test.doubts(ordered[0], current.noise)]
+    doubts = [
+        *implausible_findings(ordered[0], current.rows),
+        *joint_sign_findings(ordered[0], current.rows, fixed),
+        *test.doubts(ordered[0], current.noise),
+    ]
     assessment = assess_best(current, ordered[0], rows, doubts)
     return Ranking(
         tuple(rows),

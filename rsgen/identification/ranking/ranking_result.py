@@ -26,11 +26,19 @@ from rsgen.data.multisine import MultisineSpectra
 from rsgen.data.oscillator import Model
 from rsgen.data.surface import ResponseSurface
 from rsgen.identification.identify import identify
-from rsgen.identification.ranking.balance import WhitenedBalance, library_terms, terms_of
-from rsgen.identification.ranking.candidate_fit import POINT_STRIDE, CandidateFit, CandidateLaw, Round
+from rsgen.identification.ranking.balance import WhitenedBalance
+from rsgen.identification.ranking.candidate_fit import (
+    POINT_STRIDE,
+    CandidateFit,
+    CandidateLaw,
+    Round,
+    errors_of_values,
+)
+from rsgen.identification.ranking.library_sums import library_terms, terms_of
 from rsgen.identification.results import Identification
 from rsgen.identification.results.estimates import phase_findings
-from rsgen.law.numeric import compile_law
+from rsgen.identification.soundness import signs_along
+from rsgen.law.motion import Motion, harmonics_of
 
 OWN = "the case's own law"
 """Name of the law of the case or model that is ranked, among the candidates."""
@@ -91,7 +99,8 @@ class Ranking(Printed):
         The best law as a model for ``identify``.
     fits
         False if the misfit of the best is beyond noise, except at a few points that a finding counts, or if
-        its mass is negative or the structure would feed energy into the exciter.
+        its mass, or a stiffness between two sensors, is negative or the structure would feed energy into the
+        exciter.
     findings
         Violations of passivity; the best law and those tied with it, or that none fits and where the misfit
         lies; limits of the ranking.
@@ -226,6 +235,8 @@ def assess_best(
     """
     left = current.misfit(best)
     impossible = _passivity_findings(candidates[0], current.feeds_exciter)
+    impossible += [finding for finding in doubts if finding.severity == "error"]
+    doubts = [finding for finding in doubts if finding.severity != "error"]
     doubts = [*doubts, *_overfitting_findings(current.relative(best.residual), candidates)]
     findings = list(impossible)
     if left.unexplained:
@@ -257,16 +268,17 @@ def is_same(one: CandidateFit, other: CandidateFit, rows: WhitenedBalance) -> bo
     """Return True if two candidates are one law, by their normal forms or by their forces."""
     if len(one.candidate.values) != len(other.candidate.values):
         return False
-    if terms_of(one.candidate.force) == terms_of(other.candidate.force):
+    first, second = (
+        {sensors: terms_of(force) for sensors, force in fit.candidate.forces.items()} for fit in (one, other)
+    )
+    if first == second:
         return True
-    x, v, a, step = (part[::POINT_STRIDE] for part in rows.trajectory)
-    forces = []
-    for fit in (one, other):
-        law = fit.candidate.law
-        values = law.ordered(fit.candidate.values)
-        forces.append(law.sample(x, v, a, step, values).force)
-    difference = float(np.max(np.abs(forces[0] - forces[1])))
-    return difference <= MISFIT_NEGLIGIBLE * float(np.max(np.abs(forces[1])))
+    mine, theirs = (fit.candidate.forces_along(rows, POINT_STRIDE) for fit in (one, other))
+    # a joint may carry little of the force: along each motion by itself
+    return mine.keys() == theirs.keys() and all(
+        np.max(np.abs(mine[sensors] - force)) <= MISFIT_NEGLIGIBLE * np.max(np.abs(force))
+        for sensors, force in theirs.items()
+    )
 
 
 def implausible_findings(fitted: CandidateFit, rows: WhitenedBalance) -> list[Finding]:
@@ -283,20 +295,34 @@ def implausible_findings(fitted: CandidateFit, rows: WhitenedBalance) -> list[Fi
     ]
 
 
+def joint_sign_findings(
+    fitted: CandidateFit, rows: WhitenedBalance, fixed: Mapping[str, float]
+) -> list[Finding]:
+    """Find elements between two sensors whose stiffness or damping is negative beyond noise."""
+    if not rows.sensors:
+        return []
+    x, _, _, step = rows.motion_of(rows.sensors)
+    motion = Motion(2 * np.pi / (x.shape[1] * step[:, 0]), harmonics_of(x, x.shape[1] // 2))
+    law = fitted.candidate.law
+    values, basis = law.ordered(fitted.candidate.values), errors_of_values(fitted, rows, fixed)
+    return signs_along(law.parts[-1], motion, values, basis, slice(1, None))
+
+
 def _cancellation_findings(candidate: CandidateLaw, rows: WhitenedBalance) -> list[Finding]:
     """Find a damper that feeds energy, and two terms that nearly cancel."""
     names = [element.name for element in candidate.elements]
     if len(names) < 2:
         return []
-    x, v, a, step = rows.trajectory
+    x, v, *_ = rows.motion_of("")
     # relative to the power of each point
     level = np.sqrt(np.mean((x * v) ** 2, axis=1))[:, None]
-    forces = []
-    for element in candidate.elements:
-        law = compile_law(element.force)
-        values = law.ordered(candidate.values)
-        forces.append(law.sample(x, v, a, step, values).force / level)
-    work = np.array([float(np.mean(force * v)) for force in forces])
+    forces = [force / level for force in candidate.element_forces(rows)]
+    work = np.array(
+        [
+            float(np.mean(force * rows.motion_of(element.across)[1]))
+            for force, element in zip(forces, candidate.elements, strict=True)
+        ]
+    )
     size = [float(np.sqrt(np.mean(force**2))) for force in forces]
     sums = {
         (i, j): float(np.sqrt(np.mean((forces[i] + forces[j]) ** 2))) / max(size[i], size[j], 1e-300)

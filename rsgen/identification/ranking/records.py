@@ -8,6 +8,7 @@ shows, and what noise of the motion does to the force of the best law is taken o
 
 from __future__ import annotations
 
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass, replace
 from typing import ClassVar
 
@@ -20,7 +21,7 @@ from rsgen.common.tolerances import MISFIT_NEGLIGIBLE
 from rsgen.data.multisine import MultisineSpectra
 from rsgen.data.multisine.spectra import check_records
 from rsgen.data.oscillator import Model
-from rsgen.formula import parse
+from rsgen.identification.fitting.across import law_of
 from rsgen.identification.lines.line_balance import LawAlongRecord, SpectralLines, select_lines
 from rsgen.identification.lines.line_fit import (
     LineFit,
@@ -29,7 +30,11 @@ from rsgen.identification.lines.line_fit import (
     relative_to_force,
     start_values,
 )
-from rsgen.identification.ranking.balance import MAX_MOTION_DISTANCE, SURROGATES, WhitenedBalance, base_law
+from rsgen.identification.ranking.balance import (
+    MAX_MOTION_DISTANCE,
+    Trajectory,
+    WhitenedBalance,
+)
 from rsgen.identification.ranking.candidate_fit import (
     MAX_UNEXPLAINED,
     CandidateFit,
@@ -40,9 +45,10 @@ from rsgen.identification.ranking.candidate_fit import (
     fit_candidate,
     shortest_range,
 )
+from rsgen.identification.ranking.library_sums import base_elements, surrogates
 from rsgen.law.element import Element
 from rsgen.law.motion import cycle_work
-from rsgen.law.numeric import ForceLaw, compile_law
+from rsgen.law.numeric import ForceLaw
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -67,13 +73,20 @@ class LineBalance(WhitenedBalance):
         records = tuple(
             LawAlongRecord(mode, fit.law, fit.values, fit.mass, record) for record in range(len(mode))
         )
-        x, v, a, step = (
-            np.concatenate(parts) for parts in zip(*(r.trajectory for r in records), strict=True)
-        )
+        motions = [[record.trajectory for record in records]]
+        if mode.far is not None:
+            share = fit.law.parts[1].share
+            far = (mode.far_waves(lines) for lines in mode.far)
+            motions.append(
+                [
+                    (share * x + other[0], share * v + other[1], share * a + other[2], step)
+                    for (x, v, a, step), other in zip(motions[0], far, strict=True)
+                ]
+            )
         line = fit.linearise(fit.parameters, fit.nuisance)
         inertia = line.by_parameter[:, :, law]
         rows = cls(
-            trajectory=(x, v, a, step),
+            trajectories=tuple(_joined(motion) for motion in motions),
             inertia=inertia,
             right=np.empty_like(inertia),
             background=line.by_parameter[:, :, law + 1 :],
@@ -81,12 +94,13 @@ class LineBalance(WhitenedBalance):
             background_weight=_background_effect(mode) / MAX_MOTION_DISTANCE,
             compared=np.ones(2, dtype=bool),
             level=np.repeat(spectra.level, fit.lines.used.sum(axis=1)),
+            sensors=fit.law.parts[-1].sensors,
             fit=fit,
             records=records,
         )
         # at the values of the fit the rows leave what the fit leaves, without the bias by noise
-        own, _ = rows.of_law(fit.law, fit.values)
-        return replace(rows, right=line.residual + fit.mass * inertia + own)
+        own = [rows.of_law(part.law, fit.values[part.parameters], part.sensors)[0] for part in fit.law.parts]
+        return replace(rows, right=line.residual + fit.mass * inertia + sum(own))
 
     def project(self, forces: Array) -> Array:
         """Return the rows (lines, 2, j) of j forces (r, samples, j) along the trajectory."""
@@ -105,6 +119,12 @@ class LineBalance(WhitenedBalance):
         power = np.zeros(used.shape)
         power[used] = np.sum(residual**2, axis=1) * self.fit.variance[used] / 2
         return power
+
+
+def _joined(motions: Sequence[Trajectory]) -> Trajectory:
+    """Return the trajectories of records, each a row of one array."""
+    x, v, a, step = (np.concatenate(parts) for parts in zip(*motions, strict=True))
+    return x, v, a, step
 
 
 def _background_effect(mode: SpectralLines) -> Array:
@@ -169,6 +189,10 @@ class RecordTest(RankedTest):
         The test.
     base
         A model with observation and mass.
+    given
+        Laws of the user.
+    sensors
+        Between which elements act; "" where all follow the response.
 
     Raises
     ------
@@ -176,22 +200,32 @@ class RecordTest(RankedTest):
         A held-out level is not in the records, or too few lines are left.
     """
 
-    def __init__(self, spectra: MultisineSpectra, base: Model) -> None:
+    def __init__(
+        self,
+        spectra: MultisineSpectra,
+        base: Model,
+        given: Collection[tuple[Element, ...]] = (),
+        sensors: str = "",
+    ) -> None:
         held_out = check_records(spectra, base.observation)
         self._spectra, self._observation = spectra.select(np.flatnonzero(~held_out)), base.observation
-        self.fixed = base.fixed
-        self._lines = self._select(base_law())
-        if 2 * self._lines.used.sum() <= len(base_law().parameters) + 1:
+        self.fixed, self.means = base.fixed, spectra.means
+        for elements in given:
+            law_of(elements, self.means)
+        linear = law_of(tuple(base_elements(sensors).values()))
+        self._lines = self._select(linear)
+        if 2 * self._lines.used.sum() <= len(linear.parameters) + 1:
             raise RsgenError("ranking: no more lines than parameters in the band")
         with np.errstate(all="ignore"):
             # a linear law would put its misfit into a background
-            laws = map(compile_law, map(parse, SURROGATES)) if len(self._lines.subtracted) else [base_law()]
+            laws = map(law_of, surrogates(sensors)) if len(self._lines.subtracted) else [linear]
             fits = [self._fit(law) for law in laws]
         self.first = LineBalance.along(min(fits, key=_misfit))
         self._lines = self.first.fit.mode
 
     def _select(self, law: ForceLaw) -> SpectralLines:
-        return select_lines(self._spectra, self._observation, switched=law.switched)
+        share = law.parts[-1].share
+        return select_lines(self._spectra, self._observation, switched=law.switched, share=share)
 
     def _fit(self, law: ForceLaw) -> LineFit:
         lines = self._select(law)

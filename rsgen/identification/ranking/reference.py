@@ -35,20 +35,19 @@ from rsgen.common.tolerances import (
     SUBSAMPLE_POINTS,
 )
 from rsgen.data.free_mode import fit_mode, steady
-from rsgen.data.oscillator import Model, Oscillator
+from rsgen.data.oscillator import Model, Oscillator, refuse_across
 from rsgen.data.surface import ResponseSurface
 from rsgen.dynamics.settling import SteadyStates
 from rsgen.dynamics.steady_state import solve_steady_states
+from rsgen.identification.fitting.across import law_of
 from rsgen.identification.fitting.fit import Fit, fit_balance
 from rsgen.identification.fitting.observed import Observed, Problem, beyond_chance, neighbour_power
 from rsgen.identification.fitting.points import Points, mass_needs, select_points
 from rsgen.identification.fitting.simulator import go_on
 from rsgen.identification.ranking.balance import (
     MAX_MOTION_DISTANCE,
-    SURROGATES,
     PointBalance,
     ReferenceMotion,
-    base_law,
     measured_motion,
     predicted_motion,
     whiten_balance,
@@ -63,9 +62,10 @@ from rsgen.identification.ranking.candidate_fit import (
     fit_candidate,
     shortest_range,
 )
+from rsgen.identification.ranking.library_sums import base_elements, surrogates
 from rsgen.identification.starting.equations import Equations
 from rsgen.identification.starting.start import solve_equations, start_fit
-from rsgen.law.element import Element, as_elements
+from rsgen.law.element import Element
 from rsgen.law.motion import Motion, feeds_exciter
 from rsgen.law.numeric import ForceLaw
 
@@ -109,14 +109,17 @@ class Reference:
 
     def rows(self, noise: Array) -> PointBalance:
         """Return the balance for relative noise (H+1,) of mean, fundamental and harmonics."""
-        return whiten_balance(self.motion, self.law, self.values, self.mass, noise, balanced=True)
+        sensors = self.law.parts[-1].sensors
+        return whiten_balance(
+            self.motion, self.law, self.values, self.mass, noise, balanced=True, sensors=sensors
+        )
 
     def select(self, chosen: NDArray[np.intp]) -> Reference:
         """Keep some of the points chosen."""
         return replace(self, chosen=self.chosen[chosen], motion=self.motion.select(chosen))
 
 
-def _first_rows(observed: Observed, background: Array, mass: float) -> PointBalance:
+def _first_rows(observed: Observed, background: Array, mass: float, sensors: str) -> PointBalance:
     """Return a first-order balance about the measured motion.
 
     Parameters
@@ -125,12 +128,16 @@ def _first_rows(observed: Observed, background: Array, mass: float) -> PointBala
         The measured points, and a background to start from.
     mass
         Mass [kg]; NaN if it is free.
+    sensors
+        Between which elements act; "" where all follow the response.
     """
-    motion = measured_motion(observed, background)
+    motion = measured_motion(observed, background, sensors)
     points = observed.points
     balance = steady(motion.force, motion.harmonics[:, 1], points.omega)
     found = fit_mode(*balance, np.ones((len(points), 1)), 1 / np.abs(motion.force), mass=mass)
-    return whiten_balance(motion, base_law(), found.values[[1, 0]], found.mass, np.ones(2), balanced=False)
+    values = found.values[[1, 0]]
+    law = law_of(tuple(base_elements("").values()))
+    return whiten_balance(motion, law, values, found.mass, np.ones(2), balanced=False, sensors=sensors)
 
 
 def fit_reference_motion(
@@ -158,7 +165,8 @@ def fit_reference_motion(
     place = problem.join(values, best.values["m"], best.background)
     found = fit_balance(problem, place, order=BALANCE_HARMONICS, exclude=False, steps=MAX_TRIAL_STEPS)
     found = replace(found, problem=replace(problem, observed=_with_phases(found)))
-    if law.rough and found.mass > 0 and _shared_misfit(found) < MAX_MOTION_DISTANCE:
+    simulated = law.rough and not law.acts_across and found.mass > 0
+    if simulated and _shared_misfit(found) < MAX_MOTION_DISTANCE:
         exact = _simulated_reference(best, found, fixed)
         if exact is not None:
             return exact
@@ -167,6 +175,8 @@ def fit_reference_motion(
         return None
     part = found.select(chosen)
     motion = predicted_motion(part.problem.observed, found.background, part.harmonics, part.force, part.turn)
+    if law.acts_across:
+        motion = _with_across(motion, part)
     return Reference(chosen, motion, law, found.values, found.mass)
 
 
@@ -176,6 +186,15 @@ def _with_phases(found: Fit) -> Observed:
     if observed.points.phase_known:
         return observed
     return observed.with_phases(found.background, found.harmonics[:, 1], found.force)
+
+
+def _with_across(motion: ReferenceMotion, found: Fit) -> ReferenceMotion:
+    """Add the motion across that a fit followed; harmonics are as measured, of both motions."""
+    points, share = found.problem.observed.points, found.problem.law.parts[1].share
+    measured = found.problem.observed.mode(found.background).motion.turned(-found.turn).harmonics
+    measured[:, 1] = found.harmonics[:, 1]
+    far = (points.across - share * points.harmonics)[:, 1] * np.exp(-1j * found.turn)
+    return motion.with_across(measured, found.across, share, far)
 
 
 def _shared_misfit(found: Fit) -> float:
@@ -420,6 +439,8 @@ class PointTest(RankedTest):
         A model with observation and mass.
     given
         Laws of the user.
+    sensors
+        Between which elements act; "" where all follow the response.
 
     Raises
     ------
@@ -427,15 +448,21 @@ class PointTest(RankedTest):
         The test does not determine the mass, or too few points are left.
     """
 
-    def __init__(self, surface: ResponseSurface, base: Model, given: Collection[tuple[Element, ...]]) -> None:
+    def __init__(
+        self, surface: ResponseSurface, base: Model, given: Collection[tuple[Element, ...]], sensors: str = ""
+    ) -> None:
         points = select_points(surface, base)
+        self.means = points.means[: 1 + points.far.shape[1]]
+        refuse_across(sensors, phases=not surface.phase_known)
+        for elements in given:
+            law_of(elements, self.means)
         observed = Observed.of(points, base.observation.background)
         self.observed, self.fixed = observed.select(points.spread(_MAX_POINTS)), base.fixed
         if needed := mass_needs(self.observed.points, base):
             raise RsgenError(f"ranking: the test does not determine the mass; give it, or {needed}")
-        seen, background = _start_observed(self.observed, base, given)
+        seen, background = _start_observed(self.observed, base, given, sensors)
         self._mode = seen.mode(background)
-        self.first = _first_rows(seen, background, self.fixed.get("m", nan))
+        self.first = _first_rows(seen, background, self.fixed.get("m", nan), sensors)
 
     def start(self, name: str, elements: tuple[Element, ...]) -> CandidateLaw:
         """Return a law with initial values from the first-order balance."""
@@ -448,6 +475,7 @@ class PointTest(RankedTest):
             not law.odd and 0 in points.measured,
             1 / np.abs(points.force),
             np.zeros((0, 2)),
+            tuple(points.across[:, :2] for _ in points.far.T),
         )
         solution = solve_equations(equations, law, self.fixed)
         values = dict(zip(law.parameters, solution.values.tolist(), strict=True))
@@ -458,7 +486,7 @@ class PointTest(RankedTest):
         reference = fit_reference_motion(self.observed, candidate, self.fixed)
         if reference is None:
             return None
-        noise = np.full(BALANCE_HARMONICS + 1, ASSUMED_RELATIVE_NOISE)
+        noise = np.full(len(reference.motion.measured), ASSUMED_RELATIVE_NOISE)
         if isinstance(before, PointRound):
             noise = before.noises
         candidate = replace(candidate, values=reference.parameters)
@@ -493,7 +521,7 @@ class PointTest(RankedTest):
 
 
 def _start_observed(
-    observed: Observed, base: Model, given: Collection[tuple[Element, ...]]
+    observed: Observed, base: Model, given: Collection[tuple[Element, ...]], sensors: str = ""
 ) -> tuple[Observed, Array]:
     """Return the points, with phases if none were recorded, and an initial background.
 
@@ -501,7 +529,7 @@ def _start_observed(
     """
     if not observed.background.names and observed.points.phase_known:
         return observed, np.zeros(0)
-    laws = [CandidateLaw("", as_elements(law), {}) for law in SURROGATES]
+    laws = [CandidateLaw("", law, {}) for law in surrogates(sensors)]
     if observed.points.phase_known:
         # a linear law would put its misfit into the background
         laws[:0] = [law for elements in given if not (law := CandidateLaw("", elements, {})).linear]

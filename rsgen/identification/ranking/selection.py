@@ -19,11 +19,13 @@ from rsgen.common.arrays import Array
 from rsgen.common.errors import RsgenError
 from rsgen.data.oscillator import Model
 from rsgen.formula import symbol
-from rsgen.identification.ranking.balance import Sum, Term, WhitenedBalance, base_law, library_terms
+from rsgen.identification.ranking.balance import WhitenedBalance
 from rsgen.identification.ranking.candidate_fit import CandidateFit, CandidateLaw, fit_candidate
+from rsgen.identification.ranking.library_sums import Sum, Term, base_elements, library_terms
 from rsgen.identification.ranking.ranking_result import OWN
-from rsgen.law.element import Element, Law, LawLike, Library, as_elements, make_element
+from rsgen.law.element import Element, Law, LawLike, Library, as_elements, forces_by_motion, make_element
 from rsgen.law.memory import with_equations
+from rsgen.law.numeric import compile_law
 
 Places = NDArray[np.intp]
 
@@ -90,13 +92,17 @@ class _TermColumns:
     """Columns of base and terms, of unit size, and their products without the part of the background."""
 
     def __init__(self, rows: WhitenedBalance, terms: Sequence[Term], fixed: Mapping[str, float]) -> None:
-        x, v, a, step = rows.trajectory
+        x, v, a, step = rows.motion_of(rows.sensors)
         size, speed = float(np.max(np.abs(x))), float(np.max(np.abs(v)))
-        base = base_law().sample(x, v, a, step, np.zeros(2)).by_parameter
-        blocks = [rows.of_forces(np.stack(base, axis=-1)), rows.inertia[:, :, None]]
-        self.base = {name: i for i, name in enumerate(("c", "k", "m")) if name not in fixed}
+        base = base_elements(rows.sensors)
+        blocks = [
+            rows.of_law(compile_law(element.force), np.zeros(1), element.across)[1]
+            for element in base.values()
+        ]
+        blocks.append(rows.inertia[:, :, None])
+        self.base = {name: i for i, name in enumerate((*base, "m")) if name not in fixed}
         self.variants: dict[str, _TermVariants] = {}
-        count = 3
+        count = len(blocks)
         for term in terms:
             names = term.law.parameters
             order = [names.index(name) for name in (*term.linear, *term.search)]
@@ -175,7 +181,7 @@ def search_sums(
     found: dict[frozenset[str], tuple[SumFit, tuple[_TermVariants, ...]]] = {}
 
     def consider(chosen: tuple[Term, ...], variants: Sequence[_TermVariants]) -> None:
-        result = _best_variants(columns, Sum(chosen), variants)
+        result = _best_variants(columns, Sum(chosen, rows.sensors), variants)
         key = frozenset(term.name for term in chosen)
         if result is not None and (key not in found or result[0].misfit < found[key][0].misfit):
             found[key] = result
@@ -214,7 +220,7 @@ def _best_variants(
     columns: _TermColumns, law: Sum, variants: Sequence[_TermVariants]
 ) -> tuple[SumFit, tuple[_TermVariants, ...]] | None:
     """Solve for every combination of variants; return the best admissible one and its variants."""
-    base = {name: i for name, i in columns.base.items() if name != "k" or law.has_spring}
+    base = {name: i for name, i in columns.base.items() if name in law.base or name == "m"}
     sizes = [len(variant.values) for variant in variants]
     # without a term there is one combination, of none
     count = prod(sizes)
@@ -380,11 +386,19 @@ def competitors(
             terms.append(library[law])
             continue
         elements = as_elements(law)
-        name = getattr(law, "name", "") or with_equations(sum(element.force for element in elements))
+        name = getattr(law, "name", "") or law_text(elements)
         laws.setdefault(name, _completed(elements) if isinstance(law, Law) and law.title else elements)
     if not laws and not terms:
         raise RsgenError("ranking: no candidate given; give formulas or laws, or none for all of rsgen.laws")
     return laws, tuple(terms), linear
+
+
+def law_text(elements: Sequence[Element]) -> str:
+    """Return the force of elements in rsgen's language, that between two sensors after what follows them."""
+    forces = forces_by_motion(elements)
+    parts = [with_equations(force) for sensors, force in forces.items() if not sensors and force]
+    parts += [f"across {sensors}: {with_equations(force)}" for sensors, force in forces.items() if sensors]
+    return "; ".join(parts)
 
 
 def _completed(elements: tuple[Element, ...]) -> tuple[Element, ...]:
@@ -411,7 +425,7 @@ def _term_names(name: str) -> frozenset[str]:
 
 
 def _candidate_of(trial: SumFit, rows: WhitenedBalance, fixed: Mapping[str, float]) -> CandidateLaw:
-    x, v, *_ = rows.trajectory
+    x, v, *_ = rows.motion_of(rows.sensors)
     size, speed = float(np.max(np.abs(x))), float(np.max(np.abs(v)))
     law = trial.law
     return CandidateLaw(

@@ -1,0 +1,177 @@
+"""Sums of laws of the library: their terms, and the linear elements that every sum has.
+
+Between two sensors the terms act on the joint, which has a linear spring and damper as the ground has.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import cached_property, lru_cache
+from itertools import permutations
+
+import sympy
+
+from rsgen.common.tolerances import ANY_LAW
+from rsgen.formula import symbol
+from rsgen.law.element import Element, Law, as_elements, laws, make_element
+from rsgen.law.library import Range, Search
+from rsgen.law.memory import memory_form, rates_of
+from rsgen.law.normal_form import normal_form
+from rsgen.law.numeric import ForceLaw, compile_law
+
+
+@dataclass(frozen=True)
+class Term:
+    """A law of the library without its linear spring and damper."""
+
+    source: Law
+    how: Search
+
+    @property
+    def name(self) -> str:
+        """Name of the law."""
+        return self.source.name
+
+    @property
+    def search(self) -> Mapping[str, Range]:
+        """Parameters in which the term is not linear."""
+        return self.how.ranges
+
+    @cached_property
+    def law(self) -> ForceLaw:
+        """The term, compiled for arrays."""
+        return compile_law(self.source.added)
+
+    @cached_property
+    def linear(self) -> tuple[str, ...]:
+        """Parameters in which the term is linear; the others scale the force of the last one only."""
+        return tuple(name for name in self.law.parameters if name not in self.search)
+
+
+_SURROGATES = (f"{ANY_LAW} + Ff*sign(v)", ANY_LAW)
+
+
+def surrogates(sensors: str) -> list[tuple[Element, ...]]:
+    """Return surrogates of any law, with friction and without, with which the first background is fitted.
+
+    Between two sensors the ground is linear.
+    """
+    if not sensors:
+        return [as_elements(law) for law in _SURROGATES]
+    ground = tuple(base_elements("").values())
+    joints = (law.replace("k*x", "kj*x").replace("c*v", "cj*v") for law in _SURROGATES)
+    return [(*ground, make_element("joint", joint, across=sensors)) for joint in joints]
+
+
+def base_elements(sensors: str) -> dict[str, Element]:
+    """Return the linear dampers and springs of every sum by parameter, those of a joint with the others."""
+    base = {"c": make_element("linear-damper", "c*v"), "k": make_element("linear-spring", "k*x")}
+    if sensors:
+        base["cj"] = make_element("joint-damper", "cj*v", across=sensors)
+        base["kj"] = make_element("joint-spring", "kj*x", across=sensors)
+    return base
+
+
+@lru_cache(maxsize=1)
+def library_terms() -> tuple[Term, ...]:
+    """Return the terms of all laws of the library."""
+    return tuple(Term(law, law.search) for law in laws if law.search is not None)
+
+
+@lru_cache(maxsize=256)
+def terms_of(force: sympy.Expr) -> frozenset[str]:
+    """Return what the linear parameters multiply, in a normal form that does not depend on names.
+
+    The equations of states are part of it: laws with a state differ in nothing else.
+    """
+    law = compile_law(force)
+    # a blank: no parameter has such a name
+    states = {z: sympy.Symbol(f"z {number}", real=True) for number, z in enumerate(rates_of(force))}
+    found = []
+    for order in permutations(law.nonlinear):
+        names = {symbol(law.parameters[i]): symbol(f"p{rank}") for rank, i in enumerate(order)}
+        plain = force.xreplace(names | states)
+        parts = [plain.diff(symbol(law.parameters[i])) for i in law.linear]
+        parts.append(plain.xreplace({symbol(law.parameters[i]): sympy.S.Zero for i in law.linear}))
+        positive = frozenset(map(str, names.values()))
+        memory = memory_form(plain)
+        rates = () if memory is None else memory.rates
+        found.append(
+            sorted(str(normal_form(part, positive).expression) for part in parts)
+            + [f"{state.symbol}' = {normal_form(state.rate, positive).expression}" for state in rates]
+        )
+    return frozenset(min(found))
+
+
+@dataclass(frozen=True)
+class Sum:
+    """A candidate: the base and some terms, parameters renamed so that each name stands once.
+
+    Parameters
+    ----------
+    terms
+        None for the base alone.
+    sensors
+        Between which the terms act; "" where they follow the response.
+    """
+
+    terms: tuple[Term, ...]
+    sensors: str = ""
+
+    @property
+    def name(self) -> str:
+        """Names of the laws in it."""
+        return " + ".join(term.name for term in self.terms) or "linear-spring + linear-damper"
+
+    @cached_property
+    def base(self) -> dict[str, Element]:
+        """Linear elements by parameter: all but the spring that a term takes the place of."""
+        base = base_elements(self.sensors)
+        if any(term.how.spring for term in self.terms):
+            del base["kj" if self.sensors else "k"]
+        return base
+
+    @cached_property
+    def names(self) -> tuple[dict[str, str], ...]:
+        """New name of every parameter of every term."""
+        taken = {*self.base, "m"}
+        renamed = []
+        for term in self.terms:
+            row = {}
+            for name in term.law.parameters:
+                new = name
+                while new in taken:
+                    new += "_"
+                taken.add(new)
+                row[name] = new
+            renamed.append(row)
+        return tuple(renamed)
+
+    @cached_property
+    def elements(self) -> tuple[Element, ...]:
+        """Springs and dampers, ready for a model."""
+        found = [self.base[name] for name in ("k", "c", "kj", "cj") if name in self.base]
+        for term, names in zip(self.terms, self.names, strict=True):
+            places = {symbol(old): symbol(new) for old, new in names.items()}
+            force = term.source.added.xreplace(places)
+            found.append(make_element(term.name, force, across=self.sensors))
+        return tuple(found)
+
+    def limits(self, size: float, speed: float) -> dict[str, tuple[float, float]]:
+        """Limits [SI] of the parameters it is not linear in, at largest displacement and velocity."""
+        limits = {}
+        for term, names in zip(self.terms, self.names, strict=True):
+            for name, where in term.search.items():
+                factor = where.factor(size, speed)
+                limits[names[name]] = (where.limits[0] * factor, where.limits[1] * factor)
+        return limits
+
+    @property
+    def dissipates(self) -> tuple[tuple[str, ...], ...]:
+        """Parameters whose sum must not be negative."""
+        return tuple(
+            tuple(names[name] for name in group)
+            for term, names in zip(self.terms, self.names, strict=True)
+            for group in term.how.dissipates
+        )
