@@ -139,9 +139,9 @@ def differences(old: Tree, new: Tree, allowed: Allowed, path: str = "") -> Itera
             if _is_number(old[key]) and _is_number(new[key]):
                 yield from _moved(inner, old[key], new[key], _room(old, key, allowed))
             elif key == "at" and "rms" in old:
-                room = {index: allowed.value * _scale(old) for index in old[key]}
-                for index in old[key]:
-                    yield from _moved(f"{inner}/{index}", old[key][index], new[key].get(index), room[index])
+                share = allowed.error if path.endswith("_error") else allowed.value
+                for index, entry in old[key].items():
+                    yield from _moved(f"{inner}/{index}", entry, new[key].get(index), share * _scale(old))
             else:
                 yield from differences(old[key], new[key], allowed, inner)
     elif isinstance(old, list) and isinstance(new, list) and not _is_number(old):

@@ -15,6 +15,7 @@ import pytest
 from _pytest.mark import ParameterSet
 
 from tests.pins import controls, histories, joints, multisine, names, observations, predictions, ranking
+from tests.pins.histories import INTEGRATED
 from tests.pins.pinned import SMOOTH, SWITCHED, Allowed, Pin, Tree, changes, is_empty, numbers_file, read
 
 MODULES: tuple[ModuleType, ...] = (
@@ -115,7 +116,7 @@ EXAMPLES: list[tuple[str, str, Place, Allowed, float]] = [
     ("controls", "simulated/rest-coulomb", ("harmonics", "1", "rms"), SWITCHED, 2e-7),
     ("controls", "modal/forced", ("stiffness", "rms"), SMOOTH, 1e-9),
     ("histories", "swept/laws", ("up", "frequency"), SMOOTH, 1e-9),
-    ("histories", "decay/noisy", ("damping", "rms"), SMOOTH, 1e-9),
+    ("histories", "decay/noisy", ("damping", "rms"), INTEGRATED, 1e-8),
     ("joints", "describing/jenkins", ("stiffness", 1), SMOOTH, 1e-9),
     ("joints", "steady/bouc-wen", ("harmonics", "1", "rms"), SWITCHED, 2e-7),
     ("observations", "background/constant-exact", ("refined", "k", "value"), SMOOTH, 1e-9),
