@@ -201,9 +201,6 @@ BETWEEN = "the structure between the sensors is not modelled"
 REASONS = (NO_FORCE, NOT_DETERMINED, BETWEEN)
 """All that a "no" may have."""
 
-OPEN = "not yet"
-"""A cell that has to become yes."""
-
 
 def _refused(columns: Iterable[str], reason: str) -> dict[str, str]:
     return dict.fromkeys(columns, reason)
@@ -286,10 +283,7 @@ MODIFIERS = {
         law=_JOINED,
         values={**TRUTH, "kj": JOINT},
         rivals=[_JOINED, *([_JOINED[0], rs.make_element("joint", law, across="gauge")] for law in JOINTS)],
-        refused={
-            **_refused(("predict", "virtual test, notebook"), BETWEEN),
-            **_refused(("background: neighbour",), OPEN),
-        },
+        refused=_refused(("predict", "virtual test, notebook"), BETWEEN),
     ),
     "no phase": Row(f"{_FORCES}\n{_STEPPED}", change=_without_phase),
     "given mass": Row(f"{_FORCES}\n{_STEPPED}", {"mass": MASS}),
@@ -314,7 +308,7 @@ def answer(row: Row, column: str) -> str:
 
 
 def _table(rows: Mapping[str, Row]) -> list[str]:
-    marks = {"yes": "yes", OPEN: OPEN} | {reason: f"no [{i}]" for i, reason in enumerate(REASONS, 1)}
+    marks = {"yes": "yes"} | {reason: f"no [{i}]" for i, reason in enumerate(REASONS, 1)}
     lines = ["| | " + " | ".join(rows) + " |", "|---" * (len(rows) + 1) + "|"]
     for column in COLUMNS:
         cells = [marks[stated(row, column)] for row in rows.values()]

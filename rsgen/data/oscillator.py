@@ -313,8 +313,9 @@ class Model(_Elements):
 
 
 _ALONG_ONE_MOTION = {
-    "neighbour": "background: a neighbouring mode and elements across {!r} explain a test in several ways; "
-    "take 'residuals', and a band that leaves the other mode out",
+    "neighbour": "background: a neighbouring mode is not determined with elements across {!r}: noise of a "
+    "difference of sensors fits as well; take 'residuals', and a band that leaves the other mode out, or "
+    "measure the motion across by a sensor of its own",
     "phases": "across: phases were not recorded; elements across {!r} need them",
     "simulation": "element: acts across {!r}, but a simulated structure is one mass with one motion; leave "
     "across out of its elements, or bring the motion across and identify them",

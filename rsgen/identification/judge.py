@@ -80,7 +80,7 @@ from rsgen.identification.soundness import (
 )
 from rsgen.identification.starting.start import with_phase
 from rsgen.identification.terms import alternatives_to
-from rsgen.law.element import law_remarks
+from rsgen.law.element import law_remarks, response_share
 from rsgen.law.motion import Motion
 from rsgen.law.numeric import ForceLaw
 
@@ -109,13 +109,15 @@ def prepare(surface: ResponseSurface, model: Model) -> Prepared:
     ------
     RsgenError
         As for ``identify``; points at phase resonance alone, which determine neither a mass that is not given
-        nor a background; a motion across two sensors without phases or with a neighbouring mode.
+        nor a background; a motion across two sensors without phases; a difference of sensors with a
+        neighbouring mode.
     """
     surface, repeats = gather_repeats(surface, model.sensors)
     points = select_points(surface, model)
     law = law_of(model.elements, points.means[: 1 + points.far.shape[1]], points.asymmetric)
     refuse_resonance_alone(points, model, remembers=law.remembers)
-    neighbour = model.observation.background.startswith("neighbour")
+    # of a difference noise of the second sensor is taken for the joint; a sensor of its own has no such share
+    neighbour = model.observation.background.startswith("neighbour") and response_share(model.sensors) > 0
     refuse_across(model.sensors, neighbour=neighbour, phases=not surface.phase_known)
     observed = Observed.of(points, model.observation.background)
     return Prepared(surface, repeats, Problem(model.elements, law, observed, model.fixed))
