@@ -164,14 +164,14 @@ def test_a_killed_run_of_another_case_is_cleared_up_and_folders_of_others_stay(t
     runs = f".other.{os.getppid()}.part"
     for name in (f".v1.5.{dead}.part", runs, ".notes.part"):
         (tmp_path / name).mkdir()
-    theses = [tmp_path / f".{kind}.{dead}.{kind}" / "thesis.tex" for kind in ("part", "old")]
-    for thesis in theses:
+    sequels = [tmp_path / f".{kind}.{dead}.{kind}" / "thesis.tex" for kind in ("part", "old")]
+    for thesis in sequels:
         thesis.parent.mkdir()
         thesis.write_text("mine")
     with replaced_folder(tmp_path, "case") as folder:
         fill(folder, "text")
-    assert names(tmp_path) == sorted(["case", runs, ".notes.part", *(t.parent.name for t in theses)])
-    assert [thesis.read_text() for thesis in theses] == ["mine"] * 2
+    assert names(tmp_path) == sorted(["case", runs, ".notes.part", *(t.parent.name for t in sequels)])
+    assert [thesis.read_text() for thesis in sequels] == ["mine"] * 2
 
 
 def test_temporary_files_of_a_run_lie_in_its_folder(tmp_path):
