@@ -22,7 +22,8 @@ from rsgen.cases.tables import Maker, Obeys, Quantity, Table, Text, table_of
 from rsgen.common.arrays import Array
 from rsgen.common.declaration import Rule
 from rsgen.common.errors import MeasurementError, RsgenError
-from rsgen.data.oscillator import Model, Observation, Oscillator, PlannedTest
+from rsgen.data.oscillator import Model, Observation, Oscillator
+from rsgen.data.planned_test import PlannedTest
 from rsgen.data.record_set import BASE_UNITS
 from rsgen.describing import derive
 from rsgen.dynamics.kernel_source import generate

@@ -2,18 +2,15 @@
 
 from __future__ import annotations
 
-from abc import ABC, abstractmethod
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from math import isfinite
-from pathlib import Path
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import numpy as np
 import sympy
 
-from rsgen.common.arrays import Array
 from rsgen.common.declaration import Rule, check, declare, documented
 from rsgen.common.errors import RsgenError, require, require_number
 from rsgen.formula import write
@@ -23,8 +20,7 @@ from rsgen.law.memory import equations_of
 from rsgen.law.notation import latex
 
 if TYPE_CHECKING:
-    from rsgen.data.multisine import MultisineSpectra
-    from rsgen.data.surface import ResponseSurface
+    pass
 
 BACKGROUNDS = ("none", "phase", "constant", "residuals", "neighbour")
 """Kinds of background; each contains the ones before it."""
@@ -356,69 +352,3 @@ def join_model(
     observation = model.observation if observation is None else observation
     known = Model(model.elements, mass, observation, fixed).fixed
     return Model(model.elements, None, observation, {**model.fixed, **known})
-
-
-# ----------------------------------------------------------------------------
-# A test, simulated or measured, before it is run or read.
-
-
-class PlannedTest(ABC):
-    """A test, simulated or measured; the defaults are those of a test without prior knowledge."""
-
-    __slots__ = ()
-
-    @property
-    def all_files(self) -> tuple[Path, ...]:
-        """The measured files, each once."""
-        return ()
-
-    @property
-    def many_lines(self) -> bool:
-        """Return whether a record's force has many lines, so that the test gives spectra and no surface."""
-        return False
-
-    def require_surface(self, reason: str) -> None:
-        """Raise an ``RsgenError`` with a reason if the test gives spectra and no response surface."""
-        if self.many_lines:
-            raise RsgenError(reason)
-
-    @property
-    def in_time(self) -> bool:
-        """Return whether the law is integrated in time."""
-        return False
-
-    @property
-    def settles(self) -> bool:
-        """Return whether the response must settle under a given force before it is recorded."""
-        return False
-
-    @property
-    def ends(self) -> Array:
-        """(e,) frequencies [Hz] at which a law is tried with sines before the run."""
-        return np.zeros(0)
-
-    @property
-    def planned_levels(self) -> Array:
-        """(l,) levels that are known beforehand."""
-        return np.zeros(0)
-
-    @property
-    def noise_seed(self) -> int | None:
-        """Seed of simulated noise; None without it."""
-        return None
-
-    def known_mass(self, mass: float | None) -> float | None:
-        """Return the mass [kg] given to identification, from that of the case; None: it is identified."""
-        return mass
-
-    def planned(self) -> ResponseSurface | MultisineSpectra | None:
-        """Return the planned records, each with the same response; None for files."""
-        return None
-
-    @abstractmethod
-    def summary(self) -> dict[str, Any]:
-        """Return kind and settings of the test, without the extent of its records."""
-
-    @abstractmethod
-    def origin(self) -> dict[str, str]:
-        """Return names and values for the provenance of a result."""

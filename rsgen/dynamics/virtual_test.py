@@ -26,7 +26,8 @@ from rsgen.common.errors import RsgenError
 from rsgen.common.tolerances import HARMONIC_TRUNCATION
 from rsgen.data.multisine import MultisineSpectra
 from rsgen.data.multisine.spectra import rms
-from rsgen.data.oscillator import Oscillator, PlannedTest
+from rsgen.data.oscillator import Oscillator
+from rsgen.data.planned_test import PlannedTest
 from rsgen.data.record_set import BASE_UNITS, below_acceleration
 from rsgen.data.surface import ResponseSurface
 from rsgen.dynamics.periodic_response import SWITCHED_RESIDUAL, periodic_response
