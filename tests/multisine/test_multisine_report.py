@@ -133,7 +133,7 @@ def test_what_a_multisine_cannot_have_is_said_before_the_run(folder, run_cli):
     for changes, reason in (
         ({"test.demodulation": {"band": ["1 Hz", "9 Hz"]}}, "belongs to sines"),
         ({"test.multisine": {"period": 500}}, "does not repeat every 500 samples"),
-        ({"identify.hold_out": ["5 N"]}, "5 N is not tested; tested are 1, 4, 8 N"),
+        ({"identify.hold_out": ["5 N"]}, "no level 5 N in the test; it has 1, 4, 8 N"),
     ):
         checked = run_cli("check", write_small(folder, "odd", CASE | changes))
         assert checked.code == 2, checked
