@@ -168,7 +168,7 @@ def test_held_out_levels_are_not_seen():
     observed = rsgen.Observation(hold_out=(level,))
     found = rsgen.identify(rsgen.MultisineSpectra(whole.level, OMEGA0, whole.force, wrong), LAW, observed)
     assert found["k3"].value == pytest.approx(TRUE["k3"], rel=1e-9)
-    with pytest.raises(RsgenError, match="no level .* it has"):
+    with pytest.raises(RsgenError, match=r"no level .* it has"):
         rsgen.identify(whole, LAW, rsgen.Observation(hold_out=(level * 1.5,)))
 
 

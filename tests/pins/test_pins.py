@@ -26,6 +26,10 @@ OF_STANDARD_ERROR = 1e-6
 proportion to its standard error. With the rows of every surface in another order nothing moved by more than
 3 % of what is allowed here, mostly by less than 0.01 %."""
 
+OF_STANDARD_ERROR_OF_MEASURED = 1e-4
+"""The same of measured tests, whose many parameters are hardly told apart: between processors those of the
+F-16 move by 1.3e-5 standard errors."""
+
 OF_ERROR = 1e-5
 """Largest relative change of a standard error or of the noise found."""
 
@@ -34,24 +38,28 @@ OF_RESPONSE = 1e-12
 as noise what the last step of a fit leaves, which differs from processor to processor."""
 
 
-def rooms(pin: dict[str, Any]) -> Iterator[tuple[str, float | None, float]]:
+def rooms(
+    pin: dict[str, Any], of_standard_error: float = OF_STANDARD_ERROR
+) -> Iterator[tuple[str, float | None, float]]:
     """Yield place, number and how far it may move, of every number of a pin but the mass."""
     of_error = max(OF_ERROR, OF_RESPONSE / pin["noise"]) if pin["noise"] else OF_ERROR
     for stage in ("refined", "first_order", "paper"):
         for name, (value, error) in pin[stage].items():
-            room = max(OF_VALUE * abs(value or 0.0), OF_STANDARD_ERROR * (error or 0.0))
+            room = max(OF_VALUE * abs(value or 0.0), of_standard_error * (error or 0.0))
             yield f"{stage} {name}", value, room
             yield f"error of {stage} {name}", error, of_error * (error or 0.0)
     yield "noise", pin["noise"], of_error * (pin["noise"] or 0.0)
 
 
-def changes(old: dict[str, Any], new: dict[str, Any]) -> list[str]:
+def changes(
+    old: dict[str, Any], new: dict[str, Any], of_standard_error: float = OF_STANDARD_ERROR
+) -> list[str]:
     """Say every number that is not what was pinned."""
     if "refused" in old or "refused" in new:
         return [] if old.get("refused") == new.get("refused") else [f"{old} became {new}"]
     one, other = ({place: value for place, value, _ in rooms(pin)} for pin in (old, new))
     found = [f"{place} is gone or new" for place in one.keys() ^ other.keys()]
-    for place, value, room in rooms(old):
+    for place, value, room in rooms(old, of_standard_error):
         now = other.get(place)
         if now is not value and (now is None or value is None or abs(now - value) > room):
             found.append(f"{place}: {value} became {now}")
@@ -86,4 +94,5 @@ def test_a_change_is_seen(moved: str) -> None:
 def test_the_numbers_are_those_pinned(key: str, measured_data: Callable[[str], Path]) -> None:
     if PINS[key].data:
         measured_data(PINS[key].data)
-    assert changes(NUMBERS[key], PINS[key].numbers()) == []
+    allowed = OF_STANDARD_ERROR_OF_MEASURED if PINS[key].data else OF_STANDARD_ERROR
+    assert changes(NUMBERS[key], PINS[key].numbers(), allowed) == []
