@@ -430,6 +430,7 @@ def test_further_sensors_stay_with_their_points(tmp_path: Path) -> None:
     [
         ({"a b": [1j]}, "'a b'"),
         ({"across": [1j]}, "none of force, response, across"),
+        ({"tip_mean": [1j]}, "without the ending _mean"),
         ({"tip": [1j, 2j]}, r"sensors\.tip: shape \(2,\)"),
         ({"tip": [1.0]}, r"sensors\.tip: real numbers have no phase"),
         ({"tip": [[1j]]}, r"sensors\.tip: needs at least"),

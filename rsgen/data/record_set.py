@@ -7,6 +7,7 @@ harmonics, a record of a multisine many. Every record belongs to a level, by whi
 
 from __future__ import annotations
 
+import re
 from abc import ABC, abstractmethod
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import fields, replace
@@ -28,6 +29,9 @@ DERIVATIVE = {quantity: order for order, quantity in enumerate(QUANTITIES)}
 
 BASE_UNITS = {"": "N"} | QUANTITIES
 """Unit of levels: of the force, or of the motion of a driven base."""
+
+CHANNEL_NAME = re.compile(r"[A-Za-z_][A-Za-z0-9_]{0,39}")
+"""What a channel or sensor may be called: it stands in sums, and in names of columns."""
 
 LEVEL_ROUND_OFF = 1e-6
 """Relative difference of a measured amount from its nominal level that is round-off of files."""
@@ -71,7 +75,7 @@ class Records(ABC):
 
     __slots__ = ()
     columns: ClassVar[tuple[str, ...]]
-    """Attributes with a row a record."""
+    """Attributes with a row a record: arrays, dicts of arrays, or None."""
 
     level: Array
     label: Array | None
@@ -166,10 +170,13 @@ class Records(ABC):
         """Return some of the records, by a boolean mask (r,) or an index array."""
         rows = np.asarray(chosen)
         values: dict[str, Any] = {one.name: getattr(self, one.name) for one in fields(self)}  # type: ignore[arg-type]
-        chosen_values = {k: v[rows] for k, v in values.items() if k in self.columns and v is not None}
-        if "sensors" in values:
-            chosen_values["sensors"] = {name: lines[rows] for name, lines in values["sensors"].items()}
-        return type(self)(**values | chosen_values)
+        for name in self.columns:
+            column = values[name]
+            if isinstance(column, Mapping):
+                values[name] = {key: lines[rows] for key, lines in column.items()}
+            elif column is not None:
+                values[name] = column[rows]
+        return type(self)(**values)
 
     def on_mass(self, mass: float) -> Self:
         """Return the test with forces [N] on a mass m [kg], if they are per mass; unchanged if m is NaN."""

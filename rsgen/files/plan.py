@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 from rsgen.common.declaration import Rule, check, choices, declare, documented, given
 from rsgen.common.errors import MeasurementError, RsgenError
 from rsgen.data.planned_test import PlannedTest
-from rsgen.data.record_set import QUANTITIES
+from rsgen.data.record_set import CHANNEL_NAME, QUANTITIES
 from rsgen.files.data_files import FORMATS
 from rsgen.files.signals import (
     AMPLITUDES,
@@ -443,15 +443,12 @@ class MeasuredTest(PlannedTest):
 # ----------------------------------------------------------------------------
 # What must fit together in channels with names, sums of them, and a driven base.
 
-_NAME = re.compile(r"[A-Za-z_][A-Za-z0-9_]{0,39}")
-"""What a channel may be called: it stands in sums."""
-
 
 def channel_faults(test: MeasuredTest) -> Iterator[tuple[str, str]]:
     """Find what does not fit together: a field's name and what is wrong with it."""
     known = test.channels or {}
     for name, channel in known.items():
-        if not _NAME.fullmatch(name):
+        if not CHANNEL_NAME.fullmatch(name):
             yield "channels", f"{name!r:.80} is no name; a letter, then letters, digits and _ are needed"
         if channel.channels is not None:
             yield f"channels.{name}.channels", "is made of other channels; a column is needed"
@@ -475,6 +472,9 @@ def _quantity_faults(test: MeasuredTest) -> Iterator[tuple[str, str]]:
         known, said = test.terms(what)[0][1].quantity, channel.quantity
         if channel.channels is not None and said not in (None, known):
             yield f"{what}.quantity", f"is {said!r}, but its channels are {known}; leave it out"
+    own = test.quantity_of("response")
+    if test.response.channels is None and test.quantity not in (None, own):
+        yield "quantity", f"is {test.quantity!r}, but the channel of the response is {own!r}; say it once"
 
 
 def _made_faults(test: MeasuredTest, what: str, channel: Channel) -> Iterator[tuple[str, str]]:

@@ -167,6 +167,16 @@ def test_an_element_acts_across_two_channels(mounted):
         assert found[name].value == pytest.approx(true, rel=1e-8)
 
 
+def test_a_quantity_said_twice_agrees():
+    response = Channel(samples="x", quantity="velocity")
+    with pytest.raises(
+        MeasurementError, match="is 'displacement', but the channel of the response is 'velocity'"
+    ):
+        MeasuredTest(
+            "a.csv", None, None, response, "displacement", history=HistoryRule("ring-down", rate=400.0)
+        )
+
+
 @pytest.mark.slow
 def test_a_run_says_what_a_law_across_two_sensors_leaves_out(mounted, tmp_path, run_cli):
     run_cli("run", mounted, "--out", tmp_path / "out")

@@ -228,6 +228,8 @@ def _damaged(folder, **changes):
         ({"origin": "<b>"}, "origin: one of measured, simulated"),
         ({"base": "x" * 100}, "base: <U100"),
         ({"omega0": np.nan}, "omega0"),
+        ({"left_out": [1, 2]}, "left_out: .2,.; one a record"),
+        ({"mean_known": [True, False]}, "mean_known: true or false"),
     ],
 )
 def test_spectra_that_are_no_spectra_are_refused(tmp_path, changes, fault):

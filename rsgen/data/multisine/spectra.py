@@ -112,6 +112,8 @@ class MultisineSpectra(Records, Printed):
             known = ", ".join(map(repr, BASE_UNITS))
             raise MeasurementError(f"MultisineSpectra: base: {self.base!r:.60}; one of {known} is needed")
         left = np.zeros(len(level), dtype=np.int64) if self.left_out is None else self.left_out
+        if np.shape(left) != level.shape:
+            raise MeasurementError(f"MultisineSpectra: left_out: {np.shape(left)}; one a record is needed")
         arrays = {"level": level, "force": force, "response": response, "left_out": left}
         arrays |= {} if self.across is None else {"across": across}
         for name, value in arrays.items():

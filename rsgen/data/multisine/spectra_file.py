@@ -66,6 +66,9 @@ def load_spectra(path: str | os.PathLike[str]) -> MultisineSpectra:
             values = {name: _array(archive, info, name) for name, info in chosen.items()}
         if values.get("origin", "measured") not in _ORIGINS:
             raise MeasurementError(f"origin: one of {', '.join(_ORIGINS)} is needed")
+        for name in ("mean_known", "per_mass"):
+            if not isinstance(values.get(name, True), bool):
+                raise MeasurementError(f"{name}: true or false is needed")
         return MultisineSpectra(**values)
     except MeasurementError as fault:
         raise MeasurementError(f"{path}: {fault}") from None

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from rsgen.common.arrays import Array, ComplexArray
 from rsgen.common.errors import RsgenError
 from rsgen.common.text_table import data_frame
+from rsgen.data.record_set import CHANNEL_NAME
 
 SWEEPS = ("rest", "up", "down")
 
@@ -120,11 +121,11 @@ def across_columns(across: Any, shape: tuple[int, ...]) -> NDArray[Any]:
     return column(across, "across", shape)
 
 
-SENSOR_NAME = re.compile(r"[A-Za-z_][A-Za-z0-9_]{0,39}")
-"""What a further sensor may be called, as a channel of a case."""
 MAX_SENSORS = 200
 _SIGNALS = ("force", "response", "across")
 """Names of signals that every surface has."""
+_PART = re.compile(r".*_(mean|real|imag|harmonic_\d+)")
+"""Columns of a data frame that are a part of a signal."""
 
 
 def sensor_columns(sensors: Any, rows: int) -> dict[str, NDArray[Any]]:
@@ -133,10 +134,11 @@ def sensor_columns(sensors: Any, rows: int) -> dict[str, NDArray[Any]]:
         raise RsgenError(f"surface.sensors: must be a dict of at most {MAX_SENSORS} names and columns")
     found = {}
     for name, values in sensors.items():
-        if not (isinstance(name, str) and SENSOR_NAME.fullmatch(name)) or name in _SIGNALS:
+        known = isinstance(name, str) and CHANNEL_NAME.fullmatch(name)
+        if not known or name in _SIGNALS or _PART.fullmatch(name):
             raise RsgenError(
-                f"surface.sensors: {name!r:.60}; must be a letter, then letters, digits and _, and none of "
-                f"{', '.join(_SIGNALS)}"
+                f"surface.sensors: {name!r:.60}; must be a letter, then letters, digits and _, none of "
+                f"{', '.join(_SIGNALS)}, and without the ending _mean, _real, _imag or _harmonic_2"
             )
         try:
             found[name] = response_columns(np.asarray(values), None, True, rows)
@@ -336,7 +338,7 @@ def columns_of_frame(frame: Any, degrees: bool) -> dict[str, Any]:
 def _sensors_of(names: list[str]) -> list[str]:
     """Return the names of further sensors, from those of columns: "sensor_tip", or its real part."""
     heads = [name.removeprefix("sensor_") for name in names if name.startswith("sensor_")]
-    return [head.removesuffix("_real") for head in heads if not re.search(r"_(mean|imag|harmonic_\d+)", head)]
+    return [head.removesuffix("_real") for head in heads if not _PART.fullmatch(head.removesuffix("_real"))]
 
 
 def _with_harmonics(table: _Table, fundamental: Any, prefix: str) -> ComplexArray | None:

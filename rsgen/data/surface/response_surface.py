@@ -165,7 +165,7 @@ class ResponseSurface(Records):
     ResponseSurface: 3 points, 1 level of 2 N, 9 to 11 Hz, 1 harmonic, measured
     """
 
-    columns: ClassVar = tuple(COLUMN_UNITS)
+    columns: ClassVar = (*COLUMN_UNITS, "sensors")
 
     level: Array
     frequency: Array

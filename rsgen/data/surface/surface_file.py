@@ -27,7 +27,8 @@ from rsgen.common.process import (
     confine,
     environment,
 )
-from rsgen.data.surface.columns import COLUMN_UNITS, MAX_SENSORS, SENSOR_NAME
+from rsgen.data.record_set import CHANNEL_NAME
+from rsgen.data.surface.columns import COLUMN_UNITS, MAX_SENSORS
 from rsgen.data.surface.response_surface import OUTCOMES, ResponseSurface
 
 if TYPE_CHECKING:
@@ -110,7 +111,7 @@ def _sensors(attributes: Mapping[str, Any]) -> list[str]:
     """Return the names of further sensors that a file declares; a MeasurementError for what is no name."""
     text = str(attributes.get("sensors", ""))
     names = text.split(",") if text else []
-    if len(names) > MAX_SENSORS or not all(map(SENSOR_NAME.fullmatch, names)):
+    if len(names) > MAX_SENSORS or not all(map(CHANNEL_NAME.fullmatch, names)):
         raise MeasurementError(f"sensors: {text!r:.60}; at most {MAX_SENSORS} names with commas are needed")
     return names
 
