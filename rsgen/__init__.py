@@ -38,7 +38,13 @@ if TYPE_CHECKING:
     from rsgen.cases import Case, load_case, read
     from rsgen.common.errors import RsgenError
     from rsgen.common.finding import Finding
-    from rsgen.data.multisine import MultisineSpectra, best_linear, load_spectra, save_spectra
+    from rsgen.data.multisine import (
+        MultisineSpectra,
+        best_linear,
+        best_linear_surface,
+        load_spectra,
+        save_spectra,
+    )
     from rsgen.data.oscillator import Observation, Oscillator
     from rsgen.data.surface import ResponseSurface, load_surface, save_surface
     from rsgen.describing import derive
@@ -84,6 +90,7 @@ _PLACES = {
     "SimulatedTest": "dynamics.simulation",
     "SweepTest": "dynamics.transients",
     "best_linear": "data.multisine",
+    "best_linear_surface": "data.multisine",
     "compare": "analysis.comparison",
     "compare_fits": "analysis.comparison",
     "derive": "describing",
@@ -144,6 +151,7 @@ __all__ = [
     "SimulatedTest",
     "SweepTest",
     "best_linear",
+    "best_linear_surface",
     "compare",
     "compare_fits",
     "derive",

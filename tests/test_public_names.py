@@ -11,12 +11,12 @@ import pytest
 import rsgen
 
 PUBLIC = [
-    "Case", "Comparison", "DecayTest", "Finding", "Identification", "Law", "ModalTable", "MultisineSpectra",
-    "MultisineTest", "Observation", "Oscillator", "Prediction", "Profile", "Ranking", "ResponseSurface",
-    "RsgenError", "SimulatedTest", "SweepTest", "best_linear", "compare", "compare_fits", "derive", "explain",
-    "figures", "history", "identify", "laws", "load_case", "load_spectra", "load_surface", "make_element",
-    "modal_table", "predict", "profile", "rank", "read", "save_frf", "save_spectra", "save_surface",
-    "sentence", "simulate", "verdict_of", "write_report",
+    "Case", "Comparison", "DecayTest", "Finding", "Identification", "Law", "ModalTable",
+    "MultisineSpectra", "MultisineTest", "Observation", "Oscillator", "Prediction", "Profile", "Ranking",
+    "ResponseSurface", "RsgenError", "SimulatedTest", "SweepTest", "best_linear", "best_linear_surface",
+    "compare", "compare_fits", "derive", "explain", "figures", "history", "identify", "laws", "load_case",
+    "load_spectra", "load_surface", "make_element", "modal_table", "predict", "profile", "rank", "read",
+    "save_frf", "save_spectra", "save_surface", "sentence", "simulate", "verdict_of", "write_report",
 ]  # fmt: skip
 
 

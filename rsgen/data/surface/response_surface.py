@@ -65,6 +65,7 @@ _CONTROLLED = {
     "response": "response held",
     "phase": "phase-locked",
     "continuation": "continuation",
+    "multisine": "best linear approximation",
 }
 """Controlled quantity of a test, in the one line that shows a surface."""
 
@@ -129,6 +130,7 @@ class ResponseSurface(Records):
         Quantity that the test held constant within a level: "force", "response", or "phase" (a phase-locked
         loop holds a force and controls the frequency until the response lags by an angle). "continuation":
         points of a control-based continuation, stable or not, whose levels are steps of the amplitude.
+        "multisine": points of ``best_linear_surface``, from which no law is identified.
     stable
         (n,) False where the state is unstable at constant force; default True.
     findings
@@ -288,6 +290,14 @@ class ResponseSurface(Records):
         """Raise an RsgenError with a place and a reason if the phases were not recorded."""
         if not self.phase_known:
             raise RsgenError(f"{place}: the phases were not recorded; {reason}")
+
+    def require_sines(self) -> None:
+        """Raise an RsgenError for the best linear approximation of a multisine."""
+        if self.control == "multisine":
+            raise RsgenError(
+                "surface: the best linear approximation of a multisine, which is no response to a sine of "
+                "this amplitude; give the spectra of the multisine instead (spectra.npz, rs.load_spectra)"
+            )
 
     @property
     def settled(self) -> NDArray[np.bool_]:
