@@ -15,7 +15,7 @@ from rsgen.analysis.comparison import Comparison, compare
 from rsgen.cases import Case
 from rsgen.common.errors import RsgenError, require
 from rsgen.common.output import write_atomic
-from rsgen.data.multisine import MultisineSpectra, best_linear_surface
+from rsgen.data.multisine import MultisineSpectra
 from rsgen.data.surface import ResponseSurface, save_surface, typical_amounts
 from rsgen.describing import PrintedComparison, compare_printed, derive
 from rsgen.dynamics.kernel_source import generate
@@ -105,6 +105,8 @@ def _(
     prediction: Prediction,
     modal: Modal,
 ) -> list[Drawing]:
+    from rsgen.data.multisine import best_linear_surface  # for multisines only
+
     surface = best_linear_surface(spectra, identification.approximations)
     drawings = [draw_surface(surface), draw_best_linear(identification), draw_line_misfit(identification)]
     if modal.table is not None:
