@@ -31,7 +31,7 @@ from rsgen.dynamics.transients import DecayTest, SweepTest
 from rsgen.dynamics.virtual_test import MultisineTest, SimulatedTest, VirtualTest, free_mean_fault
 from rsgen.files import HistoryRule, MeasuredTest
 from rsgen.files.plan import Excitation
-from rsgen.files.signals import PLACES, combination
+from rsgen.files.signals import combination
 from rsgen.formula import symbol, write
 from rsgen.formula.bounds import MAX_CHARACTERS
 from rsgen.formula.evaluation import compiled
@@ -148,10 +148,6 @@ _MEASURED = table_of(
         "excitation": (
             Literal[("steady", *get_args(Excitation))],
             Field("steady", description="steady: a table of amplitudes. The others: time histories."),
-        ),
-        "force.nominal": (
-            bool,
-            Field(False, description="True: the force was not recorded, and the level stands for it."),
         ),
     },
 )
@@ -320,7 +316,7 @@ def make_measured(
     known: dict[str, Any] = {"calibrated": calibrated, "history": None, "across": across}
     if timed:
         known["history"] = maker.make(HistoryRule, table, "test", mass=mass)
-    if table.force is None or table.force.nominal:
+    if table.force is None:
         known["force"] = None
     test = maker.make(MeasuredTest, table, "test", **known)
     maker.faults += [f"test.{fault}" for fault in _signal_faults(table, test)]
@@ -353,11 +349,6 @@ def _signal_faults(table: Any, test: MeasuredTest) -> Iterator[str]:
     force, response = table.force, table.response
     if force is None and table.base is None and table.excitation != "ring-down":
         yield "force: is missing; where it is, or nominal = true, is needed"
-    elif force is not None and force.nominal:
-        if any(getattr(force, name) is not None for name in PLACES):
-            yield "force.nominal: is true, but there are columns of the force; leave one out"
-        if test.history is not None:
-            yield "force.nominal: a time history needs the force as it was; 'samples' is needed"
     named = {f"channels.{name}": channel for name, channel in (test.channels or {}).items()}
     for place, channel in (test.made | named).items() if test.history is None else ():
         turned = (channel.phase, channel.imaginary, channel.complex) != (None, None, None)

@@ -419,12 +419,16 @@ class Sources:
         table = self.tables[file_of(self.test, channel, self.number)]
         return _signal(table, channel, self.test.scale_of(channel), what)
 
-    def sum(self, what: str, frequency: Array) -> ComplexArray:
-        """(n,) the sum that ``what`` is made of: a force [N], or a displacement [m]."""
+    def sum(self, what: str, frequency: Array, level: Array | None = None) -> ComplexArray:
+        """(n,) the sum that ``what`` is made of: a force [N], or a displacement [m].
+
+        A nominal channel has the amplitude of the ``level`` (n,), in SI, with phase 0.
+        """
         omega = 2 * np.pi * frequency
         total = np.zeros(len(frequency), dtype=np.complex128)
         for factor, channel in self.test.terms(what):
-            part = factor * self.amplitude(channel, what)
+            size = np.asarray(level) + 0j if channel.nominal else self.amplitude(channel, what)
+            part = factor * size
             if channel.quantity != "force":
                 part = part / (1j * omega) ** DERIVATIVE[channel.quantity or "displacement"]
             # what arrives later lags by more than it did

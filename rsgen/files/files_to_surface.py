@@ -314,11 +314,11 @@ def _driven(sources: Sources, frequency: Array, level: Array | None) -> tuple[Co
     test = sources.test
     motions = np.stack([sources.sum(what, frequency) for what in test.motions], axis=1)
     if test.base is not None:
-        base = sources.sum("base", frequency)
+        base = sources.sum("base", frequency, level)
         if test.base.response == "absolute":
             motions[:, 0] -= base
         return (2 * np.pi * frequency) ** 2 * base, motions
-    if test.force is not None:
+    if "force" in test.made:
         force = sources.sum("force", frequency)
     else:
         # without a force the plan asks for a level
@@ -398,9 +398,10 @@ def _amplitudes(test: MeasuredTest) -> ResponseSurface:
     drive, size = np.abs(_drive(test, force, frequency)), np.abs(displacement)
     level = assign_levels(test, frequency, drive, size, run, block, files)
     followed = test.control == "continuation"
-    if test.force is None and test.base is None:
+    if not test.driven:
         by = {"by": "ratio"} if test.per_force else {}
-        findings.append(Finding("not-recorded", "warning", names={"signal": "force", **by}))
+        signal = "force" if test.base is None else "base"
+        findings.append(Finding("not-recorded", "warning", names={"signal": signal, **by}))
     surface = ResponseSurface(
         level=level,
         frequency=frequency,

@@ -301,11 +301,11 @@ class MeasuredTest(PlannedTest):
         if self.history is None:
             if self.frequency is None:
                 yield "frequency", "is missing; its column is needed"
-            driven = self.force is not None or self.base is not None
-            if not driven and not self.level.known:
-                yield "level", "is missing; without a force value, values, column or name is needed"
-            if not driven and (self.level.labels or self.control == "response"):
-                yield "level", "stands for the force, which was not recorded; it must be a force"
+            what = "force" if self.base is None else "base"
+            if not self.driven and not self.level.known:
+                yield "level", f"is missing; without a {what} value, values, column or name is needed"
+            if not self.driven and (self.level.labels or self.control == "response"):
+                yield "level", f"stands for the {what}, which was not recorded; it must be an amount of it"
             needed = f"give {AMPLITUDES}; 'samples' is for time histories"
         else:
             if self.frequency is not None:
@@ -323,10 +323,17 @@ class MeasuredTest(PlannedTest):
                 yield name, " ".join(str(fault).split())
 
     @property
+    def driven(self) -> bool:
+        """True if what drives the structure was recorded; otherwise the levels stand for it."""
+        if self.base is not None:
+            return not any(channel.nominal for _, channel in self.terms("base"))
+        return "force" in self.made
+
+    @property
     def made(self) -> dict[str, Channel]:
         """Channels, or sums of channels, that are force, base and motions."""
         channels = {
-            "force": None if self.force is None else self.force.measuring("force"),
+            "force": None if self.force is None or self.force.nominal else self.force.measuring("force"),
             "base": None if self.base is None else self.base.channel,
             "response": self.response.measuring(self.quantity),
             "across": None if self.across is None else Channel(channels=self.across),
@@ -431,7 +438,7 @@ class MeasuredTest(PlannedTest):
         if not found or given(self.level, "factor"):
             return ""
         # where a force was recorded, a length in the name is a gap or a position, and the number a label
-        label = self.force is not None and found[1].endswith("m") != (self.level_unit == "m")
+        label = "force" in self.made and found[1].endswith("m") != (self.level_unit == "m")
         return "" if label else found[1]
 
     @property
@@ -454,8 +461,11 @@ def channel_faults(test: MeasuredTest) -> Iterator[tuple[str, str]]:
             yield f"channels.{name}.channels", "is made of other channels; a column is needed"
         elif channel.quantity is None:
             yield f"channels.{name}.quantity", "is missing; what was measured is needed"
-    channels = {f"channels.{name}": channel for name, channel in known.items()} | test.made
+    force = {} if test.force is None else {"force": test.force}
+    channels = {f"channels.{name}": channel for name, channel in known.items()} | force | test.made
     for what, channel in channels.items():
+        if channel.nominal and (what not in ("force", "base") or test.history is not None):
+            yield f"{what}.nominal", "is true; only force or base of a table of amplitudes can be nominal"
         if len(channel.files) not in (0, len(test.files)):
             yield f"{what}.file", f"{len(channel.files)} for {len(test.files)} files; one for each is needed"
     wrong = [fault for what, channel in test.made.items() for fault in _made_faults(test, what, channel)]

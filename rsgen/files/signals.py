@@ -92,6 +92,9 @@ class Channel(Checked):
         at_least=-MAX_DELAY,
         at_most=MAX_DELAY,
     )
+    nominal: bool = declare(
+        False, "True: force or base were not recorded, and the level stands for their amplitude."
+    )
     files: tuple[Path, ...] = declare(
         (), "Its files, one for each of the test; those of the test without.", key="file", fewest=1, most=200
     )
@@ -99,17 +102,21 @@ class Channel(Checked):
     def faults(self) -> Iterator[tuple[str, str]]:
         """Find what does not fit together: a field's name ("" for all) and what is wrong with it."""
         places = list(given(self, *PLACES))
+        of_column = given(self, "factor", "unit", "scale", "phase_unit", "phase_sense", "delay", "files")
         if self.channels is not None:
             if places:
                 yield "channels", "are given, and columns too; leave one of them out"
-            for name in given(self, "factor", "unit", "scale", "phase_unit", "phase_sense", "delay", "files"):
+            for name in of_column:
                 yield name, "is of a column, but channels are given; say it of each channel"
             try:
                 combination(self.channels)
             except MeasurementError as fault:
                 yield "channels", str(fault)
             return
-        if places not in _TOGETHER:
+        if self.nominal:
+            for name in (*places, *of_column):
+                yield name, "is of a column, but nominal = true takes the level; leave one out"
+        elif places not in _TOGETHER:
             yield "", f"give {AMPLITUDES}, or samples of a time history; one is needed"
         if self.samples is not None and self.scale == "rms":
             yield "scale", "is 'rms', but samples are instants; leave it out"

@@ -113,7 +113,8 @@ def test_columns_of_force_and_response_have_all_that_a_named_channel_has(tmp_pat
         ({"test.force.quantity": "velocity"}, "test.force.quantity: is 'velocity'; 'force' is"),
         ({"test.response.quantity": "force"}, "test.response.quantity: is 'force'; 'displ"),
         ({"test.force.file": ["a.csv", "b.csv"]}, "test.force.file: 2 for 1 files"),
-        ({"test.force": {"nominal": True, "real": 2, "imaginary": 3}}, "test.force.nominal"),
+        ({"test.force": {"nominal": True, "real": 2, "imaginary": 3}}, "test.force.real: .* nominal"),
+        ({"test.response.nominal": True}, "test.response.nominal: is true; only force or base"),
     ):
         with pytest.raises(CaseError, match=said):
             rs.load_case(write(tmp_path, read | changes))

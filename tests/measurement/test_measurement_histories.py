@@ -134,7 +134,7 @@ def test_integers_of_a_recorder_are_scaled(tmp_path):
         ({"response": "F"}, "is force and response"),
         ({"response": "fs"}, "samples differ in number: 64 of 'F', 1 of 'fs'"),
         ({"response": "a[1]", "history": swept(rate_column="t")}, "no sampling"),
-        ({"response": "a[1]", "history": swept(time="F")}, "is off the even"),
+        ({"response": "a[1]", "history": swept(time="F")}, " off the even spacing"),
     ],
 )
 def test_faults_of_histories(tmp_path, keys, message):

@@ -92,8 +92,9 @@ def sampling_rate(time: NDArray[Any], name: str) -> tuple[float, float]:
         bad = ~(off <= _MAX_JITTER * step)
         if bad.any():
             raise MeasurementError(
-                f"{name}: sample {begin + int(np.argmax(bad)) + 1} is off the even spacing of {step:g} s; "
-                "evenly sampled histories are needed (resample it)"
+                f"{name}: sample {begin + int(np.argmax(bad)) + 1} is {off[bad][0] / step:.0%} of a step "
+                f"off the even spacing of {step:g} s; evenly sampled histories are needed: give the rate "
+                "where the time stamps are only rounded, otherwise sample the record anew"
             )
     return 1 / step, first
 

@@ -54,6 +54,11 @@ def _not_recorded(found: Finding) -> str:
             "single points rest on the phase that the law predicts, and an error of the law in phase alone "
             "does not show"
         )
+    if found.names["signal"] == "base":
+        return (
+            "the motion of the base was not recorded and the nominal level stands for it, with phase 0; a "
+            "table moves less near the resonance of what it carries, which then looks like damping"
+        )
     if "by" in found.names:
         return (
             "the files hold response over force, so the level stands for the force; where the real force was "

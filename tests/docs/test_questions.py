@@ -1,0 +1,183 @@
+"""The parts of case files in docs/howto/questions.md, completed: each reads the test that it is about."""
+
+import tomllib
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+import rsgen as rs
+from docs._extension.snippets import ROOT, find_snippets
+from rsgen.report.wording import sentence
+from tests.case_files import MEASURED, write_small
+
+PAGE = (ROOT / "docs" / "howto" / "questions.md").read_text(encoding="utf-8")
+LAW = "k*x + k3*x**3 + c*v"
+VALUES = {"k": 6000.0, "k3": 2e6, "c": 6.0}
+MASS = 1.5
+LEVELS = (1, 3, 6)
+RATE, SECONDS = 256.0, 100.0
+
+
+def blocks(heading: str) -> list[tuple[str, str]]:
+    """Kinds and texts of the blocks under a heading."""
+    _, _, rest = PAGE.partition(f"## {heading}\n")
+    assert rest, heading
+    return [(block.kind, block.text) for block in find_snippets(rest.partition("\n## ")[0])]
+
+
+def case(folder: Path, *parts: str, **more: Any) -> rs.Case:
+    """A measured case with tables of the page, one after the other, and more keys."""
+    tables: dict[str, Any] = {}
+    for part in parts:
+        for name, table in tomllib.loads(part).items():
+            tables.setdefault(name, {}).update(table)
+    named = {f"test.{key}": value for key, value in tables.pop("test", {}).items()}
+    law = {"element": [{"name": "all", "force": LAW}]}
+    return rs.load_case(write_small(folder, "small", {**MEASURED, **law, **tables, **named, **more}))
+
+
+def near(found: rs.Identification, per: float = 1.0) -> None:
+    """Within two per cent: windows and rounded numbers are not exact."""
+    assert found.verdict.state == "identified"
+    assert {name: found[name].value * per for name in VALUES} == pytest.approx(VALUES, rel=0.02)
+
+
+@pytest.fixture(scope="module")
+def sweep() -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Instants, and (n, levels) force and acceleration of a swept sine, by Runge and Kutta's method."""
+    time = np.arange(0, SECONDS, 1 / RATE)
+    pace = 4.0 / SECONDS
+    level = np.array(LEVELS, dtype=float)
+
+    def force(t):
+        return level * np.cos(2 * np.pi * (8.0 * t + pace * t**2 / 2))
+
+    def rate(t, state):
+        x, v = state
+        return np.array([v, (force(t) - VALUES["k"] * x - VALUES["k3"] * x**3 - VALUES["c"] * v) / MASS])
+
+    state, step, found = np.zeros((2, len(LEVELS))), 1 / RATE / 2, []
+    for t in time:
+        found.append(rate(t, state)[1])
+        for part in (t, t + step):
+            a = rate(part, state)
+            b = rate(part + step / 2, state + step / 2 * a)
+            c = rate(part + step / 2, state + step / 2 * b)
+            state = state + step / 6 * (a + 2 * b + 2 * c + rate(part + step, state + step * c))
+    return time, np.array([force(t) for t in time]), np.array(found)
+
+
+def test_force_and_response_in_two_files_one_level_held_out(tmp_path, sweep):
+    time, force, acceleration = sweep
+    for number, level in enumerate(LEVELS):
+        for name, title, values in (("u", "force_N", force), ("y", "acceleration_m/s^2", acceleration)):
+            rows = np.column_stack([time, values[:, number]])
+            path = tmp_path / f"{name}_{level}N.csv"
+            np.savetxt(path, rows, fmt="%.9g", delimiter=",", header=f"time_s,{title}", comments="")
+    ((_, files),) = blocks("Force and response lie in two files, the level in the name")
+    ((_, held),) = blocks("One of several files is to be predicted, not fitted")
+    read = case(tmp_path, files, held)
+    found = rs.identify(rs.read(read), read.model)
+    near(found)
+    assert [level.force for level in found.held_out] == pytest.approx([3.0], rel=0.05)
+
+
+def test_irregular_time_stamps_are_sampled_anew_with_the_program_of_the_page(tmp_path, sweep, monkeypatch):
+    time, force, acceleration = sweep
+    late = np.random.default_rng(1).uniform(-0.3, 0.3, len(time)) / RATE
+    stamps = time + late
+    for number, level in enumerate(LEVELS):
+        rows = [np.interp(stamps, time, values[:, number]) for values in (force, acceleration)]
+        rows = np.column_stack([stamps, *rows])
+        title = "time_s,force_N,acceleration_m/s^2"
+        np.savetxt(tmp_path / f"raw_{level}N.csv", rows, fmt="%.9g", delimiter=",", header=title, comments="")
+    (_, rough), (kind, program) = blocks("The time stamps are irregular")
+    assert kind == "py"
+    files = {
+        "test.excitation": "swept-sine",
+        "test.time": {"column": "time_s"},
+        "test.force": {"samples": "force_N"},
+        "test.response": {"quantity": "acceleration", "samples": "acceleration_m/s^2"},
+    }
+
+    def read(name):
+        level = {"test.level": {"name": f"{name}_{{level}}N.csv"}}
+        return case(tmp_path, **files, **level, **{"test.file": [f"{name}_{level}N.csv" for level in LEVELS]})
+
+    with pytest.raises(rs.RsgenError, match="off the even spacing"):
+        rs.read(read("raw"))
+    monkeypatch.chdir(tmp_path)
+    exec(compile(program, "page", "exec"), {})
+    near(rs.identify(rs.read(read("even")), LAW))
+    # a rate alone takes the place of the column
+    files["test.time"] = tomllib.loads(rough)["test"]["time"]
+    near(rs.identify(rs.read(read("raw")), LAW))
+
+
+def base_table(path: Path, surface: rs.ResponseSurface, level: float, factor: float = 1.0) -> None:
+    """One level of a virtual driven base: frequency, base, its phase, response in the phase of the base."""
+    chosen = surface.select(surface.level == level)
+    base = -chosen.force / factor
+    lead = np.degrees(np.angle(chosen.harmonics[:, 1] / base))
+    columns = [chosen.frequency, np.abs(base), 0 * lead, chosen.amplitude, lead]
+    header = "f_Hz,base_m/s^2,base_deg,x_m,x_deg"
+    np.savetxt(path, np.column_stack(columns), fmt="%.9g", delimiter=",", header=header, comments="")
+
+
+@pytest.fixture(scope="module")
+def shaken() -> rs.ResponseSurface:
+    oscillator = rs.Oscillator(MASS, LAW, VALUES)
+    plan = rs.SimulatedTest([0.2, 0.6, 1.2], np.linspace(8, 13, 40), base="acceleration")
+    return rs.simulate(oscillator, plan)
+
+
+RESPONSE = {
+    "test.frequency": {"column": "f_Hz"},
+    "test.response": {
+        "quantity": "displacement",
+        "amplitude": "x_m",
+        "phase": "x_deg",
+        "phase_sense": "lead",
+    },
+}
+
+
+@pytest.mark.parametrize(
+    ("heading", "factor", "signal"),
+    [
+        ("The base moved with a constant amplitude that was not recorded", 1.0, ["base"]),
+        ("The base drives the mode by a participation factor", 1.27, []),
+    ],
+)
+def test_a_base_that_is_constant_or_has_a_participation_factor(tmp_path, shaken, heading, factor, signal):
+    files = [f"run{number}.csv" for number in range(3)]
+    for name, level in zip(files, (0.2, 0.6, 1.2), strict=True):
+        base_table(tmp_path / name, shaken, level, factor)
+    ((_, part),) = blocks(heading)
+    surface = rs.read(case(tmp_path, part, **RESPONSE, **{"test.file": files}))
+    assert [f.names["signal"] for f in surface.findings if f.code == "not-recorded"] == signal
+    for finding in surface.findings:
+        assert "nominal level stands for it" in sentence(finding)
+    near(rs.identify(surface, LAW), MASS)
+    np.testing.assert_allclose(surface.levels, [0.2, 0.6, 1.2], rtol=1e-6)
+
+
+def test_numbers_of_runs_are_labels(tmp_path):
+    surface = rs.simulate(
+        rs.Oscillator(MASS, LAW, VALUES), rs.SimulatedTest([1, 3, 6], np.linspace(8, 13, 40))
+    )
+    for number, level in enumerate(LEVELS, start=1):
+        chosen = surface.select(surface.level == level)
+        lag = np.degrees(chosen.phase)
+        columns = [chosen.frequency, np.abs(chosen.force), chosen.amplitude, lag]
+        np.savetxt(tmp_path / f"run{number}.csv", np.column_stack(columns), fmt="%.9g", delimiter=",")
+    ((_, part),) = blocks("The runs have numbers, no amounts")
+    response = {"quantity": "displacement", "amplitude": 3, "phase": 4, "phase_sense": "lag"}
+    columns = {"test.frequency": {"column": 1}, "test.force": {"amplitude": 2}, "test.response": response}
+    files = {"test.file": [f"run{number}.csv" for number in (1, 2, 3)]}
+    read = case(tmp_path, part, **columns, **files)
+    found = rs.identify(rs.read(read), read.model)
+    near(found)
+    assert [level.force for level in found.held_out] == pytest.approx([3.0], rel=1e-6)
