@@ -40,6 +40,7 @@ from rsgen.data.free_mode import fit_mode, hats, steady
 from rsgen.data.oscillator import OFFSET
 from rsgen.data.surface import ResponseSurface
 from rsgen.formula.names import symbol
+from rsgen.identification.fitting.across import misfit_of_joint
 from rsgen.identification.fitting.fit import Fit, fit_balance, linearise_extended
 from rsgen.identification.fitting.least_squares import Alternative, Regression
 from rsgen.identification.fitting.observed import Problem, is_systematic, systematic_columns
@@ -109,7 +110,10 @@ def misfit_findings(
         return found
     # with a systematic misfit above a hundredth, intervals are too narrow
     size = _of_systematic_columns(fit) if surface.decays else misfit
-    severity = severity_of(size, SYSTEMATIC_MISFIT_DOUBTFUL, MISFIT_REJECTED)
+    joints = (
+        misfit_of_joint(fit.problem.observed.points, part.sensors) for part in fit.problem.law.parts[1:]
+    )
+    severity = severity_of(size, min(SYSTEMATIC_MISFIT_DOUBTFUL, *joints, inf), MISFIT_REJECTED)
     names, left = dict[str, str](), misfit
     if severity != "error":
         term = max(others.kinds["term"], key=lambda term: others.kinds["term"][term].gain)

@@ -23,7 +23,6 @@ from rsgen.common.tolerances import (
     MISFIT_NEGLIGIBLE,
     MISFIT_REJECTED,
     NOISE_LIMIT_SIGMAS,
-    NOISE_RATIO_BY_CHANCE,
     RELATIVE_CHANGE_NEGLIGIBLE,
     RELATIVE_ERROR_DOUBTFUL,
     ROUND_OFF,
@@ -36,7 +35,7 @@ from rsgen.common.tolerances import (
 from rsgen.data.record_set import DERIVATIVE, QUANTITIES
 from rsgen.dynamics.harmonic_balance import following_harmonics, hold_amplitude
 from rsgen.dynamics.linear_part import BackgroundTerms, Inertia
-from rsgen.identification.fitting.across import motions_of, sensor_noise
+from rsgen.identification.fitting.across import misfit_of_joint, motions_of, sensor_noise
 from rsgen.identification.fitting.fit import Fit, fit_balance
 from rsgen.identification.fitting.least_squares import Regression
 from rsgen.identification.fitting.observed import Problem
@@ -456,12 +455,9 @@ def _joint_misfit_findings(found: Fit, joint: Part) -> list[Finding]:
     higher = points.across[:, 2:]
     if higher.any():
         return []
-    noise = sensor_noise(points, joint.sensors)
-    # a misfit relative to the response is larger relative to the motion across
-    smaller = float(np.median(np.abs(points.far[:, 0] / points.harmonics[:, 1])))
-    if not misfit >= max(NOISE_RATIO_BY_CHANCE * noise, MISFIT_NEGLIGIBLE * min(smaller, 1.0)):
+    if not misfit >= misfit_of_joint(points, joint.sensors):
         return []
-    names = {"sensors": joint.sensors}
+    noise, names = sensor_noise(points, joint.sensors), {"sensors": joint.sensors}
     return [Finding("harmonics-across-left-out", "doubt", "", quantities(noise=noise, misfit=misfit), names)]
 
 

@@ -22,7 +22,7 @@ import numpy as np
 
 from rsgen.common.arrays import Array, ComplexArray
 from rsgen.common.errors import RsgenError
-from rsgen.common.tolerances import MISFIT_NEGLIGIBLE, samples_for
+from rsgen.common.tolerances import MISFIT_NEGLIGIBLE, NOISE_RATIO_BY_CHANCE, samples_for
 from rsgen.data.oscillator import total_force
 from rsgen.dynamics.harmonic_balance import Response
 from rsgen.identification.fitting.forward import Forward
@@ -73,6 +73,16 @@ def sensor_noise(points: Points, sensors: str) -> float:
         return float("nan")
     # the square of a complex normal number of unit variance has the median ln 2
     return float(np.sqrt(np.median(missed[moves] / size[moves]) / np.log(2)))
+
+
+def misfit_of_joint(points: Points, sensors: str) -> float:
+    """Return the systematic misfit from which on a law across two sensors is doubtful: beyond their noise.
+
+    A misfit relative to the response is larger relative to the motion across, and moves the joint by more.
+    """
+    smaller = float(np.median(np.abs(points.far[:, 0] / points.harmonics[:, 1])))
+    beyond = NOISE_RATIO_BY_CHANCE * np.nan_to_num(sensor_noise(points, sensors))
+    return float(max(beyond, MISFIT_NEGLIGIBLE * min(smaller, 1.0)))
 
 
 def _cubic(omega: Array) -> Array:

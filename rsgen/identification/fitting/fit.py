@@ -105,6 +105,8 @@ class Fit:
     across
         (n, H+1) the motion across two sensors that the law followed [m], relative as ``harmonics``; (n, 0)
         without one.
+    shared
+        True if the two sensors share the misfit, because with noise of their own its pattern was seen.
     """
 
     problem: Problem
@@ -115,6 +117,7 @@ class Fit:
     scale: Array
     order: int
     across: ComplexArray
+    shared: bool = False
 
     @property
     def values(self) -> Array:
@@ -140,9 +143,13 @@ class Fit:
 
     @property
     def systematic(self) -> bool:
-        """True if the misfit is correlated between neighbours in frequency, as that of noise is not."""
+        """True if the misfit is correlated between neighbours in frequency, as that of noise is not.
+
+        Where the sensors share it, noise of their difference is in what is left, and hides its pattern.
+        """
         found = self.regression
-        return is_systematic(found.residual, self.problem.observed.points.pairs(found.used))
+        pairs = self.problem.observed.points.pairs(found.used)
+        return self.shared or is_systematic(found.residual, pairs)
 
     @property
     def motion(self) -> Motion:
@@ -162,10 +169,13 @@ class Fit:
             self.scale[chosen],
             self.order,
             self.across[chosen],
+            self.shared,
         )
 
 
-def _finish(problem: Problem, descent: ErrorsInVariables, regression: Regression, order: int) -> Fit:
+def _finish(
+    problem: Problem, descent: ErrorsInVariables, regression: Regression, order: int, *, shared: bool = False
+) -> Fit:
     """Predict at the estimate, relative to a fundamental of phase zero."""
     response = descent.predict(regression.parameters, regression.nuisance)
     lag = np.angle(response.harmonics[:, 1])
@@ -189,6 +199,7 @@ def _finish(problem: Problem, descent: ErrorsInVariables, regression: Regression
         np.abs(problem.observed.predict_sensor(response, values)),
         order,
         across,
+        shared,
     )
 
 
@@ -234,7 +245,8 @@ def fit_balance(
     common: dict[str, Any] = {"exclude": exclude, "neighbours": mode.neighbours}
     first = replace(rules, steps=1) if near > MISFIT_OF_NOISE and not law.rough else rules
     found = fit(descent.linearise, parameters, nuisance, first, **common)
-    if forward.share(lambda: is_systematic(found.residual, mode.pairs(found.used))):
+    shared = forward.share(lambda: is_systematic(found.residual, mode.pairs(found.used)))
+    if shared:
         found = fit(descent.linearise, found.parameters, nuisance, rules, **common)
     # first order is what it says, not what a coarse sum makes of it
     coarse = law.switched and steps > 1 and forward.samples < SAMPLES_PER_PERIOD_SWITCHED
@@ -252,7 +264,7 @@ def fit_balance(
             found = descent.corrected(found)
     elif found.noise > MISFIT_OF_NOISE:
         found = forward.of_noise(found, lambda: descent.corrected(found))
-    return _finish(problem, descent, found, order)
+    return _finish(problem, descent, found, order, shared=shared)
 
 
 def linearise_extended(
