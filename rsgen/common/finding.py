@@ -209,8 +209,10 @@ class StatedVerdict(TypedDict):
 
 
 def verdict_lines(stated: StatedVerdict) -> list[str]:
-    """Return the headline and, indented, what decided with what to do about it."""
-    lines = [stated["headline"]]
-    for sentence, step in zip(stated["sentences"], stated["next_steps"], strict=True):
-        lines += [f"  because: {sentence}", *([f"  next: {step}"] if step else [])]
-    return lines
+    """Return the headline and, indented, what decided."""
+    return [stated["headline"], *(f"  because: {sentence}" for sentence in stated["sentences"])]
+
+
+def next_lines(stated: StatedVerdict) -> list[str]:
+    """Return what to do next, indented, each step once."""
+    return [f"  next: {step}" for step in dict.fromkeys(stated["next_steps"]) if step]

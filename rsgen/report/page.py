@@ -245,7 +245,8 @@ def _verdict_context(
     return {
         "state": verdict.state,
         "verdict": stated["headline"],
-        "reasons": list(zip(stated["sentences"], stated["next_steps"], strict=True)),
+        "reasons": stated["sentences"],
+        "next_steps": [step for step in dict.fromkeys(stated["next_steps"]) if step],
         "mark": MARKED.get(verdict.state, ""),
         "outcome": full_sentence(identification.outcome),
         "verdict_table": verdict_table(comparison),

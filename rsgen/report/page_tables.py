@@ -41,8 +41,7 @@ _BACKGROUND_NAMES = {
     "zeta": "damping ratio of the neighbour",
 }
 _KINDS_OF_INTERVAL = (
-    f"{CONFIDENCE_TEXT} intervals: ± by standard error, as always where the misfit is systematic; by profile "
-    "likelihood where stated"
+    f"± is half of the {CONFIDENCE_TEXT} interval, by standard error unless profile likelihood is stated"
 )
 _SWEEPS = {"rest": "from rest", "up": "up", "down": "down"}
 
@@ -88,7 +87,9 @@ def _estimate_cell(estimate: Estimate | None, unit: str, interval: bool = False)
         return Cell("–", _remark(estimate) if estimate is not None and interval else "")
     text = quantity_text(estimate.value, unit, _digits(estimate) if interval else 4)
     half = (estimate.interval[1] - estimate.interval[0]) / 2
-    if not interval or not math.isfinite(half):
+    if not interval:
+        return Cell(text)
+    if not math.isfinite(half):
         return Cell(text, _remark(estimate))
     scale = choose_scale([estimate.value], unit)
     note = f"± {number_text(half / scale.factor, 2)} {scale.unit}".rstrip()

@@ -113,7 +113,9 @@ def test_a_gain_that_changes_within_a_record_is_doubted(channel, course):
         # a step does not decay: it is no transient, and the periods before it stay
         assert not np.any(spectra.left_out)
         assert told["size"] == pytest.approx(0.2 / 1.1, rel=0.02)
-        assert "the periods from number 7 on, and those before, identified separately" in sentence(told)
+        assert "identified separately, the periods from number 7 on, and those before differ" in sentence(
+            told
+        )
     assert not found.verdict.usable
 
 

@@ -247,7 +247,7 @@ def test_result_keeps_the_contract():
 def test_tables_say_which_kind_of_interval_they_state():
     """A systematic misfit rules out the profile likelihood, and a page did not say what it had instead."""
     for table in (verdict_table(COMPARISON), estimate_table(IDENTIFICATION)):
-        assert "± by standard error, as always where the misfit is systematic" in table.caption
+        assert "by standard error unless profile likelihood is stated" in table.caption
 
 
 LOST = Finding("not-determined", "warning", "c1")

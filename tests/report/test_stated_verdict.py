@@ -1,8 +1,10 @@
 """The verdict on a result: one place reaches it, and everything that a user reads says the same of it."""
 
 import json
+import re
 from dataclasses import replace
 from functools import cache
+from pathlib import Path
 from typing import Any
 
 import pytest
@@ -120,7 +122,10 @@ def test_a_rejected_page_marks_its_numbers():
     begin = text.index('class="verdict rejected">Rejected: these numbers are not to be used')
     for finding in (ERROR, DOUBT):
         assert begin < text.index(full_sentence(finding)) < text.index("<table")
-        assert begin < text.index(str(coded(next_step(finding)))) < text.index("<table")
+        # one list of steps, below the numbers
+        assert text.count(str(coded(next_step(finding)))) == 1
+        steps = text.index("What to do next")
+        assert text.index("<table") < steps < text.index(str(coded(next_step(finding))))
     assert '<caption><strong class="no">Not to be used: </strong>True against identified values' in text
     marked = '<strong class="no">Not to be used: </strong>'
     assert text.count(f"<caption>{marked}") == text.count("<caption>") >= 3
@@ -234,3 +239,13 @@ def test_another_verdict_is_a_difference(tmp_path):
     assert not other.worse
     (same,) = compare_results(after, after)
     assert not same.changed
+
+
+def test_nothing_red_stands_on_a_calm_page_and_notes_have_no_colour_of_alarm():
+    style = Path(rsgen.__file__).with_name("templates") / "report" / "style.css"
+    (note,) = re.findall(r"^\.note \{[^}]*\}", style.read_text(encoding="utf-8"), re.MULTILINE)
+    assert "--bad" not in note
+    text = page_of(None, WARNING).split("</style>")[1]
+    assert full_sentence(WARNING) in text.replace("\u00a0", " ")
+    assert not re.findall(r'class="(?:no|missed|[^"]* no)"', text)
+    assert "What to do next" not in text

@@ -25,6 +25,7 @@ from rsgen.app.cli.terminal import (
     number,
     print_json,
     print_line,
+    print_next_steps,
     print_table,
     print_verdict,
     verdict_code,
@@ -85,7 +86,7 @@ def identify_command(
             }
         )
         return verdict_code(verdict.state)
-    code = print_verdict(state_verdict(verdict))
+    print_verdict(state_verdict(verdict))
     print_table(
         ("", "paper", "first order", "refined", f"± ({CONFIDENCE_TEXT})", "unit"),
         [
@@ -106,7 +107,7 @@ def identify_command(
     for finding in identification.findings:
         if finding not in verdict.decided_by:
             print_line(f"note: {sentence(finding)}")
-    return code
+    return print_next_steps(state_verdict(verdict))
 
 
 def _interval_text(estimate: Estimate) -> str:

@@ -14,7 +14,7 @@ from rich.progress import Progress, SpinnerColumn, TaskID, TextColumn, TimeElaps
 from rsgen.app.cli.terminal import plain, print_faults, print_line
 from rsgen.app.study import CaseRun, Step
 from rsgen.cases import Case
-from rsgen.common.finding import verdict_lines
+from rsgen.common.finding import next_lines, verdict_lines
 from rsgen.dynamics.kernel import cache_fault
 
 
@@ -38,7 +38,7 @@ def _lines(run: CaseRun) -> list[str]:
         return []
     headline, *reasons = verdict_lines(run.verdict)
     how = "unchanged" if run.skipped else f"{run.seconds:.1f} s"
-    return [f"{run.name}: {headline} ({how}) {run.folder}", *reasons]
+    return [f"{run.name}: {headline} ({how}) {run.folder}", *reasons, *next_lines(run.verdict)]
 
 
 @contextmanager

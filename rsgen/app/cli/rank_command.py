@@ -14,6 +14,7 @@ from rsgen.app.cli.terminal import (
     print_block,
     print_json,
     print_line,
+    print_next_steps,
     print_verdict,
     verdict_code,
 )
@@ -73,14 +74,14 @@ def rank_command(
             }
         )
         return verdict_code(ranking.verdict.state)
-    code = print_verdict(state_verdict(ranking.verdict))
+    print_verdict(state_verdict(ranking.verdict))
     print_block("", str(ranking))
     for finding in ranking.findings:
         if finding not in ranking.verdict.decided_by and finding != ranking.verdict.summary:
             print_line(sentence(finding))
     print_line(f"best: {ranking.candidates[0].force}")
     print_line(f"with {_values(ranking)}")
-    return code
+    return print_next_steps(state_verdict(ranking.verdict))
 
 
 def _values(ranking: Ranking) -> str:

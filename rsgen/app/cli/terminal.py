@@ -11,7 +11,7 @@ from collections.abc import Iterable, Sequence
 from contextlib import suppress
 from typing import Any, TextIO
 
-from rsgen.common.finding import USABLE, StatedVerdict, verdict_lines
+from rsgen.common.finding import USABLE, StatedVerdict, next_lines, verdict_lines
 from rsgen.common.text_table import aligned
 
 # ----------------------------------------------------------------------------
@@ -126,9 +126,15 @@ def print_faults(faults: Iterable[str]) -> None:
         write_error(f"... and {len(lines) - _MOST_FAULTS} more")
 
 
-def print_verdict(verdict: StatedVerdict) -> int:
-    """Print a verdict, its reasons and next steps; return the exit code."""
+def print_verdict(verdict: StatedVerdict) -> None:
+    """Print a verdict and its reasons; the numbers come next."""
     for line in verdict_lines(verdict):
+        print_line(line)
+
+
+def print_next_steps(verdict: StatedVerdict) -> int:
+    """Print what to do next, below the numbers; return the exit code."""
+    for line in next_lines(verdict):
         print_line(line)
     return verdict_code(verdict["state"])
 

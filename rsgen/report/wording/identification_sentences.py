@@ -221,7 +221,7 @@ def _parts_disagree(found: Finding) -> str:
     )
     after = f" ({found['after']:.2g} of the widened ones)" if "after" in found.numbers else ""
     return (
-        f"{found.names['parts']}, identified separately, differ by up to {found['z']:.2g} standard errors"
+        f"identified separately, {found.names['parts']} differ by up to {found['z']:.2g} standard errors"
         f"{after}, or {found['size']:.1%} of force and response: {meaning}"
     )
 

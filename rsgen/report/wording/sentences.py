@@ -24,6 +24,7 @@ from rsgen.common.finding import (
     State,
     StatedVerdict,
     Verdict,
+    next_lines,
     reach_verdict,
     verdict_lines,
 )
@@ -237,7 +238,7 @@ def headline(verdict: Verdict) -> str:
     if summary.code == "identified":
         return (
             f"Identified: {summary['identified']:.0f} of {summary['parameters']:.0f} parameters, misfit "
-            f"{number_text(100 * summary['misfit'], 2)} %, nothing judged against a truth"
+            f"{number_text(100 * summary['misfit'], 2)} %"
         )
     return f"{verdict.state.capitalize()}: {sentence(summary)}"  # of judged values, or of a ranking
 
@@ -258,14 +259,15 @@ def state_verdict(verdict: Verdict) -> StatedVerdict:
 
 
 def explain(verdict: Verdict) -> str:
-    """Say a verdict in lines: the headline, what decided, and what to do about it.
+    """Say a verdict in lines: the headline, what decided, and what to do next.
 
     Parameters
     ----------
     verdict
         ``found.verdict``, or that of ``rsgen.verdict_of``.
     """
-    return "\n".join(verdict_lines(state_verdict(verdict)))
+    stated = state_verdict(verdict)
+    return "\n".join([*verdict_lines(stated), *next_lines(stated)])
 
 
 def read_verdict(result: Mapping[str, Any]) -> StatedVerdict:
