@@ -23,8 +23,7 @@ from rsgen.common.arrays import Array
 from rsgen.common.declaration import Rule
 from rsgen.common.errors import MeasurementError, RsgenError
 from rsgen.data.oscillator import Model, Observation, Oscillator
-from rsgen.data.planned_test import PlannedTest
-from rsgen.data.record_set import BASE_UNITS
+from rsgen.data.record_set import BASE_UNITS, PlannedTest
 from rsgen.describing import derive
 from rsgen.dynamics.kernel_source import generate
 from rsgen.dynamics.transients import DecayTest, SweepTest

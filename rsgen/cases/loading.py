@@ -22,8 +22,7 @@ from rsgen.cases.tables import MAX_POINTS, Maker, reason
 from rsgen.common.errors import CaseError, ExpressionError, RsgenError, quote
 from rsgen.data.multisine import MultisineSpectra
 from rsgen.data.oscillator import KNOWN_MASS, Model, Observation, Oscillator, total_force
-from rsgen.data.planned_test import PlannedTest
-from rsgen.data.record_set import BASE_UNITS, match_level
+from rsgen.data.record_set import BASE_UNITS, PlannedTest, match_level
 from rsgen.data.surface import ResponseSurface, load_surface
 from rsgen.dynamics.transients import DecayTest, SweepTest
 from rsgen.dynamics.virtual_test import MultisineTest, SimulatedTest, VirtualTest

@@ -1,4 +1,4 @@
-"""Records of a test: what points of sines and periods of a multisine have in common.
+"""Records of a test, points of sines and periods of a multisine, and what a test says of itself before them.
 
 A record is one periodic state of the structure. Force and motions are series of lines over its base
 frequency, s(t) = Re sum_h S_h exp(i h omega0 t), the mean first: a point of sines has one driven line and its
@@ -11,6 +11,7 @@ import re
 from abc import ABC, abstractmethod
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import fields, replace
+from pathlib import Path
 from typing import Any, ClassVar, Self
 
 import numpy as np
@@ -183,3 +184,69 @@ class Records(ABC):
         if not (self.per_mass and np.isfinite(mass)):
             return self
         return replace(self, force=mass * self.signals["force"], per_mass=False)  # type: ignore[type-var]
+
+
+# ----------------------------------------------------------------------------
+# A test before it is run or read: what it says of itself.
+
+
+class PlannedTest(ABC):
+    """A test, simulated or measured; the defaults are those of a test without prior knowledge."""
+
+    __slots__ = ()
+
+    @property
+    def all_files(self) -> tuple[Path, ...]:
+        """The measured files, each once."""
+        return ()
+
+    @property
+    def many_lines(self) -> bool:
+        """Return whether a record's force has many lines, so that the test gives spectra and no surface."""
+        return False
+
+    def require_surface(self, reason: str) -> None:
+        """Raise an ``RsgenError`` with a reason if the test gives spectra and no response surface."""
+        if self.many_lines:
+            raise RsgenError(reason)
+
+    @property
+    def in_time(self) -> bool:
+        """Return whether the law is integrated in time."""
+        return False
+
+    @property
+    def settles(self) -> bool:
+        """Return whether the response must settle under a given force before it is recorded."""
+        return False
+
+    @property
+    def ends(self) -> Array:
+        """(e,) frequencies [Hz] at which a law is tried with sines before the run."""
+        return np.zeros(0)
+
+    @property
+    def planned_levels(self) -> Array:
+        """(l,) levels that are known beforehand."""
+        return np.zeros(0)
+
+    @property
+    def noise_seed(self) -> int | None:
+        """Seed of simulated noise; None without it."""
+        return None
+
+    def known_mass(self, mass: float | None) -> float | None:
+        """Return the mass [kg] given to identification, from that of the case; None: it is identified."""
+        return mass
+
+    def planned(self) -> Any:
+        """Return the planned surface or spectra, each record with the same response; None for files."""
+        return None
+
+    @abstractmethod
+    def summary(self) -> dict[str, Any]:
+        """Return kind and settings of the test, without the extent of its records."""
+
+    @abstractmethod
+    def origin(self) -> dict[str, str]:
+        """Return names and values for the provenance of a result."""

@@ -20,11 +20,16 @@ import numpy as np
 import scipy
 
 from rsgen.common.arrays import Array, ComplexArray
+from rsgen.common.errors import RsgenError
 from rsgen.common.solvers import CONVERGED_STEP, Rows, newton
-from rsgen.common.tolerances import MAX_NEWTON_STEPS, MAX_STEP_HALVINGS
+from rsgen.common.tolerances import HARMONIC_TRUNCATION, MAX_NEWTON_STEPS, MAX_STEP_HALVINGS
+from rsgen.data.multisine import MultisineSpectra
+from rsgen.data.multisine.spectra import rms
+from rsgen.data.oscillator import Oscillator
+from rsgen.dynamics.virtual_test import MultisineTest
 from rsgen.law.motion import Motion, harmonics_of, waveform
 from rsgen.law.normal_form import ForceSample
-from rsgen.law.numeric import ForceLaw
+from rsgen.law.numeric import ForceLaw, compile_law
 
 OVERSAMPLED = 4
 """Samples a period over the number of lines: cubes of signals reach three times their highest line, and fold
@@ -302,3 +307,88 @@ def _window(problem: _Problem, force: Array, step: float, state: Array) -> Array
         if np.all(np.abs(change).max(axis=0) <= 1e-6 * scale):
             break
     return motion
+
+
+# ----------------------------------------------------------------------------
+# The records of a virtual test with a multisine.
+
+_MAX_LINES = 1 << 15
+"""Lines of a motion at most: its waveforms have four times as many samples."""
+
+
+def simulate_multisine(oscillator: Oscillator, test: MultisineTest) -> MultisineSpectra:
+    """Compute the periodic response of every record.
+
+    Raises
+    ------
+    RsgenError
+        A record has no periodic response that Newton's method finds, as where dry friction holds the mass.
+    """
+    law = compile_law(oscillator.force)
+    values = law.ordered(oscillator.values)
+    phases = np.random.default_rng([test.seed, 0])
+    levels = np.repeat(test.level, test.realisations)
+    excited = test.excited
+    forces, responses = [], []
+    for level in levels:
+        force = np.zeros(test.highest + 1, dtype=complex)
+        force[excited] = level * np.sqrt(2 / len(excited))
+        force[excited] *= np.exp(2j * np.pi * phases.random(len(excited)))
+        force = test.drive(oscillator.mass, force, np.arange(len(force)) / test.period)
+        found = _respond(law, values, oscillator.mass, 2 * np.pi / test.period, force)
+        if found is None:
+            raise RsgenError(
+                f"test.level: {level:g} {test.level_unit}: no periodic response was found; where dry "
+                "friction holds the mass for a while, or several motions are possible, test at higher levels"
+            )
+        forces.append(force)
+        responses.append(found)
+    per = 1.0 if test.base is None else oscillator.mass
+    return MultisineSpectra(
+        level=levels,
+        omega0=2 * np.pi / test.period,
+        force=_noisy(np.array(forces) / per, test, 1),
+        response=_noisy(np.array(responses), test, 2),
+        origin="simulated",
+        per_mass=test.base is not None,
+        base=test.base or "",
+    )
+
+
+def _respond(
+    law: ForceLaw, values: Array, mass: float, omega0: float, force: ComplexArray
+) -> ComplexArray | None:
+    """The recorded lines (H+1,) of the motion, with as many lines as they need; None without convergence."""
+    count = len(force)
+    before: ComplexArray | None = None
+    start: ComplexArray | None = None
+    enough = SWITCHED_RESIDUAL if law.switched else HARMONIC_TRUNCATION
+    lines = count - 1
+    while True:
+        drive = np.zeros(lines + 1, dtype=complex)
+        drive[:count] = force
+        found = periodic_response(law, values, mass, omega0, drive, start)
+        if not found.converged:
+            return None
+        recorded = found.spectrum[:count]
+        if before is not None:
+            change = float(np.linalg.norm(recorded - before)) / float(np.linalg.norm(recorded))
+            if change < enough or 2 * lines > _MAX_LINES:
+                return recorded
+        before = recorded
+        lines *= 2
+        start = np.zeros(lines + 1, dtype=complex)
+        start[: len(found.spectrum)] = found.spectrum
+
+
+def _noisy(clean: ComplexArray, test: MultisineTest, stream: int) -> ComplexArray:
+    """(r, p, H+1) periods of spectra (r, H+1) with white noise; the mean of a record is real."""
+    periods = np.repeat(clean[:, None], test.periods, axis=1)
+    if test.noise_relative == 0:
+        return periods
+    generator = np.random.default_rng([test.seed, stream])
+    size = test.noise_relative * rms(clean)[:, None, None] / np.sqrt(clean.shape[1] - 1)
+    drawn = generator.standard_normal((*periods.shape, 2))
+    noise = drawn[..., 0] + 1j * drawn[..., 1]
+    noise[..., 0] = noise[..., 0].real
+    return np.asarray(periods + size * noise)

@@ -2,7 +2,8 @@
 
 The test says what is solved at each level and frequency: force given, x(t + T) = x(t) from rest or from the
 last point of a sweep (``steady_state``); force given, harmonic balance, stable or not (``harmonic_balance``);
-amplitude or lag given (``controlled``); a multisine (``virtual_test``); a sweep or a decay (``transients``).
+amplitude or lag given (``controlled``); lines of a multisine (``periodic_response``); a sweep or a decay
+(``transients``).
 """
 
 from __future__ import annotations
@@ -13,7 +14,7 @@ from typing import Any, overload
 
 import numpy as np
 
-import rsgen.dynamics  # solves for amplitudes or lags, in tests that hold them
+import rsgen.dynamics  # solves for amplitudes, lags or the lines of multisines, in tests of these
 from rsgen.common.arrays import Array, ComplexArray
 from rsgen.common.errors import RsgenError, require
 from rsgen.data.multisine import MultisineSpectra
@@ -33,7 +34,6 @@ from rsgen.dynamics.virtual_test import (
     free_mean_fault,
     grid_of,
     in_parts,
-    simulate_multisine,
     swept,
 )
 
@@ -123,7 +123,7 @@ def _simulated(test: Any, oscillator: Oscillator, progress: Progress) -> Respons
 
 @_simulated.register
 def _(test: MultisineTest, oscillator: Oscillator, progress: Progress) -> MultisineSpectra:
-    return simulate_multisine(oscillator, test)
+    return rsgen.dynamics.simulate_multisine(oscillator, test)
 
 
 @_simulated.register

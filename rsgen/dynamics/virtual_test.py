@@ -23,14 +23,10 @@ from numpy.typing import ArrayLike, NDArray
 from rsgen.common.arrays import Array, ComplexArray
 from rsgen.common.declaration import Rule, check, declare, documented, given
 from rsgen.common.errors import RsgenError
-from rsgen.common.tolerances import HARMONIC_TRUNCATION
 from rsgen.data.multisine import MultisineSpectra
-from rsgen.data.multisine.spectra import rms
 from rsgen.data.oscillator import Oscillator
-from rsgen.data.planned_test import PlannedTest
-from rsgen.data.record_set import BASE_UNITS, below_acceleration
+from rsgen.data.record_set import BASE_UNITS, PlannedTest, below_acceleration
 from rsgen.data.surface import ResponseSurface
-from rsgen.dynamics.periodic_response import SWITCHED_RESIDUAL, periodic_response
 from rsgen.dynamics.settling import SteadyStates
 from rsgen.dynamics.steady_state import (
     ACCURACY,
@@ -39,7 +35,7 @@ from rsgen.dynamics.steady_state import (
     USUAL_ACCURACY,
     USUAL_HARMONICS,
 )
-from rsgen.law.numeric import ForceLaw, compile_law
+from rsgen.law.numeric import compile_law
 
 _MAX_RESONANT_LAG = 0.2
 """Lags within 11 degrees of a quarter period say nothing of the mass: k - m omega^2 is nearly zero."""
@@ -345,8 +341,6 @@ def add_noise(surface: ResponseSurface, relative: float, seed: int) -> ResponseS
 # ----------------------------------------------------------------------------
 # A virtual test with random-phase multisines.
 
-_MAX_LINES = 1 << 15
-"""Lines of a motion at most: its waveforms have four times as many samples."""
 _MAX_SAMPLES = 50_000_000
 """Complex numbers that force and response of a test may have: 0.8 GB each."""
 
@@ -444,81 +438,3 @@ class MultisineTest(VirtualTest):
     def highest(self) -> int:
         """Number of the highest recorded line."""
         return int(np.ceil(self.recorded * self.band[1] * self.period))
-
-
-def simulate_multisine(oscillator: Oscillator, test: MultisineTest) -> MultisineSpectra:
-    """Compute the periodic response of every record.
-
-    Raises
-    ------
-    RsgenError
-        A record has no periodic response that Newton's method finds, as where dry friction holds the mass.
-    """
-    law = compile_law(oscillator.force)
-    values = law.ordered(oscillator.values)
-    phases = np.random.default_rng([test.seed, 0])
-    levels = np.repeat(test.level, test.realisations)
-    excited = test.excited
-    forces, responses = [], []
-    for level in levels:
-        force = np.zeros(test.highest + 1, dtype=complex)
-        force[excited] = level * np.sqrt(2 / len(excited))
-        force[excited] *= np.exp(2j * np.pi * phases.random(len(excited)))
-        force = test.drive(oscillator.mass, force, np.arange(len(force)) / test.period)
-        found = _respond(law, values, oscillator.mass, 2 * np.pi / test.period, force)
-        if found is None:
-            raise RsgenError(
-                f"test.level: {level:g} {test.level_unit}: no periodic response was found; where dry "
-                "friction holds the mass for a while, or several motions are possible, test at higher levels"
-            )
-        forces.append(force)
-        responses.append(found)
-    per = 1.0 if test.base is None else oscillator.mass
-    return MultisineSpectra(
-        level=levels,
-        omega0=2 * np.pi / test.period,
-        force=_noisy(np.array(forces) / per, test, 1),
-        response=_noisy(np.array(responses), test, 2),
-        origin="simulated",
-        per_mass=test.base is not None,
-        base=test.base or "",
-    )
-
-
-def _respond(
-    law: ForceLaw, values: Array, mass: float, omega0: float, force: ComplexArray
-) -> ComplexArray | None:
-    """The recorded lines (H+1,) of the motion, with as many lines as they need; None without convergence."""
-    count = len(force)
-    before: ComplexArray | None = None
-    start: ComplexArray | None = None
-    enough = SWITCHED_RESIDUAL if law.switched else HARMONIC_TRUNCATION
-    lines = count - 1
-    while True:
-        drive = np.zeros(lines + 1, dtype=complex)
-        drive[:count] = force
-        found = periodic_response(law, values, mass, omega0, drive, start)
-        if not found.converged:
-            return None
-        recorded = found.spectrum[:count]
-        if before is not None:
-            change = float(np.linalg.norm(recorded - before)) / float(np.linalg.norm(recorded))
-            if change < enough or 2 * lines > _MAX_LINES:
-                return recorded
-        before = recorded
-        lines *= 2
-        start = np.zeros(lines + 1, dtype=complex)
-        start[: len(found.spectrum)] = found.spectrum
-
-
-def _noisy(clean: ComplexArray, test: MultisineTest, stream: int) -> ComplexArray:
-    """(r, p, H+1) periods of spectra (r, H+1) with white noise; the mean of a record is real."""
-    periods = np.repeat(clean[:, None], test.periods, axis=1)
-    if test.noise_relative == 0:
-        return periods
-    generator = np.random.default_rng([test.seed, stream])
-    size = test.noise_relative * rms(clean)[:, None, None] / np.sqrt(clean.shape[1] - 1)
-    drawn = generator.standard_normal((*periods.shape, 2))
-    noise = drawn[..., 0] + 1j * drawn[..., 1]
-    noise[..., 0] = noise[..., 0].real
-    return np.asarray(periods + size * noise)

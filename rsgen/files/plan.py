@@ -14,8 +14,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 from rsgen.common.declaration import Rule, check, choices, declare, documented, given
 from rsgen.common.errors import MeasurementError, RsgenError
-from rsgen.data.planned_test import PlannedTest
-from rsgen.data.record_set import CHANNEL_NAME, QUANTITIES
+from rsgen.data.record_set import CHANNEL_NAME, QUANTITIES, PlannedTest
 from rsgen.files.data_files import FORMATS
 from rsgen.files.signals import (
     AMPLITUDES,

@@ -12,9 +12,33 @@ from typing import TYPE_CHECKING
 from rsgen.common import on_first_use
 
 if TYPE_CHECKING:
+    from rsgen.identification.lines.line_identification import (
+        fit_multisine,
+        identify_multisine,
+        predict_multisine,
+    )
+    from rsgen.identification.lines.modal_lines import table_of_lines
     from rsgen.identification.profile import with_profiles
+    from rsgen.identification.ranking.rank_laws import identify_best
 
-__all__ = ["with_profiles"]
+__all__ = [
+    "fit_multisine",
+    "identify_best",
+    "identify_multisine",
+    "predict_multisine",
+    "table_of_lines",
+    "with_profiles",
+]
 
-# most laws are linear in their parameters
-__getattr__ = on_first_use(__name__, {"with_profiles": "profile"})
+# most laws are given and linear in their parameters, and most tests have one line a record
+__getattr__ = on_first_use(
+    __name__,
+    {
+        "fit_multisine": "lines.line_identification",
+        "identify_best": "ranking.rank_laws",
+        "identify_multisine": "lines.line_identification",
+        "predict_multisine": "lines.line_identification",
+        "table_of_lines": "lines.modal_lines",
+        "with_profiles": "profile",
+    },
+)

@@ -8,7 +8,7 @@ from types import MappingProxyType
 
 import numpy as np
 
-import rsgen.identification.lines
+import rsgen.identification  # fits of multisines, where one is given
 from rsgen.common.arrays import Array
 from rsgen.common.errors import require
 from rsgen.common.finding import Finding, quantities
@@ -231,7 +231,7 @@ def identify(
     """
     model = join_model(law, observation, mass, fixed)
     if isinstance(surface, MultisineSpectra):
-        records = rsgen.identification.lines.identify_multisine(*per_unit_mass(surface, model))
+        records = rsgen.identification.identify_multisine(*per_unit_mass(surface, model))
         return _with_held_out(records, predict_records, records)
     require(surface, ResponseSurface, "surface")
     surface, model = per_unit_mass(without_copies(surface), model)

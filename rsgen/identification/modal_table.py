@@ -20,7 +20,7 @@ from math import nan
 import numpy as np
 from numpy.typing import NDArray
 
-import rsgen.identification.lines
+import rsgen.identification  # fits of multisines, where one is given
 from rsgen.common.arrays import Array
 from rsgen.common.errors import RsgenError, require
 from rsgen.common.finding import Finding, quantities
@@ -324,7 +324,7 @@ def modal_table(
     require(surface, (ResponseSurface, MultisineSpectra), "surface")
     model = _model_of(about, mass)
     if isinstance(surface, MultisineSpectra):
-        return rsgen.identification.lines.table_of_lines(*per_unit_mass(surface, model))
+        return rsgen.identification.table_of_lines(*per_unit_mass(surface, model))
     rows = without_copies(surface)
     copied = rows.findings[len(surface.findings) :]
     surface, model = per_unit_mass(rows, model)

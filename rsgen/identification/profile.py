@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-import rsgen.identification.lines
+import rsgen.identification  # fits of multisines, where one is given
 from rsgen.common.arrays import Array
 from rsgen.common.errors import RsgenError, require
 from rsgen.common.finding import Finding, Quantity
@@ -358,7 +358,7 @@ def profile(found: Identification, name: str) -> Profile:
     if name not in known:
         raise RsgenError(f"profile: {name!r} has no value here; those with one: {', '.join(known) or 'none'}")
     if isinstance(found, MultisineIdentification):
-        lines = rsgen.identification.lines.fit_multisine(*per_unit_mass(found.spectra, found.model))
+        lines = rsgen.identification.fit_multisine(*per_unit_mass(found.spectra, found.model))
         likelihood: _Likelihood = _LineLikelihood(lines)
     elif found.fit is not None:
         likelihood = _Likelihood(found.fit)

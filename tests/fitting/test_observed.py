@@ -9,11 +9,10 @@ import pytest
 
 from rsgen.data.oscillator import BACKGROUNDS
 from rsgen.dynamics.harmonic_balance import following_harmonics
-from rsgen.identification.fitting.forward import ErrorsInVariables, HarmonicBalance
+from rsgen.identification.fitting.forward import ErrorsInVariables, HarmonicBalance, Simulator
 from rsgen.identification.fitting.least_squares import Linearisation, eliminate
 from rsgen.identification.fitting.observed import Observed, Problem
 from rsgen.identification.fitting.points import Points, select_points
-from rsgen.identification.fitting.simulator import Simulator
 from rsgen.law.motion import Motion
 from rsgen.law.numeric import compile_law
 from tests.surfaces import MASS, model, surface

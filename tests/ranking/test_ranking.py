@@ -24,11 +24,11 @@ from rsgen.formula.names import remembers
 from rsgen.identification.fitting.observed import Observed
 from rsgen.identification.fitting.points import Points, select_points
 from rsgen.identification.identify import identify
-from rsgen.identification.ranking import Ranking, identify_best, rank
+from rsgen.identification.ranking import Ranking, rank
 from rsgen.identification.ranking.balance import PointBalance
 from rsgen.identification.ranking.candidate_fit import CandidateFit, CandidateLaw, Round, fit_candidate
 from rsgen.identification.ranking.library_sums import Sum, library_terms, terms_of
-from rsgen.identification.ranking.rank_laws import order_candidates
+from rsgen.identification.ranking.rank_laws import identify_best, order_candidates
 from rsgen.identification.ranking.ranking_result import Assessment, Candidate, assess_best
 from rsgen.identification.ranking.reference import fit_reference_motion
 from rsgen.identification.ranking.selection import search_sums

@@ -19,7 +19,7 @@ from pathlib import Path
 from typing import Any
 
 import rsgen.files  # loads its readers, and the next line the ranking, for cases that need them
-import rsgen.identification.ranking
+import rsgen.identification
 import rsgen.report
 from rsgen.analysis.comparison import compare
 from rsgen.app.study.folder import (
@@ -207,7 +207,7 @@ def identify_case(case: Case, table: ResponseSurface | MultisineSpectra) -> Iden
         As ``identify`` and ``rank``.
     """
     if case.ranked:
-        return rsgen.identification.ranking.identify_best(table, case.model)
+        return rsgen.identification.identify_best(table, case.model)
     return identify(table, case.model)
 
 

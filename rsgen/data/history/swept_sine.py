@@ -42,10 +42,9 @@ from rsgen.data.history.tracking import (
     Sweep,
     SweepLaw,
     SweptPoints,
-    faint_forces,
+    excluded_points,
     fast_sweeps,
     find_sweeps,
-    free_motion,
     most_by_pace,
     other_modes,
 )
@@ -266,11 +265,11 @@ def _surface(parts: list[SweptPoints], mass: float | None) -> ResponseSurface:
             correction >= np.minimum(moving.good_to, most_by_pace(parts, correction, steady, good))
         )
         good &= ~free
-        findings += free_motion(parts, free)
+        findings += excluded_points(parts, free, "free motion")
         findings += fast_sweeps(parts, steady, damping, good, moving.value, moving.origin)
     else:
         findings.append(Finding("sweep-rate", "warning"))
-    findings += faint_forces(parts, usable & ~driven)
+    findings += excluded_points(parts, usable & ~driven, "noise of the force")
     findings += other_modes(parts, steady, good)
     count = [len(part) for part in parts]
     level = name_levels([(part.level, float(np.median(np.abs(part.force)))) for part in parts])

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from rsgen.common.arrays import Array, ComplexArray
 from rsgen.common.errors import MeasurementError
-from rsgen.common.finding import Finding, Quantity, severity_of
+from rsgen.common.finding import Finding, Quantity, Severity, severity_of
 from rsgen.common.tolerances import MAX_SHARE_OF_OUTLIERS, SUBSAMPLE_POINTS
 from rsgen.data.free_mode import Kinematics
 from rsgen.data.history.envelope import (
@@ -428,17 +428,6 @@ def other_modes(parts: list[SweptPoints], steady: ComplexArray, good: NDArray[np
     return []
 
 
-def _counted(parts: list[SweptPoints], marked: NDArray[np.bool_]) -> dict[str, Quantity]:
-    """Return number and frequencies of the marked points of all parts."""
-    frequency = np.concatenate([part.drive for part in parts])[marked]
-    return {
-        "excluded": Quantity(float(np.count_nonzero(marked))),
-        "points": Quantity(len(marked)),
-        "low": Quantity(float(frequency.min()), "Hz"),
-        "high": Quantity(float(frequency.max()), "Hz"),
-    }
-
-
 def most_by_pace(
     parts: list[SweptPoints], correction: Array, steady: ComplexArray, good: NDArray[np.bool_]
 ) -> Array:
@@ -455,19 +444,16 @@ def most_by_pace(
     return most
 
 
-def free_motion(parts: list[SweptPoints], free: NDArray[np.bool_]) -> list[Finding]:
-    """Return a finding about the points whose motion is mainly a free one, as after a jump."""
-    if not free.any():
+def excluded_points(parts: list[SweptPoints], marked: NDArray[np.bool_], reason: str) -> list[Finding]:
+    """Return a finding about the points (n,) that are excluded for a reason; none where none are."""
+    if not marked.any():
         return []
-    many = np.mean(free) > MAX_SHARE_OF_OUTLIERS
-    names = {"by": "free motion"}
-    return [Finding("points-excluded", "doubt" if many else "info", "", _counted(parts, free), names)]
-
-
-def faint_forces(parts: list[SweptPoints], faint: NDArray[np.bool_]) -> list[Finding]:
-    """Return a finding about the points at which the force is below its noise."""
-    if not faint.any():
-        return []
-    many = np.mean(faint) > MAX_SHARE_OF_OUTLIERS
-    names = {"by": "noise of the force"}
-    return [Finding("points-excluded", "doubt" if many else "info", "", _counted(parts, faint), names)]
+    frequency = np.concatenate([part.drive for part in parts])[marked]
+    numbers = {
+        "excluded": Quantity(float(np.count_nonzero(marked))),
+        "points": Quantity(len(marked)),
+        "low": Quantity(float(frequency.min()), "Hz"),
+        "high": Quantity(float(frequency.max()), "Hz"),
+    }
+    severity: Severity = "doubt" if np.mean(marked) > MAX_SHARE_OF_OUTLIERS else "info"
+    return [Finding("points-excluded", severity, "", numbers, {"by": reason})]

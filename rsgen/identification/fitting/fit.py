@@ -35,11 +35,10 @@ from rsgen.common.tolerances import (
     SAMPLES_PER_PERIOD_SWITCHED,
 )
 from rsgen.identification.fitting.across import MeasuredAcross, across_of_mode
-from rsgen.identification.fitting.forward import ErrorsInVariables, HarmonicBalance
+from rsgen.identification.fitting.forward import ErrorsInVariables, HarmonicBalance, Simulator
 from rsgen.identification.fitting.least_squares import Regression, Rules, eliminate, fit
 from rsgen.identification.fitting.observed import FORCE_TO_RESPONSE_NOISE, Problem, is_systematic
 from rsgen.identification.fitting.points import Points
-from rsgen.identification.fitting.simulator import Simulator
 from rsgen.law.motion import Motion, sine_motion
 
 _EXACT = 1e-3

@@ -1,30 +1,22 @@
-"""Predictions: resonance curves, scores of held-out levels, and periodic responses to a multisine.
+"""Predictions: resonance curves, and scores of held-out levels and records of a multisine.
 
-The response to a record of a multisine solves m x'' + n(x, x') = f(t) for a periodic x
-(``periodic_response``) with the measured force f; its error is |predicted - measured|/|measured|, in root
-mean squares.
+The error of a prediction is |predicted - measured|/|measured|, in root mean squares.
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass
-from math import inf, nan
+from math import nan
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from rsgen.common.arrays import Array, ComplexArray, frozen_array
-from rsgen.common.errors import require
-from rsgen.common.finding import Finding, Quantity, Severity, quantities
+from rsgen.common.finding import Finding, Severity
 from rsgen.common.text_table import Printed, TextTable, data_frame, lookup, short
 from rsgen.common.tolerances import RELATIVE_CHANGE_NEGLIGIBLE
-from rsgen.data.multisine import MultisineSpectra
-from rsgen.dynamics.linear_part import background_of_lines
-from rsgen.dynamics.periodic_response import periodic_response
-from rsgen.identification.fitting.across import law_of
-from rsgen.identification.results import MultisineIdentification
 
 BEYOND = 1 + RELATIVE_CHANGE_NEGLIGIBLE
 """Amplitude relative to the largest tested one from which on a response is extrapolated."""
@@ -202,7 +194,8 @@ class Prediction(Printed):
 
 
 # ----------------------------------------------------------------------------
-# The periodic motion of the identified law under the force of a record of a multisine.
+# The periodic motion of the identified law under the force of a record of a multisine, which
+# ``rsgen.identification.lines`` predicts.
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -243,86 +236,3 @@ class PredictedRecord:
             ("judged", bool),
         ):
             object.__setattr__(self, name, frozen_array(getattr(self, name), kind))
-
-
-def predict_multisine(found: MultisineIdentification, spectra: MultisineSpectra | None = None) -> Prediction:
-    """Predict the periodic responses to the measured forces of records, and score them.
-
-    Parameters
-    ----------
-    found
-        Its refined estimate is used.
-    spectra
-        Records; None: those of the held-out levels.
-
-    Raises
-    ------
-    RsgenError
-        The spectra are none.
-    """
-    own = found.spectra
-    if spectra is None or spectra is own:
-        mask = own.held_out(found.model.observation.hold_out)
-        spectra = own.select(np.flatnonzero(mask)) if mask.any() else None
-    if spectra is None:
-        return Prediction((), (), ())
-    require(spectra, MultisineSpectra, "surface")
-    spectra = spectra.on_mass(found.mass)
-    records = tuple(_record(found, spectra, i) for i in range(len(spectra)))
-    findings = _findings(found, records, np.sqrt(2) * spectra.rms_response())
-    if found.model.sensors:
-        findings.append(Finding("predicted-along-measured", "info", names={"sensors": found.model.sensors}))
-    return Prediction((), (), tuple(findings), records)
-
-
-def _record(found: MultisineIdentification, spectra: MultisineSpectra, row: int) -> PredictedRecord:
-    spectra, background = spectra.select([row]), found.background
-    law, start = law_of(found.model.elements, spectra.means), None
-    far = spectra.far(law.parts[-1].share)
-    mode, measured = spectra, spectra.mean_response[0]
-    if background is not None:
-        terms = background_of_lines(background.kind, spectra, background.band)
-        mode = terms.mode_of(spectra, background.values)
-    force = mode.mean_force[0]
-    if not spectra.mean_known:
-        # a sensor without mean: the force has none either, as identification takes it
-        force[0] = 0.0
-    if far is not None:
-        start, far = (
-            np.where(spectra.lines < spectra.reach()[0], 0, mode.mean_response[0]),
-            far[0].mean(axis=0),
-        )
-    response = periodic_response(law, found.solution, found.mass, spectra.omega0, force, start, far)
-    # what is not of the mode is added as it was measured
-    seen = response.spectrum + (measured - mode.mean_response[0])
-    predicted = seen if response.converged else np.full(len(force), nan + 0j)
-    low, high = found.model.observation.band or (0.0, inf)
-    judged = (spectra.frequency >= low) & (spectra.frequency <= high)
-    judged &= spectra.lines >= spectra.reach()[0][0]
-    size = float(np.linalg.norm(measured[judged])) or nan
-    error = float(np.linalg.norm((predicted - measured)[judged])) / size
-    noise = float(np.linalg.norm(spectra.noise()[1][0][judged])) / size
-    level = float(spectra.level[0])
-    return PredictedRecord(
-        level, spectra.frequency, measured, predicted, judged, error, noise, spectra.level_unit
-    )
-
-
-def _findings(
-    found: MultisineIdentification, records: tuple[PredictedRecord, ...], amplitudes: Array
-) -> list[Finding]:
-    findings = []
-    reach = BEYOND * found.amplitude_range[1]
-    for one, amplitude in zip(records, map(float, amplitudes), strict=True):
-        level = Quantity(one.level, one.level_unit)
-        if not np.isfinite(one.error):
-            findings.append(Finding("no-steady-state", "doubt", numbers=quantities(level=level)))
-            continue
-        if amplitude > reach:
-            tested = Quantity(found.amplitude_range[1], "m")
-            numbers = quantities(level=level, amplitude=Quantity(amplitude, "m"), high=tested)
-            findings.append(Finding("prediction-extrapolated", "warning", numbers=numbers))
-        if severity := severity_of_error(one.error):
-            numbers = quantities(level=level, error=one.error, misfit=found.residual)
-            findings.append(Finding("held-out-missed", severity, numbers=numbers))
-    return findings

@@ -15,6 +15,7 @@ from typing import cast
 
 import numpy as np
 
+import rsgen.identification  # predicts records of multisines
 from rsgen.common.arrays import Array, ComplexArray
 from rsgen.common.errors import RsgenError, require
 from rsgen.common.finding import Finding, Quantity, quantities
@@ -40,7 +41,6 @@ from rsgen.identification.prediction.prediction_result import (
     HeldOutLevel,
     Prediction,
     ResonanceCurve,
-    predict_multisine,
     severity_of_error,
 )
 from rsgen.identification.results import EquivalentCurve, Estimate, Identification, MultisineIdentification
@@ -174,7 +174,8 @@ def predict(
     require(found, (Identification, ModalTable, Oscillator), "found")
     records: Prediction | None = None
     if isinstance(found, MultisineIdentification):
-        records, surface = predict_multisine(found, cast("MultisineSpectra | None", surface)), None
+        spectra, surface = cast("MultisineSpectra | None", surface), None
+        records = rsgen.identification.predict_multisine(found, spectra)
         if levels is None:
             return records
     table, mass = None, found.mass
@@ -215,7 +216,7 @@ def predict(
 
 def predict_records(found: MultisineIdentification) -> Prediction:
     """Predict the held-out records of a multisine."""
-    scored = predict_multisine(found)
+    scored = rsgen.identification.predict_multisine(found)
     return replace(scored, findings=(*_by_label(found, found.spectra), *scored.findings))
 
 

@@ -7,10 +7,10 @@ from typing import TYPE_CHECKING
 from rsgen.common import on_first_use
 
 if TYPE_CHECKING:
-    from rsgen.identification.ranking.rank_laws import identify_best, rank
+    from rsgen.identification.ranking.rank_laws import rank
     from rsgen.identification.ranking.ranking_result import Candidate, Ranking
 
-__all__ = ["Candidate", "Ranking", "identify_best", "rank"]
+__all__ = ["Candidate", "Ranking", "rank"]
 
 # most runs are given their law
 __getattr__ = on_first_use(
@@ -18,7 +18,6 @@ __getattr__ = on_first_use(
     {
         "Candidate": "ranking_result",
         "Ranking": "ranking_result",
-        "identify_best": "rank_laws",
         "rank": "rank_laws",
     },
 )

@@ -41,9 +41,9 @@ from rsgen.dynamics.settling import SteadyStates
 from rsgen.dynamics.steady_state import solve_steady_states
 from rsgen.identification.fitting.across import law_of
 from rsgen.identification.fitting.fit import Fit, fit_balance
+from rsgen.identification.fitting.forward import go_on
 from rsgen.identification.fitting.observed import Observed, Problem, beyond_chance, neighbour_power
 from rsgen.identification.fitting.points import Points, mass_needs, select_points
-from rsgen.identification.fitting.simulator import go_on
 from rsgen.identification.ranking.balance import (
     MAX_MOTION_DISTANCE,
     PointBalance,
