@@ -328,6 +328,9 @@ class RandomLoops:
 
     def _forces(self, trials: Sequence[tuple[Sequence[int], float]]) -> Array:
         """(t, n, s) loops with a group of parameters multiplied by a factor, for every trial."""
+        if not len(self._step):
+            # of a law whose loops never close
+            return np.zeros((len(trials), 0, LOOP_SAMPLES))
         values = np.repeat(self._values[:, None], len(trials), axis=1)
         for place, (group, factor) in enumerate(trials):
             values[list(group), place] *= factor
