@@ -46,11 +46,12 @@ if TYPE_CHECKING:
         save_spectra,
     )
     from rsgen.data.oscillator import Observation, Oscillator
-    from rsgen.data.surface import ResponseSurface, load_surface, save_surface
+    from rsgen.data.surface import ResponseSurface, save_surface
     from rsgen.describing import derive
     from rsgen.dynamics.simulation import simulate
     from rsgen.dynamics.transients import DecayTest, SweepTest
     from rsgen.dynamics.virtual_test import MultisineTest, SimulatedTest
+    from rsgen.files import load_surface
     from rsgen.identification.identify import identify
     from rsgen.identification.modal_result import ModalTable
     from rsgen.identification.modal_table import modal_table
@@ -99,7 +100,7 @@ _PLACES = {
     "laws": "law",
     "load_case": "cases",
     "load_spectra": "data.multisine",
-    "load_surface": "data.surface",
+    "load_surface": "files",
     "make_element": "law",
     "modal_table": "identification.modal_table",
     "predict": "identification.prediction",

@@ -16,7 +16,7 @@ import rsgen
 from rsgen.app.cli.diff_command import compare_results
 from rsgen.cases.case import CaseDocument
 from rsgen.common.errors import CaseError, MeasurementError
-from rsgen.data.surface import surface_file
+from rsgen.data.surface.response_surface import SURFACE_SCHEMA
 from rsgen.files import read_measurement
 from rsgen.report.page import write_index
 from rsgen.report.result_json import SCHEMA, read_results
@@ -30,7 +30,7 @@ RESULTS = [(version, path.name) for version in VERSIONS for path in sorted((HERE
 def test_files_of_every_schema_are_kept():
     numbers = {int(version.split("-")[0]) for version in VERSIONS}
     (of_cases,) = CaseDocument.model_fields["schema_version"].annotation.__args__
-    for current in (SCHEMA, surface_file._SCHEMA, of_cases):
+    for current in (SCHEMA, SURFACE_SCHEMA, of_cases):
         assert set(range(1, current + 1)) <= numbers
 
 

@@ -16,7 +16,8 @@ from hypothesis import strategies as st
 
 from rsgen.common.errors import MeasurementError, RsgenError
 from rsgen.common.finding import Finding, Quantity
-from rsgen.data.surface import OUTCOMES, ResponseSurface, load_surface, save_surface
+from rsgen.data.surface import OUTCOMES, ResponseSurface, save_surface
+from rsgen.files import load_surface
 from rsgen.report.wording import sentence
 
 

@@ -7,7 +7,8 @@ import numpy as np
 import pytest
 
 from rsgen.common.errors import RsgenError
-from rsgen.data.surface import ResponseSurface, load_surface, save_surface
+from rsgen.data.surface import ResponseSurface, save_surface
+from rsgen.files import load_surface
 
 FREQUENCY = np.array([8.0, 9.0, 10.0])
 RESPONSE = np.array([1e-3, 2e-3 - 1e-3j, 1e-3j])

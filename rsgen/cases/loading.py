@@ -23,7 +23,7 @@ from rsgen.common.errors import CaseError, ExpressionError, RsgenError, quote
 from rsgen.data.multisine import MultisineSpectra
 from rsgen.data.oscillator import KNOWN_MASS, Model, Observation, Oscillator, total_force
 from rsgen.data.record_set import BASE_UNITS, PlannedTest, match_level
-from rsgen.data.surface import ResponseSurface, load_surface
+from rsgen.data.surface import ResponseSurface
 from rsgen.dynamics.transients import DecayTest, SweepTest
 from rsgen.dynamics.virtual_test import MultisineTest, SimulatedTest, VirtualTest
 from rsgen.files import MeasuredTest
@@ -535,7 +535,7 @@ def read(
     """
     if isinstance(source, str | os.PathLike):
         if Path(source).suffix.lower() == ".h5":
-            return load_surface(source)
+            return rsgen.files.load_surface(source)
         if Path(source).suffix.lower() != ".toml":
             raise RsgenError(
                 f"{Path(source).name}: not a case (.toml) or a surface that rsgen saved (.h5); "

@@ -10,6 +10,7 @@ if TYPE_CHECKING:
     from rsgen.files.files_to_surface import read_measurement
     from rsgen.files.plan import HistoryRule, Layout, LevelRule, MeasuredTest, SweepRule
     from rsgen.files.signals import Channel, Signal
+    from rsgen.files.surface_file import load_surface
 
 __all__ = [
     "Channel",
@@ -19,6 +20,7 @@ __all__ = [
     "MeasuredTest",
     "Signal",
     "SweepRule",
+    "load_surface",
     "read_measurement",
 ]
 
@@ -26,5 +28,6 @@ __all__ = [
 __getattr__ = on_first_use(
     __name__,
     dict.fromkeys(__all__, "plan")
-    | {"Channel": "signals", "Signal": "signals", "read_measurement": "files_to_surface"},
+    | {"Channel": "signals", "Signal": "signals", "read_measurement": "files_to_surface"}
+    | {"load_surface": "surface_file"},
 )

@@ -118,6 +118,11 @@ _ROWS = (
 FORMATS = {row.name: row for row in _ROWS}
 """The formats by their names: what else has to know of one takes it from here."""
 
+SURFACE_FILE = Format(
+    "response surface", "surface_file", "walk_surface", _is_hdf5, (), sample="sample_surface"
+)
+"""Of ``rsgen.save_surface``: no format of a case, but read in the same process."""
+
 _OTHERS = (
     (
         0,

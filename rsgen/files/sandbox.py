@@ -38,7 +38,7 @@ from rsgen.common.process import (
     confine,
     environment,
 )
-from rsgen.files.data_files import FORMATS, check_digest, file_label, open_regular
+from rsgen.files.data_files import FORMATS, SURFACE_FILE, check_digest, file_label, open_regular
 from rsgen.files.tree import (
     LARGEST_BYTES,
     MAX_NODES,
@@ -60,6 +60,7 @@ WAIT_RATE = 2 * 2**20
 ends sooner, after a second of work or some of a text, but only where the system can count that."""
 _UNCOUNTED_WAIT_DIVISOR = 10.0
 """Where it cannot, waiting is shorter by this factor, but for formats whose numbers are texts."""
+_READERS = {**FORMATS, SURFACE_FILE.name: SURFACE_FILE}
 _DTYPES = ("<f4", "<f8", "<c8", "<c16", "|i1", "|u1", "<i2", "<u2", "<i4", "<u4", "<i8", "<u8", "<f2")
 
 
@@ -172,7 +173,7 @@ def reading_fault() -> str | None:
 
 def _check_extra(name: str, form: str) -> None:
     """Refuse a format whose package is not installed."""
-    row = FORMATS[form]
+    row = _READERS[form]
     if row.package and not find_spec(row.package):
         raise MeasurementError(
             f"{name}: {row.plural} are read by {row.package}, which is not installed: "
@@ -182,7 +183,7 @@ def _check_extra(name: str, form: str) -> None:
 
 def _seconds(size: int, form: str) -> float:
     seconds = WAIT_SECONDS + size / WAIT_RATE
-    return seconds if find_spec("resource") or FORMATS[form].texts else seconds / _UNCOUNTED_WAIT_DIVISOR
+    return seconds if find_spec("resource") or _READERS[form].texts else seconds / _UNCOUNTED_WAIT_DIVISOR
 
 
 @contextmanager
@@ -338,7 +339,7 @@ def _heads(wanted: list[int | str] | None) -> set[str] | None:
 def main() -> None:
     """Read the file on standard input as the order in the first argument says."""
     order = json.loads(sys.argv[1])
-    row = FORMATS[order["format"]]
+    row = _READERS[order["format"]]
     module = import_module(f"rsgen.files.{row.module}")
     walk: Walk = getattr(module, row.walk)
     size = sys.stdin.buffer.seek(0, 2)

@@ -14,8 +14,7 @@ from tempfile import TemporaryDirectory
 import numpy as np
 
 from rsgen.common.errors import RsgenError
-from rsgen.data.surface import load_surface
-from rsgen.files import read_measurement
+from rsgen.files import load_surface, read_measurement
 from rsgen.files.inspection import list_contents, propose
 from tests.attacks.child import Outcome, attacked, command, judged, kind_of, measured
 from tests.attacks.damage import CHECKED, DAMAGE

@@ -8,8 +8,7 @@ import numpy as np
 import pytest
 
 from rsgen.common.errors import MeasurementError
-from rsgen.data.surface import load_surface
-from rsgen.files import Layout, read_measurement
+from rsgen.files import Layout, load_surface, read_measurement
 from rsgen.files.data_files import FORMATS
 from rsgen.files.file_table import _stars
 from rsgen.files.inspection import list_contents
@@ -91,8 +90,7 @@ def test_damage_that_keeps_the_hdf5_library_busy_ends(tmp_path):
     path = tmp_path / "endless.h5"
     path.write_bytes(content)
     assert "takes more time" in refusal(lambda: list_binary(path, "hdf5"))
-    with pytest.raises(MeasurementError, match="cannot be read as a response surface"):
-        load_surface(path)
+    assert "takes more time" in refusal(lambda: load_surface(path))
 
 
 @pytest.mark.slow

@@ -13,8 +13,8 @@ from rsgen.common.errors import MeasurementError, RsgenError
 from rsgen.data.multisine import MultisineSpectra
 from rsgen.data.oscillator import Model, Observation
 from rsgen.data.record_set import match_level
-from rsgen.data.surface import ResponseSurface, load_surface, save_surface, typical_amounts
-from rsgen.files import LevelRule, MeasuredTest, Signal, read_measurement
+from rsgen.data.surface import ResponseSurface, save_surface, typical_amounts
+from rsgen.files import LevelRule, MeasuredTest, Signal, load_surface, read_measurement
 
 FREQUENCY = np.linspace(8, 12, 41)
 MASS, STIFFNESS, CUBIC, DAMPING = 1.5, 5920.0, 2e6, 7.5

@@ -11,11 +11,12 @@ import pytest
 from rsgen import load_case
 from rsgen.common.errors import RsgenError
 from rsgen.data.oscillator import Model, Oscillator
-from rsgen.data.surface import load_surface, save_surface
+from rsgen.data.surface import save_surface
 from rsgen.dynamics.controlled import solve_response_control
 from rsgen.dynamics.simulation import simulate
 from rsgen.dynamics.steady_state import solve_steady_states
 from rsgen.dynamics.virtual_test import SimulatedTest
+from rsgen.files import load_surface
 from rsgen.identification.identify import identify
 from rsgen.law.element import make_element
 

@@ -34,7 +34,8 @@ from rsgen.app.study import obtain_table
 from rsgen.app.study.run_case import identify_case
 from rsgen.cases import load_case
 from rsgen.common.tolerances import CONFIDENCE_TEXT
-from rsgen.data.surface import ResponseSurface, load_surface
+from rsgen.data.surface import ResponseSurface
+from rsgen.files import load_surface
 from rsgen.identification.prediction import predict
 from rsgen.identification.results import Estimate
 from rsgen.report.result_json import fixed_entry, rows_entry

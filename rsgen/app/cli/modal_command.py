@@ -23,7 +23,7 @@ from rsgen.app.cli.terminal import ACCEPTED, number, print_json, print_line
 from rsgen.app.study import obtain_table
 from rsgen.cases import load_case
 from rsgen.common.output import write_atomic
-from rsgen.data.surface import load_surface
+from rsgen.files import load_surface
 from rsgen.formula.units import quantity_text
 from rsgen.identification.modal_table import modal_table
 from rsgen.report.page_tables import Modal, score_held_out

@@ -12,7 +12,7 @@ from rsgen.app.cli.terminal import print_block, print_json
 from rsgen.app.study import obtain_table
 from rsgen.app.study.run_case import identify_case
 from rsgen.cases import load_case
-from rsgen.data.surface import load_surface
+from rsgen.files import load_surface
 from rsgen.identification.profile import profile
 from rsgen.report.result_json import finite_or_none
 

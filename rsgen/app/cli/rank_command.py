@@ -23,7 +23,8 @@ from rsgen.cases import load_case
 from rsgen.common.errors import RsgenError
 from rsgen.data.multisine import MultisineSpectra
 from rsgen.data.oscillator import Model
-from rsgen.data.surface import ResponseSurface, load_surface
+from rsgen.data.surface import ResponseSurface
+from rsgen.files import load_surface
 from rsgen.formula.unit_deduction import parameter_units
 from rsgen.identification.ranking import Ranking, rank
 from rsgen.report.result_json import ranking_entry

@@ -35,7 +35,7 @@ from rsgen.cases.case import law_faults
 from rsgen.common.errors import CaseError, RsgenError, program_fault
 from rsgen.common.finding import StatedVerdict
 from rsgen.data.multisine import MultisineSpectra
-from rsgen.data.surface import ResponseSurface, load_surface
+from rsgen.data.surface import ResponseSurface
 from rsgen.dynamics.simulation import simulate
 from rsgen.files import MeasuredTest
 from rsgen.identification.identify import identify
@@ -217,7 +217,7 @@ def _saved_surface(case: Case, out: Path) -> ResponseSurface:
         raise RsgenError(
             f"{case.path.name}: {out / case.name} holds no surface of this very case; use `rsgen run`"
         )
-    return load_surface(out / case.name / SURFACE)
+    return rsgen.files.load_surface(out / case.name / SURFACE)
 
 
 def _execute(
