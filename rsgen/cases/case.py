@@ -21,7 +21,7 @@ from pydantic.json_schema import GenerateJsonSchema
 from rsgen.cases.tables import Maker, Obeys, Quantity, Table, Text, table_of
 from rsgen.common.arrays import Array
 from rsgen.common.declaration import Rule
-from rsgen.common.errors import MeasurementError, RsgenError
+from rsgen.common.errors import MeasurementError, RsgenError, shown_path
 from rsgen.data.oscillator import Model, Observation, Oscillator
 from rsgen.data.record_set import BASE_UNITS, PlannedTest
 from rsgen.describing import derive
@@ -404,7 +404,7 @@ def law_faults(case: Case) -> list[str]:
         drifts = free_mean_fault(case.oscillator, case.test)
         never = [drifts] if drifts else _never_settles(case.oscillator, case.test)
         faults += [f"element: {text}" for text in never]
-    return [f"{case.path.name}: {fault}" for fault in faults]
+    return [f"{shown_path(case.path)}: {fault}" for fault in faults]
 
 
 def _never_settles(oscillator: Oscillator, test: PlannedTest) -> list[str]:

@@ -9,11 +9,11 @@ import unicodedata
 from collections.abc import Collection, Iterable, Iterator
 from difflib import get_close_matches
 from pathlib import Path
-from typing import Any, get_args
+from typing import Any, get_args, get_origin
 
 from pydantic import BaseModel, ValidationError
 
-from rsgen.common.errors import CaseError, printable, quote
+from rsgen.common.errors import CaseError, near_file, printable, quote
 from rsgen.common.output import MAX_NAME
 
 # ----------------------------------------------------------------------------
@@ -127,7 +127,8 @@ def read_text(path: Path) -> str:
             data = file.read(MAX_BYTES + 1)
     except (OSError, ValueError) as fault:
         reason = fault.strerror if isinstance(fault, OSError) and fault.strerror else str(fault)
-        raise CaseError([f"cannot be read: {reason}; name an existing case file"]) from fault
+        needed = f"an existing case file is needed{near_file(path, '.toml')}"
+        raise CaseError([f"cannot be read: {reason}; {needed}"]) from fault
     try:
         text = data.decode("utf-8")
     except UnicodeDecodeError as fault:
@@ -228,12 +229,17 @@ def _models(annotation: Any) -> Iterator[type[BaseModel]]:
 def _keys(location: Iterable[int | str], document: type[BaseModel]) -> list[str]:
     """List the keys that the table at a location may have, in the order of their declaration."""
     models: list[type[BaseModel]] = [document]
+    named = False
     for part in location:
-        if part in KINDS and len(models) > 1:
+        if named:
+            # a name that the user chose, as of a channel
+            named = False
+        elif part in KINDS and len(models) > 1:
             models = [m for m in models if get_args(m.model_fields["kind"].annotation) == (part,)]
         elif isinstance(part, str):
             inner = {field.alias or name: field for name, field in models[0].model_fields.items()}.get(part)
             models = list(_models(inner.annotation)) if inner else []
+            named = inner is not None and get_origin(inner.annotation) is dict
         if not models:
             return []
     return [field.alias or name for name, field in models[0].model_fields.items()]

@@ -7,7 +7,6 @@ import os
 from collections.abc import Collection, Iterable
 from copy import deepcopy
 from dataclasses import replace
-from difflib import get_close_matches
 from math import isnan, prod
 from pathlib import Path
 from typing import Any, cast
@@ -19,7 +18,7 @@ import rsgen.files
 from rsgen.cases.case import Case, CaseDocument, Document, ElementTable, make_measured
 from rsgen.cases.faults import KINDS, name_fault, parse_case, read_text, sentences, suggest, text_fault
 from rsgen.cases.tables import MAX_POINTS, Maker, reason
-from rsgen.common.errors import CaseError, ExpressionError, RsgenError, quote
+from rsgen.common.errors import CaseError, ExpressionError, RsgenError, near_file, quote, shown_path
 from rsgen.data.multisine import MultisineSpectra
 from rsgen.data.oscillator import KNOWN_MASS, Model, Observation, Oscillator, total_force
 from rsgen.data.record_set import BASE_UNITS, PlannedTest, match_level
@@ -51,16 +50,13 @@ def find_cases(paths: Iterable[str | os.PathLike[str]]) -> list[Path]:
         if path.is_dir():
             inside = sorted(path.glob("*.toml"), key=lambda file: file.stem)
             if not inside:
-                faults.append(f"{quote(path, 200)}: has no case file; a folder with *.toml is needed")
+                faults.append(f"{shown_path(path)}: has no case file; a folder with *.toml is needed")
             found += inside
         elif path.exists():
             found.append(path)
         else:
-            near = get_close_matches(path.name, [file.name for file in path.parent.glob("*.toml")], 1)
-            hint = f"; did you mean {quote(path.with_name(near[0]), 200)}?" if near else ""
-            faults.append(
-                f"{quote(path, 200)}: does not exist; a case file or a folder of cases is needed{hint}"
-            )
+            needed = f"a case file or a folder of cases is needed{near_file(path, '.toml')}"
+            faults.append(f"{shown_path(path)}: does not exist; {needed}")
     if faults:
         raise CaseError(faults)
     return list(dict.fromkeys(found))
@@ -74,8 +70,8 @@ def name_clashes(cases: Iterable[Case]) -> dict[Path, str]:
         other = first.setdefault(case.name.casefold(), case)
         if other is not case:
             clashes[case.path] = (
-                f"{case.path.name}: name: {quote(case.name)} is also the name of {other.path.name}; "
-                "names must differ by more than capitals"
+                f"{shown_path(case.path)}: name: {quote(case.name)} is also the name of "
+                f"{shown_path(other.path)}; names must differ by more than capitals"
             )
     return clashes
 
@@ -512,8 +508,7 @@ def load_case(path: str | os.PathLike[str], data: str | os.PathLike[str] | None 
             raise CaseError([*found, *_further_faults(tree, error, folders)]) from None
         return build(document, file, text, folders)
     except CaseError as error:
-        label = file.name if file.name.isprintable() else quote(file.name)
-        raise CaseError(f"{label}: {fault}" for fault in error.faults) from error.__cause__
+        raise CaseError(f"{shown_path(file)}: {fault}" for fault in error.faults) from error.__cause__
 
 
 def read(
@@ -538,7 +533,7 @@ def read(
             return rsgen.files.load_surface(source)
         if Path(source).suffix.lower() != ".toml":
             raise RsgenError(
-                f"{Path(source).name}: not a case (.toml) or a surface that rsgen saved (.h5); "
+                f"{shown_path(source)}: not a case (.toml) or a surface that rsgen saved (.h5); "
                 "rsgen init --from DATA CASE.toml writes the case of a file"
             )
         source = load_case(source, data)

@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+import contextlib
 import logging
 import os
 from collections.abc import Iterable, Sequence
+from difflib import get_close_matches
 from numbers import Real
+from pathlib import Path
 
 
 class RsgenError(Exception):
@@ -55,6 +58,21 @@ def quote(text: object, limit: int = 60) -> str:
     shown = str(text)
     escaped = shown[:limit].encode("utf-8", "backslashreplace").decode("utf-8")
     return repr(escaped) + ("..." if len(shown) > limit else "")
+
+
+def shown_path(path: str | os.PathLike[str]) -> str:
+    """Show a path in a message as it was typed: relative if it was, in quotes where it holds odd signs."""
+    text = os.fspath(path)
+    return text if text.isprintable() else quote(text, 200)
+
+
+def near_file(path: Path, endings: str = "") -> str:
+    """Return a did-you-mean for a file that is not there, by what its folder has, or nothing."""
+    with contextlib.suppress(OSError):
+        names = [file.name for file in path.parent.iterdir() if file.suffix == endings or not endings]
+        near = get_close_matches(path.name, names, 1)
+        return f"; did you mean {quote(path.with_name(near[0]), 200)}?" if near else ""
+    return ""
 
 
 LISTED = 6

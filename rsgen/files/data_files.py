@@ -12,7 +12,7 @@ from functools import partial
 from pathlib import Path
 from typing import IO
 
-from rsgen.common.errors import MeasurementError
+from rsgen.common.errors import MeasurementError, near_file, shown_path
 
 MAX_TEXT_BYTES = 256 * 2**20
 _UTF_16 = (b"\xff\xfe", b"\xfe\xff")
@@ -138,11 +138,6 @@ _OTHERS = (
 """Other files that laboratories send: place of the signature, signature, what it is."""
 
 
-def file_label(path: Path) -> str:
-    """Name a file in messages."""
-    return path.name if path.name.isprintable() else repr(path.name)
-
-
 def check_digest(name: str, found: str, expected: str) -> None:
     """Refuse a file whose SHA-256 is not the expected one.
 
@@ -165,7 +160,7 @@ def open_regular(path: Path, most: int) -> IO[bytes]:
     MeasurementError
         Missing, no regular file, too large.
     """
-    name = file_label(path)
+    name = shown_path(path)
     try:
         # looked at before opening: opening a pipe would wait for ever
         if not stat.S_ISREG(path.stat().st_mode):
@@ -177,7 +172,8 @@ def open_regular(path: Path, most: int) -> IO[bytes]:
     except (OSError, ValueError) as fault:
         reason = fault.strerror if isinstance(fault, OSError) and fault.strerror else str(fault)
         raise MeasurementError(
-            f"{name}: cannot be read: {reason}; it is looked for in the case's folder and in RSGEN_DATA"
+            f"{name}: cannot be read: {reason}; files of a case lie in RSGEN_DATA or its folder"
+            f"{near_file(path)}"
         ) from fault
 
 
@@ -197,7 +193,7 @@ def recognise_format(path: Path) -> str:
         head = file.read(1024)
     for place, sign, kind in _OTHERS:
         if head[place:].startswith(sign):
-            raise MeasurementError(f"{file_label(path)}: is {kind}")
+            raise MeasurementError(f"{shown_path(path)}: is {kind}")
     ending = path.suffix.lower()
     by_head = (row.name for row in FORMATS.values() if row.begins(head))
     by_ending = (row.name for row in FORMATS.values() if ending in row.endings)
@@ -216,7 +212,7 @@ def open_text(path: Path, digest: hashlib._Hash) -> IO[bytes]:
     MeasurementError
         Missing, no regular file, too large, or no legal UTF-16.
     """
-    name = file_label(path)
+    name = shown_path(path)
     file = open_regular(path, MAX_TEXT_BYTES)
     try:
         if not file.read(2).startswith(_UTF_16):

@@ -12,12 +12,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rsgen.common.arrays import Array, ComplexArray
-from rsgen.common.errors import MeasurementError, RsgenError, quote
+from rsgen.common.errors import MeasurementError, RsgenError, quote, shown_path
 from rsgen.common.finding import Finding, quantities
 from rsgen.data.record_set import DERIVATIVE
 from rsgen.data.surface import ResponseSurface
 from rsgen.files.column_titles import unit_doubts, unit_in
-from rsgen.files.data_files import file_label, recognise_format
+from rsgen.files.data_files import recognise_format
 from rsgen.files.plan import MeasuredTest
 from rsgen.files.sandbox import read_binary
 from rsgen.files.signals import Channel
@@ -322,7 +322,7 @@ def read_channels(
     form = recognise_format(path) if test.format == "auto" else test.format
     if form == "csv":
         text = read_columns(path, test.layout, wanted, sha256)
-        label = file_label(path)
+        label = shown_path(path)
         places = iter(range(len(text.names)))
         groups = [
             [_column(text, next(places), name) for _ in range(span)]
@@ -334,7 +334,7 @@ def read_channels(
             text,
         )
     groups = read_binary(path, form, wanted, sha256)
-    return groups, to_si(test, file_label(path), wanted, groups), None
+    return groups, to_si(test, shown_path(path), wanted, groups), None
 
 
 def read_table(
@@ -363,7 +363,7 @@ def read_table(
         The file cannot be read, a column is not there, lengths differ.
     """
     groups, findings, text = read_channels(test, path, wanted, sha256)
-    label = file_label(path)
+    label = shown_path(path)
     parts = [_aligned(label, entry, test.frequency) for entry in _entries(label, wanted, groups)]
     names, units = (
         {name: getattr(group[0], word) for name, group in zip(wanted, groups, strict=True)}

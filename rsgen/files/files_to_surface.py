@@ -5,13 +5,14 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 from itertools import combinations
 from math import nan
+from pathlib import Path
 from typing import cast
 
 import numpy as np
 from numpy.typing import NDArray
 
 from rsgen.common.arrays import Array, ComplexArray
-from rsgen.common.errors import MeasurementError, RsgenError
+from rsgen.common.errors import MeasurementError, RsgenError, shown_path
 from rsgen.common.finding import Finding, quantities
 from rsgen.data.free_mode import fit_mode, steady
 from rsgen.data.history import (
@@ -27,7 +28,6 @@ from rsgen.data.record_set import below_acceleration
 from rsgen.data.surface import ResponseSurface, recognise_directions
 from rsgen.data.surface.plausibility import base_findings, lag_findings, quantity_findings
 from rsgen.files.column_titles import contradiction, is_angular, unit_in
-from rsgen.files.data_files import file_label
 from rsgen.files.file_table import Sources, Table, join_motions, read_sources
 from rsgen.files.histories import read_motions
 from rsgen.files.nominal_levels import (
@@ -365,7 +365,7 @@ def _blocks(part: _Part) -> range:
 
 def _called(test: MeasuredTest, number: int, entry: int) -> str:
     """Call a block of a file."""
-    name = file_label((test.response.files or test.files)[number])
+    name = shown_path((test.response.files or test.files)[number])
     return f"{name}, part {entry + 1}" if len(test.files) == 1 else name
 
 
@@ -511,6 +511,21 @@ def read_measurement(test: MeasuredTest) -> ResponseSurface | MultisineSpectra:
     MeasurementError
         A file cannot be read as the plan says; the message names file and line or row.
     """
+    table = _read(test)
+    return replace(table, findings=_without_folders(table.findings, test.all_files))
+
+
+def _without_folders(findings: tuple[Finding, ...], files: tuple[Path, ...]) -> tuple[Finding, ...]:
+    """Name files in findings, which go into results, without the folder that they had on this computer."""
+    for path in files:
+        findings = tuple(
+            replace(f, names={k: text.replace(shown_path(path), path.name) for k, text in f.names.items()})
+            for f in findings
+        )
+    return findings
+
+
+def _read(test: MeasuredTest) -> ResponseSurface | MultisineSpectra:
     if test.history is not None and test.history.excitation == "multisine":
         return _from_multisine(test, test.history)
     if test.history is not None and test.history.excitation == "ring-down":

@@ -11,12 +11,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rsgen.common.arrays import Array
-from rsgen.common.errors import MeasurementError, quote
+from rsgen.common.errors import MeasurementError, quote, shown_path
 from rsgen.common.finding import Finding
 from rsgen.data.history import TimeHistory
 from rsgen.data.history.record import sampling_rate
 from rsgen.files.column_titles import unit_doubts
-from rsgen.files.data_files import file_label
 from rsgen.files.file_table import file_of, read_channels, scaled
 from rsgen.files.nominal_levels import level_of_file
 from rsgen.files.plan import HistoryRule, MeasuredTest
@@ -29,7 +28,7 @@ def _rows(
     path: Path, test: MeasuredTest, wanted: Sequence[int | str], sha256: str | None, findings: list[Finding]
 ) -> dict[int | str, NDArray[Any]]:
     """Read rows of samples, as they are in the file; a title that contradicts the case is doubted."""
-    label = file_label(path)
+    label = shown_path(path)
     groups, found, _ = read_channels(test, path, wanted, sha256)
     findings += found
     rows: dict[int | str, NDArray[Any]] = {}
@@ -124,7 +123,7 @@ class _Record:
 
 def _record(test: MeasuredTest, rule: HistoryRule, number: int) -> _Record:
     main = test.files[number]
-    label = file_label(main)
+    label = shown_path(main)
     files = [file_of(test, channel, number) for channel in test.sources]
     places = [cast("int | str", channel.samples) for channel in test.sources]
     if len(set(zip(files, places, strict=True))) < len(places) and test.channels is None:
@@ -160,7 +159,7 @@ def _record(test: MeasuredTest, rule: HistoryRule, number: int) -> _Record:
 
 def _histories(test: MeasuredTest, rule: HistoryRule, number: int) -> list[TimeHistory]:
     """One file as the history of each of its motions."""
-    label, record = file_label(test.files[number]), _record(test, rule, number)
+    label, record = shown_path(test.files[number]), _record(test, rule, number)
     rate, start, length = record.rate, record.start, len(record.samples[-1])
     # a sample that lies on start or stop, but for round-off, is between them
     begin = 0 if rule.start is None else max(0, int(np.ceil((rule.start - start) * rate - _TIME_TOLERANCE)))

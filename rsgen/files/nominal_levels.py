@@ -10,13 +10,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rsgen.common.arrays import Array
-from rsgen.common.errors import MeasurementError, quote
+from rsgen.common.errors import MeasurementError, quote, shown_path
 from rsgen.common.finding import Finding, Quantity
 from rsgen.common.tolerances import RELATIVE_CHANGE_NEGLIGIBLE
 from rsgen.data.record_set import LEVEL_DIGITS
 from rsgen.data.surface import ResponseSurface, typical_amounts
 from rsgen.data.surface.columns import MIN_TURN, group_forces, monotone_runs
-from rsgen.files.data_files import file_label
 from rsgen.files.plan import MeasuredTest
 
 # ----------------------------------------------------------------------------
@@ -185,12 +184,12 @@ def level_of_file(test: MeasuredTest, number: int) -> float | None:
     match = re.fullmatch(re.escape(before) + _NUMBER + re.escape(after), name)
     if match is None:
         raise MeasurementError(
-            f"{file_label(test.files[number])}: its name is not of the form {quote(rule.name)}"
+            f"{shown_path(test.files[number])}: its name is not of the form {quote(rule.name)}"
         )
     level = float(match[1].replace(",", ".")) * test.factor("level")
     if not (level > 0 or rule.labels):
         raise MeasurementError(
-            f"{file_label(test.files[number])}: its name gives a level of {level:g} {test.level_unit}; "
+            f"{shown_path(test.files[number])}: its name gives a level of {level:g} {test.level_unit}; "
             "above 0 needed"
         )
     return level

@@ -13,7 +13,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 from rsgen.common.declaration import Rule, check, choices, declare, documented, given
-from rsgen.common.errors import MeasurementError, RsgenError
+from rsgen.common.errors import MeasurementError, RsgenError, quote
 from rsgen.data.record_set import CHANNEL_NAME, QUANTITIES, PlannedTest
 from rsgen.files.data_files import FORMATS
 from rsgen.files.signals import (
@@ -316,10 +316,19 @@ class MeasuredTest(PlannedTest):
             for _, channel in self.terms(name) if name != "level" else ():
                 if channel.columns and (channel.samples is None) != (self.history is None):
                     yield name, needed
+        own = {name: channel for name, channel in self.made.items() if channel.channels is None}
+        named = {f"channels.{name}": channel for name, channel in (self.channels or {}).items()}
+        for name, said in (own | named | {"level": self.level}).items():
             try:
-                self.factor(name)
+                _ = self.scale_of(said) if isinstance(said, Channel) else self.factor(name)
             except RsgenError as fault:
-                yield name, " ".join(str(fault).split())
+                key = "factor" if isinstance(said.factor, str) else "unit" if said.unit else "name"
+                # as it was typed, not as it was read: "g", not "1 standard_gravity"
+                _, typed, wrong = str(fault).partition("' ")
+                yield (
+                    f"{name}.{key}",
+                    f"{quote(said.unit)} {wrong}" if typed and key == "unit" else str(fault),
+                )
 
     @property
     def driven(self) -> bool:

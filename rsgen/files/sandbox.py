@@ -27,7 +27,7 @@ from typing import IO, Any, BinaryIO
 import numpy as np
 from numpy.typing import NDArray
 
-from rsgen.common.errors import MeasurementError, printable
+from rsgen.common.errors import MeasurementError, printable, shown_path
 from rsgen.common.process import (
     MAX_ANSWER_BYTES,
     MEMORY_STATUS,
@@ -38,7 +38,7 @@ from rsgen.common.process import (
     confine,
     environment,
 )
-from rsgen.files.data_files import FORMATS, SURFACE_FILE, check_digest, file_label, open_regular
+from rsgen.files.data_files import FORMATS, SURFACE_FILE, check_digest, open_regular
 from rsgen.files.tree import (
     LARGEST_BYTES,
     MAX_NODES,
@@ -191,7 +191,7 @@ def _reading(
     path: Path, form: str, wanted: list[int | str] | None, sha256: str | None = None
 ) -> Iterator[tuple[_Process, dict[str, Any], int]]:
     """Start the process that reads a file; give it, the header of its answer and the size of the file."""
-    name = file_label(path)
+    name = shown_path(path)
     _check_extra(name, form)
     with open_regular(path, LARGEST_BYTES) as file:
         size = file.seek(0, 2)

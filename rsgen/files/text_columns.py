@@ -22,8 +22,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rsgen.common.arrays import Array
-from rsgen.common.errors import MeasurementError, quote
-from rsgen.files.data_files import MAX_TEXT_BYTES, Rewritten, check_digest, file_label, open_text
+from rsgen.common.errors import MeasurementError, quote, shown_path
+from rsgen.files.data_files import MAX_TEXT_BYTES, Rewritten, check_digest, open_text
 from rsgen.files.tree import MAX_CHANNELS
 
 if TYPE_CHECKING:
@@ -465,7 +465,7 @@ def read_columns(
         the first; a wanted cell that is neither a number nor a word; a column that is not there; the hash
         differs.
     """
-    name = file_label(path)
+    name = shown_path(path)
     digest = hashlib.sha256()
     table = _Table(name, layout, wanted)
     with open_text(path, digest) as file:

@@ -72,7 +72,7 @@ def test_damaged_files_are_listed_or_refused_and_those_cut_off_are_refused(form,
             entries = list_contents(path).entries
         except MeasurementError as error:
             fault = str(error)
-            assert fault.startswith(f"{path.name}: ")
+            assert fault.startswith(f"{path}: ")
             assert fault.isprintable()
         assert fault or number < len(damaged)
         assert all(entry.fault or entry.dtype for entry in entries)

@@ -152,6 +152,8 @@ OF_SIMULATED: list[Changes] = [
 ]
 OF_TABLE: list[Changes] = [
     {"test.response.imag": "b"},
+    {"test.channels": {"a": {"quantity": "velocity", "real": 3, "imag": 4, "phase_sense": "lead"}}},
+    {"test.channels": {"a": {"quantity": "velocity", "amplitude": 3, "unit": "N"}}},
     {"test.calibrated": False},
     {"test.file": "/etc/passwd"},
     {"accept": {"k1": 0.001}},
@@ -252,10 +254,11 @@ SENTENCES = Path(__file__).with_name("sentences.json")
 def said(fault: Fault) -> list[str]:
     """Return what loading a faulty case says, each with the place first."""
     with TemporaryDirectory() as folder:
+        path = fault.write(Path(folder))
         try:
-            load_case(fault.write(Path(folder)))
+            load_case(path)
         except CaseError as error:
-            return [sentence.removeprefix("faulty.toml: ") for sentence in error.faults]
+            return [sentence.removeprefix(f"{path}: ") for sentence in error.faults]
     return []
 
 

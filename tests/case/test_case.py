@@ -6,6 +6,8 @@ import pickle
 import re
 import time
 import tomllib
+from collections.abc import Iterator
+from copy import deepcopy
 from pathlib import Path
 from typing import Any
 
@@ -152,9 +154,51 @@ def test_a_case_without_a_fault_loads(case, tmp_path):
 
 
 @pytest.mark.parametrize("fault", FAULTS, ids=lambda fault: fault.name)
-def test_every_fault_has_its_sentences(fault, tmp_path):
-    found = refused(fault.write(tmp_path))
-    assert [f"faulty.toml: {sentence}" for sentence in SAID[fault.name]] == list(found)
+def test_every_fault_has_its_sentences_and_names_the_file_as_typed(fault, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    Path("laboratory").mkdir()
+    found = refused(fault.write(Path("laboratory")))
+    typed = str(Path("laboratory", "faulty.toml"))
+    assert [f"{typed}: {sentence}" for sentence in SAID[fault.name]] == list(found)
+
+
+_PLACE = re.compile(r"line \d+|[a-z]+[\w.]*: |nested|a number")
+"""A line or a key; of two faults of the text the parser says no place."""
+
+
+@pytest.mark.parametrize("fault", FAULTS, ids=lambda fault: fault.name)
+def test_every_sentence_has_a_place_and_what_is_known(fault):
+    assert SAID[fault.name]
+    for sentence in SAID[fault.name]:
+        assert _PLACE.match(sentence), sentence
+        assert not re.search(r"known: *($|;)", sentence), sentence
+        # that of [identify] is like no key of [test]
+        if "is not a key here" in sentence and not sentence.startswith("test.calibrated"):
+            assert "did you mean" in sentence, sentence
+
+
+def _keys_of(table: dict[str, Any], *path: str) -> Iterator[tuple[str, ...]]:
+    for key, value in table.items():
+        yield (*path, key)
+        if isinstance(value, dict) and key not in ("truth", "accept"):
+            yield from _keys_of(value, *path, key)
+
+
+@pytest.mark.parametrize("case", [SIMULATED, TABLE, HISTORY], ids=["simulated", "table", "history"])
+def test_a_misspelt_key_suggests_its_neighbour(case, tmp_path):
+    for *tables, key in _keys_of(case):
+        # "frequency", "frequeny"
+        wrong = key[:-2] + key[-1]
+        tree = deepcopy(case)
+        table = functools.reduce(dict.__getitem__, tables, tree)
+        table[wrong] = table.pop(key)
+        said = refused(write(tmp_path, changed(tree, {})))
+        place = ".".join((*tables, wrong))
+        # without its kind no key of a test is known
+        expected = (
+            "kind: is missing" if key == "kind" else f"{place}: is not a key here; did you mean '{key}'?"
+        )
+        assert any(expected in one for one in said), said
 
 
 def test_no_file_no_regular_file_too_large(tmp_path):
@@ -345,7 +389,7 @@ def test_a_damaged_case_is_a_case_or_a_case_error(tmp_path_factory, text, damage
     except CaseError as error:
         faults = error.faults or ("no sentence",)
     for fault in faults:
-        assert fault.startswith("damaged.toml: ")
+        assert fault.startswith(f"{path}: ")
         assert fault.isprintable()
 
 

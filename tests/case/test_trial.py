@@ -52,5 +52,5 @@ def test_a_loop_that_closes_is_no_fault(tmp_path, force, memory, truth):
 )
 def test_an_open_loop_and_a_wrong_virgin_curve_are_one_sentence(tmp_path, force, memory, truth, expected):
     (fault,) = faults(tmp_path, force, memory, truth)
-    assert fault.startswith("joint.toml: element.2.")
+    assert fault.startswith(f"{tmp_path / 'joint.toml'}: element.2.")
     assert expected in fault

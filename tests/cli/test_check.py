@@ -48,7 +48,7 @@ def test_a_virtual_test_that_cannot_be_used_is_refused_before_it_is_run(tmp_path
     assert checked.code == (2 if reason else 0)
     if reason:
         assert checked.out == ""
-        assert checked.err.startswith("bad.toml: ")
+        assert checked.err.startswith(f"{path}: ")
         assert reason in checked.err
         ran = run_case(path, tmp_path / "out")
         assert ran.passed is None
@@ -99,3 +99,16 @@ def test_parameters_that_no_test_tells_apart_are_named_before_any_test(tmp_path,
     checked = run_cli("check", write_small(tmp_path, changes=changes))
     assert checked.code == 0
     assert "note: only g*k can be identified, not g and k separately" in checked.out
+
+
+def test_other_commands_refuse_the_law_that_check_refuses(tmp_path, run_cli):
+    # z moves on from cycle to cycle
+    path = write_small(
+        tmp_path,
+        "bad",
+        LINEAR | {"element.1.force": "k*x + z", "element.1.memory": {"z": "a*x**2"}, "truth.a": 1.0},
+    )
+    for command in ("check", "identify", "rank", "modal"):
+        refused = run_cli(command, path)
+        assert (refused.code, refused.out) == (2, "")
+        assert refused.err.startswith(f"{path}: element.1.memory.z: the loop does not close")

@@ -91,7 +91,7 @@ def test_python_runs_it_as_a_module():
         (("run",), "Missing argument"),
         (("run", "--frce", "x"), "No such option"),
         (("run", "x.toml", "--jobs", "0"), "jobs"),
-        (("run", "absent.toml"), "absent.toml': does not exist"),
+        (("run", "absent.toml"), "absent.toml: does not exist"),
         (("derive", "k*x +"), ""),
         (("derive", "__import__('os')"), ""),
         (("init",), "NAME: is missing"),
@@ -118,7 +118,7 @@ def test_a_faulty_case_ends_with_2_and_no_traceback(fault, tmp_path, run_cli):
         refused = run_cli(*command, path)
         assert (refused.code, refused.out) == (2, "")
         assert "Traceback" not in refused.err
-        assert all(line.startswith(f"{path.name}: ") for line in refused.err.splitlines())
+        assert all(line.startswith(f"{path}: ") for line in refused.err.splitlines())
     assert not (tmp_path / "out").exists()
 
 
@@ -155,7 +155,7 @@ def test_check_refuses_what_run_would_refuse(law, tmp_path, run_cli):
     for command in (("check",), ("run", "--out", tmp_path / "out")):
         refused = run_cli(*command, path)
         assert (refused.code, refused.err.count("\n")) == (2, 1)
-        assert refused.err.startswith("small.toml: element.1.force: ")
+        assert refused.err.startswith(f"{path}: element.1.force: ")
         assert ODD[law] in refused.err
 
 

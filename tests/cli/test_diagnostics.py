@@ -76,7 +76,8 @@ def test_check_names_the_case_of_a_fault_of_the_program_and_goes_on(run_cli, mon
     checked = run_cli("check", cases / "cubic.toml", cases / "quintic.toml")
     assert checked.code == 2
     assert checked.out.startswith("quintic: ")
-    assert checked.err.startswith("cubic.toml: ZeroDivisionError: odd; this is a fault of rsgen")
+    said = f"{cases / 'cubic.toml'}: ZeroDivisionError: odd; this is a fault of rsgen"
+    assert checked.err.startswith(said)
     assert checked.err.count("\n") == 1
 
 

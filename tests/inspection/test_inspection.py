@@ -155,7 +155,7 @@ def test_faulty_files_are_a_sentence(tmp_path, run_cli):
     path.write_bytes(b"MATLAB 5.0 MAT-file" + bytes(200))
     refused = run_cli("inspect", path)
     assert refused.code == 2
-    assert refused.err.startswith("a.mat: ")
+    assert refused.err.startswith(f"{path}: ")
     assert run_cli("init", "--from", path, tmp_path / "b.toml").code == 2
     assert not (tmp_path / "b.toml").exists()
 

@@ -457,7 +457,7 @@ def test_workbooks_that_lie(tmp_path, xml, reason):
     path = tmp_path / "a.xlsx"
     path.write_bytes(sheet_of(xml))
     begin = time.monotonic()
-    with pytest.raises(MeasurementError, match=rf"^a\.xlsx: .*{reason}"):
+    with pytest.raises(MeasurementError, match=rf"^{re.escape(str(path))}: .*{reason}"):
         list_contents(path)
     assert time.monotonic() - begin < SECONDS
 
@@ -475,6 +475,6 @@ def test_a_tdms_file_that_declares_more_than_it_has(tmp_path, count):
     path = tmp_path / "a.tdms"
     path.write_bytes(content.replace(honest, struct.pack("<IIQ", 10, 1, count)))
     begin = time.monotonic()
-    with pytest.raises(MeasurementError, match=r"^a\.tdms: "):
+    with pytest.raises(MeasurementError, match=rf"^{re.escape(str(path))}: "):
         array(path, "g/c")
     assert time.monotonic() - begin < SECONDS

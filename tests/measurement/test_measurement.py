@@ -5,6 +5,7 @@ import hashlib
 import json
 import math
 import os
+import re
 import time
 from pathlib import Path
 from typing import Any
@@ -209,7 +210,7 @@ def test_hostile_files(tmp_path, entry):
     else:
         with pytest.raises(MeasurementError) as caught:
             read_measurement(test)
-        assert str(caught.value).startswith("data.csv: ")
+        assert str(caught.value).startswith(f"{path}: ")
         assert str(caught.value).isprintable()
     assert time.perf_counter() - started < 2
 
@@ -309,3 +310,19 @@ def test_decimal_commas(tmp_path, row, numbers):
     else:
         found = read_columns(path, Layout(decimal=","), ["a", "b", "c"]).values
         np.testing.assert_array_equal(found, [numbers])
+
+
+def test_a_fault_names_the_path_as_typed_and_a_finding_the_file_alone(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    path = Path("laboratory", "a.csv")
+    path.parent.mkdir()
+    gap = np.where(np.arange(len(OMEGA)) == 5, np.nan, DISPLACEMENT.real)
+    test = plan(write(path, f=FREQUENCY, Fr=FORCE.real, Fi=FORCE.imag, Xr=gap, Xi=DISPLACEMENT.imag))
+    assert [found.names["file"] for found in read_measurement(test).findings] == ["a.csv"]
+    write(path, f=FREQUENCY, Fr=0 * LEVELS, Fi=0 * LEVELS, Xr=gap, Xi=gap)
+    with pytest.raises(MeasurementError, match=f"^{re.escape(str(path))}: line 2: force is zero"):
+        read_measurement(test)
+    with pytest.raises(
+        MeasurementError, match=r"b\.csv: cannot be read: .*did you mean 'laboratory.+a\.csv'"
+    ):
+        read_measurement(plan(path.with_name("b.csv")))

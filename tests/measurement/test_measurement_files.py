@@ -4,6 +4,7 @@ import base64
 import io
 import json
 import os
+import re
 import subprocess
 import sys
 import zipfile
@@ -128,7 +129,7 @@ def test_wrong_addresses_are_named(tmp_path, address, message):
     path = tree(tmp_path / "tree.mat")
     with pytest.raises(MeasurementError) as caught:
         read_binary(path, "mat", [address])
-    assert str(caught.value).startswith("tree.mat: ")
+    assert str(caught.value).startswith(f"{path}: ")
     assert message in str(caught.value)
 
 
@@ -190,7 +191,7 @@ def test_response_in_a_file_of_its_own(tmp_path):
     )
     assert surface.amplitude.tolist() == [4, 5]
     np.savez(tmp_path / "b.npz", x=[4.0, 5.0, 6.0])
-    with pytest.raises(MeasurementError, match=r"3 rows; a\.npz has 2"):
+    with pytest.raises(MeasurementError, match=r"3 rows; .*a\.npz has 2"):
         read_measurement(
             measured(tmp_path / "a.npz", response=Signal(amplitude="x", files=(tmp_path / "b.npz",)))
         )
@@ -376,7 +377,7 @@ def test_traps_in_hdf5_are_refused(tmp_path, trap):
         file["x"] = np.full(4, 42.0)
     with h5py.File(path, "w") as file:
         TRAPS[trap](file, secret)
-    with pytest.raises(MeasurementError, match=r"^trap\.h5: "):
+    with pytest.raises(MeasurementError, match=rf"^{re.escape(str(path))}: "):
         read_binary(path, "hdf5", ["x"])
     # the listing says why, and shows nothing from elsewhere
     for entry in list_binary(path, "hdf5").entries:
@@ -432,7 +433,7 @@ def test_hostile_files(tmp_path, entry):
     except MeasurementError as error:
         fault = str(error)
     assert fault.isprintable()
-    assert fault == "" or fault.startswith(f"{path.name}: ")
+    assert fault == "" or fault.startswith(f"{path}: ")
     outcome = "reject" if fault else "accept"
     if entry["expected"].split()[0] in ("accept", "reject") and " or " not in entry["expected"]:
         assert outcome == entry["expected"].split()[0]

@@ -142,7 +142,7 @@ def test_faults_of_histories(tmp_path, keys, message):
     with pytest.raises(MeasurementError) as caught:
         read_histories(history(path, **keys))
     assert message in str(caught.value)
-    assert str(caught.value).startswith("a.mat: ")
+    assert str(caught.value).startswith(f"{path}: ")
 
 
 @pytest.mark.parametrize("name", ["data-nonmono.csv", "data-jitter.csv"])

@@ -309,7 +309,7 @@ def test_a_faulty_case_stops_no_other(finished, tmp_path):
     runs = run_cases([bad, path, twin], out, finished=lambda run: seen.append(run.name))
     assert [run.passed for run in runs] == [None, True, None]
     assert "accept.k" in runs[0].faults[0]
-    assert "is also the name of small.toml" in runs[2].faults[0]
+    assert f"is also the name of {path}" in runs[2].faults[0]
     assert sorted(seen) == ["SMALL", "bad", "small"]
     assert runs[1].skipped
     assert (out / "index.html").is_file()
@@ -421,10 +421,11 @@ def test_a_notebook_of_the_user_is_not_taken_for_a_failed_one(tmp_path, finished
 
 
 def test_a_fault_of_the_case_is_a_value(tmp_path):
-    run = run_case(write_case(tmp_path, accept=-1), tmp_path / "out")
+    path = write_case(tmp_path, accept=-1)
+    run = run_case(path, tmp_path / "out")
     assert run.passed is None
     (fault,) = run.faults
-    assert fault.startswith("small.toml: accept.k: is -1; a number above 0 ")
+    assert fault.startswith(f"{path}: accept.k: is -1; a number above 0 ")
     assert not (tmp_path / "out").exists()
 
 

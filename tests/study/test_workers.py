@@ -57,10 +57,9 @@ def test_where_no_process_can_be_begun_every_call_says_so(tmp_path):
     workers = _Processes(2, _beginning(*[RuntimeError("can't start new thread"), OSError("no semaphores")]))
     futures = [workers.submit(str, number) for number in range(2)]
     assert [type(future.exception(timeout=0)) for future in futures] == [RuntimeError, OSError]
-    (fault,) = _outcome(futures[1], load_case(write_case(tmp_path))).faults
-    assert (
-        fault == "small.toml: no process could be begun for it; try it with --jobs 1 (OSError: no semaphores)"
-    )
+    path = write_case(tmp_path)
+    (fault,) = _outcome(futures[1], load_case(path)).faults
+    assert fault == f"{path}: no process could be begun for it; try it with --jobs 1 (OSError: no semaphores)"
 
 
 def test_a_process_that_ended_while_idle_is_replaced():

@@ -11,7 +11,7 @@ from rsgen.app.cli.options import Cases, Data, Json
 from rsgen.app.cli.terminal import ACCEPTED, FAULTY, print_faults, print_json, print_line
 from rsgen.cases import Case, find_cases, load_case, name_clashes, read
 from rsgen.cases.case import law_faults
-from rsgen.common.errors import CaseError, MeasurementError, RsgenError, program_fault
+from rsgen.common.errors import CaseError, MeasurementError, RsgenError, program_fault, shown_path
 from rsgen.common.finding import Finding
 from rsgen.data.multisine import MultisineSpectra, implausible
 from rsgen.data.multisine.spectra import check_records
@@ -47,7 +47,7 @@ def point_faults(case: Case, table: ResponseSurface | MultisineSpectra) -> list[
         faults = _faults_of(table, case)
     except RsgenError as fault:
         faults = [" ".join(str(fault).split())]
-    return [f"{case.path.name}: {text}" for text in faults]
+    return [f"{shown_path(case.path)}: {text}" for text in faults]
 
 
 @singledispatch
@@ -152,12 +152,12 @@ def check_command(cases: Cases, data: Data = None, json: Json = False) -> int:
         except CaseError as fault:
             faults += fault.faults
         except MeasurementError as fault:
-            faults.append(f"{path.name}: test.file: {fault}")
+            faults.append(f"{shown_path(path)}: test.file: {fault}")
         except RsgenError as fault:
-            faults.append(f"{path.name}: test: {' '.join(str(fault).split())}")
+            faults.append(f"{shown_path(path)}: test: {' '.join(str(fault).split())}")
         except Exception as fault:
             # a fault of the program must not hide those of other cases
-            faults.append(program_fault(fault, path.name))
+            faults.append(program_fault(fault, shown_path(path)))
     faults += name_clashes(loaded).values()
     if json:
         print_json({"cases": plans, "faults": faults})

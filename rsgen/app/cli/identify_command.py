@@ -33,6 +33,7 @@ from rsgen.app.cli.terminal import (
 from rsgen.app.study import obtain_table
 from rsgen.app.study.run_case import identify_case
 from rsgen.cases import load_case
+from rsgen.common.errors import shown_path
 from rsgen.common.tolerances import CONFIDENCE_TEXT
 from rsgen.data.surface import ResponseSurface
 from rsgen.files import load_surface
@@ -61,7 +62,9 @@ def identify_command(
     target = check_target(frf, ".uff", "--frf") if frf else None
     if target:
         refuse_foreign(target, is_foreign(target, FRF), inputs_of(loaded, surface), "--frf")
-        loaded.test.require_surface(f"{case.name}: --frf: of a multisine `rsgen run` writes the receptances")
+        loaded.test.require_surface(
+            f"{shown_path(case)}: --frf: of a multisine `rsgen run` writes the receptances"
+        )
     with stage_progress(loaded) as note:
         note("surface", 0.0)
         tested = load_surface(surface) if surface else obtain_table(loaded)

@@ -18,7 +18,7 @@ from rsgen.app.cli.terminal import print_json, print_line
 from rsgen.cases import DATA_VARIABLE
 from rsgen.cases.faults import name_fault
 from rsgen.cases.tables import path_fault
-from rsgen.common.errors import RsgenError
+from rsgen.common.errors import RsgenError, shown_path
 from rsgen.common.output import write_atomic
 from rsgen.files.inspection import list_contents, propose
 from rsgen.files.inspection.clues import TODO
@@ -120,7 +120,7 @@ def _drafted(data: Path, target: Path) -> tuple[str, str]:
     proposal = propose(contents)
     if proposal is None:
         raise RsgenError(
-            f"{data.name}: no columns of numbers over one another are in it; see rsgen inspect, "
+            f"{shown_path(data)}: no columns of numbers over one another are in it; see rsgen inspect, "
             "then rsgen init --measured"
         )
     folder = target.parent.resolve()

@@ -10,6 +10,7 @@ import typer
 
 from rsgen.app.cli.options import Json
 from rsgen.app.cli.terminal import print_faults, print_json, print_line
+from rsgen.common.errors import shown_path
 from rsgen.common.text_table import aligned
 from rsgen.files.inspection import Contents, Entry, Proposal, list_contents, propose
 from rsgen.files.sandbox import reading_fault
@@ -86,7 +87,7 @@ def _show(contents: Contents, proposal: Proposal | None, everything: bool) -> No
     # a fault of many arrays is printed once, and in full
     long = {entry.fault: entry.path for entry in reversed(shown) if len(entry.fault) > SHOWN_CHARACTERS}
     for fault, path in reversed(long.items()):
-        print_line(fault if fault.startswith(f"{contents.file.name}:") else f"{path}: {fault}")
+        print_line(fault if fault.startswith(shown_path(contents.file)) else f"{path}: {fault}")
     if contents.remark:
         print_line(contents.remark)
     if len(contents.entries) > len(shown):

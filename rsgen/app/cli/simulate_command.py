@@ -12,8 +12,7 @@ from rsgen.app.cli.progress_bar import print_cache_fault, stage_progress
 from rsgen.app.cli.terminal import ACCEPTED, MISSED, print_json, print_line
 from rsgen.app.study import obtain_table
 from rsgen.cases import load_case
-from rsgen.cases.case import law_faults
-from rsgen.common.errors import CaseError, RsgenError
+from rsgen.common.errors import RsgenError, shown_path
 from rsgen.data.multisine import MultisineSpectra, save_spectra
 from rsgen.data.surface import save_surface
 
@@ -37,10 +36,9 @@ def simulate_command(
     print_cache_fault()
     loaded = load_case(case)
     if loaded.oscillator is None:
-        raise RsgenError(f"{case.name}: test.kind: is 'measured'; only a simulated test can be simulated")
-    refused = law_faults(loaded)
-    if refused:
-        raise CaseError(refused)
+        raise RsgenError(
+            f"{shown_path(case)}: test.kind: is 'measured'; only a simulated test can be simulated"
+        )
     lines = loaded.test.many_lines
     target = out or Path(f"{loaded.name}.{'npz' if lines else 'h5'}")
     refuse_foreign(target, is_foreign(target, SPECTRA if lines else SURFACE), inputs_of(loaded))

@@ -34,7 +34,7 @@ from rsgen.app.study.run_case import (
     run_case,
 )
 from rsgen.cases import Case, find_cases, load_case, name_clashes
-from rsgen.common.errors import CaseError, RsgenError, keep_from_terminal
+from rsgen.common.errors import CaseError, RsgenError, keep_from_terminal, shown_path
 from rsgen.common.process import ALGEBRA, collect_seldom
 
 # ----------------------------------------------------------------------------
@@ -303,11 +303,11 @@ def _outcome(future: Future[CaseRun], case: Case) -> CaseRun:
         raise lost
     text = " ".join(f"{type(lost).__name__}: {lost}".split())[:300]
     if isinstance(lost, OSError | RuntimeError) and not isinstance(lost, BrokenExecutor):
-        fault = f"{case.path.name}: no process could be begun for it; try it with --jobs 1 ({text})"
+        fault = f"{shown_path(case.path)}: no process could be begun for it; try it with --jobs 1 ({text})"
     else:
         fault = (
-            f"{case.path.name}: its worker was lost, and a second one, perhaps for want of memory; try it "
-            f"alone with --jobs 1 ({text})"
+            f"{shown_path(case.path)}: its worker was lost, and a second one, perhaps for want of "
+            f"memory; try it alone with --jobs 1 ({text})"
         )
     return CaseRun(case.path, case.path.stem, faults=(fault,))
 

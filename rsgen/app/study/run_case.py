@@ -32,7 +32,7 @@ from rsgen.app.study.folder import (
 )
 from rsgen.cases import Case, load_case
 from rsgen.cases.case import law_faults
-from rsgen.common.errors import CaseError, RsgenError, program_fault
+from rsgen.common.errors import CaseError, RsgenError, program_fault, shown_path
 from rsgen.common.finding import StatedVerdict
 from rsgen.data.multisine import MultisineSpectra
 from rsgen.data.surface import ResponseSurface
@@ -142,7 +142,8 @@ def check_place(case: Case, out: Path) -> None:
         The two are the same.
     """
     if case.path.parent.resolve() in (out.resolve(), (out / case.name).resolve()):
-        raise RsgenError(f"{case.path.name}: results would go where the case lies; choose another --out")
+        where = shown_path(case.path)
+        raise RsgenError(f"{where}: results would go where the case lies; choose another --out")
 
 
 def current_result(case: Case, out: Path, figures: str | None = None) -> CaseRun | None:
@@ -179,8 +180,10 @@ def obtain_table(
     Raises
     ------
     RsgenError
-        A file cannot be read.
+        A file cannot be read, or no motion follows from the law, as ``rsgen check`` says.
     """
+    if refused := law_faults(case):
+        raise CaseError(refused)
     return _records(case.test, case.oscillator, progress).on_mass(case.model.fixed.get("m", nan))
 
 
@@ -215,7 +218,7 @@ def _saved_surface(case: Case, out: Path) -> ResponseSurface:
     manifest = read_manifest(out / case.name)
     if manifest is None or manifest.get("inputs") != _inputs(case) or SURFACE not in manifest["files"]:
         raise RsgenError(
-            f"{case.path.name}: {out / case.name} holds no surface of this very case; use `rsgen run`"
+            f"{shown_path(case.path)}: {out / case.name} holds no surface of this very case; use `rsgen run`"
         )
     return rsgen.files.load_surface(out / case.name / SURFACE)
 
@@ -229,9 +232,6 @@ def _execute(
     report: Callable[[str, float], None],
 ) -> CaseRun:
     check_place(case, out)
-    refused = law_faults(case)
-    if refused:
-        raise CaseError(refused)
     report("surface", 0.0)
     with replaced_folder(out, case.name) as folder:
         inputs = _inputs(case)
@@ -345,8 +345,9 @@ def run_case(
         faults = fault.faults
     except RsgenError as fault:
         text = " ".join(str(fault).split())
-        faults = (text if text.startswith(file.name) else f"{file.name}: {text}",)
+        label = shown_path(file)
+        faults = (text if text.startswith(label) else f"{label}: {text}",)
     except Exception as fault:
         # a fault of the program must not stop other cases either
-        faults = (program_fault(fault, file.name),)
+        faults = (program_fault(fault, shown_path(file)),)
     return CaseRun(file, name, seconds=time.perf_counter() - started, faults=faults)

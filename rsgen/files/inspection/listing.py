@@ -11,9 +11,9 @@ from pathlib import Path
 import numpy as np
 
 from rsgen.common.arrays import Array
-from rsgen.common.errors import MeasurementError
+from rsgen.common.errors import MeasurementError, shown_path
 from rsgen.files.column_titles import unit_in
-from rsgen.files.data_files import file_label, open_text, recognise_format
+from rsgen.files.data_files import open_text, recognise_format
 from rsgen.files.inspection.clues import unit_for
 from rsgen.files.plan import Layout
 from rsgen.files.sandbox import list_binary
@@ -134,7 +134,7 @@ def _beginning(lines: Iterable[tuple[int, str]]) -> Iterator[tuple[int, str]]:
 
 
 def _list_text(path: Path) -> Contents:
-    label = file_label(path)
+    label = shown_path(path)
     with open_text(path, hashlib.sha256()) as file:
         begin = list(_beginning(TextLines(file, label, hashlib.sha256()).lines()))
         file.seek(0)
