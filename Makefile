@@ -15,7 +15,7 @@ SPELLED := rsgen docs tests benchmarks cases $(wildcard *.md) Makefile pyproject
 unexport PYTHONDONTWRITEBYTECODE
 
 .DEFAULT_GOAL := help
-.PHONY: help reports docs test types suite test-all test-wheel fast constraints bench attack faults clean
+.PHONY: help reports docs pages test types suite test-all test-wheel fast constraints bench attack faults clean
 
 help: ## print this list
 	@grep -E '^[a-z-]+:.*##' Makefile | sed -E 's/:.*## /\t/' | expand -t 12
@@ -31,6 +31,10 @@ reports: $(READY) ## run every case and leave reports/index.html
 
 docs: $(READY) ## build docs/_build/html/index.html: tutorial, how-to, method, laws, gallery, API
 	$(BIN)/python -m sphinx -W -n -q -b html docs docs/_build/html
+
+pages: $(READY) ## renew what pages of docs/ say from the source: case file, commands, findings, laws, gallery
+	$(BIN)/python -m docs.pages
+	$(BIN)/python -m tests.capabilities
 
 test: $(READY) ## run the checks: format, lint, types, imports, tests, doctests
 	$(BIN)/ruff format --check .

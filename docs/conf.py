@@ -21,6 +21,7 @@ version = release = rsgen.__version__
 extensions = ["myst_parser", "sphinx.ext.autodoc", "sphinx.ext.napoleon", "_extension"]
 exclude_patterns = ["_build", "_extension"]
 myst_enable_extensions = ["dollarmath", "deflist", "attrs_inline", "colon_fence"]
+myst_fence_as_directive = ["math"]
 myst_heading_anchors = 3
 myst_links_external_new_tab = False
 

@@ -43,6 +43,24 @@ print(len(names))
 """
 """Imports every module: a dependency that pyproject.toml does not declare is missed here."""
 
+PAGES = """
+import sys, pathlib
+sys.path.append(sys.argv[1])
+from _extension.snippets import ROOT, Workspace, find_snippets
+import rsgen
+assert not pathlib.Path(rsgen.__file__).is_relative_to(ROOT), "not the installed package"
+for page in (ROOT / "README.md", *sorted(ROOT.glob("docs/*.md")), *sorted(ROOT.glob("docs/[!_]*/*.md"))):
+    folder = pathlib.Path.cwd() / "pages" / page.relative_to(ROOT)
+    folder.mkdir(parents=True)
+    workspace = Workspace(folder)
+    for snippet in find_snippets(page.read_text(encoding="utf-8")):
+        try:
+            workspace.perform(snippet, str(page))
+        except Exception as fault:
+            raise RuntimeError(f"{page.relative_to(ROOT)}, line {snippet.line}: {fault}") from fault
+"""
+"""Runs every command and program of every page after `rsgen examples .` in an empty folder."""
+
 EXAMPLE = "mat-struct"
 """A measured case: its binary file is read in the confined process, which must find the installed package."""
 
@@ -145,27 +163,37 @@ def build(out: Path) -> tuple[Path, Path]:
     return sdist, wheel
 
 
-def check_contents(sdist: Path, wheel: Path) -> None:
-    """Hold what is packed against the repository: every file of the package, nothing else."""
-    mine = {
+def files_of(folder: str) -> set[str]:
+    """Return the files of a folder of the repository."""
+    return {
         path.relative_to(ROOT).as_posix()
-        for path in (ROOT / "rsgen").rglob("*")
+        for path in (ROOT / folder).rglob("*")
         if path.is_file() and "__pycache__" not in path.parts
     }
+
+
+def check_contents(sdist: Path, wheel: Path) -> None:
+    """Hold what is packed against the repository: the package and the examples, nothing else."""
+    mine = files_of("rsgen")
     packed = {name for name in zipfile.ZipFile(wheel).namelist() if ".dist-info/" not in name}
-    if packed != mine:
-        raise WheelError(f"{wheel.name}: differs from the folder rsgen: {sorted(packed ^ mine)}")
+    wanted = mine | {name.replace("cases/", "rsgen/examples/", 1) for name in files_of("cases")}
+    if packed != wanted:
+        raise WheelError(f"{wheel.name}: differs from the folders rsgen and cases: {sorted(packed ^ wanted)}")
     with tarfile.open(sdist) as archive:
         names = {name.partition("/")[2] for name in archive.getnames()}
-    wanted = mine | {
-        "pyproject.toml",
-        "README.md",
-        "LICENSE",
-        "CITATION.cff",
-        "CHANGELOG.md",
-        "constraints.txt",
-    }
-    wanted |= {"cases/cubic.toml", "tests/conftest.py", "Makefile"}
+    wanted = (
+        mine
+        | files_of("cases")
+        | {
+            "pyproject.toml",
+            "README.md",
+            "LICENSE",
+            "CITATION.cff",
+            "CHANGELOG.md",
+            "constraints.txt",
+        }
+    )
+    wanted |= {"tests/conftest.py", "Makefile"}
     if wanted - names:
         raise WheelError(f"{sdist.name}: lacks {sorted(wanted - names)}")
 
@@ -193,7 +221,7 @@ def uv_reaches_packages(folder: Path) -> bool:
 
 
 def use(python: Path, version: str, folder: Path) -> None:
-    """Use the installed package: modules, commands, a simulated case and a measured one."""
+    """Use the installed package: modules, commands, a simulated case, a measured one, and every page."""
     rsgen = python.with_name("rsgen.exe" if os.name == "nt" else "rsgen")
     call([python, "-I", "-c", MODULES], folder, PYTHONWARNINGS="default")
     for words in ([rsgen], [python, "-m", "rsgen"]):
@@ -205,9 +233,10 @@ def use(python: Path, version: str, folder: Path) -> None:
     call([rsgen, "init", "small.toml"], folder)
     call([rsgen, "run", "small.toml", "--out", "out", "--jobs", "1"], folder)
     _expect_state(folder / "out" / "small", "accepted")
-    shutil.copytree(ROOT / "cases" / "formats", folder / "formats")
-    call([rsgen, "run", f"formats/{EXAMPLE}.toml", "--out", "out", "--jobs", "1"], folder)
+    call([rsgen, "examples", "."], folder)
+    call([rsgen, "run", f"cases/formats/{EXAMPLE}.toml", "--out", "out", "--jobs", "1"], folder)
     _expect_state(folder / "out" / EXAMPLE, "identified")
+    call([python, "-I", "-c", PAGES, ROOT / "docs"], folder)
 
 
 def _expect(text: str, part: str) -> None:

@@ -1,4 +1,4 @@
-"""What these pages need beyond Sphinx: formulas without network, commands that run, pages made from rsgen."""
+"""What these pages need beyond Sphinx: formulas without network, commands that run, and pictures."""
 
 from __future__ import annotations
 
@@ -11,10 +11,10 @@ if TYPE_CHECKING:
 def setup(app: Sphinx) -> dict[str, Any]:
     """Register all parts with Sphinx."""
     # the tests take the snippets from here where no Sphinx is installed
-    from . import accessible, case_keys, docstrings, execution, findings, gallery, law_library, mathml
+    from . import accessible, docstrings, execution, mathml
 
-    # a test of links and pages needs neither the output of commands nor every law
+    # a test of links and pages needs neither the output of commands nor every picture
     app.add_config_value("rsgen_quick", False, "env", bool)
-    for part in (accessible, case_keys, docstrings, execution, findings, gallery, law_library, mathml):
+    for part in (accessible, docstrings, execution, mathml):
         part.register(app)
     return {"parallel_read_safe": False, "parallel_write_safe": True}

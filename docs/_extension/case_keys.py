@@ -4,10 +4,6 @@ from __future__ import annotations
 
 from typing import Any
 
-from docutils import nodes
-from sphinx.application import Sphinx
-from sphinx.util.docutils import SphinxDirective
-
 from rsgen.cases import case_schema
 
 _BOUNDS = {
@@ -52,30 +48,18 @@ def _allowed(rule: dict[str, Any]) -> str:
     return "; ".join(parts)
 
 
-class CaseKeys(SphinxDirective):
-    """The keys of a case file under each of the names given, in one table."""
-
-    required_arguments = 1
-    final_argument_whitespace = True
-
-    def run(self) -> list[nodes.Node]:
-        """Write the table."""
-        wanted = self.arguments[0].split()
-        seen: dict[str, str] = {}
-        for path, rule in table_of(case_schema()):
-            if path.split(".")[0] in wanted:
-                meaning = " ".join(rule.get("description", "").split())
-                allowed = _allowed(rule)
-                row = f"| `{path}` | {meaning} {'Allowed: ' + allowed + '.' if allowed else ''} |"
-                # measured and simulated tests share some keys: the fuller description is shown
-                seen[path] = max(seen.get(path, ""), row, key=len)
-        missing = set(wanted) - {path.split(".")[0] for path in seen}
-        if missing:
-            raise self.error(f"case-keys: a case file has no {', '.join(sorted(missing))}")
-        text = "| key | meaning |\n|---|---|\n" + "\n".join(seen.values()) + "\n"
-        return self.parse_text_to_nodes(text)
-
-
-def register(app: Sphinx) -> None:
-    """Add the directive."""
-    app.add_directive("case-keys", CaseKeys)
+def keys_table(*wanted: str) -> str:
+    """Write the keys of a case file under each of the names given, in one table of Markdown."""
+    seen: dict[str, str] = {}
+    for path, rule in table_of(case_schema()):
+        if path.split(".")[0] in wanted:
+            meaning = " ".join(rule.get("description", "").split())
+            allowed = _allowed(rule)
+            cell = f"{meaning} {'Allowed: ' + allowed + '.' if allowed else ''}".strip()
+            row = f"| `{path}` | {cell} |"
+            # measured and simulated tests share some keys: the fuller description is shown
+            seen[path] = max(seen.get(path, ""), row, key=len)
+    missing = set(wanted) - {path.split(".")[0] for path in seen}
+    if missing:
+        raise ValueError(f"a case file has no {', '.join(sorted(missing))}")
+    return "\n".join(["| key | meaning |", "|---|---|", *seen.values()])

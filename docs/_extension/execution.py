@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import logging
+import re
 import shlex
 import shutil
 import tempfile
@@ -16,6 +17,7 @@ from sphinx.util.docutils import SphinxDirective
 
 from rsgen.report.page import inline_svg
 
+from . import gallery, law_library
 from .snippets import SnippetError, Workspace
 
 _HIGHLIGHTED = ("toml", "py", "json")
@@ -56,12 +58,19 @@ def drawing_node(drawing: Any, name: str) -> nodes.raw:
     return nodes.raw("", text, format="html")
 
 
-def made_section(directive: SphinxDirective, title: str, name: str, text: str) -> nodes.section:
-    """A section of a generated page from Markdown; ``name`` is what links to it end with."""
-    section = nodes.section("", nodes.title(title, title), ids=[name], names=[name])
-    directive.state.document.note_implicit_target(section, section)
-    section += directive.parse_text_to_nodes(text)
-    return section
+_COMMENT = re.compile(r"<!-- drawing: (law|case) (\S+) -->\s*")
+
+QUICK = 3
+"""Pictures of a page in a quick build."""
+
+
+def _draw(app: Sphinx, page: nodes.document) -> None:
+    """Put the pictures of laws and cases where comments of the page name them."""
+    named = [(node, _COMMENT.fullmatch(node.astext())) for node in page.findall(nodes.raw)]
+    found = [(node, match) for node, match in named if match]
+    for node, match in found[: QUICK if app.config.rsgen_quick else None]:
+        draw = law_library.draw if match[1] == "law" else gallery.draw
+        node.replace_self([drawing_node(one, f"{one.name}-{match[2]}") for one in draw(match[2])])
 
 
 class _Run(SphinxDirective):
@@ -143,10 +152,11 @@ class File(SphinxDirective):
 
 
 def register(app: Sphinx) -> None:
-    """Add the directives, and remove their folder after the build."""
+    """Add the directives and the pictures, and remove the folder of the build after it."""
     # Sphinx shows what libraries note for their own authors
     logging.getLogger("fontTools").setLevel(logging.WARNING)
     app.add_directive("shell", Shell)
     app.add_directive("python", Program)
     app.add_directive("file", File)
+    app.connect("doctree-read", _draw)
     app.connect("build-finished", _leave)

@@ -1,4 +1,4 @@
-"""The table of findings: sentence, threshold, place and next step of each, from the source and its texts."""
+"""The list of findings: sentence, threshold, place and next step of each, from the source and its texts."""
 
 from __future__ import annotations
 
@@ -6,48 +6,59 @@ import ast
 import inspect
 import re
 import textwrap
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass
 from functools import partial
-
-from docutils import nodes
-from sphinx.application import Sphinx
-from sphinx.util.docutils import SphinxDirective
 
 from rsgen.report.wording import CODES, NEXT_STEPS
 
 from .made_findings import SEVERITIES, Threshold, places_of_findings, texts_of
 
-HEADS = ("finding", "sentence", "threshold", "where", "next step")
-
+_SIGN = re.compile(r"`[^`]*`|[<*$\[]")
 _FIELD = re.compile(r"\{(\w+)(?::[^}]*)?\}")
 
 
-def rows() -> Iterator[tuple[str, ...]]:
-    """One row a finding, with the columns of ``HEADS``; numbers of a result stand in angle brackets."""
+@dataclass(frozen=True)
+class Entry:
+    """What the page says of a finding; numbers of a result stand in angle brackets."""
+
+    code: str
+    severities: tuple[str, ...]
+    sentences: tuple[str, ...]
+    thresholds: tuple[str, ...]
+    places: tuple[str, ...]
+    step: str
+
+
+def entries() -> Iterator[Entry]:
+    """Return an entry a finding, by code."""
     places = places_of_findings()
     for code in sorted(set(CODES) - {"note"}):
         made = places[code]
         found = {severity for place in made for severity in place.severities}
-        severities = ", ".join(severity for severity in SEVERITIES if severity in found)
-        thresholds = dict.fromkeys(_told(one) for place in made for one in place.thresholds)
-        where = dict.fromkeys(place.where for place in made)
-        step = _FIELD.sub(r"<\1>", NEXT_STEPS.get(code, ""))
-        yield f"{code} ({severities})", _said(code), "; ".join(thresholds), "; ".join(where), step
+        yield Entry(
+            code,
+            tuple(severity for severity in SEVERITIES if severity in found),
+            tuple(_said(code)),
+            tuple(dict.fromkeys(_told(one) for place in made for one in place.thresholds)),
+            tuple(dict.fromkeys(place.where for place in made)),
+            _FIELD.sub(r"<\1>", NEXT_STEPS.get(code, "")),
+        )
 
 
 def _told(one: Threshold) -> str:
-    reason = f": {one.reason.rstrip('.')}" if one.reason else ""
-    return f"{one.name} = {one.value:g}{reason}"
+    reason = f": {_escape(one.reason.rstrip('.'))}" if one.reason else ""
+    return f"`{one.name}` = {one.value:g}{reason}."
 
 
-def _said(code: str) -> str:
+def _said(code: str) -> Iterable[str]:
     """The sentence of a code; of one with logic each that its function returns."""
     say = CODES[code]
     if isinstance(say, partial):
-        return _FIELD.sub(r"<\1>", say.args[0])
+        return [_FIELD.sub(r"<\1>", say.args[0])]
     tree = ast.parse(textwrap.dedent(inspect.getsource(say)))
     returned = [node.value for node in ast.walk(tree) if isinstance(node, ast.Return) and node.value]
-    return " / ".join(dict.fromkeys(map(_text, returned)))
+    return dict.fromkeys(map(_text, returned))
 
 
 def _text(node: ast.expr) -> str:
@@ -64,22 +75,22 @@ def _text(node: ast.expr) -> str:
     return f"<{(texts_of(node) or [ast.unparse(node)])[0]}>"
 
 
-class FindingsTable(SphinxDirective):
-    """The findings of rsgen, a row each."""
-
-    def run(self) -> list[nodes.Node]:
-        """Write the table."""
-        group = nodes.tgroup(cols=len(HEADS))
-        group += [nodes.colspec(colwidth=width) for width in (15, 30, 25, 15, 15)]
-        group += nodes.thead("", _row(HEADS))
-        group += nodes.tbody("", *map(_row, rows()))
-        return [nodes.table("", group)]
+def findings_list() -> str:
+    """Write the findings in Markdown, a section each."""
+    return "\n\n".join(map(_section, entries()))
 
 
-def _row(cells: tuple[str, ...]) -> nodes.row:
-    return nodes.row("", *(nodes.entry("", nodes.paragraph("", cell or "–")) for cell in cells))
+def _section(one: Entry) -> str:
+    parts = [f"## `{one.code}`", f"Severity: {', '.join(one.severities)}."]
+    parts.append("\n".join(f"* {_escape(sentence)}" for sentence in one.sentences))
+    parts += [f"Next step: {_escape(one.step)}"] if one.step else []
+    parts += (
+        ["\n".join(["Thresholds:", "", *(f"* {text}" for text in one.thresholds)])] if one.thresholds else []
+    )
+    parts.append(f"Made by {', '.join(f'`{place}`' for place in one.places)}.")
+    return "\n\n".join(parts)
 
 
-def register(app: Sphinx) -> None:
-    """Add the directive."""
-    app.add_directive("findings-table", FindingsTable)
+def _escape(text: str) -> str:
+    """Escape what would be markup; literals stay, with one mark on either side."""
+    return _SIGN.sub(lambda sign: sign[0] if len(sign[0]) > 1 else "\\" + sign[0], text.replace("``", "`"))

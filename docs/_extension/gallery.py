@@ -1,51 +1,66 @@
-"""The gallery: each case of `cases/` simulated, identified and drawn while the pages are built."""
+"""The gallery: each case of `cases/` simulated, identified and compared with its truth."""
 
 from __future__ import annotations
 
-from docutils import nodes
-from sphinx.application import Sphinx
-from sphinx.util.docutils import SphinxDirective
+from functools import cache
 
 import rsgen
+from rsgen.analysis.comparison import Row
+from rsgen.common.text_table import short
 from rsgen.law.memory import memory_form
 from rsgen.law.notation import latex
+from rsgen.report.figures import Drawing
 
-from .execution import drawing_node, made_section
+from .law_library import math_block
 from .snippets import ROOT
 
-QUICK = 1
-"""Cases in the gallery of a quick build."""
+NAMES = sorted(path.stem for path in (ROOT / "cases").glob("*.toml"))
 
 
-class Gallery(SphinxDirective):
-    """A section each case: the law, the picture, the comparison with the truth."""
-
-    def run(self) -> list[nodes.Node]:
-        """Run every case."""
-        paths = sorted((ROOT / "cases").glob("*.toml"))
-        return [self._section(path) for path in (paths[:QUICK] if self.config.rsgen_quick else paths)]
-
-    def _section(self, path: object) -> nodes.Node:
-        case = rsgen.load_case(path)
-        self.env.note_dependency(str(path))
-        surface = rsgen.simulate(case.oscillator, case.test)
-        found = rsgen.identify(surface, case.model)
-        comparison = rsgen.compare(found, case.truth, case.accept)
-        verdict = rsgen.explain(rsgen.verdict_of(found, comparison)).strip().splitlines()[0]
-        law = latex(case.oscillator.force)
-        remembered = memory_form(case.oscillator.force)
-        for rate in () if remembered is None else remembered.rates:
-            law += f", \\qquad \\dot{{{latex(rate.symbol)}}} = {latex(rate.rate)}"
-        text = f"`cases/{path.name}`; {case.source}.\n\n$$\nn(x, v) = {law}\n$$\n\n"
-        text += f"{verdict}\n\n```text\n{comparison}\n```\n"
-        section = made_section(self, case.title, case.name, text)
-        section.append(drawing_node(rsgen.figures.draw_surface(surface), f"surface-{case.name}"))
-        section.append(drawing_node(rsgen.figures.draw_collapse(found), f"collapse-{case.name}"))
-        if remembered is not None:
-            section.append(drawing_node(rsgen.figures.draw_loops(surface, found), f"loops-{case.name}"))
-        return section
+@cache
+def results(name: str) -> tuple[rsgen.Case, rsgen.ResponseSurface, rsgen.Identification]:
+    """Return a case with its virtual test and what was identified from it."""
+    case = rsgen.load_case(ROOT / "cases" / f"{name}.toml")
+    surface = rsgen.simulate(case.oscillator, case.test)
+    return case, surface, rsgen.identify(surface, case.model)
 
 
-def register(app: Sphinx) -> None:
-    """Add the directive."""
-    app.add_directive("gallery", Gallery)
+def gallery_sections() -> str:
+    """Write all cases in Markdown, a section each."""
+    return "\n\n".join(map(_section, NAMES))
+
+
+def _section(name: str) -> str:
+    case, _, found = results(name)
+    comparison = rsgen.compare(found, case.truth, case.accept)
+    # how far below its tolerance an error is differs by processor
+    verdict = rsgen.explain(rsgen.verdict_of(found, comparison)).strip().partition(", largest")[0]
+    law = latex(case.oscillator.force)
+    remembered = memory_form(case.oscillator.force)
+    for rate in () if remembered is None else remembered.rates:
+        law += f", \\qquad \\dot{{{latex(rate.symbol)}}} = {latex(rate.rate)}"
+    table = ["| parameter | true | identified | unit | tolerated relative error |", "|---|---|---|---|---|"]
+    return "\n\n".join(
+        (
+            f"## {case.title}",
+            f"`cases/{name}.toml`; {case.source}.",
+            math_block(f"n(x, v) = {law}"),
+            f"{verdict}.",
+            "\n".join([*table, *map(_row, comparison)]),
+            f"<!-- drawing: case {name} -->",
+        )
+    )
+
+
+def _row(row: Row) -> str:
+    tolerance = "" if row.tolerance is None else f"{row.tolerance:g}"
+    return f"| `{row.name}` | {short(row.true)} | {short(row.refined.value, 5)} | {row.unit} | {tolerance} |"
+
+
+def draw(name: str) -> list[Drawing]:
+    """Draw the response surface, the collapse and, with memory, the loops."""
+    case, surface, found = results(name)
+    drawings = [rsgen.figures.draw_surface(surface), rsgen.figures.draw_collapse(found)]
+    if memory_form(case.oscillator.force) is not None:
+        drawings.append(rsgen.figures.draw_loops(surface, found))
+    return drawings

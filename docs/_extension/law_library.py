@@ -2,21 +2,25 @@
 
 from __future__ import annotations
 
-from docutils import nodes
-from sphinx.application import Sphinx
-from sphinx.util.docutils import SphinxDirective
-
 import rsgen
 from rsgen.describing import DescribingFunction, variables_of
+from rsgen.describing.function import MAX_RELATIVE_ERROR
+from rsgen.describing.quadrature import PROOF_TOLERANCE
 from rsgen.law import Law
 from rsgen.law.memory import rates_of
 from rsgen.law.notation import latex
-from rsgen.report.figures import draw_derivation, unit_text
+from rsgen.report.figures import Drawing, draw_derivation, unit_text
 
-from .execution import drawing_node, made_section
 
-QUICK = 3
-"""Laws on the page of a quick build."""
+def law_sections() -> str:
+    """Write all laws of the library in Markdown, a section each."""
+    return "\n\n".join(describe_law(law, rsgen.derive(law)) for law in rsgen.laws)
+
+
+def draw(name: str) -> list[Drawing]:
+    """Draw a law and its describing function."""
+    law = rsgen.laws[name]
+    return [draw_derivation(rsgen.derive(law), law.example)]
 
 
 def describe_law(law: Law, function: DescribingFunction) -> str:
@@ -26,6 +30,7 @@ def describe_law(law: Law, function: DescribingFunction) -> str:
         for name in ("stiffness", "damping")
     }
     lines = [
+        f"## {law.title}",
         f"`{law.name}`: `{law.text}`",
         _formula("n(x, v)", latex(function.force)),
         *(_formula(rf"\dot {latex(z)}", latex(rate)) for z, rate in rates_of(function.force).items()),
@@ -41,11 +46,17 @@ def describe_law(law: Law, function: DescribingFunction) -> str:
     lines.append(f"| parameter | meaning | unit |\n|---|---|---|\n{rows}")
     own = " The describing function is rsgen's own derivation." if law.own else ""
     lines.append(f"Proof: {_proof(function)}. Source: {law.source}.{own}")
-    return "\n\n".join(lines) + "\n"
+    lines.append(f"<!-- drawing: law {law.name} -->")
+    return "\n\n".join(lines)
 
 
 def _formula(head: str, formula: str) -> str:
-    return f"$$\n{head} = {formula}\n$$"
+    return math_block(f"{head} = {formula}")
+
+
+def math_block(formula: str) -> str:
+    """Write a formula that web sites of repositories show, too: they refuse the macro for functions."""
+    return f"```math\n{formula}\n```".replace(r"\operatorname", r"\mathrm")
 
 
 def _unit(unit: str) -> str:
@@ -58,25 +69,6 @@ def _proof(function: DescribingFunction) -> str:
             "no closed form is known; the integral is evaluated by quadrature, split at the switching angles"
         )
     part = "closed form" if function.closed_form else "loop" if function.memory else "closed part"
-    return f"the {part} agrees with an independent quadrature to {function.checked_to:.1e}"
-
-
-class LawLibrary(SphinxDirective):
-    """All laws of the library, a section each."""
-
-    def run(self) -> list[nodes.Node]:
-        """Derive, describe and draw each law."""
-        found: list[nodes.Node] = []
-        laws = list(rsgen.laws)
-        for law in laws[:QUICK] if self.config.rsgen_quick else laws:
-            function = rsgen.derive(law)
-            section = made_section(self, law.title, law.name, describe_law(law, function))
-            drawing = draw_derivation(function, law.example)
-            section.append(drawing_node(drawing, f"law-{law.name}"))
-            found.append(section)
-        return found
-
-
-def register(app: Sphinx) -> None:
-    """Add the directive."""
-    app.add_directive("law-library", LawLibrary)
+    # the last digits of the largest difference are those of a processor
+    limit = PROOF_TOLERANCE if function.checked_to <= PROOF_TOLERANCE else MAX_RELATIVE_ERROR
+    return f"the {part} agrees with an independent quadrature to {limit:g}"

@@ -7,7 +7,6 @@ import io
 import logging
 import re
 import shlex
-import shutil
 import signal
 import warnings
 from collections.abc import Iterator
@@ -62,7 +61,7 @@ def find_snippets(text: str) -> list[Snippet]:
 
 
 class Workspace:
-    """A folder with the cases of the repository, in which the snippets of all pages run in this process.
+    """A folder with nothing but the examples, in which the snippets of pages run in this process.
 
     What a page has run is not run again for another page: equal commands leave equal files. Programs of one
     page share their names, as in a notebook.
@@ -72,7 +71,7 @@ class Workspace:
         self.folder = folder
         self._printed: dict[tuple[str, ...], str] = {}
         self._names: dict[str, dict[str, Any]] = {}
-        shutil.copytree(ROOT / "cases", folder / "cases", dirs_exist_ok=True)
+        self.run(["rsgen", "examples", "."])
 
     def run(self, words: list[str], exit_code: int = 0) -> str:
         """Run a command of rsgen; give what it printed."""

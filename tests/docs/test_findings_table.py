@@ -1,9 +1,10 @@
-"""The table of findings in the pages: every finding has its row, with what decides it and where."""
+"""The list of findings in the pages: every finding has its section, with what decides it and where."""
 
 import ast
 
 import pytest
 
+from docs._extension.findings import entries
 from docs._extension.made_findings import Source, places_of_findings
 from rsgen.report.wording import CODES, NEXT_STEPS
 
@@ -69,13 +70,10 @@ def test_a_threshold_stands_with_its_reason(code, where, threshold):
     assert reasons[threshold]
 
 
-def test_rows_say_what_a_result_would_say():
-    pytest.importorskip("sphinx", reason="no Sphinx here: install rsgen[docs]; the table was not made")
-    from docs._extension.findings import HEADS, rows
-
-    made = {row[0].split()[0]: dict(zip(HEADS, row, strict=True)) for row in rows()}
+def test_entries_say_what_a_result_would_say():
+    made = {entry.code: entry for entry in entries()}
     assert made.keys() == set(CODES) - {"note"}
-    assert made["not-converged"]["finding"] == "not-converged (doubt)"
-    assert made["level-deviates"]["sentence"].startswith("level <level> misses the law by <misfit>")
-    assert "excluded" in made["points-excluded"]["sentence"]
-    assert all(row["sentence"] for row in made.values())
+    assert made["not-converged"].severities == ("doubt",)
+    assert made["level-deviates"].sentences[0].startswith("level <level> misses the law by <misfit>")
+    assert "excluded" in made["points-excluded"].sentences[0]
+    assert all(entry.sentences and all(entry.sentences) for entry in made.values())

@@ -62,7 +62,7 @@ NOT_OURS = {
 }
 """Patterns of whole words that do not appear, and what stands instead."""
 
-CODE = re.compile(r"^```.*?^```|`[^`]*`|\$[^$]*\$|\]\([^)]*\)", re.MULTILINE | re.DOTALL)
+CODE = re.compile(r"^```.*?^```|`[^`]*`|\$[^$]*\$|\]\([^)]*\)|\\<[^>]*>", re.MULTILINE | re.DOTALL)
 LONGEST = 40
 """Words of a sentence, at most: readers have other mother tongues."""
 

@@ -45,6 +45,7 @@ COMMANDS = {
     "inspect": "What is in a data file.",
     "init": "Begin a case file.",
     "laws": "The library of force laws.",
+    "examples": "Cases and data of the documentation.",
     "modal": "Frequency and damping over amplitude, without a law.",
 }
 """Each command with its line in the help; it stands in the file and the function that bear its name."""
@@ -84,6 +85,7 @@ application = typer.Typer(
       rsgen init gearbox                         write a commented case file
       rsgen check gearbox.toml                   find every fault in it, say what a run will do
       rsgen run gearbox.toml                     simulate, identify, compare, report
+      rsgen examples .                           the cases and data of the documentation, in cases/
       rsgen run cases --out reports              the same for a folder of cases
       rsgen inspect sweep.mat                    what is in a measured file
       rsgen derive "k1*x + kn1*x**3 + c1*v"      equivalent stiffness and damping of any law

@@ -207,7 +207,7 @@ def _even_terms_not_seen(found: Finding) -> str:
     only = found.names.get("determined", "")
     combined = f"; determined is {only}, with the interval of {found.parameter}" if only else ""
     return (
-        "a force k2*x**2, as of weight or of two stiffnesses, is not seen in fundamentals: at "
+        "a force k2*x**2, as of weight or of unequal springs, is not seen in fundamentals: at "
         f"{found['even']:.0%} of the spring's at {quantity_text(*found.numbers['amplitude'], 3)} it moves "
         f"{found.parameter} by {number_text(100 * found['moved'], 2)} %, and as its square{combined}; "
         "record the mean or the second harmonic"
