@@ -157,17 +157,18 @@ def joint_alternatives(
     ``right`` and ``rows`` have unit variance; shifts are those of the first ``count`` columns.
     """
 
-    def solve(columns: Sequence[int]) -> tuple[Array, float]:
-        """Return the change of all columns, and the sum of squares that is left."""
-        change = np.zeros(rows.shape[1])
-        change[columns] = solve_scaled(rows[:, columns], right)[0]
-        return change[:count], float(np.sum((right - rows @ change) ** 2))
+    def solve(columns: Sequence[int]) -> tuple[Array, Array, float]:
+        """Return the change of all columns, its variance, and the sum of squares that is left."""
+        change, variance = np.zeros((2, rows.shape[1]))
+        change[columns], inverse, _ = solve_scaled(rows[:, columns], right)
+        variance[columns] = np.sum(inverse**2, axis=1)
+        return change[:count], variance[:count], float(np.sum((right - rows @ change) ** 2))
 
-    (begin, square), found = solve(own), {}
+    (begin, least, square), found = solve(own), {}
     for name, columns in groups.items():
-        change, left = solve(columns)
-        gain = max(square - left, 0.0)
-        found[name] = Alternative(float(np.sqrt(gain)), 1.0, change - begin, len(columns) - len(own))
+        change, variance, left = solve(columns)
+        gain, hidden = max(square - left, 0.0), np.sqrt(np.maximum(variance - least, 0.0))
+        found[name] = Alternative(float(np.sqrt(gain)), 1.0, change - begin, len(columns) - len(own), hidden)
     return found
 
 

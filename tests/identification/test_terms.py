@@ -160,6 +160,30 @@ def test_a_term_within_the_noise_is_said_with_its_shift_and_widens_nothing() -> 
     assert others.judge(values, 0.01)[0][0] == 1
 
 
+@pytest.mark.parametrize(("band", "named"), [((8.5, 12.0), False), ((10.5, 14.0), True)])
+def test_values_that_rest_on_a_response_without_other_modes_are_named(
+    band: tuple[float, float], named: bool
+) -> None:
+    """On one side of the resonance a flexibility that noise hides moves k by many standard errors."""
+    law, test = (
+        "k*x + c*v + k3*x**3",
+        rs.SimulatedTest([1, 2, 4], np.linspace(*band, 20), noise_relative=0.01),
+    )
+    surface = rs.simulate(rs.Oscillator(1.5, law, {"k": 5920.0, "c": 4.0, "k3": 3e5}), test)
+    found, other = (
+        rs.identify(surface, law),
+        rs.identify(surface, law, rs.Observation(background="residuals")),
+    )
+    assert found.verdict.state == "identified"
+    said = [f for f in found.findings if f.code == "law-ambiguous" and "background" in f.names]
+    assert len(said) == named
+    for finding in said:
+        assert {"k", "m"} <= set(finding.names["parameters"].split(", "))
+        alone, whole = (fit[finding.parameter].standard_error for fit in (found, other))
+        assert finding["shift"] == pytest.approx(1.96 * np.sqrt(whole**2 - alone**2), rel=0.3)
+        assert "hold if the response contains no other modes" in sentence(finding)
+
+
 def test_loops_that_nothing_follows_have_no_alternatives(monkeypatch: pytest.MonkeyPatch) -> None:
     """No point was left with a term beside the law, and identification ended in a ValueError."""
     fit = fitted(LAW, measured(LAW, TRUE, [1.0, 4.0]))

@@ -206,7 +206,6 @@ class Rules:
 
 
 _USUAL = Rules()
-
 Linearise = Callable[[Array, Array], Linearisation]
 
 
@@ -495,12 +494,13 @@ def summarise(
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Alternative:
-    """Additional columns of a fit, one as a rule: value, standard error, and the parameters' shift (q,)."""
+    """Columns added to a fit: value, standard error, parameters' shift (q,), and its errors if asked."""
 
     value: float
     error: float
     shift: Array
     columns: int = 1
+    hidden: Array | None = None
 
     @property
     def gain(self) -> float:

@@ -23,6 +23,7 @@ from rsgen.common.tolerances import (
     interval_sigmas,
     normal_share,
 )
+from rsgen.data.oscillator import BACKGROUNDS
 from rsgen.identification.fitting.least_squares import Alternative
 
 
@@ -133,10 +134,10 @@ class Alternatives:
         reasons: Mapping[str, Finding | None],
         units: Mapping[str, str],
     ) -> list[Finding]:
-        """Find the term that noise hides and that would move a value most; none or one.
+        """Find the term that noise hides and that would move a value most, and what a background would move.
 
-        The test does not tell whether the law has it. No interval contains its shift: of a right law that
-        would be far too wide.
+        The test does not tell whether the law has the term, or the response other modes. No interval contains
+        their shifts: of a right law that would be far too wide.
 
         Parameters
         ----------
@@ -158,4 +159,18 @@ class Alternatives:
                 numbers = quantities(errors=np.sqrt(one.gain), moved=shift[worst] / values[worst], times=most)
                 numbers["shift"] = Quantity(float(shift[worst]), units[name])
                 found = [Finding("law-ambiguous", "info", name, numbers, {"term": term})]
+        other = self.kinds.get("background", {}).get(BACKGROUNDS[-2])
+        if other is None or other.hidden is None:
+            return found
+        # the best estimate of a background says little of the one that noise hides: its interval does
+        shift = interval_sigmas() * other.hidden[: len(values)]
+        moved = np.where(shift > MISFIT_OF_NOISE * np.abs(values), shift / error, 0.0)
+        far = moved > NOISE_LIMIT_SIGMAS
+        if far.any():
+            worst = int(np.argmax(moved))
+            numbers = quantities(moved=shift[worst] / values[worst], times=moved[worst])
+            numbers["shift"] = Quantity(float(shift[worst]), units[self.names[worst]])
+            every = ", ".join(name for name, moves in zip(self.names, far, strict=True) if moves)
+            names = {"background": BACKGROUNDS[-2], "parameters": every}
+            found.append(Finding("law-ambiguous", "info", self.names[worst], numbers, names))
         return found
