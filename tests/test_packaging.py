@@ -67,3 +67,15 @@ def test_every_dependency_has_a_lowest_version_and_no_highest():
         wanted = Requirement(text)
         operators = [clause.operator for clause in wanted.specifier]
         assert operators == [">="] or wanted.name == "rsgen"
+
+
+def test_the_citation_is_of_the_last_version_in_the_changelog():
+    cited = (ROOT / "CITATION.cff").read_text(encoding="utf-8")
+    version, date = (
+        re.search(rf"^{key}: (\S+)$", cited, re.MULTILINE)[1] for key in ("version", "date-released")
+    )
+    released = re.search(
+        r"^## (\d+\.\d+\.\d+) \((\S+)\)$", (ROOT / "CHANGELOG.md").read_text("utf-8"), re.MULTILINE
+    )
+    assert (version, date) == (released[1], released[2])
+    assert f"version {version}" in (ROOT / "README.md").read_text(encoding="utf-8")
