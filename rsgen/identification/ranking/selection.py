@@ -379,7 +379,7 @@ def competitors(
     if isinstance(candidates, str) or not isinstance(candidates, Sequence):
         candidates = [candidates]
     laws: dict[str, tuple[Element, ...]] = {}
-    terms = []
+    terms, alone = [], set[str]()
     library = {term.source: term for term in library_terms()}
     for law in candidates:
         if isinstance(law, Law) and law in library:
@@ -387,7 +387,12 @@ def competitors(
             continue
         elements = as_elements(law)
         name = getattr(law, "name", "") or law_text(elements)
-        laws.setdefault(name, _completed(elements) if isinstance(law, Law) and law.title else elements)
+        laws.setdefault(name, elements)
+        if isinstance(law, Law) and law.title:
+            alone.add(name)
+    # laws of the library act where the elements of the user do
+    sensors = max((element.across for elements in laws.values() for element in elements), default="")
+    laws |= {name: _completed(laws[name], sensors) for name in laws if name in alone}
     if not laws and not terms:
         raise RsgenError("ranking: no candidate given; give formulas or laws, or none for all of rsgen.laws")
     return laws, tuple(terms), linear
@@ -401,16 +406,25 @@ def law_text(elements: Sequence[Element]) -> str:
     return "; ".join(parts)
 
 
-def _completed(elements: tuple[Element, ...]) -> tuple[Element, ...]:
-    """Add the linear spring or damper that a law of the library lacks."""
+def _completed(elements: tuple[Element, ...], sensors: str) -> tuple[Element, ...]:
+    """Add the linear spring or damper that a law of the library lacks; between two sensors also the ground."""
+    ground: tuple[Element, ...] = ()
+    if sensors:
+        joint = {symbol(name): symbol(f"{name}j") for name in "kc"}
+        forces = ((element.name, element.force.xreplace(joint)) for element in elements)
+        elements = tuple(make_element(name, force, across=sensors) for name, force in forces)
+        ground = tuple(base_elements("").values())
     names = {name for element in elements for name in element.parameters}
     has = {state: any(element.force.has(symbol(state)) for element in elements) for state in "xv"}
     missing = [
-        make_element(kind, f"{name if name not in names else name + '_'}*{state}")
-        for kind, name, state in (("linear-spring", "k", "x"), ("linear-damper", "c", "v"))
+        make_element(kind, f"{name if name not in names else name + '_'}*{state}", across=sensors)
+        for kind, name, state in (
+            ("linear-spring", "kj" if sensors else "k", "x"),
+            ("linear-damper", "cj" if sensors else "c", "v"),
+        )
         if not has[state]
     ]
-    return (*elements, *missing)
+    return (*ground, *elements, *missing)
 
 
 def _shortlist(trials: Sequence[SumFit], most: int, alone: int) -> list[SumFit]:
