@@ -363,3 +363,5 @@ class ForceUnits:
 
 WHOLE = ForceUnits("N", 1.0, str)
 PER_UNIT_MASS = ForceUnits("m/s^2", math.nan, per_mass_unit)
+# without a known scale of the force no unit that has one is known
+UNCALIBRATED = ForceUnits("", 1.0, lambda unit: unit if per_mass_unit(unit) == unit != "kg" else "")

@@ -25,7 +25,7 @@ from rsgen.data.oscillator import Model, refuse_across
 from rsgen.data.surface import ResponseSurface
 from rsgen.data.surface.plausibility import plausibility_findings
 from rsgen.dynamics.linear_part import background_terms
-from rsgen.formula.units import ForceUnits
+from rsgen.formula.units import UNCALIBRATED, ForceUnits
 from rsgen.identification.fitting.across import law_of
 from rsgen.identification.fitting.fit import Fit, Solution, fit_balance
 from rsgen.identification.fitting.least_squares import Regression
@@ -351,6 +351,8 @@ def judge(test: Prepared, model: Model, refined: Fit) -> Identification:
         # the sum of squares of other laws is nearly quadratic
         estimates = rsgen.identification.with_profiles(refined, estimates)
     curve = equivalent_curve(surface, points, used, refined)
+    if not model.observation.calibrated:
+        curve = replace(curve, units=UNCALIBRATED)
     doubtful = {estimate.name for estimate in estimates if not estimate.identifiable}
     mass = nan if "m" in doubtful else refined.mass
     predicted = refined.harmonics[used, 0].real

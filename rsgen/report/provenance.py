@@ -229,7 +229,8 @@ class Subject:
         """Take over a case; what concerns another law than the identified one is left out."""
         case = case.with_model(identification.model)
         heading = (case.name, case.title or case.name, case.source, case.model.elements)
-        return cls(*heading, case.truth, case.printed, case.units, case.warnings, case)
+        units = case.units if case.observation.calibrated else {}
+        return cls(*heading, case.truth, case.printed, units, case.warnings, case)
 
     @classmethod
     def of_result(cls, identification: Identification, name: str, title: str, source: str) -> Subject:

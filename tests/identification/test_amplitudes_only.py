@@ -76,6 +76,11 @@ def test_a_background_lifts_one_side_of_the_resonance():
 def test_a_test_that_is_not_calibrated_says_so():
     found = identify(surface("cubic"), model("cubic"), Observation(calibrated=False))
     assert "not-calibrated" in codes(found)
+    assert {estimate.unit for estimate in found} == {""}
+    assert [found.curve.units.of(unit) for unit in ("N/m", "N*s/m", "J", "kg", "m/N", "m")] == [
+        *[""] * 5,
+        "m",
+    ]
     with pytest.raises(RsgenError, match="not calibrated"):
         Model(model("cubic").elements, mass=1.0, observation=Observation(calibrated=False))
 

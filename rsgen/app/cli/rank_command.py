@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from math import nan
 from pathlib import Path
 from typing import Annotated
 
@@ -20,13 +21,12 @@ from rsgen.app.cli.terminal import (
 )
 from rsgen.app.study import obtain_table
 from rsgen.cases import load_case
-from rsgen.common.errors import RsgenError
 from rsgen.data.multisine import MultisineSpectra
 from rsgen.data.oscillator import Model
 from rsgen.data.surface import ResponseSurface
 from rsgen.files import load_surface
-from rsgen.formula.unit_deduction import parameter_units
 from rsgen.identification.ranking import Ranking, rank
+from rsgen.identification.results import units_of
 from rsgen.report.result_json import ranking_entry
 from rsgen.report.wording import sentence
 from rsgen.report.wording.sentences import state_verdict
@@ -81,18 +81,13 @@ def rank_command(
         if finding not in ranking.verdict.decided_by and finding != ranking.verdict.summary:
             print_line(sentence(finding))
     print_line(f"best: {ranking.candidates[0].force}")
-    print_line(f"with {_values(ranking)}")
+    print_line(f"with {_values(ranking, table)}")
     return print_next_steps(state_verdict(ranking.verdict))
 
 
-def _values(ranking: Ranking) -> str:
+def _values(ranking: Ranking, table: ResponseSurface | MultisineSpectra) -> str:
     """Values of the best law with their units, so that absurd ones are seen."""
-    try:
-        units = parameter_units(ranking.model.force)
-    except RsgenError:
-        # a law whose terms do not agree in units can be ranked all the same
-        units = {}
-    units = {"m": "kg", **{name: "" if unit == "1" else unit for name, unit in units.items()}}
+    units = units_of(ranking.model, table.on_mass(ranking.model.fixed.get("m", nan)).units)
     return ", ".join(
         f"{name} = {number(value)} {units.get(name, '')}".rstrip()
         for name, value in ranking.candidates[0].values.items()

@@ -31,6 +31,7 @@ from rsgen.data.multisine.spectra import check_records
 from rsgen.data.oscillator import Model
 from rsgen.dynamics.linear_part import background_of_lines
 from rsgen.dynamics.periodic_response import periodic_response
+from rsgen.formula.units import UNCALIBRATED
 from rsgen.identification.fitting.across import law_of
 from rsgen.identification.fitting.fit import Solution
 from rsgen.identification.fitting.least_squares import Alternative
@@ -186,6 +187,9 @@ def _assemble(spectra: MultisineSpectra, model: Model, fit: LineFit) -> Multisin
     background = fitted_background(fit, whole, freedom)
     frequency = part.frequency[lines.used.any(axis=0)]
     resonances = tuple(map(_resonance, approximations))
+    curve = _curve(resonances, part)
+    if not model.observation.calibrated:
+        curve = replace(curve, units=UNCALIBRATED)
     unknown = tuple(Estimate(e.name, nan, inf, (-inf, inf), e.unit) for e in estimates)
     return MultisineIdentification(
         model=model,
@@ -195,7 +199,7 @@ def _assemble(spectra: MultisineSpectra, model: Model, fit: LineFit) -> Multisin
         first_order_bias=(nan,) * len(estimates),
         covariance=stated[np.ix_(free, free)],
         resonances=resonances,
-        curve=_curve(resonances, part),
+        curve=curve,
         residual=misfit,
         noise=noise,
         levels=part.levels,

@@ -407,7 +407,7 @@ def law_text(elements: Sequence[Element]) -> str:
 
 
 def _completed(elements: tuple[Element, ...], sensors: str) -> tuple[Element, ...]:
-    """Add the linear spring or damper that a law of the library lacks; between two sensors also the ground."""
+    """Add the linear spring or damper that a library law lacks, between two sensors also the ground."""
     ground: tuple[Element, ...] = ()
     if sensors:
         joint = {symbol(name): symbol(f"{name}j") for name in "kc"}

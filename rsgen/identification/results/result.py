@@ -21,7 +21,7 @@ from rsgen.data.multisine import MultisineSpectra
 from rsgen.data.oscillator import Model
 from rsgen.dynamics.linear_part import BackgroundTerms, background_terms
 from rsgen.formula.unit_deduction import parameter_units
-from rsgen.formula.units import WHOLE, ForceUnits
+from rsgen.formula.units import UNCALIBRATED, WHOLE, ForceUnits
 from rsgen.identification.fitting.fit import Fit
 from rsgen.identification.results.alternatives import Alternatives
 from rsgen.law.memory import with_equations
@@ -230,14 +230,18 @@ class Background:
 
 
 def units_of(model: Model, of: ForceUnits = WHOLE) -> dict[str, str]:
-    """SI unit of every parameter, "" where the law does not say, in those of a test."""
+    """SI unit of every parameter, "" where the law does not say, in those of a test.
+
+    Of a test that is not calibrated only those units are known that contain no force.
+    """
+    of = of if model.observation.calibrated else UNCALIBRATED
     # names that are kept for the time and the force have no unit there
     units = dict.fromkeys(model.parameters, "")
     # a law whose terms do not agree in units can be fitted all the same
     with suppress(RsgenError):
         units |= parameter_units(model.force)
     named = {name: of.of(unit) for name, unit in units.items()}
-    return {"m": "kg", **{name: "" if unit == "1" else unit for name, unit in named.items()}}
+    return {"m": of.of("kg"), **{name: "" if unit == "1" else unit for name, unit in named.items()}}
 
 
 @dataclass(frozen=True, slots=True, eq=False, repr=False)

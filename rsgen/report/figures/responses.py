@@ -402,7 +402,7 @@ def draw_best_linear(found: MultisineIdentification, *, ax: GivenAxes = None) ->
     require(found, MultisineIdentification, "found")
     levels = found.approximations
     figure, panels = take_axes(ax, 2, (4.4, 4.6), sharex=True)
-    unit = "m/N" if np.isfinite(found.curve.units.kilogram) else "s^2"
+    unit = found.curve.units.of("m/N") if np.isfinite(found.curve.units.kilogram) else "s^2"
     scale = choose_scale(np.abs(np.concatenate([one.receptance for one in levels])), unit)
     norm = Normalize(0, max(len(levels) - 1, 1))
     for number, one in enumerate(levels):
