@@ -519,7 +519,8 @@ def _start_amplitudes(points: Points, law: ForceLaw, fixed: Mapping[str, float])
         equations = Equations(
             points.omega, force * np.exp(1j * lag), harmonics, False, 1 / force, np.zeros((0, 2))
         )
-        found = solve_equations(equations, law, fixed)
+        # the first search covers the whole range; later phases move its values little
+        found = solve_equations(equations, law, fixed, None if start is None else start.values)
         balance = _balance_at_amplitudes(law, found.values, found.mass, points.omega, points.amplitude, 1)
         misfit = float(np.sqrt(np.mean(np.log(np.abs(balance.force) / force) ** 2)))
         if start is not None and not misfit < (1 - MISFIT_NEGLIGIBLE) * best:
