@@ -109,6 +109,19 @@ def test_a_background_that_the_second_sensor_does_not_share_is_in_the_interval(b
     assert said.names == {"background of the second sensor": "constant"}
 
 
+@pytest.mark.parametrize("kind", ["none", "residuals"])
+def test_the_misfit_of_one_period_is_taken_for_that_of_a_law_in_the_intervals(kind):
+    """No noise is known, and lines of a background are no independent ones: kj was 8 and 16 errors off."""
+    records = spectra()
+    seen = 1e-9 * (1 + 0.3j) * records.force * (records.lines > 0)
+    found = rs.identify(
+        replace(records, response=records.response + seen), elements(), rs.Observation(background=kind)
+    )
+    assert found.verdict.state == "identified"
+    for name, true in TRUTH.items():
+        assert abs(found[name].value - true) < 4 * found[name].standard_error, name
+
+
 def test_elements_and_records_have_the_same_motions():
     with pytest.raises(RsgenError, match="the test has no motion across"):
         rs.identify(replace(spectra(), across=None), elements())

@@ -7,8 +7,9 @@ slopes pulls the estimate by (J^T W J)^-1 times the weighted covariance of slope
 subtracted (errors in variables).
 
 Standard errors: (J^T W J)^-1, but at least as large as the scatter of the single periods says; where the
-misfit exceeds noise, the lines are not independent and the delete-a-group jackknife over parts of the band
-replaces it (CR3: Cameron and Miller, J. Human Resources 50, 2015).
+misfit exceeds noise, or one period says nothing of noise, the lines are not independent and the
+delete-a-group jackknife over parts of the band replaces it (CR3: Cameron and Miller, J. Human Resources 50,
+2015).
 
 Initial values: along sampled motions the balance is linear in most parameters; those are solved for at every
 trial of the others (variable projection).
@@ -251,7 +252,8 @@ def parameter_covariance(fit: LineFit) -> tuple[Array, int, float]:
     found, widening = fit.regression, 1.0
     freedom, covariance = found.freedom, found.basis @ found.basis.T
     covariance = covariance * _scatter_of_periods(fit, covariance)
-    if fit.systematic:
+    # of one period the misfit may be all the law's
+    if fit.systematic or fit.lines.spectra.periods == 1:
         spread = np.diag(band_jackknife(fit))
         known = np.diag(covariance)
         ratio = np.sqrt(np.maximum(spread / np.where(known > 0, known, np.inf), 1.0))
