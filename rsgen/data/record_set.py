@@ -34,8 +34,8 @@ BASE_UNITS = {"": "N"} | QUANTITIES
 CHANNEL_NAME = re.compile(r"[A-Za-z_][A-Za-z0-9_]{0,39}")
 """What a channel or sensor may be called: it stands in sums, and in names of columns."""
 
-LEVEL_ROUND_OFF = 1e-6
-"""Relative difference of a measured amount from its nominal level that is round-off of files."""
+FILE_ROUND_OFF = 1e-6
+"""Relative difference of frequencies, or of an amount from its nominal level, that is round-off of files."""
 LEVEL_DIGITS = 3
 """Digits of a level in pages and messages, at least; more where two would have one name."""
 
@@ -62,7 +62,7 @@ def match_level(levels: Array, asked: float) -> float | None:
     >>> match_level(np.array([2.6, 5.0]), 3.0) is None
     True
     """
-    exact = [float(level) for level in levels if abs(level - asked) <= LEVEL_ROUND_OFF * abs(asked)]
+    exact = [float(level) for level in levels if abs(level - asked) <= FILE_ROUND_OFF * abs(asked)]
     if exact:
         return min(exact, key=lambda level: abs(level - asked))
     mantissa = f"{asked:.15e}".partition("e")[0].replace(".", "").lstrip("-").rstrip("0")
@@ -164,7 +164,7 @@ class Records(ABC):
             if named is not None:
                 held |= self.label == named
             elif amount is not None:
-                held |= np.isclose(self.level, amount, rtol=LEVEL_ROUND_OFF, atol=0.0)
+                held |= np.isclose(self.level, amount, rtol=FILE_ROUND_OFF, atol=0.0)
         return held
 
     def select(self, chosen: Sequence[int] | NDArray[np.bool_] | NDArray[np.intp]) -> Self:

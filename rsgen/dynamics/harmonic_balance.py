@@ -36,8 +36,8 @@ from rsgen.law.motion import FourierSeries, Motion, fourier_series
 from rsgen.law.normal_form import ForceSample
 from rsgen.law.numeric import ForceLaw, compile_law
 
-_ACCEPTED_STEP = 1e-6
-"""Relative last step that is still called convergence."""
+ACCEPTED_STEP = 1e-6
+"""Relative last step of Newton's method that is still called convergence."""
 
 LONGEST_STEP = 0.5
 """Step of a coefficient, relative to the amplitude that is held: a longer one leaves the branch."""
@@ -330,7 +330,7 @@ class _Balance:
         sample, residual = self._sample(rows, before)
         tangent = self._tangent(rows, sample)
         residual = residual + (tangent @ (at - before)[:, :, None])[:, :, 0]
-        return self._response(at, residual, tangent, sample, size <= _ACCEPTED_STEP, loaded=loaded)
+        return self._response(at, residual, tangent, sample, size <= ACCEPTED_STEP, loaded=loaded)
 
     def _response(
         self,

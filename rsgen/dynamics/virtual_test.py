@@ -27,6 +27,7 @@ from rsgen.data.multisine import MultisineSpectra
 from rsgen.data.oscillator import Oscillator
 from rsgen.data.record_set import BASE_UNITS, PlannedTest, below_acceleration
 from rsgen.data.surface import ResponseSurface
+from rsgen.data.surface.plausibility import MAX_RESONANT_LAG
 from rsgen.dynamics.settling import SteadyStates
 from rsgen.dynamics.steady_state import (
     ACCURACY,
@@ -36,9 +37,6 @@ from rsgen.dynamics.steady_state import (
     USUAL_HARMONICS,
 )
 from rsgen.law.numeric import compile_law
-
-_MAX_RESONANT_LAG = 0.2
-"""Lags within 11 degrees of a quarter period say nothing of the mass: k - m omega^2 is nearly zero."""
 
 
 def level_grid(values: ArrayLike, name: str, unit: str) -> Array:
@@ -214,7 +212,7 @@ class SimulatedTest(VirtualTest):
 
     def known_mass(self, mass: float | None) -> float | None:
         """Return the mass [kg] of a shaken base or at phase resonance alone, where the test tells none."""
-        resonant = all(abs(lag + self.phase_error - pi / 2) < _MAX_RESONANT_LAG for lag in self.lags)
+        resonant = all(abs(lag + self.phase_error - pi / 2) < MAX_RESONANT_LAG for lag in self.lags)
         return mass if self.base is not None or (self.control == "phase" and resonant) else None
 
     def planned(self) -> ResponseSurface:

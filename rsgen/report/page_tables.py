@@ -379,9 +379,6 @@ class Modal:
 NO_MODAL = Modal()
 """No table was asked for."""
 
-_ROWS = 2
-"""Every second row is on the page; the file has all."""
-
 _TITLES = {
     "frequency": "Frequency",
     "damping_ratio": "Damping ratio",
@@ -423,7 +420,8 @@ def modal_page_table(section: Modal) -> Table | None:
         for name, scale in scales.items()
     ]
     rows = []
-    for row in list(modal)[::_ROWS]:
+    # every second row: the file has all
+    for row in list(modal)[::2]:
         cells: list[str | Cell] = [number_text(row["amplitude"] / amplitude.factor)]
         for name, scale in scales.items():
             factor = 0.01 if name == "damping_ratio" else scale.factor

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from rsgen.common.arrays import Array, ComplexArray
 from rsgen.common.errors import MeasurementError
 from rsgen.common.finding import Finding
-from rsgen.common.tolerances import RELATIVE_ERROR_DOUBTFUL
+from rsgen.common.tolerances import RELATIVE_ERROR_DOUBTFUL, SUBSAMPLE_POINTS
 from rsgen.data.free_mode import MIN_RELATIVE_FORCE, FreeMode, Kinematics, estimate_mass
 from rsgen.data.history.envelope import (
     HARMONICS,
@@ -51,8 +51,6 @@ from rsgen.data.history.tracking import (
 from rsgen.data.surface import ResponseSurface
 from rsgen.data.surface.response_surface import SWEPT_TOO_FAST
 
-MAX_POINTS = 400
-"""Of a sweep; more are correlated with their neighbours and make every later stage slower."""
 _WIDE_WINDOW = 1.5
 """Length of a second window over the first; the difference shows how far the first flattens a peak."""
 _MAX_FLATTENING = 0.02
@@ -82,7 +80,7 @@ def from_swept_sine(
     law: SweepLaw | str | None = None,
     bandwidth: float | None = None,
     harmonics: int = HARMONICS,
-    points: int = MAX_POINTS,
+    points: int = SUBSAMPLE_POINTS,
     mass: float | None = None,
 ) -> ResponseSurface:
     """Turn swept-sine time histories of one structure into a response surface.
@@ -105,7 +103,7 @@ def from_swept_sine(
     harmonics
         Highest harmonic of the displacement; those above 0.45 of the sampling rate come as NaN.
     points
-        Most points a sweep.
+        Most points a sweep: more are correlated with their neighbours and make every later stage slower.
     mass
         Moving mass [kg] if known.
 

@@ -24,7 +24,7 @@ from rsgen.common.text_table import short
 from rsgen.common.tolerances import MAX_TRIAL_STEPS, NOISE_LIMIT_SIGMAS
 from rsgen.data.free_mode import fit_mode, steady
 from rsgen.data.multisine.spectra import LINES_TO_EACH_SIDE, MultisineSpectra, rms, scatter, smooth
-from rsgen.data.record_set import LEVEL_ROUND_OFF, below_acceleration
+from rsgen.data.record_set import FILE_ROUND_OFF, below_acceleration
 from rsgen.data.surface import ResponseSurface
 from rsgen.data.surface.plausibility import Sizes, size_findings
 
@@ -227,7 +227,7 @@ def best_linear(spectra: MultisineSpectra, band: tuple[float, float] | None = No
     inside = (spectra.frequency >= low) & (spectra.frequency <= high) & (spectra.lines > 0)
     found = []
     for level in spectra.levels:
-        rows = np.flatnonzero(np.isclose(spectra.level, level, rtol=LEVEL_ROUND_OFF, atol=0.0))
+        rows = np.flatnonzero(np.isclose(spectra.level, level, rtol=FILE_ROUND_OFF, atol=0.0))
         chosen = excited[rows].all(axis=0) & inside
         if np.count_nonzero(chosen) < _MIN_LINES:
             raise MeasurementError(

@@ -421,6 +421,10 @@ def _fit(
 # ----------------------------------------------------------------------------
 # The lag of a phase-locked test: the error from that of resonance, a quarter period.
 
+MAX_RESONANT_LAG = 0.2
+"""Deviation of a lag from a quarter period [rad], 11 degrees, within which a point is at phase resonance and
+says nothing of the mass: k - m omega^2 is nearly zero."""
+
 MAX_LAG_ERROR = 0.52
 """30 degrees [rad]: within it of a quarter period a lag is meant to be one, but for an uncorrected delay;
 others are slices off resonance."""

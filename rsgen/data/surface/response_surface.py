@@ -21,7 +21,7 @@ from rsgen.common.errors import RsgenError, require
 from rsgen.common.finding import Finding, Quantity, quantities
 from rsgen.common.output import write_atomic
 from rsgen.common.text_table import TextTable, short
-from rsgen.data.record_set import BASE_UNITS, LEVEL_ROUND_OFF, Records, below_acceleration
+from rsgen.data.record_set import BASE_UNITS, FILE_ROUND_OFF, Records, below_acceleration
 from rsgen.data.surface.columns import (
     COLUMN_UNITS,
     CONTROLS,
@@ -60,7 +60,7 @@ def typical_amounts(surface: ResponseSurface, amount: Array | None = None) -> Ar
             continue
         near = at[size[at] >= HALF_POWER * size[at].max()]
         value = float(np.median(size[at] if surface.response_held else force[near]))
-        found[number] = level if abs(value - level) <= LEVEL_ROUND_OFF * abs(level) else value
+        found[number] = level if abs(value - level) <= FILE_ROUND_OFF * abs(level) else value
     return found
 
 

@@ -29,6 +29,7 @@ from rsgen.common.tolerances import (
     BALANCE_HARMONICS,
     MAX_NEWTON_STEPS,
     MIN_NULL_COMPONENT,
+    MISFIT_NEGLIGIBLE,
     MISFIT_OF_NOISE,
     NEAR_STEPS,
     SAMPLES_PER_PERIOD,
@@ -40,9 +41,6 @@ from rsgen.identification.fitting.least_squares import Regression, Rules, elimin
 from rsgen.identification.fitting.observed import FORCE_TO_RESPONSE_NOISE, Problem, is_systematic
 from rsgen.identification.fitting.points import Points
 from rsgen.law.motion import Motion, sine_motion
-
-_EXACT = 1e-3
-"""Below this misfit, relative, data show what ``SAMPLES_PER_PERIOD`` miss of a switch."""
 
 _MIN_SHARE_FOLLOWED = 0.5
 """Share of the points that must be predicted on the measured branch; where fewer are, the start is wrong."""
@@ -249,7 +247,8 @@ def fit_balance(
         found = fit(descent.linearise, found.parameters, nuisance, rules, **common)
     # first order is what it says, not what a coarse sum makes of it
     coarse = law.switched and steps > 1 and forward.samples < SAMPLES_PER_PERIOD_SWITCHED
-    if coarse and (order == 1 or found.noise < _EXACT):
+    # below that misfit data show what the fewer samples miss of a switch
+    if coarse and (order == 1 or found.noise < MISFIT_NEGLIGIBLE):
         forward.samples = SAMPLES_PER_PERIOD_SWITCHED
         more = replace(rules, steps=1 if order == 1 else steps)
         found = fit(descent.linearise, found.parameters, found.nuisance, more, **common)

@@ -28,7 +28,7 @@ from rsgen.common.tolerances import (
     SAMPLES_PER_PERIOD,
 )
 from rsgen.data.oscillator import Oscillator
-from rsgen.dynamics.harmonic_balance import Response, following_harmonics, hold_amplitude
+from rsgen.dynamics.harmonic_balance import ACCEPTED_STEP, Response, following_harmonics, hold_amplitude
 from rsgen.dynamics.linear_part import Inertia
 from rsgen.dynamics.settling import SteadyStates
 from rsgen.dynamics.steady_state import solve_steady_states
@@ -37,9 +37,6 @@ from rsgen.identification.fitting.observed import Observed
 from rsgen.law.element import Element
 from rsgen.law.motion import Motion
 from rsgen.law.numeric import ForceLaw
-
-_REST_TOLERANCE = 1e-6
-"""Relative last step of Newton's method to the place of rest."""
 
 
 class Forward(Protocol):
@@ -81,7 +78,7 @@ def _place_of_rest(law: ForceLaw, values: Array, size: float) -> float:
         sample = law.still(x, values)
         force, slope = float(sample.force[0]), float(sample.by_x[0])
         step = -force / slope if slope > 0 and np.isfinite(force) else np.inf
-        if abs(step) < _REST_TOLERANCE * size:
+        if abs(step) < ACCEPTED_STEP * size:
             return float(x[0])
         if not np.isfinite(step):
             return 0.0

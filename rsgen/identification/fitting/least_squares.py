@@ -44,9 +44,6 @@ def determined(covariance: Array, null: Array) -> Array:
 
 Mask = NDArray[np.bool_]
 
-_MIN_INDEPENDENT_SHARE = 1e-6
-"""Share of the square of a column outside the span of the others, below which it is dependent."""
-
 _MIN_PREDICTED_SHARE = 0.98
 """Share of the points that must have a prediction after a step."""
 
@@ -546,7 +543,8 @@ def alternatives(
         absorbed = inverse @ (inverse.T @ (matrix.T @ column))
         own = column - matrix @ absorbed
         size = float(own @ own)
-        if not size > _MIN_INDEPENDENT_SHARE * float(column @ column):
+        # outside the span of the others, or dependent on them
+        if not size > MIN_NULL_COMPONENT**2 * float(column @ column):
             found.append(Alternative(0.0, np.inf, np.zeros(len(absorbed))))
             continue
         value = float(own @ residual - more + absorbed @ own_score) / size

@@ -20,7 +20,7 @@ from rsgen.common.tolerances import ASSUMED_RELATIVE_NOISE, ROUND_OFF, STANDARD_
 from rsgen.data.multisine import MultisineSpectra
 from rsgen.data.oscillator import Model, join_model
 from rsgen.data.surface import OUTCOMES, ResponseSurface
-from rsgen.data.surface.plausibility import MAX_LAG_ERROR, BackboneGap, backbone_gap
+from rsgen.data.surface.plausibility import MAX_LAG_ERROR, MAX_RESONANT_LAG, BackboneGap, backbone_gap
 from rsgen.law.motion import Motion, feeds_exciter
 
 Test = TypeVar("Test", ResponseSurface, MultisineSpectra)
@@ -29,9 +29,6 @@ ASYMMETRIC = 0.2
 """Mean or higher harmonic, relative to the amplitude, beyond that of a nearly sinusoidal motion."""
 
 _MIN_ASYMMETRIC_POINTS = 3
-
-_MAX_LAG_DEVIATION = 0.2
-"""Deviation of the lag from a quarter period [rad] of points at phase resonance."""
 
 MIN_POINTS = 4
 """A mass, a spring and a damper, and one more point."""
@@ -131,7 +128,7 @@ class Points:
     def in_quadrature(self) -> NDArray[np.bool_]:
         """Mask (n,) of responses that lag the force by nearly a quarter period, or as all points do."""
         common = float(np.median(self.lag))
-        return np.abs(self.lag - (common if abs(common) < MAX_LAG_ERROR else 0.0)) < _MAX_LAG_DEVIATION
+        return np.abs(self.lag - (common if abs(common) < MAX_LAG_ERROR else 0.0)) < MAX_RESONANT_LAG
 
     @property
     def runs(self) -> list[NDArray[np.intp]]:

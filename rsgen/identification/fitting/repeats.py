@@ -16,15 +16,13 @@ from numpy.typing import NDArray
 
 from rsgen.common.arrays import Array
 from rsgen.common.tolerances import MAX_SHARE_OF_OUTLIERS, MIN_SIGNIFICANT_GAIN, ROUND_OFF
+from rsgen.data.record_set import FILE_ROUND_OFF
 from rsgen.data.surface import ResponseSurface
 from rsgen.identification.fitting.points import ASYMMETRIC
 from rsgen.law.element import response_share
 
 MIN_JUMP_RATIO = 1.5
 """Ratio of two amplitudes from which on a jump lies between them."""
-
-_FREQUENCY_TOLERANCE = 1e-6
-"""Relative difference up to which two frequencies are one."""
 
 _MIN_READINGS_OF_BATCHES = 6
 """From so many readings on batch means are formed, as many as the square root of their number."""
@@ -222,7 +220,7 @@ def _groups(surface: ResponseSurface) -> NDArray[np.intp]:
     order = np.lexsort((surface.frequency, surface.sweep, surface.level))
     frequency, level, sweep = (getattr(surface, name)[order] for name in ("frequency", "level", "sweep"))
     new = (
-        (np.diff(frequency) > _FREQUENCY_TOLERANCE * frequency[1:])
+        (np.diff(frequency) > FILE_ROUND_OFF * frequency[1:])
         | (level[1:] != level[:-1])
         | (sweep[1:] != sweep[:-1])
     )
