@@ -246,7 +246,7 @@ def _derive_memoryless(
         checked_to=checked_to,
         regimes=tuple(dict.fromkeys(renamed(c, plain) for r in found.readings[:2] for c in r.conditions)),
         limits=tuple(_limits(law, found, solved, plain)),
-        remarks=(*_about_formulas(law, positive, found, trial, vanishes), *_about_mean(law, solved, balance)),
+        remarks=(*_about_formulas(positive, found, trial, vanishes), *_about_mean(law, solved, balance)),
         positive=tuple(sorted(positive)),
         closed=found.part,
         remainder=renamed(found.remainder, plain),
@@ -310,9 +310,7 @@ def _limits(
                 yield Limit(name, place, renamed(value, plain))
 
 
-def _about_formulas(
-    law: _Law, positive: frozenset[str], found: _Closed, trial: Trial, vanishes: bool
-) -> Iterable[str]:
+def _about_formulas(positive: frozenset[str], found: _Closed, trial: Trial, vanishes: bool) -> Iterable[str]:
     yield from found.remarks
     yield from taken_as_positive(sorted(positive))
     if not len(trial.cycle.X):

@@ -448,7 +448,7 @@ class _Sets:
             else:
                 self.others.append(self.skip(text.strip()))
 
-    def lines_of(self, name: str, most: int) -> list[str]:
+    def next_lines(self, most: int) -> list[str]:
         """Return the first lines of a data set, and pass over the others."""
         found: list[str] = []
         while (raw := self.lines.next()) is not None:
@@ -460,13 +460,13 @@ class _Sets:
 
     def header(self) -> None:
         """Read data set 151: which model, when, by which program; what the first one says is kept."""
-        said = dict(zip(_HEADER, self.lines_of("151", len(_HEADER)), strict=False))
+        said = dict(zip(_HEADER, self.next_lines(len(_HEADER)), strict=False))
         for name, text in said.items():
             if name and text and text != "NONE":
                 self.texts.setdefault(f"header/{name}", " ".join(text.split()))
 
     def qualifiers(self) -> _Qualifiers:
-        lines = self.lines_of("1858", 2)
+        lines = self.next_lines(2)
         try:
             return _qualifiers(lines)
         except MeasurementError as fault:
@@ -487,7 +487,7 @@ class _Sets:
     def skip(self, name: str) -> str:
         if not re.fullmatch(r"\d{1,6}[a-z]?", name):
             raise self.lines.fail(f"{name[:20]!r} is no number of a data set; is it a universal file?")
-        self.lines_of(name, 0)
+        self.next_lines(0)
         return name
 
     def units(self) -> UnitSystem:

@@ -18,7 +18,6 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from math import nan, pi
-from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
@@ -29,10 +28,6 @@ from rsgen.common.tolerances import MIN_MISFIT_REDUCTION, MISFIT_DOUBTFUL
 from rsgen.data.free_mode import fit_powers
 from rsgen.data.record_set import DERIVATIVE, QUANTITIES
 from rsgen.data.surface.response_surface import ResponseSurface
-
-if TYPE_CHECKING:
-    from rsgen.data.surface.response_surface import ResponseSurface
-
 
 _MAX_MISFIT_RATIO = 1 - MIN_MISFIT_REDUCTION
 """Of the right reading to another one: noise and a wrong law leave the rest of the misfit. In measured tests

@@ -233,7 +233,7 @@ def _named_level(draft: Draft, size: int, alike: Clue) -> Entry | None:
     )
 
 
-def _force(draft: Draft, table: _Table) -> Sensor | None:
+def _force(table: _Table) -> Sensor | None:
     named = (FORCE | LOAD) & _NO_MOTION
     in_parts = {id(sensor.main) for sensor in table.free if sensor.places[0][0] == "real"}
     parts = Clue(lambda entry: id(entry) in in_parts)
@@ -247,7 +247,7 @@ def _force(draft: Draft, table: _Table) -> Sensor | None:
     )
 
 
-def _responses(draft: Draft, table: _Table) -> list[Sensor]:
+def _responses(table: _Table) -> list[Sensor]:
     """Take the channels that are responses by unit or name, those with a phase first."""
     others = ~FORCE & ~IS_FORCE
     named = (RESPONSE | QUOTIENT | remarked("frequency response")) & others
@@ -326,8 +326,8 @@ def propose_amplitudes(draft: Draft, frequency: Entry) -> None:
     if base is not None:
         # other directions of the base are no responses
         table.free = [s for s in table.free if s is not base.sensor and not BASE(s.main)]
-    force = None if base else _force(draft, table)
-    responses = _with_loose_phase(_responses(draft, table), table)
+    force = None if base else _force(table)
+    responses = _with_loose_phase(_responses(table), table)
     # one device writes all phases in one sense
     reference = base.sensor if base else force
     shared = "lead" if reference and reference.has_phase else ""

@@ -205,7 +205,7 @@ def predict(
     findings = list[Finding]()
     if surface is not None:
         held_out = _score(found, balance, surface)
-        findings += _missed(held_out, surface, found.residual, by_law=table is None)
+        findings += _missed(held_out, found.residual, by_law=table is None)
         if curves and surface.base in ("displacement", "velocity"):
             findings.append(Finding("curves-of-constant-acceleration", "info", names={"base": surface.base}))
     findings = [*balance.findings, *_findings(tested, curves, held_out), *findings]
@@ -237,7 +237,7 @@ def predict_held_out(found: Identification, surface: ResponseSurface) -> Predict
         return Prediction((), (), meant)
     surface = surface.on_mass(found.mass)
     held_out = _score(found, balance_of(found), surface)
-    missed = _missed(held_out, surface, found.residual)
+    missed = _missed(held_out, found.residual)
     return Prediction((), held_out, (*meant, *_missing(held_out), *missed))
 
 
@@ -416,9 +416,7 @@ def _respond(
     return balance.respond(mode) + shape.receptance(values) * mode.force
 
 
-def _missed(
-    held_out: tuple[HeldOutLevel, ...], surface: ResponseSurface, misfit: float, *, by_law: bool = True
-) -> tuple[Finding, ...]:
+def _missed(held_out: tuple[HeldOutLevel, ...], misfit: float, *, by_law: bool = True) -> tuple[Finding, ...]:
     """Find held-out levels whose error, without points at jumps, is large relative to the misfit of the fit.
 
     A point without a steady state has an error of its full amplitude if the prediction is ``by_law``; for a
