@@ -16,6 +16,8 @@ from .made_findings import SEVERITIES, Threshold, places_of_findings, texts_of
 
 _SIGN = re.compile(r"`[^`]*`|[<*$\[]")
 _FIELD = re.compile(r"\{(\w+)(?::[^}]*)?\}")
+_BEGIN = re.compile(r"\[\[(?:[^|{}\]]*\|)?")
+_BETWEEN = re.compile(rf"\]\]{_BEGIN.pattern}")
 
 
 @dataclass(frozen=True)
@@ -55,7 +57,10 @@ def _said(code: str) -> Iterable[str]:
     """The sentence of a code; of one with logic each that its function returns."""
     say = CODES[code]
     if isinstance(say, partial):
-        return [_FIELD.sub(r"<\1>", say.args[0])]
+        texts = [say.args[0]] if isinstance(say.args[0], str) else say.args[0].values()
+        # what is said under conditions only stands in brackets, alternatives with a stroke between
+        parts = (_BEGIN.sub("(", _BETWEEN.sub(" / ", text)).replace("]]", ")") for text in texts)
+        return [_FIELD.sub(r"<\1>", text) for text in parts]
     tree = ast.parse(textwrap.dedent(inspect.getsource(say)))
     returned = [node.value for node in ast.walk(tree) if isinstance(node, ast.Return) and node.value]
     return dict.fromkeys(map(_text, returned))

@@ -7,6 +7,7 @@ from collections import defaultdict
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
+from string import Formatter
 from typing import Any
 
 import pytest
@@ -14,6 +15,7 @@ import pytest
 import rsgen
 from rsgen.common.finding import Finding, Quantity
 from rsgen.report.wording import CODES, NEXT_STEPS, full_sentence, next_step, sentence
+from rsgen.report.wording.sentences import _PART, _holds, _Number
 
 PACKAGE = Path(rsgen.__file__).parent
 
@@ -73,10 +75,20 @@ def test_every_sentence_can_be_said(code, size, mapping):
     assert not re.search(r"\bnan\b|\{|\bNone\b", text)
 
 
+@pytest.mark.parametrize("code", sorted(code for code, say in CODES.items() if isinstance(say, partial)))
+def test_every_part_of_a_text_can_be_said(code):
+    said = CODES[code].args[0]
+    for text in [said] if isinstance(said, str) else said.values():
+        whole = _PART.sub(r"\2", text)
+        fields = [(name, form) for _, name, form, _ in Formatter().parse(whole) if name]
+        spoken = whole.format_map({name: _Number(4.5e-9, "m") if form else "<name>" for name, form in fields})
+        assert not re.search(r"\[\[|\]\]|[{}|]|  |\.$", spoken)
+
+
 def test_a_code_has_one_sentence_and_one_next_step():
     # TOML refuses a code that stands twice; a function of the same code would replace its text without a word
     texts = tomllib.loads((PACKAGE / "report/wording/findings.toml").read_text(encoding="utf-8"))
-    assert {key for said in texts.values() for key in said} == {"sentence", "next"}
+    assert {key for said in texts.values() for key in said} == {"sentence", "next", "words"}
     said = {code for code, text in texts.items() if "sentence" in text}
     assert {code for code in said if not isinstance(CODES[code], partial)} == set()
     assert {code for code, say in CODES.items() if isinstance(say, partial)} <= set(texts)
@@ -148,3 +160,28 @@ def test_an_open_side_of_the_balance_is_no_open_side_of_the_test():
 def test_an_unknown_code_is_shown_as_data():
     found = Finding("of-the-future", "info", "k", {"share": 0.5})
     assert sentence(found) == repr(found) == "of-the-future k (info): share = 0.5"
+
+
+@pytest.mark.parametrize(
+    ("numbers", "names", "severity", "said"),
+    [
+        ({"excluded": 3, "points": 9}, {}, "info", "3 of 9 points were excluded: they disagree"),
+        ({"excluded": 3, "points": 9}, {"by": "ranking"}, "info", "excluded: no candidate explains them"),
+        ({"excluded": 3, "points": 9, "low": 1, "high": 2}, {"by": "ranking"}, "info", "between 1 and 2 Hz"),
+        ({"excluded": 3, "points": 9, "low": 1}, {"by": "ranking"}, "info", "3 of 9 points were excluded"),
+    ],
+)  # fmt: skip
+def test_a_sentence_has_the_parts_whose_conditions_hold(numbers, names, severity, said):
+    assert said in sentence(Finding("points-excluded", severity, "", numbers, names))
+
+
+@pytest.mark.parametrize(
+    ("conditions", "holds"),
+    [
+        ("share", True), ("share!", False), ("by", True), ("other", False), ("other!", True),
+        ("by=phase", True), ("by!=phase", False), ("by=base", False), ("other!=phase", True),
+        ("share=0", True), ("share!=0", False), ("severity=doubt,by", True), ("severity=doubt,by!", False),
+    ],
+)  # fmt: skip
+def test_conditions_ask_for_names_numbers_and_severity(conditions, holds):
+    assert _holds(Finding("a", "doubt", "", {"share": 0.0}, {"by": "phase"}), conditions) is holds

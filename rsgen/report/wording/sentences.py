@@ -7,9 +7,10 @@ about laws, predictions, rankings and comparisons follow.
 from __future__ import annotations
 
 import math
+import re
 import tomllib
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Self
@@ -48,7 +49,8 @@ braces. Every code that may have the severity "doubt" or "error" has one."""
 class _Number(float):
     """A number that formats as a book prints it: a power of ten in place of 1e-8, a space before per cent.
 
-    Two kinds of its own: ``.3q`` is the number with its unit, ``.2p`` a ratio in per cent.
+    Three kinds of its own: ``.3q`` is the number with its unit, ``.2p`` a ratio in per cent, ``.4t`` a number
+    as it is typed into a case.
     """
 
     unit: str
@@ -67,15 +69,21 @@ class _Number(float):
                 return f"{number_text(100 * value, digits)} %"
             case "q":
                 return quantity_text(value, self.unit, digits)
+            case "t":
+                return f"{value:.{digits}g}"
         text = format(value, form)
         return f"{text[:-1]} %" if form.endswith("%") else text
 
 
 @dataclass(frozen=True, slots=True)
 class _Fields:
-    """Fields of a text in braces: "parameter", "confidence", and the names and numbers of its finding."""
+    """Fields of a text in braces: "parameter", "confidence", and the names and numbers of its finding.
+
+    ``words`` are what some names are called, by field and name.
+    """
 
     finding: Finding
+    words: Mapping[str, Mapping[str, str]] = field(default_factory=dict)
 
     def __getitem__(self, name: str) -> str | _Number:
         if name == "parameter":
@@ -83,7 +91,32 @@ class _Fields:
         if name == "confidence":
             return CONFIDENCE_TEXT
         names = self.finding.names
-        return names[name] if name in names else _Number(*self.finding.numbers[name])
+        if name not in names:
+            return _Number(*self.finding.numbers[name])
+        return self.words.get(name, {}).get(names[name], names[name])
+
+
+_PART = re.compile(r"\[\[(?:([^|{}\]]*)\|)?(.*?)\]\]", re.DOTALL)
+_FIELD = re.compile(r"\{(\w+)")
+
+
+def _value(finding: Finding, name: str) -> str:
+    """Return a name, a number, the severity or the parameter as conditions compare it; "" if missing."""
+    if name in ("severity", "parameter"):
+        return str(getattr(finding, name))
+    if name in finding.names:
+        return finding.names[name]
+    return f"{finding.numbers[name].value:g}" if name in finding.numbers else ""
+
+
+def _holds(finding: Finding, conditions: str) -> bool:
+    """Return True if a finding meets all conditions: "name", "name!", "name=value", "name!=value"."""
+    for condition in conditions.split(","):
+        name, compared, value = condition.partition("=")
+        found = _value(finding, name.removesuffix("!"))
+        if (found == value if compared else found != "") is name.endswith("!"):
+            return False
+    return True
 
 
 def says(code: str) -> Callable[[Say], Say]:
@@ -99,16 +132,24 @@ def says(code: str) -> Callable[[Say], Say]:
     return register
 
 
-def _fill(text: str, finding: Finding) -> str:
-    return text.format_map(_Fields(finding))
+def _fill(said: str | Mapping[str, str], words: Mapping[str, Mapping[str, str]], finding: Finding) -> str:
+    """Say a text, or that of several by what the finding has, without the parts that do not apply."""
+
+    def part(found: re.Match[str]) -> str:
+        conditions = ",".join(_FIELD.findall(found[2])) if found[1] is None else found[1]
+        return found[2] if _holds(finding, conditions) else ""
+
+    if not isinstance(said, str):
+        said = next(text for when, text in said.items() if when == "otherwise" or _holds(finding, when))
+    return _PART.sub(part, said).format_map(_Fields(finding, words))
 
 
 def _read_texts() -> None:
-    """Register the sentences without logic and the next steps, which stand in ``findings.toml``."""
+    """Register the sentences and next steps of ``findings.toml``."""
     texts = tomllib.loads(Path(__file__).with_name("findings.toml").read_text(encoding="utf-8"))
     for code, said in texts.items():
         if "sentence" in said:
-            CODES[code] = partial(_fill, said["sentence"])
+            CODES[code] = partial(_fill, said["sentence"], said.get("words", {}))
         if "next" in said:
             NEXT_STEPS[code] = said["next"]
 
@@ -336,20 +377,39 @@ def _at(found: Finding, end: str) -> str:
 
 
 # ----------------------------------------------------------------------------
-# Sentences about predictions.
+# Sentences about laws that fit as well, and about rankings.
+
+_ALTERNATIVES = {
+    "term": "a term {} added to the law",
+    "background": 'a background "{}"',
+    "background of the second sensor": 'a background "{}" of the second sensor',
+    "halves": "the difference of {}, identified separately,",
+}
 
 
-@says("held-out-missed")
-def _held_out_missed(f: Finding) -> str:
-    sweep = f" (sweep {f.names['sweep']})" if "sweep" in f.names else ""
+@says("law-ambiguous")
+def _law_ambiguous(found: Finding) -> str:
+    kinds = [text.format(found.names[kind]) for kind, text in _ALTERNATIVES.items() if kind in found.names]
+    (said, *_) = (*kinds, "another law")
+    if "shift" in found.numbers:
+        shift = quantity_text(*found.numbers["shift"], 3)
+        if "parameters" in found.names:
+            return (
+                f"{said} that the noise hides would move {found.parameter} by up to {shift}, "
+                f"{found['times']:.2g} times its standard error: {found.names['parameters']} and their "
+                "intervals hold if the response contains no other modes"
+            )
+        return (
+            f"{said} would move {found.parameter} by {shift}, {found['times']:.2g} times its standard error, "
+            f"and stands out of the noise by only {found['errors']:.2g}: the test does not tell whether the "
+            "law has it, and no interval contains this shift"
+        )
+    left = ", and leave a tenth of the value open" if found.severity == "doubt" else ""
+    moved = number_text(100 * abs(found["moved"]), 2)
     return (
-        f"the held-out level {_quantity(f, 'level')}{sweep} is predicted with an error of {f['error']:.0%}, "
-        f"against a misfit of {number_text(100 * f['misfit'], 2)} % where the law was fitted"
+        f"{said} stands out of the noise by {found['errors']:.2g} standard errors, and "
+        f"moves {found.parameter} by {moved} %; the intervals hold what such alternatives move{left}"
     )
-
-
-# ----------------------------------------------------------------------------
-# Sentences about rankings.
 
 
 def _percent(share: float) -> str:
@@ -422,18 +482,6 @@ def _law_fits_best(f: Finding) -> str:
     small = f["noise"] <= f["least"]
     size = f"is less than {f['least']:g}" if small else f"looks like noise of {f['noise']:.2g}"
     return f"{f.names['law']} fits best: what it leaves unexplained at {_counted(f)} {size}"
-
-
-@says("phase-turned")
-def _phase_turned(found: Finding) -> str:
-    doubted, filtered = found.severity == "doubt", found["loss"] < 1
-    turned = f"with this law the phase of the force has to be turned by {_quantity(found, 'phase')}"
-    wrong = ": that is a wrong sign or phase sense of a sensor, or a filter, not a background"
-    loss = (
-        f"; a filter of first order that turns it as much takes {found['loss']:.0%} of the amplitude, and "
-        "moves k, c and m as much"
-    )
-    return f"{turned}{wrong if doubted else ''}{loss if filtered else ''}"
 
 
 @says("laws-not-separated")
