@@ -22,7 +22,7 @@ from ._extension.case_keys import keys_table
 from ._extension.findings import findings_list
 from ._extension.gallery import NAMES, gallery_sections, results
 from ._extension.law_library import law_sections
-from ._extension.snippets import Workspace
+from ._extension.snippets import ROOT, Workspace
 
 HERE = Path(__file__).parent
 _MADE = re.compile(r"(<!-- made: (?P<maker>[^\n]*) -->\n).*?\n?(<!-- end -->)", re.DOTALL)
@@ -38,8 +38,15 @@ def _commands() -> str:
     return "\n\n".join(parts)
 
 
+def _case_from(path: str, first: str) -> str:
+    """Show a case file from one of its lines on."""
+    text = (ROOT / path).read_text(encoding="utf-8")
+    return f"```toml\n{text[text.index(first) :].rstrip()}\n```"
+
+
 MAKERS: dict[str, Callable[..., str]] = {
     "keys": keys_table,
+    "case": _case_from,
     "commands": _commands,
     "findings": findings_list,
     "laws": law_sections,
@@ -59,7 +66,11 @@ def renewed(text: str) -> str:
 
 def pages() -> list[Path]:
     """Return the pages that have such parts."""
-    return [path for path in sorted(HERE.glob("*.md")) if _MADE.search(path.read_text(encoding="utf-8"))]
+    return [
+        path
+        for path in sorted(HERE.glob("[!_]*/*.md")) + sorted(HERE.glob("*.md"))
+        if _MADE.search(path.read_text(encoding="utf-8"))
+    ]
 
 
 def _draw_sheet(name: str, titles: list[str], columns: int, draw: Callable[..., object]) -> None:

@@ -60,7 +60,7 @@ def drawing_node(drawing: Any, name: str) -> nodes.raw:
 
 _COMMENT = re.compile(r"<!-- drawing: (law|case) (\S+) -->\s*")
 
-QUICK = 3
+QUICK = 1
 """Pictures of a page in a quick build."""
 
 

@@ -18,7 +18,7 @@ NAMES = [str(path.relative_to(ROOT)) for path in PAGES]
 NOT_HERE = ("make ", "pip install ", "python -m pip install ", "git ")
 KINDS = {
     "sh", "py", "ini", "python", "toml", "text", "{shell}", "{python}", "{file}", "{toctree}", "{include}",
-    "{math}", "math", "{literalinclude}", "{eval-rst}", "{note}", "{autofunction}", "{autoclass}",
+    "{math}", "math", "{eval-rst}", "{note}", "{autofunction}", "{autoclass}",
 }  # fmt: skip
 """Kinds of blocks; others would escape these tests. Those of `py` and `ini` are tried by tests/recipes."""
 MOST_BYTES = 150_000  # of a picture: the repository keeps every version
