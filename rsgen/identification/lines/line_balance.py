@@ -29,7 +29,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property
+from functools import cached_property, lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
@@ -98,6 +98,8 @@ class SpectralLines:
 
     def mode(self, values: Array) -> SpectralLines:
         """Return measured lines without a background of values (b,)."""
+        if not len(values):
+            return self
         return replace(self, spectra=self.background.mode_of(self.spectra, values), subtracted=values)
 
     def change_of_mode(self, record: int, force: ComplexArray) -> tuple[ComplexArray, ComplexArray]:
@@ -226,7 +228,7 @@ class Balance:
         cls, lines: SpectralLines, law: ForceLaw, values: Array, mass: float, noise: BalanceNoise
     ) -> Balance:
         """Evaluate the law along the mean motion of every record."""
-        parts = [LawAlongRecord(lines, law, values, mass, i).mean for i in range(len(lines))]
+        parts = [record.mean for record in _along_records(lines, law, values.tobytes(), mass)]
         bias = noise.bias + np.einsum("rph,p->rh", noise.bias_by_parameter, values - noise.values)
         slopes = np.stack([part.slopes for part in parts])
         slopes[:, : len(values)] -= noise.bias_by_parameter
@@ -250,8 +252,7 @@ class Balance:
         if count < 2:
             return found
         found.values[:] = values
-        for i in range(len(lines)):
-            record = LawAlongRecord(lines, law, values, mass, i)
+        for i, record in enumerate(_along_records(lines, law, values.tobytes(), mass)):
             periods = [
                 record.period(*pair, lines.law_of(law, i, period))
                 for period, pair in enumerate(zip(spectra.force[i], spectra.response[i], strict=True))
@@ -483,3 +484,12 @@ def _balance_mean(
         if abs(move) < ROUND_OFF * limit:
             break
     return x + mean, mean
+
+
+@lru_cache(maxsize=2)
+def _along_records(
+    lines: SpectralLines, law: ForceLaw, values: bytes, mass: float
+) -> tuple[LawAlongRecord, ...]:
+    """Return the law along every record; balance, noise and the next step ask for it at the same values."""
+    numbers = np.frombuffer(values)
+    return tuple(LawAlongRecord(lines, law, numbers, mass, record) for record in range(len(lines)))
