@@ -33,7 +33,7 @@ def test_every_format_and_every_case_has_its_words():
 
 @pytest.fixture(scope="session")
 def site(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """All pages, with pictures of one law and one case, without the output of commands; warnings are errors."""
+    """All pages, with one law and one case drawn, without the output of commands; warnings are errors."""
     pytest.importorskip("sphinx", reason="no Sphinx here: install rsgen[docs]; the pages were not built")
     folder = tmp_path_factory.mktemp("site")
     options = ["-W", "-n", "-q", "-b", "html", "-D", "rsgen_quick=1"]
