@@ -22,7 +22,7 @@ from ._extension.case_keys import keys_table
 from ._extension.findings import findings_list
 from ._extension.gallery import NAMES, gallery_sections, results
 from ._extension.law_library import law_sections
-from ._extension.snippets import ROOT, Workspace
+from ._extension.snippets import ROOT, Workspace, find_snippets
 
 HERE = Path(__file__).parent
 _MADE = re.compile(r"(<!-- made: (?P<maker>[^\n]*) -->\n).*?\n?(<!-- end -->)", re.DOTALL)
@@ -38,6 +38,18 @@ def _commands() -> str:
     return "\n\n".join(parts)
 
 
+def _contents() -> str:
+    """List the pages under their headings, from the hidden tables of contents of the first page."""
+    lines = []
+    for snippet in find_snippets((HERE / "index.md").read_text(encoding="utf-8")):
+        if snippet.kind == "{toctree}":
+            lines.append(f"* {snippet.options['caption']}")
+            for name in snippet.text.split():
+                title = (HERE / f"{name}.md").read_text(encoding="utf-8").partition("\n")[0]
+                lines.append(f"  * [{title.removeprefix('# ')}]({name}.md)")
+    return "\n".join(lines)
+
+
 def _case_from(path: str, first: str) -> str:
     """Show a case file from one of its lines on."""
     text = (ROOT / path).read_text(encoding="utf-8")
@@ -48,6 +60,7 @@ MAKERS: dict[str, Callable[..., str]] = {
     "keys": keys_table,
     "case": _case_from,
     "commands": _commands,
+    "contents": _contents,
     "findings": findings_list,
     "laws": law_sections,
     "gallery": gallery_sections,

@@ -57,6 +57,13 @@ def test_every_block_is_of_a_kind_that_is_tried(path):
             assert [line for line in lines if not line.startswith(("rsgen ", *NOT_HERE))] == []
 
 
+@pytest.mark.parametrize("path", PAGES, ids=NAMES)
+def test_a_page_that_uses_examples_says_where_they_come_from(path):
+    text = path.read_text(encoding="utf-8")
+    run = [one.text for one in find_snippets(text) if one.kind in {"sh", "{shell}", "{python}", "{file}"}]
+    assert "rsgen examples" in text or not any(re.search(r"\bcases\b", lines) for lines in run)
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize(
     "path",
