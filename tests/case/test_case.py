@@ -187,7 +187,7 @@ def _keys_of(table: dict[str, Any], *path: str) -> Iterator[tuple[str, ...]]:
 @pytest.mark.parametrize("case", [SIMULATED, TABLE, HISTORY], ids=["simulated", "table", "history"])
 def test_a_misspelt_key_suggests_its_neighbour(case, tmp_path):
     for *tables, key in _keys_of(case):
-        # "frequency", "frequeny"
+        # without the last letter but one
         wrong = key[:-2] + key[-1]
         tree = deepcopy(case)
         table = functools.reduce(dict.__getitem__, tables, tree)
