@@ -167,6 +167,8 @@ def compare(
         # another law may have been fitted: what both have in common is compared
         truth = {name: value for name, value in {**truth.values, "m": truth.mass}.items() if name in known}
     for place, values in (("truth", truth), ("accept", accept)):
+        if isinstance(values, Identification):
+            raise RsgenError(f"{place}: Identification; rs.compare_fits sets identifications side by side")
         require({} if values is None else values, Mapping, place)
     truth, accept = dict(truth or {}), dict(accept or {})
     estimates = identification.refined

@@ -18,7 +18,7 @@ import rsgen.files
 from rsgen.cases.case import Case, CaseDocument, Document, ElementTable, make_measured
 from rsgen.cases.faults import KINDS, name_fault, parse_case, read_text, sentences, suggest, text_fault
 from rsgen.cases.tables import MAX_POINTS, Maker, reason
-from rsgen.common.errors import CaseError, ExpressionError, RsgenError, near_file, quote, shown_path
+from rsgen.common.errors import CaseError, ExpressionError, RsgenError, near_file, quote, require, shown_path
 from rsgen.data.multisine import MultisineSpectra
 from rsgen.data.oscillator import KNOWN_MASS, Model, Observation, Oscillator, total_force
 from rsgen.data.record_set import BASE_UNITS, PlannedTest, match_level
@@ -496,6 +496,7 @@ def load_case(path: str | os.PathLike[str], data: str | os.PathLike[str] | None 
         Anything wrong with the file; ``faults`` holds one line ``file: path.to.key: what; what is allowed``
         for each.
     """
+    require(path, (str, os.PathLike), "path")
     file = Path(path)
     folders = _folders(file, data)
     try:
@@ -508,7 +509,9 @@ def load_case(path: str | os.PathLike[str], data: str | os.PathLike[str] | None 
             raise CaseError([*found, *_further_faults(tree, error, folders)]) from None
         return build(document, file, text, folders)
     except CaseError as error:
-        raise CaseError(f"{shown_path(file)}: {fault}" for fault in error.faults) from error.__cause__
+        named = file.suffix.lower() == ".toml" or not file.is_file()
+        other = "" if named else "; `rsgen init --from` writes the case of a data file"
+        raise CaseError(f"{shown_path(file)}: {fault}{other}" for fault in error.faults) from error.__cause__
 
 
 def read(

@@ -153,7 +153,7 @@ def _resolve(text: str, folders: tuple[Path, ...], key: str, faults: list[str]) 
             return path
         if there:
             if not path.resolve().is_relative_to(folder.resolve()):
-                faults.append(f"{key}: {quote(text)} leads out of its folder; a file inside it is needed")
+                faults.append(f"{key}: {quote(text)} is a link out of its folder; copy the file into it")
             return path
     # nowhere: the case's own folder is the last, and the place to name
     return folders[-1] / text

@@ -70,7 +70,7 @@ def near_file(path: Path, endings: str = "") -> str:
     """Return a did-you-mean for a file that is not there, by what its folder has, or nothing."""
     with contextlib.suppress(OSError):
         names = [file.name for file in path.parent.iterdir() if file.suffix == endings or not endings]
-        near = get_close_matches(path.name, names, 1)
+        near = get_close_matches(path.name, names, 1, cutoff=0.8)
         return f"; did you mean {quote(path.with_name(near[0]), 200)}?" if near else ""
     return ""
 

@@ -216,15 +216,16 @@ class SimulatedTest(VirtualTest):
         return mass if self.base is not None or (self.control == "phase" and resonant) else None
 
     def planned(self) -> ResponseSurface:
-        """Return the grid of the test, as if every point had settled with the same response."""
+        """Return the grid of the test, as if every point had settled: with the response held, or 1 m."""
         # a phase-locked loop finds its frequency: any in the band stands for it
         frequencies = np.resize(self.frequency, self.per_level)
         level, frequency = np.meshgrid(self.level, frequencies, indexing="ij")
+        response = level if self.control in ("response", "continuation") else np.ones(level.shape)
         return ResponseSurface(
             level.ravel(),
             frequency.ravel(),
             1.0,
-            np.ones(level.size, complex),
+            response.ravel().astype(complex),
             sweep=self.sweep,
             control=self.control,
             base=self.base or "",

@@ -466,7 +466,7 @@ def _signal(table: Table, channel: Channel, factor: float, what: str) -> Complex
     value = np.conj(value) if channel.lags else value
     value = np.asarray(value * factor, dtype=np.complex128)
     table.refuse(~np.isfinite(value), f"{what} is too large after conversion to SI units")
-    table.refuse(value == 0, f"{what} is zero; every point needs one that is not")
+    table.refuse((value == 0) & np.all(value == 0), f"{what} is zero in every row; a signal is needed")
     return value
 
 

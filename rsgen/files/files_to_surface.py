@@ -293,14 +293,21 @@ def _part(test: MeasuredTest, number: int) -> _Part:
     level = _level(test, number, table)
     force, motions = _driven(sources, frequency, level)
     doubts = [*doubts, *sources.doubts()]
-    twice = repeated_rows(frequency, force, motions[:, 0])
-    if twice.any():
-        numbers = quantities(rows=int(twice.sum()), all=len(twice))
-        names = {"file": table.label, "by": "copies"}
-        doubts = [*doubts, Finding("rows-left-out", "warning", numbers=numbers, names=names)]
-        table = table.keep(~twice)
-        frequency, force, motions = frequency[~twice], force[~twice], motions[~twice]
-        level = None if level is None else level[~twice]
+    # exactly zero is what a channel gives that was not yet read, or an amplitude below the last digit
+    silent = (force == 0) | (motions == 0).any(axis=1)
+    twice = repeated_rows(frequency, force, motions[:, 0]) & ~silent
+    if (silent | twice).any():
+        for by, rows in (("zero", silent), ("copies", twice)):
+            if rows.any():
+                numbers, names = (
+                    quantities(rows=int(rows.sum()), all=len(rows)),
+                    {"file": table.label, "by": by},
+                )
+                doubts = [*doubts, Finding("rows-left-out", "warning", numbers=numbers, names=names)]
+        kept = ~(silent | twice)
+        table = table.keep(kept)
+        frequency, force, motions = frequency[kept], force[kept], motions[kept]
+        level = None if level is None else level[kept]
     if not test.phase_known:
         force, motions = np.abs(force) + 0j, np.abs(motions) + 0j
     mark = None if test.sweep.column is None else table.real(test.sweep.column)

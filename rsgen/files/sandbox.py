@@ -56,8 +56,9 @@ from rsgen.files.tree import (
 
 WAIT_SECONDS = 30.0
 WAIT_RATE = 2 * 2**20
-"""Time to wait for an answer: WAIT_SECONDS, and one more for each WAIT_RATE bytes. The reading process itself
-ends sooner, after a second of work or some of a text, but only where the system can count that."""
+"""Time to wait for an answer: WAIT_SECONDS, and one more for each WAIT_RATE bytes, or the rate of the
+format if that is lower. The reading process itself ends sooner, after a second of work or some of a text, but
+only where the system can count that."""
 _UNCOUNTED_WAIT_DIVISOR = 10.0
 """Where it cannot, waiting is shorter by this factor, but for formats whose numbers are texts."""
 _READERS = {**FORMATS, SURFACE_FILE.name: SURFACE_FILE}
@@ -105,7 +106,8 @@ class _Process:
         """Say why no answer came."""
         if self.late:
             return MeasurementError(
-                f"{self.name}: reading was ended after {self.seconds:.1f} s; an undamaged file is needed"
+                f"{self.name}: reading was ended after {self.seconds:.1f} s: it is damaged, or this "
+                "computer is busy; try again, or export it as text"
             )
         try:
             code = self.process.wait(timeout=5)
@@ -113,7 +115,8 @@ class _Process:
             code = 0
         if code == -getattr(signal, "SIGXCPU", 0):
             return MeasurementError(
-                f"{self.name}: takes more time than a file of its size may; an undamaged file is needed"
+                f"{self.name}: takes more time than a file of its size may: it is damaged, or holds very "
+                "many arrays; export those of the test alone"
             )
         return MeasurementError(
             f"{self.name}: the reading process broke down (code {code}), so the file is damaged or hostile; "
@@ -177,13 +180,14 @@ def _check_extra(name: str, form: str) -> None:
     if row.package and not find_spec(row.package):
         raise MeasurementError(
             f"{name}: {row.plural} are read by {row.package}, which is not installed: "
-            f'python -m pip install "rsgen[{form}]"; or export the file as text'
+            f"python -m pip install {row.package}; or export the file as text"
         )
 
 
 def _seconds(size: int, form: str) -> float:
-    seconds = WAIT_SECONDS + size / WAIT_RATE
-    return seconds if find_spec("resource") or _READERS[form].texts else seconds / _UNCOUNTED_WAIT_DIVISOR
+    row = _READERS[form]
+    seconds = WAIT_SECONDS + size / min(WAIT_RATE, row.rate)
+    return seconds if find_spec("resource") or row.texts else seconds / _UNCOUNTED_WAIT_DIVISOR
 
 
 @contextmanager

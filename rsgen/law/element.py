@@ -108,11 +108,13 @@ def refuse_library_names(force: sympy.Expr) -> None:
     ExpressionError
         A term of the law is such a name.
     """
-    for name in _constant_forces(force):
-        called = name.replace("_", "-")
-        if called not in ROWS or called in _ALSO_FORCES:
+    names = set(_constant_forces(force))
+    for called, law in ROWS.items():
+        # "cubic-spring" was read as a difference
+        spelled = called.replace("-", "_")
+        if called in _ALSO_FORCES or not ({spelled} <= names or {*called.split("-")} <= names):
             continue
-        law = ROWS[called]
+        name = spelled if spelled in names else called
         equations = "".join(f"; {z}' = {rate}" for z, rate in (law.memory or {}).items())
         raise ExpressionError(
             f"{name} is a law of the library and no force in a formula; write {law.formula[:80]}"
@@ -564,7 +566,8 @@ class Library:
         """
         if name in self:
             return _law(name)
-        near = get_close_matches(str(name)[:80], ROWS, n=3)
+        near = [row for row in ROWS if row in f"{name}" or f"{name}" in row][:3]
+        near = near or get_close_matches(str(name)[:80], ROWS, n=3)
         hint = f"did you mean {' or '.join(map(repr, near))}? " if near else ""
         raise RsgenError(f"law {name!r}: unknown; {hint}known: {', '.join(ROWS)}")
 

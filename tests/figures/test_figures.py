@@ -115,6 +115,13 @@ def test_a_law_across_two_sensors_has_no_resonance_over_the_response():
     assert lines(replace(IDENTIFICATION, model=across)) == ["one level each"]
 
 
+def test_the_model_is_drawn_over_the_resonances_it_is_compared_with():
+    """Beyond them, on the flanks, the damping ratio of dry friction left its axes."""
+    for axes in figures.draw_resonance(IDENTIFICATION).figure.axes:
+        points, model = (np.asarray(line.get_xdata()) for line in axes.get_lines())
+        assert points.min() <= model.min() < model.max() <= points.max()
+
+
 def test_levels_of_a_driven_base_are_not_called_forces():
     shaken = replace(SURFACE, base="acceleration", per_mass=True)
     (axes, _) = figures.draw_map(shaken).figure.axes

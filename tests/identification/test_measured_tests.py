@@ -104,5 +104,5 @@ def test_a_link_out_of_the_data_folder_is_refused(tmp_path: Path) -> None:
     inside.mkdir()
     (tmp_path / "secret.csv").write_text("")
     (inside / "d.csv").symlink_to(tmp_path / "secret.csv")
-    with pytest.raises(CaseError, match=r"test\.file: .* leads out of its folder"):
+    with pytest.raises(CaseError, match=r"test\.file: .* is a link out of its folder"):
         measured(inside)

@@ -317,7 +317,7 @@ def test_headers_of_other_programs(tmp_path, name, seed):
 
     path = write_levels(tmp_path / "a.csv", columns, "\t", seed)
     entered = said if "quantity" in said else {}
-    assert not entered or "TODO: not in the file" in drafted(path).doubts["test.response.unit"]
+    assert not entered or "TODO: no unit stands with it" in drafted(path).doubts["test.response.unit"]
     tables, surface, _ = read_draft(path, response=entered)
     assert said.items() <= tables["response"].items()
     # the first response in the order of the file

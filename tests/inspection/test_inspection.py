@@ -512,3 +512,50 @@ def test_texts_of_a_matlab_file_are_shown_and_are_units(tmp_path, run_cli, units
     assert "'mN'" in shown
     assert "'Jo'" in shown
     assert "numbers are needed" not in shown
+
+
+SPECTRUM = np.linspace(8, 12, 20)
+
+
+def test_another_table_in_the_file_is_left_out_with_a_word(tmp_path):
+    part = {"freq": SPECTRUM, "force": np.ones(20), "X": 1e-3 / (1 + 1j * SPECTRUM)}
+    shorter = {name: values[:12] for name, values in part.items()}
+    for other in (part, shorter):
+        scipy.io.savemat(tmp_path / "a.mat", {"ForceControl": part, "ResponseControl": other})
+        response = proposed(tmp_path / "a.mat")["response"]
+        assert response["complex"] == "ForceControl/X"
+        said = doubts(tmp_path / "a.mat")["test.response.complex"]
+        assert "left out: ResponseControl/freq, ResponseControl/force, ResponseControl/X" in said
+
+
+def test_titles_that_are_units_say_what_stands_where(tmp_path):
+    rows = [f"{f:.3f},2,{f / 3:.4f},{-f / 9:.4f}" for f in SPECTRUM]
+    test = proposed(table(tmp_path / "a.csv", "Hz,N,m/s^2,rad", rows))
+    assert test["frequency"] == {"column": "Hz"}
+    assert test["force"] == {"amplitude": "N", "unit": "N"}
+    assert test["response"]["quantity"] == "acceleration"
+    assert (test["response"]["amplitude"], test["response"]["phase"]) == ("m/s^2", "rad")
+
+
+def test_a_unit_is_not_said_to_be_missing_in_a_file_that_has_it_as_text(tmp_path):
+    columns = {"freq": SPECTRUM, "force": np.ones(20), "acc": SPECTRUM, "phase": -SPECTRUM}
+    scipy.io.savemat(tmp_path / "a.mat", columns | {"units": "Hz, N, m/s^2, rad"})
+    assert doubts(tmp_path / "a.mat")["test.force.unit"] == "TODO: no unit stands with it; write the unit"
+
+
+def test_instants_of_any_clock_are_no_frequency_and_no_response(tmp_path):
+    rows = [f"{1.7e9 + 2 * n},{f:.3f},2,{f / 3:.4f}" for n, f in enumerate(SPECTRUM)]
+    for time in ("time", "Unix", "timestamp"):
+        test = proposed(table(tmp_path / "a.csv", f"{time},f,force,acceleration", rows))
+        assert test["frequency"] == {"column": "f"}
+        assert test["response"]["amplitude"] == "acceleration"
+    rows = [f"{n / 512},{f:.3f}" for n, f in enumerate(SPECTRUM)]
+    test = proposed(table(tmp_path / "ring-down.csv", "time,input", rows))
+    assert (test["time"]["column"], test["response"]["samples"]) == ("time", "?")
+    asked = doubts(tmp_path / "ring-down.csv")["test.response.samples"]
+    assert asked.startswith("TODO: no column is left for the response")
+
+
+def test_more_columns_than_are_read_are_counted(tmp_path, run_cli):
+    path = table(tmp_path / "a.csv", ",".join(f"c{n}" for n in range(12_000)), [",".join("1" * 12_000)] * 5)
+    assert run_cli("inspect", path).err == f"{path}: more than 10000 columns; at most that many are read\n"

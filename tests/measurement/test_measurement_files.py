@@ -467,8 +467,7 @@ def test_the_reading_process_loads_no_more_than_it_needs():
 def test_waiting_ends(tmp_path, monkeypatch):
     path = tmp_path / "long.npy"
     np.save(path, np.zeros(6_000_000))
-    monkeypatch.setattr(sandbox, "WAIT_SECONDS", 0.0)
-    monkeypatch.setattr(sandbox, "WAIT_RATE", 1e12)
+    monkeypatch.setattr(sandbox, "_seconds", lambda size, form: size / 1e12)
     with pytest.raises(MeasurementError, match="reading was ended after"):
         read_binary(path, "npy", ["array"])
 

@@ -109,7 +109,7 @@ def test_python_has_the_same_with_text_and_frame(folder, found):
     assert "3 records of 6 periods" in str(spectra)
     assert "k3" in str(found)
     assert list(found.to_frame().index) == ["c", "k", "k2", "k3", "m"]
-    assert "error rms" in str(rsgen.predict(found))
+    assert "error, relative rms" in str(rsgen.predict(found))
     others = rsgen.predict(found, surface=spectra.select([0, 2]))
     assert [one.error < 2e-3 for one in others.records] == [True, True]
 

@@ -226,7 +226,8 @@ def run_program(arguments: Sequence[str] | None) -> None:
         if message is None:
             print_faults([program_fault(fault, "rsgen")])
         else:
-            print_faults([f"rsgen: {' '.join(str(message()).split())} See: rsgen --help"])
+            where = getattr(getattr(fault, "ctx", None), "command_path", "rsgen")
+            print_faults([f"{where}: {' '.join(str(message()).split())} See: {where} --help"])
         code = FAULTY
     # what a fault left unwritten would end in a complaint of Python's
     output_fault()

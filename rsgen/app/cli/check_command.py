@@ -95,7 +95,9 @@ def _plan(case: Case) -> dict[str, Any]:
     faults = point_faults(case, table)
     if faults:
         raise CaseError(faults)
-    findings = (*table.findings, *size_findings(table, case)) if planned is None else ()
+    # of a virtual test only an amplitude that is held is known
+    sized = planned is None or getattr(planned, "control", "") in ("response", "continuation")
+    findings = (*table.findings, *size_findings(table, case)) if sized else ()
     finds_mass = case.model.mass is None and not table.per_mass
     notes = (*sentences_of_elements(case.model.elements), *map(sentence, findings))
     return {

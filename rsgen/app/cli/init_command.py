@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Annotated
@@ -171,7 +172,7 @@ def init_command(
     if data is not None and measured is not None:
         raise RsgenError("--from: does not go with --measured; --from says what stands where")
     if name is None and data is not None:
-        name = data.stem
+        name = re.sub(r"[^A-Za-z0-9_-]+", "-", data.stem).strip("-") or None
     if name is None:
         raise RsgenError("NAME: is missing; rsgen init gearbox")
     file = Path(name)

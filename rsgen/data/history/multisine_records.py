@@ -113,8 +113,8 @@ def from_multisine(
     for record in records:
         if abs(record.rate / first.rate - 1) > 1e-9 or record.quantity != first.quantity:
             raise MeasurementError(
-                f"{record.label}: {record.quantity} at {record.rate:g} Hz; {first.label} has "
-                f"{first.quantity} at {first.rate:g} Hz; records of one test need the same"
+                f"{record.label}: {record.quantity} at {record.rate:.10g} Hz; {first.label} has "
+                f"{first.quantity} at {first.rate:.10g} Hz; records of one test need the same"
             )
     length = _common_period(records, period)
     cut = [_periods(record, length) for record in (*records, *across)]

@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rsgen.common.arrays import Array, ComplexArray
-from rsgen.common.errors import MeasurementError
+from rsgen.common.errors import MeasurementError, require
 from rsgen.common.finding import Finding
 from rsgen.common.text_table import short
 from rsgen.common.tolerances import MAX_TRIAL_STEPS, NOISE_LIMIT_SIGMAS
@@ -222,6 +222,7 @@ def best_linear(spectra: MultisineSpectra, band: tuple[float, float] | None = No
     MeasurementError
         A level has fewer than four excited lines in the band.
     """
+    require(spectra, MultisineSpectra, "spectra")
     excited = spectra.excited()
     low, high = band or (0.0, np.inf)
     inside = (spectra.frequency >= low) & (spectra.frequency <= high) & (spectra.lines > 0)

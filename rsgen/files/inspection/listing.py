@@ -108,6 +108,10 @@ def _layout(lines: Sequence[tuple[int, str]], label: str) -> tuple[Layout, int]:
     candidates += [Layout(delimiter=sign, decimal=",") for sign in (";", "\t", "|", "whitespace")]
     judged = [(*_judge(lines, layout), layout) for layout in candidates]
     numbers, first, _, layout = max(judged, key=lambda found: (found[0], found[2]))
+    if any(text.count(sign) >= MAX_CHANNELS for _, text in lines for sign in ",;\t|"):
+        raise MeasurementError(f"{label}: more than {MAX_CHANNELS} columns; at most that many are read")
+    if numbers <= 0 and label.endswith(".toml"):
+        raise MeasurementError(f"{label}: is a case file, which `rsgen check` reads; a data file is needed")
     if numbers <= 0:
         raise MeasurementError(f"{label}: no rows of numbers in it; a table of numbers is needed")
     return layout, first
@@ -158,6 +162,8 @@ def _list_text(path: Path) -> Contents:
     if not head:
         head = _remarked(begin, lines[first][0], len(kinds))
     entries, passed = _entries(path, layout, [] if units else head, kinds)
+    if head and not units and _are_units(head):
+        entries = tuple(replace(entry, unit=unit) for entry, unit in zip(entries, head, strict=True))
     if units:
         titles += [""] * (len(entries) - len(titles))
         entries = tuple(

@@ -150,6 +150,8 @@ def _joined(address: str, first: Entry) -> Entry:
 # The draft of the case that reads a table of amplitudes over frequency: force or base, responses, level.
 
 _NO_MOTION = ~IS_MOTION & ~QUOTIENT
+# "f_re_N" is a force
+_NAMED_FREQUENCY = FREQUENCY & ~IS_FORCE & _NO_MOTION
 
 
 class _Table:
@@ -276,9 +278,11 @@ def _called(column: Entry) -> str:
 def _ask_response(draft: Draft, names: Sequence[str], key: str = "amplitude") -> None:
     """Ask which of several columns is the response, where no name or unit says it."""
     draft.tables["test.response"] = {"quantity": "displacement", "unit": "m", key: UNKNOWN}
-    draft.doubts[f"test.response.{key}"] = (
-        f"{TODO}write which is the response, its quantity and unit: {listed(names)}"
+    asked = f"{TODO}write which is the response, its quantity and unit: {listed(names)}"
+    missing = (
+        f"{TODO}no column is left for the response; where it is in another file, write `file` and its column"
     )
+    draft.doubts[f"test.response.{key}"] = asked if names else missing
 
 
 def _left_out(table: _Table, higher: dict[int, list[Entry]]) -> str:
@@ -296,6 +300,17 @@ def _left_out(table: _Table, higher: dict[int, list[Entry]]) -> str:
     return said
 
 
+def _own_frequencies(draft: Draft, frequency: Entry) -> str:
+    """Leave out what lies with a frequency of its own, as another test in the same file does; say so."""
+    named = REAL & LONG & _NAMED_FREQUENCY
+    others = {e.path.rpartition("/")[0] for e in draft.free if named(e)} - {frequency.path.rpartition("/")[0]}
+    # a / in the title of a text is no folder
+    tree = draft.contents.format != "csv"
+    left = [e.path for e in draft.free if tree and e.path.rpartition("/")[0] in others]
+    draft.free = [e for e in draft.free if e.path not in left]
+    return f"left out: {listed(left)}, which have a frequency of their own" if left else ""
+
+
 def propose_amplitudes(draft: Draft, frequency: Entry) -> None:
     """Write the tables of a case for a table of amplitudes over ``frequency``."""
     draft.tables["test"] = {}
@@ -309,6 +324,8 @@ def propose_amplitudes(draft: Draft, frequency: Entry) -> None:
     elif runs is not None:
         draft.run = runs[:2]
         draft.free = [entry for entry in draft.free if entry.path.startswith(runs[0])]
+    else:
+        of_others = _own_frequencies(draft, frequency)
     unit = {"unit": frequency.unit} if frequency.unit in HERTZ and frequency.unit != "Hz" else {}
     if ANGULAR(frequency) and frequency.unit not in HERTZ:
         unit = {"unit": "rad/s"}
@@ -476,9 +493,7 @@ def _abscissa(draft: Draft) -> tuple[Entry | None, Entry | None, Entry | None]:
     time = None if log else draft.take(of_time)
     if time is not None:
         return time, None, None
-    # "f_re_N" is a force
-    named = FREQUENCY & ~IS_FORCE & ~IS_MOTION & ~QUOTIENT
-    frequency = draft.take(tabled & of_frequency, tabled & named, tabled & ANGULAR)
+    frequency = draft.take(tabled & of_frequency, tabled & _NAMED_FREQUENCY, tabled & ANGULAR)
     if frequency is not None:
         return None, None, frequency
     time = draft.take(tabled & TIME)

@@ -353,7 +353,7 @@ def quantity_of(draft: Draft, entry: Entry, table: dict[str, Any], place: str) -
 
 def unknown(entry: Entry) -> str:
     """Say that a file does not name a unit."""
-    return f"{TODO}{entry.unit_source or 'not in the file'}; write the unit"
+    return f"{TODO}{entry.unit_source or 'no unit stands with it'}; write the unit"
 
 
 def unit_of_force(draft: Draft, entry: Entry) -> str:

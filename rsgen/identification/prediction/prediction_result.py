@@ -176,7 +176,11 @@ class Prediction(Printed):
     def _table(self) -> TextTable:
         if self.records and not self.curves:
             scores = [(short(one.level), short(one.error, 3), short(one.noise, 2)) for one in self.records]
-            of_records = (f"level rms [{self.records[0].level_unit}]", "error rms", "noise rms")
+            of_records = (
+                f"level rms [{self.records[0].level_unit}]",
+                "error, relative rms",
+                "noise, relative rms",
+            )
             return TextTable(of_records, tuple(scores), notes=tuple(map(repr, self.findings)))
         rows = []
         for curve in self:

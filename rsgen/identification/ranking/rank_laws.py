@@ -102,6 +102,10 @@ def rank(
         No candidate, too few points, one frequency or phase resonance without a mass, or no candidate
         follows the test.
     """
+    if isinstance(candidates, Observation):
+        raise RsgenError(
+            "candidates: Observation; write observation=...; without candidates the library is ranked"
+        )
     laws, terms, base = competitors(candidates)
     base = join_model(base, observation, mass)
     if set(base.fixed) - {"m"}:

@@ -159,6 +159,9 @@ def draw_resonance(identification: Identification, *, ax: GivenAxes = None) -> D
     grid = amplitudes_tested(identification)
     if identification.model.sensors:
         grid = grid[:0]
+    if len(amplitude) > 1:
+        # on the flanks below the resonances the damping ratio of friction leaves any axes
+        grid = grid[(grid >= amplitude[0]) & (grid <= amplitude[-1])]
     model = backbone(identification, solution_of(identification), grid)
     parts = (
         ("Resonance frequency [Hz]", frequency, model.frequency, [frequency, model.frequency], 0.01),

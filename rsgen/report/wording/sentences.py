@@ -17,7 +17,7 @@ from typing import TYPE_CHECKING, Any, Self
 
 import numpy as np
 
-from rsgen.common.errors import listed
+from rsgen.common.errors import listed, require
 from rsgen.common.finding import (
     STATES,
     Finding,
@@ -164,6 +164,7 @@ def next_step(finding: Finding) -> str:
 
 def sentence(finding: Finding) -> str:
     """Say a finding in one sentence; a code without a sentence is shown as data."""
+    require(finding, Finding, "finding")
     say = CODES.get(finding.code)
     if say is None:
         return repr(finding)
@@ -307,6 +308,7 @@ def explain(verdict: Verdict) -> str:
     verdict
         ``found.verdict``, or that of ``rsgen.verdict_of``.
     """
+    require(verdict, Verdict, "verdict")
     stated = state_verdict(verdict)
     return "\n".join([*verdict_lines(stated), *next_lines(stated)])
 

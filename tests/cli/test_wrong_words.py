@@ -1,0 +1,118 @@
+"""What a user types wrongly is said with the words that were typed, what is allowed, and what is near."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from tests.case_files import MEASURED, SMALL, changed
+
+TABLE = {
+    "test.frequency": {"column": "f"},
+    "test.force": {"amplitude": "F"},
+    "test.response": {"quantity": "displacement", "real": "a", "imaginary": "b", "phase_sense": "lead"},
+}
+
+
+@pytest.fixture
+def laboratory(tmp_path, monkeypatch):
+    """A folder to work in, with a case that reads a table of 2 levels by 21 frequencies."""
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.delenv("RSGEN_DATA", raising=False)
+    folder = Path("lab")
+    folder.mkdir()
+    (folder / "small.toml").write_text(changed(SMALL, {}), encoding="utf-8")
+    (folder / "read.toml").write_text(changed(SMALL, MEASURED | TABLE | {"name": "read"}), encoding="utf-8")
+    write_table(folder / "a.csv")
+    return folder
+
+
+def table_of() -> np.ndarray:
+    level, frequency = (
+        part.ravel() for part in np.meshgrid([1.0, 2.0], np.linspace(8, 12, 21), indexing="ij")
+    )
+    omega = 2 * np.pi * frequency
+    response = level / (5920 - 1.5 * omega**2 + 8j * omega)
+    return np.column_stack([frequency, level, response.real, response.imag])
+
+
+def write_table(path: Path, rows: np.ndarray | None = None, head: str = "f,F,a,b") -> None:
+    rows = table_of() if rows is None else rows
+    np.savetxt(path, rows, delimiter=",", header=head, comments="", fmt="%.17g")
+
+
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [
+        ("check lab/smal.toml", "lab/smal.toml: does not exist; ... did you mean 'lab/small.toml'?"),
+        ("identify lab/smal.toml", "lab/smal.toml: cannot be read: ... 'lab/small.toml'?"),
+        ("rank lab/absent.toml", "lab/absent.toml: cannot be read: ... file is needed"),
+        ("identify lab/a.csv", "lab/a.csv: line 1, column 2: ... `rsgen init --from` writes"),
+        ("identify lab", "lab: is no regular file"),
+        ("identify lab/small.toml --surface lab/s.h5", "lab/s.h5: there is no such file"),
+        ("identify lab/small.toml --frf lab/a.txt", "--frf lab/a.txt: the name must end in .uff"),
+        ("simulate lab/read.toml", "lab/read.toml: test.kind: is 'measured'"),
+        ("simulate lab/small.toml --out absent/a.h5", "absent/a.h5: cannot be written"),
+        ("check lab/read.toml --data absent", "lab/read.toml: test.file: ... absent/a.csv: cannot be read"),
+        ("profile lab/small.toml q", "profile: 'q' has no value here; those with one: c, k, m"),
+        ("inspect lab/a.cs", "lab/a.cs: cannot be read: ... did you mean 'lab/a.csv'?"),
+        ("inspect lab/small.toml", "lab/small.toml: is a case file, which `rsgen check` reads"),
+        ("init --from lab/small.toml", "lab/small.toml: is a case file"),
+        ("init --from lab/b.csv", "lab/b.csv: cannot be read: ... did you mean 'lab/a.csv'?"),
+        ("init x --measured ../a.csv", "--measured: '../a.csv' leaves its folder"),
+        ("laws cubic", "law 'cubic': unknown; did you mean 'cubic-spring'?"),
+        ("laws cubic-sprin", "law 'cubic-sprin': unknown; did you mean 'cubic-spring'"),
+        ("derive cubic-spring", "cubic-spring is a law of the library ... write k*x + k3*x**3"),
+        ("derive k*x+k2*sing(x)", "column 8: 'sing' is not a function of formulas, did you mean 'sin'?"),
+        ("derive", "rsgen derive: Missing argument 'expression'. See: rsgen derive --help"),
+        ("run --frce x", "rsgen run: No such option: --frce (Possible ... --force) See: rsgen run --help"),
+        ("rnu", "rsgen: No such command 'rnu'. Did you mean 'run'?"),
+        ("run lab/small.toml --figures PDF", "--figures PDF: must be one of pdf, svg, png"),
+        ("diff lab absent", "lab: holds no result of rsgen"),
+        ("report lab/small.toml --out absent", "absent: is no folder of results"),
+    ],
+)  # fmt: skip
+@pytest.mark.usefixtures("laboratory")
+def test_wrong_words_are_said_as_typed(words, said, run_cli):
+    refused = run_cli(*words.split())
+    assert (refused.code, refused.out, refused.err.count("\n")) == (2, "", 1)
+    start, *rest = said.split(" ... ")
+    typed = refused.err.replace("\\\\", "/").replace("\\", "/")
+    assert typed.startswith(start)
+    assert all(part in typed for part in rest)
+
+
+def test_a_link_out_of_the_folder_is_called_a_link(laboratory, run_cli):
+    write_table(Path("outside.csv"))
+    (laboratory / "a.csv").unlink()
+    (laboratory / "a.csv").symlink_to(Path("..", "outside.csv"))
+    said = "lab/read.toml: test.file: 'a.csv' is a link out of its folder; copy the file into it\n"
+    assert run_cli("check", laboratory / "read.toml").err == said
+
+
+def test_rows_of_exactly_zero_are_left_out_and_a_silent_channel_is_refused(laboratory, run_cli):
+    rows = table_of()
+    rows[0, 2:], rows[30, 1] = 0, 0
+    write_table(laboratory / "a.csv", rows)
+    checked = run_cli("check", laboratory / "read.toml")
+    assert "read: 40 measured points" in checked.out
+    assert "a.csv: 2 of 42 rows left out, whose force or response is exactly zero" in checked.out
+    rows[:, 2:] = 0
+    write_table(laboratory / "a.csv", rows)
+    refused = run_cli("check", laboratory / "read.toml").err
+    assert "lab/a.csv: line 2: response is zero in every row" in refused
+
+
+def test_a_name_of_a_file_that_is_none_of_a_case_is_made_one(laboratory, run_cli):
+    write_table(Path("A=0.09.csv"), head="frequency,force,x_re,x_im")
+    assert run_cli("init", "--from", "A=0.09.csv").code == 0
+    assert '"A-0-09"' in Path("A-0-09.toml").read_text(encoding="utf-8")
+
+
+def test_an_amplitude_that_is_held_has_a_size_that_a_test_can_have(laboratory, run_cli):
+    held = {"test.control": "continuation", "test.level": {"start": "1 mm", "stop": "40 km", "count": 5}}
+    path = laboratory / "held.toml"
+    path.write_text(changed(SMALL, held), encoding="utf-8")
+    assert "not possible in a vibration test: the largest" in run_cli("check", path).out
+    path.write_text(changed(SMALL, held | {"test.level.stop": "40 mm"}), encoding="utf-8")
+    assert "note" not in run_cli("check", path).out
