@@ -192,7 +192,9 @@ def test_init_refuses_a_law_that_never_settles(tmp_path, run_cli):
     path = tmp_path / "gearbox.toml"
     refused = run_cli("init", "gearbox", "--law", "k*x", "--out", path)
     assert (refused.code, "add a damper" in refused.err, path.exists()) == (2, True, False)
-    assert run_cli("init", "gearbox", "--law", "k*x", "--measured", "mine.csv", "--out", path).code == 0
+    data = tmp_path / "mine.csv"
+    data.write_text("f,F,a,phase\n7,1,2,3\n8,1,3,4\n")
+    assert run_cli("init", "gearbox", "--law", "k*x", "--from", data, "--out", path).code == 0
 
 
 def test_init_takes_a_file_for_a_name(tmp_path, run_cli):
@@ -203,14 +205,15 @@ def test_init_takes_a_file_for_a_name(tmp_path, run_cli):
 
 
 def test_init_of_a_measured_case(tmp_path, run_cli):
+    """What columns hold is read from their titles: the first was taken for the frequency."""
     path = tmp_path / "mine.toml"
-    assert run_cli("init", "mine", "--measured", "mine.csv", "--out", path).code == 0
-    missing = run_cli("check", path)
-    assert (missing.code, "mine.csv" in missing.err) == (2, True)
-    rows = [f"{f},{1.0},{2.0},{20 * f - 80}" for f in (7, 8, 9, 10)]
-    (tmp_path / "mine.csv").write_text("\n".join(["f,F,a,phase", *rows]) + "\n")
+    assert run_cli("init", "mine", "--measured", "mine.csv", "--out", path).code == 2
+    rows = [f"{1},{f},{1.0},{2.0},{20 * f - 80}" for f in (7, 8, 9, 10)]
+    (tmp_path / "mine.csv").write_text("\n".join(["run,f (Hz),F (N),a (g),phase (deg)", *rows]) + "\n")
+    assert run_cli("init", "mine", "--from", tmp_path / "mine.csv", "--out", path).code == 0
     assert "4 measured points at 1 level" in run_cli("check", path).out
-    assert run_cli("init", "mine", "--measured", "../mine.csv", "--out", tmp_path / "x.toml").code == 2
+    (tmp_path / "mine.csv").rename(tmp_path / "$.csv")
+    assert run_cli("init", "--from", tmp_path / "$.csv", tmp_path / "x.toml").code == 2
 
 
 # ---------------------------------------------------------------- runs

@@ -93,12 +93,13 @@ def test_a_case_begun_from_a_file_reads_it(tmp_path, file, run_cli, begun):
 def test_units_and_names_tell_what_is_what():
     tables = proposed(FORMATS / "table.csv")
     assert tables["frequency"] == {"column": "frequency_Hz"}
-    assert tables["force"] == {"amplitude": "force_N", "unit": "N"}
+    assert tables["force"] == {"amplitude": "force_N", "unit": "N", "scale": "peak"}
     assert tables["response"] == {
         "quantity": "acceleration",
         "unit": "g",
         "amplitude": "acceleration_g",
         "phase": "lag_deg",
+        "scale": "peak",
         "phase_sense": "lag",
     }
     frf = proposed(FORMATS / "frf.uff")
@@ -316,13 +317,13 @@ def test_a_last_line_without_an_end_is_read(tmp_path, begun):
         # a nominal level beside the force that was measured
         (
             "Kraftstufe [N],Kraft [N],Weg [mm],f [Hz],phi [deg]",
-            {"amplitude": "Kraft [N]", "unit": "N"},
+            {"amplitude": "Kraft [N]", "unit": "N", "scale": "peak"},
             {"quantity": "displacement", "unit": "mm", "phase_sense": "lead"},
             {"column": "Kraftstufe [N]", "unit": "N"},
         ),
         (
             "level_N,force_lbf,disp_mil,rpm,phase_lag_deg",
-            {"amplitude": "force_lbf", "unit": "lbf"},
+            {"amplitude": "force_lbf", "unit": "lbf", "scale": "peak"},
             {"quantity": "displacement", "unit": "thou", "phase_sense": "lag"},
             {"column": "level_N", "unit": "N"},
         ),
@@ -341,7 +342,7 @@ def test_a_last_line_without_an_end_is_read(tmp_path, begun):
         # no factor makes decibels linear: the case must not pass
         (
             "level_N,force_N,|X| [dB re 1 um],freq_Hz,phase_deg",
-            {"amplitude": "force_N", "unit": "N"},
+            {"amplitude": "force_N", "unit": "N", "scale": "peak"},
             {"unit": "dB re 1 um", "phase_sense": "lead"},
             {"column": "level_N", "unit": "N"},
         ),
@@ -357,6 +358,24 @@ def test_what_a_header_tells(tmp_path, run_cli, head, force, response, level, be
     assert tables["level"] == level
     case = begun(path)
     assert run_cli("check", case).code == (2 if "dB" in head else 0)
+
+
+def test_what_no_title_says_is_written_with_a_comment(tmp_path, begun):
+    """Peak or rms was never asked, and a column of runs passed over."""
+    rows = [f"{run},{5 + f / 10},{run},{1 + f},{170 - f}" for run in (1, 3) for f in range(9)]
+    path = table(tmp_path / "a.csv", "run,freq (Hz),F (N),acc (g),phi (deg)", rows)
+    said = doubts(path)
+    assert proposed(path)["force"]["scale"] == proposed(path)["response"]["scale"] == "peak"
+    assert said["test.force.scale"] == said["test.response.scale"] == 'or "rms"; the file does not say'
+    assert said["test.response.phase_sense"].startswith("no title says it")
+    assert "[test.level] with column = 'run'" in said["test.force.amplitude"]
+    assert len(read_case(begun(path))) == 18
+    path = table(
+        tmp_path / "b.csv", "freq (Hz),F peak (N),acc pk (g),phi lead (deg)", [row[2:] for row in rows]
+    )
+    assert not doubts(path)
+    path = table(tmp_path / "c.csv", "freq (Hz),F pk-pk (N),acc peak-to-peak (g)", [row[2:8] for row in rows])
+    assert {"test.force.scale", "test.response.scale"} <= doubts(path).keys()
 
 
 def test_rounded_times_of_a_text_are_times(tmp_path):

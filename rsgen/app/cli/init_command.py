@@ -62,7 +62,6 @@ def _elements(law: str, memory: Mapping[str, str]) -> tuple[list[tuple[str, symp
 def case_text(
     name: str,
     law: str,
-    measured: str | None = None,
     test: str | None = None,
     memory: Mapping[str, str] | None = None,
 ) -> str:
@@ -74,26 +73,21 @@ def case_text(
         The case's name.
     law
         A force law in x and v; terms with v or a memory go to the damper, the others to the spring.
-    measured
-        The data file of a measured case; None for a simulated one.
     test
-        The [test] tables as TOML, if they are known.
+        The [test] tables of a measured case as TOML; None for a simulated one.
     memory
         g(x, v, z) of z' = g for every state z of the law.
 
     Raises
     ------
     RsgenError
-        Name, law or path are not legal, or a law to be simulated has no damper.
+        Name or law are not legal, or a law to be simulated has no damper.
     """
     fault = name_fault(name)
     if fault:
         raise RsgenError(f"name: {fault}")
-    fault = measured and path_fault(measured)
-    if fault:
-        raise RsgenError(f"--measured: {fault}")
     elements, units = _elements(law, memory or {})
-    if measured is None and all(element != "damper" for element, _ in elements):
+    if test is None and all(element != "damper" for element, _ in elements):
         raise RsgenError("--law: has no term with v, so that no simulated motion settles; add a damper: c*v")
     names = sorted({free.name for _, part in elements for free in part.free_symbols} - {"x", "v"})
     width = max(map(len, names), default=0)
@@ -109,20 +103,17 @@ def case_text(
         name=name,
         elements=[(element, write(part), equations_of(part)) for element, part in elements],
         truth=[(f"{name:<{width}}", _value(units.get(name, ""))) for name in names],
-        measured=measured,
         tables=test,
-        variable=DATA_VARIABLE,
     )
 
 
-def _drafted(data: Path, target: Path) -> tuple[str, str]:
-    """Return path and [test] tables for a data file as the case's folder sees it."""
+def _drafted(data: Path, target: Path) -> str:
+    """Return the [test] tables for a data file as the case's folder sees it."""
     contents = list_contents(data)
     proposal = propose(contents)
     if proposal is None:
         raise RsgenError(
-            f"{shown_path(data)}: no columns of numbers over one another are in it; see rsgen inspect, "
-            "then rsgen init --measured"
+            f"{shown_path(data)}: no columns of numbers over one another are in it; see rsgen inspect"
         )
     folder = target.parent.resolve()
     try:
@@ -130,8 +121,11 @@ def _drafted(data: Path, target: Path) -> tuple[str, str]:
     except ValueError:
         # elsewhere: RSGEN_DATA or --data must name its folder
         inside = data.name
+    fault = path_fault(inside)
+    if fault:
+        raise RsgenError(f"--from: {fault}")
     proposal.tables["test"]["file"] = inside
-    return inside, proposal_text(proposal)
+    return proposal_text(proposal)
 
 
 def init_command(
@@ -148,9 +142,6 @@ def init_command(
         ),
     ] = None,
     memory: Memory = None,
-    measured: Annotated[
-        str | None, typer.Option(help="A data file: write a measured case.", show_default=False)
-    ] = None,
     data: Annotated[
         Path | None,
         typer.Option("--from", help="Draft the test by names and units of a data file.", show_default=False),
@@ -166,11 +157,8 @@ def init_command(
     Examples:
       rsgen init gearbox
       rsgen init joint --law "k*x + c*v + z" --memory "z = sigma*v*(1 - z*sign(v)/Fc)"
-      rsgen init wire --measured wire.csv
       rsgen init --from sweep.mat wing.toml
     """
-    if data is not None and measured is not None:
-        raise RsgenError("--from: does not go with --measured; --from says what stands where")
     if name is None and data is not None:
         name = re.sub(r"[^A-Za-z0-9_-]+", "-", data.stem).strip("-") or None
     if name is None:
@@ -180,10 +168,8 @@ def init_command(
         # a file was named: the case is called like it
         name, out = file.stem, out or file
     target = out or Path(f"{name}.toml")
-    test = None
-    if data is not None:
-        measured, test = _drafted(data, target)
-    text = case_text(name, law or _LAW, measured, test, read_memory(memory or []))
+    test = None if data is None else _drafted(data, target)
+    text = case_text(name, law or _LAW, test, read_memory(memory or []))
     if target.exists():
         raise RsgenError(f"{target}: is there already; choose another name or --out")
     write_atomic(target, text)

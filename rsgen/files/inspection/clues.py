@@ -96,6 +96,8 @@ CONTROL = _named(r"(^|[^a-z])(ctrl|control|regel|drive|input|excit\w*|ref(erence
 """What a shaker's controller holds; a motion of this name is that of the base where there is no force."""
 RELATIVE = _named(r"(^|[^a-z])rel(ativ|ative)?([^a-z]|$)|relativ")
 NOMINAL = _named(r"level|stufe|nominal|soll|set_?point")
+RUN = _named(r"^(run|sweep|lauf|versuch)([ _]?no)?\.?$")
+"""Rows of one run; whether those are the points of one level only the numbers say."""
 RATE = _named(r"^f_?s$|rate|sampling|fsamp|sample_?freq")
 INCREMENT = _named(r"^(dt|delta_?[xt]|increment|ts|x_?increment|sample_?(time|interval))$")
 """The time from one sample to the next."""
@@ -130,6 +132,7 @@ QUOTIENT = _named(
 _LEAD = _named(r"lead")
 _LAG = _named(r"lag")
 RMS = re.compile(r"(?<![a-z])(rms|eff)", re.IGNORECASE)
+PEAK = re.compile(r"(?<![a-z-])(peak|pk)(?![- ]?(to|peak|pk))", re.IGNORECASE)
 DECIBEL = re.compile(r"(?<![a-z\d])db(?![a-z])", re.IGNORECASE)
 
 REAL = Clue(lambda entry: not entry.dtype.startswith("complex"))

@@ -29,6 +29,7 @@ from rsgen.files.inspection.clues import (
     RATE,
     REAL,
     RESPONSE,
+    RUN,
     TIME,
     TODO,
     Clue,
@@ -212,6 +213,12 @@ def _level(draft: Draft, level: Entry | None, driven: bool, runs: int) -> dict[s
         unit = {"unit": unit_for(level.unit, "N")} if IS_FORCE(level) else {}
         return {"column": draft.address(level)} | unit
     if driven:
+        run = next((entry for entry in draft.free if (REAL & LONG & RUN)(entry)), None)
+        if run is not None:
+            place = "test.base" if "test.base" in draft.tables else "test.force"
+            first, column = next(iter(draft.tables[place])), draft.address(run)
+            hint = f"levels are amounts that differ little; or [test.level] with column = {column!r}"
+            draft.doubts.setdefault(f"{place}.{first}", hint)
         return {}
     titles = _titles_of_runs(draft) if runs else []
     said = [level_in(title) for title in titles]

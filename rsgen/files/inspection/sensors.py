@@ -26,6 +26,7 @@ from rsgen.files.inspection.clues import (
     IS_MOTION,
     NAMES,
     OVER_FORCE,
+    PEAK,
     PHASE,
     QUOTIENT,
     REAL,
@@ -378,11 +379,15 @@ def scale_of(entry: Entry) -> dict[str, str | float]:
     return {"scale": "rms"} if named and entry.scale in ("", "rms") else {}
 
 
-_SENSE = "a positive phase is earlier (lead) or later (lag); rsgen check says which one no structure has"
+_SENSE = (
+    "no title says it: a positive phase is earlier (lead) or later (lag); rsgen check says which is wrong"
+)
 
 
-def place_of(draft: Draft, sensor: Sensor, place: str, sense: str = "") -> dict[str, Any]:
-    """Say where the columns of a channel are, and the sense of its phase.
+def place_of(
+    draft: Draft, sensor: Sensor, place: str, sense: str = "", *, per_force: bool = False
+) -> dict[str, Any]:
+    """Say where the columns of a channel are, what its amplitudes are, and the sense of its phase.
 
     Parameters
     ----------
@@ -390,10 +395,16 @@ def place_of(draft: Draft, sensor: Sensor, place: str, sense: str = "") -> dict[
         Which table of the case it will be.
     sense
         Of the phase, where it is known; "": by its name.
+    per_force
+        True of a response over force, of which peak and rms are the same number.
     """
     table: dict[str, Any] = {key: draft.address(column) for key, column in sensor.places}
     if "amplitude" in table or "complex" in table:
         table |= scale_of(sensor.main)
+    said = sensor.main.scale or PEAK.search(sensor.main.title) or "scale" in table
+    if "amplitude" in table and not per_force and not said:
+        table["scale"] = "peak"
+        draft.doubts[f"{place}.scale"] = 'or "rms"; the file does not say'
     if sensor.doubt:
         draft.doubts[f"{place}.{sensor.places[-1][0]}"] = sensor.doubt
     if not sensor.has_phase:
@@ -433,7 +444,7 @@ def channel_names(sensors: Sequence[Sensor]) -> list[str]:
 def _motion(draft: Draft, sensor: Sensor, place: str, sense: str) -> dict[str, Any]:
     table: dict[str, Any] = {}
     quantity_of(draft, sensor.main, table, place)
-    return table | place_of(draft, sensor, place, sense)
+    return table | place_of(draft, sensor, place, sense, per_force="per_force" in table)
 
 
 def write_base(draft: Draft, base: Base, sense: str) -> None:
