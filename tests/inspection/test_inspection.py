@@ -374,7 +374,9 @@ def test_what_no_title_says_is_written_with_a_comment(tmp_path, begun):
         tmp_path / "b.csv", "freq (Hz),F peak (N),acc pk (g),phi lead (deg)", [row[2:] for row in rows]
     )
     assert not doubts(path)
-    path = table(tmp_path / "c.csv", "freq (Hz),F pk-pk (N),acc peak-to-peak (g)", [row[2:8] for row in rows])
+    path = table(
+        tmp_path / "c.csv", "freq (Hz),F pk-pk (N),acc peak-to-peak (g)", [row[2:-4] for row in rows]
+    )
     assert {"test.force.scale", "test.response.scale"} <= doubts(path).keys()
 
 

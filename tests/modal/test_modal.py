@@ -227,6 +227,20 @@ def test_a_held_out_level_is_predicted_without_a_law(level: float):
     np.testing.assert_allclose(force[near], asked, rtol=2e-3)
 
 
+def test_a_point_beyond_the_table_has_no_prediction_of_another_branch():
+    """Of two branches only the lower one lies in the table: points of the upper were scored 86 % off."""
+    test = rsgen.SimulatedTest([0.3, 0.8, 1.6, 2.5], np.linspace(6.4, 9.5, 32), sweep="up")
+    surface = rsgen.simulate(
+        rsgen.Oscillator(0.82, "k*x + k3*x**3 + c*v", {"k": 1850.0, "k3": 6e5, "c": 0.95}), test
+    )
+    table = rsgen.modal_table(surface, Observation(hold_out=(2.5,)))
+    (scored,) = rsgen.predict(table, None, surface).held_out
+    beyond = np.abs(scored.measured) > 1.02 * table.tested[1]
+    assert np.isnan(scored.predicted[beyond]).all()
+    assert scored.missing == np.count_nonzero(~np.isfinite(scored.predicted)) > 0
+    assert scored.error < 0.02
+
+
 def test_a_shaken_base_gives_the_table_per_unit_mass_and_with_the_mass_whole():
     test = rsgen.SimulatedTest(level=[1.0, 3.0], frequency=np.linspace(9.4, 10.8, 15), base="acceleration")
     surface = rsgen.simulate(rsgen.Oscillator(MASS, "k*x + c*v", {"k": K1, "c": C1}), test)

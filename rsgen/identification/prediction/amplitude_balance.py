@@ -315,14 +315,18 @@ class SynthesisBalance(AmplitudeBalance):
         super()._tabulate(min(largest, BEYOND * self._largest))
 
     def respond(self, mode: ResponseSurface) -> ComplexArray:
-        """Return the response as for a law; NaN above the table, and below it if k and c matter there."""
+        """Return the response as for a law; NaN above the table, and below it if k and c matter there.
+
+        Where the measured response lies above it, another branch inside is none of that point.
+        """
         found = super().respond(mode)
         size = np.abs(found)
         with np.errstate(divide="ignore", invalid="ignore"):
             # k changes by at most its slope by ln X at the lower end, down to rest
             below = np.clip(np.log(self._least / size), 0.0, 1.0)
             changed = self._drift(mode.omega) * below * size / np.abs(mode.force)
-            known = (size <= BEYOND * self._largest) & (changed < ERROR_LIMITS["warning"])
+            largest = np.fmax(size, mode.amplitude)
+            known = (largest <= BEYOND * self._largest) & (changed < ERROR_LIMITS["warning"])
         return np.where(known, found, np.nan)
 
     def _drift(self, omega: Array) -> Array:
