@@ -212,7 +212,7 @@ def test_a_prediction_as_a_table_and_a_frame(quintic):
     pytest.importorskip("pandas")
     _, prediction = quintic
     lines = str(prediction).splitlines()
-    assert len(lines) == 1 + len(prediction) + len(prediction.findings)
+    assert len(lines) == 1 + len(prediction) + len(prediction.held_out) + len(prediction.findings)
     frame = prediction.to_frame()
     assert len(frame) == sum(len(curve.frequency) for curve in prediction)
     top = frame.groupby("level")["amplitude"].max()

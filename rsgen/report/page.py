@@ -32,7 +32,7 @@ from rsgen.identification.prediction import Prediction
 from rsgen.identification.results import Identification, MultisineIdentification
 from rsgen.law.character import CANCELLATION_TOLERANCE
 from rsgen.law.element import FORCE_KEYS, Element
-from rsgen.law.memory import memory_form
+from rsgen.law.memory import memory_form, with_equations
 from rsgen.law.notation import mathml
 from rsgen.report.figures import Drawing
 from rsgen.report.figures.equivalent import evaluated
@@ -249,6 +249,7 @@ def _verdict_context(
         "next_steps": [step for step in dict.fromkeys(stated["next_steps"]) if step],
         "mark": MARKED.get(verdict.state, ""),
         "outcome": full_sentence(identification.outcome),
+        "law": with_equations(identification.model.force),
         "verdict_table": verdict_table(comparison),
         "alternative_table": alternative_table(identification),
         "meaning": list(describe_elements(subject.elements, identification).items()),
@@ -343,11 +344,17 @@ def mean_sentence(surface: ResponseSurface, identification: Identification | Non
     return f"At the largest response the displacement swings from {low} to {high} about a mean of {middle}."
 
 
+def _contents(sections: tuple[tuple[str, str], ...], found: Identification) -> list[tuple[str, str]]:
+    """Return the sections of a page, with that of the laws compared where there is one."""
+    compared = [] if found.ranking is None else [("ranking", "Laws compared")]
+    return [*sections[:-2], *compared, *sections[-2:]]
+
+
 @singledispatch
 def _test_context(surface: Any, identification: Identification) -> dict[str, Any]:
     """Return what a page says of a surface only, and what of spectra only."""
     return {
-        "contents": _CONTENTS,
+        "contents": _contents(_CONTENTS, identification),
         "test_sentence": surface_sentence(surface),
         "mean_sentence": mean_sentence(surface, identification),
         "linear_table": None,
@@ -357,7 +364,7 @@ def _test_context(surface: Any, identification: Identification) -> dict[str, Any
 @_test_context.register
 def _(spectra: MultisineSpectra, identification: MultisineIdentification) -> dict[str, Any]:
     return {
-        "contents": _LINE_CONTENTS,
+        "contents": _contents(_LINE_CONTENTS, identification),
         "test_sentence": spectra_sentence(spectra, identification.frequency_range),
         "mean_sentence": None,
         "linear_table": linear_table(identification.approximations, identification.curve.units),

@@ -377,3 +377,14 @@ def test_what_is_no_axes_is_refused():
         figures.draw_collapse(IDENTIFICATION, ax=Figure())
     with pytest.raises(RsgenError, match='projection="3d"'):
         figures.draw_surface(SURFACE, ax=Figure().add_subplot())
+
+
+def test_curves_are_drawn_where_forces_of_a_level_scatter_and_of_levels_that_were_not_tested():
+    """A shaker reached 5 % less than its level: every curve was left out, and nothing said so."""
+    weak = replace(SURFACE, force=0.95 * SURFACE.force, harmonics=0.95 * SURFACE.harmonics)
+    levels = [float(level) for level in SURFACE.levels]
+    curves = tuple(replace(PREDICTION.curves[0], level=level) for level in (*levels, 3 * levels[-1]))
+    drawing = figures.draw_responses(weak, replace(PREDICTION, curves=curves))
+    named = [text.get_text() for text in drawing.figure.axes[0].get_legend().get_texts()]
+    assert len(named) == min(len(levels), 6) + 1
+    assert [name for name in named if name.endswith("not tested")] == [named[0]]

@@ -39,6 +39,7 @@ from rsgen.data.surface import ResponseSurface
 from rsgen.files import load_surface
 from rsgen.identification.prediction import predict
 from rsgen.identification.results import Estimate
+from rsgen.identification.results.result import held_out_lines
 from rsgen.report.result_json import fixed_entry, rows_entry
 from rsgen.report.wording import sentence
 from rsgen.report.wording.sentences import state_verdict
@@ -108,6 +109,8 @@ def identify_command(
     for one in identification.fixed:
         print_line(f"fixed: {one.name} = {number(one.value)} {one.unit}".rstrip())
     print_line(sentence(identification.outcome))
+    for line in held_out_lines(identification.held_out):
+        print_line(line)
     for finding in identification.findings:
         if finding not in verdict.decided_by:
             print_line(f"note: {sentence(finding)}")

@@ -17,6 +17,7 @@ from rsgen.common.arrays import Array, ComplexArray, frozen_array
 from rsgen.common.finding import Finding, Severity
 from rsgen.common.text_table import Printed, TextTable, data_frame, lookup, short
 from rsgen.common.tolerances import RELATIVE_CHANGE_NEGLIGIBLE
+from rsgen.identification.results.result import held_out_lines
 
 BEYOND = 1 + RELATIVE_CHANGE_NEGLIGIBLE
 """Amplitude relative to the largest tested one from which on a response is extrapolated."""
@@ -194,7 +195,8 @@ class Prediction(Printed):
             rows.append((short(curve.level), *map(short, highest), folds, extrapolated))
         unit = self.curves[0].level_unit if self.curves else "N"
         heads = (f"level [{unit}]", "largest amplitude [m]", "at [Hz]", "folds at [Hz]", "extrapolated")
-        return TextTable(heads, tuple(rows), notes=tuple(map(repr, self.findings)))
+        notes = (*held_out_lines(self.held_out), *map(repr, self.findings))
+        return TextTable(heads, tuple(rows), notes=notes)
 
 
 # ----------------------------------------------------------------------------

@@ -434,7 +434,9 @@ def _missed(held_out: tuple[HeldOutLevel, ...], misfit: float, *, by_law: bool =
         severity = severity_of_error(error)
         if severity is None or error <= _MAX_ERROR_TO_MISFIT * misfit:
             continue
-        numbers = quantities(error=error, misfit=misfit, level=Quantity(item.level, item.level_unit))
+        # the number is that of the level, as everywhere, not the one without its worst points
+        stated = item.error if isfinite(item.error) else error
+        numbers = quantities(error=stated, misfit=misfit, level=Quantity(item.level, item.level_unit))
         findings.append(Finding("held-out-missed", severity, numbers=numbers, names={"sweep": item.sweep}))
     return tuple(findings)
 

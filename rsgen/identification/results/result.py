@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import suppress
 from dataclasses import dataclass, field, fields, replace
 from functools import partial
@@ -419,8 +419,17 @@ class Identification(Printed):
             ("parameter", "value", f"{CONFIDENCE_TEXT} interval", "unit", "finding"),
             tuple(rows),
             caption=f"{self.verdict}\n{with_equations(self.model.force)}",
-            notes=(tested, *map(repr, self.findings)),
+            notes=(tested, *held_out_lines(self.held_out), *map(repr, self.findings)),
         )
+
+
+def held_out_lines(held_out: Iterable[Any]) -> list[str]:
+    """Return a line for each held-out level or record: its error relative to the measured response."""
+    return [
+        f"held out {short(one.level, 4)} {one.level_unit}: predicted with an error of {100 * one.error:.2g} %"
+        + (f", {one.missing} of {len(one.frequency)} points not at all" if getattr(one, "missing", 0) else "")
+        for one in held_out
+    ]
 
 
 # ----------------------------------------------------------------------------

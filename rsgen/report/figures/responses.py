@@ -34,6 +34,8 @@ if TYPE_CHECKING:
     from rsgen.data.multisine import BestLinear
 
 _MARKERS = {"rest": "o", "up": "^", "down": "v"}
+_SPREAD_OF_LEVEL = 0.1
+"""Of the force at the points of a level: a curve at a force that is nearer is one of this level."""
 
 
 def _runs(curve: ResonanceCurve) -> list[tuple[slice, bool]]:
@@ -134,10 +136,15 @@ def draw_responses(surface: ResponseSurface, prediction: Prediction, *, ax: Give
                     zorder=1.5,
                     rasterized=len(shown) > 400,
                 )
-        for curve in _curves_of(prediction, forces[level])[:1]:
-            _draw_curve(
-                axes, curve, scale.factor, colour, label=quantity_text(curve.level, curve.level_unit, 3)
-            )
+        curve = _curve_of(prediction, forces[level])
+        if curve is not None:
+            _draw_curve(axes, curve, scale.factor, colour, quantity_text(curve.level, curve.level_unit, 3))
+            curves.append(curve)
+    tested = [] if surface.response_held else [_curve_of(prediction, f) for f in _forces(surface).values()]
+    for curve in prediction.curves if tested else ():
+        if len(curve.frequency) and not any(curve is one for one in tested):
+            name = f"{quantity_text(curve.level, curve.level_unit, 3)}, not tested"
+            _draw_curve(axes, curve, scale.factor, "0.5", name)
             curves.append(curve)
     _limit(axes, shown, scale.factor)
     axes.set_xlabel("Frequency [Hz]")
@@ -202,12 +209,7 @@ def _tested(shown: ResponseSurface, level: float, sweep: str) -> tuple[Array, Ar
 
 def _predicted(surface: ResponseSurface, prediction: Prediction) -> ResponseSurface:
     """Keep the levels for which there is a curve; all where there is none at all."""
-    wanted = [curve.level for curve in prediction.curves if len(curve.frequency)]
-    there = [
-        level
-        for level, force in _forces(surface).items()
-        if np.isclose(force, wanted, rtol=1e-9, atol=0).any()
-    ]
+    there = [level for level, force in _forces(surface).items() if _curve_of(prediction, force) is not None]
     return surface.select(np.isin(surface.level, there)) if there else surface
 
 
@@ -223,8 +225,13 @@ def _limit(axes: Axes, shown: ResponseSurface, factor: float) -> None:
         axes.set_ylim(0, 1.12 * float(shown.amplitude.max()) / factor)
 
 
-def _curves_of(prediction: Prediction, level: float) -> list[ResonanceCurve]:
-    return [curve for curve in prediction if np.isclose(curve.level, level, rtol=1e-9, atol=0)]
+def _curve_of(prediction: Prediction, force: float) -> ResonanceCurve | None:
+    """Return the curve at a force, the nearest one within the spread of a level's forces; None without."""
+    drawn = [curve for curve in prediction.curves if len(curve.frequency)]
+    nearest = min(drawn, key=lambda curve: abs(curve.level - force), default=None)
+    if nearest is None or abs(nearest.level - force) > _SPREAD_OF_LEVEL * force:
+        return None
+    return nearest
 
 
 def _level_text(item: HeldOutLevel) -> str:
@@ -264,7 +271,8 @@ def draw_held_out(prediction: Prediction, *, ax: GivenAxes = None) -> Drawing:
     words = []
     for axes, items in zip(panels, groups.values(), strict=False):
         scale = choose_scale(np.concatenate([np.abs(item.measured) for item in items]), "m")
-        for curve in _curves_of(prediction, items[0].force)[:1]:
+        curve = _curve_of(prediction, items[0].force)
+        if curve is not None:
             low = np.where(curve.stable, curve.lower, np.nan) / scale.factor
             high = np.where(curve.stable, curve.upper, np.nan) / scale.factor
             axes.fill_between(curve.frequency, low, high, color="#D55E00", alpha=0.18, lw=0)
