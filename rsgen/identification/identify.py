@@ -17,7 +17,7 @@ from rsgen.common.tolerances import (
     HARMONIC_TRUNCATION,
     INTERVAL_END,
     MAX_NEWTON_STEPS,
-    MAX_SHARE_OF_OUTLIERS,
+    MAX_SHARE_OF_OUTLIERS_BY_CHANCE,
     MISFIT_OF_NOISE,
     MISFIT_REJECTED,
     SUBSAMPLE_POINTS,
@@ -171,7 +171,8 @@ def _refit_with_simulator(balanced: Fit) -> Fit:
         return balanced
     lost = balanced.regression.used & ~refitted.regression.used
     lost &= ~stopped_points(problem.observed.points, refitted)
-    if np.count_nonzero(lost) > MAX_SHARE_OF_OUTLIERS * np.count_nonzero(balanced.regression.used):
+    # held motions, and motions near a jump, are followed by the balance alone
+    if np.count_nonzero(lost) > MAX_SHARE_OF_OUTLIERS_BY_CHANCE * np.count_nonzero(balanced.regression.used):
         return balanced
     both = refitted.regression.used & balanced.regression.used
     misfit = [float(np.sqrt(np.mean(found.regression.misfit[both] ** 2))) for found in (refitted, balanced)]

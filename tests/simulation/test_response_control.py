@@ -110,3 +110,15 @@ def test_held_amplitudes_identify_the_law_and_its_levels_of_force() -> None:
     # at resonance the force overcomes the damper: F = c omega X
     needed = 3.8 * 2 * np.pi * 10 * test.level
     assert found.levels == pytest.approx(needed, rel=0.02)
+
+
+def test_a_gap_is_identified_at_held_amplitudes_that_the_simulator_cannot_follow() -> None:
+    """No force holds a sixth of the points: exact data of the right law were rejected."""
+    values = {"k": 6000.0, "c": 4.0, "kg": 3600.0, "b": 4e-3}
+    gap = Oscillator(1.5, "k*x + c*v + kg*(Max(x - b, 0) + Min(x + b, 0))", values)
+    test = SimulatedTest([2e-3, 5e-3, 1e-2], np.linspace(8, 13, 41), control="response")
+    found = identify(simulate(gap, test), gap.elements)
+    assert found.verdict.state == "identified"
+    assert found.fit.regression.used.all()
+    for name, value in values.items():
+        assert found[name].value == pytest.approx(value, rel=1e-4), name
