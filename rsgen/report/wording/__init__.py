@@ -1,7 +1,6 @@
 """Every sentence that rsgen says about a result.
 
-Most stand in ``findings.toml``; those with more logic are functions, about tests in ``surface_sentences`` and
-about laws, rankings and comparisons in ``sentences``.
+Most stand in ``findings.toml``; those with more logic are functions in ``sentences``.
 
 The numerical layers make findings (``rsgen.common.finding``); pages, notebooks, ``result.json`` and the
 command line take their sentences from here. Nothing reads a sentence back.
@@ -9,8 +8,6 @@ command line take their sentences from here. Nothing reads a sentence back.
 
 from __future__ import annotations
 
-# importing registers the sentences
-from rsgen.report.wording import surface_sentences  # noqa: F401
 from rsgen.report.wording.sentences import CODES, NEXT_STEPS, full_sentence, next_step, sentence
 
 __all__ = ["CODES", "NEXT_STEPS", "full_sentence", "next_step", "sentence"]

@@ -378,6 +378,27 @@ def _at(found: Finding, end: str) -> str:
     return _quantity(found, f"amplitude_{end}", 2)
 
 
+@says("sweep-rate")
+def _sweep_rate(found: Finding) -> str:
+    if "pace" not in found.numbers:
+        return (
+            "the force was not corrected for the sweep rate: over this band the sweeps do not determine a "
+            "moving mass, as they would with one mode in it; choose a band around one mode, or give the mass"
+        )
+    beyond = (
+        f"; beyond {found['proved_up_to']:g} this leaves errors of some percent in c(X): sweep slower"
+        if found["pace"] > found["proved_up_to"]
+        else ""
+    )
+    return (
+        f"{found.names['record']}: the sweep {found.names['direction']} at {found['rate']:.3g} Hz/s is fast "
+        f"for a resonance at {found['resonance']:.4g} Hz with half width {found['half_width']:.2g} Hz: "
+        f"rate/(half width)^2 = {found['pace']:.2g}, which shifts it by {found['shift']:.2g} half widths. "
+        f"The force was corrected for that, by {found['correction']:.1%} at the resonance, with the mass "
+        f"{found['mass']:.4g} kg ({found.names['mass']}){beyond}"
+    )
+
+
 # ----------------------------------------------------------------------------
 # Sentences about laws that fit as well, and about rankings.
 
