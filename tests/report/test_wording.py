@@ -185,3 +185,11 @@ def test_a_sentence_has_the_parts_whose_conditions_hold(numbers, names, severity
 )  # fmt: skip
 def test_conditions_ask_for_names_numbers_and_severity(conditions, holds):
     assert _holds(Finding("a", "doubt", "", {"share": 0.0}, {"by": "phase"}), conditions) is holds
+
+
+@pytest.mark.parametrize(
+    ("order", "said"), [(-1, "integrated once and 10 times"), (None, "response 10 times")]
+)
+def test_a_condition_compares_numbers_below_zero(order, said):
+    numbers = {"misfit": 0.4, "then": 0.01, "by": 10.0} | ({} if order is None else {"order": order})
+    assert said in sentence(Finding("base-misread", "error", "", numbers, {"is": "quantity"}))

@@ -106,7 +106,7 @@ def _value(finding: Finding, name: str) -> str:
         return str(getattr(finding, name))
     if name in finding.names:
         return finding.names[name]
-    return f"{finding.numbers[name].value:g}" if name in finding.numbers else ""
+    return f"{float(finding.numbers[name].value):g}" if name in finding.numbers else ""
 
 
 def _holds(finding: Finding, conditions: str) -> bool:
