@@ -24,8 +24,8 @@ from tests.surfaces import MASS, changed, noisy, without_phase
 
 FORMULAS = ["k*x + c*v", "k*x + k3*x**3 + c*v", "k*x + c*v + Ff*sign(v)"]
 UNFIT = replace(SMOOTH, value=1e-6)
-"""Beside a law that does not fit, small terms are nearly free: a test moved by 1e-15 moves them by 4e-9, another
-processor by 1.1e-7."""
+"""Beside a law that does not fit, small terms are nearly free: a test moved by 1e-15 moves them by 4e-9,
+another processor by 1.1e-7."""
 
 SHOWN = 4
 """Candidates whose numbers are pinned; of the others the order."""
