@@ -80,7 +80,10 @@ def rank_command(
     for finding in ranking.findings:
         if finding not in ranking.verdict.decided_by and finding != ranking.verdict.summary:
             print_line(sentence(finding))
-    print_line(f"best: {ranking.candidates[0].force}")
+    usable = ranking.verdict.usable
+    print_line(
+        f"{'best' if usable else 'least misfit, not to be used as it is'}: {ranking.candidates[0].force}"
+    )
     print_line(f"with {_values(ranking, table)}")
     return print_next_steps(state_verdict(ranking.verdict))
 

@@ -427,11 +427,11 @@ def _law_ambiguous(found: Finding) -> str:
             f"and stands out of the noise by only {found['errors']:.2g}: the test does not tell whether the "
             "law has it, and no interval contains this shift"
         )
-    left = ", and leave a tenth of the value open" if found.severity == "doubt" else ""
+    left = ", and are wider than a tenth of the value" if found.severity == "doubt" else ""
     moved = number_text(100 * abs(found["moved"]), 2)
     return (
         f"{said} stands out of the noise by {found['errors']:.2g} standard errors, and "
-        f"moves {found.parameter} by {moved} %; the intervals hold what such alternatives move{left}"
+        f"moves {found.parameter} by {moved} %; the intervals include such shifts{left}"
     )
 
 
