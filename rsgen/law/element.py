@@ -568,6 +568,8 @@ class Library:
             return _law(name)
         near = [row for row in ROWS if row in f"{name}" or f"{name}" in row][:3]
         near = near or get_close_matches(str(name)[:80], ROWS, n=3)
+        if all(part in self for part in f"{name}".split(" + ")):
+            raise RsgenError(f"law {name!r}: is a sum; write it as a force, or an element for each law")
         hint = f"did you mean {' or '.join(map(repr, near))}? " if near else ""
         raise RsgenError(f"law {name!r}: unknown; {hint}known: {', '.join(ROWS)}")
 

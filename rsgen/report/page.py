@@ -442,8 +442,12 @@ def table_of_results(entries: list[Entry]) -> str:
         "| system | parameter | true | paper | first order | refined | tolerance | verdict |",
         "|---|---|---|---|---|---|---|---|",
     ]
+    measured: list[str] = []
     for entry in entries:
         name, state = plain_text(entry.folder.name, 80).translate(_MARKDOWN), entry.verdict["state"]
+        if all(row["true"] is None for row in entry.rows):
+            measured.append(f"{name} ({state})")
+            continue
         for row in entry.rows:
             known = row["tolerance"] is not None
             tolerance = float(row["tolerance"]) if known else None
@@ -468,6 +472,8 @@ def table_of_results(entries: list[Entry]) -> str:
         for entry in entries
         if (source := plain_text(str(entry.result.get("source") or ""), 300))
     ]
+    said = f"Measured, so without true values; `index.html` has those identified: {', '.join(measured)}"
+    lines += ["", said] if measured else []
     lines += ["", "Sources:", "", *sources] if sources else []
     return "\n".join(lines) + "\n"
 

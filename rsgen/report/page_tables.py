@@ -19,6 +19,7 @@ from rsgen.identification.modal_result import MODAL_COLUMNS, ModalTable
 from rsgen.identification.modal_table import modal_table
 from rsgen.identification.prediction import HeldOutLevel, predict
 from rsgen.identification.prediction.prediction_result import PredictedRecord
+from rsgen.identification.ranking.ranking_result import ORDER, whole_label
 from rsgen.identification.results import Estimate, Identification
 from rsgen.law.element import FORCE_KEYS
 from rsgen.report.wording import sentence
@@ -337,17 +338,17 @@ def ranking_table(identification: Identification) -> Table | None:
         return None
     rows = tuple(
         (
-            candidate.label,
+            whole_label(candidate, identification.ranking.model.sensors),
             candidate.force,
             str(candidate.parameters),
             error_text(candidate.held_out_error),
             number_text(candidate.bic),
-            "ties with the best" if candidate.tied else "worse",
+            "ties with the best" if number and candidate.tied else "worse" if number else "best",
         )
-        for candidate in identification.ranking.candidates
+        for number, candidate in enumerate(identification.ranking.candidates)
     )
     return Table(
-        "Candidate laws, best first",
+        f"Candidate laws, best first; {ORDER}",
         ("Law", "Force", "Parameters", "Error on unseen levels", "BIC above the lowest", "Verdict"),
         rows,
     )

@@ -27,9 +27,9 @@ from rsgen.identification.identify import identify
 from rsgen.identification.ranking import Ranking, rank
 from rsgen.identification.ranking.balance import PointBalance
 from rsgen.identification.ranking.candidate_fit import CandidateFit, CandidateLaw, Round, fit_candidate
-from rsgen.identification.ranking.library_sums import Sum, library_terms, terms_of
+from rsgen.identification.ranking.library_sums import Sum, library_terms, terms_of, whole_name
 from rsgen.identification.ranking.rank_laws import identify_best, order_candidates
-from rsgen.identification.ranking.ranking_result import Assessment, Candidate, assess_best
+from rsgen.identification.ranking.ranking_result import ORDER, Assessment, Candidate, assess_best
 from rsgen.identification.ranking.reference import fit_reference_motion
 from rsgen.identification.ranking.selection import search_sums
 from rsgen.law import laws
@@ -617,6 +617,25 @@ def test_laws_of_the_library_stand_on_a_linear_base() -> None:
     assert set(ranking.candidates[0].values) == {"k", "c", "Ff"}
 
 
+def test_names_say_what_a_candidate_holds() -> None:
+    """The winner could not be carried over by its name, which held a damper in silence."""
+    ranking = rank(measured("coulomb"), [laws["coulomb"], laws["cubic-spring"]], mass=MASS)
+    best, whole = ranking.candidates[0], "coulomb + linear-damper + linear-spring"
+    assert ranking[whole] is ranking["coulomb"] is best
+    said = str(ranking).splitlines()
+    assert said[0].startswith(f"best: {whole} (")
+    assert "BIC above the lowest" in said[1]
+    assert said[2].startswith(whole)
+    assert " % " in said[2]
+    assert " worse " in said[3]
+    assert said[-1] == ORDER
+    assert whole_name("pendulum") == "pendulum + linear-damper"
+    assert whole_name("bilinear-spring") == "bilinear-spring + linear-damper"
+    assert whole_name("dahl", "a - b").endswith(" + joint-damper + joint-spring")
+    with pytest.raises(RsgenError, match="is a sum; write it as a force, or an element for each"):
+        laws["coulomb + linear-damper"]
+
+
 def test_no_candidate_is_refused() -> None:
     with pytest.raises(RsgenError, match="no candidate given"):
         rank(measured("cubic"), [])
@@ -639,5 +658,6 @@ def test_what_predicts_levels_comes_before_what_fits_them() -> None:
     assert order_candidates([0.0, 300.0], [0.023, 0.01], [5, 4], [False] * 2)[0] == [0, 1]
     # with one level nothing is predicted: fit and parameters decide
     assert order_candidates(bic, [np.nan] * 5, count, odd)[0] == [1, 0, 2, 3, 4]
+    assert order_candidates([1.0, 0.0, 0.5, 9.0], [np.nan] * 4, [4, 6, 7, 3], [False] * 4)[0] == [0, 1, 2, 3]
     odd = [False, True, False, False, False]
     assert order_candidates(bic, [np.nan] * 5, count, odd)[0] == [0, 1, 2, 3, 4]

@@ -79,6 +79,25 @@ def library_terms() -> tuple[Term, ...]:
     return tuple(Term(law, law.search) for law in laws if law.search is not None)
 
 
+@lru_cache(maxsize=512)
+def whole_name(name: str, sensors: str = "") -> str:
+    """Return the name of a sum followed by the linear springs and dampers that its laws do not hold.
+
+    A law holds one where it has a parameter more than what it adds.
+
+    Examples
+    --------
+    >>> whole_name("cubic-spring + coulomb")
+    'cubic-spring + coulomb + linear-damper'
+    """
+    terms = tuple(term for term in library_terms() if term.name in name.split(" + "))
+    whole = [term.source for term in terms if len(term.source.parameters) > len(term.law.parameters)]
+    held = {symbol("v" if law.force.has(symbol("v")) else "x") for law in whole}
+    base = Sum(terms, sensors).base.values() if terms else ()
+    more = [one.name for one in base if one.across != sensors or not held & one.force.free_symbols]
+    return " + ".join([name, *more])
+
+
 @lru_cache(maxsize=256)
 def terms_of(force: sympy.Expr) -> frozenset[str]:
     """Return what the linear parameters multiply, in a normal form that does not depend on names.

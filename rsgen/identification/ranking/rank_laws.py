@@ -220,7 +220,7 @@ def _compare(current: Round, entries: Candidates, known: Sequence[CandidateFit])
 def order_candidates(
     bic: Sequence[float], error: Sequence[float], count: Sequence[int], odd: Sequence[bool]
 ) -> tuple[list[int], float, list[bool]]:
-    """Order candidates by BIC; of tied ones the one with fewer parameters comes first.
+    """Order candidates by BIC; the first is that of fewest parameters among the tied ones.
 
     Candidates that predict held-out levels worse than one of fewer parameters overfit, and come last.
 
@@ -251,7 +251,9 @@ def order_candidates(
             return 0, odd[number], count[number], bic[number]
         return 1, overfitted[number], 0, bic[number]
 
-    return sorted(range(len(bic)), key=place), lowest, tied
+    best = min(range(len(bic)), key=place)
+    by_bic = sorted(range(len(bic)), key=lambda i: (i != best, not tied[i], overfitted[i], bic[i]))
+    return by_bic, lowest, tied
 
 
 def _ranking(

@@ -34,7 +34,7 @@ from rsgen.identification.ranking.candidate_fit import (
     Round,
     errors_of_values,
 )
-from rsgen.identification.ranking.library_sums import library_terms, terms_of
+from rsgen.identification.ranking.library_sums import library_terms, terms_of, whole_name
 from rsgen.identification.results import Identification
 from rsgen.identification.results.estimates import phase_findings
 from rsgen.identification.soundness import signs_along
@@ -42,6 +42,12 @@ from rsgen.law.motion import Motion, harmonics_of
 
 OWN = "the case's own law"
 """Name of the law of the case or model that is ranked, among the candidates."""
+
+ORDER = (
+    "order: of those that tie the simplest first, then by BIC; last what predicts unseen levels worse than a "
+    "simpler law"
+)
+"""The order of a ranking, as tables say it."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -83,6 +89,11 @@ class Candidate:
         return f"{OWN} ({self.name})" if self.own and self.name != OWN else self.name
 
 
+def whole_label(candidate: Candidate, sensors: str) -> str:
+    """Return the label of a candidate with every linear spring and damper that it holds."""
+    return replace(candidate, name=whole_name(candidate.name, sensors)).label
+
+
 @dataclass(frozen=True, slots=True, eq=False, repr=False)
 class Ranking(Printed):
     """Candidate laws against one test.
@@ -93,8 +104,8 @@ class Ranking(Printed):
     Parameters
     ----------
     candidates
-        Best first: tied ones by their number of parameters, the others by BIC; last those that predict
-        levels worse than a law of fewer parameters does.
+        Best first: of tied ones that of fewest parameters, then the other tied ones and all others by BIC;
+        last those that predict levels worse than a law of fewer parameters does.
     model
         The best law as a model for ``identify``.
     fits
@@ -154,7 +165,9 @@ class Ranking(Printed):
         RsgenError
             There is none; it is a ``KeyError``, too.
         """
-        return lookup(name, {candidate.name: candidate for candidate in self}, "candidate")
+        whole = {whole_name(candidate.name, self.model.sensors): candidate for candidate in self}
+        known = {candidate.name: candidate for candidate in self}
+        return lookup(name, whole | known if name in whole else known, "candidate")
 
     def __iter__(self) -> Iterator[Candidate]:
         return iter(self.candidates)
@@ -176,11 +189,15 @@ class Ranking(Printed):
     def _table(self) -> TextTable:
         rows = tuple(
             (
-                candidate.label,
+                whole_label(candidate, self.model.sensors),
                 candidate.parameters,
                 short(candidate.bic, 4),
-                short(candidate.held_out_error, 2),
-                "best" if candidate is self.candidates[0] else "tied" if candidate.tied else "",
+                f"{short(100 * candidate.held_out_error, 2)} %" if candidate.held_out_error >= 0 else "",
+                "best"
+                if candidate is self.candidates[0]
+                else "ties with the best"
+                if candidate.tied
+                else "worse",
                 candidate.force,
             )
             for candidate in self
@@ -189,10 +206,10 @@ class Ranking(Printed):
         verdict = self.verdict
         if verdict.decided_by:
             fits += f"; {verdict.state}: {', '.join(finding.code for finding in verdict.decided_by)}"
-        heads = ("law", "parameters", "BIC", "held-out error", "verdict", "force")
-        return TextTable(
-            heads, rows, caption=f"best: {self.candidates[0].name} ({fits}), noise {self.noise:.2g}"
-        )
+        heads = ("law", "parameters", "BIC above the lowest", "error on unseen levels", "verdict", "force")
+        best = whole_name(self.candidates[0].name, self.model.sensors)
+        caption = f"best: {best} ({fits}), noise {self.noise:.2g}"
+        return TextTable(heads, rows, caption=caption, notes=(ORDER,))
 
 
 # ----------------------------------------------------------------------------
