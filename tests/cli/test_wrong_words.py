@@ -59,7 +59,6 @@ def write_table(path: Path, rows: np.ndarray | None = None, head: str = "f,F,a,b
         ("inspect lab/small.toml", "lab/small.toml: is a case file, which `rsgen check` reads"),
         ("init --from lab/small.toml", "lab/small.toml: is a case file"),
         ("init --from lab/b.csv", "lab/b.csv: cannot be read: ... did you mean 'lab/a.csv'?"),
-        ("init x --measured ../a.csv", "--measured: '../a.csv' leaves its folder"),
         ("laws cubic", "law 'cubic': unknown; did you mean 'cubic-spring'?"),
         ("laws cubic-sprin", "law 'cubic-sprin': unknown; did you mean 'cubic-spring'"),
         ("derive cubic-spring", "cubic-spring is a law of the library ... write k*x + k3*x**3"),
@@ -101,6 +100,22 @@ def test_rows_of_exactly_zero_are_left_out_and_a_silent_channel_is_refused(labor
     write_table(laboratory / "a.csv", rows)
     refused = run_cli("check", laboratory / "read.toml").err
     assert "lab/a.csv: line 2: response is zero in every row" in refused
+
+
+@pytest.mark.parametrize("count", [2, 3])
+def test_check_and_identify_refuse_the_same_few_points(laboratory, run_cli, count):
+    rows = [f"{10 + n / 10},{1 + n},{1e-3 * (1 + n)},90" for n in range(count)]
+    (laboratory / "lags.csv").write_text("\n".join(["f,F,x,lag", *rows, ""]), encoding="utf-8")
+    response = {"quantity": "displacement", "amplitude": "x", "phase": "lag", "phase_sense": "lag"}
+    locked = TABLE | {"test.control": "phase", "test.response": response, "test.file": "lags.csv"}
+    path = laboratory / "lags.toml"
+    path.write_text(changed(SMALL, MEASURED | locked), encoding="utf-8")
+    said = f"surface: {count} of {count} points can be used"
+    for command in ("check", "identify"):
+        refused = run_cli(command, path).err
+        assert said in refused
+        assert "needs at least" in refused
+        assert "nan" not in refused
 
 
 def test_a_name_of_a_file_that_is_none_of_a_case_is_made_one(laboratory, run_cli):
