@@ -58,6 +58,8 @@ def test_an_observation_takes_one_level_and_no_background():
         (lambda s, f: rs.identify("test.h5", LAW), "surface: str; must be ResponseSurface"),
         (lambda s, f: rs.identify(s, LAW, "residuals"), "observation: str; must be Observation"),
         (lambda s, f: rs.identify(s, LAW, mass="1.2 kg"), r"mass: '1.2 kg'; must be a number \[kg\]"),
+        (lambda s, f: rs.identify(s, ["k*x", "c*v +"]), r"law 'c\*v \+': column 5: the formula ends in '\+'"),
+        (lambda s, f: rs.rank(s, ["k*x + c*v", "k*sing(x)"]), r"law 'k\*sing\(x\)': column 3: .* mean 'sin'"),
         (lambda s, f: rs.identify(s, "k*x + m*v"), "named m, which is the mass"),
         (lambda s, f: rs.identify(s.select(np.zeros(len(s), dtype=bool)), LAW), "0 of 0 points"),
         (lambda s, f: rs.rank(np.ones(3)), "surface: ndarray"),

@@ -6,14 +6,13 @@ import re
 import stat
 import tomllib
 import unicodedata
-from collections.abc import Collection, Iterable, Iterator
-from difflib import get_close_matches
+from collections.abc import Iterable, Iterator
 from pathlib import Path
 from typing import Any, get_args, get_origin
 
 from pydantic import BaseModel, ValidationError
 
-from rsgen.common.errors import CaseError, near_file, printable, quote
+from rsgen.common.errors import CaseError, near_file, printable, quote, suggest
 from rsgen.common.output import MAX_NAME
 
 # ----------------------------------------------------------------------------
@@ -28,18 +27,6 @@ _DEVICES = {"con", "prn", "aux", "nul", *(f"{port}{n}" for port in ("com", "lpt"
 def is_device(name: str) -> bool:
     """Return True if Windows takes a file name for a device, whatever its ending."""
     return name.casefold().split(".")[0] in _DEVICES
-
-
-def suggest(word: str, known: Collection[str]) -> str:
-    """Return a did-you-mean in words, with a trailing blank, or nothing when no known word is close.
-
-    Examples
-    --------
-    >>> suggest("frequncy", ["frequency", "level"])
-    "did you mean 'frequency'? "
-    """
-    close = get_close_matches(word[:MAX_NAME], list(known), n=1, cutoff=0.6)
-    return f"did you mean {quote(close[0])}? " if close else ""
 
 
 def name_fault(name: str) -> str | None:

@@ -16,9 +16,18 @@ from pydantic import ValidationError
 
 import rsgen.files
 from rsgen.cases.case import Case, CaseDocument, Document, ElementTable, make_measured
-from rsgen.cases.faults import KINDS, name_fault, parse_case, read_text, sentences, suggest, text_fault
+from rsgen.cases.faults import KINDS, name_fault, parse_case, read_text, sentences, text_fault
 from rsgen.cases.tables import MAX_POINTS, Maker, reason
-from rsgen.common.errors import CaseError, ExpressionError, RsgenError, near_file, quote, require, shown_path
+from rsgen.common.errors import (
+    CaseError,
+    ExpressionError,
+    RsgenError,
+    near_file,
+    quote,
+    require,
+    shown_path,
+    suggest,
+)
 from rsgen.data.multisine import MultisineSpectra
 from rsgen.data.oscillator import KNOWN_MASS, Model, Observation, Oscillator, total_force
 from rsgen.data.record_set import BASE_UNITS, PlannedTest, match_level
@@ -385,6 +394,9 @@ class _Builder:
             if self.simulated
             else make_measured(document.test, self.maker, mass, calibrated, across)
         )
+        # the motion that elements act across has no key of its own
+        place = next((f"element.{n}.across:" for n, one in enumerate(self.tables, start=1) if one.across), "")
+        self.faults[:] = [fault.replace("test.across:", place, 1) for fault in self.faults]
         observation = make_observation(document.identify, test, self.maker)
         if self.simulated and not calibrated:
             self.fault(

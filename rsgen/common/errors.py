@@ -5,7 +5,7 @@ from __future__ import annotations
 import contextlib
 import logging
 import os
-from collections.abc import Iterable, Sequence
+from collections.abc import Collection, Iterable, Sequence
 from difflib import get_close_matches
 from numbers import Real
 from pathlib import Path
@@ -64,6 +64,18 @@ def shown_path(path: str | os.PathLike[str]) -> str:
     """Show a path in a message as it was typed: relative if it was, in quotes where it holds odd signs."""
     text = os.fspath(path)
     return text if text.isprintable() else quote(text, 200)
+
+
+def suggest(word: str, known: Collection[str]) -> str:
+    """Return a did-you-mean in words, with a trailing blank, or nothing when no known word is close.
+
+    Examples
+    --------
+    >>> suggest("frequncy", ["frequency", "level"])
+    "did you mean 'frequency'? "
+    """
+    close = get_close_matches(word[:80], list(known)[:1000], n=1, cutoff=0.6)
+    return f"did you mean {quote(close[0])}? " if close else ""
 
 
 def near_file(path: Path, endings: str = "") -> str:

@@ -22,7 +22,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rsgen.common.arrays import Array
-from rsgen.common.errors import MeasurementError, quote, shown_path
+from rsgen.common.errors import MeasurementError, quote, shown_path, suggest
 from rsgen.files.data_files import MAX_TEXT_BYTES, Rewritten, check_digest, open_text
 from rsgen.files.tree import MAX_CHANNELS
 
@@ -360,7 +360,7 @@ class _Table:
         if found:
             raise self.fail(line, f"{len(found)} columns are named {quote(column)}; give the column's number")
         known = ", ".join(quote(name) for name in names[:12]) or "none, the file has no header; give a number"
-        raise self.fail(line, f"no column named {quote(column)}; known: {known}")
+        raise self.fail(line, f"no column named {quote(column)}; {suggest(column, names)}known: {known}")
 
     def row(self, line: int, text: str) -> None:
         values = self.cells(line, text)

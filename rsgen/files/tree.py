@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any, BinaryIO
 import numpy as np
 from numpy.typing import NDArray
 
-from rsgen.common.errors import MeasurementError, quote
+from rsgen.common.errors import MeasurementError, quote, suggest
 
 if TYPE_CHECKING:
     from rsgen.files.plan import Layout
@@ -324,7 +324,8 @@ def find(nodes: Sequence[Node], wanted: int | str) -> tuple[list[Node], str | No
     else:
         found = []
     if not found:
-        raise MeasurementError(f"nothing is called {quote(text)}; known: {_known(nodes)} (see rsgen inspect)")
+        hint = f"{suggest(text, list(by_path))}known: {_known(nodes)} (see rsgen inspect)"
+        raise MeasurementError(f"nothing is called {quote(text)}; {hint}")
     for node in found:
         if node.fault:
             raise MeasurementError(f"{quote(node.path)}: {node.fault}")

@@ -13,7 +13,7 @@ import numpy as np
 import sympy
 
 from rsgen.common.arrays import Array
-from rsgen.common.errors import ExpressionError, RsgenError
+from rsgen.common.errors import ExpressionError, RsgenError, quote
 from rsgen.common.finding import Finding
 from rsgen.common.text_table import TextTable
 from rsgen.formula import check_name, parse, symbol, write
@@ -114,12 +114,11 @@ def refuse_library_names(force: sympy.Expr) -> None:
         spelled = called.replace("-", "_")
         if called in _ALSO_FORCES or not ({spelled} <= names or {*called.split("-")} <= names):
             continue
-        name = spelled if spelled in names else called
         equations = "".join(f"; {z}' = {rate}" for z, rate in (law.memory or {}).items())
         raise ExpressionError(
-            f"{name} is a law of the library and no force in a formula; write {law.formula[:80]}"
-            f'{equations[:80]}, or say law = "{called}" in an element of a case, rsgen.laws["{called}"] in '
-            "Python"
+            f"{spelled if spelled in names else called} is a law of the library and no force in a formula; "
+            f'write {law.formula[:80]}{equations[:80]}, or say law = "{called}" in an element of a case, '
+            f'rsgen.laws["{called}"] in Python'
         )
 
 
@@ -479,7 +478,10 @@ def _as_law(law: object) -> Law:
     if isinstance(law, Element):
         return Law(write(law.force), law.name, elements=(law,))
     if isinstance(law, str | sympy.Expr):
-        return Law(law)
+        try:
+            return Law(law)
+        except ExpressionError as fault:
+            raise ExpressionError(f"law {quote(law)}: {fault}") from None
     raise RsgenError(f"law: {law!r:.80}; must be a formula, an Element or a Law")
 
 

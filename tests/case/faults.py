@@ -154,6 +154,7 @@ OF_TABLE: list[Changes] = [
     {"test.response.imag": "b"},
     {"test.channels": {"a": {"quantity": "velocity", "real": 3, "imag": 4, "phase_sense": "lead"}}},
     {"test.channels": {"a": {"quantity": "velocity", "amplitude": 3, "unit": "N"}}},
+    {"element.2.across": "tip - root"},
     {"test.calibrated": False},
     {"test.file": "/etc/passwd"},
     {"accept": {"k1": 0.001}},

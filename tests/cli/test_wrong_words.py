@@ -118,6 +118,29 @@ def test_check_and_identify_refuse_the_same_few_points(laboratory, run_cli, coun
         assert "nan" not in refused
 
 
+@pytest.mark.parametrize(
+    ("changes", "said"),
+    [
+        ({"test.response.real": "aa"}, "a.csv: line 1: no column named 'aa'; did you mean 'a'? known: 'f'"),
+        ({"test.response.unit": "milimeter"}, "test.response.unit: 'milimeter' is not known; write a unit"),
+        ({"test.response.unit": "N"}, "test.response.unit: 'N' is a force, but m (a length) is needed"),
+        ({"test.force.factor": "10 N/V"}, "test.force.factor: '10 N/V' is in "),
+        ({"test.level": {"value": "1 mm"}}, "test.level.value: '1 mm' is a length, but N"),
+        ({"test.level": {"column": "F", "unit": "mm"}}, "test.level.unit: 'mm' is a length, but N (a force)"),
+        ({"identify": {"holdout": [1]}}, "identify.holdout: is not a key here; did you mean 'hold_out'?"),
+        ({"identify": {"hold_out": [7]}}, "hold_out: no level 7 N in the test; it has 1, 2 N"),
+        ({"element.1.across": "tip - root"}, "element.1.across: tip, root: no such channel; known: none"),
+    ],
+)  # fmt: skip
+def test_what_a_measured_case_says_wrongly_is_named_by_its_key(laboratory, run_cli, changes, said):
+    path = laboratory / "read.toml"
+    path.write_text(changed(SMALL, MEASURED | TABLE | changes), encoding="utf-8")
+    refused = run_cli("check", path)
+    assert (refused.code, refused.err.count("\n")) == (2, 1)
+    assert refused.err.startswith(f"{path}: ")
+    assert said in refused.err
+
+
 def test_a_name_of_a_file_that_is_none_of_a_case_is_made_one(laboratory, run_cli):
     write_table(Path("A=0.09.csv"), head="frequency,force,x_re,x_im")
     assert run_cli("init", "--from", "A=0.09.csv").code == 0
