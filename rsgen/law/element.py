@@ -106,11 +106,10 @@ def refuse_library_names(force: sympy.Expr) -> None:
     Raises
     ------
     ExpressionError
-        A term of the law is such a name.
+        A term of the law is such a name, or two are, as "cubic-spring", which reads as a difference.
     """
     names = set(_constant_forces(force))
     for called, law in ROWS.items():
-        # "cubic-spring" was read as a difference
         spelled = called.replace("-", "_")
         if called in _ALSO_FORCES or not ({spelled} <= names or {*called.split("-")} <= names):
             continue
@@ -568,8 +567,7 @@ class Library:
         """
         if name in self:
             return _law(name)
-        near = [row for row in ROWS if row in f"{name}" or f"{name}" in row][:3]
-        near = near or get_close_matches(str(name)[:80], ROWS, n=3)
+        near = [row for row in ROWS if str(name) in row][:3] or get_close_matches(str(name)[:80], ROWS, n=3)
         if all(part in self for part in f"{name}".split(" + ")):
             raise RsgenError(f"law {name!r}: is a sum; write it as a force, or an element for each law")
         hint = f"did you mean {' or '.join(map(repr, near))}? " if near else ""
