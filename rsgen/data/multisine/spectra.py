@@ -218,12 +218,12 @@ class MultisineSpectra(Records, Printed):
     def far(self, share: float) -> ComplexArray | None:
         """Return the motion across less a share of the response (r, p, H+1) [m]; None where there is none.
 
-        It is zero at lines that noise hides: no law gives the motion of a second sensor.
+        It is zero at the lowest lines if noise hides them: no law gives the motion of a second sensor. Of the
+        highest ones, together, the motion is more than their noise, which the scatter of the periods shows.
         """
         if self.across is None:
             return None
-        low, high = (end[:, None, None] for end in self.reach())
-        seen = (self.lines == 0) | ((self.lines >= low) & (self.lines <= high))
+        seen = (self.lines == 0) | (self.lines >= self.reach()[0][:, None, None])
         return np.asarray(np.where(seen, self.across - share * self.response, 0))
 
     def excited(self) -> NDArray[np.bool_]:
