@@ -42,6 +42,16 @@ def of_plausibility(findings: tuple[Finding, ...]) -> list[Finding]:
     return [f for f in findings if f.code in ("size-impossible", "another-quantity")]
 
 
+def test_levels_in_another_order_than_forces_are_doubted():
+    surface = cubic_surface()
+    level = np.random.default_rng(0).permutation(surface.level)
+    scrambled = ResponseSurface(level, surface.frequency, surface.force, surface.harmonics[:, 1])
+    (found,) = level_findings(scrambled)
+    assert (found.code, found.severity) == ("levels-disagree", "doubt")
+    assert "another order" in sentence(found)
+    assert list(level_findings(surface)) == []
+
+
 def test_an_ordinary_test_has_nothing_to_remark():
     assert list(size_findings(ORDINARY)) == []
     assert list(quantity_findings(cubic_surface())) == []

@@ -22,7 +22,7 @@ from rsgen.formula.evaluation import Numeric, compiled
 from rsgen.formula.names import remembers
 from rsgen.law.character import CANCELLATION_TOLERANCE
 from rsgen.law.library import ROWS, Search
-from rsgen.law.memory import equations_of, memory_form, rates_of, read_formula, with_memory
+from rsgen.law.memory import constant_terms, equations_of, memory_form, rates_of, read_formula, with_memory
 from rsgen.law.normal_form import normal_form
 from rsgen.law.notation import latex, mathml
 from rsgen.law.numeric import equal_terms
@@ -81,6 +81,7 @@ def law_remarks(force: sympy.Expr) -> tuple[Finding, ...]:
     """
     return (
         *(Finding("constant-force", "warning", name) for name in _constant_forces(force)),
+        *(Finding("constant-force", "warning", names={"term": term}) for term in constant_terms(force)),
         *_curves(force),
         *(_order(group) for group in equal_terms(force)),
         *(Finding("parameter-not-variable", "info", name) for name in _like_variables(force)),
@@ -89,15 +90,9 @@ def law_remarks(force: sympy.Expr) -> tuple[Finding, ...]:
 
 def _order(group: tuple[tuple[str, ...], ...]) -> Finding:
     names = sorted(group)
-    first_names = [names_of_one[0] for names_of_one in names]
-    return Finding(
-        "equal-terms",
-        "info",
-        names={
-            "terms": " and ".join(f"({', '.join(names_of_one)})" for names_of_one in names),
-            "order": " <= ".join(first_names),
-        },
-    )
+    terms = " and ".join(f"({', '.join(names_of_one)})" for names_of_one in names)
+    order = " <= ".join(names_of_one[0] for names_of_one in names)
+    return Finding("equal-terms", "info", names={"terms": terms, "order": order})
 
 
 def refuse_library_names(force: sympy.Expr) -> None:

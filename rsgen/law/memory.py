@@ -303,3 +303,12 @@ def _free(name: str, states: Mapping[sympy.Symbol, Inner]) -> str:
     while symbol(name) in states:
         name += "_"
     return name
+
+
+def constant_terms(force: sympy.Expr) -> tuple[str, ...]:
+    """Return the terms, other than a name alone, that no x, v or memory moves."""
+    form = memory_form(force)
+    names = {symbol("x"), symbol("v"), *(() if form is None else form.states)}
+    terms = [term for term in sympy.Add.make_args(force if form is None else form.force) if term.free_symbols]
+    fixed = (term for term in terms if not (term.as_coeff_Mul()[1].is_Symbol or term.free_symbols & names))
+    return tuple(sorted(map(write, fixed)))

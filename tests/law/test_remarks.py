@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 import rsgen
-from rsgen.common.errors import ExpressionError
+from rsgen.common.errors import ExpressionError, RsgenError
 from rsgen.formula import parse
 from rsgen.law.element import law_remarks
 
@@ -15,6 +15,7 @@ from rsgen.law.element import law_remarks
     [
         ("k*x + z", {"constant-force"}),
         ("k*x + 2*F0", {"constant-force"}),
+        ("k*x + c*xdot", {"constant-force"}),
         ("k*x + c*v + Ff*sign(v)", set()),
         # a virgin curve that gets steeper turns its loop the other way
         ("masing(kt*x**3)", {"damping-feeds-energy"}),
@@ -48,6 +49,21 @@ def test_nothing_is_odd_about_the_library() -> None:
 def test_a_law_of_the_library_is_no_force(name: str) -> None:
     with pytest.raises(ExpressionError, match=rf"{name} is a law of the library.*rsgen.laws"):
         rsgen.Law(f"k*x + {name}")
+
+
+@pytest.mark.parametrize("text", ["dead-zone", "k*x + cubic-spring"])
+def test_a_hyphen_of_a_law_of_the_library_is_no_minus(text: str) -> None:
+    with pytest.raises(ExpressionError, match=r"is a law of the library.*rsgen.laws"):
+        rsgen.Law(text)
+
+
+def test_a_ranking_of_constant_forces_alone_is_refused(linear_table: rsgen.ResponseSurface) -> None:
+    with pytest.raises(RsgenError, match="no candidate has forces"):
+        rsgen.rank(linear_table, "F1 - F2")
+
+
+def test_a_state_and_what_scales_it_is_no_constant_force() -> None:
+    assert law_remarks(rsgen.Law("k*x + a*z", memory={"z": "v - b*abs(v)*z"}).force) == ()
 
 
 def test_a_constant_force_may_be_called_a_preload() -> None:

@@ -207,10 +207,12 @@ LEVEL_TOLERANCE = 1.5
 
 
 def level_findings(surface: ResponseSurface) -> Iterator[Finding]:
-    """Return a finding if forces are the levels in another unit.
+    """Return a finding if forces are the levels in another unit, or in another order of rows than these.
 
     Levels are names, and often numbers of runs. Where at two levels or more the force is always the level
-    times one factor between units, both are the same force, and one of them was read in another unit."""
+    times one factor between units, both are the same force, and one of them was read in another unit. A
+    shaker loses force smoothly towards a resonance: where forces of neighbours in frequency differ by more
+    than those of levels do, the two columns do not belong together."""
     if surface.level_unit != "N":
         return
     rows = _usable(surface)
@@ -225,6 +227,20 @@ def level_findings(surface: ResponseSurface) -> Iterator[Finding]:
                 "force": Quantity(float(typical[-1]), surface.level_unit),
             }
             yield Finding("levels-in-other-unit", "doubt", "", numbers)
+    order = np.lexsort((surface.frequency[rows], surface.sweep[rows], level))
+    size, level, sweep = np.log(force[order]), level[order], surface.sweep[rows][order]
+    step = np.abs(np.diff(size))[(level[1:] == level[:-1]) & (sweep[1:] == sweep[:-1])]
+    means = [float(np.mean(size[level == one])) for one in levels]
+    # a quarter of the steps: a few readings may be off
+    if (
+        len(levels) > 1
+        and len(step)
+        and np.quantile(step, 0.75) > max(np.log(LEVEL_TOLERANCE), np.ptp(means))
+    ):
+        low, high = np.quantile(np.exp(size[level == levels[-1]]), [0.1, 0.9])
+        amounts = {"level": levels[-1], "low": low, "high": high}
+        numbers = {name: Quantity(float(amount), "N") for name, amount in amounts.items()}
+        yield Finding("levels-disagree", "doubt", "", numbers)
 
 
 def size_findings(sizes: Sizes) -> Iterator[Finding]:

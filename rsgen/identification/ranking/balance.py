@@ -27,6 +27,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rsgen.common.arrays import Array, Chosen, ComplexArray, blocks
+from rsgen.common.errors import RsgenError
 from rsgen.common.tolerances import (
     ASSUMED_RELATIVE_NOISE,
     BALANCE_HARMONICS,
@@ -528,5 +529,8 @@ def _inverse_root(covariance: Array, known: NDArray[np.bool_]) -> Array:
     order = np.argsort(known, kind="stable")
     root = np.empty_like(covariance)
     ordered = covariance[:, order[:, None], order]
-    root[:, order[:, None], order] = np.linalg.inv(np.linalg.cholesky(ordered))
+    try:
+        root[:, order[:, None], order] = np.linalg.inv(np.linalg.cholesky(ordered))
+    except np.linalg.LinAlgError:
+        raise RsgenError("ranking: no candidate has forces that follow x and v near the test") from None
     return root
