@@ -114,22 +114,25 @@ def misfit_findings(
         misfit_of_joint(fit.problem.observed.points, part.sensors) for part in fit.problem.law.parts[1:]
     )
     severity = severity_of(size, min(SYSTEMATIC_MISFIT_DOUBTFUL, *joints, inf), MISFIT_REJECTED)
-    names, left = dict[str, str](), misfit
-    if severity != "error":
-        term = max(others.kinds["term"], key=lambda term: others.kinds["term"][term].gain)
-        left = explained = _left_beside(fit, term)
-        names = {"term": term}
-        if not left < (1 - MIN_MISFIT_REDUCTION) * misfit:
-            curves = free_curves_leave(fit, points)
-            factors = inf if surface.decays else force_factors_leave(fit)
-            names = {"free": "curves"} if curves < factors else {"levels": "force"}
-            explained = min(curves, factors) * misfit
-        if explained < (1 - MIN_MISFIT_REDUCTION) * misfit:
-            numbers |= quantities(left=explained)
-            # gains of the levels are no other law: they are as doubtful as the misfit is large
-            severity = severity if "levels" in names else "doubt"
-        else:
-            names = {}
+    terms = others.kinds["term"]
+    # to first order large terms are misjudged, such as the linear damper of a law without one
+    tried = [name for name in ("x", "v") if name in terms and np.isfinite(terms[name].error)]
+    tried += [name for name in [max(terms, key=lambda name: terms[name].gain)] if name not in tried]
+    by_term = {name: _left_beside(fit, name) for name in tried}
+    term = min(by_term, key=by_term.__getitem__)
+    left = explained = by_term[term]
+    names = {"term": term}
+    if severity != "error" and not left < (1 - MIN_MISFIT_REDUCTION) * misfit:
+        curves = free_curves_leave(fit, points)
+        factors = inf if surface.decays else force_factors_leave(fit)
+        names = {"free": "curves"} if curves < factors else {"levels": "force"}
+        explained = min(curves, factors) * misfit
+    if explained < (1 - MIN_MISFIT_REDUCTION) * misfit:
+        numbers |= quantities(left=explained)
+        # gains of the levels are no other law: they are as doubtful as the misfit is large
+        severity = severity if "levels" in names or severity == "error" else "doubt"
+    else:
+        names = {}
     known = not any(finding.code in _CODES_OF_RESPONSE for finding in surface.findings)
     if severity != "error" and known and not surface.decays and (fixed := _contradicted(fit, left)):
         # the law is not to blame for what it was given

@@ -8,7 +8,7 @@ No law is fitted again.
 
 from __future__ import annotations
 
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import replace
 from functools import lru_cache
 
@@ -58,12 +58,17 @@ def with_terms(problem: Problem, fit: Fit, terms: Sequence[str]) -> tuple[Proble
     return trial, trial.join(start, mass, background), [law.parameters.index(name) for name in added]
 
 
+def unfixed_terms(law: ForceLaw, fixed: Iterable[str], terms: Sequence[str] = MISSING_TERMS) -> list[str]:
+    """Return the terms whose coefficient is not one of the fixed parameters of a law."""
+    known = {law.expression.diff(symbol(name)) for name in fixed}
+    return [term for term in terms if make_element("term", term).force not in known]
+
+
 def fit_missing_terms(fit: Fit, noise: float, terms: Sequence[str] = MISSING_TERMS) -> dict[str, Alternative]:
     """Fit each term that the law may lack, to first order, in units of a noise; none with a fixed
     coefficient.
     """
-    fixed = {fit.problem.law.expression.diff(symbol(name)) for name in fit.problem.fixed}
-    terms = [term for term in terms if make_element("term", term).force not in fixed]
+    terms = unfixed_terms(fit.problem.law, fit.problem.fixed, terms)
     problem, parameters, added = with_terms(fit.problem, fit, terms)
     residual, matrix = linearise_extended(fit, problem, parameters)
     # no rows if no loop closes with another term

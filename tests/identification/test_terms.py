@@ -64,6 +64,17 @@ def test_no_term_stands_out_beside_the_right_law(law: str) -> None:
     assert max(found.values()) < 16
 
 
+def test_a_linear_damper_that_is_missing_is_named() -> None:
+    """Of a law without one the nearest nonlinear damper was named, and of a rejected law nothing."""
+    surface = measured(
+        "k*x + c*v + k3*x**3 + Ff*sign(v)", FRICTION | {"Ff": 0.1, "k3": 2e5}, [1.0, 2.0, 4.0, 6.0]
+    )
+    for law in ("k*x + k3*x**3 + Ff*sign(v)", "k*x + k3*x**3"):
+        (said,) = (f for f in rs.identify(surface, law).findings if f.code == "law-does-not-fit")
+        assert said.names["term"] == "v"
+        assert said["left"] < said["misfit"] / 2
+
+
 def test_levels_that_friction_nearly_holds_are_no_doubt() -> None:
     """At 1.04 times the friction noise of the force decides whether the mass moves at all."""
     law = "k*x + c*v + Ff*sign(v)"

@@ -54,11 +54,11 @@ from rsgen.identification.fitting.least_squares import (
     determined,
     summarise,
 )
-from rsgen.identification.fitting.observed import MISSING_TERMS, with_coefficients
+from rsgen.identification.fitting.observed import with_coefficients
 from rsgen.identification.lines.line_balance import Balance, BalanceNoise, SpectralLines
 from rsgen.identification.starting.search import search_values
 from rsgen.identification.starting.start import neighbours
-from rsgen.identification.terms import LARGEST, joint_alternatives, larger_backgrounds
+from rsgen.identification.terms import LARGEST, joint_alternatives, larger_backgrounds, unfixed_terms
 from rsgen.law.element import Element, make_element
 from rsgen.law.motion import Motion
 from rsgen.law.numeric import DECADES, ForceLaw, natural_sizes
@@ -305,8 +305,8 @@ def _orthogonal_to_parameters(found: Regression, signal: Array) -> Array:
 
 
 def fit_missing_terms(fit: LineFit) -> dict[str, Alternative]:
-    """Return the law extended by each of ``MISSING_TERMS`` in turn, to first order."""
-    terms = with_coefficients(MISSING_TERMS, fit.law.parameters)
+    """Return the law extended by each of ``MISSING_TERMS`` in turn, to first order; none that is fixed."""
+    terms = with_coefficients(missing := unfixed_terms(fit.law, fit.fixed), fit.law.parameters)
     parts = fit.law.parts
     own = [Element("part", part.law.expression, part.law.parameters, part.sensors) for part in parts]
     law = law_of(own + [make_element("term", term, across=parts[-1].sensors) for term in terms.values()])
@@ -316,7 +316,7 @@ def fit_missing_terms(fit: LineFit) -> dict[str, Alternative]:
     parameters = np.concatenate([values, fit.parameters[len(fit.values) :]])
     extended = replace(fit, law=law, parameters=parameters, noise=noise)
     found = _fit_added_parameters(extended, [law.parameters.index(name) for name in terms])
-    return dict(zip(MISSING_TERMS, found, strict=True))
+    return dict(zip(missing, found, strict=True))
 
 
 def fit_larger_backgrounds(fit: LineFit) -> dict[str, Alternative]:
