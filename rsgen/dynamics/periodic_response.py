@@ -299,12 +299,14 @@ def _window(problem: _Problem, force: Array, step: float, state: Array) -> Array
         band[3, 0:-2:2], band[3, 1:-2:2] = -1.0, -1.0 + half * by_v[1:-1]
         band[2, 1:-2:2] = -half
         band[4, 0:-2:2] = half * by_x[1:-1]
-        change = scipy.linalg.solve_banded((3, 1), band, left.reshape(-1), check_finite=False).reshape(
-            count, 2
-        )
-        motion[1:] -= change
+        try:
+            change = scipy.linalg.solve_banded((3, 1), band, left.reshape(-1), check_finite=False)
+        except scipy.linalg.LinAlgError:
+            # a softening spring lets the mass go, and the motion overflows
+            return np.full_like(motion, np.nan)
+        motion[1:] -= change.reshape(count, 2)
         scale = np.abs(motion).max(axis=0)
-        if np.all(np.abs(change).max(axis=0) <= 1e-6 * scale):
+        if np.all(np.abs(change.reshape(count, 2)).max(axis=0) <= 1e-6 * scale):
             break
     return motion
 
