@@ -67,6 +67,10 @@ def test_an_observation_takes_one_level_and_no_background():
         (lambda s, f: rs.rank(s, ["cubic-spring"]), "cubic-spring is a law of the library .* rsgen.laws"),
         (lambda s, f: rs.identify(s, "cubic-spring"), "cubic-spring is a law of the library .* rsgen.laws"),
         (lambda s, f: rs.compare(f, f), "truth: Identification; rs.compare_fits sets"),
+        (lambda s, f: rs.compare_fits(f, f), "give a list of fits"),
+        (lambda s, f: rs.predict(f, s), "did you mean surface="),
+        (lambda s, f: rs.profile(rs.identify(s, LAW, fixed={"c": 4.0}), "c"), "c is fixed"),
+        (lambda s, f: rs.identify(s, LAW, fixed={"mass": 1.2}), "the mass is m"),
         (lambda s, f: rs.explain("rejected"), "verdict: str; must be Verdict"),
         (lambda s, f: rs.sentence("noise"), "finding: str; must be Finding"),
         (lambda s, f: rs.best_linear(s), "spectra: ResponseSurface; must be MultisineSpectra"),
@@ -157,3 +161,14 @@ def test_the_law_to_derive_is_text_an_element_or_a_law():
     for wrong in (["k*x"], 3.5, None):
         with pytest.raises(RsgenError, match=r"law: .*; must be "):
             rs.derive(wrong)
+
+
+def test_a_result_is_explained_by_its_verdict(found):
+    assert rs.explain(found) == rs.explain(found.verdict)
+
+
+def test_a_ranking_doubts_sizes_that_its_best_fit_doubts(surface):
+    in_mm = linear_surface(response=1e5 * surface.harmonics[:, 1])
+    ranking = rs.rank(in_mm, [LAW])
+    assert "size-impossible" in {finding.code for finding in ranking.verdict.decided_by}
+    assert [finding.code for finding in ranking.best.findings].count("size-impossible") == 1

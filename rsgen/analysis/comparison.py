@@ -547,6 +547,8 @@ def compare_fits(
     RsgenError
         There is no identification, or there are as many names no fits.
     """
+    if isinstance(names, Identification):
+        raise RsgenError("names: Identification; give a list of fits: compare_fits([one, other])")
     fits = _with_alternatives(found) if isinstance(found, Identification) else _one_by_one(found)
     heads = [fit.name for fit in fits] if names is None else [*map(str, names)]
     if not fits or len(heads) != len(fits):

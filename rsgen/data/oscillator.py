@@ -278,7 +278,10 @@ class Model(_Elements):
         allowed = (*self.parameters, "m")
         foreign = sorted(repr(name)[:60] for name in numbers if name not in allowed)
         if foreign:
-            raise RsgenError(f"fixed: {', '.join(foreign)}: no parameter; allowed are {', '.join(allowed)}")
+            mass_hint = "; the mass is m" if "mass" in numbers else ""
+            raise RsgenError(
+                f"fixed: {', '.join(foreign)}: no parameter; allowed are {', '.join(allowed)}{mass_hint}"
+            )
         law = character(self.force) if numbers.keys() - {"m"} else None
         positive = () if law is None else tuple(law.parameters[place] for place in law.positive)
         for name, value in numbers.items():

@@ -354,6 +354,8 @@ def profile(found: Identification, name: str) -> Profile:
         of round-off.
     """
     require(found, Identification, "found")
+    if name in found.model.fixed:
+        raise RsgenError(f"profile: {name} is fixed; identify without fixing it")
     known = {e.name: e for e in found.refined if isfinite(e.value)}
     if name not in known:
         raise RsgenError(f"profile: {name!r} has no value here; those with one: {', '.join(known) or 'none'}")

@@ -172,6 +172,8 @@ def predict(
     0.015
     """
     require(found, (Identification, ModalTable, Oscillator), "found")
+    if isinstance(levels, ResponseSurface | MultisineSpectra):
+        raise RsgenError(f"levels: {type(levels).__name__}; did you mean surface=?")
     records: Prediction | None = None
     if isinstance(found, MultisineIdentification):
         spectra, surface = cast("MultisineSpectra | None", surface), None

@@ -23,6 +23,7 @@ from rsgen.common.tolerances import (
 from rsgen.data.multisine import MultisineSpectra
 from rsgen.data.oscillator import Model, Observation, join_model
 from rsgen.data.surface import ResponseSurface, without_copies
+from rsgen.data.surface.plausibility import plausibility_findings
 from rsgen.identification.fitting.across import sensors_of
 from rsgen.identification.fitting.points import per_unit_mass
 from rsgen.identification.ranking.balance import WhitenedBalance
@@ -290,6 +291,8 @@ def _ranking(
         *joint_sign_findings(ordered[0], current.rows, fixed),
         *test.doubts(ordered[0], current.noise),
     ]
+    if isinstance(surface, ResponseSurface):
+        doubts += plausibility_findings(surface, calibrated=base.observation.calibrated)
     assessment = assess_best(current, ordered[0], rows, doubts)
     return Ranking(
         tuple(rows),

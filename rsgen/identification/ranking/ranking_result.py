@@ -147,6 +147,11 @@ class Ranking(Printed):
             found = identify(self.surface, self.model)
             # doubts about the choice of the law are doubts about its identification
             against = self.verdict.decided_by if self.fits else self.findings
+            # both look at the sizes of the test
+            said = {(f.code, f.severity, f.parameter, f.names.get("by")) for f in found.findings}
+            against = tuple(
+                f for f in against if (f.code, f.severity, f.parameter, f.names.get("by")) not in said
+            )
             findings = (*against, *found.findings)
             self._best.append(replace(found, ranking=self, findings=findings))
         return self._best[0]

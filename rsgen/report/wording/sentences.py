@@ -300,16 +300,17 @@ def state_verdict(verdict: Verdict) -> StatedVerdict:
     }
 
 
-def explain(verdict: Verdict) -> str:
+def explain(verdict: object) -> str:
     """Say a verdict in lines: the headline, what decided, and what to do next.
 
     Parameters
     ----------
     verdict
-        ``found.verdict``, or that of ``rsgen.verdict_of``.
+        ``found.verdict``, or that of ``rsgen.verdict_of``; or an identification or ranking that has one.
     """
-    require(verdict, Verdict, "verdict")
-    stated = state_verdict(verdict)
+    given: Any = getattr(verdict, "verdict", verdict)
+    require(given, Verdict, "verdict")
+    stated = state_verdict(given)
     return "\n".join([*verdict_lines(stated), *next_lines(stated)])
 
 
