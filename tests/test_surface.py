@@ -309,6 +309,7 @@ def test_rows_that_are_not_numbers_are_left_out_and_counted():
         ((1, [8, 9], 1), "response once"),
         ((1, [8, 9], [1, 1, 1], [1j, 1j]), r"surface.force: shape \(3,\); must be \(2,\)"),
         ((1, [[8, 9]], 1, [[1j, 1j]]), "one row a test point"),
+        (([1, 2], [8, 9, 10], np.ones((2, 3)), 1j * np.ones((2, 3))), "np.repeat the levels"),
         ((1, [8, 9], 1, [1j, "wide"]), "surface.response"),
         (
             (1, [8, 9], 1, [1j, 1j, 1j]),
