@@ -553,7 +553,7 @@ def test_titles_that_are_units_say_what_stands_where(tmp_path):
     rows = [f"{f:.3f},2,{f / 3:.4f},{-f / 9:.4f}" for f in SPECTRUM]
     test = proposed(table(tmp_path / "a.csv", "Hz,N,m/s^2,rad", rows))
     assert test["frequency"] == {"column": "Hz"}
-    assert test["force"] == {"amplitude": "N", "unit": "N"}
+    assert test["force"] == {"amplitude": "N", "unit": "N", "scale": "peak"}
     assert test["response"]["quantity"] == "acceleration"
     assert (test["response"]["amplitude"], test["response"]["phase"]) == ("m/s^2", "rad")
 

@@ -211,9 +211,9 @@ def level_findings(surface: ResponseSurface) -> Iterator[Finding]:
 
     Levels are names, and often numbers of runs. Where at two levels or more the force is always the level
     times one factor between units, both are the same force, and one of them was read in another unit. A
-    shaker loses force smoothly towards a resonance: where forces of neighbours in frequency differ by more
-    than those of levels do, the two columns do not belong together."""
-    if surface.level_unit != "N":
+    shaker loses force smoothly towards a resonance: where forces of neighbours in frequency differ and those
+    of levels do not, the two columns do not belong together. Forces of a decay are none of a shaker."""
+    if surface.level_unit != "N" or surface.decays:
         return
     rows = _usable(surface)
     level, force = surface.level[rows], np.abs(surface.force[rows])
@@ -232,11 +232,8 @@ def level_findings(surface: ResponseSurface) -> Iterator[Finding]:
     step = np.abs(np.diff(size))[(level[1:] == level[:-1]) & (sweep[1:] == sweep[:-1])]
     means = [float(np.mean(size[level == one])) for one in levels]
     # a quarter of the steps: a few readings may be off
-    if (
-        len(levels) > 1
-        and len(step)
-        and np.quantile(step, 0.75) > max(np.log(LEVEL_TOLERANCE), np.ptp(means))
-    ):
+    apart = len(levels) < 2 or np.ptp(means) > np.log(LEVEL_TOLERANCE)
+    if not apart and len(step) and np.quantile(step, 0.75) > np.log(LEVEL_TOLERANCE):
         low, high = np.quantile(np.exp(size[level == levels[-1]]), [0.1, 0.9])
         amounts = {"level": levels[-1], "low": low, "high": high}
         numbers = {name: Quantity(float(amount), "N") for name, amount in amounts.items()}

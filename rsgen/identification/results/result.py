@@ -388,21 +388,22 @@ class Identification(Printed):
         return {estimate.name: estimate for estimate in (*self.refined, *self.fixed)}
 
     def to_frame(self) -> Any:
-        """Return the refined estimates as a ``pandas.DataFrame``, a row a parameter.
+        """Return refined estimates and fixed values as a ``pandas.DataFrame``, a row a parameter.
 
         Raises
         ------
         RsgenError
             pandas is not installed.
         """
+        rows = (*self, *self.fixed)
         columns = {
-            "name": [estimate.name for estimate in self],
-            "value": [estimate.value for estimate in self],
-            "standard_error": [estimate.standard_error for estimate in self],
-            "lower": [estimate.interval[0] for estimate in self],
-            "upper": [estimate.interval[1] for estimate in self],
-            "unit": [estimate.unit for estimate in self],
-            "identifiable": [estimate.identifiable for estimate in self],
+            "name": [estimate.name for estimate in rows],
+            "value": [estimate.value for estimate in rows],
+            "standard_error": [estimate.standard_error for estimate in rows],
+            "lower": [estimate.interval[0] for estimate in rows],
+            "upper": [estimate.interval[1] for estimate in rows],
+            "unit": [estimate.unit for estimate in rows],
+            "identifiable": [estimate.identifiable for estimate in rows],
         }
         return data_frame(columns, "name")
 
