@@ -325,10 +325,10 @@ class MeasuredTest(PlannedTest):
                 key = "factor" if isinstance(said.factor, str) else "unit" if said.unit else "name"
                 # as it was typed, not as it was read: "g", not "1 standard_gravity"
                 _, typed, wrong = str(fault).partition("' ")
-                yield (
-                    f"{name}.{key}",
-                    f"{quote(said.unit)} {wrong}" if typed and key == "unit" else str(fault),
+                unit = (
+                    f"{quote(said.unit)} {wrong}; where the scale is unknown, [identify] calibrated = false"
                 )
+                yield f"{name}.{key}", unit if typed and key == "unit" else str(fault)
 
     @property
     def driven(self) -> bool:

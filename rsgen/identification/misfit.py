@@ -49,7 +49,7 @@ from rsgen.identification.results import Estimate, Resonance
 from rsgen.identification.results.alternatives import Alternatives
 from rsgen.identification.results.estimates import fixed_contradicted
 from rsgen.identification.starting.start import even_directions, even_part_unobservable, records_even
-from rsgen.identification.terms import EVEN_SHARE, even_force_shift, law_with, with_terms
+from rsgen.identification.terms import EVEN_SHARE, even_force_shift, fit_missing_terms, law_with, with_terms
 
 _MIN_POINTS_OF_PATTERN = 16
 """Number of points for the residual-pattern test: at 16 a 5 % damping error is detected, at 12 it is not."""
@@ -115,9 +115,11 @@ def misfit_findings(
     )
     severity = severity_of(size, min(SYSTEMATIC_MISFIT_DOUBTFUL, *joints, inf), MISFIT_REJECTED)
     terms = others.kinds["term"]
-    # to first order large terms are misjudged, such as the linear damper of a law without one
-    tried = [name for name in ("x", "v") if name in terms and np.isfinite(terms[name].error)]
-    tried += [name for name in [max(terms, key=lambda name: terms[name].gain)] if name not in tried]
+    # to first order large terms are misjudged, such as the linear damper of a law without one; to the
+    # intervals of a joint its linear spring and damper are no alternatives, they would leave all values open
+    linear = fit_missing_terms(fit, max(fit.regression.noise, 1e-300), ("x", "v"))
+    tried = [name for name, one in linear.items() if np.isfinite(one.error)]
+    tried.append(max(terms, key=lambda name: terms[name].gain))
     by_term = {name: _left_beside(fit, name) for name in tried}
     term = min(by_term, key=by_term.__getitem__)
     left = explained = by_term[term]

@@ -497,7 +497,8 @@ def _table(modal: ModeProblem, found: Regression, surface: ResponseSurface, mode
     gap = gap_of(modal.seen.mode) if near_resonance(modal.seen.mode) else None
     if gap is not None:
         findings += (gap.finding(severity="warning"),)
-    kilogram = float("nan") if modal.assumed else surface.units.kilogram
+    unknown = modal.assumed or not model.observation.calibrated
+    kilogram = float("nan") if unknown else surface.units.kilogram
     return ModalTable(
         amplitude=table_amplitudes(tested),
         splines=ModalSplines(

@@ -144,6 +144,8 @@ def test_one_slice_off_resonance_determines_the_mass():
 def test_a_test_without_scale_has_frequencies_and_damping_ratios():
     drive = ResponseSurface(SURFACE.level, SURFACE.frequency, 7 * SURFACE.force, SURFACE.harmonics[:, 1])
     table = rsgen.modal_table(drive, Observation(calibrated=False))
+    assert np.isnan([table.mass, table.mass_error]).all()
+    assert "kg" not in str(table).splitlines()[0]
     assert not {"stiffness", "damping"} & set(table.known)
     np.testing.assert_allclose(table.omega, omega_of(table.amplitude), rtol=5e-5)
     np.testing.assert_allclose(table.damping_ratio, C1 / (2 * MASS * omega_of(table.amplitude)), rtol=2e-4)

@@ -66,7 +66,7 @@ def identify_command(
         loaded.test.require_surface(
             f"{shown_path(case)}: --frf: of a multisine `rsgen run` writes the receptances"
         )
-    with stage_progress(loaded) as note:
+    with stage_progress(loaded.path) as note:
         note("surface", 0.0)
         tested = load_surface(surface) if surface else obtain_table(loaded)
         note("identification", 0.0)

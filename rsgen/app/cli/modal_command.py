@@ -54,7 +54,7 @@ def modal_command(
     target = check_target(csv, ".csv", "--csv") if csv else None
     if target:
         refuse_foreign(target, is_foreign(target, MODAL), inputs_of(loaded, surface), "--csv")
-    with stage_progress(loaded) as note:
+    with stage_progress(loaded.path) as note:
         note("surface", 0.0)
         tested = load_surface(surface) if surface else obtain_table(loaded)
     table = modal_table(tested, loaded.model)

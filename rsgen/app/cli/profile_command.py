@@ -33,7 +33,7 @@ def profile_command(
     """
     print_cache_fault()
     loaded = load_case(case, data)
-    with stage_progress(loaded) as note:
+    with stage_progress(loaded.path) as note:
         note("surface", 0.0)
         tested = load_surface(surface) if surface else obtain_table(loaded)
         note("identification", 0.0)

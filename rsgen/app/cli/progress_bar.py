@@ -13,7 +13,6 @@ from rich.progress import Progress, SpinnerColumn, TaskID, TextColumn, TimeElaps
 
 from rsgen.app.cli.terminal import plain, print_faults, print_line
 from rsgen.app.study import CaseRun, Step
-from rsgen.cases import Case
 from rsgen.common.finding import next_lines, verdict_lines
 from rsgen.dynamics.kernel import cache_fault
 
@@ -72,18 +71,23 @@ def case_progress(total: int, quiet: bool) -> Iterator[Listener]:
 
 
 @contextmanager
-def stage_progress(case: Case) -> Iterator[Callable[[str, float], None]]:
-    """Show how far one case has come, on a terminal; yield what the work calls."""
+def stage_progress(case: Path) -> Iterator[Callable[[str, float], None]]:
+    """Show how far the case of a file has come, on a terminal; yield what the work calls."""
     if not sys.stderr.isatty():
         yield lambda stage, share: None
         return
     with Bars() as bars:
-        yield lambda stage, share: bars.show(Step(case.path, stage, share))
+        yield lambda stage, share: bars.show(Step(case, stage, share))
 
 
 _AS_TEXT = TextColumn("{task.description}", markup=False)
 """Case and stage; names come from files, and are no markup."""
-_DOING = {"surface": "simulating", "identification": "identifying", "report": "writing the report"}
+_DOING = {
+    "surface": "simulating",
+    "identification": "identifying",
+    "report": "writing the report",
+    "ranking": "comparing laws",
+}
 
 
 class Bars(Progress):

@@ -9,7 +9,7 @@ from typing import Annotated
 import typer
 
 from rsgen.app.cli.options import Data, Json
-from rsgen.app.cli.progress_bar import print_cache_fault
+from rsgen.app.cli.progress_bar import print_cache_fault, stage_progress
 from rsgen.app.cli.terminal import (
     number,
     print_block,
@@ -60,7 +60,9 @@ def rank_command(
     """
     print_cache_fault()
     name, table, model = _read(case, data)
-    ranking = rank(table, model, terms_in_sum=terms_in_sum)
+    with stage_progress(case) as note:
+        note("ranking", 0.0)
+        ranking = rank(table, model, terms_in_sum=terms_in_sum)
     if json:
         entry = ranking_entry(ranking)
         print_json(

@@ -42,7 +42,7 @@ def simulate_command(
     lines = loaded.test.many_lines
     target = out or Path(f"{loaded.name}.{'npz' if lines else 'h5'}")
     refuse_foreign(target, is_foreign(target, SPECTRA if lines else SURFACE), inputs_of(loaded))
-    with stage_progress(loaded) as note:
+    with stage_progress(loaded.path) as note:
         surface = obtain_table(loaded, lambda share: note("surface", share))
     if isinstance(surface, MultisineSpectra):
         save_spectra(target, surface)

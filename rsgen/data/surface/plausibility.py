@@ -232,8 +232,8 @@ def level_findings(surface: ResponseSurface) -> Iterator[Finding]:
     step = np.abs(np.diff(size))[(level[1:] == level[:-1]) & (sweep[1:] == sweep[:-1])]
     means = [float(np.mean(size[level == one])) for one in levels]
     # a quarter of the steps: a few readings may be off
-    apart = len(levels) < 2 or np.ptp(means) > np.log(LEVEL_TOLERANCE)
-    if not apart and len(step) and np.quantile(step, 0.75) > np.log(LEVEL_TOLERANCE):
+    distinct = len(levels) < 2 or np.ptp(means) > np.log(LEVEL_TOLERANCE)
+    if not distinct and len(step) and np.quantile(step, 0.75) > np.log(LEVEL_TOLERANCE):
         low, high = np.quantile(np.exp(size[level == levels[-1]]), [0.1, 0.9])
         amounts = {"level": levels[-1], "low": low, "high": high}
         numbers = {name: Quantity(float(amount), "N") for name, amount in amounts.items()}

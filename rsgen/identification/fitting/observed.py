@@ -380,8 +380,8 @@ class Problem:
         return tuple(h for h in self.observed.recorded if h in predicted and h != 1)
 
 
-MISSING_TERMS = ("x", "v", "x*abs(x)", "x**3", "x**5", "v*abs(v)", "v**3", "sign(v)")
-"""Terms that a law may lack: the linear ones, and the commonest nonlinear ones, which approximate others."""
+MISSING_TERMS = ("x*abs(x)", "x**3", "x**5", "v*abs(v)", "v**3", "sign(v)")
+"""Terms that a law may lack: the commonest nonlinear springs and dampers, which approximate others."""
 
 
 def with_coefficients(terms: Sequence[str], taken: Collection[str]) -> dict[str, str]:

@@ -151,14 +151,15 @@ def table_of_lines(spectra: MultisineSpectra, model: Model) -> ModalTable:
     known = tuple(MODAL_COLUMNS)
     if not (np.isfinite(spectra.units.kilogram) and model.observation.calibrated):
         known = tuple(name for name in known if name not in ("stiffness", "damping"))
+    kilogram = spectra.units.kilogram if model.observation.calibrated else np.nan
     misfit = relative_to_force(found.lines, np.abs(found.balance.residual) ** 2)
     return ModalTable(
         amplitude=table_amplitudes(tested),
         splines=splines,
         known=known,
         tested=tested,
-        mass=found.mass * spectra.units.kilogram,
-        mass_error=float(np.sqrt(variance)) * spectra.units.kilogram,
+        mass=found.mass * kilogram,
+        mass_error=float(np.sqrt(variance)) * kilogram,
         misfit=misfit,
         points=int(found.lines.used.sum()),
         test=ModalTest(

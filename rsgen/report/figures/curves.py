@@ -375,6 +375,8 @@ def draw_collapse(identification: Identification, *, ax: GivenAxes = None) -> Dr
         "Every test point, coloured by level: with the right law all fall on one curve, but for what the "
         "higher harmonics add."
     )
+    if any(f.code == "not-recorded" and f.names["signal"] == "phase" for f in identification.findings):
+        caption += " Phases were not recorded: each point has the one that the identified law predicts."
     text = "No test point could be used."
     if grid.size:
         words = "; ".join(filter(None, map(_collapse_words, parts)))
