@@ -46,7 +46,7 @@ def below_acceleration(quantity: str | None) -> int:
 
 
 def match_level(levels: Array, asked: float) -> float | None:
-    """Return the level that equals a printed number within its digits; None if there is none, or several.
+    """Return the level that equals a number within its digits, or else is the only one near; None without.
 
     Parameters
     ----------
@@ -59,6 +59,8 @@ def match_level(levels: Array, asked: float) -> float | None:
     --------
     >>> match_level(np.array([2.386357e-09, 5.1e-09]), 2.38636e-09)
     2.386357e-09
+    >>> match_level(np.array([0.2994, 0.8008]), 0.8)
+    0.8008
     >>> match_level(np.array([2.6, 5.0]), 3.0) is None
     True
     """
@@ -68,6 +70,10 @@ def match_level(levels: Array, asked: float) -> float | None:
     mantissa = f"{asked:.15e}".partition("e")[0].replace(".", "").lstrip("-").rstrip("0")
     digits = max(LEVEL_DIGITS, len(mantissa))
     alike = [float(level) for level in levels if float(f"{level:.{digits}g}") == float(f"{asked:.{digits}g}")]
+    if not alike and digits == LEVEL_DIGITS:
+        # names of levels are rounder than the forces that were measured
+        near = 5 * 10.0**-LEVEL_DIGITS * abs(asked)
+        alike = [float(level) for level in levels if abs(level - asked) <= near]
     return alike[0] if len(alike) == 1 else None
 
 

@@ -242,6 +242,9 @@ def test_typical_force_is_that_near_the_resonance():
         ([3.42, 3.4229], 3.42, 0),
         ([2.6, 5.0], 3.0, None),
         ([58.2134, 28.8], 58.2, 0),
+        ([0.2994, 0.8008], 0.8, 1),
+        ([0.2994, 0.8008], 0.3, 0),
+        ([1.002, 0.998], 1.0, None),
     ],
 )
 def test_a_level_is_found_by_the_digits_that_are_printed(levels, asked, meant):
