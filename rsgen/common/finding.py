@@ -213,6 +213,11 @@ def verdict_lines(stated: StatedVerdict) -> list[str]:
     return [stated["headline"], *(f"  because: {sentence}" for sentence in stated["sentences"])]
 
 
+def steps_once(stated: StatedVerdict) -> list[str]:
+    """Return what to do next, each step once: several findings may ask for the same."""
+    return [step for step in dict.fromkeys(stated["next_steps"]) if step]
+
+
 def next_lines(stated: StatedVerdict) -> list[str]:
-    """Return what to do next, indented, each step once."""
-    return [f"  next: {step}" for step in dict.fromkeys(stated["next_steps"]) if step]
+    """Return what to do next, indented."""
+    return [f"  next: {step}" for step in steps_once(stated)]

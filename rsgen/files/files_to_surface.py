@@ -299,10 +299,8 @@ def _part(test: MeasuredTest, number: int) -> _Part:
     if (silent | twice).any():
         for by, rows in (("zero", silent), ("copies", twice)):
             if rows.any():
-                numbers, names = (
-                    quantities(rows=int(rows.sum()), all=len(rows)),
-                    {"file": table.label, "by": by},
-                )
+                numbers = quantities(rows=int(rows.sum()), all=len(rows))
+                names = {"file": table.label, "by": by}
                 doubts = [*doubts, Finding("rows-left-out", "warning", numbers=numbers, names=names)]
         kept = ~(silent | twice)
         table = table.keep(kept)

@@ -113,7 +113,7 @@ def misfit_findings(
     joints = (
         misfit_of_joint(fit.problem.observed.points, part.sensors) for part in fit.problem.law.parts[1:]
     )
-    severity = severity_of(size, min(SYSTEMATIC_MISFIT_DOUBTFUL, *joints, inf), MISFIT_REJECTED)
+    severity = severity_of(size, min([SYSTEMATIC_MISFIT_DOUBTFUL, *joints]), MISFIT_REJECTED)
     terms = others.kinds["term"]
     # to first order large terms are misjudged, such as the linear damper of a law without one; to the
     # intervals of a joint its linear spring and damper are no alternatives, they would leave all values open
@@ -201,7 +201,7 @@ def _left_beside(fit: Fit, term: str) -> float:
     few = fit.problem.select(chosen[fit.regression.used[chosen]])
     trials = [with_terms(few, fit, terms)[:2] for terms in ((), (term,))]
     whole, left = (relative_misfit(fit_near(*trial, order=1)) for trial in trials)
-    return relative_misfit(fit) * left / whole if whole > 0 else np.inf
+    return relative_misfit(fit) * left / whole if whole > 0 and np.isfinite(left) else np.inf
 
 
 def fit_near(problem: Problem, parameters: Array, *, order: int) -> Fit:

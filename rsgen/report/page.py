@@ -20,7 +20,7 @@ from markupsafe import Markup, escape
 
 import rsgen
 from rsgen.analysis.comparison import Comparison, verdict_of
-from rsgen.common.finding import STATES, Finding, Quantity
+from rsgen.common.finding import STATES, Finding, Quantity, steps_once
 from rsgen.common.output import read_small, write_atomic
 from rsgen.common.tolerances import NOISE_LIMIT_SIGMAS
 from rsgen.data.multisine import MultisineSpectra
@@ -246,7 +246,7 @@ def _verdict_context(
         "state": verdict.state,
         "verdict": stated["headline"],
         "reasons": stated["sentences"],
-        "next_steps": [step for step in dict.fromkeys(stated["next_steps"]) if step],
+        "next_steps": steps_once(stated),
         "mark": MARKED.get(verdict.state, ""),
         "outcome": full_sentence(identification.outcome),
         "law": with_equations(identification.model.force),
