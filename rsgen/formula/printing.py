@@ -282,16 +282,21 @@ class Printer(ABC):
             return self.call(_NAMES[expr.func], expr.args)
         return self.foreign(expr)
 
+    def terms(self, expr: sympy.Expr) -> list[str]:
+        """Write the terms of a sum, all but the first with their sign."""
+        first, *others = split_sum(expr)
+        return [
+            self.write(first),
+            *(
+                f"- {self.write(-term, Level.PRODUCT)}"
+                if is_negative(term)
+                else f"+ {self.write(term, Level.PRODUCT)}"
+                for term in others
+            ),
+        ]
+
     def _sum(self, expr: sympy.Expr) -> str:
-        text = ""
-        for term in split_sum(expr):
-            if not text:
-                text = self.write(term)
-            elif is_negative(term):
-                text += " - " + self.write(-term, Level.PRODUCT)
-            else:
-                text += " + " + self.write(term, Level.PRODUCT)
-        return text
+        return " ".join(self.terms(expr))
 
     def _term(self, expr: sympy.Expr) -> tuple[str, Level]:
         product = split_product(expr)

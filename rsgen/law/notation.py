@@ -18,6 +18,8 @@ _GREEK = frozenset({
     "Lambda", "Xi", "Sigma", "Upsilon", "Phi", "Psi", "Omega", "Pi",
 })  # fmt: skip
 _LETTERS = re.compile(r"([A-Za-z]+)([0-9]*)(.*)")
+_LONG_CASE = 250
+"""Characters of LaTeX above which cases take a line a term: in one line they are wider than a printed page."""
 _CLOSE = re.compile(r"(\\?[A-Za-z]+(_\{\w+\})?(\^\{\w+\})?|[0-9.]+)$|\\(frac|left|sqrt)")
 
 
@@ -177,11 +179,16 @@ class _LatexPrinter(Printer):
         return head + self.parenthesised(inside), Level.ATOM
 
     def cases(self, branches: Sequence[tuple[sympy.Expr, sympy.Basic]]) -> tuple[str, Level]:
-        rows = [
-            f"{self.write(value)} & "
-            + (r"\text{otherwise}" if when == sympy.true else rf"\text{{if }} {self.condition(when)}")
-            for value, when in branches
+        values = [self.write(value) for value, _ in branches]
+        when = [
+            r"\text{otherwise}" if condition == sympy.true else rf"\text{{if }} {self.condition(condition)}"
+            for _, condition in branches
         ]
+        rows = [f"{value} & {condition}" for value, condition in zip(values, when, strict=True)]
+        if max(map(len, values)) > _LONG_CASE:
+            rows = []
+            for (value, _), condition in zip(branches, when, strict=True):
+                rows += [rf"{condition}\text{{:}}", *(rf"\quad {term}" for term in self.terms(value))]
         return r"\begin{cases} " + r" \\ ".join(rows) + r" \end{cases}", Level.ATOM
 
     def foreign(self, expr: sympy.Basic) -> tuple[str, Level]:

@@ -7,6 +7,7 @@ import sympy
 from hypothesis import given
 from hypothesis import strategies as st
 
+import rsgen
 from rsgen.common.errors import ExpressionError
 from rsgen.formula import parse
 from rsgen.law.notation import latex, mathml, readable
@@ -116,6 +117,16 @@ def test_cases_are_a_brace_and_left_aligned_rows() -> None:
     text = "".join(root.itertext()).replace("\xa0", " ")
     assert text.startswith("{k4if X≤b")
     assert text.endswith("otherwise")
+
+
+def test_long_cases_take_a_line_a_term_and_none_is_lost() -> None:
+    damping = rsgen.derive(rsgen.laws["iwan4"]).damping
+    long = sympy.Piecewise(*((3 * damping.args[i].expr, damping.args[i].cond) for i in (0, 1)))
+    root = ElementTree.fromstring(mathml(long))
+    rows = ["".join(row.itertext()).strip() for row in root.findall(".//mtr")]
+    assert len(rows) == 5
+    assert [row.endswith(":") for row in rows] == [True, False, True, False, False]
+    assert rows[-1].startswith("+")
 
 
 def test_function_names_are_upright_and_without_operator_spacing() -> None:

@@ -36,7 +36,7 @@ AXE_RUN = """
 axe.run(document, {resultTypes: ["violations"]}).then(found => JSON.stringify(found.violations.map(rule =>
   `${rule.id}: ` + rule.nodes.slice(0, 3).map(node => node.target + " " + node.failureSummary).join("; "))))
 """
-PHONE, DESK = 360, 1280
+PHONE, A4, DESK = 360, 688, 1280
 
 
 def find_browser() -> str | None:

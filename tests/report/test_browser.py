@@ -17,7 +17,7 @@ from rsgen.report.files import check_printed
 from rsgen.report.page import THUMBNAIL, picture_svg, render_page
 from rsgen.report.provenance import Subject, plain_text
 from rsgen.report.result_json import build_result, result_text
-from tests.report.browser import AXE, DESK, PHONE, Page, in_browser
+from tests.report.browser import A4, AXE, DESK, PHONE, Page, in_browser
 from tests.report.test_report import hostile_titles, identified
 from tests.samples import (
     cubic_case,
@@ -90,6 +90,8 @@ def test_page_is_quiet_and_fits(chromium, pages, name):
                 await page.show(address, width, dark=dark)
                 seen[f"{width} {dark}"] = await page.ask("document.documentElement.scrollWidth")
         await page.ask("document.querySelectorAll('details').forEach(d => d.open = true)")
+        await page.show(address, A4, media="print")
+        seen["print"] = await page.ask("document.documentElement.scrollWidth")
         await page.show(address, PHONE)
         await page.ask("document.querySelectorAll('details').forEach(d => d.open = true)")
         seen["open"] = await page.ask("document.documentElement.scrollWidth")
@@ -108,6 +110,8 @@ def test_page_is_quiet_and_fits(chromium, pages, name):
             assert width <= PHONE, key
         elif key.startswith(str(DESK)):
             assert width <= DESK, key
+        elif key == "print":
+            assert width <= A4
 
 
 @pytest.mark.skipif(not AXE.is_file(), reason="no axe-core here: make test-all fetches it with npm")
