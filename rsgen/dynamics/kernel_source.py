@@ -5,8 +5,11 @@
 Method: the classical fourth-order one of Runge and Kutta with a fixed number of steps a period (Hairer,
 Norsett and Wanner, Solving Ordinary Differential Equations I, 1993, Sec. II.1). It keeps its order on smooth
 pieces only, so a step in which a switch of the law changes its sign is repeated piece by piece, from event to
-event (ibid., Sec. II.6); dry friction may hold the mass until the applied force exceeds it. Powers are
-written as products and each law has its own source, because the force is evaluated four times in each step.
+event (ibid., Sec. II.6); dry friction may hold the mass until the applied force exceeds it.
+
+The memory of a law is split off, the rest put into normal form at the signs and order of the values. Where it
+jumps or has a corner are switches; a law of Masing type adds v = 0 and where its loop ends. Each piece
+becomes source, common parts once, powers as products. Equal normal forms give equal source, so one kernel.
 
 The source is the template ``templates/kernel/kernel.py.j2``, with ``events.py.j2`` and ``together.py.j2`` for
 laws with switches, ``reversals.py.j2`` and ``in_turn.py.j2`` for laws of Masing type. What this module writes

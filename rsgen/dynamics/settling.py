@@ -5,8 +5,9 @@
 Newton's method alone may find any fixed point, stable or not; a transient alone takes as many periods as the
 damping is small. Both together: the transient is carried over a few periods, then Newton's method looks for
 the fixed point y* near its end. It is accepted if it attracts (``fixed_point``), if the last two periods
-obeyed the linear map J to 5 %, and if states all around y*, as far away, obey it, too: the motion spirals
-through them, and a stop or a gap in another direction could still lead elsewhere. All others are carried on,
+obeyed the linear map J to 5 %, and if states all around y*, as far away, obey it to 10 %: the motion spirals
+through them, and a stop or a gap in another direction could still lead elsewhere. A motion that repeats to
+1e-9 has settled, whatever J is. All others are carried on,
 twice as long each time. What repeats after two periods has period two; what overflows, with shorter steps
 too, diverges. Period map and basins of attraction: J. M. T. Thompson and H. B. Stewart, Nonlinear Dynamics
 and Chaos (2002); the rule of acceptance is rsgen's own, and tests hold it against transients of 20 000

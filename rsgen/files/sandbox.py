@@ -3,6 +3,11 @@
 Readers of binary formats are large programs in C that were not written for hostile files. So they run in a
 process that can open no further file, write none, start nothing and whose memory and time are limited. What
 comes back is a line of JSON and bytes of numbers: nothing that could be executed.
+
+Limits: size of arrays, their number and depth in ``tree`` (``LARGEST_BYTES``, ``largest_bytes``,
+``MAX_NODES``, ``MAX_CHANNELS``, ``MAX_DEPTH``); texts and the time of a format in ``data_files``
+(``MAX_TEXT_BYTES``, ``Format.seconds``, ``Format.rate``); the wait for an answer here; memory and size of an
+answer in ``common/process``.
 """
 
 from __future__ import annotations

@@ -89,7 +89,13 @@ def fit_all_harmonics(problem: Problem, start: Array) -> Fit:
 
 
 def _balance(problem: Problem, parameters: Array) -> tuple[Fit, bool]:
-    """All harmonics that matter, and whether only the simulator has all of them."""
+    """Return the fit with all harmonics that matter, and whether only the simulator has all of them.
+
+    The simulator is needed where a law jumps or has corners of its own (``rough``), where the motion is far
+    from a sine (``strong``), where more harmonics move a value, where the last harmonic matters to a memory,
+    and where the misfit of a law with switches is below what a balance leaves. It is not where the misfit is
+    below its own accuracy.
+    """
     law = problem.law
     points = problem.observed.mode(problem.split(parameters)[2])
     few = problem.select(points.spread(SUBSAMPLE_POINTS)) if len(points) > 2 * SUBSAMPLE_POINTS else problem

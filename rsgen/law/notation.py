@@ -19,7 +19,7 @@ _GREEK = frozenset({
 })  # fmt: skip
 _LETTERS = re.compile(r"([A-Za-z]+)([0-9]*)(.*)")
 _LONG_CASE = 250
-"""Characters of LaTeX above which cases take a line a term: in one line they are wider than a printed page."""
+"""Characters of LaTeX above which cases take a line a term: in one line they are wider than paper."""
 _CLOSE = re.compile(r"(\\?[A-Za-z]+(_\{\w+\})?(\^\{\w+\})?|[0-9.]+)$|\\(frac|left|sqrt)")
 
 

@@ -9,11 +9,18 @@ with r_j the differences of measured and predicted force and harmonics over thei
 them: the harmonic balance is asked for the force at an amplitude, the simulator for the response to a force.
 Gauss-Newton steps eliminate each n_j before they solve for p: a test has many points and few values.
 
-``fit_balance`` first takes plain differences, which converge from far, and excludes outliers. Where the
-misfit is above that of exact data (``MISFIT_OF_NOISE``) and the law has no jump or corner, it fits the same
-points again by logarithms of the ratios, whose errors have one size at all amplitudes, and subtracts the bias
-of second order in the noise. ``fit_simulator`` does the last step with the steady states of the simulator,
-whose derivatives are renewed a few times only.
+``fit_balance``:
+
+1. Plain differences, which converge from far; outliers are excluded. Without phases logarithms are taken from
+   the first step. From a fit that is ``near`` one step is enough.
+2. Across two sensors, where the misfit has a pattern: again, with sensors whose errors are correlated.
+3. A law with switches, at first order or in nearly exact data: again, with more samples a period.
+4. A misfit above that of exact data (``MISFIT_OF_NOISE``) and a law without jump or corner: the same points
+   again by logarithms of the ratios, whose errors have one size at all amplitudes, and the bias of second
+   order in the noise is subtracted. Other laws keep the plain differences (``of_noise``).
+
+``fit_simulator`` does the last step with the steady states of the simulator, whose derivatives are renewed a
+few times only.
 """
 
 from __future__ import annotations
@@ -266,7 +273,7 @@ def fit_balance(
 
 
 def linearise_extended(
-    fit: Fit, problem: Problem, parameters: Array, *, order: int = 0
+    found: Fit, problem: Problem, parameters: Array, *, order: int = 0
 ) -> tuple[Array, Array]:
     """Residual (k, M) of a fit, and slopes (k, M, q) of a problem with more parameters, at the k points used.
 
@@ -278,23 +285,23 @@ def linearise_extended(
     background = problem.split(parameters)[2]
     mode = observed.mode(background)
     # a term of value zero moves nothing: the balance begins where that of the fit ended
-    phase, solved = np.angle(mode.harmonics[:, 1]), np.isfinite(fit.harmonics).all(axis=1, keepdims=True)
-    near = Motion(mode.omega, np.where(solved, fit.harmonics, 0.0)).turned(phase)
+    phase, solved = np.angle(mode.harmonics[:, 1]), np.isfinite(found.harmonics).all(axis=1, keepdims=True)
+    near = Motion(mode.omega, np.where(solved, found.harmonics, 0.0)).turned(phase)
     turn = observed.background.turn(background)
-    order, compared = (order, order) if order else (min(fit.order, BALANCE_HARMONICS), BALANCE_HARMONICS)
+    order, compared = (order, order) if order else (min(found.order, BALANCE_HARMONICS), BALANCE_HARMONICS)
     forward = _forward(problem, mode, order, turn, near, compared)
-    if fit.problem.law.switched:
+    if found.problem.law.switched:
         forward.samples = max(forward.samples, SAMPLES_PER_PERIOD_SWITCHED)
     descent = ErrorsInVariables(problem, forward)
-    descent.scale = fit.scale
-    size = np.abs(fit.harmonics[:, 1])
-    nuisance = observed.nuisances(np.where(size > 0, size, mode.amplitude), fit.turn)
-    nuisance[:, 2:] = fit.regression.nuisance[:, 2:]
+    descent.scale = found.scale
+    size = np.abs(found.harmonics[:, 1])
+    nuisance = observed.nuisances(np.where(size > 0, size, mode.amplitude), found.turn)
+    nuisance[:, 2:] = found.regression.nuisance[:, 2:]
     response = descent.predict(parameters, nuisance)
-    harmonics, count = np.zeros_like(response.harmonics), fit.harmonics.shape[1]
-    harmonics[:, :count] = fit.harmonics[:, : harmonics.shape[1]]
-    line = descent.linearise(parameters, nuisance, replace(response, force=fit.force, harmonics=harmonics))
-    good = fit.regression.used & np.isfinite(line.residual).all(axis=1)
+    harmonics, count = np.zeros_like(response.harmonics), found.harmonics.shape[1]
+    harmonics[:, :count] = found.harmonics[:, : harmonics.shape[1]]
+    line = descent.linearise(parameters, nuisance, replace(response, force=found.force, harmonics=harmonics))
+    good = found.regression.used & np.isfinite(line.residual).all(axis=1)
     good &= np.isfinite(line.by_parameter).all(axis=(1, 2))
     residual, matrix = eliminate(line)
     return residual[good], matrix[good]

@@ -287,8 +287,8 @@ class LawAlongRecord:
     """The law along the motions of one record: its mean motion, and the motion of each period.
 
     ``mean`` is the law along the mean motion, whose hidden and missing lines are computed on construction.
-    The computed lines of a period are those of the mean motion, plus the response of the linearised law to
-    the difference of the two forces.
+    The computed lines of a period are those of the mean motion, the low ones plus the response of the
+    linearised law to the difference of the two forces.
     """
 
     def __init__(self, lines: SpectralLines, law: ForceLaw, values: Array, mass: float, record: int) -> None:

@@ -286,7 +286,8 @@ class WhitenedBalance(ABC):
     background_at
         (b,) values of the background at the motion.
     background_weight
-        (b,) weight of these changes in the sum of squares.
+        (b,) inverse standard errors with which these changes are known to be zero: so the reference stays
+        within ``MAX_MOTION_DISTANCE``.
     compared
         (r,) False for rows whose harmonic was not measured, which only determine that harmonic.
     level

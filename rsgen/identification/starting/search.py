@@ -7,9 +7,15 @@ is linear in (the stiffness and the force of a saturation) is searched by its ra
 or minus one, and the factor is solved for.
 
 A window is the range of a parameter in which the shape of a term changes along the measured motion; outside,
-the term is another law (a gap that is never reached). Of solutions that fit equally the one is taken at which
-most linear parameters cannot be told from each other (the largest null space): it shows what the test does
-not determine. Then positive values are preferred.
+the term is another law (a gap that is never reached). In this order (``search_nonlinear``):
+
+1. From values near the solution (``begin``) only a descent.
+2. Trials over all windows on a few points; linear parameters, factors and mass are solved for in each.
+3. Descents in the logarithms from the best trials that are no neighbours, and from one scan along each
+   parameter. A law with memory has more starts, which descend on few points first.
+4. Of solutions that fit equally the one whose linear columns depend on each other most (the largest null
+   space), such as a gap that is not reached: it shows what the test does not determine.
+5. Of these one with positive values, and the groups times their factors.
 """
 
 from __future__ import annotations
@@ -148,6 +154,7 @@ def _inactive_switch_trials(best: Array, windows: list[Array], unit_members: lis
 
 
 def _equal_cost(cost: float, count: int) -> float:
+    """Return the cost of ``count`` residuals up to which another solution fits as well."""
     return cost * (1 + MIN_SIGNIFICANT_GAIN / count) + count * _SIMULATOR_MISFIT**2
 
 
