@@ -129,6 +129,23 @@ def test_extrapolation_is_marked(quintic):
     assert [row[-1] for row in prediction._table().rows] == ["no", "yes"]
 
 
+@pytest.mark.parametrize(
+    ("sweep", "band", "by"),
+    [("rest", (9.6, 12.4), "jump"), ("up", (9.6, 12.4), ""), ("rest", (9.6, 9.9), "points")],
+)
+def test_a_sweep_that_does_not_reach_its_resonance_is_named(sweep: str, band: tuple[float, float], by: str):
+    test = SimulatedTest(level=[1.0, 4.0, 8.0], frequency=np.linspace(*band, 57), sweep=sweep)
+    truth = Oscillator(1.5, "k*x + c*v + kn*x**3", {"k": 5920.0, "c": 3.8, "kn": 3e6})
+    found = identify(simulate(truth, test), truth.force)
+    findings = [f for f in predict(found).findings if f.code == "prediction-extrapolated"]
+    assert [finding.names["by"] for finding in findings] == ([by] if by else [])
+    for finding in findings:
+        curve = predict(found, [finding["level"]]).curves[0]
+        assert finding["peak"] == pytest.approx(np.nanmax(curve.amplitude), rel=1e-6)
+        assert finding["high"] == pytest.approx(found.amplitude_range[1])
+        assert finding["peak"] > 1.1 * finding["measured"]
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize("law", ["coulomb", "bilinear"])
 def test_rough_laws_are_predicted_too(law):

@@ -22,13 +22,17 @@ from rsgen.common.finding import Finding, Quantity, quantities
 from rsgen.common.tolerances import (
     BRANCH_DISTANCE,
     MAX_LINEAR_CHANGE,
+    RELATIVE_CHANGE_NEGLIGIBLE,
+    RELATIVE_ERROR_DOUBTFUL,
 )
 from rsgen.data.multisine import MultisineSpectra
 from rsgen.data.oscillator import Model, Oscillator, refuse_across
 from rsgen.data.record_set import match_level
 from rsgen.data.surface import ResponseSurface, typical_amounts
+from rsgen.data.surface.response_surface import HALF_POWER
 from rsgen.describing import derive
 from rsgen.identification.fitting.across import across_of_mode
+from rsgen.identification.fitting.points import Points
 from rsgen.identification.modal_result import ModalTable
 from rsgen.identification.prediction.amplitude_balance import (
     AmplitudeBalance,
@@ -210,7 +214,7 @@ def predict(
         findings += _missed(held_out, found.residual, by_law=table is None)
         if curves and surface.base in ("displacement", "velocity"):
             findings.append(Finding("curves-of-constant-acceleration", "info", names={"base": surface.base}))
-    findings = [*balance.findings, *_findings(tested, curves, held_out), *findings]
+    findings = [*balance.findings, *_findings(found, tested, curves, held_out), *findings]
     if records is None:
         return Prediction(curves, held_out, tuple(findings))
     return Prediction(curves, held_out, (*findings, *records.findings), records.records)
@@ -305,17 +309,61 @@ def _check_band(band: tuple[float, float]) -> tuple[float, float]:
 
 
 def _findings(
-    tested: tuple[float, float], curves: tuple[ResonanceCurve, ...], held_out: tuple[HeldOutLevel, ...]
+    found: Identification,
+    tested: tuple[float, float],
+    curves: tuple[ResonanceCurve, ...],
+    held_out: tuple[HeldOutLevel, ...],
 ) -> tuple[Finding, ...]:
-    findings = []
+    findings, short = list[Finding](), list[tuple[float, Finding]]()
     for curve in curves:
-        at = {"level": Quantity(curve.level, curve.level_unit)}
-        if np.any(curve.extrapolated & (curve.amplitude > tested[1])):
-            numbers = at | {"low": Quantity(tested[0], "m"), "high": Quantity(tested[1], "m")}
-            findings.append(Finding("prediction-extrapolated", "warning", numbers=numbers))
+        numbers = {"level": Quantity(curve.level, curve.level_unit), "high": Quantity(tested[1], "m")}
         if len(curve.frequency) == 0:
-            findings.append(Finding("no-steady-state", "warning", numbers=at))
+            findings.append(Finding("no-steady-state", "warning", numbers={"level": numbers["level"]}))
+        elif np.any(curve.extrapolated & (curve.amplitude > tested[1])):
+            run = _points_under(found, curve.level)
+            if run is None:
+                findings.append(Finding("prediction-extrapolated", "warning", numbers=numbers))
+            else:
+                short.append(_compare_peaks(curve, run, numbers))
+    # points of a level rarely hit its very peak
+    short = [one for one in short if one[0] > 1 + RELATIVE_ERROR_DOUBTFUL]
+    if short:
+        _, worst = max(short, key=lambda one: one[0])
+        findings.append(replace(worst, numbers={**worst.numbers, **quantities(levels=len(short))}))
     return (*findings, *_missing(held_out))
+
+
+def _points_under(found: Identification, force: float) -> Points | None:
+    """Return the points of the level of a force [N]; None where it was not tested, or no force was held."""
+    if found.fit is None or found.curve.level_unit == "m":
+        return None
+    points = found.fit.problem.observed.points
+    for level in np.unique(points.level):
+        run = points.select(points.level == level)
+        near = run.amplitude >= HALF_POWER * run.amplitude.max()
+        if abs(np.median(np.abs(run.force[near])) / force - 1) <= RELATIVE_CHANGE_NEGLIGIBLE:
+            return run
+    return None
+
+
+def _compare_peaks(curve: ResonanceCurve, run: Points, numbers: dict[str, Quantity]) -> tuple[float, Finding]:
+    """Return how many times the points of its level a curve peaks, and the finding that they end below it.
+
+    Of points each from rest those before the fold jump to the lower branch; others leave a gap there.
+    """
+    peak, top = int(np.nanargmax(curve.amplitude)), int(np.argmax(run.amplitude))
+    height, measured = float(curve.amplitude[peak]), float(run.amplitude[top])
+    frequency = run.omega / (2 * np.pi)
+    low, high = sorted((frequency[top], curve.frequency[peak]))
+    jumped = len(curve.folds) > 0 and np.any((frequency > low) & (frequency < high))
+    sizes = quantities(
+        measured=Quantity(measured, "m"),
+        peak=Quantity(height, "m"),
+        frequency=Quantity(float(curve.frequency[peak]), "Hz"),
+    )
+    names = {"by": "jump" if jumped else "points"}
+    finding = Finding("prediction-extrapolated", "warning", numbers=numbers | sizes, names=names)
+    return height / measured, finding
 
 
 def _missing(held_out: tuple[HeldOutLevel, ...]) -> tuple[Finding, ...]:
