@@ -45,7 +45,7 @@ from rsgen.report.figures import (
 )
 from rsgen.report.figures.drawing import POINTS, project_style
 from rsgen.report.figures.equivalent import shows_loops
-from rsgen.report.notebook import known_results, write_notebook
+from rsgen.report.notebook import write_notebook
 from rsgen.report.page import THUMBNAIL, mean_sentence, picture_svg, render_page
 from rsgen.report.page_tables import NO_MODAL, Modal, tabulate_mode
 from rsgen.report.provenance import Subject, collect_provenance
@@ -163,8 +163,7 @@ def write_report(
     Raises
     ------
     RsgenError
-        An argument is of another type, a file cannot be written, or a cell of the notebook failed. The
-        notebook comes last and is saved even then, so that all files are there.
+        An argument is of another type, or a file cannot be written.
     """
     require(folder, (str, Path), "folder")
     require(surface, (ResponseSurface, MultisineSpectra), "surface")
@@ -205,7 +204,7 @@ def _write_files(
     if not identification.model.force.has(Structural):
         # structural damping exists under periodic motion only, so that nothing simulates it
         write_atomic(place / "kernel.py", generate(identification.model.force))
-    asked, prediction, modal = _predicted(surface, identification)
+    prediction, modal = _predicted(surface, identification), tabulate_mode(surface, identification)
     printed = check_printed(subject, identification)
     if modal.table is not None:
         write_atomic(place / "modal.csv", modal.table.to_csv())
@@ -222,14 +221,10 @@ def _write_files(
     write_atomic(place / "report.html", page)
     if given.loaded is None:
         return
-    known = known_results(
-        given.loaded, surface, given.identification, given.comparison, prediction, asked, drawings, modal
-    )
     shown = {drawing.name for drawing in drawings}
     write_notebook(
         place / "notebook.ipynb",
         given.loaded.with_model(identification.model),
-        known,
         mean="time-history" in shown,
         held_out=not shown.isdisjoint({"held-out", "predicted-record"}),
         loops="loops" in shown,
@@ -274,17 +269,16 @@ def _(table: MultisineSpectra, place: Path) -> None:
 
 
 @singledispatch
-def _predicted(table: Any, identification: Identification) -> tuple[tuple[object, ...], Prediction, Modal]:
-    """Predict levels not used: further inputs of ``predict``, its result, the modal table."""
+def _predicted(table: Any, identification: Identification) -> Prediction:
+    """Predict levels, tested ones and those that identification has not seen."""
     levels = [] if identification.model.sensors else _levels(table, identification)
-    prediction = predict(identification, levels or None, table)
-    return (levels, table), prediction, tabulate_mode(table, identification)
+    return predict(identification, levels or None, table)
 
 
 @_predicted.register
-def _(table: MultisineSpectra, identification: Identification) -> tuple[tuple[()], Prediction, Modal]:
+def _(table: MultisineSpectra, identification: Identification) -> Prediction:
     # of what identification has not seen; other spectra would count what it has seen as held out
-    return (), predict(identification), tabulate_mode(table, identification)
+    return predict(identification)
 
 
 def _levels(surface: ResponseSurface, identification: Identification) -> list[float]:
