@@ -125,7 +125,12 @@ def build_notebook(
     cells: list[dict[str, Any]] = []
     pieces = _CELL.split(text)[1:]
     for kind, name, body in zip(pieces[::3], pieces[1::3], pieces[2::3], strict=True):
-        cell = {"cell_type": kind, "id": name, "metadata": {}, "source": body.strip("\n").splitlines(True)}
+        cell: dict[str, Any] = {
+            "cell_type": kind,
+            "id": name,
+            "metadata": {},
+            "source": body.strip("\n").splitlines(True),
+        }
         cells.append(cell | ({"execution_count": None, "outputs": []} if kind == "code" else {}))
     mark = notebook_mark("".join(cell["source"]) for cell in cells)
     return {"cells": cells, "metadata": {**_METADATA, "rsgen": mark}, "nbformat": 4, "nbformat_minor": 5}
