@@ -166,8 +166,10 @@ class Settling:
     outcome: NDArray[np.int8]
 
 
-def settle(period_map: PeriodMap, start: Array, *, from_rest: bool, steps: int = COARSE_STEPS) -> Settling:
-    """Carry n points from ``start`` (D, n) until each has settled or is known not to."""
+def settle(
+    period_map: PeriodMap, start: Array, *, from_rest: bool, steps: int = COARSE_STEPS, briefly: bool = False
+) -> Settling:
+    """Carry n points from ``start`` (D, n) until each has settled or is known not to, 128 periods if briefly."""
     size, n = start.shape
     result = Settling(
         y=start.copy(),
@@ -179,6 +181,8 @@ def settle(period_map: PeriodMap, start: Array, *, from_rest: bool, steps: int =
     active = np.arange(n)
     for periods in _ROUNDS_FROM_REST if from_rest else _ROUNDS_FROM_STATE:
         if periods == _REFINED_FROM:
+            if briefly:
+                break
             result.steps[active] *= _REFINEMENT
         active = _one_round(period_map, result, active, periods, least)
         if not len(active):

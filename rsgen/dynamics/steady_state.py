@@ -300,6 +300,7 @@ def solve_steady_states(
     harmonics: int = USUAL_HARMONICS,
     accuracy: float = USUAL_ACCURACY,
     start: ArrayLike | None = None,
+    briefly: bool = False,
 ) -> SteadyStates:
     """Find where the response to f(t) = Re F exp(i omega t) repeats with the period of the force.
 
@@ -314,6 +315,8 @@ def solve_steady_states(
     start
         (n, 2) displacement [m] and velocity [m/s] at t = 0 from which each point starts, memories at rest; or
         (n, D) as ``SteadyStates.state``. None: from rest.
+    briefly
+        True: what has not settled after some 128 periods is not followed further.
 
     Raises
     ------
@@ -348,7 +351,8 @@ def solve_steady_states(
             kernel, oscillator.mass, values, parts[batch], omega[batch], units,
             stiffness=stiffness, sticking=sticking,
         )  # fmt: skip
-        return _solve_batch(period_map, coarse, None if y is None else y[batch], harmonics, accuracy)
+        begin = None if y is None else y[batch]
+        return _solve_batch(period_map, coarse, begin, harmonics, accuracy, briefly)
 
     done = map_batches(solve, len(f))
     return done[0] if len(done) == 1 else SteadyStates.joined(done)
@@ -367,7 +371,7 @@ def _check(force: ComplexArray, frequency: Array, harmonics: int, accuracy: floa
 
 
 def _solve_batch(
-    period_map: PeriodMap, coarse: Kernel, start: Array | None, harmonics: int, accuracy: float
+    period_map: PeriodMap, coarse: Kernel, start: Array | None, harmonics: int, accuracy: float, briefly: bool
 ) -> SteadyStates:
     omega, units = period_map.omega, period_map.units
     rows = period_map.kernel.rows
@@ -383,7 +387,8 @@ def _solve_batch(
     period_map = replace(period_map, memory=memory)
     # far unstable motions overflow on their way; their outcome is not settled
     with np.errstate(over="ignore", invalid="ignore"):
-        settling = settle(replace(period_map, kernel=coarse), y, from_rest=start is None)
+        rough = replace(period_map, kernel=coarse)
+        settling = settle(rough, y, from_rest=start is None, briefly=briefly)
         refined = refine(period_map, settling, harmonics, accuracy)
         # a fixed point of the coarse map that the finer ones do not have: look again with finer steps
         lost = np.flatnonzero((settling.outcome == SETTLED) & (refined.outcome != SETTLED))

@@ -508,7 +508,9 @@ def test_the_command_ranks_a_surface(tmp_path: Path, run_cli: Callable[..., Answ
     assert answer["candidates"][0]["name"] == "cubic-spring"
     assert not any(candidate["own"] for candidate in answer["candidates"])
     assert answer["fits"] is True
-    text = run_cli("rank", path).out
+    answer = run_cli("rank", path)
+    text = answer.out
+    assert f"laws and their sums on {len(measured('cubic'))} points" in answer.err
     assert text.startswith("Identified: cubic-spring fits best")
     assert text.splitlines()[3].startswith("cubic-spring ")
     assert "best: c*v + k*x + k3*x**3" in text

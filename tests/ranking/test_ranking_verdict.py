@@ -73,6 +73,16 @@ def test_few_bad_points_decide_nothing() -> None:
     assert (aside["excluded"], aside["points"]) == (len(chosen), len(table))
 
 
+def test_a_round_says_of_how_many_points_its_own_were_chosen(monkeypatch: pytest.MonkeyPatch) -> None:
+    table = measured("cubic")
+    law = CandidateLaw("", BASE.elements, {"k": STIFFNESS, "c": DAMPING, "m": MASS})
+    for most, sample in ((500, {"points": len(table)}), (60, {"points": 60, "all": len(table)})):
+        monkeypatch.setattr("rsgen.identification.ranking.reference._MAX_POINTS", most)
+        along = PointTest(table, BASE, ()).along(law, None)
+        assert along is not None
+        assert along.sample == sample
+
+
 @pytest.mark.thorough
 def test_motions_that_the_simulation_misses_decide_nothing() -> None:
     # the lowest level just overcomes the preload, where a force more or less is everything

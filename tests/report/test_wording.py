@@ -169,6 +169,7 @@ def test_an_unknown_code_is_shown_as_data():
         ({"excluded": 3, "points": 9}, {"by": "ranking"}, "info", "excluded: no candidate explains them"),
         ({"excluded": 3, "points": 9, "low": 1, "high": 2}, {"by": "ranking"}, "info", "between 1 and 2 Hz"),
         ({"excluded": 3, "points": 9, "low": 1}, {"by": "ranking"}, "info", "3 of 9 points were excluded"),
+        ({"excluded": 3, "points": 9, "all": 99}, {"by": "ranking"}, "info", "chosen evenly from 99, w"),
     ],
 )  # fmt: skip
 def test_a_sentence_has_the_parts_whose_conditions_hold(numbers, names, severity, said):

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -11,6 +12,7 @@ import pytest
 from rsgen import load_case
 from rsgen.common.errors import RsgenError
 from rsgen.data.oscillator import Oscillator
+from rsgen.dynamics.fixed_point import PeriodMap
 from rsgen.dynamics.kernel import compile_kernel
 from rsgen.dynamics.steady_state import solve_steady_states
 from rsgen.law.element import make_element
@@ -283,6 +285,22 @@ def test_what_never_settles_has_an_outcome_and_no_numbers() -> None:
     assert list(falling.outcome) == [3]
     assert np.isnan(undamped.harmonics).all()
     assert np.isnan(falling.peak).all()
+
+
+def test_a_brief_search_leaves_what_does_not_settle(monkeypatch: pytest.MonkeyPatch) -> None:
+    periods: list[int] = []
+    carry = PeriodMap.carry
+
+    def counted(*given: Any, **how: Any) -> Any:
+        periods.append(given[4])
+        return carry(*given, **how)
+
+    monkeypatch.setattr(PeriodMap, "carry", counted)
+    undamped = oscillator("k*x", k=5920.0)
+    state = np.zeros((1, 2))
+    states = solve_steady_states(undamped, [1.0], [8.0], start=state, briefly=True)
+    assert list(states.outcome) == [1]
+    assert sum(periods) < 400
 
 
 @pytest.mark.slow

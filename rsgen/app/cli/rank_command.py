@@ -13,6 +13,7 @@ from rsgen.app.cli.progress_bar import print_cache_fault, stage_progress
 from rsgen.app.cli.terminal import (
     number,
     print_block,
+    print_faults,
     print_json,
     print_line,
     print_next_steps,
@@ -26,6 +27,7 @@ from rsgen.data.oscillator import Model
 from rsgen.data.surface import ResponseSurface
 from rsgen.files import load_surface
 from rsgen.identification.ranking import Ranking, rank
+from rsgen.identification.ranking.library_sums import library_terms
 from rsgen.identification.results import units_of
 from rsgen.report.result_json import ranking_entry
 from rsgen.report.wording import sentence
@@ -60,6 +62,8 @@ def rank_command(
     """
     print_cache_fault()
     name, table, model = _read(case, data)
+    counted = "points" if isinstance(table, ResponseSurface) else "records"
+    print_faults([f"{name}: comparing {len(library_terms())} laws and their sums on {len(table)} {counted}"])
     with stage_progress(case) as note:
         note("ranking", 0.0)
         ranking = rank(table, model, terms_in_sum=terms_in_sum)

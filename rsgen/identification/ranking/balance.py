@@ -357,7 +357,7 @@ class PointBalance(WhitenedBalance):
     Parameters
     ----------
     matrices
-        (n, 2H+1, samples) map from a force along the trajectory to rows.
+        (n, compared rows, samples) map from a force along the trajectory to the rows that are compared.
     spread
         Some of the points, evenly over the amplitude.
     """
@@ -376,8 +376,10 @@ class PointBalance(WhitenedBalance):
         return not self.compared[2]
 
     def project(self, forces: Array) -> Array:
-        """Return the rows (n, 2H+1, j) of j forces (n, samples, j) along the trajectory."""
-        return np.asarray(self.matrices @ forces)
+        """Return the rows (n, 2H+1, j) of j forces (n, samples, j) along the trajectory; others are 0."""
+        rows = np.zeros((len(forces), len(self.compared), forces.shape[2]))
+        rows[:, self.compared] = self.matrices @ forces
+        return rows
 
     def select(self, chosen: NDArray[np.intp]) -> PointBalance:
         """Keep some points."""
@@ -425,7 +427,7 @@ def whiten_balance(
     width, count = 2 * motion.order + 1, len(motion.omega)
     right, inertia = np.empty((count, width)), np.empty((count, width))
     background = np.empty((count, width, len(motion.background)))
-    project = np.empty((count, width, _SAMPLES_A_PERIOD))
+    project = np.empty((count, np.count_nonzero(motion.known), _SAMPLES_A_PERIOD))
     trajectories = motion.trajectories(_SAMPLES_A_PERIOD)
     series = fourier_series(tuple(range(motion.order + 1)), _SAMPLES_A_PERIOD, half=False)
     projection = series.project.T
@@ -459,7 +461,7 @@ def whiten_balance(
         background[part] = root @ -_change(jacobian, here.fundamental_by_background, here.force_by_background)
         right[part] = (root @ forces[:, :, None])[:, :, 0]
         inertia[part] = (root @ acceleration[:, :, None])[:, :, 0]
-        project[part] = root @ projection
+        project[part] = root[:, motion.known] @ projection
     weight = motion.background_effect / MAX_MOTION_DISTANCE * (1.0 if balanced else ASSUMED_RELATIVE_NOISE)
     return PointBalance(
         trajectories,

@@ -334,9 +334,9 @@ class Round(ABC):
         """True if the structure feeds energy into the exciter."""
 
     @property
-    def excluded(self) -> int:
-        """Number of points of the test that do not take part."""
-        return 0
+    def sample(self) -> dict[str, int]:
+        """How many points are compared, and of how many (all) they were chosen."""
+        return {"points": len(self.rows)}
 
     def without_outliers(self, best: CandidateFit) -> Round | None:
         """Exclude a few points that a law misses by far; None where there are none."""

@@ -386,11 +386,11 @@ def _overfitting_findings(fitted: float, candidates: Sequence[Candidate]) -> lis
 def _sample_findings(current: Round, parameters: int, outliers: int) -> list[Finding]:
     """Find outliers, and too few points or levels for a ranking."""
     found = []
-    count, tested = len(current.rows), len(current.rows) + current.excluded
-    if outliers := outliers + current.excluded:
+    count, tested = len(current.rows), current.sample["points"]
+    if outliers := outliers + tested - count:
         many = outliers > MAX_SHARE_OF_OUTLIERS_BY_CHANCE * tested
         severity: Severity = "doubt" if many else "warning"
-        numbers = quantities(excluded=outliers, points=tested)
+        numbers = quantities(excluded=outliers, **current.sample)
         found.append(Finding("points-excluded", severity, numbers=numbers, names={"by": "ranking"}))
     if count < _MIN_POINTS_A_PARAMETER * parameters:
         numbers = quantities(**{current.counted: count}, parameters=parameters)

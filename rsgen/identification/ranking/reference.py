@@ -265,6 +265,7 @@ def _simulate_amplitudes(
             harmonics=_HARMONICS_OF_ROUGH,
             accuracy=_SIMULATION_TOLERANCE,
             start=start,
+            briefly=True,
         )
 
     try:
@@ -365,14 +366,15 @@ class PointRound(Round):
         The balance at noise of that size.
     noises
         (H+1,) relative noise of mean, fundamental (and force) and harmonics.
-    tested
-        Points of the test.
+    tested, measured
+        Points that are compared, and those of the test.
     """
 
     rows: PointBalance
     reference: Reference
     noises: Array
     tested: int
+    measured: int
     counted: ClassVar[str] = "points"
 
     @property
@@ -387,9 +389,9 @@ class PointRound(Round):
         return feeds_exciter(motion.force, motion.harmonics[:, 1])
 
     @property
-    def excluded(self) -> int:
-        """Number of points of the test that do not take part."""
-        return self.tested - len(self.rows)
+    def sample(self) -> dict[str, int]:
+        """How many points are compared, and of how many (all) they were chosen."""
+        return {"points": self.tested} | ({"all": self.measured} if self.measured > self.tested else {})
 
     def without_outliers(self, best: CandidateFit) -> PointRound | None:
         """Exclude the outliers of a law."""
@@ -457,6 +459,7 @@ class PointTest(RankedTest):
         for elements in given:
             law_of(elements, self.means)
         observed = Observed.of(points, base.observation.background)
+        self._measured = len(points)
         self.observed, self.fixed = observed.select(points.spread(_MAX_POINTS)), base.fixed
         if needed := mass_needs(self.observed.points, base):
             raise RsgenError(f"ranking: the test does not determine the mass; give it, or {needed}")
@@ -500,7 +503,7 @@ class PointTest(RankedTest):
             noise = np.maximum(noise * np.where(np.isfinite(random), random, 1.0), MISFIT_NEGLIGIBLE)
         if leader is None:
             return None
-        return PointRound(rows, leader, reference, noise, len(self.observed.points))
+        return PointRound(rows, leader, reference, noise, len(self.observed.points), self._measured)
 
     def doubts(self, best: CandidateFit, noise: float) -> list[Finding]:
         """Find that a law misses the test by far more along its own motions than in the ranking."""
