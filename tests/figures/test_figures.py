@@ -19,6 +19,7 @@ from rsgen import figures
 from rsgen.common.errors import RsgenError
 from rsgen.common.finding import Finding
 from rsgen.data.oscillator import Model
+from rsgen.data.surface import ResponseSurface
 from rsgen.describing import derive
 from rsgen.identification.modal_table import modal_table
 from rsgen.identification.results import Estimate, Identification
@@ -314,6 +315,19 @@ def test_every_level_gets_its_own_curve(size):
     handles, labels = drawing.figure.axes[0].get_legend_handles_labels()
     assert len(set(labels)) == len(labels) == 6
     assert len({float(handle.get_ydata().max()) for handle in handles}) == 6
+
+
+def test_a_level_without_a_curve_does_not_take_that_of_its_neighbour():
+    levels = np.linspace(1, 12, 12)
+    surface = ResponseSurface(levels, [10.0] * 12, levels, levels * 1e-3)
+    curves = tuple(replace(PREDICTION.curves[0], level=level) for level in (1.0, 6.0, 12.0))
+    handles, labels = (
+        figures.draw_responses(surface, replace(PREDICTION, curves=curves))
+        .figure.axes[0]
+        .get_legend_handles_labels()
+    )
+    assert labels == ["12 N", "6 N", "1 N"][::-1]
+    assert len(handles) == 3
 
 
 @pytest.mark.parametrize(

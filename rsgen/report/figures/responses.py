@@ -35,7 +35,7 @@ if TYPE_CHECKING:
 
 _MARKERS = {"rest": "o", "up": "^", "down": "v"}
 _SPREAD_OF_LEVEL = 0.1
-"""Of the force at the points of a level: a curve at a force that is nearer is one of this level."""
+"""Of the force at the points of a level: a curve at a force that is farther off belongs to no level."""
 
 
 def _runs(curve: ResonanceCurve) -> list[tuple[slice, bool]]:
@@ -117,6 +117,11 @@ def draw_responses(surface: ResponseSurface, prediction: Prediction, *, ax: Give
         Axes to draw on; None makes a figure.
     """
     levels, shown, forces = _shown_levels(surface, prediction)
+    predicted = (
+        {curve.level: curve for curve in prediction.curves if len(curve.frequency)}
+        if surface.response_held
+        else _curves_of(prediction, surface)
+    )
     scale = choose_scale(shown.amplitude, "m")
     colours = level_colours()(np.linspace(0, 1, len(levels)))
     figure, (axes,) = take_axes(ax, 1, (4.4, 3.7))
@@ -136,13 +141,12 @@ def draw_responses(surface: ResponseSurface, prediction: Prediction, *, ax: Give
                     zorder=1.5,
                     rasterized=len(shown) > 400,
                 )
-        curve = _curve_of(prediction, forces[level])
+        curve = predicted.get(level)
         if curve is not None:
             _draw_curve(axes, curve, scale.factor, colour, quantity_text(curve.level, curve.level_unit, 3))
             curves.append(curve)
-    tested = [] if surface.response_held else [_curve_of(prediction, f) for f in _forces(surface).values()]
-    for curve in prediction.curves if tested else ():
-        if len(curve.frequency) and not any(curve is one for one in tested):
+    for curve in () if surface.response_held else prediction.curves:
+        if len(curve.frequency) and not any(curve is one for one in predicted.values()):
             name = f"{quantity_text(curve.level, curve.level_unit, 3)}, not tested"
             _draw_curve(axes, curve, scale.factor, "0.5", name)
             curves.append(curve)
@@ -209,7 +213,7 @@ def _tested(shown: ResponseSurface, level: float, sweep: str) -> tuple[Array, Ar
 
 def _predicted(surface: ResponseSurface, prediction: Prediction) -> ResponseSurface:
     """Keep the levels for which there is a curve; all where there is none at all."""
-    there = [level for level, force in _forces(surface).items() if _curve_of(prediction, force) is not None]
+    there = list(_curves_of(prediction, surface))
     return surface.select(np.isin(surface.level, there)) if there else surface
 
 
@@ -225,13 +229,15 @@ def _limit(axes: Axes, shown: ResponseSurface, factor: float) -> None:
         axes.set_ylim(0, 1.12 * float(shown.amplitude.max()) / factor)
 
 
-def _curve_of(prediction: Prediction, force: float) -> ResonanceCurve | None:
-    """Return the curve at a force, the nearest one within the spread of a level's forces; None without."""
-    drawn = [curve for curve in prediction.curves if len(curve.frequency)]
-    nearest = min(drawn, key=lambda curve: abs(curve.level - force), default=None)
-    if nearest is None or abs(nearest.level - force) > _SPREAD_OF_LEVEL * force:
-        return None
-    return nearest
+def _curves_of(prediction: Prediction, surface: ResponseSurface) -> dict[float, ResonanceCurve]:
+    """Return the curve at each level that has one: at the nearest of the forces measured near resonance."""
+    forces, found = _forces(surface), dict[float, ResonanceCurve]()
+    for curve in prediction.curves:
+        level, force = min(forces.items(), key=lambda pair: abs(pair[1] - curve.level))
+        nearer = level not in found or abs(found[level].level - force) > abs(curve.level - force)
+        if len(curve.frequency) and nearer and abs(curve.level - force) <= _SPREAD_OF_LEVEL * force:
+            found[level] = curve
+    return found
 
 
 def _level_text(item: HeldOutLevel) -> str:
@@ -271,8 +277,9 @@ def draw_held_out(prediction: Prediction, *, ax: GivenAxes = None) -> Drawing:
     words = []
     for axes, items in zip(panels, groups.values(), strict=False):
         scale = choose_scale(np.concatenate([np.abs(item.measured) for item in items]), "m")
-        curve = _curve_of(prediction, items[0].force)
-        if curve is not None:
+        near = RELATIVE_CHANGE_NEGLIGIBLE * items[0].force
+        drawn = [curve for curve in prediction.curves if len(curve.frequency)]
+        for curve in (one for one in drawn if abs(one.level - items[0].force) <= near):
             low = np.where(curve.stable, curve.lower, np.nan) / scale.factor
             high = np.where(curve.stable, curve.upper, np.nan) / scale.factor
             axes.fill_between(curve.frequency, low, high, color="#D55E00", alpha=0.18, lw=0)
