@@ -169,7 +169,7 @@ class Settling:
 def settle(
     period_map: PeriodMap, start: Array, *, from_rest: bool, steps: int = COARSE_STEPS, briefly: bool = False
 ) -> Settling:
-    """Carry n points from ``start`` (D, n) until each has settled or is known not to, 128 periods if briefly."""
+    """Carry n points from ``start`` (D, n) until each has settled or not, 128 periods if briefly."""
     size, n = start.shape
     result = Settling(
         y=start.copy(),
