@@ -51,6 +51,19 @@ def test_records_without_noise_weigh_all_lines_alike(periods):
     assert ("multisine-periods" if periods == 1 else "law-does-not-fit") in codes
 
 
+def test_noise_of_one_period_is_told_from_a_law_that_lacks_a_term():
+    """All right laws were doubtful: what they left was taken for damping that they lack."""
+    test = rsgen.MultisineTest((3.0, 5.0, 8.0), (5, 20), 4.0, periods=1, noise_relative=0.01, seed=1)
+    oscillator = rsgen.Oscillator(1.0, "k*x + k3*x**3 + c*v", {"k": 4000.0, "k3": 4e6, "c": 2.0})
+    spectra = rsgen.simulate(oscillator, test)
+    found = rsgen.identify(spectra, "k*x + k3*x**3 + c*v")
+    assert found.verdict.state == "identified"
+    assert abs(found["k3"].value - 4e6) < 3 * found["k3"].standard_error
+    lacks = rsgen.identify(spectra, "k*x + c*v")
+    assert not lacks.verdict.usable
+    assert "law-does-not-fit" in {finding.code for finding in lacks.findings}
+
+
 def test_figures_join_the_excited_lines_and_print_plain_numbers():
     found = rsgen.identify(simulated("cubic", (1.0, 3.0), periods=2), LAWS["cubic"][0])
     for draw in (figures.draw_best_linear, figures.draw_line_misfit):

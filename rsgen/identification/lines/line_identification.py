@@ -46,7 +46,6 @@ from rsgen.identification.lines.line_fit import (
     fit_missing_terms,
     fit_second_sensor,
     largest_gain_step,
-    max_misfit_of_noise,
     misfit_to_noise,
     parameter_covariance,
     relative_to_force,
@@ -164,7 +163,7 @@ def _assemble(spectra: MultisineSpectra, model: Model, fit: LineFit) -> Multisin
         if law.acts_across:
             # neither part can compensate a wrong sign of the other
             findings += signs_along(one, motion, fit.values, _basis(fit, covariance), slice(1, None))
-    findings += _damping_findings(fit, misfit, noise)
+    findings += _damping_findings(fit, misfit, noise, others)
     findings += _delay_findings(fit, misfit)
     findings += phase_findings(fit.background)
     findings += gain_findings(lines.background, fit.background, of_background, fit.mass)
@@ -315,15 +314,22 @@ def _drift_findings(fit: LineFit, skipped: int) -> list[Finding]:
     return [Finding("parts-disagree", severity, "", quantities(z=z, size=size), names)]
 
 
-def _damping_findings(fit: LineFit, misfit: float, noise: float) -> list[Finding]:
+def _is_noise(fit: LineFit, others: Alternatives) -> bool:
+    """Decide whether a misfit is noise: by the scatter of the periods, or of one period by alternatives, each
+    of which takes up some of what any law or background leaves.
+    """
+    if fit.lines.spectra.periods == 1:
+        return not others.any_stands_out
+    return not fit.systematic
+
+
+def _damping_findings(fit: LineFit, misfit: float, noise: float, others: Alternatives) -> list[Finding]:
     """Find a misfit beyond noise that is small relative to the force, but not relative to the damping force.
 
     At the resonance the damping balances the force of a sine. In a multisine springs and inertia balance most
     of the lines, so that a missing damping term leaves a small misfit and changes the other damping values.
     """
-    # with one period, misfit and noise cannot be separated
-    by_chance = np.isfinite(noise) and misfit_to_noise(fit) < max_misfit_of_noise(fit)
-    if misfit > MISFIT_DOUBTFUL or by_chance:
+    if misfit > MISFIT_DOUBTFUL or _is_noise(fit, others):
         return []
     share = relative_to_force(fit.lines, Balance.damping(fit.mode, fit.law, fit.values, fit.mass))
     systematic = float(np.sqrt(max(misfit**2 - np.nan_to_num(noise) ** 2, 0.0)))
@@ -353,25 +359,18 @@ def _misfit_findings(
     fit: LineFit, misfit: float, noise: float, widening: float, others: Alternatives
 ) -> list[Finding]:
     """Compare the misfit with the noise, and with what is acceptable for a law."""
-    ratio = misfit_to_noise(fit)
-    if not np.isfinite(noise):
-        found = [Finding("multisine-periods", "warning", numbers=quantities(periods=1))]
-        if misfit > MISFIT_DOUBTFUL:
-            severity = severity_of(misfit, MISFIT_DOUBTFUL, MISFIT_REJECTED)
-            found.append(Finding("law-does-not-fit", severity, numbers=quantities(misfit=misfit)))
-        return found
+    one_period, ratio = not np.isfinite(noise), misfit_to_noise(fit)
+    found = [Finding("multisine-periods", "warning", numbers=quantities(periods=1))] if one_period else []
     # a misfit of exact data exceeds the noise, which is zero there
-    if ratio < max_misfit_of_noise(fit) or misfit < MISFIT_NEGLIGIBLE:
+    if _is_noise(fit, others) or misfit < MISFIT_NEGLIGIBLE:
         # scatter of the periods is in every interval, so that noise alone is doubted late
-        severity = "doubt" if misfit > MISFIT_REJECTED else "warning"
-        large = Finding("misfit-large", severity, numbers=quantities(misfit=misfit))
-        return [large] if misfit > RELATIVE_ERROR_DOUBTFUL else []
-    severity, size = (
-        severity_of(misfit, MISFIT_DOUBTFUL, MISFIT_REJECTED),
-        quantities(misfit=misfit, times=ratio),
-    )
+        limits = (RELATIVE_ERROR_DOUBTFUL, MISFIT_REJECTED) if one_period else (MISFIT_REJECTED, inf)
+        large = Finding("misfit-large", severity_of(misfit, *limits), numbers=quantities(misfit=misfit))
+        return [*found, large] if misfit > RELATIVE_ERROR_DOUBTFUL else found
+    severity = severity_of(misfit, MISFIT_DOUBTFUL, MISFIT_REJECTED)
+    size = quantities(misfit=misfit, **({} if one_period else {"times": ratio}))
     parts = quantities(wider=widening, groups=int(band_parts(fit.lines).max()) + 1)
-    found = [
+    found += [
         Finding("law-does-not-fit", severity, numbers=size),
         Finding("intervals-widened", "warning", numbers=parts, names={"by": "parts of the band"}),
     ]

@@ -48,6 +48,11 @@ def spread_between(others: Iterable[Alternative], values: Array, error: Array) -
     return np.where(known, np.hypot(1, moved / np.where(known, error, 1.0)), 1.0)
 
 
+def stands_out(one: Alternative) -> bool:
+    """Return True if noise gives an alternative its gain less often than four standard errors to a value."""
+    return one.exceeds(2 * normal_share(-NOISE_LIMIT_SIGMAS))
+
+
 @dataclass(frozen=True, slots=True, eq=False)
 class Alternatives:
     """Shifts of the parameters by alternatives, to first order; ``rsgen.compare_fits(found)`` shows them.
@@ -69,6 +74,11 @@ class Alternatives:
         """Iterate over kind, name and alternative, without terms of the law."""
         every = ((kind, name, one) for kind, of_kind in self.kinds.items() for name, one in of_kind.items())
         return (entry for entry in every if np.isfinite(entry[2].error))
+
+    @property
+    def any_stands_out(self) -> bool:
+        """True if some alternative takes up more than noise of four standard errors."""
+        return any(stands_out(one) for _, _, one in self)
 
     def largest(self, values: Array) -> dict[str, Alternative]:
         """Return, by name, the alternative of each kind that widens an error of values (q,) most, if any."""
@@ -110,9 +120,7 @@ class Alternatives:
         for kind, name, one in self:
             shift = one.shift[: len(values)]
             clear = (
-                (ratio > 1)
-                & (np.abs(shift) > STANDARD_ERRORS_OF_DIFFERENCE * self.error)
-                & one.exceeds(2 * normal_share(-NOISE_LIMIT_SIGMAS))
+                (ratio > 1) & (np.abs(shift) > STANDARD_ERRORS_OF_DIFFERENCE * self.error) & stands_out(one)
             )
             moved = np.where(clear, shift / values, 0.0)
             if np.max(np.abs(moved)) > np.max(np.abs(share)):
