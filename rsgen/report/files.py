@@ -45,7 +45,7 @@ from rsgen.report.figures import (
 )
 from rsgen.report.figures.drawing import POINTS, project_style
 from rsgen.report.figures.equivalent import shows_loops
-from rsgen.report.notebook import write_notebook
+from rsgen.report.notebook import known_results, write_notebook
 from rsgen.report.page import THUMBNAIL, mean_sentence, picture_svg, render_page
 from rsgen.report.page_tables import NO_MODAL, Modal, tabulate_mode
 from rsgen.report.provenance import Subject, collect_provenance
@@ -163,7 +163,8 @@ def write_report(
     Raises
     ------
     RsgenError
-        An argument is of another type, or a file cannot be written.
+        An argument is of another type, a file cannot be written, or a cell of the notebook failed. The
+        notebook comes last and is saved even then, so that all files are there.
     """
     require(folder, (str, Path), "folder")
     require(surface, (ResponseSurface, MultisineSpectra), "surface")
@@ -204,7 +205,7 @@ def _write_files(
     if not identification.model.force.has(Structural):
         # structural damping exists under periodic motion only, so that nothing simulates it
         write_atomic(place / "kernel.py", generate(identification.model.force))
-    prediction, modal = _predicted(surface, identification), tabulate_mode(surface, identification)
+    asked, prediction, modal = _predicted(surface, identification)
     printed = check_printed(subject, identification)
     if modal.table is not None:
         write_atomic(place / "modal.csv", modal.table.to_csv())
@@ -221,10 +222,14 @@ def _write_files(
     write_atomic(place / "report.html", page)
     if given.loaded is None:
         return
+    known = known_results(
+        given.loaded, surface, given.identification, given.comparison, prediction, asked, drawings, modal
+    )
     shown = {drawing.name for drawing in drawings}
     write_notebook(
         place / "notebook.ipynb",
         given.loaded.with_model(identification.model),
+        known,
         mean="time-history" in shown,
         held_out=not shown.isdisjoint({"held-out", "predicted-record"}),
         loops="loops" in shown,
@@ -269,16 +274,17 @@ def _(table: MultisineSpectra, place: Path) -> None:
 
 
 @singledispatch
-def _predicted(table: Any, identification: Identification) -> Prediction:
-    """Predict levels, tested ones and those that identification has not seen."""
+def _predicted(table: Any, identification: Identification) -> tuple[tuple[object, ...], Prediction, Modal]:
+    """Predict levels not used: further inputs of ``predict``, its result, the modal table."""
     levels = [] if identification.model.sensors else _levels(table, identification)
-    return predict(identification, levels or None, table)
+    prediction = predict(identification, levels or None, table)
+    return (levels, table), prediction, tabulate_mode(table, identification)
 
 
 @_predicted.register
-def _(table: MultisineSpectra, identification: Identification) -> Prediction:
+def _(table: MultisineSpectra, identification: Identification) -> tuple[tuple[()], Prediction, Modal]:
     # of what identification has not seen; other spectra would count what it has seen as held out
-    return predict(identification)
+    return (), predict(identification), tabulate_mode(table, identification)
 
 
 def _levels(surface: ResponseSurface, identification: Identification) -> list[float]:

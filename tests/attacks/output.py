@@ -66,6 +66,9 @@ WAYS: dict[str, Callable[[Path, Path], object]] = {
     "link inside a result": lambda out, small: _link(small / "report.html", out.parent / "thesis.tex"),
     "index of the user": lambda out, small: _mine(out / "index.html", "<html>my home page</html>"),
     "link for the index": lambda out, small: _link(out / "index.html", out.parent / "home.html"),
+    "notebook with the name of one that failed": lambda out, small: _mine(
+        out / "small-failed.ipynb", '{"metadata": {}, "cells": []}'
+    ),
     "folder named as an unfinished one": lambda out, small: _mine(
         out / f".small.{NO_PROCESS}.part" / "thesis.tex"
     ),
@@ -85,7 +88,7 @@ def _belongings(place: Path) -> dict[str, str]:
             found[str(path)] = str(path.readlink())
         elif path.is_file():
             text = path.read_bytes().decode("utf-8", "replace")
-            if "my " in text[-4000:] or "three years" in text:
+            if "my " in text[-4000:] or "three years" in text or "small-failed" in path.name:
                 found[str(path)] = text
     return found
 

@@ -305,6 +305,11 @@ def test_a_terminal_sees_how_far_each_case_is(watched):
         for words in ("cases", "0 of 2", "a: ", "b: ", "writing the report", "0:00:0", "Accepted"):
             assert words in run.shown
         assert bool(COLOUR.search(run.shown)) is (run.jobs == 2)
+        # and nothing of it gets into the output of a cell
+        for name in ("a", "b"):
+            cells = json.loads((run.out / name / "notebook.ipynb").read_text())["cells"]
+            outputs = [output for cell in cells for output in cell.get("outputs", [])]
+            assert {output.get("name", "stdout") for output in outputs} == {"stdout"}
 
 
 @pytest.mark.thorough
@@ -331,7 +336,7 @@ def test_the_same_input_gives_the_same_bytes(watched):
     ("number", "begun", "jobs"),
     [
         (signal.SIGINT, "out/.*.part", "2"),
-        # the page is written
+        # the page is written, the cells of the notebook run
         pytest.param(signal.SIGTERM, "out/.*.part/report.html", "1", marks=pytest.mark.thorough),
     ],
 )

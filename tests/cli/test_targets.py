@@ -1,14 +1,10 @@
 """Files of the user where a command writes: refused in a sentence before it computes, and left alone."""
 
-import json
-
 import nbformat
 import pytest
 
 from rsgen.analysis.export import save_frf
 from rsgen.app.cli.options import FRF, MODAL, SURFACE, is_foreign
-from rsgen.app.study.folder import check_replaceable, write_manifest
-from rsgen.common.errors import RsgenError
 from rsgen.data.surface import save_surface
 from rsgen.identification.modal_table import modal_table
 from rsgen.report.notebook import build_notebook
@@ -67,17 +63,12 @@ def test_a_file_that_a_command_wrote_is_replaced(tmp_path):
 
 
 def test_a_notebook_is_replaced_until_a_user_changes_a_cell(tmp_path):
-    folder = tmp_path / "made"
-    folder.mkdir()
-    path, notebook = folder / "notebook.ipynb", nbformat.reads(json.dumps(build_notebook(cubic_case())), 4)
+    path, notebook = tmp_path / "made.ipynb", build_notebook(cubic_case())
     nbformat.write(notebook, path)
-    write_manifest(folder, {}, None, [])
     assert is_unchanged_notebook(path)
-    notebook.cells[-1].outputs = [nbformat.v4.new_output("stream", text="executed")]
+    notebook.cells[-1].outputs = [nbformat.v4.new_output("stream", text="executed again")]
     nbformat.write(notebook, path)
-    check_replaceable(folder)
+    assert is_unchanged_notebook(path)
     notebook.cells[-1].source += "\n# my remark"
     nbformat.write(notebook, path)
     assert not is_unchanged_notebook(path)
-    with pytest.raises(RsgenError, match=r"notebook\.ipynb"):
-        check_replaceable(folder)

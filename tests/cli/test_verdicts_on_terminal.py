@@ -85,6 +85,7 @@ def test_every_command_says_the_same_of_a_measured_test(old, new, states, decide
     assert written["verdict"] == verdict
     for page in (folder / "report.html", out / "index.html"):
         assert verdict["headline"] in page.read_text().replace("\u00a0", " ")
+    assert json.dumps(verdict["headline"])[1:-1] in (folder / "notebook.ipynb").read_text()
     # a surface that was saved, and an unchanged result, have the same verdict
     answer = run_cli("identify", path, "--surface", folder / "surface.h5", "--json")
     identified = json.loads(answer.out)

@@ -12,7 +12,6 @@ from rsgen.dynamics.periodic_response import periodic_response
 from rsgen.identification.ranking.library_sums import library_terms
 from rsgen.law.numeric import compile_law
 from tests.case_files import MEASURED, write_small
-from tests.notebooks import run_cells
 
 pytestmark = pytest.mark.slow
 
@@ -72,7 +71,7 @@ def found(folder):
     return rsgen.identify(rsgen.read(case), case.model)
 
 
-def test_a_case_of_a_multisine_runs_from_file_to_page(folder, found, run_cli, monkeypatch):
+def test_a_case_of_a_multisine_runs_from_file_to_page(folder, found, run_cli):
     checked = run_cli("check", folder / "lines.toml")
     assert checked.code == 0, checked
     assert "54 excited lines of 3 records of 6 periods at 3 levels" in " ".join(checked.out.split())
@@ -94,10 +93,12 @@ def test_a_case_of_a_multisine_runs_from_file_to_page(folder, found, run_cli, mo
     assert '<math display="block">' in page
     stored = np.load(out / "lines" / "spectra.npz")
     np.testing.assert_array_equal(stored["response"], rsgen.read(folder / "lines.toml").response)
-    monkeypatch.setenv("RSGEN_DATA", str(folder))
-    shown = run_cells(out / "lines" / "notebook.ipynb")
-    assert shown["figure-predicted-record"].name == "predicted-record"
-    assert str(shown["identification"]) == str(found)
+    notebook = json.loads((out / "lines" / "notebook.ipynb").read_text(encoding="utf-8"))
+    shown = {cell["id"]: "".join(map(str, cell.get("outputs", ()))) for cell in notebook["cells"]}
+    assert "3 records of 6 periods" in shown["spectra"]
+    assert "image/png" in shown["figure-predicted-record"]
+    (row,) = (one for one in str(found).splitlines() if "k3  " in one)
+    assert row.strip() in shown["identification"]
     again = run_cli("report", folder / "lines.toml", "--out", out)
     assert again.code == 0, again
 

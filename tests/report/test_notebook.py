@@ -1,4 +1,4 @@
-"""The notebook: what comes from files is literal or prose, calls are public, cells give what the run gave."""
+"""The notebook: what comes from files is literal or prose, calls are public, failures are saved."""
 
 import ast
 import inspect
@@ -19,9 +19,9 @@ from nbclient import NotebookClient
 import rsgen
 from rsgen import Case, figures, load_case
 from rsgen.app.study import run_cases
-from rsgen.report.notebook import build_notebook, literal, prose
+from rsgen.common.errors import RsgenError
+from rsgen.report.notebook import KnownResults, build_notebook, literal, prose, write_notebook
 from tests.case_files import CUBIC, write_small
-from tests.notebooks import run_cells
 from tests.report.test_report import hostile_titles
 from tests.samples import cubic_case
 
@@ -34,12 +34,6 @@ SPRING = {
     "test.frequency": {"start": 9, "stop": 11, "count": 25},
     "accept.k": 1e-3,
 }
-
-
-def made(case: Case, **shown: bool) -> nbformat.NotebookNode:
-    notebook = nbformat.reads(json.dumps(build_notebook(case, **shown)), as_version=4)
-    nbformat.validate(notebook)
-    return notebook
 
 
 def code_cells(notebook: nbformat.NotebookNode) -> list[str]:
@@ -64,8 +58,9 @@ def test_prose_has_no_markup(text):
 
 @pytest.mark.parametrize("title", hostile_titles(), ids=lambda title: ascii(title[:24]))
 def test_texts_of_a_case_are_never_code(title):
-    tame = made(cubic_case())
-    hostile = made(cubic_case(title=title, source=title, text=f"{title}\n"))
+    tame = build_notebook(cubic_case())
+    hostile = build_notebook(cubic_case(title=title, source=title, text=f"{title}\n"))
+    nbformat.validate(hostile)
     json.dumps(hostile, ensure_ascii=True)
 
     texts: list[str] = []
@@ -91,7 +86,7 @@ def test_texts_of_a_case_are_never_code(title):
 
 def test_only_the_public_interface_is_called():
     for mean, held_out in ((False, False), (True, True)):
-        for source in code_cells(made(cubic_case(), mean=mean, held_out=held_out)):
+        for source in code_cells(build_notebook(cubic_case(), mean=mean, held_out=held_out)):
             for node in ast.walk(ast.parse(source)):
                 if isinstance(node, ast.Import):
                     assert {alias.name for alias in node.names} <= {"pathlib", "tempfile", "rsgen"}
@@ -105,7 +100,7 @@ def test_only_the_public_interface_is_called():
 
 
 def test_cells_have_stable_names():
-    names = [[cell.id for cell in made(cubic_case(title=t)).cells] for t in ("a", "b")]
+    names = [[cell.id for cell in build_notebook(cubic_case(title=t)).cells] for t in ("a", "b")]
     assert names[0] == names[1]
     assert len(set(names[0])) == len(names[0])
 
@@ -113,7 +108,8 @@ def test_cells_have_stable_names():
 @pytest.mark.parametrize("path", CASES, ids=lambda path: path.stem)
 def test_every_case_makes_a_notebook(path):
     case = load_case(path)
-    notebook = made(case)
+    notebook = build_notebook(case)
+    nbformat.validate(notebook)
     (first, *_) = code_cells(notebook)
     assignment = next(node for node in ast.parse(first).body if isinstance(node, ast.Assign))
     assert literal_eval(assignment.value) == case.text
@@ -123,7 +119,7 @@ def test_every_case_makes_a_notebook(path):
 @pytest.mark.parametrize("path", CASES, ids=lambda path: path.stem)
 def test_ruff_has_nothing_to_say(path, tmp_path):
     file = tmp_path / "made.ipynb"
-    nbformat.write(made(load_case(path), mean=True, held_out=True), file)
+    nbformat.write(build_notebook(load_case(path), mean=True, held_out=True), file)
     for words in (("check",), ("format", "--diff")):
         # as it is out of the box, not as this project sets it
         done = subprocess.run(
@@ -135,6 +131,10 @@ def test_ruff_has_nothing_to_say(path, tmp_path):
         assert done.returncode == 0, done.stdout + done.stderr
 
 
+def outputs(notebook: nbformat.NotebookNode) -> dict[str, list[nbformat.NotebookNode]]:
+    return {cell.id: cell.outputs for cell in notebook.cells if cell.cell_type == "code"}
+
+
 def small_case(folder: Path, **changes: float) -> Case:
     source = write_small(folder, "once", SPRING | changes)
     case = load_case(source)
@@ -142,31 +142,33 @@ def small_case(folder: Path, **changes: float) -> Case:
     return case
 
 
-def test_the_cells_give_what_the_run_gave(tmp_path):
+@pytest.mark.thorough
+def test_the_run_and_a_kernel_of_its_own_give_the_same_notebook(tmp_path, monkeypatch):
+    """A kernel in an empty folder has the public interface alone; the run gives its cells what it has."""
     case = small_case(tmp_path)
     surface = rsgen.simulate(case.oscillator, case.test)
     identification = rsgen.identify(surface, case.model)
-    rsgen.write_report(tmp_path / "out", surface, identification, case=case)
-    shown = run_cells(tmp_path / "out" / "notebook.ipynb")
-    assert sum(name.startswith("figure-") for name in shown) == 8
-    assert str(shown["identification"]) == str(identification)
-    assert str(shown["comparison"]) == str(rsgen.compare(identification, case.truth, case.accept))
-
-
-@pytest.mark.thorough
-def test_a_kernel_in_an_empty_folder_runs_all_cells(tmp_path, monkeypatch):
-    alone = made(small_case(tmp_path))
+    comparison = rsgen.compare(identification, case.truth, case.accept)
+    rsgen.write_report(tmp_path / "out", surface, identification, case=case, comparison=comparison)
+    run = nbformat.read(tmp_path / "out" / "notebook.ipynb", as_version=4)
+    nbformat.validate(run)
+    assert str(tmp_path) not in str(run)
+    alone = build_notebook(case)
     empty = tmp_path / "empty"
     empty.mkdir()
     monkeypatch.setenv("IPYTHONDIR", str(tmp_path / "ipython"))
     monkeypatch.setenv("MPLBACKEND", "agg")
     client = NotebookClient(alone, timeout=300, coalesce_streams=True, record_timing=False)
     client.execute(cwd=str(empty))
-    outputs = [output for cell in alone.cells for output in cell.get("outputs", ())]
-    pictures = [output for output in outputs if "image/png" in output.get("data", {})]
+    assert outputs(run) == outputs(alone)
+    assert [cell.source for cell in run.cells] == [cell.source for cell in alone.cells]
+    pictures = [out for cell in outputs(run).values() for out in cell if "image/png" in out.get("data", {})]
     assert len(pictures) == 8
     assert all("alt" in picture.metadata["image/png"] for picture in pictures)
-    assert {output.get("name", output.output_type) for output in outputs} == {"stdout", "execute_result"}
+    assert str(comparison) == outputs(run)["comparison"][-1]["data"]["text/plain"]
+    assert "outside" not in str(comparison)
+    kinds = {output.get("name", output.output_type) for cell in outputs(run).values() for output in cell}
+    assert kinds == {"stdout", "execute_result"}
 
 
 def counted() -> dict[CodeType, str]:
@@ -203,3 +205,33 @@ def test_a_run_loads_computes_and_draws_once(model, tmp_path):
     assert {"load_case", "simulate", "identify", "predict", "compare", "draw_collapse"} <= set(calls)
     assert ("rank" in calls) is (model == "rank")
     assert {name: number for name, number in calls.items() if number != 1} == {}
+
+
+def test_other_inputs_are_computed(tmp_path):
+    case = small_case(tmp_path)
+    known = KnownResults(case)
+    known.add("derive", "k*x", result="known")
+    known.add("make_element", case, [1.0], result="known")
+    module = known.offered(rsgen)
+    assert module.derive("k*x") == "known"
+    assert module.derive("k*x", []) != "known"
+    assert str(module.derive("2*k*x").stiffness) == "2*k"
+    assert module.make_element(case, [1.0]) == "known"
+    other = small_case(tmp_path, **{"truth.k": 5921.0})
+    file = tmp_path / "case.toml"
+    file.write_text(case.text, encoding="utf-8")
+    assert module.load_case(file) is case
+    file.write_text(other.text, encoding="utf-8")
+    assert module.load_case(file).truth["k"] == 5921.0
+    # the package itself is as it was
+    assert rsgen.derive("k*x") != "known"
+    assert module.figures.draw_map is figures.draw_map
+
+
+def test_failed_notebook_is_saved_and_says_which_cell(tmp_path):
+    target = tmp_path / "notebook.ipynb"
+    with pytest.raises(RsgenError, match=r"notebook\.ipynb: cell case: CaseError"):
+        write_notebook(target, cubic_case(text="not a case"))
+    notebook = nbformat.read(target, as_version=4)
+    cell = next(cell for cell in notebook.cells if cell.id == "case")
+    assert cell.outputs[-1].output_type == "error"

@@ -7,6 +7,7 @@ import shutil
 import signal
 import subprocess
 import sys
+import tempfile
 import threading
 import time
 from collections.abc import Callable
@@ -19,7 +20,7 @@ import pytest
 from rsgen.app.study import MANIFEST, CaseRun, Step, read_manifest, run_case, run_cases
 from rsgen.app.study.folder import UNFINISHED, recover, replaced_folder, write_manifest
 from rsgen.app.study.many_cases import local_workers
-from rsgen.app.study.run_case import current_result
+from rsgen.app.study.run_case import _failed_notebook, _temporary_in, current_result
 from rsgen.cases import load_case
 from rsgen.common.errors import RsgenError
 from rsgen.files import read_measurement
@@ -171,6 +172,15 @@ def test_a_killed_run_of_another_case_is_cleared_up_and_folders_of_others_stay(t
         fill(folder, "text")
     assert names(tmp_path) == sorted(["case", runs, ".notes.part", *(t.parent.name for t in sequels)])
     assert [thesis.read_text() for thesis in sequels] == ["mine"] * 2
+
+
+def test_temporary_files_of_a_run_lie_in_its_folder(tmp_path):
+    before = tempfile.gettempdir()
+    with replaced_folder(tmp_path, "case") as folder, _temporary_in(folder):
+        fill(folder, "text")
+        with tempfile.TemporaryDirectory() as inside:
+            assert Path(inside).parent == folder
+    assert tempfile.gettempdir() == before
 
 
 FOREIGN: dict[str, tuple[Callable[[Path], object], str]] = {
@@ -393,6 +403,21 @@ def test_threads_that_begin_and_end_together_leave_each_other_alone(tmp_path):
     with ThreadPoolExecutor(6) as pool:
         list(pool.map(write, range(6)))
     assert len(list(tmp_path.iterdir())) == 6
+
+
+def test_a_notebook_of_the_user_is_not_taken_for_a_failed_one(tmp_path, finished):
+    mine, changed, theirs = (tmp_path / f"{name}-failed.ipynb" for name in ("small", "changed", "other"))
+    lesson = (finished[1] / "small" / "notebook.ipynb").read_text(encoding="utf-8")
+    mine.write_text('{"metadata": {}, "cells": []}')
+    # somebody looks for what went wrong in the notebook that was left
+    changed.write_text(lesson.replace("import rsgen", "import rsgen, pdb", 1), encoding="utf-8")
+    theirs.write_text(lesson, encoding="utf-8")
+    for place in (mine, changed, theirs):
+        with _failed_notebook(tmp_path, place):
+            pass
+    assert mine.exists()
+    assert changed.exists()
+    assert not theirs.exists()
 
 
 def test_a_fault_of_the_case_is_a_value(tmp_path):

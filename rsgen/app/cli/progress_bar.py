@@ -104,7 +104,8 @@ class Bars(Progress):
     def __init__(self, total: int | None = None) -> None:
         self._tasks_of: dict[Path, TaskID] = {}
         self._total, self._finished = total, 0
-        console = Console(stderr=True)
+        # this very stream: sys.stderr is another one while the cells of a notebook run
+        console = Console(file=sys.stderr)
         super().__init__(SpinnerColumn(), _AS_TEXT, TimeElapsedColumn(), console=console, transient=True)
         self._all = self.add_task(f"cases: 0 of {total}", visible=bool(total))
 

@@ -19,7 +19,7 @@ from typing import Any
 import rsgen
 from rsgen.common.errors import RsgenError, listed
 from rsgen.common.output import has_mark, left_behind, read_small, sync_folder, write_atomic
-from rsgen.report.provenance import is_unchanged_notebook, package_versions
+from rsgen.report.provenance import package_versions
 
 # Windows has no such locks
 _locks: Any = import_module("fcntl") if os.name == "posix" else None
@@ -185,9 +185,7 @@ def _written_by_run(path: Path, name: str, listed: Mapping[str, str]) -> bool:
         return False
     if path.is_dir():
         return any(file.startswith(f"{name}/") for file in listed)
-    if name == MANIFEST or not (path.is_file() and name in listed):
-        return name == MANIFEST
-    return file_hash(path) == listed[name] or is_unchanged_notebook(path)
+    return name == MANIFEST or (path.is_file() and name in listed and file_hash(path) == listed[name])
 
 
 @contextmanager

@@ -2,10 +2,15 @@
 
 from __future__ import annotations
 
+import atexit
+import contextlib
 import hashlib
 import json
+import os
+import shutil
+import tempfile
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from fnmatch import fnmatch
 from functools import singledispatch
@@ -35,6 +40,7 @@ from rsgen.dynamics.simulation import simulate
 from rsgen.files import MeasuredTest
 from rsgen.identification.identify import identify
 from rsgen.identification.results import Identification
+from rsgen.report.provenance import is_unchanged_notebook
 
 RESULT = "result.json"
 SURFACE = "surface.h5"
@@ -243,20 +249,49 @@ def _execute(
         comparison = compare(identification, truth, case.accept)
         durations = {"surface": tested - started, "identification": time.perf_counter() - tested}
         report("report", 0.0)
-        # rsgen.report imports pages and figures, 0.5 s, when one of its names is first used
-        rsgen.report.write_report(
-            folder,
-            surface,
-            identification,
-            case=case,
-            comparison=comparison,
-            durations=durations,
-            command=command,
-            figures=figures,
-        )
+        with _temporary_in(folder), _failed_notebook(folder, out / f"{case.name}-failed.ipynb"):
+            # rsgen.report imports pages and figures, 0.5 s, when one of its names is first used
+            rsgen.report.write_report(
+                folder,
+                surface,
+                identification,
+                case=case,
+                comparison=comparison,
+                durations=durations,
+                command=command,
+                figures=figures,
+            )
         passed, verdict = _said(folder)
         write_manifest(folder, inputs, case.test.noise_seed, command)
     return CaseRun(case.path, case.name, out / case.name, passed, verdict=verdict)
+
+
+@contextlib.contextmanager
+def _temporary_in(folder: Path) -> Iterator[None]:
+    """Let temporary files lie in a folder, with which they go if the run is killed; TMPDIR may not exist."""
+    before = tempfile.tempdir
+    tempfile.tempdir = str(folder)
+    try:
+        yield
+    finally:
+        tempfile.tempdir = before
+        if os.environ.get("MPLCONFIGDIR", "").startswith(str(folder)):
+            # matplotlib removes at exit the folder that it made here, which has gone by then
+            atexit.unregister(shutil.rmtree)
+
+
+@contextlib.contextmanager
+def _failed_notebook(folder: Path, place: Path) -> Iterator[None]:
+    """Save a notebook with its traceback from a folder that goes; remove one of an earlier run."""
+    try:
+        yield
+    except RsgenError:
+        with contextlib.suppress(OSError):
+            if not place.exists() or is_unchanged_notebook(place):
+                (folder / "notebook.ipynb").replace(place)
+        raise
+    if is_unchanged_notebook(place):
+        place.unlink()
 
 
 def run_case(
