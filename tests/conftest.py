@@ -2,7 +2,6 @@
 
 import os
 import signal
-from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -15,7 +14,6 @@ from rsgen.common.process import single_thread
 single_thread()
 
 from rsgen.app.cli import main  # noqa: E402
-from rsgen.data.surface import ResponseSurface  # noqa: E402
 from rsgen.identification.ranking.library_sums import library_terms  # noqa: E402
 from tests import surfaces  # noqa: E402
 
@@ -34,13 +32,13 @@ def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item
 
 
 @pytest.fixture(scope="session")
-def surface_of() -> Callable[..., ResponseSurface]:
+def surface_of():
     """Steady states of a law of ``tests.surfaces.LAWS``; those without options are solved once."""
     return surfaces.surface
 
 
 @pytest.fixture(scope="session")
-def noisy() -> Callable[[ResponseSurface, float, int], ResponseSurface]:
+def noisy():
     """A surface with complex Gaussian noise on force and response, relative to either."""
     return surfaces.noisy
 
@@ -50,7 +48,7 @@ FEW = ("cubic-spring", "quintic-spring", "coulomb", "jenkins")
 
 
 @pytest.fixture
-def few_laws(monkeypatch: pytest.MonkeyPatch) -> None:
+def few_laws(monkeypatch):
     """The library shrinks to ``FEW``."""
     terms = tuple(term for term in library_terms() if term.name in FEW)
     assert len(terms) == len(FEW)
@@ -67,7 +65,7 @@ class Answer:
 
 
 @pytest.fixture
-def run_cli(capsys: pytest.CaptureFixture[str]) -> Iterator[Callable[..., Answer]]:
+def run_cli(capsys):
     """Run a command of rsgen in this process."""
     handler = signal.getsignal(signal.SIGTERM)
 
@@ -83,7 +81,7 @@ def run_cli(capsys: pytest.CaptureFixture[str]) -> Iterator[Callable[..., Answer
 
 
 @pytest.fixture(scope="session")
-def measured_data() -> Callable[[str], Path]:
+def measured_data():
     """The folder of this name in the one that RSGEN_DATA names; the test is skipped where it is not there."""
 
     def find(name: str) -> Path:
@@ -99,7 +97,7 @@ def measured_data() -> Callable[[str], Path]:
 
 
 @pytest.fixture(scope="session")
-def chromium() -> str:
+def chromium():
     """Return the path of a browser."""
     from tests.report.browser import find_browser
 

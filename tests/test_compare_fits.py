@@ -17,7 +17,7 @@ TRUE = {"k": 6000.0, "k3": 1e6, "c": 7.0}
 
 
 @pytest.fixture(scope="module")
-def fits() -> list[rs.Identification]:
+def fits():
     test = rs.SimulatedTest(level=[1, 3, 6, 10], frequency=np.linspace(8, 14, 41))
     surface = noisy(rs.simulate(rs.Oscillator(1.5, LAW, TRUE), test), 0.01, 1)
     return [

@@ -1,20 +1,14 @@
-from collections.abc import Callable
-
 import numpy as np
 import pytest
 
 from rsgen.analysis.comparison import compare
 from rsgen.common.errors import RsgenError
-from rsgen.data.oscillator import Oscillator
-from rsgen.data.surface import ResponseSurface
 from rsgen.identification.identify import identify
-from rsgen.identification.results import Identification
-from tests.samples import cubic_comparison, cubic_identification, cubic_surface
 from tests.surfaces import model, truth
 
 
 @pytest.fixture(scope="module")
-def combined(surface_of: Callable[..., ResponseSurface]) -> Identification:
+def combined(surface_of):
     return identify(surface_of("combined", levels=np.array([2.0, 6, 12])), model("combined"))
 
 
@@ -74,30 +68,3 @@ def test_unknown_and_blind_names_are_refused(combined):
         compare(combined, {"k": 5920.0}, {"kn": 1e-3})
     with pytest.raises(RsgenError, match="no truth for"):
         compare(combined, {"k": 5920.0}, {"stiffness_force": 1e-3})
-
-
-@pytest.mark.slow
-def test_rows_come_by_name_as_a_table_and_as_a_frame():
-    pytest.importorskip("pandas")
-    surface = cubic_surface()
-    comparison = cubic_comparison(cubic_identification(surface), tolerance=1e-9)
-    assert comparison["k1"] is comparison.rows[1]
-    assert list(comparison) == list(comparison.rows)
-    with pytest.raises(KeyError, match="there are c1, k1, kn1"):
-        comparison["k2"]
-    lines = str(comparison).splitlines()
-    assert [line.split()[0] for line in lines[1:]] == [row.name for row in comparison]
-    assert [line.split()[-1] for line in lines[1:]] == ["outside"] * 3
-    frame = comparison.to_frame()
-    assert frame.loc["k1", "relative_error"] == comparison["k1"].relative_error
-
-
-def test_names_that_the_law_does_not_have_are_refused():
-    found = cubic_identification(cubic_surface())
-    with pytest.raises(RsgenError, match="truth: 'q': no parameter of the law; allowed are c1, k1, kn1, m"):
-        compare(found, {"q": 1.0, "k1": 5920.0})
-    # an oscillator may have another law: what both have in common is compared
-    other = Oscillator(1.5, "k1*x + c1*v + q*x**5", {"k1": 5920.0, "c1": 3.8, "q": 1.0})
-    rows = {row.name: row.true for row in compare(found, other)}
-    assert rows["k1"] == 5920.0
-    assert "q" not in rows

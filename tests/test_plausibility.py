@@ -184,24 +184,6 @@ def test_a_reversed_sign_or_phase_is_no_other_quantity(sign):
 
 
 @pytest.mark.slow
-def test_identification_doubts_a_response_in_millimetres_and_one_that_is_an_acceleration():
-    surface = cubic_surface(levels=4)
-    law = "k*x + k3*x**3 + c*v"
-    assert of_plausibility(rsgen.identify(surface, law).findings) == []
-    (size,) = of_plausibility(rsgen.identify(changed(surface, 1e3 * surface.harmonics[:, 1]), law).findings)
-    assert (size.code, size.severity) == ("size-impossible", "doubt")
-    (other,) = of_plausibility(rsgen.identify(changed(surface, derived(2)(surface)), law).findings)
-    assert other.code == "another-quantity"
-
-
-def test_sizes_of_an_uncalibrated_test_are_not_judged():
-    surface = cubic_surface(levels=4)
-    volts = changed(surface, 1e5 * surface.harmonics[:, 1])
-    observation = rsgen.Observation(calibrated=False)
-    assert of_plausibility(rsgen.identify(volts, "k*x + k3*x**3 + c*v", observation).findings) == []
-
-
-@pytest.mark.slow
 @pytest.mark.parametrize("name", ["bouc_wen", "f16", "wire"])
 def test_measured_tests_are_not_doubted(name, measured_data):
     folder = measured_data(name).parent

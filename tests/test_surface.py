@@ -5,8 +5,6 @@ import pickle
 import tracemalloc
 from collections.abc import Callable
 from dataclasses import fields, replace
-from pathlib import Path
-from typing import Any
 
 import h5py
 import numpy as np
@@ -232,8 +230,6 @@ def test_a_failed_save_leaves_the_old_file_and_nothing_else(tmp_path, monkeypatc
     assert [p.name for p in tmp_path.iterdir()] == ["s.h5"]
 
 
-# --- surfaces from arrays and data frames ---
-
 MASS, DAMPING, STIFFNESS = 2.0, 3.0, 5000.0
 
 
@@ -279,13 +275,6 @@ def test_a_single_value_holds_at_every_point():
     assert set(surface.sweep) == {"down"}
 
 
-def test_directions_follow_from_the_order_of_frequencies():
-    frequency = [7, 8, 9, 9.5, 8.5, 7.5, 7]
-    assert ResponseSurface(1, frequency, 1, [1j] * 7).sweep.tolist() == ["up"] * 4 + ["down"] * 3
-    # levels change from row to row: every run is one point
-    assert set(ResponseSurface([1, 2] * 3, [7, 7, 8, 8, 9, 9], 1, [1j] * 6).sweep) == {"rest"}
-
-
 def test_rows_that_are_not_numbers_are_left_out_and_counted():
     columns = linear_columns()
     columns["response"][[3, 7]] = np.nan
@@ -320,10 +309,6 @@ def test_rows_that_are_not_numbers_are_left_out_and_counted():
 def test_arrays_that_do_not_fit_are_refused_with_a_reason(arguments, said):
     with pytest.raises(RsgenError, match=said):
         ResponseSurface(*arguments)
-
-
-def test_one_point_is_not_some_points():
-    assert repr(ResponseSurface(1.0, [9.0], 1.0, [1j])).startswith("ResponseSurface: 1 point, ")
 
 
 def frames(columns: dict[str, np.ndarray]) -> list[object]:
@@ -402,19 +387,7 @@ def test_a_data_frame_and_back_is_the_identity(phase_known):
     np.testing.assert_array_equal(frame["amplitude"], surface.amplitude)
 
 
-def test_without_pandas_the_reason_is_given(monkeypatch):
-    monkeypatch.setitem(__import__("sys").modules, "pandas", None)
-    with pytest.raises(RsgenError, match="pip install pandas"):
-        random_surface(1, 3, 2).to_frame()
-
-
-def test_a_surface_shows_its_levels_in_a_notebook():
-    html = ResponseSurface(*linear_columns().values())._repr_html_()
-    assert html.count("<tr>") == 3
-    assert "40 points, 2 levels 1 to 3 N, 6 to 10 Hz" in html
-
-
-def test_further_sensors_stay_with_their_points(tmp_path: Path) -> None:
+def test_further_sensors_stay_with_their_points(tmp_path):
     f = np.linspace(9.0, 11.0, 6)
     x = np.exp(1j * f)
     root = np.stack([0 * x, 3 * x, x], axis=1)
@@ -439,12 +412,12 @@ def test_further_sensors_stay_with_their_points(tmp_path: Path) -> None:
         ([1j], "must be a dict"),
     ],
 )
-def test_sensors_that_do_not_fit_are_refused(sensors: Any, said: str) -> None:
+def test_sensors_that_do_not_fit_are_refused(sensors, said):
     with pytest.raises(RsgenError, match=said):
         ResponseSurface(2.0, [9.0], 2.0, [1j], sensors=sensors)
 
 
-def test_a_file_that_declares_sensors_it_does_not_have_is_refused(tmp_path: Path) -> None:
+def test_a_file_that_declares_sensors_it_does_not_have_is_refused(tmp_path):
     path = tmp_path / "a.h5"
     save_surface(path, ResponseSurface(2.0, [9.0], 2.0, [1j], sensors={"tip": [1j]}))
     for said in ("tip,root", "../x", "a," * 300):

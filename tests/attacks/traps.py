@@ -29,9 +29,6 @@ def _npy_head(text: bytes, version: int = 1, declared: int | None = None) -> byt
     return b"\x93NUMPY" + bytes([version, 0]) + packed + text
 
 
-# ---------------------------------------------------------------- text
-
-
 def long_number(folder: Path, rng: Generator) -> bytes:
     """A number of up to a million digits, with a letter behind or without."""
     digits = b"7" * power_of_ten(rng, 2, 5.95) + bytes(
@@ -96,9 +93,6 @@ def other_encodings(folder: Path, rng: Generator) -> bytes:
 def many_rows(folder: Path, rng: Generator) -> bytes:
     """A table of hundreds of thousands of rows, within 10 MB."""
     return b"1,2,3,4\n" * power_of_ten(rng, 4, 6.05)
-
-
-# ---------------------------------------------------------------- NumPy
 
 
 def npy_head(folder: Path, rng: Generator) -> bytes:
@@ -170,9 +164,6 @@ def archive(folder: Path, rng: Generator) -> bytes:
     return bytes(content)
 
 
-# ---------------------------------------------------------------- MATLAB
-
-
 def matlab(folder: Path, rng: Generator) -> bytes:
     """Bombs, deep structs, long names, cells by the thousand, text, sparse and empty arrays."""
     deep: Any = np.ones(3)
@@ -211,9 +202,6 @@ def matlab_element(folder: Path, rng: Generator) -> bytes:
         element = struct.pack("<II", 15, len(packed)) + packed
     head = b"MATLAB 5.0 MAT-file".ljust(124) + bytes(rng.choice([b"\x00\x01IM", b"\x01\x00MI"]))
     return head + element
-
-
-# ---------------------------------------------------------------- universal files
 
 
 def universal_counts(folder: Path, rng: Generator) -> bytes:

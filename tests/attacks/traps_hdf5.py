@@ -18,9 +18,6 @@ SECRET = 424242.0
 """Number in a file outside, which no reader may give."""
 
 
-# ---------------------------------------------------------------- HDF5
-
-
 def _made(make: Callable[[h5py.File], None], **how: Any) -> bytes:
     file = io.BytesIO()
     with h5py.File(file, "w", **how) as made:
@@ -115,9 +112,6 @@ def hdf5_tree(folder: Path, rng: Generator) -> bytes:
             file["f"] = np.array([file.ref] * number, dtype=h5py.ref_dtype)
 
     return _made(make, libver=str(rng.choice(["earliest", "latest"])))
-
-
-# ---------------------------------------------------------------- surfaces
 
 
 TEXTS = (b"[" * 100_000, b'{"a":' * 9000, b"9" * 9000, b"[null]", b'[{"code": 1}]', b"\xff", b"NaN")

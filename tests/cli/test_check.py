@@ -56,34 +56,6 @@ def test_a_virtual_test_that_cannot_be_used_is_refused_before_it_is_run(tmp_path
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(
-    ("old", "new", "reason"),
-    [
-        ("[test]", "[identify]\nhold_out = [4]\n\n[test]", "no level 4 N"),
-        ("[test]", "[identify]\nhold_out = [1, 3, 6]\n\n[test]", "0 of 123 points can be used"),
-        ("[test]", '[identify]\nband = ["20 Hz", "30 Hz"]\n\n[test]', "0 of 123 points can be used"),
-        ('"frequency_Hz"', '"frequency"', "no column named 'frequency'"),
-        ('"table.csv"', '"other.csv"', "other.csv: cannot be read"),
-        ('"table.csv"', '"few.csv"', "3 of 3 points can be used"),
-        ('"table.csv"', '"empty.csv"', "empty.csv: no numbers in it"),
-    ],
-)
-def test_a_measured_test_that_cannot_be_used_is_refused_before_it_is_run(tmp_path, run_cli, old, new, reason):
-    shutil.copy(ROOT / "cases" / "formats" / "table.csv", tmp_path)
-    lines = (tmp_path / "table.csv").read_text(encoding="utf-8").splitlines(keepends=True)
-    (tmp_path / "few.csv").write_text("".join(lines[:4]), encoding="utf-8")
-    (tmp_path / "empty.csv").write_text("", encoding="utf-8")
-    text = (ROOT / "cases" / "formats" / "csv-table.toml").read_text(encoding="utf-8")
-    assert old in text
-    path = tmp_path / "bad.toml"
-    path.write_text(text.replace(old, new, 1), encoding="utf-8")
-    checked = run_cli("check", path)
-    assert (checked.code, checked.out) == (2, "")
-    assert reason in checked.err
-    assert reason in " ".join(run_case(path, tmp_path / "out").faults)
-
-
-@pytest.mark.slow
 def test_a_ranking_without_phase_is_planned(tmp_path, run_cli):
     for file in ("magnitude_1.0N.csv", "magnitude_3.0N.csv", "magnitude_6.0N.csv"):
         shutil.copy(ROOT / "cases" / "formats" / file, tmp_path)

@@ -4,13 +4,9 @@ import logging
 import os
 import subprocess
 import sys
-import warnings
-from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
-
-from rsgen.common.errors import keep_from_terminal
 
 PROGRAM = """
 import logging, sys, warnings
@@ -59,7 +55,7 @@ def test_who_asks_sees_both():
 
 
 @pytest.fixture
-def _log_as_it_was() -> Iterator[None]:
+def _log_as_it_was():
     yield
     logging.captureWarnings(False)
 
@@ -79,12 +75,3 @@ def test_check_names_the_case_of_a_fault_of_the_program_and_goes_on(run_cli, mon
     said = f"{cases / 'cubic.toml'}: ZeroDivisionError: odd; this is a fault of rsgen"
     assert checked.err.startswith(said)
     assert checked.err.count("\n") == 1
-
-
-@pytest.mark.usefixtures("_log_as_it_was")
-def test_warnings_are_still_errors_for_those_who_want_them():
-    keep_from_terminal()
-    with warnings.catch_warnings():
-        warnings.simplefilter("error")
-        with pytest.raises(RuntimeWarning):
-            warnings.warn("odd", RuntimeWarning, stacklevel=1)

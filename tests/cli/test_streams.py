@@ -1,70 +1,15 @@
 """Streams that are closed, full or poor in letters: a sentence and the right code, and the work goes on."""
 
 import errno
-import io
 import os
 import subprocess
 import sys
-from collections.abc import Callable
 
 import pytest
 
-from rsgen.app.cli import terminal as streams
 from rsgen.common.errors import program_fault
 
 posix = pytest.mark.skipif(os.name != "posix", reason="the full device is POSIX")
-
-
-class Broken(io.StringIO):
-    """A stream that takes nothing."""
-
-    def __init__(self, number: int) -> None:
-        super().__init__()
-        self.number = number
-        self.silenced = False
-
-    def write(self, text: str) -> int:
-        if not self.silenced:
-            raise OSError(self.number, os.strerror(self.number))
-        return len(text)
-
-    def flush(self) -> None:
-        self.write("")
-
-
-@pytest.fixture
-def broken(monkeypatch: pytest.MonkeyPatch) -> Callable[[int, str], Broken]:
-    def put(number: int, name: str) -> Broken:
-        stream = Broken(number)
-        monkeypatch.setattr(sys, name, stream)
-        monkeypatch.setattr(streams, "_silence", lambda which: setattr(which, "silenced", True))
-        return stream
-
-    streams.open_streams()
-    return put
-
-
-def test_a_reader_that_left_is_no_fault(broken):
-    stream = broken(errno.EPIPE, "stdout")
-    streams.write_output("a line", flush=True)
-    streams.write_output("another", flush=True)
-    assert stream.silenced
-    assert streams.output_fault() is None
-
-
-def test_a_full_output_is_said_once_at_the_end(broken):
-    broken(errno.ENOSPC, "stdout")
-    streams.write_output("a line", flush=True)
-    streams.write_output("another", flush=True)
-    assert streams.output_fault() == "standard output: cannot be written: No space left on device"
-    streams.open_streams()
-    assert streams.output_fault() is None
-
-
-def test_errors_that_nobody_reads_stop_nothing(broken):
-    assert not broken(errno.ENOSPC, "stderr").silenced
-    streams.write_error("a fault")
-    assert sys.stderr.silenced
 
 
 def _shell(redirections: str, words: str, **variables: str) -> subprocess.CompletedProcess[str]:

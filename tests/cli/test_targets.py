@@ -46,11 +46,6 @@ def test_the_case_is_not_written_over(simulated, run_cli):
     assert simulated.read_bytes() == before
 
 
-def test_an_empty_file_is_filled(simulated, run_cli):
-    (simulated.parent / "new.h5").touch()
-    assert run_cli("simulate", "small.toml", "--out", "new.h5").code == 0
-
-
 def test_a_file_that_a_command_wrote_is_replaced(tmp_path):
     surface, model = cubic_surface(), cubic_model()
     save_surface(tmp_path / "a.h5", surface)

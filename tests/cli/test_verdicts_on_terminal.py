@@ -4,17 +4,13 @@ import json
 import shutil
 from pathlib import Path
 
-import numpy as np
 import pytest
 
-import rsgen
 from rsgen.app.cli.progress_bar import case_progress
 from rsgen.app.cli.run_command import exit_code
 from rsgen.app.study import CaseRun
 from rsgen.common.finding import STATES, Finding, Verdict
 from rsgen.report.wording.sentences import state_verdict
-from tests.case_files import MEASURED, write_small
-from tests.surfaces import noisy, surface
 
 FORMATS = Path(__file__).parents[2] / "cases" / "formats"
 DOUBT = Finding("law-does-not-fit", "doubt", numbers={"misfit": 0.05})
@@ -103,40 +99,3 @@ def test_every_command_says_the_same_of_a_measured_test(old, new, states, decide
     assert (answer.code, f"csv-table: {verdict['headline']}" in answer.out) == (0, True)
     answer = run_cli("report", path, "--out", out, "--json")
     assert (answer.code, json.loads(answer.out)["verdicts"]) == (run.code, {"csv-table": verdict})
-
-
-HELD_OUT = {
-    **MEASURED,
-    "element": [{"name": "mount", "force": "k*x + k3*x**3 + c*v"}],
-    "identify": {"hold_out": [12]},
-    "test.frequency": {"column": "f_Hz"},
-    "test.force": {"amplitude": "force_N"},
-    "test.level": {"column": "level_N"},
-    "test.response": {
-        "quantity": "displacement",
-        "real": "x_real",
-        "imaginary": "x_imag",
-        "phase_sense": "lead",
-    },
-}
-"""A spring of another power shows at the highest level."""
-
-
-@pytest.mark.slow
-def test_python_and_every_command_judge_the_levels_held_out(tmp_path, run_cli):
-    table = noisy(surface("power", np.array([2.0, 4.0, 6.0, 12.0])), 0.03, 1)
-    response = table.harmonics[:, 1]
-    columns = (table.level, table.frequency, table.force.real, response.real, response.imag)
-    heads = "level_N,f_Hz,force_N,x_real,x_imag"
-    np.savetxt(tmp_path / "a.csv", np.column_stack(columns), delimiter=",", header=heads, comments="")
-    path, out = write_small(tmp_path, "held-out", HELD_OUT), tmp_path / "out"
-    case = rsgen.load_case(path)
-    found = rsgen.identify(rsgen.read(case), case.model)
-    assert str(found.verdict) == "doubtful (held-out-missed)"
-    identified, run = run_cli("identify", path, "--json"), run_cli("run", path, "--out", out, "--json")
-    assert (identified.code, run.code) == (1, 1)
-    told = json.loads(identified.out)["verdict"]
-    assert told == state_verdict(found.verdict) == json.loads(run.out)[0]["verdict"]
-    # on the page the sentence stands among the reasons and in the list of all findings, not beside the curves
-    page = (out / "held-out" / "report.html").read_text().replace("\u00a0", " ")
-    assert page.count(told["sentences"][0][:50]) == 2

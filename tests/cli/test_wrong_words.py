@@ -63,6 +63,8 @@ def write_table(path: Path, rows: np.ndarray | None = None, head: str = "f,F,a,b
         ("laws cubic-sprin", "law 'cubic-sprin': unknown; did you mean 'cubic-spring'"),
         ("derive cubic-spring", "cubic-spring is a law of the library ... write k*x + k3*x**3"),
         ("derive k*x+k2*sing(x)", "column 8: 'sing' is not a function of formulas, did you mean 'sin'?"),
+        ("init", "NAME: is missing"),
+        ("init ../x", "name: '../x' is not a plain name"),
         ("derive", "rsgen derive: Missing argument 'expression'. See: rsgen derive --help"),
         ("run --frce x", "rsgen run: No such option: --frce (Possible ... --force) See: rsgen run --help"),
         ("rnu", "rsgen: No such command 'rnu'. Did you mean 'run'?"),
@@ -145,12 +147,3 @@ def test_a_name_of_a_file_that_is_none_of_a_case_is_made_one(laboratory, run_cli
     write_table(Path("A=0.09.csv"), head="frequency,force,x_re,x_im")
     assert run_cli("init", "--from", "A=0.09.csv").code == 0
     assert '"A-0-09"' in Path("A-0-09.toml").read_text(encoding="utf-8")
-
-
-def test_an_amplitude_that_is_held_has_a_size_that_a_test_can_have(laboratory, run_cli):
-    held = {"test.control": "continuation", "test.level": {"start": "1 mm", "stop": "40 km", "count": 5}}
-    path = laboratory / "held.toml"
-    path.write_text(changed(SMALL, held), encoding="utf-8")
-    assert "not possible in a vibration test: the largest" in run_cli("check", path).out
-    path.write_text(changed(SMALL, held | {"test.level.stop": "40 mm"}), encoding="utf-8")
-    assert "note" not in run_cli("check", path).out

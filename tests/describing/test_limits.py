@@ -50,7 +50,7 @@ def test_leading_powers_decide():
     assert ends("k*sin(a*x) + c*x") == [a * k + c, c]
 
 
-def test_a_law_that_is_not_real_on_one_side_has_no_limit_at_rest() -> None:
+def test_a_law_that_is_not_real_on_one_side_has_no_limit_at_rest():
     # found by random laws: sympy compares no complex numbers
     law = parse("Piecewise((x, x < log(x)), (x/b, True))")
     assert limit_at_rest(law, symbol("x")) is None

@@ -14,6 +14,8 @@ from rsgen.law import laws, make_element
 from rsgen.report.figures.equivalent import draw_derivation
 from tests.oracles.loop import equivalent, odd_loop, with_states
 
+pytestmark = pytest.mark.slow
+
 ASKED = 1e-9
 OMEGA = 2.3
 
@@ -43,7 +45,6 @@ CURVES = (
 )
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize(("virgin", "values", "closed"), CURVES)
 def test_masing_laws_against_a_loop_stepped_through_time(virgin, values, closed):
     derived = derive(f"masing({virgin})")
@@ -90,7 +91,6 @@ def test_a_formula_with_integrals_says_what_is_evaluated():
     assert lost == pytest.approx(area, rel=1e-9)
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("law", ["masing(Min(kt*x, Fs))", f"masing({IWAN4})", "masing(F*(1 - exp(-a*x)))"])
 def test_energy_is_that_of_the_virgin_curve_and_limits_hold(law):
     derived = derive(f"k*x + {law} + c*v")
@@ -142,7 +142,6 @@ def test_structural_damping():
     assert (derived.stiffness, derived.damping) == (symbol("k"), parse("eta*k/omega"))
 
 
-@pytest.mark.slow
 def test_dahl_and_maxwell_against_their_closed_solutions():
     dahl = derive(make_element("dahl", "z", {"z": "sigma*v*(1 - z*sign(v)/Fc)"}))
     X = np.geomspace(0.03, 20, 9)
@@ -157,7 +156,6 @@ def test_dahl_and_maxwell_against_their_closed_solutions():
     np.testing.assert_allclose(found.damping, 3 * 1.4 / (OMEGA**2 + 1.4**2), rtol=1e-10)
 
 
-@pytest.mark.slow
 def test_loops_are_known_from_hardly_any_slip_to_states_much_faster_than_the_motion():
     # half a turn of an odd loop has no mean to forget; steps crowd where slip begins anew
     dahl, X = derive(make_element("dahl", "z", {"z": "v - z*abs(v)"})), np.geomspace(1e-6, 1e4, 11)
@@ -177,19 +175,6 @@ def test_loops_are_known_from_hardly_any_slip_to_states_much_faster_than_the_mot
     assert np.all(found.mean == 0.0)
 
 
-@pytest.mark.slow
-def test_two_states_that_depend_on_each_other():
-    pair = derive(make_element("pair", "z + w", {"z": "a*v - b*w", "w": "b*z - c*w"}))
-    found = pair.evaluate(0.7, OMEGA, {"a": 3.0, "b": 1.4, "c": 0.6})
-    # (i omega + b D) z = i omega a x, D = b/(i omega + c)
-    ahead = 1j * OMEGA
-    z = ahead * 3.0 / (ahead + 1.4**2 / (ahead + 0.6))
-    whole = z * (1 + 1.4 / (ahead + 0.6))
-    assert found.stiffness == pytest.approx(whole.real, rel=1e-10)
-    assert found.damping == pytest.approx(whole.imag / OMEGA, rel=1e-10)
-
-
-@pytest.mark.slow
 def test_bouc_wen_against_its_states_stepped_through_time():
     law = derive(make_element("joint", "k*x + z", {"z": "alpha*v - bg*abs(v)*z - bd*v*abs(z)"}))
     values = {"k": 1.0, "alpha": 1.3, "bg": 0.8, "bd": -1.1}
@@ -211,7 +196,6 @@ def test_bouc_wen_against_its_states_stepped_through_time():
 REMEMBERING = [law for law in laws if remembers(law.force) and law.name != "structural"]
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("law", REMEMBERING, ids=lambda law: law.name)
 def test_laws_of_the_library_against_their_loops(law):
     derived = derive(law)
@@ -235,7 +219,6 @@ def test_laws_of_the_library_against_their_loops(law):
     assert found.damping == pytest.approx(wanted[1], rel=1e-5 if law.memory else 1e-9)
 
 
-@pytest.mark.slow
 def test_pictures_of_loops_have_the_energy_beside_them():
     law = laws["dahl"]
     drawing = draw_derivation(derive(law), law.example)
@@ -248,7 +231,6 @@ def test_pictures_of_loops_have_the_energy_beside_them():
     assert "Energy of a cycle D" in drawing.alternative
 
 
-@pytest.mark.slow
 def test_thresholds_in_any_order_and_curves_that_begin_with_nothing():
     steps = derive("masing(Piecewise((x, x < b), (b + (x - b)/2, x < c), (b + (c - b)/2, True)))")
     late = derive("masing(k*Max(0, x - b))")
@@ -263,7 +245,6 @@ def test_thresholds_in_any_order_and_curves_that_begin_with_nothing():
     assert [str(limit.value) for limit in assumed.limits if limit.place == 0] == ["K", "0"]
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("rate", ["v + z", "abs(v)", "v + z**3", "a*v - drift"])
 def test_loops_that_do_not_close_are_refused(rate):
     with pytest.raises(ExpressionError, match="the loop of z does not close at X"):
@@ -282,7 +263,6 @@ POWERS = (0.7, 1.0, 1.5, 1.7, 2.0)
 SLIPS = (1e-6, 1e-3, 0.1, 1.0, 5.0, 100.0, 1000.0)
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize(
     ("bd", "powers", "slips"),
     [
@@ -304,19 +284,6 @@ def test_powers_of_a_state_from_hardly_any_slip_to_almost_nothing_else(bd, power
             held_against_stepping(law, values, rate, X, 1.0)
 
 
-@pytest.mark.thorough
-@pytest.mark.parametrize("power", ["abs(z)**0.5*z", "sqrt(abs(z))*sign(z)", "abs(z)**(-0.3)*z", "abs(z)*z"])
-def test_powers_of_a_state_as_numbers(power):
-    law = derive(make_element("bw", "z", {"z": f"A*v - bg*abs(v)*{power}"}))
-    n = {"abs(z)**0.5*z": 1.5, "sqrt(abs(z))*sign(z)": 0.5, "abs(z)**(-0.3)*z": 0.7, "abs(z)*z": 2.0}[power]
-    for X in (1e-4, 1.0, 100.0):
-        held_against_stepping(
-            law, {"A": 2.0, "bg": 0.7},
-            lambda x, v, z: 2.0 * v - 0.7 * abs(v) * abs(z) ** n * np.sign(z), X,
-        )  # fmt: skip
-
-
-@pytest.mark.slow
 def test_a_power_of_the_displacement_in_a_rate():
     law = derive(make_element("law", "z", {"z": "A*v - z/tau*abs(x)**n"}))
     for X in (1e-3, 1.0, 3.0, 10.0, 100.0):
@@ -324,7 +291,6 @@ def test_a_power_of_the_displacement_in_a_rate():
         held_against_stepping(law, values, lambda x, v, z: 2.0 * v - z / 0.4 * abs(x) ** 1.3, X)
 
 
-@pytest.mark.slow
 def test_a_slider_as_a_state_stays_on_its_switch_while_it_slides():
     rate = "Piecewise((kt*v, abs(z) < Fs), (kt*Min(v, 0), z > 0), (kt*Max(v, 0), True))"
     law, X = (
@@ -339,7 +305,6 @@ def test_a_slider_as_a_state_stays_on_its_switch_while_it_slides():
     assert found.damping[3] == pytest.approx(0.369055, abs=1e-6)
 
 
-@pytest.mark.slow
 def test_states_that_are_much_faster_than_the_motion():
     maxwell = derive(make_element("maxwell", "z", {"z": "k*v - z/tau"}))
     for tau in (1e-2, 1e-3, 1e-5):
@@ -352,7 +317,6 @@ def test_states_that_are_much_faster_than_the_motion():
         held_against_stepping(bend, {"k": 2.0, "e": 0.01}, lambda x, v, z: 2.0 * v - np.tanh(z / 0.01), X)
 
 
-@pytest.mark.slow
 def test_what_was_not_compared_or_is_not_known_is_said_so():
     stiff = derive(make_element("stiff", "k*x + z", {"z": "a*v - 1e9*abs(v)*z"}))
     assert stiff.checked_to is None
@@ -362,7 +326,6 @@ def test_what_was_not_compared_or_is_not_known_is_said_so():
         dahl.evaluate(1e4, OMEGA, {"kt": 3000.0, "Fs": 0.01})
 
 
-@pytest.mark.slow
 def test_a_state_that_climbs_to_the_peak_and_stays_is_held_against_its_mean_force():
     law = derive(make_element("law", "k*(x - z)", {"z": "Max(0, x - z)"}))
     assert law.checked_to is not None

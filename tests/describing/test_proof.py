@@ -14,7 +14,7 @@ LAW = "2.75*k*abs(x)**p*sign(x)"
 EXACT = 1e-10
 
 
-def test_wrong_form_is_found_and_not_used(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_wrong_form_is_found_and_not_used(monkeypatch):
     monkeypatch.setattr(terms, "over_quarters", lambda *where: over_quarters(*where) * (1 + parse("1e-9")))
     derived = derive(LAW)
     assert not derived.closed_form
@@ -24,7 +24,7 @@ def test_wrong_form_is_found_and_not_used(monkeypatch: pytest.MonkeyPatch) -> No
     assert abs(found.stiffness / (0.75 * 2.75 * 2.0 * 1.3**2) - 1) < EXACT
 
 
-def test_proof_visits_every_regime_often_enough() -> None:
+def test_proof_visits_every_regime_often_enough():
     force = parse("Max(0, x - b) + Max(0, x - d) + k*v")
     names = tuple(map(symbol, ("b", "d", "k")))
     cycle = draw_trial(force, names, False, 1).cycle

@@ -23,12 +23,6 @@ def test_a_page_is_current(path):
     assert text == renewed(text), "make pages"
 
 
-def test_a_part_that_is_not_current_is_noticed():
-    text = "# A\n<!-- made: keys system -->\nold\n<!-- end -->\n"
-    assert "system.mass" in renewed(text)
-    assert renewed(renewed(text)) == renewed(text)
-
-
 def test_every_maker_has_its_page_and_every_picture_is_small():
     texts = {path: path.read_text(encoding="utf-8") for path in pages()}
     assert {name for text in texts.values() for name in re.findall(r"<!-- made: (\w+)", text)} == set(MAKERS)

@@ -45,7 +45,7 @@ def near(found: rs.Identification, per: float = 1.0) -> None:
 
 
 @pytest.fixture(scope="module")
-def sweep() -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+def sweep():
     """Instants, and (n, levels) force and acceleration of a swept sine, by Runge and Kutta's method."""
     time = np.arange(0, SECONDS, 1 / RATE)
     pace = 4.0 / SECONDS
@@ -127,7 +127,7 @@ def base_table(path: Path, surface: rs.ResponseSurface, level: float, factor: fl
 
 
 @pytest.fixture(scope="module")
-def shaken() -> rs.ResponseSurface:
+def shaken():
     oscillator = rs.Oscillator(MASS, LAW, VALUES)
     plan = rs.SimulatedTest([0.2, 0.6, 1.2], np.linspace(8, 13, 40), base="acceleration")
     return rs.simulate(oscillator, plan)

@@ -3,7 +3,6 @@
 import re
 import subprocess
 import sys
-from pathlib import Path
 from typing import Any
 
 import pytest
@@ -32,7 +31,7 @@ def test_every_format_and_every_case_has_its_words():
 
 
 @pytest.fixture(scope="session")
-def site(tmp_path_factory: pytest.TempPathFactory) -> Path:
+def site(tmp_path_factory):
     """All pages, with one law and one case drawn, without the output of commands; warnings are errors."""
     pytest.importorskip("sphinx", reason="no Sphinx here: install rsgen[docs]; the pages were not built")
     folder = tmp_path_factory.mktemp("site")

@@ -5,7 +5,7 @@ import tomllib
 
 import pytest
 
-from docs._extension.snippets import ROOT, SnippetError, Workspace, find_snippets
+from docs._extension.snippets import ROOT, Workspace, find_snippets
 from rsgen.cases import case_schema
 
 PAGES = [
@@ -14,47 +14,7 @@ PAGES = [
 ]
 NAMES = [str(path.relative_to(ROOT)) for path in PAGES]
 
-# what cannot be tried here: `make test` would run this test again, the others change the environment
-NOT_HERE = ("make ", "pip install ", "python -m pip install ", "git ")
-KINDS = {
-    "sh", "py", "ini", "python", "toml", "text", "{shell}", "{python}", "{file}", "{toctree}", "{include}",
-    "{math}", "math", "{eval-rst}", "{note}", "{autofunction}", "{autoclass}",
-}  # fmt: skip
-"""Kinds of blocks; others would escape these tests. Those of `py` and `ini` are tried by tests/recipes."""
 MOST_BYTES = 150_000  # of a picture: the repository keeps every version
-
-
-def test_what_a_block_says_is_found():
-    text = "a\n```{shell}\n:exit: 1\nrsgen laws  # all\n\n```\n\n```python\nprint(1)\n```\n"
-    shell, program = find_snippets(text)
-    assert (shell.kind, shell.options, shell.commands, shell.line) == (
-        "{shell}",
-        {"exit": "1"},
-        [["rsgen", "laws"]],
-        2,
-    )
-    assert (program.kind, program.text, program.line) == ("python", "print(1)\n", 8)
-
-
-def test_a_snippet_that_fails_is_noticed(tmp_path):
-    workspace = Workspace(tmp_path)
-    with pytest.raises(SnippetError, match="exit code 2"):
-        workspace.run(["rsgen", "laws", "no-such-law"])
-    with pytest.raises(SnippetError, match="only commands of rsgen"):
-        workspace.run(["rm", "-r", "cases"])
-    with pytest.raises(UserWarning):
-        workspace.program("import warnings; warnings.warn('a', stacklevel=1)", "page")
-    with pytest.raises(ZeroDivisionError):
-        workspace.program("1/0", "page")
-
-
-@pytest.mark.parametrize("path", PAGES, ids=NAMES)
-def test_every_block_is_of_a_kind_that_is_tried(path):
-    for snippet in find_snippets(path.read_text(encoding="utf-8")):
-        assert snippet.kind in KINDS, f"line {snippet.line}"
-        if snippet.kind == "sh":
-            lines = [line for line in snippet.text.splitlines() if line and not line.startswith("#")]
-            assert [line for line in lines if not line.startswith(("rsgen ", *NOT_HERE))] == []
 
 
 @pytest.mark.parametrize("path", PAGES, ids=NAMES)
@@ -108,12 +68,6 @@ def unknown_keys(table: dict, schema: dict, rule: dict, place: str = "") -> list
     return unknown
 
 
-def test_unknown_keys_are_noticed():
-    part = tomllib.loads('[test.response]\nquantitie = "x"\n[identify]\nband = [1, 2]\n[tests]\na = 1\n')
-    found = unknown_keys(part, case_schema(), case_schema())
-    assert sorted(found) == ["test.response.quantitie", "tests"]
-
-
 @pytest.mark.slow
 @pytest.mark.parametrize("path", PAGES, ids=NAMES)
 def test_parts_of_case_files_have_only_keys_that_are_read(path):
@@ -131,9 +85,3 @@ def test_what_the_readme_links_to_is_there_and_small():
     pictures = [ROOT / link for link in links if link.endswith(".png")]
     assert pictures
     assert all(picture.stat().st_size < MOST_BYTES for picture in pictures)
-
-
-def test_the_readme_shows_commands_and_a_program():
-    kinds = [snippet.kind for snippet in find_snippets((ROOT / "README.md").read_text(encoding="utf-8"))]
-    assert kinds.count("sh") >= 2
-    assert "python" in kinds

@@ -80,12 +80,6 @@ def wrong_words(text: str, banned: dict[str, str] = NOT_OURS) -> list[str]:
     ]
 
 
-def test_a_wrong_word_is_noticed():
-    assert len(wrong_words("An uneven spring has a non-linear behavior.")) == 3
-    assert wrong_words("A spring.") == []
-    assert len(wrong_words("Set aside by somebody, beside the mode, apart.", VAGUE)) == 4
-
-
 def vague_words(path: Path) -> list[str]:
     """Vague words of a file; codes of findings ("points-set-aside") and their numbers keep their names."""
     text = re.sub(

@@ -66,7 +66,7 @@ def outcome(text: str, names: set[str] | None) -> tuple[sympy.Expr | ExpressionE
 
 
 @pytest.fixture(autouse=True, scope="module")
-def warm() -> None:
+def warm():
     # SymPy loads parts of itself on first use
     parse("Piecewise((k*abs(x), x < b), (tanh(v)*Max(x, 0), True))")
 
@@ -239,8 +239,6 @@ def test_what_is_not_in_the_language_is_not_written(expr):
     with pytest.raises(ExpressionError, match=r"language|no value"):
         write(expr)
 
-
-# ---------------------------------------------------------------------------------------------- laws
 
 NUMBERS = st.sampled_from(["2", "3", "0.5", "1/3", "7", "0.1", "1.25e1", "pi"])
 LEAVES = st.one_of(st.sampled_from(["x", "v", "X", "omega", "k1", "k2", "b", "gamma"]), NUMBERS)

@@ -5,8 +5,6 @@ the other tests for what none of these sees; ``python -m tests.faults kernel uff
 name, group or function holds one of the words, and writes no report. The checkout is not touched.
 """
 
-from __future__ import annotations
-
 import os
 import sys
 import tempfile

@@ -3,8 +3,6 @@
 RSGEN_FAULTS_FAILED names the file, RSGEN_FAULTS_LIMIT the seconds that a test may take.
 """
 
-from __future__ import annotations
-
 import os
 import signal
 from collections.abc import Iterator

@@ -5,8 +5,6 @@ module has no such function any more, the only one of the package with this name
 kernels are no functions: there the name of the file stands alone, and the text is one of the whole file.
 """
 
-from __future__ import annotations
-
 import ast
 import tomllib
 from collections.abc import Iterator
@@ -132,7 +130,7 @@ def find_place(fault: Fault, root: Path) -> Place:
     return found[0]
 
 
-def test_exists(test: str, root: Path) -> bool:
+def test_exists(test, root):
     """Whether the file of a test id and its function are there."""
     file, *names = test.split("::")
     if not (root / file).is_file():

@@ -1,7 +1,5 @@
 """The table of faults fits the package as it is: texts are found once, and the tests that it names exist."""
 
-from __future__ import annotations
-
 import ast
 from collections import Counter
 from pathlib import Path
@@ -15,7 +13,7 @@ FAULTS = load_faults()
 FEWEST, FEWEST_OF_A_GROUP = 60, 8
 
 
-def test_there_are_enough_of_every_kind() -> None:
+def test_there_are_enough_of_every_kind():
     groups = Counter(fault.group for fault in FAULTS)
     assert len(FAULTS) >= FEWEST
     assert set(groups) == set(GROUPS)
@@ -24,7 +22,7 @@ def test_there_are_enough_of_every_kind() -> None:
 
 
 @pytest.mark.parametrize("fault", FAULTS, ids=lambda fault: fault.name)
-def test_a_fault_is_found_once_and_leaves_a_program(fault: Fault) -> None:
+def test_a_fault_is_found_once_and_leaves_a_program(fault):
     place = find_place(fault, ROOT)
     faulty = place.replaced(fault)
     assert faulty != place.text
@@ -34,7 +32,7 @@ def test_a_fault_is_found_once_and_leaves_a_program(fault: Fault) -> None:
     assert [test for test in fault.caught if not test_exists(test, ROOT)] == []
 
 
-def test_a_function_that_moved_is_found_by_its_name(tmp_path: Path) -> None:
+def test_a_function_that_moved_is_found_by_its_name(tmp_path):
     folder = tmp_path / "rsgen" / "other"
     folder.mkdir(parents=True)
     (folder / "place.py").write_text(
@@ -47,7 +45,7 @@ def test_a_function_that_moved_is_found_by_its_name(tmp_path: Path) -> None:
         find_place(fault, tmp_path)
 
 
-def test_a_stale_text_is_named() -> None:
+def test_a_stale_text_is_named():
     fault = Fault("stale", GROUPS[0], FAULTS[0].function, "no such text", "", "", ())
     with pytest.raises(FaultError, match="stale: 'no such text' occurs 0 times"):
         find_place(fault, ROOT).replaced(fault)

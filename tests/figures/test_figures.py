@@ -116,13 +116,6 @@ def test_a_law_across_two_sensors_has_no_resonance_over_the_response():
     assert lines(replace(IDENTIFICATION, model=across)) == ["one level each"]
 
 
-def test_the_model_is_drawn_over_the_resonances_it_is_compared_with():
-    """Beyond them, on the flanks, the damping ratio of dry friction left its axes."""
-    for axes in figures.draw_resonance(IDENTIFICATION).figure.axes:
-        points, model = (np.asarray(line.get_xdata()) for line in axes.get_lines())
-        assert points.min() <= model.min() < model.max() <= points.max()
-
-
 def test_levels_of_a_driven_base_are_not_called_forces():
     shaken = replace(SURFACE, base="acceleration", per_mass=True)
     (axes, _) = figures.draw_map(shaken).figure.axes
@@ -139,22 +132,6 @@ def test_same_data_same_bytes(name):
     assert svg == DRAWINGS[name]().render("svg")
     ElementTree.fromstring(svg)
     assert len(svg) < 250_000  # eleven of them must fit into a page of 2 MB
-
-
-def test_a_saved_figure_is_drawn_once(monkeypatch):
-    drawing, drawn, draw = DRAWINGS["map"](), [], Figure.draw
-    monkeypatch.setattr(Figure, "draw", lambda figure, renderer: drawn.append(draw(figure, renderer)))
-    drawing.render("svg")
-    drawing.render("png")
-    assert len(drawn) == 2
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("name", ["collapse", "surface"])
-def test_settings_of_the_caller_do_not_matter(name):
-    _, plain = drawn(name)
-    with mpl.rc_context({"text.usetex": True, "font.size": 20, "lines.linewidth": 9, "svg.fonttype": "path"}):
-        assert DRAWINGS[name]().render("svg") == plain
 
 
 @pytest.mark.slow
@@ -181,15 +158,6 @@ def test_figures_belong_to_no_window():
 def test_any_surface_can_be_drawn(surface):
     for draw in (figures.draw_surface, figures.draw_map, figures.draw_thumbnail, figures.draw_time_history):
         assert draw(surface).render("png").startswith(b"\x89PNG")
-
-
-@pytest.mark.slow
-def test_points_that_did_not_settle_leave_holes():
-    outcome = np.where(np.arange(len(SURFACE)) % 7 == 0, 1, 0)
-    surface = replace(SURFACE, outcome=outcome)
-    assert f"{int(outcome.sum())} points did not settle" in figures.draw_map(surface).alternative
-    for draw in (figures.draw_surface, figures.draw_map, figures.draw_thumbnail):
-        draw(surface).render("svg")
 
 
 def test_both_sweeps_give_two_panels():
@@ -221,13 +189,6 @@ def test_backbone_of_a_cubic_spring_is_the_closed_formula():
     np.testing.assert_allclose(model.stiffness, K1 + 0.75 * KN1 * amplitude**2, rtol=1e-13)
     np.testing.assert_allclose(model.damping, C1, rtol=1e-13)
     np.testing.assert_allclose(model.omega**2 * 1.5, model.stiffness, rtol=1e-12)
-
-
-@pytest.mark.parametrize("mass", [-1.5, 0.0])
-def test_a_mass_that_has_no_resonance_draws_no_backbone_and_warns_of_nothing(mass):
-    model = backbone(IDENTIFICATION, {**TRUTH, "m": mass}, np.array([1e-3, 1e-2]))
-    assert np.isfinite(model.stiffness).all()
-    assert model.mass == mass
 
 
 def test_band_is_linear_propagation_of_the_covariance():
@@ -368,17 +329,6 @@ def test_a_figure_goes_on_axes_of_the_caller(name):
     assert len(figure.axes) <= 3
     assert "image/png" not in drawing._repr_mimebundle_()[0]
     figure.canvas.draw()
-
-
-def test_two_axes_show_two_panels():
-    figure = Figure()
-    axes = figure.subplots(1, 2)
-    figures.draw_collapse(IDENTIFICATION, ax=axes)
-    assert [panel.get_ylabel().split()[0] for panel in axes] == ["Stiffness", "Damping"]
-    ours = figures.draw_collapse(IDENTIFICATION).figure.axes
-    for panel, own in zip(axes, ours[:2], strict=True):
-        mine, theirs = (p.collections[0].get_offsets() for p in (panel, own))
-        np.testing.assert_array_equal(mine, theirs)
 
 
 def test_what_is_no_axes_is_refused():

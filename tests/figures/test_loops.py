@@ -79,12 +79,6 @@ def test_the_slope_of_a_power_law_is_its_power_plus_one(power):
     np.testing.assert_allclose(found.course, power + 1, rtol=1e-9)
 
 
-def test_points_off_resonance_say_little_about_the_energy():
-    surface = sines(np.full(4, 6e3), np.full(4, 0.5), np.geomspace(1e-4, 1e-3, 4))
-    # two thirds of the points are beyond the half-power points of so light a damping
-    assert len(measured_energy(surface).amplitude) == 4
-
-
 def test_the_mass_is_read_without_a_law():
     amplitude = np.geomspace(1e-5, 1e-3, 40)
     stiffness = 6e3 + 4e4 / (1 + amplitude / 2e-4)
@@ -125,17 +119,6 @@ def test_loops_are_shown_where_they_say_something():
 def replace_harmonics(surface: rs.ResponseSurface, harmonics: np.ndarray) -> rs.ResponseSurface:
     """The same forces with other motions."""
     return rs.ResponseSurface(surface.level, surface.frequency, surface.force, harmonics=harmonics)
-
-
-@pytest.mark.slow
-def test_loops_are_drawn_before_any_law():
-    surface = sines(np.full(20, 6e3), np.full(20, 30.0), np.geomspace(1e-4, 1e-3, 20))
-    drawing = figures.draw_loops(surface)
-    assert "Loops with a mass of 1.5 kg" in drawing.alternative
-    assert "identified" not in drawing.alternative
-    few = figures.draw_loops(surface, mass=2 * M, points=np.array([3]))
-    assert few.alternative.startswith("Loops with a mass of 3 kg")
-    assert few.alternative.count("dissipates") == 1
 
 
 def test_the_energy_of_an_identified_joint_is_its_closed_form():

@@ -1,5 +1,3 @@
-from __future__ import annotations
-
 import numpy as np
 import pytest
 
@@ -39,7 +37,7 @@ def found(seed: int, *, corrected: bool, expected: float = NOISE) -> float:
 
 
 @pytest.mark.slow
-def test_the_bias_of_squared_noise_is_removed() -> None:
+def test_the_bias_of_squared_noise_is_removed():
     """What curves in x takes the noise of x for a smaller p."""
     runs = 300
     raw, corrected_values = (
@@ -50,7 +48,7 @@ def test_the_bias_of_squared_noise_is_removed() -> None:
     assert abs(np.mean(corrected_values) - TRUE) < 2.5 * error
 
 
-def test_the_correction_is_that_of_the_noise_found_whatever_was_expected() -> None:
+def test_the_correction_is_that_of_the_noise_found_whatever_was_expected():
     values = [found(1, corrected=True, expected=NOISE * times) for times in (0.3, 1.0, 3.0)]
     assert values == pytest.approx([values[1]] * 3, rel=1e-6)
     # a good part of the bias, so that the numbers say something

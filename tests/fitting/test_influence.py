@@ -1,7 +1,5 @@
 """What a reading does to an estimate, against the estimate of readings that were changed."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np
@@ -22,7 +20,7 @@ TURN = np.exp(0.7j)
 
 
 @pytest.fixture(scope="module")
-def points() -> Points:
+def points():
     table = surface("cubic", levels=np.array([2.0, 4.0]), frequencies=np.linspace(8.5, 11.5, 9))
     found = select_points(table, model("cubic"))
     turned = found.harmonics * TURN ** np.arange(found.harmonics.shape[1])
@@ -38,9 +36,7 @@ def fitted(points: Points) -> Regression:
 
 @pytest.mark.parametrize("part", [1.0, 1.0j], ids=["amplitude", "phase"])
 @pytest.mark.parametrize("row", [0, 1], ids=["force", "response"])
-def test_an_estimate_moves_by_the_influence_of_what_was_changed(
-    points: Points, row: int, part: complex
-) -> None:
+def test_an_estimate_moves_by_the_influence_of_what_was_changed(points, row, part):
     before = fitted(points)
     half = (before.influence.shape[1] + 1) // 2
     column = row if part == 1.0 else row + half

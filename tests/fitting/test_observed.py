@@ -1,7 +1,5 @@
 """Residuals and slopes of every observation against differences, by both forward models."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np
@@ -25,7 +23,7 @@ BACKGROUND = np.array([0.3, 2e-4, -1e-4, 5e-5, 3e-5, 0.1, -0.05, 13.0, 0.02])
 
 
 @pytest.fixture(scope="module")
-def points() -> Points:
+def points():
     table = surface("cubic", levels=np.array([2.0, 4.0]), frequencies=np.linspace(8.5, 11.5, 9))
     return select_points(table, model("cubic"))
 
@@ -63,7 +61,7 @@ def linearised(points: Points, kind: str, forward: str, *, phase: bool, logarith
 @pytest.mark.parametrize("forward", ["balance", "simulator"])
 @pytest.mark.parametrize("phase", [True, False])
 @pytest.mark.parametrize("kind", BACKGROUNDS)
-def test_slopes_are_those_of_the_residuals(points: Points, kind: str, phase: bool, forward: str) -> None:
+def test_slopes_are_those_of_the_residuals(points, kind, phase, forward):
     for logarithmic in (False, True) if phase else (True,):
         at, place, nuisance, fitted = linearised(points, kind, forward, phase=phase, logarithmic=logarithmic)
         line = at(place, nuisance)
@@ -90,7 +88,7 @@ def test_slopes_are_those_of_the_residuals(points: Points, kind: str, phase: boo
             close(line.by_nuisance[:, :, k], at(place, nuisance + move), at(place, nuisance - move), h)
 
 
-def test_elimination_is_the_full_least_squares(points: Points) -> None:
+def test_elimination_is_the_full_least_squares(points):
     at, place, nuisance, _ = linearised(points, "residuals", "balance", phase=True, logarithmic=True)
     line = at(place, nuisance)
     count, rows, k = line.by_nuisance.shape
@@ -106,7 +104,7 @@ def test_elimination_is_the_full_least_squares(points: Points) -> None:
     assert small == pytest.approx(whole, rel=1e-8, abs=1e-8 * np.abs(whole).max())
 
 
-def test_second_derivatives_along_a_direction_are_those_of_the_residuals(points: Points) -> None:
+def test_second_derivatives_along_a_direction_are_those_of_the_residuals(points):
     # of sizes and phases together, in both kinds of rows
     law = compile_law(model("cubic").force)
     problem = Problem(model("cubic").elements, law, Observed.of(points))

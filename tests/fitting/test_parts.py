@@ -1,7 +1,5 @@
 """Laws of which some elements follow the motion across two sensors."""
 
-from __future__ import annotations
-
 import numpy as np
 
 import rsgen as rs

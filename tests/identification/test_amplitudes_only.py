@@ -54,13 +54,6 @@ def test_standard_errors_without_phase():
     assert 0.6 < np.sqrt(np.mean(np.square(scores))) < 1.5
 
 
-@pytest.mark.slow
-def test_noise_of_a_law_with_a_jump_is_not_called_systematic():
-    found = identify(bare(noisy(surface("coulomb"), 0.01, 1)), model("coulomb"))
-    assert max(errors(found, truth("coulomb")).values()) < 5e-3
-    assert "law-does-not-fit" not in codes(found)
-
-
 def test_a_background_lifts_one_side_of_the_resonance():
     table = surface("cubic")
     harmonics = np.array(table.harmonics)

@@ -1,22 +1,15 @@
 """Laws of a mode among others: residual terms and phase errors come out, and the mode is as without."""
 
-from __future__ import annotations
-
-from collections.abc import Callable
 from functools import cache
-from pathlib import Path
 
 import numpy as np
 import pytest
 
 from rsgen.analysis.comparison import compare_fits
-from rsgen.cases import load_case
-from rsgen.common.errors import RsgenError
 from rsgen.data.oscillator import Observation, Oscillator
 from rsgen.data.surface import ResponseSurface
 from rsgen.dynamics.simulation import simulate
 from rsgen.dynamics.virtual_test import SimulatedTest, add_noise
-from rsgen.files import read_measurement
 from rsgen.identification.identify import identify
 from rsgen.identification.prediction import predict
 from tests.surfaces import (
@@ -29,7 +22,6 @@ from tests.surfaces import (
     noisy,
     surface,
     truth,
-    without_phase,
 )  # fmt: skip
 
 EXACT = 2e-5
@@ -47,7 +39,7 @@ def among_others(table: ResponseSurface, psi: float, a: complex, b: complex) -> 
 
 
 @pytest.fixture(scope="module")
-def cubic() -> ResponseSurface:
+def cubic():
     return surface("cubic")
 
 
@@ -74,14 +66,6 @@ def test_what_is_put_beside_the_mode_comes_out(cubic, kind, psi, a, b):
     size = np.abs(seen.harmonics[:, 1] / seen.force)
     assert np.max(np.abs(shape.receptance(values) - expected) / size) < EXACT
     assert found.curve.stiffness == pytest.approx(identified("cubic").curve.stiffness, rel=10 * EXACT)
-
-
-@pytest.mark.slow
-def test_a_law_with_a_jump_is_polished_beside_a_background():
-    seen = among_others(surface("coulomb"), PSI, FLEXIBILITY, 0)
-    found = identify(seen, model("coulomb"), Observation(background="constant"))
-    # first order sees the jump only as its fundamental; the simulator repairs what the background fit left
-    assert max(errors(found, truth("coulomb")).values()) < 5e-3
 
 
 @pytest.mark.slow
@@ -124,19 +108,6 @@ def test_a_neighbour_as_strong_as_the_mode_has_a_term_of_its_own(frequency, rati
 
 
 @pytest.mark.slow
-def test_standard_errors_allow_for_the_background(cubic):
-    seen = among_others(cubic, PSI, FLEXIBILITY, INERTIA)
-    asked = Observation(background="residuals")
-    scores = [
-        distances(identify(noisy(seen, 0.02, seed), model("cubic"), asked), truth("cubic"))
-        for seed in range(8)
-    ]
-    spread = np.sqrt(np.mean(np.square(scores)))
-    # 32 numbers that are not independent: within a third of one
-    assert 0.67 < spread < 1.33
-
-
-@pytest.mark.slow
 def test_a_misfit_of_a_measured_test_proposes_what_to_try(cubic):
     seen = changed(among_others(cubic, PSI, FLEXIBILITY, INERTIA), origin="measured")
     (proposal,) = (f for f in identify(seen, model("cubic")).findings if "widths" in f.numbers)
@@ -158,31 +129,6 @@ def test_predictions_are_of_what_the_sensor_sees(cubic):
     order = np.argsort(curve.frequency[left])
     drawn = np.interp(seen.frequency[far], curve.frequency[left][order], curve.amplitude[left][order])
     assert drawn == pytest.approx(seen.amplitude[far], rel=1e-3)
-
-
-def test_a_model_says_what_a_background_may_be():
-    with pytest.raises(
-        RsgenError, match=r"'none', 'phase', 'constant', 'residuals', 'neighbour', .* is needed"
-    ):
-        Observation(background="smooth")
-    with pytest.raises(RsgenError, match="ascending"):
-        Observation(band=(5.0, 4.0))
-
-
-@pytest.mark.slow
-def test_the_vibrating_wire_beside_its_background(measured_data: Callable[[str], Path]):
-    case = load_case(Path(__file__).parents[1] / "cases" / "wire.toml", data=measured_data("wire").parent)
-    table = read_measurement(case.test)
-    found = identify(table, case.model)
-    assert len(found.levels) == 11
-    # a single mode without background leaves 0.117
-    assert found.residual / np.sqrt(2) < 0.03
-    assert found.noise < 0.05
-    # the authors' own program carries a complex amplitude and a background proportional to the drive
-    psi, real, imaginary = found.background.estimates
-    assert np.degrees(psi.value) == pytest.approx(13.7, abs=1.0)
-    assert not any(e.interval[0] < 0 < e.interval[1] for e in (psi, real, imaginary))
-    assert 0.01 < found.background.share < 0.1
 
 
 OFFSET = 4e-4 - 2e-4j
@@ -234,12 +180,6 @@ def test_a_residual_term_is_not_called_an_offset(cubic):
     seen = changed(among_others(cubic, PSI, FLEXIBILITY, INERTIA), origin="measured")
     found = [f for f in identify(seen, model("cubic")).findings if f.code == "background-missing"]
     assert not [f for f in found if f.severity == "info" and "kind" in f.names]
-
-
-def test_amplitudes_alone_show_an_offset():
-    bare = without_phase(with_offset(surface("cubic")))
-    found = identify(bare, model("cubic"), Observation(background="phase+offset"))
-    assert max(errors(found, truth("cubic")).values()) < 1e-3
 
 
 @pytest.mark.parametrize(("psi", "severity"), [(0.75, "doubt"), (0.5, "doubt"), (-0.3, "info"), (0.1, None)])

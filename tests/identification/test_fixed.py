@@ -1,10 +1,7 @@
 """Values that are known beforehand: a fixed parameter is a number in the law, and is stated as fixed."""
 
-from __future__ import annotations
-
 import functools
 import re
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -17,6 +14,8 @@ from rsgen.formula import parse
 from rsgen.identification.fitting import least_squares
 from rsgen.law.motion import sine_motion
 from rsgen.law.numeric import compile_law
+from tests.case_files import Literal, write_small
+from tests.case_files import law as case_law
 from tests.surfaces import LAWS, MASS, codes, noisy, surface
 
 NOISE = 0.01
@@ -40,7 +39,7 @@ def found(law: str, *names: str) -> rsgen.Identification:
         pytest.param("two-gaps", "b1", marks=pytest.mark.thorough),
     ],
 )
-def test_a_fixed_value_is_a_number_in_the_law(law: str, name: str) -> None:
+def test_a_fixed_value_is_a_number_in_the_law(law, name):
     text, true = LAWS[law]
     # the number is a length or a speed as the parameter is, and no unit is asked for
     written = rsgen.identify(noisy(surface(law), NOISE, 1), re.sub(rf"\b{name}\b", f"({true[name]!r})", text))
@@ -55,22 +54,14 @@ def test_a_fixed_value_is_a_number_in_the_law(law: str, name: str) -> None:
 @pytest.mark.parametrize(
     ("law", "name", "other"), [("cubic", "k", "m"), ("piecewise", "k4", "m"), ("coulomb", "Ff", "c")]
 )
-def test_a_fixed_truth_narrows_what_goes_with_it(law: str, name: str, other: str) -> None:
+def test_a_fixed_truth_narrows_what_goes_with_it(law, name, other):
     free, fixed = found(law), found(law, name)
     assert fixed[other].standard_error < 0.8 * free[other].standard_error
     low, high = fixed[other].interval
     assert low < {**LAWS[law][1], "m": MASS}[other] < high
 
 
-def test_a_mass_is_fixed_like_any_other() -> None:
-    table = noisy(surface("cubic"), NOISE, 1)
-    given = rsgen.identify(table, LAWS["cubic"][0], mass=MASS)
-    assert given.model == found("cubic", "m").model
-    assert np.array_equal(given.covariance, found("cubic", "m").covariance)
-    assert given.mass == given["m"].value == MASS
-
-
-def test_what_is_fixed_is_stated_as_fixed() -> None:
+def test_what_is_fixed_is_stated_as_fixed():
     fixed = found("cubic", "k", "m")
     assert {one.name: (one.value, one.unit) for one in fixed.fixed} == {
         "k": (5920.0, "N/m"),
@@ -93,7 +84,7 @@ def test_what_is_fixed_is_stated_as_fixed() -> None:
     ("law", "name", "wrong"),
     [("cubic", "k", 6200.0), ("piecewise", "b", 0.012), ("cubic", "kn", -2.4e5), ("combined", "cn", 1.35)],
 )
-def test_a_wrong_value_is_contradicted_by_the_points(law: str, name: str, wrong: float) -> None:
+def test_a_wrong_value_is_contradicted_by_the_points(law, name, wrong):
     asked = rsgen.identify(noisy(surface(law), NOISE, 1), LAWS[law][0], fixed={name: wrong})
     (said,) = (finding for finding in asked.findings if finding.code == "fixed-contradicted")
     assert (said.parameter, said.severity, said["given"]) == (name, "doubt", wrong)
@@ -115,7 +106,7 @@ def spectra() -> MultisineSpectra:
     return made
 
 
-def test_of_a_multisine_too() -> None:
+def test_of_a_multisine_too():
     free = rsgen.identify(spectra(), "k*x + k3*x**3 + c*v")
     fixed = rsgen.identify(spectra(), "k*x + k3*x**3 + c*v", fixed={"k": 4000.0})
     written = rsgen.identify(spectra(), "4000.0*x + k3*x**3 + c*v")
@@ -138,12 +129,12 @@ def test_of_a_multisine_too() -> None:
         ([("k", 1.0)], "fixed: "),
     ],
 )
-def test_what_cannot_be_fixed_is_refused(fixed: dict[str, float], fault: str) -> None:
+def test_what_cannot_be_fixed_is_refused(fixed, fault):
     with pytest.raises(rsgen.RsgenError, match=re.escape(fault)):
         rsgen.identify(surface("cubic"), LAWS["cubic"][0], fixed=fixed)
 
 
-def test_a_value_that_the_law_forbids_is_refused() -> None:
+def test_a_value_that_the_law_forbids_is_refused():
     with pytest.raises(rsgen.RsgenError, match=r"fixed\.F: is -1; a number above 0 is needed"):
         Model("k*x + c*v + masing(Min(kt*x, F))", fixed={"F": -1.0})
     with pytest.raises(rsgen.RsgenError, match=r"mass: 2 kg, and 1 kg in fixed; give it once"):
@@ -152,38 +143,13 @@ def test_a_value_that_the_law_forbids_is_refused() -> None:
         rsgen.rank(surface("cubic"), Model(LAWS["cubic"][0], fixed={"k": 1.0}))
 
 
-CASE = """
-schema = 1
-name = "fixed"
-title = "A value that is known"
-[system]
-mass = "1.5 kg"
-[[element]]
-name = "spring"
-force = "k*x + kn*x**3"
-[[element]]
-name = "damper"
-force = "c*v"
-[truth]
-k = "5.92 kN/m"
-kn = "-2.2e5 N/m^3"
-c = "3.8 N*s/m"
-[test]
-kind = "simulated"
-level = { values = ["1 N", "3 N"] }
-frequency = { start = "8 Hz", stop = "12 Hz", count = 15 }
-[identify]
-fixed = { FIXED }
-"""
+def case(tmp_path, fixed):
+    changes = case_law("k*x + kn*x**3", "c*v", k=5920, kn=-2.2e5, c=3.8)
+    changes |= {"identify.fixed": Literal(f"{{ {fixed} }}")}
+    return rsgen.load_case(write_small(tmp_path, "fixed", changes))
 
 
-def case(tmp_path: Path, fixed: str) -> rsgen.Case:
-    path = tmp_path / "fixed.toml"
-    path.write_text(CASE.replace("FIXED", fixed), encoding="utf-8")
-    return rsgen.load_case(path)
-
-
-def test_a_case_fixes_values(tmp_path: Path) -> None:
+def test_a_case_fixes_values(tmp_path):
     loaded = case(tmp_path, 'k = "5.92 kN/m", m = 1.5')
     assert dict(loaded.model.fixed) == {"k": 5920.0, "m": 1.5}
 
@@ -196,12 +162,12 @@ def test_a_case_fixes_values(tmp_path: Path) -> None:
         ("m = -1", "identify.mass: is -1 kg"),
     ],
 )
-def test_a_case_with_a_value_that_cannot_be_fixed_is_refused(tmp_path: Path, fixed: str, fault: str) -> None:
+def test_a_case_with_a_value_that_cannot_be_fixed_is_refused(tmp_path, fixed, fault):
     with pytest.raises(CaseError, match=re.escape(fault)):
         case(tmp_path, fixed)
 
 
-def test_columns_of_fixed_parameters_move_nothing() -> None:
+def test_columns_of_fixed_parameters_move_nothing():
     generator = np.random.default_rng(1)
     matrix, residual = generator.normal(size=(30, 2, 3)), generator.normal(size=(30, 2))
 
@@ -218,7 +184,7 @@ def test_columns_of_fixed_parameters_move_nothing() -> None:
     assert not whole.influence[:, :, 1].any()
 
 
-def test_a_law_with_numbers_is_the_law() -> None:
+def test_a_law_with_numbers_is_the_law():
     law = compile_law(parse("k*x + c*v + Piecewise((0, abs(x) < b), (k2*(x - b*sign(x)), True))"))
     motion = sine_motion(np.array([10.0, 20.0]), np.array([0.5, 2.0]))
     values = {"b": 1.0, "c": 2.0, "k": 3.0, "k2": 4.0}

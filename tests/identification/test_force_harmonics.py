@@ -1,7 +1,5 @@
 """A shaker that distorts: harmonics of the force in the balance, on exact motions that no solver made."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np
@@ -9,7 +7,7 @@ import pytest
 
 import rsgen as rs
 from rsgen.law.motion import Motion, project
-from tests.surfaces import distances, errors
+from tests.surfaces import errors
 
 MASS, TRUE = 2.0, {"k": 2e4, "k3": 5e9, "c": 4.0}
 LAW = "k*x + k3*x**3 + c*v"
@@ -49,16 +47,6 @@ def test_a_phase_error_turns_every_harmonic():
     assert found.background.estimates[0].value == pytest.approx(0.1, abs=1e-6)
 
 
-@pytest.mark.slow
-def test_harmonics_that_are_not_numbers_were_not_recorded():
-    surface = distorted()
-    forces = np.array(surface.force_harmonics)
-    forces[:, 0], forces[:, 2:] = 0, np.nan
-    same = rs.identify(replace(surface, force=forces), LAW)
-    sine = rs.identify(replace(surface, force_harmonics=np.zeros((len(surface), 2))), LAW)
-    assert [e.value for e in same.refined] == [e.value for e in sine.refined]
-
-
 def test_a_stepped_sine_brings_the_harmonics_that_stand_out_of_the_noise():
     rate, random = 1000.0, np.random.default_rng(2)
     steps, records = [8.0, 9.0, 10.0], []
@@ -76,34 +64,3 @@ def test_a_stepped_sine_brings_the_harmonics_that_stand_out_of_the_noise():
         clock[:, 1:4], np.tile([5, 0.3 * np.exp(1j), 0.2 * np.exp(-0.5j)], (3, 1)), atol=5e-3
     )
     assert not clock[:, [0, *range(4, clock.shape[1])]].any()
-
-
-def test_a_law_with_jumps_takes_whichever_leaves_less():
-    surface = distorted()
-    found = rs.identify(surface, "k*x + k3*x**3 + c*v + Ff*sign(v)")
-    assert max(errors(found, TRUE | {"m": MASS}).values()) < 1e-3
-
-
-def noisy(surface: rs.ResponseSurface, noise: float, seed: int) -> rs.ResponseSurface:
-    """Complex noise of one size on the first five harmonics of each signal, relative to its fundamental."""
-    random = np.random.default_rng(seed)
-
-    def part(signal: np.ndarray) -> np.ndarray:
-        kept = np.array(signal[:, :6])
-        spread = (random.standard_normal(kept.shape) + 1j * random.standard_normal(kept.shape)) / np.sqrt(2)
-        spread[:, 0] = 0
-        return kept + noise * np.abs(kept[:, 1:2]) * spread
-
-    return replace(surface, force=part(surface.force_harmonics), harmonics=part(surface.harmonics))
-
-
-@pytest.mark.slow
-def test_noise_of_the_harmonics_of_a_force_is_noise_and_no_reason_to_set_points_aside():
-    """At a third of the resonance the third harmonic of the force drives it, and with it its noise."""
-    surface = distorted(even=0.01, low=4.0)
-    for seed in range(2):
-        found = rs.identify(noisy(surface, 0.01, seed), LAW)
-        assert found.verdict.state == "identified"
-        assert "points-excluded" not in [finding.code for finding in found.findings]
-        assert found.noise == pytest.approx(0.01, rel=0.1)
-        assert np.abs(distances(found, TRUE | {"m": MASS})).max() < 4

@@ -1,7 +1,5 @@
 """The [test] table of a measured case: units become factors, the data file stays inside its folder."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np
@@ -64,12 +62,12 @@ def measured(tmp_path: Path, **keys: str) -> MeasuredTest:
         ("velocity", 'unit = "mV"\nfactor = "5 mm/s/V"', 5e-6),
     ],
 )
-def test_units_of_a_response(tmp_path: Path, quantity: str, response: str, factor: float) -> None:
+def test_units_of_a_response(tmp_path, quantity, response, factor):
     test = measured(tmp_path, quantity=quantity, response=response)
     assert test.factor("response") == pytest.approx(factor, rel=1e-14)
 
 
-def test_without_a_scale_any_unit_will_do(tmp_path: Path) -> None:
+def test_without_a_scale_any_unit_will_do(tmp_path):
     with pytest.raises(CaseError, match=r"test\.force"):
         measured(tmp_path, force='unit = "V"')
     path = tmp_path / "case.toml"
@@ -81,12 +79,12 @@ def test_without_a_scale_any_unit_will_do(tmp_path: Path) -> None:
     assert not case.model.observation.calibrated
 
 
-def test_frequency_in_radians_is_not_hertz(tmp_path: Path) -> None:
+def test_frequency_in_radians_is_not_hertz(tmp_path):
     assert measured(tmp_path, unit="rad/s").frequency_factor == pytest.approx(1 / (2 * np.pi))
     assert measured(tmp_path, unit="rpm").frequency_factor == pytest.approx(1 / 60)
 
 
-def test_data_folders(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_data_folders(tmp_path, monkeypatch):
     monkeypatch.delenv("RSGEN_DATA", raising=False)
     elsewhere = tmp_path / "laboratory"
     elsewhere.mkdir()
@@ -99,7 +97,7 @@ def test_data_folders(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     assert load_case(tmp_path / "case.toml", data=tmp_path).test.file == tmp_path / "d.csv"
 
 
-def test_a_link_out_of_the_data_folder_is_refused(tmp_path: Path) -> None:
+def test_a_link_out_of_the_data_folder_is_refused(tmp_path):
     inside = tmp_path / "inside"
     inside.mkdir()
     (tmp_path / "secret.csv").write_text("")

@@ -1,7 +1,5 @@
 """What makes a result doubtful or wrong: each tampered test is found, each sound one is not."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np
@@ -17,7 +15,7 @@ from rsgen.identification.fitting.points import Points
 from rsgen.identification.identify import identify
 from rsgen.identification.results import Estimate
 from rsgen.identification.results.estimates import damping_findings
-from rsgen.identification.soundness import _negative, exclusion_findings
+from rsgen.identification.soundness import exclusion_findings
 from rsgen.law.motion import sine_motion
 from rsgen.law.numeric import compile_law
 from tests.oracles.masing import slider
@@ -34,45 +32,18 @@ def severity(found: dict[str, Finding], code: str) -> str:
 
 
 @pytest.fixture
-def table() -> ResponseSurface:
+def table():
     return noisy(surface("cubic"), 0.01, 2)
 
 
 @pytest.mark.parametrize(("law", "curve"), [("k*x", "c(X)"), ("c*v", "k(X)")])
-def test_round_off_of_a_law_that_lacks_a_term_has_no_sign(
-    table: ResponseSurface, law: str, curve: str
-) -> None:
+def test_round_off_of_a_law_that_lacks_a_term_has_no_sign(table, law, curve):
     found = identify(table, law, mass=MASS).findings
     assert curve not in {finding.names["curve"] for finding in found if finding.code == "curve-negative"}
 
 
-@pytest.mark.parametrize(
-    ("change", "expected"),
-    [
-        ({}, {}),
-        ({"harmonics": np.conj}, {"structure-feeds-exciter": "error", "curve-negative": "error"}),
-        # also where the reading of the file has remarked it
-        (
-            {"harmonics": np.conj, "findings": lambda _: (Finding("not-passive", "doubt"),)},
-            {"structure-feeds-exciter": "error", "curve-negative": "error"},
-        ),
-        ({"harmonics": np.negative}, {"mass-negative": "error", "curve-negative": "error"}),
-    ],
-    ids=["sound", "sense", "sense remarked", "sign"],
-)
-def test_a_sense_or_sign_is_found(table: ResponseSurface, change: dict, expected: dict[str, str]) -> None:
-    seen = changed(table, **{name: make(getattr(table, name)) for name, make in change.items()})
-    found = findings(seen)
-    assert {code: severity(found, code) for code in expected} == expected
-    if not change:
-        assert {finding.severity for finding in found.values()} <= {"info", "warning"}
-        assert "law-does-not-fit" not in found
-    elif "mass-negative" not in expected:
-        assert found["curve-negative"].names["curve"] == "c(X)"
-
-
 @pytest.mark.parametrize("levels", [(0.53, 0.62), (0.53, 0.62, 0.68)])
-def test_friction_that_nearly_holds_the_mass_is_identified_by_what_moves(levels: tuple[float, ...]) -> None:
+def test_friction_that_nearly_holds_the_mass_is_identified_by_what_moves(levels):
     """At 1.06 times the friction a hundredth of the force moves the mass; at 1.24 it stops in every cycle."""
     law, values = "k*x + c*v + Ff*sign(v)", {"k": 1e4, "c": 1.0, "Ff": 0.5}
     test = SimulatedTest(level=levels, frequency=np.linspace(13, 19, 19), noise_relative=0.0)
@@ -83,7 +54,7 @@ def test_friction_that_nearly_holds_the_mass_is_identified_by_what_moves(levels:
 
 
 @pytest.mark.slow
-def test_a_law_that_misses_the_amplitude_dependence_is_doubted() -> None:
+def test_a_law_that_misses_the_amplitude_dependence_is_doubted():
     """Loops of dry joints, fitted by polynomials: no single term mends it, another law does."""
     size, omega = (
         part.ravel() for part in np.meshgrid(np.geomspace(3e-4, 2e-2, 16), np.linspace(50, 75, 11))
@@ -100,9 +71,7 @@ def test_a_law_that_misses_the_amplitude_dependence_is_doubted() -> None:
 
 
 @pytest.mark.parametrize(("law", "cause"), [("cubic", {"levels": "force"}), ("k*x + c*v", {"term": "x**3"})])
-def test_a_gain_of_the_force_that_changes_from_level_to_level_is_named(
-    law: str, cause: dict[str, str]
-) -> None:
+def test_a_gain_of_the_force_that_changes_from_level_to_level_is_named(law, cause):
     """A beam whose shaker's force was not measured: 7 % of force too little at the highest drive."""
     exact = surface("cubic")
     gain = np.interp(exact.level, [exact.level.min(), exact.level.max()], [1.04, 0.93])
@@ -113,24 +82,14 @@ def test_a_gain_of_the_force_that_changes_from_level_to_level_is_named(
         assert found["left"] == pytest.approx(0.003, rel=0.1)
 
 
-def test_gains_of_some_tenths_of_a_per_cent_are_named_and_no_doubt() -> None:
-    exact = surface("cubic")
-    levels, place = np.unique(exact.level, return_inverse=True)
-    gain = 1 + 0.004 * np.random.default_rng(3).normal(size=len(levels))[place]
-    found = identify(noisy(changed(exact, force=exact.force / gain), 1e-3, 1), model("cubic"))
-    assert found.verdict.state == "identified"
-    (said,) = (finding for finding in found.findings if finding.code == "law-does-not-fit")
-    assert (said.severity, said.names) == ("warning", {"levels": "force"})
-
-
 @pytest.mark.slow
 @pytest.mark.parametrize(("noise", "expected"), [(0.03, ""), (0.14, "doubt"), (0.5, "error")])
-def test_noise_is_judged_by_its_size(noise: float, expected: str) -> None:
+def test_noise_is_judged_by_its_size(noise, expected):
     assert severity(findings(noisy(surface("cubic"), noise, 5)), "misfit-large") == expected
 
 
 @pytest.mark.parametrize(("size", "expected"), [(0.01, "warning"), (0.05, "doubt")])
-def test_a_systematic_misfit_of_a_hundredth_decides_the_verdict(size: float, expected: str) -> None:
+def test_a_systematic_misfit_of_a_hundredth_decides_the_verdict(size, expected):
     # a gain that changes over the band
     exact = surface("cubic")
     gain = 1 + size * np.sin(2 * np.pi * exact.frequency)
@@ -143,7 +102,7 @@ def test_a_systematic_misfit_of_a_hundredth_decides_the_verdict(size: float, exp
 @pytest.mark.slow
 @pytest.mark.parametrize("seed", range(3))
 @pytest.mark.parametrize("fault", ["gain over frequency", "gain over levels", "mass 6 % off"])
-def test_a_finding_that_contradicts_the_verdict_decides_it(fault: str, seed: int) -> None:
+def test_a_finding_that_contradicts_the_verdict_decides_it(fault, seed):
     """Values were off by a hundred standard errors, or by a tenth, and identified beside these findings."""
     table, mass = noisy(surface("cubic"), 0.03, seed), MASS if fault.startswith("gain") else 1.06 * MASS
     if fault.startswith("gain"):
@@ -167,7 +126,7 @@ def test_a_finding_that_contradicts_the_verdict_decides_it(fault: str, seed: int
         ("combined", {"k": 5920.0, "kn": 0.0, "c": 2.0, "cn": -0.2}, "k*x + c*v + A*v*abs(v)"),
     ],
 )
-def test_a_damper_that_feeds_energy_is_doubted(truth: str, values: dict[str, float], law: str) -> None:
+def test_a_damper_that_feeds_energy_is_doubted(truth, values, law):
     """A tanh of -5 N beside a damper of three times its size fitted drag, and was identified."""
     found = identify(noisy(surface(truth, values=values), 0.01, 1), law)
     assert found["A"].value < 0
@@ -193,9 +152,7 @@ STRIBECK = "k*x + c*v + (Fc + (Fs - Fc)*exp(-abs(v)/w))*sign(v)"
         ),
     ],
 )
-def test_a_law_that_is_active_by_design_is_judged_by_its_whole_work(
-    truth: str, law: str, values: dict[str, float]
-) -> None:
+def test_a_law_that_is_active_by_design_is_judged_by_its_whole_work(truth, law, values):
     """Motions below twice the displacement of zero damping live on the damper of van der Pol."""
     test = SimulatedTest(
         level=np.array([4.0, 7.0, 10.0]), frequency=np.linspace(8, 12, 40), harmonics=5, accuracy=1e-7
@@ -207,7 +164,7 @@ def test_a_law_that_is_active_by_design_is_judged_by_its_whole_work(
         assert found[name].value == pytest.approx(values[name], rel=0.03)
 
 
-def test_a_term_of_a_series_between_others_bends_its_curve() -> None:
+def test_a_term_of_a_series_between_others_bends_its_curve():
     """Eq. (26) of Liu et al.: the damping of their joint, d3 below zero, takes energy all the same."""
     law = compile_law(parse("d1*v + d2*v*abs(v) + d3*v**3 + d4*v**3*abs(v) + t*tanh(v)"))
     motion = sine_motion(np.full(3, 300.0), np.array([1e-5, 3e-5, 1e-4]))
@@ -226,7 +183,7 @@ def test_a_term_of_a_series_between_others_bends_its_curve() -> None:
 
 
 @pytest.mark.slow
-def test_a_damper_of_a_multisine_that_feeds_energy_is_doubted() -> None:
+def test_a_damper_of_a_multisine_that_feeds_energy_is_doubted():
     values = {"k": 5000.0, "c": 4.0, "c2": 4.0}
     test = MultisineTest(np.array([3.0, 8.0]), (2.5, 20.0), 2.0, periods=4, noise_relative=1e-3, seed=1)
     spectra = simulate(Oscillator(MASS, "k*x + c*v + c2*v*abs(v)", values), test)
@@ -237,17 +194,8 @@ def test_a_damper_of_a_multisine_that_feeds_energy_is_doubted() -> None:
 
 
 @pytest.mark.slow
-def test_a_level_with_shifted_frequencies_is_named(table: ResponseSurface) -> None:
-    here = table.level == 8.0
-    shifted = changed(table, frequency=np.where(here, 1.02 * table.frequency, table.frequency))
-    found = findings(shifted)["level-deviates"]
-    assert (found.severity, found["level"]) == ("doubt", 8.0)
-    assert found["misfit"] > 3 * found["typical"]
-
-
-@pytest.mark.slow
 @pytest.mark.parametrize(("share", "expected"), [(0.3, "doubt"), (0.01, "")])
-def test_a_background_that_moves_a_parameter_is_missing(share: float, expected: str) -> None:
+def test_a_background_that_moves_a_parameter_is_missing(share, expected):
     # a flexibility of modes above, relative to the static one of the mode
     exact = surface("cubic")
     harmonics = np.array(exact.harmonics)
@@ -264,7 +212,7 @@ def test_a_background_that_moves_a_parameter_is_missing(share: float, expected: 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("code", ["another-quantity", "not-passive"])
-def test_a_wrong_sign_or_quantity_is_no_missing_background(code: str) -> None:
+def test_a_wrong_sign_or_quantity_is_no_missing_background(code):
     # a background takes these up as well, but adding it would hide the mistake
     exact = surface("cubic")
     harmonics = np.array(exact.harmonics)
@@ -277,7 +225,7 @@ def test_a_wrong_sign_or_quantity_is_no_missing_background(code: str) -> None:
 
 @pytest.mark.slow
 @pytest.mark.parametrize("law", ["cubic", "coulomb"])
-def test_a_missing_term_is_named_and_nothing_else_is_missing(law: str) -> None:
+def test_a_missing_term_is_named_and_nothing_else_is_missing(law):
     """Dry friction decides at the lowest level, whose force and frequencies are right."""
     found = findings(noisy(surface(law), 0.003, 1), "k*x + c*v")
     misses = found["law-does-not-fit"]
@@ -286,33 +234,7 @@ def test_a_missing_term_is_named_and_nothing_else_is_missing(law: str) -> None:
     assert not {"level-deviates", "background-missing"} & found.keys()
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize("order", [0, 1, 2], ids=["displacement", "velocity", "acceleration"])
-def test_equal_largest_responses_are_those_of_an_overloaded_sensor(
-    table: ResponseSurface, order: int
-) -> None:
-    seen = table.amplitude * table.omega**order
-    limit = 0.6 * seen.max()
-    clipped = changed(table, harmonics=table.harmonics * np.minimum(1, limit / seen)[:, None])
-    found = findings(clipped)["range-reached"]
-    assert (found.severity, found["at"]) == ("doubt", np.count_nonzero(seen > limit))
-    assert found["limit"] == pytest.approx(limit)
-    assert found.numbers["limit"].unit == ("m", "m/s", "m/s^2")[order]
-
-
-def test_a_response_that_is_held_overloads_no_sensor() -> None:
-    # a response limited at its resonance by less force obeys the law
-    level, frequency = (
-        g.ravel() for g in np.meshgrid([1.0, 2.0, 4.0], np.linspace(8, 12, 41), indexing="ij")
-    )
-    omega = 2 * np.pi * frequency
-    stiffness = 5920 - 1.5 * omega**2 + 3.8j * omega
-    size = np.minimum(level / np.abs(stiffness), 5e-3)
-    table = ResponseSurface(level, frequency, size * stiffness, size.astype(complex))
-    assert "range-reached" not in findings(table, "k*x + c*v")
-
-
-def test_points_at_the_limit_of_a_record_are_counted(table: ResponseSurface) -> None:
+def test_points_at_the_limit_of_a_record_are_counted(table):
     def remarked(limit: float) -> dict[str, Finding]:
         numbers = {"samples": Quantity(3000), "limit": Quantity(limit, "m/s^2")}
         names = {"record": "a.csv", "signal": "response"}
@@ -342,18 +264,9 @@ def _one_level(count: int, noise: float = 0.0, seed: int = 0) -> ResponseSurface
     )
 
 
-def test_a_result_without_parameters_is_doubted() -> None:
-    table = surface("cubic")
-    one = table.select(np.flatnonzero(table.level == table.levels[0])[::8])
-    found = identify(one, "k*x + k2*x + c*v + c2*v", mass=None)
-    assert not any(estimate.identifiable for estimate in found.refined if estimate.name != "m")
-    unknown = identify(one, "k*x + k2*x + c*v + c2*v", mass=1.5)
-    assert severity({f.code: f for f in unknown.findings}, "nothing-identifiable") == "doubt"
-
-
 @pytest.mark.slow
 @pytest.mark.parametrize("count", [9, 12, 16, 20, 40])
-def test_few_points_hide_no_wrong_damper(count: int) -> None:
+def test_few_points_hide_no_wrong_damper(count):
     found = findings(_one_level(count), "k*x + c*v")
     assert "doubt" in (severity(found, "law-does-not-fit"), severity(found, "misfit-large"))
     for seed in range(4):
@@ -362,7 +275,7 @@ def test_few_points_hide_no_wrong_damper(count: int) -> None:
 
 
 @pytest.mark.slow
-def test_harmonics_of_noise_are_no_steady_sine() -> None:
+def test_harmonics_of_noise_are_no_steady_sine():
     exact = surface("cubic")
     generator = np.random.default_rng(7)
 
@@ -404,7 +317,7 @@ def aside(which: np.ndarray) -> dict[str, str]:
 
 
 @pytest.mark.parametrize(("large", "expected"), [(False, "warning"), (True, "error")])
-def test_noise_at_the_end_of_a_decay_is_not_the_law(large: bool, expected: str) -> None:
+def test_noise_at_the_end_of_a_decay_is_not_the_law(large, expected):
     """A fifth of the points, all small or all large; noise does not fall with the motion."""
     n = 40
     size = np.geomspace(1e-2, 1e-4, n)
@@ -420,7 +333,7 @@ def test_noise_at_the_end_of_a_decay_is_not_the_law(large: bool, expected: str) 
     assert found[0]["excluded"] == 8
 
 
-def test_points_set_aside_are_judged_by_share_and_pattern() -> None:
+def test_points_set_aside_are_judged_by_share_and_pattern():
     n = 6 * 41
     generator = np.random.default_rng(1)
     assert aside(np.zeros(n, bool)) == {}
@@ -439,23 +352,9 @@ def test_points_set_aside_are_judged_by_share_and_pattern() -> None:
     assert aside(run) == {"all": "doubt", "level": "doubt"}
 
 
-def test_the_least_stiffness_is_one_of_those_that_are_negative() -> None:
-    # a value that is lower, but within its error, or no number, is not what the finding is about
-    value, spread = np.array([-1.0, -1.0, -50.0, np.nan, 1.0]), np.array([0.01, 0.01, 100.0, 0.01, 0.01])
-    found = _negative(np.arange(1.0, 6.0), value, spread[:, None], "N/m")
-    assert (found["least"].value, found["low"].value, found["high"].value) == (-1.0, 1.0, 2.0)
-
-
 @pytest.mark.parametrize(("factor", "expected"), [(1.05, "doubt"), (1.0, "")])
-def test_a_given_mass_that_the_points_contradict_is_doubted(factor: float, expected: str) -> None:
+def test_a_given_mass_that_the_points_contradict_is_doubted(factor, expected):
     found = findings(noisy(surface("cubic"), 0.003, 1), model("cubic", factor * MASS))
     assert severity(found, "fixed-contradicted") == expected
     if expected:
         assert found["fixed-contradicted"]["fitted"] == pytest.approx(MASS, rel=2e-3)
-
-
-def test_friction_that_nearly_holds_the_mass_is_no_impossible_damping() -> None:
-    # below its resonance friction gives it a ratio of 0.59 at the highest level, which says nothing of units
-    rubbing = Oscillator(1.3235, "k*x + c*v + Ff*sign(v)", {"k": 44149.0, "c": 2.593, "Ff": 0.30087})
-    test = SimulatedTest(level=np.linspace(0.0746, 0.373, 6), frequency=np.linspace(22.44, 28.87, 17))
-    assert "size-impossible" not in findings(simulate(rubbing, test), rubbing.force)

@@ -1,7 +1,5 @@
 """Forces along the measured motion against the laws that made it."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 
@@ -11,7 +9,7 @@ from rsgen.identification.identify import identify
 from rsgen.identification.restoring_force import invert_motion
 from rsgen.identification.results import RestoringForce
 from rsgen.law.numeric import compile_law
-from tests.surfaces import LAWS, MASS, identified, model, noisy, surface
+from tests.surfaces import LAWS, MASS, model, noisy, surface
 
 WANTED = 1e-2
 """Of the largest force: what a force without a law may be off, noise-free."""
@@ -30,7 +28,7 @@ def inverted(table: ResponseSurface, law: str, noise: float = 0.0) -> RestoringF
 
 @pytest.mark.slow
 @pytest.mark.parametrize("law", ["cubic", "quintic", "coulomb", "piecewise", "bilinear", "combined"])
-def test_forces_come_back_from_their_motions(law: str) -> None:
+def test_forces_come_back_from_their_motions(law):
     dense = identify(surface(law, np.linspace(1, 12, 12)), model(law)).restoring
     for found in (dense, *([] if law in ("quintic", "piecewise") else [inverted(surface(law), law)])):
         spring, damper = forces(law, found)
@@ -43,7 +41,7 @@ def test_forces_come_back_from_their_motions(law: str) -> None:
 
 
 @pytest.mark.slow
-def test_one_well_of_two_is_drawn_where_the_mass_moves() -> None:
+def test_one_well_of_two_is_drawn_where_the_mass_moves():
     values = {"k": -500.0, "kn": 5e6, "c": 3.0}
     table = surface("cubic", np.linspace(0.5, 3, 12), np.linspace(3, 8, 41), values=values)
     mean = table.harmonics[:, 0].real
@@ -54,16 +52,8 @@ def test_one_well_of_two_is_drawn_where_the_mass_moves() -> None:
     assert np.abs(found.stiffness_force - exact).max() < WANTED * np.abs(exact).max()
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize("relative", [3e-4, 1e-2])
-def test_a_little_noise_does_little(relative: float) -> None:
-    found = identified("bilinear", relative).restoring
-    spring, _ = forces("bilinear", found)
-    assert np.abs(found.stiffness_force - spring).max() < 2 * WANTED * np.abs(spring).max()
-
-
 @pytest.mark.thorough
-def test_bands_of_forces_without_a_law_are_as_wide_as_their_errors() -> None:
+def test_bands_of_forces_without_a_law_are_as_wide_as_their_errors():
     scores = []
     for seed in range(8):
         found = inverted(noisy(surface("bilinear"), 1e-2, seed), "bilinear", 1e-2)
@@ -73,7 +63,3 @@ def test_bands_of_forces_without_a_law_are_as_wide_as_their_errors() -> None:
         scores.append((found.damping_force - damper)[10:51:10] / found.damping_band[10:51:10])
     # 95 % bands: errors of half their width on average, in either direction by chance
     assert 0.25 < np.sqrt(np.nanmean(np.square(scores))) < 0.9
-
-
-def test_too_few_points_draw_nothing() -> None:
-    assert inverted(surface("bilinear").select(np.arange(40)), "bilinear") is None

@@ -1,16 +1,12 @@
 """Several sensors, a driven base, a force with its phase: columns as laboratories name them, in any order."""
 
-import time
 from dataclasses import dataclass
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
 
 from rsgen.common.errors import RsgenError
-from rsgen.files.inspection import propose
-from rsgen.files.tree import Contents, Entry, facts
 from tests.inspection.drafts import (
     DAMPING,
     FREQUENCY,
@@ -368,33 +364,3 @@ def test_absolute_motion_on_a_base_needs_phases(tmp_path):
     path = write_levels(tmp_path / "a.csv", columns, ",", None)
     with pytest.raises(RsgenError, match="no phases were recorded"):
         read_draft(path)
-
-
-def test_a_transmissibility_beside_its_base_is_no_response(tmp_path):
-    def columns(level: float) -> dict[str, np.ndarray]:
-        found = base_columns(level)
-        ratio = dict(zip(("Transmissibility", "Phase [deg]"), polar(TRANSMISSIBILITY), strict=True))
-        return {title: found[title] for title in ("f [Hz]", "Base Z [g]")} | ratio
-
-    _, _, doubts = read_draft(write_levels(tmp_path / "a.csv", columns, ",", None))
-    assert "write that of the mass" in doubts["test.force.nominal"]
-
-
-@pytest.mark.thorough
-def test_thousands_of_columns_are_put_together_in_no_time():
-    """Each phase was compared with each amplitude: a file of 3000 sensors took a quarter of a minute."""
-    units = {"amp [mm]": "mm", "phase [deg]": "deg"}
-    known = facts(np.linspace(1.0, 2.0, 9))
-    entries = [
-        Entry(title, (9,), "float64", unit=unit, title=title, **known)
-        for title, unit in (("f [Hz]", "Hz"), ("F [N]", "N"))
-    ]
-    for number in range(3000):
-        titles = ((f"x{number} {part}", unit) for part, unit in units.items())
-        entries += [Entry(title, (9,), "float64", unit=unit, title=title, **known) for title, unit in titles]
-    begun = time.process_time()
-    proposal = propose(Contents(Path("nowhere", "a.csv"), "csv", tuple(entries)))
-    assert time.process_time() - begun < 5.0
-    assert proposal is not None
-    assert proposal.tables["test.channels.x7"]["phase"] == "x7 phase [deg]"
-    assert "2992 more" in proposal.doubts["test.response.channels"]

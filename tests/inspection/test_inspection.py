@@ -4,7 +4,7 @@ import hashlib
 import itertools
 import json
 import tomllib
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
@@ -39,7 +39,7 @@ def doubts(path: Path) -> dict[str, str]:
 
 
 @pytest.fixture
-def begun(run_cli: Callable[..., Any]) -> Callable[[Path], Path]:
+def begun(run_cli):
     """Begin a case from a file, as ``rsgen init`` does."""
 
     def begin(path: Path) -> Path:
@@ -151,17 +151,6 @@ def test_what_is_inside_is_shown(run_cli):
 
 
 @pytest.mark.slow
-def test_faulty_files_are_a_sentence(tmp_path, run_cli):
-    path = tmp_path / "a.mat"
-    path.write_bytes(b"MATLAB 5.0 MAT-file" + bytes(200))
-    refused = run_cli("inspect", path)
-    assert refused.code == 2
-    assert refused.err.startswith(f"{path}: ")
-    assert run_cli("init", "--from", path, tmp_path / "b.toml").code == 2
-    assert not (tmp_path / "b.toml").exists()
-
-
-@pytest.mark.slow
 def test_names_in_a_file_stay_text(tmp_path, run_cli, begun):
     path = tmp_path / "a.h5"
     evil = 'x"\n[test]\nfile="/etc/passwd\x1b[2J\u202e'
@@ -206,19 +195,6 @@ def test_universal_files_of_others(name, measured_data):
         assert all("is a power spectral density, which is no response" in fault for fault in faults)
     else:
         assert not any(faults)
-
-
-@pytest.mark.slow
-def test_ascii_and_binary_of_one_record_agree(measured_data):
-    from rsgen.files.sandbox import read_binary
-
-    first, second = (
-        read_binary(measured_data(f"uff/{name}"), "uff", ["1/abscissa", "1/ordinate"])
-        for name in ("Sample_UFF58_ascii.uff", "Sample_UFF58b_bin.uff")
-    )
-    np.testing.assert_allclose(first[0][0].values, second[0][0].values, rtol=1e-12)
-    # six digits in the text, single precision in the other
-    np.testing.assert_allclose(first[1][0].values, second[1][0].values, rtol=1e-5)
 
 
 @pytest.mark.slow
@@ -304,13 +280,6 @@ def test_rows_with_gaps_are_not_passed_over(tmp_path, run_cli, begun):
     )
 
 
-def test_a_last_line_without_an_end_is_read(tmp_path, begun):
-    path = tmp_path / "a.csv"
-    path.write_text("f_Hz,force_N,disp_um\n1,1,2\n2,1,3\n3,1,3", encoding="utf-8")
-    assert "sha256" not in proposed(path)
-    assert len(read_case(begun(path))) == 3
-
-
 @pytest.mark.parametrize(
     ("head", "force", "response", "level"),
     [
@@ -394,24 +363,6 @@ def test_rounded_times_of_a_text_are_times(tmp_path):
     assert not any("channels" in doubt for doubt in doubts(path).values())
 
 
-@pytest.mark.slow
-def test_names_of_variables_tell_units(tmp_path):
-    path = tmp_path / "a.mat"
-    t = np.arange(400) / 1024
-    scipy.io.savemat(path, {"t": t, "force_lbf": np.sin(t), "acc_g": np.cos(t)})
-    tables = proposed(path)
-    assert tables["force"]["unit"] == "lbf"
-    assert tables["response"]["unit"] == "g"
-
-
-def test_a_lone_reference_does_not_spoil_a_file(tmp_path):
-    path = tmp_path / "a.h5"
-    with h5py.File(path, "w") as file:
-        file["x"] = np.arange(20.0)
-        file["r"] = file["x"].ref
-    assert [entry.path for entry in list_contents(path).entries] == ["r/1", "x"]
-
-
 @pytest.mark.parametrize(
     ("name", "begin", "found"),
     [
@@ -448,13 +399,6 @@ def test_a_damaged_file_is_described_in_words_of_the_user(tmp_path):
         list_contents(path)
 
 
-def test_a_mil_is_a_length(tmp_path, begun):
-    path = table(tmp_path / "a.csv", "f_Hz,force_N,disp_mil", [f"{f},1,{1 + f}" for f in range(1, 9)])
-    case = begun(path)
-    case.write_text(case.read_text(encoding="utf-8").replace('"thou"', '"mil"'), encoding="utf-8")
-    assert read_case(case).amplitude[0] == pytest.approx(50.8e-6)
-
-
 ROWS = [f"{8 + i / 10:.1f},{2 + i // 20},{1 + i / 7:.4f},{10 + i}" for i in range(40)]
 HEAD = "f_Hz,force_N,disp_um,lag_deg"
 
@@ -483,12 +427,6 @@ def test_no_row_of_a_log_is_dropped_in_silence(tmp_path, run_cli, lines, kept, s
     path = table(tmp_path / "log.csv", *lines[:1], lines[1:])
     assert said in run_cli("inspect", path).out
     assert len(read_case(begun(path))) == kept
-
-
-def test_utf_16_is_inspected_and_read(tmp_path, run_cli, begun):
-    path = tmp_path / "a.csv"
-    path.write_bytes("\r\n".join([HEAD, *ROWS]).encode("utf-16"))
-    assert "40 measured points" in run_cli("check", begun(path)).out
 
 
 @pytest.mark.parametrize("title", ["Omega", "w", "omega_rad_s", "Omega [rad/s]"])
@@ -556,12 +494,6 @@ def test_titles_that_are_units_say_what_stands_where(tmp_path):
     assert test["force"] == {"amplitude": "N", "unit": "N", "scale": "peak"}
     assert test["response"]["quantity"] == "acceleration"
     assert (test["response"]["amplitude"], test["response"]["phase"]) == ("m/s^2", "rad")
-
-
-def test_a_unit_is_not_said_to_be_missing_in_a_file_that_has_it_as_text(tmp_path):
-    columns = {"freq": SPECTRUM, "force": np.ones(20), "acc": SPECTRUM, "phase": -SPECTRUM}
-    scipy.io.savemat(tmp_path / "a.mat", columns | {"units": "Hz, N, m/s^2, rad"})
-    assert doubts(tmp_path / "a.mat")["test.force.unit"] == "TODO: no unit stands with it; write the unit"
 
 
 def test_instants_of_any_clock_are_no_frequency_and_no_response(tmp_path):

@@ -82,56 +82,6 @@ def test_channels_without_names_are_not_guessed_silently(tmp_path):
     assert "ch1, ch2, ch3" in doubts["test.response.samples"]
 
 
-def test_channels_of_a_data_logger(tmp_path):
-    nptdms = pytest.importorskip("nptdms", reason="no nptdms here: install rsgen[tdms]")
-    path = tmp_path / "a.tdms"
-    named = (
-        ("ai0", FORCE, "Newtons"),
-        ("ai1", ACCELERATION / 9.80665, "g's"),
-        ("ai2", ACCELERATION, "m/s^2"),
-    )
-    with nptdms.TdmsWriter(str(path)) as writer:
-        channels = [
-            nptdms.ChannelObject(
-                "Data", f"cDAQ1Mod1/{name}", values, {"wf_increment": 1 / RATE, "unit_string": unit}
-            )
-            for name, values, unit in named
-        ]
-        writer.write_segment([nptdms.RootObject({}), nptdms.GroupObject("Data"), *channels])
-    tables, surface, _doubts = read_draft(path)
-    assert tables["force"]["samples"] == "Data/cDAQ1Mod1/ai0"
-    assert [channel["unit"] for channel in tables["channels"].values()] == ["g", "m/s^2"]
-    assert is_the_sweep(surface)
-
-
-def test_sheets_with_levels_in_their_names(tmp_path):
-    openpyxl = pytest.importorskip("openpyxl", reason="no openpyxl here: install rsgen[xlsx]")
-    book = openpyxl.Workbook()
-    book.remove(book.active)
-    for level in (3.0, 1.0):
-        sheet = book.create_sheet(f"Sweep {level:g} N")
-        sheet.append(["f", "F", "x1", "phi1", "x2", "phi2"])
-        sheet.append(["Hz", "N", "mm", "deg", "mm", "deg"])
-        x = 1e3 * level * RECEPTANCE
-        columns = (
-            FREQUENCY,
-            level + 0 * FREQUENCY,
-            abs(x),
-            np.degrees(np.angle(x)),
-            0.6 * abs(x),
-            np.degrees(np.angle(x)),
-        )
-        for row in np.column_stack(columns):
-            sheet.append([float(value) for value in row])
-    path = tmp_path / "a.xlsx"
-    book.save(path)
-    tables, surface, _doubts = read_draft(path)
-    assert tables["level"] == {"values": ["1 N", "3 N"]}
-    assert tables["channels"]["x2"]["phase"] == "Sweep * N/phi2 [deg]"
-    assert surface.levels.tolist() == [1.0, 3.0]
-    np.testing.assert_allclose(surface.harmonics[:, 1] / surface.force, np.tile(RECEPTANCE, 2), rtol=1e-9)
-
-
 def modal_file(path: Path, points: list[tuple[int, int, float]]) -> Path:
     """Write accelerances at nodes and directions, times a number."""
     pyuff = pytest.importorskip("pyuff", reason="no pyuff here: install rsgen[test]")

@@ -1,9 +1,6 @@
 """Generated kernels: their force is the law, their names are rsgen's own."""
 
-from __future__ import annotations
-
 import ast
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -44,7 +41,7 @@ def _gates(force: sympy.Expr, source: str, x: float, v: float, values: dict[str,
 @pytest.mark.slow
 @pytest.mark.parametrize("law", LAWS)
 @pytest.mark.parametrize("every", [False, True], ids=["events where needed", "events everywhere"])
-def test_force_of_the_kernel_is_the_force_of_the_law(law: str, every: bool) -> None:
+def test_force_of_the_kernel_is_the_force_of_the_law(law, every):
     force = parse(law)
     names = parameter_order(force)
     random = np.random.default_rng(7)
@@ -74,7 +71,7 @@ def _function_text(source: str, name: str) -> str:
 
 @pytest.mark.slow
 @pytest.mark.parametrize("law", LAWS)
-def test_names_of_the_user_never_reach_the_code(law: str) -> None:
+def test_names_of_the_user_never_reach_the_code(law):
     force = parse(law)
     telltale = {symbol(name): symbol(f"user_{name}") for name in parameter_order(force)}
     tree = ast.parse(generate(force.xreplace(telltale)))
@@ -82,34 +79,12 @@ def test_names_of_the_user_never_reach_the_code(law: str) -> None:
     assert "user_" not in ast.dump(tree)
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize(
-    ("law", "there", "absent"),
-    [
-        ("c*v + k*x + kn*x**3", (), ("GATE", "split_step")),
-        ("c*v*abs(v) + k*x", (), ("split_step",)),
-        ("F_f*sign(v) + k*x", ("dry friction",), ()),
-        ("mu*x**2*sign(v) + k*x", ("dry friction",), ()),
-        ("F_f*sign(x) + c*v + k*x", (), ("dry friction",)),
-        ("c*Max(v, 0) + k*x", (), ("dry friction",)),
-    ],
-)
-def test_a_law_pays_for_the_events_that_it_needs(
-    law: str, there: tuple[str, ...], absent: tuple[str, ...]
-) -> None:
-    source = generate(parse(law))
-    assert all(text in source for text in there)
-    assert not any(text in source for text in absent)
-    # jumps of the curvature are located on demand only
-    assert "split_step" in generate(parse("c*v*abs(v) + k*x"), locate_all=True)
-
-
-def test_several_friction_terms_share_one_switch() -> None:
+def test_several_friction_terms_share_one_switch():
     form = normal_form(parse("F_f*sign(v) + mu*x**2*sign(v) + k*x"))
     assert len(form.switches) == 1
 
 
-def test_machine_code_never_relies_on_what_is_not_so() -> None:
+def test_machine_code_never_relies_on_what_is_not_so():
     kernel = compile_kernel(parse("c*v + k*x"))
     good = {
         "points": np.arange(3), "state": np.zeros((2, 3)), "force": np.zeros((3, 2)), "omega": np.ones(3),
@@ -130,7 +105,7 @@ def test_machine_code_never_relies_on_what_is_not_so() -> None:
 
 
 @pytest.mark.thorough
-def test_numba_is_left_as_it_was(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_numba_is_left_as_it_was(tmp_path, monkeypatch):
     monkeypatch.setenv("RSGEN_CACHE", str(tmp_path))
     numba = pytest.importorskip("numba")
     before = numba.njit(lambda a: a + 1)
@@ -142,7 +117,7 @@ def test_numba_is_left_as_it_was(tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 
 
 @pytest.mark.slow
-def test_every_function_of_a_law_is_there_without_the_compiler() -> None:
+def test_every_function_of_a_law_is_there_without_the_compiler():
     law = (
         "c*v + sin(x)*cos(x) + tan(x) + sinh(x) + cosh(x)*tanh(x) + exp(x) + log(2 + x) + asin(x/9)"
         " + acos(x/9) + atan(x) + atan2(x, v) + abs(x)**1.3 + sqrt(abs(x)) + Max(x, v)*Min(x, 2) + sign(x)"
@@ -155,7 +130,7 @@ def test_every_function_of_a_law_is_there_without_the_compiler() -> None:
     assert np.isfinite(moved.state).all()
 
 
-def test_state_does_not_depend_on_the_company_in_the_lanes() -> None:
+def test_state_does_not_depend_on_the_company_in_the_lanes():
     kernel = compile_kernel(parse("c*v + k*x + F_f*sign(v)"))
     values = np.array([0.5, 0.8, 40.0])
     omega = np.linspace(4, 9, 150)
@@ -171,7 +146,7 @@ def test_state_does_not_depend_on_the_company_in_the_lanes() -> None:
         assert np.array_equal(alone.state[:, 0], together[:, i])
 
 
-def test_peaks_between_two_steps_are_those_of_the_sine() -> None:
+def test_peaks_between_two_steps_are_those_of_the_sine():
     # free vibration of unit amplitude, 16 steps a period: h^6/9 is lost to damping of the method, h^4/384
     # to the cubic between two steps
     kernel, phase = compile_kernel(parse("k*x")), np.linspace(0, 2 * np.pi, 40)
@@ -182,7 +157,7 @@ def test_peaks_between_two_steps_are_those_of_the_sine() -> None:
     assert np.abs(moved.peak - [1.0, -1.0]).max() < 1e-3
 
 
-def test_friction_holds_a_mass_where_its_spring_has_left_it() -> None:
+def test_friction_holds_a_mass_where_its_spring_has_left_it():
     # a slow force of 0.7 cos(t) N on k x0 = 0.6 N: it lets go below 0.6 - 1 N, slides to k x = 1 - 0.7 N, and
     # stays there; viscous lag is second order where the force turns
     kernel = compile_kernel(parse("c*v + k*x + F_f*sign(v)"))

@@ -1,7 +1,5 @@
 """The cache of machine code: used again, compiled anew after damage, never loaded from where others write."""
 
-from __future__ import annotations
-
 import os
 import socket
 import stat
@@ -39,7 +37,7 @@ def _one_step_further(source: str) -> np.ndarray:
 
 
 @pytest.fixture
-def own_cache(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+def own_cache(tmp_path, monkeypatch):
     monkeypatch.setenv("RSGEN_CACHE", str(tmp_path / "cache"))
     return tmp_path / "cache"
 
@@ -100,19 +98,14 @@ DAMAGES: dict[str, Callable[[Path], object]] = {
 
 
 @pytest.fixture(scope="module")
-def compiled_once() -> tuple[str, tuple[bytes, str]]:
+def compiled_once():
     source = generate(parse("c*v + k*x")) + "\n# a kernel that is damaged\n"
     return source, compile_source(source, "rsgen_kernel_damaged")
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("damage", DAMAGES)
-def test_a_damaged_kernel_is_compiled_again(
-    own_cache: Path,
-    compiled_once: tuple[str, tuple[bytes, str]],
-    monkeypatch: pytest.MonkeyPatch,
-    damage: str,
-) -> None:
+def test_a_damaged_kernel_is_compiled_again(own_cache, compiled_once, monkeypatch, damage):
     source, code = compiled_once
     compilations = []
     monkeypatch.setattr(compiled, "compile_source", lambda *given: compilations.append(given) or code)
@@ -126,12 +119,7 @@ def test_a_damaged_kernel_is_compiled_again(
 
 
 @pytest.mark.parametrize("way", ["writable by all", "shared sticky folder", "other user", "link"])
-def test_a_planted_kernel_is_never_loaded(
-    own_cache: Path,
-    compiled_once: tuple[str, tuple[bytes, str]],
-    monkeypatch: pytest.MonkeyPatch,
-    way: str,
-) -> None:
+def test_a_planted_kernel_is_never_loaded(own_cache, compiled_once, monkeypatch, way):
     source, code = compiled_once
     loaded: list[bytes] = []
     monkeypatch.setattr(compiled, "compile_source", lambda *given: code)
@@ -166,7 +154,7 @@ def test_a_planted_kernel_is_never_loaded(
 
 
 @pytest.mark.slow
-def test_a_cached_kernel_is_not_compiled_again(own_cache: Path) -> None:
+def test_a_cached_kernel_is_not_compiled_again(own_cache):
     source = generate(parse("c*v + k*x")) + "\n# a kernel of another test\n"
     expected = _one_step_further(source)
     file = _entry(own_cache)
@@ -176,9 +164,7 @@ def test_a_cached_kernel_is_not_compiled_again(own_cache: Path) -> None:
 
 
 @pytest.mark.slow
-def test_without_a_place_for_the_cache_kernels_still_work(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_without_a_place_for_the_cache_kernels_still_work(tmp_path, monkeypatch):
     occupied = tmp_path / "file"
     occupied.write_text("")
     monkeypatch.setenv("RSGEN_CACHE", str(occupied))
@@ -188,7 +174,7 @@ def test_without_a_place_for_the_cache_kernels_still_work(
 
 
 @pytest.mark.thorough
-def test_parallel_processes_share_one_cache_and_later_ones_need_no_compiler(own_cache: Path) -> None:
+def test_parallel_processes_share_one_cache_and_later_ones_need_no_compiler(own_cache):
     program = (
         "import sys; from rsgen.formula import parse; from rsgen.dynamics.kernel import compile_kernel; "
         "print(compile_kernel(parse('c*v + k*x')).parameters, 'numba' in sys.modules)"
@@ -204,7 +190,7 @@ def test_parallel_processes_share_one_cache_and_later_ones_need_no_compiler(own_
     assert later.stdout.strip() == "('c', 'k') False"
 
 
-def test_a_cache_is_made_for_its_user_alone(own_cache: Path) -> None:
+def test_a_cache_is_made_for_its_user_alone(own_cache):
     mask = os.umask(0)
     try:
         compiled.cache_fault()
@@ -216,7 +202,7 @@ def test_a_cache_is_made_for_its_user_alone(own_cache: Path) -> None:
     assert stat.S_IMODE((own_cache / "one").stat().st_mode) == 0o600
 
 
-def test_what_killed_writers_left_is_removed(own_cache: Path) -> None:
+def test_what_killed_writers_left_is_removed(own_cache):
     gone = subprocess.run([sys.executable, "-c", "import os; print(os.getpid())"], capture_output=True)
     with open_private_folder(own_cache) as folder:
         for process in (int(gone.stdout), os.getppid()):
@@ -231,7 +217,7 @@ def test_what_killed_writers_left_is_removed(own_cache: Path) -> None:
     assert left == sorted([f".a.{os.getppid()}.0.part", ".part", "entry"])
 
 
-def test_a_file_under_another_name_is_none(own_cache: Path) -> None:
+def test_a_file_under_another_name_is_none(own_cache):
     with open_private_folder(own_cache) as folder:
         folder.write("one", b"content")
         (own_cache / "one").rename(own_cache / "two")
@@ -239,6 +225,6 @@ def test_a_file_under_another_name_is_none(own_cache: Path) -> None:
 
 
 @pytest.mark.parametrize("where", ["/dev/null/cache", "/proc/cache", "x" * 300, "a\ud800b"])
-def test_a_folder_that_cannot_be_is_a_reason(where: str) -> None:
+def test_a_folder_that_cannot_be_is_a_reason(where):
     with pytest.raises(UntrustedFolderError), open_private_folder(Path(where)):
         pass

@@ -1,7 +1,5 @@
 """What kind of law it is: in which parameters it is linear, where it switches, which signs it leaves them."""
 
-from __future__ import annotations
-
 import pytest
 import sympy
 
@@ -106,7 +104,7 @@ TABLE = [
 
 @pytest.mark.slow
 @pytest.mark.parametrize(("text", "memory", "expected"), TABLE)
-def test_what_kind_of_law_it_is(text: str, memory: dict[str, str], expected: dict[str, object]) -> None:
+def test_what_kind_of_law_it_is(text, memory, expected):
     force = with_memory(parse(text), memory) if memory else parse(text)
     kind = character(force)
 
@@ -119,7 +117,7 @@ def test_what_kind_of_law_it_is(text: str, memory: dict[str, str], expected: dic
     assert kind.remembers == ("masing" in text or "structural" in text or bool(memory))
 
 
-def test_a_long_term_is_linear_where_it_is_written_so(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_long_term_is_linear_where_it_is_written_so(monkeypatch):
     # second derivatives of such a term may take seconds
     waves = [parse(f"{n}*x**{n}*tanh(w*v)") for n in range(2, 60)]
     parameters = [parse(name) for name in ("Ff", "c", "w")]
@@ -134,7 +132,7 @@ def test_a_long_term_is_linear_where_it_is_written_so(monkeypatch: pytest.Monkey
     assert jointly_linear([long], [*parameters[:2], parse("n")]) == (0, 2)
 
 
-def test_a_polynomial_of_many_terms_is_linear_in_all_of_them() -> None:
+def test_a_polynomial_of_many_terms_is_linear_in_all_of_them():
     """Of two states up to the eighth power: a force surface without a physical law."""
     powers = [(i, j) for i in range(9) for j in range(9) if 0 < i + j <= 8]
     kind = character(sympy.Add(*(parse(f"a{i}_{j}*x**{i}*v**{j}") for i, j in powers)))

@@ -1,7 +1,5 @@
 """Equal terms of a law: which they are, and in which order their values are given."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 
@@ -30,14 +28,14 @@ SLIDERS = "masing(Min(ka*x, Fa)) + masing(Min(kb*x, Fb))"
         ("masing(Min(ka*x, Fa)) + masing(Min(kb*x, 2*Fb))", []),
     ],
 )
-def test_terms_that_may_change_places(law: str, groups: list) -> None:
+def test_terms_that_may_change_places(law, groups):
     assert [set(map(tuple, group)) for group in equal_terms(parse(law))] == [
         set(map(tuple, group)) for group in groups
     ]
 
 
 @pytest.mark.slow
-def test_values_of_two_sliders_have_the_order_of_their_names() -> None:
+def test_values_of_two_sliders_have_the_order_of_their_names():
     """The truth names them the other way round; the comparison holds equal against equal."""
     true = {"k": 5000.0, "c": 3.0, "Fa": 8.0, "ka": 1500.0, "Fb": 2.0, "kb": 2500.0}
     truth = Oscillator(1.5, f"k*x + c*v + {SLIDERS}", true)

@@ -1,7 +1,5 @@
 """Loops of laws with memory against time stepping, their slopes against differences, and their character."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
@@ -57,7 +55,7 @@ def _motion(third: float, count: int = 4) -> Motion:
 
 @pytest.mark.slow
 @pytest.mark.parametrize("third", [0.05, 0.6])
-def test_a_masing_loop_is_that_of_its_sliders(third: float) -> None:
+def test_a_masing_loop_is_that_of_its_sliders(third):
     """With a third harmonic this large the motion has minor loops."""
     law, values = _law("sliders")
     motion, samples = _motion(third), 4096
@@ -88,7 +86,7 @@ def test_a_masing_loop_is_that_of_its_sliders(third: float) -> None:
 
 @pytest.mark.slow
 @pytest.mark.parametrize("name", STATES)
-def test_the_loop_of_states_is_the_one_in_time(name: str) -> None:
+def test_the_loop_of_states_is_the_one_in_time(name):
     """Against DOP853 over three periods; the error falls with the square of the step."""
     law, values = _law(name)
     memory, text, _ = STATES[name]
@@ -126,7 +124,7 @@ def test_the_loop_of_states_is_the_one_in_time(name: str) -> None:
 
 @pytest.mark.slow
 @pytest.mark.parametrize("name", [*STATES, *CURVES])
-def test_slopes_of_a_loop_are_differences(name: str) -> None:
+def test_slopes_of_a_loop_are_differences(name):
     """By every parameter and every coordinate of the motion, to the order of a corner in a sample."""
     law, values = _law(name)
     motion, samples = _motion(0.1, 2), 1024
@@ -151,7 +149,7 @@ def test_slopes_of_a_loop_are_differences(name: str) -> None:
         assert np.abs(by @ series.project - slope).max() < 2e-3 * np.abs(slope).max(), law.parameters[i]
 
 
-def test_a_loop_that_does_not_close_is_no_number() -> None:
+def test_a_loop_that_does_not_close_is_no_number():
     """z' = v^2 grows for ever; the neighbour that closes is not touched."""
     law = compile_law(with_memory(parse("k*x + z"), {"z": "v**2 - r*z"}))
     motion = _motion(0.05)
@@ -159,27 +157,7 @@ def test_a_loop_that_does_not_close_is_no_number() -> None:
     assert np.isfinite(law.along(motion, np.array([1.0, 0.5]), 64).force).all()
 
 
-@pytest.mark.parametrize(
-    ("text", "memory"), [("50*x + z", {"z": "8*v - 6*abs(v)*z"}), ("50*x + masing(Min(x, 1))", {})]
-)
-def test_a_law_may_have_no_parameter(text: str, memory: dict) -> None:
-    law = compile_law(with_memory(parse(text), memory))
-    assert law.parameters == law.linear == law.scaled == ()
-    assert np.isfinite(law.along(_motion(0.05), np.zeros(0), 64).force).all()
-
-
-@pytest.mark.parametrize(("other", "name"), [("masing(Min(x, h))", "masing_1"), ("structural(h)", "lag")])
-def test_a_state_may_have_any_name(other: str, name: str) -> None:
-    forces = [
-        compile_law(with_memory(parse(f"{other} + {z}"), {z: f"v - b*abs(v)*{z}"}))
-        .along(_motion(0.05), np.array([2.0, 0.5]), 64)
-        .force
-        for z in (name, "z")
-    ]
-    np.testing.assert_array_equal(*forces)
-
-
-def test_steps_of_a_state_are_weighed_for_an_exponential() -> None:
+def test_steps_of_a_state_are_weighed_for_an_exponential():
     # theta of Liniger and Willoughby, SIAM J. Numer. Anal. 7 (1970) 47: 1/(1 - exp(-d)) - 1/d; its series is
     # 1/2 + d/12 - d^3/720
     decay = np.array([1e-6, 1e-4, 9e-3, 2e-2, 1.0, 30.0])
@@ -187,7 +165,7 @@ def test_steps_of_a_state_are_weighed_for_an_exponential() -> None:
     assert _weight(decay) == pytest.approx(exact, abs=1e-8)
 
 
-def test_reversals_between_samples_are_found_to_fourth_order() -> None:
+def test_reversals_between_samples_are_found_to_fourth_order():
     # cos(t + 0.3) turns at +-1, a part of a sample beside the nearest one: a parabola leaves less than h^4/8
     for samples in (32, 64, 128):
         motion = Motion(np.ones(1), np.array([[0.0, np.exp(0.3j)]]))

@@ -39,7 +39,7 @@ EQUATION_20 = "Piecewise((k4, X <= b), (k5 - (k5 - k4)/pi*(2*asin(b/X) + 2*b/X**
         ),
     ],
 )
-def test_plain_text_reads_as_a_person_writes(formula: str, text: str) -> None:
+def test_plain_text_reads_as_a_person_writes(formula, text):
     assert readable(parse(formula)) == text
 
 
@@ -64,7 +64,7 @@ def test_plain_text_reads_as_a_person_writes(formula: str, text: str) -> None:
         ),
     ],
 )
-def test_latex(formula: str, text: str) -> None:
+def test_latex(formula, text):
     assert latex(parse(formula)) == text
 
 
@@ -88,7 +88,7 @@ def test_latex(formula: str, text: str) -> None:
         ("stiffness", r"\mathrm{stiffness}"),
     ],
 )
-def test_names_are_set_with_subscripts(name: str, text: str) -> None:
+def test_names_are_set_with_subscripts(name, text):
     assert latex(parse(name)) == text
 
 
@@ -98,7 +98,7 @@ HOSTILE = [
 
 
 @pytest.mark.parametrize("name", HOSTILE)
-def test_hostile_names_stay_text(name: str) -> None:
+def test_hostile_names_stay_text(name):
     expr = sympy.Symbol(name) + sympy.Symbol("k")
     assert latex(expr).isascii()
     assert not set("<>&$#%") & set(latex(expr))
@@ -107,7 +107,7 @@ def test_hostile_names_stay_text(name: str) -> None:
     assert "U+" in "".join(root.itertext())
 
 
-def test_cases_are_a_brace_and_left_aligned_rows() -> None:
+def test_cases_are_a_brace_and_left_aligned_rows():
     root = ElementTree.fromstring(mathml(parse(EQUATION_20), display=True))
     assert root.get("display") == "block"
     assert len(root.findall(".//mtr")) == 2
@@ -119,7 +119,7 @@ def test_cases_are_a_brace_and_left_aligned_rows() -> None:
     assert text.endswith("otherwise")
 
 
-def test_long_cases_take_a_line_a_term_and_none_is_lost() -> None:
+def test_long_cases_take_a_line_a_term_and_none_is_lost():
     damping = rsgen.derive(rsgen.laws["iwan4"]).damping
     long = sympy.Piecewise(*((3 * damping.args[i].expr, damping.args[i].cond) for i in (0, 1)))
     root = ElementTree.fromstring(mathml(long))
@@ -129,24 +129,12 @@ def test_long_cases_take_a_line_a_term_and_none_is_lost() -> None:
     assert rows[-1].startswith("+")
 
 
-def test_function_names_are_upright_and_without_operator_spacing() -> None:
-    markup = mathml(parse("Ff*sign(v) + Max(x, b) + Heaviside(x)"))
-    assert "<mi>sgn</mi>" in markup
-    assert "<mi>max</mi>" in markup
-    assert '<mi mathvariant="normal">H</mi>' in markup
-
-
-def test_what_is_not_in_the_language_is_still_shown() -> None:
+def test_what_is_not_in_the_language_is_still_shown():
     x = sympy.Symbol("x", real=True)
     assert readable(sympy.zeta(x) + 1) == "zeta(x) + 1"
     assert latex(sympy.oo) == r"\infty"
     assert "\u2260" in mathml(sympy.Piecewise((1, sympy.Ne(x, 0)), (2, True)))
     assert readable(sympy.Piecewise((1, x > 0))) == "{ 1  if x > 0"
-
-
-def test_only_expressions_are_shown() -> None:
-    with pytest.raises((ExpressionError, sympy.SympifyError)):
-        readable("__import__('os')")
 
 
 LEAVES = st.sampled_from(["x", "v", "X", "omega", "k1", "kn1", "Ff", "gap", "2", "3/4", "0.1", "pi", "1e9"])
@@ -165,7 +153,7 @@ def grown(inner: st.SearchStrategy[str]) -> st.SearchStrategy[str]:
 
 @pytest.mark.slow
 @given(st.recursive(LEAVES, grown, max_leaves=7))
-def test_every_formula_gives_sound_markup(formula: str) -> None:
+def test_every_formula_gives_sound_markup(formula):
     try:
         expr = parse(formula)
     except ExpressionError:
@@ -180,10 +168,3 @@ def test_every_formula_gives_sound_markup(formula: str) -> None:
     names = {symbol.name for symbol in expr.free_symbols} - {"omega", "gap"}
     plain = "".join(root.itertext())
     assert all(name in plain for name in names)
-
-
-@pytest.mark.parametrize("display", [True, False])
-def test_markup_is_the_same_every_time(display: bool) -> None:
-    expr = parse(EQUATION_20)
-    assert mathml(expr, display) == mathml.__wrapped__(expr, display)
-    assert "xmlns" not in mathml(expr, display)

@@ -1,11 +1,9 @@
-from __future__ import annotations
-
 import numpy as np
 import pytest
 
 from rsgen.describing import derive
 from rsgen.formula import parse
-from rsgen.law import Law, laws
+from rsgen.law import laws
 from rsgen.law.element import make_element
 from rsgen.law.motion import Motion, project, sine_motion
 from rsgen.law.numeric import compile_law
@@ -22,7 +20,7 @@ TEXTS = {
 
 
 @pytest.mark.parametrize("name", TEXTS)
-def test_force_and_slopes_agree_with_the_law(name: str) -> None:
+def test_force_and_slopes_agree_with_the_law(name):
     expression = parse(TEXTS[name])
     law = compile_law(expression)
     generator = np.random.default_rng(3)
@@ -52,7 +50,7 @@ def test_force_and_slopes_agree_with_the_law(name: str) -> None:
         )
 
 
-def test_sampled_steps_converge_with_the_square_of_the_step() -> None:
+def test_sampled_steps_converge_with_the_square_of_the_step():
     law = compile_law(parse("Ff*sign(v)"))
     shift, errors = 0.3, []
     for samples in (64, 128, 256):
@@ -66,7 +64,7 @@ def test_sampled_steps_converge_with_the_square_of_the_step() -> None:
 
 @pytest.mark.slow
 @pytest.mark.parametrize("law", laws, ids=lambda law: law.name)
-def test_the_force_along_a_harmonic_motion_is_the_describing_function(law: Law) -> None:
+def test_the_force_along_a_harmonic_motion_is_the_describing_function(law):
     amplitude, omega = np.array([0.4, 1.3, 2.7]), np.array([0.7, 1.1, 2.0])
     exact = derive(law).evaluate(amplitude, omega, law.example)
     known = np.isfinite(exact.mean) & np.isfinite(exact.stiffness)
@@ -82,7 +80,7 @@ def test_the_force_along_a_harmonic_motion_is_the_describing_function(law: Law) 
 
 
 @pytest.mark.parametrize("power", ["1.5", "0.5", "n"])
-def test_a_contact_of_any_power_has_a_force_where_it_begins(power: str) -> None:
+def test_a_contact_of_any_power_has_a_force_where_it_begins(power):
     law = compile_law(make_element("contact", f"Piecewise((kh*(x - b)**{power}, x > b), (0, True))").force)
     values = law.ordered({"b": 9e-4, "kh": 4e4, "n": 1.5} if power == "n" else {"b": 9e-4, "kh": 4e4})
     sample = law.along(sine_motion(np.array([80.0]), np.array([3e-3])), values, 64)

@@ -1,7 +1,5 @@
 """One law in many wordings: one normal form, one kernel, one character, the same steady states."""
 
-from __future__ import annotations
-
 import random
 
 import pytest
@@ -100,9 +98,6 @@ def test_signs_and_order_of_values_choose_the_form():
     assert [str(switch.threshold) for switch in ordered.switches] == ["b", "d"]
     crossed = normal_form_at(stops, {"b": 2.0, "d": 1.0, "k": 1.0})
     assert [str(switch.threshold) for switch in crossed.switches] == ["b"]
-
-
-# ---------------------------------------------------------------- random laws
 
 
 def larger(a: str, b: str, pick: random.Random, inside: bool = False) -> str:

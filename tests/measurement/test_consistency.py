@@ -33,7 +33,7 @@ def severities(surface: ResponseSurface) -> dict[str, str]:
 
 
 @pytest.fixture
-def noisy() -> np.ndarray:
+def noisy():
     return RECEPTANCE * (1 + 1e-3 * np.random.default_rng(1).standard_normal(41))
 
 

@@ -17,7 +17,7 @@ FREQUENCIES, POINTS = np.linspace(9.6, 10.8, 6), 24
 
 
 @pytest.fixture(scope="module")
-def states() -> ControlledStates:
+def states():
     """S-curves at six frequencies; the amplitudes differ a little from one to the next."""
     frequency = np.repeat(FREQUENCIES, POINTS)
     size = np.tile(np.linspace(3e-3, 6e-2, POINTS), len(FREQUENCIES))
@@ -57,16 +57,6 @@ def test_unstable_points_of_a_fold_are_marked(tmp_path, states):
     rows = (surface.stable != states.stable).reshape(len(FREQUENCIES), POINTS)
     assert np.all(rows.sum(axis=1) <= 2)
     assert np.count_nonzero(~surface.stable & ~states.stable) > 0.8 * np.count_nonzero(~states.stable)
-
-
-def test_every_point_counts_with_its_own_force(tmp_path, states):
-    surface = read(tmp_path, states, control="continuation")
-    found = rsgen.identify(surface, LAW)
-    for name, value in {**VALUES, "m": MASS}.items():
-        assert found[name].value == pytest.approx(value, rel=1e-6), name
-    table = rsgen.modal_table(surface)
-    wanted = np.sqrt((VALUES["k"] + 0.75 * VALUES["k3"] * table.amplitude**2) / MASS)
-    np.testing.assert_allclose(table.omega, wanted, rtol=1e-3)
 
 
 def test_steps_of_the_amplitude_are_as_wide_as_the_case_says(tmp_path, states):

@@ -20,7 +20,7 @@ from rsgen.common.errors import MeasurementError
 from rsgen.data.surface import ResponseSurface
 from rsgen.files import HistoryRule, MeasuredTest, Signal, read_measurement, sandbox
 from rsgen.files.array_files import walk_wav
-from rsgen.files.data_files import FORMATS, recognise_format
+from rsgen.files.data_files import recognise_format
 from rsgen.files.histories import read_histories
 from rsgen.files.inspection import list_contents
 from rsgen.files.labview import walk_lvm
@@ -76,9 +76,6 @@ def load(walk: Callable[..., Any], content: bytes, wanted: int | str) -> Array:
     """Read an array of a file in this process."""
     ((node,), _) = find(list(walk(io.BytesIO(content), None, LARGEST_BYTES)), wanted)
     return node.load()
-
-
-# ---------------------------------------------------------------- Excel
 
 
 def table_of_a_sheet(units: bool) -> list[list[Any]]:
@@ -151,9 +148,6 @@ def test_sheets_are_levels_and_stored_values_are_read(tmp_path, run_cli):
         array(path, 1)
 
 
-# ---------------------------------------------------------------- TDMS
-
-
 @pytest.mark.slow
 def test_a_tdms_file_in_kilonewton_and_g(tmp_path, run_cli):
     nptdms = pytest.importorskip("nptdms", reason="no nptdms here: install rsgen[tdms]")
@@ -201,9 +195,6 @@ def test_a_spectrum_of_tdms(tmp_path, unit):
     frequency, response = array(path, "frf/H/Frequency", "frf/H")
     np.testing.assert_allclose(frequency, FREQUENCY, rtol=ROUND_OFF)
     np.testing.assert_array_equal(response, RECEPTANCE * 1e3)
-
-
-# ---------------------------------------------------------------- LabVIEW's text
 
 
 @pytest.mark.slow
@@ -306,9 +297,6 @@ def test_faults_of_measurement_files_of_labview(tmp_path, change, message):
         load(walk_lvm, LVM.replace(*change).encode(), "a")
 
 
-# ---------------------------------------------------------------- sound files
-
-
 @pytest.mark.parametrize(
     ("kind", "bits"), [("u1", 8), ("i2", 16), ("i4", 32), ("f4", 0), ("f8", 0)], ids=lambda value: str(value)
 )
@@ -367,9 +355,6 @@ def test_long_and_extensible_sound_files():
         np.testing.assert_array_equal(found, samples[:, channel - 1] / 2.0**15)
     with pytest.raises(MeasurementError, match=r"declares 8 bytes of 'data'; 7 are left"):
         load(walk_wav, begin + samples.tobytes()[:-1], 1)
-
-
-# ---------------------------------------------------------------- what is missing and what is hostile
 
 
 @pytest.mark.parametrize(("form", "package"), [("tdms", "nptdms"), ("xlsx", "openpyxl")])
@@ -476,10 +461,3 @@ def test_a_tdms_file_that_declares_more_than_it_has(tmp_path, count):
     with pytest.raises(MeasurementError, match=rf"^{re.escape(str(path))}: "):
         array(path, "g/c")
     assert time.monotonic() - begin < SECONDS
-
-
-@pytest.mark.parametrize("form", FORMATS)
-def test_a_busy_computer_has_more_time_than_the_reading_process_itself(form):
-    # a workbook of a million rows has 17 MB
-    row, size = FORMATS[form], 17 * 2**20
-    assert sandbox._seconds(size, form) > 1.2 * (row.seconds + size / row.rate)

@@ -172,14 +172,6 @@ def test_what_is_no_label_and_no_level_is_refused_with_both(tmp_path):
         rsgen.identify(surface, "k*x + c*v", Observation(hold_out=(5,)))
 
 
-def test_levels_without_labels_are_held_out_by_their_amounts(tmp_path):
-    forces = {"2N.csv": 2.0, "4N.csv": 4.0}
-    surface = read_measurement(of_files(tmp_path, forces, level=LevelRule(name="{level}N.csv")))
-    assert surface.label is None
-    assert surface.find_level(2) == 2.0
-    assert surface.find_level(1) is None
-
-
 def test_records_are_held_out_by_their_labels():
     lines = np.ones((3, 1, 4), complex)
     spectra = MultisineSpectra([2.0, 4.0, 6.0], 1.0, lines, lines, label=[1, 2, 3])

@@ -1,6 +1,5 @@
 """Rows that are read many at once are what they are line by line: numbers, lines, blocks and faults."""
 
-from collections.abc import Iterator
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from unittest.mock import patch
@@ -92,7 +91,7 @@ def equal_however_read(content: bytes, layout: Layout, size: int) -> None:
 
 
 @pytest.fixture
-def long_table(tmp_path: Path) -> Iterator[Path]:
+def long_table(tmp_path):
     path = tmp_path / "long.csv"
     path.write_text("t,x\n" + "".join(f"{i},{i / 7!r}\n" for i in range(100_000)), encoding="utf-8")
     return path

@@ -4,7 +4,6 @@ import base64
 import hashlib
 import json
 import math
-import os
 import re
 import time
 from pathlib import Path
@@ -262,23 +261,6 @@ def test_hash_is_checked_and_a_missing_line_end_said(tmp_path):
     # no row is open where the text ends in a remark or a blank
     path.write_bytes(b"1 1 1 1\n2 1 1 1\n# the end")
     assert said() == []
-
-
-@pytest.mark.skipif(os.name != "posix", reason="pipes and devices are POSIX")
-def test_only_regular_files_are_opened(tmp_path):
-    os.mkfifo(tmp_path / "pipe")
-    for path in (tmp_path / "pipe", Path("/dev/zero"), tmp_path, tmp_path / "absent.csv"):
-        with pytest.raises(MeasurementError):
-            read_measurement(by_number(path))
-
-
-def test_size_is_checked_before_reading(tmp_path):
-    path = tmp_path / "huge.csv"
-    with path.open("wb") as file:
-        # sparse: takes no disk, but would take the memory
-        file.truncate(300 * 2**20)
-    with pytest.raises(MeasurementError, match="at most"):
-        read_measurement(by_number(path))
 
 
 def test_signal_needs_a_pair_of_columns():

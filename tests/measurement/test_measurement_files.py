@@ -23,12 +23,14 @@ from hypothesis import strategies as st
 from rsgen.cases import load_case
 from rsgen.common.errors import MeasurementError
 from rsgen.data.surface import ResponseSurface
-from rsgen.files import LevelRule, MeasuredTest, Signal, read_measurement, sandbox
+from rsgen.files import Layout, LevelRule, MeasuredTest, Signal, read_measurement, sandbox
 from rsgen.files.array_files import walk_npy, walk_npz
 from rsgen.files.data_files import recognise_format
 from rsgen.files.sandbox import list_binary, read_binary
+from rsgen.files.text_columns import read_columns
 from rsgen.files.tree import LARGEST_BYTES
 from rsgen.files.uff import walk_universal
+from tests.attacks.good_files import universal
 
 ROOT = Path(__file__).parents[2]
 FORMATS = ROOT / "cases" / "formats"
@@ -46,9 +48,6 @@ def surface_of(name: str) -> ResponseSurface:
     return read_measurement(load_case(FORMATS / f"{name}.toml").test)
 
 
-# ---------------------------------------------------------------- one test in every format
-
-
 @pytest.mark.slow
 @pytest.mark.parametrize(
     ("name", "digits"),
@@ -64,25 +63,12 @@ def test_every_format_gives_the_same_surface(name, digits):
 
 
 @pytest.mark.slow
-def test_examples_obey_the_law_they_were_made_with():
-    surface = surface_of("mat-struct")
-    dynamic = surface.force / surface.harmonics[:, 1]
-    # METHOD: k(X) = k + 3/4 kn X^2 and c(X) = c, to first order; 1e-3 is the bias of the first harmonic here
-    stiffness = 5920 + 0.75 * 2e6 * surface.amplitude**2
-    np.testing.assert_allclose(dynamic.real + 1.5 * surface.omega**2, stiffness, rtol=1e-3)
-    np.testing.assert_allclose(dynamic.imag / surface.omega, 7.5, rtol=3e-3)
-
-
-@pytest.mark.slow
 def test_magnitudes_of_several_files_have_no_phase():
     surface, reference = surface_of("csv-magnitude"), surface_of("mat-struct")
     assert not surface.phase_known
     assert surface.levels.tolist() == [1.0, 3.0, 6.0]
     np.testing.assert_allclose(surface.amplitude, reference.amplitude, rtol=PRINTED)
     assert [finding.code for finding in surface.findings] == ["not-recorded"]
-
-
-# ---------------------------------------------------------------- addresses and shapes
 
 
 def tree(path: Path) -> Path:
@@ -207,16 +193,6 @@ def test_level_stands_in_the_name(tmp_path):
         read_measurement(measured(path, force=None, level=LevelRule(name="run{level}.npz")))
 
 
-@pytest.mark.slow
-def test_response_over_force_is_multiplied_by_the_force(tmp_path):
-    path = tmp_path / "frf.npz"
-    np.savez(path, f=[1.0, 2.0], F=[3.0, 5.0], x=np.array([1j, 2.0]))
-    surface = read_measurement(measured(path, response=Signal(complex="x"), per_force=True))
-    assert surface.harmonics[:, 1].tolist() == [3j, 10]
-    with pytest.raises(MeasurementError, match="'x' is complex"):
-        read_measurement(measured(path))
-
-
 def test_hash_of_each_file_is_checked(tmp_path):
     path = tmp_path / "a.npz"
     np.savez(path, f=[1.0], F=[1.0], x=[1.0])
@@ -246,37 +222,18 @@ def test_cells_and_structs_of_matlab_73(tmp_path):
     assert [entry.path for entry in list_binary(path, "hdf5").entries][:3] == ["runs/1", "runs/2", "runs/3"]
 
 
-# ---------------------------------------------------------------- universal files
-
-
-def universal(values: list[float], numbers: str = "", **keys: Any) -> bytes:
-    known: dict[str, Any] = {"kind": 2, "count": len(values), "even": 1, "start": 0.0, "step": 0.5}
-    known |= {"function": 1} | keys
-    lines = [
-        "    -1", "    58", "title", "NONE", "NONE", "NONE", "NONE",
-        f"{known['function']:5d}{0:10d}    0         0 NONE               1   1 NONE               1   1",
-        f"{known['kind']:10d}{known['count']:10d}{known['even']:10d}{known['start']:13.5E}{known['step']:13.5E}"
-        f"{0:13.5E}",
-        "        17    0    0    0 Time                 s",
-        "         8    0    0    0 Motion               m",
-        *["         0    0    0    0 NONE                 NONE"] * 2,
-    ]  # fmt: skip
-    rows = ["".join(f"{v:13.5E}" for v in values[i : i + 6]) for i in range(0, len(values), 6)]
-    return ("\n".join([*lines, *(numbers.split("\n") if numbers else rows), "    -1"]) + "\n").encode()
-
-
 def arrays(content: bytes) -> list[list[Any]]:
     return [node.load().tolist() for node in walk_universal(io.BytesIO(content), None, 2**20)]
 
 
 def test_universal_records():
-    assert arrays(universal([1.0, 2.0, 3.0])) == [[0, 0.5, 1.0], [1, 2, 3]]
+    assert arrays(universal([1.0, 2.0, 3.0], step=0.5)) == [[0, 0.5, 1.0], [1, 2, 3]]
     # uneven: pairs; complex: pairs; both: triples
     assert arrays(universal([1, 5, 2, 6], even=0, count=2)) == [[1, 2], [5, 6]]
-    assert arrays(universal([1, 5, 2, 6], kind=5, count=2)) == [[0, 0.5], [1 + 5j, 2 + 6j]]
+    assert arrays(universal([1, 5, 2, 6], kind=5, count=2, step=0.5)) == [[0, 0.5], [1 + 5j, 2 + 6j]]
     assert arrays(universal([1, 5, 7, 2, 6, 8], kind=5, even=0, count=2)) == [[1, 2], [5 + 7j, 6 + 8j]]
     # fields of fixed width that touch, and exponents of Fortran
-    assert arrays(universal([0, 0], numbers=" -1.00000E-01-2.00000D+00"))[1] == [-0.1, -2]
+    assert arrays(universal([0, 0], rows=[" -1.00000E-01-2.00000D+00"]))[1] == [-0.1, -2]
     # other data sets are skipped
     other = b"    -1\n  2411\nanything\n    -1\n"
     assert arrays(other + universal([1.0]) + other)[1] == [1]
@@ -347,9 +304,6 @@ def test_archives_hold_no_pickles_and_no_lies():
     assert "no whole .npy array" in {node.path: node for node in walk_npz(file, None, 2**20)}["huge"].fault
 
 
-# ---------------------------------------------------------------- HDF5: nothing outside the file
-
-
 def virtual(file: h5py.File, secret: Path) -> None:
     layout = h5py.VirtualLayout((4,), dtype="f8")
     layout[:] = h5py.VirtualSource(str(secret), "x", shape=(4,))
@@ -385,9 +339,6 @@ def test_traps_in_hdf5_are_refused(tmp_path, trap):
         assert "42" not in entry.first
 
 
-# ---------------------------------------------------------------- hostile files
-
-
 def child_usage() -> tuple[float, int]:
     """Return processor seconds of children so far, and the largest memory of one [kB]."""
     resource = pytest.importorskip("resource")
@@ -396,7 +347,7 @@ def child_usage() -> tuple[float, int]:
 
 
 @pytest.fixture(scope="module")
-def _warm() -> None:
+def _warm():
     """Read good files, so that the memory of the first process is no part of what a hostile file takes."""
     for name in ("table.mat", "steps.h5"):
         list_binary(FORMATS / name, recognise_format(FORMATS / name))
@@ -475,9 +426,13 @@ def test_waiting_ends(tmp_path, monkeypatch):
 @pytest.mark.skipif(os.name != "posix", reason="pipes are POSIX")
 def test_only_regular_files_are_opened(tmp_path):
     os.mkfifo(tmp_path / "pipe.mat")
-    for path in (tmp_path / "pipe.mat", tmp_path, tmp_path / "absent.mat"):
-        with pytest.raises(MeasurementError):
-            read_binary(path, "mat", ["x"])
+    for path in (tmp_path / "pipe.mat", Path("/dev/zero"), tmp_path, tmp_path / "absent.mat"):
+        for read in (
+            lambda path: read_binary(path, "mat", ["x"]),
+            lambda path: read_columns(path, Layout(), [1]),
+        ):
+            with pytest.raises(MeasurementError):
+                read(path)
 
 
 def test_size_is_checked_before_opening(tmp_path):
@@ -485,5 +440,6 @@ def test_size_is_checked_before_opening(tmp_path):
     with path.open("wb") as file:
         # sparse: takes no disk
         file.truncate(LARGEST_BYTES + 1)
-    with pytest.raises(MeasurementError, match="at most"):
-        read_binary(path, "mat", ["x"])
+    for read in (lambda: read_binary(path, "mat", ["x"]), lambda: read_columns(path, Layout(), [1])):
+        with pytest.raises(MeasurementError, match="at most"):
+            read()

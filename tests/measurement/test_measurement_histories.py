@@ -155,9 +155,6 @@ def test_uneven_times_are_refused(tmp_path, name):
         read_histories(test)
 
 
-# ---------------------------------------------------------------- the bundled examples
-
-
 @pytest.mark.slow
 @pytest.mark.parametrize(("name", "damping"), [("mat-sweep", 7.5), ("hdf5-steps", 7.5), ("uff-decay", 1.2)])
 def test_histories_give_the_curves_they_were_made_with(name, damping):
@@ -210,49 +207,3 @@ def test_long_histories_are_read_quickly_and_once(tmp_path):
 
 
 # ---------------------------------------------------------------- real files, where they are
-
-
-@pytest.mark.slow
-def test_ground_vibration_test(measured_data):
-    files = tuple(measured_data(f"f16/F16Data_SineSw_Level{k}.mat") for k in (1, 3))
-    level, rule = LevelRule(values=(4.8, 28.8)), swept(rate_column="Fs")
-    test = history(*files, force="Force", response="Acceleration[3]", level=level, history=rule)
-    low, high = read_histories(test)
-    matrix = scipy.io.loadmat(files[0])
-    assert low.rate == 400
-    assert low.response.tolist() == matrix["Acceleration"][2].tolist()
-    assert low.force is not None
-    assert low.force.tolist() == matrix["Force"][0].tolist()
-    assert (low.level, high.level) == (4.8, 28.8)
-
-
-@pytest.mark.slow
-def test_nested_struct_of_a_lock_in(measured_data):
-    def at(name: str) -> str:
-        return f"forced_data/Data/{name}/data"
-
-    drive = at("Amplitude_of_Excitation__V_")
-    test = MeasuredTest(
-        (measured_data("nlbeam/forced_data.mat"),),
-        at("Frequency_of_MFLI__Hz_"),
-        Signal(amplitude=drive),
-        Signal(real=at("X1__V_"), imaginary=at("Y1__V_")),
-        "displacement",
-        level=LevelRule(column=drive),
-    )
-    surface = read_measurement(test)
-    # README of the data: 4 drives x 40 frequencies x 50 repeats
-    assert len(surface) == 4 * 40 * 50
-    assert np.unique(surface.level, return_counts=True)[1].tolist() == [2000] * 4
-    assert len(np.unique(surface.frequency.round(6))) == 40
-
-
-@pytest.mark.slow
-def test_input_and_output_in_files_of_their_own(measured_data):
-    force, response = (measured_data(f"bouc_wen/{name}val_sinesweep.mat") for name in "uy")
-    moved = Signal(samples="yval_sinesweep", files=(response,))
-    more = {"quantity": "displacement", "history": swept(rate=750.0)}
-    (got,) = read_histories(history(force, force="uval_sinesweep", response=moved, **more))
-    assert got.force is not None
-    assert np.abs(got.force).max() == pytest.approx(40, rel=1e-6)
-    assert len(got) == 153000

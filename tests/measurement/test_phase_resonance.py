@@ -96,16 +96,6 @@ def test_points_at_which_the_loop_lost_the_lock_are_named_and_doubted(tmp_path):
     assert found.verdict.state != "identified"
 
 
-def test_slices_off_resonance_at_the_forces_of_other_points_are_meant(tmp_path):
-    rows = np.concatenate(
-        [np.loadtxt(table(tmp_path, lag), delimiter=",", skiprows=1)[::4] for lag in (90.0, 90.0, 60.0)]
-    )
-    rows[12:, 1] = rows[:6, 1]
-    path = tmp_path / "slices.csv"
-    np.savetxt(path, rows, delimiter=",", header="frequency,force,response,lag", comments="", fmt="%.10g")
-    assert "phase-lock-lost" not in codes(read(path, control="phase"))
-
-
 def test_a_velocity_that_is_read_as_displacement_is_doubted(tmp_path):
     surface = read(table(tmp_path, quantity="velocity"), control="phase")
     assert "phase-not-resonant" in codes(surface)

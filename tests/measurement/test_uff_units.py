@@ -146,14 +146,6 @@ def test_labels_of_axes(tmp_path, factor, labels, unit, source):
     assert (entry.unit, entry.unit_source) == (unit, source)
 
 
-def test_displacements_in_mm_and_mn_without_labels(tmp_path):
-    path = tmp_path / "a.uff"
-    receptance = ACCELERANCE / -(OMEGA**2)
-    path.write_text(units(1e3, 1.0, 9) + function(receptance * 1e3, axis(8)), encoding="utf-8")
-    surface = read(case_of(path, quantity="displacement"))
-    np.testing.assert_allclose(surface.harmonics[:, 1] / surface.force, receptance, rtol=PRINTED)
-
-
 @pytest.mark.parametrize(
     ("text", "response", "said"),
     [
@@ -237,51 +229,6 @@ def test_faults_of_data_set_164(tmp_path, change, message):
     path.write_text(text + function(ACCELERANCE), encoding="utf-8")
     with pytest.raises(MeasurementError, match=re.escape(message)):
         list_contents(path)
-
-
-def test_time_histories_are_in_the_units_of_the_file(tmp_path):
-    """A free decay in inches, and the same in metres."""
-    t = np.arange(2000) / 200
-    decay = 1e-3 * np.exp(-0.4 * t) * np.cos(62 * t)
-    changes = {
-        **MEASURED,
-        "system": {"mass": "1 kg"},
-        "test.excitation": "ring-down",
-        "test.time": {"column": "1/abscissa"},
-        "test.response": {"quantity": "displacement", "samples": "1/ordinate"},
-    }
-    surfaces = []
-    for name, text, factor in (("a", "", 1.0), ("b", units(1 / 0.0254, 1 / NEWTON["lbf"], 7), 0.0254)):
-        record = function(decay / factor, axis(8), axis(0), 1, axis(17, "Time", "s"), 0.0, 0.005)
-        # real numbers: the imaginary parts go
-        record = re.sub(r"( *[-\d.]+E[+-]\d\d) {2}0\.0+E\+00\n", r"\1\n", record)
-        record = record.replace(f"{6:10d}{2000:10d}", f"{4:10d}{2000:10d}")
-        (tmp_path / f"{name}.uff").write_text(text + record, encoding="utf-8")
-        surfaces.append(read(write_small(tmp_path, name, changes | {"test.file": f"{name}.uff"})))
-    np.testing.assert_allclose(surfaces[1].amplitude, surfaces[0].amplitude, rtol=1e-9)
-    assert [codes(surface) for surface in surfaces] == [[], ["unit-of-file"]]
-
-
-@pytest.mark.parametrize(
-    ("before", "labels", "unit", "source"),
-    [
-        (units(1e3, 1.0, 10), (), "mm/s^2/N", "data set 164"),
-        (units(1e3, 1.0, 10), (axis(12, "a", "cm/s^2"), axis(13, "F", "kN")), "cm/s^2/kN", "axis label"),
-        ("", (), "m/s^2/N", "SI assumed"),
-    ],
-)
-def test_inspect_and_init_say_which_units(tmp_path, run_cli, before, labels, unit, source):
-    path, case = tmp_path / "a.uff", tmp_path / "a.toml"
-    size = {"mm": 1e-3, "cm": 1e-2 / 1e3, "m/": 1.0}[unit[:2]]
-    path.write_text(before + function(ACCELERANCE / size, *labels), encoding="utf-8")
-    assert f"{unit} ({source})" in run_cli("inspect", path).out
-    assert run_cli("init", "--from", path, case).code == 0
-    line = next(line for line in case.read_text(encoding="utf-8").splitlines() if "unit " in line)
-    assert f'"{unit}"' in line
-    assert line.endswith(f"# {source}")
-    # the force of each function is not in the file
-    case.write_text(case.read_text(encoding="utf-8").replace("? N", "1 N"), encoding="utf-8")
-    np.testing.assert_allclose(accelerance(read(case)), ACCELERANCE, rtol=PRINTED)
 
 
 def test_universal_files_that_a_spreadsheet_has_saved(tmp_path):

@@ -1,7 +1,5 @@
 """The modal table against closed forms, and its intervals against repeated noise; no law takes part."""
 
-from __future__ import annotations
-
 import csv
 import io
 
@@ -10,7 +8,7 @@ import pytest
 
 import rsgen
 from rsgen.common.errors import RsgenError
-from rsgen.data.oscillator import Model, Observation
+from rsgen.data.oscillator import Observation
 from rsgen.data.surface import ResponseSurface
 from rsgen.identification.modal_result import MODAL_COLUMNS
 from tests.samples import C1, K1, KN1, MASS, cubic_surface
@@ -71,7 +69,7 @@ def test_stiffness_and_damping_of_a_cubic_spring_follow_its_describing_function(
 
 
 @pytest.mark.parametrize(("force", "order"), [("h/v", 0), ("d*v", 2)])
-def test_the_damping_at_resonance_does_not_depend_on_how_it_grows_with_frequency(force: str, order: int):
+def test_the_damping_at_resonance_does_not_depend_on_how_it_grows_with_frequency(force, order):
     """A joint (omega c constant) and a drag (c as omega); with c alone the table is several per cent off."""
     X, f = np.meshgrid(np.geomspace(1e-3, 1e-2, 7), np.linspace(7, 14, 31), indexing="ij")
     X, omega = X.ravel(), 2 * np.pi * f.ravel()
@@ -165,33 +163,6 @@ def test_amplitudes_alone_are_enough():
     np.testing.assert_allclose(table.damping[inner], C1, rtol=0.02)
 
 
-def test_amplitudes_beside_a_background_reach_as_far_as_those_of_the_mode():
-    """The background adds to the mode in a phase that was not recorded; 7 and 11 parts in 1000 without it."""
-    seen = SURFACE.harmonics[:, 1] + 2e-5 * np.exp(0.7j) * SURFACE.force
-    whole = ResponseSurface(SURFACE.level, SURFACE.frequency, SURFACE.force, seen)
-    about = Observation(background="constant")
-    known, found = (rsgen.modal_table(surface, about) for surface in (whole, without_phase(whole)))
-    np.testing.assert_allclose(found.tested, known.tested, rtol=4e-3)
-
-
-def test_a_model_gives_its_mass_and_observation_and_not_its_law():
-    model = Model("k*x + c*v", mass=2 * MASS, observation=Observation(hold_out=(1.0, 12.0)))
-    table = rsgen.modal_table(SURFACE, model)
-    assert (table.mass, table.mass_error) == (2 * MASS, 0.0)
-    assert table.tested[1] < SURFACE.amplitude[SURFACE.level == 12.0].max()
-    assert rsgen.modal_table(SURFACE, model, mass=MASS).mass == MASS
-
-
-def test_the_file_has_every_row_with_its_interval():
-    table = rsgen.modal_table(SURFACE)
-    rows = list(csv.DictReader(io.StringIO(table.to_csv())))
-    assert len(rows) == len(table)
-    for name, unit in (("frequency", "Hz"), ("damping_ratio", "1"), ("stiffness", "N/m")):
-        for start, end in (("", ""), ("lower ", "_lower"), ("upper ", "_upper")):
-            column = [float(row[f"{start}{name} [{unit}]"]) for row in rows]
-            np.testing.assert_allclose(column, getattr(table, f"{name}{end}"), rtol=1e-9)
-
-
 def test_what_cannot_be_tabulated_is_refused_with_the_reason():
     flank = SURFACE.select(SURFACE.frequency < 9)
     with pytest.raises(RsgenError, match="points lie within 45 degrees of resonance"):
@@ -207,7 +178,7 @@ def test_what_cannot_be_tabulated_is_refused_with_the_reason():
 
 
 @pytest.mark.parametrize("level", [3.2, 12.0])
-def test_a_held_out_level_is_predicted_without_a_law(level: float):
+def test_a_held_out_level_is_predicted_without_a_law(level):
     """Inside the table to the error of its splines; above its amplitudes not at all, and that is said."""
     asked = float(SURFACE.levels[np.argmin(np.abs(SURFACE.levels - level))])
     table = rsgen.modal_table(SURFACE, Observation(hold_out=(asked,)))
@@ -243,18 +214,6 @@ def test_a_point_beyond_the_table_has_no_prediction_of_another_branch():
     assert scored.error < 0.02
 
 
-def test_a_shaken_base_gives_the_table_per_unit_mass_and_with_the_mass_whole():
-    test = rsgen.SimulatedTest(level=[1.0, 3.0], frequency=np.linspace(9.4, 10.8, 15), base="acceleration")
-    surface = rsgen.simulate(rsgen.Oscillator(MASS, "k*x + c*v", {"k": K1, "c": C1}), test)
-    per_mass, whole = rsgen.modal_table(surface), rsgen.modal_table(surface, mass=MASS)
-    assert "stiffness" not in per_mass.known
-    assert "per unit mass" in repr(per_mass)
-    np.testing.assert_allclose(per_mass.stiffness_per_mass, K1 / MASS, rtol=1e-5)
-    np.testing.assert_allclose(per_mass.damping_per_mass, C1 / MASS, rtol=1e-4)
-    np.testing.assert_allclose(whole.stiffness, K1, rtol=1e-5)
-    np.testing.assert_allclose(whole.damping, C1, rtol=1e-4)
-
-
 @pytest.mark.slow
 def test_intervals_contain_curves_that_no_spline_follows_exactly():
     """A joint that softens by micro-slip, ln-like in X: what splines leave out must not exceed the noise."""
@@ -284,40 +243,3 @@ def test_intervals_contain_curves_that_no_spline_follows_exactly():
     # as above; the seven of a run depend on each other, so that they count as three
     least = 0.95 * count - 4 * np.sqrt(0.95 * 0.05 * count * 7 / 3)
     assert all(hit >= least for hit in hits.values()), (hits, count)
-
-
-@pytest.mark.thorough
-@pytest.mark.parametrize(
-    ("law", "values"),
-    [
-        ("k*x + c*v + Ff*sign(v)", {"k": 5920.0, "c": 2.0, "Ff": 0.6}),
-        ("c*v + Piecewise((k4*x, abs(x) <= b), (k5*x + (k4 - k5)*b*sign(x), True))",
-         {"c": 3.0, "k4": 5920.0, "k5": 9000.0, "b": 0.012}),
-    ],
-)  # fmt: skip
-def test_intervals_hold_between_the_amplitudes_that_were_tested(law, values):
-    """A gap in the amplitudes, or a corner of k(X), is not known better than shapes that fit alike agree."""
-    test = rsgen.SimulatedTest(level=np.linspace(1, 12, 39), frequency=[8, 16], control="phase", harmonics=3)
-    exact = rsgen.simulate(rsgen.Oscillator(1.5, law, values), test)
-    tested, between = exact.select(np.arange(0, 39, 2)), exact.select(np.arange(1, 39, 2))
-    true = {
-        "stiffness_per_mass": between.omega**2,
-        "damping": np.abs(between.force) / between.omega / between.amplitude,
-    }
-    hits = {name: [] for name in true}
-    for seed in range(16):
-        table = rsgen.modal_table(noisy(tested, 0.01, seed), mass=1.5).at(between.amplitude)
-        for name, column in true.items():
-            hits[name].append(inside(table, name, column))
-    for name, each in hits.items():
-        assert np.mean(each) > 0.9, name
-        assert np.mean(each, axis=0).min() > 0.5, name
-
-
-def test_a_table_beyond_its_test_says_so_in_print() -> None:
-    table = rsgen.modal_table(noisy(cubic_surface(), 0.01, 2))
-    low, high = table.tested
-    assert "extrapolated" not in repr(table)
-    assert "extrapolated" not in repr(table.at([low, (low + high) / 2, high]))
-    for beyond in (low / 2, 2 * high):
-        assert f"extrapolated as constants outside {low:.5g} to {high:.5g} m" in repr(table.at([beyond]))

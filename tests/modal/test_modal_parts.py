@@ -1,7 +1,5 @@
 """Parts of the modal table against closed forms: splines, what their shapes say together, and their price."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 
@@ -17,7 +15,7 @@ TESTED = (1e-3, 2e-2)
 
 
 @pytest.mark.parametrize("power", [2, 1, 0, -1])
-def test_slopes_of_splines_are_by_the_logarithm_of_the_amplitude(power: int) -> None:
+def test_slopes_of_splines_are_by_the_logarithm_of_the_amplitude(power):
     basis, h = SplineBasis.over(SIZES, TESTED, 2, 3, power), 1e-6
     inside = np.geomspace(1.3e-3, 1.8e-2, 17)
     up, down = (basis(inside * np.exp(step))[0] for step in (h, -h))
@@ -30,7 +28,7 @@ def flat(stiffness: float, damping: float, mass: float, others=()) -> ModalSplin
     return ModalSplines(basis, (1,), np.array([stiffness, damping]), mass, np.zeros((3, 3)), 10, others)
 
 
-def test_shapes_that_fit_as_well_count_by_their_weight() -> None:
+def test_shapes_that_fit_as_well_count_by_their_weight():
     # variance between models: the sum of w_i (value_i - value)^2 (Burnham and Anderson, 2002, Sec. 4.3)
     others = ((0.25, flat(5200.0, 4.4, 1.5)), (0.75, flat(5000.0, 4.0, 1.6)))
     k, c, errors = flat(5000.0, 4.0, 1.5, others).at(np.array([5e-3]))
@@ -50,14 +48,14 @@ def points_of(harmonics: np.ndarray, noise: float = 0.0) -> Points:
     return select_points(surface, Model("k*x + c*v"))
 
 
-def test_the_mass_lacks_the_kinetic_energy_of_the_harmonics() -> None:
+def test_the_mass_lacks_the_kinetic_energy_of_the_harmonics():
     # of x = X cos(wt) + 0.1 X cos(3wt) + 0.05 X cos(2wt): 9 * 0.01 + 4 * 0.0025 of the fundamental's
     harmonics = np.zeros((8, 4), dtype=complex)
     harmonics[:, 1:] = np.linspace(1e-3, 8e-3, 8)[:, None] * np.array([1.0, 0.05j, 0.1])
     assert _harmonics_error(points_of(harmonics), 1e-4) == pytest.approx(0.10, rel=1e-9)
 
 
-def test_few_points_make_coefficients_dear() -> None:
+def test_few_points_make_coefficients_dear():
     # AIC with the correction for n numbers and q coefficients: n log(mean square) + 2 q n/(n - q - 1)
     # (Hurvich and Tsai, Biometrika 76, 1989)
     harmonics = np.zeros((8, 2), dtype=complex)

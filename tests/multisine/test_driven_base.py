@@ -63,13 +63,6 @@ def test_noise_is_in_the_errors(seed):
     assert rs.predict(found, surface=shaken(0.01, seed)).records[1].error == pytest.approx(record.error)
 
 
-@pytest.mark.slow
-def test_laws_are_ranked_per_unit_mass():
-    ranking = rs.rank(shaken(0.01), [LAW, "k*x + c*v", "k*x + c*v + Ff*sign(v)"])
-    assert ranking.candidates[0].values.keys() >= {"k", "k3", "c"}
-    assert ranking.fits
-
-
 @pytest.mark.parametrize("wrong", ["sign", "absolute"])
 def test_a_misread_base_is_not_trusted(wrong):
     right = shaken(0.01)

@@ -1,7 +1,5 @@
 """What single periods say of the balance at the lines, against formulas for laws that are simple enough."""
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 
@@ -94,17 +92,6 @@ def test_where_the_law_moves_itself_noise_of_the_force_counts_by_what_inertia_ta
     assert found.deviation[0, :, 1:] == pytest.approx(share * apart[:, 1:], rel=1e-6, abs=1e-12)
     expected = np.abs(share) ** 2 * spectra.noise()[0][0, 1:] ** 2
     assert found.weight_shape[0, 1:] == pytest.approx(expected, rel=1e-6)
-
-
-def test_the_noise_does_not_depend_on_the_order_of_the_periods():
-    spectra = records(of_force=0.01, of_response=1e-4)
-    reverse = replace(spectra, force=spectra.force[:, ::-1], response=spectra.response[:, ::-1])
-    values = (DAMPING, STIFFNESS, 1e9)
-    found, again = (
-        noise_of(lines_from(s, first=3), "k*x + k3*x**3 + c*v", *values) for s in (spectra, reverse)
-    )
-    assert again.weight_shape == pytest.approx(found.weight_shape, rel=1e-9)
-    assert again.deviation[:, ::-1] == pytest.approx(found.deviation, rel=1e-9, abs=1e-12)
 
 
 def test_slopes_follow_the_mean_that_the_law_finds():

@@ -121,9 +121,3 @@ def test_a_given_mass_that_a_multisine_contradicts_is_named():
     (said,) = (finding for finding in found.verdict.decided_by if finding.code == "fixed-contradicted")
     assert said["fitted"] == pytest.approx(MASS, rel=0.005)
     assert rsgen.identify(spectra, "k*x + k3*x**3 + c*v", mass=MASS).verdict.state == "identified"
-
-
-def test_a_parameter_may_have_any_name():
-    spectra = records(1e-3)
-    found = rsgen.identify(spectra, "k*x + k3*x**3 + term0*v + term1*v*abs(v)")
-    assert found["term1"].value == pytest.approx(TRUE["c2"], rel=0.02)

@@ -55,15 +55,6 @@ def test_a_driven_base_gives_what_is_per_unit_mass():
     np.testing.assert_allclose(whole.stiffness, SPRING, rtol=1e-6)
 
 
-def test_curves_are_predicted_from_the_table():
-    table = rs.modal_table(spectra("k*x + c*v"))
-    curve = rs.predict(table, [3.0])[3.0]
-    omega = 2 * np.pi * curve.frequency
-    exact = 3.0 / np.abs(SPRING - MASS * omega**2 + 1j * DAMPER * omega)
-    known = curve.amplitude > table.tested[0]
-    np.testing.assert_allclose(curve.amplitude[known], exact[known], rtol=1e-5)
-
-
 @pytest.mark.parametrize("mass", [None, MASS])
 def test_a_reversed_response_has_no_table(mass):
     # a mass of -1.5 kg and a stiffness of -5920 N/m were tabulated

@@ -138,31 +138,6 @@ def test_page_and_numbers_state_the_background(tmp_path):
     assert "Cell(" not in page
 
 
-@pytest.mark.thorough
-def test_the_right_law_is_first_next_to_a_background():
-    test = with_noise(seen(spectra(duffing, SIZES, periods=8), "residuals"), 3)
-    rivals = (LAW, "k*x + k2*x**2 + c*v", "k*x + k2*x**2 + k5*x**5 + c*v", "k*x + k2*x**2 + c*v + F*sign(v)")
-    ranking = rsgen.rank(test, rivals, rsgen.Observation(background="residuals"))
-    assert ranking.fits
-    assert "k3" in ranking.candidates[0].values
-    assert not rsgen.rank(test, rivals).fits
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("seed", [0, pytest.param(1, marks=pytest.mark.thorough)])
-def test_a_gap_next_to_a_background_is_found(seed):
-    # beside a linear law the background would take the misfit, and every law would lose its mass
-    law = "k*x + c*v + kg*(Max(0, x - b) + Min(0, x + b))"
-    values = {"k": 5e3, "c": 15.0, "kg": 8e3, "b": 2e-3}
-    test = rsgen.MultisineTest((4, 6, 9), (2.5, 20), 2.0, periods=8, seed=seed)
-    mode = rsgen.simulate(rsgen.Oscillator(MASS, law, values), test)
-    rivals = [rsgen.laws[name] for name in ("dead-zone", "cubic-spring", "coulomb", "quadratic-damper")]
-    observation = rsgen.Observation(background="residuals")
-    ranking = rsgen.rank(with_noise(seen(mode, "residuals"), seed), rivals, observation)
-    assert ranking.fits
-    assert ranking["dead-zone"].tied
-
-
 def test_the_modal_table_is_that_of_the_mode():
     test = seen(spectra(linear, SIZES), "residuals")
     table = rsgen.modal_table(test, rsgen.Observation(background="residuals"))

@@ -68,16 +68,6 @@ def test_swapped_columns_are_not_believed():
         rsgen.best_linear(from_multisine(records(4)), (9.0, 9.5))
 
 
-def test_sizes_that_no_test_has_are_doubted():
-    good = from_multisine(records(4))
-    assert not [finding for finding in rsgen.identify(good, "k*x + c*v").findings if "size" in finding.code]
-    tiny = rsgen.MultisineSpectra(good.level * 1e-9, good.omega0, good.force * 1e-9, good.response)
-    found = rsgen.identify(tiny, "k*x + c*v")
-    assert [finding.names["quantity"] for finding in found.findings if finding.code == "size-impossible"]
-    free = rsgen.identify(tiny, "k*x + c*v", rsgen.Observation(calibrated=False))
-    assert not [finding for finding in free.findings if "size" in finding.code]
-
-
 def few_periods(spectra: rsgen.MultisineSpectra) -> str | None:
     """Severity of the finding that records of two periods are short; None where it was not made."""
     short = (finding for finding in spectra.findings if finding.code == "multisine-periods")

@@ -10,7 +10,6 @@ import pytest
 from numpy.lib import format as npy
 
 import rsgen
-from rsgen import figures
 from rsgen.common.errors import RsgenError
 from tests.case_files import law as case_law
 from tests.case_files import write_small
@@ -62,26 +61,6 @@ def test_noise_of_one_period_is_told_from_a_law_that_lacks_a_term():
     lacks = rsgen.identify(spectra, "k*x + c*v")
     assert not lacks.verdict.usable
     assert "law-does-not-fit" in {finding.code for finding in lacks.findings}
-
-
-def test_figures_join_the_excited_lines_and_print_plain_numbers():
-    found = rsgen.identify(simulated("cubic", (1.0, 3.0), periods=2), LAWS["cubic"][0])
-    for draw in (figures.draw_best_linear, figures.draw_line_misfit):
-        drawing = draw(found)
-        assert b"mathdefault" not in drawing.render("svg")
-        for axes in drawing.figure.axes:
-            height = axes.get_lines()[0].get_ydata()
-            assert len(height) > 10
-            assert np.isfinite(height).all(), "a point between two gaps is not drawn"
-
-
-@pytest.mark.thorough
-def test_a_law_with_memory_comes_back():
-    law, values = "k*x + c*v + masing(Min(kt*x, Fs))", {"k": 5000.0, "c": 4.0, "kt": 2000.0, "Fs": 3.0}
-    test = rsgen.MultisineTest((3.0, 5.0, 8.0), (2.5, 20.0), 2.0, periods=1)
-    found = rsgen.identify(rsgen.simulate(rsgen.Oscillator(MASS, law, values), test), law)
-    for each, true in {**values, "m": MASS}.items():
-        assert found[each].value == pytest.approx(true, rel=1e-4), each
 
 
 def test_friction_moves_as_its_exact_pieces_do():
@@ -193,20 +172,6 @@ def test_a_case_of_a_virtual_multisine_is_checked_and_run(tmp_path, run_cli):
     assert "--frf: of a multisine" in run_cli("identify", case, "--frf", case.with_suffix(".uff")).err
     write_small(tmp_path, "lines", CASE | {"identify.hold_out": ["6 N"]})
     assert "6 N is not tested; one of test.level is needed" in run_cli("check", case).err
-
-
-@pytest.mark.parametrize(
-    ("key", "value", "reason"),
-    [
-        ("test.perjod", "2 s", "test.perjod: is not a key here; did you mean 'period'?"),
-        ("test.control", "phase", "test.control: is not a key here"),
-        ("unknown", {}, "unknown: is not a key here"),
-    ],
-)
-def test_what_a_virtual_multisine_cannot_have_is_said_before_the_run(tmp_path, run_cli, key, value, reason):
-    checked = run_cli("check", write_small(tmp_path, "lines", CASE | {key: value}))
-    assert (checked.code, checked.out) == (2, "")
-    assert reason in checked.err
 
 
 def test_impossible_tests_are_refused_with_the_reason():

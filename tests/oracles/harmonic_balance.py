@@ -1,7 +1,5 @@
 """Harmonic balance of smooth laws, one point after the other by scipy: shares nothing with that of rsgen."""
 
-from __future__ import annotations
-
 import numpy as np
 import sympy
 from scipy.optimize import root

@@ -4,8 +4,6 @@ A structure is a rate y' of y = (x, v, memories) in a mode, and guards of that m
 through zero ends it, each with the mode that follows.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any

@@ -1,7 +1,5 @@
 """Brute force on a sample: is a surface from rest what a long transient gives?"""
 
-from __future__ import annotations
-
 import numpy as np
 
 from rsgen.data.oscillator import Oscillator

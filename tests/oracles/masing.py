@@ -1,7 +1,5 @@
 """Loops of Masing laws in closed form."""
 
-from __future__ import annotations
-
 import numpy as np
 
 

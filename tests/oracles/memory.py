@@ -4,8 +4,6 @@ Steady states by the explicit Runge-Kutta method of order four, with nothing of 
 holds them.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 
 import numpy as np

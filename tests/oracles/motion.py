@@ -4,8 +4,6 @@ Nothing of the kernel or of the normal form is used: a law is given as a plain P
 x, v and the modes, with its switching functions beside it.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import dataclass
 

@@ -1,7 +1,5 @@
 """Swept-sine tests of an oscillator by a separate Runge-Kutta integration, without the kernel."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from functools import lru_cache
 from typing import Any

@@ -4,8 +4,6 @@ Force control from rest, up and down; held amplitude; phase-locked loop; continu
 tables, which need no law.
 """
 
-from __future__ import annotations
-
 from functools import cache, partial
 from typing import Any
 

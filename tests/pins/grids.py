@@ -1,7 +1,5 @@
 """Small virtual tests that several tables of pins read; each is solved once."""
 
-from __future__ import annotations
-
 from functools import cache
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Records with pinned numbers: what is tracked in swept and stepped sines, and what a decay says."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from functools import cache
 

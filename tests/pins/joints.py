@@ -3,8 +3,6 @@
 Jenkins, Iwan, Segalman's four-parameter Iwan, Bouc-Wen and Dahl; each beside a linear spring and damper.
 """
 
-from __future__ import annotations
-
 from dataclasses import replace
 from functools import partial
 

@@ -1,7 +1,5 @@
 """Multisine tests with pinned numbers: spectra, best linear approximation, identification, prediction."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from functools import cache, partial
 

@@ -3,8 +3,6 @@
 A name that is gone or new fails the pin and is said; names.json has them sorted.
 """
 
-from __future__ import annotations
-
 import json
 import os
 import tempfile

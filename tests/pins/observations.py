@@ -4,8 +4,6 @@ Every kind of background, amplitudes without phases, repeated readings, held-out
 without a scale, harmonics of the force, laws that are not odd, a motion across two sensors.
 """
 
-from __future__ import annotations
-
 from dataclasses import replace
 from functools import cache, partial
 

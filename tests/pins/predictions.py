@@ -1,7 +1,5 @@
 """Predictions and describing functions with pinned numbers: curves, held-out levels, k(X), c(X), means."""
 
-from __future__ import annotations
-
 from functools import partial
 
 import numpy as np

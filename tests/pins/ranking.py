@@ -1,7 +1,5 @@
 """Rankings with pinned numbers: order, misfits and verdicts of laws against one test."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from functools import cache
 from typing import Any

@@ -1,7 +1,5 @@
 """Trees of results: the numbers of an array, a surface, an identification that pins keep."""
 
-from __future__ import annotations
-
 from collections import Counter
 from collections.abc import Iterable
 from typing import Any
@@ -90,6 +88,11 @@ def estimate(one: Estimate, *, whole: bool = False) -> Tree:
     }
 
 
+def plain_estimates(several: Iterable[Estimate]) -> Tree:
+    """Values and standard errors by name."""
+    return {one.name: {"value": one.value, "standard_error": one.standard_error} for one in several}
+
+
 def estimates(several: Iterable[Estimate], *, whole: bool = False) -> Tree:
     """Estimates by name."""
     return {one.name: estimate(one, whole=whole) for one in several}
@@ -120,11 +123,10 @@ def identification(found: rsgen.Identification) -> Tree:
 
 def whole_identification(found: rsgen.Identification) -> Tree:
     """All parts of an identification, with resonances, equivalent curves and forces without a law."""
-    plain = {e.name: {"value": e.value, "standard_error": e.standard_error} for e in found.first_order}
     tree = identification(found) | {
         "refined": estimates(found.refined, whole=True),
-        "first_order": plain,
-        "paper": {e.name: {"value": e.value, "standard_error": e.standard_error} for e in found.paper},
+        "first_order": plain_estimates(found.first_order),
+        "paper": plain_estimates(found.paper),
         "levels": series(found.levels, entries=3),
         "amplitude_range": list(map(float, found.amplitude_range)),
         "frequency_range": list(map(float, found.frequency_range)),

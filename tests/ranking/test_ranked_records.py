@@ -98,15 +98,6 @@ def test_one_period_does_not_say_whether_the_nearest_law_fits() -> None:
     assert "one period is too little to separate noise from misfit" in rs.sentence(nearest)
 
 
-def test_a_given_mass_and_a_held_out_level_stay_out() -> None:
-    spectra = virtual("cubic-spring")
-    ranking = rs.rank(spectra, RIVALS[:2], rs.Observation(hold_out=(5,)), mass=MASS)
-    assert all("m" not in candidate.values for candidate in ranking)
-    assert ranking.best.held_out[0].level == 5
-    assert ranking.best["m"].value == MASS
-    assert ranking.best.ranking is ranking
-
-
 def test_a_driven_base_is_ranked_per_unit_mass() -> None:
     pushed = virtual("cubic-spring")
     shaken = replace(pushed, force=pushed.force / MASS, per_mass=True, base="acceleration")

@@ -18,7 +18,6 @@ from rsgen.cases import load_case
 from rsgen.common.errors import RsgenError
 from rsgen.data.oscillator import Model, Observation
 from rsgen.data.surface import ResponseSurface, save_surface
-from rsgen.files import read_measurement
 from rsgen.formula import parse
 from rsgen.formula.names import remembers
 from rsgen.identification.fitting.observed import Observed
@@ -28,7 +27,7 @@ from rsgen.identification.ranking import Ranking, rank
 from rsgen.identification.ranking.balance import PointBalance
 from rsgen.identification.ranking.candidate_fit import CandidateFit, CandidateLaw, Round, fit_candidate
 from rsgen.identification.ranking.library_sums import Sum, library_terms, terms_of, whole_name
-from rsgen.identification.ranking.rank_laws import identify_best, order_candidates
+from rsgen.identification.ranking.rank_laws import order_candidates
 from rsgen.identification.ranking.ranking_result import ORDER, Assessment, Candidate, assess_best
 from rsgen.identification.ranking.reference import fit_reference_motion
 from rsgen.identification.ranking.selection import search_sums
@@ -132,14 +131,6 @@ def test_the_models_own_law_competes_and_keeps_its_names() -> None:
     assert set(best.values) == {*LAWS["cubic"][1], "m"}
     assert ranking.model.elements == model("cubic").elements
     assert [c.name for c in ranking.candidates].count("cubic-spring") == 1
-
-
-@pytest.mark.slow
-def test_a_given_mass_holds_for_all() -> None:
-    ranking = rank(measured("cubic"), [laws[name] for name in FEW], mass=MASS)
-    assert ranking.candidates[0].name == "cubic-spring"
-    assert all("m" not in candidate.values for candidate in ranking.candidates)
-    assert ranking.model.mass == MASS
 
 
 # ---------------------------------------------------------------- none of these fits
@@ -303,21 +294,6 @@ def test_parameters_of_a_sum_have_names_of_their_own() -> None:
     assert "k" not in Sum((by_name["pendulum"],)).base
 
 
-RIVALS = (
-    "bouc-wen", "dahl", "iwan", "iwan4", "jenkins", "coulomb", "tanh-joint", "cubic-spring", "power-damper",
-)  # fmt: skip
-"""All loops, and what without memory comes nearest to them."""
-
-
-@pytest.mark.thorough
-def test_bouc_wen_is_recognised_by_its_loop() -> None:
-    """The hysteretic benchmark as a stepped sine: products that can be identified come out of the ranking."""
-    best = rank(bouc_wen(), [term.source for term in library_terms() if term.name in RIVALS]).candidates[0]
-    assert best.name == "bouc-wen"
-    truth = {"alpha": 5e4, "bd": -1100.0, "bg": 800.0, "c": 10.0, "k": 5e4, "m": 2.0}
-    assert best.values == pytest.approx(truth, rel=5e-3)
-
-
 @pytest.mark.thorough
 def test_a_slider_is_recognised_by_its_loop() -> None:
     """Jenkins: no law without memory comes near; sums have one law with memory at most."""
@@ -329,18 +305,6 @@ def test_a_slider_is_recognised_by_its_loop() -> None:
     with_loop = [len(set(c.name.split(" + ")) & loops) for c in ranking.candidates]
     assert max(with_loop) == 1
     assert min(c.bic for c, loop in zip(ranking.candidates, with_loop, strict=True) if not loop) > 100
-
-
-@pytest.mark.thorough
-def test_a_slip_far_below_the_largest_motion_is_recognised() -> None:
-    """Dahl's friction of 5 % of the largest force: 0.2 mm of motions up to 56 mm, nearly Coulomb's."""
-    law = rsgen.Law("k*x + c*v + Fc*z", memory={"z": "(v - z*abs(v))/xs"})
-    values = {"k": 5920.0, "c": 3.0, "Fc": 0.6, "xs": 2e-4}
-    test = rsgen.SimulatedTest(np.linspace(1.5, 12, 4), np.linspace(8, 12.5, 28), harmonics=5, accuracy=1e-6)
-    table = rsgen.simulate(rsgen.Oscillator(1.5, law, values), test)
-    best = rank(noisy(table, 0.01, 1), BASE).candidates[0]
-    assert best.name == "dahl"
-    assert best.values["xs"] == pytest.approx(2e-4, rel=0.1)
 
 
 # ---------------------------------------------------------------- what a ranking sees
@@ -430,16 +394,6 @@ def test_the_library_is_ranked_without_phases() -> None:
         assert sum(not term.law.odd for term in parts) <= 1
 
 
-@pytest.mark.slow
-@pytest.mark.usefixtures("few_laws")
-def test_the_best_law_is_identified_with_intervals() -> None:
-    found = identify_best(measured("cubic"), BASE)
-    assert found.ranking is not None
-    assert found.ranking.candidates[0].name == "cubic-spring"
-    assert found.values["k3"] == pytest.approx(LAWS["cubic"][1]["kn"], rel=0.05)
-    assert rsgen.rank is rank
-
-
 # ---------------------------------------------------------------- case and command
 
 CASE = """
@@ -522,23 +476,6 @@ def test_the_command_ranks_a_surface(tmp_path: Path, run_cli: Callable[..., Answ
 # ---------------------------------------------------------------- real files
 
 
-@pytest.mark.thorough
-def test_no_memoryless_law_fits_the_hysteretic_benchmark(
-    tmp_path: Path, measured_data: Callable[[str], Path]
-) -> None:
-    folder = measured_data("bouc_wen").parent
-    text = (CASES / "bouc_wen.toml").read_text(encoding="utf-8")
-    before, after = text.split("[[element]]", 1)[0], text[text.index("[test]") :]
-    path = tmp_path / "ranked.toml"
-    path.write_text(before.replace("schema = 1", 'schema = 1\nmodel = "rank"') + after, encoding="utf-8")
-    case = load_case(path, data=folder)
-    # without elements the base of all candidates stands in
-    assert [element.name for element in case.model.elements] == ["linear-spring", "linear-damper"]
-    ranking = rank(read_measurement(case.test), MEMORYLESS, case.model.observation)
-    assert not ranking.fits
-    assert ranking.unexplained > 0.01
-
-
 # ---------------------------------------------------------------- candidates of a user
 
 
@@ -548,16 +485,6 @@ def test_candidates_of_a_user_compete() -> None:
     assert ranking.fits
     assert ranking.best["k3"].value == pytest.approx(LAWS["cubic"][1]["kn"], rel=0.05)
     assert ranking.best.ranking is ranking
-
-
-@pytest.mark.slow
-@pytest.mark.usefixtures("few_laws")
-def test_candidates_of_a_user_compete_with_the_library() -> None:
-    ranking = rank(
-        measured("cubic"), [rsgen.Law("k*x + k5*x**5 + c*v", "mine"), *(laws[name] for name in FEW)]
-    )
-    assert ranking.candidates[0].name == "cubic-spring"
-    assert "mine" in {candidate.name for candidate in ranking}
 
 
 @pytest.mark.thorough
@@ -592,16 +519,6 @@ def test_a_formula_that_the_library_has_stands_once() -> None:
     assert "cubic-spring" not in {candidate.name for candidate in ranking}
 
 
-@pytest.mark.thorough
-def test_laws_that_differ_in_the_equation_of_a_state_are_two_candidates() -> None:
-    slides = rsgen.Law("k*x + c*v + z", memory={"z": "kt*v - r*abs(v)*z"})
-    creeps = rsgen.Law("k*x + c*v + z", memory={"z": "kt*v - z/tau"})
-    ranking = rank(measured("coulomb"), [creeps, slides], mass=MASS)
-    shown = ("c*v + k*x + z, z' = kt*v - r*z*abs(v)", "c*v + k*x + z, z' = kt*v - z/tau")
-    assert {candidate.force for candidate in ranking} == set(shown)
-    assert all(text in str(ranking) for text in shown)
-
-
 def test_laws_are_equal_by_their_normal_form_whatever_their_names() -> None:
     gap = terms_of(parse("k*x + k1*Max(x - b, 0) + k1*Min(0, x + b)"))
     assert gap == terms_of(parse("q*(Min(0, x + g) + Max(0, x - g)) + p*x"))
@@ -611,12 +528,6 @@ def test_laws_are_equal_by_their_normal_form_whatever_their_names() -> None:
     assert terms_of(dahl) == terms_of(with_memory(parse("z0*y"), {"y": "v/L - y/L*abs(v)"}))
     assert terms_of(dahl) != terms_of(with_memory(parse("q*z"), {"z": "(v - z)/tau"}))
     assert terms_of(parse("k*x + k2*x*abs(x)")) == terms_of(parse("a*x**2*sign(x) + b*x"))
-
-
-def test_laws_of_the_library_stand_on_a_linear_base() -> None:
-    ranking = rank(measured("coulomb"), [laws["coulomb"], laws["cubic-spring"]], mass=MASS)
-    assert ranking.candidates[0].name == "coulomb"
-    assert set(ranking.candidates[0].values) == {"k", "c", "Ff"}
 
 
 def test_names_say_what_a_candidate_holds() -> None:

@@ -123,7 +123,7 @@ def run(root: Path, *words: str) -> str:
 
 
 @pytest.fixture(scope="module")
-def scratch(tmp_path_factory: pytest.TempPathFactory) -> Scratch:
+def scratch(tmp_path_factory):
     """A copy with all additions of the page."""
     copy = Scratch.of(ROOT, tmp_path_factory.mktemp("recipes"))
     for block in find_snippets(PAGE.read_text(encoding="utf-8")):
@@ -134,7 +134,7 @@ def scratch(tmp_path_factory: pytest.TempPathFactory) -> Scratch:
 
 
 @pytest.fixture(scope="module")
-def seen(scratch: Scratch) -> dict[str, Any]:
+def seen(scratch):
     """What a user of the copy sees."""
     answer: dict[str, Any] = json.loads(run(scratch.root, "-c", USER))
     return answer

@@ -3,7 +3,6 @@
 import base64
 import re
 from dataclasses import replace
-from pathlib import Path
 from typing import Any
 
 import pytest
@@ -33,7 +32,7 @@ POLICY = re.compile(r"<meta http-equiv=\"Content-Security-Policy\"[^>]*>")
 
 
 @pytest.fixture(scope="module")
-def pages(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
+def pages(tmp_path_factory):
     """A plain report, one with hostile texts everywhere, the same without its policy, and an index."""
     folder = tmp_path_factory.mktemp("pages")
     surface = cubic_surface()

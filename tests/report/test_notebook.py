@@ -99,22 +99,6 @@ def test_only_the_public_interface_is_called():
                         assert node.attr in figures.__all__
 
 
-def test_cells_have_stable_names():
-    names = [[cell.id for cell in build_notebook(cubic_case(title=t)).cells] for t in ("a", "b")]
-    assert names[0] == names[1]
-    assert len(set(names[0])) == len(names[0])
-
-
-@pytest.mark.parametrize("path", CASES, ids=lambda path: path.stem)
-def test_every_case_makes_a_notebook(path):
-    case = load_case(path)
-    notebook = build_notebook(case)
-    nbformat.validate(notebook)
-    (first, *_) = code_cells(notebook)
-    assignment = next(node for node in ast.parse(first).body if isinstance(node, ast.Assign))
-    assert literal_eval(assignment.value) == case.text
-
-
 @pytest.mark.slow
 @pytest.mark.parametrize("path", CASES, ids=lambda path: path.stem)
 def test_ruff_has_nothing_to_say(path, tmp_path):

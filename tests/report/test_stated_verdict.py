@@ -5,15 +5,12 @@ import re
 from dataclasses import replace
 from functools import cache
 from pathlib import Path
-from typing import Any
 
 import pytest
 from matplotlib.figure import Figure
 
 import rsgen
-from rsgen.app.cli.diff_command import compare_results, difference_data
-from rsgen.common.errors import RsgenError
-from rsgen.common.finding import STATES, Finding, Verdict, reach_verdict, verdict_lines
+from rsgen.common.finding import STATES, Finding, Verdict, reach_verdict
 from rsgen.identification.results import Identification
 from rsgen.report import draw_all
 from rsgen.report.figures import Drawing
@@ -21,7 +18,7 @@ from rsgen.report.page import render_page, table_of_results, write_index
 from rsgen.report.provenance import Subject, coded
 from rsgen.report.result_json import read_result, read_results
 from rsgen.report.wording import full_sentence, next_step
-from rsgen.report.wording.sentences import explain, read_verdict, state_verdict
+from rsgen.report.wording.sentences import explain, state_verdict
 from tests.samples import (
     cubic_case,
     cubic_comparison,
@@ -106,16 +103,6 @@ def test_a_result_prints_its_verdict_first():
     assert repr(found_with()).splitlines()[0] == "identified"
 
 
-def test_what_is_none_of_a_result_has_no_verdict():
-    wrong: Any = "found"
-    with pytest.raises(RsgenError, match="identification: str"):
-        rsgen.verdict_of(wrong)
-    with pytest.raises(RsgenError, match="comparison: str"):
-        rsgen.verdict_of(IDENTIFICATION, wrong)
-    with pytest.raises(RsgenError, match="prediction: str"):
-        rsgen.verdict_of(IDENTIFICATION, None, wrong)
-
-
 @pytest.mark.slow
 def test_a_rejected_page_marks_its_numbers():
     text = page_of(1.0, DOUBT, ERROR).replace("\u00a0", " ")
@@ -146,26 +133,6 @@ def test_a_doubtful_page_says_so_and_others_do_not():
         assert "Not to be used" not in text
         assert "oubtful" not in text.split("</style>")[1]
         assert "This is the estimate to use." in text
-
-
-def test_older_results_have_the_verdict_of_their_findings_and_rows(tmp_path):
-    for tolerance, findings, state in (
-        (None, (WARNING,), "identified"),
-        (1.0, (), "accepted"),
-        (0.0, (), "missed"),
-        (0.0, (WARNING, ERROR), "rejected"),
-    ):
-        result = cubic_result(tolerance, *findings)
-        del result["verdict"]
-        stated = read_verdict(result)
-        assert stated["state"] == state
-        if state == "rejected":
-            # as it was said then
-            assert stated["sentences"] == [result["warnings"][-1]]
-            assert len(verdict_lines(stated)) == 2
-        entry = read_result(write_result(tmp_path / f"{tolerance}{state}", result) / "result.json")
-        assert entry is not None
-        assert entry.verdict == stated
 
 
 @pytest.mark.parametrize(
@@ -216,29 +183,6 @@ def test_index_and_table_show_the_verdict_of_every_case(tmp_path):
         "wrong": "**rejected**",
     }
     assert "* fine: Liu et al., Eqs. (13), (14)" in lines
-
-
-def test_another_verdict_is_a_difference(tmp_path):
-    before = write_result(tmp_path / "a", cubic_result(1.0))
-    after = write_result(tmp_path / "b", cubic_result(1.0, DOUBT))
-    (difference,) = compare_results(before, after)
-    assert not any(row.changed for row in difference.fits)
-    assert difference.changed
-    assert difference.worse
-    assert [str(fit.verdict) for fit in difference.fits.fits] == ["accepted", "doubtful (law-does-not-fit)"]
-    (data,) = difference_data([difference])
-    assert [fit["decided_by"] for fit in data["fits"]] == [[], ["law-does-not-fit"]]
-    (back,) = compare_results(after, before)
-    assert back.changed
-    assert not back.worse
-    # another reason for the same state
-    (other,) = compare_results(
-        after, write_result(tmp_path / "c", cubic_result(1.0, replace(ERROR, severity="doubt")))
-    )
-    assert other.changed
-    assert not other.worse
-    (same,) = compare_results(after, after)
-    assert not same.changed
 
 
 def test_nothing_red_stands_on_a_calm_page_and_notes_have_no_colour_of_alarm():

@@ -8,14 +8,13 @@ import pytest
 
 import rsgen
 from rsgen.common.errors import RsgenError
-from rsgen.report.files import draw_all
-from tests.samples import cubic_case, cubic_model, cubic_surface
+from tests.samples import cubic_model, cubic_surface
 
 SURFACE = cubic_surface()
 
 
 @pytest.fixture(scope="module")
-def found() -> rsgen.Identification:
+def found():
     return rsgen.identify(SURFACE, cubic_model())
 
 
@@ -42,25 +41,6 @@ def test_a_report_needs_a_surface_and_a_result_only_and_shows_a_title_as_text(tm
     page = (by_name / "report.html").read_text()
     assert "<h1>&lt;b&gt;Joint&lt;/b&gt;</h1>" in page
     assert "our lab" in page
-
-
-@pytest.mark.slow
-def test_a_case_brings_the_truth_when_no_comparison_is_given(tmp_path, found, monkeypatch):
-    written: list[Path] = []
-    monkeypatch.setattr("rsgen.report.files.write_notebook", lambda path, *_, **__: written.append(path))
-    # the figures of both are the same
-    drawn: list[Any] = []
-    monkeypatch.setattr(
-        "rsgen.report.files.draw_all", lambda *of: drawn or drawn.extend(draw_all(*of)) or drawn
-    )
-    case = cubic_case()
-    compared = rsgen.compare(found, case.truth, case.accept)
-    rsgen.write_report(tmp_path / "a", SURFACE, found, case=case, comparison=compared)
-    rsgen.write_report(tmp_path / "b", SURFACE, found, case=case)
-    one, other = results(tmp_path / "a", tmp_path / "b")
-    assert one == other
-    assert all(row["true"] is not None for row in one["parameters"])
-    assert [path.name for path in written] == ["notebook.ipynb"] * 2
 
 
 def test_names_and_folders_of_another_kind_are_refused(found):

@@ -1,9 +1,8 @@
 """A shaken base: transmissibility in closed form, parameters per unit mass, the case file, the page."""
 
-from __future__ import annotations
-
 from functools import cache
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -11,7 +10,7 @@ import pytest
 import rsgen as rs
 from rsgen.app.study.run_case import obtain_table
 from rsgen.common.errors import CaseError, RsgenError
-from rsgen.report.figures import draw_held_out
+from tests.case_files import law, write_small
 from tests.surfaces import codes
 
 LAW = "k*x + k3*x**3 + c*v"
@@ -73,20 +72,6 @@ def test_a_held_out_level_is_predicted_with_and_without_the_mass():
         assert prediction[force].level_unit == unit
 
 
-@pytest.mark.parametrize("base", LEVELS)
-def test_curves_of_a_base_say_what_they_hold(base):
-    surface = cubic(base)
-    held = rs.Observation(hold_out=(LEVELS[base][0],))
-    prediction = rs.predict(rs.identify(surface, LAW, held), surface=surface)
-    said = "curves-of-constant-acceleration" in codes(prediction)
-    assert said == (base != "acceleration")
-    (item,) = prediction.held_out
-    assert item.error < 1e-6
-    words = draw_held_out(prediction).alternative
-    assert words.startswith("base = ")
-    assert "m/s²" in words
-
-
 def test_a_background_beside_a_driven_base_has_units_per_mass():
     surface = rs.simulate(rs.Oscillator(MASS, LAW, TRUE), shaken("acceleration", noise_relative=1e-3))
     found = rs.identify(surface, LAW, rs.Observation(background="constant"))
@@ -99,45 +84,18 @@ def test_a_background_beside_a_driven_base_has_units_per_mass():
     )
 
 
-@pytest.mark.slow
-def test_a_ranking_finds_the_law_and_no_mass():
-    ranking = rs.rank(cubic("acceleration"), [LAW, "k*x + c*v", "k*x + k2*x*abs(x) + c*v"])
-    assert ranking.model.mass is None
-    assert ranking.surface.per_mass
-    assert set(ranking.model.parameters) == {"k", "k3", "c"}
-
-
-CASE = """
-schema = 1
-name   = "shaken"
-title  = "Shaken cubic spring"
-[system]
-mass = "2 kg"
-[[element]]
-name  = "all"
-force = "k*x + k3*x**3 + c*v"
-[truth]
-k  = "20 kN/m"
-k3 = "5e9 N/m^3"
-c  = "4 N*s/m"
-[test]
-kind      = "simulated"
-level     = {{ values = ["20 um", "100 um"] }}
-frequency = {{ start = "11 Hz", stop = "25 Hz", count = 40 }}
-[test.base]
-quantity = "{quantity}"
-{more}
-"""
-
-
-def write(folder: Path, quantity: str = "displacement", more: str = "") -> Path:
-    path = folder / "shaken.toml"
-    path.write_text(CASE.format(quantity=quantity, more=more))
-    return path
+def write(folder: Path, quantity: str = "displacement", **more: Any) -> Path:
+    changes = {
+        **law(LAW, **TRUE),
+        "system.mass": "2 kg",
+        "test.level.values": ["20 um", "100 um"],
+        "test.base": {"quantity": quantity},
+    }
+    return write_small(folder, "shaken", changes | more)
 
 
 def test_a_case_knows_the_mass_beforehand_and_levels_in_their_unit(tmp_path):
-    case = rs.load_case(write(tmp_path, more="[identify]\nhold_out = ['20 um']"))
+    case = rs.load_case(write(tmp_path, identify={"hold_out": ["20 um"]}))
     assert case.model.mass == MASS
     np.testing.assert_allclose(case.test.level, [2e-5, 1e-4])
     surface = obtain_table(case)
@@ -150,13 +108,13 @@ def test_a_case_knows_the_mass_beforehand_and_levels_in_their_unit(tmp_path):
 @pytest.mark.parametrize(
     ("quantity", "more", "said"),
     [
-        ("velocity", "", "test.level.values.1: .*m/s"),
-        ("displacement", "[accept]\nm = 1e-3", "accept.m: is no parameter"),
+        ("velocity", {}, "test.level.values.1: .*m/s"),
+        ("displacement", {"accept": {"m": 1e-3}}, "accept.m: is no parameter"),
     ],
 )
 def test_what_a_shaken_base_cannot_have_is_said(tmp_path, quantity, more, said):
     with pytest.raises(CaseError, match=said):
-        rs.load_case(write(tmp_path, quantity, more))
+        rs.load_case(write(tmp_path, quantity, **more))
 
 
 def test_a_held_response_is_not_shaken():

@@ -1,9 +1,5 @@
 """A virtual control-based continuation: exact motions on all branches, and what follows from them."""
 
-from __future__ import annotations
-
-from pathlib import Path
-
 import numpy as np
 import pytest
 
@@ -18,7 +14,7 @@ LEVELS = np.linspace(3e-3, 6e-2, 24)
 
 
 @pytest.fixture(scope="module")
-def surface() -> rs.ResponseSurface:
+def surface():
     return rs.simulate(
         rs.Oscillator(MASS, LAW, VALUES),
         rs.SimulatedTest(
@@ -82,12 +78,3 @@ def test_intervals_hold_at_one_per_cent_of_noise(surface):
         distance.append([(e.value - true[e.name]) / e.standard_error for e in found.refined])
     assert 0.7 < np.sqrt(np.mean(np.square(distance))) < 1.3
     assert np.max(np.abs(distance)) < 4
-
-
-def test_a_case_says_its_levels_in_millimetres(tmp_path: Path):
-    text = (Path(__file__).parents[2] / "docs/howto/phase-resonance.md").read_text(encoding="utf-8")
-    case = text.split("```{file} continuation.toml\n")[1].split("```")[0]
-    (tmp_path / "continuation.toml").write_text(case, encoding="utf-8")
-    test = rs.load_case(tmp_path / "continuation.toml").test
-    assert (test.control, test.level_unit) == ("continuation", "m")
-    np.testing.assert_allclose(test.level, LEVELS)

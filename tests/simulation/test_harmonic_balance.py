@@ -1,7 +1,5 @@
 """The harmonic balance against an independent one, time integration, closed forms and differences."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 
 import numpy as np
@@ -36,7 +34,7 @@ LAWS = {
 
 
 @pytest.mark.parametrize("name", LAWS)
-def test_an_independent_balance_finds_the_same_motions(name: str) -> None:
+def test_an_independent_balance_finds_the_same_motions(name):
     oscillator = Oscillator(MASS, *LAWS[name])
     ours = solve_harmonic_balance(oscillator, DRIVE, OMEGA / 2 / np.pi, harmonics=9)
     harmonics, residual = oracle.solve_harmonic_balance(oscillator, DRIVE, OMEGA / 2 / np.pi, harmonics=9)
@@ -46,7 +44,7 @@ def test_an_independent_balance_finds_the_same_motions(name: str) -> None:
 
 
 @pytest.mark.parametrize("name", LAWS)
-def test_held_amplitudes_need_the_force_that_makes_them(name: str) -> None:
+def test_held_amplitudes_need_the_force_that_makes_them(name):
     oscillator = Oscillator(MASS, *LAWS[name])
     free = solve_harmonic_balance(oscillator, DRIVE, OMEGA / 2 / np.pi, harmonics=9)
     size = np.abs(free.harmonics[:, 1])
@@ -55,7 +53,7 @@ def test_held_amplitudes_need_the_force_that_makes_them(name: str) -> None:
 
 
 @pytest.mark.parametrize("name", LAWS)
-def test_derivatives_at_a_given_drive_are_those_of_the_motion(name: str) -> None:
+def test_derivatives_at_a_given_drive_are_those_of_the_motion(name):
     text, values = LAWS[name]
     law = compile_law(Oscillator(MASS, text, values).force)
     drive, start = np.zeros((2, len(OMEGA), 8), dtype=complex)
@@ -95,7 +93,7 @@ def hold(text: str, place: np.ndarray, size: np.ndarray = SIZE, order: int = 9, 
 
 
 @pytest.mark.parametrize("name", LAWS)
-def test_derivatives_at_a_held_amplitude_are_those_of_the_balance(name: str) -> None:
+def test_derivatives_at_a_held_amplitude_are_those_of_the_balance(name):
     text, values = LAWS[name]
     place = np.array([*(values[key] for key in sorted(values)), MASS])
     at = hold(text, place)
@@ -118,7 +116,7 @@ def test_derivatives_at_a_held_amplitude_are_those_of_the_balance(name: str) -> 
     close(at.harmonics_slope, high.harmonics, low.harmonics, h)
 
 
-def test_one_harmonic_gives_the_describing_functions() -> None:
+def test_one_harmonic_gives_the_describing_functions():
     # Liu et al., Eqs. (14), (16), (23)
     place = np.array([2.0, 3.0, 4000.0, 1e5, 1e8, MASS])
     at = hold("k*x + k3*x**3 + k5*x**5 + c*v + cn*v*abs(v)", place, order=1, samples=4096)
@@ -127,7 +125,7 @@ def test_one_harmonic_gives_the_describing_functions() -> None:
     assert at.force / SIZE == pytest.approx(stiffness - MASS * OMEGA**2 + 1j * OMEGA * damping, rel=1e-6)
 
 
-def test_mean_of_an_unsymmetric_spring_balances_its_force() -> None:
+def test_mean_of_an_unsymmetric_spring_balances_its_force():
     # k x + k2 x^2 with one harmonic: k X0 + k2 (X0^2 + X^2/2) = 0
     at = hold("k*x + k2*x**2", np.array([5920.0, 4e4, MASS]), order=1)
     mean = (-5920 + np.sqrt(5920**2 - 2 * 4e4**2 * SIZE**2)) / (2 * 4e4)
@@ -150,7 +148,7 @@ class Lossy:
         return np.ones((len(omega), len(orders), 1), dtype=complex)
 
 
-def test_any_linear_part_surrounds_the_law() -> None:
+def test_any_linear_part_surrounds_the_law():
     law, around = compile_law(Oscillator(MASS, "k*x + c*v", {"k": 1.0, "c": 1.0}).force), Lossy(2000 + 300j)
     values, size = np.array([3.8, 4000.0]), np.linspace(1e-3, 5e-3, 5)
     at = hold_amplitude(law, values, around, OMEGA, size, np.zeros((5, 6), complex), (3, 5), 64)
@@ -165,7 +163,7 @@ def test_any_linear_part_surrounds_the_law() -> None:
 
 
 @pytest.mark.parametrize(("control", "level"), [("response", [2e-3, 1.2e-2]), ("continuation", [5e-3, 4e-2])])
-def test_response_control_by_balance_is_that_of_time_integration(control: str, level: list[float]) -> None:
+def test_response_control_by_balance_is_that_of_time_integration(control, level):
     oscillator = Oscillator(MASS, *LAWS["hardening"])
     grid = {"level": level, "frequency": [9.0, 10.0, 11.3], "control": control, "harmonics": 15}
     exact = simulate(oscillator, SimulatedTest(**grid, accuracy=1e-7))
@@ -174,7 +172,7 @@ def test_response_control_by_balance_is_that_of_time_integration(control: str, l
     np.testing.assert_array_equal(found.stable, exact.stable)
 
 
-def test_phase_control_by_balance_is_that_of_time_integration() -> None:
+def test_phase_control_by_balance_is_that_of_time_integration():
     oscillator = Oscillator(MASS, *LAWS["hardening"])
     grid = {"level": [1.0, 4.0], "frequency": [8.0, 14.0], "control": "phase", "harmonics": 15}
     exact = simulate(oscillator, SimulatedTest(**grid, accuracy=1e-7))
@@ -199,7 +197,7 @@ class Arctangents:
         return left, move, np.abs(move[:, 0])
 
 
-def test_newton_halves_steps_and_keeps_problems_apart() -> None:
+def test_newton_halves_steps_and_keeps_problems_apart():
     roots = np.array([0.0, 3.0, -8.0, np.nan, 1e-3])
     found = newton(Arctangents(roots), np.zeros((5, 1)), tolerance=1e-9, steps=30, halvings=8)
     good = np.isfinite(roots)

@@ -1,7 +1,5 @@
 """Virtual tests of laws with memory: two independent ways to one number, control, sweeps, refusals."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 
@@ -34,7 +32,7 @@ LAWS = pytest.mark.parametrize(
 
 @pytest.mark.slow
 @LAWS
-def test_harmonic_balance_is_near_to_the_motion(oscillator: Oscillator, f0: float) -> None:
+def test_harmonic_balance_is_near_to_the_motion(oscillator, f0):
     F, f = np.array([2.0, 6.0, 11.0]), f0 * np.array([0.95, 1.0, 1.1])
     exact = solve_steady_states(oscillator, F, f, harmonics=9, accuracy=1e-9).harmonics[:, 1:]
     found = harmonic_balance.solve_harmonic_balance(oscillator, F, f, harmonics=15).harmonics[:, 1:10]
@@ -42,7 +40,7 @@ def test_harmonic_balance_is_near_to_the_motion(oscillator: Oscillator, f0: floa
 
 
 @pytest.mark.slow
-def test_harmonic_balance_of_states_nears_the_motion_by_the_square_of_the_step() -> None:
+def test_harmonic_balance_of_states_nears_the_motion_by_the_square_of_the_step():
     law, f = compile_law(BOUC_WEN.force), 33.0 * np.array([0.95, 1.0, 1.1])
     exact = solve_steady_states(BOUC_WEN, [2.0, 6.0, 11.0], f, harmonics=9, accuracy=1e-9).harmonics
     drive, start, others = np.zeros((3, 16), complex), np.zeros((3, 16), complex), tuple(range(2, 16))
@@ -59,7 +57,7 @@ def test_harmonic_balance_of_states_nears_the_motion_by_the_square_of_the_step()
 
 @pytest.mark.slow
 @LAWS
-def test_held_amplitudes_are_those_of_the_force_that_holds_them(oscillator: Oscillator, f0: float) -> None:
+def test_held_amplitudes_are_those_of_the_force_that_holds_them(oscillator, f0):
     X, f = np.repeat([2e-4, 2e-3], 3), np.tile(f0 * np.array([0.9, 1.0, 1.15]), 2)
     held = solve_response_control(oscillator, X, f, accuracy=1e-6)
     assert held.settled.all()
@@ -70,7 +68,7 @@ def test_held_amplitudes_are_those_of_the_force_that_holds_them(oscillator: Osci
 
 @pytest.mark.slow
 @LAWS
-def test_sweeps_of_laws_that_do_not_fold_are_the_surface_from_rest(oscillator: Oscillator, f0: float) -> None:
+def test_sweeps_of_laws_that_do_not_fold_are_the_surface_from_rest(oscillator, f0):
     grid = {"level": np.array([1.0, 8.0]), "frequency": f0 * np.linspace(0.85, 1.15, 7), "accuracy": 1e-5}
     rest, up, down = (simulate(oscillator, SimulatedTest(**grid, sweep=s)) for s in ("rest", "up", "down"))
     for surface in (up, down):
@@ -78,7 +76,7 @@ def test_sweeps_of_laws_that_do_not_fold_are_the_surface_from_rest(oscillator: O
     assert largest_difference(oscillator, rest, sample=6) < 2e-5
 
 
-def test_structural_damping_is_balanced_and_not_simulated_in_time() -> None:
+def test_structural_damping_is_balanced_and_not_simulated_in_time():
     o = Oscillator(1.5, "k*x + c*v + structural(h)", LINEAR | {"h": 200.0})
     f = np.linspace(8, 12, 5)
     omega = 2 * np.pi * f

@@ -1,7 +1,5 @@
 """Virtual tests: the grid, sweeps and jumps, noise, and harmonic balance as a second way to one number."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from pathlib import Path
 
@@ -23,7 +21,7 @@ def duffing(kn: float = 2.5e6) -> Oscillator:
     return Oscillator(1.5, (make_element("all", "c*v + k*x + kn*x**3"),), {"c": 3.8, "k": 5920.0, "kn": kn})
 
 
-def test_points_come_level_by_level() -> None:
+def test_points_come_level_by_level():
     test = SimulatedTest(level=[3.0, 1.0], frequency=[12.0, 8.0, 9.0])
     surface = simulate(duffing(), test)
     assert surface.level.tolist() == [3.0] * 3 + [1.0] * 3
@@ -37,7 +35,7 @@ def test_points_come_level_by_level() -> None:
 
 
 @pytest.mark.slow
-def test_up_and_down_differ_between_the_folds_only() -> None:
+def test_up_and_down_differ_between_the_folds_only():
     frequency = np.arange(9, 14, 0.05)
     up, down = (
         simulate(duffing(), SimulatedTest([2.0, 8.0], frequency, sweep=sweep)) for sweep in ("up", "down")
@@ -55,16 +53,6 @@ def test_up_and_down_differ_between_the_folds_only() -> None:
 
 
 @pytest.mark.slow
-def test_a_softening_spring_jumps_the_other_way() -> None:
-    case = load_case(CASES / "cubic.toml")
-    test = replace(case.test, level=[12.5], frequency=np.arange(8.8, 10.4, 0.02), accuracy=1e-4)
-    up, down = (simulate(case.oscillator, replace(test, sweep=sweep)) for sweep in ("up", "down"))
-    apart = np.abs(up.amplitude / down.amplitude - 1) > SAME
-    assert apart.any()
-    assert np.all(down.amplitude[apart] > up.amplitude[apart])
-
-
-@pytest.mark.slow
 @pytest.mark.parametrize(
     ("name", "harmonics", "agrees"),
     [
@@ -77,7 +65,7 @@ def test_a_softening_spring_jumps_the_other_way() -> None:
         ("joint", 15, 2e-5),
     ],
 )
-def test_harmonic_balance_gives_the_same_surface(name: str, harmonics: int, agrees: float) -> None:
+def test_harmonic_balance_gives_the_same_surface(name, harmonics, agrees):
     case = load_case(CASES / f"{name}.toml")
     grid = {"level": case.test.level[[1, -1]], "frequency": case.test.frequency[::8]}
     test = replace(case.test, **grid, harmonics=harmonics, accuracy=1e-6)
@@ -89,7 +77,7 @@ def test_harmonic_balance_gives_the_same_surface(name: str, harmonics: int, agre
     assert difference[same].max() < agrees
 
 
-def test_noise_is_complex_gaussian_and_of_its_seed() -> None:
+def test_noise_is_complex_gaussian_and_of_its_seed():
     test = SimulatedTest(np.linspace(1, 3, 40), np.linspace(8, 12, 60), noise_relative=0.02, seed=5)
     clean = simulate(duffing(), replace(test, noise_relative=0.0))
     noisy = simulate(duffing(), test)
@@ -107,7 +95,7 @@ def test_noise_is_complex_gaussian_and_of_its_seed() -> None:
     assert np.array_equal(noisy.level, clean.level)
 
 
-def test_unsettled_points_stay_in_the_surface() -> None:
+def test_unsettled_points_stay_in_the_surface():
     falling = Oscillator(1.5, (make_element("all", "c*v - k*x"),), {"c": 3.0, "k": 5920.0})
     surface = simulate(falling, SimulatedTest([1.0], [8.0, 9.0]))
     assert len(surface) == 2
@@ -115,7 +103,7 @@ def test_unsettled_points_stay_in_the_surface() -> None:
     assert np.isnan(surface.harmonics).all()
 
 
-def test_progress_ends_at_one() -> None:
+def test_progress_ends_at_one():
     for change in ({}, {"sweep": "up"}, {"sweep": "down", "method": "harmonic-balance"}):
         shares: list[float] = []
         test = replace(SimulatedTest([1.0], [8.0, 9.0, 10.0]), **change)
@@ -139,6 +127,6 @@ def test_progress_ends_at_one() -> None:
         ({"seed": -1}, "seed"),
     ],
 )
-def test_faults_are_named(change: dict[str, object], says: str) -> None:
+def test_faults_are_named(change, says):
     with pytest.raises(RsgenError, match=says):
         SimulatedTest(**({"level": [1.0], "frequency": [8.0]} | change))

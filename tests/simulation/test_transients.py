@@ -1,17 +1,14 @@
 """Virtual sweeps and free decays: closed forms, the law of the stepped test, noise, faulty tests, cases."""
 
-from __future__ import annotations
-
 import json
 import re
-from collections.abc import Callable
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
 
 import rsgen as rs
+from tests.case_files import law, write_small
 from tests.surfaces import codes, distances
 
 MASS = 1.5
@@ -20,7 +17,7 @@ JOINT = rs.Oscillator(MASS, "k*x + c*v + Fc*sign(v)", {"k": 6000.0, "c": 0.3, "F
 LAW, JOINTED = str(CUBIC.force), str(JOINT.force)
 
 
-def test_a_linear_decay_has_frequency_and_damping_of_the_closed_form() -> None:
+def test_a_linear_decay_has_frequency_and_damping_of_the_closed_form():
     c, k = 1.2, 6000.0
     surface = rs.simulate(
         rs.Oscillator(MASS, "k*x + c*v", {"k": k, "c": c}), rs.DecayTest([2e-3], duration=10, rate=400)
@@ -35,7 +32,7 @@ def test_a_linear_decay_has_frequency_and_damping_of_the_closed_form() -> None:
 
 @pytest.mark.slow
 @pytest.mark.parametrize("kind", ["linear", "logarithmic"])
-def test_a_slow_sweep_has_the_law_of_the_stepped_test(kind: Any) -> None:
+def test_a_slow_sweep_has_the_law_of_the_stepped_test(kind):
     sweep = rs.SweepTest([1, 2, 4], (8, 14), duration=80, rate=200, law=kind)
     swept = rs.identify(rs.simulate(CUBIC, sweep), LAW)
     stepped = rs.identify(rs.simulate(CUBIC, rs.SimulatedTest([1, 2, 4], np.linspace(8, 14, 61))), LAW)
@@ -47,7 +44,7 @@ def test_a_slow_sweep_has_the_law_of_the_stepped_test(kind: Any) -> None:
 
 @pytest.mark.slow
 @pytest.mark.parametrize("seed", [1, pytest.param(2, marks=pytest.mark.thorough)])
-def test_noisy_sweeps_and_decays_give_the_values(seed: int) -> None:
+def test_noisy_sweeps_and_decays_give_the_values(seed):
     noise: dict[str, Any] = {"noise_relative": 0.01, "seed": seed}
     sweep = rs.SweepTest([1, 2, 4], (8, 14), duration=60, rate=200, sweep="up", **noise)
     swept = rs.identify(rs.simulate(CUBIC, sweep), LAW)
@@ -59,7 +56,7 @@ def test_noisy_sweeps_and_decays_give_the_values(seed: int) -> None:
 
 
 @pytest.mark.slow
-def test_too_fast_a_sweep_and_a_wrong_mass_are_doubted() -> None:
+def test_too_fast_a_sweep_and_a_wrong_mass_are_doubted():
     light = rs.Oscillator(MASS, CUBIC.elements, {**CUBIC.values, "c": 1.0})
     fast = rs.SweepTest([1, 2, 4], (8, 14), duration=3, rate=200, noise_relative=0.01)
     found = rs.identify(rs.simulate(light, fast), LAW)
@@ -70,7 +67,7 @@ def test_too_fast_a_sweep_and_a_wrong_mass_are_doubted() -> None:
     assert "fixed-contradicted" in codes(found)
 
 
-def test_the_same_seed_gives_the_same_noise() -> None:
+def test_the_same_seed_gives_the_same_noise():
     def simulated(seed: int) -> np.ndarray:
         test = rs.DecayTest([2e-3], duration=10, rate=400, noise_relative=1e-4, seed=seed)
         return rs.simulate(CUBIC, test).force
@@ -79,7 +76,7 @@ def test_the_same_seed_gives_the_same_noise() -> None:
     assert (simulated(1)[:5] != simulated(2)[:5]).all()
 
 
-def test_impossible_tests_are_refused_with_the_reason() -> None:
+def test_impossible_tests_are_refused_with_the_reason():
     with pytest.raises(rs.RsgenError, match="band: 9 to 8 Hz; must be ascending"):
         rs.SweepTest([1], (9, 8), duration=10, rate=400)
     with pytest.raises(rs.RsgenError, match="rate: 100 Hz; at least 8 times the highest frequency"):
@@ -91,67 +88,40 @@ def test_impossible_tests_are_refused_with_the_reason() -> None:
         rs.simulate(grows, rs.DecayTest([1e-2], duration=10, rate=400))
 
 
-CASE = """
-schema = 1
-name   = "transient"
-title  = "Virtual test in time"
-
-[system]
-mass = "1.5 kg"
-
-[[element]]
-name  = "all"
-force = "k*x + kn*x**3 + c*v"
-
-[truth]
-k  = "6 kN/m"
-kn = 4e6
-c  = {damping}
-
-[test]
-noise    = {{ relative = {noise}, seed = 5 }}
-{test}
-
-[accept]
-k = 0.01
-c = 0.05
-"""
-SWEEP = """kind     = "simulated-sweep"
-level    = { values = ["1 N", "2 N", "4 N"] }
-band     = ["8 Hz", "14 Hz"]
-duration = "60 s"
-rate     = "200 Hz"
-
-[identify]
-hold_out = ["2 N"]"""
-DECAY = """kind     = "simulated-decay"
-level    = { values = ["3 mm", "6 mm"] }
-duration = "15 s"
-rate     = "400 Hz\""""
+SWEEP = {
+    "kind": "simulated-sweep",
+    "level": {"values": ["1 N", "2 N", "4 N"]},
+    "band": ["8 Hz", "14 Hz"],
+    "duration": "60 s",
+    "rate": "200 Hz",
+}
+DECAY = {
+    "kind": "simulated-decay",
+    "level": {"values": ["3 mm", "6 mm"]},
+    "duration": "15 s",
+    "rate": "400 Hz",
+}
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize(
-    ("test", "damping", "noise", "plan"),
+    ("test", "damping", "noise", "held", "plan"),
     [
-        pytest.param(
-            SWEEP,
-            4,
-            0.01,
-            r"simulated points at 3 levels, 8\.\d+ to 13\.\d+ Hz, sweep down, up",
-            marks=pytest.mark.thorough,
-        ),
-        (DECAY, 1, 1e-3, r"simulated points at 2 levels, 10\.\d+ to 10\.\d+ Hz, sweep rest"),
+        pytest.param(SWEEP, 4, 0.01, ["2 N"], "3 levels, 8.*, sweep down, up", marks=pytest.mark.thorough),
+        (DECAY, 1, 1e-3, [], "2 levels, 10.* to 10.* Hz, sweep rest"),
     ],
 )
-def test_a_case_is_checked_and_run(
-    tmp_path: Path, run_cli: Callable[..., Any], test: str, damping: float, noise: float, plan: str
-) -> None:
-    case = tmp_path / "transient.toml"
-    case.write_text(CASE.format(test=test, damping=damping, noise=noise), encoding="utf-8")
+def test_a_case_is_checked_and_run(tmp_path, run_cli, test, damping, noise, held, plan):
+    changes = {
+        **law(LAW, **CUBIC.values | {"c": damping}),
+        "test": test | {"noise": {"relative": noise, "seed": 5}},
+        "identify": {"hold_out": held},
+        "accept": {"k": 0.01, "c": 0.05},
+    }
+    case = write_small(tmp_path, "transient", changes)
     checked = run_cli("check", case)
     assert checked.code == 0, checked
-    assert re.search(plan, checked.out), checked.out
+    assert re.search(f"simulated points at {plan}", checked.out), checked.out
     run = run_cli("run", case, "--out", tmp_path / "out")
     assert run.code == 0, run
     result = json.loads((tmp_path / "out" / "transient" / "result.json").read_text(encoding="utf-8"))

@@ -1,7 +1,5 @@
 """Brute force finds what the solver finds, and says where it does not."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from pathlib import Path
 
@@ -20,13 +18,13 @@ CASES = Path(__file__).parents[2] / "cases"
 
 @pytest.mark.slow
 @pytest.mark.parametrize("name", ["cubic", "quintic", "coulomb", "piecewise", "bilinear"])
-def test_brute_force_agrees_on_the_cases(name: str) -> None:
+def test_brute_force_agrees_on_the_cases(name):
     case = load_case(CASES / f"{name}.toml")
     surface = simulate(case.oscillator, replace(case.test, accuracy=1e-4))
     assert largest_difference(case.oscillator, surface, sample=120) < 1e-4
 
 
-def test_another_branch_is_noticed() -> None:
+def test_another_branch_is_noticed():
     o = Oscillator(1.5, (make_element("all", "c*v + k*x + kn*x**3"),), {"c": 3.8, "k": 5920.0, "kn": 2.5e6})
     test = SimulatedTest([10.0], np.linspace(11.2, 11.6, 9))
     up = simulate(o, SimulatedTest([10.0], np.linspace(10, 11.6, 33), sweep="up"))
@@ -35,7 +33,7 @@ def test_another_branch_is_noticed() -> None:
     assert largest_difference(o, replace(upper, sweep=np.full(len(upper), "rest"))) > 0.5
 
 
-def test_a_gap_met_late_in_the_transient_is_not_overlooked() -> None:
+def test_a_gap_met_late_in_the_transient_is_not_overlooked():
     """After 8 periods this motion spirals, perfectly linear, to an answer that it will never reach."""
     k = 1.5 * (2 * np.pi * 10) ** 2
     law = "c*v + Piecewise((k4*x, abs(x) <= b), (k5*x + (k4 - k5)*b*sign(x), True))"

@@ -1,7 +1,5 @@
 """Exact motions fulfil the equations from which a start is found, with what of a law is a number."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from scipy.optimize import brentq
@@ -17,7 +15,7 @@ TRUE = {"c": 4.0, "k": 5000.0}
 MASS = 1.5
 
 
-def test_motions_of_a_balance_fulfil_fundamental_and_mean() -> None:
+def test_motions_of_a_balance_fulfil_fundamental_and_mean():
     force, frequency = np.array([2.0, 4.0 + 1.0j, 6.0]), np.array([8.0, 9.0, 10.0])
     harmonics, _ = solve_harmonic_balance(rsgen.Oscillator(MASS, LAW, TRUE), force, frequency, harmonics=8)
     law = compile_law(rsgen.Law(LAW).force)
@@ -32,7 +30,7 @@ def test_motions_of_a_balance_fulfil_fundamental_and_mean() -> None:
     assert np.abs(right[6:]).min() > 0.01
 
 
-def test_turning_points_of_free_motion_have_one_energy() -> None:
+def test_turning_points_of_free_motion_have_one_energy():
     def energy(x: float) -> float:
         return TRUE["k"] * x**2 / 2 + 6e4 * x**3 / 3
 

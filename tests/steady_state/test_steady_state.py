@@ -1,7 +1,5 @@
 """Steady states against independent answers: DOP853 with events, closed forms, brute force."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -95,7 +93,7 @@ def worst(
 
 @pytest.mark.slow
 @pytest.mark.parametrize("name", PAPER)
-def test_cases_agree_with_dop853(name: str) -> None:
+def test_cases_agree_with_dop853(name):
     case = load_case(CASES / f"{name}.toml")
     o, test = case.oscillator, case.test
     law = PAPER[name](**o.values)
@@ -150,7 +148,7 @@ OTHERS = {
 
 @pytest.mark.slow
 @pytest.mark.parametrize("name", OTHERS)
-def test_other_laws_agree_with_dop853(name: str) -> None:
+def test_other_laws_agree_with_dop853(name):
     o, law = OTHERS[name]
     force, frequency = np.array([0.9, 2.0, 5.0]), np.array([9.0, 10.2, 12.5])
     fundamental, harmonics, _ = worst(o, law, force, frequency, 1e-5)
@@ -159,7 +157,7 @@ def test_other_laws_agree_with_dop853(name: str) -> None:
 
 
 @pytest.mark.parametrize("name", ["cubic", "piecewise", "coulomb", "combined"])
-def test_tight_accuracy_is_reached(name: str) -> None:
+def test_tight_accuracy_is_reached(name):
     case = load_case(CASES / f"{name}.toml")
     o, test = case.oscillator, case.test
     force, frequency = test.level[[1, -1]], np.full(2, test.frequency.mean())
@@ -168,7 +166,7 @@ def test_tight_accuracy_is_reached(name: str) -> None:
 
 
 @pytest.mark.parametrize("accuracy", [1e-2, 1e-4, 1e-6, 1e-9])
-def test_linear_oscillator_has_the_exact_receptance(accuracy: float) -> None:
+def test_linear_oscillator_has_the_exact_receptance(accuracy):
     o = oscillator("k*x + c*v", k=5920.0, c=3.8)
     frequency = np.linspace(2, 20, 90)
     omega = 2 * np.pi * frequency
@@ -207,7 +205,7 @@ def _one_period_error(law: str, values: dict[str, float], state: list[float], st
     ],
     ids=["smooth", "corner", "friction", "stick"],
 )
-def test_convergence_is_of_fourth_order(law: str, values: dict[str, float], state: list[float]) -> None:
+def test_convergence_is_of_fourth_order(law, values, state):
     steps = [64, 128, 256, 512, 1024]
     errors = _one_period_error(law, values, state, steps)
     # over all of the range: single halvings scatter with the place of the events within their steps
@@ -216,7 +214,7 @@ def test_convergence_is_of_fourth_order(law: str, values: dict[str, float], stat
 
 
 @pytest.mark.parametrize("name", ["combined", "coulomb", "joint"])
-def test_work_of_the_force_is_dissipated(name: str) -> None:
+def test_work_of_the_force_is_dissipated(name):
     case = load_case(CASES / f"{name}.toml")
     o, test = case.oscillator, case.test
     force, frequency = test.level[[-2, -1]], test.frequency[[20, 60]]
@@ -238,7 +236,7 @@ def test_work_of_the_force_is_dissipated(name: str) -> None:
         assert dissipated == pytest.approx(done, rel=1e-4)
 
 
-def test_from_rest_ends_where_brute_force_ends() -> None:
+def test_from_rest_ends_where_brute_force_ends():
     o = oscillator("c*v + k*x + kn*x**3", c=3.8, k=5920.0, kn=2.5e6)
     level, frequency = np.meshgrid(np.linspace(1, 10, 12), np.linspace(9, 13, 40), indexing="ij")
     force, frequency = level.ravel().astype(complex), frequency.ravel()
@@ -254,7 +252,7 @@ def test_from_rest_ends_where_brute_force_ends() -> None:
     assert other.max() < 2e-4
 
 
-def test_a_start_on_a_branch_stays_on_it() -> None:
+def test_a_start_on_a_branch_stays_on_it():
     o = oscillator("c*v + k*x + kn*x**3", c=3.8, k=5920.0, kn=2.5e6)
     # both branches of the fold at 11.3 Hz, each reached from its side
     up = down = None
@@ -270,7 +268,7 @@ def test_a_start_on_a_branch_stays_on_it() -> None:
     assert abs(near.harmonics[1, 1] / down.harmonics[0, 1] - 1) < 0.05
 
 
-def test_a_mass_that_friction_holds_does_not_move() -> None:
+def test_a_mass_that_friction_holds_does_not_move():
     o = oscillator("c*v + k*x + Ff*sign(v)", c=3.8, k=5920.0, Ff=0.8)
     states = solve_steady_states(o, [0.3, 0.79, 0.81], [10.0, 10.0, 10.0])
     assert states.settled.all()
@@ -278,7 +276,7 @@ def test_a_mass_that_friction_holds_does_not_move() -> None:
     assert np.abs(states.harmonics[2, 1]) > 0
 
 
-def test_what_never_settles_has_an_outcome_and_no_numbers() -> None:
+def test_what_never_settles_has_an_outcome_and_no_numbers():
     undamped = solve_steady_states(oscillator("k*x", k=5920.0), [1.0], [8.0])
     assert list(undamped.outcome) == [1]
     falling = solve_steady_states(oscillator("c*v - k*x", k=5920.0, c=3.0), [1.0], [8.0])
@@ -304,7 +302,7 @@ def test_a_brief_search_leaves_what_does_not_settle(monkeypatch: pytest.MonkeyPa
 
 
 @pytest.mark.slow
-def test_period_two_is_recognised() -> None:
+def test_period_two_is_recognised():
     # the one-sided stop at twice its natural frequency: the classical period doubling of an impact oscillator
     o = oscillator("k*x + c*v + Max(kw*x, 0)", k=600.0, c=1.0, kw=6e5)
     states = solve_steady_states(o, np.full(60, 5.0), np.linspace(5, 16, 60))
@@ -324,7 +322,7 @@ def test_period_two_is_recognised() -> None:
     assert np.median(once) > 1e-2
 
 
-def test_points_are_independent_of_each_other() -> None:
+def test_points_are_independent_of_each_other():
     o = load_case(CASES / "coulomb.toml").oscillator
     force, frequency = np.linspace(1.2, 9, 7), np.linspace(8, 12, 7)
     whole = solve_steady_states(o, force, frequency)
@@ -344,7 +342,7 @@ def test_points_are_independent_of_each_other() -> None:
         ({"start": [0.0, 0.0]}, "start"),
     ],
 )
-def test_faults_are_named(change: dict[str, object], says: str) -> None:
+def test_faults_are_named(change, says):
     arguments = {"force": [1.0], "frequency": [8.0]} | change
     with pytest.raises(RsgenError, match=says):
         solve_steady_states(oscillator("k*x + c*v", k=5920.0, c=3.8), **arguments)

@@ -14,16 +14,14 @@ from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
-import numpy as np
 import pytest
 
-from rsgen.app.study import MANIFEST, CaseRun, Step, read_manifest, run_case, run_cases
+from rsgen.app.study import MANIFEST, Step, read_manifest, run_case, run_cases
 from rsgen.app.study.folder import UNFINISHED, recover, replaced_folder, write_manifest
 from rsgen.app.study.many_cases import local_workers
 from rsgen.app.study.run_case import _failed_notebook, _temporary_in, current_result
 from rsgen.cases import load_case
 from rsgen.common.errors import RsgenError
-from rsgen.files import read_measurement
 from tests.case_files import CUBIC, write_small
 
 ROOT = Path(__file__).parents[2]
@@ -58,9 +56,6 @@ def content(folder: Path) -> dict[str, bytes]:
     return {path.name: path.read_bytes() for path in folder.iterdir()}
 
 
-# ---------------------------------------------------------------- manifest
-
-
 def test_manifest_vouches_for_every_byte(tmp_path):
     fill(tmp_path, "text")
     manifest = read_manifest(tmp_path)
@@ -89,9 +84,6 @@ def test_a_corrupted_manifest_is_none(tmp_path, text):
     fill(tmp_path, "text")
     (tmp_path / MANIFEST).write_text(text)
     assert read_manifest(tmp_path) is None
-
-
-# ---------------------------------------------------------------- the folder of a result
 
 
 def test_a_folder_takes_its_place_whole(tmp_path):
@@ -256,11 +248,8 @@ def test_a_file_in_the_way_is_a_sentence(tmp_path):
     assert (tmp_path / "case").read_text() == "precious"
 
 
-# ---------------------------------------------------------------- whole runs
-
-
 @pytest.fixture(scope="module")
-def finished(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Path, CaseRun]:
+def finished(tmp_path_factory):
     """A small case that was run once, its results' folder, and what became of it."""
     folder = tmp_path_factory.mktemp("run")
     path = write_case(folder)
@@ -420,15 +409,6 @@ def test_a_notebook_of_the_user_is_not_taken_for_a_failed_one(tmp_path, finished
     assert not theirs.exists()
 
 
-def test_a_fault_of_the_case_is_a_value(tmp_path):
-    path = write_case(tmp_path, accept=-1)
-    run = run_case(path, tmp_path / "out")
-    assert run.passed is None
-    (fault,) = run.faults
-    assert fault.startswith(f"{path}: accept.k: is -1; a number above 0 ")
-    assert not (tmp_path / "out").exists()
-
-
 def _kill_workers(out: Path, times: dict[str, int]) -> tuple[Callable[[Step], None], dict[str, list[int]]]:
     """Give what kills the workers of some cases, as for want of memory, when the case has begun."""
     killed: dict[str, list[int]] = {name: [] for name in times}
@@ -459,37 +439,6 @@ def test_a_lost_worker_costs_its_own_case_only(tmp_path):
     assert all(read_manifest(tmp_path / "out" / name) for name in ("one", "three"))
     recover(tmp_path / "out")
     assert not list((tmp_path / "out").glob(".*"))
-
-
-# ---------------------------------------------------------------- a real structure
-
-
-@pytest.mark.thorough
-def test_the_vibrating_wire_from_file_to_report(tmp_path, measured_data):
-    data = measured_data("wire").parent
-    path = Path(__file__).parents[1] / "cases" / "wire.toml"
-    case = load_case(path, data=data)
-    surface = read_measurement(case.test)
-    # the head of the file: 12 drives, each up and down but the last, which was stopped after going up
-    assert len(surface.levels) == 12
-    runs = {(level, str(sweep)) for level, sweep in zip(surface.level, surface.sweep, strict=True)}
-    assert len(runs) == 23
-    # the resonance of the wire falls with the drive
-    peaks = [
-        surface.frequency[mask][np.argmax(surface.amplitude[mask])]
-        for mask in (surface.level == surface.levels[0], surface.level == surface.levels[-2])
-    ]
-    assert peaks[0] > peaks[1] > 1600
-    run = run_case(path, tmp_path / "out", data=data)
-    assert run.faults == ()
-    assert run.passed
-    result = json.loads((run.folder / "result.json").read_text())
-    assert result["surface"]["origin"] == "measured"
-    assert len(result["equivalent"]["stiffness"]) == len(result["equivalent"]["amplitude"]) > 1000
-    assert all(row["true"] is None for row in result["parameters"])
-    found = {row["name"]: row["refined"]["value"] for row in result["parameters"]}
-    assert np.sqrt(found["k"] / found["m"]) / (2 * np.pi) == pytest.approx(1633.3, abs=2.0)
-    assert found["kn"] < 0 < found["cn"]
 
 
 @pytest.mark.slow

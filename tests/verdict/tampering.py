@@ -1,7 +1,5 @@
 """What goes wrong with tests: a tampering does one thing to a laboratory's test, and names its finding."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 
@@ -137,9 +135,6 @@ def _generator(test: Laboratory) -> np.random.Generator:
     return np.random.default_rng(len(test.level))
 
 
-# ---- signs, units, channels
-
-
 def gravities_one_level(test: Laboratory) -> Laboratory:
     rows = test.level == _level(test, 0.6)
     return _responds(test, np.where(rows, test.response / G, test.response))
@@ -166,9 +161,6 @@ def delayed_channel(test: Laboratory) -> Laboratory:
     # half a radian over the band, whatever it is at the resonance
     late = 0.5 / (2 * np.pi * float(np.ptp(test.frequency)))
     return _responds(test, 0.8 * test.response * np.exp(-2j * np.pi * test.frequency * late))
-
-
-# ---- levels
 
 
 def swapped_levels(test: Laboratory) -> Laboratory:
@@ -235,9 +227,6 @@ def clipped(test: Laboratory) -> Laboratory:
     return _responds(test, test.response * np.minimum(1, 0.5 * size.max() / size))
 
 
-# ---- time inside a test: rows are in the order of the file, level after level
-
-
 def gain_stepped_in_level(test: Laboratory) -> Laboratory:
     rows = test.at(_level(test, 0.7))
     response = test.response.copy()
@@ -251,9 +240,6 @@ def shifted_in_line(test: Laboratory) -> Laboratory:
     width = float(np.ptp(frequency)) or float(np.median(np.diff(np.unique(test.frequency))))
     rows = test.level == _level(test, 0.6)
     return replace(test, frequency=np.where(rows, test.frequency + 0.5 * width, test.frequency))
-
-
-# ---- other modes
 
 
 def _receptance(test: Laboratory) -> np.ndarray:
@@ -272,9 +258,6 @@ def constant_background(test: Laboratory) -> Laboratory:
     w = 2 * np.pi * test.frequency
     seen = 0.07 * np.abs(_receptance(test)).max() * np.exp(0.4j)
     return _responds(test, test.response - w**2 * seen * test.force)
-
-
-# ---- laws
 
 
 # ---- histories

@@ -1,16 +1,15 @@
 """A test with one thing wrong is doubted for the right reason, and one with nothing wrong is not."""
 
-from __future__ import annotations
-
 import sys
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pytest
 
 from tests.verdict.laboratory import judge, stepped
 from tests.verdict.tampering import TAMPERINGS
+
+pytestmark = pytest.mark.slow
 
 QUICK = 6
 """Every sixth frequency of a case: some twenty a level."""
@@ -43,31 +42,26 @@ DOUBTED = [
 """Case, tampering, and codes of findings that must decide, all of them."""
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize(("name", "wrong", "codes"), DOUBTED)
-def test_one_thing_wrong_is_doubted(tmp_path: Path, name: str, wrong: str, codes: set[str]) -> None:
+def test_one_thing_wrong_is_doubted(tmp_path, name, wrong, codes):
     outcome = judge(BY_NAME[wrong].make(name, QUICK).write(tmp_path))
     assert outcome.state in ("doubtful", "rejected")
     assert codes <= set(outcome.deciding)
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize(
     ("keys", "turned"),
     [({"factor": -1.0}, np.pi), ({"quantity": "velocity"}, np.pi / 2), ({}, 0.0)],
     ids=["sign", "quantity", "nothing wrong"],
 )
-def test_a_background_takes_up_no_sign_and_no_quantity(
-    tmp_path: Path, keys: dict[str, object], turned: float
-) -> None:
+def test_a_background_takes_up_no_sign_and_no_quantity(tmp_path, keys, turned):
     test = replace(stepped("cubic", every=QUICK), further='identify = { background = "phase" }')
     outcome = judge(test.reading("response", **keys).write(tmp_path))
     found = [finding["phase"] for finding in outcome.findings if finding.code == "phase-turned"]
     assert np.exp(1j * np.array(found)) == pytest.approx([np.exp(1j * turned)] if turned else [], abs=0.2)
 
 
-@pytest.mark.slow
-def test_a_law_that_feeds_energy_is_not_simulated(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_law_that_feeds_energy_is_not_simulated(tmp_path, monkeypatch):
     # it settles nowhere, and looking for its steady states takes minutes
     def refused(*args: object, **options: object) -> None:
         raise AssertionError("simulated")
@@ -79,16 +73,14 @@ def test_a_law_that_feeds_energy_is_not_simulated(tmp_path: Path, monkeypatch: p
         judge(stepped("coulomb", every=QUICK).write(tmp_path))
 
 
-@pytest.mark.slow
-def test_noise_is_no_sweep(tmp_path: Path) -> None:
+def test_noise_is_no_sweep(tmp_path):
     outcome = judge(BY_NAME["noise taken as a swept sine"].make("cubic").write(tmp_path))
     assert outcome.state == "refused"
     assert "no sweep found in the force" in outcome.refusal
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("name", ["combined", "coulomb", "cubic", "joint", "quintic"])
 @pytest.mark.parametrize("noise", [0.0, 0.01])
-def test_nothing_wrong_is_not_doubted(tmp_path: Path, name: str, noise: float) -> None:
+def test_nothing_wrong_is_not_doubted(tmp_path, name, noise):
     outcome = judge(stepped(name, noise, every=QUICK).write(tmp_path))
     assert (outcome.state, outcome.deciding, outcome.refusal) == ("identified", (), "")
