@@ -48,7 +48,7 @@ from rsgen.identification.misfit import (
     widen_squares,
 )
 from rsgen.identification.resonance import fit_resonances, resonance_findings
-from rsgen.identification.restoring_force import equivalent_curve, force_levels, invert_curve, invert_motion
+from rsgen.identification.restoring_force import equivalent_curve, force_levels, invert_curve
 from rsgen.identification.results import (
     Background,
     EquivalentCurve,
@@ -384,7 +384,7 @@ def judge(test: Prepared, model: Model, refined: Fit) -> Identification:
         covariance=stated[np.ix_(free, free)],
         resonances=resonances,
         curve=curve,
-        restoring=later(lambda: _without_law(kept, predicted, curve, mass, noise)),
+        restoring=later(lambda: _without_law(kept, predicted, curve, mass)),
         residual=size,
         noise=noise,
         levels=force_levels(surface, points, resonances),
@@ -462,17 +462,12 @@ def _errors(
 
 
 def _without_law(
-    points: Points, predicted: Array, curve: EquivalentCurve, mass: float, noise: float
+    points: Points, predicted: Array, curve: EquivalentCurve, mass: float
 ) -> RestoringForce | None:
-    """Draw the forces from k(X) and c(X), or along the motion where its mean is not zero."""
-    if not np.isfinite(mass):
-        return None
-    recorded = 0 in points.measured
-    mean = points.harmonics[:, 0].real if recorded else predicted
-    # about zero, where alone a force follows from k(X) without a law
-    if float(np.sqrt(np.mean((mean / points.amplitude) ** 2))) < RELATIVE_CHANGE_NEGLIGIBLE:
-        return invert_curve(curve, mass)
-    return invert_motion(points, mass, noise) if recorded else None
+    """Draw the forces from k(X) and c(X); they do not determine those of a motion whose mean is not zero."""
+    mean = points.harmonics[:, 0].real if 0 in points.measured else predicted
+    centred = float(np.sqrt(np.mean((mean / points.amplitude) ** 2))) < RELATIVE_CHANGE_NEGLIGIBLE
+    return invert_curve(curve, mass) if centred and np.isfinite(mass) else None
 
 
 def _mode(table: Table, found: Fit) -> Table:

@@ -169,9 +169,9 @@ class RestoringForce:
     Parameters
     ----------
     displacement
-        (a,) x [m], ascending from 0, or over both sides where its mean is not zero.
+        (a,) x [m], ascending from 0.
     stiffness_force
-        (a,) stiffness force at x [N], its odd part where x starts from 0.
+        (a,) odd part of the stiffness force at x [N].
     stiffness_band
         (a,) half width of its 95 % band [N].
     velocity
