@@ -112,7 +112,7 @@ def test_drawing_shows_k_and_c_of_the_law():
     np.testing.assert_allclose(k, 2 + 3 * np.asarray(X) ** 2, rtol=1e-12)
     assert "damping" in damping.get_ylabel()
     assert len(force.lines) == 3  # cycles of three amplitudes: the force depends on x and v
-    assert "5 N/m at 1 m" in drawing.alternative
+    assert " to 5 at 1. Equivalent damping" in drawing.alternative
 
 
 def test_a_wave_about_a_mean_follows_the_addition_theorem():

@@ -228,7 +228,7 @@ def test_pictures_of_loops_have_the_energy_beside_them():
     assert loop.get_ylabel() == "Force n [mN]"
     area = 0.5e-3 * abs(np.sum(x * np.roll(force, -1) - force * np.roll(x, -1)))
     assert energy.lines[0].get_ydata()[-1] == pytest.approx(area, rel=1e-3)
-    assert "Energy of a cycle D" in drawing.alternative
+    assert "Energy of a cycle D [" in drawing.alternative
 
 
 def test_thresholds_in_any_order_and_curves_that_begin_with_nothing():

@@ -84,7 +84,10 @@ def drawings():
 @pytest.fixture(scope="module")
 def blanks(drawings):
     """Empty figures under the names of the real ones: for tests of text."""
-    return [Drawing(drawing.name, Figure(), drawing.caption, drawing.alternative) for drawing in drawings]
+    return [
+        Drawing(drawing.name, Figure(), drawing.caption, alternative=drawing.alternative)
+        for drawing in drawings
+    ]
 
 
 def page(drawings: Sequence[Any], comparison: Comparison = COMPARISON, **changes: Any) -> str:

@@ -45,7 +45,9 @@ def found_with(*findings: Finding) -> Identification:
 def blanks() -> list[Drawing]:
     """Names and captions of the figures, which no finding changes; the pictures are empty."""
     drawn = draw_all(Subject.of_case(cubic_case(), IDENTIFICATION), SURFACE, IDENTIFICATION, PREDICTION)
-    return [Drawing(drawing.name, Figure(), drawing.caption, drawing.alternative) for drawing in drawn]
+    return [
+        Drawing(drawing.name, Figure(), drawing.caption, alternative=drawing.alternative) for drawing in drawn
+    ]
 
 
 def page_of(tolerance: float | None, *findings: Finding) -> str:

@@ -15,7 +15,7 @@ from rsgen.common.arrays import Array
 from rsgen.common.tolerances import CONFIDENCE_TEXT
 from rsgen.formula import symbol
 from rsgen.formula.names import remembers
-from rsgen.formula.units import Scale, choose_scale, number_text, quantity_text
+from rsgen.formula.units import Scale, choose_scale
 from rsgen.identification.modal_result import MODAL_COLUMNS, ModalTable
 from rsgen.identification.results import EquivalentCurve, Identification
 from rsgen.report.figures.drawing import (
@@ -105,31 +105,7 @@ def draw_modal(
     caption = (
         "Modal table: what the points near resonance say of the mode at each amplitude, whatever the law."
     )
-    return Drawing("modal", figure, caption, _words(table), ax is None)
-
-
-def _words(table: ModalTable) -> str:
-    first, last = (dict(row) for row in (next(iter(table)), list(table)[-1]))
-    frequency = [quantity_text(row["frequency"], "Hz", 6) for row in (first, last)]
-    text = (
-        f"From {quantity_text(first['amplitude'], 'm', 3)} to {quantity_text(last['amplitude'], 'm', 3)} the "
-        f"resonance frequency goes from {frequency[0]} to {frequency[1]}"
-    )
-    if "damping_ratio" in table.known:
-        ratio = [number_text(100 * row["damping_ratio"], 3) for row in (first, last)]
-        return f"{text} and the damping ratio from {ratio[0]} to {ratio[1]} %."
-    if "damping" in table.known:
-        damping = [quantity_text(row["damping"], "N*s/m", 3) for row in (first, last)]
-        return f"{text} and the damping from {damping[0]} to {damping[1]}."
-    return f"{text}."
-
-
-def _span(values: Array, unit: str) -> str:
-    finite = values[np.isfinite(values)]
-    if not finite.size:
-        return "not known"
-    scale = choose_scale(finite, unit)
-    return f"{number_text(finite[0] / scale.factor)} to {number_text(finite[-1] / scale.factor)} {scale.unit}"
+    return Drawing("modal", figure, caption, ax is None)
 
 
 def _say_empty(axes: Axes, drawn: Sequence[Array]) -> None:
@@ -176,25 +152,8 @@ def draw_resonance(identification: Identification, *, ax: GivenAxes = None) -> D
         _say_empty(axes, [read, line])
     label_abscissa(panels, ax, scale.label("Amplitude X"))
     panels[0].legend(loc="best")
-    text = "No level has a resonance that could be read."
-    if len(points) == 1:
-        text = (
-            f"One resonance: at the amplitude {quantity_text(amplitude[0], 'm', 3)} the resonance "
-            f"frequency is {quantity_text(frequency[0], 'Hz')} and the damping ratio "
-            f"{number_text(100 * ratio[0], 3)} %."
-        )
-    elif points:
-        text = (
-            f"{len(points)} resonances. From the smallest amplitude, "
-            f"{quantity_text(amplitude[0], 'm', 3)}, to the largest, "
-            f"{quantity_text(amplitude[-1], 'm', 3)}, the resonance frequency goes from "
-            f"{_span(frequency, 'Hz')} "
-            f"({100 * (frequency[-1] / frequency[0] - 1):+.2f} %) and the damping ratio "
-        )
-        ends = (number_text(100 * value, 3) for value in ratio[[0, -1]])
-        text += "from {} to {} %.".format(*ends) if np.isfinite(ratio).all() else "is not known."
     caption = "Resonance of each level: the shift with amplitude is what identification reads."
-    return Drawing("resonance", figure, caption, text, ax is None)
+    return Drawing("resonance", figure, caption, ax is None)
 
 
 @in_style
@@ -269,46 +228,8 @@ def _draw_equivalent(
     axes.set_xlabel(x.label("Amplitude X"))
     axes.set_ylabel(y.label(f"Equivalent {what} {symbol}"))
     axes.legend(loc="best")
-    text = _equivalent_words(what, grid, refined, measured, y)
-    known = np.isfinite(refined - lines[-1])
-    if truth is not None and known.any():
-        scale = float(np.max(np.abs(lines[-1][known]))) or 1.0
-        off = float(np.max(np.abs(refined - lines[-1])[known])) / scale
-        text += f" The refined fit departs from the truth by at most {number_text(100 * off, 2)} %."
     caption = f"{name}: equivalent {what}; points as read at resonance, lines as fitted and derived."
-    return Drawing(what, figure, caption, text, ax is None)
-
-
-def _equivalent_words(what: str, grid: Array, fitted: Array, measured: Array, y: Scale) -> str:
-    if not grid.size:
-        return f"No amplitude was tested, so there is no equivalent {what} to show."
-    read = measured[np.isfinite(measured)]
-    shown = (
-        [f"{number_text(value / y.factor)} {y.unit}" for value in (read.min(), read.max())]
-        if read.size
-        else []
-    )
-    if not shown and len(measured):
-        levels = f"{len(measured)} levels reach resonance, where without a mass none has a {what}."
-    elif not shown:
-        levels = "No level could be read at resonance."
-    elif len(read) == 1:
-        levels = f"The one level that could be read at resonance has {shown[0]}."
-    else:
-        levels = f"{len(read)} levels read at resonance lie between {shown[0]} and {shown[1]}."
-    if not np.isfinite(fitted[[0, -1]]).all():
-        return f"No line is drawn, for it needs values that are not identifiable. {levels}"
-    if len(grid) == 1:
-        at = quantity_text(grid[0], "m", 3)
-        return (
-            f"The refined equivalent {what} is {number_text(fitted[0] / y.factor)} {y.unit} at {at}. {levels}"
-        )
-    change = f" ({100 * (fitted[-1] / fitted[0] - 1):+.1f} %)" if fitted[0] else ""
-    return (
-        f"The refined equivalent {what} goes from {number_text(fitted[0] / y.factor)} {y.unit} at "
-        f"{quantity_text(grid[0], 'm', 3)} to {number_text(fitted[-1] / y.factor)} {y.unit} at "
-        f"{quantity_text(grid[-1], 'm', 3)}{change}. {levels}"
-    )
+    return Drawing(what, figure, caption, ax is None)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -377,14 +298,7 @@ def draw_collapse(identification: Identification, *, ax: GivenAxes = None) -> Dr
     )
     if any(f.code == "not-recorded" and f.names["signal"] == "phase" for f in identification.findings):
         caption += " Phases were not recorded: each point has the one that the identified law predicts."
-    text = "No test point could be used."
-    if grid.size:
-        words = "; ".join(filter(None, map(_collapse_words, parts)))
-        text = f"{len(curve.amplitude)} points over {_span(grid, 'm')}{': ' if words else ''}{words}."
-        text += "".join(
-            f" Without a mass none has a {part.what}." for part in parts if not np.isfinite(part.cloud).any()
-        )
-    return Drawing("collapse", figure, caption, text, ax is None)
+    return Drawing("collapse", figure, caption, ax is None)
 
 
 def _collapses(
@@ -417,19 +331,3 @@ def _acts_on_velocity(force: sympy.Expr) -> bool:
     if damper.has(symbol("x")):
         damper = sympy.expand(damper)
     return not damper.has(symbol("x")) and sympy.diff(damper, v, 2) != 0
-
-
-def _collapse_words(part: _Collapse) -> str:
-    """Say how near the points lie to the line; "" where nothing is known."""
-    order = np.argsort(part.course)
-    expected = np.interp(part.place, part.course[order], part.line[order])
-    with np.errstate(divide="ignore", invalid="ignore"):
-        off = np.abs(part.cloud / expected - 1)
-    off = off[np.isfinite(off)]
-    if not off.size:
-        return ""
-    half, most = (number_text(100 * float(np.percentile(off, share)), 2) for share in (50, 95))
-    return (
-        f"half of the points lie within {half} % and 95 % within {most} % of the {part.what} of the "
-        "refined model"
-    )

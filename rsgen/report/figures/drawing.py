@@ -21,13 +21,13 @@ from matplotlib.cm import ScalarMappable
 from matplotlib.colors import LinearSegmentedColormap, Normalize
 from matplotlib.figure import Figure
 from matplotlib.layout_engine import ConstrainedLayoutEngine
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from rsgen.common.arrays import Array
 from rsgen.common.errors import RsgenError, require
 from rsgen.data.surface import ResponseSurface
 from rsgen.describing import DescribingFunction
-from rsgen.formula.units import SWEEPS, choose_scale, count_text, quantity_text
+from rsgen.formula.units import SWEEPS, choose_scale, count_text, number_text, quantity_text
 from rsgen.identification.modal_result import ModalTable
 from rsgen.identification.prediction import Prediction
 from rsgen.identification.results import Identification
@@ -145,6 +145,37 @@ def label_abscissa(panels: Sequence[Axes], ax: GivenAxes, text: str) -> None:
         axes.set_xlabel(text)
 
 
+def _course(name: str, x: ArrayLike, y: ArrayLike) -> str:
+    """Say where a line begins, ends and is highest."""
+    place, height = (np.asarray(values, dtype=np.float64) for values in (x, y))
+    known = np.isfinite(place) & np.isfinite(height)
+    if not known.any():
+        return f"{name}: not known"
+    points = list(zip(place[known].tolist(), height[known].tolist(), strict=True))
+    ends = dict.fromkeys((points[0], points[-1]))
+    text = " to ".join(f"{number_text(at[1])} at {number_text(at[0], 5)}" for at in ends)
+    top = max(points, key=lambda at: at[1])
+    highest = "" if top in ends else f", highest {number_text(top[1])} at {number_text(top[0], 5)}"
+    return f"{name}: {text}{highest}"
+
+
+def in_numbers(figure: Figure) -> str:
+    """Say what a figure shows, for readers who do not see it: the course of each line of its legends.
+
+    Of panels without a legend every line is said.
+    """
+    said = []
+    for axes in figure.axes:
+        lines = {line: str(line.get_label()) for line in axes.get_lines()}
+        named = {line: label for line, label in lines.items() if not label.startswith("_")}
+        courses = [_course(label, *line.get_data()) for line, label in named.items()]
+        courses = courses or [_course("line", *line.get_data()) for line in lines]
+        if courses:
+            over = " over ".join(filter(None, [axes.get_ylabel(), axes.get_xlabel()]))
+            said.append(f"{axes.get_title(loc='left')} {over}: {'; '.join(courses)}.".strip())
+    return " ".join(said) or "0 values are known."
+
+
 @dataclass(frozen=True, slots=True, eq=False)
 class Drawing:
     """A finished figure; a notebook shows it by itself, ``figure`` is there to be changed.
@@ -157,19 +188,21 @@ class Drawing:
         The matplotlib figure; panels stay where they are when something in it is changed.
     caption
         One sentence: what to look at.
-    alternative
-        What the figure shows, in numbers, for readers who do not see it.
     whole
         False where it was drawn on axes of the caller, who then lays out and shows the figure.
+    alternative
+        What the figure shows, in numbers, for readers who do not see it; "": the course of its lines.
     """
 
     name: str
     figure: Figure
     caption: str
-    alternative: str
     whole: bool = True
+    alternative: str = ""
 
     def __post_init__(self) -> None:
+        if not self.alternative:
+            object.__setattr__(self, "alternative", in_numbers(self.figure))
         if self.whole:
             with project_style():
                 lay_out(self.figure)
@@ -378,7 +411,7 @@ def draw_surface(surface: ResponseSurface, *, ax: Any = None) -> Drawing:
     axes.set_box_aspect((1.25, 1.0, 0.8), zoom=1.0)
     words = "every point from rest" if sweep == "rest" else SWEEPS[sweep]
     caption = f"Response surface: {_what(shown, words)}."
-    return Drawing("surface", figure, caption, _alternative(shown), ax is None)
+    return Drawing("surface", figure, caption, ax is None, _alternative(shown))
 
 
 def _map_panel(axes: Axes, part: ResponseSurface, factor: float, force: float, norm: Normalize) -> None:
@@ -445,7 +478,7 @@ def draw_map(surface: ResponseSurface, *, ax: GivenAxes = None) -> Drawing:
     caption = "The same surface as a map; the line joins the peaks of the levels and shows their shift."
     if not surface.settled.all():
         caption += " Crosses did not settle."
-    return Drawing("map", figure, caption, _alternative(surface), ax is None)
+    return Drawing("map", figure, caption, ax is None, _alternative(surface))
 
 
 @in_style
@@ -470,4 +503,4 @@ def draw_thumbnail(surface: ResponseSurface, name: str = "thumbnail", *, ax: Giv
     part = surface.select(surface.sweep == _sweeps(surface)[0])
     _map_panel(axes, part, 1.0, 1.0, Normalize(0, largest_answer(part)))
     axes.margins(0)
-    return Drawing(name, figure, "Response surface.", _alternative(surface), ax is None)
+    return Drawing(name, figure, "Response surface.", ax is None, _alternative(surface))

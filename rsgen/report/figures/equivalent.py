@@ -21,7 +21,7 @@ from rsgen.data.surface import ResponseSurface
 from rsgen.describing import DescribingFunction, Equivalent, derive
 from rsgen.formula import symbol
 from rsgen.formula.names import remembers
-from rsgen.formula.units import choose_scale, number_text, quantity_text
+from rsgen.formula.units import choose_scale, number_text
 from rsgen.identification.results import Estimate, Identification
 from rsgen.law.motion import Motion, cycle_work
 from rsgen.law.notation import readable
@@ -494,22 +494,16 @@ def draw_derivation(
         _heading(figure, function, numbers, given, omega)
     _draw_law(law, function, numbers, omega, largest, found.mean[-1])
     scale = choose_scale(X, "m")
-    words = []
     for axes, (what, curve, unit) in zip(panels, shown, strict=False):
         y = choose_scale(np.percentile(np.abs(curve[np.isfinite(curve)]), 99), unit)
         axes.plot(X / scale.factor, curve / y.factor, **REFINED)
         calm_limits(axes, [curve / y.factor])
         axes.set_ylabel(y.label(what))
         axes.set_xlim(0, largest / scale.factor)
-        words.append(
-            f"{what} is {quantity_text(curve[POINTS // 10], unit, 3)} at "
-            f"{quantity_text(X[POINTS // 10], 'm', 2)} and {quantity_text(curve[-1], unit, 3)} at "
-            f"{quantity_text(largest, 'm', 2)}."
-        )
     for axes in panels[-1:]:
         axes.set_xlabel(scale.label("Amplitude X"))
     caption = "The force of the law, and what it is to the fundamental of a vibration of amplitude X."
-    return Drawing("derivation", figure, caption, " ".join(words), ax is None)
+    return Drawing("derivation", figure, caption, ax is None)
 
 
 def _heading(

@@ -18,7 +18,6 @@ from rsgen.data.oscillator import Model
 from rsgen.data.surface import ResponseSurface
 from rsgen.formula.units import choose_scale, count_text, number_text, quantity_text
 from rsgen.identification.results import Identification
-from rsgen.law.motion import cycle_work
 from rsgen.law.numeric import compile_law
 from rsgen.report.figures.drawing import (
     POINT,
@@ -31,7 +30,6 @@ from rsgen.report.figures.drawing import (
     take_axes,
 )
 from rsgen.report.figures.equivalent import (
-    Energy,
     branch_mean,
     calm_limits,
     dissipated_energy,
@@ -97,7 +95,6 @@ def draw_forces(
     figure, panels = take_axes(ax, 2, (4.4, 4.6))
     restoring = identification.restoring
     kinds = (("stiffness force", x, "m"), ("damping force", v, "m/s"))
-    words = []
     for axes, (what, place, unit) in zip(panels, kinds, strict=False):
         inverted = None
         if restoring is not None:
@@ -112,11 +109,11 @@ def draw_forces(
         )
         if force is not None:
             named = identification.curve.units.of("N")
-            words.append(_panel(axes, what, place, unit, force, expected, inverted, named))
+            _panel(axes, what, place, unit, force, expected, inverted, named)
     caption = "Forces of springs and of dampers over the tested range"
     if restoring is not None:
         caption += f", and the nonparametric restoring force (points, {CONFIDENCE_TEXT} band)"
-    return Drawing("forces", figure, f"{caption}.", " ".join(words), ax is None)
+    return Drawing("forces", figure, f"{caption}.", ax is None)
 
 
 def _panel(
@@ -128,7 +125,7 @@ def _panel(
     true: Array | None,
     inverted: tuple[Array, Array, Array] | None,
     force_unit: str,
-) -> str:
+) -> None:
     x = choose_scale(place, unit)
     y = choose_scale(force, force_unit)
     if inverted is not None:
@@ -151,15 +148,6 @@ def _panel(
     axes.set_xlabel(x.label("Displacement x" if unit == "m" else "Velocity v"))
     axes.set_ylabel(y.label(what.capitalize()))
     axes.legend(loc="upper left")
-    text = (
-        f"The {what} is {quantity_text(force[-1], force_unit, 3)} at {quantity_text(place[-1], unit, 3)} and "
-        f"{quantity_text(force[0], force_unit, 3)} at {quantity_text(place[0], unit, 3)}"
-    )
-    if true is not None and np.isfinite(force).all():
-        largest = float(np.max(np.abs(true)))
-        off = float(np.max(np.abs(force - true))) / largest if largest else 0.0
-        text += f"; it departs from the truth by at most {number_text(100 * off, 2)} % of the largest force"
-    return f"{text}."
 
 
 _LOOPS = 3
@@ -258,10 +246,11 @@ def draw_loops(
     label_abscissa(panels, ax, x.label("Displacement x"))
     panels[0].legend(loc="upper left")
     where = f"the largest motion of {count_text(len(rows), 'level')}" if points is None else "chosen points"
+    where += f", with a mass of {quantity_text(mass, 'kg', 4)}"
     caption = f"Loops of the restoring force at {where}: an open loop dissipates."
     if surface.harmonics.shape[1] <= 2:
         caption += " Only the fundamental was measured, so measured loops are ellipses whatever the law."
-    return Drawing("loops", figure, caption, _loop_words(surface, rows, mass, loops.force, lines), ax is None)
+    return Drawing("loops", figure, caption, ax is None)
 
 
 def _draw_loop(
@@ -276,32 +265,6 @@ def _draw_loop(
         (place, drawn) if style is _MEMORYLESS else (np.append(place, place[:1]), np.append(drawn, drawn[:1]))
     )
     axes.plot(*closed, label=name or "_", **style)
-
-
-def _loop_words(
-    surface: ResponseSurface,
-    rows: NDArray[np.intp],
-    mass: float,
-    force: Array,
-    lines: list[tuple[str, dict[str, Any], Array]],
-) -> str:
-    work = cycle_work(surface.force[rows], surface.harmonics[rows, 1])
-    parts = []
-    for i, row in enumerate(rows):
-        part = (
-            f"at {quantity_text(float(surface.level[row]), surface.level_unit, 3)} and an amplitude of "
-            f"{quantity_text(float(surface.amplitude[row]), 'm', 3)} a cycle dissipates "
-            f"{quantity_text(float(work[i]), 'J', 3)}"
-        )
-        for name, _, line in lines[:1]:
-            off = float(np.max(np.abs(line[i] - force[i])) / np.max(np.abs(force[i])))
-            if np.isfinite(off):
-                part += (
-                    f", and the {name} loop departs from the measured one by at most "
-                    f"{number_text(100 * off, 2)} % of the largest force"
-                )
-        parts.append(part)
-    return f"Loops with a mass of {quantity_text(mass, 'kg', 4)}: {'; '.join(parts)}."
 
 
 @in_style
@@ -352,7 +315,7 @@ def draw_energy(
         "Energy dissipated in a cycle: its slope is near 2 for viscous and structural damping, 2.2 to 3 in "
         "micro-slip, 1 in macro-slip."
     )
-    return Drawing("energy", figure, caption, _energy_words(measured, found, rest), ax is None)
+    return Drawing("energy", figure, caption, ax is None)
 
 
 def _plain_ticks(axis: Axis) -> None:
@@ -385,24 +348,3 @@ def _draw_ratio(
         axes.plot(grid / factor, true, label="truth", **TRUTH)
     calm_limits(axes, drawn, least=0.02 if len(curve.amplitude) else 0.1)
     axes.set_ylabel("Stiffness k(X)/k(0) [1]")
-
-
-def _energy_words(measured: Energy, found: Energy, rest: float) -> str:
-    parts = []
-    if np.isfinite(measured.exponent):
-        parts.append(
-            f"the measured energy of a cycle grows with the power {number_text(measured.exponent, 3)} of the "
-            f"amplitude ({len(measured.amplitude)} points)"
-        )
-    if np.isfinite(found.exponent):
-        first, last = (float(found.course[end]) for end in (0, -1))
-        parts.append(
-            f"the refined model goes from {quantity_text(float(found.energy[0]), 'J', 3)} at "
-            f"{quantity_text(float(found.amplitude[0]), 'm', 3)}, slope {number_text(first, 3)}, to "
-            f"{quantity_text(float(found.energy[-1]), 'J', 3)} at "
-            f"{quantity_text(float(found.amplitude[-1]), 'm', 3)}, slope {number_text(last, 3)}"
-        )
-    if np.isfinite(rest):
-        parts.append(f"the stiffness at rest is {quantity_text(rest, 'N/m', 4)}")
-    text = "; ".join(parts) or "no point dissipates, so that there are 0 energies to show"
-    return f"{text[:1].upper()}{text[1:]}."

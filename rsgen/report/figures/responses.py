@@ -15,7 +15,7 @@ from rsgen.common.arrays import Array
 from rsgen.common.errors import RsgenError, require
 from rsgen.common.tolerances import RELATIVE_CHANGE_NEGLIGIBLE
 from rsgen.data.surface import ResponseSurface, typical_amounts
-from rsgen.formula.units import SWEEPS, choose_scale, count_text, number_text, quantity_text
+from rsgen.formula.units import SWEEPS, choose_scale, number_text, quantity_text
 from rsgen.identification.prediction import HeldOutLevel, Prediction, ResonanceCurve
 from rsgen.identification.prediction.prediction_result import PredictedRecord
 from rsgen.identification.results import MultisineIdentification
@@ -26,12 +26,11 @@ from rsgen.report.figures.drawing import (
     in_style,
     label_abscissa,
     level_colours,
-    peaks_by_level,
     take_axes,
 )
 
 if TYPE_CHECKING:
-    from rsgen.data.multisine import BestLinear
+    pass
 
 _MARKERS = {"rest": "o", "up": "^", "down": "v"}
 _SPREAD_OF_LEVEL = 0.1
@@ -83,24 +82,6 @@ def choose_levels(surface: ResponseSurface, most: int = 6) -> list[float]:
     if len(levels) > most:
         levels = levels[np.unique(np.linspace(0, len(levels) - 1, most).round().astype(int))]
     return [float(level) for level in levels]
-
-
-def _fold_words(curves: list[ResonanceCurve]) -> str:
-    if not curves:
-        return "No curve is predicted."
-    folded = [curve for curve in curves if len(curve.folds)]
-    if not folded:
-        return "None of the predicted curves folds."
-    curve = folded[-1]
-    places = " and ".join(
-        f"{quantity_text(f, 'Hz', 5)} ({quantity_text(a, 'm', 3)})" for f, a in curve.folds.tolist()
-    )
-    lowest = quantity_text(folded[0].level, curve.level_unit, 3)
-    return (
-        f"Predicted curves fold from {lowest} on; at {quantity_text(curve.level, curve.level_unit, 3)} the "
-        f"response jumps at {places}, "
-        "and the dashed branch between is unstable."
-    )
 
 
 @in_style
@@ -168,18 +149,7 @@ def draw_responses(surface: ResponseSurface, prediction: Prediction, *, ax: Give
             "Frequency responses at constant force: points read off the test, which held X, lines as "
             "predicted by the refined model; dashed parts are unstable."
         )
-        text = f"{len(levels)} forces out of those that the resonances needed. {_fold_words(curves)}"
-        return Drawing("responses", figure, caption, text, ax is None)
-    peaks = [shown.select(np.array([i])) for i in peaks_by_level(shown)]
-    largest = "; ".join(
-        f"{quantity_text(forces[float(p.level[0])], surface.force_unit, 3)}: "
-        f"{quantity_text(p.amplitude[0], 'm', 3)} at "
-        f"{quantity_text(p.frequency[0], 'Hz', 5)}"
-        for p in peaks
-    )
-    share = f"{len(levels)} of {count_text(len(surface.levels), 'level')}"
-    text = f"{share}. Largest tested amplitudes: {largest}. {_fold_words(curves)}"
-    return Drawing("responses", figure, caption, text, ax is None)
+    return Drawing("responses", figure, caption, ax is None)
 
 
 def _shown_levels(
@@ -273,8 +243,7 @@ def draw_held_out(prediction: Prediction, *, ax: GivenAxes = None) -> Drawing:
     if not groups:
         panels[0].set_axis_off()
         panels[0].text(0.5, 0.5, "no level was held out", ha="center", va="center")
-        return Drawing("held-out", figure, "No level was held out.", "No level was held out.", ax is None)
-    words = []
+        return Drawing("held-out", figure, "No level was held out.", ax is None)
     for axes, items in zip(panels, groups.values(), strict=False):
         scale = choose_scale(np.concatenate([np.abs(item.measured) for item in items]), "m")
         near = RELATIVE_CHANGE_NEGLIGIBLE * items[0].force
@@ -300,13 +269,6 @@ def draw_held_out(prediction: Prediction, *, ax: GivenAxes = None) -> Drawing:
                 rasterized=len(item.frequency) > 40,
                 label=f"tested, {SWEEPS[item.sweep]}",
             )
-            words.append(
-                f"{_level_text(item)}, {SWEEPS[item.sweep]}: error "
-                f"{number_text(100 * item.error, 2)} % "
-                f"(root mean square), largest {number_text(100 * item.largest_error, 2)} % of the "
-                "largest amplitude, "
-                f"{item.missing} of {len(item.frequency)} points without a predicted state"
-            )
         frequency = np.concatenate([item.frequency for item in items])
         axes.set_xlim(float(frequency.min()), float(frequency.max()))
         axes.set_ylim(0, 1.15 * float(max(np.abs(item.measured).max() for item in items)) / scale.factor)
@@ -315,7 +277,7 @@ def draw_held_out(prediction: Prediction, *, ax: GivenAxes = None) -> Drawing:
     panels[0].legend(loc="best")
     label_abscissa(panels, ax, "Frequency [Hz]")
     caption = "Levels that identification has not seen: as tested and as the refined model predicts."
-    return Drawing("held-out", figure, caption, "; ".join(words) + ".", ax is None)
+    return Drawing("held-out", figure, caption, ax is None)
 
 
 @in_style
@@ -333,7 +295,7 @@ def draw_time_history(surface: ResponseSurface, *, ax: GivenAxes = None) -> Draw
     settled = np.flatnonzero(surface.settled)
     if not settled.size:
         axes.set_axis_off()
-        return Drawing("time-history", figure, "No test point settled.", "No test point settled.", ax is None)
+        return Drawing("time-history", figure, "No test point settled.", ax is None)
     i = int(settled[np.argmax(surface.amplitude[settled])])
     turn = np.linspace(0, 2 * np.pi, 721)
     whole = Motion(surface.omega[i : i + 1], surface.harmonics[i : i + 1])
@@ -367,15 +329,8 @@ def draw_time_history(surface: ResponseSurface, *, ax: GivenAxes = None) -> Draw
     axes.set_ylabel(x.label("Displacement x"))
     margin = 0.12 * (high - low)
     axes.set_ylim((low - margin) / x.factor, (high + margin) / x.factor)
-    ratio = abs(low / high) if high else float("nan")
-    text = (
-        f"At level {quantity_text(surface.level[i], surface.level_unit, 3)} and "
-        f"{quantity_text(surface.frequency[i], 'Hz', 5)} the displacement "
-        f"swings between {quantity_text(low, 'm')} and {quantity_text(high, 'm')}; the negative peak is "
-        f"{number_text(ratio, 3)} times the positive one and the mean is {quantity_text(mean, 'm', 3)}."
-    )
     caption = "One period of the largest response, with its positive and negative peak and its mean (dashed)."
-    return Drawing("time-history", figure, caption, text, ax is None)
+    return Drawing("time-history", figure, caption, ax is None)
 
 
 # ----------------------------------------------------------------------------
@@ -432,34 +387,11 @@ def draw_best_linear(found: MultisineIdentification, *, ax: GivenAxes = None) ->
     if len(panels) > 1:
         _draw_parts(panels[1], found)
     label_abscissa(panels, ax, "Frequency [Hz]")
-    text = " ".join(map(_said, levels))
     caption = (
         "Best linear approximation of each level, and what of the response at the highest level no linear "
         "structure would answer: distortion repeats every period, noise does not."
     )
-    return Drawing("best-linear", figure, caption, text, ax is None)
-
-
-def _said(one: BestLinear) -> str:
-    """The best linear approximation of one level in numbers."""
-    noise = f"{number_text(100 * one.noise_share, 2)} %" if np.isfinite(one.noise_share) else "not known"
-    distortion = ""
-    if np.isfinite(one.even_share) and np.isfinite(one.odd_share):
-        even, odd = _hidden(one.even_share, one.even_bound), _hidden(one.odd_share, one.odd_bound)
-        distortion = f", at even lines {even}, at odd lines that are not excited {odd}"
-    return (
-        f"At {quantity_text(one.level, one.level_unit, 3)}: natural frequency "
-        f"{quantity_text(one.natural_frequency, 'Hz', 5)}, damping ratio "
-        f"{number_text(100 * one.damping_ratio, 3)} %, distortion "
-        f"{number_text(100 * one.distortion_share, 2)} % of the response{distortion}, noise {noise}."
-    )
-
-
-def _hidden(share: float, bound: float) -> str:
-    """A share in per cent, or what it is below where noise hides it."""
-    if share == 0 and np.isfinite(bound) and bound > 0:
-        return f"less than {number_text(100 * bound, 2)} %"
-    return f"{number_text(100 * share, 2)} %"
+    return Drawing("best-linear", figure, caption, ax is None)
 
 
 def _draw_parts(axes: Axes, found: MultisineIdentification) -> None:
@@ -500,7 +432,6 @@ def draw_line_misfit(found: MultisineIdentification, *, ax: GivenAxes = None) ->
     level = spectra.level[rows]
     shown = list(dict.fromkeys([int(np.argmin(level)), int(np.argmax(level))]))
     figure, panels = take_axes(ax, len(shown), (4.4, 2.4 * len(shown)), sharex=True)
-    texts = []
     for axes, place in zip(panels, shown, strict=False):
         used, named = found.used[place], quantity_text(float(level[place]), spectra.level_unit, 3)
         frequency = spectra.frequency[used]
@@ -516,18 +447,10 @@ def draw_line_misfit(found: MultisineIdentification, *, ax: GivenAxes = None) ->
             _semilog(axes, frequency, values / scale.factor, color=colour, label=name, **_PALE)
         axes.set_ylabel(scale.label(f"Level {named}"))
         _limit_lines(axes, float(force.max()) / scale.factor)
-        share = float(np.linalg.norm(left) / np.linalg.norm(force))
-        known = bool(np.isfinite(noise).all() and noise.all())
-        times = float(np.sqrt(np.mean((left / noise) ** 2))) if known else float("nan")
-        ratio = f", {number_text(times, 2)} times its noise" if np.isfinite(times) else ""
-        texts.append(
-            f"At {named} the law leaves "
-            f"{number_text(100 * share, 2)} % of the force at {count_text(int(used.sum()), 'line')}{ratio}."
-        )
     panels[0].legend(loc="best")
     label_abscissa(panels, ax, "Frequency [Hz]")
     caption = "What the law leaves of the balance at each line; above the noise it is misfit of the law."
-    return Drawing("line-misfit", figure, caption, " ".join(texts), ax is None)
+    return Drawing("line-misfit", figure, caption, ax is None)
 
 
 @in_style
@@ -567,16 +490,8 @@ def draw_predicted_record(prediction: Prediction, *, ax: GivenAxes = None) -> Dr
     panels[0].legend(loc="best")
     if len(panels) > 1:
         _draw_time(panels[1], one)
-    level = quantity_text(one.level, one.level_unit, 3)
-    noise = (
-        f"; the noise of the measured mean is {number_text(100 * one.noise, 2)} %"
-        if np.isfinite(one.noise)
-        else ""
-    )
-    error = number_text(100 * one.error, 3)
-    text = f"Held-out level {level}: the predicted response differs by {error} % rms{noise}."
     caption = "A level that identification has not seen: response predicted from the measured force alone."
-    return Drawing("predicted-record", figure, caption, text, ax is None)
+    return Drawing("predicted-record", figure, caption, ax is None)
 
 
 def _draw_time(axes: Axes, one: PredictedRecord) -> None:
