@@ -97,7 +97,7 @@ def draw_responses(surface: ResponseSurface, prediction: Prediction, *, ax: Give
     ax
         Axes to draw on; None makes a figure.
     """
-    levels, shown, forces = _shown_levels(surface, prediction)
+    levels, shown = _shown_levels(surface, prediction)
     predicted = (
         {curve.level: curve for curve in prediction.curves if len(curve.frequency)}
         if surface.response_held
@@ -154,15 +154,13 @@ def draw_responses(surface: ResponseSurface, prediction: Prediction, *, ax: Give
 
 def _shown_levels(
     surface: ResponseSurface, prediction: Prediction
-) -> tuple[Sequence[float], ResponseSurface, dict[float, float]]:
-    """At most six levels, the points of them, and the force of each; where X was held, forces of curves."""
+) -> tuple[Sequence[float], ResponseSurface]:
+    """At most six levels, and the points of them; where X was held, forces of curves."""
     if not surface.response_held:
         levels = choose_levels(_predicted(surface, prediction))
-        shown = surface.select(np.isin(surface.level, levels) & surface.settled)
-        return levels, shown, _forces(shown)
+        return levels, surface.select(np.isin(surface.level, levels) & surface.settled)
     drawn = [curve.level for curve in prediction.curves if len(curve.frequency)]
-    forces = drawn[:: -(-len(drawn) // 6) or 1]
-    return forces, surface.select(surface.settled), {force: force for force in forces}
+    return drawn[:: -(-len(drawn) // 6) or 1], surface.select(surface.settled)
 
 
 def _tested(shown: ResponseSurface, level: float, sweep: str) -> tuple[Array, Array]:
