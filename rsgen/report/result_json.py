@@ -34,6 +34,7 @@ from rsgen.formula import write
 from rsgen.formula.units import quantity_text
 from rsgen.identification.prediction import HeldOutLevel, Prediction
 from rsgen.identification.results import Estimate, Identification, MultisineIdentification, Resonance
+from rsgen.identification.results.result import held_out_lines
 from rsgen.law.element import FORCE_KEYS
 from rsgen.report.figures.equivalent import (
     dissipated_energy,
@@ -297,7 +298,11 @@ def _(
         "best_linear": [_best_linear(one) for one in identification.approximations],
         "modal": modal_entry(modal),
         "held_out": [
-            {**_finite_ones(one, ("level", "error", "noise")), "lines": int(np.count_nonzero(one.judged))}
+            {
+                **_finite_ones(one, ("level", "error", "noise")),
+                "lines": int(np.count_nonzero(one.judged)),
+                "said": held_out_lines([one])[0],
+            }
             for one in prediction.records
         ],
     }
@@ -335,6 +340,7 @@ def _held_out(item: HeldOutLevel) -> dict[str, Any]:
         "points": len(item.frequency),
         "missing": item.missing,
         **_finite_ones(item, ("error", "largest_error")),
+        "said": held_out_lines([item])[0],
     }
 
 

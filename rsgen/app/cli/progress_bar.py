@@ -32,12 +32,13 @@ class Listener(NamedTuple):
 
 
 def _lines(run: CaseRun) -> list[str]:
-    """Return the lines of a finished case: verdict and folder, then its reasons; [] if it failed."""
+    """Return the lines of a finished case: verdict and folder, reasons, held-out levels; [] if it failed."""
     if run.verdict is None:
         return []
     headline, *reasons = verdict_lines(run.verdict)
     how = "unchanged" if run.skipped else f"{run.seconds:.1f} s"
-    return [f"{run.name}: {headline} ({how}) {run.folder}", *reasons, *next_lines(run.verdict)]
+    held_out = (f"  {line}" for line in run.held_out)
+    return [f"{run.name}: {headline} ({how}) {run.folder}", *reasons, *held_out, *next_lines(run.verdict)]
 
 
 @contextmanager

@@ -108,6 +108,8 @@ class CaseRun:
         Why it failed, in sentences.
     verdict
         The entry "verdict" of the result.json; None where the case failed.
+    held_out
+        How well each held-out level is predicted, a line for each.
     """
 
     path: Path
@@ -118,6 +120,7 @@ class CaseRun:
     seconds: float = 0.0
     faults: tuple[str, ...] = ()
     verdict: StatedVerdict | None = None
+    held_out: tuple[str, ...] = ()
 
 
 def _inputs(case: Case) -> dict[str, str | None]:
@@ -160,16 +163,18 @@ def current_result(case: Case, out: Path, figures: str | None = None) -> CaseRun
     if figures and not any(fnmatch(name, f"figure-*.{figures}") for name in manifest["files"]):
         return None
     try:
-        passed, verdict = _said(folder)
+        return replace(_finished(case, folder), skipped=True)
     except (OSError, ValueError, KeyError, TypeError):
         return None
-    return CaseRun(case.path, case.name, folder, passed, skipped=True, verdict=verdict)
 
 
-def _said(folder: Path) -> tuple[bool, StatedVerdict]:
-    """Read from a result whether tolerances are kept, and its verdict."""
+def _finished(case: Case, folder: Path) -> CaseRun:
+    """Return what the result in a folder says of a case."""
     result = json.loads((folder / RESULT).read_text(encoding="utf-8"))
-    return bool(result["passed"]), result["verdict"]
+    held_out = tuple(str(entry["said"]) for entry in result["held_out"])
+    return CaseRun(
+        case.path, case.name, folder, bool(result["passed"]), verdict=result["verdict"], held_out=held_out
+    )
 
 
 def obtain_table(
@@ -261,9 +266,9 @@ def _execute(
                 command=command,
                 figures=figures,
             )
-        passed, verdict = _said(folder)
+        run = _finished(case, folder)
         write_manifest(folder, inputs, case.test.noise_seed, command)
-    return CaseRun(case.path, case.name, out / case.name, passed, verdict=verdict)
+    return replace(run, folder=out / case.name)
 
 
 @contextlib.contextmanager
