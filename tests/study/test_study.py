@@ -19,7 +19,7 @@ import pytest
 from rsgen.app.study import MANIFEST, Step, read_manifest, run_case, run_cases
 from rsgen.app.study.folder import UNFINISHED, recover, replaced_folder, write_manifest
 from rsgen.app.study.many_cases import local_workers
-from rsgen.app.study.run_case import _failed_notebook, _temporary_in, current_result
+from rsgen.app.study.run_case import _failed_notebook, _temporary_in, check_place, current_result
 from rsgen.cases import load_case
 from rsgen.common.errors import RsgenError
 from tests.case_files import CUBIC, write_small
@@ -309,13 +309,14 @@ def test_a_faulty_case_stops_no_other(finished, tmp_path):
 def test_a_report_is_written_anew_from_its_surface(finished, tmp_path):
     path, out, _ = finished
     shutil.copytree(out, tmp_path / "out")
+    path = Path(shutil.copy(path, tmp_path))
     surface = (tmp_path / "out" / "small" / "surface.h5").read_bytes()
     run = run_case(path, tmp_path / "out", reuse_surface=True)
     assert run.faults == ()
     assert run.passed
     assert (tmp_path / "out" / "small" / "surface.h5").read_bytes() == surface
     assert read_manifest(tmp_path / "out" / "small") is not None
-    # a surface of another case is not taken
+    # a surface of an earlier state of the case is not taken
     other = write_case(tmp_path, accept=3e-2)
     assert (
         "holds no surface of this very case"
@@ -330,6 +331,21 @@ def test_results_never_go_where_the_case_lies(tmp_path):
     inside.mkdir()
     assert "choose another --out" in run_case(write_case(inside), tmp_path).faults[0]
     assert [file.name for file in inside.iterdir()] == ["small.toml"]
+
+
+def test_the_result_of_another_case_file_of_the_same_name_stays(tmp_path):
+    for name in ("a", "b", "out/small"):
+        (tmp_path / name).mkdir(parents=True)
+    one, other, out = write_case(tmp_path / "a"), write_case(tmp_path / "b"), tmp_path / "out"
+    (out / "small" / "result.json").write_text("{}")
+    write_manifest(out / "small", {"case": "0"}, None, ["rsgen"], one)
+    before = content(out / "small")
+    (fault,) = run_case(other, out).faults
+    assert f"name: 'small' is also the name of {one}, whose result is in {out / 'small'}" in fault
+    assert content(out / "small") == before
+    check_place(load_case(one), out)
+    one.unlink()
+    check_place(load_case(other), out)
 
 
 @pytest.mark.parametrize("name", ["index.html", "table1.md"])

@@ -280,7 +280,11 @@ def program_hash() -> str:
 
 
 def write_manifest(
-    folder: Path, inputs: dict[str, str | None], seed: int | None, command: Iterable[str]
+    folder: Path,
+    inputs: dict[str, str | None],
+    seed: int | None,
+    command: Iterable[str],
+    case_file: Path | None = None,
 ) -> None:
     """Write the manifest of a folder whose other files are complete.
 
@@ -294,6 +298,8 @@ def write_manifest(
         Of the noise, where there was one.
     command
         What was called.
+    case_file
+        The case; it is listed relative to the folder of all results, so that both can be moved together.
     """
     files = {
         path.relative_to(folder).as_posix(): file_hash(path)
@@ -303,6 +309,7 @@ def write_manifest(
     content = {
         "schema": SCHEMA,
         "inputs": inputs,
+        "case_file": None if case_file is None else _relative(case_file, folder.parent),
         "program": program_hash(),
         "versions": package_versions(),
         "platform": f"{platform.system()} {platform.machine()}, {sys.implementation.name}",
@@ -311,6 +318,21 @@ def write_manifest(
         "files": files,
     }
     write_atomic(folder / MANIFEST, json.dumps(content, indent=1, ensure_ascii=True) + "\n")
+
+
+def _relative(path: Path, folder: Path) -> str | None:
+    """Return a path relative to a folder; None on another drive."""
+    with suppress(ValueError):
+        return Path(os.path.relpath(path.resolve(), folder.resolve())).as_posix()
+    return None
+
+
+def case_file_of(folder: Path) -> Path | None:
+    """Return the case file that a result is from; None where it is not known or has gone."""
+    content = _read(folder)
+    name = None if content is None else content.get("case_file")
+    path = (folder.parent / name).resolve() if isinstance(name, str) else None
+    return path if path is not None and path.is_file() else None
 
 
 def _read(folder: Path) -> dict[str, Any] | None:

@@ -23,6 +23,7 @@ import rsgen.identification
 import rsgen.report
 from rsgen.analysis.comparison import compare
 from rsgen.app.study.folder import (
+    case_file_of,
     file_hash,
     inputs_unchanged,
     read_manifest,
@@ -32,7 +33,7 @@ from rsgen.app.study.folder import (
 )
 from rsgen.cases import Case, load_case
 from rsgen.cases.case import law_faults
-from rsgen.common.errors import CaseError, RsgenError, program_fault, shown_path
+from rsgen.common.errors import CaseError, RsgenError, program_fault, quote, shown_path
 from rsgen.common.finding import StatedVerdict
 from rsgen.data.multisine import MultisineSpectra
 from rsgen.data.surface import ResponseSurface
@@ -137,16 +138,23 @@ def _inputs(case: Case) -> dict[str, str | None]:
 
 
 def check_place(case: Case, out: Path) -> None:
-    """Refuse to write results into the folder that holds the case.
+    """Refuse to write results into the folder that holds the case, or over those of another case file.
 
     Raises
     ------
     RsgenError
-        The two are the same.
+        The two are the same; the result of that name is from another file, which is still there.
     """
-    if case.path.parent.resolve() in (out.resolve(), (out / case.name).resolve()):
-        where = shown_path(case.path)
+    where, place = shown_path(case.path), out / case.name
+    if case.path.parent.resolve() in (out.resolve(), place.resolve()):
         raise RsgenError(f"{where}: results would go where the case lies; choose another --out")
+    other = case_file_of(place)
+    if other is not None and not other.samefile(case.path):
+        raise RsgenError(
+            f"{where}: name: {quote(case.name)} is also the name of {shown_path(other)}, whose result "
+            f"is in {shown_path(place)}; give one of them another name, choose another --out, or move that "
+            "result away"
+        )
 
 
 def current_result(case: Case, out: Path, figures: str | None = None) -> CaseRun | None:
@@ -267,7 +275,7 @@ def _execute(
                 figures=figures,
             )
         run = _finished(case, folder)
-        write_manifest(folder, inputs, case.test.noise_seed, command)
+        write_manifest(folder, inputs, case.test.noise_seed, command, case.path)
     return replace(run, folder=out / case.name)
 
 
