@@ -9,6 +9,7 @@ import rsgen
 from rsgen.common.errors import MeasurementError, RsgenError
 from rsgen.dynamics.periodic_response import periodic_response
 from rsgen.identification.ranking.library_sums import library_terms
+from rsgen.identification.results.result import held_out_lines
 from rsgen.law.numeric import compile_law
 from tests.case_files import MEASURED, write_small
 
@@ -85,6 +86,10 @@ def test_a_case_of_a_multisine_runs_from_file_to_page(folder, found, run_cli):
     (held,) = result["held_out"]
     assert held["level"] == 4.0
     assert held["error"] < 1e-3
+    # in the words of rsgen identify and print(found), also where the result is unchanged
+    (said,) = held_out_lines(found.held_out)
+    for answer in (run, run_cli("run", folder / "lines.toml", "--out", out)):
+        assert f"  {said}" in answer.out.splitlines()
     page = (out / "lines" / "report.html").read_text(encoding="utf-8")
     assert "A &lt;b&gt;multisine&lt;/b&gt;" in page
     assert "<b>multisine" not in page
