@@ -125,7 +125,7 @@ def test_extrapolation_is_marked(quintic):
     assert (finding.code, finding["level"]) == ("prediction-extrapolated", 60.0)
     # a level between two tested ones is interpolated, though the flanks of its curve lie below all points
     assert inside.extrapolated.any()
-    assert [row[-1] for row in prediction._table().rows] == ["no", "yes"]
+    assert [row[-1] for row in prediction.table.rows] == ["no", "yes"]
 
 
 @pytest.mark.parametrize(

@@ -117,7 +117,9 @@ class Comparison(Printed):
             columns[name] = [getattr(row, name) for row in self]
         return data_frame(columns, "name")
 
-    def _table(self) -> TextTable:
+    @property
+    def table(self) -> TextTable:
+        """The table that is printed."""
         rows = tuple(
             (
                 row.name,
@@ -517,9 +519,6 @@ class FitComparison(Printed):
         first, *others = [fit.name for fit in self.fits]
         heads = ("", "unit", first, *(head for name in others for head in (name, "shift")))
         return TextTable(heads, tuple(rows), notes=tuple(map(repr, self.findings)))
-
-    def _table(self) -> TextTable:
-        return self.table
 
 
 def _rows(fits: Sequence[tuple[Estimate, ...]]) -> tuple[FitRow, ...]:

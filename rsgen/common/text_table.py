@@ -98,15 +98,17 @@ class Printed:
 
     __slots__ = ()
 
-    def _table(self) -> TextTable:
+    @property
+    def table(self) -> TextTable:
+        """The table that is printed."""
         raise NotImplementedError
 
     def __repr__(self) -> str:
         """Return the table as text."""
-        return str(self._table())
+        return str(self.table)
 
     def _repr_html_(self) -> str:
-        return self._table().html()
+        return self.table.html()
 
 
 def lookup(name: object, known: Mapping[str, T], what: str) -> T:

@@ -357,7 +357,9 @@ class ModalTable(Printed):
         lines += [",".join(short(value, MAX_DIGITS) for value in row.values()) for row in self]
         return "\n".join(lines) + "\n"
 
-    def _table(self) -> TextTable:
+    @property
+    def table(self) -> TextTable:
+        """The table that is printed."""
         shown = {name: MODAL_COLUMNS[name] for name in self.shown}
         rows = []
         for row in self:

@@ -89,7 +89,9 @@ class Profile(Printed):
     wald: tuple[float, float]
     followed: tuple[float, float]
 
-    def _table(self) -> TextTable:
+    @property
+    def table(self) -> TextTable:
+        """The table that is printed."""
         rows = tuple((short(v, 6), short(r, 3)) for v, r in zip(self.values, self.root, strict=True))
         low, high = (short(end, 5) for end in self.interval)
         caption = f"{self.name}: {low} to {high} {self.unit}".rstrip()

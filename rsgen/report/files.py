@@ -40,13 +40,11 @@ from rsgen.report.figures import (
     draw_responses,
     draw_stiffness,
     draw_surface,
-    draw_thumbnail,
-    draw_time_history,
 )
 from rsgen.report.figures.drawing import POINTS, project_style
 from rsgen.report.figures.equivalent import shows_loops
 from rsgen.report.notebook import known_results, write_notebook
-from rsgen.report.page import THUMBNAIL, mean_sentence, picture_svg, render_page
+from rsgen.report.page import render_page
 from rsgen.report.page_tables import NO_MODAL, Modal, tabulate_mode
 from rsgen.report.provenance import Subject, collect_provenance
 from rsgen.report.result_json import (
@@ -90,8 +88,6 @@ def _drawn(
     if shows_loops(surface, identification.model) and np.isfinite(identification.mass):
         drawings.append(draw_loops(surface, identification, subject.truth))
         drawings.append(draw_energy(surface, identification, subject.truth))
-    if mean_sentence(surface, identification):
-        drawings.append(draw_time_history(surface))
     if prediction.held_out:
         drawings.append(draw_held_out(prediction))
     return drawings
@@ -230,7 +226,6 @@ def _write_files(
         place / "notebook.ipynb",
         given.loaded.with_model(identification.model),
         known,
-        mean="time-history" in shown,
         held_out=not shown.isdisjoint({"held-out", "predicted-record"}),
         loops="loops" in shown,
     )
@@ -261,9 +256,8 @@ def check_printed(subject: Subject, identification: Identification) -> tuple[Pri
 
 @singledispatch
 def save_records(table: Any, place: Path) -> None:
-    """Write the records of a test; of a surface also its picture for the index."""
+    """Write the records of a test."""
     save_surface(place / "surface.h5", table)
-    write_atomic(place / THUMBNAIL, picture_svg(draw_thumbnail(table)))
 
 
 @save_records.register

@@ -268,7 +268,6 @@ def _environment() -> jinja2.Environment:
 def build_notebook(
     case: Case,
     *,
-    mean: bool = False,
     held_out: bool = False,
     loops: bool = False,
 ) -> nbformat.NotebookNode:
@@ -276,8 +275,6 @@ def build_notebook(
 
     Parameters
     ----------
-    mean
-        Show one period of the motion: for laws that push the mean off zero.
     held_out
         Show the levels that identification has not seen.
     loops
@@ -293,7 +290,6 @@ def build_notebook(
         simulated=case.oscillator is not None,
         multisine=case.test.many_lines,
         known=case.truth is not None,
-        mean=mean,
         held_out=held_out,
         loops=loops,
         ranked=case.ranked,
@@ -338,7 +334,6 @@ def known_results(
     inputs: dict[str, tuple[object, ...]] = {
         "surface": (surface,),
         "map": (surface,),
-        "time-history": (surface,),
         "collapse": (identification,),
         "resonance": (identification,),
         "stiffness": fitted,
@@ -374,7 +369,6 @@ def write_notebook(
     case: Case,
     results: KnownResults | None = None,
     *,
-    mean: bool = False,
     held_out: bool = False,
     loops: bool = False,
 ) -> None:
@@ -390,7 +384,7 @@ def write_notebook(
     RsgenError
         A cell failed; the notebook with its traceback is on disk.
     """
-    notebook = build_notebook(case, mean=mean, held_out=held_out, loops=loops)
+    notebook = build_notebook(case, held_out=held_out, loops=loops)
     fault = execute_cells(notebook, results)
     nbformat.validate(notebook)
     write: Any = nbformat.v4.writes  # has no types; ``nbformat.writes`` would validate once more

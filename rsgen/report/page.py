@@ -5,7 +5,6 @@ report.html is one file that reads like a chapter, verdict first.
 
 from __future__ import annotations
 
-import base64
 import math
 import re
 from collections.abc import Iterable, Mapping, Sequence
@@ -21,7 +20,7 @@ from markupsafe import Markup, escape
 import rsgen
 from rsgen.analysis.comparison import Comparison, verdict_of
 from rsgen.common.finding import STATES, Finding, Quantity, steps_once
-from rsgen.common.output import read_small, write_atomic
+from rsgen.common.output import write_atomic
 from rsgen.common.tolerances import NOISE_LIMIT_SIGMAS
 from rsgen.data.multisine import MultisineSpectra
 from rsgen.data.surface import ResponseSurface
@@ -64,11 +63,6 @@ from rsgen.report.wording.sentences import (
 
 # ----------------------------------------------------------------------------
 # Figures inside a page: SVG that takes its colours from the page and clashes with no other figure.
-#
-# A picture that stands in a file of its own brings the colours of light and dark pages with it.
-
-THUMBNAIL = "thumbnail.svg"
-"""The file of a result by whose picture the index shows it."""
 
 # the neutral colours of the style file become variables of the page, so that dark pages have dark figures
 _COLOURS = {
@@ -80,15 +74,8 @@ _COLOURS = {
 }
 
 
-_LIGHT_AND_DARK = (
-    "<style>*{stroke-linejoin:round;stroke-linecap:butt}:root{--ink:#1b1c1e;--sheet:#fdfcfa}"
-    "@media (prefers-color-scheme:dark){:root{--ink:#e8e6e2;--sheet:#1f2225}}</style>"
-)
-"""For a picture without a page around it: its rules and those two of the page's colours that it has."""
-
-
-def _coloured(drawing: Drawing) -> str:
-    """Draw as one ``<svg>`` element whose neutral colours are the variables of a page, without rules."""
+def inline_svg(drawing: Drawing) -> Markup:
+    """Return the figure as one ``<svg>`` element: own ids, no fixed size, named by its alternative text."""
     text = drawing.render("svg").decode("utf-8")
     text = text[text.index("<svg") :]
     # a style sheet inside an inline SVG would act on the whole page; the page has these rules for figures
@@ -96,18 +83,6 @@ def _coloured(drawing: Drawing) -> str:
     text = re.sub(r"<metadata>.*?</metadata>", "", text, flags=re.DOTALL)
     for colour, variable in _COLOURS.items():
         text = text.replace(colour, variable)
-    return text
-
-
-def picture_svg(drawing: Drawing) -> str:
-    """Return the figure as an SVG file, which follows the reader's choice of light or dark."""
-    head, rest = _coloured(drawing).split(">", 1)
-    return f"{head}>{_LIGHT_AND_DARK}{rest}"
-
-
-def inline_svg(drawing: Drawing) -> Markup:
-    """Return the figure as one ``<svg>`` element: own ids, no fixed size, named by its alternative text."""
-    text = _coloured(drawing)
     text = re.sub(r' (?:xmlns(?::xlink)?|version)="[^"]*"', "", text)
     text = text.replace("xlink:href=", "href=")
     prefix = f"{drawing.name}-"
@@ -374,22 +349,7 @@ def _(spectra: MultisineSpectra, identification: MultisineIdentification) -> dic
 # ----------------------------------------------------------------------------
 # index.html and table1.md: every case of a folder, true against identified.
 
-_PICTURE_BYTES = 500_000
-"""Bytes of a picture in the index; those that runs write have a tenth of it."""
 _MARKDOWN = str.maketrans({c: f"\\{c}" for c in "\\`*_{}[]<>#|$&~!"})
-
-
-def _picture(entry: Entry) -> Markup | None:
-    """Return the picture of a result as an address; None where a result without a surface has none.
-
-    It is shown as an image, in which nothing acts or loads anything, whatever is in the file.
-    """
-    path = entry.folder / THUMBNAIL
-    try:
-        coded = base64.b64encode(read_small(path, _PICTURE_BYTES)).decode("ascii")
-    except OSError:
-        return None
-    return Markup(f"data:image/svg+xml;base64,{coded}")  # noqa: S704 - letters and digits, whatever was read
 
 
 def _quantity(value: Any, unit: Any) -> str:
@@ -407,7 +367,6 @@ def _context(entry: Entry) -> dict[str, Any]:
         "reasons": [entry["code"].replace("-", " ") for entry in verdict["decided_by"]],
         "points": points["points"],
         "origin": points["origin"],
-        "thumbnail": _picture(entry),
         "warnings": len(entry.result.get("warnings", [])),
         "disagreeing": [f["what"] for f in entry.result.get("printed", []) if not f["agrees"]],
         "rows": [

@@ -19,7 +19,7 @@ from rsgen.identification.modal_result import MODAL_COLUMNS, ModalTable
 from rsgen.identification.modal_table import modal_table
 from rsgen.identification.prediction import HeldOutLevel, predict
 from rsgen.identification.prediction.prediction_result import PredictedRecord
-from rsgen.identification.ranking.ranking_result import ORDER, whole_label
+from rsgen.identification.ranking.ranking_result import ORDER
 from rsgen.identification.results import Estimate, Identification
 from rsgen.law.element import FORCE_KEYS
 from rsgen.report.wording import sentence
@@ -336,21 +336,9 @@ def ranking_table(identification: Identification) -> Table | None:
     """List the laws compared; None where none were."""
     if identification.ranking is None:
         return None
-    rows = tuple(
-        (
-            whole_label(candidate, identification.ranking.model.sensors),
-            candidate.force,
-            str(candidate.parameters),
-            error_text(candidate.held_out_error),
-            number_text(candidate.bic),
-            "ties with the best" if number and candidate.tied else "worse" if number else "best",
-        )
-        for number, candidate in enumerate(identification.ranking.candidates)
-    )
+    table = identification.ranking.table
     return Table(
-        f"Candidate laws, best first; {ORDER}",
-        ("Law", "Force", "Parameters", "Error on unseen levels", "BIC above the lowest", "Verdict"),
-        rows,
+        f"Candidate laws, best first; {ORDER}", table.heads, tuple(tuple(map(str, row)) for row in table.rows)
     )
 
 

@@ -45,7 +45,6 @@ PREDICTION = cubic_prediction(SURFACE, held_out=(1.0, 12.0))
 DRAWINGS: dict[str, Callable[..., Drawing]] = {
     "surface": lambda ax=None: figures.draw_surface(SURFACE, ax=ax),
     "map": lambda ax=None: figures.draw_map(SURFACE, ax=ax),
-    "thumbnail": lambda ax=None: figures.draw_thumbnail(SURFACE, ax=ax),
     "resonance": lambda ax=None: figures.draw_resonance(IDENTIFICATION, ax=ax),
     "stiffness": lambda ax=None: figures.draw_stiffness(IDENTIFICATION, TRUTH, ax=ax),
     "damping": lambda ax=None: figures.draw_damping(IDENTIFICATION, TRUTH, ax=ax),
@@ -56,7 +55,6 @@ DRAWINGS: dict[str, Callable[..., Drawing]] = {
     "energy": lambda ax=None: figures.draw_energy(SURFACE, IDENTIFICATION, TRUTH, ax=ax),
     "responses": lambda ax=None: figures.draw_responses(SURFACE, PREDICTION, ax=ax),
     "held-out": lambda ax=None: figures.draw_held_out(PREDICTION, ax=ax),
-    "time-history": lambda ax=None: figures.draw_time_history(SURFACE, ax=ax),
 }
 
 
@@ -71,7 +69,7 @@ UNIT = re.compile(r"\[[^\]]+\]$")
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("name", [name for name in DRAWINGS if name not in ("surface", "thumbnail")])
+@pytest.mark.parametrize("name", [name for name in DRAWINGS if name != "surface"])
 def test_all_that_a_figure_shows_lies_inside_it(name):
     figure = DRAWINGS[name]().figure
     shown = Bbox.union([axes.get_tightbbox() for axes in figure.axes])
@@ -89,7 +87,7 @@ def test_drawing_is_whole(name):
     for axes in drawing.figure.axes:
         labels = [axis.get_label_text() for axis in axes._axis_map.values()]
         assert all(UNIT.search(label) for label in labels if label), labels
-        if name != "thumbnail" and len(axes.get_lines()) > 1:
+        if len(axes.get_lines()) > 1:
             assert axes.get_ylabel()
 
 
@@ -156,7 +154,7 @@ def test_figures_belong_to_no_window():
     ids=["gaps", "up with gaps", "one level", "one point"],
 )
 def test_any_surface_can_be_drawn(surface):
-    for draw in (figures.draw_surface, figures.draw_map, figures.draw_thumbnail, figures.draw_time_history):
+    for draw in (figures.draw_surface, figures.draw_map):
         assert draw(surface).render("png").startswith(b"\x89PNG")
 
 
@@ -258,7 +256,7 @@ def test_units_are_printed_as_written_by_hand():
 
 
 def test_text_of_a_figure_is_never_mathematics():
-    figure = figures.draw_thumbnail(SURFACE).figure
+    figure = figures.draw_map(SURFACE).figure
     drawing = figures.draw_stiffness(IDENTIFICATION)
     with mpl.style.context(figures.STYLE):
         assert mpl.rcParams["text.usetex"] is False

@@ -11,9 +11,8 @@ from rsgen.common.finding import Finding
 from rsgen.formula import parse
 from rsgen.identification.results import Identification
 from rsgen.report import draw_all, write_index
-from rsgen.report.figures import draw_thumbnail
 from rsgen.report.files import check_printed
-from rsgen.report.page import THUMBNAIL, picture_svg, render_page
+from rsgen.report.page import render_page
 from rsgen.report.provenance import Subject, plain_text
 from rsgen.report.result_json import build_result, result_text
 from tests.report.browser import A4, AXE, DESK, PHONE, Page, in_browser
@@ -55,7 +54,6 @@ def pages(tmp_path_factory):
         place.mkdir(parents=True)
         result = build_result(*parts[:6], {"surface": 1.0})
         (place / "result.json").write_text(result_text(result), encoding="utf-8")
-        (place / THUMBNAIL).write_text(picture_svg(draw_thumbnail(surface)), encoding="utf-8")
         return text
 
     # a formula that no phone shows in one line

@@ -85,8 +85,8 @@ def test_texts_of_a_case_are_never_code(title):
 
 
 def test_only_the_public_interface_is_called():
-    for mean, held_out in ((False, False), (True, True)):
-        for source in code_cells(build_notebook(cubic_case(), mean=mean, held_out=held_out)):
+    for loops, held_out in ((False, False), (True, True)):
+        for source in code_cells(build_notebook(cubic_case(), loops=loops, held_out=held_out)):
             for node in ast.walk(ast.parse(source)):
                 if isinstance(node, ast.Import):
                     assert {alias.name for alias in node.names} <= {"pathlib", "tempfile", "rsgen"}
@@ -103,7 +103,7 @@ def test_only_the_public_interface_is_called():
 @pytest.mark.parametrize("path", CASES, ids=lambda path: path.stem)
 def test_ruff_has_nothing_to_say(path, tmp_path):
     file = tmp_path / "made.ipynb"
-    nbformat.write(build_notebook(load_case(path), mean=True, held_out=True), file)
+    nbformat.write(build_notebook(load_case(path), loops=True, held_out=True), file)
     for words in (("check",), ("format", "--diff")):
         # as it is out of the box, not as this project sets it
         done = subprocess.run(

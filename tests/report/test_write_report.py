@@ -28,7 +28,7 @@ def test_a_report_needs_a_surface_and_a_result_only_and_shows_a_title_as_text(tm
     rsgen.write_report(by_place, SURFACE, found)
     rsgen.write_report(by_name, surface=SURFACE, identification=found, title="<b>Joint</b>", source="our lab")
     names = sorted(path.name for path in by_place.iterdir())
-    assert names == ["kernel.py", "modal.csv", "report.html", "result.json", "surface.h5", "thumbnail.svg"]
+    assert names == ["kernel.py", "modal.csv", "report.html", "result.json", "surface.h5"]
     plain, named = results(by_place, by_name)
     assert named | {"title": plain["title"], "source": plain["source"]} == plain
     assert (plain["case"], plain["title"]) == ("joint", "n(x, v) = c1*v + k1*x + kn1*x**3")

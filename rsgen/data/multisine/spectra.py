@@ -235,7 +235,9 @@ class MultisineSpectra(Records, Printed):
         """Return standard deviations (r, H+1) of mean force [N] and response [m]; NaN with one period."""
         return np.sqrt(scatter(self.force)), np.sqrt(scatter(self.response))
 
-    def _table(self) -> TextTable:
+    @property
+    def table(self) -> TextTable:
+        """The table that is printed."""
         lines = self.excited().sum(axis=1)
         noise = [np.sqrt(0.5 * np.sum(one[:, 1:] ** 2, axis=1)) for one in self.noise()]
         rows = tuple(

@@ -174,7 +174,9 @@ class Prediction(Printed):
             columns[name] = np.concatenate([getattr(curve, name) for curve in self]) if len(self) else []
         return data_frame(columns)
 
-    def _table(self) -> TextTable:
+    @property
+    def table(self) -> TextTable:
+        """The table that is printed."""
         if self.records and not self.curves:
             scores = [(short(one.level), short(one.error, 3), short(one.noise, 2)) for one in self.records]
             of_records = (

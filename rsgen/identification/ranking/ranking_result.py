@@ -191,7 +191,9 @@ class Ranking(Printed):
         names = ("name", "force", "parameters", "bic", "held_out_error", "tied")
         return data_frame({name: [getattr(candidate, name) for candidate in self] for name in names}, "name")
 
-    def _table(self) -> TextTable:
+    @property
+    def table(self) -> TextTable:
+        """The table that is printed."""
         rows = tuple(
             (
                 whole_label(candidate, self.model.sensors),

@@ -407,7 +407,9 @@ class Identification(Printed):
         }
         return data_frame(columns, "name")
 
-    def _table(self) -> TextTable:
+    @property
+    def table(self) -> TextTable:
+        """The table that is printed."""
         background = () if self.background is None else self.background.estimates
         rows = [estimate.cells for estimate in (*self.refined, *background, *self.fixed)]
         low, high = self.amplitude_range

@@ -14,7 +14,7 @@ from rsgen.report.figures.curves import (
     draw_resonance,
     draw_stiffness,
 )
-from rsgen.report.figures.drawing import STYLE, Drawing, draw_map, draw_surface, draw_thumbnail
+from rsgen.report.figures.drawing import STYLE, Drawing, draw_map, draw_surface
 from rsgen.report.figures.equivalent import draw_derivation
 from rsgen.report.figures.loop_figures import draw_energy, draw_forces, draw_loops, force_function
 from rsgen.report.figures.responses import (
@@ -24,7 +24,6 @@ from rsgen.report.figures.responses import (
     draw_line_misfit,
     draw_predicted_record,
     draw_responses,
-    draw_time_history,
 )
 
 __all__ = [
@@ -49,8 +48,6 @@ __all__ = [
     "draw_responses",
     "draw_stiffness",
     "draw_surface",
-    "draw_thumbnail",
-    "draw_time_history",
     "force_function",
     "number_text",
     "quantity_text",

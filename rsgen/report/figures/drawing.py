@@ -479,28 +479,3 @@ def draw_map(surface: ResponseSurface, *, ax: GivenAxes = None) -> Drawing:
     if not surface.settled.all():
         caption += " Crosses did not settle."
     return Drawing("map", figure, caption, ax is None, _alternative(surface))
-
-
-@in_style
-def draw_thumbnail(surface: ResponseSurface, name: str = "thumbnail", *, ax: GivenAxes = None) -> Drawing:
-    """Draw the map without axes, small: a picture to recognise a case by.
-
-    Parameters
-    ----------
-    surface
-        Any surface; of two sweeps the one up is shown.
-    name
-        Of the drawing, so that several fit on one page.
-    ax
-        Axes to draw on; None makes a figure.
-    """
-    if ax is None:
-        figure = new_figure(2.4, 1.35)
-        axes: Axes = figure.add_axes((0, 0, 1, 1))
-    else:
-        figure, (axes,) = take_axes(ax, 1, (2.4, 1.35))
-    axes.set_axis_off()
-    part = surface.select(surface.sweep == _sweeps(surface)[0])
-    _map_panel(axes, part, 1.0, 1.0, Normalize(0, largest_answer(part)))
-    axes.margins(0)
-    return Drawing(name, figure, "Response surface.", ax is None, _alternative(surface))

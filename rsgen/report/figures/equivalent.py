@@ -434,15 +434,6 @@ def small_stiffness(identification: Identification, values: Mapping[str, float])
     return float(near) if settled else float("nan")
 
 
-def stiffness_ratio(
-    identification: Identification, values: Mapping[str, float] | None = None
-) -> tuple[Array, Array]:
-    """Return amplitudes [m] and k(X)/k(0) along the resonance of a model; NaN where k(0) is not known."""
-    values = solution_of(identification) if values is None else values
-    grid = amplitudes_tested(identification)
-    return grid, backbone(identification, values, grid).stiffness / small_stiffness(identification, values)
-
-
 # ----------------------------------------------------------------------------
 # The picture of a law: the force over a cycle, k(X) and c(X).
 

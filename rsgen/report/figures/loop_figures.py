@@ -38,9 +38,7 @@ from rsgen.report.figures.equivalent import (
     measured_energy,
     measured_loops,
     mode_surface,
-    small_stiffness,
     solution_of,
-    stiffness_ratio,
 )
 from rsgen.report.figures.responses import choose_levels
 
@@ -275,7 +273,7 @@ def draw_energy(
     *,
     ax: GivenAxes = None,
 ) -> Drawing:
-    """Draw the energy dissipated in a cycle over amplitude, and the stiffness relative to that at rest.
+    """Draw the energy dissipated in a cycle over amplitude.
 
     Parameters
     ----------
@@ -286,17 +284,13 @@ def draw_energy(
     truth
         True value of every parameter, SI.
     ax
-        One axes for the energy, or two for energy and stiffness; None makes a figure.
+        Axes to draw on; None makes a figure.
     """
     measured = measured_energy(mode_surface(surface, identification))
     found = dissipated_energy(identification)
-    values = solution_of(identification)
-    rest = small_stiffness(identification, values)
-    panels_needed = 2 if np.isfinite(rest) else 1
-    figure, panels = take_axes(ax, panels_needed, (4.4, 2.4 + 2.2 * (panels_needed - 1)), sharex=True)
+    figure, (top,) = take_axes(ax, 1, (4.4, 3.3))
     x = choose_scale(found.amplitude if found.amplitude.size else measured.amplitude, "m")
     y = choose_scale(np.concatenate([measured.energy, found.energy]), identification.curve.units.of("J"))
-    top = panels[0]
     top.plot(measured.amplitude / x.factor, measured.energy / y.factor, label="measured", **POINT)
     top.plot(found.amplitude / x.factor, found.energy / y.factor, label="refined", **REFINED)
     if truth is not None:
@@ -307,10 +301,8 @@ def draw_energy(
             set_scale("log")
             _plain_ticks(axis)
     top.set_ylabel(y.label("Energy of a cycle D"))
-    if len(panels) > 1:
-        _draw_ratio(panels[1], identification, truth, rest, x.factor)
+    top.set_xlabel(x.label("Amplitude X"))
     top.legend(loc="upper left")
-    label_abscissa(panels, ax, x.label("Amplitude X"))
     caption = (
         "Energy dissipated in a cycle: its slope is near 2 for viscous and structural damping, 2.2 to 3 in "
         "micro-slip, 1 in macro-slip."
@@ -325,26 +317,3 @@ def _plain_ticks(axis: Axis) -> None:
     axis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0) if few else (1.0,)))
     axis.set_minor_locator(NullLocator())
     axis.set_major_formatter(FuncFormatter(lambda value, _: number_text(value, 3)))
-
-
-def _draw_ratio(
-    axes: Axes,
-    identification: Identification,
-    truth: Mapping[str, float] | None,
-    rest: float,
-    factor: float,
-) -> None:
-    curve = identification.curve
-    read = sorted(identification.resonances, key=lambda point: point.amplitude)
-    place = np.array([point.amplitude for point in read])
-    ratio = np.array([point.stiffness for point in read]) / rest
-    axes.plot(place / factor, ratio, label="levels at resonance", **POINT)
-    grid, refined = stiffness_ratio(identification)
-    drawn = [ratio, refined]
-    axes.plot(grid / factor, refined, label="refined", **REFINED)
-    if truth is not None:
-        true = stiffness_ratio(identification, truth)[1]
-        drawn.append(true)
-        axes.plot(grid / factor, true, label="truth", **TRUTH)
-    calm_limits(axes, drawn, least=0.02 if len(curve.amplitude) else 0.1)
-    axes.set_ylabel("Stiffness k(X)/k(0) [1]")

@@ -19,7 +19,7 @@ from rsgen.formula.units import SWEEPS, choose_scale, number_text, quantity_text
 from rsgen.identification.prediction import HeldOutLevel, Prediction, ResonanceCurve
 from rsgen.identification.prediction.prediction_result import PredictedRecord
 from rsgen.identification.results import MultisineIdentification
-from rsgen.law.motion import Motion, waveform
+from rsgen.law.motion import waveform
 from rsgen.report.figures.drawing import (
     Drawing,
     GivenAxes,
@@ -276,59 +276,6 @@ def draw_held_out(prediction: Prediction, *, ax: GivenAxes = None) -> Drawing:
     label_abscissa(panels, ax, "Frequency [Hz]")
     caption = "Levels that identification has not seen: as tested and as the refined model predicts."
     return Drawing("held-out", figure, caption, ax is None)
-
-
-@in_style
-def draw_time_history(surface: ResponseSurface, *, ax: GivenAxes = None) -> Drawing:
-    """Draw one period of the displacement at the largest settled response, with its two peaks and its mean.
-
-    Parameters
-    ----------
-    surface
-        Its harmonics give the motion; the peaks are those of the table, or of the harmonics.
-    ax
-        Axes to draw on; None makes a figure.
-    """
-    figure, (axes,) = take_axes(ax, 1, (4.4, 3.3))
-    settled = np.flatnonzero(surface.settled)
-    if not settled.size:
-        axes.set_axis_off()
-        return Drawing("time-history", figure, "No test point settled.", ax is None)
-    i = int(settled[np.argmax(surface.amplitude[settled])])
-    turn = np.linspace(0, 2 * np.pi, 721)
-    whole = Motion(surface.omega[i : i + 1], surface.harmonics[i : i + 1])
-    period_of_x = whole.turned(-np.angle(whole.harmonics[:, 1])).waveforms(len(turn) - 1)[0][0]
-    motion = np.append(period_of_x, period_of_x[0])
-    mean = float(np.real(surface.harmonics[i, 0]))
-    high, low = (float(motion.max()), float(motion.min()))
-    if np.isfinite(surface.peak[i]).all():
-        high, low = (float(value) for value in surface.peak[i])
-    x = choose_scale([high, low], "m")
-    period = 1 / float(surface.frequency[i])
-    t = choose_scale([period], "s")
-    times = turn / (2 * np.pi) * period / t.factor
-    axes.plot(times, motion / x.factor, color="#0072B2", lw=1.5)
-    for value, place in ((high, int(np.argmax(motion))), (low, int(np.argmin(motion)))):
-        axes.plot(times[place], value / x.factor, "o", color="#D55E00", ms=5)
-        axes.annotate(
-            quantity_text(value, "m", 3),
-            (float(times[place]), value / x.factor),
-            xytext=(8, -3),
-            textcoords="offset points",
-        )
-    axes.axhline(mean / x.factor, color="#1b1c1e", lw=0.9, ls=(0, (4, 2)))
-    axes.annotate(
-        f"mean {quantity_text(mean, 'm', 3)}",
-        (float(times[0]), mean / x.factor),
-        xytext=(2, 4),
-        textcoords="offset points",
-    )
-    axes.set_xlabel(t.label("Time"))
-    axes.set_ylabel(x.label("Displacement x"))
-    margin = 0.12 * (high - low)
-    axes.set_ylim((low - margin) / x.factor, (high + margin) / x.factor)
-    caption = "One period of the largest response, with its positive and negative peak and its mean (dashed)."
-    return Drawing("time-history", figure, caption, ax is None)
 
 
 # ----------------------------------------------------------------------------
