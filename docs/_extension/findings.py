@@ -6,10 +6,11 @@ import ast
 import inspect
 import re
 import textwrap
-from collections.abc import Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
 from functools import partial
 
+from rsgen.common.finding import Finding
 from rsgen.report.wording import CODES, NEXT_STEPS
 
 from .made_findings import SEVERITIES, Threshold, places_of_findings, texts_of
@@ -41,10 +42,10 @@ def entries() -> Iterator[Entry]:
         yield Entry(
             code,
             tuple(severity for severity in SEVERITIES if severity in found),
-            tuple(_said(code)),
+            tuple(_said(CODES[code])),
             tuple(dict.fromkeys(_told(one) for place in made for one in place.thresholds)),
             tuple(dict.fromkeys(place.where for place in made)),
-            _FIELD.sub(r"<\1>", NEXT_STEPS.get(code, "")),
+            " / ".join(filter(None, _said(NEXT_STEPS[code]))) if code in NEXT_STEPS else "",
         )
 
 
@@ -53,9 +54,8 @@ def _told(one: Threshold) -> str:
     return f"`{one.name}` = {one.value:g}{reason}."
 
 
-def _said(code: str) -> Iterable[str]:
-    """The sentence of a code; of one with logic each that its function returns."""
-    say = CODES[code]
+def _said(say: Callable[[Finding], str]) -> Iterable[str]:
+    """The sentence that a function says; of one with logic each that it returns."""
     if isinstance(say, partial):
         texts = [say.args[0]] if isinstance(say.args[0], str) else say.args[0].values()
         # what is said under conditions only stands in brackets, alternatives with a stroke between

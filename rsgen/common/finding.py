@@ -197,8 +197,8 @@ class StatedVerdict(TypedDict):
     """A verdict in words: the entry "verdict" of a result.json.
 
     ``state`` is one of ``STATES``; ``headline`` says it in a line; ``decided_by`` are the
-    findings that decided, as objects, gravest first; ``sentences`` and ``next_steps`` have one text for each
-    of them: what it is, and what to do about it ("" where nothing is known).
+    findings that decided, as objects, in the order in which to look at them; ``sentences`` and ``next_steps``
+    have one text for each of them: what it is, and what to do about it ("" where nothing is known).
     """
 
     state: State

@@ -11,7 +11,7 @@ import pytest
 
 import rsgen
 from rsgen.common.errors import RsgenError
-from rsgen.common.finding import Finding
+from rsgen.common.finding import Finding, steps_once
 from rsgen.data.oscillator import Model, Observation, Oscillator
 from rsgen.data.surface import ResponseSurface
 from rsgen.dynamics.virtual_test import SimulatedTest, add_noise
@@ -29,9 +29,9 @@ from rsgen.identification.ranking.ranking_result import (
 from rsgen.identification.ranking.reference import PointTest, fit_reference_motion
 from rsgen.law.element import make_element
 from rsgen.report.wording import sentence
-from rsgen.report.wording.sentences import next_step
+from rsgen.report.wording.sentences import next_step, state_verdict
 from tests.ranking.test_ranking import BASE, MEMORYLESS, NOISE, measured, ranked
-from tests.surfaces import MASS, changed, codes, model, noisy, truth
+from tests.surfaces import MASS, changed, codes, model, noisy, truth, without_phase
 
 STIFFNESS, DAMPING, FORCE, AMPLITUDE = 5922.0, 2.83, 1.777, 0.01
 """A mass of 1.5 kg at 10 Hz; the force moves it by the amplitude [m] at resonance."""
@@ -71,6 +71,26 @@ def test_few_bad_points_decide_nothing() -> None:
     assert ranking.noise == pytest.approx(NOISE, rel=0.2)
     (aside,) = [finding for finding in ranking.findings if finding.code == "points-excluded"]
     assert (aside["excluded"], aside["points"]) == (len(chosen), len(table))
+
+
+def test_a_law_that_drives_its_exciter_is_no_reference_for_amplitudes_alone() -> None:
+    test = PointTest(without_phase(measured("cubic")), BASE, ())
+    law = make_element("law", "k*x + c*v + kn*x**3")
+    for sign in (1, -1):
+        start = CandidateLaw("", (law,), truth("cubic") | {"c": sign * DAMPING})
+        assert (test.along(start, None) is None) == (sign < 0)
+
+
+def test_advice_does_not_return_to_a_ranking_in_which_no_law_fits() -> None:
+    ranking = rank(measured("cubic"), ["k*x + c*v"])
+    assert not ranking.fits
+    stated = state_verdict(ranking.best.verdict)
+    codes = [finding["code"] for finding in stated["decided_by"]]
+    assert codes[0] == "no-law-fits"
+    assert "law-does-not-fit" in codes
+    first, *rest = steps_once(stated)
+    assert "leads no further. What remains: `rsgen modal`" in first
+    assert not [step for step in rest if "rsgen rank" in step]
 
 
 def test_a_round_says_of_how_many_points_its_own_were_chosen(monkeypatch: pytest.MonkeyPatch) -> None:

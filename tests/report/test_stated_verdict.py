@@ -83,6 +83,25 @@ def test_the_gravest_of_test_fit_and_held_out_levels_decides(tolerance, findings
     assert verdict.usable == (state in ("accepted", "identified"))
 
 
+def test_the_first_step_is_the_one_that_matters_most():
+    numbers = {"misfit": 0.1, "z": 9.0, "size": 0.1, "alternatives": 1, "left": 0.05}
+    parts = Finding("parts-disagree", "error", "", numbers, {"parts": "levels"})
+    misfit = Finding("law-does-not-fit", "doubt", "", numbers, {"term": "v*abs(v)"})
+    ambiguous = Finding("levels-predicted-worse", "doubt")
+    sign = Finding("not-passive", "doubt", names={"reversed": "channel", "against": "power"})
+
+    def order(*decided):
+        return [one["code"] for one in state_verdict(Verdict("rejected", decided))["decided_by"]]
+
+    assert order(ambiguous, parts, misfit) == ["law-does-not-fit", "parts-disagree", "levels-predicted-worse"]
+    assert order(parts, misfit, sign)[0] == "not-passive"
+    assert next_step(misfit).startswith("Add v*abs(v), times a coefficient, to the law")
+    general = next_step(replace(misfit, names={}))
+    assert general.startswith("Compare the laws of the library and their sums")
+    assert "or this law came from there" in general
+    assert next_step(replace(misfit, names={"ranked": "none fits"})) == ""
+
+
 def test_headlines_say_what_was_judged():
     headlines = {tolerance: cubic_result(tolerance)["verdict"]["headline"] for tolerance in (None, 1.0, 0.0)}
     assert headlines[None].startswith("Identified: 3 of 3 parameters, misfit ")

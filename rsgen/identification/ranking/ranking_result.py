@@ -152,7 +152,15 @@ class Ranking(Printed):
             against = tuple(
                 f for f in against if (f.code, f.severity, f.parameter, f.names.get("by")) not in said
             )
-            findings = (*against, *found.findings)
+            # of a law that is the best of those that do not fit a ranking is no advice
+            names = {} if self.fits else {"ranked": "none fits"}
+            findings = (
+                *against,
+                *(
+                    replace(f, names={**f.names, **names}) if f.code == "law-does-not-fit" else f
+                    for f in found.findings
+                ),
+            )
             self._best.append(replace(found, ranking=self, findings=findings))
         return self._best[0]
 

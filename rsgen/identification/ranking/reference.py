@@ -174,6 +174,8 @@ def fit_reference_motion(
     if len(chosen) < (1 - MAX_SHARE_OF_OUTLIERS) * len(found.force):
         return None
     part = found.select(chosen)
+    if not observed.points.phase_known and feeds_exciter(part.force, part.harmonics[:, 1]):
+        return None  # amplitudes do not show the sign of the damping, which is positive
     motion = predicted_motion(part.problem.observed, found.background, part.harmonics, part.force, part.turn)
     if law.acts_across:
         motion = _with_across(motion, part)

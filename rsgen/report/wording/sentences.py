@@ -41,9 +41,9 @@ Say = Callable[[Finding], str]
 CODES: dict[str, Say] = {}
 """The function that says a finding, by the code of the finding."""
 
-NEXT_STEPS: dict[str, str] = {}
-"""Next step after a finding that casts doubt on a result, by its code: a full sentence with ``_Fields`` in
-braces. Every code that may have the severity "doubt" or "error" has one."""
+NEXT_STEPS: dict[str, Say] = {}
+"""Next step after a finding that casts doubt on a result, by its code, in the order in which to take them: a
+full sentence. Every code that may have the severity "doubt" or "error" has one."""
 
 
 class _Number(float):
@@ -151,7 +151,7 @@ def _read_texts() -> None:
         if "sentence" in said:
             CODES[code] = partial(_fill, said["sentence"], said.get("words", {}))
         if "next" in said:
-            NEXT_STEPS[code] = said["next"]
+            NEXT_STEPS[code] = partial(_fill, said["next"], said.get("words", {}))
 
 
 _read_texts()
@@ -159,7 +159,8 @@ _read_texts()
 
 def next_step(finding: Finding) -> str:
     """Return the next step after a finding as one sentence; "" where none is known."""
-    return NEXT_STEPS.get(finding.code, "").format_map(_Fields(finding))
+    say = NEXT_STEPS.get(finding.code)
+    return "" if say is None else say(finding)
 
 
 def sentence(finding: Finding) -> str:
@@ -290,13 +291,15 @@ def headline(verdict: Verdict) -> str:
 
 
 def state_verdict(verdict: Verdict) -> StatedVerdict:
-    """Put a verdict into words."""
+    """Put a verdict into words, its reasons in the order in which to look at them."""
+    place = {code: number for number, code in enumerate(NEXT_STEPS)}
+    decided = sorted(verdict.decided_by, key=lambda finding: place.get(finding.code, len(place)))
     return {
         "state": verdict.state,
         "headline": headline(verdict),
-        "decided_by": [finding.to_dict() for finding in verdict.decided_by],
-        "sentences": [full_sentence(finding) for finding in verdict.decided_by],
-        "next_steps": [next_step(finding) for finding in verdict.decided_by],
+        "decided_by": [finding.to_dict() for finding in decided],
+        "sentences": [full_sentence(finding) for finding in decided],
+        "next_steps": [next_step(finding) for finding in decided],
     }
 
 
