@@ -25,7 +25,7 @@ from rsgen.identification.modal_table import modal_table
 from rsgen.identification.results import Estimate, Identification
 from rsgen.law.element import make_element
 from rsgen.report.figures import Drawing, choose_scale, number_text, quantity_text, unit_text
-from rsgen.report.figures.equivalent import backbone, refined_band, values_of
+from rsgen.report.figures.equivalent import backbone, refined_band
 from tests.samples import (
     C1,
     K1,
@@ -209,14 +209,6 @@ def without(*names: str) -> Identification:
     lost = {"value": float("nan"), "finding": Finding("not-determined", "warning")}
     refined = (replace(e, **lost) if e.name in names else e for e in IDENTIFICATION.refined)
     return replace(IDENTIFICATION, refined=tuple(refined))
-
-
-@pytest.mark.slow
-def test_a_parameter_that_is_not_identifiable_leaves_the_points():
-    unknown = without("kn1")
-    for draw in (figures.draw_stiffness, figures.draw_damping, figures.draw_collapse, figures.draw_resonance):
-        draw(unknown).render("svg")
-    assert np.isnan(values_of(unknown.refined)["kn1"])
 
 
 def test_the_curve_is_drawn_where_single_parameters_are_not_identifiable():

@@ -261,25 +261,6 @@ def proposed_column(path: Path, encoding: str) -> str:
     return text.split(";")[2]
 
 
-def test_rows_with_gaps_are_not_passed_over(tmp_path, run_cli, begun):
-    """Else a table with a gap would begin below it, and the rows above would be lost in silence."""
-    rows = [f"{8 + i / 10:.1f},1,{1 + i},{10 + i},0.9" for i in range(30)]
-    rows[7] = "8.7,1,NaN,17,"
-    path = table(tmp_path / "a.csv", "f_Hz,force_N,disp_um,lag_deg,coherence", rows)
-    contents = list_contents(path)
-    assert contents.layout is not None
-    assert contents.layout.skip == 0
-    assert [entry.shape for entry in contents.entries] == [(30,)] * 5
-    shown = run_cli("inspect", path).out
-    assert "(1 of 30 are not finite)\n" in shown
-    case = begun(path)
-    checked = run_cli("check", case).out
-    assert "29 measured points" in checked
-    assert (
-        "a.csv: 1 of 30 rows left out, without a number where one is needed; the first is line 9" in checked
-    )
-
-
 @pytest.mark.parametrize(
     ("head", "force", "response", "level"),
     [
@@ -349,20 +330,6 @@ def test_what_no_title_says_is_written_with_a_comment(tmp_path, begun):
     assert {"test.force.scale", "test.response.scale"} <= doubts(path).keys()
 
 
-def test_rounded_times_of_a_text_are_times(tmp_path):
-    """At 2048 Hz times with six decimals are off by a thousandth of a step."""
-    path = tmp_path / "hammer_1.csv"
-    t = np.arange(400) / 2048
-    rows = [f"{a:.6f};{b:.3f};{c:.4f}" for a, b, c in zip(t, np.exp(-t), np.sin(500 * t), strict=True)]
-    text = "Time (s);Hammer (N);Accel [m/s²]\n" + "\n".join(rows) + "\n"
-    path.write_text(text.replace(".", ","), encoding="utf-8")
-    tables = proposed(path)
-    assert tables["time"] == {"column": "Time (s)"}
-    assert tables["excitation"] == "ring-down"
-    # a unit in brackets is no channel
-    assert not any("channels" in doubt for doubt in doubts(path).values())
-
-
 @pytest.mark.parametrize(
     ("name", "begin", "found"),
     [
@@ -427,27 +394,6 @@ def test_no_row_of_a_log_is_dropped_in_silence(tmp_path, run_cli, lines, kept, s
     path = table(tmp_path / "log.csv", *lines[:1], lines[1:])
     assert said in run_cli("inspect", path).out
     assert len(read_case(begun(path))) == kept
-
-
-@pytest.mark.parametrize("title", ["Omega", "w", "omega_rad_s", "Omega [rad/s]"])
-def test_an_angular_frequency_is_proposed_as_one(tmp_path, title):
-    path = table(tmp_path / "a.csv", HEAD.replace("f_Hz", title), ROWS)
-    assert proposed(path)["frequency"] == {"column": title, "unit": "rad/s"}
-
-
-def test_the_header_of_labview_is_understood(tmp_path):
-    head = (
-        "LabVIEW Measurement\t\nSeparator\tTab\n***End_of_Header***\t\n\t\nChannels\t2\t\t\n"
-        "Samples\t50\t50\t\nY_Unit_Label\tNewtons\tm/s^2\t\nX_Dimension\tTime\tTime\t\nX0\t0.0E+0\t0.0E+0\t\n"
-        "***End_of_Header***\t\t\t\nX_Value\tHammer\tSensor 1\tComment\n"
-    )
-    path = tmp_path / "a.lvm"
-    rows = "".join(f"{i / 100:.3f}\t{i % 7}\t{i % 5}\n" for i in range(50))
-    path.write_text(head + rows, encoding="utf-8")
-    tables = proposed(path)
-    assert tables["time"] == {"column": "X_Value"}
-    assert tables["force"] == {"samples": "Hammer", "unit": "N"}
-    assert tables["response"] == {"quantity": "acceleration", "unit": "m/s^2", "samples": "Sensor 1"}
 
 
 @pytest.mark.slow

@@ -11,7 +11,7 @@ import pytest
 from rsgen.data.surface import ResponseSurface
 from rsgen.files.inspection.clues import complex_parts
 from rsgen.files.tree import Entry
-from tests.inspection.drafts import FREQUENCY, OMEGA, RECEPTANCE, read_draft, receptance, write_levels
+from tests.inspection.drafts import FREQUENCY, RECEPTANCE, read_draft, receptance, write_levels
 
 MILLI = 1e3 * RECEPTANCE
 """Displacement over force in millimetres."""
@@ -61,54 +61,6 @@ def test_real_and_imaginary_part_of_the_response(tmp_path, real, imaginary, orde
     assert is_right(surface)
 
 
-def test_force_and_response_in_parts(tmp_path):
-    def columns(level: float) -> list[np.ndarray]:
-        force = level * np.exp(0.4j) * np.ones_like(FREQUENCY)
-        x = MILLI * force
-        return [x.real, x.imag, force.real, force.imag]
-
-    tables, surface = drafted(tmp_path, "f_Hz,x_re_mm,x_im_mm,F_re_N,F_im_N", columns)
-    assert tables["force"]["real"] == "F_re_N"
-    assert tables["response"]["imaginary"] == "x_im_mm"
-    assert is_right(surface)
-    assert len(surface.levels) == 2
-
-
-def test_parts_of_a_frequency_response(tmp_path):
-    head = "f [Hz],Re(H) [(m/s^2)/N],Im(H) [(m/s^2)/N],level [N]"
-    ratio = -(OMEGA**2) * RECEPTANCE
-    tables, surface = drafted(tmp_path, head, lambda level: [ratio.real, ratio.imag, level])
-    assert tables["response"]["quantity"] == "acceleration"
-    assert tables["response"]["per_force"] is True
-    assert is_right(surface)
-
-
-@pytest.mark.parametrize(
-    "head", ["f/Hz,F/N,x/mm,phi/deg", "f / Hz,F / N,x / mm,φ / °", "f/Hz,Kraft/N,Weg/mm,Phase/deg"]
-)
-def test_a_header_of_quantities_over_units(tmp_path, head):
-    frequency, force, response, phase = head.split(",")
-    lag = np.angle(MILLI, deg=True)
-    tables, surface = drafted(tmp_path, head, lambda level: [level, level * np.abs(MILLI), lag])
-    assert tables["frequency"]["column"] == frequency
-    assert tables["force"]["amplitude"] == force
-    assert (tables["response"]["amplitude"], tables["response"]["phase"]) == (response, phase)
-    assert is_right(surface)
-
-
-def test_other_sensors_are_said_to_be_left_out(tmp_path):
-    def columns(level: float) -> list[Any]:
-        return [level, level * np.abs(MILLI), 2 * level * np.abs(MILLI), np.angle(MILLI, deg=True)]
-
-    titles = ("f [Hz]", "F [N]", "x1 [mm]", "x2 [mm]", "phase [deg]")
-    path = write_levels(
-        tmp_path / "a.csv", lambda level: dict(zip(titles, (FREQUENCY, *columns(level)), strict=True)), ","
-    )
-    doubts = read_draft(path)[2]
-    assert "left out: x2 [mm], without a phase" in " ".join(doubts.values())
-    assert "or that of x2 [mm]: its title names no channel" in " ".join(doubts.values())
-
-
 @pytest.mark.parametrize(
     "titles",
     [
@@ -135,19 +87,6 @@ def test_levels_side_by_side_are_read(tmp_path, titles):
     assert surface.levels.tolist() == [1.0, 2.5, 5.0]
     count = len(FREQUENCY)
     assert [int(np.sum(surface.level == level)) for level in surface.levels] == [count, count - 1, count]
-    assert is_right(surface)
-
-
-@pytest.mark.slow
-def test_force_and_response_of_each_level_in_variables(tmp_path):
-    arrays: dict[str, np.ndarray] = {"f": FREQUENCY}
-    for level in (2, 10, 1):
-        arrays[f"F_{level}N"] = 0.98 * level + 0 * FREQUENCY
-        arrays[f"x_{level}N"] = 0.98 * level * RECEPTANCE
-    np.savez(tmp_path / "a.npz", **arrays)
-    tables, surface, _ = read_draft(tmp_path / "a.npz")
-    assert tables["response"]["complex"] == "x_*N"
-    assert surface.levels.tolist() == [1.0, 2.0, 10.0]
     assert is_right(surface)
 
 

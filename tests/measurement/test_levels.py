@@ -189,27 +189,6 @@ def test_records_are_held_out_by_their_labels():
         thirds.require_levels((9.0,))
 
 
-@pytest.mark.parametrize(("asked", "said"), [(1, []), (2, [4.0]), (6, [])])
-def test_a_label_that_is_the_amount_of_another_record_is_said(asked, said):
-    omega = 1j * np.arange(12) * 5.0
-    size = np.array([2.0, 4.0, 6.0])[:, None, None]
-    response = size * np.where(np.arange(12) > 0, 1e-3 * np.exp(1j * np.arange(12) ** 2), 0)
-    force = (1.5 * omega**2 + 4.0 * omega + 1500.0) * response
-    spectra = MultisineSpectra([2.0, 4.0, 6.0], 5.0, force, response, label=[1, 2, 3])
-    found = rsgen.identify(spectra, "k*x + c*v", rsgen.Observation(hold_out=(asked,)))
-    assert [f["level"] for f in found.findings if f.code == "held-out-by-label"] == said
-
-
-def test_levels_side_by_side_are_grouped_by_force(tmp_path):
-    path = tmp_path / "a.csv"
-    rows = [f"{f:.4g},{force},{force * 1e-3}" for f in FREQUENCY for force in (1.0, 3.0)]
-    path.write_text("\n".join(["f,F,X", *rows, ""]), encoding="utf-8")
-    test = MeasuredTest(
-        path, "f", Signal(amplitude="F"), Signal(amplitude="X"), "displacement", phase_known=False
-    )
-    assert read_measurement(test).levels.tolist() == [1, 3]
-
-
 def test_labels_cannot_stand_for_a_force():
     rule = LevelRule(values=(1, 3), unit="label")
     with pytest.raises(MeasurementError, match="stands for the force, which was not recorded"):

@@ -263,16 +263,6 @@ def test_hash_is_checked_and_a_missing_line_end_said(tmp_path):
     assert said() == []
 
 
-def test_signal_needs_a_pair_of_columns():
-    for columns in ({}, {"real": 1}, {"amplitude": 1, "real": 2}, {"real": 1, "imaginary": 2, "phase": 3}):
-        with pytest.raises(MeasurementError, match=r"one is needed|leave one out"):
-            Signal(**columns)
-    with pytest.raises(MeasurementError, match="factor"):
-        Signal(amplitude=1, factor=0.0)
-    with pytest.raises(MeasurementError, match="quantity"):
-        MeasuredTest(Path("a"), 1, Signal(amplitude=2), Signal(amplitude=2), "jerk")
-
-
 @pytest.mark.parametrize(
     ("row", "numbers"),
     [

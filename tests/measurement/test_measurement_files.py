@@ -169,21 +169,6 @@ def test_entries_must_have_every_column(tmp_path):
 
 
 @pytest.mark.slow
-def test_response_in_a_file_of_its_own(tmp_path):
-    np.savez(tmp_path / "a.npz", f=[1.0, 2.0], F=[3.0, 3.0])
-    np.savez(tmp_path / "b.npz", x=[4.0, 5.0])
-    surface = read_measurement(
-        measured(tmp_path / "a.npz", response=Signal(amplitude="x", files=(tmp_path / "b.npz",)))
-    )
-    assert surface.amplitude.tolist() == [4, 5]
-    np.savez(tmp_path / "b.npz", x=[4.0, 5.0, 6.0])
-    with pytest.raises(MeasurementError, match=r"3 rows; .*a\.npz has 2"):
-        read_measurement(
-            measured(tmp_path / "a.npz", response=Signal(amplitude="x", files=(tmp_path / "b.npz",)))
-        )
-
-
-@pytest.mark.slow
 def test_level_stands_in_the_name(tmp_path):
     path = tmp_path / "run_2.5kN.npz"
     np.savez(path, f=[1.0], x=[4.0])

@@ -104,14 +104,6 @@ def test_units_of_a_header_hold_where_the_case_says_none(tmp_path):
     assert [found.code for found in surface.findings] == ["unit-of-file"] * 3
 
 
-def test_rows_of_labview_leave_out_the_column_of_remarks(tmp_path):
-    path = text(tmp_path / "a.lvm", "X_Value\tF\tx\tComment\n0.0\t1\t2\n0.1\t1\t3\tknock\n")
-    assert read_columns(path, Layout(), ["X_Value", "x"]).values.tolist() == [[0, 2], [0.1, 3]]
-    ragged = text(tmp_path / "b.txt", "t\tF\tx\n0.0\t1\n")
-    with pytest.raises(MeasurementError, match="line 2: 2 values; every line must have 3"):
-        read_columns(ragged, Layout(), ["t"])
-
-
 @pytest.mark.parametrize(
     ("table", "keys", "unit"),
     [

@@ -32,7 +32,6 @@ from rsgen.report.figures import Drawing
 from rsgen.report.files import check_printed
 from rsgen.report.page import (
     describe_elements,
-    mean_sentence,
     render_page,
     table_of_results,
 )
@@ -280,16 +279,6 @@ def identified(force: str, values: dict[str, float]) -> tuple[Model, Identificat
 def test_elements_are_put_into_words(force, values, words):
     model, identification = identified(force, values)
     assert words in described(model.elements[0], identification)
-
-
-def test_mean_is_put_into_words_where_there_is_one():
-    bilinear = identified("Piecewise((k*x, x > 0), (2*k*x, True))", {"k": 4000.0})[1]
-    assert mean_sentence(SURFACE, bilinear) == ""
-    harmonics = SURFACE.harmonics.copy()
-    harmonics[:, 0] = -0.17 * np.abs(harmonics[:, 1])
-    peak = np.stack([SURFACE.amplitude, -np.sqrt(2) * SURFACE.amplitude], axis=1)
-    words = mean_sentence(replace(SURFACE, harmonics=harmonics, peak=peak), bilinear)
-    assert words.endswith("from −72.9 mm to 51.6 mm about a mean of −8.76 mm.")
 
 
 @pytest.fixture

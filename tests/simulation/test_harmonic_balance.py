@@ -18,7 +18,6 @@ from rsgen.dynamics.linear_part import Inertia
 from rsgen.dynamics.simulation import simulate
 from rsgen.dynamics.virtual_test import SimulatedTest
 from rsgen.formula import parse
-from rsgen.identification.identify import identify
 from rsgen.law.numeric import compile_law
 from tests.oracles import harmonic_balance as oracle
 
@@ -207,18 +206,3 @@ def test_newton_halves_steps_and_keeps_problems_apart():
     # without halves the far ones leave
     lost = newton(Arctangents(roots), np.zeros((5, 1)), tolerance=1e-9, steps=30, halvings=1)
     assert not np.all(lost.size[good] <= 1e-9)
-
-
-def test_the_mass_of_held_amplitudes_is_found_where_levels_are_exact():
-    # curves of stiffness have no points between the levels, which says nothing against the mass
-    oscillator = Oscillator(1.5, "k*x + k3*x**3 + c*v", {"k": 6000.0, "k3": 2e5, "c": 4.0})
-    test = SimulatedTest(
-        level=[0.002, 0.005, 0.008, 0.012],
-        frequency=np.linspace(8, 13, 31),
-        control="response",
-        method="harmonic-balance",
-    )
-    found = identify(simulate(oscillator, test), "k*x + k3*x**3 + c*v")
-    assert {e.name: e.value for e in found.paper} == pytest.approx(
-        {"k": 6000.0, "k3": 2e5, "c": 4.0, "m": 1.5}, rel=1e-3
-    )

@@ -17,6 +17,7 @@ import rsgen
 from rsgen.common.errors import RsgenError
 from rsgen.common.finding import Finding, Verdict
 from rsgen.dynamics.virtual_test import add_noise
+from tests.case_files import toml
 from tests.oracles.swept import driven
 
 CASES = Path(__file__).parents[2] / "cases"
@@ -95,7 +96,7 @@ class Laboratory:
         )
         text = [HEAD, self.further, *_elements(self.laws), '[test]\nkind = "measured"\nfile = "table.csv"']
         for name, keys in self.test.items():
-            text += [f"[test.{name}]", *(f"{key} = {_toml(value)}" for key, value in keys.items())]
+            text += [f"[test.{name}]", *(f"{key} = {toml(value)}" for key, value in keys.items())]
         path = folder / "case.toml"
         path.write_text("\n".join(text) + "\n", encoding="utf-8")
         return path
@@ -134,12 +135,6 @@ class Record:
 
 def _elements(laws: Iterable[str]) -> list[str]:
     return [f'[[element]]\nname = "part-{i}"\nforce = "{law}"' for i, law in enumerate(laws, start=1)]
-
-
-def _toml(value: object) -> str:
-    if isinstance(value, bool):
-        return str(value).lower()
-    return f'"{value}"' if isinstance(value, str) else str(value)
 
 
 @cache
