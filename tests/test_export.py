@@ -7,8 +7,6 @@ import pytest
 
 import rsgen
 from rsgen.analysis.export import save_frf
-from rsgen.cases import load_case
-from rsgen.files import MeasuredTest, read_measurement
 from rsgen.files.sandbox import read_binary
 
 FORMATS = Path(__file__).parents[1] / "cases" / "formats"
@@ -44,23 +42,6 @@ def test_pyuff_reads_what_was_measured(tmp_path):
         assert found["id1"].strip() == f"receptance, {level:g} N, {sweep}, measured"
         assert (found["ordinate_axis_units_lab"], found["orddenom_axis_units_lab"]) == ("m", "N")
         assert (found["ordinate_spec_data_type"], found["orddenom_spec_data_type"]) == (8, 13)
-
-
-@pytest.mark.slow
-def test_a_case_proposed_from_it_reads_it(tmp_path, run_cli):
-    surface, path, case = two_levels(), tmp_path / "a.uff", tmp_path / "a.toml"
-    save_frf(path, surface)
-    assert run_cli("init", "--from", path, case).code == 0
-    text = case.read_text(encoding="utf-8")
-    assert "# receptance, m/N" in text
-    case.write_text(text.replace('"? N", "? N"', '"1 N", "3 N"'), encoding="utf-8")
-    test = load_case(case).test
-    assert isinstance(test, MeasuredTest)
-    back = read_measurement(test)
-    order = np.lexsort((surface.frequency, surface.level))
-    expected = (surface.harmonics[:, 1] / surface.force)[order]
-    np.testing.assert_allclose(back.harmonics[:, 1] / back.force, expected, rtol=RESPONSE)
-    np.testing.assert_allclose(back.frequency, surface.frequency[order], rtol=FREQUENCY)
 
 
 @pytest.mark.slow

@@ -79,17 +79,6 @@ def test_levels_that_are_numbers_of_runs_are_no_other_unit():
         assert list(level_findings(numbered)) == []
 
 
-@pytest.mark.parametrize("quantity", [None, "displacement", "acceleration"])
-@pytest.mark.parametrize("size", [1e-310, 1e-200, 1e200])
-def test_single_forces_and_responses_of_no_size_are_passed_over(size, quantity):
-    surface = cubic_surface()
-    odd = np.where(np.arange(len(surface)) % 7 == 0, size, 1.0)
-    assert list(quantity_findings(changed(surface, odd * surface.harmonics[:, 1]), quantity)) == []
-    weak = changed(surface, surface.harmonics[:, 1], odd * surface.force)
-    # where a few points are all that is left, no quantity is better than another
-    assert list(quantity_findings(weak, quantity)) == []
-
-
 @pytest.mark.parametrize("factor", [1e3, 1e6, (20 * np.pi) ** 2])
 def test_a_response_in_a_smaller_unit_is_impossible(factor):
     surface = cubic_surface()

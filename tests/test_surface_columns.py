@@ -4,9 +4,7 @@ from dataclasses import replace
 
 import h5py
 import numpy as np
-import pytest
 
-from rsgen.common.errors import RsgenError
 from rsgen.data.surface import ResponseSurface, save_surface
 from rsgen.files import load_surface
 
@@ -63,18 +61,3 @@ def test_points_without_a_motion_across_are_not_measured():
     made = surface(across=across)
     assert made.settled.tolist() == [True, False, True]
     assert replace(made, outcome=None).findings[0].code == "rows-left-out"
-
-
-@pytest.mark.parametrize(
-    ("columns", "said"),
-    [
-        ({"force": np.ones((2, 3))}, r"surface.force: shape \(2, 3\)"),
-        ({"force": np.ones((3, 1))}, "surface.force: one column"),
-        ({"force_harmonics": np.ones((3, 1))}, "surface.force_harmonics: needs at least"),
-        ({"across": np.ones((3, 5))}, r"surface.across: shape \(3, 5\); must be \(3, 2\)"),
-        ({"base": "table"}, "surface.base: 'table'"),
-    ],
-)
-def test_columns_that_do_not_fit_are_refused(columns, said):
-    with pytest.raises(RsgenError, match=said):
-        surface(**columns)

@@ -64,6 +64,7 @@ OF_SIMULATED: list[Changes] = [
     {"identify.band": ["9 Hz", "8 Hz"]},
     {"identify.band": ["9 Hz", "8 m"], "system.mass": "0 kg"},
     {"identify.background": 1},
+    {"identify.calibrated": False},
     {"test.harmonics": 65, "test.accuracy": 1.0},
     {"accept": {"kn1": 1e-4}, "model": "rank"},
     {"accept": {"kn2": 1e-4}},

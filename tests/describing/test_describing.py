@@ -168,30 +168,6 @@ def test_evaluate_broadcasts_and_takes_a_mean():
     assert abs(at_mean.stiffness - (1 + 2 * (0.75 + 3 * 0.25))) < 1e-12
 
 
-ONES = {"k": 1.0, "c": 1.0}
-
-
-@pytest.mark.parametrize(
-    ("call", "word"),
-    [
-        (lambda d: d.evaluate(1.0, 1.0, {"k": 1.0}), "missing c"),
-        (lambda d: d.evaluate(1.0, 1.0, {"k": 1.0, "c": 1.0, "q": 1.0}), "unknown q"),
-        (lambda d: d.evaluate(-1.0, 1.0, {"k": 1.0, "c": 1.0}), "positive"),
-        (
-            lambda d: compare_printed(d, {"mass": parse("k")}, ONES, 1.0),
-            "stiffness and damping",
-        ),
-        (
-            lambda d: compare_printed(d, {"stiffness": parse("kk")}, ONES, 1.0),
-            "not in the law",
-        ),
-    ],
-)
-def test_wrong_use_is_refused(call, word):
-    with pytest.raises(RsgenError, match=word):
-        call(derive("k*x + c*v"))
-
-
 def test_assumptions():
     assert "d" in derive("k*Max(0, x - d) + k*x", assume=["d > 0"]).positive
     with pytest.raises(ExpressionError, match="name > 0"):

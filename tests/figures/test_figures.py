@@ -2,7 +2,7 @@
 
 import re
 from collections.abc import Callable
-from dataclasses import fields, replace
+from dataclasses import replace
 from functools import cache
 from xml.etree import ElementTree
 
@@ -114,15 +114,6 @@ def test_a_law_across_two_sensors_has_no_resonance_over_the_response():
     assert lines(replace(IDENTIFICATION, model=across)) == ["one level each"]
 
 
-def test_levels_of_a_driven_base_are_not_called_forces():
-    shaken = replace(SURFACE, base="acceleration", per_mass=True)
-    (axes, _) = figures.draw_map(shaken).figure.axes
-    assert axes.get_ylabel() == "Level [m/s²]"
-    legend = figures.draw_responses(shaken, PREDICTION).figure.axes[0].get_legend()
-    assert legend is not None
-    assert legend.get_title().get_text() == "Level"
-
-
 @pytest.mark.slow
 @pytest.mark.parametrize("name", DRAWINGS)
 def test_same_data_same_bytes(name):
@@ -156,14 +147,6 @@ def test_figures_belong_to_no_window():
 def test_any_surface_can_be_drawn(surface):
     for draw in (figures.draw_surface, figures.draw_map):
         assert draw(surface).render("png").startswith(b"\x89PNG")
-
-
-def test_both_sweeps_give_two_panels():
-    up, down = cubic_surface(sweep="up"), cubic_surface(sweep="down")
-    columns = [f.name for f in fields(up) if isinstance(getattr(up, f.name), np.ndarray)]
-    both = replace(up, **{name: np.concatenate([getattr(up, name), getattr(down, name)]) for name in columns})
-    titles = [axes.get_title(loc="left") for axes in figures.draw_map(both).figure.axes]
-    assert titles[:2] == ["sweep up", "sweep down"]
 
 
 @pytest.mark.slow

@@ -316,23 +316,6 @@ def aside(which: np.ndarray) -> dict[str, str]:
     return {"level" if "level" in finding.numbers else "all": finding.severity for finding in found}
 
 
-@pytest.mark.parametrize(("large", "expected"), [(False, "warning"), (True, "error")])
-def test_noise_at_the_end_of_a_decay_is_not_the_law(large, expected):
-    """A fifth of the points, all small or all large; noise does not fall with the motion."""
-    n = 40
-    size = np.geomspace(1e-2, 1e-4, n)
-    points = Points(
-        np.arange(n), np.ones(n), np.full(n, 50.0), np.full(n, "rest"), np.ones(n, complex),
-        np.stack([np.zeros(n), size], axis=1).astype(complex), (1,), np.ones((n, 2)),
-        np.zeros((n, 0)),
-    )  # fmt: skip
-    which = np.zeros(n, bool)
-    which[slice(0, 16, 2) if large else slice(24, 40, 2)] = True
-    found = exclusion_findings(points, Used(~which), n, "m", decays=True)  # type: ignore[arg-type]
-    assert [finding.severity for finding in found] == [expected]
-    assert found[0]["excluded"] == 8
-
-
 def test_points_set_aside_are_judged_by_share_and_pattern():
     n = 6 * 41
     generator = np.random.default_rng(1)

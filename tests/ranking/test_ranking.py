@@ -36,6 +36,8 @@ from rsgen.law.element import make_element
 from rsgen.law.memory import with_memory
 from rsgen.law.numeric import compile_law
 from rsgen.report.wording import sentence
+from tests.case_files import law as case_law
+from tests.case_files import write_small
 from tests.conftest import FEW, Answer
 from tests.oracles.memory import bouc_wen, sliding, two_masses
 from tests.surfaces import LAWS, MASS, changed, model, noisy, surface, truth
@@ -396,37 +398,18 @@ def test_the_library_is_ranked_without_phases() -> None:
 
 # ---------------------------------------------------------------- case and command
 
-CASE = """
-schema = 1
-name = "ranked"
-title = "Which law?"
-model = "rank"
-
-[[element]]
-name = "all"
-force = "k*x + kn*x**3 + c*v"
-
-[system]
-mass = "1.5 kg"
-
-[truth]
-k = 5920
-kn = -2.2e5
-c = 3.8
-
-[test]
-kind = "simulated"
-level = { start = 2, stop = 12, count = 5 }
-frequency = { start = 8, stop = 12, count = 21 }
-noise = { relative = 0.01 }
-"""
+CASE = {
+    **case_law("k*x + kn*x**3 + c*v", k=5920, kn=-2.2e5, c=3.8),
+    "model": "rank",
+    "test.level": {"start": 2, "stop": 12, "count": 5},
+    "test.noise": {"relative": 0.01},
+}
 
 
 @pytest.mark.thorough
 @pytest.mark.usefixtures("few_laws")
 def test_a_case_asks_for_a_ranking(tmp_path: Path, run_cli: Callable[..., Answer]) -> None:
-    path = tmp_path / "ranked.toml"
-    path.write_text(CASE, encoding="utf-8")
+    path = write_small(tmp_path, "ranked", CASE)
     assert load_case(path).ranked
     assert run_cli("run", path, "--out", tmp_path / "out").code == 0
     folder = tmp_path / "out" / "ranked"
@@ -441,9 +424,7 @@ def test_a_case_asks_for_a_ranking(tmp_path: Path, run_cli: Callable[..., Answer
 
 
 def test_another_law_leaves_truth_and_formulas_behind(tmp_path: Path) -> None:
-    path = tmp_path / "ranked.toml"
-    path.write_text(CASE, encoding="utf-8")
-    case = load_case(path)
+    case = load_case(write_small(tmp_path, "ranked", CASE))
     assert case.with_model(case.model) is case
     other = case.with_model(BASE)
     assert other.model is BASE

@@ -8,7 +8,6 @@ import numpy as np
 import pytest
 
 from rsgen import load_case
-from rsgen.common.errors import RsgenError
 from rsgen.data.oscillator import Oscillator
 from rsgen.dynamics.fixed_point import PeriodMap
 from rsgen.dynamics.kernel import compile_kernel
@@ -328,21 +327,3 @@ def test_points_are_independent_of_each_other():
     whole = solve_steady_states(o, force, frequency)
     single = solve_steady_states(o, force[3:4], frequency[3:4])
     assert np.array_equal(whole.harmonics[3], single.harmonics[0])
-
-
-@pytest.mark.parametrize(
-    ("change", "says"),
-    [
-        ({"frequency": [0.0]}, "frequency"),
-        ({"force": [np.nan]}, "force"),
-        ({"force": [1.0, 2.0]}, "shapes"),
-        ({"accuracy": 1e-12}, "accuracy"),
-        ({"harmonics": 0}, "harmonics"),
-        ({"start": [[0.0, np.inf]]}, "start"),
-        ({"start": [0.0, 0.0]}, "start"),
-    ],
-)
-def test_faults_are_named(change, says):
-    arguments = {"force": [1.0], "frequency": [8.0]} | change
-    with pytest.raises(RsgenError, match=says):
-        solve_steady_states(oscillator("k*x + c*v", k=5920.0, c=3.8), **arguments)
