@@ -162,10 +162,13 @@ def as_table(name: str) -> Laboratory:
     surface = rsgen.read(case)
     surface = surface.select(_first_readings(surface))
     observation = case.model.observation
-    further = f'identify = {{ background = "{observation.background}", '
-    further += (
-        f"calibrated = {str(observation.calibrated).lower()}, hold_out = {list(observation.hold_out)} }}"
-    )
+    further = {
+        "identify": {
+            "background": observation.background,
+            "calibrated": observation.calibrated,
+            "hold_out": list(observation.hold_out),
+        }
+    }
     turned = surface.harmonics[:, 1] * np.exp(-1j * np.angle(surface.force))
     laws = tuple(str(element.force) for element in case.model.elements)
     columns = (surface.level, surface.frequency, np.abs(surface.force), -(surface.omega**2) * turned)

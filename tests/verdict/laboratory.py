@@ -6,7 +6,6 @@ keep it; a history of force and displacement comes from an integrator that share
 
 from __future__ import annotations
 
-from collections.abc import Iterable
 from dataclasses import dataclass, field, replace
 from functools import cache
 from pathlib import Path
@@ -17,7 +16,7 @@ import rsgen
 from rsgen.common.errors import RsgenError
 from rsgen.common.finding import Finding, Verdict
 from rsgen.dynamics.virtual_test import add_noise
-from tests.case_files import toml
+from tests.case_files import MEASURED, Changes, law, write_small
 from tests.oracles.swept import driven
 
 CASES = Path(__file__).parents[2] / "cases"
@@ -25,12 +24,6 @@ NAMES = ("bilinear", "combined", "coulomb", "cubic", "cubic-hardening", "joint",
 NOISE = 0.003
 EVERY = 3
 """Every third frequency of the case: some forty a level, as a patient laboratory steps them."""
-
-HEAD = """\
-schema = 1
-name   = "laboratory"
-title  = "A test with something wrong"
-"""
 
 
 @dataclass(frozen=True)
@@ -60,7 +53,7 @@ class Laboratory:
             "level": {"column": "level_N"},
         }
     )
-    further: str = ""
+    further: Changes = field(default_factory=dict)
 
     @property
     def levels(self) -> np.ndarray:
@@ -94,12 +87,8 @@ class Laboratory:
         np.savetxt(
             folder / "table.csv", table, fmt="%.9g", delimiter=",", header=",".join(self.heads), comments=""
         )
-        text = [HEAD, self.further, *_elements(self.laws), '[test]\nkind = "measured"\nfile = "table.csv"']
-        for name, keys in self.test.items():
-            text += [f"[test.{name}]", *(f"{key} = {toml(value)}" for key, value in keys.items())]
-        path = folder / "case.toml"
-        path.write_text("\n".join(text) + "\n", encoding="utf-8")
-        return path
+        read = {f"test.{name}": keys for name, keys in self.test.items()}
+        return write_measured(folder, self.laws, {"test.file": "table.csv"} | read | self.further)
 
 
 @dataclass(frozen=True)
@@ -112,29 +101,26 @@ class Record:
     force: np.ndarray
     displacement: np.ndarray
     excitation: str
-    further: str = ""
+    further: Changes = field(default_factory=dict)
 
     def write(self, folder: Path) -> Path:
         """Write samples and case; give the path of the case."""
         np.savez(folder / "record.npz", force=self.force, displacement=self.displacement)
         ring = self.excitation == "ring-down"
-        text = [
-            HEAD,
-            f"system = {{ mass = {self.mass} }}" if ring else "",
-            *_elements(self.laws),
-            f'[test]\nkind = "measured"\nfile = "record.npz"\nexcitation = "{self.excitation}"',
-            f"[test.time]\nrate = {self.rate}\n{self.further}",
-            "" if ring else '[test.force]\nsamples = "force"',
-            '[test.response]\nquantity = "displacement"\nsamples = "displacement"',
-            "" if ring else '[test.level]\nvalue = "6 N"',
-        ]
-        path = folder / "case.toml"
-        path.write_text("\n".join(text) + "\n", encoding="utf-8")
-        return path
+        samples = {
+            "test.file": "record.npz",
+            "test.excitation": self.excitation,
+            "test.time": {"rate": self.rate},
+        }
+        samples["test.response"] = {"quantity": "displacement", "samples": "displacement"}
+        driven_by = {"test.force": {"samples": "force"}, "test.level": {"value": "6 N"}}
+        known = {"system": {"mass": self.mass}} if ring else driven_by
+        return write_measured(folder, self.laws, samples | known | self.further)
 
 
-def _elements(laws: Iterable[str]) -> list[str]:
-    return [f'[[element]]\nname = "part-{i}"\nforce = "{law}"' for i, law in enumerate(laws, start=1)]
+def write_measured(folder: Path, laws: tuple[str, ...], changes: Changes) -> Path:
+    """Write the case of a measured test with these laws; give its path."""
+    return write_small(folder, "case", {**law(*laws), **MEASURED} | changes)
 
 
 @cache

@@ -142,7 +142,7 @@ def gravities_one_level(test: Laboratory) -> Laboratory:
 
 def gravities_known_mass(test: Laboratory) -> Laboratory:
     return replace(
-        _responds(test, test.response / G), further=f"system = {{ mass = {load(test.name).oscillator.mass} }}"
+        _responds(test, test.response / G), further={"system": {"mass": load(test.name).oscillator.mass}}
     )
 
 
@@ -277,7 +277,7 @@ def driven_first(name: str) -> Test:
 
 def driven_throughout(name: str) -> Test:
     record = recorded(name, _drive(name, 400), _rate(name), "ring-down")
-    return replace(record, further=f"start = {200 / stepped(name).natural_frequency:g}")
+    return replace(record, further={"test.time.start": 200 / stepped(name).natural_frequency})
 
 
 def noise_as(excitation: str) -> Callable[[str], Test]:

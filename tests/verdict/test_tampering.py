@@ -55,7 +55,7 @@ def test_one_thing_wrong_is_doubted(tmp_path, name, wrong, codes):
     ids=["sign", "quantity", "nothing wrong"],
 )
 def test_a_background_takes_up_no_sign_and_no_quantity(tmp_path, keys, turned):
-    test = replace(stepped("cubic", every=QUICK), further='identify = { background = "phase" }')
+    test = replace(stepped("cubic", every=QUICK), further={"identify": {"background": "phase"}})
     outcome = judge(test.reading("response", **keys).write(tmp_path))
     found = [finding["phase"] for finding in outcome.findings if finding.code == "phase-turned"]
     assert np.exp(1j * np.array(found)) == pytest.approx([np.exp(1j * turned)] if turned else [], abs=0.2)
