@@ -19,7 +19,7 @@ from rsgen.data.oscillator import Oscillator
 from rsgen.identification.fitting.least_squares import Alternative
 from rsgen.identification.prediction import Prediction
 from rsgen.identification.results import Estimate, Identification
-from rsgen.law.element import force_keys
+from rsgen.law.memory import force_keys
 from rsgen.law.motion import Motion
 from rsgen.law.numeric import compile_law, in_order
 

@@ -214,7 +214,7 @@ class Case:
         True values in SI by parameter, "m" [kg] included; None for a measured case.
     accept
         Largest relative error of the refined estimate, by parameter, "m", or a key of
-        ``force_keys.FORCE_KEYS``.
+        ``law.memory.FORCE_KEYS``.
     printed
         "stiffness", "damping": formulas as the source prints them, in X, X0, omega and the parameters.
     units

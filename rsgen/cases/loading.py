@@ -38,8 +38,8 @@ from rsgen.files import MeasuredTest
 from rsgen.formula import check_name, parse, symbol, write
 from rsgen.formula.unit_deduction import parameter_units, unit_faults
 from rsgen.formula.units import quantity, unit_of
-from rsgen.law.element import Element, force_keys, laws, make_element
-from rsgen.law.memory import memory_form
+from rsgen.law.element import Element, laws, make_element
+from rsgen.law.memory import force_keys, memory_form
 
 # ----------------------------------------------------------------------------
 # Lists of case files, and cases that cannot be run into one folder.

@@ -19,31 +19,12 @@ from rsgen.common.text_table import TextTable
 from rsgen.formula import check_name, parse, symbol, write
 from rsgen.formula.bounds import algebra_faults
 from rsgen.formula.evaluation import Numeric, compiled
-from rsgen.formula.names import remembers
 from rsgen.law.character import CANCELLATION_TOLERANCE
 from rsgen.law.library import ROWS, Search
 from rsgen.law.memory import constant_terms, equations_of, memory_form, rates_of, read_formula, with_memory
 from rsgen.law.normal_form import normal_form
 from rsgen.law.notation import latex, mathml
 from rsgen.law.numeric import equal_terms
-
-# ----------------------------------------------------------------------------
-# Keys of ``accept`` in a case for the whole force of a law.
-
-FORCE_KEYS = {
-    "stiffness_force": "stiffness force",
-    "damping_force": "damping force",
-    "loop_force": "loop force",
-}
-"""Keys of ``accept`` that judge a whole force, and its name: its largest deviation over the tested range,
-relative to its largest value. The stiffness force is n(x, 0), the damping force n(0, v); the force of a law
-with memory is that of its loops."""
-
-
-def force_keys(force: sympy.Expr) -> tuple[str, ...]:
-    """Return the keys of FORCE_KEYS that a law has: of one with memory only its loops are defined."""
-    return ("loop_force",) if remembers(force) else ("stiffness_force", "damping_force")
-
 
 # ----------------------------------------------------------------------------
 # Remarks about a law from its formula alone, before any test.
@@ -317,8 +298,8 @@ class Parameter:
 class Law(_Summand):
     """A force law n(x, v) [N] in displacement x [m] and velocity v [m/s]; every other name is a parameter.
 
-    ``law + other`` adds two laws, where ``other`` may also be a formula or an element. Parameters of one name
-    are then one parameter; ``element(renames=...)`` gives them other names.
+    ``law + other`` adds two laws, where ``other`` may also be a formula or an element. A term of both, such
+    as k*x, is there once; other parameters of one name need ``element(renames=...)``, or one formula.
 
     Parameters
     ----------
@@ -344,7 +325,7 @@ class Law(_Summand):
     Raises
     ------
     ExpressionError
-        As for ``make_element``; elements that are added have different states of one name.
+        As for ``make_element``; elements that are added have different states, or parameters, of one name.
 
     Examples
     --------
@@ -481,6 +462,22 @@ def _as_law(law: object) -> Law:
 
 def _sum(first: object, second: object) -> Law:
     a, b = _as_law(first), _as_law(second)
+    for name in sorted({*a.parameters} & {*b.parameters}):
+        terms = [
+            {sensors: n.diff(symbol(name)) for sensors, n in forces_by_motion(law.elements).items()}
+            for law in (a, b)
+        ]
+        if terms[0] != terms[1] or any(term.has(symbol(name)) for term in terms[0].values()):
+            raise ExpressionError(
+                f"{name}: stands in both laws of the sum, {a.text!r:.60} and {b.text!r:.60}; if it is one "
+                f"parameter, write one formula; if not, law.element(renames={{{name!r}: '{name}_2'}})"
+            )
+        # both laws have the term, as springs of the library have k*x: it is there once
+        rest = [(one, one.force - symbol(name) * one.force.diff(symbol(name))) for one in b.elements]
+        left = tuple(make_element(one.name, force, across=one.across) for one, force in rest if force)
+        if not left:
+            return a
+        b = Law(write(sympy.Add(*(one.force for one in left))), b.name, elements=left)
     return Law(
         f"{a.formula} + {b.formula}",
         f"{a.name} + {b.name}" if a.name and b.name else "",

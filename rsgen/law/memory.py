@@ -312,3 +312,21 @@ def constant_terms(force: sympy.Expr) -> tuple[str, ...]:
     terms = [term for term in sympy.Add.make_args(force if form is None else form.force) if term.free_symbols]
     fixed = (term for term in terms if not (term.as_coeff_Mul()[1].is_Symbol or term.free_symbols & names))
     return tuple(sorted(map(write, fixed)))
+
+
+# ----------------------------------------------------------------------------
+# Keys of ``accept`` in a case for the whole force of a law.
+
+FORCE_KEYS = {
+    "stiffness_force": "stiffness force",
+    "damping_force": "damping force",
+    "loop_force": "loop force",
+}
+"""Keys of ``accept`` that judge a whole force, and its name: its largest deviation over the tested range,
+relative to its largest value. The stiffness force is n(x, 0), the damping force n(0, v); the force of a law
+with memory is that of its loops."""
+
+
+def force_keys(force: sympy.Expr) -> tuple[str, ...]:
+    """Return the keys of FORCE_KEYS that a law has: of one with memory only its loops are defined."""
+    return ("loop_force",) if remembers(force) else ("stiffness_force", "damping_force")

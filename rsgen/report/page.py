@@ -30,8 +30,8 @@ from rsgen.formula.units import number_text, quantity_text
 from rsgen.identification.prediction import Prediction
 from rsgen.identification.results import Identification, MultisineIdentification
 from rsgen.law.character import CANCELLATION_TOLERANCE
-from rsgen.law.element import FORCE_KEYS, Element
-from rsgen.law.memory import memory_form, with_equations
+from rsgen.law.element import Element
+from rsgen.law.memory import FORCE_KEYS, memory_form, with_equations
 from rsgen.law.notation import mathml
 from rsgen.report.figures import Drawing
 from rsgen.report.figures.equivalent import evaluated

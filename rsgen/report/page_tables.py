@@ -21,7 +21,7 @@ from rsgen.identification.prediction import HeldOutLevel, predict
 from rsgen.identification.prediction.prediction_result import PredictedRecord
 from rsgen.identification.ranking.ranking_result import ORDER
 from rsgen.identification.results import Estimate, Identification
-from rsgen.law.element import FORCE_KEYS
+from rsgen.law.memory import FORCE_KEYS
 from rsgen.report.wording import sentence
 from rsgen.report.wording.sentences import error_text, share_text
 

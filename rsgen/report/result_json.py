@@ -35,7 +35,7 @@ from rsgen.formula.units import quantity_text
 from rsgen.identification.prediction import HeldOutLevel, Prediction
 from rsgen.identification.results import Estimate, Identification, MultisineIdentification, Resonance
 from rsgen.identification.results.result import held_out_lines
-from rsgen.law.element import FORCE_KEYS
+from rsgen.law.memory import FORCE_KEYS
 from rsgen.report.figures.equivalent import (
     dissipated_energy,
     measured_energy,
