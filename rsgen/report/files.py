@@ -27,7 +27,6 @@ from rsgen.report.figures import (
     choose_levels,
     draw_best_linear,
     draw_collapse,
-    draw_damping,
     draw_energy,
     draw_forces,
     draw_held_out,
@@ -38,7 +37,6 @@ from rsgen.report.figures import (
     draw_predicted_record,
     draw_resonance,
     draw_responses,
-    draw_stiffness,
     draw_surface,
 )
 from rsgen.report.figures.drawing import POINTS, project_style
@@ -76,9 +74,7 @@ def _drawn(
     clouds, values = identification.curve.stiffness, identification.solution
     empty = len(clouds) > 0 and not np.isfinite(clouds).any() and not np.isfinite(values).all()
     drawings += [
-        draw_collapse(identification),
-        *([] if empty else [draw_stiffness(identification, subject.truth)]),
-        draw_damping(identification, subject.truth),
+        draw_collapse(identification, subject.truth),
         draw_responses(surface, prediction),
     ]
     if modal.table is not None:

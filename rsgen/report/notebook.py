@@ -334,10 +334,8 @@ def known_results(
     inputs: dict[str, tuple[object, ...]] = {
         "surface": (surface,),
         "map": (surface,),
-        "collapse": (identification,),
+        "collapse": fitted,
         "resonance": (identification,),
-        "stiffness": fitted,
-        "damping": fitted,
         "loops": (surface, *fitted),
         "energy": (surface, *fitted),
         "responses": (surface, prediction),

@@ -9,10 +9,8 @@ from __future__ import annotations
 from rsgen.formula.units import choose_scale, count_text, number_text, quantity_text, unit_text
 from rsgen.report.figures.curves import (
     draw_collapse,
-    draw_damping,
     draw_modal,
     draw_resonance,
-    draw_stiffness,
 )
 from rsgen.report.figures.drawing import STYLE, Drawing, draw_map, draw_surface
 from rsgen.report.figures.equivalent import draw_derivation
@@ -34,7 +32,6 @@ __all__ = [
     "count_text",
     "draw_best_linear",
     "draw_collapse",
-    "draw_damping",
     "draw_derivation",
     "draw_energy",
     "draw_forces",
@@ -46,7 +43,6 @@ __all__ = [
     "draw_predicted_record",
     "draw_resonance",
     "draw_responses",
-    "draw_stiffness",
     "draw_surface",
     "force_function",
     "number_text",

@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
-from typing import Literal
 
 import numpy as np
 import sympy
@@ -17,9 +15,8 @@ from rsgen.formula import symbol
 from rsgen.formula.names import remembers
 from rsgen.formula.units import Scale, choose_scale
 from rsgen.identification.modal_result import MODAL_COLUMNS, ModalTable
-from rsgen.identification.results import EquivalentCurve, Identification
+from rsgen.identification.results import Identification
 from rsgen.report.figures.drawing import (
-    FIRST_ORDER,
     POINT,
     POINTS,
     REFINED,
@@ -33,13 +30,11 @@ from rsgen.report.figures.drawing import (
     take_axes,
 )
 from rsgen.report.figures.equivalent import (
-    Backbone,
     amplitudes_tested,
     backbone,
     calm_limits,
     refined_band,
     solution_of,
-    values_of,
 )
 
 # ----------------------------------------------------------------------------
@@ -156,141 +151,89 @@ def draw_resonance(identification: Identification, *, ax: GivenAxes = None) -> D
     return Drawing("resonance", figure, caption, ax is None)
 
 
-@in_style
-def draw_stiffness(
-    identification: Identification, truth: Mapping[str, float] | None = None, *, ax: GivenAxes = None
-) -> Drawing:
-    """Draw the equivalent stiffness k(X): levels, fits, and the derivation with the true values where known.
-
-    Parameters
-    ----------
-    identification
-        Points and estimates.
-    truth
-        True value of every parameter, SI; "m" may be among them.
-    ax
-        Axes to draw on; None makes a figure.
-    """
-    return _draw_equivalent("stiffness", identification, truth, ax)
-
-
-@in_style
-def draw_damping(
-    identification: Identification, truth: Mapping[str, float] | None = None, *, ax: GivenAxes = None
-) -> Drawing:
-    """Draw the equivalent damping c(X) along the resonance; see `draw_stiffness`."""
-    return _draw_equivalent("damping", identification, truth, ax)
-
-
-_KINDS = {
-    "stiffness": ("Spring", "N/m", "k(X)"),
-    "damping": ("Damper", "N*s/m", "c(X)"),
-    "loss stiffness": ("Joint", "N/m", "ωc(X)"),
-}
-"""Name, unit and symbol of each equivalent property."""
-
 _LEVELS = {"N": "Level F", "m": "Level X"}
 """Name of levels by their unit; those of a base are levels."""
 
-
-def _draw_equivalent(
-    what: Literal["stiffness", "damping"],
-    identification: Identification,
-    truth: Mapping[str, float] | None,
-    ax: GivenAxes,
-) -> Drawing:
-    name, unit, symbol = _KINDS[what]
-    points = sorted(identification.resonances, key=lambda point: point.amplitude)
-    amplitude = np.array([point.amplitude for point in points])
-    measured = np.array([getattr(point, what) for point in points])
-    grid = amplitudes_tested(identification)
-    model, *halves = refined_band(identification, grid)
-    half = halves[list(_KINDS).index(what)]
-    refined: Array = getattr(model, what)
-    first: Array = getattr(backbone(identification, values_of(identification.first_order), grid), what)
-    lines = [refined, first]
-    x, y = (
-        choose_scale(grid, "m"),
-        choose_scale(np.concatenate([measured, refined]), identification.curve.units.of(unit)),
-    )
-    figure, (axes,) = take_axes(ax, 1, (4.4, 3.3))
-    low, high = (refined - half) / y.factor, (refined + half) / y.factor
-    axes.fill_between(grid / x.factor, low, high, color="#D55E00", alpha=0.18, lw=0)
-    axes.plot(amplitude / x.factor, measured / y.factor, label="levels at resonance", **POINT)
-    if np.isfinite(first).any():
-        axes.plot(grid / x.factor, first / y.factor, label="first-order fit, all points", **FIRST_ORDER)
-    axes.plot(grid / x.factor, refined / y.factor, label=f"refined fit, {CONFIDENCE_TEXT} band", **REFINED)
-    if truth is not None:
-        true: Array = getattr(backbone(identification, truth, grid), what)
-        lines.append(true)
-        axes.plot(grid / x.factor, true / y.factor, label=f"derived {symbol}, true values", **TRUTH)
-    calm_limits(axes, [measured / y.factor, *(line / y.factor for line in lines)], least=0.06)
-    axes.set_xlabel(x.label("Amplitude X"))
-    axes.set_ylabel(y.label(f"Equivalent {what} {symbol}"))
-    axes.legend(loc="best")
-    caption = f"{name}: equivalent {what}; points as read at resonance, lines as fitted and derived."
-    return Drawing(what, figure, caption, ax is None)
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class _Collapse:
-    """Points (``place``, ``cloud``) and the ``line`` of the model over ``course``, SI."""
-
-    what: str
-    cloud: Array
-    line: Array
-    place: Array
-    course: Array
-    scale: Scale
+_Place = tuple[Array, Array]
+"""Abscissae and ordinates in a panel."""
 
 
 @in_style
-def draw_collapse(identification: Identification, *, ax: GivenAxes = None) -> Drawing:
+def draw_collapse(
+    identification: Identification, truth: Mapping[str, float] | None = None, *, ax: GivenAxes = None
+) -> Drawing:
     """Draw every test point as equivalent stiffness and damping: with the right law they fall on one curve.
 
     Parameters
     ----------
     identification
-        Its curve gives the points, coloured by level; its refined estimates the line.
+        Its curve gives the points, coloured by level, its resonances the circles, its refined estimates the
+        line with its band.
+    truth
+        True value of every parameter, SI; "m" may be among them.
     ax
         One axes for the stiffness, or two for stiffness and damping; None makes a figure.
     """
-    curve = identification.curve
-    grid = amplitudes_tested(identification)
-    model = backbone(identification, solution_of(identification), grid)
-    x = choose_scale(curve.amplitude, "m")
-    force = choose_scale(curve.level, curve.level_unit)
-    colours = level_colours()
-    norm = Normalize(0, float(np.max(curve.level, initial=0.0)) / force.factor or 1.0)
+    curve, law = identification.curve, identification.model.force
     # a damper that acts on the velocity alone has one curve over its amplitude omega X, and none over X
-    joint = remembers(identification.model.force)
-    speed = not joint and _acts_on_velocity(identification.model.force)
+    joint = remembers(law)
+    speed = not joint and _acts_on_velocity(law)
+
+    def places(amplitude: Array, omega: Array, stiffness: Array, damping: Array) -> tuple[_Place, _Place]:
+        """Return k over X; and of a joint omega c, of a drag c over omega X, else c."""
+        along = amplitude * omega if speed else amplitude
+        return (amplitude, stiffness), (along, damping * omega if joint else damping)
+
+    grid = amplitudes_tested(identification)
+    model, *halves = refined_band(identification, grid)
+    read = sorted(identification.resonances, key=lambda point: point.amplitude)
+    names = ("amplitude", "frequency", "stiffness", "damping")
+    amplitude, frequency, *values = (np.array([getattr(one, name) for one in read]) for name in names)
+    omega = 2 * np.pi * curve.frequency
+    clouds = places(curve.amplitude, omega, curve.stiffness, curve.damping)
+    levels = places(amplitude, 2 * np.pi * frequency, *values)
+    lines, bands = (places(grid, model.omega, *of) for of in ((model.stiffness, model.damping), halves))
+    true = None if truth is None else backbone(identification, truth, grid)
+    truths = None if true is None else places(grid, true.omega, true.stiffness, true.damping)
+    force = choose_scale(curve.level, curve.level_unit)
+    norm = Normalize(0, float(np.max(curve.level, initial=0.0)) / force.factor or 1.0)
     figure, panels = take_axes(ax, 2, (4.4, 4.6), sharex=not speed)
-    rate = choose_scale(curve.amplitude * 2 * np.pi * curve.frequency, "m/s")
-    parts = _collapses(curve, model, grid, (x, rate), joint=joint, speed=speed)
-    for axes, part, least in zip(panels, parts, (0.06, 0.2), strict=False):
-        y = choose_scale(part.line if part.line.size else part.cloud, curve.units.of(_KINDS[part.what][1]))
-        cloud, line = part.cloud / y.factor, part.line / y.factor
+    x = choose_scale(curve.amplitude, "m")
+    scales = (x, choose_scale(curve.amplitude * omega, "m/s") if speed else x)
+    damper = ("Loss stiffness ωc", "N/m", 0.2) if joint else ("Damping c", "N*s/m", 0.2)
+    kinds = (("Stiffness k", "N/m", 0.06), damper)
+    for i, (axes, (name, unit, least)) in enumerate(zip(panels, kinds, strict=False)):
+        (place, cloud), (course, line), wide = clouds[i], lines[i], scales[i].factor
+        y = choose_scale(line if line.size else cloud, curve.units.of(unit))
         axes.scatter(
-            part.place / part.scale.factor,
-            cloud,
+            place / wide,
+            cloud / y.factor,
             c=curve.level / force.factor,
-            cmap=colours,
+            cmap=level_colours(),
             norm=norm,
             s=7,
             linewidths=0,
             rasterized=len(cloud) > 300,
         )
-        course = part.course / part.scale.factor
-        axes.plot(course, line, label="refined model at resonance", **{**REFINED, "lw": 1.1})
-        calm_limits(axes, [cloud, line], least=least)
-        _say_empty(axes, [cloud, line])
-        axes.set_ylabel(y.label(f"{part.what.capitalize()} {_KINDS[part.what][2].removesuffix('(X)')}"))
+        at, heights = levels[i]
+        axes.plot(at / wide, heights / y.factor, label="levels at resonance", **POINT)
+        low, high = ((line + sign * bands[i][1]) / y.factor for sign in (-1, 1))
+        axes.fill_between(course / wide, low, high, color="#D55E00", alpha=0.18, lw=0)
+        look = {**REFINED, "lw": 1.1}
+        axes.plot(course / wide, line / y.factor, label=f"refined model, {CONFIDENCE_TEXT} band", **look)
+        drawn = [cloud / y.factor, line / y.factor]
+        if truths is not None:
+            course, line = truths[i]
+            axes.plot(course / wide, line / y.factor, label="derived, true values", **TRUTH)
+            drawn.append(line / y.factor)
+        calm_limits(axes, drawn, least=least)
+        _say_empty(axes, drawn)
+        axes.set_ylabel(y.label(name))
     panels[0].legend(loc="best")
     if speed or len(panels) == 1:
         panels[0].set_xlabel(x.label("Amplitude X"))
     for axes in panels[1:]:
-        axes.set_xlabel(rate.label("Velocity amplitude ωX") if speed else x.label("Amplitude X"))
+        axes.set_xlabel(scales[1].label("Velocity amplitude ωX" if speed else "Amplitude X"))
     colour_bar(figure, panels, norm, force.label(_LEVELS.get(curve.level_unit, "Level")), 35)
     caption = (
         "Every test point, coloured by level: with the right law all fall on one curve, but for what the "
@@ -299,28 +242,6 @@ def draw_collapse(identification: Identification, *, ax: GivenAxes = None) -> Dr
     if any(f.code == "not-recorded" and f.names["signal"] == "phase" for f in identification.findings):
         caption += " Phases were not recorded: each point has the one that the identified law predicts."
     return Drawing("collapse", figure, caption, ax is None)
-
-
-def _collapses(
-    curve: EquivalentCurve,
-    model: Backbone,
-    grid: Array,
-    scales: tuple[Scale, Scale],
-    *,
-    joint: bool,
-    speed: bool,
-) -> tuple[_Collapse, _Collapse]:
-    """Return the values of one curve: k over X; and of a joint omega c, of a drag c over omega X, else c."""
-    x, rate = scales
-    omega = 2 * np.pi * curve.frequency
-    stiffness = _Collapse("stiffness", curve.stiffness, model.stiffness, curve.amplitude, grid, x)
-    if joint:
-        loss, line = curve.damping * omega, model.damping * model.omega
-        return stiffness, _Collapse("loss stiffness", loss, line, curve.amplitude, grid, x)
-    if speed:
-        velocity, course = curve.amplitude * omega, grid * model.omega
-        return stiffness, _Collapse("damping", curve.damping, model.damping, velocity, course, rate)
-    return stiffness, _Collapse("damping", curve.damping, model.damping, curve.amplitude, grid, x)
 
 
 def _acts_on_velocity(force: sympy.Expr) -> bool:

@@ -35,7 +35,6 @@ from rsgen.identification.results import Identification
 # Okabe and Ito's colours, which colour-blind readers distinguish; line styles distinguish them in grey
 POINT: dict[str, Any] = {"marker": "o", "ls": "none", "mfc": "none", "mec": "#0072B2", "mew": 1.1, "ms": 4.5}
 REFINED: dict[str, Any] = {"color": "#D55E00", "lw": 1.5, "ls": "-"}
-FIRST_ORDER: dict[str, Any] = {"color": "#009E73", "lw": 1.2, "ls": (0, (6, 1.5, 1, 1.5))}
 TRUTH: dict[str, Any] = {"color": "#1b1c1e", "lw": 1.2, "ls": (0, (1, 1.6))}
 
 
