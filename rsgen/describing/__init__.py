@@ -25,7 +25,6 @@ from rsgen.describing.function import (
     compare_printed,
     variables_of,
 )
-from rsgen.describing.regimes import Limit
 
 if TYPE_CHECKING:
     from rsgen.describing.remembering import add_memory, split_by_memory
@@ -33,7 +32,6 @@ if TYPE_CHECKING:
 __all__ = [
     "DescribingFunction",
     "Equivalent",
-    "Limit",
     "PrintedComparison",
     "add_memory",
     "compare_printed",

@@ -25,12 +25,7 @@ from rsgen.describing.closed import ClosedPart, close
 from rsgen.describing.function import DescribingFunction, closed_mean, taken_as_positive
 from rsgen.describing.quadrature import MIN_PROOF_CYCLES, PROOF_TOLERANCE, Trial, draw_trial, worst_error
 from rsgen.describing.regimes import (
-    Limit,
     Reading,
-    grows_slowly,
-    limit_at_infinity,
-    limit_at_rest,
-    limit_at_zero,
     read,
 )
 from rsgen.formula import symbol
@@ -245,7 +240,6 @@ def _derive_memoryless(
         closed_form=not any(f.has(sympy.Integral) for f in (stiffness, damping, balance)),
         checked_to=checked_to,
         regimes=tuple(dict.fromkeys(renamed(c, plain) for r in found.readings[:2] for c in r.conditions)),
-        limits=tuple(_limits(law, found, solved, plain)),
         remarks=(*_about_formulas(positive, found, trial, vanishes), *_about_mean(law, solved, balance)),
         positive=tuple(sorted(positive)),
         closed=found.part,
@@ -285,29 +279,6 @@ def _integrals(
         found.append(sympy.S.Zero if vanishes else factor * integral)
         largest = max(largest, share)
     return (found[0], found[1], found[2]), None if any(found) else largest
-
-
-def _limits(
-    law: _Law, found: _Closed, mean: sympy.Expr | None, plain: dict[sympy.Symbol, sympy.Symbol]
-) -> Iterable[Limit]:
-    for name, state, reading in zip(
-        ("stiffness", "damping"), (STATE_X, STATE_V), found.readings, strict=False
-    ):
-        formula = reading.formula if mean is None else reading.formula.xreplace({X0: mean})
-        if formula.has(X0) or (found.remainder != 0 and mean != 0):
-            continue
-        if formula == 0 and not found.remainder.has(state):
-            continue
-        for place in (sympy.S.Zero, sympy.oo):
-            if found.remainder == 0:
-                value = limit_at_zero(formula) if place == 0 else limit_at_infinity(formula)
-            elif place == 0:
-                value = limit_at_rest(law.force, state)
-            else:
-                value = limit_at_infinity(formula) if grows_slowly(found.remainder, state) else None
-            # beyond its static limit a mean is not real
-            if value is not None and not value.has(sympy.I):
-                yield Limit(name, place, renamed(value, plain))
 
 
 def _about_formulas(positive: frozenset[str], found: _Closed, trial: Trial, vanishes: bool) -> Iterable[str]:

@@ -23,7 +23,6 @@ from rsgen.common.arrays import Array
 from rsgen.common.errors import RsgenError
 from rsgen.describing.closed import MAX_TERMS, ClosedPart
 from rsgen.describing.quadrature import Cycle, project
-from rsgen.describing.regimes import Limit
 from rsgen.formula import symbol
 from rsgen.formula.evaluation import compiled
 from rsgen.formula.names import X0
@@ -117,8 +116,6 @@ class DescribingFunction:
         of states are held against some that are stepped through time.
     regimes
         The conditions of the cases of stiffness and damping; empty where one formula holds for all X.
-    limits
-        What stiffness and damping become for X -> 0 and X -> oo, where that is known.
     remarks
         Sentences on the mean, on what is not closed, on what the formulas take for granted.
     positive
@@ -142,7 +139,6 @@ class DescribingFunction:
     closed_form: bool
     checked_to: float | None
     regimes: tuple[sympy.Basic, ...]
-    limits: tuple[Limit, ...]
     remarks: tuple[str, ...]
     positive: tuple[str, ...]
     closed: ClosedPart | None = field(repr=False)

@@ -10,7 +10,7 @@ elementary where 2 P is whole, a gamma function for b = 0, and an incomplete bet
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 from rsgen.common.arrays import Array
 from rsgen.describing.closed import MAX_POWER, close, quarter
 from rsgen.describing.quadrature import Cycle, project
-from rsgen.describing.regimes import Limit, Reading, tidy
+from rsgen.describing.regimes import Reading, tidy
 from rsgen.formula import symbol
 from rsgen.formula.evaluation import compiled
 from rsgen.formula.names import OMEGA, PHI, STATE_V, STATE_X, X0, X
@@ -326,40 +326,6 @@ def close_masing(virgin: sympy.Expr, factor: sympy.Expr) -> ClosedMasing | None:
         _read({level: (pair[1] * factor * per_energy, ends) for level, (pair, ends) in written.items()}),
     )
     return ClosedMasing(*readings, tuple(partials.values()), pieces.assumed)
-
-
-def asymptotes(virgin: sympy.Expr, factor: sympy.Expr) -> Iterable[Limit]:
-    """Return the limits of stiffness and damping for X -> 0 and X -> oo, from the leading powers of n(x)."""
-    pieces = pieces_of(virgin)
-    if pieces is None:
-        return
-    terms = pieces.terms
-    near, far = terms.get(None, sympy.S.Zero), sympy.expand(sympy.Add(*terms.values()))
-    for place, curve in ((sympy.S.Zero, near), (sympy.oo, far)):
-        powers: dict[sympy.Expr, sympy.Expr] = {}
-        for addend in sympy.Add.make_args(curve):
-            coefficient, power = addend.as_coeff_exponent(sympy.Symbol("x", positive=True))
-            powers[power] = powers.get(power, sympy.S.Zero) + coefficient
-        if any(value.has(sympy.Symbol("x", positive=True)) for value in powers.values()):
-            if place == 0:
-                yield from _smooth_start(near, factor)
-            continue
-        slope = powers.pop(sympy.S.One, sympy.S.Zero)
-        over = [power - 1 if place == 0 else 1 - power for power in powers]
-        if all(excess.is_positive for excess in over):
-            yield Limit("stiffness", place, sympy.expand(factor * slope))
-            yield Limit("damping", place, sympy.S.Zero)
-
-
-def _smooth_start(near: sympy.Expr, factor: sympy.Expr) -> Iterable[Limit]:
-    """Return the limits for X -> 0 of a virgin curve with a slope at rest."""
-    place = sympy.Symbol("x", positive=True)
-    slope = near.diff(place).subs(place, 0)
-    if not slope.has(sympy.nan, sympy.zoo, sympy.oo) and not any(
-        p.base.is_zero for p in slope.atoms(sympy.Pow)
-    ):
-        yield Limit("stiffness", sympy.S.Zero, sympy.expand(factor * slope))
-        yield Limit("damping", sympy.S.Zero, sympy.S.Zero)
 
 
 def _ends(level: sympy.Expr) -> dict[sympy.Symbol, sympy.Expr]:

@@ -12,7 +12,7 @@ time (LSODA).
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -23,14 +23,13 @@ from rsgen.describing.function import DescribingFunction, Remembered, taken_as_p
 from rsgen.describing.masing import (
     Branches,
     ClosedMasing,
-    asymptotes,
     close_masing,
     decisive_in,
     loop_of,
     on_cycle,
 )
 from rsgen.describing.quadrature import MIN_PROOF_CYCLES, PROOF_TOLERANCE, between_thresholds
-from rsgen.describing.regimes import Limit, Reading
+from rsgen.describing.regimes import Reading
 from rsgen.describing.state_loops import Loop, is_odd, try_loops
 from rsgen.formula import symbol
 from rsgen.formula.evaluation import compiled
@@ -102,7 +101,6 @@ class _Added:
     remainder: sympy.Expr = sympy.S.Zero
     checked_to: float | None = None
     positive: frozenset[str] = frozenset()
-    limits: tuple[Limit, ...] = ()
     remarks: tuple[str, ...] = ()
 
 
@@ -173,7 +171,6 @@ def add_memory(
         closed_form=not any(formula.has(sympy.Integral) for formula in formulas),
         checked_to=max(checks) if len(checks) == len(all_checks) else None,
         regimes=tuple(dict.fromkeys((*plain.regimes, *(c for part in added for c in part.conditions)))),
-        limits=tuple(_limits(plain, added)),
         remarks=(*remarks, *(remark for part in added for remark in part.remarks)),
         positive=positive,
         remainder=sympy.Add(plain.remainder, *(part.remainder for part in added)),
@@ -182,31 +179,14 @@ def add_memory(
     )
 
 
-def _limits(plain: DescribingFunction, added: list[_Added]) -> Iterable[Limit]:
-    """Add limits where all parts have one."""
-    for quantity in ("stiffness", "damping"):
-        for place in (sympy.S.Zero, sympy.oo):
-            values = []
-            terms: tuple[DescribingFunction | _Added, ...] = (plain, *added)
-            for part in terms:
-                found = [end.value for end in part.limits if (end.quantity, end.place) == (quantity, place)]
-                if not found and getattr(part, quantity) == 0:
-                    found = [sympy.S.Zero]
-                values.append(found[0] if found else None)
-            if None not in values and sum(v.has(sympy.oo) for v in values if v is not None) <= 1:
-                infinite = [v for v in values if v is not None and v.has(sympy.oo)]
-                yield Limit(quantity, place, infinite[0] if infinite else sympy.Add(*values))
-
-
 def _structural(stiffness: sympy.Expr) -> _Added:
     """Damping of h times the displacement a quarter of a period later: c = h/omega."""
     names = tuple(sorted(free.name for free in stiffness.free_symbols))
     closed = ClosedMasing(Reading(sympy.S.Zero, ()), Reading(stiffness / OMEGA, ()), ())
     branches = Branches(stiffness * STATE_V / OMEGA, names)
-    ends = tuple(Limit("damping", place, stiffness / OMEGA) for place in (sympy.S.Zero, sympy.oo))
     error = _worst(closed, branches, {}, (), 5)
     evaluated = _Formulas(closed, names, frozenset(), branches)
-    return _Added(*closed.shown, sympy.S.Zero, evaluated, checked_to=error, limits=ends)
+    return _Added(*closed.shown, sympy.S.Zero, evaluated, checked_to=error)
 
 
 def _masing(factor: sympy.Expr, virgin: sympy.Expr, assumed: frozenset[str]) -> _Added:
@@ -216,10 +196,6 @@ def _masing(factor: sympy.Expr, virgin: sympy.Expr, assumed: frozenset[str]) -> 
     known = {symbol(name): sympy.Symbol(name, positive=True) for name in positive}
     plain = {after: before for before, after in known.items()}
     branches = Branches(factor * loop_of(virgin), names)
-    ends = tuple(
-        Limit(end.quantity, end.place, end.value.xreplace(plain))
-        for end in asymptotes(virgin.xreplace(known), factor)
-    )
     closed = close_masing(virgin.xreplace(known), factor.xreplace(known))
     remark = f"No closed form is known for masing({readable(virgin)}); quadrature split at its switches."
     if closed is not None:
@@ -237,7 +213,7 @@ def _masing(factor: sympy.Expr, virgin: sympy.Expr, assumed: frozenset[str]) -> 
             )
             return _Added(
                 *closed.shown, sympy.S.Zero, evaluated, conditions, checked_to=error, positive=positive,
-                limits=ends, remarks=tuple(remarks),
+                remarks=tuple(remarks),
             )  # fmt: skip
         remark = (
             f"The closed form of masing({readable(virgin)}) differs from quadrature by {error:.1e}, more "
@@ -248,7 +224,7 @@ def _masing(factor: sympy.Expr, virgin: sympy.Expr, assumed: frozenset[str]) -> 
     area = 8 * sympy.Integral(virgin, (STATE_X, 0, X)) - 4 * X * virgin.xreplace({STATE_X: X})
     return _Added(
         -4 * factor / (sympy.pi * X) * along, factor * area / (sympy.pi * OMEGA * X**2), sympy.S.Zero,
-        branches, remainder=factor * Masing(virgin), limits=ends, remarks=(remark,),
+        branches, remainder=factor * Masing(virgin), remarks=(remark,),
     )  # fmt: skip
 
 

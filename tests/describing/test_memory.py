@@ -92,7 +92,7 @@ def test_a_formula_with_integrals_says_what_is_evaluated():
 
 
 @pytest.mark.parametrize("law", ["masing(Min(kt*x, Fs))", f"masing({IWAN4})", "masing(F*(1 - exp(-a*x)))"])
-def test_energy_is_that_of_the_virgin_curve_and_limits_hold(law):
+def test_energy_is_that_of_the_virgin_curve(law):
     derived = derive(f"k*x + {law} + c*v")
     values = dict.fromkeys(derived.parameters, 0.8)
     (virgin,) = parse(law).args
@@ -106,12 +106,6 @@ def test_energy_is_that_of_the_virgin_curve_and_limits_hold(law):
         lost = 8 * area - 4 * X * n(X) + np.pi * OMEGA * 0.8 * X**2
         found = np.pi * OMEGA * X**2 * derived.evaluate(X, OMEGA, values).damping
         assert found == pytest.approx(lost, rel=1e-10)
-    numbers = {symbol(name): value for name, value in values.items()}
-    assert derived.limits
-    for limit in derived.limits:
-        X = 1e-9 if limit.place == 0 else 1e9
-        found = derived.evaluate(X, OMEGA, values)
-        assert getattr(found, limit.quantity) == pytest.approx(float(limit.value.subs(numbers)), rel=1e-4)
 
 
 def test_a_mean_moves_no_masing_law():
@@ -241,8 +235,6 @@ def test_thresholds_in_any_order_and_curves_that_begin_with_nothing():
         found = steps.evaluate(2.0, OMEGA, {"b": b, "c": c})
         assert (found.stiffness, found.damping) == pytest.approx((k, loss), rel=1e-9)
     assert late.evaluate(0.5, OMEGA, {"k": 1.0, "b": 0.7}).stiffness == 0
-    assumed = derive("masing(K*x - R*x**(chi + 2))", ["chi > 0"])
-    assert [str(limit.value) for limit in assumed.limits if limit.place == 0] == ["K", "0"]
 
 
 @pytest.mark.parametrize("rate", ["v + z", "abs(v)", "v + z**3", "a*v - drift"])

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from typing import Annotated, Any
 
 import sympy
@@ -163,13 +163,6 @@ def describe(function: DescribingFunction, latex: bool, notes: Sequence[str] = (
         print_block(f"{what:<9}  {name:<{width}} = ", show(formula))
     for number, regime in enumerate(function.regimes):
         print_block(f"{'' if number else 'regimes':<9}  ", show(regime))
-    ends = [
-        f"{'k' if limit.quantity == 'stiffness' else 'c'}(X -> {show(limit.place)})"
-        for limit in function.limits
-    ]
-    width = max((len(name) for name in ends), default=0)
-    for number, (name, limit) in enumerate(zip(ends, function.limits, strict=True)):
-        print_block(f"{'' if number else 'limits':<9}  {name:<{width}} = ", _limit(limit.value, show))
     for number, remark in enumerate((*notes, *function.remarks)):
         print_block(f"{'' if number else 'notes':<9}  ", remark)
     print_block(f"{'proof':<9}  ", _proof(function))
@@ -191,10 +184,3 @@ def _proof(function: DescribingFunction) -> str:
     if function.checked_to is not None:
         return f"the closed part {agrees}; {numeric}"
     return f"no closed form is known; {numeric}"
-
-
-def _limit(value: sympy.Expr, show: Callable[[sympy.Expr], str]) -> str:
-    # oo*sign(k): infinite, with the sign of k
-    if value.is_Mul and value.args[0].is_infinite:
-        return f"{show(value.args[0])}, with the sign of {show(value.args[1].args[0])}"
-    return show(value)
