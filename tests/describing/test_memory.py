@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+import sympy
 from scipy.integrate import quad
 from scipy.special import gamma, i1, i1e
 
@@ -106,6 +107,12 @@ def test_energy_is_that_of_the_virgin_curve(law):
         lost = 8 * area - 4 * X * n(X) + np.pi * OMEGA * 0.8 * X**2
         found = np.pi * OMEGA * X**2 * derived.evaluate(X, OMEGA, values).damping
         assert found == pytest.approx(lost, rel=1e-10)
+
+
+def test_joints_side_by_side_are_closed():
+    one, several = derive("masing(Min(kt*x, Fs))"), derive("n*masing(Min(kt*x, Fs))")
+    assert several.closed_form
+    assert sympy.simplify(several.stiffness - symbol("n") * one.stiffness) == 0
 
 
 def test_a_mean_moves_no_masing_law():
