@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import sys
 import time
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -13,13 +14,14 @@ from hypothesis import strategies as st
 
 from rsgen.cases import load_case
 from rsgen.common.errors import MeasurementError
-from rsgen.data.history import SweepLaw, TimeHistory, from_swept_sine
+from rsgen.data.history import SweepLaw, TimeHistory, from_swept_sine, swept_sine
 from rsgen.data.history.envelope import NOISE_WIDTH, demodulate, place_windows
 from rsgen.data.history.tracking import find_sweeps
 from rsgen.data.oscillator import Oscillator
 from rsgen.data.surface import OUTCOMES, ResponseSurface
 from rsgen.dynamics.steady_state import solve_steady_states
 from rsgen.law.element import make_element
+from rsgen.report.wording import sentence
 from tests.oracles.swept import driven, sweep
 
 CASES = Path(__file__).parents[2] / "cases"
@@ -240,6 +242,28 @@ def test_the_frequency_of_a_point_is_that_of_the_force(cubic: float, down: bool,
     # after the jump c(X) was off by a factor of eight, without a word
     assert error.max() < (0.06 if noise == 0 else 0.4)
     assert np.median(error) < 0.05
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("pace", "wrong", "severity"), [(0.2, 0, "warning"), (0.2, 0.2, "doubt"), (2, 0, "doubt")]
+)
+def test_a_correction_that_is_in_doubt_doubts_the_result(
+    pace: float, wrong: float, severity: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    found = swept_sine.flank_mass
+    monkeypatch.setattr(
+        swept_sine,
+        "flank_mass",
+        lambda *args: (flank := found(*args)) and replace(flank, mass=flank.mass * (1 + wrong)),
+    )
+    history = sweep(linear(), 1.0, SweepLaw("linear", 7.0, pace), 13.0)
+    (fast,) = (f for f in from_swept_sine(history).findings if f.code == "sweep-rate")
+    assert fast.severity == severity
+    # a sweep that is too fast to find a mass is not corrected; its resonance looks wider than it is
+    assert ("correction" in fast.numbers) == (pace < 1)
+    assert fast["pace"] == pytest.approx(pace / 0.1**2, rel=0.05) if pace < 1 else 1 < fast["pace"] < 200
+    assert sentence(fast)
 
 
 def test_a_mass_that_no_structure_has_corrects_nothing() -> None:

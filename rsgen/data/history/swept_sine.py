@@ -66,11 +66,14 @@ _MAX_CORRECTION_BY_FLANKS = 0.3
 
 
 class _Mass(NamedTuple):
-    """Moving mass [kg], its origin, and the correction, relative to the force, for which it is accurate."""
+    """Moving mass [kg], its origin, the correction, relative to the force, for which it is accurate, and the
+    relative difference from the mass of the flanks, where both are known.
+    """
 
     value: float
     origin: str
     good_to: float
+    difference: float = 0.0
 
 
 def from_swept_sine(
@@ -264,9 +267,9 @@ def _surface(parts: list[SweptPoints], mass: float | None) -> ResponseSurface:
         )
         good &= ~free
         findings += excluded_points(parts, free, "free motion")
-        findings += fast_sweeps(parts, steady, damping, good, moving.value, moving.origin)
+        findings += fast_sweeps(parts, steady, good, damping, *moving[:2], moving.difference)
     else:
-        findings.append(Finding("sweep-rate", "warning"))
+        findings += fast_sweeps(parts, steady, good) or [Finding("sweep-rate", "warning")]
     findings += excluded_points(parts, usable & ~driven, "noise of the force")
     findings += other_modes(parts, steady, good)
     count = [len(part) for part in parts]
@@ -298,7 +301,8 @@ def _moving_mass(
         and 0 < found.mass_error < RELATIVE_ERROR_DOUBTFUL * found.mass
         and (flank is None or 1 / _MAX_MASS_RATIO < found.mass / flank.mass < _MAX_MASS_RATIO)
     ):
-        return _Mass(found.mass, "from the sweeps themselves", _MAX_CORRECTION)
+        difference = 0.0 if flank is None else abs(found.mass / flank.mass - 1)
+        return _Mass(found.mass, "from the sweeps themselves", _MAX_CORRECTION, difference)
     return (
         None
         if flank is None

@@ -29,7 +29,7 @@ from rsgen.common.finding import (
     reach_verdict,
     verdict_lines,
 )
-from rsgen.common.tolerances import CONFIDENCE_TEXT
+from rsgen.common.tolerances import CONFIDENCE_TEXT, RELATIVE_ERROR_DOUBTFUL
 from rsgen.data.surface import ResponseSurface
 from rsgen.formula.units import count_text, number_text, quantity_text
 
@@ -384,16 +384,30 @@ def _at(found: Finding, end: str) -> str:
 
 @says("sweep-rate")
 def _sweep_rate(found: Finding) -> str:
-    if "pace" not in found.numbers:
+    if "correction" not in found.numbers:
+        fast = (
+            f"; {found.names['record']} passes {found['resonance']:.4g} Hz with {found['rate']:.3g} Hz/s, "
+            f"rate/(half width)^2 = {found['pace']:.2g} or more, which shifts it by {found['shift']:.2g} "
+            "half widths"
+            if "pace" in found.numbers
+            else ""
+        )
         return (
             "the force was not corrected for the sweep rate: over this band the sweeps do not determine a "
-            "moving mass, as they would with one mode in it; choose a band around one mode, or give the mass"
+            f"moving mass, as they would with one mode in it{fast}; choose a band around one mode, or give "
+            "the mass"
         )
-    beyond = (
-        f"; beyond {found['proved_up_to']:g} this leaves errors of some percent in c(X): sweep slower"
-        if found["pace"] > found["proved_up_to"]
-        else ""
-    )
+    beyond = ""
+    if found.numbers.get("left", Quantity(0)).value > RELATIVE_ERROR_DOUBTFUL:
+        beyond = (
+            f"; by the flanks the mass is another one, which leaves {found['left']:.1%} of the force open"
+        )
+    elif found.severity == "doubt":
+        beyond = "; in virtual sweeps as fast the damping was up to 40 % off: sweep slower"
+    elif found["pace"] > found["proved_up_to"]:
+        beyond = (
+            f"; beyond {found['proved_up_to']:g} this leaves errors of some percent in c(X): sweep slower"
+        )
     return (
         f"{found.names['record']}: the sweep {found.names['direction']} at {found['rate']:.3g} Hz/s is fast "
         f"for a resonance at {found['resonance']:.4g} Hz with half width {found['half_width']:.2g} Hz: "
