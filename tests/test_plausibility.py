@@ -52,6 +52,15 @@ def test_levels_in_another_order_than_forces_are_doubted():
     assert list(level_findings(surface)) == []
 
 
+@pytest.mark.parametrize(("factor", "severity"), [(2.0, ["warning"]), (0.5**0.5, ["warning"]), (1.9, [])])
+def test_forces_of_twice_the_level_are_named(factor, severity):
+    surface = cubic_surface()
+    twice = changed(surface, surface.harmonics[:, 1], factor * surface.force)
+    found = list(level_findings(twice))
+    assert [finding.severity for finding in found] == severity
+    assert not found or "from peak to peak or as a root mean square" in sentence(found[0])
+
+
 def test_an_ordinary_test_has_nothing_to_remark():
     assert list(size_findings(ORDINARY)) == []
     assert list(quantity_findings(cubic_surface())) == []

@@ -163,6 +163,24 @@ def test_the_law_to_derive_is_text_an_element_or_a_law():
             rs.derive(wrong)
 
 
+def test_what_no_function_can_use_is_named(surface, tmp_path):
+    np.savez(tmp_path / "a.npz", a=np.ones(3))
+    for call, said in (
+        (lambda: rs.rank(surface, [LAW], terms_in_sum=9), "terms_in_sum: 9; must be 1, 2 or 3"),
+        (lambda: rs.make_element("joint", "k*x", across=3), "joint: across: int; must be str"),
+        (lambda: rs.load_surface(tmp_path / "a.npz"), "a surface is HDF5 .*; load_spectra reads spectra"),
+    ):
+        with pytest.raises(RsgenError, match=said):
+            call()
+
+
+def test_a_result_is_an_oscillator_and_prints_sentences(found, surface):
+    again = rs.simulate(found.oscillator, rs.SimulatedTest([1.0, 2.0], np.linspace(8, 13, 21)))
+    assert np.allclose(again.amplitude, surface.amplitude, rtol=1e-4)
+    wrong = rs.identify(linear_surface(response=-surface.harmonics[:, 1]), LAW)
+    assert "error: the structure would feed energy into the exciter" in str(wrong)
+
+
 def test_a_result_is_explained_by_its_verdict(found):
     assert rs.explain(found) == rs.explain(found.verdict)
 

@@ -518,7 +518,7 @@ class FitComparison(Printed):
                 rows.append((head, "", first, *(cell for text in others for cell in (text, ""))))
         first, *others = [fit.name for fit in self.fits]
         heads = ("", "unit", first, *(head for name in others for head in (name, "shift")))
-        return TextTable(heads, tuple(rows), notes=tuple(map(repr, self.findings)))
+        return TextTable(heads, tuple(rows), notes=tuple(map(str, self.findings)))
 
 
 def _rows(fits: Sequence[tuple[Estimate, ...]]) -> tuple[FitRow, ...]:

@@ -6,6 +6,7 @@ import tomllib
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from functools import cache
+from importlib import import_module
 from pathlib import Path
 from types import MappingProxyType
 from typing import Any, Literal, NamedTuple, TypedDict
@@ -79,6 +80,10 @@ class Finding:
             f"{name} = {text}" for name, text in self.names.items()
         ]
         return f"{self.code}{about} ({self.severity}): {', '.join(data)}".removesuffix(": ")
+
+    def __str__(self) -> str:
+        """Severity and sentence; the layer above makes it, and is loaded when one is printed."""
+        return f"{self.severity}: {import_module('rsgen.report.wording').sentence(self)}"
 
     def __reduce__(self) -> tuple[Any, ...]:
         """Pickle the mappings as plain dicts, so that processes can exchange findings."""

@@ -171,6 +171,8 @@ def open_regular(path: Path, most: int) -> IO[bytes]:
         return path.open("rb")
     except (OSError, ValueError) as fault:
         reason = fault.strerror if isinstance(fault, OSError) and fault.strerror else str(fault)
+        if "*" in name:
+            reason = "one file, without a wildcard, is read at a time; a case lists several: file = [...]"
         raise MeasurementError(
             f"{name}: cannot be read: {reason}; files of a case lie in RSGEN_DATA or its folder"
             f"{near_file(path)}"

@@ -53,6 +53,8 @@ def load_surface(path: str | os.PathLike[str]) -> ResponseSurface:
     try:
         if not place.is_file():
             raise MeasurementError(f"{path}: there is no such file")
+        if place.suffix.lower() == ".npz":
+            raise MeasurementError(f"{path}: a surface is HDF5 (.h5); load_spectra reads spectra (.npz)")
         (arrays,) = read_binary(place, SURFACE_FILE.name, ["*"])
         return _surface(str(path), {array.path: array.values for array in arrays})
     except MeasurementError:

@@ -374,7 +374,7 @@ class ModalTable(Printed):
             error = f" ± {short(interval_sigmas() * self.mass_error, 2)}" if self.mass_error else ", given"
             mass = f"mass {short(self.mass, 6)} kg{error}"
         caption = f"Modal table without a law: {self.points} points, misfit {self.misfit:.2g}, {mass}"
-        notes = list(map(repr, self.findings))
+        notes = list(map(str, self.findings))
         low, high = self.tested
         beyond = (self.amplitude < low * (1 - RELATIVE_CHANGE_NEGLIGIBLE)) | (
             self.amplitude > high * (1 + RELATIVE_CHANGE_NEGLIGIBLE)

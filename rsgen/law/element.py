@@ -13,7 +13,7 @@ import numpy as np
 import sympy
 
 from rsgen.common.arrays import Array
-from rsgen.common.errors import ExpressionError, RsgenError, quote
+from rsgen.common.errors import ExpressionError, RsgenError, quote, require
 from rsgen.common.finding import Finding
 from rsgen.common.text_table import TextTable
 from rsgen.formula import check_name, parse, symbol, write
@@ -231,6 +231,8 @@ def make_element(
     >>> make_element("joint", "k*x + z", {"z": "a*v - b*abs(v)*z"}).parameters
     ('a', 'b', 'k')
     """
+    require(name, str, "name")
+    require(across, str, f"{name}: across")
     law = with_memory(read_formula(force), memory or {})
     names = sorted(free.name for free in law.free_symbols)
     foreign = sorted(free.name for free in law.free_symbols if free != symbol(free.name))

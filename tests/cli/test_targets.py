@@ -39,6 +39,17 @@ def test_a_file_of_the_user_is_not_written_over(words, name, simulated, run_cli)
     assert mine.read_bytes() == MINE
 
 
+def test_a_surface_has_the_name_of_one(simulated, run_cli):
+    answer = run_cli("simulate", "small.toml", "--out", "a.txt")
+    assert (answer.code, answer.err) == (2, "--out a.txt: the name must end in .h5\n")
+
+
+def test_a_wildcard_says_that_files_are_listed(simulated, run_cli):
+    answer = run_cli("init", "clamp", "--from", "*.csv")
+    assert answer.code == 2
+    assert "one file, without a wildcard, is read at a time; a case lists several: file = [...]" in answer.err
+
+
 def test_the_case_is_not_written_over(simulated, run_cli):
     before = simulated.read_bytes()
     answer = run_cli("simulate", "small.toml", "--out", "small.toml")

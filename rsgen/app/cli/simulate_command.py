@@ -7,7 +7,16 @@ from typing import Annotated
 
 import typer
 
-from rsgen.app.cli.options import SPECTRA, SURFACE, Json, OneCase, inputs_of, is_foreign, refuse_foreign
+from rsgen.app.cli.options import (
+    SPECTRA,
+    SURFACE,
+    Json,
+    OneCase,
+    check_target,
+    inputs_of,
+    is_foreign,
+    refuse_foreign,
+)
 from rsgen.app.cli.progress_bar import print_cache_fault, stage_progress
 from rsgen.app.cli.terminal import ACCEPTED, MISSED, print_json, print_line
 from rsgen.app.study import obtain_table
@@ -40,8 +49,10 @@ def simulate_command(
             f"{shown_path(case)}: test.kind: is 'measured'; only a simulated test can be simulated"
         )
     lines = loaded.test.many_lines
-    target = out or Path(f"{loaded.name}.{'npz' if lines else 'h5'}")
+    ending = ".npz" if lines else ".h5"
+    target = out or Path(f"{loaded.name}{ending}")
     refuse_foreign(target, is_foreign(target, SPECTRA if lines else SURFACE), inputs_of(loaded))
+    check_target(target, ending, "--out")
     with stage_progress(loaded.path) as note:
         surface = obtain_table(loaded, lambda share: note("surface", share))
     if isinstance(surface, MultisineSpectra):

@@ -252,7 +252,7 @@ class MultisineSpectra(Records, Printed):
             f"MultisineSpectra: {len(self)} records of {self.periods} periods, a line every {step:.6g} Hz to "
             f"{self.frequency[-1]:.5g} Hz, {self.origin}"
         )
-        return TextTable(heads, rows, caption=caption, notes=tuple(map(repr, self.findings)))
+        return TextTable(heads, rows, caption=caption, notes=tuple(map(str, self.findings)))
 
 
 def _array(values: ArrayLike, name: str, kind: type, dimensions: tuple[int, ...]) -> NDArray[Any]:

@@ -24,7 +24,7 @@ from numpy.typing import NDArray
 
 from rsgen.common.arrays import Array, ComplexArray
 from rsgen.common.finding import Finding, Quantity, Severity
-from rsgen.common.tolerances import MIN_MISFIT_REDUCTION, MISFIT_DOUBTFUL
+from rsgen.common.tolerances import MIN_MISFIT_REDUCTION, MISFIT_DOUBTFUL, RELATIVE_CHANGE_NEGLIGIBLE
 from rsgen.data.free_mode import fit_powers
 from rsgen.data.record_set import DERIVATIVE, QUANTITIES
 from rsgen.data.surface.response_surface import ResponseSurface
@@ -202,6 +202,9 @@ def plausibility_findings(
 _UNIT_STEPS = (1e-6, 1e-3, 1e3, 1e6)
 """Factors between units: kN and N, N and mN."""
 
+_SCALES = (2.0, 0.5, 2**0.5, 0.5**0.5)
+"""Factors between amplitudes, peak to peak values and root mean squares."""
+
 LEVEL_TOLERANCE = 1.5
 """Largest factor between a force and its nominal level: shakers drop at a resonance, but by less."""
 
@@ -219,14 +222,16 @@ def level_findings(surface: ResponseSurface) -> Iterator[Finding]:
     level, force = surface.level[rows], np.abs(surface.force[rows])
     levels = np.unique(level[level > 0])
     typical = np.array([np.median(force[level == one]) for one in levels])
-    for factor in _UNIT_STEPS:
+    for factor in (*_UNIT_STEPS, *_SCALES):
         ratio = np.abs(np.log(typical / levels / factor))
-        if len(levels) > 1 and np.max(ratio) < np.log(LEVEL_TOLERANCE):
+        near = 1 + RELATIVE_CHANGE_NEGLIGIBLE if factor in _SCALES else LEVEL_TOLERANCE
+        if len(levels) > 1 and np.max(ratio) < np.log(near):
             numbers = {
                 "level": Quantity(float(levels[-1]), surface.level_unit),
                 "force": Quantity(float(typical[-1]), surface.level_unit),
             }
-            yield Finding("levels-in-other-unit", "doubt", "", numbers)
+            severity: Severity = "warning" if factor in _SCALES else "doubt"
+            yield Finding("levels-in-other-unit", severity, "", numbers)
     order = np.lexsort((surface.frequency[rows], surface.sweep[rows], level))
     size, level, sweep = np.log(force[order]), level[order], surface.sweep[rows][order]
     step = np.abs(np.diff(size))[(level[1:] == level[:-1]) & (sweep[1:] == sweep[:-1])]

@@ -184,7 +184,7 @@ class Prediction(Printed):
                 "error, relative rms",
                 "noise, relative rms",
             )
-            return TextTable(of_records, tuple(scores), notes=tuple(map(repr, self.findings)))
+            return TextTable(of_records, tuple(scores), notes=tuple(map(str, self.findings)))
         rows = []
         for curve in self:
             highest, extrapolated = (nan, nan), ""
@@ -197,7 +197,7 @@ class Prediction(Printed):
             rows.append((short(curve.level), *map(short, highest), folds, extrapolated))
         unit = self.curves[0].level_unit if self.curves else "N"
         heads = (f"level [{unit}]", "largest amplitude [m]", "at [Hz]", "folds at [Hz]", "extrapolated")
-        notes = (*held_out_lines(self.held_out), *map(repr, self.findings))
+        notes = (*held_out_lines(self.held_out), *map(str, self.findings))
         return TextTable(heads, tuple(rows), notes=notes)
 
 

@@ -107,6 +107,8 @@ def rank(
         raise RsgenError(
             "candidates: Observation; write observation=...; without candidates the library is ranked"
         )
+    if terms_in_sum not in (1, 2, 3):
+        raise RsgenError(f"terms_in_sum: {terms_in_sum!r:.60}; must be 1, 2 or 3")
     laws, terms, base = competitors(candidates)
     base = join_model(base, observation, mass)
     if set(base.fixed) - {"m"}:

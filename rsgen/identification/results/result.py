@@ -18,7 +18,7 @@ from rsgen.common.finding import Finding, Verdict, reach_verdict
 from rsgen.common.text_table import Printed, TextTable, data_frame, lookup, short, with_error
 from rsgen.common.tolerances import CONFIDENCE_TEXT
 from rsgen.data.multisine import MultisineSpectra
-from rsgen.data.oscillator import Model
+from rsgen.data.oscillator import Model, Oscillator
 from rsgen.dynamics.linear_part import BackgroundTerms, background_terms
 from rsgen.formula.unit_deduction import parameter_units
 from rsgen.formula.units import UNCALIBRATED, WHOLE, ForceUnits
@@ -342,6 +342,12 @@ class Identification(Printed):
         return self._known["m"]
 
     @property
+    def oscillator(self) -> Oscillator:
+        """The identified structure, with the values of ``solution``, for ``rsgen.simulate``."""
+        values = dict(zip(self.model.parameters, self.solution.tolist(), strict=True))
+        return Oscillator(self.mass, self.model.elements, values)
+
+    @property
     def verdict(self) -> Verdict:
         """Verdict by the findings, with those of held-out levels; ``rsgen.verdict_of`` adds a truth."""
         return reach_verdict(self.findings, summary=self.outcome)
@@ -422,7 +428,7 @@ class Identification(Printed):
             ("parameter", "value", f"{CONFIDENCE_TEXT} interval", "unit", "finding"),
             tuple(rows),
             caption=f"{self.verdict}\n{with_equations(self.model.force)}",
-            notes=(tested, *held_out_lines(self.held_out), *map(repr, self.findings)),
+            notes=(tested, *held_out_lines(self.held_out), *map(str, self.findings)),
         )
 
 
