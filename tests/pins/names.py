@@ -19,7 +19,7 @@ from rsgen.analysis.comparison import FitComparison, FitRow, Row
 from rsgen.common.finding import Quantity, Verdict
 from rsgen.data.multisine.linear import BestLinear, Distortion
 from rsgen.data.oscillator import Model
-from rsgen.describing import DescribingFunction, Equivalent, Limit
+from rsgen.describing import DescribingFunction, Equivalent
 from rsgen.dynamics.settling import SteadyStates
 from rsgen.files import MeasuredTest, read_measurement
 from rsgen.identification.modal_result import MODAL_COLUMNS, ModalTest
@@ -50,7 +50,7 @@ CLASSES: tuple[type, ...] = (
     rsgen.ResponseSurface, rsgen.MultisineSpectra, rsgen.Identification, MultisineIdentification,
     Estimate, Resonance, EquivalentCurve, RestoringForce, Background, BestLinear, Distortion,
     rsgen.Ranking, Candidate, rsgen.ModalTable, ModalTest, rsgen.Prediction, ResonanceCurve, HeldOutLevel,
-    PredictedRecord, SteadyStates, DescribingFunction, Equivalent, Limit,
+    PredictedRecord, SteadyStates, DescribingFunction, Equivalent,
     rsgen.Comparison, Row, FitComparison, FitRow, Verdict, rsgen.Finding, Quantity, rsgen.Observation,
     rsgen.Oscillator, Model, rsgen.Law, Element, rsgen.SimulatedTest, rsgen.MultisineTest, rsgen.Case,
     rsgen.SweepTest, rsgen.DecayTest,
