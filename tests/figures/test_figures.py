@@ -173,10 +173,11 @@ def test_backbone_of_a_cubic_spring_is_the_closed_formula():
 def test_band_is_linear_propagation_of_the_covariance():
     amplitude = np.linspace(0.001, 0.05, 7)
     _, stiffness, damping = refined_band(IDENTIFICATION, amplitude)
-    variance = np.diag(IDENTIFICATION.covariance)  # c1, k1, kn1
-    expected = 1.959964 * np.sqrt(variance[1] + (0.75 * amplitude**2) ** 2 * variance[2])
-    np.testing.assert_allclose(stiffness, expected, rtol=1e-6)
-    np.testing.assert_allclose(damping, 1.959964 * np.sqrt(variance[0]), rtol=1e-6)
+    covariance = IDENTIFICATION.covariance  # c1, k1, kn1
+    slopes = np.stack([0 * amplitude, 1 + 0 * amplitude, 0.75 * amplitude**2])
+    variance = np.einsum("ia,ij,ja->a", slopes, covariance, slopes)
+    np.testing.assert_allclose(stiffness, 1.959964 * np.sqrt(variance), rtol=1e-6)
+    np.testing.assert_allclose(damping, 1.959964 * np.sqrt(covariance[0, 0]), rtol=1e-6)
 
 
 def test_a_fit_that_did_not_converge_has_no_band():

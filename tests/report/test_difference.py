@@ -11,7 +11,7 @@ from rsgen.report.wording.sentences import read_verdict
 from tests.samples import cubic_result, write_result
 
 
-def written(folder: Path, name: str = "cubic", tolerance: float | None = 1e-6, **changes: float) -> Path:
+def written(folder: Path, name: str = "cubic", tolerance: float | None = 1e-2, **changes: float) -> Path:
     """Write a result whose values are changed by a share, with the verdict that belongs to its rows."""
     result = cubic_result(tolerance, name=name)
     for row in result["parameters"]:
