@@ -2,6 +2,7 @@
 
 import json
 from dataclasses import replace
+from functools import cache
 from pathlib import Path
 from typing import Any
 
@@ -14,10 +15,10 @@ from rsgen.common.finding import Finding
 from rsgen.data.oscillator import Model, Observation
 from rsgen.data.surface import ResponseSurface
 from rsgen.dynamics.virtual_test import SimulatedTest
-from rsgen.formula import parse, symbol
+from rsgen.formula import parse
 from rsgen.identification.prediction import Prediction
 from rsgen.identification.results import Identification
-from rsgen.law.element import Element
+from rsgen.law.element import make_element
 from rsgen.report.provenance import Subject
 from rsgen.report.result_json import build_result, result_text
 
@@ -60,13 +61,8 @@ def cubic_surface(
 
 
 def cubic_model(hold_out: tuple[float, ...] = ()) -> Model:
-    x, v = symbol("x"), symbol("v")
-    spring = Element("spring", symbol("k1") * x + symbol("kn1") * x**3, ("k1", "kn1"))
-    return Model(
-        (spring, Element("damper", symbol("c1") * v, ("c1",))),
-        mass=MASS,
-        observation=Observation(hold_out=hold_out),
-    )
+    elements = (make_element("spring", "k1*x + kn1*x**3"), make_element("damper", "c1*v"))
+    return Model(elements, mass=MASS, observation=Observation(hold_out=hold_out))
 
 
 def cubic_identification(surface: ResponseSurface, hold_out: tuple[float, ...] = ()) -> Identification:
@@ -105,6 +101,12 @@ def cubic_comparison(identification: Identification, tolerance: float | None = 1
     return rsgen.compare(identification, truth, accept)
 
 
+@cache
+def _samples() -> tuple[ResponseSurface, Identification, Prediction]:
+    surface = cubic_surface()
+    return surface, cubic_identification(surface), cubic_prediction(surface)
+
+
 def cubic_result(
     tolerance: float | None = 1e-2,
     *findings: Finding,
@@ -112,9 +114,8 @@ def cubic_result(
     name: str = "cubic",
 ) -> dict[str, Any]:
     """Return what result.json says of the case, with findings of the test and of the levels held out."""
-    surface = cubic_surface()
-    found = replace(cubic_identification(surface), findings=findings)
-    prediction = replace(cubic_prediction(surface), findings=held_out)
+    surface, found, prediction = _samples()
+    found, prediction = replace(found, findings=findings), replace(prediction, findings=held_out)
     subject = Subject.of_case(cubic_case(name=name), found)
     parts = (subject, surface, found, cubic_comparison(found, tolerance), prediction, ())
     content: dict[str, Any] = json.loads(result_text(build_result(*parts, {"surface": 1.0})))
