@@ -329,7 +329,9 @@ def alternative_table(identification: Identification) -> Table | None:
         "Of each kind of alternative the one that widens the intervals most: to first order, with "
         f"{CONFIDENCE_TEXT} intervals by noise alone; the identified intervals include these shifts"
     )
-    return Table(caption, compared.table.heads, rows) if len(compared.fits) > 1 else None
+    # a head without words has no name for a screen reader
+    heads = ("parameter", *compared.table.heads[1:])
+    return Table(caption, heads, rows) if len(compared.fits) > 1 else None
 
 
 def ranking_table(identification: Identification) -> Table | None:

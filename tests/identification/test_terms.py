@@ -116,7 +116,7 @@ def test_the_fit_is_compared_with_alternatives():
         assert one.interval[0] < other.value < one.interval[1]
     page = alternative_table(found)
     assert page is not None
-    assert page.columns == compared.table.heads
+    assert page.columns == ("parameter", *compared.table.heads[1:])
     assert [row[0] for row in page.rows] == [row[0] for row in compared.table.rows]
     entry = json.loads(result_text(comparison_entry(compared)))
     assert [fit["name"] for fit in entry["fits"]] == [fit.name for fit in compared.fits]
