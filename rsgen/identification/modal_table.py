@@ -9,7 +9,9 @@ half a degree of phase error is more than the damping.
 
 The mass follows from points of one amplitude at several frequencies. If all points lie at phase resonance,
 k - m omega^2 is zero for every m. Then only k/m = omega^2 and c are identifiable; a lag phi that is not
-exactly a quarter period shifts k/m by 2 zeta/tan(phi), with zeta unknown.
+exactly a quarter period shifts k/m by 2 zeta/tan(phi), with zeta unknown. With a background flexible
+splines hardly determine the mass: it is then that of the polynomial law with which the background was found
+first, with an error that its misfit widens.
 """
 
 from __future__ import annotations
@@ -23,7 +25,7 @@ from numpy.typing import NDArray
 import rsgen.identification  # fits of multisines, where one is given
 from rsgen.common.arrays import Array
 from rsgen.common.errors import RsgenError, require
-from rsgen.common.finding import Finding, quantities
+from rsgen.common.finding import Finding, Quantity, quantities
 from rsgen.common.tolerances import (
     ANY_LAW,
     ASSUMED_DAMPING_RATIO,
@@ -32,6 +34,7 @@ from rsgen.common.tolerances import (
     MAX_LIGHT_DAMPING_RATIO,
     MISFIT_OF_NOISE,
     NOISE_RATIO_BY_CHANCE,
+    RELATIVE_ERROR_DOUBTFUL,
     ROUND_OFF,
     interval_sigmas,
 )
@@ -103,12 +106,17 @@ _AMPLITUDE_TOLERANCE = 0.05
 
 @dataclass(frozen=True, slots=True, eq=False)
 class ModePoints:
-    """The points as observed, the same without a first background, and the amplitudes near resonance [m]."""
+    """The points as observed, the same without a first background, and the amplitudes near resonance [m].
+
+    ``first`` has the mass of the polynomial law with which the first background was found, its standard
+    error [kg], and the misfit of this law; NaN without a background.
+    """
 
     observed: Observed
     mode: Points
     background: Array
     tested: tuple[float, float]
+    first: tuple[float, float, float] = (nan, nan, nan)
 
     def select(self, rows: NDArray[np.intp]) -> ModePoints:
         """Keep some points."""
@@ -129,6 +137,8 @@ class ModeProblem:
         Known mass [kg]; NaN if it is fitted.
     assumed
         True if the mass has any value, because only k/m and c are wanted.
+    mass_error
+        Standard error [kg] of a mass that is held because a background hides it; zero for others.
     others
         Other shapes that fit as well: weight, problem, and its solution.
     """
@@ -138,6 +148,7 @@ class ModeProblem:
     orders: tuple[int, ...]
     mass: float
     assumed: bool = False
+    mass_error: float = 0.0
     others: tuple[tuple[float, ModeProblem, Array], ...] = ()
 
     @property
@@ -337,7 +348,9 @@ def modal_table(
         seen = _mode_points(points, model)
         modal = choose_splines(seen, model.fixed.get("m", nan))
         found = fit_splines(modal)
-        if not _mass_known(modal, found):
+        if seen.first[0] > 0 and _mass_hidden(modal, found):
+            modal, found = _with_first_mass(seen)
+        elif not _mass_known(modal, found):
             modal, found = _at_phase_resonance(seen, LAG_ERROR if means.lag_assumed else 0.0)
     if means.lag_assumed:
         found = replace(found, covariance=found.covariance + loop_error(found.influence))
@@ -355,11 +368,14 @@ def _model_of(about: Observation | Model | None, mass: float | None) -> Model:
 def _mode_points(points: Points, model: Model) -> ModePoints:
     """Select the points near resonance, and remove a background fitted with the surrogate of any law."""
     observed = Observed.of(points, model.observation.background)
-    mode, background = points, np.zeros(0)
+    mode, background, first = points, np.zeros(0), (nan, nan, nan)
     if not observed.direct:
         problem, start = start_fit(Problem(model.elements, compile_law(model.force), observed, model.fixed))
         found = fit_balance(problem, start, order=1)
         background = found.background
+        whole = found.regression
+        error = Agreement.of(whole, points, whole.covariance, misfits=True).widen(whole).covariance
+        first = found.mass, float(np.sqrt(error[len(found.values), len(found.values)])), whole.noise
         receptance = observed.background.receptance(background)
         mode = observed.background.subtract(with_phase(points, found, receptance), background)
     stiffness = mode.force / mode.harmonics[:, 1]
@@ -385,7 +401,35 @@ def _mode_points(points: Points, model: Model) -> ModePoints:
             f"modal table: points at phase resonance lie near {gap.low:.4g} and near {gap.high:.4g} Hz, on "
             "the backbones of two modes; a band with one of them is needed"
         )
-    return ModePoints(observed, mode, background, tested).select(rows)
+    return ModePoints(observed, mode, background, tested, first).select(rows)
+
+
+def _mass_hidden(modal: ModeProblem, found: Regression) -> bool:
+    """Return True if points off resonance leave a fitted mass a wide interval."""
+    place = modal.coefficients
+    mass, error = float(found.parameters[place]), float(np.sqrt(found.covariance[place, place]))
+    hidden = bool(modal.free[place]) and _is_wide(mass, error, found.freedom)
+    return hidden and not at_resonance_alone(modal.seen.mode, _misfit(found))
+
+
+def _is_wide(mass: float, error: float, freedom: int) -> bool:
+    """Return True if the interval of a mass [kg] is doubtful; so it is of a negative or unknown one."""
+    return not interval_sigmas(freedom) * error < RELATIVE_ERROR_DOUBTFUL * mass
+
+
+def _with_first_mass(seen: ModePoints) -> tuple[ModeProblem, Regression]:
+    """Fit with the mass of the first background held, and add what its error moves to the covariance.
+
+    What the polynomial law leaves beyond the noise of the splines is systematic and does not average out over
+    the points: its standard error grows by the ratio of both.
+    """
+    mass, error, misfit = seen.first
+    modal = choose_splines(seen, mass)
+    found = fit_splines(modal)
+    error *= max(misfit / found.noise, 1.0)
+    moved = fit_splines(replace(modal, mass=mass + error)).parameters - found.parameters
+    covariance = found.covariance + np.outer(moved, moved)
+    return replace(modal, mass_error=error), replace(found, covariance=covariance)
 
 
 def _mass_known(modal: ModeProblem, found: Regression) -> bool:
@@ -480,7 +524,9 @@ def _table(modal: ModeProblem, found: Regression, surface: ResponseSurface, mode
     # neglected harmonics change stiffness and a fitted mass by one factor, and no frequency
     together = np.zeros(modal.count)
     together[: modal.basis.count], together[-1] = values[: modal.basis.count], mass
-    together *= modal.free[modal.coefficients] * _harmonics_error(modal.observed.points, found.noise)
+    together *= (modal.free[modal.coefficients] or modal.mass_error > 0) * _harmonics_error(
+        modal.observed.points, found.noise
+    )
     covariance = found.covariance[: modal.count, : modal.count] + np.outer(together, together)
     known = tuple(MODAL_COLUMNS)
     findings: tuple[Finding, ...] = ()
@@ -488,7 +534,12 @@ def _table(modal: ModeProblem, found: Regression, surface: ResponseSurface, mode
         known = ("frequency", "damping", "stiffness_per_mass")
         numbers = quantities(points=len(modal.seen.mode))
         findings = (Finding("mass-at-resonance", "warning", "m", numbers),)
-    elif not (np.isfinite(surface.units.kilogram) and model.observation.calibrated):
+    elif modal.mass_error:
+        wide = _is_wide(mass, modal.mass_error, found.freedom)
+        numbers = {"value": Quantity(mass, "kg"), "standard_error": Quantity(modal.mass_error, "kg")}
+        names = {"with": "the background"}
+        findings = (Finding("confounded", "doubt" if wide else "warning", "m", numbers, names),)
+    if not modal.assumed and not (np.isfinite(surface.units.kilogram) and model.observation.calibrated):
         known = tuple(name for name in known if name not in ("stiffness", "damping"))
     if modal.assumed and not model.observation.calibrated:
         known = ("frequency", "stiffness_per_mass")
