@@ -13,7 +13,7 @@ from rsgen.identification.fitting.least_squares import Alternative
 from rsgen.identification.fitting.observed import MISSING_TERMS
 from rsgen.identification.identify import fit_all_harmonics
 from rsgen.identification.judge import prepare
-from rsgen.identification.results.alternatives import Alternatives
+from rsgen.identification.results.alternatives import Alternatives, weight_of
 from rsgen.identification.starting.start import start_fit
 from rsgen.identification.terms import fit_missing_terms
 from rsgen.report.page_tables import alternative_table
@@ -132,25 +132,24 @@ def test_an_alternative_is_what_a_fit_with_it_finds():
     others = found.alternatives
     errors = dict(zip(others.names, others.error.tolist(), strict=True))
     term = rs.compare_fits(found).fits[0].shifted("", others.kinds["term"]["v**3"], errors)
+    by_noise = dict(zip(free.alternatives.names, free.alternatives.error.tolist(), strict=True))
     for one in term.estimates:
-        assert one.value == pytest.approx(free[one.name].value, abs=free[one.name].standard_error)
-        assert 0.99 < one.standard_error / free[one.name].standard_error < 2
+        assert one.value == pytest.approx(free[one.name].value, abs=by_noise[one.name])
+        assert 0.99 < one.standard_error / by_noise[one.name] < 2
 
 
-def test_a_term_within_the_noise_is_said_with_its_shift_and_widens_nothing():
-    """Only beyond four standard errors of an identifiable value, and not if noise hides nothing."""
-    hidden, seen = Alternative(1.5, 1.0, np.array([0.5, -0.3])), Alternative(3.0, 1.0, np.array([0.0, -9.0]))
-    others = Alternatives(("c", "m"), np.array([0.1, 0.1]), {"term": {"v**3": hidden, "x**5": seen}})
-    values, covariance, units = np.array([2.0, 1.0]), np.eye(2) * 0.01, {"c": "N*s/m", "m": "kg"}
-    (said,) = others.within_noise(values, covariance, {}, units)
-    assert (said.code, said.severity, said.parameter) == ("law-ambiguous", "info", "c")
-    assert dict(said.names) == {"term": "v**3"}
-    assert said.numbers["shift"] == (0.5, "N*s/m")
-    assert (said["times"], said["errors"], said["moved"]) == pytest.approx((5.0, 1.5, 0.25))
-    assert "c by 500 mN·s/m, 5 times its standard error" in sentence(said)
-    assert others.within_noise(values, 2 * covariance, {}, units) == []
-    assert others.within_noise(values, covariance, {"c": said}, units) == []
-    assert others.judge(values, 0.01)[0][0] == 1
+def test_a_term_widens_an_interval_by_its_shift_times_its_likelihood():
+    """A term of 1.3 standard errors moved a value by three of its own, which its interval ignored."""
+    hidden, unseen = Alternative(1.3, 1.0, np.array([0.3, 0.0])), Alternative(0.0, 1.0, np.zeros(2))
+    several = replace(hidden, columns=4)
+    error, values = np.array([0.1, 0.1]), np.array([2.0, 1.0])
+    assert weight_of(unseen) == 0.5
+    assert 0.99 < weight_of(Alternative(4.0, 1.0, values)) < 1
+    assert weight_of(several) == 0
+    assert weight_of(replace(several, value=4.0)) == 1
+    ratio, said = Alternatives(("c", "m"), error, {"term": {"v**3": hidden}}).judge(values, 0.01)
+    assert ratio == pytest.approx([np.sqrt(1 + 9 / (1 + np.exp(-(1.3**2) / 2))), 1.0])
+    assert said == []
 
 
 @pytest.mark.parametrize(("band", "named"), [((8.5, 12.0), False), ((10.5, 14.0), True)])

@@ -1,13 +1,14 @@
 """Alternatives to a fit, to first order: another term, a larger background, halves of the test.
 
-If a test favours an alternative, errors are widened by its shift: sigma^2 + shift^2, model averaging with
-the weights of two models that are equally likely (Buckland, Burnham and Augustin, Biometrics 53, 1997).
+Errors are widened by the shift that an alternative makes, sigma^2 + weight shift^2: model averaging of two
+laws that are equally likely before the test (Buckland, Burnham and Augustin, Biometrics 53, 1997).
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
+from math import exp
 
 import numpy as np
 
@@ -27,12 +28,18 @@ from rsgen.data.oscillator import BACKGROUNDS
 from rsgen.identification.fitting.least_squares import Alternative
 
 
+def weight_of(one: Alternative) -> float:
+    """Return the weight of an alternative: of one column its likelihood over the sum of both; of several,
+    whose shifts noise alone makes large, 1 where noise has such a gain less than once in twenty, else 0.
+    """
+    return 1 / (1 + exp(-one.gain / 2)) if one.columns == 1 else float(one.exceeds(1 - CONFIDENCE_LEVEL))
+
+
 def spread_between(others: Iterable[Alternative], values: Array, error: Array) -> Array:
     """Return the factors (q,), at least 1, by which alternatives widen standard errors.
 
-    The interval of one law with one background does not contain the uncertainty of that choice. For an
-    alternative with a significant gain, the variance is that of noise plus the square of its shift (Buckland,
-    Burnham and Augustin, Biometrics 53, 1997).
+    The interval of one law with one background does not contain the uncertainty of that choice: the variance
+    is that of noise plus the largest square of a shift times the weight of its alternative.
 
     Parameters
     ----------
@@ -41,8 +48,8 @@ def spread_between(others: Iterable[Alternative], values: Array, error: Array) -
     values, error
         (q,) parameters, and their standard errors by noise alone.
     """
-    likely = [np.abs(one.shift[: len(values)]) for one in others if one.exceeds(1 - CONFIDENCE_LEVEL)]
-    moved = np.max([np.zeros(len(values)), *likely], axis=0)
+    shifts = [np.sqrt(weight_of(one)) * np.abs(one.shift[: len(values)]) for one in others]
+    moved = np.max([np.zeros(len(values)), *shifts], axis=0)
     # the misfit of exact data, and the shift by terms, are due to truncated waveforms
     known = np.isfinite(error) & (error > 0) & (moved > MISFIT_OF_NOISE * np.abs(values))
     return np.where(known, np.hypot(1, moved / np.where(known, error, 1.0)), 1.0)
@@ -87,6 +94,7 @@ class Alternatives:
             wider = {
                 name: float(np.max(spread_between([one], values, self.error)))
                 for name, one in of_kind.items()
+                if one.exceeds(1 - CONFIDENCE_LEVEL)
             }
             name = max(wider, key=wider.__getitem__, default="")
             if name and wider[name] > 1:
@@ -142,10 +150,8 @@ class Alternatives:
         reasons: Mapping[str, Finding | None],
         units: Mapping[str, str],
     ) -> list[Finding]:
-        """Find the term that noise hides and that would move a value most, and what a background would move.
-
-        The test does not tell whether the law has the term, or the response other modes. No interval contains
-        their shifts: of a right law that would be far too wide.
+        """Find what a background that noise hides would move: the test does not tell whether the response has
+        other modes. No interval contains such shifts: of a right law that would be far too wide.
 
         Parameters
         ----------
@@ -154,31 +160,21 @@ class Alternatives:
         reasons, units
             By parameter: why it is not identifiable, and its unit.
         """
-        error, most, found = np.sqrt(np.diag(covariance)), NOISE_LIMIT_SIGMAS, list[Finding]()
-        known = np.array([reasons.get(name) is None for name in self.names]) & (error > 0)
-        error = np.where(known, error, np.inf)
-        for term, one in self.kinds["term"].items():
-            shift = one.shift[: len(values)]
-            # shifts of exact data are due to truncated waveforms
-            moved = np.where(np.abs(shift) > MISFIT_OF_NOISE * np.abs(values), shift / error, 0.0)
-            worst = int(np.argmax(np.abs(moved)))
-            if np.abs(moved[worst]) > most and not one.exceeds(1 - CONFIDENCE_LEVEL):
-                name, most = self.names[worst], float(np.abs(moved[worst]))
-                numbers = quantities(errors=np.sqrt(one.gain), moved=shift[worst] / values[worst], times=most)
-                numbers["shift"] = Quantity(float(shift[worst]), units[name])
-                found = [Finding("law-ambiguous", "info", name, numbers, {"term": term})]
         other = self.kinds.get("background", {}).get(BACKGROUNDS[-2])
         if other is None or other.hidden is None:
-            return found
+            return []
+        error = np.sqrt(np.diag(covariance))
+        known = np.array([reasons.get(name) is None for name in self.names]) & (error > 0)
         # the best estimate of a background says little of the one that noise hides: its interval does
         shift = interval_sigmas() * other.hidden[: len(values)]
-        moved = np.where(shift > MISFIT_OF_NOISE * np.abs(values), shift / error, 0.0)
+        # shifts of exact data are due to truncated waveforms
+        moved = np.where(known & (shift > MISFIT_OF_NOISE * np.abs(values)), shift / error, 0.0)
         far = moved > NOISE_LIMIT_SIGMAS
-        if far.any():
-            worst = int(np.argmax(moved))
-            numbers = quantities(moved=shift[worst] / values[worst], times=moved[worst])
-            numbers["shift"] = Quantity(float(shift[worst]), units[self.names[worst]])
-            every = ", ".join(name for name, moves in zip(self.names, far, strict=True) if moves)
-            names = {"background": BACKGROUNDS[-2], "parameters": every}
-            found.append(Finding("law-ambiguous", "info", self.names[worst], numbers, names))
-        return found
+        if not far.any():
+            return []
+        worst = int(np.argmax(moved))
+        numbers = quantities(moved=shift[worst] / values[worst], times=moved[worst])
+        numbers["shift"] = Quantity(float(shift[worst]), units[self.names[worst]])
+        every = ", ".join(name for name, moves in zip(self.names, far, strict=True) if moves)
+        names = {"background": BACKGROUNDS[-2], "parameters": every}
+        return [Finding("law-ambiguous", "info", self.names[worst], numbers, names)]

@@ -434,16 +434,10 @@ def _law_ambiguous(found: Finding) -> str:
     (said, *_) = (*kinds, "another law")
     if "shift" in found.numbers:
         shift = quantity_text(*found.numbers["shift"], 3)
-        if "parameters" in found.names:
-            return (
-                f"{said} that the noise hides would move {found.parameter} by up to {shift}, "
-                f"{found['times']:.2g} times its standard error: {found.names['parameters']} and their "
-                "intervals hold if the response contains no other modes"
-            )
         return (
-            f"{said} would move {found.parameter} by {shift}, {found['times']:.2g} times its standard error, "
-            f"and stands out of the noise by only {found['errors']:.2g}: the test does not tell whether the "
-            "law has it, and no interval contains this shift"
+            f"{said} that the noise hides would move {found.parameter} by up to {shift}, "
+            f"{found['times']:.2g} times its standard error: {found.names['parameters']} and their "
+            "intervals hold if the response contains no other modes"
         )
     left = ", and are wider than a tenth of the value" if found.severity == "doubt" else ""
     moved = number_text(100 * abs(found["moved"]), 2)
