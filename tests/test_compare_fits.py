@@ -114,5 +114,5 @@ def test_a_name_for_each_fit_is_needed(fits):
     with pytest.raises(RsgenError, match="names: 0 of 0 fits"):
         rs.compare_fits([])
     wrong: Any = "found"
-    with pytest.raises(RsgenError, match="found: str; must be one Identification or a list"):
+    with pytest.raises(RsgenError, match="found: str; must be Identification"):
         rs.compare_fits(wrong)

@@ -68,7 +68,6 @@ def test_an_observation_takes_one_level_and_no_background():
         (lambda s, f: rs.identify(s, "cubic-spring"), "cubic-spring is a law of the library .* rsgen.laws"),
         (lambda s, f: rs.compare(f, f), "truth: Identification; rs.compare_fits sets"),
         (lambda s, f: rs.compare_fits(f, f), "give a list of fits"),
-        (lambda s, f: rs.compare_fits(rs.rank(s, [LAW])), r"found: Ranking; .* or a list, as \[ranking.best"),
         (lambda s, f: rs.predict(f, s), "did you mean surface="),
         (lambda s, f: rs.profile(rs.identify(s, LAW, fixed={"c": 4.0}), "c"), "c is fixed"),
         (lambda s, f: rs.identify(s, LAW, fixed={"mass": 1.2}), "the mass is m"),

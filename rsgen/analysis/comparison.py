@@ -556,10 +556,9 @@ def compare_fits(
 
 
 def _one_by_one(found: Sequence[Identification]) -> list[ComparedFit]:
-    for one in found if isinstance(found, Sequence) else [found]:
-        if not isinstance(one, Identification):
-            kind = type(one).__name__
-            raise RsgenError(f"found: {kind}; must be one Identification or a list, as [ranking.best, fit]")
+    require(found, Sequence, "found")
+    for one in found:
+        require(one, Identification, "found")
     return [ComparedFit.of(one, str(number)) for number, one in enumerate(found, 1)]
 
 

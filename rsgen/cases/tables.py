@@ -22,7 +22,7 @@ from rsgen.common.arrays import Array
 from rsgen.common.declaration import Declared, Rule, declared, read_hint
 from rsgen.common.errors import RsgenError, quote
 from rsgen.formula.bounds import MAX_CHARACTERS
-from rsgen.formula.units import quantity
+from rsgen.formula.units import quantity, sensor_unit
 
 # ----------------------------------------------------------------------------
 # Rows of levels and frequencies: from start, stop and count, or value by value, to an ascending array.
@@ -392,9 +392,9 @@ class Maker:
         """Turn a value, perhaps a text with a unit, into SI and check its range; None with a fault."""
         unit = self.units.get(rule.unit, rule.unit) if rule.unit else rule.unit
         try:
-            found = quantity(value, unit)
+            found = quantity(sensor_unit(value, unit) if unit and isinstance(value, str) else value, unit)
         except RsgenError as fault:
-            self.faults.append(f"{place}: {reason(fault)}")
+            self.faults.append(f"{place}: {reason(fault).replace('standard_gravity', 'g')}")
             return None
         wrong = rule.fault(found)
         if wrong:

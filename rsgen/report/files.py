@@ -162,7 +162,7 @@ def write_report(
     require(surface, (ResponseSurface, MultisineSpectra), "surface")
     require(identification, Identification, "identification")
     if comparison is None and case is not None:
-        known = case.with_model(identification.model)
+        known = case.with_model(identification.model_given)
         comparison = compare(identification, known.truth, known.accept)
     elif comparison is None:
         comparison = compare(identification)
@@ -220,7 +220,7 @@ def _write_files(
     shown = {drawing.name for drawing in drawings}
     write_notebook(
         place / "notebook.ipynb",
-        given.loaded.with_model(identification.model),
+        given.loaded.with_model(identification.model_given),
         known,
         held_out=not shown.isdisjoint({"held-out", "predicted-record"}),
         loops="loops" in shown,

@@ -329,7 +329,7 @@ def known_results(
         The modal table, or why there is none.
     """
     results = KnownResults(case)
-    case = case.with_model(identification.model)
+    case = case.with_model(identification.model_given)
     fitted = (identification,) if case.truth is None else (identification, case.truth)
     inputs: dict[str, tuple[object, ...]] = {
         "surface": (surface,),

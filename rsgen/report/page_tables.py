@@ -384,7 +384,7 @@ _TITLES = {
 def tabulate_mode(surface: ResponseSurface | MultisineSpectra, identification: Identification) -> Modal:
     """Make the modal table of a test, as the model was observed and with its mass where that was given."""
     try:
-        table = modal_table(surface, identification.model)
+        table = modal_table(surface, identification.model_given)
     except RsgenError as fault:
         return Modal(reason=str(fault))
     return Modal(table, held_out=score_held_out(table, surface))

@@ -227,7 +227,7 @@ class Subject:
     @classmethod
     def of_case(cls, case: Case, identification: Identification) -> Subject:
         """Take over a case; what concerns another law than the identified one is left out."""
-        case = case.with_model(identification.model)
+        case = case.with_model(identification.model_given)
         heading = (case.name, case.title or case.name, case.source, case.model.elements)
         units = case.units if case.observation.calibrated else {}
         return cls(*heading, case.truth, case.printed, units, case.warnings, case)

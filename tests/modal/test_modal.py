@@ -11,6 +11,8 @@ from rsgen.common.errors import RsgenError
 from rsgen.data.oscillator import Observation
 from rsgen.data.surface import ResponseSurface
 from rsgen.identification.modal_result import MODAL_COLUMNS
+from rsgen.report.figures.equivalent import measured_backbone
+from rsgen.report.page_tables import tabulate_mode
 from tests.samples import C1, K1, KN1, MASS, cubic_surface
 from tests.surfaces import changed, noisy, without_phase
 
@@ -280,3 +282,32 @@ def test_intervals_contain_curves_that_no_spline_follows_exactly():
     # as above; the seven of a run depend on each other, so that they count as three
     least = 0.95 * count - 4 * np.sqrt(0.95 * 0.05 * count * 7 / 3)
     assert all(hit >= least for hit in hits.values()), (hits, count)
+
+
+def test_the_table_of_a_driven_base_is_per_unit_mass_after_an_identification_too():
+    force = SURFACE.force / MASS
+    shaken = rsgen.ResponseSurface(
+        SURFACE.level / MASS, SURFACE.frequency, force, SURFACE.harmonics, base="acceleration", per_mass=True
+    )
+    found = rsgen.identify(shaken, "k*x + kn*x**3 + c*v")
+    table = tabulate_mode(shaken, found).table
+    assert table is not None
+    assert table.known == rsgen.modal_table(shaken).known
+    assert "stiffness" not in table.known
+    assert table.stiffness_per_mass[0] == pytest.approx(K1 / MASS, rel=1e-2)
+    assert "m" not in found.model_given.fixed
+
+
+def test_the_right_law_lies_on_the_table_whose_motions_have_higher_harmonics():
+    truth = rsgen.Oscillator(
+        0.46,
+        "k*x + c*v + ks*(Max(0, x - b) + Min(0, x + b))",
+        {"k": 9200.0, "c": 1.35, "ks": 21000.0, "b": 3.5e-4},
+    )
+    test = rsgen.SimulatedTest(level=[0.1, 0.15, 0.2], frequency=np.linspace(22, 31, 91), sweep="up")
+    points = rsgen.simulate(truth, test)
+    found = rsgen.identify(points, truth.force)
+    table = rsgen.modal_table(points, mass=truth.mass)
+    model = measured_backbone(found, table.amplitude)
+    # describing functions are of sines, whose frequencies are up to 0.6 % lower
+    np.testing.assert_allclose(model.frequency, table.frequency, rtol=5e-4)

@@ -105,6 +105,13 @@ def test_a_case_knows_the_mass_beforehand_and_levels_in_their_unit(tmp_path):
     assert case.observation.hold_out == (2e-5,)
 
 
+def test_g_is_the_gravity_where_an_acceleration_is_asked_for(tmp_path):
+    levels = {"test.level.values": ["0.1 g", "200 mg"], "identify": {"hold_out": ["0.2 g"]}}
+    case = rs.load_case(write(tmp_path, "acceleration", **levels))
+    np.testing.assert_allclose(case.test.level, [0.980665, 1.96133])
+    assert case.observation.hold_out == pytest.approx((1.96133,))
+
+
 @pytest.mark.parametrize(
     ("quantity", "more", "said"),
     [

@@ -72,7 +72,7 @@ def identify_command(
         note("identification", 0.0)
         identification = identify_case(loaded, tested)
         # as a run of the case would, with its truth
-        truth = loaded.with_model(identification.model).truth
+        truth = loaded.with_model(identification.model_given).truth
         comparison = compare(identification, truth, loaded.accept)
         verdict = verdict_of(identification, comparison)
     if target:

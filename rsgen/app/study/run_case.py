@@ -258,7 +258,7 @@ def _execute(
         tested = time.perf_counter()
         report("identification", 0.0)
         identification = identify_case(case, surface)
-        truth = case.with_model(identification.model).truth
+        truth = case.with_model(identification.model_given).truth
         comparison = compare(identification, truth, case.accept)
         durations = {"surface": tested - started, "identification": time.perf_counter() - tested}
         report("report", 0.0)

@@ -110,9 +110,10 @@ class AmplitudeBalance:
         variance = np.einsum("np,pq,nq->n", slope, self._covariance, slope)
         return np.asarray(interval_sigmas() * np.sqrt(np.maximum(variance, 0.0)))
 
-    def _equivalent(
+    def equivalent(
         self, size: Array, omega: Array, start: ComplexArray | None
     ) -> tuple[Array, Array, ComplexArray]:
+        """Return k [N/m] and c [N s/m] (n,) of motions with all harmonics, and the harmonics (n, K+1) [m]."""
         at = self.solve(size, omega, start)
         stiffness = at.force / size
         guess = np.where(np.isfinite(at.harmonics), at.harmonics, 0)
@@ -129,7 +130,7 @@ class AmplitudeBalance:
         start: ComplexArray | None = None
         moving = np.arange(len(size))
         for _ in range(MAX_TRIAL_STEPS):
-            stiff, damping, start = self._equivalent(size[moving], omega[moving], start)
+            stiff, damping, start = self.equivalent(size[moving], omega[moving], start)
             stiffness[moving] = stiff
             middle[moving] = stiff / self._mass - 0.5 * (damping / self._mass) ** 2
             last[moving] = square(middle[moving], stiff, size[moving])
@@ -172,7 +173,7 @@ class AmplitudeBalance:
         """Return a frequency [rad/s] near the resonance at an amplitude [m]."""
         omega = self._centre
         for _ in range(20):
-            stiffness, _, _ = self._equivalent(np.array([size]), np.array([omega]), None)
+            stiffness, _, _ = self.equivalent(np.array([size]), np.array([omega]), None)
             new = float(np.sqrt(abs(stiffness[0] / self._mass)))
             if not new > 0 or abs(new - omega) < 1e-3 * omega:
                 break

@@ -74,6 +74,13 @@ class ResonanceCurve:
         for name in ("stable", "extrapolated"):
             object.__setattr__(self, name, frozen_array(getattr(self, name), np.bool_))
 
+    @property
+    def rises_at_end(self) -> bool:
+        """True if the highest point is where the curve leaves the band: its peak lies beyond."""
+        top = int(np.nanargmax(self.amplitude))
+        ends = np.pad(self.frequency, 1, constant_values=np.nan)[[top, top + 2]]
+        return bool(np.isnan(ends).any())
+
 
 @dataclass(frozen=True, slots=True, eq=False)
 class HeldOutLevel:
@@ -187,14 +194,15 @@ class Prediction(Printed):
             return TextTable(of_records, tuple(scores), notes=tuple(map(str, self.findings)))
         rows = []
         for curve in self:
-            highest, extrapolated = (nan, nan), ""
+            highest, extrapolated = [short(nan)] * 2, ""
             if len(curve.frequency):
                 top = int(np.nanargmax(curve.amplitude))
-                highest = float(curve.amplitude[top]), float(curve.frequency[top])
+                highest = [short(float(curve.amplitude[top])), short(float(curve.frequency[top]))]
+                highest[1] += ", end of the band" if curve.rises_at_end else ""
                 # the flanks of a curve lie below every tested amplitude, whatever its level
                 extrapolated = "yes" if curve.extrapolated[top] else "no"
             folds = ", ".join(f"{frequency:.5g}" for frequency in sorted(curve.folds[:, 0]))
-            rows.append((short(curve.level), *map(short, highest), folds, extrapolated))
+            rows.append((short(curve.level), *highest, folds, extrapolated))
         unit = self.curves[0].level_unit if self.curves else "N"
         heads = (f"level [{unit}]", "largest amplitude [m]", "at [Hz]", "folds at [Hz]", "extrapolated")
         notes = (*held_out_lines(self.held_out), *map(str, self.findings))

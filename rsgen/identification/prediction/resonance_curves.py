@@ -328,8 +328,11 @@ def _findings(
     # points of a level rarely hit its very peak
     short = [one for one in short if one[0] > 1 + RELATIVE_ERROR_DOUBTFUL]
     if short:
-        _, worst = max(short, key=lambda one: one[0])
-        findings.append(replace(worst, numbers={**worst.numbers, **quantities(levels=len(short))}))
+        _, worst = max(short, key=lambda one: (one[0], one[1].numbers["peak"].value))
+        levels = len(short)
+        if worst.names["by"] == "end":
+            levels = sum(len(curve.frequency) > 0 and curve.rises_at_end for curve in curves)
+        findings.append(replace(worst, numbers={**worst.numbers, **quantities(levels=levels)}))
     return (*findings, *_missing(held_out))
 
 
@@ -349,6 +352,7 @@ def _points_under(found: Identification, force: float) -> Points | None:
 def _compare_peaks(curve: ResonanceCurve, run: Points, numbers: dict[str, Quantity]) -> tuple[float, Finding]:
     """Return how many times the points of its level a curve peaks, and the finding that they end below it.
 
+    The ratio is infinite where the curve rises as it leaves the band, for its peak is not known.
     Of points each from rest those before the fold jump to the lower branch; others leave a gap there.
     """
     peak, top = int(np.nanargmax(curve.amplitude)), int(np.argmax(run.amplitude))
@@ -361,9 +365,10 @@ def _compare_peaks(curve: ResonanceCurve, run: Points, numbers: dict[str, Quanti
         peak=Quantity(height, "m"),
         frequency=Quantity(float(curve.frequency[peak]), "Hz"),
     )
-    names = {"by": "jump" if jumped else "points"}
+    beyond = curve.rises_at_end
+    names = {"by": "end" if beyond else "jump" if jumped else "points"}
     finding = Finding("prediction-extrapolated", "warning", numbers=numbers | sizes, names=names)
-    return height / measured, finding
+    return np.inf if beyond else height / measured, finding
 
 
 def _missing(held_out: tuple[HeldOutLevel, ...]) -> tuple[Finding, ...]:

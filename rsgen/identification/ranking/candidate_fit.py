@@ -32,7 +32,7 @@ from rsgen.law.numeric import ForceLaw, compile_law
 _MIN_STATIC_STIFFNESS = 0.05
 """Mean stiffness of a law, relative to the inertia that it balances. Rubber isolators keep a tenth."""
 
-_POINT_STRIDE = 7
+POINT_STRIDE = 7
 """Every so-many-th point suffices for means and largest values of a force."""
 
 
@@ -82,12 +82,19 @@ class CandidateLaw:
             for force in self.forces.values()
         )
 
-    def element_forces(self, rows: WhitenedBalance) -> list[Array]:
-        """Return the force (motions, samples) of each element along its motions."""
+    def forces_along(self, rows: WhitenedBalance, stride: int) -> dict[str, Array]:
+        """Return the sum of ``element_forces`` by the sensors between which they act."""
+        found: dict[str, Array] = {}
+        for element, force in zip(self.elements, self.element_forces(rows, stride), strict=True):
+            found[element.across] = found.get(element.across, 0.0) + force
+        return found
+
+    def element_forces(self, rows: WhitenedBalance, stride: int = 1) -> list[Array]:
+        """Return the force (motions, samples) of each element along every ``stride``-th of its motions."""
         found = []
         for element in self.elements:
             law = compile_law(element.force)
-            x, v, a, step = rows.motion_of(element.across)
+            x, v, a, step = (part[::stride] for part in rows.motion_of(element.across))
             found.append(law.sample(x, v, a, step, law.ordered(self.values)).force + np.zeros_like(x))
         return found
 
@@ -179,7 +186,7 @@ class _Balance:
         """
         if self.rows.sensors or not any(law.remembers for law in self.laws):
             return False
-        x, v, a, step = (part[::_POINT_STRIDE] for part in self.rows.motion_of(""))
+        x, v, a, step = (part[::POINT_STRIDE] for part in self.rows.motion_of(""))
         samples = [
             law.sample(x, v, a, step, values[place])
             for law, place in zip(self.laws, self.places, strict=True)

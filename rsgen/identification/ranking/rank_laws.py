@@ -26,6 +26,7 @@ from rsgen.data.surface import ResponseSurface, without_copies
 from rsgen.data.surface.plausibility import plausibility_findings
 from rsgen.identification.fitting.across import sensors_of
 from rsgen.identification.fitting.points import per_unit_mass
+from rsgen.identification.ranking.balance import WhitenedBalance
 from rsgen.identification.ranking.candidate_fit import CandidateFit, CandidateLaw, RankedTest, Round
 from rsgen.identification.ranking.library_sums import Term
 from rsgen.identification.ranking.ranking_result import (
@@ -220,13 +221,9 @@ def _compare(current: Round, entries: Candidates, known: Sequence[CandidateFit])
 
 
 def order_candidates(
-    bic: Sequence[float],
-    error: Sequence[float],
-    count: Sequence[int],
-    odd: Sequence[bool],
-    given: Sequence[bool],
+    bic: Sequence[float], error: Sequence[float], count: Sequence[int], odd: Sequence[bool]
 ) -> tuple[list[int], float, list[bool]]:
-    """Order candidates by BIC; the first is that of fewest parameters among the tied ones, if possible given.
+    """Order candidates by BIC; the first is that of fewest parameters among the tied ones.
 
     Candidates that predict held-out levels worse than one of fewer parameters overfit, and come last.
 
@@ -236,8 +233,6 @@ def order_candidates(
         Of each candidate: its criterion, the error of predicted levels (NaN with one level), parameters.
     odd
         True for candidates that are implausible_findings by themselves; of tied ones they come last.
-    given
-        True for laws of the user; of tied ones of as many parameters they come first.
 
     Returns
     -------
@@ -256,8 +251,8 @@ def order_candidates(
 
     def place(number: int) -> tuple[float, ...]:
         if tied[number]:
-            return 0, odd[number], count[number], not given[number], bic[number]
-        return 1, overfitted[number], 0, 0, bic[number]
+            return 0, odd[number], count[number], bic[number]
+        return 1, overfitted[number], 0, bic[number]
 
     best = min(range(len(bic)), key=place)
     by_bic = sorted(range(len(bic)), key=lambda i: (i != best, not tied[i], overfitted[i], bic[i]))
@@ -273,15 +268,11 @@ def _ranking(
 ) -> Ranking:
     """Order the candidates, merge laws of the user with equal ones of the library, and assess the best."""
     current, fixed = last.round, test.fixed
-    candidates, own = _merge_equal_laws(last.found, given)
+    candidates, own = _merge_equal_laws(last.found, current.rows, given)
     error = [current.relative(fit.held_out_residual) for fit in candidates]
     odd = [bool(implausible_findings(fit, current.rows)) for fit in candidates]
     order, lowest, tied = order_candidates(
-        [fit.bic for fit in candidates],
-        error,
-        [len(fit.candidate.values) for fit in candidates],
-        odd,
-        [fit is own or fit.candidate.name in given for fit in candidates],
+        [fit.bic for fit in candidates], error, [len(fit.candidate.values) for fit in candidates], odd
     )
     ordered = [candidates[number] for number in order]
     rows = [
@@ -317,21 +308,17 @@ def _ranking(
 
 
 def _merge_equal_laws(
-    candidates: list[CandidateFit], given: Sequence[str]
+    candidates: list[CandidateFit], rows: WhitenedBalance, given: Sequence[str]
 ) -> tuple[list[CandidateFit], CandidateFit | None]:
-    """Drop sums of the library that have the formula of a law of the user. A model's own law takes their
-    name, and is returned.
+    """Drop sums that equal a law of the user. A model's own law takes the name of the library, and is
+    returned.
     """
     own = None
     for name in given:
         law = next((fit for fit in candidates if fit.candidate.name == name), None)
         if law is None:
             continue
-        twins = [
-            fit
-            for fit in candidates
-            if fit.candidate.name not in given and is_same(fit.candidate, law.candidate)
-        ]
+        twins = [fit for fit in candidates if fit is not law and is_same(fit, law, rows)]
         candidates = [fit for fit in candidates if not any(fit is twin for twin in twins)]
         if name == OWN:
             named = replace(

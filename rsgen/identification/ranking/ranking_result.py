@@ -28,6 +28,7 @@ from rsgen.data.surface import ResponseSurface
 from rsgen.identification.identify import identify
 from rsgen.identification.ranking.balance import WhitenedBalance
 from rsgen.identification.ranking.candidate_fit import (
+    POINT_STRIDE,
     CandidateFit,
     CandidateLaw,
     Round,
@@ -39,12 +40,12 @@ from rsgen.identification.results.estimates import phase_findings
 from rsgen.identification.soundness import signs_along
 from rsgen.law.motion import Motion, harmonics_of
 
-OWN = "your law"
+OWN = "the case's own law"
 """Name of the law of the case or model that is ranked, among the candidates."""
 
 ORDER = (
-    "order: of those that tie the simplest first, of these laws of yours, then by BIC; last what predicts "
-    "unseen levels worse than a simpler law"
+    "order: of those that tie the simplest first, then by BIC; last what predicts unseen levels worse than a "
+    "simpler law"
 )
 """The order of a ranking, as tables say it."""
 
@@ -103,8 +104,8 @@ class Ranking(Printed):
     Parameters
     ----------
     candidates
-        Best first: of tied ones that of fewest parameters, of these a law of the user, then the other tied
-        ones and all others by BIC; last those that predict levels worse than a law of fewer parameters does.
+        Best first: of tied ones that of fewest parameters, then the other tied ones and all others by BIC;
+        last those that predict levels worse than a law of fewer parameters does.
     model
         The best law as a model for ``identify``.
     fits
@@ -295,12 +296,21 @@ def _passivity_findings(best: Candidate, feeds: bool) -> list[Finding]:
     return found
 
 
-def is_same(one: CandidateLaw, other: CandidateLaw) -> bool:
-    """Return True if two candidates are one formula; laws that agree at this test only are two."""
+def is_same(one: CandidateFit, other: CandidateFit, rows: WhitenedBalance) -> bool:
+    """Return True if two candidates are one law, by their normal forms or by their forces."""
+    if len(one.candidate.values) != len(other.candidate.values):
+        return False
     first, second = (
-        {sensors: terms_of(force) for sensors, force in law.forces.items()} for law in (one, other)
+        {sensors: terms_of(force) for sensors, force in fit.candidate.forces.items()} for fit in (one, other)
     )
-    return len(one.values) == len(other.values) and first == second
+    if first == second:
+        return True
+    mine, theirs = (fit.candidate.forces_along(rows, POINT_STRIDE) for fit in (one, other))
+    # a joint may carry little of the force: along each motion by itself
+    return mine.keys() == theirs.keys() and all(
+        np.max(np.abs(mine[sensors] - force)) <= MISFIT_NEGLIGIBLE * np.max(np.abs(force))
+        for sensors, force in theirs.items()
+    )
 
 
 def implausible_findings(fitted: CandidateFit, rows: WhitenedBalance) -> list[Finding]:

@@ -348,6 +348,14 @@ class Identification(Printed):
         return Oscillator(self.mass, self.model.elements, values)
 
     @property
+    def model_given(self) -> Model:
+        """The model as it was given: without the mass of one kilogram that stands for a unit of mass."""
+        if isfinite(self.curve.units.kilogram):
+            return self.model
+        fixed = {name: value for name, value in self.model.fixed.items() if name != "m"}
+        return Model(self.model.elements, None, self.model.observation, fixed)
+
+    @property
     def verdict(self) -> Verdict:
         """Verdict by the findings, with those of held-out levels; ``rsgen.verdict_of`` adds a truth."""
         return reach_verdict(self.findings, summary=self.outcome)
@@ -364,9 +372,7 @@ class Identification(Printed):
         units = units_of(self.model, self.curve.units)
         return tuple(
             Estimate(name, value, 0.0, (value, value), units[name])
-            for name, value in self.model.fixed.items()
-            # the mass of one kilogram that stands for a unit of mass is not known
-            if name != "m" or isfinite(self.curve.units.kilogram)
+            for name, value in self.model_given.fixed.items()
         )
 
     @property

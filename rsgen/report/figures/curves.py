@@ -33,6 +33,7 @@ from rsgen.report.figures.equivalent import (
     amplitudes_tested,
     backbone,
     calm_limits,
+    measured_backbone,
     refined_band,
     solution_of,
 )
@@ -72,7 +73,7 @@ def draw_modal(
     x = choose_scale(grid, "m")
     model = None
     if identification is not None and len(grid) > 1:
-        model = backbone(identification, solution_of(identification), grid)
+        model = measured_backbone(identification, grid)
     for axes, name in zip(panels, names, strict=False):
         value, low, high = (getattr(fine, f"{name}{end}") for end in ("", "_lower", "_upper"))
         unit = MODAL_COLUMNS[name]

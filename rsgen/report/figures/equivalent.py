@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import textwrap
 from collections.abc import Callable, Iterable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import lru_cache
 
 import numpy as np
@@ -22,7 +22,8 @@ from rsgen.describing import DescribingFunction, Equivalent, derive
 from rsgen.formula import symbol
 from rsgen.formula.names import remembers
 from rsgen.formula.units import choose_scale, number_text
-from rsgen.identification.results import Estimate, Identification
+from rsgen.identification.prediction.amplitude_balance import balance_of
+from rsgen.identification.results import Estimate, Identification, MultisineIdentification
 from rsgen.law.motion import Motion, cycle_work
 from rsgen.law.notation import readable
 from rsgen.law.numeric import compile_law
@@ -146,6 +147,23 @@ def backbone(identification: Identification, values: Mapping[str, float], amplit
     damping = np.broadcast_to(np.asarray(result.damping, dtype=np.float64), amplitude.shape)
     mean = np.broadcast_to(np.asarray(result.mean, dtype=np.float64), amplitude.shape)
     return Backbone(amplitude, omega, stiffness, damping, mean, mass)
+
+
+def measured_backbone(identification: Identification, amplitude: Array) -> Backbone:
+    """Return the backbone of the refined model as points show it: their motion has higher harmonics.
+
+    A multisine has no motion of one amplitude: its modal table is of sines, as the describing functions are.
+    """
+    found = backbone(identification, solution_of(identification), amplitude)
+    if isinstance(identification, MultisineIdentification) or not np.isfinite(found.omega).all():
+        return found
+    balance, harmonics = balance_of(identification), None
+    for _ in range(2):  # as above
+        stiffness, damping, harmonics = balance.equivalent(amplitude, found.omega, harmonics)
+        with np.errstate(invalid="ignore"):
+            omega = np.sqrt(stiffness / found.mass)
+        found = replace(found, omega=omega, stiffness=stiffness, damping=damping)
+    return found
 
 
 def refined_band(identification: Identification, amplitude: Array) -> tuple[Backbone, Array, Array]:

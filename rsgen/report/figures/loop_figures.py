@@ -244,10 +244,13 @@ def draw_loops(
     label_abscissa(panels, ax, x.label("Displacement x"))
     panels[0].legend(loc="upper left")
     where = f"the largest motion of {count_text(len(rows), 'level')}" if points is None else "chosen points"
-    where += f", with a mass of {quantity_text(mass, 'kg', 4)}"
+    if identification is None or np.isfinite(identification.curve.units.kilogram):
+        where += f", with a mass of {quantity_text(mass, 'kg', 4)}"
     caption = f"Loops of the restoring force at {where}: an open loop dissipates."
     if surface.harmonics.shape[1] <= 2:
         caption += " Only the fundamental was measured, so measured loops are ellipses whatever the law."
+    else:
+        caption += f" Measured loops have {surface.harmonics.shape[1] - 1} harmonics, which round corners."
     return Drawing("loops", figure, caption, ax is None)
 
 
