@@ -66,7 +66,6 @@ from rsgen.identification.results.estimates import (
     parameter_findings,
     phase_findings,
     state_background,
-    with_combinations,
 )
 from rsgen.identification.soundness import (
     exclusion_findings,
@@ -336,7 +335,7 @@ def judge(test: Prepared, model: Model, refined: Fit) -> Identification:
         "level": Quantity(float(points.level.max()), surface.level_unit),
     }
     reasons = parameter_findings(names, units, tested, regression)
-    reasons = with_combinations(explain_hidden(test.problem, reasons), model)
+    reasons = explain_hidden(test.problem, reasons)
     stated = np.where(regression.converged, regression.covariance, nan)
     ambiguous += others.within_noise(regression.parameters, stated, reasons, units)
     freedom = np.minimum(regression.freedom, each[: test.problem.count])

@@ -10,7 +10,6 @@ from __future__ import annotations
 
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, fields, replace
-from fractions import Fraction
 from functools import lru_cache
 from itertools import combinations, permutations
 from typing import TYPE_CHECKING, Any, NamedTuple, Protocol
@@ -22,14 +21,12 @@ from numpy.typing import NDArray
 import rsgen.law  # compiles loops, for laws with memory
 from rsgen.common.arrays import Array
 from rsgen.common.errors import RsgenError
-from rsgen.common.finding import Finding
-from rsgen.common.solvers import NULL_TOLERANCE
 from rsgen.common.tolerances import samples_for
 from rsgen.formula import symbol
 from rsgen.formula.bounds import algebra_faults
 from rsgen.formula.unit_deduction import parameter_units
 from rsgen.formula.unit_text import read_unit
-from rsgen.law.character import MAX_SUBSET_PARAMETERS, Character, character
+from rsgen.law.character import Character, character
 from rsgen.law.forms import STATES
 from rsgen.law.memory import from_rest, memory_form
 from rsgen.law.normal_form import ForceSample, SwitchedSum, switched_sum
@@ -396,201 +393,3 @@ def put_in_order(law: ForceLaw, values: Array, fixed: Collection[str] = ()) -> A
     named = dict(zip(law.parameters, values, strict=True))
     ordered = in_order(law.expression, {name: named[name] for name in named if name not in fixed})
     return law.ordered({**named, **ordered})
-
-
-# ----------------------------------------------------------------------------
-# Combinations of parameters, from the null space of the derivatives of the force.
-
-TRIAL_VALUES = 3
-"""Random values of all parameters; a combination of the law has the same null vector at each of them."""
-
-MOTIONS, SAMPLES = 40, 256
-"""Motions at each of them, and samples of a period: hundreds of equations a parameter."""
-
-SMALLEST, LARGEST = 0.02, 20.0
-"""Amplitudes relative to parameters around one, below and above all switches."""
-
-
-DIRECTION_TOLERANCE = 1e-5
-"""Largest difference of equal directions; no law with a singular value between both is judged."""
-
-MAX_DENOMINATOR = 6
-"""Largest denominator of a power in a product."""
-
-
-@dataclass(frozen=True, slots=True)
-class Combination:
-    """Parameters of which a test determines combinations only.
-
-    Parameters
-    ----------
-    parameters
-        Names that no test separates.
-    determined
-        What can be identified of them, in the expression language; empty where it is neither a product nor a
-        sum.
-    """
-
-    parameters: tuple[str, ...]
-    determined: tuple[str, ...]
-
-    @property
-    def finding(self) -> Finding:
-        """The fact as a finding."""
-        names = {"with": _listed(self.parameters), "determined": _listed(self.determined)}
-        return Finding("confounded", "info", names=names)
-
-
-def _listed(names: tuple[str, ...]) -> str:
-    return " and ".join(filter(None, (", ".join(names[:-1]), *names[-1:])))
-
-
-def combinations_of(force: sympy.Expr) -> tuple[Combination, ...]:
-    """Find the parameters of a law that occur in combinations only.
-
-    Examples
-    --------
-    >>> from rsgen.formula import parse
-    >>> combinations_of(parse("a*b*x + c*v"))
-    (Combination(parameters=('a', 'b'), determined=('a*b',)),)
-    >>> combinations_of(parse("k*x + k3*x**3"))
-    ()
-    """
-    if not 2 <= len(force.free_symbols - {symbol("x"), symbol("v")}) <= MAX_SUBSET_PARAMETERS:
-        return ()
-    law = compile_law(force)
-    spaces = []
-    for seed in range(TRIAL_VALUES):
-        space = _null_space(law.parameters, force, seed)
-        if space is None or not len(space[0]):
-            return ()
-        spaces.append(space)
-    groups = _groups([null for null, _ in spaces])
-    return tuple(_combination(group, spaces, law.parameters) for group in groups)
-
-
-def _null_space(names: tuple[str, ...], force: sympy.Expr, seed: int) -> tuple[Array, Array] | None:
-    """Return (d, p) directions in the logarithms of the parameters that change no force, and the values."""
-    rng = np.random.default_rng(seed)
-    values = np.exp(rng.uniform(-0.7, 0.7, len(names)))
-    rows = _slopes(force, values, rng)
-    if not len(rows):
-        return None
-    sizes = np.sqrt(np.mean(rows**2, axis=0))
-    if not np.all(sizes > 0):
-        # a parameter without influence on these motions: nothing follows
-        return None
-    _, singular, directions = np.linalg.svd(rows / sizes, full_matrices=False)
-    share = singular / singular[0]
-    if np.any((share > NULL_TOLERANCE) & (share < DIRECTION_TOLERANCE)):
-        return None
-    return directions[share <= NULL_TOLERANCE] / sizes, values
-
-
-def _slopes(force: sympy.Expr, values: Array, rng: np.random.Generator) -> Array:
-    """Return (m, p) derivatives of the force along random motions by the logarithms of the parameters."""
-    law = compile_law(force)
-    phase = 2 * np.pi * np.arange(SAMPLES) / SAMPLES
-    size = np.exp(rng.uniform(np.log(SMALLEST), np.log(LARGEST), (MOTIONS, 1)))
-    omega = np.exp(rng.uniform(-1, 1, (MOTIONS, 1)))
-    part = rng.uniform(-0.25, 0.25, (4, MOTIONS, 1))
-    if law.odd:
-        # an odd law has neither even harmonics nor a mean
-        part[0] = 0
-    order = np.array([1.0, 2.0, 3.0])[:, None, None]
-    weight = np.stack([np.ones((MOTIONS, 1)), part[0], part[1]])
-    turn = order * (phase + 0.37) + np.stack([np.zeros((MOTIONS, 1)), part[2], part[3]])
-    x = size * np.sum(weight * np.sin(turn), axis=0)
-    v = size * omega * np.sum(weight * order * np.cos(turn), axis=0)
-    a = -size * omega**2 * np.sum(weight * order**2 * np.sin(turn), axis=0)
-    with np.errstate(all="ignore"):
-        sample = law.sample(x, v, a, 2 * np.pi / omega / SAMPLES, values)
-        rows = np.stack([np.broadcast_to(part, x.shape) for part in sample.by_parameter], axis=-1) * values
-        # every motion counts alike, however large its force
-        largest = np.max(np.abs(rows), axis=(1, 2), keepdims=True)
-        rows = (rows / largest).reshape(-1, len(values))
-    finite: Array = rows[np.isfinite(rows).all(axis=1)]
-    return finite
-
-
-def _groups(spaces: list[Array]) -> list[list[int]]:
-    """Sort the parameters that null vectors move into groups that no null vector connects."""
-    projector = spaces[0].T @ np.linalg.pinv(spaces[0].T)
-    linked = np.abs(projector) > DIRECTION_TOLERANCE
-    groups: list[list[int]] = []
-    for i in np.flatnonzero(linked.diagonal()):
-        if not any(i in group for group in groups):
-            groups.append([int(j) for j in np.flatnonzero(linked[i])])
-    return groups
-
-
-def _combination(group: list[int], trials: list[tuple[Array, Array]], names: tuple[str, ...]) -> Combination:
-    """Find the products, or else the sums, of a group of parameters that a test determines."""
-    inside = tuple(names[i] for i in group)
-    for powers in (True, False):
-        spaces = [null if powers else null * values for null, values in trials]
-        parts = [_reduced(space[:, group]) for space in spaces]
-        if any(part is None or not len(part) for part in parts):
-            continue
-        first = parts[0]
-        if first is None or any(
-            part is None or part.shape != first.shape or np.abs(part - first).max() > DIRECTION_TOLERANCE
-            for part in parts
-        ):
-            continue
-        written = _written(first, inside, powers)
-        if written:
-            return Combination(inside, written)
-    return Combination(inside, ())
-
-
-def _reduced(space: Array) -> Array | None:
-    """Bring the rows of a null space to the form with unit columns; None where it has none."""
-    _, singular, directions = np.linalg.svd(space, full_matrices=False)
-    rows = directions[singular > DIRECTION_TOLERANCE * singular[0]]
-    size = len(rows)
-    best: tuple[float, Array] | None = None
-    for columns in combinations(range(space.shape[1]), size):
-        block = rows[:, columns]
-        if abs(np.linalg.det(block)) < DIRECTION_TOLERANCE:
-            continue
-        reduced = np.linalg.solve(block, rows)
-        # few and positive powers of the other parameters read best
-        cost = float(np.sum(np.abs(reduced)) + 2 * np.sum(reduced > DIRECTION_TOLERANCE))
-        if best is None or cost < best[0] - DIRECTION_TOLERANCE:
-            best = cost, reduced
-    return None if best is None else best[1]
-
-
-def _pivots(reduced: Array) -> NDArray[np.intp]:
-    """Find the columns of the unit matrix in a reduced null space."""
-    unit = (np.abs(reduced) > DIRECTION_TOLERANCE).sum(axis=0) == 1
-    found = [
-        next(int(j) for j in np.flatnonzero(unit) if abs(row[j] - 1) < DIRECTION_TOLERANCE) for row in reduced
-    ]
-    return np.array(found, dtype=np.intp)
-
-
-def _written(reduced: Array, names: tuple[str, ...], powers: bool) -> tuple[str, ...]:
-    """Write the complement of a null space as products or sums; empty if weights are no simple fractions."""
-    pivots = _pivots(reduced)
-    found = []
-    for j in range(len(names)):
-        if j in pivots:
-            continue
-        weights = np.zeros(len(names))
-        weights[j] = 1.0
-        weights[pivots] = -reduced[:, j]
-        simple = [Fraction(float(w)).limit_denominator(MAX_DENOMINATOR) for w in weights]
-        if np.abs(weights - np.array([float(s) for s in simple])).max() > 10 * DIRECTION_TOLERANCE:
-            return ()
-        # integer weights, the first of them positive
-        factor = int(np.lcm.reduce([weight.denominator for weight in simple]))
-        factor *= next(1 if weight > 0 else -1 for weight in simple if weight)
-        pairs = [
-            (sympy.Symbol(n), sympy.Integer(int(w * factor))) for n, w in zip(names, simple, strict=True)
-        ]
-        found.append(
-            sympy.Mul(*(n**w for n, w in pairs)) if powers else sympy.Add(*(n * w for n, w in pairs))
-        )
-    return tuple(sorted(map(str, found)))

@@ -18,10 +18,9 @@ from rsgen.formula.names import remembers
 from rsgen.law import Element, notation
 from rsgen.law.element import forces_by_motion, law_remarks, make_element
 from rsgen.law.memory import rates_of
-from rsgen.law.numeric import combinations_of
 
 # ----------------------------------------------------------------------------
-# What the commands say of a law before any test: what no test distinguishes, and what is odd about it.
+# What the commands say of a law before any test: what is odd about it.
 
 
 def sentences_of_elements(elements: Sequence[Element]) -> list[str]:
@@ -34,7 +33,7 @@ def sentences_of_elements(elements: Sequence[Element]) -> list[str]:
 
 def law_sentences(force: sympy.Expr, full: bool = False) -> list[str]:
     """Say what is to be known of a law before any test; ``full`` with capital and full stop."""
-    found = [*(combination.finding for combination in combinations_of(force)), *law_remarks(force)]
+    found = law_remarks(force)
     if not found:
         # loading the sentences takes 9 of the 600 ms of `rsgen derive`, and most laws need none
         return []

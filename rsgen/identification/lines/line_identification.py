@@ -75,7 +75,6 @@ from rsgen.identification.results.estimates import (
     parameter_findings,
     phase_findings,
     state_background,
-    with_combinations,
 )
 from rsgen.identification.soundness import gain_findings, signs_along
 from rsgen.law.motion import Motion
@@ -140,7 +139,7 @@ def _assemble(spectra: MultisineSpectra, model: Model, fit: LineFit) -> Multisin
     }
     known = replace(fit.regression.first(count), covariance=covariance)
     units = units_of(model, part.units)
-    reasons = with_combinations(parameter_findings(names, units, tested, known), model)
+    reasons = parameter_findings(names, units, tested, known)
     stated = np.where(fit.converged, covariance, nan)
     ambiguous += others.within_noise(fit.parameters[:count], stated, reasons, units)
     solution = Solution(fit.values, fit.mass, covariance, freedom, misfit, fit.converged)

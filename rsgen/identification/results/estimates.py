@@ -35,7 +35,7 @@ from rsgen.identification.fitting.points import Points
 from rsgen.identification.results.alternatives import spread_between
 from rsgen.identification.results.result import Background, Estimate, units_of
 from rsgen.law.motion import Motion
-from rsgen.law.numeric import ForceLaw, combinations_of
+from rsgen.law.numeric import ForceLaw
 
 _MIN_PARAMETER_NORM = 0.99
 """Norm of the parameter part of a unit null vector; a smaller one includes the background."""
@@ -223,23 +223,6 @@ def fixed_contradicted(
     numbers = {"given": Quantity(given, unit), "fitted": Quantity(given + moved, unit)}
     numbers |= quantities(misfit=misfit, left=left, moved=moved / abs(given or moved), times=times)
     return Finding("fixed-contradicted", "doubt", name, numbers)
-
-
-def with_combinations(reasons: Mapping[str, Finding | None], model: Model) -> dict[str, Finding | None]:
-    """Say of confounded parameters which combinations the law itself has of them, whatever the test."""
-    if not any(reason is not None and reason.code == "confounded" for reason in reasons.values()):
-        return dict(reasons)
-    named = dict(reasons)
-    for combination in combinations_of(model.force):
-        for name in combination.parameters:
-            reason = named.get(name)
-            if reason is not None and reason.code == "confounded":
-                names = {
-                    "with": ", ".join(other for other in combination.parameters if other != name),
-                    "determined": " and ".join(combination.determined),
-                }
-                named[name] = replace(reason, names=names)
-    return named
 
 
 # ----------------------------------------------------------------------------
