@@ -61,6 +61,19 @@ def test_forces_of_twice_the_level_are_named(factor, severity):
     assert not found or "from peak to peak or as a root mean square" in sentence(found[0])
 
 
+@pytest.mark.parametrize("pair", [(0, 1), (0, -1), (1, -1)])
+def test_responses_of_two_levels_that_are_exchanged_are_named(pair):
+    surface = cubic_surface(levels=4, frequencies=31)
+    one, other = (surface.level == surface.levels[place] for place in pair)
+    response = surface.harmonics[:, 1].copy()
+    response[one], response[other] = surface.harmonics[other, 1], surface.harmonics[one, 1]
+    (found,) = level_findings(changed(surface, response))
+    assert (found.code, found.severity) == ("levels-swapped", "doubt")
+    assert [found["low"], found["high"]] == [surface.levels[place] for place in pair]
+    assert found["pushed"] * found["moved"] == pytest.approx(1, rel=0.3)
+    assert sentence(found).endswith("these two levels have each other's responses")
+
+
 def test_an_ordinary_test_has_nothing_to_remark():
     assert list(size_findings(ORDINARY)) == []
     assert list(quantity_findings(cubic_surface())) == []

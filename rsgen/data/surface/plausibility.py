@@ -1,9 +1,8 @@
 """Findings about sizes that no vibration test has, channels read as another quantity or in another unit, and
 the lag of a phase-locked test.
 
-The ranges of sizes are wide: outside them no structure has been tested. Small and fast
-structures (resonators on a chip, wires, ultrasonic tools) have ranges of their own: a mass of a microgram
-occurs among them, and at 30 Hz never.
+The ranges of sizes are wide: outside them no structure has been tested. Small and fast structures
+(resonators on a chip, wires, ultrasonic tools) have ranges of their own: a microgram occurs among them.
 
 Channels are checked by the equation that every law obeys at one harmonic,
 
@@ -17,13 +16,14 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
+from itertools import combinations
 from math import nan, pi
 
 import numpy as np
 from numpy.typing import NDArray
 
 from rsgen.common.arrays import Array, ComplexArray
-from rsgen.common.finding import Finding, Quantity, Severity
+from rsgen.common.finding import Finding, Quantity, Severity, quantities
 from rsgen.common.tolerances import MIN_MISFIT_REDUCTION, MISFIT_DOUBTFUL, RELATIVE_CHANGE_NEGLIGIBLE
 from rsgen.data.free_mode import fit_powers
 from rsgen.data.record_set import DERIVATIVE, QUANTITIES
@@ -210,12 +210,11 @@ LEVEL_TOLERANCE = 1.5
 
 
 def level_findings(surface: ResponseSurface) -> Iterator[Finding]:
-    """Return a finding if forces are the levels in another unit, or in another order of rows than these.
+    """Return a finding if forces are the levels in another unit, in another order, or not of their responses.
 
-    Levels are names, and often numbers of runs. Where at two levels or more the force is always the level
-    times one factor between units, both are the same force, and one of them was read in another unit. A
-    shaker loses force smoothly towards a resonance: where forces of neighbours in frequency differ and those
-    of levels do not, the two columns do not belong together. Forces of a decay are none of a shaker."""
+    Where at two levels or more the force is always the level times one factor between units, one of them was
+    read in another unit. A shaker loses force smoothly towards a resonance: where forces of neighbours in
+    frequency differ and those of levels do not, the columns do not belong together. A decay has no shaker."""
     if surface.level_unit != "N" or surface.decays:
         return
     rows = _usable(surface)
@@ -226,23 +225,43 @@ def level_findings(surface: ResponseSurface) -> Iterator[Finding]:
         ratio = np.abs(np.log(typical / levels / factor))
         near = 1 + RELATIVE_CHANGE_NEGLIGIBLE if factor in _SCALES else LEVEL_TOLERANCE
         if len(levels) > 1 and np.max(ratio) < np.log(near):
-            numbers = {
-                "level": Quantity(float(levels[-1]), surface.level_unit),
-                "force": Quantity(float(typical[-1]), surface.level_unit),
-            }
-            severity: Severity = "warning" if factor in _SCALES else "doubt"
-            yield Finding("levels-in-other-unit", severity, "", numbers)
+            numbers = {"level": Quantity(float(levels[-1]), "N"), "force": Quantity(float(typical[-1]), "N")}
+            yield Finding("levels-in-other-unit", "warning" if factor in _SCALES else "doubt", "", numbers)
     order = np.lexsort((surface.frequency[rows], surface.sweep[rows], level))
     size, level, sweep = np.log(force[order]), level[order], surface.sweep[rows][order]
     step = np.abs(np.diff(size))[(level[1:] == level[:-1]) & (sweep[1:] == sweep[:-1])]
     means = [float(np.mean(size[level == one])) for one in levels]
-    # a quarter of the steps: a few readings may be off
     distinct = len(levels) < 2 or np.ptp(means) > np.log(LEVEL_TOLERANCE)
     if not distinct and len(step) and np.quantile(step, 0.75) > np.log(LEVEL_TOLERANCE):
         low, high = np.quantile(np.exp(size[level == levels[-1]]), [0.1, 0.9])
         amounts = {"level": levels[-1], "low": low, "high": high}
         numbers = {name: Quantity(float(amount), "N") for name, amount in amounts.items()}
         yield Finding("levels-disagree", "doubt", "", numbers)
+    if surface.control == "force":  # loops have motions that no held force has
+        yield from _exchanged_levels(surface, rows)
+
+
+def _exchanged_levels(surface: ResponseSurface, rows: NDArray[np.intp]) -> Iterator[Finding]:
+    """Return a finding if two levels have each other's responses, as where files of both are paired wrongly.
+
+    At one frequency a stable motion grows with the force: d|F|/dX > 0. Between levels of 220 virtual and five
+    measured tests log X rose by 0.35 of log F or more; exchanged, it falls."""
+    frequency, found = surface.frequency, dict[float, dict[str, Quantity]]()
+    columns = [np.log(np.fmax(sizes, 1e-300)) for sizes in (np.abs(surface.force), surface.amplitude)]
+    rows = rows[np.argsort(frequency[rows])]
+    names = np.unique(surface.level[rows])
+    for one, other in combinations([rows[surface.level[rows] == name] for name in names], 2):
+        common = one[(frequency[one] >= frequency[other[0]]) & (frequency[one] <= frequency[other[-1]])]
+        if 2 * len(common) < len(one):
+            continue
+        at = frequency[common], frequency[other]
+        pushed, moved = (float(np.median(np.interp(*at, log[other]) - log[common])) for log in columns)
+        if abs(pushed) > np.log(LEVEL_TOLERANCE) and moved / pushed < -0.5:
+            a, b = (Quantity(float(surface.level[run[0]]), "N") for run in (one, other))
+            numbers = quantities(low=a, high=b, pushed=np.exp(pushed), moved=np.exp(moved))
+            found[abs(1 + moved / pushed)] = numbers
+    if found:
+        yield Finding("levels-swapped", "doubt", "", found[min(found)])
 
 
 def size_findings(sizes: Sizes) -> Iterator[Finding]:
