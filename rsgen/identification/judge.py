@@ -367,6 +367,8 @@ def judge(test: Prepared, model: Model, refined: Fit) -> Identification:
     errors = np.array([sure.get(name, nan) for name in law.parameters])
     about = (*about, *joint_findings(refined, errors, misfits=misfits))
     about = (*about, *unseen_findings(refined, estimates))
+    background = _background(refined, whole, surface.units, resonances)
+    about = (*about, *(() if background is None else background.findings))
     known = {e.name for e in estimates if np.isfinite(e.value)}
     free = np.flatnonzero(regression.free)
     general = Findings(surface, points, refined, resonances, agreement, others)
@@ -391,7 +393,7 @@ def judge(test: Prepared, model: Model, refined: Fit) -> Identification:
         frequency_range=(float(kept.omega.min() / 2 / np.pi), float(kept.omega.max() / 2 / np.pi)),
         outcome=outcome,
         solution=refined.values,
-        background=_background(refined, whole, surface.units),
+        background=background,
         alternatives=others,
         fit=refined,
         findings=(*about, *law_remarks(model.force), *mirror_findings(test.problem, known), *collected),
@@ -430,12 +432,14 @@ def _require_followed(used: NDArray[np.bool_], model: Model) -> None:
         )
 
 
-def _background(refined: Fit, whole: Regression, units: ForceUnits) -> Background | None:
+def _background(
+    refined: Fit, whole: Regression, units: ForceUnits, resonances: tuple[Resonance, ...]
+) -> Background | None:
     """The background with its errors, which stand behind those of the law."""
     variance = np.where(whole.converged, np.diag(whole.covariance)[refined.problem.count :], np.inf)
     observed, values = refined.problem.observed, refined.background
     seen = observed.points.force, observed.points.amplitude
-    return state_background(observed.background, *seen, values, variance, whole.freedom, units)
+    return state_background(observed.background, *seen, values, variance, whole.freedom, units, resonances)
 
 
 def _errors(

@@ -544,6 +544,8 @@ def _table(modal: ModeProblem, found: Regression, surface: ResponseSurface, mode
     if modal.assumed and not model.observation.calibrated:
         known = ("frequency", "stiffness_per_mass")
     misfit = _misfit(found)
+    test = _modal_test(modal, found, surface, model)
+    findings += () if test.background is None else test.background.findings
     findings += scattered(misfit)
     gap = gap_of(modal.seen.mode) if near_resonance(modal.seen.mode) else None
     if gap is not None:
@@ -561,6 +563,6 @@ def _table(modal: ModeProblem, found: Regression, surface: ResponseSurface, mode
         mass_error=float(np.sqrt(covariance[-1, -1])) * kilogram,
         misfit=misfit,
         points=int(np.count_nonzero(found.used)),
-        test=_modal_test(modal, found, surface, model),
+        test=test,
         findings=findings,
     )

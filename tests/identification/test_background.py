@@ -102,6 +102,7 @@ def test_a_neighbour_as_strong_as_the_mode_has_a_term_of_its_own(frequency, rati
     found = identify(table, model("cubic"), Observation(background="neighbour", band=band))
     assert max(errors(found, truth("cubic")).values()) < 10 * EXACT
     neighbour = {e.name: e.value for e in found.background.estimates}
+    assert not found.background.findings
     assert neighbour["f_n"] == pytest.approx(frequency, rel=1e-4)
     assert neighbour["zeta"] == pytest.approx(ratio, rel=1e-2)
     assert neighbour["r_re"] == pytest.approx(1 / 1.5, rel=1e-2)

@@ -158,8 +158,8 @@ def test_a_phase_error_of_the_sensor_is_found_and_removed():
     np.testing.assert_allclose(table.damping, C1, rtol=2e-3)
 
 
-def softening_beside_a_mode(seed: int) -> ResponseSurface:
-    """A softening mode with drag, 305 points with 0.6 % noise, beside a mode at 61 Hz; no folds."""
+def softening_beside_a_mode(seed: int, residue: float = 0.25) -> ResponseSurface:
+    """A softening mode with drag, 305 points with 0.6 % noise, and a mode at 61 Hz of a residue [1/kg]."""
     noise = np.random.default_rng(seed)
     force, frequency = np.repeat([2.0, 4, 8, 14, 20], 61), np.tile(np.linspace(20, 27.5, 61), 5)
     omega, own = 2 * np.pi * frequency, 2 * np.pi * 61
@@ -173,7 +173,7 @@ def softening_beside_a_mode(seed: int) -> ResponseSurface:
         X = (low + high) / 2
         beyond = np.abs(stiffness(X)) * X > force
         low, high = np.where(beyond, low, X), np.where(beyond, X, high)
-    seen = force / stiffness(X) + 0.25 * force / (own**2 - omega**2 + 0.02j * own * omega)
+    seen = force / stiffness(X) + residue * force / (own**2 - omega**2 + 0.02j * own * omega)
     error = noise.normal(size=(3, len(omega)))
     seen += 0.006 / 2**0.5 * np.abs(seen) * (error[0] + 1j * error[1])
     return ResponseSurface(force, frequency, force * (1 + 0.004 * error[2]), seen)
@@ -193,6 +193,19 @@ def test_a_mass_that_splines_and_background_hide_is_that_of_the_first_background
         for name, true in (("frequency", frequency), ("stiffness", stiffness), ("damping", damping)):
             assert inside(table, name, true).all()
             assert getattr(table, name) == pytest.approx(true, rel=0.02)
+
+
+@pytest.mark.parametrize("seed", [1, 3])
+def test_a_neighbour_that_is_noise_or_the_mode_itself_is_named(seed):
+    # identified, f_n to half a hertz at the mode itself or at noise of two points
+    seen = softening_beside_a_mode(seed, residue=0.0)
+    found = rsgen.identify(seen, "k*x + k3*x**3 + c*v + cq*v*abs(v)", Observation("neighbour"))
+    (named,) = found.background.findings
+    assert (named.code, named.parameter) == ("not-distinct-from-zero", "r")
+    assert named in found.findings
+    unknown = {e.name for e in found.background.estimates if not e.identifiable}
+    assert unknown == {"r_re", "r_im", "f_n", "zeta"}
+    assert all(e.identifiable for e in found.refined)
 
 
 def test_amplitudes_alone_are_enough():

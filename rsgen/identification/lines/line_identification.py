@@ -183,6 +183,7 @@ def _assemble(spectra: MultisineSpectra, model: Model, fit: LineFit) -> Multisin
         findings.append(Finding("not-calibrated", "info"))
     free = np.flatnonzero(fit.free[:count])
     background = fitted_background(fit, whole, freedom)
+    findings += () if background is None else background.findings
     frequency = part.frequency[lines.used.any(axis=0)]
     resonances = tuple(map(_resonance, approximations))
     curve = _curve(resonances, part)

@@ -33,7 +33,7 @@ from rsgen.identification.fitting.fit import Solution
 from rsgen.identification.fitting.least_squares import Alternative, Regression
 from rsgen.identification.fitting.points import Points
 from rsgen.identification.results.alternatives import spread_between
-from rsgen.identification.results.result import Background, Estimate, units_of
+from rsgen.identification.results.result import Background, Estimate, Resonance, units_of
 from rsgen.law.motion import Motion
 from rsgen.law.numeric import ForceLaw
 
@@ -78,6 +78,7 @@ def state_background(
     variance: Array,
     freedom: int,
     units: ForceUnits,
+    resonances: Sequence[Resonance] = (),
 ) -> Background | None:
     """Return the values (b,) of a background with 95 % intervals; None without one.
 
@@ -93,6 +94,8 @@ def state_background(
         Degrees of freedom of the noise that the variance rests on.
     units
         Of the test.
+    resonances
+        Of the mode, where they are known: a neighbour within the width of one of them is the mode itself.
     """
     if not len(values):
         return None
@@ -104,9 +107,28 @@ def state_background(
         Estimate(name, float(v), float(e), (float(v - wide * e), float(v + wide * e)), unit)
         for name, v, e, unit in zip(shape.names, values, errors, named, strict=True)
     )
+    if "f_n" in shape.names:
+        estimates = (*estimates[:-4], *_state_neighbour(estimates[-4:], shape.band, resonances))
     part = np.abs(shape.receptance(values) * force)
     share = float(np.sqrt(np.mean(part**2) / np.mean(amplitude**2)))
     return Background(shape.kind, shape.band, estimates, share)
+
+
+def _state_neighbour(
+    estimates: tuple[Estimate, ...], band: tuple[float, float], resonances: Sequence[Resonance]
+) -> tuple[Estimate, ...]:
+    """Return residue, f_n and zeta, without intervals where they are of no mode near the one of the law.
+
+    Its residue is not told from zero, or its damping is negative or, of a peak in the band, not told from
+    zero: that is noise of a point or two. Or it lies within the half-power width of the mode itself.
+    """
+    residue, frequency, ratio = estimates[:2], estimates[2].value, estimates[3]
+    separate = all(abs(frequency - r.frequency) > abs(r.damping_ratio) * r.frequency for r in resonances)
+    damped = ratio.interval[0 if band[0] < frequency < band[1] else 1] > 0
+    if separate and damped and any(e.interval[0] * e.interval[1] > 0 for e in residue):
+        return estimates
+    found = Finding("not-distinct-from-zero", "warning", "r", {"frequency": Quantity(frequency, "Hz")})
+    return tuple(replace(e, standard_error=inf, interval=(-inf, inf), finding=found) for e in estimates)
 
 
 def damping_findings(

@@ -82,7 +82,7 @@ class Estimate:
         if self.standard_error == 0:
             return (self.name, short(self.value), "fixed", self.unit, "")
         reason = self.finding.code if self.finding else ""
-        if not isfinite(self.value):
+        if not isfinite(self.value) or (reason and not isfinite(self.standard_error)):
             return (self.name, "", "", self.unit, reason or "not-identifiable")
         digits = with_error(self.value, self.standard_error)
         low, high = (short(end, digits) for end in self.interval)
@@ -223,6 +223,11 @@ class Background:
     def values(self) -> NDArray[np.float64]:
         """The numbers of the estimates, as the shape takes them."""
         return np.array([estimate.value for estimate in self.estimates])
+
+    @property
+    def findings(self) -> tuple[Finding, ...]:
+        """Why the test does not determine some of the estimates; none or one."""
+        return tuple({e.finding.code: e.finding for e in self.estimates if e.finding is not None}.values())
 
     def shape(self, omega: NDArray[np.float64], force: NDArray[Any]) -> BackgroundTerms:
         """Return the background at (n,) frequencies [rad/s] and forces [N] as a function of its values."""
