@@ -66,13 +66,6 @@ def test_a_ranking_without_phase_is_planned(tmp_path, run_cli):
     assert (checked.code, checked.err) == (0, "")
 
 
-def test_parameters_that_no_test_tells_apart_are_named_before_any_test(tmp_path, run_cli):
-    changes = LINEAR | {SPRING: "k*g*x", "truth.g": 1.0}
-    checked = run_cli("check", write_small(tmp_path, changes=changes))
-    assert checked.code == 0
-    assert "note: only g*k can be identified, not g and k separately" in checked.out
-
-
 def test_other_commands_refuse_the_law_that_check_refuses(tmp_path, run_cli):
     # z moves on from cycle to cycle
     path = write_small(

@@ -54,7 +54,6 @@ def describing(name: str) -> Tree:
         "parameters": list(function.parameters),
         "positive": list(function.positive),
         "regimes": len(function.regimes),
-        "limits": len(function.limits),
     }
 
 
