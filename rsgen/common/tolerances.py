@@ -24,7 +24,8 @@ NOISE_LIMIT_SIGMAS = 4.0
 """Standard deviations that chance exceeds to one side once in 30 000: what is farther off is no noise."""
 
 CONFIDENCE_LEVEL = 0.95
-"""Probability of every interval and band, between both ends."""
+"""Probability of every interval and band, between both ends. It also decides what is not identifiable
+(``results/estimates``) and whether the simulator fits better than the balance (``identify``)."""
 
 CONFIDENCE_TEXT = f"{100 * CONFIDENCE_LEVEL:g} %"
 """As tables, pages and figures say it."""
@@ -111,7 +112,10 @@ POINTS_PER_KNOT = 8
 MISFIT_DOUBTFUL = 0.05
 """Doubtful misfit where its pattern cannot be seen (few points, a held phase, lines of a multisine): a
 twentieth is more than most noise, joints and sensors leave of a law that is right. With a pattern the limit
-is ``SYSTEMATIC_MISFIT_DOUBTFUL``, without one ``RELATIVE_ERROR_DOUBTFUL`` (``identification/misfit``)."""
+is ``MISFIT_DOUBTFUL_WITH_PATTERN``, without one ``MISFIT_DOUBTFUL_WITHOUT_PATTERN``."""
+
+MISFIT_DOUBTFUL_WITHOUT_PATTERN = RELATIVE_ERROR_DOUBTFUL
+"""A misfit that is noise is in the intervals: it is doubtful as an error of a tenth is."""
 
 SUBSAMPLE_POINTS = 400
 """Points that suffice to come near the estimate; all points then need one or two steps more."""
@@ -125,7 +129,7 @@ ROUND_OFF = 1e-12
 RELATIVE_CHANGE_NEGLIGIBLE = 0.01
 """A value that moves by less than a hundredth is the same engineering number."""
 
-SYSTEMATIC_MISFIT_DOUBTFUL = RELATIVE_CHANGE_NEGLIGIBLE
+MISFIT_DOUBTFUL_WITH_PATTERN = RELATIVE_CHANGE_NEGLIGIBLE
 """A misfit with a pattern may move values by as much as its size."""
 
 MIN_GAIN_OF_STEP = RELATIVE_CHANGE_NEGLIGIBLE**2

@@ -23,17 +23,17 @@ from rsgen.common.tolerances import (
     MIN_MISFIT_REDUCTION,
     MIN_SIGNIFICANT_GAIN,
     MISFIT_DOUBTFUL,
+    MISFIT_DOUBTFUL_WITH_PATTERN,
+    MISFIT_DOUBTFUL_WITHOUT_PATTERN,
     MISFIT_NEGLIGIBLE,
     MISFIT_REJECTED,
     NEAR_STEPS,
     NOISE_RATIO_BY_CHANCE,
     POINTS_PER_KNOT,
     RELATIVE_CHANGE_NEGLIGIBLE,
-    RELATIVE_ERROR_DOUBTFUL,
     STANDARD_ERRORS_OF_DIFFERENCE,
     START_HARMONICS,
     SUBSAMPLE_POINTS,
-    SYSTEMATIC_MISFIT_DOUBTFUL,
     interval_sigmas,
 )
 from rsgen.data.free_mode import fit_mode, hats, steady
@@ -68,7 +68,7 @@ def relative_misfit(fit: Fit) -> float:
 
 def law_misses(fit: Fit) -> bool:
     """Return True if a misfit is systematic and above a hundredth, so that intervals are too narrow."""
-    return fit.systematic and relative_misfit(fit) > SYSTEMATIC_MISFIT_DOUBTFUL
+    return fit.systematic and relative_misfit(fit) > MISFIT_DOUBTFUL_WITH_PATTERN
 
 
 def misfit_findings(
@@ -104,7 +104,7 @@ def misfit_findings(
         if surface.decays:
             misfit = _of_large_motions(fit)
             numbers = quantities(misfit=misfit)
-        if misfit > (RELATIVE_ERROR_DOUBTFUL if patterns else MISFIT_DOUBTFUL):
+        if misfit > (MISFIT_DOUBTFUL_WITHOUT_PATTERN if patterns else MISFIT_DOUBTFUL):
             severity: Severity = "error" if misfit > MISFIT_REJECTED else "doubt"
             found.append(Finding("misfit-large", severity, numbers=numbers))
         return found
@@ -113,7 +113,7 @@ def misfit_findings(
     joints = (
         misfit_of_joint(fit.problem.observed.points, part.sensors) for part in fit.problem.law.parts[1:]
     )
-    severity = severity_of(size, min([SYSTEMATIC_MISFIT_DOUBTFUL, *joints]), MISFIT_REJECTED)
+    severity = severity_of(size, min([MISFIT_DOUBTFUL_WITH_PATTERN, *joints]), MISFIT_REJECTED)
     terms = others.kinds["term"]
     # to first order large terms are misjudged, such as the linear damper of a law without one; to the
     # intervals of a joint its linear spring and damper are no alternatives, they would leave all values open

@@ -11,6 +11,7 @@ from __future__ import annotations
 from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import replace
 from functools import lru_cache
+from itertools import count
 
 import numpy as np
 from numpy.typing import NDArray
@@ -23,13 +24,22 @@ from rsgen.formula.names import symbol
 from rsgen.identification.fitting.across import law_of
 from rsgen.identification.fitting.fit import Fit, linearise_extended
 from rsgen.identification.fitting.least_squares import Alternative, alternatives
-from rsgen.identification.fitting.observed import MISSING_TERMS, Observed, Problem, with_coefficients
+from rsgen.identification.fitting.observed import Observed, Problem
 from rsgen.identification.results.estimates import Agreement
 from rsgen.law.element import Element, make_element
 from rsgen.law.numeric import ForceLaw
 
+MISSING_TERMS = ("x*abs(x)", "x**3", "x**5", "v*abs(v)", "v**3", "sign(v)")
+"""Terms that a law may lack: the commonest nonlinear springs and dampers, which approximate others."""
+
 EVEN_SHARE = 0.1
 """Force of an even term relative to that of the spring, which no fundamental shows."""
+
+
+def with_coefficients(terms: Sequence[str], taken: Collection[str]) -> dict[str, str]:
+    """Return each term times a parameter of a new name, by that name."""
+    free = (name for i in count() if (name := f"term{i}") not in taken)
+    return {name: f"{name}*({term})" for name, term in zip(free, terms, strict=False)}
 
 
 def law_with(problem: Problem, *terms: str) -> ForceLaw:

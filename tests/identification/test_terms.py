@@ -10,12 +10,11 @@ import rsgen as rs
 from rsgen.data.oscillator import join_model
 from rsgen.identification.fitting.fit import Fit
 from rsgen.identification.fitting.least_squares import Alternative
-from rsgen.identification.fitting.observed import MISSING_TERMS
 from rsgen.identification.identify import fit_all_harmonics
 from rsgen.identification.judge import prepare
 from rsgen.identification.results.alternatives import Alternatives, weight_of
 from rsgen.identification.starting.start import start_fit
-from rsgen.identification.terms import fit_missing_terms
+from rsgen.identification.terms import MISSING_TERMS, fit_missing_terms
 from rsgen.report.page_tables import alternative_table
 from rsgen.report.result_json import comparison_entry, result_text
 from rsgen.report.wording.sentences import sentence

@@ -11,9 +11,8 @@ squares eliminates. Noise is taken as proportional to the size of force and fund
 
 from __future__ import annotations
 
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from itertools import count
 from typing import Any
 
 import numpy as np
@@ -378,16 +377,6 @@ class Problem:
     def compared(self, predicted: tuple[int, ...]) -> tuple[int, ...]:
         """Return the measured ones of the ``predicted`` harmonics, without the fundamental."""
         return tuple(h for h in self.observed.recorded if h in predicted and h != 1)
-
-
-MISSING_TERMS = ("x*abs(x)", "x**3", "x**5", "v*abs(v)", "v**3", "sign(v)")
-"""Terms that a law may lack: the commonest nonlinear springs and dampers, which approximate others."""
-
-
-def with_coefficients(terms: Sequence[str], taken: Collection[str]) -> dict[str, str]:
-    """Return each term times a parameter of a new name, by that name."""
-    free = (name for i in count() if (name := f"term{i}") not in taken)
-    return {name: f"{name}*({term})" for name, term in zip(free, terms, strict=False)}
 
 
 # ----------------------------------------------------------------------------

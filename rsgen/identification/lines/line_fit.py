@@ -54,11 +54,16 @@ from rsgen.identification.fitting.least_squares import (
     determined,
     summarise,
 )
-from rsgen.identification.fitting.observed import with_coefficients
 from rsgen.identification.lines.line_balance import Balance, BalanceNoise, SpectralLines
 from rsgen.identification.starting.search import search_values
 from rsgen.identification.starting.start import neighbours
-from rsgen.identification.terms import LARGEST, joint_alternatives, larger_backgrounds, unfixed_terms
+from rsgen.identification.terms import (
+    LARGEST,
+    joint_alternatives,
+    larger_backgrounds,
+    unfixed_terms,
+    with_coefficients,
+)
 from rsgen.law.element import Element, make_element
 from rsgen.law.motion import Motion
 from rsgen.law.numeric import DECADES, ForceLaw, natural_sizes
@@ -275,13 +280,7 @@ def jackknife(found: Regression, group: NDArray[np.intp]) -> Array:
 
     It holds for points that are not independent within a group, and is exact for linear models: CR3 of
     Cameron and Miller, J. Human Resources 50, 2015.
-
-    Parameters
-    ----------
-    found
-        The linearised fit of all points.
-    group
-        (n,) number of the group of each point.
+    ``found`` is the linearised fit of all points, ``group`` (n,) the number of the group of each.
     """
     basis, rows, residual = found.basis, found.rows[found.used], found.residual[found.used]
     group = group[found.used]

@@ -19,6 +19,7 @@ from rsgen.common.tolerances import (
     MIN_MISFIT_REDUCTION,
     MIN_SIGNIFICANT_GAIN,
     MISFIT_DOUBTFUL,
+    MISFIT_DOUBTFUL_WITHOUT_PATTERN,
     MISFIT_NEGLIGIBLE,
     MISFIT_REJECTED,
     NOISE_LIMIT_SIGMAS,
@@ -364,9 +365,9 @@ def _misfit_findings(
     # a misfit of exact data exceeds the noise, which is zero there
     if _is_noise(fit, others) or misfit < MISFIT_NEGLIGIBLE:
         # scatter of the periods is in every interval, so that noise alone is doubted late
-        limits = (RELATIVE_ERROR_DOUBTFUL, MISFIT_REJECTED) if one_period else (MISFIT_REJECTED, inf)
+        limits = (MISFIT_DOUBTFUL_WITHOUT_PATTERN, MISFIT_REJECTED) if one_period else (MISFIT_REJECTED, inf)
         large = Finding("misfit-large", severity_of(misfit, *limits), numbers=quantities(misfit=misfit))
-        return [*found, large] if misfit > RELATIVE_ERROR_DOUBTFUL else found
+        return [*found, large] if misfit > MISFIT_DOUBTFUL_WITHOUT_PATTERN else found
     severity = severity_of(misfit, MISFIT_DOUBTFUL, MISFIT_REJECTED)
     size = quantities(misfit=misfit, **({} if one_period else {"times": ratio}))
     parts = quantities(wider=widening, groups=int(band_parts(fit.lines).max()) + 1)

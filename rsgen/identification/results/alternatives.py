@@ -15,7 +15,6 @@ import numpy as np
 from rsgen.common.arrays import Array
 from rsgen.common.finding import Finding, Quantity, Severity, quantities
 from rsgen.common.tolerances import (
-    CONFIDENCE_LEVEL,
     MISFIT_NEGLIGIBLE,
     MISFIT_OF_NOISE,
     NOISE_LIMIT_SIGMAS,
@@ -27,12 +26,15 @@ from rsgen.common.tolerances import (
 from rsgen.data.oscillator import BACKGROUNDS
 from rsgen.identification.fitting.least_squares import Alternative
 
+CHANCE_OF_ALTERNATIVE = 0.05
+"""Noise that gives an alternative of several columns its gain more often than this does not count for it."""
+
 
 def weight_of(one: Alternative) -> float:
     """Return the weight of an alternative: of one column its likelihood over the sum of both; of several,
     whose shifts noise alone makes large, 1 where noise has such a gain less than once in twenty, else 0.
     """
-    return 1 / (1 + exp(-one.gain / 2)) if one.columns == 1 else float(one.exceeds(1 - CONFIDENCE_LEVEL))
+    return 1 / (1 + exp(-one.gain / 2)) if one.columns == 1 else float(one.exceeds(CHANCE_OF_ALTERNATIVE))
 
 
 def spread_between(others: Iterable[Alternative], values: Array, error: Array) -> Array:
@@ -94,7 +96,7 @@ class Alternatives:
             wider = {
                 name: float(np.max(spread_between([one], values, self.error)))
                 for name, one in of_kind.items()
-                if one.exceeds(1 - CONFIDENCE_LEVEL)
+                if one.exceeds(CHANCE_OF_ALTERNATIVE)
             }
             name = max(wider, key=wider.__getitem__, default="")
             if name and wider[name] > 1:

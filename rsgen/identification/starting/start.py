@@ -34,6 +34,7 @@ from rsgen.common.tolerances import (
     START_HARMONICS,
     SUBSAMPLE_POINTS,
     TRIAL_POINTS,
+    deviation_of_median,
     samples_for,
 )
 from rsgen.data.surface import ResponseSurface
@@ -378,7 +379,7 @@ def _linear_start(points: Points, law: ForceLaw, fixed: Mapping[str, float], ord
     for _ in range(3):
         solution = solve_equations(equations, law, fixed)
         misfit = point_misfit(replace(equations, weight=weight), law, solution)
-        typical = max(1.4826 * float(np.median(misfit)), MISFIT_DOUBTFUL)
+        typical = max(deviation_of_median(float(np.median(misfit))), MISFIT_DOUBTFUL)
         factor = 1 / np.maximum(1.0, misfit / (_MAX_MISFIT_RATIO * typical)) ** 2
         if np.count_nonzero(factor < 0.25) <= 0.002 * len(points):
             break
