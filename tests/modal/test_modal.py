@@ -324,3 +324,15 @@ def test_the_right_law_lies_on_the_table_whose_motions_have_higher_harmonics():
     model = measured_backbone(found, table.amplitude)
     # describing functions are of sines, whose frequencies are up to 0.6 % lower
     np.testing.assert_allclose(model.frequency, table.frequency, rtol=5e-4)
+
+
+def test_a_curve_ends_where_the_table_ends_and_its_peak_is_not_known():
+    table = rsgen.modal_table(SURFACE)
+    low, high = table.amplitude[[0, -1]]
+    top = SURFACE.levels[-1]
+    for level, ends in ((0.9 * top, False), (1.5 * top, True)):
+        predicted = rsgen.predict(table, level)
+        assert predicted.curves[0].rises_at_end is ends
+        assert [found.names["by"] for found in predicted.findings] == ["table"] * ends
+    assert high == pytest.approx(SURFACE.amplitude.max(), rel=0.02)
+    assert low < high

@@ -76,7 +76,7 @@ class ResonanceCurve:
 
     @property
     def rises_at_end(self) -> bool:
-        """True if the highest point is where the curve leaves the band: its peak lies beyond."""
+        """True if the highest point is where the curve leaves the band or a table: its peak lies beyond."""
         top = int(np.nanargmax(self.amplitude))
         ends = np.pad(self.frequency, 1, constant_values=np.nan)[[top, top + 2]]
         return bool(np.isnan(ends).any())
@@ -198,7 +198,7 @@ class Prediction(Printed):
             if len(curve.frequency):
                 top = int(np.nanargmax(curve.amplitude))
                 highest = [short(float(curve.amplitude[top])), short(float(curve.frequency[top]))]
-                highest[1] += ", end of the band" if curve.rises_at_end else ""
+                highest[1] += ", where it ends" if curve.rises_at_end else ""
                 # the flanks of a curve lie below every tested amplitude, whatever its level
                 extrapolated = "yes" if curve.extrapolated[top] else "no"
             folds = ", ".join(f"{frequency:.5g}" for frequency in sorted(curve.folds[:, 0]))

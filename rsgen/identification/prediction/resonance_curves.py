@@ -125,6 +125,10 @@ def _resonant_ranges(
 
 _BRANCH_POINTS = 161
 
+_MAX_GAP_AT_PEAK = 0.3
+"""Distance in frequency of both sides at the end of a branch, relative to that at half power: a peak that is
+cut off less than 4 % below its top is one."""
+
 _FREQUENCY_MARGIN = 0.05
 """Relative extension of the curves beyond the tested frequencies."""
 
@@ -319,6 +323,10 @@ def _findings(
         numbers = {"level": Quantity(curve.level, curve.level_unit), "high": Quantity(tested[1], "m")}
         if len(curve.frequency) == 0:
             findings.append(Finding("no-steady-state", "warning", numbers={"level": numbers["level"]}))
+        elif found.fit is None and curve.rises_at_end and np.isfinite(tested[1]):
+            findings.append(
+                Finding("prediction-extrapolated", "warning", numbers=numbers, names={"by": "table"})
+            )
         elif np.any(curve.extrapolated & (curve.amplitude > tested[1])):
             run = _points_under(found, curve.level)
             if run is None:
@@ -444,14 +452,20 @@ def _at_sensor(
 def _branches(
     balance: AmplitudeBalance, level: float, span: tuple[float, float], window: tuple[float, float]
 ) -> list[tuple[Array, Array]]:
-    """Return the points (omega, X) of a curve between two amplitudes: up on the left, down on the right."""
+    """Return the points (omega, X) of a curve between two amplitudes: up on the left, down on the right.
+
+    Both sides meet at a peak; at the end of a modal table they do not.
+    """
     blend = (1 - np.cos(np.linspace(0, np.pi, _BRANCH_POINTS))) / 2
-    size = span[0] + (span[1] - span[0]) * blend
-    left, right = (balance.frequencies(size, level, side) for side in (-1, 1))
+    sizes = span[0] + (span[1] - span[0]) * blend
+    left, right = (balance.frequencies(sizes, level, side) for side in (-1, 1))
     omega = np.concatenate([left, right[::-1]])
-    size = np.concatenate([size, size[::-1]])
+    size = np.concatenate([sizes, sizes[::-1]])
     inside = np.isfinite(omega) & (omega >= window[0]) & (omega <= window[1])
     cut = np.flatnonzero(np.diff(inside.astype(int)) != 0) + 1
+    distance = np.abs(right - left)
+    if distance[-1] > _MAX_GAP_AT_PEAK * distance[np.searchsorted(sizes, HALF_POWER * sizes[-1])]:
+        cut = np.union1d(cut, [len(left)])
     pieces = [rows for rows in np.split(np.arange(len(omega)), cut) if len(rows) > 1 and inside[rows[0]]]
     return [(omega[rows], size[rows]) for rows in pieces]
 
