@@ -176,6 +176,7 @@ class Records(ABC):
     def select(self, chosen: Sequence[int] | NDArray[np.bool_] | NDArray[np.intp]) -> Self:
         """Return some of the records, by a boolean mask (r,) or an index array."""
         rows = np.asarray(chosen)
+        # both kinds of records are dataclasses, which this class does not say
         values: dict[str, Any] = {one.name: getattr(self, one.name) for one in fields(self)}  # type: ignore[arg-type]
         for name in self.columns:
             column = values[name]
@@ -189,6 +190,7 @@ class Records(ABC):
         """Return the test with forces [N] on a mass m [kg], if they are per mass; unchanged if m is NaN."""
         if not (self.per_mass and np.isfinite(mass)):
             return self
+        # a dataclass, as in ``select``
         return replace(self, force=mass * self.signals["force"], per_mass=False)  # type: ignore[type-var]
 
 
