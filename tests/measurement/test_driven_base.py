@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 import rsgen as rs
+from rsgen.data.surface.plausibility import base_findings
 from rsgen.files import MeasuredTest, Signal, read_measurement
 from rsgen.files.signals import BaseRule
 from tests.case_files import MEASURED, Changes, write_small
@@ -68,6 +69,23 @@ def test_what_was_misread_of_a_driven_base_is_named(tmp_path, recorded, said, mi
         assert finding["then"] < 1e-6
         if mistake == "reference":
             assert finding.names["response"] == recorded
+
+
+def test_a_reversed_base_below_a_stop_is_named_as_reversed():
+    # the largest motion of a spring with a stop at 0.35 mm, per unit mass; powers of the amplitude miss it
+    # by 2 %; an exchanged response, so small that any law fits it, looked best, and then another quantity
+    frequency, level = np.tile(np.linspace(17, 31, 15), 2), np.repeat([2.0, 4.0], 15)
+    omega, size = 2 * np.pi * frequency, np.geomspace(1e-6, 2e-2, 20_000)
+    inside = np.fmin(1, 3.5e-4 / size)
+    touched = 1 - 2 / np.pi * (np.arcsin(inside) + inside * np.sqrt(1 - inside**2))
+    dynamic = 2e4 + 4.6e4 * touched - (omega**2 - 2.93j * omega)[:, None]
+    z = [level[i] / row[np.flatnonzero(np.abs(row) * size < level[i])[-1]] for i, row in enumerate(dynamic)]
+    seen = np.array(z) + 2 * level / omega**2
+    surface = rs.ResponseSurface(
+        level=level, frequency=frequency, force=-level, harmonics=np.stack([0 * seen, seen], 1)
+    )
+    (found,) = base_findings(surface, absolute=True, senses=False)
+    assert (found.code, found.names["is"]) == ("base-misread", "sign")
 
 
 @pytest.mark.parametrize("recorded", ["absolute", "relative"])

@@ -366,7 +366,8 @@ def base_findings(surface: ResponseSurface, *, absolute: bool, senses: bool) -> 
     omega = surface.omega[rows]
     base = surface.force[rows] / omega**2
     response = surface.harmonics[rows, 1] + (base if absolute else 0)
-    misfit, passive = _fit(base, response, omega, absolute, powers)
+    as_read = (base, response, absolute)
+    misfit, passive = _fit(*as_read, omega, powers)
     if passive and misfit < MISFIT_DOUBTFUL:
         return ()
     readings = {
@@ -380,19 +381,19 @@ def base_findings(surface: ResponseSurface, *, absolute: bool, senses: bool) -> 
             "sense-base": (np.conj(base), response, absolute),
             "sense-both": (np.conj(base), np.conj(response), absolute),
         } | readings
-    fits = {name: _fit(x_b, x, omega, kind, powers) for name, (x_b, x, kind) in readings.items()}
+    fits = {name: _fit(*reading, omega, powers) for name, reading in readings.items()}
     sound = {name: left for name, (left, positive) in fits.items() if positive and left < MISFIT_DOUBTFUL}
-    best = min(sound, key=lambda name: sound[name], default="")
+    # next to the inertia of the base any law fits an exchanged response, which is far too small
+    compared = {name: readings[name] for name in sound} or {"": as_read}
+    of_law = {name: _fit(*reading, omega, powers, of_law=True)[0] for name, reading in compared.items()}
+    least = min(of_law.values())
     scaled = _scale_findings(base, response, omega, absolute, powers)
-    if scaled:
-        x_b, x, kind = readings.get(best, (base, response, absolute))
-        of_law, _ = _fit(x_b, x, omega, kind, powers, of_law=True)
-        if scaled[0]["then"] < _MAX_MISFIT_RATIO * of_law:
-            return scaled
+    if scaled and scaled[0]["then"] < _MAX_MISFIT_RATIO * least:
+        return scaled
+    # without a phase of its own the base has no sense: the first reading that is as good is taken
+    best = next(name for name in of_law if of_law[name] <= _MAX_MISFIT_RATIO_IMPASSIVE * least)
     if not best or sound[best] > (_MAX_MISFIT_RATIO if passive else _MAX_MISFIT_RATIO_IMPASSIVE) * misfit:
         return ()
-    # without a phase of its own the base has no sense: the first reading that is as good is taken
-    best = next(name for name in sound if sound[name] < _MAX_MISFIT_RATIO_IMPASSIVE * sound[best])
     numbers = {"misfit": Quantity(misfit), "then": Quantity(sound[best])}
     names = {"is": best, "response": "relative" if absolute else "absolute"}
     return (Finding("base-misread", "error", "", numbers, names),)
@@ -406,13 +407,13 @@ def _scale_findings(
     Misfits are relative to the force of the law: next to the inertia of the base any law would fit a response
     that is far too small.
     """
-    misfit, _ = _fit(base, response, omega, absolute, powers, of_law=True)
+    misfit, _ = _fit(base, response, absolute, omega, powers, of_law=True)
     scales = _UNIT_FACTORS | _AMPLITUDE_FACTORS
     factors = [(name, by**sign, 0) for name, by in scales.items() for sign in (1, -1)]
     units = (1.0, *(by**sign for by in _UNIT_FACTORS.values() for sign in (1, -1)))
     factors += [("quantity", by, order) for order in (-2, -1, 1, 2) for by in units]
     fits = [
-        _fit(base, by * (1j * omega) ** order * response, omega, absolute, powers, of_law=True)
+        _fit(base, by * (1j * omega) ** order * response, absolute, omega, powers, of_law=True)
         for _, by, order in factors
     ]
     limit = min(MISFIT_DOUBTFUL, _MAX_MISFIT_RATIO * misfit)
@@ -424,16 +425,15 @@ def _scale_findings(
     if not sound:
         return ()
     then, name, by, order = min(sound)
-    numbers = {"misfit": Quantity(misfit), "then": Quantity(then), "by": Quantity(by)}
-    numbers |= {"order": Quantity(order)} if order else {}
+    numbers = quantities(misfit=misfit, then=then, by=by) | (quantities(order=order) if order else {})
     return (Finding("base-misread", "error", "", numbers, {"is": name}),)
 
 
 def _fit(
     base: ComplexArray,
     response: ComplexArray,
-    omega: Array,
     absolute: bool,
+    omega: Array,
     powers: range,
     *,
     of_law: bool = False,
