@@ -461,5 +461,5 @@ def test_a_lost_worker_costs_its_own_case_only(tmp_path):
 @pytest.mark.parametrize("value", ["first", "second"])
 def test_a_worker_has_the_settings_of_its_own_time(value, monkeypatch):
     monkeypatch.setenv("RSGEN_PROBE", value)
-    with local_workers(1, None) as executor:
-        assert executor.submit(os.getenv, "RSGEN_PROBE").result(60) == value
+    with local_workers(1, None) as submit:
+        assert submit(os.getenv, "RSGEN_PROBE").result(60) == value

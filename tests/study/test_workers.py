@@ -1,94 +1,85 @@
 """Processes that cannot be begun, or end while they have nothing to do."""
 
-from collections.abc import Callable, Iterator
+import os
+from collections.abc import Callable, Sequence
 from concurrent.futures import Future
 from concurrent.futures.process import BrokenProcessPool
 
 import pytest
 
-from rsgen.app.study.many_cases import _outcome, _Processes, local_workers
+from rsgen.app.study.many_cases import _outcome, local_workers
 from rsgen.cases import load_case
 from tests.study.test_study import write_case
 
 
 class Pool:
-    """A pool of one process that answers when it is told to, or whose process is gone."""
+    """A pool of one process: each answer is a value, or a fault of the process, which then is gone."""
 
-    def __init__(self) -> None:
-        self.gone = False
-        self.waiting: list[tuple[Future, Callable]] = []
+    def __init__(self, answers: Sequence[object]) -> None:
+        self.answers = list(answers)
 
-    def submit(self, call: Callable) -> Future:
-        if self.gone:
-            raise BrokenProcessPool("its process was ended")
-        self.waiting.append((Future(), call))
-        return self.waiting[-1][0]
-
-    def answer(self) -> None:
-        future, call = self.waiting.pop(0)
-        future.set_result(call())
+    def submit(self, call: Callable, *args: object) -> Future:
+        future: Future = Future()
+        if call is os.getpid:
+            return future
+        answer = self.answers.pop(0)
+        if isinstance(answer, Exception):
+            future.set_exception(answer)
+        else:
+            future.set_result(answer)
+        return future
 
     def shutdown(self, **how: bool) -> None:
         pass
 
 
-def _beginning(*pools: Pool | Exception) -> Callable[[], Pool]:
-    given: Iterator[Pool | Exception] = iter(pools)
-
-    def begin() -> Pool:
-        pool = next(given)
-        if isinstance(pool, Exception):
-            raise pool
-        return pool
-
-    return begin
+KILLED = BrokenProcessPool("killed")
 
 
-def test_a_process_that_cannot_be_begun_leaves_its_calls_to_the_others():
-    pool = Pool()
-    workers = _Processes(2, _beginning(pool, OSError("too many open files")))
-    futures = [workers.submit(str, number) for number in range(3)]
-    for _ in futures:
-        pool.answer()
-    assert [future.result(timeout=0) for future in futures] == ["0", "1", "2"]
+@pytest.fixture
+def answers(monkeypatch):
+    """Let pools be given ones: answers, or why it cannot be begun; give what three calls came to."""
+
+    def run(number: int, *pools: Sequence[object] | Exception) -> list[object]:
+        given = iter(pools)
+
+        def begin(*args: object, **keys: object) -> Pool:
+            pool = next(given)
+            if isinstance(pool, Exception):
+                raise pool
+            return Pool(pool)
+
+        monkeypatch.setattr("rsgen.app.study.many_cases.ProcessPoolExecutor", begin)
+        with local_workers(number, None) as submit:
+            futures = [submit(str, call) for call in range(3)]
+            return [future.exception(5) or future.result(5) for future in futures]
+
+    return run
 
 
-def test_where_no_process_can_be_begun_every_call_says_so(tmp_path):
-    workers = _Processes(2, _beginning(*[RuntimeError("can't start new thread"), OSError("no semaphores")]))
-    futures = [workers.submit(str, number) for number in range(2)]
-    assert [type(future.exception(timeout=0)) for future in futures] == [RuntimeError, OSError]
-    path = write_case(tmp_path)
-    (fault,) = _outcome(futures[1], load_case(path)).faults
+def test_a_process_that_cannot_be_begun_leaves_its_calls_to_the_others(answers):
+    assert answers(2, ["a", "b", "c"], OSError("too many open files")) == ["a", "b", "c"]
+
+
+def test_where_no_process_can_be_begun_every_call_says_so(answers, tmp_path):
+    found = answers(2, RuntimeError("can't start new thread"), *[OSError("no semaphores")] * 3)
+    assert [str(fault) for fault in found] == ["no semaphores"] * 3
+    path, future = write_case(tmp_path), Future()
+    future.set_exception(found[0])
+    (fault,) = _outcome(future, load_case(path)).faults
     assert fault == f"{path}: no process could be begun for it; try it with --jobs 1 (OSError: no semaphores)"
 
 
-def test_a_process_that_ended_while_idle_is_replaced():
-    pools = [Pool(), Pool()]
-    workers = _Processes(1, _beginning(*pools))
-    first = workers.submit(str, 1)
-    pools[0].answer()
-    pools[0].gone = True
-    second = workers.submit(str, 2)
-    pools[1].answer()
-    assert [future.result(timeout=0) for future in (first, second)] == ["1", "2"]
-
-
-def test_the_last_of_two_processes_keeps_its_place():
-    """A call waits for the process that works, and gets a new one when that is lost."""
-    pools = [Pool(), Pool()]
-    workers = _Processes(2, _beginning(pools[0], OSError("no"), pools[1]))
-    futures = [workers.submit(str, number) for number in range(2)]
-    pools[0].waiting.pop()[0].set_exception(BrokenProcessPool("killed"))
-    for _ in futures:
-        pools[1].answer()
-    assert [future.result(timeout=0) for future in futures] == ["0", "1"]
+def test_a_call_whose_process_is_lost_gets_a_second_one_and_no_third(answers):
+    assert answers(1, ["a", KILLED], ["b", "c"]) == ["a", "b", "c"]
+    assert answers(1, [KILLED], [KILLED], ["b", "c"]) == [KILLED, "b", "c"]
 
 
 @pytest.mark.slow
 def test_processes_lay_nothing_into_the_temporary_folder(tmp_path, monkeypatch):
     monkeypatch.setattr("tempfile.tempdir", str(tmp_path))
-    with local_workers(1, None) as executor:
-        assert executor.submit(len, "one").result(60) == 3
+    with local_workers(1, None) as submit:
+        assert submit(len, "one").result(60) == 3
         assert list(tmp_path.iterdir()) == []
 
 

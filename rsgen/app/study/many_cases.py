@@ -12,10 +12,16 @@ import threading
 import time
 from collections import deque
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from concurrent.futures import FIRST_COMPLETED, BrokenExecutor, Executor, Future, ProcessPoolExecutor, wait
+from concurrent.futures import (
+    FIRST_COMPLETED,
+    BrokenExecutor,
+    Future,
+    ProcessPoolExecutor,
+    ThreadPoolExecutor,
+    wait,
+)
 from contextlib import contextmanager, suppress
-from dataclasses import dataclass, replace
-from functools import partial
+from dataclasses import replace
 from multiprocessing.connection import Connection
 from multiprocessing.queues import SimpleQueue
 from pathlib import Path
@@ -126,111 +132,17 @@ def _beginning(share: int) -> Iterator[None]:
             del os.environ[name]
 
 
-@dataclass(frozen=True, slots=True)
-class _Task:
-    """A call, the future that its submitter has, and how many workers it has cost."""
-
-    future: Future[Any]
-    call: Callable[[], Any]
-    lost: int = 0
-
-
-class _Processes(Executor):
-    """Processes of this machine, each a pool of its own, so that one that dies takes no other case along.
-
-    A call whose process dies is tried once more; then its future has the exception.
-
-    Parameters
-    ----------
-    number
-        Processes at a time.
-    begin
-        Makes a pool of one process.
-    """
-
-    def __init__(self, number: int, begin: Callable[[], ProcessPoolExecutor]) -> None:
-        self._begin = begin
-        self._idle: list[ProcessPoolExecutor | None] = [None] * number
-        self._busy: set[ProcessPoolExecutor] = set()
-        self._waiting: deque[_Task] = deque()
-        self._closed = False
-        self._lock = threading.RLock()
-
-    def submit(self, fn: Callable[..., Any], /, *args: Any, **kwargs: Any) -> Future[Any]:
-        task = _Task(Future(), partial(fn, *args, **kwargs))
-        self._waiting.append(task)
-        self._next()
-        return task.future
-
-    def _next(self) -> None:
-        with self._lock:
-            while self._idle and self._waiting and not self._closed:
-                idle, task = self._idle.pop(), self._waiting.popleft()
-                try:
-                    pool, inner = self._given(idle, task.call)
-                except (OSError, RuntimeError) as fault:
-                    if self._busy:
-                        # no further process can be started; queue the call for an existing worker
-                        self._waiting.appendleft(task)
-                    else:
-                        self._idle.append(None)
-                        task.future.set_exception(fault)
-                    continue
-                self._busy.add(pool)
-                inner.add_done_callback(partial(self._done, pool, task))
-
-    def _given(
-        self, idle: ProcessPoolExecutor | None, call: Callable[[], Any]
-    ) -> tuple[ProcessPoolExecutor, Future[Any]]:
-        """Return a call to an idle pool; to a new one where its process was ended meanwhile."""
-        if idle is not None:
-            with suppress(BrokenExecutor):
-                return idle, idle.submit(call)
-            idle.shutdown(wait=False)
-        pool = self._begin()
-        return pool, pool.submit(call)
-
-    def _done(self, pool: ProcessPoolExecutor, task: _Task, inner: Future[Any]) -> None:
-        """Pass on what became of a call; it runs in a thread of the pool."""
-        lost = isinstance(inner.exception(), BrokenExecutor)
-        with self._lock:
-            self._busy.discard(pool)
-            self._idle.append(None if lost else pool)
-            again = lost and task.lost < _ATTEMPTS - 1 and not self._closed
-            if again:
-                self._waiting.appendleft(replace(task, lost=task.lost + 1))
-        if lost:
-            pool.shutdown(wait=False)
-        if not again:
-            fault = inner.exception()
-            if fault is None:
-                task.future.set_result(inner.result())
-            else:
-                task.future.set_exception(fault)
-        self._next()
-
-    def close(self) -> None:
-        """Begin nothing any more, so that no worker that is ended from here on is replaced."""
-        with self._lock:
-            self._closed = True
-
-    def shutdown(self, wait: bool = True, *, cancel_futures: bool = False) -> None:
-        if cancel_futures:
-            self.close()
-        with self._lock:
-            pools = [*self._busy, *(pool for pool in self._idle if pool is not None)]
-        for pool in pools:
-            pool.shutdown(wait=wait, cancel_futures=cancel_futures)
-
-
 @contextmanager
-def local_workers(number: int, steps: list[SimpleQueue[Step]] | None) -> Iterator[Executor]:
-    """Return processes of this machine; when the block is left by a fault or Ctrl-C, they end within seconds.
+def local_workers(number: int, steps: list[SimpleQueue[Step]] | None) -> Iterator[Callable[..., Future[Any]]]:
+    """Return what submits a call to processes of this machine, each in a pool of its own.
+
+    A call whose process dies is tried once more, then its future has the exception; others go on. When the
+    block is left by a fault or Ctrl-C, the processes end within seconds.
 
     Parameters
     ----------
     number
-        Processes at a time.
+        Processes at a time; fewer where no more can be begun.
     steps
         Gets a queue from each process, in which that reports how far its case has come; None without a
         listener. A queue that all shared would stay locked by a process that is killed while it writes.
@@ -240,6 +152,8 @@ def local_workers(number: int, steps: list[SimpleQueue[Step]] | None) -> Iterato
     context = multiprocessing.get_context("spawn")
     theirs, ours = context.Pipe(duplex=False)
     share = max(1, (os.cpu_count() or 1) // number)
+    ended = threading.Event()
+    idle: deque[ProcessPoolExecutor | None] = deque()
 
     def begin() -> ProcessPoolExecutor:
         queue: SimpleQueue[Step] | None = None if steps is None else context.SimpleQueue()
@@ -253,16 +167,39 @@ def local_workers(number: int, steps: list[SimpleQueue[Step]] | None) -> Iterato
             pool.submit(os.getpid)
         return pool
 
-    executor = _Processes(number, begin)
+    def run(call: Callable[..., Any], *args: Any) -> Any:
+        pool, attempts = idle.pop(), 0
+        try:
+            while True:
+                pool = pool or begin()
+                try:
+                    return pool.submit(call, *args).result()
+                except BrokenExecutor:
+                    pool.shutdown(wait=False)
+                    pool, attempts = None, attempts + 1
+                    if ended.is_set() or attempts == _ATTEMPTS:
+                        raise
+        finally:
+            idle.append(pool)
+
+    with suppress(OSError, RuntimeError):
+        while len(idle) < number:
+            idle.append(begin())
+    idle.extend([] if idle else [None])
     try:
-        yield executor
-    except BaseException:
-        executor.close()
+        # a thread for each process waits for its answer
+        with ThreadPoolExecutor(len(idle)) as threads:
+            try:
+                yield lambda call, *args: threads.submit(run, call, *args)
+            except BaseException:
+                ended.set()
+                threads.shutdown(wait=False, cancel_futures=True)
+                ours.close()
+                raise
+    finally:
+        for pool in filter(None, idle):
+            pool.shutdown()
         ours.close()
-        executor.shutdown()
-        raise
-    executor.shutdown()
-    ours.close()
 
 
 def _sort(
@@ -323,10 +260,8 @@ def _spread(
     """Have all cases worked on; note each when it is finished."""
     steps: list[SimpleQueue[Step]] | None = None if progress is None else []
     try:
-        with local_workers(workers, steps) as executor:
-            futures = {
-                executor.submit(work, case, out.absolute(), settings): path for path, case in todo.items()
-            }
+        with local_workers(workers, steps) as submit:
+            futures = {submit(work, case, out.absolute(), settings): path for path, case in todo.items()}
             waiting = set(futures)
             while waiting:
                 done, waiting = wait(waiting, None if steps is None else PROGRESS_SECONDS, FIRST_COMPLETED)
