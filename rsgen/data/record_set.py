@@ -82,7 +82,7 @@ class Records(ABC):
 
     __slots__ = ()
     columns: ClassVar[tuple[str, ...]]
-    """Attributes with a row a record: arrays, dicts of arrays, or None."""
+    """Attributes with a row a record: arrays, dicts of arrays; or a number for all records, or None."""
 
     level: Array
     label: Array | None
@@ -182,7 +182,7 @@ class Records(ABC):
             column = values[name]
             if isinstance(column, Mapping):
                 values[name] = {key: lines[rows] for key, lines in column.items()}
-            elif column is not None:
+            elif np.ndim(column):
                 values[name] = column[rows]
         return type(self)(**values)
 

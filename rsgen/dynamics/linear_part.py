@@ -204,6 +204,6 @@ def background_of_lines(kind: str, spectra: MultisineSpectra, band: tuple[float,
     The force is that of excited lines; below the lowest one nothing drives, and terms keep their value there.
     """
     excited = spectra.excited()
-    lowest = 2 * np.pi * min(band[0], *spectra.frequency[excited.any(axis=0)])
-    omega = np.maximum(2 * np.pi * np.tile(spectra.frequency, len(spectra)), lowest)
+    lowest = min(2 * np.pi * band[0], *spectra.omega[excited])
+    omega = np.maximum(spectra.omega, lowest).reshape(-1)
     return background_terms(kind, omega, np.where(excited, np.abs(spectra.mean_force), 0).reshape(-1), band)

@@ -290,7 +290,7 @@ def _(
             "records": len(table),
             "periods": table.periods,
             "left_out": np.asarray(table.left_out).tolist(),
-            "line_spacing": finite_or_none(float(table.frequency[1])),
+            "line_spacing": finite_or_none(table.spacing[0]),
             "levels": numbers_or_none(table.level),
             "rms_force": numbers_or_none(table.rms_force()),
             "rms_response": numbers_or_none(table.rms_response()),

@@ -25,7 +25,7 @@ from rsgen.data.history.record import (
     name_levels,
 )
 from rsgen.data.multisine.spectra import MultisineSpectra, rms
-from rsgen.data.record_set import BASE_UNITS, DERIVATIVE
+from rsgen.data.record_set import BASE_UNITS, DERIVATIVE, FILE_ROUND_OFF
 from rsgen.data.surface.plausibility import LEVEL_TOLERANCE
 
 _MIN_RATIO_TO_BEST = 0.995
@@ -86,7 +86,8 @@ def from_multisine(
 ) -> MultisineSpectra:
     """Return the spectra of a test from records of a periodic multisine, one a level and realisation.
 
-    Velocity and acceleration are integrated line by line, X = V/(i omega) = -A/omega^2; they have no mean.
+    Rates and periods may differ from record to record. Velocity and acceleration are integrated line by line,
+    X = V/(i omega) = -A/omega^2; they have no mean.
 
     Parameters
     ----------
@@ -105,28 +106,31 @@ def from_multisine(
     Raises
     ------
     MeasurementError
-        A force does not repeat, records have different rates, periods or quantities, fewer than two settled
-        periods are left, or the response does not settle to a periodic one.
+        A force does not repeat, records have different quantities, fewer than two settled periods are left,
+        or the response does not settle to a periodic one.
     """
     records = as_histories(histories, "multisine")
     first = records[0]
     for record in records:
-        if abs(record.rate / first.rate - 1) > 1e-9 or record.quantity != first.quantity:
+        if record.quantity != first.quantity:
             raise MeasurementError(
-                f"{record.label}: {record.quantity} at {record.rate:.10g} Hz; {first.label} has "
-                f"{first.quantity} at {first.rate:.10g} Hz; records of one test need the same"
+                f"{record.label}: {record.quantity}; {first.label} has {first.quantity}; records of one test "
+                "need the same"
             )
-    length = _common_period(records, period)
-    cut = [_periods(record, length) for record in (*records, *across)]
+    lengths = _period_lengths(records, period)
+    cut = [_periods(*pair) for pair in zip((*records, *across), lengths * 2, strict=False)]
     found = [_transient(one, x, transient) for one, (_, x) in zip((*records, *across), cut, strict=True)]
     left = np.reshape(found, (-1, len(records))).max(axis=0)
     settled = min(len(force) - out for (force, _), out in zip(cut, left, strict=False))
-    omega0 = 2 * np.pi * first.rate / length
-    rate: ComplexArray = np.asarray(1j * omega0 * np.arange(length // 2 + 1), dtype=np.complex128)
-    rate[0] = 1.0
-    force = np.stack([f[len(f) - settled :] for f, _ in cut[: len(records)]])
+    omega0 = 2 * np.pi * np.array([record.rate for record in records]) / lengths
+    equal = len(set(lengths)) == 1 and np.allclose(omega0, omega0[0], rtol=FILE_ROUND_OFF, atol=0.0)
+    # (r, H+1), as many lines as the longest period has
+    rate: ComplexArray = 1j * np.multiply.outer(omega0, np.arange(max(lengths) // 2 + 1))
+    rate[:, 0] = 1.0
+    force = _stack([f for f, _ in cut[: len(records)]], settled, rate.shape[1])
     response, *others = (
-        np.stack([x[len(x) - settled :] for _, x in part]) / rate ** DERIVATIVE[part_of[0].quantity]
+        _stack([x for _, x in part], settled, rate.shape[1])
+        / rate[:, None] ** DERIVATIVE[part_of[0].quantity]
         for part, part_of in ((cut[: len(records)], records), (cut[len(records) :], across))
         if part
     )
@@ -136,17 +140,18 @@ def from_multisine(
     copies = _copies(records, force.mean(axis=1), response.mean(axis=1), rate)
     typical = rms(force.mean(axis=1))
     levels = name_levels([(record.level, float(one)) for record, one in zip(records, typical, strict=True)])
-    step = Quantity(omega0 / 2 / np.pi, "Hz")
-    numbers = quantities(samples=length, periods=settled, left_out=int(left.max()), step=step)
     known = "found" if period is None else "given"
     findings = [f for record in records for f in record.findings]
     findings += [*copies, *_level_findings(records, typical, levels, BASE_UNITS[base])]
     if transient is None:
-        findings += _unsettled(records, length)
-    findings.append(Finding("multisine-periods", "info", numbers=numbers, names={"period": known}))
+        findings += _unsettled(records, lengths)
+    for length, omega in sorted({*zip(lengths, omega0[:1] if equal else omega0, strict=False)}):
+        step = Quantity(float(omega) / 2 / np.pi, "Hz")
+        numbers = quantities(samples=length, periods=settled, left_out=int(left.max()), step=step)
+        findings.append(Finding("multisine-periods", "info", numbers=numbers, names={"period": known}))
     return MultisineSpectra(
         level=levels,
-        omega0=omega0,
+        omega0=float(omega0[0]) if equal else omega0,
         force=force,
         response=response,
         mean_known=mean_known,
@@ -156,6 +161,12 @@ def from_multisine(
         base=base,
         across=others[0] if others else None,
     )
+
+
+def _stack(spectra: Sequence[ComplexArray], settled: int, lines: int) -> ComplexArray:
+    """Return the last ``settled`` periods of spectra (p, H+1), with zeros as the lines that they lack."""
+    rows = [np.pad(one[len(one) - settled :], ((0, 0), (0, lines - one.shape[1]))) for one in spectra]
+    return np.stack(rows)
 
 
 def _level_findings(
@@ -177,10 +188,13 @@ def _level_findings(
     return []
 
 
-def _unsettled(records: Sequence[TimeHistory], length: int) -> list[Finding]:
+def _unsettled(records: Sequence[TimeHistory], lengths: Sequence[int]) -> list[Finding]:
     """Return a finding about records of two periods, where only a short transient can be seen."""
-    short, decaying = [record for record in records if len(record) // length <= _MIN_PERIODS], []
-    for record in short:
+    short, decaying = [], []
+    for record, length in zip(records, lengths, strict=True):
+        if len(record) // length > _MIN_PERIODS:
+            continue
+        short.append(record)
         signal = np.asarray(record.response[len(record) - _MIN_PERIODS * length :], dtype=np.float64)
         change, quarter = signal[length:] - signal[:length], max(length // 4, 1)
         early, late = (float(np.sqrt(np.mean(part**2))) for part in (change[:quarter], change[-quarter:]))
@@ -198,9 +212,9 @@ def _copies(
 ) -> list[Finding]:
     """Return findings about records whose response, or a derivative, is the force times a number."""
     findings = []
-    for record, one, other in zip(records, force[:, 1:], response[:, 1:], strict=True):
+    for record, one, other, by_rate in zip(records, force[:, 1:], response[:, 1:], rate[:, 1:], strict=True):
         for power in DERIVATIVE.values():
-            moved = other * rate[1:] ** power
+            moved = other * by_rate**power
             size = float(np.linalg.norm(one) * np.linalg.norm(moved))
             if size > 0 and abs(complex(np.vdot(one, moved))) > (1 - _MIN_DIFFERENCE_OF_COPY) * size:
                 findings.append(Finding("response-copies-force", "doubt", names={"record": record.label}))
@@ -208,26 +222,17 @@ def _copies(
     return findings
 
 
-def _common_period(records: Sequence[TimeHistory], period: int | None) -> int:
-    """Return the samples of a period of all records: as given, checked, or found."""
-    if period is not None:
-        if not 2 <= period <= min(len(record) for record in records) // _MIN_PERIODS:
-            raise MeasurementError(
-                f"multisine: a period of {period} samples; {records[0].label} has {len(records[0])}: at "
-                f"least {_MIN_PERIODS} periods are needed"
-            )
-        for record in records:
-            _check_repeats(record, period)
-        return period
-    lengths = [find_period(np.asarray(record.reference), record.label) for record in records]
+def _period_lengths(records: Sequence[TimeHistory], period: int | None) -> list[int]:
+    """Return the samples of a period of each record: as given, or found; checked."""
+    if period is not None and not 2 <= period <= min(len(record) for record in records) // _MIN_PERIODS:
+        raise MeasurementError(
+            f"multisine: a period of {period} samples; {records[0].label} has {len(records[0])}: at "
+            f"least {_MIN_PERIODS} periods are needed"
+        )
+    lengths = [period or find_period(np.asarray(record.reference), record.label) for record in records]
     for record, length in zip(records, lengths, strict=True):
-        if length != lengths[0]:
-            raise MeasurementError(
-                f"{record.label}: a period has {length} samples, in {records[0].label} {lengths[0]}; records "
-                "of one test need the same period"
-            )
         _check_repeats(record, length)
-    return lengths[0]
+    return lengths
 
 
 def _check_repeats(record: TimeHistory, length: int) -> None:

@@ -44,12 +44,11 @@ def implausible(spectra: MultisineSpectra, *, mass: float = nan, damping: float 
     """
     first, last = (end[:, None] for end in spectra.reach())
     taken = (spectra.lines >= first) & (spectra.lines <= last)
-    motion = np.where(taken, spectra.mean_response, 0)
-    rate = spectra.lines * spectra.omega0
-    parts = [float(np.sqrt(2) * rms(motion * rate**power).max()) for power in range(3)]
-    strongest = int(np.argmax(np.abs(motion[:, 1:]).max(axis=0))) + 1
+    motion: ComplexArray = np.where(taken, spectra.mean_response, 0)
+    parts = [float(np.sqrt(2) * rms(np.asarray(motion * spectra.omega**power)).max()) for power in range(3)]
+    strongest = float(spectra.omega[:, 1:].reshape(-1)[np.argmax(np.abs(motion[:, 1:]))]) / (2 * np.pi)
     force = float(np.sqrt(2) * spectra.rms_force().max())
-    sizes = Sizes(float(spectra.frequency[strongest]), parts[0], parts[1], parts[2], force, mass, damping)
+    sizes = Sizes(strongest, parts[0], parts[1], parts[2], force, mass, damping)
     yield from size_findings(sizes)
 
 
@@ -213,7 +212,7 @@ def best_linear(spectra: MultisineSpectra, band: tuple[float, float] | None = No
     Parameters
     ----------
     spectra
-        Records of one level are realisations of one multisine, and have one approximation.
+        Records of one level and base frequency are realisations of one multisine, and have one approximation.
     band
         Lowest and highest frequency [Hz]; None: every excited line.
 
@@ -225,10 +224,18 @@ def best_linear(spectra: MultisineSpectra, band: tuple[float, float] | None = No
     require(spectra, MultisineSpectra, "spectra")
     excited = spectra.excited()
     low, high = band or (0.0, np.inf)
-    inside = (spectra.frequency >= low) & (spectra.frequency <= high) & (spectra.lines > 0)
+    frequency, recorded, bases = (
+        spectra.omega / (2 * np.pi),
+        spectra.recorded,
+        np.full(len(spectra), spectra.omega0),
+    )
     found = []
-    for level in spectra.levels:
-        rows = np.flatnonzero(np.isclose(spectra.level, level, rtol=FILE_ROUND_OFF, atol=0.0))
+    for level, base in np.unique([spectra.level, bases], axis=1).T:
+        rows = np.flatnonzero(
+            np.isclose(spectra.level, level, rtol=FILE_ROUND_OFF, atol=0.0) & (bases == base)
+        )
+        of_rows = frequency[rows[0]]
+        inside = (of_rows >= low) & (of_rows <= high) & (spectra.lines > 0) & recorded[rows].all(axis=0)
         chosen = excited[rows].all(axis=0) & inside
         if np.count_nonzero(chosen) < _MIN_LINES:
             raise MeasurementError(
@@ -293,7 +300,8 @@ def _of_level(
 ) -> BestLinear:
     force, response = spectra.mean_force[rows], spectra.mean_response[rows]
     lines = np.flatnonzero(chosen)
-    omega = 2 * np.pi * spectra.frequency[lines]
+    frequency = spectra.omega[rows[0]] / (2 * np.pi)
+    omega = 2 * np.pi * frequency[lines]
     power = np.mean(np.abs(force[:, lines]) ** 2, axis=0)
     crude = np.mean(response[:, lines] * np.conj(force[:, lines]), axis=0) / power
     shape = _receptance(omega, _mode(omega, crude, np.ones(len(lines)), power))
@@ -316,15 +324,14 @@ def _of_level(
         span &= ~(variance > variance[lines].max())
         parts = [np.flatnonzero(span & (spectra.lines % 2 == rest)) for rest in (0, 1)]
         even, odd = (
-            Distortion(spectra.frequency[part], linear[part], np.sqrt(variance[part]), len(rows))
-            for part in parts
+            Distortion(frequency[part], linear[part], np.sqrt(variance[part]), len(rows)) for part in parts
         )
     weight = 1 / np.maximum(left, 1e-24 * size.max() ** 2)
     mode = _mode(omega, receptance, weight, power)
     return BestLinear(
         level,
         len(rows),
-        spectra.frequency[lines],
+        frequency[lines],
         receptance,
         size[lines],
         noise,

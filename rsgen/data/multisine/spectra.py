@@ -41,9 +41,10 @@ class MultisineSpectra(Records, Printed):
     level
         (r,) nominal root mean square of the drive of each record, without its mean, in ``level_unit``.
     omega0
-        2 pi over the period [rad/s].
+        2 pi over the period [rad/s]: a number, or (r,) where the records have other periods or rates.
     force
-        (r, p, H+1) complex: record, period, line; the mean first [N]. (r, H+1) is one period a record.
+        (r, p, H+1) complex: record, period, line; the mean first [N]. (r, H+1) is one period a record. With
+        (r,) ``omega0`` a record may have fewer lines: zeros follow its highest one.
     response
         Displacement, as the force [m].
     mean_known
@@ -73,10 +74,10 @@ class MultisineSpectra(Records, Printed):
     """
 
     phase_known: ClassVar = True  # type: ignore[misc]  # a field of surfaces
-    columns: ClassVar = ("level", "force", "response", "left_out", "label", "across")
+    columns: ClassVar = ("level", "omega0", "force", "response", "left_out", "label", "across")
 
     level: Array
-    omega0: float
+    omega0: float | Array
     force: ComplexArray
     response: ComplexArray
     mean_known: bool = True
@@ -104,8 +105,12 @@ class MultisineSpectra(Records, Printed):
                 f"MultisineSpectra: force {force.shape}, response {response.shape}, level {level.shape}; "
                 "(records, periods, lines) of both and a level a record are needed"
             )
-        if not (np.isfinite(self.omega0) and self.omega0 > 0):
-            raise MeasurementError(f"MultisineSpectra: omega0: {self.omega0!r}; must be positive, in rad/s")
+        omega0 = _array(self.omega0, "omega0", np.float64, (0, 1))
+        if not (omega0 > 0).all() or omega0.shape not in ((), level.shape):
+            raise MeasurementError(
+                f"MultisineSpectra: omega0: {self.omega0!r:.80}; must be positive, in rad/s, one or one a "
+                "record"
+            )
         if not (level > 0).all():
             raise MeasurementError(f"MultisineSpectra: level: {level.tolist()!r:.80}; {_BAD_LEVEL}")
         if self.base not in BASE_UNITS:
@@ -115,6 +120,7 @@ class MultisineSpectra(Records, Printed):
         if np.shape(left) != level.shape:
             raise MeasurementError(f"MultisineSpectra: left_out: {np.shape(left)}; one a record is needed")
         arrays = {"level": level, "force": force, "response": response, "left_out": left}
+        arrays |= {"omega0": omega0} if omega0.ndim else {}
         arrays |= {} if self.across is None else {"across": across}
         for name, value in arrays.items():
             kept = np.array(value)
@@ -141,8 +147,26 @@ class MultisineSpectra(Records, Printed):
 
     @property
     def frequency(self) -> Array:
-        """(H+1,) of each line [Hz]."""
-        return np.asarray(self.lines * self.omega0 / (2 * np.pi))
+        """(H+1,) of each line [Hz]; (r, H+1) where ``omega0`` is one a record."""
+        return np.asarray(np.multiply.outer(self.omega0, self.lines) / (2 * np.pi))
+
+    @property
+    def omega(self) -> Array:
+        """(r, H+1) angular frequency of each line of each record [rad/s]."""
+        return np.asarray(np.multiply.outer(np.full(len(self), self.omega0), self.lines))
+
+    @property
+    def spacing(self) -> tuple[float, float]:
+        """Smallest and largest spacing of the lines of a record [Hz]."""
+        return float(np.min(self.omega0)) / (2 * np.pi), float(np.max(self.omega0)) / (2 * np.pi)
+
+    @property
+    def recorded(self) -> NDArray[np.bool_]:
+        """(r, H+1) True at the lines of a record: all, or those up to its highest one that is not zero."""
+        if np.ndim(self.omega0) == 0:
+            return np.ones((len(self), len(self.lines)), dtype=np.bool_)
+        moved = np.any((self.force != 0) | (self.response != 0), axis=1)
+        return np.asarray(np.logical_or.accumulate(moved[:, ::-1], axis=1)[:, ::-1])
 
     @property
     def mean_force(self) -> ComplexArray:
@@ -167,11 +191,10 @@ class MultisineSpectra(Records, Printed):
     @property
     def extent(self) -> dict[str, Any]:
         """Number and range of points, each an excited line of a record."""
-        lines = self.excited().any(axis=0)
-        frequency = self.frequency[lines]
+        frequency = self.omega[self.excited()] / (2 * np.pi)
         return {
             "levels": len(self.levels),
-            "points": int(lines.sum()) * len(self),
+            "points": len(frequency),
             "sweeps": [],
             "lowest_frequency": float(frequency.min()),
             "highest_frequency": float(frequency.max()),
@@ -206,9 +229,9 @@ class MultisineSpectra(Records, Printed):
             size = np.abs(motion.mean(axis=1))
             noise = np.where(self.exact[:, None], np.nan, np.sqrt(scatter(motion)))
             ends.append([_reach(*one) for one in zip(size, noise, self.excited(), strict=True)])
-        return np.max([[low for low, _ in of] for of in ends], axis=0), np.array(
-            [high for _, high in ends[0]]
-        )
+        highest = [high for _, high in ends[0]]
+        last = np.count_nonzero(self.recorded, axis=1) - 1
+        return np.max([[low for low, _ in of] for of in ends], axis=0), np.minimum(highest, last)
 
     @property
     def means(self) -> tuple[bool, ...]:
@@ -247,10 +270,11 @@ class MultisineSpectra(Records, Printed):
             )
         )
         heads = ("level", "excited lines", "force rms", "noise", "response rms", "noise")
-        step = self.omega0 / (2 * np.pi)
+        step = " to ".join(dict.fromkeys(f"{spacing:.6g}" for spacing in self.spacing))
+        high = float((self.omega * self.recorded).max()) / (2 * np.pi)
         caption = (
-            f"MultisineSpectra: {len(self)} records of {self.periods} periods, a line every {step:.6g} Hz to "
-            f"{self.frequency[-1]:.5g} Hz, {self.origin}"
+            f"MultisineSpectra: {len(self)} records of {self.periods} periods, a line every {step} Hz to "
+            f"{high:.5g} Hz, {self.origin}"
         )
         return TextTable(heads, rows, caption=caption, notes=tuple(map(str, self.findings)))
 

@@ -1,7 +1,7 @@
 """Balance of forces at the lines of periodic records, and the noise of that balance.
 
-With F_h and X_h the force and the displacement at line h, omega0 the fundamental frequency, m the mass and
-N_h(p) the spectrum of the law n(x, v; p) along the measured mean motion, the balance of line h is
+With F_h and X_h the force and the displacement at line h, omega0 the base frequency of the record, m the
+mass and N_h(p) the spectrum of the law n(x, v; p) along the measured mean motion, the balance of line h is
 
     e_h = F_h - m (i h omega0)^2 X_h - N_h(p).
 
@@ -30,6 +30,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property, lru_cache
+from typing import cast
 
 import numpy as np
 from numpy.typing import NDArray
@@ -93,8 +94,14 @@ class SpectralLines:
 
     @property
     def rate(self) -> ComplexArray:
-        """Angular frequency i h omega0 (H+1,) of each line [rad/s]."""
-        return np.asarray(1j * self.spectra.lines * self.spectra.omega0)
+        """Angular frequency i h omega0 (r, H+1) of each line [rad/s]."""
+        return np.asarray(1j * self.spectra.omega)
+
+    @property
+    def band(self) -> tuple[float, float]:
+        """Lowest and highest frequency of the used lines [Hz]."""
+        used = self.spectra.omega[self.used] / (2 * np.pi)
+        return float(used.min()), float(used.max())
 
     def mode(self, values: Array) -> SpectralLines:
         """Return measured lines without a background of values (b,)."""
@@ -113,12 +120,13 @@ class SpectralLines:
 
     def law_of(self, law: ForceLaw, record: int, period: int | None = None) -> ForceLaw:
         """Return a law along the response with the far motion of a period; None: of their mean."""
-        return law if self.far is None else law.with_far(self.far_waves(self.far[record], period))
+        return law if self.far is None else law.with_far(self.far_waves(record, period))
 
-    def far_waves(self, far: ComplexArray, period: int | None = None) -> Waves:
-        """Return the waveforms (1, s) of the lines (p, H+1) of a far motion; see ``law_of``."""
+    def far_waves(self, record: int, period: int | None = None) -> Waves:
+        """Return the waveforms (1, s) of the far motion of a record; see ``law_of``."""
+        far = cast(ComplexArray, self.far)[record]
         lines = far.mean(axis=0) if period is None else far[period]
-        return Motion(np.array([self.spectra.omega0]), lines[None]).waveforms(self.samples)
+        return Motion(self.spectra.omega[record, 1:2], lines[None]).waveforms(self.samples)
 
     def power(self, mass: float) -> Array:
         """Return the power |F|^2 + |m omega^2 X|^2 (r, H+1) [N^2], smoothed over neighbouring lines."""
@@ -136,10 +144,12 @@ def select_lines(
     the lowest lines that noise hides are no part of it.
     """
     band = observation.band
-    last_excited = [np.flatnonzero(row)[-1] if row.any() else 0 for row in spectra.excited()]
     low, high = band or (0.0, np.inf)
-    inside = (spectra.frequency >= low) & (spectra.frequency <= high) & (spectra.lines > 0)
-    used = np.stack([inside & (spectra.lines <= (np.inf if band else line)) for line in last_excited])
+    frequency = spectra.omega / (2 * np.pi)
+    used = (frequency >= low) & (frequency <= high) & (spectra.lines > 0) & spectra.recorded
+    if band is None:
+        last_excited = [np.flatnonzero(row)[-1] if row.any() else 0 for row in spectra.excited()]
+        used &= spectra.lines <= np.array(last_excited)[:, None]
     recorded = len(spectra.lines) - 1
     extended = max(recorded, min(_EXTENSION_BY_SWITCHES * recorded, _MAX_LINES)) if switched else recorded
     samples = 1 << (OVERSAMPLED * (extended + 1) - 1).bit_length()
@@ -150,10 +160,11 @@ def select_lines(
         unseen = (hidden & (spectra.lines > 0))[:, None]
         spectra = replace(spectra, response=np.where(unseen, 0, spectra.response))
         lowest = np.ones_like(lowest)
-    driven = (used & spectra.excited()).any(axis=0)
+    driven = used & spectra.excited()
     # no line at all is refused where parameters are counted
-    fitted = spectra.frequency[driven if driven.any() else spectra.lines > 0]
-    background = background_of_lines(observation.background, spectra, (float(fitted[0]), float(fitted[-1])))
+    fitted = frequency[driven] if driven.any() else frequency[:, 1:]
+    ends = float(fitted.min()), float(fitted.max())
+    background = background_of_lines(observation.background, spectra, ends)
     none = np.zeros(len(background.names))
     return SpectralLines(spectra, used, samples, lowest, highest, extended, background, none, far)
 
@@ -297,7 +308,8 @@ class LawAlongRecord:
         self._force = lines.spectra.mean_force[record]
         self._response = lines.spectra.mean_response[record]
         orders = np.arange(lines.extended + 1)
-        self._rate = 1j * orders * lines.spectra.omega0
+        self._base = lines.spectra.omega[record, 1:2]
+        self._rate = 1j * orders * self._base
         self._low = (orders > 0) & (orders < lines.lowest[record]) & (mass > 0)
         self._high = orders > lines.highest[record]
         self._measured = ~(self._low | self._high)[: len(self._response)]
@@ -343,7 +355,7 @@ class LawAlongRecord:
         ``force`` [N^2] and ``response`` [m^2] are the variances (H+1,) of the two channels.
         """
         count = len(self._response)
-        low, inertia = self._low[:count], self._mass * self._lines.rate**2
+        low, inertia = self._low[:count], self._mass * self._rate[:count] ** 2
         # at a computed line the motion follows the force: m s^2 / (m s^2 + c s + k) of it stays in the
         # balance
         dynamic = np.where(low, inertia, self._mean_dynamic[:count])
@@ -436,7 +448,7 @@ class LawAlongRecord:
     def _waves(self, motion: ComplexArray) -> tuple[Array, Array, Array, Array, float]:
         """Return x, v, a (1, s) of a motion, their sampling interval [s], and the mean of x [m]."""
         lines, mean = self._lines, float(motion[0].real)
-        waves = Motion(np.array([lines.spectra.omega0]), motion[None])
+        waves = Motion(self._base, motion[None])
         x, v, a = waves.waveforms(lines.samples)
         step = waves.interval(lines.samples)
         if not lines.spectra.mean_known:

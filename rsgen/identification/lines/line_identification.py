@@ -169,7 +169,7 @@ def _assemble(spectra: MultisineSpectra, model: Model, fit: LineFit) -> Multisin
     findings += gain_findings(lines.background, fit.background, of_background, fit.mass)
     findings += _drift_findings(fit, skipped=int(np.asarray(part.left_out).max(initial=0)))
     if (lines.lowest > 1).any():
-        below = Quantity(float(part.frequency[lines.lowest.max()]), "Hz")
+        below = Quantity(float(np.max(part.omega[:, 1] * lines.lowest)) / (2 * np.pi), "Hz")
         findings.append(Finding("motion-by-law", "info", numbers={"below": below}))
     findings += [
         *spectra.findings,
@@ -185,7 +185,6 @@ def _assemble(spectra: MultisineSpectra, model: Model, fit: LineFit) -> Multisin
     free = np.flatnonzero(fit.free[:count])
     background = fitted_background(fit, whole, freedom)
     findings += () if background is None else background.findings
-    frequency = part.frequency[lines.used.any(axis=0)]
     resonances = tuple(map(_resonance, approximations))
     curve = _curve(resonances, part)
     if not model.observation.calibrated:
@@ -204,7 +203,7 @@ def _assemble(spectra: MultisineSpectra, model: Model, fit: LineFit) -> Multisin
         noise=noise,
         levels=part.levels,
         amplitude_range=(float(amplitudes.min()), float(amplitudes.max())),
-        frequency_range=(float(frequency[0]), float(frequency[-1])),
+        frequency_range=lines.band,
         outcome=_outcome(lines, estimates, misfit),
         findings=tuple(findings),
         solution=fit.values,
@@ -445,20 +444,21 @@ def _predicted_record(found: MultisineIdentification, spectra: MultisineSpectra,
             np.where(spectra.lines < spectra.reach()[0], 0, mode.mean_response[0]),
             far[0].mean(axis=0),
         )
-    response = periodic_response(law, found.solution, found.mass, spectra.omega0, force, start, far)
+    response = periodic_response(
+        law, found.solution, found.mass, float(spectra.omega[0, 1]), force, start, far
+    )
     # what is not of the mode is added as it was measured
     seen = response.spectrum + (measured - mode.mean_response[0])
     predicted = seen if response.converged else np.full(len(force), nan + 0j)
     low, high = found.model.observation.band or (0.0, inf)
-    judged = (spectra.frequency >= low) & (spectra.frequency <= high)
+    frequency = spectra.omega[0] / (2 * np.pi)
+    judged = (frequency >= low) & (frequency <= high) & spectra.recorded[0]
     judged &= spectra.lines >= spectra.reach()[0][0]
     size = float(np.linalg.norm(measured[judged])) or nan
     error = float(np.linalg.norm((predicted - measured)[judged])) / size
     noise = float(np.linalg.norm(spectra.noise()[1][0][judged])) / size
     level = float(spectra.level[0])
-    return PredictedRecord(
-        level, spectra.frequency, measured, predicted, judged, error, noise, spectra.level_unit
-    )
+    return PredictedRecord(level, frequency, measured, predicted, judged, error, noise, spectra.level_unit)
 
 
 def _prediction_findings(

@@ -147,7 +147,6 @@ def table_of_lines(spectra: MultisineSpectra, model: Model) -> ModalTable:
             if weight > MIN_LIKELIHOOD
         ]
         splines = replace(_splines(found, basis, size, (covariance, freedom)), others=tuple(others[1:]))
-    frequency = spectra.frequency[found.lines.used.any(axis=0)]
     known = tuple(MODAL_COLUMNS)
     if not (np.isfinite(spectra.units.kilogram) and model.observation.calibrated):
         known = tuple(name for name in known if name not in ("stiffness", "damping"))
@@ -165,7 +164,7 @@ def table_of_lines(spectra: MultisineSpectra, model: Model) -> ModalTable:
         test=ModalTest(
             observation=replace(model.observation, hold_out=()),
             levels=spectra.levels,
-            frequencies=(float(frequency[0]), float(frequency[-1])),
+            frequencies=found.lines.band,
             level_unit=spectra.level_unit,
             units=spectra.units,
             background=fitted_background(found, covariance, freedom),

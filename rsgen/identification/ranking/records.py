@@ -76,7 +76,7 @@ class LineBalance(WhitenedBalance):
         motions = [[record.trajectory for record in records]]
         if mode.far is not None:
             share = fit.law.parts[1].share
-            far = (mode.far_waves(lines) for lines in mode.far)
+            far = map(mode.far_waves, range(len(mode)))
             motions.append(
                 [
                     (share * x + other[0], share * v + other[1], share * a + other[2], step)
@@ -174,7 +174,7 @@ class RecordRound(Round):
         )
         if not known or systematic <= MAX_UNEXPLAINED:
             return Misfit(systematic, 0.0, {}, known)
-        frequency = np.broadcast_to(fit.lines.spectra.frequency, fit.lines.used.shape)[fit.lines.used]
+        frequency = fit.lines.spectra.omega[fit.lines.used] / (2 * np.pi)
         span = shortest_range(frequency, np.sum(fitted.residual**2, axis=1))
         ends = () if span is None else zip(("frequency from", "frequency to"), span, strict=True)
         return Misfit(systematic, systematic, {name: Quantity(end, "Hz") for name, end in ends}, known)

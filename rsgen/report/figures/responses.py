@@ -379,7 +379,7 @@ def draw_line_misfit(found: MultisineIdentification, *, ax: GivenAxes = None) ->
     figure, panels = take_axes(ax, len(shown), (4.4, 2.4 * len(shown)), sharex=True)
     for axes, place in zip(panels, shown, strict=False):
         used, named = found.used[place], quantity_text(float(level[place]), spectra.level_unit, 3)
-        frequency = spectra.frequency[used]
+        frequency = spectra.omega[rows[place]][used] / (2 * np.pi)
         force = np.abs(spectra.mean_force[rows[place]][used])
         left, noise = np.abs(found.misfit[place][used]), found.deviation[place][used]
         scale = choose_scale(force, spectra.units.force)

@@ -230,7 +230,7 @@ def surface_sentence(surface: ResponseSurface) -> str:
 def spectra_sentence(spectra: MultisineSpectra, band: tuple[float, float]) -> str:
     """Say how many records of a multisine there are, and which lines [Hz] were fitted."""
     made = "simulated" if spectra.origin == "simulated" else "measured"
-    step = quantity_text(float(spectra.frequency[1]), "Hz", 4)
+    step = " to ".join(dict.fromkeys(quantity_text(one, "Hz", 4) for one in spectra.spacing))
     low, high = band
     return (
         f"{count_text(len(spectra), 'record')} of {count_text(spectra.periods, 'settled period')} at "

@@ -1,0 +1,199 @@
+"""Records of one multisine test with other periods, and sampled at other rates."""
+
+from collections.abc import Sequence
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import pytest
+
+import rsgen
+from rsgen.data.history import TimeHistory, from_multisine
+from tests.case_files import MEASURED, write_small
+from tests.multisine import test_two_sensors
+
+pytestmark = pytest.mark.slow
+
+LAW = "k*x + k3*x**3 + c*v"
+TRUE = {"k": 5000.0, "k3": 4e6, "c": 4.0, "m": 1.5}
+PERIODS_BY_LEVEL = {3.0: 2.0, 5.0: 1.3, 8.0: 2.0}
+
+
+def joined(*parts: rsgen.MultisineSpectra) -> rsgen.MultisineSpectra:
+    """Return the records of several tests as one, with zeros as the lines that a record lacks."""
+    count = max(len(part.lines) for part in parts)
+
+    def stacked(name: str) -> np.ndarray:
+        lacks = [(0, count - len(part.lines)) for part in parts]
+        values = [getattr(part, name) for part in parts]
+        return np.concatenate(
+            [np.pad(one, ((0, 0), (0, 0), lack)) for one, lack in zip(values, lacks, strict=True)]
+        )
+
+    across = None if parts[0].across is None else stacked("across")
+    omega0 = np.concatenate([np.full(len(part), part.omega0) for part in parts])
+    level = np.concatenate([part.level for part in parts])
+    return replace(
+        parts[0],
+        level=level,
+        omega0=omega0,
+        force=stacked("force"),
+        response=stacked("response"),
+        across=across,
+        left_out=None,
+    )
+
+
+def simulated(seed: int, noise: float = 0.01) -> rsgen.MultisineSpectra:
+    """A Duffing oscillator: a record a level, the middle one with a period of its own."""
+    oscillator = rsgen.Oscillator(TRUE["m"], LAW, {name: TRUE[name] for name in ("k", "k3", "c")})
+    settings = {"band": (2.5, 20.0), "noise_relative": noise, "seed": seed}
+    return joined(
+        *(
+            rsgen.simulate(oscillator, rsgen.MultisineTest([level], period=period, **settings))
+            for level, period in PERIODS_BY_LEVEL.items()
+        )
+    )
+
+
+def as_two_periods(spectra: rsgen.MultisineSpectra, rows: Sequence[int]) -> rsgen.MultisineSpectra:
+    """Return the same test with two periods of some records as one: every other line of these is zero."""
+    values: dict[str, Any] = {}
+    for name in ("force", "response", "across"):
+        old = getattr(spectra, name)
+        if old is not None:
+            values[name] = np.pad(old, ((0, 0), (0, 0), (0, old.shape[2] - 1)))
+            values[name][rows] = 0
+            values[name][rows, :, ::2] = old[rows]
+    omega0 = np.full(len(spectra), spectra.omega0)
+    omega0[rows] /= 2
+    return replace(spectra, omega0=omega0, **values)
+
+
+def test_intervals_of_records_with_two_base_frequencies_cover_the_truth():
+    within = []
+    for seed in range(20):
+        found = rsgen.identify(simulated(seed), LAW)
+        assert found.verdict.state == "identified"
+        for one in found:
+            assert abs(one.value - TRUE[one.name]) < 4 * one.standard_error
+            within.append(one.interval[0] <= TRUE[one.name] <= one.interval[1])
+    assert 0.88 <= np.mean(within) <= 0.99
+    wrong = rsgen.identify(replace(simulated(0), omega0=np.pi), LAW)
+    assert wrong.verdict.state == "rejected"
+
+
+def test_each_record_ends_at_its_own_highest_line():
+    spectra = replace(simulated(0), level=np.array([5.0, 5.0, 8.0]))
+    lines = np.count_nonzero(spectra.recorded, axis=1)
+    assert lines.tolist() == [161, 105, 161]
+    exact = replace(spectra, force=spectra.force[:, :1], response=spectra.response[:, :1])
+    assert exact.reach()[1].tolist() == [160, 104, 160]
+    # two periods of one level have an approximation each
+    assert [len(one.frequency) for one in rsgen.best_linear(spectra)] == [18, 11, 18]
+    found = rsgen.identify(spectra, LAW, rsgen.Observation(hold_out=(5,)))
+    assert [record.judged.sum() + record.judged.argmax() for record in rsgen.predict(found).records] == [
+        161,
+        105,
+    ]
+
+
+@pytest.mark.parametrize("rows", [[1], [0, 2]])
+def test_two_periods_are_the_same_record_as_one(rows):
+    whole = rsgen.simulate(
+        rsgen.Oscillator(1.5, LAW, {"k": 5000, "k3": 4e6, "c": 4}),
+        rsgen.MultisineTest([3, 5, 8], band=(2.5, 20), period=2, periods=1),
+    )
+    longer = as_two_periods(whole, rows)
+    for one, other in zip(rsgen.best_linear(whole), rsgen.best_linear(longer), strict=True):
+        np.testing.assert_allclose(other.frequency, one.frequency, rtol=1e-12)
+        assert other.natural_frequency == pytest.approx(one.natural_frequency, rel=0.01)
+    observed = rsgen.Observation(hold_out=(5,), background="residuals")
+    one, other = (rsgen.identify(spectra, LAW, observed) for spectra in (whole, longer))
+    for name, true in TRUE.items():
+        assert other[name].value == pytest.approx(true, rel=1e-7), name
+    assert other.frequency_range[1] == pytest.approx(one.frequency_range[1])
+    (record,) = rsgen.predict(other).records
+    assert record.error < 1e-6
+    tables = [rsgen.modal_table(spectra) for spectra in (whole, longer)]
+    np.testing.assert_allclose(tables[1].frequency, tables[0].frequency, rtol=1e-3)
+    assert rsgen.rank(longer)["cubic-spring"].tied
+
+
+def test_the_second_sensor_of_each_record_has_its_base_frequency():
+    longer = as_two_periods(test_two_sensors.spectra(), [1])
+    found = rsgen.identify(longer, test_two_sensors.elements())
+    for name, true in test_two_sensors.TRUTH.items():
+        assert found[name].value == pytest.approx(true, rel=1e-4), name
+
+
+def test_equal_base_frequencies_are_the_one_number(tmp_path):
+    whole = rsgen.simulate(
+        rsgen.Oscillator(1.5, LAW, {"k": 5000, "k3": 4e6, "c": 4}),
+        rsgen.MultisineTest([3, 8], band=(2.5, 20), period=2, noise_relative=0.01),
+    )
+    array = replace(whole, omega0=np.full(2, whole.omega0))
+    assert whole.frequency.shape == array.frequency[0].shape
+    for one, other in zip(rsgen.identify(whole, LAW), rsgen.identify(array, LAW), strict=True):
+        assert (other.value, *other.interval) == pytest.approx((one.value, *one.interval), rel=1e-12)
+    rsgen.save_spectra(tmp_path / "spectra.npz", array)
+    read = rsgen.load_spectra(tmp_path / "spectra.npz")
+    np.testing.assert_array_equal(read.omega0, array.omega0)
+    with pytest.raises(rsgen.RsgenError, match=r"omega0: .*one or one a record"):
+        replace(whole, omega0=np.ones(3))
+
+
+def histories(seed: int = 0) -> list[TimeHistory]:
+    """Samples of the records: eight periods each, the one of its own period at another rate."""
+    spectra, records = simulated(seed), []
+    for row, (level, period) in enumerate(PERIODS_BY_LEVEL.items()):
+        rate = 256.0 if period == 2 else 200.0
+        count = round(rate * period)
+        lines = min(count // 2, len(spectra.lines))
+        waves = [
+            np.concatenate([np.fft.irfft(one[:lines] * count / 2, count) for one in periods])
+            for periods in (spectra.force[row], spectra.response[row])
+        ]
+        records.append(TimeHistory(rate, *waves, level=level, label=f"{level:g} N"))
+    return records
+
+
+CASE = {
+    **MEASURED,
+    "element": [{"name": "all", "force": LAW}],
+    "test.file": ["3.csv", "5.csv", "8.csv"],
+    "test.excitation": "multisine",
+    "test.time": {"column": "t"},
+    "test.force": {"samples": "f"},
+    "test.response": {"quantity": "displacement", "samples": "x"},
+    "test.level": {"values": ["3 N", "5 N", "8 N"]},
+    "identify": {"hold_out": ["5 N"]},
+}
+
+
+def test_files_of_other_periods_and_rates_are_read_and_reported(tmp_path, run_cli):
+    records = histories()
+    spectra = from_multisine(records)
+    assert spectra.omega0 == pytest.approx(2 * np.pi / np.array(list(PERIODS_BY_LEVEL.values())))
+    assert (spectra.periods, spectra.recorded.sum(axis=1).tolist()) == (8, [256, 130, 256])
+    steps = [finding["step"] for finding in spectra.findings if finding.code == "multisine-periods"]
+    assert sorted(steps) == pytest.approx([0.5, 1 / 1.3])
+    for record in records:
+        name, time = record.label.split()[0], np.arange(len(record)) / record.rate
+        table = np.column_stack([time, record.force, record.response])
+        np.savetxt(tmp_path / f"{name}.csv", table, "%.17g", ",", header="t,f,x", comments="")
+    path = write_small(tmp_path, "periods", CASE)
+    assert run_cli("check", path).code == 0
+    assert run_cli("run", path, "--out", tmp_path / "out").code == 0
+    place = tmp_path / "out" / "periods"
+    page = " ".join((place / "report.html").read_text(encoding="utf-8").split())
+    assert "line spacing 0.5 Hz to 0.7692 Hz" in page
+    assert '"output_type": "error"' not in (place / "notebook.ipynb").read_text(encoding="utf-8")
+    read = rsgen.load_spectra(place / "spectra.npz")
+    np.testing.assert_allclose(read.omega0, spectra.omega0)
+    case = rsgen.load_case(path)
+    found = rsgen.identify(read, case.model)
+    for name, true in TRUE.items():
+        assert abs(found[name].value - true) < 4 * found[name].standard_error
+    (held_out,) = rsgen.predict(found).records
+    assert held_out.error < 0.01
