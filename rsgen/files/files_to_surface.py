@@ -473,7 +473,10 @@ def _from_histories(test: MeasuredTest, rule: HistoryRule) -> ResponseSurface:
     motions = read_motions(test)
     histories, surface = motions[0], join_motions(*(_demodulated(one, test, rule) for one in motions))
     if test.base is not None:
-        surface = replace(surface, per_mass=True, base="acceleration")
+        # the kilogram of a force per mass is no mass of the structure
+        kept = ({name: n for name, n in f.numbers.items() if name != "mass"} for f in surface.findings)
+        findings = tuple(map(lambda f, numbers: replace(f, numbers=numbers), surface.findings, kept))
+        surface = replace(surface, per_mass=True, base="acceleration", findings=findings)
     if rule.excitation != "ring-down":
         surface = _levels_of_histories(surface, test, histories)
     records = [found for history in histories for found in (*history.findings, *record_findings(history))]

@@ -141,8 +141,8 @@ def _record(test: MeasuredTest, rule: HistoryRule, number: int) -> _Record:
         rows[path] = _rows(path, test, list(dict.fromkeys(names)), sha256, findings)
     start = 0.0
     if rule.time is not None:
-        rate, start = sampling_rate(rows[main][rule.time], f"{label}: {quote(rule.time)}")
-        rate, start = rate / rule.factor, start * rule.factor
+        stamps = scaled(rows[main][rule.time], rule.factor)
+        rate, start = sampling_rate(stamps, f"{label}: {quote(rule.time)}", rule.rate)
     elif rule.rate_column is not None:
         rate = _rate_in(label, rule.rate_column, rows[main][rule.rate_column]) * rule.factor
     else:

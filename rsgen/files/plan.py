@@ -190,7 +190,9 @@ class HistoryRule(Checked):
     excitation: Excitation
     rate: Hertz | None = declare(None, "The sampling rate, such as 400 Hz.", key="time.rate")
     rate_column: Column | None = declare(None, "Where the file has the rate [Hz].", key="time.rate_column")
-    time: Column | None = declare(None, "A column of evenly spaced instants.", key="time.column")
+    time: Column | None = declare(
+        None, "A column of evenly spaced instants; rounded ones need the rate, too.", key="time.column"
+    )
     unit: Literal["s", "ms", "us"] = declare("s", "Of the column of instants.", key="time.unit")
     start: Seconds | None = declare(None, "Leave out what comes before.", key="time.start")
     stop: Seconds | None = declare(None, "Leave out what comes after.", key="time.stop")
@@ -212,8 +214,8 @@ class HistoryRule(Checked):
     def faults(self) -> Iterator[tuple[str, str]]:
         """Find what does not fit together: a field's name, or a key, and what is wrong with it."""
         yield from multisine_faults(self, self.excitation, self.multisine)
-        if sum(place is not None for place in (self.rate, self.rate_column, self.time)) != 1:
-            yield "time", "one of column, rate and rate_column is needed"
+        if (self.rate_column is not None) == (self.rate is not None or self.time is not None):
+            yield "time", "column, rate, both of them, or rate_column is needed"
         if self.band is not None and self.band[0] >= self.band[1]:
             yield "band", "the lowest frequency stands first, the highest above it"
 

@@ -266,6 +266,22 @@ def test_a_correction_that_is_in_doubt_doubts_the_result(
     assert sentence(fast)
 
 
+@pytest.mark.parametrize("stop", [9.9, 13.0])
+@pytest.mark.parametrize("mass", [None, MASS])
+def test_a_resonance_that_a_sweep_does_not_hold_is_not_named(stop: float, mass: float | None) -> None:
+    surface = from_swept_sine(sweep(linear(), 1.0, SweepLaw("linear", 7.0, 0.2), stop), mass=mass)
+    (fast,) = (f for f in surface.findings if f.code == "sweep-rate" and "pace" in f.numbers)
+    assert ("resonance may lie outside" in sentence(fast)) == (stop < 10)
+    assert (f"a resonance at {fast['resonance']:.4g} Hz" in sentence(fast)) == (stop > 10)
+
+
+def test_a_force_that_feeds_energy_has_no_negative_half_width() -> None:
+    history = sweep(linear(), 1.0, SweepLaw("linear", 7.0, 0.2), 13.0)
+    history = replace(history, response=-history.response)
+    (fast,) = (f for f in from_swept_sine(history, mass=MASS).findings if f.code == "sweep-rate")
+    assert fast["half_width"] > 0
+
+
 def test_a_mass_that_no_structure_has_corrects_nothing() -> None:
     # along one branch the frequency is a function of the amplitude: k(X) takes all; the mass came as -0.2
     surface = from_swept_sine(jumping(8e6, 2.0, SweepLaw("linear", 9.0, 0.01), 11.5))

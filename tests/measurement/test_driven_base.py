@@ -6,10 +6,15 @@ import numpy as np
 import pytest
 
 import rsgen as rs
+from rsgen.data.history import SweepLaw
+from rsgen.data.oscillator import Oscillator
 from rsgen.data.surface.plausibility import base_findings
-from rsgen.files import MeasuredTest, Signal, read_measurement
+from rsgen.files import HistoryRule, MeasuredTest, Signal, read_measurement
 from rsgen.files.signals import BaseRule
+from rsgen.law.element import make_element
+from rsgen.report.wording import sentence
 from tests.case_files import MEASURED, Changes, write_small
+from tests.oracles.swept import sweep
 
 
 def motion(first: int, **keys: object) -> dict[str, object]:
@@ -126,3 +131,17 @@ def test_levels_without_a_column_are_amplitudes_of_what_was_measured_of_the_base
         base=BaseRule(Signal(amplitude=2, quantity=quantity), "relative"),
     )  # fmt: skip
     assert np.sort(read_measurement(test).levels) == pytest.approx([3.0, 9.0], rel=0.01)
+
+
+def test_a_fast_sweep_of_a_base_names_no_mass(tmp_path):
+    oscillator = Oscillator(1.0, (make_element("all", "k*x + c*v"),), {"k": 4e3, "c": 1.3})
+    got = sweep(oscillator, 1.0, SweepLaw("linear", 7.0, 0.2), 13.0)
+    np.savez(tmp_path / "a.npz", base=-got.reference, x=got.response, fs=got.rate)
+    test = MeasuredTest(
+        tmp_path / "a.npz", None, None, Signal(samples="x"), "displacement",
+        base=BaseRule(Signal(samples="base", quantity="acceleration"), "relative"),
+        history=HistoryRule("swept-sine", rate_column="fs"),
+    )  # fmt: skip
+    (fast,) = (f for f in read_measurement(test).findings if f.code == "sweep-rate")
+    assert "mass" not in fast.numbers
+    assert "there, per unit mass" in sentence(fast)

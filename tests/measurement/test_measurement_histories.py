@@ -101,6 +101,23 @@ def test_instants_in_milliseconds_begin_where_they_say(tmp_path):
     assert part.response.tolist() == FORCE[5:].tolist()
 
 
+def test_a_rate_beside_instants_must_be_theirs(tmp_path):
+    # a step of 1/64 s, rounded to hundredths, with two samples missing where asked
+    def read(rate, missing=0):
+        rows = [f"{(i + missing * (i > 30)) / 64:.2f},{f:.17g},{f:.17g}" for i, f in enumerate(FORCE)]
+        (tmp_path / "a.csv").write_text("\n".join(["t,F,a", *rows]) + "\n", encoding="utf-8")
+        (got,) = read_histories(history(tmp_path / "a.csv", history=swept(time="t", rate=rate)))
+        return got.rate
+
+    assert read(64.0) == 64.0
+    with pytest.raises(MeasurementError, match=r"64.* instants a second, the rate is 50 Hz"):
+        read(50.0)
+    with pytest.raises(MeasurementError, match=r"the rate is 64 Hz: off by up to 0\.0\d+ s;"):
+        read(64.0, missing=2)
+    with pytest.raises(MeasurementError, match="give the rate, too, where the time stamps are only rounded"):
+        read(None)
+
+
 @pytest.mark.slow
 def test_a_part_is_cut_out(tmp_path):
     path = write(tmp_path / "a.npz")

@@ -71,13 +71,15 @@ def _number(value: Any, name: str, unit: str, label: str) -> float:
     return number
 
 
-def sampling_rate(time: NDArray[Any], name: str) -> tuple[float, float]:
+def sampling_rate(time: NDArray[Any], name: str, rate: float | None = None) -> tuple[float, float]:
     """Return sampling rate [Hz] and first instant [s] of evenly spaced instants (n,) [s], called ``name``.
+
+    A ``rate`` [Hz] that is given is taken if the instants are those of it, each rounded by a step at most.
 
     Raises
     ------
     MeasurementError
-        Fewer than two instants, or they do not rise in even steps.
+        Fewer than two instants, or they do not rise in even steps, or not in those of the given rate.
     """
     if len(time) < 2:
         raise MeasurementError(f"{name} has {len(time)} instants; at least two are needed")
@@ -85,6 +87,15 @@ def sampling_rate(time: NDArray[Any], name: str) -> tuple[float, float]:
     step = (last - first) / (len(time) - 1)
     if not step > 0:
         raise MeasurementError(f"{name} does not rise; instants one after the other are needed")
+    if rate is not None:
+        steps = np.diff(time)
+        off = np.abs(time - (first + np.arange(len(time)) / rate))
+        if not off.max() <= np.median(steps[steps > 0]):
+            raise MeasurementError(
+                f"{name} has {1 / step:g} instants a second, the rate is {rate:g} Hz: off by up to "
+                f"{off.max():.3g} s; leave one of them out"
+            )
+        return rate, first
     for number, part in enumerate(blocks(time)):
         begin = number * BLOCK_SAMPLES
         off = np.abs(part - (first + step * np.arange(begin, begin + len(part))))
@@ -93,8 +104,8 @@ def sampling_rate(time: NDArray[Any], name: str) -> tuple[float, float]:
         if bad.any():
             raise MeasurementError(
                 f"{name}: sample {begin + int(np.argmax(bad)) + 1} is {off[bad][0] / step:.0%} of a step "
-                f"off the even spacing of {step:g} s; evenly sampled histories are needed: give the rate "
-                "where the time stamps are only rounded, otherwise sample the record anew"
+                f"off the even spacing of {step:g} s; evenly sampled histories are needed: give the rate, "
+                "too, where the time stamps are only rounded, otherwise sample the record anew"
             )
     return 1 / step, first
 

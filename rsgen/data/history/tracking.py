@@ -390,17 +390,18 @@ def fast_sweeps(
     The points of all parts, one after the other, have the corrected force ``steady`` [N] and the damping c(X)
     [N s/m]; ``good`` ones are used. ``origin`` says where the mass [kg] is from, and ``difference`` how far
     another one is from it, by which the correction is in doubt. Without a mass the force was not corrected,
-    and the half width is that of the measured resonance, which a fast sweep makes wider.
+    and the half width is that of the measured resonance, which a fast sweep makes wider. The resonance is
+    "beyond" where the receptance does not fall to half power on both sides of its largest value.
     """
     worst, findings = _SLOW_PACE, []
     for part, chosen, here, size in _sweep_by_sweep(parts, steady, good):
         top = chosen[size > HALF_POWER * size.max()]
-        if damping is None:
-            # at most: the next points on both sides are below half power
-            spacing = float(np.ptp(part.drive[chosen])) / max(len(chosen) - 1, 1)
-            width = float(np.ptp(part.drive[top])) / 2 + spacing
-        else:
-            width = float(np.median(damping[here][top])) / (4 * pi * mass)
+        # at most: the next points on both sides are below half power
+        spacing = float(np.ptp(part.drive[chosen])) / max(len(chosen) - 1, 1)
+        width = float(np.ptp(part.drive[top])) / 2 + spacing
+        # a channel of the other sign feeds energy
+        if damping is not None and (typical := float(np.median(damping[here][top]))) > 0:
+            width = typical / (4 * pi * mass)
         rate = float(np.median(part.rate[top]))
         pace = rate / width**2 if width > 0 else inf
         if pace <= worst:
@@ -414,6 +415,8 @@ def fast_sweeps(
             "shift": Quantity(pace / (2 * pi)),
         }
         names = {"record": part.label, "direction": part.direction}
+        if top[0] == chosen[0] or top[-1] == chosen[-1]:
+            names["resonance"] = "beyond"
         severity = severity_of(pace, _UNCORRECTED_PACE, inf)
         if damping is not None:
             change = float(np.median(np.abs(part.force[top] / steady[here][top] - 1)))

@@ -384,9 +384,15 @@ def _at(found: Finding, end: str) -> str:
 
 @says("sweep-rate")
 def _sweep_rate(found: Finding) -> str:
+    at = f"a resonance at {found['resonance']:.4g} Hz" if "pace" in found.numbers else ""
+    if "resonance" in found.names:
+        at = (
+            f"the largest response, near {found['resonance']:.4g} Hz (it does not fall to half power on both "
+            "sides: the resonance may lie outside),"
+        )
     if "correction" not in found.numbers:
         fast = (
-            f"; {found.names['record']} passes {found['resonance']:.4g} Hz with {found['rate']:.3g} Hz/s, "
+            f"; {found.names['record']} passes {at} with {found['rate']:.3g} Hz/s, "
             f"rate/(half width)^2 = {found['pace']:.2g} or more, which shifts it by {found['shift']:.2g} "
             "half widths"
             if "pace" in found.numbers
@@ -397,7 +403,9 @@ def _sweep_rate(found: Finding) -> str:
             f"moving mass, as they would with one mode in it{fast}; choose a band around one mode, or give "
             "the mass"
         )
-    beyond = ""
+    mass, beyond = "per unit mass", ""
+    if "mass" in found.numbers:
+        mass = f"with the mass {found['mass']:.4g} kg ({found.names['mass']})"
     if found.numbers.get("left", Quantity(0)).value > RELATIVE_ERROR_DOUBTFUL:
         beyond = (
             f"; by the flanks the mass is another one, which leaves {found['left']:.1%} of the force open"
@@ -410,10 +418,9 @@ def _sweep_rate(found: Finding) -> str:
         )
     return (
         f"{found.names['record']}: the sweep {found.names['direction']} at {found['rate']:.3g} Hz/s is fast "
-        f"for a resonance at {found['resonance']:.4g} Hz with half width {found['half_width']:.2g} Hz: "
+        f"for {at} with half width {found['half_width']:.2g} Hz: "
         f"rate/(half width)^2 = {found['pace']:.2g}, which shifts it by {found['shift']:.2g} half widths. "
-        f"The force was corrected for that, by {found['correction']:.1%} at the resonance, with the mass "
-        f"{found['mass']:.4g} kg ({found.names['mass']}){beyond}"
+        f"The force was corrected for that, by {found['correction']:.1%} there, {mass}{beyond}"
     )
 
 
