@@ -10,7 +10,7 @@ import sympy
 from rsgen.common.errors import RsgenError
 from rsgen.data.oscillator import Model, Observation, Oscillator
 from rsgen.formula import symbol
-from rsgen.law import Element, Law
+from rsgen.law import Element, Law, laws
 
 x, v, k, c = sympy.symbols("x v k c", real=True)
 SPRING = Element("spring", k * x, ("k",))
@@ -88,3 +88,15 @@ def test_a_structure_takes_any_way_to_write_a_law(law):
     assert eval(repr(remembers)) == remembers
     assert eval(repr(Model(joint, mass=2.0))) == Model(joint, mass=2.0)
     assert repr(model) == "Model('c*v + k*x', mass=2)"
+
+
+def test_laws_whose_terms_would_be_taken_twice_are_refused():
+    for several in (["k*x + c*v", "k*x + k3*x**3"], [laws["cubic-spring"], "k*x"]):
+        with pytest.raises(RsgenError, match=r"k: in several of .* add up; .* rsgen.rank"):
+            Model(several)
+    assert Model([laws["cubic-spring"] + "k*x", "c*v"]).parameters == ("c", "k", "k3")
+
+
+def test_a_model_in_place_of_an_oscillator_is_refused_with_what_is_wanted():
+    with pytest.raises(RsgenError, match=r"mass: Model\('k\*x'\); must be a number \[kg\]"):
+        Oscillator(Model("k*x"))

@@ -354,6 +354,9 @@ def test_amplitudes_alone_have_no_phase_and_degrees_are_not_read_as_radians():
     del columns["frequency"]
     with pytest.raises(RsgenError, match="no column 'frequency'; there are level, force, amplitude"):
         ResponseSurface.from_frame(columns | {"amplitude": amplitude})
+    for columns in (2, 3):  # of real and imaginary parts, or of amplitudes: neither can be told
+        with pytest.raises(RsgenError, match=r"shape \(n,\), complex harmonics \(n, H\+1\), mean first"):
+            ResponseSurface(level=[1.0], frequency=[5.0], force=[1.0], response=np.ones((1, columns)))
 
 
 def test_a_phase_that_was_not_recorded_is_nan_named_and_refused_where_it_is_needed():

@@ -151,6 +151,13 @@ def _checked_elements(law: LawLike | Sequence[LawLike]) -> tuple[Element, ...]:
         raise RsgenError("elements: none given; a structure needs at least one spring or damper")
     if "m" in _parameters(elements):
         raise RsgenError("elements: a parameter is named m, which is the mass; give it another name")
+    sums = [] if isinstance(law, str) or not isinstance(law, Sequence) else law
+    given = [n for one in sums if not isinstance(one, Element) for n in _parameters(as_elements(one))]
+    if both := sorted({name for name in given if given.count(name) > 1}):
+        raise RsgenError(
+            f"elements: {', '.join(both)}: in several of the laws, whose forces add up; write one formula, "
+            "or other names; laws to choose from go to rsgen.rank"
+        )
     names = [element.name for element in elements]
     twice = sorted({name for name in names if names.count(name) > 1})
     if twice:
@@ -205,7 +212,10 @@ class Oscillator(_Elements):
     values: Mapping[str, float] = field(hash=False)
 
     def __init__(
-        self, mass: float, elements: LawLike | Sequence[LawLike], values: Mapping[str, float]
+        self,
+        mass: float,
+        elements: LawLike | Sequence[LawLike] = (),
+        values: Mapping[str, float] = MappingProxyType({}),
     ) -> None:
         mass = require_number(mass, "mass", "kg")
         if not (isfinite(mass) and mass > 0):

@@ -81,12 +81,13 @@ def response_columns(response: Any, harmonics: Any, phase_known: bool, rows: int
     if harmonics is not None:
         return column(harmonics, "harmonics", (rows, -1))
     array = np.asarray(response)
-    if array.ndim > 1:
+    if array.ndim > 1 and not (phase_known and array.dtype.kind in "biuf"):
         return column(array, "response", (rows, -1))
     if phase_known and array.size and array.dtype.kind in "biuf":
         raise RsgenError(
             "surface.response: real numbers have no phase; give the complex fundamental "
-            "X = amplitude * exp(-1j * lag), or phase_known=False where only amplitudes were measured"
+            "X = amplitude * exp(-1j * lag) of shape (n,), complex harmonics (n, H+1), mean first, "
+            "or phase_known=False where only amplitudes were measured"
         )
     fundamental = column(np.atleast_1d(array), "response", (rows,))
     return column(np.stack([np.zeros_like(fundamental), fundamental], axis=1), "harmonics", (rows, -1))
