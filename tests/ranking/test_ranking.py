@@ -500,6 +500,21 @@ def test_a_formula_that_the_library_has_stands_once() -> None:
     assert "cubic-spring" not in {candidate.name for candidate in ranking}
 
 
+def test_a_term_that_its_identification_does_not_tell_from_zero_is_not_first() -> None:
+    """Where one level is noisier than others, the sum of squares decreases by more than chance."""
+    table, generator = measured("cubic", 0.0), np.random.default_rng(0)
+    size = 0.001 + 0.02 * (table.level == table.level.min())
+    real, imaginary, *rest = generator.normal(size=(4, len(table)))
+    harmonics = np.array(table.harmonics)
+    harmonics[:, 1] *= 1 + size * (real + 1j * imaginary)
+    force = table.force * (1 + size * (rest[0] + 1j * rest[1]))
+    law = "k*x + c*v + kn*x**3"
+    ranking = rank(changed(table, harmonics=harmonics, force=force), [law, f"{law} + Ff*sign(v)"])
+    assert [candidate.parameters for candidate in ranking] == [4, 5]
+    assert [candidate.tied for candidate in ranking] == [True, True]
+    assert ranking.verdict.state == ranking.best.verdict.state == "identified"
+
+
 def test_laws_are_equal_by_their_normal_form_whatever_their_names() -> None:
     gap = terms_of(parse("k*x + k1*Max(x - b, 0) + k1*Min(0, x + b)"))
     assert gap == terms_of(parse("q*(Min(0, x + g) + Max(0, x - g)) + p*x"))

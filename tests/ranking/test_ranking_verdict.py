@@ -243,13 +243,20 @@ def test_a_mean_is_one_number_a_point() -> None:
     assert ranking.fits
 
 
-@pytest.mark.parametrize(
-    ("law", "expected"), [("k*x + k3*x**3 + c*v", []), ("k*x + c*v", ["law-unconfirmed"])]
-)
-def test_a_law_that_does_not_follow_the_test_by_itself_is_doubted(law: str, expected: list[str]) -> None:
+def test_a_law_that_cannot_be_identified_is_doubted(monkeypatch: pytest.MonkeyPatch) -> None:
+    def refuse(*_: Any) -> None:
+        raise RsgenError("follows none of the points")
+
+    monkeypatch.setattr("rsgen.identification.ranking.rank_laws.identify", refuse)
+    ranking = rank(measured("cubic"), CUBIC)
+    assert ranking.verdict.state == "doubtful"
+    (doubt,) = ranking.verdict.decided_by
+    assert sentence(doubt).endswith("cannot be identified by itself: follows none of the points")
+
+
+def test_the_verdict_of_a_ranking_is_that_of_its_best_law() -> None:
     table = measured("cubic")
-    test = PointTest(table, BASE, ())
-    values = {name: value for name, value in {**truth("cubic"), "k3": -1e5}.items() if name in law}
-    best = SimpleNamespace(candidate=CandidateLaw(law, (make_element("law", law),), {**values, "m": MASS}))
-    found = test.doubts(cast(CandidateFit, best), NOISE)
-    assert [finding.code for finding in found] == expected
+    # one level of another amplifier
+    wrong = changed(table, force=table.force * np.where(table.level == table.levels[-1], 1.02, 1.0))
+    ranking = rank(wrong, CUBIC)
+    assert ranking.best.verdict.state == ranking.verdict.state != "identified"

@@ -19,12 +19,12 @@ import sympy
 from numpy.typing import NDArray
 
 from rsgen.common.arrays import Array
-from rsgen.common.finding import Finding, Quantity
+from rsgen.common.finding import Quantity
 from rsgen.common.solvers import solve_scaled
 from rsgen.common.tolerances import NEAR_STEPS
 from rsgen.formula import symbol
 from rsgen.identification.fitting.across import law_of
-from rsgen.identification.fitting.least_squares import Linearisation, Rules, descend, summarise
+from rsgen.identification.fitting.least_squares import Linearisation, Rules, descend
 from rsgen.identification.ranking.balance import WhitenedBalance
 from rsgen.law.element import Element, forces_by_motion
 from rsgen.law.numeric import ForceLaw, compile_law
@@ -246,17 +246,6 @@ def fit_candidate(
     return CandidateFit(fitted, residual, held_out_residual, rows.compared, background_cost)
 
 
-def errors_of_values(fitted: CandidateFit, rows: WhitenedBalance, fixed: Mapping[str, float]) -> Array:
-    """Return a root (p, d) of the covariance of the values of a fitted law, in their order."""
-    balance, candidate = _Balance(fitted.candidate, rows, fixed), fitted.candidate
-    place = np.array(
-        [*(candidate.values[name] for name in balance.names), *(candidate.background - rows.background_at)]
-    )
-    nuisance, rules = np.zeros((len(rows), 0)), Rules(free=balance.free, prior=balance.prior)
-    found = summarise(balance.linearise(place, nuisance), place, nuisance, rules)
-    return np.asarray(found.basis[: len(balance.names) - 1] * found.noise)
-
-
 def _limited_step(place: Array, change: Array, limits: Array, nonlinear: list[int]) -> Array:
     """Return the next values: nonlinear ones at most doubled or halved, all within their limits."""
     moved = place + change
@@ -329,11 +318,6 @@ class Round(ABC):
         """Noise relative to force and response [1]; NaN if it is not known."""
 
     @property
-    @abstractmethod
-    def feeds_exciter(self) -> bool:
-        """True if the structure feeds energy into the exciter."""
-
-    @property
     def sample(self) -> dict[str, int]:
         """How many points are compared, and of how many (all) they were chosen."""
         return {"points": len(self.rows)}
@@ -375,10 +359,6 @@ class RankedTest(ABC):
     @abstractmethod
     def along(self, candidate: CandidateLaw, before: Round | None) -> Round | None:
         """Fit a law by itself, and make its motion the reference; None if it does not follow the test."""
-
-    def doubts(self, best: CandidateFit, noise: float) -> list[Finding]:
-        """Find that a law fitted by itself misses the test by far more than ``noise``."""
-        return []
 
 
 MAX_UNEXPLAINED = 5e-3

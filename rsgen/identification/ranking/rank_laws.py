@@ -10,11 +10,14 @@ maximum likelihood to second order in its distance from the best law, which is e
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass, replace
 from itertools import chain
 
+import sympy
+
 from rsgen.common.errors import RsgenError, require
+from rsgen.common.finding import Finding
 from rsgen.common.tolerances import (
     MISFIT_NEGLIGIBLE,
     NOISE_RATIO_BY_CHANCE,
@@ -23,12 +26,13 @@ from rsgen.common.tolerances import (
 from rsgen.data.multisine import MultisineSpectra
 from rsgen.data.oscillator import Model, Observation, join_model
 from rsgen.data.surface import ResponseSurface, without_copies
-from rsgen.data.surface.plausibility import plausibility_findings
+from rsgen.formula import symbol
 from rsgen.identification.fitting.across import sensors_of
 from rsgen.identification.fitting.points import per_unit_mass
+from rsgen.identification.identify import identify
 from rsgen.identification.ranking.balance import WhitenedBalance
 from rsgen.identification.ranking.candidate_fit import CandidateFit, CandidateLaw, RankedTest, Round
-from rsgen.identification.ranking.library_sums import Term
+from rsgen.identification.ranking.library_sums import Term, terms_of
 from rsgen.identification.ranking.ranking_result import (
     OWN,
     Candidate,
@@ -36,7 +40,6 @@ from rsgen.identification.ranking.ranking_result import (
     assess_best,
     implausible_findings,
     is_same,
-    joint_sign_findings,
 )
 from rsgen.identification.ranking.records import RecordTest
 from rsgen.identification.ranking.reference import PointTest
@@ -267,13 +270,39 @@ def _ranking(
     surface: ResponseSurface | MultisineSpectra,
 ) -> Ranking:
     """Order the candidates, merge laws of the user with equal ones of the library, and assess the best."""
-    current, fixed = last.round, test.fixed
+    current, fixed, found = last.round, test.fixed, None
     candidates, own = _merge_equal_laws(last.found, current.rows, given)
     error = [current.relative(fit.held_out_residual) for fit in candidates]
     odd = [bool(implausible_findings(fit, current.rows)) for fit in candidates]
-    order, lowest, tied = order_candidates(
-        [fit.bic for fit in candidates], error, [len(fit.candidate.values) for fit in candidates], odd
-    )
+    bic, count = [fit.bic for fit in candidates], [len(fit.candidate.values) for fit in candidates]
+    fault: RsgenError | None = None
+    for _ in candidates:
+        order, lowest, tied = order_candidates(bic, error, count, odd)
+        best = candidates[order[0]]
+        model = replace(base, elements=best.candidate.elements)
+        if current.misfit(best).unexplained:
+            # the ranking rejects it
+            found = None
+            break
+        try:
+            found = identify(surface, model)
+        except RsgenError as refused:
+            found, fault = None, refused
+            break
+        open_ = [one.name for one in found if one.finding is not None]
+        before = bic[order[0]]
+        less = min(
+            (value for value, fit in zip(bic, candidates, strict=True) if _lacks(fit, best, open_)),
+            default=before,
+        )
+        if less <= before:
+            break
+        # what its identification does not tell from zero is no advantage, nor of laws that add to it in vain
+        for i, fit in enumerate(candidates):
+            if fit is best or (
+                before - bic[i] < _STRONG_EVIDENCE and _lacks(best, fit, fit.candidate.values)
+            ):
+                bic[i] = max(bic[i], less)
     ordered = [candidates[number] for number in order]
     rows = [
         Candidate(
@@ -281,30 +310,45 @@ def _ranking(
             law_text(fit.candidate.elements),
             len(fit.candidate.values) - len(fixed),
             error[number],
-            fit.bic - lowest,
+            bic[number] - lowest,
             tied[number],
             {name: value for name, value in fit.candidate.values.items() if name not in fixed},
             fit is own,
         )
         for number, fit in zip(order, ordered, strict=True)
     ]
-    doubts = [
-        *implausible_findings(ordered[0], current.rows),
-        *joint_sign_findings(ordered[0], current.rows, fixed),
-        *test.doubts(ordered[0], current.noise),
-    ]
-    if isinstance(surface, ResponseSurface):
-        doubts += plausibility_findings(surface, calibrated=base.observation.calibrated)
+    doubts = [f for f in (found.findings if found else ()) if f.severity in ("doubt", "error")]
+    said = {f.code for f in doubts}
+    doubts += [f for f in implausible_findings(best, current.rows) if f.code not in said]
+    if fault is not None:
+        names = {"law": best.candidate.name, "fault": str(fault)}
+        doubts.append(Finding("law-unconfirmed", "doubt", names=names))
     assessment = assess_best(current, ordered[0], rows, doubts)
     return Ranking(
         tuple(rows),
-        replace(base, elements=ordered[0].candidate.elements),
+        model,
         assessment.fits,
         assessment.findings,
         current.noise,
         assessment.unexplained,
         surface,
+        found,
     )
+
+
+def _lacks(smaller: CandidateFit, larger: CandidateFit, names: Collection[str]) -> bool:
+    """Return True if a law is another one without the term of one of some parameters, or of all of them."""
+    if len(smaller.candidate.values) >= len(larger.candidate.values):
+        return False
+    law = larger.candidate.law
+    linear = [name for i, name in enumerate(law.parameters) if i not in law.nonlinear and name in names]
+    own = {sensors: terms_of(force) for sensors, force in smaller.candidate.forces.items() if force}
+    for gone in {(name,) for name in linear} | {tuple(linear)}:
+        zero = {symbol(name): sympy.S.Zero for name in gone}
+        rest = {sensors: force.xreplace(zero) for sensors, force in larger.candidate.forces.items()}
+        if own == {sensors: terms_of(force) for sensors, force in rest.items() if force}:
+            return True
+    return False
 
 
 def _merge_equal_laws(

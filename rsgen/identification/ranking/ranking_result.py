@@ -17,7 +17,6 @@ from rsgen.common.errors import RsgenError
 from rsgen.common.finding import Finding, Quantity, Severity, Verdict, quantities, reach_verdict
 from rsgen.common.text_table import Printed, TextTable, data_frame, lookup, short
 from rsgen.common.tolerances import (
-    MAX_SHARE_OF_OUTLIERS_BY_CHANCE,
     MISFIT_NEGLIGIBLE,
     NOISE_RATIO_BY_CHANCE,
     RELATIVE_ERROR_DOUBTFUL,
@@ -32,13 +31,10 @@ from rsgen.identification.ranking.candidate_fit import (
     CandidateFit,
     CandidateLaw,
     Round,
-    errors_of_values,
 )
 from rsgen.identification.ranking.library_sums import library_terms, terms_of, whole_name
 from rsgen.identification.results import Identification
 from rsgen.identification.results.estimates import phase_findings
-from rsgen.identification.soundness import signs_along
-from rsgen.law.motion import Motion, harmonics_of
 
 OWN = "the case's own law"
 """Name of the law of the case or model that is ranked, among the candidates."""
@@ -110,17 +106,18 @@ class Ranking(Printed):
         The best law as a model for ``identify``.
     fits
         False if the misfit of the best is beyond noise, except at a few points that a finding counts, or if
-        its mass, or a stiffness between two sensors, is negative or the structure would feed energy into the
-        exciter.
+        its identification is rejected, as with a negative mass.
     findings
-        Violations of passivity; the best law and those tied with it, or that none fits and where the misfit
-        lies; limits of the ranking.
+        Errors and doubts of the best law's identification; the best law and those tied with it, or that none
+        fits and where the misfit lies; limits of the ranking.
     noise
         Relative noise of force and response [1], from the differences of neighbours in frequency.
     unexplained
         Misfit of the best beyond noise, relative to force and response [1]; 0 if it fits.
     surface
         The test; ``best`` identifies the best law on it.
+    identified
+        That identification, whose doubts are among the findings; None: made when ``best`` is asked for.
     """
 
     candidates: tuple[Candidate, ...]
@@ -130,11 +127,12 @@ class Ranking(Printed):
     noise: float
     unexplained: float
     surface: ResponseSurface | MultisineSpectra | None = None
+    identified: Identification | None = None
     _best: list[Identification] = field(default_factory=list, init=False)
 
     @property
     def best(self) -> Identification:
-        """The best law identified on the test, with intervals; computed when it is first asked for.
+        """The best law identified on the test, with intervals.
 
         Raises
         ------
@@ -144,10 +142,10 @@ class Ranking(Printed):
         if self.surface is None:
             raise RsgenError("ranking.best: the ranking was made without its surface")
         if not self._best:
-            found = identify(self.surface, self.model)
+            found = self.identified or identify(self.surface, self.model)
             # doubts about the choice of the law are doubts about its identification
             against = self.verdict.decided_by if self.fits else self.findings
-            # both look at the sizes of the test
+            # the ranking has its doubts already
             said = {(f.code, f.severity, f.parameter, f.names.get("by")) for f in found.findings}
             against = tuple(
                 f for f in against if (f.code, f.severity, f.parameter, f.names.get("by")) not in said
@@ -263,17 +261,14 @@ def assess_best(
     candidates
         Best first.
     doubts
-        Findings against the best law by itself.
+        Findings against the best law by itself, and those of its identification.
     """
     left = current.misfit(best)
-    impossible = _passivity_findings(candidates[0], current.feeds_exciter)
-    impossible += [finding for finding in doubts if finding.severity == "error"]
+    impossible = [finding for finding in doubts if finding.severity == "error"]
     doubts = [finding for finding in doubts if finding.severity != "error"]
     doubts = [*doubts, *_overfitting_findings(current.relative(best.residual), candidates)]
     findings = list(impossible)
     if left.unexplained:
-        # no law fits, so that there is none to confirm
-        doubts = [finding for finding in doubts if finding.code != "law-unconfirmed"]
         numbers = {"unexplained": Quantity(left.unexplained), "noise": Quantity(current.noise), **left.where}
         findings.append(Finding("no-law-fits", "error", numbers=numbers, names={"law": candidates[0].label}))
     else:
@@ -283,17 +278,6 @@ def assess_best(
     findings += _sample_findings(current, candidates[0].parameters, left.outliers)
     fits = left.known and not impossible and not left.unexplained
     return Assessment(fits, left.unexplained, tuple(findings))
-
-
-def _passivity_findings(best: Candidate, feeds: bool) -> list[Finding]:
-    """Find violations of passivity: a negative mass, energy fed into the exciter."""
-    found = []
-    mass = best.values.get("m", 1.0)
-    if mass <= 0:
-        found.append(Finding("mass-negative", "error", "m", {"mass": Quantity(mass, "kg")}))
-    if feeds:
-        found.append(Finding("structure-feeds-exciter", "error"))
-    return found
 
 
 def is_same(one: CandidateFit, other: CandidateFit, rows: WhitenedBalance) -> bool:
@@ -325,19 +309,6 @@ def implausible_findings(fitted: CandidateFit, rows: WhitenedBalance) -> list[Fi
     return found + [
         finding for finding in phase_findings(candidate.background) if finding.severity == "doubt"
     ]
-
-
-def joint_sign_findings(
-    fitted: CandidateFit, rows: WhitenedBalance, fixed: Mapping[str, float]
-) -> list[Finding]:
-    """Find elements between two sensors whose stiffness or damping is negative beyond noise."""
-    if not rows.sensors:
-        return []
-    x, _, _, step = rows.motion_of(rows.sensors)
-    motion = Motion(2 * np.pi / (x.shape[1] * step[:, 0]), harmonics_of(x, x.shape[1] // 2))
-    law = fitted.candidate.law
-    values, basis = law.ordered(fitted.candidate.values), errors_of_values(fitted, rows, fixed)
-    return signs_along(law.parts[-1], motion, values, basis, slice(1, None))
 
 
 def _cancellation_findings(candidate: CandidateLaw, rows: WhitenedBalance) -> list[Finding]:
@@ -398,10 +369,9 @@ def _sample_findings(current: Round, parameters: int, outliers: int) -> list[Fin
     found = []
     count, tested = len(current.rows), current.sample["points"]
     if outliers := outliers + tested - count:
-        many = outliers > MAX_SHARE_OF_OUTLIERS_BY_CHANCE * tested
-        severity: Severity = "doubt" if many else "warning"
+        # whether they speak against the law its identification says, of all points
         numbers = quantities(excluded=outliers, **current.sample)
-        found.append(Finding("points-excluded", severity, numbers=numbers, names={"by": "ranking"}))
+        found.append(Finding("points-excluded", "warning", numbers=numbers, names={"by": "ranking"}))
     if count < _MIN_POINTS_A_PARAMETER * parameters:
         numbers = quantities(**{current.counted: count}, parameters=parameters)
         found.append(Finding("ranking-few-points", "warning", numbers=numbers))

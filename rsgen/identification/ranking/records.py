@@ -47,7 +47,6 @@ from rsgen.identification.ranking.candidate_fit import (
 )
 from rsgen.identification.ranking.library_sums import base_elements, surrogates
 from rsgen.law.element import Element
-from rsgen.law.motion import cycle_work
 from rsgen.law.numeric import ForceLaw
 
 
@@ -152,13 +151,6 @@ class RecordRound(Round):
     def noise(self) -> float:
         """Noise of the balance of the mean periods, relative to the force; NaN with one period."""
         return relative_to_force(self.rows.fit.lines, self.rows.fit.noise.variance)
-
-    @property
-    def feeds_exciter(self) -> bool:
-        """True if the structure works on its exciter in most records."""
-        part = self.rows.fit.mode.spectra
-        work = np.sum(part.lines * cycle_work(part.mean_force, part.mean_response), axis=1)
-        return bool(np.mean(work < 0) > 0.5)
 
     def relative(self, residual: Array) -> float:
         """Return the root mean square of a residual (lines, 2), relative to the force of each record."""

@@ -18,12 +18,11 @@ from numpy.typing import NDArray
 
 from rsgen.common.arrays import Array, ComplexArray
 from rsgen.common.errors import RsgenError
-from rsgen.common.finding import Finding, Quantity, quantities
+from rsgen.common.finding import Quantity
 from rsgen.common.tolerances import (
     ASSUMED_RELATIVE_NOISE,
     BALANCE_HARMONICS,
     BRANCH_DISTANCE,
-    DEVIATING_MISFIT_RATIO,
     FINITE_DIFFERENCE_STEP,
     MAX_SHARE_OF_OUTLIERS,
     MAX_SHARE_OF_OUTLIERS_BY_CHANCE,
@@ -349,9 +348,6 @@ def _neighbour_noise(
 _MAX_POINTS = 500
 """Points that separate laws; more of them only narrow intervals."""
 
-_MIN_MISFIT_OF_DOUBT = 0.03
-"""Smaller misfits along the law's own motions are due to few harmonics, as for friction that sticks."""
-
 _MAX_UNEXPLAINED_OF_HARMONIC = 0.1
 """Misfit of a higher harmonic, relative to that harmonic."""
 
@@ -383,12 +379,6 @@ class PointRound(Round):
     def noise(self) -> float:
         """Noise of the fundamental and the force; that of the last round where no points are neighbours."""
         return float(self.noises[1])
-
-    @property
-    def feeds_exciter(self) -> bool:
-        """True if the structure feeds energy into the exciter."""
-        motion = self.reference.motion
-        return feeds_exciter(motion.force, motion.harmonics[:, 1])
 
     @property
     def sample(self) -> dict[str, int]:
@@ -506,23 +496,6 @@ class PointTest(RankedTest):
         if leader is None:
             return None
         return PointRound(rows, leader, reference, noise, len(self.observed.points), self._measured)
-
-    def doubts(self, best: CandidateFit, noise: float) -> list[Finding]:
-        """Find that a law misses the test by far more along its own motions than in the ranking."""
-        subsample = self.observed.select(self.observed.points.spread(SUBSAMPLE_POINTS))
-        candidate, law = best.candidate, best.candidate.law
-        problem = Problem(candidate.elements, law, subsample, self.fixed)
-        near = problem.join(law.ordered(candidate.values), candidate.values["m"], candidate.background)
-        expected = np.sqrt(2) * noise
-        # if the fit fails from the values of the ranking, search as an identification does
-        for searched in (False, True):
-            start = start_fit(problem) if searched else (problem, near)
-            fit = fit_balance(*start, order=START_HARMONICS)
-            misfit = np.sqrt(2) * fit.regression.noise
-            if not misfit > max(DEVIATING_MISFIT_RATIO * expected, _MIN_MISFIT_OF_DOUBT):
-                return []
-        numbers = quantities(misfit=float(misfit), expected=float(expected))
-        return [Finding("law-unconfirmed", "doubt", numbers=numbers, names={"law": candidate.name})]
 
 
 def _start_observed(
