@@ -161,6 +161,10 @@ def test_init_of_a_measured_case(tmp_path, run_cli):
     (tmp_path / "mine.csv").write_text("\n".join(["run,f (Hz),F (N),a (g),phase (deg)", *rows]) + "\n")
     assert run_cli("init", "mine", "--from", tmp_path / "mine.csv", "--out", path).code == 0
     assert "4 measured points at 1 level" in run_cli("check", path).out
+    (tmp_path / "too.csv").write_text((tmp_path / "mine.csv").read_text())
+    several = ("--from", tmp_path / "mine.csv", "--from", tmp_path / "too.csv")
+    assert run_cli("init", *several, tmp_path / "two.toml").code == 0
+    assert 'file = ["mine.csv", "too.csv"]' in " ".join((tmp_path / "two.toml").read_text().split())
     (tmp_path / "mine.csv").rename(tmp_path / "$.csv")
     assert run_cli("init", "--from", tmp_path / "$.csv", tmp_path / "x.toml").code == 2
 

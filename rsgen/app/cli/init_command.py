@@ -107,24 +107,22 @@ def case_text(
     )
 
 
-def _drafted(data: Path, target: Path) -> str:
-    """Return the [test] tables for a data file as the case's folder sees it."""
-    contents = list_contents(data)
-    proposal = propose(contents)
+def _drafted(files: list[Path], target: Path) -> str:
+    """Return the [test] tables for data files, drafted from the first, as the case's folder sees them."""
+    contents = [list_contents(file) for file in files]
+    proposal = propose(contents[0])
     if proposal is None:
         raise RsgenError(
-            f"{shown_path(data)}: no columns of numbers over one another are in it; see rsgen inspect"
+            f"{shown_path(files[0])}: no columns of numbers over one another are in it; see rsgen inspect"
         )
-    folder = target.parent.resolve()
-    try:
-        inside = data.resolve().relative_to(folder).as_posix()
-    except ValueError:
+    folder, named = target.parent.resolve(), []
+    for file in files:
         # elsewhere: RSGEN_DATA or --data must name its folder
-        inside = data.name
-    fault = path_fault(inside)
-    if fault:
-        raise RsgenError(f"--from: {fault}")
-    proposal.tables["test"]["file"] = inside
+        inside = file.resolve()
+        named.append(inside.relative_to(folder).as_posix() if inside.is_relative_to(folder) else file.name)
+        if fault := path_fault(named[-1]):
+            raise RsgenError(f"--from: {fault}")
+    proposal.tables["test"]["file"] = named if len(named) > 1 else named[0]
     return proposal_text(proposal)
 
 
@@ -143,8 +141,12 @@ def init_command(
     ] = None,
     memory: Memory = None,
     data: Annotated[
-        Path | None,
-        typer.Option("--from", help="Draft the test by names and units of a data file.", show_default=False),
+        list[Path] | None,
+        typer.Option(
+            "--from",
+            help="Draft the test by names and units of a data file; again for others of its kind.",
+            show_default=False,
+        ),
     ] = None,
     out: Annotated[
         Path | None, typer.Option("--out", "-o", help="The file.", show_default="<name>.toml")
@@ -158,9 +160,10 @@ def init_command(
       rsgen init gearbox
       rsgen init joint --law "k*x + c*v + z" --memory "z = sigma*v*(1 - z*sign(v)/Fc)"
       rsgen init --from sweep.mat wing.toml
+      rsgen init --from run_1N.csv --from run_2N.csv wing.toml
     """
-    if name is None and data is not None:
-        name = re.sub(r"[^A-Za-z0-9_-]+", "-", data.stem).strip("-") or None
+    if name is None and data:
+        name = re.sub(r"[^A-Za-z0-9_-]+", "-", data[0].stem).strip("-") or None
     if name is None:
         raise RsgenError("NAME: is missing; rsgen init gearbox")
     file = Path(name)
@@ -168,7 +171,7 @@ def init_command(
         # a file was named: the case is called like it
         name, out = file.stem, out or file
     target = out or Path(f"{name}.toml")
-    test = None if data is None else _drafted(data, target)
+    test = _drafted(data, target) if data else None
     text = case_text(name, law or _LAW, test, read_memory(memory or []))
     if target.exists():
         raise RsgenError(f"{target}: is there already; choose another name or --out")
@@ -178,6 +181,7 @@ def init_command(
         return 0
     asked = " each TODO and" if test and TODO in test else ""
     print_line(f"{target}: change{asked} what you need, then `rsgen check {target}`")
-    if data is not None and not data.resolve().is_relative_to(target.parent.resolve()):
-        print_line(f"the data lie elsewhere: set {DATA_VARIABLE} or --data to {data.parent}")
+    away = [one for one in data or [] if not one.resolve().is_relative_to(target.parent.resolve())]
+    if away:
+        print_line(f"the data lie elsewhere: set {DATA_VARIABLE} or --data to {away[0].parent}")
     return 0
