@@ -52,6 +52,15 @@ def test_levels_in_another_order_than_forces_are_doubted():
     assert list(level_findings(surface)) == []
 
 
+def test_points_that_are_each_a_level_of_its_own_are_named():
+    surface = cubic_surface()
+    level = surface.level * (1 + 1e-3 * np.random.default_rng(0).normal(size=len(surface)))
+    (found,) = level_findings(ResponseSurface(level, surface.frequency, level, surface.harmonics[:, 1]))
+    assert (found.code, found.severity) == ("levels-disagree", "warning")
+    assert f"each of the {len(surface)} points is a level of its own" in sentence(found)
+    assert "nominal force of each run" in next_step(found)
+
+
 @pytest.mark.parametrize(("factor", "severity"), [(2.0, ["warning"]), (0.5**0.5, ["warning"]), (1.9, [])])
 def test_forces_of_twice_the_level_are_named(factor, severity):
     surface = cubic_surface()

@@ -237,6 +237,8 @@ def level_findings(surface: ResponseSurface) -> Iterator[Finding]:
         amounts = {"level": levels[-1], "low": low, "high": high}
         numbers = {name: Quantity(float(amount), "N") for name, amount in amounts.items()}
         yield Finding("levels-disagree", "doubt", "", numbers)
+    if 1 < len(levels) == len(rows) and surface.control == "force":
+        yield Finding("levels-disagree", "warning", "", quantities(points=len(rows)))
     if surface.control == "force":  # loops have motions that no held force has
         yield from _exchanged_levels(surface, rows)
 
@@ -534,12 +536,8 @@ def _lock_lost(lag: Array, force: Array) -> tuple[Finding, ...]:
     lost = lag[((lag < low) | (lag > high)) & alone]
     if not len(lost):
         return ()
-    numbers = {
-        "lost": Quantity(len(lost)),
-        "points": Quantity(len(lag)),
-        "low": Quantity(float(lost.min()), "rad"),
-        "high": Quantity(float(lost.max()), "rad"),
-    }
+    ends = {"low": Quantity(float(lost.min()), "rad"), "high": Quantity(float(lost.max()), "rad")}
+    numbers = quantities(lost=len(lost), points=len(lag)) | ends
     return (Finding("phase-lock-lost", "warning", numbers=numbers),)
 
 
