@@ -23,6 +23,7 @@ import rsgen
 from rsgen.common.output import write_atomic
 from rsgen.common.tolerances import interval_sigmas
 from rsgen.data.surface import ResponseSurface
+from rsgen.identification.results import Estimate
 
 REPORT = Path(__file__).parent.parent / "reports" / "verdicts.md"
 HEADING = "## Random tests"
@@ -210,7 +211,7 @@ class Row:
     state: str
     deciding: tuple[str, ...]
     codes: frozenset[str]
-    deviation: Values  # from the truth, in standard errors
+    deviation: Values  # from the truth, in standard errors of the interval that is stated
     share: Values  # the same relative to the true value
     covered: dict[str, bool]  # whether the 95 % interval of a value has the true one
     seconds: float
@@ -278,7 +279,7 @@ def run(kind: str, seed: int, laws: Sequence[str] = tuple(LAWS)) -> Row:
         verdict.state,
         tuple(finding.code for finding in verdict.decided_by),
         frozenset(finding.code for finding in found.findings),
-        {e.name: (e.value - truth[e.name]) / e.standard_error for e in judged},
+        {e.name: _deviation(e, truth[e.name]) for e in judged},
         {e.name: e.value / truth[e.name] - 1 if truth[e.name] else np.nan for e in judged},
         {
             e.name: e.interval[0] <= truth[e.name] <= e.interval[1]
@@ -287,6 +288,14 @@ def run(kind: str, seed: int, laws: Sequence[str] = tuple(LAWS)) -> Row:
         },
         seconds,
     )
+
+
+def _deviation(estimate: Estimate, true: float) -> float:
+    """Deviation from the truth; by a profile the distance to the end of its interval has ``WIDE`` units."""
+    far, error = estimate.value - true, estimate.standard_error
+    if estimate.by_profile:
+        error = abs(estimate.interval[int(far < 0)] - estimate.value) / WIDE
+    return far / error
 
 
 def section(rows: Sequence[Row]) -> list[str]:

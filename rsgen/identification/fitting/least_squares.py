@@ -227,14 +227,14 @@ def fit(
     rules
         Control of each descent.
     exclude
-        True if outliers are excluded, with a new descent after each exclusion.
+        True if outliers are excluded, with a new descent after each exclusion, and one of all at the end.
     neighbours
         (k, 2) neighbours in the test. If outliers are neighbours the law is wrong, and none is excluded.
     used
         (n,) mask of the points to begin with; None: all.
     """
     used = np.ones(len(nuisance), dtype=bool) if used is None else used
-    converged = False
+    converged, measured = False, nuisance
     for _ in range(4 if exclude else 1):
         parameters, nuisance, line, converged = descend(linearise, parameters, nuisance, rules, used)
         predicted = np.isfinite(line.residual).all(axis=1)
@@ -242,6 +242,11 @@ def fit(
         used, before = kept, used
         if np.array_equal(used, before):
             break
+    if exclude and not used.all():
+        # points that agree at the solution may have been outliers on the way from a far start
+        whole = descend(linearise, parameters, np.where(used[:, None], nuisance, measured), rules)
+        if _agreeing(whole[2], every := np.ones_like(used), None).all():
+            (parameters, nuisance, line, converged), used = whole, every
     return summarise(line, parameters, nuisance, rules, used, converged=converged)
 
 
@@ -466,8 +471,7 @@ def summarise(
     flat = matrix.reshape(residual.size, len(parameters))
     sandwich = inverse @ (scores.T @ scores) @ inverse.T * (max(points, 1) / max(points - count, 1))
     spread = np.sqrt(np.maximum(np.diag(fisher), 0.0))
-    ratio = np.sqrt(np.maximum(np.diag(sandwich), 0.0)) / np.where(spread > 0, spread, 1.0)
-    widen = np.maximum(ratio, 1.0)
+    widen = np.maximum(np.sqrt(np.maximum(np.diag(sandwich), 0.0)) / np.where(spread > 0, spread, 1.0), 1.0)
     slopes, _ = _stacked(line.by_parameter, line.residual, used)
     return Regression(
         parameters=parameters,
@@ -580,8 +584,7 @@ def remove_bias(found: Regression, line: Linearisation, bend: Bend) -> Regressio
     for column in np.moveaxis(factor, 2, 0):
         second, slopes = bend(column)
         shift += 0.5 * second
-        slopes = np.nan_to_num(slopes)
-        _remove(units, slopes)
+        _remove(units, slopes := np.nan_to_num(slopes))
         moved = slopes[regular] @ found.basis
         share += np.tensordot(moved, moved, ([0, 1], [0, 1]))
     regular &= np.isfinite(shift).all(axis=1)
@@ -594,5 +597,4 @@ def remove_bias(found: Regression, line: Linearisation, bend: Bend) -> Regressio
     moved[regular] += residual[regular]
     moved[~found.used] = 0.0
     largest = float(np.linalg.eigvalsh(share)[-1]) if len(share) else 0.0
-    parameters = found.parameters + change
-    return replace(found, parameters=parameters, residual=moved, noise_share=largest)
+    return replace(found, parameters=found.parameters + change, residual=moved, noise_share=largest)
