@@ -44,6 +44,7 @@ from rsgen.identification.misfit import (
     mirror_findings,
     misfit_findings,
     relative_misfit,
+    symmetric_shift,
     unseen_findings,
     widen_squares,
 )
@@ -320,16 +321,18 @@ def judge(test: Prepared, model: Model, refined: Fit) -> Identification:
     misfits = refined.systematic
     agreement = Agreement.of(refined.regression, points, whole.covariance, misfits=misfits)
     regression, noise, about = _errors(test, refined, whole, shared * agreement.wider)
-    as_it_stands = widen_squares(refined, agreement.widen(regression)).covariance
+    # nothing drives a decay: there is no background; one whose phases were not recorded could be any
+    backgrounds = not (surface.decays or surface.lag_assumed)
+    symmetric = symmetric_shift(refined) if backgrounds else np.zeros(test.problem.count)
+    as_it_stands = widen_squares(refined, agreement.widen(regression), symmetric).covariance
     whole = agreement.widen(whole)
     names, units = (*law.parameters, "m"), units_of(model, surface.units)
-    # nothing drives a decay: there is no background; one whose phases were not recorded could be any
-    kinds = alternatives_to(refined, agreement, backgrounds=not (surface.decays or surface.lag_assumed))
+    kinds = alternatives_to(refined, agreement, backgrounds=backgrounds)
     others = Alternatives(names, np.sqrt(np.diag(regression.covariance)), kinds)
     size = relative_misfit(refined)
     ratio, ambiguous = others.judge(regression.parameters, size)
     regression = replace(regression, covariance=regression.covariance * np.outer(ratio, ratio))
-    regression = widen_squares(refined, regression)
+    regression = widen_squares(refined, regression, symmetric)
     tested = {
         "amplitude": Quantity(float(points.amplitude.max()), "m"),
         "level": Quantity(float(points.level.max()), surface.level_unit),
@@ -396,7 +399,12 @@ def judge(test: Prepared, model: Model, refined: Fit) -> Identification:
         background=background,
         alternatives=others,
         fit=refined,
-        findings=(*about, *law_remarks(model.force), *mirror_findings(test.problem, known), *collected),
+        findings=(
+            *about,
+            *law_remarks(model.force),
+            *mirror_findings(test.problem, known, symmetric),
+            *collected,
+        ),
     )
 
 

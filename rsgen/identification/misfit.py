@@ -37,7 +37,7 @@ from rsgen.common.tolerances import (
     interval_sigmas,
 )
 from rsgen.data.free_mode import fit_mode, hats, steady
-from rsgen.data.oscillator import OFFSET
+from rsgen.data.oscillator import BACKGROUNDS, OFFSET
 from rsgen.data.surface import ResponseSurface
 from rsgen.formula.names import symbol
 from rsgen.identification.fitting.across import misfit_of_joint
@@ -49,7 +49,14 @@ from rsgen.identification.results import Estimate, Resonance
 from rsgen.identification.results.alternatives import Alternatives
 from rsgen.identification.results.estimates import fixed_contradicted
 from rsgen.identification.starting.start import even_directions, even_part_unobservable, records_even
-from rsgen.identification.terms import EVEN_SHARE, even_force_shift, fit_missing_terms, law_with, with_terms
+from rsgen.identification.terms import (
+    EVEN_SHARE,
+    even_force_shift,
+    fit_missing_terms,
+    law_with,
+    with_largest_background,
+    with_terms,
+)
 
 _MIN_POINTS_OF_PATTERN = 16
 """Number of points for the residual-pattern test: at 16 a 5 % damping error is detected, at 12 it is not."""
@@ -505,8 +512,11 @@ def explain_hidden(problem: Problem, reasons: Mapping[str, Finding | None]) -> d
     }
 
 
-def mirror_findings(problem: Problem, known: Collection[str]) -> tuple[Finding, ...]:
-    """Say that the law of -x fits as well, where nothing even was recorded; name ``known`` parameters."""
+def mirror_findings(problem: Problem, known: Collection[str], symmetric: Array) -> tuple[Finding, ...]:
+    """Say that the law of -x fits as well, where nothing even was recorded; name ``known`` parameters.
+
+    ``symmetric`` is the shift to a symmetric law that fits as well; see ``symmetric_shift``.
+    """
     law = problem.law
     fixed = [place for place in law.even if not problem.free[place]]
     if not even_part_unobservable(problem) or records_even(problem) or fixed:
@@ -514,11 +524,38 @@ def mirror_findings(problem: Problem, known: Collection[str]) -> tuple[Finding, 
     names = [law.parameters[i] for i in law.even if law.parameters[i] in known]
     if law.mirrored and not names:
         return ()
-    signs = {"parameters": ", ".join(names)} if law.mirrored else {}
-    return (Finding("mirror-image-fits", "warning", names=signs),)
+    said = {"parameters": ", ".join(names)} if law.mirrored else {}
+    if symmetric.any():
+        said = {"background": BACKGROUNDS[-2]}
+    return (Finding("mirror-image-fits", "warning", names=said),)
 
 
-def widen_squares(fit: Fit, found: Regression) -> Regression:
+def symmetric_shift(fit: Fit) -> Array:
+    """Return the shift (q,) to the symmetric law with a background, where that fits as well; else zeros.
+
+    Of a one-sided spring, whose resonance does not depend on the amplitude, fundamentals show what its
+    harmonics do to the shape of the resonance, as a neighbouring mode does. It is far, so that the law is
+    fitted again: without even forces, and with the largest background.
+    """
+    none, own = np.zeros(fit.problem.count), fit.problem.observed.background
+    if not even_part_unobservable(fit.problem) or records_even(fit.problem):
+        return none
+    few = fit.select(np.flatnonzero(fit.regression.used))
+    hidden = even_directions(few.problem, few.regression.parameters)
+    if not hidden.symmetric or own.kind.startswith(BACKGROUNDS[-1]):
+        return none
+    problem, start = with_largest_background(few)
+    start[: len(none)] = hidden.centre[: len(none)]
+    frozen = tuple({*problem.law.even, *hidden.uneven} - {-1})
+    other = fit_near(replace(problem, frozen=frozen), start, order=max(few.order, START_HARMONICS))
+    cost, least = (float(np.sum(found.residual**2)) for found in (other.regression, few.regression))
+    worse = (cost - least) / max(few.regression.noise, 1e-300) ** 2
+    if not (other.regression.used.all() and worse < interval_sigmas() ** 2):
+        return none
+    return other.regression.parameters[: len(none)] - few.regression.parameters[: len(none)]
+
+
+def widen_squares(fit: Fit, found: Regression, symmetric: Array) -> Regression:
     """Widen the errors of values v that the points show by their squares alone, and of what goes with them.
 
     What is normally distributed is v^2, with a standard error of 2 |v| e where that of v is e by its slope,
@@ -532,6 +569,8 @@ def widen_squares(fit: Fit, found: Regression) -> Regression:
         What is judged.
     found
         The errors of its law (q,).
+    symmetric
+        (q,) shift to a symmetric law that fits as well, which the errors contain.
     """
     problem, count = fit.problem, len(found.covariance)
     if not even_part_unobservable(problem) or records_even(problem):
@@ -539,7 +578,10 @@ def widen_squares(fit: Fit, found: Regression) -> Regression:
     hidden = even_directions(problem, fit.regression.parameters)
     if not hidden.symmetric:
         return found
-    wide, covariance = float(interval_sigmas(found.freedom)), np.array(found.covariance)
+    wide, covariance = (
+        float(interval_sigmas(found.freedom)),
+        found.covariance + np.outer(symmetric, symmetric),
+    )
     for place, direction in zip(hidden.uneven, hidden.directions[:, :count], strict=True):
         error = float(np.sqrt(found.covariance[place, place])) if place >= 0 else nan
         if not 0 < error < inf:

@@ -111,19 +111,27 @@ def fit_larger_backgrounds(fit: Fit, noise: float) -> dict[str, Alternative]:
 
     Not a neighbouring mode, whose frequency has no slope.
     """
-    observed, count = fit.problem.observed, fit.problem.count
-    points, own = observed.points, observed.background
+    own, count = fit.problem.observed.background, fit.problem.count
     if own.kind.startswith(BACKGROUNDS[-1]):
         return {}
-    larger = background_terms(LARGEST, points.omega, points.force, own.band)
-    seen = replace(Observed.of(points, LARGEST), background=larger, scale=observed.scale)
-    start = fit.problem.join(fit.values, fit.mass, larger.values_from(own, fit.background))
-    residual, matrix = linearise_extended(fit, replace(fit.problem, observed=seen), start)
+    problem, start = with_largest_background(fit)
+    seen, larger = problem.observed, problem.observed.background
+    residual, matrix = linearise_extended(fit, problem, start)
     fitted = [name for name, kept in zip(larger.names, seen.fitted, strict=True) if kept]
     rows = matrix.reshape(residual.size, len(start)) / noise
     return larger_backgrounds(
         residual.reshape(-1) / noise, rows, fit.problem.free[:count], own, larger, fitted
     )
+
+
+def with_largest_background(fit: Fit) -> tuple[Problem, Array]:
+    """Return the problem with the largest background, and the parameters of a fit there."""
+    observed = fit.problem.observed
+    points, own = observed.points, observed.background
+    larger = background_terms(LARGEST, points.omega, points.force, own.band)
+    seen = replace(Observed.of(points, LARGEST), background=larger, scale=observed.scale)
+    start = fit.problem.join(fit.values, fit.mass, larger.values_from(own, fit.background))
+    return replace(fit.problem, observed=seen), start
 
 
 LARGEST = BACKGROUNDS[-2] + OFFSET

@@ -29,9 +29,10 @@ def table(
     levels=(1.0, 2.0, 4.0, 8.0),
     frequencies: int = 61,
     harmonics: int = 5,
+    band=(8, 12),
 ) -> ResponseSurface:
     """An asymmetric oscillator with the mean and some harmonics."""
-    grid = np.meshgrid(levels, np.linspace(8, 12, frequencies), indexing="ij")
+    grid = np.meshgrid(levels, np.linspace(*band, frequencies), indexing="ij")
     level, frequency = (axis.ravel() for axis in grid)
     states = solve_steady_states(
         Oscillator(MASS, law, values or VALUES),
@@ -102,6 +103,22 @@ def test_the_second_harmonic_gives_the_sign():
     found = identify(changed(full, harmonics=harmonics), QUADRATIC)
     assert abs(found["k2"].value / -1e5 - 1) < EXACT
     assert "mirror-image-fits" not in codes(found)
+
+
+def test_a_one_sided_spring_and_a_mode_beside_the_band_are_told_apart_by_harmonics():
+    """The fundamental shows either; with a mode below the band kb was 30 300 +- 640 N/m for 3100."""
+    law, values = "k*x + c*v + kb*Max(x, 0)", {"k": 15400.0, "kb": 3100.0, "c": 2.95}
+    full = table(law, values, levels=(0.06, 0.18, 0.3), band=(13.9, 18.2), frequencies=37, harmonics=7)
+    below = 2 * np.pi * 7.6
+    harmonics = np.array(full.harmonics)
+    harmonics[:, 1] += 0.029 * full.force / (below**2 * (1 + 0.02j) - full.omega**2)
+    for seed in (1, 2, 3):
+        found = identify(fundamental(noisy(changed(full, harmonics=harmonics), 3e-3, seed)), law)
+        for name, value in {**values, "m": MASS}.items():
+            low, high = found[name].interval
+            assert low < value < high, (seed, name)
+        named = [finding.names for finding in found.findings if finding.code == "mirror-image-fits"]
+        assert named == [{"background": "residuals"}]
 
 
 def test_a_one_sided_spring_that_noise_hides_is_within_its_interval():
