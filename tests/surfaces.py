@@ -135,3 +135,8 @@ def distances(found: Identification, true: dict[str, float]) -> np.ndarray:
 def codes(found: object) -> set[str]:
     """Codes of the findings of a result."""
     return {finding.code for finding in found.findings}  # type: ignore[attr-defined]
+
+
+def severities(found: object) -> dict[str, str]:
+    """Severities of the findings of a result by their codes."""
+    return {finding.code: finding.severity for finding in found.findings}  # type: ignore[attr-defined]

@@ -1,6 +1,5 @@
 """Channels with names: sums of them, delays, a driven base, an element across two of them."""
 
-from dataclasses import fields
 from pathlib import Path
 
 import numpy as np
@@ -47,16 +46,6 @@ def test_samples_are_shifted_by_parts_of_a_sample(delay):
         moved = shifted(np.cos(2 * np.pi * f * t + 0.3), delay)[200:-200]
         expected = np.cos(2 * np.pi * f * (t + delay) + 0.3)[200:-200]
         np.testing.assert_allclose(moved, expected, atol=1e-4)
-
-
-def test_a_channel_sampled_later_has_a_negative_delay():
-    """Its samples are those of a later instant: they have to move back."""
-    t, late, omega = np.arange(2000.0), 0.4, 2 * np.pi * 0.02
-    np.testing.assert_allclose(
-        shifted(np.cos(omega * (t + late)), -late)[200:-200], np.cos(omega * t)[200:-200], atol=1e-4
-    )
-    said = next(one for one in fields(Channel) if one.name == "delay").metadata
-    assert "Negative for a channel that is sampled later" in str(said)
 
 
 SPRING, ACROSS = "k*x + c*v", "payload - wing"

@@ -9,6 +9,7 @@ from rsgen.common.errors import MeasurementError
 from rsgen.data.surface import ResponseSurface
 from rsgen.files import MeasuredTest, Signal, SweepRule, read_measurement
 from rsgen.files.files_to_surface import tell_branches_apart
+from tests.surfaces import severities
 
 FREQUENCY = np.linspace(8, 12, 41)
 OMEGA = 2 * np.pi * FREQUENCY
@@ -26,10 +27,6 @@ def read(*paths: Path, sweep: SweepRule = SweepRule()) -> ResponseSurface:  # no
     return read_measurement(
         MeasuredTest(paths, "f", *signals, "displacement", phase_known=False, sweep=sweep)
     )
-
-
-def severities(surface: ResponseSurface) -> dict[str, str]:
-    return {finding.code: finding.severity for finding in surface.findings}
 
 
 @pytest.fixture

@@ -15,6 +15,7 @@ from rsgen.data.oscillator import Model, Observation
 from rsgen.data.record_set import match_level
 from rsgen.data.surface import ResponseSurface, save_surface, typical_amounts
 from rsgen.files import LevelRule, MeasuredTest, Signal, load_surface, read_measurement
+from tests.surfaces import severities
 
 FREQUENCY = np.linspace(8, 12, 41)
 MASS, STIFFNESS, CUBIC, DAMPING = 1.5, 5920.0, 2e6, 7.5
@@ -44,23 +45,17 @@ def of_runs(path: Path, **more: Any) -> MeasuredTest:
     return MeasuredTest(path, "run/*/f", force, Signal(complex="run/*/X"), "displacement", **more)
 
 
-def of_files(tmp_path: Path, forces: dict[str, Any], **more: Any) -> MeasuredTest:
-    """Write a file a run, with the force over frequency that is given, and plan to read them."""
-    paths = []
+def of_files(
+    tmp_path: Path, forces: dict[str, Any], sizes: dict[str, float] | None = None, **more: Any
+) -> MeasuredTest:
+    """Write a file a run, force and amplitude over frequency (F/1e4 unless given), and plan to read them."""
     for name, force in forces.items():
-        size = np.abs(force) / 1e4
-        rows = np.stack(
-            [FREQUENCY, np.broadcast_to(force, FREQUENCY.shape), np.broadcast_to(size, FREQUENCY.shape)]
-        )
-        paths.append(tmp_path / name)
-        lines = "".join(f"{f:.6g},{p:.9g},{x:.9g}\n" for f, p, x in rows.T)
-        paths[-1].write_text("f,F,X\n" + lines, encoding="utf-8")
+        size = sizes[name] if sizes else np.abs(force) / 1e4
+        rows = np.column_stack(np.broadcast_arrays(FREQUENCY, force, size))
+        np.savetxt(tmp_path / name, rows, "%.9g", delimiter=",", header="f,F,X", comments="")
     signals = Signal(amplitude="F"), Signal(amplitude="X")
-    return MeasuredTest(tuple(paths), "f", *signals, "displacement", phase_known=False, **more)
-
-
-def codes(surface: ResponseSurface) -> dict[str, str]:
-    return {finding.code: finding.severity for finding in surface.findings}
+    paths = tuple(tmp_path / name for name in forces)
+    return MeasuredTest(paths, "f", *signals, "displacement", phase_known=False, **more)
 
 
 @pytest.mark.slow
@@ -71,7 +66,7 @@ def test_each_entry_is_a_level(tmp_path):
     assert surface.control == "response"
     np.testing.assert_allclose(surface.levels, HELD, rtol=5e-3)
     assert [int(np.count_nonzero(surface.level == level)) for level in surface.levels] == [41] * 8
-    assert codes(surface) == {}
+    assert severities(surface) == {}
     assert len(read_measurement(of_runs(path)).levels) == 8
     assert len(read_measurement(of_runs(path, level=LevelRule(spread=0.05))).levels) == 14
 
@@ -83,7 +78,7 @@ def test_a_held_response_is_declared_with_its_unit(tmp_path):
     surface = read_measurement(of_runs(path, control="response", level=rule))
     assert (surface.control, surface.level_unit) == ("response", "m")
     np.testing.assert_allclose(surface.levels, HELD, rtol=1e-12)
-    assert codes(surface) == {}
+    assert severities(surface) == {}
 
 
 DIP = 1 - 0.6 * np.exp(-((FREQUENCY - 10) ** 2))
@@ -123,23 +118,19 @@ AS_MEASURED, ALIKE = [4.8, 28.8, 58.0], {"1.csv": 5.0, "3.csv": 5.01, "9.csv": 4
 def test_levels_of_files(tmp_path, forces, rule, levels, said):
     surface = read_measurement(of_files(tmp_path, forces, level=LevelRule(**rule)))
     np.testing.assert_allclose(surface.levels, levels)
-    assert codes(surface) == said
+    assert severities(surface) == said
 
 
 def test_a_force_that_was_held_is_no_held_response(tmp_path):
     forces = {f"{level}.csv": level * (1 + 0.5 * np.sin(FREQUENCY)) for level in (1, 3)}
     test = of_files(tmp_path, forces, level=LevelRule(name="{level}.csv"), control="response")
-    assert codes(read_measurement(test))["response-not-held"] == "doubt"
+    assert severities(read_measurement(test))["response-not-held"] == "doubt"
 
 
 def test_files_of_a_held_response_are_levels_of_the_amplitude_held(tmp_path):
     """Without levels in the plan, files were levels of 0 m and 1 m by their number."""
-    for name, size in (("a", 1e-3), ("b", 2e-3)):
-        rows = np.column_stack([FREQUENCY, 3 + np.sin(FREQUENCY), np.full(len(FREQUENCY), size)])
-        np.savetxt(tmp_path / f"{name}.csv", rows, delimiter=",", header="f,F,X", comments="")
-    signals = Signal(amplitude="F"), Signal(amplitude="X")
-    files = tmp_path / "a.csv", tmp_path / "b.csv"
-    test = MeasuredTest(files, "f", *signals, "displacement", phase_known=False, control="response")
+    sizes = {"a.csv": 1e-3, "b.csv": 2e-3}
+    test = of_files(tmp_path, dict.fromkeys(sizes, 3 + np.sin(FREQUENCY)), sizes, control="response")
     np.testing.assert_allclose(read_measurement(test).levels, [1e-3, 2e-3], rtol=1e-12)
 
 

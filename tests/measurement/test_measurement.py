@@ -153,11 +153,6 @@ def test_written_numbers_come_back(tmp_path_factory, rows, delimiter):
     assert surface.harmonics[:, 1].tolist() == (table[:, 2] + 1j * table[:, 3]).tolist()
 
 
-def _directions(frequency: list[float], blocks: str = "") -> list[str]:
-    numbers = np.array([int(b) for b in blocks] if blocks else [0] * len(frequency))
-    return [str(d)[0] for d in recognise_directions(np.array(frequency), np.ones(len(frequency)), numbers)]
-
-
 @pytest.mark.parametrize(
     ("frequency", "blocks", "directions"),
     [

@@ -221,6 +221,3 @@ def test_long_histories_are_read_quickly_and_once(tmp_path):
     assert seconds < 2
     assert here * 1024 < 1.5 * size
     assert there * 1024 < 1.5 * size + 150 * 2**20
-
-
-# ---------------------------------------------------------------- real files, where they are

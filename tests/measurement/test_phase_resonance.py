@@ -12,6 +12,7 @@ from rsgen.data.surface import ResponseSurface
 from rsgen.data.surface.plausibility import lag_findings
 from rsgen.files import MeasuredTest, Signal, read_measurement
 from tests.case_files import GONE, MEASURED, write_small
+from tests.surfaces import codes
 
 MASS, K, K3, C = 1.5, 5920.0, 3e5, 3.8
 AMPLITUDE = np.linspace(4e-3, 48e-3, 23)
@@ -44,15 +45,11 @@ def read(path: Path, **options: Any) -> ResponseSurface:
     return read_measurement(MeasuredTest(**(settings | options)))
 
 
-def codes(surface: ResponseSurface) -> list[str]:
-    return [finding.code for finding in surface.findings]
-
-
 def test_each_row_of_a_backbone_is_a_level(tmp_path):
     surface = read(table(tmp_path), control="phase")
     assert (surface.control, len(surface.levels)) == ("phase", 23)
     np.testing.assert_allclose(surface.level, np.abs(surface.force), rtol=1e-9)
-    assert codes(surface) == ["phase-lag"]
+    assert [finding.code for finding in surface.findings] == ["phase-lag"]
     found = rsgen.identify(surface, "k*x + k3*x**3 + c*v", mass=MASS)
     assert found["k"].value == pytest.approx(K, rel=1e-4)
     assert found["k3"].value == pytest.approx(K3, rel=0.01)
