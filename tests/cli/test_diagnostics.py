@@ -2,11 +2,11 @@
 
 import logging
 import os
-import subprocess
-import sys
 from pathlib import Path
 
 import pytest
+
+from tests.programs import python
 
 PROGRAM = """
 import logging, sys, warnings
@@ -22,33 +22,23 @@ main(["laws"])
 """
 
 
-def shell(act: str, **environment: str) -> subprocess.CompletedProcess[str]:
-    return subprocess.run(
-        [sys.executable, "-c", PROGRAM.format(act=act)],
-        capture_output=True,
-        text=True,
-        check=False,
-        env={**os.environ, **environment},
-    )
-
-
 @pytest.mark.slow
 def test_a_warning_of_a_library_stays_off_the_terminal():
-    run = shell("print('done')")
+    run = python("-c", PROGRAM.format(act="print('done')"))
     assert (run.returncode, run.stdout, run.stderr) == (0, "done\n", "")
 
 
 def test_a_fault_of_the_program_is_one_sentence():
-    run = shell("raise ZeroDivisionError('of\\nthe program')")
-    assert run.returncode == 2
-    assert run.stdout == ""
+    run = python("-c", PROGRAM.format(act="raise ZeroDivisionError('of\\nthe program')"))
+    assert (run.returncode, run.stdout) == (2, "")
     assert run.stderr.startswith("rsgen: ZeroDivisionError: of the program; this is a fault of rsgen")
     assert run.stderr.count("\n") == 1
 
 
 @pytest.mark.slow
 def test_who_asks_sees_both():
-    run = shell("raise ZeroDivisionError('of the program')", RSGEN_DEBUG="1")
+    program = PROGRAM.format(act="raise ZeroDivisionError('of the program')")
+    run = python("-c", program, env={**os.environ, "RSGEN_DEBUG": "1"})
     assert "raw text of a library" in run.stderr
     assert "Traceback" in run.stderr
     assert "in odd" in run.stderr

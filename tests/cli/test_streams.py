@@ -2,26 +2,20 @@
 
 import errno
 import os
+import shlex
 import subprocess
 import sys
 
 import pytest
 
 from rsgen.common.errors import program_fault
+from tests.programs import RSGEN, python, start
 
 posix = pytest.mark.skipif(os.name != "posix", reason="the full device is POSIX")
 
 
-def _shell(redirections: str, words: str, **variables: str) -> subprocess.CompletedProcess[str]:
-    line = f"{sys.executable} -c 'from rsgen.app.cli import main; main()' {words} {redirections}"
-    return subprocess.run(
-        ["bash", "-c", line],
-        capture_output=True,
-        text=True,
-        check=False,
-        timeout=60,
-        env={**os.environ, **variables},
-    )
+def redirected(words: str, redirections: str) -> subprocess.CompletedProcess[str]:
+    return start("bash", "-c", f"{shlex.join(RSGEN)} {words} {redirections}", timeout=60)
 
 
 @pytest.mark.slow
@@ -38,37 +32,26 @@ def _shell(redirections: str, words: str, **variables: str) -> subprocess.Comple
     ],
 )
 def test_a_command_ends_well_whatever_its_streams_are(redirections, words, code, error):
-    done = _shell(redirections, words)
+    done = redirected(words, redirections)
     assert (done.returncode, done.stdout, done.stderr) == (code, "", error)
 
 
 @pytest.mark.slow
 @posix
 def test_a_reader_that_left_does_not_change_the_code():
-    done = _shell("| true; exit ${PIPESTATUS[0]}", "laws")
+    done = redirected("laws", "| true; exit ${PIPESTATUS[0]}")
     assert (done.returncode, done.stderr) == (0, "")
 
 
 def test_letters_that_an_output_does_not_have_are_escaped():
     program = "from rsgen.app.cli import terminal as t; t.open_streams(); t.write_output('10 \u03a9')"
-    done = subprocess.run(
-        [sys.executable, "-c", program],
-        capture_output=True,
-        text=True,
-        check=False,
-        env={**os.environ, "PYTHONIOENCODING": "ascii"},
-    )
+    done = python("-c", program, env={**os.environ, "PYTHONIOENCODING": "ascii"})
     assert (done.stdout, done.stderr) == ("10 \\u03a9\n", "")
 
 
 @posix
 def test_a_limit_that_would_end_the_process_is_refused():
-    limited = subprocess.run(
-        ["bash", "-c", f"ulimit -v 300000; {sys.executable} -m rsgen laws"],
-        capture_output=True,
-        text=True,
-        check=False,
-    )
+    limited = start("bash", "-c", f"ulimit -v 300000; {sys.executable} -m rsgen laws")
     assert (limited.returncode, limited.stdout) == (2, "")
     assert limited.stderr.startswith("ulimit -v: memory is limited to 292 MB; at least 400 MB are needed")
 

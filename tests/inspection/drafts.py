@@ -46,6 +46,22 @@ def write_levels(
     return path
 
 
+def write_table(
+    path: Path, head: str, values: Callable[[float], Any], delimiter: str = ",", seed: int | None = None
+) -> Path:
+    """Write levels of a table whose titles ``head`` has between commas; the first is of the frequency."""
+    titles = head.split(",")
+    return write_levels(
+        path, lambda level: dict(zip(titles, (FREQUENCY, *values(level)), strict=True)), delimiter, seed
+    )
+
+
+def is_receptance(surface: ResponseSurface, factor: Any = 1.0) -> bool:
+    """Decide whether response over force is the receptance of the oscillator, times a factor."""
+    exact = factor * receptance(surface.frequency)
+    return np.allclose(surface.harmonics[:, 1] / surface.force, exact, rtol=1e-6, atol=0)
+
+
 def drafted(path: Path) -> Proposal:
     """Return the draft for a file."""
     proposal = propose(list_contents(path))

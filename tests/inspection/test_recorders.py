@@ -138,6 +138,5 @@ def test_receptances_that_were_written_come_back_with_their_levels(tmp_path):
     tables, surface, doubts = read_draft(path)
     assert tables["level"] == {"values": ["2 N", "10 N"]}
     assert "titles" in doubts["test.level.values"]
-    back = surface
-    assert back.levels.tolist() == [2.0, 10.0]
-    np.testing.assert_allclose(back.harmonics[:, 1], response, rtol=1e-5)
+    assert surface.levels.tolist() == [2.0, 10.0]
+    np.testing.assert_allclose(surface.harmonics[:, 1], response, rtol=1e-5)

@@ -1,37 +1,16 @@
 """Headers of spreadsheets as laboratories write them: real and imaginary parts, quantity over unit."""
 
 import time
-from collections.abc import Callable
-from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
 
-from rsgen.data.surface import ResponseSurface
 from rsgen.files.inspection.clues import complex_parts
 from rsgen.files.tree import Entry
-from tests.inspection.drafts import FREQUENCY, RECEPTANCE, read_draft, receptance, write_levels
+from tests.inspection.drafts import FREQUENCY, RECEPTANCE, is_receptance, read_draft, write_table
 
 MILLI = 1e3 * RECEPTANCE
 """Displacement over force in millimetres."""
-
-
-def drafted(
-    folder: Path, head: str, columns: Callable[[float], Any]
-) -> tuple[dict[str, Any], ResponseSurface]:
-    """Return the [test] tables of the draft for a table of that head, and what they read."""
-    titles = head.split(",")
-    path = write_levels(
-        folder / "a.csv", lambda level: dict(zip(titles, (FREQUENCY, *columns(level)), strict=True)), ","
-    )
-    tables, surface, _ = read_draft(path)
-    return tables, surface
-
-
-def is_right(surface: ResponseSurface) -> bool:
-    """Decide whether the surface is that of the oscillator, in size and in phase."""
-    return np.allclose(surface.harmonics[:, 1] / surface.force, receptance(surface.frequency), rtol=1e-5)
 
 
 @pytest.mark.slow
@@ -56,9 +35,10 @@ def is_right(surface: ResponseSurface) -> bool:
 def test_real_and_imaginary_part_of_the_response(tmp_path, real, imaginary, order):
     head = ",".join(["f [Hz]", "F [N]", *[real, imaginary][::order]])
     parts = [MILLI.real, MILLI.imag][::order]
-    tables, surface = drafted(tmp_path, head, lambda level: [level, *(level * part for part in parts)])
+    path = write_table(tmp_path / "a.csv", head, lambda level: [level, *(level * part for part in parts)])
+    tables, surface, _ = read_draft(path)
     assert (tables["response"]["real"], tables["response"]["imaginary"]) == (real, imaginary)
-    assert is_right(surface)
+    assert is_receptance(surface)
 
 
 @pytest.mark.parametrize(
@@ -87,7 +67,7 @@ def test_levels_side_by_side_are_read(tmp_path, titles):
     assert surface.levels.tolist() == [1.0, 2.5, 5.0]
     count = len(FREQUENCY)
     assert [int(np.sum(surface.level == level)) for level in surface.levels] == [count, count - 1, count]
-    assert is_right(surface)
+    assert is_receptance(surface)
 
 
 @pytest.mark.slow
