@@ -120,9 +120,10 @@ def identified(law: str, noise: float = 0.0, seed: int = 1) -> Identification:
 
 
 def errors(found: Identification, true: dict[str, float], stage: str = "") -> dict[str, float]:
-    """Relative errors of the values that are known, of another stage where that is named."""
+    """Relative errors of the values that are known, of another stage where that is named; infinite of none."""
     by_name = {e.name: e for e in getattr(found, stage)} if stage else found
-    return {name: abs(by_name[name].value / value - 1) for name, value in true.items()}
+    off = {name: abs(by_name[name].value / value - 1) for name, value in true.items()}
+    return {name: np.inf if np.isnan(error) else error for name, error in off.items()}
 
 
 def distances(found: Identification, true: dict[str, float]) -> np.ndarray:

@@ -149,22 +149,16 @@ def case(tmp_path, fixed):
     return rsgen.load_case(write_small(tmp_path, "fixed", changes))
 
 
-def test_a_case_fixes_values(tmp_path):
+def test_a_case_fixes_values_and_refuses_those_that_cannot_be(tmp_path):
     loaded = case(tmp_path, 'k = "5.92 kN/m", m = 1.5')
     assert dict(loaded.model.fixed) == {"k": 5920.0, "m": 1.5}
-
-
-@pytest.mark.parametrize(
-    ("fixed", "fault"),
-    [
+    for fixed, fault in (
         ('b = "3 mm"', "identify.fixed.b: is no parameter of the elements; known: c, k, kn, m"),
         ('k = "3 mm"', "identify.fixed.k: "),
         ("m = -1", "identify.mass: is -1 kg"),
-    ],
-)
-def test_a_case_with_a_value_that_cannot_be_fixed_is_refused(tmp_path, fixed, fault):
-    with pytest.raises(CaseError, match=re.escape(fault)):
-        case(tmp_path, fixed)
+    ):
+        with pytest.raises(CaseError, match=re.escape(fault)):
+            case(tmp_path, fixed)
 
 
 def test_columns_of_fixed_parameters_move_nothing():

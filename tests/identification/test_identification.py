@@ -83,10 +83,8 @@ def turned(table: ResponseSurface) -> ResponseSurface:
 )
 def test_order_unit_and_clock_do_not_matter(law, noise, change, factor, same):
     table = noisy(surface(law), noise, 1) if noise else surface(law)
-    for one, other in zip(
-        identified(law, noise).refined, identify(change(table), model(law)).refined, strict=True
-    ):
-        assert other.value == pytest.approx(factor * one.value, rel=same)
+    expected = {e.name: factor * e.value for e in identified(law, noise).refined}
+    assert max(errors(identify(change(table), model(law)), expected).values()) < same
 
 
 def test_held_out_levels_are_not_seen():
@@ -194,10 +192,7 @@ def test_a_spring_driven_until_its_symmetry_breaks_is_found(relative):
     # the third harmonic is nearly as large as the first, and a mean has come up
     assert size[:, 3].max() > 0.8
     assert size[:, 0].max() > 0.2
-    found, true = (
-        identify(noisy(table, relative, 1) if relative else table, model("cubic")),
-        {**values, "m": MASS},
-    )
+    found, true = identify(noisy(table, relative, 1), model("cubic")), {**values, "m": MASS}
     if relative:
         assert np.abs(distances(found, true)).max() < 4
         assert all(e.standard_error < 0.02 * true[e.name] for e in found.refined)

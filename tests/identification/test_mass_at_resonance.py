@@ -82,17 +82,9 @@ def test_a_lag_that_was_not_recorded_is_in_every_interval(tmp_path, lag):
     path = tmp_path / "loop.csv"
     table = np.stack([surface.frequency, np.abs(surface.force), surface.amplitude], axis=1)
     np.savetxt(path, table, delimiter=",", header="f,force,response", comments="")
-    read = read_measurement(
-        MeasuredTest(
-            files=path,
-            frequency="f",
-            force=Signal(amplitude="force"),
-            response=Signal(amplitude="response"),
-            quantity="displacement",
-            phase_known=False,
-            control="phase",
-        )
-    )
+    signals = Signal(amplitude="force"), Signal(amplitude="response")
+    plan = MeasuredTest(path, "f", *signals, "displacement", phase_known=False, control="phase")
+    read = read_measurement(plan)
     (said,) = (finding for finding in read.findings if finding.code == "phase-lag")
     assert said.names == {"by": "assumed"}
     found = rsgen.identify(read, LAW, mass=MASS)

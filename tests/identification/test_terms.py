@@ -154,15 +154,11 @@ def test_a_term_widens_an_interval_by_its_shift_times_its_likelihood():
 @pytest.mark.parametrize(("band", "named"), [((8.5, 12.0), False), ((10.5, 14.0), True)])
 def test_values_that_rest_on_a_response_without_other_modes_are_named(band, named):
     """On one side of the resonance a flexibility that noise hides moves k by many standard errors."""
-    law, test = (
-        "k*x + c*v + k3*x**3",
-        rs.SimulatedTest([1, 2, 4], np.linspace(*band, 20), noise_relative=0.01),
-    )
+    law = "k*x + c*v + k3*x**3"
+    test = rs.SimulatedTest([1, 2, 4], np.linspace(*band, 20), noise_relative=0.01)
     surface = rs.simulate(rs.Oscillator(1.5, law, {"k": 5920.0, "c": 4.0, "k3": 3e5}), test)
-    found, other = (
-        rs.identify(surface, law),
-        rs.identify(surface, law, rs.Observation(background="residuals")),
-    )
+    found = rs.identify(surface, law)
+    other = rs.identify(surface, law, rs.Observation(background="residuals"))
     assert found.verdict.state == "identified"
     said = [f for f in found.findings if f.code == "law-ambiguous" and "background" in f.names]
     assert len(said) == named
