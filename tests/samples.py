@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from matplotlib.figure import Figure
 
 import rsgen
 from rsgen.analysis.comparison import Comparison
@@ -19,6 +20,8 @@ from rsgen.formula import parse
 from rsgen.identification.prediction import Prediction
 from rsgen.identification.results import Identification
 from rsgen.law.element import make_element
+from rsgen.report import draw_all
+from rsgen.report.figures import Drawing
 from rsgen.report.provenance import Subject
 from rsgen.report.result_json import build_result, result_text
 
@@ -120,6 +123,14 @@ def cubic_result(
     parts = (subject, surface, found, cubic_comparison(found, tolerance), prediction, ())
     content: dict[str, Any] = json.loads(result_text(build_result(*parts, {"surface": 1.0})))
     return content
+
+
+@cache
+def empty_drawings() -> list[Drawing]:
+    """Figures of the case with their names and captions, without pictures: for tests of text."""
+    surface, found, prediction = _samples()
+    drawn = draw_all(Subject.of_case(cubic_case(), found), surface, found, prediction)
+    return [Drawing(one.name, Figure(), one.caption, alternative=one.alternative) for one in drawn]
 
 
 def write_result(folder: Path, result: dict[str, Any], name: str = "cubic") -> Path:

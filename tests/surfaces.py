@@ -120,7 +120,7 @@ def identified(law: str, noise: float = 0.0, seed: int = 1) -> Identification:
 
 
 def errors(found: Identification, true: dict[str, float], stage: str = "") -> dict[str, float]:
-    """Relative errors of the values that are known, of another stage where that is named; infinite of none."""
+    """Relative errors of the values that are known, of any stage that is named; infinite of no number."""
     by_name = {e.name: e for e in getattr(found, stage)} if stage else found
     off = {name: abs(by_name[name].value / value - 1) for name, value in true.items()}
     return {name: np.inf if np.isnan(error) else error for name, error in off.items()}

@@ -20,14 +20,8 @@ CODES_OF_SCHEMA_1: dict[str, Any] = json.loads(Path(__file__).with_name("schema_
 def test_an_earlier_finding_is_said(code, severity):
     data = CODES_OF_SCHEMA_1[code]
     numbers = {name: {"value": 2.0, "unit": "m"} for name in data["numbers"]}
-    entry = {
-        "code": code,
-        "severity": severity,
-        "parameter": "kn",
-        "numbers": numbers,
-        "names": data["names"],
-    }
-    finding = Finding.from_dict(entry)
+    entry = {"code": code, "severity": severity, "parameter": "kn", "numbers": numbers}
+    finding = Finding.from_dict({**entry, "names": data["names"]})
     assert finding.code in CODES
     assert (finding.severity, finding.parameter) == (severity, "kn")
     assert sentence(finding) not in ("", repr(finding))

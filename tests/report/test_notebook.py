@@ -3,7 +3,6 @@
 import ast
 import inspect
 import json
-import subprocess
 import sys
 from ast import literal_eval
 from collections import Counter
@@ -22,6 +21,7 @@ from rsgen.app.study import run_cases
 from rsgen.common.errors import RsgenError
 from rsgen.report.notebook import KnownResults, build_notebook, literal, prose, write_notebook
 from tests.case_files import CUBIC, write_small
+from tests.programs import python
 from tests.report.test_report import hostile_titles
 from tests.samples import cubic_case
 
@@ -106,12 +106,7 @@ def test_ruff_has_nothing_to_say(path, tmp_path):
     nbformat.write(build_notebook(load_case(path), loops=True, held_out=True), file)
     for words in (("check",), ("format", "--diff")):
         # as it is out of the box, not as this project sets it
-        done = subprocess.run(
-            [sys.executable, "-m", "ruff", *words, "--isolated", str(file)],
-            capture_output=True,
-            text=True,
-            check=False,
-        )
+        done = python("-m", "ruff", *words, "--isolated", file)
         assert done.returncode == 0, done.stdout + done.stderr
 
 
