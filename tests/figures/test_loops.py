@@ -11,6 +11,7 @@ from rsgen import figures
 from rsgen.common.errors import RsgenError
 from rsgen.data.oscillator import Model
 from rsgen.law.motion import Motion, project
+from rsgen.report.figures import loop_figures
 from rsgen.report.figures.equivalent import (
     branch_mean,
     dissipated_energy,
@@ -164,3 +165,13 @@ def test_a_point_that_did_not_settle_takes_no_harmonics_from_the_others():
     )
     motion = measured_loops(surface, np.array([0, 1]), 1.5).motion
     np.testing.assert_array_equal(np.abs(motion.harmonics[:, 3]), 1e-4)
+
+
+def test_micro_slip_is_named_only_of_a_law_that_remembers(monkeypatch):
+    surface = cubic_surface()
+    found = cubic_identification(surface)
+    assert "slip" not in figures.draw_energy(surface, found).caption
+    joint = replace(found, model=Model("k*x + masing(Min(kt*x, Fs))", mass=M))
+    truth = {"k": 5920.0, "kt": KT, "Fs": FS}
+    monkeypatch.setattr(loop_figures, "dissipated_energy", lambda *_: dissipated_energy(joint, truth))
+    assert "micro-slip" in figures.draw_energy(surface, joint).caption

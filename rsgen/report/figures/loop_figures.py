@@ -16,6 +16,7 @@ from rsgen.common.errors import RsgenError
 from rsgen.common.tolerances import CONFIDENCE_TEXT
 from rsgen.data.oscillator import Model
 from rsgen.data.surface import ResponseSurface
+from rsgen.formula.names import remembers
 from rsgen.formula.units import choose_scale, count_text, number_text, quantity_text
 from rsgen.identification.results import Identification
 from rsgen.law.numeric import compile_law
@@ -306,11 +307,10 @@ def draw_energy(
     top.set_ylabel(y.label("Energy of a cycle D"))
     top.set_xlabel(x.label("Amplitude X"))
     top.legend(loc="upper left")
-    caption = (
-        "Energy dissipated in a cycle: its slope is near 2 for viscous and structural damping, 2.2 to 3 in "
-        "micro-slip, 1 in macro-slip."
-    )
-    return Drawing("energy", figure, caption, ax is None)
+    caption = "Energy dissipated in a cycle: its slope is near 2 for viscous and structural damping"
+    if remembers(identification.model.force):
+        caption += ", 2.2 to 3 in micro-slip, 1 in macro-slip"
+    return Drawing("energy", figure, caption + ".", ax is None)
 
 
 def _plain_ticks(axis: Axis) -> None:
