@@ -539,16 +539,6 @@ def _laws_not_separated(f: Finding) -> str:
     )
 
 
-@says("law-unconfirmed")
-def _law_unconfirmed(f: Finding) -> str:
-    if "fault" in f.names:
-        return f"{f.names['law']} cannot be identified by itself: {f.names['fault']}"
-    return (
-        f"{f.names['law']} does not follow the test by itself: fitted along its own motions it misses force "
-        f"and response by {_percent(f['misfit'])}, in the ranking by {_percent(f['expected'])}"
-    )
-
-
 @says("levels-predicted-worse")
 def _levels_predicted_worse(f: Finding) -> str:
     said = list[str]()
