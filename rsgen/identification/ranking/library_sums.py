@@ -14,6 +14,7 @@ import sympy
 
 from rsgen.common.tolerances import ANY_LAW
 from rsgen.formula import symbol
+from rsgen.formula.names import remembers
 from rsgen.law.element import Element, Law, as_elements, laws, make_element
 from rsgen.law.library import Range, Search
 from rsgen.law.memory import memory_form, rates_of
@@ -37,6 +38,11 @@ class Term:
     def search(self) -> Mapping[str, Range]:
         """Parameters in which the term is not linear."""
         return self.how.ranges
+
+    @property
+    def remembers(self) -> bool:
+        """True if the force has a memory; no term is compiled for that."""
+        return remembers(self.source.force)
 
     @cached_property
     def law(self) -> ForceLaw:

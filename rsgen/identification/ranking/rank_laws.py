@@ -127,7 +127,7 @@ def rank(
         test = PointTest(*per_unit_mass(without_copies(surface), base), laws.values(), sensors)
     given = tuple(test.start(name, elements) for name, elements in laws.items())
     # of a law that is not odd the balance between two sensors needs the mean of the motion there
-    terms = tuple(term for term in terms if term.law.odd or not sensors or test.means[-1])
+    terms = tuple(term for term in terms if not sensors or test.means[-1] or term.law.odd)
     rounds = _all_rounds(test, given, terms, terms_in_sum)
     return _ranking(test, _best_round(rounds), tuple(laws), base, surface)
 
@@ -147,24 +147,30 @@ def _all_rounds(
     Laws without memory are ranked first, because the reference motion of a hysteretic law would bias them. So
     would a mean that was not recorded, of a law that is not odd: of amplitudes alone all laws are compared
     along the motion of an odd one, where one fits.
+    Hysteretic laws compete with one without memory only where that leaves a misfit.
     """
-    odd = tuple(term for term in terms if term.law.odd)
-    if test.first.amplitudes_alone and len(odd) < len(terms):
-        symmetric = _best_round(_all_rounds(test, given, odd, terms_in_sum))
-        if not symmetric.round.misfit(symmetric.found[0]).unexplained:
-            entries = Candidates(given, terms, test.fixed, terms_in_sum)
-            return [_compare(symmetric.round, entries, symmetric.found)]
-    plain = tuple(term for term in terms if not term.law.remembers)
+    plain = tuple(term for term in terms if not term.remembers)
+    stages = [(plain, plain), (terms, terms)]
+    if test.first.amplitudes_alone:
+        stages[:0] = [(tuple(term for term in kind if term.law.odd), kind) for kind, _ in stages]
     rounds: list[_Compared] = []
     fault: RsgenError | None = None
-    for allowed in dict.fromkeys((plain, terms)):
+    tried = set[tuple[Term, ...]]()
+    for allowed, kind in stages:
+        if allowed in tried:
+            continue
+        tried.add(allowed)
         entries = Candidates(given, allowed, test.fixed, terms_in_sum)
         try:
             candidates = entries.search(test.first, rounds[-1].found[:_LEADERS] if rounds else [])
             rounds += _rounds(test, entries.fit(candidates, test.first, first=True), entries)
         except RsgenError as refused:
             fault = refused
-        if rounds and min(one.misfit for one in rounds) <= MISFIT_NEGLIGIBLE:
+            continue
+        best = _best_round(rounds)
+        if len(allowed) < len(kind) and not best.round.misfit(best.found[0]).unexplained:
+            return [_compare(best.round, replace(entries, terms=kind), best.found)]
+        if best.misfit <= MISFIT_NEGLIGIBLE:
             break
     if fault is not None and not rounds:
         raise fault

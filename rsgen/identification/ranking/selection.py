@@ -60,7 +60,7 @@ class SumFit:
     @property
     def remembers(self) -> bool:
         """True if one of its terms has a memory."""
-        return any(term.law.remembers for term in self.law.terms)
+        return any(term.remembers for term in self.law.terms)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -172,7 +172,7 @@ def search_sums(
 
     def sensible(chosen: Sequence[Term]) -> bool:
         # two hysteretic terms are not separable in a steady-state test, nor are two springs in place of k*x
-        counts = [sum(term.how.spring for term in chosen), sum(term.law.remembers for term in chosen)]
+        counts = [sum(term.how.spring for term in chosen), sum(term.remembers for term in chosen)]
         if rows.amplitudes_alone:
             # even forces change an amplitude in second order, and two of them take each other's place
             counts.append(sum(not term.law.odd for term in chosen))
