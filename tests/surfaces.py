@@ -93,6 +93,13 @@ def changed(table: ResponseSurface, **columns: object) -> ResponseSurface:
     return ResponseSurface(**{f.name: getattr(table, f.name) for f in fields(table)} | columns)
 
 
+def beside(table: ResponseSurface, motion: np.ndarray | complex, **columns: object) -> ResponseSurface:
+    """The same surface, a motion [m] added to each fundamental, with some columns replaced."""
+    harmonics = np.array(table.harmonics)
+    harmonics[:, 1] += motion
+    return changed(table, harmonics=harmonics, **columns)
+
+
 def noisy(table: ResponseSurface, relative: float, seed: int) -> ResponseSurface:
     """Complex Gaussian noise on the force and on every harmonic, relative to |F| and |X_1|."""
     generator = np.random.default_rng(seed)

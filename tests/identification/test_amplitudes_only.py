@@ -15,7 +15,7 @@ from rsgen.data.surface import ResponseSurface
 from rsgen.files import read_measurement
 from rsgen.identification.identify import identify
 from rsgen.identification.prediction.amplitude_balance import AmplitudeBalance
-from tests.surfaces import changed, codes, distances, errors, model, noisy, surface, truth, without_phase
+from tests.surfaces import beside, codes, distances, errors, model, noisy, surface, truth, without_phase
 
 EXACT = {"cubic": 1e-5, "quintic": 1e-3, "combined": 1e-4}
 """Three harmonics are carried; the waveform of the quintic law has the largest harmonics."""
@@ -56,9 +56,7 @@ def test_standard_errors_without_phase():
 
 def test_a_background_lifts_one_side_of_the_resonance():
     table = surface("cubic")
-    harmonics = np.array(table.harmonics)
-    harmonics[:, 1] += 2e-4 * table.force
-    seen = bare(changed(table, harmonics=harmonics))
+    seen = bare(beside(table, 2e-4 * table.force))
     found = identify(seen, model("cubic"), Observation(background="constant"))
     assert max(errors(found, truth("cubic")).values()) < 1e-4
     assert found.background.estimates[1].value == pytest.approx(2e-4, rel=1e-3)

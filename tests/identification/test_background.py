@@ -13,6 +13,7 @@ from rsgen.dynamics.virtual_test import SimulatedTest, add_noise
 from rsgen.identification.identify import identify
 from rsgen.identification.prediction import predict
 from tests.surfaces import (
+    beside,
     changed,
     codes,
     distances,
@@ -33,9 +34,14 @@ PSI, FLEXIBILITY, INERTIA = 0.4, 3e-4 - 4e-5j, 0.9 + 0.1j
 
 def among_others(table: ResponseSurface, psi: float, a: complex, b: complex) -> ResponseSurface:
     """What a sensor sees: the mode, a + b/omega^2 times the force, and a force that leads by psi less."""
-    harmonics = np.array(table.harmonics)
-    harmonics[:, 1] += (a + b / table.omega**2) * table.force
-    return changed(table, harmonics=harmonics, force=table.force * np.exp(-1j * psi))
+    motion = (a + b / table.omega**2) * table.force
+    return beside(table, motion, force=table.force * np.exp(-1j * psi))
+
+
+def of_mode(table: ResponseSurface, mass: float, frequency: float, ratio: float) -> np.ndarray:
+    """Motion [m] of another mode under the same force: modal mass [kg], frequency [Hz], damping ratio."""
+    own = 2 * np.pi * frequency
+    return table.force / mass / (own**2 - table.omega**2 + 2j * ratio * own * table.omega)
 
 
 @pytest.fixture(scope="module")
@@ -70,17 +76,13 @@ def test_what_is_put_beside_the_mode_comes_out(cubic, kind, psi, a, b):
 
 @pytest.mark.slow
 def test_two_real_neighbours_are_taken_for_residual_terms(cubic):
-    omega = cubic.omega
-    seen = np.array(cubic.harmonics)
+    table = cubic
     for mass, frequency, ratio in ((3.0, 5.0, 0.02), (2.0, 16.0, 0.01)):
-        own = 2 * np.pi * frequency
-        seen[:, 1] += cubic.force / mass / (own**2 - omega**2 + 2j * ratio * own * omega)
-    table = changed(cubic, harmonics=seen)
+        table = beside(table, of_mode(cubic, mass, frequency, ratio))
     alone = errors(identify(table, model("cubic")), truth("cubic"))
     found = identify(table, model("cubic"), Observation(background="residuals", band=(8.8, 11.2)))
-    beside = errors(found, truth("cubic"))
     assert max(alone.values()) > 0.1
-    assert max(beside.values()) < 0.01
+    assert max(errors(found, truth("cubic")).values()) < 0.01
     assert found.frequency_range[0] >= 8.8
     assert found.frequency_range[1] <= 11.2
 
@@ -93,10 +95,7 @@ def test_two_real_neighbours_are_taken_for_residual_terms(cubic):
 def test_a_neighbour_as_strong_as_the_mode_has_a_term_of_its_own(frequency, ratio, band):
     cubic = surface("cubic", frequencies=np.linspace(8, 12, 81))
     # 10 % away, as the modes of an aircraft at 6.5 and 7.3 Hz; inside the band, or just above it
-    omega, own = cubic.omega, 2 * np.pi * frequency
-    harmonics = np.array(cubic.harmonics)
-    harmonics[:, 1] += cubic.force / 1.5 / (own**2 - omega**2 + 2j * ratio * own * omega)
-    table = changed(cubic, harmonics=harmonics)
+    table = beside(cubic, of_mode(cubic, 1.5, frequency, ratio))
     rough = identify(table, model("cubic"), Observation(background="residuals", band=band))
     assert max(errors(rough, truth("cubic")).values()) > 0.05
     found = identify(table, model("cubic"), Observation(background="neighbour", band=band))
@@ -136,16 +135,10 @@ OFFSET = 4e-4 - 2e-4j
 """Displacement [m] that does not depend on the force: a third of the response at the ends of the band."""
 
 
-def with_offset(table: ResponseSurface) -> ResponseSurface:
-    harmonics = np.array(table.harmonics)
-    harmonics[:, 1] += OFFSET
-    return changed(table, harmonics=harmonics, origin="measured")
-
-
 @pytest.mark.parametrize("kind", ["phase", "constant", "residuals"])
 def test_an_offset_comes_out_beside_any_other_background(cubic, kind):
-    beside = {"phase": (0, 0), "constant": (FLEXIBILITY, 0), "residuals": (FLEXIBILITY, INERTIA)}[kind]
-    seen = with_offset(among_others(cubic, 0.0, *beside))
+    terms = {"phase": (0, 0), "constant": (FLEXIBILITY, 0), "residuals": (FLEXIBILITY, INERTIA)}[kind]
+    seen = beside(among_others(cubic, 0.0, *terms), OFFSET, origin="measured")
     found = identify(seen, model("cubic"), Observation(background=f"{kind}+offset"))
     assert max(errors(found, truth("cubic")).values()) < EXACT
     of = {e.name: e for e in found.background.estimates}
@@ -161,7 +154,7 @@ def test_an_offset_comes_out_beside_any_other_background(cubic, kind):
 
 @pytest.mark.slow
 def test_a_misfit_that_an_offset_explains_proposes_it_and_its_intervals_cover(cubic):
-    seen = noisy(with_offset(cubic), 0.01, 3)
+    seen = noisy(beside(cubic, OFFSET, origin="measured"), 0.01, 3)
     without = identify(seen, model("cubic"), Observation(background="phase"))
     (proposal,) = (f for f in without.findings if f.code == "background-missing" and f.severity == "info")
     assert proposal.names == {"kind": "phase+offset"}

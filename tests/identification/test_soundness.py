@@ -19,7 +19,7 @@ from rsgen.identification.soundness import exclusion_findings
 from rsgen.law.motion import sine_motion
 from rsgen.law.numeric import compile_law
 from tests.oracles.masing import slider
-from tests.surfaces import MASS, changed, codes, errors, model, noisy, surface
+from tests.surfaces import MASS, beside, changed, codes, errors, model, noisy, surface
 
 
 def findings(table: ResponseSurface, law: object = "cubic") -> dict[str, Finding]:
@@ -193,9 +193,7 @@ def test_a_damper_of_a_multisine_that_feeds_energy_is_doubted():
 def test_a_background_that_moves_a_parameter_is_missing(share, expected):
     # a flexibility of modes above, relative to the static one of the mode
     exact = surface("cubic")
-    harmonics = np.array(exact.harmonics)
-    harmonics[:, 1] += share / 5920 * exact.force
-    table = noisy(changed(exact, harmonics=harmonics), 0.003, 1)
+    table = noisy(beside(exact, share / 5920 * exact.force), 0.003, 1)
     found = findings(table)
     assert severity(found, "background-missing") == expected
     if expected:
@@ -210,9 +208,7 @@ def test_a_background_that_moves_a_parameter_is_missing(share, expected):
 def test_a_wrong_sign_or_quantity_is_no_missing_background(code):
     # a background takes these up as well, but adding it would hide the mistake
     exact = surface("cubic")
-    harmonics = np.array(exact.harmonics)
-    harmonics[:, 1] += 0.3 / 5920 * exact.force
-    table = noisy(changed(exact, harmonics=harmonics), 0.003, 1)
+    table = noisy(beside(exact, 0.3 / 5920 * exact.force), 0.003, 1)
     found = findings(replace(table, findings=(Finding(code, "doubt"),)))
     assert "law-does-not-fit" in found
     assert "background-missing" not in found
