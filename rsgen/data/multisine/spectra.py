@@ -220,15 +220,18 @@ class MultisineSpectra(Records, Printed):
         """Return lowest and highest line (r,) of each record between which noise does not hide the response.
 
         Accelerations divided by omega^2 have noise at the lowest lines that may exceed everything else. Of
-        two motions the lowest line is one at which noise hides neither.
+        two motions the lowest line is one at which noise hides neither: no law gives the lines below, and
+        zero is nearer than a measured line only where noise is more than the motion.
         Without noise, or with one period, all lines are taken.
         """
         motions = [self.response] if self.across is None else [self.response, self.across]
+        # a line has the power of motion and noise
+        least = _MIN_RATIO_LOWEST_LINES**2 if self.across is None else 2.0
         ends = []
         for motion in motions:
             size = np.abs(motion.mean(axis=1))
             noise = np.where(self.exact[:, None], np.nan, np.sqrt(scatter(motion)))
-            ends.append([_reach(*one) for one in zip(size, noise, self.excited(), strict=True)])
+            ends.append([_reach(*one, least) for one in zip(size, noise, self.excited(), strict=True)])
         highest = [high for _, high in ends[0]]
         last = np.count_nonzero(self.recorded, axis=1) - 1
         return np.max([[low for low, _ in of] for of in ends], axis=0), np.minimum(highest, last)
@@ -335,15 +338,18 @@ def _surprise(power: Array, expected: Array) -> float:
     return float(np.sum(np.log(expected[known]) + power[known] / expected[known]))
 
 
-def _reach(size: Array, noise: Array, excited: NDArray[np.bool_]) -> tuple[int, int]:
-    """Return lowest and highest line of a response (H+1,) between which it is larger than its noise."""
+def _reach(size: Array, noise: Array, excited: NDArray[np.bool_], least: float) -> tuple[int, int]:
+    """Return lowest and highest line of a response (H+1,) between which it is larger than its noise.
+
+    ``least`` is the power over that of the noise that the lowest lines have.
+    """
     last = len(size) - 1
     if not np.isfinite(noise).all():
         return 1, last
     high = np.flatnonzero(np.sqrt(smooth(size**2)) > STANDARD_ERRORS_OF_DIFFERENCE * noise)
     variance = np.maximum(noise[1:] ** 2, 1e-300)
     # summed from below, so that a strong line does not hide the noise of those before it
-    hidden = np.cumsum(size[1:] ** 2 / variance) <= _MIN_RATIO_LOWEST_LINES**2 * np.arange(1, last + 1)
+    hidden = np.cumsum(size[1:] ** 2 / variance) <= least * np.arange(1, last + 1)
     # lines below the excited ones are hidden if their noise together exceeds that of the excited ones
     driven = np.flatnonzero(excited[1:])
     if len(driven):
