@@ -46,6 +46,7 @@ def random_surface(seed: int, n: int, harmonics: int) -> ResponseSurface:
             Finding("a-code", "info", "ζ", {"x": Quantity(random.random(), "N/m")}, {"of": "größer"})
             for _ in range(random.integers(0, 3))
         ),
+        overlapping=bool(random.random() < 0.5),
     )
 
 
@@ -96,7 +97,7 @@ def test_every_array_of_the_file_carries_its_unit(tmp_path):
     assert units["force"] == "N"
     assert units["harmonics"] == units["peak"] == "m"
     assert units["frequency"] == "Hz"
-    words = {"origin", "phase_known", "control", "per_mass", "base", "sensors"}
+    words = {"origin", "phase_known", "control", "per_mass", "base", "sensors", "overlapping"}
     assert set(units) == {f.name for f in fields(ResponseSurface)} - words | {"settled"}
 
 

@@ -18,7 +18,7 @@ import scipy
 from numpy.typing import NDArray
 
 from rsgen.common.arrays import Array, blocks
-from rsgen.common.tolerances import ROUND_OFF
+from rsgen.common.tolerances import MIN_NULL_COMPONENT, ROUND_OFF
 
 NULL_TOLERANCE = 1e-9
 """Singular values below this, relative to the largest after column scaling, count as zero."""
@@ -252,3 +252,32 @@ def solve_each(matrix: Array, right: Array) -> Array:
         solution = np.asarray(np.linalg.pinv(np.nan_to_num(matrix)) @ np.nan_to_num(right))
         solution[~np.isfinite(matrix).all(axis=(1, 2))] = np.nan
         return solution
+
+
+def determined(covariance: Array, null: Array) -> Array:
+    """Return the covariance (q, q), NaN for parameters with a part in null vectors (q, d)."""
+    lost = np.abs(null).max(axis=1, initial=0.0) > MIN_NULL_COMPONENT
+    return np.where(lost | lost[:, None], np.nan, covariance)
+
+
+OVERLAPPING = 3
+"""Next points of a record whose windows overlap that of a point: all that are closer than a window."""
+
+
+def summed_products(rows: Array, residual: Array, record: NDArray[np.intp]) -> Array:
+    """Return the covariance (r, r) of the sum of products of orthonormal rows (n, M, r) and residuals (n, M).
+
+    Noise of points with the same number in ``record`` (n,), in the order of time, is correlated where their
+    windows overlap: products of points l places from each other count by the weights of Bartlett, 1 - l/(L +
+    1) up to L = ``OVERLAPPING``, with which no variance is negative (Newey and West, Econometrica 55, 1987).
+    A residual is the one that a fit without its point has there (MacKinnon and White, J. Econometrics 29,
+    1985): few points may decide.
+    """
+    left_out = solve_each(np.eye(residual.shape[1]) - rows @ rows.transpose(0, 2, 1), residual[:, :, None])
+    scores = np.einsum("nmr,nmi->nr", rows, left_out)
+    total = scores.T @ scores
+    for lag in range(1, OVERLAPPING + 1):
+        together = record[lag:] == record[:-lag]
+        products = scores[:-lag][together].T @ scores[lag:][together]
+        total += (1 - lag / (OVERLAPPING + 1)) * (products + products.T)
+    return np.asarray(total)

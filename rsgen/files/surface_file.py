@@ -33,6 +33,7 @@ _TEXTS = ("sweep", "findings")
 
 _ATTRIBUTES = (
     "format", "schema", "origin", "phase_known", "control", "per_mass", "base", "notes", "sensors",
+    "overlapping",
 )  # fmt: skip
 _MAX_ATTRIBUTE_BYTES = 65_536
 """Of an attribute, the longest of which are notes of earlier versions; a file may declare any size."""
@@ -93,6 +94,7 @@ def _surface(path: str, arrays: dict[str, NDArray[Any]]) -> ResponseSurface:
         control=str(attributes.get("control", "force")),
         per_mass=bool(attributes.get("per_mass", False)),
         base=str(attributes.get("base", "")),
+        overlapping=bool(attributes.get("overlapping", False)),
     )
 
 

@@ -279,7 +279,7 @@ def fit_splines(modal: ModeProblem) -> Regression:
     descent = ErrorsInVariables(modal, modal.forward(mode.omega))
     nuisance = observed.nuisances(mode.amplitude, np.angle(mode.harmonics[:, 1]))
     start = np.concatenate([modal.solve()[0], modal.seen.background])
-    rules = Rules(free=modal.free)
+    rules = Rules(free=modal.free, record=mode.record)
     found = fit(descent.linearise, start, nuisance, rules, neighbours=mode.neighbours)
     if found.noise > MISFIT_OF_NOISE:
         response = descent.predict(found.parameters, found.nuisance)

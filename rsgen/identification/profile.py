@@ -230,10 +230,10 @@ def _cost(residual: Array) -> float:
 
 
 def _target(regression: Regression, place: int, estimate: Estimate) -> float:
-    """Return the root at which an interval ends: the quantile, as much larger as the error was widened."""
+    """Return the root at which an interval ends: the quantile, by the ratio of both errors."""
     # of independent errors of one size, as the sum of squares takes them
     own = regression.noise * float(np.linalg.norm(regression.basis[place]))
-    return float(interval_sigmas(regression.freedom)) * max(estimate.standard_error / own, 1.0)
+    return float(interval_sigmas(regression.freedom)) * estimate.standard_error / own
 
 
 def _wald(regression: Regression, estimate: Estimate) -> float:

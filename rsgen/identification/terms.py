@@ -23,7 +23,7 @@ from rsgen.dynamics.linear_part import BackgroundTerms, background_terms
 from rsgen.formula.names import symbol
 from rsgen.identification.fitting.across import law_of
 from rsgen.identification.fitting.fit import Fit, linearise_extended
-from rsgen.identification.fitting.least_squares import Alternative, alternatives
+from rsgen.identification.fitting.least_squares import Alternative, Rules, alternatives
 from rsgen.identification.fitting.observed import Observed, Problem
 from rsgen.identification.results.estimates import Agreement
 from rsgen.law.element import Element, make_element
@@ -85,7 +85,11 @@ def fit_missing_terms(fit: Fit, noise: float, terms: Sequence[str] = MISSING_TER
     right, rows = residual.reshape(-1) / noise, matrix.reshape(residual.size, len(parameters)) / noise
     kept = np.delete(np.arange(len(parameters)), added)
     none = np.zeros(len(parameters)), np.zeros((0, len(right)))
-    found = alternatives(right, rows[:, kept], rows[:, added], *none, problem.free[kept])
+    used = problem.observed.points.select(fit.regression.used)
+    record = used.record if len(residual) == len(used) else None
+    found = alternatives(
+        right, rows[:, kept], rows[:, added], *none, Rules(free=problem.free[kept], record=record)
+    )
     return dict(zip(terms, found, strict=True))
 
 

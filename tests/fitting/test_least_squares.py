@@ -1,12 +1,11 @@
 import numpy as np
 import pytest
 
-from rsgen.common.solvers import solve_scaled
+from rsgen.common.solvers import determined, solve_scaled
 from rsgen.identification.fitting.least_squares import (
     Linearisation,
     Rules,
     descend,
-    determined,
     fit,
     summarise,
 )
@@ -138,6 +137,24 @@ def test_rows_with_less_noise_make_no_outliers(quiet):
 def test_of_what_is_not_determined_no_covariance_is_known():
     known = np.isfinite(determined(np.eye(3), np.array([[1.0], [0.0], [0.0]])))
     assert known.tolist() == [[False] * 3, [False, True, True], [False, True, True]]
+
+
+@pytest.mark.parametrize("shared", [-0.3, 0.6])
+def test_errors_follow_from_noise_that_neighbours_share(shared):
+    generator, record = np.random.default_rng(2), np.repeat([0, 1], 40)
+    slopes = np.tile(np.linspace(-1, 1, 40)[:, None] ** np.arange(3), (2, 1))
+    errors = {"independent": Rules(), "shared": Rules(record=record)}
+    inside: dict[str, list[np.ndarray]] = {name: [] for name in errors}
+    for _ in range(200):
+        noise = generator.normal(size=81)
+        seen = noise[1:] + shared * noise[:-1]
+        values = np.linalg.lstsq(slopes, seen, rcond=None)[0]
+        line = Linearisation((seen - slopes @ values)[:, None], np.zeros((80, 1, 0)), slopes[:, None])
+        for name, rules in errors.items():
+            found = summarise(line, values, np.zeros((80, 0)), rules)
+            inside[name].append(np.abs(values) < 2 * np.sqrt(np.diag(found.covariance)))
+    assert not 0.88 < np.mean(inside["independent"]) < 0.99
+    assert 0.88 < np.mean(inside["shared"]) < 0.99
 
 
 def straight(slopes: np.ndarray, seen: np.ndarray):

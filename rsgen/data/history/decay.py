@@ -155,6 +155,7 @@ def from_free_decay(
         force=np.concatenate(force),
         harmonics=np.concatenate([decay.harmonics for decay in decays]),
         sweep="rest",
+        overlapping=True,
         findings=(
             *(Finding("force-of-decay", "info", names={"record": history.label}) for history in several),
             *(finding for decay in decays for finding in decay.findings),

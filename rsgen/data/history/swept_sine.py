@@ -283,6 +283,7 @@ def _surface(parts: list[SweptPoints], mass: float | None) -> ResponseSurface:
         outcome=np.where(good, 0, SWEPT_TOO_FAST),
         error=column("smoothed").real,
         findings=tuple(findings),
+        overlapping=True,
     )
 
 

@@ -157,6 +157,9 @@ class ResponseSurface(Records):
     sensors
         Complex displacements [m] of further sensors by name, each (n,) or (n, H+1) as ``response``. They are
         kept with the surface; identification uses response and ``across`` alone.
+    overlapping
+        True where the points of a level, in order of time, are of windows over a record that overlap, as
+        those of sweeps and decays are: their noise is correlated.
 
     Raises
     ------
@@ -193,6 +196,7 @@ class ResponseSurface(Records):
     base: str
     label: Array | None
     sensors: Mapping[str, ComplexArray]
+    overlapping: bool
 
     def __init__(
         self,
@@ -218,6 +222,7 @@ class ResponseSurface(Records):
         base: str = "",
         label: ArrayLike | None = None,
         sensors: Mapping[str, ArrayLike] | None = None,
+        overlapping: bool = False,
     ) -> None:
         n = len(np.atleast_1d(np.asarray(frequency)))
         findings = tuple(findings)
@@ -249,6 +254,7 @@ class ResponseSurface(Records):
         words: dict[str, object] = {"origin": origin, "control": control, "findings": findings, "base": base}
         words["sensors"] = sensor_columns(sensors or {}, n)
         words |= {"phase_known": bool(phase_known), "per_mass": bool(per_mass)}
+        words["overlapping"] = bool(overlapping)
         for name, value in (columns | words).items():
             object.__setattr__(self, name, value)
         self._check_words()
@@ -498,7 +504,7 @@ def save_surface(path: str | os.PathLike[str], surface: ResponseSurface) -> None
     with h5py.File(buffer, "w") as file:
         file.attrs["format"] = SURFACE_FORMAT
         file.attrs["schema"] = SURFACE_SCHEMA
-        for name in ("origin", "phase_known", "control", "per_mass", "base"):
+        for name in ("origin", "phase_known", "control", "per_mass", "base", "overlapping"):
             file.attrs[name] = getattr(surface, name)
         file.attrs["outcomes"] = list(OUTCOMES)
         if surface.sensors:

@@ -245,7 +245,7 @@ def fit_balance(
     forward = _forward(problem, mode, order, turn, compared=compared)
     descent = ErrorsInVariables(problem, forward)
     natural = 0.0 if law.odd else _natural_sizes(problem, parameters, mode)
-    rules = Rules(steps=steps, frozen=problem.frozen, free=problem.free, natural=natural)
+    rules = Rules(steps=steps, frozen=problem.frozen, free=problem.free, natural=natural, record=mode.record)
     common: dict[str, Any] = {"exclude": exclude, "neighbours": mode.neighbours}
     first = replace(rules, steps=1) if near > MISFIT_OF_NOISE and not law.rough else rules
     found = fit(descent.linearise, parameters, nuisance, first, **common)
@@ -323,7 +323,7 @@ def refit_weighted(near: Fit, problem: Problem, parameters: Array, *, order: int
     mode, turn = problem.observed.mode(values), problem.observed.background.turn(values)
     descent = ErrorsInVariables(problem, _forward(problem, mode, order, turn))
     descent.scale = near.scale
-    rules = Rules(steps=NEAR_STEPS, frozen=problem.frozen, free=problem.free)
+    rules = Rules(steps=NEAR_STEPS, frozen=problem.frozen, free=problem.free, record=mode.record)
     return fit(
         descent.linearise,
         parameters,
@@ -393,7 +393,11 @@ def fit_simulator(problem: Problem, start: Fit, *, accuracy: float) -> Fit | Non
     if np.count_nonzero(np.isfinite(predicted[:, 1])) < _MIN_SHARE_FOLLOWED * len(drive):
         return None
     rules = Rules(
-        steps=_STEPS_KEPT, attainable=RESOLUTION * accuracy, frozen=problem.frozen, free=problem.free
+        steps=_STEPS_KEPT,
+        attainable=RESOLUTION * accuracy,
+        frozen=problem.frozen,
+        free=problem.free,
+        record=observed.points.record,
     )
     for _ in range(_RENEWALS):
         found = fit(descent.linearise, parameters, nuisance, rules, neighbours=observed.points.neighbours)

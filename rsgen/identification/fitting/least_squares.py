@@ -21,7 +21,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rsgen.common.arrays import Array, blocks
-from rsgen.common.solvers import solve_scaled
+from rsgen.common.solvers import determined, solve_scaled, summed_products
 from rsgen.common.tolerances import (
     MAX_NEWTON_STEPS,
     MAX_SHARE_OF_OUTLIERS,
@@ -34,13 +34,6 @@ from rsgen.common.tolerances import (
     ROUND_OFF,
     chi_square_exceeded,
 )
-
-
-def determined(covariance: Array, null: Array) -> Array:
-    """Return the covariance (q, q), NaN for parameters with a part in null vectors (q, d)."""
-    lost = np.abs(null).max(axis=1, initial=0.0) > MIN_NULL_COMPONENT
-    return np.where(lost | lost[:, None], np.nan, covariance)
-
 
 Mask = NDArray[np.bool_]
 
@@ -169,6 +162,8 @@ class Rules:
         (q,) inverse standard errors with which the parameters are known to be zero.
     move
         Function of parameters and a step that returns the next parameters, within bounds.
+    record
+        (n,) number of the record of each point where noise is correlated along it; see ``summed_products``.
     """
 
     steps: int = MAX_NEWTON_STEPS
@@ -181,6 +176,7 @@ class Rules:
     linear: Sequence[int] = ()
     prior: Array | None = None
     move: Callable[[Array, Array], Array] = np.add
+    record: NDArray[np.intp] | None = None
 
     def solve(self, flat: Array, right: Array, parameters: Array) -> tuple[Array, Array, Array]:
         """Solve for the change of the parameters; see ``solve_scaled``."""
@@ -372,9 +368,8 @@ def _across_bend(
     ahead = descend(linearise, *step, replace(rules, steps=_WATCHDOG_STEPS), good)
     both = good & np.isfinite(ahead[2].residual).all(axis=1)
     lower = rules.cost(ahead[2].residual[both], ahead[0]) < rules.cost(line.residual[both], here)
-    return (
-        ahead if lower and np.count_nonzero(both) >= _MIN_PREDICTED_SHARE * np.count_nonzero(good) else None
-    )
+    enough = np.count_nonzero(both) >= _MIN_PREDICTED_SHARE * np.count_nonzero(good)
+    return ahead if lower and enough else None
 
 
 def _solve_linear(
@@ -408,9 +403,8 @@ def _agreeing(line: Linearisation, used: Mask, neighbours: NDArray[np.intp] | No
     freedom = line.residual.shape[1] - line.by_nuisance.shape[2]
     # force and fundamental have twice as many rows as nuisances
     fewest = min(line.by_nuisance.shape[2], freedom)
-    limit = max(
-        _largest_by_chance(distance[used], fewest, freedom, 1e-3 / len(distance)), _MIN_OUTLIER_MISFIT**2
-    )
+    by_chance = _largest_by_chance(distance[used], fewest, freedom, 1e-3 / len(distance))
+    limit = max(by_chance, _MIN_OUTLIER_MISFIT**2)
     order = np.sort(distance[np.isfinite(distance)])[::-1]
     most = int(MAX_SHARE_OF_OUTLIERS * len(order))
     if most < len(order):
@@ -456,7 +450,6 @@ def summarise(
     residual, matrix = eliminate(line)
     free = np.array(np.broadcast_to(rules.free, len(parameters)))
     count, points = int(np.count_nonzero(free)), int(np.count_nonzero(used))
-    freedom_of_point = residual.shape[1] - nuisance.shape[1]
     stacked, right = rules.equations(residual, matrix, parameters, used)
     _, inverse, null = rules.solve(stacked, right, parameters)
     norm = np.sqrt(np.einsum("rq,rq->q", stacked, stacked))
@@ -466,12 +459,16 @@ def summarise(
     distance = np.sum(residual**2, axis=1)
     matrix[~used] = 0.0
     residual[~used] = 0.0
-    # the sandwich covariance stays valid if the noise model is wrong; the larger of the two is reported
-    scores = np.einsum("nmq,nm->nq", matrix, residual) @ inverse
     flat = matrix.reshape(residual.size, len(parameters))
-    sandwich = inverse @ (scores.T @ scores) @ inverse.T * (max(points, 1) / max(points - count, 1))
-    spread = np.sqrt(np.maximum(np.diag(fisher), 0.0))
-    widen = np.maximum(np.sqrt(np.maximum(np.diag(sandwich), 0.0)) / np.where(spread > 0, spread, 1.0), 1.0)
+    rows = (flat @ inverse).reshape(*residual.shape, inverse.shape[1])
+    # the sandwich covariance stays valid if the noise is another: of independent noise the larger is taken
+    if rules.record is None:
+        scores = np.einsum("nmr,nm->nr", rows, residual)
+        products, least = scores.T @ scores * (max(points, 1) / max(points - count, 1)), 1.0
+    else:
+        products, least = summed_products(rows, residual, rules.record), 0.0
+    spread, seen = (np.sqrt(np.maximum(np.diag(c), 0.0)) for c in (fisher, inverse @ products @ inverse.T))
+    widen = np.maximum(seen / np.where(spread > 0, spread, 1.0), least)
     slopes, _ = _stacked(line.by_parameter, line.residual, used)
     return Regression(
         parameters=parameters,
@@ -480,14 +477,14 @@ def summarise(
         null=null,
         scale=np.where(norm > 0, norm, 1.0),
         noise=float(np.sqrt(variance)),
-        misfit=np.sqrt(distance / freedom_of_point),
+        misfit=np.sqrt(distance / (residual.shape[1] - nuisance.shape[1])),
         used=used,
         freedom=freedom,
         converged=converged,
         strength=free * np.sqrt(np.einsum("rq,rq->q", slopes, slopes) / max(points, 1)),
         influence=(flat @ (inverse @ inverse.T)).reshape(matrix.shape),
         basis=inverse,
-        rows=(flat @ inverse).reshape(*residual.shape, inverse.shape[1]),
+        rows=rows,
         residual=residual,
         free=free,
     )
@@ -514,7 +511,7 @@ class Alternative:
 
 
 def alternatives(
-    residual: Array, matrix: Array, columns: Array, score: Array, readings: Array, free: Mask | bool = True
+    residual: Array, matrix: Array, columns: Array, score: Array, readings: Array, rules: Rules = _USUAL
 ) -> list[Alternative]:
     """Add each of some columns to a fit, to first order from its solution.
 
@@ -530,8 +527,8 @@ def alternatives(
         (q + t,) expected product of slope and residual by their common noise.
     readings
         (P, r) deviations of single readings from their mean, whose scatter enlarges the errors.
-    free
-        (q,) False for fixed parameters.
+    rules
+        Which parameters are fixed, and the record of each point, which has r/n rows.
 
     Returns
     -------
@@ -539,7 +536,7 @@ def alternatives(
         (t,), with value zero for a column that depends on the others.
     """
     own_score, added = np.split(score, [matrix.shape[1]])
-    known = np.where(np.broadcast_to(free, matrix.shape[1:]), np.nan, 0.0)
+    known = np.where(np.broadcast_to(rules.free, matrix.shape[1:]), np.nan, 0.0)
     inverse = solve_scaled(matrix, residual, known=known)[1] if matrix.size else np.zeros(matrix.T.shape)
     found = []
     for column, more in zip(columns.T, added, strict=True):
@@ -553,7 +550,10 @@ def alternatives(
             continue
         value = float(own @ residual - more + absorbed @ own_score) / size
         error = size**-0.5
-        if not len(readings):
+        if rules.record is not None:
+            unit, right = (part.reshape(len(rules.record), -1) for part in (own * error, residual))
+            error *= float(np.sqrt(summed_products(unit[:, :, None], right, rules.record)[0, 0]))
+        elif not len(readings):
             error = max(error, float(np.linalg.norm(own * residual)) / size)
         elif len(readings) > 1:
             moved = readings @ own / size

@@ -63,6 +63,8 @@ class Points:
         (n, K+1) complex harmonics of the force [N]; None if only the fundamental was recorded.
     phase_known
         False if the phase between force and response was not recorded.
+    overlapping
+        True if the points are of windows over a record that overlap.
     """
 
     index: NDArray[np.intp]
@@ -76,6 +78,7 @@ class Points:
     across: NDArray[np.complex128]
     load: NDArray[np.complex128] | None = None
     phase_known: bool = True
+    overlapping: bool = False
 
     def __len__(self) -> int:
         return len(self.omega)
@@ -138,6 +141,14 @@ class Points:
             rows = np.flatnonzero((self.level == level) & (self.sweep == sweep))
             runs.append(rows[np.argsort(self.omega[rows], kind="stable")])
         return runs
+
+    @property
+    def record(self) -> NDArray[np.intp] | None:
+        """Number (n,) of the record of points of overlapping windows, in order of time; None of others."""
+        if not self.overlapping:
+            return None
+        other = (self.level[1:] != self.level[:-1]) | (self.sweep[1:] != self.sweep[:-1])
+        return np.concatenate([[0], np.cumsum(other)])
 
     @property
     def neighbours(self) -> NDArray[np.intp]:
@@ -274,6 +285,7 @@ def select_points(surface: ResponseSurface, model: Model) -> Points:
         np.nan_to_num(surface.across[index]),
         _load_of(surface, index),
         surface.phase_known,
+        surface.overlapping,
     )
 
 

@@ -26,7 +26,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rsgen.common.arrays import Array, ComplexArray
-from rsgen.common.solvers import solve_scaled
+from rsgen.common.solvers import determined, solve_scaled
 from rsgen.common.tolerances import (
     FINITE_DIFFERENCE_STEP,
     JACKKNIFE_GROUPS,
@@ -51,7 +51,6 @@ from rsgen.identification.fitting.least_squares import (
     Rules,
     alternatives,
     descend,
-    determined,
     summarise,
 )
 from rsgen.identification.lines.line_balance import Balance, BalanceNoise, SpectralLines
@@ -372,7 +371,7 @@ def _fit_added_parameters(fit: LineFit, added: Sequence[int] | NDArray[np.intp])
         matrix[:, added],
         _slope_noise_score(fit)[[*others, *added]],
         np.stack([deviation.real, deviation.imag], axis=1).reshape(line.residual.size, -1).T,
-        fit.free[others],
+        Rules(free=fit.free[others]),
     )
 
 

@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rsgen.common.arrays import Array, ComplexArray
-from rsgen.common.solvers import solve_scaled
+from rsgen.common.solvers import determined, solve_scaled
 from rsgen.common.tolerances import (
     ANY_LAW,
     ASSUMED_DAMPING_RATIO,
@@ -41,7 +41,6 @@ from rsgen.data.surface import ResponseSurface
 from rsgen.dynamics.harmonic_balance import Response, following_harmonics, hold_amplitude
 from rsgen.dynamics.linear_part import Inertia
 from rsgen.identification.fitting.fit import Fit, Solution, fit_balance
-from rsgen.identification.fitting.least_squares import determined
 from rsgen.identification.fitting.observed import Problem
 from rsgen.identification.fitting.points import Points
 from rsgen.identification.starting.equations import Equations, equation_rows
