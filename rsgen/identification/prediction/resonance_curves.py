@@ -361,20 +361,23 @@ def _compare_peaks(curve: ResonanceCurve, run: Points, numbers: dict[str, Quanti
     """Return how many times the points of its level a curve peaks, and the finding that they end below it.
 
     The ratio is infinite where the curve rises as it leaves the band, for its peak is not known.
-    Of points each from rest those before the fold jump to the lower branch; others leave a gap there.
+    Points before that peak lie on the lower branch, as those from rest before the fold do; others leave a gap
+    there.
     """
     peak, top = int(np.nanargmax(curve.amplitude)), int(np.argmax(run.amplitude))
     height, measured = float(curve.amplitude[peak]), float(run.amplitude[top])
     frequency = run.omega / (2 * np.pi)
     low, high = sorted((frequency[top], curve.frequency[peak]))
-    jumped = len(curve.folds) > 0 and np.any((frequency > low) & (frequency < high))
+    between = run.amplitude[(frequency > low) & (frequency < high)]
     sizes = quantities(
         measured=Quantity(measured, "m"),
         peak=Quantity(height, "m"),
         frequency=Quantity(float(curve.frequency[peak]), "Hz"),
     )
     beyond = curve.rises_at_end
-    names = {"by": "end" if beyond else "jump" if jumped else "points"}
+    # a curve that leaves the band may have its fold beyond it
+    jumped = np.any(between < HALF_POWER * measured) if beyond else len(curve.folds) > 0 < len(between)
+    names = {"by": "jump" if jumped else "end" if beyond else "points", "rises": "yes" if beyond else "no"}
     finding = Finding("prediction-extrapolated", "warning", numbers=numbers | sizes, names=names)
     return np.inf if beyond else height / measured, finding
 

@@ -222,9 +222,10 @@ def surface_sentence(surface: ResponseSurface) -> str:
         f"{number_text(surface.frequency.max(), 5)} Hz, "
         f"{count_text(surface.harmonics.shape[1] - 1, 'harmonic')}. "
     )
-    if settled == len(surface):
-        return text + "All of them settled."
-    return text + f"{len(surface) - settled} did not settle and are not used."
+    if settled < len(surface):
+        return text + f"{len(surface) - settled} did not settle, or lack a number, and are not used."
+    # a measured table does not say it
+    return text + "All of them settled." * (surface.origin == "simulated")
 
 
 def spectra_sentence(spectra: MultisineSpectra, band: tuple[float, float]) -> str:
