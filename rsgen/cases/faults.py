@@ -255,6 +255,16 @@ def _allowed(kind: str, context: dict[str, Any]) -> str | None:
     return _WANTED.get(kind)
 
 
+def _other_place(location: list[int | str], document: type[BaseModel]) -> str:
+    """Say where a key belongs that its table does not have, or nothing."""
+    name = str(location[-1])
+    if len(location) > 1 and name in _keys((), document):
+        return f"did you mean {quote(name)} at the top of the file, before its tables? "
+    table, _, key = name.rpartition("_")
+    inner = _keys((*location[:-1], table), document)
+    return f"did you mean {table} = {{ {key} = ... }}? " if key in inner else ""
+
+
 def _sentence(fault: Any, document: type[BaseModel]) -> str:
     location = list(fault["loc"])
     kind = str(fault["type"])
@@ -269,12 +279,15 @@ def _sentence(fault: Any, document: type[BaseModel]) -> str:
         return f"{path}: is missing; every case needs it here"
     if kind == "extra_forbidden":
         known = _keys(location[:-1], document)
-        return f"{path}: is not a key here; {suggest(str(location[-1]), known)}known: {', '.join(known)}"
+        hint = _other_place(location, document) or suggest(str(location[-1]), known)
+        return f"{path}: is not a key here; {hint}known: {', '.join(known)}"
     if kind == "union_tag_not_found":
         return f"{path}.kind: is missing; {_QUOTED} is needed"
     if kind == "union_tag_invalid":
         return f"{path}.kind: is {quote(context['tag'])}; {_QUOTED} is allowed"
     allowed = fault["msg"] if kind == "rule" else _allowed(kind, context)
+    if allowed == "a table" and isinstance(fault["input"], list) and "values" in _keys(location, document):
+        allowed = "a table, as { values = [ ... ] },"
     return f"{path}: is {_shown(fault['input'])}; {allowed or fault['msg']} is needed"
 
 

@@ -82,7 +82,8 @@ def near_file(path: Path, endings: str = "") -> str:
     """Return a did-you-mean for a file that is not there, by what its folder has, or nothing."""
     with contextlib.suppress(OSError):
         names = [file.name for file in path.parent.iterdir() if file.suffix == endings or not endings]
-        near = get_close_matches(path.name, names, 1, cutoff=0.8)
+        full = path.name + endings
+        near = [full] if endings and full in names else get_close_matches(path.name, names, 1, cutoff=0.8)
         return f"; did you mean {quote(path.with_name(near[0]), 200)}?" if near else ""
     return ""
 

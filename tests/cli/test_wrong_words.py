@@ -44,6 +44,7 @@ def write_table(path: Path, rows: np.ndarray | None = None, head: str = "f,F,a,b
 @pytest.mark.parametrize(
     ("words", "said"),
     [
+        ("check lab/small", "lab/small: does not exist; ... did you mean 'lab/small.toml'?"),
         ("check lab/smal.toml", "lab/smal.toml: does not exist; ... did you mean 'lab/small.toml'?"),
         ("identify lab/smal.toml", "lab/smal.toml: cannot be read: ... 'lab/small.toml'?"),
         ("rank lab/absent.toml", "lab/absent.toml: cannot be read: ... file is needed"),
