@@ -449,7 +449,9 @@ def test_the_command_ranks_a_surface(tmp_path: Path, run_cli: Callable[..., Answ
     assert text.startswith("Identified: cubic-spring fits best")
     assert text.splitlines()[3].startswith("cubic-spring ")
     assert "best: c*v + k*x + k3*x**3" in text
-    values = text.splitlines()[-1].removeprefix("with ").split(", ")
+    *_, values, step = text.splitlines()
+    assert step == "  next: intervals of these values: rsgen.identify(surface, law) in Python"
+    values = values.removeprefix("with ").split(", ")
     assert [value.split(" ", 3)[0] for value in values] == ["c", "k", "k3", "m"]
     assert [value.split(" ", 3)[3] for value in values] == ["N*s/m", "N/m", "N/m^3", "kg"]
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -22,6 +23,7 @@ from rsgen.identification.ranking.candidate_fit import CandidateFit, CandidateLa
 from rsgen.identification.ranking.ranking_result import (
     Assessment,
     Candidate,
+    _best_law_findings,
     assess_best,
     implausible_findings,
 )
@@ -259,3 +261,15 @@ def test_the_verdict_of_a_ranking_is_that_of_its_best_law() -> None:
     wrong = changed(table, force=table.force * np.where(table.level == table.levels[-1], 1.02, 1.0))
     ranking = rank(wrong, CUBIC)
     assert ranking.best.verdict.state == ranking.verdict.state != "identified"
+
+
+def test_a_tied_law_whose_formula_contains_the_best_one_is_said_to_contain_it() -> None:
+    names = ("cubic-spring", "joint-polynomial", "odd-power-spring", "cubic-spring + quintic-spring")
+    tied = [Candidate(name, "", 4, np.nan, 0.0, True, {}) for name in names]
+    current: Any = SimpleNamespace(counted="points", rows=range(90), noise=0.0067)
+    best, ties = map(sentence, _best_law_findings(tied, current, known=True, sure=True))
+    assert best.endswith("at 90 points looks like noise of 0.67 %")
+    assert ties == (
+        "this test does not separate it from: odd-power-spring; "
+        "these contain it and fit no better: joint-polynomial, cubic-spring + quintic-spring"
+    )

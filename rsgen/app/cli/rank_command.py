@@ -22,6 +22,7 @@ from rsgen.app.cli.terminal import (
 )
 from rsgen.app.study import obtain_table
 from rsgen.cases import load_case
+from rsgen.common.errors import shown_path
 from rsgen.data.multisine import MultisineSpectra
 from rsgen.data.oscillator import Model
 from rsgen.data.surface import ResponseSurface
@@ -91,6 +92,11 @@ def rank_command(
         f"{'best' if usable else 'least misfit, not to be used as it is'}: {ranking.candidates[0].force}"
     )
     print_line(f"with {_values(ranking, table)}")
+    if usable:
+        command = f"rsgen identify {shown_path(case)}" if model else "rsgen.identify(surface, law) in Python"
+        own = model is None or ranking.candidates[0].own
+        place = "" if own else ', with model = "rank" at the top of the file'
+        print_line(f"  next: intervals of these values: {command}{place}")
     return print_next_steps(state_verdict(ranking.verdict))
 
 

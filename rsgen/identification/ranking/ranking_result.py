@@ -12,6 +12,7 @@ from itertools import combinations
 from typing import Any
 
 import numpy as np
+import sympy
 
 from rsgen.common.errors import RsgenError
 from rsgen.common.finding import Finding, Quantity, Severity, Verdict, quantities, reach_verdict
@@ -221,7 +222,7 @@ class Ranking(Printed):
             fits += f"; {verdict.state}: {', '.join(finding.code for finding in verdict.decided_by)}"
         heads = ("law", "parameters", "BIC above the lowest", "error on unseen levels", "verdict", "force")
         best = whole_name(self.candidates[0].name, self.model.sensors)
-        caption = f"best: {best} ({fits}), noise {self.noise:.2g}"
+        caption = f"best: {best} ({fits}), noise {short(100 * self.noise, 2)} %"
         return TextTable(heads, rows, caption=caption, notes=(ORDER,))
 
 
@@ -397,12 +398,13 @@ def _best_law_findings(
         for term in library_terms()
         if term.how.same and term.name in inside
     ]
-    more = [name for name in rest if inside < set(name.split(" + "))]
+    # as the joint polynomial contains the cubic spring, a law of the library may contain another
+    terms = {term.name: sympy.Add.make_args(term.source.added) for term in library_terms()}
+    parts = {name: {part for law in name.split(" + ") for part in terms.get(law, (law,))} for name in tied}
+    more = [name for name in rest if parts[best] < parts[name]]
     other = [name for name in rest if name not in more]
     # a sum that contains another tied law is not named
-    other = [
-        name for name in other if not any(set(less.split(" + ")) < set(name.split(" + ")) for less in other)
-    ]
+    other = [name for name in other if not any(parts[less] < parts[name] for less in other)]
     tied_to = {
         kind: "; ".join(map(label.__getitem__, names))
         for kind, names in (("laws", other), ("larger", more))

@@ -488,7 +488,8 @@ def _law_nearest(f: Finding) -> str:
             f"{f.names['law']} comes nearest; {reason} to separate noise from misfit, so that it is not "
             "known whether it fits"
         )
-    return f"{f.names['law']} comes nearest, with a noise of {f['noise']:.2g} at {_counted(f)}"
+    noise = number_text(100 * f["noise"], 2)
+    return f"{f.names['law']} comes nearest, with a noise of {noise} % at {_counted(f)}"
 
 
 @says("no-law-fits")
@@ -523,7 +524,11 @@ def _place(f: Finding) -> str:
 @says("law-fits-best")
 def _law_fits_best(f: Finding) -> str:
     small = f["noise"] <= f["least"]
-    size = f"is less than {f['least']:g}" if small else f"looks like noise of {f['noise']:.2g}"
+    size = (
+        f"is less than {f['least']:g}"
+        if small
+        else f"looks like noise of {number_text(100 * f['noise'], 2)} %"
+    )
     return f"{f.names['law']} fits best: what it leaves unexplained at {_counted(f)} {size}"
 
 
