@@ -425,7 +425,7 @@ def _amplitudes(test: MeasuredTest) -> ResponseSurface:
     names = [_called(test, number, entry) for number, part in enumerate(parts) for entry in _blocks(part)]
     consistent = run_findings(surface, block, names, test.per_force)
     surface = replace(surface, findings=(*surface.findings, *consistent))
-    if test.sweep.direction == "recognise" and test.sweep.column is None and not followed:
+    if test.recognises_sweeps:
         sweep = tell_branches_apart(surface, block)
         turned = quantities(points=int(np.count_nonzero(sweep != surface.sweep)))
         if turned["points"].value:

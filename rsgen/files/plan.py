@@ -394,7 +394,13 @@ class MeasuredTest(PlannedTest):
 
     def summary(self) -> dict[str, Any]:
         """Return the kind of test and its file, without the extent of its records."""
-        return {"kind": "measured", "file": self.file.name}
+        return {"kind": "measured", "file": self.file.name, "sweeps_recognised": self.recognises_sweeps}
+
+    @property
+    def recognises_sweeps(self) -> bool:
+        """True if the directions of a table are taken from the order of its rows."""
+        given = self.sweep.direction != "recognise" or self.sweep.column is not None
+        return not given and self.history is None and self.control != "continuation"
 
     def origin(self) -> dict[str, str]:
         """Return names and values for the provenance of a result."""

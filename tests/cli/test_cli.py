@@ -121,7 +121,11 @@ def test_init_of_a_measured_case(tmp_path, run_cli):
     rows = [f"{1},{f},{1.0},{2.0},{20 * f - 80}" for f in (7, 8, 9, 10)]
     (tmp_path / "mine.csv").write_text("\n".join(["run,f (Hz),F (N),a (g),phase (deg)", *rows]) + "\n")
     assert run_cli("init", "mine", "--from", tmp_path / "mine.csv", "--out", path).code == 0
-    assert "4 measured points at 1 level" in run_cli("check", path).out
+    checked = run_cli("check", path).out
+    assert "4 measured points at 1 level, 7 to 10 Hz, taken for a sweep up (rows ascend); " in checked
+    # as its comment says, the direction may be given
+    path.write_text(path.read_text().replace("# [test.sweep]\n# direction", "[test.sweep]\ndirection"))
+    assert "7 to 10 Hz, sweep rest; " in run_cli("check", path).out
     (tmp_path / "too.csv").write_text((tmp_path / "mine.csv").read_text())
     several = ("--from", tmp_path / "mine.csv", "--from", tmp_path / "too.csv")
     assert run_cli("init", *several, tmp_path / "two.toml").code == 0

@@ -123,9 +123,11 @@ def _describe(plan: dict[str, Any]) -> str:
         what = f"{levels} x {each} {across} = {plan['points']} points to simulate"
     else:
         band = f"{plan['lowest_frequency']:g} to {plan['highest_frequency']:g} Hz"
-        what = (
-            f"{plan['points']} {plan['kind']} points at {levels}, {band}, sweep {', '.join(plan['sweeps'])}"
-        )
+        turned = {"up": "ascend", "down": "descend"}
+        order = " and ".join(turned[name] for name in plan["sweeps"] if name in turned)
+        rows = f" (rows {order})" if order and plan.get("sweeps_recognised") else ""
+        taken = f"{'taken for a ' * bool(rows)}sweep {', '.join(plan['sweeps'])}{rows}"
+        what = f"{plan['points']} {plan['kind']} points at {levels}, {band}, {taken}"
         if "periods" in plan:
             records = f"{plan['records']} records of {plan['periods']} periods"
             what = f"{plan['points']} excited lines of {records} at {levels}, {band}"
