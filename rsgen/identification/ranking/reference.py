@@ -32,6 +32,7 @@ from rsgen.common.tolerances import (
     OUTLIER_SIGMAS,
     START_HARMONICS,
     SUBSAMPLE_POINTS,
+    deviation_of_median,
 )
 from rsgen.data.free_mode import fit_mode, steady
 from rsgen.data.oscillator import Model, Oscillator, refuse_across
@@ -307,10 +308,8 @@ def outliers_of(fitted: CandidateFit, noise: Array) -> NDArray[np.bool_]:
     """
     size = np.abs(fitted.residual[:, fitted.compared])
     least = (MISFIT_NEGLIGIBLE / np.repeat(noise, 2)[1:])[fitted.compared]
-    # the median of a normal deviate's size is 0.6745
-    out = np.asarray(
-        (size > OUTLIER_SIGMAS * np.maximum(np.median(size, axis=0) / 0.6745, least)).any(axis=1)
-    )
+    deviation = np.array([deviation_of_median(median) for median in np.median(size, axis=0).tolist()])
+    out = np.asarray((size > OUTLIER_SIGMAS * np.maximum(deviation, least)).any(axis=1))
     return out if np.mean(out) <= MAX_SHARE_OF_OUTLIERS_BY_CHANCE else np.zeros_like(out)
 
 
