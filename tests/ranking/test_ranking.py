@@ -554,21 +554,14 @@ def test_no_candidate_is_refused() -> None:
 
 def test_what_predicts_levels_comes_before_what_fits_them() -> None:
     # numbers of a measured pendulum: a sum of three laws predicts worse than one law, another not at all
-    bic, error, count, odd = (
-        [0.0, 1.0, 40.0, 42.0, 90.0],
-        [0.39, 71.0, 0.12, 0.13, 0.12],
-        [7, 6, 5, 4, 3],
-        [False] * 5,
-    )
-    order, lowest, tied = order_candidates(bic, error, count, odd)
+    bic, error, count = [0.0, 1.0, 40.0, 42.0, 90.0], [0.39, 71.0, 0.12, 0.13, 0.12], [7, 6, 5, 4, 3]
+    order, lowest, tied = order_candidates(bic, error, count)
     assert order == [3, 2, 4, 0, 1]
     assert (lowest, tied) == (40.0, [False, False, True, True, False])
     # of as many parameters the nearer one comes first, even where one level alone reaches a stop
-    assert order_candidates([0.0, 900.0], [0.5, 0.1], [5, 5], [False] * 2)[0] == [0, 1]
+    assert order_candidates([0.0, 900.0], [0.5, 0.1], [5, 5])[0] == [0, 1]
     # and beside noise a simpler law may predict better that fits worse
-    assert order_candidates([0.0, 300.0], [0.023, 0.01], [5, 4], [False] * 2)[0] == [0, 1]
+    assert order_candidates([0.0, 300.0], [0.023, 0.01], [5, 4])[0] == [0, 1]
     # with one level nothing is predicted: fit and parameters decide
-    assert order_candidates(bic, [np.nan] * 5, count, odd)[0] == [1, 0, 2, 3, 4]
-    assert order_candidates([1.0, 0.0, 0.5, 9.0], [np.nan] * 4, [4, 6, 7, 3], [False] * 4)[0] == [0, 1, 2, 3]
-    odd = [False, True, False, False, False]
-    assert order_candidates(bic, [np.nan] * 5, count, odd)[0] == [0, 1, 2, 3, 4]
+    assert order_candidates(bic, [np.nan] * 5, count)[0] == [1, 0, 2, 3, 4]
+    assert order_candidates([1.0, 0.0, 0.5, 9.0], [np.nan] * 4, [4, 6, 7, 3])[0] == [0, 1, 2, 3]

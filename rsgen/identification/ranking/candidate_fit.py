@@ -83,19 +83,16 @@ class CandidateLaw:
         )
 
     def forces_along(self, rows: WhitenedBalance, stride: int) -> dict[str, Array]:
-        """Return the sum of ``element_forces`` by the sensors between which they act."""
-        found: dict[str, Array] = {}
-        for element, force in zip(self.elements, self.element_forces(rows, stride), strict=True):
-            found[element.across] = found.get(element.across, 0.0) + force
-        return found
+        """Return the force (motions, samples) by the sensors between which it acts.
 
-    def element_forces(self, rows: WhitenedBalance, stride: int = 1) -> list[Array]:
-        """Return the force (motions, samples) of each element along every ``stride``-th of its motions."""
-        found = []
+        It is that along every ``stride``-th of the motions.
+        """
+        found: dict[str, Array] = {}
         for element in self.elements:
             law = compile_law(element.force)
             x, v, a, step = (part[::stride] for part in rows.motion_of(element.across))
-            found.append(law.sample(x, v, a, step, law.ordered(self.values)).force + np.zeros_like(x))
+            force = law.sample(x, v, a, step, law.ordered(self.values)).force + np.zeros_like(x)
+            found[element.across] = found.get(element.across, 0.0) + force
         return found
 
 
@@ -128,10 +125,10 @@ class CandidateFit:
         """Sum of squares in units of the noise."""
         return float(np.sum(self.residual[:, self.compared] ** 2)) + self.background_cost
 
-    @property
-    def bic(self) -> float:
-        """Bayesian information criterion (Schwarz 1978) for noise of known size."""
-        return self.misfit + len(self.candidate.values) * float(np.log(self.residual[:, self.compared].size))
+    def bic(self, noise: float = 1.0) -> float:
+        """Return the Bayesian information criterion (Schwarz 1978) for a known mean square of the noise."""
+        penalty = float(np.log(self.residual[:, self.compared].size))
+        return self.misfit / noise + len(self.candidate.values) * penalty
 
 
 class _Balance:

@@ -14,6 +14,7 @@ from collections.abc import Collection, Sequence
 from dataclasses import dataclass, replace
 from itertools import chain
 
+import numpy as np
 import sympy
 
 from rsgen.common.errors import RsgenError, require
@@ -38,7 +39,6 @@ from rsgen.identification.ranking.ranking_result import (
     Candidate,
     Ranking,
     assess_best,
-    implausible_findings,
     is_same,
 )
 from rsgen.identification.ranking.records import RecordTest
@@ -230,7 +230,7 @@ def _compare(current: Round, entries: Candidates, known: Sequence[CandidateFit])
 
 
 def order_candidates(
-    bic: Sequence[float], error: Sequence[float], count: Sequence[int], odd: Sequence[bool]
+    bic: Sequence[float], error: Sequence[float], count: Sequence[int]
 ) -> tuple[list[int], float, list[bool]]:
     """Order candidates by BIC; the first is that of fewest parameters among the tied ones.
 
@@ -240,8 +240,6 @@ def order_candidates(
     ----------
     bic, error, count
         Of each candidate: its criterion, the error of predicted levels (NaN with one level), parameters.
-    odd
-        True for candidates that are implausible_findings by themselves; of tied ones they come last.
 
     Returns
     -------
@@ -258,12 +256,7 @@ def order_candidates(
         value - lowest < _STRONG_EVIDENCE and not last for value, last in zip(bic, overfitted, strict=True)
     ]
 
-    def place(number: int) -> tuple[float, ...]:
-        if tied[number]:
-            return 0, odd[number], count[number], bic[number]
-        return 1, overfitted[number], 0, bic[number]
-
-    best = min(range(len(bic)), key=place)
+    best = min(np.flatnonzero(tied).tolist(), key=lambda i: (count[i], bic[i]))
     by_bic = sorted(range(len(bic)), key=lambda i: (i != best, not tied[i], overfitted[i], bic[i]))
     return by_bic, lowest, tied
 
@@ -279,11 +272,10 @@ def _ranking(
     current, fixed, found = last.round, test.fixed, None
     candidates, own = _merge_equal_laws(last.found, current.rows, given)
     error = [current.relative(fit.held_out_residual) for fit in candidates]
-    odd = [bool(implausible_findings(fit, current.rows)) for fit in candidates]
-    bic, count = [fit.bic for fit in candidates], [len(fit.candidate.values) for fit in candidates]
+    bic, count = [fit.bic() for fit in candidates], [len(fit.candidate.values) for fit in candidates]
     fault: RsgenError | None = None
     for _ in candidates:
-        order, lowest, tied = order_candidates(bic, error, count, odd)
+        order, lowest, tied = order_candidates(bic, error, count)
         best = candidates[order[0]]
         model = replace(base, elements=best.candidate.elements)
         if current.misfit(best).unexplained:
@@ -324,8 +316,6 @@ def _ranking(
         for number, fit in zip(order, ordered, strict=True)
     ]
     doubts = [f for f in (found.findings if found else ()) if f.severity in ("doubt", "error")]
-    said = {f.code for f in doubts}
-    doubts += [f for f in implausible_findings(best, current.rows) if f.code not in said]
     if fault is not None:
         names = {"law": best.candidate.name, "fault": str(fault)}
         doubts.append(Finding("law-unconfirmed", "doubt", names=names))

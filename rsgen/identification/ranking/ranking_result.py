@@ -8,7 +8,6 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from itertools import combinations
 from typing import Any
 
 import numpy as np
@@ -30,12 +29,10 @@ from rsgen.identification.ranking.balance import WhitenedBalance
 from rsgen.identification.ranking.candidate_fit import (
     POINT_STRIDE,
     CandidateFit,
-    CandidateLaw,
     Round,
 )
 from rsgen.identification.ranking.library_sums import library_terms, terms_of, whole_name
 from rsgen.identification.results import Identification
-from rsgen.identification.results.estimates import phase_findings
 
 OWN = "the case's own law"
 """Name of the law of the case or model that is ranked, among the candidates."""
@@ -229,12 +226,6 @@ class Ranking(Printed):
 # ----------------------------------------------------------------------------
 # Assessment of the best law: its misfit beyond noise, and where it lies, as findings.
 
-_MAX_FED_ENERGY = 0.5
-"""Energy that one damper feeds, relative to the dissipation of the law: such a pair of dampers overfits."""
-
-_MIN_SUM_OF_TERMS = 0.2
-"""Force of the sum of two terms relative to the larger of them: smaller ones cancel."""
-
 _MIN_POINTS_A_PARAMETER = 6
 """With fewer a ranking says so."""
 
@@ -262,7 +253,7 @@ def assess_best(
     candidates
         Best first.
     doubts
-        Findings against the best law by itself, and those of its identification.
+        Doubts and errors of its identification.
     """
     left = current.misfit(best)
     impossible = [finding for finding in doubts if finding.severity == "error"]
@@ -296,53 +287,6 @@ def is_same(one: CandidateFit, other: CandidateFit, rows: WhitenedBalance) -> bo
         np.max(np.abs(mine[sensors] - force)) <= MISFIT_NEGLIGIBLE * np.max(np.abs(force))
         for sensors, force in theirs.items()
     )
-
-
-def implausible_findings(fitted: CandidateFit, rows: WhitenedBalance) -> list[Finding]:
-    """Find values at their limits, terms that cancel and doubtful phases of a candidate."""
-    candidate, found = fitted.candidate, []
-    for name, (low, high) in candidate.limits.items():
-        value = candidate.values[name]
-        if value in (low, high):
-            numbers = {"value": Quantity(value)}
-            found.append(Finding("law-at-limit", "doubt", name, numbers, {"law": candidate.name}))
-    found += _cancellation_findings(candidate, rows)
-    return found + [
-        finding for finding in phase_findings(candidate.background) if finding.severity == "doubt"
-    ]
-
-
-def _cancellation_findings(candidate: CandidateLaw, rows: WhitenedBalance) -> list[Finding]:
-    """Find a damper that feeds energy, and two terms that nearly cancel."""
-    names = [element.name for element in candidate.elements]
-    if len(names) < 2:
-        return []
-    x, v, *_ = rows.motion_of("")
-    # relative to the power of each point
-    level = np.sqrt(np.mean((x * v) ** 2, axis=1))[:, None]
-    forces = [force / level for force in candidate.element_forces(rows)]
-    work = np.array(
-        [
-            float(np.mean(force * rows.motion_of(element.across)[1]))
-            for force, element in zip(forces, candidate.elements, strict=True)
-        ]
-    )
-    size = [float(np.sqrt(np.mean(force**2))) for force in forces]
-    sums = {
-        (i, j): float(np.sqrt(np.mean((forces[i] + forces[j]) ** 2))) / max(size[i], size[j], 1e-300)
-        for i, j in combinations(range(len(names)), 2)
-    }
-    least = min(sums, key=lambda pair: sums[pair])
-    fed = float(np.sum(np.maximum(-work, 0.0)) / max(float(work.sum()), 1e-300))
-    if work.sum() > 0 and fed > _MAX_FED_ENERGY:
-        one, other = names[int(np.argmin(work))], names[int(np.argmax(work))]
-        numbers = {"share": Quantity(fed)}
-        return [Finding("damping-feeds-energy", "doubt", "", numbers, {"law": one, "other": other})]
-    if sums[least] < _MIN_SUM_OF_TERMS:
-        one, other = (names[i] for i in least)
-        numbers = {"share": Quantity(sums[least])}
-        return [Finding("terms-cancel", "doubt", "", numbers, {"law": one, "other": other})]
-    return []
 
 
 def _overfitting_findings(fitted: float, candidates: Sequence[Candidate]) -> list[Finding]:

@@ -359,10 +359,7 @@ class Candidates:
         if not fits:
             raise RsgenError("ranking: no candidate gives a finite balance at the measured points")
         noise = min(fit.misfit for fit in fits) / fits[0].residual.size if first else 1.0
-        penalty = np.log(fits[0].residual[:, rows.compared].size)
-        return sorted(
-            fits, key=lambda fit: fit.misfit / max(noise, 1e-300) + penalty * len(fit.candidate.values)
-        )
+        return sorted(fits, key=lambda fit: fit.bic(max(noise, 1e-300)))
 
 
 def competitors(
