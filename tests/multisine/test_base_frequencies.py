@@ -9,6 +9,7 @@ import pytest
 
 import rsgen
 from rsgen.data.history import TimeHistory, from_multisine
+from rsgen.data.history.multisine_records import find_period
 from tests.case_files import MEASURED, write_small
 from tests.multisine import test_two_sensors
 
@@ -197,3 +198,12 @@ def test_files_of_other_periods_and_rates_are_read_and_reported(tmp_path, run_cl
         assert abs(found[name].value - true) < 4 * found[name].standard_error
     (held_out,) = rsgen.predict(found).records
     assert held_out.error < 0.01
+
+
+@pytest.mark.parametrize("noise", [0.0, 0.02])
+@pytest.mark.parametrize("samples", [7999, 8000, 8001])
+def test_the_period_of_a_force_with_many_samples_a_cycle_is_exact(samples: int, noise: float):
+    draw = np.random.default_rng(samples)
+    phase = 2 * np.pi * (np.outer(np.arange(50, 113), np.arange(samples)) / samples + draw.random((63, 1)))
+    force = np.tile(np.cos(phase).sum(axis=0), 5)
+    assert find_period(force + noise * force.std() * draw.standard_normal(len(force))) == samples

@@ -73,7 +73,11 @@ def find_period(force: Array, label: str = "time history") -> int:
             f"{label}: the force does not repeat: no lag up to half of the record agrees by more than "
             f"{best:.0%}; it is random, or its period is no whole number of samples. {_INSTEAD}"
         )
-    return first + int(np.argmax(again >= _MIN_RATIO_TO_BEST * best))
+    near = np.append(again >= _MIN_RATIO_TO_BEST * best, False)
+    begin = int(np.argmax(near))
+    # of a force with many samples a cycle, lags beside the period correlate nearly as well
+    end = begin + int(np.argmin(near[begin:]))
+    return first + begin + int(np.argmax(again[begin:end]))
 
 
 def from_multisine(
