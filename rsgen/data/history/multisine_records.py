@@ -75,7 +75,7 @@ def find_period(force: Array, label: str = "time history") -> int:
         )
     near = np.append(again >= _MIN_RATIO_TO_BEST * best, False)
     begin = int(np.argmax(near))
-    # of a force with many samples a cycle, lags beside the period correlate nearly as well
+    # of a force with many samples a cycle, lags next to the period correlate nearly as well
     end = begin + int(np.argmin(near[begin:]))
     return first + begin + int(np.argmax(again[begin:end]))
 
