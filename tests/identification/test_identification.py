@@ -8,7 +8,6 @@ import pytest
 
 import rsgen
 from rsgen.common.errors import RsgenError
-from rsgen.common.finding import Finding
 from rsgen.data.oscillator import Model, Observation
 from rsgen.data.surface import ResponseSurface
 from rsgen.identification.identify import identify
@@ -140,9 +139,25 @@ def test_confounded_parameters_are_named():
     both = Model((make_element("one", "k*x + kn*x**3 + c*v"), make_element("two", "ka*x")))
     found = identify(surface("cubic"), both)
     assert isnan(found["k"].value)
-    names = {"with": "ka"}
-    assert found["k"].finding == Finding("confounded", "warning", "k", names=names)
+    why = found["k"].finding
+    assert (why.code, why.severity, why.parameter) == ("confounded", "warning", "k")
+    assert why.names == {"with": "ka", "combination": "k + ka"}
+    assert why["combined"] == pytest.approx(truth("cubic")["k"], rel=1e-4)
+    assert why.numbers["combined"].unit == "N/m"
     assert found["kn"].value == pytest.approx(-2.2e5, rel=1e-4)
+
+
+@pytest.mark.parametrize(
+    ("text", "said"), [("ka*kr*x", "ka * kr"), ("ka/kr*x", "ka / kr"), ("(ka - kr)*x", "ka - kr")]
+)
+def test_of_confounded_parameters_the_combination_that_shows_has_an_interval(text, said, noisy):
+    table = noisy(surface("cubic"), 1e-3, 1)
+    known = identify(table, model("cubic"))["k"]
+    found = identify(table, Model((make_element("one", text + " + kn*x**3 + c*v"),)))
+    why = found["ka"].finding
+    assert why.names["combination"] == said
+    assert why["combined"] == pytest.approx(known.value, rel=1e-5)
+    assert (why["low"], why["high"]) == pytest.approx(known.interval, rel=1e-3)
 
 
 def test_what_cannot_be_identified_is_refused():

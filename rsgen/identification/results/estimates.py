@@ -28,6 +28,7 @@ from rsgen.common.tolerances import (
 )
 from rsgen.data.oscillator import Model
 from rsgen.dynamics.linear_part import BackgroundTerms
+from rsgen.formula.unit_text import read_unit
 from rsgen.formula.units import ForceUnits
 from rsgen.identification.fitting.fit import Solution
 from rsgen.identification.fitting.least_squares import Alternative, Regression
@@ -213,11 +214,15 @@ def parameter_findings(
     regression
         Of all ``names``; errors that a background causes are in its covariance.
     """
-    return {name: _finding(name, names, units[name], tested, regression) for name in names}
+    return {name: _finding(name, names, units, tested, regression) for name in names}
 
 
 def _finding(
-    name: str, names: tuple[str, ...], unit: str, tested: Mapping[str, Quantity], regression: Regression
+    name: str,
+    names: tuple[str, ...],
+    units: Mapping[str, str],
+    tested: Mapping[str, Quantity],
+    regression: Regression,
 ) -> Finding | None:
     i = names.index(name)
     weight = np.abs(regression.null[i])
@@ -228,13 +233,52 @@ def _finding(
         ]
         if partners or float(np.linalg.norm(column)) < _MIN_PARAMETER_NORM:
             others = ", ".join(partners) or "the background"
-            return Finding("confounded", "warning", name, names={"with": others})
+            known, numbers = _combination(name, partners, names, units, regression)
+            return Finding("confounded", "warning", name, numbers, {"with": others, **known})
         return Finding("no-effect", "warning", name, tested)
     error, value = float(np.sqrt(regression.covariance[i, i])), float(regression.parameters[i])
     if np.isfinite(error) and interval_sigmas() * error > abs(value):
+        unit = units[name]
         numbers = {"value": Quantity(value, unit), "standard_error": Quantity(error, unit), **tested}
         return Finding("not-distinct-from-zero", "warning", name, numbers)
     return None
+
+
+def _combination(
+    name: str,
+    partners: Sequence[str],
+    names: tuple[str, ...],
+    units: Mapping[str, str],
+    regression: Regression,
+) -> tuple[dict[str, str], dict[str, Quantity]]:
+    """Return a sum, difference, product or ratio with a partner that the points determine, and its interval.
+
+    Its gradient has no part in the null vectors. Its error is that of the fit times the largest factor by
+    which the stated error of a parameter is larger.
+    """
+    values, basis = regression.parameters, regression.basis * regression.noise
+    own, stated = np.linalg.norm(basis, axis=1), np.sqrt(np.diag(regression.covariance))
+    known = np.isfinite(stated) & (own > 0)
+    wider = float(np.max(stated[known] / own[known], initial=1.0))
+    for i, j in (sorted((names.index(name), names.index(partner))) for partner in partners):
+        a, b, (x, y) = names[i], names[j], values[[i, j]].tolist()
+        # of two equal values sum and product have one gradient: the sum is first
+        forms = [("+", x + y, 1.0, 1.0), ("-", x - y, 1.0, -1.0)] if units[a] == units[b] else []
+        forms += [("*", x * y, y, x), *([("/", x / y, 1 / y, -x / y**2)] if y else [])]
+        for sign, value, by_x, by_y in forms:
+            slope = np.zeros(len(values))
+            slope[[i, j]] = by_x, by_y
+            scaled = slope / regression.scale
+            if np.linalg.norm(scaled @ regression.null) > MIN_NULL_COMPONENT * np.linalg.norm(scaled):
+                continue
+            unit = units[a]
+            if sign in "*/":
+                unit = str(read_unit(f"{unit}{sign}({units[b]})").dimension) if unit and units[b] else ""
+            off = interval_sigmas(regression.freedom) * wider * float(np.linalg.norm(slope @ basis))
+            ends = {"combined": value, "low": value - off, "high": value + off}
+            numbers = {key: Quantity(end, "" if unit == "1" else unit) for key, end in ends.items()}
+            return {"combination": f"{a} {sign} {b}"}, numbers
+    return {}, {}
 
 
 def fixed_contradicted(
