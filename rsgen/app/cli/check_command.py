@@ -123,11 +123,11 @@ def _describe(plan: dict[str, Any]) -> str:
         what = f"{levels} x {each} {across} = {plan['points']} points to simulate"
     else:
         band = f"{plan['lowest_frequency']:g} to {plan['highest_frequency']:g} Hz"
-        turned = {"up": "ascend", "down": "descend"}
-        order = " and ".join(turned[name] for name in plan["sweeps"] if name in turned)
+        orders = {"up": "ascend", "down": "descend"}
+        order = " and ".join(orders[name] for name in plan["sweeps"] if name in orders)
         rows = f" (rows {order})" if order and plan.get("sweeps_recognised") else ""
-        taken = f"{'taken for a ' * bool(rows)}sweep {', '.join(plan['sweeps'])}{rows}"
-        what = f"{plan['points']} {plan['kind']} points at {levels}, {band}, {taken}"
+        sweeps = f"{'taken for a ' * bool(rows)}sweep {', '.join(plan['sweeps'])}{rows}"
+        what = f"{plan['points']} {plan['kind']} points at {levels}, {band}, {sweeps}"
         if "periods" in plan:
             records = f"{plan['records']} records of {plan['periods']} periods"
             what = f"{plan['points']} excited lines of {records} at {levels}, {band}"

@@ -287,10 +287,10 @@ def _ranking(
         except RsgenError as refused:
             found, fault = None, refused
             break
-        open_ = [one.name for one in found if one.finding is not None]
+        undetermined = [one.name for one in found if one.finding is not None]
         before = bic[order[0]]
         less = min(
-            (value for value, fit in zip(bic, candidates, strict=True) if _lacks(fit, best, open_)),
+            (value for value, fit in zip(bic, candidates, strict=True) if _lacks(fit, best, undetermined)),
             default=before,
         )
         if less <= before:
