@@ -252,10 +252,7 @@ def _joined(table: rs.ResponseSurface) -> rs.ResponseSurface:
     noise = np.random.default_rng(4).normal(size=(count, order, 2)) @ [1, 1j] * 0.01 / np.sqrt(2)
     noise[:, 0] = noise[:, 0].real
     return replaced(
-        table,
-        force=force[:, 1],
-        force_harmonics=force,
-        across=across + noise * np.abs(across[:, 1:2]),
+        table, force=force[:, 1], force_harmonics=force, across=across + noise * np.abs(across[:, 1:2])
     )
 
 

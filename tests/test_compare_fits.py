@@ -8,8 +8,6 @@ import pytest
 
 import rsgen as rs
 from rsgen.common.errors import RsgenError
-from tests.pins.grids import NOISE
-from tests.pins.multisine import CUBIC, virtual
 from tests.surfaces import noisy
 
 LAW = "k*x + k3*x**3 + c*v"
@@ -51,13 +49,6 @@ def test_fits_stand_side_by_side(fits):
     assert compared.findings == ()
 
 
-def test_held_out_errors_are_those_of_a_prediction(fits):
-    (scored,) = fits[0].held_out
-    assert scored.level == 6.0
-    assert scored.error == rs.compare_fits(fits).fits[0].held_out["6 rest"]
-    assert fits[1].held_out == ()
-
-
 def changed(fit: rs.Identification, *names: str, by: float = 1.0, **changes: Any) -> rs.Identification:
     """Change the estimates of some parameters, and scale their values and intervals."""
     refined = (
@@ -80,32 +71,6 @@ def test_identified_results_that_disagree_are_named(fits):
     assert finding["shift"] > 10
     doubted = replace(other, findings=(rs.Finding("law-does-not-fit", "doubt"),))
     assert rs.compare_fits([fits[0], doubted]).findings == ()
-
-
-def test_a_value_that_may_be_zero_is_shown_with_its_interval(fits):
-    finding = rs.Finding("not-distinct-from-zero", "warning", "c")
-    values = {"value": 0.1, "standard_error": 0.2, "interval": (-0.3, 0.5), "finding": finding}
-    open_sign = changed(fits[0], "c", **values)
-    assert "0.1 (-0.3 to 0.5)" in str(rs.compare_fits([open_sign]))
-    unbounded = changed(open_sign, *(one.name for one in open_sign), standard_error=np.inf)
-    assert np.isnan(rs.compare_fits([fits[0], unbounded])["c"].shifts[1])
-    rows = [line.split() for line in str(open_sign).splitlines()]
-    assert ["c", "0.1", "-0.3", "to", "0.5", "N*s/m", finding.code] in rows
-
-
-def test_another_unit_is_another_parameter(fits):
-    compared = rs.compare_fits([fits[0], changed(fits[0], "c", unit="N*s^2/m^2")])
-    assert [row.unit for row in compared if row.name == "c"] == ["N*s/m", "N*s^2/m^2"]
-    assert compared["c"].estimates == (fits[0]["c"], None)
-    assert compared["c"].changed
-
-
-def test_multisine_identifications_are_compared_too():
-    spectra = virtual("cubic", NOISE)
-    fits = [rs.identify(spectra, CUBIC, rs.Observation(hold_out=held)) for held in ((5.0,), ())]
-    compared = rs.compare_fits(fits)
-    assert compared.fits[0].held_out == {"5": max(one.error for one in fits[0].held_out)}
-    assert max(map(abs, compared["k"].shifts)) < 3
 
 
 def test_a_name_for_each_fit_is_needed(fits):

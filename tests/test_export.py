@@ -83,14 +83,3 @@ def test_what_is_no_frequency_response_is_refused(tmp_path, results, reason):
     with pytest.raises(rsgen.RsgenError, match=reason):
         save_frf(tmp_path / "a.uff", *results)
     assert not list(tmp_path.iterdir())
-
-
-@pytest.mark.slow
-def test_identify_writes_measured_and_predicted(tmp_path, run_cli):
-    path = tmp_path / "a.uff"
-    run_cli("identify", FORMATS / "csv-table.toml", "--frf", path)
-    titles = [line for line in path.read_text().split("\n") if line.startswith("receptance,")]
-    assert [title.rpartition(" ")[2] for title in titles].count("measured") == 3
-    assert any("predicted" in title for title in titles)
-    wrong = run_cli("identify", FORMATS / "csv-table.toml", "--frf", tmp_path / "a.txt")
-    assert (wrong.code, "the name must end in .uff" in wrong.err) == (2, True)

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from rsgen.law.motion import Motion, fourier_series, project
+from rsgen.law.motion import Motion, fourier_series
 
 SERIES = [((1, 0, 2, 3), 64, False), ((0, 1, 2), 32, False), ((1, 3, 5, 7), 64, True), ((1,), 64, True)]
 
@@ -77,17 +77,3 @@ def test_a_turn_is_a_shift_in_time():
     turned = motion.turned(np.full(4, np.pi / 2))
     for one, other in zip(turned.waveforms(samples), motion.waveforms(samples), strict=True):
         assert one == pytest.approx(np.roll(other, -4, axis=1), abs=1e-9 * np.abs(other).max())
-
-
-def test_states_and_peaks_are_those_of_the_waveform():
-    motion = _motion()
-    x, v, _ = motion.waveforms(128)
-    assert motion.states() == pytest.approx(np.stack([x[:, 0], v[:, 0]], axis=1), rel=1e-12)
-    assert (motion.peaks() == np.stack([x.max(axis=1), x.min(axis=1)], axis=1)).all()
-
-
-def test_projection_gives_every_harmonic_back():
-    motion = _motion()
-    x = motion.waveforms(16)[0]
-    for order in motion.orders:
-        assert project(x, int(order)) == pytest.approx(motion.harmonics[:, order], abs=1e-12)

@@ -42,11 +42,7 @@ def test_an_impossible_mass_is_refused(mass):
 
 @pytest.mark.parametrize(
     ("values", "said"),
-    [
-        ({}, "missing k"),
-        ({"k": 1.0, "q": 2.0}, "unknown q"),
-        ({"k": math.nan}, r"values\.k"),
-    ],
+    [({}, "missing k"), ({"k": 1.0, "q": 2.0}, "unknown q"), ({"k": math.nan}, r"values\.k")],
 )
 def test_faulty_values_are_named(values, said):
     with pytest.raises(RsgenError, match=said):

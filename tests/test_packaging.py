@@ -14,25 +14,12 @@ from tests.try_wheel import declared_versions
 ROOT = Path(__file__).resolve().parent.parent
 PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
 EXTRAS = PROJECT["optional-dependencies"]
-OF_A_RUN = [
-    *PROJECT["dependencies"],
-    *(wanted for extra in ("tdms", "xlsx") for wanted in EXTRAS[extra]),
-]
+OF_A_RUN = [*PROJECT["dependencies"], *(wanted for extra in ("tdms", "xlsx") for wanted in EXTRAS[extra])]
 
 
 def test_the_version_is_that_of_the_installed_package(run_cli):
     assert rsgen.__version__ == importlib.metadata.version("rsgen")
     assert run_cli("--version").out == f"rsgen {rsgen.__version__}\n"
-
-
-def test_a_folder_that_is_not_installed_has_a_version_too(monkeypatch):
-    def absent(name: str) -> str:
-        raise importlib.metadata.PackageNotFoundError(name)
-
-    monkeypatch.setattr(importlib.metadata, "version", absent)
-    monkeypatch.delitem(vars(rsgen), "__version__", raising=False)
-    assert rsgen.__version__ == "0+unknown"
-    monkeypatch.delitem(vars(rsgen), "__version__")
 
 
 def test_the_workflow_tries_every_declared_python_on_every_system():

@@ -1,6 +1,5 @@
 """Sizes that a test cannot have and responses of another quantity are found; real tests are left alone."""
 
-import shutil
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
@@ -212,20 +211,6 @@ def test_measured_tests_are_not_doubted(name, measured_data):
     assert of_plausibility(surface.findings) == []
     assert list(quantity_findings(surface)) == []
     assert all(found.severity == "info" for found in size_findings(Sizes.of(surface)))
-
-
-def test_check_remarks_a_response_in_the_wrong_unit_or_of_the_wrong_quantity(tmp_path, run_cli):
-    formats = Path(__file__).parents[1] / "cases" / "formats"
-    text = (formats / "csv-table.toml").read_text(encoding="utf-8")
-    assert "note" not in run_cli("check", formats / "csv-table.toml").out
-    shutil.copy(formats / "table.csv", tmp_path)
-    for old, new, remark in (
-        ('unit        = "g"', 'unit = "km/s^2"', "not possible in a vibration test"),
-        ('"acceleration"\nunit        = "g"', '"displacement"\nunit = "mm"', "behaves as an acceleration"),
-    ):
-        assert old in text
-        (tmp_path / "case.toml").write_text(text.replace(old, new, 1), encoding="utf-8")
-        assert remark in run_cli("check", tmp_path / "case.toml").out
 
 
 @pytest.mark.parametrize(("gap", "modes"), [(0.045, 1), (0.055, 2)])

@@ -7,7 +7,6 @@ import pytest
 
 import rsgen as rs
 from rsgen.common.errors import RsgenError
-from rsgen.identification.ranking.selection import competitors
 
 LAW = "k*x + c*v"
 TRUE = {"k": 5000.0, "c": 4.0}
@@ -109,17 +108,6 @@ def test_a_wrong_argument_is_refused_in_a_sentence(surface, found, call, said):
         call(surface, found)
 
 
-def test_truth_may_be_the_oscillator(found):
-    by_oscillator = rs.compare(found, rs.Oscillator(1.2, LAW, TRUE))
-    assert str(by_oscillator) == str(rs.compare(found, TRUE | {"m": 1.2}))
-
-
-@pytest.mark.slow
-def test_the_library_itself_is_a_list_of_candidates():
-    assert competitors(rs.laws)[1] == competitors(None)[1]
-    assert len(competitors(None)[1]) > 20
-
-
 def test_gaps_and_points_without_force_print_no_warning(surface):
     response, force = surface.harmonics[:, 1].copy(), surface.force.copy()
     response[3], force[5] = np.nan, 0
@@ -127,32 +115,6 @@ def test_gaps_and_points_without_force_print_no_warning(surface):
         warnings.simplefilter("error")
         found = rs.identify(linear_surface(response=response, force=force), LAW)
     assert found["k"].value == pytest.approx(TRUE["k"], rel=1e-6)
-
-
-def test_a_reversed_phase_is_doubted(surface, found):
-    reversed_phase = rs.identify(linear_surface(response=surface.harmonics[:, 1].conj()), LAW)
-    assert "structure-feeds-exciter" in [finding.code for finding in reversed_phase.findings]
-    assert "structure-feeds-exciter" not in [finding.code for finding in found.findings]
-
-
-@pytest.mark.slow
-def test_a_constant_force_without_measured_mean_is_not_identifiable():
-    level, frequency = (
-        a.ravel() for a in np.meshgrid([2e-4, 5e-4, 1e-3, 3e-3], np.linspace(8, 13, 21), indexing="ij")
-    )
-    omega = 2 * np.pi * frequency
-    force = level * (5000 + 1.5e8 * level**2 - 1.2 * omega**2 + 4j * omega)
-    hardening = rs.ResponseSurface(level, frequency, force, level + 0j, control="response")
-    found = rs.identify(hardening, LAW + " + F0")
-    assert not found["F0"].identifiable
-    # it changes nothing else, and the linear law is rejected with it or without
-    without = rs.identify(hardening, LAW)
-    assert found["c"].value == pytest.approx(without["c"].value, rel=1e-6)
-    assert found.verdict.state == without.verdict.state == "rejected"
-
-
-def test_figures_show_no_modules():
-    assert not {"curves", "drawing", "overview"} & set(dir(rs.figures))
 
 
 def test_the_law_to_derive_is_text_an_element_or_a_law():
@@ -172,21 +134,3 @@ def test_what_no_function_can_use_is_named(surface, tmp_path):
     ):
         with pytest.raises(RsgenError, match=said):
             call()
-
-
-def test_a_result_is_an_oscillator_and_prints_sentences(found, surface):
-    again = rs.simulate(found.oscillator, rs.SimulatedTest([1.0, 2.0], np.linspace(8, 13, 21)))
-    assert np.allclose(again.amplitude, surface.amplitude, rtol=1e-4)
-    wrong = rs.identify(linear_surface(response=-surface.harmonics[:, 1]), LAW)
-    assert "error: the structure would feed energy into the exciter" in str(wrong)
-
-
-def test_a_result_is_explained_by_its_verdict(found):
-    assert rs.explain(found) == rs.explain(found.verdict)
-
-
-def test_a_ranking_doubts_sizes_that_its_best_fit_doubts(surface):
-    in_mm = linear_surface(response=1e5 * surface.harmonics[:, 1])
-    ranking = rs.rank(in_mm, [LAW])
-    assert "size-impossible" in {finding.code for finding in ranking.verdict.decided_by}
-    assert [finding.code for finding in ranking.best.findings].count("size-impossible") == 1

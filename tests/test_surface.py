@@ -1,6 +1,5 @@
 """Laws of the response surface table and of its file."""
 
-import os
 import pickle
 import tracemalloc
 from collections.abc import Callable
@@ -207,28 +206,6 @@ def test_what_a_file_declares_costs_no_more_than_the_file(tmp_path, what):
         assert tracemalloc.get_traced_memory()[1] < 10_000_000
     finally:
         tracemalloc.stop()
-
-
-@pytest.mark.skipif(not hasattr(os, "mkfifo"), reason="pipes with names are POSIX")
-def test_a_pipe_is_no_surface(tmp_path):
-    os.mkfifo(tmp_path / "s.h5")
-    with pytest.raises(MeasurementError, match="there is no such file"):
-        load_surface(tmp_path / "s.h5")
-
-
-def test_a_failed_save_leaves_the_old_file_and_nothing_else(tmp_path, monkeypatch):
-    path = tmp_path / "s.h5"
-    save_surface(path, random_surface(1, 3, 2))
-    before = path.read_bytes()
-
-    def full_disk(*_: object) -> None:
-        raise OSError("no space left on device")
-
-    monkeypatch.setattr("os.fsync", full_disk)
-    with pytest.raises(RsgenError, match="no space"):
-        save_surface(path, random_surface(2, 3, 2))
-    assert path.read_bytes() == before
-    assert [p.name for p in tmp_path.iterdir()] == ["s.h5"]
 
 
 MASS, DAMPING, STIFFNESS = 2.0, 3.0, 5000.0

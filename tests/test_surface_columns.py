@@ -18,13 +18,6 @@ def surface(**columns) -> ResponseSurface:
     )
 
 
-def test_a_fundamental_alone_is_a_force_of_two_columns():
-    made = surface(force=[2.0, 2.1, 1.9 - 0.1j])
-    np.testing.assert_array_equal(made.force_harmonics, [[0, 2], [0, 2.1], [0, 1.9 - 0.1j]])
-    assert made.across.shape == (3, 0)
-    assert not made.per_mass
-
-
 def test_the_fundamental_of_recorded_harmonics_is_the_force():
     harmonics = np.array([[0.1, 2, 0.3j], [0.2, 2.1, 0.2], [0.3, 1.9j, 0.1]])
     made = surface(force=harmonics)
@@ -53,11 +46,3 @@ def test_frames_and_files_bring_every_column_back(tmp_path):
         assert [file[name].attrs["units"] for name in ("level", "force", "across")] == ["m/s", "m/s^2", "m"]
     for words in ("force with 3 harmonics", "motion across", "velocity of the base", "per unit mass"):
         assert words in repr(made)
-
-
-def test_points_without_a_motion_across_are_not_measured():
-    across = np.stack([np.zeros(3), RESPONSE], axis=1)
-    across[1] = np.nan
-    made = surface(across=across)
-    assert made.settled.tolist() == [True, False, True]
-    assert replace(made, outcome=None).findings[0].code == "rows-left-out"

@@ -184,14 +184,7 @@ def check_contents(sdist: Path, wheel: Path) -> None:
     wanted = (
         mine
         | files_of("cases")
-        | {
-            "pyproject.toml",
-            "README.md",
-            "LICENSE",
-            "CITATION.cff",
-            "CHANGELOG.md",
-            "constraints.txt",
-        }
+        | {"pyproject.toml", "README.md", "LICENSE", "CITATION.cff", "CHANGELOG.md", "constraints.txt"}
     )
     wanted |= {"tests/conftest.py", "Makefile"}
     if wanted - names:

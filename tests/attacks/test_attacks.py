@@ -6,9 +6,7 @@ from importlib import import_module
 import pytest
 
 from tests.attacks import __main__ as table
-from tests.attacks.program import (
-    reached,
-)
+from tests.attacks.program import reached
 
 pytestmark = pytest.mark.skipif(os.name != "posix", reason="signals, limits and mounts are POSIX")
 

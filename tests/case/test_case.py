@@ -2,7 +2,6 @@
 
 import functools
 import json
-import pickle
 import re
 import time
 import tomllib
@@ -361,33 +360,6 @@ def test_a_damaged_case_is_a_case_or_a_case_error(tmp_path_factory, text, damage
     for fault in faults:
         assert fault.startswith(f"{path}: ")
         assert fault.isprintable()
-
-
-def test_a_surface_is_read_from_a_test_a_case_and_a_file(tmp_path):
-    path = ROOT / "cases" / "formats" / "csv-table.toml"
-    case = load_case(path)
-    surface = rsgen.read(case.test)
-    rsgen.save_surface(tmp_path / "surface.h5", surface)
-    for source in (case, path, str(path), tmp_path / "surface.h5"):
-        np.testing.assert_array_equal(rsgen.read(source).harmonics, surface.harmonics)
-    with pytest.raises(RsgenError, match="simulate"):
-        rsgen.read(ROOT / "cases" / "cubic.toml")
-
-
-@pytest.mark.parametrize("name", ["cubic", "formats/mat-sweep"])
-def test_a_case_is_sent_to_a_process(name):
-    case = load_case(ROOT / "cases" / f"{name}.toml")
-    twin = pickle.loads(pickle.dumps(case))
-    assert (twin.text, twin.sha256, twin.truth, twin.units) == (
-        case.text,
-        case.sha256,
-        case.truth,
-        case.units,
-    )
-    assert twin.model == case.model
-    files = [getattr(each.test, "all_files", ()) for each in (case, twin)]
-    assert files[0] == files[1]
-    assert all(file.is_file() for file in files[1])
 
 
 @functools.cache

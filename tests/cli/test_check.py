@@ -1,6 +1,5 @@
 """What `run` refuses, `check` refuses before it, for the same reason."""
 
-import shutil
 from pathlib import Path
 
 import pytest
@@ -10,11 +9,7 @@ from tests.case_files import law, write_small
 
 ROOT = Path(__file__).parents[2]
 
-LINEAR = {
-    **law("k*x", "c*v", k=5920.0, c=3.8),
-    "test.level.values": [1, 3],
-    "test.frequency.count": 15,
-}
+LINEAR = {**law("k*x", "c*v", k=5920.0, c=3.8), "test.level.values": [1, 3], "test.frequency.count": 15}
 SPRING, DAMPER = "element.1.force", "element.2.force"
 
 
@@ -67,17 +62,6 @@ def test_a_virtual_test_that_cannot_be_used_is_refused_before_it_is_run(tmp_path
         for part in reason.split(" ... "):
             assert part in checked.err
             assert part in " ".join(ran.faults)
-
-
-@pytest.mark.slow
-def test_a_ranking_without_phase_is_planned(tmp_path, run_cli):
-    for file in ("magnitude_1.0N.csv", "magnitude_3.0N.csv", "magnitude_6.0N.csv"):
-        shutil.copy(ROOT / "cases" / "formats" / file, tmp_path)
-    text = (ROOT / "cases" / "formats" / "csv-magnitude.toml").read_text(encoding="utf-8")
-    path = tmp_path / "magnitude.toml"
-    path.write_text(text.replace("schema = 1", 'schema = 1\nmodel = "rank"'), encoding="utf-8")
-    checked = run_cli("check", path)
-    assert (checked.code, checked.err) == (0, "")
 
 
 def test_other_commands_refuse_the_law_that_check_refuses(tmp_path, run_cli):

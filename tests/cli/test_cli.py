@@ -105,35 +105,6 @@ def test_init_writes_a_case_that_is_right(law, tmp_path, run_cli):
     assert law.split("*")[0] in path.read_text()
 
 
-def test_init_refuses_a_law_that_never_settles(tmp_path, run_cli):
-    path = tmp_path / "gearbox.toml"
-    refused = run_cli("init", "gearbox", "--law", "k*x", "--out", path)
-    assert (refused.code, "add a damper" in refused.err, path.exists()) == (2, True, False)
-    data = tmp_path / "mine.csv"
-    data.write_text("f,F,a,phase\n7,1,2,3\n8,1,3,4\n")
-    assert run_cli("init", "gearbox", "--law", "k*x", "--from", data, "--out", path).code == 0
-
-
-def test_init_of_a_measured_case(tmp_path, run_cli):
-    """What columns hold is read from their titles: the first was taken for the frequency."""
-    path = tmp_path / "mine.toml"
-    assert run_cli("init", "mine", "--measured", "mine.csv", "--out", path).code == 2
-    rows = [f"{1},{f},{1.0},{2.0},{20 * f - 80}" for f in (7, 8, 9, 10)]
-    (tmp_path / "mine.csv").write_text("\n".join(["run,f (Hz),F (N),a (g),phase (deg)", *rows]) + "\n")
-    assert run_cli("init", "mine", "--from", tmp_path / "mine.csv", "--out", path).code == 0
-    checked = run_cli("check", path).out
-    assert "4 measured points at 1 level, 7 to 10 Hz, taken for a sweep up (rows ascend); " in checked
-    # as its comment says, the direction may be given
-    path.write_text(path.read_text().replace("# [test.sweep]\n# direction", "[test.sweep]\ndirection"))
-    assert "7 to 10 Hz, sweep rest; " in run_cli("check", path).out
-    (tmp_path / "too.csv").write_text((tmp_path / "mine.csv").read_text())
-    several = ("--from", tmp_path / "mine.csv", "--from", tmp_path / "too.csv")
-    assert run_cli("init", *several, tmp_path / "two.toml").code == 0
-    assert 'file = ["mine.csv", "too.csv"]' in " ".join((tmp_path / "two.toml").read_text().split())
-    (tmp_path / "mine.csv").rename(tmp_path / "$.csv")
-    assert run_cli("init", "--from", tmp_path / "$.csv", tmp_path / "x.toml").code == 2
-
-
 @pytest.mark.slow
 def test_simulate_then_identify(tmp_path, run_cli):
     path, surface = write_small(tmp_path), tmp_path / "s.h5"

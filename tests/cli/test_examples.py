@@ -26,9 +26,3 @@ def test_what_is_there_and_differs_is_named_and_stays(run_cli, tmp_path):
     changed.unlink()
     assert run_cli("examples", tmp_path).code == 0
     assert missing.exists()
-
-
-def test_a_folder_that_cannot_be_made_is_named(run_cli, tmp_path):
-    (tmp_path / "file").write_text("")
-    told = run_cli("examples", tmp_path / "file")
-    assert (told.code, str(tmp_path / "file" / "cases") in told.err) == (2, True)

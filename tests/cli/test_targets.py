@@ -39,11 +39,6 @@ def test_a_file_of_the_user_is_not_written_over(words, name, simulated, run_cli)
     assert mine.read_bytes() == MINE
 
 
-def test_a_surface_has_the_name_of_one(simulated, run_cli):
-    answer = run_cli("simulate", "small.toml", "--out", "a.txt")
-    assert (answer.code, answer.err) == (2, "--out a.txt: the name must end in .h5\n")
-
-
 def test_a_wildcard_says_that_files_are_listed(simulated, run_cli):
     answer = run_cli("init", "clamp", "--from", "*.csv")
     assert answer.code == 2

@@ -6,7 +6,6 @@ from pathlib import Path
 
 import pytest
 
-from rsgen.app.cli.progress_bar import case_progress
 from rsgen.app.cli.run_command import exit_code
 from rsgen.app.study import CaseRun
 from rsgen.common.finding import STATES, Finding, Verdict
@@ -39,23 +38,6 @@ def run_of(state: str | None) -> CaseRun:
 )
 def test_a_script_goes_on_with_accepted_and_identified_results_only(states, code):
     assert exit_code([run_of(state) for state in states]) == code
-
-
-def test_a_finished_case_says_what_decided_and_what_to_do(capsys):
-    with case_progress(3, quiet=False) as seen:
-        for state in ("accepted", "doubtful", None):
-            seen.finished(run_of(state))
-    shown = capsys.readouterr()
-    first, second, because, after = shown.out.splitlines()
-    assert first.startswith("a: Accepted: ")
-    assert first.endswith("(0.0 s) reports/a")
-    assert second.startswith("a: Doubtful: ")
-    assert because.startswith("  because: The law does not fit")
-    assert after.startswith("  next: ")
-    assert shown.err == "a.toml: is wrong\n"
-    with case_progress(1, quiet=True) as seen:
-        seen.finished(run_of("doubtful"))
-    assert capsys.readouterr().out == ""
 
 
 @pytest.mark.slow

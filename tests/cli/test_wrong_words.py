@@ -105,22 +105,6 @@ def test_rows_of_exactly_zero_are_left_out_and_a_silent_channel_is_refused(labor
     assert "lab/a.csv: line 2: response is zero in every row" in refused
 
 
-@pytest.mark.parametrize("count", [2, 3])
-def test_check_and_identify_refuse_the_same_few_points(laboratory, run_cli, count):
-    rows = [f"{10 + n / 10},{1 + n},{1e-3 * (1 + n)},90" for n in range(count)]
-    (laboratory / "lags.csv").write_text("\n".join(["f,F,x,lag", *rows, ""]), encoding="utf-8")
-    response = {"quantity": "displacement", "amplitude": "x", "phase": "lag", "phase_sense": "lag"}
-    locked = TABLE | {"test.control": "phase", "test.response": response, "test.file": "lags.csv"}
-    path = laboratory / "lags.toml"
-    path.write_text(changed(SMALL, MEASURED | locked), encoding="utf-8")
-    said = f"surface: {count} of {count} points can be used"
-    for command in ("check", "identify"):
-        refused = run_cli(command, path).err
-        assert said in refused
-        assert "needs at least" in refused
-        assert "nan" not in refused
-
-
 @pytest.mark.parametrize(
     ("changes", "said"),
     [

@@ -10,7 +10,6 @@ from scipy.special import j0, j1
 from rsgen.describing import derive
 from rsgen.formula import parse, symbol
 from rsgen.formula.evaluation import compiled
-from rsgen.report.figures.equivalent import draw_derivation
 from tests.conftest import Answer
 
 JOINT = "k*x + F*tanh(x/a) + Ff*sign(v)"
@@ -42,16 +41,6 @@ def test_text_shows_what_is_not_closed_as_an_integral(run_cli):
     assert "Integral" not in text
 
 
-def test_json_has_null_and_the_closed_part_where_an_integral_is(run_cli):
-    found = answer(run_cli, JOINT)
-    assert found["stiffness"] is None
-    assert found["damping"] == "4*Ff/(pi*omega*X)"
-    assert found["closed_part"] == {
-        "stiffness": "k", "damping": "4*Ff/(pi*omega*X)", "mean_balance": "0", "mean": "0",
-    }  # fmt: skip
-    assert found["quadrature"] == "F*tanh(x/a)"
-
-
 @pytest.mark.slow
 @pytest.mark.parametrize(
     "law",
@@ -78,19 +67,9 @@ def test_every_text_of_json_is_the_formula(run_cli, law):
         np.testing.assert_allclose(both[0], both[1], rtol=SAME, atol=SAME)
 
 
-def test_assumptions_change_the_formula(run_cli):
-    law = "c*Heaviside(x - b)*v"
-    assert "-b" in str(answer(run_cli, law)["damping"]).replace(" ", "").split("X<=")[1]
-    assert "X <= b" in str(answer(run_cli, law, "--assume", "b>0")["damping"])
-    assert str(answer(run_cli, law, "--assume", "b>0", "--assume", "c > 0")["damping"]).count("X <=") == 1
-
-
 @pytest.mark.parametrize(
     ("words", "said"),
-    [
-        (("--assume", "q>0"), "with a parameter of the law: k"),
-        (("--assume", "k<0"), "name > 0"),
-    ],
+    [(("--assume", "q>0"), "with a parameter of the law: k"), (("--assume", "k<0"), "name > 0")],
 )
 def test_faults_of_options_are_named_in_one_sentence(words, said, run_cli, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
@@ -100,17 +79,6 @@ def test_faults_of_options_are_named_in_one_sentence(words, said, run_cli, tmp_p
     assert shown.err.count("\n") == 1
     assert shown.out == ""
     assert not list(tmp_path.iterdir())
-
-
-def test_drawing_shows_k_and_c_of_the_law():
-    drawing = draw_derivation(derive("k*x + k3*x**3 + Ff*sign(v)"), {"k": 2.0, "k3": 4.0}, largest=1.0)
-    force, stiffness, damping = drawing.figure.axes
-    X, k = stiffness.lines[0].get_data()
-    assert "N/m" in stiffness.get_ylabel()
-    np.testing.assert_allclose(k, 2 + 3 * np.asarray(X) ** 2, rtol=1e-12)
-    assert "damping" in damping.get_ylabel()
-    assert len(force.lines) == 3  # cycles of three amplitudes: the force depends on x and v
-    assert " to 5 at 1. Equivalent damping" in drawing.alternative
 
 
 def test_a_wave_about_a_mean_follows_the_addition_theorem():

@@ -12,8 +12,7 @@ from rsgen.formula import parse, symbol
 from rsgen.formula.evaluation import compiled
 from rsgen.formula.names import remembers
 from rsgen.law import laws, make_element
-from rsgen.report.figures.equivalent import draw_derivation
-from tests.oracles.loop import equivalent, odd_loop, with_states
+from tests.oracles.loop import equivalent, with_states
 
 pytestmark = pytest.mark.slow
 
@@ -115,18 +114,6 @@ def test_joints_side_by_side_are_closed():
     assert sympy.simplify(several.stiffness - symbol("n") * one.stiffness) == 0
 
 
-def test_a_mean_moves_no_masing_law():
-    spring, joint = derive("k*x + k2*x**2"), derive("k*x + k2*x**2 + masing(Min(kt*x, Fs))")
-    values = {"k": 3.0, "k2": 0.8}
-    X = np.array([0.1, 0.6, 1.1])
-    alone = spring.evaluate(X, OMEGA, values)
-    added = derive("masing(Min(kt*x, Fs))").evaluate(X, OMEGA, {"kt": 2.0, "Fs": 0.9})
-    both = joint.evaluate(X, OMEGA, values | {"kt": 2.0, "Fs": 0.9})
-    np.testing.assert_allclose(both.mean, alone.mean, rtol=1e-12)
-    np.testing.assert_allclose(both.stiffness, alone.stiffness + added.stiffness, rtol=1e-12)
-    np.testing.assert_allclose(both.damping, added.damping, rtol=1e-12, atol=1e-15)
-
-
 def test_negative_parameters_and_forces_that_are_not_linear_in_a_masing_law():
     jenkins = derive("masing(Min(kt*x, Fs)) + c*v")
     odd = jenkins.evaluate(2.0, OMEGA, {"kt": 2.0, "Fs": 0.9, "c": -1.0})
@@ -220,18 +207,6 @@ def test_laws_of_the_library_against_their_loops(law):
     assert found.damping == pytest.approx(wanted[1], rel=1e-5 if law.memory else 1e-9)
 
 
-def test_pictures_of_loops_have_the_energy_beside_them():
-    law = laws["dahl"]
-    drawing = draw_derivation(derive(law), law.example)
-    loop, *_, energy = drawing.figure.axes
-    x, force = loop.lines[-1].get_data()
-    # the shoelace formula around the largest loop
-    assert loop.get_ylabel() == "Force n [mN]"
-    area = 0.5e-3 * abs(np.sum(x * np.roll(force, -1) - force * np.roll(x, -1)))
-    assert energy.lines[0].get_ydata()[-1] == pytest.approx(area, rel=1e-3)
-    assert "Energy of a cycle D [" in drawing.alternative
-
-
 def test_thresholds_in_any_order_and_curves_that_begin_with_nothing():
     steps = derive("masing(Piecewise((x, x < b), (b + (x - b)/2, x < c), (b + (c - b)/2, True)))")
     late = derive("masing(k*Max(0, x - b))")
@@ -250,70 +225,7 @@ def test_loops_that_do_not_close_are_refused(rate):
         derive(make_element("law", "k*x + z", {"z": rate}))
 
 
-def held_against_stepping(derived, values, rate, X, k=0.0, asked=ASKED):
-    found = derived.evaluate(X, OMEGA, values)
-    wanted = odd_loop(rate, lambda x, v, z: k * x + z, X, OMEGA)
-    size = abs(wanted[0]) + OMEGA * abs(wanted[1])
-    assert abs(found.stiffness - wanted[0]) <= asked * size
-    assert OMEGA * abs(found.damping - wanted[1]) <= asked * size
-
-
 POWERS = (0.7, 1.0, 1.5, 1.7, 2.0)
-SLIPS = (1e-6, 1e-3, 0.1, 1.0, 5.0, 100.0, 1000.0)
-
-
-@pytest.mark.parametrize(
-    ("bd", "powers", "slips"),
-    [
-        *(pytest.param(bd, POWERS, SLIPS, marks=pytest.mark.thorough) for bd in (-0.3, 0.3)),
-        (0.3, (0.7, 1.7), SLIPS[::2]),
-    ],
-)
-def test_powers_of_a_state_from_hardly_any_slip_to_almost_nothing_else(bd, powers, slips):
-    law = derive(make_element("bw", "k*x + z", {"z": "A*v - bg*abs(v)*abs(z)**(n-1)*z - bd*v*abs(z)**n"}))
-    assert law.checked_to is not None
-    assert law.checked_to < 1e-8
-    for n in powers:
-        values = {"k": 1.0, "A": 2.0, "bg": 0.7, "bd": bd, "n": n}
-
-        def rate(x, v, z, n=n):
-            return 2.0 * v - 0.7 * abs(v) * abs(z) ** n * np.sign(z) - bd * v * abs(z) ** n
-
-        for X in slips:
-            held_against_stepping(law, values, rate, X, 1.0)
-
-
-def test_a_power_of_the_displacement_in_a_rate():
-    law = derive(make_element("law", "z", {"z": "A*v - z/tau*abs(x)**n"}))
-    for X in (1e-3, 1.0, 3.0, 10.0, 100.0):
-        values = {"A": 2.0, "tau": 0.4, "n": 1.3}
-        held_against_stepping(law, values, lambda x, v, z: 2.0 * v - z / 0.4 * abs(x) ** 1.3, X)
-
-
-def test_a_slider_as_a_state_stays_on_its_switch_while_it_slides():
-    rate = "Piecewise((kt*v, abs(z) < Fs), (kt*Min(v, 0), z > 0), (kt*Max(v, 0), True))"
-    law, X = (
-        derive(make_element("jenkins", "z", {"z": rate})),
-        np.array([1e-6, 0.3, 0.4, 1.0, 3.0, 10.0, 100.0]),
-    )
-    values = {"kt": 3.0, "Fs": 1.0}
-    found, wanted = law.evaluate(X, OMEGA, values), derive("masing(Min(kt*x, Fs))").evaluate(X, OMEGA, values)
-    np.testing.assert_allclose(found.stiffness, wanted.stiffness, rtol=1e-9)
-    np.testing.assert_allclose(found.damping, wanted.damping, rtol=1e-9, atol=1e-12)
-    assert found.stiffness[3] == pytest.approx(0.875374, abs=1e-6)
-    assert found.damping[3] == pytest.approx(0.369055, abs=1e-6)
-
-
-def test_states_that_are_much_faster_than_the_motion():
-    maxwell = derive(make_element("maxwell", "z", {"z": "k*v - z/tau"}))
-    for tau in (1e-2, 1e-3, 1e-5):
-        found = maxwell.evaluate([1e-6, 1.0, 100.0], OMEGA, {"k": 2.0, "tau": tau})
-        whole = 2.0 * 1j * OMEGA * tau / (1 + 1j * OMEGA * tau)
-        np.testing.assert_allclose(found.stiffness, whole.real, atol=1e-9 * abs(whole))
-        np.testing.assert_allclose(found.damping, whole.imag / OMEGA, rtol=1e-9)
-    bend = derive(make_element("bend", "z", {"z": "k*v - tanh(z/e)"}))
-    for X in (0.3, 3.0, 10.0, 30.0):
-        held_against_stepping(bend, {"k": 2.0, "e": 0.01}, lambda x, v, z: 2.0 * v - np.tanh(z / 0.01), X)
 
 
 def test_what_was_not_compared_or_is_not_known_is_said_so():
@@ -323,12 +235,6 @@ def test_what_was_not_compared_or_is_not_known_is_said_so():
     dahl = derive(make_element("dahl", "z", {"z": "kt*v - kt*abs(v)*z/Fs"}))
     with pytest.raises(RsgenError, match=r"is not known to nine digits at X = 1e\+04 m"):
         dahl.evaluate(1e4, OMEGA, {"kt": 3000.0, "Fs": 0.01})
-
-
-def test_a_state_that_climbs_to_the_peak_and_stays_is_held_against_its_mean_force():
-    law = derive(make_element("law", "k*(x - z)", {"z": "Max(0, x - z)"}))
-    assert law.checked_to is not None
-    assert law.checked_to < 1e-6
 
 
 def test_a_loop_that_closes_at_some_values_only():

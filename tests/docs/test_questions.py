@@ -162,22 +162,3 @@ def test_a_base_that_is_constant_or_has_a_participation_factor(tmp_path, shaken,
         assert "nominal level stands for it" in sentence(finding)
     near(rs.identify(surface, LAW), MASS)
     np.testing.assert_allclose(surface.levels, [0.2, 0.6, 1.2], rtol=1e-6)
-
-
-def test_numbers_of_runs_are_labels(tmp_path):
-    surface = rs.simulate(
-        rs.Oscillator(MASS, LAW, VALUES), rs.SimulatedTest([1, 3, 6], np.linspace(8, 13, 40))
-    )
-    for number, level in enumerate(LEVELS, start=1):
-        chosen = surface.select(surface.level == level)
-        lag = np.degrees(chosen.phase)
-        columns = [chosen.frequency, np.abs(chosen.force), chosen.amplitude, lag]
-        np.savetxt(tmp_path / f"run{number}.csv", np.column_stack(columns), fmt="%.9g", delimiter=",")
-    ((_, part),) = blocks("The runs have numbers, no amounts")
-    response = {"quantity": "displacement", "amplitude": 3, "phase": 4, "phase_sense": "lag"}
-    columns = {"test.frequency": {"column": 1}, "test.force": {"amplitude": 2}, "test.response": response}
-    files = {"test.file": [f"run{number}.csv" for number in (1, 2, 3)]}
-    read = case(tmp_path, part, **columns, **files)
-    found = rs.identify(rs.read(read), read.model)
-    near(found)
-    assert [level.force for level in found.held_out] == pytest.approx([3.0], rel=1e-6)

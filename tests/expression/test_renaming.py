@@ -4,7 +4,7 @@ import pytest
 import sympy
 
 from rsgen.formula import parse, symbol
-from rsgen.formula.names import free_symbols, renamed
+from rsgen.formula.names import renamed
 
 NAMES = {symbol("k"): sympy.Symbol("k", positive=True), symbol("b"): sympy.Symbol("b", positive=True)}
 
@@ -34,15 +34,3 @@ def test_the_largest_of_several_is_not_looked_for_anew(monkeypatch):
     monkeypatch.setattr(sympy.Max, "_is_connected", compared)
     monkeypatch.setattr(sympy.Min, "_is_connected", compared)
     assert renamed(law, NAMES) == expected
-
-
-def test_an_expression_without_the_symbols_stays_itself():
-    law = parse("c*v + (x + v)/2")
-    assert renamed(law, NAMES) is law
-
-
-def test_an_integral_has_the_symbols_of_its_ends_until_they_are_integrated_over():
-    x, v, b = map(symbol, "xvb")
-    for limits in ([(x, 0, b)], [(x, 0, v), (v, 0, b)], [(v, 0, b), (x, 0, v)]):
-        integral = sympy.Integral(x * v, *limits)
-        assert free_symbols(integral) == integral.free_symbols

@@ -19,22 +19,13 @@ from rsgen import figures
 from rsgen.common.errors import RsgenError
 from rsgen.common.finding import Finding
 from rsgen.data.oscillator import Model
-from rsgen.data.surface import ResponseSurface
 from rsgen.describing import derive
 from rsgen.identification.modal_table import modal_table
 from rsgen.identification.results import Estimate, Identification
 from rsgen.law.element import make_element
-from rsgen.report.figures import Drawing, choose_scale, number_text, quantity_text, unit_text
+from rsgen.report.figures import Drawing, number_text, quantity_text, unit_text
 from rsgen.report.figures.equivalent import backbone, refined_band
-from tests.samples import (
-    C1,
-    K1,
-    KN1,
-    MASS,
-    cubic_identification,
-    cubic_prediction,
-    cubic_surface,
-)
+from tests.samples import C1, K1, KN1, MASS, cubic_identification, cubic_prediction, cubic_surface
 
 TRUTH = {"k1": K1, "kn1": KN1, "c1": C1}
 SURFACE = cubic_surface()
@@ -87,29 +78,6 @@ def test_drawing_is_whole(name):
         assert all(UNIT.search(label) for label in labels if label), labels
         if len(axes.get_lines()) > 1:
             assert axes.get_ylabel()
-
-
-@pytest.mark.parametrize("count", [0, 1])
-def test_few_or_no_resonances_are_said_as_they_are(count):
-    few = replace(IDENTIFICATION, resonances=IDENTIFICATION.resonances[:count])
-    unknown = {name: float("nan") for name in TRUTH}
-    words = [figures.draw_collapse(few, unknown).alternative, figures.draw_resonance(few).alternative]
-    assert not re.search(r"\binf\b|\bnan\b", " ".join(words))
-    for said, name in zip(words, ("levels at resonance", "one level each"), strict=True):
-        assert (f"{name}: not known" in said) == (count == 0)
-
-
-def test_a_law_across_two_sensors_has_no_resonance_over_the_response():
-    """Its stiffness acts on another motion: a line over the response lies at no resonance of the test."""
-
-    def lines(identification: Identification) -> list[str]:
-        drawing = figures.draw_resonance(identification)
-        return [str(line.get_label()) for line in drawing.figure.axes[0].get_lines()]
-
-    joint = make_element("joint", "kn1*x**3", across="far - near")
-    across = Model((make_element("near", "k1*x + c1*v"), joint), mass=MASS)
-    assert lines(IDENTIFICATION) == ["one level each", "refined model"]
-    assert lines(replace(IDENTIFICATION, model=across)) == ["one level each"]
 
 
 @pytest.mark.slow
@@ -180,36 +148,11 @@ def test_band_is_linear_propagation_of_the_covariance():
     np.testing.assert_allclose(damping, 1.959964 * np.sqrt(covariance[0, 0]), rtol=1e-6)
 
 
-def test_a_fit_that_did_not_converge_has_no_band():
-    refined = tuple(replace(one, standard_error=np.inf) for one in IDENTIFICATION.refined)
-    _, stiffness, damping = refined_band(replace(IDENTIFICATION, refined=refined), np.array([0.01]))
-    assert np.isnan([stiffness, damping]).all()
-
-
 def without(*names: str) -> Identification:
     """Return the identification in which parameters are not identifiable."""
     lost = {"value": float("nan"), "finding": Finding("not-determined", "warning")}
     refined = (replace(e, **lost) if e.name in names else e for e in IDENTIFICATION.refined)
     return replace(IDENTIFICATION, refined=tuple(refined))
-
-
-def test_the_curve_is_drawn_where_single_parameters_are_not_identifiable():
-    for draw in (figures.draw_collapse, figures.draw_resonance, figures.draw_forces):
-        lines = draw(without("k1", "kn1")).figure.axes[0].get_lines()
-        curves = [line for line in lines if "refined" in str(line.get_label())]
-        assert curves
-        assert np.isfinite(np.asarray(curves[0].get_ydata(), dtype=float)).all()
-
-
-@pytest.mark.slow
-@given(st.floats(1e-11, 1e5), st.sampled_from(["m", "N", "N/m", "N*s/m", "kg"]))
-def test_engineering_scale_keeps_the_value(value, unit):
-    scale = choose_scale([value, -value / 3, np.nan], unit)
-    assert np.log10(scale.factor) % 3 == pytest.approx(0, abs=1e-9)
-    shown = value / scale.factor
-    prefixes = {"m": 1e-12, "N": 1e-12, "N/m": 1e-6, "N*s/m": 1e-12, "kg": 1e-12}
-    if value >= prefixes[unit]:
-        assert shown >= 0.999
 
 
 @given(st.floats(-1e30, 1e30, allow_subnormal=False), st.integers(2, 8))
@@ -248,14 +191,6 @@ def test_every_level_gets_its_own_curve(size):
     handles, labels = drawing.figure.axes[0].get_legend_handles_labels()
     assert len(set(labels)) == len(labels) == 6
     assert len({float(handle.get_ydata().max()) for handle in handles}) == 6
-
-
-def test_a_level_without_a_curve_does_not_take_that_of_its_neighbour():
-    levels = np.linspace(1, 12, 12).repeat(2)
-    surface = ResponseSurface(levels, [9.0, 10.0] * 12, levels, -1e-3j * levels)
-    curves = tuple(replace(PREDICTION.curves[0], level=level) for level in (1.0, 6.0, 12.0))
-    drawing = figures.draw_responses(surface, replace(PREDICTION, curves=curves))
-    assert drawing.figure.axes[0].get_legend_handles_labels()[1] == ["1 N", "6 N", "12 N"]
 
 
 @pytest.mark.parametrize(
@@ -308,14 +243,3 @@ def test_what_is_no_axes_is_refused():
         figures.draw_collapse(IDENTIFICATION, ax=Figure())
     with pytest.raises(RsgenError, match='projection="3d"'):
         figures.draw_surface(SURFACE, ax=Figure().add_subplot())
-
-
-def test_curves_are_drawn_where_forces_of_a_level_scatter_and_of_levels_that_were_not_tested():
-    """A shaker reached 5 % less than its level: every curve was left out, and nothing said so."""
-    weak = replace(SURFACE, force=0.95 * SURFACE.force, harmonics=0.95 * SURFACE.harmonics)
-    levels = [float(level) for level in SURFACE.levels]
-    curves = tuple(replace(PREDICTION.curves[0], level=level) for level in (*levels, 3 * levels[-1]))
-    drawing = figures.draw_responses(weak, replace(PREDICTION, curves=curves))
-    named = [text.get_text() for text in drawing.figure.axes[0].get_legend().get_texts()]
-    assert len(named) == min(len(levels), 6) + 1
-    assert [name for name in named if name.endswith("not tested")] == [named[0]]

@@ -7,11 +7,9 @@ import numpy as np
 import pytest
 
 import rsgen as rs
-from rsgen import figures
 from rsgen.common.errors import RsgenError
 from rsgen.data.oscillator import Model
-from rsgen.law.motion import Motion, project
-from rsgen.report.figures import loop_figures
+from rsgen.law.motion import project
 from rsgen.report.figures.equivalent import (
     branch_mean,
     dissipated_energy,
@@ -19,7 +17,6 @@ from rsgen.report.figures.equivalent import (
     mass_of,
     measured_energy,
     measured_loops,
-    shows_loops,
     small_stiffness,
 )
 from tests.samples import cubic_identification, cubic_surface
@@ -67,18 +64,6 @@ def test_a_measured_loop_is_the_force_that_moved_the_mass():
     assert found.energy == pytest.approx([4 * FS * (3 * SLIP - SLIP)], rel=1e-4)
 
 
-@pytest.mark.parametrize("power", [1.4, 2.0, 2.6])
-def test_the_slope_of_a_power_law_is_its_power_plus_one(power):
-    amplitude = np.geomspace(1e-4, 1e-3, 12)
-    energy = 3e4 * amplitude ** (power + 1)
-    stiffness = np.full(12, 6e3)
-    omega = np.sqrt(stiffness / M)
-    surface = sines(stiffness, energy / (np.pi * omega * amplitude**2), amplitude)
-    found = measured_energy(surface.select(np.arange(12, 24)))
-    assert found.exponent == pytest.approx(power + 1, abs=1e-9)
-    np.testing.assert_allclose(found.course, power + 1, rtol=1e-9)
-
-
 def test_the_mass_is_read_without_a_law():
     amplitude = np.geomspace(1e-5, 1e-3, 40)
     stiffness = 6e3 + 4e4 / (1 + amplitude / 2e-4)
@@ -101,26 +86,6 @@ def test_the_mean_of_both_branches_is_the_part_without_memory():
     assert branch_mean(x + SLIP * np.cos(5 * phase), cubic) is None
 
 
-def test_loops_are_shown_where_they_say_something():
-    surface = sines(np.full(4, 6e3), np.full(4, 30.0), np.geomspace(1e-4, 1e-3, 4))
-    joint, spring = Model("k*x + masing(Min(kt*x, Fs))"), Model("k*x + c*v")
-    assert shows_loops(surface, joint)
-    assert not shows_loops(surface, spring)
-    harmonics = np.concatenate([surface.harmonics, 0.1 * surface.harmonics[:, 1:]], axis=1)
-    assert shows_loops(replace_harmonics(surface, harmonics), spring)
-    unknown = rs.ResponseSurface(
-        surface.level, surface.frequency, np.abs(surface.force), surface.amplitude, phase_known=False
-    )
-    assert not shows_loops(unknown, joint)
-    with pytest.raises(RsgenError, match="no settled point with a phase"):
-        figures.draw_loops(unknown)
-
-
-def replace_harmonics(surface: rs.ResponseSurface, harmonics: np.ndarray) -> rs.ResponseSurface:
-    """The same forces with other motions."""
-    return rs.ResponseSurface(surface.level, surface.frequency, surface.force, harmonics=harmonics)
-
-
 def test_the_energy_of_an_identified_joint_is_its_closed_form():
     truth = {"k": 5920.0, "kt": KT, "Fs": FS}
     law = "k*x + masing(Min(kt*x, Fs))"
@@ -135,14 +100,6 @@ def test_the_energy_of_an_identified_joint_is_its_closed_form():
     assert small_stiffness(found, truth) == pytest.approx(5920.0 + KT, rel=1e-9)
 
 
-def test_identified_and_true_loops_follow_masings_rule():
-    # a sample at a corner has the mean of its step
-    phase = 2 * np.pi * np.arange(512) / 512
-    motion = Motion(np.array([60.0]), np.array([[0, 3 * SLIP]], dtype=complex))
-    force = loop_force(Model("masing(Min(kt*x, Fs))"), {"kt": KT, "Fs": FS}, motion)
-    np.testing.assert_allclose(force[0], jenkins(phase, 3 * SLIP), atol=5e-3 * FS)
-
-
 @pytest.mark.slow
 def test_the_loop_of_a_measured_sweep_has_the_mass_and_the_energy_of_the_benchmark(measured_data):
     folder = measured_data("bouc_wen").parent
@@ -155,23 +112,3 @@ def test_the_loop_of_a_measured_sweep_has_the_mass_and_the_energy_of_the_benchma
     law = rs.Law("k*x + c*v + z", memory={"z": "alpha*v - bg*abs(v)*z - bd*v*abs(z)"})
     true = loop_force(Model(law), values, loop.motion)
     assert np.max(np.abs(loop.force - true)) < 0.03 * np.max(np.abs(true))
-
-
-def test_a_point_that_did_not_settle_takes_no_harmonics_from_the_others():
-    harmonics = np.tile([0, 1e-3, 1e-6, 1e-4, 1e-7, 1e-7], (4, 1)).astype(complex)
-    harmonics[3] = np.nan
-    surface = rs.ResponseSurface(
-        np.ones(4), np.arange(9.0, 13.0), np.ones(4), harmonics=harmonics, outcome=np.array([0, 0, 0, 1])
-    )
-    motion = measured_loops(surface, np.array([0, 1]), 1.5).motion
-    np.testing.assert_array_equal(np.abs(motion.harmonics[:, 3]), 1e-4)
-
-
-def test_micro_slip_is_named_only_of_a_law_that_remembers(monkeypatch):
-    surface = cubic_surface()
-    found = cubic_identification(surface)
-    assert "slip" not in figures.draw_energy(surface, found).caption
-    joint = replace(found, model=Model("k*x + masing(Min(kt*x, Fs))", mass=M))
-    truth = {"k": 5920.0, "kt": KT, "Fs": FS}
-    monkeypatch.setattr(loop_figures, "dissipated_energy", lambda *_: dissipated_energy(joint, truth))
-    assert "micro-slip" in figures.draw_energy(surface, joint).caption

@@ -2,13 +2,7 @@ import numpy as np
 import pytest
 
 from rsgen.common.solvers import determined, solve_scaled
-from rsgen.identification.fitting.least_squares import (
-    Linearisation,
-    Rules,
-    descend,
-    fit,
-    summarise,
-)
+from rsgen.identification.fitting.least_squares import Linearisation, Rules, descend, fit, summarise
 
 
 def drawn(rows: int) -> tuple[np.ndarray, np.ndarray]:

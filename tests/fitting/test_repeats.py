@@ -8,7 +8,7 @@ import pytest
 from rsgen.data.surface import ResponseSurface
 from rsgen.identification.fitting.repeats import Repeats, gather_repeats
 from rsgen.identification.identify import identify
-from tests.surfaces import changed, codes, model, noisy, surface, truth
+from tests.surfaces import changed, model, noisy, surface, truth
 
 READINGS, NOISE = 8, 0.01
 
@@ -84,42 +84,6 @@ def test_standard_errors_are_those_of_doing_the_test_again(cubic):
         distances.append([(e.value - truth("cubic")[e.name]) / e.standard_error for e in found.refined])
         assert [f.severity for f in found.findings if f.code == "repeats-scatter"] == ["info"]
     assert 0.6 < np.sqrt(np.mean(np.square(distances))) < 1.5
-
-
-@pytest.mark.slow
-def test_intervals_hold_where_the_readings_of_a_point_share_an_error(cubic):
-    """The scatter within points shows a third of the error; between the points the law leaves all of it."""
-    distances, inside = [], []
-    for seed in range(4):
-        together = noisy(cubic, NOISE, 1000 + seed)
-        found = identify(repeated(together, seed, NOISE / 3), model("cubic"))
-        finding = next(f for f in found.findings if f.code == "repeats-scatter")
-        assert finding.severity == "warning"
-        # means scatter by a third over the root of the readings
-        assert finding["wider"] == pytest.approx(np.hypot(1, 3 * np.sqrt(READINGS)), rel=0.2)
-        for e in found.refined:
-            distances.append((e.value - truth("cubic")[e.name]) / e.standard_error)
-            inside.append(e.interval[0] < truth("cubic")[e.name] < e.interval[1])
-    assert 0.6 < np.sqrt(np.mean(np.square(distances))) < 1.5
-    assert np.mean(inside) > 0.85
-
-
-@pytest.mark.parametrize("order", ["as tested", "shuffled"])
-def test_small_steps_of_the_force_are_points_of_their_own(order):
-    """Eight forces two per cent apart at each frequency: one level by its gaps, and no repeat."""
-    frequency = np.repeat(np.linspace(8, 12, 31), 8)
-    size = np.tile(np.geomspace(0.010, 0.0115, 8), 31)
-    omega = 2 * np.pi * frequency
-    force = size * (5920 + 0.75 * 3e5 * size**2 - 1.5 * omega**2 + 3.8j * omega)
-    table = noisy(ResponseSurface(5.0, frequency, force, size.astype(complex), sweep="rest"), 3e-3, 1)
-    if order == "shuffled":
-        table = table.select(np.random.default_rng(1).permutation(len(table)))
-    same, repeats = gather_repeats(table)
-    assert repeats is None
-    assert len(same) == len(table)
-    found = identify(table, "k*x + c*v")
-    assert found.noise < 0.01
-    assert "repeats-scatter" not in codes(found)
 
 
 def test_intervals_of_two_repeats_have_the_freedom_of_the_points_that_decide(cubic):

@@ -45,24 +45,6 @@ def test_a_swept_sine() -> None:
     assert found == pytest.approx({"k": STIFFNESS, "c": DAMPING, "m": MASS}, rel=SAMPLED)
 
 
-def test_a_stepped_sine() -> None:
-    frequency = np.repeat(np.linspace(9.5, 10.5, 21), len(TIME) // 10)
-    force = 2 * np.cos(np.cumsum(2 * np.pi * frequency / RATE))
-    time = np.arange(len(force)) / RATE + 3.0
-    history = rs.history.TimeHistory.from_times(time, force, response_to(force, "velocity"), "velocity")
-    surface = rs.history.from_stepped_sine(history)
-    assert_is_the_oscillator(surface)
-    np.testing.assert_allclose(surface.frequency, np.linspace(9.5, 10.5, 21), rtol=1e-6)
-
-
-def test_free_decays() -> None:
-    free = response_to(np.where(TIME < 50, np.cos(20 * np.pi * TIME), 0.0))[int(50 * RATE) :]
-    histories = [rs.history.TimeHistory(RATE, None, size * free[: int(15 * RATE)]) for size in (1, 2)]
-    surface = rs.history.from_free_decay(histories, mass=MASS)
-    assert_is_the_oscillator(surface)
-    assert surface.levels[1] == pytest.approx(2 * surface.levels[0], rel=5e-3)
-
-
 def test_the_package_shows_what_is_meant_and_no_more() -> None:
     assert dir(rs.history) == sorted(rs.history.__all__)
     assert "history" in dir(rs)

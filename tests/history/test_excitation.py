@@ -9,7 +9,6 @@ from scipy.signal import butter, cont2discrete, lfilter, sosfilt
 from rsgen.common.errors import MeasurementError
 from rsgen.common.finding import Finding
 from rsgen.data.history import TimeHistory, from_stepped_sine, from_swept_sine
-from rsgen.data.history.envelope import mean_square, place_windows
 
 RATE = 500.0
 TIME = np.arange(0, 120, 1 / RATE)
@@ -42,13 +41,7 @@ def multisine() -> np.ndarray:
 @pytest.mark.parametrize("reader", READERS)
 @pytest.mark.parametrize(
     "force",
-    [
-        RANDOM[0],
-        sosfilt(BAND, RANDOM[0]),
-        np.tile(RANDOM[0, :1000], len(TIME) // 1000),
-        multisine(),
-        blows(),
-    ],
+    [RANDOM[0], sosfilt(BAND, RANDOM[0]), np.tile(RANDOM[0, :1000], len(TIME) // 1000), multisine(), blows()],
     ids=["white", "band", "periodic noise", "multisine", "blows"],
 )
 def test_what_is_no_sine_is_refused(reader: str, force: np.ndarray) -> None:
@@ -82,14 +75,3 @@ def test_a_force_with_much_beside_its_line_is_a_doubt() -> None:
     # cos^2 against 0.45^2 cos^2
     assert found["share"] == pytest.approx(1 / 1.2025, abs=0.01)
     assert found.severity == "doubt"
-
-
-def test_the_mean_square_of_windows_is_that_of_their_samples() -> None:
-    signal = RANDOM[0]
-    windows = place_windows(
-        np.arange(500, 50_000, 333.0), np.array([400.0]), np.array([50.0]), 1, len(signal)
-    )
-    for first, step, count, found in zip(
-        windows.first, windows.step, windows.count, mean_square(signal, windows), strict=True
-    ):
-        assert found == pytest.approx(np.mean(signal[first : first + step * count] ** 2), rel=1e-9)

@@ -47,14 +47,6 @@ def test_clipped_records_are_found(limit: float, step: float) -> None:
     assert found(RESPONSE, np.clip(FORCE, -0.8, 0.8))[0].names["signal"] == "force"
 
 
-@pytest.mark.parametrize("offset", [-5.0, 0.0, 5.0])
-def test_a_limit_is_one_of_the_motion_whatever_the_offset(offset: float) -> None:
-    size = float(np.abs(RESPONSE).max())
-    for least, most in ((-0.4 * size, 0.6 * size), (-size, 0.6 * size)):
-        (finding,) = found(np.clip(RESPONSE, least, most) + offset * size)
-        assert finding["limit"] == pytest.approx((0.4 if least > -size else 0.6) * size)
-
-
 def test_a_response_that_stands_still_is_found() -> None:
     broken = RESPONSE.copy()
     broken[20 * 1024 : 21 * 1024] = 0.0

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import sys
-import time
 from dataclasses import replace
 from pathlib import Path
 
@@ -18,7 +16,7 @@ from rsgen.data.history import SweepLaw, TimeHistory, from_swept_sine, swept_sin
 from rsgen.data.history.envelope import NOISE_WIDTH, demodulate, place_windows
 from rsgen.data.history.tracking import find_sweeps
 from rsgen.data.oscillator import Oscillator
-from rsgen.data.surface import OUTCOMES, ResponseSurface
+from rsgen.data.surface import ResponseSurface
 from rsgen.dynamics.steady_state import solve_steady_states
 from rsgen.law.element import make_element
 from rsgen.report.wording import sentence
@@ -85,18 +83,6 @@ def test_up_and_down_in_one_history_are_separated() -> None:
     assert up.law.rate == pytest.approx(0.2, rel=1e-5)
     assert down.law.rate == pytest.approx(-0.2, rel=1e-5)
     assert 10 <= up.begin < up.end <= 110 <= down.begin < down.end <= 210
-
-
-def test_other_harmonics_do_not_leak_into_an_envelope() -> None:
-    rate, f = 2000.0, 10.0
-    t = np.arange(40000) / rate
-    window = place_windows(np.array([20000.0]), np.array([10 * rate / f]), np.array([rate / f]), 5, len(t))
-    for order in range(7):
-        signal = 0.7 * np.cos(order * 2 * np.pi * f * t)
-        taken = demodulate(signal, rate, lambda t: 2 * np.pi * f * t, window, tuple(range(7)))[0, :, 0]
-        assert taken[order] == pytest.approx(0.7, rel=2e-4)
-        # 70 dB next to it, more beyond; a constant leaks into h = 1 and back
-        assert np.abs(np.delete(taken, order)).max() < 0.7 * 3e-4
 
 
 def test_an_envelope_is_exact_for_a_cubic_and_its_noise_as_the_bandwidth_says() -> None:
@@ -275,21 +261,6 @@ def test_a_resonance_that_a_sweep_does_not_hold_is_not_named(stop: float, mass: 
     assert (f"a resonance at {fast['resonance']:.4g} Hz" in sentence(fast)) == (stop > 10)
 
 
-def test_a_force_that_feeds_energy_has_no_negative_half_width() -> None:
-    history = sweep(linear(), 1.0, SweepLaw("linear", 7.0, 0.2), 13.0)
-    history = replace(history, response=-history.response)
-    (fast,) = (f for f in from_swept_sine(history, mass=MASS).findings if f.code == "sweep-rate")
-    assert fast["half_width"] > 0
-
-
-def test_a_mass_that_no_structure_has_corrects_nothing() -> None:
-    # along one branch the frequency is a function of the amplitude: k(X) takes all; the mass came as -0.2
-    surface = from_swept_sine(jumping(8e6, 2.0, SweepLaw("linear", 9.0, 0.01), 11.5))
-    (fast,) = (finding for finding in surface.findings if finding.code == "sweep-rate")
-    assert fast["mass"] == pytest.approx(MASS, rel=0.25)
-    assert fast.names["mass"] == "from the flanks of the resonance"
-
-
 @pytest.mark.slow
 def test_points_with_a_force_in_its_noise_are_not_settled() -> None:
     law, rate, n = SweepLaw("linear", 8.0, 0.05), 200.0, 16000
@@ -362,44 +333,6 @@ def test_a_time_history_is_checked(changes: dict[str, object], message: str) -> 
         TimeHistory(**{**good, **changes})
 
 
-def test_a_time_history_is_not_copied_and_cannot_be_written_to() -> None:
-    samples = np.zeros(100, dtype=np.float32)
-    history = TimeHistory(400, samples, samples)
-    assert np.shares_memory(history.response, samples)
-    with pytest.raises(ValueError, match="read-only"):
-        history.response[0] = 1
-
-
-LONG = 12_500_000
-"""Samples of force and of response in 200 MB."""
-
-
-@pytest.mark.thorough
-@pytest.mark.skipif(sys.platform != "linux", reason="memory is counted in other units elsewhere")
-def test_a_long_history_is_demodulated_quickly_and_in_little_memory() -> None:
-    law, rate, resonance = SweepLaw("linear", 20.0, 180.0 / 1250), 10_000.0, 63.0
-    samples = np.empty((2, LONG))
-    k, c = (2 * np.pi * resonance) ** 2, 0.04 * 2 * np.pi * resonance
-    for first in range(0, LONG, 2**20):
-        t = np.arange(first, min(first + 2**20, LONG)) / rate
-        omega, turn = 2 * np.pi * law.frequency_at(t), np.exp(1j * law.phase_at(t))
-        samples[0, first : first + 2**20] = turn.real
-        samples[1, first : first + 2**20] = (turn / (k - omega**2 + 1j * omega * c)).real
-    import resource
-
-    before = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
-    begin = time.process_time()
-    surface = from_swept_sine(TimeHistory(rate, samples[0], samples[1]))
-    # process time, for other tests run beside this one
-    assert time.process_time() - begin < 10
-    grown = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss - before
-    assert grown < 300_000  # kB, the samples not counted
-    dynamic = surface.force / surface.harmonics[:, 1]
-    near = np.abs(surface.frequency - resonance) < 5
-    # quasi-steady by construction: the correction may only be small
-    assert np.median(np.abs(dynamic.imag / surface.omega / c - 1)[near]) < 0.02
-
-
 def test_a_logarithmic_sweep_with_noise_gives_the_same_oscillator() -> None:
     law = SweepLaw("logarithmic", 12.0, -0.008)
     random = np.random.default_rng(2)
@@ -415,35 +348,3 @@ def test_a_logarithmic_sweep_with_noise_gives_the_same_oscillator() -> None:
     assert np.count_nonzero(near) > 20
     assert np.median(k[near]) == pytest.approx(STIFFNESS, rel=2e-4)
     assert np.median(c[near]) == pytest.approx(DAMPING, rel=AS_STEPPED)
-
-
-def test_a_narrower_bandwidth_leaves_less_noise() -> None:
-    clean = sweep(linear(), 1.0, SweepLaw("linear", 9.0, 0.01), 11.0, 400.0)
-    noise = 0.03 * np.std(clean.response) * np.random.default_rng(4).normal(size=len(clean))
-    history = TimeHistory(400.0, clean.force, clean.response + noise)
-
-    def scatter(bandwidth: float) -> float:
-        surface = from_swept_sine(history, bandwidth=bandwidth, band=(9.7, 10.3), mass=MASS)
-        dynamic = surface.force / surface.harmonics[:, 1]
-        return float(np.std((dynamic.imag / surface.omega / DAMPING - 1)[surface.settled]))
-
-    # white noise: by the root of the bandwidth, and what asks for differences by more
-    assert scatter(1.0) < 0.7 * scatter(3.0)
-
-
-def test_what_lies_in_a_drop_out_is_set_aside() -> None:
-    """The rest identifies the oscillator all the same, and nothing is divided by zero."""
-    law, rate, n = SweepLaw("linear", 8.0, 0.05), 400.0, 36000
-    o = linear()
-    x = np.array(sweep(o, 1.0, law, 12.5, rate).response)[:n]
-    force = np.cos(law.phase_at(np.arange(n) / rate))
-    # 6 s at 9.5 Hz, aside of the resonance
-    x[int(30 * rate) : int(36 * rate)] = 0.0
-    surface = from_swept_sine(TimeHistory(rate, force, x), mass=MASS)
-    chosen = surface.select(surface.settled)
-    assert 0.9 * len(surface) < len(chosen) < len(surface)
-    assert {OUTCOMES[i] for i in surface.outcome[~surface.settled]} == {
-        "not settled: the sweep passes faster than the response follows"
-    }
-    dynamic = chosen.force / chosen.harmonics[:, 1]
-    assert np.abs((dynamic.real + MASS * chosen.omega**2) / STIFFNESS - 1).max() < AS_STEPPED

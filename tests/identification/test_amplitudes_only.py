@@ -35,16 +35,6 @@ def test_amplitudes_alone_give_every_parameter(law):
     assert found.background is None
 
 
-def test_both_sides_of_a_fold_need_no_branch_to_be_named():
-    # with a hardening spring the upper branch is reached from below, the lower from above
-    values = {"k": 5920.0, "kn": 3e6, "c": 2.0, "cn": 1.2}
-    rest = surface("combined", np.array([4.0, 8.0]), np.linspace(9, 13, 61), values=values)
-    slope = np.diff(rest.amplitude.reshape(2, -1), axis=1)
-    assert (slope < -0.3 * rest.amplitude.max()).any(), "the response must jump"
-    found = identify(bare(rest), model("combined"))
-    assert max(errors(found, {**values, "m": 1.5}).values()) < 1e-2
-
-
 @pytest.mark.slow
 def test_standard_errors_without_phase():
     scores = [

@@ -75,19 +75,6 @@ def test_what_is_put_beside_the_mode_comes_out(cubic, kind, psi, a, b):
 
 
 @pytest.mark.slow
-def test_two_real_neighbours_are_taken_for_residual_terms(cubic):
-    table = cubic
-    for mass, frequency, ratio in ((3.0, 5.0, 0.02), (2.0, 16.0, 0.01)):
-        table = beside(table, of_mode(cubic, mass, frequency, ratio))
-    alone = errors(identify(table, model("cubic")), truth("cubic"))
-    found = identify(table, model("cubic"), Observation(background="residuals", band=(8.8, 11.2)))
-    assert max(alone.values()) > 0.1
-    assert max(errors(found, truth("cubic")).values()) < 0.01
-    assert found.frequency_range[0] >= 8.8
-    assert found.frequency_range[1] <= 11.2
-
-
-@pytest.mark.slow
 @pytest.mark.parametrize(
     ("frequency", "ratio", "band"),
     [pytest.param(8.9, 0.03, (8.5, 11.5), marks=pytest.mark.thorough), (11.2, 0.01, (9.2, 11.0))],
@@ -105,15 +92,6 @@ def test_a_neighbour_as_strong_as_the_mode_has_a_term_of_its_own(frequency, rati
     assert neighbour["f_n"] == pytest.approx(frequency, rel=1e-4)
     assert neighbour["zeta"] == pytest.approx(ratio, rel=1e-2)
     assert neighbour["r_re"] == pytest.approx(1 / 1.5, rel=1e-2)
-
-
-@pytest.mark.slow
-def test_a_misfit_of_a_measured_test_proposes_what_to_try(cubic):
-    seen = changed(among_others(cubic, PSI, FLEXIBILITY, INERTIA), origin="measured")
-    (proposal,) = (f for f in identify(seen, model("cubic")).findings if "widths" in f.numbers)
-    assert 8 <= proposal["low"] < proposal["high"] <= 12
-    found = identify(seen, model("cubic"), Observation(background="residuals"))
-    assert "background-missing" not in codes(found)
 
 
 def test_predictions_are_of_what_the_sensor_sees(cubic):
@@ -167,13 +145,6 @@ def test_a_misfit_that_an_offset_explains_proposes_it_and_its_intervals_cover(cu
         # a 95 % interval, doubled: this is one noisy table
         assert abs(of[name].value - value) < high - low
         assert abs(value) > high - low
-
-
-@pytest.mark.slow
-def test_a_residual_term_is_not_called_an_offset(cubic):
-    seen = changed(among_others(cubic, PSI, FLEXIBILITY, INERTIA), origin="measured")
-    found = [f for f in identify(seen, model("cubic")).findings if f.code == "background-missing"]
-    assert not [f for f in found if f.severity == "info" and "kind" in f.names]
 
 
 @pytest.mark.parametrize(("psi", "severity"), [(0.75, "doubt"), (0.5, "doubt"), (-0.3, "info"), (0.1, None)])

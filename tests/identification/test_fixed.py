@@ -8,7 +8,6 @@ import pytest
 
 import rsgen
 from rsgen.cases.faults import CaseError
-from rsgen.data.multisine import MultisineSpectra
 from rsgen.data.oscillator import Model
 from rsgen.formula import parse
 from rsgen.identification.fitting import least_squares
@@ -51,16 +50,6 @@ def test_a_fixed_value_is_a_number_in_the_law(law, name):
     assert fixed.verdict.state == written.verdict.state == "identified"
 
 
-@pytest.mark.parametrize(
-    ("law", "name", "other"), [("cubic", "k", "m"), ("piecewise", "k4", "m"), ("coulomb", "Ff", "c")]
-)
-def test_a_fixed_truth_narrows_what_goes_with_it(law, name, other):
-    free, fixed = found(law), found(law, name)
-    assert fixed[other].standard_error < 0.8 * free[other].standard_error
-    low, high = fixed[other].interval
-    assert low < {**LAWS[law][1], "m": MASS}[other] < high
-
-
 def test_what_is_fixed_is_stated_as_fixed():
     fixed = found("cubic", "k", "m")
     assert {one.name: (one.value, one.unit) for one in fixed.fixed} == {
@@ -93,30 +82,6 @@ def test_a_wrong_value_is_contradicted_by_the_points(law, name, wrong):
     assert not codes(asked) & {"law-does-not-fit", "law-ambiguous"}
     assert said["fitted"] == pytest.approx(LAWS[law][1][name], rel=5e-3)
     assert not any(finding.code == "fixed-contradicted" for finding in found(law, name).findings)
-
-
-@functools.cache
-def spectra() -> MultisineSpectra:
-    oscillator = rsgen.Oscillator(1.0, "k*x + k3*x**3 + c*v", {"k": 4000.0, "k3": 2e6, "c": 2.0})
-    test = rsgen.MultisineTest(
-        level=(0.5, 2.0), period=8.0, band=(5.0, 15.0), periods=4, noise_relative=0.01, seed=3
-    )
-    made = rsgen.simulate(oscillator, test)
-    assert isinstance(made, MultisineSpectra)
-    return made
-
-
-def test_of_a_multisine_too():
-    free = rsgen.identify(spectra(), "k*x + k3*x**3 + c*v")
-    fixed = rsgen.identify(spectra(), "k*x + k3*x**3 + c*v", fixed={"k": 4000.0})
-    written = rsgen.identify(spectra(), "4000.0*x + k3*x**3 + c*v")
-    for one in written.refined:
-        assert abs(fixed[one.name].value - one.value) < 1e-6 * one.standard_error
-    assert fixed["m"].standard_error < 0.8 * free["m"].standard_error
-    wrong = rsgen.identify(spectra(), "k*x + k3*x**3 + c*v", fixed={"k3": 3e6})
-    (said,) = (finding for finding in wrong.findings if finding.code == "fixed-contradicted")
-    assert (said.parameter, said.severity) == ("k3", "doubt")
-    assert said["fitted"] == pytest.approx(2e6, rel=0.2)
 
 
 @pytest.mark.parametrize(

@@ -1,6 +1,5 @@
 """The [test] table of a measured case: units become factors, the data file stays inside its folder."""
 
-import numpy as np
 import pytest
 
 from rsgen.cases import load_case
@@ -49,11 +48,6 @@ def test_without_a_scale_any_unit_will_do(tmp_path):
     relative = load_case(write_small(tmp_path, "case", changes))
     assert relative.test.factor("force") == 1.0
     assert not relative.model.observation.calibrated
-
-
-def test_frequency_in_radians_is_not_hertz(tmp_path):
-    assert case(tmp_path, frequency_unit="rad/s").test.frequency_factor == pytest.approx(1 / (2 * np.pi))
-    assert case(tmp_path, frequency_unit="rpm").test.frequency_factor == pytest.approx(1 / 60)
 
 
 def test_data_folders(tmp_path, monkeypatch):

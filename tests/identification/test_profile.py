@@ -13,9 +13,9 @@ from rsgen.data.surface import ResponseSurface
 from rsgen.dynamics.simulation import MultisineTest, SimulatedTest, simulate
 from rsgen.identification.fitting import least_squares
 from rsgen.identification.identify import identify
-from rsgen.identification.profile import _Likelihood, profile, with_profiles
+from rsgen.identification.profile import profile, with_profiles
 from rsgen.report.page_tables import estimate_table
-from tests.surfaces import codes, without_phase
+from tests.surfaces import codes
 
 CUBIC, VALUES = "k*x + c*v + k3*x**3", {"k": 6000.0, "c": 4.0, "k3": 2e5}
 GAP, STOP = "k*x + c*v + kg*(Max(x - b, 0) + Min(x + b, 0))", {"k": 6000.0, "c": 4.0, "kg": 6000.0, "b": 3e-3}
@@ -85,15 +85,6 @@ def test_a_gap_only_just_passed_has_a_lopsided_interval():
     assert not any(estimate.by_profile for estimate in with_profiles(stopped, found.first_order))
 
 
-def test_a_gap_has_an_interval_without_phases_too():
-    # identification ended in a TypeError: no harmonic is recorded with a phase
-    test = SimulatedTest([2.0, 5.0, 8.0], np.linspace(8, 13, 15), noise_relative=0.01)
-    table = simulate(Oscillator(1.5, GAP, STOP | {"b": 0.01}), test)
-    found = identify(without_phase(table), GAP)
-    low, high = profile(found, "b").interval
-    assert low < 0.01 < high < 1.1 * low
-
-
 @pytest.mark.thorough
 def test_a_stop_that_is_barely_touched_is_bounded_to_one_side():
     # a rigid stop a little further away explains the touch as well
@@ -104,32 +95,6 @@ def test_a_stop_that_is_barely_touched_is_bounded_to_one_side():
     assert 0 < stiffness.interval[0] < STOP["kg"] < stiffness.interval[1] == np.inf
     assert stiffness.finding["bound"] == stiffness.interval[0]
     assert found["b"].identifiable
-
-
-class Roots(_Likelihood):
-    """The root of the deviance is the distance from zero, and jumps where the balance loses the motion."""
-
-    def __init__(self, lost: float) -> None:
-        self.lost, self.best, self.fits = lost, np.zeros(1), 0
-
-    def within(self, place: int, target: float) -> tuple[float, float]:
-        return 0.0, 0.0
-
-    def __call__(self, place: int, value: float) -> float:
-        self.fits += 1
-        return abs(value) if abs(value) < self.lost else 50.0
-
-
-@pytest.mark.parametrize("sign", [-1, 1])
-def test_an_end_of_the_balance_is_told_from_one_of_the_test(sign):
-    roots = Roots(1.3)
-    end, followed = roots.end(0, 0.5 * sign, 2.0, sign * np.inf)
-    assert end == sign * np.inf
-    assert followed == pytest.approx(1.3 * sign, rel=0.02)
-    assert roots.fits < 10
-    end, followed = Roots(9.0).end(0, 0.5 * sign, 2.0, sign * np.inf)
-    assert end == pytest.approx(2.0 * sign, rel=0.02)
-    assert followed == sign * np.inf
 
 
 def test_a_fit_that_did_not_converge_states_no_interval(monkeypatch):

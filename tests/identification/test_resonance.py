@@ -42,10 +42,3 @@ def test_a_coarse_grid_is_no_jump(surface_of):
     found, _ = find_resonances(select_points(table, model("cubic")), 1.5)
     assert len(found) == 6
     assert not any(resonance.jump for resonance in found)
-
-
-def test_tests_at_one_frequency_draw_no_line(surface_of):
-    points = select_points(surface_of("cubic"), model("cubic"))
-    response = points.harmonics[:, 1]
-    assert estimate_mass(*steady(points.force, response, points.omega)) is not None
-    assert estimate_mass(*steady(points.force, response, np.full(len(points), 60.0))) is None

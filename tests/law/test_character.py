@@ -130,10 +130,3 @@ def test_a_long_term_is_linear_where_it_is_written_so(monkeypatch):
     monkeypatch.setattr(sympy.Expr, "diff", None)
     long = Piece(parse("c") * wave + parse("Ff*c*v + n*x"), ())
     assert jointly_linear([long], [*parameters[:2], parse("n")]) == (0, 2)
-
-
-def test_a_polynomial_of_many_terms_is_linear_in_all_of_them():
-    """Of two states up to the eighth power: a force surface without a physical law."""
-    powers = [(i, j) for i in range(9) for j in range(9) if 0 < i + j <= 8]
-    kind = character(sympy.Add(*(parse(f"a{i}_{j}*x**{i}*v**{j}") for i, j in powers)))
-    assert len(kind.linear) == len(kind.parameters) == len(powers)

@@ -98,31 +98,6 @@ def test_sum_of_pieces_is_the_law(law, seed, known):
     np.testing.assert_allclose(found, wanted, rtol=ROUND_OFF, atol=ROUND_OFF)
 
 
-def test_thresholds_name_their_variable():
-    switches = normal_form(parse("sign(x - b) + sign(v - w) + sign(x + v)")).switches
-    assert [(s.variable, s.threshold) for s in switches if s.variable] == [
-        ("v", symbol("w")),
-        ("x", symbol("b")),
-    ]
-    assert [s.function for s in switches if s.variable is None] == [symbol("x") + symbol("v")]
-
-
-def test_one_switch_of_a_kind_in_a_piece():
-    form = normal_form(parse("Max(0, x - a)*Max(0, x - b)*Max(0, v - w)*Max(0, v)"))
-    assert [[s.variable for s in piece.switches] for piece in form.pieces] == [["x", "v"]]
-
-
-def test_switches_inside_functions_are_listed():
-    form = normal_form(parse("F*exp(-abs(v - w))"))
-    assert [s.threshold for s in form.switches] == [symbol("w")]
-    assert not form.pieces[0].switches
-
-
-def test_saturation_of_positive_parameters_has_two_switches():
-    form = normal_form(parse("Max(-F, Min(k*x, F))"), frozenset(("F", "k")))
-    assert {s.threshold for s in form.switches} == {parse("F/k"), parse("-F/k")}
-
-
 @pytest.mark.slow
 @pytest.mark.parametrize(
     ("law", "word"),
@@ -142,10 +117,6 @@ def test_what_has_no_normal_form_is_refused(law, word):
 def test_foreign_symbols_are_refused():
     with pytest.raises(ExpressionError, match="not a symbol of rsgen"):
         make_element("spring", sympy.Symbol("k") * symbol("x"))
-
-
-def test_parameters_are_sorted_and_exclude_the_state():
-    assert make_element("joint", "k*x + c*v + b*x*v").parameters == ("b", "c", "k")
 
 
 @pytest.mark.parametrize(

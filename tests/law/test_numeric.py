@@ -4,8 +4,7 @@ import pytest
 from rsgen.describing import derive
 from rsgen.formula import parse
 from rsgen.law import laws
-from rsgen.law.element import make_element
-from rsgen.law.motion import Motion, project, sine_motion
+from rsgen.law.motion import Motion, project
 from rsgen.law.numeric import compile_law
 
 TEXTS = {
@@ -77,15 +76,3 @@ def test_the_force_along_a_harmonic_motion_is_the_describing_function(law):
     # a jump or a corner between two samples is met to the square of their distance, a root to its power 3/2
     assert np.all(np.abs(found - wanted)[known] <= 2e-6 * np.abs(wanted[known]).max(initial=0.0))
     assert known.any()
-
-
-@pytest.mark.parametrize("power", ["1.5", "0.5", "n"])
-def test_a_contact_of_any_power_has_a_force_where_it_begins(power):
-    law = compile_law(make_element("contact", f"Piecewise((kh*(x - b)**{power}, x > b), (0, True))").force)
-    values = law.ordered({"b": 9e-4, "kh": 4e4, "n": 1.5} if power == "n" else {"b": 9e-4, "kh": 4e4})
-    sample = law.along(sine_motion(np.array([80.0]), np.array([3e-3])), values, 64)
-    for part in (sample.force, sample.by_x, *sample.by_parameter):
-        assert np.isfinite(part).all()
-    passed = np.maximum(3e-3 * np.cos(np.arange(4096) * np.pi / 2048) - 9e-4, 0)
-    exact = 4e4 * passed ** (0.5 if power == "0.5" else 1.5)
-    assert np.mean(sample.force) == pytest.approx(np.mean(exact), rel=0.02)

@@ -9,7 +9,7 @@ import rsgen as rs
 from rsgen.common.errors import CaseError, MeasurementError
 from rsgen.files import HistoryRule, MeasuredTest
 from rsgen.files.histories import shifted
-from rsgen.files.signals import BaseRule, Channel, Signal, combination
+from rsgen.files.signals import BaseRule, Signal, combination
 from tests.case_files import GONE, MEASURED, Changes, write_small
 
 F = np.linspace(6.0, 9.0, 25)
@@ -129,17 +129,6 @@ def test_a_base_drives_by_its_acceleration(tmp_path, quantity, power, unit, resp
     np.testing.assert_allclose(surface.drive, np.abs(base) * OMEGA**power, rtol=1e-12)
 
 
-def test_levels_have_the_unit_of_the_channels_of_the_base_whatever_others_are_called(tmp_path):
-    channels = {"a": parts(4, "displacement"), "table": parts(2, "acceleration")}
-    read = {
-        "test.channels": channels,
-        "test.base": {"response": "relative", "channels": "table"},
-        "test.response": {"channels": "a"},
-    }
-    surface = rs.read(write(tmp_path, read, "2 m/s^2", a=(2.0 * np.exp(0.2j * F), WING)))
-    assert (surface.level_unit, surface.levels.tolist()) == ("m/s^2", [2.0])
-
-
 @pytest.fixture
 def mounted(tmp_path):
     """A payload on a cubic mount, measured on both sides of it."""
@@ -155,27 +144,6 @@ def test_an_element_acts_across_two_channels(mounted):
     found = rs.identify(surface, case.model)
     for name, true in {"k": 5e3, "c": 3.0, "k3": 4e9, "m": 2.0}.items():
         assert found[name].value == pytest.approx(true, rel=1e-8)
-
-
-def test_a_quantity_said_twice_agrees():
-    response = Channel(samples="x", quantity="velocity")
-    with pytest.raises(
-        MeasurementError, match="is 'displacement', but the channel of the response is 'velocity'"
-    ):
-        MeasuredTest(
-            "a.csv", None, None, response, "displacement", history=HistoryRule("ring-down", rate=400.0)
-        )
-
-
-@pytest.mark.slow
-def test_a_run_says_what_a_law_across_two_sensors_leaves_out(mounted, tmp_path, run_cli):
-    run_cli("run", mounted, "--out", tmp_path / "out")
-    page = (tmp_path / "out" / "two" / "report.html").read_text(encoding="utf-8")
-    assert "no one amplitude is that of the law" in page
-    assert "The law acts across payload - wing" in page
-    notebook = (tmp_path / "out" / "two" / "notebook.ipynb").read_text(encoding="utf-8")
-    assert "draw_collapse" not in notebook
-    assert '"output_type": "error"' not in notebook
 
 
 @pytest.mark.slow

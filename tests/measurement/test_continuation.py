@@ -9,7 +9,7 @@ import pytest
 import rsgen
 from rsgen.data.surface import ResponseSurface
 from rsgen.dynamics.controlled import ControlledStates, solve_response_control
-from rsgen.files import LevelRule, MeasuredTest, Signal, read_measurement
+from rsgen.files import MeasuredTest, Signal, read_measurement
 
 MASS, VALUES = 1.5, {"k": 5920.0, "k3": 3e5, "c": 2.0}
 LAW = "k*x + k3*x**3 + c*v"
@@ -57,14 +57,3 @@ def test_unstable_points_of_a_fold_are_marked(tmp_path, states):
     rows = (surface.stable != states.stable).reshape(len(FREQUENCIES), POINTS)
     assert np.all(rows.sum(axis=1) <= 2)
     assert np.count_nonzero(~surface.stable & ~states.stable) > 0.8 * np.count_nonzero(~states.stable)
-
-
-def test_steps_of_the_amplitude_are_as_wide_as_the_case_says(tmp_path, states):
-    fine, coarse = (
-        read(tmp_path, states, control="continuation", level=LevelRule(spread=spread))
-        for spread in (0.05, 0.5)
-    )
-    for surface, step in ((fine, 0.05), (coarse, 0.5)):
-        ratio = surface.amplitude / surface.level
-        assert np.all((ratio > 1 / np.sqrt(1 + step) - 1e-9) & (ratio < np.sqrt(1 + step) + 1e-9))
-    assert len(coarse.levels) < len(fine.levels)

@@ -232,18 +232,6 @@ def test_measurement_files_of_labview(tmp_path, columns, separator, decimal, enc
         np.testing.assert_allclose(found.response, MOTION[:count], rtol=ROUND_OFF, atol=1e-14)
 
 
-@pytest.mark.slow
-def test_a_real_measurement_file_of_labview(measured_data):
-    path = measured_data("frid_decay/decay_f_42p05_ampl_2p0_0.lvm")
-    entries = {entry.path: entry for entry in list_contents(path).entries}
-    assert entries["Voltage"].unit == "V"
-    assert (entries["X_Value"].unit, entries["X_Value"].low) == ("s", 0.0)
-    voltage, strain = array(path, "Voltage", 3)
-    rows = np.loadtxt(path, skiprows=24, delimiter="\t", usecols=(1, 2))
-    np.testing.assert_array_equal(voltage, rows[:, 0])
-    np.testing.assert_array_equal(strain, rows[:, 1])
-
-
 LVM = (
     "LabVIEW Measurement\t\nSeparator\tTab\nDecimal_Separator\t.\nX_Columns\tOne\n***End_of_Header***\t\n\t\n"
     "Channels\t2\t\t\nY_Unit_Label\tNewtons\tg\t\nX_Dimension\tTime\tTime\t\nDelta_X\t0.1\t0.1\t\n"
@@ -339,22 +327,6 @@ def test_24_bits_of_a_recorder(tmp_path):
         file.writeframes(b"".join(int(number).to_bytes(3, "little", signed=True) for number in numbers))
     (found,) = array(path, 1)
     np.testing.assert_array_equal(found, numbers / 2.0**23)
-
-
-def test_long_and_extensible_sound_files():
-    """RF64 says the size of its samples before; the extensible form says their kind behind."""
-    samples = np.array([[1, -2], [3, -4]], dtype="<i2")
-    long = b"ds64" + struct.pack("<IQQQI", 28, 104, samples.nbytes, 2, 0)
-    form = struct.pack("<HHIIHH", 0xFFFE, 2, 100, 400, 4, 16) + struct.pack(
-        "<HHIH14s", 22, 16, 3, 1, bytes.fromhex("0000 0000 1000 8000 00aa 0038 9b71")
-    )
-    described = b"fmt " + struct.pack("<I", len(form)) + form
-    begin = b"RF64" + b"\xff" * 4 + b"WAVE" + long + described + b"data" + b"\xff" * 4
-    for channel in (1, 2):
-        found = load(walk_wav, begin + samples.tobytes(), channel)
-        np.testing.assert_array_equal(found, samples[:, channel - 1] / 2.0**15)
-    with pytest.raises(MeasurementError, match=r"declares 8 bytes of 'data'; 7 are left"):
-        load(walk_wav, begin + samples.tobytes()[:-1], 1)
 
 
 @pytest.mark.parametrize(("form", "package"), [("tdms", "nptdms"), ("xlsx", "openpyxl")])

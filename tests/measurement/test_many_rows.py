@@ -88,30 +88,3 @@ def equal_however_read(content: bytes, layout: Layout, size: int) -> None:
     assert [getattr(once, name) for name in ("names", "words", "spans", "ended")] == [
         getattr(slowly, name) for name in ("names", "words", "spans", "ended")
     ]
-
-
-@pytest.fixture
-def long_table(tmp_path):
-    path = tmp_path / "long.csv"
-    path.write_text("t,x\n" + "".join(f"{i},{i / 7!r}\n" for i in range(100_000)), encoding="utf-8")
-    return path
-
-
-def test_rows_of_numbers_are_read_at_once(long_table):
-    """Only the header and the first row are taken line by line."""
-    with patch("rsgen.files.text_columns._Table.row", autospec=True) as row:
-        # the first row is there
-        row.side_effect = lambda table, line, text: (
-            table.values.append(0.0), table.lines.append(line), table.blocks.append(0)
-        )  # fmt: skip
-        columns = read_columns(long_table, Layout(), ["x"])
-    assert row.call_count == 1
-    np.testing.assert_array_equal(columns.values[1:, 0], np.arange(1, 100_000) / 7)
-    np.testing.assert_array_equal(columns.line, np.arange(2, 100_002))
-
-
-def test_a_fault_behind_many_rows_names_its_line(long_table):
-    with long_table.open("a", encoding="utf-8") as file:
-        file.write("1,2x\n")
-    with pytest.raises(MeasurementError, match=r"line 100002: column 2: '2x' is no number"):
-        read_columns(long_table, Layout(), ["x"])

@@ -11,13 +11,10 @@ from typing import Any
 
 import numpy as np
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
 
 from rsgen.common.errors import MeasurementError
 from rsgen.data.surface import recognise_directions
 from rsgen.files import Layout, LevelRule, MeasuredTest, Signal, SweepRule, read_measurement
-from rsgen.files.text_columns import read_columns
 
 # numbers are written with 17 digits; what remains is the round-off of the conversions
 ROUND_OFF = 1e-13
@@ -62,18 +59,6 @@ def by_number(path: Path, **changes: Any) -> MeasuredTest:
     """Plan to read frequency, force and the two parts of a response, in this order."""
     known = {"frequency": 1, "force": Signal(amplitude=2), "response": Signal(real=3, imaginary=4)}
     return plan(path, **known | {"level": LevelRule()} | changes)
-
-
-def test_plain_file_gives_what_was_written(tmp_path):
-    surface = read_measurement(plain(tmp_path / "a.csv"))
-    np.testing.assert_allclose(surface.harmonics[:, 1], DISPLACEMENT, rtol=ROUND_OFF)
-    np.testing.assert_allclose(surface.force, FORCE, rtol=ROUND_OFF)
-    assert surface.origin == "measured"
-    assert surface.settled.all()
-    assert surface.sweep.tolist() == SWEEP.tolist()
-    assert len(surface.levels) == 2
-    dynamic = surface.force / surface.harmonics[:, 1]
-    np.testing.assert_allclose(dynamic.imag / surface.omega, DAMPING, rtol=1e-9)
 
 
 def _velocity_mm_rms_deg_lag(path: Path) -> MeasuredTest:
@@ -133,24 +118,6 @@ def test_every_mapping_gives_the_same_surface(tmp_path, mapping):
     np.testing.assert_allclose(ratio, DISPLACEMENT / FORCE, rtol=100 * ROUND_OFF)
     np.testing.assert_allclose(np.abs(surface.force), np.abs(FORCE), rtol=ROUND_OFF)
     assert surface.sweep.tolist() == SWEEP.tolist()
-
-
-@given(
-    rows=st.lists(
-        st.tuples(*[st.floats(1e-3, 1e6)] * 2, *[st.floats(-1e6, 1e6).filter(lambda v: abs(v) > 1e-6)] * 2),
-        min_size=1,
-        max_size=20,
-    ),
-    delimiter=st.sampled_from([",", ";", "\t", "|", "  "]),
-)
-def test_written_numbers_come_back(tmp_path_factory, rows, delimiter):
-    path = tmp_path_factory.mktemp("numbers") / "n.txt"
-    path.write_text("".join(delimiter.join(map(repr, row)) + "\n" for row in rows))
-    surface = read_measurement(by_number(path))
-    table = np.array(rows)
-    assert surface.frequency.tolist() == table[:, 0].tolist()
-    assert surface.force.real.tolist() == table[:, 1].tolist()
-    assert surface.harmonics[:, 1].tolist() == (table[:, 2] + 1j * table[:, 3]).tolist()
 
 
 @pytest.mark.parametrize(
@@ -256,27 +223,6 @@ def test_hash_is_checked_and_a_missing_line_end_said(tmp_path):
     # no row is open where the text ends in a remark or a blank
     path.write_bytes(b"1 1 1 1\n2 1 1 1\n# the end")
     assert said() == []
-
-
-@pytest.mark.parametrize(
-    ("row", "numbers"),
-    [
-        ("1,5;2,25;-3e-3", (1.5, 2.25, -3e-3)),
-        ("1.000,5;2;3", None),
-        ("1,000,5;2;3", None),
-        ("1_0;2;3", None),
-        ("1;;3", (1.0, math.nan, 3.0)),
-    ],
-)
-def test_decimal_commas(tmp_path, row, numbers):
-    path = tmp_path / "a.csv"
-    path.write_text(f"a;b;c\n{row}\n", encoding="utf-8")
-    if numbers is None:
-        with pytest.raises(MeasurementError, match=r"line 2: column \d"):
-            read_columns(path, Layout(decimal=","), ["a", "b", "c"])
-    else:
-        found = read_columns(path, Layout(decimal=","), ["a", "b", "c"]).values
-        np.testing.assert_array_equal(found, [numbers])
 
 
 def test_a_fault_names_the_path_as_typed_and_a_finding_the_file_alone(tmp_path, monkeypatch):

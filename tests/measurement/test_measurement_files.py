@@ -62,15 +62,6 @@ def test_every_format_gives_the_same_surface(name, digits):
     assert surface.sweep.tolist() == reference.sweep.tolist()
 
 
-@pytest.mark.slow
-def test_magnitudes_of_several_files_have_no_phase():
-    surface, reference = surface_of("csv-magnitude"), surface_of("mat-struct")
-    assert not surface.phase_known
-    assert surface.levels.tolist() == [1.0, 3.0, 6.0]
-    np.testing.assert_allclose(surface.amplitude, reference.amplitude, rtol=PRINTED)
-    assert [finding.code for finding in surface.findings] == ["not-recorded"]
-
-
 def tree(path: Path) -> Path:
     """Write a file with channels of every shape, the same in each format."""
     numbers = {"f": np.array([1.0, 2.0, 3.0]), "A": np.arange(1.0, 7.0).reshape(2, 3), "q": np.eye(3) + 1}

@@ -65,11 +65,6 @@ def test_without_a_phase_the_loop_is_trusted_and_that_is_said(tmp_path):
     np.testing.assert_allclose(modal.damping, C, rtol=1e-4)
 
 
-def test_without_a_phase_and_without_the_word_nothing_is_assumed(tmp_path):
-    surface = read(table(tmp_path), phase_known=False)
-    assert (surface.control, surface.phase_known) == ("force", False)
-
-
 def test_the_lag_of_the_loop_is_said_and_corrected_with_the_mass(tmp_path):
     surface = read(table(tmp_path, lag=95.0), control="phase")
     (found,) = [finding for finding in surface.findings if finding.code == "phase-lag"]

@@ -10,9 +10,6 @@ import rsgen
 from rsgen.common.errors import RsgenError
 from rsgen.data.oscillator import Observation
 from rsgen.data.surface import ResponseSurface
-from rsgen.identification.modal_result import MODAL_COLUMNS
-from rsgen.report.figures.equivalent import measured_backbone
-from rsgen.report.page_tables import tabulate_mode
 from tests.samples import C1, K1, KN1, MASS, cubic_surface
 from tests.surfaces import changed, noisy, without_phase
 
@@ -70,20 +67,6 @@ def test_stiffness_and_damping_of_a_cubic_spring_follow_its_describing_function(
     assert X[0] < 0.3 * X[-1]
 
 
-@pytest.mark.parametrize(("force", "order"), [("h/v", 0), ("d*v", 2)])
-def test_the_damping_at_resonance_does_not_depend_on_how_it_grows_with_frequency(force, order):
-    """A joint (omega c constant) and a drag (c as omega); with c alone the table is several per cent off."""
-    X, f = np.meshgrid(np.geomspace(1e-3, 1e-2, 7), np.linspace(7, 14, 31), indexing="ij")
-    X, omega = X.ravel(), 2 * np.pi * f.ravel()
-    resonance = omega_of(X)
-    c = C1 * (1 + 30 * X) * (omega / resonance) ** (order - 1) * resonance ** (order - 1) / 60 ** (order - 1)
-    F = X * (K1 + 0.75 * KN1 * X**2 - MASS * omega**2 + 1j * omega * c)
-    table = rsgen.modal_table(measured(X, omega, F, level=X, control="response"))
-    wanted = C1 * (1 + 30 * table.amplitude) * (omega_of(table.amplitude) / 60) ** (order - 1)
-    np.testing.assert_allclose(table.damping, wanted, rtol=1e-3)
-    np.testing.assert_allclose(table.mass, MASS, rtol=1e-6)
-
-
 @pytest.mark.thorough
 def test_intervals_cover_what_they_say_under_noise():
     at = np.array([0.01, 0.02, 0.03])
@@ -129,16 +112,6 @@ def test_a_lag_off_a_quarter_period_is_corrected_with_the_mass_and_widens_withou
     true = omega_of(unknown.amplitude) / (2 * np.pi)
     assert np.all(np.abs(unknown.frequency / true - 1) > 1e-3)
     assert np.all((unknown.frequency_lower < true) & (true < unknown.frequency_upper))
-
-
-def test_one_slice_off_resonance_determines_the_mass():
-    X = np.geomspace(5e-3, 5e-2, 9)
-    on = phase_resonance(X)
-    X, omega = np.append(X, np.full(4, 0.02)), 2 * np.pi * np.append(on.frequency, [9.6, 9.8, 10.1, 10.3])
-    force = X * (K1 + 0.75 * KN1 * X**2 - MASS * omega**2 + 1j * omega * C1)
-    table = rsgen.modal_table(measured(X, omega, force))
-    assert table.known == tuple(MODAL_COLUMNS)
-    np.testing.assert_allclose(table.mass, MASS, rtol=1e-3)
 
 
 def test_a_test_without_scale_has_frequencies_and_damping_ratios():
@@ -252,20 +225,6 @@ def test_a_held_out_level_is_predicted_without_a_law(level):
     np.testing.assert_allclose(force[near], asked, rtol=2e-3)
 
 
-def test_a_point_beyond_the_table_has_no_prediction_of_another_branch():
-    """Of two branches only the lower one lies in the table: points of the upper were scored 86 % off."""
-    test = rsgen.SimulatedTest([0.3, 0.8, 1.6, 2.5], np.linspace(6.4, 9.5, 32), sweep="up")
-    surface = rsgen.simulate(
-        rsgen.Oscillator(0.82, "k*x + k3*x**3 + c*v", {"k": 1850.0, "k3": 6e5, "c": 0.95}), test
-    )
-    table = rsgen.modal_table(surface, Observation(hold_out=(2.5,)))
-    (scored,) = rsgen.predict(table, None, surface).held_out
-    beyond = np.abs(scored.measured) > 1.02 * table.tested[1]
-    assert np.isnan(scored.predicted[beyond]).all()
-    assert scored.missing == np.count_nonzero(~np.isfinite(scored.predicted)) > 0
-    assert scored.error < 0.02
-
-
 @pytest.mark.slow
 def test_intervals_contain_curves_that_no_spline_follows_exactly():
     """A joint that softens by micro-slip, ln-like in X: what splines leave out must not exceed the noise."""
@@ -295,35 +254,6 @@ def test_intervals_contain_curves_that_no_spline_follows_exactly():
     # as above; the seven of a run depend on each other, so that they count as three
     least = 0.95 * count - 4 * np.sqrt(0.95 * 0.05 * count * 7 / 3)
     assert all(hit >= least for hit in hits.values()), (hits, count)
-
-
-def test_the_table_of_a_driven_base_is_per_unit_mass_after_an_identification_too():
-    force = SURFACE.force / MASS
-    shaken = rsgen.ResponseSurface(
-        SURFACE.level / MASS, SURFACE.frequency, force, SURFACE.harmonics, base="acceleration", per_mass=True
-    )
-    found = rsgen.identify(shaken, "k*x + kn*x**3 + c*v")
-    table = tabulate_mode(shaken, found).table
-    assert table is not None
-    assert table.known == rsgen.modal_table(shaken).known
-    assert "stiffness" not in table.known
-    assert table.stiffness_per_mass[0] == pytest.approx(K1 / MASS, rel=1e-2)
-    assert "m" not in found.model_given.fixed
-
-
-def test_the_right_law_lies_on_the_table_whose_motions_have_higher_harmonics():
-    truth = rsgen.Oscillator(
-        0.46,
-        "k*x + c*v + ks*(Max(0, x - b) + Min(0, x + b))",
-        {"k": 9200.0, "c": 1.35, "ks": 21000.0, "b": 3.5e-4},
-    )
-    test = rsgen.SimulatedTest(level=[0.1, 0.15, 0.2], frequency=np.linspace(22, 31, 91), sweep="up")
-    points = rsgen.simulate(truth, test)
-    found = rsgen.identify(points, truth.force)
-    table = rsgen.modal_table(points, mass=truth.mass)
-    model = measured_backbone(found, table.amplitude)
-    # describing functions are of sines, whose frequencies are up to 0.6 % lower
-    np.testing.assert_allclose(model.frequency, table.frequency, rtol=5e-4)
 
 
 def test_a_curve_ends_where_the_table_ends_and_its_peak_is_not_known():

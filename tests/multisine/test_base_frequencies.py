@@ -11,7 +11,6 @@ import rsgen
 from rsgen.data.history import TimeHistory, from_multisine
 from rsgen.data.history.multisine_records import find_period
 from tests.case_files import MEASURED, write_small
-from tests.multisine import test_two_sensors
 
 pytestmark = pytest.mark.slow
 
@@ -119,29 +118,6 @@ def test_two_periods_are_the_same_record_as_one(rows):
     tables = [rsgen.modal_table(spectra) for spectra in (whole, longer)]
     np.testing.assert_allclose(tables[1].frequency, tables[0].frequency, rtol=1e-3)
     assert rsgen.rank(longer)["cubic-spring"].tied
-
-
-def test_the_second_sensor_of_each_record_has_its_base_frequency():
-    longer = as_two_periods(test_two_sensors.spectra(), [1])
-    found = rsgen.identify(longer, test_two_sensors.elements())
-    for name, true in test_two_sensors.TRUTH.items():
-        assert found[name].value == pytest.approx(true, rel=1e-4), name
-
-
-def test_equal_base_frequencies_are_the_one_number(tmp_path):
-    whole = rsgen.simulate(
-        rsgen.Oscillator(1.5, LAW, {"k": 5000, "k3": 4e6, "c": 4}),
-        rsgen.MultisineTest([3, 8], band=(2.5, 20), period=2, noise_relative=0.01),
-    )
-    array = replace(whole, omega0=np.full(2, whole.omega0))
-    assert whole.frequency.shape == array.frequency[0].shape
-    for one, other in zip(rsgen.identify(whole, LAW), rsgen.identify(array, LAW), strict=True):
-        assert (other.value, *other.interval) == pytest.approx((one.value, *one.interval), rel=1e-12)
-    rsgen.save_spectra(tmp_path / "spectra.npz", array)
-    read = rsgen.load_spectra(tmp_path / "spectra.npz")
-    np.testing.assert_array_equal(read.omega0, array.omega0)
-    with pytest.raises(rsgen.RsgenError, match=r"omega0: .*one or one a record"):
-        replace(whole, omega0=np.ones(3))
 
 
 def histories(seed: int = 0) -> list[TimeHistory]:

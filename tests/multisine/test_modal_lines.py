@@ -44,27 +44,9 @@ def test_intervals_cover_the_truth_and_a_level_held_out_is_not_seen():
     assert np.all(half < 0.01 * exact)
 
 
-def test_a_driven_base_gives_what_is_per_unit_mass():
-    oscillator = rs.Oscillator(MASS, "k*x + c*v", {"k": SPRING, "c": DAMPER})
-    test = rs.MultisineTest([3, 8], band=(2.5, 20), period=2, base="acceleration")
-    table = rs.modal_table(rs.simulate(oscillator, test))
-    assert not {"stiffness", "damping"} & set(table.known)
-    np.testing.assert_allclose(table.stiffness_per_mass, SPRING / MASS, rtol=1e-6)
-    assert np.isnan(table.mass)
-    whole = rs.modal_table(rs.simulate(oscillator, test), mass=MASS)
-    np.testing.assert_allclose(whole.stiffness, SPRING, rtol=1e-6)
-
-
 @pytest.mark.parametrize("mass", [None, MASS])
 def test_a_reversed_response_has_no_table(mass):
     # a mass of -1.5 kg and a stiffness of -5920 N/m were tabulated
     records = spectra("k*x + c*v", noise=0.01)
     with pytest.raises(rs.RsgenError, match="would feed the exciter"):
         rs.modal_table(replace(records, response=-records.response), mass=mass)
-
-
-def test_a_response_that_no_law_follows_has_no_table():
-    records = spectra("k*x + c*v", noise=0.01)
-    turned = np.exp(2j * np.pi * np.random.default_rng(1).random(records.response.shape[2]))
-    with pytest.raises(rs.RsgenError, match="modal table"):
-        rs.modal_table(replace(records, response=records.response * turned))

@@ -114,14 +114,6 @@ def test_records_that_were_fitted_are_not_reported_as_held_out(folder, found, tm
     assert [one["level"] for one in result["held_out"]] == [4.0]
 
 
-def test_a_wrong_law_is_refuted_on_the_held_out_level(folder):
-    spectra = rsgen.read(rsgen.load_case(folder / "lines.toml"))
-    found = rsgen.identify(spectra, "k*x + c*v", rsgen.Observation(hold_out=(4.0,)))
-    prediction = rsgen.predict(found)
-    assert "held-out-missed" in [finding.code for finding in prediction.findings]
-    assert not rsgen.verdict_of(found, prediction=prediction).usable
-
-
 def test_what_a_multisine_cannot_have_is_said_before_the_run(folder, run_cli):
     for changes, reason in (
         ({"test.demodulation": {"band": ["1 Hz", "9 Hz"]}}, "belongs to sines"),

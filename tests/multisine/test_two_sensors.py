@@ -59,15 +59,6 @@ def test_a_joint_between_two_sensors_comes_back_to_round_off(gauge):
     assert max(errors(found, TRUTH).values()) < 1e-9
 
 
-def test_a_second_sensor_at_rest_is_none():
-    both = spectra(still=True)
-    law = [rs.make_element("wing", WING), rs.make_element("joint", "kj*x**3", across="payload - wing")]
-    across, plain = rs.identify(both, law), rs.identify(replace(both, across=None), f"{WING} + kj*x**3")
-    for name in ("k", "c", "kj", "m"):
-        assert across[name].value == pytest.approx(plain[name].value, rel=1e-9)
-        assert across[name].standard_error == pytest.approx(plain[name].standard_error, rel=1e-3)
-
-
 @pytest.mark.parametrize(("seed", "gauge"), [(1, False), (2, True)])
 def test_noise_of_both_sensors_is_in_the_errors(seed, gauge):
     records = spectra(0.01, seed, gauge=gauge)
@@ -128,18 +119,6 @@ def test_a_background_that_the_second_sensor_does_not_share_is_in_the_interval(b
     (said,) = (finding for finding in found.findings if finding.code == "law-ambiguous")
     # the constant is a part of the residual terms, which move the value alike: noise says which moves it more
     assert set(said.names) == {"background of the second sensor"}
-
-
-@pytest.mark.parametrize("kind", ["none", "residuals"])
-def test_the_misfit_of_one_period_is_taken_for_that_of_a_law_in_the_intervals(kind):
-    """No noise is known, and lines of a background are no independent ones: kj was 8 and 16 errors off."""
-    records = spectra()
-    seen = 1e-9 * (1 + 0.3j) * records.force * (records.lines > 0)
-    found = rs.identify(
-        replace(records, response=records.response + seen), elements(), rs.Observation(background=kind)
-    )
-    assert found.verdict.state == "identified"
-    assert np.abs(distances(found, TRUTH)).max() < 4
 
 
 def test_elements_and_records_have_the_same_motions():

@@ -31,11 +31,7 @@ def small(law: str, noise: float = 0.0, seed: int = 1) -> ResponseSurface:
 
 JOINT_MASS = 1.5
 JOINTS: dict[str, tuple[str, dict[str, str], dict[str, float]]] = {
-    "jenkins": (
-        "k*x + c*v + masing(Min(kt*x, Fs))",
-        {},
-        {"k": 5920.0, "c": 3.8, "kt": 3000.0, "Fs": 6.0},
-    ),
+    "jenkins": ("k*x + c*v + masing(Min(kt*x, Fs))", {}, {"k": 5920.0, "c": 3.8, "kt": 3000.0, "Fs": 6.0}),
     "iwan": (
         "k*x + c*v + masing(Piecewise((K*x - K*x**2/(4*xs), x < 2*xs), (K*xs, True)))",
         {},

@@ -28,10 +28,7 @@ LAWS: dict[str, tuple[str, dict[str, float]]] = {
     "power": ("kp*abs(x)**p*sign(x)", {"kp": 5.0e4, "p": 2.4}),
     "stiffening-drag": ("k2*x*abs(x) + cq*v*abs(v)", {"k2": 3.0e4, "cq": 1.0}),
     "quadratic-cubic": ("k2*x**2 + k3*x**3", {"k2": 2.0e4, "k3": 4.0e5}),
-    "gap": (
-        "Piecewise((kd*(x - b), x > b), (kd*(x + b), x < -b), (0, True))",
-        {"kd": 900.0, "b": 0.012},
-    ),
+    "gap": ("Piecewise((kd*(x - b), x > b), (kd*(x + b), x < -b), (0, True))", {"kd": 900.0, "b": 0.012}),
     "bilinear": ("Piecewise((kb*x, x > 0), (0, True)) + k3*x**3", {"kb": 900.0, "k3": 2.0e5}),
     "tanh-friction": ("A*tanh(v/w) + k3*x**3", {"A": 0.6, "w": 0.3, "k3": -1.5e5}),
 }

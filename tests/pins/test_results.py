@@ -32,9 +32,7 @@ NUMBERS = {
     name: read(numbers_file(str(module.__file__))) for name, module in zip(TABLES, MODULES, strict=True)
 }
 
-REFUSED = {
-    "ranking": {"two-sensors/laws"},
-}
+REFUSED = {"ranking": {"two-sensors/laws"}}
 """Tasks that rsgen refuses; another pin that is refused was made wrongly."""
 
 

@@ -17,12 +17,7 @@ from rsgen.data.surface import ResponseSurface
 from rsgen.dynamics.virtual_test import SimulatedTest, add_noise
 from rsgen.identification.ranking import rank
 from rsgen.identification.ranking.candidate_fit import CandidateFit, CandidateLaw, Round
-from rsgen.identification.ranking.ranking_result import (
-    Assessment,
-    Candidate,
-    _best_law_findings,
-    assess_best,
-)
+from rsgen.identification.ranking.ranking_result import Assessment, Candidate, _best_law_findings, assess_best
 from rsgen.identification.ranking.reference import PointTest
 from rsgen.law.element import make_element
 from rsgen.report.wording import sentence

@@ -17,13 +17,7 @@ from rsgen.report.provenance import Subject, plain_text
 from rsgen.report.result_json import build_result, result_text
 from tests.report.browser import A4, AXE, DESK, PHONE, Page, in_browser
 from tests.report.test_report import hostile_titles, identified
-from tests.samples import (
-    cubic_case,
-    cubic_comparison,
-    cubic_identification,
-    cubic_prediction,
-    cubic_surface,
-)
+from tests.samples import cubic_case, cubic_comparison, cubic_identification, cubic_prediction, cubic_surface
 
 pytestmark = pytest.mark.thorough
 

@@ -35,7 +35,6 @@ from rsgen.report.wording import sentence
 from tests.samples import (
     C1,
     K1,
-    KN1,
     MASS,
     cubic_case,
     cubic_comparison,
@@ -242,21 +241,6 @@ def identified(force: str, values: dict[str, float]) -> tuple[Model, Identificat
     refined = tuple(Estimate(name, value, 0.0, (value, value)) for name, value in sorted(values.items()))
     exact = {"covariance": np.zeros((0, 0)), "solution": np.zeros(0)}
     return model, replace(IDENTIFICATION, model=model, refined=refined, **exact)
-
-
-@pytest.mark.parametrize(
-    ("force", "values", "words"),
-    [
-        ("k*x", {"k": 5920.0}, "stiffness 5.92 kN/m at 520 µm, 5.92 kN/m at 52 mm"),
-        ("k*x + kn*x**3", {"k": K1, "kn": KN1}, "stiffness 5.92 kN/m at 520 µm, 5.48 kN/m at 52 mm"),
-        ("Ff*sign(v)", {"Ff": 0.4}, "damping 15.7 N·s/m at 520 µm, 157 mN·s/m at 52 mm"),
-        ("k*x + c*v", {"k": 5920.0, "c": 3.8}, "at 52 mm; damping 3.8 N·s/m at 520 µm, 3.8 N·s/m at 52 mm"),
-        ("k*x", {"k": float("nan")}, "not identifiable from this test: k"),
-    ],
-)
-def test_elements_are_put_into_words(force, values, words):
-    model, identification = identified(force, values)
-    assert words in described(model.elements[0], identification)
 
 
 @pytest.fixture

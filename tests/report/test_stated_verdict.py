@@ -130,25 +130,6 @@ def test_a_rejected_page_marks_its_numbers():
     assert "the result is rejected" in text
 
 
-@pytest.mark.slow
-def test_a_doubtful_page_says_so_and_others_do_not():
-    text = page_of(None, DOUBT)
-    assert 'class="verdict doubtful">Doubtful: look before' in text
-    assert '<caption><strong class="no">Doubtful: </strong>' in text
-    assert "Not to be used" not in text
-    assert "This is the estimate to use" not in text
-    for tolerance, said in (
-        (None, "Identified: "),
-        (1.0, "Accepted: "),
-        (0.0, "Missed: c1, k1, kn1 outside"),
-    ):
-        text = page_of(tolerance, WARNING)
-        assert text.replace("\u00a0", " ").index(said) < text.index("<table")
-        assert "Not to be used" not in text
-        assert "oubtful" not in text.split("</style>")[1]
-        assert "This is the estimate to use." in text
-
-
 @pytest.mark.parametrize(
     "entry",
     [

@@ -92,37 +92,6 @@ def test_a_wrong_law_is_found_by_levels_that_disagree(law, noise):
     assert {"parts-disagree", "intervals-widened"} <= {finding.code for finding in wrong.findings}
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize(("law", "apart"), [("cubic", False), ("combined", True)])
-def test_one_step_agrees_with_levels_really_identified_apart(law, apart):
-    table = noisy(surface(law), NOISE, 4)
-    asked = Model("k*x + kn*x**3 + c*v") if apart else model(law)
-    even = np.isin(table.level, table.levels[::2])
-    halves = [identify(table.select(rows), asked) for rows in (even, ~even)]
-    difference = np.array([a.value - b.value for a, b in zip(*halves, strict=True)])
-    error = np.sqrt([a.standard_error**2 + b.standard_error**2 for a, b in zip(*halves, strict=True)])
-    z = float(np.max(np.abs(difference / error)))
-    told = [f for f in identify(table, asked).findings if f.code == "parts-disagree"]
-    assert bool(told) == apart
-    if apart:
-        assert told[0]["z"] > 4
-        assert told[0]["z"] == pytest.approx(z, rel=1.0) or z < 3
-    else:
-        assert z < 4
-
-
-def test_halves_of_one_law_differ_by_noise_and_widen_nothing(data):
-    x, _, group = data
-    generator, said = np.random.default_rng(7), 0
-    for _ in range(200):
-        found = compare_parts(line_through(x, 2 + 3 * x + generator.normal(size=40)), group < 2)
-        assert found is not None
-        said += found.spread.gain > 0
-        assert found.spread.shift.any() == (found.spread.gain > 0)
-    # each of two directions by chance once in twenty
-    assert said / 200 == pytest.approx(0.0975, abs=0.06)
-
-
 def test_what_halves_differ_by_is_their_distance_from_the_whole(data):
     x, y, group = data
     part = group % 2 == 0

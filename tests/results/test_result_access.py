@@ -1,16 +1,12 @@
 """Laws of what a result gives by name, as a table and as a data frame."""
 
-import pickle
-
 import numpy as np
 import pytest
 
 from rsgen.common.errors import RsgenError
 from rsgen.data.oscillator import Model
-from rsgen.identification import judge
 from rsgen.identification.identify import identify
 from rsgen.identification.ranking import Candidate, Ranking
-from rsgen.identification.results import changed
 from tests.samples import cubic_model, cubic_surface
 
 
@@ -42,27 +38,6 @@ def test_a_name_that_is_not_there_is_answered_with_those_that_are(found, name):
     with pytest.raises(KeyError, match="there are c1, k1, kn1, m") as fault:
         found[name]  # type: ignore[index]  # the attempt is the test
     assert isinstance(fault.value, RsgenError)
-
-
-def test_what_is_not_read_is_not_computed_and_what_is_read_is_computed_once(monkeypatch):
-    asked: list[object] = []
-    monkeypatch.setattr(judge, "invert_curve", lambda *given: asked.append(given))
-    found = identify(cubic_surface(), cubic_model().elements)
-    without = changed(found, findings=())
-    assert not asked
-    for _ in range(2):
-        assert without.restoring is found.restoring is None
-    assert len(asked) == 1
-    assert without.first_order is found.first_order
-
-
-def test_an_identification_goes_to_another_process_whole():
-    found = identify(cubic_surface(), cubic_model().elements)
-    back = pickle.loads(pickle.dumps(found))
-    for name in ("paper", "first_order", "first_order_bias", "refined", "findings"):
-        assert getattr(back, name) == getattr(found, name)
-    assert back.restoring is not None
-    assert np.array_equal(back.restoring.stiffness_force, found.restoring.stiffness_force)
 
 
 def test_the_table_holds_values_intervals_and_units(found):

@@ -9,7 +9,7 @@ import pytest
 
 import rsgen as rs
 from rsgen.app.study.run_case import obtain_table
-from rsgen.common.errors import CaseError, RsgenError
+from rsgen.common.errors import CaseError
 from tests.case_files import law, write_small
 from tests.surfaces import codes
 
@@ -58,18 +58,6 @@ def test_a_cubic_law_is_found_per_unit_mass_and_with_the_mass_as_a_whole(base):
     assert "per-unit-mass" not in codes(whole)
     units = alone.curve.units.force, alone.curve.units.of("J"), whole.curve.units.of("J")
     assert units == ("m/s^2", "J/kg", "J")
-
-
-def test_a_held_out_level_is_predicted_with_and_without_the_mass():
-    surface = rs.simulate(rs.Oscillator(MASS, LAW, TRUE), shaken("acceleration", level=[0.2, 0.5, 1.0]))
-    held = rs.Observation(hold_out=(0.5,))
-    for mass, unit, force in ((None, "m/s^2", 0.5), (MASS, "N", 1.0)):
-        found = rs.identify(surface, LAW, held, mass=mass)
-        (item,) = (prediction := rs.predict(found, surface=surface)).held_out
-        assert item.error < 1e-6
-        assert (item.level, item.level_unit, item.force_unit) == (0.5, "m/s^2", unit)
-        assert item.force == pytest.approx(force)
-        assert prediction[force].level_unit == unit
 
 
 def test_a_background_beside_a_driven_base_has_units_per_mass():
@@ -122,8 +110,3 @@ def test_g_is_the_gravity_where_an_acceleration_is_asked_for(tmp_path):
 def test_what_a_shaken_base_cannot_have_is_said(tmp_path, quantity, more, said):
     with pytest.raises(CaseError, match=said):
         rs.load_case(write(tmp_path, quantity, **more))
-
-
-def test_a_held_response_is_not_shaken():
-    with pytest.raises(RsgenError, match="base: is shaken, but a force controls the response"):
-        shaken("velocity", control="response")

@@ -4,7 +4,6 @@ import numpy as np
 import pytest
 
 import rsgen as rs
-from rsgen.dynamics.virtual_test import add_noise
 from rsgen.law.motion import Motion, project
 from tests.surfaces import errors
 
@@ -63,18 +62,3 @@ def test_exact_points_of_all_branches_identify_the_law(surface, harmonics):
     )
     found = rs.identify(some, LAW)
     assert max(errors(found, VALUES | {"m": MASS}).values()) < 1e-6
-
-
-@pytest.mark.slow
-def test_intervals_hold_at_one_per_cent_of_noise(surface):
-    few = rs.ResponseSurface(
-        surface.level, surface.frequency, surface.force, surface.harmonics[:, 1], control="continuation"
-    )
-    true = VALUES | {"m": MASS}
-    distance = []
-    for seed in range(12):
-        found = rs.identify(add_noise(few, 0.01, seed), LAW)
-        assert found.verdict.state == "identified"
-        distance.append([(e.value - true[e.name]) / e.standard_error for e in found.refined])
-    assert 0.7 < np.sqrt(np.mean(np.square(distance))) < 1.3
-    assert np.max(np.abs(distance)) < 4

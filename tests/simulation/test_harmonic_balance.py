@@ -124,13 +124,6 @@ def test_one_harmonic_gives_the_describing_functions():
     assert at.force / SIZE == pytest.approx(stiffness - MASS * OMEGA**2 + 1j * OMEGA * damping, rel=1e-6)
 
 
-def test_mean_of_an_unsymmetric_spring_balances_its_force():
-    # k x + k2 x^2 with one harmonic: k X0 + k2 (X0^2 + X^2/2) = 0
-    at = hold("k*x + k2*x**2", np.array([5920.0, 4e4, MASS]), order=1)
-    mean = (-5920 + np.sqrt(5920**2 - 2 * 4e4**2 * SIZE**2)) / (2 * 4e4)
-    assert at.harmonics[:, 0].real == pytest.approx(mean, rel=1e-10)
-
-
 class Lossy:
     """A mass on a lossy spring, D = -m (h omega)^2 + s (1 + i eta): complex in every harmonic."""
 

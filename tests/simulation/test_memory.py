@@ -6,13 +6,11 @@ import pytest
 import rsgen as rs
 from rsgen.data.oscillator import Oscillator
 from rsgen.dynamics import harmonic_balance
-from rsgen.dynamics.controlled import solve_response_control
 from rsgen.dynamics.linear_part import Inertia
 from rsgen.dynamics.simulation import simulate
 from rsgen.dynamics.steady_state import solve_steady_states
 from rsgen.dynamics.virtual_test import SimulatedTest
 from rsgen.law.numeric import compile_law
-from tests.oracles.long_transients import largest_difference
 
 LINEAR = {"c": 3.8, "k": 5922.0}
 JENKINS = Oscillator(1.5, "c*v + k*x + masing(Min(kt*x, Fs))", LINEAR | {"kt": 3000.0, "Fs": 2.0})
@@ -53,27 +51,6 @@ def test_harmonic_balance_of_states_nears_the_motion_by_the_square_of_the_step()
     # the corners, among the samples, add errors of the same order that do not fall evenly
     assert np.abs(many - few)[:, 1].max() < 2e-4 * np.abs(exact).max()
     assert np.abs(few[:, :10] - exact).max() > 12 * np.abs(many[:, :10] - exact).max()
-
-
-@pytest.mark.slow
-@LAWS
-def test_held_amplitudes_are_those_of_the_force_that_holds_them(oscillator, f0):
-    X, f = np.repeat([2e-4, 2e-3], 3), np.tile(f0 * np.array([0.9, 1.0, 1.15]), 2)
-    held = solve_response_control(oscillator, X, f, accuracy=1e-6)
-    assert held.settled.all()
-    assert held.stable.all()
-    free = solve_steady_states(oscillator, held.force, f, accuracy=1e-6)
-    np.testing.assert_allclose(free.harmonics[:, 1], X, rtol=1e-5)
-
-
-@pytest.mark.slow
-@LAWS
-def test_sweeps_of_laws_that_do_not_fold_are_the_surface_from_rest(oscillator, f0):
-    grid = {"level": np.array([1.0, 8.0]), "frequency": f0 * np.linspace(0.85, 1.15, 7), "accuracy": 1e-5}
-    rest, up, down = (simulate(oscillator, SimulatedTest(**grid, sweep=s)) for s in ("rest", "up", "down"))
-    for surface in (up, down):
-        np.testing.assert_allclose(surface.harmonics[:, 1], rest.harmonics[:, 1], rtol=2e-5)
-    assert largest_difference(oscillator, rest, sample=6) < 2e-5
 
 
 def test_structural_damping_is_balanced_and_not_simulated_in_time():

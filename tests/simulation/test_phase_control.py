@@ -9,7 +9,6 @@ import rsgen
 from rsgen.common.errors import RsgenError
 from rsgen.data.surface.plausibility import lag_findings
 from rsgen.dynamics.virtual_test import SimulatedTest
-from tests.surfaces import noisy
 
 LAW = "k*x + k3*x**3 + c*v"
 MASS, K, K3, C = 1.5, 5920.0, 3e5, 3.8
@@ -44,14 +43,6 @@ def test_points_are_those_of_the_force_controlled_test_at_the_frequency_found():
         np.testing.assert_allclose(surface.amplitude[row], forced.amplitude[0], rtol=1e-4)
         turned = surface.harmonics[row, 3] * (surface.force[row] / LEVELS[row]) ** -3
         np.testing.assert_allclose(turned, forced.harmonics[0, 3], rtol=0.02)
-
-
-def test_friction_that_holds_the_mass_does_not_settle():
-    surface = locked(oscillator("k*x + c*v + Ff*sign(v)", k=K, c=C, Ff=0.8), level=[0.9, 4.0], accuracy=1e-4)
-    assert surface.settled.tolist() == [False, True]
-    # one harmonic of friction at resonance: F = c omega X + 4 Ff/pi
-    expected = (4.0 - 4 * 0.8 / np.pi) / (C * surface.omega[1])
-    np.testing.assert_allclose(surface.amplitude[1], expected, rtol=0.02)
 
 
 def test_every_lag_is_held_at_every_level():
@@ -95,34 +86,6 @@ def test_points_of_two_modes_are_no_backbone(second, apart):
         assert rsgen.identify(said, LAW, mass=MASS).verdict.state in ("doubtful", "rejected")
         table = rsgen.modal_table(both, rsgen.Observation(band=(9.0, 11.0)))
         np.testing.assert_allclose(table.at(one.amplitude).frequency, one.frequency, rtol=1e-3)
-
-
-@pytest.mark.slow
-def test_a_noisy_loop_with_two_degrees_of_error_gives_stiffness_and_damping():
-    """The asked figures: k(X)/m within 0.1 %, zeta within 3 %, the phase error said."""
-    exact = locked(oscillator(), level=np.linspace(1, 12.5, 13), harmonics=5)
-    surface = locked(
-        oscillator(), level=np.linspace(1, 12, 30), phase_error=np.radians(2), harmonics=5, accuracy=1e-5
-    )
-    zeta = np.abs(exact.force) / (2 * MASS * exact.omega**2 * exact.amplitude)
-    fine = np.polynomial.Polynomial.fit(exact.amplitude**2, exact.omega**2, 4)
-    ratio = np.polynomial.Polynomial.fit(exact.amplitude**2, zeta, 4)
-    worst = []
-    for seed in range(5):
-        read = noisy(surface, 0.01, seed)
-        table = rsgen.modal_table(read, mass=MASS)
-        X = table.amplitude
-        off = table.stiffness_per_mass / fine(X**2) - 1, table.damping_ratio / ratio(X**2) - 1
-        worst.append(np.abs(off).max(axis=1))
-    typical = np.median(worst, axis=0)
-    assert typical[0] < 1e-3
-    assert typical[1] < 0.03
-    found = rsgen.identify(read, "k*x + k3*x**3 + c*v", mass=MASS)
-    assert found["k"].interval[0] < K < found["k"].interval[1]
-    assert found["k3"].value == pytest.approx(K3, rel=0.05)
-    assert found["c"].value == pytest.approx(C, rel=0.02)
-    assert len(found.resonances) == 30
-    assert not any(resonance.jump for resonance in found.resonances)
 
 
 @pytest.mark.parametrize(

@@ -15,7 +15,6 @@ from rsgen.dynamics.simulation import simulate
 from rsgen.dynamics.steady_state import solve_steady_states
 from rsgen.dynamics.virtual_test import SimulatedTest
 from rsgen.files import load_surface
-from rsgen.identification.identify import identify
 from rsgen.law.element import make_element
 
 CASES = Path(__file__).parents[2] / "cases"
@@ -60,18 +59,6 @@ def test_unstable_branch_is_where_more_motion_needs_less_force():
     assert all(np.min(np.abs(turns + 0.5 - i)) <= 1.5 for i in differs)
 
 
-@pytest.mark.slow
-def test_folds_are_where_sweeps_jump():
-    o, F = duffing(2.5e6), 8.0
-    frequency = np.arange(10.4, 11.8, 0.01)
-    up = simulate(o, SimulatedTest([F], frequency, sweep="up")).amplitude
-    jump = frequency[np.argmin(np.diff(up))]
-    X = np.linspace(2e-3, 3.2e-2, 400)
-    for f, solutions in ((jump - 0.02, 3), (jump + 0.03, 1)):
-        force = np.abs(solve_response_control(o, X, np.full(400, f)).force)
-        assert np.count_nonzero(np.diff(np.sign(force - F))) == solutions
-
-
 def held_amplitudes(kn: float) -> tuple[Oscillator, SimulatedTest]:
     test = SimulatedTest(
         np.linspace(2e-3, 2e-2, 8), np.linspace(7, 13, 61), control="response", accuracy=1e-6
@@ -95,15 +82,3 @@ def test_a_surface_of_held_amplitudes_says_so_in_its_file(tmp_path):
     again = load_surface(tmp_path / "surface.h5")
     assert again.control == "response"
     assert np.array_equal(again.stable, surface.stable)
-
-
-def test_a_gap_is_identified_at_held_amplitudes_that_the_simulator_cannot_follow():
-    """No force holds a sixth of the points: exact data of the right law were rejected."""
-    values = {"k": 6000.0, "c": 4.0, "kg": 3600.0, "b": 4e-3}
-    gap = Oscillator(1.5, "k*x + c*v + kg*(Max(x - b, 0) + Min(x + b, 0))", values)
-    test = SimulatedTest([2e-3, 5e-3, 1e-2], np.linspace(8, 13, 41), control="response")
-    found = identify(simulate(gap, test), gap.elements)
-    assert found.verdict.state == "identified"
-    assert found.fit.regression.used.all()
-    for name, value in values.items():
-        assert found[name].value == pytest.approx(value, rel=1e-4), name

@@ -21,19 +21,6 @@ def duffing(kn: float = 2.5e6) -> Oscillator:
     return Oscillator(1.5, (make_element("all", "c*v + k*x + kn*x**3"),), {"c": 3.8, "k": 5920.0, "kn": kn})
 
 
-def test_points_come_level_by_level():
-    test = SimulatedTest(level=[3.0, 1.0], frequency=[12.0, 8.0, 9.0])
-    surface = simulate(duffing(), test)
-    assert surface.level.tolist() == [3.0] * 3 + [1.0] * 3
-    assert surface.frequency.tolist() == [12.0, 8.0, 9.0] * 2
-    assert surface.origin == "simulated"
-    assert set(surface.sweep) == {"rest"}
-    for sweep in ("up", "down"):
-        again = simulate(duffing(), replace(test, sweep=sweep))
-        assert again.frequency.tolist() == surface.frequency.tolist()
-        assert np.allclose(again.harmonics, surface.harmonics, rtol=0, atol=1e-4 * surface.amplitude.max())
-
-
 @pytest.mark.slow
 def test_up_and_down_differ_between_the_folds_only():
     frequency = np.arange(9, 14, 0.05)
@@ -101,15 +88,6 @@ def test_unsettled_points_stay_in_the_surface():
     assert len(surface) == 2
     assert not surface.settled.any()
     assert np.isnan(surface.harmonics).all()
-
-
-def test_progress_ends_at_one():
-    for change in ({}, {"sweep": "up"}, {"sweep": "down", "method": "harmonic-balance"}):
-        shares: list[float] = []
-        test = replace(SimulatedTest([1.0], [8.0, 9.0, 10.0]), **change)
-        simulate(duffing(), test, progress=shares.append)
-        assert shares == sorted(shares)
-        assert shares[-1] == 1.0
 
 
 @pytest.mark.parametrize(

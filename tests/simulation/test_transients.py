@@ -10,7 +10,7 @@ import pytest
 import rsgen as rs
 from rsgen.common.tolerances import interval_sigmas
 from tests.case_files import law, write_small
-from tests.surfaces import codes, distances
+from tests.surfaces import codes
 
 MASS = 1.5
 CUBIC = rs.Oscillator(MASS, "k*x + kn*x**3 + c*v", {"k": 6000.0, "kn": 4e6, "c": 4.0})
@@ -41,19 +41,6 @@ def test_a_slow_sweep_has_the_law_of_the_stepped_test(kind):
         low, high = swept[name].interval
         assert low < stepped[name].value < high
         assert swept[name].value == pytest.approx(stepped[name].value, rel=2e-3)
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("seed", [1, pytest.param(2, marks=pytest.mark.thorough)])
-def test_noisy_sweeps_and_decays_give_the_values(seed):
-    noise: dict[str, Any] = {"noise_relative": 0.01, "seed": seed}
-    sweep = rs.SweepTest([1, 2, 4], (8, 14), duration=60, rate=200, sweep="up", **noise)
-    swept = rs.identify(rs.simulate(CUBIC, sweep), LAW)
-    decays = rs.DecayTest([12e-3, 24e-3], duration=40, rate=400, **noise)
-    decayed = rs.identify(rs.simulate(JOINT, decays), JOINTED, mass=MASS)
-    for found, true in ((swept, {**CUBIC.values, "m": MASS}), (decayed, JOINT.values)):
-        assert found.verdict.state == "identified"
-        assert np.abs(distances(found, true)).max() < 4
 
 
 @pytest.mark.slow
@@ -89,15 +76,6 @@ def test_too_fast_a_sweep_and_a_wrong_mass_are_doubted():
     found = rs.identify(rs.simulate(CUBIC, sweep), LAW, mass=1.2 * MASS)
     assert found.verdict.state == "doubtful"
     assert "fixed-contradicted" in codes(found)
-
-
-def test_the_same_seed_gives_the_same_noise():
-    def simulated(seed: int) -> np.ndarray:
-        test = rs.DecayTest([2e-3], duration=10, rate=400, noise_relative=1e-4, seed=seed)
-        return rs.simulate(CUBIC, test).force
-
-    assert (simulated(1) == simulated(1)).all()
-    assert (simulated(1)[:5] != simulated(2)[:5]).all()
 
 
 def test_impossible_tests_are_refused_with_the_reason():

@@ -120,9 +120,7 @@ def _on_the_loop(
 @pytest.mark.slow
 @pytest.mark.parametrize("accuracy", [1e-4, 1e-6])
 @pytest.mark.parametrize(
-    "law",
-    [JENKINS, pytest.param(IWAN, marks=pytest.mark.thorough)],
-    ids=["jenkins", "iwan with 20 sliders"],
+    "law", [JENKINS, pytest.param(IWAN, marks=pytest.mark.thorough)], ids=["jenkins", "iwan with 20 sliders"]
 )
 def test_masing_laws_agree_with_sliders(law, accuracy):
     F, f = np.array([2.0, 5.0, 11.0]), np.array([11.9, 10.8, 10.2])

@@ -11,7 +11,6 @@ import tempfile
 import threading
 import time
 from collections.abc import Callable
-from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 import pytest
@@ -240,14 +239,6 @@ def test_a_result_with_missing_files_is_replaced(tmp_path):
     assert (tmp_path / "case" / "result.json").read_text() == "second"
 
 
-def test_a_file_in_the_way_is_a_sentence(tmp_path):
-    (tmp_path / "case").write_text("precious")
-
-    with pytest.raises(RsgenError, match="is no folder"), replaced_folder(tmp_path, "case"):
-        pass
-    assert (tmp_path / "case").read_text() == "precious"
-
-
 @pytest.fixture(scope="module")
 def finished(tmp_path_factory):
     """A small case that was run once, its results' folder, and what became of it."""
@@ -395,19 +386,6 @@ def test_a_finished_folder_is_not_cleared_before_it_is_moved(tmp_path, monkeypat
     for other in others:
         other.join()
     assert read_manifest(tmp_path / "case") is not None
-
-
-@posix
-def test_threads_that_begin_and_end_together_leave_each_other_alone(tmp_path):
-    def write(case: int) -> None:
-        for _ in range(20):
-            with replaced_folder(tmp_path, f"case{case}") as part:
-                (part / "report.html").write_text("done")
-                write_manifest(part, {}, None, [])
-
-    with ThreadPoolExecutor(6) as pool:
-        list(pool.map(write, range(6)))
-    assert len(list(tmp_path.iterdir())) == 6
 
 
 def test_a_notebook_of_the_user_is_not_taken_for_a_failed_one(tmp_path, finished):

@@ -26,14 +26,7 @@ NOMINAL = frozenset({"levels-disagree", "levels-swapped", "levels-of-one-force",
 LEVELS = POINTS | NOMINAL
 SIZE = frozenset({"size-impossible"})
 UNIT = SIZE | {"unit-contradicts-title"}
-WAVE = frozenset(
-    {
-        "not-a-steady-sine",
-        "power-not-at-lines",
-        "points-excluded",
-        "decay-not-free",
-    }
-)
+WAVE = frozenset({"not-a-steady-sine", "power-not-at-lines", "points-excluded", "decay-not-free"})
 """The record is no steady sine, no sweep or no decay."""
 
 MATTERING = {
