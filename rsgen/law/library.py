@@ -92,7 +92,10 @@ _STRIBECK = (
     ("vs", "Stribeck velocity, positive", "m/s"),
 )
 
-_SIDE = Range("x", tuple(np.linspace(0.1, 0.9, 6)), (0.02, 0.99))
+_BREAKS = tuple(np.geomspace(0.03, 0.96, 12))
+"""Gaps as shares of the largest displacement: as fine at small ones, which small levels pass, as at
+large."""
+_SIDE = Range("x", _BREAKS[::2], (0.02, 0.99))
 _SPEED = Range("v", tuple(np.geomspace(0.01, 1.0, 9)), (0.003, 3.0))
 _POWER = Range("1", (0.3, 0.6, 1.4, 1.8, 2.2, 2.6, 3.5, 4.0, 6.0, 7.0), (0.1, 9.0))
 _WAVE = Range("1/x", tuple(np.geomspace(0.4, 2.8, 8)), (0.1, 5.0))
@@ -173,7 +176,7 @@ ROWS: dict[str, Row] = {
     "dead-zone": Row(
         "Spring with a gap on both sides", "k*(Max(0, x - b) + Min(0, x + b))", GELB, (_SLOPE, _GAP),
         Search(
-            ranges={"b": Range("x", tuple(np.linspace(0.08, 0.96, 12)), (0.02, 0.99))},
+            ranges={"b": Range("x", _BREAKS, (0.02, 0.99))},
             same=("piecewise-spring", "saturation"),
         ),
     ),
@@ -202,7 +205,7 @@ ROWS: dict[str, Row] = {
     "one-sided-stop": Row(
         "Stop on one side beyond a gap, with a spring", "k0*x + k*Max(0, x - b)", GELB,
         (_WITHOUT, _SLOPE, ("b", "gap, negative: preloaded", "m")),
-        Search(ranges={"b": Range("x", tuple(np.linspace(-0.96, 0.96, 13)), (-0.99, 0.99))}), own=True,
+        Search(ranges={"b": Range("x", (*(-b for b in _BREAKS), *_BREAKS), (-0.99, 0.99))}), own=True,
     ),
     "two-sided-stop": Row(
         "Stops on both sides beyond different gaps, with a spring",

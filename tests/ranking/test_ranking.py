@@ -135,6 +135,25 @@ def test_the_models_own_law_competes_and_keeps_its_names() -> None:
     assert [c.name for c in ranking.candidates].count("cubic-spring") == 1
 
 
+@pytest.mark.slow
+@pytest.mark.parametrize("harmonics", [1, 3])
+def test_a_stop_beyond_a_small_gap_on_one_side_is_found(harmonics: int) -> None:
+    # the gap is a fifteenth of the largest displacement
+    values = {"k": 4.1e4, "kg": 2.6e4, "b": 3e-4, "c": 3.2, "cq": 14.0}
+    law = rsgen.Oscillator(1.85, "k*x + kg*Max(x - b, 0) + c*v + cq*v*abs(v)", values)
+    grid = [1, 3, 6, 10], np.linspace(20, 29, 37)
+    table = rsgen.simulate(law, rsgen.SimulatedTest(*grid, harmonics=harmonics, noise_relative=NOISE))
+    names = ("one-sided-stop", "two-sided-stop", "dead-zone", "quadratic-damper", "power-damper", "coulomb")
+    more = ("cubic-spring", "quadratic-spring", "bilinear-spring")
+    ranking = rank(table, [laws[name] for name in (*names, *more)])
+    best = ranking.candidates[0]
+    assert best.name == "one-sided-stop + quadratic-damper"
+    assert ranking.verdict.state == "identified"
+    assert best.values["b"] == pytest.approx(values["b"], rel=0.02)
+    # a second stop that no motion reaches is not better
+    assert ranking["two-sided-stop + quadratic-damper"].bic > 0
+
+
 # ---------------------------------------------------------------- none of these fits
 
 
