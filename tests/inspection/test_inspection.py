@@ -311,14 +311,14 @@ def test_what_a_header_tells(tmp_path, run_cli, head, force, response, level, be
 
 
 def test_what_no_title_says_is_written_with_a_comment(tmp_path, begun):
-    """Peak or rms was never asked, and a column of runs passed over."""
+    """Peak or rms was never asked, and a column of runs passed over without a word."""
     rows = [f"{run},{5 + f / 10},{run},{1 + f},{170 - f}" for run in (1, 3) for f in range(9)]
     path = table(tmp_path / "a.csv", "run,freq (Hz),F (N),acc (g),phi (deg)", rows)
     said = doubts(path)
     assert proposed(path)["force"]["scale"] == proposed(path)["response"]["scale"] == "peak"
     assert said["test.force.scale"] == said["test.response.scale"] == 'or "rms"; the file does not say'
     assert said["test.response.phase_sense"].startswith("no title says it")
-    assert "[test.level] with column = 'run'" in said["test.force.amplitude"]
+    assert said["test.response.amplitude"] == "left out: run"
     assert len(read_case(begun(path))) == 18
     told, twice = (
         "freq (Hz),F peak (N),acc pk (g),phi lead (deg)",

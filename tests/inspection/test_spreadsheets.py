@@ -5,7 +5,7 @@ import time
 import numpy as np
 import pytest
 
-from rsgen.files.inspection.clues import complex_parts
+from rsgen.files.inspection.sensors import complex_parts
 from rsgen.files.tree import Entry
 from tests.inspection.drafts import FREQUENCY, RECEPTANCE, is_receptance, read_draft, write_table
 
@@ -83,6 +83,6 @@ def test_thousands_of_parts_are_paired_in_no_time():
     # eight times as many names: eight times the work, not sixty-four times, whatever else the machine does
     assert min(work(6000) for _ in range(3)) < 24 * min(work(750) for _ in range(3))
     pairs = list(complex_parts(entries))
-    assert {(common.title, real.path, imaginary.path) for common, real, imaginary in pairs} == {
+    assert {(pair.main.title, *(column.path for _, column in pair.places)) for pair in pairs} == {
         (str(number), f"re_{number}", f"im_{number}") for number in range(1500)
     }

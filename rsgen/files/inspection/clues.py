@@ -1,12 +1,10 @@
-"""Recognise the arrays of a data file by their names, units, sizes and texts about them, not by values."""
+"""Say what the arrays of a data file are by their names, units, sizes and texts about them, not by values."""
 
 from __future__ import annotations
 
 import re
-from collections import defaultdict
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
-from typing import Any
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import replace
 
 from rsgen.common.errors import RsgenError
 from rsgen.data.record_set import QUANTITIES
@@ -20,7 +18,6 @@ OVER_FORCE = {"displacement": "receptance", "velocity": "mobility", "acceleratio
 """Responses over force, in the words of ISO 7626-1."""
 _VALUES = ("data", "value", "values")
 """Last names of paths that say nothing."""
-_MOTION_UNITS = (*QUANTITIES.values(), *(f"{unit}/N" for unit in QUANTITIES.values()))
 NAMES = {
     "inertance": "acceleration",
     "acc": "acceleration",
@@ -35,28 +32,13 @@ NAMES = {
 }
 """Quantities by what stands in a name."""
 
+Clue = Callable[[Entry], bool]
+"""A condition on an array."""
 
-@dataclass(frozen=True, slots=True)
-class Clue:
-    """A condition on an array; conditions are joined by & and |, inverted by ~."""
 
-    holds: Callable[[Entry], bool]
-
-    def __call__(self, entry: Entry) -> bool:
-        """Return True if the condition holds for an array."""
-        return self.holds(entry)
-
-    def __and__(self, other: Clue) -> Clue:
-        """Return the condition that both hold."""
-        return Clue(lambda entry: self(entry) and other(entry))
-
-    def __or__(self, other: Clue) -> Clue:
-        """Return the condition that at least one of them holds."""
-        return Clue(lambda entry: self(entry) or other(entry))
-
-    def __invert__(self) -> Clue:
-        """Return the opposite condition."""
-        return Clue(lambda entry: not self(entry))
+def first(entries: Sequence[Entry], *clues: Clue) -> Entry | None:
+    """Return the first entry for which the first clue that holds for any holds."""
+    return next((entry for clue in clues for entry in entries if clue(entry)), None)
 
 
 def last_name(entry: Entry) -> str:
@@ -70,12 +52,16 @@ def last_name(entry: Entry) -> str:
     return parts[-1] if parts else entry.path
 
 
+def called(entry: Entry) -> str:
+    """Return the title of a column, else its path."""
+    return entry.title or entry.path
+
+
 def _named(pattern: str) -> Clue:
     search = re.compile(pattern, re.IGNORECASE).search
-    return Clue(lambda entry: bool(search(last_name(entry))))
+    return lambda entry: bool(search(last_name(entry)))
 
 
-ANGULAR = Clue(lambda entry: is_angular(entry.title or last_name(entry)))
 FREQUENCY = _named(r"freq|fréq|hertz|omega|^f(_|$|\d)|(^|[_ ])hz(_|$)|rpm|drehzahl")
 TIME = _named(r"^t(_|$)|time|zeit|instant|^x_value$")
 """The last is LabVIEW's."""
@@ -85,43 +71,18 @@ RESPONSE = _named(
     r"acc|vel|disp|resp|receptance|mobility|frf|strain|laser|output|^\W?[xyzva](_|\W|$|\d)|^h(_|$|\d)"
     r"|beschl|geschw|(^|[ _])weg|auslenk|schwing|vitesse|dépl|depl"
 )
-LOAD = _named(r"forc|kraft|load|^f(_|$|\d)")
 LEVEL = _named(r"level|drive|^amplitude")
+NOMINAL = _named(r"level|stufe|nominal|soll|set_?point")
 BASE = _named(
     r"(^|[^a-z])(base|table|tisch|ground|floor|boden|found(ation)?|fundament|fu(ß|ss)punkt|support|slip"
-    r"|fixture|armature|aufspann\w*|shaker|exciter|seat ?rail)"
+    r"|fixture|armature|aufspann\w*|shaker|exciter|seat ?rail|ctrl|control|regel)"
 )
-"""Where a structure on a driven base is fixed."""
-CONTROL = _named(r"(^|[^a-z])(ctrl|control|regel|drive|input|excit\w*|ref(erence)?|anregung)")
-"""What a shaker's controller holds; a motion of this name is that of the base where there is no force."""
-RELATIVE = _named(r"(^|[^a-z])rel(ativ|ative)?([^a-z]|$)|relativ")
-NOMINAL = _named(r"level|stufe|nominal|soll|set_?point")
-RUN = _named(r"^(run|sweep|lauf|versuch)([ _]?no)?\.?$")
-"""Rows of one run; whether those are the points of one level only the numbers say."""
+"""Where a structure on a driven base is fixed, or what a shaker's controller holds."""
 RATE = _named(r"^f_?s$|rate|sampling|fsamp|sample_?freq")
 INCREMENT = _named(r"^(dt|delta_?[xt]|increment|ts|x_?increment|sample_?(time|interval))$")
 """The time from one sample to the next."""
-_PARTS = [
-    tuple(map(re.compile, pair))
-    for pair in (
-        (
-            r"(?i)(?<![^\W\d_])re(?:al)?(?:_?part|teil)?(?![^\W\d_])",
-            r"(?i)(?<![^\W\d_])im(?:ag(?:in(?:ary|aer|är))?)?(?:_?part|teil)?(?![^\W\d_])",
-        ),
-        (r"\ARe(?=[A-Z])|(?<=[A-Za-z\d])Re\Z", r"\AIm(?=[A-Z])|(?<=[A-Za-z\d])Im\Z"),
-        (r"(?i)(?<=[_ .])r\Z", r"(?i)(?<=[_ .])i\Z"),
-        (r"(?i)in[ _-]?phase|\b(?:i|in)\Z", r"(?i)quad(?:rature)?|\bq\Z"),
-        (r"(?i)cos(?:ine)?", r"(?i)sin(?:e)?"),
-        (r"(?i)(?<![^\W_])x(?=\d*(?:_|\Z))", r"(?i)(?<![^\W_])y(?=\d*(?:_|\Z))"),
-    )
-]
-"""How the names of a real and an imaginary part differ: "H_re" and "H_im", "ReH" and "ImH", a lock-in's "X"
-and "Y" at the end."""
-_VOLTS = ("", "V", "mV")
-"""Units of a lock-in amplifier; X and Y with another one are directions."""
-_PHASE_NAMED = _named(r"phas|phs|phi|φ|(^|[_ ])(lag|ang)(?![a-z])|(?<![a-z])arg|angle|winkel|deg")
 _DEGREES = ("deg", "°", "rad", "degree", "degrees")
-PHASE = Clue(lambda entry: _PHASE_NAMED(entry) or entry.unit in _DEGREES)
+_PHASE_NAMED = _named(r"phas|phs|phi|φ|(^|[_ ])(lag|ang)(?![a-z])|(?<![a-z])arg|angle|winkel|deg")
 _SPREAD = _named(
     r"std|sigma|var|error|coheren|kohären|temperature|number|(?<![a-z])(coh|temp|humidity|averages|date|rpm_set)(?![a-z])"
 )
@@ -129,61 +90,42 @@ QUOTIENT = _named(
     r"receptance|mobility|accelerance|inertance|compliance|frf|^h(_|$|\d|\()|/\s?f\Z"
     r"|(frequency|freq\.?) response|transfer function|frequenzgang|übertragungsfunktion"
 )
-_LEAD = _named(r"lead")
-_LAG = _named(r"lag")
 RMS = re.compile(r"(?<![a-z])(rms|eff)", re.IGNORECASE)
 PEAK = re.compile(r"(?<![a-z-])(peak|pk)(?![- ]?(to|peak|pk))", re.IGNORECASE)
 DECIBEL = re.compile(r"(?<![a-z\d])db(?![a-z])", re.IGNORECASE)
 
-REAL = Clue(lambda entry: not entry.dtype.startswith("complex"))
-LONG = Clue(lambda entry: entry.size > 1)
+
+def is_real(entry: Entry) -> bool:
+    """Return True if the numbers are real."""
+    return not entry.dtype.startswith("complex")
 
 
-def _with_unit(*targets: str) -> Clue:
-    """Ask for a unit of one of the dimensions."""
-    return Clue(lambda entry: bool(entry.unit) and any(unit_for(entry.unit, target) for target in targets))
+def is_force(entry: Entry) -> bool:
+    """Return True if the unit is that of a force."""
+    return bool(entry.unit and unit_for(entry.unit, "N"))
 
 
-IS_FORCE = _with_unit("N")
-IS_MOTION = _with_unit(*_MOTION_UNITS)
-"""By its unit a displacement, velocity or acceleration, or one of them over force."""
+def motion_of(entry: Entry) -> str:
+    """Return the SI unit of the displacement, velocity or acceleration, or of one over force, by the unit."""
+    targets = (unit + per for per in ("", "/N") for unit in QUANTITIES.values())
+    return next((target for target in targets if entry.unit and unit_for(entry.unit, target)), "")
 
 
-def of_size(size: int) -> Clue:
-    """Ask for arrays with a side of ``size`` numbers."""
-    return Clue(lambda entry: entry.size == size or size in entry.shape)
+def is_angular_frequency(entry: Entry) -> bool:
+    """Return True if the name is that of an angular frequency."""
+    return is_angular(called(entry)) or is_angular(last_name(entry))
 
 
-def complex_parts(entries: Sequence[Entry]) -> Iterator[tuple[Entry, Entry, Entry]]:
-    """Find real and imaginary parts that belong together, by their names.
-
-    Returns
-    -------
-    Each with the real part under the name that both have in common: "H" for "Re(H)" and "Im(H)".
-    """
-    for real, imaginary in _PARTS:
-        # of equal names in their order; thousands of columns are gone through once
-        partners: dict[tuple[int, str, str], list[Entry]] = defaultdict(list)
-        for entry in entries:
-            name = last_name(entry)
-            if imaginary.search(name):
-                partners[entry.size, entry.unit, imaginary.sub("*", name)].append(entry)
-        for first in entries:
-            name = last_name(first)
-            if not real.search(name):
-                continue
-            alike = partners.get((first.size, first.unit, real.sub("*", name)), [])
-            second = next((entry for entry in alike if entry is not first), None)
-            if second is None or ((real, imaginary) == _PARTS[-1] and first.unit not in _VOLTS):
-                continue
-            alike.remove(second)
-            common = "" if (real, imaginary) == _PARTS[-1] else real.sub("", name).strip(" _-.:()[]{}")
-            yield replace(first, title=common or name), first, second
+def is_phase(entry: Entry) -> bool:
+    """Return True for a phase; a frequency response with a word for angles in its name is none."""
+    quotient = QUOTIENT(entry) and entry.unit.endswith("/N")
+    return not quotient and (_PHASE_NAMED(entry) or entry.unit in _DEGREES)
 
 
-def remarked(word: str) -> Clue:
-    """Ask for a word in what the file says about an array."""
-    return Clue(lambda entry: word in entry.remark)
+def phase_sense(phase: Entry) -> str:
+    """Return "lag" or "lead" where the name of a phase says so: later or earlier; "" elsewhere."""
+    name = last_name(phase).casefold()
+    return next((sense for sense in ("lag", "lead") if sense in name), "")
 
 
 def unit_for(unit: str, target: str) -> str | None:
@@ -197,78 +139,25 @@ def unit_for(unit: str, target: str) -> str | None:
     return name
 
 
-def phase_sense(phase: Entry) -> str:
-    """Return "lag" or "lead" where the name of a phase says so: later or earlier; "" elsewhere."""
-    return "lag" if _LAG(phase) else "lead" if _LEAD(phase) else ""
-
-
 # ----------------------------------------------------------------------------
-# The draft of a case while it is written, with the arrays that have no place in it yet.
+# Units and names of arrays, from their titles and from texts in the file.
 
 
-class Draft:
-    """The tables of a case as far as they are written, and the entries that have no place in them yet."""
+def readable(contents: Contents) -> list[Entry]:
+    """Return the arrays that a test may need, each with the name and the unit that the file has for it.
 
-    def __init__(self, contents: Contents) -> None:
-        self.contents = contents
-        readable = (e for e in contents.entries if e.dtype and not e.fault and e.size and not _is_empty(e))
-        texts = {e.path: e.remark for e in contents.entries if e.dtype == TEXT}
-        self.free = [e for e in (_completed(e, texts) for e in readable) if not _SPREAD(e)]
-        self.levels: list[str] = []
-        self.run: tuple[str, str] | None = None
-        self.tables: dict[str, dict[str, Any]] = {}
-        self.doubts: dict[str, str] = {}
-
-    def take(self, *clues: Clue) -> Entry | None:
-        """Take the first entry for which the first clue that holds for any holds."""
-        entry = next((entry for clue in clues for entry in self.free if clue(entry)), None)
-        if entry is not None:
-            self.free.remove(entry)
-        return entry
-
-    def address(self, entry: Entry) -> int | str:
-        """Return the address of an array in a case."""
-        if self.run:
-            run, star = self.run
-            if entry.path.startswith(run):
-                return star + entry.path.removeprefix(run)
-        sides = [length for length in entry.shape if length > 1]
-        if len(sides) > 1 and self.tables["test"].get("excitation"):
-            return f"{entry.path}[1]"
-        return int(entry.path) if self.contents.format == "csv" and entry.path.isdigit() else entry.path
-
-
-def _is_empty(entry: Entry) -> bool:
-    """Return True if no number of a real array is finite, or all are zero; complex ones have no range."""
-    return REAL(entry) and entry.size > 1 and (entry.low is None or entry.low == entry.high == 0)
-
-
-def _completed(entry: Entry, texts: Mapping[str, str]) -> Entry:
-    """Add to an entry its unit, as a case spells it, and its name, both from texts in the file."""
-    named = entry if entry.title else replace(entry, title=name_beside(entry.path, texts))
-    name = last_name(named)
-    unit = named.unit or unit_beside(entry.path, texts) or unit_in(name) or unit_within(name)
-    return replace(named, unit=plain_unit(unit))
-
-
-def run_of(entry: Entry, entries: Iterable[Entry]) -> tuple[str, str, int] | None:
-    """Find whether an entry stands in one of several runs: how its path begins, the same with *, how many.
-
-    "runs/1/f" and "drive_1/f" do, if there is a "runs/2/f" or "drive_2/f".
+    Left out are empty ones, zeros, and by their names deviations, coherences and conditions of a test.
     """
-    paths = {other.path for other in entries}
-    parts = entry.path.split("/")
-    for place, part in enumerate(parts[:-1]):
-        stem = part.rstrip("0123456789")
-        if stem == part:
-            continue
-        rest = "/".join(parts[place + 1 :])
-        before = "/".join([*parts[:place], stem])
-        alike = re.compile(re.escape(before) + r"\d+/" + re.escape(rest))
-        count = sum(bool(alike.fullmatch(path)) for path in paths)
-        if count > 1:
-            return "/".join(parts[: place + 1]) + "/", before + "*/", count
-    return None
+    texts = {entry.path: entry.remark for entry in contents.entries if entry.dtype == TEXT}
+    found = []
+    for entry in contents.entries:
+        empty = entry.size > 1 and is_real(entry) and (entry.low is None or entry.low == entry.high == 0)
+        if entry.dtype and not entry.fault and entry.size and not empty:
+            named = entry if entry.title else replace(entry, title=name_beside(entry.path, texts))
+            name = last_name(named)
+            unit = named.unit or unit_beside(entry.path, texts) or unit_in(name) or split_within(name)[1]
+            found.append(replace(named, unit=plain_unit(unit)))
+    return [entry for entry in found if not _SPREAD(entry)]
 
 
 _WITHIN = re.compile(r"\s?[\[(]\s*([^()\[\]]{1,12}?)\s*[\])](?=\s)")
@@ -304,29 +193,18 @@ def plain_unit(unit: str) -> str:
     return next((plain for pattern, plain in _SPELLED if pattern.fullmatch(text)), unit)
 
 
-def unit_within(title: str) -> str:
-    """Return the unit in brackets amid a title, or as its last word; "" where there is none.
+def split_within(title: str) -> tuple[str, str]:
+    """Split a title into its name and the unit in brackets amid it, or as its last word; "" for none.
 
     Examples
     --------
-    >>> unit_within("Acc1 (g) Mag"), unit_within("Force N"), unit_within("H (f) real"), unit_within("g")
-    ('g', 'N', '', '')
+    >>> split_within("Acc1 (g) Mag"), split_within("Force N"), split_within("H (f) real"), split_within("g")
+    (('Acc1 Mag', 'g'), ('Force', 'N'), ('H (f) real', ''), ('g', ''))
     """
-    found = [match[1] for pattern in (_WITHIN, _LAST) for match in pattern.finditer(title)]
-    return next((unit for unit in found if is_unit(unit) and unit not in _NO_UNIT), "")
-
-
-def without_unit(title: str) -> str:
-    """Remove the unit that ``unit_within`` returns.
-
-    Examples
-    --------
-    >>> without_unit("Acc1 (g) Mag"), without_unit("Force N")
-    ('Acc1 Mag', 'Force')
-    """
-    unit = unit_within(title)
-    bracketed = _WITHIN.sub(lambda match: "" if match[1] == unit else match[0], title)
-    return bracketed if bracketed != title or not unit else title[: -len(unit)].rstrip()
+    for match in (match for pattern in (_WITHIN, _LAST) for match in pattern.finditer(title)):
+        if is_unit(match[1]) and match[1] not in _NO_UNIT:
+            return title[: match.start()] + title[match.end() :], match[1]
+    return title, ""
 
 
 def unit_beside(path: str, texts: Mapping[str, str]) -> str:

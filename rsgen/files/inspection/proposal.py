@@ -10,468 +10,52 @@ from fnmatch import fnmatchcase
 from typing import Any
 
 from rsgen.common.errors import listed
-from rsgen.files.column_titles import split_title, unit_in
+from rsgen.data.record_set import QUANTITIES
 from rsgen.files.inspection.clues import (
-    ANGULAR,
     BASE,
+    DECIBEL,
     DRIVE,
     FORCE,
     FREQUENCY,
     INCREMENT,
-    IS_FORCE,
-    IS_MOTION,
     LEVEL,
-    LOAD,
-    LONG,
+    NAMES,
     NOMINAL,
-    PHASE,
+    OVER_FORCE,
+    PEAK,
     QUOTIENT,
     RATE,
-    REAL,
     RESPONSE,
-    RUN,
+    RMS,
     TIME,
     TODO,
-    Clue,
-    Draft,
+    called,
+    first,
+    is_angular_frequency,
+    is_force,
+    is_phase,
+    is_real,
     last_name,
-    of_size,
-    remarked,
-    run_of,
+    motion_of,
+    phase_sense,
+    readable,
     unit_for,
 )
 from rsgen.files.inspection.sensors import (
     Sensor,
-    find_base,
+    channel_names,
     find_sensors,
-    fundamentals,
+    higher_harmonics,
     is_of_another,
-    place_of,
-    unit_of_force,
-    write_base,
-    write_motions,
+    levels_in_columns,
+    split_level,
 )
 from rsgen.files.plan import HERTZ, SECONDS, Layout
 from rsgen.files.tree import Contents, Entry, natural_order
 from rsgen.formula.units import UNKNOWN
 
-# ----------------------------------------------------------------------------
-# Levels that stand side by side: columns "x@1N", "x@2N", or variables "phase_1N", "phase_2N".
-
-_LEVEL = re.compile(
-    r"(?:(?<![A-Za-z])(?:F|force|level|Kraft|Stufe)\s?[=: ]\s?)?"
-    r"(?<![\d.,])(\d{1,9}(?:[.,]\d{1,9})?)[\s_]?([munk]?N|lbf)(?![A-Za-z])"
-)
-"""The amount of a force in a name. A number without one may as well be that of a sensor."""
-
-
-def level_in(text: str) -> str:
-    """Return the amount of a force in a text as a case writes it, "" where there is none.
-
-    Examples
-    --------
-    >>> level_in("receptance, 2,5 N, up"), level_in("BEAM 2 +Z")
-    ('2.5 N', '')
-    """
-    found = _LEVEL.search(text)
-    return f"{found[1].replace(',', '.')} {found[2]}" if found else ""
-
-
-def without_level(text: str) -> str:
-    """Remove the amount of a force from a text.
-
-    Examples
-    --------
-    >>> without_level("receptance, 2 N, up, measured")
-    'receptance, up, measured'
-    """
-    return _LEVEL.sub("", text).replace(", ,", ",").strip(" ,_-")
-
-
-def levels_in_columns(entries: Sequence[Entry], *, tree: bool = False) -> tuple[list[Entry], list[str]]:
-    """Put columns that differ in the amount of a force alone under one address with a *.
-
-    Parameters
-    ----------
-    entries
-        Of a file.
-    tree
-        Whether its reader sorts what a * means, as of all formats but text, whose columns keep their order.
-
-    Returns
-    -------
-    The entries, of each family the first under the address of all; and the levels in their order, as a case
-    writes them; none where there are no such columns.
-
-    Examples
-    --------
-    >>> columns = [Entry("f"), Entry("x@1N [mm]"), Entry("x@2,5N [mm]")]
-    >>> found, levels = levels_in_columns(columns)
-    >>> [entry.path for entry in found], found[1].unit, levels
-    (['f', 'x@*N [mm]'], 'mm', ['1 N', '2.5 N'])
-    """
-    families: dict[str, list[tuple[str, Entry]]] = defaultdict(list)
-    for entry in entries:
-        found = _LEVEL.search(entry.path)
-        # a column that goes by its number has no name for a * to stand in; a sheet has
-        if not found or "*" in entry.path:
-            continue
-        if found.end() <= entry.path.rfind("/") or entry.title in ("", entry.path):
-            address = f"{entry.path[: found.start(1)]}*{entry.path[found.end(1) :]}"
-            families[address].append((level_in(found[0]), entry))
-    by_levels: dict[tuple[str, ...], dict[str, Entry]] = defaultdict(dict)
-    for address, members in families.items():
-        if tree:
-            members.sort(key=lambda member: natural_order(member[1].path))
-        levels = tuple(level for level, _ in members)
-        if len(set(levels)) == len(levels) > 1:
-            by_levels[levels][address] = members[0][1]
-    if not by_levels:
-        return list(entries), []
-    levels = max(by_levels, key=lambda found: (len(by_levels[found]), len(found)))
-    together = by_levels[levels]
-    first = {entry.path: _joined(address, entry) for address, entry in together.items()}
-    members_of = {entry.path for address in together for _, entry in families[address]}
-    kept = [first.get(e.path, e) for e in entries if e.path in first or e.path not in members_of]
-    return kept, list(levels)
-
-
-def _joined(address: str, first: Entry) -> Entry:
-    """Put a family under one address; its name and its unit are those without the level."""
-    if first.title not in ("", first.path):
-        return replace(first, path=address)
-    name, unit = split_title(_LEVEL.sub("", first.path))
-    name = name.strip(" _@-,") or first.path
-    if not unit and first.unit != unit_in(first.path):
-        unit = first.unit
-    return replace(first, path=address, title=f"{name} [{unit}]" if unit else name, unit=unit)
-
-
-# ----------------------------------------------------------------------------
-# The draft of the case that reads a table of amplitudes over frequency: force or base, responses, level.
-
-_NO_MOTION = ~IS_MOTION & ~QUOTIENT
-# "f_re_N" is a force
-_NAMED_FREQUENCY = FREQUENCY & ~IS_FORCE & _NO_MOTION
-
-
-class _Table:
-    """The channels of a table that are left while force, base and responses are chosen."""
-
-    def __init__(self, sensors: Sequence[Sensor], loose: Sequence[Entry]) -> None:
-        self.free = list(sensors)
-        self.loose = list(loose)
-
-    def take(self, *clues: Clue) -> Sensor | None:
-        """Take the first channel for which the first clue that holds for any holds."""
-        found = next((sensor for clue in clues for sensor in self.free if clue(sensor.main)), None)
-        if found is not None:
-            self.free.remove(found)
-        return found
-
-    def take_all(self, clue: Clue) -> list[Sensor]:
-        """Take all channels for which a clue holds."""
-        found = [sensor for sensor in self.free if clue(sensor.main)]
-        self.free = [sensor for sensor in self.free if sensor not in found]
-        return found
-
-
-def _are_channels(draft: Draft, run: tuple[str, str]) -> bool:
-    """Return True if entries with one name are force and response of one run, as in a universal file."""
-    first, star = run
-    kinds: dict[str, set[bool]] = {}
-    for entry in draft.free:
-        if fnmatchcase(entry.path, f"{star}*"):
-            kinds.setdefault(entry.path.split("/", first.count("/"))[-1], set()).add(IS_FORCE(entry))
-    return any(len(found) > 1 for found in kinds.values())
-
-
-def _other_points(draft: Draft, star: str) -> str:
-    """Say which points the runs of a file are of where they are no levels of one; "" where they are."""
-    motions = [e for e in draft.free if IS_MOTION(e) and e.title and fnmatchcase(e.path, f"{star}*")]
-    points = list(dict.fromkeys(entry.remark for entry in motions))
-    if len(points) < 2:
-        return ""
-    same = sum(entry.remark == points[0] for entry in motions) - 1
-    again = f" and {same} more of this point" if same else ""
-    names = list(dict.fromkeys(e.title for e in motions if e.remark != points[0]))
-    return f"left out: {listed(names)}{again}; a case reads one point, whose entries are levels"
-
-
-def _titles_of_runs(draft: Draft) -> list[str]:
-    """Return the titles of all runs in the order in which these are read."""
-    star = draft.run[1] if draft.run else ""
-    alike = [e for e in draft.contents.entries if e.title and not e.fault and fnmatchcase(e.path, f"{star}*")]
-    return [e.title for e in sorted(alike, key=lambda entry: natural_order(entry.path))]
-
-
-def _level(draft: Draft, level: Entry | None, driven: bool, runs: int) -> dict[str, Any]:
-    """Return the table of the level; empty where levels follow from the measured forces."""
-    if draft.levels:
-        return {"values": draft.levels}
-    if level is not None:
-        unit = {"unit": unit_for(level.unit, "N")} if IS_FORCE(level) else {}
-        return {"column": draft.address(level)} | unit
-    if driven:
-        run = next((entry for entry in draft.free if (REAL & LONG & RUN)(entry)), None)
-        if run is not None:
-            place = "test.base" if "test.base" in draft.tables else "test.force"
-            first, column = next(iter(draft.tables[place])), draft.address(run)
-            hint = f"levels are amounts that differ little; or [test.level] with column = {column!r}"
-            draft.doubts.setdefault(f"{place}.{first}", hint)
-        return {}
-    titles = _titles_of_runs(draft) if runs else []
-    said = [level_in(title) for title in titles]
-    if len(said) == runs and runs and all(said):
-        others = dict.fromkeys(without_level(title) for title in titles)
-        differ = f", which are of {' and of '.join(others)}" if len(others) > 1 else ""
-        draft.doubts["test.level.values"] = f"by the titles of the entries{differ}"
-        return {"values": said}
-    if runs:
-        draft.doubts["test.level.values"] = f"{TODO}write the force amplitude of each"
-        return {"values": [f"{UNKNOWN} N"] * runs}
-    draft.doubts["test.level.value"] = f"{TODO}write the force amplitude of this file"
-    return {"value": f"{UNKNOWN} N"}
-
-
-def _named_level(draft: Draft, size: int, alike: Clue) -> Entry | None:
-    """Take the nominal level: a level with a name goes first, for its name may be one of a force, too."""
-    return draft.take(
-        REAL & LEVEL & Clue(lambda entry: entry.size < size),
-        alike & REAL & NOMINAL,
-    )
-
-
-def _force(table: _Table) -> Sensor | None:
-    named = (FORCE | LOAD) & _NO_MOTION
-    in_parts = {id(sensor.main) for sensor in table.free if sensor.places[0][0] == "real"}
-    parts = Clue(lambda entry: id(entry) in in_parts)
-    return table.take(
-        parts & IS_FORCE,
-        REAL & IS_FORCE,
-        parts & named,
-        REAL & FORCE & _NO_MOTION,
-        REAL & DRIVE & _NO_MOTION,
-        ~REAL & (IS_FORCE | (LOAD & _NO_MOTION)),
-    )
-
-
-def _responses(table: _Table) -> list[Sensor]:
-    """Take the channels that are responses by unit or name, those with a phase first."""
-    others = ~FORCE & ~IS_FORCE
-    named = (RESPONSE | QUOTIENT | remarked("frequency response")) & others
-    found = table.take_all(IS_MOTION | named)
-    return sorted(found, key=lambda sensor: (not sensor.has_phase, sensor.places[0][0] == "amplitude"))
-
-
-def _with_loose_phase(responses: list[Sensor], table: _Table) -> list[Sensor]:
-    """Assign a phase whose title names no channel to the first response if that has none."""
-    if not responses or responses[0].has_phase:
-        return responses
-    for phase in table.loose:
-        if not is_of_another(phase, responses[0].main):
-            table.loose.remove(phase)
-            others = [sensor.main.title or sensor.main.path for sensor in responses[1:]]
-            doubt = f"or that of {listed(others)}: its title names no channel" if others else ""
-            places = (*responses[0].places, ("phase", phase))
-            return [Sensor(responses[0].main, places, doubt), *responses[1:]]
-    return responses
-
-
-def _called(column: Entry) -> str:
-    return column.title or column.path
-
-
-def _ask_response(draft: Draft, names: Sequence[str], key: str = "amplitude") -> None:
-    """Ask which of several columns is the response, where no name or unit says it."""
-    draft.tables["test.response"] = {"quantity": "displacement", "unit": "m", key: UNKNOWN}
-    asked = f"{TODO}write which is the response, its quantity and unit: {listed(names)}"
-    missing = (
-        f"{TODO}no column is left for the response; where it is in another file, write `file` and its column"
-    )
-    draft.doubts[f"test.response.{key}"] = asked if names else missing
-
-
-def _left_out(table: _Table, higher: dict[int, list[Entry]]) -> str:
-    """Say which columns of channels are not read."""
-    others = [column for sensor in table.free if RESPONSE(sensor.main) for column in sensor.columns]
-    names = [_called(entry) for entry in (*others, *table.loose)]
-    said = ""
-    if names:
-        said = f"left out: {listed(names)}"
-    if higher:
-        orders = f"harmonic{'s' * (len(higher) > 1)} {', '.join(map(str, higher))}"
-        said += "; " * bool(said) + (
-            f"left out: {orders}; a table is read at its fundamental, time histories bring harmonics in"
-        )
-    return said
-
-
-def _own_frequencies(draft: Draft, frequency: Entry) -> str:
-    """Leave out what lies with a frequency of its own, as another test in the same file does; say so."""
-    named = REAL & LONG & _NAMED_FREQUENCY
-    others = {e.path.rpartition("/")[0] for e in draft.free if named(e)} - {frequency.path.rpartition("/")[0]}
-    # a / in the title of a text is no folder
-    tree = draft.contents.format != "csv"
-    left = [e.path for e in draft.free if tree and e.path.rpartition("/")[0] in others]
-    draft.free = [e for e in draft.free if e.path not in left]
-    return f"left out: {listed(left)}, which have a frequency of their own" if left else ""
-
-
-def propose_amplitudes(draft: Draft, frequency: Entry) -> None:
-    """Write the tables of a case for a table of amplitudes over ``frequency``."""
-    draft.tables["test"] = {}
-    runs = run_of(frequency, draft.contents.entries)
-    of_others = ""
-    if runs is not None and _are_channels(draft, runs[:2]):
-        runs = None
-    elif runs is not None and (of_others := _other_points(draft, runs[1])):
-        draft.free = [entry for entry in draft.free if entry.path.startswith(runs[0])]
-        runs = None
-    elif runs is not None:
-        draft.run = runs[:2]
-        draft.free = [entry for entry in draft.free if entry.path.startswith(runs[0])]
-    else:
-        of_others = _own_frequencies(draft, frequency)
-    unit = {"unit": frequency.unit} if frequency.unit in HERTZ and frequency.unit != "Hz" else {}
-    if ANGULAR(frequency) and frequency.unit not in HERTZ:
-        unit = {"unit": "rad/s"}
-        draft.doubts["test.frequency.unit"] = "its name says an angular frequency; Hz if it is none"
-    draft.tables["test.frequency"] = {"column": draft.address(frequency)} | unit
-    alike = LONG & of_size(frequency.size)
-    named = _named_level(draft, frequency.size, alike)
-    draft.free, higher = fundamentals(draft.free)
-    sensors = find_sensors(draft.free, alike)
-    table = _Table(sensors.found, sensors.loose)
-    base = find_base(table.free)
-    if named is not None and base is not None and (IS_FORCE(named) or not BASE(base.sensor.main)):
-        # levels of a force are no base's; others need its name
-        base = None
-    if base is not None:
-        # other directions of the base are no responses
-        table.free = [s for s in table.free if s is not base.sensor and not BASE(s.main)]
-    force = None if base else _force(table)
-    responses = _with_loose_phase(_responses(table), table)
-    # one device writes all phases in one sense
-    reference = base.sensor if base else force
-    shared = "lead" if reference and reference.has_phase else ""
-    if base is not None:
-        write_base(draft, base, shared)
-    else:
-        draft.tables["test.force"] = _force_table(draft, force, shared)
-    if not base and not force and responses and BASE(responses[0].main):
-        draft.doubts["test.force.nominal"] = (
-            f"{TODO}no force, and the only motion is that of a base: write that of the mass into the file, "
-            "such as transmissibility times base"
-        )
-    level = _level(draft, named, bool(base or force), runs[2] if runs else 0)
-    if responses:
-        write_motions(
-            draft, responses, shared, "; ".join(filter(None, [of_others, _left_out(table, higher)]))
-        )
-    else:
-        _ask_response(draft, [name for sensor in table.free for name in map(_called, sensor.columns)])
-    if level:
-        draft.tables["test.level"] = level
-
-
-def _force_table(draft: Draft, force: Sensor | None, sense: str) -> dict[str, Any]:
-    if force is None:
-        draft.doubts["test.force.nominal"] = "no force is named, so the level stands for it"
-        return {"nominal": True}
-    place = place_of(draft, force, "test.force", sense)
-    columns = {key: place.pop(key) for key in ("amplitude",) if key in place}
-    return columns | {"unit": unit_of_force(draft, force.main)} | place
-
-
-# ----------------------------------------------------------------------------
-# The draft of the case that reads time histories: where time, force or base and responses are.
-
-_EXCITATIONS = {
-    "step": "stepped-sine",
-    "multisine": "multisine",
-    **dict.fromkeys(("sweep", "swept", "sinesw", "chirp"), "swept-sine"),
-    **dict.fromkeys(("decay", "ring", "release", "hammer", "impact", "impulse", "ausschwing"), "ring-down"),
-}
-"""Excitations by what stands in the name of a file."""
-_CHOICES = '"swept-sine", "stepped-sine", "multisine" or "ring-down"'
-
-
-def _time(draft: Draft, time: Entry | None, rate: Entry | None) -> int:
-    """Write where the time is; give the number of samples."""
-    step = draft.take(~LONG & INCREMENT) if time is rate is None else None
-    if step is not None and step.low:
-        draft.tables["test.time"] = {"rate": f"{1 / step.low:.10g} Hz"}
-        draft.doubts["test.time.rate"] = f"one over {step.path}"
-        return _longest(draft)
-    if time is not None:
-        table: dict[str, Any] = {"column": draft.address(time)}
-        draft.tables["test.time"] = table | (
-            {"unit": time.unit} if time.unit in SECONDS and time.unit != "s" else {}
-        )
-        return time.size
-    draft.tables["test.time"] = (
-        {"rate": f"{UNKNOWN} Hz"} if rate is None else {"rate_column": draft.address(rate)}
-    )
-    if rate is None:
-        draft.doubts["test.time.rate"] = f"{TODO}not in the file: write the sampling rate"
-    return _longest(draft)
-
-
-def _longest(draft: Draft) -> int:
-    return max((max(entry.shape, default=1) for entry in draft.free), default=0)
-
-
-def propose_history(draft: Draft, time: Entry | None, rate: Entry | None) -> None:
-    """Write the tables of a case for time histories."""
-    stem = draft.contents.file.stem.casefold()
-    kinds = (kind for sign, kind in _EXCITATIONS.items() if sign in stem)
-    test: dict[str, Any] = {"excitation": next(kinds, UNKNOWN)}
-    draft.tables["test"] = test
-    if test["excitation"] == UNKNOWN:
-        draft.doubts["test.excitation"] = f"{TODO}write {_CHOICES}"
-    fits = REAL & LONG & of_size(_time(draft, time, rate))
-    no_motion = ~IS_MOTION
-    force = draft.take(fits & IS_FORCE, fits & remarked("force"), fits & FORCE & no_motion)
-    base = None
-    if force is None:
-        base = find_base([_recorded(entry) for entry in draft.free if fits(entry)])
-        force = None if base else draft.take(fits & DRIVE & no_motion)
-    if base is not None:
-        draft.free = [entry for entry in draft.free if entry is not base.sensor.main]
-        write_base(draft, base, "")
-    elif force is not None:
-        draft.tables["test.force"] = {"samples": draft.address(force), "unit": unit_of_force(draft, force)}
-    elif test["excitation"] != "ring-down":
-        draft.tables["test.force"] = {"samples": UNKNOWN, "unit": "N"}
-        draft.doubts["test.force.samples"] = f"{TODO}write the path of the force; a ring-down needs none"
-    first = draft.take(fits & IS_MOTION, fits & RESPONSE, fits & remarked("time response"))
-    if first is None:
-        names = [_called(entry) for entry in draft.free if fits(entry)]
-        _ask_response(draft, names, "samples")
-        return
-    alike = fits & (IS_MOTION if IS_MOTION(first) else RESPONSE)
-    others = [entry for entry in draft.free if alike(entry)]
-    rest = [_called(entry) for entry in draft.free if fits(entry) and entry not in others]
-    left_out = f"left out: {listed(rest)}" if rest else ""
-    write_motions(draft, [s for entry in (first, *others) for s in _channels(entry)], "", left_out)
-
-
-def _recorded(entry: Entry) -> Sensor:
-    return Sensor(entry, (("samples", entry),))
-
-
-def _channels(entry: Entry) -> list[Sensor]:
-    """Return the channels of an array: itself or, of a matrix, its rows along the longer side."""
-    sides = [length for length in entry.shape if length > 1]
-    if len(sides) < 2:
-        return [_recorded(entry)]
-    count, length = min(sides), max(sides)
-    name = last_name(entry)
-    return [
-        _recorded(replace(entry, path=f"{entry.path}[{number}]", shape=(length,), title=f"{name} {number}"))
-        for number in range(1, count + 1)
-    ]
+_MIN_SAMPLES = 16
+"""Numbers of an array from which it may be a record."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -490,40 +74,46 @@ class Proposal:
     doubts: dict[str, str] = field(default_factory=dict)
 
 
-def _abscissa(draft: Draft) -> tuple[Entry | None, Entry | None, Entry | None]:
-    """Take the time, the sampling rate or the frequency."""
-    tabled = REAL & LONG
-    of_frequency = Clue(lambda entry: entry.unit in HERTZ)
-    of_time = tabled & Clue(lambda entry: entry.unit in SECONDS) & ~FREQUENCY
+class _Draft:
+    """The tables of a case as far as they are written, and the arrays that have no place in them yet."""
+
+    def __init__(self, contents: Contents) -> None:
+        self.contents = contents
+        self.free = readable(contents)
+        self.levels: list[str] = []
+        self.run = ("", "")
+        """How the path of one of several runs begins, and the same with a *."""
+        self.tables: dict[str, dict[str, Any]] = {}
+        self.doubts: dict[str, str] = {}
+
+    def take(self, entry: Entry | None) -> Entry | None:
+        """Take an array away from those without a place."""
+        self.free = [other for other in self.free if other is not entry]
+        return entry
+
+    def address(self, entry: Entry) -> int | str:
+        """Return the address of an array in a case."""
+        run, star = self.run
+        if run and entry.path.startswith(run):
+            return star + entry.path.removeprefix(run)
+        return int(entry.path) if self.contents.format == "csv" and entry.path.isdigit() else entry.path
+
+
+def _is_frequency(entry: Entry) -> bool:
+    # "f_re_N" is a force
+    return FREQUENCY(entry) and not (is_force(entry) or motion_of(entry) or QUOTIENT(entry))
+
+
+def _abscissa(entries: Sequence[Entry]) -> tuple[Entry | None, Entry | None]:
+    """Find the time, or the frequency."""
+    rows = [entry for entry in entries if is_real(entry) and entry.size > 1]
+    hertz = [entry for entry in rows if entry.unit in HERTZ]
+    time = first(rows, lambda entry: entry.unit in SECONDS and not FREQUENCY(entry))
     # rows with phases are readings of amplitudes, whatever their instants
-    log = any((tabled & of_frequency)(e) for e in draft.free) and any((LONG & PHASE)(e) for e in draft.free)
-    time = None if log else draft.take(of_time)
-    if time is not None:
-        return time, None, None
-    frequency = draft.take(tabled & of_frequency, tabled & _NAMED_FREQUENCY, tabled & ANGULAR)
-    if frequency is not None:
-        return None, None, frequency
-    time = draft.take(tabled & TIME)
-    return time, None if time else draft.take(~LONG & RATE), None
-
-
-def _nameless(draft: Draft) -> None:
-    """Write the tables of a case for a text whose columns have names that say nothing, or none."""
-    names = [_called(entry) for entry in draft.free if (REAL & LONG)(entry)]
-    draft.tables |= {
-        "test": {},
-        "test.frequency": {"column": UNKNOWN},
-        "test.force": {"amplitude": UNKNOWN, "unit": "N"},
-    }
-    _ask_response(draft, names)
-    draft.tables["test.response"] |= {"phase": UNKNOWN, "phase_sense": UNKNOWN}
-    draft.doubts |= {
-        "test.frequency.column": f"{TODO}write the name or the number of the column; time histories have "
-        "excitation, [test.time] and samples instead",
-        "test.force.amplitude": f"{TODO}write the column of the force, and its unit",
-        "test.response.phase": f"{TODO}write its column; or write real and imaginary in place of both",
-        "test.response.phase_sense": f'{TODO}write "lead" where a positive phase is earlier, else "lag"',
-    }
+    if time is not None and not (hertz and any(map(is_phase, rows))):
+        return time, None
+    frequency = first(hertz or rows, lambda _: bool(hertz), _is_frequency, is_angular_frequency)
+    return (None, frequency) if frequency else (first(rows, TIME), None)
 
 
 def propose(contents: Contents) -> Proposal | None:
@@ -534,26 +124,431 @@ def propose(contents: Contents) -> Proposal | None:
     contents
         What ``list_contents`` found.
     """
-    draft = Draft(contents)
-    separate = draft.free
-    draft.free, draft.levels = levels_in_columns(separate, tree=contents.format != "csv")
-    time, rate, frequency = _abscissa(draft)
-    if frequency is None and draft.levels:
-        draft.free, draft.levels = separate, []
-        time, rate, frequency = _abscissa(draft)
-    if frequency is None and not any(entry.size > 15 for entry in draft.free):
+    draft = _Draft(contents)
+    time, frequency = _abscissa(draft.free)
+    if frequency is not None:
+        draft.free, draft.levels = levels_in_columns(draft.free, tree=contents.format != "csv")
+        _propose_table(draft, _abscissa(draft.free)[1] or frequency)
+    elif not any(entry.size >= _MIN_SAMPLES for entry in draft.free):
         return None
-    if frequency is None and draft.contents.format == "csv" and time is rate is None:
-        _nameless(draft)
-    elif frequency is None:
-        propose_history(draft, time, rate)
+    elif contents.format == "csv" and time is None:
+        _propose_nameless(draft)
     else:
-        propose_amplitudes(draft, frequency)
-    draft.tables["test"] = {"kind": "measured", "file": contents.file.name, **draft.tables["test"]}
+        _propose_history(draft, time)
+    tables = {"test": {"kind": "measured", "file": contents.file.name, **draft.tables.pop("test", {})}}
     if contents.layout is not None:
-        keys = ("delimiter", "decimal", "skip", "encoding")
-        found = {key: getattr(contents.layout, key) for key in keys}
+        found = {key: getattr(contents.layout, key) for key in ("delimiter", "decimal", "skip", "encoding")}
         needed = {key: value for key, value in found.items() if value != getattr(Layout(), key)}
-        if needed:
-            draft.tables = {"test": draft.tables["test"], "test.layout": needed, **draft.tables}
-    return Proposal(draft.tables, draft.doubts)
+        tables |= {"test.layout": needed} if needed else {}
+    return Proposal(tables | draft.tables, draft.doubts)
+
+
+def _propose_nameless(draft: _Draft) -> None:
+    """Write the tables of a case for a text whose columns have names that say nothing, or none."""
+    draft.tables |= {
+        "test.frequency": {"column": UNKNOWN},
+        "test.force": {"amplitude": UNKNOWN, "unit": "N"},
+    }
+    _ask_response(draft, draft.free, "amplitude")
+    draft.tables["test.response"] |= {"phase": UNKNOWN, "phase_sense": UNKNOWN}
+    draft.doubts |= {
+        "test.frequency.column": f"{TODO}write the name or the number of the column; time histories have "
+        "excitation, [test.time] and samples instead",
+        "test.force.amplitude": f"{TODO}write the column of the force, and its unit",
+        "test.response.phase": f"{TODO}write its column; or write real and imaginary in place of both",
+        "test.response.phase_sense": f'{TODO}write "lead" where a positive phase is earlier, else "lag"',
+    }
+
+
+# ----------------------------------------------------------------------------
+# Tables of amplitudes over frequency, and which of a file's tables is read.
+
+
+def _propose_table(draft: _Draft, frequency: Entry) -> None:
+    """Write the tables of a case for a table of amplitudes over ``frequency``."""
+    draft.take(frequency)
+    runs, left_out = _choose_runs(draft, frequency)
+    unit = {"unit": frequency.unit} if frequency.unit in HERTZ and frequency.unit != "Hz" else {}
+    if is_angular_frequency(frequency) and frequency.unit not in HERTZ:
+        unit = {"unit": "rad/s"}
+        draft.doubts["test.frequency.unit"] = "its name says an angular frequency; Hz if it is none"
+    draft.tables["test.frequency"] = {"column": draft.address(frequency)} | unit
+    size = frequency.size
+    real = [entry for entry in draft.free if is_real(entry)]
+    rows = [entry for entry in real if entry.size > 1 and _has_side(entry, size)]
+    level = draft.take(first([e for e in real if e.size < size], LEVEL) or first(rows, NOMINAL))
+    rows = [entry for entry in draft.free if entry.size > 1 and _has_side(entry, size)]
+    higher = higher_harmonics(rows)
+    if higher:
+        more = "; a table is read at its fundamental, time histories bring harmonics in"
+        left_out.append(f"left out: {listed(list(map(called, higher)))}{more}")
+    sensors, loose = find_sensors([entry for entry in rows if entry not in higher])
+    nominal = level is not None and is_force(level)
+    driven = _write_signals(draft, sensors, loose, left_out, of_force=nominal)
+    _write_level(draft, level, driven, runs)
+
+
+def _has_side(entry: Entry, size: int) -> bool:
+    return entry.size == size or size in entry.shape
+
+
+def _choose_runs(draft: _Draft, frequency: Entry) -> tuple[int, list[str]]:
+    """Keep the arrays of the table of ``frequency``; return its number of runs, and what is left out.
+
+    "runs/1/f" and "drive_1/f" are of several runs, if there is a "runs/2/f" or "drive_2/f". Such are levels,
+    if they are not channels of one test or points of a structure, as in a universal file.
+    """
+    folders = [found.end() for found in re.finditer(r"(?<=\d)/", frequency.path)]
+    for end in folders:
+        begin, rest = frequency.path[:end], frequency.path[end:]
+        stem = begin.rstrip("/").rstrip("0123456789")
+        of_run = re.compile(re.escape(stem) + r"\d+/")
+        count = sum(
+            bool(of_run.sub("", e.path, 1) == rest and of_run.match(e.path)) for e in draft.contents.entries
+        )
+        if count < 2:
+            continue
+        members = [entry for entry in draft.free if of_run.match(entry.path)]
+        kinds: dict[str, set[bool]] = defaultdict(set)
+        for entry in members:
+            kinds[of_run.sub("", entry.path, 1)].add(is_force(entry))
+        if any(len(found) > 1 for found in kinds.values()):
+            return 0, []
+        draft.free = [entry for entry in draft.free if entry.path.startswith(begin)]
+        others = _other_points([entry for entry in members if motion_of(entry) and entry.title])
+        if not others:
+            draft.run = (begin, f"{stem}*/")
+        return (0, others) if others else (count, [])
+    return 0, _other_tables(draft, frequency)
+
+
+def _other_points(motions: Sequence[Entry]) -> list[str]:
+    """Say which points the runs of a file are of where they are no levels of one."""
+    points = [entry for entry in motions if entry.remark != motions[0].remark]
+    same = len(motions) - len(points) - 1
+    again = f" and {same} more of this point" if same else ""
+    names = listed(list(dict.fromkeys(map(called, points))))
+    return [f"left out: {names}{again}; a case reads one point, whose entries are levels"] if points else []
+
+
+def _other_tables(draft: _Draft, frequency: Entry) -> list[str]:
+    """Leave out what lies with a frequency of its own, as another test in the same file does; say so."""
+    if draft.contents.format == "csv":
+        # a / in the title of a text is no folder
+        return []
+    with_own = {_folder(e) for e in draft.free if is_real(e) and e.size > 1 and _is_frequency(e)}
+    left = [entry for entry in draft.free if _folder(entry) in with_own - {_folder(frequency)}]
+    draft.free = [entry for entry in draft.free if entry not in left]
+    return (
+        [f"left out: {listed([e.path for e in left])}, which have a frequency of their own"] if left else []
+    )
+
+
+def _folder(entry: Entry) -> str:
+    return entry.path.rpartition("/")[0]
+
+
+def _write_level(draft: _Draft, level: Entry | None, driven: bool, runs: int) -> None:
+    """Write [test.level], where levels do not follow from the measured forces."""
+    table: dict[str, Any] = {}
+    if draft.levels:
+        table = {"values": draft.levels}
+    elif level is not None:
+        table = {"column": draft.address(level)} | (
+            {"unit": unit_for(level.unit, "N")} if is_force(level) else {}
+        )
+    elif not driven and runs:
+        alike = [e for e in draft.contents.entries if e.title and not e.fault]
+        alike = [entry for entry in alike if fnmatchcase(entry.path, f"{draft.run[1]}*")]
+        said = [split_level(e.title) for e in sorted(alike, key=lambda entry: natural_order(entry.path))]
+        if len(said) == runs and all(amount for _, amount in said):
+            others = dict.fromkeys(rest for rest, _ in said)
+            differ = f", which are of {' and of '.join(others)}" if len(others) > 1 else ""
+            draft.doubts["test.level.values"] = f"by the titles of the entries{differ}"
+            table = {"values": [amount for _, amount in said]}
+        else:
+            draft.doubts["test.level.values"] = f"{TODO}write the force amplitude of each"
+            table = {"values": [f"{UNKNOWN} N"] * runs}
+    elif not driven:
+        draft.doubts["test.level.value"] = f"{TODO}write the force amplitude of this file"
+        table = {"value": f"{UNKNOWN} N"}
+    if table:
+        draft.tables["test.level"] = table
+
+
+# ----------------------------------------------------------------------------
+# Time histories.
+
+_EXCITATIONS = {
+    "step": "stepped-sine",
+    "multisine": "multisine",
+    **dict.fromkeys(("sweep", "swept", "sinesw", "chirp"), "swept-sine"),
+    **dict.fromkeys(("decay", "ring", "release", "hammer", "impact", "impulse", "ausschwing"), "ring-down"),
+}
+"""Excitations by what stands in the name of a file."""
+_CHOICES = '"swept-sine", "stepped-sine", "multisine" or "ring-down"'
+
+
+def _propose_history(draft: _Draft, time: Entry | None) -> None:
+    """Write the tables of a case for time histories."""
+    stem = draft.contents.file.stem.casefold()
+    excitation = next((kind for sign, kind in _EXCITATIONS.items() if sign in stem), UNKNOWN)
+    draft.tables["test"] = {"excitation": excitation}
+    if excitation == UNKNOWN:
+        draft.doubts["test.excitation"] = f"{TODO}write {_CHOICES}"
+    draft.tables["test.time"] = _time(draft, draft.take(time))
+    longest = max((max(entry.shape, default=1) for entry in draft.free), default=0)
+    size = time.size if time else longest
+    rows = [entry for entry in draft.free if is_real(entry) and entry.size > 1 and _has_side(entry, size)]
+    sensors = [Sensor(channel, (("samples", channel),)) for entry in rows for channel in _channels(entry)]
+    _write_signals(draft, sensors, [], [])
+
+
+def _time(draft: _Draft, time: Entry | None) -> dict[str, Any]:
+    """Return the table of the time."""
+    if time is not None:
+        unit = {"unit": time.unit} if time.unit in SECONDS and time.unit != "s" else {}
+        return {"column": draft.address(time)} | unit
+    numbers = [entry for entry in draft.free if entry.size == 1]
+    rate = first(numbers, RATE)
+    if rate is not None:
+        return {"rate_column": draft.address(rate)}
+    step = first(numbers, INCREMENT)
+    if step is None or not step.low:
+        draft.doubts["test.time.rate"] = f"{TODO}not in the file: write the sampling rate"
+        return {"rate": f"{UNKNOWN} Hz"}
+    draft.doubts["test.time.rate"] = f"one over {step.path}"
+    return {"rate": f"{1 / step.low:.10g} Hz"}
+
+
+def _channels(entry: Entry) -> list[Entry]:
+    """Return the channels of an array: itself or, of a matrix, its rows along the longer side."""
+    sides = [length for length in entry.shape if length > 1]
+    if len(sides) < 2:
+        return [entry]
+    name, shape = last_name(entry), (max(sides),)
+    numbers = range(1, min(sides) + 1)
+    return [replace(entry, path=f"{entry.path}[{n}]", shape=shape, title=f"{name} {n}") for n in numbers]
+
+
+# ----------------------------------------------------------------------------
+# What drives the structure, and the responses.
+
+
+def _is_response(entry: Entry) -> bool:
+    remarked = "frequency response" in entry.remark or "time response" in entry.remark
+    named = RESPONSE(entry) or QUOTIENT(entry) or remarked
+    return bool(motion_of(entry)) or (named and not (FORCE(entry) or is_force(entry)))
+
+
+def _find_base(sensors: Sequence[Sensor]) -> list[Sensor]:
+    """Find motions of a base by the names of channels; none where there is no other motion."""
+    moved = [s for s in sensors if motion_of(s.main) in QUANTITIES.values()]
+    moved += [s for s in sensors if not s.main.unit and (_is_response(s.main) or BASE(s.main))]
+    named = [sensor for sensor in moved if BASE(sensor.main)]
+    return named if len(named) < len(moved) else []
+
+
+def _find_drive(draft: _Draft, sensors: list[Sensor], of_force: bool) -> tuple[Sensor | None, list[Sensor]]:
+    """Find the force, else the motions of a base, else what drove a shaker; a level in N is of a force."""
+    still = [sensor.main for sensor in sensors if not (motion_of(sensor.main) or QUOTIENT(sensor.main))]
+    remarked = [entry for entry in still if "force" in entry.remark and not _is_quotient(entry)]
+    force = first(still, is_force) or first(remarked or still, lambda _: bool(remarked), FORCE)
+    base = _find_base(sensors) if force is None and not of_force else []
+    force = force if force or base else first(still, DRIVE)
+    return next((sensor for sensor in sensors if sensor.main is force), None), base
+
+
+def _write_signals(
+    draft: _Draft, sensors: list[Sensor], loose: list[Entry], left_out: list[str], of_force: bool = False
+) -> bool:
+    """Write what drives the structure and the responses; return whether the former was recorded.
+
+    Parameters
+    ----------
+    sensors, loose
+        The channels of the test, and phases of none of them.
+    left_out
+        What else is not read, in sentences.
+    of_force
+        Whether the file has nominal levels of a force.
+    """
+    force, base = _find_drive(draft, sensors, of_force)
+    free = [sensor for sensor in sensors if sensor is not force and sensor not in base]
+    responses = [sensor for sensor in free if _is_response(sensor.main)]
+    free = [sensor for sensor in free if sensor not in responses]
+    responses.sort(key=lambda sensor: (not sensor.has_phase, sensor.places[0][0] == "amplitude"))
+    if responses and not responses[0].has_phase:
+        phase = next((phase for phase in loose if not is_of_another(phase, responses[0].main)), None)
+        if phase is not None:
+            others = listed([called(sensor.main) for sensor in responses[1:]])
+            doubt = f"or that of {others}: its title names no channel" if others else ""
+            responses[0] = responses[0].with_phase(phase, doubt)
+            loose = [other for other in loose if other is not phase]
+    history = "test.time" in draft.tables
+    if base:
+        draft.tables["test.base"] = _motion(draft, base[0], "test.base") | {"response": "absolute"}
+        draft.doubts["test.base.response"] = 'or "relative", if the response was measured against the base'
+        if base[1:]:
+            others = ", ".join(called(sensor.main) for sensor in base[1:])
+            draft.doubts["test.base.quantity"] = f"{TODO}or {others}: the driven direction"
+    elif force is not None:
+        draft.tables["test.force"] = _force(draft, force)
+    elif not history:
+        draft.tables["test.force"] = {"nominal": True}
+        draft.doubts["test.force.nominal"] = "no force is named, so the level stands for it"
+        if responses and BASE(responses[0].main):
+            draft.doubts["test.force.nominal"] = (
+                f"{TODO}no force, and the only motion is that of a base: write that of the mass into the "
+                "file, such as transmissibility times base"
+            )
+    elif draft.tables["test"]["excitation"] != "ring-down":
+        draft.tables["test.force"] = {"samples": UNKNOWN, "unit": "N"}
+        draft.doubts["test.force.samples"] = f"{TODO}write the path of the force; a ring-down needs none"
+    if responses:
+        columns = [*(column for sensor in free for _, column in sensor.places), *loose]
+        if rest := [called(column) for column in columns if column.unit not in (*HERTZ, *SECONDS)]:
+            left_out = [*left_out, f"left out: {listed(rest)}"]
+        _write_responses(draft, responses, left_out)
+    else:
+        columns = [column for sensor in free for _, column in sensor.places]
+        _ask_response(draft, columns, "samples" if history else "amplitude")
+    return bool(force or base)
+
+
+def _ask_response(draft: _Draft, columns: Sequence[Entry], key: str) -> None:
+    """Ask which of several columns is the response, where no name or unit says it."""
+    draft.tables["test.response"] = {"quantity": "displacement", "unit": "m", key: UNKNOWN}
+    names = listed(list(map(called, columns)))
+    draft.doubts[f"test.response.{key}"] = TODO + (
+        f"write which is the response, its quantity and unit: {names}"
+        if names
+        else "no column is left for the response; where it is in another file, write `file` and its column"
+    )
+
+
+_MAX_CHANNELS_PROPOSED = 8
+"""Channels that are proposed with a table of their own; a file of a modal test may have hundreds."""
+
+
+def _write_responses(draft: _Draft, responses: Sequence[Sensor], left_out: list[str]) -> None:
+    """Write [test.response], and [test.channels] where there are several."""
+    # a sum of channels needs the phases of all
+    bare = [sensor for sensor in responses if sensor.has_phase < responses[0].has_phase]
+    if bare:
+        left_out = [f"left out: {', '.join(called(s.main) for s in bare)}, without a phase", *left_out]
+    responses = responses[: len(responses) - len(bare)]
+    others = [called(sensor.main) for sensor in responses[1:]]
+    if not others or _is_quotient(responses[0].main):
+        table = _motion(draft, responses[0], "test.response")
+        if "phase_sense" not in table and "samples" not in table:
+            table["phase_known"] = False
+        draft.tables["test.response"] = table
+        key = responses[0].places[0][0]
+        if others:
+            left_out = [f"left out: {listed(others)}; a case reads one response", *left_out]
+        said = draft.doubts.get(f"test.response.{key}", "")
+        if doubt := "; ".join(filter(None, [said, *left_out])):
+            draft.doubts[f"test.response.{key}"] = doubt
+        return
+    chosen = responses[:_MAX_CHANNELS_PROPOSED]
+    names = channel_names(chosen)
+    for name, sensor in zip(names, chosen, strict=True):
+        place = f"test.channels.{name}"
+        draft.tables[place] = _motion(draft, sensor, place)
+    draft.tables["test.response"] = {"channels": names[0]}
+    more = f", {len(responses) - len(chosen)} more are in the file" if len(responses) > len(chosen) else ""
+    between = f'an element between two has across = "{names[0]} - {names[1]}"'
+    draft.doubts["test.response.channels"] = "; ".join(
+        [f"or {', '.join(names[1:])}{more}", between, *left_out]
+    )
+
+
+# ----------------------------------------------------------------------------
+# The keys of a channel in a case: quantity, unit, scale, columns, the sense of its phase.
+
+_SENSE = (
+    "no title says it: a positive phase is earlier (lead) or later (lag); rsgen check says which is wrong"
+)
+
+
+def _force(draft: _Draft, sensor: Sensor) -> dict[str, Any]:
+    known = is_force(sensor.main)
+    unit = unit_for(sensor.main.unit, "N") if known else "N"
+    _doubt_unit(draft, sensor.main, "test.force", known, "unit and factor, as unit = 'V', factor = '10 N/V'")
+    columns = _columns(draft, sensor, "test.force")
+    head = {key: columns.pop(key) for key in ("samples", "amplitude") if key in columns}
+    return head | {"unit": unit} | columns
+
+
+def _doubt_unit(draft: _Draft, entry: Entry, place: str, known: bool, what: str) -> None:
+    """Say where a unit comes from, or ask for it where the file names none that is read."""
+    if not known:
+        said = f"the file says {entry.unit!r}; write {what}"
+        none = f"{entry.unit_source or 'no unit stands with it'}; write the unit"
+        draft.doubts[f"{place}.unit"] = TODO + (said if entry.unit else none)
+    elif entry.unit_source:
+        draft.doubts[f"{place}.unit"] = entry.unit_source
+
+
+def _is_quotient(entry: Entry) -> bool:
+    """Return True for a response over force."""
+    remarked = "over force" in entry.remark or "frequency response" in entry.remark
+    return motion_of(entry).endswith("/N") or bool(QUOTIENT(entry)) or remarked
+
+
+def _motion(draft: _Draft, sensor: Sensor, place: str) -> dict[str, Any]:
+    """Return the table of a motion."""
+    entry, si = sensor.main, motion_of(sensor.main)
+    about = f"{last_name(entry)} {entry.remark}".casefold()
+    by_name = (kind for word, kind in NAMES.items() if word in about or word.strip() == about.strip())
+    by_unit = (kind for kind, unit in QUANTITIES.items() if si.removesuffix("/N") == unit)
+    kind = next(by_unit, None) or next(by_name, "displacement")
+    table: dict[str, Any] = {"quantity": kind, "unit": unit_for(entry.unit, si) if si else QUANTITIES[kind]}
+    _doubt_unit(draft, entry, place, bool(si), "it into factor")
+    if not si and (DECIBEL.search(entry.unit) or DECIBEL.search(last_name(entry))):
+        # no factor makes a logarithm linear: a case that does not pass is better than a wrong one
+        table["unit"] = entry.unit or "dB"
+        draft.doubts[f"{place}.unit"] = f"{TODO}decibels are not read: write linear numbers into the file"
+    said = ""
+    if _is_quotient(entry):
+        table["unit"] += "" if si.endswith("/N") else "/N"
+        table["per_force"] = True
+        said = OVER_FORCE[kind]
+        draft.doubts[f"{place}.quantity"] = f"{said}, {table['unit']}"
+        if "adds damping" in entry.remark:
+            draft.doubts[f"{place}.per_force"] = "measured with an exponential window, which adds damping"
+    pattern = str(draft.address(entry))
+    alike = [e for e in draft.contents.entries if fnmatchcase(e.path, pattern) and not e.fault]
+    units = sorted({other.unit for other in alike})
+    if draft.run[0] and len(units) > 1:
+        # without the key each entry is read in the unit that the file names for it
+        del table["unit"]
+        said = ", ".join(filter(None, [said, f"in the units of the file: {', '.join(units)}"]))
+        draft.doubts[f"{place}.quantity"] = said
+    return table | _columns(draft, sensor, place)
+
+
+def _columns(draft: _Draft, sensor: Sensor, place: str) -> dict[str, Any]:
+    """Say where the columns of a channel are, what its amplitudes are, and the sense of its phase."""
+    main, columns = sensor.main, dict(sensor.places)
+    table: dict[str, Any] = {key: draft.address(column) for key, column in columns.items()}
+    if "amplitude" in table or "complex" in table:
+        if main.scale == "half-peak":
+            table["factor"] = 2.0
+        elif RMS.search(f"{called(main)} {main.remark}") and main.scale in ("", "rms"):
+            table["scale"] = "rms"
+        elif "amplitude" in table and not (_is_quotient(main) or main.scale or PEAK.search(main.title)):
+            table["scale"] = "peak"
+            draft.doubts[f"{place}.scale"] = 'or "rms"; the file does not say'
+    if sensor.doubt:
+        draft.doubts[f"{place}.{sensor.places[-1][0]}"] = sensor.doubt
+    if sensor.has_phase:
+        # two parts or complex numbers have no column that could say the sense
+        phase = columns.get("phase")
+        said = phase_sense(phase) if phase else ""
+        table |= {"phase_unit": "rad"} if phase and phase.unit == "rad" else {}
+        table["phase_sense"] = said or "lead"
+        if not said and _SENSE not in draft.doubts.values():
+            draft.doubts[f"{place}.phase_sense"] = _SENSE
+    return table

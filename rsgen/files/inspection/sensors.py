@@ -1,4 +1,4 @@
-"""Group the columns of a table into channels, and write motions, forces and a base into the draft of a case.
+"""Group the columns of a table into channels: levels side by side, harmonics, parts of a number, phases.
 
 Columns belong together by the words of their titles, never by their order alone where a title says otherwise.
 """
@@ -7,105 +7,13 @@ from __future__ import annotations
 
 import re
 import unicodedata
-from collections import defaultdict, deque
-from collections.abc import Sequence
+from collections import defaultdict
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
-from fnmatch import fnmatchcase
-from itertools import groupby
-from typing import Any
 
-from rsgen.common.errors import listed
-from rsgen.data.record_set import QUANTITIES
-from rsgen.files.column_titles import split_title
-from rsgen.files.inspection.clues import (
-    BASE,
-    CONTROL,
-    DECIBEL,
-    FORCE,
-    IS_FORCE,
-    IS_MOTION,
-    NAMES,
-    OVER_FORCE,
-    PEAK,
-    PHASE,
-    QUOTIENT,
-    REAL,
-    RELATIVE,
-    RESPONSE,
-    RMS,
-    TODO,
-    Clue,
-    Draft,
-    complex_parts,
-    last_name,
-    phase_sense,
-    unit_for,
-    without_unit,
-)
-from rsgen.files.tree import Entry
-
-# ----------------------------------------------------------------------------
-# A driven base: found by names in a table or record without a force.
-
-_MOTION = IS_MOTION & Clue(lambda entry: not entry.unit.endswith("/N"))
-
-
-@dataclass(frozen=True, slots=True)
-class Base:
-    """The motion of a base: its columns, and why it was taken, "" where its name says so."""
-
-    sensor: Sensor
-    doubt: str = ""
-
-
-def find_base(sensors: Sequence[Sensor]) -> Base | None:
-    """Find the motion of the base by the names of channels; None where there is a force, or one motion only.
-
-    Parameters
-    ----------
-    sensors
-        Channels of a table, or of a record with one column each.
-    """
-    if any(IS_FORCE(s.main) or (FORCE(s.main) and not _MOTION(s.main)) for s in sensors):
-        return None
-    named = [s for s in sensors if BASE(s.main) and (_MOTION(s.main) or not s.main.unit)]
-    motions = [
-        s for s in sensors if _MOTION(s.main) or (not s.main.unit and (RESPONSE(s.main) or s in named))
-    ]
-    if len(motions) < 2:
-        return None
-    if len(named) < len(motions) and named:
-        others = [s.main.title or s.main.path for s in named[1:]]
-        return Base(named[0], f"{TODO}or {', '.join(others)}: the driven direction" if others else "")
-    steered = [s for s in motions if CONTROL(s.main)]
-    if 0 < len(steered) < len(motions):
-        return Base(steered[0], "no force is named, and this name says what was controlled")
-    return None
-
-
-_TOKEN = re.compile(r"[A-ZÄÖÜ]?[a-zäöüßéèçµφϕ]+|[A-ZÄÖÜ]+(?![a-z])|\d+")
-"""Words of a title: "accTip_1" has acc, tip, 1."""
-_MAX_PAIRS_COMPARED = 100_000
-"""Phases times amplitudes that are compared word by word; of thousands only equal words count."""
-_OF_PHASE = re.compile(
-    r"phas(?:e|en|enwinkel)?|phs|pha|phi|φ|ϕ|lag|lead|arg|ang(?:le)?|winkel|deg(?:rees?)?|rad"
-)
-_MANNER = re.compile(
-    r"ampl?(?:itude)?|mag(?:nitude)?|abs|betrag|value|wert|peak|pk|rms|eff|of|von|the|in|signal"
-    r"|re(?:al)?|im(?:ag)?(?:inary)?|part|teil"
-)
-"""Words that do not say which channel a column is of."""
-_UNIT_BEHIND = re.compile(r"[_ ]([A-Za-zµ]{1,4})(?:[/_]s\^?2?)?\Z")
-_HARMONIC = re.compile(
-    r"(?<![A-Za-z\d])(?:h|harm(?:onic|onische)?\.?|ord(?:er|nung)\.?)[ _-]?(?P<behind>\d{1,2})(?![\d.])"
-    r"|(?<![A-Za-z\d.,])(?P<before>\d{1,2})(?:st|nd|rd|th|\.)?[ _*-]?"
-    r"(?:harm\w*|ord(?:er|nung)|omega|ω|w|f|x|h)(?![A-Za-z\d])",
-    re.IGNORECASE,
-)
-"""The order of a harmonic in a title: "x H3", "F 3f", "3rd harmonic"."""
-
-_QUOTIENT_UNIT = QUOTIENT & Clue(lambda entry: entry.unit.endswith("/N"))
-"""A frequency response with a word for angles in its name is none."""
+from rsgen.files.column_titles import split_title, unit_in
+from rsgen.files.inspection.clues import TODO, is_phase, is_real, last_name, split_within
+from rsgen.files.tree import Entry, natural_order
 
 
 @dataclass(frozen=True, slots=True)
@@ -115,7 +23,8 @@ class Sensor:
     Parameters
     ----------
     main
-        What is asked for clues: the amplitude, the complex column, or what two parts have in common.
+        What is asked for clues: the amplitude, the complex column, the samples, or the real part under the
+        name that both parts have in common.
     places
         Keys of a case and their columns: ("amplitude", ...), ("phase", ...).
     doubt
@@ -127,22 +36,26 @@ class Sensor:
     doubt: str = ""
 
     @property
-    def columns(self) -> tuple[Entry, ...]:
-        """All its columns."""
-        return tuple(column for _, column in self.places)
-
-    @property
     def has_phase(self) -> bool:
         """True if its phase is known."""
         return len(self.places) > 1 or self.places[0][0] == "complex"
 
+    def with_phase(self, phase: Entry, doubt: str = "") -> Sensor:
+        """Return the channel with the column of its phase."""
+        return replace(self, places=(*self.places, ("phase", phase)), doubt=doubt)
 
-@dataclass(frozen=True, slots=True)
-class Sensors:
-    """The channels of a table, and the phases that no title gives to one of them."""
 
-    found: tuple[Sensor, ...]
-    loose: tuple[Entry, ...]
+# ----------------------------------------------------------------------------
+# The words of a title that say which channel a column is of.
+
+_TOKEN = re.compile(r"[A-ZÄÖÜ]?[a-zäöüßéèçµφϕ]+|[A-ZÄÖÜ]+(?![a-z])|\d+")
+"""Words of a title: "accTip_1" has acc, tip, 1."""
+_MANNER = re.compile(
+    r"phas(?:e|en|enwinkel)?|phs|pha|phi|φ|ϕ|lag|lead|arg|ang(?:le)?|winkel|deg(?:rees?)?|rad"
+    r"|ampl?(?:itude)?|mag(?:nitude)?|abs|betrag|value|wert|peak|pk|rms|eff|of|von|the|in|signal"
+    r"|re(?:al)?|im(?:ag)?(?:inary)?|part|teil"
+)
+"""Words that do not say which channel a column is of."""
 
 
 def words_of(entry: Entry) -> tuple[str, ...]:
@@ -153,273 +66,16 @@ def words_of(entry: Entry) -> tuple[str, ...]:
     >>> words_of(Entry("Tip Amplitude [g]", title="Tip Amplitude [g]")), words_of(Entry("phase_x1_deg"))
     (('tip',), ('x', '1'))
     """
-    name, unit = split_title(last_name(entry))
-    name = without_unit(name)
-    behind = _UNIT_BEHIND.search(name)
-    if behind and unit.startswith(behind[1]):
-        name = name[: behind.start()]
-    words = [word.casefold() for word in _TOKEN.findall(name)]
-    return tuple(word for word in words if not (_OF_PHASE.fullmatch(word) or _MANNER.fullmatch(word)))
+    title = last_name(entry)
+    name, unit = split_title(title)
+    words = [word.casefold() for word in _TOKEN.findall(split_within(name)[0])]
+    # a unit without brackets is a part of the name: "force_N"
+    behind = [word.casefold() for word in _TOKEN.findall(unit)] if name == title else []
+    if behind and words[-len(behind) :] == behind:
+        words = words[: -len(behind)]
+    return tuple(word for word in words if not _MANNER.fullmatch(word))
 
 
-def fundamentals(entries: Sequence[Entry]) -> tuple[list[Entry], dict[int, list[Entry]]]:
-    """Separate columns of higher harmonics, and remove the order from the titles of the fundamental.
-
-    Returns
-    -------
-    The columns without higher harmonics, and those by their order. "H1" alone is a frequency response.
-    """
-    orders: dict[str, dict[int, Entry]] = defaultdict(dict)
-    for entry in entries:
-        title = last_name(entry)
-        found = _HARMONIC.search(title)
-        if found and not entry.unit.endswith("/N"):
-            rest = (
-                f"{title[: found.start()].rstrip(' _-.,(')} {title[found.end() :].lstrip(' _-.,)')}".strip()
-            )
-            order = int(found["behind"] or found["before"])
-            # "H1_re" is a part of a frequency response
-            if order and words_of(replace(entry, title=rest)):
-                orders[rest].setdefault(order, entry)
-    higher: dict[int, list[Entry]] = defaultdict(list)
-    renamed: dict[str, Entry] = {}
-    for rest, members in orders.items():
-        if 1 in members and len(members) > 1:
-            for order, entry in members.items():
-                if order == 1:
-                    renamed[entry.path] = replace(entry, title=rest)
-                else:
-                    higher[order].append(entry)
-    harmonics = {entry.path for members in higher.values() for entry in members}
-    return [renamed.get(e.path, e) for e in entries if e.path not in harmonics], dict(sorted(higher.items()))
-
-
-def _likeness(phase: Sequence[str], other: Sequence[str]) -> int:
-    """Judge whether a phase is of a channel: 3 equal words, 2 one has all words of the other, else 0."""
-    one, two = set(phase), set(other)
-    if not one or not two:
-        return 0
-    return 3 if sorted(phase) == sorted(other) else 2 if one <= two or two <= one else 0
-
-
-def is_of_another(phase: Entry, main: Entry) -> bool:
-    """Return True if the title of a phase names another channel: "phase x2" is not of "x1"."""
-    one, two = words_of(phase), words_of(main)
-    if not one or _likeness(one, two):
-        return False
-    numbers = [{word for word in words if word.isdigit()} for words in (one, two)]
-    return bool(set(one) & set(two)) or (all(numbers) and numbers[0] != numbers[1])
-
-
-def find_sensors(entries: Sequence[Entry], fits: Clue) -> Sensors:
-    """Put the columns of each channel together.
-
-    Parameters
-    ----------
-    entries
-        Columns of a table in the order of the file, without frequency and level.
-    fits
-        What a column must be to belong to the table.
-    """
-    columns = [entry for entry in entries if fits(entry)]
-    place = {id(entry): number for number, entry in enumerate(columns)}
-    real = [entry for entry in columns if REAL(entry)]
-    found: dict[int, Sensor] = {}
-    used: set[int] = set()
-    for common, first, second in complex_parts(real):
-        if not {id(first), id(second)} & used:
-            used |= {id(first), id(second)}
-            parts = (("real", first), ("imaginary", second))
-            found[place[id(first)]] = Sensor(common, parts, _lock_in(first, second))
-    for entry in columns:
-        if not REAL(entry):
-            found[place[id(entry)]] = Sensor(entry, (("complex", entry),))
-    left = [entry for entry in real if id(entry) not in used]
-    phases = [entry for entry in left if PHASE(entry) and not _QUOTIENT_UNIT(entry)]
-    amplitudes = [entry for entry in left if not PHASE(entry) or _QUOTIENT_UNIT(entry)]
-    of, loose = _partners(phases, amplitudes)
-    for entry in amplitudes:
-        partner = of.get(id(entry))
-        pair = (("amplitude", entry), ("phase", partner[0])) if partner else (("amplitude", entry),)
-        found[place[id(entry)]] = Sensor(entry, pair, partner[1] if partner else "")
-    by_place, still = _by_place(columns, found, loose)
-    return Sensors(tuple(by_place[number] for number in sorted(by_place)), tuple(still))
-
-
-def _lock_in(first: Entry, second: Entry) -> str:
-    """Say so where only X and Y tell a real and an imaginary part: they may be directions of two sensors."""
-    named = last_name(first).casefold(), last_name(second).casefold()
-    alike = "y" in named[1] and named[0] == named[1].replace("y", "x")
-    return f"{TODO}X and Y are taken for a lock-in amplifier, not for two directions" if alike else ""
-
-
-def _partners(
-    phases: Sequence[Entry], amplitudes: Sequence[Entry]
-) -> tuple[dict[int, tuple[Entry, str]], list[Entry]]:
-    """Find the phase of each amplitude by their words: by the identity of the amplitude, and the others."""
-    words = {id(entry): words_of(entry) for entry in (*phases, *amplitudes)}
-    alike: dict[tuple[str, ...], deque[Entry]] = defaultdict(deque)
-    for entry in amplitudes:
-        alike[tuple(sorted(words[id(entry)]))].append(entry)
-    of: dict[int, tuple[Entry, str]] = {}
-    others: list[Entry] = []
-    for phase in phases:
-        equal = alike[tuple(sorted(words[id(phase)]))] if words[id(phase)] else None
-        if equal:
-            of[id(equal.popleft())] = (phase, "")
-        else:
-            others.append(phase)
-    open_ones = [entry for entry in amplitudes if id(entry) not in of]
-    if len(others) * len(open_ones) > _MAX_PAIRS_COMPARED:
-        return of, others
-    loose = []
-    for phase in others:
-        spoken = words[id(phase)]
-        near = [e for e in open_ones if id(e) not in of and _likeness(spoken, words[id(e)])]
-        if not near or (len(near) > 1 and set(spoken) < set(words[id(near[1])])):
-            loose.append(phase)
-            continue
-        # "phase x/F" is that of x: its word stands first
-        first = min(near, key=lambda e: min(spoken.index(w) for w in words[id(e)] if w in spoken))
-        of[id(first)] = (phase, "")
-    return of, loose
-
-
-def _by_place(
-    columns: Sequence[Entry], found: dict[int, Sensor], loose: Sequence[Entry]
-) -> tuple[dict[int, Sensor], list[Entry]]:
-    """Assign several phases without a channel's name to the amplitudes in the columns before them."""
-    nameless = [entry for entry in loose if all(word.isdigit() for word in words_of(entry))]
-    if len(nameless) < 2:
-        return found, list(loose)
-    place = {id(column): number for number, column in enumerate(columns)}
-    taken: dict[int, Sensor] = {}
-    for entry in nameless:
-        before = place[id(entry)] - 1
-        sensor = found.get(before)
-        if sensor is None or sensor.has_phase or before in taken:
-            return found, list(loose)
-        places = (*sensor.places, ("phase", entry))
-        taken[before] = Sensor(sensor.main, places, "the column behind; its title names no channel")
-    given = {id(entry) for entry in nameless}
-    return found | taken, [entry for entry in loose if id(entry) not in given]
-
-
-# ----------------------------------------------------------------------------
-# The keys of a channel in a case: quantity, unit, scale, columns, the sense of its phase.
-
-
-def quantity_of(draft: Draft, entry: Entry, table: dict[str, Any], place: str) -> None:
-    """Write what a motion is into the ``table`` of the case called ``place``: by its unit, else its name."""
-    targets = ((name, si + per) for name, si in QUANTITIES.items() for per in ("", "/N"))
-    for name, target in targets:
-        known = unit_for(entry.unit, target) if entry.unit else None
-        if known:
-            table |= {"quantity": name, "unit": known}
-            break
-    else:
-        about = f"{last_name(entry)} {entry.remark}".casefold()
-        meanings = (
-            meaning for start, meaning in NAMES.items() if start in about or start.strip() == about.strip()
-        )
-        table["quantity"] = next(meanings, "displacement")
-        table["unit"] = QUANTITIES[table["quantity"]]
-        draft.doubts[f"{place}.unit"] = (
-            f"{TODO}the file says {entry.unit!r}; put it into factor" if entry.unit else unknown(entry)
-        )
-        if DECIBEL.search(entry.unit) or DECIBEL.search(last_name(entry)):
-            # no factor makes a logarithm linear: a case that does not pass is better than a wrong one
-            table["unit"] = entry.unit or "dB"
-            draft.doubts[f"{place}.unit"] = f"{TODO}decibels are not read: write linear numbers into the file"
-    per = bool(known) and target.endswith("/N")
-    quotient = QUOTIENT(entry) or "over force" in entry.remark
-    if per or quotient or "frequency response" in entry.remark:
-        table["unit"] += "" if per else "/N"
-        table["per_force"] = True
-        draft.doubts[f"{place}.quantity"] = f"{OVER_FORCE[table['quantity']]}, {table['unit']}"
-        if "adds damping" in entry.remark:
-            draft.doubts[f"{place}.per_force"] = "measured with an exponential window, which adds damping"
-    if known and entry.unit_source:
-        draft.doubts[f"{place}.unit"] = entry.unit_source
-    pattern = str(draft.address(entry))
-    alike = (e for e in draft.contents.entries if fnmatchcase(e.path, pattern) and not e.fault)
-    units = {other.unit for other in alike}
-    if draft.run and len(units) > 1:
-        # without the key each entry is read in the unit that the file names for it
-        del table["unit"]
-        said = draft.doubts.get(f"{place}.quantity", "").partition(",")[0]
-        of_file = f"in the units of the file: {', '.join(sorted(units))}"
-        draft.doubts[f"{place}.quantity"] = f"{said}, {of_file}" if said else of_file
-
-
-def unknown(entry: Entry) -> str:
-    """Say that a file does not name a unit."""
-    return f"{TODO}{entry.unit_source or 'no unit stands with it'}; write the unit"
-
-
-def unit_of_force(draft: Draft, entry: Entry) -> str:
-    """Return the unit to write for a force, with a doubt where the file names none."""
-    known = unit_for(entry.unit, "N") if entry.unit else None
-    if known is None:
-        draft.doubts["test.force.unit"] = (
-            f"{TODO}the file says {entry.unit!r}; write unit and factor, as unit = 'V', factor = '10 N/V'"
-            if entry.unit
-            else unknown(entry)
-        )
-    elif entry.unit_source:
-        draft.doubts["test.force.unit"] = entry.unit_source
-    return known or "N"
-
-
-def scale_of(entry: Entry) -> dict[str, str | float]:
-    """Say what amplitudes are where the file or their name does."""
-    if entry.scale == "half-peak":
-        return {"factor": 2.0}
-    named = RMS.search(f"{entry.title or last_name(entry)} {entry.remark}")
-    return {"scale": "rms"} if named and entry.scale in ("", "rms") else {}
-
-
-_SENSE = (
-    "no title says it: a positive phase is earlier (lead) or later (lag); rsgen check says which is wrong"
-)
-
-
-def place_of(
-    draft: Draft, sensor: Sensor, place: str, sense: str = "", *, per_force: bool = False
-) -> dict[str, Any]:
-    """Say where the columns of a channel are, what its amplitudes are, and the sense of its phase.
-
-    Parameters
-    ----------
-    place
-        Which table of the case it will be.
-    sense
-        Of the phase, where it is known; "": by its name.
-    per_force
-        True of a response over force, of which peak and rms are the same number.
-    """
-    table: dict[str, Any] = {key: draft.address(column) for key, column in sensor.places}
-    if "amplitude" in table or "complex" in table:
-        table |= scale_of(sensor.main)
-    said = sensor.main.scale or PEAK.search(sensor.main.title) or "scale" in table
-    if "amplitude" in table and not per_force and not said:
-        table["scale"] = "peak"
-        draft.doubts[f"{place}.scale"] = 'or "rms"; the file does not say'
-    if sensor.doubt:
-        draft.doubts[f"{place}.{sensor.places[-1][0]}"] = sensor.doubt
-    if not sensor.has_phase:
-        return table
-    # two parts or complex numbers have no column that could say its sense
-    phase = dict(sensor.places).get("phase", sensor.main)
-    radian = {"phase_unit": "rad"} if phase.unit == "rad" else {}
-    said = sense or phase_sense(phase)
-    if phase is sensor.main or not said:
-        draft.doubts[f"{place}.phase_sense"] = _SENSE
-    return table | radian | {"phase_sense": said or "lead"}
-
-
-_MAX_CHANNELS_PROPOSED = 8
-"""Channels that are proposed with a table of their own; a file of a modal test may have hundreds."""
 _MAX_NAME_LENGTH = 30
 """Characters of a channel's name; the case allows 40, and sums of them should fit a line."""
 
@@ -428,11 +84,9 @@ def channel_names(sensors: Sequence[Sensor]) -> list[str]:
     """Return a name of each channel, valid in a sum: made of its words, distinguished by numbers."""
     names: list[str] = []
     for number, sensor in enumerate(sensors, start=1):
-        text = ""
-        for word in words_of(sensor.main):
-            text += word if not text or (word.isdigit() and text[-1].isalpha()) else f"_{word}"
+        text = re.sub(r"(?<=[^\W\d_])_(?=\d)", "", "_".join(words_of(sensor.main)))
         plain = unicodedata.normalize("NFKD", text.replace("ß", "ss")).encode("ascii", "ignore").decode()
-        name = re.sub(r"[^A-Za-z0-9_]", "", plain)[:_MAX_NAME_LENGTH].strip("_")
+        name = plain[:_MAX_NAME_LENGTH].strip("_")
         if not name or name[0].isdigit():
             name = f"channel_{name or number}"
         while name in names:
@@ -441,58 +95,215 @@ def channel_names(sensors: Sequence[Sensor]) -> list[str]:
     return names
 
 
-def _motion(draft: Draft, sensor: Sensor, place: str, sense: str) -> dict[str, Any]:
-    table: dict[str, Any] = {}
-    quantity_of(draft, sensor.main, table, place)
-    return table | place_of(draft, sensor, place, sense, per_force="per_force" in table)
+# ----------------------------------------------------------------------------
+# Levels that stand side by side: columns "x@1N", "x@2N", or variables "phase_1N", "phase_2N".
+
+_LEVEL = re.compile(
+    r"(?:(?<![A-Za-z])(?:F|force|level|Kraft|Stufe)\s?[=: ]\s?)?"
+    r"(?<![\d.,])(\d{1,9}(?:[.,]\d{1,9})?)[\s_]?([munk]?N|lbf)(?![A-Za-z])"
+)
+"""The amount of a force in a name. A number without one may as well be that of a sensor."""
 
 
-def write_base(draft: Draft, base: Base, sense: str) -> None:
-    """Write [test.base]."""
-    table = _motion(draft, base.sensor, "test.base", sense)
-    draft.tables["test.base"] = table | {"response": "absolute"}
-    draft.doubts["test.base.response"] = 'or "relative", if the response was measured against the base'
-    if base.doubt:
-        draft.doubts["test.base.quantity"] = base.doubt
+def split_level(text: str) -> tuple[str, str]:
+    """Split a text into what it says and the amount of a force, as a case writes it; "" where there is none.
+
+    Examples
+    --------
+    >>> split_level("receptance, 2,5 N, up"), split_level("BEAM 2 +Z")
+    (('receptance, up', '2.5 N'), ('BEAM 2 +Z', ''))
+    """
+    found = _LEVEL.search(text)
+    if not found:
+        return text, ""
+    rest = f"{text[: found.start()]}{text[found.end() :]}".replace(", ,", ",")
+    return rest.strip(" ,_@-"), f"{found[1].replace(',', '.')} {found[2]}"
 
 
-def write_motions(draft: Draft, responses: Sequence[Sensor], sense: str, left_out: str) -> None:
-    """Write [test.response], and [test.channels] where there are several."""
-    # a sum of channels needs the phases of all
-    responses, *rest = [list(alike) for _, alike in groupby(responses, key=lambda one: one.has_phase)]
-    bare = [sensor.main.title or sensor.main.path for part in rest for sensor in part]
-    left_out = "; ".join(
-        filter(None, [f"left out: {', '.join(bare)}, without a phase" * bool(bare), left_out])
+def levels_in_columns(entries: Sequence[Entry], *, tree: bool = False) -> tuple[list[Entry], list[str]]:
+    """Put columns that differ in the amount of a force alone under one address with a *.
+
+    Parameters
+    ----------
+    entries
+        Of a file.
+    tree
+        Whether its reader sorts what a * means, as of all formats but text, whose columns keep their order.
+
+    Returns
+    -------
+    The entries, of each family the first under the address of all; and the levels in their order, as a case
+    writes them; none where there are no such columns.
+
+    Examples
+    --------
+    >>> columns = [Entry("f"), Entry("x@1N [mm]"), Entry("x@2,5N [mm]")]
+    >>> found, levels = levels_in_columns(columns)
+    >>> [entry.path for entry in found], found[1].unit, levels
+    (['f', 'x@*N [mm]'], 'mm', ['1 N', '2.5 N'])
+    """
+    families: dict[str, list[Entry]] = defaultdict(list)
+    for entry in entries:
+        found = _LEVEL.search(entry.path)
+        # a column that goes by its number has no name for a * to stand in; a sheet has
+        if found and (found.end() <= entry.path.rfind("/") or entry.title in ("", entry.path)):
+            families[f"{entry.path[: found.start(1)]}*{entry.path[found.end(1) :]}"].append(entry)
+    of: dict[str, tuple[str, ...]] = {}
+    for address, members in families.items():
+        ordered = sorted(members, key=lambda one: natural_order(one.path)) if tree else members
+        levels = tuple(split_level(one.path)[1] for one in ordered)
+        if len(set(levels)) == len(levels) > 1:
+            of[address] = levels
+    shared = max(of.values(), key=[*of.values()].count, default=())
+    kept = {id(entry): entry for entry in entries}
+    for address in (address for address, levels in of.items() if levels == shared):
+        head, *others = families[address]
+        kept[id(head)] = _joined(address, head)
+        for entry in others:
+            del kept[id(entry)]
+    return [*kept.values()], list(shared)
+
+
+def _joined(address: str, entry: Entry) -> Entry:
+    """Put a family under one address; its name and its unit are those without the level."""
+    if entry.title not in ("", entry.path):
+        return replace(entry, path=address)
+    name, unit = split_title(_LEVEL.sub("", entry.path))
+    unit = unit or (entry.unit if entry.unit != unit_in(entry.path) else "")
+    name = name.strip(" _@-,") or entry.path
+    return replace(entry, path=address, title=f"{name} [{unit}]" if unit else name, unit=unit)
+
+
+# ----------------------------------------------------------------------------
+# Higher harmonics, real and imaginary parts, and phases.
+
+_HARMONIC = re.compile(
+    r"(?<![A-Za-z\d])(?:h|harm(?:onic|onische)?\.?|ord(?:er|nung)\.?)[ _-]?(?P<behind>\d{1,2})(?![\d.])"
+    r"|(?<![A-Za-z\d.,])(?P<before>\d{1,2})(?:st|nd|rd|th|\.)?[ _*-]?"
+    r"(?:harm\w*|ord(?:er|nung)|omega|ω|w|f|x|h)(?![A-Za-z\d])",
+    re.IGNORECASE,
+)
+"""The order of a harmonic in a title: "x H3", "F 3f", "3rd harmonic"; or the kind of an estimate, "H2"."""
+
+
+def higher_harmonics(entries: Sequence[Entry]) -> list[Entry]:
+    """Return the columns of higher harmonics, where the fundamental has a column of the same title."""
+    orders: dict[str, dict[int, list[Entry]]] = defaultdict(lambda: defaultdict(list))
+    for entry in entries:
+        title = last_name(entry)
+        if found := _HARMONIC.search(title):
+            order = int(found["behind"] or found["before"])
+            orders[title[: found.start()] + title[found.end() :]][order].append(entry)
+    of_fundamental = [of for of in orders.values() if 1 in of]
+    return [entry for of in of_fundamental for order, alike in of.items() if order > 1 for entry in alike]
+
+
+_PARTS = [
+    tuple(map(re.compile, pair))
+    for pair in (
+        (
+            r"(?i)(?<![^\W\d_])re(?:al)?(?:_?part|teil)?(?![^\W\d_])",
+            r"(?i)(?<![^\W\d_])im(?:ag(?:in(?:ary|aer|är))?)?(?:_?part|teil)?(?![^\W\d_])",
+        ),
+        (r"\ARe(?=[A-Z])|(?<=[A-Za-z\d])Re\Z", r"\AIm(?=[A-Z])|(?<=[A-Za-z\d])Im\Z"),
+        (r"(?i)(?<=[_ .])r\Z", r"(?i)(?<=[_ .])i\Z"),
+        (r"(?i)in[ _-]?phase|\b(?:i|in)\Z", r"(?i)quad(?:rature)?|\bq\Z"),
+        (r"(?i)cos(?:ine)?", r"(?i)sin(?:e)?"),
+        (r"(?i)(?<![^\W_])x(?=\d*(?:_|\Z))", r"(?i)(?<![^\W_])y(?=\d*(?:_|\Z))"),
     )
-    relative = "test.base" in draft.tables and RELATIVE(responses[0].main)
-    if relative:
-        draft.tables["test.base"]["response"] = "relative"
-        draft.doubts["test.base.response"] = 'by the name of the response; or "absolute"'
-    alone = _motion(draft, responses[0], "test.response", sense)
-    key = next(key for key in ("samples", "amplitude", "complex", "real") if key in alone)
-    if len(responses) == 1 or "per_force" in alone:
-        others = [sensor.main.title or sensor.main.path for sensor in responses[1:]]
-        reason = f"left out: {listed(others)}; a case reads one response" if others else ""
-        _write_alone(draft, alone, key, "; ".join(filter(None, [reason, left_out])))
-        return
-    for doubt in [name for name in draft.doubts if name.startswith("test.response.")]:
-        del draft.doubts[doubt]
-    chosen = responses[:_MAX_CHANNELS_PROPOSED]
-    names = channel_names(chosen)
-    for name, sensor in zip(names, chosen, strict=True):
-        place = f"test.channels.{name}"
-        draft.tables[place] = _motion(draft, sensor, place, sense)
-    draft.tables["test.response"] = {"channels": names[0]}
-    more = f", {len(responses) - len(chosen)} more are in the file" if responses[len(chosen) :] else ""
-    between = f'an element between two has across = "{names[0]} - {names[1]}"'
-    choice = (f"or {', '.join(names[1:])}{more}", between, left_out)
-    draft.doubts["test.response.channels"] = "; ".join(filter(None, choice))
+]
+"""How the names of a real and an imaginary part differ: "H_re" and "H_im", "ReH" and "ImH", a lock-in's "X"
+and "Y" at the end."""
+_VOLTS = ("", "V", "mV")
+"""Units of a lock-in amplifier; X and Y with another one are directions."""
+_LOCK_IN = f"{TODO}X and Y are taken for a lock-in amplifier, not for two directions"
 
 
-def _write_alone(draft: Draft, table: dict[str, Any], key: str, left_out: str) -> None:
-    if "phase_sense" not in table and key != "samples":
-        table["phase_known"] = False
-    draft.tables["test.response"] = table
-    if left_out:
-        said = draft.doubts.get(f"test.response.{key}", "")
-        draft.doubts[f"test.response.{key}"] = "; ".join(filter(None, [said, left_out]))
+def complex_parts(entries: Sequence[Entry]) -> Iterator[Sensor]:
+    """Find real and imaginary parts that belong together, by their names: "H" of "Re(H)" and "Im(H)"."""
+    used: set[int] = set()
+    for real, imaginary in _PARTS:
+        lock_in = (real, imaginary) == _PARTS[-1]
+        left = [e for e in entries if id(e) not in used and not (lock_in and e.unit not in _VOLTS)]
+        # of equal names in their order; thousands of columns are gone through once
+        partners: dict[tuple[int, str, str], list[Entry]] = defaultdict(list)
+        for entry in reversed(left):
+            if imaginary.search(name := last_name(entry)):
+                partners[entry.size, entry.unit, imaginary.sub("*", name)].append(entry)
+        for entry in left:
+            name = last_name(entry)
+            alike = partners.get((entry.size, entry.unit, real.sub("*", name)), [])
+            if id(entry) in used or not real.search(name) or not alike or alike[-1] is entry:
+                continue
+            second = alike.pop()
+            used |= {id(entry), id(second)}
+            common = name if lock_in else real.sub("", name).strip(" _-.:()[]{}") or name
+            places = (("real", entry), ("imaginary", second))
+            yield Sensor(replace(entry, title=common), places, _LOCK_IN * lock_in)
+
+
+_MAX_COMPARED = 100
+"""Phases and amplitudes that are compared word by word; of thousands only equal words count."""
+
+
+def find_sensors(columns: Sequence[Entry]) -> tuple[list[Sensor], list[Entry]]:
+    """Put the columns of each channel together; return the phases that no title gives to one, too.
+
+    Parameters
+    ----------
+    columns
+        Of a table in the order of the file, without frequency and level.
+    """
+    place = {id(entry): number for number, entry in enumerate(columns)}
+    parts = list(complex_parts([entry for entry in columns if is_real(entry)]))
+    found = {place[id(sensor.places[0][1])]: sensor for sensor in parts}
+    used = {id(column) for sensor in parts for _, column in sensor.places}
+    phases = [entry for entry in columns if id(entry) not in used and is_real(entry) and is_phase(entry)]
+    used |= set(map(id, phases))
+    for entry in columns:
+        if id(entry) not in used:
+            found[place[id(entry)]] = Sensor(entry, (("amplitude" if is_real(entry) else "complex", entry),))
+    loose = _pair_phases(found, phases)
+    nameless = [entry for entry in loose if all(word.isdigit() for word in words_of(entry))]
+    before = [found.get(place[id(entry)] - 1) for entry in nameless]
+    if len(nameless) > 1 and all(sensor and not sensor.has_phase for sensor in before):
+        for entry in nameless:
+            number = place[id(entry)] - 1
+            found[number] = found[number].with_phase(entry, "the column behind; its title names no channel")
+        loose = [entry for entry in loose if entry not in nameless]
+    return [found[number] for number in sorted(found)], loose
+
+
+def _pair_phases(found: dict[int, Sensor], phases: Sequence[Entry]) -> list[Entry]:
+    """Pair each amplitude with the phase of its words, else of all of its words; return the other phases."""
+    words = {number: words_of(sensor.main) for number, sensor in found.items() if not sensor.has_phase}
+    alike: dict[tuple[str, ...], list[int]] = defaultdict(list)
+    for number in sorted(words, reverse=True):
+        alike[tuple(sorted(words[number]))].append(number)
+    others = []
+    for phase in phases:
+        equal = alike[tuple(sorted(named))] if (named := words_of(phase)) else []
+        if equal:
+            number = equal.pop()
+            found[number] = found[number].with_phase(phase)
+        else:
+            others.append(phase)
+    loose = others[_MAX_COMPARED:]
+    for phase in others[:_MAX_COMPARED]:
+        said = set(words_of(phase))
+        silent = [number for number in words if not found[number].has_phase][:_MAX_COMPARED]
+        near = [n for n in silent if said and words[n] and (said <= set(words[n]) or said >= set(words[n]))]
+        if len(near) == 1:
+            found[near[0]] = found[near[0]].with_phase(phase)
+        else:
+            loose.append(phase)
+    return loose
+
+
+def is_of_another(phase: Entry, main: Entry) -> bool:
+    """Return True if the title of a phase names another channel: "phase x2" is not of "x1"."""
+    one, two = set(words_of(phase)), set(words_of(main))
+    if one <= two or two <= one:
+        return False
+    numbers = [{word for word in words if word.isdigit()} for words in (one, two)]
+    return bool(one & two) or (all(numbers) and numbers[0] != numbers[1])
