@@ -48,14 +48,6 @@ def test_the_tangent_is_the_derivative_of_the_coordinates_of_a_force(orders, sam
         assert tangent[:, :, j] == pytest.approx(difference, rel=1e-7, abs=1e-7)
 
 
-def test_half_a_period_tells_as_much_of_odd_harmonics_as_a_whole_one():
-    orders = (1, 3, 5)
-    half, whole = (fourier_series(orders, 64, part) for part in (True, False))
-    x = half.real(_random(3, orders, 3))
-    cubes = [((x @ series.shape) ** 3) @ series.project for series in (half, whole)]
-    assert cubes[0] == pytest.approx(cubes[1], abs=1e-12)
-
-
 def _motion() -> Motion:
     harmonics = _random(4, (0, 1, 2, 3), 5)
     return Motion(np.array([1.0, 2.0, 30.0, 400.0]), harmonics)

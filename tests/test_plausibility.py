@@ -41,16 +41,6 @@ def of_plausibility(findings: tuple[Finding, ...]) -> list[Finding]:
     return [f for f in findings if f.code in ("size-impossible", "another-quantity")]
 
 
-def test_levels_in_another_order_than_forces_are_doubted():
-    surface = cubic_surface()
-    level = np.random.default_rng(0).permutation(surface.level)
-    scrambled = ResponseSurface(level, surface.frequency, surface.force, surface.harmonics[:, 1])
-    (found,) = level_findings(scrambled)
-    assert (found.code, found.severity) == ("levels-disagree", "doubt")
-    assert "another order" in sentence(found)
-    assert list(level_findings(surface)) == []
-
-
 def test_points_that_are_each_a_level_of_its_own_are_named():
     surface = cubic_surface()
     level = surface.level * (1 + 1e-3 * np.random.default_rng(0).normal(size=len(surface)))
@@ -193,13 +183,6 @@ def test_both_quantities_are_named_where_the_case_says_one(read, true):
     wrong = derived(quantities.index(true) - quantities.index(read))(surface)
     found = list(quantity_findings(changed(surface, wrong), read))
     assert [(f.names["read"], f.names["is"]) for f in found] == [(read, true)] * (read != true)
-
-
-@pytest.mark.parametrize("sign", [1, -1])
-def test_a_reversed_sign_or_phase_is_no_other_quantity(sign):
-    surface = cubic_surface()
-    assert list(quantity_findings(changed(surface, -surface.harmonics[:, 1]))) == []
-    assert list(quantity_findings(changed(surface, sign * np.conj(surface.harmonics[:, 1])))) == []
 
 
 @pytest.mark.slow

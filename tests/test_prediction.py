@@ -27,17 +27,6 @@ def quintic():
 
 
 @pytest.mark.slow
-def test_held_out_levels_are_predicted(quintic):
-    _, prediction = quintic
-    assert [item.level for item in prediction.held_out] == [6.0, 10.0]
-    for item in prediction.held_out:
-        assert item.missing == 0
-        assert item.error < EXACT
-        assert item.largest_error < EXACT
-        assert np.all(np.diff(item.frequency) > 0)
-
-
-@pytest.mark.slow
 @pytest.mark.parametrize(("law", "expected"), [(None, []), ("k*x + c*v", ["doubt"])])
 @pytest.mark.parametrize("noise", [0.0, 0.03])
 def test_a_held_out_level_that_is_missed_casts_doubt(law, expected, noise):

@@ -1,7 +1,5 @@
 """Rows written twice count once; readings of a coarse display, and sweeps that agree, are left alone."""
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 
@@ -33,22 +31,6 @@ def test_copies_change_neither_values_nor_intervals(copied):
     assert (finding["rows"], finding["all"]) == (len(copied), len(rows))
     assert "written twice" in sentence(finding)
     assert finding in rs.modal_table(surface.select(rows)).findings
-
-
-def test_readings_of_few_digits_and_sweeps_that_agree_are_kept():
-    surface = noisy_surface()
-    coarse = surface.select(np.array([0, 0, 0, 1, 2]))
-    response = np.array(coarse.harmonics)
-    response[2] *= 1.01
-    coarse = replace(coarse, harmonics=response)
-    assert without_copies(coarse) is coarse
-    turned = replace(coarse, harmonics=np.asfortranarray(response))
-    assert without_copies(turned) is turned
-    both = surface.select(np.array([0, 1, 0, 1]))
-    both = replace(both, sweep=["up", "up", "down", "down"])
-    assert without_copies(both) is both
-    unmeasured = replace(both, sweep="rest", force=np.nan, outcome=None)
-    assert without_copies(unmeasured) is unmeasured
 
 
 def test_repeated_readings_that_few_digits_make_equal_are_no_copies():

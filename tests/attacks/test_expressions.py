@@ -11,7 +11,6 @@ from rsgen.describing import derive
 from rsgen.formula import parse, symbol
 from rsgen.formula.bounds import algebra_faults
 from rsgen.formula.evaluation import compiled
-from rsgen.law.forms import expanded, is_long
 from tests.attacks.child import allowed
 from tests.attacks.expressions import answer, text_of
 
@@ -107,11 +106,6 @@ def test_numbers_that_nobody_writes_are_not_factored():
     assert time.process_time() - begun < allowed(SECONDS)
 
 
-def test_pieces_of_thousands_of_operations_are_refused():
-    with pytest.raises(ExpressionError, match="operations, at most 2500 are allowed"):
-        derive("Max(Min(v, x, w0, 0)**-2, sin(v)**64, x/Piecewise((1e300, k > v), (b, True)))")
-
-
 @pytest.mark.slow
 def test_a_deep_fraction_is_integrated_as_it_is_written():
     """What is too long to become one fraction is left as it is, and its numbers are right."""
@@ -125,15 +119,3 @@ def test_a_deep_fraction_is_integrated_as_it_is_written():
     # the trapezoidal rule is exact to round-off for what is smooth and periodic
     known = 2 * np.mean(x / value * np.sin(phi)) / 0.3
     assert found.evaluate(0.3, 2.0, values).stiffness == pytest.approx(known, rel=1e-10)
-
-
-def test_numbers_of_thousands_of_digits_are_refused():
-    with pytest.raises(ExpressionError, match="more than a thousand digits"):
-        derive("(1e-300 + x)**15")
-
-
-def test_the_budget_of_algebra_is_counted_in_terms():
-    assert is_long(parse(fraction(12)))
-    assert not is_long(parse("k*x/(x**2 + b**2) + c*v/(1 + v**2)"))
-    long = parse("x + v + b + c + k + n") ** 20 * parse("x + v") ** 9
-    assert expanded(long) == long

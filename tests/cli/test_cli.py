@@ -16,7 +16,6 @@ import pytest
 from rsgen import __version__
 from rsgen.app.cli.application import COMMANDS
 from rsgen.app.study import read_manifest
-from rsgen.common.process import ALGEBRA
 from rsgen.formula import parse
 from tests.case.faults import FAULTS
 from tests.case_files import write_small
@@ -314,16 +313,6 @@ def test_a_cache_that_others_can_write_is_named_once_and_not_used(tmp_path):
     assert run.returncode == 0
     assert run.stderr.count("compiled kernels are not stored") == 1
     assert list(cache.iterdir()) == []
-
-
-def test_linear_algebra_stays_in_one_thread_unless_the_user_says_more():
-    show = (
-        "import atexit, os, sys; from rsgen.app.cli import main; before = 'numpy' in sys.modules; "
-        "atexit.register(lambda: print(before, *map(os.environ.get, sys.argv[1:]))); main(['--version'])"
-    )
-    others = {name: value for name, value in os.environ.items() if name not in ALGEBRA}
-    run = python("-c", show, *ALGEBRA, env=others | {"MKL_NUM_THREADS": "3"})
-    assert run.stdout.splitlines()[-1] == "False 1 1 3"
 
 
 SOUND = "frequency [Hz],F [N],x [m],phase [deg]\n9,1,2e-3,10\n10,1,4e-3,90\n11,1,1e-3,170\n"

@@ -2,6 +2,7 @@
 
 import pytest
 
+from rsgen.cases import load_case
 from tests.case_files import MEASURED, law, write_small
 
 TABLE = {
@@ -30,3 +31,16 @@ def test_a_simulation_without_a_settled_point_is_no_success(tmp_path, run_cli):
     assert simulated.code == 1
     assert "0 settled" in simulated.out
     assert "check the values of [truth], their signs first" in simulated.out
+
+
+@pytest.mark.slow
+def test_a_case_begins_with_a_law_with_memory(tmp_path, run_cli):
+    path = tmp_path / "joint.toml"
+    equations = ("y = q*v - r*y*abs(v)", "z = a*v - b*abs(v)*z")
+    options = [word for equation in equations for word in ("--memory", equation)]
+    assert run_cli("init", path, "--law", "k*x + c*v + y + z", *options).code == 0
+    case = load_case(path)
+    assert case.model.elements[-1].memory == {"y": "q*v - r*y*abs(v)", "z": "a*v - b*z*abs(v)"}
+    assert "identifies m, a, b, c, k, q, r" in run_cli("check", path).out
+    refused = run_cli("init", tmp_path / "no.toml", "--law", "k*x + c*v", "--memory", "z = a*v")
+    assert (refused.code, "z stands neither in the force" in refused.err) == (2, True)

@@ -92,19 +92,6 @@ def test_a_link_out_of_the_folder_is_called_a_link(laboratory, run_cli):
     assert run_cli("check", laboratory / "read.toml").err == said
 
 
-def test_rows_of_exactly_zero_are_left_out_and_a_silent_channel_is_refused(laboratory, run_cli):
-    rows = table_of()
-    rows[0, 2:], rows[30, 1] = 0, 0
-    write_table(laboratory / "a.csv", rows)
-    checked = run_cli("check", laboratory / "read.toml")
-    assert "read: 40 measured points" in checked.out
-    assert "a.csv: 2 of 42 rows left out, whose force or response is exactly zero" in checked.out
-    rows[:, 2:] = 0
-    write_table(laboratory / "a.csv", rows)
-    refused = run_cli("check", laboratory / "read.toml").err
-    assert "lab/a.csv: line 2: response is zero in every row" in refused
-
-
 @pytest.mark.parametrize(
     ("changes", "said"),
     [

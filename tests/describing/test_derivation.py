@@ -10,6 +10,7 @@ from scipy.special import j0, j1
 from rsgen.describing import derive
 from rsgen.formula import parse, symbol
 from rsgen.formula.evaluation import compiled
+from rsgen.report.figures.equivalent import draw_derivation
 from tests.conftest import Answer
 
 JOINT = "k*x + F*tanh(x/a) + Ff*sign(v)"
@@ -39,6 +40,16 @@ def test_text_shows_what_is_not_closed_as_an_integral(run_cli):
     text = run_cli("derive", JOINT).out
     assert "k + F/(pi X) integral_0^2pi sin(phi) tanh(X sin(phi)/a) dphi" in text
     assert "Integral" not in text
+
+
+def test_json_has_null_and_the_closed_part_where_an_integral_is(run_cli):
+    found = answer(run_cli, JOINT)
+    assert found["stiffness"] is None
+    assert found["damping"] == "4*Ff/(pi*omega*X)"
+    assert found["closed_part"] == {
+        "stiffness": "k", "damping": "4*Ff/(pi*omega*X)", "mean_balance": "0", "mean": "0",
+    }  # fmt: skip
+    assert found["quadrature"] == "F*tanh(x/a)"
 
 
 @pytest.mark.slow
@@ -79,6 +90,17 @@ def test_faults_of_options_are_named_in_one_sentence(words, said, run_cli, tmp_p
     assert shown.err.count("\n") == 1
     assert shown.out == ""
     assert not list(tmp_path.iterdir())
+
+
+def test_drawing_shows_k_and_c_of_the_law():
+    drawing = draw_derivation(derive("k*x + k3*x**3 + Ff*sign(v)"), {"k": 2.0, "k3": 4.0}, largest=1.0)
+    force, stiffness, damping = drawing.figure.axes
+    X, k = stiffness.lines[0].get_data()
+    assert "N/m" in stiffness.get_ylabel()
+    np.testing.assert_allclose(k, 2 + 3 * np.asarray(X) ** 2, rtol=1e-12)
+    assert "damping" in damping.get_ylabel()
+    assert len(force.lines) == 3  # cycles of three amplitudes: the force depends on x and v
+    assert " to 5 at 1. Equivalent damping" in drawing.alternative
 
 
 def test_a_wave_about_a_mean_follows_the_addition_theorem():

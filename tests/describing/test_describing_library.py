@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from rsgen.common.errors import RsgenError
 from rsgen.describing import derive
 from rsgen.formula import parse, symbol
 from rsgen.formula.evaluation import compiled
@@ -166,6 +167,18 @@ def test_library_law_agrees_with_quadrature(law):
         )  # fmt: skip
         assert errors is not None
         assert max(errors) <= EXACT
+
+
+def test_element_takes_names_of_parameters():
+    element = laws["cubic-spring"].element("spring", {"k": "k3", "k3": "k"})
+    assert element.force == parse("k3*x + k*x**3")
+    for names, word in (
+        ({"q": "k1"}, "it has k, k3"),
+        ({"k": "x"}, "cannot be a parameter"),
+        ({"k": "1k"}, "1k"),
+    ):
+        with pytest.raises(RsgenError, match=word):
+            laws["cubic-spring"].element(renames=names)
 
 
 # law, x, v, force at the example values with b = 1 and all stiffnesses 1 where nothing else is said

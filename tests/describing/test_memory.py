@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 import sympy
 from scipy.integrate import quad
-from scipy.special import gamma, i1, i1e
+from scipy.special import gamma, i1
 
 from rsgen.common.errors import ExpressionError, RsgenError
 from rsgen.describing import derive
@@ -12,7 +12,7 @@ from rsgen.formula import parse, symbol
 from rsgen.formula.evaluation import compiled
 from rsgen.formula.names import remembers
 from rsgen.law import laws, make_element
-from tests.oracles.loop import equivalent, with_states
+from tests.oracles.loop import equivalent, odd_loop, with_states
 
 pytestmark = pytest.mark.slow
 
@@ -144,25 +144,6 @@ def test_dahl_and_maxwell_against_their_closed_solutions():
     np.testing.assert_allclose(found.damping, 3 * 1.4 / (OMEGA**2 + 1.4**2), rtol=1e-10)
 
 
-def test_loops_are_known_from_hardly_any_slip_to_states_much_faster_than_the_motion():
-    # half a turn of an odd loop has no mean to forget; steps crowd where slip begins anew
-    dahl, X = derive(make_element("dahl", "z", {"z": "v - z*abs(v)"})), np.geomspace(1e-6, 1e4, 11)
-    found = dahl.evaluate(X, OMEGA, {})
-    stiffness = 2 * i1e(X) / (X * 0.5 * (1 + np.exp(-2 * X)))
-    np.testing.assert_allclose(found.stiffness, stiffness, rtol=1e-8)
-    # X - tanh(X) loses its digits
-    slip = X > 1e-2
-    np.testing.assert_allclose(
-        found.damping[slip], 4 * (X - np.tanh(X))[slip] / (np.pi * OMEGA * X[slip] ** 2), 1e-9
-    )
-    np.testing.assert_allclose(found.damping[~slip], 4 * X[~slip] / (3 * np.pi * OMEGA), rtol=1e-3)
-    # it forgets the third power of X a period
-    power = derive(make_element("power", "z", {"z": "v - a*abs(v)*abs(z)**2*z - b*v*abs(z)**3"}))
-    found = power.evaluate(X[:5], OMEGA, {"a": 1.0, "b": 0.4})
-    np.testing.assert_allclose(found.stiffness, 1.0, rtol=1e-4)
-    assert np.all(found.mean == 0.0)
-
-
 def test_bouc_wen_against_its_states_stepped_through_time():
     law = derive(make_element("joint", "k*x + z", {"z": "alpha*v - bg*abs(v)*z - bd*v*abs(z)"}))
     values = {"k": 1.0, "alpha": 1.3, "bg": 0.8, "bd": -1.1}
@@ -225,7 +206,30 @@ def test_loops_that_do_not_close_are_refused(rate):
         derive(make_element("law", "k*x + z", {"z": rate}))
 
 
+def held_against_stepping(derived, values, rate, X, k=0.0, asked=ASKED):
+    found = derived.evaluate(X, OMEGA, values)
+    wanted = odd_loop(rate, lambda x, v, z: k * x + z, X, OMEGA)
+    size = abs(wanted[0]) + OMEGA * abs(wanted[1])
+    assert abs(found.stiffness - wanted[0]) <= asked * size
+    assert OMEGA * abs(found.damping - wanted[1]) <= asked * size
+
+
 POWERS = (0.7, 1.0, 1.5, 1.7, 2.0)
+
+
+SLIPS = (1e-6, 1e-3, 0.1, 1.0, 5.0, 100.0, 1000.0)
+
+
+def test_states_that_are_much_faster_than_the_motion():
+    maxwell = derive(make_element("maxwell", "z", {"z": "k*v - z/tau"}))
+    for tau in (1e-2, 1e-3, 1e-5):
+        found = maxwell.evaluate([1e-6, 1.0, 100.0], OMEGA, {"k": 2.0, "tau": tau})
+        whole = 2.0 * 1j * OMEGA * tau / (1 + 1j * OMEGA * tau)
+        np.testing.assert_allclose(found.stiffness, whole.real, atol=1e-9 * abs(whole))
+        np.testing.assert_allclose(found.damping, whole.imag / OMEGA, rtol=1e-9)
+    bend = derive(make_element("bend", "z", {"z": "k*v - tanh(z/e)"}))
+    for X in (0.3, 3.0, 10.0, 30.0):
+        held_against_stepping(bend, {"k": 2.0, "e": 0.01}, lambda x, v, z: 2.0 * v - np.tanh(z / 0.01), X)
 
 
 def test_what_was_not_compared_or_is_not_known_is_said_so():

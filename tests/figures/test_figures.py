@@ -18,14 +18,13 @@ from matplotlib.transforms import Bbox
 from rsgen import figures
 from rsgen.common.errors import RsgenError
 from rsgen.common.finding import Finding
-from rsgen.data.oscillator import Model
 from rsgen.describing import derive
 from rsgen.identification.modal_table import modal_table
-from rsgen.identification.results import Estimate, Identification
+from rsgen.identification.results import Identification
 from rsgen.law.element import make_element
 from rsgen.report.figures import Drawing, number_text, quantity_text, unit_text
 from rsgen.report.figures.equivalent import backbone, refined_band
-from tests.samples import C1, K1, KN1, MASS, cubic_identification, cubic_prediction, cubic_surface
+from tests.samples import C1, K1, KN1, cubic_identification, cubic_prediction, cubic_surface
 
 TRUTH = {"k1": K1, "kn1": KN1, "c1": C1}
 SURFACE = cubic_surface()
@@ -191,27 +190,6 @@ def test_every_level_gets_its_own_curve(size):
     handles, labels = drawing.figure.axes[0].get_legend_handles_labels()
     assert len(set(labels)) == len(labels) == 6
     assert len({float(handle.get_ydata().max()) for handle in handles}) == 6
-
-
-@pytest.mark.parametrize(
-    ("force", "over_velocity"),
-    [("k*x + c*v", False), ("k*x + c*v + d*v*abs(v)", True), ("k*x + c*v + Ff*sign(v)", True)],
-)
-def test_damping_collapses_over_velocity_where_the_damper_acts_on_it(force, over_velocity):
-    model = Model((make_element("law", force),), mass=MASS)
-    values = {"k": 5920.0, "c": 3.8, "d": 1.0, "Ff": 0.5}
-    refined = tuple(Estimate(name, values[name], 0.0, (0.0, 0.0)) for name in model.parameters)
-    exact = {"covariance": np.zeros((0, 0)), "solution": np.zeros(0)}
-    known = replace(IDENTIFICATION, model=model, refined=refined, **exact)
-    lower = figures.draw_collapse(known).figure.axes[1]
-    assert ("ωX [m/s]" in lower.get_xlabel()) is over_velocity
-    # and there the model is one curve: c + 8/(3 pi) d omega X, c + 4 Ff/(pi omega X)
-    line = next(line for line in lower.get_lines() if "refined" in str(line.get_label()))
-    place, damping = np.asarray(line.get_xdata()), np.asarray(line.get_ydata())
-    if "d*" in force:
-        assert damping == pytest.approx(3.8 + 8 / (3 * np.pi) * place)
-    elif "Ff" in force:
-        assert damping == pytest.approx(3.8 + 4 * 0.5 / (np.pi * place))
 
 
 def draw_law(ax: Axes) -> Drawing:

@@ -1,6 +1,5 @@
 """Loops and the energy of a cycle, against closed forms of joints."""
 
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -12,14 +11,11 @@ from rsgen.data.oscillator import Model
 from rsgen.law.motion import project
 from rsgen.report.figures.equivalent import (
     branch_mean,
-    dissipated_energy,
     loop_force,
     mass_of,
     measured_energy,
     measured_loops,
-    small_stiffness,
 )
-from tests.samples import cubic_identification, cubic_surface
 
 M, KT, FS = 1.5, 4e4, 8.0
 SLIP = FS / KT
@@ -84,20 +80,6 @@ def test_the_mean_of_both_branches_is_the_part_without_memory():
     place, force = found
     np.testing.assert_allclose(force[2:-2], (6e3 * place + 4e9 * place**3)[2:-2], rtol=0, atol=1e-3 * FS)
     assert branch_mean(x + SLIP * np.cos(5 * phase), cubic) is None
-
-
-def test_the_energy_of_an_identified_joint_is_its_closed_form():
-    truth = {"k": 5920.0, "kt": KT, "Fs": FS}
-    law = "k*x + masing(Min(kt*x, Fs))"
-    # only model, mass and tested amplitudes, 0.5 to 52 mm, count
-    found = replace(cubic_identification(cubic_surface()), model=Model(law, mass=M))
-    refined = dissipated_energy(found, truth)
-    np.testing.assert_allclose(refined.energy, 4 * FS * (refined.amplitude - SLIP), rtol=1e-9)
-    # the slope of log(X - x_s): in macro-slip the energy grows with the amplitude itself
-    slope = refined.amplitude / (refined.amplitude - SLIP)
-    np.testing.assert_allclose(refined.course[1:-1], slope[1:-1], rtol=1e-2)
-    assert refined.course[-1] == pytest.approx(1.0, abs=0.01)
-    assert small_stiffness(found, truth) == pytest.approx(5920.0 + KT, rel=1e-9)
 
 
 @pytest.mark.slow

@@ -86,20 +86,6 @@ def test_standard_errors_are_those_of_doing_the_test_again(cubic):
     assert 0.6 < np.sqrt(np.mean(np.square(distances))) < 1.5
 
 
-def test_intervals_of_two_repeats_have_the_freedom_of_the_points_that_decide(cubic):
-    """A parameter of one point has one degree of freedom, the mean of all points has one of each."""
-    twice = cubic.select(np.repeat(np.arange(0, len(cubic), 7), 2))
-    means, repeats = gather_repeats(noisy(twice, NOISE, 1))
-    rows = np.arange(len(means))
-    influence = np.zeros((len(rows), 4, 2))
-    influence[:, 0, 0], influence[0, 0, 1] = 1 / len(rows), 1.0
-    np.testing.assert_allclose(repeats.covariance(rows, influence)[1], [len(rows), 1])
-    found = identify(noisy(twice, NOISE, 1), model("cubic"))
-    wide = [np.ptp(e.interval) / 2 / e.standard_error for e in found.refined]
-    assert min(wide) > 1.97
-    assert max(wide) > 2.1
-
-
 def pairs(force: complex, response: complex) -> Repeats:
     """Two readings of each of three points, as far above their mean as below."""
     row, sign = np.repeat(np.arange(3), 2), np.tile([1.0, -1.0], 3)

@@ -89,20 +89,6 @@ def test_a_decay_as_points_of_a_steady_test_has_the_same_curves() -> None:
     assert [finding.code for finding in surface.findings] == ["force-of-decay", "decay-taken"]
 
 
-@pytest.mark.slow
-def test_the_decay_begins_where_the_force_ends() -> None:
-    quiet = decay("linear")
-    force = np.concatenate([np.ones(1000), np.zeros(len(quiet))])
-    response = np.concatenate([np.full(1000, 0.012), quiet])
-    found = follow_decay(TimeHistory(RATE, force, response), mass=MASS)
-    assert found.time[0] > 2.0
-    np.testing.assert_allclose(found.damping[:20], 1.9, rtol=1e-3)
-    # clipped samples are before the begin
-    found = follow_decay(TimeHistory(RATE, None, np.clip(quiet, -0.006, 0.006)), mass=MASS)
-    assert found.amplitude[0] < 0.006
-    np.testing.assert_allclose(found.damping, 1.9, rtol=2e-3)
-
-
 def test_a_mode_is_chosen_by_its_band() -> None:
     t = np.arange(0, 15, 1 / RATE)
     two = np.exp(-0.6 * t) * np.cos(2 * np.pi * 10 * t) + 2 * np.exp(-0.5 * t) * np.cos(2 * np.pi * 31 * t)
@@ -180,17 +166,6 @@ def test_every_blow_of_a_record_is_a_decay_of_its_own(with_force: bool) -> None:
     assert len(surface.levels) == 3
     c = (surface.force / surface.harmonics[:, 1]).imag / surface.omega
     np.testing.assert_allclose(c, 1.9, rtol=5e-3)
-
-
-def test_a_decay_ends_above_its_floor() -> None:
-    # hum beside the line is no scatter: it was followed to the end, where k and c are those of the hum
-    t = np.arange(0, 40, 1 / RATE)
-    x = np.exp(-0.6 * t) * np.cos(20 * np.pi * t) + 2e-3 * np.cos(2 * np.pi * 10.2 * t)
-    found = follow_decay(TimeHistory(RATE, None, x), mass=MASS)
-    taken = one(found.findings, "decay-taken")
-    assert taken["floor"] == pytest.approx(2e-3, rel=0.05)
-    assert taken["small"] > 0.039
-    assert np.median(found.damping) == pytest.approx(1.8, rel=0.05)
 
 
 def test_modes_that_beat_are_a_doubt() -> None:

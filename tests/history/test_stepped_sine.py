@@ -43,14 +43,6 @@ def test_steps_of_frequency_are_found_and_their_points_lie_on_the_receptance() -
     assert np.max(np.abs(dynamic / exact - 1)) < HELD + 5e-3 / 2
 
 
-def test_steps_of_level_at_one_frequency_are_separated() -> None:
-    levels = np.array([1.0, 2.0, 4.0, 2.0])
-    force, x = stepped(np.full(4, 10.0), levels, 30)
-    surface = from_stepped_sine(TimeHistory(RATE, force, x))
-    np.testing.assert_allclose(np.abs(surface.force), levels, rtol=1e-4)
-    assert surface.level.tolist() == levels.tolist()
-
-
 @pytest.mark.slow
 def test_noise_neither_makes_nor_hides_steps() -> None:
     frequencies = np.linspace(9, 11, 41)  # 0.5 % apart

@@ -73,18 +73,6 @@ def test_phase_frequency_and_slope_of_a_law_are_derivatives() -> None:
     assert SweepLaw("logarithmic", 3, 0.1).time_of(0.0) == -np.inf
 
 
-def test_up_and_down_in_one_history_are_separated() -> None:
-    law = SweepLaw("linear", 5.0, 0.2, 0.3)
-    there = forced(law, 400, 100).force
-    quiet = np.zeros(4000)
-    history = TimeHistory(400, np.concatenate([quiet, there, there[::-1], quiet]), np.zeros(2 * 40000 + 8000))
-    up, down = find_sweeps(history)
-    assert (up.law.direction, down.law.direction) == ("up", "down")
-    assert up.law.rate == pytest.approx(0.2, rel=1e-5)
-    assert down.law.rate == pytest.approx(-0.2, rel=1e-5)
-    assert 10 <= up.begin < up.end <= 110 <= down.begin < down.end <= 210
-
-
 def test_an_envelope_is_exact_for_a_cubic_and_its_noise_as_the_bandwidth_says() -> None:
     rate, f = 1000.0, 20.0
     i = np.arange(4000.0)
@@ -331,20 +319,3 @@ def test_a_time_history_is_checked(changes: dict[str, object], message: str) -> 
     good = {"rate": 400.0, "force": np.zeros(30), "response": np.zeros(30), "label": "a.csv"}
     with pytest.raises(MeasurementError, match=f"a.csv: .*{message}"):
         TimeHistory(**{**good, **changes})
-
-
-def test_a_logarithmic_sweep_with_noise_gives_the_same_oscillator() -> None:
-    law = SweepLaw("logarithmic", 12.0, -0.008)
-    random = np.random.default_rng(2)
-    surface = from_swept_sine(
-        [spoilt(sweep(linear(), level, law, 8.0, 400.0), 0.01, random) for level in (1.0, 3.0)]
-    )
-    assert surface.levels.tolist() == [1.0, 3.0]
-    assert set(surface.sweep) == {"down"}
-    dynamic = surface.force / surface.harmonics[:, 1]
-    near = surface.settled & (np.abs(dynamic.real) < np.abs(dynamic.imag))
-    k, c = dynamic.real + MASS * surface.omega**2, dynamic.imag / surface.omega
-    # the noise of one row is 0.5 %, and there are some tens
-    assert np.count_nonzero(near) > 20
-    assert np.median(k[near]) == pytest.approx(STIFFNESS, rel=2e-4)
-    assert np.median(c[near]) == pytest.approx(DAMPING, rel=AS_STEPPED)

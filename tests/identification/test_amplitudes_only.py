@@ -15,7 +15,7 @@ from rsgen.data.surface import ResponseSurface
 from rsgen.files import read_measurement
 from rsgen.identification.identify import identify
 from rsgen.identification.prediction.amplitude_balance import AmplitudeBalance
-from tests.surfaces import beside, codes, distances, errors, model, noisy, surface, truth, without_phase
+from tests.surfaces import codes, distances, errors, model, noisy, surface, truth, without_phase
 
 EXACT = {"cubic": 1e-5, "quintic": 1e-3, "combined": 1e-4}
 """Three harmonics are carried; the waveform of the quintic law has the largest harmonics."""
@@ -42,16 +42,6 @@ def test_standard_errors_without_phase():
         for seed in range(8)
     ]
     assert 0.6 < np.sqrt(np.mean(np.square(scores))) < 1.5
-
-
-def test_a_background_lifts_one_side_of_the_resonance():
-    table = surface("cubic")
-    seen = bare(beside(table, 2e-4 * table.force))
-    found = identify(seen, model("cubic"), Observation(background="constant"))
-    assert max(errors(found, truth("cubic")).values()) < 1e-4
-    assert found.background.estimates[1].value == pytest.approx(2e-4, rel=1e-3)
-    # the phase itself stays unknown
-    assert found.background.estimates[0].standard_error == np.inf
 
 
 def test_a_test_that_is_not_calibrated_says_so():

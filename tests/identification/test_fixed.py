@@ -50,25 +50,6 @@ def test_a_fixed_value_is_a_number_in_the_law(law, name):
     assert fixed.verdict.state == written.verdict.state == "identified"
 
 
-def test_what_is_fixed_is_stated_as_fixed():
-    fixed = found("cubic", "k", "m")
-    assert {one.name: (one.value, one.unit) for one in fixed.fixed} == {
-        "k": (5920.0, "N/m"),
-        "m": (MASS, "kg"),
-    }
-    assert fixed["k"].interval == (5920.0, 5920.0)
-    assert [one.name for one in fixed.refined] == ["c", "kn"]
-    assert fixed.covariance.shape == (2, 2)
-    assert fixed.values["k"] == 5920.0
-    assert [line.split()[:3] for line in str(fixed).splitlines() if " fixed " in line] == [
-        ["k", "5920", "fixed"],
-        ["m", "1.5", "fixed"],
-    ]
-    # a band has no part of a value that is known
-    predicted = rsgen.predict(fixed, levels=(1.0,))
-    assert np.isfinite(predicted.curves[0].amplitude).all()
-
-
 @pytest.mark.parametrize(
     ("law", "name", "wrong"),
     [("cubic", "k", 6200.0), ("piecewise", "b", 0.012), ("cubic", "kn", -2.4e5), ("combined", "cn", 1.35)],

@@ -16,7 +16,6 @@ from rsgen.identification.results import Estimate
 from rsgen.identification.results.estimates import damping_findings
 from rsgen.law.motion import sine_motion
 from rsgen.law.numeric import compile_law
-from tests.oracles.masing import slider
 from tests.surfaces import MASS, beside, changed, errors, model, noisy, surface
 
 
@@ -49,23 +48,6 @@ def test_friction_that_nearly_holds_the_mass_is_identified_by_what_moves(levels)
     assert found.verdict.state == "identified"
     assert "friction" in {finding.names.get("by") for finding in found.findings}
     assert max(errors(found, {**values, "m": 1.0}).values()) < 1e-4
-
-
-@pytest.mark.slow
-def test_a_law_that_misses_the_amplitude_dependence_is_doubted():
-    """Loops of dry joints, fitted by polynomials: no single term mends it, another law does."""
-    size, omega = (
-        part.ravel() for part in np.meshgrid(np.geomspace(3e-4, 2e-2, 16), np.linspace(50, 75, 11))
-    )
-    loops = sum(slider(200.0, limit, size) for limit in (0.13, 0.27, 0.53, 1.1))
-    ratio = 5000.0 - MASS * omega**2 + 3j * omega + loops
-    table = noisy(ResponseSurface(size, omega / (2 * np.pi), ratio * size, size.astype(complex)), 0.003, 1)
-    law = "k*x + k2*x*abs(x) + k3*x**3 + c*v + c2*v*abs(v) + Ff*sign(v)"
-    found = findings(table, law)["law-does-not-fit"]
-    assert found.severity == "doubt"
-    assert "free" in found.names
-    # below what is doubted by its size alone
-    assert found["left"] < 0.5 * found["misfit"] < 0.025
 
 
 @pytest.mark.parametrize(("law", "cause"), [("cubic", {"levels": "force"}), ("k*x + c*v", {"term": "x**3"})])
@@ -204,33 +186,6 @@ def test_points_at_the_limit_of_a_record_are_counted(table):
     assert severity(remarked(seen[-len(seen) // 10]), "range-reached") == "doubt"
     # of so few points the record alone says it
     assert severity(remarked(seen[-3]), "range-reached") == "warning"
-
-
-def _one_level(count: int, noise: float = 0.0, seed: int = 0) -> ResponseSurface:
-    """Give one level of quadratic damping at one harmonic."""
-    mass, stiffness, damping, quadratic = 1.0, 4000.0, 1.0, 20.0
-    frequency = np.linspace(8.5, 11.5, count)
-    omega = 2 * np.pi * frequency
-    size = np.full(count, 1e-3)
-    for _ in range(300):
-        rate = damping + 8 * quadratic * omega * size / (3 * np.pi)
-        response = 1 / (stiffness - mass * omega**2 + 1j * omega * rate)
-        size = (size + np.abs(response)) / 2
-    rng = np.random.default_rng(seed)
-    scatter = rng.normal(size=count) + 1j * rng.normal(size=count)
-    return ResponseSurface(
-        np.ones(count), frequency, np.ones(count) + 0j, response * (1 + noise / np.sqrt(2) * scatter)
-    )
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("count", [9, 12, 16, 20, 40])
-def test_few_points_hide_no_wrong_damper(count):
-    found = findings(_one_level(count), "k*x + c*v")
-    assert "doubt" in (severity(found, "law-does-not-fit"), severity(found, "misfit-large"))
-    for seed in range(4):
-        sound = findings(_one_level(count, 0.03, seed), "k*x + c*v + cq*v*abs(v)")
-        assert {finding.severity for finding in sound.values()} <= {"info", "warning"}
 
 
 @pytest.mark.slow

@@ -3,7 +3,7 @@
 import pytest
 
 import rsgen
-from rsgen.common.errors import ExpressionError
+from rsgen.common.errors import ExpressionError, RsgenError
 from rsgen.formula import parse
 from rsgen.law.element import law_remarks
 
@@ -53,3 +53,16 @@ def test_a_law_of_the_library_is_no_force(name):
 def test_a_hyphen_of_a_law_of_the_library_is_no_minus(text):
     with pytest.raises(ExpressionError, match=r"is a law of the library.*rsgen.laws"):
         rsgen.Law(text)
+
+
+def test_a_ranking_of_constant_forces_alone_is_refused(linear_table):
+    with pytest.raises(RsgenError, match="no candidate has forces"):
+        rsgen.rank(linear_table, "F1 - F2")
+
+
+@pytest.fixture
+def linear_table():
+    """Few points of a linear oscillator."""
+    frequency = [8.0, 9.0, 10.0, 11.0, 12.0]
+    stiffness = [5920.0 - 1.5 * (6.2831853 * f) ** 2 + 6.2831853j * f * 3.8 for f in frequency]
+    return rsgen.ResponseSurface(1.0, frequency, 1.0, [1 / k for k in stiffness])

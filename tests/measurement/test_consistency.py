@@ -8,7 +8,6 @@ import pytest
 from rsgen.common.errors import MeasurementError
 from rsgen.data.surface import ResponseSurface
 from rsgen.files import MeasuredTest, Signal, SweepRule, read_measurement
-from rsgen.files.files_to_surface import tell_branches_apart
 from tests.surfaces import severities
 
 FREQUENCY = np.linspace(8, 12, 41)
@@ -32,11 +31,6 @@ def read(*paths: Path, sweep: SweepRule = SweepRule()) -> ResponseSurface:  # no
 @pytest.fixture
 def noisy():
     return RECEPTANCE * (1 + 1e-3 * np.random.default_rng(1).standard_normal(41))
-
-
-def test_runs_of_one_structure_fit_together(tmp_path, noisy):
-    paths = [write(tmp_path / f"{force}.csv", force, force * noisy) for force in (1.0, 2.0, 50.0)]
-    assert severities(read(*paths)) == {}
 
 
 def test_a_copy_in_place_of_another_run_is_doubted(tmp_path, noisy):
@@ -73,14 +67,3 @@ def test_an_upper_branch_is_no_upward_sweep_where_a_mode_softens(tmp_path, harde
     (said,) = [finding for finding in surface.findings if finding.code == "direction-from-branch"]
     assert said["points"] == 41
     assert set(read(*paths, sweep=SweepRule(direction="up")).sweep) == {"up"}
-
-
-def test_a_run_that_lies_apart_between_two_points_of_another_keeps_its_direction():
-    # the upper run has no point there that could say whether the resonance hardens
-    low = np.r_[10.0:18.0, 18.0:18.9:0.2]
-    high = np.r_[10.0:18.0, 19.0]
-    size = np.r_[np.ones(8), np.full(len(low) - 8, 0.3), np.ones(len(high))]
-    frequency = np.r_[low, high]
-    surface = ResponseSurface(np.ones(len(size)), frequency, 1.0, -1j * size, sweep="up")
-    block = np.repeat([0, 1], [len(low), len(high)])
-    assert set(tell_branches_apart(surface, block).tolist()) == {"up"}

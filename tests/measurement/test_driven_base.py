@@ -94,14 +94,6 @@ def test_a_reversed_base_below_a_stop_is_named_as_reversed():
 
 
 @pytest.mark.parametrize("recorded", ["absolute", "relative"])
-@pytest.mark.parametrize(("quantity", "order"), [("velocity", -1), ("displacement", -2)])
-def test_another_quantity_of_one_channel_is_named(tmp_path, recorded, quantity, order):
-    read = findings(tmp_path, recorded, {"test.response.quantity": quantity})
-    (found,) = [f for f in read if f.code == "base-misread"]
-    assert (found.names["is"], found["order"], found["by"]) == ("quantity", order, 1.0)
-
-
-@pytest.mark.parametrize("recorded", ["absolute", "relative"])
 @pytest.mark.parametrize(
     ("factor", "mistake"),
     [(9.80665, "gravity"), (0.001, "milli"), (1000, "milli"), (2**0.5, "rms"), (0.5, "peak-to-peak")],

@@ -182,22 +182,6 @@ def test_a_tdms_file_in_kilonewton_and_g(tmp_path, run_cli):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("unit", [{"wf_xunit_string": "Hz"}, {}], ids=["with unit", "by name"])
-def test_a_spectrum_of_tdms(tmp_path, unit):
-    nptdms = pytest.importorskip("nptdms", reason="no nptdms here: install rsgen[tdms]")
-    path = tmp_path / "a.tdms"
-    spectrum = {
-        "wf_increment": 0.1, "wf_start_offset": 8.0, "wf_samples": 41, "wf_xname": "Frequency",
-        "unit_string": "mm/N", **unit,
-    }  # fmt: skip
-    with nptdms.TdmsWriter(path) as file:
-        file.write_segment([nptdms.ChannelObject("frf", "H", RECEPTANCE * 1e3, spectrum)])
-    frequency, response = array(path, "frf/H/Frequency", "frf/H")
-    np.testing.assert_allclose(frequency, FREQUENCY, rtol=ROUND_OFF)
-    np.testing.assert_array_equal(response, RECEPTANCE * 1e3)
-
-
-@pytest.mark.slow
 @pytest.mark.parametrize(
     ("columns", "separator", "decimal", "encoding"),
     [("One", "Tab", ",", "utf-16"), ("Multi", "Comma", ".", "cp1252"), ("No", "Tab", ".", "utf-8")],
@@ -237,15 +221,6 @@ LVM = (
     "Channels\t2\t\t\nY_Unit_Label\tNewtons\tg\t\nX_Dimension\tTime\tTime\t\nDelta_X\t0.1\t0.1\t\n"
     "***End_of_Header***\t\t\t\nX_Value\tF\ta\tComment\n0.0\t1\t2\n0.1\t2\t\tknock\n0.2\t3\t4\n"
 )
-
-
-def test_remarks_gaps_and_special_blocks_of_labview(tmp_path):
-    path = tmp_path / "a.lvm"
-    special = "***Start_Special***\t\nwaveform\tsomething\n***End_Special***\t\n"
-    path.write_text(LVM.replace("Channels", f"{special}Channels"), encoding="utf-8")
-    force, gaps = array(path, 2, "a")
-    np.testing.assert_array_equal(force, [1, 2, 3])
-    np.testing.assert_array_equal(gaps, [2, np.nan, 4])
 
 
 def test_instants_that_a_labview_file_counts_begin_at_x0(tmp_path):

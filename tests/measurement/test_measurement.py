@@ -4,7 +4,6 @@ import base64
 import hashlib
 import json
 import math
-import re
 import time
 from pathlib import Path
 from typing import Any
@@ -142,12 +141,6 @@ def test_directions_from_the_order(frequency, blocks, directions):
     assert "".join(str(direction)[0] for direction in found) == directions
 
 
-def test_rows_in_no_order_are_no_sweeps():
-    order = np.random.default_rng(1).permutation(200)
-    frequency, level = np.tile(np.linspace(8, 12, 50), 4)[order], np.repeat([1.0, 2.0, 3.0, 4.0], 50)[order]
-    assert set(recognise_directions(frequency, level, np.zeros(200, dtype=np.int64))) == {"rest"}
-
-
 # a receptance table has no time axis that could be uneven: these two belong to the readers of time histories
 _TIME_ONLY = {"data-nonmono.csv", "data-jitter.csv"}
 
@@ -223,19 +216,3 @@ def test_hash_is_checked_and_a_missing_line_end_said(tmp_path):
     # no row is open where the text ends in a remark or a blank
     path.write_bytes(b"1 1 1 1\n2 1 1 1\n# the end")
     assert said() == []
-
-
-def test_a_fault_names_the_path_as_typed_and_a_finding_the_file_alone(tmp_path, monkeypatch):
-    monkeypatch.chdir(tmp_path)
-    path = Path("laboratory", "a.csv")
-    path.parent.mkdir()
-    gap = np.where(np.arange(len(OMEGA)) == 5, np.nan, DISPLACEMENT.real)
-    test = plan(write(path, f=FREQUENCY, Fr=FORCE.real, Fi=FORCE.imag, Xr=gap, Xi=DISPLACEMENT.imag))
-    assert [found.names["file"] for found in read_measurement(test).findings] == ["a.csv"]
-    write(path, f=FREQUENCY, Fr=0 * LEVELS, Fi=0 * LEVELS, Xr=gap, Xi=gap)
-    with pytest.raises(MeasurementError, match=f"^{re.escape(str(path))}: line 2: force is zero"):
-        read_measurement(test)
-    with pytest.raises(
-        MeasurementError, match=r"b\.csv: cannot be read: .*did you mean 'laboratory.+a\.csv'"
-    ):
-        read_measurement(plan(path.with_name("b.csv")))

@@ -65,14 +65,6 @@ def test_without_a_phase_the_loop_is_trusted_and_that_is_said(tmp_path):
     np.testing.assert_allclose(modal.damping, C, rtol=1e-4)
 
 
-def test_the_lag_of_the_loop_is_said_and_corrected_with_the_mass(tmp_path):
-    surface = read(table(tmp_path, lag=95.0), control="phase")
-    (found,) = [finding for finding in surface.findings if finding.code == "phase-lag"]
-    assert found.numbers["lag"].value == pytest.approx(np.radians(95), abs=1e-7)
-    modal = rsgen.modal_table(surface, mass=MASS)
-    np.testing.assert_allclose(modal.stiffness, K + 0.75 * K3 * modal.amplitude**2, rtol=1e-4)
-
-
 def test_points_at_which_the_loop_lost_the_lock_are_named_and_doubted(tmp_path):
     path = table(tmp_path)
     rows = np.loadtxt(path, delimiter=",", skiprows=1)[::2]

@@ -50,13 +50,6 @@ def test_rows_with_gaps_are_left_out_and_counted(tmp_path, gap):
     assert surface.findings[0].names == {"file": "a.csv", "first": "line 3", "by": "no number"}
 
 
-@pytest.mark.parametrize("cell", ["1,5", "12a4", "=A1", "1_0", "12:30"])
-def test_a_number_gone_wrong_still_refuses_the_file(tmp_path, cell):
-    path = text(tmp_path / "a.csv", f"f;F;x\n1;1;2\n2;1;{cell}\n")
-    with pytest.raises(MeasurementError, match=r"line 3: column 3: .* is no number"):
-        read_columns(path, Layout(delimiter=";"), ["f", "x"])
-
-
 @pytest.mark.slow
 def test_gaps_of_binary_files_and_of_another_file_are_left_out_together(tmp_path):
     force, response = tmp_path / "a.npz", tmp_path / "b.npz"

@@ -124,13 +124,6 @@ def test_a_test_without_scale_has_frequencies_and_damping_ratios():
     np.testing.assert_allclose(table.damping_ratio, C1 / (2 * MASS * omega_of(table.amplitude)), rtol=2e-4)
 
 
-def test_a_phase_error_of_the_sensor_is_found_and_removed():
-    turned = changed(SURFACE, harmonics=SURFACE.harmonics * np.exp(0.1j))
-    table = rsgen.modal_table(turned, Observation(background="phase"))
-    np.testing.assert_allclose(table.omega, omega_of(table.amplitude), rtol=1e-4)
-    np.testing.assert_allclose(table.damping, C1, rtol=2e-3)
-
-
 def softening_beside_a_mode(seed: int, residue: float = 0.25) -> ResponseSurface:
     """A softening mode with drag, 305 points with 0.6 % noise, and a mode at 61 Hz of a residue [1/kg]."""
     noise = np.random.default_rng(seed)
@@ -223,37 +216,6 @@ def test_a_held_out_level_is_predicted_without_a_law(level):
     force = X * np.abs(K1 + 0.75 * KN1 * X**2 - MASS * omega**2 + 1j * omega * C1)
     near = (table.tested[0] < X) & (table.tested[1] > X)
     np.testing.assert_allclose(force[near], asked, rtol=2e-3)
-
-
-@pytest.mark.slow
-def test_intervals_contain_curves_that_no_spline_follows_exactly():
-    """A joint that softens by micro-slip, ln-like in X: what splines leave out must not exceed the noise."""
-    X, f = np.meshgrid(np.geomspace(1e-3, 3e-2, 15), np.linspace(8.6, 10.6, 13), indexing="ij")
-    X, omega = X.ravel(), 2 * np.pi * f.ravel()
-
-    def curves(size: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        ratio = size / 6e-3
-        return K1 * (1 - 0.12 * ratio / (1 + ratio)), K1 * 0.09 * ratio**0.7 / (1 + ratio) ** 1.6
-
-    def force(size: np.ndarray, rate: np.ndarray) -> np.ndarray:
-        k, loss = curves(size)
-        return size * (k - MASS * rate**2 + 1j * (loss + rate * C1))
-
-    F = force(X, omega)
-    exact = measured(X, omega, F, level=X, control="response")
-    at = np.geomspace(1.5e-3, 2.5e-2, 7)
-    k, loss = curves(at)
-    true = {"stiffness": k, "damping": C1 + loss / np.sqrt(k / MASS)}
-    hits = dict.fromkeys(true, 0)
-    runs = 16
-    for seed in range(runs):
-        table = rsgen.modal_table(noisy(exact, 0.01, seed)).at(at)
-        for name, wanted in true.items():
-            hits[name] += int(np.count_nonzero(inside(table, name, wanted)))
-    count = runs * len(at)
-    # as above; the seven of a run depend on each other, so that they count as three
-    least = 0.95 * count - 4 * np.sqrt(0.95 * 0.05 * count * 7 / 3)
-    assert all(hit >= least for hit in hits.values()), (hits, count)
 
 
 def test_a_curve_ends_where_the_table_ends_and_its_peak_is_not_known():

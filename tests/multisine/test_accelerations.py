@@ -11,7 +11,7 @@ from rsgen.data.history import TimeHistory, from_multisine
 from rsgen.data.multisine.spectra import scatter
 from rsgen.dynamics.periodic_response import periodic_response
 from rsgen.law.numeric import compile_law
-from tests.surfaces import codes, distances, errors
+from tests.surfaces import codes, distances
 
 pytestmark = pytest.mark.slow
 
@@ -95,20 +95,6 @@ def test_friction_that_a_law_lacks_is_missed_in_the_damping(periods):
     assert found.residual < 0.05
     assert "damping-hidden-by-misfit" in codes(found)
     assert not found.verdict.usable
-
-
-def test_noise_below_the_driven_lines_moves_nothing():
-    """There the law itself gives the motion: the same parameters as without noise, however large it is."""
-    force, response = (np.repeat(one[:, None], 6, axis=1) for one in motions("smooth"))
-    generator = np.random.default_rng(1)
-    response[..., 0] = 0.0
-    drawn = generator.standard_normal((*response[..., 1:5].shape, 2))
-    response[..., 1:5] += 3e-3 * (drawn[..., 0] + 1j * drawn[..., 1]) / np.arange(1, 5) ** 2
-    response[..., 1:] += 1e-12 * generator.standard_normal(response[..., 1:].shape)
-    spectra = rsgen.MultisineSpectra(LEVELS, 2 * np.pi / 2, force, response, mean_known=False)
-    assert (spectra.reach()[0] >= 5).all()
-    found = rsgen.identify(spectra, LAWS["smooth"][0])
-    assert max(errors(found, {**LAWS["smooth"][1], "m": MASS}).values()) < 1e-6
 
 
 @pytest.mark.parametrize("fall", [0, 1, 2])

@@ -39,15 +39,6 @@ def test_a_base_drives_as_the_inertia_force_does(exact):
     assert "per-unit-mass" in {finding.code for finding in alone.findings}
 
 
-@pytest.mark.parametrize(("base", "power"), [("displacement", 2), ("velocity", 1)])
-def test_levels_are_those_of_the_motion_that_drives(base, power):
-    test = rs.MultisineTest((1e-3,), (2.5, 20), 2.0, base=base)
-    spectra = rs.simulate(rs.Oscillator(MASS, LAW, TRUTH), test)
-    motion = spectra.mean_force[:, 1:] / (2 * np.pi * spectra.frequency[1:]) ** power
-    assert np.sqrt(0.5 * np.sum(np.abs(motion) ** 2)) == pytest.approx(1e-3)
-    assert spectra.level_unit == {"displacement": "m", "velocity": "m/s"}[base]
-
-
 @pytest.mark.slow
 @pytest.mark.parametrize("seed", [1, pytest.param(2, marks=pytest.mark.thorough)])
 def test_noise_is_in_the_errors(seed):

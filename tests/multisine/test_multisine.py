@@ -79,25 +79,6 @@ def test_nonlinear_parameters_are_searched():
     assert max(errors(found, {"k": 5000, "F": 20, "b": 2e-3, "c": 4}).values()) < 1e-6
 
 
-def test_a_sensor_without_mean_leaves_the_mean_to_the_law():
-    whole = spectra(duffing, SIZES)
-    response = np.array(whole.response)
-    force = np.array(whole.force)
-    # chosen motions without mean need a constant force: take instead motions whose mean force vanishes
-    k, k2, k3 = TRUE["k"], TRUE["k2"], TRUE["k3"]
-    for i in range(len(whole)):
-        rate = 1j * whole.lines * OMEGA0
-        x = np.fft.irfft(response[i, 0] * 1024, 2048)
-        roots = np.roots([k3, k2, k + 3 * k3 * np.mean(x**2), np.mean(duffing(x, 0 * x))])
-        mean = float(np.real(roots[np.argmin(np.abs(roots))]))
-        v = np.fft.irfft(response[i, 0] * rate * 1024, 2048)
-        a = np.fft.irfft(response[i, 0] * rate**2 * 1024, 2048)
-        force[i, 0] = np.fft.rfft(MASS * a + duffing(x + mean, v))[: LINES + 1] / 1024
-    blind = rsgen.MultisineSpectra(whole.level, OMEGA0, force, response, mean_known=False)
-    found = rsgen.identify(blind, LAW)
-    assert max(errors(found, TRUE).values()) < 1e-8
-
-
 @pytest.mark.thorough
 def test_intervals_cover_the_truth():
     """One per cent of noise in force and response, 16 periods: 95 % intervals, 12 runs of five parameters."""
@@ -135,6 +116,12 @@ def test_a_delay_between_the_channels_is_named_with_its_size():
     assert said["delay"] == pytest.approx(delay, rel=0.02)
     assert not found.verdict.usable
     assert "channels-delayed" not in codes(rsgen.identify(good, LAW))
+
+
+def test_a_response_of_zeros_is_refused():
+    silent = rsgen.MultisineSpectra([1.0], OMEGA0, np.ones((1, 30)), np.zeros((1, 30)))
+    with pytest.raises(RsgenError, match="record 1 of 1: the response is zero"):
+        rsgen.identify(silent, "k*x + c*v")
 
 
 def test_held_out_levels_are_not_seen():

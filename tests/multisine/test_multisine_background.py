@@ -1,5 +1,6 @@
 """Multisines whose sensor sees more than the mode: the background comes out, and the law beside it."""
 
+import json
 from dataclasses import replace
 
 import numpy as np
@@ -124,6 +125,17 @@ def test_a_spring_with_noise_beside_a_background(seed):
     assert not blind.verdict.usable
     (missing,) = [finding for finding in blind.findings if finding.code == "background-missing"]
     assert missing.names["kind"] in ("constant", "residuals")
+
+
+def test_page_and_numbers_state_the_background(tmp_path):
+    test = seen(spectra(duffing, SIZES), "constant")
+    rsgen.write_report(tmp_path, test, rsgen.identify(test, LAW, rsgen.Observation(background="constant")))
+    told = json.loads((tmp_path / "result.json").read_text(encoding="utf-8"))["background"]
+    assert [row["value"] for row in told["estimates"]] == pytest.approx(VALUES["constant"], rel=1e-8)
+    page = (tmp_path / "report.html").read_text(encoding="utf-8")
+    assert "Background, 0.5 to 58.5 Hz" in page
+    assert 'scope="row">psi<span class="interval">lead of the force in the phase of the response<' in page
+    assert "Cell(" not in page
 
 
 def test_the_modal_table_is_that_of_the_mode():

@@ -107,13 +107,6 @@ def test_a_case_of_a_multisine_runs_from_file_to_page(folder, found, run_cli):
     assert again.code == 0, again
 
 
-def test_records_that_were_fitted_are_not_reported_as_held_out(folder, found, tmp_path):
-    """Spectra read anew are other objects than those that were identified, but the same test."""
-    rsgen.write_report(tmp_path / "out", rsgen.read(folder / "lines.toml"), found)
-    result = json.loads((tmp_path / "out" / "result.json").read_text(encoding="utf-8"))
-    assert [one["level"] for one in result["held_out"]] == [4.0]
-
-
 def test_what_a_multisine_cannot_have_is_said_before_the_run(folder, run_cli):
     for changes, reason in (
         ({"test.demodulation": {"band": ["1 Hz", "9 Hz"]}}, "belongs to sines"),

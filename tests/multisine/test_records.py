@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 import rsgen
-from rsgen.common.errors import MeasurementError
+from rsgen.common.errors import MeasurementError, RsgenError
 from rsgen.data.history import TimeHistory, from_multisine
 from rsgen.report.wording import sentence
 from tests.surfaces import severities
@@ -53,6 +53,13 @@ def test_a_force_in_another_unit_than_its_levels_is_doubted(factor):
     assert not rsgen.identify(wrong, "k*x + c*v").verdict.usable
     unnamed = [TimeHistory(RATE, one.force, one.response) for one in records(4, factor=factor)]
     assert "levels-in-other-unit" not in severities(from_multisine(unnamed))
+
+
+def test_swapped_columns_are_not_believed():
+    swapped = [TimeHistory(RATE, one.response, one.force) for one in records(4)]
+    assert not rsgen.identify(from_multisine(swapped), "k*x + c*v").verdict.usable
+    with pytest.raises(RsgenError, match="wider band; or force and response are swapped"):
+        rsgen.best_linear(from_multisine(records(4)), (9.0, 9.5))
 
 
 def test_two_periods_from_rest_are_doubted_and_three_leave_the_first_out():

@@ -29,7 +29,7 @@ from rsgen.law.element import make_element
 from rsgen.report import draw_all, write_index
 from rsgen.report.files import check_printed
 from rsgen.report.page import describe_elements, render_page, table_of_results
-from rsgen.report.provenance import Subject, page_environment, plain_text, verbatim
+from rsgen.report.provenance import Subject, page_environment, plain_text
 from rsgen.report.result_json import build_result, read_results, result_text
 from rsgen.report.wording import sentence
 from tests.samples import (
@@ -162,16 +162,6 @@ def test_plain_text_is_printable_and_keeps_what_is(text):
     assert not {unicodedata.category(c) for c in shown} & {"Cc", "Cf", "Cs", "Zl", "Zp"}
     if text.isprintable():
         assert shown == text
-
-
-def test_long_texts_are_cut_and_say_so():
-    shown = plain_text("x" * 1_000_000)
-    assert len(shown) < 3000
-    assert shown.endswith("(1000000 characters)")
-
-
-def test_case_text_keeps_its_lines():
-    assert verbatim("a = 1\r\n\tb = '<b>'\x1b") == "a = 1\n\tb = &#39;&lt;b&gt;&#39;\\x1b"
 
 
 def test_a_missing_value_is_an_error():

@@ -1,9 +1,7 @@
 """The verdict on a result: one place reaches it, and everything that a user reads says the same of it."""
 
 import json
-import re
 from dataclasses import replace
-from pathlib import Path
 
 import pytest
 
@@ -171,13 +169,3 @@ def test_index_and_table_show_the_verdict_of_every_case(tmp_path):
         "wrong": "**rejected**",
     }
     assert "* fine: Liu et al., Eqs. (13), (14)" in lines
-
-
-def test_nothing_red_stands_on_a_calm_page_and_notes_have_no_colour_of_alarm():
-    style = Path(rsgen.__file__).with_name("templates") / "report" / "style.css"
-    (note,) = re.findall(r"^\.note \{[^}]*\}", style.read_text(encoding="utf-8"), re.MULTILINE)
-    assert "--bad" not in note
-    text = page_of(None, WARNING).split("</style>")[1]
-    assert full_sentence(WARNING) in text.replace("\u00a0", " ")
-    assert not re.findall(r'class="(?:no|missed|[^"]* no)"', text)
-    assert "What to do next" not in text

@@ -1,6 +1,5 @@
 """Laws of what a result gives by name, as a table and as a data frame."""
 
-import numpy as np
 import pytest
 
 from rsgen.common.errors import RsgenError
@@ -60,16 +59,3 @@ def test_the_table_holds_values_intervals_and_units(found):
     assert f"misfit {found.residual:.2g}" in str(found)
     html = found._repr_html_()
     assert html.count("<tr>") == 1 + len(found.refined)
-
-
-def test_the_best_law_of_a_ranking_is_identified(ranking, found):
-    assert ranking.candidates[0] is ranking["cubic-spring"]
-    assert ranking.best is ranking.best
-    assert ranking.best.ranking is ranking
-    for name, other in (("k", "k1"), ("k3", "kn1"), ("c", "c1"), ("m", "m")):
-        assert ranking.best[name].value == pytest.approx(found[other].value, rel=1e-6)
-    assert np.isfinite(ranking.best["k3"].interval).all()
-    assert "cubic-spring + linear-damper" in str(ranking).splitlines()[2]
-    with pytest.raises(KeyError, match="cubic-spring"):
-        ranking["cubic"]
-    assert len(list(ranking)) == len(ranking) == len(ranking.candidates)

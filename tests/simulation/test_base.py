@@ -60,16 +60,16 @@ def test_a_cubic_law_is_found_per_unit_mass_and_with_the_mass_as_a_whole(base):
     assert units == ("m/s^2", "J/kg", "J")
 
 
-def test_a_background_beside_a_driven_base_has_units_per_mass():
-    surface = rs.simulate(rs.Oscillator(MASS, LAW, TRUE), shaken("acceleration", noise_relative=1e-3))
-    found = rs.identify(surface, LAW, rs.Observation(background="constant"))
-    assert [e.unit for e in found.background.estimates] == ["rad", "m/N*kg", "m/N*kg"]
-    whole = rs.identify(surface, LAW, rs.Observation(background="constant"), mass=MASS)
-    assert [e.unit for e in whole.background.estimates] == ["rad", "m/N", "m/N"]
-    # one receptance, in two units
-    assert found.background.estimates[1].value == pytest.approx(
-        whole.background.estimates[1].value * MASS, rel=1e-3
-    )
+def test_a_held_out_level_is_predicted_with_and_without_the_mass():
+    surface = rs.simulate(rs.Oscillator(MASS, LAW, TRUE), shaken("acceleration", level=[0.2, 0.5, 1.0]))
+    held = rs.Observation(hold_out=(0.5,))
+    for mass, unit, force in ((None, "m/s^2", 0.5), (MASS, "N", 1.0)):
+        found = rs.identify(surface, LAW, held, mass=mass)
+        (item,) = (prediction := rs.predict(found, surface=surface)).held_out
+        assert item.error < 1e-6
+        assert (item.level, item.level_unit, item.force_unit) == (0.5, "m/s^2", unit)
+        assert item.force == pytest.approx(force)
+        assert prediction[force].level_unit == unit
 
 
 def write(folder: Path, quantity: str = "displacement", **more: Any) -> Path:

@@ -5,7 +5,6 @@ import pytest
 
 import rsgen as rs
 from rsgen.law.motion import Motion, project
-from tests.surfaces import errors
 
 MASS, VALUES = 1.5, {"k": 5920.0, "k3": 3e5, "c": 2.0}
 LAW = "k*x + k3*x**3 + c*v"
@@ -48,17 +47,3 @@ def test_motions_are_unstable_where_more_of_them_needs_less_force(surface):
     assert np.count_nonzero(~stable) > 15
     assert np.all(falls[~stable[:, :-1] & ~stable[:, 1:]])
     assert not np.any(falls[stable[:, :-1] & stable[:, 1:]])
-
-
-@pytest.mark.parametrize("harmonics", [1, 9])
-def test_exact_points_of_all_branches_identify_the_law(surface, harmonics):
-    some = rs.ResponseSurface(
-        surface.level,
-        surface.frequency,
-        surface.force,
-        surface.harmonics[:, : harmonics + 1] if harmonics > 1 else surface.harmonics[:, 1],
-        control="continuation",
-        stable=surface.stable,
-    )
-    found = rs.identify(some, LAW)
-    assert max(errors(found, VALUES | {"m": MASS}).values()) < 1e-6

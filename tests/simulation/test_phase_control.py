@@ -53,14 +53,6 @@ def test_every_lag_is_held_at_every_level():
     np.testing.assert_allclose(np.abs(surface.force), surface.level, rtol=1e-6)
 
 
-@pytest.mark.parametrize(("error", "severity"), [(0.3, "info"), (2.0, "warning"), (12.0, "doubt")])
-def test_a_phase_error_is_said(error, severity):
-    surface = locked(oscillator(), phase_error=np.radians(error))
-    (found,) = surface.findings
-    assert (found.code, found.severity) == ("phase-lag", severity)
-    assert np.degrees(found.numbers["lag"].value) == pytest.approx(90 + error, abs=1e-3)
-
-
 def together(*tests: rsgen.ResponseSurface) -> rsgen.ResponseSurface:
     columns = (np.concatenate([getattr(t, name) for t in tests]) for name in ("level", "frequency", "force"))
     return rsgen.ResponseSurface(

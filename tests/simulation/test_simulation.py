@@ -82,14 +82,6 @@ def test_noise_is_complex_gaussian_and_of_its_seed():
     assert np.array_equal(noisy.level, clean.level)
 
 
-def test_unsettled_points_stay_in_the_surface():
-    falling = Oscillator(1.5, (make_element("all", "c*v - k*x"),), {"c": 3.0, "k": 5920.0})
-    surface = simulate(falling, SimulatedTest([1.0], [8.0, 9.0]))
-    assert len(surface) == 2
-    assert not surface.settled.any()
-    assert np.isnan(surface.harmonics).all()
-
-
 @pytest.mark.parametrize(
     ("change", "says"),
     [

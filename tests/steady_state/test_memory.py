@@ -169,23 +169,6 @@ def test_loops_within_the_loop_agree_with_sliders():
         assert np.abs(found.harmonics[:, 1] / [X for X, _ in exact] - 1).max() < accuracy
 
 
-@pytest.mark.thorough
-def test_a_slider_that_sticks_again_keeps_the_offset_of_its_last_slip():
-    # it slips in the beats of the transient only; with the gap the offset decides on the fundamental, too
-    law = rs.Law("c*v + k*x + ks*Max(x - b, 0) + masing(Min(kt*x, Fs))")
-    values = {"c": 3.0, "k": 5000.0, "ks": 3000.0, "b": 1e-3, "kt": 1500.0, "Fs": 4.0}
-    F, f = np.array([17 / 6, 14 / 3]), np.array([11.8, 12.4])
-    structure = hysteresis.sliders(
-        1.5, lambda x, v: 5000 * x + 3 * v + 3000 * max(x - 1e-3, 0.0), np.array([1500.0]), np.array([4.0])
-    )
-    found = solve_steady_states(Oscillator(1.5, law, values), F, f, accuracy=1e-6)
-    for i in range(2):
-        X, wave = hysteresis.settle(structure, F[i], 2 * np.pi * f[i])
-        # a transient is carried in 24 steps a period: so sharp is the place of its last slip
-        assert abs(found.harmonics[i, 1] / X - 1) < 3e-4
-        assert abs(found.harmonics[i, 0].real - np.mean(wave[:-1])) < 1e-4 * abs(X)
-
-
 def test_a_step_of_nearly_singular_derivatives_does_not_leave_the_motion():
     """A joint that a negative spring nearly balances: the refined fixed point had an amplitude of 1e11 m."""
     law = "Ff*sign(v) + Fs*masing(Min(1, x/xs)) + c*v + k*x"

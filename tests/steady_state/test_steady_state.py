@@ -292,11 +292,3 @@ def test_period_two_is_recognised():
     once = np.hypot(*(moved.state - moved.history[1])) / size
     assert np.median(twice) < 1e-4
     assert np.median(once) > 1e-2
-
-
-def test_points_are_independent_of_each_other():
-    o = load_case(CASES / "coulomb.toml").oscillator
-    force, frequency = np.linspace(1.2, 9, 7), np.linspace(8, 12, 7)
-    whole = solve_steady_states(o, force, frequency)
-    single = solve_steady_states(o, force[3:4], frequency[3:4])
-    assert np.array_equal(whole.harmonics[3], single.harmonics[0])

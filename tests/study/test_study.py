@@ -7,8 +7,6 @@ import shutil
 import signal
 import subprocess
 import sys
-import tempfile
-import threading
 import time
 from collections.abc import Callable
 from pathlib import Path
@@ -18,7 +16,7 @@ import pytest
 from rsgen.app.study import MANIFEST, Step, read_manifest, run_case, run_cases
 from rsgen.app.study.folder import UNFINISHED, recover, replaced_folder, write_manifest
 from rsgen.app.study.many_cases import local_workers
-from rsgen.app.study.run_case import _failed_notebook, _temporary_in, check_place, current_result
+from rsgen.app.study.run_case import _failed_notebook, check_place, current_result
 from rsgen.cases import load_case
 from rsgen.common.errors import RsgenError
 from tests.case_files import CUBIC, write_small
@@ -163,15 +161,6 @@ def test_a_killed_run_of_another_case_is_cleared_up_and_folders_of_others_stay(t
         fill(folder, "text")
     assert names(tmp_path) == sorted(["case", runs, ".notes.part", *(t.parent.name for t in sequels)])
     assert [thesis.read_text() for thesis in sequels] == ["mine"] * 2
-
-
-def test_temporary_files_of_a_run_lie_in_its_folder(tmp_path):
-    before = tempfile.gettempdir()
-    with replaced_folder(tmp_path, "case") as folder, _temporary_in(folder):
-        fill(folder, "text")
-        with tempfile.TemporaryDirectory() as inside:
-            assert Path(inside).parent == folder
-    assert tempfile.gettempdir() == before
 
 
 FOREIGN: dict[str, tuple[Callable[[Path], object], str]] = {
@@ -366,26 +355,6 @@ def test_a_folder_that_another_run_fills_is_not_cleared(tmp_path, process):
     (killed / UNFINISHED).touch()
     recover(tmp_path)
     assert not killed.exists()
-
-
-@posix
-def test_a_finished_folder_is_not_cleared_before_it_is_moved(tmp_path, monkeypatch):
-    """Its mark is gone then, and the disk may take its time."""
-    others: list[threading.Thread] = []
-
-    def sync(folder: Path) -> None:
-        others.append(threading.Thread(target=recover, args=(tmp_path,)))
-        others[-1].start()
-        others[-1].join(0.1)
-        assert folder.exists()
-
-    monkeypatch.setattr("rsgen.app.study.folder.sync_folder", sync)
-    with replaced_folder(tmp_path, "case") as part:
-        (part / "report.html").write_text("done")
-        write_manifest(part, {}, None, [])
-    for other in others:
-        other.join()
-    assert read_manifest(tmp_path / "case") is not None
 
 
 def test_a_notebook_of_the_user_is_not_taken_for_a_failed_one(tmp_path, finished):

@@ -75,14 +75,6 @@ def test_a_call_whose_process_is_lost_gets_a_second_one_and_no_third(answers):
     assert answers(1, [KILLED], [KILLED], ["b", "c"]) == [KILLED, "b", "c"]
 
 
-@pytest.mark.slow
-def test_processes_lay_nothing_into_the_temporary_folder(tmp_path, monkeypatch):
-    monkeypatch.setattr("tempfile.tempdir", str(tmp_path))
-    with local_workers(1, None) as submit:
-        assert submit(len, "one").result(60) == 3
-        assert list(tmp_path.iterdir()) == []
-
-
 @pytest.mark.parametrize("kind", [OSError, BrokenProcessPool])
 def test_a_lost_worker_and_one_never_begun_are_told_apart(tmp_path, kind):
     future: Future = Future()
