@@ -255,7 +255,7 @@ ROWS: dict[str, Row] = {
     ),
     "displacement-friction": Row(
         "Friction that grows with displacement", "mu*abs(x)*sign(v)", WORDEN,
-        (("mu", "friction force per displacement", "N/m"),), _ADDED, own=True,
+        (("mu", "friction force per displacement", "N/m"),), Search(dissipates=(("mu",),)), own=True,
     ),
     "structural": Row(
         "Rate-independent linear damping; it exists under periodic motion only", "structural(h)",

@@ -40,7 +40,7 @@ from tests.case_files import law as case_law
 from tests.case_files import write_small
 from tests.conftest import FEW, Answer
 from tests.oracles.memory import bouc_wen, sliding, two_masses
-from tests.surfaces import LAWS, MASS, changed, model, noisy, surface, truth
+from tests.surfaces import LAWS, MASS, changed, model, noisy, surface, truth, without_phase
 
 CASES = Path(__file__).parents[1] / "cases"
 NOISE = 0.01
@@ -403,6 +403,15 @@ def test_phases_that_were_not_recorded_are_not_read() -> None:
     turned = table.force * np.exp(2j * np.pi * np.random.default_rng(1).random(len(table)))
     one, other = rank(table, list(_RIVALS)), rank(changed(table, force=turned), list(_RIVALS))
     assert [c.bic for c in one] == pytest.approx([c.bic for c in other], rel=1e-6, abs=1e-3)
+
+
+@pytest.mark.slow
+def test_a_test_without_phases_that_a_linear_law_explains_is_not_rejected() -> None:
+    # without the mean a bilinear spring is a linear one; negative friction led to motions that none follows
+    ranking = rank(without_phase(measured("bilinear")), MEMORYLESS)
+    assert {"linear-damper + linear-spring", "bilinear-spring"} <= winners(ranking)
+    assert ranking.verdict.state == "identified"
+    assert all(candidate.values.get("mu", 0.0) >= 0 for candidate in ranking)
 
 
 @pytest.mark.thorough
