@@ -22,7 +22,7 @@ from rsgen.files.plan import MeasuredTest
 from rsgen.files.sandbox import read_binary
 from rsgen.files.signals import Channel
 from rsgen.files.text_columns import Columns, read_columns
-from rsgen.files.tree import StoredArray
+from rsgen.files.tree import StoredArray, star_pattern
 from rsgen.formula.units import quantity, sensor_unit
 
 # ----------------------------------------------------------------------------
@@ -191,34 +191,8 @@ def _stars(pattern: int | str, path: str) -> tuple[str, ...]:
     """Return the texts that the * of an address match in a path."""
     if not isinstance(pattern, str) or "*" not in pattern:
         return ()
-    text = re.sub(r"\[[\d,:]+\]\Z", "", pattern)
-    names, wanted = path.split("/"), text.split("/")
-    parts = [_star(*pair) for pair in zip(wanted, names, strict=False)]
-    whole = len(names) == len(wanted) and None not in parts
-    return tuple(part for found in parts for part in found or ()) if whole else (path,)
-
-
-def _star(pattern: str, name: str) -> tuple[str, ...] | None:
-    """Return the text that each * of a pattern matches, the first ones greedily; None without a match.
-
-    The search goes from the end of the name to its beginning and tries no position twice, so that its time is
-    linear in the number of stars.
-    """
-    first, *others = pattern.split("*")
-    if not others:
-        return () if name == pattern else None
-    last = others.pop()
-    stop = len(name) - len(last)
-    if stop < len(first) or not (name.startswith(first) and name.endswith(last)):
-        return None
-    found: list[str] = []
-    for literal in reversed(others):
-        place = name.rfind(literal, len(first), stop)
-        if place < 0:
-            return None
-        found.append(name[place + len(literal) : stop])
-        stop = place
-    return (name[len(first) : stop], *reversed(found))
+    found = star_pattern(re.sub(r"\[[\d,:]+\]\Z", "", pattern)).fullmatch(path)
+    return found.groups() if found else (path,)
 
 
 def _entries(

@@ -66,6 +66,8 @@ format if that is lower. The reading process itself ends sooner, after a second 
 only where the system can count that."""
 _UNCOUNTED_WAIT_DIVISOR = 10.0
 """Where it cannot, waiting is shorter by this factor, but for formats whose numbers are texts."""
+_SAID = ("path", "unit", "unit_source", "scale")
+"""Texts that come with the numbers of an array."""
 _READERS = {**FORMATS, SURFACE_FILE.name: SURFACE_FILE}
 _DTYPES = ("<f4", "<f8", "<c8", "<c16", "|i1", "|u1", "<i2", "<u2", "<i4", "<u4", "<i8", "<u8", "<f2")
 
@@ -248,8 +250,8 @@ def read_binary(
                 raise process.broken()
             most -= array_bytes(shape, np.dtype(item["dtype"]), most)
             values = process.array(shape, item["dtype"])
-            unit, source, scale = (str(item[key]) for key in ("unit", "unit_source", "scale"))
-            channel = StoredArray(str(item["path"]), values, unit, source, scale, int(item["row"]))
+            texts = {key: str(item[key]) for key in _SAID}
+            channel = StoredArray(values=values, row=int(item["row"]), **texts)
             channels[int(item["wanted"])].append(channel)
     return channels
 
@@ -320,18 +322,8 @@ def _channels(nodes: list[Node], wanted: list[int | str], largest: int) -> None:
                 raise MeasurementError(
                     f"more than {2 * largest} bytes are asked for; fewer channels are needed"
                 )
-            header.append(
-                {
-                    "wanted": number,
-                    "path": node.path,
-                    "dtype": values.dtype.str,
-                    "shape": list(values.shape),
-                    "unit": node.unit,
-                    "unit_source": node.unit_source,
-                    "scale": node.scale,
-                    "row": node.row,
-                }
-            )
+            item = {"wanted": number, "dtype": values.dtype.str, "shape": list(values.shape)}
+            header.append(item | {key: getattr(node, key) for key in (*_SAID, "row")})
             arrays.append(values)
     _say({"arrays": header}, arrays)
 

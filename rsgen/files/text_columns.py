@@ -24,7 +24,7 @@ from numpy.typing import NDArray
 from rsgen.common.arrays import Array
 from rsgen.common.errors import MeasurementError, quote, shown_path, suggest
 from rsgen.files.data_files import MAX_TEXT_BYTES, Rewritten, check_digest, open_text
-from rsgen.files.tree import MAX_CHANNELS
+from rsgen.files.tree import MAX_CHANNELS, star_pattern
 
 if TYPE_CHECKING:
     from rsgen.files.plan import Layout
@@ -248,10 +248,6 @@ MAX_ROWS = 3_000_000
 """Rows of a text: ten minutes at 5 kHz; longer histories are kept in binary formats."""
 REMARKS = "comment"
 """Title of the last column of LabVIEW's measurement files, which the rows leave out."""
-_ANY = ".{1,40}?"
-"""What a * in the name of a column stands for."""
-_MAX_STARS = 2
-"""In the name of a column: what each stands for is tried in turn, against thousands of names."""
 _FORMULA = ("=", "+", "-", "@")
 
 
@@ -348,12 +344,8 @@ class _Table:
                 raise self.fail(line, f"no column {column}; the file has {self.width}")
             return [column - 1]
         found = [place for place, name in enumerate(names) if name == column]
-        if column.count("*") > _MAX_STARS and not found:
-            raise self.fail(
-                line, f"{quote(column)} has {column.count('*')} stars; at most {_MAX_STARS} may be"
-            )
         if "*" in column and not found:
-            pattern = re.compile(_ANY.join(map(re.escape, column.split("*"))))
+            pattern = star_pattern(column)
             found = [place for place, name in enumerate(names) if pattern.fullmatch(name)]
         if len(found) == 1 or (found and "*" in column):
             return found

@@ -137,8 +137,8 @@ def test_many_stars_in_the_name_of_a_column_take_no_time(tmp_path):
     file = tmp_path / "a.csv"
     file.write_text(f"f,{'a' * 60}b,x_1N_2,x_2N_2,x_N_2\n1,2,3,4,5\n", encoding="utf-8")
     begun = time.process_time()
-    with pytest.raises(MeasurementError, match="has 7 stars; at most 2"):
-        read_columns(file, Layout(), ["*a" * 6 + "*c"], None)
+    with pytest.raises(MeasurementError, match="no column named"):
+        read_columns(file, Layout(), ["*a" * 25 + "*c"], None)
     assert time.process_time() - begun < 0.5
     # a * is one sign at least
     assert read_columns(file, Layout(), ["x_*N_*"], None).names == ("x_1N_2", "x_2N_2")

@@ -12,9 +12,9 @@ import numpy as np
 
 from rsgen.common.arrays import Array
 from rsgen.common.errors import MeasurementError, shown_path
-from rsgen.files.column_titles import unit_in
+from rsgen.files.column_titles import is_unit, unit_in
 from rsgen.files.data_files import open_text, recognise_format
-from rsgen.files.inspection.clues import unit_for
+from rsgen.files.inspection.clues import plain_unit
 from rsgen.files.plan import Layout
 from rsgen.files.sandbox import list_binary
 from rsgen.files.text_columns import (
@@ -37,8 +37,6 @@ LAYOUT_BYTES = 2**18
 """Bytes of them: enough for 300 lines of 40 columns; every way to split them is tried."""
 _MAX_BYTES_COLUMN_BY_COLUMN = 32 * 2**20
 """Where reading each column alone reads more bytes than this in all, none is."""
-_PLAIN_UNITS = ("", "-", "1", "Hz", "kHz", "rpm", "s", "ms", "deg", "rad", "V", "mV", "A", "%", "strain")
-_DIMENSIONS = ("N", "m", "m/s", "m/s^2", "kg", "Pa")
 _HEADER_LINES = 3
 """Lines of a header, at most: names, units, numbers of the channels. So many rows of numbers above a row of
 words belong to the table."""
@@ -149,28 +147,34 @@ def _list_text(path: Path) -> Contents:
         raise MeasurementError(f"{label}: no numbers in it; a table of numbers is needed")
     layout, first = _layout(lines, label)
     head = _head(lines, first, layout)
-    units = bool(head) and first > 1 and _are_units(head)
-    titles = _head(lines, first - 1, layout) if units else []
+    units = head if head and _are_units(head) else []
     # a row of units is passed over with the names above it: columns then go by number
-    skipped = first if units or not head else first - 1
-    skip = lines[skipped - 1][0] if skipped > 0 else 0
+    below = bool(units) and first > 1
+    titles = (_head(lines, first - 1, layout) or [""] * len(units)) if below else head
+    used = first if below or not head else first - 1
+    skip = lines[used - 1][0] if used > 0 else 0
     layout = Layout(layout.delimiter, layout.decimal, comments, skip, "cp1252" if foreign else "auto")
     kinds = _full(lines[first:], layout)
-    used = first if units or not head else first - 1
     if layout.delimiter == automatic_delimiter(lines[used][1], layout.decimal):
         layout = replace(layout, delimiter="auto")
     if not head:
-        head = _remarked(begin, lines[first][0], len(kinds))
-    entries, passed = _entries(path, layout, [] if units else head, kinds)
-    if head and not units and _are_units(head):
-        entries = tuple(replace(entry, unit=unit) for entry, unit in zip(entries, head, strict=True))
-    if units:
-        titles += [""] * (len(entries) - len(titles))
-        entries = tuple(
-            replace(entry, title=title, unit=unit)
-            for entry, title, unit in zip(entries, titles, head, strict=True)
+        titles = _remarked(begin, lines[first][0], len(kinds))
+    numbers, faults, passed = _numbers(path, layout, [n for n, kind in enumerate(kinds, start=1) if kind])
+    entries = []
+    for number, kind in enumerate(kinds, start=1):
+        title = titles[number - 1] if titles else ""
+        named = title and not below and titles.count(title) == 1 and not title.isdigit()
+        entry = Entry(
+            path=title if named else str(number),
+            dtype="float64" if kind else "",
+            unit=units[number - 1] if units else unit_in(title),
+            title=title,
+            fault=faults.get(number, "") if kind else "is no column of numbers",
         )
-    return Contents(path, "csv", entries, layout, passed)
+        if (values := numbers.get(number)) is not None:
+            entry = replace(entry, shape=(values.size,), **facts(values))
+        entries.append(entry)
+    return Contents(path, "csv", tuple(entries), layout, passed)
 
 
 def _head(lines: Sequence[tuple[int, str]], first: int, layout: Layout) -> list[str]:
@@ -186,8 +190,7 @@ def _head(lines: Sequence[tuple[int, str]], first: int, layout: Layout) -> list[
 
 def _are_units(cells: Sequence[str]) -> bool:
     """Return True if all cells are known units, such as Hz, N, m/s^2, g, deg."""
-    units = [cell.strip("[]()") for cell in cells]
-    return all(unit in _PLAIN_UNITS or any(unit_for(unit, si) for si in _DIMENSIONS) for unit in units)
+    return all(not cell.strip("[]()") or is_unit(plain_unit(cell.strip("[]()"))) for cell in cells)
 
 
 def _remarked(begin: Sequence[tuple[int, str]], first: int, width: int) -> list[str]:
@@ -229,28 +232,6 @@ def _passed(found: Columns) -> str:
         return ""
     rows = "a row" if count == 1 else f"{count} rows"
     return f"{rows} of words among the numbers, passed over; the first is line {found.words[0]}"
-
-
-def _entries(
-    path: Path, layout: Layout, names: list[str], kinds: tuple[bool, ...]
-) -> tuple[tuple[Entry, ...], str]:
-    wanted = [number for number, kind in enumerate(kinds, start=1) if kind]
-    numbers, faults, remark = _numbers(path, layout, wanted)
-    entries = []
-    for number, kind in enumerate(kinds, start=1):
-        name = names[number - 1] if names else ""
-        alone = name if name and names.count(name) == 1 and not name.isdigit() else str(number)
-        values = numbers.get(number)
-        entry = Entry(
-            path=alone,
-            shape=() if values is None else (values.size,),
-            dtype="float64" if kind else "",
-            unit=unit_in(name),
-            title=name,
-            fault=faults.get(number, "") if kind else "is no column of numbers",
-        )
-        entries.append(entry if values is None else replace(entry, **facts(values)))
-    return tuple(entries), remark
 
 
 def list_contents(path: Path) -> Contents:
