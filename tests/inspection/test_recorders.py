@@ -86,8 +86,9 @@ def modal_file(path: Path, points: list[tuple[int, int, float]], titles: tuple[s
     pyuff = pytest.importorskip("pyuff", reason="no pyuff here: install rsgen[test]")
     sets = [
         pyuff.prepare_58(
-            func_type=4, rsp_node=node, rsp_dir=direction, ref_node=7, ref_dir=3, rsp_ent_name="WING",
-            ref_ent_name="WING", data=-(OMEGA**2) * share * RECEPTANCE, x=FREQUENCY, binary=0, id1=title,
+            func_type=4, rsp_node=node, rsp_dir=direction, ref_node=7 * bool(node), ref_dir=3 * bool(node),
+            rsp_ent_name="WING" if node else "NONE", ref_ent_name="WING" if node else "NONE",
+            data=-(OMEGA**2) * share * RECEPTANCE, x=FREQUENCY, binary=0, id1=title,
             z_axis_value=0.0, abscissa_spacing=1,
             abscissa_min=7.0, abscissa_inc=0.25, num_pts=25, ord_data_type=6,
             ordinate_spec_data_type=12, orddenom_spec_data_type=13, abscissa_spec_data_type=18,
@@ -127,7 +128,8 @@ def test_points_of_a_modal_test_are_no_levels(tmp_path, points, left_out):
 
 @pytest.mark.slow
 def test_levels_are_read_from_the_titles_of_functions(tmp_path):
-    path = modal_file(tmp_path / "a.uff", [(1, 3, 1.0), (1, 3, 1.0)], ("receptance, 2 N", "receptance, 10 N"))
+    nowhere = [(0, 0, 1.0)] * 2
+    path = modal_file(tmp_path / "a.uff", nowhere, ("receptance, 2 N", "receptance, 10 N"))
     tables, surface, doubts = read_draft(path)
     assert tables["level"] == {"values": ["2 N", "10 N"]}
     assert "titles" in doubts["test.level.values"]
