@@ -16,11 +16,7 @@ import pytest
 from rsgen.app.study import MANIFEST, Step, read_manifest, run_case, run_cases
 from rsgen.app.study.folder import UNFINISHED, recover, replaced_folder, write_manifest
 from rsgen.app.study.many_cases import local_workers
-<<<<<<< HEAD
-from rsgen.app.study.run_case import _failed_notebook, check_place, current_result
-=======
-from rsgen.app.study.run_case import _temporary_in, check_place, current_result
->>>>>>> 3bd6d0ed (rsgen report, --frf and save_frf are gone: rsgen run writes reports, pyuff universal files; no notebook of a failed run is kept)
+from rsgen.app.study.run_case import check_place, current_result
 from rsgen.cases import load_case
 from rsgen.common.errors import RsgenError
 from tests.case_files import CUBIC, write_small
@@ -340,55 +336,6 @@ def test_a_folder_that_another_run_fills_is_not_cleared(tmp_path, process):
     (killed / UNFINISHED).touch()
     recover(tmp_path)
     assert not killed.exists()
-
-
-<<<<<<< HEAD
-def test_a_notebook_of_the_user_is_not_taken_for_a_failed_one(tmp_path, finished):
-    mine, changed, theirs = (tmp_path / f"{name}-failed.ipynb" for name in ("small", "changed", "other"))
-    lesson = (finished[1] / "small" / "notebook.ipynb").read_text(encoding="utf-8")
-    mine.write_text('{"metadata": {}, "cells": []}')
-    # somebody looks for what went wrong in the notebook that was left
-    changed.write_text(lesson.replace("import rsgen", "import rsgen, pdb", 1), encoding="utf-8")
-    theirs.write_text(lesson, encoding="utf-8")
-    for place in (mine, changed, theirs):
-        with _failed_notebook(tmp_path, place):
-            pass
-    assert mine.exists()
-    assert changed.exists()
-    assert not theirs.exists()
-=======
-@posix
-def test_a_finished_folder_is_not_cleared_before_it_is_moved(tmp_path, monkeypatch):
-    """Its mark is gone then, and the disk may take its time."""
-    others: list[threading.Thread] = []
-
-    def sync(folder: Path) -> None:
-        others.append(threading.Thread(target=recover, args=(tmp_path,)))
-        others[-1].start()
-        others[-1].join(0.1)
-        assert folder.exists()
-
-    monkeypatch.setattr("rsgen.app.study.folder.sync_folder", sync)
-    with replaced_folder(tmp_path, "case") as part:
-        (part / "report.html").write_text("done")
-        write_manifest(part, {}, None, [])
-    for other in others:
-        other.join()
-    assert read_manifest(tmp_path / "case") is not None
-
-
-@posix
-def test_threads_that_begin_and_end_together_leave_each_other_alone(tmp_path):
-    def write(case: int) -> None:
-        for _ in range(20):
-            with replaced_folder(tmp_path, f"case{case}") as part:
-                (part / "report.html").write_text("done")
-                write_manifest(part, {}, None, [])
-
-    with ThreadPoolExecutor(6) as pool:
-        list(pool.map(write, range(6)))
-    assert len(list(tmp_path.iterdir())) == 6
->>>>>>> 3bd6d0ed (rsgen report, --frf and save_frf are gone: rsgen run writes reports, pyuff universal files; no notebook of a failed run is kept)
 
 
 def _kill_workers(out: Path, times: dict[str, int]) -> tuple[Callable[[Step], None], dict[str, list[int]]]:
