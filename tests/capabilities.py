@@ -183,17 +183,11 @@ def _background(kind: str) -> Callable[[Row], None]:
 
 
 COLUMNS: dict[str, Callable[[Row], object]] = {
-    "identify": Row.identify,
-    "rank": _ranked,
+    "identify": Row.identify, "rank": _ranked,
     **{f"background: {kind}": _background(kind) for kind in (*BACKGROUNDS[1:], "constant" + OFFSET)},
-    "modal table": _modal,
-    "predict": _predicted,
-    "hold out": _held_out,
-    "fixed": _fixed,
-    "profile": _profile,
-    "page": _page,
-    "virtual test, notebook": _notebook,
-}
+    "modal table": _modal, "predict": _predicted, "hold out": _held_out, "fixed": _fixed, "profile": _profile,
+    "page": _page, "virtual test, notebook": _notebook,
+}  # fmt: skip
 
 NO_FORCE = "a free decay has no force that a background could follow"
 NOT_DETERMINED = "not determined by points at phase resonance alone"
@@ -214,8 +208,7 @@ EXCITATIONS = {
         f'control = "phase"\nphase = {{ lags = ["60 deg", "90 deg", "120 deg"] }}\n{_FORCES}\n{_STEPPED}'
     ),
     "stepped sine, phase resonance alone": Row(
-        f'control = "phase"\nlevel = {{ start = 1, stop = 12, count = 24 }}\n{_STEPPED}',
-        {"mass": MASS},
+        f'control = "phase"\nlevel = {{ start = 1, stop = 12, count = 24 }}\n{_STEPPED}', {"mass": MASS},
         refused=_refused(_BACKGROUNDS, NOT_DETERMINED),
     ),
     "continuation": Row(
@@ -224,14 +217,11 @@ EXCITATIONS = {
     ),
     "swept sine": Row(_SWEEP),
     "free decay": Row(
-        _DECAY,
-        {"mass": MASS},
-        values={**TRUTH, "c": 1.0},
-        refused=_refused(("background: phase", *_BACKGROUNDS), NO_FORCE),
-        damping=1.0,
+        _DECAY, {"mass": MASS}, values={**TRUTH, "c": 1.0},
+        refused=_refused(("background: phase", *_BACKGROUNDS), NO_FORCE), damping=1.0,
     ),
     "multisine": Row(_MULTISINE),
-}
+}  # fmt: skip
 
 
 def _without_phase(table: rs.ResponseSurface) -> rs.ResponseSurface:

@@ -13,18 +13,12 @@ GONE = object()
 """In place of a value: the key is left out."""
 
 SMALL: dict[str, Any] = {
-    "schema": 1,
-    "name": "small",
-    "title": "Small",
-    "system": {"mass": 1.5},
-    "element": [{"name": "law", "force": "k*x + c*v"}],
-    "truth": {"k": 5920.0, "c": 8.0},
+    "schema": 1, "name": "small", "title": "Small", "system": {"mass": 1.5},
+    "element": [{"name": "law", "force": "k*x + c*v"}], "truth": {"k": 5920.0, "c": 8.0},
     "test": {
-        "kind": "simulated",
-        "level": {"values": [1, 2]},
-        "frequency": {"start": 8, "stop": 12, "count": 21},
+        "kind": "simulated", "level": {"values": [1, 2]}, "frequency": {"start": 8, "stop": 12, "count": 21},
     },
-}
+}  # fmt: skip
 CUBIC: Changes = {
     "element": [{"name": "spring", "force": "k*x + kn*x**3"}, {"name": "damper", "force": "c*v"}],
     "truth": {"k": 5920.0, "kn": 2.2e5, "c": 8.0},

@@ -48,16 +48,10 @@ def cubic_surface(
     harmonics = np.zeros((len(level), 4), dtype=complex)
     harmonics[:, 1] = response
     surface = ResponseSurface(
-        level=level,
-        frequency=frequency,
-        force=level.astype(complex),
-        harmonics=harmonics,
-        peak=np.stack([np.abs(response), -np.abs(response)], axis=1),
-        sweep=sweep,
-        residual=1e-9,
-        error=1e-6,
+        level=level, frequency=frequency, force=level.astype(complex), harmonics=harmonics,
+        peak=np.stack([np.abs(response), -np.abs(response)], axis=1), sweep=sweep, residual=1e-9, error=1e-6,
         origin="simulated",
-    )
+    )  # fmt: skip
     if gaps:
         surface = surface.select(np.random.default_rng(1).random(len(surface)) > 0.2)
     return surface
@@ -82,18 +76,13 @@ def cubic_prediction(surface: ResponseSurface, held_out: tuple[float, ...] = ())
 def cubic_case(title: str = "Softening cubic spring", **changes: Any) -> Case:
     """A case as its file would give it."""
     values: dict[str, Any] = {
-        "path": Path("cubic.toml"),
-        "name": "cubic",
-        "title": title,
-        "source": "Liu et al., Eqs. (13), (14)",
-        "text": 'schema = 1\nname = "cubic"\n',
-        "sha256": "0" * 64,
-        "oscillator": None,
+        "path": Path("cubic.toml"), "name": "cubic", "title": title, "source": "Liu et al., Eqs. (13), (14)",
+        "text": 'schema = 1\nname = "cubic"\n', "sha256": "0" * 64, "oscillator": None,
         "model": cubic_model(),
         "test": SimulatedTest(level=np.linspace(1, 12, 8), frequency=np.linspace(8.5, 11.5, 61)),
         "truth": {"m": MASS, "k1": K1, "kn1": KN1, "c1": C1},
         "printed": {"stiffness": parse("k1 + 3/4*kn1*X**2"), "damping": parse("c1")},
-    }
+    }  # fmt: skip
     return Case(**{**values, **changes})
 
 

@@ -75,17 +75,10 @@ def _solve(
     oscillator = Oscillator(MASS, (make_element("law", LAWS[law][0]),), values or LAWS[law][1])
     states = solve_steady_states(oscillator, level.astype(complex), frequency, harmonics=7, accuracy=accuracy)
     return ResponseSurface(
-        level=level,
-        frequency=frequency,
-        force=level.astype(complex),
-        harmonics=states.harmonics,
-        peak=states.peak,
-        sweep="rest",
-        outcome=states.outcome,
-        residual=states.residual,
-        error=states.error,
+        level=level, frequency=frequency, force=level.astype(complex), harmonics=states.harmonics,
+        peak=states.peak, sweep="rest", outcome=states.outcome, residual=states.residual, error=states.error,
         origin="simulated",
-    )
+    )  # fmt: skip
 
 
 def changed(table: ResponseSurface, **columns: object) -> ResponseSurface:

@@ -53,14 +53,8 @@ os.name = "nt-like"
 '''
 
 LIBRARIES = (
-    "h5py",
-    "IPython",
-    "matplotlib.pyplot",
-    "numba",
-    "platformdirs.unix",
-    "scipy.io",
-    "scipy.optimize",
-)
+    "h5py", "IPython", "matplotlib.pyplot", "numba", "platformdirs.unix", "scipy.io", "scipy.optimize",
+)  # fmt: skip
 
 
 def run_elsewhere(

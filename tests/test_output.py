@@ -1,18 +1,13 @@
 """A file is whole or not there: the law of rsgen.common.output."""
 
-import multiprocessing
 import os
-import signal
 import subprocess
 import sys
-import time
 
 import pytest
 
 from rsgen.common.errors import RsgenError
 from rsgen.common.output import write_atomic
-
-KILLS = 6
 
 
 def test_text_and_bytes_come_back(tmp_path):
@@ -72,28 +67,3 @@ def test_full_disk_leaves_the_old_file(tmp_path):
     assert run.returncode == 7, run.stderr
     assert target.read_text() == "old"
     assert [p.name for p in tmp_path.iterdir()] == ["report.html"]
-
-
-def _write_for_ever(path: str) -> None:
-    number = 0
-    while True:
-        number += 1
-        write_atomic(path, f"{number % 10}" * 300_000)
-
-
-@pytest.mark.skipif(not hasattr(signal, "SIGKILL"), reason="needs SIGKILL")
-@pytest.mark.slow
-def test_kill_in_the_middle_leaves_a_whole_file(tmp_path):
-    target = tmp_path / "result.json"
-    context = multiprocessing.get_context("spawn")
-    for kill in range(KILLS):
-        process = context.Process(target=_write_for_ever, args=(str(target),))
-        process.start()
-        while not target.exists():
-            time.sleep(0.005)
-        time.sleep(0.003 * kill)
-        process.kill()
-        process.join()
-        content = target.read_text()
-        assert len(content) == 300_000
-        assert len(set(content)) == 1

@@ -7,7 +7,7 @@ from scipy.interpolate import CubicSpline
 from rsgen.common.errors import RsgenError
 from rsgen.data.oscillator import Model, Observation, Oscillator
 from rsgen.dynamics.simulation import simulate
-from rsgen.dynamics.virtual_test import MultisineTest, SimulatedTest
+from rsgen.dynamics.virtual_test import SimulatedTest
 from rsgen.identification.identify import identify
 from rsgen.identification.prediction import predict
 from tests.surfaces import changed, model, noisy, surface
@@ -54,21 +54,6 @@ def test_curves_pass_through_the_measured_points(quintic):
         rows = np.flatnonzero((table.level == curve.level) & table.settled & inside)
         assert len(rows) > 5
         np.testing.assert_allclose(np.exp(along(table.frequency[rows])), table.amplitude[rows], rtol=BETWEEN)
-
-
-def test_folds_bound_the_unstable_branch(quintic):
-    _, prediction = quintic
-    low, high = prediction.curves[0], prediction.curves[-1]
-    assert len(low.folds) == 0
-    assert low.stable.all()
-    assert len(high.folds) == 2
-    unstable = high.amplitude[~high.stable]
-    assert high.folds[:, 1].min() * 0.95 <= unstable.min()
-    assert unstable.max() <= high.folds[:, 1].max() * 1.05
-    # a hardening spring is ambiguous between the two jumps, the one down at the higher frequency
-    between = high.frequency[~high.stable]
-    assert high.folds[:, 0].min() * 0.999 <= between.min()
-    assert between.max() <= high.folds[:, 0].max() * 1.001
 
 
 def test_extrapolation_is_marked(quintic):
@@ -147,21 +132,6 @@ def test_held_amplitudes_are_predicted_on_unstable_branches_too():
     (item,) = predict(found, surface=table).held_out
     assert item.error < EXACT
     assert item.missing == 0
-
-
-def test_a_law_of_a_multisine_predicts_resonance_curves():
-    linear = Oscillator(1.5, "k*x + c*v", {"k": 5920.0, "c": 6.0})
-    spectra = simulate(linear, MultisineTest([3, 5], band=(2.5, 20), period=2, noise_relative=0.01))
-    found = identify(spectra, "k*x + c*v", Observation(hold_out=(5,)))
-    both, alone = predict(found, [4.0]), predict(found)
-    assert [record.level for record in both.records] == [record.level for record in alone.records] == [5.0]
-    assert not alone.curves
-    curve = both[4.0]
-    omega = 2 * np.pi * curve.frequency
-    exact = 4.0 / np.abs(5920.0 - 1.5 * omega**2 + 6j * omega)
-    # two half widths are four standard errors
-    assert np.all(np.abs(curve.amplitude - exact) < 2 * (curve.upper - curve.amplitude))
-    assert np.all(curve.upper - curve.amplitude < 0.01 * exact)
 
 
 def test_curves_are_predicted_at_the_measured_force():

@@ -1,14 +1,18 @@
-"""The public names of rsgen: what a user may import, and nothing by accident."""
+"""The public names of rsgen, and the types of what is declared."""
 
 import ast
 import importlib
 import subprocess
 import sys
 from pathlib import Path
+from typing import Annotated, Any, TypeVar, get_origin
 
+import numpy as np
 import pytest
+from typing_extensions import TypeAliasType
 
 import rsgen
+from rsgen.common.declaration import Rule, read_hint
 
 PUBLIC = [
     "Case", "Comparison", "DecayTest", "Finding", "Identification", "Law", "ModalTable",
@@ -16,7 +20,7 @@ PUBLIC = [
     "ResponseSurface", "RsgenError", "SimulatedTest", "SweepTest", "best_linear", "best_linear_surface",
     "compare", "compare_fits", "derive", "explain", "figures", "history", "identify", "laws", "load_case",
     "load_spectra", "load_surface", "make_element", "modal_table", "predict", "profile", "rank", "read",
-    "save_spectra", "save_surface", "sentence", "simulate", "verdict_of", "write_report",
+    "save_frf", "save_spectra", "save_surface", "sentence", "simulate", "verdict_of", "write_report",
 ]  # fmt: skip
 
 
@@ -76,3 +80,20 @@ assert TimeHistory is rsgen.data.history.TimeHistory is rsgen.history.TimeHistor
 assert draw_responses is rsgen.report.figures.draw_responses is rsgen.figures.draw_responses
 """
     subprocess.run([sys.executable, "-c", script], check=True)
+
+
+Scalar = TypeVar("Scalar", bound=np.generic)
+Named = TypeAliasType("Named", np.ndarray[tuple[Any, ...], np.dtype[Scalar]], type_params=(Scalar,))
+
+
+def test_an_array_is_an_array_where_its_type_is_an_alias_with_a_name():
+    # NumPy 2.5 declares NDArray in this way
+    base, rule, optional = read_hint(Annotated[Named[np.float64] | None, Rule("levels", unit="N")])
+    assert get_origin(base) is np.ndarray
+    assert (rule.unit, optional) == ("N", True)
+
+
+def test_of_several_types_none_is_left_out():
+    base, _, optional = read_hint(int | str | None)
+    assert base == int | str
+    assert optional

@@ -1,4 +1,4 @@
-"""Laws of the response surface table and of its file."""
+"""Laws of the response surface table and of its file; copies of rows count once."""
 
 import pickle
 import tracemalloc
@@ -11,11 +11,13 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+import rsgen as rs
 from rsgen.common.errors import MeasurementError, RsgenError
 from rsgen.common.finding import Finding, Quantity
-from rsgen.data.surface import OUTCOMES, ResponseSurface, save_surface
+from rsgen.data.surface import OUTCOMES, ResponseSurface, save_surface, without_copies
 from rsgen.files import load_surface
 from rsgen.report.wording import sentence
+from tests.samples import cubic_surface
 
 
 def random_surface(seed: int, n: int, harmonics: int) -> ResponseSurface:
@@ -26,27 +28,21 @@ def random_surface(seed: int, n: int, harmonics: int) -> ResponseSurface:
         return random.normal(size=shape) + 1j * random.normal(size=shape)
 
     return ResponseSurface(
-        level=random.uniform(0, 10, n),
-        frequency=random.uniform(1, 100, n),
-        force=complex_normal(n, random.integers(2, 5)),
-        harmonics=complex_normal(n, harmonics + 1),
+        level=random.uniform(0, 10, n), frequency=random.uniform(1, 100, n),
+        force=complex_normal(n, random.integers(2, 5)), harmonics=complex_normal(n, harmonics + 1),
         peak=np.where(random.random((n, 1)) < 0.3, np.nan, random.normal(size=(n, 2))),
-        sweep=random.choice(["rest", "up", "down"], n),
-        outcome=random.integers(0, len(OUTCOMES), n),
-        residual=random.exponential(size=n),
-        error=np.full(n, np.nan),
-        origin=str(random.choice(["simulated", "measured"])),
-        phase_known=bool(random.random() < 0.5),
+        sweep=random.choice(["rest", "up", "down"], n), outcome=random.integers(0, len(OUTCOMES), n),
+        residual=random.exponential(size=n), error=np.full(n, np.nan),
+        origin=str(random.choice(["simulated", "measured"])), phase_known=bool(random.random() < 0.5),
         across=complex_normal(n, harmonics + 1) if random.random() < 0.5 else None,
         label=random.integers(0, 4, n) if random.random() < 0.5 else None,
-        per_mass=bool(random.random() < 0.5),
-        base=str(random.choice(["", "velocity"])),
+        per_mass=bool(random.random() < 0.5), base=str(random.choice(["", "velocity"])),
         findings=tuple(
             Finding("a-code", "info", "ζ", {"x": Quantity(random.random(), "N/m")}, {"of": "größer"})
             for _ in range(random.integers(0, 3))
         ),
         overlapping=bool(random.random() < 0.5),
-    )
+    )  # fmt: skip
 
 
 def assert_same(one: ResponseSurface, two: ResponseSurface) -> None:
@@ -100,19 +96,6 @@ def test_every_array_of_the_file_carries_its_unit(tmp_path):
     assert set(units) == {f.name for f in fields(ResponseSurface)} - words | {"settled"}
 
 
-def test_amplitude_and_phase_follow_from_force_and_fundamental():
-    # receptance of a damped oscillator below resonance lags by less than a right angle, above by more
-    m, c, k = 2.0, 3.0, 5000.0
-    frequency = np.array([2.0, 7.0, 7.9577, 12.0])
-    omega = 2 * np.pi * frequency
-    force = 3.0 * np.exp(1j * np.array([0.0, 1.0, -2.0, 3.0]))
-    x1 = force / (k - m * omega**2 + 1j * c * omega)
-    surface = ResponseSurface(3.0, frequency, force, x1)
-    expected = np.arctan2(c * omega, k - m * omega**2)
-    np.testing.assert_allclose(surface.phase, expected, rtol=1e-12)
-    np.testing.assert_allclose(surface.amplitude, np.abs(x1), rtol=1e-15)
-
-
 def test_arrays_cannot_be_changed_and_do_not_alias_the_input():
     source = random_surface(5, 4, 2)
     level = np.ones(4)
@@ -121,16 +104,6 @@ def test_arrays_cannot_be_changed_and_do_not_alias_the_input():
         surface.level[0] = 2
     level[0] = 7
     assert surface.level[0] == 1
-
-
-def test_selecting_keeps_rows_together():
-    surface = random_surface(8, 30, 4)
-    mask = surface.frequency > 50
-    part = surface.select(mask)
-    assert len(part) == mask.sum()
-    np.testing.assert_array_equal(part.harmonics, surface.harmonics[mask])
-    np.testing.assert_array_equal(part.force, surface.force[mask])
-    assert (part.origin, part.phase_known) == (surface.origin, surface.phase_known)
 
 
 @pytest.mark.parametrize(
@@ -406,3 +379,68 @@ def test_a_file_that_declares_sensors_it_does_not_have_is_refused(tmp_path):
             file.attrs["sensors"] = said
         with pytest.raises(MeasurementError, match="sensor"):
             load_surface(path)
+
+
+FREQUENCY = np.array([8.0, 9.0, 10.0])
+RESPONSE = np.array([1e-3, 2e-3 - 1e-3j, 1e-3j])
+
+
+def surface(**columns) -> ResponseSurface:
+    return ResponseSurface(
+        **{"level": 2.0, "frequency": FREQUENCY, "force": 2.0, "response": RESPONSE} | columns
+    )
+
+
+def test_the_fundamental_of_recorded_harmonics_is_the_force():
+    harmonics = np.array([[0.1, 2, 0.3j], [0.2, 2.1, 0.2], [0.3, 1.9j, 0.1]])
+    made = surface(force=harmonics)
+    np.testing.assert_array_equal(made.force, harmonics[:, 1])
+    np.testing.assert_array_equal(made.force_harmonics, harmonics)
+    # a new fundamental keeps its company, new harmonics bring their fundamental
+    np.testing.assert_array_equal(replace(made, force=[1, 2, 3]).force_harmonics[:, 1], [1, 2, 3])
+    np.testing.assert_array_equal(replace(made, force=[1, 2, 3]).force_harmonics[:, 2], harmonics[:, 2])
+    np.testing.assert_array_equal(replace(made, force=2 * harmonics).force, 2 * harmonics[:, 1])
+    np.testing.assert_array_equal(made.select(np.array([2, 0])).force_harmonics, harmonics[[2, 0]])
+
+
+def test_frames_and_files_bring_every_column_back(tmp_path):
+    random = np.random.default_rng(1)
+    force, response, across = random.normal(size=(3, 3, 4)) + 1j * random.normal(size=(3, 3, 4))
+    force[:, 0], across[:, 0], response[:, 0] = force[:, 0].real, across[:, 0].real, response[:, 0].real
+    made = surface(force=force, response=response, across=across, per_mass=True, base="velocity")
+    save_surface(tmp_path / "s.h5", made)
+    read = load_surface(tmp_path / "s.h5")
+    framed = ResponseSurface.from_frame(made.to_frame(), per_mass=True, base="velocity")
+    for other in (read, framed):
+        for name in ("force", "force_harmonics", "harmonics", "across"):
+            np.testing.assert_array_equal(getattr(other, name), getattr(made, name))
+        assert (other.level_unit, other.force_unit, other.answer_unit) == ("m/s", "m/s^2", "m")
+    with h5py.File(tmp_path / "s.h5") as file:
+        assert [file[name].attrs["units"] for name in ("level", "force", "across")] == ["m/s", "m/s^2", "m"]
+    for words in ("force with 3 harmonics", "motion across", "velocity of the base", "per unit mass"):
+        assert words in repr(made)
+
+
+LAW = "k1*x + kn1*x**3 + c1*v"
+
+
+def noisy_surface() -> ResponseSurface:
+    surface, random = cubic_surface(), np.random.default_rng(3)
+    noise = 1 + 0.01 * (random.standard_normal((2, len(surface))) * [[1], [1j]]).sum(axis=0)
+    return ResponseSurface(surface.level, surface.frequency, surface.force, noise * surface.harmonics[:, 1])
+
+
+@pytest.mark.parametrize("copied", [np.arange(200), np.full(60, 17)], ids=["many rows", "one row often"])
+def test_copies_change_neither_values_nor_intervals(copied):
+    surface = noisy_surface()
+    rows = np.concatenate([np.arange(len(surface)), copied])
+    assert without_copies(surface) is surface
+    found, again = rs.identify(surface, LAW), rs.identify(surface.select(rows), LAW)
+    assert again.verdict.state == found.verdict.state
+    for name in ("k1", "kn1", "c1", "m"):
+        assert again[name].value == pytest.approx(found[name].value, rel=1e-9)
+        assert again[name].interval == pytest.approx(found[name].interval, rel=1e-6)
+    (finding,) = [finding for finding in again.findings if finding.names.get("by") == "copies"]
+    assert (finding["rows"], finding["all"]) == (len(copied), len(rows))
+    assert "written twice" in sentence(finding)
+    assert finding in rs.modal_table(surface.select(rows)).findings

@@ -139,16 +139,9 @@ def call(words: Sequence[str | Path], folder: Path, code: int = 0, **added: str)
     shown = " ".join([Path(texts[0]).name, *texts[1:]])[:200]
     try:
         done = subprocess.run(
-            texts,
-            cwd=folder,
-            env=clean_environment(folder) | added,
-            capture_output=True,
-            text=True,
-            encoding="utf-8",
-            errors="replace",
-            timeout=SECONDS,
-            check=False,
-        )
+            texts, cwd=folder, env=clean_environment(folder) | added, capture_output=True, text=True,
+            encoding="utf-8", errors="replace", timeout=SECONDS, check=False,
+        )  # fmt: skip
     except subprocess.TimeoutExpired:
         raise WheelError(f"{shown}: not finished after {SECONDS} s") from None
     if done.returncode != code:

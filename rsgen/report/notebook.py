@@ -30,7 +30,7 @@ from rsgen.identification.results import Identification
 from rsgen.report import figures
 from rsgen.report.figures import Drawing
 from rsgen.report.page_tables import NO_MODAL, Modal
-from rsgen.report.provenance import plain_text, template_environment
+from rsgen.report.provenance import notebook_mark, plain_text, template_environment
 
 # ----------------------------------------------------------------------------
 # Run the cells of a notebook in this process, given the results that the run already has.
@@ -302,7 +302,8 @@ def build_notebook(
         make[kind](body.strip("\n"), id=name)
         for kind, name, body in zip(pieces[::3], pieces[1::3], pieces[2::3], strict=True)
     ]
-    notebook: nbformat.NotebookNode = write.new_notebook(cells=cells, metadata=_METADATA)
+    metadata = {**_METADATA, "rsgen": notebook_mark(cell.source for cell in cells)}
+    notebook: nbformat.NotebookNode = write.new_notebook(cells=cells, metadata=metadata)
     return notebook
 
 
@@ -387,4 +388,4 @@ def write_notebook(
     write: Any = nbformat.v4.writes  # has no types; ``nbformat.writes`` would validate once more
     write_atomic(path, write(notebook) + "\n")
     if fault is not None:
-        raise RsgenError(f"{path.name}: {fault} (rsgen {rsgen.__version__})")
+        raise RsgenError(f"{path.name}: {fault}; it is saved with its traceback (rsgen {rsgen.__version__})")

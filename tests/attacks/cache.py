@@ -41,13 +41,9 @@ def _numbers(place: Path) -> str:
     """Integrate in a new process; give the bits of the result, or what came instead."""
     try:
         done = subprocess.run(
-            [sys.executable, "-c", PROGRAM],
-            capture_output=True,
-            text=True,
-            check=False,
-            timeout=_SECONDS,
+            [sys.executable, "-c", PROGRAM], capture_output=True, text=True, check=False, timeout=_SECONDS,
             env=environment(place),
-        )
+        )  # fmt: skip
     except subprocess.TimeoutExpired:
         return "hung"
     return done.stdout if done.returncode == 0 else f"ended with {done.returncode}: {done.stderr[-200:]}"

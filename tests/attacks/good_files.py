@@ -37,14 +37,8 @@ def arrays() -> dict[str, np.ndarray[Any, Any]]:
     t = np.arange(SAMPLES) / 100
     drive = 2 * np.sin(2 * np.pi * (4 * t + 0.4 * t**2))
     return {
-        "f": f,
-        "F": F,
-        "x": x,
-        "t": t,
-        "u": drive,
-        "a": np.roll(drive, 3) * 1e-3,
-        "fs": np.array([100.0]),
-    }
+        "f": f, "F": F, "x": x, "t": t, "u": drive, "a": np.roll(drive, 3) * 1e-3, "fs": np.array([100.0]),
+    }  # fmt: skip
 
 
 def power_of_ten(rng: Generator, low: float, high: float) -> int:

@@ -254,14 +254,9 @@ def two_runs_at_once(place: Path) -> str:
 
 
 ATTACKS: dict[str, Line | Callable[[Path], str]] = {
-    **STREAMS,
-    **NAMES,
-    "case that changes": changing_case,
-    "case that vanishes": vanishing_case,
-    "two runs at once": two_runs_at_once,
-    **LIMITS,
-    **VARIABLES,
-}
+    **STREAMS, **NAMES, "case that changes": changing_case, "case that vanishes": vanishing_case,
+    "two runs at once": two_runs_at_once, **LIMITS, **VARIABLES,
+}  # fmt: skip
 
 
 @cache

@@ -133,6 +133,15 @@ def test_a_header_of_megabytes_is_refused(tmp_path, seed, reason):
     assert f"is no whole .npy array of numbers: {reason}" in refusal(lambda: list_binary(path, "npy"))
 
 
+def test_thousands_of_columns_are_listed_soon(tmp_path):
+    path = tmp_path / "a.csv"
+    row = ",".join(["1.5"] * 4000)
+    path.write_text("\n".join([row] * 40 + [row[:-1] + "x"]) + "\n")
+    begun = time.process_time()
+    assert len(list_contents(path).entries) == 4000
+    assert time.process_time() - begun < allowed(SECONDS)
+
+
 def test_many_stars_in_the_name_of_a_column_take_no_time(tmp_path):
     file = tmp_path / "a.csv"
     file.write_text(f"f,{'a' * 60}b,x_1N_2,x_2N_2,x_N_2\n1,2,3,4,5\n", encoding="utf-8")

@@ -266,22 +266,6 @@ def run(**arguments):
     for _ in range(200):
         time.sleep(0.1)
 """,
-    "in an import": """
-class Compiled:
-    def find_spec(self, *_):
-        sys.meta_path.remove(self)
-        try:
-            interrupt()
-        except KeyboardInterrupt:
-            raise ImportError("failed to load")
-
-def run(**arguments):
-    sys.meta_path.insert(0, Compiled())
-    with contextlib.suppress(ModuleNotFoundError):
-        import absent
-    for _ in range(200):
-        time.sleep(0.1)
-""",
     "and a polite end at the exit": """
 class Ends:
     def __del__(self, kill=os.kill, process=os.getpid(), number=signal.SIGTERM):

@@ -1,4 +1,4 @@
-"""What the commands say of laws that cannot mean what they say, before a run and after a simulation."""
+"""What the commands say of a law before any test, and of the equations of its states."""
 
 import pytest
 
@@ -44,3 +44,15 @@ def test_a_case_begins_with_a_law_with_memory(tmp_path, run_cli):
     assert "identifies m, a, b, c, k, q, r" in run_cli("check", path).out
     refused = run_cli("init", tmp_path / "no.toml", "--law", "k*x + c*v", "--memory", "z = a*v")
     assert (refused.code, "z stands neither in the force" in refused.err) == (2, True)
+
+
+BOUC_WEN = ("k*x + z", "--memory", "z' = alpha*v - bg*abs(v)*z - bd*v*abs(z)")
+
+
+@pytest.mark.slow
+def test_equations_of_states_are_shown(run_cli):
+    said = run_cli("derive", *BOUC_WEN)
+    assert said.code == 0
+    assert "n(x, v, z)  = k x + z" in said.out
+    assert "memory     z'          = alpha v - bd v |z| - bg z |v|" in said.out
+    assert "energy     D(X)        = integral_0^2pi X cos(phi) z(phi) dphi" in said.out

@@ -1,14 +1,19 @@
-"""Streams that are closed, full or poor in letters: a sentence and the right code, and the work goes on."""
+"""What commands write to streams: closed, full, in few letters; faults and warnings of libraries."""
 
 import errno
+import logging
 import os
 import shlex
 import subprocess
 import sys
+from pathlib import Path
 
 import pytest
 
+from rsgen.app.cli.terminal import plain
 from rsgen.common.errors import program_fault
+from rsgen.common.finding import Finding, Quantity
+from rsgen.report.wording import sentence
 from tests.programs import RSGEN, python, start
 
 posix = pytest.mark.skipif(os.name != "posix", reason="the full device is POSIX")
@@ -62,3 +67,82 @@ def test_what_the_system_refuses_is_no_fault_of_the_program():
     assert "too little memory" in program_fault(MemoryError(), "small.toml")
     assert "cannot be loaded" in program_fault(ImportError("failed to map segment"), "small.toml")
     assert "this is a fault of rsgen" in program_fault(ZeroDivisionError("odd"), "small.toml")
+
+
+@pytest.mark.parametrize(
+    ("text", "shown"),
+    [
+        ("180\u202f000 \u00d7\u00a01", "180 000 \u00d7 1"),
+        ("a\x1b[31m\nb", "a\\x1b[31m\\nb"),
+        ("line\u2028end\u202e", "line\\u2028end\\u202e"),
+    ],
+)
+def test_spaces_are_blanks_and_control_characters_are_shown(text, shown):
+    assert plain(text) == shown
+
+
+def test_thousands_in_a_sentence_are_printed_as_numbers():
+    numbers = {"value": Quantity(8900.0), "standard_error": Quantity(180_000.0)}
+    numbers |= {"amplitude": Quantity(1e-3, "m"), "level": Quantity(2.0, "N")}
+    text = plain(sentence(Finding("not-distinct-from-zero", "warning", "c3", numbers)))
+    assert "180 000" in text
+    assert "\\" not in text
+
+
+PROGRAM = """
+import logging, sys, warnings
+import rsgen.app.cli.laws_command as command
+def odd():
+    warnings.warn("raw text of a library", RuntimeWarning)
+    logging.getLogger("matplotlib").warning("message of a library")
+    {act}
+    return 0
+command.laws_command = odd
+from rsgen.app.cli import main
+main(["laws"])
+"""
+
+
+@pytest.mark.slow
+def test_a_warning_of_a_library_stays_off_the_terminal():
+    run = python("-c", PROGRAM.format(act="print('done')"))
+    assert (run.returncode, run.stdout, run.stderr) == (0, "done\n", "")
+
+
+def test_a_fault_of_the_program_is_one_sentence():
+    run = python("-c", PROGRAM.format(act="raise ZeroDivisionError('of\\nthe program')"))
+    assert (run.returncode, run.stdout) == (2, "")
+    assert run.stderr.startswith("rsgen: ZeroDivisionError: of the program; this is a fault of rsgen")
+    assert run.stderr.count("\n") == 1
+
+
+@pytest.mark.slow
+def test_who_asks_sees_both():
+    program = PROGRAM.format(act="raise ZeroDivisionError('of the program')")
+    run = python("-c", program, env={**os.environ, "RSGEN_DEBUG": "1"})
+    assert "raw text of a library" in run.stderr
+    assert "Traceback" in run.stderr
+    assert "in odd" in run.stderr
+
+
+@pytest.fixture
+def _log_as_it_was():
+    yield
+    logging.captureWarnings(False)
+
+
+@pytest.mark.usefixtures("_log_as_it_was")
+def test_check_names_the_case_of_a_fault_of_the_program_and_goes_on(run_cli, monkeypatch):
+    def odd(case: object) -> list[str]:
+        if case.name == "cubic":
+            raise ZeroDivisionError("odd")
+        return []
+
+    monkeypatch.setattr("rsgen.app.cli.check_command.law_faults", odd)
+    cases = Path(__file__).parents[2] / "cases"
+    checked = run_cli("check", cases / "cubic.toml", cases / "quintic.toml")
+    assert checked.code == 2
+    assert checked.out.startswith("quintic: ")
+    said = f"{cases / 'cubic.toml'}: ZeroDivisionError: odd; this is a fault of rsgen"
+    assert checked.err.startswith(said)
+    assert checked.err.count("\n") == 1

@@ -1,12 +1,19 @@
-"""Files of the user where a command writes: refused in a sentence before it computes, and left alone."""
+"""Files of the user where a command writes: refused before it computes, and left alone."""
 
+import json
+
+import nbformat
 import pytest
 
-from rsgen.app.cli.options import MODAL, SURFACE, is_foreign
+from rsgen.analysis.export import save_frf
+from rsgen.app.cli.options import FRF, MODAL, SURFACE, is_foreign
 from rsgen.data.surface import save_surface
 from rsgen.identification.modal_table import modal_table
+from rsgen.report.notebook import build_notebook
+from rsgen.report.provenance import is_unchanged_notebook
 from tests.case_files import write_small
-from tests.samples import cubic_model, cubic_surface
+from tests.samples import cubic_case, cubic_model, cubic_surface
+from tests.try_wheel import ROOT, files_of
 
 MINE = b"three years of work"
 
@@ -22,6 +29,7 @@ def simulated(tmp_path, monkeypatch):
     [
         (("simulate", "small.toml"), "small.h5"),
         (("simulate", "small.toml", "--out", "thesis.tex"), "thesis.tex"),
+        (("identify", "small.toml", "--frf", "impact.uff"), "impact.uff"),
         (("modal", "small.toml", "--csv", "logbook.csv"), "logbook.csv"),
     ],
 )
@@ -50,8 +58,44 @@ def test_the_case_is_not_written_over(simulated, run_cli):
 def test_a_file_that_a_command_wrote_is_replaced(tmp_path):
     surface, model = cubic_surface(), cubic_model()
     save_surface(tmp_path / "a.h5", surface)
+    save_frf(tmp_path / "a.uff", surface)
     (tmp_path / "a.csv").write_text(modal_table(surface, model).to_csv(), encoding="utf-8")
-    for name, mark in (("a.h5", SURFACE), ("a.csv", MODAL)):
+    for name, mark in (("a.h5", SURFACE), ("a.uff", FRF), ("a.csv", MODAL)):
         assert not is_foreign(tmp_path / name, mark)
         assert not is_foreign(tmp_path / "missing", mark)
     assert is_foreign(tmp_path, SURFACE)
+
+
+def test_a_notebook_is_replaced_until_a_user_changes_a_cell(tmp_path):
+    path, notebook = tmp_path / "made.ipynb", build_notebook(cubic_case())
+    nbformat.write(notebook, path)
+    assert is_unchanged_notebook(path)
+    notebook.cells[-1].outputs = [nbformat.v4.new_output("stream", text="executed again")]
+    nbformat.write(notebook, path)
+    assert is_unchanged_notebook(path)
+    notebook.cells[-1].source += "\n# my remark"
+    nbformat.write(notebook, path)
+    assert not is_unchanged_notebook(path)
+
+
+def test_examples_are_the_cases_of_the_repository(run_cli, tmp_path):
+    told = run_cli("examples", tmp_path / "new", "--json")
+    assert told.code == 0
+    written = sorted(path for path in (tmp_path / "new").rglob("*") if path.is_file())
+    assert sorted(json.loads(told.out)["files"]) == [str(path) for path in written]
+    assert {path.relative_to(tmp_path / "new").as_posix() for path in written} == files_of("cases")
+    for path in written:
+        assert path.read_bytes() == (ROOT / path.relative_to(tmp_path / "new")).read_bytes()
+
+
+def test_what_is_there_and_differs_is_named_and_stays(run_cli, tmp_path):
+    assert run_cli("examples", tmp_path).code == 0
+    changed, missing = tmp_path / "cases" / "cubic.toml", tmp_path / "cases" / "bilinear.toml"
+    changed.write_text("mine")
+    missing.unlink()
+    told = run_cli("examples", tmp_path)
+    assert (told.code, told.err.startswith(f"{changed}: is there and differs")) == (2, True)
+    assert (changed.read_text(), missing.exists()) == ("mine", False)
+    changed.unlink()
+    assert run_cli("examples", tmp_path).code == 0
+    assert missing.exists()

@@ -27,15 +27,10 @@ def run_of(state: str | None) -> CaseRun:
 @pytest.mark.parametrize(
     ("states", "code"),
     [
-        ((), 0),
-        (("accepted", "identified"), 0),
-        (("accepted", "missed"), 1),
-        (("doubtful", "accepted"), 1),
-        (("rejected",), 1),
-        (("rejected", None), 2),
-        ((None,), 2),
+        ((), 0), (("accepted", "identified"), 0), (("accepted", "missed"), 1), (("doubtful", "accepted"), 1),
+        (("rejected",), 1), (("rejected", None), 2), ((None,), 2),
     ],
-)
+)  # fmt: skip
 def test_a_script_goes_on_with_accepted_and_identified_results_only(states, code):
     assert exit_code([run_of(state) for state in states]) == code
 
@@ -76,3 +71,8 @@ def test_every_command_says_the_same_of_a_measured_test(old, new, states, decide
     assert answer.code == run.code
     assert answer.out.startswith(f"csv-table: {verdict['headline']} (unchanged)")
     assert answer.out.count("  because: ") == len(verdict["decided_by"])
+    # index alone
+    answer = run_cli("report", "--out", out)
+    assert (answer.code, f"csv-table: {verdict['headline']}" in answer.out) == (0, True)
+    answer = run_cli("report", path, "--out", out, "--json")
+    assert (answer.code, json.loads(answer.out)["verdicts"]) == (run.code, {"csv-table": verdict})

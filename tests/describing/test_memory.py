@@ -144,24 +144,6 @@ def test_dahl_and_maxwell_against_their_closed_solutions():
     np.testing.assert_allclose(found.damping, 3 * 1.4 / (OMEGA**2 + 1.4**2), rtol=1e-10)
 
 
-def test_bouc_wen_against_its_states_stepped_through_time():
-    law = derive(make_element("joint", "k*x + z", {"z": "alpha*v - bg*abs(v)*z - bd*v*abs(z)"}))
-    values = {"k": 1.0, "alpha": 1.3, "bg": 0.8, "bd": -1.1}
-    wanted = with_states(
-        lambda x, v, y: [1.3 * v - 0.8 * abs(v) * y[0] + 1.1 * v * abs(y[0])],
-        lambda x, v, y: x + y[0], 2.0, OMEGA, 1, 8,
-    )  # fmt: skip
-    assert law.checked_to is not None
-    assert 0 < law.checked_to < 1e-7
-    found = law.evaluate(2.0, OMEGA, values)
-    assert found.stiffness == pytest.approx(wanted[0], rel=1e-8)
-    assert found.damping == pytest.approx(wanted[1], rel=1e-8)
-    # z is the force of a joint whose bg and bd do not depend on its size
-    scaled = derive(make_element("joint", "alpha*z", {"z": "v - bg*abs(v)*z - bd*v*abs(z)"}))
-    other = scaled.evaluate(2.0, OMEGA, {name: values[name] for name in ("alpha", "bg", "bd")})
-    assert found.stiffness - 1 == pytest.approx(other.stiffness, rel=1e-10)
-
-
 REMEMBERING = [law for law in laws if remembers(law.force) and law.name != "structural"]
 
 
@@ -188,18 +170,6 @@ def test_laws_of_the_library_against_their_loops(law):
     assert found.damping == pytest.approx(wanted[1], rel=1e-5 if law.memory else 1e-9)
 
 
-def test_thresholds_in_any_order_and_curves_that_begin_with_nothing():
-    steps = derive("masing(Piecewise((x, x < b), (b + (x - b)/2, x < c), (b + (c - b)/2, True)))")
-    late = derive("masing(k*Max(0, x - b))")
-    assert (steps.closed_form, late.closed_form) == (True, True)
-    for b, c in ((0.8, 1.4), (1.4, 0.8)):
-        k, loss = equivalent(lambda x, b=b, c=c: np.where(
-            x < b, x, np.where(x < c, (b + x) / 2, (b + c) / 2)), 2.0, OMEGA)  # fmt: skip
-        found = steps.evaluate(2.0, OMEGA, {"b": b, "c": c})
-        assert (found.stiffness, found.damping) == pytest.approx((k, loss), rel=1e-9)
-    assert late.evaluate(0.5, OMEGA, {"k": 1.0, "b": 0.7}).stiffness == 0
-
-
 @pytest.mark.parametrize("rate", ["v + z", "abs(v)", "v + z**3", "a*v - drift"])
 def test_loops_that_do_not_close_are_refused(rate):
     with pytest.raises(ExpressionError, match="the loop of z does not close at X"):
@@ -215,9 +185,6 @@ def held_against_stepping(derived, values, rate, X, k=0.0, asked=ASKED):
 
 
 POWERS = (0.7, 1.0, 1.5, 1.7, 2.0)
-
-
-SLIPS = (1e-6, 1e-3, 0.1, 1.0, 5.0, 100.0, 1000.0)
 
 
 def test_states_that_are_much_faster_than_the_motion():

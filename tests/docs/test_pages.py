@@ -1,10 +1,14 @@
-"""The parts of pages that are made from the source are those of this source."""
+"""Pages that are made from the source are current: findings, capabilities, pictures."""
 
 import re
+from pathlib import Path
 
 import pytest
 
+from docs._extension.made_findings import places_of_findings
 from docs.pages import MAKERS, pages, renewed
+from rsgen.report.wording import CODES, NEXT_STEPS
+from tests.capabilities import COLUMNS, EXCITATIONS, MODIFIERS, answer, page, stated
 
 SLOW = {
     "findings.md": pytest.mark.slow,
@@ -31,3 +35,46 @@ def test_every_maker_has_its_page_and_every_picture_is_small():
     ]
     assert len(shown) == 2
     assert sum(picture.stat().st_size for picture in shown) < MOST_BYTES
+
+
+@pytest.mark.slow
+def test_every_finding_has_a_place_and_a_severity_and_a_grave_one_a_next_step():
+    places = places_of_findings()
+    assert set(places) == set(CODES) - {"note"}
+    assert [code for code, made in places.items() if not all(place.severities for place in made)] == []
+    grave = {
+        code for code, made in places.items() if any({"doubt", "error"} & {*one.severities} for one in made)
+    }
+    assert {"law-does-not-fit", "structure-feeds-exciter"} <= grave
+    assert grave - set(NEXT_STEPS) == set(), "add the next step in findings.toml"
+    assert set(NEXT_STEPS) <= set(CODES)
+
+
+@pytest.mark.parametrize(
+    ("code", "where", "threshold"),
+    [
+        ("points-excluded", "soundness.exclusion_findings", ("MAX_SHARE_OF_OUTLIERS_BY_CHANCE", 0.05)),
+        ("resonance-sparse", "judge.Findings._runs", ("FEW", 5)),
+        ("law-does-not-fit", "misfit.misfit_findings", ("MISFIT_DOUBTFUL_WITH_PATTERN", 0.01)),
+    ],
+)
+def test_a_threshold_stands_with_its_reason(code, where, threshold):
+    places = (place for place in places_of_findings()[code] if place.where == f"rsgen.identification.{where}")
+    reasons = {(one.name, one.value): one.reason for place in places for one in place.thresholds}
+    assert reasons[threshold]
+
+
+ROWS = {**EXCITATIONS, **MODIFIERS}
+
+
+def test_the_page_is_current():
+    assert Path("docs/capabilities.md").read_text(encoding="utf-8") == page()
+
+
+@pytest.mark.thorough
+@pytest.mark.parametrize("column", COLUMNS)
+@pytest.mark.parametrize("row", ROWS.values(), ids=list(ROWS))
+def test_every_cell_is_what_the_page_says(row, column):
+    found = answer(row, column)
+    # what is not yet possible is refused in a sentence or in a word of the verdict, and never crashes
+    assert (found == "yes") == (stated(row, column) == "yes"), found

@@ -1,4 +1,4 @@
-"""Formulas as numpy functions: the numbers of SymPy itself, found without evaluating any formula anew."""
+"""Formulas evaluated as compiled functions, and symbols renamed."""
 
 import numpy as np
 import pytest
@@ -6,6 +6,7 @@ import sympy
 
 from rsgen.formula import parse, symbol
 from rsgen.formula.evaluation import compiled
+from rsgen.formula.names import renamed
 
 TEXTS = (
     "k*x*sqrt(1 + x**2) + b*sqrt(1 + x**2)",
@@ -40,3 +41,21 @@ def test_no_function_is_evaluated_anew(monkeypatch):
     monkeypatch.setattr(sympy.atan, "eval", evaluated)
     value = compiled((formula,), ARGUMENTS)(0.5, 2.0, 3.0)[0]
     assert value == pytest.approx((3 + np.sin(1.0)) * np.arctan(1.0))
+
+
+NAMES = {symbol("k"): sympy.Symbol("k", positive=True), symbol("b"): sympy.Symbol("b", positive=True)}
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "k*x + sqrt(k**2)*x**3",
+        "Piecewise((k*x, x < b), (k*b + (x - b)/2, True))",
+        "abs(k)*sign(x)*b**1.5",
+        "c*v",
+        "Max(-b, Min(k*x, b))",
+    ],
+)
+def test_renaming_is_replacing(text):
+    law = parse(text)
+    assert renamed(law, NAMES) == law.xreplace(NAMES)

@@ -23,7 +23,7 @@ from rsgen.identification.modal_table import modal_table
 from rsgen.identification.results import Identification
 from rsgen.law.element import make_element
 from rsgen.report.figures import Drawing, number_text, quantity_text, unit_text
-from rsgen.report.figures.equivalent import backbone, refined_band
+from rsgen.report.figures.equivalent import backbone
 from tests.samples import C1, K1, KN1, cubic_identification, cubic_prediction, cubic_surface
 
 TRUTH = {"k1": K1, "kn1": KN1, "c1": C1}
@@ -89,16 +89,6 @@ def test_same_data_same_bytes(name):
 
 
 @pytest.mark.slow
-def test_figures_belong_to_no_window():
-    import matplotlib.pyplot as plt
-
-    before = plt.get_fignums()
-    for draw in DRAWINGS.values():
-        draw()
-    assert plt.get_fignums() == before
-
-
-@pytest.mark.slow
 @pytest.mark.parametrize(
     "surface",
     [
@@ -137,16 +127,6 @@ def test_backbone_of_a_cubic_spring_is_the_closed_formula():
     np.testing.assert_allclose(model.omega**2 * 1.5, model.stiffness, rtol=1e-12)
 
 
-def test_band_is_linear_propagation_of_the_covariance():
-    amplitude = np.linspace(0.001, 0.05, 7)
-    _, stiffness, damping = refined_band(IDENTIFICATION, amplitude)
-    covariance = IDENTIFICATION.covariance  # c1, k1, kn1
-    slopes = np.stack([0 * amplitude, 1 + 0 * amplitude, 0.75 * amplitude**2])
-    variance = np.einsum("ia,ij,ja->a", slopes, covariance, slopes)
-    np.testing.assert_allclose(stiffness, 1.959964 * np.sqrt(variance), rtol=1e-6)
-    np.testing.assert_allclose(damping, 1.959964 * np.sqrt(covariance[0, 0]), rtol=1e-6)
-
-
 def without(*names: str) -> Identification:
     """Return the identification in which parameters are not identifiable."""
     lost = {"value": float("nan"), "finding": Finding("not-determined", "warning")}
@@ -179,17 +159,6 @@ def test_text_of_a_figure_is_never_mathematics():
         assert mpl.rcParams["text.parse_math"] is False
     assert not any(text.get_parse_math() for text in drawing.figure.axes[0].texts)
     assert figure is not drawing.figure
-
-
-@pytest.mark.parametrize("size", [1.0, 1e-12])
-def test_every_level_gets_its_own_curve(size):
-    """However small the forces are: those of a wire are piconewtons."""
-    surface = replace(SURFACE, level=SURFACE.level * size, force=SURFACE.force * size)
-    curves = tuple(replace(curve, level=curve.level * size) for curve in PREDICTION.curves)
-    drawing = figures.draw_responses(surface, replace(PREDICTION, curves=curves))
-    handles, labels = drawing.figure.axes[0].get_legend_handles_labels()
-    assert len(set(labels)) == len(labels) == 6
-    assert len({float(handle.get_ydata().max()) for handle in handles}) == 6
 
 
 def draw_law(ax: Axes) -> Drawing:

@@ -10,7 +10,6 @@ from rsgen.common.errors import RsgenError
 from rsgen.data.oscillator import Model
 from rsgen.law.motion import project
 from rsgen.report.figures.equivalent import (
-    branch_mean,
     loop_force,
     mass_of,
     measured_energy,
@@ -68,18 +67,6 @@ def test_the_mass_is_read_without_a_law():
     assert mass_of(surface) == pytest.approx(M, rel=3e-3)
     with pytest.raises(RsgenError, match="16 settled points with phases"):
         mass_of(surface.select(np.arange(8)))
-
-
-def test_the_mean_of_both_branches_is_the_part_without_memory():
-    phase = 2 * np.pi * (np.arange(2048) + 0.5) / 2048
-    x = 3 * SLIP * np.cos(phase)
-    cubic = 6e3 * x + 4e9 * x**3
-    # friction that is the same on both branches with the other sign
-    found = branch_mean(x, cubic + FS * np.cos(x / SLIP) * np.sign(np.sin(phase)))
-    assert found is not None
-    place, force = found
-    np.testing.assert_allclose(force[2:-2], (6e3 * place + 4e9 * place**3)[2:-2], rtol=0, atol=1e-3 * FS)
-    assert branch_mean(x + SLIP * np.cos(5 * phase), cubic) is None
 
 
 @pytest.mark.slow

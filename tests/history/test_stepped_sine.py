@@ -43,18 +43,6 @@ def test_steps_of_frequency_are_found_and_their_points_lie_on_the_receptance() -
     assert np.max(np.abs(dynamic / exact - 1)) < HELD + 5e-3 / 2
 
 
-@pytest.mark.slow
-def test_noise_neither_makes_nor_hides_steps() -> None:
-    frequencies = np.linspace(9, 11, 41)  # 0.5 % apart
-    force, x = stepped(frequencies, np.full(41, 3.0), 20)
-    noise = np.random.default_rng(3).normal(size=(2, len(x)))
-    surface = from_stepped_sine(
-        TimeHistory(RATE, force + 0.01 * np.std(force) * noise[0], x + 0.01 * np.std(x) * noise[1])
-    )
-    assert len(surface) == 41
-    np.testing.assert_allclose(surface.frequency, frequencies, rtol=1e-5)
-
-
 def test_steps_too_short_to_settle_are_marked() -> None:
     # the response settles in 1/(zeta omega) = 1.6 s; these steps last 3 s
     force, x = stepped(np.linspace(9, 11, 11), np.full(11, 3.0), 3)

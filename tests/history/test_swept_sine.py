@@ -240,15 +240,6 @@ def test_a_correction_that_is_in_doubt_doubts_the_result(
     assert sentence(fast)
 
 
-@pytest.mark.parametrize("stop", [9.9, 13.0])
-@pytest.mark.parametrize("mass", [None, MASS])
-def test_a_resonance_that_a_sweep_does_not_hold_is_not_named(stop: float, mass: float | None) -> None:
-    surface = from_swept_sine(sweep(linear(), 1.0, SweepLaw("linear", 7.0, 0.2), stop), mass=mass)
-    (fast,) = (f for f in surface.findings if f.code == "sweep-rate" and "pace" in f.numbers)
-    assert ("resonance may lie outside" in sentence(fast)) == (stop < 10)
-    assert (f"a resonance at {fast['resonance']:.4g} Hz" in sentence(fast)) == (stop > 10)
-
-
 @pytest.mark.slow
 def test_points_with_a_force_in_its_noise_are_not_settled() -> None:
     law, rate, n = SweepLaw("linear", 8.0, 0.05), 200.0, 16000

@@ -1,4 +1,4 @@
-"""Laws identified from their own surfaces: exact values, what scales, what is left out, what is refused."""
+"""Laws identified from their own surfaces: exact values, resonances, what is left out, what is refused."""
 
 from math import isnan
 
@@ -6,9 +6,12 @@ import numpy as np
 import pytest
 
 from rsgen.common.errors import RsgenError
+from rsgen.data.free_mode import estimate_mass, steady
 from rsgen.data.oscillator import Model, Observation
 from rsgen.data.surface import ResponseSurface
+from rsgen.identification.fitting.points import select_points
 from rsgen.identification.identify import identify
+from rsgen.identification.resonance import find_resonances
 from rsgen.law.element import make_element
 from tests.surfaces import (
     LAWS,
@@ -207,3 +210,33 @@ def test_a_law_that_misses_a_little_is_said_to_miss():
     assert "law-does-not-fit" in codes(found)
     assert "law-does-not-fit" not in codes(identify(table, model("combined")))
     assert "law-does-not-fit" in codes(identify(noisy(surface("quintic"), 0.002, 1), model("coulomb")))
+
+
+LINEAR = {"k": 5920.0, "kn": 0.0, "c": 3.8}
+
+INTERPOLATED = 1e-3
+"""Straight lines between points 0.1 Hz apart, a quarter of the width of the resonance."""
+
+
+def test_linear_structure_has_one_resonance_at_every_level(surface_of):
+    points = select_points(surface_of("cubic", values=LINEAR), model("cubic"))
+    found = estimate_mass(*steady(points.force, points.harmonics[:, 1], points.omega))
+    assert found is not None
+    mass = found.mass
+    assert mass == pytest.approx(1.5, rel=1e-6)
+    assert found.mass_error < 1e-2
+    found, turning = find_resonances(points, mass)
+    assert len(found) == 6
+    for resonance in found:
+        assert resonance.frequency == pytest.approx(np.sqrt(5920 / 1.5) / 2 / np.pi, rel=1e-5)
+        assert resonance.damping == pytest.approx(3.8, rel=INTERPOLATED)
+        assert resonance.damping_ratio == pytest.approx(3.8 / 2 / np.sqrt(5920 * 1.5), rel=INTERPOLATED)
+        assert not resonance.jump
+    # a symmetric structure swings as far to either side
+    assert turning[:, 0] == pytest.approx(-turning[:, 1], rel=1e-6)
+
+
+def test_jumps_across_the_resonance_are_marked(surface_of):
+    table = surface_of("quintic", levels=np.array([2.0, 20.0]))
+    found, _ = find_resonances(select_points(table, model("quintic")), 1.5)
+    assert [resonance.jump for resonance in found] == [False, True]

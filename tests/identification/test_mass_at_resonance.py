@@ -16,14 +16,10 @@ def locked(
 ) -> rsgen.ResponseSurface:
     """24 levels held near a quarter period; a lag in degrees."""
     test = rsgen.SimulatedTest(
-        level=np.linspace(1, 12, 24),
-        frequency=[6, 18],
-        control="phase",
-        phase_error=float(np.radians(lag - 90)),
-        noise_relative=noise,
-        seed=seed,
+        level=np.linspace(1, 12, 24), frequency=[6, 18], control="phase",
+        phase_error=float(np.radians(lag - 90)), noise_relative=noise, seed=seed,
         accuracy=1e-4 if "masing" in law else 1e-6,
-    )
+    )  # fmt: skip
     return rsgen.simulate(rsgen.Oscillator(MASS, law, values or VALUES), test)
 
 

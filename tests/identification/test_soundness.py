@@ -164,17 +164,6 @@ def test_a_wrong_sign_or_quantity_is_no_missing_background(code):
     assert "background-missing" not in found
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize("law", ["cubic", "coulomb"])
-def test_a_missing_term_is_named_and_nothing_else_is_missing(law):
-    """Dry friction decides at the lowest level, whose force and frequencies are right."""
-    found = findings(noisy(surface(law), 0.003, 1), "k*x + c*v")
-    misses = found["law-does-not-fit"]
-    assert (misses.severity, misses.names["term"]) == ("doubt", "x**3" if law == "cubic" else "sign(v)")
-    assert misses["left"] < 0.3 * misses["misfit"]
-    assert not {"level-deviates", "background-missing"} & found.keys()
-
-
 def test_points_at_the_limit_of_a_record_are_counted(table):
     def remarked(limit: float) -> dict[str, Finding]:
         numbers = {"samples": Quantity(3000), "limit": Quantity(limit, "m/s^2")}

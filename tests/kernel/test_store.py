@@ -71,17 +71,13 @@ def _socket(path: Path) -> None:
 
 
 DAMAGES: dict[str, Callable[[Path], object]] = {
-    "digest": lambda entry: _flip(entry, 0),
-    "symbol": lambda entry: _flip(entry, 40),
-    "code": lambda entry: _flip(entry, -2000),
-    "end": lambda entry: _flip(entry, -1),
+    "digest": lambda entry: _flip(entry, 0), "symbol": lambda entry: _flip(entry, 40),
+    "code": lambda entry: _flip(entry, -2000), "end": lambda entry: _flip(entry, -1),
     "cut": lambda entry: entry.write_bytes(entry.read_bytes()[:200]),
     "cut in the digest": lambda entry: entry.write_bytes(entry.read_bytes()[:20]),
     "longer": lambda entry: entry.write_bytes(entry.read_bytes() + b"more"),
-    "empty": lambda entry: entry.write_bytes(b""),
-    "missing": Path.unlink,
-    "huge": lambda entry: os.truncate(entry, 10**12),
-    "writable by others": lambda entry: entry.chmod(0o666),
+    "empty": lambda entry: entry.write_bytes(b""), "missing": Path.unlink,
+    "huge": lambda entry: os.truncate(entry, 10**12), "writable by others": lambda entry: entry.chmod(0o666),
     "pipe": lambda entry: _replace_by(entry, os.mkfifo),
     "folder": lambda entry: _replace_by(entry, Path.mkdir),
     "link to itself": lambda entry: _replace_by(entry, lambda path: path.symlink_to(path)),
@@ -94,7 +90,7 @@ DAMAGES: dict[str, Callable[[Path], object]] = {
     "reversed": lambda entry: entry.write_bytes(entry.read_bytes()[::-1]),
     "socket": lambda entry: _replace_by(entry, _socket),
     "writable by a group": lambda entry: entry.chmod(0o620),
-}
+}  # fmt: skip
 
 
 @pytest.fixture(scope="module")

@@ -1,12 +1,20 @@
-"""What kind of law it is: in which parameters it is linear, where it switches, which signs it leaves them."""
+"""What kind of law it is: linear parameters, switches, signs, equal terms, and what is odd about it."""
 
+import numpy as np
 import pytest
 import sympy
 
+import rsgen
+from rsgen.common.errors import ExpressionError, RsgenError
+from rsgen.data.oscillator import Oscillator
+from rsgen.dynamics.virtual_test import SimulatedTest
 from rsgen.formula import parse
 from rsgen.law.character import character, jointly_linear
+from rsgen.law.element import law_remarks
 from rsgen.law.memory import with_memory
 from rsgen.law.normal_form import Piece
+from rsgen.law.numeric import equal_terms
+from tests.surfaces import codes
 
 SATURATION = "Max(-Fm, Min(ks*x, Fm))"
 BOUC_WEN = {"z": "alpha*v - bg*abs(v)*z - bd*v*abs(z)"}
@@ -22,13 +30,11 @@ TABLE = [
     ("k*x + kn*x**3 + c*v", {}, {"linear": "c k kn", "odd": True, "rough": False, "jumps": False}),
     ("k*x + Ff*sign(v)", {}, {"linear": "Ff k", "odd": True, "rough": True, "jumps": True}),
     (
-        "Piecewise((k4*x, abs(x) <= b), (k5*x + (k4 - k5)*b*sign(x), True))",
-        {},
+        "Piecewise((k4*x, abs(x) <= b), (k5*x + (k4 - k5)*b*sign(x), True))", {},
         {"linear": "k4 k5", "odd": True, "rough": True, "jumps": False},
     ),
     (
-        "Piecewise((k6*x, x > 0), (k7*x, True))",
-        {},
+        "Piecewise((k6*x, x > 0), (k7*x, True))", {},
         {"linear": "k6 k7", "odd": False, "rough": True, "jumps": False},
     ),
     ("cn*v*abs(v) + k*x", {}, {"linear": "cn k", "odd": True, "rough": False, "jumps": False}),
@@ -46,49 +52,37 @@ TABLE = [
     ("Min(kt*x, Fs)", {}, {"linear": "", "scaled": ["Fs kt"]}),
     (f"k*x + {SATURATION}", {}, {"scaled": ["Fm ks"]}),
     ("k*x + Max(0, ks*x - F0)", {}, {"scaled": ["F0 ks"]}),
-    ("k*x + Max(0, ks*(x - b))", {}, {"scaled": ["ks"]}),
-    ("k*x + ks*Max(0, x - b)", {}, {"scaled": []}),
-    ("k*x + 4e8*x**5 + A*tanh(v/w)", {}, {"scaled": []}),
-    ("k*x + A*tanh(1e6*v/w)", {}, {"scaled": []}),
-    ("k*x + Max(0, ks*x - 500)", {}, {"scaled": []}),
-    (f"k*x + kg*{SATURATION}", {}, {"scaled": []}),
+    ("k*x + Max(0, ks*(x - b))", {}, {"scaled": ["ks"]}), ("k*x + ks*Max(0, x - b)", {}, {"scaled": []}),
+    ("k*x + 4e8*x**5 + A*tanh(v/w)", {}, {"scaled": []}), ("k*x + A*tanh(1e6*v/w)", {}, {"scaled": []}),
+    ("k*x + Max(0, ks*x - 500)", {}, {"scaled": []}), (f"k*x + kg*{SATURATION}", {}, {"scaled": []}),
     ("k*x + Fm*tanh(ks*x/Fm) + kp*abs(x)**q*sign(x)", {}, {"scaled": ["Fm ks"]}),
     # of two factors of one loop one is linear; alpha of Bouc and Wen for one sign only
     (
         "k*x + masing(Min(kt*x, Fs))",
         {},
         {
-            "linear": "k",
-            "scaled": ["Fs kt"],
-            "odd": True,
-            "rough": True,
-            "springs": True,
+            "linear": "k", "scaled": ["Fs kt"], "odd": True, "rough": True, "springs": True,
             "positive": "Fs kt",
         },
     ),
     (
-        "masing(K*x - R*x**p) + structural(h)",
-        {},
+        "masing(K*x - R*x**p) + structural(h)", {},
         {"linear": "K R h", "scaled": [], "odd": True, "rough": True, "springs": False, "positive": "p"},
     ),
     (
-        "k*x + k2*x**2 + structural(h)",
-        {},
+        "k*x + k2*x**2 + structural(h)", {},
         {"linear": "h k k2", "scaled": [], "odd": False, "rough": False, "springs": True},
     ),
     (
-        "k*x + c*v + z",
-        BOUC_WEN,
+        "k*x + c*v + z", BOUC_WEN,
         {"linear": "c k", "scaled": ["alpha"], "odd": True, "rough": True, "springs": True},
     ),
     (
-        "k*x + s0*z + s1*v",
-        LUGRE,
+        "k*x + s0*z + s1*v", LUGRE,
         {"linear": "k s1", "scaled": ["Fc Fs s0"], "odd": True, "rough": True, "springs": True},
     ),
     (
-        "z",
-        {"z": "sigma*v*(1 - z/Fc*sign(v))"},
+        "z", {"z": "sigma*v*(1 - z/Fc*sign(v))"},
         {"linear": "", "scaled": ["Fc sigma"], "odd": True, "rough": True, "springs": False},
     ),
     ("k*x + z", MAXWELL, {"linear": "k k1", "scaled": [], "odd": True, "rough": False, "springs": True}),
@@ -96,10 +90,9 @@ TABLE = [
     # signs that a virgin curve leaves: both signs of F are one curve, a power below zero is one of the model
     ("k*x + masing(Min(kt*x, Fs))", {}, {"positive": "Fs kt"}),
     ("masing(Min(1500*x, F1)) + masing(Min(1500*x, F2))", {}, {"positive": "F1 F2"}),
-    ("Fs*masing(Min(x/xs, 1))", {}, {"positive": "xs"}),
-    ("masing(F*tanh(k*x/F))", {}, {"positive": "k"}),
+    ("Fs*masing(Min(x/xs, 1))", {}, {"positive": "xs"}), ("masing(F*tanh(k*x/F))", {}, {"positive": "k"}),
     (f"R*{IWAN4}", {}, {"positive": "b"}),
-]
+]  # fmt: skip
 
 
 @pytest.mark.slow
@@ -130,3 +123,101 @@ def test_a_long_term_is_linear_where_it_is_written_so(monkeypatch):
     monkeypatch.setattr(sympy.Expr, "diff", None)
     long = Piece(parse("c") * wave + parse("Ff*c*v + n*x"), ())
     assert jointly_linear([long], [*parameters[:2], parse("n")]) == (0, 2)
+
+
+SLIDERS = "masing(Min(ka*x, Fa)) + masing(Min(kb*x, Fb))"
+
+
+@pytest.mark.parametrize(
+    ("law", "groups"),
+    [
+        (f"k*x + {SLIDERS}", [(("Fa", "ka"), ("Fb", "kb"))]),
+        ("masing(Min(kt*x, F1)) + masing(Min(kt*x, F2))", [(("F1",), ("F2",))]),
+        # what a name means is its place in the term, not in the alphabet
+        ("masing(Min(p*x, H)) + masing(Min(g*x, w)) + masing(Min(r*x, q))", [("Hp", "wg", "qr")]),
+        ("A*tanh(x/a) + B*tanh(x/b)", [(("A", "a"), ("B", "b"))]),
+        # only their sum acts
+        ("ka*x + kb*x", []),
+        # each stands elsewhere too, or acts otherwise
+        (f"{SLIDERS} + Fa*sign(v)", []),
+        ("masing(Min(ka*x, Fa)) + masing(Min(kb*x, 2*Fb))", []),
+    ],
+)
+def test_terms_that_may_change_places(law, groups):
+    assert [set(map(tuple, group)) for group in equal_terms(parse(law))] == [
+        set(map(tuple, group)) for group in groups
+    ]
+
+
+@pytest.mark.slow
+def test_values_of_two_sliders_have_the_order_of_their_names():
+    """The truth names them the other way round; the comparison holds equal against equal."""
+    true = {"k": 5000.0, "c": 3.0, "Fa": 8.0, "ka": 1500.0, "Fb": 2.0, "kb": 2500.0}
+    truth = Oscillator(1.5, f"k*x + c*v + {SLIDERS}", true)
+    test = SimulatedTest(level=[1.0, 4.0, 10.0, 20.0], frequency=np.linspace(8, 12, 11), harmonics=3)
+    found = rsgen.identify(rsgen.simulate(truth, test), f"k*x + c*v + {SLIDERS}")
+    assert found["Fa"].value == pytest.approx(2.0, rel=1e-3)
+    comparison = rsgen.compare(found, truth, dict.fromkeys(true, 1e-2))
+    assert comparison.passed
+    assert (comparison["Fa"].true, comparison["ka"].true) == (2.0, 2500.0)
+    assert "equal-terms" in codes(found)
+
+
+@pytest.mark.parametrize(
+    ("text", "codes"),
+    [
+        ("k*x + z", {"constant-force"}),
+        ("k*x + 2*F0", {"constant-force"}),
+        ("k*x + c*xdot", {"constant-force"}),
+        ("k*x + c*v + Ff*sign(v)", set()),
+        # a virgin curve that gets steeper turns its loop the other way
+        ("masing(kt*x**3)", {"damping-feeds-energy"}),
+        ("k*x + masing(K*x + R*x**1.5)", {"damping-feeds-energy"}),
+        # gives or dissipates, as the power says
+        ("masing(a*x**p)", set()),
+        ("k*x + m3*x**2*a + c2*vx*abs(v)", {"parameter-not-variable"}),
+        # coefficients, and what a function scales
+        ("k*x + a*x**3 + F*tanh(x/w)", set()),
+        # neither
+        ("masing(kt*x)", set()),
+        ("masing(K*x - R*x**p)", {"curve-negative"}),
+        ("masing(Min(kt*x, Fs)) + masing(F*tanh(k*x/F))", set()),
+    ],
+)
+def test_oddities_are_said(text, codes):
+    assert {finding.code for finding in law_remarks(parse(text))} == codes
+
+
+@pytest.mark.parametrize("text", ["k*x*cos(2*w*t)", "k*x + t*x**3"])
+def test_a_law_does_not_change_with_time(text):
+    with pytest.raises(ExpressionError, match="it is the time"):
+        rsgen.Law(text)
+
+
+def test_nothing_is_odd_about_the_library():
+    assert [law.name for law in rsgen.laws if law_remarks(law.force)] == []
+
+
+@pytest.mark.parametrize("name", ["jenkins", "dahl", "ramberg_osgood"])
+def test_a_law_of_the_library_is_no_force(name):
+    with pytest.raises(ExpressionError, match=rf"{name} is a law of the library.*rsgen.laws"):
+        rsgen.Law(f"k*x + {name}")
+
+
+@pytest.mark.parametrize("text", ["dead-zone", "k*x + cubic-spring"])
+def test_a_hyphen_of_a_law_of_the_library_is_no_minus(text):
+    with pytest.raises(ExpressionError, match=r"is a law of the library.*rsgen.laws"):
+        rsgen.Law(text)
+
+
+def test_a_ranking_of_constant_forces_alone_is_refused(linear_table):
+    with pytest.raises(RsgenError, match="no candidate has forces"):
+        rsgen.rank(linear_table, "F1 - F2")
+
+
+@pytest.fixture
+def linear_table():
+    """Few points of a linear oscillator."""
+    frequency = [8.0, 9.0, 10.0, 11.0, 12.0]
+    stiffness = [5920.0 - 1.5 * (6.2831853 * f) ** 2 + 6.2831853j * f * 3.8 for f in frequency]
+    return rsgen.ResponseSurface(1.0, frequency, 1.0, [1 / k for k in stiffness])

@@ -16,44 +16,30 @@ ROUND_OFF = 1e-10  # sums of pieces cancel terms that are up to about 1e4 times 
 
 MINIMAL = {
     # law: pieces as (term, switch functions)
-    "sign(v)": {("-1", ()), ("2", ("v",))},
-    "v*abs(v)": {("-v**2", ()), ("2*v**2", ("v",))},
-    "x*abs(x)": {("-x**2", ()), ("2*x**2", ("x",))},
-    "x**3*abs(x)": {("-x**4", ()), ("2*x**4", ("x",))},
+    "sign(v)": {("-1", ()), ("2", ("v",))}, "v*abs(v)": {("-v**2", ()), ("2*v**2", ("v",))},
+    "x*abs(x)": {("-x**2", ()), ("2*x**2", ("x",))}, "x**3*abs(x)": {("-x**4", ()), ("2*x**4", ("x",))},
     "abs(k*x)": {("-abs(k)*x", ()), ("2*abs(k)*x", ("x",))},
     "sign(b - a*x)": {("sign(a)", ()), ("-2*sign(a)", ("x - b/a",))},
     "Piecewise((k6*x, x > 0), (k7*x, True))": {("k7*x", ()), ("k6*x - k7*x", ("x",))},
     "Max(0, x - b)**1.5": {("abs(b - x)**1.5", ("x - b",))},
     "Heaviside(x - a)*Heaviside(x - b)": {("1", ("x - Max(a, b)",))},
-    "Max(0, x)*Max(0, v)": {("x*v", ("x", "v"))},
-    "abs(x)*sign(x)": {("x", ())},
-    "cos(abs(x)) + abs(x)**2": {("cos(x) + x**2", ())},
-    "Max(x, v)": {("x", ()), ("v - x", ("v - x",))},
+    "Max(0, x)*Max(0, v)": {("x*v", ("x", "v"))}, "abs(x)*sign(x)": {("x", ())},
+    "cos(abs(x)) + abs(x)**2": {("cos(x) + x**2", ())}, "Max(x, v)": {("x", ()), ("v - x", ("v - x",))},
     "k*abs(x)**2.5*sign(x)": {("-k*abs(x)**2.5", ()), ("2*k*abs(x)**2.5", ("x",))},
     "v/abs(v)": {("-1", ()), ("2", ("v",))},
-}
+}  # fmt: skip
 
 LAWS = (
-    *MINIMAL,
-    "Piecewise((k4*x, abs(x) <= b), (k5*x + (k4 - k5)*b*sign(x), True))",
-    "Max(-F, Min(k*x, F))",
-    "Max(0, abs(x) - b)*sign(x)",
-    "abs(abs(k*x) - b)",
-    "abs(x**2 - a) + sign(k*x**2 + b*x + a)",
+    *MINIMAL, "Piecewise((k4*x, abs(x) <= b), (k5*x + (k4 - k5)*b*sign(x), True))", "Max(-F, Min(k*x, F))",
+    "Max(0, abs(x) - b)*sign(x)", "abs(abs(k*x) - b)", "abs(x**2 - a) + sign(k*x**2 + b*x + a)",
     "exp(-abs(v)/(1 + w**2))*sign(v) + log(1 + abs(x))",
     "Piecewise((k*(x - b), x > b), (k*(x + b), x < -b), (0, True))",
-    "Piecewise((k*x, (x < b) & (v > w)), (a*v, (x > 2) | (v < -1)), (b, True))",
-    "Min(Max(x, v), abs(x), k)",
-    "sign(x*v)*abs(x - b)*abs(v)",
-    "tanh(k*abs(x)) + tanh(Max(0, x - b))",
-    "(abs(x) + abs(v))**3 - 1/(1 + abs(x)**3)",
-    "abs(tanh(x) - 0.5) + sign(exp(v) - 2)",
-    "sign(x**3 - x) + sign(x**5 - 3)",
-    "sign(x**3 - 2*x**2 + x)",
-    "exp(Max(0, k*x - b)/10)",
-    "Piecewise((x, b > 0), (v, True))",
-    "Heaviside(v - abs(x))*x",
-)
+    "Piecewise((k*x, (x < b) & (v > w)), (a*v, (x > 2) | (v < -1)), (b, True))", "Min(Max(x, v), abs(x), k)",
+    "sign(x*v)*abs(x - b)*abs(v)", "tanh(k*abs(x)) + tanh(Max(0, x - b))",
+    "(abs(x) + abs(v))**3 - 1/(1 + abs(x)**3)", "abs(tanh(x) - 0.5) + sign(exp(v) - 2)",
+    "sign(x**3 - x) + sign(x**5 - 3)", "sign(x**3 - 2*x**2 + x)", "exp(Max(0, k*x - b)/10)",
+    "Piecewise((x, b > 0), (v, True))", "Heaviside(v - abs(x))*x",
+)  # fmt: skip
 
 
 def sum_of_pieces(form, names, values):

@@ -48,22 +48,17 @@ def test_plain_text_reads_as_a_person_writes(formula, text):
     [
         ("k1 + X**2*kn1*3/4", r"k_{1} + \frac{3}{4}\,k_{n1} X^{2}"),
         ("c3 + 4*Ff/(pi*omega*X)", r"c_{3} + \frac{4 F_{f}}{\pi \omega X}"),
-        ("(k6 + k7)/2", r"\frac{k_{6} + k_{7}}{2}"),
-        ("a*sin(q*x)**2", r"a\,\sin^{2}\left(q x\right)"),
-        ("exp(-x/b)", r"\mathrm{e}^{-x/b}"),
-        ("k*abs(x)**1.5", r"k \left|x\right|^{3/2}"),
-        ("(x + b)**2", r"\left(x + b\right)^{2}"),
-        ("1.177e10*x", r"1.177\times 10^{10}\,x"),
-        ("1e9*x", r"10^{9}\,x"),
-        ("k*sign(x)*x**(1/3)", r"k \sqrt[3]{x}\,\operatorname{sgn}\left(x\right)"),
-        ("-a*(b + c)*x/2", r"-\frac{a \left(b + c\right) x}{2}"),
-        ("1e9**p", r"\left(10^{9}\right)^{p}"),
+        ("(k6 + k7)/2", r"\frac{k_{6} + k_{7}}{2}"), ("a*sin(q*x)**2", r"a\,\sin^{2}\left(q x\right)"),
+        ("exp(-x/b)", r"\mathrm{e}^{-x/b}"), ("k*abs(x)**1.5", r"k \left|x\right|^{3/2}"),
+        ("(x + b)**2", r"\left(x + b\right)^{2}"), ("1.177e10*x", r"1.177\times 10^{10}\,x"),
+        ("1e9*x", r"10^{9}\,x"), ("k*sign(x)*x**(1/3)", r"k \sqrt[3]{x}\,\operatorname{sgn}\left(x\right)"),
+        ("-a*(b + c)*x/2", r"-\frac{a \left(b + c\right) x}{2}"), ("1e9**p", r"\left(10^{9}\right)^{p}"),
         (
             "Piecewise((k6*x, x >= 0), (k7*x, True))",
             r"\begin{cases} k_{6} x & \text{if } x \geq 0 \\ k_{7} x & \text{otherwise} \end{cases}",
         ),
     ],
-)
+)  # fmt: skip
 def test_latex(formula, text):
     assert latex(parse(formula)) == text
 
@@ -71,23 +66,12 @@ def test_latex(formula, text):
 @pytest.mark.parametrize(
     ("name", "text"),
     [
-        ("k", "k"),
-        ("kn1", "k_{n1}"),
-        ("Ff", "F_{f}"),
-        ("v0", "v_{0}"),
-        ("X0", "X_{0}"),
-        ("omega", r"\omega"),
-        ("omega0", r"\omega_{0}"),
-        ("lambda_", r"\lambda"),
-        ("mu_s", r"\mu_{s}"),
-        ("gamma", r"\gamma"),
-        ("gap1", r"\mathrm{gap}_{1}"),
-        ("k_lin", r"k_{\mathrm{lin}}"),
-        ("k_1_2", r"k_{1,2}"),
-        ("Fmax", r"F_{\mathrm{max}}"),
-        ("stiffness", r"\mathrm{stiffness}"),
+        ("k", "k"), ("kn1", "k_{n1}"), ("Ff", "F_{f}"), ("v0", "v_{0}"), ("X0", "X_{0}"),
+        ("omega", r"\omega"), ("omega0", r"\omega_{0}"), ("lambda_", r"\lambda"), ("mu_s", r"\mu_{s}"),
+        ("gamma", r"\gamma"), ("gap1", r"\mathrm{gap}_{1}"), ("k_lin", r"k_{\mathrm{lin}}"),
+        ("k_1_2", r"k_{1,2}"), ("Fmax", r"F_{\mathrm{max}}"), ("stiffness", r"\mathrm{stiffness}"),
     ],
-)
+)  # fmt: skip
 def test_names_are_set_with_subscripts(name, text):
     assert latex(parse(name)) == text
 

@@ -22,13 +22,9 @@ def motion(first: int, **keys: object) -> dict[str, object]:
 
 
 CASE = {
-    **MEASURED,
-    "element": [{"name": "all", "force": "k*x + k3*x**3 + c*v"}],
-    "test.frequency": {"column": 1},
-    "test.level": {"column": 2, "unit": "m/s^2"},
-    "test.base": motion(3),
-    "test.response": motion(5),
-}
+    **MEASURED, "element": [{"name": "all", "force": "k*x + k3*x**3 + c*v"}], "test.frequency": {"column": 1},
+    "test.level": {"column": 2, "unit": "m/s^2"}, "test.base": motion(3), "test.response": motion(5),
+}  # fmt: skip
 
 
 def findings(folder: Path, recorded: str, said: Changes | None = None) -> list:

@@ -47,13 +47,6 @@ def test_a_case_that_contradicts_the_title_of_a_channel_is_doubted(tmp_path, uni
     assert [finding.code for finding in read.findings] == codes
 
 
-def test_several_records_of_one_file_are_refused_with_what_to_do(tmp_path):
-    record = np.sin(np.arange(64.0))
-    np.savez(tmp_path / "a.npz", F1=record, F2=record, a=record, fs=50.0)
-    with pytest.raises(MeasurementError, match=r"means 2 arrays; .* each record to a file of its own"):
-        read_histories(history(tmp_path / "a.npz", force="F*"))
-
-
 N = 64
 T = np.arange(N) / 50.0
 FORCE = np.sin(T)

@@ -89,18 +89,12 @@ def test_a_velocity_that_is_read_as_displacement_is_doubted(tmp_path):
 
 
 CASE = {
-    **MEASURED,
-    "test.file": "loop.csv",
-    "test.control": "phase",
-    "test.frequency": {"column": "frequency"},
+    **MEASURED, "test.file": "loop.csv", "test.control": "phase", "test.frequency": {"column": "frequency"},
     "test.force": {"amplitude": "force"},
     "test.response": {
-        "quantity": "displacement",
-        "amplitude": "response",
-        "phase": "lag",
-        "phase_sense": "lag",
+        "quantity": "displacement", "amplitude": "response", "phase": "lag", "phase_sense": "lag",
     },
-}
+}  # fmt: skip
 
 
 @pytest.mark.parametrize(

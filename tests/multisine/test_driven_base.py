@@ -66,15 +66,11 @@ def test_a_misread_base_is_not_trusted(wrong):
 
 
 CASE = {
-    **MEASURED,
-    "element": [{"name": "all", "force": LAW}],
-    "test.excitation": "multisine",
-    "test.file": ["low.csv", "middle.csv", "high.csv"],
-    "test.time": {"rate": 200},
+    **MEASURED, "element": [{"name": "all", "force": LAW}], "test.excitation": "multisine",
+    "test.file": ["low.csv", "middle.csv", "high.csv"], "test.time": {"rate": 200},
     "test.base": {"quantity": "acceleration", "samples": 1, "response": "absolute"},
-    "test.response": {"quantity": "acceleration", "samples": 2},
-    "identify": {"hold_out": ["3.3 m/s^2"]},
-}
+    "test.response": {"quantity": "acceleration", "samples": 2}, "identify": {"hold_out": ["3.3 m/s^2"]},
+}  # fmt: skip
 
 
 @pytest.mark.slow

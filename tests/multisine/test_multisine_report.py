@@ -21,17 +21,12 @@ LAW = "k*x + k2*x**2 + k3*x**3 + c*v"
 LEVELS = (1.0, 4.0, 8.0)
 
 CASE = {
-    **MEASURED,
-    "title": "A <b>multisine</b>",
-    "element": [{"name": "all", "force": LAW}],
-    "test.file": ["level1.csv", "level4.csv", "level8.csv"],
-    "test.excitation": "multisine",
-    "test.time": {"column": "t"},
-    "test.force": {"samples": "f"},
+    **MEASURED, "title": "A <b>multisine</b>", "element": [{"name": "all", "force": LAW}],
+    "test.file": ["level1.csv", "level4.csv", "level8.csv"], "test.excitation": "multisine",
+    "test.time": {"column": "t"}, "test.force": {"samples": "f"},
     "test.response": {"quantity": "displacement", "samples": "x"},
-    "test.level": {"values": ["1 N", "4 N", "8 N"]},
-    "identify": {"hold_out": ["4 N"]},
-}
+    "test.level": {"values": ["1 N", "4 N", "8 N"]}, "identify": {"hold_out": ["4 N"]},
+}  # fmt: skip
 
 
 def lines(size: float, seed: int) -> np.ndarray:
@@ -103,6 +98,8 @@ def test_a_case_of_a_multisine_runs_from_file_to_page(folder, found, run_cli):
     assert "image/png" in shown["figure-predicted-record"]
     (row,) = (one for one in str(found).splitlines() if "k3  " in one)
     assert row.strip() in shown["identification"]
+    again = run_cli("report", folder / "lines.toml", "--out", out)
+    assert again.code == 0, again
 
 
 def test_what_a_multisine_cannot_have_is_said_before_the_run(folder, run_cli):

@@ -120,16 +120,12 @@ def test_noise_is_no_distortion_at_lines_that_are_not_excited():
 CASE = {
     **case_law("k*x + k3*x**3 + c*v", k=5e3, k3=4e6, c=4),
     "test": {
-        "kind": "simulated-multisine",
-        "level": {"values": ["3 N", "5 N", "8 N"]},
-        "band": ["2.5 Hz", "20 Hz"],
-        "period": "2 s",
-        "periods": 4,
-        "noise": {"relative": 0.01, "seed": 5},
+        "kind": "simulated-multisine", "level": {"values": ["3 N", "5 N", "8 N"]},
+        "band": ["2.5 Hz", "20 Hz"], "period": "2 s", "periods": 4, "noise": {"relative": 0.01, "seed": 5},
     },
     "identify": {"hold_out": ["5 N"]},
     "accept": {"k": 0.01, "k3": 0.02, "stiffness_force": 0.02},
-}
+}  # fmt: skip
 
 
 def test_a_case_of_a_virtual_multisine_is_checked_and_run(tmp_path, run_cli):
@@ -157,6 +153,7 @@ def test_a_case_of_a_virtual_multisine_is_checked_and_run(tmp_path, run_cli):
     assert run_cli("simulate", case, "--out", target).code == 0
     np.savez(target, a=np.arange(3.0))
     assert run_cli("simulate", case, "--out", target).code == 2
+    assert "--frf: of a multisine" in run_cli("identify", case, "--frf", case.with_suffix(".uff")).err
     write_small(tmp_path, "lines", CASE | {"identify.hold_out": ["6 N"]})
     assert "6 N is not tested; one of test.level is needed" in run_cli("check", case).err
 

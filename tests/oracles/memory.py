@@ -93,12 +93,7 @@ def _stepped(
     harmonics = np.fft.rfft(waveform, axis=0)[: HARMONICS + 1].T * (2 / steps)
     harmonics[:, 0] /= 2
     return ResponseSurface(
-        level=level,
-        frequency=frequency,
-        force=level.astype(complex),
-        harmonics=harmonics,
-        peak=np.stack([waveform.max(axis=0), waveform.min(axis=0)], axis=1),
-        sweep="rest",
-        residual=np.abs(state[0] - waveform[0]) / np.abs(harmonics[:, 1]),
-        origin="simulated",
-    )
+        level=level, frequency=frequency, force=level.astype(complex), harmonics=harmonics,
+        peak=np.stack([waveform.max(axis=0), waveform.min(axis=0)], axis=1), sweep="rest",
+        residual=np.abs(state[0] - waveform[0]) / np.abs(harmonics[:, 1]), origin="simulated",
+    )  # fmt: skip

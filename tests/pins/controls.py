@@ -71,13 +71,9 @@ def identified(mode: str, mass: float | None = None, law: str = "hardening") -> 
 def bare(read: ResponseSurface) -> ResponseSurface:
     """Return what stays of a test without phases."""
     return ResponseSurface(
-        read.level,
-        read.frequency,
-        np.abs(read.force),
-        read.amplitude,
-        phase_known=False,
+        read.level, read.frequency, np.abs(read.force), read.amplitude, phase_known=False,
         control=read.control,
-    )
+    )  # fmt: skip
 
 
 def tree_of_table(table: rsgen.ModalTable) -> Tree:
@@ -91,18 +87,11 @@ def tree_of_table(table: rsgen.ModalTable) -> Tree:
         if end == "upper" or name == "frequency"
     }
     return {
-        "known": list(table.known),
-        "amplitude": series(table.amplitude, entries=1),
-        **shown,
-        **ends,
-        "tested": list(table.tested),
-        "mass": {"value": table.mass, "standard_error": table.mass_error},
-        "misfit": table.misfit,
-        "points": table.points,
-        "levels": series(table.test.levels, entries=1),
-        "background": trees.background(table.test.background),
-        "findings": trees.findings(table.findings),
-    }
+        "known": list(table.known), "amplitude": series(table.amplitude, entries=1), **shown, **ends,
+        "tested": list(table.tested), "mass": {"value": table.mass, "standard_error": table.mass_error},
+        "misfit": table.misfit, "points": table.points, "levels": series(table.test.levels, entries=1),
+        "background": trees.background(table.test.background), "findings": trees.findings(table.findings),
+    }  # fmt: skip
 
 
 def modal(table: ResponseSurface, background: str | None = None, mass: float | None = None) -> Tree:

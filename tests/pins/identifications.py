@@ -35,12 +35,8 @@ LAWS: dict[str, tuple[str, dict[str, float]]] = {
 """Terms that are added to k*x + c*v, with typical values [SI] for motions of 5 to 50 mm near 10 Hz."""
 
 AMPLITUDES_SUFFICE = {
-    "cubic-quadratic",
-    "cubic-coulomb",
-    "cubic-quintic",
-    "cubic-cubic-damper",
-    "stiffening-drag",
-}
+    "cubic-quadratic", "cubic-coulomb", "cubic-quintic", "cubic-cubic-damper", "stiffening-drag",
+}  # fmt: skip
 """Symmetric laws without exponents and widths; the search for those takes half a minute without phase."""
 
 BACKGROUNDS = ("none", "phase", "constant", "residuals")
@@ -71,15 +67,10 @@ def draw(seed: int) -> Draw:
     phase_known = bool(generator.uniform() < 0.6) or law not in AMPLITUDES_SUFFICE
     kinds = BACKGROUNDS if phase_known else ("none", "constant")
     return Draw(
-        law=law,
-        values=values,
-        background=str(generator.choice(kinds)),
-        phase_known=phase_known,
-        noise=float(generator.choice(NOISES)),
-        mass_known=bool(generator.uniform() < 0.2),
-        hold_out=bool(generator.uniform() < 0.2),
-        seed=seed,
-    )
+        law=law, values=values, background=str(generator.choice(kinds)), phase_known=phase_known,
+        noise=float(generator.choice(NOISES)), mass_known=bool(generator.uniform() < 0.2),
+        hold_out=bool(generator.uniform() < 0.2), seed=seed,
+    )  # fmt: skip
 
 
 def identify_draw(seed: int) -> rsgen.Identification:

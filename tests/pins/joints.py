@@ -63,15 +63,11 @@ def describing(name: str) -> Tree:
     found = function.evaluate(SIZES, OMEGA, values)
     phases = np.linspace(-np.pi / 2, 3 * np.pi / 2, 9)
     return {
-        "closed_form": function.closed_form,
-        "parameters": list(function.parameters),
-        "stiffness": list(found.stiffness),
-        "damping": list(found.damping),
-        "mean": list(found.mean),
+        "closed_form": function.closed_form, "parameters": list(function.parameters),
+        "stiffness": list(found.stiffness), "damping": list(found.damping), "mean": list(found.mean),
         "along": series(function.along(phases, 4e-3, OMEGA, values), entries=9),
-        "memory": dict(function.memory),
-        "regimes": len(function.regimes),
-    }
+        "memory": dict(function.memory), "regimes": len(function.regimes),
+    }  # fmt: skip
 
 
 def loops(name: str) -> Tree:

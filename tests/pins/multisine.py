@@ -34,22 +34,15 @@ def tree_of_spectra(read: rsgen.MultisineSpectra) -> Tree:
     """Lines, noise and what is derived from them."""
     force_noise, response_noise = read.noise()
     return {
-        "level": series(read.level, entries=1),
-        "omega0": read.omega0,
-        "periods": read.periods,
-        "force": series(read.mean_force),
-        "response": series(read.mean_response),
-        "force_noise": series(force_noise, entries=1),
-        "response_noise": series(response_noise, entries=1),
+        "level": series(read.level, entries=1), "omega0": read.omega0, "periods": read.periods,
+        "force": series(read.mean_force), "response": series(read.mean_response),
+        "force_noise": series(force_noise, entries=1), "response_noise": series(response_noise, entries=1),
         "rms_force": series(read.rms_force(), entries=1),
-        "rms_response": series(read.rms_response(), entries=1),
-        "excited": series(read.excited()),
-        "reach": [series(part) for part in read.reach()],
-        "exact": series(read.exact),
-        "left_out": series(read.left_out if read.left_out is not None else []),
-        "mean_known": read.mean_known,
+        "rms_response": series(read.rms_response(), entries=1), "excited": series(read.excited()),
+        "reach": [series(part) for part in read.reach()], "exact": series(read.exact),
+        "left_out": series(read.left_out if read.left_out is not None else []), "mean_known": read.mean_known,
         "findings": trees.findings(read.findings),
-    }
+    }  # fmt: skip
 
 
 def tree_of_linear(one: BestLinear) -> Tree:
@@ -61,17 +54,13 @@ def tree_of_linear(one: BestLinear) -> Tree:
         if part is not None
     }
     return {
-        "level": one.level,
-        "records": one.records,
-        "receptance": series(one.receptance),
-        "response": series(one.response, entries=1),
-        "noise_of_lines": series(one.noise, scale, 1),
-        "distortion": series(one.distortion, scale, 1),
-        **unexcited,
+        "level": one.level, "records": one.records, "receptance": series(one.receptance),
+        "response": series(one.response, entries=1), "noise_of_lines": series(one.noise, scale, 1),
+        "distortion": series(one.distortion, scale, 1), **unexcited,
         **{n: getattr(one, n) for n in ("natural_frequency", "damping_ratio", "stiffness", "mass", "rms")},
         "shares": {name: getattr(one, f"{name}_share") for name in ("distortion", "noise", "even", "odd")}
         | {"even_bound": one.even_bound, "odd_bound": one.odd_bound},
-    }
+    }  # fmt: skip
 
 
 def linear(read: rsgen.MultisineSpectra, band: tuple[float, float] | None = None) -> Tree:
@@ -109,17 +98,13 @@ def predicted(read: rsgen.MultisineSpectra, law: str, held: float) -> Tree:
     return {
         "records": [
             {
-                "level": one.level,
-                "measured": series(one.measured),
-                "predicted": series(one.predicted),
-                "judged": series(one.judged),
-                "error": one.error,
-                "noise": one.noise,
+                "level": one.level, "measured": series(one.measured), "predicted": series(one.predicted),
+                "judged": series(one.judged), "error": one.error, "noise": one.noise,
             }
             for one in prediction.records
         ],
         "findings": trees.findings(prediction.findings),
-    }
+    }  # fmt: skip
 
 
 def _blind() -> rsgen.MultisineSpectra:

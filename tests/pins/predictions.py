@@ -62,19 +62,14 @@ def curve(one: ResonanceCurve) -> Tree:
     frequency = float(np.nanmax(one.frequency, initial=0.0))
     size = float(np.nanmax(one.amplitude, initial=0.0))
     return {
-        "level": one.level,
-        "unit": one.level_unit,
-        "frequency": series(one.frequency),
-        "amplitude": series(one.amplitude, entries=4),
-        "phase": series(one.phase, entries=0),
-        "stable": series(one.stable),
-        "extrapolated": series(one.extrapolated),
-        "lower": series(one.lower, size, 0),
-        "upper": series(one.upper, size, 1),
+        "level": one.level, "unit": one.level_unit, "frequency": series(one.frequency),
+        "amplitude": series(one.amplitude, entries=4), "phase": series(one.phase, entries=0),
+        "stable": series(one.stable), "extrapolated": series(one.extrapolated),
+        "lower": series(one.lower, size, 0), "upper": series(one.upper, size, 1),
         "folds": [
             {"frequency": series([f], frequency, 1), "amplitude": series([X], size, 1)} for f, X in one.folds
         ],
-    }
+    }  # fmt: skip
 
 
 def held_out(one: HeldOutLevel) -> Tree:

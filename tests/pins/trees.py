@@ -59,18 +59,13 @@ def findings(found: Iterable[Finding]) -> Tree:
 def surface(table: rsgen.ResponseSurface) -> Tree:
     """Every column of a response surface, and its words."""
     given = {
-        "level": series(table.level, entries=1),
-        "frequency": series(table.frequency, entries=1),
-        "force": series(table.force, entries=1),
-        "harmonics": columns(table.harmonics),
-        "peak": series(table.peak, entries=1),
-        "sweep": series(table.sweep),
-        "outcome": series(table.outcome),
-        "stable": series(table.stable),
-        "findings": findings(table.findings),
+        "level": series(table.level, entries=1), "frequency": series(table.frequency, entries=1),
+        "force": series(table.force, entries=1), "harmonics": columns(table.harmonics),
+        "peak": series(table.peak, entries=1), "sweep": series(table.sweep), "outcome": series(table.outcome),
+        "stable": series(table.stable), "findings": findings(table.findings),
         "words": [table.origin, table.control, table.base],
         "known": {"per_mass": table.per_mass, "phase": table.phase_known},
-    }
+    }  # fmt: skip
     if table.force_harmonics.shape[1] > 2:
         given["force_harmonics"] = columns(table.force_harmonics, 2)
     if table.across.shape[1]:
@@ -110,46 +105,31 @@ def identification(found: rsgen.Identification) -> Tree:
     numbers = found.outcome.numbers
     beside = {} if found.background is None else {"background": background(found.background)}
     return {
-        "refined": estimates(found.refined),
-        "residual": found.residual,
-        "noise": found.noise,
-        "mass": found.mass,
-        **beside,
-        "verdict": found.verdict.state,
-        "findings": findings(found.findings),
+        "refined": estimates(found.refined), "residual": found.residual, "noise": found.noise,
+        "mass": found.mass, **beside, "verdict": found.verdict.state, "findings": findings(found.findings),
         "outcome": " ".join(f"{name} {each.value:g}" for name, each in numbers.items() if name != "misfit"),
-    }
+    }  # fmt: skip
 
 
 def whole_identification(found: rsgen.Identification) -> Tree:
     """All parts of an identification, with resonances, equivalent curves and forces without a law."""
     tree = identification(found) | {
-        "refined": estimates(found.refined, whole=True),
-        "first_order": plain_estimates(found.first_order),
-        "paper": plain_estimates(found.paper),
-        "levels": series(found.levels, entries=3),
+        "refined": estimates(found.refined, whole=True), "first_order": plain_estimates(found.first_order),
+        "paper": plain_estimates(found.paper), "levels": series(found.levels, entries=3),
         "amplitude_range": list(map(float, found.amplitude_range)),
         "frequency_range": list(map(float, found.frequency_range)),
-        "stiffness": series(found.curve.stiffness),
-        "damping": series(found.curve.damping),
-        "used": series(found.curve.used),
-        "correlation": series(_correlation(found.covariance)),
+        "stiffness": series(found.curve.stiffness), "damping": series(found.curve.damping),
+        "used": series(found.curve.used), "correlation": series(_correlation(found.covariance)),
         "resonances": [
             {
                 name: getattr(one, name)
                 for name in (
-                    "level",
-                    "frequency",
-                    "damping_ratio",
-                    "amplitude",
-                    "stiffness",
-                    "damping",
-                    "jump",
+                    "level", "frequency", "damping_ratio", "amplitude", "stiffness", "damping", "jump",
                 )
             }
             for one in found.resonances[:3]
         ],
-    }
+    }  # fmt: skip
     if found.restoring is not None:
         for name in ("stiffness_force", "damping_force"):
             tree[name] = series(getattr(found.restoring, name), entries=3)

@@ -111,13 +111,9 @@ def run(root: Path, *words: str) -> str:
     """Run the program of the copy beside it, and give what it printed."""
     environment = os.environ | {"PYTHONPATH": str(root), "RSGEN_CACHE": str(root.parent / "caches")}
     done = subprocess.run(
-        [sys.executable, *words],
-        cwd=root.parent,
-        env=environment,
-        capture_output=True,
-        text=True,
+        [sys.executable, *words], cwd=root.parent, env=environment, capture_output=True, text=True,
         check=False,
-    )
+    )  # fmt: skip
     assert done.returncode == 0, done.stderr
     return done.stdout
 

@@ -1,4 +1,4 @@
-"""The report page, result.json and the index: text stays text, numbers stay numbers, bytes stay bytes."""
+"""The report as a whole, its page, result.json and the index: text stays text, numbers stay numbers."""
 
 import json
 import re
@@ -20,6 +20,7 @@ from hypothesis import strategies as st
 
 import rsgen
 from rsgen.analysis.comparison import Comparison
+from rsgen.common.errors import RsgenError
 from rsgen.common.finding import Finding
 from rsgen.data.oscillator import Model
 from rsgen.formula import parse, write
@@ -39,6 +40,7 @@ from tests.samples import (
     cubic_case,
     cubic_comparison,
     cubic_identification,
+    cubic_model,
     cubic_prediction,
     cubic_surface,
     empty_drawings,
@@ -303,3 +305,41 @@ def test_the_equations_of_states_stand_in_page_and_result_and_a_loop_that_stays_
     growing = make_element("joint", "k1*x + c1*v + z", {"z": "k1*v - kn1*abs(v)*z"})
     open_loop = replace(found, model=Model([growing], mass=MASS), solution=np.array([C1, K1, -1e6]))
     assert described(growing, open_loop) == "the loop of z does not close with the identified values"
+
+
+@pytest.fixture(scope="module")
+def found():
+    return rsgen.identify(SURFACE, cubic_model())
+
+
+def read_back(*places: Path) -> list[Any]:
+    return [json.loads((place / "result.json").read_text()) for place in places]
+
+
+@pytest.mark.slow
+def test_a_report_needs_a_surface_and_a_result_only_and_shows_a_title_as_text(tmp_path, found):
+    by_place, by_name = tmp_path / "new" / "joint", tmp_path / "named" / "joint"
+    rsgen.write_report(by_place, SURFACE, found)
+    rsgen.write_report(by_name, surface=SURFACE, identification=found, title="<b>Joint</b>", source="our lab")
+    names = sorted(path.name for path in by_place.iterdir())
+    assert names == ["kernel.py", "modal.csv", "report.html", "result.json", "surface.h5"]
+    plain, named = read_back(by_place, by_name)
+    assert named | {"title": plain["title"], "source": plain["source"]} == plain
+    assert (plain["case"], plain["title"]) == ("joint", "n(x, v) = c1*v + k1*x + kn1*x**3")
+    values = {row["name"]: row["refined"]["value"] for row in plain["parameters"]}
+    assert values == {estimate.name: estimate.value for estimate in found}
+    assert all(row["true"] is None for row in plain["parameters"])
+    page = (by_place / "report.html").read_text()
+    assert "Case file" not in page
+    assert "notebook" not in page
+    page = (by_name / "report.html").read_text()
+    assert "<h1>&lt;b&gt;Joint&lt;/b&gt;</h1>" in page
+    assert "our lab" in page
+
+
+def test_names_and_folders_of_another_kind_are_refused(found):
+    wrong: Any = 5
+    with pytest.raises(RsgenError, match="folder: int; must be str or Path"):
+        rsgen.write_report(wrong, SURFACE, found)
+    with pytest.raises(RsgenError, match="identification: int; must be Identification"):
+        rsgen.write_report("never", SURFACE, identification=wrong)

@@ -1,15 +1,18 @@
-"""Parts of a test identified apart: against refits, closed forms, and laws that do and do not hold."""
+"""Results: agreement of their parts against refits, and how their values are reached."""
 
 import numpy as np
 import pytest
 
+from rsgen.common.errors import RsgenError
 from rsgen.common.finding import reach_verdict
 from rsgen.data.oscillator import Model
 from rsgen.data.surface import ResponseSurface
 from rsgen.identification.fitting.least_squares import Linearisation, Regression, fit
 from rsgen.identification.identify import identify
 from rsgen.identification.lines.line_fit import jackknife
+from rsgen.identification.ranking import Candidate, Ranking
 from rsgen.identification.results.estimates import compare_parts
+from tests.samples import cubic_model, cubic_surface
 from tests.surfaces import model, noisy, surface
 
 NOISE = 0.01
@@ -92,18 +95,53 @@ def test_a_wrong_law_is_found_by_levels_that_disagree(law, noise):
     assert {"parts-disagree", "intervals-widened"} <= {finding.code for finding in wrong.findings}
 
 
-def test_what_halves_differ_by_is_their_distance_from_the_whole(data):
-    x, y, group = data
-    part = group % 2 == 0
-    y = y + 5 * part
-    whole, here, there = line_through(x, y), line_through(x[part], y[part]), line_through(x[~part], y[~part])
-    found = compare_parts(whole, part)
-    assert found is not None
-    # of a mean, with the shares s and 1 - s of the points, it is sqrt(s (1 - s)) of the difference
-    assert found.spread.gain > 25
-    share = part.mean()
-    middle = np.array([1, x.mean()])
-    apart = middle @ (here.parameters - there.parameters)
-    assert abs(middle @ found.spread.shift) == pytest.approx(
-        np.sqrt(share * (1 - share)) * abs(apart), rel=0.1
+@pytest.fixture(scope="module")
+def found():
+    return identify(cubic_surface(), cubic_model().elements)
+
+
+@pytest.fixture(scope="module")
+def ranking():
+    model = Model("k*x + k3*x**3 + c*v")
+    candidates = (
+        Candidate("cubic-spring", "c*v + k*x + k3*x**3", 4, 1e-4, 0.0, True, {}),
+        Candidate("linear", "c*v + k*x", 3, 0.1, 1e4, False, {}),
     )
+    return Ranking(candidates, model, True, (), 1e-4, 0.0, cubic_surface())
+
+
+def test_estimates_come_by_name(found):
+    for estimate in found.refined:
+        assert found[estimate.name] is estimate
+        assert estimate.name in found
+    assert [estimate.name for estimate in found] == [*found.model.parameters, "m"]
+    assert "kn3" not in found
+
+
+@pytest.mark.parametrize("name", ["k9", 0, None])
+def test_a_name_that_is_not_there_is_answered_with_those_that_are(found, name):
+    with pytest.raises(KeyError, match="there are c1, k1, kn1, m") as fault:
+        found[name]  # type: ignore[index]  # the attempt is the test
+    assert isinstance(fault.value, RsgenError)
+
+
+def test_the_table_holds_values_intervals_and_units(found):
+    lines = str(found).splitlines()
+    assert lines[:2] == ["identified", "c1*v + k1*x + kn1*x**3"]
+    assert lines[2].split("  ")[0] == "parameter"
+    for line, estimate in zip(lines[3 : 3 + len(found.refined)], found.refined, strict=True):
+        name, value, low, to, high, unit = line.split()
+        assert (name, to, unit) == (estimate.name, "to", estimate.unit)
+        width = estimate.interval[1] - estimate.interval[0]
+        for shown, exact in (
+            (value, estimate.value),
+            (low, estimate.interval[0]),
+            (high, estimate.interval[1]),
+        ):
+            # rounded to a small part of the interval, or to ten digits
+            assert float(shown) == pytest.approx(exact, rel=1e-9, abs=width / 20)
+    # the misfit is the one that the page states: of real and imaginary part together
+    assert found.residual == found.outcome["misfit"]
+    assert f"misfit {found.residual:.2g}" in str(found)
+    html = found._repr_html_()
+    assert html.count("<tr>") == 1 + len(found.refined)

@@ -1,9 +1,13 @@
-"""Virtual tests of laws with memory: two independent ways to one number, control, sweeps, refusals."""
+"""Virtual tests of laws with memory, and of laws that leave the mean free."""
+
+from pathlib import Path
 
 import numpy as np
 import pytest
 
+import rsgen
 import rsgen as rs
+from rsgen.common.errors import RsgenError
 from rsgen.data.oscillator import Oscillator
 from rsgen.dynamics import harmonic_balance
 from rsgen.dynamics.linear_part import Inertia
@@ -63,3 +67,35 @@ def test_structural_damping_is_balanced_and_not_simulated_in_time():
     np.testing.assert_allclose(balance.harmonics[:, 1], exact, rtol=1e-9)
     with pytest.raises(rs.RsgenError, match="periodic motion only"):
         simulate(o, SimulatedTest(**grid))
+
+
+CASES = Path(__file__).parents[2] / "cases"
+DAHL = rsgen.Law("c*v + z", memory={"z": "sigma*v*(1 - z*sign(v)/Fc)"})
+VALUES = {"c": 3.8, "sigma": 5920.0, "Fc": 6.0}
+
+
+def grid(method: str) -> rsgen.SimulatedTest:
+    return rsgen.SimulatedTest(np.geomspace(0.5, 12, 4), np.linspace(6, 14, 7), method=method)
+
+
+@pytest.mark.parametrize(
+    ("law", "free"),
+    [
+        ("c*v + masing(Min(kt*x, Fs))", True),
+        (DAHL, True),
+        ("k*x + c*v + masing(Min(kt*x, Fs))", False),
+        (rsgen.Law("k3*x**3 + z", memory=DAHL.memory), False),
+        # a state that is a spring
+        (rsgen.Law("z", memory={"z": "k*v + a*x - b*z"}), False),
+        # without memory nothing is refused that was not before
+        ("c*v + Ff*sign(v)", False),
+    ],
+)
+def test_which_laws_leave_the_mean_free(law, free):
+    whole = law if isinstance(law, rsgen.Law) else rsgen.Law(law)
+    assert compile_law(whole.force).mean_free is free
+
+
+def test_a_simulation_in_time_is_refused_with_what_helps():
+    with pytest.raises(RsgenError, match=r"no spring holds the mean displacement.*harmonic-balance"):
+        rsgen.simulate(rsgen.Oscillator(1.5, DAHL, VALUES), grid("time"))

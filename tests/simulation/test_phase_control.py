@@ -45,14 +45,6 @@ def test_points_are_those_of_the_force_controlled_test_at_the_frequency_found():
         np.testing.assert_allclose(turned, forced.harmonics[0, 3], rtol=0.02)
 
 
-def test_every_lag_is_held_at_every_level():
-    lags = [60.0, 90.0, 92.0, 120.0]
-    surface = locked(oscillator(), lags=tuple(np.radians(lags)), level=[2.0, 5.0])
-    np.testing.assert_allclose(np.degrees(surface.phase), lags * 2, atol=1e-4)
-    np.testing.assert_allclose(surface.level, np.repeat([2.0, 5.0], 4))
-    np.testing.assert_allclose(np.abs(surface.force), surface.level, rtol=1e-6)
-
-
 def together(*tests: rsgen.ResponseSurface) -> rsgen.ResponseSurface:
     columns = (np.concatenate([getattr(t, name) for t in tests]) for name in ("level", "frequency", "force"))
     return rsgen.ResponseSurface(

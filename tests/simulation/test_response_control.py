@@ -1,21 +1,17 @@
-"""Response control: exact where linear, the motions of force control, folds where the force turns."""
+"""Held amplitudes: force control backwards, and points of a continuation on all branches."""
 
 from pathlib import Path
 
-import h5py
 import numpy as np
 import pytest
 
+import rsgen as rs
 from rsgen import load_case
-from rsgen.common.errors import RsgenError
 from rsgen.data.oscillator import Oscillator
-from rsgen.data.surface import save_surface
 from rsgen.dynamics.controlled import solve_response_control
-from rsgen.dynamics.simulation import simulate
 from rsgen.dynamics.steady_state import solve_steady_states
-from rsgen.dynamics.virtual_test import SimulatedTest
-from rsgen.files import load_surface
 from rsgen.law.element import make_element
+from rsgen.law.motion import Motion, project
 
 CASES = Path(__file__).parents[2] / "cases"
 
@@ -47,38 +43,44 @@ def test_force_control_finds_the_same_motions(name):
     assert np.abs(free.harmonics[:, 1] / X[held.stable] - 1).max() < 2e-4
 
 
-def test_unstable_branch_is_where_more_motion_needs_less_force():
-    X = np.linspace(1e-3, 4e-2, 160)
-    states = solve_response_control(duffing(2.5e6), X, np.full(160, 11.3))
-    falls = np.gradient(np.abs(states.force), X) < 0
-    assert 10 < falls.sum() < 150
-    # the two points beside each fold may go either way
-    differs = np.flatnonzero(falls == states.stable)
-    turns = np.flatnonzero(np.diff(falls.astype(int)))
-    assert len(turns) == 2
-    assert all(np.min(np.abs(turns + 0.5 - i)) <= 1.5 for i in differs)
+MASS, VALUES = 1.5, {"k": 5920.0, "k3": 3e5, "c": 2.0}
+LAW = "k*x + k3*x**3 + c*v"
+LEVELS = np.linspace(3e-3, 6e-2, 24)
 
 
-def held_amplitudes(kn: float) -> tuple[Oscillator, SimulatedTest]:
-    test = SimulatedTest(
-        np.linspace(2e-3, 2e-2, 8), np.linspace(7, 13, 61), control="response", accuracy=1e-6
+@pytest.fixture(scope="module")
+def surface():
+    return rs.simulate(
+        rs.Oscillator(MASS, LAW, VALUES),
+        rs.SimulatedTest(
+            level=LEVELS,
+            frequency=np.linspace(9.6, 10.8, 6),
+            control="continuation",
+            harmonics=9,
+            accuracy=1e-8,
+        ),
     )
-    return duffing(kn), test
 
 
-def test_a_surface_of_held_amplitudes_says_so_in_its_file(tmp_path):
-    surface = simulate(*held_amplitudes(5e6))
-    assert (surface.control, surface.level_unit, surface.answer_unit) == ("response", "m", "N")
-    assert np.array_equal(surface.answer, np.abs(surface.force))
+def test_every_motion_obeys_the_equation_in_every_harmonic(surface):
+    """Not how the motions were found: these come from shooting in time."""
     assert surface.settled.all()
     np.testing.assert_allclose(surface.amplitude, surface.level, rtol=1e-9)
-    with pytest.raises(RsgenError, match="positive"):
-        solve_response_control(duffing(1.0), [0.0], [1.0])
-    # a hardening spring this strong folds: between the folds no constant force holds the motion
-    assert 0 < np.count_nonzero(surface.stable) < len(surface)
-    save_surface(tmp_path / "surface.h5", surface)
-    with h5py.File(tmp_path / "surface.h5") as file:
-        assert file["level"].attrs["units"] == "m"
-    again = load_surface(tmp_path / "surface.h5")
-    assert again.control == "response"
-    assert np.array_equal(again.stable, surface.stable)
+    x, v, a = Motion(surface.omega, surface.harmonics).waveforms(128)
+    force = MASS * a + VALUES["k"] * x + VALUES["k3"] * x**3 + VALUES["c"] * v
+    inertia = MASS * surface.omega**2 * surface.amplitude
+    np.testing.assert_allclose(project(force, 1), surface.force, atol=1e-6 * inertia.max())
+    for order in (0, 2, 3, 4, 5):
+        left = project(force, order) if order else force.mean(axis=1)
+        assert np.abs(left / inertia).max() < 1e-6, order
+
+
+def test_motions_are_unstable_where_more_of_them_needs_less_force(surface):
+    assert (surface.control, surface.level_unit) == ("continuation", "m")
+    order = np.lexsort((surface.level, surface.frequency))
+    force, stable = (part[order].reshape(6, 24) for part in (np.abs(surface.force), surface.stable))
+    falls = np.diff(force, axis=1) < 0
+    # a fold lies between two points, of which either may count
+    assert np.count_nonzero(~stable) > 15
+    assert np.all(falls[~stable[:, :-1] & ~stable[:, 1:]])
+    assert not np.any(falls[stable[:, :-1] & stable[:, 1:]])

@@ -1,4 +1,4 @@
-"""Virtual tests: the grid, sweeps and jumps, noise, and harmonic balance as a second way to one number."""
+"""Virtual tests: the grid, sweeps and jumps, noise, and harmonic balance and brute force as other ways."""
 
 from dataclasses import replace
 from pathlib import Path
@@ -12,6 +12,7 @@ from rsgen.data.oscillator import Oscillator
 from rsgen.dynamics.simulation import simulate
 from rsgen.dynamics.virtual_test import SimulatedTest
 from rsgen.law.element import make_element
+from tests.oracles.long_transients import largest_difference
 
 CASES = Path(__file__).parents[2] / "cases"
 SAME = 1e-3  # two answers closer than this are on one branch; other branches differ by tens of per cent
@@ -44,14 +45,10 @@ def test_up_and_down_differ_between_the_folds_only():
     ("name", "harmonics", "agrees"),
     [
         # what the truncation at that number of harmonics leaves
-        ("cubic", 9, 2e-6),
-        ("quintic", 9, 2e-6),
-        ("combined", 11, 2e-5),
-        ("piecewise", 31, 2e-5),
-        ("bilinear", 31, 1e-4),
-        ("joint", 15, 2e-5),
+        ("cubic", 9, 2e-6), ("quintic", 9, 2e-6), ("combined", 11, 2e-5), ("piecewise", 31, 2e-5),
+        ("bilinear", 31, 1e-4), ("joint", 15, 2e-5),
     ],
-)
+)  # fmt: skip
 def test_harmonic_balance_gives_the_same_surface(name, harmonics, agrees):
     case = load_case(CASES / f"{name}.toml")
     grid = {"level": case.test.level[[1, -1]], "frequency": case.test.frequency[::8]}
@@ -85,18 +82,41 @@ def test_noise_is_complex_gaussian_and_of_its_seed():
 @pytest.mark.parametrize(
     ("change", "says"),
     [
-        ({"level": []}, "level"),
-        ({"level": [1.0, 1.0]}, "level"),
-        ({"frequency": [-1.0]}, "frequency"),
+        ({"level": []}, "level"), ({"level": [1.0, 1.0]}, "level"), ({"frequency": [-1.0]}, "frequency"),
         ({"sweep": "sideways"}, "'rest', 'up' or 'down' is needed"),
         ({"method": "guess"}, "'time' or 'harmonic-balance' is needed"),
         ({"control": "none"}, "'force', 'response', 'phase' or 'continuation' is needed"),
-        ({"harmonics": 100}, "1 to 64"),
-        ({"accuracy": 1.0}, "accuracy"),
-        ({"noise_relative": -0.1}, "noise"),
+        ({"harmonics": 100}, "1 to 64"), ({"accuracy": 1.0}, "accuracy"), ({"noise_relative": -0.1}, "noise"),
         ({"seed": -1}, "seed"),
     ],
-)
+)  # fmt: skip
 def test_faults_are_named(change, says):
     with pytest.raises(RsgenError, match=says):
         SimulatedTest(**({"level": [1.0], "frequency": [8.0]} | change))
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", ["cubic", "quintic", "coulomb", "piecewise", "bilinear"])
+def test_brute_force_agrees_on_the_cases(name):
+    case = load_case(CASES / f"{name}.toml")
+    surface = simulate(case.oscillator, replace(case.test, accuracy=1e-4))
+    assert largest_difference(case.oscillator, surface, sample=120) < 1e-4
+
+
+def test_another_branch_is_noticed():
+    o = Oscillator(1.5, (make_element("all", "c*v + k*x + kn*x**3"),), {"c": 3.8, "k": 5920.0, "kn": 2.5e6})
+    test = SimulatedTest([10.0], np.linspace(11.2, 11.6, 9))
+    up = simulate(o, SimulatedTest([10.0], np.linspace(10, 11.6, 33), sweep="up"))
+    upper = up.select(up.frequency > 11.19)
+    assert largest_difference(o, simulate(o, test)) < 1e-4
+    assert largest_difference(o, replace(upper, sweep=np.full(len(upper), "rest"))) > 0.5
+
+
+def test_a_gap_met_late_in_the_transient_is_not_overlooked():
+    """After 8 periods this motion spirals, perfectly linear, to an answer that it will never reach."""
+    k = 1.5 * (2 * np.pi * 10) ** 2
+    law = "c*v + Piecewise((k4*x, abs(x) <= b), (k5*x + (k4 - k5)*b*sign(x), True))"
+    values = {"c": 0.04 * np.sqrt(1.5 * k), "k4": k, "k5": 1.4 * k, "b": 5e-3}
+    o = Oscillator(1.5, (make_element("all", law),), values)
+    test = SimulatedTest([1 + 11 * 2 / 39], np.linspace(7, 13, 200)[100:112])
+    assert largest_difference(o, simulate(o, test)) < 1e-4

@@ -1,20 +1,21 @@
-"""Parameters in which a law is not linear: found over their whole range, of two signs the positive one."""
+"""Values found without a start: searches, and the equations that they fulfil."""
 
 from math import isnan
 
 import numpy as np
 import pytest
+from scipy.optimize import brentq
 
 import rsgen
 from rsgen.data.oscillator import Model, Oscillator
 from rsgen.dynamics.virtual_test import SimulatedTest, add_noise
 from rsgen.formula import parse
-from rsgen.identification.starting.equations import Equations
+from rsgen.identification.starting.equations import Equations, equation_rows
 from rsgen.identification.starting.start import solve_equations
 from rsgen.law.element import laws, make_element
 from rsgen.law.motion import Motion, project
 from rsgen.law.numeric import compile_law
-from tests.oracles.masing import slider
+from tests.oracles.harmonic_balance import solve_harmonic_balance
 from tests.surfaces import distances
 
 MASS = 1.5
@@ -87,26 +88,6 @@ def test_two_switches_are_found_together(written):
 
 
 @pytest.mark.thorough
-def test_equal_sliders_are_told_apart():
-    """Four sliders have 24 equal solutions, and many that are none."""
-    k, c, kt, limits = 5000.0, 3.0, 1500.0, np.array([1.0, 2.0, 4.0, 8.0])
-    law = compile_law(parse("k*x + c*v + " + " + ".join(f"masing(Min(kt*x, F{i}))" for i in range(4))))
-    omega, size = (
-        part.ravel() for part in np.meshgrid(np.linspace(45.0, 90.0, 6), np.geomspace(3e-4, 2e-2, 10))
-    )
-    ratio = k - MASS * omega**2 + 1j * omega * c + sum(slider(kt, limit, size) for limit in limits)
-    noise = np.random.default_rng(1).normal(scale=5e-3 / np.sqrt(2), size=(2, len(size)))
-    force = ratio * size * (1 + noise[0] + 1j * noise[1])
-    harmonics = np.stack([np.zeros(len(size)), size], axis=1).astype(complex)
-    equations = Equations(omega, force, harmonics, False, 1 / np.abs(force), np.zeros((0, 2)))
-    found = solve_equations(equations, law, {})
-    values = dict(zip(law.parameters, found.values, strict=True))
-    assert found.misfit < 5e-3
-    assert sorted(values[f"F{i}"] for i in range(4)) == pytest.approx(limits, rel=0.02)
-    assert values["kt"] == pytest.approx(kt, rel=0.02)
-
-
-@pytest.mark.thorough
 def test_friction_of_four_searched_parameters_is_found():
     """LuGre's friction along sines: of its many minima most have parameters that mean nothing."""
     true = {"Fc": 5.0, "Fs": 8.0, "k": 4e4, "sigma0": 3e4, "sigma1": 8.0, "sigma2": 20.0, "vs": 0.05}
@@ -124,3 +105,38 @@ def test_friction_of_four_searched_parameters_is_found():
     found = solve_equations(equations, law, {})
     assert found.misfit < 5e-3
     assert dict(zip(law.parameters, found.values, strict=True)) == pytest.approx(true, rel=0.1)
+
+
+LAW = "k*x + 6e4*x**2 + c*v"
+TRUE = {"c": 4.0, "k": 5000.0}
+
+
+def test_motions_of_a_balance_fulfil_fundamental_and_mean():
+    force, frequency = np.array([2.0, 4.0 + 1.0j, 6.0]), np.array([8.0, 9.0, 10.0])
+    harmonics, _ = solve_harmonic_balance(rsgen.Oscillator(MASS, LAW, TRUE), force, frequency, harmonics=8)
+    law = compile_law(rsgen.Law(LAW).force)
+    omega = 2 * np.pi * frequency
+    equations = Equations(omega, force, harmonics, True, np.ones(3), np.zeros((0, 2)))
+    matrix, right = equation_rows(equations, law, np.zeros(0))
+    unknowns = np.array([*(TRUE[law.parameters[i]] for i in law.linear), MASS])
+    # real part, imaginary part and mean of every motion
+    assert matrix.shape == (9, 3)
+    assert matrix @ unknowns == pytest.approx(right, abs=1e-9)
+    # the number in the law takes part
+    assert np.abs(right[6:]).min() > 0.01
+
+
+def test_turning_points_of_free_motion_have_one_energy():
+    def energy(x: float) -> float:
+        return TRUE["k"] * x**2 / 2 + 6e4 * x**3 / 3
+
+    high = np.array([0.01, 0.02])
+    low = [brentq(lambda x, top=top: energy(x) - energy(top), -0.08, 0.0, xtol=1e-15) for top in high]
+    motion = Motion(np.ones(2), np.array([[0.0, 0.01], [0.0, 0.02]], dtype=complex))
+    law = compile_law(rsgen.Law(LAW).force)
+    turning = np.column_stack([high, low])
+    equations = Equations(motion.omega, np.ones(2, complex), motion.harmonics, False, np.ones(2), turning)
+    matrix, right = equation_rows(equations, law, np.zeros(0))
+    unknowns = np.array([*(TRUE[law.parameters[i]] for i in law.linear), MASS])
+    assert matrix[-2:] @ unknowns == pytest.approx(right[-2:], rel=1e-9)
+    assert np.abs(right[-2:]).min() > 1.0

@@ -78,17 +78,6 @@ def test_located_switches_of_states_keep_the_fourth_order():
     assert np.log(coarse / fine) / np.log(4) > 3.7
 
 
-def test_a_state_goes_on_with_its_memory():
-    o = Oscillator(2.0, BOUC_WEN, BENCHMARK)
-    F, f = np.full(3, 60.0), np.array([28.0, 30.0, 45.0])
-    first = solve_steady_states(o, F, f, accuracy=1e-6)
-    again = solve_steady_states(o, F, f, accuracy=1e-6, start=first.state)
-    assert first.state.shape == (3, 3)
-    np.testing.assert_allclose(again.harmonics[:, 1], first.harmonics[:, 1], rtol=1e-6)
-    with pytest.raises(rs.RsgenError, match="start"):
-        solve_steady_states(o, F, f, start=np.zeros((3, 4)))
-
-
 K, C = 5922.0, 3.8
 """Spring [N/m] and damper [N s/m] beside Masing laws: 10 Hz and 2 % damping with 1.5 kg."""
 
@@ -182,13 +171,9 @@ def test_a_step_of_nearly_singular_derivatives_does_not_leave_the_motion():
     force, frequency = np.array([8.073327314165057 + 5.855121410488167j]), np.array([9.67142857142857])
     start = np.array([[0.02111058714225442, -0.002247404300963254]])
     found = solve_steady_states(
-        Oscillator(1.4988616284270644, law, values),
-        force,
-        frequency,
-        accuracy=3e-5,
-        harmonics=31,
+        Oscillator(1.4988616284270644, law, values), force, frequency, accuracy=3e-5, harmonics=31,
         start=start,
-    )
+    )  # fmt: skip
     # below its limit the joint is a spring: with friction alone the motion is the same
     linear = {"Ff": values["Ff"], "c": values["c"], "k": values["k"] + values["Fs"] / values["xs"]}
     same = solve_steady_states(

@@ -8,6 +8,7 @@ import pytest
 
 from rsgen import load_case
 from rsgen.data.oscillator import Oscillator
+from rsgen.dynamics.fixed_point import attraction, correction
 from rsgen.dynamics.kernel import compile_kernel
 from rsgen.dynamics.steady_state import solve_steady_states
 from rsgen.law.element import make_element
@@ -240,22 +241,6 @@ def test_from_rest_ends_where_brute_force_ends():
     assert other.max() < 2e-4
 
 
-def test_a_start_on_a_branch_stays_on_it():
-    o = oscillator("c*v + k*x + kn*x**3", c=3.8, k=5920.0, kn=2.5e6)
-    # both branches of the fold at 11.3 Hz, each reached from its side
-    up = down = None
-    for f in np.linspace(10, 11.3, 27):
-        up = solve_steady_states(o, [10.0], [f], start=None if up is None else up.state)
-    for f in np.linspace(14, 11.3, 27):
-        down = solve_steady_states(o, [10.0], [f], start=None if down is None else down.state)
-    assert abs(up.harmonics[0, 1]) > 2 * abs(down.harmonics[0, 1])
-    changed = oscillator("c*v + k*x + kn*x**3", c=3.81, k=5925.0, kn=2.49e6)
-    start = np.concatenate([up.state, down.state])
-    near = solve_steady_states(changed, [10.0, 10.0], [11.3, 11.3], start=start)
-    assert abs(near.harmonics[0, 1] / up.harmonics[0, 1] - 1) < 0.05
-    assert abs(near.harmonics[1, 1] / down.harmonics[0, 1] - 1) < 0.05
-
-
 def test_a_mass_that_friction_holds_does_not_move():
     o = oscillator("c*v + k*x + Ff*sign(v)", c=3.8, k=5920.0, Ff=0.8)
     states = solve_steady_states(o, [0.3, 0.79, 0.81], [10.0, 10.0, 10.0])
@@ -292,3 +277,34 @@ def test_period_two_is_recognised():
     once = np.hypot(*(moved.state - moved.history[1])) / size
     assert np.median(twice) < 1e-4
     assert np.median(once) > 1e-2
+
+
+@pytest.mark.parametrize("size", [2, 3, 4, 5])
+def test_corrections_solve_their_equations_also_where_a_pivot_vanishes(size):
+    random = np.random.default_rng(size)
+    jacobian = random.normal(size=(size, size, 50))
+    jacobian[0, 0, :10] = 1.0  # I - J begins with a zero
+    jacobian[:, :, 20:30] *= 0.3
+    residual = random.normal(size=(size, 50))
+    matrix = np.moveaxis(np.eye(size)[:, :, None] - jacobian, 2, 0)
+    exact = np.linalg.solve(matrix, residual.T[:, :, None])[..., 0].T
+    loss = np.linalg.cond(matrix)
+    # without exchange of rows a pivot of 1e-4 may cost four digits more than the condition does
+    assert np.all(np.abs(correction(jacobian, residual) - exact) < 1e-11 * loss * np.abs(exact).max(axis=0))
+
+
+def test_a_singular_point_moves_by_its_residual_and_spoils_no_other():
+    jacobian = np.zeros((3, 3, 3))
+    jacobian[:, :, 1] = np.eye(3)
+    residual = np.arange(9.0).reshape(3, 3)
+    assert np.array_equal(correction(jacobian, residual), residual)
+
+
+@pytest.mark.parametrize("size", [2, 3, 4])
+def test_a_point_attracts_where_all_eigenvalues_are_inside_the_unit_circle(size):
+    generator = np.random.default_rng(size)
+    jacobian = generator.normal(size=(size, size, 400)) / np.sqrt(size)
+    largest = np.abs(np.linalg.eigvals(np.moveaxis(jacobian, -1, 0))).max(axis=1)
+    inside = attraction(jacobian) > 0
+    assert 50 < np.count_nonzero(inside) < 350
+    assert np.array_equal(inside, largest < 1)

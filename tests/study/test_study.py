@@ -4,7 +4,6 @@ import json
 import multiprocessing
 import os
 import shutil
-import signal
 import subprocess
 import sys
 import time
@@ -13,7 +12,7 @@ from pathlib import Path
 
 import pytest
 
-from rsgen.app.study import MANIFEST, Step, read_manifest, run_case, run_cases
+from rsgen.app.study import MANIFEST, read_manifest, run_case, run_cases
 from rsgen.app.study.folder import UNFINISHED, recover, replaced_folder, write_manifest
 from rsgen.app.study.many_cases import local_workers
 from rsgen.app.study.run_case import check_place, current_result
@@ -68,15 +67,11 @@ def test_manifest_vouches_for_every_byte(tmp_path):
 @pytest.mark.parametrize(
     "text",
     [
-        *("", "{", "[]", "null", "[" * 100_000),
-        '{"schema": 1}',
-        '{"schema": 1, "files": {}}',
-        '{"schema": 2, "files": {"a": "b"}}',
-        '{"schema": 1, "files": {"../result.json": "b"}}',
-        '{"schema": 1, "files": {"/etc/hostname": "b"}}',
-        '{"schema": 1, "files": {"a\\u0000": "b"}}',
+        *("", "{", "[]", "null", "[" * 100_000), '{"schema": 1}', '{"schema": 1, "files": {}}',
+        '{"schema": 2, "files": {"a": "b"}}', '{"schema": 1, "files": {"../result.json": "b"}}',
+        '{"schema": 1, "files": {"/etc/hostname": "b"}}', '{"schema": 1, "files": {"a\\u0000": "b"}}',
     ],
-)
+)  # fmt: skip
 def test_a_corrupted_manifest_is_none(tmp_path, text):
     fill(tmp_path, "text")
     (tmp_path / MANIFEST).write_text(text)
@@ -285,6 +280,25 @@ def test_a_faulty_case_stops_no_other(finished, tmp_path):
     assert "small" in (out / "table1.md").read_text()
 
 
+@pytest.mark.slow
+def test_a_report_is_written_anew_from_its_surface(finished, tmp_path):
+    path, out, _ = finished
+    shutil.copytree(out, tmp_path / "out")
+    path = Path(shutil.copy(path, tmp_path))
+    surface = (tmp_path / "out" / "small" / "surface.h5").read_bytes()
+    run = run_case(path, tmp_path / "out", reuse_surface=True)
+    assert run.faults == ()
+    assert run.passed
+    assert (tmp_path / "out" / "small" / "surface.h5").read_bytes() == surface
+    assert read_manifest(tmp_path / "out" / "small") is not None
+    # a surface of an earlier state of the case is not taken
+    other = write_case(tmp_path, accept=3e-2)
+    assert (
+        "holds no surface of this very case"
+        in run_case(other, tmp_path / "out", reuse_surface=True).faults[0]
+    )
+
+
 def test_results_never_go_where_the_case_lies(tmp_path):
     path = write_case(tmp_path)
     assert "choose another --out" in run_case(path, tmp_path).faults[0]
@@ -336,38 +350,6 @@ def test_a_folder_that_another_run_fills_is_not_cleared(tmp_path, process):
     (killed / UNFINISHED).touch()
     recover(tmp_path)
     assert not killed.exists()
-
-
-def _kill_workers(out: Path, times: dict[str, int]) -> tuple[Callable[[Step], None], dict[str, list[int]]]:
-    """Give what kills the workers of some cases, as for want of memory, when the case has begun."""
-    killed: dict[str, list[int]] = {name: [] for name in times}
-
-    def kill(step: Step) -> None:
-        for name, processes in killed.items():
-            for folder in out.glob(f".{name}.*.part"):
-                process = int(folder.name.split(".")[2])
-                if len(processes) < times[name] and process not in processes:
-                    processes.append(process)
-                    os.kill(process, signal.SIGKILL)
-
-    return kill, killed
-
-
-@posix
-@pytest.mark.thorough
-def test_a_lost_worker_costs_its_own_case_only(tmp_path):
-    names = ("one", "two", "three")
-    paths = [write_case(tmp_path, name) for name in names]
-    times = {"one": 1, "two": 2}
-    kill, killed = _kill_workers(tmp_path / "out", times)
-    runs = {run.name: run for run in run_cases(paths, tmp_path / "out", workers=2, progress=kill)}
-    assert {name: len(processes) for name, processes in killed.items()} == times
-    # tried once more, and then reported
-    assert [name for name in names if runs[name].passed is None] == ["two"]
-    assert "its worker was lost, and a second one" in runs["two"].faults[0]
-    assert all(read_manifest(tmp_path / "out" / name) for name in ("one", "three"))
-    recover(tmp_path / "out")
-    assert not list((tmp_path / "out").glob(".*"))
 
 
 @pytest.mark.slow

@@ -41,6 +41,7 @@ Figures = Annotated[
 SPECTRA = b"omega0.npy"
 """Name of an array that a file of spectra has near its beginning."""
 SURFACE = b"rsgen response surface"
+FRF = b"receptances by level\nrsgen\n"
 MODAL = b"amplitude [m],frequency [Hz],lower frequency [Hz]"
 """Text near the beginning of each kind of file that a command writes, and hardly of any other."""
 

@@ -424,10 +424,8 @@ def fast_sweeps(
             numbers |= quantities(correction=change, left=change * difference)
             names["mass"] = origin
             severity = "info" if pace <= _PROVED_PACE else severity_of(pace, _LOST_PACE, inf)
-            if severity == "doubt":
-                names["doubt"] = "pace"
             if change * difference > RELATIVE_ERROR_DOUBTFUL:
-                severity, names["doubt"] = "doubt", "mass"
+                severity = "doubt"
         findings = [Finding("sweep-rate", severity, "", numbers, names)]
     return findings
 
