@@ -247,11 +247,6 @@ class Case:
             if table is not None:
                 object.__setattr__(self, name, MappingProxyType(dict(table)))
 
-    def __reduce__(self) -> tuple[Any, ...]:
-        """Pickle the mappings as plain dicts, so that a case is loaded once and sent to a process."""
-        values = [getattr(self, name) for name in self.__dataclass_fields__]
-        return Case, tuple(dict(v) if isinstance(v, MappingProxyType) else v for v in values)
-
     @property
     def observation(self) -> Observation:
         """How the structure was observed."""

@@ -134,7 +134,7 @@ def _refuse_shapes(text: str) -> None:
             raise CaseError([f"line {number}: a key of more than 40 parts; keys are at most 4 tables deep"])
 
 
-def _walk(value: object, path: tuple[str, ...]) -> Iterator[tuple[tuple[str, ...], object]]:
+def _walk(value: object, path: tuple[int | str, ...]) -> Iterator[tuple[tuple[int | str, ...], object]]:
     yield path, value
     if len(path) > MAX_DEPTH:
         return
@@ -142,12 +142,14 @@ def _walk(value: object, path: tuple[str, ...]) -> Iterator[tuple[tuple[str, ...
         for key, inner in value.items():
             yield from _walk(inner, (*path, key))
     elif isinstance(value, list):
-        for number, inner in enumerate(value, start=1):
-            yield from _walk(inner, (*path, str(number)))
+        for number, inner in enumerate(value):
+            yield from _walk(inner, (*path, number))
 
 
-def _show(path: tuple[str, ...]) -> str:
-    return ".".join(part if part.isidentifier() or part.isdigit() else repr(part)[:60] for part in path)
+def _path(location: Iterable[int | str]) -> str:
+    """Write the place of a key or of an entry of a list, which counts from 1."""
+    parts = (str(part + 1) if isinstance(part, int) else part for part in location)
+    return ".".join(part if part.isidentifier() or part.isdigit() else quote(part) for part in parts)
 
 
 def _value_faults(tree: dict[str, Any]) -> Iterator[str]:
@@ -156,12 +158,12 @@ def _value_faults(tree: dict[str, Any]) -> Iterator[str]:
             yield f"more than {MAX_KEYS} values; a case file has at most that many"
             return
         if len(path) > MAX_DEPTH:
-            yield f"{_show(path[:4])}...: nested more than {MAX_DEPTH} deep; keys are at most 4 deep"
+            yield f"{_path(path[:4])}...: nested more than {MAX_DEPTH} deep; keys are at most 4 deep"
         elif isinstance(value, _Vanished):
-            yield f"{_show(path)}: too small for a number of double precision; write 0 if 0 is meant"
+            yield f"{_path(path)}: too small for a number of double precision; write 0 if 0 is meant"
         elif isinstance(value, int) and value.bit_length() > MAX_INTEGER_BITS:
             bits = value.bit_length()
-            yield f"{_show(path)}: an integer of {bits} bits; at most {MAX_INTEGER_BITS} are read"
+            yield f"{_path(path)}: an integer of {bits} bits; at most {MAX_INTEGER_BITS} are read"
 
 
 def parse_case(text: str) -> dict[str, Any]:
@@ -230,18 +232,6 @@ def _keys(location: Iterable[int | str], document: type[BaseModel]) -> list[str]
         if not models:
             return []
     return [field.alias or name for name, field in models[0].model_fields.items()]
-
-
-def _path(location: Iterable[int | str]) -> str:
-    parts: list[str] = []
-    for part in location:
-        if isinstance(part, int):
-            parts.append(str(part + 1))
-        elif part.isidentifier():
-            parts.append(part)
-        else:
-            parts.append(quote(part))
-    return ".".join(parts)
 
 
 def _allowed(kind: str, context: dict[str, Any]) -> str | None:

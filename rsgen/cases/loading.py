@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import os
-from collections.abc import Collection, Iterable
+from collections.abc import Collection, Iterable, Mapping
 from copy import deepcopy
 from dataclasses import replace
 from math import isnan, prod
@@ -261,24 +261,32 @@ class _Builder:
                 self.warnings.append(f"parameters {name} and {', '.join(twins)} differ by case only")
         return {name: units.get(name, "") for name in names}
 
-    def truth(self, elements: tuple[Element, ...], units: dict[str, str]) -> dict[str, float]:
-        """Turn every true value into SI; its unit must make every term of the law a force."""
-        before = len(self.faults)
-        table = self.document.truth or {}
+    def values(
+        self, place: str, table: Mapping[str, Any], elements: tuple[Element, ...], units: dict[str, str]
+    ) -> dict[str, float]:
+        """Turn values of parameters into SI; their units must make every term of the law a force."""
         states = {name for element in elements for name in element.memory}
-        force = total_force(elements)
+        terms = sympy.Add.make_args(total_force(elements))
         values: dict[str, float] = {}
         for name, value in table.items():
             if name not in units:
                 why = f"is a state; it is 0 at the start, known: {', '.join(units)}"
-                self.fault(f"truth.{_key(name)}", why if name in states else _unknown(name, units))
+                self.fault(f"{place}.{_key(name)}", why if name in states else _unknown(name, units))
                 continue
             try:
                 values[name] = quantity(value, units[name] or None)
             except RsgenError as fault:
-                term = next((part for part in sympy.Add.make_args(force) if part.has(symbol(name))), force)
-                why = f"; {write(term)} must be a force" if units[name] and "needed" in str(fault) else ""
-                self.fault(f"truth.{name}", f"{reason(fault)}{why}")
+                of_dimension = units[name] and "needed" in str(fault)
+                term = next((part for part in terms if part.has(symbol(name))), None)
+                why = f"; {write(term)} must be a force" if of_dimension and term is not None else ""
+                self.fault(f"{place}.{name}", f"{reason(fault)}{why}")
+        return values
+
+    def truth(self, elements: tuple[Element, ...], units: dict[str, str]) -> dict[str, float]:
+        """Turn every true value into SI; each parameter needs one."""
+        before = len(self.faults)
+        table = self.document.truth or {}
+        values = self.values("truth", table, elements, units)
         for number, element in enumerate(elements, start=1):
             for name in element.parameters:
                 if name not in table and name != MASS:
@@ -290,26 +298,18 @@ class _Builder:
         if len(self.faults) == before and self.units_fit:
             # where the law alone does not determine the units, those of the values must at least fit together
             given = {name: unit_of(value) for name, value in table.items()}
-            contradictions = unit_faults(force, {name: unit for name, unit in given.items() if unit})
+            contradictions = unit_faults(
+                total_force(elements), {name: unit for name, unit in given.items() if unit}
+            )
             self.faults += [f"truth: {sentence}" for sentence in contradictions]
         return values
 
-    def fixed(self, units: dict[str, str]) -> dict[str, float]:
+    def fixed(self, elements: tuple[Element, ...], units: dict[str, str]) -> dict[str, float]:
         """Turn values that are not identified into SI."""
-        table, units = getattr(self.document.identify, "fixed", {}), {**units, MASS: "kg"}
+        table = getattr(self.document.identify, "fixed", {})
         if table and self.document.model == "rank":
             self.fault("identify.fixed", "the law is not known before a ranking; a mass stands in [system]")
-        values: dict[str, float] = {}
-        for name, value in table.items():
-            place = f"identify.fixed.{_key(name)}"
-            if name not in units:
-                self.fault(place, _unknown(name, units))
-                continue
-            try:
-                values[name] = quantity(value, units[name] or None)
-            except RsgenError as fault:
-                self.fault(place, reason(fault))
-        return values
+        return self.values("identify.fixed", table, elements, {**units, MASS: "kg"})
 
     def mass(self) -> float | None:
         value = self.document.system.mass
@@ -405,7 +405,7 @@ class _Builder:
             )
         elif mass is not None and not calibrated:
             self.fault("system.mass", "a test that is not calibrated determines no mass; leave one out")
-        fixed = self.fixed(units)
+        fixed = self.fixed(elements, units)
         if self.faults:
             raise CaseError(self.faults)
         try:

@@ -452,12 +452,11 @@ def _from_multisine(test: MeasuredTest, rule: HistoryRule) -> MultisineSpectra:
     labels = [history.level for history in histories] if test.level.labels else [None]
     if test.level.labels:
         histories = [replace(history, level=None) for history in histories]
-    periods = rule.multisine
     base = "" if test.base is None else "acceleration"
     spectra = from_multisine(
         histories,
-        period=periods.period,
-        transient=periods.transient,
+        period=rule.period,
+        transient=rule.transient,
         base=base,
         across=across[0] if across else (),
     )

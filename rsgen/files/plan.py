@@ -30,42 +30,6 @@ from rsgen.files.signals import (
 )
 from rsgen.formula.units import quantity, sensor_factor, sensor_unit
 
-# ----------------------------------------------------------------------------
-# How records of a periodic multisine are read: a part of the plan of time histories.
-
-
-@documented
-@dataclass(frozen=True, slots=True)
-class MultisineRule:
-    """The periods of a multisine, where they are not to be found from the records."""
-
-    period: int | None = declare(
-        None, "Samples a period; found from the force without.", at_least=16, at_most=100_000_000
-    )
-    transient: int | None = declare(
-        None,
-        "Periods left out at the beginning of each record; found from the response without.",
-        at_least=0,
-        at_most=1_000_000,
-    )
-
-    def __post_init__(self) -> None:
-        check(self, MeasurementError)
-
-
-FROM_RECORDS = MultisineRule()
-"""Everything is found from the records."""
-
-
-def multisine_faults(history: object, excitation: str, rule: MultisineRule) -> Iterator[tuple[str, str]]:
-    """Find keys of a history that belong to another excitation: a key, and what is wrong with it."""
-    many = excitation == "multisine"
-    if not many and given(rule, "period", "transient"):
-        yield "multisine", "belongs to excitation = 'multisine'; leave it out"
-    if many and given(history, "band", "law", "bandwidth", "harmonics"):
-        yield "demodulation", "belongs to sines; of a multisine identify.band chooses the lines"
-
-
 MAX_FILES = 200
 # by hand: for a units library rad/s and Hz are both 1/s, which hides a factor of 2 pi
 HERTZ = {"Hz": 1.0, "kHz": 1e3, "mHz": 1e-3, "rad/s": 1 / (2 * pi), "rpm": 1 / 60}
@@ -208,12 +172,29 @@ class HistoryRule(Checked):
     harmonics: int | None = declare(
         None, "Of the result; chosen without.", key="demodulation.harmonics", at_least=1, at_most=64
     )
-    multisine: MultisineRule = FROM_RECORDS
+    period: int | None = declare(
+        None,
+        "Samples a period of a multisine; found from the force without.",
+        key="multisine.period",
+        at_least=16,
+        at_most=100_000_000,
+    )
+    transient: int | None = declare(
+        None,
+        "Periods left out at the beginning of each record; found from the response without.",
+        key="multisine.transient",
+        at_least=0,
+        at_most=1_000_000,
+    )
     mass: float | None = declare(None, "Moving mass, if known.", unit="kg", above=0, outside=True)
 
     def faults(self) -> Iterator[tuple[str, str]]:
         """Find what does not fit together: a field's name, or a key, and what is wrong with it."""
-        yield from multisine_faults(self, self.excitation, self.multisine)
+        many = self.excitation == "multisine"
+        if not many and given(self, "period", "transient"):
+            yield "multisine", "belongs to excitation = 'multisine'; leave it out"
+        if many and given(self, "band", "law", "bandwidth", "harmonics"):
+            yield "demodulation", "belongs to sines; of a multisine identify.band chooses the lines"
         if (self.rate_column is not None) == (self.rate is not None or self.time is not None):
             yield "time", "column, rate, both of them, or rate_column is needed"
         if self.band is not None and self.band[0] >= self.band[1]:
@@ -488,8 +469,14 @@ def channel_faults(test: MeasuredTest) -> Iterator[tuple[str, str]]:
     yield from wrong
     if not wrong:
         yield from _quantity_faults(test)
-        yield from _excitation_faults(test)
         yield from _base_faults(test)
+        for what in ("base", "across") if test.history and test.history.excitation == "ring-down" else ():
+            if what in test.made:
+                yield (
+                    what,
+                    "does not go with 'ring-down'; swept sine, stepped sine or a table of amplitudes is "
+                    "needed",
+                )
 
 
 def _quantity_faults(test: MeasuredTest) -> Iterator[tuple[str, str]]:
@@ -532,17 +519,6 @@ def _made_faults(test: MeasuredTest, what: str, channel: Channel) -> Iterator[tu
             f"{channel.channels!r:.80} adds {' and '.join(sorted(quantities))}; channels of one quantity are "
             "needed in time histories",
         )
-
-
-def _excitation_faults(test: MeasuredTest) -> Iterator[tuple[str, str]]:
-    """Find excitations whose evaluation knows one force and one response only."""
-    kind = "" if test.history is None else test.history.excitation
-    for what in ("base", "across") if kind == "ring-down" else ():
-        if what in test.made:
-            yield (
-                what,
-                f"does not go with {kind!r}; swept sine, stepped sine or a table of amplitudes is needed",
-            )
 
 
 def _base_faults(test: MeasuredTest) -> Iterator[tuple[str, str]]:
