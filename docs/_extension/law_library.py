@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+import math
+
 import rsgen
 from rsgen.describing import DescribingFunction, variables_of
-from rsgen.describing.function import MAX_RELATIVE_ERROR
 from rsgen.describing.quadrature import PROOF_TOLERANCE
 from rsgen.law import Law
 from rsgen.law.memory import rates_of
@@ -70,5 +71,5 @@ def _proof(function: DescribingFunction) -> str:
         )
     part = "closed form" if function.closed_form else "loop" if function.memory else "closed part"
     # the last digits of the largest difference are those of a processor
-    limit = PROOF_TOLERANCE if function.checked_to <= PROOF_TOLERANCE else MAX_RELATIVE_ERROR
+    limit = max(PROOF_TOLERANCE, 10.0 ** math.ceil(math.log10(function.checked_to or PROOF_TOLERANCE)))
     return f"the {part} agrees with an independent quadrature to {limit:g}"

@@ -9,7 +9,7 @@ its ends, ``quadrature`` integrates what has no closed form, ``function`` balanc
 formulas and those of a source against them, and ``derivation`` leads through it.
 
 Of laws with memory ``remembering`` adds the parts: ``masing`` has closed forms of Masing laws by the pieces
-of their virgin curves, ``state_loops`` the closed loops of states.
+of their virgin curves, the others are projected along the closed loops of their states.
 """
 
 from __future__ import annotations

@@ -266,7 +266,7 @@ class DescribingFunction:
         """Return the reason for which the loop of the states has no describing function."""
         closes = np.isfinite(self.along(np.zeros(1), X, omega, values, mean)).all()
         fact, reason = (
-            ("is not known to nine digits", "changes much faster than the motion")
+            ("is not known to three digits", "changes much faster than the motion")
             if closes
             else ("does not close", "grows or drifts for ever, or is not found")
         )

@@ -21,7 +21,7 @@ from rsgen.common.arrays import Array
 from rsgen.common.solvers import CONVERGED_STEP, newton
 from rsgen.common.tolerances import MAX_NEWTON_STEPS
 from rsgen.formula import symbol
-from rsgen.law.memory import RESIDUAL_TOLERANCE, MemoryForm, real_powers
+from rsgen.law.memory import RESIDUAL_TOLERANCE, MemoryForm, defined_at_zero, real_powers
 from rsgen.law.normal_form import ForceSample, Perturbation, SwitchedSum, switched_sum
 
 # ----------------------------------------------------------------------------
@@ -256,7 +256,7 @@ class _Recurrence:
         weight = self.weight[:, None, None]
         return np.asarray(self.step[:, None, None] * (source + weight * (late - source)))
 
-    def solve(self, right: Array, sign: float = 1.0) -> Array:
+    def solve(self, right: Array) -> Array:
         """(s, q, k, n) periodic solution; ``right`` (s, q, k, n) is what each step adds before division.
 
         ``sign`` -1: its sign has turned after the period.
@@ -280,17 +280,17 @@ class _Recurrence:
         for j in range(blocks):
             path[j + 1] = _product(inside[-1, j, :, columns:], path[j])
             path[j + 1, :, :columns] += inside[-1, j, :, :columns]
-        begin = _closing(path[-1, :, columns:], path[-1, :, :columns], sign)
+        begin = _closing(path[-1, :, columns:], path[-1, :, :columns])
         starts = path[:-1, :, :columns] + _product(path[:-1, :, columns:], begin)
         solution = inside[:-1, :, :, :columns] + _product(inside[:-1, :, :, columns:], starts)
         return np.asarray(np.swapaxes(solution, 0, 1).reshape(right.shape))
 
 
-def _closing(gain: Array, ends: Array, sign: float) -> Array:
-    """(q, k, n) initial value z with (sign - gain) z = ends; the smallest one where states do not decay."""
+def _closing(gain: Array, ends: Array) -> Array:
+    """(q, k, n) initial value z with (1 - gain) z = ends; the smallest one where states do not decay."""
     size = len(gain)
     unit = np.eye(size)
-    lack = sign * unit - np.moveaxis(gain, -1, 0)
+    lack = unit - np.moveaxis(gain, -1, 0)
     bound = np.concatenate([lack, np.broadcast_to(MIN_PERIOD_DECAY * unit, lack.shape)], axis=1)
     good = np.isfinite(bound).all(axis=(1, 2))
     right = np.moveaxis(ends, -1, 0)
@@ -361,10 +361,6 @@ def periodic_states(
     motion: tuple[Array, Array, Array],
     step: Array,
     values: Sequence[Any] | Array,
-    start: Array | None = None,
-    sign: float = 1.0,
-    *,
-    fitted: bool = True,
 ) -> Array:
     """(q, n, s) periodic states along n motions; NaN where a loop does not close, or is unstable.
 
@@ -375,22 +371,14 @@ def periodic_states(
     motion
         Displacement [m], velocity [m/s] and acceleration [m/s^2], each (n, s), over one period.
     step
-        Interval to the next sample [s], broadcast to (n, s); zero between two sides of one instant.
+        Interval to the next sample [s], broadcast to (n, s).
     values
         (p,) of the parameters, or arrays (n, 1) or (n, s).
-    start
-        (q, n, s) states to begin with, or zero.
-    sign
-        -1: motion and states turn their signs after the period, whose last step is zero.
-    fitted
-        Exponential fitting, for steps longer than the time constant of z. Else theta is 1/2, with errors in
-        even powers of the step.
     """
     count, samples = motion[0].shape
-    begin = np.zeros((len(equations), count, samples)) if start is None else start
-    loops = _OpenLoops(equations, motion, np.broadcast_to(step, (count, samples)), values, sign, fitted)
-    flat = np.moveaxis(begin, 0, 1).reshape(count, -1)
-    roots = newton(loops, flat, tolerance=CONVERGED_STEP, steps=MAX_NEWTON_STEPS, halvings=0)
+    loops = _OpenLoops(equations, motion, np.broadcast_to(step, (count, samples)), values)
+    begin = np.zeros((count, len(equations) * samples))
+    roots = newton(loops, begin, tolerance=CONVERGED_STEP, steps=MAX_NEWTON_STEPS, halvings=0)
     recurrence = loops.lack(np.arange(count), roots.unknowns)[1]
     # growth within a single step comes from a corner of the law there
     corner = np.maximum(np.einsum("siin->sin", recurrence.forward) - 1, 0).max(axis=(0, 1))
@@ -415,8 +403,6 @@ class _OpenLoops:
     motion: tuple[Array, Array, Array]
     interval: Array
     values: Sequence[Any] | Array
-    sign: float
-    fitted: bool
     steps_done: int = 0
 
     def lack(self, rows: Indices, unknowns: Array) -> tuple[Array, _Recurrence]:
@@ -425,10 +411,10 @@ class _OpenLoops:
         values = [value if np.ndim(value) == 0 else value[rows] for value in self.values]
         step, states = self.interval[rows], np.moveaxis(unknowns.reshape(len(x), -1, x.shape[1]), 1, 0)
         rate, slopes = _rates(self.equations, (x, v, a), states, step, values, by_parameters=False)
-        recurrence = _linearised(slopes[:, 2:], step, fitted=self.fitted)
+        recurrence = _linearised(slopes[:, 2:], step)
         gain = recurrence.gather(np.transpose(rate, (2, 0, 1))[:, :, None])[:, :, 0]
         before = np.transpose(states, (2, 0, 1))
-        return gain - (np.concatenate([before[1:], self.sign * before[:1]]) - before), recurrence
+        return gain - (np.roll(before, -1, axis=0) - before), recurrence
 
     def residual(self, rows: Indices, unknowns: Array) -> Array:
         """(k, q s)."""
@@ -437,7 +423,7 @@ class _OpenLoops:
     def step(self, rows: Indices, unknowns: Array) -> tuple[Array, Array, Array]:
         """Newton's step, with the relative size of the worst state; NaN where the loop is unstable."""
         lack, recurrence = self.lack(rows, unknowns)
-        change = recurrence.solve(lack[:, :, None], self.sign)[:, :, 0].T
+        change = recurrence.solve(lack[:, :, None])[:, :, 0].T
         with np.errstate(all="ignore"):
             largest = np.abs(unknowns.reshape(change.shape) + change).max(axis=2)
             missing = np.maximum(
@@ -471,14 +457,14 @@ def _rates(
     return np.stack([g for g, *_ in results]), np.stack([np.stack(slopes) for _, *slopes in results])
 
 
-def _linearised(jacobian: Array, step: Array, *, fitted: bool = True) -> _Recurrence:
+def _linearised(jacobian: Array, step: Array) -> _Recurrence:
     """Linearise the rule; ``jacobian`` (q, q, n, s) is dg/dz, ``step`` (n, s) [s]."""
     size = len(jacobian)
     slope = np.transpose(jacobian, (3, 0, 1, 2))
     decay = np.abs(slope).sum(axis=2).max(axis=1)
     step = step.T
     between = step * (decay + np.roll(decay, -1, axis=0)) / 2
-    weight = _weight(between) if fitted else np.full_like(between, 0.5)
+    weight = _weight(between)
     share = (weight * step)[:, None, None]
     unit = np.eye(size)[:, :, None]
     late = unit - share * np.roll(slope, -1, axis=0)
@@ -517,13 +503,14 @@ class Loops:
     _virgins: tuple[SwitchedSum, ...]
     _lags: bool
 
+    @np.errstate(over="ignore", invalid="ignore")  # what overflows is not finite
     def states(self, motion: tuple[Array, Array, Array], step: Array, values: Array) -> Array:
         """(r, n, s) states with equations along whole periods (n, s)."""
         if not self._equations:
             return np.zeros((0, *motion[0].shape))
         return periodic_states(self._equations, motion, step, values)
 
-    @np.errstate(over="ignore", invalid="ignore")  # what overflows is not finite
+    @np.errstate(over="ignore", invalid="ignore")
     def sample(self, x: Array, v: Array, a: Array, step: Array, values: Sequence[Any] | Array) -> ForceSample:
         """Evaluate the closed loop along whole periods (n, s); see ``ForceLaw.sample``."""
         step = np.broadcast_to(step, (len(x), 1))
@@ -578,7 +565,7 @@ def compile_loops(form: MemoryForm, parameters: tuple[str, ...]) -> Loops:
     inner = tuple(rate.symbol for rate in form.rates)
     return Loops(
         switched_sum(form.force, (*states, *form.states), names),
-        tuple(switched_sum(rate.rate, (*states, *inner), names) for rate in form.rates),
+        tuple(switched_sum(defined_at_zero(rate.rate), (*states, *inner), names) for rate in form.rates),
         tuple(switched_sum(real_powers(curve.virgin), states[:1], names) for curve in form.curves),
         form.lag is not None,
     )

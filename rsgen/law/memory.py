@@ -289,6 +289,21 @@ def real_powers(virgin: sympy.Expr) -> sympy.Expr:
     return broken
 
 
+def defined_at_zero(rate: sympy.Expr) -> sympy.Expr:
+    """Write z*Abs(z)**(n - 1) as sign(z)*Abs(z)**n, which is not zero times infinity at z = 0."""
+
+    def joined(product: sympy.Expr) -> sympy.Expr:
+        powers = dict(product.as_powers_dict())
+        for size in [base for base in powers if isinstance(base, sympy.Abs)]:
+            inner, lower = size.args[0], powers[size]
+            upper = powers.get(inner, sympy.S.Zero)
+            if upper.is_Integer and upper > 0 and not lower.is_nonnegative:
+                powers |= {size: upper + lower, inner: sympy.S.Zero, sympy.sign(inner): upper % 2}
+        return sympy.Mul(*(base**exponent for base, exponent in powers.items()))
+
+    return rate.replace(lambda part: part.is_Mul, joined)
+
+
 def from_rest(form: MemoryForm) -> sympy.Expr:
     """Return n(x, v) as reached from rest at once: states and lag zero, Masing laws on their virgin curve."""
     x = symbol("x")

@@ -177,7 +177,7 @@ def _proof(function: DescribingFunction) -> str:
                 "all agrees with quadrature, and with loops stepped through time, "
                 f"to {function.checked_to:.1e}"
             )
-        return f"the loop is solved until it closes, every switch located; {compared}"
+        return f"the loop is solved until it closes, at all samples of a cycle; {compared}"
     if function.closed_form:
         return f"the closed form {agrees}"
     if function.checked_to is not None:
