@@ -1,6 +1,6 @@
 """Properties of a law: odd, smooth or rough, and in which of its parameters it is linear.
 
-A law is jointly linear in a set of parameters if no second derivative of its pieces by two of them differs
+A law is jointly linear in a set of parameters if no second difference of its pieces by two of them differs
 from zero. Identities are tested at random states and values of several sizes, since SymPy's proofs do not end
 for every law.
 """
@@ -11,7 +11,7 @@ from collections.abc import Callable, Mapping, Sequence
 from collections.abc import Set as AbstractSet
 from dataclasses import dataclass
 from functools import lru_cache, partial
-from itertools import combinations, combinations_with_replacement, product
+from itertools import combinations, combinations_with_replacement
 
 import numpy as np
 import sympy
@@ -33,10 +33,6 @@ STATE_SIZES = (1e-3, 1.0, 1e3)
 CANCELLATION_TOLERANCE = 1e-9
 """Largest relative size of a sum that is zero."""
 
-MAX_TERM_OPERATIONS = 150
-"""Operations of a term that is differentiated twice, five times those of the longest law of the library; of a
-longer one those parameters are linear that the text shows to be."""
-
 MAX_SUBSET_PARAMETERS = 12
 """Largest number of parameters of which all subsets are tried; of more a greedy choice is made."""
 
@@ -52,21 +48,7 @@ def jointly_linear(
     """
     switches = {switch.function for piece in pieces for switch in piece.switches}
     thresholds = {free for function in switches for free in function.free_symbols}
-    every = [piece.term for piece in pieces]
-    terms = [term for term in every if term.count_ops() <= MAX_TERM_OPERATIONS]
-    place = {p: i for i, p in enumerate(parameters)}
-    clash = set(clashing).union(*(_meeting_pairs(term, place)[1] for term in every if term not in terms))
-    clash |= _second_differences(terms, parameters)
-    # derivatives only of pairs that the second differences do not exclude
-    slopes = [[] if (i, i) in clash else [term.diff(p) for term in terms] for i, p in enumerate(parameters)]
-    clash |= {
-        (i, j)
-        for i, row in enumerate(slopes)
-        for j, other in enumerate(parameters)
-        if i <= j
-        and not {(i, i), (i, j), (j, j)} & clash
-        and not all(vanishes(slope.diff(other)) for slope in row if slope.has(other))
-    }
+    clash = clashing | _second_differences([piece.term for piece in pieces], parameters)
     free = [i for i, p in enumerate(parameters) if p not in thresholds and (i, i) not in clash]
     if len(free) <= MAX_SUBSET_PARAMETERS:
         for size in range(len(free), 0, -1):
@@ -80,30 +62,14 @@ def jointly_linear(
     return tuple(sorted(picked))
 
 
-def _meeting_pairs(
-    expression: sympy.Expr, place: Mapping[sympy.Symbol, int]
-) -> tuple[frozenset[int], set[tuple[int, int]]]:
-    """Find the parameters of an expression, and the pairs that are in one product or function of it.
-
-    An expression is jointly linear in parameters of which no two do so; cancellation is not looked for.
-    """
-    if not expression.args:
-        return frozenset({place[expression]} if expression in place else ()), set()
-    inside, clashes = zip(*(_meeting_pairs(part, place) for part in expression.args), strict=True)
-    indices: frozenset[int] = frozenset().union(*inside)
-    clash: set[tuple[int, int]] = set().union(*clashes)
-    if expression.is_Mul:
-        pairs = (pair for one, other in combinations(inside, 2) for pair in product(one, other))
-        clash |= {(min(pair), max(pair)) for pair in pairs}
-    elif not expression.is_Add:
-        clash |= set(combinations_with_replacement(sorted(indices), 2))
-    return indices, clash
-
-
-MIN_SECOND_DIFFERENCE = 1e-6
+MIN_SECOND_DIFFERENCE = 1e-9
 """Smallest second difference, relative to the addends, that is not round-off."""
 
+PARAMETER_STEPS = (0.5, -2.0)
+"""Relative steps of second differences: of half a parameter, and to the other sign, where abs(p) bends."""
 
+
+@np.errstate(all="ignore")
 def _second_differences(
     terms: Sequence[sympy.Expr], parameters: Sequence[sympy.Symbol]
 ) -> set[tuple[int, int]]:
@@ -116,21 +82,21 @@ def _second_differences(
     states = tuple(sorted({s for term in terms for s in term.free_symbols} - set(parameters), key=str))
     law = compiled(tuple(addend for part in parts for addend in part), (*states, *parameters))
     generator = np.random.default_rng(0)
-    places = np.exp(generator.normal(size=(len(states) + len(parameters), RANDOM_STATES)))
+    shape = (len(states) + len(parameters), RANDOM_STATES)
+    # around one, and over eight decades, so that no term is negligible at all places
+    places = np.hstack([np.exp(generator.normal(size=shape)), 10.0 ** generator.uniform(-4, 4, shape)])
 
-    def moved(*which: int) -> Array:
+    def moved(step: float, *which: int) -> Array:
         trial = np.array(places)
         for i in which:
-            trial[len(states) + i] += 0.5 * places[len(states) + i]
-        return np.array([np.broadcast_to(value, RANDOM_STATES) for value in law(*trial)])
+            trial[len(states) + i] += step * places[len(states) + i]
+        return np.array([np.broadcast_to(value, places.shape[1]) for value in law(*trial)])
 
-    if not parts:
-        return set()
-    still, once = moved(), [moved(i) for i in range(len(parameters))]
-    found = set()
-    with np.errstate(all="ignore"):
+    found: set[tuple[int, int]] = set()
+    for step in PARAMETER_STEPS if parts else ():
+        still, once = moved(step), [moved(step, i) for i in range(len(parameters))]
         for i, j in combinations_with_replacement(range(len(parameters)), 2):
-            corners = np.array([still, -once[i], -once[j], moved(i, j)])
+            corners = np.array([still, -once[i], -once[j], moved(step, i, j)])
             size = np.add.reduceat(np.abs(corners).max(axis=0), starts)
             bend = np.abs(np.add.reduceat(corners.sum(axis=0), starts))
             if np.any((bend > MIN_SECOND_DIFFERENCE * size) & np.isfinite(size)):
@@ -421,64 +387,38 @@ class Character:
 
 @lru_cache(maxsize=256)
 def character(force: sympy.Expr) -> Character:
-    """Determine the properties of a law; its parameters are all symbols but x and v, sorted by name."""
-    memory = memory_form(force)
-    if memory is not None:
-        return _character_with_memory(force, memory)
-    states = (symbol("x"), symbol("v"))
-    parameters = sorted(force.free_symbols - set(states), key=str)
-    pieces = normal_form(force).pieces
-    linear = jointly_linear(pieces, parameters)
-    onsets = _onsets(force, parameters)
-    even = tuple(
-        i for i in linear if is_mirrored(slope_between_jumps(force, parameters[i]), states, parameters, 1.0)
-    )
-    without = force.subs({parameters[i]: 0 for i in even})
-    return Character(
-        parameters=tuple(str(p) for p in parameters),
-        linear=linear,
-        nonlinear=tuple(i for i in range(len(parameters)) if i not in linear),
-        scaled=scaled_groups(len(parameters), linear, partial(is_scaled, pieces, parameters)),
-        positive=(),
-        odd=is_mirrored(force, states, parameters, -1.0),
-        even=even,
-        mirrored=is_mirrored(without, states, parameters, -1.0),
-        remembers=False,
-        switched=any(piece.switches for piece in pieces),
-        rough=any(jump or corner for jump, corner in onsets),
-        jumps=any(jump for jump, _ in onsets),
-        springs=bool(force.has(symbol("x"))),
-    )
+    """Determine the properties of a law; its parameters are all symbols but x and v, sorted by name.
 
-
-def _character_with_memory(force: sympy.Expr, memory: MemoryForm) -> Character:
-    """Determine the properties of a law with memory, from its closed loops.
-
-    Masing's rule and the lag of structural damping are linear: the force is linear in those parameters in
-    which its virgin curve or stiffness is. Loops of states are tested numerically.
+    Those of a law with states follow from its closed loops along random motions.
     """
-    x, v = symbol("x"), symbol("v")
+    memory, x, v = memory_form(force), symbol("x"), symbol("v")
     parameters = sorted(force.free_symbols - {x, v}, key=str)
-    rates = {rate.symbol: rate.rate for rate in memory.rates}
+    rates: dict[sympy.Symbol, sympy.Expr] = {}
+    inner = law = force
+    if memory is not None:
+        rates, inner = {rate.symbol: rate.rate for rate in memory.rates}, memory.force
+        # the same virgin curves and stiffnesses without their memory
+        law = inner.xreplace(
+            {c.symbol: sympy.sign(x) * c.virgin.xreplace({x: sympy.Abs(x)}) for c in memory.curves}
+        )
+        law = law if memory.lag is None else law.xreplace({memory.lag: v})
+    curves = () if memory is None else memory.curves
     remembered = set().union(*(rate.free_symbols for rate in rates.values()))
-    # the same virgin curves and stiffnesses without their memory
-    law = memory.force.xreplace(
-        {c.symbol: sympy.sign(x) * c.virgin.xreplace({x: sympy.Abs(x)}) for c in memory.curves}
-    )
-    law = law if memory.lag is None else law.xreplace({memory.lag: v})
-    moving = (x, v, *rates)
+    moving, parts = (x, v, *rates), (law, *rates.values())
     pieces = normal_form(law).pieces
-    loops = RandomLoops(memory, tuple(str(p) for p in parameters))
-    inside = [i for i, p in enumerate(parameters) if p in remembered]
-    bent = [i for i in inside if loops.bends(i)]
-    straight = [i for i in range(len(parameters)) if i not in bent]
-    clash = {(i, i) for i in bent} | {
-        (i, j) for i, j in combinations(straight, 2) if {i, j} & set(inside) and loops.couples(i, j)
-    }
+    clash: set[tuple[int, int]] = set()
+    is_group_scaled: Callable[[tuple[int, ...], Sequence[int]], bool] = partial(is_scaled, pieces, parameters)
+    if memory is not None and rates:
+        loops = RandomLoops(memory, tuple(str(p) for p in parameters))
+        inside = {i for i, p in enumerate(parameters) if p in remembered}
+        bent = {i for i in inside if loops.bends(i)}
+        straight = [i for i in range(len(parameters)) if i not in bent]
+        clash = {(i, i) for i in bent} | {
+            (i, j) for i, j in combinations(straight, 2) if {i, j} & inside and loops.couples(i, j)
+        }
+        is_group_scaled = loops.scales
     linear = jointly_linear(pieces, parameters, clash)
     nonlinear = tuple(i for i in range(len(parameters)) if i not in linear)
-    factors = loops.scales if rates else partial(is_scaled, pieces, parameters)
-    onsets = [begin for part in (law, *rates.values()) for begin in _onsets(part, parameters)]
     even = tuple(
         i
         for i in linear
@@ -487,26 +427,22 @@ def _character_with_memory(force: sympy.Expr, memory: MemoryForm) -> Character:
     )
     without = law.subs({parameters[i]: 0 for i in even})
     odd = all(is_mirrored(rate, moving, parameters, -1.0) for rate in rates.values())
-    switched = bool(memory.curves) or any(
-        piece.switches for part in (law, *rates.values()) for piece in normal_form(part).pieces
-    )
+    onsets = [_onsets(part, parameters) for part in parts]
     return Character(
         parameters=tuple(str(p) for p in parameters),
         linear=linear,
         nonlinear=nonlinear,
-        scaled=scaled_groups(len(parameters), linear, factors),
-        positive=tuple(
-            i for i in nonlinear if any(positive_in(c.virgin, parameters[i]) for c in memory.curves)
-        ),
+        scaled=scaled_groups(len(parameters), linear, is_group_scaled),
+        positive=tuple(i for i in nonlinear if any(positive_in(c.virgin, parameters[i]) for c in curves)),
         odd=odd and is_mirrored(law, moving, parameters, -1.0),
         even=even,
         mirrored=odd and is_mirrored(without, moving, parameters, -1.0),
-        remembers=True,
-        switched=switched,
+        remembers=memory is not None,
+        switched=bool(curves) or any(piece.switches for part in parts for piece in normal_form(part).pieces),
         # branches meet in a corner at every reversal
-        rough=bool(memory.curves) or any(jump or corner for jump, corner in onsets),
-        jumps=any(jump for jump, _ in _onsets(law, parameters)),
-        springs=any(part.has(x) for part in (memory.force, *rates.values())),
+        rough=bool(curves) or any(jump or corner for found in onsets for jump, corner in found),
+        jumps=any(jump for jump, _ in onsets[0]),
+        springs=any(part.has(x) for part in (inner, *rates.values())),
     )
 
 
