@@ -16,7 +16,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from functools import lru_cache
+from functools import lru_cache, partial
 from typing import NamedTuple
 
 import numpy as np
@@ -24,7 +24,7 @@ import sympy
 
 from rsgen.common.arrays import Array
 from rsgen.common.errors import ExpressionError
-from rsgen.describing.bessel import Wave, moment, product_of_waves, read_wave
+from rsgen.describing.bessel import Wave, moment, read_wave
 from rsgen.formula.evaluation import compiled
 from rsgen.formula.names import OMEGA, STATE_V, STATE_X, X0, X
 from rsgen.law.normal_form import NormalForm
@@ -73,36 +73,36 @@ def over_quarters(
 MAX_POWER = 40
 """Largest whole power of x or v with a closed form; the formula of a larger one would be pages long."""
 
-MAX_WAVES = 6
-"""Largest number of trigonometric or exponential factors of an addend: a product of n has 2**n terms."""
-
-Moment = Callable[[int, int], sympy.Expr | None]
+Moment = Callable[[int, int], sympy.Expr]
 """integral of sin**i cos**j, times the other factors of an addend, for (i, j)."""
 
 
 @dataclass(frozen=True, slots=True)
 class Addend:
-    """coefficient x**m |x|**p v**n |v|**q times waves in x and waves in v."""
+    """coefficient x**m |x|**p v**n |v|**q times a wave in x or in v."""
 
     coefficient: sympy.Expr
     m: int
     p: sympy.Expr
     n: int
     q: sympy.Expr
-    waves_x: tuple[Wave, ...]
-    waves_v: tuple[Wave, ...]
+    wave_x: Wave | None
+    wave_v: Wave | None
 
     def integral(self, arc: Arc, mean: sympy.Expr, i: int, j: int) -> sympy.Expr | None:
         """Integrate the addend times sin**i cos**j over an arc; None if there is no closed form."""
         real_powers = not (self.p.is_zero and self.q.is_zero)
-        if self.waves_x or self.waves_v:
-            return None if real_powers else self._waves(arc, mean, i, j)
+        wave = self.wave_x or self.wave_v
+        if wave is not None:
+            if real_powers or arc.x is not None or arc.v is not None:
+                return None
+            return self._expanded(self._wave_moment(wave, mean), mean, i, j)
         if not real_powers:
             return self._expanded(lambda i, j: integral_over(arc, i, j), mean, i, j)
         moment = self._quarters(arc, mean)
         return None if moment is None else self._expanded(moment, mean, i, j)
 
-    def _expanded(self, moment: Moment, mean: sympy.Expr, i: int, j: int) -> sympy.Expr | None:
+    def _expanded(self, moment: Moment, mean: sympy.Expr, i: int, j: int) -> sympy.Expr:
         """Sum over the binomial expansion of (X0 + X sin)**m."""
         total = sympy.S.Zero
         speed = (OMEGA * X) ** (self.n + self.q)
@@ -110,8 +110,6 @@ class Addend:
             if r < self.m and mean == 0:
                 continue
             part = moment(r + i, self.n + j)
-            if part is None:
-                return None
             total += sympy.binomial(self.m, r) * mean ** (self.m - r) * X ** (r + self.p) * part
         return self.coefficient * speed * total
 
@@ -123,37 +121,11 @@ class Addend:
             return None
         return lambda i, j: over_quarters(i, self.p, j, self.q, arc.x is not None, arc.v is not None)
 
-    def _waves(self, arc: Arc, mean: sympy.Expr, i: int, j: int) -> sympy.Expr | None:
-        if self.waves_x and self.waves_v:
-            return None
-        in_x = bool(self.waves_x)
-        fixed, halved = (arc.x, arc.v) if in_x else (arc.v, arc.x)
-        if fixed is not None or not (halved is None or halved.is_zero):
-            return None
-        if not in_x and halved is not None and mean != 0:
-            return None
-        sums = product_of_waves(list(self.waves_x or self.waves_v))
-        if sums is None:
-            return None
-        constant = Addend(self.coefficient, self.m, self.p, self.n, self.q, (), ())
-        total = sympy.S.Zero
-        for factor, wave in sums:
-            if wave.rate == 0:
-                rest = constant.integral(arc, mean, i, j)
-                value = None if rest is None else rest * wave.kind(wave.shift)
-            else:
-                value = constant._expanded(_wave_moment(wave, in_x, mean, halved is not None), mean, i, j)
-            if value is None:
-                return None
-            total += factor * value
-        return total
-
-
-def _wave_moment(wave: Wave, in_x: bool, mean: sympy.Expr, half: bool) -> Moment:
-    if in_x:
-        return lambda i, j: moment(wave, X, mean, i, j, half)
-    # v = omega X cos(phi): a quarter of a cycle later sine and cosine have changed places
-    return lambda i, j: moment(wave, OMEGA * X, sympy.S.Zero, j, i, half)
+    def _wave_moment(self, wave: Wave, mean: sympy.Expr) -> Moment:
+        if self.wave_x is not None:
+            return partial(moment, wave, X, mean)
+        # v = omega X cos(phi): a quarter of a cycle later sine and cosine have changed places
+        return lambda i, j: moment(wave, OMEGA * X, sympy.S.Zero, j, i)
 
 
 def read_addend(addend: sympy.Expr) -> Addend | None:
@@ -161,7 +133,7 @@ def read_addend(addend: sympy.Expr) -> Addend | None:
     coefficient, moving = addend.as_independent(STATE_X, STATE_V, as_Add=False)
     integers = {STATE_X: 0, STATE_V: 0}
     reals = {STATE_X: sympy.S.Zero, STATE_V: sympy.S.Zero}
-    waves: dict[sympy.Symbol, list[Wave]] = {STATE_X: [], STATE_V: []}
+    waves: dict[sympy.Symbol, Wave] = {}
     for factor in sympy.Mul.make_args(moving):
         base, exponent = (factor, sympy.S.One) if factor.func is sympy.exp else factor.as_base_exp()
         if not _read_factor(base, exponent, integers, reals, waves):
@@ -170,11 +142,11 @@ def read_addend(addend: sympy.Expr) -> Addend | None:
         if power < 0:
             integers[state] = power % 2
             reals[state] += power - power % 2
-    if max(integers.values()) > MAX_POWER or max(map(len, waves.values())) > MAX_WAVES:
+    if max(integers.values()) > MAX_POWER:
         return None
     return Addend(
         coefficient, integers[STATE_X], reals[STATE_X], integers[STATE_V], reals[STATE_V],
-        tuple(waves[STATE_X]), tuple(waves[STATE_V]),
+        waves.get(STATE_X), waves.get(STATE_V),
     )  # fmt: skip
 
 
@@ -183,9 +155,9 @@ def _read_factor(
     exponent: sympy.Expr,
     integers: dict[sympy.Symbol, int],
     reals: dict[sympy.Symbol, sympy.Expr],
-    waves: dict[sympy.Symbol, list[Wave]],
+    waves: dict[sympy.Symbol, Wave],
 ) -> bool:
-    """Enter a factor as an integer power of a state, a real power of its modulus, or waves; True if it is."""
+    """Enter a factor as an integer power of a state, a real power of its modulus, or a wave, if it is one."""
     if base == 1:
         return True
     if base in integers and exponent.is_Integer:
@@ -194,12 +166,12 @@ def _read_factor(
     if isinstance(base, sympy.Abs) and base.args[0] in integers and not exponent.free_symbols & set(integers):
         reals[base.args[0]] += exponent
         return True
-    if not (exponent.is_Integer and 0 < exponent <= MAX_WAVES):
+    if exponent != 1 or waves:
         return False
     for state, other in ((STATE_X, STATE_V), (STATE_V, STATE_X)):
         wave = read_wave(base, state, other)
         if wave is not None:
-            waves[state] += [wave] * int(exponent)
+            waves[state] = wave
             return True
     return False
 
@@ -230,15 +202,13 @@ def _atoms(name: str) -> End:
 class Arc:
     """Where a pair of switches is on: thresholds in x and v (None: no switch), atoms, pairs of ends.
 
-    ``x_end`` is the rising end of the x-switch, ``v_end`` the falling end of the v-switch. ``both`` holds the
-    four ends of the (at most two) arcs on which two general switches are on together.
+    ``x_end`` is the rising end of the x-switch, ``v_end`` the falling end of the v-switch.
     """
 
     x: sympy.Expr | None
     v: sympy.Expr | None
     x_end: End | None
     v_end: End | None
-    both: tuple[End, ...]
     spans: tuple[tuple[End, End], ...]
 
 
@@ -257,11 +227,10 @@ def _negated(end: End) -> End:
 
 
 @lru_cache(maxsize=1024)
-def make_arc(x: sympy.Expr | None, v: sympy.Expr | None, centred: bool) -> Arc:
+def make_arc(x: sympy.Expr | None, v: sympy.Expr | None, centred: bool) -> Arc | None:
     """Find the arcs of a piece; ``centred`` says that the mean X0 is zero."""
     x_end = None if x is None else _CENTRE if centred and x.is_zero else _atoms(f"x[{x}]")
     v_end = None if v is None else _TOP if v.is_zero else _atoms(f"v[{v}]")
-    both: tuple[End, ...] = ()
     spans: tuple[tuple[End, End], ...]
     if x_end is None and v_end is None:
         bottom = End(-sympy.pi / 2, -sympy.S.One, sympy.S.Zero)
@@ -273,9 +242,9 @@ def make_arc(x: sympy.Expr | None, v: sympy.Expr | None, centred: bool) -> Arc:
     elif v_end is _TOP and x_end is not None:
         spans = ((x_end, _TOP),)
     else:
-        both = tuple(_atoms(f"{place}[{x}, {v}]") for place in ("from1", "to1", "from2", "to2"))
-        spans = ((both[0], both[1]), (both[2], both[3]))
-    return Arc(x, v, x_end, v_end, both, spans)
+        # two general switches at once: quadrature integrates them
+        return None
+    return Arc(x, v, x_end, v_end, spans)
 
 
 _ANGLE, _SINE, _COSINE = sympy.symbols("angle sine cosine", real=True)
@@ -387,12 +356,6 @@ def _place_atoms(
             cosine = np.clip(threshold / (omega * X_), -1, 1)
             beta = np.arccos(cosine)
             enter(arc.v_end, beta, np.sqrt((1 - cosine) * (1 + cosine)), cosine)
-    if arc.both:
-        start, stop = np.maximum(alpha, -beta), np.pi - alpha
-        first_stop = np.maximum(start, np.minimum(stop, beta))
-        second_start = np.minimum(2 * np.pi - beta, stop)
-        for end, angle in zip(arc.both, (start, first_stop, second_start, stop), strict=True):
-            enter(end, angle, np.sin(angle), np.cos(angle))
 
 
 def close(form: NormalForm, mean: sympy.Expr) -> ClosedPart | None:
@@ -418,6 +381,8 @@ def close(form: NormalForm, mean: sympy.Expr) -> ClosedPart | None:
                 return None
             places[switch.variable] = switch.threshold
         arc = make_arc(places.get("x"), places.get("v"), mean == 0)
+        if arc is None:
+            return None
         length += _length(piece.term, arc)
         if length > MAX_TERMS:
             return None
@@ -442,7 +407,7 @@ def _length(term: sympy.Expr, arc: Arc) -> int:
     for addend in sympy.Add.make_args(term):
         degrees = [addend.as_coeff_exponent(state)[1] for state in (STATE_X, STATE_V)]
         m, n = (int(degree) if degree.is_Integer and degree > 0 else 0 for degree in degrees)
-        length += (1 + m) * (1 + n) * max(len(arc.both), 1) if moving else 1
+        length += (1 + m) * (1 + n) if moving else 1
     return length
 
 

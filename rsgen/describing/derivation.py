@@ -118,11 +118,6 @@ def _decisive(force: sympy.Expr, form: NormalForm) -> set[str]:
     for level in thresholds:
         if level.free_symbols and sympy.expand_mul(-level) in thresholds:
             found |= level.free_symbols
-    if any(s.variable == "v" for s in form.switches):
-        # over half a cycle the moments of these need the sign of their rate
-        for wave in force.atoms(sympy.sin, sympy.cos, sympy.sinh, sympy.cosh, sympy.exp):
-            if wave.has(STATE_X) and not wave.has(STATE_V):
-                found |= wave.args[0].diff(STATE_X).free_symbols
     return {s.name for s in found - {STATE_X, STATE_V}}
 
 

@@ -10,7 +10,6 @@ embedded rule of 10 nodes, as in QUADPACK (Piessens et al., Springer, 1983).
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -23,9 +22,6 @@ from rsgen.describing.closed import ClosedPart
 from rsgen.formula import symbol
 from rsgen.formula.evaluation import Numeric, compiled
 from rsgen.law.normal_form import NormalForm, normal_form
-
-Along = Callable[[Array, NDArray[np.intp]], Array]
-"""A function along cycles: angles (m, s), numbers of the cycles (m,)."""
 
 # Gauss-Kronrod pair with 10 and 21 nodes (Piessens et al., QUADPACK, 1983), positive half
 _NODES = np.array([
@@ -98,89 +94,34 @@ def switching_angles(form: NormalForm, parameters: tuple[sympy.Symbol, ...], cyc
 
 
 CYCLE_SAMPLES = 193
-"""Samples of a cycle between which sign changes of a general switch function are sought."""
+"""Samples of a cycle between which sign changes of a general switch function are sought. A function that dips
+through zero and back between two of them is left to the halving of intervals."""
 
 
 def _crossings(function: sympy.Expr, parameters: tuple[sympy.Symbol, ...], cycle: Cycle) -> list[Array]:
     """Find where a switch function of x and v changes its sign, by sampling and bisection."""
-    slopes = tuple(function.diff(symbol(state)) for state in ("x", "v"))
-    if not any(slope.has(symbol("x"), symbol("v")) for slope in slopes):
-        return _crossings_of_plane(function, slopes, parameters, cycle)
     evaluate = compiled((function,), (symbol("x"), symbol("v"), *parameters))
 
-    def along(phi: Array, rows: NDArray[np.intp]) -> Array:
+    def along(phi: Array, rows: NDArray[np.intp]) -> NDArray[np.bool_]:
         some = _some(cycle, rows)
         x = some.mean[:, None] + some.X[:, None] * np.sin(phi)
         v = (some.omega * some.X)[:, None] * np.cos(phi)
         (value,) = evaluate(x, v, *(p[:, None] for p in some.parameters))
-        return np.broadcast_to(value, phi.shape)
+        return np.greater(np.broadcast_to(value, phi.shape), 0)
 
-    phi = np.broadcast_to(
-        np.linspace(-np.pi / 2, 3 * np.pi / 2, CYCLE_SAMPLES), (len(cycle.X), CYCLE_SAMPLES)
-    )
-    level = along(phi, np.arange(len(cycle.X)))
-    rows, columns = np.nonzero((level[:, 1:] > 0) != (level[:, :-1] > 0))
-    low, high = phi[rows, columns], phi[rows, columns + 1]
-    dip_rows, start, middle, stop = _dips(along, phi, level)
-    rows = np.concatenate((rows, np.repeat(dip_rows, 2)))
-    low = np.concatenate((low, np.stack((start, middle), axis=1).ravel()))
-    high = np.concatenate((high, np.stack((middle, stop), axis=1).ravel()))
-    side = along(low[:, None], rows)[:, 0] > 0
+    count = len(cycle.X)
+    phi = np.broadcast_to(np.linspace(-np.pi / 2, 3 * np.pi / 2, CYCLE_SAMPLES), (count, CYCLE_SAMPLES))
+    on = along(phi, np.arange(count))
+    rows, columns = np.nonzero(on[:, 1:] != on[:, :-1])
+    low, high, side = phi[rows, columns], phi[rows, columns + 1], on[rows, columns]
     for _ in range(52):
         middle = (low + high) / 2
-        same = (along(middle[:, None], rows)[:, 0] > 0) == side
+        same = along(middle[:, None], rows)[:, 0] == side
         low, high = np.where(same, middle, low), np.where(same, high, middle)
-    order = np.argsort(rows, kind="stable")
-    rows, high = rows[order], high[order]
     place = np.arange(len(rows)) - np.searchsorted(rows, rows)
-    angles = np.full((int(place.max(initial=-1)) + 1, len(cycle.X)), -np.pi / 2)
+    angles = np.full((int(place.max(initial=-1)) + 1, count), -np.pi / 2)
     angles[place, rows] = high
     return list(angles)
-
-
-MAX_ZOOMS = 6
-"""Number of fourfold magnifications of a dip between two samples."""
-
-
-def _dips(along: Along, phi: Array, level: Array) -> tuple[NDArray[np.intp], Array, Array, Array]:
-    """Find where a function dips through zero and back between two samples: row, start, inside, stop."""
-    sign = np.where(level > 0, 1.0, -1.0)
-    size = np.abs(level)
-    dip = (sign[:, 1:-1] == sign[:, :-2]) & (sign[:, 1:-1] == sign[:, 2:])
-    before, here, after = size[:, :-2], size[:, 1:-1], size[:, 2:]
-    # a function that is constant or infinite over three samples has no dip there
-    dip &= (here <= before) & (here <= after) & ((here < before) | (here < after))
-    rows, columns = np.nonzero(dip)
-    start, stop, side = phi[rows, columns], phi[rows, columns + 2], sign[rows, columns + 1]
-    low, high = start, stop
-    middle = phi[rows, columns + 1]
-    dips = np.arange(len(rows))
-    for _ in range(MAX_ZOOMS):
-        points = low[:, None] + (high - low)[:, None] * np.linspace(0, 1, 9)
-        best = np.argmin(side[:, None] * along(points, rows), axis=1)
-        middle = points[dips, best]
-        low, high = points[dips, np.maximum(best - 1, 0)], points[dips, np.minimum(best + 1, 8)]
-    through = side * along(middle[:, None], rows)[:, 0] < 0
-    return rows[through], start[through], middle[through], stop[through]
-
-
-def _crossings_of_plane(
-    function: sympy.Expr,
-    slopes: tuple[sympy.Expr, ...],
-    parameters: tuple[sympy.Symbol, ...],
-    cycle: Cycle,
-) -> list[Array]:
-    """Find where a x + b v + c changes its sign: a sine of known size and phase against a constant."""
-    rest = function.subs({symbol("x"): 0, symbol("v"): 0})
-    a, b, c = compiled((*slopes, rest), parameters)(*cycle.parameters)
-    with np.errstate(all="ignore"):
-        in_phase, ahead = a * cycle.X, b * cycle.omega * cycle.X
-        angle = np.arcsin(np.clip(-(c + a * cycle.mean) / np.hypot(in_phase, ahead), -1, 1))
-    phase = np.arctan2(ahead, in_phase)
-    return [
-        (crossing + np.pi / 2) % (2 * np.pi) - np.pi / 2
-        for crossing in (angle - phase, np.pi - angle - phase)
-    ]
 
 
 CYCLES_PER_BLOCK = 8192

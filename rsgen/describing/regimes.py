@@ -14,7 +14,6 @@ from dataclasses import dataclass
 
 import sympy
 
-from rsgen.describing.bessel import elementary
 from rsgen.describing.closed import Arc, ClosedPart, End
 from rsgen.formula.names import OMEGA, X
 
@@ -58,8 +57,6 @@ def _negative(level: sympy.Expr) -> sympy.Expr:
 
 
 def _group_of(arc: Arc, mean: sympy.Expr) -> _Group:
-    if arc.both:
-        return _Group("both", sympy.S.Zero)
     if arc.x_end is not None and arc.x is not None and isinstance(arc.x_end.angle, sympy.Symbol):
         return _Group("x", _positive_part(arc.x)[0] if mean == 0 else sympy.expand_mul(arc.x - mean))
     if arc.v_end is not None and arc.v is not None and isinstance(arc.v_end.angle, sympy.Symbol):
@@ -97,25 +94,6 @@ def _between(arc: Arc, kind: str, mean: sympy.Expr, written: Places) -> Places:
     return _fixed(end, sympy.pi / 2 - sign * angle, root / reach, sign * distance / reach)
 
 
-def _everywhere(arc: Arc, mean: sympy.Expr) -> Places:
-    """Return the ends of the arcs of two general switches by one formula that holds in every regime."""
-
-    def clip(value: sympy.Expr) -> sympy.Expr:
-        return sympy.Max(-1, sympy.Min(1, value))
-
-    alpha = sympy.asin(clip((arc.x - mean) / X)) if arc.x is not None else sympy.S.Zero
-    beta = sympy.acos(clip(arc.v / (OMEGA * X))) if arc.v is not None else sympy.S.Zero
-    low, far = sympy.Max(alpha, -beta), sympy.pi - alpha
-    ends = (low, sympy.Max(low, sympy.Min(far, beta)), sympy.Min(2 * sympy.pi - beta, far), far)
-    places: Places = {}
-    for end, angle in zip(arc.both, ends, strict=True):
-        places |= _fixed(end, angle, sympy.sin(angle), sympy.cos(angle))
-    for single, angle in ((arc.x_end, alpha), (arc.v_end, beta)):
-        if single is not None:
-            places |= _fixed(single, angle, sympy.sin(angle), sympy.cos(angle))
-    return places
-
-
 def _cases(
     group: _Group, members: list[tuple[Arc, sympy.Expr]], mean: sympy.Expr, base: sympy.Expr
 ) -> list[tuple[sympy.Expr, sympy.Basic]]:
@@ -148,7 +126,7 @@ def _cases(
 def tidy(formula: sympy.Expr, written: Places | None = None) -> sympy.Expr:
     """Collect terms by angle, root or Bessel function, so that differences stand together."""
     written = written or {}
-    formula = sympy.expand(elementary(formula))
+    formula = sympy.expand(formula)
     special = sorted((*written, *formula.atoms(sympy.besselj, sympy.besseli)), key=sympy.default_sort_key)
     if 0 < len(special) <= MAX_COLLECTED:
         formula = sympy.collect(formula, special, sympy.factor_terms)
@@ -159,22 +137,20 @@ def tidy(formula: sympy.Expr, written: Places | None = None) -> sympy.Expr:
 
 def read(closed: ClosedPart, place: int) -> Reading:
     """Write stiffness (place 0), damping (1) or mean force (2) as cases in X."""
-    base, rest = sympy.S.Zero, sympy.S.Zero
+    base = sympy.S.Zero
     groups: dict[_Group, list[tuple[Arc, sympy.Expr]]] = {}
     for arc, triple in closed.parts:
         formula = sympy.expand(triple[place])
         group = _group_of(arc, closed.mean)
-        atoms = {atom for end in (arc.x_end, arc.v_end, *arc.both) if end for atom in end}
+        atoms = {atom for end in (arc.x_end, arc.v_end) if end for atom in end}
         if group.kind == "always" or not formula.free_symbols & atoms:
             base += formula
-        elif group.kind == "both":
-            rest += formula.xreplace(_everywhere(arc, closed.mean))
         else:
             groups.setdefault(group, []).append((arc, formula))
-    if len(groups) == 1 and rest == 0:
+    if len(groups) == 1:
         ((group, members),) = groups.items()
         return _merged(_cases(group, members, closed.mean, base))
-    total, conditions = tidy(base) + rest, []
+    total, conditions = tidy(base), []
     for group, members in groups.items():
         reading = _merged(_cases(group, members, closed.mean, sympy.S.Zero))
         total += reading.formula

@@ -10,7 +10,6 @@ term is smooth between the switches.
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from functools import lru_cache
 
 import sympy
@@ -48,16 +47,6 @@ MAX_COEFFICIENT = 2**128
 
 MAX_DEGREE = 12
 """Largest degree of a polynomial that is factored."""
-
-_INVERSE: dict[type, tuple[Callable[[sympy.Expr], sympy.Expr], float, float]] = {
-    sympy.exp: (sympy.log, 0, sympy.oo),
-    sympy.log: (sympy.exp, -sympy.oo, sympy.oo),
-    sympy.sinh: (sympy.asinh, -sympy.oo, sympy.oo),
-    sympy.tanh: (sympy.atanh, -1, 1),
-    sympy.atan: (sympy.tan, -sympy.pi / 2, sympy.pi / 2),
-    sympy.asin: (sympy.sin, -sympy.pi / 2, sympy.pi / 2),
-}
-"""Increasing functions, their inverse and their range."""
 
 
 def _step_at(variable: sympy.Symbol, threshold: sympy.Expr) -> Form:
@@ -114,27 +103,6 @@ def _polynomial(factor: sympy.Expr, variable: sympy.Symbol) -> Form | None:
     return None
 
 
-def _monotone(factor: sympy.Expr) -> Form | None:
-    """Return the sign of a f(g) + c for an increasing f, by g against the inverse of f at -c/a."""
-    offset, moving = split_moving(factor, as_Add=True)
-    slope, inner = split_moving(moving, as_Add=False)
-    entry = _INVERSE.get(type(inner))
-    if entry is None:
-        return None
-    inverse, lowest, highest = entry
-    level = -offset / slope
-    unbounded = lowest == -sympy.oo and highest == sympy.oo
-    if not (unbounded or level.is_number):
-        return None
-    if not unbounded and (level <= lowest) == True:  # noqa: E712 - a sympy relation, undecided is no
-        up = constant(1)
-    elif not unbounded and (level >= highest) == True:  # noqa: E712 - as above
-        up = {}
-    else:
-        up = step_of_smooth(inner.args[0] - inverse(level))
-    return multiply(sign_of_parameter(slope), add(scale(up, 2), constant(-1)))
-
-
 def _other(factor: sympy.Expr) -> Form:
     """Keep a step whose place is not known, its function in one of its two signs always."""
     factor = sympy.expand_mul(factor)
@@ -152,8 +120,6 @@ def _sign_of_factor(factor: sympy.Expr) -> Form:
         return constant(-1)
     states = factor.free_symbols & {STATE_X, STATE_V}
     form = _polynomial(factor, states.pop()) if len(states) == 1 else None
-    if form is None:
-        form = _monotone(factor)
     return _other(factor) if form is None else form
 
 

@@ -137,7 +137,7 @@ def test_closed_formulas_parse_back():
         "k*sin(a*x)",
         "k*abs(x)**p*sign(x)",
         "k*x + a*x**2",
-        "k*exp(a*x)*sign(v)",
+        "k*exp(a*x)",
     ):
         derived = derive(law)
         for formula in (derived.stiffness, derived.damping, derived.mean_balance):
