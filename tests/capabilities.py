@@ -265,17 +265,14 @@ MODIFIERS = {
         f'base.quantity = "acceleration"\n{_FORCES.replace(" N", " m/s^2")}\n{_STEPPED}', values=_PER_MASS
     ),
     "two sensors": Row(
-        f"{_FORCES}\n{_STEPPED}",
-        change=_joined,
-        law=_JOINED,
-        values={**TRUTH, "kj": JOINT},
+        f"{_FORCES}\n{_STEPPED}", change=_joined, law=_JOINED, values={**TRUTH, "kj": JOINT},
         rivals=[_JOINED, *([_JOINED[0], rs.make_element("joint", law, across="gauge")] for law in JOINTS)],
         refused=_refused(("predict", "virtual test, notebook"), BETWEEN),
     ),
     "no phase": Row(f"{_FORCES}\n{_STEPPED}", change=_without_phase),
     "given mass": Row(f"{_FORCES}\n{_STEPPED}", {"mass": MASS}),
     "harmonics of the force": Row(f"{_FORCES}\n{_STEPPED}", change=_distorted),
-}
+}  # fmt: skip
 
 
 def stated(row: Row, column: str) -> str:

@@ -21,12 +21,9 @@ SMALL: dict[str, Any] = {
 }  # fmt: skip
 CUBIC: Changes = {
     "element": [{"name": "spring", "force": "k*x + kn*x**3"}, {"name": "damper", "force": "c*v"}],
-    "truth": {"k": 5920.0, "kn": 2.2e5, "c": 8.0},
-    "accept": {"k": 1e-2},
-    "test.level": {"start": 2, "stop": 10, "count": 3},
-    "test.harmonics": 3,
-    "test.accuracy": 1e-5,
-}
+    "truth": {"k": 5920.0, "kn": 2.2e5, "c": 8.0}, "accept": {"k": 1e-2},
+    "test.level": {"start": 2, "stop": 10, "count": 3}, "test.harmonics": 3, "test.accuracy": 1e-5,
+}  # fmt: skip
 """Changes that make the small case nonlinear, with a verdict."""
 
 

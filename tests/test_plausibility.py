@@ -29,12 +29,9 @@ def changed(
     surface: ResponseSurface, response: np.ndarray, force: np.ndarray | None = None
 ) -> ResponseSurface:
     return ResponseSurface(
-        surface.level,
-        surface.frequency,
-        surface.force if force is None else force,
-        response,
+        surface.level, surface.frequency, surface.force if force is None else force, response,
         origin="measured",
-    )
+    )  # fmt: skip
 
 
 def of_plausibility(findings: tuple[Finding, ...]) -> list[Finding]:
@@ -164,13 +161,10 @@ def radians_as_degrees(surface: ResponseSurface) -> np.ndarray:
 @pytest.mark.parametrize(
     ("tamper", "found"),
     [
-        (derived(1), "+1"),
-        (derived(2), "+2"),
-        (derived(-1), "-1"),
-        (derived(-2), "-2"),
+        (derived(1), "+1"), (derived(2), "+2"), (derived(-1), "-1"), (derived(-2), "-2"),
         (radians_as_degrees, "radian"),
     ],
-)
+)  # fmt: skip
 def test_a_response_of_another_quantity_is_recognised(tamper, found, noise):
     surface = cubic_surface(levels=4, frequencies=31)
     random = np.random.default_rng(2)

@@ -73,12 +73,10 @@ def test_extrapolation_is_marked(quintic):
 @pytest.mark.parametrize(
     ("sweep", "band", "by"),
     [
-        ("rest", (9.6, 12.4), "jump"),
-        ("rest", (9.6, 10.9), "jump"),
-        ("up", (9.6, 12.4), ""),
+        ("rest", (9.6, 12.4), "jump"), ("rest", (9.6, 10.9), "jump"), ("up", (9.6, 12.4), ""),
         ("rest", (9.6, 9.9), "end"),
     ],
-)
+)  # fmt: skip
 def test_a_sweep_that_does_not_reach_its_resonance_is_named(sweep: str, band: tuple[float, float], by: str):
     test = SimulatedTest(level=[1.0, 4.0, 8.0], frequency=np.linspace(*band, 57), sweep=sweep)
     truth = Oscillator(1.5, "k*x + c*v + kn*x**3", {"k": 5920.0, "c": 3.8, "kn": 3e6})
@@ -132,18 +130,6 @@ def test_held_amplitudes_are_predicted_on_unstable_branches_too():
     (item,) = predict(found, surface=table).held_out
     assert item.error < EXACT
     assert item.missing == 0
-
-
-def test_curves_are_predicted_at_the_measured_force():
-    """A nominal level, or a label, is not the force that the structure felt."""
-    table = surface("cubic")
-    dropped = replace(table, force=0.7 * table.force, harmonics=0.7 * table.harmonics)
-    found = identify(dropped, model("cubic", hold_out=(table.levels[1],)))
-    assert identify(table, model("cubic")).levels.tolist() == table.levels.tolist()
-    forces = [0.7 * level for level in table.levels]
-    assert [curve.level for curve in predict(found, surface=dropped)] == pytest.approx(forces)
-    scored = predict(found, surface=dropped).held_out[0]
-    assert (scored.level, scored.force) == pytest.approx((table.levels[1], forces[1]))
 
 
 def test_folds_lie_where_the_frequency_turns(quintic):

@@ -33,13 +33,11 @@ def found(surface):
 @pytest.mark.parametrize(
     ("values", "said"),
     [
-        ({"hold_out": "all"}, "hold_out: levels in N: 'all'"),
-        ({"hold_out": ["a"]}, "hold_out: levels in N"),
+        ({"hold_out": "all"}, "hold_out: levels in N: 'all'"), ({"hold_out": ["a"]}, "hold_out: levels in N"),
         ({"band": "9 Hz"}, "band: two frequencies in Hz"),
-        ({"band": (1, 2, 3)}, "band: two frequencies in Hz"),
-        ({"band": 9}, "band: two frequencies in Hz"),
+        ({"band": (1, 2, 3)}, "band: two frequencies in Hz"), ({"band": 9}, "band: two frequencies in Hz"),
     ],
-)
+)  # fmt: skip
 def test_an_observation_names_what_it_cannot_read(values, said):
     with pytest.raises(RsgenError, match=said):
         rs.Observation(**values)

@@ -109,15 +109,12 @@ def test_arrays_cannot_be_changed_and_do_not_alias_the_input():
 @pytest.mark.parametrize(
     ("column", "value", "said"),
     [
-        ("frequency", [1.0, 2.0, -3.0], "positive"),
-        ("frequency", [1.0, 2.0, np.inf], "finite"),
-        ("force", [1.0, 2.0], "force"),
-        ("harmonics", np.ones((3, 1)), "fundamental"),
-        ("sweep", ["rest", "up", "left"], "sweep"),
-        ("outcome", [0, 0, 99], "outcome"),
+        ("frequency", [1.0, 2.0, -3.0], "positive"), ("frequency", [1.0, 2.0, np.inf], "finite"),
+        ("force", [1.0, 2.0], "force"), ("harmonics", np.ones((3, 1)), "fundamental"),
+        ("sweep", ["rest", "up", "left"], "sweep"), ("outcome", [0, 0, 99], "outcome"),
         ("origin", "invented", "origin"),
     ],
-)
+)  # fmt: skip
 def test_a_wrong_column_is_named(column, value, said):
     with pytest.raises(RsgenError, match=said):
         replace(random_surface(2, 3, 2), **{column: value})
@@ -191,11 +188,9 @@ def linear_columns() -> dict[str, np.ndarray]:
     omega = 2 * np.pi * frequency
     force = level * np.exp(-0.4j)
     return {
-        "level": level,
-        "frequency": frequency,
-        "force": force,
+        "level": level, "frequency": frequency, "force": force,
         "response": force / (STIFFNESS - MASS * omega**2 + 1j * omega * DAMPING),
-    }
+    }  # fmt: skip
 
 
 def test_four_columns_are_enough():
@@ -357,15 +352,12 @@ def test_further_sensors_stay_with_their_points(tmp_path):
 @pytest.mark.parametrize(
     ("sensors", "said"),
     [
-        ({"a b": [1j]}, "'a b'"),
-        ({"across": [1j]}, "none of force, response, across"),
-        ({"tip_mean": [1j]}, "without the ending _mean"),
-        ({"tip": [1j, 2j]}, r"sensors\.tip: shape \(2,\)"),
+        ({"a b": [1j]}, "'a b'"), ({"across": [1j]}, "none of force, response, across"),
+        ({"tip_mean": [1j]}, "without the ending _mean"), ({"tip": [1j, 2j]}, r"sensors\.tip: shape \(2,\)"),
         ({"tip": [1.0]}, r"sensors\.tip: real numbers have no phase"),
-        ({"tip": [[1j]]}, r"sensors\.tip: needs at least"),
-        ([1j], "must be a dict"),
+        ({"tip": [[1j]]}, r"sensors\.tip: needs at least"), ([1j], "must be a dict"),
     ],
-)
+)  # fmt: skip
 def test_sensors_that_do_not_fit_are_refused(sensors, said):
     with pytest.raises(RsgenError, match=said):
         ResponseSurface(2.0, [9.0], 2.0, [1j], sensors=sensors)

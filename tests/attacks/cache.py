@@ -121,12 +121,10 @@ WAYS: dict[str, Callable[[Planted], object]] = {
     "digest of the true code in front": lambda planted: planted.entry.write_bytes(
         planted.entry.read_bytes()[:32] + planted.content
     ),
-    "entry of another kernel": _moved,
-    "folder that all can write": lambda planted: planted.forged(0o777),
+    "entry of another kernel": _moved, "folder that all can write": lambda planted: planted.forged(0o777),
     "folder that a group can write": lambda planted: planted.forged(0o770),
-    "folder as /tmp is": lambda planted: planted.forged(0o1777),
-    "link to a folder": _linked,
-}
+    "folder as /tmp is": lambda planted: planted.forged(0o1777), "link to a folder": _linked,
+}  # fmt: skip
 WAYS_OF_ROOT: dict[str, Callable[[Planted], object]] = {
     "folder of another user": lambda planted: _given_away(planted, planted.cache),
     "entry of another user": _given_away,
@@ -170,12 +168,10 @@ def run(count: int, seed: int) -> list[Row]:
     return [
         row(
             f"damaged cache entries, {asked} kinds: the same numbers from two new processes",
-            f"{asked} of {asked}",
-            f"{len(kinds) - len(wrong)} of {asked}{shown[0]}",
+            f"{asked} of {asked}", f"{len(kinds) - len(wrong)} of {asked}{shown[0]}",
         ),
         row(
-            f"machine code planted in the cache, {len(ways)} ways: executed",
-            "0",
+            f"machine code planted in the cache, {len(ways)} ways: executed", "0",
             f"{len(executed)} of {len(ways)}{shown[1]}",
         ),
-    ]
+    ]  # fmt: skip

@@ -26,15 +26,12 @@ def fraction(depth: int, inner: str = "x + b") -> str:
 
 
 QUICK = {
-    "fraction": fraction(5),
-    "deep fraction": fraction(16),
-    "fraction with a corner": fraction(8, "c + abs(x)"),
-    "tan": "tan(1e300)*x",
-    "exp": "exp(1e300) + c*v",
+    "fraction": fraction(5), "deep fraction": fraction(16),
+    "fraction with a corner": fraction(8, "c + abs(x)"), "tan": "tan(1e300)*x", "exp": "exp(1e300) + c*v",
     "power": "x**(10**9)",
     # oscillation at a switch, numbers that cannot be compared, endless recursion in the algebra library
     **{f"text {number}": text_of(number, 1)[1] for number in (10177, 14525, 17344, 17442, 19450)},
-}
+}  # fmt: skip
 ONCE = {
     # overflows and a product of inf, a sign of a cube root, a fraction, 30 pieces
     **{f"text {number}": text_of(number, 1)[1] for number in (78, 156, 203, 414, 456, 994, 3386)},

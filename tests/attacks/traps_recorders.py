@@ -65,14 +65,12 @@ def workbook(folder: Path, rng: Generator) -> bytes:
     kind, count = int(rng.integers(7)), power_of_ten(rng, 3, 5.5)
     cell = b'<row r="%d"><c r="%s"><v>1</v></c></row>'
     body = [
-        b" " * power_of_ten(rng, 6, 8),
-        cell % (int(rng.choice([10**5, 2**20, 10**15])), b"A1"),
+        b" " * power_of_ten(rng, 6, 8), cell % (int(rng.choice([10**5, 2**20, 10**15])), b"A1"),
         b"".join(cell % (n, b"XFD%d" % n) for n in range(1, min(count, 20_000))),
         b"".join(cell % (n, b"A%d" % n) for n in range(1, count)),
-        b"<row><c><v>" + b"7" * count + b"</v></c></row>",
-        b"<row>" * min(count, 50_000),
+        b"<row><c><v>" + b"7" * count + b"</v></c></row>", b"<row>" * min(count, 50_000),
         b'<row r="-1"><c r="1A" t="s"><v>99999</v></c><c t="b"><v>x</v></c><c t="d"><v>?</v></c></row>',
-    ][kind]
+    ][kind]  # fmt: skip
     changed = io.BytesIO()
     with (
         zipfile.ZipFile(io.BytesIO(good("xlsx", folder))) as old,

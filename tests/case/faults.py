@@ -131,13 +131,10 @@ OF_HISTORY: list[Changes] = [
     },
 ]  # fmt: skip
 OF_TEXT: dict[str, bytes] = {
-    "not UTF-8": b'schema = 1\nname = "M\xfcller"\n',
-    "lists in lists": b"a = " + b"[" * 5000 + b"]" * 5000,
-    "digits": b"a = " + b"9" * 5000,
-    "dots": b"schema = 1\n" + b"a." * 8999 + b"a = 1",
-    "syntax": b"schema = 1\nname = good\n",
-    "twice": b"schema = 1\nschema = 1\n",
-}
+    "not UTF-8": b'schema = 1\nname = "M\xfcller"\n', "lists in lists": b"a = " + b"[" * 5000 + b"]" * 5000,
+    "digits": b"a = " + b"9" * 5000, "dots": b"schema = 1\n" + b"a." * 8999 + b"a = 1",
+    "syntax": b"schema = 1\nname = good\n", "twice": b"schema = 1\nschema = 1\n",
+}  # fmt: skip
 """Files that are no TOML."""
 
 

@@ -307,13 +307,10 @@ HEAVY = "matplotlib numba scipy.linalg scipy.optimize scipy.stats h5py pint conc
 @pytest.mark.parametrize(
     ("command", "unneeded"),
     [
-        ("derive k*x", ""),
-        ("laws", ""),
-        ("check cubic.toml", "numpy.ma"),
-        ("inspect a.csv", "sympy jinja2"),
+        ("derive k*x", ""), ("laws", ""), ("check cubic.toml", "numpy.ma"), ("inspect a.csv", "sympy jinja2"),
         ("inspect steps.h5", "sympy jinja2"),
     ],
-)
+)  # fmt: skip
 def test_short_commands_load_neither_figures_nor_compiler(command, unneeded, tmp_path):
     tmp_path.joinpath("a.csv").write_text(SOUND)
     for file in ("cubic.toml", "formats/steps.h5"):

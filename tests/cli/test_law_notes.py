@@ -6,13 +6,11 @@ from rsgen.cases import load_case
 from tests.case_files import MEASURED, law, write_small
 
 TABLE = {
-    **MEASURED,
-    "element.1.force": "k*x + c*v + z",
-    "test.frequency": {"column": "f"},
+    **MEASURED, "element.1.force": "k*x + c*v + z", "test.frequency": {"column": "f"},
     "test.force": {"amplitude": "F"},
     "test.response": {"quantity": "displacement", "amplitude": "x", "phase": "phi", "phase_sense": "lead"},
     "test.response.phase_unit": "rad",
-}
+}  # fmt: skip
 
 
 def test_a_simulation_refuses_values_that_make_no_law(tmp_path, run_cli):

@@ -8,11 +8,9 @@ import rsgen
 from tests.case_files import law, write_small
 
 HARDENING = {
-    **law("k*x + k3*x**3 + c*v", k=5920, k3=3e5, c=3.8),
-    "test.level.values": [1, 2, 4, 8],
-    "test.frequency": {"start": 9.3, "stop": 10.9, "count": 17},
-    "identify.hold_out": [4],
-}
+    **law("k*x + k3*x**3 + c*v", k=5920, k3=3e5, c=3.8), "test.level.values": [1, 2, 4, 8],
+    "test.frequency": {"start": 9.3, "stop": 10.9, "count": 17}, "identify.hold_out": [4],
+}  # fmt: skip
 
 
 @pytest.fixture

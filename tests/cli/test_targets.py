@@ -5,14 +5,10 @@ import json
 import nbformat
 import pytest
 
-from rsgen.analysis.export import save_frf
-from rsgen.app.cli.options import FRF, MODAL, SURFACE, is_foreign
-from rsgen.data.surface import save_surface
-from rsgen.identification.modal_table import modal_table
 from rsgen.report.notebook import build_notebook
 from rsgen.report.provenance import is_unchanged_notebook
 from tests.case_files import write_small
-from tests.samples import cubic_case, cubic_model, cubic_surface
+from tests.samples import cubic_case
 from tests.try_wheel import ROOT, files_of
 
 MINE = b"three years of work"
@@ -53,17 +49,6 @@ def test_the_case_is_not_written_over(simulated, run_cli):
     answer = run_cli("simulate", "small.toml", "--out", "small.toml")
     assert (answer.code, "is read by this command" in answer.err) == (2, True)
     assert simulated.read_bytes() == before
-
-
-def test_a_file_that_a_command_wrote_is_replaced(tmp_path):
-    surface, model = cubic_surface(), cubic_model()
-    save_surface(tmp_path / "a.h5", surface)
-    save_frf(tmp_path / "a.uff", surface)
-    (tmp_path / "a.csv").write_text(modal_table(surface, model).to_csv(), encoding="utf-8")
-    for name, mark in (("a.h5", SURFACE), ("a.uff", FRF), ("a.csv", MODAL)):
-        assert not is_foreign(tmp_path / name, mark)
-        assert not is_foreign(tmp_path / "missing", mark)
-    assert is_foreign(tmp_path, SURFACE)
 
 
 def test_a_notebook_is_replaced_until_a_user_changes_a_cell(tmp_path):

@@ -98,20 +98,6 @@ def test_quadratic_spring_has_its_mean_in_closed_form():
     assert np.isnan(derived.evaluate(100.0, 1.0, values).mean)
 
 
-def test_numbers_hold_for_either_sign():
-    derived = derive("Max(-F, Min(k*x, F)) + Max(0, abs(x) - b)*sign(x)")
-    law = compiled((derived.force,), tuple(map(symbol, ("x", "v", *derived.parameters))))
-    for b in (0.5, -0.5):
-        values = {"F": 0.6, "b": b, "k": 1.3}
-        found = derived.evaluate(1.7, 1.0, values)
-        errors = relative_errors(
-            lambda x, v, values=values: law(x, v, *values.values())[0],
-            1.7, 0.0, 1.0, float(found.stiffness), float(found.damping),
-        )  # fmt: skip
-        assert errors is not None
-        assert errors[0] < EXACT
-
-
 def test_not_closed_is_said():
     derived = derive("k*x + F*tanh(x/a)")
     assert not derived.closed_form

@@ -11,11 +11,9 @@ from rsgen.report.wording import CODES, NEXT_STEPS
 from tests.capabilities import COLUMNS, EXCITATIONS, MODIFIERS, answer, page, stated
 
 SLOW = {
-    "findings.md": pytest.mark.slow,
-    "commands.md": pytest.mark.slow,
-    "laws.md": pytest.mark.thorough,
+    "findings.md": pytest.mark.slow, "commands.md": pytest.mark.slow, "laws.md": pytest.mark.thorough,
     "gallery.md": pytest.mark.thorough,
-}
+}  # fmt: skip
 MOST_BYTES = 300_000  # of all pictures: the repository keeps every version
 
 

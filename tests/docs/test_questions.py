@@ -136,12 +136,9 @@ def shaken():
 RESPONSE = {
     "test.frequency": {"column": "f_Hz"},
     "test.response": {
-        "quantity": "displacement",
-        "amplitude": "x_m",
-        "phase": "x_deg",
-        "phase_sense": "lead",
+        "quantity": "displacement", "amplitude": "x_m", "phase": "x_deg", "phase_sense": "lead",
     },
-}
+}  # fmt: skip
 
 
 @pytest.mark.parametrize(

@@ -37,12 +37,9 @@ def site(tmp_path_factory):
     folder = tmp_path_factory.mktemp("site")
     options = ["-W", "-n", "-q", "-b", "html", "-D", "rsgen_quick=1"]
     done = subprocess.run(
-        [sys.executable, "-m", "sphinx", *options, str(ROOT / "docs"), str(folder)],
-        capture_output=True,
-        text=True,
-        check=False,
-        timeout=120,
-    )
+        [sys.executable, "-m", "sphinx", *options, str(ROOT / "docs"), str(folder)], capture_output=True,
+        text=True, check=False, timeout=120,
+    )  # fmt: skip
     assert done.returncode == 0, done.stderr
     return folder
 

@@ -20,11 +20,9 @@ SOURCES = [
 ]
 
 VAGUE = {
-    r"besides?": "near, next to, with, in addition to",
-    r"apart": "separately, independent",
-    r"aside": "excluded",
-    r"(?:no|some|every)body": "the thing or the person that is meant",
-}
+    r"besides?": "near, next to, with, in addition to", r"apart": "separately, independent",
+    r"aside": "excluded", r"(?:no|some|every)body": "the thing or the person that is meant",
+}  # fmt: skip
 """Patterns of words that stand for a relation or a person without naming it."""
 
 NOT_OURS = {

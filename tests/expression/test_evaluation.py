@@ -49,13 +49,10 @@ NAMES = {symbol("k"): sympy.Symbol("k", positive=True), symbol("b"): sympy.Symbo
 @pytest.mark.parametrize(
     "text",
     [
-        "k*x + sqrt(k**2)*x**3",
-        "Piecewise((k*x, x < b), (k*b + (x - b)/2, True))",
-        "abs(k)*sign(x)*b**1.5",
-        "c*v",
-        "Max(-b, Min(k*x, b))",
+        "k*x + sqrt(k**2)*x**3", "Piecewise((k*x, x < b), (k*b + (x - b)/2, True))", "abs(k)*sign(x)*b**1.5",
+        "c*v", "Max(-b, Min(k*x, b))",
     ],
-)
+)  # fmt: skip
 def test_renaming_is_replacing(text):
     law = parse(text)
     assert renamed(law, NAMES) == law.xreplace(NAMES)

@@ -84,11 +84,9 @@ class Scratch:
         failed = self.root.with_name("failed.txt")
         failed.write_text("", encoding="utf-8")
         environment = os.environ | {
-            "PYTHONPATH": str(self.root),
-            "RSGEN_CACHE": str(self.caches),
-            "RSGEN_FAULTS_FAILED": str(failed),
+            "PYTHONPATH": str(self.root), "RSGEN_CACHE": str(self.caches), "RSGEN_FAULTS_FAILED": str(failed),
             "RSGEN_FAULTS_LIMIT": str(LIMIT),
-        }
+        }  # fmt: skip
         command = [sys.executable, "-m", "pytest", "-q", "--no-header", "--tb=no", "-p", "no:cacheprovider"]
         command += ["-p", "tests.faults.limit", *options, *tests]
         done = subprocess.run(

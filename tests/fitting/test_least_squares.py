@@ -24,14 +24,6 @@ def test_many_rows_are_solved_as_one_matrix_is(rows):
     assert null.shape == (4, 0)
 
 
-def test_columns_that_differ_in_the_last_rows_alone_are_two():
-    matrix, right = drawn(20_000)
-    matrix[:, 2] = 2 * matrix[:, 1]
-    assert solve_scaled(matrix, right)[2].shape == (4, 1)
-    matrix[-3:, 2] = 0.0
-    assert solve_scaled(matrix, right)[2].shape == (4, 0)
-
-
 def test_what_is_not_identifiable_is_named():
     generator = np.random.default_rng(2)
     one, other = generator.normal(size=(2, 30))

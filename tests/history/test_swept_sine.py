@@ -43,12 +43,9 @@ def forced(law: SweepLaw, rate: float, duration: float, level: float = 1.0) -> T
 @pytest.mark.slow
 @settings(max_examples=20)
 @given(
-    kind=st.sampled_from(["linear", "logarithmic"]),
-    low=st.floats(2, 20),
-    ratio=st.floats(1.5, 8),
-    down=st.booleans(),
-    phase=st.floats(0, 6),
-)
+    kind=st.sampled_from(["linear", "logarithmic"]), low=st.floats(2, 20), ratio=st.floats(1.5, 8),
+    down=st.booleans(), phase=st.floats(0, 6),
+)  # fmt: skip
 def test_the_law_is_found_from_the_force(
     kind: str, low: float, ratio: float, down: bool, phase: float
 ) -> None:
@@ -298,14 +295,12 @@ def test_what_is_no_sweep_is_refused(history: TimeHistory, options: dict[str, ob
 @pytest.mark.parametrize(
     ("changes", "message"),
     [
-        ({"rate": 0.0}, "rate: 0.0 Hz"),
-        ({"level": -1.0}, "level: -1.0 N"),
+        ({"rate": 0.0}, "rate: 0.0 Hz"), ({"level": -1.0}, "level: -1.0 N"),
         ({"quantity": "strain"}, "must be one of displacement"),
         ({"response": np.zeros(30, dtype=complex)}, "floating point"),
-        ({"response": np.zeros((30, 2))}, "one row of samples"),
-        ({"start": np.inf}, "start: inf s"),
+        ({"response": np.zeros((30, 2))}, "one row of samples"), ({"start": np.inf}, "start: inf s"),
     ],
-)
+)  # fmt: skip
 def test_a_time_history_is_checked(changes: dict[str, object], message: str) -> None:
     good = {"rate": 400.0, "force": np.zeros(30), "response": np.zeros(30), "label": "a.csv"}
     with pytest.raises(MeasurementError, match=f"a.csv: .*{message}"):

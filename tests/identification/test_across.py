@@ -10,7 +10,7 @@ import pytest
 import rsgen as rs
 from rsgen.common.errors import RsgenError
 from rsgen.data.oscillator import join_model
-from rsgen.identification.fitting.across import MeasuredAcross, law_of, sensor_noise
+from rsgen.identification.fitting.across import sensor_noise
 from rsgen.identification.fitting.fit import fit_balance
 from rsgen.identification.judge import prepare
 from rsgen.law.motion import Motion, project
@@ -46,12 +46,10 @@ def with_noise(
     force, seen, far = (
         values + noise * np.abs(values[:, 1:2]) * (draws[0] + 1j * draws[1]) / np.sqrt(2)
         for values in (
-            exact.force_harmonics,
-            exact.harmonics if near is None else near,
-            exact.harmonics - exact.across,
+            exact.force_harmonics, exact.harmonics if near is None else near, exact.harmonics - exact.across,
         )
         for draws in [random.standard_normal((2, *values.shape))]
-    )
+    )  # fmt: skip
     return replace(exact, force=force[:, 1], force_harmonics=None, harmonics=seen, across=seen - far)
 
 
@@ -135,18 +133,6 @@ def test_a_law_across_is_identified_with_the_balance_at_another_mass():
     np.testing.assert_allclose(found.curve.amplitude, size)
 
 
-@pytest.mark.slow
-def test_a_joint_that_is_not_odd_is_identified_where_the_mean_across_was_recorded():
-    surface = two_masses(k2=2e6)
-    joint = rs.make_element("joint", "kj*x + k2*x**2 + k3*x**3 + cj*v", across=SENSORS)
-    found = rs.identify(surface, (ELEMENTS[0], joint))
-    assert max(errors(found, TRUE | {"m": MASS, "k2": 2e6}).values()) < 1e-7
-    across = np.array(surface.across)
-    across[:, 0] = 0
-    with pytest.raises(RsgenError, match=f"motion across '{SENSORS}' are not odd, and the mean"):
-        rs.identify(replace(surface, across=across), (ELEMENTS[0], joint))
-
-
 def test_noise_leaves_the_true_values_within_their_intervals():
     found = rs.identify(two_masses(noise=0.003), seen_by(GAUGE, *ELEMENTS))
     assert np.abs(distances(found, TRUE | {"m": MASS})).max() < 4
@@ -168,20 +154,17 @@ def test_a_held_out_level_is_predicted_with_its_measured_ratio():
 @pytest.mark.parametrize(
     ("law", "surface", "options", "said"),
     [
-        (ELEMENTS, {"across": None}, {}, "no motion across"),
-        ("k*x + c*v", {}, {}, "no element follows it"),
+        (ELEMENTS, {"across": None}, {}, "no motion across"), ("k*x + c*v", {}, {}, "no element follows it"),
         ((rs.make_element("joint", "k*x + k2*x**2 + c*v", across="a - b"),), {}, {}, "are not odd"),
         (
-            (rs.make_element("here", "k*x + c*v"), rs.make_element("there", "-k*x", across="a - b")),
-            {},
-            {},
+            (rs.make_element("here", "k*x + c*v"), rs.make_element("there", "-k*x", across="a - b")), {}, {},
             "k: cancels in the sum",
         ),
         ((*ELEMENTS, rs.make_element("other", "h*x", across="a - b")), {}, {}, "one pair of sensors"),
         ((*ELEMENTS, rs.make_element("other", "h*x**2", across="a - b")), {}, {}, "one pair of sensors"),
         (ELEMENTS, {}, {"observation": rs.Observation(background="neighbour")}, "take 'residuals'"),
     ],
-)
+)  # fmt: skip
 def test_what_cannot_be_identified_across_is_said(law, surface, options, said):
     with pytest.raises(RsgenError, match=said):
         rs.identify(replace(two_masses(), **surface), law, **options)
@@ -310,27 +293,6 @@ def test_a_systematic_misfit_that_is_small_beside_the_response_is_large_for_a_jo
     found = rs.identify(beside_a_mode(0.02, 0.0), ELEMENTS)
     assert "law-does-not-fit" in {f.code for f in found.verdict.decided_by}
     assert found.residual < 0.005
-
-
-@pytest.mark.parametrize("correlation", [0.0, 0.7, 0.999])
-@pytest.mark.parametrize("sensors", [GAUGE, SENSORS])
-def test_slopes_along_two_measured_motions_are_those_of_differences(correlation: float, sensors: str):
-    surface, law = two_masses(), law_of(seen_by(sensors, *ELEMENTS))
-    motions = (Motion(surface.omega, values) for values in (surface.harmonics, surface.across))
-    forward = MeasuredAcross(law, *motions)
-    forward.correlation = correlation
-    values = np.array([TRUE[name] for name in law.parameters])
-    place = np.column_stack([np.log(surface.amplitude), np.full((len(surface), 3), [0.3, 0.02, -0.01])])
-
-    def force(moved: np.ndarray) -> np.ndarray:
-        return forward(values, MASS, np.exp(moved[:, 0]), moved[:, 1:]).force
-
-    here = forward(values, MASS, np.exp(place[:, 0]), place[:, 1:])
-    slopes = [here.force_slope, here.force_phase, *here.force_far.T]
-    for column, slope in enumerate(slopes):
-        step = 1e-5 * np.eye(4)[column]
-        numeric = (force(place + step) - force(place - step)) / 2e-5
-        assert np.abs(numeric - slope).max() < 1e-7 * np.abs(numeric).max()
 
 
 def test_a_sensor_of_the_motion_across_itself_has_the_noise_of_one():

@@ -35,12 +35,9 @@ def table(
     grid = np.meshgrid(levels, np.linspace(*band, frequencies), indexing="ij")
     level, frequency = (axis.ravel() for axis in grid)
     states = solve_steady_states(
-        Oscillator(MASS, law, values or VALUES),
-        level.astype(complex),
-        frequency,
-        harmonics=harmonics,
+        Oscillator(MASS, law, values or VALUES), level.astype(complex), frequency, harmonics=harmonics,
         accuracy=1e-9,
-    )
+    )  # fmt: skip
     return ResponseSurface(level, frequency, level.astype(complex), states.harmonics, outcome=states.outcome)
 
 

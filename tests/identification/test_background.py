@@ -112,23 +112,6 @@ OFFSET = 4e-4 - 2e-4j
 """Displacement [m] that does not depend on the force: a third of the response at the ends of the band."""
 
 
-@pytest.mark.parametrize("kind", ["phase", "constant", "residuals"])
-def test_an_offset_comes_out_beside_any_other_background(cubic, kind):
-    terms = {"phase": (0, 0), "constant": (FLEXIBILITY, 0), "residuals": (FLEXIBILITY, INERTIA)}[kind]
-    seen = beside(among_others(cubic, 0.0, *terms), OFFSET, origin="measured")
-    found = identify(seen, model("cubic"), Observation(background=f"{kind}+offset"))
-    assert max(errors(found, truth("cubic")).values()) < EXACT
-    of = {e.name: e for e in found.background.estimates}
-    assert of["o_re"].value + 1j * of["o_im"].value == pytest.approx(OFFSET, abs=EXACT * abs(OFFSET))
-    assert of["o_re"].unit == "m"
-    # the curve passes through what was measured, offset included
-    level = float(seen.levels[1])
-    curve = predict(found, levels=[level]).curves[0]
-    rows = seen.level == level
-    along = np.interp(seen.frequency[rows], curve.frequency, curve.amplitude)
-    assert np.max(np.abs(along / seen.amplitude[rows] - 1)) < 0.01
-
-
 @pytest.mark.slow
 def test_a_misfit_that_an_offset_explains_proposes_it_and_its_intervals_cover(cubic):
     seen = noisy(beside(cubic, OFFSET, origin="measured"), 0.01, 3)

@@ -31,13 +31,10 @@ def found(law: str, *names: str) -> rsgen.Identification:
 @pytest.mark.parametrize(
     ("law", "name"),
     [
-        ("cubic", "k"),
-        ("combined", "cn"),
-        ("piecewise", "b"),
-        ("tanh", "w"),
+        ("cubic", "k"), ("combined", "cn"), ("piecewise", "b"), ("tanh", "w"),
         pytest.param("two-gaps", "b1", marks=pytest.mark.thorough),
     ],
-)
+)  # fmt: skip
 def test_a_fixed_value_is_a_number_in_the_law(law, name):
     text, true = LAWS[law]
     # the number is a length or a speed as the parameter is, and no unit is asked for

@@ -15,7 +15,6 @@ from rsgen.identification.resonance import find_resonances
 from rsgen.law.element import make_element
 from tests.surfaces import (
     LAWS,
-    MASS,
     changed,
     codes,
     distances,
@@ -181,24 +180,6 @@ def test_intervals_hold_the_truth_as_often_as_they_say(law):
     assert abs(np.mean(inside) - 0.95) < 4 * np.sqrt(0.05 * 0.95 / runs) * 0.75
     assert 0.8 < np.std(scores) < 1.2
     assert abs(np.mean(scores)) < 4 / np.sqrt(runs)
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("relative", [0.0, 0.01])
-def test_a_spring_driven_until_its_symmetry_breaks_is_found(relative):
-    values = {"k": 5920.0, "kn": 2e7, "c": 3.0}
-    table = surface("cubic", np.linspace(40, 200, 5), np.linspace(2.5, 9, 27), values=values)
-    size = np.abs(table.harmonics / table.amplitude[:, None])
-    # the third harmonic is nearly as large as the first, and a mean has come up
-    assert size[:, 3].max() > 0.8
-    assert size[:, 0].max() > 0.2
-    found, true = identify(noisy(table, relative, 1), model("cubic")), {**values, "m": MASS}
-    if relative:
-        assert np.abs(distances(found, true)).max() < 4
-        assert all(e.standard_error < 0.02 * true[e.name] for e in found.refined)
-    else:
-        assert max(errors(found, true).values()) < EXACT
-    assert "not-converged" not in codes(found)
 
 
 @pytest.mark.slow

@@ -69,13 +69,10 @@ def test_sizes_that_no_number_can_square_are_refused(table, part, factor):
 GENERATOR = np.random.default_rng(0)
 AWKWARD: dict[str, Callable[[np.ndarray], np.ndarray]] = {
     "noise": lambda x: GENERATOR.normal(size=len(x)) + 1j * GENERATOR.normal(size=len(x)),
-    "constant": lambda x: 0 * x + 1e-3,
-    "conjugate": np.conj,
-    "real": lambda x: np.abs(x) + 0j,
+    "constant": lambda x: 0 * x + 1e-3, "conjugate": np.conj, "real": lambda x: np.abs(x) + 0j,
     "drop-outs": lambda x: np.where(GENERATOR.random(len(x)) < 0.2, 0, x),
-    "gaps": lambda x: np.where(GENERATOR.random(len(x)) < 0.2, np.nan, x),
-    "shuffled": GENERATOR.permutation,
-}
+    "gaps": lambda x: np.where(GENERATOR.random(len(x)) < 0.2, np.nan, x), "shuffled": GENERATOR.permutation,
+}  # fmt: skip
 
 
 @pytest.mark.slow

@@ -25,12 +25,9 @@ GAP, STOP = "k*x + c*v + kg*(Max(x - b, 0) + Min(x + b, 0))", {"k": 6000.0, "c":
 
 def gauged(law: str, values: dict[str, float], level: list[float], seed: int) -> ResponseSurface:
     test = SimulatedTest(
-        level=level,
-        frequency=np.linspace(9.85, 10.35, 10),
-        noise_relative=0.01,
-        seed=seed,
+        level=level, frequency=np.linspace(9.85, 10.35, 10), noise_relative=0.01, seed=seed,
         method="harmonic-balance",
-    )
+    )  # fmt: skip
     return simulate(Oscillator(1.5, law, values), test)
 
 

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from rsgen.common.finding import Finding, Quantity
-from rsgen.data.oscillator import Observation, Oscillator
+from rsgen.data.oscillator import Oscillator
 from rsgen.data.surface import ResponseSurface
 from rsgen.dynamics.simulation import simulate
 from rsgen.dynamics.virtual_test import SimulatedTest
@@ -48,18 +48,6 @@ def test_friction_that_nearly_holds_the_mass_is_identified_by_what_moves(levels)
     assert found.verdict.state == "identified"
     assert "friction" in {finding.names.get("by") for finding in found.findings}
     assert max(errors(found, {**values, "m": 1.0}).values()) < 1e-4
-
-
-@pytest.mark.parametrize(("law", "cause"), [("cubic", {"levels": "force"}), ("k*x + c*v", {"term": "x**3"})])
-def test_a_gain_of_the_force_that_changes_from_level_to_level_is_named(law, cause):
-    """A beam whose shaker's force was not measured: 7 % of force too little at the highest drive."""
-    exact = surface("cubic")
-    gain = np.interp(exact.level, [exact.level.min(), exact.level.max()], [1.04, 0.93])
-    found = findings(noisy(changed(exact, force=exact.force / gain), 0.003, 1), law)["law-does-not-fit"]
-    assert found.names == cause
-    if "levels" in cause:
-        assert found.severity == "doubt"
-        assert found["left"] == pytest.approx(0.003, rel=0.1)
 
 
 @pytest.mark.slow
@@ -136,21 +124,6 @@ def test_a_term_of_a_series_between_others_bends_its_curve():
     assert feeding(d1=-100.0) == ["d1"]
     assert feeding(d1=-100.0, d2=-1.0, d3=1.0) == ["d1", "d2"]
     assert feeding(t=-100.0) == ["t"]
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize(("share", "expected"), [(0.3, "doubt"), (0.01, "")])
-def test_a_background_that_moves_a_parameter_is_missing(share, expected):
-    # a flexibility of modes above, relative to the static one of the mode
-    exact = surface("cubic")
-    table = noisy(beside(exact, share / 5920 * exact.force), 0.003, 1)
-    found = findings(table)
-    assert severity(found, "background-missing") == expected
-    if expected:
-        assert found["background-missing"]["left"] < 0.5 * found["background-missing"]["misfit"]
-        kind = found["background-missing"].names["kind"]
-        with_it = {f.code: f for f in identify(table, model("cubic"), Observation(background=kind)).findings}
-        assert {finding.severity for finding in with_it.values()} <= {"info", "warning"}
 
 
 @pytest.mark.slow

@@ -1,6 +1,5 @@
 """Terms beside a law: what a law lacks, and what intervals say of it."""
 
-import json
 from dataclasses import replace
 
 import numpy as np
@@ -15,8 +14,6 @@ from rsgen.identification.judge import prepare
 from rsgen.identification.results.alternatives import Alternatives, weight_of
 from rsgen.identification.starting.start import start_fit
 from rsgen.identification.terms import MISSING_TERMS, fit_missing_terms
-from rsgen.report.page_tables import alternative_table
-from rsgen.report.result_json import comparison_entry, result_text
 from rsgen.report.wording.sentences import sentence
 
 LAW = "k*x + c*v + k3*x**3 + cq*v*abs(v)"
@@ -85,31 +82,6 @@ def test_what_fundamentals_do_not_show_is_said_with_what_it_moves():
     assert found["k3"].interval[0] < combined < found["k3"].interval[1]
     codes = {finding.code for finding in rs.identify(whole, cubic).findings}
     assert "even-terms-not-seen" not in codes
-
-
-def test_the_fit_is_compared_with_alternatives():
-    """A missing cubic damper: table, page and result.json have the alternatives that widen the intervals."""
-    found = rs.identify(measured(f"{LAW} + c3*v**3", TRUE | {"c3": 0.2}, [1.0, 2.0, 4.0, 6.0]), LAW)
-    compared = rs.compare_fits(found)
-    first, term, *others = compared.fits
-    assert first.name == "identified"
-    assert term.name.startswith("term: ")
-    assert {fit.name.split(": ")[0] for fit in others} <= {"background", "halves"}
-    assert {str(fit.verdict) for fit in (term, *others)} == {"not judged"}
-    shift = dict(
-        zip(found.alternatives.names, found.alternatives.kinds["term"][term.name[6:]].shift, strict=True)
-    )
-    for one, other in zip(first.estimates, term.estimates, strict=True):
-        assert other.value == pytest.approx(one.value + shift[one.name])
-        assert one.interval[0] < other.value < one.interval[1]
-    page = alternative_table(found)
-    assert page is not None
-    assert page.columns == ("parameter", *compared.table.heads[1:])
-    assert [row[0] for row in page.rows] == [row[0] for row in compared.table.rows]
-    entry = json.loads(result_text(comparison_entry(compared)))
-    assert [fit["name"] for fit in entry["fits"]] == [fit.name for fit in compared.fits]
-    assert entry["fits"][1]["verdict"] == "not judged"
-    assert entry["fits"][1]["significance"] == pytest.approx(term.significance)
 
 
 def test_an_alternative_is_what_a_fit_with_it_finds():

@@ -309,19 +309,6 @@ def test_a_level_in_decibels_is_refused_by_its_title(tmp_path):
         read_draft(path)
 
 
-def test_one_of_several_directions_of_a_base_is_chosen_by_the_user(tmp_path):
-    def values(level: float) -> tuple[Any, ...]:
-        return *(level / G * share for share in (0.01, 0.02, 1)), *polar(level / G * TRANSMISSIBILITY)
-
-    head = "f [Hz],Base X [g],Base Y [g],Base Z [g],Tip [g],Tip phase [deg]"
-    path = write_table(tmp_path / "a.csv", head, values)
-    proposal = drafted(path)
-    assert proposal.tables["test.base"]["amplitude"] == "Base X [g]"
-    assert "TODO: or Base Y [g], Base Z [g]" in proposal.doubts["test.base.quantity"]
-    _, surface, _ = read_draft(path, base={"amplitude": "Base Z [g]"})
-    assert is_receptance(surface, MASS)
-
-
 def test_absolute_motion_on_a_base_needs_phases(tmp_path):
     """Without them the motion relative to the base was a difference of amplitudes."""
 

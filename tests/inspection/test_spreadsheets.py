@@ -1,12 +1,8 @@
 """Headers of spreadsheets as laboratories write them: real and imaginary parts, quantity over unit."""
 
-import time
-
 import numpy as np
 import pytest
 
-from rsgen.files.inspection.sensors import complex_parts
-from rsgen.files.tree import Entry
 from tests.inspection.drafts import FREQUENCY, RECEPTANCE, is_receptance, read_draft, write_table
 
 MILLI = 1e3 * RECEPTANCE
@@ -68,21 +64,3 @@ def test_levels_side_by_side_are_read(tmp_path, titles):
     count = len(FREQUENCY)
     assert [int(np.sum(surface.level == level)) for level in surface.levels] == [count, count - 1, count]
     assert is_receptance(surface)
-
-
-@pytest.mark.slow
-def test_thousands_of_parts_are_paired_in_no_time():
-    names = [f"{part}_{number}" for part in ("re", "im") for number in range(1500)]
-    entries = [Entry(name, (9,), "float64") for name in [*names, *names]]
-
-    def work(count: int) -> float:
-        begun = time.process_time()
-        list(complex_parts(entries[:count]))
-        return time.process_time() - begun
-
-    # eight times as many names: eight times the work, not sixty-four times, whatever else the machine does
-    assert min(work(6000) for _ in range(3)) < 24 * min(work(750) for _ in range(3))
-    pairs = list(complex_parts(entries))
-    assert {(pair.main.title, *(column.path for _, column in pair.places)) for pair in pairs} == {
-        (str(number), f"re_{number}", f"im_{number}") for number in range(1500)
-    }

@@ -163,10 +163,8 @@ def test_values_of_two_sliders_have_the_order_of_their_names():
 @pytest.mark.parametrize(
     ("text", "codes"),
     [
-        ("k*x + z", {"constant-force"}),
-        ("k*x + 2*F0", {"constant-force"}),
-        ("k*x + c*xdot", {"constant-force"}),
-        ("k*x + c*v + Ff*sign(v)", set()),
+        ("k*x + z", {"constant-force"}), ("k*x + 2*F0", {"constant-force"}),
+        ("k*x + c*xdot", {"constant-force"}), ("k*x + c*v + Ff*sign(v)", set()),
         # a virgin curve that gets steeper turns its loop the other way
         ("masing(kt*x**3)", {"damping-feeds-energy"}),
         ("k*x + masing(K*x + R*x**1.5)", {"damping-feeds-energy"}),
@@ -176,11 +174,10 @@ def test_values_of_two_sliders_have_the_order_of_their_names():
         # coefficients, and what a function scales
         ("k*x + a*x**3 + F*tanh(x/w)", set()),
         # neither
-        ("masing(kt*x)", set()),
-        ("masing(K*x - R*x**p)", {"curve-negative"}),
+        ("masing(kt*x)", set()), ("masing(K*x - R*x**p)", {"curve-negative"}),
         ("masing(Min(kt*x, Fs)) + masing(F*tanh(k*x/F))", set()),
     ],
-)
+)  # fmt: skip
 def test_oddities_are_said(text, codes):
     assert {finding.code for finding in law_remarks(parse(text))} == codes
 

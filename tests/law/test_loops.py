@@ -14,21 +14,18 @@ from rsgen.law.numeric import ForceLaw, compile_law
 
 STATES = {
     "bouc-wen": (
-        {"z": "alpha*v - bg*abs(v)*z - bd*v*abs(z)"},
-        "k*x + c*v + z",
+        {"z": "alpha*v - bg*abs(v)*z - bd*v*abs(z)"}, "k*x + c*v + z",
         {"alpha": 2.0, "bd": -0.6, "bg": 1.3, "c": 0.01, "k": 1.0},
     ),
     "lugre": (
-        {"z": "v - s0*abs(v)/(Fc + (Fs - Fc)*exp(-(v/w)**2))*z"},
-        "k*x + s0*z + s1*v",
+        {"z": "v - s0*abs(v)/(Fc + (Fs - Fc)*exp(-(v/w)**2))*z"}, "k*x + s0*z + s1*v",
         {"Fc": 0.5, "Fs": 0.8, "k": 1.0, "s0": 40.0, "s1": 0.01, "w": 3.0},
     ),
     "two states": (
-        {"y": "a*v - b*y + r*z", "z": "y - g*z*abs(z)"},
-        "x**3 + y*x + z",
+        {"y": "a*v - b*y + r*z", "z": "y - g*z*abs(z)"}, "x**3 + y*x + z",
         {"a": 9.0, "b": 8.0, "g": 0.5, "r": -20.0},
     ),
-}
+}  # fmt: skip
 CURVES = {
     "sliders": ("k*x + masing(Min(kt*x, Fs)) + masing(Min(2*kt*x, Fs/3))", {"Fs": 0.7, "k": 1.0, "kt": 2.0}),
     "power": ("x*masing(K*x - R*x**p) + structural(h)", {"K": 3.0, "R": 0.5, "h": 0.2, "p": 1.5}),
@@ -176,14 +173,11 @@ def test_reversals_between_samples_are_found_to_fourth_order():
 
 
 TEXTS = {
-    "cubic": "k*x + kn*x**3 + c*v",
-    "friction": "k*x + Ff*sign(v)",
+    "cubic": "k*x + kn*x**3 + c*v", "friction": "k*x + Ff*sign(v)",
     "gap": "Piecewise((k4*x, abs(x) <= b), (k5*x + (k4 - k5)*b*sign(x), True))",
-    "bilinear": "Piecewise((k6*x, x > 0), (k7*x, True))",
-    "quadratic": "cn*v*abs(v) + k*x",
-    "power": "kp*abs(x)**q*sign(x)",
-    "tanh": "A*tanh(v/w) + k*x",
-}
+    "bilinear": "Piecewise((k6*x, x > 0), (k7*x, True))", "quadratic": "cn*v*abs(v) + k*x",
+    "power": "kp*abs(x)**q*sign(x)", "tanh": "A*tanh(v/w) + k*x",
+}  # fmt: skip
 
 
 @pytest.mark.parametrize("name", TEXTS)

@@ -4,7 +4,6 @@ import pytest
 
 from rsgen.dynamics.kernel_source import generate
 from rsgen.formula import parse
-from rsgen.law.character import character
 from rsgen.law.normal_form import normal_form_at
 
 VALUES = {"b": 5e-3, "b2": 9e-3, "k4": 5900.0, "k5": 14800.0, "k6": 3000.0, "ks": 5900.0, "Fm": 30.0}
@@ -66,16 +65,6 @@ def test_wordings_have_one_normal_form_and_one_kernel(name):
     for other in others:
         assert normal_form_at(other, values(other)) == form
         assert generate(other, values=values(other)) == generate(first, values=values(first))
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("name", FAMILIES)
-def test_wordings_have_one_character(name):
-    kinds = [character(law(wording)) for wording in FAMILIES[name]]
-    assert {(kind.odd, kind.switched, kind.rough, kind.jumps, kind.springs) for kind in kinds} == {
-        (name != "three slopes", True, name != "drag", name == "friction", True)
-    }
-    assert len({(kind.parameters, kind.linear, kind.scaled) for kind in kinds}) == 1
 
 
 def test_signs_and_order_of_values_choose_the_form():

@@ -167,14 +167,11 @@ def test_time_histories_are_added_shifted_and_taken_across(tmp_path):
         return {"quantity": "displacement", "samples": column, **more}
 
     read = {
-        "element": [{"name": "all", "force": SPRING}, MOUNTED["element"][1]],
-        "test.frequency": GONE,
-        "test.excitation": "swept-sine",
-        "test.time": {"rate": 400},
-        "test.force": {"samples": 1},
+        "element": [{"name": "all", "force": SPRING}, MOUNTED["element"][1]], "test.frequency": GONE,
+        "test.excitation": "swept-sine", "test.time": {"rate": 400}, "test.force": {"samples": 1},
         "test.channels": {"payload": sampled(2), "wing": sampled(3, delay=0.00175)},
         "test.response": {"channels": "payload"},
-    }
+    }  # fmt: skip
     np.savetxt(tmp_path / "a.csv", np.column_stack([drive, 2e-6 * drive, 5e-7 * late]), delimiter=",")
     surface = rs.read(write(tmp_path, read))
     np.testing.assert_allclose(surface.harmonics[:, 1] / surface.force, 2e-6, rtol=1e-3)

@@ -29,23 +29,18 @@ def read(folder: Path, states: ControlledStates, **options: Any) -> ResponseSurf
     ratio = states.force / states.harmonics[:, 1]
     table = np.stack(
         [
-            np.repeat(FREQUENCIES, POINTS),
-            np.abs(states.force),
-            np.abs(states.harmonics[:, 1]),
+            np.repeat(FREQUENCIES, POINTS), np.abs(states.force), np.abs(states.harmonics[:, 1]),
             np.degrees(np.angle(ratio)),
         ],
         axis=1,
-    )
+    )  # fmt: skip
     path = folder / "continuation.csv"
     np.savetxt(path, table, delimiter=",", header="frequency,force,response,lag", comments="")
     plan = MeasuredTest(
-        files=path,
-        frequency="frequency",
-        force=Signal(amplitude="force"),
-        response=Signal(amplitude="response", phase="lag", phase_sense="lag"),
-        quantity="displacement",
+        files=path, frequency="frequency", force=Signal(amplitude="force"),
+        response=Signal(amplitude="response", phase="lag", phase_sense="lag"), quantity="displacement",
         **options,
-    )
+    )  # fmt: skip
     return read_measurement(plan)
 
 

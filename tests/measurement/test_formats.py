@@ -81,11 +81,9 @@ def load(walk: Callable[..., Any], content: bytes, wanted: int | str) -> Array:
 def table_of_a_sheet(units: bool) -> list[list[Any]]:
     """Frequency in kHz, force in lbf, displacement in thou, lag in degrees, below a line of settings."""
     columns = (
-        FREQUENCY / 1e3,
-        np.full(41, 2.0 / POUND),
-        np.abs(RESPONSE) / 2.54e-5,
+        FREQUENCY / 1e3, np.full(41, 2.0 / POUND), np.abs(RESPONSE) / 2.54e-5,
         -np.degrees(np.angle(RECEPTANCE)),
-    )
+    )  # fmt: skip
     names, spelled = ["f", "force", "x", "lag"], ["kHz", "lbf", "thou", "deg"]
     heads = [names, spelled] if units else [[f"{n} [{u}]" for n, u in zip(names, spelled, strict=True)]]
     rows = [[float(v) for v in row] for row in zip(*columns, strict=True)]
@@ -142,13 +140,10 @@ def test_a_tdms_file_in_kilonewton_and_g(tmp_path, run_cli):
     step = {"wf_increment": 1 / 200, "wf_start_offset": 0.0, "wf_samples": len(TIME)}
     in_g = {"NI_UnitDescription": "g"}
     scaling: dict[str, Any] = {
-        "NI_Number_Of_Scales": 1,
-        "NI_Scale[0]_Scale_Type": "Linear",
-        "NI_Scale[0]_Linear_Slope": 0.5,
-        "NI_Scale[0]_Linear_Y_Intercept": 0.0,
-        "NI_Scale[0]_Linear_Input_Source": 0xFFFFFFFF,
+        "NI_Number_Of_Scales": 1, "NI_Scale[0]_Scale_Type": "Linear", "NI_Scale[0]_Linear_Slope": 0.5,
+        "NI_Scale[0]_Linear_Y_Intercept": 0.0, "NI_Scale[0]_Linear_Input_Source": 0xFFFFFFFF,
         "NI_Scaling_Status": "unscaled",
-    }
+    }  # fmt: skip
     with nptdms.TdmsWriter(path) as file:
         for part in np.array_split(np.arange(len(TIME)), 3):
             file.write_segment([
@@ -185,12 +180,9 @@ def test_measurement_files_of_labview(tmp_path, columns, separator, decimal, enc
         ]
         segments.append(lvmio.Segment(channels, notes="two parts"))
     text = lvmio.format_lvm(
-        lvmio.LvmFile(segments),
-        separator=separator,
-        decimal_separator=decimal,
-        x_columns=columns,
+        lvmio.LvmFile(segments), separator=separator, decimal_separator=decimal, x_columns=columns,
         precision=15,
-    )
+    )  # fmt: skip
     path.write_bytes(text.encode(encoding))
     abscissa = "Drive/X_Value" if columns == "Multi" else "X_Value"
     for number, count in ((1, 4000), (2, 1000)):

@@ -46,12 +46,10 @@ def write(path: Path, delimiter: str = ",", header: bool = True, **columns: np.n
 def plan(path: Path, **changes: Any) -> MeasuredTest:
     """Describe a test in the plainest way: SI, displacement, real and imaginary part."""
     known: dict[str, Any] = {
-        "frequency": "f",
-        "force": Signal(real="Fr", imaginary="Fi"),
-        "response": Signal(real="Xr", imaginary="Xi"),
-        "quantity": "displacement",
+        "frequency": "f", "force": Signal(real="Fr", imaginary="Fi"),
+        "response": Signal(real="Xr", imaginary="Xi"), "quantity": "displacement",
         "level": LevelRule(spread=0.2),
-    }
+    }  # fmt: skip
     return MeasuredTest(path, **known | changes)
 
 
@@ -83,13 +81,10 @@ def _acceleration_g_columns_by_number(path: Path) -> MeasuredTest:
     columns = (np.arange(len(OMEGA)), a.real, -a.imag, FREQUENCY, FORCE.real, -FORCE.imag, up)
     write(path, "\t", False, **dict(zip("abcdefg", columns, strict=True)))
     return plan(
-        path,
-        frequency=4,
-        force=Signal(real=5, imaginary=6, phase_sense="lag"),
-        response=Signal(real=2, imaginary=3, phase_sense="lag", factor=GRAVITY),
-        quantity="acceleration",
+        path, frequency=4, force=Signal(real=5, imaginary=6, phase_sense="lag"),
+        response=Signal(real=2, imaginary=3, phase_sense="lag", factor=GRAVITY), quantity="acceleration",
         sweep=SweepRule(column=7, up=1, down=-1),
-    )
+    )  # fmt: skip
 
 
 def _decimal_comma(path: Path) -> MeasuredTest:
@@ -110,12 +105,10 @@ def _blanks_and_names_in_a_comment(path: Path) -> MeasuredTest:
 @pytest.mark.parametrize(
     "mapping",
     [
-        _velocity_mm_rms_deg_lag,
-        _acceleration_g_columns_by_number,
-        _decimal_comma,
+        _velocity_mm_rms_deg_lag, _acceleration_g_columns_by_number, _decimal_comma,
         _blanks_and_names_in_a_comment,
     ],
-)
+)  # fmt: skip
 def test_every_mapping_gives_the_same_surface(tmp_path, mapping):
     surface = read_measurement(mapping(tmp_path / "m.csv"))
     np.testing.assert_allclose(surface.frequency, FREQUENCY, rtol=ROUND_OFF)
@@ -128,10 +121,7 @@ def test_every_mapping_gives_the_same_surface(tmp_path, mapping):
 @pytest.mark.parametrize(
     ("frequency", "blocks", "directions"),
     [
-        ([1, 2, 3], "", "uuu"),
-        ([3, 2, 1], "", "ddd"),
-        ([1, 2, 3, 2, 1], "", "uuudd"),
-        ([5], "", "r"),
+        ([1, 2, 3], "", "uuu"), ([3, 2, 1], "", "ddd"), ([1, 2, 3, 2, 1], "", "uuudd"), ([5], "", "r"),
         ([2, 2, 2], "", "rrr"),
         # a turning frequency tested twice ends one sweep and begins the other
         ([1, 2, 3, 3, 2, 1], "", "uuuddd"),
@@ -140,7 +130,7 @@ def test_every_mapping_gives_the_same_surface(tmp_path, mapping):
         # the first point of a new block belongs to the new sweep, although it lies above the last one
         ([1, 2, 3, 3.1, 2, 1], "000111", "uuuddd"),
     ],
-)
+)  # fmt: skip
 def test_directions_from_the_order(frequency, blocks, directions):
     numbers = np.array([int(b) for b in blocks or "0" * len(frequency)])
     found = recognise_directions(np.array(frequency), np.ones(len(frequency)), numbers)

@@ -91,14 +91,11 @@ def test_addresses(tmp_path, ending):
 @pytest.mark.parametrize(
     ("address", "message"),
     [
-        ("g", "nothing is called 'g'; known: 'f', 'A', 'q', 's'"),
-        ("A[3]", "no channel 3; there are 2"),
-        ("A[0]", "no channel 0"),
-        ("q[1]", "is square; write"),
-        ("s/in/name", "is a text"),
+        ("g", "nothing is called 'g'; known: 'f', 'A', 'q', 's'"), ("A[3]", "no channel 3; there are 2"),
+        ("A[0]", "no channel 0"), ("q[1]", "is square; write"), ("s/in/name", "is a text"),
         (2, "a number alone is for tables"),
     ],
-)
+)  # fmt: skip
 def test_wrong_addresses_are_named(tmp_path, address, message):
     path = tree(tmp_path / "tree.mat")
     with pytest.raises(MeasurementError) as caught:
@@ -109,12 +106,9 @@ def test_wrong_addresses_are_named(tmp_path, address, message):
 
 def measured(path: Path, **keys: Any) -> MeasuredTest:
     known: dict[str, Any] = {
-        "frequency": "f",
-        "force": Signal(amplitude="F"),
-        "response": Signal(amplitude="x"),
-        "quantity": "displacement",
-        "level": LevelRule(column="F"),
-    }
+        "frequency": "f", "force": Signal(amplitude="F"), "response": Signal(amplitude="x"),
+        "quantity": "displacement", "level": LevelRule(column="F"),
+    }  # fmt: skip
     return MeasuredTest((path,), **known | keys)
 
 
@@ -299,12 +293,9 @@ def _warm():
 
 
 ADDRESSES: dict[str, list[int | str]] = {
-    "mat": ["t", "x"],
-    "hdf5": ["t", "x"],
-    "uff": ["1/abscissa", "1/ordinate"],
-    "npy": ["array"],
+    "mat": ["t", "x"], "hdf5": ["t", "x"], "uff": ["1/abscissa", "1/ordinate"], "npy": ["array"],
     "npz": ["array"],
-}
+}  # fmt: skip
 
 
 @pytest.mark.slow

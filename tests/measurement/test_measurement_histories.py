@@ -35,18 +35,6 @@ def history(*files: Path, force: Any = "F", response: Any = "a", **keys: Any) ->
     return MeasuredTest(files, None, *signals, **known | keys)
 
 
-@pytest.mark.parametrize(("unit", "codes"), [("m/s^2", ["unit-contradicts-title"]), ("g", [])])
-def test_a_case_that_contradicts_the_title_of_a_channel_is_doubted(tmp_path, unit, codes):
-    path = tmp_path / "a.csv"
-    rows = "\n".join(f"{i / 100},{i % 7},{i % 5}" for i in range(50))
-    path.write_text(f"Time [s],Force [N],Acc [g]\n{rows}\n")
-    signals = Signal(samples="Force [N]", unit="N"), Signal(samples="Acc [g]", unit=unit)
-    (read,) = read_histories(
-        history(path, force=signals[0], response=signals[1], history=swept(time="Time [s]"))
-    )
-    assert [finding.code for finding in read.findings] == codes
-
-
 N = 64
 T = np.arange(N) / 50.0
 FORCE = np.sin(T)

@@ -36,12 +36,9 @@ def table(folder: Path, lag: float = 90.0, quantity: str = "displacement") -> Pa
 def read(path: Path, **options: Any) -> ResponseSurface:
     phase = {"phase": "lag", "phase_sense": "lag"} if options.get("phase_known", True) else {}
     settings: dict[str, Any] = {
-        "files": path,
-        "frequency": "frequency",
-        "force": Signal(amplitude="force"),
-        "response": Signal(amplitude="response", **phase),
-        "quantity": "displacement",
-    }
+        "files": path, "frequency": "frequency", "force": Signal(amplitude="force"),
+        "response": Signal(amplitude="response", **phase), "quantity": "displacement",
+    }  # fmt: skip
     return read_measurement(MeasuredTest(**(settings | options)))
 
 

@@ -102,12 +102,10 @@ def test_units_of_a_header_hold_where_the_case_says_none(tmp_path):
 @pytest.mark.parametrize(
     ("table", "keys", "unit"),
     [
-        ("frequency", {"frequency_unit": "rad/s"}, "rad/s"),
-        ("frequency", {"frequency_unit": "kHz"}, "kHz"),
-        ("force", {"unit": "mN"}, "mN"),
-        ("response", {"unit": "m"}, "m"),
+        ("frequency", {"frequency_unit": "rad/s"}, "rad/s"), ("frequency", {"frequency_unit": "kHz"}, "kHz"),
+        ("force", {"unit": "mN"}, "mN"), ("response", {"unit": "m"}, "m"),
     ],
-)
+)  # fmt: skip
 def test_a_case_that_contradicts_a_title_is_doubted(tmp_path, table, keys, unit):
     path = text(tmp_path / "a.csv", "f_Hz,F_N,x_mm\n1,2,3\n2,2,4\n")
     force, response = ({**keys} if table == name else {} for name in ("force", "response"))

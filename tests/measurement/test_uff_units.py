@@ -64,14 +64,12 @@ def function(
 def case_of(path: Path, quantity: str = "acceleration", levels: int = 1, **response: str) -> Path:
     """Write a case that reads frequency responses; units are the file's unless ``response`` names one."""
     changes = {
-        **MEASURED,
-        "test.file": path.name,
-        "test.frequency": {"column": "*/abscissa"},
+        **MEASURED, "test.file": path.name, "test.frequency": {"column": "*/abscissa"},
         "test.force": {"nominal": True},
         "test.response": {"quantity": quantity, "complex": "*/ordinate", "per_force": True, **response},
         "test.response.phase_sense": "lead",
         "test.level": {"values": [f"{n} N" for n in range(1, levels + 1)]},
-    }
+    }  # fmt: skip
     return write_small(path.parent, path.stem, changes)
 
 

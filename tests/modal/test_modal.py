@@ -106,16 +106,6 @@ def test_without_a_mass_phase_resonance_determines_stiffness_per_mass_and_dampin
         rsgen.predict(table, [1.0])
 
 
-def test_a_test_without_scale_has_frequencies_and_damping_ratios():
-    drive = ResponseSurface(SURFACE.level, SURFACE.frequency, 7 * SURFACE.force, SURFACE.harmonics[:, 1])
-    table = rsgen.modal_table(drive, Observation(calibrated=False))
-    assert np.isnan([table.mass, table.mass_error]).all()
-    assert "kg" not in str(table).splitlines()[0]
-    assert not {"stiffness", "damping"} & set(table.known)
-    np.testing.assert_allclose(table.omega, omega_of(table.amplitude), rtol=5e-5)
-    np.testing.assert_allclose(table.damping_ratio, C1 / (2 * MASS * omega_of(table.amplitude)), rtol=2e-4)
-
-
 def softening_beside_a_mode(seed: int, residue: float = 0.25) -> ResponseSurface:
     """A softening mode with drag, 305 points with 0.6 % noise, and a mode at 61 Hz of a residue [1/kg]."""
     noise = np.random.default_rng(seed)

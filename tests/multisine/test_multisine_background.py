@@ -15,12 +15,10 @@ from tests.multisine.test_line_balance import LINES, records
 from tests.multisine.test_multisine import LAW, MASS, SIZES, TRUE, duffing, linear, spectra
 
 VALUES = {
-    "phase": (0.03,),
-    "constant": (0.03, 2e-5, 1e-5),
-    "residuals": (0.03, 4e-5, 1e-5, 5e-5, -1e-5),
+    "phase": (0.03,), "constant": (0.03, 2e-5, 1e-5), "residuals": (0.03, 4e-5, 1e-5, 5e-5, -1e-5),
     "residuals+offset": (0.03, 2e-5, 1e-5, 3e-5, -1e-5, 1e-5, 2e-5),
     "neighbour": (0.03, 2e-5, 1e-5, 3e-5, -1e-5, 0.03, 0.01, 16.0, 0.02),
-}
+}  # fmt: skip
 MAX_STANDARD_ERRORS = 4.0
 
 

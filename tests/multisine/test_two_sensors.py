@@ -144,13 +144,10 @@ CASE = {
         {"name": "wing", "force": WING},
         {"name": "joint", "force": JOINT, "across": "payload - wing"},
     ],
-    "test.excitation": "multisine",
-    "test.file": ["low.csv", "middle.csv", "high.csv"],
-    "test.time": {"rate": 256},
-    "test.force": {"samples": 1},
-    "test.channels": {"payload": channel(2), "wing": channel(3)},
-    "test.response": {"channels": "payload"},
-}
+    "test.excitation": "multisine", "test.file": ["low.csv", "middle.csv", "high.csv"],
+    "test.time": {"rate": 256}, "test.force": {"samples": 1},
+    "test.channels": {"payload": channel(2), "wing": channel(3)}, "test.response": {"channels": "payload"},
+}  # fmt: skip
 
 
 @pytest.mark.slow

@@ -27,19 +27,16 @@ BASE_LEVELS = {"displacement": [1e-4, 3e-4], "velocity": [6e-3, 2e-2], "accelera
 LAGS = tuple(np.radians([60.0, 90.0, 120.0]))
 
 MODES: dict[str, dict[str, Any]] = {
-    "rest": {},
-    "up": {"sweep": "up"},
-    "down": {"sweep": "down"},
+    "rest": {}, "up": {"sweep": "up"}, "down": {"sweep": "down"},
     "harmonic-balance": {"method": "harmonic-balance"},
     "harmonic-balance-up": {"method": "harmonic-balance", "sweep": "up"},
-    "noise": {"noise_relative": NOISE, "seed": 5},
-    "response": {"control": "response", "level": HELD},
+    "noise": {"noise_relative": NOISE, "seed": 5}, "response": {"control": "response", "level": HELD},
     "continuation": {"control": "continuation", "level": np.linspace(3e-3, 6e-2, 8)},
     "phase": {"control": "phase", "frequency": [8, 14], "level": np.linspace(1.0, 10.0, 6)},
     "phase-lags": {"control": "phase", "frequency": [8, 14], "lags": LAGS, "phase_error": 0.03},
     **{f"base-{base}": {"base": base, "level": level} for base, level in BASE_LEVELS.items()},
     "base-harmonic-balance": {"base": "velocity", "level": [6e-3, 2e-2], "method": "harmonic-balance"},
-}
+}  # fmt: skip
 SWITCHED_MODES = ("rest", "up", "response", "phase", "harmonic-balance")
 
 

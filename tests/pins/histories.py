@@ -50,12 +50,10 @@ def _laws() -> Tree:
     for name, law, stop in (("up", UP, 11.0), ("down", DOWN, 9.0), ("octaves", OCTAVES, 11.0)):
         (found,) = find_sweeps(swept(law, stop))
         tree[name] = {
-            "kind": found.law.kind,
-            "direction": found.law.direction,
-            **{each: getattr(found.law, each) for each in ("frequency", "rate")},
-            "begin": float(found.begin),
+            "kind": found.law.kind, "direction": found.law.direction,
+            **{each: getattr(found.law, each) for each in ("frequency", "rate")}, "begin": float(found.begin),
             "end": float(found.end),
-        }
+        }  # fmt: skip
     return tree
 
 
@@ -126,8 +124,7 @@ def _clipped() -> Tree:
 
 
 PINS = {
-    "swept/laws": Pin(_laws, slow=True),
-    "swept/up": Pin(lambda: _swept(swept(UP, 11.0)), INTEGRATED),
+    "swept/laws": Pin(_laws, slow=True), "swept/up": Pin(lambda: _swept(swept(UP, 11.0)), INTEGRATED),
     "swept/down": Pin(lambda: _swept(swept(DOWN, 9.0)), INTEGRATED),
     "swept/octaves": Pin(lambda: _swept(swept(OCTAVES, 11.0)), INTEGRATED),
     "swept/noisy": Pin(lambda: _swept(noisy(swept(UP, 11.0))), INTEGRATED),
@@ -135,8 +132,7 @@ PINS = {
         lambda: _swept(swept(UP, 11.0, 0.5), swept(UP, 11.0, 1.0), mass=MASS), INTEGRATED
     ),
     "swept/acceleration": Pin(lambda: _swept(_acceleration()), INTEGRATED),
-    "swept/identified": Pin(_identified_sweeps),
-    "swept/clipped": Pin(_clipped),
+    "swept/identified": Pin(_identified_sweeps), "swept/clipped": Pin(_clipped),
     "stepped/frequencies": Pin(lambda: trees.surface(from_stepped_sine(_steps()))),
     "stepped/too-short": Pin(lambda: trees.surface(from_stepped_sine(_steps(3.0)))),
     "stepped/levels": Pin(_levels),
@@ -151,7 +147,7 @@ PINS = {
     "decay/without-mass": Pin(lambda: _followed("drag", "velocity", 1e-3, None), INTEGRATED),
     "decay/surface": Pin(lambda: trees.surface(_decay_surface()), INTEGRATED),
     "decay/identified": Pin(_identified_decay),
-}
+}  # fmt: skip
 
 if __name__ == "__main__":
     pinned.renew(PINS, __file__, __doc__)

@@ -160,11 +160,9 @@ def _pin(key: str) -> Pin:
     data = MEASURED.get(key.split("/")[1], "")
     noise = NUMBERS.get(key, {}).get("noise") or 1.0
     allowed = replace(
-        SMOOTH,
-        of_standard_error=OF_MEASURED if data else SMOOTH.of_standard_error,
-        error=max(SMOOTH.error, LAST_STEP / noise),
-        left=LAST_STEP,
-    )
+        SMOOTH, of_standard_error=OF_MEASURED if data else SMOOTH.of_standard_error,
+        error=max(SMOOTH.error, LAST_STEP / noise), left=LAST_STEP,
+    )  # fmt: skip
     return Pin(partial(numbers, IDENTIFICATIONS[key]), allowed, slow=True, thorough="f16" in key, data=data)
 
 

@@ -41,13 +41,11 @@ def steady(name: str, start: bool = False) -> Tree:
             joint(name), force, frequency - 0.2, harmonics=5, accuracy=ACCURACY, start=found.state
         )
     return {
-        "harmonics": trees.columns(found.harmonics),
-        "peak": series(found.peak),
+        "harmonics": trees.columns(found.harmonics), "peak": series(found.peak),
         "displacement": series(found.state[:, 0], entries=3),
-        "velocity": series(found.state[:, 1], entries=3),
-        "settled": series(found.settled),
+        "velocity": series(found.state[:, 1], entries=3), "settled": series(found.settled),
         "remembered": series(found.state[:, 2:3], float(np.abs(found.state[:, 2:]).max(initial=0.0)), 3),
-    }
+    }  # fmt: skip
 
 
 def balance(name: str) -> Tree:

@@ -146,11 +146,8 @@ def _measured() -> Parts:
 
 
 REPORTS: dict[str, Callable[[], Parts]] = {
-    "sine": _sine,
-    "joint": _joint,
-    "multisine": _multisine,
-    "measured": _measured,
-}
+    "sine": _sine, "joint": _joint, "multisine": _multisine, "measured": _measured,
+}  # fmt: skip
 
 PINS = {
     "all": Pin(lambda: {part: sorted(getattr(rsgen, part).__all__) for part in ("figures", "history")}),
@@ -161,14 +158,12 @@ PINS = {
     "spectra.npz": Pin(_spectra_names, slow=True),
     **{
         f"result.json/{kind}": Pin(
-            partial(result_names, kind),
-            slow=True,
-            thorough=kind in ("joint", "measured"),
+            partial(result_names, kind), slow=True, thorough=kind in ("joint", "measured"),
             data="nlbeam" if kind == "measured" else "",
         )
         for kind in REPORTS
     },
-}
+}  # fmt: skip
 
 if __name__ == "__main__":
     pinned.renew(PINS, __file__, __doc__)

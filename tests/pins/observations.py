@@ -138,8 +138,7 @@ PINS = {
     "background/phase-coulomb": Pin(lambda: of_kind("phase", "coulomb"), SWITCHED),
     "background/residuals-coulomb": Pin(lambda: of_kind("residuals", "coulomb"), SWITCHED),
     **{f"law/{law}": Pin(partial(whole, law), _allowed(law), slow=law == "two-gaps") for law in LAWS},
-    "law/cubic-given-mass": Pin(lambda: whole("cubic", MASS)),
-    "law/confounded": Pin(_confounded),
+    "law/cubic-given-mass": Pin(lambda: whole("cubic", MASS)), "law/confounded": Pin(_confounded),
     "amplitudes/cubic": Pin(lambda: without_phase("cubic")),
     "amplitudes/combined": Pin(lambda: without_phase("combined")),
     "amplitudes/constant": Pin(lambda: without_phase("cubic", "constant")),
@@ -147,8 +146,7 @@ PINS = {
     "amplitudes/coulomb": Pin(lambda: without_phase("coulomb"), SWITCHED),
     "readings/repeats": Pin(lambda: _repeats("cubic")),
     "readings/repeats-coulomb": Pin(lambda: _repeats("coulomb"), SWITCHED),
-    "readings/unsettled": Pin(_unsettled),
-    "readings/fundamental-only": Pin(_fundamental_only),
+    "readings/unsettled": Pin(_unsettled), "readings/fundamental-only": Pin(_fundamental_only),
     "readings/force-harmonics": Pin(_force_harmonics),
     "declared/hold-out": Pin(lambda: _about(rsgen.Observation(hold_out=(6.0,)))),
     "declared/band": Pin(lambda: _about(rsgen.Observation(band=(9.0, 11.0)))),
@@ -157,7 +155,7 @@ PINS = {
     "two-sensors/noisy": Pin(lambda: _across(two_masses(noise=0.003))),
     "two-sensors/hold-out": Pin(lambda: _across(two_masses(noise=0.003), rsgen.Observation(hold_out=(3.0,)))),
     "two-sensors/driven-by-a-sine": Pin(lambda: _across(driven_by_a_sine())),
-}
+}  # fmt: skip
 
 if __name__ == "__main__":
     pinned.renew(PINS, __file__, __doc__)

@@ -43,18 +43,15 @@ def describing(name: str) -> Tree:
     shifted = function.evaluate(SIZES, OMEGA, values, mean=1e-3)
     size = float(np.abs(found.stiffness).max())
     return {
-        "stiffness": list(found.stiffness),
-        "damping": series(found.damping, size / OMEGA.max(), 4),
+        "stiffness": list(found.stiffness), "damping": series(found.damping, size / OMEGA.max(), 4),
         "mean": series(found.mean, float(SIZES.max()), 4) if found.mean.any() else 0,
         "about_a_mean": {
             "stiffness": series(shifted.stiffness, entries=1),
             "damping": series(shifted.damping, size / OMEGA.max(), 1),
         },
-        "closed_form": function.closed_form,
-        "parameters": list(function.parameters),
-        "positive": list(function.positive),
-        "regimes": len(function.regimes),
-    }
+        "closed_form": function.closed_form, "parameters": list(function.parameters),
+        "positive": list(function.positive), "regimes": len(function.regimes),
+    }  # fmt: skip
 
 
 def curve(one: ResonanceCurve) -> Tree:
@@ -75,12 +72,10 @@ def curve(one: ResonanceCurve) -> Tree:
 def held_out(one: HeldOutLevel) -> Tree:
     """Measured against predicted at a level that identification has not seen."""
     return {
-        "sweep": one.sweep,
-        "units": [one.level_unit, one.force_unit],
+        "sweep": one.sweep, "units": [one.level_unit, one.force_unit],
         **{name: getattr(one, name) for name in ("level", "force", "error", "largest_error", "missing")},
-        "measured": series(one.measured, entries=1),
-        "predicted": series(one.predicted),
-    }
+        "measured": series(one.measured, entries=1), "predicted": series(one.predicted),
+    }  # fmt: skip
 
 
 def tree(prediction: rsgen.Prediction) -> Tree:

@@ -45,13 +45,10 @@ def tree(ranking: Ranking) -> Tree:
             each.name: {name: getattr(each, name) for name in names} | {"values": dict(each.values)}
             for each in ranking.candidates[:SHOWN]
         },
-        "fits": ranking.fits,
-        "noise": ranking.noise,
-        "unexplained": ranking.unexplained,
-        "parameters": list(ranking.model.parameters),
-        "verdict": ranking.verdict.state,
+        "fits": ranking.fits, "noise": ranking.noise, "unexplained": ranking.unexplained,
+        "parameters": list(ranking.model.parameters), "verdict": ranking.verdict.state,
         "findings": trees.findings(ranking.findings),
-    }
+    }  # fmt: skip
 
 
 def ranked(

@@ -26,9 +26,9 @@ from rsgen.identification.identify import identify
 from rsgen.identification.ranking import Ranking, rank
 from rsgen.identification.ranking.balance import PointBalance
 from rsgen.identification.ranking.candidate_fit import CandidateFit, CandidateLaw, Round, fit_candidate
-from rsgen.identification.ranking.library_sums import Sum, library_terms, terms_of, whole_name
+from rsgen.identification.ranking.library_sums import Sum, library_terms, terms_of
 from rsgen.identification.ranking.rank_laws import order_candidates
-from rsgen.identification.ranking.ranking_result import ORDER, Assessment, Candidate, assess_best
+from rsgen.identification.ranking.ranking_result import Assessment, Candidate, assess_best
 from rsgen.identification.ranking.reference import fit_reference_motion
 from rsgen.identification.ranking.selection import search_sums
 from rsgen.law import laws
@@ -554,25 +554,6 @@ def test_laws_are_equal_by_their_normal_form_whatever_their_names() -> None:
     assert terms_of(dahl) == terms_of(with_memory(parse("z0*y"), {"y": "v/L - y/L*abs(v)"}))
     assert terms_of(dahl) != terms_of(with_memory(parse("q*z"), {"z": "(v - z)/tau"}))
     assert terms_of(parse("k*x + k2*x*abs(x)")) == terms_of(parse("a*x**2*sign(x) + b*x"))
-
-
-def test_names_say_what_a_candidate_holds() -> None:
-    """The winner could not be carried over by its name, which held a damper in silence."""
-    ranking = rank(measured("coulomb"), [laws["coulomb"], laws["cubic-spring"]], mass=MASS)
-    best, whole = ranking.candidates[0], "coulomb + linear-damper + linear-spring"
-    assert ranking[whole] is ranking["coulomb"] is best
-    said = str(ranking).splitlines()
-    assert said[0].startswith(f"best: {whole} (")
-    assert "BIC above the lowest" in said[1]
-    assert said[2].startswith(whole)
-    assert " % " in said[2]
-    assert " worse " in said[3]
-    assert said[-1] == ORDER
-    assert whole_name("pendulum") == "pendulum + linear-damper"
-    assert whole_name("bilinear-spring") == "bilinear-spring + linear-damper"
-    assert whole_name("dahl", "a - b").endswith(" + joint-damper + joint-spring")
-    with pytest.raises(RsgenError, match="is a sum; write it as a force, or an element for each"):
-        laws["coulomb + linear-damper"]
 
 
 def test_no_candidate_is_refused() -> None:

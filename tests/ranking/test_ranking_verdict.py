@@ -22,7 +22,7 @@ from rsgen.identification.ranking.reference import PointTest
 from rsgen.law.element import make_element
 from rsgen.report.wording import sentence
 from rsgen.report.wording.sentences import next_step, state_verdict
-from tests.ranking.test_ranking import BASE, MEMORYLESS, NOISE, measured, ranked
+from tests.ranking.test_ranking import BASE, MEMORYLESS, measured
 from tests.surfaces import MASS, changed, codes, noisy, truth, without_phase
 
 STIFFNESS, DAMPING, FORCE, AMPLITUDE = 5922.0, 2.83, 1.777, 0.01
@@ -49,20 +49,6 @@ def test_the_law_is_found_where_friction_nearly_sticks(noise: float) -> None:
     assert ranking.fits
     assert ranking.candidates[0].name == "bilinear-spring + coulomb"
     assert ranking.candidates[0].held_out_error < max(1.2 * noise, 1e-5)
-
-
-@pytest.mark.thorough
-def test_few_bad_points_decide_nothing() -> None:
-    table = measured("cubic")
-    chosen = np.random.default_rng(1).choice(len(table), len(table) // 40, replace=False)
-    factor = np.ones(len(table))
-    factor[chosen] = 3.0
-    ranking = rank(changed(table, force=table.force * factor), MEMORYLESS)
-    assert ranking.fits
-    assert ranking.candidates[0].name == "cubic-spring"
-    assert ranking.noise == pytest.approx(NOISE, rel=0.2)
-    (aside,) = [finding for finding in ranking.findings if finding.code == "points-excluded"]
-    assert (aside["excluded"], aside["points"]) == (len(chosen), len(table))
 
 
 def test_a_law_that_drives_its_exciter_is_no_reference_for_amplitudes_alone() -> None:
@@ -169,18 +155,6 @@ def test_few_points_are_said_to_be_few() -> None:
     assert "ranking-few-points" in codes(level)
     for finding in (*few.findings, *level.findings):
         assert sentence(finding).count(",") <= 4
-
-
-@pytest.mark.thorough
-def test_levels_that_are_predicted_badly_are_reported() -> None:
-    # a stop that the highest level alone reaches: the others cannot predict it
-    law = "kk*Max(0, x - b)"
-    table = simulated(law, np.linspace(9, 14, 40), kk=2 * STIFFNESS, b=1.08 * AMPLITUDE)
-    ranking = rank(noisy(table, NOISE, 1), MEMORYLESS)
-    assert ranking.candidates[0].name == "one-sided-stop"
-    assert "levels-predicted-worse" in codes(ranking)
-    well = ranked("cubic")
-    assert not codes(well) & {"levels-predicted-worse"}
 
 
 @pytest.mark.parametrize(("error", "severity"), [(0.05, "warning"), (0.58, "doubt")])

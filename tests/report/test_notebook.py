@@ -27,13 +27,10 @@ from tests.samples import cubic_case
 
 CASES = sorted(Path(__file__).parents[2].joinpath("cases").glob("*.toml"))
 SPRING = {
-    "title": "Hardening spring <b>, $x$, [c](javascript:alert(1))",
-    **CUBIC,
-    "truth.c": 3.8,
+    "title": "Hardening spring <b>, $x$, [c](javascript:alert(1))", **CUBIC, "truth.c": 3.8,
     "test.level": {"start": 1, "stop": 8, "count": 3},
-    "test.frequency": {"start": 9, "stop": 11, "count": 25},
-    "accept.k": 1e-3,
-}
+    "test.frequency": {"start": 9, "stop": 11, "count": 25}, "accept.k": 1e-3,
+}  # fmt: skip
 
 
 def code_cells(notebook: nbformat.NotebookNode) -> list[str]:

@@ -287,11 +287,9 @@ def test_table_of_results_is_stable(results):
 def test_the_equations_of_states_stand_in_page_and_result_and_a_loop_that_stays_open_is_said():
     joint = make_element("joint <b>", "k1*x + c1*v + z", {"z": "kn1*v - 20*abs(v)*z"})
     found = replace(
-        IDENTIFICATION,
-        model=Model([joint], mass=MASS),
-        solution=np.array([C1, K1, 1e6]),
+        IDENTIFICATION, model=Model([joint], mass=MASS), solution=np.array([C1, K1, 1e6]),
         refined=tuple(replace(e, value=1e6) if e.name == "kn1" else e for e in IDENTIFICATION.refined),
-    )
+    )  # fmt: skip
     subject = Subject.of_result(found, "joint", "", "")
     comparison = rsgen.compare(found)
     result = build_result(subject, SURFACE, found, comparison, PREDICTION, (), {})

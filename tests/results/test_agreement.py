@@ -68,17 +68,6 @@ def test_the_jackknife_is_that_of_refits(data):
     assert jackknife(whole, group) == pytest.approx(expected, rel=1e-9)
 
 
-def test_the_jackknife_of_a_mean_has_a_closed_form():
-    # groups of one size: the variance of the mean of the group means, G/(G - 1) of it for leaving one out
-    generator = np.random.default_rng(6)
-    group = np.repeat(np.arange(6), 10)
-    y = generator.normal(size=60) + generator.normal(size=6)[group]
-    x = np.tile(np.linspace(-1, 1, 10), 6)
-    means = np.array([y[group == g].mean() for g in range(6)])
-    # the slope is orthogonal to the mean in every group
-    assert jackknife(line_through(x, y), group)[0, 0] == pytest.approx(np.var(means, ddof=1) / 6, rel=1e-9)
-
-
 def codes(table: ResponseSurface, law: Model | str) -> dict[str, str]:
     return {finding.code: finding.severity for finding in identify(table, law).findings}
 

@@ -9,7 +9,6 @@ import pytest
 
 import rsgen as rs
 from rsgen.app.study.run_case import obtain_table
-from rsgen.common.errors import CaseError
 from tests.case_files import law, write_small
 from tests.surfaces import codes
 
@@ -74,11 +73,9 @@ def test_a_held_out_level_is_predicted_with_and_without_the_mass():
 
 def write(folder: Path, quantity: str = "displacement", **more: Any) -> Path:
     changes = {
-        **law(LAW, **TRUE),
-        "system.mass": "2 kg",
-        "test.level.values": ["20 um", "100 um"],
+        **law(LAW, **TRUE), "system.mass": "2 kg", "test.level.values": ["20 um", "100 um"],
         "test.base": {"quantity": quantity},
-    }
+    }  # fmt: skip
     return write_small(folder, "shaken", changes | more)
 
 
@@ -98,15 +95,3 @@ def test_g_is_the_gravity_where_an_acceleration_is_asked_for(tmp_path):
     case = rs.load_case(write(tmp_path, "acceleration", **levels))
     np.testing.assert_allclose(case.test.level, [0.980665, 1.96133])
     assert case.observation.hold_out == pytest.approx((1.96133,))
-
-
-@pytest.mark.parametrize(
-    ("quantity", "more", "said"),
-    [
-        ("velocity", {}, "test.level.values.1: .*m/s"),
-        ("displacement", {"accept": {"m": 1e-3}}, "accept.m: is no parameter"),
-    ],
-)
-def test_what_a_shaken_base_cannot_have_is_said(tmp_path, quantity, more, said):
-    with pytest.raises(CaseError, match=said):
-        rs.load_case(write(tmp_path, quantity, **more))

@@ -81,16 +81,14 @@ def grid(method: str) -> rsgen.SimulatedTest:
 @pytest.mark.parametrize(
     ("law", "free"),
     [
-        ("c*v + masing(Min(kt*x, Fs))", True),
-        (DAHL, True),
-        ("k*x + c*v + masing(Min(kt*x, Fs))", False),
+        ("c*v + masing(Min(kt*x, Fs))", True), (DAHL, True), ("k*x + c*v + masing(Min(kt*x, Fs))", False),
         (rsgen.Law("k3*x**3 + z", memory=DAHL.memory), False),
         # a state that is a spring
         (rsgen.Law("z", memory={"z": "k*v + a*x - b*z"}), False),
         # without memory nothing is refused that was not before
         ("c*v + Ff*sign(v)", False),
     ],
-)
+)  # fmt: skip
 def test_which_laws_leave_the_mean_free(law, free):
     whole = law if isinstance(law, rsgen.Law) else rsgen.Law(law)
     assert compile_law(whole.force).mean_free is free

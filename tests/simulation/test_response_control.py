@@ -53,13 +53,10 @@ def surface():
     return rs.simulate(
         rs.Oscillator(MASS, LAW, VALUES),
         rs.SimulatedTest(
-            level=LEVELS,
-            frequency=np.linspace(9.6, 10.8, 6),
-            control="continuation",
-            harmonics=9,
+            level=LEVELS, frequency=np.linspace(9.6, 10.8, 6), control="continuation", harmonics=9,
             accuracy=1e-8,
         ),
-    )
+    )  # fmt: skip
 
 
 def test_every_motion_obeys_the_equation_in_every_harmonic(surface):

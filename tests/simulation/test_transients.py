@@ -90,18 +90,12 @@ def test_impossible_tests_are_refused_with_the_reason():
 
 
 SWEEP = {
-    "kind": "simulated-sweep",
-    "level": {"values": ["1 N", "2 N", "4 N"]},
-    "band": ["8 Hz", "14 Hz"],
-    "duration": "60 s",
-    "rate": "200 Hz",
-}
+    "kind": "simulated-sweep", "level": {"values": ["1 N", "2 N", "4 N"]}, "band": ["8 Hz", "14 Hz"],
+    "duration": "60 s", "rate": "200 Hz",
+}  # fmt: skip
 DECAY = {
-    "kind": "simulated-decay",
-    "level": {"values": ["3 mm", "6 mm"]},
-    "duration": "15 s",
-    "rate": "400 Hz",
-}
+    "kind": "simulated-decay", "level": {"values": ["3 mm", "6 mm"]}, "duration": "15 s", "rate": "400 Hz",
+}  # fmt: skip
 
 
 @pytest.mark.slow
@@ -114,11 +108,9 @@ DECAY = {
 )
 def test_a_case_is_checked_and_run(tmp_path, run_cli, test, damping, noise, held, plan):
     changes = {
-        **law(LAW, **CUBIC.values | {"c": damping}),
-        "test": test | {"noise": {"relative": noise, "seed": 5}},
-        "identify": {"hold_out": held},
-        "accept": {"k": 0.01, "c": 0.05},
-    }
+        **law(LAW, **CUBIC.values | {"c": damping}), "test": test | {"noise": {"relative": noise, "seed": 5}},
+        "identify": {"hold_out": held}, "accept": {"k": 0.01, "c": 0.05},
+    }  # fmt: skip
     case = write_small(tmp_path, "transient", changes)
     checked = run_cli("check", case)
     assert checked.code == 0, checked

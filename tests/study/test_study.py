@@ -78,16 +78,6 @@ def test_a_corrupted_manifest_is_none(tmp_path, text):
     assert read_manifest(tmp_path) is None
 
 
-def test_a_folder_takes_its_place_whole(tmp_path):
-    for text in ("first", "second"):
-        with replaced_folder(tmp_path / "out", "case") as folder:
-            fill(folder, text)
-            assert folder.parent == tmp_path / "out"
-        assert (tmp_path / "out" / "case" / "result.json").read_text() == text
-        assert names(tmp_path / "out") == ["case"]
-    assert read_manifest(tmp_path / "out" / "case") is not None
-
-
 def test_a_fault_leaves_the_earlier_result(earlier):
     before = content(earlier / "case")
 

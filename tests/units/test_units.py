@@ -151,8 +151,7 @@ def test_units_follow_from_the_law(law, units):
     ("law", "units", "faults"),
     [
         ("kn1*x**3", {"kn1": "N/m^2"}, ("kn1*x**3 is in N*m, a force is needed: kn1 must be in N/m^3",)),
-        ("k*x", {"k": "kN/mm"}, ()),
-        ("masing(Min(1500*x, F1))", {"F1": "kN"}, ()),
+        ("k*x", {"k": "kN/mm"}, ()), ("masing(Min(1500*x, F1))", {"F1": "kN"}, ()),
         ("masing(Min(1500*x, F1))", {"F1": "mm"}, ("masing(Min(F1, 1500*x)) is in m, a force is needed",)),
         (
             "k*x + c*v",
@@ -163,17 +162,15 @@ def test_units_follow_from_the_law(law, units):
             ),
         ),
         (
-            "F0*tanh(v/v0)",
-            {"v0": "m"},
+            "F0*tanh(v/v0)", {"v0": "m"},
             ("v/v0 is in 1/s, a plain number is needed in tanh: v0 must be in m/s",),
         ),
         (
-            "k*abs(x)**1.5",
-            {"k": "N/m"},
+            "k*abs(x)**1.5", {"k": "N/m"},
             ("k*Abs(x)**(3/2) is in N*m^0.5, a force is needed: k must be in N/m^1.5",),
         ),
     ],
-)
+)  # fmt: skip
 def test_declared_units_are_checked_term_by_term(law, units, faults):
     assert unit_faults(parse(law), units) == faults
 

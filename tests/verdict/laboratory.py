@@ -45,14 +45,11 @@ class Laboratory:
             "frequency": {"column": "f_Hz"},
             "force": {"amplitude": "force_N"},
             "response": {
-                "quantity": "acceleration",
-                "real": "a_real",
-                "imaginary": "a_imag",
-                "phase_sense": "lead",
+                "quantity": "acceleration", "real": "a_real", "imaginary": "a_imag", "phase_sense": "lead",
             },
             "level": {"column": "level_N"},
         }
-    )
+    )  # fmt: skip
     further: Changes = field(default_factory=dict)
 
     @property
@@ -143,13 +140,9 @@ def stepped(name: str, noise: float = NOISE, seed: int = 1, every: int = EVERY) 
     surface = surface.select(surface.settled & np.isin(surface.frequency, grid))
     turned = surface.harmonics[:, 1] * np.exp(-1j * np.angle(surface.force))
     return Laboratory(
-        name,
-        tuple(str(element.force) for element in load(name).model.elements),
-        surface.level,
-        surface.frequency,
-        np.abs(surface.force),
-        -(surface.omega**2) * turned,
-    )
+        name, tuple(str(element.force) for element in load(name).model.elements), surface.level,
+        surface.frequency, np.abs(surface.force), -(surface.omega**2) * turned,
+    )  # fmt: skip
 
 
 def recorded(name: str, force: np.ndarray, rate: float, excitation: str, seed: int = 1) -> Record:

@@ -9,14 +9,10 @@ from tests.verdict.laboratory import EVERY, Laboratory, Record, load, recorded, 
 
 SENSE = frozenset(
     {
-        "not-passive",
-        "structure-feeds-exciter",
-        "mass-negative",
-        "curve-negative",
-        "another-quantity",
+        "not-passive", "structure-feeds-exciter", "mass-negative", "curve-negative", "another-quantity",
         "phase-turned",
     }
-)
+)  # fmt: skip
 """Force and response cannot belong together in this sense: power, mass or phase are wrong."""
 
 MISFIT = frozenset({"law-does-not-fit", "misfit-large"})
@@ -30,27 +26,18 @@ WAVE = frozenset({"not-a-steady-sine", "power-not-at-lines", "points-excluded", 
 """The record is no steady sine, no sweep or no decay."""
 
 MATTERING = {
-    "bilinear": ("k6*x", "c5*v"),
-    "combined": ("k8*x + kn8*x**3", "c6*v"),
-    "coulomb": ("k3*x", "c3*v"),
-    "cubic": ("k1*x", "c1*v"),
-    "cubic-hardening": ("k1*x", "c1*v"),
-    "joint": ("a1*x", "d1*v"),
-    "piecewise": ("k4*x", "c4*v"),
-    "quintic": ("k2*x", "c2*v"),
-}
+    "bilinear": ("k6*x", "c5*v"), "combined": ("k8*x + kn8*x**3", "c6*v"), "coulomb": ("k3*x", "c3*v"),
+    "cubic": ("k1*x", "c1*v"), "cubic-hardening": ("k1*x", "c1*v"), "joint": ("a1*x", "d1*v"),
+    "piecewise": ("k4*x", "c4*v"), "quintic": ("k2*x", "c2*v"),
+}  # fmt: skip
 """The law of each case without the term that decides."""
 
 OTHER_WRONG = {
-    "bilinear": ("k6*x + kn*x**3", "c5*v*abs(v)"),
-    "combined": ("k8*x", "c6*v + cn6*v*abs(v)"),
-    "coulomb": ("k3*x", "c3*v*abs(v)"),
-    "cubic": ("k1*x + kn1*x**5", "c1*v"),
-    "cubic-hardening": ("k1*x", "c1*v + cn*v**3"),
-    "joint": ("a1*x + a3*x**3", "d1*v + d2*v*abs(v)"),
-    "piecewise": ("k4*x", "c4*v + Ff*sign(v)"),
-    "quintic": ("k2*x + kn2*x**3", "c2*v"),
-}
+    "bilinear": ("k6*x + kn*x**3", "c5*v*abs(v)"), "combined": ("k8*x", "c6*v + cn6*v*abs(v)"),
+    "coulomb": ("k3*x", "c3*v*abs(v)"), "cubic": ("k1*x + kn1*x**5", "c1*v"),
+    "cubic-hardening": ("k1*x", "c1*v + cn*v**3"), "joint": ("a1*x + a3*x**3", "d1*v + d2*v*abs(v)"),
+    "piecewise": ("k4*x", "c4*v + Ff*sign(v)"), "quintic": ("k2*x + kn2*x**3", "c2*v"),
+}  # fmt: skip
 """A law as somebody might guess it wrongly."""
 
 LINEAR_FUNDAMENTALS = (
@@ -288,17 +275,14 @@ _REVERSIBLE = (
 TAMPERINGS = (
     Tampering("sign of the response reversed", SENSE, lambda test: _responds(test, -test.response)),
     Tampering(
-        "phase in the wrong sense (conjugate)",
-        SENSE,
+        "phase in the wrong sense (conjugate)", SENSE,
         lambda test: test.reading("response", phase_sense="lag"),
     ),
     Tampering("response in mm/s^2, read as m/s^2", SIZE, lambda test: _responds(test, 1e3 * test.response)),
     Tampering("force in kN, read as N", SIZE | NOMINAL, lambda test: replace(test, force=1e-3 * test.force)),
     Tampering("one level in g, read as m/s^2", LEVELS, gravities_one_level),
     Tampering(
-        "response in g, read as m/s^2; mass known",
-        MISFIT | SIZE,
-        gravities_known_mass,
+        "response in g, read as m/s^2; mass known", MISFIT | SIZE, gravities_known_mass,
         refusal="follows none of",
     ),
     Tampering("rad/s read as Hz, column called omega", UNIT, radians_as_hertz),
@@ -307,22 +291,18 @@ TAMPERINGS = (
     ),
     Tampering("Hz read as kHz", UNIT, lambda test: test.reading("frequency", unit="kHz")),
     Tampering(
-        "acceleration read as displacement",
-        SENSE,
+        "acceleration read as displacement", SENSE,
         lambda test: test.reading("response", quantity="displacement"),
     ),
     Tampering(
-        "acceleration read as velocity",
-        SENSE | MISFIT,
-        lambda test: test.reading("response", quantity="velocity"),
-        refusal="follows none of",
+        "acceleration read as velocity", SENSE | MISFIT,
+        lambda test: test.reading("response", quantity="velocity"), refusal="follows none of",
     ),
     Tampering("another sensor's channel, with a delay", MISFIT | SENSE, delayed_channel),
     Tampering("two levels swapped", LEVELS, swapped_levels),
     Tampering("labels 1, 2, 3, ... for the forces", LEVELS, labels, refusal="follows none of"),
     Tampering(
-        "the same force at every level",
-        LEVELS,
+        "the same force at every level", LEVELS,
         lambda test: replace(test, force=np.full(len(test.force), 5.0)),
     ),
     Tampering("one level twice, once under another force", LEVELS, level_twice),
@@ -332,36 +312,29 @@ TAMPERINGS = (
     Tampering("frequencies of one level 2 % too high", LEVELS, shifted_level),
     Tampering("sensor overloaded at half of the largest response", POINTS, clipped),
     Tampering(
-        "gain of the sensor 1.3 times from the middle on",
-        POINTS,
+        "gain of the sensor 1.3 times from the middle on", POINTS,
         lambda test: _responds(test, np.where(_along(test) < 0.5, 1.0, 1.3) * test.response),
     ),
     Tampering(
-        "gain of the sensor drifts by 15 %",
-        POINTS,
+        "gain of the sensor drifts by 15 %", POINTS,
         lambda test: _responds(test, (1 + 0.15 * _along(test)) * test.response),
     ),
     Tampering("gain of the sensor 1.2 times from the middle of a level on", POINTS, gain_stepped_in_level),
     Tampering("frequencies of one level shifted by half of a line's width", LEVELS, shifted_in_line),
     Tampering(
-        "response turned by 30 degrees",
-        SENSE | MISFIT,
+        "response turned by 30 degrees", SENSE | MISFIT,
         lambda test: _responds(test, test.response * np.exp(1j * np.pi / 6)),
     ),
     Tampering("a second mode in the band", BACKGROUND, second_mode),
     Tampering("a constant background left out", BACKGROUND, constant_background),
     Tampering(
-        "a phase error of 0.2 rad left out",
-        BACKGROUND,
+        "a phase error of 0.2 rad left out", BACKGROUND,
         lambda test: _responds(test, test.response * np.exp(-0.2j)),
     ),
     Tampering("law without the decisive term", MISFIT, lambda test: replace(test, laws=MATTERING[test.name])),
     Tampering("a law guessed wrongly", MISFIT, lambda test: replace(test, laws=OTHER_WRONG[test.name])),
     Tampering(
-        "free decay with its drive before it",
-        WAVE | MISFIT,
-        build=driven_first,
-        refusal="decay",
+        "free decay with its drive before it", WAVE | MISFIT, build=driven_first, refusal="decay",
         corrected="decay-taken",
     ),
     Tampering(
@@ -369,16 +342,14 @@ TAMPERINGS = (
     ),
     Tampering("noise taken as a swept sine", WAVE | MISFIT, build=noise_as("swept-sine"), refusal="sine"),
     Tampering("noise taken as a stepped sine", WAVE | MISFIT, build=noise_as("stepped-sine"), refusal="sine"),
-)
+)  # fmt: skip
 """Every case of ``cases/`` has to stand each of them."""
 
 UNSEEN = (
     Tampering(
-        "response in g, read as m/s^2; mass unknown",
-        SIZE,
-        lambda test: _responds(test, test.response / G),
+        "response in g, read as m/s^2; mass unknown", SIZE, lambda test: _responds(test, test.response / G),
         unseen=_REVERSIBLE,
     ),
     Tampering("rad/s read as Hz, no name says so", SIZE, radians_unnamed, unseen=_REVERSIBLE),
-)
+)  # fmt: skip
 """Of one case each: what one test cannot show by itself."""
