@@ -383,8 +383,10 @@ def law_faults(case: Case) -> list[str]:
         place = f"element.{number}"
         values = None if case.oscillator is None else case.oscillator.values
         if values is not None:
-            faults += (wrong := _wrong_memory(place, element, values, case.test))
-            if wrong:
+            virgins, loops = _wrong_virgins(element, values), _open_loops(element, values, case.test)
+            if virgins or loops:
+                faults += [f"{place}.force: {text}" for text in virgins]
+                faults += [f"{place}.memory.{text}" for text in loops]
                 continue
         try:
             derive(element)
@@ -449,11 +451,6 @@ def _sines(test: PlannedTest) -> Motion:
     start = np.exp(1j * np.pi / _SAMPLES)
     harmonics = np.stack([np.zeros(size.size), start * size.ravel()], axis=1)
     return Motion(omega.ravel(), harmonics)
-
-
-def _wrong_memory(place: str, element: Element, values: Mapping[str, float], test: PlannedTest) -> list[str]:
-    virgins = [f"{place}.force: {text}" for text in _wrong_virgins(element, values)]
-    return [*virgins, *(f"{place}.memory.{text}" for text in _open_loops(element, values, test))]
 
 
 def _wrong_virgins(element: Element, values: Mapping[str, float]) -> list[str]:

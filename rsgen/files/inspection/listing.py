@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import hashlib
+from collections import ChainMap
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import replace
 from itertools import islice
@@ -207,22 +208,10 @@ def _numbers(path: Path, layout: Layout, wanted: list[int]) -> tuple[dict[int, A
     except MeasurementError as error:
         if len(wanted) < 2 or len(wanted) * path.stat().st_size > _MAX_BYTES_COLUMN_BY_COLUMN:
             return {}, dict.fromkeys(wanted, str(error)), ""
-    else:
-        values = found.values
-        return (
-            {number: np.ascontiguousarray(values[:, i]) for i, number in enumerate(wanted)},
-            {},
-            _passed(found),
-        )
-    numbers: dict[int, Array] = {}
-    faults: dict[int, str] = {}
-    remark = ""
-    for number in wanted:
-        alone, fault, said = _numbers(path, layout, [number])
-        numbers |= alone
-        faults |= fault
-        remark = remark or said
-    return numbers, faults, remark
+        numbers, faults, remarks = zip(*(_numbers(path, layout, [number]) for number in wanted), strict=True)
+        return dict(ChainMap(*numbers)), dict(ChainMap(*faults)), next(filter(None, remarks), "")
+    columns = zip(wanted, map(np.ascontiguousarray, found.values.T), strict=True)
+    return dict(columns), {}, _passed(found)
 
 
 def _passed(found: Columns) -> str:
