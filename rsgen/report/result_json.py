@@ -139,6 +139,7 @@ def ranking_entry(ranking: Ranking) -> dict[str, Any]:
                 "parameters": candidate.parameters,
                 **_finite_ones(candidate, ("held_out_error", "bic")),
                 "tied": candidate.tied,
+                **({"fault": candidate.fault} if candidate.fault else {}),
             }
             for candidate in ranking.candidates
         ],

@@ -22,6 +22,7 @@ from rsgen.app.cli.options import (
 )
 from rsgen.app.cli.progress_bar import print_cache_fault, stage_progress
 from rsgen.app.cli.terminal import (
+    interval_text,
     number,
     print_json,
     print_line,
@@ -38,7 +39,6 @@ from rsgen.common.tolerances import CONFIDENCE_TEXT
 from rsgen.data.surface import ResponseSurface
 from rsgen.files import load_surface
 from rsgen.identification.prediction import predict
-from rsgen.identification.results import Estimate
 from rsgen.identification.results.result import held_out_lines
 from rsgen.report.result_json import fixed_entry, rows_entry
 from rsgen.report.wording import sentence
@@ -98,7 +98,7 @@ def identify_command(
             (
                 refined.name,
                 *(number(one.value) for one in (*others, refined)),
-                _interval_text(refined),
+                interval_text(refined),
                 refined.unit,
             )
             for *others, refined in zip(
@@ -115,10 +115,3 @@ def identify_command(
         if finding not in verdict.decided_by:
             print_line(f"note: {sentence(finding)}")
     return print_next_steps(state_verdict(verdict))
-
-
-def _interval_text(estimate: Estimate) -> str:
-    low, high = estimate.interval
-    if estimate.by_profile:
-        return f"{number(low)} to {number(high)}, by profile"
-    return number((high - low) / 2, 2)

@@ -11,18 +11,20 @@ import typer
 from rsgen.app.cli.options import Data, Json
 from rsgen.app.cli.progress_bar import print_cache_fault, stage_progress
 from rsgen.app.cli.terminal import (
+    interval_text,
     number,
     print_block,
     print_faults,
     print_json,
     print_line,
     print_next_steps,
+    print_table,
     print_verdict,
     verdict_code,
 )
 from rsgen.app.study import obtain_table
 from rsgen.cases import load_case
-from rsgen.common.errors import shown_path
+from rsgen.common.tolerances import CONFIDENCE_TEXT
 from rsgen.data.multisine import MultisineSpectra
 from rsgen.data.oscillator import Model
 from rsgen.data.surface import ResponseSurface
@@ -68,6 +70,8 @@ def rank_command(
     with stage_progress(case) as note:
         note("ranking", 0.0)
         ranking = rank(table, model, terms_in_sum=terms_in_sum)
+    # of a law that is not to be used values are shown, so that absurd ones are seen, but no intervals
+    best = ranking.best.refined if ranking.verdict.usable else ()
     if json:
         entry = ranking_entry(ranking)
         print_json(
@@ -79,6 +83,7 @@ def rank_command(
                     one | {"own": candidate.own, "values": dict(candidate.values)}
                     for one, candidate in zip(entry["candidates"], ranking.candidates, strict=True)
                 ],
+                "best": {one.name: {"value": one.value, "interval": [*one.interval]} for one in best},
             }
         )
         return verdict_code(ranking.verdict.state)
@@ -87,21 +92,19 @@ def rank_command(
     for finding in ranking.findings:
         if finding not in ranking.verdict.decided_by and finding != ranking.verdict.summary:
             print_line(sentence(finding))
-    usable = ranking.verdict.usable
     print_line(
-        f"{'best' if usable else 'least misfit, not to be used as it is'}: {ranking.candidates[0].force}"
+        f"{'best' if best else 'least misfit, not to be used as it is'}: {ranking.candidates[0].force}"
     )
-    print_line(f"with {_values(ranking, table)}")
-    if usable:
-        command = f"rsgen identify {shown_path(case)}" if model else "rsgen.identify(surface, law) in Python"
-        own = model is None or ranking.candidates[0].own
-        place = "" if own else ', with model = "rank" at the top of the file'
-        print_line(f"  next: intervals of these values: {command}{place}")
+    if best:
+        rows = [(one.name, number(one.value), interval_text(one), one.unit) for one in best]
+        print_table(("", "identified", f"± ({CONFIDENCE_TEXT})", "unit"), rows)
+    else:
+        print_line(f"with {_values(ranking, table)}")
     return print_next_steps(state_verdict(ranking.verdict))
 
 
 def _values(ranking: Ranking, table: ResponseSurface | MultisineSpectra) -> str:
-    """Values of the best law with their units, so that absurd ones are seen."""
+    """Values of the first law with their units."""
     units = units_of(ranking.model, table.on_mass(ranking.model.fixed.get("m", nan)).units)
     return ", ".join(
         f"{name} = {number(value)} {units.get(name, '')}".rstrip()

@@ -112,6 +112,8 @@ class CandidateFit:
         (r,) mask of the rows that count.
     background_cost
         Sum of squares of the change of the background.
+    fault
+        Why it is no candidate; "" where it is one.
     """
 
     candidate: CandidateLaw
@@ -119,6 +121,7 @@ class CandidateFit:
     held_out_residual: Array
     compared: NDArray[np.bool_]
     background_cost: float
+    fault: str = ""
 
     @property
     def misfit(self) -> float:
@@ -192,9 +195,7 @@ class _Balance:
         return bool(sum(float(np.mean(sample.by_x)) for sample in samples) < _MIN_STATIC_STIFFNESS * inertia)
 
 
-def fit_candidate(
-    candidate: CandidateLaw, rows: WhitenedBalance, fixed: Mapping[str, float]
-) -> CandidateFit | None:
+def fit_candidate(candidate: CandidateLaw, rows: WhitenedBalance, fixed: Mapping[str, float]) -> CandidateFit:
     """Fit a candidate along the motion and predict each level from the others.
 
     Parameters
@@ -208,9 +209,9 @@ def fit_candidate(
 
     Returns
     -------
-    CandidateFit or None
-        None if friction would feed energy, the static stiffness is missing, or the sum of squares is not
-        finite.
+    CandidateFit
+        With a ``fault`` if friction would feed energy, the static stiffness is missing, or the sum of squares
+        is not finite.
     """
     balance = _Balance(candidate, rows, fixed)
     names = balance.names
@@ -229,17 +230,20 @@ def fit_candidate(
     place = np.clip(place, limits[:, 0], limits[:, 1])
     place, *_ = descend(balance.linearise, place, np.zeros((len(rows), 0)), rules)
     residual, matrix = balance.evaluate(place)
-    if not np.isfinite(np.sum(residual[:, rows.compared] ** 2)):
-        return None
     values = dict(zip(names, place[: len(names)].tolist(), strict=True))
-    if any(sum(values[name] for name in names) < 0 for names in candidate.dissipates):
-        return None
-    if balance.lacks_static_stiffness(place):
-        return None
     background = rows.background_at + place[len(names) :]
     fitted = replace(candidate, values=values, background=background)
-    held_out_residual = _held_out_residual(balance, place, residual, matrix)
     background_cost = float(np.sum((balance.prior * place) ** 2))
+    fault = ""
+    if not np.isfinite(np.sum(residual[:, rows.compared] ** 2)):
+        fault = "its force is not finite along the motion"
+    elif any(sum(values[name] for name in names) < 0 for names in candidate.dissipates):
+        fault = "its friction would feed energy"
+    elif balance.lacks_static_stiffness(place):
+        fault = "it has almost no static stiffness"
+    if fault:
+        return CandidateFit(fitted, residual, residual, rows.compared, background_cost, fault)
+    held_out_residual = _held_out_residual(balance, place, residual, matrix)
     return CandidateFit(fitted, residual, held_out_residual, rows.compared, background_cost)
 
 

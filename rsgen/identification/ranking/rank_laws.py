@@ -13,6 +13,7 @@ from __future__ import annotations
 from collections.abc import Collection, Sequence
 from dataclasses import dataclass, replace
 from itertools import chain
+from math import nan
 
 import numpy as np
 import sympy
@@ -58,10 +59,11 @@ _MAX_ROUNDS = 5
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Compared:
-    """A round, and the candidates fitted along its motion, best first."""
+    """A round, and the candidates fitted along its motion, best first, and those with a fault."""
 
     round: Round
     found: list[CandidateFit]
+    faulty: list[CandidateFit]
 
     @property
     def misfit(self) -> float:
@@ -163,7 +165,7 @@ def _all_rounds(
         entries = Candidates(given, allowed, test.fixed, terms_in_sum)
         try:
             candidates = entries.search(test.first, rounds[-1].found[:_LEADERS] if rounds else [])
-            rounds += _rounds(test, entries.fit(candidates, test.first, first=True), entries)
+            rounds += _rounds(test, entries.fit(candidates, test.first, first=True)[0], entries)
         except RsgenError as refused:
             fault = refused
             continue
@@ -217,16 +219,17 @@ def _compare(current: Round, entries: Candidates, known: Sequence[CandidateFit])
     """Fit the candidates; at most twice exclude outliers of the best and refit the same candidates."""
     # the law of the motion competes in any case, and so do the best of the round before
     candidates = entries.search(current.rows, [current.leader, *known[:_LEADERS]])
-    found = entries.fit(candidates, current.rows)
+    found, faulty = entries.fit(candidates, current.rows)
     for _ in range(2):
         fewer = current.without_outliers(found[0])
         if fewer is None:
             break
-        current, found = fewer, entries.fit(candidates, fewer.rows)
+        current = fewer
+        found, faulty = entries.fit(candidates, current.rows)
     name = current.leader.candidate.name
     # fitted without the excluded points, unless it was dropped
     leader = next((fit for fit in found if fit.candidate.name == name), current.leader)
-    return _Compared(replace(current, leader=leader), found)
+    return _Compared(replace(current, leader=leader), found, faulty)
 
 
 def order_candidates(
@@ -315,7 +318,26 @@ def _ranking(
         )
         for number, fit in zip(order, ordered, strict=True)
     ]
-    doubts = [f for f in (found.findings if found else ()) if f.severity in ("doubt", "error")]
+    rows += [
+        Candidate(
+            fit.candidate.name,
+            law_text(fit.candidate.elements),
+            len(fit.candidate.values) - len(fixed),
+            nan,
+            nan,
+            tied=False,
+            values={},
+            own=fit.candidate.name == OWN,
+            fault=fit.fault,
+        )
+        for fit in last.faulty
+    ]
+    # what the identification says of the misfit the ranking does not say otherwise
+    doubts = [
+        f
+        for f in (found.findings if found else ())
+        if f.severity in ("doubt", "error") or f.code == "law-does-not-fit"
+    ]
     if fault is not None:
         names = {"law": best.candidate.name, "fault": str(fault)}
         doubts.append(Finding("law-unconfirmed", "doubt", names=names))

@@ -66,6 +66,8 @@ class Candidate:
         Values of the parameters, SI, "m" if the mass is free: initial values, without intervals.
     own
         True for the law of the model, or of the case, that was ranked.
+    fault
+        Why it could not be fitted, "" if it was; such candidates are the last, without numbers.
     """
 
     name: str
@@ -76,6 +78,7 @@ class Candidate:
     tied: bool
     values: Mapping[str, float]
     own: bool = False
+    fault: str = ""
 
     @property
     def label(self) -> str:
@@ -99,7 +102,7 @@ class Ranking(Printed):
     ----------
     candidates
         Best first: of tied ones that of fewest parameters, then the other tied ones and all others by BIC;
-        last those that predict levels worse than a law of fewer parameters does.
+        last those that predict levels worse than a law of fewer parameters does, and those not fitted.
     model
         The best law as a model for ``identify``.
     fits
@@ -192,7 +195,7 @@ class Ranking(Printed):
         RsgenError
             pandas is not installed.
         """
-        names = ("name", "force", "parameters", "bic", "held_out_error", "tied")
+        names = ("name", "force", "parameters", "bic", "held_out_error", "tied", "fault")
         return data_frame({name: [getattr(candidate, name) for candidate in self] for name in names}, "name")
 
     @property
@@ -204,7 +207,9 @@ class Ranking(Printed):
                 candidate.parameters,
                 short(candidate.bic, 4),
                 f"{short(100 * candidate.held_out_error, 2)} %" if candidate.held_out_error >= 0 else "",
-                "best"
+                f"not fitted: {candidate.fault}"
+                if candidate.fault
+                else "best"
                 if candidate is self.candidates[0]
                 else "ties with the best"
                 if candidate.tied
@@ -258,6 +263,7 @@ def assess_best(
     left = current.misfit(best)
     impossible = [finding for finding in doubts if finding.severity == "error"]
     doubts = [finding for finding in doubts if finding.severity != "error"]
+    systematic = any(finding.code == "law-does-not-fit" for finding in doubts)
     doubts = [*doubts, *_overfitting_findings(current.relative(best.residual), candidates)]
     findings = list(impossible)
     if left.unexplained:
@@ -265,7 +271,9 @@ def assess_best(
         findings.append(Finding("no-law-fits", "error", numbers=numbers, names={"law": candidates[0].label}))
     else:
         sure = left.known and not impossible and all(finding.severity != "doubt" for finding in doubts)
-        findings += _best_law_findings(candidates, current, known=left.known, sure=sure)
+        findings += _best_law_findings(
+            candidates, current, known=left.known, sure=sure, systematic=systematic
+        )
     findings += doubts
     findings += _sample_findings(current, candidates[0].parameters, left.outliers)
     fits = left.known and not impossible and not left.unexplained
@@ -326,7 +334,7 @@ def _sample_findings(current: Round, parameters: int, outliers: int) -> list[Fin
 
 
 def _best_law_findings(
-    candidates: Sequence[Candidate], current: Round, *, known: bool, sure: bool
+    candidates: Sequence[Candidate], current: Round, *, known: bool, sure: bool, systematic: bool = False
 ) -> list[Finding]:
     """State the best law and those that the test does not separate from it."""
     tied = [candidate.name for candidate in candidates if candidate.tied]
@@ -335,6 +343,7 @@ def _best_law_findings(
     numbers = quantities(**counted, noise=current.noise, least=MISFIT_NEGLIGIBLE)
     label = {candidate.name: candidate.label for candidate in candidates}
     law = {"law": label[best]} | ({} if known else {"noise": "not known"})
+    law |= {"left": "systematic"} if sure and systematic else {}
     found = [Finding("law-fits-best" if sure else "law-nearest", "info", numbers=numbers, names=law)]
     inside = set(best.split(" + "))
     found += [

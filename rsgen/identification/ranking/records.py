@@ -249,7 +249,7 @@ class RecordTest(RankedTest):
             rows = LineBalance.along(fit)
             values = {**dict(zip(law.parameters, fit.values.tolist(), strict=True)), "m": fit.mass}
             leader = fit_candidate(replace(candidate, values=values), rows, self.fixed)
-        return None if leader is None else RecordRound(rows, leader)
+        return None if leader.fault else RecordRound(rows, leader)
 
 
 def _misfit(fit: LineFit) -> float:

@@ -229,10 +229,10 @@ def _simulated_reference(best: CandidateLaw, found: Fit, fixed: Mapping[str, flo
         rows = reference.rows(noise)
         candidate = replace(best, values=reference.parameters)
         leader = fit_candidate(candidate, rows, fixed)
-        out = None if leader is None else outliers_of(leader, noise)
+        out = None if leader.fault else outliers_of(leader, noise)
         if out is not None and out.any():
             leader = fit_candidate(candidate, rows.select(np.flatnonzero(~out)), fixed)
-        if leader is None:
+        if leader.fault:
             return reference
         values = reference.law.ordered(leader.candidate.values)
         inertia = leader.candidate.values["m"]
@@ -487,12 +487,12 @@ class PointTest(RankedTest):
         for last in (False, False, True):
             rows = reference.rows(noise)
             leader = fit_candidate(candidate, rows, self.fixed)
-            if leader is None or last:
+            if leader.fault or last:
                 break
             pairs = reference.motion.points.pairs(~outliers_of(leader, noise))
             _, random = _neighbour_noise(leader.residual, pairs, rows.compared)
             noise = np.maximum(noise * np.where(np.isfinite(random), random, 1.0), MISFIT_NEGLIGIBLE)
-        if leader is None:
+        if leader.fault:
             return None
         return PointRound(rows, leader, reference, noise, len(self.observed.points), self._measured)
 

@@ -49,7 +49,7 @@ class SumFit:
     misfit
         Sum of squares in units of the noise.
     bic
-        Bayesian information criterion.
+        Bayesian information criterion; infinite for a single law whose friction feeds energy at any value.
     """
 
     law: Sum
@@ -181,7 +181,11 @@ def search_sums(
     found: dict[frozenset[str], tuple[SumFit, tuple[_TermVariants, ...]]] = {}
 
     def consider(chosen: tuple[Term, ...], variants: Sequence[_TermVariants]) -> None:
-        result = _best_variants(columns, Sum(chosen, rows.sensors), variants)
+        law = Sum(chosen, rows.sensors)
+        result = _best_variants(columns, law, variants)
+        if result is None and len(chosen) == 1:
+            # its fit says why it is no candidate
+            result = _best_variants(columns, law, variants, dissipating=False)
         key = frozenset(term.name for term in chosen)
         if result is not None and (key not in found or result[0].misfit < found[key][0].misfit):
             found[key] = result
@@ -217,9 +221,12 @@ def _reach(values: Sequence[float], value: float) -> float:
 
 
 def _best_variants(
-    columns: _TermColumns, law: Sum, variants: Sequence[_TermVariants]
+    columns: _TermColumns, law: Sum, variants: Sequence[_TermVariants], *, dissipating: bool = True
 ) -> tuple[SumFit, tuple[_TermVariants, ...]] | None:
-    """Solve for every combination of variants; return the best admissible one and its variants."""
+    """Solve for every combination of variants; return the best one and its variants.
+
+    Friction that feeds energy is admitted where ``dissipating`` is False.
+    """
     base = {name: i for name, i in columns.base.items() if name in law.base or name == "m"}
     sizes = [len(variant.values) for variant in variants]
     # without a term there is one combination, of none
@@ -234,7 +241,7 @@ def _best_variants(
             parts += [choice.columns, choice.slopes] if between else [choice.columns]
         misfit, coefficients = _solve(columns, np.concatenate(parts, axis=1))
         named = _named(law, base, coefficients, choices, between)
-        for group in law.dissipates:
+        for group in law.dissipates if dissipating else ():
             misfit[np.sum([named[name] for name in group], axis=0) < 0] = np.inf
         if between:
             misfit[~_within_reach(law, named, choices)] = np.inf
@@ -244,7 +251,7 @@ def _best_variants(
     if best is None:
         return None
     misfit_of_best = max(best[0], 0.0)
-    bic = misfit_of_best + len(best[1]) * float(np.log(columns.rows))
+    bic = misfit_of_best + len(best[1]) * float(np.log(columns.rows)) if dissipating else np.inf
     trial = SumFit(law, best[1], misfit_of_best, bic)
     return trial, tuple(choice.select(np.array([best[2]])) for choice in choices)
 
@@ -332,14 +339,15 @@ class Candidates:
             trials = search_sums(rows.few, self.terms, self.fixed, self.terms_in_sum)
             plain = _shortlist([trial for trial in trials if not trial.remembers], *_SHORTLIST)
             loops = _shortlist([trial for trial in trials if trial.remembers], *_SHORTLIST_WITH_MEMORY)
-            candidates += [_candidate_of(trial, rows, self.fixed) for trial in (*plain, *loops)]
+            refused = [trial for trial in trials if not np.isfinite(trial.bic)]
+            candidates += [_candidate_of(trial, rows, self.fixed) for trial in (*plain, *loops, *refused)]
         again = [fit.candidate for fit in known]
         return list({_term_names(candidate.name): candidate for candidate in (*again, *candidates)}.values())
 
     def fit(
         self, candidates: Sequence[CandidateLaw], rows: WhitenedBalance, *, first: bool = False
-    ) -> list[CandidateFit]:
-        """Fit candidates with every parameter free; best first.
+    ) -> tuple[list[CandidateFit], list[CandidateFit]]:
+        """Fit candidates with every parameter free; return them best first, and those with a fault.
 
         Parameters
         ----------
@@ -353,13 +361,13 @@ class Candidates:
         RsgenError
             No candidate gives a finite balance.
         """
-        fits = [
-            fit for candidate in candidates if (fit := fit_candidate(candidate, rows, self.fixed)) is not None
-        ]
+        every = [fit_candidate(candidate, rows, self.fixed) for candidate in candidates]
+        fits, faulty = [fit for fit in every if not fit.fault], [fit for fit in every if fit.fault]
         if not fits:
-            raise RsgenError("ranking: no candidate gives a finite balance at the measured points")
+            faults = " or ".join(sorted({fit.fault for fit in faulty}))
+            raise RsgenError(f"ranking: no candidate can be fitted to the measured points: {faults}")
         noise = min(fit.misfit for fit in fits) / fits[0].residual.size if first else 1.0
-        return sorted(fits, key=lambda fit: fit.bic(max(noise, 1e-300)))
+        return sorted(fits, key=lambda fit: fit.bic(max(noise, 1e-300))), faulty
 
 
 def competitors(

@@ -523,12 +523,10 @@ def _place(f: Finding) -> str:
 
 @says("law-fits-best")
 def _law_fits_best(f: Finding) -> str:
-    small = f["noise"] <= f["least"]
-    size = (
-        f"is less than {f['least']:g}"
-        if small
-        else f"looks like noise of {number_text(100 * f['noise'], 2)} %"
-    )
+    noise = number_text(100 * f["noise"], 2)
+    if "left" in f.names:
+        return f"{f.names['law']} fits best, with a noise of {noise} % at {_counted(f)}"
+    size = f"is less than {f['least']:g}" if f["noise"] <= f["least"] else f"looks like noise of {noise} %"
     return f"{f.names['law']} fits best: what it leaves unexplained at {_counted(f)} {size}"
 
 
