@@ -34,6 +34,37 @@ def test_what_is_not_identifiable_is_named():
     assert (np.abs(null).max(axis=1) > 1e-3).tolist() == [True, True, False, True]
 
 
+def test_a_narrow_valley_with_a_bend_is_followed_to_its_end():
+    """Rosenbrock's, 1e5 steep: a thirty-second of a step leads up from its floor, a full one back to it.
+
+    It is one of exact data, as that of the square of a one-sided stiffness.
+    """
+    size = 1e-6
+
+    def linearise(p: np.ndarray, nuisance: np.ndarray) -> Linearisation:
+        residual = np.tile([1e5 * (p[0] ** 2 - p[1]), 1 - p[0]], (4, 1))
+        by = np.tile([[-2e5 * p[0], 1e5], [1.0, 0.0]], (4, 1, 1))
+        return Linearisation(size * residual, np.zeros((4, 2, 0)), size * by)
+
+    parameters, _, _, converged = descend(linearise, np.array([0.3, 0.09]), np.zeros((4, 0)))
+    assert converged
+    assert parameters == pytest.approx([1, 1], rel=1e-9)
+
+
+@pytest.mark.parametrize(("size", "expected"), [(1.0, False), (1e-6, True)])
+def test_what_truncated_waveforms_leave_of_exact_data_is_no_open_step(size, expected):
+    """A wrong slope promises a twelfth of the sum of squares, and no step has it."""
+
+    def linearise(p: np.ndarray, nuisance: np.ndarray) -> Linearisation:
+        residual = np.tile([1.0, 1 - p[0]], (40, 1))
+        by = np.tile([[-0.3], [1.0]], (40, 1, 1))
+        return Linearisation(size * residual, np.zeros((40, 2, 0)), size * by)
+
+    parameters, _, _, converged = descend(linearise, np.array([1.0]), np.zeros((40, 0)))
+    assert parameters == pytest.approx([1])
+    assert converged is expected
+
+
 def line_through(noise: float, seed: int, spoilt: int = 0):
     """Points of y = p0 + p1 x with equal noise on x and y; nuisances are x and an idle one."""
     generator = np.random.default_rng(seed)

@@ -343,10 +343,10 @@ def descend(
                 break
         least = max(rules.gain, MISFIT_NEGLIGIBLE * right.size) if reached else rules.gain
         if realised < least or relative < ROUND_OFF:
-            done = realised >= 0 or relative < 1e-6 or gain < 1.0
-            # the misfit of exact data is due to truncated waveforms; slopes that are kept show no curvature
-            exact = rules.attainable > 0 or np.sqrt(np.mean(right**2)) < MISFIT_OF_NOISE
-            if done or exact or rules.steps <= _WATCHDOG_STEPS:
+            # of exact data truncated waveforms leave a misfit that steps change by less than half
+            exact = np.sqrt(np.mean(right**2)) < MISFIT_OF_NOISE
+            done = realised >= 0 or relative < 1e-6 or gain < (right.size if exact else 1.0)
+            if done or rules.attainable > 0 or rules.steps <= _WATCHDOG_STEPS:  # kept slopes have no bend
                 return parameters, nuisance, line, done
             step = rules.move(parameters, change), nuisance + nuisance_change
             ahead = _across_bend(linearise, step, line, parameters, rules, good)
