@@ -19,7 +19,7 @@ import sympy
 from numpy.typing import NDArray
 
 from rsgen.common.arrays import Array
-from rsgen.describing.closed import MAX_POWER, close, quarter
+from rsgen.describing.closed import MAX_POWER, quarter
 from rsgen.describing.quadrature import Cycle, project
 from rsgen.describing.regimes import Reading, tidy
 from rsgen.formula import symbol
@@ -27,7 +27,7 @@ from rsgen.formula.evaluation import compiled
 from rsgen.formula.names import OMEGA, PHI, STATE_V, STATE_X, X0, X
 from rsgen.law.forms import expanded, moves
 from rsgen.law.memory import MemoryForm
-from rsgen.law.normal_form import NormalForm, Piece, normal_form, normal_form_at
+from rsgen.law.normal_form import NormalForm, normal_form, normal_form_at
 
 # ----------------------------------------------------------------------------
 # Laws with memory along a cycle with known turning points: branches of Masing laws, structural damping.
@@ -191,9 +191,6 @@ def _sorted_pieces(
     return Pieces(kept, tuple(dict.fromkeys(assumed)))
 
 
-MAX_CANCELLATION = 100.0
-"""Largest ratio of the terms of a damping to the stiffness; beyond, cancellation loses two digits."""
-
 _ANGLE, _ROOT, _COSINE = (sympy.Dummy(name, positive=True) for name in ("angle", "root", "cosine"))
 """pi/2 - T, X sin(T) cos(T) and cos(T) at a threshold."""
 
@@ -258,24 +255,6 @@ class ClosedMasing:
         for part in compiled(self.assumed, names)(*values) if self.assumed else ():
             valid = valid & (part > 0)
         return valid
-
-    def inaccurate(
-        self,
-        X_: Array,
-        omega: Array,
-        names: tuple[sympy.Symbol, ...],
-        values: tuple[Array, ...],
-        found: list[Array],
-    ) -> NDArray[np.bool_]:
-        """Return (n,) where factors overflow, as in exp(-a X) I1(a X), or terms cancel, as for small a X."""
-        lost = ~np.isfinite(found[0]) | ~np.isfinite(found[1])
-        if self.stiffness.formula.has(sympy.besseli, sympy.besselj):
-            addends = sympy.Add.make_args(self.damping.formula)
-            (sizes,) = compiled((sympy.Add(*map(sympy.Abs, addends)),), (X, OMEGA, *names))(
-                X_, omega, *values
-            )
-            lost |= ~(omega * sizes <= MAX_CANCELLATION * np.abs(found[0]))
-        return lost
 
     @property
     def thresholds(self) -> tuple[sympy.Expr, ...]:
@@ -350,7 +329,7 @@ def _addend(
     place = sympy.Symbol("x", positive=True)
     coefficient, power = addend.as_coeff_exponent(place)
     if coefficient.has(place) or power.has(place):
-        return _wave(addend.xreplace({place: STATE_X})) if level is None else None
+        return None
     if power.is_negative or (power.is_Integer and power > MAX_POWER):
         return None
     scale = -8 * coefficient * X ** (power - 1) / sympy.pi
@@ -395,24 +374,6 @@ def _whole(power: sympy.Expr, level: sympy.Expr) -> sympy.Expr:
         return _COSINE
     double = 2 * power
     return _rise(power - sympy.S.Half, level) / double + (double - 1) / double * _whole(power - 1, level)
-
-
-def _wave(addend: sympy.Expr) -> Pair | None:
-    """Return stiffness and energy of sines, hyperbolic functions and exponentials, without a threshold.
-
-    The Masing stiffness at X is that of n as a memoryless law on the cycle of X/2 about X/2.
-    """
-    part = close(NormalForm((Piece(addend, ()),)), X0)
-    if part is None:
-        return None
-    stiffness = part.total[0].xreplace({X: X / 2, X0: X / 2})
-    # with positive parameters no cases for zero ones; what is analytic in them holds for either sign
-    known = {free: sympy.Dummy(free.name, positive=True) for free in addend.free_symbols - {STATE_X}}
-    area = sympy.integrate(addend.xreplace(known), (STATE_X, 0, X))
-    area = area.xreplace({dummy: free for free, dummy in known.items()})
-    if area.has(sympy.Integral, sympy.Piecewise):
-        return None
-    return stiffness, sympy.expand(8 * area - 4 * X * addend.xreplace({STATE_X: X}))
 
 
 def _read(terms: dict[sympy.Expr | None, tuple[sympy.Expr, dict[sympy.Symbol, sympy.Expr]]]) -> Reading:

@@ -135,12 +135,6 @@ class _Formulas:
         if not np.all(self.closed.holds(names, numbers)):
             return self.branches.harmonics(X_, mean, omega, values)
         found = [np.array(part) for part in self.closed.evaluate(X_, omega, names, numbers)]
-        rows = np.flatnonzero(self.closed.inaccurate(X_, omega, names, numbers, found))
-        if len(rows):
-            fields = {name: np.broadcast_to(value, X_.shape)[rows] for name, value in values.items()}
-            found[0][rows], found[1][rows], _ = self.branches.harmonics(
-                X_[rows], mean[rows], omega[rows], fields
-            )
         return [*found, np.zeros(X_.shape)]
 
     def along(self, phi: Array, X_: float, mean: float, omega: float, values: Mapping[str, float]) -> Array:

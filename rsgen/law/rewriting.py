@@ -53,14 +53,6 @@ def _step_at(variable: sympy.Symbol, threshold: sympy.Expr) -> Form:
     return step(x=threshold) if variable == STATE_X else step(v=threshold)
 
 
-def _signs_from_roots(variable: sympy.Symbol, roots: list[sympy.Expr]) -> Form:
-    """Return the sign of prod (variable - root)."""
-    product = constant(1)
-    for root in roots:
-        product = multiply(product, add(constant(-1), scale(_step_at(variable, root), 2)))
-    return product
-
-
 def _quadratic(variable: sympy.Symbol, a: sympy.Expr, b: sympy.Expr, c: sympy.Expr) -> Form:
     """Return the sign of a s**2 + b s + c; a negative discriminant merges both roots, without effect."""
     discriminant = sympy.expand(b**2 / 4 - a * c)
@@ -75,7 +67,7 @@ def _quadratic(variable: sympy.Symbol, a: sympy.Expr, b: sympy.Expr, c: sympy.Ex
 
 
 def _polynomial(factor: sympy.Expr, variable: sympy.Symbol) -> Form | None:
-    """Return the sign of an irreducible polynomial in one variable, or None where its roots are not known."""
+    """Return the sign of an irreducible polynomial in one variable; None where its degree is above two."""
     if is_long(factor):
         return None
     try:
@@ -89,17 +81,10 @@ def _polynomial(factor: sympy.Expr, variable: sympy.Symbol) -> Form | None:
     if degree == 1:
         slope, offset = coefficients
         threshold = sympy.expand_mul(-offset / slope)
-        return multiply(_signs_from_roots(variable, [threshold]), sign_of_parameter(slope))
+        beyond = add(constant(-1), scale(_step_at(variable, threshold), 2))
+        return multiply(beyond, sign_of_parameter(slope))
     if degree == 2:
         return _quadratic(variable, *coefficients)
-    if degree <= MAX_DEGREE and all(c.is_Rational for c in coefficients):
-        # irreducible: real roots are simple and no radicals worth reading
-        roots = [root.evalf(30) for root in sympy.real_roots(polynomial)]
-        return scale(_signs_from_roots(variable, roots), sympy.sign(coefficients[0]))
-    if len(polynomial.terms()) == 2 and degree % 2 == 1 and not coefficients[-1].is_zero:
-        ratio = -coefficients[-1] / coefficients[0]
-        root = sympy.sign(ratio) * sympy.Abs(ratio) ** sympy.Rational(1, degree)
-        return multiply(_signs_from_roots(variable, [root]), sign_of_parameter(coefficients[0]))
     return None
 
 

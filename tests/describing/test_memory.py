@@ -34,9 +34,9 @@ CURVES = (
     ("Min(k1*x, k2*x + F)", {"k1": 3.0, "k2": 0.4, "F": 1.2}, True),
     ("Min(k1*x, k2*x + F)", {"k1": 0.4, "k2": 3.0, "F": 1.2}, True),
     ("Min(k2*x, k1*x + F)", {"k1": 0.4, "k2": 3.0, "F": 1.2}, True),
-    ("Fs*(1 - exp(-kt*x/Fs))", {"kt": 3.0, "Fs": 1.5}, True),
+    ("Fs*(1 - exp(-kt*x/Fs))", {"kt": 3.0, "Fs": 1.5}, False),
     ("Piecewise((K*x - R*x**1.5, x < b), (K*b - R*b**1.5, True))", {"K": 3.0, "R": 1.0, "b": 0.8}, True),
-    ("K*x - R*x*sqrt(x)", {"K": 3.0, "R": 0.4}, True), ("F*sin(a*x)", {"F": 2.0, "a": 0.5}, True),
+    ("K*x - R*x*sqrt(x)", {"K": 3.0, "R": 0.4}, True), ("F*sin(a*x)", {"F": 2.0, "a": 0.5}, False),
     (IWAN4, {"R": 2.0, "S": 0.7, "chi": -0.4, "xm": 0.9}, False),
     ("Fs*tanh(kt*x/Fs)", {"kt": 3.0, "Fs": 1.5}, False), ("K*x/(1 + x/b)", {"K": 3.0, "b": 0.7}, False),
 )  # fmt: skip
