@@ -48,6 +48,29 @@ def test_levels_in_another_order_than_forces_are_doubted():
     assert list(level_findings(surface)) == []
 
 
+@pytest.mark.parametrize("factor", [0.5, 1.7, 2.0])
+def test_one_level_of_another_force_than_the_others_say_is_doubted(factor):
+    surface = cubic_surface(levels=4, frequencies=31)
+    level = np.where(surface.level == surface.levels[2], factor * surface.level, surface.level)
+    (found,) = level_findings(replace(surface, level=level))
+    assert (found.code, found.severity) == ("levels-disagree", "doubt")
+    assert found["level"] == factor * found["force"]
+    assert "the number of this level is wrong" in sentence(found)
+
+
+def test_a_level_with_the_response_of_another_one_is_doubted_held_out_or_not():
+    surface = cubic_surface(levels=3, frequencies=31)
+    response = surface.harmonics[:, 1].copy()
+    response[surface.level == surface.levels[2]] = response[surface.level == surface.levels[1]]
+    copy = changed(surface, response)
+    for held in ((), (surface.levels[2],)):
+        found = rsgen.identify(copy, "k1*x + kn1*x**3 + c1*v", rsgen.Observation(hold_out=held))
+        (repeated,) = [one for one in found.findings if one.code == "run-repeated"]
+        low, high = (f"the level of {one:g} N" for one in surface.levels[1:])
+        assert sentence(repeated).startswith(f"{low} and {high} hold the same numbers")
+        assert not found.verdict.usable
+
+
 def test_points_that_are_each_a_level_of_its_own_are_named():
     surface = cubic_surface()
     level = surface.level * (1 + 1e-3 * np.random.default_rng(0).normal(size=len(surface)))

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import re
 from abc import ABC, abstractmethod
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import fields, replace
 from pathlib import Path
 from typing import Any, ClassVar, Self
@@ -36,6 +36,10 @@ CHANNEL_NAME = re.compile(r"[A-Za-z_][A-Za-z0-9_]{0,39}")
 
 FILE_ROUND_OFF = 1e-6
 """Relative difference of frequencies, or of an amount from its nominal level, that is round-off of files."""
+MIN_POINTS_OF_RUN = 8
+"""Points of a run or level from which it is compared with others and its quantiles are used."""
+LEVEL_TOLERANCE = 1.5
+"""Largest factor between a force and its nominal level: shakers drop at a resonance, but by less."""
 LEVEL_DIGITS = 3
 """Digits of a level in pages and messages, at least; more where two would have one name."""
 
@@ -43,6 +47,21 @@ LEVEL_DIGITS = 3
 def below_acceleration(quantity: str | None) -> int:
     """Return the number of derivatives from a quantity to the acceleration; None is a displacement."""
     return DERIVATIVE["acceleration"] - DERIVATIVE[quantity or "displacement"]
+
+
+def levels_off(levels: Array, amounts: Array, known: Iterable[Finding] = ()) -> list[int]:
+    """Return the places of the levels, fewer than half, that are another multiple of their measured amounts
+    than the rest by more than the tolerance; none where a known finding says that levels disagree.
+
+    Examples
+    --------
+    >>> levels_off(np.array([1.0, 3.0, 6.0, 10.0]), np.array([1.0, 3.0, 3.0, 9.0]))
+    [2]
+    """
+    ratio = np.log(amounts / levels)
+    off = np.flatnonzero(np.abs(ratio - np.median(ratio)) > np.log(LEVEL_TOLERANCE)) if len(ratio) else ratio
+    said = any(finding.code == "levels-disagree" for finding in known)
+    return [] if said or 2 * len(off) >= len(ratio) else [*map(int, off)]
 
 
 def match_level(levels: Array, asked: float) -> float | None:
@@ -152,6 +171,22 @@ class Records(ABC):
         """Return the level with this label, or else with this amount; None without one."""
         named = self._named(asked)
         return match_level(self.levels, asked) if named is None else float(self.level[self.label == named][0])
+
+    def copied_levels(self) -> Iterator[Finding]:
+        """Return findings about levels with the response of another one to the last digit: no noise repeats.
+
+        None where reading made one, which names files.
+        """
+        seen: dict[bytes, float] = {}
+        for level in () if any(one.code == "run-repeated" for one in self.findings) else self.levels.tolist():
+            response = self.signals["response"][self.level == level]
+            if len(np.unique(response)) < MIN_POINTS_OF_RUN:
+                continue
+            first = seen.setdefault(response.tobytes(), level)
+            if first != level:
+                pair = zip(("first", "second"), (first, level), strict=True)
+                names = {name: f"the level of {one:g} {self.level_unit}" for name, one in pair}
+                yield Finding("run-repeated", "doubt", names=names)
 
     def require_levels(self, asked: Iterable[float]) -> None:
         """Raise an RsgenError for a level that was not tested."""

@@ -23,19 +23,20 @@ from rsgen.data.history import (
     from_swept_sine,
     record_findings,
 )
+from rsgen.data.history.record import copied_records, driven_amplitude
 from rsgen.data.multisine import MultisineSpectra
-from rsgen.data.record_set import below_acceleration
+from rsgen.data.record_set import MIN_POINTS_OF_RUN, below_acceleration
 from rsgen.data.surface import ResponseSurface, recognise_directions
 from rsgen.data.surface.plausibility import base_findings, lag_findings, quantity_findings
 from rsgen.files.column_titles import contradiction, is_angular, unit_in
 from rsgen.files.file_table import Sources, Table, join_motions, read_sources
 from rsgen.files.histories import read_motions
 from rsgen.files.nominal_levels import (
-    MIN_POINTS_OF_RUN,
     amplitude_steps,
     assign_levels,
     level_of_file,
     name_levels,
+    runs_of_one_level,
     stable_points,
 )
 from rsgen.files.plan import HERTZ, HistoryRule, MeasuredTest, SweepRule
@@ -424,6 +425,14 @@ def _amplitudes(test: MeasuredTest) -> ResponseSurface:
     )
     names = [_called(test, number, entry) for number, part in enumerate(parts) for entry in _blocks(part)]
     consistent = run_findings(surface, block, names, test.per_force)
+    if known and test.control in ("force", "phase"):
+        rows = [block == number for number in range(len(names))]
+        runs = [
+            (name, float(level[at][0]), float(np.median(drive[at])))
+            for name, at in zip(names, rows, strict=True)
+            if at.any() and len(set(level[at])) == 1
+        ]
+        consistent += runs_of_one_level(runs, surface.level_unit)
     surface = replace(surface, findings=(*surface.findings, *consistent))
     if test.recognises_sweeps:
         sweep = tell_branches_apart(surface, block)
@@ -443,8 +452,12 @@ def _levels_of_histories(
     surface = replace(surface, control=test.control)
     if surface.control == "continuation":
         return replace(surface, level=amplitude_steps(surface.amplitude, test.level.spread))
-    known = all(history.level is not None for history in histories)
-    return name_levels(surface, test, known, test.unit_said) if known else surface
+    if any(history.level is None for history in histories):
+        return surface
+    runs = [(one.label, cast("float", one.level), driven_amplitude(one.reference)) for one in histories]
+    found = runs_of_one_level(runs, surface.level_unit) if surface.control in ("force", "phase") else []
+    surface = replace(surface, findings=(*surface.findings, *found))
+    return name_levels(surface, test, True, test.unit_said)
 
 
 def _from_multisine(test: MeasuredTest, rule: HistoryRule) -> MultisineSpectra:
@@ -460,7 +473,7 @@ def _from_multisine(test: MeasuredTest, rule: HistoryRule) -> MultisineSpectra:
         base=base,
         across=across[0] if across else (),
     )
-    records = [found for history in histories for found in record_findings(history)]
+    records = [*copied_records(histories), *(found for one in histories for found in record_findings(one))]
     # a force that is not in N has no amount that a level could be
     kept = [f for f in spectra.findings if test.calibrated or f.code != "levels-in-other-unit"]
     if None not in labels:
@@ -479,7 +492,7 @@ def _from_histories(test: MeasuredTest, rule: HistoryRule) -> ResponseSurface:
     if rule.excitation != "ring-down":
         surface = _levels_of_histories(surface, test, histories)
     records = [found for history in histories for found in (*history.findings, *record_findings(history))]
-    return replace(surface, findings=(*records, *surface.findings))
+    return replace(surface, findings=(*copied_records(histories), *records, *surface.findings))
 
 
 def _demodulated(histories: list[TimeHistory], test: MeasuredTest, rule: HistoryRule) -> ResponseSurface:

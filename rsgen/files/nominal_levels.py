@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Iterable
 from dataclasses import replace
-from itertools import pairwise
+from itertools import combinations, pairwise
+from operator import itemgetter
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,9 +15,10 @@ from rsgen.common.arrays import Array
 from rsgen.common.errors import MeasurementError, quote, shown_path
 from rsgen.common.finding import Finding, Quantity
 from rsgen.common.tolerances import RELATIVE_CHANGE_NEGLIGIBLE
-from rsgen.data.record_set import LEVEL_DIGITS
+from rsgen.data.record_set import LEVEL_DIGITS, LEVEL_TOLERANCE, MIN_POINTS_OF_RUN
 from rsgen.data.surface import ResponseSurface, typical_amounts
 from rsgen.data.surface.columns import MIN_TURN, group_forces, monotone_runs
+from rsgen.data.surface.response_surface import amounts_of_levels
 from rsgen.files.plan import MeasuredTest
 
 # ----------------------------------------------------------------------------
@@ -97,12 +100,8 @@ _MIN_SHARE_OF_SWEEP_STEPS = 0.8
 _MAX_LEVEL_RATIO = 2.0
 """A level is no amount of what was measured where it is above the largest, or below the typical one, by more
 than this factor. Shakers lose force at a resonance and stay near the level elsewhere."""
-_QUANTILE_OF_LARGEST = 0.9
-"""Quantile that stands for the largest amount: single readings may be off."""
 _MIN_RANGE_IF_FREE = 0.5
 """Relative range, from the 10 to the 90 per cent quantile, of an amount that is not controlled."""
-MIN_POINTS_OF_RUN = 8
-"""Points of a run or level from which it is compared with others and its quantiles are used."""
 
 
 def group_levels(force: Array, spread: float) -> Array:
@@ -242,23 +241,18 @@ def name_levels(surface: ResponseSurface, test: MeasuredTest, known: bool, said:
     said
         Whether case or files say in which unit the levels are.
     """
-    levels, none = surface.levels, (np.nan, np.nan)
+    levels = surface.levels
     typical = typical_amounts(surface, surface.drive)
     if test.control == "response":
         surface = replace(surface, findings=(*surface.findings, *_control_findings(surface)))
     if known and not test.level.labels:
-        amount = surface.amplitude if surface.response_held else surface.drive
-        good = surface.settled & np.isfinite(amount) & (amount > 0)
-        median, largest = np.array(
-            [
-                np.quantile(amount[at], [0.5, _QUANTILE_OF_LARGEST])
-                if (at := good & (surface.level == v)).any()
-                else none
-                for v in levels
-            ]
-        ).T
+        median, largest = amounts_of_levels(surface)
         if not np.any((median > _MAX_LEVEL_RATIO * levels) | (levels > _MAX_LEVEL_RATIO * largest)):
-            return replace(surface, findings=(*surface.findings, *_order_findings(surface, levels, median)))
+            swapped = _order_findings(surface, levels, median)
+            # where the force is as often the level at one as at another, the levels may be in another unit
+            pushed, most = median / levels, largest / levels
+            if swapped or not np.any(pushed[:, None] > LEVEL_TOLERANCE * most):
+                return replace(surface, findings=(*surface.findings, *swapped))
     if not np.isfinite(typical).all():
         return surface
     if known and not test.level.labels and _coincide(typical):
@@ -278,6 +272,25 @@ def name_levels(surface: ResponseSurface, test: MeasuredTest, known: bool, said:
     said = said and not test.level.labels and test.calibrated
     finding = Finding("levels-disagree", "doubt" if said else "info", names=labels)
     return replace(renamed, findings=(*surface.findings, finding))
+
+
+def runs_of_one_level(runs: Iterable[tuple[str, float, float]], unit: str) -> list[Finding]:
+    """Find two runs of one level that were driven differently: one has the level of another.
+
+    Parameters
+    ----------
+    runs
+        What each is called, its level, and the measured amount.
+    unit
+        Of levels and amounts.
+    """
+    for (first, level, low), (second, other, high) in combinations(sorted(runs, key=itemgetter(2)), 2):
+        if level == other and high > LEVEL_TOLERANCE * low:
+            amounts = {"level": level, "low": low, "high": high}
+            numbers = {name: Quantity(amount, unit) for name, amount in amounts.items()}
+            names = {"first": first, "second": second}
+            return [Finding("levels-disagree", "doubt", numbers=numbers, names=names)]
+    return []
 
 
 def _order_findings(surface: ResponseSurface, levels: Array, median: Array) -> list[Finding]:

@@ -53,6 +53,22 @@ def drawn(name: str) -> tuple[Drawing, bytes]:
     return drawing, drawing.render("svg")
 
 
+def test_a_force_that_varied_along_the_sweep_is_that_of_the_curve_or_said():
+    (item, *_), (curve, *_) = PREDICTION.held_out, PREDICTION.curves
+    dropped = replace(PREDICTION, held_out=(replace(item, force=0.9 * item.level),), curves=(curve,))
+    drawing = figures.draw_held_out(dropped)
+    shown = [line for axes in drawing.figure.axes for line in axes.lines]
+    (line,) = [line for line in shown if line.get_label() == "predicted at the measured forces"]
+    assert line.get_ydata() == pytest.approx(np.abs(item.predicted) * 1e3)
+    assert "at the forces of the points" in drawing.caption
+    assert "at the forces of the points" not in drawn("held-out")[0].caption
+    curves = tuple(replace(curve, level=0.95 * curve.level) for curve in PREDICTION.curves)
+    surface, near = replace(SURFACE, force=0.95 * SURFACE.force), replace(PREDICTION, curves=curves)
+    less = figures.draw_responses(surface, near)
+    assert "the points beside it had another one" in less.caption
+    assert "another one" not in drawn("responses")[0].caption
+
+
 UNIT = re.compile(r"\[[^\]]+\]$")
 
 

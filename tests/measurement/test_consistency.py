@@ -8,7 +8,7 @@ import pytest
 from rsgen.common.errors import MeasurementError
 from rsgen.common.finding import Finding
 from rsgen.data.surface import ResponseSurface
-from rsgen.files import MeasuredTest, Signal, SweepRule, read_measurement
+from rsgen.files import HistoryRule, LevelRule, MeasuredTest, Signal, SweepRule, read_measurement
 from rsgen.files.files_to_surface import passivity_findings
 from rsgen.report.wording import sentence
 from tests.surfaces import severities
@@ -42,6 +42,34 @@ def test_a_copy_in_place_of_another_run_is_doubted(tmp_path, noisy):
     surface = read(first, copy, write(tmp_path / "c.csv", 5.0, 5 * noisy))
     assert severities(surface) == {"run-repeated": "doubt"}
     assert surface.findings[0].names == {"first": "a.csv", "second": "b.csv"}
+
+
+def steps(folder: Path, levels: tuple[float, ...], forces: tuple[float, ...]) -> ResponseSurface:
+    """Write records of two steps, of equal forces equal ones, as of a file that was copied, and read them."""
+    instants = np.arange(0, 60, 0.01)
+    wave = 2 * np.pi * np.where(instants < 30, 5, 6) * instants
+    paths = tuple(folder / f"{number}.npz" for number in range(len(levels)))
+    for path, force in zip(paths, forces, strict=True):
+        noise = 1e-5 * np.random.default_rng(round(force)).standard_normal(len(wave))
+        np.savez(path, F=force * np.cos(wave), x=1e-3 * force * np.cos(wave - 1) + noise)
+    signals = Signal(samples="F"), Signal(samples="x")
+    rule = HistoryRule("stepped-sine", rate=100.0)
+    plan = MeasuredTest(paths, None, *signals, "displacement", level=LevelRule(values=levels), history=rule)
+    return read_measurement(plan)
+
+
+def test_a_record_copied_over_another_is_doubted(tmp_path):
+    surface = steps(tmp_path, (1.0, 2.9, 3.1), (1.0, 3.0, 3.0))
+    assert severities(surface) == {"run-repeated": "doubt"}
+    assert surface.findings[0].names == {"first": "1.npz", "second": "2.npz"}
+
+
+def test_two_records_of_one_level_are_its_runs_if_their_forces_are_alike(tmp_path):
+    assert severities(steps(tmp_path, (1.0, 3.0, 3.0), (1.0, 3.0, 3.6))) == {}
+    (found,) = steps(tmp_path, (1.0, 3.0, 3.0), (1.0, 3.0, 6.0)).findings
+    assert sentence(found).startswith(
+        "1.npz and 2.npz have one level, 3 N, but were driven with 3 N and 5.99 N"
+    )
 
 
 def test_a_file_stands_once_in_a_plan(tmp_path, noisy):

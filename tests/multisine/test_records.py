@@ -55,6 +55,14 @@ def test_a_force_in_another_unit_than_its_levels_is_doubted(factor):
     assert "levels-in-other-unit" not in severities(from_multisine(unnamed))
 
 
+def test_a_record_in_place_of_that_of_another_level_is_doubted():
+    low, high = records(4)
+    copy = TimeHistory(RATE, low.force, low.response, level=high.level, label="copy")
+    found = rsgen.identify(from_multisine([low, copy]), "k*x + c*v")
+    assert severities(found)["run-repeated"] == "doubt"
+    assert "run-repeated" not in severities(rsgen.identify(from_multisine([low, high]), "k*x + c*v"))
+
+
 def test_swapped_columns_are_not_believed():
     swapped = [TimeHistory(RATE, one.response, one.force) for one in records(4)]
     assert not rsgen.identify(from_multisine(swapped), "k*x + c*v").verdict.usable

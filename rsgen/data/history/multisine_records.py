@@ -25,8 +25,7 @@ from rsgen.data.history.record import (
     name_levels,
 )
 from rsgen.data.multisine.spectra import MultisineSpectra, rms
-from rsgen.data.record_set import BASE_UNITS, DERIVATIVE, FILE_ROUND_OFF
-from rsgen.data.surface.plausibility import LEVEL_TOLERANCE
+from rsgen.data.record_set import BASE_UNITS, DERIVATIVE, FILE_ROUND_OFF, LEVEL_TOLERANCE
 
 _MIN_RATIO_TO_BEST = 0.995
 """Correlation at the period over the best at any lag: multiples of the period correlate as well."""

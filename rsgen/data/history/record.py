@@ -268,6 +268,27 @@ def name_levels(levels: Sequence[tuple[float | None, float]]) -> Array:
     return named
 
 
+_PARTS = 64
+"""Of a record, to tell where its force is on."""
+
+
+def driven_amplitude(force: NDArray[Any]) -> float:
+    """Return the amplitude of a sine or sweep (n,), from the parts where it is at least half the largest."""
+    parts = np.array([float(np.std(part, dtype=np.float64)) for part in np.array_split(force, _PARTS)])
+    return float(2**0.5 * np.median(parts[2 * parts >= parts.max()]))
+
+
+def copied_records(histories: Sequence[TimeHistory]) -> list[Finding]:
+    """Return a finding about two records with the same response to the last digit: no noise repeats."""
+    seen: dict[float, TimeHistory] = {}
+    for history in histories:
+        first = seen.setdefault(float(np.sum(history.response, dtype=np.float64)), history)
+        if first is not history and np.array_equal(first.response, history.response):
+            names = {"first": first.label, "second": history.label}
+            return [Finding("run-repeated", "doubt", names=names)]
+    return []
+
+
 # ----------------------------------------------------------------------------
 # Faults of a record: samples clipped at the end of a range, a response that stands still.
 

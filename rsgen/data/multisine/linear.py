@@ -42,6 +42,7 @@ def implausible(spectra: MultisineSpectra, *, mass: float = nan, damping: float 
     mass, damping
         Of the mode [kg] and its smallest damping ratio; NaN where they are not known.
     """
+    yield from spectra.copied_levels()
     first, last = (end[:, None] for end in spectra.reach())
     taken = (spectra.lines >= first) & (spectra.lines <= last)
     motion: ComplexArray = np.where(taken, spectra.mean_response, 0)

@@ -26,7 +26,7 @@ from rsgen.common.arrays import Array, ComplexArray
 from rsgen.common.finding import Finding, Quantity, Severity, quantities
 from rsgen.common.tolerances import MIN_MISFIT_REDUCTION, MISFIT_DOUBTFUL, RELATIVE_CHANGE_NEGLIGIBLE
 from rsgen.data.free_mode import fit_powers
-from rsgen.data.record_set import DERIVATIVE, QUANTITIES
+from rsgen.data.record_set import DERIVATIVE, LEVEL_TOLERANCE, QUANTITIES, levels_off
 from rsgen.data.surface.response_surface import ResponseSurface
 
 _MAX_MISFIT_RATIO = 1 - MIN_MISFIT_REDUCTION
@@ -188,6 +188,7 @@ def plausibility_findings(
     mass, damping
         As for ``Sizes``.
     """
+    yield from surface.copied_levels()
     other = [f for f in surface.findings if f.code in ("another-quantity", "base-misread")]
     # a force per mass and a motion relative to the base are made of several measured quantities
     if not (other or surface.base):
@@ -205,22 +206,23 @@ _UNIT_STEPS = (1e-6, 1e-3, 1e3, 1e6)
 _SCALES = (2.0, 0.5, 2**0.5, 0.5**0.5)
 """Factors between amplitudes, peak to peak values and root mean squares."""
 
-LEVEL_TOLERANCE = 1.5
-"""Largest factor between a force and its nominal level: shakers drop at a resonance, but by less."""
-
 
 def level_findings(surface: ResponseSurface) -> Iterator[Finding]:
     """Return a finding if forces are the levels in another unit, in another order, or not of their responses.
 
     Where at two levels or more the force is always the level times one factor between units, one of them was
-    read in another unit. A shaker loses force smoothly towards a resonance: where forces of neighbours in
-    frequency differ and those of levels do not, the columns do not belong together. A decay has no shaker."""
+    read in another unit; where it is another one at the fewer levels, these are wrong. A shaker loses force
+    smoothly towards a resonance: where forces of neighbours in frequency differ and those of levels do not,
+    the columns do not belong together. A decay has no shaker."""
     if surface.level_unit != "N" or surface.decays:
         return
     rows = _usable(surface)
     level, force = surface.level[rows], np.abs(surface.force[rows])
     levels = np.unique(level[level > 0])
     typical = np.array([np.median(force[level == one]) for one in levels])
+    for at in levels_off(levels, typical, surface.findings):
+        numbers = {"level": Quantity(float(levels[at]), "N"), "force": Quantity(float(typical[at]), "N")}
+        yield Finding("levels-disagree", "doubt", "", numbers)
     for factor in (*_UNIT_STEPS, *_SCALES):
         ratio = np.abs(np.log(typical / levels / factor))
         near = 1 + RELATIVE_CHANGE_NEGLIGIBLE if factor in _SCALES else LEVEL_TOLERANCE

@@ -64,6 +64,23 @@ def typical_amounts(surface: ResponseSurface, amount: Array | None = None) -> Ar
     return found
 
 
+_QUANTILE_OF_LARGEST = 0.9
+"""Quantile that stands for the largest amount: single readings may be off."""
+
+
+def amounts_of_levels(surface: ResponseSurface) -> tuple[Array, Array]:
+    """Return the median and the largest amount (l,) measured at each of ``surface.levels``, in their unit.
+
+    Shakers lose force near a resonance; the largest is what they give elsewhere. NaN where nothing settled.
+    """
+    amount = surface.amplitude if surface.response_held else surface.drive
+    found = np.where(surface.settled & (amount > 0), amount, np.nan)
+    rows = [found[(surface.level == level) & np.isfinite(found)] for level in surface.levels]
+    chosen = [0.5, _QUANTILE_OF_LARGEST]
+    median, largest = np.array([np.quantile(row, chosen) if len(row) else [np.nan] * 2 for row in rows]).T
+    return median, largest
+
+
 _CONTROLLED = {
     "force": "",
     "response": "response held",

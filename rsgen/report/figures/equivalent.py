@@ -242,6 +242,9 @@ SAMPLES = 512
 _FEWEST_FOR_NOISE = 4
 """Harmonics from which on the last two are a measure of the noise: of fewer both may be signal."""
 
+_MAX_STEPS_TO_MEAN = 20
+"""Each leaves the share by which the stiffness at the mean differs from that between the turning points."""
+
 _HALF_POWER = float(np.sqrt(0.5))
 """Least sine of the phase: between the half-power points an error of the phase changes the energy little."""
 
@@ -337,9 +340,22 @@ def measured_loops(surface: ResponseSurface, rows: NDArray[np.intp], mass: float
 
 
 def loop_force(model: Model, values: Mapping[str, float], motion: Motion) -> Array:
-    """(n, s) force of a model along n motions [N]; NaN where its loop does not close."""
+    """(n, s) force of a model along n motions [N]; NaN where its loop does not close.
+
+    A mean displacement that was not measured (all are 0) is the one at which the force has no mean, as a
+    measured loop has none: by steps with the stiffness between the turning points.
+    """
     law = compile_law(model.force)
-    return law.along(motion, law.ordered(values), SAMPLES).force
+    point, harmonics = law.ordered(values), np.array(motion.harmonics)
+    force = law.along(motion, point, SAMPLES).force
+    for _ in range(0 if harmonics[:, 0].any() else _MAX_STEPS_TO_MEAN):
+        mean, span = np.nan_to_num(force.mean(axis=1)), np.ptp(force, axis=1)
+        off = np.abs(mean) > MISFIT_NEGLIGIBLE * span
+        if not off.any():
+            break
+        harmonics[off, 0] -= (mean / span * np.ptp(motion.waveforms(SAMPLES)[0], axis=1))[off]
+        force = law.along(replace(motion, harmonics=harmonics), point, SAMPLES).force
+    return force
 
 
 def branch_mean(displacement: Array, force: Array) -> tuple[Array, Array] | None:

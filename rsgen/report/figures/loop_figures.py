@@ -252,6 +252,8 @@ def draw_loops(
         caption += " Only the fundamental was measured, so measured loops are ellipses whatever the law."
     else:
         caption += f" Measured loops have {surface.harmonics.shape[1] - 1} harmonics, which round corners."
+    if not loops.motion.harmonics[:, 0].any():
+        caption += " The mean displacement was not measured: displacements are counted from it."
     return Drawing("loops", figure, caption, ax is None)
 
 

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from matplotlib.axes import Axes
-from matplotlib.colors import Normalize
+from matplotlib.colors import Normalize, to_rgba
 from matplotlib.ticker import FuncFormatter
 
 from rsgen.common.arrays import Array
@@ -144,6 +144,9 @@ def draw_responses(surface: ResponseSurface, prediction: Prediction, *, ax: Give
         f"Frequency responses: points as tested ({', '.join(f'{symbols[s]} {s}' for s in sweeps)})"
         f"{', lines as predicted by the refined model; dashed parts are unstable' if curves else ''}."
     )
+    forces = [(curve.level, level) for level, curve in predicted.items() if not surface.base]
+    if any(abs(force - level) > RELATIVE_CHANGE_NEGLIGIBLE * level for force, level in forces):
+        caption += " Lines have the force near the resonance; the points beside it had another one."
     if surface.response_held:
         caption = (
             "Frequency responses at constant force: points read off the test, which held X, lines as "
@@ -246,15 +249,26 @@ def draw_held_out(prediction: Prediction, *, ax: GivenAxes = None) -> Drawing:
         scale = choose_scale(np.concatenate([np.abs(item.measured) for item in items]), "m")
         near = RELATIVE_CHANGE_NEGLIGIBLE * items[0].force
         drawn = [curve for curve in prediction.curves if len(curve.frequency)]
+        # a shaker loses force at a resonance: the points do not lie on the curve at one force
+        held = abs(items[0].force - items[0].level) <= near and items[0].level_unit == "N"
+        at, pale = (
+            ("", 1.0) if held else (f" at {quantity_text(items[0].force, items[0].force_unit, 3)}", 0.45)
+        )
         for curve in (one for one in drawn if abs(one.level - items[0].force) <= near):
             low = np.where(curve.stable, curve.lower, np.nan) / scale.factor
             high = np.where(curve.stable, curve.upper, np.nan) / scale.factor
             axes.fill_between(curve.frequency, low, high, color="#D55E00", alpha=0.18, lw=0)
-            _draw_curve(axes, curve, scale.factor, "#D55E00", label="predicted")
+            _draw_curve(axes, curve, scale.factor, to_rgba("#D55E00", pale), f"predicted{at}")
         for item in items:
-            if item.level_unit != "N":
-                # where the amplitude was held, each point was tested at a force of its own
-                axes.plot(item.frequency, np.abs(item.predicted) / scale.factor, "-", color="#D55E00", lw=0.9)
+            if not held:
+                axes.plot(
+                    item.frequency,
+                    np.abs(item.predicted) / scale.factor,
+                    "-",
+                    color="#D55E00",
+                    lw=1.1,
+                    label="predicted at the measured forces" if item is items[0] else None,
+                )
             axes.plot(
                 item.frequency,
                 np.abs(item.measured) / scale.factor,
@@ -275,6 +289,8 @@ def draw_held_out(prediction: Prediction, *, ax: GivenAxes = None) -> Drawing:
     panels[0].legend(loc="best")
     label_abscissa(panels, ax, "Frequency [Hz]")
     caption = "Levels that identification has not seen: as tested and as the refined model predicts."
+    if not held:
+        caption += " The dark line is at the forces of the points, as they were measured."
     return Drawing("held-out", figure, caption, ax is None)
 
 
