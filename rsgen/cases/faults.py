@@ -276,8 +276,10 @@ def _sentence(fault: Any, document: type[BaseModel]) -> str:
     if kind == "union_tag_invalid":
         return f"{path}.kind: is {quote(context['tag'])}; {_QUOTED} is allowed"
     allowed = fault["msg"] if kind == "rule" else _allowed(kind, context)
-    if allowed == "a table" and isinstance(fault["input"], list) and "values" in _keys(location, document):
-        allowed = "a table, as { values = [ ... ] },"
+    if allowed == "a table" and (keys := _keys(location, document)):
+        many = isinstance(fault["input"], list)
+        key = "values" if many and "values" in keys else keys[0]
+        allowed = f"a table, as {{ {key} = {'[ ... ]' if many else '...'} }},"
     return f"{path}: is {_shown(fault['input'])}; {allowed or fault['msg']} is needed"
 
 

@@ -172,22 +172,6 @@ class Records(ABC):
         named = self._named(asked)
         return match_level(self.levels, asked) if named is None else float(self.level[self.label == named][0])
 
-    def copied_levels(self) -> Iterator[Finding]:
-        """Return findings about levels with the response of another one to the last digit: no noise repeats.
-
-        None where reading made one, which names files.
-        """
-        seen: dict[bytes, float] = {}
-        for level in () if any(one.code == "run-repeated" for one in self.findings) else self.levels.tolist():
-            response = self.signals["response"][self.level == level]
-            if len(np.unique(response)) < MIN_POINTS_OF_RUN:
-                continue
-            first = seen.setdefault(response.tobytes(), level)
-            if first != level:
-                pair = zip(("first", "second"), (first, level), strict=True)
-                names = {name: f"the level of {one:g} {self.level_unit}" for name, one in pair}
-                yield Finding("run-repeated", "doubt", names=names)
-
     def require_levels(self, asked: Iterable[float]) -> None:
         """Raise an RsgenError for a level that was not tested."""
         for level in asked:
@@ -227,6 +211,23 @@ class Records(ABC):
             return self
         # a dataclass, as in ``select``
         return replace(self, force=mass * self.signals["force"], per_mass=False)  # type: ignore[type-var]
+
+
+def copied_levels(records: Records) -> Iterator[Finding]:
+    """Return findings about levels with the response of another one to the last digit: no noise repeats.
+
+    None where reading made one, which names files.
+    """
+    seen: dict[bytes, float] = {}
+    for level in () if any(one.code == "run-repeated" for one in records.findings) else records.levels.tolist():
+        response = records.signals["response"][records.level == level]
+        if len(np.unique(response)) < MIN_POINTS_OF_RUN:
+            continue
+        first = seen.setdefault(response.tobytes(), level)
+        if first != level:
+            pair = zip(("first", "second"), (first, level), strict=True)
+            names = {name: f"the level of {one:g} {records.level_unit}" for name, one in pair}
+            yield Finding("run-repeated", "doubt", names=names)
 
 
 # ----------------------------------------------------------------------------

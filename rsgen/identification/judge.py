@@ -214,8 +214,10 @@ class Findings:
             found.append(Finding("structure-feeds-exciter", "error"))
         if not calibrated:
             found.append(Finding("not-calibrated", "info"))
-        unsettled = int(np.count_nonzero(~self.surface.settled))
-        if unsettled:
+        # those that the reading excluded for a reason of its own are counted there
+        said = sum(int(f["excluded"]) for f in self.surface.findings if f.code == "points-excluded")
+        unsettled = int(np.count_nonzero(~self.surface.settled)) - said
+        if unsettled > 0:
             numbers = quantities(excluded=unsettled, points=len(self.surface))
             found.append(Finding("points-excluded", "info", numbers=numbers, names={"by": "settling"}))
         found += exclusion_findings(

@@ -149,7 +149,9 @@ def misfit_findings(
     found = [Finding("law-does-not-fit", severity, numbers=numbers, names=names)]
     observed = fit.problem.observed
     backgrounds = others.kinds["background"]
-    if backgrounds and surface.origin == "measured" and observed.direct:
+    left_by = {kind: _left_by(fit, one, wider) for kind, one in backgrounds.items()}
+    helps = min(left_by.values(), default=inf) < (1 - MIN_MISFIT_REDUCTION) * misfit
+    if helps and surface.origin == "measured" and observed.direct:
         found.append(_background_proposal(points, resonances))
     if not names.keys() & {"term", "free"}:
         # a term that is missing misses some levels more than others, as dry friction the lowest
@@ -158,7 +160,7 @@ def misfit_findings(
         found += background_findings(
             observed.background.kind,
             backgrounds,
-            {kind: _left_by(fit, one, wider) for kind, one in backgrounds.items()},
+            left_by,
             regression.first(fit.problem.count),
             (*fit.problem.law.parameters, "m"),
             misfit=misfit,

@@ -373,7 +373,7 @@ class ModalTable(Printed):
         if isfinite(self.mass):
             error = f" ± {short(interval_sigmas() * self.mass_error, 2)}" if self.mass_error else ", given"
             mass = f"mass {short(self.mass, 6)} kg{error}"
-        caption = f"Modal table without a law: {self.points} points, misfit {self.misfit:.2g}, {mass}"
+        caption = f"Modal table without a law: {self.points} points, misfit {100 * self.misfit:.2g} %, {mass}"
         notes = list(map(str, self.findings))
         low, high = self.tested
         beyond = (self.amplitude < low * (1 - RELATIVE_CHANGE_NEGLIGIBLE)) | (

@@ -551,14 +551,16 @@ class Library:
     ['linear-spring', 'linear-damper', 'cubic-spring']
     """
 
-    def __getitem__(self, name: str) -> Law:
-        """Return a law by name.
+    def __getitem__(self, name: str | Law) -> Law:
+        """Return a law by name; a law as it is.
 
         Raises
         ------
         RsgenError
             There is no law of this name.
         """
+        if isinstance(name, Law):
+            return name
         if name in self:
             return _law(name)
         near = [row for row in ROWS if str(name) in row][:3] or get_close_matches(str(name)[:80], ROWS, n=3)

@@ -398,7 +398,7 @@ def table_of_results(entries: list[Entry]) -> str:
         "",
         "Relative errors of the three estimates, to one digit; written by `make reports`.",
         "",
-        "| system | parameter | true | paper | first order | refined | tolerance | verdict |",
+        "| system | parameter | true | per level | first order | refined | tolerance | verdict |",
         "|---|---|---|---|---|---|---|---|",
     ]
     measured: list[str] = []

@@ -107,7 +107,7 @@ def verdict_table(comparison: Comparison) -> Table:
     columns = [
         "Parameter",
         *(["True"] if known else []),
-        "Paper",
+        "Per level",
         "First order",
         f"Refined, {CONFIDENCE_TEXT} interval",
     ]
@@ -121,7 +121,7 @@ def verdict_table(comparison: Comparison) -> Table:
         f"{caption}. {_KINDS_OF_INTERVAL}",
         tuple(columns),
         rows,
-        ("Paper", "First order", "Error, first order"),
+        ("Per level", "First order", "Error, first order"),
     )
 
 
@@ -178,7 +178,15 @@ def estimate_table(identification: Identification) -> Table:
         )
         for one in identification.fixed
     ]
-    columns = ("Parameter", "Unit", "Paper", "First order", "Its predicted bias", "Refined", "Standard error")
+    columns = (
+        "Parameter",
+        "Unit",
+        "Per level",
+        "First order",
+        "Its predicted bias",
+        "Refined",
+        "Standard error",
+    )
     return Table(f"All estimates in SI units. {_KINDS_OF_INTERVAL}", columns, tuple(rows))
 
 

@@ -44,7 +44,8 @@ HISTORY: dict[str, Any] = {
 
 OF_SIMULATED: list[Changes] = [
     {"accept.k1": 0, "accept.kn9": 0.001, "accept.c1": "small", "titel": "A bad case"},
-    {"test.noise": {"relative": -0.1}}, {"test.noise": {"seed": 3}}, {"test.noise_relative": 0.01},
+    {"test.noise": {"relative": -0.1}}, {"test.noise": {"seed": 3}}, {"test.noise": 0.01},
+    {"test.noise_relative": 0.01},
     {"identify.model": "rank"}, {"test.level": [1, 2, 3]}, {"identify.band": ["9 Hz", "8 Hz"]},
     {"identify.band": ["9 Hz", "8 m"], "system.mass": "0 kg"}, {"identify.background": 1},
     {"identify.calibrated": False}, {"test.harmonics": 65, "test.accuracy": 1.0},

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from rsgen.common.errors import RsgenError
+from rsgen.common.finding import Finding
 from rsgen.data.free_mode import estimate_mass, steady
 from rsgen.data.oscillator import Model, Observation
 from rsgen.data.surface import ResponseSurface
@@ -112,6 +113,11 @@ def test_outliers_gaps_and_unsettled_points_are_survived():
     assert np.abs(distances(found, truth("cubic"))).max() < 4
     excluded = [finding.names for finding in found.findings if finding.code == "points-excluded"]
     assert {None, "settling"} <= {names.get("by") for names in excluded}
+    # points that the reading excluded are counted once
+    numbers = {"excluded": np.count_nonzero(~table.settled), "points": len(table)}
+    said = Finding("points-excluded", "info", numbers=numbers, names={"by": "free motion"})
+    again = identify(changed(table, findings=(said,)), model("cubic")).findings
+    assert "settling" not in {finding.names.get("by") for finding in again}
 
 
 @pytest.mark.slow

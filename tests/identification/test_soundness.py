@@ -137,6 +137,14 @@ def test_a_wrong_sign_or_quantity_is_no_missing_background(code):
     assert "background-missing" not in found
 
 
+@pytest.mark.slow
+def test_no_background_is_advised_that_does_not_help():
+    # of a measured test a background was advised that would have left all of the misfit
+    found = findings(replace(noisy(surface("cubic"), 0.003, 1), origin="measured"), "k*x + c*v")
+    assert "law-does-not-fit" in found
+    assert "background-missing" not in found
+
+
 def test_points_at_the_limit_of_a_record_are_counted(table):
     def remarked(limit: float) -> dict[str, Finding]:
         numbers = {"samples": Quantity(3000), "limit": Quantity(limit, "m/s^2")}

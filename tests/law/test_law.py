@@ -42,6 +42,7 @@ def test_plus_adds_laws_formulas_and_elements(first, second):
 
 def test_a_term_of_two_laws_is_there_once_and_one_name_for_two_things_is_refused():
     total = laws["cubic-spring"] + laws["quintic-spring"]
+    assert all(laws[law] is law for law in laws)
     assert total.force == parse("k*x + k3*x**3 + k5*x**5")
     assert Law(total.formula).force.expand() == total.force.expand()
     assert Law("k*x + c*v") + "c*v" == Law("k*x + c*v")

@@ -93,7 +93,7 @@ def identify_command(
         return verdict_code(verdict.state)
     print_verdict(state_verdict(verdict))
     print_table(
-        ("", "paper", "first order", "refined", f"± ({CONFIDENCE_TEXT})", "unit"),
+        ("", "per level", "first order", "refined", f"± ({CONFIDENCE_TEXT})", "unit"),
         [
             (
                 refined.name,

@@ -24,7 +24,7 @@ from rsgen.common.text_table import short
 from rsgen.common.tolerances import MAX_TRIAL_STEPS, NOISE_LIMIT_SIGMAS
 from rsgen.data.free_mode import fit_mode, steady
 from rsgen.data.multisine.spectra import LINES_TO_EACH_SIDE, MultisineSpectra, rms, scatter, smooth
-from rsgen.data.record_set import FILE_ROUND_OFF, below_acceleration
+from rsgen.data.record_set import FILE_ROUND_OFF, below_acceleration, copied_levels
 from rsgen.data.surface import ResponseSurface
 from rsgen.data.surface.plausibility import Sizes, size_findings
 
@@ -42,7 +42,7 @@ def implausible(spectra: MultisineSpectra, *, mass: float = nan, damping: float 
     mass, damping
         Of the mode [kg] and its smallest damping ratio; NaN where they are not known.
     """
-    yield from spectra.copied_levels()
+    yield from copied_levels(spectra)
     first, last = (end[:, None] for end in spectra.reach())
     taken = (spectra.lines >= first) & (spectra.lines <= last)
     motion: ComplexArray = np.where(taken, spectra.mean_response, 0)

@@ -26,7 +26,7 @@ from rsgen.common.arrays import Array, ComplexArray
 from rsgen.common.finding import Finding, Quantity, Severity, quantities
 from rsgen.common.tolerances import MIN_MISFIT_REDUCTION, MISFIT_DOUBTFUL, RELATIVE_CHANGE_NEGLIGIBLE
 from rsgen.data.free_mode import fit_powers
-from rsgen.data.record_set import DERIVATIVE, LEVEL_TOLERANCE, QUANTITIES, levels_off
+from rsgen.data.record_set import DERIVATIVE, LEVEL_TOLERANCE, QUANTITIES, copied_levels, levels_off
 from rsgen.data.surface.response_surface import ResponseSurface
 
 _MAX_MISFIT_RATIO = 1 - MIN_MISFIT_REDUCTION
@@ -188,7 +188,7 @@ def plausibility_findings(
     mass, damping
         As for ``Sizes``.
     """
-    yield from surface.copied_levels()
+    yield from copied_levels(surface)
     other = [f for f in surface.findings if f.code in ("another-quantity", "base-misread")]
     # a force per mass and a motion relative to the base are made of several measured quantities
     if not (other or surface.base):

@@ -433,7 +433,7 @@ class Identification(Printed):
         slow, fast = self.frequency_range
         tested = (
             f"amplitude {low:.4g} to {high:.4g} m, frequency {slow:.5g} to {fast:.5g} Hz, "
-            f"noise {self.noise:.2g}, misfit {self.residual:.2g}"
+            f"noise {100 * self.noise:.2g} %, misfit {100 * self.residual:.2g} %"
         )
         return TextTable(
             ("parameter", "value", f"{CONFIDENCE_TEXT} interval", "unit", "finding"),

@@ -315,7 +315,9 @@ def _alternative(surface: ResponseSurface) -> str:
     if not peaks:
         return "No test point settled, so there is no surface to show."
     extreme = "least force" if surface.response_held else "largest amplitude"
-    unsettled = f"{count_text(int(np.count_nonzero(~surface.settled)), 'point')} did not settle."
+    lost = int(np.count_nonzero(~surface.settled))
+    unsettled = f"{count_text(lost, 'point')} did not settle."
+    extreme += " of a settled point" if lost else ""
     least, most = (quantity_text(f(surface.level), surface.level_unit) for f in (np.min, np.max))
     band = " to ".join(quantity_text(f(surface.frequency), "Hz", 5) for f in (np.min, np.max))
     tested = f"{count_text(len(surface), 'test point')}, {count_text(len(surface.levels), 'level')}"
@@ -330,7 +332,7 @@ def _alternative(surface: ResponseSurface) -> str:
     shift = surface.frequency[peaks[-1]] / surface.frequency[peaks[0]] - 1
     return (
         f"{tested} from {least} to {most}, {band}. The {extreme} rises from {low} (lowest level) to {high} "
-        f"(highest level): the peak moves by {100 * shift:+.2f} %. {unsettled}"
+        f"(highest level): {'it' if lost else 'the peak'} moves by {100 * shift:+.2f} %. {unsettled}"
     )
 
 

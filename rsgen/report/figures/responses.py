@@ -146,7 +146,7 @@ def draw_responses(surface: ResponseSurface, prediction: Prediction, *, ax: Give
     )
     forces = [(curve.level, level) for level, curve in predicted.items() if not surface.base]
     if any(abs(force - level) > RELATIVE_CHANGE_NEGLIGIBLE * level for force, level in forces):
-        caption += " Lines have the force near the resonance; the points beside it had another one."
+        caption += " Lines have the force near the resonance; points away from it had another one."
     if surface.response_held:
         caption = (
             "Frequency responses at constant force: points read off the test, which held X, lines as "
