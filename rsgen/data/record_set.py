@@ -218,8 +218,9 @@ def copied_levels(records: Records) -> Iterator[Finding]:
 
     None where reading made one, which names files.
     """
+    said = any(finding.code == "run-repeated" for finding in records.findings)
     seen: dict[bytes, float] = {}
-    for level in () if any(one.code == "run-repeated" for one in records.findings) else records.levels.tolist():
+    for level in () if said else records.levels.tolist():
         response = records.signals["response"][records.level == level]
         if len(np.unique(response)) < MIN_POINTS_OF_RUN:
             continue
