@@ -17,7 +17,6 @@ from rsgen import __version__
 from rsgen.app.cli.application import COMMANDS
 from rsgen.app.study import read_manifest
 from rsgen.formula import parse
-from tests.case.faults import FAULTS
 from tests.case_files import write_small
 from tests.programs import RSGEN, python, shell
 
@@ -53,18 +52,6 @@ def test_python_runs_it_as_a_module():
     refused = python("-m", "rsgen", "rnu")
     assert refused.returncode == 2
     assert "No such command 'rnu'" in refused.stderr
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("fault", FAULTS[::40], ids=lambda fault: fault.name)
-def test_a_faulty_case_ends_with_2_and_no_traceback(fault, tmp_path, run_cli):
-    path = fault.write(tmp_path)
-    for command in (("check",), ("run", "--out", tmp_path / "out")):
-        refused = run_cli(*command, path)
-        assert (refused.code, refused.out) == (2, "")
-        assert "Traceback" not in refused.err
-        assert all(line.startswith(f"{path}: ") for line in refused.err.splitlines())
-    assert not (tmp_path / "out").exists()
 
 
 @pytest.mark.slow

@@ -106,16 +106,6 @@ def test_not_closed_is_said():
     assert any("quadrature" in remark for remark in derived.remarks)
 
 
-def test_what_vanishes_by_symmetry_is_closed():
-    derived = derive("tanh(x/a)*v + k*x")
-    assert derived.closed_form
-    assert derived.stiffness == symbol("k")
-    assert derived.damping == 0
-    assert derived.checked_to is not None
-    assert any("adds nothing" in remark for remark in derived.remarks)
-    assert not any("quadrature" in remark for remark in derived.remarks)
-
-
 def test_closed_formulas_parse_back():
     for law in (
         PIECEWISE,

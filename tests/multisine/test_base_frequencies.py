@@ -78,21 +78,6 @@ def test_intervals_of_records_with_two_base_frequencies_cover_the_truth():
     assert wrong.verdict.state == "rejected"
 
 
-def test_each_record_ends_at_its_own_highest_line():
-    spectra = replace(simulated(0), level=np.array([5.0, 5.0, 8.0]))
-    lines = np.count_nonzero(spectra.recorded, axis=1)
-    assert lines.tolist() == [161, 105, 161]
-    exact = replace(spectra, force=spectra.force[:, :1], response=spectra.response[:, :1])
-    assert exact.reach()[1].tolist() == [160, 104, 160]
-    # two periods of one level have an approximation each
-    assert [len(one.frequency) for one in rsgen.best_linear(spectra)] == [18, 11, 18]
-    found = rsgen.identify(spectra, LAW, rsgen.Observation(hold_out=(5,)))
-    assert [record.judged.sum() + record.judged.argmax() for record in rsgen.predict(found).records] == [
-        161,
-        105,
-    ]
-
-
 @pytest.mark.parametrize("rows", [[1], [0, 2]])
 def test_two_periods_are_the_same_record_as_one(rows):
     whole = rsgen.simulate(

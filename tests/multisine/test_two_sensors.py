@@ -121,19 +121,6 @@ def test_a_background_that_the_second_sensor_does_not_share_is_in_the_interval(b
     assert set(said.names) == {"background of the second sensor"}
 
 
-def test_elements_and_records_have_the_same_motions():
-    with pytest.raises(RsgenError, match="the test has no motion across"):
-        rs.identify(replace(spectra(), across=None), elements())
-    with pytest.raises(RsgenError, match="but no element follows it"):
-        rs.identify(spectra(), WING)
-    unknown = replace(spectra(), mean_known=False)
-    even = [*elements(), rs.make_element("stop", "k2*x**2", across="payload - wing")]
-    with pytest.raises(RsgenError, match="are not odd"):
-        rs.identify(unknown, even)
-    with pytest.raises(RsgenError, match="but no element follows it"):
-        rs.rank(spectra())
-
-
 def channel(samples: int) -> dict[str, object]:
     return {"quantity": "displacement", "samples": samples}
 
