@@ -34,7 +34,6 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from rsgen import figures, history
     from rsgen.analysis.comparison import Comparison, compare, compare_fits, verdict_of
-    from rsgen.analysis.export import save_frf
     from rsgen.cases import Case, load_case, read
     from rsgen.common.errors import RsgenError
     from rsgen.common.finding import Finding
@@ -107,7 +106,6 @@ _PLACES = {
     "profile": "identification.profile",
     "rank": "identification.ranking",
     "read": "cases",
-    "save_frf": "analysis.export",
     "save_spectra": "data.multisine",
     "save_surface": "data.surface",
     "sentence": "report.wording",
@@ -170,7 +168,6 @@ __all__ = [
     "profile",
     "rank",
     "read",
-    "save_frf",
     "save_spectra",
     "save_surface",
     "sentence",

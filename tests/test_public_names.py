@@ -20,7 +20,7 @@ PUBLIC = [
     "ResponseSurface", "RsgenError", "SimulatedTest", "SweepTest", "best_linear", "best_linear_surface",
     "compare", "compare_fits", "derive", "explain", "figures", "history", "identify", "laws", "load_case",
     "load_spectra", "load_surface", "make_element", "modal_table", "predict", "profile", "rank", "read",
-    "save_frf", "save_spectra", "save_surface", "sentence", "simulate", "verdict_of", "write_report",
+    "save_spectra", "save_surface", "sentence", "simulate", "verdict_of", "write_report",
 ]  # fmt: skip
 
 

@@ -1,1 +1,1 @@
-"""A result to further numbers: comparison with the truth, frequency responses for other programs."""
+"""A result to further numbers: comparison with the truth and with other fits."""

@@ -43,17 +43,10 @@ def with_error(value: float, standard_error: float) -> int:
     return min(max(floor(log10(abs(value))) - floor(log10(standard_error)) + 2, 3), MAX_DIGITS)
 
 
-def aligned(rows: Sequence[Sequence[str]], right: bool = False) -> list[str]:
-    """Align columns by blanks, readable by eye and by awk.
-
-    Parameters
-    ----------
-    right
-        Columns of numbers: all but the first end at one place.
-    """
-    first, *others = (max(map(len, column)) for column in zip(*rows, strict=True))
-    place = str.rjust if right else str.ljust
-    return ["  ".join([row[0].ljust(first), *map(place, row[1:], others)]).rstrip() for row in rows]
+def aligned(rows: Sequence[Sequence[str]]) -> list[str]:
+    """Align columns by blanks, readable by eye and by awk."""
+    widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
+    return ["  ".join(map(str.ljust, row, widths)).rstrip() for row in rows]
 
 
 @dataclass(frozen=True, slots=True)

@@ -250,11 +250,6 @@ class PlannedTest(ABC):
         """Return whether a record's force has many lines, so that the test gives spectra and no surface."""
         return False
 
-    def require_surface(self, reason: str) -> None:
-        """Raise an ``RsgenError`` with a reason if the test gives spectra and no response surface."""
-        if self.many_lines:
-            raise RsgenError(reason)
-
     @property
     def in_time(self) -> bool:
         """Return whether the law is integrated in time."""

@@ -486,13 +486,17 @@ def _from_histories(test: MeasuredTest, rule: HistoryRule) -> ResponseSurface:
     histories, surface = motions[0], join_motions(*(_demodulated(one, test, rule) for one in motions))
     if test.base is not None:
         # the kilogram of a force per mass is no mass of the structure
-        kept = ({name: n for name, n in f.numbers.items() if name != "mass"} for f in surface.findings)
-        findings = tuple(map(lambda f, numbers: replace(f, numbers=numbers), surface.findings, kept))
+        findings = tuple(map(_without_mass, surface.findings))
         surface = replace(surface, per_mass=True, base="acceleration", findings=findings)
     if rule.excitation != "ring-down":
         surface = _levels_of_histories(surface, test, histories)
     records = [found for history in histories for found in (*history.findings, *record_findings(history))]
     return replace(surface, findings=(*copied_records(histories), *records, *surface.findings))
+
+
+def _without_mass(found: Finding) -> Finding:
+    numbers = {name: number for name, number in found.numbers.items() if name != "mass"}
+    return replace(found, numbers=numbers, names={n: text for n, text in found.names.items() if n != "mass"})
 
 
 def _demodulated(histories: list[TimeHistory], test: MeasuredTest, rule: HistoryRule) -> ResponseSurface:

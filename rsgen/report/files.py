@@ -22,23 +22,7 @@ from rsgen.dynamics.kernel_source import generate
 from rsgen.formula.names import Structural, remembers
 from rsgen.identification.prediction import Prediction, predict
 from rsgen.identification.results import Identification, MultisineIdentification
-from rsgen.report.figures import (
-    Drawing,
-    choose_levels,
-    draw_best_linear,
-    draw_collapse,
-    draw_energy,
-    draw_forces,
-    draw_held_out,
-    draw_line_misfit,
-    draw_loops,
-    draw_map,
-    draw_modal,
-    draw_predicted_record,
-    draw_resonance,
-    draw_responses,
-    draw_surface,
-)
+from rsgen.report import figures
 from rsgen.report.figures.drawing import POINTS, project_style
 from rsgen.report.figures.equivalent import shows_loops
 from rsgen.report.notebook import known_results, write_notebook
@@ -57,7 +41,7 @@ def draw_all(
     identification: Identification,
     prediction: Prediction,
     modal: Modal = NO_MODAL,
-) -> list[Drawing]:
+) -> list[figures.Drawing]:
     """Draw every figure of the report; those that it does not need are left out."""
     return _drawn(surface, subject, identification, prediction, modal)
 
@@ -65,27 +49,31 @@ def draw_all(
 @singledispatch
 def _drawn(
     surface: Any, subject: Subject, identification: Identification, prediction: Prediction, modal: Modal
-) -> list[Drawing]:
-    drawings = [draw_surface(surface), draw_map(surface), draw_resonance(identification)]
+) -> list[figures.Drawing]:
+    drawings = [
+        figures.draw_surface(surface),
+        figures.draw_map(surface),
+        figures.draw_resonance(identification),
+    ]
     if identification.model.sensors:
         # no one amplitude is that of the law: nothing can be drawn over it
-        return [*drawings, draw_held_out(prediction)] if prediction.held_out else drawings
+        return [*drawings, figures.draw_held_out(prediction)] if prediction.held_out else drawings
     # without a mass no level has a stiffness, and no force of a spring is known; the collapse says so
     clouds, values = identification.curve.stiffness, identification.solution
     empty = len(clouds) > 0 and not np.isfinite(clouds).any() and not np.isfinite(values).all()
     drawings += [
-        draw_collapse(identification, subject.truth),
-        draw_responses(surface, prediction),
+        figures.draw_collapse(identification, subject.truth),
+        figures.draw_responses(surface, prediction),
     ]
     if modal.table is not None:
-        drawings.append(draw_modal(modal.table, identification))
+        drawings.append(figures.draw_modal(modal.table, identification))
     if not (remembers(identification.model.force) or (empty and identification.restoring is None)):
-        drawings.append(draw_forces(identification, subject.truth))
+        drawings.append(figures.draw_forces(identification, subject.truth))
     if shows_loops(surface, identification.model) and np.isfinite(identification.mass):
-        drawings.append(draw_loops(surface, identification, subject.truth))
-        drawings.append(draw_energy(surface, identification, subject.truth))
+        drawings.append(figures.draw_loops(surface, identification, subject.truth))
+        drawings.append(figures.draw_energy(surface, identification, subject.truth))
     if prediction.held_out:
-        drawings.append(draw_held_out(prediction))
+        drawings.append(figures.draw_held_out(prediction))
     return drawings
 
 
@@ -96,14 +84,18 @@ def _(
     identification: MultisineIdentification,
     prediction: Prediction,
     modal: Modal,
-) -> list[Drawing]:
+) -> list[figures.Drawing]:
     from rsgen.data.multisine import best_linear_surface  # for multisines only
 
     surface = best_linear_surface(spectra, identification.approximations)
-    drawings = [draw_surface(surface), draw_best_linear(identification), draw_line_misfit(identification)]
+    drawings = [
+        figures.draw_surface(surface),
+        figures.draw_best_linear(identification),
+        figures.draw_line_misfit(identification),
+    ]
     if modal.table is not None:
-        drawings.append(draw_modal(modal.table, identification))
-    return [*drawings, draw_predicted_record(prediction)] if prediction.records else drawings
+        drawings.append(figures.draw_modal(modal.table, identification))
+    return [*drawings, figures.draw_predicted_record(prediction)] if prediction.records else drawings
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -197,7 +189,7 @@ def _write_files(
     if not identification.model.force.has(Structural):
         # structural damping exists under periodic motion only, so that nothing simulates it
         write_atomic(place / "kernel.py", generate(identification.model.force))
-    asked, prediction, modal = _predicted(surface, identification)
+    prediction, modal = _predicted(surface, identification), tabulate_mode(surface, identification)
     printed = check_printed(subject, identification)
     if modal.table is not None:
         write_atomic(place / "modal.csv", modal.table.to_csv())
@@ -215,7 +207,7 @@ def _write_files(
     if given.loaded is None:
         return
     known = known_results(
-        given.loaded, surface, given.identification, given.comparison, prediction, asked, drawings, modal
+        given.loaded, surface, given.identification, given.comparison, prediction, drawings, modal
     )
     shown = {drawing.name for drawing in drawings}
     write_notebook(
@@ -264,17 +256,16 @@ def _(table: MultisineSpectra, place: Path) -> None:
 
 
 @singledispatch
-def _predicted(table: Any, identification: Identification) -> tuple[tuple[object, ...], Prediction, Modal]:
-    """Predict levels not used: further inputs of ``predict``, its result, the modal table."""
+def _predicted(table: Any, identification: Identification) -> Prediction:
+    """Predict levels not used."""
     levels = [] if identification.model.sensors else _levels(table, identification)
-    prediction = predict(identification, levels or None, table)
-    return (levels, table), prediction, tabulate_mode(table, identification)
+    return predict(identification, levels or None, table)
 
 
 @_predicted.register
-def _(table: MultisineSpectra, identification: Identification) -> tuple[tuple[()], Prediction, Modal]:
+def _(table: MultisineSpectra, identification: Identification) -> Prediction:
     # of what identification has not seen; other spectra would count what it has seen as held out
-    return (), predict(identification), tabulate_mode(table, identification)
+    return predict(identification)
 
 
 def _levels(surface: ResponseSurface, identification: Identification) -> list[float]:
@@ -283,6 +274,6 @@ def _levels(surface: ResponseSurface, identification: Identification) -> list[fl
         # its levels are no forces; those that the resonances needed are
         return [float(level) for level in identification.levels]
     held_out = surface.level[surface.held_out(identification.model.observation.hold_out)]
-    chosen = np.isin(surface.levels, [*choose_levels(surface, 5), *held_out])
+    chosen = np.isin(surface.levels, [*figures.choose_levels(surface, 5), *held_out])
     forces = typical_amounts(surface)[chosen]
     return sorted({float(force) for force in forces if np.isfinite(force)})

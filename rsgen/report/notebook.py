@@ -9,10 +9,10 @@ import contextlib
 import io
 import re
 import traceback
-from collections.abc import Callable, Sequence
-from functools import cache, wraps
+from collections.abc import Callable, Mapping, Sequence
+from functools import cache
 from pathlib import Path
-from types import CodeType, ModuleType
+from types import CodeType, MappingProxyType, ModuleType
 from typing import Any
 
 import jinja2
@@ -27,88 +27,40 @@ from rsgen.data.multisine import MultisineSpectra
 from rsgen.data.surface import ResponseSurface
 from rsgen.identification.prediction import Prediction
 from rsgen.identification.results import Identification
-from rsgen.report import figures
 from rsgen.report.figures import Drawing
 from rsgen.report.page_tables import NO_MODAL, Modal
-from rsgen.report.provenance import notebook_mark, plain_text, template_environment
+from rsgen.report.provenance import plain_text, template_environment
 
 # ----------------------------------------------------------------------------
-# Run the cells of a notebook in this process, given the results that the run already has.
-
-
-class KnownResults:
-    """Results of a run by the public call that computes them: function, inputs, result.
-
-    A call in a cell with the same inputs gets the result; every other call is computed. Two inputs are the
-    same if they are one object, or equal numbers, texts or lists of them.
-    """
-
-    def __init__(self, case: Case) -> None:
-        self.case = case
-        self._known: dict[str, list[tuple[tuple[object, ...], object]]] = {}
-
-    def add(self, function: str, *inputs: object, result: object) -> None:
-        """Add the result of a function of ``rsgen`` or ``rsgen.report.figures``, named without its module."""
-        self._known.setdefault(function, []).append((inputs, result))
-
-    def offered(self, module: ModuleType) -> _Offered:
-        """Return a module as cells see it, with functions that look here first."""
-        return _Offered(self, module)
-
-    def named(self, module: ModuleType, name: str) -> Any:
-        """Return a public name of a module; a function looks here first."""
-        if module is rsgen and name == "load_case":
-            return self._load_case
-        if module is rsgen and name == "figures":
-            return self.offered(figures)
-        value = getattr(module, name)
-        return self._looked_up(name, value) if name in self._known else value
-
-    def _looked_up(self, name: str, function: Callable[..., Any]) -> Callable[..., Any]:
-        @wraps(function)
-        def call(*inputs: object, **options: object) -> Any:
-            for known, result in self._known[name]:
-                if not options and len(known) == len(inputs) and all(map(_same, known, inputs)):
-                    return result
-            return function(*inputs, **options)
-
-        return call
-
-    def _load_case(self, path: str | Path) -> Case:
-        """Return the case of the run for a file with its text."""
-        text = Path(path).read_text(encoding="utf-8")
-        return self.case if text.splitlines() == self.case.text.splitlines() else rsgen.load_case(path)
+# Run the cells of a notebook in this process, given the results that the run already has: the cells are those
+# of the template, and call each function with what the run called it with.
 
 
 class _Offered:
-    """A module as cells see it: its names are loaded when a cell asks for them."""
+    """A module as cells see it: public names, loaded when asked for; some calls give what the run has."""
 
-    def __init__(self, results: KnownResults, module: ModuleType) -> None:
+    def __init__(self, module: ModuleType, known: Mapping[str, object]) -> None:
         self.__all__ = list(module.__all__)
-        self._source = results, module
+        self._source = module, known
 
     def __getattr__(self, name: str) -> Any:
-        results, module = self._source
+        module, known = self._source
         if name not in self.__all__:
             raise AttributeError(f"module {module.__name__!r} has no public name {name!r}")
-        return results.named(module, name)
+        if name in known:
+            return lambda *inputs: known[name]
+        value = getattr(module, name)
+        return _Offered(value, known) if isinstance(value, ModuleType) else value
 
 
-def _same(one: object, other: object) -> bool:
-    return one is other or (isinstance(one, str | float | list) and one == other)
-
-
-def _namespace(results: KnownResults | None) -> dict[str, Any]:
+def _namespace(known: Mapping[str, object]) -> dict[str, Any]:
     """Return the names that cells begin with; their ``import rsgen`` gets the known results."""
-    space: dict[str, Any] = {"__name__": "__main__"}
-    if results is not None:
-        package = results.offered(rsgen)
+    package = _Offered(rsgen, known)
 
-        def importing(name: str, *place: Any) -> Any:
-            return package if name == "rsgen" else __import__(name, *place)
+    def importing(name: str, *place: Any) -> Any:
+        return package if name == "rsgen" else __import__(name, *place)
 
-        space["__builtins__"] = {**vars(builtins), "__import__": importing}
-    return space
+    return {"__name__": "__main__", "__builtins__": {**vars(builtins), "__import__": importing}}
 
 
 def _compiled(source: str, name: str) -> tuple[CodeType, CodeType | None]:
@@ -166,20 +118,20 @@ def _run(source: str, name: str, space: dict[str, Any]) -> tuple[list[nbformat.N
     return [*printed, *last], fault
 
 
-def execute_cells(notebook: nbformat.NotebookNode, results: KnownResults | None = None) -> str | None:
+def execute_cells(notebook: nbformat.NotebookNode, known: Mapping[str, object]) -> str | None:
     """Run every cell in this process; the notebook keeps what comes out.
 
     Parameters
     ----------
-    results
-        What the run already has; without it, cells compute everything.
+    known
+        What the run already has, by function (`known_results`); the cells compute the others.
 
     Returns
     -------
     str or None
         What went wrong in which cell, in a sentence; None where everything ran.
     """
-    space = _namespace(results)
+    space = _namespace(known)
     cells = [cell for cell in notebook.cells if cell.cell_type == "code"]
     for number, cell in enumerate(cells, 1):
         cell.execution_count = number
@@ -302,8 +254,7 @@ def build_notebook(
         make[kind](body.strip("\n"), id=name)
         for kind, name, body in zip(pieces[::3], pieces[1::3], pieces[2::3], strict=True)
     ]
-    metadata = {**_METADATA, "rsgen": notebook_mark(cell.source for cell in cells)}
-    notebook: nbformat.NotebookNode = write.new_notebook(cells=cells, metadata=metadata)
+    notebook: nbformat.NotebookNode = write.new_notebook(cells=cells, metadata=_METADATA)
     return notebook
 
 
@@ -313,59 +264,24 @@ def known_results(
     identification: Identification,
     comparison: Comparison,
     prediction: Prediction,
-    asked: Sequence[object],
     drawings: Sequence[Drawing],
     modal: Modal = NO_MODAL,
-) -> KnownResults:
-    """Collect results that the notebook of a case would compute again.
-
-    Parameters
-    ----------
-    case
-        As it was loaded, with its own law.
-    asked
-        Further inputs of the prediction: levels [N] and surface; none of a multisine.
-    modal
-        The modal table, or why there is none.
-    """
-    results = KnownResults(case)
-    case = case.with_model(identification.model_given)
-    fitted = (identification,) if case.truth is None else (identification, case.truth)
-    inputs: dict[str, tuple[object, ...]] = {
-        "surface": (surface,),
-        "map": (surface,),
-        "collapse": fitted,
-        "resonance": (identification,),
-        "loops": (surface, *fitted),
-        "energy": (surface, *fitted),
-        "responses": (surface, prediction),
-        "held-out": (prediction,),
-        "best-linear": (identification,),
-        "line-misfit": (identification,),
-        "predicted-record": (prediction,),
-    }
-    if modal.table is not None:
-        results.add("modal_table", surface, case.model, result=modal.table)
-        inputs["modal"] = (modal.table, identification)
-    for drawing in drawings:
-        if drawing.name in inputs:
-            function = f"draw_{drawing.name.replace('-', '_')}"
-            results.add(function, *inputs[drawing.name], result=drawing)
-    results.add("simulate", case.oscillator, case.test, result=surface)
-    results.add("load_surface", _SURFACE_FILE, result=surface)
-    results.add("read", results.case, result=surface)
+) -> dict[str, object]:
+    """Return what the notebook of a case would compute again, by the function of ``rsgen`` or its figures."""
+    known: dict[str, object] = {f"draw_{one.name.replace('-', '_')}": one for one in drawings}
+    known |= dict.fromkeys(("simulate", "load_surface", "read"), surface)
+    known |= {"load_case": case, "identify": identification, "predict": prediction, "compare": comparison}
     if identification.ranking is not None:
-        results.add("rank", surface, results.case.model, result=identification.ranking)
-    results.add("identify", surface, case.model, result=identification)
-    results.add("predict", identification, *asked, result=prediction)
-    results.add("compare", identification, case.truth, case.accept, result=comparison)
-    return results
+        known["rank"] = identification.ranking
+    if modal.table is not None:
+        known["modal_table"] = modal.table
+    return known
 
 
 def write_notebook(
     path: Path,
     case: Case,
-    results: KnownResults | None = None,
+    known: Mapping[str, object] = MappingProxyType({}),
     *,
     held_out: bool = False,
     loops: bool = False,
@@ -374,7 +290,7 @@ def write_notebook(
 
     Parameters
     ----------
-    results
+    known
         What need not be computed again; see `build_notebook` for the others.
 
     Raises
@@ -383,9 +299,9 @@ def write_notebook(
         A cell failed; the notebook with its traceback is on disk.
     """
     notebook = build_notebook(case, held_out=held_out, loops=loops)
-    fault = execute_cells(notebook, results)
+    fault = execute_cells(notebook, known)
     nbformat.validate(notebook)
     write: Any = nbformat.v4.writes  # has no types; ``nbformat.writes`` would validate once more
     write_atomic(path, write(notebook) + "\n")
     if fault is not None:
-        raise RsgenError(f"{path.name}: {fault}; it is saved with its traceback (rsgen {rsgen.__version__})")
+        raise RsgenError(f"{path.name}: {fault} (rsgen {rsgen.__version__})")

@@ -33,22 +33,10 @@ from rsgen.law.character import CANCELLATION_TOLERANCE
 from rsgen.law.element import Element
 from rsgen.law.memory import FORCE_KEYS, memory_form, with_equations
 from rsgen.law.notation import mathml
+from rsgen.report import page_tables as tables
 from rsgen.report.figures import Drawing
 from rsgen.report.figures.equivalent import evaluated
-from rsgen.report.page_tables import (
-    NO_MODAL,
-    Modal,
-    alternative_table,
-    background_table,
-    estimate_table,
-    held_out_table,
-    linear_table,
-    modal_page_table,
-    ranking_table,
-    record_table,
-    resonance_table,
-    verdict_table,
-)
+from rsgen.report.page_tables import NO_MODAL, Modal
 from rsgen.report.provenance import Subject, page_environment, plain_text
 from rsgen.report.result_json import Entry, read_results
 from rsgen.report.wording import full_sentence, sentence
@@ -191,18 +179,21 @@ def render_page(
         "provenance": list(provenance.items()),
         "case_text": subject.case.text if subject.case is not None else "",
         "version": rsgen.__version__,
-        "held_out_table": held_out_table(prediction.held_out) or record_table(prediction.records),
+        "held_out_table": tables.held_out_table(prediction.held_out)
+        or tables.record_table(prediction.records),
         "elements": [_element(element) for element in subject.elements],
         "printed": list(map(_printed, printed)),
         "motion_formula": _formula(parse("X0 + X*sin(phi)")),
         "balance_formula": _formula(parse("k - m*omega**2")),
-        "estimates_table": estimate_table(identification),
-        "resonance_table": resonance_table(identification),
-        "modal_table": modal_page_table(modal),
+        "estimates_table": tables.estimate_table(identification),
+        "resonance_table": tables.resonance_table(identification),
+        "modal_table": tables.modal_page_table(modal),
         "modal_remarks": [modal.reason] if modal.table is None else map(full_sentence, modal.table.findings),
-        "modal_held_out": held_out_table(modal.held_out, "The same levels, from the modal table alone"),
-        "background_table": background_table(identification),
-        "ranking_table": ranking_table(identification),
+        "modal_held_out": tables.held_out_table(
+            modal.held_out, "The same levels, from the modal table alone"
+        ),
+        "background_table": tables.background_table(identification),
+        "ranking_table": tables.ranking_table(identification),
         "ranking_verdict": [sentence(f) for f in getattr(identification.ranking, "findings", ())],
         **_test_context(surface, identification),
     }
@@ -225,8 +216,8 @@ def _verdict_context(
         "mark": MARKED.get(verdict.state, ""),
         "outcome": full_sentence(identification.outcome),
         "law": with_equations(identification.model.force),
-        "verdict_table": verdict_table(comparison),
-        "alternative_table": alternative_table(identification),
+        "verdict_table": tables.verdict_table(comparison),
+        "alternative_table": tables.alternative_table(identification),
         "meaning": list(describe_elements(subject.elements, identification).items()),
         "warnings": warnings,
         "other_warnings": [text for text in warnings if text not in stated["sentences"]],
@@ -342,7 +333,7 @@ def _(spectra: MultisineSpectra, identification: MultisineIdentification) -> dic
         "contents": _contents(_LINE_CONTENTS, identification),
         "test_sentence": spectra_sentence(spectra, identification.frequency_range),
         "mean_sentence": None,
-        "linear_table": linear_table(identification.approximations, identification.curve.units),
+        "linear_table": tables.linear_table(identification.approximations, identification.curve.units),
     }
 
 

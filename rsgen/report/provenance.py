@@ -3,12 +3,10 @@
 from __future__ import annotations
 
 import datetime
-import hashlib
-import json
 import platform
 import re
 import unicodedata
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from functools import cache
@@ -23,7 +21,6 @@ from markupsafe import Markup, escape
 import rsgen
 from rsgen.analysis.comparison import Comparison, Row
 from rsgen.cases import Case
-from rsgen.common.output import read_small
 from rsgen.data.multisine import MultisineSpectra
 from rsgen.data.surface import ResponseSurface
 from rsgen.formula.bounds import MAX_CHARACTERS
@@ -165,30 +162,6 @@ def collect_provenance(
     if durations:
         entries["Durations"] = ", ".join(f"{stage} {seconds:.2f} s" for stage, seconds in durations.items())
     return entries
-
-
-# ----------------------------------------------------------------------------
-# The mark of a notebook that rsgen wrote, by which one that a user has gone on with is told from it.
-
-
-def notebook_mark(sources: Iterable[str]) -> dict[str, Any]:
-    """Return the entry "rsgen" of a notebook's metadata: a digest of its cells without their outputs."""
-    digest = hashlib.sha256("\0".join(sources).encode()).hexdigest()
-    # the key "lesson" stands in the notebooks of earlier releases
-    return {"lesson": True, "sources": digest}
-
-
-def is_unchanged_notebook(place: Path) -> bool:
-    """Return True for a notebook that rsgen wrote, with unchanged cells; it may have been executed."""
-    try:
-        if place.is_symlink():
-            return False
-        content = json.loads(read_small(place))
-        # a cell's text stands as one string or as its lines
-        sources = ["".join(cell["source"]) for cell in content["cells"]]
-        return bool(content["metadata"]["rsgen"] == notebook_mark(sources))
-    except (OSError, ValueError, KeyError, TypeError, RecursionError):
-        return False
 
 
 # ----------------------------------------------------------------------------

@@ -66,9 +66,6 @@ WAYS: dict[str, Callable[[Path, Path], object]] = {
     "link inside a result": lambda out, small: _link(small / "report.html", out.parent / "thesis.tex"),
     "index of the user": lambda out, small: _mine(out / "index.html", "<html>my home page</html>"),
     "link for the index": lambda out, small: _link(out / "index.html", out.parent / "home.html"),
-    "notebook with the name of one that failed": lambda out, small: _mine(
-        out / "small-failed.ipynb", '{"metadata": {}, "cells": []}'
-    ),
     "folder named as an unfinished one": lambda out, small: _mine(
         out / f".small.{NO_PROCESS}.part" / "thesis.tex"
     ),

@@ -99,14 +99,14 @@ def test_simulate_then_identify(tmp_path, run_cli):
     found = {row["name"]: row["refined"]["value"] for row in answer["parameters"]}
     assert found["k"] == pytest.approx(5920.0, rel=1e-3)
     assert found["m"] == pytest.approx(1.5, rel=1e-3)
-    lines = run_cli("identify", path, "--surface", surface).out.splitlines()[1:]
+    lines = run_cli("identify", path, "--surface", surface).out.splitlines()[2:]
     title, *rows = (re.split(r" {2,}", line.strip()) for line in lines)
-    assert "± (95 %)" in title
+    assert "95 % interval" in title
     printed = {row[0]: row for row in rows}
     for row in answer["parameters"]:
         low, high = row["refined"]["interval"]
-        # the page prints the same half width
-        assert float(printed[row["name"]][4]) == pytest.approx((high - low) / 2, rel=0.05)
+        first, last = map(float, printed[row["name"]][2].split(" to "))
+        assert last - first == pytest.approx(high - low, rel=0.05)
         assert high - low > 2.1 * row["refined"]["standard_error"]
 
 

@@ -2,13 +2,9 @@
 
 import json
 
-import nbformat
 import pytest
 
-from rsgen.report.notebook import build_notebook
-from rsgen.report.provenance import is_unchanged_notebook
 from tests.case_files import write_small
-from tests.samples import cubic_case
 from tests.try_wheel import ROOT, files_of
 
 MINE = b"three years of work"
@@ -25,7 +21,6 @@ def simulated(tmp_path, monkeypatch):
     [
         (("simulate", "small.toml"), "small.h5"),
         (("simulate", "small.toml", "--out", "thesis.tex"), "thesis.tex"),
-        (("identify", "small.toml", "--frf", "impact.uff"), "impact.uff"),
         (("modal", "small.toml", "--csv", "logbook.csv"), "logbook.csv"),
     ],
 )
@@ -49,18 +44,6 @@ def test_the_case_is_not_written_over(simulated, run_cli):
     answer = run_cli("simulate", "small.toml", "--out", "small.toml")
     assert (answer.code, "is read by this command" in answer.err) == (2, True)
     assert simulated.read_bytes() == before
-
-
-def test_a_notebook_is_replaced_until_a_user_changes_a_cell(tmp_path):
-    path, notebook = tmp_path / "made.ipynb", build_notebook(cubic_case())
-    nbformat.write(notebook, path)
-    assert is_unchanged_notebook(path)
-    notebook.cells[-1].outputs = [nbformat.v4.new_output("stream", text="executed again")]
-    nbformat.write(notebook, path)
-    assert is_unchanged_notebook(path)
-    notebook.cells[-1].source += "\n# my remark"
-    nbformat.write(notebook, path)
-    assert not is_unchanged_notebook(path)
 
 
 def test_examples_are_the_cases_of_the_repository(run_cli, tmp_path):

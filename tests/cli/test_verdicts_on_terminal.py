@@ -71,8 +71,3 @@ def test_every_command_says_the_same_of_a_measured_test(old, new, states, decide
     assert answer.code == run.code
     assert answer.out.startswith(f"csv-table: {verdict['headline']} (unchanged)")
     assert answer.out.count("  because: ") == len(verdict["decided_by"])
-    # index alone
-    answer = run_cli("report", "--out", out)
-    assert (answer.code, f"csv-table: {verdict['headline']}" in answer.out) == (0, True)
-    answer = run_cli("report", path, "--out", out, "--json")
-    assert (answer.code, json.loads(answer.out)["verdicts"]) == (run.code, {"csv-table": verdict})

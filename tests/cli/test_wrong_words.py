@@ -51,7 +51,6 @@ def write_table(path: Path, rows: np.ndarray | None = None, head: str = "f,F,a,b
         ("identify lab/a.csv", "lab/a.csv: line 1, column 2: ... `rsgen init --from` writes"),
         ("identify lab", "lab: is no regular file"),
         ("identify lab/small.toml --surface lab/s.h5", "lab/s.h5: there is no such file"),
-        ("identify lab/small.toml --frf lab/a.txt", "--frf lab/a.txt: the name must end in .uff"),
         ("simulate lab/read.toml", "lab/read.toml: test.kind: is 'measured'"),
         ("simulate lab/small.toml --out absent/a.h5", "--out absent/a.h5: there is no folder absent"),
         ("check lab/read.toml --data absent", "lab/read.toml: test.file: ... absent/a.csv: cannot be read"),
@@ -71,7 +70,6 @@ def write_table(path: Path, rows: np.ndarray | None = None, head: str = "f,F,a,b
         ("rnu", "rsgen: No such command 'rnu'. Did you mean 'run'?"),
         ("run lab/small.toml --figures PDF", "--figures PDF: must be one of pdf, svg, png"),
         ("diff lab absent", "lab: holds no result of rsgen"),
-        ("report lab/small.toml --out absent", "absent: is no folder of results"),
     ],
 )  # fmt: skip
 @pytest.mark.usefixtures("laboratory")

@@ -9,7 +9,6 @@ import pytest
 import scipy.io
 import scipy.signal
 
-from rsgen.analysis.export import save_frf
 from rsgen.data.surface import ResponseSurface
 from tests.inspection.drafts import drafted, read_draft
 
@@ -82,18 +81,19 @@ def test_channels_without_names_are_not_guessed_silently(tmp_path):
     assert "ch1, ch2, ch3" in doubts["test.response.samples"]
 
 
-def modal_file(path: Path, points: list[tuple[int, int, float]]) -> Path:
-    """Write accelerances at nodes and directions, times a number."""
+def modal_file(path: Path, points: list[tuple[int, int, float]], titles: tuple[str, ...] = ()) -> Path:
+    """Write accelerances at nodes and directions, times a number; without titles each is called "a"."""
     pyuff = pytest.importorskip("pyuff", reason="no pyuff here: install rsgen[test]")
     sets = [
         pyuff.prepare_58(
-            func_type=4, rsp_node=node, rsp_dir=direction, ref_node=7, ref_dir=3, rsp_ent_name="WING",
-            ref_ent_name="WING", data=-(OMEGA**2) * share * RECEPTANCE, x=FREQUENCY, binary=0, id1="a",
+            func_type=4, rsp_node=node, rsp_dir=direction, ref_node=7 * bool(node), ref_dir=3 * bool(node),
+            rsp_ent_name="WING" if node else "NONE", ref_ent_name="WING" if node else "NONE",
+            data=-(OMEGA**2) * share * RECEPTANCE, x=FREQUENCY, binary=0, id1=title,
             z_axis_value=0.0, abscissa_spacing=1,
             abscissa_min=7.0, abscissa_inc=0.25, num_pts=25, ord_data_type=6,
             ordinate_spec_data_type=12, orddenom_spec_data_type=13, abscissa_spec_data_type=18,
         )
-        for node, direction, share in points
+        for (node, direction, share), title in zip(points, titles or "a" * len(points), strict=True)
     ]  # fmt: skip
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
@@ -127,16 +127,11 @@ def test_points_of_a_modal_test_are_no_levels(tmp_path, points, left_out):
 
 
 @pytest.mark.slow
-def test_receptances_that_were_written_come_back_with_their_levels(tmp_path):
-    level = np.repeat([2.0, 10.0], len(FREQUENCY))
-    response = level * np.tile(RECEPTANCE, 2)
-    surface = ResponseSurface(
-        level=level, frequency=np.tile(FREQUENCY, 2), force=level + 0j, response=response
-    )
-    path = tmp_path / "a.uff"
-    save_frf(path, surface)
+def test_levels_are_read_from_the_titles_of_functions(tmp_path):
+    nowhere = [(0, 0, 1.0)] * 2
+    path = modal_file(tmp_path / "a.uff", nowhere, ("receptance, 2 N", "receptance, 10 N"))
     tables, surface, doubts = read_draft(path)
     assert tables["level"] == {"values": ["2 N", "10 N"]}
     assert "titles" in doubts["test.level.values"]
     assert surface.levels.tolist() == [2.0, 10.0]
-    np.testing.assert_allclose(surface.harmonics[:, 1], response, rtol=1e-5)
+    np.testing.assert_allclose(surface.harmonics[:, 1], surface.level * np.tile(RECEPTANCE, 2), rtol=1e-5)

@@ -98,8 +98,6 @@ def test_a_case_of_a_multisine_runs_from_file_to_page(folder, found, run_cli):
     assert "image/png" in shown["figure-predicted-record"]
     (row,) = (one for one in str(found).splitlines() if "k3  " in one)
     assert row.strip() in shown["identification"]
-    again = run_cli("report", folder / "lines.toml", "--out", out)
-    assert again.code == 0, again
 
 
 def test_what_a_multisine_cannot_have_is_said_before_the_run(folder, run_cli):

@@ -140,7 +140,6 @@ def test_a_case_of_a_virtual_multisine_is_checked_and_run(tmp_path, run_cli):
     assert run_cli("simulate", case, "--out", target).code == 0
     np.savez(target, a=np.arange(3.0))
     assert run_cli("simulate", case, "--out", target).code == 2
-    assert "--frf: of a multisine" in run_cli("identify", case, "--frf", case.with_suffix(".uff")).err
     write_small(tmp_path, "lines", CASE | {"identify.hold_out": ["6 N"]})
     assert "6 N is not tested; one of test.level is needed" in run_cli("check", case).err
 

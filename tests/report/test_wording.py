@@ -75,7 +75,8 @@ def test_every_part_of_a_text_can_be_said(code):
     for text in [said] if isinstance(said, str) else said.values():
         whole = _PART.sub(r"\2", text)
         fields = [(name, form) for _, name, form, _ in Formatter().parse(whole) if name]
-        spoken = whole.format_map({name: _Number(4.5e-9, "m") if form else "<name>" for name, form in fields})
+        values = {name: _Number(4.5e-9, "m") if form else "<name>" for name, form in fields}
+        spoken = whole.format_map(values | {"names": defaultdict(lambda: "<name>")})
         assert not re.search(r"\[\[|\]\]|[{}|]|  |\.$", spoken)
 
 

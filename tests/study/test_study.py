@@ -270,25 +270,6 @@ def test_a_faulty_case_stops_no_other(finished, tmp_path):
     assert "small" in (out / "table1.md").read_text()
 
 
-@pytest.mark.slow
-def test_a_report_is_written_anew_from_its_surface(finished, tmp_path):
-    path, out, _ = finished
-    shutil.copytree(out, tmp_path / "out")
-    path = Path(shutil.copy(path, tmp_path))
-    surface = (tmp_path / "out" / "small" / "surface.h5").read_bytes()
-    run = run_case(path, tmp_path / "out", reuse_surface=True)
-    assert run.faults == ()
-    assert run.passed
-    assert (tmp_path / "out" / "small" / "surface.h5").read_bytes() == surface
-    assert read_manifest(tmp_path / "out" / "small") is not None
-    # a surface of an earlier state of the case is not taken
-    other = write_case(tmp_path, accept=3e-2)
-    assert (
-        "holds no surface of this very case"
-        in run_case(other, tmp_path / "out", reuse_surface=True).faults[0]
-    )
-
-
 def test_results_never_go_where_the_case_lies(tmp_path):
     path = write_case(tmp_path)
     assert "choose another --out" in run_case(path, tmp_path).faults[0]

@@ -40,7 +40,6 @@ COMMANDS = {
     "identify": "From a case to its parameters.",
     "profile": "The interval of one parameter by its likelihood.",
     "rank": "Which law? The library ranked on a test.",
-    "report": "Write reports anew, without simulating.",
     "diff": "What changed between two results.",
     "inspect": "What is in a data file.",
     "init": "Begin a case file.",

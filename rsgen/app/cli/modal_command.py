@@ -7,23 +7,12 @@ from typing import Annotated
 
 import typer
 
-from rsgen.app.cli.options import (
-    MODAL,
-    Data,
-    Json,
-    OneCase,
-    Surface,
-    check_target,
-    inputs_of,
-    is_foreign,
-    refuse_foreign,
-)
+from rsgen.app.cli.options import MODAL, Data, Json, OneCase, Surface, checked_target
 from rsgen.app.cli.progress_bar import print_cache_fault, stage_progress
 from rsgen.app.cli.terminal import ACCEPTED, number, print_json, print_line
 from rsgen.app.study import obtain_table
 from rsgen.cases import load_case
 from rsgen.common.output import write_atomic
-from rsgen.files import load_surface
 from rsgen.formula.units import quantity_text
 from rsgen.identification.modal_table import modal_table
 from rsgen.report.page_tables import Modal, score_held_out
@@ -51,12 +40,10 @@ def modal_command(
     """
     print_cache_fault()
     loaded = load_case(case, data)
-    target = check_target(csv, ".csv", "--csv") if csv else None
-    if target:
-        refuse_foreign(target, is_foreign(target, MODAL), inputs_of(loaded, surface), "--csv")
+    target = checked_target(csv, ".csv", MODAL, "--csv", loaded, surface) if csv else None
     with stage_progress(loaded.path) as note:
         note("surface", 0.0)
-        tested = load_surface(surface) if surface else obtain_table(loaded)
+        tested = obtain_table(loaded, saved=surface)
     table = modal_table(tested, loaded.model)
     modal = Modal(table, held_out=score_held_out(table, tested))
     if target:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -41,52 +40,40 @@ Figures = Annotated[
 SPECTRA = b"omega0.npy"
 """Name of an array that a file of spectra has near its beginning."""
 SURFACE = b"rsgen response surface"
-FRF = b"receptances by level\nrsgen\n"
 MODAL = b"amplitude [m],frequency [Hz],lower frequency [Hz]"
 """Text near the beginning of each kind of file that a command writes, and hardly of any other."""
 
 
-def check_target(path: Path, ending: str, option: str) -> Path:
-    """Refuse a name for a new file that has another ending or no folder."""
+def checked_target(path: Path, ending: str, mark: bytes, option: str, case: Case, *read: Path | None) -> Path:
+    """Refuse, before anything is computed, a place where a command cannot write, or a file of the user.
+
+    Parameters
+    ----------
+    path, ending
+        The file to write, and how its name must end.
+    mark
+        Of the kind of file that the command writes: another file is not written over.
+    option
+        The option that names it.
+    case, read
+        The case that the command reads, and further files; they and the data stay, whatever wrote them.
+
+    Raises
+    ------
+    RsgenError
+        The place is refused; a file there is as it was.
+    """
+    inputs = [case.path, *case.test.all_files, *filter(None, read)]
+    if path.exists() and any(other.exists() and path.samefile(other) for other in inputs):
+        raise RsgenError(f"{path}: is read by this command; choose another {option}")
+    # an empty file, as mktemp makes one, holds nothing that could be lost
+    empty = path.is_file() and path.stat().st_size == 0
+    if path.exists() and not (empty or has_mark(path, mark)):
+        raise RsgenError(
+            f"{path}: is there and not as rsgen wrote it; move it away or choose another {option}"
+        )
     if path.suffix.lower() != ending:
         raise RsgenError(f"{option} {path}: the name must end in {ending}")
     if not path.parent.is_dir():
         raise RsgenError(f"{option} {path}: there is no folder {path.parent}")
     return path
-
-
-def inputs_of(case: Case, *others: Path | None) -> tuple[Path, ...]:
-    """Return the files that a command on a case reads: the case, its data, and others that it was given."""
-    data = case.test.all_files
-    return (case.path, *data, *(path for path in others if path is not None))
-
-
-def is_foreign(path: Path, mark: bytes) -> bool:
-    """Return True if a path exists and lacks the mark of the file that a command would write."""
-    return path.exists() and not has_mark(path, mark)
-
-
-def refuse_foreign(path: Path, foreign: bool, reads: Iterable[Path], option: str = "--out") -> None:
-    """Refuse, before anything is computed, to write over a file of the user.
-
-    Parameters
-    ----------
-    foreign
-        Whether what is there was not written by rsgen.
-    reads
-        Files that the command reads; they stay, whatever wrote them.
-
-    Raises
-    ------
-    RsgenError
-        It would; the file is as it was.
-    """
-    if not path.exists():
-        return
-    if any(other.exists() and path.samefile(other) for other in reads):
-        raise RsgenError(f"{path}: is read by this command; choose another {option}")
-    # an empty file, as mktemp makes one, holds nothing that could be lost
-    if foreign and not (path.is_file() and path.stat().st_size == 0):
-        raise RsgenError(
-            f"{path}: is there and not as rsgen wrote it; move it away or choose another {option}"
-        )

@@ -12,7 +12,6 @@ from rsgen.app.cli.terminal import print_block, print_json
 from rsgen.app.study import obtain_table
 from rsgen.app.study.run_case import identify_case
 from rsgen.cases import load_case
-from rsgen.files import load_surface
 from rsgen.identification.profile import profile
 from rsgen.report.result_json import finite_or_none
 
@@ -35,7 +34,7 @@ def profile_command(
     loaded = load_case(case, data)
     with stage_progress(loaded.path) as note:
         note("surface", 0.0)
-        tested = load_surface(surface) if surface else obtain_table(loaded)
+        tested = obtain_table(loaded, saved=surface)
         note("identification", 0.0)
         found = profile(identify_case(loaded, tested), name)
     if json:

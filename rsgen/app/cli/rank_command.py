@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from math import nan
 from pathlib import Path
 from typing import Annotated
@@ -11,20 +12,17 @@ import typer
 from rsgen.app.cli.options import Data, Json
 from rsgen.app.cli.progress_bar import print_cache_fault, stage_progress
 from rsgen.app.cli.terminal import (
-    interval_text,
     number,
     print_block,
     print_faults,
     print_json,
     print_line,
     print_next_steps,
-    print_table,
     print_verdict,
     verdict_code,
 )
 from rsgen.app.study import obtain_table
 from rsgen.cases import load_case
-from rsgen.common.tolerances import CONFIDENCE_TEXT
 from rsgen.data.multisine import MultisineSpectra
 from rsgen.data.oscillator import Model
 from rsgen.data.surface import ResponseSurface
@@ -96,8 +94,7 @@ def rank_command(
         f"{'best' if best else 'least misfit, not to be used as it is'}: {ranking.candidates[0].force}"
     )
     if best:
-        rows = [(one.name, number(one.value), interval_text(one), one.unit) for one in best]
-        print_table(("", "identified", f"± ({CONFIDENCE_TEXT})", "unit"), rows)
+        print_block("", str(replace(ranking.best.table, caption="", notes=())))
     else:
         print_line(f"with {_values(ranking, table)}")
     return print_next_steps(state_verdict(ranking.verdict))

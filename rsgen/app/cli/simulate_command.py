@@ -7,16 +7,7 @@ from typing import Annotated
 
 import typer
 
-from rsgen.app.cli.options import (
-    SPECTRA,
-    SURFACE,
-    Json,
-    OneCase,
-    check_target,
-    inputs_of,
-    is_foreign,
-    refuse_foreign,
-)
+from rsgen.app.cli.options import SPECTRA, SURFACE, Json, OneCase, checked_target
 from rsgen.app.cli.progress_bar import print_cache_fault, stage_progress
 from rsgen.app.cli.terminal import ACCEPTED, MISSED, print_json, print_line
 from rsgen.app.study import obtain_table
@@ -48,30 +39,24 @@ def simulate_command(
         raise RsgenError(
             f"{shown_path(case)}: test.kind: is 'measured'; only a simulated test can be simulated"
         )
-    lines = loaded.test.many_lines
-    ending = ".npz" if lines else ".h5"
-    target = out or Path(f"{loaded.name}{ending}")
-    refuse_foreign(target, is_foreign(target, SPECTRA if lines else SURFACE), inputs_of(loaded))
-    check_target(target, ending, "--out")
+    ending, mark = (".npz", SPECTRA) if loaded.test.many_lines else (".h5", SURFACE)
+    target = checked_target(out or Path(f"{loaded.name}{ending}"), ending, mark, "--out", loaded)
     with stage_progress(loaded.path) as note:
         surface = obtain_table(loaded, lambda share: note("surface", share))
     if isinstance(surface, MultisineSpectra):
         save_spectra(target, surface)
         size = {"records": len(surface), "periods": surface.periods, "lines": int(surface.lines[-1])}
-        if json:
-            print_json({"case": loaded.name, "file": str(target), **size})
-        else:
-            said = ", ".join(f"{count} {name if count > 1 else name[:-1]}" for name, count in size.items())
-            print_line(f"{loaded.name}: {said}: {target}")
-        return ACCEPTED
-    save_surface(target, surface)
-    settled = int(surface.settled.sum())
-    if json:
-        print_json({"case": loaded.name, "file": str(target), "points": len(surface), "settled": settled})
+        said = ", ".join(f"{count} {name if count > 1 else name[:-1]}" for name, count in size.items())
     else:
-        print_line(f"{loaded.name}: {len(surface)} points, {settled} settled: {target}")
-        if not settled:
+        save_surface(target, surface)
+        size = {"points": len(surface), "settled": int(surface.settled.sum())}
+        said = "{points} points, {settled} settled".format_map(size)
+    if json:
+        print_json({"case": loaded.name, "file": str(target), **size})
+    else:
+        print_line(f"{loaded.name}: {said}: {target}")
+        if not size.get("settled", 1):
             print_line(
                 "no point settled: check the values of [truth], their signs first; levels and frequencies"
             )
-    return ACCEPTED if settled else MISSED
+    return ACCEPTED if size.get("settled", 1) else MISSED

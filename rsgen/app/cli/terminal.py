@@ -7,15 +7,11 @@ import math
 import os
 import sys
 import unicodedata
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable
 from contextlib import suppress
-from typing import TYPE_CHECKING, Any, TextIO
+from typing import Any, TextIO
 
 from rsgen.common.finding import USABLE, StatedVerdict, next_lines, verdict_lines
-from rsgen.common.text_table import aligned
-
-if TYPE_CHECKING:
-    from rsgen.identification.results import Estimate
 
 # ----------------------------------------------------------------------------
 # Robust stdout and stderr: closed, full disk, broken pipe, limited encoding.
@@ -171,17 +167,3 @@ def number(value: float | None, digits: int = 6) -> str:
     ('5920', '-')
     """
     return "-" if value is None or not math.isfinite(value) else f"{value:.{digits}g}"
-
-
-def interval_text(estimate: Estimate) -> str:
-    """Write half the width of an interval, or its ends where it is not symmetric."""
-    low, high = estimate.interval
-    if estimate.by_profile:
-        return f"{number(low)} to {number(high)}, by profile"
-    return number((high - low) / 2, 2)
-
-
-def print_table(header: Sequence[str], rows: Iterable[Sequence[str]]) -> None:
-    """Print aligned columns: the first left, those of numbers right."""
-    for line in aligned([[plain(cell) for cell in row] for row in (header, *rows)], right=True):
-        write_output(line)

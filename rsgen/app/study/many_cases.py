@@ -284,7 +284,6 @@ def run_cases(
     data: str | Path | None = None,
     command: Sequence[str] = (),
     figures: str | None = None,
-    reuse_surface: bool = False,
     workers: int | None = None,
     finished: Callable[[CaseRun], None] = lambda run: None,
     progress: Progress | None = None,
@@ -295,7 +294,7 @@ def run_cases(
     ----------
     paths
         Case files and folders of them.
-    out, force, data, command, figures, reuse_surface
+    out, force, data, command, figures
         As for ``run_case``.
     workers
         Processes at a time; default is the number of processors. 1 runs in this process.
@@ -317,14 +316,14 @@ def run_cases(
     """
     files, place, runs = find_cases(paths), Path(out), dict[Path, CaseRun]()
     check_index(place)
-    settings: dict[str, Any] = {"command": tuple(command), "figures": figures, "reuse_surface": reuse_surface}
+    settings: dict[str, Any] = {"command": tuple(command), "figures": figures}
 
     def note(path: Path, run: CaseRun) -> None:
         runs[path] = replace(run, path=path, folder=run.folder and place / run.folder.name)
         finished(runs[path])
 
     folder = None if data is None else Path(data)
-    todo, done = _sort(files, place, force or reuse_surface, folder, figures)
+    todo, done = _sort(files, place, force, folder, figures)
     for path, run in done.items():
         note(path, run)
     number = min(workers or os.cpu_count() or 1, max(1, len(todo)))

@@ -41,10 +41,8 @@ from rsgen.dynamics.simulation import simulate
 from rsgen.files import MeasuredTest
 from rsgen.identification.identify import identify
 from rsgen.identification.results import Identification
-from rsgen.report.provenance import is_unchanged_notebook
 
 RESULT = "result.json"
-SURFACE = "surface.h5"
 
 
 PROGRESS_SECONDS = 0.2
@@ -186,15 +184,19 @@ def _finished(case: Case, folder: Path) -> CaseRun:
 
 
 def obtain_table(
-    case: Case, progress: Callable[[float], None] = lambda share: None
+    case: Case, progress: Callable[[float], None] = lambda share: None, saved: Path | None = None
 ) -> ResponseSurface | MultisineSpectra:
     """Simulate the test of a case, or read its measured files: a response surface, or spectra of a multisine.
+
+    With ``saved``, a file of `rsgen simulate` or of a run, that is read in its place.
 
     Raises
     ------
     RsgenError
         A file cannot be read, or no motion follows from the law, as ``rsgen check`` says.
     """
+    if saved is not None:
+        return rsgen.files.load_surface(saved)
     if refused := law_faults(case):
         raise CaseError(refused)
     return _records(case.test, case.oscillator, progress).on_mass(case.model.fixed.get("m", nan))
@@ -227,19 +229,9 @@ def identify_case(case: Case, table: ResponseSurface | MultisineSpectra) -> Iden
     return identify(table, case.model)
 
 
-def _saved_surface(case: Case, out: Path) -> ResponseSurface:
-    manifest = read_manifest(out / case.name)
-    if manifest is None or manifest.get("inputs") != _inputs(case) or SURFACE not in manifest["files"]:
-        raise RsgenError(
-            f"{shown_path(case.path)}: {out / case.name} holds no surface of this very case; use `rsgen run`"
-        )
-    return rsgen.files.load_surface(out / case.name / SURFACE)
-
-
 def _execute(
     case: Case,
     out: Path,
-    reuse_surface: bool,
     command: Sequence[str],
     figures: str | None,
     report: Callable[[str, float], None],
@@ -249,12 +241,7 @@ def _execute(
     with replaced_folder(out, case.name) as folder:
         inputs = _inputs(case)
         started = time.perf_counter()
-        surface: ResponseSurface | MultisineSpectra
-        # spectra are made anew, which is quicker than their file
-        if reuse_surface and not case.test.many_lines:
-            surface = _saved_surface(case, out)
-        else:
-            surface = obtain_table(case, lambda share: report("surface", share))
+        surface = obtain_table(case, lambda share: report("surface", share))
         tested = time.perf_counter()
         report("identification", 0.0)
         identification = identify_case(case, surface)
@@ -262,7 +249,7 @@ def _execute(
         comparison = compare(identification, truth, case.accept)
         durations = {"surface": tested - started, "identification": time.perf_counter() - tested}
         report("report", 0.0)
-        with _temporary_in(folder), _failed_notebook(folder, out / f"{case.name}-failed.ipynb"):
+        with _temporary_in(folder):
             # rsgen.report imports pages and figures, 0.5 s, when one of its names is first used
             rsgen.report.write_report(
                 folder,
@@ -293,20 +280,6 @@ def _temporary_in(folder: Path) -> Iterator[None]:
             atexit.unregister(shutil.rmtree)
 
 
-@contextlib.contextmanager
-def _failed_notebook(folder: Path, place: Path) -> Iterator[None]:
-    """Save a notebook with its traceback from a folder that goes; remove one of an earlier run."""
-    try:
-        yield
-    except RsgenError:
-        with contextlib.suppress(OSError):
-            if not place.exists() or is_unchanged_notebook(place):
-                (folder / "notebook.ipynb").replace(place)
-        raise
-    if is_unchanged_notebook(place):
-        place.unlink()
-
-
 def run_case(
     path: str | Path | Case,
     out: str | Path,
@@ -315,7 +288,6 @@ def run_case(
     data: str | Path | None = None,
     command: Sequence[str] = (),
     figures: str | None = None,
-    reuse_surface: bool = False,
     progress: Progress | None = None,
 ) -> CaseRun:
     """Run a case: simulate or read, identify, compare, report; the manifest is written last.
@@ -336,8 +308,6 @@ def run_case(
         What was called, for the manifest.
     figures
         "pdf", "svg" or "png": every figure is saved as a file, too.
-    reuse_surface
-        Identify and report anew from the surface that an earlier run of this very case left.
     progress
         Called now and then with how far the case has come.
     """
@@ -345,14 +315,14 @@ def run_case(
     place = Path(out)
     file = path.path if isinstance(path, Case) else Path(path)
     name = file.stem
-    words = command or ("rsgen", "report" if reuse_surface else "run", file.name)
+    words = command or ("rsgen", "run", file.name)
     try:
         case = path if isinstance(path, Case) else load_case(path, data)
         name = case.name
-        earlier = None if force or reuse_surface else current_result(case, place, figures)
+        earlier = None if force else current_result(case, place, figures)
         if earlier is not None:
             return earlier
-        run = _execute(case, place, reuse_surface, words, figures, stage_reporter(case, progress))
+        run = _execute(case, place, words, figures, stage_reporter(case, progress))
         return replace(run, seconds=time.perf_counter() - started)
     except CaseError as fault:
         faults = fault.faults

@@ -424,8 +424,10 @@ def fast_sweeps(
             numbers |= quantities(correction=change, left=change * difference)
             names["mass"] = origin
             severity = "info" if pace <= _PROVED_PACE else severity_of(pace, _LOST_PACE, inf)
+            if severity == "doubt":
+                names["doubt"] = "pace"
             if change * difference > RELATIVE_ERROR_DOUBTFUL:
-                severity = "doubt"
+                severity, names["doubt"] = "doubt", "mass"
         findings = [Finding("sweep-rate", severity, "", numbers, names)]
     return findings
 

@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 import sympy
 
-from rsgen.common.errors import RsgenError
+from rsgen.common.errors import RsgenError, listed
 from rsgen.common.finding import Finding, Quantity, Severity, Verdict, quantities, reach_verdict
 from rsgen.common.text_table import Printed, TextTable, data_frame, lookup, short
 from rsgen.common.tolerances import (
@@ -359,7 +359,7 @@ def _best_law_findings(
     # a sum that contains another tied law is not named
     other = [name for name in other if not any(parts[less] < parts[name] for less in other)]
     tied_to = {
-        kind: "; ".join(map(label.__getitem__, names))
+        kind: listed([label[name] for name in names])
         for kind, names in (("laws", other), ("larger", more))
         if names
     }

@@ -9,7 +9,7 @@ from __future__ import annotations
 import math
 import re
 import tomllib
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from functools import partial
 from pathlib import Path
@@ -29,7 +29,7 @@ from rsgen.common.finding import (
     reach_verdict,
     verdict_lines,
 )
-from rsgen.common.tolerances import CONFIDENCE_TEXT, RELATIVE_ERROR_DOUBTFUL
+from rsgen.common.tolerances import CONFIDENCE_TEXT
 from rsgen.data.surface import ResponseSurface
 from rsgen.formula.units import count_text, number_text, quantity_text
 
@@ -77,22 +77,25 @@ class _Number(float):
 
 @dataclass(frozen=True, slots=True)
 class _Fields:
-    """Fields of a text in braces: "parameter", "confidence", and the names and numbers of its finding.
+    """Fields of a text in braces: "parameter", "confidence", and the numbers and names of its finding.
 
-    ``words`` are what some names are called, by field and name.
+    ``words`` are what some names are called, by field and name. ``names[mass]`` is the name where a number
+    has the same one.
     """
 
     finding: Finding
     words: Mapping[str, Mapping[str, str]] = field(default_factory=dict)
 
-    def __getitem__(self, name: str) -> str | _Number:
+    def __getitem__(self, name: str) -> str | _Number | Mapping[str, str]:
+        names, numbers = self.finding.names, self.finding.numbers
         if name == "parameter":
             return self.finding.parameter
         if name == "confidence":
             return CONFIDENCE_TEXT
-        names = self.finding.names
-        if name not in names:
-            return _Number(*self.finding.numbers[name])
+        if name == "names":
+            return names
+        if name in numbers or name not in names:
+            return _Number(*numbers[name])
         return self.words.get(name, {}).get(names[name], names[name])
 
 
@@ -265,15 +268,6 @@ MARKED: dict[str, str] = {"doubtful": "Doubtful: ", "rejected": "Not to be used:
 """Label before every table and figure with numbers of such a result."""
 
 
-@says("values-judged")
-def _values_judged(found: Finding) -> str:
-    if "outside" in found.names:
-        return f"{found.names['outside']} outside tolerance"
-    count = f"{found['judged']:.0f}"
-    counted = {"1": "the one judged value", "2": "both judged values"}.get(count, f"all {count} values")
-    return f"{counted} within tolerance, largest error {number_text(100 * found['largest'], 2)} %"
-
-
 def headline(verdict: Verdict) -> str:
     """Say a verdict in one line, without a full stop; it begins with the state."""
     summary = verdict.summary
@@ -361,197 +355,22 @@ def _older(result: Mapping[str, Any]) -> StatedVerdict:
     }
 
 
-def _quantity(found: Finding, name: str, digits: int = 3) -> str:
-    return quantity_text(*found.numbers[name], digits)
-
-
-@says("element-course")
-def _element_course(found: Finding) -> str:
-    said, names = list[str](), found.names
-    for kind in ("stiffness", "damping"):
-        if f"{kind}_first" in found.numbers:
-            ends = (f"{_quantity(found, f'{kind}_{end}')} at {_at(found, end)}" for end in ("first", "last"))
-            said.append(f"{kind} {', '.join(ends)}")
-    if "states" in names:
-        said.append(f"the loop of {names['states']} does not close with the identified values")
-    if "unknown" in names:
-        said.append(f"not identifiable from this test: {names['unknown']}")
-    return "; ".join(said) or "no force over the tested amplitudes"
-
-
-def _at(found: Finding, end: str) -> str:
-    return _quantity(found, f"amplitude_{end}", 2)
-
-
-@says("sweep-rate")
-def _sweep_rate(found: Finding) -> str:
-    at = f"a resonance at {found['resonance']:.4g} Hz" if "pace" in found.numbers else ""
-    if "resonance" in found.names:
-        at = (
-            f"the largest response, near {found['resonance']:.4g} Hz (it does not fall to half power on both "
-            "sides: the resonance may lie outside),"
-        )
-    if "correction" not in found.numbers:
-        fast = (
-            f"; {found.names['record']} passes {at} with {found['rate']:.3g} Hz/s, "
-            f"rate/(half width)^2 = {found['pace']:.2g} or more, which shifts it by {found['shift']:.2g} "
-            "half widths"
-            if "pace" in found.numbers
-            else ""
-        )
-        return (
-            "the force was not corrected for the sweep rate: over this band the sweeps do not determine a "
-            f"moving mass, as they would with one mode in it{fast}; choose a band around one mode, or give "
-            "the mass"
-        )
-    mass, beyond = "per unit mass", ""
-    if "mass" in found.numbers:
-        mass = f"with the mass {found['mass']:.4g} kg ({found.names['mass']})"
-    if found.numbers.get("left", Quantity(0)).value > RELATIVE_ERROR_DOUBTFUL:
-        beyond = (
-            f"; by the flanks the mass is another one, which leaves {found['left']:.1%} of the force open"
-        )
-    elif found.severity == "doubt":
-        beyond = "; in virtual sweeps as fast the damping was up to 40 % off: sweep slower"
-    elif found["pace"] > found["proved_up_to"]:
-        beyond = (
-            f"; beyond {found['proved_up_to']:g} this leaves errors of some percent in c(X): sweep slower"
-        )
-    return (
-        f"{found.names['record']}: the sweep {found.names['direction']} at {found['rate']:.3g} Hz/s is fast "
-        f"for {at} with half width {found['half_width']:.2g} Hz: "
-        f"rate/(half width)^2 = {found['pace']:.2g}, which shifts it by {found['shift']:.2g} half widths. "
-        f"The force was corrected for that, by {found['correction']:.1%} there, {mass}{beyond}"
-    )
-
-
-# ----------------------------------------------------------------------------
-# Sentences about laws that fit as well, and about rankings.
-
-_ALTERNATIVES = {
-    "term": "a term {} added to the law",
-    "background": 'a background "{}"',
-    "background of the second sensor": 'a background "{}" of the second sensor',
-    "halves": "the difference of {}, identified separately,",
-}
-
-
-@says("law-ambiguous")
-def _law_ambiguous(found: Finding) -> str:
-    kinds = [text.format(found.names[kind]) for kind, text in _ALTERNATIVES.items() if kind in found.names]
-    (said, *_) = (*kinds, "another law")
-    if "shift" in found.numbers:
-        shift = quantity_text(*found.numbers["shift"], 3)
-        return (
-            f"{said} that the noise hides would move {found.parameter} by up to {shift}, "
-            f"{found['times']:.2g} times its standard error: {found.names['parameters']} and their "
-            "intervals hold if the response contains no other modes"
-        )
-    left = ", and are wider than a tenth of the value" if found.severity == "doubt" else ""
-    moved = number_text(100 * abs(found["moved"]), 2)
-    return (
-        f"{said} stands out of the noise by {found['errors']:.2g} standard errors, and "
-        f"moves {found.parameter} by {moved} %; the intervals include such shifts{left}"
-    )
-
-
-def _percent(share: float) -> str:
-    return f"{share:.1%}" if share < 1 else "more than 100 %"
-
-
-def _joined(names: Sequence[str]) -> str:
-    return names[0] if len(names) == 1 else f"{', '.join(names[:-1])} and {names[-1]}"
-
-
-def _between(low: float, high: float, unit: str) -> str:
-    one, two = number_text(low, 4), number_text(high, 4)
-    return f"near {one} {unit}" if one == two else f"between {one} and {two} {unit}"
-
-
-def _counted(f: Finding) -> str:
-    return f"{f['lines']:g} lines" if "lines" in f.numbers else f"{f['points']:g} points"
-
-
-@says("ranking-few-points")
-def _ranking_few_points(f: Finding) -> str:
-    if "parameters" not in f.numbers:
-        return "one level only: other levels would separate more laws"
-    return f"{_counted(f)} are few for {f['parameters']:g} parameters: more would separate more laws"
-
-
-@says("law-nearest")
-def _law_nearest(f: Finding) -> str:
-    if "noise" in f.names:
-        lines = "one period is too little" if "lines" in f.numbers else ""
-        reason = lines or "the frequencies are too widely spaced"
-        return (
-            f"{f.names['law']} comes nearest; {reason} to separate noise from misfit, so that it is not "
-            "known whether it fits"
-        )
-    noise = number_text(100 * f["noise"], 2)
-    return f"{f.names['law']} comes nearest, with a noise of {noise} % at {_counted(f)}"
-
-
 @says("no-law-fits")
 def _no_law_fits(f: Finding) -> str:
-    if "unexplained" not in f.numbers:
-        return _place(f)
-    compared = "neighbouring points" if _orders(f) else "periods"
-    return (
-        f"none of these fits: even the best, {f.names['law']}, leaves {_percent(f['unexplained'])} of force "
-        f"and response unexplained (noise, judged by how much {compared} differ: "
-        f"{_percent(f['noise'])}); all candidates assume one mode: a hysteresis "
-        f"that is none of theirs, a second mode, a background or a drift would leave this; {_place(f)}"
-    )
-
-
-def _orders(f: Finding) -> list[str]:
-    return [name for name in f.numbers if name.startswith("harmonic ")]
-
-
-def _place(f: Finding) -> str:
-    """Say in which harmonics, where in frequency and amplitude, no law explains the test."""
+    """Say what the best law leaves, and in which harmonics, where in frequency and amplitude."""
     named = {"harmonic 0": "mean", "harmonic 1": "fundamental"}
-    parts = [f"{named.get(name, name)} ({_percent(f[name])})" for name in _orders(f)]
-    text = f"it is unexplained in the {_joined(parts or ['response'])}"
-    if "frequency from" in f.numbers:
-        text += f", mostly {_between(f['frequency from'], f['frequency to'], 'Hz')}"
-    if "amplitude from" in f.numbers:
-        text += f", at amplitudes {_between(f['amplitude from'], f['amplitude to'], 'm')}"
-    return text
-
-
-@says("law-fits-best")
-def _law_fits_best(f: Finding) -> str:
-    noise = number_text(100 * f["noise"], 2)
-    if "left" in f.names:
-        return f"{f.names['law']} fits best, with a noise of {noise} % at {_counted(f)}"
-    size = f"is less than {f['least']:g}" if f["noise"] <= f["least"] else f"looks like noise of {noise} %"
-    return f"{f.names['law']} fits best: what it leaves unexplained at {_counted(f)} {size}"
-
-
-@says("laws-not-separated")
-def _laws_not_separated(f: Finding) -> str:
-    if "same" in f.names:
-        return f"{f.names['law']} with a linear spring is the same law as {f.names['same']}"
-    said = {
-        "laws": "this test does not separate it from",
-        "larger": "these contain it and fit no better",
-    }
-    return "; ".join(
-        f"{text}: {listed(f.names[kind].split('; '))}" for kind, text in said.items() if kind in f.names
+    orders = [name for name in f.numbers if name.startswith("harmonic ")]
+    shares = listed([f"{named.get(name, name)} ({error_text(f[name])})" for name in orders])
+    text = f"it is unexplained in the {shares or 'response'}"
+    for name, before, unit in (("frequency", "mostly", "Hz"), ("amplitude", "at amplitudes", "m")):
+        if f"{name} from" in f.numbers:
+            text += f", {before} from {f[f'{name} from']:.4g} to {f[f'{name} to']:.4g} {unit}"
+    if "unexplained" not in f.numbers:
+        return text
+    left, noise = error_text(f["unexplained"]), error_text(f["noise"])
+    return (
+        f"none of these fits: even the best, {f.names['law']}, leaves {left} of force and response "
+        f"unexplained (noise, judged by how much {'neighbouring points' if orders else 'periods'} differ: "
+        f"{noise}); all candidates assume one mode: a hysteresis that is none of theirs, a second mode, a "
+        f"background or a drift would leave this; {text}"
     )
-
-
-@says("levels-predicted-worse")
-def _levels_predicted_worse(f: Finding) -> str:
-    said = list[str]()
-    if "fitted" in f.numbers:
-        said.append(
-            f"a level predicted from the others is off by {_percent(f['predicted'])}, but only by "
-            f"{_percent(f['fitted'])} when it is fitted with them: some values rest on a single level, or "
-            "the law is too flexible"
-        )
-    if "law" in f.names:
-        said.append(f"{f.names['law']} predicts levels better: off by {_percent(f['other'])}")
-    return "; ".join(said)
