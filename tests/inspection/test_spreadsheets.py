@@ -1,8 +1,13 @@
 """Headers of spreadsheets as laboratories write them: real and imaginary parts, quantity over unit."""
 
+import time
+from pathlib import Path
+
 import numpy as np
 import pytest
 
+from rsgen.files.inspection import propose
+from rsgen.files.tree import Contents, Entry
 from tests.inspection.drafts import FREQUENCY, RECEPTANCE, is_receptance, read_draft, write_table
 
 MILLI = 1e3 * RECEPTANCE
@@ -64,3 +69,14 @@ def test_levels_side_by_side_are_read(tmp_path, titles):
     count = len(FREQUENCY)
     assert [int(np.sum(surface.level == level)) for level in surface.levels] == [count, count - 1, count]
     assert is_receptance(surface)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("title", ["H{} x", "acc {}", "base acc {}", "phase {}"])
+def test_a_draft_of_thousands_of_columns_takes_no_time(title):
+    names = ["freq", *(title.format(number) for number in range(9000)), "acc tip", "acc root"]
+    entries = tuple(Entry(name, (20,), "float64", low=0.0, high=1.0) for name in names)
+    begun = time.process_time()
+    assert propose(Contents(Path("a.csv"), "csv", entries)) is not None
+    # each compared with each: 10 s
+    assert time.process_time() - begun < 5

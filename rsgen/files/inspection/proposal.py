@@ -182,7 +182,9 @@ def _propose_table(draft: _Draft, frequency: Entry) -> None:
     if higher:
         more = "; a table is read at its fundamental, time histories bring harmonics in"
         left_out.append(f"left out: {listed(list(map(called, higher)))}{more}")
-    sensors, loose = find_sensors([entry for entry in rows if entry not in higher])
+    # by identity: to compare each of thousands with each takes long
+    unread = set(map(id, higher))
+    sensors, loose = find_sensors([entry for entry in rows if id(entry) not in unread])
     nominal = level is not None and is_force(level)
     driven = _write_signals(draft, sensors, loose, left_out, of_force=nominal)
     _write_level(draft, level, driven, runs)
@@ -237,8 +239,9 @@ def _other_tables(draft: _Draft, frequency: Entry) -> list[str]:
         # a / in the title of a text is no folder
         return []
     with_own = {_folder(e) for e in draft.free if is_real(e) and e.size > 1 and _is_frequency(e)}
-    left = [entry for entry in draft.free if _folder(entry) in with_own - {_folder(frequency)}]
-    draft.free = [entry for entry in draft.free if entry not in left]
+    others = with_own - {_folder(frequency)}
+    left = [entry for entry in draft.free if _folder(entry) in others]
+    draft.free = [entry for entry in draft.free if _folder(entry) not in others]
     return (
         [f"left out: {listed([e.path for e in left])}, which have a frequency of their own"] if left else []
     )
@@ -374,9 +377,10 @@ def _write_signals(
         Whether the file has nominal levels of a force.
     """
     force, base = _find_drive(draft, sensors, of_force)
-    free = [sensor for sensor in sensors if sensor is not force and sensor not in base]
-    responses = [sensor for sensor in free if _is_response(sensor.main)]
-    free = [sensor for sensor in free if sensor not in responses]
+    driving = set(map(id, [force, *base]))
+    moved = [sensor for sensor in sensors if id(sensor) not in driving]
+    responses = [sensor for sensor in moved if _is_response(sensor.main)]
+    free = [sensor for sensor in moved if not _is_response(sensor.main)]
     responses.sort(key=lambda sensor: (not sensor.has_phase, sensor.places[0][0] == "amplitude"))
     if responses and not responses[0].has_phase:
         phase = next((phase for phase in loose if not is_of_another(phase, responses[0].main)), None)
@@ -390,7 +394,7 @@ def _write_signals(
         draft.tables["test.base"] = _motion(draft, base[0], "test.base") | {"response": "absolute"}
         draft.doubts["test.base.response"] = 'or "relative", if the response was measured against the base'
         if base[1:]:
-            others = ", ".join(called(sensor.main) for sensor in base[1:])
+            others = listed([called(sensor.main) for sensor in base[1:]])
             draft.doubts["test.base.quantity"] = f"{TODO}or {others}: the driven direction"
     elif force is not None:
         draft.tables["test.force"] = _force(draft, force)

@@ -270,7 +270,7 @@ def find_sensors(columns: Sequence[Entry]) -> tuple[list[Sensor], list[Entry]]:
         for entry in nameless:
             number = place[id(entry)] - 1
             found[number] = found[number].with_phase(entry, "the column behind; its title names no channel")
-        loose = [entry for entry in loose if entry not in nameless]
+        loose = [entry for entry in loose if not all(word.isdigit() for word in words_of(entry))]
     return [found[number] for number in sorted(found)], loose
 
 
