@@ -131,7 +131,9 @@ def _hum(x: np.ndarray) -> np.ndarray:
     return x + 0.3 * np.std(x) * np.sin(2 * np.pi * 50 / 2441.40625 * np.arange(len(x)))
 
 
-def edited(name: str, right: frozenset[str], *changes: tuple[str, str], refusal: str = "") -> Tampering:
+def edited(
+    name: str, right: frozenset[str], *changes: tuple[str, str], refusal: str = "", unseen: str = ""
+) -> Tampering:
     """Replace parts of a case's text; each must be there."""
 
     def make(case: str) -> Edited:
@@ -142,7 +144,7 @@ def edited(name: str, right: frozenset[str], *changes: tuple[str, str], refusal:
             text = text.replace(old, new)
         return Edited(text)
 
-    return Tampering(name, right, build=make, refusal=refusal)
+    return Tampering(name, right, build=make, refusal=refusal, unseen=unseen)
 
 
 def _first_readings(surface: rsgen.ResponseSurface) -> np.ndarray:
@@ -375,7 +377,12 @@ OF_CASE: dict[str, tuple[Tampering, ...]] = {
             ('stop   = "15 s"', 'stop   = "28 s"'),
             refusal="decay",
         ),
-        edited("a second mode as large as the first", MISFIT | WAVE, ('stop   = "15 s"', 'stop   = "19 s"')),
+        edited(
+            "a second mode as large as the first",
+            MISFIT | WAVE,
+            ('stop   = "15 s"', 'stop   = "19 s"'),
+            unseen="points end where the second mode begins: values and intervals are those without it",
+        ),
         edited(
             "another channel (the drive voltage)",
             WAVE | MISFIT,

@@ -330,7 +330,7 @@ def background_table(identification: Identification) -> Table | None:
 
 
 def alternative_table(identification: Identification) -> Table | None:
-    """Compare the fit with alternatives to it; None if none widens an interval."""
+    """Compare the fit with alternatives to it; None if none widens an interval by much."""
     compared = compare_fits(identification)
     rows = tuple(map(tuple, compared.table.rows))
     caption = (

@@ -90,7 +90,11 @@ def test_a_term_widens_an_interval_by_its_shift_times_its_likelihood():
     assert weight_of(replace(several, value=4.0)) == 1
     ratio, said = Alternatives(("c", "m"), error, {"term": {"v**3": hidden}}).judge(values, 0.01)
     assert ratio == pytest.approx([np.sqrt(1 + 9 / (1 + np.exp(-(1.3**2) / 2))), 1.0])
-    assert said == []
+    (named,) = said
+    assert (named.code, named.severity, named.parameter) == ("intervals-widened", "info", "c")
+    assert "2.7 times as wide as noise makes it: it contains the shift by a term v**3" in sentence(named)
+    narrow = Alternatives(("c", "m"), 3 * error, {"term": {"v**3": hidden}}).judge(values, 0.01)
+    assert narrow[1] == []
 
 
 @pytest.mark.parametrize(("band", "named"), [((8.5, 12.0), False), ((10.5, 14.0), True)])

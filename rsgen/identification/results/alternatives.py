@@ -29,6 +29,9 @@ from rsgen.identification.fitting.least_squares import Alternative
 CHANCE_OF_ALTERNATIVE = 0.05
 """Noise that gives an alternative of several columns its gain more often than this does not count for it."""
 
+_WIDENED = 2.0
+"""An interval that an alternative widens more than so many times is mostly that of the choice of the law."""
+
 
 def weight_of(one: Alternative) -> float:
     """Return the weight of an alternative: of one column its likelihood over the sum of both; of several,
@@ -90,16 +93,15 @@ class Alternatives:
         return any(stands_out(one) for _, _, one in self)
 
     def largest(self, values: Array) -> dict[str, Alternative]:
-        """Return, by name, the alternative of each kind that widens an error of values (q,) most, if any."""
+        """Return, by name, the alternatives of each kind that widen an error of values (q,) most, by much."""
         found = {}
         for kind, of_kind in self.kinds.items():
             wider = {
                 name: float(np.max(spread_between([one], values, self.error)))
                 for name, one in of_kind.items()
-                if one.exceeds(CHANCE_OF_ALTERNATIVE)
             }
             name = max(wider, key=wider.__getitem__, default="")
-            if name and wider[name] > 1:
+            if name and wider[name] > _WIDENED:
                 found[f"{kind}: {name}"] = of_kind[name]
         return found
 
@@ -116,18 +118,20 @@ class Alternatives:
         Returns
         -------
         ratio, findings
-            (q,) factors of the standard errors, and a finding about the largest significant shift: a doubt
-            if the interval is wider than a tenth of the value.
+            (q,) factors of the standard errors; findings about the interval that is widened most, and about
+            the largest significant shift: a doubt if the interval is wider than a tenth of the value.
         """
-        ratio = spread_between((one for _, _, one in self), values, self.error)
-        found = list[Finding]()
-        if self.kinds.get("halves"):
-            known = self.error > 0
-            wider = float(np.median(ratio[known])) if known.any() else 1.0
-            names = {"by": "other terms, backgrounds and halves of the test"}
-            found = [Finding("intervals-widened", "warning", numbers=quantities(wider=wider), names=names)]
+        every = list(self)
+        each = [spread_between([one], values, self.error) for _, _, one in every]
+        ratio = np.max([np.ones(len(values)), *each], axis=0)
+        found, widest = list[Finding](), int(np.argmax(ratio))
+        if ratio[widest] > _WIDENED:
+            kind, name, _ = every[int(np.argmax([wider[widest] for wider in each]))]
+            severity: Severity = "warning" if self.kinds.get("halves") else "info"
+            numbers = quantities(wider=ratio[widest])
+            found = [Finding("intervals-widened", severity, self.names[widest], numbers, {kind: name})]
         share, said = np.zeros(len(values)), ("", "", 0.0)
-        for kind, name, one in self:
+        for kind, name, one in every:
             shift = one.shift[: len(values)]
             clear = (
                 (ratio > 1) & (np.abs(shift) > STANDARD_ERRORS_OF_DIFFERENCE * self.error) & stands_out(one)
@@ -141,8 +145,10 @@ class Alternatives:
         open_ = interval_sigmas() * self.error[worst] * ratio[worst] > RELATIVE_ERROR_DOUBTFUL * abs(
             values[worst]
         )
-        severity: Severity = "doubt" if open_ and misfit > MISFIT_NEGLIGIBLE else "warning"
+        severity = "doubt" if open_ and misfit > MISFIT_NEGLIGIBLE else "warning"
         numbers = quantities(errors=errors, moved=share[worst])
+        # one that stands out is named with its shift
+        found = [f for f in found if (f.parameter, f.names) != (self.names[worst], {kind: name})]
         return ratio, [*found, Finding("law-ambiguous", severity, self.names[worst], numbers, {kind: name})]
 
     def within_noise(
