@@ -51,6 +51,8 @@ class Search:
         Other laws of the library that are the same if a linear spring is added.
     memory
         g(x, v, z) of z' = g for the states in ``formula``.
+    mirror
+        True where the law of -x is another one, which is tried, too.
     """
 
     formula: str = ""
@@ -59,6 +61,7 @@ class Search:
     spring: bool = False
     same: tuple[str, ...] = ()
     memory: Mapping[str, str] = field(default_factory=dict, hash=False)
+    mirror: bool = False
 
 
 LIU = "Liu et al., Parameter identification by response surface plotting"
@@ -205,7 +208,8 @@ ROWS: dict[str, Row] = {
     "one-sided-stop": Row(
         "Stop on one side beyond a gap, with a spring", "k0*x + k*Max(0, x - b)", GELB,
         (_WITHOUT, _SLOPE, ("b", "gap, negative: preloaded", "m")),
-        Search(ranges={"b": Range("x", (*(-b for b in _BREAKS), *_BREAKS), (-0.99, 0.99))}), own=True,
+        Search(ranges={"b": Range("x", (*(-b for b in _BREAKS), *_BREAKS), (-0.99, 0.99))}, mirror=True),
+        own=True,
     ),
     "two-sided-stop": Row(
         "Stops on both sides beyond different gaps, with a spring",

@@ -149,11 +149,20 @@ def _stopped(harmonics: int) -> ResponseSurface:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("harmonics", [1, 3])
-def test_a_stop_beyond_a_small_gap_on_one_side_is_found(harmonics: int) -> None:
-    ranking = rank(_stopped(harmonics), [laws[name] for name in (*_SIDES, *_BESIDE)])
+@pytest.mark.parametrize(
+    ("harmonics", "side"),
+    [(1, "Max(x - b, 0)"), (3, "Max(x - b, 0)"), (3, "Min(x + b, 0)")],
+)
+def test_a_stop_beyond_a_small_gap_on_one_side_is_found(harmonics: int, side: str) -> None:
+    table = _stopped(harmonics)
+    if side.startswith("Min"):
+        # seen from the other end, and by an accelerometer, which shows no mean
+        mirrored = table.harmonics * [np.nan, 1, -1, 1]
+        table = changed(table, harmonics=mirrored)
+    ranking = rank(table, [laws[name] for name in (*_SIDES, *_BESIDE)])
     best = ranking.candidates[0]
     assert best.name == "one-sided-stop + quadratic-damper"
+    assert side in best.force
     assert ranking.verdict.state == "identified"
     assert best.values["b"] == pytest.approx(3e-4, rel=0.02)
     # a second stop that no motion reaches is not better

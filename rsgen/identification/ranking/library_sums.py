@@ -24,10 +24,11 @@ from rsgen.law.numeric import ForceLaw, compile_law
 
 @dataclass(frozen=True)
 class Term:
-    """A law of the library without its linear spring and damper."""
+    """A law of the library without its linear spring and damper; of -x where it is ``mirrored``."""
 
     source: Law
     how: Search
+    mirrored: bool = False
 
     @property
     def name(self) -> str:
@@ -45,9 +46,17 @@ class Term:
         return remembers(self.source.force)
 
     @cached_property
+    def force(self) -> sympy.Expr:
+        """n(x, v) [N] of the term; that of its mirror image is -n(-x, -v)."""
+        if not self.mirrored:
+            return self.source.added
+        image = -self.source.added.xreplace({symbol(state): -symbol(state) for state in "xv"})
+        return image.replace(sympy.Max, lambda *parts: -sympy.Min(*(-part for part in parts)))
+
+    @cached_property
     def law(self) -> ForceLaw:
         """The term, compiled for arrays."""
-        return compile_law(self.source.added)
+        return compile_law(self.force)
 
     @cached_property
     def linear(self) -> tuple[str, ...]:
@@ -179,7 +188,7 @@ class Sum:
         found = [self.base[name] for name in ("k", "c", "kj", "cj") if name in self.base]
         for term, names in zip(self.terms, self.names, strict=True):
             places = {symbol(old): symbol(new) for old, new in names.items()}
-            force = term.source.added.xreplace(places)
+            force = term.force.xreplace(places)
             found.append(make_element(term.name, force, across=self.sensors))
         return tuple(found)
 

@@ -7,8 +7,9 @@ solution of small normal equations. Sums are ordered by BIC = misfit + parameter
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, fields, replace
 from itertools import chain, combinations, product
 from math import prod
 
@@ -101,7 +102,7 @@ class _TermColumns:
         ]
         blocks.append(rows.inertia[:, :, None])
         self.base = {name: i for i, name in enumerate((*base, "m")) if name not in fixed}
-        self.variants: dict[str, _TermVariants] = {}
+        self.variants: dict[Term, _TermVariants] = {}
         count = len(blocks)
         for term in terms:
             names = term.law.parameters
@@ -112,7 +113,7 @@ class _TermColumns:
             ]
             trials = list(product(*ranges))
             places = count + np.arange(len(trials) * len(order)).reshape(len(trials), len(order))
-            self.variants[term.name] = _TermVariants(
+            self.variants[term] = _TermVariants(
                 np.array(trials).reshape(len(trials), len(ranges)),
                 np.array([[*map(_reach, ranges, trial)] for trial in trials]).reshape(
                     len(trials), len(ranges)
@@ -167,12 +168,18 @@ def search_sums(
     most
         Largest number of terms in a sum.
     """
+    # each law is followed by its mirror image, where that is another law
+    terms = [
+        replace(term, mirrored=image) for term in terms for image in (False, True)[: 1 + term.how.mirror]
+    ]
     columns = _TermColumns(rows, terms, fixed)
-    place = {term.name: i for i, term in enumerate(terms)}
+    place = {term: i for i, term in enumerate(terms)}
 
     def sensible(chosen: Sequence[Term]) -> bool:
         # two hysteretic terms are not separable in a steady-state test, nor are two springs in place of k*x
         counts = [sum(term.how.spring for term in chosen), sum(term.remembers for term in chosen)]
+        # a stop has one side
+        counts += Counter(term.name for term in chosen).values()
         if rows.amplitudes_alone:
             # even forces change an amplitude in second order, and two of them take each other's place
             counts.append(sum(not term.law.odd for term in chosen))
@@ -187,12 +194,14 @@ def search_sums(
             # its fit says why it is no candidate
             result = _best_variants(columns, law, variants, dissipating=False)
         key = frozenset(term.name for term in chosen)
-        if result is not None and (key not in found or result[0].misfit < found[key][0].misfit):
+        # where nothing recorded tells the sides of a stop, that of the library's formula is taken
+        ahead = float(any(term.mirrored for term in chosen))
+        if result is not None and (key not in found or result[0].misfit < found[key][0].misfit - ahead):
             found[key] = result
 
     for size in range(min(most, 2) + 1):
         for chosen in filter(sensible, combinations(terms, size)):
-            consider(chosen, [columns.variants[term.name] for term in chosen])
+            consider(chosen, [columns.variants[term] for term in chosen])
     for size in range(3, most + 1):
         last = sorted(
             (entry for key, entry in found.items() if len(key) == size - 1),
@@ -203,13 +212,12 @@ def search_sums(
             [entry for entry in last if entry[0].remembers is kind][:_BEAM_WIDTH] for kind in (False, True)
         )
         for trial, variants in chain.from_iterable(kinds):
-            inside = {term.name for term in trial.law.terms}
             for term in terms:
-                if term.name not in inside and sensible((*trial.law.terms, term)):
+                if sensible((*trial.law.terms, term)):
                     among = [*zip(trial.law.terms, variants, strict=True)]
-                    among.append((term, columns.variants[term.name]))
+                    among.append((term, columns.variants[term]))
                     # terms in the order of the library, so that every sum is tried once
-                    among.sort(key=lambda entry: place[entry[0].name])
+                    among.sort(key=lambda entry: place[entry[0]])
                     consider(tuple(term for term, _ in among), [variant for _, variant in among])
     return sorted((entry[0] for entry in found.values()), key=lambda trial: trial.bic)
 
