@@ -27,7 +27,6 @@ from rsgen.common.tolerances import (
     MISFIT_DOUBTFUL_WITHOUT_PATTERN,
     MISFIT_NEGLIGIBLE,
     MISFIT_REJECTED,
-    NEAR_STEPS,
     NOISE_RATIO_BY_CHANCE,
     POINTS_PER_KNOT,
     RELATIVE_CHANGE_NEGLIGIBLE,
@@ -41,7 +40,7 @@ from rsgen.data.oscillator import BACKGROUNDS, OFFSET
 from rsgen.data.surface import ResponseSurface
 from rsgen.formula.names import symbol
 from rsgen.identification.fitting.across import misfit_of_joint
-from rsgen.identification.fitting.fit import Fit, fit_balance, linearise_extended
+from rsgen.identification.fitting.fit import Fit, linearise_extended
 from rsgen.identification.fitting.least_squares import Alternative, Regression
 from rsgen.identification.fitting.observed import Problem, is_systematic, systematic_columns
 from rsgen.identification.fitting.points import Points
@@ -53,7 +52,9 @@ from rsgen.identification.terms import (
     EVEN_SHARE,
     even_force_shift,
     fit_missing_terms,
+    fit_near,
     law_with,
+    share_left_by,
     with_largest_background,
     with_terms,
 )
@@ -127,10 +128,13 @@ def misfit_findings(
     linear = fit_missing_terms(fit, max(fit.regression.noise, 1e-300), ("x", "v"))
     tried = [name for name, one in linear.items() if np.isfinite(one.error)]
     tried.append(max(terms, key=lambda name: terms[name].gain))
-    by_term = {name: _left_beside(fit, name) for name in tried}
+    problem = fit.problem
+    if records_even(problem) and not (problem.law.odd or problem.law.acts_across):
+        tried.append("")
+    by_term = {name: misfit * share_left_by(fit, name) for name in tried}
     term = min(by_term, key=by_term.__getitem__)
     left = explained = by_term[term]
-    names = {"term": term}
+    names = {"term": term} if term else {"side": "other"}
     if severity != "error" and not left < (1 - MIN_MISFIT_REDUCTION) * misfit:
         curves = free_curves_leave(fit, points)
         factors = inf if surface.decays else force_factors_leave(fit)
@@ -153,7 +157,7 @@ def misfit_findings(
     helps = min(left_by.values(), default=inf) < (1 - MIN_MISFIT_REDUCTION) * misfit
     if helps and surface.origin == "measured" and observed.direct:
         found.append(_background_proposal(points, resonances))
-    if not names.keys() & {"term", "free"}:
+    if not names.keys() & {"term", "free", "side"}:
         # a term that is missing misses some levels more than others, as dry friction the lowest
         found += _level_apart(points, regression, surface.level_unit)
     if backgrounds:
@@ -202,20 +206,6 @@ def _level_apart(points: Points, regression: Regression, unit: str) -> list[Find
         return []
     numbers = {"level": Quantity(level, unit), "misfit": Quantity(size), "typical": Quantity(typical)}
     return [Finding("level-deviates", "doubt", numbers=numbers)]
-
-
-def _left_beside(fit: Fit, term: str) -> float:
-    """Misfit that a term would leave, by fits of one harmonic to some of the points."""
-    chosen = fit.problem.observed.points.spread(SUBSAMPLE_POINTS)
-    few = fit.problem.select(chosen[fit.regression.used[chosen]])
-    trials = [with_terms(few, fit, terms)[:2] for terms in ((), (term,))]
-    whole, left = (relative_misfit(fit_near(*trial, order=1)) for trial in trials)
-    return relative_misfit(fit) * left / whole if whole > 0 and np.isfinite(left) else np.inf
-
-
-def fit_near(problem: Problem, parameters: Array, *, order: int) -> Fit:
-    """Fit all points by a few steps from values that are near."""
-    return fit_balance(problem, parameters, order=order, exclude=False, steps=NEAR_STEPS, correct=False)
 
 
 def free_curves_leave(fit: Fit, points: Points) -> float:

@@ -32,8 +32,8 @@ from rsgen.common.tolerances import (
 from rsgen.identification.fitting.fit import Fit, refit_weighted
 from rsgen.identification.fitting.least_squares import Regression, Rules, descend
 from rsgen.identification.fitting.points import per_unit_mass
-from rsgen.identification.misfit import fit_near
 from rsgen.identification.results import Estimate, Identification, MultisineIdentification
+from rsgen.identification.terms import fit_near
 from rsgen.law.numeric import ForceLaw
 
 if TYPE_CHECKING:

@@ -3,7 +3,7 @@
 At the solution a term of value zero has a slope c like every parameter. With c_o the part of c outside the
 span of the parameters and the nuisances, and r the residual in units of the noise, its value would be
 c_o.r/|c_o|^2 and the sum of squares smaller by (c_o.r)^2/|c_o|^2 (Rao, Proc. Cambridge Phil. Soc. 44, 1948).
-No law is fitted again.
+No law is fitted again but by ``share_left_by``.
 """
 
 from __future__ import annotations
@@ -18,14 +18,16 @@ from numpy.typing import NDArray
 
 from rsgen.common.arrays import Array
 from rsgen.common.solvers import solve_scaled
+from rsgen.common.tolerances import NEAR_STEPS, START_HARMONICS, SUBSAMPLE_POINTS
 from rsgen.data.oscillator import BACKGROUNDS, OFFSET
 from rsgen.dynamics.linear_part import BackgroundTerms, background_terms
 from rsgen.formula.names import symbol
 from rsgen.identification.fitting.across import law_of
-from rsgen.identification.fitting.fit import Fit, linearise_extended
+from rsgen.identification.fitting.fit import Fit, fit_balance, linearise_extended
 from rsgen.identification.fitting.least_squares import Alternative, Rules, alternatives
 from rsgen.identification.fitting.observed import Observed, Problem
 from rsgen.identification.results.estimates import Agreement
+from rsgen.identification.starting.start import start_fit
 from rsgen.law.element import Element, make_element
 from rsgen.law.numeric import ForceLaw
 
@@ -91,6 +93,26 @@ def fit_missing_terms(fit: Fit, noise: float, terms: Sequence[str] = MISSING_TER
         right, rows[:, kept], rows[:, added], *none, Rules(free=problem.free[kept], record=record)
     )
     return dict(zip(terms, found, strict=True))
+
+
+def share_left_by(fit: Fit, term: str) -> float:
+    """Return the share of the misfit that a term would leave, or the law of -x in place of "".
+
+    By fits of one harmonic to some of the points; the sides of a law are told by even ones.
+    """
+    chosen = fit.problem.observed.points.spread(SUBSAMPLE_POINTS)
+    few = fit.problem.select(chosen[fit.regression.used[chosen]])
+    trials = [with_terms(few, fit, terms)[:2] for terms in ((), (term,) if term else ())]
+    if not term:
+        trials[1] = start_fit(replace(few, observed=few.observed.mirrored(), frozen=()))
+    order = 1 if term else START_HARMONICS
+    whole, left = (fit_near(*trial, order=order).regression.noise for trial in trials)
+    return left / whole if whole > 0 and np.isfinite(left) else np.inf
+
+
+def fit_near(problem: Problem, parameters: Array, *, order: int) -> Fit:
+    """Fit all points by a few steps from values that are near."""
+    return fit_balance(problem, parameters, order=order, exclude=False, steps=NEAR_STEPS, correct=False)
 
 
 def alternatives_to(

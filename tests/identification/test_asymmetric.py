@@ -91,6 +91,15 @@ def test_the_second_harmonic_gives_the_sign():
     assert "mirror-image-fits" not in codes(found)
 
 
+def test_a_stop_on_the_wrong_side_is_told_that_its_mirror_image_fits():
+    law, values = "k*x + kg*Max(x - b, 0) + c*v", {"k": 5920.0, "kg": 2000.0, "b": 1e-3, "c": 7.5}
+    measured = noisy(table(law, values, frequencies=31, harmonics=3), 3e-3, 1)
+    found = identify(measured, law.replace("Max(x - b, 0)", "Min(x + b, 0)"))
+    (missed,) = [finding for finding in found.findings if finding.code == "law-does-not-fit"]
+    assert (missed.severity, missed.names) == ("doubt", {"side": "other"})
+    assert 2e-3 < missed["left"] < 5e-3 < missed["misfit"]
+
+
 def test_a_one_sided_spring_and_a_mode_beside_the_band_are_told_apart_by_harmonics():
     """The fundamental shows either; with a mode below the band kb was 30 300 +- 640 N/m for 3100."""
     law, values = "k*x + c*v + kb*Max(x, 0)", {"k": 15400.0, "kb": 3100.0, "c": 2.95}

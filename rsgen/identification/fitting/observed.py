@@ -131,6 +131,13 @@ class Observed:
         turned = np.abs(points.force) * np.exp(1j * np.nan_to_num(np.angle(force)))
         return replace(self, points=replace(points, force=turned, harmonics=harmonics, measured=(1,)))
 
+    def mirrored(self) -> Observed:
+        """Return the points of the motion -x, half a period later: even harmonics have the other sign."""
+        points, load = self.points, self.points.load
+        harmonics = points.harmonics * (-1.0) ** (1 + np.arange(points.harmonics.shape[1]))
+        load = None if load is None else load * (-1.0) ** (1 + np.arange(load.shape[1]))
+        return replace(self, points=replace(points, harmonics=harmonics, load=load))
+
     def mode(self, values: Array) -> Points:
         """Return the points without a background of values (b,)."""
         return self.background.subtract(self.points, values)
