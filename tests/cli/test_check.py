@@ -1,5 +1,6 @@
 """What `run` refuses, `check` refuses before it, for the same reason."""
 
+import json
 from pathlib import Path
 
 import pytest
@@ -58,6 +59,15 @@ def test_a_virtual_test_that_cannot_be_used_is_refused_before_it_is_run(tmp_path
         for part in reason.split(" ... "):
             assert part in checked.err
             assert part in " ".join(ran.faults)
+
+
+def test_a_doubt_is_no_note(tmp_path, run_cli):
+    size = {"test.control": "response", "test.level.values": ["10 m", "30 m"]}
+    path = write_small(tmp_path, "huge", LINEAR | size)
+    _, *said = run_cli("check", path).out.splitlines()
+    assert [line.split(":")[0] for line in said] == ["  doubt"]
+    (warning,) = json.loads(run_cli("check", path, "--json").out)["cases"][0]["warnings"]
+    assert said == [f"  doubt: {warning}"]
 
 
 def test_other_commands_refuse_the_law_that_check_refuses(tmp_path, run_cli):

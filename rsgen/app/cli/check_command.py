@@ -79,8 +79,8 @@ def _(table: MultisineSpectra, case: Case) -> list[Finding]:
     return list(implausible(table)) if case.observation.calibrated else []
 
 
-def _plan(case: Case) -> dict[str, Any]:
-    """Return the plan of a run of a case.
+def _plan(case: Case) -> tuple[dict[str, Any], list[str]]:
+    """Return the plan of a run of a case, and what is to be said of it, with the severity of doubts.
 
     Raises
     ------
@@ -99,8 +99,10 @@ def _plan(case: Case) -> dict[str, Any]:
     sized = planned is None or getattr(planned, "control", "") in ("response", "continuation")
     findings = (*table.findings, *size_findings(table, case)) if sized else ()
     finds_mass = case.model.mass is None and not table.per_mass
-    notes = (*sentences_of_elements(case.model.elements), *map(sentence, findings))
-    return {
+    notes = [*case.warnings, *sentences_of_elements(case.model.elements)]
+    lines = [f"note: {text}" for text in notes]
+    lines += [str(f) if f.severity in ("doubt", "error") else f"note: {sentence(f)}" for f in findings]
+    plan = {
         "case": case.name,
         "title": case.title,
         "parameters": list(case.model.parameters),
@@ -108,10 +110,11 @@ def _plan(case: Case) -> dict[str, Any]:
             *(["m"] if finds_mass else []),
             *(name for name in case.model.parameters if name not in case.model.fixed),
         ],
-        "warnings": [*case.warnings, *notes],
+        "warnings": [*notes, *map(sentence, findings)],
         **table.extent,
         **case.test.summary(),
     }
+    return plan, lines
 
 
 def _describe(plan: dict[str, Any]) -> str:
@@ -142,7 +145,7 @@ def check_command(cases: Cases, data: Data = None, json: Json = False) -> int:
       rsgen check cases
       rsgen check mine.toml --json
     """
-    plans: list[dict[str, Any]] = []
+    plans: list[tuple[dict[str, Any], list[str]]] = []
     loaded: list[Case] = []
     faults: list[str] = []
     for path in find_cases(cases):
@@ -164,11 +167,11 @@ def check_command(cases: Cases, data: Data = None, json: Json = False) -> int:
             faults.append(program_fault(fault, shown_path(path)))
     faults += name_clashes(loaded).values()
     if json:
-        print_json({"cases": plans, "faults": faults})
+        print_json({"cases": [plan for plan, _ in plans], "faults": faults})
     else:
-        for plan in plans:
+        for plan, lines in plans:
             print_line(_describe(plan))
-            for warning in plan["warnings"]:
-                print_line(f"  note: {warning}")
+            for line in lines:
+                print_line(f"  {line}")
     print_faults(faults)
     return FAULTY if faults else ACCEPTED
