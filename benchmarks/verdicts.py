@@ -104,7 +104,8 @@ def judge(write: Callable[[Path], Path]) -> Outcome:
     """Judge a test from files in a folder of its own; what is no refusal in a sentence is a crash."""
     with tempfile.TemporaryDirectory() as folder:
         try:
-            return laboratory.judge(write(Path(folder)))
+            outcome = laboratory.judge(write(Path(folder)))
+            return replace(outcome, refusal=outcome.refusal.replace(f"{folder}/", ""))
         except Exception as fault:
             return Outcome(None, refusal=f"CRASH {type(fault).__name__}: {fault}", crashed=True)
 

@@ -11,6 +11,7 @@ import scipy.io
 
 from rsgen.cases import load_case
 from rsgen.common.errors import MeasurementError
+from rsgen.data.history.record import sampling_rate
 from rsgen.files import HistoryRule, Layout, LevelRule, MeasuredTest, Signal, read_measurement
 from rsgen.files.histories import read_histories
 
@@ -149,6 +150,11 @@ def test_uneven_times_are_refused(tmp_path, name):
     test = history(path, force=None, response="x", history=rule, layout=Layout())
     with pytest.raises(MeasurementError, match="off the even spacing"):
         read_histories(test)
+
+
+def test_instants_beyond_every_number_are_refused():
+    with pytest.raises(MeasurementError, match="off the even spacing"):
+        sampling_rate(np.array([0.0, 1e308, 1e-323]), "t")
 
 
 @pytest.mark.slow

@@ -71,6 +71,8 @@ def _number(value: Any, name: str, unit: str, label: str) -> float:
     return number
 
 
+# instants that overflow or are no numbers are refused below
+@np.errstate(over="ignore", invalid="ignore")
 def sampling_rate(time: NDArray[Any], name: str, rate: float | None = None) -> tuple[float, float]:
     """Return sampling rate [Hz] and first instant [s] of evenly spaced instants (n,) [s], called ``name``.
 
