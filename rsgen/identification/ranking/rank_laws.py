@@ -277,10 +277,14 @@ def _ranking(
     error = [current.relative(fit.held_out_residual) for fit in candidates]
     bic, count = [fit.bic() for fit in candidates], [len(fit.candidate.values) for fit in candidates]
     fault: RsgenError | None = None
+    identified: dict[int, Identification] = {}
     for _ in candidates:
         order, lowest, tied = order_candidates(bic, error, count)
-        best = candidates[order[0]]
+        number, best = order[0], candidates[order[0]]
         model = replace(base, elements=best.candidate.elements)
+        if number in identified:
+            found = identified[number]
+            break
         if current.misfit(best).unexplained:
             # the ranking rejects it
             found = None
@@ -290,13 +294,18 @@ def _ranking(
         except RsgenError as refused:
             found, fault = None, refused
             break
+        identified[number] = found
         undetermined = [one.name for one in found if one.finding is not None]
-        before = bic[order[0]]
+        before = bic[number]
         less = min(
             (value for value, fit in zip(bic, candidates, strict=True) if _lacks(fit, best, undetermined)),
             default=before,
         )
-        if less <= before:
+        along = current.relative(best.residual)
+        if found.residual > NOISE_RATIO_BY_CHANCE * max(along, MISFIT_NEGLIGIBLE):
+            # along its own motion the law fits worse than along that of the ranking
+            less = max(less, before + (np.square(found.residual / along) - 1.0) * best.misfit)
+        if less <= before or len(identified) > _LEADERS:
             break
         # what its identification does not tell from zero is no advantage, nor of laws that add to it in vain
         for i, fit in enumerate(candidates):
