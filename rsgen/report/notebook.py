@@ -48,7 +48,7 @@ class _Offered:
         if name not in self.__all__:
             raise AttributeError(f"module {module.__name__!r} has no public name {name!r}")
         if name in known:
-            return lambda *inputs: known[name]
+            return lambda *inputs, **options: known[name]
         value = getattr(module, name)
         return _Offered(value, known) if isinstance(value, ModuleType) else value
 
