@@ -215,12 +215,12 @@ def test_a_tied_law_whose_formula_contains_the_best_one_is_said_to_contain_it() 
 def test_a_gap_on_both_sides_is_told_from_a_stop_on_one_by_their_own_motions():
     # along one motion without a mean both give the same fundamentals, the stop with twice the stiffness
     both, one = "k*x + kc*(Max(0, x - b) + Min(0, x + b)) + c*v", "k*x + kc*Max(0, x - b) + c*v"
-    truth = rs.Oscillator(0.9, both, {"k": 9e3, "kc": 2.4e4, "b": 4e-4, "c": 3.1})
-    plan = rs.SimulatedTest(
+    truth = rsgen.Oscillator(0.9, both, {"k": 9e3, "kc": 2.4e4, "b": 4e-4, "c": 3.1})
+    plan = rsgen.SimulatedTest(
         level=[0.5, 1.5, 4], frequency=np.linspace(13, 24, 40), noise_relative=0.008, seed=0
     )
-    made = rs.simulate(truth, plan)
-    surface = rs.ResponseSurface(made.level, made.frequency, made.force, made.harmonics[:, 1])
-    ranking = rs.rank(surface, [one, both])
+    made = rsgen.simulate(truth, plan)
+    surface = rsgen.ResponseSurface(made.level, made.frequency, made.force, made.harmonics[:, 1])
+    ranking = rank(surface, [one, both])
     assert ranking.verdict.usable
     assert "Min" in ranking.candidates[0].force
