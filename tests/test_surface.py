@@ -221,6 +221,19 @@ def test_a_single_value_holds_at_every_point():
     assert set(surface.sweep) == {"down"}
 
 
+def test_masked_values_are_not_measured():
+    columns = linear_columns()
+    masked = np.arange(40) % 10 == 3
+    whole = ResponseSurface(*columns.values())
+    columns["response"] = np.ma.masked_array(np.where(masked, 1.0, columns["response"]), masked)
+    by_frame = dict(columns, force_real=np.ma.masked_array(np.ones(40, int), masked), force_imag=np.zeros(40))
+    del by_frame["force"]
+    for surface in (ResponseSurface(*columns.values()), ResponseSurface.from_frame(by_frame)):
+        assert np.flatnonzero(~surface.settled).tolist() == [3, 13, 23, 33]
+        np.testing.assert_array_equal(surface.harmonics[~masked], whole.harmonics[~masked])
+        assert [(f.code, f["rows"], f["all"]) for f in surface.findings] == [("rows-left-out", 4, 40)]
+
+
 def test_rows_that_are_not_numbers_are_left_out_and_counted():
     columns = linear_columns()
     columns["response"][[3, 7]] = np.nan

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -14,9 +14,17 @@ Chosen = NDArray[np.bool_] | NDArray[np.intp] | slice
 """Rows of a table: a slice takes them as they lie, without a copy."""
 
 
+def unmasked(values: ArrayLike) -> ArrayLike:
+    """Return a masked array with NaN where it is masked, anything else as it is."""
+    if not hasattr(values, "filled"):
+        return values
+    masked: Any = values
+    return cast("ArrayLike", masked.astype(np.result_type(masked.dtype, np.float64)).filled(np.nan))
+
+
 def frozen_array(values: ArrayLike, dtype: type = np.float64) -> NDArray[Any]:
     """Copy into a read-only array."""
-    array: NDArray[Any] = np.array(values, dtype=dtype)
+    array: NDArray[Any] = np.array(unmasked(values), dtype=dtype)
     array.flags.writeable = False
     return array
 

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from rsgen.common.arrays import Array, ComplexArray
+from rsgen.common.arrays import Array, ComplexArray, unmasked
 from rsgen.common.errors import RsgenError
 from rsgen.common.text_table import data_frame
 from rsgen.data.record_set import CHANNEL_NAME
@@ -54,7 +54,7 @@ _DTYPES: dict[str, type | str] = {
 def column(values: Any, name: str, shape: tuple[int, ...]) -> NDArray[Any]:
     """Return a column as a read-only copy; a single value is repeated at every point."""
     try:
-        array = np.array(values, dtype=_DTYPES.get(name, np.float64))
+        array = np.array(unmasked(values), dtype=_DTYPES.get(name, np.float64))
     except (TypeError, ValueError) as fault:
         raise RsgenError(f"surface.{name}: {fault}") from None
     if array.ndim == 0 and len(shape) == 1:
@@ -80,7 +80,7 @@ def response_columns(response: Any, harmonics: Any, phase_known: bool, rows: int
         raise RsgenError("surface: give the response once, as response= or as harmonics=")
     if harmonics is not None:
         return column(harmonics, "harmonics", (rows, -1))
-    array = np.asarray(response)
+    array = np.asarray(unmasked(response))
     if array.ndim > 1 and not (phase_known and array.dtype.kind in "biuf"):
         return column(array, "response", (rows, -1))
     if phase_known and array.size and array.dtype.kind in "biuf":
@@ -145,7 +145,7 @@ def sensor_columns(sensors: Any, rows: int) -> dict[str, NDArray[Any]]:
                 f"{', '.join(_SIGNALS)}, and without the ending _mean, _real, _imag or _harmonic_2"
             )
         try:
-            found[name] = response_columns(np.asarray(values), None, True, rows)
+            found[name] = response_columns(np.asarray(unmasked(values)), None, True, rows)
         except RsgenError as fault:
             raise RsgenError(str(fault).replace("surface.response", f"surface.sensors.{name}")) from None
         if found[name].shape[1] < 2:
@@ -286,7 +286,7 @@ class _Table:
     def read(self, name: str) -> NDArray[Any]:
         if name not in self.names:
             raise RsgenError(f"from_frame: no column {name!r}; there are {', '.join(self.names)}")
-        return np.asarray(self._frame[name])
+        return np.asarray(unmasked(self._frame[name]))
 
     def complex(self, name: str) -> ComplexArray | None:
         """Return column ``name``, or ``name_real`` + i ``name_imag``; None without either."""
