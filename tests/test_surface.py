@@ -251,6 +251,25 @@ def test_rows_that_are_not_numbers_are_left_out_and_counted():
 
 
 @pytest.mark.parametrize(
+    ("name", "rows", "said"),
+    [
+        ("response", slice(20, 40), "20 of 40 rows left out, of level 3, whose"),
+        ("response", [1, 5, 30], "3 of 40 rows left out, of level 1, 3, whose"),
+        ("force", [7], "1 of 40 rows left out, of level 1, whose"),
+    ],
+)
+def test_rows_of_exact_zeros_are_left_out_and_counted(name, rows, said):
+    columns = linear_columns()
+    columns[name][rows] = 0
+    surface = ResponseSurface(*columns.values())
+    (found,) = surface.findings
+    assert sentence(found) == f"{said} force or response is exactly zero"
+    kept = np.setdiff1d(np.arange(40), np.arange(40)[rows])
+    zeros, without = (rs.identify(one, "k*x + c*v") for one in (surface, surface.select(kept)))
+    assert zeros.values == pytest.approx(without.values, rel=1e-9)
+
+
+@pytest.mark.parametrize(
     ("arguments", "said"),
     [
         ((1, [8, 9], 1, [1e-3, 2e-3]), "phase_known=False"),

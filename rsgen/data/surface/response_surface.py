@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from rsgen.common.arrays import Array, ComplexArray
-from rsgen.common.errors import RsgenError, require
+from rsgen.common.errors import RsgenError, listed, require
 from rsgen.common.finding import Finding, Quantity, quantities
 from rsgen.common.output import write_atomic
 from rsgen.common.text_table import TextTable, short
@@ -138,8 +138,8 @@ class ResponseSurface(Records):
         each level, "rest" where they are in no order.
     outcome
         (n,) index into OUTCOMES; 0 is settled. Unsettled points are never used for identification.
-        None: settled, but for rows whose force or response is not finite; these count as not measured, and a
-        finding says how many they are.
+        None: settled, but for rows whose force or response is not finite; these count as not measured. A
+        finding says how many they are, and how many are exactly zero, which are not used either.
     residual, error
         (n,) change of the state in a period, relative to the amplitude, and the estimated relative error of
         the amplitude [1]; NaN where unknown.
@@ -262,10 +262,15 @@ class ResponseSurface(Records):
             measured = np.isfinite(columns["force"]) & np.isfinite(columns["harmonics"][:, 1])
             measured &= np.isfinite(columns["across"][:, 1:2]).all(axis=1)
             outcome = np.where(measured, 0, _NOT_MEASURED)
-            lost = int(np.count_nonzero(~measured))
-            if lost:
-                numbers = {"rows": Quantity(lost), "all": Quantity(n)}
-                findings += (Finding("rows-left-out", "warning", numbers=numbers, names={"by": "no number"}),)
+            # exactly zero is what a channel gives that was not read
+            silent = (columns["force"] == 0) | (columns["harmonics"][:, 1] == 0)
+            silent |= (columns["across"][:, 1:2] == 0).any(axis=1)
+            for by, rows in (("no number", ~measured), ("zero", silent & measured)):
+                if rows.any():
+                    numbers = {"rows": Quantity(int(np.count_nonzero(rows))), "all": Quantity(n)}
+                    levels = listed([short(level) for level in sorted(set(columns["level"][rows].tolist()))])
+                    names = {"by": by, "levels": levels}
+                    findings += (Finding("rows-left-out", "warning", numbers=numbers, names=names),)
         columns["sweep"] = column(sweep, "sweep", (n,))
         columns["outcome"] = column(outcome, "outcome", (n,))
         words: dict[str, object] = {"origin": origin, "control": control, "findings": findings, "base": base}
