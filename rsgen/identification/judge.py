@@ -339,7 +339,7 @@ def judge(test: Prepared, model: Model, refined: Fit) -> Identification:
         "amplitude": Quantity(float(points.amplitude.max()), "m"),
         "level": Quantity(float(points.level.max()), surface.level_unit),
     }
-    reasons = parameter_findings(names, units, tested, regression)
+    reasons = parameter_findings(names, units, tested, regression, test.problem.law.expression)
     reasons = explain_hidden(test.problem, reasons)
     stated = np.where(regression.converged, regression.covariance, nan)
     ambiguous += others.within_noise(regression.parameters, stated, reasons, units)

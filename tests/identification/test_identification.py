@@ -144,7 +144,8 @@ def test_confounded_parameters_are_named():
 
 
 @pytest.mark.parametrize(
-    ("text", "said"), [("ka*kr*x", "ka * kr"), ("ka/kr*x", "ka / kr"), ("(ka - kr)*x", "ka - kr")]
+    ("text", "said"),
+    [("ka*kr*x", "ka*kr"), ("ka/kr*x", "ka/kr"), ("(ka - kr)*x", "ka - kr"), ("ka*x + kr*x*3", "ka + 3*kr")],
 )
 def test_of_confounded_parameters_the_combination_that_shows_has_an_interval(text, said, noisy):
     table = noisy(surface("cubic"), 1e-3, 1)

@@ -140,7 +140,7 @@ def _assemble(spectra: MultisineSpectra, model: Model, fit: LineFit) -> Multisin
     }
     known = replace(fit.regression.first(count), covariance=covariance)
     units = units_of(model, part.units)
-    reasons = parameter_findings(names, units, tested, known)
+    reasons = parameter_findings(names, units, tested, known, law.expression)
     stated = np.where(fit.converged, covariance, nan)
     ambiguous += others.within_noise(fit.parameters[:count], stated, reasons, units)
     solution = Solution(fit.values, fit.mass, covariance, freedom, misfit, fit.converged)

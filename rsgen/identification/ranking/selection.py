@@ -369,8 +369,8 @@ class Candidates:
         RsgenError
             No candidate gives a finite balance.
         """
-        every = [fit_candidate(candidate, rows, self.fixed) for candidate in candidates]
-        fits, faulty = [fit for fit in every if not fit.fault], [fit for fit in every if fit.fault]
+        tried = [fit_candidate(candidate, rows, self.fixed) for candidate in candidates]
+        fits, faulty = [fit for fit in tried if not fit.fault], [fit for fit in tried if fit.fault]
         if not fits:
             faults = " or ".join(sorted({fit.fault for fit in faulty}))
             raise RsgenError(f"ranking: no candidate can be fitted to the measured points: {faults}")

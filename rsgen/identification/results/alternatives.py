@@ -121,17 +121,17 @@ class Alternatives:
             (q,) factors of the standard errors; findings about the interval that is widened most, and about
             the largest significant shift: a doubt if the interval is wider than a tenth of the value.
         """
-        every = list(self)
-        each = [spread_between([one], values, self.error) for _, _, one in every]
-        ratio = np.max([np.ones(len(values)), *each], axis=0)
+        fitted = list(self)
+        widening = [spread_between([one], values, self.error) for _, _, one in fitted]
+        ratio = np.max([np.ones(len(values)), *widening], axis=0)
         found, widest = list[Finding](), int(np.argmax(ratio))
         if ratio[widest] > _WIDENED:
-            kind, name, _ = every[int(np.argmax([wider[widest] for wider in each]))]
+            kind, name, _ = fitted[int(np.argmax([wider[widest] for wider in widening]))]
             severity: Severity = "warning" if self.kinds.get("halves") else "info"
             numbers = quantities(wider=ratio[widest])
             found = [Finding("intervals-widened", severity, self.names[widest], numbers, {kind: name})]
         share, said = np.zeros(len(values)), ("", "", 0.0)
-        for kind, name, one in every:
+        for kind, name, one in fitted:
             shift = one.shift[: len(values)]
             clear = (
                 (ratio > 1) & (np.abs(shift) > STANDARD_ERRORS_OF_DIFFERENCE * self.error) & stands_out(one)

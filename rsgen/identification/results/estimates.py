@@ -10,9 +10,11 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from fractions import Fraction
 from math import inf, log2, nan
 
 import numpy as np
+import sympy
 from numpy.typing import NDArray
 
 from rsgen.common.arrays import Array, ComplexArray
@@ -28,6 +30,8 @@ from rsgen.common.tolerances import (
 )
 from rsgen.data.oscillator import Model
 from rsgen.dynamics.linear_part import BackgroundTerms
+from rsgen.formula.names import symbol
+from rsgen.formula.printing import write
 from rsgen.formula.unit_text import read_unit
 from rsgen.formula.units import ForceUnits
 from rsgen.identification.fitting.fit import Solution
@@ -37,6 +41,9 @@ from rsgen.identification.results.alternatives import spread_between
 from rsgen.identification.results.result import Background, Estimate, Resonance, units_of
 from rsgen.law.motion import Motion
 from rsgen.law.numeric import ForceLaw
+
+_MAX_DENOMINATOR = 100
+"""Of the weight of a parameter in a sum that a formula fixes, as the 3 of k*x + k3*x*3."""
 
 _MIN_PARAMETER_NORM = 0.99
 """Norm of the parameter part of a unit null vector; a smaller one includes the background."""
@@ -202,6 +209,7 @@ def parameter_findings(
     units: Mapping[str, str],
     tested: Mapping[str, Quantity],
     regression: Regression,
+    force: sympy.Expr,
 ) -> dict[str, Finding | None]:
     """Why parameters are not identifiable from the test; None where they are.
 
@@ -213,8 +221,10 @@ def parameter_findings(
         Largest amplitude and level of the test.
     regression
         Of all ``names``; errors that a background causes are in its covariance.
+    force
+        The law, n(x, v).
     """
-    return {name: _finding(name, names, units, tested, regression) for name in names}
+    return {name: _finding(name, names, units, tested, regression, force) for name in names}
 
 
 def _finding(
@@ -223,6 +233,7 @@ def _finding(
     units: Mapping[str, str],
     tested: Mapping[str, Quantity],
     regression: Regression,
+    force: sympy.Expr,
 ) -> Finding | None:
     i = names.index(name)
     weight = np.abs(regression.null[i])
@@ -233,7 +244,7 @@ def _finding(
         ]
         if partners or float(np.linalg.norm(column)) < _MIN_PARAMETER_NORM:
             others = ", ".join(partners) or "the background"
-            known, numbers = _combination(name, partners, names, units, regression)
+            known, numbers = _combination(name, partners, names, units, regression, force)
             return Finding("confounded", "warning", name, numbers, {"with": others, **known})
         return Finding("no-effect", "warning", name, tested)
     error, value = float(np.sqrt(regression.covariance[i, i])), float(regression.parameters[i])
@@ -250,34 +261,42 @@ def _combination(
     names: tuple[str, ...],
     units: Mapping[str, str],
     regression: Regression,
+    force: sympy.Expr,
 ) -> tuple[dict[str, str], dict[str, Quantity]]:
-    """Return a sum, difference, product or ratio with a partner that the points determine, and its interval.
+    """Return a weighted sum, product or ratio with a partner that the law alone depends on, and its interval.
 
-    Its gradient has no part in the null vectors. Its error is that of the fit times the largest factor by
-    which the stated error of a parameter is larger.
+    Its gradient has no part in the null vectors, and the law does not change along it. Its error is that of
+    the fit times the largest factor by which the stated error of a parameter is larger.
     """
     values, basis = regression.parameters, regression.basis * regression.noise
+    null = regression.null / regression.scale[:, None]
     own, stated = np.linalg.norm(basis, axis=1), np.sqrt(np.diag(regression.covariance))
     known = np.isfinite(stated) & (own > 0)
     wider = float(np.max(stated[known] / own[known], initial=1.0))
     for i, j in (sorted((names.index(name), names.index(partner))) for partner in partners):
-        a, b, (x, y) = names[i], names[j], values[[i, j]].tolist()
-        # of two equal values sum and product have one gradient: the sum is first
-        forms = [("+", x + y, 1.0, 1.0), ("-", x - y, 1.0, -1.0)] if units[a] == units[b] else []
-        forms += [("*", x * y, y, x), *([("/", x / y, 1 / y, -x / y**2)] if y else [])]
-        for sign, value, by_x, by_y in forms:
+        a, b, (x, y) = symbol(names[i]), symbol(names[j]), values[[i, j]].tolist()
+        t = sympy.Dummy("t", positive=True)
+        forms = [(a * b, {a: a * t, b: b / t})] + [(a / b, {a: a * t, b: b * t})] * bool(y)
+        if units[names[i]] == units[names[j]] and null[j].any():
+            share = Fraction(-float(null[i] @ null[j] / (null[j] @ null[j])))
+            weight = sympy.Rational(share.limit_denominator(_MAX_DENOMINATOR))
+            forms.insert(0, (a + weight * b, {a: a - weight * t, b: b + t}))
+        for form, moved in forms:
             slope = np.zeros(len(values))
-            slope[[i, j]] = by_x, by_y
-            scaled = slope / regression.scale
-            if np.linalg.norm(scaled @ regression.null) > MIN_NULL_COMPONENT * np.linalg.norm(scaled):
+            slope[[i, j]] = [float(form.diff(place).subs({a: x, b: y})) for place in (a, b)]
+            if np.linalg.norm(slope @ null) > MIN_NULL_COMPONENT * np.linalg.norm(slope / regression.scale):
                 continue
-            unit = units[a]
-            if sign in "*/":
-                unit = str(read_unit(f"{unit}{sign}({units[b]})").dimension) if unit and units[b] else ""
+            if sympy.expand(force.xreplace(moved) - force) != 0:
+                continue
+            unit, sign = units[names[i]], "/" if form == a / b else "*" if form == a * b else ""
+            if sign:
+                other = units[names[j]]
+                unit = str(read_unit(f"{unit}{sign}({other})").dimension) if unit and other else ""
             off = interval_sigmas(regression.freedom) * wider * float(np.linalg.norm(slope @ basis))
+            value = float(form.subs({a: x, b: y}))
             ends = {"combined": value, "low": value - off, "high": value + off}
             numbers = {key: Quantity(end, "" if unit == "1" else unit) for key, end in ends.items()}
-            return {"combination": f"{a} {sign} {b}"}, numbers
+            return {"combination": write(form)}, numbers
     return {}, {}
 
 
