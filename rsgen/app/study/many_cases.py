@@ -175,7 +175,8 @@ def local_workers(number: int, steps: list[SimpleQueue[Step]] | None) -> Iterato
                 try:
                     return pool.submit(call, *args).result()
                 except BrokenExecutor:
-                    pool.shutdown(wait=False)
+                    # until the process is reaped its number looks alive, and its folder in use
+                    pool.shutdown()
                     pool, attempts = None, attempts + 1
                     if ended.is_set() or attempts == _ATTEMPTS:
                         raise
