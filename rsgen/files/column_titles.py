@@ -20,6 +20,7 @@ if TYPE_CHECKING:
 
 _UNIT_TOLERANCE = 1e-3
 """Units closer than this, relatively, are one: 9.81 and 9.80665 m/s^2 for g."""
+_VOLTAGES = ("V", "mV")
 
 
 def contradiction(file: str, column: str, unit: str, title: str) -> Finding:
@@ -52,7 +53,9 @@ def unit_doubts(
                 quantity(f"1 {sensor_unit(u, target)}", target) for u in (title or target, channel.unit)
             )
         except RsgenError:
-            # a title may end like a unit of something else
+            # a title may end like a unit of something else; volts are what a sensor gives without its factor
+            if title in _VOLTAGES and channel.unit not in _VOLTAGES:
+                found.append(contradiction(file, titles.get(column, str(column)), channel.unit, title))
             continue
         if title and abs(said - read) > _UNIT_TOLERANCE * abs(read):
             found.append(contradiction(file, titles.get(column, str(column)), channel.unit, title))
@@ -73,8 +76,8 @@ _UNIT = re.compile(
     r"|\(?[mg]/?s?\^?2?\)?/N)\s*[\])]?"
 )
 """What stands alone in a row of units below the titles."""
-_SPELLED = re.compile(r"_([munkµ]?m|in)_s(2?)\Z")
-"""Names without strokes: "v_mm_s"."""
+_SPELLED = re.compile(r"_([munkµ]?m|in)(?:_s(2?)|s(2))\Z")
+"""Names without strokes: "v_mm_s", "a_ms2"."""
 _QUOTIENT = re.compile(r"(?<![(\[])(\([^()\s]{1,20}\)\s?/\s?(?:[A-Za-zµ]{1,4}|\([A-Za-zµ]{1,4}\)))\Z")
 """A unit with its own brackets at the end of a title: "accelerance (m/s^2)/N"."""
 _BRACKETS = {")": "(", "]": "["}
@@ -101,7 +104,7 @@ def split_title(title: str) -> tuple[str, str]:
     >>> split_title("arg(X1)/deg"), split_title("Re (m/s^2)/N")
     (('arg(X1)', 'deg'), ('Re', '(m/s^2)/N'))
     """
-    text = _SPELLED.sub(r"_\1/s\2", title.rstrip())
+    text = _SPELLED.sub(r"_\1/s\2\3", title.rstrip())
     if quotient := _QUOTIENT.search(text):
         name = text[: quotient.start()].rstrip()
         if _FUNCTION.search(name) and not is_unit(quotient[1]):

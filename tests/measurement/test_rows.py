@@ -1,6 +1,8 @@
 """Rows of data files that are no numbers, and titles: left out, counted and said; what a title says."""
 
+import hashlib
 import time
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -63,8 +65,6 @@ def test_gaps_of_binary_files_and_of_another_file_are_left_out_together(tmp_path
 
 
 def test_utf_16_is_read_and_hashed_as_it_is(tmp_path):
-    import hashlib
-
     path = tmp_path / "a.csv"
     for encoding in ("utf-16", "utf-16-be"):
         content = "f,F,x\r\n1,1,2\r\n2,1,3"
@@ -122,6 +122,10 @@ def test_a_case_that_says_what_the_title_says_is_not_doubted(tmp_path):
     force, response = Signal(amplitude=2, unit="V", factor="3 N/V"), Signal(amplitude=3, unit="g")
     test = MeasuredTest(path, 1, force, response, "acceleration", phase_known=False, frequency_unit="Hz")
     assert read_measurement(test).findings == ()
+    # the load cell's volts are no newtons without a factor
+    for read_in, said in (("N", ["unit-contradicts-title"]), ("V", [])):
+        test = replace(test, force=Signal(amplitude=2, unit=read_in), calibrated=read_in == "N")
+        assert [one.code for one in read_measurement(test).findings if one.severity == "doubt"] == said
 
 
 @pytest.mark.parametrize(
@@ -131,7 +135,8 @@ def test_a_case_that_says_what_the_title_says_is_not_doubted(tmp_path):
         ("Kraft in N (rms)", "N"), ("Kraft [ ]", ""), ("force_mN", "mN"),
         ("Accelerance [(m/s^2)/N]", "(m/s^2)/N"), ("Accelerance ((m/s²)/N)", "(m/s²)/N"),
         ("Accelerance (m/s^2)/N", "(m/s^2)/N"), ("FRF (m/(s^2*N))", "m/(s^2*N)"), ("F/N", "N"),
-        ("v_mm/s", "mm/s"), ("v_mm_s", "mm/s"), ("acc_m_s2", "m/s2"), ("a/m/s^2", "m/s^2"), ("x/mm", "mm"),
+        ("v_mm/s", "mm/s"), ("v_mm_s", "mm/s"), ("acc_m_s2", "m/s2"), ("acc_ms2", "m/s2"), ("t_ms", "ms"),
+        ("a/m/s^2", "m/s^2"), ("x/mm", "mm"),
         ("a / (m/s²)", "m/s²"),
         # a quotient, and parts of a number
         ("x/F", ""), ("Re(H)", ""), ("Im(x/F)", ""), ("Real (mm)", "mm"), ("Re(H) [m/N]", "m/N"),
