@@ -170,6 +170,15 @@ def test_a_stop_beyond_a_small_gap_on_one_side_is_found(harmonics: int, side: st
 
 
 @pytest.mark.slow
+def test_a_second_stop_that_no_motion_reaches_has_no_effect_on_the_others() -> None:
+    """It began at 7e8 m, where half of the points were lost in the round-off of k*b."""
+    found = identify(_stopped(3), "k*x + kg*(Max(x - b1, 0) + Min(x + b2, 0)) + c*v + cq*v*abs(v)")
+    assert found.verdict.state == "identified"
+    assert found["b1"].value == pytest.approx(3e-4, rel=0.02)
+    assert [(one.name, one.finding.code) for one in found if one.finding] == [("b2", "no-effect")]
+
+
+@pytest.mark.slow
 def test_stops_on_one_side_and_on_both_tie_where_no_mean_was_recorded() -> None:
     table = _stopped(1)
     harmonics = np.array(table.harmonics)

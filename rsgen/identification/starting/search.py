@@ -129,6 +129,12 @@ def search_nonlinear(equations: Equations, law: ForceLaw, mass: float, begin: Ar
             if search.cost(found) <= equal and search.null_dimension(found) >= null_dimension:
                 best = found
                 break
+    for place in search.free:
+        # a gap beyond every motion is as well ten times the motion: of a larger one round-off would show
+        trial = np.array(best)
+        trial[place] = np.sign(best[place]) * 10 * search.natural[place]
+        if abs(best[place]) > abs(trial[place]) and search.cost(trial) <= equal:
+            best = trial
     if (best < 0).any():
         # a gap and a saturation with signs and thresholds exchanged are one law
         positive = trials[order][np.all(trials[order] > 0, axis=1)]
@@ -175,7 +181,7 @@ class _Search:
         natural = natural_sizes(
             law, float(size.max()), float(np.median(equations.omega)), float(np.median(force))
         )
-        self._natural = self.normalised(natural[list(law.nonlinear)])
+        self.natural = self.normalised(natural[list(law.nonlinear)])
 
     def normalised(self, values: Array) -> Array:
         """Divide every group by the size of its last parameter."""
@@ -282,8 +288,8 @@ class _Search:
         """Return values of one parameter between which the law changes its shape, of both signs."""
         if which in self.unit_members:
             return np.array([1.0, -1.0])
-        if self._law.remembers and np.isfinite(self._natural[which]):
-            size = self._natural[which] * np.logspace(-DECADES, DECADES, 12 * DECADES + 1)
+        if self._law.remembers and np.isfinite(self.natural[which]):
+            size = self.natural[which] * np.logspace(-DECADES, DECADES, 12 * DECADES + 1)
             return np.concatenate([size, -size])
         some = self._equations
         some = some.select(np.linspace(0, len(some.omega) - 1, 8).round().astype(np.intp))
