@@ -32,7 +32,6 @@ from rsgen.identification.results import (
     Estimate,
     MultisineIdentification,
     Resonance,
-    RestoringForce,
 )
 from rsgen.law import Element
 from tests.conftest import FEW
@@ -48,7 +47,7 @@ ROOT = Path(__file__).parents[2]
 
 CLASSES: tuple[type, ...] = (
     rsgen.ResponseSurface, rsgen.MultisineSpectra, rsgen.Identification, MultisineIdentification,
-    Estimate, Resonance, EquivalentCurve, RestoringForce, Background, BestLinear, Distortion,
+    Estimate, Resonance, EquivalentCurve, Background, BestLinear, Distortion,
     rsgen.Ranking, Candidate, rsgen.ModalTable, ModalTest, rsgen.Prediction, ResonanceCurve, HeldOutLevel,
     PredictedRecord, SteadyStates, DescribingFunction, Equivalent,
     rsgen.Comparison, Row, FitComparison, FitRow, Verdict, rsgen.Finding, Quantity, rsgen.Observation,
