@@ -93,8 +93,7 @@ def _simulated(test: Any, oscillator: Oscillator, progress: Progress) -> Respons
     if test.response_held:
         states = rsgen.dynamics.control_grid(oscillator, test, progress)
     elif test.control == "phase":
-        level, states = rsgen.dynamics.phase_grid(oscillator, test)
-        frequency = states.frequency
+        level, frequency, states = rsgen.dynamics.phase_grid(oscillator, test)
     elif test.method == "harmonic-balance":
         states = _balance(oscillator, test, progress)
     else:

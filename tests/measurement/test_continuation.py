@@ -8,7 +8,7 @@ import pytest
 
 import rsgen
 from rsgen.data.surface import ResponseSurface
-from rsgen.dynamics.controlled import ControlledStates, solve_response_control
+from rsgen.dynamics.controlled import ControlledStates, hold_states
 from rsgen.files import MeasuredTest, Signal, read_measurement
 
 MASS, VALUES = 1.5, {"k": 5920.0, "k3": 3e5, "c": 2.0}
@@ -22,7 +22,7 @@ def states():
     frequency = np.repeat(FREQUENCIES, POINTS)
     size = np.tile(np.linspace(3e-3, 6e-2, POINTS), len(FREQUENCIES))
     size = size * (1 + 0.02 * np.sin(1.7 * np.arange(len(size))))
-    return solve_response_control(rsgen.Oscillator(MASS, LAW, VALUES), size, frequency, accuracy=1e-7)
+    return hold_states(rsgen.Oscillator(MASS, LAW, VALUES), size, frequency, harmonics=7, order=15)
 
 
 def read(folder: Path, states: ControlledStates, **options: Any) -> ResponseSurface:

