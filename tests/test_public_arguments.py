@@ -66,6 +66,8 @@ def test_an_observation_takes_one_level_and_no_background():
         (lambda s, f: rs.predict(f, s), "did you mean surface="),
         (lambda s, f: rs.profile(rs.identify(s, LAW, fixed={"c": 4.0}), "c"), "c is fixed"),
         (lambda s, f: rs.identify(s, LAW, fixed={"mass": 1.2}), "the mass is m"),
+        (lambda s, f: rs.write_report(5, s, f), "folder: int; must be str or Path"),
+        (lambda s, f: rs.write_report("never", s, 5), "identification: int; must be Identification"),
         (lambda s, f: rs.explain("rejected"), "verdict: str; must be Verdict"),
         (lambda s, f: rs.sentence("noise"), "finding: str; must be Finding"),
         (lambda s, f: rs.best_linear(s), "spectra: ResponseSurface; must be MultisineSpectra"),

@@ -5,8 +5,6 @@ import json
 import re
 import time
 import tomllib
-from collections.abc import Iterator
-from copy import deepcopy
 from pathlib import Path
 from typing import Any
 
@@ -154,30 +152,6 @@ def test_every_sentence_has_a_place_and_what_is_known():
         # that of [identify] is like no key of [test]
         if "is not a key here" in sentence and not sentence.startswith("test.calibrated"):
             assert "did you mean" in sentence, sentence
-
-
-def _keys_of(table: dict[str, Any], *path: str) -> Iterator[tuple[str, ...]]:
-    for key, value in table.items():
-        yield (*path, key)
-        if isinstance(value, dict) and key not in ("truth", "accept"):
-            yield from _keys_of(value, *path, key)
-
-
-@pytest.mark.parametrize("case", [SIMULATED, TABLE, HISTORY], ids=["simulated", "table", "history"])
-def test_a_misspelt_key_suggests_its_neighbour(case, tmp_path):
-    for *tables, key in _keys_of(case):
-        # without the last letter but one
-        wrong = key[:-2] + key[-1]
-        tree = deepcopy(case)
-        table = functools.reduce(dict.__getitem__, tables, tree)
-        table[wrong] = table.pop(key)
-        said = refused(write(tmp_path, changed(tree, {})))
-        place = ".".join((*tables, wrong))
-        # without its kind no key of a test is known
-        expected = (
-            "kind: is missing" if key == "kind" else f"{place}: is not a key here; did you mean '{key}'?"
-        )
-        assert any(expected in one for one in said), said
 
 
 def test_no_file_no_regular_file_too_large(tmp_path):

@@ -17,10 +17,8 @@ from matplotlib.transforms import Bbox
 
 from rsgen import figures
 from rsgen.common.errors import RsgenError
-from rsgen.common.finding import Finding
 from rsgen.describing import derive
 from rsgen.identification.modal_table import modal_table
-from rsgen.identification.results import Identification
 from rsgen.law.element import make_element
 from rsgen.report.figures import Drawing, number_text, quantity_text, unit_text
 from rsgen.report.figures.equivalent import backbone
@@ -139,13 +137,6 @@ def test_backbone_of_a_cubic_spring_is_the_closed_formula():
     np.testing.assert_allclose(model.stiffness, K1 + 0.75 * KN1 * amplitude**2, rtol=1e-13)
     np.testing.assert_allclose(model.damping, C1, rtol=1e-13)
     np.testing.assert_allclose(model.omega**2 * 1.5, model.stiffness, rtol=1e-12)
-
-
-def without(*names: str) -> Identification:
-    """Return the identification in which parameters are not identifiable."""
-    lost = {"value": float("nan"), "finding": Finding("not-determined", "warning")}
-    refined = (replace(e, **lost) if e.name in names else e for e in IDENTIFICATION.refined)
-    return replace(IDENTIFICATION, refined=tuple(refined))
 
 
 @given(st.floats(-1e30, 1e30, allow_subnormal=False), st.integers(2, 8))

@@ -1,4 +1,4 @@
-"""From arrays to a surface in two lines, through the public ``rsgen.data.history`` alone."""
+"""Records that are refused, and that nothing but a sentence or a surface comes of any arrays."""
 
 from __future__ import annotations
 
@@ -6,43 +6,12 @@ import warnings
 
 import numpy as np
 import pytest
-from scipy.signal import cont2discrete, lfilter
 
 import rsgen as rs
 from rsgen.data.record_set import QUANTITIES
 
-MASS, DAMPING, STIFFNESS = 1.5, 1.9, 1.5 * (2 * np.pi * 10) ** 2
 RATE = 500.0
 TIME = np.arange(0, 200, 1 / RATE)
-
-SAMPLED = 5e-3
-"""Straight lines between 50 samples a period, by which the response is simulated."""
-
-
-def response_to(force: np.ndarray, quantity: str = "displacement") -> np.ndarray:
-    """Exact motion of a linear oscillator from rest under a force that is straight between samples."""
-    order = {"displacement": [1.0], "velocity": [1.0, 0.0], "acceleration": [1.0, 0.0, 0.0]}[quantity]
-    above, below, _ = cont2discrete((order, [MASS, DAMPING, STIFFNESS]), 1 / RATE, "foh")
-    return lfilter(above.ravel(), below, force)
-
-
-def assert_is_the_oscillator(surface: rs.ResponseSurface) -> None:
-    used = surface.select(surface.settled)
-    dynamic = used.force / used.harmonics[:, 1]
-    near = np.abs(dynamic.real) < np.abs(dynamic.imag)
-    assert np.count_nonzero(near) > 3
-    np.testing.assert_allclose((dynamic.real + MASS * used.omega**2)[near], STIFFNESS, rtol=SAMPLED)
-    np.testing.assert_allclose((dynamic.imag / used.omega)[near], DAMPING, rtol=SAMPLED)
-
-
-def test_a_swept_sine() -> None:
-    force = 2 * np.cos(2 * np.pi * (8 + 0.01 * TIME) * TIME)
-    surface = rs.history.from_swept_sine(rs.history.TimeHistory(RATE, force, response_to(force)))
-    assert_is_the_oscillator(surface)
-    assert surface.levels.tolist() == [2.0]
-    assert set(surface.sweep) == {"up"}
-    found = {e.name: e.value for e in rs.identify(surface, "k*x + c*v").refined}
-    assert found == pytest.approx({"k": STIFFNESS, "c": DAMPING, "m": MASS}, rel=SAMPLED)
 
 
 def test_the_package_shows_what_is_meant_and_no_more() -> None:
@@ -53,6 +22,7 @@ def test_the_package_shows_what_is_meant_and_no_more() -> None:
 
 
 SINE = np.cos(20 * np.pi * TIME)
+SWEEP = rs.history.TimeHistory(RATE, np.cos(2 * np.pi * (8 + 0.01 * TIME) * TIME), SINE)
 
 
 @pytest.mark.parametrize(
@@ -66,9 +36,22 @@ SINE = np.cos(20 * np.pi * TIME)
         (lambda h: h.TimeHistory(RATE, SINE, 1e40 * SINE), "not finite, or above 1e"),
         (lambda h: h.TimeHistory(RATE, SINE, SINE[1:]), "100000 samples of force, 99999 of response"),
         (lambda h: h.TimeHistory(RATE, SINE[:9], SINE[:9]), "9 samples; at least 16"),
+        (lambda h: h.TimeHistory(0.0, SINE, SINE, label="a.csv"), "a.csv: .*rate: 0.0 Hz"),
+        (lambda h: h.TimeHistory(RATE, SINE, SINE, level=-1.0), "level: -1.0 N"),
+        (lambda h: h.TimeHistory(RATE, SINE, SINE, "strain"), "must be one of displacement"),
+        (lambda h: h.TimeHistory(RATE, SINE, SINE + 0j), "floating point"),
+        (lambda h: h.TimeHistory(RATE, SINE[:30], np.zeros((30, 2))), "one row of samples"),
+        (lambda h: h.TimeHistory(RATE, SINE, SINE, start=np.inf), "start: inf s"),
         (lambda h: h.from_swept_sine([]), "swept sine: one TimeHistory or more"),
+        (lambda h: h.from_swept_sine(h.TimeHistory(RATE, None, SINE)), "no force"),
+        (lambda h: h.from_swept_sine(h.TimeHistory(RATE, 0 * SINE, SINE)), "no sweep found"),
+        (lambda h: h.from_swept_sine(SWEEP, band=(20.0, 30.0)), "does not pass the band"),
+        (lambda h: h.from_swept_sine(SWEEP, bandwidth=9.0), "harmonics of .* mix"),
+        (lambda h: h.from_swept_sine(SWEEP, law="cubic"), "must be one of linear"),
         (lambda h: h.from_swept_sine(h.TimeHistory(RATE, SINE, SINE)), "no sweep found in the force"),
         (lambda h: h.from_swept_sine(h.TimeHistory(RATE, SINE, SINE), mass=-1.0), "mass: -1.0 kg"),
+        (lambda h: h.from_stepped_sine(h.TimeHistory(RATE, 0 * SINE, SINE)), "no step found"),
+        (lambda h: h.from_stepped_sine(h.TimeHistory(RATE, None, SINE)), "no force"),
         (lambda h: h.from_stepped_sine(h.TimeHistory(RATE, SINE, SINE), band=(9, 2)), "lowest, highest"),
         (
             lambda h: h.from_stepped_sine(h.TimeHistory(RATE, SINE, SINE), band=(2, 9)),
@@ -78,6 +61,12 @@ SINE = np.cos(20 * np.pi * TIME)
         (lambda h: h.from_free_decay(h.TimeHistory(RATE, None, SINE)), "give the mass"),
         (lambda h: h.from_free_decay(h.TimeHistory(RATE, SINE, SINE), mass=1.0), "force does not end"),
         (lambda h: h.from_free_decay(h.TimeHistory(RATE, None, SINE[:100]), mass=1.0), "too short|stand out"),
+        (lambda h: h.from_free_decay(h.TimeHistory(RATE, None, SINE), mass=1.0), "does not fall by a tenth"),
+        (lambda h: h.from_free_decay(h.TimeHistory(RATE, None, 0 * SINE), mass=1.0), "nothing moves"),
+        (
+            lambda h: h.from_free_decay(h.TimeHistory(RATE, None, np.exp(-20 * TIME) * SINE), mass=1.0),
+            "stand out",
+        ),
     ],
 )
 def test_faults_are_sentences(make: object, message: str) -> None:

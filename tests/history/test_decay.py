@@ -98,20 +98,6 @@ def test_a_mode_is_chosen_by_its_band() -> None:
     assert np.median(follow_decay(TimeHistory(RATE, None, two)).frequency) == pytest.approx(31, rel=1e-3)
 
 
-@pytest.mark.parametrize(
-    ("force", "response", "message"),
-    [
-        (np.ones(5000), np.cos(0.1 * np.arange(5000)), "force does not end"),
-        (None, np.cos(0.1 * np.arange(5000)), "does not fall by a tenth"),
-        (None, np.zeros(5000), "nothing moves"),
-        (None, np.exp(-20 * np.arange(5000) / RATE) * np.cos(0.1 * np.arange(5000)), "stand out"),
-    ],
-)
-def test_what_is_no_decay_is_refused(force: np.ndarray | None, response: np.ndarray, message: str) -> None:
-    with pytest.raises(MeasurementError, match=message):
-        follow_decay(TimeHistory(RATE, force, response))
-
-
 def response_to(force: np.ndarray) -> np.ndarray:
     above, below, _ = cont2discrete(([1.0], [MASS, 1.9, STIFFNESS]), 1 / RATE, "foh")
     return lfilter(above.ravel(), below, force)

@@ -8,7 +8,6 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.signal import cont2discrete, lfilter
 
-from rsgen.common.errors import MeasurementError
 from rsgen.data.history import TimeHistory, from_stepped_sine
 from rsgen.data.history.stepped_sine import fit_sine, refine_frequency
 
@@ -54,13 +53,6 @@ def test_quantities_and_harmonics(quantity: str, power: int) -> None:
     found = surface.harmonics[0] / (surface.force[0] / np.abs(surface.force[0])) ** np.arange(6)
     np.testing.assert_allclose(found[1:4], shape[1:], rtol=1e-6, atol=1e-12)
     assert np.isnan(found[0]) == (power > 0)
-
-
-def test_no_steps_are_refused() -> None:
-    with pytest.raises(MeasurementError, match="no step found"):
-        from_stepped_sine(TimeHistory(RATE, np.zeros(4000), np.zeros(4000)))
-    with pytest.raises(MeasurementError, match="no force"):
-        from_stepped_sine(TimeHistory(RATE, None, np.zeros(4000)))
 
 
 @settings(max_examples=20)

@@ -11,7 +11,6 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from rsgen.cases import load_case
-from rsgen.common.errors import MeasurementError
 from rsgen.data.history import SweepLaw, TimeHistory, from_swept_sine, swept_sine
 from rsgen.data.history.envelope import NOISE_WIDTH, demodulate, place_windows
 from rsgen.data.history.tracking import find_sweeps
@@ -275,33 +274,3 @@ def test_harmonics_above_the_sampling_rate_are_unknown() -> None:
     surface = from_swept_sine(history, harmonics=5)
     assert np.isfinite(surface.harmonics[:, :3]).all()
     assert np.isnan(surface.harmonics[:, 3:]).all()
-
-
-@pytest.mark.parametrize(
-    ("history", "options", "message"),
-    [
-        (TimeHistory(400, None, np.ones(4000)), {}, "no force"),
-        (TimeHistory(400, np.zeros(4000), np.ones(4000)), {}, "no sweep found"),
-        (forced(SweepLaw("linear", 8.0, 0.05), 400.0, 80), {"band": (20.0, 30.0)}, "does not pass the band"),
-        (forced(SweepLaw("linear", 8.0, 0.05), 400.0, 80), {"bandwidth": 9.0}, "harmonics of .* mix"),
-        (forced(SweepLaw("linear", 8.0, 0.05), 400.0, 80), {"law": "cubic"}, "must be one of linear"),
-    ],
-)
-def test_what_is_no_sweep_is_refused(history: TimeHistory, options: dict[str, object], message: str) -> None:
-    with pytest.raises(MeasurementError, match=message):
-        from_swept_sine(history, **options)
-
-
-@pytest.mark.parametrize(
-    ("changes", "message"),
-    [
-        ({"rate": 0.0}, "rate: 0.0 Hz"), ({"level": -1.0}, "level: -1.0 N"),
-        ({"quantity": "strain"}, "must be one of displacement"),
-        ({"response": np.zeros(30, dtype=complex)}, "floating point"),
-        ({"response": np.zeros((30, 2))}, "one row of samples"), ({"start": np.inf}, "start: inf s"),
-    ],
-)  # fmt: skip
-def test_a_time_history_is_checked(changes: dict[str, object], message: str) -> None:
-    good = {"rate": 400.0, "force": np.zeros(30), "response": np.zeros(30), "label": "a.csv"}
-    with pytest.raises(MeasurementError, match=f"a.csv: .*{message}"):
-        TimeHistory(**{**good, **changes})

@@ -19,23 +19,6 @@ def case(folder, **changes):
     )
 
 
-@pytest.mark.parametrize(
-    ("quantity", "response", "factor"),
-    [
-        ("displacement", {}, 1.0), ("displacement", {"response_unit": "mm"}, 1e-3),
-        ("displacement", {"response_unit": "um", "response_scale": "rms"}, 1e-6 * 2**0.5),
-        ("velocity", {"response_unit": "in/s"}, 0.0254), ("acceleration", {"response_unit": "g"}, 9.80665),
-        ("acceleration", {"response_unit": "in/s^2", "response_factor": -2.0}, -2 * 0.0254),
-        # a laser vibrometer: volts in the file, 5 mm/s for each
-        ("velocity", {"response_unit": "V", "response_factor": "5 mm/s/V"}, 5e-3),
-        ("velocity", {"response_unit": "mV", "response_factor": "5 mm/s/V"}, 5e-6),
-    ],
-)  # fmt: skip
-def test_units_of_a_response(tmp_path, quantity, response, factor):
-    test = case(tmp_path, response_quantity=quantity, **response).test
-    assert test.factor("response") == pytest.approx(factor, rel=1e-14)
-
-
 def test_without_a_scale_any_unit_will_do(tmp_path):
     with pytest.raises(CaseError, match=r"test\.force"):
         case(tmp_path, force_unit="V")

@@ -17,7 +17,6 @@ from rsgen.report.wording.sentences import sentence
 
 LAW = "k*x + c*v + k3*x**3 + cq*v*abs(v)"
 TRUE = {"k": 5920.0, "c": 2.0, "k3": 2.0e5, "cq": 1.2}
-FRICTION = {"k": 5920.0, "c": 2.0, "Ff": 0.5}
 
 
 def measured(law: str, values: dict[str, float], levels: list[float], seed: int = 1) -> rs.ResponseSurface:

@@ -16,7 +16,6 @@ MASS, DAMPING, STIFFNESS = 1.5, 8.0, 6000.0
 FREQUENCY = np.linspace(7.0, 13.0, 25)
 OMEGA = 2 * np.pi * FREQUENCY
 RECEPTANCE = 1 / (STIFFNESS - MASS * OMEGA**2 + 1j * OMEGA * DAMPING)
-SHAPES = (1.0, 0.6, -0.3)
 RATE = 256.0
 TIME = np.arange(int(60 * RATE)) / RATE
 FORCE = np.sin(2 * np.pi * (6 * TIME + 4 / 60 * TIME**2))

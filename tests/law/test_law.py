@@ -1,7 +1,6 @@
 """Laws as a user composes them, from text, from the library, as sums; `rsgen laws` lists them."""
 
 import json
-from collections.abc import Callable
 
 import pytest
 
@@ -9,7 +8,6 @@ import rsgen
 from rsgen.common.errors import ExpressionError, RsgenError
 from rsgen.formula import parse
 from rsgen.law import Law, as_elements, laws, make_element
-from tests.conftest import Answer
 
 
 def test_a_formula_is_a_law():
@@ -123,9 +121,6 @@ def test_laws_with_memory_show_the_equations_of_their_states():
     assert law.text == "k*x + z, z' = v - Piecewise((z, z < 1), (0, True))"
     assert "bouc-wen" in repr(laws)
     assert "z' = alpha*v - " in repr(laws)
-
-
-Run = Callable[..., Answer]
 
 
 def test_list_has_every_law_with_its_formula(run_cli):

@@ -172,45 +172,6 @@ def test_reversals_between_samples_are_found_to_fourth_order():
         assert np.sort(places) == pytest.approx([-1.0, 1.0], abs=(2 * np.pi / samples) ** 4 / 8)
 
 
-TEXTS = {
-    "cubic": "k*x + kn*x**3 + c*v", "friction": "k*x + Ff*sign(v)",
-    "gap": "Piecewise((k4*x, abs(x) <= b), (k5*x + (k4 - k5)*b*sign(x), True))",
-    "bilinear": "Piecewise((k6*x, x > 0), (k7*x, True))", "quadratic": "cn*v*abs(v) + k*x",
-    "power": "kp*abs(x)**q*sign(x)", "tanh": "A*tanh(v/w) + k*x",
-}  # fmt: skip
-
-
-@pytest.mark.parametrize("name", TEXTS)
-def test_force_and_slopes_agree_with_the_law(name):
-    expression = parse(TEXTS[name])
-    law = compile_law(expression)
-    generator = np.random.default_rng(3)
-    x, v = generator.uniform(-2, 2, (2, 50))
-    values = generator.uniform(0.5, 1.5, len(law.parameters))
-    still = np.zeros_like(x)
-
-    def direct(x: float, v: float, values: np.ndarray) -> float:
-        known = dict(zip(law.parameters, values, strict=True)) | {"x": x, "v": v}
-        return float(expression.subs({s: known[s.name] for s in expression.free_symbols}))
-
-    for i in range(10):
-        assert law.force(x[i : i + 1], v[i : i + 1], values)[0] == pytest.approx(
-            direct(x[i], v[i], values), rel=1e-12
-        )
-    sample, h = law.sample(x, v, still, still, values), 1e-6
-    assert sample.by_x == pytest.approx(
-        (law.force(x + h, v, values) - law.force(x - h, v, values)) / (2 * h), rel=1e-6, abs=1e-8
-    )
-    assert sample.by_v == pytest.approx(
-        (law.force(x, v + h, values) - law.force(x, v - h, values)) / (2 * h), rel=1e-6, abs=1e-8
-    )
-    for j, slope in enumerate(sample.by_parameter):
-        step = h * np.eye(len(values))[j]
-        assert slope == pytest.approx(
-            (law.force(x, v, values + step) - law.force(x, v, values - step)) / (2 * h), rel=1e-6, abs=1e-8
-        )
-
-
 @pytest.mark.slow
 @pytest.mark.parametrize("law", laws, ids=lambda law: law.name)
 def test_the_force_along_a_harmonic_motion_is_the_describing_function(law):

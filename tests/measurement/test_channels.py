@@ -147,18 +147,6 @@ def test_an_element_acts_across_two_channels(mounted):
 
 
 @pytest.mark.slow
-def test_a_run_says_what_a_law_across_two_sensors_leaves_out(mounted, tmp_path, run_cli):
-    ran = run_cli("run", mounted, "--out", tmp_path / "out")
-    assert ran.code != 2, ran
-    page = (tmp_path / "out" / "two" / "report.html").read_text(encoding="utf-8")
-    assert "no one amplitude is that of the law" in page
-    assert "The law acts across payload - wing" in page
-    notebook = (tmp_path / "out" / "two" / "notebook.ipynb").read_text(encoding="utf-8")
-    assert "draw_collapse" not in notebook
-    assert '"output_type": "error"' not in notebook
-
-
-@pytest.mark.slow
 def test_time_histories_are_added_shifted_and_taken_across(tmp_path):
     t = np.arange(0, 60, 1 / 400)
     drive = 3 * np.cos(2 * np.pi * (5 + 0.05 * t) * t)

@@ -153,6 +153,27 @@ def test_files_of_a_held_response_are_levels_of_the_amplitude_held(tmp_path):
     np.testing.assert_allclose(read_measurement(test).levels, [1e-3, 2e-3], rtol=1e-12)
 
 
+def test_unstable_points_of_a_continuation_are_marked(tmp_path):
+    """Above the resonance the force that holds an amplitude falls between two folds."""
+    frequency = np.repeat(np.linspace(10.6, 11.8, 6), 24)
+    # amplitudes differ a little from one frequency to the next
+    size = np.tile(np.linspace(1e-3, 4e-2, 24), 6) * (1 + 0.02 * np.sin(1.7 * np.arange(144)))
+    force = np.abs(force_at(size, frequency))
+    table = np.column_stack([frequency, force, size])
+    np.savetxt(tmp_path / "a.csv", table, "%.9g", delimiter=",", header="f,F,X", comments="")
+    signals = Signal(amplitude="F"), Signal(amplitude="X")
+    plan = MeasuredTest(
+        tmp_path / "a.csv", "f", *signals, "displacement", phase_known=False, control="continuation"
+    )
+    surface = read_measurement(plan)
+    assert (surface.control, surface.level_unit) == ("continuation", "m")
+    stable = np.abs(force_at(1.001 * size, frequency)) > force
+    assert np.count_nonzero(~stable) > 12
+    # the force turns between two points, of which either may count
+    assert np.all((surface.stable != stable).reshape(6, 24).sum(axis=1) <= 2)
+    assert np.count_nonzero(~surface.stable & ~stable) > 0.8 * np.count_nonzero(~stable)
+
+
 LABELLED = {"1.csv": 2.0, "2.csv": 4.0, "3.csv": 6.0}
 
 

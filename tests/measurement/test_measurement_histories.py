@@ -79,6 +79,10 @@ def test_instants_in_milliseconds_begin_where_they_say(tmp_path):
     assert (whole.rate, part.rate) == pytest.approx((50.0, 50.0), rel=1e-9)
     assert (whole.start, part.start) == pytest.approx((2.5, 2.6), rel=1e-9)
     assert part.response.tolist() == FORCE[5:].tolist()
+    rule = swept(time="t", unit="ms", start=2.6, stop=3.0)
+    assert read_histories(history(path, history=rule))[0].response.tolist() == FORCE[5:26].tolist()
+    with pytest.raises(MeasurementError, match="nothing between start and stop"):
+        read_histories(history(path, history=swept(time="t", start=9000.0)))
 
 
 def test_a_rate_beside_instants_must_be_theirs(tmp_path):
@@ -96,18 +100,6 @@ def test_a_rate_beside_instants_must_be_theirs(tmp_path):
         read(64.0, missing=2)
     with pytest.raises(MeasurementError, match="give the rate, too, where the time stamps are only rounded"):
         read(None)
-
-
-@pytest.mark.slow
-def test_a_part_is_cut_out(tmp_path):
-    path = write(tmp_path / "a.npz")
-    rule = swept(time="t", start=0.2, stop=0.8)
-    (got,) = read_histories(history(path, response="a[1]", history=rule))
-    assert len(got) == 31
-    assert got.start == pytest.approx(0.2)
-    assert got.response.tolist() == ACCELERATION[0][10:41].tolist()
-    with pytest.raises(MeasurementError, match="nothing between start and stop"):
-        read_histories(history(path, response="a[1]", history=swept(time="t", start=9.0)))
 
 
 def test_integers_of_a_recorder_are_scaled(tmp_path):

@@ -7,10 +7,9 @@ import pytest
 
 import rsgen
 from rsgen.common.errors import MeasurementError, RsgenError
-from rsgen.dynamics.periodic_response import periodic_response
 from rsgen.identification.ranking.library_sums import library_terms
 from rsgen.identification.results.result import held_out_lines
-from rsgen.law.numeric import compile_law
+from rsgen.law.motion import waveform
 from tests.case_files import MEASURED, write_small
 
 pytestmark = pytest.mark.slow
@@ -29,29 +28,14 @@ CASE = {
 }  # fmt: skip
 
 
-def lines(size: float, seed: int) -> np.ndarray:
-    """Lines 4 to 40, every other one, random phases, the root mean square ``size`` [N]."""
-    force = np.zeros(PERIOD // 2 + 1, dtype=complex)
-    chosen = np.arange(5, 41, 2)
-    force[chosen] = size * np.sqrt(2 / len(chosen))
-    force[chosen] *= np.exp(2j * np.pi * np.random.default_rng(seed).random(len(chosen)))
-    return force
-
-
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory):
-    """Files of three levels, computed to round-off, and their case."""
+    """Files of three levels with noise, and their case."""
     place = tmp_path_factory.mktemp("multisine")
-    law = compile_law(rsgen.Law(LAW).force)
-    values = np.array([TRUE[name] for name in law.parameters])
-    generator = np.random.default_rng(3)
-    for seed, level in enumerate(LEVELS):
-        force = lines(level, seed)
-        response = periodic_response(law, values, MASS, 2 * np.pi * RATE / PERIOD, force)
-        assert response.converged
-        waves = [np.fft.irfft(one * PERIOD / 2, PERIOD) for one in (force, response.spectrum)]
-        waves[1] = waves[1] + response.spectrum[0].real / 2
-        signals = [np.tile(wave, PERIODS) for wave in waves]
+    plan = rsgen.MultisineTest(LEVELS, (2.5, 20.0), PERIOD / RATE, periods=1, seed=3)
+    exact, generator = rsgen.simulate(rsgen.Oscillator(MASS, LAW, TRUE), plan), np.random.default_rng(3)
+    for level, *spectra in zip(LEVELS, exact.mean_force, exact.mean_response, strict=True):
+        signals = [np.tile(waveform(one, PERIOD), PERIODS) for one in spectra]
         signals = [s + 1e-4 * s.std() * generator.standard_normal(len(s)) for s in signals]
         table = np.column_stack([np.arange(PERIOD * PERIODS) / RATE, *signals])
         np.savetxt(place / f"level{level:g}.csv", table, delimiter=",", header="t,f,x", comments="")
@@ -133,28 +117,3 @@ def test_a_case_ranks_laws_by_the_lines(folder, tmp_path, run_cli, monkeypatch):
     best = result["ranking"]["candidates"][0]
     assert best["name"] == "cubic-spring + quadratic-spring"
     assert "rsgen.rank(spectra" in path.read_text(encoding="utf-8")
-
-
-def test_the_periodic_response_is_that_of_time_integration():
-    """Newton's method on the lines against an independent integrator of the equation of motion."""
-    from scipy.integrate import solve_ivp
-
-    law = compile_law(rsgen.Law(LAW).force)
-    values = np.array([TRUE[name] for name in law.parameters])
-    force = lines(8.0, 7)
-    omega0 = 2 * np.pi * RATE / PERIOD
-    found = periodic_response(law, values, MASS, omega0, force)
-    assert found.converged
-    orders = np.flatnonzero(force)
-
-    def motion(t: float, state: np.ndarray) -> list[float]:
-        x, v = state
-        push = float(np.sum((force[orders] * np.exp(1j * orders * omega0 * t)).real))
-        return [v, (push - TRUE["c"] * v - x * (TRUE["k"] + x * (TRUE["k2"] + TRUE["k3"] * x))) / MASS]
-
-    rate = 1j * omega0 * np.arange(len(force))
-    start = [float(found.spectrum.sum().real), float((rate * found.spectrum).sum().real)]
-    period = 2 * np.pi / omega0
-    end = solve_ivp(motion, (0, period), start, method="DOP853", rtol=1e-10, atol=1e-13).y[:, -1]
-    size = np.abs(found.spectrum).sum()
-    assert abs(end[0] - start[0]) < 1e-7 * size

@@ -38,43 +38,6 @@ def test_parameters_come_back(name, within):
     assert max(errors(found, {**values, "m": MASS}).values()) < within
 
 
-def test_friction_moves_as_its_exact_pieces_do():
-    """Between two reversals of v the structure is linear: the matrix exponential knows its motion exactly."""
-    from scipy.linalg import expm
-    from scipy.optimize import brentq
-
-    _, values = LAWS["friction"]
-    spectra = simulated("friction", (6.0,))
-    k, c, friction = values["k"], values["c"], values["F"]
-    lines = np.flatnonzero(spectra.force[0, 0])
-    omega = lines * spectra.omega0
-    steady = spectra.force[0, 0, lines] / (k - MASS * omega**2 + 1j * c * omega)
-    matrix = np.array([[0.0, 1.0], [-k / MASS, -c / MASS]])
-
-    def forced(t: float, side: float) -> np.ndarray:
-        wave = steady * np.exp(1j * omega * t)
-        return np.array([wave.real.sum() - side * friction / k, (1j * omega * wave).real.sum()])
-
-    rate = 1j * spectra.lines * spectra.omega0
-    state = np.array([spectra.response[0, 0].sum().real, (rate * spectra.response[0, 0]).sum().real])
-    start, t, end, step = state, 0.0, 2 * np.pi / spectra.omega0, 1e-3
-    while t < end - 1e-12:
-        side = float(np.sign(state[1]))
-        own = state - forced(t, side)
-
-        def moved(dt: float, own: np.ndarray = own, t: float = t, side: float = side) -> np.ndarray:
-            return expm(matrix * dt) @ own + forced(t + dt, side)
-
-        dt = min(step, end - t)
-        new = moved(dt)
-        if np.sign(new[1]) != side and dt > 1e-9:
-            dt = float(brentq(lambda s: moved(s)[1], 0, dt, xtol=1e-14)) + 1e-10
-            new = moved(dt)
-        state, t = new, t + dt
-    size = np.abs(spectra.response[0, 0]).sum()
-    assert abs(state[0] - start[0]) < 3e-5 * size
-
-
 def test_noise_is_of_the_declared_size_and_distortions_stand_where_they_belong():
     spectra = simulated("cubic", periods=40, noise_relative=0.01, realisations=2)
     assert len(spectra) == 6

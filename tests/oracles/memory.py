@@ -17,9 +17,6 @@ STEPS = 96
 
 HARMONICS = 9
 
-MASS, DAMPING, SPRING = 2.0, 30.0, 5e4
-"""Of structures with one state that slides."""
-
 
 def bouc_wen(
     levels: tuple[float, ...] = (10.0, 20.0, 30.0, 40.0, 50.0, 60.0), frequencies: np.ndarray | None = None
@@ -55,42 +52,25 @@ def two_masses(
     return _stepped(rate, 4, levels, frequencies, periods=240)
 
 
-def sliding(
-    rate: Callable, limit: float, levels: tuple[float, ...], band: tuple[float, float]
-) -> ResponseSurface:
-    """A mass on SPRING x + DAMPING v + z, z' = rate(v, z) as long as |z| < limit."""
-
-    def motion(state: np.ndarray, force: np.ndarray) -> np.ndarray:
-        x, v, z = state
-        slips = (np.abs(z) >= limit) & (v * z > 0)
-        change = np.where(slips, 0.0, rate(v, z))
-        return np.stack([v, (force - SPRING * x - DAMPING * v - z) / MASS, change])
-
-    limits = np.array([np.inf, np.inf, limit])[:, None]
-    return _stepped(motion, 3, levels, np.linspace(*band, 15), 32, 192, limits)
-
-
 def _stepped(
-    rate: Motion, size: int, levels: tuple[float, ...], frequencies: np.ndarray, periods: int,
-    steps: int = STEPS, limits: np.ndarray | float = np.inf,
+    rate: Motion, size: int, levels: tuple[float, ...], frequencies: np.ndarray, periods: int
 ) -> ResponseSurface:  # fmt: skip
     """All points at once, each from rest; time in periods of its own."""
     level, frequency = (grid.ravel() for grid in np.meshgrid(levels, frequencies, indexing="ij"))
     state = np.zeros((size, len(level)))
-    step = 1 / frequency / steps
-    cosine = np.cos(np.pi * np.arange(2 * steps) / steps)
-    waveform = np.zeros((steps, len(level)))
+    step = 1 / frequency / STEPS
+    cosine = np.cos(np.pi * np.arange(2 * STEPS) / STEPS)
+    waveform = np.zeros((STEPS, len(level)))
     for _ in range(periods):
-        for i in range(steps):
+        for i in range(STEPS):
             waveform[i] = state[0]
-            now, half, then = (level * cosine[(2 * i + j) % (2 * steps)] for j in range(3))
+            now, half, then = (level * cosine[(2 * i + j) % (2 * STEPS)] for j in range(3))
             first = rate(state, now)
             second = rate(state + step / 2 * first, half)
             third = rate(state + step / 2 * second, half)
             fourth = rate(state + step * third, then)
             state = state + step / 6 * (first + 2 * second + 2 * third + fourth)
-            state = np.clip(state, -limits, limits)
-    harmonics = np.fft.rfft(waveform, axis=0)[: HARMONICS + 1].T * (2 / steps)
+        harmonics = np.fft.rfft(waveform, axis=0)[: HARMONICS + 1].T * (2 / STEPS)
     harmonics[:, 0] /= 2
     return ResponseSurface(
         level=level, frequency=frequency, force=level.astype(complex), harmonics=harmonics,

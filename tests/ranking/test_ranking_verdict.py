@@ -11,7 +11,7 @@ import pytest
 
 import rsgen
 from rsgen.common.errors import RsgenError
-from rsgen.common.finding import Finding, steps_once
+from rsgen.common.finding import steps_once
 from rsgen.data.oscillator import Model, Observation, Oscillator
 from rsgen.data.surface import ResponseSurface
 from rsgen.dynamics.virtual_test import SimulatedTest, add_noise
@@ -21,7 +21,7 @@ from rsgen.identification.ranking.ranking_result import Assessment, Candidate, _
 from rsgen.identification.ranking.reference import PointTest
 from rsgen.law.element import make_element
 from rsgen.report.wording import sentence
-from rsgen.report.wording.sentences import next_step, state_verdict
+from rsgen.report.wording.sentences import state_verdict
 from tests.ranking.test_ranking import BASE, MEMORYLESS, measured
 from tests.surfaces import MASS, changed, codes, noisy, truth, without_phase
 
@@ -126,12 +126,6 @@ def test_a_background_does_not_reverse_a_sensor() -> None:
         right = rank(table, CUBIC, about)
         assert right.verdict.state == "identified"
         assert "rejected" not in str(right)
-
-
-def test_everything_doubted_has_a_next_step() -> None:
-    for code in ("damping-feeds-energy", "phase-turned", "no-law-fits"):
-        names = {"law": "cubic-spring", "other": "coulomb"}
-        assert next_step(Finding(code, "doubt", "p", names=names)).endswith(".")
 
 
 @pytest.mark.slow

@@ -136,32 +136,15 @@ def seen(scratch):
     return answer
 
 
-def test_a_law_is_listed_derived_and_identified(seen):
+def test_every_addition_is_seen_by_a_user(seen):
     assert "septic-spring" in seen["laws"]
     assert "35" in seen["stiffness"]
     assert seen["values"] == pytest.approx({"k": 5920, "k7": 2e18, "c": 7.5, "m": 1.5}, rel=0.1)
-
-
-def test_a_format_is_read_by_a_case(seen):
-    assert seen["points"] == 54
-    assert "'flt'" in str(seen["schema"])
-
-
-def test_a_background_is_accepted_and_fitted(seen):
+    assert (seen["points"], seen["humidity"], len(seen["steps"])) == (54, 0.4, 1)
+    for said in ("'flt'", "'humidity': {'description': 'Of the air; 1 is saturated.'"):
+        assert said in str(seen["schema"])
     assert "b2_re" in seen["background"]
-
-
-def test_a_finding_has_its_sentence_and_its_next_step(seen):
     assert "54 points are few to tell one law from another" in seen["sentences"]
-    assert len(seen["steps"]) == 1
-
-
-def test_a_key_is_read_and_in_the_schema(seen):
-    assert seen["humidity"] == 0.4
-    assert "'humidity': {'description': 'Of the air; 1 is saturated.'" in str(seen["schema"])
-
-
-def test_a_figure_is_drawn(seen):
     assert seen["drawn"].startswith("Amplitude [m] over Frequency [Hz]: line: ")
     assert seen["bytes"] > 1000
 

@@ -19,7 +19,7 @@ import rsgen
 from rsgen import Case, figures, load_case
 from rsgen.app.study import run_cases
 from rsgen.common.errors import RsgenError
-from rsgen.report.notebook import _Offered, build_notebook, literal, prose, write_notebook
+from rsgen.report.notebook import build_notebook, literal, prose, write_notebook
 from tests.case_files import CUBIC, write_small
 from tests.programs import python
 from tests.report.test_report import hostile_titles
@@ -181,18 +181,6 @@ def test_a_run_loads_computes_and_draws_once(model, tmp_path):
     assert {"load_case", "simulate", "identify", "predict", "compare", "draw_collapse"} <= set(calls)
     assert ("rank" in calls) is (model == "rank")
     assert {name: number for name, number in calls.items() if number != 1} == {}
-
-
-def test_cells_get_what_the_run_has_and_compute_the_rest():
-    module = _Offered(rsgen, {"derive": "known", "draw_map": "drawn"})
-    assert module.derive("k*x") == "known"
-    assert module.figures.draw_map(None) == "drawn"
-    assert module.figures.draw_surface is rsgen.figures.draw_surface
-    assert module.make_element is rsgen.make_element
-    with pytest.raises(AttributeError, match="has no public name 'import_module'"):
-        module.import_module  # noqa: B018
-    # the package itself is as it was
-    assert rsgen.derive("k*x") != "known"
 
 
 def test_failed_notebook_is_saved_and_says_which_cell(tmp_path):

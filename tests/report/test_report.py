@@ -20,7 +20,6 @@ from hypothesis import strategies as st
 
 import rsgen
 from rsgen.analysis.comparison import Comparison
-from rsgen.common.errors import RsgenError
 from rsgen.common.finding import Finding
 from rsgen.data.oscillator import Model
 from rsgen.formula import parse, write
@@ -333,11 +332,3 @@ def test_a_report_needs_a_surface_and_a_result_only_and_shows_a_title_as_text(tm
     page = (by_name / "report.html").read_text()
     assert "<h1>&lt;b&gt;Joint&lt;/b&gt;</h1>" in page
     assert "our lab" in page
-
-
-def test_names_and_folders_of_another_kind_are_refused(found):
-    wrong: Any = 5
-    with pytest.raises(RsgenError, match="folder: int; must be str or Path"):
-        rsgen.write_report(wrong, SURFACE, found)
-    with pytest.raises(RsgenError, match="identification: int; must be Identification"):
-        rsgen.write_report("never", SURFACE, identification=wrong)

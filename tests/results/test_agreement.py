@@ -10,7 +10,6 @@ from rsgen.data.surface import ResponseSurface
 from rsgen.identification.fitting.least_squares import Linearisation, Regression, fit
 from rsgen.identification.identify import identify
 from rsgen.identification.lines.line_fit import jackknife
-from rsgen.identification.ranking import Candidate, Ranking
 from rsgen.identification.results.estimates import compare_parts
 from tests.samples import cubic_model, cubic_surface
 from tests.surfaces import model, noisy, surface
@@ -88,16 +87,6 @@ def test_a_wrong_law_is_found_by_levels_that_disagree(law, noise):
 @pytest.fixture(scope="module")
 def found():
     return identify(cubic_surface(), cubic_model().elements)
-
-
-@pytest.fixture(scope="module")
-def ranking():
-    model = Model("k*x + k3*x**3 + c*v")
-    candidates = (
-        Candidate("cubic-spring", "c*v + k*x + k3*x**3", 4, 1e-4, 0.0, True, {}),
-        Candidate("linear", "c*v + k*x", 3, 0.1, 1e4, False, {}),
-    )
-    return Ranking(candidates, model, True, (), 1e-4, 0.0, cubic_surface())
 
 
 def test_estimates_come_by_name(found):

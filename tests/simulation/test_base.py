@@ -1,6 +1,5 @@
 """A shaken base: transmissibility in closed form, parameters per unit mass, the case file, the page."""
 
-from functools import cache
 from pathlib import Path
 from typing import Any
 
@@ -10,7 +9,6 @@ import pytest
 import rsgen as rs
 from rsgen.app.study.run_case import obtain_table
 from tests.case_files import law, write_small
-from tests.surfaces import codes
 
 LAW = "k*x + k3*x**3 + c*v"
 TRUE = {"k": 2e4, "k3": 5e9, "c": 4.0}
@@ -22,11 +20,6 @@ UNITS = {"displacement": "m", "velocity": "m/s", "acceleration": "m/s^2"}
 def shaken(base: str, **options) -> rs.SimulatedTest:
     grid = {"level": LEVELS[base], "frequency": np.linspace(11, 25, 40), "base": base, "accuracy": 1e-9}
     return rs.SimulatedTest(**grid | options)
-
-
-@cache
-def cubic(base: str) -> rs.ResponseSurface:
-    return rs.simulate(rs.Oscillator(MASS, LAW, TRUE), shaken(base))
 
 
 @pytest.mark.parametrize("method", ["time", "harmonic-balance"])
@@ -42,33 +35,6 @@ def test_a_linear_structure_has_its_transmissibility(base, method):
     np.testing.assert_allclose(surface.harmonics[:, 1], expected, rtol=1e-8)
     np.testing.assert_allclose(surface.force, of_base * omega**2, rtol=1e-12)
     assert (surface.per_mass, surface.base, surface.level_unit) == (True, base, UNITS[base])
-
-
-@pytest.mark.parametrize("base", LEVELS)
-def test_a_cubic_law_is_found_per_unit_mass_and_with_the_mass_as_a_whole(base):
-    surface = cubic(base)
-    alone, whole = rs.identify(surface, LAW), rs.identify(surface, LAW, mass=MASS)
-    for name, true in TRUE.items():
-        assert alone[name].value == pytest.approx(true / MASS, rel=1e-6)
-        assert whole[name].value == pytest.approx(true, rel=1e-6)
-    assert [alone[name].unit for name in TRUE] == ["N/m/kg", "N/m^3/kg", "N*s/m/kg"]
-    assert [whole[name].unit for name in TRUE] == ["N/m", "N/m^3", "N*s/m"]
-    assert "per-unit-mass" in codes(alone)
-    assert "per-unit-mass" not in codes(whole)
-    units = alone.curve.units.force, alone.curve.units.of("J"), whole.curve.units.of("J")
-    assert units == ("m/s^2", "J/kg", "J")
-
-
-def test_a_held_out_level_is_predicted_with_and_without_the_mass():
-    surface = rs.simulate(rs.Oscillator(MASS, LAW, TRUE), shaken("acceleration", level=[0.2, 0.5, 1.0]))
-    held = rs.Observation(hold_out=(0.5,))
-    for mass, unit, force in ((None, "m/s^2", 0.5), (MASS, "N", 1.0)):
-        found = rs.identify(surface, LAW, held, mass=mass)
-        (item,) = (prediction := rs.predict(found, surface=surface)).held_out
-        assert item.error < 1e-6
-        assert (item.level, item.level_unit, item.force_unit) == (0.5, "m/s^2", unit)
-        assert item.force == pytest.approx(force)
-        assert prediction[force].level_unit == unit
 
 
 def write(folder: Path, quantity: str = "displacement", **more: Any) -> Path:

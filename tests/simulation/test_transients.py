@@ -1,7 +1,5 @@
 """Virtual sweeps and free decays: closed forms, the law of the stepped test, noise, faulty tests, cases."""
 
-import json
-import re
 from typing import Any
 
 import numpy as np
@@ -9,7 +7,6 @@ import pytest
 
 import rsgen as rs
 from rsgen.common.tolerances import interval_sigmas
-from tests.case_files import law, write_small
 from tests.surfaces import codes
 
 MASS = 1.5
@@ -87,36 +84,3 @@ def test_impossible_tests_are_refused_with_the_reason():
     grows = rs.Oscillator(MASS, "-k*x + c*v - kn*x**3", {"k": 6000.0, "c": 1.0, "kn": 1e9})
     with pytest.raises(rs.RsgenError, match="grows without bound"):
         rs.simulate(grows, rs.DecayTest([1e-2], duration=10, rate=400))
-
-
-SWEEP = {
-    "kind": "simulated-sweep", "level": {"values": ["1 N", "2 N", "4 N"]}, "band": ["8 Hz", "14 Hz"],
-    "duration": "60 s", "rate": "200 Hz",
-}  # fmt: skip
-DECAY = {
-    "kind": "simulated-decay", "level": {"values": ["3 mm", "6 mm"]}, "duration": "15 s", "rate": "400 Hz",
-}  # fmt: skip
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize(
-    ("test", "damping", "noise", "held", "plan"),
-    [
-        pytest.param(SWEEP, 4, 0.01, ["2 N"], "3 levels, 8.*, sweep down, up", marks=pytest.mark.thorough),
-        (DECAY, 1, 1e-3, [], "2 levels, 10.* to 10.* Hz, sweep rest"),
-    ],
-)
-def test_a_case_is_checked_and_run(tmp_path, run_cli, test, damping, noise, held, plan):
-    changes = {
-        **law(LAW, **CUBIC.values | {"c": damping}), "test": test | {"noise": {"relative": noise, "seed": 5}},
-        "identify": {"hold_out": held}, "accept": {"k": 0.01, "c": 0.05},
-    }  # fmt: skip
-    case = write_small(tmp_path, "transient", changes)
-    checked = run_cli("check", case)
-    assert checked.code == 0, checked
-    assert re.search(f"simulated points at {plan}", checked.out), checked.out
-    run = run_cli("run", case, "--out", tmp_path / "out")
-    assert run.code == 0, run
-    result = json.loads((tmp_path / "out" / "transient" / "result.json").read_text(encoding="utf-8"))
-    assert result["verdict"]["state"] == "accepted"
-    assert (tmp_path / "out" / "transient" / "notebook.ipynb").is_file()

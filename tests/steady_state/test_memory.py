@@ -81,8 +81,6 @@ def test_located_switches_of_states_keep_the_fourth_order():
 K, C = 5922.0, 3.8
 """Spring [N/m] and damper [N s/m] beside Masing laws: 10 Hz and 2 % damping with 1.5 kg."""
 
-JENKINS = (np.array([3000.0]), np.array([2.0]))
-
 
 @pytest.mark.slow
 def test_stiff_bristles_agree_with_dop853():

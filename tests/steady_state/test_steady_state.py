@@ -18,7 +18,6 @@ from tests.oracles.motion import Law
 CASES = Path(__file__).parents[2] / "cases"
 ASKED = 1e-4  # what the main job promises on every case
 POINTS = 12
-DOP853 = 2e-7  # what the reference itself is worth after it repeats to motion.REPEATS
 
 
 def x_itself(x: float, v: float) -> float:
@@ -200,45 +199,6 @@ def test_convergence_is_of_fourth_order(law, values, state):
     # over all of the range: single halvings scatter with the place of the events within their steps
     order = np.log(errors[0] / errors[-1]) / np.log(steps[-1] / steps[0])
     assert 3.6 <= order <= 5.0
-
-
-@pytest.mark.parametrize("name", ["combined", "coulomb", "joint"])
-def test_work_of_the_force_is_dissipated(name):
-    case = load_case(CASES / f"{name}.toml")
-    o, test = case.oscillator, case.test
-    force, frequency = test.level[[-2, -1]], test.frequency[[20, 60]]
-    H = 40
-    states = solve_steady_states(o, force, frequency, accuracy=1e-6, harmonics=H)
-    phase = 2 * np.pi * np.arange(4096) / 4096
-    for i in range(2):
-        omega = 2 * np.pi * frequency[i]
-        h = np.arange(H + 1)
-        turning = states.harmonics[i][:, None] * np.exp(1j * h[:, None] * phase)
-        x = turning.sum(axis=0).real
-        v = (1j * omega * h[:, None] * turning).sum(axis=0).real
-        law = PAPER[name](**o.values)
-        n = np.array([law.n(a, b, (b > 0,) * len(law.switches)) for a, b in zip(x, v, strict=True)])
-        dissipated = np.mean(n * v) * 2 * np.pi / omega
-        # integral of f v over a period, for f = Re F exp(i omega t) and the fundamental of v
-        done = np.pi * (force[i] * np.conj(states.harmonics[i, 1])).imag
-        # the velocity of a friction law is cut off at the harmonic H
-        assert dissipated == pytest.approx(done, rel=1e-4)
-
-
-def test_from_rest_ends_where_brute_force_ends():
-    o = oscillator("c*v + k*x + kn*x**3", c=3.8, k=5920.0, kn=2.5e6)
-    level, frequency = np.meshgrid(np.linspace(1, 10, 12), np.linspace(9, 13, 40), indexing="ij")
-    force, frequency = level.ravel().astype(complex), frequency.ravel()
-    fast = solve_steady_states(o, force, frequency)
-    kernel = compile_kernel(o.force)
-    values = np.array([o.values[name] for name in kernel.parameters])
-    slow = kernel.integrate(
-        np.arange(480), np.zeros((2, 480)), np.column_stack([force.real, force.imag]),
-        2 * np.pi * frequency, 1.5, values, steps=96, periods=1200, harmonics=1,
-    )  # fmt: skip
-    assert fast.settled.all()
-    other = np.abs(fast.harmonics[:, 1] / slow.harmonics[:, 1] - 1)
-    assert other.max() < 2e-4
 
 
 def test_a_mass_that_friction_holds_does_not_move():
