@@ -70,7 +70,7 @@ def _stepped(
             third = rate(state + step / 2 * second, half)
             fourth = rate(state + step * third, then)
             state = state + step / 6 * (first + 2 * second + 2 * third + fourth)
-        harmonics = np.fft.rfft(waveform, axis=0)[: HARMONICS + 1].T * (2 / STEPS)
+    harmonics = np.fft.rfft(waveform, axis=0)[: HARMONICS + 1].T * (2 / STEPS)
     harmonics[:, 0] /= 2
     return ResponseSurface(
         level=level, frequency=frequency, force=level.astype(complex), harmonics=harmonics,
