@@ -80,13 +80,27 @@ def test_points_that_are_each_a_level_of_its_own_are_named():
     assert "nominal force of each run" in next_step(found)
 
 
-@pytest.mark.parametrize(("factor", "severity"), [(2.0, ["warning"]), (0.5**0.5, ["warning"]), (1.9, [])])
-def test_forces_of_twice_the_level_are_named(factor, severity):
+@pytest.mark.parametrize("factor", [2.0, 1.9, 0.506, 0.5**0.5])
+def test_forces_of_one_proportion_to_all_levels_are_named(factor):
     surface = cubic_surface()
-    twice = changed(surface, surface.harmonics[:, 1], factor * surface.force)
-    found = list(level_findings(twice))
-    assert [finding.severity for finding in found] == severity
-    assert not found or "from peak to peak or as a root mean square" in sentence(found[0])
+    (found,) = level_findings(changed(surface, surface.harmonics[:, 1], factor * surface.force))
+    assert (found.code, found.severity) == ("levels-in-other-unit", "warning")
+    assert f"the force is {12 * factor:.3g} N, {factor:.3g} times as much" in sentence(found)
+    assert "half a bridge" in next_step(found)
+
+
+@pytest.mark.parametrize("lost", [0.3, 0.7])
+@pytest.mark.parametrize("factor", [1.0, 0.75, 1.3])
+def test_forces_that_fall_at_the_resonance_or_are_near_their_levels_are_as_they_should_be(factor, lost):
+    """Levels are also called by the force near the resonance, which is lower than most."""
+    surface = cubic_surface()
+    share = surface.amplitude / np.array(
+        [surface.amplitude[surface.level == one].max() for one in surface.level]
+    )
+    force = factor * (1 - lost * share**2) * surface.force
+    for level in (surface.level, factor * (1 - lost) * surface.level):
+        dropped = replace(changed(surface, surface.harmonics[:, 1], force), level=level)
+        assert list(level_findings(dropped)) == []
 
 
 @pytest.mark.parametrize("pair", [(0, 1), (0, -1), (1, -1)])

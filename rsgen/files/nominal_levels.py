@@ -97,9 +97,6 @@ _MAX_LEVEL_SPREAD = 0.05
 """Runs whose forces differ by less than this fraction share a level: shakers repeat it to a few per cent."""
 _MIN_SHARE_OF_SWEEP_STEPS = 0.8
 """A run is a sweep where this share of its steps goes one way; levels side by side at a frequency do not."""
-_MAX_LEVEL_RATIO = 2.0
-"""A level is no amount of what was measured where it is above the largest, or below the typical one, by more
-than this factor. Shakers lose force at a resonance and stay near the level elsewhere."""
 _MIN_RANGE_IF_FREE = 0.5
 """Relative range, from the 10 to the 90 per cent quantile, of an amount that is not controlled."""
 
@@ -247,7 +244,8 @@ def name_levels(surface: ResponseSurface, test: MeasuredTest, known: bool, said:
         surface = replace(surface, findings=(*surface.findings, *_control_findings(surface)))
     if known and not test.level.labels:
         median, largest = amounts_of_levels(surface)
-        if not np.any((median > _MAX_LEVEL_RATIO * levels) | (levels > _MAX_LEVEL_RATIO * largest)):
+        # shakers lose force at a resonance and stay near the level elsewhere
+        if not np.any((median > LEVEL_TOLERANCE * levels) | (levels > LEVEL_TOLERANCE * largest)):
             swapped = _order_findings(surface, levels, median)
             # where the force is as often the level at one as at another, the levels may be in another unit
             pushed, most = median / levels, largest / levels
@@ -270,7 +268,10 @@ def name_levels(surface: ResponseSurface, test: MeasuredTest, known: bool, said:
         "unit": surface.level_unit,
     }
     said = said and not test.level.labels and test.calibrated
-    finding = Finding("levels-disagree", "doubt" if said else "info", names=labels)
+    ratio = typical / levels
+    proportional = ratio.max() < LEVEL_TOLERANCE * ratio.min()
+    numbers = {"ratio": Quantity(float(np.median(ratio)))} if proportional else {}
+    finding = Finding("levels-disagree", "doubt" if said else "info", numbers=numbers, names=labels)
     return replace(renamed, findings=(*surface.findings, finding))
 
 

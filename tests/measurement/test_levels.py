@@ -15,6 +15,7 @@ from rsgen.data.oscillator import Model, Observation
 from rsgen.data.record_set import match_level
 from rsgen.data.surface import ResponseSurface, save_surface, typical_amounts
 from rsgen.files import LevelRule, MeasuredTest, Signal, load_surface, read_measurement
+from rsgen.report.wording import sentence
 from tests.surfaces import severities
 
 FREQUENCY = np.linspace(8, 12, 41)
@@ -83,6 +84,7 @@ def test_a_held_response_is_declared_with_its_unit(tmp_path):
 
 DIP = 1 - 0.6 * np.exp(-((FREQUENCY - 10) ** 2))
 STEPS = np.where(np.abs(FREQUENCY - 10) < 0.5, 0.7, 1.0)
+HALF = {"2N.csv": 1.01, "6N.csv": 3.03}
 LABELS = {"Level1.csv": 4.8, "Level3.csv": 28.8, "Level4.csv": 58.0}
 AS_MEASURED, ALIKE = [4.8, 28.8, 58.0], {"1.csv": 5.0, "3.csv": 5.01, "9.csv": 4.99}
 
@@ -111,6 +113,15 @@ AS_MEASURED, ALIKE = [4.8, 28.8, 58.0], {"1.csv": 5.0, "3.csv": 5.01, "9.csv": 4
             [1.0, 1.5, 2.0],
             {"levels-swapped": "doubt"},
         ),
+        # half a bridge: every force is 0.505 of its level; where no unit is said the numbers may be volts
+        (HALF, {"name": "{level}N.csv"}, [1.01, 3.03], {"levels-disagree": "doubt"}),
+        (HALF, {"name": "{level}N.csv", "unit": "label"}, [1.01, 3.03], {"levels-disagree": "info"}),
+        (
+            {"2V.csv": 1.01, "6V.csv": 3.03},
+            {"name": "{level}V.csv"},
+            [1.01, 3.03],
+            {"levels-disagree": "info"},
+        ),
         # nominal levels 1.7 and 2 times off the force of their files
         (
             {"a.csv": 1.0, "b.csv": 3.0, "c.csv": 3.5},
@@ -138,6 +149,8 @@ def test_levels_of_files(tmp_path, forces, rule, levels, said):
     surface = read_measurement(of_files(tmp_path, forces, level=LevelRule(**rule)))
     np.testing.assert_allclose(surface.levels, levels)
     assert severities(surface) == said
+    if forces is HALF and said["levels-disagree"] == "doubt":
+        assert "0.505 times as much at all levels" in sentence(surface.findings[0])
 
 
 def test_a_force_that_was_held_is_no_held_response(tmp_path):

@@ -27,7 +27,7 @@ from rsgen.common.finding import Finding, Quantity, Severity, quantities
 from rsgen.common.tolerances import MIN_MISFIT_REDUCTION, MISFIT_DOUBTFUL, RELATIVE_CHANGE_NEGLIGIBLE
 from rsgen.data.free_mode import fit_powers
 from rsgen.data.record_set import DERIVATIVE, LEVEL_TOLERANCE, QUANTITIES, copied_levels, levels_off
-from rsgen.data.surface.response_surface import ResponseSurface
+from rsgen.data.surface.response_surface import ResponseSurface, typical_amounts
 
 _MAX_MISFIT_RATIO = 1 - MIN_MISFIT_REDUCTION
 """Of the right reading to another one: noise and a wrong law leave the rest of the misfit. In measured tests
@@ -200,18 +200,11 @@ def plausibility_findings(
         yield from size_findings(Sizes.of(surface, mass, damping))
 
 
-_UNIT_STEPS = (1e-6, 1e-3, 1e3, 1e6)
-"""Factors between units: kN and N, N and mN."""
-
-_SCALES = (2.0, 0.5, 2**0.5, 0.5**0.5)
-"""Factors between amplitudes, peak to peak values and root mean squares."""
-
-
 def level_findings(surface: ResponseSurface) -> Iterator[Finding]:
     """Return a finding if forces are the levels in another unit, in another order, or not of their responses.
 
-    Where at two levels or more the force is always the level times one factor between units, one of them was
-    read in another unit; where it is another one at the fewer levels, these are wrong. A shaker loses force
+    Where at two levels or more the force is the level times one factor, one of them was read in another unit
+    or with another gain; where it is another one at the fewer levels, these are wrong. A shaker loses force
     smoothly towards a resonance: where forces of neighbours in frequency differ and those of levels do not,
     the columns do not belong together. A decay has no shaker."""
     if surface.level_unit != "N" or surface.decays:
@@ -223,12 +216,18 @@ def level_findings(surface: ResponseSurface) -> Iterator[Finding]:
     for at in levels_off(levels, typical, surface.findings):
         numbers = {"level": Quantity(float(levels[at]), "N"), "force": Quantity(float(typical[at]), "N")}
         yield Finding("levels-disagree", "doubt", "", numbers)
-    for factor in (*_UNIT_STEPS, *_SCALES):
-        ratio = np.abs(np.log(typical / levels / factor))
-        near = 1 + RELATIVE_CHANGE_NEGLIGIBLE if factor in _SCALES else LEVEL_TOLERANCE
-        if len(levels) > 1 and np.max(ratio) < np.log(near):
+    # shakers lose force near a resonance: a level between the forces there and the largest is as it should be
+    near = typical_amounts(surface.select(rows[level > 0]))
+    measured = np.stack([near, *np.array([np.quantile(force[level == one], [0.1, 0.9]) for one in levels]).T])
+    ratio = np.log(np.clip(levels, measured.min(axis=0), measured.max(axis=0)) / levels)
+    if len(levels) > 1 and np.ptp(ratio) < (tolerance := np.log(LEVEL_TOLERANCE)):
+        thousands = np.rint(np.median(ratio) / np.log(1000)) * np.log(1000)
+        unit = thousands and np.max(np.abs(ratio - thousands)) < tolerance
+        rms = np.max(np.abs(np.abs(ratio) - np.log(2) / 2)) < np.log(1 + RELATIVE_CHANGE_NEGLIGIBLE)
+        if rms or np.min(np.abs(ratio)) > tolerance:
             numbers = {"level": Quantity(float(levels[-1]), "N"), "force": Quantity(float(typical[-1]), "N")}
-            yield Finding("levels-in-other-unit", "warning" if factor in _SCALES else "doubt", "", numbers)
+            numbers["ratio"] = Quantity(float(np.exp(np.median(ratio))))
+            yield Finding("levels-in-other-unit", "doubt" if unit else "warning", "", numbers)
     order = np.lexsort((surface.frequency[rows], surface.sweep[rows], level))
     size, level, sweep = np.log(force[order]), level[order], surface.sweep[rows][order]
     step = np.abs(np.diff(size))[(level[1:] == level[:-1]) & (sweep[1:] == sweep[:-1])]
