@@ -27,7 +27,6 @@ Names are imported when they are first used, so that ``import rsgen`` and ``rsge
 
 from __future__ import annotations
 
-import warnings
 from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
@@ -113,21 +112,6 @@ _PLACES = {
     "verdict_of": "analysis.comparison",
     "write_report": "report",
 }
-_LEAVING = {
-    "CaseError": "common.errors",
-    "DescribingFunction": "describing",
-    "Element": "law",
-    "ExpressionError": "common.errors",
-    "MeasuredTest": "files",
-    "MeasurementError": "common.errors",
-    "Model": "data.oscillator",
-    "SteadyStates": "dynamics.steady_state",
-    "Verdict": "common.finding",
-    "read_measurement": "files",
-    "solve_steady_states": "dynamics.steady_state",
-}
-"""Names that were here, and the package that has them; they go after the next release."""
-
 _PACKAGES = ("figures", "history")
 
 __all__ = [
@@ -192,11 +176,6 @@ def __getattr__(name: str) -> Any:
         return globals().setdefault(name, _version())
     if name in _PACKAGES:
         return import_module(f"rsgen.{name}")
-    if name in _LEAVING:
-        place = f"rsgen.{_LEAVING[name]}"
-        text = f"rsgen.{name} is {place}.{name}; the name at the top goes after the next release"
-        warnings.warn(text, DeprecationWarning, stacklevel=2)
-        return getattr(import_module(place), name)
     if name not in _PLACES:
         raise AttributeError(f"module 'rsgen' has no attribute {name!r}; it has {', '.join(__all__)}")
     value = getattr(import_module(f"rsgen.{_PLACES[name]}"), name)

@@ -1,5 +1,7 @@
 """What a user gives by mistake is refused in a sentence, and nothing else is printed."""
 
+import pickle
+
 import numpy as np
 import pytest
 
@@ -106,12 +108,29 @@ def test_a_wrong_argument_is_refused_in_a_sentence(surface, found, call, said):
         call(surface, found)
 
 
-def test_the_law_to_derive_is_text_an_element_or_a_law():
-    for law in (rs.laws["cubic-spring"], rs.Law("k*x + k3*x**3"), rs.make_element("spring", "k*x + k3*x**3")):
+def test_the_law_to_derive_is_text_an_element_or_what_has_a_force():
+    spring = "k*x + k3*x**3"
+    oscillator = rs.Oscillator(1.0, spring, {"k": 1.0, "k3": 2.0})
+    for law in (rs.laws["cubic-spring"], rs.Law(spring), rs.make_element("spring", spring), oscillator):
         assert str(rs.derive(law).stiffness) == "3*X**2*k3/4 + k"
     for wrong in (["k*x"], 3.5, None):
         with pytest.raises(RsgenError, match=r"law: .*; must be "):
             rs.derive(wrong)
+
+
+def test_a_pickled_result_says_that_it_has_no_fit_to_profile(found):
+    again = pickle.loads(pickle.dumps(found))
+    assert again.values == found.values
+    with pytest.raises(RsgenError, match="which pickle does not keep"):
+        rs.profile(again, "k")
+
+
+def test_rows_without_a_number_are_said_once(surface):
+    response = surface.harmonics[:, 1].copy()
+    response[[3, 30]] = np.nan
+    codes = [finding.code for finding in rs.identify(linear_surface(response=response), LAW).findings]
+    assert "rows-left-out" in codes
+    assert "points-excluded" not in codes
 
 
 def test_a_result_is_an_oscillator_and_prints_sentences(found, surface):

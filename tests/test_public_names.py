@@ -56,20 +56,6 @@ def test_a_type_checker_sees_each_name_where_it_is_taken_from():
         assert (place if module == "rsgen" else getattr(place, name)) is getattr(rsgen, name)
 
 
-@pytest.mark.parametrize(
-    ("name", "place"),
-    [
-        ("Model", "rsgen.data.oscillator"),
-        ("read_measurement", "rsgen.files"),
-        ("CaseError", "rsgen.common.errors"),
-    ],
-)
-def test_a_name_that_left_the_top_says_where_it_is(name, place):
-    with pytest.warns(DeprecationWarning, match=f"rsgen.{name} is {place}.{name}"):
-        found = getattr(rsgen, name)
-    assert found is getattr(importlib.import_module(place), name)
-
-
 def test_histories_and_figures_have_the_names_that_users_write():
     script = """
 import rsgen.history, rsgen.figures

@@ -14,6 +14,7 @@ from __future__ import annotations
 from collections.abc import Iterable
 from dataclasses import dataclass
 from functools import lru_cache
+from typing import Protocol
 
 import numpy as np
 import sympy
@@ -31,21 +32,30 @@ from rsgen.describing.regimes import (
 from rsgen.formula import symbol
 from rsgen.formula.bounds import algebra_faults
 from rsgen.formula.names import OMEGA, PHI, STATE_V, STATE_X, X0, X, renamed
-from rsgen.law.element import Element, Law, make_element
+from rsgen.law.element import Element, make_element
 from rsgen.law.forms import expanded, moves
 from rsgen.law.memory import memory_form
 from rsgen.law.normal_form import NormalForm, normal_form
 from rsgen.law.notation import readable
 
 
+class HasForce(Protocol):
+    """A law, an oscillator, or the model of an identification."""
+
+    @property
+    def force(self) -> sympy.Expr:
+        """The force n(x, v) [N]."""
+
+
 @algebra_faults()
-def derive(law: str | Element | Law | sympy.Expr, assume: Iterable[str] = ()) -> DescribingFunction:
+def derive(law: str | Element | HasForce | sympy.Expr, assume: Iterable[str] = ()) -> DescribingFunction:
     """Derive the describing function of a force law, with its proof.
 
     Parameters
     ----------
     law
-        The force [N] in x and v: text, an element, a law, or an expression.
+        The force [N] in x and v: text, an element, an expression, or what has a force: a law, an oscillator,
+        the ``model`` of an identification.
     assume
         What may be taken for granted, each as ``"b > 0"``. Parameters whose sign decides the form (a gap, the
         slope of a saturation) are taken as positive anyway, and ``positive`` says which.
@@ -63,8 +73,8 @@ def derive(law: str | Element | Law | sympy.Expr, assume: Iterable[str] = ()) ->
     >>> derive("Ff*sign(v)").damping
     4*Ff/(pi*X*omega)
     """
-    if isinstance(law, Law):
-        law = law.force
+    if not isinstance(law, Element):
+        law = getattr(law, "force", law)
     require(law, (str, Element, sympy.Expr), "law")
     element = law if isinstance(law, Element) else make_element("law", law)
     known = frozenset(_assumed(text, element) for text in assume)

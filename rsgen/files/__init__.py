@@ -9,7 +9,7 @@ from rsgen.common import on_first_use
 if TYPE_CHECKING:
     from rsgen.files.files_to_surface import read_measurement
     from rsgen.files.plan import HistoryRule, Layout, LevelRule, MeasuredTest, SweepRule
-    from rsgen.files.signals import Channel, Signal
+    from rsgen.files.signals import Channel
     from rsgen.files.surface_file import load_surface
 
 __all__ = [
@@ -18,7 +18,6 @@ __all__ = [
     "Layout",
     "LevelRule",
     "MeasuredTest",
-    "Signal",
     "SweepRule",
     "load_surface",
     "read_measurement",
@@ -28,6 +27,6 @@ __all__ = [
 __getattr__ = on_first_use(
     __name__,
     dict.fromkeys(__all__, "plan")
-    | {"Channel": "signals", "Signal": "signals", "read_measurement": "files_to_surface"}
+    | {"Channel": "signals", "read_measurement": "files_to_surface"}
     | {"load_surface": "surface_file"},
 )

@@ -145,9 +145,6 @@ class Channel(Checked):
         return self.phase_sense == "lag"
 
 
-Signal = Channel
-"""Earlier name of ``Channel``; it goes after the next release."""
-
 _TERM = re.compile(r"\s*([+-]?)\s*(?:(\d+(?:\.\d*)?|\.\d+)\s*\*\s*)?([A-Za-z_][A-Za-z0-9_]{0,39})\s*")
 """A sign, a number and the name of a channel."""
 

@@ -210,9 +210,10 @@ class Findings:
             found.append(Finding("structure-feeds-exciter", "error"))
         if not calibrated:
             found.append(Finding("not-calibrated", "info"))
-        # those that the reading excluded for a reason of its own are counted there
+        # the reading counts those that it excluded, and those without a number
         said = sum(int(f["excluded"]) for f in self.surface.findings if f.code == "points-excluded")
-        unsettled = int(np.count_nonzero(~self.surface.settled)) - said
+        measured = np.isfinite(self.surface.harmonics[:, 1]) & np.isfinite(self.surface.force)
+        unsettled = int(np.count_nonzero(~self.surface.settled & measured)) - said
         if unsettled > 0:
             numbers = quantities(excluded=unsettled, points=len(self.surface))
             found.append(Finding("points-excluded", "info", numbers=numbers, names={"by": "settling"}))

@@ -367,7 +367,7 @@ def profile(found: Identification, name: str) -> Profile:
     elif found.fit is not None:
         likelihood = _Likelihood(found.fit)
     else:
-        raise RsgenError("profile: found has no fit; give an identification as identify returns it")
+        raise RsgenError("profile: found has no fit, which pickle does not keep; give what identify returned")
     if not likelihood.resolved:
         raise RsgenError("profile: the data are exact, and what is left of them is no noise")
     regression, place = likelihood.regression, likelihood.names.index(name)

@@ -187,6 +187,7 @@ def build_result(
         "mass": finite_or_none(identification.mass),
         "fixed": fixed_entry(identification),
         "parameters": rows_entry(comparison, forces=False),
+        "covariance": [list(map(finite_or_none, row)) for row in identification.covariance.tolist()],
         "forces": rows_entry(comparison, forces=True),
         "alternatives": comparison_entry(compare_fits(identification)),
         "elements": elements_entry(subject),

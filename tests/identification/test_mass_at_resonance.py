@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 import rsgen
-from rsgen.files import MeasuredTest, Signal, read_measurement
+from rsgen.files import Channel, MeasuredTest, read_measurement
 from tests.surfaces import codes, distances, errors, noisy
 
 MASS, VALUES = 1.5, {"k": 5920.0, "k3": 3e5, "c": 3.8}
@@ -78,7 +78,7 @@ def test_a_lag_that_was_not_recorded_is_in_every_interval(tmp_path, lag):
     path = tmp_path / "loop.csv"
     table = np.stack([surface.frequency, np.abs(surface.force), surface.amplitude], axis=1)
     np.savetxt(path, table, delimiter=",", header="f,force,response", comments="")
-    signals = Signal(amplitude="force"), Signal(amplitude="response")
+    signals = Channel(amplitude="force"), Channel(amplitude="response")
     plan = MeasuredTest(path, "f", *signals, "displacement", phase_known=False, control="phase")
     read = read_measurement(plan)
     (said,) = (finding for finding in read.findings if finding.code == "phase-lag")

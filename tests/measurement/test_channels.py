@@ -9,7 +9,7 @@ import rsgen as rs
 from rsgen.common.errors import CaseError, MeasurementError
 from rsgen.files import HistoryRule, MeasuredTest
 from rsgen.files.histories import shifted
-from rsgen.files.signals import BaseRule, Signal, combination
+from rsgen.files.signals import BaseRule, Channel, combination
 from tests.case_files import GONE, MEASURED, Changes, write_small
 
 F = np.linspace(6.0, 9.0, 25)
@@ -195,6 +195,6 @@ def test_what_does_not_fit_is_said(tmp_path, changes, said):
 
 def test_a_base_does_not_lose_its_unit_in_a_free_decay():
     history = HistoryRule("ring-down", rate=400.0)
-    base = BaseRule(Signal(samples="b", quantity="acceleration"), "relative")
+    base = BaseRule(Channel(samples="b", quantity="acceleration"), "relative")
     with pytest.raises(MeasurementError, match="base: does not go with 'ring-down'"):
-        MeasuredTest("a.csv", None, None, Signal(samples="x"), "displacement", history=history, base=base)
+        MeasuredTest("a.csv", None, None, Channel(samples="x"), "displacement", history=history, base=base)

@@ -8,7 +8,7 @@ import pytest
 from rsgen.common.errors import MeasurementError
 from rsgen.common.finding import Finding
 from rsgen.data.surface import ResponseSurface
-from rsgen.files import HistoryRule, LevelRule, MeasuredTest, Signal, SweepRule, read_measurement
+from rsgen.files import Channel, HistoryRule, LevelRule, MeasuredTest, SweepRule, read_measurement
 from rsgen.files.files_to_surface import passivity_findings
 from rsgen.report.wording import sentence
 from tests.surfaces import severities
@@ -25,7 +25,7 @@ def write(path: Path, force: float, response: np.ndarray, frequency: np.ndarray 
 
 
 def read(*paths: Path, sweep: SweepRule = SweepRule()) -> ResponseSurface:  # noqa: B008 - immutable
-    signals = Signal(amplitude="F"), Signal(amplitude="x")
+    signals = Channel(amplitude="F"), Channel(amplitude="x")
     return read_measurement(
         MeasuredTest(paths, "f", *signals, "displacement", phase_known=False, sweep=sweep)
     )
@@ -52,7 +52,7 @@ def steps(folder: Path, levels: tuple[float, ...], forces: tuple[float, ...]) ->
     for path, force in zip(paths, forces, strict=True):
         noise = 1e-5 * np.random.default_rng(round(force)).standard_normal(len(wave))
         np.savez(path, F=force * np.cos(wave), x=1e-3 * force * np.cos(wave - 1) + noise)
-    signals = Signal(samples="F"), Signal(samples="x")
+    signals = Channel(samples="F"), Channel(samples="x")
     rule = HistoryRule("stepped-sine", rate=100.0)
     plan = MeasuredTest(paths, None, *signals, "displacement", level=LevelRule(values=levels), history=rule)
     return read_measurement(plan)
@@ -116,10 +116,10 @@ def findings(
     path = folder / "a.csv"
     size, turn = np.abs(response) * (2 * np.pi * BAND) ** order, np.degrees(np.angle(response))
     np.savetxt(path, np.column_stack((BAND, np.ones_like(BAND), size, turn)), delimiter=",")
-    signal = Signal(amplitude=3, phase=4 if known else None, phase_sense="lag" if lag else "lead")
+    signal = Channel(amplitude=3, phase=4 if known else None, phase_sense="lag" if lag else "lead")
     quantity = ("displacement", "velocity", "acceleration")[order]
     return read_measurement(
-        MeasuredTest(path, 1, Signal(amplitude=2), signal, quantity, phase_known=known)
+        MeasuredTest(path, 1, Channel(amplitude=2), signal, quantity, phase_known=known)
     ).findings
 
 

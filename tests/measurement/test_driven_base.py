@@ -9,7 +9,7 @@ import rsgen as rs
 from rsgen.data.history import SweepLaw
 from rsgen.data.oscillator import Oscillator
 from rsgen.data.surface.plausibility import base_findings
-from rsgen.files import HistoryRule, MeasuredTest, Signal, read_measurement
+from rsgen.files import Channel, HistoryRule, MeasuredTest, read_measurement
 from rsgen.files.signals import BaseRule
 from rsgen.law.element import make_element
 from rsgen.report.wording import sentence
@@ -112,8 +112,8 @@ def test_levels_without_a_column_are_amplitudes_of_what_was_measured_of_the_base
         tmp_path / "a.csv", np.column_stack([frequency, base, z.real, z.imag]), delimiter=",", fmt="%.12g"
     )
     test = MeasuredTest(
-        tmp_path / "a.csv", 1, None, Signal(real=3, imaginary=4, phase_sense="lead"), "displacement",
-        base=BaseRule(Signal(amplitude=2, quantity=quantity), "relative"),
+        tmp_path / "a.csv", 1, None, Channel(real=3, imaginary=4, phase_sense="lead"), "displacement",
+        base=BaseRule(Channel(amplitude=2, quantity=quantity), "relative"),
     )  # fmt: skip
     assert np.sort(read_measurement(test).levels) == pytest.approx([3.0, 9.0], rel=0.01)
 
@@ -123,8 +123,8 @@ def test_a_fast_sweep_of_a_base_names_no_mass(tmp_path):
     got = sweep(oscillator, 1.0, SweepLaw("linear", 7.0, 0.2), 13.0)
     np.savez(tmp_path / "a.npz", base=-got.reference, x=got.response, fs=got.rate)
     test = MeasuredTest(
-        tmp_path / "a.npz", None, None, Signal(samples="x"), "displacement",
-        base=BaseRule(Signal(samples="base", quantity="acceleration"), "relative"),
+        tmp_path / "a.npz", None, None, Channel(samples="x"), "displacement",
+        base=BaseRule(Channel(samples="base", quantity="acceleration"), "relative"),
         history=HistoryRule("swept-sine", rate_column="fs"),
     )  # fmt: skip
     (fast,) = (f for f in read_measurement(test).findings if f.code == "sweep-rate")

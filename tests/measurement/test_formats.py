@@ -18,7 +18,7 @@ from scipy.io import savemat, wavfile
 from rsgen.cases import load_case
 from rsgen.common.errors import MeasurementError
 from rsgen.data.surface import ResponseSurface
-from rsgen.files import HistoryRule, MeasuredTest, Signal, read_measurement, sandbox
+from rsgen.files import Channel, HistoryRule, MeasuredTest, read_measurement, sandbox
 from rsgen.files.array_files import walk_wav
 from rsgen.files.data_files import recognise_format
 from rsgen.files.histories import read_histories
@@ -62,7 +62,7 @@ def history(
 ) -> MeasuredTest:
     """Plan a history in the units of the file."""
     return MeasuredTest(
-        (path,), None, Signal(samples=force, **unit), Signal(samples=response, **unit), "acceleration",
+        (path,), None, Channel(samples=force, **unit), Channel(samples=response, **unit), "acceleration",
         history=HistoryRule("swept-sine", **rule),
     )  # fmt: skip
 
@@ -265,8 +265,8 @@ def test_a_sound_file_needs_a_calibration(tmp_path):
         MeasurementError, match=r"unit of 'channel_1' is not known: .*write unit, and as factor"
     ):
         read_histories(history(path, "channel_1", "channel_2", {"rate_column": "rate"}))
-    force = Signal(samples="channel_1", unit="N", factor=12.0)
-    response = Signal(samples=2, unit="mm/s^2", factor=4e3)
+    force = Channel(samples="channel_1", unit="N", factor=12.0)
+    response = Channel(samples=2, unit="mm/s^2", factor=4e3)
     rule = HistoryRule("swept-sine", rate_column="rate")
     (found,) = read_histories(MeasuredTest((path,), None, force, response, "acceleration", history=rule))
     np.testing.assert_allclose(found.reference, 12 * (written[:, 0] / 2.0**31), rtol=ROUND_OFF)

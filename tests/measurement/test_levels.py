@@ -14,7 +14,7 @@ from rsgen.data.multisine import MultisineSpectra
 from rsgen.data.oscillator import Model, Observation
 from rsgen.data.record_set import match_level
 from rsgen.data.surface import ResponseSurface, save_surface, typical_amounts
-from rsgen.files import LevelRule, MeasuredTest, Signal, load_surface, read_measurement
+from rsgen.files import Channel, LevelRule, MeasuredTest, load_surface, read_measurement
 from rsgen.report.wording import sentence
 from tests.surfaces import severities
 
@@ -42,8 +42,8 @@ def held_runs(path: Path, **more: Any) -> Path:
 
 
 def of_runs(path: Path, **more: Any) -> MeasuredTest:
-    force = Signal(complex="run/*/F", phase_sense="lead")
-    return MeasuredTest(path, "run/*/f", force, Signal(complex="run/*/X"), "displacement", **more)
+    force = Channel(complex="run/*/F", phase_sense="lead")
+    return MeasuredTest(path, "run/*/f", force, Channel(complex="run/*/X"), "displacement", **more)
 
 
 def of_files(
@@ -54,7 +54,7 @@ def of_files(
         size = sizes[name] if sizes else np.abs(force) / 1e4
         rows = np.column_stack(np.broadcast_arrays(FREQUENCY, force, size))
         np.savetxt(tmp_path / name, rows, "%.9g", delimiter=",", header="f,F,X", comments="")
-    signals = Signal(amplitude="F"), Signal(amplitude="X")
+    signals = Channel(amplitude="F"), Channel(amplitude="X")
     paths = tuple(tmp_path / name for name in forces)
     return MeasuredTest(paths, "f", *signals, "displacement", phase_known=False, **more)
 
@@ -174,7 +174,7 @@ def test_unstable_points_of_a_continuation_are_marked(tmp_path):
     force = np.abs(force_at(size, frequency))
     table = np.column_stack([frequency, force, size])
     np.savetxt(tmp_path / "a.csv", table, "%.9g", delimiter=",", header="f,F,X", comments="")
-    signals = Signal(amplitude="F"), Signal(amplitude="X")
+    signals = Channel(amplitude="F"), Channel(amplitude="X")
     plan = MeasuredTest(
         tmp_path / "a.csv", "f", *signals, "displacement", phase_known=False, control="continuation"
     )
@@ -236,7 +236,7 @@ def test_records_are_held_out_by_their_labels():
 def test_labels_cannot_stand_for_a_force():
     rule = LevelRule(values=(1, 3), unit="label")
     with pytest.raises(MeasurementError, match="stands for the force, which was not recorded"):
-        MeasuredTest((Path("a"), Path("b")), 1, None, Signal(amplitude=2), "displacement", level=rule)
+        MeasuredTest((Path("a"), Path("b")), 1, None, Channel(amplitude=2), "displacement", level=rule)
 
 
 def test_typical_force_is_that_near_the_resonance():

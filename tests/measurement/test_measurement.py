@@ -17,7 +17,7 @@ from hypothesis import strategies as st
 
 from rsgen.common.errors import MeasurementError
 from rsgen.data.surface import recognise_directions
-from rsgen.files import Layout, LevelRule, MeasuredTest, Signal, SweepRule, read_measurement
+from rsgen.files import Channel, Layout, LevelRule, MeasuredTest, SweepRule, read_measurement
 from rsgen.files import text_columns as text_lines
 from rsgen.files.text_columns import Columns, read_columns
 
@@ -46,8 +46,8 @@ def write(path: Path, delimiter: str = ",", header: bool = True, **columns: np.n
 def plan(path: Path, **changes: Any) -> MeasuredTest:
     """Describe a test in the plainest way: SI, displacement, real and imaginary part."""
     known: dict[str, Any] = {
-        "frequency": "f", "force": Signal(real="Fr", imaginary="Fi"),
-        "response": Signal(real="Xr", imaginary="Xi"), "quantity": "displacement",
+        "frequency": "f", "force": Channel(real="Fr", imaginary="Fi"),
+        "response": Channel(real="Xr", imaginary="Xi"), "quantity": "displacement",
         "level": LevelRule(spread=0.2),
     }  # fmt: skip
     return MeasuredTest(path, **known | changes)
@@ -60,7 +60,7 @@ def plain(path: Path) -> MeasuredTest:
 
 def by_number(path: Path, **changes: Any) -> MeasuredTest:
     """Plan to read frequency, force and the two parts of a response, in this order."""
-    known = {"frequency": 1, "force": Signal(amplitude=2), "response": Signal(real=3, imaginary=4)}
+    known = {"frequency": 1, "force": Channel(amplitude=2), "response": Channel(real=3, imaginary=4)}
     return plan(path, **known | {"level": LevelRule()} | changes)
 
 
@@ -68,9 +68,9 @@ def _velocity_mm_rms_deg_lag(path: Path) -> MeasuredTest:
     velocity = 1j * OMEGA * DISPLACEMENT * 1e3 / math.sqrt(2)
     lag = -np.degrees(np.angle(velocity / FORCE))
     write(path, ";", omega=OMEGA, F=np.abs(FORCE), V=np.abs(velocity), lag=lag)
-    response = Signal(amplitude="V", phase="lag", unit="mm/s", scale="rms", phase_sense="lag")
+    response = Channel(amplitude="V", phase="lag", unit="mm/s", scale="rms", phase_sense="lag")
     return plan(
-        path, frequency="omega", frequency_unit="rad/s", force=Signal(amplitude="F"), response=response,
+        path, frequency="omega", frequency_unit="rad/s", force=Channel(amplitude="F"), response=response,
         quantity="velocity",
     )  # fmt: skip
 
@@ -81,8 +81,8 @@ def _acceleration_g_columns_by_number(path: Path) -> MeasuredTest:
     columns = (np.arange(len(OMEGA)), a.real, -a.imag, FREQUENCY, FORCE.real, -FORCE.imag, up)
     write(path, "\t", False, **dict(zip("abcdefg", columns, strict=True)))
     return plan(
-        path, frequency=4, force=Signal(real=5, imaginary=6, phase_sense="lag"),
-        response=Signal(real=2, imaginary=3, phase_sense="lag", factor=GRAVITY), quantity="acceleration",
+        path, frequency=4, force=Channel(real=5, imaginary=6, phase_sense="lag"),
+        response=Channel(real=2, imaginary=3, phase_sense="lag", factor=GRAVITY), quantity="acceleration",
         sweep=SweepRule(column=7, up=1, down=-1),
     )  # fmt: skip
 
@@ -152,8 +152,8 @@ def test_hostile_files(tmp_path, entry):
     # the corpus holds time histories, read here as frequency, x and v; the row at 0 is skipped
     accepted = entry["expected"].startswith("accept")
     force = columns[0] if accepted else columns[-1]
-    response = Signal(real=columns[1], imaginary=columns[min(2, len(columns) - 1)] if accepted else force)
-    test = MeasuredTest(path, columns[0], Signal(amplitude=force), response, "velocity")
+    response = Channel(real=columns[1], imaginary=columns[min(2, len(columns) - 1)] if accepted else force)
+    test = MeasuredTest(path, columns[0], Channel(amplitude=force), response, "velocity")
     started = time.perf_counter()
     if accepted:
         assert len(read_measurement(test)) >= 1
@@ -190,7 +190,7 @@ def test_hostile_files(tmp_path, entry):
 def test_faults_name_line_and_remedy(tmp_path, text, message):
     path = tmp_path / "bad.csv"
     path.write_text(text, encoding="utf-8")
-    test = plan(path, force=Signal(amplitude="F"), response=Signal(real="a", imaginary="b"))
+    test = plan(path, force=Channel(amplitude="F"), response=Channel(real="a", imaginary="b"))
     with pytest.raises(MeasurementError) as caught:
         read_measurement(test)
     assert message in str(caught.value)

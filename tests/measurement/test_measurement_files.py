@@ -20,7 +20,7 @@ import scipy.io
 from rsgen.cases import load_case
 from rsgen.common.errors import MeasurementError
 from rsgen.data.surface import ResponseSurface
-from rsgen.files import Layout, LevelRule, MeasuredTest, Signal, read_measurement, sandbox
+from rsgen.files import Channel, Layout, LevelRule, MeasuredTest, read_measurement, sandbox
 from rsgen.files.array_files import walk_npz
 from rsgen.files.data_files import recognise_format
 from rsgen.files.sandbox import list_binary, read_binary
@@ -106,7 +106,7 @@ def test_wrong_addresses_are_named(tmp_path, address, message):
 
 def measured(path: Path, **keys: Any) -> MeasuredTest:
     known: dict[str, Any] = {
-        "frequency": "f", "force": Signal(amplitude="F"), "response": Signal(amplitude="x"),
+        "frequency": "f", "force": Channel(amplitude="F"), "response": Channel(amplitude="x"),
         "quantity": "displacement", "level": LevelRule(column="F"),
     }  # fmt: skip
     return MeasuredTest((path,), **known | keys)
@@ -140,7 +140,7 @@ def test_entries_must_have_every_column(tmp_path):
             file[f"{run}/F"] = float(run.removeprefix("drive_"))
             if run != "drive_2":
                 file[f"{run}/x"] = [1.0, 1.0]
-    f, force, x = "drive_*/f", Signal(amplitude="drive_*/F"), Signal(amplitude="drive_*/x")
+    f, force, x = "drive_*/f", Channel(amplitude="drive_*/F"), Channel(amplitude="drive_*/x")
     test = measured(path, frequency=f, force=force, response=x, level=LevelRule(spread=0.1))
     with pytest.raises(MeasurementError, match="every entry must have both"):
         read_measurement(test)

@@ -12,7 +12,7 @@ import scipy.io
 from rsgen.cases import load_case
 from rsgen.common.errors import MeasurementError
 from rsgen.data.history.record import sampling_rate
-from rsgen.files import HistoryRule, Layout, LevelRule, MeasuredTest, Signal, read_measurement
+from rsgen.files import Channel, HistoryRule, Layout, LevelRule, MeasuredTest, read_measurement
 from rsgen.files.histories import read_histories
 
 ROOT = Path(__file__).parents[2]
@@ -31,7 +31,7 @@ def swept(**keys: Any) -> HistoryRule:
 
 def history(*files: Path, force: Any = "F", response: Any = "a", **keys: Any) -> MeasuredTest:
     """Plan to read time histories; a text is the channel of a signal."""
-    signals = (Signal(samples=one) if isinstance(one, str) else one for one in (force, response))
+    signals = (Channel(samples=one) if isinstance(one, str) else one for one in (force, response))
     known = {"quantity": "acceleration", "history": swept(rate_column="fs")}
     return MeasuredTest(files, None, *signals, **known | keys)
 
@@ -59,7 +59,7 @@ def test_histories_come_as_written(tmp_path, ending):
     path = write(tmp_path / f"a{ending}")
     channel = "a" if ending == ".csv" else "a[2]"
     rules = [swept(time="t"), swept(rate=50.0), *([swept(rate_column="fs")] if ending != ".csv" else [])]
-    response = Signal(samples=channel, factor=9.80665)
+    response = Channel(samples=channel, factor=9.80665)
     for rule in rules:
         (got,) = read_histories(history(path, history=rule, response=response, level=LevelRule(2.0)))
         assert got.rate == pytest.approx(50, rel=1e-12)
@@ -107,7 +107,7 @@ def test_integers_of_a_recorder_are_scaled(tmp_path):
     counts = np.round(32767 * FORCE).astype("i2")
     np.savez(path, F=counts, a=counts.astype("i4"), fs=50.0)
     (got,) = read_histories(
-        history(path, force=Signal(samples="F", factor=0.5), response=Signal(samples="a", factor=2.0))
+        history(path, force=Channel(samples="F", factor=0.5), response=Channel(samples="a", factor=2.0))
     )
     assert got.force is not None
     assert got.force.dtype == np.float32

@@ -10,7 +10,7 @@ import rsgen
 from rsgen.app.cli.check_command import point_faults
 from rsgen.data.surface import ResponseSurface
 from rsgen.data.surface.plausibility import lag_findings
-from rsgen.files import MeasuredTest, Signal, read_measurement
+from rsgen.files import Channel, MeasuredTest, read_measurement
 from tests.case_files import GONE, MEASURED, write_small
 from tests.surfaces import codes
 
@@ -36,8 +36,8 @@ def table(folder: Path, lag: float = 90.0, quantity: str = "displacement") -> Pa
 def read(path: Path, **options: Any) -> ResponseSurface:
     phase = {"phase": "lag", "phase_sense": "lag"} if options.get("phase_known", True) else {}
     settings: dict[str, Any] = {
-        "files": path, "frequency": "frequency", "force": Signal(amplitude="force"),
-        "response": Signal(amplitude="response", **phase), "quantity": "displacement",
+        "files": path, "frequency": "frequency", "force": Channel(amplitude="force"),
+        "response": Channel(amplitude="response", **phase), "quantity": "displacement",
     }  # fmt: skip
     return read_measurement(MeasuredTest(**(settings | options)))
 

@@ -11,7 +11,7 @@ import pytest
 
 from rsgen.common.errors import MeasurementError
 from rsgen.data.surface import ResponseSurface
-from rsgen.files import Layout, MeasuredTest, Signal, read_measurement
+from rsgen.files import Channel, Layout, MeasuredTest, read_measurement
 from rsgen.files.column_titles import is_angular, unit_in
 from rsgen.files.text_columns import read_columns
 
@@ -19,7 +19,7 @@ from rsgen.files.text_columns import read_columns
 def read(
     path: Path, frequency: int | str = "f", response: tuple[Path, ...] = (), **more: Any
 ) -> ResponseSurface:
-    signals = Signal(amplitude="F"), Signal(amplitude="x", files=response)
+    signals = Channel(amplitude="F"), Channel(amplitude="x", files=response)
     return read_measurement(
         MeasuredTest(path, frequency, *signals, "displacement", phase_known=False, **more)
     )
@@ -92,7 +92,7 @@ def test_an_angular_frequency_read_in_hertz_is_doubted(tmp_path, title):
 
 def test_units_of_a_header_hold_where_the_case_says_none(tmp_path):
     path = text(tmp_path / "a.csv", "f_kHz,F_mN,x_mm\n1,2,3\n2,2,4\n")
-    signals = Signal(amplitude="F_mN"), Signal(amplitude="x_mm")
+    signals = Channel(amplitude="F_mN"), Channel(amplitude="x_mm")
     surface = read_measurement(MeasuredTest(path, "f_kHz", *signals, "displacement", phase_known=False))
     assert surface.frequency[0] == 1000
     assert (abs(surface.force[0]), surface.amplitude[0]) == pytest.approx((2e-3, 3e-3))
@@ -110,7 +110,7 @@ def test_a_case_that_contradicts_a_title_is_doubted(tmp_path, table, keys, unit)
     path = text(tmp_path / "a.csv", "f_Hz,F_N,x_mm\n1,2,3\n2,2,4\n")
     force, response = ({**keys} if table == name else {} for name in ("force", "response"))
     more = keys if table == "frequency" else {}
-    signals = Signal(amplitude="F_N", **force), Signal(amplitude="x_mm", **response)
+    signals = Channel(amplitude="F_N", **force), Channel(amplitude="x_mm", **response)
     surface = read_measurement(MeasuredTest(path, 1, *signals, "displacement", phase_known=False, **more))
     doubts = [found for found in surface.findings if found.severity == "doubt"]
     assert [found.code for found in doubts] == ["unit-contradicts-title"]
@@ -119,12 +119,12 @@ def test_a_case_that_contradicts_a_title_is_doubted(tmp_path, table, keys, unit)
 
 def test_a_case_that_says_what_the_title_says_is_not_doubted(tmp_path):
     path = text(tmp_path / "a.csv", "f_Hz,drive_V,a_g\n1,2,3\n2,2,4\n")
-    force, response = Signal(amplitude=2, unit="V", factor="3 N/V"), Signal(amplitude=3, unit="g")
+    force, response = Channel(amplitude=2, unit="V", factor="3 N/V"), Channel(amplitude=3, unit="g")
     test = MeasuredTest(path, 1, force, response, "acceleration", phase_known=False, frequency_unit="Hz")
     assert read_measurement(test).findings == ()
     # the load cell's volts are no newtons without a factor
     for read_in, said in (("N", ["unit-contradicts-title"]), ("V", [])):
-        test = replace(test, force=Signal(amplitude=2, unit=read_in), calibrated=read_in == "N")
+        test = replace(test, force=Channel(amplitude=2, unit=read_in), calibrated=read_in == "N")
         assert [one.code for one in read_measurement(test).findings if one.severity == "doubt"] == said
 
 

@@ -196,6 +196,9 @@ def test_result_keeps_the_contract():
     assert set(read["parameters"][0]) >= {
         *("name", "unit", "true", "paper", "first_order", "refined", "relative_error", "tolerance", "passed")
     }
+    assert np.sqrt(np.diag(read["covariance"])) == pytest.approx(
+        [row["refined"]["standard_error"] for row in read["parameters"]], rel=1e-6
+    )
     assert read["surface"] == {"points": 488, "settled": 488, "origin": "simulated", "seconds": 0.5}
     assert all(len(read["equivalent"][name]) == len(SURFACE) for name in read["equivalent"])
     element = read["elements"][0]
