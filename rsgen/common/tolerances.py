@@ -159,6 +159,9 @@ rest."""
 MAX_NEWTON_STEPS = 50
 """Newton or Gauss-Newton steps: ten are usual; corners of a law, and a law that is not right, need more."""
 
+SPLINE_SMOOTHING = 1e-7
+"""Weight of the curvature of a spline: settles it where there are no points, without effect elsewhere."""
+
 HARMONIC_TRUNCATION = 1e-9
 """Relative size at which a last harmonic, or a change of unseen lines, moves no force any more in exact
 data."""

@@ -17,6 +17,7 @@ from rsgen.common.errors import RsgenError
 from rsgen.common.finding import Finding, Quantity, Severity, quantities
 from rsgen.common.tolerances import (
     NOISE_RATIO_BY_CHANCE,
+    RELATIVE_CHANGE_NEGLIGIBLE,
     RELATIVE_ERROR_DOUBTFUL,
     SUBSAMPLE_POINTS,
 )
@@ -47,12 +48,15 @@ from rsgen.identification.misfit import (
     unseen_findings,
     widen_squares,
 )
-from rsgen.identification.resonance import equivalent_curve, fit_resonances, force_levels, resonance_findings
+from rsgen.identification.resonance import fit_resonances, resonance_findings
+from rsgen.identification.restoring_force import equivalent_curve, force_levels, invert_curve
 from rsgen.identification.results import (
     Background,
+    EquivalentCurve,
     Estimate,
     Identification,
     Resonance,
+    RestoringForce,
     later,
     units_of,
 )
@@ -354,6 +358,9 @@ def judge(test: Prepared, model: Model, refined: Fit) -> Identification:
     curve = equivalent_curve(surface, points, used, refined)
     if not model.observation.calibrated:
         curve = replace(curve, units=UNCALIBRATED)
+    doubtful = {estimate.name for estimate in estimates if not estimate.identifiable}
+    mass = nan if "m" in doubtful else refined.mass
+    predicted = refined.harmonics[used, 0].real
     of_parameters = tuple(e.finding for e in estimates if e.finding is not None)
     if estimates and not any(estimate.identifiable for estimate in estimates):
         about = (*about, Finding("nothing-identifiable", "doubt"))
@@ -384,6 +391,7 @@ def judge(test: Prepared, model: Model, refined: Fit) -> Identification:
         covariance=stated[np.ix_(free, free)],
         resonances=resonances,
         curve=curve,
+        restoring=later(lambda: _without_law(kept, predicted, curve, mass)),
         residual=size,
         noise=noise,
         levels=force_levels(surface, points, resonances),
@@ -465,6 +473,15 @@ def _errors(
     if test.surface.lag_assumed:
         covariance = covariance + loop_error(regression.influence)
     return replace(regression, covariance=covariance), noise, about
+
+
+def _without_law(
+    points: Points, predicted: Array, curve: EquivalentCurve, mass: float
+) -> RestoringForce | None:
+    """Draw the forces from k(X) and c(X); they do not determine those of a motion whose mean is not zero."""
+    mean = points.harmonics[:, 0].real if 0 in points.measured else predicted
+    centred = float(np.sqrt(np.mean((mean / points.amplitude) ** 2))) < RELATIVE_CHANGE_NEGLIGIBLE
+    return invert_curve(curve, mass) if centred and np.isfinite(mass) else None
 
 
 def _mode(table: Table, found: Fit) -> Table:

@@ -1,4 +1,4 @@
-"""Resonances of a test, the paper's method; and stiffness and damping of every point.
+"""Resonances of a test: the paper's method.
 
 At phase resonance the displacement lags a quarter period, so that Re F/X = k(X) - m omega^2 vanishes. With
 the resonance frequency omega_n and the damping ratio zeta of each level,
@@ -16,22 +16,19 @@ from collections.abc import Callable, Mapping, Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from rsgen.common.arrays import Array, ComplexArray
+from rsgen.common.arrays import Array
 from rsgen.common.finding import Finding, quantities
-from rsgen.common.tolerances import SAMPLES_PER_PERIOD_SWITCHED
 from rsgen.data.free_mode import estimate_mass, steady
-from rsgen.data.surface import ResponseSurface, typical_amounts
-from rsgen.identification.fitting.fit import Fit, Solution
+from rsgen.identification.fitting.fit import Solution
 from rsgen.identification.fitting.points import (
     Points,
     at_resonance_alone,
     mass_sure,
 )
 from rsgen.identification.fitting.repeats import MIN_JUMP_RATIO
-from rsgen.identification.results import EquivalentCurve, Estimate, Resonance
+from rsgen.identification.results import Estimate, Resonance
 from rsgen.identification.starting.equations import Equations
 from rsgen.identification.starting.start import solve_equations
-from rsgen.law.motion import project, sine_motion
 from rsgen.law.numeric import ForceLaw
 
 _MIN_COSINE_OF_STEP = np.cos(np.pi / 5)
@@ -218,50 +215,3 @@ def resonance_findings(
     if mass_sure(mass.value, mass.standard_error**2):
         return ()
     return (Finding("mass-at-resonance", "doubt", "m", numbers),)
-
-
-def _dynamic_stiffness(surface: ResponseSurface, found: Fit) -> tuple[Array, ComplexArray]:
-    """Return the amplitude (n,) [m] of the motion along the last part of a law, and k + i omega c there."""
-    motions, omega = (surface.harmonics, surface.across), surface.omega
-    response = motions[0][:, 1]
-    left = surface.force + found.mass * omega**2 * response
-    others = found.problem.law.parts[:-1]
-    for part, harmonics in zip(others, motions, strict=False):
-        motion = sine_motion(omega, harmonics[:, 1])
-        own = part.law.along(motion, found.values[part.parameters], SAMPLES_PER_PERIOD_SWITCHED)
-        left = left - project(own.force, 1)
-    followed = motions[len(others)][:, 1]
-    return np.abs(followed), left / followed
-
-
-def equivalent_curve(
-    surface: ResponseSurface, points: Points, used: NDArray[np.bool_], found: Fit
-) -> EquivalentCurve:
-    """Return k and c of every settled point, with the identified mass; ``used`` marks the fitted points.
-
-    For a law across two sensors they belong to the elements there: the force that the other elements leave.
-    """
-    response = surface.harmonics[:, 1]
-    rows = np.flatnonzero(surface.settled & np.isfinite(response) & (np.abs(response) > 0))
-    omega = surface.omega[rows]
-    amplitude, stiffness = _dynamic_stiffness(surface.select(rows), found)
-    took_part = np.zeros(len(surface), dtype=bool)
-    took_part[points.index[used]] = True
-    return EquivalentCurve(
-        amplitude=amplitude,
-        frequency=surface.frequency[rows],
-        level=surface.level[rows],
-        stiffness=stiffness.real,
-        damping=stiffness.imag / omega,
-        used=took_part[rows],
-        level_unit=surface.level_unit,
-        units=surface.units,
-    )
-
-
-def force_levels(surface: ResponseSurface, points: Points, resonances: tuple[Resonance, ...]) -> Array:
-    """Return the force levels [N] near the resonances; with response control those computed from c(X)."""
-    if not surface.response_held:
-        return np.unique(typical_amounts(surface.select(points.index)))
-    needed = [abs(r.damping) * 2 * np.pi * r.frequency * r.amplitude for r in resonances]
-    return np.unique(needed) if needed else np.quantile(np.abs(points.force), [0.1, 0.5, 0.9])

@@ -67,7 +67,7 @@ def _drawn(
     ]
     if modal.table is not None:
         drawings.append(figures.draw_modal(modal.table, identification))
-    if not (remembers(identification.model.force) or empty):
+    if not (remembers(identification.model.force) or (empty and identification.restoring is None)):
         drawings.append(figures.draw_forces(identification, subject.truth))
     if shows_loops(surface, identification.model) and np.isfinite(identification.mass):
         drawings.append(figures.draw_loops(surface, identification, subject.truth))

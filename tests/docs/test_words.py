@@ -39,6 +39,7 @@ NOT_OURS = {
     r"house|rooms?|floors?": "package, module, layer",
     r"keeps? (?:its|their) word": "coverage",
     r"so (?:many|few) as": "at least n, at most n",
+    r"force without a law": "nonparametric restoring force",
     r"non-linear\w*": "nonlinear",
     r"damping (?:factor|coefficient ratio)": "damping ratio",
     r"eigen ?frequenc\w+|natural pulsation": "natural frequency, resonance",

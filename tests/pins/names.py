@@ -32,6 +32,7 @@ from rsgen.identification.results import (
     Estimate,
     MultisineIdentification,
     Resonance,
+    RestoringForce,
 )
 from rsgen.law import Element
 from tests.conftest import FEW
@@ -47,7 +48,7 @@ ROOT = Path(__file__).parents[2]
 
 CLASSES: tuple[type, ...] = (
     rsgen.ResponseSurface, rsgen.MultisineSpectra, rsgen.Identification, MultisineIdentification,
-    Estimate, Resonance, EquivalentCurve, Background, BestLinear, Distortion,
+    Estimate, Resonance, EquivalentCurve, RestoringForce, Background, BestLinear, Distortion,
     rsgen.Ranking, Candidate, rsgen.ModalTable, ModalTest, rsgen.Prediction, ResonanceCurve, HeldOutLevel,
     PredictedRecord, SteadyStates, DescribingFunction, Equivalent,
     rsgen.Comparison, Row, FitComparison, FitRow, Verdict, rsgen.Finding, Quantity, rsgen.Observation,

@@ -113,7 +113,7 @@ def identification(found: rsgen.Identification) -> Tree:
 
 def whole_identification(found: rsgen.Identification) -> Tree:
     """All parts of an identification, with resonances, equivalent curves and forces without a law."""
-    return identification(found) | {
+    tree = identification(found) | {
         "refined": estimates(found.refined, whole=True), "first_order": plain_estimates(found.first_order),
         "paper": plain_estimates(found.paper), "levels": series(found.levels, entries=3),
         "amplitude_range": list(map(float, found.amplitude_range)),
@@ -130,6 +130,10 @@ def whole_identification(found: rsgen.Identification) -> Tree:
             for one in found.resonances[:3]
         ],
     }  # fmt: skip
+    if found.restoring is not None:
+        for name in ("stiffness_force", "damping_force"):
+            tree[name] = series(getattr(found.restoring, name), entries=3)
+    return tree
 
 
 def _correlation(covariance: NDArray[np.float64]) -> NDArray[np.float64]:

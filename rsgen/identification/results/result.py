@@ -162,6 +162,38 @@ class EquivalentCurve:
         _freeze(self, ("used",), np.bool_)
 
 
+@dataclass(frozen=True, slots=True, eq=False)
+class RestoringForce:
+    """Stiffness and damping force drawn without any law, by inversion of k(X) and c(X) (docs/method.md, 4).
+
+    Parameters
+    ----------
+    displacement
+        (a,) x [m], ascending from 0.
+    stiffness_force
+        (a,) odd part of the stiffness force at x [N].
+    stiffness_band
+        (a,) half width of its 95 % band [N].
+    velocity
+        (b,) v [m/s], ascending from 0.
+    damping_force
+        (b,) odd part of the damping force at v [N].
+    damping_band
+        (b,) half width of its 95 % band [N].
+    """
+
+    displacement: NDArray[np.float64]
+    stiffness_force: NDArray[np.float64]
+    stiffness_band: NDArray[np.float64]
+    velocity: NDArray[np.float64]
+    damping_force: NDArray[np.float64]
+    damping_band: NDArray[np.float64]
+
+    def __post_init__(self) -> None:
+        _freeze(self, ("displacement", "stiffness_force", "stiffness_band"))
+        _freeze(self, ("velocity", "damping_force", "damping_band"))
+
+
 @dataclass(frozen=True, slots=True)
 class Background:
     """The background: the sensor sees x = q + b(omega) F + o with F = F_measured exp(i psi).
@@ -259,6 +291,8 @@ class Identification(Printed):
         levels, and the relative misfit.
     findings
         Findings about test and fit, those about single parameters first.
+    restoring
+        Forces without a law; None if the points do not suffice.
     ranking
         The ``rsgen.identification.ranking.Ranking`` that chose the law; None for a given law.
     solution
@@ -288,6 +322,7 @@ class Identification(Printed):
     frequency_range: tuple[float, float]
     outcome: Finding
     findings: tuple[Finding, ...] = ()
+    restoring: RestoringForce | None = None
     ranking: Any = None
     solution: NDArray[np.float64] = field(default_factory=lambda: np.zeros(0))
     background: Background | None = None
@@ -478,14 +513,14 @@ class _Postponed:
         self._slot.__set__(found, value)
 
 
-_POSTPONED = ("paper", "first_order", "first_order_bias")
+_POSTPONED = ("paper", "first_order", "first_order_bias", "restoring")
 
 for _name in _POSTPONED:
     setattr(Identification, _name, _Postponed(vars(Identification)[_name]))
 
 
 def later(compute: Callable[[], Value]) -> Value:
-    """Stand for a value of ``paper``, ``first_order`` or its bias until it is read."""
+    """Stand for a value of ``paper``, ``first_order``, its bias or ``restoring`` until it is read."""
     return cast("Value", _Later(compute))
 
 

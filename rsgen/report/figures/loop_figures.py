@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from rsgen.common.arrays import Array
 from rsgen.common.errors import RsgenError
+from rsgen.common.tolerances import CONFIDENCE_TEXT
 from rsgen.data.oscillator import Model
 from rsgen.data.surface import ResponseSurface
 from rsgen.formula.names import remembers
@@ -45,6 +46,9 @@ from rsgen.report.figures.responses import choose_levels
 # ----------------------------------------------------------------------------
 # The forces themselves: what springs and dampers do at each displacement and velocity.
 
+_WIDEST_BAND = 0.5
+"""Half width of a band, relative to the largest force, beyond which a point says nothing about the law."""
+
 
 def force_function(model: Model, values: Mapping[str, float]) -> Callable[[Array, Array], Array]:
     """Return the force of a model as a function of displacement [m] and velocity [m/s], elementwise.
@@ -74,7 +78,7 @@ def draw_forces(
     Parameters
     ----------
     identification
-        Its refined estimates give the lines.
+        Its refined estimates give the lines; the nonparametric restoring force gives the points.
     truth
         True value of every parameter, SI.
     ax
@@ -88,17 +92,27 @@ def draw_forces(
     refined = force_function(model, solution_of(identification))
     true = None if truth is None else force_function(model, truth)
     figure, panels = take_axes(ax, 2, (4.4, 4.6))
+    restoring = identification.restoring
     kinds = (("stiffness force", x, "m"), ("damping force", v, "m/s"))
     for axes, (what, place, unit) in zip(panels, kinds, strict=False):
+        inverted = None
+        if restoring is not None:
+            inverted = (
+                (restoring.displacement, restoring.stiffness_force, restoring.stiffness_band)
+                if unit == "m"
+                else (restoring.velocity, restoring.damping_force, restoring.damping_band)
+            )
         force, expected = (
             None if law is None else law(place, zero) if unit == "m" else law(zero, place) - law(zero, zero)
             for law in (refined, true)
         )
         if force is not None:
             named = identification.curve.units.of("N")
-            _panel(axes, what, place, unit, force, expected, named)
-    caption = "Forces of springs and of dampers over the tested range."
-    return Drawing("forces", figure, caption, ax is None)
+            _panel(axes, what, place, unit, force, expected, inverted, named)
+    caption = "Forces of springs and of dampers over the tested range"
+    if restoring is not None:
+        caption += f", and the nonparametric restoring force (points, {CONFIDENCE_TEXT} band)"
+    return Drawing("forces", figure, f"{caption}.", ax is None)
 
 
 def _panel(
@@ -108,14 +122,28 @@ def _panel(
     unit: str,
     force: Array,
     true: Array | None,
+    inverted: tuple[Array, Array, Array] | None,
     force_unit: str,
 ) -> None:
     x = choose_scale(place, unit)
     y = choose_scale(force, force_unit)
+    if inverted is not None:
+        at, drawn, band = inverted
+        # a band wider than the force itself determines nothing: near rest, and at rare amplitudes
+        narrow = band < _WIDEST_BAND * np.nanmax(np.abs(force), initial=0.0)
+        at, drawn, band = at[narrow], drawn[narrow], band[narrow]
+        low, high = (drawn - band) / y.factor, (drawn + band) / y.factor
+        axes.fill_between(at / x.factor, low, high, color="#0072B2", alpha=0.18, lw=0)
+        few = np.unique(np.linspace(0, max(len(at) - 1, 0), min(len(at), 16)).astype(int))
+        axes.plot(at[few] / x.factor, drawn[few] / y.factor, label="nonparametric", **POINT)
     axes.plot(place / x.factor, force / y.factor, label="refined", **REFINED)
     if true is not None:
         axes.plot(place / x.factor, true / y.factor, label="truth", **TRUTH)
-    calm_limits(axes, [line / y.factor for line in (force, true) if line is not None])
+    # a band that is wide for want of data must not make the forces flat
+    lines = [
+        line / y.factor for line in (force, true, None if inverted is None else drawn) if line is not None
+    ]
+    calm_limits(axes, lines)
     axes.set_xlabel(x.label("Displacement x" if unit == "m" else "Velocity v"))
     axes.set_ylabel(y.label(what.capitalize()))
     axes.legend(loc="upper left")
