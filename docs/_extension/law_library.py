@@ -67,7 +67,7 @@ def _unit(unit: str) -> str:
 def _proof(function: DescribingFunction) -> str:
     if function.checked_to is None:
         return (
-            "no closed form is known; the integral is evaluated by quadrature, split at the switching angles"
+            "no closed form is used; the integral is evaluated by quadrature, split at the switching angles"
         )
     part = "closed form" if function.closed_form else "loop" if function.memory else "closed part"
     # the last digits of the largest difference are those of a processor

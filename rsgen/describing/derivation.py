@@ -299,7 +299,7 @@ def _about_formulas(positive: frozenset[str], found: _Closed, trial: Trial, vani
         if vanishes:
             yield f"By symmetry {rest} adds nothing."
         else:
-            yield f"No closed form is known for {rest}; quadrature split at the switching angles."
+            yield f"No closed form is used for {rest}; quadrature split at the switching angles."
 
 
 def _about_mean(law: _Law, solved: sympy.Expr | None, balance: sympy.Expr) -> Iterable[str]:

@@ -202,7 +202,7 @@ def _masing(factor: sympy.Expr, virgin: sympy.Expr, assumed: frozenset[str]) -> 
     plain = {after: before for before, after in known.items()}
     branches = Branches(factor * loop_of(virgin), names)
     closed = close_masing(virgin.xreplace(known), factor.xreplace(known))
-    remark = f"No closed form is known for masing({readable(virgin)}); quadrature split at its switches."
+    remark = f"No closed form is used for masing({readable(virgin)}); quadrature split at its switches."
     if closed is not None:
         levels = tuple(level.xreplace(plain) for level in closed.thresholds)
         closed = closed.xreplace(plain)
@@ -469,7 +469,7 @@ def _loop(force: sympy.Expr, parts: Parts) -> _Added:
     memories: dict[sympy.Expr, sympy.Expr] = {curve.symbol: Masing(curve.virgin) for curve in memory.curves}
     memories |= {Inner(state.name, real=True): state for state in force.atoms(State)}
     remainder = force_of_loop.xreplace(memories)
-    remark = f"No closed form is known for {readable(remainder)}; its loop is computed and projected."
+    remark = f"No closed form is used for {readable(remainder)}; its loop is computed and projected."
     balance = sympy.S.Zero if parts.centred else integrals[2]
     return _Added(
         integrals[0],

@@ -7,7 +7,6 @@ import sympy
 from hypothesis import given
 from hypothesis import strategies as st
 
-import rsgen
 from rsgen.common.errors import ExpressionError
 from rsgen.formula import parse
 from rsgen.law.notation import latex, mathml, readable
@@ -104,9 +103,11 @@ def test_cases_are_a_brace_and_left_aligned_rows():
 
 
 def test_long_cases_take_a_line_a_term_and_none_is_lost():
-    damping = rsgen.derive(rsgen.laws["iwan4"]).damping
-    long = sympy.Piecewise(*((3 * damping.args[i].expr, damping.args[i].cond) for i in (0, 1)))
-    root = ElementTree.fromstring(mathml(long))
+    rest = "4*phimax*(3*R*phimax**(chi + 1) + 6*S + 3*S*chi)/(pi*(chi + 2)*omega*X)"
+    slope = "phimax**2*(-12*R*phimax**(chi + 1) - 36*S - 12*S*chi)/(pi*(chi + 3)*omega*X**2)"
+    first = "4*R*X**(chi + 1)/(pi*(chi + 2)*(chi + 3)*omega)"
+    long = f"Piecewise(({first}, X <= phimax), ({rest} + {slope}, True))"
+    root = ElementTree.fromstring(mathml(parse(long)))
     rows = ["".join(row.itertext()).strip() for row in root.findall(".//mtr")]
     assert len(rows) == 5
     assert [row.endswith(":") for row in rows] == [True, False, True, False, False]

@@ -182,4 +182,4 @@ def _proof(function: DescribingFunction) -> str:
         return f"the closed form {agrees}"
     if function.checked_to is not None:
         return f"the closed part {agrees}; {numeric}"
-    return f"no closed form is known; {numeric}"
+    return f"no closed form is used; {numeric}"

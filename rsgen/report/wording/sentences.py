@@ -245,7 +245,7 @@ def spectra_sentence(spectra: MultisineSpectra, band: tuple[float, float]) -> st
 
 def proof_sentence(closed_form: bool, checked_to: float | None) -> str:
     """Say how a describing function was proved, and to which relative deviation [1]."""
-    form = "closed form" if closed_form else "by quadrature, no closed form is known"
+    form = "closed form" if closed_form else "by quadrature, no closed form is used"
     if checked_to is None or not math.isfinite(checked_to):
         return form
     deviation = number_text(checked_to, 2)
