@@ -16,7 +16,7 @@ from pydantic import ValidationError
 
 import rsgen.files
 from rsgen.cases.case import Case, CaseDocument, Document, ElementTable, make_measured
-from rsgen.cases.faults import KINDS, name_fault, parse_case, read_text, sentences, text_fault
+from rsgen.cases.faults import KINDS, name_fault, open_places, parse_case, read_text, sentences, text_fault
 from rsgen.cases.tables import MAX_POINTS, Maker, reason
 from rsgen.common.errors import (
     CaseError,
@@ -515,11 +515,16 @@ def load_case(path: str | os.PathLike[str], data: str | os.PathLike[str] | None 
         text = read_text(file)
         tree = parse_case(text)
         try:
-            document = CaseDocument.model_validate(tree)
+            case, faults = build(CaseDocument.model_validate(tree), file, text, folders), list[str]()
         except ValidationError as error:
-            found = sentences(error, CaseDocument)
-            raise CaseError([*found, *_further_faults(tree, error, folders)]) from None
-        return build(document, file, text, folders)
+            case, faults = None, [*sentences(error, CaseDocument), *_further_faults(tree, error, folders)]
+        except CaseError as error:
+            case, faults = None, [*error.faults]
+        said = {fault.partition(": ")[0] for fault in faults}
+        faults += [fault for place, fault in open_places(tree).items() if place not in said]
+        if case is None or faults:
+            raise CaseError(faults)
+        return case
     except CaseError as error:
         named = file.suffix.lower() == ".toml" or not file.is_file()
         other = "" if named else "; `rsgen init --from` writes the case of a data file"

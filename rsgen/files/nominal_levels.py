@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from dataclasses import replace
-from itertools import combinations, pairwise
+from itertools import combinations, pairwise, takewhile
 from operator import itemgetter
 
 import numpy as np
@@ -20,6 +20,7 @@ from rsgen.data.surface import ResponseSurface, typical_amounts
 from rsgen.data.surface.columns import MIN_TURN, group_forces, monotone_runs
 from rsgen.data.surface.response_surface import amounts_of_levels
 from rsgen.files.plan import MeasuredTest
+from rsgen.files.tree import star_pattern
 
 # ----------------------------------------------------------------------------
 # The levels of a table of amplitudes, and the stability of its points.
@@ -92,7 +93,7 @@ def stable_points(frequency: Array, force: Array, size: Array) -> NDArray[np.boo
     return stable
 
 
-_NUMBER = r"([+-]?\d{1,30}(?:[.,]\d{1,30})?(?:[eE][+-]?\d{1,3})?)"
+_NUMBER = r"[+-]?\d{1,30}(?:[.,]\d{1,30})?(?:[eE][+-]?\d{1,3})?"
 _MAX_LEVEL_SPREAD = 0.05
 """Runs whose forces differ by less than this fraction share a level: shakers repeat it to a few per cent."""
 _MIN_SHARE_OF_SWEEP_STEPS = 0.8
@@ -159,6 +160,40 @@ def group_runs(force: Array, frequency: Array, block: NDArray[np.int64]) -> Arra
     return group_levels(level, _MAX_LEVEL_SPREAD)[run]
 
 
+_FORCE_IN_NAME = re.compile(r"(?<![\d.,])(\d{1,30}(?:[.,]\d{1,30})?)(?=[ _-]?[munk]?N(?![A-Za-z]))")
+
+
+def level_form(names: Sequence[str]) -> str | None:
+    """Return the form of names with a force in newtons that is not the same in all; None where there is none.
+
+    Examples
+    --------
+    >>> level_form(["rep1_2N_up.mat", "rep2_2N_down.mat", "rep1_0.5N_up.mat"])
+    'rep*_{level}N_*.mat'
+    >>> level_form(["load_cell_200N_1.mat", "load_cell_200N_2.mat"]) is None
+    True
+    """
+    split = [_FORCE_IN_NAME.split(name) for name in names]
+    if any(len(parts) != 3 for parts in split) or len({parts[1] for parts in split}) < 2:
+        return None
+    sides = []
+    for texts in ([parts[0] for parts in split], [parts[2] for parts in split]):
+        start = _beginning(texts)
+        rests = [text.removeprefix(start) for text in texts]
+        end = _beginning([rest[::-1] for rest in rests])[::-1]
+        between = {rest.removesuffix(end) for rest in rests}
+        if len(between) > 1 and "" in between:
+            return None
+        sides.append(f"{start}*{end}" if len(between) > 1 else start)
+    return None if sides[0].endswith("*") else "{level}".join(sides)
+
+
+def _beginning(texts: Sequence[str]) -> str:
+    """Return the longest beginning that all texts have."""
+    alike = takewhile(lambda signs: len(set(signs)) == 1, zip(*texts, strict=False))
+    return "".join(signs[0] for signs in alike)
+
+
 def level_of_file(test: MeasuredTest, number: int) -> float | None:
     """Find the level of a file in the plan or its name; None where its points differ in level.
 
@@ -176,13 +211,13 @@ def level_of_file(test: MeasuredTest, number: int) -> float | None:
         # several values for one file belong to its entries
         return None
     name = test.files[number].name
-    before, _, after = rule.name.partition("{level}")
-    match = re.fullmatch(re.escape(before) + _NUMBER + re.escape(after), name)
+    before, after = (star_pattern(part).pattern for part in rule.name.split("{level}"))
+    match = re.fullmatch(f"{before}(?P<level>(?>{_NUMBER})){after}", name)
     if match is None:
         raise MeasurementError(
             f"{shown_path(test.files[number])}: its name is not of the form {quote(rule.name)}"
         )
-    level = float(match[1].replace(",", ".")) * test.factor("level")
+    level = float(match["level"].replace(",", ".")) * test.factor("level")
     if not (level > 0 or rule.labels):
         raise MeasurementError(
             f"{shown_path(test.files[number])}: its name gives a level of {level:g} {test.level_unit}; "

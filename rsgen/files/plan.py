@@ -116,7 +116,10 @@ class LevelRule(Checked):
         (), "One for each file, or for each entry that a * means in one file.", fewest=1, most=MAX_FILES
     )
     name: str | None = declare(
-        None, 'The form of the files\' names, such as "sweep_{level}N.mat".', most=2_000
+        None,
+        'The form of the files\' names, such as "sweep_{level}N.mat"; a * is any text, but none of no sign: '
+        '"rep*_{level}N_*.mat".',
+        most=2_000,
     )
     unit: Unit | None = declare(
         None,
@@ -134,6 +137,11 @@ class LevelRule(Checked):
             yield "", f"has {' and '.join(both)}; give one of them"
         if self.name is not None and self.name.count("{level}") != 1:
             yield "name", "must have {level} once, where the number stands: run_{level}N.csv"
+        elif self.name is not None and re.search(r"\*[\d.,]*\{level\}", self.name):
+            yield (
+                "name",
+                "has * right before {level}, whose digits it could take; a sign between them is needed",
+            )
 
     @property
     def labels(self) -> bool:

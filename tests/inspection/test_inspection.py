@@ -20,7 +20,7 @@ from rsgen.data.surface import ResponseSurface
 from rsgen.files import Layout, read_measurement
 from rsgen.files.inspection import Proposal, list_contents
 from rsgen.files.text_columns import TextLines, read_columns
-from tests.inspection.drafts import drafted
+from tests.inspection.drafts import FREQUENCY, RECEPTANCE, drafted
 
 ROOT = Path(__file__).parents[2]
 FORMATS = ROOT / "cases" / "formats"
@@ -215,6 +215,29 @@ def test_real_files_are_understood(measured_data):
         "TODO: write the name or the number"
         in doubts(measured_data("wire/example6.txt"))["test.frequency.column"]
     )
+
+
+def test_a_draft_leaves_open_what_it_does_not_know_and_reads_levels_from_names(tmp_path, run_cli):
+    """A load cell in volts was drafted in N, and several records of a level had no name that fits all."""
+    levels = {"rep1_1N_up.csv": 1, "rep1_1N_down.csv": 1, "rep2_3N_up.csv": 3}
+    head = "freq_Hz,load_cell_V,x_m,phase_deg"
+    size, lag = np.abs(RECEPTANCE), np.degrees(np.angle(RECEPTANCE))
+    for name, level in levels.items():
+        rows = np.column_stack(np.broadcast_arrays(FREQUENCY, 0.0225 * level, level * size, lag))
+        np.savetxt(tmp_path / name, rows, delimiter=",", header=head, comments="")
+    case = tmp_path / "cell.toml"
+    assert run_cli("init", case, *(part for name in levels for part in ("--from", tmp_path / name))).code == 0
+    text = case.read_text("utf-8")
+    assert 'unit      = "?" ' in text
+    assert 'name = "rep*_{level}N_*.csv"' in text
+    case.write_text(text.replace("frequency]\ncolumn", 'frequency]\nunit = "?"\ncolumn'), "utf-8")
+    said = run_cli("check", case).err
+    opened = sorted(line.split(": ")[1] for line in said.splitlines())
+    assert opened == ["test.force.unit", "test.frequency.unit"]
+    case.write_text(text.replace('"?"', '"V"\nfactor = "22.5 mV/N"'), "utf-8")
+    answer = run_cli("check", case)
+    assert (answer.code, answer.err) == (0, "")
+    assert "51 measured points at 2 levels" in answer.out
 
 
 def test_nothing_to_recognise(tmp_path):

@@ -113,6 +113,14 @@ AS_MEASURED, ALIKE = [4.8, 28.8, 58.0], {"1.csv": 5.0, "3.csv": 5.01, "9.csv": 4
             [1.0, 1.5, 2.0],
             {"levels-swapped": "doubt"},
         ),
+        # several records of one level: a * is any part of the name
+        (
+            {"rep1_2N_up.csv": 2.0, "rep2_2N_up.csv": 2.02, "rep1_12N_down.csv": 12.0},
+            {"name": "rep*_{level}N_*.csv"},
+            [2, 12],
+            {},
+        ),
+        ({"2 a.csv": 2.0, "12 b.csv": 12.0}, {"name": "{level}*.csv"}, [2, 12], {}),
         # half a bridge: every force is 0.505 of its level; where no unit is said the numbers may be volts
         (HALF, {"name": "{level}N.csv"}, [1.01, 3.03], {"levels-disagree": "doubt"}),
         (HALF, {"name": "{level}N.csv", "unit": "label"}, [1.01, 3.03], {"levels-disagree": "info"}),
@@ -151,6 +159,12 @@ def test_levels_of_files(tmp_path, forces, rule, levels, said):
     assert severities(surface) == said
     if forces is HALF and said["levels-disagree"] == "doubt":
         assert "0.505 times as much at all levels" in sentence(surface.findings[0])
+
+
+@pytest.mark.parametrize("name", ["rep*{level}N.csv", "rep*1.{level}N.csv"])
+def test_a_star_that_could_take_the_digits_of_the_level_is_refused(name):
+    with pytest.raises(RsgenError, match="right before"):
+        LevelRule(name=name)
 
 
 def test_a_force_that_was_held_is_no_held_response(tmp_path):

@@ -23,6 +23,7 @@ from rsgen.common.errors import RsgenError, shown_path
 from rsgen.common.output import write_atomic
 from rsgen.files.inspection import list_contents, propose
 from rsgen.files.inspection.clues import TODO
+from rsgen.files.nominal_levels import level_form
 from rsgen.formula import symbol, write
 from rsgen.formula.names import remembers
 from rsgen.formula.unit_deduction import parameter_units
@@ -123,6 +124,10 @@ def _drafted(files: list[Path], target: Path) -> str:
         if fault := path_fault(named[-1]):
             raise RsgenError(f"--from: {fault}")
     proposal.tables["test"]["file"] = named if len(named) > 1 else named[0]
+    form = level_form([file.name for file in files])
+    if form and not set(proposal.tables.get("test.level", {})) - {"value"}:
+        proposal.tables["test.level"] = {"name": form}
+        proposal.doubts["test.level.name"] = "by the names of the files, of which * is any part"
     return proposal_text(proposal)
 
 

@@ -478,17 +478,18 @@ _SENSE = (
 
 def _force(draft: _Draft, sensor: Sensor) -> dict[str, Any]:
     known = is_force(sensor.main)
-    unit = unit_for(sensor.main.unit, "N") if known else "N"
-    _doubt_unit(draft, sensor.main, "test.force", known, "unit and factor, as unit = 'V', factor = '10 N/V'")
+    unit = unit_for(sensor.main.unit, "N") if known else UNKNOWN if sensor.main.unit else "N"
+    _doubt_unit(draft, sensor.main, "test.force", known)
     columns = _columns(draft, sensor, "test.force")
     head = {key: columns.pop(key) for key in ("samples", "amplitude") if key in columns}
     return head | {"unit": unit} | columns
 
 
-def _doubt_unit(draft: _Draft, entry: Entry, place: str, known: bool, what: str) -> None:
+def _doubt_unit(draft: _Draft, entry: Entry, place: str, known: bool) -> None:
     """Say where a unit comes from, or ask for it where the file names none that is read."""
     if not known:
-        said = f"the file says {entry.unit!r}; write {what}"
+        example = '"10 N/V"' if place == "test.force" else '"100 mV/g"'
+        said = f'the file says {entry.unit!r}; write unit and factor, as unit = "V", factor = {example}'
         none = f"{entry.unit_source or 'no unit stands with it'}; write the unit"
         draft.doubts[f"{place}.unit"] = TODO + (said if entry.unit else none)
     elif entry.unit_source:
@@ -508,15 +509,16 @@ def _motion(draft: _Draft, sensor: Sensor, place: str) -> dict[str, Any]:
     by_name = (kind for word, kind in NAMES.items() if word in about or word.strip() == about.strip())
     by_unit = (kind for kind, unit in QUANTITIES.items() if si.removesuffix("/N") == unit)
     kind = next(by_unit, None) or next(by_name, "displacement")
-    table: dict[str, Any] = {"quantity": kind, "unit": unit_for(entry.unit, si) if si else QUANTITIES[kind]}
-    _doubt_unit(draft, entry, place, bool(si), "it into factor")
+    unit = unit_for(entry.unit, si) if si else UNKNOWN if entry.unit else QUANTITIES[kind]
+    table: dict[str, Any] = {"quantity": kind, "unit": unit}
+    _doubt_unit(draft, entry, place, bool(si))
     if not si and (DECIBEL.search(entry.unit) or DECIBEL.search(last_name(entry))):
         # no factor makes a logarithm linear: a case that does not pass is better than a wrong one
         table["unit"] = entry.unit or "dB"
         draft.doubts[f"{place}.unit"] = f"{TODO}decibels are not read: write linear numbers into the file"
     said = ""
     if _is_quotient(entry):
-        table["unit"] += "" if si.endswith("/N") else "/N"
+        table["unit"] += "" if si.endswith("/N") or unit == UNKNOWN else "/N"
         table["per_force"] = True
         said = OVER_FORCE[kind]
         draft.doubts[f"{place}.quantity"] = f"{said}, {table['unit']}"
