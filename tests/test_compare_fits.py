@@ -8,7 +8,6 @@ import pytest
 
 import rsgen as rs
 from rsgen.analysis.comparison import compare
-from rsgen.common.errors import RsgenError
 from rsgen.identification.identify import identify
 from tests.surfaces import model, noisy, truth
 
@@ -75,16 +74,6 @@ def test_identified_results_that_disagree_are_named(fits):
     assert rs.compare_fits([fits[0], doubted]).findings == ()
 
 
-def test_a_name_for_each_fit_is_needed(fits):
-    with pytest.raises(RsgenError, match="names: 2 of 3 fits"):
-        rs.compare_fits(fits, ["a", "b"])
-    with pytest.raises(RsgenError, match="names: 0 of 0 fits"):
-        rs.compare_fits([])
-    wrong: Any = "found"
-    with pytest.raises(RsgenError, match="found: str; must be Identification"):
-        rs.compare_fits(wrong)
-
-
 @pytest.fixture(scope="module")
 def combined(surface_of):
     return identify(surface_of("combined", levels=np.array([2.0, 6, 12])), model("combined"))
@@ -124,12 +113,3 @@ def test_forces_are_judged_over_the_tested_range(combined):
     assert row.relative_error == pytest.approx(0.3e5 * largest**3 / force, rel=1e-3)
     assert not row.passed
     assert row.unit == "N"
-
-
-def test_unknown_and_blind_names_are_refused(combined):
-    with pytest.raises(RsgenError, match="k9: not identified; allowed are c, cn, k, kn, m"):
-        compare(combined, truth("combined"), {"k9": 1e-3})
-    with pytest.raises(RsgenError, match="no truth for kn"):
-        compare(combined, {"k": 5920.0}, {"kn": 1e-3})
-    with pytest.raises(RsgenError, match="no truth for"):
-        compare(combined, {"k": 5920.0}, {"stiffness_force": 1e-3})

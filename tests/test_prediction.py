@@ -4,7 +4,6 @@ import numpy as np
 import pytest
 from scipy.interpolate import CubicSpline
 
-from rsgen.common.errors import RsgenError
 from rsgen.data.oscillator import Model, Observation, Oscillator
 from rsgen.dynamics.simulation import simulate
 from rsgen.dynamics.virtual_test import SimulatedTest
@@ -105,17 +104,7 @@ def test_the_curve_of_a_linear_oscillator_holds_its_resonance(k, c, m):
     assert len(curves.findings) == 0
 
 
-def test_what_cannot_be_predicted_is_said(quintic):
-    linear = Oscillator(1.0, "k*x + c*v", {"k": 1.0, "c": 0.1})
-    with pytest.raises(RsgenError, match="give the force levels"):
-        predict(linear)
-    with pytest.raises(RsgenError, match="needs damping"):
-        predict(Oscillator(1.0, "k*x + c*v", {"k": 1.0, "c": 0.0}), 1.0)
-    with pytest.raises(RsgenError, match="ascending"):
-        predict(linear, 1.0, band=(3.0, 2.0))
-    with pytest.raises(KeyError, match="level '3': there is none; there are 1"):
-        predict(linear, 1.0)[3.0]
-    # dry friction holds the mass: that is a finding
+def test_a_level_at_which_friction_holds_the_mass_is_a_finding():
     stuck = predict(Oscillator(1.0, "k*x + c*v + Ff*sign(v)", {"k": 1e4, "c": 1.0, "Ff": 10.0}), [1.0, 20.0])
     assert [(found.code, found["level"]) for found in stuck.findings] == [("no-steady-state", 1.0)]
 

@@ -4,9 +4,11 @@ import pickle
 
 import numpy as np
 import pytest
+from matplotlib.figure import Figure
 
 import rsgen as rs
 from rsgen.common.errors import RsgenError
+from rsgen.data.oscillator import Model
 
 LAW = "k*x + c*v"
 TRUE = {"k": 5000.0, "c": 4.0}
@@ -20,6 +22,19 @@ def linear_surface(**changed):
     return rs.ResponseSurface(
         **{"level": level, "frequency": frequency, "force": level} | {"response": response} | changed
     )
+
+
+JENKINS = "k*x + c*v + masing(Min(kt*x, Fs))"
+STICKING = rs.Oscillator(1.5, f"{LAW} + F*sign(v)", {**TRUE, "F": 0.2})
+GROWING = rs.Oscillator(1.5, "-k*x + c*v - kn*x**3", {"k": 6000.0, "c": 1.0, "kn": 1e9})
+
+
+def held_by_friction() -> rs.ResponseSurface:
+    return rs.simulate(STICKING, rs.SimulatedTest([0.05, 0.1], np.linspace(8, 12, 21)))
+
+
+def silent() -> rs.MultisineSpectra:
+    return rs.MultisineSpectra([1.0], 3.0, np.ones((1, 30)), np.zeros((1, 30)))
 
 
 @pytest.fixture(scope="module")
@@ -38,6 +53,7 @@ def found(surface):
         ({"hold_out": "all"}, "hold_out: levels in N: 'all'"), ({"hold_out": ["a"]}, "hold_out: levels in N"),
         ({"band": "9 Hz"}, "band: two frequencies in Hz"),
         ({"band": (1, 2, 3)}, "band: two frequencies in Hz"), ({"band": 9}, "band: two frequencies in Hz"),
+        ({"band": (5.0, 4.0)}, "ascending"), ({"background": "smooth"}, "background"),
     ],
 )  # fmt: skip
 def test_an_observation_names_what_it_cannot_read(values, said):
@@ -70,6 +86,78 @@ def test_an_observation_takes_one_level_and_no_background():
         (lambda s, f: rs.identify(s, LAW, fixed={"mass": 1.2}), "the mass is m"),
         (lambda s, f: rs.write_report(5, s, f), "folder: int; must be str or Path"),
         (lambda s, f: rs.write_report("never", s, 5), "identification: int; must be Identification"),
+        (lambda s, f: rs.Oscillator(0.0, LAW, TRUE), "mass"),
+        (lambda s, f: rs.Oscillator(np.nan, LAW, TRUE), "mass"),
+        (lambda s, f: Model(LAW, mass=-1.0), "mass"),
+        (lambda s, f: Model(LAW, mass=np.inf), "mass"),
+        (lambda s, f: rs.Oscillator(Model("k*x")), r"mass: Model\('k\*x'\); must be a number \[kg\]"),
+        (lambda s, f: rs.Oscillator(1.0, "k*x", {}), "missing k"),
+        (lambda s, f: rs.Oscillator(1.0, "k*x", {"k": 1.0, "q": 2.0}), "unknown q"),
+        (lambda s, f: rs.Oscillator(1.0, "k*x", {"k": np.nan}), r"values\.k"),
+        (lambda s, f: Model([rs.make_element("spring", law) for law in ("k*x", "c*v")]), "spring"),
+        (lambda s, f: Model(()), "none given"),
+        (lambda s, f: Model(JENKINS, fixed={"Fs": -1.0}), r"fixed\.Fs: is -1; a number above 0 is needed"),
+        (lambda s, f: Model(LAW, mass=2.0, fixed={"m": 1.0}), "mass: 2 kg, and 1 kg in fixed; give it once"),
+        (lambda s, f: rs.rank(s, Model(LAW, fixed={"k": 1.0})), "of what is fixed only the mass"),
+        (lambda s, f: rs.identify(s.select(np.arange(3)), LAW), "identification needs at least"),
+        (lambda s, f: rs.identify(s, LAW, rs.Observation(hold_out=(5.0,))), "no level 5 N"),
+        (lambda s, f: rs.identify(held_by_friction(), f"{LAW} + F*sign(v)"), "friction holds the mass"),
+        (lambda s, f: rs.identify(silent(), LAW), "record 1 of 1: the response is zero"),
+        (lambda s, f: rs.profile(f, "k9"), "has no value here; those with one: c, k, m"),
+        (lambda s, f: rs.profile(rs.identify(s, LAW, mass=1.2), "m"), "m is fixed"),
+        (lambda s, f: rs.predict(f.oscillator), "give the force levels"),
+        (lambda s, f: rs.predict(rs.Oscillator(1.0, LAW, {"k": 1.0, "c": 0.0}), 1.0), "needs damping"),
+        (lambda s, f: rs.predict(f.oscillator, 1.0, band=(3.0, 2.0)), "ascending"),
+        (lambda s, f: rs.predict(f.oscillator, 1.0)[3.0], "level '3': there is none; there are 1"),
+        (lambda s, f: rs.modal_table(s.select(s.frequency < 9)), "points lie within 45 degrees of resonance"),
+        (lambda s, f: rs.modal_table(s, "k*x"), "about"),
+        (lambda s, f: rs.modal_table(linear_surface(response=-s.harmonics[:, 1])), "feed the exciter"),
+        (lambda s, f: rs.modal_table(s).at([1e-3, -1.0]), "positive and finite"),
+        (lambda s, f: rs.compare_fits([f, f, f], ["a", "b"]), "names: 2 of 3 fits"),
+        (lambda s, f: rs.compare_fits([]), "names: 0 of 0 fits"),
+        (lambda s, f: rs.compare_fits("found"), "found: str; must be Identification"),
+        (lambda s, f: rs.compare(f, TRUE, {"k9": 1e-3}), "k9: not identified; allowed are c, k, m"),
+        (lambda s, f: rs.compare(f, {"k": 1.0}, {"c": 1e-3}), "no truth for c"),
+        (lambda s, f: rs.compare(f, {"k": 1.0}, {"damping_force": 1e-3}), "no truth for"),
+        (lambda s, f: rs.figures.draw_collapse(f, ax=Figure()), "must be matplotlib axes"),
+        (lambda s, f: rs.figures.draw_surface(s, ax=Figure().add_subplot()), 'projection="3d"'),
+        (lambda s, f: rs.MultisineTest((1.0,), (2, 20), 0.01), r"no line of a period of 0\.01 s is in it"),
+        (lambda s, f: rs.MultisineTest((1.0,), (20, 2), 2.0), "must be ascending"),
+        (lambda s, f: rs.MultisineTest((1.0,), (2, 2e3), 200.0, periods=1000), "of all periods; at most"),
+        (lambda s, f: rs.MultisineTest((1.0,), (2, 20), 1e10), "lines of all periods; at most"),
+        (lambda s, f: rs.MultisineTest((1.0,), (2, 20), 1e300), "lines of all periods; at most"),
+        (lambda s, f: rs.MultisineTest((1.0,), (2, 1e308), 100.0), "lines of all periods; at most"),
+        (
+            lambda s, f: rs.simulate(STICKING, rs.MultisineTest((0.2,), (2.5, 20), 2.0)),
+            r"0\.2 N: no periodic response.*dry friction holds the mass",
+        ),
+        (lambda s, f: rs.SweepTest([1], (9, 8), duration=10, rate=400), "band: 9 to 8 Hz; must be ascending"),
+        (lambda s, f: rs.SweepTest([1], (8, 14), duration=10, rate=100), "rate: 100 Hz; at least 8 t"),
+        (lambda s, f: rs.DecayTest([1e-3], duration=1e6, rate=400), "samples of all records; at most"),
+        (
+            lambda s, f: rs.simulate(GROWING, rs.DecayTest([1e-2], duration=10, rate=400)),
+            "grows without bound",
+        ),
+        (lambda s, f: rs.SimulatedTest([], [8.0]), "level"),
+        (lambda s, f: rs.SimulatedTest([1.0, 1.0], [8.0]), "level"),
+        (lambda s, f: rs.SimulatedTest([1.0], [-1.0]), "frequency"),
+        *(
+            (lambda s, f, keys=keys: rs.SimulatedTest([1.0], [8.0], **keys), said)
+            for keys, said in (
+                ({"sweep": "sideways"}, "'rest', 'up' or 'down' is needed"),
+                ({"method": "guess"}, "'time' or 'harmonic-balance' is needed"),
+                ({"control": "none"}, "'force', 'response', 'phase' or 'continuation' is needed"),
+                ({"harmonics": 100}, "1 to 64"),
+                ({"accuracy": 1.0}, "accuracy"),
+                ({"noise_relative": -0.1}, "noise"),
+                ({"seed": -1}, "seed"),
+                ({"lags": (1.0,)}, "phase-locked loop"),
+                ({"control": "phase", "sweep": "up"}, "finds its frequency"),
+                ({"control": "phase", "lags": (3.0,), "phase_error": 0.4}, "must be 0 to pi"),
+                ({"control": "phase", "lags": (90.0,)}, "lags"),
+                ({"control": "phase", "base": "acceleration"}, "leave one of them out"),
+            )
+        ),
         (lambda s, f: rs.explain("rejected"), "verdict: str; must be Verdict"),
         (lambda s, f: rs.sentence("noise"), "finding: str; must be Finding"),
         (lambda s, f: rs.best_linear(s), "spectra: ResponseSurface; must be MultisineSpectra"),

@@ -8,16 +8,13 @@ import shutil
 import subprocess
 import sys
 from collections.abc import Callable
-from dataclasses import dataclass
 from pathlib import Path
-from unittest.mock import patch
 
-from rsgen.dynamics import kernel as compiled
-from rsgen.dynamics.kernel import compile_source, open_private_folder
+from rsgen.dynamics.kernel import compile_source
 from rsgen.dynamics.kernel_source import generate
 from rsgen.formula import parse
 from tests.attacks.program import HANG_SECONDS, Row, environment, row, temporary
-from tests.kernel.test_store import DAMAGES
+from tests.kernel.test_store import DAMAGES, WAYS, WAYS_OF_ROOT, Planted
 
 LAW, OTHER_LAW = "c*v + k*x", "c*v + 3*k*x"
 
@@ -71,65 +68,6 @@ def damage(kind: str, compiled: Path, expected: str) -> str:
         (DAMAGES | FURTHER)[kind](_entry(place / "cache"))
         found = {_numbers(place) for _ in range(2)}
     return "" if found == {expected} else f"{kind}: {'; '.join(sorted(found - {expected}))}"
-
-
-@dataclass(frozen=True)
-class Planted:
-    """Machine code of another law, for the entry of this one."""
-
-    cache: Path
-    content: bytes
-
-    @property
-    def entry(self) -> Path:
-        """Where it goes."""
-        return _entry(self.cache)
-
-    def written(self, name: str = "") -> None:
-        """Write it, with its digest, into a folder that is the user's."""
-        with open_private_folder(self.cache) as folder:
-            folder.write(name or self.entry.name, self.content)
-
-    def forged(self, mode: int = 0o700) -> None:
-        """Write it as somebody does who can write into the folder, whose mode is changed."""
-        self.cache.chmod(mode)
-        owner = self.cache.stat().st_uid
-        with patch.object(compiled, "_OTHERS_WRITE", 0), patch.object(os, "geteuid", lambda: owner):
-            self.written()
-
-
-def _moved(planted: Planted) -> None:
-    """A true entry, with a true digest, gets the name of another kernel."""
-    entry = planted.entry
-    planted.written("another")
-    (planted.cache / "another").replace(entry)
-
-
-def _linked(planted: Planted) -> None:
-    planted.forged()
-    planted.cache.rename(planted.cache.with_name("real"))
-    planted.cache.symlink_to(planted.cache.with_name("real"))
-
-
-def _given_away(planted: Planted, *paths: Path) -> None:
-    planted.forged()
-    for path in (planted.entry, *paths):
-        os.chown(path, 12345, 12345)
-
-
-WAYS: dict[str, Callable[[Planted], object]] = {
-    "digest of the true code in front": lambda planted: planted.entry.write_bytes(
-        planted.entry.read_bytes()[:32] + planted.content
-    ),
-    "entry of another kernel": _moved, "folder that all can write": lambda planted: planted.forged(0o777),
-    "folder that a group can write": lambda planted: planted.forged(0o770),
-    "folder as /tmp is": lambda planted: planted.forged(0o1777), "link to a folder": _linked,
-}  # fmt: skip
-WAYS_OF_ROOT: dict[str, Callable[[Planted], object]] = {
-    "folder of another user": lambda planted: _given_away(planted, planted.cache),
-    "entry of another user": _given_away,
-}
-"""Files can be given away by the administrator alone; for others these are not tried."""
 
 
 def plant(

@@ -1,8 +1,7 @@
 """The table of faults: small errors that a refactoring might make, each with the test that sees it.
 
-A fault names a function, ``rsgen.module:Qualified.name``, and a text in it that another replaces. Where the
-module has no such function any more, the only one of the package with this name is taken. Templates of
-kernels are no functions: there the name of the file stands alone, and the text is one of the whole file.
+A fault names a function, ``rsgen.module:Qualified.name``, and a text in it that another replaces. Templates
+of kernels are no functions: there the name of the file stands alone, and the text is one of the whole file.
 """
 
 import ast
@@ -110,7 +109,7 @@ def _places(root: Path, file: Path, name: str) -> list[Place]:
 
 
 def find_place(fault: Fault, root: Path) -> Place:
-    """Where the function of a fault is in a checkout: in its module, else the only one of its name."""
+    """Where the function of a fault is in a checkout: in its module, or a template."""
     module, _, name = fault.function.partition(":")
     if not name:
         files = sorted((root / "rsgen").rglob(module))
@@ -120,9 +119,6 @@ def find_place(fault: Fault, root: Path) -> Place:
         return Place(files[0].relative_to(root), text, 0, len(text))
     file = Path(*module.split(".")).with_suffix(".py")
     found = _places(root, file, name) if (root / file).is_file() else []
-    if not found:
-        others = sorted(path.relative_to(root) for path in (root / "rsgen").rglob("*.py"))
-        found = [place for other in others for place in _places(root, other, name)]
     if len(found) != 1:
         raise FaultError(
             f"{fault.name}: {len(found)} functions are called {name}; {fault.function} is needed"

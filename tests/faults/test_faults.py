@@ -32,19 +32,6 @@ def test_a_fault_is_found_once_and_leaves_a_program(fault):
     assert [test for test in fault.caught if not test_exists(test, ROOT)] == []
 
 
-def test_a_function_that_moved_is_found_by_its_name(tmp_path):
-    folder = tmp_path / "rsgen" / "other"
-    folder.mkdir(parents=True)
-    (folder / "place.py").write_text(
-        "class A:\n    def f(self):\n        return 1\n\n\ndef f():\n    return 1\n"
-    )
-    fault = Fault("moved", GROUPS[0], "rsgen.gone:A.f", "return 1", "return 2", "", ())
-    assert find_place(fault, tmp_path).replaced(fault).count("return 2") == 1
-    (folder / "twice.py").write_text("class A:\n    def f(self):\n        return 1\n")
-    with pytest.raises(FaultError, match="2 functions are called"):
-        find_place(fault, tmp_path)
-
-
 def test_a_stale_text_is_named():
     fault = Fault("stale", GROUPS[0], FAULTS[0].function, "no such text", "", "", ())
     with pytest.raises(FaultError, match="stale: 'no such text' occurs 0 times"):

@@ -16,7 +16,6 @@ from matplotlib.figure import Figure
 from matplotlib.transforms import Bbox
 
 from rsgen import figures
-from rsgen.common.errors import RsgenError
 from rsgen.describing import derive
 from rsgen.identification.modal_table import modal_table
 from rsgen.law.element import make_element
@@ -188,10 +187,3 @@ def test_a_figure_goes_on_axes_of_the_caller(name):
     assert len(figure.axes) <= 3
     assert "image/png" not in drawing._repr_mimebundle_()[0]
     figure.canvas.draw()
-
-
-def test_what_is_no_axes_is_refused():
-    with pytest.raises(RsgenError, match="must be matplotlib axes"):
-        figures.draw_collapse(IDENTIFICATION, ax=Figure())
-    with pytest.raises(RsgenError, match='projection="3d"'):
-        figures.draw_surface(SURFACE, ax=Figure().add_subplot())

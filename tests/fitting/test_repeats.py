@@ -7,8 +7,7 @@ import pytest
 
 from rsgen.data.surface import ResponseSurface
 from rsgen.identification.fitting.repeats import Repeats, gather_repeats
-from rsgen.identification.identify import identify
-from tests.surfaces import changed, model, noisy, surface, truth
+from tests.surfaces import changed, noisy, surface
 
 READINGS, NOISE = 8, 0.01
 
@@ -74,16 +73,6 @@ def test_a_reading_before_the_response_has_settled_is_set_aside(cubic):
     _, repeats = gather_repeats(changed(table, harmonics=harmonics))
     assert repeats.excluded >= 1
     assert repeats.noise == pytest.approx(np.sqrt(2) * NOISE, rel=0.1)
-
-
-@pytest.mark.slow
-def test_standard_errors_are_those_of_doing_the_test_again(cubic):
-    distances = []
-    for seed in range(8):
-        found = identify(repeated(cubic, seed), model("cubic"))
-        distances.append([(e.value - truth("cubic")[e.name]) / e.standard_error for e in found.refined])
-        assert [f.severity for f in found.findings if f.code == "repeats-scatter"] == ["info"]
-    assert 0.6 < np.sqrt(np.mean(np.square(distances))) < 1.5
 
 
 def pairs(force: complex, response: complex) -> Repeats:

@@ -8,7 +8,6 @@ import pytest
 
 import rsgen
 from rsgen.cases.faults import CaseError
-from rsgen.data.oscillator import Model
 from rsgen.formula import parse
 from rsgen.identification.fitting import least_squares
 from rsgen.law.motion import sine_motion
@@ -75,15 +74,6 @@ def test_a_wrong_value_is_contradicted_by_the_points(law, name, wrong):
 def test_what_cannot_be_fixed_is_refused(fixed, fault):
     with pytest.raises(rsgen.RsgenError, match=re.escape(fault)):
         rsgen.identify(surface("cubic"), LAWS["cubic"][0], fixed=fixed)
-
-
-def test_a_value_that_the_law_forbids_is_refused():
-    with pytest.raises(rsgen.RsgenError, match=r"fixed\.F: is -1; a number above 0 is needed"):
-        Model("k*x + c*v + masing(Min(kt*x, F))", fixed={"F": -1.0})
-    with pytest.raises(rsgen.RsgenError, match=r"mass: 2 kg, and 1 kg in fixed; give it once"):
-        Model("k*x + c*v", mass=2.0, fixed={"m": 1.0})
-    with pytest.raises(rsgen.RsgenError, match="of what is fixed only the mass"):
-        rsgen.rank(surface("cubic"), Model(LAWS["cubic"][0], fixed={"k": 1.0}))
 
 
 def case(tmp_path, fixed):

@@ -5,7 +5,6 @@ from math import isnan
 import numpy as np
 import pytest
 
-from rsgen.common.errors import RsgenError
 from rsgen.common.finding import Finding
 from rsgen.data.free_mode import estimate_mass, steady
 from rsgen.data.oscillator import Model, Observation
@@ -155,15 +154,6 @@ def test_of_confounded_parameters_the_combination_that_shows_has_an_interval(tex
     assert why.names["combination"] == said
     assert why["combined"] == pytest.approx(known.value, rel=1e-5)
     assert (why["low"], why["high"]) == pytest.approx(known.interval, rel=1e-3)
-
-
-def test_what_cannot_be_identified_is_refused():
-    with pytest.raises(RsgenError, match="identification needs at least"):
-        identify(surface("cubic").select(np.arange(3)), model("cubic"))
-    with pytest.raises(RsgenError, match="no level 5 N"):
-        identify(surface("cubic"), model("cubic", hold_out=(5.0,)))
-    with pytest.raises(RsgenError, match="friction holds the mass"):
-        identify(surface("coulomb", levels=np.array([0.1, 0.2])), model("coulomb"))
 
 
 @pytest.mark.slow

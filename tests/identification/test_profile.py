@@ -7,7 +7,6 @@ import numpy as np
 import pytest
 
 import rsgen as rs
-from rsgen.common.errors import RsgenError
 from rsgen.data.oscillator import Oscillator
 from rsgen.data.surface import ResponseSurface
 from rsgen.dynamics.simulation import SimulatedTest, simulate
@@ -127,13 +126,6 @@ def test_what_a_law_misses_is_no_likelihood(monkeypatch):
     found = identify(surface, "k*x + c*v + masing(Min(kt*x, Fs))", mass=1.8)
     assert found.verdict.state == "doubtful"
     assert not any(estimate.by_profile for estimate in found.refined)
-
-
-def test_what_has_no_profile_is_refused():
-    found = identify(gauged(CUBIC, VALUES, [1.0, 2.0, 4.0, 8.0], 1), CUBIC, mass=1.5)
-    for name, said in (("k9", "has no value here; those with one: c, k, k3"), ("m", "m is fixed")):
-        with pytest.raises(RsgenError, match=said):
-            profile(found, name)
 
 
 M = 1.5

@@ -6,7 +6,9 @@ import stat
 import subprocess
 import sys
 from collections.abc import Callable
+from dataclasses import dataclass
 from pathlib import Path
+from unittest.mock import patch
 
 import numpy as np
 import pytest
@@ -114,8 +116,69 @@ def test_a_damaged_kernel_is_compiled_again(own_cache, compiled_once, monkeypatc
     assert sorted(path.name for path in own_cache.iterdir()) == [_entry(own_cache).name]
 
 
-@pytest.mark.parametrize("way", ["writable by all", "shared sticky folder", "other user", "link"])
+@dataclass(frozen=True)
+class Planted:
+    """Machine code of another law, for the entry of this one."""
+
+    cache: Path
+    content: bytes
+
+    @property
+    def entry(self) -> Path:
+        """Where it goes."""
+        return _entry(self.cache)
+
+    def written(self, name: str = "") -> None:
+        """Write it, with its digest, into a folder that is the user's."""
+        with open_private_folder(self.cache) as folder:
+            folder.write(name or self.entry.name, self.content)
+
+    def forged(self, mode: int = 0o700) -> None:
+        """Write it as somebody does who can write into the folder, whose mode is changed."""
+        self.cache.chmod(mode)
+        owner = self.cache.stat().st_uid
+        with patch.object(compiled, "_OTHERS_WRITE", 0), patch.object(os, "geteuid", lambda: owner):
+            self.written()
+
+
+def _moved(planted: Planted) -> None:
+    """A true entry, with a true digest, gets the name of another kernel."""
+    entry = planted.entry
+    planted.written("another")
+    (planted.cache / "another").replace(entry)
+
+
+def _linked(planted: Planted) -> None:
+    planted.forged()
+    planted.cache.rename(planted.cache.with_name("real"))
+    planted.cache.symlink_to(planted.cache.with_name("real"))
+
+
+def _given_away(planted: Planted, *paths: Path) -> None:
+    planted.forged()
+    for path in (planted.entry, *paths):
+        os.chown(path, 12345, 12345)
+
+
+WAYS: dict[str, Callable[[Planted], object]] = {
+    "digest of the true code in front": lambda planted: planted.entry.write_bytes(
+        planted.entry.read_bytes()[:32] + planted.content
+    ),
+    "entry of another kernel": _moved, "folder that all can write": lambda planted: planted.forged(0o777),
+    "folder that a group can write": lambda planted: planted.forged(0o770),
+    "folder as /tmp is": lambda planted: planted.forged(0o1777), "link to a folder": _linked,
+}  # fmt: skip
+WAYS_OF_ROOT: dict[str, Callable[[Planted], object]] = {
+    "folder of another user": lambda planted: _given_away(planted, planted.cache),
+    "entry of another user": _given_away,
+}
+"""Files can be given away by the administrator alone; for others these are not tried."""
+
+
+@pytest.mark.parametrize("way", [*WAYS, *WAYS_OF_ROOT])
 def test_a_planted_kernel_is_never_loaded(own_cache, compiled_once, monkeypatch, way):
+    if way in WAYS_OF_ROOT and os.geteuid() != 0:
+        pytest.skip("the administrator alone gives files away")
     source, code = compiled_once
     loaded: list[bytes] = []
     monkeypatch.setattr(compiled, "compile_source", lambda *given: code)
@@ -124,29 +187,12 @@ def test_a_planted_kernel_is_never_loaded(own_cache, compiled_once, monkeypatch,
         compiled, "load_object", lambda given, symbol: loaded.append(given) or load(given, symbol)
     )
     expected = _one_step_further(source)
-    entry = _entry(own_cache)
-    if way == "writable by all":
-        own_cache.chmod(0o777)
-    elif way == "shared sticky folder":
-        own_cache.chmod(0o1777)
-    elif way == "other user":
-        if os.geteuid() != 0:
-            monkeypatch.setattr(os, "geteuid", lambda: os.getuid() + 1)
-        else:
-            os.chown(own_cache, 12345, 12345)
-    else:
-        own_cache.rename(own_cache.parent / "real")
-        own_cache.symlink_to(own_cache.parent / "real")
-    # whoever can write there makes the digest as well: only the folder itself speaks against it
-    with monkeypatch.context() as patch:
-        patch.setattr(compiled, "_OTHERS_WRITE", 0)
-        patch.setattr(os, "geteuid", lambda: own_cache.stat().st_uid)
-        with open_private_folder(own_cache.resolve()) as folder:
-            folder.write(entry.name, code[1].encode() + b"\0planted")
+    (WAYS | WAYS_OF_ROOT)[way](Planted(own_cache, code[1].encode() + b"\0planted"))
     loaded.clear()
     assert np.array_equal(_one_step_further(source), expected)
     assert loaded == [code[0]]
-    assert compiled.cache_fault() is not None
+    if "folder" in way:
+        assert compiled.cache_fault() is not None
 
 
 @pytest.mark.slow

@@ -12,7 +12,6 @@ from rsgen.common.errors import MeasurementError
 from rsgen.data.surface import ResponseSurface
 from rsgen.files import read_measurement
 from rsgen.files.inspection import list_contents
-from rsgen.files.uff import unit_system
 from tests.case_files import MEASURED, write_small
 from tests.inspection.drafts import drafted
 
@@ -105,12 +104,6 @@ def test_units_of_data_set_164(tmp_path, code, length, force):
     proposal = drafted(path)
     assert proposal.tables["test.response"]["unit"] == f"{length}/s^2/{force}"
     assert proposal.doubts["test.response.unit"] == "data set 164"
-
-
-def test_data_set_164_divides():
-    """The example of the published description: 3.28 feet are a metre, 0.2248 pounds are a newton."""
-    system = unit_system(2, 3.28083989501312334, 0.224808943099710480)
-    assert (system.length, system.force) == ("ft", "lbf")
 
 
 @pytest.mark.parametrize(

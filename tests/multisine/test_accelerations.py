@@ -9,8 +9,6 @@ import rsgen
 from rsgen.common.arrays import ComplexArray
 from rsgen.data.history import TimeHistory, from_multisine
 from rsgen.data.multisine.spectra import scatter
-from rsgen.dynamics.periodic_response import periodic_response
-from rsgen.law.numeric import compile_law
 from tests.surfaces import codes, distances
 
 pytestmark = pytest.mark.slow
@@ -27,19 +25,13 @@ LEVELS = (3.0, 5.0, 8.0)
 @cache
 def motions(name: str, period: int = 512) -> tuple[ComplexArray, ComplexArray]:
     """Force and displacement (levels, lines) of odd lines from 2.5 to 20 Hz, exact."""
-    law = compile_law(rsgen.Law(LAWS[name][0]).force)
-    values = np.array([LAWS[name][1][each] for each in law.parameters])
-    generator = np.random.default_rng(0)
-    driven = np.arange(int(2.5 * period / RATE) | 1, int(20 * period / RATE) + 1, 2)
-    forces, responses = [], []
-    for level in LEVELS:
-        force = np.zeros((4 if law.switched else 2) * period // 2 + 1, dtype=complex)
-        force[driven] = level * np.sqrt(2 / len(driven)) * np.exp(2j * np.pi * generator.random(len(driven)))
-        found = periodic_response(law, values, MASS, 2 * np.pi * RATE / period, force)
-        assert found.converged
-        forces.append(force[: period // 2])
-        responses.append(found.spectrum[: period // 2])
-    return np.array(forces), np.array(responses)
+    test = rsgen.MultisineTest(LEVELS, (2.5, 20.0), period / RATE, periods=1, lines="odd")
+    found = rsgen.simulate(rsgen.Oscillator(MASS, *LAWS[name]), test)
+    lines = [
+        np.pad(one, ((0, 0), (0, period)))[:, : period // 2]
+        for one in (found.force[:, 0], found.response[:, 0])
+    ]
+    return lines[0], lines[1]
 
 
 def recorded(

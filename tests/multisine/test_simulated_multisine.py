@@ -10,7 +10,6 @@ import pytest
 from numpy.lib import format as npy
 
 import rsgen
-from rsgen.common.errors import RsgenError
 from tests.case_files import law as case_law
 from tests.case_files import write_small
 from tests.surfaces import errors
@@ -105,22 +104,6 @@ def test_a_case_of_a_virtual_multisine_is_checked_and_run(tmp_path, run_cli):
     assert run_cli("simulate", case, "--out", target).code == 2
     write_small(tmp_path, "lines", CASE | {"identify.hold_out": ["6 N"]})
     assert "6 N is not tested; one of test.level is needed" in run_cli("check", case).err
-
-
-def test_impossible_tests_are_refused_with_the_reason():
-    with pytest.raises(RsgenError, match=r"no line of a period of 0\.01 s is in it"):
-        rsgen.MultisineTest((1.0,), (2.0, 20.0), 0.01)
-    with pytest.raises(RsgenError, match="must be ascending"):
-        rsgen.MultisineTest((1.0,), (20.0, 2.0), 2.0)
-    with pytest.raises(RsgenError, match="lines of all periods; at most"):
-        rsgen.MultisineTest((1.0,), (2.0, 2000.0), 200.0, periods=1000)
-    for period in (1e10, 1e300):
-        with pytest.raises(RsgenError, match="lines of all periods; at most"):
-            rsgen.MultisineTest((1.0,), (2.0, 20.0), period)
-    with pytest.raises(RsgenError, match="lines of all periods; at most"):
-        rsgen.MultisineTest((1.0,), (2.0, 1e308), 100.0)
-    with pytest.raises(RsgenError, match=r"0\.2 N: no periodic response.*dry friction holds the mass"):
-        simulated("friction", (0.2,))
 
 
 def _damaged(folder, **changes):

@@ -12,7 +12,15 @@ from rsgen.common.errors import RsgenError
 from rsgen.data.oscillator import Model
 from rsgen.identification.ranking.reference import PointTest
 from tests.capabilities import MODIFIERS
-from tests.identification.test_across import ELEMENTS, GAUGE, SENSORS, driven_by_a_sine, seen_by
+from tests.identification.test_across import (
+    ELEMENTS,
+    GAUGE,
+    SENSORS,
+    driven_by_a_sine,
+    scattered,
+    seen_by,
+    with_noise,
+)  # fmt: skip
 from tests.multisine.test_two_sensors import WING, spectra
 from tests.surfaces import changed
 
@@ -27,18 +35,13 @@ def between(*joints: str, sensors: str = SENSORS, ground: str = WING) -> list[li
     ]
 
 
-def noisy(sensors: str, noise: float, seed: int = 1) -> rs.ResponseSurface:
+def noisy(sensors: str, noise: float) -> rs.ResponseSurface:
     """Two masses under a sine, with noise of the motion across, or of the second sensor of a difference."""
-    exact, random = driven_by_a_sine(), np.random.default_rng(seed)
-
-    def seen(values: np.ndarray) -> np.ndarray:
-        draws = random.standard_normal((2, *values.shape)) / np.sqrt(2)
-        return values * (1 + noise * (draws[0] + 1j * draws[1]))
-
-    force, near = seen(exact.force), seen(exact.harmonics)
-    own = sensors == GAUGE
-    across = seen(exact.across) if own else near - seen(exact.harmonics - exact.across)
-    return replace(exact, force=force, force_harmonics=None, harmonics=near, across=across)
+    exact, random = driven_by_a_sine(), np.random.default_rng(1)
+    if sensors != GAUGE:
+        return with_noise(exact, noise, random)
+    own = {name: scattered(getattr(exact, name), noise, random) for name in ("force", "harmonics", "across")}
+    return replace(exact, force_harmonics=None, **own)
 
 
 @pytest.mark.parametrize("sensors", [GAUGE, SENSORS])

@@ -173,12 +173,3 @@ def test_the_tests_of_completeness_pass(scratch):
     ran = scratch.run(COMPLETE)
     assert ran.failed == ()
     assert ran.broken == ""
-
-
-def test_a_stale_recipe_is_noticed(tmp_path):
-    (tmp_path / "a.py").write_text("one\ntwo\ntwo\n")
-    follow("# a.py, below: one\nthree\n", tmp_path)
-    assert (tmp_path / "a.py").read_text() == "one\nthree\ntwo\ntwo\n"
-    for line in ("two", "four"):
-        with pytest.raises(AssertionError, match="lines"):
-            follow(f"# a.py, in place of: {line}\nfive\n", tmp_path)

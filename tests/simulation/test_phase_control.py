@@ -70,17 +70,3 @@ def test_points_of_two_modes_are_no_backbone(second, apart):
         assert rsgen.identify(said, LAW, mass=MASS).verdict.state in ("doubtful", "rejected")
         table = rsgen.modal_table(both, rsgen.Observation(band=(9.0, 11.0)))
         np.testing.assert_allclose(table.at(one.amplitude).frequency, one.frequency, rtol=1e-3)
-
-
-@pytest.mark.parametrize(
-    ("options", "said"),
-    [
-        ({"lags": (1.0,), "control": "force"}, "phase-locked loop"), ({"sweep": "up"}, "finds its frequency"),
-        ({"lags": (3.0,), "phase_error": 0.4}, "must be 0 to pi"), ({"lags": (90.0,)}, "lags"),
-        ({"base": "acceleration"}, "leave one of them out"),
-    ],
-)  # fmt: skip
-def test_what_does_not_go_together_is_refused(options, said):
-    settings = {"level": [1.0], "frequency": [8, 14], "control": "phase"}
-    with pytest.raises(RsgenError, match=said):
-        SimulatedTest(**(settings | options))

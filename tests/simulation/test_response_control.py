@@ -11,23 +11,12 @@ from rsgen.data.oscillator import Oscillator
 from rsgen.dynamics.controlled import hold_states
 from rsgen.dynamics.steady_state import solve_steady_states
 from rsgen.law.element import make_element
-from rsgen.law.motion import Motion, project
 
 CASES = Path(__file__).parents[2] / "cases"
 
 
 def duffing(kn: float) -> Oscillator:
     return Oscillator(1.5, (make_element("all", "c*v + k*x + kn*x**3"),), {"c": 3.8, "k": 5920.0, "kn": kn})
-
-
-def test_linear_oscillator_needs_its_dynamic_stiffness():
-    f = np.linspace(5, 15, 41)
-    omega = 2 * np.pi * f
-    X = np.linspace(1e-4, 2e-2, 41)
-    states = hold_states(duffing(0.0), X, f, harmonics=7, order=7)
-    exact = (5920 - 1.5 * omega**2 + 3.8j * omega) * X
-    assert np.abs(states.force / exact - 1).max() < 1e-8
-    assert states.stable.all()
 
 
 # 31 harmonics of dry friction leave the next ones, where it takes most of the force
@@ -58,18 +47,6 @@ def surface():
             accuracy=1e-8,
         ),
     )  # fmt: skip
-
-
-def test_every_motion_obeys_the_equation_in_every_harmonic(surface):
-    assert surface.settled.all()
-    np.testing.assert_allclose(surface.amplitude, surface.level, rtol=1e-9)
-    x, v, a = Motion(surface.omega, surface.harmonics).waveforms(128)
-    force = MASS * a + VALUES["k"] * x + VALUES["k3"] * x**3 + VALUES["c"] * v
-    inertia = MASS * surface.omega**2 * surface.amplitude
-    np.testing.assert_allclose(project(force, 1), surface.force, atol=1e-6 * inertia.max())
-    for order in (0, 2, 3, 4, 5):
-        left = project(force, order) if order else force.mean(axis=1)
-        assert np.abs(left / inertia).max() < 1e-6, order
 
 
 def test_motions_are_unstable_where_more_of_them_needs_less_force(surface):

@@ -7,7 +7,6 @@ import numpy as np
 import pytest
 
 from rsgen import load_case
-from rsgen.common.errors import RsgenError
 from rsgen.data.oscillator import Oscillator
 from rsgen.dynamics.simulation import simulate
 from rsgen.dynamics.virtual_test import SimulatedTest
@@ -77,22 +76,6 @@ def test_noise_is_complex_gaussian_and_of_its_seed():
     assert abs(np.mean(on_force * np.conj(on_third))) < 4 / np.sqrt(2400)
     assert np.all(noisy.harmonics[:, 0].imag == 0)
     assert np.array_equal(noisy.level, clean.level)
-
-
-@pytest.mark.parametrize(
-    ("change", "says"),
-    [
-        ({"level": []}, "level"), ({"level": [1.0, 1.0]}, "level"), ({"frequency": [-1.0]}, "frequency"),
-        ({"sweep": "sideways"}, "'rest', 'up' or 'down' is needed"),
-        ({"method": "guess"}, "'time' or 'harmonic-balance' is needed"),
-        ({"control": "none"}, "'force', 'response', 'phase' or 'continuation' is needed"),
-        ({"harmonics": 100}, "1 to 64"), ({"accuracy": 1.0}, "accuracy"), ({"noise_relative": -0.1}, "noise"),
-        ({"seed": -1}, "seed"),
-    ],
-)  # fmt: skip
-def test_faults_are_named(change, says):
-    with pytest.raises(RsgenError, match=says):
-        SimulatedTest(**({"level": [1.0], "frequency": [8.0]} | change))
 
 
 @pytest.mark.slow

@@ -7,17 +7,17 @@ import rsgen as rs
 from rsgen.data.oscillator import Oscillator
 from rsgen.dynamics.kernel import compile_kernel
 from rsgen.dynamics.steady_state import solve_steady_states
-from tests.oracles import hysteresis
+from tests.oracles import events
 
 BOUC_WEN = rs.Law("c*v + k*x + z", memory={"z": "alpha*v - bg*abs(v)*z - bd*v*abs(z)"})
 BENCHMARK = {"c": 10.0, "k": 5e4, "alpha": 5e4, "bg": 800.0, "bd": -1100.0}
 """The hysteretic benchmark of Noel and Schoukens (2016), mass 2 kg."""
 
 RESONANCE = (np.array([8.0, 20.0, 45.0, 60.0, 80.0]), np.array([34.0, 33.0, 31.5, 29.0, 46.0]))
-"""Levels [N] and frequencies [Hz] on both sides of the peak, from nearly linear to full hysteresis."""
+"""Levels [N] and frequencies [Hz] on both sides of the peak, from nearly linear to full events."""
 
 
-def _errors(oscillator: Oscillator, structure: hysteresis.Structure, accuracy: float) -> np.ndarray:
+def _errors(oscillator: Oscillator, structure: events.Structure, accuracy: float) -> np.ndarray:
     """Relative errors of the fundamental; the reference starts close by and goes on until it repeats."""
     F, f = RESONANCE
     asked = solve_steady_states(oscillator, F, f, accuracy=accuracy)
@@ -26,7 +26,7 @@ def _errors(oscillator: Oscillator, structure: hysteresis.Structure, accuracy: f
     errors = []
     for i, omega in enumerate(2 * np.pi * f):
         y = near.state[i]
-        X, _ = hysteresis.settle(structure, F[i], omega, start=y, mode=tuple(np.sign(y[1:3])))
+        X, _ = events.settle(structure, F[i], omega, start=y, mode=tuple(np.sign(y[1:3])))
         errors.append(abs(asked.harmonics[i, 1] / X - 1))
     return np.array(errors)
 
@@ -34,7 +34,7 @@ def _errors(oscillator: Oscillator, structure: hysteresis.Structure, accuracy: f
 @pytest.mark.slow
 @pytest.mark.parametrize("accuracy", [1e-4, 1e-6])
 def test_bouc_wen_agrees_with_dop853(accuracy):
-    structure = hysteresis.bouc_wen(2.0, **BENCHMARK)
+    structure = events.bouc_wen(2.0, **BENCHMARK)
     assert _errors(Oscillator(2.0, BOUC_WEN, BENCHMARK), structure, accuracy).max() < accuracy
 
 
@@ -42,8 +42,8 @@ def test_bouc_wen_agrees_with_dop853(accuracy):
 def test_bouc_wen_from_rest_ends_where_the_motion_itself_ends():
     F, f = np.array([12.0, 70.0]), np.array([36.5, 27.0])
     found = solve_steady_states(Oscillator(2.0, BOUC_WEN, BENCHMARK), F, f, accuracy=1e-6)
-    structure = hysteresis.bouc_wen(2.0, **BENCHMARK)
-    X = [hysteresis.settle(structure, F[i], 2 * np.pi * f[i])[0] for i in range(2)]
+    structure = events.bouc_wen(2.0, **BENCHMARK)
+    X = [events.settle(structure, F[i], 2 * np.pi * f[i])[0] for i in range(2)]
     assert np.abs(found.harmonics[:, 1] / X - 1).max() < 1e-6
 
 
@@ -89,12 +89,12 @@ def test_stiff_bristles_agree_with_dop853():
     law = rs.Law(f"c*v + k*x + s0*z + s1*{dz}", memory={"z": dz})
     values = {"c": C, "k": K, "s0": 1e5, "s1": 30.0, "Fc": 0.5, "Fs": 0.7, "vs": 0.02}
     F, f = np.array([2.0, 6.0]), np.array([9.5, 10.6])
-    structure = hysteresis.lugre(1.5, **values)
+    structure = events.lugre(1.5, **values)
     for accuracy in (1e-4, 1e-6):
         found = solve_steady_states(Oscillator(1.5, law, values), F, f, accuracy=accuracy)
         for i, omega in enumerate(2 * np.pi * f):
             y = found.state[i]
-            X, _ = hysteresis.settle(structure, F[i], omega, start=y, mode=float(np.sign(y[1])))
+            X, _ = events.settle(structure, F[i], omega, start=y, mode=float(np.sign(y[1])))
             assert abs(found.harmonics[i, 1] / X - 1) < accuracy
 
 
@@ -104,10 +104,10 @@ def test_loops_within_the_loop_agree_with_sliders():
     law = rs.Law("c*v + k*x + k3*x**3 + masing(Min(kt*x, Fs))")
     values = {"c": 6.0, "k": 3000.0, "k3": 6e6, "kt": 1500.0, "Fs": 0.5}
     F, f = np.array([30.0, 60.0]), np.array([2.3, 2.6])
-    structure = hysteresis.sliders(
+    structure = events.sliders(
         1.5, lambda x, v: 3000 * x + 6e6 * x**3 + 6 * v, np.array([1500.0]), np.array([0.5])
     )
-    exact = [hysteresis.settle(structure, F[i], 2 * np.pi * f[i]) for i in range(2)]
+    exact = [events.settle(structure, F[i], 2 * np.pi * f[i]) for i in range(2)]
     turns = [np.count_nonzero(np.diff(np.sign(np.diff(wave))) != 0) for _, wave in exact]
     assert min(turns) > 2
     for accuracy in (1e-4, 1e-6):
