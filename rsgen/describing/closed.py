@@ -8,14 +8,15 @@ On the cycle x = X0 + X sin(phi), v = omega X cos(phi) it computes
 A law in normal form is a sum of smooth pieces, each behind at most one switch in x and one in v. A switch is
 on over one arc of phi whose ends are an arcsine or an arccosine, so that the integral of powers of x and v is
 a polynomial in the angle, sine and cosine of the ends. Integrals of real powers over quarters of the cycle
-are gamma functions. A law has a closed form if each of its addends has one.
+are gamma functions, those with trigonometric and exponential factors are Bessel functions (``bessel``). A law
+has a closed form if each of its addends has one.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from functools import lru_cache
+from functools import lru_cache, partial
 from typing import NamedTuple
 
 import numpy as np
@@ -23,6 +24,7 @@ import sympy
 
 from rsgen.common.arrays import Array
 from rsgen.common.errors import ExpressionError
+from rsgen.describing.bessel import Wave, moment, read_wave
 from rsgen.formula.evaluation import compiled
 from rsgen.formula.names import OMEGA, STATE_V, STATE_X, X0, X
 from rsgen.law.normal_form import NormalForm
@@ -77,17 +79,24 @@ Moment = Callable[[int, int], sympy.Expr]
 
 @dataclass(frozen=True, slots=True)
 class Addend:
-    """coefficient x**m |x|**p v**n |v|**q"""
+    """coefficient x**m |x|**p v**n |v|**q times a wave in x or in v."""
 
     coefficient: sympy.Expr
     m: int
     p: sympy.Expr
     n: int
     q: sympy.Expr
+    wave_x: Wave | None
+    wave_v: Wave | None
 
     def integral(self, arc: Arc, mean: sympy.Expr, i: int, j: int) -> sympy.Expr | None:
         """Integrate the addend times sin**i cos**j over an arc; None if there is no closed form."""
         real_powers = not (self.p.is_zero and self.q.is_zero)
+        wave = self.wave_x or self.wave_v
+        if wave is not None:
+            if real_powers or arc.x is not None or arc.v is not None:
+                return None
+            return self._expanded(self._wave_moment(wave, mean), mean, i, j)
         if not real_powers:
             return self._expanded(lambda i, j: integral_over(arc, i, j), mean, i, j)
         moment = self._quarters(arc, mean)
@@ -112,15 +121,22 @@ class Addend:
             return None
         return lambda i, j: over_quarters(i, self.p, j, self.q, arc.x is not None, arc.v is not None)
 
+    def _wave_moment(self, wave: Wave, mean: sympy.Expr) -> Moment:
+        if self.wave_x is not None:
+            return partial(moment, wave, X, mean)
+        # v = omega X cos(phi): a quarter of a cycle later sine and cosine have changed places
+        return lambda i, j: moment(wave, OMEGA * X, sympy.S.Zero, j, i)
+
 
 def read_addend(addend: sympy.Expr) -> Addend | None:
     """Read one product of a piece; None where a factor is none of the known kinds."""
     coefficient, moving = addend.as_independent(STATE_X, STATE_V, as_Add=False)
     integers = {STATE_X: 0, STATE_V: 0}
     reals = {STATE_X: sympy.S.Zero, STATE_V: sympy.S.Zero}
+    waves: dict[sympy.Symbol, Wave] = {}
     for factor in sympy.Mul.make_args(moving):
         base, exponent = (factor, sympy.S.One) if factor.func is sympy.exp else factor.as_base_exp()
-        if not _read_factor(base, exponent, integers, reals):
+        if not _read_factor(base, exponent, integers, reals, waves):
             return None
     for state, power in integers.items():
         if power < 0:
@@ -128,7 +144,10 @@ def read_addend(addend: sympy.Expr) -> Addend | None:
             reals[state] += power - power % 2
     if max(integers.values()) > MAX_POWER:
         return None
-    return Addend(coefficient, integers[STATE_X], reals[STATE_X], integers[STATE_V], reals[STATE_V])
+    return Addend(
+        coefficient, integers[STATE_X], reals[STATE_X], integers[STATE_V], reals[STATE_V],
+        waves.get(STATE_X), waves.get(STATE_V),
+    )  # fmt: skip
 
 
 def _read_factor(
@@ -136,8 +155,9 @@ def _read_factor(
     exponent: sympy.Expr,
     integers: dict[sympy.Symbol, int],
     reals: dict[sympy.Symbol, sympy.Expr],
+    waves: dict[sympy.Symbol, Wave],
 ) -> bool:
-    """Enter a factor as an integer power of a state or a real power of its modulus, if it is one."""
+    """Enter a factor as an integer power of a state, a real power of its modulus, or a wave, if it is one."""
     if base == 1:
         return True
     if base in integers and exponent.is_Integer:
@@ -146,6 +166,13 @@ def _read_factor(
     if isinstance(base, sympy.Abs) and base.args[0] in integers and not exponent.free_symbols & set(integers):
         reals[base.args[0]] += exponent
         return True
+    if exponent != 1 or waves:
+        return False
+    for state, other in ((STATE_X, STATE_V), (STATE_V, STATE_X)):
+        wave = read_wave(base, state, other)
+        if wave is not None:
+            waves[state] = wave
+            return True
     return False
 
 

@@ -18,7 +18,7 @@ from rsgen.describing.closed import Arc, ClosedPart, End
 from rsgen.formula.names import OMEGA, X
 
 MAX_COLLECTED = 12
-"""Largest number of angles and roots by which terms are collected."""
+"""Largest number of angles, roots and Bessel functions by which terms are collected."""
 
 Places = dict[sympy.Symbol, sympy.Expr]
 
@@ -124,10 +124,10 @@ def _cases(
 
 
 def tidy(formula: sympy.Expr, written: Places | None = None) -> sympy.Expr:
-    """Collect terms by angle and root, so that differences stand together."""
+    """Collect terms by angle, root or Bessel function, so that differences stand together."""
     written = written or {}
     formula = sympy.expand(formula)
-    special = sorted(written, key=sympy.default_sort_key)
+    special = sorted((*written, *formula.atoms(sympy.besselj, sympy.besseli)), key=sympy.default_sort_key)
     if 0 < len(special) <= MAX_COLLECTED:
         formula = sympy.collect(formula, special, sympy.factor_terms)
     if any(power.exp.free_symbols for power in formula.atoms(sympy.Pow)):

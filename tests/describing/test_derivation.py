@@ -5,6 +5,7 @@ from collections.abc import Callable
 
 import numpy as np
 import pytest
+from scipy.special import j0, j1
 
 from rsgen.describing import derive
 from rsgen.formula import parse, symbol
@@ -55,7 +56,7 @@ def test_json_has_null_and_the_closed_part_where_an_integral_is(run_cli):
 @pytest.mark.parametrize(
     "law",
     [
-        "k0*x + k*Max(0, x - b1) + q*Min(0, x + b2)", "k*abs(x)**p*sign(x)",
+        "k0*x + k*Max(0, x - b1) + q*Min(0, x + b2)", "k*abs(x)**p*sign(x)", "k*sin(a*x) + c*sinh(v/w)",
         "k*x + a*x**2", "Piecewise((k1*x, abs(x) < a), (k2*x, abs(x) < b), (k3*x, True))",
         "Min(Max(k1*x, k2*x - F), k3*x + F)",
     ],
@@ -97,3 +98,17 @@ def test_drawing_shows_k_and_c_of_the_law():
     assert "damping" in damping.get_ylabel()
     assert len(force.lines) == 3  # cycles of three amplitudes: the force depends on x and v
     assert " to 5 at 1. Equivalent damping" in drawing.alternative
+
+
+def test_a_wave_about_a_mean_follows_the_addition_theorem():
+    # Jacobi-Anger: the sine part of cos(a X sin(phi) + b + a X0) is -2 J1(a X) sin(b + a X0), its mean
+    # J0(a X) cos(b + a X0)
+    derived = derive("F*cos(a*x + b) + k*x")
+    assert derived.closed_form
+    numbers = {"F": 2.0, "a": 1.5, "b": 0.4, "k": 3.0, "X": 0.8, "X0": 0.3}
+    places = {symbol(name): number for name, number in numbers.items()}
+    phase = 0.4 + 1.5 * 0.3
+    stiffness = 3 - 2 * 2 * j1(1.5 * 0.8) * np.sin(phase) / 0.8
+    assert float(derived.stiffness.subs(places)) == pytest.approx(stiffness, rel=1e-12)
+    mean = 3 * 0.3 + 2 * j0(1.5 * 0.8) * np.cos(phase)
+    assert float(derived.mean_balance.subs(places)) == pytest.approx(mean, rel=1e-12)

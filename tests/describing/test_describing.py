@@ -96,8 +96,10 @@ def test_closed_formulas_parse_back():
     for law in (
         PIECEWISE,
         BILINEAR,
+        "k*sin(a*x)",
         "k*abs(x)**p*sign(x)",
         "k*x + a*x**2",
+        "k*exp(a*x)",
     ):
         derived = derive(law)
         for formula in (derived.stiffness, derived.damping, derived.mean_balance):
