@@ -278,6 +278,9 @@ def name_levels(surface: ResponseSurface, test: MeasuredTest, known: bool, said:
     if test.control == "response":
         surface = replace(surface, findings=(*surface.findings, *_control_findings(surface)))
     if known and not test.level.labels:
+        if any(finding.code == "levels-disagree" for finding in surface.findings):
+            # of two runs that were driven differently there is no typical amount
+            return surface
         median, largest = amounts_of_levels(surface)
         # shakers lose force at a resonance and stay near the level elsewhere
         if not np.any((median > LEVEL_TOLERANCE * levels) | (levels > LEVEL_TOLERANCE * largest)):
