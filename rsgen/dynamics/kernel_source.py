@@ -34,11 +34,11 @@ from pathlib import Path
 
 import jinja2
 import sympy
-from sympy.core.relational import Relational
+from sympy.printing.precedence import PRECEDENCE
+from sympy.printing.pycode import PythonCodePrinter
 
 from rsgen.common.errors import ExpressionError
 from rsgen.formula import symbol, write
-from rsgen.formula.bounds import MAX_EXPONENT
 from rsgen.law.character import onset
 from rsgen.law.memory import MemoryForm, memory_form, real_powers
 from rsgen.law.normal_form import NormalForm, Piece, Switch, normal_form, normal_form_at
@@ -104,175 +104,65 @@ class MemoryRows:
 
 
 # ----------------------------------------------------------------------------
-# SymPy expressions as plain arithmetic in Python source; powers become multiplications.
+# SymPy expressions as plain arithmetic in Python source; numba makes products of whole powers.
 
-# every function of the expression language that may stand in a law; the value is what the source calls
-_FUNCTIONS = {
-    sympy.sin: "math.sin",
-    sympy.cos: "math.cos",
-    sympy.tan: "math.tan",
-    sympy.sinh: "math.sinh",
-    sympy.cosh: "math.cosh",
-    sympy.tanh: "math.tanh",
-    sympy.exp: "math.exp",
-    sympy.log: "math.log",
-    sympy.asin: "math.asin",
-    sympy.acos: "math.acos",
-    sympy.atan: "math.atan",
-    sympy.atan2: "math.atan2",
-    sympy.Abs: "abs",
-}
+_FUNCTIONS = (
+    sympy.sin, sympy.cos, sympy.tan, sympy.sinh, sympy.cosh, sympy.tanh, sympy.exp, sympy.log,
+    sympy.asin, sympy.acos, sympy.atan, sympy.atan2, sympy.Abs, sympy.sign, sympy.Heaviside, sympy.Piecewise,
+)  # fmt: skip
 
 
-class Body:
-    """Statements of a function and the expressions that use them; every name in it is made by rsgen.
+class Source(PythonCodePrinter):  # type: ignore[misc]
+    """Writes expressions; every name in them is made by rsgen. SymPy finds the methods by these names."""
 
-    Parameters
-    ----------
-    names
-        The source name of each symbol; a symbol without one is an error.
-    inline
-        Everything in one expression, no statements.
-    """
-
-    def __init__(self, names: Mapping[sympy.Symbol, str], *, inline: bool = False) -> None:
-        self.lines: list[str] = []
-        self._inline = inline
-        self._names = dict(names)
-        self._powers: dict[tuple[str, int], str] = {}
-
-    def name(self, symbol: sympy.Symbol, source: str) -> None:
-        """Let a symbol stand for a source name from here on."""
-        self._names[symbol] = source
-
-    def assign(self, name: str, code: str) -> None:
-        """Add a statement."""
-        self.lines.append(f"{name} = {code}")
+    def __init__(self, names: Mapping[sympy.Symbol, str]) -> None:
+        super().__init__()
+        self.names = dict(names)
 
     def write(self, expression: sympy.Expr) -> str:
-        """Write an expression as source; statements for powers are added as needed.
+        """Write an expression, in parentheses where it is more than a name, a number or a call."""
+        for part in expression.atoms(sympy.Function):
+            if part.func not in _FUNCTIONS:
+                raise ExpressionError(
+                    f"{expression}: {part.func.__name__} has no place in a force law; allowed: "
+                    f"{', '.join(sorted(f.__name__ for f in _FUNCTIONS))}, Max, Min"
+                )
+        return str(self.parenthesize(expression, PRECEDENCE["Atom"], strict=True))
 
-        Raises
-        ------
-        ExpressionError
-            A function occurs that no law may use.
-        """
-        if isinstance(expression, sympy.Symbol):
-            name: str = self._names[expression]
-            return name
-        if expression.is_number and not expression.has(*_FUNCTIONS):
-            value = float(expression)
-            return repr(value) if value >= 0 else f"({value!r})"
-        if isinstance(expression, sympy.Add):
-            return self._sum(expression)
-        if isinstance(expression, sympy.Mul):
-            return self._product(expression)
-        if isinstance(expression, sympy.Pow):
-            return self._power(expression.base, expression.exp)
-        return self._function(expression)
+    def _print_Symbol(self, symbol: sympy.Symbol) -> str:  # noqa: N802
+        return str(self.names[symbol])
 
-    def _sum(self, expression: sympy.Expr) -> str:
-        text = ""
-        for term in expression.as_ordered_terms():
-            factor, rest = term.as_coeff_Mul()
-            negative = bool(factor.is_negative)
-            code = self.write(-factor * rest if negative else term)
-            if not text:
-                text = f"-{code}" if negative else code
-            else:
-                text += f" - {code}" if negative else f" + {code}"
-        return f"({text})"
+    _print_Dummy = _print_Symbol
 
-    def _product(self, expression: sympy.Expr) -> str:
-        above, below = [], []
-        for factor in expression.as_ordered_factors():
-            if isinstance(factor, sympy.Pow) and factor.exp.is_number and factor.exp.is_negative:
-                below.append(self._power(factor.base, -factor.exp))
-            else:
-                above.append(self.write(factor))
-        if above and above[0] == "(-1.0)" and len(above) > 1:
-            del above[0]
-            above[0] = f"(-{above[0]})"
-        text = "*".join(above) or "1.0"
-        return text if not below else f"{text}/({'*'.join(below)})"
+    def _print_Number(self, number: sympy.Number) -> str:  # noqa: N802
+        return repr(float(number))
 
-    def _power(self, base: sympy.Expr, exponent: sympy.Expr) -> str:
-        if exponent.is_Integer and exponent.is_negative:
-            return f"(1.0/{self._power(base, -exponent)})"
-        code = self.write(base)
-        if exponent.is_Integer and int(exponent) <= MAX_EXPONENT:
-            return self._chain(code, int(exponent))
-        if exponent == sympy.Rational(1, 2):
-            # a frozen mode is carried a little past the place where it ends: the root stays real there
-            return f"math.sqrt(max({code}, 0.0))"
-        twice = 2 * exponent
-        if twice.is_Integer and twice.is_positive and int(twice) <= MAX_EXPONENT:
-            whole = int(twice) // 2
-            return f"{self._chain(code, whole)}*math.sqrt(max({code}, 0.0))"
+    _print_Integer = _print_Rational = _print_Float = _print_Number
+
+    def _print_Pow(self, power: sympy.Pow, rational: bool = False) -> str:  # noqa: N802
+        """Write a power; roots of what is negative by round-off are zero."""
+        base, exponent = self.write(power.base), power.exp
+        half = exponent - sympy.S.Half
         if exponent.is_Integer:
-            return f"({code})**{int(exponent)}"
-        return f"max({code}, 0.0)**{self.write(exponent)}"
+            return f"(1.0/{base}**{-exponent})" if exponent < 0 else f"({base}**{exponent})"
+        root = f"math.sqrt(max({base}, 0.0))"
+        if half.is_Integer and half >= 0:
+            return f"({base}**{half}*{root})" if half else root
+        return f"(max({base}, 0.0)**{self.write(exponent)})"
 
-    def _chain(self, code: str, exponent: int) -> str:
-        if exponent == 0:
-            return "1.0"
-        if exponent == 1:
-            return code
-        if self._inline:
-            return f"({'*'.join([code] * exponent)})"
-        if not code.isidentifier():
-            name = f"b{len(self.lines)}"
-            self.assign(name, code)
-            code = name
-        if (code, exponent) not in self._powers:
-            half = self._chain(code, exponent // 2)
-            product = f"{half}*{half}" if exponent % 2 == 0 else f"{self._chain(code, exponent - 1)}*{code}"
-            name = f"{code}_{exponent}"
-            self.assign(name, product)
-            self._powers[code, exponent] = name
-        return self._powers[code, exponent]
+    def _print_sign(self, sign: sympy.sign) -> str:
+        code = self.write(sign.args[0])
+        return f"(1.0 if {code} > 0.0 else (-1.0 if {code} < 0.0 else 0.0))"
 
-    def _function(self, expression: sympy.Expr) -> str:
-        kind = expression.func
-        arguments = expression.args
-        if kind in _FUNCTIONS:
-            return f"{_FUNCTIONS[kind]}({', '.join(self.write(a) for a in arguments)})"
-        if kind in (sympy.Max, sympy.Min):
-            call = "max" if kind is sympy.Max else "min"
-            text = self.write(arguments[0])
-            for argument in arguments[1:]:
-                text = f"{call}({text}, {self.write(argument)})"
-            return text
-        if kind is sympy.sign:
-            code = self.write(arguments[0])
-            return f"(1.0 if {code} > 0.0 else (-1.0 if {code} < 0.0 else 0.0))"
-        if kind is sympy.Heaviside:
-            return f"(1.0 if {self.write(arguments[0])} > 0.0 else 0.0)"
-        if kind is sympy.Piecewise:
-            return self._piecewise(arguments)
-        raise ExpressionError(
-            f"{expression}: {kind.__name__} has no place in a force law; allowed: "
-            f"{', '.join(sorted(f.__name__ for f in _FUNCTIONS))}, Max, Min, sign, Heaviside, Piecewise"
-        )
+    def _print_Heaviside(self, step: sympy.Heaviside) -> str:  # noqa: N802
+        return f"(1.0 if {self.write(step.args[0])} > 0.0 else 0.0)"
 
-    def _piecewise(self, arguments: tuple[sympy.Basic, ...]) -> str:
+    def _print_Piecewise(self, cases: sympy.Piecewise) -> str:  # noqa: N802
         text = "math.nan"
-        for value, condition in reversed([tuple(pair.args) for pair in arguments]):
+        for value, condition in reversed(cases.args):
             code = self.write(value)
-            text = (
-                code if condition == sympy.true else f"({code} if {self._condition(condition)} else {text})"
-            )
+            text = code if condition == sympy.true else f"({code} if {self._print(condition)} else {text})"
         return text
-
-    def _condition(self, condition: sympy.Basic) -> str:
-        if isinstance(condition, Relational) and condition.rel_op in ("<", "<=", ">", ">="):
-            return f"({self.write(condition.lhs)} {condition.rel_op} {self.write(condition.rhs)})"
-        if isinstance(condition, (sympy.And, sympy.Or)):
-            word = " and " if isinstance(condition, sympy.And) else " or "
-            return f"({word.join(self._condition(part) for part in condition.args)})"
-        if isinstance(condition, sympy.Not):
-            return f"(not {self._condition(condition.args[0])})"
-        raise ExpressionError(f"{condition}: no condition of a force law; allowed: <, <=, >, >=, and, or")
 
 
 _TEMPLATE = "kernel/kernel.py.j2"
@@ -371,7 +261,7 @@ def _located(
 
         def code(expression: sympy.Expr, after: str = "") -> str:
             places = {z: f"z{after}{number}" for number, z in enumerate(states)}
-            return Body({**known, x: f"x{after}", v: f"v{after}", **places}, inline=True).write(expression)
+            return Source({**known, x: f"x{after}", v: f"v{after}", **places}).write(expression)
 
         found[switch] = _Located(
             index=len(found),
@@ -420,13 +310,13 @@ def _corners(forms: Sequence[NormalForm], every: bool) -> tuple[sympy.Expr, ...]
     return tuple(places)
 
 
-def _gate(piece: Piece, located: Mapping[Switch, _Located], body: Body) -> tuple[list[str], list[str]]:
+def _gate(piece: Piece, located: Mapping[Switch, _Located], body: Source) -> tuple[list[str], list[str]]:
     gates = [f"g{located[s].index}" for s in piece.switches if s in located]
     inside = [f"({body.write(s.function)} > 0.0)" for s in piece.switches if s not in located]
     return gates, inside
 
 
-def _past(piece: Piece, places: Sequence[sympy.Expr], body: Body) -> list[str]:
+def _past(piece: Piece, places: Sequence[sympy.Expr], body: Source) -> list[str]:
     """Say where a piece of a virgin curve acts: beyond corners that are past, or others as it is there."""
     return [
         f"(past >= {body.write(s.threshold)})"
@@ -444,13 +334,13 @@ def _force_body(
 ) -> list[str]:
     """Write the sum of all pieces; ``corners`` are the located ones of a virgin curve."""
     x, v = symbol("x"), symbol("v")
-    body = Body({x: "x", v: "v", **names})
+    body = Source({x: "x", v: "v", **names})
     terms = [_factored(piece.term, x, v) for piece in form.pieces]
     shared, terms = sympy.cse(terms, symbols=sympy.numbered_symbols("s", real=True), order="canonical")
+    lines = []
     for number, (stand_in, expression) in enumerate(shared):
-        code = body.write(expression)
-        body.name(stand_in, f"s{number}")
-        body.assign(f"s{number}", code)
+        lines.append(f"s{number} = {body.write(expression)}")
+        body.names[stand_in] = f"s{number}"
     parts = []
     for piece, term in zip(form.pieces, terms, strict=True):
         code = body.write(term)
@@ -458,8 +348,7 @@ def _force_body(
         if inside:
             code = f"({code} if {' & '.join(inside)} else 0.0)"
         parts.append("*".join([*gates, code]))
-    body.lines.append("return " + (" + ".join(parts) or "0.0"))
-    return body.lines
+    return [*lines, "return " + (" + ".join(parts) or "0.0")]
 
 
 def _factored(term: sympy.Expr, x: sympy.Symbol, v: sympy.Symbol) -> sympy.Expr:
@@ -557,7 +446,7 @@ def _source(
         curves=curves,
         turn=turn,
         close=close,
-        corners=[Body(names, inline=True).write(place) for place in places],
+        corners=[Source(names).write(place) for place in places],
         deepest=DEEPEST,
         kept=rows.names[: rows.stack - rows.first] if curves else [],
         first_kept=rows.first,
