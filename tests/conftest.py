@@ -15,7 +15,6 @@ single_thread()
 
 from rsgen.app.cli import main  # noqa: E402
 from rsgen.identification.ranking.library_sums import library_terms  # noqa: E402
-from tests import surfaces  # noqa: E402
 
 # examples of a property in `make test` and in `make test-all`, the same in every run
 settings.register_profile("quick", max_examples=20, deadline=None, derandomize=True)
@@ -29,18 +28,6 @@ def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item
         for item in items:
             if item.get_closest_marker("thorough"):
                 item.add_marker(pytest.mark.skip(reason="thorough: make test-all runs it"))
-
-
-@pytest.fixture(scope="session")
-def surface_of():
-    """Steady states of a law of ``tests.surfaces.LAWS``; those without options are solved once."""
-    return surfaces.surface
-
-
-@pytest.fixture(scope="session")
-def noisy():
-    """A surface with complex Gaussian noise on force and response, relative to either."""
-    return surfaces.noisy
 
 
 FEW = ("cubic-spring", "quintic-spring", "coulomb", "jenkins")

@@ -9,7 +9,7 @@ import pytest
 import rsgen as rs
 from rsgen.analysis.comparison import compare
 from rsgen.identification.identify import identify
-from tests.surfaces import model, noisy, truth
+from tests.surfaces import model, noisy, surface, truth
 
 LAW = "k*x + k3*x**3 + c*v"
 TRUE = {"k": 6000.0, "k3": 1e6, "c": 7.0}
@@ -75,8 +75,8 @@ def test_identified_results_that_disagree_are_named(fits):
 
 
 @pytest.fixture(scope="module")
-def combined(surface_of):
-    return identify(surface_of("combined", levels=np.array([2.0, 6, 12])), model("combined"))
+def combined():
+    return identify(surface("combined", levels=np.array([2.0, 6, 12])), model("combined"))
 
 
 @pytest.mark.slow

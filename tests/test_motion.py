@@ -30,25 +30,6 @@ def test_a_series_is_its_sum_and_comes_back(orders, samples, half):
     assert series.complex(signal @ series.project) == pytest.approx(harmonics, abs=1e-13)
 
 
-@pytest.mark.parametrize(("orders", "samples", "half"), SERIES)
-def test_the_tangent_is_the_derivative_of_the_coordinates_of_a_force(orders, samples, half):
-    series = fourier_series(orders, samples, half)
-    at = series.real(_random(4, orders, 2))
-
-    def force(coordinates: np.ndarray) -> np.ndarray:
-        x, rate = coordinates @ series.shape, coordinates @ series.rate
-        return (x**3 + 0.3 * x**2 * rate + np.sinh(0.2 * rate)) @ series.project
-
-    x, rate = at @ series.shape, at @ series.rate
-    tangent = series.tangent(3 * x**2 + 0.6 * x * rate, 0.3 * x**2 + 0.2 * np.cosh(0.2 * rate))
-    step = 1e-5
-    for j in range(at.shape[1]):
-        move = np.zeros(at.shape[1])
-        move[j] = step
-        difference = (force(at + move) - force(at - move)) / (2 * step)
-        assert tangent[:, :, j] == pytest.approx(difference, rel=1e-7, abs=1e-7)
-
-
 def _motion() -> Motion:
     harmonics = _random(4, (0, 1, 2, 3), 5)
     return Motion(np.array([1.0, 2.0, 30.0, 400.0]), harmonics)

@@ -28,25 +28,6 @@ def found(law: str, *names: str) -> rsgen.Identification:
 
 
 @pytest.mark.parametrize(
-    ("law", "name"),
-    [
-        ("cubic", "k"), ("combined", "cn"), ("piecewise", "b"), ("tanh", "w"),
-        pytest.param("two-gaps", "b1", marks=pytest.mark.thorough),
-    ],
-)  # fmt: skip
-def test_a_fixed_value_is_a_number_in_the_law(law, name):
-    text, true = LAWS[law]
-    # the number is a length or a speed as the parameter is, and no unit is asked for
-    written = rsgen.identify(noisy(surface(law), NOISE, 1), re.sub(rf"\b{name}\b", f"({true[name]!r})", text))
-    fixed = found(law, name)
-    assert [one.name for one in fixed.refined] == [one.name for one in written.refined]
-    for one, other in zip(fixed.refined, written.refined, strict=True):
-        assert abs(one.value - other.value) < 1e-6 * other.standard_error
-        assert one.standard_error == pytest.approx(other.standard_error, rel=1e-5)
-    assert fixed.verdict.state == written.verdict.state == "identified"
-
-
-@pytest.mark.parametrize(
     ("law", "name", "wrong"),
     [("cubic", "k", 6200.0), ("piecewise", "b", 0.012), ("cubic", "kn", -2.4e5), ("combined", "cn", 1.35)],
 )

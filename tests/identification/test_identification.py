@@ -146,7 +146,7 @@ def test_confounded_parameters_are_named():
     ("text", "said"),
     [("ka*kr*x", "ka*kr"), ("ka/kr*x", "ka/kr"), ("(ka - kr)*x", "ka - kr"), ("ka*x + kr*x*3", "ka + 3*kr")],
 )
-def test_of_confounded_parameters_the_combination_that_shows_has_an_interval(text, said, noisy):
+def test_of_confounded_parameters_the_combination_that_shows_has_an_interval(text, said):
     table = noisy(surface("cubic"), 1e-3, 1)
     known = identify(table, model("cubic"))["k"]
     found = identify(table, Model((make_element("one", text + " + kn*x**3 + c*v"),)))
@@ -196,8 +196,8 @@ INTERPOLATED = 1e-3
 """Straight lines between points 0.1 Hz apart, a quarter of the width of the resonance."""
 
 
-def test_linear_structure_has_one_resonance_at_every_level(surface_of):
-    points = select_points(surface_of("cubic", values=LINEAR), model("cubic"))
+def test_linear_structure_has_one_resonance_at_every_level():
+    points = select_points(surface("cubic", values=LINEAR), model("cubic"))
     found = estimate_mass(*steady(points.force, points.harmonics[:, 1], points.omega))
     assert found is not None
     mass = found.mass
@@ -214,7 +214,7 @@ def test_linear_structure_has_one_resonance_at_every_level(surface_of):
     assert turning[:, 0] == pytest.approx(-turning[:, 1], rel=1e-6)
 
 
-def test_jumps_across_the_resonance_are_marked(surface_of):
-    table = surface_of("quintic", levels=np.array([2.0, 20.0]))
+def test_jumps_across_the_resonance_are_marked():
+    table = surface("quintic", levels=np.array([2.0, 20.0]))
     found, _ = find_resonances(select_points(table, model("quintic")), 1.5)
     assert [resonance.jump for resonance in found] == [False, True]

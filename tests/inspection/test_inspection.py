@@ -89,27 +89,6 @@ def test_a_case_begun_from_a_file_reads_it(tmp_path, file, run_cli, begun):
     assert run_cli("init", "--from", tmp_path / file.name, case).code == 2
 
 
-@pytest.mark.slow
-def test_units_and_names_tell_what_is_what():
-    tables = proposed(FORMATS / "table.csv")
-    assert tables["frequency"] == {"column": "frequency_Hz"}
-    assert tables["force"] == {"amplitude": "force_N", "unit": "N", "scale": "peak"}
-    assert tables["response"] == {
-        "quantity": "acceleration",
-        "unit": "g",
-        "amplitude": "acceleration_g",
-        "phase": "lag_deg",
-        "scale": "peak",
-        "phase_sense": "lag",
-    }
-    frf = proposed(FORMATS / "frf.uff")
-    assert frf["response"]["per_force"] is True
-    assert frf["response"]["unit"] == "m/s^2/N"
-    assert len(frf["level"]["values"]) == 3
-    assert proposed(FORMATS / "table.mat")["level"] == {"column": "test/run/*/level"}
-    assert proposed(FORMATS / "steps.h5")["excitation"] == "stepped-sine"
-
-
 @pytest.mark.parametrize(
     ("text", "layout", "column"),
     [

@@ -2,7 +2,6 @@
 
 import numpy as np
 import pytest
-from scipy.integrate import solve_ivp
 
 from rsgen.describing import derive
 from rsgen.formula import parse
@@ -81,44 +80,6 @@ def test_a_masing_loop_is_that_of_its_sliders(third):
     assert np.abs(difference).max() < 2e-3 * np.abs(stepped).max()
     fine = project(loop, 1) - project(stepped, 1)
     assert np.abs(fine).max() < 1e-4 * np.abs(project(stepped, 1)).max()
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("name", STATES)
-def test_the_loop_of_states_is_the_one_in_time(name):
-    """Against DOP853 over three periods; the error falls with the square of the step."""
-    law, values = _law(name)
-    memory, text, _ = STATES[name]
-    at = dict(zip(law.parameters, values, strict=True))
-    rates = [compile(rate, "g", "eval") for rate in memory.values()]
-    names = {"abs": abs, "exp": np.exp, "__builtins__": {}}
-    motion, samples = _motion(0.05), 256
-    orders = motion.orders
-    # at large amplitudes what was before is soon forgotten
-    for each in (2, 3):
-        omega, harmonics = motion.omega[each], motion.harmonics[each]
-
-        def states(t: float, z: np.ndarray, omega: float = omega, harmonics: np.ndarray = harmonics) -> dict:
-            turn = harmonics * np.exp(1j * orders * omega * t)
-            place = {"x": turn.sum().real, "v": (1j * orders * omega * turn).sum().real}
-            return {**names, **at, **place, **dict(zip(memory, z, strict=True))}
-
-        def rate(t: float, z: np.ndarray, states=states) -> list[float]:  # type: ignore[no-untyped-def]
-            return [eval(g, states(t, z)) for g in rates]
-
-        period = 2 * np.pi / omega
-        times = period * (4 + np.arange(samples) / samples)
-        run = solve_ivp(
-            rate, (0, 5 * period), np.zeros(len(rates)), "DOP853", times, rtol=1e-7, atol=1e-9,
-            max_step=period / 40,
-        )  # fmt: skip
-        forces = np.array([eval(text, states(t, z)) for t, z in zip(times, run.y.T, strict=True)])
-        errors = []
-        for finer in (1, 4):
-            loop = law.along(motion, values, samples * finer).force[each, ::finer]
-            errors.append(float(np.abs(loop - forces).max() / np.abs(forces).max()))
-        assert errors[0] < 5e-3
-        assert errors[1] < errors[0] / 6
 
 
 @pytest.mark.slow

@@ -118,18 +118,6 @@ def test_held_out_levels_are_not_seen():
         rsgen.identify(whole, LAW, rsgen.Observation(hold_out=(level * 1.5,)))
 
 
-def test_best_linear_approximation_of_a_linear_structure_is_its_receptance():
-    made = spectra(linear, SIZES[:1])
-    (found,) = rsgen.best_linear(made)
-    omega = 2 * np.pi * found.frequency
-    exact = 1 / (TRUE["k"] - MASS * omega**2 + 1j * TRUE["c"] * omega)
-    np.testing.assert_allclose(found.receptance, exact, rtol=1e-8)
-    natural = np.sqrt(TRUE["k"] / MASS)
-    assert found.natural_frequency == pytest.approx(natural / 2 / np.pi, rel=1e-9)
-    assert found.damping_ratio == pytest.approx(TRUE["c"] / (2 * MASS * natural), rel=1e-9)
-    assert found.distortion_share < 1e-8
-
-
 @pytest.mark.parametrize(("base", "order"), [("", 0), ("velocity", 1)])
 def test_the_surface_of_a_multisine_is_its_best_linear_approximation(base, order):
     made = replace(spectra(linear, SIZES), base=base, per_mass=bool(base))
