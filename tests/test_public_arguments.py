@@ -1,6 +1,7 @@
 """What a user gives by mistake is refused in a sentence, and nothing else is printed."""
 
 import pickle
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -157,6 +158,55 @@ def test_an_observation_takes_one_level_and_no_background():
                 ({"control": "phase", "lags": (90.0,)}, "lags"),
                 ({"control": "phase", "base": "acceleration"}, "leave one of them out"),
             )
+        ),
+        *(
+            (lambda s, f, law=law: rs.Law(law), "it is the time")
+            for law in ("k*x*cos(2*w*t)", "k*x + t*x**3")
+        ),
+        *(
+            (lambda s, f, law=law: rs.Law(law), "is a law of the library.*rsgen.laws")
+            for law in ("jenkins", "k*x + dahl", "k*x + ramberg_osgood", "dead-zone", "k*x + cubic-spring")
+        ),
+        (lambda s, f: rs.rank(s, "F1 - F2"), "no candidate has forces"),
+        *(
+            (lambda s, f, keys=keys: replace(s, **keys), said)
+            for keys, said in (
+                ({"frequency": np.full(42, -3.0)}, "positive"),
+                ({"frequency": np.full(42, np.inf)}, "finite"),
+                ({"force": [1.0, 2.0]}, "force"),
+                ({"harmonics": np.ones((42, 1))}, "fundamental"),
+                ({"sweep": ["left"] * 42}, "sweep"),
+                ({"outcome": np.full(42, 99)}, "outcome"),
+                ({"origin": "invented"}, "origin"),
+            )
+        ),
+        *(
+            (lambda s, f, sensors=sensors: rs.ResponseSurface(2.0, [9.0], 2.0, [1j], sensors=sensors), said)
+            for sensors, said in (
+                ({"a b": [1j]}, "'a b'"),
+                ({"across": [1j]}, "none of force, response, across"),
+                ({"tip_mean": [1j]}, "without the ending _mean"),
+                ({"tip": [1j, 2j]}, r"sensors\.tip: shape \(2,\)"),
+                ({"tip": [1.0]}, r"sensors\.tip: real numbers have no phase"),
+                ({"tip": [[1j]]}, r"sensors\.tip: needs at least"),
+                ([1j], "must be a dict"),
+            )
+        ),
+        (lambda s, f: rs.ResponseSurface(1, [8, 9], 1, [1e-3, 2e-3]), "phase_known=False"),
+        (lambda s, f: rs.ResponseSurface(1, [8, 9], 1), "response once"),
+        (
+            lambda s, f: rs.ResponseSurface(1, [8, 9], [1, 1, 1], [1j, 1j]),
+            r"force: shape \(3,\); must be",
+        ),
+        (lambda s, f: rs.ResponseSurface(1, [[8, 9]], 1, [[1j, 1j]]), "one row a test point"),
+        (
+            lambda s, f: rs.ResponseSurface([1, 2], [8, 9, 10], np.ones((2, 3)), 1j * np.ones((2, 3))),
+            "np.repeat the levels",
+        ),
+        (lambda s, f: rs.ResponseSurface(1, [8, 9], 1, [1j, "wide"]), "surface.response"),
+        (
+            lambda s, f: rs.ResponseSurface(1, [8, 9], 1, [1j, 1j, 1j]),
+            r"response: shape \(3,\); must be",
         ),
         (lambda s, f: rs.explain("rejected"), "verdict: str; must be Verdict"),
         (lambda s, f: rs.sentence("noise"), "finding: str; must be Finding"),

@@ -106,20 +106,6 @@ def test_arrays_cannot_be_changed_and_do_not_alias_the_input():
     assert surface.level[0] == 1
 
 
-@pytest.mark.parametrize(
-    ("column", "value", "said"),
-    [
-        ("frequency", [1.0, 2.0, -3.0], "positive"), ("frequency", [1.0, 2.0, np.inf], "finite"),
-        ("force", [1.0, 2.0], "force"), ("harmonics", np.ones((3, 1)), "fundamental"),
-        ("sweep", ["rest", "up", "left"], "sweep"), ("outcome", [0, 0, 99], "outcome"),
-        ("origin", "invented", "origin"),
-    ],
-)  # fmt: skip
-def test_a_wrong_column_is_named(column, value, said):
-    with pytest.raises(RsgenError, match=said):
-        replace(random_surface(2, 3, 2), **{column: value})
-
-
 @pytest.mark.slow
 def test_a_file_that_is_no_surface_is_refused(tmp_path):
     (tmp_path / "text.h5").write_text("not HDF5")
@@ -269,26 +255,6 @@ def test_rows_of_exact_zeros_are_left_out_and_counted(name, rows, said):
     assert zeros.values == pytest.approx(without.values, rel=1e-9)
 
 
-@pytest.mark.parametrize(
-    ("arguments", "said"),
-    [
-        ((1, [8, 9], 1, [1e-3, 2e-3]), "phase_known=False"),
-        ((1, [8, 9], 1), "response once"),
-        ((1, [8, 9], [1, 1, 1], [1j, 1j]), r"surface.force: shape \(3,\); must be \(2,\)"),
-        ((1, [[8, 9]], 1, [[1j, 1j]]), "one row a test point"),
-        (([1, 2], [8, 9, 10], np.ones((2, 3)), 1j * np.ones((2, 3))), "np.repeat the levels"),
-        ((1, [8, 9], 1, [1j, "wide"]), "surface.response"),
-        (
-            (1, [8, 9], 1, [1j, 1j, 1j]),
-            r"surface.response: shape \(3,\); must be \(2,\), one row a test point",
-        ),
-    ],
-)
-def test_arrays_that_do_not_fit_are_refused_with_a_reason(arguments, said):
-    with pytest.raises(RsgenError, match=said):
-        ResponseSurface(*arguments)
-
-
 def frames(columns: dict[str, np.ndarray]) -> list[object]:
     """The same columns as a dict and as a structured array."""
     table = np.empty(len(columns["level"]), dtype=[(name, c.dtype) for name, c in columns.items()])
@@ -379,20 +345,6 @@ def test_further_sensors_stay_with_their_points(tmp_path):
         part = surface.select(f < 10)
         np.testing.assert_array_equal(part.signals["root"], root[f < 10])
         np.testing.assert_array_equal(part.signals["tip"][:, 1], 2 * x[f < 10])
-
-
-@pytest.mark.parametrize(
-    ("sensors", "said"),
-    [
-        ({"a b": [1j]}, "'a b'"), ({"across": [1j]}, "none of force, response, across"),
-        ({"tip_mean": [1j]}, "without the ending _mean"), ({"tip": [1j, 2j]}, r"sensors\.tip: shape \(2,\)"),
-        ({"tip": [1.0]}, r"sensors\.tip: real numbers have no phase"),
-        ({"tip": [[1j]]}, r"sensors\.tip: needs at least"), ([1j], "must be a dict"),
-    ],
-)  # fmt: skip
-def test_sensors_that_do_not_fit_are_refused(sensors, said):
-    with pytest.raises(RsgenError, match=said):
-        ResponseSurface(2.0, [9.0], 2.0, [1j], sensors=sensors)
 
 
 def test_a_file_that_declares_sensors_it_does_not_have_is_refused(tmp_path):

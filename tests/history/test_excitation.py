@@ -4,24 +4,19 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from scipy.signal import butter, cont2discrete, lfilter, sosfilt
+from scipy.signal import butter, sosfilt
 
 from rsgen.common.errors import MeasurementError
 from rsgen.common.finding import Finding
 from rsgen.data.history import TimeHistory, from_stepped_sine, from_swept_sine
+from tests.history.test_decay import RATE, response_to
 
-RATE = 500.0
 TIME = np.arange(0, 120, 1 / RATE)
 RANDOM = np.random.default_rng(7).normal(size=(2, len(TIME)))
 STEPS = np.cos(np.cumsum(2 * np.pi * np.repeat(np.linspace(9.5, 10.5, 10), len(TIME) // 10)) / RATE)
 SWEEP = np.cos(2 * np.pi * (8 + 4 / 240 * TIME) * TIME)
 BAND = butter(4, [5, 50], "band", fs=RATE, output="sos")
 READERS = {"stepped": from_stepped_sine, "swept": from_swept_sine}
-
-
-def response_to(force: np.ndarray) -> np.ndarray:
-    above, below, _ = cont2discrete(([1.0], [1.5, 1.9, 1.5 * (20 * np.pi) ** 2]), 1 / RATE, "foh")
-    return lfilter(above.ravel(), below, force)
 
 
 def codes(findings: tuple[Finding, ...]) -> dict[str, str]:

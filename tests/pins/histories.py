@@ -13,9 +13,7 @@ from rsgen.data.history import (
     from_free_decay,
     from_stepped_sine,
     from_swept_sine,
-    record_findings,
 )
-from rsgen.data.history.tracking import find_sweeps
 from tests.history.test_decay import MASS, RATE, STIFFNESS, decay
 from tests.history.test_stepped_sine import stepped
 from tests.history.test_swept_sine import spoilt
@@ -43,18 +41,6 @@ def swept(law: SweepLaw, stop: float, level: float = 1.0) -> TimeHistory:
 def noisy(history: TimeHistory) -> TimeHistory:
     """A thousandth of white noise on force and response."""
     return replace(spoilt(history, 1e-3, np.random.default_rng(7)), level=history.level)
-
-
-def _laws() -> Tree:
-    tree = {}
-    for name, law, stop in (("up", UP, 11.0), ("down", DOWN, 9.0), ("octaves", OCTAVES, 11.0)):
-        (found,) = find_sweeps(swept(law, stop))
-        tree[name] = {
-            "kind": found.law.kind, "direction": found.law.direction,
-            **{each: getattr(found.law, each) for each in ("frequency", "rate")}, "begin": float(found.begin),
-            "end": float(found.end),
-        }  # fmt: skip
-    return tree
 
 
 def _swept(*histories: TimeHistory, mass: float | None = None) -> Tree:
@@ -116,15 +102,8 @@ def _identified_decay() -> Tree:
     return trees.identification(rsgen.identify(_decay_surface(), "k*x + kn*x**3 + c*v", mass=MASS))
 
 
-def _clipped() -> Tree:
-    history = swept(UP, 11.0)
-    response = np.asarray(history.response)
-    record = TimeHistory(history.rate, history.force, response.clip(-0.6 * response.max(), None))
-    return {"findings": trees.findings(record_findings(record))}
-
-
 PINS = {
-    "swept/laws": Pin(_laws, slow=True), "swept/up": Pin(lambda: _swept(swept(UP, 11.0)), INTEGRATED),
+    "swept/up": Pin(lambda: _swept(swept(UP, 11.0)), INTEGRATED),
     "swept/down": Pin(lambda: _swept(swept(DOWN, 9.0)), INTEGRATED),
     "swept/octaves": Pin(lambda: _swept(swept(OCTAVES, 11.0)), INTEGRATED),
     "swept/noisy": Pin(lambda: _swept(noisy(swept(UP, 11.0))), INTEGRATED),
@@ -132,7 +111,7 @@ PINS = {
         lambda: _swept(swept(UP, 11.0, 0.5), swept(UP, 11.0, 1.0), mass=MASS), INTEGRATED
     ),
     "swept/acceleration": Pin(lambda: _swept(_acceleration()), INTEGRATED),
-    "swept/identified": Pin(_identified_sweeps), "swept/clipped": Pin(_clipped),
+    "swept/identified": Pin(_identified_sweeps),
     "stepped/frequencies": Pin(lambda: trees.surface(from_stepped_sine(_steps()))),
     "stepped/too-short": Pin(lambda: trees.surface(from_stepped_sine(_steps(3.0)))),
     "stepped/levels": Pin(_levels),

@@ -1,4 +1,4 @@
-"""Joints with pinned numbers: steady states, loops, describing functions, identification.
+"""Joints with pinned numbers: steady states, loops, identification.
 
 Jenkins, Iwan, Segalman's four-parameter Iwan, Bouc-Wen and Dahl; each beside a linear spring and damper.
 """
@@ -17,7 +17,7 @@ from rsgen.report.figures.equivalent import SAMPLES, loop_force, measured_loops
 from rsgen.report.result_json import dissipation_entry
 from tests.pins import pinned, trees
 from tests.pins.grids import JOINT_MASS, JOINTS, LEVELS, NOISE, joint, joint_law, small_joint
-from tests.pins.pinned import ACCURACY, SMOOTH, SWITCHED, Pin, Tree
+from tests.pins.pinned import ACCURACY, SWITCHED, Pin, Tree
 from tests.pins.trees import series
 
 SIZES = np.array([5e-4, 2e-3, 8e-3])
@@ -25,8 +25,6 @@ SIZES = np.array([5e-4, 2e-3, 8e-3])
 
 OMEGA = 60.0
 
-QUADRATURE = replace(SMOOTH, value=1e-9)
-"""Describing functions are closed, or integrated between the switches: no simulator takes part."""
 
 STEPPED = replace(SWITCHED, value=1e-6)
 """Loops of states are closed over whole periods in steps, without locating where v changes its sign."""
@@ -52,20 +50,6 @@ def balance(name: str) -> Tree:
     """The same motions by harmonic balance."""
     test = rsgen.SimulatedTest(LEVELS, np.array([9.5, 10.5, 11.5]), harmonics=5, method="harmonic-balance")
     return trees.surface(rsgen.simulate(joint(name), test))
-
-
-def describing(name: str) -> Tree:
-    """Stiffness, damping and the force along a cycle, of the joint alone."""
-    function = rsgen.derive(joint_law(name))
-    values = JOINTS[name][2]
-    found = function.evaluate(SIZES, OMEGA, values)
-    phases = np.linspace(-np.pi / 2, 3 * np.pi / 2, 9)
-    return {
-        "closed_form": function.closed_form, "parameters": list(function.parameters),
-        "stiffness": list(found.stiffness), "damping": list(found.damping), "mean": list(found.mean),
-        "along": series(function.along(phases, 4e-3, OMEGA, values), entries=9),
-        "memory": dict(function.memory), "regimes": len(function.regimes),
-    }  # fmt: skip
 
 
 def loops(name: str) -> Tree:
@@ -125,7 +109,6 @@ PINS = {
         for name in ("jenkins", "bouc-wen")
     },
     **{f"balance/{name}": Pin(partial(balance, name), STEPPED) for name in ("jenkins", "bouc-wen")},
-    **{f"describing/{name}": Pin(partial(describing, name), QUADRATURE) for name in JOINTS},
     **{f"loops/{name}": Pin(partial(loops, name), STEPPED) for name in JOINTS},
     "surface/jenkins": Pin(lambda: trees.surface(small_joint("jenkins")), SWITCHED),
     **{f"measured/{name}": Pin(partial(measured, name), SWITCHED) for name in ("jenkins", "iwan4")},
@@ -140,7 +123,6 @@ for thorough in ("identified/bouc-wen", "identified/iwan4", "measured/iwan4"):
 for slow in (
     "identified/jenkins-background",
     "predicted/jenkins-held-out",
-    "describing/bouc-wen",
     "balance/bouc-wen",
 ):
     PINS[slow] = replace(PINS[slow], slow=True)

@@ -1,6 +1,4 @@
-"""Predictions and describing functions with pinned numbers: curves, held-out levels, k(X), c(X), means."""
-
-from functools import partial
+"""Predictions with pinned numbers: curves and held-out levels."""
 
 import numpy as np
 
@@ -14,44 +12,7 @@ from tests.pins.pinned import SWITCHED, Pin, Tree
 from tests.pins.trees import series
 from tests.surfaces import LAWS, MASS, noisy
 
-SIZES = np.array([3e-4, 3e-3, 9e-3, 2e-2])
-OMEGA = np.array([50.0, 60.0, 64.0, 70.0])
 LEVELS = [2.0, 6.0]
-
-FORCES: dict[str, tuple[str, dict[str, float]]] = {
-    **LAWS,
-    "quadratic": ("k*x + k2*x**2 + k3*x**3", {"k": 5920.0, "k2": 4e4, "k3": 4e5}),
-    "power-damper": ("cp*abs(v)**p*sign(v) + k*x", {"cp": 3.0, "p": 1.6, "k": 5920.0}),
-    "pendulum": ("k*sin(a*x)/a", {"k": 5920.0, "a": 60.0}),
-    "hyperbolic": ("k*sinh(a*x)/a + c*v", {"k": 5920.0, "a": 60.0, "c": 3.8}),
-    "one-sided-exponential": ("k*(exp(a*x) - 1)/a", {"k": 5920.0, "a": 20.0}),
-    "preload": ("F0*sign(x) + k*x", {"F0": 2.0, "k": 5920.0}),
-    "dead-zone": ("k*(Max(0, x - b) + Min(0, x + b))", {"k": 5920.0, "b": 2e-3}),
-    "stop-with-drag": (
-        "k*x + cq*x**2*v*abs(v) + ks*Max(x - b, 0)",
-        {"k": 5920.0, "cq": 9e3, "ks": 2e3, "b": 5e-3},
-    ),
-    "structural": ("k*x + structural(h)", {"k": 5920.0, "h": 300.0}),
-}
-
-
-def describing(name: str) -> Tree:
-    """Stiffness, damping and mean of a law, numerically, and what is known of its formulas."""
-    force, values = FORCES[name]
-    function = rsgen.derive(force)
-    found = function.evaluate(SIZES, OMEGA, values)
-    shifted = function.evaluate(SIZES, OMEGA, values, mean=1e-3)
-    size = float(np.abs(found.stiffness).max())
-    return {
-        "stiffness": list(found.stiffness), "damping": series(found.damping, size / OMEGA.max(), 4),
-        "mean": series(found.mean, float(SIZES.max()), 4) if found.mean.any() else 0,
-        "about_a_mean": {
-            "stiffness": series(shifted.stiffness, entries=1),
-            "damping": series(shifted.damping, size / OMEGA.max(), 1),
-        },
-        "closed_form": function.closed_form, "parameters": list(function.parameters),
-        "positive": list(function.positive), "regimes": len(function.regimes),
-    }  # fmt: skip
 
 
 def curve(one: ResonanceCurve) -> Tree:
@@ -122,7 +83,6 @@ def _across() -> Tree:
 
 
 PINS = {
-    **{f"describing/{name}": Pin(partial(describing, name)) for name in FORCES},
     "oscillator/cubic": Pin(lambda: of_oscillator("cubic", [0.5, 2.0])),
     "oscillator/quintic": Pin(lambda: of_oscillator("quintic", [2.0, 16.0])),
     "oscillator/combined-band": Pin(lambda: of_oscillator("combined", LEVELS, (9.0, 11.0))),
