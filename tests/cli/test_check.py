@@ -1,14 +1,11 @@
 """What `run` refuses, `check` refuses before it, for the same reason."""
 
 import json
-from pathlib import Path
 
 import pytest
 
 from rsgen.app.study import run_case
 from tests.case_files import law, write_small
-
-ROOT = Path(__file__).parents[2]
 
 LINEAR = {**law("k*x", "c*v", k=5920.0, c=3.8), "test.level.values": [1, 3], "test.frequency.count": 15}
 SPRING, DAMPER = "element.1.force", "element.2.force"

@@ -3,14 +3,7 @@
 import pytest
 
 from rsgen.cases import load_case
-from tests.case_files import MEASURED, law, write_small
-
-TABLE = {
-    **MEASURED, "element.1.force": "k*x + c*v + z", "test.frequency": {"column": "f"},
-    "test.force": {"amplitude": "F"},
-    "test.response": {"quantity": "displacement", "amplitude": "x", "phase": "phi", "phase_sense": "lead"},
-    "test.response.phase_unit": "rad",
-}  # fmt: skip
+from tests.case_files import law, write_small
 
 
 def test_a_simulation_refuses_values_that_make_no_law(tmp_path, run_cli):

@@ -8,7 +8,7 @@ import pytest
 from rsgen.data.oscillator import BACKGROUNDS
 from rsgen.dynamics.harmonic_balance import following_harmonics
 from rsgen.identification.fitting.forward import ErrorsInVariables, HarmonicBalance, Simulator
-from rsgen.identification.fitting.least_squares import Linearisation
+from rsgen.identification.fitting.least_squares import Linearisation, eliminate
 from rsgen.identification.fitting.observed import Observed, Problem
 from rsgen.identification.fitting.points import Points, select_points
 from rsgen.law.motion import Motion
@@ -86,6 +86,22 @@ def test_slopes_are_those_of_the_residuals(points, kind, phase, forward):
             move = np.zeros(nuisance.shape[1])
             move[k] = h
             close(line.by_nuisance[:, :, k], at(place, nuisance + move), at(place, nuisance - move), h)
+
+
+def test_elimination_is_the_full_least_squares(points):
+    at, place, nuisance, _ = linearised(points, "residuals", "balance", phase=True, logarithmic=True)
+    line = at(place, nuisance)
+    count, rows, k = line.by_nuisance.shape
+    scale = np.abs(line.by_parameter).max(axis=(0, 1))
+    dense = np.zeros((count * rows, count * k + len(place)))
+    for i in range(count):
+        dense[i * rows : (i + 1) * rows, i * k : (i + 1) * k] = line.by_nuisance[i]
+    dense[:, count * k :] = (line.by_parameter / scale).reshape(count * rows, -1)
+    whole = np.linalg.lstsq(dense, line.residual.ravel(), rcond=None)[0][count * k :]
+    residual, matrix = eliminate(line)
+    small = np.linalg.lstsq((matrix / scale).reshape(count * rows, -1), residual.ravel(), rcond=None)[0]
+    # condition of the problem, about 1e4, times round-off
+    assert small == pytest.approx(whole, rel=1e-8, abs=1e-8 * np.abs(whole).max())
 
 
 def test_second_derivatives_along_a_direction_are_those_of_the_residuals(points):

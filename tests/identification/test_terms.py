@@ -6,13 +6,8 @@ import numpy as np
 import pytest
 
 import rsgen as rs
-from rsgen.data.oscillator import join_model
-from rsgen.identification.fitting.fit import Fit
 from rsgen.identification.fitting.least_squares import Alternative
-from rsgen.identification.identify import fit_all_harmonics
-from rsgen.identification.judge import prepare
 from rsgen.identification.results.alternatives import Alternatives, weight_of
-from rsgen.identification.starting.start import start_fit
 from rsgen.report.wording.sentences import sentence
 
 LAW = "k*x + c*v + k3*x**3 + cq*v*abs(v)"
@@ -23,12 +18,6 @@ def measured(law: str, values: dict[str, float], levels: list[float], seed: int 
     """A table of a structure of 1.5 kg with a thousandth of noise."""
     test = rs.SimulatedTest(level=levels, frequency=np.linspace(8.5, 12, 30), noise_relative=1e-3, seed=seed)
     return rs.simulate(rs.Oscillator(1.5, law, values), test)
-
-
-def fitted(law: str, surface: rs.ResponseSurface) -> Fit:
-    """The fit of a law, as far as terms are asked beside it."""
-    problem, start = start_fit(prepare(surface, join_model(law, None, None)).problem)
-    return fit_all_harmonics(problem, start)
 
 
 def test_a_damper_that_resembles_another_is_in_the_interval():

@@ -73,6 +73,3 @@ def test_signs_and_order_of_values_choose_the_form():
     assert [str(switch.threshold) for switch in ordered.switches] == ["b", "d"]
     crossed = normal_form_at(stops, {"b": 2.0, "d": 1.0, "k": 1.0})
     assert [str(switch.threshold) for switch in crossed.switches] == ["b"]
-
-
-KINDS = ("gap", "stop", "saturation", "drag", "friction", "reach")

@@ -41,7 +41,6 @@ from tests.conftest import FEW, Answer
 from tests.oracles.memory import two_masses
 from tests.surfaces import LAWS, MASS, changed, model, noisy, surface, truth, without_phase
 
-CASES = Path(__file__).parents[1] / "cases"
 NOISE = 0.01
 BASE = Model((make_element("spring", "k*x"), make_element("damper", "c*v")))
 GRID = np.linspace(8, 12, 25)

@@ -5,8 +5,6 @@ import pytest
 
 from rsgen.common.errors import RsgenError
 from rsgen.common.finding import reach_verdict
-from rsgen.data.oscillator import Model
-from rsgen.data.surface import ResponseSurface
 from rsgen.identification.fitting.least_squares import Linearisation, Regression, fit
 from rsgen.identification.identify import identify
 from rsgen.identification.lines.line_fit import jackknife
@@ -65,10 +63,6 @@ def test_the_jackknife_is_that_of_refits(data):
     left_out = [line_through(x[group != g], y[group != g]).parameters - whole.parameters for g in range(5)]
     expected = 4 / 5 * np.sum([np.outer(moved, moved) for moved in left_out], axis=0)
     assert jackknife(whole, group) == pytest.approx(expected, rel=1e-9)
-
-
-def codes(table: ResponseSurface, law: Model | str) -> dict[str, str]:
-    return {finding.code: finding.severity for finding in identify(table, law).findings}
 
 
 @pytest.mark.slow

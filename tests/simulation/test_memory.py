@@ -1,7 +1,5 @@
 """Virtual tests of laws with memory."""
 
-from pathlib import Path
-
 import numpy as np
 import pytest
 
@@ -69,7 +67,6 @@ def test_structural_damping_is_balanced_and_not_simulated_in_time():
         simulate(o, SimulatedTest(**grid))
 
 
-CASES = Path(__file__).parents[2] / "cases"
 DAHL = rsgen.Law("c*v + z", memory={"z": "sigma*v*(1 - z*sign(v)/Fc)"})
 VALUES = {"c": 3.8, "sigma": 5920.0, "Fc": 6.0}
 

@@ -7,16 +7,10 @@ import pytest
 
 import rsgen as rs
 from rsgen import load_case
-from rsgen.data.oscillator import Oscillator
 from rsgen.dynamics.controlled import hold_states
 from rsgen.dynamics.steady_state import solve_steady_states
-from rsgen.law.element import make_element
 
 CASES = Path(__file__).parents[2] / "cases"
-
-
-def duffing(kn: float) -> Oscillator:
-    return Oscillator(1.5, (make_element("all", "c*v + k*x + kn*x**3"),), {"c": 3.8, "k": 5920.0, "kn": kn})
 
 
 # 31 harmonics of dry friction leave the next ones, where it takes most of the force

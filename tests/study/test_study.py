@@ -20,7 +20,6 @@ from rsgen.cases import load_case
 from rsgen.common.errors import RsgenError
 from tests.case_files import CUBIC, write_small
 
-ROOT = Path(__file__).parents[2]
 NO_PROCESS = 4_194_303
 """A number that no process has."""
 posix = pytest.mark.skipif(os.name != "posix", reason="signals and locks of files are POSIX")
