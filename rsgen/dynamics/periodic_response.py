@@ -6,9 +6,7 @@ Newton's method: the tangent of step d is m d'' + (dn/dv) d' + (dn/dx) d. With t
 a dense matrix, which is never made: its product with d is one of waveforms (FFT), and GMRES (Y. Saad and
 M. H. Schultz, SIAM J. Sci. Stat. Comput. 7 (1986) 856) solves with such products, preconditioned by the same
 tangent in central differences, whose sparse factors cost no more than some transforms. Newton's method starts
-from a trapezoidal integration over some periods, which follows the motion from rest as a structure does,
-whatever the law does to its resonance; the integration itself solves windows of steps together. Under a law
-with memory, or where that overflows, it starts from the motion of the slopes at rest.
+from the motion of the slopes at rest; where that is too far, the force grows to the whole in steps.
 """
 
 from __future__ import annotations
@@ -34,14 +32,8 @@ from rsgen.law.numeric import ForceLaw, compile_law
 OVERSAMPLED = 4
 """Samples a period over the number of lines: cubes of signals reach three times their highest line, and fold
 back above it only."""
-_SAMPLES_PER_CYCLE = 16
-"""Samples in a cycle of the highest excited line: the start need only be right to some per cent."""
-_WINDOW_SAMPLES = 3 * _SAMPLES_PER_CYCLE
-"""Samples integrated at once: three cycles of the highest line, in which Newton's method hardly fails."""
-_MAX_PERIODS = 12
-"""Periods integrated at most; the transient of a structure with its resonance among the lines is shorter."""
-_START_CHANGE = 1e-2
-"""Change from period to period, relative, at which Newton's method takes over."""
+_SHARES = np.linspace(0.1, 1.0, 10)
+"""Of the force, one after the other, where the whole is too much for Newton's method."""
 _GMRES_TOLERANCE = 1e-4
 """Accuracy of the linear solution of a step: Newton's own error is larger until the last steps."""
 SWITCHED_RESIDUAL = 1e-5
@@ -132,8 +124,8 @@ def periodic_response(
     force
         (H+1,) complex lines [N], the mean first; as many lines of the motion are computed.
     start
-        (H+1,) a motion near it [m]; None: integrated in time from rest, under laws with memory and where that
-        overflows the motion without nonlinear terms.
+        (H+1,) a motion near it [m]; None: the motion of the law's slopes at rest, or one under a smaller
+        force.
     far
         (H+1,) the motion across two sensors less the share of the response in it [m], if some elements follow
         it; with a ``start``.
@@ -143,8 +135,7 @@ def periodic_response(
         law = law.with_far(Motion(np.array([omega0]), far[None]).waveforms(samples))
     problem = _Problem(law, values, mass, omega0, force, samples)
     with np.errstate(all="ignore"):
-        motion = _begin(problem) if start is None else start
-        return _solve(problem, motion)
+        return _from_rest(problem) if start is None else _solve(problem, start)
 
 
 def _solve(problem: _Problem, motion: ComplexArray) -> PeriodicResponse:
@@ -224,91 +215,25 @@ def _differences(mass: float, by_x: Array, by_v: Array, step: float) -> Any:
     return scipy.sparse.csc_matrix((np.concatenate(entries), (np.tile(here, 3), np.concatenate(columns))))
 
 
-def _begin(problem: _Problem) -> ComplexArray:
-    """A motion to start from: integrated from rest; of a law with memory that of its linear parts."""
-    linear = _linear_motion(problem)
-    if problem.law.remembers:
-        return linear
-    count = _samples_in_time(problem)
-    force = waveform(problem.force, count)
-    step = problem.step * problem.samples / count
-    state, last = np.zeros(2), np.zeros(count)
-    for _ in range(_MAX_PERIODS):
-        x, state = _integrate(problem, force, step, state)
-        if not np.isfinite(x).all():
-            return linear
-        if np.linalg.norm(x - last) < _START_CHANGE * np.linalg.norm(x):
-            break
-        last = x
-    return harmonics_of(x, problem.count)
-
-
-def _linear_motion(problem: _Problem) -> ComplexArray:
-    """The motion of the law's slopes at rest."""
+def _from_rest(problem: _Problem) -> PeriodicResponse:
+    """Start from the motion of the slopes at rest; if that is too far, let the force grow to the whole."""
     rest = problem.law.still(np.zeros((1, 1)), problem.values)
     stiffness, damping = float(np.ravel(rest.by_x)[0]), float(np.ravel(rest.by_v)[0])
+    whole = problem.force
+    if stiffness < 0:
+        # the motion about a place that pushes away is none that a structure has
+        return PeriodicResponse(whole, np.inf, converged=False)
     dynamic = stiffness + damping * problem.rate + problem.mass * problem.rate**2
-    return np.where(dynamic == 0, 0, problem.force / np.where(dynamic == 0, 1, dynamic))
-
-
-def _samples_in_time(problem: _Problem) -> int:
-    """A period: enough for the lines of the force, which are fewer than those of the motion."""
-    strong = np.flatnonzero(np.abs(problem.force) > 1e-3 * np.abs(problem.force).max())
-    highest = max(int(strong[-1]) if len(strong) else 1, 1)
-    return min(
-        max(1 << (_SAMPLES_PER_CYCLE * highest - 1).bit_length(), 2 * problem.count), 4 * problem.samples
-    )
-
-
-def _integrate(problem: _Problem, force: Array, step: float, state: Array) -> tuple[Array, Array]:
-    """One period by the trapezoidal rule from a state (x, v): displacement (n,) at the ends of the steps."""
-    count = len(force)
-    x = np.empty(count)
-    for begin in range(0, count, _WINDOW_SAMPLES):
-        # the last step of a period ends where it begins
-        part = force[np.arange(begin, min(begin + _WINDOW_SAMPLES, count) + 1) % count]
-        motion = _window(problem, part, step, state)
-        x[begin : begin + len(motion) - 1] = motion[:-1, 0]
-        state = motion[-1]
-    return x, state
-
-
-def _window(problem: _Problem, force: Array, step: float, state: Array) -> Array:
-    """(w+1, 2) displacement and velocity over some steps, by Newton's method on all of them together."""
-    law, mass, count = problem.law, problem.mass, len(force) - 1
-    motion = np.empty((count + 1, 2))
-    motion[:, 0] = state[0] + state[1] * step * np.arange(count + 1)
-    motion[:, 1] = state[1]
-    half = step / 2
-    for _ in range(MAX_NEWTON_STEPS):
-        x, v = motion[None, :, 0], motion[None, :, 1]
-        a = np.gradient(motion[:, 1], step)[None]
-        sample = law.sample(x, v, a, np.full((1, 1), step), problem.values)
-        push, by_x, by_v = (
-            np.broadcast_to(part, x.shape)[0] / mass for part in (sample.force, sample.by_x, sample.by_v)
-        )
-        rate = force / mass - push
-        left = np.empty((count, 2))
-        left[:, 0] = np.diff(motion[:, 0]) - half * (motion[1:, 1] + motion[:-1, 1])
-        left[:, 1] = np.diff(motion[:, 1]) - half * (rate[1:] + rate[:-1])
-        # rows and columns x1 v1 x2 v2 ...: one above, three below the diagonal
-        band = np.zeros((5, 2 * count))
-        band[1, 0::2], band[1, 1::2] = 1.0, 1.0 + half * by_v[1:]
-        band[0, 1::2] = -half
-        band[2, 0::2] = half * by_x[1:]
-        band[3, 0:-2:2], band[3, 1:-2:2] = -1.0, -1.0 + half * by_v[1:-1]
-        band[2, 1:-2:2] = -half
-        band[4, 0:-2:2] = half * by_x[1:-1]
-        try:
-            change = scipy.linalg.solve_banded((3, 1), band, left.reshape(-1), check_finite=False)
-        except scipy.linalg.LinAlgError:
-            # a softening spring lets the mass go, and the motion overflows
-            return np.full_like(motion, np.nan)
-        motion[1:] -= change.reshape(count, 2)
-        scale = np.abs(motion).max(axis=0)
-        if np.all(np.abs(change.reshape(count, 2)).max(axis=0) <= 1e-6 * scale):
-            break
-    return motion
+    motion = np.where(dynamic == 0, 0, whole / np.where(dynamic == 0, 1, dynamic))
+    found = _solve(problem, motion)
+    if found.converged:
+        return found
+    last = 1.0
+    for share in _SHARES:
+        problem.force = share * whole
+        found = _solve(problem, motion * (share / last))
+        motion, last = found.spectrum, share
+    return found
 
 
 # ----------------------------------------------------------------------------
