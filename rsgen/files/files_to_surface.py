@@ -143,16 +143,24 @@ def tell_branches_apart(surface: ResponseSurface, block: NDArray[np.int64]) -> N
 # mirrors the second, a channel with the sign reversed both; neither shows in the quality of a fit.
 
 _MIN_POWER_RATIO = -0.1
-"""Power over the most that forces and velocities could bring; errors of the phase leave a few percent."""
+"""Power over the most of force and velocity in phase; errors of the phase leave a few percent."""
 _MIN_CORRELATION = 0.5
 """Correlation of the real part with the square of the frequency; a falling one with scatter has less."""
 
 
-def _power_ratio(surface: ResponseSurface) -> float:
-    """Return the power of the shaker over its upper limit (force and velocity in phase), from -1 to 1."""
-    work = cycle_work(surface.force, surface.harmonics[:, 1])
-    most = float(surface.frequency @ (np.pi * np.abs(surface.force) * surface.amplitude))
-    return float(surface.frequency @ work) / most if most > 0 else 0.0
+def _takes_power(surface: ResponseSurface) -> bool:
+    """Return True if the shaker takes power: clearly, or at nearly all points on both sides of resonance.
+
+    Away from resonance, as where the response jumps past it, the power is small; but an error of all phases
+    turns the power of one side only.
+    """
+    force, response = surface.force, surface.harmonics[:, 1]
+    power = surface.frequency * cycle_work(force, response)
+    most = surface.frequency @ (np.pi * np.abs(force) * surface.amplitude)
+    below = np.real(force * response.conj()) > 0
+    sides = [power[side] for side in (below, ~below)]
+    small = all(len(side) >= MIN_POINTS_OF_RUN and np.quantile(side, 0.9) < 0 for side in sides)
+    return small or bool(np.sum(power) < _MIN_POWER_RATIO * most)
 
 
 @np.errstate(all="ignore")
@@ -195,7 +203,7 @@ def passivity_findings(surface: ResponseSurface, sense: str | None, quantity: st
         harmonics=chosen.harmonics / np.max(np.abs(chosen.harmonics[:, 1])),
         frequency=chosen.frequency / np.max(chosen.frequency),
     )
-    fed, rises = _power_ratio(chosen) < _MIN_POWER_RATIO, _stiffness_rises(chosen)
+    fed, rises = _takes_power(chosen), _stiffness_rises(chosen)
     if not (fed or rises):
         return ()
     names = {"against": " and ".join(["power"] * fed + ["mass"] * rises)}

@@ -115,7 +115,11 @@ def sensor_factor(text: str, unit: str, target: str) -> float:
             return size / quantity(spelled, f"({name})/({target})")
         except (RsgenError, ZeroDivisionError):
             continue
-    raise RsgenError(str(faults[0]).replace("standard_gravity", "g"))
+    why = str(faults[0]).replace("standard_gravity", "g")
+    if "needed" in why:
+        numbers = "unit is that of the numbers in the file, as V for 22.5 mV/N"
+        why = f"{_shown(text)} makes no {target} of {unit}; {numbers}"
+    raise RsgenError(why)
 
 
 def quantity(value: object, unit: str | None = None) -> float:

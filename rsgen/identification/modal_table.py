@@ -383,7 +383,8 @@ def _mode_points(points: Points, model: Model) -> ModePoints:
     if np.count_nonzero(near) < MIN_POINTS:
         raise RsgenError(
             f"modal table: {np.count_nonzero(near)} points lie within 45 degrees of resonance; "
-            f"at least {MIN_POINTS} are needed"
+            f"at least {MIN_POINTS} are needed; where the response jumps past resonance, sweep the other way "
+            "or control the phase, or fit a law (rsgen identify, rsgen rank), which needs none there"
         )
     if feeds_exciter(mode.force[near], mode.harmonics[near, 1]):
         raise RsgenError(

@@ -105,8 +105,8 @@ def _constant_forces(force: sympy.Expr) -> tuple[str, ...]:
 
 
 def _like_variables(force: sympy.Expr) -> list[str]:
-    """Return parameters called like a variable that multiply another parameter of their term."""
-    found = set()
+    """Return parameters called V, or like a variable and with another parameter in a product."""
+    found = {free.name for free in force.free_symbols} & {"V"}
     for term in sympy.Add.make_args(sympy.expand(force)):
         factors = {factor.name for factor in sympy.Mul.make_args(term) if factor.is_Symbol} - {"x", "v"}
         if len(factors) > 1:

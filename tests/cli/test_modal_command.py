@@ -38,3 +38,4 @@ def test_what_cannot_be_tabulated_is_said_with_exit_code_two(tmp_path, run_cli):
     answer = run_cli("modal", write_small(tmp_path, changes=below))
     assert (answer.code, answer.out) == (2, "")
     assert "points lie within 45 degrees of resonance" in answer.err
+    assert "sweep the other way" in answer.err

@@ -96,7 +96,7 @@ def test_a_link_out_of_the_folder_is_called_a_link(laboratory, run_cli):
         ({"test.response.real": "aa"}, "a.csv: line 1: no column named 'aa'; did you mean 'a'? known: 'f'"),
         ({"test.response.unit": "milimeter"}, "test.response.unit: 'milimeter' is not known; write a unit"),
         ({"test.response.unit": "N"}, "test.response.unit: 'N' is a force, but m (a length) is needed"),
-        ({"test.force.factor": "10 N/V"}, "test.force.factor: '10 N/V' is in "),
+        ({"test.force.factor": "10 N/V"}, "test.force.factor: '10 N/V' makes no N of N; unit is that of"),
         ({"test.level": {"value": "1 mm"}}, "test.level.value: '1 mm' is a length, but N"),
         ({"test.level": {"column": "F", "unit": "mm"}}, "test.level.unit: 'mm' is a length, but N (a force)"),
         ({"identify": {"holdout": [1]}}, "identify.holdout: is not a key here; did you mean 'hold_out'?"),
@@ -111,6 +111,29 @@ def test_what_a_measured_case_says_wrongly_is_named_by_its_key(laboratory, run_c
     assert (refused.code, refused.err.count("\n")) == (2, 1)
     assert refused.err.startswith(f"{path}: ")
     assert said in refused.err
+
+
+def test_one_response_far_above_all_others_is_said_to_be_an_outlier(laboratory, run_cli):
+    rows = table_of()
+    rows[5, 2] = 1e20
+    write_table(laboratory / "a.csv", rows)
+    said = run_cli("check", laboratory / "read.toml").err
+    assert "41 move less than 1e-12 of the largest response, 1e+20 m" in said
+    assert said.endswith("or the largest is an outlier)\n")
+
+
+def test_a_draft_of_files_elsewhere_says_the_folder_and_the_command(laboratory, run_cli):
+    Path("here").mkdir()
+    for names, folder in ((["a"], "lab"), (["a", "more/b"], Path("lab").resolve())):
+        for name in names:
+            Path("lab", name).parent.mkdir(exist_ok=True)
+            write_table(Path("lab", f"{name}.csv"), head="frequency,force,x_re,x_im")
+        case = Path("here", f"{names[-1][-1]}.toml")
+        files = [part for name in names for part in ("--from", Path("lab", f"{name}.csv"))]
+        said = run_cli("init", case, *files).out
+        assert f"`rsgen check {case} --data {folder}`" in said
+        assert f"in {folder}: set RSGEN_DATA" in case.read_text("utf-8")
+        assert "does not exist" not in run_cli("check", case, "--data", folder).err
 
 
 def test_a_name_of_a_file_that_is_none_of_a_case_is_made_one(laboratory, run_cli):

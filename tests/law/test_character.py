@@ -170,6 +170,7 @@ def test_values_of_two_sliders_have_the_order_of_their_names():
         # gives or dissipates, as the power says
         ("masing(a*x**p)", set()),
         ("k*x + m3*x**2*a + c2*vx*abs(v)", {"parameter-not-variable"}),
+        ("k*x + c*v + Ff*abs(V)", {"parameter-not-variable", "constant-force"}),
         # coefficients, and what a function scales
         ("k*x + a*x**3 + F*tanh(x/w)", set()),
         # neither

@@ -157,6 +157,18 @@ def test_a_reversed_channel_or_phase_is_found(tmp_path, order, lag, phase, sign,
     assert (f'phase_sense = "{"lead" if lag else "lag"}"' in text) == phase
 
 
+@pytest.mark.parametrize("turned", [0.0, 0.1, -0.1])
+@pytest.mark.parametrize("reverse", [False, True])
+def test_a_reversed_phase_is_found_where_the_response_jumps_past_resonance(reverse, turned):
+    """The power of the shaker is small there; an error of all phases turns that of one side only."""
+    frequency = np.concatenate([np.linspace(6, 8.8, 20), np.linspace(11.2, 14, 20)])
+    omega = 2 * np.pi * frequency
+    response = np.exp(1j * turned) / (5920 - 1.5 * omega**2 + 3j * omega)
+    surface = ResponseSurface(1.0, frequency, 1.0, response.conj() if reverse else response)
+    found = [one.names["reversed"] for one in passivity_findings(surface, "lead", "displacement")]
+    assert found == ["phase"] * (reverse and not turned)
+
+
 @pytest.mark.parametrize("scale", [1e-200, 1.0, 1e200])
 @pytest.mark.parametrize("sign", [1, -1])
 def test_signs_are_found_in_any_unit_without_overflow(scale, sign):

@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import re
+import shlex
 from collections.abc import Mapping
+from os.path import commonpath
 from pathlib import Path
 from typing import Annotated
 
@@ -108,6 +110,14 @@ def case_text(
     )
 
 
+def _folder_of(files: list[Path], target: Path) -> Path:
+    """Return the folder of the case, or where a file is not in it, the one that has all files."""
+    parents = {file.parent for file in files}
+    if all(parent.resolve().is_relative_to(target.parent.resolve()) for parent in parents):
+        return target.parent
+    return parents.pop() if len(parents) == 1 else Path(commonpath([one.resolve() for one in parents]))
+
+
 def _drafted(files: list[Path], target: Path) -> str:
     """Return the [test] tables for data files, drafted from the first, as the case's folder sees them."""
     contents = [list_contents(file) for file in files]
@@ -116,13 +126,12 @@ def _drafted(files: list[Path], target: Path) -> str:
         raise RsgenError(
             f"{shown_path(files[0])}: no columns of numbers over one another are in it; see rsgen inspect"
         )
-    folder, named = target.parent.resolve(), []
-    for file in files:
-        # elsewhere: RSGEN_DATA or --data must name its folder
-        inside = file.resolve()
-        named.append(inside.relative_to(folder).as_posix() if inside.is_relative_to(folder) else file.name)
-        if fault := path_fault(named[-1]):
-            raise RsgenError(f"--from: {fault}")
+    folder = _folder_of(files, target)
+    named = [(file.parent.resolve() / file.name).relative_to(folder.resolve()).as_posix() for file in files]
+    for fault in filter(None, map(path_fault, named)):
+        raise RsgenError(f"--from: {fault}")
+    if folder != target.parent:
+        proposal.doubts["test.file"] = f"in {folder}: set {DATA_VARIABLE} or --data to it"
     proposal.tables["test"]["file"] = named if len(named) > 1 else named[0]
     form = level_form([file.name for file in files])
     if form and not set(proposal.tables.get("test.level", {})) - {"value"}:
@@ -185,8 +194,9 @@ def init_command(
         print_json({"case": name, "file": str(target)})
         return 0
     asked = " each TODO and" if test and TODO in test else ""
-    print_line(f"{target}: change{asked} what you need, then `rsgen check {target}`")
-    away = [one for one in data or [] if not one.resolve().is_relative_to(target.parent.resolve())]
-    if away:
-        print_line(f"the data lie elsewhere: set {DATA_VARIABLE} or --data to {away[0].parent}")
+    folder = _folder_of(data or [], target)
+    where = f" --data {shlex.quote(str(folder))}" if folder != target.parent else ""
+    print_line(f"{target}: change{asked} what you need, then `rsgen check {target}{where}`")
+    if where:
+        print_line(f"the data lie elsewhere: give --data to every command, or set {DATA_VARIABLE}")
     return 0

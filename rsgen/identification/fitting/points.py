@@ -203,7 +203,9 @@ def _why_unused(surface: ResponseSurface) -> str:
     ]
     still = int(np.count_nonzero(surface.settled & (surface.amplitude <= _at_rest(surface))))
     if still:
-        reasons.append(f"{still} do not move: friction holds the mass at these levels")
+        largest = f"of the largest response, {np.nanmax(surface.amplitude):.2g} m"
+        why = "friction holds the mass at these levels, or the largest is an outlier"
+        reasons.append(f"{still} move less than {ROUND_OFF:.0e} {largest}: {why}")
     return f" ({'; '.join(reasons)})" if reasons else ""
 
 
