@@ -6,8 +6,8 @@ y holds x, x'/omega and the memory z of the law; the ``kernel`` integrates P. A 
 found by shooting: (I - J) d = P(y) - y, y <- y + d (M. Peeters et al., Mech. Syst. Signal Process. 23 (2009)
 195, Sec. 3). Column j of J is (P(y + h e_j) - P(y))/h, from an orbit that begins nearby: equations of
 variation would need rules at every switch of the law, which the kernel passes anyway. A fixed point attracts
-if all eigenvalues of J lie inside the unit circle (Floquet multipliers); this is decided without computing
-them, from the coefficients of det(s - J) (Jury's conditions for two states, Schur and Cohn's for more).
+if all eigenvalues of J lie inside the unit circle (Floquet multipliers): by Jury's conditions for two
+states, by the eigenvalues themselves for more.
 
 Under a law of Masing type the future depends on reversals of the past. ``LoopMemory`` carries them along in a
 transient; a fixed point is sought with the outermost loop alone, ``HeldMemory`` with sliders that all stick.
@@ -402,9 +402,7 @@ class FixedPoints:
 
 def norm(y: Array) -> Array:
     """Length of k states (D, k)."""
-    if len(y) > 2:
-        return np.asarray(np.sqrt(np.einsum("ik,ik->k", y, y)))
-    return np.asarray(np.sqrt(y[0] * y[0] + y[1] * y[1]))
+    return np.asarray(np.sqrt(np.einsum("ik,ik->k", y, y)))
 
 
 def correction(jacobian: Array, residual: Array) -> Array:
@@ -425,13 +423,26 @@ def correction(jacobian: Array, residual: Array) -> Array:
     return move
 
 
+def _correction(jacobian: Array, residual: Array) -> Array:
+    """As ``correction``, for laws with states of their own."""
+    matrix = np.eye(len(residual)) - jacobian.transpose(2, 0, 1)
+    move = residual.copy()
+    regular = np.abs(np.linalg.det(matrix)) > ROUND_OFF
+    move[:, regular] = np.linalg.solve(matrix[regular], residual.T[regular, :, None])[:, :, 0].T
+    return move
+
+
 def attraction(jacobian: Array) -> Array:
-    """How far inside the unit circle the eigenvalues of J are (Jury's conditions); negative: outside."""
-    if len(jacobian) > 2:
-        return _schur_cohn(_characteristic(jacobian))
-    trace = jacobian[0, 0] + jacobian[1, 1]
-    det = jacobian[0, 0] * jacobian[1, 1] - jacobian[0, 1] * jacobian[1, 0]
-    return np.asarray(np.minimum(1 - np.abs(det), 1 + det - np.abs(trace)))
+    """How far inside the unit circle the eigenvalues of J are; negative: outside."""
+    if len(jacobian) == 2:
+        trace = jacobian[0, 0] + jacobian[1, 1]
+        det = jacobian[0, 0] * jacobian[1, 1] - jacobian[0, 1] * jacobian[1, 0]
+        return np.asarray(np.minimum(1 - np.abs(det), 1 + det - np.abs(trace)))
+    matrix = jacobian.transpose(2, 0, 1)
+    known = np.isfinite(matrix).all(axis=(1, 2))
+    inside = np.full(len(matrix), -np.inf)
+    inside[known] = 1 - np.max(np.abs(np.linalg.eigvals(matrix[known])) ** 2, axis=1)
+    return inside
 
 
 def jacobians(
@@ -451,55 +462,7 @@ def jacobians(
 
 def times(jacobian: Array, y: Array) -> Array:
     """J y for k points."""
-    if len(y) > 2:
-        return np.asarray(np.einsum("ijk,jk->ik", jacobian, y))
-    product = np.empty_like(y)
-    product[0] = jacobian[0, 0] * y[0] + jacobian[0, 1] * y[1]
-    product[1] = jacobian[1, 0] * y[0] + jacobian[1, 1] * y[1]
-    return product
-
-
-def _characteristic(matrix: Array) -> list[Array]:
-    """Return the coefficients c of det(s - A) = s^D + c1 s^(D-1) + ... + cD of k matrices (D, D, k).
-
-    Leverrier's method; D is small.
-    """
-    size = len(matrix)
-    unit = np.eye(size)[:, :, None]
-    coefficients = [np.ones(matrix.shape[2])]
-    auxiliary = np.broadcast_to(unit, matrix.shape)
-    for order in range(1, size + 1):
-        product = np.einsum("ijk,jlk->ilk", matrix, auxiliary)
-        coefficients.append(-np.einsum("iik->k", product) / order)
-        auxiliary = product + coefficients[-1] * unit
-    return coefficients
-
-
-def _correction(jacobian: Array, residual: Array) -> Array:
-    """As ``correction``, for laws with states of their own."""
-    matrix = np.eye(len(residual)) - jacobian.transpose(2, 0, 1)
-    move = residual.copy()
-    regular = np.abs(np.linalg.det(matrix)) > ROUND_OFF
-    move[:, regular] = np.linalg.solve(matrix[regular], residual.T[regular, :, None])[:, :, 0].T
-    return move
-
-
-def _schur_cohn(coefficients: list[Array]) -> Array:
-    """Smallest 1 - |k| of the reflection coefficients of polynomials; positive: all roots inside the circle.
-
-    Schur, J. reine angew. Math. 148 (1918) 122.
-    """
-    inside = np.full_like(coefficients[0], np.inf)
-    while len(coefficients) > 1:
-        reflection = coefficients[-1]
-        inside = np.minimum(inside, 1 - np.abs(reflection))
-        # a root outside ends it: the sign is known, and nothing is divided by zero
-        rest = np.where(np.abs(reflection) < 1, 1 - reflection**2, 1.0)
-        coefficients = [
-            (mine - reflection * other) / rest
-            for mine, other in zip(coefficients[:-1], coefficients[:0:-1], strict=True)
-        ]
-    return inside
+    return np.asarray(np.einsum("ijk,jk->ik", jacobian, y))
 
 
 def find_fixed_points(
