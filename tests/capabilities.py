@@ -24,6 +24,7 @@ from rsgen.data.multisine import MultisineSpectra
 from rsgen.data.oscillator import BACKGROUNDS, OFFSET
 from tests.case_files import GONE, SMALL, changed, law
 from tests.surfaces import changed as replaced
+from tests.surfaces import without_phase
 
 LAW = "k*x + k3*x**3 + c*v"
 TRUTH = {"k": 5920.0, "k3": 3e5, "c": 6.0}
@@ -224,12 +225,6 @@ EXCITATIONS = {
 }  # fmt: skip
 
 
-def _without_phase(table: rs.ResponseSurface) -> rs.ResponseSurface:
-    return rs.ResponseSurface(
-        table.level, table.frequency, np.abs(table.force), table.amplitude, sweep="rest", phase_known=False
-    )
-
-
 def _joined(table: rs.ResponseSurface) -> rs.ResponseSurface:
     """Add the motion across a joint, seen by a gauge, whose cubic force acts on the mass."""
     count, order = len(table), table.harmonics.shape[1]
@@ -269,7 +264,7 @@ MODIFIERS = {
         rivals=[_JOINED, *([_JOINED[0], rs.make_element("joint", law, across="gauge")] for law in JOINTS)],
         refused=_refused(("predict", "virtual test, notebook"), BETWEEN),
     ),
-    "no phase": Row(f"{_FORCES}\n{_STEPPED}", change=_without_phase),
+    "no phase": Row(f"{_FORCES}\n{_STEPPED}", change=without_phase),
     "given mass": Row(f"{_FORCES}\n{_STEPPED}", {"mass": MASS}),
     "harmonics of the force": Row(f"{_FORCES}\n{_STEPPED}", change=_distorted),
 }  # fmt: skip

@@ -7,9 +7,9 @@ import pytest
 from scipy.signal import butter, sosfilt
 
 from rsgen.common.errors import MeasurementError
-from rsgen.common.finding import Finding
 from rsgen.data.history import TimeHistory, from_stepped_sine, from_swept_sine
 from tests.history.test_decay import RATE, response_to
+from tests.surfaces import severities
 
 TIME = np.arange(0, 120, 1 / RATE)
 RANDOM = np.random.default_rng(7).normal(size=(2, len(TIME)))
@@ -17,10 +17,6 @@ STEPS = np.cos(np.cumsum(2 * np.pi * np.repeat(np.linspace(9.5, 10.5, 10), len(T
 SWEEP = np.cos(2 * np.pi * (8 + 4 / 240 * TIME) * TIME)
 BAND = butter(4, [5, 50], "band", fs=RATE, output="sos")
 READERS = {"stepped": from_stepped_sine, "swept": from_swept_sine}
-
-
-def codes(findings: tuple[Finding, ...]) -> dict[str, str]:
-    return {finding.code: finding.severity for finding in findings}
 
 
 def blows() -> np.ndarray:
@@ -49,12 +45,12 @@ def test_what_is_no_sine_is_refused(reader: str, force: np.ndarray) -> None:
 def test_an_ordinary_test_is_not_doubted(reader: str, force: np.ndarray, noise: float) -> None:
     x = response_to(force)
     history = TimeHistory(RATE, force + noise * RANDOM[0], x + noise * np.std(x) * RANDOM[1])
-    found = codes(READERS[reader](history).findings)
+    found = severities(READERS[reader](history))
     assert "power-not-at-lines" not in found
     assert "doubt" not in found.values()
 
 
 @pytest.mark.parametrize(("reader", "force"), [("stepped", STEPS), ("swept", SWEEP)])
 def test_a_response_that_does_not_answer_the_force_is_a_doubt(reader: str, force: np.ndarray) -> None:
-    found = READERS[reader](TimeHistory(RATE, force, RANDOM[1])).findings
-    assert codes(found)["power-not-at-lines"] == "doubt"
+    found = READERS[reader](TimeHistory(RATE, force, RANDOM[1]))
+    assert severities(found)["power-not-at-lines"] == "doubt"

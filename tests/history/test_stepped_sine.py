@@ -6,13 +6,10 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from scipy.signal import cont2discrete, lfilter
 
 from rsgen.data.history import TimeHistory, from_stepped_sine
 from rsgen.data.history.stepped_sine import fit_sine, refine_frequency
-
-MASS, DAMPING, STIFFNESS = 1.5, 1.9, 1.5 * (2 * np.pi * 10) ** 2
-RATE = 500.0
+from tests.history.test_decay import MASS, RATE, STIFFNESS, response_to
 
 HELD = 2e-3
 """Straight lines between 50 samples a period make the fundamental smaller by (pi/50)^2/3, or 0.13 %."""
@@ -23,8 +20,7 @@ def stepped(frequencies: np.ndarray, levels: np.ndarray, dwell: float) -> tuple[
     omega = 2 * np.pi * np.repeat(frequencies, int(dwell * RATE)) / RATE
     phase = np.cumsum(omega) - omega
     force = np.repeat(levels, int(dwell * RATE)) * np.sin(phase)
-    above, below, _ = cont2discrete(([1.0], [MASS, DAMPING, STIFFNESS]), 1 / RATE, "foh")
-    return force, lfilter(above.ravel(), below, force)
+    return force, response_to(force)
 
 
 @pytest.mark.slow
@@ -38,7 +34,7 @@ def test_steps_of_frequency_are_found_and_their_points_lie_on_the_receptance() -
     assert surface.levels.tolist() == [3.0]
     assert surface.settled.all()
     dynamic = surface.force / surface.harmonics[:, 1]
-    exact = STIFFNESS - MASS * surface.omega**2 + 1j * surface.omega * DAMPING
+    exact = STIFFNESS - MASS * surface.omega**2 + 1j * surface.omega * 1.9
     assert np.max(np.abs(dynamic / exact - 1)) < HELD + 5e-3 / 2
 
 

@@ -16,7 +16,7 @@ from tests.pins.grids import FINE, FREQUENCIES, LEVELS, NOISE, small
 from tests.pins.pinned import ACCURACY, SWITCHED, Pin, Tree
 from tests.pins.trees import series
 from tests.samples import cubic_surface
-from tests.surfaces import LAWS, MASS, noisy
+from tests.surfaces import LAWS, MASS, noisy, without_phase
 
 HELD = np.array([2e-3, 6e-3, 1.2e-2])
 """Amplitudes [m] of tests that hold them."""
@@ -63,14 +63,6 @@ def identified(mode: str, mass: float | None = None, law: str = "hardening") -> 
         "levels": series(found.levels, entries=1),
         "level_unit": found.curve.level_unit,
     }
-
-
-def bare(read: ResponseSurface) -> ResponseSurface:
-    """Return what stays of a test without phases."""
-    return ResponseSurface(
-        read.level, read.frequency, np.abs(read.force), read.amplitude, phase_known=False,
-        control=read.control,
-    )  # fmt: skip
 
 
 def tree_of_table(table: rsgen.ModalTable) -> Tree:
@@ -129,7 +121,7 @@ PINS = {
     "modal/phase-given-mass": Pin(lambda: modal(simulated("phase"), mass=MASS)),
     "modal/phase-lags": Pin(lambda: modal(simulated("phase-lags"))),
     # resonances without phases: amplitude and frequency a level
-    "modal/lag-assumed": Pin(lambda: tree_of_table(rsgen.modal_table(bare(simulated("phase"))))),
+    "modal/lag-assumed": Pin(lambda: tree_of_table(rsgen.modal_table(without_phase(simulated("phase"))))),
     "modal/base": Pin(lambda: modal(simulated("base-acceleration"))),
     "modal/coulomb": Pin(lambda: modal(small("coulomb")), SWITCHED),
 }

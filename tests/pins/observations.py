@@ -12,6 +12,7 @@ import numpy as np
 import rsgen
 from rsgen.data.oscillator import BACKGROUNDS, OFFSET
 from rsgen.data.surface import ResponseSurface
+from tests import surfaces
 from tests.fitting.test_repeats import repeated
 from tests.identification.test_across import ELEMENTS, GAUGE, driven_by_a_sine, seen_by, two_masses
 from tests.pins import pinned, trees
@@ -65,12 +66,10 @@ def whole(law: str, mass: float | None = None) -> Tree:
 
 def without_phase(law: str, kind: str = "none") -> Tree:
     """The law identified from amplitudes of force and response."""
-    seen = beside(kind, law)
-    bare = ResponseSurface(
-        seen.level, seen.frequency, np.abs(seen.force), seen.amplitude, sweep="rest", phase_known=False
-    )
     about = rsgen.Observation(background=kind)  # type: ignore[arg-type]
-    return trees.identification(rsgen.identify(bare, LAWS[law][0], about))
+    return trees.identification(
+        rsgen.identify(surfaces.without_phase(beside(kind, law)), LAWS[law][0], about)
+    )
 
 
 def _about(about: rsgen.Observation) -> Tree:

@@ -386,11 +386,7 @@ def _exact(name: str) -> ResponseSurface:
 
 
 def _without_phases(name: str, seed: int) -> ResponseSurface:
-    table = noisy(_exact(name), NOISE, seed)
-    size = np.abs(table.force)
-    return ResponseSurface(
-        table.level, table.frequency, size, table.amplitude, sweep="rest", phase_known=False
-    )
+    return without_phase(noisy(_exact(name), NOISE, seed))
 
 
 @pytest.mark.slow
@@ -492,9 +488,6 @@ def test_the_command_ranks_a_surface(tmp_path: Path, run_cli: Callable[..., Answ
     ]
     low, high = answer["best"]["k3"]["interval"]
     assert high - low == pytest.approx(float(values[2][4]) - float(values[2][2]), rel=0.05)
-
-
-# ---------------------------------------------------------------- real files
 
 
 # ---------------------------------------------------------------- candidates of a user
