@@ -176,14 +176,54 @@ def test_a_second_stop_that_no_motion_reaches_has_no_effect_on_the_others() -> N
 
 
 @pytest.mark.slow
-def test_stops_on_one_side_and_on_both_tie_where_no_mean_was_recorded() -> None:
+def test_stops_on_one_side_and_on_both_are_told_apart_by_levels_without_their_mean() -> None:
     table = _stopped(1)
     harmonics = np.array(table.harmonics)
     harmonics[:, 0] = np.nan
     ranking = rank(changed(table, harmonics=harmonics), [laws[name] for name in (*_SIDES, *_BESIDE)])
-    stops = {f"{name} + quadratic-damper" for name in _SIDES[:3]}
-    assert stops <= {candidate.name for candidate in ranking if candidate.tied}
-    assert any("laws" in f.names for f in ranking.findings if f.code == "laws-not-separated")
+    assert ranking.candidates[0].name == "one-sided-stop + quadratic-damper"
+    assert not {candidate.name for candidate in ranking if candidate.tied} & {
+        "two-sided-stop + quadratic-damper",
+        "dead-zone + quadratic-damper",
+    }
+
+
+_GAPS = {"k": 9e3, "c": 3.1, "kg": 2.4e4, "b": 4e-4}, 0.9, (13, 24)
+_STOP = {"k": 4.1e4, "c": 6.2, "kg": 2.6e4, "b": 3e-4}, 1.85, (20, 29)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("law", "of", "force", "found"),
+    [
+        ("Max(x - b, 0) + Min(x + b, 0)", _GAPS, 1.5, {"dead-zone"}),
+        ("Max(x - b, 0) + Min(x + b, 0)", _GAPS, 2.0, {"dead-zone"}),
+        ("Max(x - b, 0)", _GAPS, 1.5, {"one-sided-stop"}),
+        ("Max(x - b, 0)", _STOP, 6.0, {"one-sided-stop"}),
+        # the gap is a thirtieth of the amplitude
+        ("Max(x - b, 0)", _STOP, 10.0, {"one-sided-stop", "dead-zone"}),
+    ],
+)
+def test_stops_are_found_or_tie_at_one_level_of_fundamentals(
+    law: str, of: tuple[dict[str, float], float, tuple[float, float]], force: float, found: set[str]
+) -> None:
+    values, mass, band = of
+    oscillator = rsgen.Oscillator(mass, f"k*x + c*v + kg*({law})", values)
+    grid = [force], np.linspace(*band, 56)
+    table = rsgen.simulate(
+        oscillator, rsgen.SimulatedTest(*grid, harmonics=1, noise_relative=NOISE / 2, seed=1)
+    )
+    ranking = rank(changed(table, harmonics=table.harmonics * [np.nan, 1]))
+    best = ranking.candidates[0]
+    assert best.name in found
+    assert ranking.fits
+    tied = {candidate.name for candidate in ranking if candidate.tied}
+    assert tied & {"one-sided-stop", "dead-zone"} == found
+    if len(found) == 1:
+        assert best.values["k_"] == pytest.approx(values["kg"], rel=0.05)
+    else:
+        (same,) = [f.names for f in ranking.findings if "laws" in f.names]
+        assert "dead-zone" in same["laws"]
 
 
 # ---------------------------------------------------------------- none of these fits

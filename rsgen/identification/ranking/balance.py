@@ -320,6 +320,11 @@ class WhitenedBalance(ABC):
         """True if neither phases nor harmonics were recorded."""
         return False
 
+    @property
+    def odd_alone(self) -> bool:
+        """True if neither the mean nor an even harmonic was recorded."""
+        return False
+
     @abstractmethod
     def project(self, forces: Array) -> Array:
         """Return the rows (n, r, j) of j forces (motions, samples, j) along the trajectory."""
@@ -374,6 +379,11 @@ class PointBalance(WhitenedBalance):
     def amplitudes_alone(self) -> bool:
         """True if neither phases nor harmonics were recorded."""
         return not self.compared[2]
+
+    @property
+    def odd_alone(self) -> bool:
+        """True if neither the mean nor an even harmonic was recorded."""
+        return not self.compared[::4].any()
 
     def project(self, forces: Array) -> Array:
         """Return the rows (n, 2H+1, j) of j forces (n, samples, j) along the trajectory; others are 0."""

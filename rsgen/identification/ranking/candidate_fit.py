@@ -327,6 +327,10 @@ class Round(ABC):
         """Exclude a few points that a law misses by far; None where there are none."""
         return None
 
+    def leader_of(self, other: Round) -> CandidateFit:
+        """Return the leader of another round in units of the noise of this one; large at lost points."""
+        return other.leader
+
     @abstractmethod
     def relative(self, residual: Array) -> float:
         """Return the root mean square of a residual (n, r) relative to force and response [1]."""

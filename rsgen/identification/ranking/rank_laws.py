@@ -147,22 +147,23 @@ def _all_rounds(
     """Run rounds of laws without memory, and if their best has a misfit beyond noise, rounds of all laws.
 
     Laws without memory are ranked first, because the reference motion of a hysteretic law would bias them. So
-    would a mean that was not recorded, of a law that is not odd: of amplitudes alone all laws are compared
-    along the motion of an odd one, where one fits.
+    would a mean that was not recorded, of a law that is not odd: without mean and even harmonics all laws are
+    compared along the motion of an odd one, where one fits.
     Hysteretic laws compete with one without memory only where that leaves a misfit.
     """
     plain = tuple(term for term in terms if not term.remembers)
-    stages = [(plain, plain), (terms, terms)]
-    if test.first.amplitudes_alone:
-        stages[:0] = [(tuple(term for term in kind if term.law.odd), kind) for kind, _ in stages]
+    stages = [(given, plain, terms_in_sum), (given, terms, terms_in_sum)]
+    if test.first.odd_alone:
+        odd = tuple(law for law in given if law.law.odd), tuple(term for term in plain if term.law.odd)
+        stages[:0] = [(*odd, 1), (given, plain, 1), (*odd, terms_in_sum)]
     rounds: list[_Compared] = []
     fault: RsgenError | None = None
-    tried = set[tuple[Term, ...]]()
-    for allowed, kind in stages:
-        if allowed in tried:
+    tried = set[object]()
+    for stage in stages:
+        if stage in tried or not (stage[0] or stage[1]):
             continue
-        tried.add(allowed)
-        entries = Candidates(given, allowed, test.fixed, terms_in_sum)
+        tried.add(stage)
+        entries = Candidates(*stage[:2], test.fixed, stage[2])
         try:
             candidates = entries.search(test.first, rounds[-1].found[:_LEADERS] if rounds else [])
             rounds += _rounds(test, entries.fit(candidates, test.first, first=True)[0], entries)
@@ -170,8 +171,8 @@ def _all_rounds(
             fault = refused
             continue
         best = _best_round(rounds)
-        if len(allowed) < len(kind) and not best.round.misfit(best.found[0]).unexplained:
-            return [_compare(best.round, replace(entries, terms=kind), best.found)]
+        if stage not in stages[-2:] and not best.round.misfit(best.found[0]).unexplained:
+            return [_compare(best.round, Candidates(given, plain, test.fixed, terms_in_sum), best.found)]
         if best.misfit <= MISFIT_NEGLIGIBLE:
             break
     if fault is not None and not rounds:
@@ -274,8 +275,11 @@ def _ranking(
     """Order the candidates, merge laws of the user with equal ones of the library, and assess the best."""
     current, fixed, found = last.round, test.fixed, None
     candidates, own = _merge_equal_laws(last.found, current.rows, given)
+    bic = [fit.bic() for fit in candidates]
+    if test.first.odd_alone:
+        bic = _compare_along_own(test, current, candidates)
     error = [current.relative(fit.held_out_residual) for fit in candidates]
-    bic, count = [fit.bic() for fit in candidates], [len(fit.candidate.values) for fit in candidates]
+    count = [len(fit.candidate.values) for fit in candidates]
     fault: RsgenError | None = None
     identified: dict[int, Identification] = {}
     for _ in candidates:
@@ -361,6 +365,36 @@ def _ranking(
         surface,
         found,
     )
+
+
+def _compare_along_own(test: RankedTest, current: Round, candidates: list[CandidateFit]) -> list[float]:
+    """Fit laws with another mean than the law of the motion along their own motions, in place; return BIC.
+
+    Along a motion without a mean a law is compared by its odd part: a stop on one side is one on both sides
+    of half the stiffness. So compared are the best odd and the best other law for each number of parameters,
+    up to one more than that of the law of the motion, and the simplest that tie with this; what others gain
+    along it counts for nothing.
+    """
+    leader = current.leader.candidate
+    laws, bic = [fit.candidate for fit in candidates], [fit.bic() for fit in candidates]
+    same = [law.law.odd if leader.law.odd else law.name == leader.name for law in laws]
+    least = max((value for value, law in zip(bic, laws, strict=True) if law.name == leader.name), default=0.0)
+    kind = {i: (len(law.values), law.law.odd) for i, law in enumerate(laws) if not same[i]}
+    first = {kind[i]: i for i in sorted(kind, key=lambda i: -bic[i]) if kind[i][0] <= len(leader.values) + 1}
+    for i in kind:
+        bic[i] = max(bic[i], least)
+    near = sorted((i for i in kind if bic[i] < least + _STRONG_EVIDENCE), key=lambda i: (kind[i], bic[i]))
+    for i in {*first.values(), *near[:_LEADERS]}:
+        fits, law = list[CandidateFit](), laws[i]
+        # a few steps lead from one mean to another; where they end is known if they stay there
+        while len(fits) < 2 and (own := test.along(law, current)) is not None:
+            law = own.leader.candidate
+            fits.append(current.leader_of(own))
+        ends = [fit.bic() for fit in fits]
+        stays = len(ends) == 2 and abs(ends[1] - ends[0]) < _STRONG_EVIDENCE
+        if stays or min(ends, default=np.inf) < bic[i]:
+            bic[i], candidates[i] = min(ends), fits[int(np.argmin(ends))]
+    return bic
 
 
 def _lacks(smaller: CandidateFit, larger: CandidateFit, names: Collection[str]) -> bool:

@@ -232,7 +232,7 @@ def _simulated_reference(best: CandidateLaw, found: Fit, fixed: Mapping[str, flo
         out = None if leader.fault else outliers_of(leader, noise)
         if out is not None and out.any():
             leader = fit_candidate(candidate, rows.select(np.flatnonzero(~out)), fixed)
-        if leader.fault:
+        if leader.fault or not leader.candidate.values["m"] > 0:
             return reference
         values = reference.law.ordered(leader.candidate.values)
         inertia = leader.candidate.values["m"]
@@ -397,6 +397,25 @@ class PointRound(Round):
         )
         reference = self.reference.select(inside)
         return replace(self, reference=reference, rows=self.rows.select(inside), leader=leader)
+
+    def leader_of(self, other: Round) -> CandidateFit:
+        """Return the leader of another round in units of the noise of this one; large at lost points."""
+        if not isinstance(other, PointRound):
+            return other.leader
+        mine, theirs = self.reference.chosen, other.reference.chosen
+        count = min(len(self.noises), len(other.noises))
+        ratio = np.repeat(other.noises[:count] / self.noises[:count], 2)[1:]
+        inside, place = np.isin(mine, theirs), np.isin(theirs, mine)
+
+        def move(residual: Array) -> Array:
+            moved = np.zeros((len(mine), len(self.rows.compared)))
+            moved[inside, : len(ratio)] = residual[place, : len(ratio)] * ratio
+            moved[~inside] = 1 / self.noise
+            return moved
+
+        fit = other.leader
+        residual, held_out = move(fit.residual), move(fit.held_out_residual)
+        return replace(fit, residual=residual, held_out_residual=held_out, compared=self.rows.compared)
 
     def relative(self, residual: Array) -> float:
         """Return the root mean square of the compared rows of a residual, relative to force and response."""
