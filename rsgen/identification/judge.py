@@ -44,6 +44,7 @@ from rsgen.identification.misfit import (
     mirror_findings,
     misfit_findings,
     relative_misfit,
+    stop_findings,
     symmetric_shift,
     unseen_findings,
     widen_squares,
@@ -406,6 +407,7 @@ def judge(test: Prepared, model: Model, refined: Fit) -> Identification:
             *about,
             *law_remarks(model.force),
             *mirror_findings(test.problem, known, symmetric),
+            *stop_findings(refined, units),
             *collected,
         ),
     )

@@ -55,6 +55,7 @@ from rsgen.identification.terms import (
     fit_near,
     law_with,
     share_left_by,
+    stop_elsewhere,
     with_largest_background,
     with_terms,
 )
@@ -520,6 +521,15 @@ def mirror_findings(problem: Problem, known: Collection[str], symmetric: Array) 
     if symmetric.any():
         said = {"background": BACKGROUNDS[-2]}
     return (Finding("mirror-image-fits", "warning", names=said),)
+
+
+def stop_findings(fit: Fit, units: Mapping[str, str]) -> tuple[Finding, ...]:
+    """Find that a stop on the other side, too, or on one side alone fits as well or better."""
+    if (other := stop_elsewhere(fit)) is None:
+        return ()
+    side, name, value = other
+    numbers = {"value": Quantity(value, units[name])}
+    return (Finding("mirror-image-fits", "doubt", name, numbers, {"side": side}),)
 
 
 def symmetric_shift(fit: Fit) -> Array:

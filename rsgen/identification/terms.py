@@ -14,11 +14,12 @@ from functools import lru_cache
 from itertools import count
 
 import numpy as np
+import sympy
 from numpy.typing import NDArray
 
 from rsgen.common.arrays import Array
 from rsgen.common.solvers import solve_scaled
-from rsgen.common.tolerances import NEAR_STEPS, START_HARMONICS, SUBSAMPLE_POINTS
+from rsgen.common.tolerances import NEAR_STEPS, START_HARMONICS, SUBSAMPLE_POINTS, interval_sigmas
 from rsgen.data.oscillator import BACKGROUNDS, OFFSET
 from rsgen.dynamics.linear_part import BackgroundTerms, background_terms
 from rsgen.formula.names import symbol
@@ -27,7 +28,7 @@ from rsgen.identification.fitting.fit import Fit, fit_balance, linearise_extende
 from rsgen.identification.fitting.least_squares import Alternative, Rules, alternatives
 from rsgen.identification.fitting.observed import Observed, Problem
 from rsgen.identification.results.estimates import Agreement
-from rsgen.identification.starting.start import start_fit
+from rsgen.identification.starting.start import records_even, start_fit
 from rsgen.law.element import Element, make_element
 from rsgen.law.numeric import ForceLaw
 
@@ -243,3 +244,46 @@ def even_force_shift(fit: Fit) -> tuple[float, Array]:
     free = free[free != place]
     moved[free] = solve_scaled(rows[:, free], column)[0]
     return float(parameters[place]), np.delete(moved, place)
+
+
+def stop_elsewhere(fit: Fit) -> tuple[str, str, float] | None:
+    """Return if a stop on "one" side or on "both" fits as well as that of the law, and its stiffness.
+
+    Fundamentals show the odd part of a stop, which is as large for one on one side as for one of half the
+    stiffness on both; only by what its mean does to the shape of the resonance they differ.
+
+    Returns
+    -------
+    side, name, value
+        Where the other stop is, and the name and the value of its stiffness; None if no other fits.
+    """
+    few = fit.select(np.flatnonzero(fit.regression.used))
+    problem, law, x = few.problem, few.problem.law, symbol("x")
+    if (
+        records_even(problem)
+        or law.remembers
+        or law.acts_across
+        or not (law.rough and fit.regression.converged)
+    ):
+        return None
+    gaps = {symbol(law.parameters[i]) for i in law.nonlinear}
+    stops = sympy.Add(*(p for p in sympy.Add.make_args(law.expression.expand()) if p.free_symbols & gaps))
+    values, mass, background = problem.split(few.regression.parameters)
+    numbers = {symbol(name): value for name, value in zip(law.parameters, values, strict=True)}
+    largest = float(problem.observed.points.amplitude.max())
+    reached = [stops.xreplace(numbers).xreplace({x: sympy.Float(sign * largest)}) for sign in (1, -1)]
+    if symbol("v") in stops.free_symbols or not any(reached) or (all(reached) and not law.odd):
+        return None
+    even, sizes = stops.xreplace({x: sympy.Abs(x)}), np.ones(len(values))
+    other = (stops + even) / 2 if law.odd else stops - stops.xreplace({x: -x})
+    stiff = [i for i in law.linear if symbol(law.parameters[i]) in stops.free_symbols]
+    sizes[stiff] = 2.0 if law.odd else 0.5
+    elements = (make_element("stop elsewhere", law.expression - stops + other),)
+    trial = replace(problem, elements=elements, law=law_of(elements), frozen=())
+    start = trial.join(values * sizes, mass, background)
+    found = fit_balance(trial, start, order=max(few.order, START_HARMONICS), exclude=False, correct=False)
+    cost, least = (float(np.sum(one.regression.residual**2)) for one in (found, few))
+    worse = (cost - least) / max(few.regression.noise, 1e-300) ** 2
+    if not (stiff and found.regression.used.all() and worse < interval_sigmas() ** 2):
+        return None
+    return "one" if law.odd else "both", law.parameters[stiff[0]], float(found.values[stiff[0]])

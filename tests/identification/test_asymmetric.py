@@ -100,6 +100,23 @@ def test_a_stop_on_the_wrong_side_is_told_that_its_mirror_image_fits():
     assert 2e-3 < missed["left"] < 5e-3 < missed["misfit"]
 
 
+@pytest.mark.parametrize(
+    ("levels", "others"), [((3.0,), {"both": None, "one": 2.6e4}), ((10.0,), {"both": 1.3e4, "one": 2.6e4})]
+)
+def test_fundamentals_tell_a_stop_on_one_side_from_stops_on_both_or_say_that_they_do_not(levels, others):
+    sides = {"both": "Max(x - b, 0)", "one": "Max(x - b, 0) + Min(x + b, 0)"}
+    values = {"k": 4.1e4, "kg": 2.6e4, "b": 3e-4, "c": 6.2}
+    full = table(f"k*x + c*v + kg*({sides['both']})", values, levels, 56, 1, (22.5, 32))
+    measured = fundamental(full, 5e-3, force=full.force)
+    for other, law in sides.items():
+        found = identify(measured, f"k*x + c*v + kg*({law})")
+        said = [f for f in found.findings if f.code == "mirror-image-fits" and "side" in f.names]
+        assert [f.names["side"] for f in said] == [other] * (others[other] is not None)
+        assert (found.verdict.state == "identified") == (not said)
+        for finding in said:
+            assert finding["value"] == pytest.approx(others[other], rel=0.15)
+
+
 def test_a_one_sided_spring_and_a_mode_beside_the_band_are_told_apart_by_harmonics():
     """The fundamental shows either; with a mode below the band kb was 30 300 +- 640 N/m for 3100."""
     law, values = "k*x + c*v + kb*Max(x, 0)", {"k": 15400.0, "kb": 3100.0, "c": 2.95}
