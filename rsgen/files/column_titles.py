@@ -21,6 +21,7 @@ if TYPE_CHECKING:
 _UNIT_TOLERANCE = 1e-3
 """Units closer than this, relatively, are one: 9.81 and 9.80665 m/s^2 for g."""
 _VOLTAGES = ("V", "mV")
+_ANGLES = {"deg": "deg", "°": "deg", "rad": "rad"}
 
 
 def contradiction(file: str, column: str, unit: str, title: str) -> Finding:
@@ -43,9 +44,14 @@ def unit_doubts(
     channel
         A channel of the test.
     """
+    found = []
+    if channel.phase is not None:
+        title = unit_in(titles.get(channel.phase, ""))
+        if title in _ANGLES and _ANGLES[title] != channel.phase_unit:
+            found.append(contradiction(file, titles[channel.phase], channel.phase_unit, title))
     if channel.unit is None or channel.factor != 1 or not test.calibrated:
-        return []
-    found, target = [], test.unit_of(channel)
+        return found
+    target = test.unit_of(channel)
     for column in channel.columns:
         title = unit_in(titles.get(column, ""))
         try:
@@ -116,7 +122,9 @@ def split_title(title: str) -> tuple[str, str]:
         name, unit = text[: begin - 1].rstrip(), text[begin:-1].strip()
         if _MANNER.fullmatch(unit):
             return split_title(name)
-        argument = _FUNCTION.search(name) and not re.fullmatch(_NAMED, unit.partition("/")[0].strip("( "))
+        argument = _FUNCTION.search(name) and not re.fullmatch(
+            rf"{_NAMED}|°", unit.partition("/")[0].strip("( ")
+        )
         return (text, "") if argument else (name, unit)
     if found := _BEHIND.search(text):
         return text, (found[1] or found[2]).replace("_per_", "/")

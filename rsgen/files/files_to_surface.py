@@ -412,8 +412,9 @@ def _amplitudes(test: MeasuredTest) -> ResponseSurface:
     drive, size = np.abs(_drive(test, force, frequency)), np.abs(displacement)
     level = assign_levels(test, frequency, drive, size, run, block, files)
     followed = test.control == "continuation"
-    if not test.driven:
-        by = {"by": "ratio"} if test.per_force else {}
+    nominal = test.level.column is not None and np.array_equal(drive, np.concatenate(levels))
+    if nominal or not test.driven:
+        by = {"by": "ratio"} if test.per_force else {"by": "equality"} if test.driven else {}
         signal = "force" if test.base is None else "base"
         findings.append(Finding("not-recorded", "warning", names={"signal": signal, **by}))
     surface = ResponseSurface(

@@ -85,6 +85,11 @@ def fit_all_harmonics(problem: Problem, start: Array) -> Fit:
             and 2 * RESOLUTION * _ACCURACIES[-1] < found.regression.noise < MISFIT_OF_NOISE
         ):
             found = _add_harmonics(found)
+    if needs_simulator and not found.regression.converged:
+        # the balance was left after a step, and the simulator did not take it up
+        found = fit_balance(
+            problem, found.regression.parameters, order=found.order, compared=BALANCE_HARMONICS
+        )
     return found
 
 
@@ -199,6 +204,7 @@ def _add_harmonics(followed: Fit) -> Fit:
     return min(followed, balanced, key=lambda found: found.regression.noise)
 
 
+@np.errstate(all="ignore")
 def identify(
     surface: ResponseSurface | MultisineSpectra,
     law: Model | LawLike | Sequence[LawLike],

@@ -22,8 +22,8 @@ from rsgen.common.tolerances import (
     SUBSAMPLE_POINTS,
 )
 from rsgen.data.oscillator import Model, refuse_across
-from rsgen.data.surface import ResponseSurface
 from rsgen.data.surface.plausibility import plausibility_findings
+from rsgen.data.surface.response_surface import NOT_MEASURED, ResponseSurface
 from rsgen.dynamics.linear_part import background_terms
 from rsgen.formula.units import UNCALIBRATED, ForceUnits
 from rsgen.identification.fitting.across import law_of
@@ -217,7 +217,7 @@ class Findings:
             found.append(Finding("not-calibrated", "info"))
         # the reading counts those that it excluded, and those without a number
         said = sum(int(f["excluded"]) for f in self.surface.findings if f.code == "points-excluded")
-        measured = np.isfinite(self.surface.harmonics[:, 1]) & np.isfinite(self.surface.force)
+        measured = self.surface.outcome != NOT_MEASURED
         unsettled = int(np.count_nonzero(~self.surface.settled & measured)) - said
         if unsettled > 0:
             numbers = quantities(excluded=unsettled, points=len(self.surface))

@@ -7,8 +7,9 @@ import pytest
 
 from rsgen.common.finding import Finding
 from rsgen.data.free_mode import estimate_mass, steady
-from rsgen.data.oscillator import Model, Observation
+from rsgen.data.oscillator import Model, Observation, Oscillator
 from rsgen.data.surface import ResponseSurface
+from rsgen.dynamics.simulation import SimulatedTest, simulate
 from rsgen.identification.fitting.points import select_points
 from rsgen.identification.identify import identify
 from rsgen.identification.resonance import find_resonances
@@ -194,6 +195,16 @@ LINEAR = {"k": 5920.0, "kn": 0.0, "c": 3.8}
 
 INTERPOLATED = 1e-3
 """Straight lines between points 0.1 Hz apart, a quarter of the width of the resonance."""
+
+
+def test_a_fit_that_the_simulator_does_not_take_up_ends_at_its_least_misfit(monkeypatch):
+    # of many points the balance stops after a step where the simulator is to follow
+    monkeypatch.setattr("rsgen.identification.identify._refit_with_simulator", lambda balanced: balanced)
+    rig = Oscillator(1.0, "k*x + k3*x**3 + c*v + Ff*sign(v)", {"k": 2e4, "k3": 2e7, "c": 4.0, "Ff": 0.2})
+    table = noisy(simulate(rig, SimulatedTest([2.0, 6.0], np.linspace(18, 28, 450))), 1e-3, 1)
+    found = identify(table, Model(rig.elements))
+    assert found.fit.regression.converged
+    assert {estimate.name for estimate in found if estimate.identifiable} == {"m", "k", "k3", "c", "Ff"}
 
 
 def test_linear_structure_has_one_resonance_at_every_level():

@@ -11,7 +11,7 @@ import pytest
 
 from rsgen.common.errors import MeasurementError
 from rsgen.data.surface import ResponseSurface
-from rsgen.files import Channel, Layout, MeasuredTest, read_measurement
+from rsgen.files import Channel, Layout, LevelRule, MeasuredTest, read_measurement
 from rsgen.files.column_titles import is_angular, unit_in
 from rsgen.files.text_columns import read_columns
 
@@ -97,6 +97,24 @@ def test_units_of_a_header_hold_where_the_case_says_none(tmp_path):
     assert surface.frequency[0] == 1000
     assert (abs(surface.force[0]), surface.amplitude[0]) == pytest.approx((2e-3, 3e-3))
     assert [found.code for found in surface.findings] == ["unit-of-file"] * 3
+
+
+def test_an_angle_read_in_another_unit_than_its_title_is_doubted(tmp_path):
+    for title, unit in (("phase_deg", "rad"), ("arg(X)/rad", "deg"), ("Phase (°)", "rad"), ("phase", "rad")):
+        path = text(tmp_path / "a.csv", f"f_Hz,F_N,x_m,{title}\n1,1,3,0.5\n2,1,4,0.6\n")
+        channel = Channel(amplitude="x_m", phase=4, phase_unit=unit)
+        surface = read_measurement(MeasuredTest(path, 1, Channel(amplitude="F_N"), channel, "displacement"))
+        doubts = [found.code for found in surface.findings if found.severity == "doubt"]
+        assert doubts == ["unit-contradicts-title"] * (title != "phase"), title
+        assert not [f for f in surface.findings if f.code == "not-recorded"]
+
+
+def test_a_column_of_levels_that_is_the_force_is_no_recorded_force(tmp_path):
+    path = text(tmp_path / "a.csv", "f_Hz,F_N,x_m\n1,2,3\n2,2,4\n1,5,7\n2,5,9\n")
+    signals = Channel(amplitude="F_N"), Channel(amplitude="x_m")
+    test = MeasuredTest(path, 1, *signals, "displacement", level=LevelRule(column="F_N"), phase_known=False)
+    (found,) = (f for f in read_measurement(test).findings if f.code == "not-recorded")
+    assert found.names == {"signal": "force", "by": "equality"}
 
 
 @pytest.mark.parametrize(

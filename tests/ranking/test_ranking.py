@@ -14,6 +14,7 @@ import pytest
 
 import rsgen
 from rsgen.cases import load_case
+from rsgen.common.finding import Finding
 from rsgen.data.oscillator import Model, Observation
 from rsgen.data.surface import ResponseSurface, save_surface
 from rsgen.formula import parse
@@ -613,6 +614,18 @@ def test_a_term_that_its_identification_does_not_tell_from_zero_is_not_first() -
     assert [candidate.parameters for candidate in ranking] == [4, 5]
     assert [candidate.tied for candidate in ranking] == [True, True]
     assert ranking.verdict.state == ranking.best.verdict.state == "identified"
+
+
+def test_two_laws_that_a_test_does_not_tell_apart_both_stand_and_doubts_about_the_data_come_first() -> None:
+    rig = rsgen.Oscillator(1.35, "k*x + k3*x**3 + c*v", {"k": 1.1e4, "k3": -6e6, "c": 2.6})
+    grid = np.linspace(11.0, 17.0, 40)
+    table = noisy(rsgen.simulate(rig, rsgen.SimulatedTest([1.0, 3.0], grid)), 0.01, 3)
+    ranking = rank(table, ["k*x + k3*x**3 + c*v", "k*sin(a*x)/a + c*v"])
+    assert [candidate.tied for candidate in ranking.candidates] == [True, True]
+    doubt = Finding("another-quantity", "doubt", names={"read": "", "is": "radian", "sure": "yes"})
+    wrong = changed(table, harmonics=np.conj(table.harmonics), findings=(doubt,))
+    assert [f.code for f in rank(wrong, ["k*x + c*v"]).findings][:1] == ["no-law-fits"]
+    assert doubt in rank(wrong, ["k*x + c*v"]).verdict.decided_by
 
 
 def test_laws_are_equal_by_their_normal_form_whatever_their_names() -> None:

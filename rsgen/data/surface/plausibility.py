@@ -325,7 +325,8 @@ def quantity_findings(surface: ResponseSurface, quantity: str | None = None) -> 
     passive = {name: misfit for name, (misfit, signs) in fits.items() if all(signs)}
     best = min(passive, key=lambda name: passive[name], default=None)
     ratio = _MAX_MISFIT_RATIO if any(signs) else _MAX_MISFIT_RATIO_IMPASSIVE
-    if best is None or passive[best] > ratio * misfit:
+    # what leaves most of the force is no better explanation, however wrong the reading is
+    if best is None or passive[best] > min(ratio * misfit, _MAX_MISFIT_RATIO):
         return
     sure = "yes" if passive[best] < _MAX_MISFIT_RATIO * misfit else "no"
     numbers = {"misfit": Quantity(misfit), "then": Quantity(passive[best])}
@@ -419,7 +420,7 @@ def _scale_findings(
         _fit(base, by * (1j * omega) ** order * response, absolute, omega, powers, of_law=True)
         for _, by, order in factors
     ]
-    limit = min(MISFIT_DOUBTFUL, _MAX_MISFIT_RATIO * misfit)
+    limit = _MAX_MISFIT_RATIO * min(misfit, _MAX_MISFIT_RATIO)
     sound = [
         (left, *factor)
         for (left, positive), factor in zip(fits, factors, strict=True)

@@ -103,7 +103,7 @@ OUTCOMES = (
 )
 """Outcomes of a test point; the table stores the index."""
 
-SWEPT_TOO_FAST, _NOT_MEASURED = 4, 5
+SWEPT_TOO_FAST, NOT_MEASURED = 4, 5
 
 
 @dataclass(frozen=True, slots=True, eq=False, init=False, repr=False)
@@ -261,7 +261,7 @@ class ResponseSurface(Records):
         if outcome is None:
             measured = np.isfinite(columns["force"]) & np.isfinite(columns["harmonics"][:, 1])
             measured &= np.isfinite(columns["across"][:, 1:2]).all(axis=1)
-            outcome = np.where(measured, 0, _NOT_MEASURED)
+            outcome = np.where(measured, 0, NOT_MEASURED)
             # exactly zero is what a channel gives that was not read
             silent = (columns["force"] == 0) | (columns["harmonics"][:, 1] == 0)
             silent |= (columns["across"][:, 1:2] == 0).any(axis=1)

@@ -71,6 +71,7 @@ class _Compared:
         return self.round.misfit(self.round.leader).systematic
 
 
+@np.errstate(all="ignore")
 def rank(
     surface: ResponseSurface | MultisineSpectra,
     candidates: Model | LawLike | Sequence[LawLike] | None = None,
@@ -345,10 +346,11 @@ def _ranking(
         )
         for fit in last.faulty
     ]
-    # what the identification says of the misfit the ranking does not say otherwise
+    # what the identification says of the misfit the ranking does not say otherwise; where no law fits, what
+    # the data say against themselves may be why
     doubts = [
         f
-        for f in (found.findings if found else ())
+        for f in (found.findings if found else surface.findings)
         if f.severity in ("doubt", "error") or f.code == "law-does-not-fit"
     ]
     if fault is not None:
