@@ -160,20 +160,29 @@ def group_runs(force: Array, frequency: Array, block: NDArray[np.int64]) -> Arra
     return group_levels(level, _MAX_LEVEL_SPREAD)[run]
 
 
-_FORCE_IN_NAME = re.compile(r"(?<![\d.,])(\d{1,30}(?:[.,]\d{1,30})?)(?=[ _-]?[munk]?N(?![A-Za-z]))")
+_NUMBER_IN_NAME = r"(?<![\d.,])(\d{1,30}(?:[.,]\d{1,30})?)"
 
 
-def level_form(names: Sequence[str]) -> str | None:
-    """Return the form of names with a force in newtons that is not the same in all; None where there is none.
+def level_form(names: Sequence[str], unit: str = "[munk]?N") -> str | None:
+    """Return the form of names with an amount that is not the same in all; None where there is none.
+
+    Parameters
+    ----------
+    names
+        Of the files of a test.
+    unit
+        A pattern of the unit behind the number, as "g" of a driven base.
 
     Examples
     --------
     >>> level_form(["rep1_2N_up.mat", "rep2_2N_down.mat", "rep1_0.5N_up.mat"])
     'rep*_{level}N_*.mat'
+    >>> level_form(["run_0.10g.mat", "run_0.31g.mat"], "g")
+    'run_{level}g.mat'
     >>> level_form(["load_cell_200N_1.mat", "load_cell_200N_2.mat"]) is None
     True
     """
-    split = [_FORCE_IN_NAME.split(name) for name in names]
+    split = [re.split(rf"{_NUMBER_IN_NAME}(?=[ _-]?{unit}(?![A-Za-z]))", name) for name in names]
     if any(len(parts) != 3 for parts in split) or len({parts[1] for parts in split}) < 2:
         return None
     sides = []

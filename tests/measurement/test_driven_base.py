@@ -9,7 +9,7 @@ import rsgen as rs
 from rsgen.data.history import SweepLaw
 from rsgen.data.oscillator import Oscillator
 from rsgen.data.surface.plausibility import base_findings
-from rsgen.files import Channel, HistoryRule, MeasuredTest, read_measurement
+from rsgen.files import Channel, HistoryRule, LevelRule, MeasuredTest, read_measurement
 from rsgen.files.signals import BaseRule
 from rsgen.law.element import make_element
 from rsgen.report.wording import sentence
@@ -130,3 +130,13 @@ def test_a_fast_sweep_of_a_base_names_no_mass(tmp_path):
     (fast,) = (f for f in read_measurement(test).findings if f.code == "sweep-rate")
     assert "mass" not in fast.numbers
     assert "there, per unit mass" in sentence(fast)
+
+
+@pytest.mark.parametrize(("quantity", "size"), [("acceleration", 9.80665), ("displacement", 1.0)])
+def test_a_number_before_g_in_a_name_is_an_acceleration_of_the_base(tmp_path, quantity, size):
+    base = BaseRule(Channel(amplitude=2, quantity=quantity), "relative")
+    level = LevelRule(name="run_{level}g.csv")
+    test = MeasuredTest(
+        tmp_path / "run_2g.csv", 1, None, Channel(amplitude=3), "displacement", level=level, base=base
+    )
+    assert test.factor("level") == pytest.approx(size)

@@ -133,7 +133,8 @@ def _drafted(files: list[Path], target: Path) -> str:
     if folder != target.parent:
         proposal.doubts["test.file"] = f"in {folder}: set {DATA_VARIABLE} or --data to it"
     proposal.tables["test"]["file"] = named if len(named) > 1 else named[0]
-    form = level_form([file.name for file in files])
+    names, in_g = [file.name for file in files], proposal.tables.get("test.base", {}).get("unit") == "g"
+    form = level_form(names, "g") if in_g else level_form(names)
     if form and not set(proposal.tables.get("test.level", {})) - {"value"}:
         proposal.tables["test.level"] = {"name": form}
         proposal.doubts["test.level.name"] = "by the names of the files, of which * is any part"
