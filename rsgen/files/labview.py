@@ -70,23 +70,23 @@ class _Reader:
         return MeasurementError(f"line {self.number}: {what}")
 
     def next(self) -> list[str] | None:
-        """Return the cells of the next line that is not blank; None at the end."""
+        """Return the cells of the next line that is neither blank nor in a special block; None at the end."""
+        special = False
         while self.number < len(self.lines):
             line = self.lines[self.number].rstrip("\r")
             self.number += 1
-            if line.strip() and line.strip(f"{self.sign} "):
-                return [cell.strip() for cell in line.split(self.sign)]
+            cells = [cell.strip() for cell in line.split(self.sign)]
+            if special or cells[0] == _SPECIAL[0]:
+                special = cells[0] != _SPECIAL[1]
+            elif any(cells):
+                return cells
         return None
 
     def head(self, cells: list[str] | None) -> dict[str, list[str]]:
         """Read lines of a key and what it says, up to the line that ends them."""
         found: dict[str, list[str]] = {}
         while cells is not None and cells[0] != _END:
-            if cells[0] == _SPECIAL[0]:
-                while cells is not None and cells[0] != _SPECIAL[1]:
-                    cells = self.next()
-            else:
-                found[cells[0]] = cells[1:]
+            found[cells[0]] = cells[1:]
             cells = self.next()
         if cells is None:
             raise self.fail(f"the file ends before {_END}, so it is cut off; send it again")
@@ -133,10 +133,6 @@ class _Reader:
         """Read the rows of a segment; return the first line of the next segment."""
         width = len(segment.names)
         while (cells := self.next()) is not None:
-            if cells[0] == _SPECIAL[0]:
-                while cells is not None and cells[0] != _SPECIAL[1]:
-                    cells = self.next()
-                continue
             first = cells[0]
             if first and not first[0].isdigit() and first[0] not in "+-.," and not MISSING.match(first):
                 return cells

@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
-from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -69,6 +69,10 @@ class Table:
     optional: tuple[str, ...] = ()
 
 
+_Says = Callable[[Any], str | Cell]
+"""What a column says of the item of a row."""
+
+
 def _digits(estimate: Estimate) -> int:
     """As many digits as the interval leaves meaning to, between 4 and 8."""
     low, high = estimate.interval
@@ -100,52 +104,57 @@ def _estimate_cell(estimate: Estimate | None, unit: str, interval: bool = False)
     return Cell(text, "; ".join(filter(None, [note, _remark(estimate)])))
 
 
+def _tabulated(caption: str, items: Iterable[Any], columns: Mapping[str, _Says]) -> Table:
+    """Make a table with a row for each item; a column is a heading and what stands below it for an item."""
+    rows = tuple(tuple(says(item) for says in columns.values()) for item in items)
+    return Table(caption, tuple(columns), rows)
+
+
 def verdict_table(comparison: Comparison) -> Table:
     """Hold every estimate against the truth; without truth, show the estimates with their intervals."""
     known = any(math.isfinite(row.true) for row in comparison.rows)
     judged = any(row.tolerance is not None for row in comparison.rows)
-    columns = [
-        "Parameter",
-        *(["True"] if known else []),
-        "Per level",
-        "First order",
-        f"Refined, {CONFIDENCE_TEXT} interval",
-    ]
-    columns += ["Error, refined", "Error, first order"] if known else ["Standard error"]
-    columns += ["Verdict"] if judged else []
+    columns: dict[str, _Says] = {"Parameter": lambda row: FORCE_KEYS.get(row.name, row.name)}
+    if known:
+        columns["True"] = _true_cell
+    columns |= {
+        "Per level": lambda row: _estimate_cell(row.paper, row.unit),
+        "First order": lambda row: _estimate_cell(row.first_order, row.unit),
+        f"Refined, {CONFIDENCE_TEXT} interval": lambda row: _estimate_cell(row.refined, row.unit, True),
+    }
+    if known:
+        columns["Error, refined"] = _error_cell
+        columns["Error, first order"] = lambda row: error_text(row.first_order_error)
+    else:
+        columns["Standard error"] = _relative_standard_error
+    if judged:
+        columns["Verdict"] = _verdict_cell
     shown = [row for row in comparison.rows if row.name not in FORCE_KEYS or row.tolerance is not None]
     shown.sort(key=lambda row: row.tolerance is None)  # what is judged comes first
-    rows = tuple(_verdict_row(row, known, judged) for row in shown)
     caption = "True against identified values" if known else "Identified values; no truth is known"
-    return Table(
-        f"{caption}. {_KINDS_OF_INTERVAL}",
-        tuple(columns),
-        rows,
-        ("Per level", "First order", "Error, first order"),
-    )
+    table = _tabulated(f"{caption}. {_KINDS_OF_INTERVAL}", shown, columns)
+    return replace(table, optional=("Per level", "First order", "Error, first order"))
 
 
-def _verdict_row(row: Row, known: bool, judged: bool) -> tuple[str | Cell, ...]:
-    cells: list[str | Cell] = [FORCE_KEYS.get(row.name, row.name)]
-    if known:
-        note = "largest over the tested range" if row.name in FORCE_KEYS else ""
-        cells.append(Cell(quantity_text(row.true, row.unit, 6) if math.isfinite(row.true) else "–", note))
-    cells += [
-        _estimate_cell(row.paper, row.unit),
-        _estimate_cell(row.first_order, row.unit),
-        _estimate_cell(row.refined, row.unit, interval=True),
-    ]
-    if known:
-        note = "" if row.tolerance is None else f"tolerance {error_text(row.tolerance, 1)}"
-        cells += [Cell(error_text(row.relative_error), note), error_text(row.first_order_error)]
-    else:
-        relative = row.refined.standard_error / abs(row.refined.value) if row.refined.value else math.nan
-        cells.append(error_text(relative))
-    if judged and row.tolerance is None:
-        cells.append(Cell("–", verdict="open"))
-    elif judged:
-        cells.append(Cell("within", verdict="yes") if row.passed else Cell("outside", verdict="no"))
-    return tuple(cells)
+def _true_cell(row: Row) -> Cell:
+    note = "largest over the tested range" if row.name in FORCE_KEYS else ""
+    return Cell(quantity_text(row.true, row.unit, 6) if math.isfinite(row.true) else "–", note)
+
+
+def _error_cell(row: Row) -> Cell:
+    note = "" if row.tolerance is None else f"tolerance {error_text(row.tolerance, 1)}"
+    return Cell(error_text(row.relative_error), note)
+
+
+def _relative_standard_error(row: Row) -> str:
+    refined = row.refined
+    return error_text(refined.standard_error / abs(refined.value) if refined.value else math.nan)
+
+
+def _verdict_cell(row: Row) -> Cell:
+    if row.tolerance is None:
+        return Cell("–", verdict="open")
+    return Cell("within", verdict="yes") if row.passed else Cell("outside", verdict="no")
 
 
 def estimate_table(identification: Identification) -> Table:
@@ -155,152 +164,106 @@ def estimate_table(identification: Identification) -> Table:
         for estimates in (identification.paper, identification.first_order)
     )
     biases = dict(zip(first, identification.first_order_bias, strict=False))
-    rows: list[tuple[str | Cell, ...]] = [
-        (
-            refined.name,
-            unit_text(refined.unit) or "–",
-            _estimate_cell(paper.get(refined.name), ""),
-            _estimate_cell(first.get(refined.name), "", interval=True),
-            number_text(bias, 2) if math.isfinite(bias) else "–",
-            _estimate_cell(refined, "", interval=True),
-            number_text(refined.standard_error, 2),
-        )
-        for refined in identification.refined
-        for bias in [biases.get(refined.name, math.nan)]
-    ]
-    rows += [
+    table = _tabulated(
+        f"All estimates in SI units. {_KINDS_OF_INTERVAL}",
+        identification.refined,
+        {
+            "Parameter": lambda one: one.name,
+            "Unit": lambda one: unit_text(one.unit) or "–",
+            "Per level": lambda one: _estimate_cell(paper.get(one.name), ""),
+            "First order": lambda one: _estimate_cell(first.get(one.name), "", interval=True),
+            "Its predicted bias": lambda one: _number_or_dash(biases.get(one.name, math.nan), 2),
+            "Refined": lambda one: _estimate_cell(one, "", interval=True),
+            "Standard error": lambda one: number_text(one.standard_error, 2),
+        },
+    )
+    fixed = tuple(
         (
             one.name,
             unit_text(one.unit) or "–",
-            *["–"] * 3,
+            "–",
+            "–",
+            "–",
             Cell(quantity_text(one.value, "", 6), "fixed"),
             "–",
         )
         for one in identification.fixed
-    ]
-    columns = (
-        "Parameter",
-        "Unit",
-        "Per level",
-        "First order",
-        "Its predicted bias",
-        "Refined",
-        "Standard error",
     )
-    return Table(f"All estimates in SI units. {_KINDS_OF_INTERVAL}", columns, tuple(rows))
+    return replace(table, rows=(*table.rows, *fixed))
+
+
+def _number_or_dash(value: float, digits: int = 4) -> str:
+    return number_text(value, digits) if math.isfinite(value) else "–"
 
 
 def resonance_table(identification: Identification) -> Table:
     """Return the resonance of every level and sweep."""
-    points = identification.resonances
+    points, curve = identification.resonances, identification.curve
     amplitude = choose_scale([point.amplitude for point in points], "m")
-    stiffness = choose_scale([point.stiffness for point in points], identification.curve.units.of("N/m"))
-    damping = choose_scale([point.damping for point in points], identification.curve.units.of("N*s/m"))
-    rows = tuple(
-        (
-            quantity_text(point.level, identification.curve.level_unit),
-            Cell(_SWEEPS.get(point.sweep, point.sweep), "jump" if point.jump else ""),
-            number_text(point.frequency, 6),
-            number_text(100 * point.damping_ratio),
-            number_text(point.amplitude / amplitude.factor),
-            number_text(point.stiffness / stiffness.factor, 5),
-            number_text(point.damping / damping.factor),
-        )
-        for point in points
+    stiffness = choose_scale([point.stiffness for point in points], curve.units.of("N/m"))
+    damping = choose_scale([point.damping for point in points], curve.units.of("N*s/m"))
+    return _tabulated(
+        "Resonance of each level",
+        points,
+        {
+            "Level": lambda point: quantity_text(point.level, curve.level_unit),
+            "Sweep": lambda point: Cell(_SWEEPS.get(point.sweep, point.sweep), "jump" if point.jump else ""),
+            "Frequency [Hz]": lambda point: number_text(point.frequency, 6),
+            "Damping ratio [%]": lambda point: number_text(100 * point.damping_ratio),
+            amplitude.label("X"): lambda point: number_text(point.amplitude / amplitude.factor),
+            stiffness.label("k(X)"): lambda point: number_text(point.stiffness / stiffness.factor, 5),
+            damping.label("c(X)"): lambda point: number_text(point.damping / damping.factor),
+        },
     )
-    columns = (
-        "Level",
-        "Sweep",
-        "Frequency [Hz]",
-        "Damping ratio [%]",
-        amplitude.label("X"),
-        stiffness.label("k(X)"),
-        damping.label("c(X)"),
-    )
-    return Table("Resonance of each level", columns, rows)
 
 
-def held_out_table(
-    held_out: Sequence[HeldOutLevel], caption: str = "Levels that identification has not seen"
-) -> Table | None:
+_NOT_SEEN = "Levels that identification has not seen"
+
+
+def held_out_table(held_out: Sequence[HeldOutLevel], caption: str = _NOT_SEEN) -> Table | None:
     """Score held-out levels; None where there are none."""
-    if not held_out:
-        return None
-    rows = tuple(
-        (
-            quantity_text(item.level, item.level_unit),
-            _SWEEPS.get(item.sweep, item.sweep),
-            str(len(item.frequency)),
-            error_text(item.error),
-            error_text(item.largest_error),
-            str(item.missing),
-        )
-        for item in held_out
-    )
-    columns = (
-        "Level",
-        "Sweep",
-        "Points",
-        "Error, root mean square",
-        "Largest error",
-        "Points without prediction",
-    )
-    return Table(caption, columns, rows)
+    columns: dict[str, _Says] = {
+        "Level": lambda item: quantity_text(item.level, item.level_unit),
+        "Sweep": lambda item: _SWEEPS.get(item.sweep, item.sweep),
+        "Points": lambda item: str(len(item.frequency)),
+        "Error, root mean square": lambda item: error_text(item.error),
+        "Largest error": lambda item: error_text(item.largest_error),
+        "Points without prediction": lambda item: str(item.missing),
+    }
+    return _tabulated(caption, held_out, columns) if held_out else None
 
 
 def record_table(records: Sequence[PredictedRecord]) -> Table | None:
     """Score the records of held-out levels; None where there are none."""
-    if not records:
-        return None
-    rows = tuple(
-        (
-            quantity_text(one.level, one.level_unit, 3),
-            str(int(np.count_nonzero(one.judged))),
-            error_text(one.error, 3),
-            error_text(one.noise),
-        )
-        for one in records
-    )
-    columns = ("Level, rms", "Lines", "Error, root mean square", "Noise of the measured mean")
-    return Table("Levels that identification has not seen", columns, rows)
+    columns: dict[str, _Says] = {
+        "Level, rms": lambda one: quantity_text(one.level, one.level_unit, 3),
+        "Lines": lambda one: str(int(np.count_nonzero(one.judged))),
+        "Error, root mean square": lambda one: error_text(one.error, 3),
+        "Noise of the measured mean": lambda one: error_text(one.noise),
+    }
+    return _tabulated(_NOT_SEEN, records, columns) if records else None
 
 
 def linear_table(approximations: Sequence[BestLinear], units: ForceUnits) -> Table:
     """List the best linear approximations of a multisine, a row a level."""
     stiffness = choose_scale([one.stiffness for one in approximations], units.of("N/m"))
     size = choose_scale([one.rms for one in approximations], "m")
-
-    def cell(value: float, digits: int = 4) -> str:
-        return number_text(value, digits) if np.isfinite(value) else "–"
-
-    rows = tuple(
-        (
-            quantity_text(one.level, one.level_unit, 3),
-            str(one.records),
-            cell(one.rms / size.factor),
-            cell(one.natural_frequency, 5),
-            cell(100 * one.damping_ratio),
-            cell(one.stiffness / stiffness.factor, 5),
-            error_text(one.distortion_share),
-            share_text(one.even_share, one.even_bound),
-            share_text(one.odd_share, one.odd_bound),
-            error_text(one.noise_share),
-        )
-        for one in approximations
+    return _tabulated(
+        "Best linear approximation of each level",
+        approximations,
+        {
+            "Level, rms": lambda one: quantity_text(one.level, one.level_unit, 3),
+            "Records": lambda one: str(one.records),
+            size.label("Response, rms"): lambda one: _number_or_dash(one.rms / size.factor),
+            "Natural frequency [Hz]": lambda one: _number_or_dash(one.natural_frequency, 5),
+            "Damping ratio [%]": lambda one: _number_or_dash(100 * one.damping_ratio),
+            stiffness.label("k"): lambda one: _number_or_dash(one.stiffness / stiffness.factor, 5),
+            "Distortion at excited lines": lambda one: error_text(one.distortion_share),
+            "at even lines": lambda one: share_text(one.even_share, one.even_bound),
+            "at other odd lines": lambda one: share_text(one.odd_share, one.odd_bound),
+            "Noise": lambda one: error_text(one.noise_share),
+        },
     )
-    columns = (
-        "Level, rms",
-        "Records",
-        size.label("Response, rms"),
-        "Natural frequency [Hz]",
-        "Damping ratio [%]",
-        stiffness.label("k"),
-        "Distortion at excited lines",
-        "at even lines",
-        "at other odd lines",
-        "Noise",
-    )
-    return Table("Best linear approximation of each level", columns, rows)
 
 
 def background_table(identification: Identification) -> Table | None:
@@ -308,24 +271,21 @@ def background_table(identification: Identification) -> Table | None:
     background = identification.background
     if background is None:
         return None
-    rows = tuple(
-        (
-            Cell(estimate.name, _BACKGROUND_NAMES[estimate.name]),
-            unit_text(estimate.unit),
-            *(
-                (_estimate_cell(estimate, "", interval=True), number_text(estimate.standard_error, 2))
-                if math.isfinite(estimate.standard_error)
-                else (Cell("–", "not identifiable"), "–")
-            ),
-        )
-        for estimate in background.estimates
-    )
     low, high = background.band
     share = f", {error_text(background.share)} of the response" if background.share else ""
-    return Table(
+    return _tabulated(
         f"Background, {low:.4g} to {high:.4g} Hz: subtracted before k(X) and c(X) are drawn{share}",
-        ("Background", "Unit", "Value", "Standard error"),
-        rows,
+        background.estimates,
+        {
+            "Background": lambda one: Cell(one.name, _BACKGROUND_NAMES[one.name]),
+            "Unit": lambda one: unit_text(one.unit),
+            "Value": lambda one: (
+                _estimate_cell(one, "", interval=True)
+                if math.isfinite(one.standard_error)
+                else Cell("–", "not identifiable")
+            ),
+            "Standard error": lambda one: _number_or_dash(one.standard_error, 2),
+        },
     )
 
 

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from itertools import pairwise
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -15,7 +15,7 @@ from rsgen.common.arrays import Array
 from rsgen.common.errors import RsgenError, require
 from rsgen.common.tolerances import RELATIVE_CHANGE_NEGLIGIBLE
 from rsgen.data.surface import ResponseSurface, typical_amounts
-from rsgen.formula.units import SWEEPS, choose_scale, number_text, quantity_text
+from rsgen.formula.units import SWEEPS, Scale, choose_scale, number_text, quantity_text
 from rsgen.identification.prediction import HeldOutLevel, Prediction, ResonanceCurve
 from rsgen.identification.prediction.prediction_result import PredictedRecord
 from rsgen.identification.results import MultisineIdentification
@@ -28,9 +28,6 @@ from rsgen.report.figures.drawing import (
     level_colours,
     take_axes,
 )
-
-if TYPE_CHECKING:
-    pass
 
 _MARKERS = {"rest": "o", "up": "^", "down": "v"}
 _SPREAD_OF_LEVEL = 0.1
@@ -297,7 +294,6 @@ def draw_held_out(prediction: Prediction, *, ax: GivenAxes = None) -> Drawing:
 # ----------------------------------------------------------------------------
 # Multisines: the best linear approximation, the misfit of lines, and a record that was held out.
 
-_PALE: dict[str, Any] = {"lw": 0.7, "alpha": 0.75}
 _FLOOR = 1e-7
 """Below the largest value by this factor nothing is drawn: round-off of exact data would set the scale."""
 
@@ -313,10 +309,23 @@ def _semilog(axes: Axes, frequency: Array, values: Array, **look: Any) -> None:
     axes.yaxis.set_major_formatter(FuncFormatter(lambda value, _: number_text(value)))
 
 
-def _limit_lines(axes: Axes, largest: float) -> None:
-    if largest > 0:
-        low = axes.get_ylim()[0]
-        axes.set_ylim(max(low, _FLOOR * largest), 2 * largest)
+def _limit_lines(axes: Axes) -> None:
+    """Choose the limits of the ordinate by the first line, which is the largest."""
+    first = np.asarray(axes.get_lines()[0].get_ydata())
+    if len(first):
+        axes.set_ylim(max(axes.get_ylim()[0], _FLOOR * first.max()), 2 * first.max())
+
+
+def _draw_lines(
+    axes: Axes, frequency: Array, parts: Mapping[str, tuple[Array, str]], unit: str, what: str
+) -> Scale:
+    """Draw parts of a spectrum, each with its colour, on the scale of the first, which is the largest."""
+    first = next(iter(parts.values()))[0]
+    scale = choose_scale(first, unit)
+    for name, (values, colour) in parts.items():
+        _semilog(axes, frequency, values / scale.factor, color=colour, label=name, lw=0.7, alpha=0.75)
+    axes.set_ylabel(scale.label(what))
+    return scale
 
 
 @in_style
@@ -358,21 +367,19 @@ def draw_best_linear(found: MultisineIdentification, *, ax: GivenAxes = None) ->
 def _draw_parts(axes: Axes, found: MultisineIdentification) -> None:
     """Response, distortion and noise of the highest level."""
     one = found.approximations[-1]
-    scale = choose_scale(one.response, "m")
-    parts = (
-        ("response", one.response, "#1b1c1e"),
-        ("distortion", one.distortion, "#D55E00"),
-        ("noise", one.noise, "#0072B2"),
-    )
-    for name, values, colour in parts:
-        _semilog(axes, one.frequency, values / scale.factor, color=colour, label=name, **_PALE)
+    parts = {
+        "response": (one.response, "#1b1c1e"),
+        "distortion": (one.distortion, "#D55E00"),
+        "noise": (one.noise, "#0072B2"),
+    }
+    what = f"Lines at {quantity_text(one.level, one.level_unit, 3)}"
+    scale = _draw_lines(axes, one.frequency, parts, "m", what)
     for lines, name, mark in ((one.even, "even lines", "s"), (one.odd, "odd lines, not excited", "^")):
         if lines is not None and len(lines.frequency):
             values = np.where(lines.response > 0, lines.response, np.nan) / scale.factor
             axes.plot(lines.frequency, values, mark, ms=2.2, mfc="none", mew=0.7, label=name)
     axes.set_xlim(one.frequency[0], one.frequency[-1])
-    axes.set_ylabel(scale.label(f"Lines at {quantity_text(one.level, one.level_unit, 3)}"))
-    _limit_lines(axes, float(one.response.max()) / scale.factor)
+    _limit_lines(axes)
     axes.legend(loc="best")
 
 
@@ -396,18 +403,13 @@ def draw_line_misfit(found: MultisineIdentification, *, ax: GivenAxes = None) ->
     for axes, place in zip(panels, shown, strict=False):
         used, named = found.used[place], quantity_text(float(level[place]), spectra.level_unit, 3)
         frequency = spectra.omega[rows[place]][used] / (2 * np.pi)
-        force = np.abs(spectra.mean_force[rows[place]][used])
-        left, noise = np.abs(found.misfit[place][used]), found.deviation[place][used]
-        scale = choose_scale(force, spectra.units.force)
-        parts = (
-            ("force", force, "#1b1c1e"),
-            ("misfit", left, "#D55E00"),
-            ("noise of the balance", noise, "#0072B2"),
-        )
-        for name, values, colour in parts:
-            _semilog(axes, frequency, values / scale.factor, color=colour, label=name, **_PALE)
-        axes.set_ylabel(scale.label(f"Level {named}"))
-        _limit_lines(axes, float(force.max()) / scale.factor)
+        parts = {
+            "force": (np.abs(spectra.mean_force[rows[place]][used]), "#1b1c1e"),
+            "misfit": (np.abs(found.misfit[place][used]), "#D55E00"),
+            "noise of the balance": (found.deviation[place][used], "#0072B2"),
+        }
+        _draw_lines(axes, frequency, parts, spectra.units.force, f"Level {named}")
+        _limit_lines(axes)
     panels[0].legend(loc="best")
     label_abscissa(panels, ax, "Frequency [Hz]")
     caption = "What the law leaves of the balance at each line; above the noise it is misfit of the law."
@@ -437,17 +439,14 @@ def draw_predicted_record(prediction: Prediction, *, ax: GivenAxes = None) -> Dr
     figure, panels = take_axes(ax, 2, (4.4, 4.6))
     judged = one.judged
     measured, predicted = one.measured[judged], one.predicted[judged]
-    scale = choose_scale(np.abs(measured), "m")
-    parts = (
-        ("measured", np.abs(measured), "#1b1c1e"),
-        ("predicted", np.abs(predicted), "#009E73"),
-        ("difference", np.abs(predicted - measured), "#D55E00"),
-    )
-    for name, values, colour in parts:
-        _semilog(panels[0], one.frequency[judged], values / scale.factor, color=colour, label=name, **_PALE)
-    panels[0].set_ylabel(scale.label("Displacement"))
+    parts = {
+        "measured": (np.abs(measured), "#1b1c1e"),
+        "predicted": (np.abs(predicted), "#009E73"),
+        "difference": (np.abs(predicted - measured), "#D55E00"),
+    }
+    _draw_lines(panels[0], one.frequency[judged], parts, "m", "Displacement")
     panels[0].set_xlabel("Frequency [Hz]")
-    _limit_lines(panels[0], float(np.abs(measured).max()) / scale.factor)
+    _limit_lines(panels[0])
     panels[0].legend(loc="best")
     if len(panels) > 1:
         _draw_time(panels[1], one)
