@@ -373,7 +373,8 @@ def profile(found: Identification, name: str) -> Profile:
     regression, place = likelihood.regression, likelihood.names.index(name)
     estimate, target = known[name], _target(regression, place, known[name])
     interval, followed = _interval(regression, likelihood, estimate, target)
-    tried = sorted(likelihood.tried(place), key=lambda pair: pair[0])
+    # the search for an end may come back to a value
+    tried = sorted({f"{value:.6g}": (value, root) for value, root in likelihood.tried(place)}.values())
     moved = float(regression.parameters[place]) - float(likelihood.best[place])
     scale, half = float(interval_sigmas(regression.freedom)) / target, _wald(regression, estimate)
     return Profile(

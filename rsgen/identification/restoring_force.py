@@ -83,7 +83,8 @@ def _invert_describing_function(
     ``amplitude`` is g(X) at the amplitudes ``reach`` with errors ``spread``; g(0) = 0 unless it is ``free``.
     """
     largest = float(reach.max())
-    knots, operator = _abel(int(np.clip(len(reach) // POINTS_PER_KNOT, 2, _MAX_INTERVALS)))
+    ends = _intervals(reach / largest)
+    knots, operator = _abel(tuple(ends.tolist()))
     functions = len(knots) - _DEGREE - 1
     matrix = b_splines(reach / largest, knots, _DEGREE)[0] / spread[:, None]
     curvature = np.diff(np.eye(functions), 2, axis=0)
@@ -103,10 +104,24 @@ def _invert_describing_function(
     return np.linspace(0, largest, _CURVE_POINTS), operator @ solution, band, squares
 
 
+def _intervals(places: Array) -> Array:
+    """Return the ends of even intervals of 0 to 1, joined where too few of the places are in one of them.
+
+    Between levels that jump a test has few amplitudes; intervals of its own follow noise.
+    """
+    even = np.linspace(0, 1, int(np.clip(len(places) // POINTS_PER_KNOT, 2, _MAX_INTERVALS)) + 1)
+    below = np.searchsorted(np.sort(places), even, side="right")
+    kept, count = [0.0], 0
+    for end, number in zip(even[1:-1], below[1:-1], strict=True):
+        if min(number - count, len(places) - number) >= POINTS_PER_KNOT / 2:
+            kept, count = [*kept, float(end)], number
+    return np.array([*kept, 1.0])
+
+
 @lru_cache(maxsize=4)
-def _abel(intervals: int) -> tuple[Array, Array]:
+def _abel(ends: tuple[float, ...]) -> tuple[Array, Array]:
     """Return the knots of a spline g over 0 to 1, and the map (x, f) from its coefficients to n(x)."""
-    knots = np.concatenate([np.zeros(_DEGREE), np.linspace(0, 1, intervals + 1), np.ones(_DEGREE)])
+    knots = np.concatenate([np.zeros(_DEGREE), ends, np.ones(_DEGREE)])
     nodes, weights = np.polynomial.legendre.leggauss(64)
     sine = np.sin(np.pi / 4 * (nodes + 1))
     weights = weights * np.pi / 4

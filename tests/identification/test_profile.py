@@ -175,6 +175,17 @@ def test_bands_hold_the_force():
     assert found.stiffness_band[1:].max() < 0.05 * exact.max()
 
 
+def test_bands_hold_the_force_between_sparse_amplitudes():
+    # levels that jump leave few amplitudes above those off resonance
+    dense = curve(lambda X: 5920 + 0.75 * 1e6 * X**2, noise=0.01)
+    kept = (dense.amplitude < 0.4 * dense.amplitude.max()) | (np.arange(len(dense.amplitude)) % 40 == 0)
+    found = invert_curve(replace(dense, used=kept), M)
+    exact = 5920 * found.displacement + 1e6 * found.displacement**3
+    inside = np.abs(found.stiffness_force - exact)[1:] <= found.stiffness_band[1:]
+    assert inside.mean() > 0.8
+    assert found.stiffness_band[1:].max() < 0.05 * exact.max()
+
+
 def test_points_count_by_the_force_that_held_them():
     # one stiffness at resonance and another off it, both at all amplitudes: their mean, weighted by 1/F^2
     size, k, c = np.tile(np.linspace(1e-3, 0.02, 200), 2), np.array([6000.0, 6300.0]), 4.0
