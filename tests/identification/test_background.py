@@ -132,6 +132,7 @@ def test_a_misfit_that_an_offset_explains_proposes_it_and_its_intervals_cover(cu
 @pytest.mark.parametrize(("psi", "severity"), [(0.75, "doubt"), (0.5, "doubt"), (-0.3, "info"), (0.1, None)])
 def test_a_phase_error_that_a_filter_would_pay_in_amplitude_is_said(cubic, psi, severity):
     found = identify(among_others(cubic, psi, 0, 0), model("cubic"), Observation(background="phase"))
+    assert found["psi"] is found.background.estimates[0]
     told = [finding for finding in found.findings if finding.code == "phase-turned"]
     assert [finding.severity for finding in told] == ([severity] if severity else [])
     assert found.verdict.state == ("doubtful" if severity == "doubt" else "identified")

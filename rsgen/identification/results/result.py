@@ -385,7 +385,7 @@ class Identification(Printed):
         return {**{estimate.name: estimate.value for estimate in self.refined}, **self.model.fixed}
 
     def __getitem__(self, name: str) -> Estimate:
-        """Refined estimate of a parameter, or of the mass ("m"); one that is fixed has no error.
+        """Refined estimate of a parameter, the mass ("m") or the background; what is fixed has no error.
 
         Raises
         ------
@@ -402,7 +402,8 @@ class Identification(Printed):
 
     @property
     def _estimates(self) -> dict[str, Estimate]:
-        return {estimate.name: estimate for estimate in (*self.refined, *self.fixed)}
+        of_background = self.background.estimates if self.background else ()
+        return {estimate.name: estimate for estimate in (*of_background, *self.refined, *self.fixed)}
 
     def to_frame(self) -> Any:
         """Return refined estimates and fixed values as a ``pandas.DataFrame``, a row a parameter.
