@@ -11,7 +11,7 @@ from dataclasses import dataclass, field, replace
 from itertools import product
 from pathlib import Path
 from types import MappingProxyType
-from typing import Annotated, Any, Literal, get_args
+from typing import Annotated, Any, Literal, Union, get_args
 
 import numpy as np
 import sympy
@@ -114,30 +114,26 @@ class Document(Table):
     )
 
 
-_SIMULATED = table_of(
-    SimulatedTest,
-    "SimulatedTest",
-    "A virtual test: rsgen computes the steady states from [truth].",
-    {"kind": (Literal["simulated"], Field())},
-)
-_MULTISINE = table_of(
-    MultisineTest,
-    "MultisineTest",
-    "A virtual test with a periodic multisine: rsgen computes the periodic responses from [truth].",
-    {"kind": (Literal["simulated-multisine"], Field())},
-)
-_SWEEP = table_of(
-    SweepTest,
-    "SweepTest",
-    "A virtual swept sine: rsgen computes the records from [truth] and reads them.",
-    {"kind": (Literal["simulated-sweep"], Field())},
-)
-_DECAY = table_of(
-    DecayTest,
-    "DecayTest",
-    "Virtual free decays: rsgen computes the records from [truth] and reads them.",
-    {"kind": (Literal["simulated-decay"], Field())},
-)
+VIRTUAL_TESTS: dict[str, tuple[type[VirtualTest], str]] = {
+    "simulated": (SimulatedTest, "A virtual test: rsgen computes the steady states from [truth]."),
+    "simulated-multisine": (
+        MultisineTest,
+        "A virtual test with a periodic multisine: rsgen computes the periodic responses from [truth].",
+    ),
+    "simulated-sweep": (
+        SweepTest,
+        "A virtual swept sine: rsgen computes the records from [truth] and reads them.",
+    ),
+    "simulated-decay": (
+        DecayTest,
+        "Virtual free decays: rsgen computes the records from [truth] and reads them.",
+    ),
+}
+"""Each kind of virtual test, and what its table is for."""
+_SIMULATED = [
+    table_of(test, test.__name__, doc, {"kind": (Literal[kind], Field())})
+    for kind, (test, doc) in VIRTUAL_TESTS.items()
+]
 _MEASURED = table_of(
     MeasuredTest,
     "MeasuredTest",
@@ -159,7 +155,7 @@ _FIXED: tuple[Any, Any] = (
     ),
 )
 _DERIVED: dict[str, Any] = {
-    "test": (_SIMULATED | _MULTISINE | _SWEEP | _DECAY | _MEASURED, Field(discriminator="kind")),
+    "test": (Union[(*_SIMULATED, _MEASURED)], Field(discriminator="kind")),
     "identify": (table_of(Observation, "Observation", extras={"fixed": _FIXED}) | None, None),
 }
 CaseDocument = create_model("CaseDocument", __base__=Document, __doc__=Document.__doc__, **_DERIVED)

@@ -15,7 +15,7 @@ import sympy
 from pydantic import ValidationError
 
 import rsgen.files
-from rsgen.cases.case import Case, CaseDocument, Document, ElementTable, make_measured
+from rsgen.cases.case import VIRTUAL_TESTS, Case, CaseDocument, Document, ElementTable, make_measured
 from rsgen.cases.faults import KINDS, name_fault, open_places, parse_case, read_text, sentences, text_fault
 from rsgen.cases.tables import MAX_POINTS, Maker, reason
 from rsgen.common.errors import (
@@ -32,8 +32,7 @@ from rsgen.data.multisine import MultisineSpectra
 from rsgen.data.oscillator import KNOWN_MASS, Model, Observation, Oscillator, total_force
 from rsgen.data.record_set import BASE_UNITS, PlannedTest, match_level
 from rsgen.data.surface import ResponseSurface
-from rsgen.dynamics.transients import DecayTest, SweepTest
-from rsgen.dynamics.virtual_test import MultisineTest, SimulatedTest, VirtualTest
+from rsgen.dynamics.virtual_test import SimulatedTest, VirtualTest
 from rsgen.files import MeasuredTest
 from rsgen.formula import check_name, parse, symbol, write
 from rsgen.formula.unit_deduction import parameter_units, unit_faults
@@ -89,20 +88,14 @@ def name_clashes(cases: Iterable[Case]) -> dict[Path, str]:
 # The tables [test] of a virtual test and [identify] to the test and its observation.
 
 
-_WITHOUT_GRID: dict[str, type[VirtualTest]] = {
-    "simulated-multisine": MultisineTest,
-    "simulated-sweep": SweepTest,
-    "simulated-decay": DecayTest,
-}
-
-
 def make_simulated(table: Any, maker: Maker) -> VirtualTest:
     """Make a virtual test; a grid has at most a million points."""
     base = getattr(table, "base", None)
     if base is not None and base.quantity is not None:
         maker.units = {"N": BASE_UNITS[base.quantity]}
-    if table.kind in _WITHOUT_GRID:
-        return maker.make(_WITHOUT_GRID[table.kind], table, "test")
+    kind, _ = VIRTUAL_TESTS[table.kind]
+    if kind is not SimulatedTest:
+        return maker.make(kind, table, "test")
     if table.control in ("response", "continuation"):
         maker.units = {"N": "m"}
     test = maker.make(SimulatedTest, table, "test")

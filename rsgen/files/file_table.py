@@ -187,10 +187,8 @@ class Table:
         return replace(self, columns=columns, number=self.number[mask], block=self.block[mask])
 
 
-def _stars(pattern: int | str, path: str) -> tuple[str, ...]:
+def _stars(pattern: str, path: str) -> tuple[str, ...]:
     """Return the texts that the * of an address match in a path."""
-    if not isinstance(pattern, str) or "*" not in pattern:
-        return ()
     found = star_pattern(re.sub(r"\[[\d,:]+\]\Z", "", pattern)).fullmatch(path)
     return found.groups() if found else (path,)
 
@@ -199,7 +197,8 @@ def _entries(
     label: str, wanted: Sequence[int | str], groups: Sequence[list[StoredArray]]
 ) -> list[dict[int | str, NDArray[Any]]]:
     """Sort what wildcards found into entries: the same * stands for the same name in every column."""
-    several = {address: group for address, group in zip(wanted, groups, strict=True) if _has_star(address)}
+    pairs = zip(wanted, groups, strict=True)
+    several = {address: group for address, group in pairs if isinstance(address, str) and "*" in address}
     if not several:
         return [{address: group[0].values for address, group in zip(wanted, groups, strict=True)}]
     keys = {address: [_stars(address, c.path) for c in group] for address, group in several.items()}
@@ -212,15 +211,11 @@ def _entries(
             )
     return [
         {
-            a: (group[number] if a in several else group[0]).values
+            a: (group[number] if a in keys else group[0]).values
             for a, group in zip(wanted, groups, strict=True)
         }
         for number in range(len(keys[first]))
     ]
-
-
-def _has_star(address: int | str) -> bool:
-    return isinstance(address, str) and "*" in address
 
 
 def _axis(label: str, name: int | str, values: NDArray[Any], shape: tuple[int, ...]) -> int:
@@ -343,8 +338,6 @@ def read_table(
         {name: getattr(group[0], word) for name, group in zip(wanted, groups, strict=True)}
         for word in ("path", "unit")
     )
-    if text is not None and len(parts) == 1:
-        return Table(label, parts[0], "line", text.line, text.block, findings, names, units)
     lengths = [len(next(iter(part.values()))) for part in parts]
     if sum(lengths) > MAX_ROWS:
         raise MeasurementError(f"{label}: {sum(lengths)} rows; at most {MAX_ROWS} are read")
@@ -353,7 +346,9 @@ def read_table(
     columns = {name: np.concatenate([part[name] for part in parts]) for name in wanted}
     block = np.repeat(np.arange(len(parts)), lengths)
     if text is not None:
-        return Table(label, columns, "line", np.tile(text.line, len(parts)), block, findings, names, units)
+        number = np.tile(text.line, len(parts))
+        block = text.block if len(parts) == 1 else block
+        return Table(label, columns, "line", number, block, findings, names, units)
     # rows of several entries are counted through
     first = groups[0][0].row if len(parts) == 1 else 1
     return Table(label, columns, "row", first + np.arange(sum(lengths)), block, findings, names, units)

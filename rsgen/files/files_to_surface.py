@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from itertools import combinations
 from math import nan
@@ -258,13 +259,12 @@ def _level(test: MeasuredTest, number: int, table: Table) -> Array | None:
 
 def _level_factor(test: MeasuredTest, unit: str) -> float:
     """Find what the numbers of the level's column are in N or m; without a unit in the case the file's."""
+    factor = test.factor("level")
     if test.level.unit is None and unit and test.calibrated:
-        try:
-            return test.factor("level") * quantity(f"1 {sensor_unit(unit, test.level_unit)}", test.level_unit)
-        except RsgenError:
-            # a unit of something else, such as the volts of a drive: the measured forces will tell
-            return test.factor("level")
-    return test.factor("level")
+        # a unit of something else, such as the volts of a drive, is passed over: the forces will tell
+        with suppress(RsgenError):
+            factor *= quantity(f"1 {sensor_unit(unit, test.level_unit)}", test.level_unit)
+    return factor
 
 
 def _hertz(test: MeasuredTest, table: Table) -> tuple[float, list[Finding]]:

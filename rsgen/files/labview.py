@@ -18,7 +18,7 @@ import numpy as np
 
 from rsgen.common.arrays import Array
 from rsgen.common.errors import MeasurementError
-from rsgen.files.text_columns import MAX_NUMBER_LENGTH, MISSING, number_in
+from rsgen.files.text_columns import MAX_NUMBER_LENGTH, MISSING, decoded, number_in
 from rsgen.files.tree import MAX_CHANNELS, Node, array_bytes, is_wanted
 
 _END = "***End_of_Header***"
@@ -163,15 +163,6 @@ class _Reader:
             segment.values[place].append(nan if number is None else number)
 
 
-def _decoded(raw: bytes) -> str:
-    for encoding in ("utf-16",) if raw[:2] in (b"\xff\xfe", b"\xfe\xff") else ("utf-8-sig", "cp1252"):
-        try:
-            return raw.decode(encoding)
-        except UnicodeDecodeError:
-            continue
-    raise MeasurementError("is neither UTF-8, UTF-16 nor cp1252; save the file as UTF-8")
-
-
 def _number(cells: Sequence[str], place: int, decimal: str) -> float | None:
     return number_in(cells[place], decimal) if place < len(cells) else None
 
@@ -234,7 +225,12 @@ def walk_lvm(file: BinaryIO, heads: set[str] | None, largest: int) -> Iterator[N
     MeasurementError
         No measurement file of LabVIEW, cut off, or a row that is damaged; the message begins with the line.
     """
-    reader = _Reader(_decoded(file.read()))
+    raw = file.read()
+    marked = raw[:2] in (b"\xff\xfe", b"\xfe\xff")
+    text = decoded(raw, ("utf-16",) if marked else ("utf-8-sig", "cp1252"))
+    if text is None:
+        raise MeasurementError("is neither UTF-8, UTF-16 nor cp1252; save the file as UTF-8")
+    reader = _Reader(text)
     reader.begin()
     segments = list(reader.segments())
     if not any(segment.values[0] for segment in segments):

@@ -90,8 +90,8 @@ BLOCK_BYTES = 1 << 18
 """Bytes read at once: thousands of lines, and little against the memory of a program."""
 
 
-def _decoded(raw: bytes, encodings: Sequence[str]) -> str | None:
-    """Decode a line by the first encoding that fits."""
+def decoded(raw: bytes, encodings: Sequence[str]) -> str | None:
+    """Decode bytes by the first encoding that fits; None where none does."""
     for encoding in encodings:
         try:
             return raw.decode(encoding)
@@ -172,7 +172,7 @@ class TextLines:
             raw = raw.removeprefix(b"\xef\xbb\xbf")
         if b"\x00" in raw:
             raise MeasurementError(f"{place}: contains a zero byte; a text file is needed")
-        text = _decoded(raw, self._encodings)
+        text = decoded(raw, self._encodings)
         if text is None:
             raise MeasurementError(
                 f"{place}: not {' or '.join(self._encodings)}; save the file as UTF-8, or name its encoding "

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import time
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 from functools import singledispatch
 from pathlib import Path
 from typing import Any
@@ -98,16 +97,7 @@ def _(
     return [*drawings, figures.draw_predicted_record(prediction)] if prediction.records else drawings
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class _Parts:
-    """The parts of a report; ``loaded`` is the case as it was read, None without one."""
-
-    loaded: Case | None
-    surface: ResponseSurface | MultisineSpectra
-    identification: Identification
-    comparison: Comparison
-
-
+@project_style()
 def write_report(
     folder: str | Path,
     surface: ResponseSurface | MultisineSpectra,
@@ -168,55 +158,35 @@ def write_report(
         subject = Subject.of_case(case, identification)
     else:
         subject = Subject.of_result(identification, place.resolve().name, title, source)
-    given = _Parts(case, surface, identification, comparison)
-    _write_files(place, subject, given, dict(durations or {}), command, figures, started)
-
-
-@project_style()
-def _write_files(
-    place: Path,
-    subject: Subject,
-    given: _Parts,
-    spent: dict[str, float],
-    command: Sequence[str],
-    figures: str | None,
-    started: float,
-) -> None:
-    surface = given.surface
-    identification = subject.with_units(given.identification)
-    comparison = subject.with_units(given.comparison)
+    spent = dict(durations or {})
+    found, compared = subject.with_units(identification), subject.with_units(comparison)
     save_records(surface, place)
-    if not identification.model.force.has(Structural):
+    if not found.model.force.has(Structural):
         # structural damping exists under periodic motion only, so that nothing simulates it
-        write_atomic(place / "kernel.py", generate(identification.model.force))
-    prediction, modal = _predicted(surface, identification), tabulate_mode(surface, identification)
-    printed = check_printed(subject, identification)
+        write_atomic(place / "kernel.py", generate(found.model.force))
+    prediction, modal = _predicted(surface, found), tabulate_mode(surface, found)
+    printed = check_printed(subject, found)
     if modal.table is not None:
         write_atomic(place / "modal.csv", modal.table.to_csv())
-    result = build_result(subject, surface, identification, comparison, prediction, printed, spent, modal)
+    result = build_result(subject, surface, found, compared, prediction, printed, spent, modal)
     write_atomic(place / "result.json", result_text(result))
-    drawings = draw_all(subject, surface, identification, prediction, modal)
+    drawings = draw_all(subject, surface, found, prediction, modal)
     for drawing in drawings if figures is not None else ():
         write_atomic(place / f"figure-{drawing.name}.{figures}", drawing.render(str(figures)))
     spent["report"] = time.perf_counter() - started
-    provenance = collect_provenance(given.loaded, surface, spent, command)
-    page = render_page(
-        subject, surface, identification, comparison, prediction, printed, drawings, provenance, modal
-    )
+    provenance = collect_provenance(case, surface, spent, command)
+    page = render_page(subject, surface, found, compared, prediction, printed, drawings, provenance, modal)
     write_atomic(place / "report.html", page)
-    if given.loaded is None:
-        return
-    known = known_results(
-        given.loaded, surface, given.identification, given.comparison, prediction, drawings, modal
-    )
-    shown = {drawing.name for drawing in drawings}
-    write_notebook(
-        place / "notebook.ipynb",
-        given.loaded.with_model(identification.model_given),
-        known,
-        held_out=not shown.isdisjoint({"held-out", "predicted-record"}),
-        loops="loops" in shown,
-    )
+    if case is not None:
+        results = known_results(case, surface, identification, comparison, prediction, drawings, modal)
+        shown = {drawing.name for drawing in drawings}
+        write_notebook(
+            place / "notebook.ipynb",
+            case.with_model(identification.model_given),
+            results,
+            held_out=not shown.isdisjoint({"held-out", "predicted-record"}),
+            loops="loops" in shown,
+        )
 
 
 def check_printed(subject: Subject, identification: Identification) -> tuple[PrintedComparison, ...]:

@@ -95,11 +95,13 @@ def _finalize(value: object) -> object:
     return plain_text(value) if isinstance(value, str) and not isinstance(value, Markup) else value
 
 
-def template_environment(autoescape: bool, finalize: Callable[[Any], object]) -> jinja2.Environment:
+def template_environment(
+    autoescape: bool, finalize: Callable[[Any], object] | None = None
+) -> jinja2.Environment:
     """Return an environment of templates; undefined names are errors, and ``finalize`` sees every value."""
     return jinja2.Environment(
         loader=jinja2.FileSystemLoader(TEMPLATES),
-        autoescape=autoescape,  # noqa: S701 - off in notebooks alone, where every value passes _only_safe
+        autoescape=autoescape,  # noqa: S701 - off where no HTML is written
         undefined=jinja2.StrictUndefined,
         trim_blocks=True,
         lstrip_blocks=True,

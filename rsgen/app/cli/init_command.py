@@ -9,11 +9,9 @@ from os.path import commonpath
 from pathlib import Path
 from typing import Annotated
 
-import jinja2
 import sympy
 import typer
 
-import rsgen
 from rsgen.app.cli.derive_command import read_memory
 from rsgen.app.cli.inspect_command import proposal_text
 from rsgen.app.cli.options import Json, Memory
@@ -31,6 +29,7 @@ from rsgen.formula.names import remembers
 from rsgen.formula.unit_deduction import parameter_units
 from rsgen.law.element import make_element
 from rsgen.law.memory import equations_of
+from rsgen.report.provenance import template_environment
 
 _LAW = "k1*x + kn1*x**3 + c1*v"
 
@@ -94,14 +93,8 @@ def case_text(
         raise RsgenError("--law: has no term with v, so that no simulated motion settles; add a damper: c*v")
     names = sorted({free.name for _, part in elements for free in part.free_symbols} - {"x", "v"})
     width = max(map(len, names), default=0)
-    environment = jinja2.Environment(
-        loader=jinja2.FileSystemLoader(Path(rsgen.__file__).parent / "templates"),
-        autoescape=False,  # noqa: S701 - no HTML; name, law and path are checked
-        undefined=jinja2.StrictUndefined,
-        trim_blocks=True,
-        lstrip_blocks=True,
-        keep_trailing_newline=True,
-    )
+    # no HTML: name, law and path are checked
+    environment = template_environment(False)
     return environment.get_template("init/case.toml").render(
         name=name,
         elements=[(element, write(part), equations_of(part)) for element, part in elements],

@@ -140,12 +140,10 @@ def check_replaceable(place: Path) -> None:
     """
     if place.is_symlink() or (place.exists() and not place.is_dir()):
         raise RsgenError(f"{place}: is no folder; move it away, the result of the case goes there")
-    if not place.exists():
+    if not place.exists() or not any(place.iterdir()):
         return
-    if not any(place.iterdir()):
-        return
-    of_run = listed_files(place)
-    if of_run is None:
+    manifest = _read(place)
+    if manifest is None:
         raise RsgenError(
             f"{place}: is a folder that no run made (it has no {MANIFEST}); move it away, or choose another "
             "--out"
@@ -153,7 +151,7 @@ def check_replaceable(place: Path) -> None:
     strange = [
         path.relative_to(place).as_posix()
         for path in sorted(place.rglob("*"))
-        if not _written_by_run(path, path.relative_to(place).as_posix(), of_run)
+        if not _written_by_run(path, path.relative_to(place).as_posix(), manifest["files"])
     ]
     if strange:
         raise RsgenError(
@@ -346,12 +344,6 @@ def _read(folder: Path) -> dict[str, Any] | None:
         return None
     files = content.get("files")
     return content if isinstance(files, dict) and files else None
-
-
-def listed_files(folder: Path) -> dict[str, str] | None:
-    """Return the SHA-256 that each file of a result had when it was written; None without a manifest."""
-    content = _read(folder)
-    return None if content is None else content["files"]
 
 
 def read_manifest(folder: Path) -> dict[str, Any] | None:

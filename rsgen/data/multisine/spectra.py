@@ -91,15 +91,8 @@ class MultisineSpectra(Records, Printed):
 
     def __post_init__(self) -> None:
         level = _array(self.level, "level", np.float64, (1,))
-        force = _array(self.force, "force", np.complex128, (2, 3))
-        response = _array(self.response, "response", np.complex128, (2, 3))
-        if force.ndim == 2:
-            force = force[:, None]
-        if response.ndim == 2:
-            response = response[:, None]
-        across = response if self.across is None else _array(self.across, "across", np.complex128, (2, 3))
-        if across.ndim == 2:
-            across = across[:, None]
+        force, response = _periods(self.force, "force"), _periods(self.response, "response")
+        across = response if self.across is None else _periods(self.across, "across")
         if not force.shape == response.shape == across.shape or len(force) != len(level) or not force.size:
             raise MeasurementError(
                 f"MultisineSpectra: force {force.shape}, response {response.shape}, level {level.shape}; "
@@ -116,18 +109,15 @@ class MultisineSpectra(Records, Printed):
         if self.base not in BASE_UNITS:
             known = ", ".join(map(repr, BASE_UNITS))
             raise MeasurementError(f"MultisineSpectra: base: {self.base!r:.60}; one of {known} is needed")
-        left = np.zeros(len(level), dtype=np.int64) if self.left_out is None else self.left_out
+        left = np.zeros(len(level), dtype=np.int64) if self.left_out is None else np.asarray(self.left_out)
         if np.shape(left) != level.shape:
             raise MeasurementError(f"MultisineSpectra: left_out: {np.shape(left)}; one a record is needed")
         arrays = {"level": level, "force": force, "response": response, "left_out": left}
         arrays |= {"omega0": omega0} if omega0.ndim else {}
         arrays |= {} if self.across is None else {"across": across}
+        arrays |= {} if self.label is None else {"label": _array(self.label, "label", np.float64, (1,))}
         for name, value in arrays.items():
-            kept = np.array(value)
-            kept.flags.writeable = False
-            object.__setattr__(self, name, kept)
-        if self.label is not None:
-            object.__setattr__(self, "label", frozen_array(_array(self.label, "label", np.float64, (1,))))
+            object.__setattr__(self, name, frozen_array(value, value.dtype.type))
 
     @property
     def periods(self) -> int:
@@ -295,6 +285,12 @@ def _array(values: ArrayLike, name: str, kind: type, dimensions: tuple[int, ...]
     if not np.isfinite(array).all():
         raise MeasurementError(f"MultisineSpectra: {name}: not finite; finite numbers are needed")
     return array
+
+
+def _periods(spectra: ArrayLike, name: str) -> ComplexArray:
+    """Return spectra (r, p, H+1), from such or from one period a record (r, H+1)."""
+    array = _array(spectra, name, np.complex128, (2, 3))
+    return array if array.ndim == 3 else array[:, None]
 
 
 def rms(spectrum: ComplexArray) -> Array:

@@ -138,15 +138,13 @@ def backbone(identification: Identification, values: Mapping[str, float], amplit
     omega = np.full(amplitude.shape, 2 * np.pi * float(np.nanmedian(identification.curve.frequency)))
     for _ in range(3):  # the stiffness of most laws does not depend on omega: the first round is final
         result = evaluated(law, amplitude, omega, used)
-        stiffness = np.broadcast_to(np.asarray(result.stiffness, dtype=np.float64), amplitude.shape)
+        stiffness = result.stiffness
         update = np.sqrt(np.where((stiffness > 0) & (mass > 0), stiffness, np.nan) / mass)
         done = bool(np.allclose(update, omega, rtol=1e-9, equal_nan=True))
         omega = np.where(np.isfinite(update), update, omega)
         if done:
             break
-    damping = np.broadcast_to(np.asarray(result.damping, dtype=np.float64), amplitude.shape)
-    mean = np.broadcast_to(np.asarray(result.mean, dtype=np.float64), amplitude.shape)
-    return Backbone(amplitude, omega, stiffness, damping, mean, mass)
+    return Backbone(amplitude, omega, stiffness, result.damping, result.mean, mass)
 
 
 def measured_backbone(identification: Identification, amplitude: Array) -> Backbone:
@@ -462,8 +460,7 @@ def small_stiffness(identification: Identification, values: Mapping[str, float])
     omega = np.full(2, 2 * np.pi * float(np.median(identification.curve.frequency)))
     used = {name: values[name] for name in identification.model.parameters}
     with np.errstate(all="ignore"):
-        result = evaluated(derive(identification.model.force), amplitude, omega, used)
-    near, far = np.broadcast_to(np.asarray(result.stiffness, dtype=np.float64), (2,))
+        near, far = evaluated(derive(identification.model.force), amplitude, omega, used).stiffness
     settled = np.isfinite(near) and near > 0 and abs(far / near - 1) <= MISFIT_NEGLIGIBLE
     return float(near) if settled else float("nan")
 
