@@ -285,7 +285,7 @@ def describe_elements(elements: Iterable[Element], identification: Identificatio
     return {name: sentence(finding) for name, finding in said.items() if finding is not None}
 
 
-def mean_sentence(surface: ResponseSurface, identification: Identification | None = None) -> str:
+def mean_sentence(surface: ResponseSurface, identification: Identification) -> str:
     """Say between which peaks the largest response swings; "" where its mean is negligible.
 
     Parameters
@@ -293,14 +293,14 @@ def mean_sentence(surface: ResponseSurface, identification: Identification | Non
     surface
         Its largest settled response is described.
     identification
-        Source of the noise level; None where it is not known.
+        Source of the noise level.
     """
     settled = np.flatnonzero(surface.settled)
     if not settled.size:
         return ""
     i = int(settled[np.argmax(surface.amplitude[settled])])
     mean, amplitude = float(surface.harmonics[i, 0].real), float(surface.amplitude[i])
-    noise = 0.0 if identification is None or not np.isfinite(identification.noise) else identification.noise
+    noise = identification.noise if np.isfinite(identification.noise) else 0.0
     if (
         abs(mean) < max(1e-3, NOISE_LIMIT_SIGMAS * noise) * amplitude
         or not np.isfinite(surface.peak[i]).all()

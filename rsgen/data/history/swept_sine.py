@@ -47,6 +47,7 @@ from rsgen.data.history.tracking import (
     find_sweeps,
     most_by_pace,
     other_modes,
+    sweep_by_sweep,
 )
 from rsgen.data.surface import ResponseSurface
 from rsgen.data.surface.response_surface import SWEPT_TOO_FAST
@@ -294,7 +295,7 @@ def _moving_mass(
     flank = flank_mass(force[good], motion.select(good))
     if flank is not None and (_typical(flank) > _MAX_MISFIT_ONE_MODE or not flank.mass > 0):
         flank = None
-    picked = np.flatnonzero(_resonances(parts, good))
+    picked = np.flatnonzero(_resonances(parts, force, good))
     found = estimate_mass(force[picked], motion.select(picked))
     if (
         found is not None
@@ -316,18 +317,13 @@ def _typical(found: FreeMode) -> float:
     return float(np.median(np.abs(found.left)))
 
 
-def _resonances(parts: list[SweptPoints], good: NDArray[np.bool_]) -> NDArray[np.bool_]:
+def _resonances(parts: list[SweptPoints], force: ComplexArray, good: NDArray[np.bool_]) -> NDArray[np.bool_]:
     """Return (n,) True for the points around the highest receptance of each sweep."""
     marked = np.zeros(len(good), dtype=bool)
-    begin = 0
-    for part in parts:
-        chosen = np.flatnonzero(good[begin : begin + len(part)])
-        size = np.abs(part.motion.displacement[chosen] / part.force[chosen])
-        if len(chosen):
-            top = int(np.argmax(size))
-            low = np.flatnonzero(size < MAX_FLANK_AMPLITUDE * size[top])
-            left = int(np.max(low[low < top], initial=-1))
-            right = int(np.min(low[low > top], initial=len(size)))
-            marked[begin + chosen[left + 1 : right]] = True
-        begin += len(part)
+    for _, chosen, here, size in sweep_by_sweep(parts, force, good):
+        top = int(np.argmax(size))
+        low = np.flatnonzero(size < MAX_FLANK_AMPLITUDE * size[top])
+        left = int(np.max(low[low < top], initial=-1))
+        right = int(np.min(low[low > top], initial=len(size)))
+        marked[here.start + chosen[left + 1 : right]] = True
     return marked

@@ -362,8 +362,8 @@ class SweptPoints:
         return len(self.force)
 
 
-def _sweep_by_sweep(
-    parts: list[SweptPoints], steady: ComplexArray, good: NDArray[np.bool_]
+def sweep_by_sweep(
+    parts: list[SweptPoints], force: ComplexArray, good: NDArray[np.bool_]
 ) -> Iterator[tuple[SweptPoints, NDArray[np.intp], slice, Array]]:
     """Yield each sweep with good points: their places in it, its place in all points, their receptance."""
     begin = 0
@@ -372,7 +372,7 @@ def _sweep_by_sweep(
         chosen = np.flatnonzero(good[here])
         if len(chosen):
             # only good points: the force of others may be zero
-            yield part, chosen, here, np.abs(part.motion.displacement[chosen] / steady[here][chosen])
+            yield part, chosen, here, np.abs(part.motion.displacement[chosen] / force[here][chosen])
         begin += len(part)
 
 
@@ -394,7 +394,7 @@ def fast_sweeps(
     "beyond" where the receptance does not fall to half power on both sides of its largest value.
     """
     worst, findings = _SLOW_PACE, []
-    for part, chosen, here, size in _sweep_by_sweep(parts, steady, good):
+    for part, chosen, here, size in sweep_by_sweep(parts, steady, good):
         top = chosen[size > HALF_POWER * size.max()]
         # at most: the next points on both sides are below half power
         spacing = float(np.ptp(part.drive[chosen])) / max(len(chosen) - 1, 1)
@@ -434,7 +434,7 @@ def fast_sweeps(
 
 def other_modes(parts: list[SweptPoints], steady: ComplexArray, good: NDArray[np.bool_]) -> list[Finding]:
     """Return a finding about another maximum of the receptance, in the first sweep that has one."""
-    for part, chosen, _, size in _sweep_by_sweep(parts, steady, good):
+    for part, chosen, _, size in sweep_by_sweep(parts, steady, good):
         frequency = part.drive[chosen]
         order = np.argsort(frequency, kind="stable")
         frequency, size = frequency[order], size[order]
@@ -457,7 +457,7 @@ def most_by_pace(
     It follows from the correction of the good points around the resonance; that of a jump is larger.
     """
     most = np.full(len(good), _MIN_FREE_CORRECTION)
-    for _, chosen, here, size in _sweep_by_sweep(parts, steady, good):
+    for _, chosen, here, size in sweep_by_sweep(parts, steady, good):
         top = chosen[size > HALF_POWER * size.max()]
         most[here] = max(
             _MIN_FREE_CORRECTION, _MIN_CORRECTION_RATIO * float(np.median(correction[here][top]))

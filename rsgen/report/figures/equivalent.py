@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import textwrap
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
 from functools import lru_cache
 
@@ -23,7 +23,7 @@ from rsgen.formula import symbol
 from rsgen.formula.names import remembers
 from rsgen.formula.units import choose_scale, number_text
 from rsgen.identification.prediction.amplitude_balance import balance_of
-from rsgen.identification.results import Estimate, Identification, MultisineIdentification
+from rsgen.identification.results import Identification, MultisineIdentification
 from rsgen.law.motion import Motion, cycle_work
 from rsgen.law.notation import readable
 from rsgen.law.numeric import compile_law
@@ -34,14 +34,13 @@ from rsgen.report.figures.drawing import POINTS, REFINED, Drawing, GivenAxes, in
 class Backbone:
     """Equivalent properties along the resonance of a model; every array (n,).
 
-    ``amplitude`` X [m], ``omega`` [rad/s], ``stiffness`` [N/m], ``damping`` [N s/m], ``mean`` X0 [m].
+    ``amplitude`` X [m], ``omega`` [rad/s], ``stiffness`` [N/m], ``damping`` [N s/m].
     """
 
     amplitude: Array
     omega: Array
     stiffness: Array
     damping: Array
-    mean: Array
     mass: float
 
     @property
@@ -53,11 +52,6 @@ class Backbone:
     def damping_ratio(self) -> Array:
         """(n,) c / (2 m omega_n) [1]."""
         return np.asarray(self.damping / (2 * self.mass * self.omega), dtype=np.float64)
-
-
-def values_of(estimates: Iterable[Estimate]) -> dict[str, float]:
-    """Return the values of a set of estimates, the mass among them as "m" where it was identified."""
-    return {estimate.name: estimate.value for estimate in estimates}
 
 
 def amplitudes_tested(identification: Identification, points: int = 160) -> Array:
@@ -78,10 +72,12 @@ def solution_of(identification: Identification) -> dict[str, float]:
 
     The curve over what was tested is known also where single parameters are not.
     """
-    values = values_of((*identification.refined, *identification.fixed))
     names = sorted(identification.model.parameters)
     fitted = dict(zip(names, identification.solution.tolist(), strict=True))
-    return {name: value if np.isfinite(value) else fitted.get(name, value) for name, value in values.items()}
+    return {
+        one.name: one.value if np.isfinite(one.value) else fitted.get(one.name, one.value)
+        for one in (*identification.refined, *identification.fixed)
+    }
 
 
 def evaluated(
@@ -133,7 +129,7 @@ def backbone(identification: Identification, values: Mapping[str, float], amplit
     used = {name: values[name] for name in identification.model.parameters}
     unknown = np.full(amplitude.shape, np.nan)
     if not (amplitude.size and np.isfinite([mass, *used.values()]).all()):
-        return Backbone(amplitude, unknown, unknown, unknown, unknown, mass)
+        return Backbone(amplitude, unknown, unknown, unknown, mass)
     law = derive(identification.model.force)
     omega = np.full(amplitude.shape, 2 * np.pi * float(np.nanmedian(identification.curve.frequency)))
     for _ in range(3):  # the stiffness of most laws does not depend on omega: the first round is final
@@ -144,7 +140,7 @@ def backbone(identification: Identification, values: Mapping[str, float], amplit
         omega = np.where(np.isfinite(update), update, omega)
         if done:
             break
-    return Backbone(amplitude, omega, stiffness, result.damping, result.mean, mass)
+    return Backbone(amplitude, omega, stiffness, result.damping, mass)
 
 
 def measured_backbone(identification: Identification, amplitude: Array) -> Backbone:
@@ -165,43 +161,34 @@ def measured_backbone(identification: Identification, amplitude: Array) -> Backb
 
 
 def refined_band(identification: Identification, amplitude: Array) -> tuple[Backbone, Array, Array]:
-    """Return the backbone of the refined model and half the 95 % bands of stiffness and damping."""
-    values = solution_of(identification)
-    names = [estimate.name for estimate in identification.refined if estimate.name != "m"]
+    """Return the backbone of the refined model and half the 95 % bands of stiffness and damping.
 
-    def evaluate(changed: Mapping[str, float]) -> Array:
-        model = backbone(identification, changed, amplitude)
-        return np.array([model.stiffness, model.damping])
-
-    half = interval_sigmas() * standard_errors(identification, values, names, evaluate)
-    return backbone(identification, values, amplitude), half[0], half[1]
-
-
-def standard_errors(
-    identification: Identification,
-    values: Mapping[str, float],
-    names: Iterable[str],
-    evaluate: Callable[[Mapping[str, float]], Array],
-) -> Array:
-    """Return the standard error of every number that ``evaluate`` makes of the values, by linear propagation.
-
-    Only the covariance of ``names`` counts; a derivative is the difference over one standard error.
+    The covariance of the law's parameters is propagated linearly; a derivative is the difference over one
+    standard error.
     """
-    rows = {estimate.name: i for i, estimate in enumerate(identification.refined)}
-    covariance, centre = identification.covariance, evaluate(values)
-    if covariance.shape != (len(rows), len(rows)):
-        return np.zeros(centre.shape)
-    widths = {name: identification[name].standard_error for name in names if name in rows}
-    if any(np.isinf(width) and identification[name].identifiable for name, width in widths.items()):
+
+    def evaluate(values: Mapping[str, float]) -> tuple[Backbone, Array]:
+        model = backbone(identification, values, amplitude)
+        return model, np.array([model.stiffness, model.damping])
+
+    values, covariance = solution_of(identification), identification.covariance
+    model, centre = evaluate(values)
+    count = len(identification.refined)
+    if covariance.shape != (count, count):
+        return model, *np.zeros(centre.shape)
+    law = [(row, one) for row, one in enumerate(identification.refined) if one.name != "m"]
+    if any(np.isinf(one.standard_error) and one.identifiable for _, one in law):
         # a fit that did not converge has no errors
-        return np.full(centre.shape, np.nan)
-    moving = {name: width for name, width in widths.items() if np.isfinite(width) and width > 0}
+        return model, *np.full(centre.shape, np.nan)
+    moving = [(row, one) for row, one in law if np.isfinite(one.standard_error) and one.standard_error > 0]
     slopes = np.zeros((len(moving), *centre.shape))
-    for slope, (name, width) in zip(slopes, moving.items(), strict=True):
-        slope[...] = (evaluate({**values, name: values[name] + width}) - centre) / width
-    index = [rows[name] for name in moving]
+    for slope, (_, one) in zip(slopes, moving, strict=True):
+        _, moved = evaluate({**values, one.name: values[one.name] + one.standard_error})
+        slope[...] = (moved - centre) / one.standard_error
+    index = [row for row, _ in moving]
     variance = np.einsum("i...,ij,j...->...", slopes, covariance[np.ix_(index, index)], slopes)
-    return np.asarray(np.sqrt(np.maximum(variance, 0.0)), dtype=np.float64)
+    stiffness, damping = interval_sigmas() * np.sqrt(np.maximum(variance, 0.0))
+    return model, stiffness, damping
 
 
 def calm_limits(axes: Axes, values: Iterable[Array], least: float = 0.1) -> None:
