@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -14,7 +15,7 @@ from rsgen.common.errors import RsgenError
 from rsgen.common.tolerances import CONFIDENCE_TEXT
 from rsgen.data.multisine import MultisineSpectra
 from rsgen.data.surface import ResponseSurface
-from rsgen.formula.units import ForceUnits, choose_scale, number_text, quantity_text, unit_text
+from rsgen.formula.units import ForceUnits, Scale, choose_scale, number_text, quantity_text, unit_text
 from rsgen.identification.modal_result import MODAL_COLUMNS, ModalTable
 from rsgen.identification.modal_table import modal_table
 from rsgen.identification.prediction import HeldOutLevel, predict
@@ -373,23 +374,22 @@ def modal_page_table(section: Modal) -> Table | None:
     if modal is None:
         return None
     amplitude = choose_scale(modal.amplitude, "m")
-    scales = {name: choose_scale(getattr(modal, name), MODAL_COLUMNS[name]) for name in modal.shown}
-    heads = [
-        "Damping ratio [%]" if name == "damping_ratio" else scale.label(_TITLES[name])
-        for name, scale in scales.items()
-    ]
-    rows = []
-    # every second row: the file has all
-    for row in list(modal)[::2]:
-        cells: list[str | Cell] = [number_text(row["amplitude"] / amplitude.factor)]
-        for name, scale in scales.items():
-            factor = 0.01 if name == "damping_ratio" else scale.factor
-            half = (row[f"{name}_upper"] - row[f"{name}_lower"]) / 2
-            note = f"± {number_text(half / factor, 2)}" if math.isfinite(half) else ""
-            cells.append(Cell(number_text(row[name] / factor, 5), note))
-        rows.append(tuple(cells))
+    columns: dict[str, _Says] = {
+        amplitude.label("X"): lambda row: number_text(row["amplitude"] / amplitude.factor)
+    }
+    for name in modal.shown:
+        ratio = name == "damping_ratio"
+        scale = Scale(0.01, "%") if ratio else choose_scale(getattr(modal, name), MODAL_COLUMNS[name])
+        columns[scale.label(_TITLES[name])] = partial(_modal_cell, name, scale.factor)
     caption = (
         f"Modal table without a law, {CONFIDENCE_TEXT} intervals; {modal.points} points, misfit "
         f"{modal.misfit:.2g}"
     )
-    return Table(caption, (amplitude.label("X"), *heads), tuple(rows))
+    # every second row: the file has all
+    return _tabulated(caption, list(modal)[::2], columns)
+
+
+def _modal_cell(name: str, factor: float, row: Mapping[str, float]) -> Cell:
+    half = (row[f"{name}_upper"] - row[f"{name}_lower"]) / 2
+    note = f"± {number_text(half / factor, 2)}" if math.isfinite(half) else ""
+    return Cell(number_text(row[name] / factor, 5), note)

@@ -13,11 +13,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from rsgen.common.arrays import Array, ComplexArray, frozen_array
+from rsgen.common.arrays import Array, ComplexArray
 from rsgen.common.finding import Finding, Severity
 from rsgen.common.text_table import Printed, TextTable, data_frame, lookup, short
 from rsgen.common.tolerances import RELATIVE_CHANGE_NEGLIGIBLE
-from rsgen.identification.results.result import held_out_lines
+from rsgen.identification.results.result import freeze, held_out_lines
 
 BEYOND = 1 + RELATIVE_CHANGE_NEGLIGIBLE
 """Amplitude relative to the largest tested one from which on a response is extrapolated."""
@@ -69,10 +69,9 @@ class ResonanceCurve:
     level_unit: str = "N"
 
     def __post_init__(self) -> None:
-        for name in ("frequency", "amplitude", "phase", "lower", "upper", "folds"):
-            object.__setattr__(self, name, frozen_array(getattr(self, name)))
-        for name in ("stable", "extrapolated"):
-            object.__setattr__(self, name, frozen_array(getattr(self, name), np.bool_))
+        freeze(self, ("frequency", "amplitude", "phase", "lower", "upper"))
+        freeze(self, ("stable", "extrapolated"), np.bool_)
+        freeze(self, ("folds",))
 
     @property
     def rises_at_end(self) -> bool:
@@ -121,9 +120,8 @@ class HeldOutLevel:
     force_unit: str = "N"
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "frequency", frozen_array(self.frequency))
-        for name in ("measured", "predicted"):
-            object.__setattr__(self, name, frozen_array(getattr(self, name), np.complex128))
+        freeze(self, ("frequency",))
+        freeze(self, ("measured", "predicted"), np.complex128)
 
 
 @dataclass(frozen=True, slots=True, eq=False, repr=False)
@@ -245,10 +243,6 @@ class PredictedRecord:
     level_unit: str = "N"
 
     def __post_init__(self) -> None:
-        for name, kind in (
-            ("frequency", float),
-            ("measured", complex),
-            ("predicted", complex),
-            ("judged", bool),
-        ):
-            object.__setattr__(self, name, frozen_array(getattr(self, name), kind))
+        freeze(self, ("frequency",))
+        freeze(self, ("measured", "predicted"), np.complex128)
+        freeze(self, ("judged",), np.bool_)

@@ -182,7 +182,7 @@ def predict(
     require(found, (Identification, ModalTable, Oscillator), "found")
     if isinstance(levels, ResponseSurface | MultisineSpectra):
         raise RsgenError(f"levels: {type(levels).__name__}; did you mean surface=?")
-    records: Prediction | None = None
+    records = Prediction((), (), ())
     if isinstance(found, MultisineIdentification):
         spectra, surface = cast("MultisineSpectra | None", surface), None
         records = rsgen.identification.predict_multisine(found, spectra)
@@ -219,8 +219,6 @@ def predict(
         if curves and surface.base in ("displacement", "velocity"):
             findings.append(Finding("curves-of-constant-acceleration", "info", names={"base": surface.base}))
     findings = [*balance.findings, *_findings(found, tested, curves, held_out), *findings]
-    if records is None:
-        return Prediction(curves, held_out, tuple(findings))
     return Prediction(curves, held_out, (*findings, *records.findings), records.records)
 
 

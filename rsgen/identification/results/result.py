@@ -30,7 +30,8 @@ if TYPE_CHECKING:
     from rsgen.data.multisine import BestLinear
 
 
-def _freeze(record: object, names: tuple[str, ...], dtype: type = np.float64) -> None:
+def freeze(record: object, names: tuple[str, ...], dtype: type = np.float64) -> None:
+    """Make the named fields of a frozen dataclass read-only arrays, which must have one shape."""
     lengths = set()
     for name in names:
         array = frozen_array(getattr(record, name), dtype)
@@ -158,8 +159,8 @@ class EquivalentCurve:
     units: ForceUnits = WHOLE
 
     def __post_init__(self) -> None:
-        _freeze(self, ("amplitude", "frequency", "level", "stiffness", "damping"))
-        _freeze(self, ("used",), np.bool_)
+        freeze(self, ("amplitude", "frequency", "level", "stiffness", "damping"))
+        freeze(self, ("used",), np.bool_)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -190,8 +191,8 @@ class RestoringForce:
     damping_band: NDArray[np.float64]
 
     def __post_init__(self) -> None:
-        _freeze(self, ("displacement", "stiffness_force", "stiffness_band"))
-        _freeze(self, ("velocity", "damping_force", "damping_band"))
+        freeze(self, ("displacement", "stiffness_force", "stiffness_band"))
+        freeze(self, ("velocity", "damping_force", "damping_band"))
 
 
 @dataclass(frozen=True, slots=True)
