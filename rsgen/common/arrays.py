@@ -29,6 +29,12 @@ def frozen_array(values: ArrayLike, dtype: type = np.float64) -> NDArray[Any]:
     return array
 
 
+def true_runs(marks: NDArray[np.bool_]) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
+    """Return the first places and the lengths of the runs of True in marks (n,)."""
+    edges = np.flatnonzero(np.diff(np.concatenate(([0], marks.astype(np.int8), [0]))))
+    return edges[::2], edges[1::2] - edges[::2]
+
+
 def blocks(count: int, size: int) -> list[slice]:
     """Divide so many rows into blocks of at most ``size``; no rows are one empty block."""
     return [slice(first, first + size) for first in range(0, max(count, 1), size)]

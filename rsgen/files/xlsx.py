@@ -15,7 +15,7 @@ from typing import Any, BinaryIO
 
 import numpy as np
 
-from rsgen.common.arrays import Array
+from rsgen.common.arrays import Array, true_runs
 from rsgen.common.errors import MeasurementError
 from rsgen.files.column_titles import is_unit, unit_in
 from rsgen.files.text_columns import MISSING, WORD
@@ -72,18 +72,11 @@ def _rows(sheet: Any) -> list[tuple[Any, ...]]:
 
 def _blocks(rows: Sequence[_Row]) -> Iterator[tuple[int, int]]:
     """Find tables side by side: runs of columns with something in them, as (first, behind the last)."""
-    width = max(map(len, rows), default=0)
-    filled = [False] * width
+    filled = np.zeros(max(map(len, rows), default=0), dtype=np.bool_)
     for row in rows:
-        for place, cell in enumerate(row):
-            filled[place] = filled[place] or cell is not None
-    first = None
-    for place, full in enumerate([*filled, False]):
-        if full and first is None:
-            first = place
-        elif not full and first is not None:
-            yield first, place
-            first = None
+        filled[[place for place, cell in enumerate(row) if cell is not None]] = True
+    for first, length in zip(*map(np.ndarray.tolist, true_runs(filled)), strict=True):
+        yield first, first + length
 
 
 def _begin(rows: Sequence[_Row]) -> tuple[int, tuple[int, ...]]:

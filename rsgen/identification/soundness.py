@@ -13,7 +13,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from rsgen.common.arrays import Array, ComplexArray
+from rsgen.common.arrays import Array, ComplexArray, true_runs
 from rsgen.common.finding import Finding, Quantity, Severity, quantities, severity_of
 from rsgen.common.tolerances import (
     BALANCE_HARMONICS,
@@ -219,8 +219,7 @@ def gain_findings(background: BackgroundTerms, values: Array, variance: Array, m
 
 def _longest(marks: NDArray[np.bool_]) -> tuple[int, int]:
     """Where the longest stretch of True begins, and its length."""
-    edges = np.flatnonzero(np.diff(np.concatenate([[0], marks.astype(int), [0]])))
-    starts, lengths = edges[::2], edges[1::2] - edges[::2]
+    starts, lengths = true_runs(marks)
     if not len(starts):
         return 0, 0
     best = int(np.argmax(lengths))

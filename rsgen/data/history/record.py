@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from rsgen.common.arrays import Array
+from rsgen.common.arrays import Array, true_runs
 from rsgen.common.errors import MeasurementError
 from rsgen.common.finding import Finding, Quantity
 from rsgen.data.record_set import DERIVATIVE, QUANTITIES
@@ -304,19 +304,13 @@ _MIN_FORCE_CHANGE = 0.2
 """Change of the force, relative to its largest, during which a working sensor does not stand still."""
 
 
-def _runs(same: NDArray[np.bool_]) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-    """Return the first places and the lengths of the runs of True."""
-    edges = np.flatnonzero(np.diff(np.concatenate(([0], same.astype(np.int8), [0]))))
-    return edges[::2], edges[1::2] - edges[::2]
-
-
 def clipped_samples(values: NDArray[Any], sign: int) -> int:
     """Return the number of samples on flat tops at the largest (or smallest) value; 0 if not clipped."""
     top = max(float((sign * block).max()) for block in blocks(values))
     next_top, count, on_flat = -np.inf, 0, 0
     for block in blocks(values):
         raised = sign * block.astype(np.float64)
-        _, lengths = _runs(raised == top)
+        _, lengths = true_runs(raised == top)
         on_flat += int(lengths[lengths >= _FLAT_TOP_SAMPLES].sum())
         below = raised[raised < top]
         if not below.size or below.max() < next_top:
@@ -336,7 +330,7 @@ def _stands(history: TimeHistory) -> list[tuple[float, float]]:
     least = _MIN_FORCE_CHANGE * max(float(np.abs(block).max()) for block in blocks(force))
     found = []
     for start in range(0, len(response), BLOCK_SAMPLES):
-        first, lengths = _runs(np.diff(response[start : start + BLOCK_SAMPLES]) == 0)
+        first, lengths = true_runs(np.diff(response[start : start + BLOCK_SAMPLES]) == 0)
         for begin, length in zip(
             first[lengths >= _MIN_EQUAL_SAMPLES], lengths[lengths >= _MIN_EQUAL_SAMPLES], strict=True
         ):
