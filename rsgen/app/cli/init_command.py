@@ -94,15 +94,12 @@ def case_text(
     names = sorted({free.name for _, part in elements for free in part.free_symbols} - {"x", "v"})
     width = max(map(len, names), default=0)
     # no HTML: name, law and path are checked
-    return (
-        template_environment(False)
-        .get_template("init/case.toml")
-        .render(
-            name=name,
-            elements=[(element, write(part), equations_of(part)) for element, part in elements],
-            truth=[(f"{name:<{width}}", _value(units.get(name, ""))) for name in names],
-            tables=test,
-        )
+    template = template_environment(False).get_template("init/case.toml")
+    return template.render(
+        name=name,
+        elements=[(element, write(part), equations_of(part)) for element, part in elements],
+        truth=[(f"{name:<{width}}", _value(units.get(name, ""))) for name in names],
+        tables=test,
     )
 
 
