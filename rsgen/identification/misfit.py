@@ -527,9 +527,9 @@ def stop_findings(fit: Fit, units: Mapping[str, str]) -> tuple[Finding, ...]:
     """Find that a stop on the other side, too, or on one side alone fits as well or better."""
     if (other := stop_elsewhere(fit)) is None:
         return ()
-    side, name, value = other
+    side, name, value, better = other
     numbers = {"value": Quantity(value, units[name])}
-    return (Finding("mirror-image-fits", "doubt", name, numbers, {"side": side}),)
+    return (Finding("mirror-image-fits", "doubt" if better else "warning", name, numbers, {"side": side}),)
 
 
 def symmetric_shift(fit: Fit) -> Array:

@@ -246,7 +246,7 @@ def even_force_shift(fit: Fit) -> tuple[float, Array]:
     return float(parameters[place]), np.delete(moved, place)
 
 
-def stop_elsewhere(fit: Fit) -> tuple[str, str, float] | None:
+def stop_elsewhere(fit: Fit) -> tuple[str, str, float, bool] | None:
     """Return if a stop on "one" side or on "both" fits as well as that of the law, and its stiffness.
 
     Fundamentals show the odd part of a stop, which is as large for one on one side as for one of half the
@@ -254,8 +254,9 @@ def stop_elsewhere(fit: Fit) -> tuple[str, str, float] | None:
 
     Returns
     -------
-    side, name, value
-        Where the other stop is, and the name and the value of its stiffness; None if no other fits.
+    side, name, value, better
+        Where the other stop is, the name and the value of its stiffness, and whether it leaves less than the
+        law; None if no other fits.
     """
     few = fit.select(np.flatnonzero(fit.regression.used))
     problem, law, x = few.problem, few.problem.law, symbol("x")
@@ -286,4 +287,4 @@ def stop_elsewhere(fit: Fit) -> tuple[str, str, float] | None:
     worse = (cost - least) / max(few.regression.noise, 1e-300) ** 2
     if not (stiff and found.regression.used.all() and worse < interval_sigmas() ** 2):
         return None
-    return "one" if law.odd else "both", law.parameters[stiff[0]], float(found.values[stiff[0]])
+    return "one" if law.odd else "both", law.parameters[stiff[0]], float(found.values[stiff[0]]), worse < 0
