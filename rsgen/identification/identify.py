@@ -58,8 +58,11 @@ _RESOLVED = 100.0
 """A misfit this many times the simulator's accuracy is not the simulator's."""
 
 
-def fit_all_harmonics(problem: Problem, start: Array) -> Fit:
-    """Fit by the balance, then by the simulator where only that has all harmonics."""
+def fit_all_harmonics(problem: Problem, start: Array, attained: float = 0.0) -> Fit:
+    """Fit by the balance, then by the simulator where only that has all harmonics.
+
+    The simulator is not asked for less than the misfit ``attained``, relative to force and response.
+    """
     found, needs_simulator = _balance(problem, start)
     observed = problem.observed
     if observed.points.load is not None and len(found.background):
@@ -77,7 +80,7 @@ def fit_all_harmonics(problem: Problem, start: Array) -> Fit:
     # the corners of a memory are its force's, not jumps: what it misses is not theirs
     if problem.law.remembers and (runs_away(found) or law_misses(found)):
         return found
-    if needs_simulator and not feeds and found.regression.noise * np.sqrt(2) < MISFIT_REJECTED:
+    if needs_simulator and not feeds and attained < found.regression.noise * np.sqrt(2) < MISFIT_REJECTED:
         # a misfit between the simulator's own and noise: some points were not followed
         found = _refit_with_simulator(found)
         if (
@@ -168,14 +171,16 @@ def _refit_with_simulator(balanced: Fit) -> Fit:
     It drives with a sine: where harmonics of the force matter more than corners, the balance leaves less.
     """
     problem = balanced.problem
-    start, accuracy = balanced, _ACCURACIES[0]
+    accuracy = _ACCURACIES[0]
     few = problem.observed.mode(balanced.background).spread(SUBSAMPLE_POINTS)
     quick = fit_simulator(problem.select(few), balanced.select(few), accuracy=accuracy)
-    if quick is not None:
-        near = replace(balanced.regression, parameters=quick.regression.parameters)
-        start = replace(balanced, regression=replace(near, noise=quick.regression.noise))
-        if quick.regression.noise < _RESOLVED * accuracy:
-            accuracy = _ACCURACIES[1]
+    if quick is None:
+        # nor would it follow enough of all points
+        return balanced
+    near = replace(balanced.regression, parameters=quick.regression.parameters)
+    start = replace(balanced, regression=replace(near, noise=quick.regression.noise))
+    if quick.regression.noise < _RESOLVED * accuracy:
+        accuracy = _ACCURACIES[1]
     whole = len(few) == len(balanced.force) and accuracy == _ACCURACIES[0]
     refitted = quick if whole else fit_simulator(problem, start, accuracy=accuracy)
     if refitted is None:
@@ -260,8 +265,22 @@ def _with_held_out(found: Identification, score: Callable[..., Prediction], *tes
     return changed(found, findings=(*found.findings, *scored.findings), held_out=held_out)
 
 
-def _identify(surface: ResponseSurface, model: Model) -> Identification:
+def identify_ranked(surface: ResponseSurface, model: Model, attained: float, most: int = 0) -> Identification:
+    """Identify as ``identify`` does, but without the simulator where the balance leaves no more.
+
+    ``attained`` is the misfit, relative to force and response, that the law leaves along exact motions. On
+    ``most`` points levels are not predicted.
+    """
+    surface, model = per_unit_mass(without_copies(surface), model)
+    found = _identify(surface, model, attained, most)
+    return _with_held_out(found, predict_held_out, found, surface) if not most else found
+
+
+def _identify(surface: ResponseSurface, model: Model, attained: float = 0.0, most: int = 0) -> Identification:
     test = prepare(surface, model)
+    points = test.problem.observed.points
+    if 0 < most < len(points):
+        test = replace(test, problem=test.problem.select(points.spread(most)))
     # what a trial makes infinite or undefined has no prediction there, and is dealt with as such
     with np.errstate(all="ignore"):
         problem, start = start_fit(test.problem)
@@ -271,7 +290,7 @@ def _identify(surface: ResponseSurface, model: Model) -> Identification:
             problem, start = start_fit(test.problem.select(moving))
         else:
             held = 0
-        found = judge(replace(test, problem=problem), model, fit_all_harmonics(problem, start))
+        found = judge(replace(test, problem=problem), model, fit_all_harmonics(problem, start, attained))
     if not held:
         return found
     numbers = quantities(excluded=held, points=len(moving) + held)

@@ -24,6 +24,7 @@ from rsgen.common.tolerances import (
     MISFIT_NEGLIGIBLE,
     NOISE_RATIO_BY_CHANCE,
     RELATIVE_ERROR_DOUBTFUL,
+    SUBSAMPLE_POINTS,
 )
 from rsgen.data.multisine import MultisineSpectra
 from rsgen.data.oscillator import Model, Observation, join_model
@@ -31,7 +32,7 @@ from rsgen.data.surface import ResponseSurface, without_copies
 from rsgen.formula import symbol
 from rsgen.identification.fitting.across import sensors_of
 from rsgen.identification.fitting.points import per_unit_mass
-from rsgen.identification.identify import identify
+from rsgen.identification.identify import identify, identify_ranked
 from rsgen.identification.ranking.balance import WhitenedBalance
 from rsgen.identification.ranking.candidate_fit import CandidateFit, CandidateLaw, RankedTest, Round
 from rsgen.identification.ranking.library_sums import Term, terms_of
@@ -283,10 +284,14 @@ def _ranking(
     count = [len(fit.candidate.values) for fit in candidates]
     fault: RsgenError | None = None
     identified: dict[int, Identification] = {}
+    # which law is the best some of many points settle, and its values all of them
+    many = surface if isinstance(surface, ResponseSurface) and len(surface) > 2 * SUBSAMPLE_POINTS else None
     for _ in candidates:
         order, lowest, tied = order_candidates(bic, error, count)
         number, best = order[0], candidates[order[0]]
         model = replace(base, elements=best.candidate.elements)
+        along = current.relative(best.residual)
+        attained = NOISE_RATIO_BY_CHANCE * along
         if number in identified:
             found = identified[number]
             break
@@ -295,7 +300,10 @@ def _ranking(
             found = None
             break
         try:
-            found = identify(surface, model)
+            if many is None:
+                found = identify(surface, model)
+            else:
+                found = identify_ranked(many, model, attained, SUBSAMPLE_POINTS)
         except RsgenError as refused:
             found, fault = None, refused
             break
@@ -306,7 +314,6 @@ def _ranking(
             (value for value, fit in zip(bic, candidates, strict=True) if _lacks(fit, best, undetermined)),
             default=before,
         )
-        along = current.relative(best.residual)
         if found.residual > NOISE_RATIO_BY_CHANCE * max(along, MISFIT_NEGLIGIBLE):
             # along its own motion the law fits worse than along that of the ranking
             less = max(less, before + (np.square(found.residual / along) - 1.0) * best.misfit)
@@ -318,6 +325,11 @@ def _ranking(
                 before - bic[i] < _STRONG_EVIDENCE and _lacks(best, fit, fit.candidate.values)
             ):
                 bic[i] = max(bic[i], less)
+    if many is not None and found is not None:
+        try:
+            found = identify_ranked(many, model, attained)
+        except RsgenError as refused:
+            found, fault = None, refused
     ordered = [candidates[number] for number in order]
     rows = [
         Candidate(
