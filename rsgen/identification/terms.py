@@ -19,7 +19,13 @@ from numpy.typing import NDArray
 
 from rsgen.common.arrays import Array
 from rsgen.common.solvers import solve_scaled
-from rsgen.common.tolerances import NEAR_STEPS, START_HARMONICS, SUBSAMPLE_POINTS, interval_sigmas
+from rsgen.common.tolerances import (
+    MIN_SIGNIFICANT_GAIN,
+    NEAR_STEPS,
+    START_HARMONICS,
+    SUBSAMPLE_POINTS,
+    interval_sigmas,
+)
 from rsgen.data.oscillator import BACKGROUNDS, OFFSET
 from rsgen.dynamics.linear_part import BackgroundTerms, background_terms
 from rsgen.formula.names import symbol
@@ -255,8 +261,8 @@ def stop_elsewhere(fit: Fit) -> tuple[str, str, float, bool] | None:
     Returns
     -------
     side, name, value, better
-        Where the other stop is, the name and the value of its stiffness, and whether it leaves less than the
-        law; None if no other fits.
+        Where the other stop is, the name and the value of its stiffness, and whether it fits better than the
+        law beyond all chance; None if no other fits.
     """
     few = fit.select(np.flatnonzero(fit.regression.used))
     problem, law, x = few.problem, few.problem.law, symbol("x")
@@ -287,4 +293,9 @@ def stop_elsewhere(fit: Fit) -> tuple[str, str, float, bool] | None:
     worse = (cost - least) / max(few.regression.noise, 1e-300) ** 2
     if not (stiff and found.regression.used.all() and worse < interval_sigmas() ** 2):
         return None
-    return "one" if law.odd else "both", law.parameters[stiff[0]], float(found.values[stiff[0]]), worse < 0
+    return (
+        "one" if law.odd else "both",
+        law.parameters[stiff[0]],
+        float(found.values[stiff[0]]),
+        worse < -MIN_SIGNIFICANT_GAIN,
+    )
