@@ -84,6 +84,24 @@ def line_through(noise: float, seed: int, spoilt: int = 0):
     return linearise, np.array([0.0, 1.0]), np.stack([seen_x, np.zeros(60)], axis=1)
 
 
+@pytest.mark.slow
+def test_noise_on_both_sides_does_not_bias_the_slope():
+    # ordinary least squares would find 2/(1 + 0.2^2/var(x)) = 1.35
+    found = [fit(*line_through(0.2, seed)).parameters[1] for seed in range(200)]
+    spread = np.std(found) / np.sqrt(200)
+    assert abs(np.mean(found) - 2) < 0.1 + 4 * spread
+    assert np.median(found) == pytest.approx(2, abs=4 * spread)
+
+
+@pytest.mark.slow
+def test_noise_and_errors_are_found():
+    runs = [fit(*line_through(0.01, seed)) for seed in range(100)]
+    # four standard errors of the mean of 100
+    assert np.mean([run.noise for run in runs]) == pytest.approx(1, rel=0.04)
+    scores = [(run.parameters[1] - 2) / np.sqrt(run.covariance[1, 1]) for run in runs]
+    assert np.std(scores) == pytest.approx(1, rel=0.25)  # 3.5 standard errors of a spread of 100
+
+
 def test_outliers_are_set_aside_but_not_when_neighbours_agree():
     assert np.flatnonzero(~fit(*line_through(0.01, 1, spoilt=3)).used).tolist() == [0, 1, 2]
     pairs = np.stack([np.arange(59), np.arange(1, 60)], axis=1)
