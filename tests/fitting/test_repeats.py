@@ -7,7 +7,8 @@ import pytest
 
 from rsgen.data.surface import ResponseSurface
 from rsgen.identification.fitting.repeats import Repeats, gather_repeats
-from tests.surfaces import changed, noisy, surface
+from rsgen.identification.identify import identify
+from tests.surfaces import changed, model, noisy, surface, truth
 
 READINGS, NOISE = 8, 0.01
 
@@ -95,3 +96,13 @@ def test_the_error_of_a_mean_of_two_is_half_of_their_difference():
     covariance, freedom = pairs(0.03, 0.04j).covariance(np.arange(3), influence)
     assert covariance[0, 0] == pytest.approx(0.03**2 + 0.04**2, rel=1e-12)
     assert freedom[0] == pytest.approx((0.03**2 + 0.04**2) ** 2 / (0.03**4 + 0.04**4), rel=1e-12)
+
+
+@pytest.mark.slow
+def test_standard_errors_are_those_of_doing_the_test_again(cubic):
+    distances = []
+    for seed in range(8):
+        found = identify(repeated(cubic, seed), model("cubic"))
+        distances.append([(e.value - truth("cubic")[e.name]) / e.standard_error for e in found.refined])
+        assert [f.severity for f in found.findings if f.code == "repeats-scatter"] == ["info"]
+    assert 0.6 < np.sqrt(np.mean(np.square(distances))) < 1.5

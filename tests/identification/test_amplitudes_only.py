@@ -14,7 +14,7 @@ from rsgen.data.oscillator import Model, Observation
 from rsgen.files import read_measurement
 from rsgen.identification.identify import identify
 from rsgen.identification.prediction.amplitude_balance import AmplitudeBalance
-from tests.surfaces import codes, model, surface
+from tests.surfaces import codes, distances, model, noisy, surface, truth, without_phase
 
 
 def test_a_test_that_is_not_calibrated_says_so():
@@ -48,3 +48,14 @@ def test_the_clamped_beam_has_the_published_backbone(measured_data: Callable[[st
         stiffness = balance.solve(size, omega).force.real / size + found.mass * omega**2
         omega = np.sqrt(stiffness / found.mass)
     assert np.max(np.abs(omega / (2 * np.pi) / published - 1)) < 0.002
+
+
+@pytest.mark.slow
+def test_standard_errors_without_phase():
+    scores = [
+        distances(
+            identify(without_phase(noisy(surface("cubic"), 0.02, seed)), model("cubic")), truth("cubic")
+        )
+        for seed in range(8)
+    ]
+    assert 0.6 < np.sqrt(np.mean(np.square(scores))) < 1.5

@@ -15,7 +15,7 @@ from rsgen.identification.fitting.points import Points, select_points
 from rsgen.identification.modal_result import ModalSplines, SplineBasis
 from rsgen.identification.modal_table import ModePoints, ModeProblem, _harmonics_error
 from tests.samples import C1, K1, KN1, MASS, cubic_surface
-from tests.surfaces import without_phase
+from tests.surfaces import noisy, without_phase
 
 SURFACE = cubic_surface(levels=6, frequencies=41)
 
@@ -247,3 +247,22 @@ def test_few_points_make_coefficients_dear():
     assert found == pytest.approx(own / np.abs(matrix).max(axis=0), rel=1e-8)
     n, q = 16, 3
     assert price == pytest.approx(n * np.log(squares[0] / n) + 2 * q * n / (n - q - 1), rel=1e-8)
+
+
+@pytest.mark.thorough
+def test_intervals_cover_what_they_say_under_noise():
+    at = np.array([0.01, 0.02, 0.03])
+    surface = SURFACE.select(np.abs(SURFACE.frequency - 9.95) < 0.9)
+    hits, count = dict.fromkeys(("frequency", "damping_ratio", "stiffness"), 0), 0
+    for seed in range(18):
+        table = rsgen.modal_table(noisy(surface, 0.01, seed)).at(at)
+        truth = {"frequency": omega_of(at) / (2 * np.pi), "stiffness": K1 + 0.75 * KN1 * at**2}
+        truth["damping_ratio"] = C1 / (2 * MASS * omega_of(at))
+        for name, true in truth.items():
+            hits[name] += int(np.count_nonzero(inside(table, name, true)))
+        count += len(at)
+    # 95 % of 54, four standard deviations of a binomial below: wider than needed is allowed, narrower is not
+    assert all(hit >= 0.95 * count - 4 * np.sqrt(0.95 * 0.05 * count) for hit in hits.values()), hits
+    for name, most in (("frequency", 1e-3), ("damping_ratio", 0.04), ("stiffness", 0.01)):
+        width = getattr(table, f"{name}_upper") - getattr(table, f"{name}_lower")
+        assert np.all(width < most * getattr(table, name)), name

@@ -1,9 +1,12 @@
 """Virtual sweeps and free decays: closed forms, the law of the stepped test, noise, faulty tests, cases."""
 
+from typing import Any
+
 import numpy as np
 import pytest
 
 import rsgen as rs
+from rsgen.common.tolerances import interval_sigmas
 from tests.surfaces import codes
 
 MASS = 1.5
@@ -46,3 +49,25 @@ def test_too_fast_a_sweep_and_a_wrong_mass_are_doubted():
     found = rs.identify(rs.simulate(CUBIC, sweep), LAW, mass=1.2 * MASS)
     assert found.verdict.state == "doubtful"
     assert "fixed-contradicted" in codes(found)
+
+
+@pytest.mark.thorough
+def test_errors_of_sweeps_and_decays_are_as_large_as_the_scatter():
+    free = rs.Oscillator(MASS, CUBIC.elements, {**CUBIC.values, "c": 1.0})
+    deviations: dict[str, list[np.ndarray]] = {"sweep": [], "decay": []}
+    for seed in range(1, 21):
+        noise: dict[str, Any] = {"noise_relative": 0.003, "seed": seed}
+        sweep = rs.SweepTest([2, 4], (8, 14), duration=60, rate=200, sweep="up", **noise)
+        decay = rs.DecayTest([12e-3, 24e-3], duration=20, rate=400, **noise)
+        for kind, truth, test, mass in (("sweep", CUBIC, sweep, None), ("decay", free, decay, MASS)):
+            found = rs.identify(rs.simulate(truth, test), LAW, mass=mass)
+            assert found.verdict.state == "identified"
+            # by noise alone, without what terms that it hides would move
+            known = zip(found.alternatives.names, found.alternatives.error, strict=True)
+            errors = {name: error for name, error in known if name != "m"}
+            missed = [(found[name].value - truth.values[name]) / error for name, error in errors.items()]
+            deviations[kind].append(np.array(missed))
+    inside = np.mean([np.abs(missed) < interval_sigmas() for missed in deviations.values()])
+    size = {kind: float(np.sqrt(np.mean(np.square(missed)))) for kind, missed in deviations.items()}
+    assert all(0.6 < rms < 1.4 for rms in size.values()), size
+    assert 0.88 < inside < 0.99, inside
