@@ -70,7 +70,7 @@ def fit_all_harmonics(problem: Problem, start: Array, attained: float = 0.0) -> 
         found, needs_simulator = _balance(problem, found.regression.parameters)
     if problem.law.acts_across:
         # only the measured motion across is known, and no steady state is asked for
-        return found
+        return _descended(found) if needs_simulator else found
     # a law that feeds energy settles nowhere, and one that misses by far is not mended by exact corners
     mode = observed.mode(found.background)
     feeds = mode.feed_exciter
@@ -88,12 +88,15 @@ def fit_all_harmonics(problem: Problem, start: Array, attained: float = 0.0) -> 
             and 2 * RESOLUTION * _ACCURACIES[-1] < found.regression.noise < MISFIT_OF_NOISE
         ):
             found = _add_harmonics(found)
-    if needs_simulator and not found.regression.converged:
-        # the balance was left after a step, and the simulator did not take it up
-        found = fit_balance(
-            problem, found.regression.parameters, order=found.order, compared=BALANCE_HARMONICS
-        )
-    return found
+    return _descended(found) if needs_simulator else found
+
+
+def _descended(found: Fit) -> Fit:
+    """Return the fit at its least misfit, where the balance was left to the simulator after a step."""
+    if found.regression.converged:
+        return found
+    start = found.regression.parameters
+    return fit_balance(found.problem, start, order=found.order, compared=BALANCE_HARMONICS)
 
 
 def _balance(problem: Problem, parameters: Array) -> tuple[Fit, bool]:
@@ -209,6 +212,7 @@ def _add_harmonics(followed: Fit) -> Fit:
     return min(followed, balanced, key=lambda found: found.regression.noise)
 
 
+# what a trial makes infinite or undefined has no prediction there, and is dealt with as such
 @np.errstate(all="ignore")
 def identify(
     surface: ResponseSurface | MultisineSpectra,
@@ -252,45 +256,42 @@ def identify(
         records = rsgen.identification.identify_multisine(*per_unit_mass(surface, model))
         return _with_held_out(records, predict_records, records)
     require(surface, ResponseSurface, "surface")
-    surface, model = per_unit_mass(without_copies(surface), model)
-    found = _identify(surface, model)
-    return _with_held_out(found, predict_held_out, found, surface)
+    return identify_points(surface, model)
 
 
 def _with_held_out(found: Identification, score: Callable[..., Prediction], *test: object) -> Identification:
     """An identification with what the levels that it has not seen say of it: they are part of its verdict."""
-    with np.errstate(all="ignore"):
-        scored = score(*test)
+    scored = score(*test)
     held_out = (*scored.held_out, *scored.records)
     return changed(found, findings=(*found.findings, *scored.findings), held_out=held_out)
 
 
-def identify_ranked(surface: ResponseSurface, model: Model, attained: float, most: int = 0) -> Identification:
-    """Identify as ``identify`` does, but without the simulator where the balance leaves no more.
+def identify_points(
+    surface: ResponseSurface, model: Model, attained: float = 0.0, most: int = 0
+) -> Identification:
+    """Identify from a surface, as a ranking does without the simulator where the balance leaves no more.
 
     ``attained`` is the misfit, relative to force and response, that the law leaves along exact motions. On
-    ``most`` points levels are not predicted.
+    ``most`` points, if it is not 0, levels are not predicted.
     """
     surface, model = per_unit_mass(without_copies(surface), model)
     found = _identify(surface, model, attained, most)
-    return _with_held_out(found, predict_held_out, found, surface) if not most else found
+    return found if most else _with_held_out(found, predict_held_out, found, surface)
 
 
-def _identify(surface: ResponseSurface, model: Model, attained: float = 0.0, most: int = 0) -> Identification:
+def _identify(surface: ResponseSurface, model: Model, attained: float, most: int) -> Identification:
     test = prepare(surface, model)
     points = test.problem.observed.points
     if 0 < most < len(points):
         test = replace(test, problem=test.problem.select(points.spread(most)))
-    # what a trial makes infinite or undefined has no prediction there, and is dealt with as such
-    with np.errstate(all="ignore"):
-        problem, start = start_fit(test.problem)
-        moving = np.flatnonzero(~held_points(problem, start))
-        held = len(problem.observed.points) - len(moving)
-        if held and len(moving) > problem.count:
-            problem, start = start_fit(test.problem.select(moving))
-        else:
-            held = 0
-        found = judge(replace(test, problem=problem), model, fit_all_harmonics(problem, start, attained))
+    problem, start = start_fit(test.problem)
+    moving = np.flatnonzero(~held_points(problem, start))
+    held = len(problem.observed.points) - len(moving)
+    if held and len(moving) > problem.count:
+        problem, start = start_fit(test.problem.select(moving))
+    else:
+        held = 0
+    found = judge(replace(test, problem=problem), model, fit_all_harmonics(problem, start, attained))
     if not held:
         return found
     numbers = quantities(excluded=held, points=len(moving) + held)

@@ -529,7 +529,8 @@ def stop_findings(fit: Fit, units: Mapping[str, str]) -> tuple[Finding, ...]:
         return ()
     side, name, value, better = other
     numbers = {"value": Quantity(value, units[name])}
-    return (Finding("mirror-image-fits", "doubt" if better else "warning", name, numbers, {"side": side}),)
+    names = {"side": side, "fits": "better" if better else "as well"}
+    return (Finding("mirror-image-fits", "doubt" if better else "warning", name, numbers, names),)
 
 
 def symmetric_shift(fit: Fit) -> Array:

@@ -262,7 +262,7 @@ def stop_elsewhere(fit: Fit) -> tuple[str, str, float, bool] | None:
     -------
     side, name, value, better
         Where the other stop is, the name and the value of its stiffness, and whether it fits better than the
-        law beyond all chance; None if no other fits.
+        law beyond chance; None if no other fits.
     """
     few = fit.select(np.flatnonzero(fit.regression.used))
     problem, law, x = few.problem, few.problem.law, symbol("x")

@@ -32,7 +32,7 @@ from rsgen.data.surface import ResponseSurface, without_copies
 from rsgen.formula import symbol
 from rsgen.identification.fitting.across import sensors_of
 from rsgen.identification.fitting.points import per_unit_mass
-from rsgen.identification.identify import identify, identify_ranked
+from rsgen.identification.identify import identify, identify_points
 from rsgen.identification.ranking.balance import WhitenedBalance
 from rsgen.identification.ranking.candidate_fit import CandidateFit, CandidateLaw, RankedTest, Round
 from rsgen.identification.ranking.library_sums import Term, terms_of
@@ -303,7 +303,7 @@ def _ranking(
             if many is None:
                 found = identify(surface, model)
             else:
-                found = identify_ranked(many, model, attained, SUBSAMPLE_POINTS)
+                found = identify_points(many, model, attained, SUBSAMPLE_POINTS)
         except RsgenError as refused:
             found, fault = None, refused
             break
@@ -327,7 +327,7 @@ def _ranking(
                 bic[i] = max(bic[i], less)
     if many is not None and found is not None:
         try:
-            found = identify_ranked(many, model, attained)
+            found = identify_points(many, model, attained)
         except RsgenError as refused:
             found, fault = None, refused
     ordered = [candidates[number] for number in order]
