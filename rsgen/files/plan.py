@@ -117,7 +117,7 @@ class LevelRule(Checked):
     )
     name: str | None = declare(
         None,
-        'The form of the files\' names, such as "sweep_{level}N.mat"; a * is any text, but none of no sign: '
+        'The form of the files\' names, such as "sweep_{level}N.mat"; a * is one character or more: '
         '"rep*_{level}N_*.mat".',
         most=2_000,
     )
@@ -140,7 +140,7 @@ class LevelRule(Checked):
         elif self.name is not None and re.search(r"\*[\d.,]*\{level\}", self.name):
             yield (
                 "name",
-                "has * right before {level}, whose digits it could take; a sign between them is needed",
+                "has * right before {level}, whose digits it could take; another character between them is needed",
             )
 
     @property
