@@ -140,7 +140,7 @@ class LevelRule(Checked):
         elif self.name is not None and re.search(r"\*[\d.,]*\{level\}", self.name):
             yield (
                 "name",
-                "has * right before {level}, whose digits it could take; another character between them is needed",
+                "has * right before {level}, whose digits it could take; put a character between them",
             )
 
     @property
