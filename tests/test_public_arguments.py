@@ -1,7 +1,7 @@
 """What a user gives by mistake is refused in a sentence, and nothing else is printed."""
 
 import pickle
-from dataclasses import replace
+from dataclasses import fields, is_dataclass, replace
 
 import numpy as np
 import pytest
@@ -46,6 +46,46 @@ def surface():
 @pytest.fixture(scope="module")
 def found(surface):
     return rs.identify(surface, LAW)
+
+
+def parts_of(name, thing, depth=4):
+    """Yield an object and what a user reads of it, but for the numbers of arrays, each with its place."""
+    yield name, thing
+    public = (
+        (f.name for f in fields(thing) if f.name[0] != "_" and f.name != "fit") if is_dataclass(thing) else ()
+    )
+    inner = {one: getattr(thing, one) for one in public}
+    inner |= dict(enumerate(thing)) if isinstance(thing, tuple) else {}
+    for key, value in inner.items() if depth else ():
+        if not isinstance(value, np.ndarray):
+            yield from parts_of(f"{name}.{key}", value, depth - 1)
+
+
+def test_every_result_prints_in_few_lines():
+    surface = linear_surface()
+    held = rs.identify(surface, f"{LAW} + k3*x**3", rs.Observation(hold_out=2.0))
+    made = {
+        "found": held,
+        "surface": surface,
+        "prediction": rs.predict(held, [1.0], surface),
+        "modal": rs.modal_table(surface),
+        "ranking": rs.rank(surface, [LAW, "k*x + c*v + k3*x**3"]),
+        "profile": rs.profile(held, "k"),
+        "function": rs.derive(f"{LAW} + k3*x**3"),
+        "fits": rs.compare_fits([held, held]),
+        "test": rs.SimulatedTest([1.0, 2.0], np.linspace(8, 12, 200)),
+        "case": rs.load_case("cases/cubic.toml"),
+        "spectra": silent(),
+        "laws": rs.laws,
+    }
+    long = {
+        place: len(repr(part))
+        for name, thing in made.items()
+        for place, part in parts_of(name, thing)
+        if len(repr(part).splitlines()) > 40 or len(repr(part)) > 5000
+    }
+    assert long == {}
+    assert "frequency=array of shape (21,)" in repr(held.held_out)
 
 
 @pytest.mark.parametrize(

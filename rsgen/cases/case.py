@@ -22,6 +22,7 @@ from rsgen.cases.tables import Maker, Obeys, Quantity, Table, Text, table_of
 from rsgen.common.arrays import Array
 from rsgen.common.declaration import Rule
 from rsgen.common.errors import MeasurementError, RsgenError, shown_path
+from rsgen.common.text_table import Brief
 from rsgen.data.oscillator import Model, Observation, Oscillator
 from rsgen.data.record_set import BASE_UNITS, PlannedTest
 from rsgen.describing import derive
@@ -188,8 +189,8 @@ def case_schema() -> dict[str, Any]:
     return schema
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class Case:
+@dataclass(frozen=True, slots=True, eq=False, repr=False)
+class Case(Brief):
     """A structure, a test, what to identify and how well: one case file, checked.
 
     Parameters

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import html
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from importlib import import_module
-from math import floor, isfinite, log10
+from math import floor, isfinite, log10, prod
 from typing import Any, TypeVar
 
 from rsgen.common.errors import RsgenError, UnknownNameError
@@ -15,6 +15,9 @@ T = TypeVar("T")
 
 MAX_DIGITS = 10
 """Of a value in a table: further ones say nothing about a measured structure."""
+
+_LISTED_VALUES, _BRIEF_CHARACTERS = 8, 80
+"""Longest array, and longest text of another value, that stands in a line with all fields of an object."""
 
 
 def short(value: float, digits: int = 5) -> str:
@@ -102,6 +105,26 @@ class Printed:
 
     def _repr_html_(self) -> str:
         return self.table.html()
+
+
+class Brief:
+    """A dataclass that prints in one line: long arrays by their shape, other long values cut."""
+
+    __slots__ = ()
+
+    def __repr__(self) -> str:
+        """Return the fields by name."""
+        record: Any = self
+        said = (f"{entry.name}={_brief(getattr(self, entry.name))}" for entry in fields(record) if entry.repr)
+        return f"{type(self).__name__}({', '.join(said)})"
+
+
+def _brief(value: object) -> str:
+    shape = getattr(value, "shape", ())
+    if isinstance(shape, tuple) and prod(shape) > _LISTED_VALUES:
+        return f"array of shape {shape}"
+    text = " ".join(repr(value).split())
+    return text if len(text) <= _BRIEF_CHARACTERS else f"{text[:_BRIEF_CHARACTERS]}..."
 
 
 def lookup(name: object, known: Mapping[str, T], what: str) -> T:

@@ -21,6 +21,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from rsgen.common.arrays import Array
 from rsgen.common.errors import RsgenError
+from rsgen.common.text_table import Brief
 from rsgen.describing.closed import MAX_TERMS, ClosedPart
 from rsgen.describing.quadrature import Cycle, project
 from rsgen.formula import symbol
@@ -89,8 +90,8 @@ def _scaled(formula: sympy.Expr, factor: sympy.Expr) -> sympy.Expr:
     return scaled
 
 
-@dataclass(frozen=True, slots=True)
-class DescribingFunction:
+@dataclass(frozen=True, slots=True, repr=False)
+class DescribingFunction(Brief):
     """First-harmonic equivalents of a law on x = X0 + X sin(phi), v = omega X cos(phi).
 
     Parameters

@@ -42,7 +42,7 @@ _RAMP, _GROWTH = "generator_ramp", "generator_growth"
 """Fc, Fs [N] and w [rad/s], as states of a law; a [rad/s^2] and b [1/s], as parameters."""
 
 
-@dataclass(frozen=True, slots=True, eq=False, kw_only=True)
+@dataclass(frozen=True, slots=True, eq=False, kw_only=True, repr=False)
 class HistoryTest(VirtualTest):
     """A virtual test whose displacement is recorded in time, all levels alike."""
 
@@ -115,7 +115,7 @@ class HistoryTest(VirtualTest):
 
 
 @documented
-@dataclass(frozen=True, slots=True, eq=False)
+@dataclass(frozen=True, slots=True, eq=False, repr=False)
 class SweepTest(HistoryTest):
     """A test in which a sine sweeps through a band, from rest at each level and direction.
 
@@ -183,7 +183,7 @@ class SweepTest(HistoryTest):
 
 
 @documented
-@dataclass(frozen=True, slots=True, eq=False)
+@dataclass(frozen=True, slots=True, eq=False, repr=False)
 class DecayTest(HistoryTest):
     """A test in which the mass is let go and swings freely; the mass must be known.
 

@@ -23,6 +23,7 @@ from numpy.typing import ArrayLike, NDArray
 from rsgen.common.arrays import Array, ComplexArray
 from rsgen.common.declaration import Rule, check, declare, documented, given
 from rsgen.common.errors import RsgenError
+from rsgen.common.text_table import Brief
 from rsgen.data.multisine import MultisineSpectra
 from rsgen.data.oscillator import Oscillator
 from rsgen.data.record_set import BASE_UNITS, PlannedTest, below_acceleration
@@ -55,7 +56,7 @@ def level_grid(values: ArrayLike, name: str, unit: str) -> Array:
     return array
 
 
-class VirtualTest(PlannedTest):
+class VirtualTest(Brief, PlannedTest):
     """A test that is simulated."""
 
     __slots__ = ()
@@ -104,7 +105,7 @@ _Base = Annotated[
 
 
 @documented
-@dataclass(frozen=True, slots=True, eq=False)
+@dataclass(frozen=True, slots=True, eq=False, repr=False)
 class SimulatedTest(VirtualTest):
     """A stepped-sine test on a grid of levels and frequencies.
 
@@ -346,7 +347,7 @@ _MAX_SAMPLES = 50_000_000
 
 
 @documented
-@dataclass(frozen=True, slots=True, eq=False)
+@dataclass(frozen=True, slots=True, eq=False, repr=False)
 class MultisineTest(VirtualTest):
     """A virtual test with a random-phase multisine: every level and realisation is a record.
 

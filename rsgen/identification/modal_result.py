@@ -26,7 +26,7 @@ from rsgen.common.arrays import Array
 from rsgen.common.errors import RsgenError
 from rsgen.common.finding import Finding, quantities
 from rsgen.common.solvers import b_splines
-from rsgen.common.text_table import MAX_DIGITS, Printed, TextTable, data_frame, short
+from rsgen.common.text_table import MAX_DIGITS, Brief, Printed, TextTable, data_frame, short
 from rsgen.common.tolerances import MISFIT_DOUBTFUL, RELATIVE_CHANGE_NEGLIGIBLE, interval_sigmas
 from rsgen.data.oscillator import Observation
 from rsgen.dynamics.harmonic_balance import Response
@@ -130,8 +130,8 @@ class SplineMode(Forward):
         )
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class ModalSplines:
+@dataclass(frozen=True, slots=True, eq=False, repr=False)
+class ModalSplines(Brief):
     """Fitted splines of k [N/m] and of the damping, the mass m [kg], and their covariance.
 
     Parameters

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from rsgen.common.arrays import Array, ComplexArray
 from rsgen.common.finding import Finding, Severity
-from rsgen.common.text_table import Printed, TextTable, data_frame, lookup, short
+from rsgen.common.text_table import Brief, Printed, TextTable, data_frame, lookup, short
 from rsgen.common.tolerances import RELATIVE_CHANGE_NEGLIGIBLE
 from rsgen.identification.results.result import freeze, held_out_lines
 
@@ -31,8 +31,8 @@ def severity_of_error(error: float) -> Severity | None:
     return next((severity for severity, limit in ERROR_LIMITS.items() if error > limit), None)
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class ResonanceCurve:
+@dataclass(frozen=True, slots=True, eq=False, repr=False)
+class ResonanceCurve(Brief):
     """The resonance curve of one level, ordered along the curve; a row of NaN separates detached parts.
 
     Parameters
@@ -81,8 +81,8 @@ class ResonanceCurve:
         return bool(np.isnan(ends).any())
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class HeldOutLevel:
+@dataclass(frozen=True, slots=True, eq=False, repr=False)
+class HeldOutLevel(Brief):
     """Measured and predicted responses of one held-out level and sweep.
 
     Parameters
@@ -212,8 +212,8 @@ class Prediction(Printed):
 # ``rsgen.identification.lines`` predicts.
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class PredictedRecord:
+@dataclass(frozen=True, slots=True, eq=False, repr=False)
+class PredictedRecord(Brief):
     """Measured and predicted response of one held-out record.
 
     Parameters

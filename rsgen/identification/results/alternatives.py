@@ -14,6 +14,7 @@ import numpy as np
 
 from rsgen.common.arrays import Array
 from rsgen.common.finding import Finding, Quantity, Severity, quantities
+from rsgen.common.text_table import Brief
 from rsgen.common.tolerances import (
     MISFIT_NEGLIGIBLE,
     MISFIT_OF_NOISE,
@@ -65,8 +66,8 @@ def stands_out(one: Alternative) -> bool:
     return one.exceeds(2 * normal_share(-NOISE_LIMIT_SIGMAS))
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class Alternatives:
+@dataclass(frozen=True, slots=True, eq=False, repr=False)
+class Alternatives(Brief):
     """Shifts of the parameters by alternatives, to first order; ``rsgen.compare_fits(found)`` shows them.
 
     Parameters

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from rsgen.common.arrays import Array, ComplexArray, frozen_array
 from rsgen.common.errors import RsgenError
 from rsgen.common.finding import Finding, Verdict, reach_verdict
-from rsgen.common.text_table import Printed, TextTable, data_frame, lookup, short, with_error
+from rsgen.common.text_table import Brief, Printed, TextTable, data_frame, lookup, short, with_error
 from rsgen.common.tolerances import CONFIDENCE_TEXT
 from rsgen.data.multisine import MultisineSpectra
 from rsgen.data.oscillator import Model, Oscillator
@@ -125,8 +125,8 @@ class Resonance:
     jump: bool = False
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class EquivalentCurve:
+@dataclass(frozen=True, slots=True, eq=False, repr=False)
+class EquivalentCurve(Brief):
     """k and c of every settled point: F/X = k - m omega^2 + i omega c; they collapse if the law holds.
 
     Parameters
@@ -163,8 +163,8 @@ class EquivalentCurve:
         freeze(self, ("used",), np.bool_)
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class RestoringForce:
+@dataclass(frozen=True, slots=True, eq=False, repr=False)
+class RestoringForce(Brief):
     """Stiffness and damping force drawn without any law, by inversion of k(X) and c(X) (docs/method.md, 4).
 
     Parameters
