@@ -248,6 +248,29 @@ def test_an_observation_takes_one_level_and_no_background():
             lambda s, f: rs.ResponseSurface(1, [8, 9], 1, [1j, 1j, 1j]),
             r"response: shape \(3,\); must be",
         ),
+        *(
+            (lambda s, f, call=call: call(s), said)
+            for call, said in (
+                (
+                    lambda s: rs.identify(s, LAW, hold_out=[2]),
+                    "hold_out: no .* observation=rsgen.Observation",
+                ),
+                (lambda s: rs.rank(s, band=(8, 9)), r"rank: band: .* rsgen.Observation\(band=...\)"),
+                (
+                    lambda s: rs.simulate(STICKING, test=1, levels=2),
+                    "its arguments are oscillator, test, pro",
+                ),
+                (lambda s: rs.predict(STICKING, level=1.0), "level: no argument; did you mean 'levels'"),
+                (lambda s: rs.modal_table(s, masse=1.0), "did you mean 'mass'"),
+                (lambda s: linear_surface(displacement=[1j]), "displacement: no argument; its arguments are"),
+                (lambda s: rs.SimulatedTest([1], [8], noise=0.1), "SimulatedTest: noise: no argument"),
+                (lambda s: rs.Observation(delay=1e-3), "Observation: delay: .* are background, hold_out"),
+                (
+                    lambda s: rs.Oscillator(1.0, law=LAW),
+                    "Oscillator: law: no argument; its arguments are mass",
+                ),
+            )
+        ),
         (lambda s, f: rs.explain("rejected"), "verdict: str; must be Verdict"),
         (lambda s, f: rs.sentence("noise"), "finding: str; must be Finding"),
         (lambda s, f: rs.best_linear(s), "spectra: ResponseSurface; must be MultisineSpectra"),

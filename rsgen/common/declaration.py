@@ -19,7 +19,7 @@ from operator import or_
 from types import NoneType, UnionType
 from typing import Annotated, Any, Literal, TypeVar, Union, get_args, get_origin, get_type_hints
 
-from rsgen.common.errors import RsgenError
+from rsgen.common.errors import RsgenError, known_arguments
 
 T = TypeVar("T")
 
@@ -210,7 +210,7 @@ def check(made: Any, error: type[RsgenError] = RsgenError) -> None:
 
 
 def documented(cls: type[T]) -> type[T]:
-    """Add the fields of a dataclass to its docstring, with the help, unit and range of their rules."""
+    """Add the fields of a dataclass, with help, unit and range, to its docstring; refuse other arguments."""
     lines = [cleandoc(cls.__doc__ or ""), "", "Parameters", "----------"]
     for one in declared(cls):
         rule = one.rule
@@ -219,4 +219,5 @@ def documented(cls: type[T]) -> type[T]:
         if get_origin(one.type) is Literal:
             lines[-1] += f" One of {choices(one.type)}."
     cls.__doc__ = "\n".join(lines)
+    cls.__init__ = known_arguments(cls.__init__)  # type: ignore[method-assign]
     return cls

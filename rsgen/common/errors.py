@@ -5,10 +5,16 @@ from __future__ import annotations
 import contextlib
 import logging
 import os
-from collections.abc import Collection, Iterable, Sequence
+from collections.abc import Callable, Collection, Iterable, Sequence
+from dataclasses import fields, is_dataclass
 from difflib import get_close_matches
+from functools import wraps
+from inspect import signature
 from numbers import Real
 from pathlib import Path
+from typing import Any, TypeVar, cast, get_args, get_type_hints
+
+F = TypeVar("F", bound=Callable[..., Any])
 
 
 class RsgenError(Exception):
@@ -21,6 +27,10 @@ class UnknownNameError(RsgenError, KeyError):
     def __str__(self) -> str:
         """Return the message as it is; a KeyError would quote it."""
         return str(self.args[0])
+
+
+class UnknownArgumentError(RsgenError, TypeError):
+    """A function has no argument of the name that was given; also a ``TypeError``."""
 
 
 class ExpressionError(RsgenError):
@@ -121,6 +131,34 @@ def require(value: object, kinds: type | tuple[type, ...], place: str) -> None:
         allowed = kinds if isinstance(kinds, tuple) else (kinds,)
         names = " or ".join(kind.__name__ for kind in allowed)
         raise RsgenError(f"{place}: {type(value).__name__}; must be {names}")
+
+
+def known_arguments(function: F) -> F:
+    """Refuse a keyword that a function does not have, and name the argument that takes it."""
+    known = [name for name in signature(function).parameters if name != "self"]
+
+    @wraps(function)
+    def called(*values: Any, **keywords: Any) -> Any:
+        for name in keywords:
+            if name not in known:
+                near = suggest(name, known) or _place_of(function, name)
+                raise UnknownArgumentError(
+                    f"{function.__qualname__.removesuffix('.__init__')}: {name[:80]}: no argument; "
+                    f"{near}its arguments are {listed(known)}"
+                )
+        return function(*values, **keywords)
+
+    return cast("F", called)
+
+
+def _place_of(function: Callable[..., Any], name: str) -> str:
+    """Say which argument of a function is an object with a field of this name, or nothing."""
+    with contextlib.suppress(NameError, TypeError):
+        for argument, hint in get_type_hints(function).items():
+            for kind in (get_args(hint) or (hint,)) if argument != "return" else ():
+                if is_dataclass(kind) and name in {entry.name for entry in fields(kind)}:
+                    return f"write {argument}=rsgen.{getattr(kind, '__name__', kind)}({name}=...); "
+    return ""
 
 
 def require_number(value: object, place: str, unit: str = "") -> float:

@@ -12,7 +12,7 @@ import numpy as np
 import sympy
 
 from rsgen.common.declaration import Rule, check, declare, documented
-from rsgen.common.errors import RsgenError, require, require_number
+from rsgen.common.errors import RsgenError, known_arguments, require, require_number
 from rsgen.formula import write
 from rsgen.law import Element, LawLike, as_elements
 from rsgen.law.character import character
@@ -211,6 +211,7 @@ class Oscillator(_Elements):
     elements: tuple[Element, ...]
     values: Mapping[str, float] = field(hash=False)
 
+    @known_arguments
     def __init__(
         self,
         mass: float,

@@ -16,7 +16,7 @@ import numpy as np
 
 import rsgen.dynamics  # solves for amplitudes, lags or the lines of multisines, in tests of these
 from rsgen.common.arrays import Array, ComplexArray
-from rsgen.common.errors import RsgenError, require
+from rsgen.common.errors import RsgenError, known_arguments, require
 from rsgen.data.multisine import MultisineSpectra
 from rsgen.data.oscillator import Oscillator, refuse_across
 from rsgen.data.surface import ResponseSurface
@@ -50,6 +50,7 @@ def simulate(
 ) -> MultisineSpectra: ...
 
 
+@known_arguments
 def simulate(
     oscillator: Oscillator, test: VirtualTest, *, progress: Progress = None
 ) -> ResponseSurface | MultisineSpectra:

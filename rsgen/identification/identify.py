@@ -10,7 +10,7 @@ import numpy as np
 
 import rsgen.identification  # fits of multisines, where one is given
 from rsgen.common.arrays import Array
-from rsgen.common.errors import require
+from rsgen.common.errors import known_arguments, require
 from rsgen.common.finding import Finding, quantities
 from rsgen.common.tolerances import (
     BALANCE_HARMONICS,
@@ -213,6 +213,7 @@ def _add_harmonics(followed: Fit) -> Fit:
 
 
 # what a trial makes infinite or undefined has no prediction there, and is dealt with as such
+@known_arguments
 @np.errstate(all="ignore")
 def identify(
     surface: ResponseSurface | MultisineSpectra,

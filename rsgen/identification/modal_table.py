@@ -24,7 +24,7 @@ from numpy.typing import NDArray
 
 import rsgen.identification  # fits of multisines, where one is given
 from rsgen.common.arrays import Array
-from rsgen.common.errors import RsgenError, require
+from rsgen.common.errors import RsgenError, known_arguments, require
 from rsgen.common.finding import Finding, Quantity, quantities
 from rsgen.common.tolerances import (
     ANY_LAW,
@@ -298,6 +298,7 @@ _MAX_POINTS = 800
 """Fitted points, spread over the amplitude."""
 
 
+@known_arguments
 def modal_table(
     surface: ResponseSurface | MultisineSpectra,
     about: Observation | Model | None = None,

@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from rsgen.common.arrays import Array, ComplexArray
-from rsgen.common.errors import RsgenError, listed, require
+from rsgen.common.errors import RsgenError, known_arguments, listed, require
 from rsgen.common.finding import Finding, Quantity, quantities
 from rsgen.common.output import write_atomic
 from rsgen.common.text_table import TextTable, short
@@ -215,6 +215,7 @@ class ResponseSurface(Records):
     sensors: Mapping[str, ComplexArray]
     overlapping: bool
 
+    @known_arguments
     def __init__(
         self,
         level: ArrayLike,

@@ -17,7 +17,7 @@ import numpy as np
 
 import rsgen.identification  # predicts records of multisines
 from rsgen.common.arrays import Array, ComplexArray
-from rsgen.common.errors import RsgenError, require
+from rsgen.common.errors import RsgenError, known_arguments, require
 from rsgen.common.finding import Finding, Quantity, quantities
 from rsgen.common.tolerances import (
     BRANCH_DISTANCE,
@@ -139,6 +139,7 @@ _MAX_ERROR_TO_MISFIT = 2.0
 """Error of a held-out level, relative to the misfit of the fitted levels; noise makes 1.3."""
 
 
+@known_arguments
 def predict(
     found: Identification | ModalTable | Oscillator,
     levels: float | Sequence[float] | None = None,

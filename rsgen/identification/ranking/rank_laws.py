@@ -18,7 +18,7 @@ from math import nan
 import numpy as np
 import sympy
 
-from rsgen.common.errors import RsgenError, require
+from rsgen.common.errors import RsgenError, known_arguments, require
 from rsgen.common.finding import Finding
 from rsgen.common.tolerances import (
     MISFIT_NEGLIGIBLE,
@@ -72,6 +72,7 @@ class _Compared:
         return self.round.misfit(self.round.leader).systematic
 
 
+@known_arguments
 @np.errstate(all="ignore")
 def rank(
     surface: ResponseSurface | MultisineSpectra,
