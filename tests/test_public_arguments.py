@@ -255,7 +255,7 @@ def test_an_observation_takes_one_level_and_no_background():
                     lambda s: rs.identify(s, LAW, hold_out=[2]),
                     "hold_out: no .* observation=rsgen.Observation",
                 ),
-                (lambda s: rs.rank(s, band=(8, 9)), r"rank: band: .* rsgen.Observation\(band=...\)"),
+                (lambda s: rs.rank(s, band=(8, 9)), r"rank: band: .*=rsgen.Observation\(band=...\)"),
                 (
                     lambda s: rs.simulate(STICKING, test=1, levels=2),
                     "its arguments are oscillator, test, pro",
