@@ -1,11 +1,27 @@
-"""Estimates of all three kinds, what they rest on, and what to know about them."""
+"""From a fit to a result: the errors of its parameters, estimates with intervals, findings.
+
+The covariance of the parameters is built up in this order (``errors_of``), each step at least as wide as the
+one before:
+
+1. C = s^2 (J^T J)^-1, or the sandwich where it is wider, with the noise s found in the misfit
+   (``summarise``).
+2. Where points were measured repeatedly, the scatter of their readings, if that is more (``repeats``).
+3. What neighbours have in common and scatter does not show: errors that a surface states of its points, and
+   the lag that a phase-locked loop was assumed to hold.
+4. The largest shift by an alternative, C_jj + weight shift_j^2: a missing term, a larger background, halves
+   of the test (``results.alternatives``).
+5. Values that the points show by their squares alone (``widen_squares``).
+
+Whether a law feeds energy or misses a joint is asked with the errors of this very law: halves in place of all
+alternatives in step 4. Findings come last (``Findings.collect``), because most need estimates and errors.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
-from math import nan
+from math import inf, nan
 from typing import TypeVar
 
 import numpy as np
@@ -16,7 +32,6 @@ from rsgen.common.arrays import Array, ComplexArray
 from rsgen.common.errors import RsgenError
 from rsgen.common.finding import Finding, Quantity, Severity, quantities
 from rsgen.common.tolerances import (
-    NOISE_RATIO_BY_CHANCE,
     RELATIVE_CHANGE_NEGLIGIBLE,
     RELATIVE_ERROR_DOUBTFUL,
     SUBSAMPLE_POINTS,
@@ -76,6 +91,7 @@ from rsgen.identification.soundness import (
     joint_findings,
     limit_findings,
     nearly_held,
+    repeats_finding,
     sign_findings,
     stopped_points,
 )
@@ -125,7 +141,88 @@ def prepare(surface: ResponseSurface, model: Model) -> Prepared:
 
 
 # ----------------------------------------------------------------------------
-# Estimates with their intervals, and what a reader should know of them, as data.
+# Errors of the parameters, from the noise of the fit to all that the test leaves open.
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Errors:
+    """Errors of the parameters; the steps are those of this module.
+
+    Parameters
+    ----------
+    regression
+        The fit of law and mass (q,), with all errors.
+    of_law
+        (q, q) covariance of this law as it stands, without errors by other laws.
+    whole
+        The fit with its background, whose errors are those of noise, repeats and halves.
+    freedom
+        (q,) degrees of freedom.
+    noise
+        Relative noise of a reading [1].
+    symmetric
+        (q,) shift to a symmetric law that fits as well; see ``symmetric_shift``.
+    agreement, others
+        Agreement of halves of the test, and all alternatives to the fit.
+    ambiguous, of_repeats
+        Findings about values that an alternative changes, and about the scatter of repeats.
+    """
+
+    regression: Regression
+    of_law: Array
+    whole: Regression
+    freedom: Array
+    noise: float
+    symmetric: Array
+    agreement: Agreement
+    others: Alternatives
+    ambiguous: list[Finding]
+    of_repeats: list[Finding]
+
+
+def errors_of(test: Prepared, refined: Fit, surface: ResponseSurface, points: Points) -> Errors:
+    """Return the errors of a fit; ``surface`` and ``points`` are those of the test without background."""
+    count, noise = test.problem.count, relative_misfit(refined)
+    whole, of_repeats, freedom = refined.regression, list[Finding](), np.full(count, inf)
+    if test.repeats is not None:
+        whole, freedom, by_misfit = test.repeats.widen(whole, test.points.index)
+    regression = whole.first(count)
+    agreement = Agreement.of(refined.regression, points, whole.covariance, misfits=refined.systematic)
+    if test.repeats is not None:
+        wider = (by_misfit * agreement.wider)[np.flatnonzero(regression.free)]
+        of_repeats.append(repeats_finding(test.repeats, noise, float(np.median(wider))))
+        noise = test.repeats.noise
+    stated = test.surface.error[test.points.index[refined.regression.used]]
+    stated = stated[np.isfinite(stated)]
+    common = float(np.sqrt(np.mean(stated**2))) if len(stated) else 0.0
+    covariance = regression.covariance * (1 + (common / noise) ** 2)
+    if test.surface.lag_assumed:
+        covariance = covariance + loop_error(regression.influence)
+    regression = replace(regression, covariance=covariance)
+    # nothing drives a decay: there is no background; one whose phases were not recorded could be any
+    backgrounds = not (surface.decays or surface.lag_assumed)
+    symmetric = symmetric_shift(refined) if backgrounds else np.zeros(count)
+    of_law = widen_squares(refined, agreement.widen(regression), symmetric).covariance
+    kinds = alternatives_to(refined, agreement, backgrounds=backgrounds)
+    others = Alternatives((*test.problem.law.parameters, "m"), np.sqrt(np.diag(covariance)), kinds)
+    ratio, ambiguous = others.judge(regression.parameters, relative_misfit(refined))
+    regression = replace(regression, covariance=covariance * np.outer(ratio, ratio))
+    return Errors(
+        widen_squares(refined, regression, symmetric),
+        of_law,
+        agreement.widen(whole),
+        np.minimum(regression.freedom, freedom[:count]),
+        noise,
+        symmetric,
+        agreement,
+        others,
+        ambiguous,
+        of_repeats,
+    )
+
+
+# ----------------------------------------------------------------------------
+# Findings: what a reader should know of a fit, as data.
 
 _NO_SINE = 0.5
 """Harmonics beyond this share of the fundamental at half of the points: hardly the answer to a sine."""
@@ -133,14 +230,15 @@ _NO_SINE = 0.5
 _NOISE_AS_SINE = 2 * _NO_SINE
 """Harmonics beyond this share at half of the points: noise or a transient, taken for a steady sine."""
 
-_FEW = 5
+_MIN_POINTS_AT_RESONANCE = 5
 """Points within the width of a resonance below which one outlier decides the damping."""
 
 
 def of_one_mode(findings: tuple[Finding, ...], points: Points, misfit: float) -> tuple[Finding, ...]:
-    """Findings of a test, with what the points that were chosen and the misfit [1] say of two modes.
+    """Return the findings of a test, "phase-gap" only where no law fits both groups of points.
 
-    Two groups of different amplitudes are of one mode where one law fits both.
+    Groups of points with a gap of phase between them may be two modes: a doubt where their amplitudes
+    overlap, or where the misfit [1] of one law for both is large.
     """
     rest = tuple(finding for finding in findings if finding.code != "phase-gap")
     gap = gap_of(points)
@@ -149,38 +247,9 @@ def of_one_mode(findings: tuple[Finding, ...], points: Points, misfit: float) ->
     return (*rest, gap.finding(severity="doubt"))
 
 
-def repeat_findings(repeats: Repeats, misfit: float, wider: float) -> tuple[Finding, ...]:
-    """How the misfit of the means compares with the scatter of repeats, and what that does to the errors.
-
-    Parameters
-    ----------
-    repeats
-        Readings that were joined to means.
-    misfit
-        Relative, of force and response together [1].
-    wider
-        How many times wider than by the scatter the standard errors are, half of them.
-    """
-    typical = float(np.median(repeats.count))
-    expected = repeats.noise / np.sqrt(typical)
-    numbers = quantities(
-        readings=len(repeats.row),
-        points=len(repeats.count),
-        repeats=typical,
-        of_reading=repeats.noise,
-        of_mean=expected,
-        excluded=repeats.excluded,
-        misfit=misfit,
-        times=misfit / expected,
-        wider=wider,
-    )
-    severity: Severity = "info" if misfit < NOISE_RATIO_BY_CHANCE * expected else "warning"
-    return (Finding("repeats-scatter", severity, numbers=numbers),)
-
-
 @dataclass(frozen=True, slots=True, eq=False)
 class Findings:
-    """Data and fit as the findings need them.
+    """A fit with its test, errors and estimates, as the findings need them.
 
     Parameters
     ----------
@@ -190,23 +259,64 @@ class Findings:
         The refined one.
     resonances
         Of all runs.
-    agreement
-        Of the parts of the test.
-    others
-        Alternatives to the fit, each to first order.
+    errors
+        Of the parameters.
+    model
+        The law, and how the structure was observed.
+    estimates, by_law
+        Estimates with all errors, and with those of this law as it stands.
+    background
+        Estimates of the background; None without one.
     """
 
     surface: ResponseSurface
     points: Points
     fit: Fit
     resonances: tuple[Resonance, ...]
-    agreement: Agreement
-    others: Alternatives
+    errors: Errors
+    model: Model
+    estimates: tuple[Estimate, ...]
+    by_law: tuple[Estimate, ...]
+    background: Background | None
 
-    def collect(
-        self, of_parameters: tuple[Finding, ...], about: tuple[Finding, ...], *, calibrated: bool
-    ) -> tuple[Finding, ...]:
-        """All findings, those about parameters first, but for what others that are known explain."""
+    def collect(self, ambiguous: Sequence[Finding]) -> tuple[Finding, ...]:
+        """Return all findings, but for what others explain; ``ambiguous`` are those of alternatives."""
+        of_law, of_test, problem = self._of_law(), self._of_test(), self.fit.problem
+        across = [f for f in of_law if f.code == "harmonics-across-left-out" and "moved" in f.numbers]
+        if any(f.severity == "doubt" for f in across):
+            # what harmonics leave of the misfit another fixed value may take up, and is as wrong for it
+            of_test = [finding for finding in of_test if finding.code != "fixed-contradicted"]
+        if not any(finding.code == "fixed-contradicted" for finding in of_test):
+            # a wrong fixed value leaves what terms take up as well
+            of_law += ambiguous
+        valued = {e.name for e in self.estimates if np.isfinite(e.value)}
+        return (
+            *of_law,
+            *law_remarks(self.model.force),
+            *mirror_findings(problem, valued, self.errors.symmetric),
+            *stop_findings(self.fit, units_of(self.model, self.surface.units)),
+            *of_test,
+        )
+
+    def _of_law(self) -> list[Finding]:
+        """Find what repeats, resonances, energy, a joint, even forces and background say of the law."""
+        fit, law = self.fit, self.fit.problem.law
+        found = list(self.errors.of_repeats)
+        if self.estimates and not any(estimate.identifiable for estimate in self.estimates):
+            found.append(Finding("nothing-identifiable", "doubt"))
+        kept = self.points.select(fit.regression.used)
+        found += resonance_findings(kept, self.model.fixed, law, self.estimates, relative_misfit(fit))
+        found += feeding_findings(self.points, fit, self.by_law)
+        sure = {e.name: e.standard_error for e in self.by_law if e.identifiable}
+        error = np.array([sure.get(name, nan) for name in law.parameters])
+        found += joint_findings(fit, error, misfits=fit.systematic)
+        found += unseen_findings(fit, self.estimates)
+        return [*found, *(() if self.background is None else self.background.findings)]
+
+    def _of_test(self) -> list[Finding]:
+        """Find what is to know of the parameters, the points used, the misfit, and signs and sizes."""
+        of_parameters = [e.finding for e in self.estimates if e.finding is not None]
+        calibrated, wider = self.model.observation.calibrated, self.errors.agreement.wider
         found = [*of_parameters, *(self._small_shift() if of_parameters else ())]
         found += of_one_mode(self.surface.findings, self.points, relative_misfit(self.fit))
         found += self.surface.limits
@@ -215,14 +325,34 @@ class Findings:
             found.append(Finding("structure-feeds-exciter", "error"))
         if not calibrated:
             found.append(Finding("not-calibrated", "info"))
+        found += self._exclusions()
+        found += limit_findings(self.surface.findings, self.fit)
+        if not self.fit.regression.converged:
+            # where the steps ended says nothing of the best values, nor do the errors there
+            found.append(Finding("not-converged", "doubt"))
+        others = self.errors.others
+        found += misfit_findings(self.surface, self.points, self.fit, self.resonances, wider, others)
+        found += even_findings(self.fit)
+        found += self.errors.agreement.findings
+        found += sign_findings(self.points, self.fit, wider)
+        found += phase_findings(self.fit.background)
+        problem = self.fit.problem
+        variance = np.diag(self.fit.regression.covariance)[problem.count :]
+        found += gain_findings(problem.observed.background, self.fit.background, variance, self.fit.mass)
+        found += self._motion()
+        found += self._implausible(calibrated, {finding.parameter for finding in of_parameters})
+        found += self._runs()
+        return found
+
+    def _exclusions(self) -> list[Finding]:
+        """Find points that were not fitted: unsettled ones, and outliers."""
         # the reading counts those that it excluded, and those without a number
         said = sum(int(f["excluded"]) for f in self.surface.findings if f.code == "points-excluded")
         measured = self.surface.outcome != NOT_MEASURED
         unsettled = int(np.count_nonzero(~self.surface.settled & measured)) - said
-        if unsettled > 0:
-            numbers = quantities(excluded=unsettled, points=len(self.surface))
-            found.append(Finding("points-excluded", "info", numbers=numbers, names={"by": "settling"}))
-        found += exclusion_findings(
+        numbers = quantities(excluded=unsettled, points=len(self.surface))
+        found = [Finding("points-excluded", "info", numbers=numbers, names={"by": "settling"})]
+        return (found if unsettled > 0 else []) + exclusion_findings(
             self.points,
             self.fit.regression,
             len(self.surface),
@@ -230,29 +360,6 @@ class Findings:
             decays=self.surface.decays,
             stopped=stopped_points(self.points, self.fit),
         )
-        found += limit_findings(self.surface.findings, self.fit)
-        if not self.fit.regression.converged:
-            # where the steps ended says nothing of the best values, nor do the errors there
-            found.append(Finding("not-converged", "doubt"))
-        wider = self.agreement.wider
-        found += misfit_findings(self.surface, self.points, self.fit, self.resonances, wider, self.others)
-        found += even_findings(self.fit)
-        found += self.agreement.findings
-        found += sign_findings(self.points, self.fit, self.agreement.wider)
-        found += phase_findings(self.fit.background)
-        problem, variance = (
-            self.fit.problem,
-            np.diag(self.fit.regression.covariance)[self.fit.problem.count :],
-        )
-        found += gain_findings(problem.observed.background, self.fit.background, variance, self.fit.mass)
-        found += self._motion()
-        found += self._implausible(calibrated, {finding.parameter for finding in of_parameters})
-        found += self._runs()
-        across = [f for f in about if f.code == "harmonics-across-left-out" and "moved" in f.numbers]
-        if any(f.severity == "doubt" for f in across):
-            # what harmonics leave of the misfit another fixed value may take up, and is as wrong for it
-            found = [finding for finding in found if finding.code != "fixed-contradicted"]
-        return tuple(found)
 
     def _implausible(self, calibrated: bool, not_identifiable: set[str]) -> Iterator[Finding]:
         mass = nan if "m" in not_identifiable else self.fit.mass
@@ -273,10 +380,10 @@ class Findings:
 
     def _runs(self) -> list[Finding]:
         """Find runs with few points near their resonance, but of loops, which have few a level."""
-        few = sum(self._near(resonance) < _FEW for resonance in self.resonances)
+        few = sum(self._near(resonance) < _MIN_POINTS_AT_RESONANCE for resonance in self.resonances)
         if not few or self.surface.control in ("phase", "continuation"):
             return []
-        numbers = quantities(few=few, runs=len(self.resonances), points=_FEW)
+        numbers = quantities(few=few, runs=len(self.resonances), points=_MIN_POINTS_AT_RESONANCE)
         return [Finding("resonance-sparse", "warning", numbers=numbers)]
 
     def _near(self, resonance: Resonance) -> int:
@@ -313,76 +420,46 @@ Table = TypeVar("Table", Points, ResponseSurface)
 
 
 def judge(test: Prepared, model: Model, refined: Fit) -> Identification:
-    """Estimates of all three kinds, what they rest on, and what to know about them."""
-    law = test.problem.law
-    whole, each, shared = _with_repeats(refined.regression, test.points, test.repeats)
-    surface, points = _mode(test.surface, refined), _mode(test.points, refined)
-    used = refined.regression.used
+    """Return a fit as a result: errors, estimates of all three kinds, curves, findings."""
+    law, used = test.problem.law, refined.regression.used
     _require_followed(used, model)
+    surface, points = _mode(test.surface, refined), _mode(test.points, refined)
     kept = points.select(used)
-    first = _FirstOrder.of(kept, refined)
-    paper, resonances = fit_resonances(kept, law, model.fixed, lambda: first.fit.solution)
-    misfits = refined.systematic
-    agreement = Agreement.of(refined.regression, points, whole.covariance, misfits=misfits)
-    regression, noise, about = _errors(test, refined, whole, shared * agreement.wider)
-    # nothing drives a decay: there is no background; one whose phases were not recorded could be any
-    backgrounds = not (surface.decays or surface.lag_assumed)
-    symmetric = symmetric_shift(refined) if backgrounds else np.zeros(test.problem.count)
-    as_it_stands = widen_squares(refined, agreement.widen(regression), symmetric).covariance
-    whole = agreement.widen(whole)
+    errors = errors_of(test, refined, surface, points)
+    regression = errors.regression
     names, units = (*law.parameters, "m"), units_of(model, surface.units)
-    kinds = alternatives_to(refined, agreement, backgrounds=backgrounds)
-    others = Alternatives(names, np.sqrt(np.diag(regression.covariance)), kinds)
-    size = relative_misfit(refined)
-    ratio, ambiguous = others.judge(regression.parameters, size)
-    regression = replace(regression, covariance=regression.covariance * np.outer(ratio, ratio))
-    regression = widen_squares(refined, regression, symmetric)
     tested = {
         "amplitude": Quantity(float(points.amplitude.max()), "m"),
         "level": Quantity(float(points.level.max()), surface.level_unit),
     }
-    reasons = parameter_findings(names, units, tested, regression, test.problem.law.expression)
+    reasons = parameter_findings(names, units, tested, regression, law.expression)
     reasons = explain_hidden(test.problem, reasons)
-    stated = np.where(regression.converged, regression.covariance, nan)
-    ambiguous += others.within_noise(regression.parameters, stated, reasons, units)
-    freedom = np.minimum(regression.freedom, each[: test.problem.count])
     solution = replace(
         refined.solution,
         covariance=regression.covariance,
-        freedom=freedom,
+        freedom=errors.freedom,
         converged=regression.converged,
     )
     estimates = make_estimates(solution, law, model, reasons, units)
     if law.nonlinear:
         # the sum of squares of other laws is nearly quadratic
         estimates = rsgen.identification.with_profiles(refined, estimates)
+    by_law = make_estimates(replace(solution, covariance=errors.of_law), law, model, reasons, units)
+    first = _FirstOrder.of(kept, refined)
+    paper, resonances = fit_resonances(kept, law, model.fixed, lambda: first.fit.solution)
+    background = _background(refined, errors.whole, surface.units, resonances)
     curve = equivalent_curve(surface, points, used, refined)
     if not model.observation.calibrated:
         curve = replace(curve, units=UNCALIBRATED)
-    doubtful = {estimate.name for estimate in estimates if not estimate.identifiable}
-    mass = nan if "m" in doubtful else refined.mass
+    mass = refined.mass if all(e.identifiable for e in estimates if e.name == "m") else nan
     predicted = refined.harmonics[used, 0].real
-    of_parameters = tuple(e.finding for e in estimates if e.finding is not None)
-    if estimates and not any(estimate.identifiable for estimate in estimates):
-        about = (*about, Finding("nothing-identifiable", "doubt"))
-    outcome = _outcome(surface, points, estimates, refined)
-    about = (*about, *resonance_findings(kept, model.fixed, law, estimates, size))
-    # what a law takes from the motion, or leaves out of it, is judged by the law as it stands
-    known_by_law = make_estimates(replace(solution, covariance=as_it_stands), law, model, reasons, units)
-    about = (*about, *feeding_findings(points, refined, known_by_law))
-    sure = {e.name: e.standard_error for e in known_by_law if e.identifiable}
-    errors = np.array([sure.get(name, nan) for name in law.parameters])
-    about = (*about, *joint_findings(refined, errors, misfits=misfits))
-    about = (*about, *unseen_findings(refined, estimates))
-    background = _background(refined, whole, surface.units, resonances)
-    about = (*about, *(() if background is None else background.findings))
-    known = {e.name for e in estimates if np.isfinite(e.value)}
+    stated = np.where(regression.converged, regression.covariance, nan)
     free = np.flatnonzero(regression.free)
-    general = Findings(surface, points, refined, resonances, agreement, others)
-    collected = general.collect(of_parameters, about, calibrated=model.observation.calibrated)
-    if not any(finding.code == "fixed-contradicted" for finding in collected):
-        # a wrong fixed value leaves what terms take up as well
-        about = (*about, *ambiguous)
+    ambiguous = [
+        *errors.ambiguous,
+        *errors.others.within_noise(regression.parameters, stated, reasons, units),
+    ]
+    findings = Findings(surface, points, refined, resonances, errors, model, estimates, by_law, background)
     return Identification(
         model=model,
         paper=later(lambda: make_estimates(_of_one_amplitude(paper(), law), law, model, {}, units)),
@@ -393,46 +470,18 @@ def judge(test: Prepared, model: Model, refined: Fit) -> Identification:
         resonances=resonances,
         curve=curve,
         restoring=later(lambda: _without_law(kept, predicted, curve, mass)),
-        residual=size,
-        noise=noise,
+        residual=relative_misfit(refined),
+        noise=errors.noise,
         levels=force_levels(surface, points, resonances),
         amplitude_range=(float(kept.amplitude.min()), float(kept.amplitude.max())),
         frequency_range=(float(kept.omega.min() / 2 / np.pi), float(kept.omega.max() / 2 / np.pi)),
-        outcome=outcome,
+        outcome=_outcome(surface, points, estimates, refined),
         solution=refined.values,
         background=background,
-        alternatives=others,
+        alternatives=errors.others,
         fit=refined,
-        findings=(
-            *about,
-            *law_remarks(model.force),
-            *mirror_findings(test.problem, known, symmetric),
-            *stop_findings(refined, units),
-            *collected,
-        ),
+        findings=findings.collect(ambiguous),
     )
-
-
-def _with_repeats(
-    regression: Regression, points: Points, repeats: Repeats | None
-) -> tuple[Regression, Array, Array]:
-    """Return a regression with the covariance of repeats, but not less than its own.
-
-    What readings of a point share does not show in their scatter, but does in what the law leaves.
-
-    Returns
-    -------
-    regression, freedom, wider
-        Degrees of freedom (q,), infinite without repeats, and (q,) by which errors are more than the scatter.
-    """
-    count = len(regression.parameters)
-    if repeats is None:
-        return regression, np.full(count, np.inf), np.ones(count)
-    covariance, freedom = repeats.covariance(points.index, regression.influence)
-    covariance[np.isnan(regression.covariance)] = np.nan
-    times = np.sqrt(np.diag(regression.covariance) / np.diag(covariance))
-    wider = np.fmax(np.where(np.isfinite(times), times, 1.0), 1.0)
-    return replace(regression, covariance=covariance * np.outer(wider, wider)), freedom, wider
 
 
 def _require_followed(used: NDArray[np.bool_], model: Model) -> None:
@@ -453,28 +502,6 @@ def _background(
     observed, values = refined.problem.observed, refined.background
     seen = observed.points.force, observed.points.amplitude
     return state_background(observed.background, *seen, values, variance, whole.freedom, units, resonances)
-
-
-def _errors(
-    test: Prepared, refined: Fit, whole: Regression, wider: Array
-) -> tuple[Regression, float, tuple[Finding, ...]]:
-    """Regression of the law before its errors get wider, noise of a reading, and what repeats say of both."""
-    noise = misfit = relative_misfit(refined)
-    regression = whole.first(test.problem.count)
-    about: tuple[Finding, ...] = ()
-    if test.repeats is not None:
-        noise = test.repeats.noise
-        about = repeat_findings(
-            test.repeats, misfit, float(np.median(wider[np.flatnonzero(regression.free)]))
-        )
-    # neighbours share the error that a surface reports of itself: scatter does not show it
-    error = test.surface.error[test.points.index[refined.regression.used]]
-    error = error[np.isfinite(error)]
-    reported = float(np.sqrt(np.mean(error**2))) if len(error) else 0.0
-    covariance = regression.covariance * (1 + (reported / noise) ** 2)
-    if test.surface.lag_assumed:
-        covariance = covariance + loop_error(regression.influence)
-    return replace(regression, covariance=covariance), noise, about
 
 
 def _without_law(

@@ -23,6 +23,7 @@ from rsgen.common.tolerances import (
     MISFIT_NEGLIGIBLE,
     MISFIT_REJECTED,
     NOISE_LIMIT_SIGMAS,
+    NOISE_RATIO_BY_CHANCE,
     RELATIVE_CHANGE_NEGLIGIBLE,
     RELATIVE_ERROR_DOUBTFUL,
     ROUND_OFF,
@@ -40,6 +41,7 @@ from rsgen.identification.fitting.fit import Fit, fit_balance
 from rsgen.identification.fitting.least_squares import Regression
 from rsgen.identification.fitting.observed import Problem
 from rsgen.identification.fitting.points import Points
+from rsgen.identification.fitting.repeats import Repeats
 from rsgen.identification.results import Estimate
 from rsgen.identification.results.estimates import damping_findings, takes_energy
 from rsgen.law.motion import Motion, project, sine_motion, waveform
@@ -76,6 +78,28 @@ _RESPONSE_ROUNDING = 2e-4
 
 _MIN_CLIPPED_AMPLITUDE = 0.98
 """Fundamental of a clipped sine relative to its limit."""
+
+
+def repeats_finding(repeats: Repeats, misfit: float, wider: float) -> Finding:
+    """Compare the misfit of the means [1] with the scatter, than which errors are ``wider`` times wider.
+
+    ``wider`` is the median over the parameters.
+    """
+    typical = float(np.median(repeats.count))
+    expected = repeats.noise / np.sqrt(typical)
+    numbers = quantities(
+        readings=len(repeats.row),
+        points=len(repeats.count),
+        repeats=typical,
+        of_reading=repeats.noise,
+        of_mean=expected,
+        excluded=repeats.excluded,
+        misfit=misfit,
+        times=misfit / expected,
+        wider=wider,
+    )
+    severity: Severity = "info" if misfit < NOISE_RATIO_BY_CHANCE * expected else "warning"
+    return Finding("repeats-scatter", severity, numbers=numbers)
 
 
 def exclusion_findings(

@@ -21,7 +21,6 @@ from numpy.typing import NDArray
 import rsgen.law  # compiles loops, for laws with memory
 from rsgen.common.arrays import Array
 from rsgen.common.errors import RsgenError
-from rsgen.common.tolerances import samples_for
 from rsgen.formula import symbol
 from rsgen.formula.bounds import algebra_faults
 from rsgen.formula.unit_deduction import parameter_units
@@ -171,14 +170,6 @@ class ForceLaw(Character):
             A period.
         """
         return self.sample(*motion.waveforms(samples), motion.interval(samples), values)
-
-    def states_at_start(self, motion: Periodic, values: Array) -> Array:
-        """(r, n) states with equations at t = 0 of n periodic motions; r = 0 for a law without."""
-        samples = samples_for(self.switched)
-        waves, step = motion.waveforms(samples), motion.interval(samples)
-        if self._loops is None:
-            return np.zeros((0, len(waves[0])))
-        return self._loops.states(waves, step, values)[:, :, 0]
 
     def still(self, x: Array, values: Array) -> ForceSample:
         """Evaluate the law at rest at places x [m]; a law with memory as in ``force``."""

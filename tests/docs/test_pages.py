@@ -52,7 +52,7 @@ def test_every_finding_has_a_place_and_a_severity_and_a_grave_one_a_next_step():
     ("code", "where", "threshold"),
     [
         ("points-excluded", "soundness.exclusion_findings", ("MAX_SHARE_OF_OUTLIERS_BY_CHANCE", 0.05)),
-        ("resonance-sparse", "judge.Findings._runs", ("FEW", 5)),
+        ("resonance-sparse", "judge.Findings._runs", ("MIN_POINTS_AT_RESONANCE", 5)),
         ("law-does-not-fit", "misfit.misfit_findings", ("MISFIT_DOUBTFUL_WITH_PATTERN", 0.01)),
     ],
 )

@@ -18,6 +18,7 @@ from rsgen.common.arrays import Array
 from rsgen.common.tolerances import MAX_SHARE_OF_OUTLIERS, MIN_SIGNIFICANT_GAIN, ROUND_OFF
 from rsgen.data.record_set import FILE_ROUND_OFF
 from rsgen.data.surface import ResponseSurface
+from rsgen.identification.fitting.least_squares import Regression
 from rsgen.identification.fitting.points import ASYMMETRIC
 from rsgen.law.element import response_share
 
@@ -129,6 +130,22 @@ class Repeats:
         own = self.count[index][some]
         freedom = np.where(own < _MIN_READINGS_OF_BATCHES, own, np.sqrt(own).round()) - 1
         return covariance, _freedom(expected[some] / own[:, None], freedom)
+
+    def widen(self, found: Regression, index: NDArray[np.intp]) -> tuple[Regression, Array, Array]:
+        """Return a fit with the covariance by the scatter, but not less than its own.
+
+        What readings of a point share does not show in their scatter, but does in what the law leaves.
+
+        Returns
+        -------
+        found, freedom, wider
+            The fit, degrees of freedom (q,), and (q,) by which errors are more than by the scatter.
+        """
+        covariance, freedom = self.covariance(index, found.influence)
+        covariance[np.isnan(found.covariance)] = np.nan
+        times = np.sqrt(np.diag(found.covariance) / np.diag(covariance))
+        wider = np.fmax(np.where(np.isfinite(times), times, 1.0), 1.0)
+        return replace(found, covariance=covariance * np.outer(wider, wider)), freedom, wider
 
 
 def _freedom(variance: Array, freedom: Array) -> Array:
