@@ -32,7 +32,7 @@ _EXPANSION = 20
 TEXT = "text"
 """Kind of a node that holds a text; its remark is the text."""
 SHOWN_CHARACTERS = 60
-"""Characters shown of a text, a fault or a remark."""
+"""Characters shown of a fault or a remark in a line, and of a text in ten."""
 _KINDS = "fiubc"
 VALUES_SHOWN = 4
 """Values shown of each array."""
@@ -96,7 +96,7 @@ class Node(_Array):
             path=path,
             shape=shape,
             dtype=TEXT,
-            remark=content[:SHOWN_CHARACTERS],
+            remark=content[: 10 * SHOWN_CHARACTERS],
             fault="is a text; numbers are needed",
         )
 

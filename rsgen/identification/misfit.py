@@ -39,6 +39,7 @@ from rsgen.data.free_mode import fit_mode, hats, steady
 from rsgen.data.oscillator import BACKGROUNDS, OFFSET
 from rsgen.data.surface import ResponseSurface
 from rsgen.formula.names import symbol
+from rsgen.formula.printing import write
 from rsgen.identification.fitting.across import misfit_of_joint
 from rsgen.identification.fitting.fit import Fit, linearise_extended
 from rsgen.identification.fitting.least_squares import Alternative, Regression
@@ -148,9 +149,11 @@ def misfit_findings(
     else:
         names = {}
     known = not any(finding.code in _CODES_OF_RESPONSE for finding in surface.findings)
-    if severity != "error" and known and not surface.decays and (fixed := _contradicted(fit, left)):
+    rejected = severity == "error"
+    most = min(left, MISFIT_DOUBTFUL) if rejected else left
+    if known and not surface.decays and (fixed := _contradicted(fit, most)):
         # the law is not to blame for what it was given
-        return fixed
+        return [replace(finding, severity=severity) for finding in fixed] if rejected else fixed
     found = [Finding("law-does-not-fit", severity, numbers=numbers, names=names)]
     observed = fit.problem.observed
     backgrounds = others.kinds["background"]
@@ -487,8 +490,8 @@ def unseen_findings(fit: Fit, estimates: Sequence[Estimate]) -> list[Finding]:
         names = dict[str, str]()
         if series.coeff(x, 3) == symbol(estimate.name):
             spring = float(problem.law.still(np.zeros(1), fit.values).by_x[0])
-            combined = f"{-change * spring / k2**2:.3g}*k2**2/({series.coeff(x, 1)})"
-            names = {"determined": f"{estimate.name} - {combined}"}
+            combined = write(symbol("k2") ** 2 / series.coeff(x, 1))
+            names = {"determined": f"{estimate.name} - {-change * spring / k2**2:.3g}*{combined}"}
         numbers = quantities(even=EVEN_SHARE, amplitude=Quantity(largest, "m"), moved=share)
         found.append(Finding("even-terms-not-seen", "info", estimate.name, numbers, names))
     return found

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import math
 import re
+from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
 from functools import singledispatch
@@ -444,6 +445,10 @@ def write_index(folder: Path | str) -> None:
     place = Path(folder)
     entries = read_results(place)
     contexts = list(map(_context, entries))
+    titles = Counter(case["title"] for case in contexts)
+    for case in contexts:
+        if titles[case["title"]] > 1:
+            case["title"] += f" ({case['name']})"
     page = page_environment().get_template("index/index.html")
     counts = {state: sum(case["state"] == state for case in contexts) for state in STATES}
     counts = {state: count for state, count in counts.items() if count}

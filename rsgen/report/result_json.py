@@ -448,7 +448,8 @@ def _read_estimate(row: Mapping[str, Any], numbers: Mapping[str, Any]) -> Estima
     low, high = numbers.get("interval", (value - half, value + half))
     interval = (_number(low, -math.inf), _number(high, math.inf))
     by_profile = numbers.get("interval_by") == "profile"
-    return Estimate(str(row["name"]), value, error, interval, str(row["unit"]), by_profile=by_profile)
+    finding = Finding.from_dict(numbers["finding"]) if "finding" in numbers else None
+    return Estimate(str(row["name"]), value, error, interval, str(row["unit"]), finding, by_profile)
 
 
 def read_result(path: Path) -> Entry | None:

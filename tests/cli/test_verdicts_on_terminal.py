@@ -67,7 +67,10 @@ def test_every_command_says_the_same_of_a_measured_test(old, new, states, decide
     assert identified["residual"] == written["residual"]["relative"]
     answer = run_cli("identify", path)
     assert (answer.code, answer.out.startswith(verdict["headline"])) == (run.code, True)
+    begin = answer.out.index("parameter  ")
+    values = answer.out[begin : answer.out.index("amplitude ", begin)]
     answer = run_cli("run", path, "--out", out)
     assert answer.code == run.code
     assert answer.out.startswith(f"csv-table: {verdict['headline']} (unchanged)")
     assert answer.out.count("  because: ") == len(verdict["decided_by"])
+    assert values in answer.out

@@ -12,6 +12,7 @@ from rsgen.formula import parse
 from rsgen.identification.fitting import least_squares
 from rsgen.law.motion import sine_motion
 from rsgen.law.numeric import compile_law
+from rsgen.report.wording import next_step
 from tests.case_files import Literal, write_small
 from tests.case_files import law as case_law
 from tests.surfaces import LAWS, MASS, codes, noisy, surface
@@ -40,6 +41,19 @@ def test_a_wrong_value_is_contradicted_by_the_points(law, name, wrong):
     assert not codes(asked) & {"law-does-not-fit", "law-ambiguous"}
     assert said["fitted"] == pytest.approx(LAWS[law][1][name], rel=5e-3)
     assert not any(finding.code == "fixed-contradicted" for finding in found(law, name).findings)
+
+
+@pytest.mark.parametrize(
+    ("times", "said"),
+    [(2.0, "factor of 2, as"), (1000.0, "of 1000, as g from kg"), (2.2046, "pounds"), (3.0, "response; or")],
+)
+def test_a_mass_in_another_unit_is_named_and_not_the_law_blamed(times, said):
+    asked = rsgen.identify(noisy(surface("cubic"), NOISE, 1), LAWS["cubic"][0], mass=times * MASS)
+    (found,) = (finding for finding in asked.findings if finding.code == "fixed-contradicted")
+    assert found["fitted"] == pytest.approx(MASS, rel=5e-3)
+    assert said in next_step(found)
+    assert asked.verdict.state == "rejected"
+    assert not codes(asked) & {"law-does-not-fit", "law-ambiguous"}
 
 
 @pytest.mark.parametrize(

@@ -205,7 +205,10 @@ def test_a_draft_leaves_open_what_it_does_not_know_and_reads_levels_from_names(t
         rows = np.column_stack(np.broadcast_arrays(FREQUENCY, 0.0225 * level, level * size, lag))
         np.savetxt(tmp_path / name, rows, delimiter=",", header=head, comments="")
     case = tmp_path / "cell.toml"
-    assert run_cli("init", case, *(part for name in levels for part in ("--from", tmp_path / name))).code == 0
+    # what a shell makes of --from *.csv; a name that is no file is said
+    files = [tmp_path / name for name in levels]
+    assert "and no files: 'none.csv', " in run_cli("init", "--from", *files, "none.csv", case).err
+    assert run_cli("init", "--from", *files, case).code == 0
     text = case.read_text("utf-8")
     assert 'unit      = "?" ' in text
     assert 'name = "rep*_{level}N_*.csv"' in text
@@ -407,9 +410,9 @@ def test_no_row_of_a_log_is_dropped_in_silence(tmp_path, run_cli, lines, kept, s
     ],
 )
 def test_texts_of_a_matlab_file_are_shown_and_are_units(tmp_path, run_cli, units):
-    path = tmp_path / "a.mat"
+    path, notes = tmp_path / "a.mat", "force cell below the stinger, gain 10, " * 4 + "beam B"
     numbers = {"f": np.linspace(1, 2, 30), "F": np.full(30, 2.0), "x": np.linspace(3, 4, 30)}
-    scipy.io.savemat(path, {"test": {**numbers, **units}, "operator": "Jo"})
+    scipy.io.savemat(path, {"test": {**numbers, **units}, "operator": "Jo", "notes": notes})
     tables = proposed(path)
     assert tables["frequency"]["unit"] == "kHz"
     assert tables["force"]["unit"] == "mN"
@@ -417,6 +420,7 @@ def test_texts_of_a_matlab_file_are_shown_and_are_units(tmp_path, run_cli, units
     shown = run_cli("inspect", path).out
     assert "'mN'" in shown
     assert "'Jo'" in shown
+    assert notes in " ".join(shown.split())
     assert "numbers are needed" not in shown
 
 

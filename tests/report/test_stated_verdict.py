@@ -150,3 +150,5 @@ def test_index_and_table_show_the_verdict_of_every_case(tmp_path):
         "wrong": "**rejected**",
     }
     assert "* fine: Liu et al., Eqs. (13), (14)" in lines
+    # all four have one title
+    assert all(f" ({name})</h3>" in text for name in ("fine", "open", "doubted", "wrong"))

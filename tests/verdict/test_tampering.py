@@ -22,7 +22,7 @@ DOUBTED = [
     ("cubic", "response in mm/s^2, read as m/s^2", {"size-impossible"}),
     ("cubic", "force in kN, read as N", {"levels-disagree"}),
     ("cubic", "one level in g, read as m/s^2", {"law-does-not-fit", "parts-disagree"}),
-    ("cubic", "response in g, read as m/s^2; mass known", {"law-does-not-fit"}),
+    ("cubic", "response in g, read as m/s^2; mass known", {"fixed-contradicted"}),
     ("cubic", "rad/s read as Hz, column called omega", {"unit-contradicts-title"}),
     ("cubic", "Hz read as rad/s, column called f_Hz", {"unit-contradicts-title"}),
     ("cubic", "acceleration read as velocity", {"another-quantity"}),

@@ -19,7 +19,7 @@ from rsgen.app.cli.terminal import print_json, print_line
 from rsgen.cases import DATA_VARIABLE
 from rsgen.cases.faults import name_fault
 from rsgen.cases.tables import path_fault
-from rsgen.common.errors import RsgenError, shown_path
+from rsgen.common.errors import RsgenError, listed, quote, shown_path
 from rsgen.common.output import write_atomic
 from rsgen.files.inspection import list_contents, propose
 from rsgen.files.inspection.clues import TODO
@@ -134,10 +134,24 @@ def _drafted(files: list[Path], target: Path) -> str:
     return proposal_text(proposal)
 
 
+def _told_apart(words: list[str], data: list[Path]) -> tuple[str | None, list[Path]]:
+    """Return the name of the case and the data files: of --from *.mat all but the first stand as words."""
+    endings = ("", ".toml") if not data else (".toml",)
+    files = [path for path in map(Path, words) if path.suffix not in endings and path.is_file()]
+    names = [word for word in words if Path(word) not in files]
+    if len(names) > 1:
+        raise RsgenError(f"NAME: one case at a time, and no files: {listed(list(map(quote, names)))}")
+    return (names[0] if names else None), [*data, *files]
+
+
 def init_command(
-    name: Annotated[
-        str | None,
-        typer.Argument(help="The case's name or file.", show_default=False),
+    words: Annotated[
+        list[str] | None,
+        typer.Argument(
+            metavar="NAME",
+            help="The case's name or file; data files as well, as --from *.mat gives them.",
+            show_default=False,
+        ),
     ] = None,
     law: Annotated[
         str | None,
@@ -152,7 +166,7 @@ def init_command(
         list[Path] | None,
         typer.Option(
             "--from",
-            help="Draft the test by names and units of a data file; again for others of its kind.",
+            help="Draft the test by names and units of data files of one kind: --from *.mat.",
             show_default=False,
         ),
     ] = None,
@@ -168,8 +182,9 @@ def init_command(
       rsgen init gearbox
       rsgen init joint --law "k*x + c*v + z" --memory "z = sigma*v*(1 - z*sign(v)/Fc)"
       rsgen init --from sweep.mat wing.toml
-      rsgen init --from run_1N.csv --from run_2N.csv wing.toml
+      rsgen init --from run_*.csv wing.toml
     """
+    name, data = _told_apart(words or [], data or [])
     if name is None and data:
         name = re.sub(r"[^A-Za-z0-9_-]+", "-", data[0].stem).strip("-") or None
     if name is None:
@@ -188,7 +203,7 @@ def init_command(
         print_json({"case": name, "file": str(target)})
         return 0
     asked = " each TODO and" if test and TODO in test else ""
-    folder = _folder_of(data or [], target)
+    folder = _folder_of(data, target)
     where = f" --data {shlex.quote(str(folder))}" if folder != target.parent else ""
     print_line(f"{target}: change{asked} what you need, then `rsgen check {target}{where}`")
     if where:

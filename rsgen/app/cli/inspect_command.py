@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import asdict
 from pathlib import Path
+from textwrap import wrap
 from typing import Annotated, Any
 
 import typer
@@ -59,7 +60,15 @@ def _unit(entry: Entry) -> str:
     return f"{entry.unit} ({entry.unit_source})" if entry.unit and entry.unit_source else entry.unit or "-"
 
 
-def _row(entry: Entry) -> tuple[str, ...]:
+def _rows(entry: Entry) -> list[tuple[str, ...]]:
+    """Return an array in a row, and what is said of it, where that is long, in further ones."""
+    *cells, values = _cells(entry)
+    texts = values.split("\n")
+    first, *more = [line for text in texts for line in wrap(text, 2 * SHOWN_CHARACTERS) or [""]]
+    return [(*cells, first), *(("", "", "", "", f"  {line}") for line in more)]
+
+
+def _cells(entry: Entry) -> tuple[str, ...]:
     if entry.dtype == TEXT:
         return entry.path, "-", TEXT, "-", repr(entry.remark)
     if entry.fault:
@@ -69,7 +78,7 @@ def _row(entry: Entry) -> tuple[str, ...]:
     title = "" if entry.path.endswith(entry.title) or entry.title in entry.remark else entry.title
     about = ", ".join(filter(None, (title, entry.remark)))
     if about:
-        values += f"  ({about[:SHOWN_CHARACTERS]})"
+        values += f"{'  ' if len(values + about) < 2 * SHOWN_CHARACTERS else chr(10)}({about})"
     return entry.path, _shape(entry), entry.dtype, _unit(entry), values
 
 
@@ -81,7 +90,7 @@ def _show(contents: Contents, proposal: Proposal | None, everything: bool) -> No
         shown = sorted(shown, key=lambda entry: (bool(entry.fault), entry.size < 2))[:MAX_ARRAYS]
     print_line(f"{contents.file.name}: {contents.format}, {len(usable)} arrays of numbers")
     header = ("path", "shape", "kind", "unit", "values")
-    rows = [_row(entry) for entry in shown]
+    rows = [row for entry in shown for row in _rows(entry)]
     for line in aligned([header, *rows]):
         print_line(line)
     # a fault of many arrays is printed once, and in full

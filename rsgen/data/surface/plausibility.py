@@ -346,7 +346,7 @@ def quantity_findings(surface: ResponseSurface, quantity: str | None = None) -> 
 # motion where it is the absolute one, or in another unit, breaks this equation.
 
 _UNIT_FACTORS = {"gravity": 9.80665, "milli": 1000.0, "both": 9806.65}
-_AMPLITUDE_FACTORS = {"rms": 2**0.5, "peak-to-peak": 2.0}
+COMMON_FACTORS = _UNIT_FACTORS | {"rms": 2**0.5, "peak-to-peak": 2.0}
 """Factors by which a channel is too large or too small if its unit, or the kind of its amplitudes, is
 misread."""
 
@@ -412,8 +412,7 @@ def _scale_findings(
     that is far too small.
     """
     misfit, _ = _fit(base, response, absolute, omega, powers, of_law=True)
-    scales = _UNIT_FACTORS | _AMPLITUDE_FACTORS
-    factors = [(name, by**sign, 0) for name, by in scales.items() for sign in (1, -1)]
+    factors = [(name, by**sign, 0) for name, by in COMMON_FACTORS.items() for sign in (1, -1)]
     units = (1.0, *(by**sign for by in _UNIT_FACTORS.values() for sign in (1, -1)))
     factors += [("quantity", by, order) for order in (-2, -1, 1, 2) for by in units]
     fits = [

@@ -91,6 +91,12 @@ class Estimate:
         return (self.name, short(self.value, digits), f"{low} to {high}{kind}", self.unit, reason)
 
 
+def table_of(estimates: Iterable[Estimate]) -> TextTable:
+    """Return estimates as a table, as terminals and notebooks show it."""
+    heads = ("parameter", "value", f"{CONFIDENCE_TEXT} interval", "unit", "finding")
+    return TextTable(heads, tuple(estimate.cells for estimate in estimates))
+
+
 @dataclass(frozen=True, slots=True)
 class Resonance:
     """The resonance of one level and sweep, the paper's point on k(X) and c(X) (Liu et al., Sec. 1.2).
@@ -430,16 +436,15 @@ class Identification(Printed):
     def table(self) -> TextTable:
         """The table that is printed."""
         background = () if self.background is None else self.background.estimates
-        rows = [estimate.cells for estimate in (*self.refined, *background, *self.fixed)]
+        table = table_of((*self.refined, *background, *self.fixed))
         low, high = self.amplitude_range
         slow, fast = self.frequency_range
         tested = (
             f"amplitude {low:.4g} to {high:.4g} m, frequency {slow:.5g} to {fast:.5g} Hz, "
             f"noise {100 * self.noise:.2g} %, misfit {100 * self.residual:.2g} %"
         )
-        return TextTable(
-            ("parameter", "value", f"{CONFIDENCE_TEXT} interval", "unit", "finding"),
-            tuple(rows),
+        return replace(
+            table,
             caption=f"{self.verdict}\n{with_equations(self.model.force)}",
             notes=(tested, *held_out_lines(self.held_out), *map(str, self.findings)),
         )
