@@ -207,6 +207,14 @@ def test_an_observation_takes_one_level_and_no_background():
             (lambda s, f, law=law: rs.Law(law), "is a law of the library.*rsgen.laws")
             for law in ("jenkins", "k*x + dahl", "k*x + ramberg_osgood", "dead-zone", "k*x + cubic-spring")
         ),
+        *(
+            (lambda s, f, law=law: rs.identify(s, law), said)
+            for law, said in (
+                ("kx + c*v", r"law 'kx \+ c\*v': kx is one name.* write k\*x"),
+                ("k*x + k3x**3 + c*v", r"k3x is one name.* write k3\*x"),
+                ("k*x + c*xdot", "xdot is one name.* write v for the velocity"),
+            )
+        ),
         (lambda s, f: rs.rank(s, "F1 - F2"), "no candidate has forces"),
         *(
             (lambda s, f, keys=keys: replace(s, **keys), said)

@@ -239,7 +239,7 @@ _INSTEAD = {
     "]": "write ( )",
     "{": "write ( )",
     "}": "write ( )",
-    "'": "a formula contains no text",
+    "'": "write v for the velocity; a formula contains no text",
     '"': "a formula contains no text",
     ":": "conditions stand in Piecewise((value, condition), ..., (value, True))",
     ";": "a formula is one expression",
@@ -254,6 +254,7 @@ _INSTEAD = {
     "\u221e": "a law must be finite",
     "\u00b2": "write **2",
     "\u00b3": "write **3",
+    "\u1e8b": "write v",
 }
 _ASCII_ONLY = "allowed are ASCII letters, digits, blanks and _ . , + - * / ( ) < > = & |"
 
@@ -273,7 +274,9 @@ def _called(character: str) -> str:
 def _check_characters(text: str) -> None:
     for column, character in enumerate(text, 1):
         if character not in _CHARACTERS:
-            instead = _INSTEAD.get(character, _ASCII_ONLY)
+            letter = _called(character).rpartition("letter ")[2].rstrip(")")
+            spelled = f"write {letter}" if "(greek" in _called(character) else _ASCII_ONLY
+            instead = _INSTEAD.get(character, spelled)
             raise refusal(column, f"the character {_called(character)} has no meaning in formulas; {instead}")
 
 
@@ -341,12 +344,18 @@ def scan(text: object) -> str:
             _check_number(number, match["tail"], column)
         elif name is not None:
             _check_word(name, column)
+        elif other == "," and not depth:
+            raise refusal(column, "a comma stands between arguments only; write decimals with a point")
         elif other in _NO_OPERATOR:
             raise refusal(column, f"'{other}' has no meaning in formulas; {_NO_OPERATOR[other]}")
         operand = number is not None or (name is not None and name not in ("and", "or"))
         ended = before in ("name", "value")
         if ended and (operand or (other == "(" and before == "value")):
-            raise refusal(column, "an operator is missing before this; write * for a product")
+            left = text[: match.start()].split()[-1]
+            raise refusal(
+                column,
+                f"an operator is missing before this; write {left[-20:]}*{match[0][:20]} for a product",
+            )
         if not ended and not operand and other not in ("(", *_SIGNS) and (before, other) != ("(", ")"):
             raise refusal(column, f"a number or name is missing before '{match[0]}'")
         if other == "(":

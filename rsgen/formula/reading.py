@@ -77,7 +77,7 @@ def unknown_function(name: str, known: Collection[str]) -> str:
         return f"{name} is a number, not a function; write {name}*(...) for a product"
     meant = _SPELLING.get(name) or closest(name, FUNCTIONS)
     hint = f", did you mean '{meant}'?" if meant else ""
-    hint = f"; {_REPLACED[name]}" if name in _REPLACED else hint
+    hint = f"; {_REPLACED[name]}" if name in _REPLACED else hint or f"; write {name[:40]}*(...) for a product"
     return f"{shown(name)} is not a function of formulas{hint}; allowed are {', '.join(FUNCTIONS)}"
 
 

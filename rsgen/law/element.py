@@ -21,7 +21,15 @@ from rsgen.formula.bounds import algebra_faults
 from rsgen.formula.evaluation import Numeric, compiled
 from rsgen.law.character import CANCELLATION_TOLERANCE
 from rsgen.law.library import ROWS, Search
-from rsgen.law.memory import constant_terms, equations_of, memory_form, rates_of, read_formula, with_memory
+from rsgen.law.memory import (
+    constant_terms,
+    equations_of,
+    memory_form,
+    rates_of,
+    read_formula,
+    refuse_joined_names,
+    with_memory,
+)
 from rsgen.law.normal_form import normal_form
 from rsgen.law.notation import latex, mathml
 from rsgen.law.numeric import equal_terms
@@ -40,10 +48,6 @@ _NODES, _WEIGHTS = np.polynomial.legendre.leggauss(40)
 
 MIN_ENERGY_SHARE = 0.02
 """Smallest energy of a cycle, relative to 4 X n(X), above the error of the quadrature at a corner."""
-
-
-_ALSO_FORCES = ("preload",)
-"""Laws of the library whose name is also that of a constant force."""
 
 _LIKE_VARIABLES = frozenset({"a", "acc", "w", "f", "F", "vx", "vy"})
 """Parameters that a reader may take for acceleration, frequency, excitation or velocity."""
@@ -87,7 +91,8 @@ def refuse_library_names(force: sympy.Expr) -> None:
     names = set(_constant_forces(force))
     for called, law in ROWS.items():
         spelled = called.replace("-", "_")
-        if called in _ALSO_FORCES or not ({spelled} <= names or {*called.split("-")} <= names):
+        # a preload is a constant force indeed
+        if called == "preload" or not ({spelled} <= names or {*called.split("-")} <= names):
             continue
         equations = "".join(f"; {z}' = {rate}" for z, rate in (law.memory or {}).items())
         raise ExpressionError(
@@ -99,9 +104,8 @@ def refuse_library_names(force: sympy.Expr) -> None:
 
 def _constant_forces(force: sympy.Expr) -> tuple[str, ...]:
     """Return the names that stand alone as terms of a law, or times a number: no x or v moves them."""
-    terms = (term.as_coeff_Mul()[1] for term in sympy.Add.make_args(force))
-    states = {symbol("x"), symbol("v")}
-    return tuple(sorted(term.name for term in terms if term.is_Symbol and term not in states))
+    terms = {term.as_coeff_Mul()[1] for term in sympy.Add.make_args(force)} - {symbol("x"), symbol("v")}
+    return tuple(sorted(term.name for term in terms if term.is_Symbol))
 
 
 def _like_variables(force: sympy.Expr) -> list[str]:
@@ -252,6 +256,7 @@ def make_element(
             "describing function; a law is written in x and v"
         )
     refuse_library_names(law)
+    refuse_joined_names(law)
     normal_form(law)
     remembered = memory_form(law)
     for rate in () if remembered is None else remembered.rates:
@@ -584,8 +589,7 @@ class Library:
         return tuple(ROWS)
 
     def __repr__(self) -> str:
-        width = max(map(len, ROWS))
-        return "\n".join(f"{law.name:<{width}}  {law.text}" for law in self)
+        return "\n".join(f"{law.name:<{max(map(len, ROWS))}}  {law.text}" for law in self)
 
     def _repr_html_(self) -> str:
         rows = tuple((law.name, law.title, law.text) for law in self)

@@ -7,6 +7,7 @@ at the start; a Masing law, given by its virgin curve; or the displacement a qua
 
 from __future__ import annotations
 
+import re
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import lru_cache
@@ -327,6 +328,32 @@ def constant_terms(force: sympy.Expr) -> tuple[str, ...]:
     terms = [term for term in sympy.Add.make_args(force if form is None else form.force) if term.free_symbols]
     fixed = (term for term in terms if not (term.as_coeff_Mul()[1].is_Symbol or term.free_symbols & names))
     return tuple(sorted(map(write, fixed)))
+
+
+_PRODUCT_AS_NAME, _VELOCITIES = re.compile(r"([A-Za-z]{1,2}_?\d*)([xv])"), ("dx", "dxdt", "xdot")
+"""Names that read as a product with x or v, and names of the velocity elsewhere."""
+
+
+def refuse_joined_names(force: sympy.Expr) -> None:
+    """Refuse a term without x and v that has a name such as kx, where a product was meant, or dx for v.
+
+    Raises
+    ------
+    ExpressionError
+        With the product, or v, to write.
+    """
+    states = {symbol("x"), symbol("v")}
+    fixed = [term.free_symbols for term in sympy.Add.make_args(force) if not term.free_symbols & states]
+    for name in sorted({free.name for names in fixed for free in names}):
+        product = _PRODUCT_AS_NAME.fullmatch(name)
+        if name in _VELOCITIES or product:
+            meant = (
+                "v for the velocity" if product is None or name in _VELOCITIES else "*".join(product.groups())
+            )
+            raise ExpressionError(
+                f"{name} is one name, and its term has neither x nor v: a constant force; write {meant}, or "
+                "give the constant another name"
+            )
 
 
 # ----------------------------------------------------------------------------
