@@ -32,6 +32,7 @@ LAWS: dict[str, tuple[str, dict[str, float]]] = {
 }
 MASS = 1.5
 ACCURACY = 1e-7
+Grid = tuple[float, ...]
 
 
 def model(law: str, mass: float | None = None, hold_out: tuple[float, ...] = ()) -> Model:
@@ -51,28 +52,16 @@ def surface(
     accuracy: float = ACCURACY,
     values: dict[str, float] | None = None,
 ) -> ResponseSurface:
-    """Steady states from rest over a small grid; one without options is solved once."""
-    if levels is None and frequencies is None and values is None and accuracy == ACCURACY:
-        return _plain(law)
-    return _solve(law, levels, frequencies, accuracy, values)
+    """Steady states from rest over a small grid, each solved once."""
+    levels = np.linspace(2, 12, 6) if levels is None else levels
+    frequencies = np.linspace(8, 12, 41) if frequencies is None else frequencies
+    return _solve(law, tuple(levels), tuple(frequencies), accuracy, tuple((values or LAWS[law][1]).items()))
 
 
 @functools.cache
-def _plain(law: str) -> ResponseSurface:
-    return _solve(law, None, None, ACCURACY, None)
-
-
-def _solve(
-    law: str,
-    levels: np.ndarray | None,
-    frequencies: np.ndarray | None,
-    accuracy: float,
-    values: dict[str, float] | None,
-) -> ResponseSurface:
-    levels = np.linspace(2, 12, 6) if levels is None else levels
-    frequencies = np.linspace(8, 12, 41) if frequencies is None else frequencies
+def _solve(law: str, levels: Grid, frequencies: Grid, accuracy: float, values: tuple) -> ResponseSurface:
     level, frequency = (grid.ravel() for grid in np.meshgrid(levels, frequencies, indexing="ij"))
-    oscillator = Oscillator(MASS, (make_element("law", LAWS[law][0]),), values or LAWS[law][1])
+    oscillator = Oscillator(MASS, (make_element("law", LAWS[law][0]),), dict(values))
     states = solve_steady_states(oscillator, level.astype(complex), frequency, harmonics=7, accuracy=accuracy)
     return ResponseSurface(
         level=level, frequency=frequency, force=level.astype(complex), harmonics=states.harmonics,

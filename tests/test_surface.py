@@ -82,20 +82,6 @@ def test_sentences_of_older_files_come_as_findings(tmp_path):
     assert sentence(finding) == "the force was not recorded"
 
 
-def test_every_array_of_the_file_carries_its_unit(tmp_path):
-    save_surface(
-        tmp_path / "s.h5",
-        replace(random_surface(1, 5, 3), per_mass=False, across=np.ones((5, 4)), label=np.arange(5.0)),
-    )
-    with h5py.File(tmp_path / "s.h5") as file:
-        units = {name: data.attrs["units"] for name, data in file.items()}
-    assert units["force"] == "N"
-    assert units["harmonics"] == units["peak"] == "m"
-    assert units["frequency"] == "Hz"
-    words = {"origin", "phase_known", "control", "per_mass", "base", "sensors", "overlapping"}
-    assert set(units) == {f.name for f in fields(ResponseSurface)} - words | {"settled"}
-
-
 def test_arrays_cannot_be_changed_and_do_not_alias_the_input():
     source = random_surface(5, 4, 2)
     level = np.ones(4)

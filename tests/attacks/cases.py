@@ -19,8 +19,6 @@ from tests.attacks.child import Outcome, attacked, command, judged, measured
 from tests.attacks.damage import DAMAGE
 from tests.attacks.texts import TEXTS, grown
 
-__all__ = ["attack", "run"]
-
 SECONDS = 10.0
 MEGABYTES = 1024.0
 ROOT = Path(__file__).parents[2] / "cases"

@@ -15,8 +15,6 @@ from contextlib import suppress
 from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
 
-__all__ = ["Outcome", "Tally", "allowed", "attacked", "command", "judged", "kind_of", "measured"]
-
 WALL_SECONDS = 180.0
 """An attempt without an answer for so long hangs, whatever it does meanwhile."""
 RENEWED = 400

@@ -9,8 +9,6 @@ from collections.abc import Callable
 import h5py
 from numpy.random import Generator
 
-__all__ = ["CHECKED", "DAMAGE", "Damage"]
-
 Damage = Callable[[bytes, Generator], bytes]
 EXTREMES = (0, 1, -1, 2**15, 2**16 - 1, 2**31 - 1, 2**31, 2**32 - 1, 2**63 - 1, -(2**63))
 HEAD = 2048

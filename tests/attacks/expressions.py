@@ -16,8 +16,6 @@ from rsgen.law.element import make_element
 from tests.attacks.child import Outcome, attacked, command, judged, measured
 from tests.attacks.texts import TEXTS, grown
 
-__all__ = ["attack", "run", "text_of"]
-
 SECONDS = 5.0
 """Work allowed until a text has its answer, on the machine of ``allowed``."""
 MEGABYTES = 1024.0

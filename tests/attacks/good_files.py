@@ -14,8 +14,6 @@ from numpy.random import Generator
 from rsgen.data.surface import ResponseSurface, save_surface
 from rsgen.files import Channel, HistoryRule, LevelRule, MeasuredTest
 
-__all__ = ["ENDINGS", "arrays", "good", "history_plan", "power_of_ten", "table_plan", "universal"]
-
 ENDINGS = {
     "csv": ".csv", "mat": ".mat", "hdf5": ".h5", "npy": ".npy", "npz": ".npz", "uff": ".uff",
     "surface": ".h5", "lvm": ".lvm", "wav": ".wav",

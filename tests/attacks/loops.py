@@ -11,9 +11,7 @@ from numpy.random import Generator
 
 from tests.attacks.child import Outcome, attacked, command, judged, measured
 from tests.attacks.expressions import MEGABYTES, SECONDS, answer
-from tests.attacks.texts import NAMES, STATES, TEXTS, grown, no_language
-
-__all__ = ["attack", "law_of", "run"]
+from tests.attacks.texts import NAMES, STATES, TEXTS, _pick, grown, no_language
 
 KNOWN = ("Min(kt*x, Fs)", "kt*x - R*x**2", "Fs*(1 - exp(-kt*x/Fs))", "K*x/(1 + x/b)", "Fs*tanh(kt*x/Fs)",
          "R*x**0.5", "b*x*Max(1 - x/a, 0)", "jenkins")  # fmt: skip
@@ -28,10 +26,6 @@ HARD = tuple(make for make in TEXTS if make is not no_language)
 
 
 _VELOCITY = re.compile(r"\bv\b")
-
-
-def _pick(rng: Generator, of: tuple[str, ...]) -> str:
-    return of[int(rng.integers(len(of)))]
 
 
 def _any_text(rng: Generator) -> str:

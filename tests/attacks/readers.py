@@ -22,8 +22,6 @@ from tests.attacks.good_files import ENDINGS, good, history_plan, table_plan
 from tests.attacks.traps import TRAPS
 from tests.attacks.traps_hdf5 import SECRET
 
-__all__ = ["attack", "run"]
-
 SECONDS = 10.0
 """Work allowed for a file under SMALL bytes."""
 SMALL = 10_000_000

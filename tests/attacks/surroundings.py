@@ -29,8 +29,6 @@ from tests.attacks.program import (
     write_case,
 )  # fmt: skip
 
-__all__ = ["ATTACKS", "attack", "run"]
-
 DONE, REFUSED = (0,), (2,)
 EITHER = DONE + REFUSED
 ONE = "rsgen run small.toml --out out --jobs 1"

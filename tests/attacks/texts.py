@@ -4,8 +4,6 @@ from collections.abc import Callable
 
 from numpy.random import Generator
 
-__all__ = ["TEXTS", "grown"]
-
 STATES = ("x", "v", "x", "v", "x")
 NAMES = ("k", "c", "b", "a", "Ff", "k3", "n", "w0")
 NUMBERS = ("2", "3", "0.5", "1", "0.25", "10", "7.5e-3", "1e4", "1/3", "pi", "0", "5920", "64", "1e300",

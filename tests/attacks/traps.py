@@ -17,8 +17,6 @@ from tests.attacks.good_files import arrays, good, power_of_ten, universal
 from tests.attacks.traps_hdf5 import hdf5_declared, hdf5_outside, hdf5_tree, surface
 from tests.attacks.traps_recorders import labview, sound, tdms, workbook
 
-__all__ = ["TRAPS", "Trap"]
-
 Trap = Callable[[Path, Generator], bytes]
 LINES = (b"1" * 900_000, b"1," * 400_000, b"(" * 900_000, b" " * 900_000, b"[a" * 400_000, b"-" * 900_000)
 

@@ -12,8 +12,6 @@ from numpy.random import Generator
 from rsgen.data.surface.columns import COLUMN_UNITS
 from tests.attacks.good_files import good, power_of_ten
 
-__all__ = ["SECRET", "hdf5_declared", "hdf5_outside", "hdf5_tree", "surface"]
-
 SECRET = 424242.0
 """Number in a file outside, which no reader may give."""
 

@@ -9,8 +9,6 @@ from numpy.random import Generator
 
 from tests.attacks.good_files import good, power_of_ten
 
-__all__ = ["labview", "sound", "tdms", "workbook"]
-
 _SIZES = (0, 1, 2, 2**15, 2**16 - 1, 2**31 - 1, 2**32 - 1)
 _SHEET = b'<worksheet xmlns="http://schemas.openxmlformats.org/spreadsheetml/2006/main"><sheetData>'
 

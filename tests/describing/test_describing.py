@@ -135,11 +135,17 @@ ENGINEER = (
 )  # fmt: skip
 
 
+def errors_of(law, values, X, omega, mean, stiffness, damping):
+    """Give errors of what was found for the text of a law by the quadrature of the oracle."""
+    force = compiled((parse(law),), tuple(map(symbol, ("x", "v", *values))))
+    numbers = float(mean), omega, float(stiffness), float(damping)
+    return relative_errors(lambda x, v: force(x, v, *values.values())[0], X, *numbers)
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize("law", ENGINEER)
 def test_laws_of_engineers_agree_with_quadrature(law):
     derived = derive(law)
-    force = compiled((parse(law),), tuple(map(symbol, ("x", "v", *derived.parameters))))
     rng = np.random.default_rng(3)
     compared = 0
     for X in (0.2, 0.8, 1.7):
@@ -147,10 +153,7 @@ def test_laws_of_engineers_agree_with_quadrature(law):
         found = derived.evaluate(X, 1.3, values)
         if np.isnan(found.mean):
             continue
-        errors = relative_errors(
-            lambda x, v, values=values: force(x, v, *values.values())[0],
-            X, float(found.mean), 1.3, float(found.stiffness), float(found.damping),
-        )  # fmt: skip
+        errors = errors_of(law, values, X, 1.3, found.mean, found.stiffness, found.damping)
         assert errors is not None
         assert max(errors) < EXACT
         compared += 1
@@ -191,16 +194,12 @@ def check_random_law(law, signs):
         for name, size in zip(("b", "k", "p", "w"), signs, strict=True)
         if name in derived.parameters
     }
-    names = tuple(map(symbol, ("x", "v", *values)))
-    force = compiled((parse(law),), names)
     for X in (0.4, 1.9):
         found = derived.evaluate(X, 1.3, values)
         numbers = [float(part) for part in (found.mean, found.stiffness, found.damping)]
         if not np.all(np.isfinite(numbers)):
             continue
-        errors = relative_errors(
-            lambda x, v: force(x, v, *values.values())[0], X, numbers[0], 1.3, *numbers[1:]
-        )
+        errors = errors_of(law, values, X, 1.3, *numbers)
         assert errors is None or errors[0] < AGREES, (law, values, X, errors)
 
 

@@ -9,7 +9,7 @@ from rsgen.formula import parse, symbol
 from rsgen.formula.evaluation import compiled
 from rsgen.formula.names import remembers
 from rsgen.law import laws
-from tests.oracles.cycle import relative_errors
+from tests.describing.test_describing import errors_of
 
 WITH_ORACLE = 8  # points of a law that also go through the slow quadrature; rsgen's own proof has 40 and more
 EXACT = 1e-10  # what a closed form owes to quadrature
@@ -116,7 +116,6 @@ def test_table_of_laws(law, stiffness, damping, source, closed):
         assert derived.checked_to <= EXACT
     arguments = tuple(map(symbol, ("X", "omega", *derived.parameters)))
     printed = compiled((parse(stiffness), parse(damping)), arguments)
-    force = compiled((parse(law),), tuple(map(symbol, ("x", "v", *derived.parameters))))
     for number, (values, X, omega) in enumerate(random_points(derived.parameters)):
         found = derived.evaluate(X, omega, values)
         wanted = printed(X, omega, *values.values())
@@ -128,10 +127,7 @@ def test_table_of_laws(law, stiffness, damping, source, closed):
             np.testing.assert_allclose(shown, wanted, rtol=EXACT, atol=EXACT)
         if number >= WITH_ORACLE:
             continue
-        errors = relative_errors(
-            lambda x, v, values=values: force(x, v, *values.values())[0],
-            X, 0.0, omega, float(wanted[0]), float(wanted[1]),
-        )  # fmt: skip
+        errors = errors_of(law, values, X, omega, 0.0, *wanted)
         assert errors is not None
         assert errors[0] <= EXACT
 
@@ -145,16 +141,12 @@ def test_library_law_agrees_with_quadrature(law):
     derived = derive(law.formula)
     assert law.parameters == derived.parameters
     assert all(parameter.meaning for parameter in law.table)
-    force = compiled((parse(law.formula),), tuple(map(symbol, ("x", "v", *derived.parameters))))
     for values, X, omega in random_points(derived.parameters, count=6):
         found = derived.evaluate(X, omega, values)
         if not np.isfinite(found.mean):
             assert law.name == "quadratic-spring"  # beyond its static limit it has no mean
             continue
-        errors = relative_errors(
-            lambda x, v, values=values: force(x, v, *values.values())[0],
-            X, float(found.mean), omega, float(found.stiffness), float(found.damping),
-        )  # fmt: skip
+        errors = errors_of(law.formula, values, X, omega, found.mean, found.stiffness, found.damping)
         assert errors is not None
         assert max(errors) <= EXACT
 

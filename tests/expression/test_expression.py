@@ -185,13 +185,6 @@ def test_symbols_are_canonical():
         symbol("sin")
 
 
-def test_numbers_are_exact():
-    assert parse("0.75") == sympy.Rational(3, 4)
-    assert parse("5.92e3") == 5920
-    assert parse("4.697e21") == 4697 * 10**18
-    assert parse("0.1 + 0.2") == sympy.Rational(3, 10)
-
-
 @pytest.mark.parametrize(("read", "written"), LAWS.items())
 def test_formulas_are_written_as_a_person_types_them(read, written):
     assert write(parse(read)) == written

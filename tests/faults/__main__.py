@@ -1,8 +1,8 @@
 """Every fault of the table, in a copy of the package: does a test see it?  ``reports/faults.md``
 
-``python -m tests.faults`` takes all faults with the tests that the table names for them, and looks through
-the other tests for what none of these sees; ``python -m tests.faults kernel uff-conjugate`` takes those whose
-name, group or function holds one of the words, and writes no report. The checkout is not touched.
+``python -m tests.faults`` takes all faults with the tests that the table names for them;
+``python -m tests.faults kernel uff-conjugate`` takes those whose name, group or function holds one of the
+words, and writes no report. The checkout is not touched.
 """
 
 import os
@@ -28,9 +28,6 @@ sees each. `make faults` renews this file; the faults stand in
 
 """
 
-LEFT_OUT = ("attacks", "docs", "faults")
-"""Folders of tests that are not searched: they test other things, or take hours."""
-
 
 @dataclass(frozen=True, slots=True)
 class Result:
@@ -43,34 +40,8 @@ class Result:
 
     @property
     def good(self) -> bool:
-        """Whether every test that the table names sees it, and it names one."""
-        return bool(self.fault.caught) and set(self.seen) == set(self.fault.caught) and not self.said
-
-
-def search(scratch: Scratch, fault: Fault) -> Ran:
-    """Look for a test that sees a fault: in the folder of its package, then in all; quick tests first."""
-    package = fault.function.split(":")[0].split(".")[1] if ":" in fault.function else "kernel"
-    folders = sorted(
-        path.relative_to(scratch.root).as_posix()
-        for path in (scratch.root / "tests").iterdir()
-        if path.is_dir() and path.name not in (*LEFT_OUT, "__pycache__")
-    )
-    files = sorted(
-        path.relative_to(scratch.root).as_posix() for path in (scratch.root / "tests").glob("test_*.py")
-    )
-    own = [f"tests/{package}"] if f"tests/{package}" in folders else []
-    found = Ran((), "")
-    for part, kind in (
-        (own, "not slow"),
-        ([*folders, *files], "not slow"),
-        (own, "slow"),
-        ([*folders, *files], "slow"),
-    ):
-        if part:
-            found = scratch.run(part, "-x", "-m", kind)
-        if found.failed:
-            break
-    return found
+        """Whether every test that the table names sees it."""
+        return set(self.seen) == set(self.fault.caught) and not self.said
 
 
 def fails(test: str, failed: Collection[str]) -> bool:
@@ -83,12 +54,9 @@ def examine(scratch: Scratch, fault: Fault, blind: Collection[str]) -> Result:
     started = time.monotonic()
     try:
         with scratch.with_fault(fault) as faulty:
-            ran = faulty.run(fault.caught) if fault.caught else Ran((), "")
-            seen = tuple(test for test in fault.caught if fails(test, ran.failed) and not fails(test, blind))
-            said = ran.broken
-            if not seen:
-                ran = search(faulty, fault)
-                seen, said = ran.failed, said or ran.broken
+            ran = faulty.run(fault.caught)
+        seen = tuple(test for test in fault.caught if fails(test, ran.failed) and not fails(test, blind))
+        said = ran.broken
     except FaultError as stale:
         seen, said = (), str(stale)
     return Result(fault, seen, time.monotonic() - started, said)
@@ -96,14 +64,8 @@ def examine(scratch: Scratch, fault: Fault, blind: Collection[str]) -> Result:
 
 def _line(result: Result) -> str:
     verdict = ", ".join(result.seen) or "NOT SEEN"
-    more = (
-        ""
-        if result.good
-        else f"; the table names {', '.join(result.fault.caught) or 'no test'}; {result.said}"
-    )
-    return (
-        f"{result.fault.name}: {verdict} ({result.seconds:.0f} s){more if result.seen or result.said else ''}"
-    )
+    more = "" if result.good else f"; the table names {', '.join(result.fault.caught)}; {result.said}"
+    return f"{result.fault.name}: {verdict} ({result.seconds:.0f} s){more}"
 
 
 def report(results: Sequence[Result], minutes: float) -> str:

@@ -14,8 +14,6 @@ from pathlib import Path
 
 from tests.faults.table import Fault, find_place
 
-__all__ = ["LIMIT", "Ran", "Scratch"]
-
 LIMIT = 60
 """Seconds that a test may take; longer ones are no guards."""
 

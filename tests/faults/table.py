@@ -11,8 +11,6 @@ from dataclasses import dataclass
 from functools import lru_cache
 from pathlib import Path
 
-__all__ = ["FAULTS", "GROUPS", "Fault", "FaultError", "Place", "find_place", "load_faults", "test_exists"]
-
 FAULTS = Path(__file__).with_name("faults.toml")
 
 GROUPS = (

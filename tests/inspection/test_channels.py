@@ -80,53 +80,38 @@ def called(name: str, *places: str) -> dict[str, str]:
 
 LABORATORIES = {
     "analyser": Titles(
-        "Frequency [Hz]", "Force", called("{}", "Tip", "Mid"), ("{} Amplitude [{}]", "{} Phase [deg]")
+        "Frequency [Hz]", "Force", called("{}", "Tip", "Mid"), ("{} Amplitude [{}]", "{} Phase [deg]"),
     ),
     "phase first": Titles(
-        "Frequency (Hz)",
-        "Force",
-        called("{}", "Wing", "Payload", "Pylon"),
+        "Frequency (Hz)", "Force", called("{}", "Wing", "Payload", "Pylon"),
         ("Amplitude {} ({})", "Phase {} (°)"),
     ),
     "vibrometer": Titles(
-        "Frequency [ Hz ]",
-        "Ref1 Force",
-        called("Vib {}", "Velocity 1", "Velocity 2"),
-        ("{} Magnitude [ {} ]", "{} Phase [ ° ]"),
-        "mm/s",
-        delimiter="\t",
+        "Frequency [ Hz ]", "Ref1 Force", called("Vib {}", "Velocity 1", "Velocity 2"),
+        ("{} Magnitude [ {} ]", "{} Phase [ ° ]"), "mm/s", delimiter="\t",
     ),
     "modal": Titles(
-        "Linear [Hz]",
-        "FORC:1:+Z",
-        called("WING:{}:+Z", "1", "2", "17"),
-        ("Real {} [{}]", "Imaginary {} [{}]"),
-        "m/s²",
+        "Linear [Hz]", "FORC:1:+Z", called("WING:{}:+Z", "1", "2", "17"),
+        ("Real {} [{}]", "Imaginary {} [{}]"), "m/s²",
     ),
     "controller": Titles(
-        "Frequency (Hz)",
-        "Force cell",
-        called("RESP{}", "1", "2", "3"),
-        ("{} ({})", "{} Phase (deg)"),
+        "Frequency (Hz)", "Force cell", called("RESP{}", "1", "2", "3"), ("{} ({})", "{} Phase (deg)"),
         delimiter=",",
     ),
     "virtual instrument": Titles(
-        "Frequency",
-        "Force_0",
-        called("Acceleration_{}", "0", "1"),
-        ("{} ampl ({})", "{} phase (deg)"),
+        "Frequency", "Force_0", called("Acceleration_{}", "0", "1"), ("{} ampl ({})", "{} phase (deg)"),
         delimiter="\t",
     ),
     "german": Titles(
-        "Frequenz [Hz]", "Kraft", called("Beschl. {}", "1", "2"), ("{} [{}]", "Phase {} [°]"), "m/s²"
+        "Frequenz [Hz]", "Kraft", called("Beschl. {}", "1", "2"), ("{} [{}]", "Phase {} [°]"), "m/s²",
     ),
     "din": Titles("f/Hz", "F", called("X{}", "1", "2"), ("|{}|/{}", "arg({})/deg"), "mm", delimiter=","),
     "script": Titles("freq_hz", "f", called("a{}", "1", "2", "3"), ("{}_re_{}", "{}_im_{}"), delimiter=","),
     "other script": Titles(
-        "f_Hz", "F", called("x{}", "1", "2"), ("{}_{}", "phase_{}_deg"), "mm", delimiter=","
+        "f_Hz", "F", called("x{}", "1", "2"), ("{}_{}", "phase_{}_deg"), "mm", delimiter=",",
     ),
     "camels": Titles("freqHz", "force", called("acc{}", "Tip", "Root"), ("{}Amp [{}]", "{}Phase [deg]")),
-}
+}  # fmt: skip
 
 
 def sensor_read(tables: dict[str, Any], titles: Titles) -> str:

@@ -18,20 +18,13 @@ MILLI = 1e3 * RECEPTANCE
 @pytest.mark.parametrize(
     ("real", "imaginary"),
     [
-        ("Re [mm]", "Im [mm]"),
-        ("real_mm", "imag_mm"),
-        ("Real (mm)", "Imaginary (mm)"),
-        ("x_re_mm", "x_im_mm"),
-        ("Re(x) [mm]", "Im(x) [mm]"),
-        ("Re{X} [mm]", "Im{X} [mm]"),
-        ("xRe [mm]", "xIm [mm]"),
-        ("ReX/mm", "ImX/mm"),
-        ("Realteil [mm]", "Imaginärteil [mm]"),
-        ("disp real part (mm)", "disp imag part (mm)"),
-        ("x.r [mm]", "x.i [mm]"),
+        ("Re [mm]", "Im [mm]"), ("real_mm", "imag_mm"), ("Real (mm)", "Imaginary (mm)"),
+        ("x_re_mm", "x_im_mm"), ("Re(x) [mm]", "Im(x) [mm]"), ("Re{X} [mm]", "Im{X} [mm]"),
+        ("xRe [mm]", "xIm [mm]"), ("ReX/mm", "ImX/mm"), ("Realteil [mm]", "Imaginärteil [mm]"),
+        ("disp real part (mm)", "disp imag part (mm)"), ("x.r [mm]", "x.i [mm]"),
         ("In-phase (mm)", "Quadrature (mm)"),
     ],
-)
+)  # fmt: skip
 @pytest.mark.parametrize("order", [1, -1])
 def test_real_and_imaginary_part_of_the_response(tmp_path, real, imaginary, order):
     head = ",".join(["f [Hz]", "F [N]", *[real, imaginary][::order]])

@@ -102,57 +102,43 @@ AS_MEASURED, ALIKE = [4.8, 28.8, 58.0], {"1.csv": 5.0, "3.csv": 5.01, "9.csv": 4
         # a unit behind the number in a name is that of the level; a length is no force
         ({"a_300mN.csv": 0.3, "a_500mN.csv": 0.5}, {"name": "a_{level}mN.csv"}, [0.3, 0.5], {}),
         (
-            {"gap_1mm.csv": 30.0, "gap_3mm.csv": 50.0},
-            {"name": "gap_{level}mm.csv"},
-            [30.0, 50.0],
+            {"gap_1mm.csv": 30.0, "gap_3mm.csv": 50.0}, {"name": "gap_{level}mm.csv"}, [30.0, 50.0],
             {"levels-disagree": "info"},
         ),
         (
-            {"a.csv": 1.5, "b.csv": 1.0, "c.csv": 2.0},
-            {"values": (1.0, 1.5, 2.0)},
-            [1.0, 1.5, 2.0],
+            {"a.csv": 1.5, "b.csv": 1.0, "c.csv": 2.0}, {"values": (1.0, 1.5, 2.0)}, [1.0, 1.5, 2.0],
             {"levels-swapped": "doubt"},
         ),
         # several records of one level: a * is any part of the name
         (
             {"rep1_2N_up.csv": 2.0, "rep2_2N_up.csv": 2.02, "rep1_12N_down.csv": 12.0},
-            {"name": "rep*_{level}N_*.csv"},
-            [2, 12],
-            {},
+            {"name": "rep*_{level}N_*.csv"}, [2, 12], {},
         ),
         ({"2 a.csv": 2.0, "12 b.csv": 12.0}, {"name": "{level}*.csv"}, [2, 12], {}),
         # half a bridge: every force is 0.505 of its level; where no unit is said the numbers may be volts
         (HALF, {"name": "{level}N.csv"}, [1.01, 3.03], {"levels-disagree": "doubt"}),
         (HALF, {"name": "{level}N.csv", "unit": "label"}, [1.01, 3.03], {"levels-disagree": "info"}),
         (
-            {"2V.csv": 1.01, "6V.csv": 3.03},
-            {"name": "{level}V.csv"},
-            [1.01, 3.03],
+            {"2V.csv": 1.01, "6V.csv": 3.03}, {"name": "{level}V.csv"}, [1.01, 3.03],
             {"levels-disagree": "info"},
         ),
         # nominal levels 1.7 and 2 times off the force of their files
         (
-            {"a.csv": 1.0, "b.csv": 3.0, "c.csv": 3.5},
-            {"values": (1, 3, 6)},
-            [1, 3, 3.5],
+            {"a.csv": 1.0, "b.csv": 3.0, "c.csv": 3.5}, {"values": (1, 3, 6)}, [1, 3, 3.5],
             {"levels-disagree": "doubt"},
         ),
         (
-            {"a.csv": 1.0, "b.csv": 3.0, "c.csv": 10.0},
-            {"values": (1, 3, 5)},
-            [1, 3, 10],
+            {"a.csv": 1.0, "b.csv": 3.0, "c.csv": 10.0}, {"values": (1, 3, 5)}, [1, 3, 10],
             {"levels-disagree": "doubt"},
         ),
         (
-            {"a.csv": 1.0, "b.csv": 3.0, "c.csv": 6.0},
-            {"values": (1, 3, 3)},
-            [1, 3],
+            {"a.csv": 1.0, "b.csv": 3.0, "c.csv": 6.0}, {"values": (1, 3, 3)}, [1, 3],
             {"levels-disagree": "doubt", "direction-from-branch": "info"},
         ),
         (ALIKE, {"name": "{level}.csv"}, [1, 3, 9], {"levels-of-one-force": "doubt"}),
         (ALIKE, {"name": "{level}.csv", "unit": "label"}, [4.99, 5.0, 5.01], {"levels-disagree": "info"}),
     ],
-)
+)  # fmt: skip
 def test_levels_of_files(tmp_path, forces, rule, levels, said):
     surface = read_measurement(of_files(tmp_path, forces, level=LevelRule(**rule)))
     np.testing.assert_allclose(surface.levels, levels)

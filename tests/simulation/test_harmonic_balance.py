@@ -15,8 +15,6 @@ from rsgen.dynamics.harmonic_balance import (
     solve_harmonic_balance,
 )  # fmt: skip
 from rsgen.dynamics.linear_part import Inertia
-from rsgen.dynamics.simulation import simulate
-from rsgen.dynamics.virtual_test import SimulatedTest
 from rsgen.formula import parse
 from rsgen.law.numeric import compile_law
 from tests.oracles import harmonic_balance as oracle
@@ -152,25 +150,6 @@ def test_any_linear_part_surrounds_the_law():
     drive[:, 1] = DRIVE
     free = respond(law, values, around, OMEGA, drive, np.zeros((5, 6), complex), (3, 5), 64)
     np.testing.assert_allclose(free.harmonics[:, 1], DRIVE / exact, rtol=1e-12)
-
-
-@pytest.mark.parametrize(("control", "level"), [("response", [2e-3, 1.2e-2]), ("continuation", [5e-3, 4e-2])])
-def test_response_control_by_balance_is_that_of_time_integration(control, level):
-    oscillator = Oscillator(MASS, *LAWS["hardening"])
-    grid = {"level": level, "frequency": [9.0, 10.0, 11.3], "control": control, "harmonics": 15}
-    exact = simulate(oscillator, SimulatedTest(**grid, accuracy=1e-7))
-    found = simulate(oscillator, SimulatedTest(**grid, method="harmonic-balance"))
-    np.testing.assert_allclose(found.force, exact.force, rtol=1e-6)
-    np.testing.assert_array_equal(found.stable, exact.stable)
-
-
-def test_phase_control_by_balance_is_that_of_time_integration():
-    oscillator = Oscillator(MASS, *LAWS["hardening"])
-    grid = {"level": [1.0, 4.0], "frequency": [8.0, 14.0], "control": "phase", "harmonics": 15}
-    exact = simulate(oscillator, SimulatedTest(**grid, accuracy=1e-7))
-    found = simulate(oscillator, SimulatedTest(**grid, accuracy=1e-7, method="harmonic-balance"))
-    np.testing.assert_allclose(found.frequency, exact.frequency, rtol=1e-6)
-    np.testing.assert_allclose(found.harmonics[:, 1], exact.harmonics[:, 1], rtol=1e-5)
 
 
 class Arctangents:
