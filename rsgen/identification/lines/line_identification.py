@@ -118,60 +118,56 @@ def fit_multisine(spectra: MultisineSpectra, model: Model) -> LineFit:
 
 
 def _assemble(spectra: MultisineSpectra, model: Model, fit: LineFit) -> MultisineIdentification:
+    """Return a fit as a result: errors by noise, wider ones by alternatives, estimates, findings."""
     lines, law, part = fit.mode, fit.law, fit.mode.spectra
-    whole, freedom, widening = parameter_covariance(fit)
-    names = (*law.parameters, "m")
-    count, of_background = len(names), np.diag(whole)[len(names) :]
-    statistical, terms = whole[:count, :count], fit_missing_terms(fit)
+    names, units = (*law.parameters, "m"), units_of(model, part.units)
     misfit = relative_to_force(lines, np.abs(fit.balance.residual) ** 2)
+    noise = relative_to_force(lines, fit.noise.variance)
+    # errors by the scatter of the periods, or the parts of the band where the misfit is more than noise
+    with_background, freedom, widening = parameter_covariance(fit)
+    by_noise = with_background[: len(names), : len(names)]
+    # and by what else may be the law, or in the response
     kinds = {
-        "term": terms,
+        "term": fit_missing_terms(fit),
         "background": fit_larger_backgrounds(fit),
         "background of the second sensor": fit_second_sensor(fit),
     }
-    others = Alternatives(names, np.sqrt(np.diag(statistical)), kinds)
-    ratio, ambiguous = others.judge(fit.parameters[:count], misfit)
-    covariance = statistical * np.outer(ratio, ratio)
-    noise = relative_to_force(lines, fit.noise.variance)
+    others = Alternatives(names, np.sqrt(np.diag(by_noise)), kinds)
+    ratio, ambiguous = others.judge(fit.parameters[: len(names)], misfit)
+    covariance = by_noise * np.outer(ratio, ratio)
+    stated = np.where(fit.converged, covariance, nan)
+
     amplitudes = np.sqrt(2) * part.rms_response()
     tested = {
         "amplitude": Quantity(float(amplitudes.max()), "m"),
         "level": Quantity(float(part.levels.max()), part.level_unit),
     }
-    known = replace(fit.regression.first(count), covariance=covariance)
-    units = units_of(model, part.units)
-    reasons = parameter_findings(names, units, tested, known, law.expression)
-    stated = np.where(fit.converged, covariance, nan)
-    ambiguous += others.within_noise(fit.parameters[:count], stated, reasons, units)
+    regression = replace(fit.regression.first(len(names)), covariance=covariance)
+    reasons = parameter_findings(names, units, tested, regression, law.expression)
+    ambiguous += others.within_noise(regression.parameters, stated, reasons, units)
     solution = Solution(fit.values, fit.mass, covariance, freedom, misfit, fit.converged)
     estimates = with_line_profiles(fit, make_estimates(solution, law, model, reasons, units))
-    approximations = best_linear(part, model.observation.band)
-    findings = [e.finding for e in estimates if e.finding is not None]
-    findings += _sign_findings(fit, covariance)
-    findings += [
-        *_misfit_findings(fit, misfit, noise, widening, others),
-        *(_fixed_findings(fit, terms, misfit) or ambiguous),
-    ]
-    motions = [Motion(np.full(len(part), part.omega0), part.mean_response)]
-    if lines.far is not None:
-        share = law.parts[1].share
-        motions.append(replace(motions[0], harmonics=lines.far.mean(axis=1) + share * part.mean_response))
     # the sign of the damping is that of this law: errors by alternative laws do not enter
-    by_noise = make_estimates(replace(solution, covariance=statistical), law, model, reasons, units)
-    for one, motion in zip(law.parts, motions, strict=True):
-        findings += damping_findings(one.law, motion, fit.values[one.parameters], by_noise)
-        if law.acts_across:
-            # neither part can compensate a wrong sign of the other
-            findings += signs_along(one, motion, fit.values, _basis(fit, covariance), slice(1, None))
-    findings += _damping_findings(fit, misfit, noise, others)
-    findings += _delay_findings(fit, misfit)
-    findings += phase_findings(fit.background)
-    findings += gain_findings(lines.background, fit.background, of_background, fit.mass)
-    findings += _drift_findings(fit, skipped=int(np.asarray(part.left_out).max(initial=0)))
-    if (lines.lowest > 1).any():
-        below = Quantity(float(np.max(part.omega[:, 1] * lines.lowest)) / (2 * np.pi), "Hz")
-        findings.append(Finding("motion-by-law", "info", numbers={"below": below}))
-    findings += [
+    of_law = make_estimates(replace(solution, covariance=by_noise), law, model, reasons, units)
+    background = fitted_background(fit, with_background, freedom)
+    approximations = best_linear(part, model.observation.band)
+    resonances = tuple(map(_resonance, approximations))
+    curve = _curve(resonances, part)
+    if not model.observation.calibrated:
+        curve = replace(curve, units=UNCALIBRATED)
+    of_background = np.diag(with_background)[len(names) :]
+    findings = [
+        *(e.finding for e in estimates if e.finding is not None),
+        *_sign_findings(fit, covariance),
+        *_misfit_findings(fit, misfit, noise, widening, others),
+        *(_fixed_findings(fit, kinds["term"], misfit) or ambiguous),
+        *_part_findings(fit, covariance, of_law),
+        *_damping_findings(fit, misfit, noise, others),
+        *_delay_findings(fit, misfit),
+        *phase_findings(fit.background),
+        *gain_findings(lines.background, fit.background, of_background, fit.mass),
+        *_drift_findings(fit, skipped=int(np.asarray(part.left_out).max(initial=0))),
+        *_hidden_line_findings(lines),
         *spectra.findings,
         *spectra.limits,
         *([] if fit.converged else [Finding("not-converged", "doubt")]),
@@ -182,13 +178,8 @@ def _assemble(spectra: MultisineSpectra, model: Model, fit: LineFit) -> Multisin
         findings += implausible(spectra, mass=mass, damping=min(ratios, default=nan))
     else:
         findings.append(Finding("not-calibrated", "info"))
-    free = np.flatnonzero(fit.free[:count])
-    background = fitted_background(fit, whole, freedom)
     findings += () if background is None else background.findings
-    resonances = tuple(map(_resonance, approximations))
-    curve = _curve(resonances, part)
-    if not model.observation.calibrated:
-        curve = replace(curve, units=UNCALIBRATED)
+    free = np.flatnonzero(fit.free[: len(names)])
     unknown = tuple(Estimate(e.name, nan, inf, (-inf, inf), e.unit) for e in estimates)
     return MultisineIdentification(
         model=model,
@@ -215,6 +206,29 @@ def _assemble(spectra: MultisineSpectra, model: Model, fit: LineFit) -> Multisin
         misfit=frozen_array(fit.balance.residual, np.complex128),
         deviation=frozen_array(np.sqrt(fit.noise.variance)),
     )
+
+
+def _part_findings(fit: LineFit, covariance: Array, estimates: tuple[Estimate, ...]) -> list[Finding]:
+    """Find dampers that feed energy and wrong signs, of the law along the response and of a joint."""
+    lines, part, found = fit.mode, fit.mode.spectra, list[Finding]()
+    motions = [Motion(np.full(len(part), part.omega0), part.mean_response)]
+    if lines.far is not None:
+        across = lines.far.mean(axis=1) + fit.law.parts[1].share * part.mean_response
+        motions.append(replace(motions[0], harmonics=across))
+    for one, motion in zip(fit.law.parts, motions, strict=True):
+        found += damping_findings(one.law, motion, fit.values[one.parameters], estimates)
+        if fit.law.acts_across:
+            # neither part can compensate a wrong sign of the other
+            found += signs_along(one, motion, fit.values, _basis(fit, covariance), slice(1, None))
+    return found
+
+
+def _hidden_line_findings(lines: SpectralLines) -> list[Finding]:
+    """Say below which frequency noise hides the response, so that the law gives it; none or one."""
+    if not (lines.lowest > 1).any():
+        return []
+    below = Quantity(float(np.max(lines.spectra.omega[:, 1] * lines.lowest)) / (2 * np.pi), "Hz")
+    return [Finding("motion-by-law", "info", numbers={"below": below})]
 
 
 def _fixed_findings(fit: LineFit, terms: Mapping[str, Alternative], misfit: float) -> list[Finding]:
