@@ -1,9 +1,22 @@
-"""The flow of an identification: prepare, start, fit, judge."""
+"""The flow of an identification: prepare, start, fit, judge, predict.
+
+    -m (h omega)^2 X_h + N_h(p) = F_h,    h = 0, 1, 2, ...    at every point of the test
+
+is solved for m and the parameters p of the law by least squares with errors in F and X:
+
+1. ``prepare``: repeats become means; unsettled, held-out and out-of-band points are left out.
+2. ``start_fit``: first order, h = 1, which is linear in most parameters; a search in the others.
+3. Points at which friction holds the mass are left out, since they say nothing of motion; then again 2.
+4. ``fit_all_harmonics``: as many harmonics as matter, or the steady states of the simulator.
+5. ``judge``: errors, estimates, findings.
+6. ``predict_held_out``: levels that were not fitted are predicted, and judge the result as well.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
+from functools import partial
 from types import MappingProxyType
 
 import numpy as np
@@ -31,7 +44,7 @@ from rsgen.identification.fitting.least_squares import Regression
 from rsgen.identification.fitting.observed import Problem
 from rsgen.identification.fitting.points import per_unit_mass
 from rsgen.identification.judge import judge, prepare
-from rsgen.identification.misfit import law_misses
+from rsgen.identification.misfit import law_misses, relative_misfit
 from rsgen.identification.prediction import Prediction, predict_held_out, predict_records
 from rsgen.identification.results import Identification, changed
 from rsgen.identification.soundness import held_points, runs_away, stopped_points
@@ -59,36 +72,35 @@ _RESOLVED = 100.0
 
 
 def fit_all_harmonics(problem: Problem, start: Array, attained: float = 0.0) -> Fit:
-    """Fit by the balance, then by the simulator where only that has all harmonics.
+    """Fit by the balance, then by the simulator where only that has all harmonics (``_balance``).
 
-    The simulator is not asked for less than the misfit ``attained``, relative to force and response.
+    The simulator is not asked for less than the misfit ``attained``, relative to force and response; nor by a
+    law across two sensors, one whose mean nothing holds, one that feeds energy, or one that misses by far.
     """
     found, needs_simulator = _balance(problem, start)
-    observed = problem.observed
+    observed, law = problem.observed, problem.law
     if observed.points.load is not None and len(found.background):
         # a phase error turns all harmonics of the force, and is known by now
         found, needs_simulator = _balance(problem, found.regression.parameters)
-    if problem.law.acts_across:
-        # only the measured motion across is known, and no steady state is asked for
-        return _descended(found) if needs_simulator else found
-    # a law that feeds energy settles nowhere, and one that misses by far is not mended by exact corners
-    mode = observed.mode(found.background)
-    feeds = mode.feed_exciter
-    if problem.law.mean_free:
+    if law.mean_free and not law.acts_across:
         # the simulator's motions drift where nothing holds their mean; loops are the same wherever they lie
         return _add_harmonics(found)
-    # the corners of a memory are its force's, not jumps: what it misses is not theirs
-    if problem.law.remembers and (runs_away(found) or law_misses(found)):
+    if not needs_simulator:
         return found
-    if needs_simulator and not feeds and attained < found.regression.noise * np.sqrt(2) < MISFIT_REJECTED:
-        # a misfit between the simulator's own and noise: some points were not followed
+    if law.acts_across:
+        # only the measured motion across is known, and no steady state is asked for
+        return _descended(found)
+    # the corners of a memory are its force's, not jumps: what it misses is not theirs
+    if law.remembers and (runs_away(found) or law_misses(found)):
+        return found
+    # a law that feeds energy settles nowhere, and one that misses by far is not mended by exact corners
+    feeds = observed.mode(found.background).feed_exciter
+    if not feeds and attained < relative_misfit(found) < MISFIT_REJECTED:
         found = _refit_with_simulator(found)
-        if (
-            not problem.law.rough
-            and 2 * RESOLUTION * _ACCURACIES[-1] < found.regression.noise < MISFIT_OF_NOISE
-        ):
+        # a misfit between the simulator's own and noise: some points were not followed
+        if not law.rough and 2 * RESOLUTION * _ACCURACIES[-1] < found.regression.noise < MISFIT_OF_NOISE:
             found = _add_harmonics(found)
-    return _descended(found) if needs_simulator else found
+    return _descended(found)
 
 
 def _descended(found: Fit) -> Fit:
@@ -102,47 +114,30 @@ def _descended(found: Fit) -> Fit:
 def _balance(problem: Problem, parameters: Array) -> tuple[Fit, bool]:
     """Return the fit with all harmonics that matter, and whether only the simulator has all of them.
 
-    The simulator is needed where a law jumps or has corners of its own (``rough``), where the motion is far
-    from a sine (``strong``), where more harmonics move a value, where the last harmonic matters to a memory,
-    and where the misfit of a law with switches is below what a balance leaves. It is not where the misfit is
-    below its own accuracy.
+    The simulator is needed where a law jumps or has corners of its own (``rough``), and where the motion is
+    far from a sine (``strong``); for a law with memory only if more harmonics move a value. A law with
+    switches needs it also for a misfit below what a balance leaves, none for one below the simulator's own
+    accuracy. For other laws harmonics are added until the last no longer matters. A long test decides this on
+    ``SUBSAMPLE_POINTS``, and all its points are fitted at the end.
     """
     law = problem.law
     points = problem.observed.mode(problem.split(parameters)[2])
     few = problem.select(points.spread(SUBSAMPLE_POINTS)) if len(points) > 2 * SUBSAMPLE_POINTS else problem
-    needs_simulator, before = law.rough or points.strong, None
-    near_sine = not (needs_simulator or law.switched or law.remembers)
-    for order in (_FEW_HARMONICS, *_ORDERS) if near_sine else _ORDERS:
-        refined = fit_balance(
-            few, parameters, order=order, compared=BALANCE_HARMONICS, correct=few is problem
-        )
-        if before is not None:
-            # what more harmonics would change is less than noise, or the simulator takes it up
-            needs_simulator = not _alike(
-                before.regression, refined.regression, len(few.observed.points) / len(points)
-            )
-            refined, order = (before, _ORDERS[0]) if needs_simulator else (refined, order)
-            parameters = refined.regression.parameters
-            break
+    balance = partial(fit_balance, few, compared=BALANCE_HARMONICS, correct=few is problem)
+    needs_simulator = law.rough or points.strong
+    corners = needs_simulator or law.switched
+    for order in _ORDERS if corners or law.remembers else (_FEW_HARMONICS, *_ORDERS):
+        refined = balance(parameters, order=order)
         parameters = refined.regression.parameters
-        # a memory takes the simulator hundreds of cycles to settle
-        if law.remembers and needs_simulator and refined.regression.noise > _ACCURACIES[0]:
-            before = refined
-            continue
-        harmonics = np.abs(refined.harmonics[refined.regression.used, : order + 1])
-        higher = harmonics[:, 2:] / harmonics[:, 1:2]
-        last = float(np.max(higher[:, -2:], initial=0.0))
-        if order == _FEW_HARMONICS:
-            last *= last / max(float(np.max(higher[:, :2], initial=0.0)), HARMONIC_TRUNCATION)
-        enough = last < max(HARMONIC_TRUNCATION, 1e-3 * refined.regression.noise / np.sqrt(len(points)))
-        # nor do harmonics mend a law that misses by far, whose fits creep
-        if (
-            law.switched
-            or needs_simulator
-            or enough
-            or refined.regression.noise * np.sqrt(2) > MISFIT_REJECTED
-        ):
+        if corners or _has_all_harmonics(refined, order, len(points)):
             break
+    if law.remembers and needs_simulator and refined.regression.noise > _ACCURACIES[0]:
+        # a memory takes the simulator hundreds of cycles to settle: more harmonics first
+        more = balance(parameters, order=_ORDERS[1])
+        share = len(few.observed.points) / len(points)
+        needs_simulator = not _alike(refined.regression, more.regression, share)
+        if not needs_simulator:
+            refined, order, parameters = more, _ORDERS[1], more.regression.parameters
     noise = refined.regression.noise
     needs_simulator |= law.switched and noise < _ACCURACIES[0]
     needs_simulator &= noise > _ACCURACIES[-1]
@@ -153,6 +148,21 @@ def _balance(problem: Problem, parameters: Array) -> tuple[Fit, bool]:
     return fit_balance(
         problem, parameters, order=order, compared=BALANCE_HARMONICS, steps=steps, near=noise
     ), needs_simulator
+
+
+def _has_all_harmonics(found: Fit, order: int, count: int) -> bool:
+    """Return True if the last harmonics are below the noise of ``count`` points, or the law misses by far.
+
+    Those of a smooth law decay like a geometric series, so that few tell how large the next ones are.
+    """
+    harmonics = np.abs(found.harmonics[found.regression.used, : order + 1])
+    higher = harmonics[:, 2:] / harmonics[:, 1:2]
+    last = float(np.max(higher[:, -2:], initial=0.0))
+    if order == _FEW_HARMONICS:
+        last *= last / max(float(np.max(higher[:, :2], initial=0.0)), HARMONIC_TRUNCATION)
+    enough = last < max(HARMONIC_TRUNCATION, 1e-3 * found.regression.noise / np.sqrt(count))
+    # harmonics do not mend a law that misses by far, and its fits creep
+    return enough or relative_misfit(found) > MISFIT_REJECTED
 
 
 def _alike(one: Regression, other: Regression, share: float) -> bool:
