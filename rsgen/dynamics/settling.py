@@ -3,15 +3,18 @@
     y_(n+1) = P(y_n),    y* = P(y*),    y_(n+1) - y* = J (y_n - y*)  close to y*
 
 Newton's method alone may find any fixed point, stable or not; a transient alone takes as many periods as the
-damping is small. Both together: the transient is carried over a few periods, then Newton's method looks for
-the fixed point y* near its end. It is accepted if it attracts (``fixed_point``), if the last two periods
-obeyed the linear map J to 5 %, and if states all around y*, as far away, obey it to 10 %: the motion spirals
-through them, and a stop or a gap in another direction could still lead elsewhere. A motion that repeats to
-1e-9 has settled, whatever J is. All others are carried on,
-twice as long each time. What repeats after two periods has period two; what overflows, with shorter steps
-too, diverges. Period map and basins of attraction: J. M. T. Thompson and H. B. Stewart, Nonlinear Dynamics
-and Chaos (2002); the rule of acceptance is rsgen's own, and tests hold it against transients of 20 000
-periods.
+damping is small. Both together (``settle``), in rounds that are twice as long each time:
+
+1. The transient is carried over the periods of the round. What overflows, with shorter steps too, diverges.
+2. Newton's method looks for the fixed point y* near its end. The motion has settled if y* attracts
+   (``fixed_point``), if the last two periods obeyed the linear map J to 5 %, and if states all around y*, as
+   far away, obey it to 10 %: the motion spirals through them, and a stop or a gap in another direction could
+   still lead elsewhere. Under friction whose sliders all stick, y* is first sought with the sliders held.
+3. A motion that repeats to 1e-9 has settled, whatever J is.
+4. What repeats after two periods has period two. All others are carried on.
+
+Period map and basins of attraction: J. M. T. Thompson and H. B. Stewart, Nonlinear Dynamics and Chaos (2002);
+the rule of acceptance is rsgen's own, and tests hold it against transients of 20 000 periods.
 """
 
 from __future__ import annotations
@@ -136,24 +139,26 @@ _MAX_LAST_STEP = 1e-3
 _MAX_DEPARTURE = 0.05
 """Departure of the last two periods from the linear map, relative to the distance from the fixed point."""
 
-_MAX_DEPARTURE_AROUND, _NEAR = 0.1, 1e-3
-"""The same all around the fixed point, where the motion is farther from it than this, of the amplitude."""
+_MAX_DEPARTURE_AROUND, _MIN_DISTANCE_AROUND = 0.1, 1e-3
+"""The same all around the fixed point, and the distance of the motion from it, relative to the amplitude,
+from which on that is asked."""
 
 _WEAK_ATTRACTION, _STEPS_OF_WEAK, _OFFSET_OF_WEAK, _MIN_ATTRACTION = 1e-3, 256, 1e-7, 1e-7
 """The steps of the integration damp a little. Below the first of attraction (``fixed_point``) the Jacobian is
 made again with this many steps and this offset; the point attracts if there is more than the last."""
 
-_REPEATED = 1e-9
+_MAX_CHANGE_OF_REPEATED = 1e-9
 """A motion that repeats this well has arrived, whatever the Jacobian is."""
 
-_REPEATED_TWICE = 1e-6
+_MAX_CHANGE_OF_PERIOD_TWO = 1e-6
 """A motion that repeats after two periods this well, and not after one, has period two."""
 
 _MAX_GROWTH = 1.5
 """Times the amplitude at the start of a round, for which its steps are stable."""
 
 _LEAST_TO_DRIVEN = 2.5e-7
-"""The least size of a motion, relative to four times what the force makes of the mass alone."""
+"""Least size of a motion (``PeriodMap.scale``), relative to four times what the force makes of the mass
+alone."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -193,6 +198,10 @@ def settle(
 def _one_round(
     period_map: PeriodMap, result: Settling, active: Indices, periods: int, least: Array
 ) -> Indices:
+    """Carry points over some periods and record what became of them; return those that go on.
+
+    ``least`` (n,) [m] is the size of a motion below which it is taken for rest.
+    """
     if period_map.stiffness is not None:
         # states that follow fast need short steps; the motion may still grow in this round
         largest = np.maximum(_MAX_GROWTH * norm(result.y[:2, active]), least[active] / _LEAST_TO_DRIVEN)
@@ -203,29 +212,26 @@ def _one_round(
     moved = period_map.carry(active, before, steps, periods, transient=True)
     y, history = moved.state, moved.history
     bounded = np.isfinite(norm(y))
-    if not bounded.all():
-        for _ in range(2):
-            lost = np.flatnonzero(~bounded & (steps < COARSE_STEPS * FINER_STEPS**2))
-            if not len(lost):
-                break
-            # too few steps make a stiff law explode: that is no answer yet
-            steps[lost] *= FINER_STEPS
-            if period_map.memory is not None and memory is not None:
-                period_map.memory.rows[:, active[lost]] = memory[:, lost]
-            again = period_map.carry(active[lost], before[:, lost], steps[lost], periods, transient=True)
-            y[:, lost], history[:, :, lost] = again.state, again.history
-            bounded = np.isfinite(norm(y))
-        result.steps[active] = steps
-        result.y[:, active] = y
-        result.outcome[active[~bounded]] = DIVERGED
-        active, y, history = active[bounded], y[:, bounded], history[:, :, bounded]
-    else:
-        result.y[:, active] = y
+    for _ in range(2):
+        lost = np.flatnonzero(~bounded & (steps < COARSE_STEPS * FINER_STEPS**2))
+        if not len(lost):
+            break
+        # too few steps make a stiff law explode: that is no answer yet
+        steps[lost] *= FINER_STEPS
+        if period_map.memory is not None and memory is not None:
+            period_map.memory.rows[:, active[lost]] = memory[:, lost]
+        again = period_map.carry(active[lost], before[:, lost], steps[lost], periods, transient=True)
+        y[:, lost], history[:, :, lost] = again.state, again.history
+        bounded = np.isfinite(norm(y))
+    result.steps[active], result.y[:, active] = steps, y
+    result.outcome[active[~bounded]] = DIVERGED
+    active, y, history = active[bounded], y[:, bounded], history[:, :, bounded]
     settled = _accept(period_map, result, active, y, history, least[active])
     left = np.flatnonzero(~settled)
     size = np.maximum(norm(y[:, left]), least[active[left]])
     two_ago, one_ago = norm(y[:, left] - history[0][:, left]), norm(y[:, left] - history[1][:, left])
-    twice = (two_ago < _REPEATED_TWICE * size) & (one_ago > 1e3 * _REPEATED_TWICE * size)
+    repeats = two_ago < _MAX_CHANGE_OF_PERIOD_TWO * size
+    twice = repeats & (one_ago > 1e3 * _MAX_CHANGE_OF_PERIOD_TWO * size)
     result.outcome[active[left[twice]]] = PERIOD_TWO
     return active[left[~twice]]
 
@@ -233,35 +239,36 @@ def _one_round(
 def _accept(
     period_map: PeriodMap, result: Settling, active: Indices, y: Array, history: Array, least: Array
 ) -> NDArray[np.bool_]:
-    """Record the points whose fixed point is certain; True for these."""
+    """Record the points that have settled, and return their mask.
+
+    ``y`` (D, k) are their states after a round, ``history`` (2, D, k) those two periods and one before.
+    """
     if period_map.sticking is None:
-        return _accept_any(period_map, result, active, y, history, least)
+        return _accept_moving(period_map, result, active, y, history, least)
     settled = _accept_sticking(period_map, result, active, y, history, least)
     left = np.flatnonzero(~settled)
-    settled[left] = _accept_any(
+    settled[left] = _accept_moving(
         period_map, result, active[left], y[:, left], history[:, :, left], least[left]
     )
     return settled
 
 
-def _accept_any(
+def _accept_moving(
     period_map: PeriodMap, result: Settling, active: Indices, y: Array, history: Array, least: Array
 ) -> NDArray[np.bool_]:
+    """Record the points that are on their way to an attracting fixed point, or repeat to round-off."""
     steps = result.steps[active]
     fixed = find_fixed_points(period_map, active, y, steps, _MAX_LAST_STEP, least)
-    hidden = np.zeros(len(active), dtype=bool)
+    inner_loops = np.zeros(len(active), dtype=bool)
     if period_map.memory is not None:
         # loops within the loop are not those of the closed loop alone
-        hidden = period_map.memory.has_inner_loops(active)
-    sure = _is_reached(period_map, active, fixed, y, history, least, steps, ~hidden)
-    size = np.maximum(norm(fixed.y), least)
-    still = ~sure & (norm(y - history[1]) <= _REPEATED * size) & (norm(y - history[0]) <= _REPEATED * size)
-    settled = np.asarray(sure | still)
-    if sure.all():
-        result.y[:, active], result.jacobian[:, :, active] = fixed.y, fixed.jacobian
-    else:
-        result.y[:, active[sure]] = fixed.y[:, sure]
-        result.jacobian[:, :, active[settled]] = fixed.jacobian[:, :, settled]
+        inner_loops = period_map.memory.has_inner_loops(active)
+    reached = _is_reached(period_map, active, fixed, y, history, least, steps, ~inner_loops)
+    close = _MAX_CHANGE_OF_REPEATED * np.maximum(norm(fixed.y), least)
+    repeats = (norm(y - history[1]) <= close) & (norm(y - history[0]) <= close)
+    settled = np.asarray(reached | repeats)
+    result.y[:, active[reached]] = fixed.y[:, reached]
+    result.jacobian[:, :, active[settled]] = fixed.jacobian[:, :, settled]
     result.outcome[active[settled]] = SETTLED
     return settled
 
@@ -269,7 +276,11 @@ def _accept_any(
 def _accept_sticking(
     period_map: PeriodMap, result: Settling, active: Indices, y: Array, history: Array, least: Array
 ) -> NDArray[np.bool_]:
-    """Record the points at which nothing slips any more, on the way to the steady state and in it."""
+    """Record the points at which nothing slips any more, on the way to the steady state and in it.
+
+    With the sliders held the law is straight, and its fixed point exact. It counts if nothing slips there
+    while the free vibration that is left decays, and if the closed loop between its peaks has the same one.
+    """
     memory, sticking, settled = period_map.memory, period_map.sticking, np.zeros(len(active), dtype=bool)
     if memory is None or sticking is None:
         return settled
@@ -288,7 +299,7 @@ def _accept_sticking(
     held = replace(period_map.of(points), memory=HeldMemory.at(layout, middle, offset))
     fixed = find_fixed_points(held, all_here, before, steps, _MAX_LAST_STEP, least, spared=True)
     peak = held.carry(all_here, fixed.y, steps, 1, 1, peaks=True).peak
-    # later beats bring the greatest of both together
+    # the free vibration that is left may bring its greatest to any peak
     swing = _swing(before - fixed.y, fixed.jacobian)
     stays = sticking.reaches(middle, peak[:, 0] + swing, peak[:, 1] - swing)
     sure = np.flatnonzero(_is_reached(held, all_here, fixed, before, history, least, steps, stays))
@@ -329,7 +340,9 @@ def _is_reached(
     steps: NDArray[np.int64],
     possible: NDArray[np.bool_],
 ) -> NDArray[np.bool_]:
-    """(k,) where the motion will go on to its fixed point, among those where it is possible."""
+    """Return where the motion goes on to its fixed point (k,), among those where it is ``possible``: the
+    second of the conditions of this module.
+    """
     size = np.maximum(norm(fixed.y), least)
     earlier, away = history[0] - fixed.y, y - fixed.y
     departure = norm(away - times(fixed.jacobian, times(fixed.jacobian, earlier)))
@@ -345,7 +358,7 @@ def _is_reached(
             period_map, points[faint], fixed.y[:, faint], fine, _OFFSET_OF_WEAK * size[faint]
         )
         sure[faint] = attraction(jacobian) > _MIN_ATTRACTION
-    wide = np.flatnonzero(sure & (norm(away) > _NEAR * size))
+    wide = np.flatnonzero(sure & (norm(away) > _MIN_DISTANCE_AROUND * size))
     if len(wide):
         around, slope = fixed.y[:, wide], fixed.jacobian[:, :, wide]
         sure[wide] = _is_linear_around(period_map, points[wide], around, slope, away[:, wide], steps[wide])
