@@ -185,14 +185,6 @@ def test_four_columns_are_enough():
     assert_same(ResponseSurface(*(column.tolist() for column in columns.values())), surface)
 
 
-def test_a_single_value_holds_at_every_point():
-    surface = ResponseSurface(3, [8, 7.5, 7], 3, [1e-3, 2e-3, 1j], sweep="down", error=1e-3)
-    np.testing.assert_array_equal(surface.level, [3.0] * 3)
-    np.testing.assert_array_equal(surface.force, [3.0] * 3)
-    np.testing.assert_array_equal(surface.error, [1e-3] * 3)
-    assert set(surface.sweep) == {"down"}
-
-
 def test_masked_values_are_not_measured():
     columns = linear_columns()
     masked = np.arange(40) % 10 == 3

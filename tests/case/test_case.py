@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 
 import rsgen
-from rsgen.cases import case_schema, find_cases, load_case, name_clashes
+from rsgen.cases import case_schema, find_cases, load_case
 from rsgen.cases.tables import path_fault
 from rsgen.common.errors import CaseError, RsgenError
 from rsgen.dynamics.virtual_test import SimulatedTest
@@ -181,14 +181,6 @@ def test_memory_is_declared_beside_the_force_or_comes_with_a_law(tmp_path, monke
     # what is written of an element reads back as the same element
     for element in (spring, joint):
         assert make_element(element.name, write_formula(element.force), element.memory) == element
-
-
-def test_cases_must_not_share_a_folder(tmp_path):
-    one = load_case(write(tmp_path, good(), "a.toml"))
-    two = load_case(write(tmp_path, good().replace('"good"', '"GOOD"'), "b.toml"))
-    other = load_case(write(tmp_path, good().replace('"good"', '"other"'), "c.toml"))
-    assert list(name_clashes([one, other, two])) == [two.path]
-    assert name_clashes([one, other]) == {}
 
 
 def test_folders_are_searched_for_cases(tmp_path):

@@ -259,13 +259,6 @@ def test_what_killed_writers_left_is_removed(own_cache):
     assert left == sorted([f".a.{os.getppid()}.0.part", ".part", "entry"])
 
 
-def test_a_file_under_another_name_is_none(own_cache):
-    with open_private_folder(own_cache) as folder:
-        folder.write("one", b"content")
-        (own_cache / "one").rename(own_cache / "two")
-        assert folder.read("two") is None
-
-
 @pytest.mark.parametrize("where", ["/dev/null/cache", "/proc/cache", "x" * 300, "a\ud800b"])
 def test_a_folder_that_cannot_be_is_a_reason(where):
     with pytest.raises(UntrustedFolderError), open_private_folder(Path(where)):
