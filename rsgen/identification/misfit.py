@@ -27,7 +27,6 @@ from rsgen.common.tolerances import (
     MISFIT_DOUBTFUL_WITHOUT_PATTERN,
     MISFIT_NEGLIGIBLE,
     MISFIT_REJECTED,
-    NOISE_RATIO_BY_CHANCE,
     POINTS_PER_KNOT,
     RELATIVE_CHANGE_NEGLIGIBLE,
     STANDARD_ERRORS_OF_DIFFERENCE,
@@ -56,6 +55,7 @@ from rsgen.identification.terms import (
     fit_near,
     law_with,
     share_left_by,
+    simplest_background,
     stop_elsewhere,
     with_largest_background,
     with_terms,
@@ -64,7 +64,7 @@ from rsgen.identification.terms import (
 _MIN_POINTS_OF_PATTERN = 16
 """Number of points for the residual-pattern test: at 16 a 5 % damping error is detected, at 12 it is not."""
 
-_CODES_OF_RESPONSE = frozenset({"another-quantity", "base-misread", "not-passive"})
+CODES_OF_RESPONSE = frozenset({"another-quantity", "base-misread", "not-passive"})
 """Findings about sign or quantity of the response, which a background would only conceal."""
 
 _WIDTHS_OF_BAND = 5.0
@@ -148,7 +148,7 @@ def misfit_findings(
         severity = severity if "levels" in names or severity == "error" else "doubt"
     else:
         names = {}
-    known = not any(finding.code in _CODES_OF_RESPONSE for finding in surface.findings)
+    known = not any(finding.code in CODES_OF_RESPONSE for finding in surface.findings)
     rejected = severity == "error"
     most = min(left, MISFIT_DOUBTFUL) if rejected else left
     if known and not surface.decays and (fixed := _contradicted(fit, most)):
@@ -157,8 +157,8 @@ def misfit_findings(
     found = [Finding("law-does-not-fit", severity, numbers=numbers, names=names)]
     observed = fit.problem.observed
     backgrounds = others.kinds["background"]
-    left_by = {kind: _left_by(fit, one, wider) for kind, one in backgrounds.items()}
-    helps = min(left_by.values(), default=inf) < (1 - MIN_MISFIT_REDUCTION) * misfit
+    leaves = {kind: left_by(fit, one, wider) for kind, one in backgrounds.items()}
+    helps = min(leaves.values(), default=inf) < (1 - MIN_MISFIT_REDUCTION) * misfit
     if helps and surface.origin == "measured" and observed.direct:
         found.append(_background_proposal(points, resonances))
     if not names.keys() & {"term", "free", "side"}:
@@ -168,7 +168,7 @@ def misfit_findings(
         found += background_findings(
             observed.background.kind,
             backgrounds,
-            left_by,
+            leaves,
             regression.first(fit.problem.count),
             (*fit.problem.law.parameters, "m"),
             misfit=misfit,
@@ -326,8 +326,7 @@ def background_findings(
         Of the fit, and what the best term would leave.
     """
     offset = _offset_proposal(own, left_by, misfit)
-    # the first of them is the simplest
-    kind = next(kind for kind, one in left_by.items() if one <= NOISE_RATIO_BY_CHANCE * min(left_by.values()))
+    kind = simplest_background(left_by)
     leaves = left_by[kind]
     if not leaves < min((1 - MIN_MISFIT_REDUCTION) * misfit, left):
         return offset
@@ -343,7 +342,7 @@ def background_findings(
     return [Finding("background-missing", "doubt", names[worst], numbers, {"kind": kind}), *offset]
 
 
-def _left_by(fit: Fit, other: Alternative, wider: Array) -> float:
+def left_by(fit: Fit, other: Alternative, wider: Array) -> float:
     """Relative misfit that an alternative leaves."""
     return relative_misfit(fit) * float(
         np.sqrt(max(1 - other.gain * np.median(wider) ** 2 / fit.regression.freedom, 0.0))

@@ -22,6 +22,7 @@ from rsgen.common.solvers import solve_scaled
 from rsgen.common.tolerances import (
     MIN_SIGNIFICANT_GAIN,
     NEAR_STEPS,
+    NOISE_RATIO_BY_CHANCE,
     START_HARMONICS,
     SUBSAMPLE_POINTS,
     interval_sigmas,
@@ -169,6 +170,11 @@ def with_largest_background(fit: Fit) -> tuple[Problem, Array]:
 
 LARGEST = BACKGROUNDS[-2] + OFFSET
 """The largest kind of background whose values have slopes at zero."""
+
+
+def simplest_background(left_by: Mapping[str, float]) -> str:
+    """Return the first, simplest kind of background that leaves hardly more misfit than the best one."""
+    return next(kind for kind, one in left_by.items() if one <= NOISE_RATIO_BY_CHANCE * min(left_by.values()))
 
 
 def larger_backgrounds(

@@ -71,6 +71,21 @@ def test_advice_does_not_return_to_a_ranking_in_which_no_law_fits() -> None:
     assert not [step for step in rest if "rsgen rank" in step]
 
 
+def test_a_ranking_in_which_no_law_fits_says_with_which_background_one_would() -> None:
+    table = measured("cubic", 2e-3)
+    late = changed(table, harmonics=table.harmonics * np.exp(-0.03j * np.arange(table.harmonics.shape[1])))
+    laws = ["k*x + c*v", "c*v + k*x + kn*x**3"]
+    ranking = rank(late, laws)
+    assert not ranking.fits
+    stated = state_verdict(ranking.verdict)
+    assert [one["code"] for one in stated["decided_by"]] == ["no-law-fits", "background-missing"]
+    (step,) = steps_once(stated)
+    assert 'Rank again with [identify] background = "phase"' in step
+    again = rank(late, laws, Observation(background="phase"))
+    assert again.fits
+    assert again.candidates[0].name == laws[1]
+
+
 def test_a_round_says_of_how_many_points_its_own_were_chosen(monkeypatch: pytest.MonkeyPatch) -> None:
     table = measured("cubic")
     law = CandidateLaw("", BASE.elements, {"k": STIFFNESS, "c": DAMPING, "m": MASS})

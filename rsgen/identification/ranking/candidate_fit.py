@@ -19,7 +19,7 @@ import sympy
 from numpy.typing import NDArray
 
 from rsgen.common.arrays import Array
-from rsgen.common.finding import Quantity
+from rsgen.common.finding import Finding, Quantity
 from rsgen.common.solvers import solve_scaled
 from rsgen.common.tolerances import NEAR_STEPS
 from rsgen.formula import symbol
@@ -364,6 +364,10 @@ class RankedTest(ABC):
     @abstractmethod
     def along(self, candidate: CandidateLaw, before: Round | None) -> Round | None:
         """Fit a law by itself, and make its motion the reference; None if it does not follow the test."""
+
+    def larger_background(self, candidate: CandidateLaw) -> Finding | None:
+        """Find a larger background with which a law leaves much less; None if there is none."""
+        return None
 
 
 MAX_UNEXPLAINED = 5e-3

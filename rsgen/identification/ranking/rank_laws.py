@@ -33,6 +33,7 @@ from rsgen.formula import symbol
 from rsgen.identification.fitting.across import sensors_of
 from rsgen.identification.fitting.points import per_unit_mass
 from rsgen.identification.identify import identify, identify_points
+from rsgen.identification.misfit import CODES_OF_RESPONSE
 from rsgen.identification.ranking.balance import WhitenedBalance
 from rsgen.identification.ranking.candidate_fit import CandidateFit, CandidateLaw, RankedTest, Round
 from rsgen.identification.ranking.library_sums import Term, terms_of
@@ -370,16 +371,38 @@ def _ranking(
         names = {"law": best.candidate.name, "fault": str(fault)}
         doubts.append(Finding("law-unconfirmed", "doubt", names=names))
     assessment = assess_best(current, ordered[0], rows, doubts)
+    findings = assessment.findings
+    if assessment.unexplained and isinstance(surface, ResponseSurface):
+        findings = _with_background(test, ordered, surface, findings)
     return Ranking(
         tuple(rows),
         model,
         assessment.fits,
-        assessment.findings,
+        findings,
         current.noise,
         assessment.unexplained,
         surface,
         found,
     )
+
+
+def _with_background(
+    test: RankedTest, ordered: Sequence[CandidateFit], surface: ResponseSurface, findings: tuple[Finding, ...]
+) -> tuple[Finding, ...]:
+    """Add to the findings of a ranking in which no law fits that one of the best would with a background.
+
+    The best itself may have a term in place of the background.
+    """
+    # nothing drives a decay; a background would only conceal a response that is another one
+    if surface.decays or surface.lag_assumed or any(f.code in CODES_OF_RESPONSE for f in surface.findings):
+        return findings
+    for fit in ordered[:_LEADERS]:
+        found = test.larger_background(fit.candidate)
+        if found is not None:
+            names = {"no-law-fits": {"background": found.names["kind"]}}
+            said = [replace(f, names={**f.names, **names.get(f.code, {})}) for f in findings]
+            return (*said, replace(found, names={**found.names, "law": fit.candidate.name}))
+    return findings
 
 
 def _compare_along_own(test: RankedTest, current: Round, candidates: list[CandidateFit]) -> list[float]:

@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 
 from rsgen.common.arrays import Array, ComplexArray
 from rsgen.common.errors import RsgenError
-from rsgen.common.finding import Quantity
+from rsgen.common.finding import Finding, Quantity, quantities
 from rsgen.common.tolerances import (
     ASSUMED_RELATIVE_NOISE,
     BALANCE_HARMONICS,
@@ -27,6 +27,7 @@ from rsgen.common.tolerances import (
     MAX_SHARE_OF_OUTLIERS,
     MAX_SHARE_OF_OUTLIERS_BY_CHANCE,
     MAX_TRIAL_STEPS,
+    MIN_MISFIT_REDUCTION,
     MIN_RELATIVE_SLOPE,
     MISFIT_NEGLIGIBLE,
     OUTLIER_SIGMAS,
@@ -44,6 +45,7 @@ from rsgen.identification.fitting.fit import Fit, fit_balance
 from rsgen.identification.fitting.forward import go_on
 from rsgen.identification.fitting.observed import Observed, Problem, beyond_chance, neighbour_power
 from rsgen.identification.fitting.points import Points, mass_needs, select_points
+from rsgen.identification.misfit import left_by, relative_misfit
 from rsgen.identification.ranking.balance import (
     MAX_MOTION_DISTANCE,
     PointBalance,
@@ -65,6 +67,7 @@ from rsgen.identification.ranking.candidate_fit import (
 from rsgen.identification.ranking.library_sums import base_elements, surrogates
 from rsgen.identification.starting.equations import Equations
 from rsgen.identification.starting.start import solve_equations, start_fit
+from rsgen.identification.terms import fit_larger_backgrounds, fit_near, simplest_background
 from rsgen.law.element import Element
 from rsgen.law.motion import Motion, feeds_exciter
 from rsgen.law.numeric import ForceLaw
@@ -514,6 +517,20 @@ class PointTest(RankedTest):
         if leader.fault:
             return None
         return PointRound(rows, leader, reference, noise, len(self.observed.points), self._measured)
+
+    def larger_background(self, candidate: CandidateLaw) -> Finding | None:
+        """Find a larger background with which a law leaves much less; None if there is none."""
+        law, values = candidate.law, candidate.values
+        problem = Problem(candidate.elements, law, self.observed, self.fixed)
+        place = problem.join(law.ordered(values), values["m"], candidate.background)
+        fit = fit_near(problem, place, order=BALANCE_HARMONICS)
+        others, misfit = fit_larger_backgrounds(fit, fit.regression.noise), relative_misfit(fit)
+        leaves = {kind: left_by(fit, other, np.ones(1)) for kind, other in others.items()}
+        if not min(leaves.values(), default=np.inf) < (1 - MIN_MISFIT_REDUCTION) * misfit:
+            return None
+        kind = simplest_background(leaves)
+        numbers = quantities(misfit=misfit, left=leaves[kind])
+        return Finding("background-missing", "doubt", numbers=numbers, names={"kind": kind})
 
 
 def _start_observed(
