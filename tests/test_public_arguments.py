@@ -9,6 +9,7 @@ from matplotlib.figure import Figure
 
 import rsgen as rs
 from rsgen.common.errors import RsgenError
+from rsgen.common.finding import Quantity
 from rsgen.data.oscillator import Model
 
 LAW = "k*x + c*v"
@@ -328,6 +329,22 @@ def test_a_pickled_result_says_that_it_has_no_fit_to_profile(found):
     assert again.values == found.values
     with pytest.raises(RsgenError, match="which pickle does not keep"):
         rs.profile(again, "k")
+
+
+def test_a_misfit_of_the_law_is_not_printed_as_noise(surface, found):
+    stiffness = TRUE["k"] * (1 + 0.05 * surface.level)
+    omega = 2 * np.pi * surface.frequency
+    stiffer = surface.level / (stiffness - 1.2 * omega**2 + 1j * omega * TRUE["c"])
+    wrong = str(rs.identify(linear_surface(response=stiffer), LAW))
+    assert "systematic, not noise" in wrong
+    assert "noise 1" not in wrong
+    assert ", misfit 1" in wrong
+    assert "%, misfit" in str(found)
+
+
+def test_one_determined_parameter_is_determined(found):
+    one = replace(found.outcome, numbers=found.outcome.numbers | {"identified": Quantity(1)})
+    assert rs.sentence(one).startswith("1 of 3 parameters is determined by 42 of 42 points")
 
 
 def test_rows_without_a_number_are_said_once(surface):

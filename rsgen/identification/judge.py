@@ -21,7 +21,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
-from math import inf, nan
+from math import inf, isfinite, nan
 from typing import TypeVar
 
 import numpy as np
@@ -579,7 +579,7 @@ def _outcome(
     surface: ResponseSurface, points: Points, estimates: tuple[Estimate, ...], refined: Fit
 ) -> Finding:
     numbers = quantities(
-        identified=sum(estimate.identifiable for estimate in estimates),
+        identified=sum(e.identifiable and isfinite(e.standard_error) for e in estimates),
         parameters=len(estimates),
         used=int(refined.regression.used.sum()),
         points=len(surface),

@@ -103,6 +103,7 @@ def test_a_fit_that_did_not_converge_states_no_interval(monkeypatch):
     values = {"k": 5920.0, "c": 2.0, "k3": 2e6}
     found = rs.identify(rs.simulate(rs.Oscillator(1.5, "k*x + c*v + k3*x**3", values), test), "k*x + c*v")
     assert "not-converged" in codes(found)
+    assert found.outcome["identified"] == 0
     for estimate in found:
         assert np.isfinite(estimate.value)
         assert estimate.interval == (-np.inf, np.inf)

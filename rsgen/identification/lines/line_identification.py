@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import replace
-from math import inf, nan
+from math import inf, isfinite, nan
 
 import numpy as np
 
@@ -246,7 +246,7 @@ def _fixed_findings(fit: LineFit, terms: Mapping[str, Alternative], misfit: floa
 def _outcome(lines: SpectralLines, estimates: tuple[Estimate, ...], misfit: float) -> Finding:
     """Summarise the numbers of identified parameters, lines, records and levels."""
     numbers = quantities(
-        identified=sum(estimate.identifiable for estimate in estimates),
+        identified=sum(e.identifiable and isfinite(e.standard_error) for e in estimates),
         parameters=len(estimates),
         lines=int(lines.used.sum()),
         excited=int((lines.used & lines.spectra.excited()).sum()),

@@ -439,9 +439,11 @@ class Identification(Printed):
         table = table_of((*self.refined, *background, *self.fixed))
         low, high = self.amplitude_range
         slow, fast = self.frequency_range
+        # without repeats the noise is that of the misfit, unless this is the law's
+        unknown = self.noise == self.residual and any(one.code == "law-does-not-fit" for one in self.findings)
         tested = (
             f"amplitude {low:.4g} to {high:.4g} m, frequency {slow:.5g} to {fast:.5g} Hz, "
-            f"noise {100 * self.noise:.2g} %, misfit {100 * self.residual:.2g} %"
+            f"{'' if unknown else f'noise {100 * self.noise:.2g} %, '}misfit {100 * self.residual:.2g} %"
         )
         return replace(
             table,
