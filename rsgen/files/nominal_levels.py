@@ -19,7 +19,7 @@ from rsgen.data.record_set import LEVEL_DIGITS, LEVEL_TOLERANCE, MIN_POINTS_OF_R
 from rsgen.data.surface import ResponseSurface, typical_amounts
 from rsgen.data.surface.columns import MIN_TURN, group_forces, monotone_runs
 from rsgen.data.surface.response_surface import amounts_of_levels
-from rsgen.files.plan import MeasuredTest
+from rsgen.files.plan import UNIT_IN_NAME, MeasuredTest
 from rsgen.files.tree import star_pattern
 
 # ----------------------------------------------------------------------------
@@ -209,7 +209,7 @@ def level_of_file(test: MeasuredTest, number: int) -> float | None:
     Raises
     ------
     MeasurementError
-        The name does not have the form that the plan says, or the number is not above 0.
+        The name does not have the form that the plan says, or several numbers fit, or it is not above 0.
     """
     rule = test.level
     if rule.value is not None:
@@ -220,13 +220,19 @@ def level_of_file(test: MeasuredTest, number: int) -> float | None:
         # several values for one file belong to its entries
         return None
     name = test.files[number].name
-    before, after = (star_pattern(part).pattern for part in rule.name.split("{level}"))
-    match = re.fullmatch(f"{before}(?P<level>(?>{_NUMBER})){after}", name)
-    if match is None:
-        raise MeasurementError(
-            f"{shown_path(test.files[number])}: its name is not of the form {quote(rule.name)}"
-        )
-    level = float(match["level"].replace(",", ".")) * test.factor("level")
+    before, after = map(star_pattern, rule.name.split("{level}"))
+    numbers = [found for at in range(len(name)) if (found := re.compile(_NUMBER).match(name, at))]
+    fitting = [m for m in numbers if before.fullmatch(name[: m.start()]) and after.fullmatch(name[m.end() :])]
+    if len(fitting) > 1:
+        # of several numbers the one with a unit
+        fitting = [m for m in fitting if UNIT_IN_NAME.match(name, m.end())] or fitting
+    if len(fitting) != 1:
+        fault = f"its name is not of the form {quote(rule.name)}"
+        if fitting:
+            fault = f"{' or '.join(m[0] for m in fitting)} may be the level in the form {quote(rule.name)}"
+            fault += "; write more of the name beside {level}, such as its unit, or give values"
+        raise MeasurementError(f"{shown_path(test.files[number])}: {fault}")
+    level = float(fitting[0][0].replace(",", ".")) * test.factor("level")
     if not (level > 0 or rule.labels):
         raise MeasurementError(
             f"{shown_path(test.files[number])}: its name gives a level of {level:g} {test.level_unit}; "

@@ -37,7 +37,7 @@ SECONDS = {"s": 1.0, "ms": 1e-3, "us": 1e-6}
 
 LABEL = "label"
 """The unit of levels that are names of runs: of none."""
-_UNIT_IN_NAME = re.compile(r"[ _-]?([munk]?N|lbf|[mu]m|g)(?![A-Za-z])")
+UNIT_IN_NAME = re.compile(r"[ _-]?([munk]?N|lbf|[mu]m|g)(?![A-Za-z])")
 """A unit right behind the number in a file's name: "run_{level}mN.csv"."""
 
 if TYPE_CHECKING:
@@ -438,7 +438,7 @@ class MeasuredTest(PlannedTest):
     @property
     def _unit_in_name(self) -> str:
         """The unit that stands behind the number in the form of the files' names, or ""."""
-        found = _UNIT_IN_NAME.match((self.level.name or "").partition("{level}")[2])
+        found = UNIT_IN_NAME.match((self.level.name or "").partition("{level}")[2])
         # a factor says what the numbers are already
         if not found or given(self.level, "factor"):
             return ""

@@ -239,13 +239,14 @@ def unit_text(unit: str) -> str:
 
     Examples
     --------
-    >>> unit_text("N*s^2/m^2"), unit_text("N/m**3"), unit_text("1")
-    ('N·s²/m²', 'N/m³', '')
+    >>> unit_text("N*s^2/m^2"), unit_text("N/m**3"), unit_text("N/m^(3/2)"), unit_text("1")
+    ('N·s²/m²', 'N/m³', 'N/m^(3/2)', '')
     """
     if unit == "1":
         return ""
     text = unit.replace("**", "^").replace("*", "·")
-    return re.sub(r"\^\(?(-?[0-9.]+)\)?", lambda power: power[1].translate(_POWERS), text)
+    power = re.compile(r"\^(?:\((-?[0-9.]+)\)|(-?[0-9.]+))")
+    return power.sub(lambda found: (found[1] or found[2]).translate(_POWERS), text)
 
 
 def count_text(count: int, noun: str) -> str:

@@ -158,6 +158,14 @@ def test_level_stands_in_the_name(tmp_path):
     assert read_measurement(measured(path, force=None, level=rule)).force.tolist() == [2500]
     with pytest.raises(MeasurementError, match="its name is not of the form"):
         read_measurement(measured(path, force=None, level=LevelRule(name="run{level}.npz")))
+    # the last number that fitted was taken without a word: of two, the one with a unit is the level
+    several = path.with_name("run3_2N_rep_4_a.npz")
+    np.savez(several, f=[1.0], x=[4.0])
+    loose = LevelRule(name="run*_{level}*.npz")
+    assert read_measurement(measured(several, force=None, level=loose)).force.tolist() == [2]
+    unclear = several.rename(path.with_name("run3_2_rep_4_a.npz"))
+    with pytest.raises(MeasurementError, match="2 or 4 may be the level .* such as its unit, or give values"):
+        read_measurement(measured(unclear, force=None, level=loose))
 
 
 def test_hash_of_each_file_is_checked(tmp_path):
