@@ -230,7 +230,7 @@ def level_of_file(test: MeasuredTest, number: int) -> float | None:
         fault = f"its name is not of the form {quote(rule.name)}"
         if fitting:
             fault = f"{' or '.join(m[0] for m in fitting)} may be the level in the form {quote(rule.name)}"
-            fault += "; write more of the name beside {level}, such as its unit, or give values"
+            fault += "; write more of the name around {level}, such as its unit, or give values"
         raise MeasurementError(f"{shown_path(test.files[number])}: {fault}")
     level = float(fitting[0][0].replace(",", ".")) * test.factor("level")
     if not (level > 0 or rule.labels):

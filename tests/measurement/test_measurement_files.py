@@ -164,7 +164,9 @@ def test_level_stands_in_the_name(tmp_path):
     loose = LevelRule(name="run*_{level}*.npz")
     assert read_measurement(measured(several, force=None, level=loose)).force.tolist() == [2]
     unclear = several.rename(path.with_name("run3_2_rep_4_a.npz"))
-    with pytest.raises(MeasurementError, match="2 or 4 may be the level .* such as its unit, or give values"):
+    with pytest.raises(
+        MeasurementError, match=r"2 or 4 may be the level .* such as its unit, or give values"
+    ):
         read_measurement(measured(unclear, force=None, level=loose))
 
 
