@@ -173,10 +173,7 @@ def test_an_observation_takes_one_level_and_no_background():
         (lambda s, f: rs.SweepTest([1], (9, 8), duration=10, rate=400), "band: 9 to 8 Hz; must be ascending"),
         (lambda s, f: rs.SweepTest([1], (8, 14), duration=10, rate=100), "rate: 100 Hz; at least 8 t"),
         (lambda s, f: rs.DecayTest([1e-3], duration=1e6, rate=400), "samples of all records; at most"),
-        (
-            lambda s, f: rs.simulate(GROWING, rs.DecayTest([1e-2], duration=10, rate=400)),
-            "grows without bound",
-        ),
+        (lambda s, f: rs.simulate(GROWING, rs.DecayTest([1e-2], duration=10, rate=400)), "grows without"),
         (lambda s, f: rs.SimulatedTest([], [8.0]), "level"),
         (lambda s, f: rs.SimulatedTest([1.0, 1.0], [8.0]), "level"),
         (lambda s, f: rs.SimulatedTest([1.0], [-1.0]), "frequency"),
@@ -197,10 +194,7 @@ def test_an_observation_takes_one_level_and_no_background():
                 ({"control": "phase", "base": "acceleration"}, "leave one of them out"),
             )
         ),
-        *(
-            (lambda s, f, law=law: rs.Law(law), "it is the time")
-            for law in ("k*x*cos(2*w*t)", "k*x + t*x**3")
-        ),
+        *((lambda s, f, law=law: rs.Law(law), "is the time") for law in ("k*x*cos(2*w*t)", "k*x + t*x**3")),
         *(
             (lambda s, f, law=law: rs.Law(law), "is a law of the library.*rsgen.laws")
             for law in ("jenkins", "k*x + dahl", "k*x + ramberg_osgood", "dead-zone", "k*x + cubic-spring")
@@ -240,20 +234,14 @@ def test_an_observation_takes_one_level_and_no_background():
         ),
         (lambda s, f: rs.ResponseSurface(1, [8, 9], 1, [1e-3, 2e-3]), "phase_known=False"),
         (lambda s, f: rs.ResponseSurface(1, [8, 9], 1), "response once"),
-        (
-            lambda s, f: rs.ResponseSurface(1, [8, 9], [1, 1, 1], [1j, 1j]),
-            r"force: shape \(3,\); must be",
-        ),
+        (lambda s, f: rs.ResponseSurface(1, [8, 9], [1, 1, 1], [1j, 1j]), r"force: shape \(3,\)"),
         (lambda s, f: rs.ResponseSurface(1, [[8, 9]], 1, [[1j, 1j]]), "one row a test point"),
         (
             lambda s, f: rs.ResponseSurface([1, 2], [8, 9, 10], np.ones((2, 3)), 1j * np.ones((2, 3))),
             "np.repeat the levels",
         ),
         (lambda s, f: rs.ResponseSurface(1, [8, 9], 1, [1j, "wide"]), "surface.response"),
-        (
-            lambda s, f: rs.ResponseSurface(1, [8, 9], 1, [1j, 1j, 1j]),
-            r"response: shape \(3,\); must be",
-        ),
+        (lambda s, f: rs.ResponseSurface(1, [8, 9], 1, [1j, 1j, 1j]), r"response: shape \(3,\)"),
         *(
             (lambda s, f, call=call: call(s), said)
             for call, said in (
@@ -295,10 +283,7 @@ def test_an_observation_takes_one_level_and_no_background():
         (lambda s, f: rs.Oscillator(1, LAW, TRUE | {"k": "5 kN/m"}), "values.k: '5 kN/m'"),
         (lambda s, f: rs.Oscillator(1, LAW, [5000, 4]), "values: list"),
         (lambda s, f: rs.SimulatedTest(["low"], [9, 10]), "test.level: .*must be numbers"),
-        (
-            lambda s, f: rs.simulate(rs.SimulatedTest([1], [9]), rs.Oscillator(1, LAW, TRUE)),
-            "oscillator: Sim",
-        ),
+        (lambda s, f: rs.simulate(rs.SimulatedTest([1], [9]), f.oscillator), "oscillator: Sim"),
         (lambda s, f: rs.save_surface(s, "a.h5"), "surface: str"),
         (lambda s, f: rs.load_surface("absent.h5"), "absent.h5: there is no such file"),
         (lambda s, f: rs.read("test.mat"), "test.mat: not a case .* rsgen init --from"),

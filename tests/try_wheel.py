@@ -115,9 +115,7 @@ def find_python(version: str) -> str | None:
     probe = "import sys, venv, ensurepip; print('%d.%d' % sys.version_info[:2])"
     for path in _candidates(version):
         try:
-            answer = subprocess.run(
-                [path, "-c", probe], capture_output=True, text=True, timeout=60, check=False
-            )
+            answer = subprocess.run([path, "-c", probe], capture_output=True, text=True, timeout=60)
         except OSError:
             continue
         # a shim of pyenv answers with an error where its version is not switched on

@@ -87,8 +87,6 @@ class Scratch:
         }  # fmt: skip
         command = [sys.executable, "-m", "pytest", "-q", "--no-header", "--tb=no", "-p", "no:cacheprovider"]
         command += ["-p", "tests.faults.limit", *options, *tests]
-        done = subprocess.run(
-            command, cwd=self.root, env=environment, capture_output=True, text=True, check=False
-        )
+        done = subprocess.run(command, cwd=self.root, env=environment, capture_output=True, text=True)
         broken = "" if done.returncode in (0, 1, 5) else (done.stdout + done.stderr).strip()[-500:]
         return Ran(tuple(dict.fromkeys(failed.read_text(encoding="utf-8").splitlines())), broken)

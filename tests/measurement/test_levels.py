@@ -210,9 +210,7 @@ def test_a_level_is_held_out_by_its_label(tmp_path, asked, held):
 def test_what_is_no_label_and_no_level_is_refused_with_both(tmp_path):
     rule = LevelRule(name="{level}.csv", unit="label")
     surface = read_measurement(of_files(tmp_path, LABELLED, level=rule))
-    with pytest.raises(
-        RsgenError, match=r"no level 5 N .* it has 2 \(label 1\), 4 \(label 2\), 6 \(label 3\) N"
-    ):
+    with pytest.raises(RsgenError, match=r"no level 5 N .* 2 \(label 1\), 4 \(label 2\), 6 \(label 3\) N"):
         rsgen.identify(surface, "k*x + c*v", Observation(hold_out=(5,)))
 
 
