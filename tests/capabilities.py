@@ -59,36 +59,21 @@ period = "4 s"
 
 @dataclass(frozen=True)
 class Row:
-    """A kind of test.
+    """A kind of test."""
 
-    Parameters
-    ----------
-    test
-        The table [test] of its case file.
-    known
-        Keyword arguments of ``identify``: what is known beforehand.
-    change
-        What is done to the virtual records before they are identified.
-    law
-        One formula, or elements.
-    values
-        True values of what is identified; None: those of the structure.
-    rivals
-        Laws that are ranked, the right one among them.
-    refused
-        Columns with a no that physics asks for, each with its reason.
-    damping
-        True value of c of the structure: a decay needs some hundred periods.
-    """
-
+    # the table [test] of its case file
     test: str
+    # keyword arguments of ``identify``: what is known beforehand
     known: Mapping[str, Any] = field(default_factory=dict)
+    # what is done to the virtual records before they are identified
     change: Callable[[Any], Records] = lambda records: records
+    # one formula, or elements
     law: Any = LAW
-    values: Mapping[str, float] | None = None
-    rivals: Sequence[Any] = RIVALS
+    values: Mapping[str, float] | None = None  # true values; None: those of the structure
+    rivals: Sequence[Any] = RIVALS  # laws that are ranked, the right one among them
+    # columns with a no that physics asks for, each with its reason
     refused: Mapping[str, str] = field(default_factory=dict)
-    damping: float = TRUTH["c"]
+    damping: float = TRUTH["c"]  # true value of c: a decay needs some hundred periods
 
     @property
     def case(self) -> str:

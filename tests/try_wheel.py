@@ -132,13 +132,7 @@ def clean_environment(home: Path) -> dict[str, str]:
 
 
 def call(words: Sequence[str | Path], folder: Path, code: int = 0, **added: str) -> str:
-    """Run a program in a folder and give what it printed.
-
-    Raises
-    ------
-    WheelError
-        It ends with another exit code, or not at all.
-    """
+    """Run a program in a folder, give what it printed; WheelError where it ends otherwise or not at all."""
     texts = [str(word) for word in words]
     shown = " ".join([Path(texts[0]).name, *texts[1:]])[:200]
     try:

@@ -37,27 +37,15 @@ POOL = "rsgen run small.toml two.toml --out out --jobs 2"
 
 @dataclass(frozen=True)
 class Line:
-    """A line of the shell, and how it may end.
+    """A line of the shell, and how it may end."""
 
-    Parameters
-    ----------
-    text
-        The line; ``{place}`` is the folder in which it runs.
-    codes
-        Exit codes that are right.
-    spoken
-        Somebody can read standard error.
-    changes
-        Variables that are others; None: not set.
-    mounts
-        What is mounted before, for this line alone.
-    """
-
-    text: str
-    codes: tuple[int, ...] = DONE
-    spoken: bool = True
-    changes: Mapping[str, str | None] = field(default_factory=dict)
-    mounts: str = ""
+    text: str  # ``{place}`` is the folder in which it runs
+    codes: tuple[int, ...] = DONE  # exit codes that are right
+    spoken: bool = True  # somebody can read standard error
+    changes: Mapping[str, str | None] = field(
+        default_factory=dict
+    )  # variables that are others; None: not set
+    mounts: str = ""  # what is mounted before, for this line alone
 
 
 def _with(text: str = ONE, codes: tuple[int, ...] = DONE, **changes: str | None) -> Line:

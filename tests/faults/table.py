@@ -25,31 +25,15 @@ class FaultError(Exception):
 
 @dataclass(frozen=True, slots=True)
 class Fault:
-    """One row of the table.
+    """One row of the table."""
 
-    Parameters
-    ----------
-    name
-        Short, for the report.
-    group
-        One of ``GROUPS``.
-    function
-        Where: module and qualified name, or the name of a template.
-    old, new
-        A text that occurs once there, and what replaces it.
-    means
-        What goes wrong physically.
-    caught
-        Tests that fail with the fault, the quickest first; three at most.
-    """
-
-    name: str
-    group: str
-    function: str
-    old: str
-    new: str
-    means: str
-    caught: tuple[str, ...]
+    name: str  # short, for the report
+    group: str  # one of ``GROUPS``
+    function: str  # where: module and qualified name, or the name of a template
+    old: str  # a text that occurs once there,
+    new: str  # and what replaces it
+    means: str  # what goes wrong physically
+    caught: tuple[str, ...]  # tests that fail with the fault, the quickest first; three at most
 
 
 @dataclass(frozen=True, slots=True)

@@ -74,12 +74,7 @@ def read_draft(
 ) -> tuple[dict[str, Any], ResponseSurface, dict[str, str]]:
     """Return the [test] tables of a draft, what they read, and its comments.
 
-    Parameters
-    ----------
-    path
-        A measured file.
-    entered
-        By table of the case ("test", "response"): keys that the user enters or changes.
+    ``entered`` are keys that the user enters or changes, by table of the case ("test", "response").
     """
     proposal = drafted(path)
     places = {("test" if name == "test" else f"test.{name}"): keys for name, keys in entered.items()}

@@ -25,24 +25,14 @@ Tree = Any
 
 @dataclass(frozen=True)
 class Allowed:
-    """How far numbers may move until a pin fails.
+    """How far numbers may move until a pin fails: largest changes."""
 
-    Parameters
-    ----------
-    value
-        Largest relative change of a number; of an entry of an array relative to the root mean square there.
-    of_standard_error
-        Or largest change in standard errors, whichever is more.
-    error
-        Largest relative change of a standard error, and of what a fit leaves.
-    left
-        Largest change of what a fit leaves, relative to force and response, where nothing is left but
-        round-off and the last step of the fit.
-    """
-
+    # relative, of a number; of an entry of an array relative to the root mean square there
     value: float
-    of_standard_error: float
-    error: float
+    of_standard_error: float  # or in standard errors, whichever is more
+    error: float  # relative, of a standard error, and of what a fit leaves
+    # of what a fit leaves, relative to force and response, where nothing is left but round-off and the last
+    # step of the fit
     left: float
 
 

@@ -57,33 +57,16 @@ Test = Laboratory | Record
 
 @dataclass(frozen=True)
 class Tampering:
-    """One thing wrong with a test.
-
-    Parameters
-    ----------
-    name
-        What is wrong, in words.
-    right
-        Codes of the findings that say so; one of them must decide.
-    change
-        What is done to the stepped sine of any laboratory; None where the test is no such one.
-    build
-        The tampered test of a case otherwise.
-    refusal
-        Part of a sentence of refusal that is as right as a finding; "" where none is.
-    corrected
-        Code of a finding that says that the mistake was seen and mended; "" where that cannot be.
-    unseen
-        Why the data cannot show it; "" where they can.
-    """
+    """One thing wrong with a test, in words; one of the codes in ``right`` must decide."""
 
     name: str
     right: frozenset[str]
+    # what is done to the stepped sine of any laboratory; None where the test is no such one
     change: Callable[[Laboratory], Laboratory] | None = None
-    build: Callable[[str], Test] | None = None
-    refusal: str = ""
-    corrected: str = ""
-    unseen: str = ""
+    build: Callable[[str], Test] | None = None  # the tampered test of a case otherwise
+    refusal: str = ""  # part of a sentence of refusal that is as right as a finding
+    corrected: str = ""  # code of a finding that says that the mistake was seen and mended
+    unseen: str = ""  # why the data cannot show it; "" where they can
 
     def make(self, name: str, every: int = EVERY) -> Test:
         """Tamper with the test of this name; of a stepped sine with every n-th frequency."""
