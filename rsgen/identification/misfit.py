@@ -3,7 +3,7 @@
 Residuals of neighbours in frequency are correlated if the law is wrong (``observed.is_systematic``). A
 missing term, background, offset or even force is a column c of the linearised fit; to first order it reduces
 the sum of squares by (c_o.r)^2/|c_o|^2, with c_o its part outside the span of the parameters and r the
-residual (score test).
+residual (score test; ``terms`` has the columns). A change that takes up more than half is named as the cause.
 """
 
 from __future__ import annotations
@@ -16,7 +16,6 @@ import numpy as np
 
 from rsgen.common.arrays import Array
 from rsgen.common.finding import Finding, Quantity, Severity, quantities, severity_of
-from rsgen.common.solvers import solve_scaled
 from rsgen.common.tolerances import (
     DEVIATING_MISFIT_RATIO,
     MIN_LEVELS_FOR_JACKKNIFE,
@@ -27,14 +26,12 @@ from rsgen.common.tolerances import (
     MISFIT_DOUBTFUL_WITHOUT_PATTERN,
     MISFIT_NEGLIGIBLE,
     MISFIT_REJECTED,
-    POINTS_PER_KNOT,
     RELATIVE_CHANGE_NEGLIGIBLE,
     STANDARD_ERRORS_OF_DIFFERENCE,
     START_HARMONICS,
     SUBSAMPLE_POINTS,
     interval_sigmas,
 )
-from rsgen.data.free_mode import fit_mode, hats, steady
 from rsgen.data.oscillator import BACKGROUNDS, OFFSET
 from rsgen.data.surface import ResponseSurface
 from rsgen.formula.names import symbol
@@ -53,6 +50,8 @@ from rsgen.identification.terms import (
     even_force_shift,
     fit_missing_terms,
     fit_near,
+    force_factors_leave,
+    free_curves_leave,
     law_with,
     share_left_by,
     simplest_background,
@@ -89,7 +88,10 @@ def misfit_findings(
     wider: Array,
     others: Alternatives,
 ) -> list[Finding]:
-    """Judge the misfit by its size, and whether it is the law's, the background's or the noise's.
+    """Judge the misfit by its size, and say whose it is: of the noise, a fixed value, the law, a background.
+
+    Noise has no pattern along the frequency (``is_systematic``). Of a misfit that has one, ``_cause`` says
+    what takes up most. A fixed value is blamed in place of the law where another leaves less than any term.
 
     Parameters
     ----------
@@ -104,52 +106,23 @@ def misfit_findings(
     others
         Alternatives to the fit, each to first order.
     """
-    regression, misfit = fit.regression, relative_misfit(fit)
-    numbers = quantities(misfit=misfit)
     if not fit.systematic:
-        # one point a level shows no pattern either, and a loop holds each until its noise is gone
-        patterns = len(points) >= _MIN_POINTS_OF_PATTERN and surface.control != "phase"
-        # the forces of a free decay are those of the given mass, and its small motions are mostly noise
-        found = [] if surface.decays else _contradicted(fit, misfit)
-        if surface.decays:
-            misfit = _of_large_motions(fit)
-            numbers = quantities(misfit=misfit)
-        if misfit > (MISFIT_DOUBTFUL_WITHOUT_PATTERN if patterns else MISFIT_DOUBTFUL):
-            severity: Severity = "error" if misfit > MISFIT_REJECTED else "doubt"
-            found.append(Finding("misfit-large", severity, numbers=numbers))
-        return found
+        return _noise_findings(surface, points, fit)
+    regression, misfit = fit.regression, relative_misfit(fit)
     # with a systematic misfit above a hundredth, intervals are too narrow
     size = _of_systematic_columns(fit) if surface.decays else misfit
     joints = (
         misfit_of_joint(fit.problem.observed.points, part.sensors) for part in fit.problem.law.parts[1:]
     )
     severity = severity_of(size, min([MISFIT_DOUBTFUL_WITH_PATTERN, *joints]), MISFIT_REJECTED)
-    terms = others.kinds["term"]
-    # to first order large terms are misjudged, such as the linear damper of a law without one; to the
-    # intervals of a joint its linear spring and damper are no alternatives, they would leave all values open
-    linear = fit_missing_terms(fit, max(fit.regression.noise, 1e-300), ("x", "v"))
-    tried = [name for name, one in linear.items() if np.isfinite(one.error)]
-    tried.append(max(terms, key=lambda name: terms[name].gain))
-    problem = fit.problem
-    if records_even(problem) and not (problem.law.odd or problem.law.acts_across):
-        tried.append("")
-    by_term = {name: misfit * share_left_by(fit, name) for name in tried}
-    term = min(by_term, key=by_term.__getitem__)
-    left = explained = by_term[term]
-    names = {"term": term} if term else {"side": "other"}
-    if severity != "error" and not left < (1 - MIN_MISFIT_REDUCTION) * misfit:
-        curves = free_curves_leave(fit, points)
-        factors = inf if surface.decays else force_factors_leave(fit)
-        names = {"free": "curves"} if curves < factors else {"levels": "force"}
-        explained = min(curves, factors) * misfit
-    if explained < (1 - MIN_MISFIT_REDUCTION) * misfit:
+    rejected = severity == "error"
+    left, explained, names = _cause(fit, points, others, only_terms=rejected, decays=surface.decays)
+    numbers = quantities(misfit=misfit)
+    if names:
         numbers |= quantities(left=explained)
         # gains of the levels are no other law: they are as doubtful as the misfit is large
-        severity = severity if "levels" in names or severity == "error" else "doubt"
-    else:
-        names = {}
+        severity = severity if "levels" in names or rejected else "doubt"
     known = not any(finding.code in CODES_OF_RESPONSE for finding in surface.findings)
-    rejected = severity == "error"
     most = min(left, MISFIT_DOUBTFUL) if rejected else left
     if known and not surface.decays and (fixed := _contradicted(fit, most)):
         # the law is not to blame for what it was given
@@ -175,6 +148,49 @@ def misfit_findings(
             left=left if known else 0.0,
         )
     return found
+
+
+def _noise_findings(surface: ResponseSurface, points: Points, fit: Fit) -> list[Finding]:
+    """Find a misfit without a pattern that is large; and fixed values, which errors of few points hide."""
+    # one point a level shows no pattern either, and a loop holds each until its noise is gone
+    patterns = len(points) >= _MIN_POINTS_OF_PATTERN and surface.control != "phase"
+    # the forces of a free decay are those of the given mass, and its small motions are mostly noise
+    misfit = _of_large_motions(fit) if surface.decays else relative_misfit(fit)
+    found = [] if surface.decays else _contradicted(fit, misfit)
+    if misfit > (MISFIT_DOUBTFUL_WITHOUT_PATTERN if patterns else MISFIT_DOUBTFUL):
+        severity: Severity = "error" if misfit > MISFIT_REJECTED else "doubt"
+        found.append(Finding("misfit-large", severity, numbers=quantities(misfit=misfit)))
+    return found
+
+
+def _cause(
+    fit: Fit, points: Points, others: Alternatives, *, only_terms: bool, decays: bool
+) -> tuple[float, float, dict[str, str]]:
+    """Return what takes up most of a systematic misfit: a term, or free curves or factors of the levels.
+
+    Returns
+    -------
+    left, explained, names
+        The misfit that the best term leaves, and the best cause; its names, none if it takes up too little.
+    """
+    misfit, terms, problem = relative_misfit(fit), others.kinds["term"], fit.problem
+    # to first order large terms are misjudged, such as the linear damper of a law without one; to the
+    # intervals of a joint its linear spring and damper are no alternatives, they would leave all values open
+    linear = fit_missing_terms(fit, max(fit.regression.noise, 1e-300), ("x", "v"))
+    tried = [name for name, one in linear.items() if np.isfinite(one.error)]
+    tried.append(max(terms, key=lambda name: terms[name].gain))
+    if records_even(problem) and not (problem.law.odd or problem.law.acts_across):
+        tried.append("")
+    by_term = {name: misfit * share_left_by(fit, name) for name in tried}
+    term = min(by_term, key=by_term.__getitem__)
+    left = explained = by_term[term]
+    names, enough = {"term": term} if term else {"side": "other"}, (1 - MIN_MISFIT_REDUCTION) * misfit
+    if not (only_terms or left < enough):
+        curves = free_curves_leave(fit, points)
+        factors = inf if decays else force_factors_leave(fit)
+        names = {"free": "curves"} if curves < factors else {"levels": "force"}
+        explained = min(curves, factors) * misfit
+    return left, explained, names if explained < enough else {}
 
 
 def _of_systematic_columns(fit: Fit) -> float:
@@ -210,62 +226,6 @@ def _level_apart(points: Points, regression: Regression, unit: str) -> list[Find
         return []
     numbers = {"level": Quantity(level, unit), "misfit": Quantity(size), "typical": Quantity(typical)}
     return [Finding("level-deviates", "doubt", numbers=numbers)]
-
-
-def free_curves_leave(fit: Fit, points: Points) -> float:
-    """Share of the misfit left by a stiffness and a damping that may depend on amplitude in any way.
-
-    What they take up is the law's: an error of a sensor, another mode or a slow sweep do not follow the
-    amplitude alone. To the dynamic stiffness that the law predicts k(X), omega c(X), h(X), for losses that do
-    not grow with the frequency, and the mass where it is free are added by linear least squares. Infinite
-    where there are too few points.
-
-    Parameters
-    ----------
-    fit
-        The refined one.
-    points
-        That were fitted, without the background.
-    """
-    predicted = fit.force / fit.harmonics[:, 1]
-    good = fit.regression.used & np.isfinite(predicted)
-    if np.count_nonzero(good) < 2 * POINTS_PER_KNOT:
-        return np.inf
-    points, predicted = points.select(good), predicted[good]
-    response, weight = points.harmonics[:, 1], 1 / np.abs(points.force)
-    missed = points.force - predicted * response
-    free = fit_mode(
-        *steady(missed, response, points.omega),
-        hats(points.amplitude),
-        weight,
-        # what is missed of a mass that is known is nothing
-        mass=0.0 * fit.problem.fixed.get("m", nan),
-        orders=(1, 0),
-    )
-    share = np.sum(np.abs(free.left) ** 2) / np.sum(np.abs(weight * missed) ** 2)
-    return float(np.sqrt(share / (1 - free.unknowns / (2 * len(missed)))))
-
-
-def force_factors_leave(fit: Fit) -> float:
-    """Return the share of the misfit left by another factor of the force at each level.
-
-    A shaker whose force was not measured, or an amplifier, has a gain that changes with the level. To first
-    order the residual changes by the same column c for a factor of all forces; its rows at one level are the
-    column of the factor there. Infinite if there are too few points.
-    """
-    problem, parameters = fit.problem, fit.regression.parameters
-    observed = problem.observed
-    louder = replace(observed, points=replace(observed.points, force=np.exp(1.0) * observed.points.force))
-    residual, matrix = linearise_extended(fit, problem, parameters)
-    column = linearise_extended(fit, replace(problem, observed=louder), parameters)[0] - residual
-    levels = observed.points.level[fit.regression.used]
-    at = levels[:, None] == np.unique(levels)
-    if len(residual) != len(levels) or len(levels) < POINTS_PER_KNOT * at.shape[1]:
-        return np.inf
-    columns = np.concatenate([matrix[:, :, problem.free], column[:, :, None] * at[:, None]], axis=2)
-    right, rows = residual.reshape(-1), columns.reshape(residual.size, -1)
-    left = right - rows @ solve_scaled(rows, right)[0]
-    return float(np.sqrt(np.sum(left**2) / np.sum(right**2) / (1 - at.shape[1] / len(right))))
 
 
 def _contradicted(fit: Fit, left: float) -> list[Finding]:

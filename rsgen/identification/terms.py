@@ -3,7 +3,9 @@
 At the solution a term of value zero has a slope c like every parameter. With c_o the part of c outside the
 span of the parameters and the nuisances, and r the residual in units of the noise, its value would be
 c_o.r/|c_o|^2 and the sum of squares smaller by (c_o.r)^2/|c_o|^2 (Rao, Proc. Cambridge Phil. Soc. 44, 1948).
-No law is fitted again but by ``share_left_by``.
+So dozens of changes are asked at the price of one step, and only the best is fitted (``share_left_by``).
+Several columns together show what no single term does: any k(X) and c(X), or a gain of the force at each
+level.
 """
 
 from __future__ import annotations
@@ -12,6 +14,7 @@ from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import replace
 from functools import lru_cache
 from itertools import count
+from math import nan
 
 import numpy as np
 import sympy
@@ -23,10 +26,12 @@ from rsgen.common.tolerances import (
     MIN_SIGNIFICANT_GAIN,
     NEAR_STEPS,
     NOISE_RATIO_BY_CHANCE,
+    POINTS_PER_KNOT,
     START_HARMONICS,
     SUBSAMPLE_POINTS,
     interval_sigmas,
 )
+from rsgen.data.free_mode import fit_mode, hats, steady
 from rsgen.data.oscillator import BACKGROUNDS, OFFSET
 from rsgen.dynamics.linear_part import BackgroundTerms, background_terms
 from rsgen.formula.names import symbol
@@ -34,6 +39,7 @@ from rsgen.identification.fitting.across import law_of
 from rsgen.identification.fitting.fit import Fit, fit_balance, linearise_extended
 from rsgen.identification.fitting.least_squares import Alternative, Rules, alternatives
 from rsgen.identification.fitting.observed import Observed, Problem
+from rsgen.identification.fitting.points import Points
 from rsgen.identification.results.estimates import Agreement
 from rsgen.identification.starting.start import records_even, start_fit
 from rsgen.law.element import Element, make_element
@@ -116,6 +122,62 @@ def share_left_by(fit: Fit, term: str) -> float:
     order = 1 if term else START_HARMONICS
     whole, left = (fit_near(*trial, order=order).regression.noise for trial in trials)
     return left / whole if whole > 0 and np.isfinite(left) else np.inf
+
+
+def free_curves_leave(fit: Fit, points: Points) -> float:
+    """Share of the misfit left by a stiffness and a damping that may depend on amplitude in any way.
+
+    What they take up is the law's: an error of a sensor, another mode or a slow sweep do not follow the
+    amplitude alone. To the dynamic stiffness that the law predicts k(X), omega c(X), h(X), for losses that do
+    not grow with the frequency, and the mass where it is free are added by linear least squares. Infinite
+    where there are too few points.
+
+    Parameters
+    ----------
+    fit
+        The refined one.
+    points
+        That were fitted, without the background.
+    """
+    predicted = fit.force / fit.harmonics[:, 1]
+    good = fit.regression.used & np.isfinite(predicted)
+    if np.count_nonzero(good) < 2 * POINTS_PER_KNOT:
+        return np.inf
+    points, predicted = points.select(good), predicted[good]
+    response, weight = points.harmonics[:, 1], 1 / np.abs(points.force)
+    missed = points.force - predicted * response
+    free = fit_mode(
+        *steady(missed, response, points.omega),
+        hats(points.amplitude),
+        weight,
+        # what is missed of a mass that is known is nothing
+        mass=0.0 * fit.problem.fixed.get("m", nan),
+        orders=(1, 0),
+    )
+    share = np.sum(np.abs(free.left) ** 2) / np.sum(np.abs(weight * missed) ** 2)
+    return float(np.sqrt(share / (1 - free.unknowns / (2 * len(missed)))))
+
+
+def force_factors_leave(fit: Fit) -> float:
+    """Return the share of the misfit left by another factor of the force at each level.
+
+    A shaker whose force was not measured, or an amplifier, has a gain that changes with the level. To first
+    order the residual changes by the same column c for a factor of all forces; its rows at one level are the
+    column of the factor there. Infinite if there are too few points.
+    """
+    problem, parameters = fit.problem, fit.regression.parameters
+    observed = problem.observed
+    louder = replace(observed, points=replace(observed.points, force=np.exp(1.0) * observed.points.force))
+    residual, matrix = linearise_extended(fit, problem, parameters)
+    column = linearise_extended(fit, replace(problem, observed=louder), parameters)[0] - residual
+    levels = observed.points.level[fit.regression.used]
+    at = levels[:, None] == np.unique(levels)
+    if len(residual) != len(levels) or len(levels) < POINTS_PER_KNOT * at.shape[1]:
+        return np.inf
+    columns = np.concatenate([matrix[:, :, problem.free], column[:, :, None] * at[:, None]], axis=2)
+    right, rows = residual.reshape(-1), columns.reshape(residual.size, -1)
+    left = right - rows @ solve_scaled(rows, right)[0]
+    return float(np.sqrt(np.sum(left**2) / np.sum(right**2) / (1 - at.shape[1] / len(right))))
 
 
 def fit_near(problem: Problem, parameters: Array, *, order: int) -> Fit:

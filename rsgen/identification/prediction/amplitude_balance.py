@@ -418,10 +418,7 @@ def table_as_identification(table: ModalTable) -> Identification:
         covariance=np.zeros((1, 1)),
         resonances=(),
         curve=EquivalentCurve(
-            *(empty,) * 5,
-            empty.astype(bool),
-            level_unit=test.level_unit,
-            units=test.units,
+            *(empty,) * 5, empty.astype(bool), level_unit=test.level_unit, units=test.units
         ),
         residual=table.misfit,
         noise=table.misfit,
