@@ -267,6 +267,7 @@ def _other_place(location: list[int | str], document: type[BaseModel]) -> str:
 
 
 def _sentence(fault: Any, document: type[BaseModel]) -> str:
+    """Return the sentence about a fault of the schema: place, what is wrong, what is allowed."""
     location = list(fault["loc"])
     kind = str(fault["type"])
     context = fault.get("ctx", {})

@@ -372,6 +372,7 @@ class _Builder:
         return {}
 
     def case(self, path: Path, text: str) -> Case:
+        """Make the case of a document; its faults are gathered, and raised together at the end."""
         document = self.document
         self.texts()
         elements = self.elements()

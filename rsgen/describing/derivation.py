@@ -215,6 +215,10 @@ def _derive(force: sympy.Expr, names: tuple[str, ...], known: frozenset[str]) ->
 def _derive_memoryless(
     force: sympy.Expr, names: tuple[str, ...], known: frozenset[str], may_centre: bool
 ) -> DescribingFunction:
+    """Derive a law without memory: closed addends, quadrature of the others, mean, and remarks.
+
+    Random cycles say whether the law is centred, that is has no mean force about X0 = 0.
+    """
     positive = known | _decisive(force, normal_form(force))
     law = _signed(force, names, positive)
     trial = law.trial(centred=True, seed=1)

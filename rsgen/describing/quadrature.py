@@ -226,6 +226,10 @@ MAX_RELATIVE_ERROR = 1e-7
 
 
 def _project(force: sympy.Expr, parameters: tuple[sympy.Symbol, ...], cycle: Cycle) -> Projections:
+    """Project a law on cycles: every interval between switching angles is halved until it is accurate.
+
+    A law of x alone or v alone is symmetric, so that half a cycle is enough.
+    """
     n = len(cycle.X)
     law = compiled((force,), (symbol("x"), symbol("v"), *parameters))
     in_x, in_v = force.has(symbol("x")), force.has(symbol("v"))

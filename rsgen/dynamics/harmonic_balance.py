@@ -342,6 +342,11 @@ class _Balance:
         *,
         loaded: bool,
     ) -> Response:
+        """Return a solution with its derivatives, by implicit differentiation of the balance.
+
+        With the balance r(z, p) = 0 and its tangent T = dr/dz, dz/dp = -T^-1 dr/dp. The first ``self._first``
+        numbers of z are held, as the amplitude is: their rows then give the force and its derivatives.
+        """
         series, first = self._series, self._first
         # of the balance by the logarithm of the given size, the parameters of the law, those around it
         size = at[:, :1] * tangent[:, :, 0] if first else -self._given

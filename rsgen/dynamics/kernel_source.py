@@ -181,7 +181,9 @@ NO_SIMULATION = (
 """Why a law with structural damping has no kernel."""
 
 _OF_STATES = {"zs": "z", "zn": "zn", "zm": "zm", "bs": "b"}
-"""Values of the states, at the end of a step and within it, and their rates, as the template names them."""
+"""Lists of arguments in the template: values of the states, at the end of a step and within it, and their
+rates. Other lists are ``arguments`` (parameters), ``gates``, and ``masing``, or ``lane_masing`` from a lane's
+rows, of Masing laws."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -311,6 +313,7 @@ def _corners(forms: Sequence[NormalForm], every: bool) -> tuple[sympy.Expr, ...]
 
 
 def _gate(piece: Piece, located: Mapping[Switch, _Located], body: Source) -> tuple[list[str], list[str]]:
+    """Return the conditions of a piece: gates of located switches, and comparisons for the others."""
     gates = [f"g{located[s].index}" for s in piece.switches if s in located]
     inside = [f"({body.write(s.function)} > 0.0)" for s in piece.switches if s not in located]
     return gates, inside
@@ -413,6 +416,19 @@ def _source(
     order: tuple[str, ...],
     locate_all: bool,
 ) -> str:
+    """Fill the template: bodies of its functions, numbers of rows of its table, lists of arguments.
+
+    Parameters
+    ----------
+    forms, virgins
+        Normal forms of the force and of the rates of its states, and of its virgin curves.
+    places
+        Corners of virgin curves that are located, as distances from the last reversal.
+    memory, order
+        What the law remembers, and the names of p0, p1, ...
+    locate_all
+        As of ``generate``.
+    """
     names = {symbol(name): f"p{number}" for number, name in enumerate(order)}
     symbols = [] if memory is None else [rate.symbol for rate in memory.rates]
     masing = [] if memory is None else [curve.symbol for curve in memory.curves]
@@ -456,8 +472,8 @@ def _source(
         first_curve=first_curve,
         gate=first_curve + (_CURVE_ROWS + 3 * len(curves) if curves else 0),
         stack=_LOOSE_ROWS + DEEPEST * (1 + len(curves)) if curves else 0,
-        ms=", xr, iw, sw, lim, past, corner" + _listed("nr", len(curves)) if curves else "",
-        lane_ms="".join(
+        masing=", xr, iw, sw, lim, past, corner" + _listed("nr", len(curves)) if curves else "",
+        lane_masing="".join(
             f", lane[{row}, i]"
             for row in ("XR", "IW", "SW", "LIMIT", "PAST", "CORNER", *(f"NR + {c}" for c in forces))
         )

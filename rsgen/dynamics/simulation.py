@@ -89,6 +89,7 @@ def simulate(
 
 @singledispatch
 def _simulated(test: Any, oscillator: Oscillator, progress: Progress) -> ResponseSurface | MultisineSpectra:
+    """Simulate a test of sines: solve the states at each level and frequency, then add noise."""
     level, frequency = grid_of(test)
     states: SteadyStates
     if test.response_held:

@@ -373,6 +373,10 @@ def _check(force: ComplexArray, frequency: Array, harmonics: int, accuracy: floa
 def _solve_batch(
     period_map: PeriodMap, coarse: Kernel, start: Array | None, harmonics: int, accuracy: float, briefly: bool
 ) -> SteadyStates:
+    """Solve points of one kernel: coarse steps find where each settles, finer ones refine that.
+
+    A point that settles on the coarse map alone is looked for again with finer steps.
+    """
     omega, units = period_map.omega, period_map.units
     rows = period_map.kernel.rows
     y = np.zeros((rows.smooth, len(omega)))

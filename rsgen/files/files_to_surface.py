@@ -288,6 +288,7 @@ def _hertz(test: MeasuredTest, table: Table) -> tuple[float, list[Finding]]:
 
 
 def _part(test: MeasuredTest, number: int) -> _Part:
+    """Read the points of one file."""
     sources = read_sources(test, number)
     raw = sources.main.real(cast("int | str", test.frequency))
     sources.main.refuse(raw < 0, "frequency is negative; positive frequencies are needed")
@@ -392,6 +393,7 @@ def _drive(test: MeasuredTest, force: ComplexArray, frequency: Array) -> Complex
 
 
 def _amplitudes(test: MeasuredTest) -> ResponseSurface:
+    """Read a table of amplitudes, a row a point: channels of all files, levels, sweeps, what is doubtful."""
     parts = [_part(test, number) for number in range(len(test.files))]
     frequency = np.concatenate([part.frequency for part in parts])
     force = np.concatenate([part.force for part in parts])

@@ -5,6 +5,11 @@ again, in units of the noise. The interval holds the values with sqrt(D) below t
 (Venzon and Moolgavkar, Applied Statistics 37, 1988). With a quadratic sum of squares it is the value and its
 standard error, which is Wald's; near a breakpoint that is barely passed, a saturation or an exponent
 the sum of squares has a corner or a plateau, and the interval is lopsided or open to one side.
+
+1. sqrt(D) at both ends of Wald's interval: where it is the quantile to 15 %, that interval stands.
+2. Else each side is sought: distances are doubled until sqrt(D) exceeds the quantile, then interpolated.
+3. Each fit starts from the nearest one before; where sqrt(D) jumps, also from the line through two of them.
+4. Where it still jumps, the balance lost the measured motion: that side is open (``followed``).
 """
 
 from __future__ import annotations

@@ -253,6 +253,7 @@ def _taken(choice: sympy.Expr, numbers: list[float]) -> int:
 
 @lru_cache(maxsize=512)
 def _resolved(force: sympy.Expr, taken: tuple[int, ...]) -> NormalForm:
+    """Return the normal form of a law with each Abs, sign, Max and Min of parameters as ``taken``."""
     choice_of = dict(zip(_choices(force), taken, strict=True))
 
     def resolved(expression: sympy.Expr) -> sympy.Expr:

@@ -206,6 +206,7 @@ def _cancelled(term: sympy.Expr) -> sympy.Expr:
 
 
 def _form(expression: sympy.Expr) -> Form:
+    """Rewrite an expression as a sum of terms behind steps, from the outermost operation inwards."""
     if not _switches(expression):
         return constant(expression)
     if expression.is_Add:
@@ -242,6 +243,7 @@ def _check_power(expression: sympy.Pow) -> None:
 
 
 def _power(power: sympy.Pow) -> Form:
+    """Rewrite a power: whole powers are multiplied out, of others the sign goes to the base."""
     base, exponent = power.as_base_exp()
     if exponent.is_Integer and 0 < exponent <= MAX_EXPONENT:
         if isinstance(base, sympy.Abs):

@@ -246,6 +246,7 @@ def _follow_all(
 def _follow_one(
     history: TimeHistory, stretch: Stretch, mass: float | None, band: _Band, harmonics: int
 ) -> FreeDecay:
+    """Follow the strongest line of a decay: frequency and damping ratio over its falling amplitude."""
     begin = stretch.begin
     samples = history.response[begin : stretch.end]
     if len(samples) < MIN_SAMPLES:

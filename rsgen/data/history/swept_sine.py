@@ -187,6 +187,10 @@ def _demodulated(
     harmonics: int,
     points: int,
 ) -> SweptPoints:
+    """Return the points of a sweep: harmonics of force and response in windows along the known phase.
+
+    Narrow windows resolve a resonance; wide ones, with less noise, say how far narrow ones flatten it.
+    """
     law, rate = sweep.law, history.rate
     highest = float(law.frequency_at(np.array([sweep.begin, sweep.end])).max())
     reach = highest_order(harmonics, rate, min(highest, band[1]) if band else highest)
@@ -240,6 +244,12 @@ def _demodulated(
 
 
 def _surface(parts: list[SweptPoints], mass: float | None) -> ResponseSurface:
+    """Return the points of all sweeps as steady states: the force is corrected for the motion's change.
+
+    A motion whose amplitude and frequency change needs another force than a steady one (``steady_force``),
+    which depends on the moving mass. Points at which that correction is too large are excluded.
+    """
+
     def column(name: str) -> ComplexArray:
         return np.concatenate([getattr(part, name) for part in parts])
 

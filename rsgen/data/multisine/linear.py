@@ -299,6 +299,11 @@ def _of_level(
     excited: NDArray[np.bool_],
     inside: NDArray[np.bool_],
 ) -> BestLinear:
+    """Return the best linear approximation of a level: receptance, noise, distortion, and the mode that fits.
+
+    A crude receptance and its mode come first: relative to the receptance of that mode the true one is nearly
+    constant over neighbouring lines, which a local fit then averages.
+    """
     force, response = spectra.mean_force[rows], spectra.mean_response[rows]
     lines = np.flatnonzero(chosen)
     frequency = spectra.omega[rows[0]] / (2 * np.pi)

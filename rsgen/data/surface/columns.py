@@ -363,6 +363,7 @@ def _harmonic_columns(prefix: str, harmonics: ComplexArray) -> dict[str, Any]:
 
 
 def _fundamental(table: _Table, force: ComplexArray, degrees: bool) -> tuple[ComplexArray, bool]:
+    """Return the fundamental (n,) of the response, and whether its phase was recorded."""
     name = "amplitude"
     lag = np.asarray(table.read("phase"), dtype=np.float64) if table.has("phase") else np.zeros(0)
     # a phase that was not recorded is NaN at every point

@@ -227,7 +227,7 @@ def fit_balance(
     order
         Harmonics carried in the balance; 1 is first order.
     compared
-        Harmonics up to which measured ones count, where more than those: with a prediction of zero.
+        Order up to which measured harmonics are compared. Those above ``order`` are predicted to be zero.
     exclude
         True if outliers are excluded.
     steps
@@ -252,7 +252,7 @@ def fit_balance(
     shared = forward.share(lambda: is_systematic(found.residual, mode.pairs(found.used)))
     if shared:
         found = fit(descent.linearise, found.parameters, nuisance, rules, **common)
-    # first order is what it says, not what a coarse sum makes of it
+    # few samples falsify the first order of a law with switches
     coarse = law.switched and steps > 1 and forward.samples < SAMPLES_PER_PERIOD_SWITCHED
     # below that misfit data show what the fewer samples miss of a switch
     if coarse and (order == 1 or found.noise < MISFIT_NEGLIGIBLE):

@@ -300,12 +300,11 @@ def descend(
     rules: Rules = _USUAL,
     used: Mask | None = None,
 ) -> tuple[Array, Array, Linearisation, bool]:
-    """Minimise by Gauss-Newton steps with halving; see ``fit``.
+    """Minimise by Gauss-Newton steps; return parameters, nuisances, residual with slopes, and convergence.
 
-    Returns
-    -------
-    parameters, nuisance, line, converged
-        The last values, residual and slopes there, and True if the steps became small.
+    A step is halved until it lowers the sum of squares; linear parameters are then solved for. The last step
+    is the one that gains less than ``rules.gain``. Where no length lowers the sum of squares, two steps from
+    the end of the full one may still lead across a bend of a narrow valley (``_across_bend``).
     """
     used = np.ones(len(nuisance), dtype=bool) if used is None else used
     parameters, line = _solve_linear(linearise(parameters, nuisance), parameters, rules, used)

@@ -196,6 +196,7 @@ class Observed:
         scale: Array | None,
         compared: Sequence[int],
     ) -> Linearisation:
+        """Stack the rows of force, fundamental, other harmonics, second sensor; see ``linearise``."""
         points = self.points
         turn = self.turn(nuisance)
         back = np.exp(-1j * turn)

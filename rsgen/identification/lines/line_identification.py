@@ -442,6 +442,10 @@ def predict_multisine(found: MultisineIdentification, spectra: MultisineSpectra 
 
 
 def _predicted_record(found: MultisineIdentification, spectra: MultisineSpectra, row: int) -> PredictedRecord:
+    """Predict the response to the measured force of a record, and its error over the band.
+
+    Of two sensors the motion across is as measured; lines that are not of the mode are added as measured.
+    """
     spectra, background = spectra.select([row]), found.background
     law, start = law_of(found.model.elements, spectra.means), None
     far = spectra.far(law.parts[-1].share)

@@ -317,6 +317,7 @@ def _findings(
     curves: tuple[ResonanceCurve, ...],
     held_out: tuple[HeldOutLevel, ...],
 ) -> tuple[Finding, ...]:
+    """Find curves without a steady state, or beyond the amplitudes tested, and points not predicted."""
     findings, short = list[Finding](), list[tuple[float, Finding]]()
     for curve in curves:
         numbers = {"level": Quantity(curve.level, curve.level_unit), "high": Quantity(tested[1], "m")}
@@ -515,6 +516,7 @@ def _missed(held_out: tuple[HeldOutLevel, ...], misfit: float, *, by_law: bool =
 def _score(
     identification: Identification, balance: AmplitudeBalance, surface: ResponseSurface
 ) -> tuple[HeldOutLevel, ...]:
+    """Predict the points of held-out levels and compare, a score for each level and sweep."""
     observation = identification.model.observation
     low, high = observation.band or (0.0, inf)
     chosen = (

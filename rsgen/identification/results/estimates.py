@@ -236,6 +236,11 @@ def _finding(
     regression: Regression,
     force: sympy.Expr,
 ) -> Finding | None:
+    """Return why a parameter is not identifiable; None where it is.
+
+    In this order: the points do not determine it (a null vector), alone or but for a combination with others;
+    its interval contains zero.
+    """
     i = names.index(name)
     weight = np.abs(regression.null[i])
     if weight.max(initial=0.0) > MIN_NULL_COMPONENT:

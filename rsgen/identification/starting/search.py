@@ -147,7 +147,10 @@ def search_nonlinear(equations: Equations, law: ForceLaw, mass: float, begin: Ar
 
 
 def _inactive_switch_trials(best: Array, windows: list[Array], unit_members: list[int]) -> list[Array]:
-    """Return trials with one parameter at an end of its window, where its switch hardly acts."""
+    """Return trials with one parameter at an end of its window, where its switch hardly acts.
+
+    Where such a trial fits as well, the test does not show the switch.
+    """
     positive = np.array(best)
     positive[unit_members] = 1.0
     trials = [positive]
@@ -165,7 +168,12 @@ def _equal_cost(cost: float, count: int) -> float:
 
 
 class _Search:
-    """Residuals of trials; linear parameters and the factors of groups are solved for at each."""
+    """Residuals of trials; linear parameters and the factors of groups are solved for at each.
+
+    A trial has a value of every nonlinear parameter. The last of each group (``unit_members``) is 1 or -1 in
+    it; ``free`` are the others. "Coarse" is on few points with few samples a period, and ``natural`` are the
+    sizes at which a parameter acts along the largest motion.
+    """
 
     def __init__(self, equations: Equations, law: ForceLaw, mass: float) -> None:
         self._equations, self._law = equations, law
@@ -312,7 +320,11 @@ class _Search:
         return np.concatenate(dense)
 
     def _changing(self, some: Equations, which: int, typical: list[float], *, whole: bool) -> Array:
-        """Return the values at which the shape differs from that at the last value."""
+        """Return the values (k,) on a logarithmic grid at which the shape of a column changes.
+
+        With others at a few ``typical`` sizes, since a term may act only if they do. ``whole``: the right
+        side counts as well.
+        """
         generator = np.random.default_rng(which)
         size = np.logspace(-_DECADES_OF_WINDOW, _DECADES_OF_WINDOW, 2 * _DECADES_OF_WINDOW * 3 + 1)
         values = np.concatenate([size, -size])

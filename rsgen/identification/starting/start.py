@@ -331,6 +331,7 @@ def start_fit(problem: Problem) -> tuple[Problem, Array]:
 
 
 def _start_first_order(problem: Problem) -> Array:
+    """Return values from the first order: with every trial of a background, the best by a coarse balance."""
     observed = problem.observed
     if not observed.points.phase_known:
         found = _start_amplitudes(observed.points, problem.law, problem.fixed)
