@@ -86,6 +86,22 @@ def test_a_ranking_in_which_no_law_fits_says_with_which_background_one_would() -
     assert again.candidates[0].name == laws[1]
 
 
+def test_a_response_that_is_divided_by_the_force_is_rejected_after_one_round(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    table, along, followed = measured("cubic"), PointTest.along, list[str]()
+
+    def spy(test: PointTest, candidate: CandidateLaw, before: Round | None) -> Any:
+        followed.append(candidate.name)
+        return along(test, candidate, before)
+
+    monkeypatch.setattr(PointTest, "along", spy)
+    divided = table.harmonics[:, :2] / table.force[:, None]
+    ranking = rank(changed(table, harmonics=divided), MEMORYLESS)
+    assert codes(ranking) >= {"no-law-fits"}
+    assert len(followed) == 1
+
+
 def test_a_round_says_of_how_many_points_its_own_were_chosen(monkeypatch: pytest.MonkeyPatch) -> None:
     table = measured("cubic")
     law = CandidateLaw("", BASE.elements, {"k": STIFFNESS, "c": DAMPING, "m": MASS})

@@ -22,6 +22,7 @@ from rsgen.common.errors import RsgenError, known_arguments, require
 from rsgen.common.finding import Finding
 from rsgen.common.tolerances import (
     MISFIT_NEGLIGIBLE,
+    MISFIT_REJECTED,
     NOISE_RATIO_BY_CHANCE,
     RELATIVE_ERROR_DOUBTFUL,
     SUBSAMPLE_POINTS,
@@ -153,7 +154,8 @@ def _all_rounds(
     Laws without memory are ranked first, because the reference motion of a hysteretic law would bias them. So
     would a mean that was not recorded, of a law that is not odd: without mean and even harmonics all laws are
     compared along the motion of an odd one, where one fits.
-    Hysteretic laws compete with one without memory only where that leaves a misfit.
+    Hysteretic laws compete with one without memory only where that leaves a misfit. Where the laws of a stage
+    leave more than any law that is right leaves along the measured motion, no round of them follows but of all.
     """
     plain = tuple(term for term in terms if not term.remembers)
     stages = [(given, plain, terms_in_sum), (given, terms, terms_in_sum)]
@@ -170,7 +172,11 @@ def _all_rounds(
         entries = Candidates(*stage[:2], test.fixed, stage[2])
         try:
             candidates = entries.search(test.first, rounds[-1].found[:_LEADERS] if rounds else [])
-            rounds += _rounds(test, entries.fit(candidates, test.first, first=True)[0], entries)
+            found = entries.fit(candidates, test.first, first=True)[0]
+            least = min(fit.misfit for fit in found) / found[0].residual.size
+            if stage != stages[-1] and least > MISFIT_REJECTED**2:
+                continue
+            rounds += _rounds(test, found, entries)
         except RsgenError as refused:
             fault = refused
             continue
@@ -196,7 +202,7 @@ def _rounds(test: RankedTest, found: list[CandidateFit], entries: Candidates) ->
             break
         rounds.append(_compare(current, entries, found))
         found, name = rounds[-1].found, current.leader.candidate.name
-        if found[0].candidate.name in (name, *tried):
+        if found[0].candidate.name in (name, *tried) or rounds[-1].misfit > MISFIT_REJECTED:
             break
         tried.append(name)
     if not rounds:
@@ -280,7 +286,7 @@ def _ranking(
     current, fixed, found = last.round, test.fixed, None
     candidates, own = _merge_equal_laws(last.found, current.rows, given)
     bic = [fit.bic() for fit in candidates]
-    if test.first.odd_alone:
+    if test.first.odd_alone and last.misfit <= MISFIT_REJECTED:
         bic = _compare_along_own(test, current, candidates)
     error = [current.relative(fit.held_out_residual) for fit in candidates]
     count = [len(fit.candidate.values) for fit in candidates]
@@ -372,7 +378,8 @@ def _ranking(
         doubts.append(Finding("law-unconfirmed", "doubt", names=names))
     assessment = assess_best(current, ordered[0], rows, doubts)
     findings = assessment.findings
-    if assessment.unexplained and isinstance(surface, ResponseSurface):
+    # no background takes the place of a law
+    if 0 < assessment.unexplained < MISFIT_REJECTED and isinstance(surface, ResponseSurface):
         findings = _with_background(test, ordered, surface, findings)
     return Ranking(
         tuple(rows),
