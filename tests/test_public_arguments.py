@@ -207,6 +207,12 @@ def test_an_observation_takes_one_level_and_no_background():
                 ("k*x + c*xdot", "xdot is one name.* write v for the velocity"),
             )
         ),
+        (
+            lambda s, f: rs.identify(
+                s, rs.Law("k*x + c*v + z", memory={"z": "a*v - b*abs(v)*z*abs(z)**(n - 1)"})
+            ),
+            r"z: a force to a power .* Fs\*z, .* fixed=\{'n': 1\}",
+        ),
         (lambda s, f: rs.rank(s, "F1 - F2"), "no candidate has forces"),
         *(
             (lambda s, f, keys=keys: replace(s, **keys), said)

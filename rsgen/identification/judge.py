@@ -98,6 +98,7 @@ from rsgen.identification.soundness import (
 from rsgen.identification.starting.start import with_phase
 from rsgen.identification.terms import alternatives_to
 from rsgen.law.element import law_remarks, response_share
+from rsgen.law.memory import refuse_free_powers
 from rsgen.law.motion import Motion
 from rsgen.law.numeric import ForceLaw
 
@@ -129,6 +130,7 @@ def prepare(surface: ResponseSurface, model: Model) -> Prepared:
         nor a background; a motion across two sensors without phases; a difference of sensors with a
         neighbouring mode.
     """
+    refuse_free_powers(model.force, model.fixed)
     surface, repeats = gather_repeats(surface, model.sensors)
     points = select_points(surface, model)
     law = law_of(model.elements, points.means[: 1 + points.far.shape[1]], points.asymmetric)

@@ -8,7 +8,7 @@ at the start; a Masing law, given by its virgin curve; or the displacement a qua
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass
 from functools import lru_cache
 
@@ -279,6 +279,28 @@ def memory_form(force: sympy.Expr) -> MemoryForm | None:
         places[damping] = damping.args[0] * lag
     ordered = tuple(Rate(inner[z], rates[z].xreplace(inner)) for z in sorted(rates, key=str))
     return MemoryForm(force.xreplace(places), ordered, tuple(curves), lag)
+
+
+def refuse_free_powers(force: sympy.Expr, fixed: Collection[str]) -> None:
+    """Refuse a state that is a force to a power that is to be identified: its factor has no unit of its own.
+
+    Searched as a share of a force, the same law needs a quarter of the time, and its solution is found.
+
+    Raises
+    ------
+    ExpressionError
+        With the law to write, and the value to fix.
+    """
+    form = memory_form(force)
+    for one in () if form is None else form.rates:
+        powers = [power for power in one.rate.atoms(sympy.Pow) if power.base.has(one.symbol)]
+        free = sorted({str(name) for power in powers for name in power.exp.free_symbols} - set(fixed))
+        if free and form is not None and form.force.diff(one.symbol) == 1:
+            raise ExpressionError(
+                f"{one.symbol}: a force to a power that is to be identified; write it as a share of one: "
+                "Fs*z, z' = (v - (b*abs(v)*z + (1 - b)*v*abs(z))*abs(z)**(n - 1))/xs, b 1 or a parameter; "
+                f"or hold the power: fixed={{{free[0]!r}: 1}}"
+            )
 
 
 def real_powers(virgin: sympy.Expr) -> sympy.Expr:
