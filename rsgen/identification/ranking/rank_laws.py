@@ -155,7 +155,7 @@ def _all_rounds(
     would a mean that was not recorded, of a law that is not odd: without mean and even harmonics all laws are
     compared along the motion of an odd one, where one fits.
     Hysteretic laws compete with one without memory only where that leaves a misfit. Where the laws of a stage
-    leave more than any law that is right leaves along the measured motion, no round of them follows but of all.
+    leave more than a law that is right leaves along the measured motion, no round follows but of all laws.
     """
     plain = tuple(term for term in terms if not term.remembers)
     stages = [(given, plain, terms_in_sum), (given, terms, terms_in_sum)]
