@@ -209,17 +209,10 @@ def errors_of(test: Prepared, refined: Fit, surface: ResponseSurface, points: Po
     others = Alternatives((*test.problem.law.parameters, "m"), np.sqrt(np.diag(covariance)), kinds)
     ratio, ambiguous = others.judge(regression.parameters, relative_misfit(refined))
     regression = replace(regression, covariance=covariance * np.outer(ratio, ratio))
+    regression = widen_squares(refined, regression, symmetric)
+    whole, freedom = agreement.widen(whole), np.minimum(regression.freedom, freedom[:count])
     return Errors(
-        widen_squares(refined, regression, symmetric),
-        of_law,
-        agreement.widen(whole),
-        np.minimum(regression.freedom, freedom[:count]),
-        noise,
-        symmetric,
-        agreement,
-        others,
-        ambiguous,
-        of_repeats,
+        regression, of_law, whole, freedom, noise, symmetric, agreement, others, ambiguous, of_repeats
     )
 
 
@@ -436,12 +429,8 @@ def judge(test: Prepared, model: Model, refined: Fit) -> Identification:
     }
     reasons = parameter_findings(names, units, tested, regression, law.expression)
     reasons = explain_hidden(test.problem, reasons)
-    solution = replace(
-        refined.solution,
-        covariance=regression.covariance,
-        freedom=errors.freedom,
-        converged=regression.converged,
-    )
+    covariance, converged = regression.covariance, regression.converged
+    solution = replace(refined.solution, covariance=covariance, freedom=errors.freedom, converged=converged)
     estimates = make_estimates(solution, law, model, reasons, units)
     if law.nonlinear:
         # the sum of squares of other laws is nearly quadratic
@@ -455,7 +444,7 @@ def judge(test: Prepared, model: Model, refined: Fit) -> Identification:
         curve = replace(curve, units=UNCALIBRATED)
     mass = refined.mass if all(e.identifiable for e in estimates if e.name == "m") else nan
     predicted = refined.harmonics[used, 0].real
-    stated = np.where(regression.converged, regression.covariance, nan)
+    stated = np.where(converged, covariance, nan)
     free = np.flatnonzero(regression.free)
     ambiguous = [
         *errors.ambiguous,
@@ -499,7 +488,7 @@ def _require_followed(used: NDArray[np.bool_], model: Model) -> None:
 def _background(
     refined: Fit, whole: Regression, units: ForceUnits, resonances: tuple[Resonance, ...]
 ) -> Background | None:
-    """The background with its errors, which stand behind those of the law."""
+    """Return the background with its errors, which come after those of the law in ``whole``."""
     variance = np.where(whole.converged, np.diag(whole.covariance)[refined.problem.count :], np.inf)
     observed, values = refined.problem.observed, refined.background
     seen = observed.points.force, observed.points.amplitude
@@ -509,7 +498,7 @@ def _background(
 def _without_law(
     points: Points, predicted: Array, curve: EquivalentCurve, mass: float
 ) -> RestoringForce | None:
-    """Draw the forces from k(X) and c(X); they do not determine those of a motion whose mean is not zero."""
+    """Return the forces that follow from k(X) and c(X); None where the mean of the motion is not zero."""
     mean = points.harmonics[:, 0].real if 0 in points.measured else predicted
     centred = float(np.sqrt(np.mean((mean / points.amplitude) ** 2))) < RELATIVE_CHANGE_NEGLIGIBLE
     return invert_curve(curve, mass) if centred and np.isfinite(mass) else None

@@ -1,7 +1,10 @@
-"""Identification of a law from a periodic multisine.
+"""Identification of a law from a periodic multisine, and prediction of records.
 
-Solved is the weighted least-squares problem of the balance of forces at every line of every record
-(``line_fit``); this module selects records and lines, judges the fit, and assembles the result.
+    minimise over p, m:  sum over lines h and records of |F_h - m (i h omega0)^2 X_h - N_h(p)|^2 / variance_h
+
+is solved by ``line_fit``; here records and lines are selected and the fit becomes a result (``_assemble``).
+Its errors are those of the scatter of the periods, or of a jackknife over parts of the band where the misfit
+is more than noise; missing terms and larger backgrounds widen them (``results.alternatives``).
 """
 
 from __future__ import annotations

@@ -238,9 +238,9 @@ class _Search:
         """Return the residual of every equation at a trial."""
         return self._solve(self._scanned if coarse else self._equations, trial, coarse=coarse)[1]
 
-    def cost(self, trial: Array, *, coarse: bool = False) -> float:
+    def cost(self, trial: Array) -> float:
         """Return the sum of squares at a trial."""
-        return float(np.sum(self.residual(trial, coarse=coarse) ** 2))
+        return float(np.sum(self.residual(trial) ** 2))
 
     def costs(self, trials: Array) -> Array:
         """Return the sums of squares at many trials, on few points with few samples."""
