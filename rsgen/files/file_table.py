@@ -115,6 +115,9 @@ def to_si(
                 about = {"file": label, "column": str(address), "unit": channel.unit}
                 about["source"] = channel.unit_source or "the file"
                 findings[channel.unit, address] = Finding("unit-of-file", "info", names=about)
+            elif not channel.unit:
+                about = {"default": f"{address} in {target}"}
+                findings["", address] = Finding("unit-of-file", "info", names=about)
             channels[number] = replace(
                 channel, values=scaled(channel.values, factor), unit=target, unit_source=""
             )

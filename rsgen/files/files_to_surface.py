@@ -284,7 +284,8 @@ def _hertz(test: MeasuredTest, table: Table) -> tuple[float, list[Finding]]:
         return HERTZ[unit], [Finding("unit-of-file", "info", names=about)]
     if unit not in HERTZ and is_angular(title):
         return 1.0, [contradiction(table.label, title, "Hz", "an angular frequency in rad/s")]
-    return 1.0, []
+    said = "Hz" in (unit, unit_in(title))
+    return 1.0, [] if said else [Finding("unit-of-file", "info", names={"default": f"{column} in Hz"})]
 
 
 def _part(test: MeasuredTest, number: int) -> _Part:
@@ -547,7 +548,13 @@ def read_measurement(test: MeasuredTest) -> ResponseSurface | MultisineSpectra:
         A file cannot be read as the plan says; the message names file and line or row.
     """
     table = _read(test)
-    return replace(table, findings=_without_folders(table.findings, test.all_files))
+    findings = _without_folders(table.findings, test.all_files)
+    # units that were not stated, of all files in one note
+    default = dict.fromkeys(text for found in findings if (text := found.names.get("default")))
+    stated = [found for found in findings if "default" not in found.names]
+    if default:
+        stated.append(Finding("unit-of-file", "info", names={"default": ", ".join(default)}))
+    return replace(table, findings=tuple(stated))
 
 
 def _without_folders(findings: tuple[Finding, ...], files: tuple[Path, ...]) -> tuple[Finding, ...]:

@@ -25,9 +25,11 @@ def write(path: Path, force: float, response: np.ndarray, frequency: np.ndarray 
 
 
 def read(*paths: Path, sweep: SweepRule = SweepRule()) -> ResponseSurface:  # noqa: B008 - immutable
-    signals = Channel(amplitude="F"), Channel(amplitude="x")
+    signals = Channel(amplitude="F", unit="N"), Channel(amplitude="x", unit="m")
     return read_measurement(
-        MeasuredTest(paths, "f", *signals, "displacement", phase_known=False, sweep=sweep)
+        MeasuredTest(
+            paths, "f", *signals, "displacement", phase_known=False, sweep=sweep, frequency_unit="Hz"
+        )
     )
 
 
@@ -52,7 +54,7 @@ def steps(folder: Path, levels: tuple[float, ...], forces: tuple[float, ...]) ->
     for path, force in zip(paths, forces, strict=True):
         noise = 1e-5 * np.random.default_rng(round(force)).standard_normal(len(wave))
         np.savez(path, F=force * np.cos(wave), x=1e-3 * force * np.cos(wave - 1) + noise)
-    signals = Channel(samples="F"), Channel(samples="x")
+    signals = Channel(samples="F", unit="N"), Channel(samples="x", unit="m")
     rule = HistoryRule("stepped-sine", rate=100.0)
     plan = MeasuredTest(paths, None, *signals, "displacement", level=LevelRule(values=levels), history=rule)
     return read_measurement(plan)
@@ -116,10 +118,13 @@ def findings(
     path = folder / "a.csv"
     size, turn = np.abs(response) * (2 * np.pi * BAND) ** order, np.degrees(np.angle(response))
     np.savetxt(path, np.column_stack((BAND, np.ones_like(BAND), size, turn)), delimiter=",")
-    signal = Channel(amplitude=3, phase=4 if known else None, phase_sense="lag" if lag else "lead")
+    sense, unit = "lag" if lag else "lead", ("m", "m/s", "m/s^2")[order]
+    signal = Channel(amplitude=3, phase=4 if known else None, phase_sense=sense, unit=unit)
     quantity = ("displacement", "velocity", "acceleration")[order]
     return read_measurement(
-        MeasuredTest(path, 1, Channel(amplitude=2), signal, quantity, phase_known=known)
+        MeasuredTest(
+            path, 1, Channel(amplitude=2, unit="N"), signal, quantity, phase_known=known, frequency_unit="Hz"
+        )
     ).findings
 
 

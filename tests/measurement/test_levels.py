@@ -42,8 +42,9 @@ def held_runs(path: Path, **more: Any) -> Path:
 
 
 def of_runs(path: Path, **more: Any) -> MeasuredTest:
-    force = Channel(complex="run/*/F", phase_sense="lead")
-    return MeasuredTest(path, "run/*/f", force, Channel(complex="run/*/X"), "displacement", **more)
+    force = Channel(complex="run/*/F", phase_sense="lead", unit="N")
+    response = Channel(complex="run/*/X", unit="m")
+    return MeasuredTest(path, "run/*/f", force, response, "displacement", frequency_unit="Hz", **more)
 
 
 def of_files(
@@ -54,7 +55,8 @@ def of_files(
         size = sizes[name] if sizes else np.abs(force) / 1e4
         rows = np.column_stack(np.broadcast_arrays(FREQUENCY, force, size))
         np.savetxt(tmp_path / name, rows, "%.9g", delimiter=",", header="f,F,X", comments="")
-    signals = Channel(amplitude="F"), Channel(amplitude="X")
+    signals = Channel(amplitude="F", unit="N"), Channel(amplitude="X", unit="m")
+    more["frequency_unit"] = "Hz"
     paths = tuple(tmp_path / name for name in forces)
     return MeasuredTest(paths, "f", *signals, "displacement", phase_known=False, **more)
 

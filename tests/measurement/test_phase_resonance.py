@@ -35,9 +35,11 @@ def table(folder: Path, lag: float = 90.0, quantity: str = "displacement") -> Pa
 
 def read(path: Path, **options: Any) -> ResponseSurface:
     phase = {"phase": "lag", "phase_sense": "lag"} if options.get("phase_known", True) else {}
+    unit = "m/s" if options.get("quantity") == "velocity" else "m"
     settings: dict[str, Any] = {
-        "files": path, "frequency": "frequency", "force": Channel(amplitude="force"),
-        "response": Channel(amplitude="response", **phase), "quantity": "displacement",
+        "files": path, "frequency": "frequency", "force": Channel(amplitude="force", unit="N"),
+        "response": Channel(amplitude="response", unit=unit, **phase), "quantity": "displacement",
+        "frequency_unit": "Hz",
     }  # fmt: skip
     return read_measurement(MeasuredTest(**(settings | options)))
 

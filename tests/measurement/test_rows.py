@@ -14,12 +14,14 @@ from rsgen.data.surface import ResponseSurface
 from rsgen.files import Channel, Layout, LevelRule, MeasuredTest, read_measurement
 from rsgen.files.column_titles import is_angular, unit_in
 from rsgen.files.text_columns import read_columns
+from rsgen.report.wording import sentence
 
 
 def read(
     path: Path, frequency: int | str = "f", response: tuple[Path, ...] = (), **more: Any
 ) -> ResponseSurface:
-    signals = Channel(amplitude="F"), Channel(amplitude="x", files=response)
+    signals = Channel(amplitude="F", unit="N"), Channel(amplitude="x", files=response, unit="m")
+    more |= {"frequency_unit": "Hz"} if frequency == "f" else {}
     return read_measurement(
         MeasuredTest(path, frequency, *signals, "displacement", phase_known=False, **more)
     )
@@ -107,6 +109,17 @@ def test_an_angle_read_in_another_unit_than_its_title_is_doubted(tmp_path):
         doubts = [found.code for found in surface.findings if found.severity == "doubt"]
         assert doubts == ["unit-contradicts-title"] * (title != "phase"), title
         assert not [f for f in surface.findings if f.code == "not-recorded"]
+
+
+def test_units_that_nobody_wrote_are_named_once(tmp_path):
+    """Amplitudes from peak to peak, or a frequency in rad/s, scale the values: no test shows it."""
+    paths = tuple(text(tmp_path / name, "f,F,x_mm\n1,2,3\n2,2,4\n") for name in ("a.csv", "b.csv"))
+    signals, level = (Channel(amplitude="F"), Channel(amplitude="x_mm")), LevelRule(values=(1, 2))
+    test = MeasuredTest(paths, "f", *signals, "displacement", phase_known=False, level=level)
+    (said,) = (one for one in read_measurement(test).findings if "default" in one.names)
+    assert "as F in N, f in Hz: all values scale with them" in sentence(said)
+    written = replace(test, force=Channel(amplitude="F", unit="N"), frequency_unit="Hz")
+    assert not [one for one in read_measurement(written).findings if "default" in one.names]
 
 
 def test_a_column_of_levels_that_is_the_force_is_no_recorded_force(tmp_path):
