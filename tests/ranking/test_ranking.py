@@ -127,7 +127,9 @@ def test_the_models_own_law_competes_and_keeps_its_names() -> None:
     assert best.name == "cubic-spring"
     assert best.label == "the case's own law (cubic-spring)"
     assert [candidate.own for candidate in ranking].count(True) == 1
-    assert sentence(ranking.findings[0]).startswith("the case's own law (cubic-spring) fits best")
+    assert sentence(ranking.findings[0]).startswith(
+        "the case's own law (cubic-spring + linear-damper) fits best"
+    )
     assert str(ranking).count("the case's own law") == 1
     assert set(best.values) == {*LAWS["cubic"][1], "m"}
     assert ranking.model.elements == model("cubic").elements
@@ -492,6 +494,15 @@ def test_another_law_leaves_truth_and_formulas_behind(tmp_path: Path) -> None:
 
 @pytest.mark.slow
 @pytest.mark.usefixtures("few_laws")
+def test_a_ranking_tells_how_many_of_its_stages_are_done() -> None:
+    seen = list[float]()
+    rank(measured("cubic"), MEMORYLESS, progress=seen.append)
+    assert seen
+    assert seen == sorted(set(seen))
+    assert seen[0] == 0
+    assert seen[-1] < 1
+
+
 def test_the_command_ranks_a_surface(tmp_path: Path, run_cli: Callable[..., Answer]) -> None:
     path = tmp_path / "test.h5"
     save_surface(path, measured("cubic"))
@@ -504,7 +515,7 @@ def test_the_command_ranks_a_surface(tmp_path: Path, run_cli: Callable[..., Answ
     printed = run_cli("rank", path)
     text = printed.out
     assert f"laws and their sums on {len(measured('cubic'))} points" in printed.err
-    assert text.startswith("Identified: cubic-spring fits best")
+    assert text.startswith("Identified: cubic-spring + linear-damper fits best")
     assert text.splitlines()[3].startswith("cubic-spring ")
     assert "best: c*v + k*x + k3*x**3" in text
     # with intervals: the best law is identified, and nothing is left to do

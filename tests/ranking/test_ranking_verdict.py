@@ -228,7 +228,8 @@ def test_the_verdict_of_a_ranking_is_that_of_its_best_law() -> None:
 def test_a_tied_law_whose_formula_contains_the_best_one_is_said_to_contain_it() -> None:
     names = ("cubic-spring", "joint-polynomial", "odd-power-spring", "cubic-spring + quintic-spring")
     tied = [Candidate(name, "", 4, np.nan, 0.0, True, {}) for name in names]
-    current: Any = SimpleNamespace(counted="points", rows=range(90), noise=0.0067)
+    rows = type("Rows", (tuple,), {"sensors": ""})(range(90))
+    current: Any = SimpleNamespace(counted="points", rows=rows, noise=0.0067)
     best, ties = map(sentence, _best_law_findings(tied, current, known=True, sure=True))
     assert best.endswith("at 90 points looks like noise of 0.67 %")
     assert ties == (

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from functools import partial
 from math import nan
 from pathlib import Path
 from typing import Annotated
@@ -66,8 +67,7 @@ def rank_command(
     counted = "points" if isinstance(table, ResponseSurface) else "records"
     print_faults([f"{name}: comparing {len(library_terms())} laws and their sums on {len(table)} {counted}"])
     with stage_progress(case) as note:
-        note("ranking", 0.0)
-        ranking = rank(table, model, terms_in_sum=terms_in_sum)
+        ranking = rank(table, model, terms_in_sum=terms_in_sum, progress=partial(note, "ranking"))
     # of a law that is not to be used values are shown, so that absurd ones are seen, but no intervals
     best = ranking.best.refined if ranking.verdict.usable else ()
     if json:

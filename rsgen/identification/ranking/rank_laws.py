@@ -10,7 +10,7 @@ maximum likelihood to second order in its distance from the best law, which is e
 
 from __future__ import annotations
 
-from collections.abc import Collection, Sequence
+from collections.abc import Callable, Collection, Sequence
 from dataclasses import dataclass, replace
 from itertools import chain
 from math import nan
@@ -37,7 +37,7 @@ from rsgen.identification.identify import identify, identify_points
 from rsgen.identification.misfit import CODES_OF_RESPONSE
 from rsgen.identification.ranking.balance import WhitenedBalance
 from rsgen.identification.ranking.candidate_fit import CandidateFit, CandidateLaw, RankedTest, Round
-from rsgen.identification.ranking.library_sums import Term, terms_of
+from rsgen.identification.ranking.library_sums import Term, terms_of, whole_name
 from rsgen.identification.ranking.ranking_result import (
     OWN,
     Candidate,
@@ -83,6 +83,7 @@ def rank(
     *,
     mass: float | None = None,
     terms_in_sum: int = 2,
+    progress: Callable[[float], None] = lambda share: None,
 ) -> Ranking:
     """Rank candidate laws on a test.
 
@@ -100,6 +101,8 @@ def rank(
         m [kg] if it is known; None: that of a model, or identified.
     terms_in_sum
         Largest number of laws of the library in a sum; sums of three often overfit.
+    progress
+        Called with the share of the stages that are done, from 0 to 1.
 
     Returns
     -------
@@ -135,7 +138,7 @@ def rank(
     given = tuple(test.start(name, elements) for name, elements in laws.items())
     # of a law that is not odd the balance between two sensors needs the mean of the motion there
     terms = tuple(term for term in terms if not sensors or test.means[-1] or term.law.odd)
-    rounds = _all_rounds(test, given, terms, terms_in_sum)
+    rounds = _all_rounds(test, given, terms, terms_in_sum, progress)
     return _ranking(test, _best_round(rounds), tuple(laws), base, surface)
 
 
@@ -147,7 +150,11 @@ def _best_round(rounds: list[_Compared]) -> _Compared:
 
 
 def _all_rounds(
-    test: RankedTest, given: tuple[CandidateLaw, ...], terms: tuple[Term, ...], terms_in_sum: int
+    test: RankedTest,
+    given: tuple[CandidateLaw, ...],
+    terms: tuple[Term, ...],
+    terms_in_sum: int,
+    progress: Callable[[float], None],
 ) -> list[_Compared]:
     """Run rounds of laws without memory, and if their best has a misfit beyond noise, rounds of all laws.
 
@@ -165,7 +172,9 @@ def _all_rounds(
     rounds: list[_Compared] = []
     fault: RsgenError | None = None
     tried = set[object]()
-    for stage in stages:
+    for number, stage in enumerate(stages):
+        # the last is the judgement of the best
+        progress(number / (len(stages) + 1))
         if stage in tried or not (stage[0] or stage[1]):
             continue
         tried.add(stage)
@@ -408,7 +417,8 @@ def _with_background(
         if found is not None:
             names = {"no-law-fits": {"background": found.names["kind"]}}
             said = [replace(f, names={**f.names, **names.get(f.code, {})}) for f in findings]
-            return (*said, replace(found, names={**found.names, "law": fit.candidate.name}))
+            law = whole_name(fit.candidate.name, test.first.sensors)
+            return (*said, replace(found, names={**found.names, "law": law}))
     return findings
 
 

@@ -261,7 +261,7 @@ def assess_best(
     doubts
         Doubts and errors of its identification.
     """
-    left = current.misfit(best)
+    left, named = current.misfit(best), whole_label(candidates[0], current.rows.sensors)
     impossible = [finding for finding in doubts if finding.severity == "error"]
     doubts = [finding for finding in doubts if finding.severity != "error"]
     systematic = any(finding.code == "law-does-not-fit" for finding in doubts)
@@ -269,7 +269,7 @@ def assess_best(
     findings = list(impossible)
     if left.unexplained:
         numbers = {"unexplained": Quantity(left.unexplained), "noise": Quantity(current.noise), **left.where}
-        findings.append(Finding("no-law-fits", "error", numbers=numbers, names={"law": candidates[0].label}))
+        findings.append(Finding("no-law-fits", "error", numbers=numbers, names={"law": named}))
     else:
         sure = left.known and not impossible and all(finding.severity != "doubt" for finding in doubts)
         findings += _best_law_findings(
@@ -344,7 +344,8 @@ def _best_law_findings(
     counted = {current.counted: len(current.rows)}
     numbers = quantities(**counted, noise=current.noise, least=MISFIT_NEGLIGIBLE)
     label = {candidate.name: candidate.label for candidate in candidates}
-    law = {"law": label[best]} | ({} if known else {"noise": "not known"})
+    whole = next(whole_label(one, current.rows.sensors) for one in candidates if one.name == best)
+    law = {"law": whole} | ({} if known else {"noise": "not known"})
     law |= {"left": "systematic"} if sure and systematic else {}
     found = [Finding("law-fits-best" if sure else "law-nearest", "info", numbers=numbers, names=law)]
     inside = set(best.split(" + "))
