@@ -333,6 +333,13 @@ def test_a_misfit_of_the_law_is_not_printed_as_noise(surface, found):
     assert "%, misfit" in str(found)
 
 
+def test_the_force_of_a_driven_base_is_one_per_mass():
+    driven = linear_surface(base="acceleration")
+    assert driven.per_mass
+    assert rs.identify(driven, LAW)["k"].unit == "N/m/kg"
+    assert not replace(driven, per_mass=False).per_mass
+
+
 def test_one_determined_parameter_is_determined(found):
     one = replace(found.outcome, numbers=found.outcome.numbers | {"identified": Quantity(1)})
     assert rs.sentence(one).startswith("1 of 3 parameters is determined by 42 of 42 points")

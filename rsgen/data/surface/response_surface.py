@@ -162,8 +162,8 @@ class ResponseSurface(Records):
         (n, H+1) complex displacement [m] across the springs and dampers that act between two sensors, where
         it is not the response itself; (n, 0), a motion without columns, where all act on the response.
     per_mass
-        True where the force is one per mass [N/kg = m/s^2], as a driven base gives it; parameters are then
-        per unit mass.
+        True where the force is one per mass [N/kg = m/s^2]; parameters are then per unit mass. None: where a
+        base drives.
     base
         "" where a force drives; else "displacement", "velocity" or "acceleration": quantity of the motion of
         a driven base whose amplitudes are the levels. The response is relative to the base, the force per
@@ -236,7 +236,7 @@ class ResponseSurface(Records):
         findings: tuple[Finding, ...] = (),
         force_harmonics: ArrayLike | None = None,
         across: ArrayLike | None = None,
-        per_mass: bool = False,
+        per_mass: bool | None = None,
         base: str = "",
         label: ArrayLike | None = None,
         sensors: Mapping[str, ArrayLike] | None = None,
@@ -276,7 +276,7 @@ class ResponseSurface(Records):
         columns["outcome"] = column(outcome, "outcome", (n,))
         words: dict[str, object] = {"origin": origin, "control": control, "findings": findings, "base": base}
         words["sensors"] = sensor_columns(sensors or {}, n)
-        words |= {"phase_known": bool(phase_known), "per_mass": bool(per_mass)}
+        words |= {"phase_known": bool(phase_known), "per_mass": bool(base if per_mass is None else per_mass)}
         words["overlapping"] = bool(overlapping)
         for name, value in (columns | words).items():
             object.__setattr__(self, name, value)
