@@ -45,7 +45,8 @@ if TYPE_CHECKING:
     from rsgen.identification.lines.line_fit import LineFit
 
 _END_TOLERANCE = 0.02
-"""Relative difference of sqrt(D) at the end of an interval from the quantile, and of the place of a jump."""
+"""Relative difference of sqrt(D) at the end of an interval from the quantile, and of the place of a jump; the
+decrease of D, which is near four there, by a step that is the last of a fit."""
 
 _WALD_TOLERANCE = 0.15
 """Relative difference of sqrt(D) at the ends of Wald's interval from the quantile, up to which it stands."""
@@ -61,6 +62,9 @@ _END_SHARE = 0.8
 
 _JUMP_RATIO = 2.0
 """A fit with a root this many times that of its neighbour plus one is tried from a second start."""
+
+_LEAST_STEP = 0.1
+"""First step to a side, relative to half the width of Wald's interval."""
 
 _STEP_RATIO = 2.0
 """Factor from one distance to the next while no end is found."""
@@ -117,58 +121,78 @@ class _Likelihood:
         problem = found.problem.select(np.flatnonzero(found.regression.used))
         self._order = max((BALANCE_HARMONICS, *problem.observed.recorded))
         self._near = fit_near(problem, found.regression.parameters, order=self._order)
-        base = refit_weighted(self._near, problem, self._near.regression.parameters, order=self._order)
+        near = self._near.regression
+        base = refit_weighted(self._near, problem, near.parameters, near.nuisance, order=self._order)
         self._problem, self.regression = problem, found.regression
-        self._begin(problem.law, base.parameters, _cost(base.residual), base.noise)
+        self._begin(problem.law, base.parameters, base.nuisance, _cost(base.residual), base.noise)
         self._error = np.sqrt(np.diag(found.regression.covariance))
         self.resolved = self._noise < NOISE_RATIO_BY_CHANCE * found.regression.noise
 
-    def _begin(self, law: ForceLaw, best: Array, cost: float, noise: float) -> None:
+    def _begin(self, law: ForceLaw, best: Array, nuisance: Array, cost: float, noise: float) -> None:
         """Keep the best fit, its sum of squares, and the noise in whose units the deviance is."""
         self.law, self.names, self.best = law, (*law.parameters, "m"), best
         self._cost, self._noise = cost, noise
-        self._fits, self._roots, self._fixed = [best], [0.0], [-1]
+        self._fits, self._nuisances, self._roots, self._fixed = [best], [nuisance], [0.0], [-1]
 
     def __call__(self, place: int, value: float) -> float:
         """Return the root of the deviance with one value fixed; infinite where points are not predicted."""
         # near in value, or likely: what the root would be of a fit moved there, if all were quadratic
         known, roots = np.array(self._fits), np.array(self._roots)
         far = np.abs(known[:, place] - value)
-        root = self._fit(place, value, known[np.argmin((far / self._error[place]) ** 2 + roots**2)])
+        first = int(np.argmin((far / self._error[place]) ** 2 + roots**2))
+        root = self._fit(place, value, known[first], self._nuisances[first])
         near, *others = np.argsort(far)
         if root > _JUMP_RATIO * (roots[near] + 1) and others:
             # along the line through two fits, as a stop goes with the stiffness behind it
             one, other = known[near], known[others[0]]
             distance = one[place] - other[place]
             share = (value - one[place]) / distance if distance else 0.0
-            root = min(root, self._fit(place, value, one + share * (one - other)))
+            root = min(root, self._fit(place, value, one + share * (one - other), self._nuisances[near]))
         return root
 
-    def _fit(self, place: int, value: float, start: Array) -> float:
-        parameters, cost = self._refit(place, value, np.where(np.arange(len(start)) == place, value, start))
+    def _fit(self, place: int, value: float, start: Array, nuisance: Array) -> float:
+        # the other values move as they go together; of nonlinear ones none passes zero
+        along = self.regression.basis @ self.regression.basis[place]
+        moved = start + (value - start[place]) * along / along[place]
+        kept = np.intersect1d(self.law.nonlinear, np.flatnonzero(moved * start <= 0)).astype(np.intp)
+        moved[kept] = start[kept]
+        moved[place] = value
+        # each point goes on from the true motion of the start: on a steep flank it may have two
+        parameters, nuisance, cost = self._refit(place, value, moved, nuisance)
         if not isfinite(cost):
             return inf
         root = float(np.sqrt(max(cost - self._cost, 0.0)) / max(self._noise, 1e-300))
         self._fits.append(parameters)
+        self._nuisances.append(nuisance)
         self._roots.append(root)
         self._fixed.append(place)
         return root
 
-    def _refit(self, place: int, value: float, start: Array) -> tuple[Array, float]:
-        """Return parameters and sum of squares with one value fixed; infinite if a point is not predicted."""
+    def _refit(self, place: int, value: float, start: Array, nuisance: Array) -> tuple[Array, Array, float]:
+        """Return parameters, nuisances and sum of squares with one value fixed; the last is infinite if a
+        point is not predicted.
+        """
         fixed = {**self._problem.fixed, self.names[place]: value}
-        found = refit_weighted(self._near, replace(self._problem, fixed=fixed), start, order=self._order)
-        return found.parameters, _cost(found.residual) if found.used.all() else inf
+        problem = replace(self._problem, fixed=fixed)
+        begin, order = (start, nuisance), self._order
+        found = refit_weighted(self._near, problem, *begin, order=order, gain=_END_TOLERANCE)
+        return found.parameters, found.nuisance, _cost(found.residual) if found.used.all() else inf
 
     def tried(self, place: int) -> list[tuple[float, float]]:
         """Return values and roots of the fits in which a parameter was fixed, and of the best."""
         chosen = [i for i, fixed in enumerate(self._fixed) if fixed in (-1, place)]
         return [(float(self._fits[i][place]), self._roots[i]) for i in chosen]
 
-    def within(self, place: int, target: float) -> tuple[float, float]:
-        """Return the lowest and highest value of a parameter in fits whose root is within a target."""
-        values = np.array(self._fits)[np.array(self._roots) <= target, place]
-        return float(values.min()), float(values.max())
+    def _bracket(self, place: int, side: float, target: float) -> list[tuple[float, float]]:
+        """Return value and root of the fit farthest to a side within a target, and of the next beyond it.
+
+        The root of a fit in which another parameter was fixed is no less than that of its own value.
+        """
+        values, roots = np.array(self._fits)[:, place], np.array(self._roots)
+        near = max(np.flatnonzero(roots <= target), key=lambda i: side * values[i])
+        own = (np.array(self._fixed) == place) & (side * (values - values[near]) > 0)
+        beyond = sorted(np.flatnonzero(own), key=lambda i: side * values[i])[:1]
+        return [(float(values[i]), float(roots[i])) for i in (near, *beyond)]
 
     def end(self, place: int, step: float, target: float, stop: float) -> tuple[float, float]:
         """Find where the root reaches a target, by first steps of a size; infinite where it does not.
@@ -176,27 +200,35 @@ class _Likelihood:
         ``stop`` is a value not to be passed, at which the interval ends in any case. The second number is
         the value up to which the balance has the motions that were measured, infinite where it keeps them.
         """
-        nowhere = float(np.sign(step)) * inf
-        near = self.within(place, target)[step > 0]
-        low, distance = 0.0, step
-        for _ in range(_MOST_FITS):
-            outer = near + distance
-            if (outer - stop) * np.sign(step) >= 0:
-                outer = stop
-            over = self(place, outer)
-            if over >= target or outer == stop:
-                break
-            near, low, distance = outer, over, distance * _STEP_RATIO
+        side = float(np.sign(step))
+        nowhere = side * inf
+        (near, low), *beyond = self._bracket(place, side, target)
+        if beyond and (beyond[0][0] - stop) * side < 0:
+            outer, over = beyond[0]
+        else:
+            # as far as a root in proportion to the distance reaches the target
+            distance = step * max(1 - low / target, _LEAST_STEP)
+            for _ in range(_MOST_FITS):
+                outer = near + distance
+                if (outer - stop) * side >= 0:
+                    outer = stop
+                over = self(place, outer)
+                if over >= target or outer == stop:
+                    break
+                near, low, distance = outer, over, distance * _STEP_RATIO
         if not over >= target:
             return (outer if outer == stop else nowhere), nowhere
+        inside, again = False, False
         for _ in range(_MOST_FITS):
             narrow = abs(outer - near) < _END_TOLERANCE * abs(outer - self.best[place])
             if narrow or abs(over / target - 1) < _END_TOLERANCE:
                 break
-            share = 0.5 if over > _JUMP_RATIO * (low + 1) else (target - low) / (over - low)
+            # a line through both, or the middle where that has moved the same end twice
+            share = 0.5 if again or over > _JUMP_RATIO * (low + 1) else (target - low) / (over - low)
             between = near + float(np.clip(share, 0.1, 0.9)) * (outer - near)
             root = self(place, between)
-            if root < target:
+            inside, again = root < target, inside == (root < target)
+            if inside:
                 near, low = between, root
             else:
                 outer, over = between, root
@@ -216,18 +248,19 @@ class _LineLikelihood(_Likelihood):
         lines = replace(found.lines, extended=recorded - 1, samples=1 << (samples - 1).bit_length())
         self.regression, found = found.regression, replace(found, lines=lines)
         self._found = found
-        best, _, line, _ = descend(found.linearise, found.parameters, found.nuisance, Rules(free=found.free))
-        self._begin(found.law, best, _cost(line.residual), self.regression.noise)
+        place = found.parameters, found.nuisance
+        best, nuisance, line, _ = descend(found.linearise, *place, Rules(free=found.free))
+        self._begin(found.law, best, nuisance, _cost(line.residual), self.regression.noise)
         self._error = np.sqrt(np.diag(self.regression.covariance))
         self.resolved = not found.lines.spectra.exact.all()
 
-    def _refit(self, place: int, value: float, start: Array) -> tuple[Array, float]:
+    def _refit(self, place: int, value: float, start: Array, nuisance: Array) -> tuple[Array, Array, float]:
         found, free = self._found, np.array(self._found.free)
         free[place] = False
-        parameters, _, line, _ = descend(
-            found.linearise, start, found.nuisance, Rules(steps=NEAR_STEPS, free=free)
+        parameters, nuisance, line, _ = descend(
+            found.linearise, start, nuisance, Rules(steps=NEAR_STEPS, free=free)
         )
-        return parameters, _cost(line.residual)
+        return parameters, nuisance, _cost(line.residual)
 
 
 def _cost(residual: Array) -> float:

@@ -95,6 +95,25 @@ def test_a_stop_that_is_barely_touched_is_bounded_to_one_side():
     assert found["b"].identifiable
 
 
+def test_a_profile_follows_values_that_go_together():
+    # with another Fs the stiffness of the slider, the spring and the motions near the resonance are others
+    law, values = "k*x + c*v + masing(Min(kt*x, Fs))", {"k": 4967.0, "c": 1.0925, "kt": 993.4, "Fs": 0.06644}
+    test = SimulatedTest(
+        level=np.linspace(0.2, 1, 6) * 0.0157, frequency=np.linspace(7.07, 12.43, 15), noise_relative=0.03,
+        seed=6104,
+    )  # fmt: skip
+    found = identify(simulate(Oscillator(1.323, law, values), test), law)
+    assert {e.name for e in found if e.by_profile} == {"Fs", "k", "kt"}
+    for estimate in found:
+        if estimate.by_profile:
+            assert np.isfinite(estimate.interval).all()
+            assert estimate.interval[0] < values[estimate.name] < estimate.interval[1]
+    # both ends are where the root is the quantile, not where the fit lost a motion
+    one = profile(found, "Fs")
+    assert not np.isfinite(one.followed).any()
+    assert len(one.values) < 14
+
+
 def test_a_fit_that_did_not_converge_states_no_interval(monkeypatch):
     """Errors by the slopes, and shifts by alternatives, are those of the least sum of squares."""
     descend = least_squares.descend

@@ -35,6 +35,7 @@ from rsgen.common.arrays import Array, ComplexArray
 from rsgen.common.tolerances import (
     BALANCE_HARMONICS,
     MAX_NEWTON_STEPS,
+    MIN_GAIN_OF_STEP,
     MIN_NULL_COMPONENT,
     MISFIT_NEGLIGIBLE,
     MISFIT_OF_NOISE,
@@ -307,27 +308,38 @@ def linearise_extended(
     return residual[good], matrix[good]
 
 
-def refit_weighted(near: Fit, problem: Problem, parameters: Array, *, order: int) -> Regression:
+def refit_weighted(
+    near: Fit,
+    problem: Problem,
+    parameters: Array,
+    nuisance: Array,
+    *,
+    order: int,
+    gain: float = MIN_GAIN_OF_STEP,
+) -> Regression:
     """Fit by harmonic balance with the weights of a fit that is near, so that sums of squares compare.
 
     Parameters
     ----------
     near
         A fit of the same points by a balance of the same order.
-    problem, parameters
+    problem, parameters, nuisance
         What is fitted, and where to start.
     order
         Harmonics carried in the balance.
+    gain
+        Decrease of the sum of squares, in units of the noise, below which a step is the last.
     """
     values = problem.split(parameters)[2]
     mode, turn = problem.observed.mode(values), problem.observed.background.turn(values)
     descent = ErrorsInVariables(problem, _forward(problem, mode, order, turn))
     descent.scale = near.scale
-    rules = Rules(steps=NEAR_STEPS, frozen=problem.frozen, free=problem.free, record=mode.record)
+    known: dict[str, Any] = {"frozen": problem.frozen, "free": problem.free, "record": mode.record}
+    rules = Rules(steps=NEAR_STEPS, gain=gain, **known)
     return fit(
         descent.linearise,
         parameters,
-        near.regression.nuisance,
+        nuisance,
         rules,
         neighbours=mode.neighbours,
         exclude=False,
