@@ -139,15 +139,14 @@ class _Likelihood:
         # near in value, or likely: what the root would be of a fit moved there, if all were quadratic
         known, roots = np.array(self._fits), np.array(self._roots)
         far = np.abs(known[:, place] - value)
-        first = int(np.argmin((far / self._error[place]) ** 2 + roots**2))
+        first, *others = np.argsort((far / self._error[place]) ** 2 + roots**2, kind="stable").tolist()
         root = self._fit(place, value, known[first], self._nuisances[first])
-        near, *others = np.argsort(far)
-        if root > _JUMP_RATIO * (roots[near] + 1) and others:
+        if root > _JUMP_RATIO * (roots[first] + 1) and others:
             # along the line through two fits, as a stop goes with the stiffness behind it
-            one, other = known[near], known[others[0]]
+            one, other = known[first], known[others[0]]
             distance = one[place] - other[place]
             share = (value - one[place]) / distance if distance else 0.0
-            root = min(root, self._fit(place, value, one + share * (one - other), self._nuisances[near]))
+            root = min(root, self._fit(place, value, one + share * (one - other), self._nuisances[first]))
         return root
 
     def _fit(self, place: int, value: float, start: Array, nuisance: Array) -> float:
