@@ -9,6 +9,8 @@ from rsgen.dynamics.simulation import simulate
 from rsgen.dynamics.virtual_test import SimulatedTest
 from rsgen.identification.identify import identify
 from rsgen.identification.prediction import predict
+from rsgen.identification.prediction.amplitude_balance import balance_of
+from rsgen.identification.prediction.resonance_curves import as_identification
 from tests.surfaces import changed, model, noisy, surface
 
 EXACT = 1e-5
@@ -119,6 +121,18 @@ def test_held_amplitudes_are_predicted_on_unstable_branches_too():
     (item,) = predict(found, surface=table).held_out
     assert item.error < EXACT
     assert item.missing == 0
+
+
+def test_a_point_near_a_fold_is_predicted_on_its_own_branch():
+    # with noise it lies below the unstable branch, which is about 1 % below the stable one there
+    law, values = "k*x + k5*x**5 + c*v + cq*v*abs(v)", {"k": 9e3, "k5": 1.5e13, "c": 1.9, "cq": 2.0}
+    truth = Oscillator(0.8, law, values)
+    table = simulate(truth, SimulatedTest([2.0], np.linspace(14.0, 21.5, 151), sweep="up"))
+    table = table.select(np.flatnonzero(table.settled & (table.amplitude > 4e-3)))
+    lower = replace(table, harmonics=0.965 * table.harmonics)
+    predicted = balance_of(as_identification(truth, [2.0])).respond(lower)
+    assert len(table) > 20
+    assert np.abs(predicted) == pytest.approx(table.amplitude, rel=2e-3)
 
 
 def test_folds_lie_where_the_frequency_turns(quintic):

@@ -272,15 +272,28 @@ class AmplitudeBalance:
 
     def _scan_amplitudes(self, level: Array, omega: Array, near: Array) -> Array:
         """Return the stable amplitude nearest to ``near`` among all amplitudes; NaN if there is none."""
-        sizes = np.geomspace(1e-3 * self._largest, 3 * self._largest, _TABLE_SIZE)
-        rows = np.repeat(np.arange(len(level)), len(sizes))
-        force = np.abs(self.solve(np.tile(sizes, len(level)), omega[rows]).force).reshape(len(level), -1)
+
+        def force_at(sizes: Array) -> Array:
+            rows = np.repeat(np.arange(len(sizes)), sizes.shape[1])
+            return np.abs(self.solve(sizes.ravel(), omega[rows]).force).reshape(sizes.shape)
+
+        grid = np.geomspace(1e-3 * self._largest, 3 * self._largest, _TABLE_SIZE)
+        sizes = np.tile(grid, (len(level), 1))
+        force = force_at(sizes)
+        # near a fold the force falls below the level and rises again within one step
+        least = (force[:, 1:-1] < force[:, :-2]) & (force[:, 1:-1] <= force[:, 2:])
+        distance = np.abs(np.log(grid[1:-1] / near[:, None]))
+        place = np.argmin(np.where(least, distance, np.inf), axis=1)
+        fine = np.geomspace(grid[place], grid[place + 2], _TABLE_SIZE, axis=1)[:, 1:-1]
+        sizes, force = np.hstack([sizes, fine]), np.hstack([force, force_at(fine)])
+        order = np.argsort(sizes, axis=1)
+        sizes, force = (np.take_along_axis(part, order, axis=1) for part in (sizes, force))
         result = np.full(len(level), np.nan)
-        for i, (row, wanted) in enumerate(zip(force, level, strict=True)):
+        for i, (size, row, wanted) in enumerate(zip(sizes, force, level, strict=True)):
             up = np.flatnonzero((row[:-1] < wanted) & (row[1:] >= wanted))
             if len(up):
                 share = (wanted - row[up]) / (row[up + 1] - row[up])
-                roots = sizes[up] + share * (sizes[up + 1] - sizes[up])
+                roots = size[up] + share * (size[up + 1] - size[up])
                 result[i] = roots[np.argmin(np.abs(np.log(roots / near[i])))]
         return result
 
