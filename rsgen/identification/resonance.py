@@ -127,15 +127,8 @@ def _crossing(
             return at, at + 1, float(real[at] / (real[at] - real[at + 1]))
         near = at if size[at] >= size[at + 1] else at + 1
         return near, near, 0.0
-    if not len(size):
-        return None
-    if len(size) == 1 and at_resonance[0]:
-        # one point of a phase-locked loop
-        return 0, 0, 0.0
-    top = int(np.argmax(size))
-    # a run that does not pass the resonance: its largest response, unless at an end
-    interior = 0 < top < len(size) - 1
-    return (top, top, 0.0) if interior else None
+    # one point of a phase-locked loop
+    return (0, 0, 0.0) if len(size) == 1 and at_resonance[0] else None
 
 
 def _passes_smoothly(real: Array, omega: Array, near: int, mass: float) -> bool:

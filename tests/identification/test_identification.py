@@ -229,3 +229,12 @@ def test_jumps_across_the_resonance_are_marked():
     table = surface("quintic", levels=np.array([2.0, 20.0]))
     found, _ = find_resonances(select_points(table, model("quintic")), 1.5)
     assert [resonance.jump for resonance in found] == [False, True]
+
+
+def test_a_level_that_ends_before_its_resonance_has_none():
+    # noise makes the last but one response the largest
+    table = surface("cubic", levels=np.array([2.0]), frequencies=np.linspace(8, 9.6, 17))
+    harmonics = np.array(table.harmonics)
+    harmonics[-1] *= harmonics[-2, 1] / harmonics[-1, 1] * 0.99
+    found, _ = find_resonances(select_points(changed(table, harmonics=harmonics), model("cubic")), 1.5)
+    assert found == ()

@@ -332,7 +332,7 @@ def _alternative(surface: ResponseSurface) -> str:
     shift = surface.frequency[peaks[-1]] / surface.frequency[peaks[0]] - 1
     return (
         f"{tested} from {least} to {most}, {band}. The {extreme} rises from {low} (lowest level) to {high} "
-        f"(highest level): {'it' if lost else 'the peak'} moves by {100 * shift:+.2f} %. {unsettled}"
+        f"(highest level): it moves by {100 * shift:+.2f} %. {unsettled}"
     )
 
 
