@@ -39,6 +39,7 @@ from rsgen.common.tolerances import (
 from rsgen.data.multisine import MultisineSpectra
 from rsgen.data.oscillator import Model, Observation, join_model
 from rsgen.data.surface import ResponseSurface, without_copies
+from rsgen.data.surface.plausibility import base_findings
 from rsgen.identification.fitting.fit import RESOLUTION, Fit, fit_balance, fit_simulator
 from rsgen.identification.fitting.least_squares import Regression
 from rsgen.identification.fitting.observed import Problem
@@ -285,7 +286,12 @@ def identify_points(
     ``attained`` is the misfit, relative to force and response, that the law leaves along exact motions. On
     ``most`` points, if it is not 0, levels are not predicted.
     """
-    surface, model = per_unit_mass(without_copies(surface), model)
+    surface = without_copies(surface)
+    if surface.per_mass and surface.base and not any(f.code == "base-misread" for f in surface.findings):
+        # files were checked when they were read, arrays were not
+        misread = base_findings(surface, absolute=False, senses=False)
+        surface = replace(surface, findings=(*surface.findings, *misread))
+    surface, model = per_unit_mass(surface, model)
     found = _identify(surface, model, attained, most)
     return found if most else _with_held_out(found, predict_held_out, found, surface)
 

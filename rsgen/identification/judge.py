@@ -54,6 +54,7 @@ from rsgen.identification.fitting.points import (
 )
 from rsgen.identification.fitting.repeats import Repeats, gather_repeats
 from rsgen.identification.misfit import (
+    consequences,
     even_findings,
     explain_hidden,
     mirror_findings,
@@ -281,9 +282,13 @@ class Findings:
         if any(f.severity == "doubt" for f in across):
             # what harmonics leave of the misfit another fixed value may take up, and is as wrong for it
             of_test = [finding for finding in of_test if finding.code != "fixed-contradicted"]
-        if not any(finding.code == "fixed-contradicted" for finding in of_test):
-            # a wrong fixed value leaves what terms take up as well
-            of_law += ambiguous
+        codes = ("fixed-contradicted", "mass-negative")
+        wrong = {f.parameter for f in of_test if f.code in codes and f.parameter in problem.fixed}
+        for name in wrong:
+            follow = consequences(self.fit, name)
+            of_test = [finding for finding in of_test if finding.code not in follow]
+        # a wrong fixed value leaves what terms take up as well
+        of_law += [] if wrong else ambiguous
         valued = {e.name for e in self.estimates if np.isfinite(e.value)}
         return (
             *of_law,

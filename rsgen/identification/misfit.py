@@ -43,7 +43,7 @@ from rsgen.identification.fitting.observed import Problem, is_systematic, system
 from rsgen.identification.fitting.points import Points
 from rsgen.identification.results import Estimate, Resonance
 from rsgen.identification.results.alternatives import Alternatives
-from rsgen.identification.results.estimates import fixed_contradicted
+from rsgen.identification.results.estimates import Agreement, fixed_contradicted
 from rsgen.identification.starting.start import even_directions, even_part_unobservable, records_even
 from rsgen.identification.terms import (
     EVEN_SHARE,
@@ -228,6 +228,27 @@ def _level_apart(points: Points, regression: Regression, unit: str) -> list[Find
     return [Finding("level-deviates", "doubt", numbers=numbers)]
 
 
+def _few_points(fit: Fit) -> Problem:
+    """Return what is fitted, with some of the points that were used."""
+    chosen = fit.problem.observed.points.spread(SUBSAMPLE_POINTS)
+    return fit.problem.select(chosen[fit.regression.used[chosen]])
+
+
+def _freed(problem: Problem, start: Array, name: str) -> Fit:
+    """Fit with a fixed value free, from values that are near."""
+    others = {other: value for other, value in problem.fixed.items() if other != name}
+    return fit_near(replace(problem, fixed=others), start, order=START_HARMONICS)
+
+
+def consequences(fit: Fit, name: str) -> set[str]:
+    """Return codes of what is found because of a wrong fixed value: a fit with it free does not show them."""
+    free = _freed(_few_points(fit), fit.regression.parameters, name)
+    points, found = free.problem.observed.points, free.regression
+    agreement = Agreement.of(found, points, found.covariance, misfits=False)
+    converged = {"not-converged"} if found.converged else set()
+    return converged if agreement.findings else {*converged, "parts-disagree"}
+
+
 def _contradicted(fit: Fit, left: float) -> list[Finding]:
     """Find fixed values that the points contradict: another takes up the misfit, more than a term does.
 
@@ -240,14 +261,12 @@ def _contradicted(fit: Fit, left: float) -> list[Finding]:
     """
     if not (fit.problem.fixed and relative_misfit(fit) > MISFIT_NEGLIGIBLE):
         return []
-    chosen = fit.problem.observed.points.spread(SUBSAMPLE_POINTS)
-    problem = fit.problem.select(chosen[fit.regression.used[chosen]])
-    start, names = fit.regression.parameters, (*problem.law.parameters, "m")
+    problem, names = _few_points(fit), (*fit.problem.law.parameters, "m")
+    start = fit.regression.parameters
     size, whole = relative_misfit(fit), relative_misfit(fit_near(problem, start, order=START_HARMONICS))
     found = []
     for name, given in problem.fixed.items():
-        others = {other: value for other, value in problem.fixed.items() if other != name}
-        free = fit_near(replace(problem, fixed=others), start, order=START_HARMONICS).regression
+        free = _freed(problem, start, name).regression
         place, best = names.index(name), float(free.noise * np.sqrt(2))
         leaves = size * best / whole if whole > 0 else np.inf
         # with noise the gain counts in units of that noise

@@ -2,6 +2,7 @@
 
 import functools
 import re
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -36,9 +37,9 @@ def test_a_wrong_value_is_contradicted_by_the_points(law, name, wrong):
     asked = rsgen.identify(noisy(surface(law), NOISE, 1), LAWS[law][0], fixed={name: wrong})
     (said,) = (finding for finding in asked.findings if finding.code == "fixed-contradicted")
     assert (said.parameter, said.severity, said["given"]) == (name, "doubt", wrong)
-    # neither the law nor a term is to blame for it
+    # neither the law nor a term is to blame for it, nor do parts disagree with the value of the points
     assert said in asked.verdict.decided_by
-    assert not codes(asked) & {"law-does-not-fit", "law-ambiguous"}
+    assert not codes(asked) & {"law-does-not-fit", "law-ambiguous", "parts-disagree", "not-converged"}
     assert said["fitted"] == pytest.approx(LAWS[law][1][name], rel=5e-3)
     assert not any(finding.code == "fixed-contradicted" for finding in found(law, name).findings)
 
@@ -53,7 +54,25 @@ def test_a_mass_in_another_unit_is_named_and_not_the_law_blamed(times, said):
     assert found["fitted"] == pytest.approx(MASS, rel=5e-3)
     assert said in next_step(found)
     assert asked.verdict.state == "rejected"
-    assert not codes(asked) & {"law-does-not-fit", "law-ambiguous"}
+    assert not codes(asked) & {"law-does-not-fit", "law-ambiguous", "parts-disagree", "not-converged"}
+
+
+def test_the_sign_of_a_channel_is_named_and_no_negative_mass_in_place_of_a_given_one():
+    test = noisy(surface("cubic"), NOISE, 1)
+    shaken = replace(test, force=-test.force / MASS, base="acceleration", per_mass=True)
+    for mass in (None, MASS):
+        asked = rsgen.identify(shaken, LAWS["cubic"][0], mass=mass)
+        (said,) = (finding for finding in asked.findings if finding.code == "base-misread")
+        assert "the base, with the other sign" in str(said)
+        assert not codes(asked) & {"fixed-contradicted", "mass-negative"}
+    oscillator = rsgen.Oscillator(1.5, "k*x + k3*x**3 + c*v", {"k": 6000.0, "k3": -2e5, "c": 4.0})
+    plan = rsgen.SimulatedTest([2, 5, 10], np.linspace(8, 12, 40), noise_relative=NOISE)
+    test = rsgen.simulate(oscillator, plan)
+    turned = rsgen.ResponseSurface(test.level, test.frequency, -test.force, test.harmonics[:, 1])
+    asked = rsgen.identify(turned, oscillator.elements, mass=1.5)
+    (said,) = (finding for finding in asked.findings if finding.code == "mass-negative")
+    assert said["mass"] == pytest.approx(-1.5, rel=5e-3)
+    assert not codes(asked) & {"fixed-contradicted", "law-does-not-fit", "parts-disagree", "not-converged"}
 
 
 @pytest.mark.parametrize(

@@ -313,7 +313,12 @@ _POUND = 0.45359237
 def fixed_contradicted(
     name: str, given: float, moved: float, *, misfit: float, left: float, times: float
 ) -> Finding:
-    """Doubt a fixed value that the test moves by so much, so many standard errors, to leave less misfit."""
+    """Doubt a fixed value that the test moves by so much, so many standard errors, to leave less misfit.
+
+    A mass that is negative then is no other mass, but a channel with the other sign.
+    """
+    if name == "m" and given + moved < 0:
+        return Finding("mass-negative", "error", "m", {"mass": Quantity(given + moved, "kg")})
     unit, ratio = "kg" if name == "m" else "", 1 + moved / (given or moved)
     near = COMMON_FACTORS | ({"pound": 1 / _POUND} if name == "m" else {})
     off = {word: abs(abs(np.log(abs(ratio))) - np.log(by)) for word, by in near.items() if ratio > 0}
