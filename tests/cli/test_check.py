@@ -78,3 +78,16 @@ def test_other_commands_refuse_the_law_that_check_refuses(tmp_path, run_cli):
         refused = run_cli(command, path)
         assert (refused.code, refused.out) == (2, "")
         assert refused.err.startswith(f"{path}: element.1.memory.z: the loop does not close")
+
+
+def test_commands_refuse_a_free_power_of_a_state_with_the_law_to_write(tmp_path, run_cli):
+    state = {"z": "a*v - b*abs(v)*z*abs(z)**(n - 1)"}
+    truth = {"truth.a": 4000.0, "truth.b": 800.0, "truth.n": 1.0}
+    changes = LINEAR | {"element.1.force": "k*x + z", "element.1.memory": state} | truth
+    path = write_small(tmp_path, "loop", changes)
+    for command in ("check", "identify", "rank"):
+        refused = run_cli(command, path)
+        assert (refused.code, refused.out) == (2, "")
+        assert "z: a force to a power that is to be identified; write it as a share of one" in refused.err
+    held = run_cli("check", write_small(tmp_path, "held", changes | {"identify.fixed": {"n": 1.0}}))
+    assert held.code == 0

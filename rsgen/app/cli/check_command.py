@@ -24,12 +24,13 @@ from rsgen.identification.fitting.points import (
     select_points,
 )
 from rsgen.identification.fitting.repeats import gather_repeats
+from rsgen.law.memory import refuse_free_powers
 from rsgen.law.numeric import compile_law
 from rsgen.report.wording import sentence
 
 
 def point_faults(case: Case, table: ResponseSurface | MultisineSpectra) -> list[str]:
-    """Say why identification or ranking could not use the points of a test; nothing where they can.
+    """Say why identification or ranking could not use law or points of a test; nothing where they can.
 
     Parameters
     ----------
@@ -44,6 +45,7 @@ def point_faults(case: Case, table: ResponseSurface | MultisineSpectra) -> list[
         One sentence a fault, ``file: place: what; what is allowed``.
     """
     try:
+        refuse_free_powers(case.model.force, case.model.fixed)
         faults = _faults_of(table, case)
     except RsgenError as fault:
         faults = [" ".join(str(fault).split())]

@@ -50,6 +50,7 @@ from rsgen.identification.ranking.reference import PointTest
 from rsgen.identification.ranking.selection import Candidates, competitors, law_text
 from rsgen.identification.results import Identification
 from rsgen.law.element import LawLike
+from rsgen.law.memory import refuse_free_powers
 
 _STRONG_EVIDENCE = 6.0
 """Difference of BIC (Kass and Raftery, Bayes factors, JASA 90 (1995))."""
@@ -127,6 +128,8 @@ def rank(
     if set(base.fixed) - {"m"}:
         raise RsgenError("ranking: other laws have other parameters; of what is fixed only the mass can stay")
     elements = tuple(chain(*laws.values()))
+    for element in elements:
+        refuse_free_powers(element.force, base.fixed)
     if isinstance(surface, MultisineSpectra):
         sensors = sensors_of(elements, int(surface.across is not None))
         # without a mass the balance is fitted per unit mass, with a mass of 1 kg
