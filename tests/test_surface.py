@@ -281,16 +281,13 @@ def test_amplitudes_alone_have_no_phase_and_degrees_are_not_read_as_radians():
             ResponseSurface(level=[1.0], frequency=[5.0], force=[1.0], response=np.ones((1, columns)))
 
 
-def test_a_phase_that_was_not_recorded_is_nan_named_and_refused_where_it_is_needed():
+def test_a_phase_that_was_not_recorded_is_nan_and_named():
     surface = ResponseSurface.from_frame(linear_columns())
     assert surface.limits == ()
     assert np.isfinite(surface.phase).all()
-    surface.require_phase("here", "it is needed")
     bare = replace(surface, phase_known=False)
     assert [finding.code for finding in bare.limits] == ["not-recorded"]
     assert np.isnan(bare.phase).all()
-    with pytest.raises(RsgenError, match="here: the phases were not recorded; it is needed"):
-        bare.require_phase("here", "it is needed")
     assert (surface.units.force, surface.units.of("N/m")) == ("N", "N/m")
     per_mass = replace(surface, per_mass=True)
     assert [finding.code for finding in per_mass.limits] == ["per-unit-mass"]

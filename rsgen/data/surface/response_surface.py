@@ -319,11 +319,6 @@ class ResponseSurface(Records):
         lag = (np.angle(self.force) - np.angle(self.harmonics[:, 1])) % (2 * np.pi)
         return np.where(self.phase_known, lag, np.nan)
 
-    def require_phase(self, place: str, reason: str) -> None:
-        """Raise an RsgenError with a place and a reason if the phases were not recorded."""
-        if not self.phase_known:
-            raise RsgenError(f"{place}: the phases were not recorded; {reason}")
-
     def require_sines(self) -> None:
         """Raise an RsgenError for the best linear approximation of a multisine."""
         if self.control == "multisine":
