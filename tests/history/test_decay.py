@@ -205,3 +205,28 @@ def test_the_right_law_of_a_decay_is_not_doubted_for_frequencies_that_noise_orde
         table = from_free_decay(TimeHistory(RATE, None, clean + noise, "displacement"), mass=MASS)
         states.append(rsgen.identify(table, "k*x + c*v", mass=MASS).verdict.state)
     assert states.count("identified") >= 19
+
+
+HELD_OUT = {
+    "cubic": ("k*x + k3*x**3 + c*v", {"k": 12000.0, "k3": 4e8, "c": 0.6}),
+    "friction": ("k*x + k3*x**3 + c*v + Ff*sign(v)", {"k": 12000.0, "k3": 4e8, "c": 0.6, "Ff": 0.25}),
+}
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", HELD_OUT)
+def test_a_decay_that_is_held_out_is_judged_at_its_amplitudes(name: str) -> None:
+    # each point lies on the resonance, where a force decides between two amplitudes by chance
+    law, values = HELD_OUT[name]
+    test = rsgen.DecayTest(level=[6e-3, 10e-3], duration=8, rate=2000, noise_relative=1e-3)
+    table = rsgen.simulate(rsgen.Oscillator(0.5, law, values), test)
+    for level in table.levels:
+        hidden = rsgen.Observation(hold_out=[float(level)])
+        found = rsgen.identify(table, law, hidden, mass=0.5)
+        assert found.verdict.state == "identified"
+        (held,) = found.held_out
+        assert held.missing == 0
+        assert held.error < 0.05 or held.error < held.explained
+    # without the damper of the law, or its friction, the force is another one
+    wrong = "k*x + k3*x**3 + Ff*sign(v)" if name == "friction" else "k*x + c*v"
+    assert rsgen.identify(table, wrong, hidden, mass=0.5).held_out[0].error > 0.5

@@ -110,6 +110,14 @@ class AmplitudeBalance:
         variance = np.einsum("np,pq,nq->n", slope, self._covariance, slope)
         return np.asarray(interval_sigmas() * np.sqrt(np.maximum(variance, 0.0)))
 
+    def explained(self, decay: ResponseSurface) -> float:
+        """Return the relative error of the forces of a decay that the errors of the values explain (95 %)."""
+        at = self.solve(decay.amplitude, decay.omega)
+        by = at.force_by[:, self._places]
+        variance = np.einsum("np,pq,nq->n", by, self._covariance, np.conj(by)).real
+        spread = decay.amplitude * np.sqrt(np.maximum(variance, 0.0)) / np.abs(at.force)
+        return float(interval_sigmas() * np.linalg.norm(spread) / np.linalg.norm(decay.amplitude))
+
     def equivalent(
         self, size: Array, omega: Array, start: ComplexArray | None
     ) -> tuple[Array, Array, ComplexArray]:
@@ -235,10 +243,11 @@ class AmplitudeBalance:
         """Return the complex fundamental (n,) [m] on the stable branch nearest to the measured one.
 
         Where the test held the amplitude, the predicted force at that amplitude is compared with the measured
-        one, as X F/F_predicted: near a fold, and on an unstable branch, a force determines no amplitude.
+        one, as X F/F_predicted: near a fold, and on an unstable branch, a force determines no amplitude. So
+        are free decays, whose points all lie on the resonance.
         """
         force, omega, near = mode.force, mode.omega, mode.amplitude
-        if mode.response_held:
+        if mode.response_held or mode.decays:
             return np.asarray(near * force / self.solve(near, omega).force)
         level = np.abs(force)
         size, ok = self._newton_amplitude(level, omega, np.array(near))

@@ -509,6 +509,10 @@ def _missed(held_out: tuple[HeldOutLevel, ...], misfit: float, *, by_law: bool =
         # the number is that of the level, as everywhere, not the one without its worst points
         stated = item.error if isfinite(item.error) else error
         numbers = quantities(error=stated, misfit=misfit, level=Quantity(item.level, item.level_unit))
+        if error <= item.explained and severity_of_error(misfit) is None:
+            # forces of a decay are far more sensitive to the values than its frequency
+            severity = "warning"
+            numbers |= quantities(explained=item.explained)
         findings.append(Finding("held-out-missed", severity, numbers=numbers, names={"sweep": item.sweep}))
     return tuple(findings)
 
@@ -540,10 +544,12 @@ def _score(
             measured = np.where(np.isfinite(surface.phase[rows]), measured, turned)
             miss = np.abs(predicted - measured)
             known = np.isfinite(miss)
-            error = largest = nan
+            near = known if surface.decays else miss <= BRANCH_DISTANCE * np.abs(measured)
+            error, largest, explained = nan, nan, 0.0
             if known.any():
                 error = float(np.linalg.norm(miss[known]) / np.linalg.norm(measured[known]))
                 largest = float(miss[known].max() / np.abs(measured).max())
+                explained = balance.explained(surface.select(rows[known])) if surface.decays else 0.0
             scored.append(
                 HeldOutLevel(
                     level=float(level),
@@ -556,7 +562,8 @@ def _score(
                     level_unit=surface.level_unit,
                     force_unit=identification.curve.units.force,
                     force=float(forces[surface.levels == level][0]),
-                    missing=len(rows) - int(np.count_nonzero(miss <= BRANCH_DISTANCE * np.abs(measured))),
+                    missing=len(rows) - int(np.count_nonzero(near)),
+                    explained=explained,
                 )
             )
     return tuple(scored)
