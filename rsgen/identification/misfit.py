@@ -39,7 +39,12 @@ from rsgen.formula.printing import write
 from rsgen.identification.fitting.across import misfit_of_joint
 from rsgen.identification.fitting.fit import Fit, linearise_extended
 from rsgen.identification.fitting.least_squares import Alternative, Regression
-from rsgen.identification.fitting.observed import Problem, is_systematic, systematic_columns
+from rsgen.identification.fitting.observed import (
+    Problem,
+    constant_mean,
+    is_systematic,
+    systematic_columns,
+)
 from rsgen.identification.fitting.points import Points
 from rsgen.identification.results import Estimate, Resonance
 from rsgen.identification.results.alternatives import Alternatives
@@ -137,11 +142,13 @@ def misfit_findings(
     if not names.keys() & {"term", "free", "side"}:
         # a term that is missing misses some levels more than others, as dry friction the lowest
         found += _level_apart(points, regression, surface.level_unit)
-    if backgrounds:
+    # an offset of the sensor is simpler than any background
+    offset = others.kinds.get("offset of the sensor", {})
+    if backgrounds := {**offset, **backgrounds}:
         found += background_findings(
             observed.background.kind,
             backgrounds,
-            leaves,
+            {kind: left_by(fit, one, wider) for kind, one in offset.items()} | leaves,
             regression.first(fit.problem.count),
             (*fit.problem.law.parameters, "m"),
             misfit=misfit,
@@ -318,6 +325,8 @@ def background_findings(
         return offset
     worst = int(np.argmax(np.where(clear, np.abs(share), 0.0)))
     numbers = quantities(misfit=misfit, left=leaves, moved=share[worst], times=times[worst])
+    if kind == "mean":
+        numbers["offset"] = Quantity(float(others[kind].shift[-1]), "m")
     return [Finding("background-missing", "doubt", names[worst], numbers, {"kind": kind}), *offset]
 
 
@@ -442,10 +451,11 @@ def _gain_of_offset(problem: Problem, without: Regression) -> float:
     """How much of the sum of squares a constant offset of the displacement takes up."""
     if 0 not in problem.observed.points.measured:
         return 0.0
-    used, unit = without.used, 1 / problem.observed.points.amplitude
+    used, amplitude = without.used, problem.observed.points.amplitude
     # behind the real parts of force and fundamental
     mean = without.residual[used, 2]
-    return float(np.sum(mean * unit[used]) ** 2 / np.sum(unit[used] ** 2))
+    _, left = constant_mean(mean * amplitude[used], amplitude[used])
+    return float(np.sum(mean**2) * (1 - left**2))
 
 
 def unseen_findings(fit: Fit, estimates: Sequence[Estimate]) -> list[Finding]:

@@ -40,6 +40,7 @@ from rsgen.identification.fitting.fit import Fit, fit_balance, linearise_extende
 from rsgen.identification.fitting.least_squares import Alternative, Rules, alternatives
 from rsgen.identification.fitting.observed import Observed, Problem
 from rsgen.identification.fitting.points import Points
+from rsgen.identification.results.alternatives import stands_out
 from rsgen.identification.results.estimates import Agreement
 from rsgen.identification.starting.start import records_even, start_fit
 from rsgen.law.element import Element, make_element
@@ -199,7 +200,36 @@ def alternatives_to(
     """
     noise = max(fit.regression.noise * agreement.typical, 1e-300)
     more = fit_larger_backgrounds(fit, noise) if backgrounds else {}
-    return {"term": fit_missing_terms(fit, noise), "background": more, "halves": agreement.halves}
+    kinds = {"term": fit_missing_terms(fit, noise), "background": more, "halves": agreement.halves}
+    offset = _fit_offset(fit, noise) if fit.systematic else None
+    return (
+        kinds
+        if offset is None or not stands_out(offset)
+        else {**kinds, "offset of the sensor": {"mean": offset}}
+    )
+
+
+def _fit_offset(fit: Fit, noise: float) -> Alternative | None:
+    """Fit a constant mean, an offset of the sensor, to first order; it is the last of the shifts [m].
+
+    None where no mean is compared.
+    """
+    problem, observed, parameters = fit.problem, fit.problem.observed, fit.regression.parameters
+    points = observed.points
+    if problem.law.odd or problem.law.acts_across or 0 not in points.measured:
+        return None
+    size, harmonics = float(np.median(points.amplitude)), np.array(points.harmonics)
+    harmonics[:, 0] += size
+    shifted = replace(problem, observed=replace(observed, points=replace(points, harmonics=harmonics)))
+    residual, matrix = linearise_extended(fit, problem, parameters)
+    column = (linearise_extended(fit, shifted, parameters)[0] - residual) / size
+    if len(column) != len(residual) or not len(residual):
+        return None
+    right, rows, columns = (part.reshape(residual.size, -1) / noise for part in (residual, matrix, column))
+    free = np.flatnonzero(problem.free).tolist()
+    count = len(parameters)
+    groups = {"mean": [*free, count]}
+    return joint_alternatives(right[:, 0], np.hstack([rows, columns]), free, groups, count + 1)["mean"]
 
 
 def fit_larger_backgrounds(fit: Fit, noise: float) -> dict[str, Alternative]:

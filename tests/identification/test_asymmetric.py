@@ -7,6 +7,7 @@ from rsgen.data.oscillator import Observation, Oscillator
 from rsgen.data.surface import ResponseSurface
 from rsgen.dynamics.steady_state import solve_steady_states
 from rsgen.identification.identify import identify
+from rsgen.report.wording import sentence
 from tests.surfaces import changed, codes, distances, errors, noisy, without_phase
 
 pytestmark = pytest.mark.slow
@@ -176,3 +177,18 @@ def test_an_even_force_is_told_from_sensors_and_shakers(fault):
     found = identify(changed(measured, harmonics=harmonics), "k*x + k3*x**3 + c*v")
     assert ("even-force-missing" in codes(found)) == bool(more)
     assert (found.verdict.state == "identified") == (not more)
+
+
+@pytest.mark.parametrize("even", [0.0, 1.5e4])
+def test_an_offset_of_the_sensor_is_named_where_a_law_has_an_even_term(even):
+    law, values = "k*x + k2*x**2 + k3*x**3 + c*v", {"k": 5920.0, "k2": even, "k3": 2e5, "c": 3.8}
+    measured = noisy(table(law, values, LEVELS, 40, 6), 0.003, 6)
+    harmonics = np.array(measured.harmonics)
+    harmonics[:, 0] += 2e-4
+    shifted = identify(changed(measured, harmonics=harmonics), law)
+    (missing,) = (one for one in shifted.findings if one.code == "background-missing")
+    assert (missing.parameter, missing.names) == ("k2", {"kind": "mean"})
+    assert missing["offset"] == pytest.approx(2e-4, rel=0.1)
+    assert "mean of 20" in sentence(missing)
+    assert shifted["k2"].interval[0] < even < shifted["k2"].interval[1]
+    assert not {"background-missing", "law-ambiguous"} & codes(identify(measured, law))

@@ -86,6 +86,18 @@ def test_a_ranking_in_which_no_law_fits_says_with_which_background_one_would() -
     assert again.candidates[0].name == laws[1]
 
 
+def test_a_ranking_in_which_no_law_fits_says_that_a_constant_mean_would_explain_it() -> None:
+    table, laws = measured("cubic", 2e-3), ["k*x + c*v", "c*v + k*x + kn*x**3"]
+    harmonics = np.array(table.harmonics)
+    harmonics[:, 0] += 4e-4
+    ranking = rank(changed(table, harmonics=harmonics), laws)
+    (found,) = (one for one in ranking.findings if one.code == "no-law-fits")
+    assert found["offset"] == pytest.approx(4e-4, rel=0.05)
+    assert "an offset of the sensor" in sentence(found)
+    harmonics[:, 0] -= found["offset"]
+    assert rank(changed(table, harmonics=harmonics), laws).fits
+
+
 def test_a_response_that_is_divided_by_the_force_is_rejected_after_one_round(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:

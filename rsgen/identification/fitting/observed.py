@@ -425,6 +425,16 @@ def systematic_columns(residual: Array, pairs: NDArray[np.intp]) -> NDArray[np.b
     return found
 
 
+def constant_mean(mean: Array, amplitude: Array) -> tuple[float, float]:
+    """Return the constant [m] that is nearest to a mean (n,), each point relative to its amplitude, and the
+    share of the mean that it leaves [1].
+    """
+    weight = 1 / amplitude**2
+    offset = float(np.sum(mean * weight) / np.sum(weight))
+    whole = float(np.sum(mean**2 * weight))
+    return offset, float(np.sqrt(np.sum((mean - offset) ** 2 * weight) / whole)) if whole > 0 else 1.0
+
+
 def neighbour_power(residual: Array, pairs: NDArray[np.intp]) -> tuple[Array, Array]:
     """Return the mean square of residuals (n, M) at pairs of neighbours, and their covariance, (M,) both."""
     first, second = (residual[side] for side in pairs.T)

@@ -43,7 +43,13 @@ from rsgen.dynamics.steady_state import solve_steady_states
 from rsgen.identification.fitting.across import law_of
 from rsgen.identification.fitting.fit import Fit, fit_balance
 from rsgen.identification.fitting.forward import go_on
-from rsgen.identification.fitting.observed import Observed, Problem, beyond_chance, neighbour_power
+from rsgen.identification.fitting.observed import (
+    Observed,
+    Problem,
+    beyond_chance,
+    constant_mean,
+    neighbour_power,
+)
 from rsgen.identification.fitting.points import Points, mass_needs, select_points
 from rsgen.identification.misfit import left_by, relative_misfit
 from rsgen.identification.ranking.balance import (
@@ -440,6 +446,11 @@ class PointRound(Round):
         missing = beyond_chance(correlation, counted) & (misfit > _max_misfits(points, len(misfit)))
         unexplained = float(np.sqrt(np.sum(misfit[missing] ** 2)))
         where = _locate_misfit(fitted, points, pairs, missing, misfit) if missing.any() else {}
+        if missing[0]:
+            mean = points.harmonics[:, 0].real
+            offset, left = constant_mean(mean[~out], points.amplitude[~out])
+            if left < 1 - MIN_MISFIT_REDUCTION:
+                where["offset"] = Quantity(offset, "m")
         return Misfit(systematic, unexplained, where, len(pairs) > 0, int(np.count_nonzero(out)))
 
 

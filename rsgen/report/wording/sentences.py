@@ -368,9 +368,12 @@ def _no_law_fits(f: Finding) -> str:
     if "unexplained" not in f.numbers:
         return text
     left, noise = error_text(f["unexplained"]), error_text(f["noise"])
+    cause = "a hysteresis that is none of theirs, a second mode, a background or a drift would leave this"
+    if "offset" in f.numbers:
+        mean = quantity_text(f["offset"], "m", 3)
+        cause = f"an offset of the sensor, a mean displacement of {mean} at every amplitude, would leave this"
     return (
         f"none of these fits: even the best, {f.names['law']}, leaves {left} of force and response "
         f"unexplained (noise, judged by how much {'neighbouring points' if orders else 'periods'} differ: "
-        f"{noise}); all candidates assume one mode: a hysteresis that is none of theirs, a second mode, a "
-        f"background or a drift would leave this; {text}"
+        f"{noise}); all candidates assume one mode: {cause}; {text}"
     )
