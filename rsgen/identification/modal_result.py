@@ -161,6 +161,11 @@ class ModalSplines(Brief):
     freedom: int
     others: tuple[tuple[float, ModalSplines], ...] = ()
 
+    @property
+    def mass_error(self) -> float:
+        """Standard error of the mass [kg], that of the covariances of ``at``."""
+        return float(np.sqrt(self.at(np.ones(1))[2][0, 2, 2]))
+
     def at(self, amplitude: Array) -> tuple[Array, Array, Array]:
         """Return k [N/m], c [N s/m] at resonance, each (n,), and the covariance of k, c, m (n, 3, 3).
 

@@ -140,7 +140,7 @@ class ModeProblem:
     mass_error
         Standard error [kg] of a mass that is held because a background hides it; zero for others.
     others
-        Other shapes that fit as well: weight, problem, and its solution.
+        Other shapes that fit as well, with their weights.
     """
 
     seen: ModePoints
@@ -149,7 +149,7 @@ class ModeProblem:
     mass: float
     assumed: bool = False
     mass_error: float = 0.0
-    others: tuple[tuple[float, ModeProblem, Array], ...] = ()
+    others: tuple[tuple[float, ModeProblem], ...] = ()
 
     @property
     def observed(self) -> Observed:
@@ -233,28 +233,25 @@ def choose_splines(seen: ModePoints, mass: float) -> ModeProblem:
         return trial(seen, shape, orders)
     # a sum of two may stand for one of three, as a curved spline for a more curved one
     chosen = trial(seen, _next_shape(shape, allowed), orders if len(orders) == 1 else trials[-1])
-    return replace(chosen, others=_averaged_shapes([trial(some, candidate, orders) for candidate in shapes]))
+    others = _averaged_shapes([trial(some, candidate, orders) for candidate in shapes])
+    return replace(chosen, others=tuple((weight, replace(other, seen=seen)) for weight, other in others))
 
 
-def _averaged_shapes(trials: list[ModeProblem]) -> tuple[tuple[float, ModeProblem, Array], ...]:
+def _averaged_shapes(trials: list[ModeProblem]) -> list[tuple[float, ModeProblem]]:
     """Return the likely shapes with Akaike weights exp(-AIC/2).
 
     If the best is curved, all of them only approximate: the best in each coordinate, with equal weights.
     """
-    solved = [(*trial.solve(), trial) for trial in trials]
-    best = min(solved, key=lambda entry: entry[1])
-    if best[2].basis.degree >= _CURVED_DEGREE:
-        of_power = [[entry for entry in solved if entry[2].basis.power == power] for power in _POWERS]
-        likely = [min(entries, key=lambda entry: entry[1]) for entries in of_power]
-        weights = np.ones(len(likely))
+    priced = [(trial.solve()[1], trial) for trial in trials]
+    least, best = min(priced, key=lambda entry: entry[0])
+    if best.basis.degree >= _CURVED_DEGREE:
+        of_power = [[entry for entry in priced if entry[1].basis.power == power] for power in _POWERS]
+        likely = [(1.0, min(entries, key=lambda entry: entry[0])[1]) for entries in of_power]
     else:
-        weights = np.exp([-0.5 * (entry[1] - best[1]) for entry in solved])
-        likely = [entry for entry, weight in zip(solved, weights, strict=True) if weight > MIN_LIKELIHOOD]
-        weights = weights[weights > MIN_LIKELIHOOD]
-    return tuple(
-        (float(weight), trial, found)
-        for weight, (found, _, trial) in zip(weights / weights.sum(), likely, strict=True)
-    )
+        likely = [(float(np.exp(0.5 * (least - price))), trial) for price, trial in priced]
+        likely = [entry for entry in likely if entry[0] > MIN_LIKELIHOOD]
+    whole = sum(weight for weight, _ in likely)
+    return [(weight / whole, trial) for weight, trial in likely]
 
 
 def _count_amplitudes(amplitude: Array) -> int:
@@ -510,10 +507,15 @@ def _modal_test(modal: ModeProblem, found: Regression, surface: ResponseSurface,
 
 
 def _other_shapes(modal: ModeProblem) -> tuple[tuple[float, ModalSplines], ...]:
-    """Return the shapes that fit as well, as splines without errors of their own."""
+    """Return the shapes that fit as well, as splines without errors of their own.
+
+    Each is fitted with noise on both sides, as the chosen one: noise of the response biases k, m and c of a
+    linear balance, by far more than the shapes differ. Of a fit that does not settle the linear one counts.
+    """
     splines = []
-    for weight, other, found in modal.others:
-        values, mass, _ = other.split(found)
+    for weight, other in modal.others:
+        found = fit_splines(other)
+        values, mass, _ = other.split(found.parameters if found.converged else other.solve()[0])
         exact = np.zeros((len(values) + 1,) * 2)
         splines.append((weight, ModalSplines(other.basis, other.orders, values, mass, exact, 1)))
     return tuple(splines)
@@ -554,15 +556,16 @@ def _table(modal: ModeProblem, found: Regression, surface: ResponseSurface, mode
         findings += (gap.finding(severity="warning"),)
     unknown = modal.assumed or not model.observation.calibrated
     kilogram = float("nan") if unknown else surface.units.kilogram
+    splines = ModalSplines(
+        modal.basis, modal.orders, values, mass, covariance, found.freedom, _other_shapes(modal)
+    )
     return ModalTable(
         amplitude=table_amplitudes(tested),
-        splines=ModalSplines(
-            modal.basis, modal.orders, values, mass, covariance, found.freedom, _other_shapes(modal)
-        ),
+        splines=splines,
         known=known,
         tested=tested,
         mass=mass * kilogram,
-        mass_error=float(np.sqrt(covariance[-1, -1])) * kilogram,
+        mass_error=splines.mass_error * kilogram,
         misfit=misfit,
         points=int(np.count_nonzero(found.used)),
         test=test,

@@ -8,6 +8,7 @@ import pytest
 
 import rsgen
 from rsgen.common.errors import RsgenError
+from rsgen.common.tolerances import interval_sigmas
 from rsgen.data.oscillator import Model, Observation
 from rsgen.data.surface import ResponseSurface
 from rsgen.identification.fitting.observed import Observed
@@ -206,6 +207,43 @@ def test_shapes_that_fit_as_well_count_by_their_weight():
     assert (k[0], c[0]) == pytest.approx((5000.0, 4.0))
     expected = [0.25 * 200**2, 0.25 * 0.4**2, 0.75 * 0.1**2]
     assert np.diag(errors[0]) == pytest.approx(expected, rel=1e-9)
+
+
+def steep(seed: int) -> ResponseSurface:
+    """Fifty points of k = 9000 N/m + 9.4e12 X^4, c = 2 N s/m, m = 0.8 kg; 1 % noise of the response.
+
+    At the largest amplitude the slope of k X is a hundred times the force per response near resonance.
+    """
+    X = np.repeat(np.geomspace(1.8e-3, 4.9e-3, 5), 10)
+    k = 9000 + 9.4e12 * X**4
+    omega = np.sqrt(k / 0.8) * (1 + np.tile(np.linspace(-0.04, 0.04, 10), 5))
+    noise = np.random.default_rng(seed).normal(size=(2, len(X)))
+    held = measured(X, omega, X * (k - 0.8 * omega**2 + 2j * omega))
+    seen = held.harmonics[:, 1] * (1 + 0.01 * (noise[0] + 1j * noise[1]))
+    return ResponseSurface(held.level, held.frequency, held.force, seen)
+
+
+def test_intervals_of_stiffness_mass_and_frequency_follow_from_each_other():
+    # k = m omega^2; where noise biased the other shapes, the mass was said to 1 % and the stiffness to 30 %
+    table = rsgen.modal_table(steep(1))
+    mass = interval_sigmas(table.splines.freedom) * table.mass_error / table.mass
+    stiffness, frequency = (
+        (getattr(table, f"{name}_upper") - getattr(table, f"{name}_lower")) / 2 / getattr(table, name)
+        for name in ("stiffness", "frequency")
+    )
+    assert (abs(mass - 2 * frequency) < stiffness * (1 + 1e-9)).all()
+    assert (stiffness < (mass + 2 * frequency) * (1 + 1e-9)).all()
+    assert 0.002 < mass < 0.05
+
+
+def test_mass_and_stiffness_scatter_as_much_as_their_errors_say():
+    tables = [rsgen.modal_table(steep(seed)).at([1.8e-3, 2.97e-3, 4.9e-3]) for seed in range(20)]
+    stiffness = [(t.stiffness, (t.stiffness_upper - t.stiffness_lower) / 4) for t in tables]
+    for found in (stiffness, [(t.mass, t.mass_error) for t in tables]):
+        value, error = map(np.array, zip(*found, strict=True))
+        said = np.sqrt(np.mean(error**2, axis=0)) / np.std(value, axis=0, ddof=1)
+        # twenty realisations know their scatter to 16 %; the spread of shapes is added to it
+        assert np.all((said > 0.6) & (said < 2.2)), said
 
 
 def points_of(harmonics: np.ndarray, noise: float = 0.0) -> Points:

@@ -158,7 +158,7 @@ def table_of_lines(spectra: MultisineSpectra, model: Model) -> ModalTable:
         known=known,
         tested=tested,
         mass=found.mass * kilogram,
-        mass_error=float(np.sqrt(variance)) * kilogram,
+        mass_error=splines.mass_error * kilogram,
         misfit=misfit,
         points=int(found.lines.used.sum()),
         test=ModalTest(
