@@ -7,6 +7,8 @@ import numpy as np
 import pytest
 
 from rsgen.common.errors import RsgenError
+from rsgen.files.inspection import list_contents, propose
+from rsgen.files.inspection.clues import TODO
 from tests.inspection.drafts import (
     DAMPING,
     FREQUENCY,
@@ -175,6 +177,25 @@ def test_a_driven_base_is_recognised(tmp_path, base, mass, seed):
     assert surface.per_mass
     assert is_receptance(surface, MASS)
     assert "relative" in doubts["test.base.response"]
+
+
+@pytest.mark.parametrize(
+    ("titles", "driven", "asked"),
+    [
+        ("base,tip", "base", True), ("table,mass", "base", True), ("Tisch,Masse", "base", True),
+        ("base [m/s^2],tip", "base", False), ("shaker [g],tip [g]", "base", False),
+        ("shaker,tip", "force", True), ("shaker [V],tip [g]", "force", True), ("f,tip", "force", True),
+    ],
+)  # fmt: skip
+def test_a_base_is_told_by_its_name_where_no_unit_stands(tmp_path, titles, driven, asked):
+    """A shaker without a unit may stand for its force or voltage."""
+    rows = "\n".join(f"{i / 100},{np.sin(i)},{np.cos(i)}" for i in range(40))
+    path = tmp_path / "a.csv"
+    path.write_text(f"t [s],{titles}\n{rows}\n", encoding="utf-8")
+    found = propose(list_contents(path))
+    assert [name for name in ("base", "force") if f"test.{name}" in found.tables] == [driven]
+    assert found.tables[f"test.{driven}"]["samples"] == titles.split(",")[0]
+    assert found.doubts.get(f"test.{driven}.unit", "").startswith(TODO) is asked
 
 
 def test_a_phase_of_another_channel_is_never_taken(tmp_path):

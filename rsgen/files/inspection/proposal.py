@@ -347,9 +347,13 @@ def _is_response(entry: Entry) -> bool:
 def _find_base(sensors: Sequence[Sensor]) -> list[Sensor]:
     """Find motions of a base by the names of channels; none where there is no other motion."""
     moved = [s for s in sensors if motion_of(s.main) in QUANTITIES.values()]
-    moved += [s for s in sensors if not s.main.unit and (_is_response(s.main) or BASE(s.main))]
+    bare = [sensor for sensor in sensors if not sensor.main.unit]
+    moved += [sensor for sensor in bare if _is_response(sensor.main) or BASE(sensor.main)]
     named = [sensor for sensor in moved if BASE(sensor.main)]
-    return named if len(named) < len(moved) else []
+    # without a unit a shaker may stand for its force or voltage, a base for its motion alone
+    sure = any(sensor.main.unit or not DRIVE(sensor.main) for sensor in named)
+    others = len(named) < len(moved) or (sure and not all(BASE(sensor.main) for sensor in bare))
+    return named if others else []
 
 
 def _find_drive(draft: _Draft, sensors: list[Sensor], of_force: bool) -> tuple[Sensor | None, list[Sensor]]:
