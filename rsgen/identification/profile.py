@@ -9,7 +9,8 @@ the sum of squares has a corner or a plateau, and the interval is lopsided or op
 1. sqrt(D) at both ends of Wald's interval: where it is the quantile to 15 %, that interval stands.
 2. Else each side is sought: distances are doubled until sqrt(D) exceeds the quantile, then interpolated.
 3. Each fit starts from the nearest one before; where sqrt(D) jumps, also from the line through two of them.
-4. Where it still jumps, the balance lost the measured motion: that side is open (``followed``).
+4. Where it still jumps, the balance lost the measured motion: that side is open (``followed``). Where it
+   jumps on both sides, the profile says nothing of the value, and Wald's interval stands.
 """
 
 from __future__ import annotations
@@ -361,6 +362,8 @@ def _with_nonlinear(covariance: Array, nonlinear: Sequence[int]) -> list[int]:
 def _stated(estimate: Estimate, interval: tuple[float, float], followed: tuple[float, float]) -> Estimate:
     """State an interval of the profile: without one end a value is bounded, not identified."""
     finding, (low, high) = estimate.finding, interval
+    if not (isfinite(low) or isfinite(high)) and all(map(isfinite, followed)):
+        return estimate
     if finding is not None and finding.code == "not-distinct-from-zero" and low * high > 0:
         finding = None
     if finding is None and not (isfinite(low) or isfinite(high)):

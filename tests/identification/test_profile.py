@@ -12,7 +12,7 @@ from rsgen.data.surface import ResponseSurface
 from rsgen.dynamics.simulation import SimulatedTest, simulate
 from rsgen.identification.fitting import least_squares
 from rsgen.identification.identify import identify
-from rsgen.identification.profile import profile, with_profiles
+from rsgen.identification.profile import _Likelihood, profile, with_profiles
 from rsgen.identification.restoring_force import invert_curve
 from rsgen.identification.results.result import EquivalentCurve
 from rsgen.report.page_tables import estimate_table
@@ -47,6 +47,15 @@ def test_it_is_walds_where_the_law_is_linear():
         # the root of the deviance is a straight line of slope one by the standard error
         line = (one.values - estimate.value) / estimate.standard_error
         assert one.root == pytest.approx(line, abs=0.1, rel=0.025)
+
+
+def test_it_is_walds_where_the_balance_loses_points_at_once(monkeypatch):
+    # as at the crest of a sweep: no value beside the best has a motion at every point
+    found = identify(touched(2), GAP)
+    monkeypatch.setattr(_Likelihood, "end", lambda *given: (np.sign(given[2]) * np.inf, found["b"].value))
+    lost = with_profiles(found.fit, [replace(found["b"], by_profile=False)])[0]
+    assert not lost.by_profile
+    assert lost.finding is None or lost.finding.code != "not-determined"
 
 
 def test_the_deviance_is_that_of_an_identification_with_the_value_fixed():
