@@ -187,6 +187,7 @@ def render_page(
         "motion_formula": _formula(parse("X0 + X*sin(phi)")),
         "balance_formula": _formula(parse("k - m*omega**2")),
         "estimates_table": tables.estimate_table(identification),
+        "harmonics_matter": tables.harmonics_matter(identification),
         "resonance_table": tables.resonance_table(identification),
         "modal_table": tables.modal_page_table(modal),
         "modal_remarks": [modal.reason] if modal.table is None else map(full_sentence, modal.table.findings),

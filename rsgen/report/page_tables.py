@@ -164,7 +164,7 @@ def estimate_table(identification: Identification) -> Table:
         {estimate.name: estimate for estimate in estimates}
         for estimates in (identification.paper, identification.first_order)
     )
-    biases = dict(zip(first, identification.first_order_bias, strict=False))
+    biases = _biases(identification)
     table = _tabulated(
         f"All estimates in SI units. {_KINDS_OF_INTERVAL}",
         identification.refined,
@@ -191,6 +191,21 @@ def estimate_table(identification: Identification) -> Table:
         for one in identification.fixed
     )
     return replace(table, rows=(*table.rows, *fixed))
+
+
+def _biases(identification: Identification) -> dict[str, float]:
+    """Return the predicted bias of each first-order estimate; none where it was not computed."""
+    names = [one.name for one in identification.first_order]
+    return dict(zip(names, identification.first_order_bias, strict=False))
+
+
+def harmonics_matter(identification: Identification) -> bool:
+    """Return True if one harmonic alone changes an estimate by more than half of its interval."""
+    biases = _biases(identification)
+    return any(
+        abs(biases.get(one.name, math.nan)) > (one.interval[1] - one.interval[0]) / 2
+        for one in identification.refined
+    )
 
 
 def _number_or_dash(value: float, digits: int = 4) -> str:

@@ -143,6 +143,16 @@ def test_page_can_be_found_through(drawings):
     assert all("lang" in element for element in outline.all("html"))
 
 
+@pytest.mark.parametrize(("share", "said"), [(0.9, False), (-1.1, True), (np.nan, False)])
+def test_a_page_says_where_higher_harmonics_part_the_points_from_the_formulas(share, said):
+    low, high = IDENTIFICATION.refined[0].interval
+    bias = (share * (high - low) / 2, *[0.0] * (len(IDENTIFICATION.first_order) - 1))
+    found = replace(IDENTIFICATION, first_order_bias=bias)
+    assert IDENTIFICATION.first_order[0].name == found.refined[0].name
+    parts = (cubic_subject(), SURFACE, found, COMPARISON, PREDICTION, [], empty_drawings())
+    assert ("Higher harmonics matter in this test" in render_page(*parts, {})) is said
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize("title", hostile_titles(), ids=lambda title: ascii(title[:24]))
 def test_titles_are_text(title):
