@@ -39,6 +39,24 @@ def test_a_held_out_level_that_is_missed_casts_doubt(law, expected, noise):
     assert [f.severity for f in findings if f.code == "held-out-missed"] == expected
 
 
+@pytest.mark.parametrize(("wrong", "severities"), [(1, []), (8, ["error"])])
+def test_the_error_that_is_stated_is_the_one_that_is_judged(wrong, severities):
+    # one point of 41 on another branch is near a jump, eight are not
+    table = noisy(surface("cubic"), 0.01, 1)
+    rows = np.flatnonzero(table.level == table.levels[2])
+    rows = rows[np.argsort(-table.amplitude[rows])][:wrong]
+    harmonics = np.array(table.harmonics)
+    harmonics[rows] *= -1
+    table = changed(table, harmonics=harmonics)
+    found = identify(table, model("cubic", hold_out=(float(table.levels[2]),)))
+    (item,) = found.held_out
+    assert item.missing == wrong
+    assert (item.error < 2 * found.residual) is (not severities)
+    missed = [finding for finding in found.findings if finding.code == "held-out-missed"]
+    assert [(one.severity, one["error"]) for one in missed] == [(one, item.error) for one in severities]
+    assert f"{100 * item.error:.2g} %, {wrong} of {len(item.frequency)} points not at all" in str(found)
+
+
 def test_curves_pass_through_the_measured_points(quintic):
     table, prediction = quintic
     for curve in prediction:

@@ -96,9 +96,11 @@ class HeldOutLevel(Brief):
         the test held the amplitude, and of a free decay, it is X_1 F/F_predicted, with the force that this
         amplitude needs at its frequency.
     error
-        Root mean square of predicted - measured over that of measured [1].
+        Root mean square of predicted - measured over that of measured [1]. Up to 2 % of the points, rounded
+        up, are left out where they are ``missing``: between a predicted and a measured jump branches differ.
+        A point for which the law has no steady state counts as predicted at rest.
     largest_error
-        Largest |predicted - measured| over the largest |measured| [1].
+        Largest |predicted - measured| of the same points over the largest |measured| [1].
     missing
         Number of points without a predicted steady state near the measured one; of a decay, without any.
     force

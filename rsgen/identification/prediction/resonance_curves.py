@@ -133,7 +133,8 @@ _FREQUENCY_MARGIN = 0.05
 """Relative extension of the curves beyond the tested frequencies."""
 
 _SHARE_AT_JUMPS = 0.02
-"""Share of the points of a run that may lie between a predicted and a measured jump; they are not scored."""
+"""Share of the points of a run that may lie between a predicted and a measured jump, so on another branch;
+they are not scored."""
 
 _MAX_ERROR_TO_MISFIT = 2.0
 """Error of a held-out level, relative to the misfit of the fitted levels; noise makes 1.3."""
@@ -216,7 +217,7 @@ def predict(
     findings = list[Finding]()
     if surface is not None:
         held_out = _score(found, balance, surface)
-        findings += _missed(held_out, found.residual, by_law=table is None)
+        findings += _missed(held_out, found.residual)
         if curves and surface.base in ("displacement", "velocity"):
             findings.append(Finding("curves-of-constant-acceleration", "info", names={"base": surface.base}))
     findings = [*balance.findings, *_findings(found, tested, curves, held_out), *findings]
@@ -488,33 +489,44 @@ def _respond(
     return balance.respond(mode) + shape.receptance(values) * mode.force
 
 
-def _missed(held_out: tuple[HeldOutLevel, ...], misfit: float, *, by_law: bool = True) -> tuple[Finding, ...]:
-    """Find held-out levels whose error, without points at jumps, is large relative to the misfit of the fit.
-
-    A point without a steady state has an error of its full amplitude if the prediction is ``by_law``; for a
-    modal table it is out of range and does not count.
-    """
+def _missed(held_out: tuple[HeldOutLevel, ...], misfit: float) -> tuple[Finding, ...]:
+    """Find held-out levels whose error is large, and large relative to the misfit of the fit."""
     findings = []
     for item in held_out:
-        size = np.abs(item.measured)
-        known = np.isfinite(item.predicted)
-        miss = np.where(known, np.abs(item.predicted - item.measured), size)
-        if not by_law:
-            miss, size = miss[known], size[known]
-        judged = np.argsort(miss)[: len(miss) - int(np.ceil(_SHARE_AT_JUMPS * len(miss)))]
-        error = float(np.linalg.norm(miss[judged]) / np.linalg.norm(size[judged])) if len(judged) else 0.0
-        severity = severity_of_error(error)
-        if severity is None or error <= _MAX_ERROR_TO_MISFIT * misfit:
+        severity = severity_of_error(item.error)
+        if severity is None or item.error <= _MAX_ERROR_TO_MISFIT * misfit:
             continue
-        # the number is that of the level, as everywhere, not the one without its worst points
-        stated = item.error if isfinite(item.error) else error
-        numbers = quantities(error=stated, misfit=misfit, level=Quantity(item.level, item.level_unit))
-        if error <= item.explained and severity_of_error(misfit) is None:
+        numbers = quantities(error=item.error, misfit=misfit, level=Quantity(item.level, item.level_unit))
+        if item.error <= item.explained and severity_of_error(misfit) is None:
             # forces of a decay are far more sensitive to the values than its frequency
             severity = "warning"
             numbers |= quantities(explained=item.explained)
         findings.append(Finding("held-out-missed", severity, numbers=numbers, names={"sweep": item.sweep}))
     return tuple(findings)
+
+
+def _errors(
+    measured: ComplexArray, predicted: ComplexArray, near: float, *, by_law: bool
+) -> tuple[float, float, int]:
+    """Return the error of a run, its largest one, and the number of points not predicted as ``near``.
+
+    Points on another branch may lie between a predicted and a measured jump: a few of them are not scored.
+    One without a steady state has an error of its full amplitude if the prediction is ``by_law``; for a modal
+    table it is out of range and does not count.
+    """
+    size = np.abs(measured)
+    miss = np.abs(predicted - measured)
+    missed = ~(miss <= near * size)
+    scored = np.full(len(size), True) if by_law else np.isfinite(miss)
+    miss = np.where(np.isfinite(miss), miss, size)
+    off = np.flatnonzero(scored & missed)
+    off = off[np.argsort(-miss[off], kind="stable")]
+    count = int(np.count_nonzero(scored))
+    scored[off[: min(int(np.ceil(_SHARE_AT_JUMPS * count)), count - 1)]] = False
+    if not scored.any():
+        return nan, nan, int(np.count_nonzero(missed))
+    error = float(np.linalg.norm(miss[scored]) / np.linalg.norm(size[scored]))
+    return error, float(miss[scored].max() / size.max()), int(np.count_nonzero(missed))
 
 
 def _score(
@@ -542,14 +554,12 @@ def _score(
             # a phase that was not recorded is the predicted one
             turned = np.abs(measured) * np.exp(1j * np.nan_to_num(np.angle(predicted)))
             measured = np.where(np.isfinite(surface.phase[rows]), measured, turned)
-            miss = np.abs(predicted - measured)
-            known = np.isfinite(miss)
-            near = known if surface.decays else miss <= BRANCH_DISTANCE * np.abs(measured)
-            error, largest, explained = nan, nan, 0.0
-            if known.any():
-                error = float(np.linalg.norm(miss[known]) / np.linalg.norm(measured[known]))
-                largest = float(miss[known].max() / np.abs(measured).max())
-                explained = balance.explained(surface.select(rows[known])) if surface.decays else 0.0
+            # points of a decay are compared at their amplitudes, so that none is on another branch
+            near = inf if surface.decays else BRANCH_DISTANCE
+            by_law = not isinstance(balance, SynthesisBalance)
+            error, largest, missing = _errors(measured, predicted, near, by_law=by_law)
+            known = rows[np.isfinite(predicted)]
+            explained = balance.explained(surface.select(known)) if surface.decays and len(known) else 0.0
             scored.append(
                 HeldOutLevel(
                     level=float(level),
@@ -562,7 +572,7 @@ def _score(
                     level_unit=surface.level_unit,
                     force_unit=identification.curve.units.force,
                     force=float(forces[surface.levels == level][0]),
-                    missing=len(rows) - int(np.count_nonzero(near)),
+                    missing=missing,
                     explained=explained,
                 )
             )
