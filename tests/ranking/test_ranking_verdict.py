@@ -15,6 +15,9 @@ from rsgen.common.finding import steps_once
 from rsgen.data.oscillator import Model, Observation, Oscillator
 from rsgen.data.surface import ResponseSurface
 from rsgen.dynamics.virtual_test import SimulatedTest, add_noise
+from rsgen.identification.fitting.fit import fit_simulator
+from rsgen.identification.fitting.observed import Problem
+from rsgen.identification.identify import identify
 from rsgen.identification.ranking import rank
 from rsgen.identification.ranking.candidate_fit import CandidateFit, CandidateLaw, Round
 from rsgen.identification.ranking.ranking_result import Assessment, Candidate, _best_law_findings, assess_best
@@ -23,7 +26,7 @@ from rsgen.law.element import make_element
 from rsgen.report.wording import sentence
 from rsgen.report.wording.sentences import state_verdict
 from tests.ranking.test_ranking import BASE, MEMORYLESS, measured
-from tests.surfaces import MASS, changed, codes, noisy, truth, without_phase
+from tests.surfaces import LAWS, MASS, changed, codes, noisy, truth, without_phase
 
 STIFFNESS, DAMPING, FORCE, AMPLITUDE = 5922.0, 2.83, 1.777, 0.01
 """A mass of 1.5 kg at 10 Hz; the force moves it by the amplitude [m] at resonance."""
@@ -96,6 +99,32 @@ def test_a_ranking_in_which_no_law_fits_says_that_a_constant_mean_would_explain_
     assert "an offset of the sensor" in sentence(found)
     harmonics[:, 0] -= found["offset"]
     assert rank(changed(table, harmonics=harmonics), laws).fits
+
+
+def test_a_law_that_does_not_fit_is_identified_by_the_balance_and_a_background_is_said_once(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    table = measured("piecewise", 2e-3)
+    late = changed(table, harmonics=table.harmonics * np.exp(-0.03j * np.arange(table.harmonics.shape[1])))
+    ranking = rank(late, [LAWS["piecewise"][0]])
+    assert not ranking.fits
+    asked = list[int]()
+
+    def spy(problem: Problem, *rest: Any, **named: Any) -> Any:
+        asked.append(problem.count)
+        return fit_simulator(problem, *rest, **named)
+
+    monkeypatch.setattr("rsgen.identification.identify.fit_simulator", spy)
+    best, simulated = ranking.best, list(asked)
+    alone = identify(late, ranking.model)
+    assert (len(simulated), len(asked)) == (0, 1)
+    # the same values but for what corners leave of a truncated waveform
+    np.testing.assert_allclose([one.value for one in best], [one.value for one in alone], rtol=0.02)
+    assert best.verdict.state == "rejected"
+    said = [f.names["kind"] for f in (*ranking.findings, *alone.findings) if f.code == "background-missing"]
+    assert said == ["phase", "phase"]
+    assert [f.code for f in best.findings].count("background-missing") == 1
+    assert any(f.names.get("background") for f in best.findings if f.code == "no-law-fits")
 
 
 def test_a_response_that_is_divided_by_the_force_is_rejected_after_one_round(

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from math import inf
 from typing import Any
 
 import numpy as np
@@ -25,7 +26,7 @@ from rsgen.common.tolerances import (
 from rsgen.data.multisine import MultisineSpectra
 from rsgen.data.oscillator import Model
 from rsgen.data.surface import ResponseSurface
-from rsgen.identification.identify import identify
+from rsgen.identification.identify import identify, identify_points
 from rsgen.identification.ranking.balance import WhitenedBalance
 from rsgen.identification.ranking.candidate_fit import (
     POINT_STRIDE,
@@ -33,7 +34,7 @@ from rsgen.identification.ranking.candidate_fit import (
     Round,
 )
 from rsgen.identification.ranking.library_sums import library_terms, terms_of, whole_name
-from rsgen.identification.results import Identification
+from rsgen.identification.results import Identification, changed
 
 OWN = "the case's own law"
 """Name of the law of the case or model that is ranked, among the candidates."""
@@ -144,7 +145,7 @@ class Ranking(Printed):
         if self.surface is None:
             raise RsgenError("ranking.best: the ranking was made without its surface")
         if not self._best:
-            found = self.identified or identify(self.surface, self.model)
+            found = self.identified or self._identify(self.surface)
             # doubts about the choice of the law are doubts about its identification
             against = self.verdict.decided_by if self.fits else self.findings
             # the ranking has its doubts already
@@ -152,6 +153,9 @@ class Ranking(Printed):
             against = tuple(
                 f for f in against if (f.code, f.severity, f.parameter, f.names.get("by")) not in said
             )
+            if any(f.code == "background-missing" for f in against):
+                # what it says of a background its best law does not say again
+                found = changed(found, findings=tuple(f for f in found.findings if not _of_background(f)))
             # of a law that is the best of those that do not fit a ranking is no advice
             names = {} if self.fits else {"ranked": "none fits"}
             findings = (
@@ -163,6 +167,12 @@ class Ranking(Printed):
             )
             self._best.append(replace(found, ranking=self, findings=findings))
         return self._best[0]
+
+    def _identify(self, surface: ResponseSurface | MultisineSpectra) -> Identification:
+        """Identify the best law; one that does not fit without exact motions, which would not mend it."""
+        if self.unexplained and isinstance(surface, ResponseSurface):
+            return identify_points(surface, self.model, attained=inf)
+        return identify(surface, self.model)
 
     @property
     def verdict(self) -> Verdict:
@@ -227,6 +237,13 @@ class Ranking(Printed):
         best = whole_name(self.candidates[0].name, self.model.sensors)
         caption = f"best: {best} ({fits}), noise {short(100 * self.noise, 2)} %"
         return TextTable(heads, rows, caption=caption, notes=(ORDER,))
+
+
+def _of_background(finding: Finding) -> bool:
+    """Return True if a finding is that a background is missing, or that noise may hide one."""
+    return finding.code == "background-missing" or (
+        finding.code == "law-ambiguous" and "background" in finding.names
+    )
 
 
 # ----------------------------------------------------------------------------
