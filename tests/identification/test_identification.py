@@ -33,6 +33,17 @@ EXACT = 1e-6
 SEARCHED = {"power", "tanh", "two-gaps"}
 
 
+def test_what_a_fit_leaves_of_each_point_has_all_harmonics():
+    # the describing function of one harmonic leaves 2 % of the force of the right law at these points
+    found = identify(surface("cubic"), model("cubic", hold_out=(12.0,)))
+    held_out = found.curve.level == 12.0
+    assert np.array_equal(np.isnan(found.residuals), held_out)
+    assert np.max(np.abs(found.residuals[~held_out])) < 1e-5
+    rough = identify(noisy(surface("cubic"), 0.01, 1), model("cubic"))
+    # force and response have one noise each
+    assert np.sqrt(np.mean(np.abs(rough.residuals[rough.curve.used]) ** 2)) == pytest.approx(0.014, rel=0.1)
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize(
     # a search over the whole range takes as long as all other laws; pins hold both

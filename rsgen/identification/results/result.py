@@ -354,6 +354,27 @@ class Identification(Printed):
         return self._known["m"]
 
     @property
+    def residuals(self) -> ComplexArray:
+        """Residual force (n,) of the fit at each point of ``curve``, relative to the force of the point [1].
+
+        It is 1 - D X/F, with D the dynamic stiffness of the fit with all its harmonics, and F, X as measured,
+        without the background. Without phases sizes are compared. NaN at points that the fit did not use.
+
+        Raises
+        ------
+        RsgenError
+            The fit was left behind by ``pickle``, or is of a multisine, which has ``misfit``.
+        """
+        if self.fit is None:
+            raise RsgenError("residuals: only of a fit of sines in the session that made it; identify again")
+        fit, points = self.fit, self.fit.problem.observed.mode(self.fit.background)
+        ratio = fit.force / fit.harmonics[:, 1] * points.harmonics[:, 1] / points.force
+        found = np.full(len(self.curve.frequency), np.nan, dtype=complex)
+        left = 1 - (ratio if points.phase_known else np.abs(ratio))
+        found[self.curve.used] = left[fit.regression.used]
+        return found
+
+    @property
     def oscillator(self) -> Oscillator:
         """The identified structure, with the values of ``solution``, for ``rsgen.simulate``."""
         values = dict(zip(self.model.parameters, self.solution.tolist(), strict=True))
