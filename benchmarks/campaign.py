@@ -199,6 +199,8 @@ KINDS: dict[str, Callable[[Drawn, np.random.Generator], Drawn]] = {
     "barely passed": _barely_passed,
 }
 RIGHT = ("right", "few points", "two levels", "one side")
+_compiled: set[str] = set()
+"""Laws that were fitted: the first fit of each compiles it, and is not timed."""
 
 
 @dataclass(frozen=True)
@@ -220,6 +222,11 @@ class Row:
     def identified(self) -> bool:
         """Whether a reader would take the numbers for good."""
         return self.state == "identified"
+
+    @property
+    def doubted(self) -> bool:
+        """Whether there are numbers that a reader is told to doubt; a refusal has none."""
+        return self.state in {"doubtful", "rejected"}
 
     @property
     def worst(self) -> float:
@@ -256,6 +263,10 @@ def run(kind: str, seed: int, laws: Sequence[str] = tuple(LAWS)) -> Row:
     begin = time.process_time()
     try:
         found = rsgen.identify(surface, drawn.fitted, mass=drawn.mass)
+        if drawn.fitted not in _compiled:
+            _compiled.add(drawn.fitted)
+            begin = time.process_time()
+            found = rsgen.identify(surface, drawn.fitted, mass=drawn.mass)
     except rsgen.RsgenError as fault:
         return Row(
             kind,
@@ -310,7 +321,8 @@ def section(rows: Sequence[Row]) -> list[str]:
         "law that is fitted is right, lacks a term or has one too many. *Wrong*: identified, and a value is",
         f"more than {FAR:g} standard errors off (asked: none). *Stated*: wrong, but the result says what",
         "fundamentals do not show, an even term or the mirror image. *Misses*: values of identified tests",
-        "with noise whose 95 % interval has not the true one (asked of right laws: 4 to 6 %).",
+        "with noise whose 95 % interval has not the true one (asked of right laws: 4 to 6 %). Tests that are",
+        "neither identified nor doubtful or rejected are refused. Times are without compilation of the law.",
         "",
         "| kind | recorded | tests | identified | doubtful or rejected | stated | wrong | misses |",
         "|---|---|---|---|---|---|---|---|",
@@ -322,7 +334,7 @@ def section(rows: Sequence[Row]) -> list[str]:
                 lines.append(f"| {kind} | {part[0].drawn.recorded} {_counts(part)}")
     right = [row for row in rows if row.kind in RIGHT]
     if right:
-        doubted = [row for row in right if not row.identified]
+        doubted = [row for row in right if row.doubted]
         lines += [
             "",
             f"Right law, all tests: misses {_misses(right)}; doubtful or rejected "
@@ -340,7 +352,7 @@ def section(rows: Sequence[Row]) -> list[str]:
 
 def _counts(rows: Sequence[Row]) -> str:
     identified = [row for row in rows if row.identified]
-    wrong, doubted = [row for row in rows if row.wrong], len(rows) - len(identified)
+    wrong, doubted = [row for row in rows if row.wrong], sum(row.doubted for row in rows)
     unstated = sum(not row.stated for row in wrong)
     return (
         f"| {len(rows)} | {len(identified)} | {doubted} | {len(wrong) - unstated} | {unstated} "

@@ -38,3 +38,10 @@ def test_exact_data_of_a_right_law_are_no_doubt(seed):
     row = campaign.run("right", seed)
     assert row.identified
     assert max(map(abs, row.share.values())) < 5e-3
+
+
+def test_a_refusal_is_neither_doubtful_nor_rejected():
+    """Friction holds all points but those of the resonance: the test does not determine the mass."""
+    row = campaign.run("right", 6232)
+    assert row.state == "refused"
+    assert "doubtful or rejected 0 of 1 (0.0 %)" in "\n".join(campaign.section([row]))
