@@ -544,7 +544,7 @@ def compare_fits(
     Raises
     ------
     RsgenError
-        There is no identification, or there are as many names no fits.
+        There is no identification, or not as many names as fits.
     """
     if isinstance(names, Identification):
         raise RsgenError("names: Identification; give a list of fits: compare_fits([one, other])")

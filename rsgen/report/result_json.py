@@ -165,6 +165,8 @@ def build_result(
 
     "verdict" is a ``StatedVerdict``: what the result is worth, the findings that decided, and what to do
     about each; "passed" says of the tolerances alone whether every judged value is within, true without any.
+    "noise" is that of repeats or periods, else the misfit "relative", which of a law that does not fit is a
+    bound of the noise.
 
     Parameters
     ----------

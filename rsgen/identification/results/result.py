@@ -288,7 +288,8 @@ class Identification(Printed):
         The refined misfit, real and imaginary part together, relative to force and response [1]; by its
         degrees of freedom, as in ``outcome``.
     noise
-        Estimated relative noise of force and response [1].
+        Relative noise of force and response [1]: that of repeats or periods, else the misfit, which of a law
+        that does not fit is no noise but a bound of it.
     levels
         The fitted nominal levels [N], ascending; with response control the forces at the resonances.
     amplitude_range, frequency_range
