@@ -26,6 +26,7 @@ from rsgen.common.tolerances import (
     BALANCE_HARMONICS,
     MAX_LINEAR_CHANGE,
     MAX_TRIAL_STEPS,
+    RELATIVE_CHANGE_NEGLIGIBLE,
     SAMPLES_PER_PERIOD,
     START_HARMONICS,
     interval_sigmas,
@@ -219,6 +220,15 @@ class AmplitudeBalance:
             )
             low, high = float(size[i]), float(size[i + 1])
         return low if reached[i] else high
+
+    def peak(self, level: float, window: tuple[float, float]) -> tuple[Array, Array]:
+        """Return the frequency [rad/s] and the amplitude [m] of the peak under a level [N], each (1,).
+
+        The frequency is NaN where the motion grows up to that amplitude, to which a peak was sought.
+        """
+        size = np.array([high for _, high in self.spans(level, window)][-1:])
+        omega, least = self.backbone(size, self._interpolated_frequency(size))
+        return np.where(np.abs(least / level - 1) < RELATIVE_CHANGE_NEGLIGIBLE, omega, np.nan), size
 
     def _smallest_amplitude(self, level: float, window: tuple[float, float]) -> float:
         """Return a little less than the smallest amplitude [m] within the window of frequencies."""

@@ -220,7 +220,7 @@ def predict(
         findings += _missed(held_out, found.residual)
         if curves and surface.base in ("displacement", "velocity"):
             findings.append(Finding("curves-of-constant-acceleration", "info", names={"base": surface.base}))
-    findings = [*balance.findings, *_findings(found, tested, curves, held_out), *findings]
+    findings = [*balance.findings, *_findings(found, balance, tested, curves, held_out), *findings]
     return Prediction(curves, held_out, (*findings, *records.findings), records.records)
 
 
@@ -314,6 +314,7 @@ def _check_band(band: tuple[float, float]) -> tuple[float, float]:
 
 def _findings(
     found: Identification,
+    balance: AmplitudeBalance,
     tested: tuple[float, float],
     curves: tuple[ResonanceCurve, ...],
     held_out: tuple[HeldOutLevel, ...],
@@ -324,24 +325,23 @@ def _findings(
         numbers = {"level": Quantity(curve.level, curve.level_unit), "high": Quantity(tested[1], "m")}
         if len(curve.frequency) == 0:
             findings.append(Finding("no-steady-state", "warning", numbers={"level": numbers["level"]}))
-        elif found.fit is None and curve.rises_at_end and np.isfinite(tested[1]):
+            continue
+        if found.fit is None and curve.rises_at_end and np.isfinite(tested[1]):
             findings.append(
                 Finding("prediction-extrapolated", "warning", numbers=numbers, names={"by": "table"})
             )
-        elif np.any(curve.extrapolated & (curve.amplitude > tested[1])):
-            run = _points_under(found, curve.level)
-            if run is None:
-                findings.append(Finding("prediction-extrapolated", "warning", numbers=numbers))
-            else:
-                short.append(_compare_peaks(curve, run, numbers))
+            continue
+        run = _points_under(found, curve.level)
+        beyond = np.any(curve.extrapolated & (curve.amplitude > tested[1]))
+        if run is not None and (beyond or curve.rises_at_end):
+            short.append(_compare_peaks(found, balance, curve, run, numbers))
+        elif beyond:
+            findings.append(Finding("prediction-extrapolated", "warning", numbers=numbers))
     # points of a level rarely hit its very peak
     short = [one for one in short if one[0] > 1 + RELATIVE_ERROR_DOUBTFUL]
-    if short:
-        _, worst = max(short, key=lambda one: (one[0], one[1].numbers["peak"].value))
-        levels = len(short)
-        if worst.names["by"] == "end":
-            levels = sum(len(curve.frequency) > 0 and curve.rises_at_end for curve in curves)
-        findings.append(replace(worst, numbers={**worst.numbers, **quantities(levels=levels)}))
+    if any(one["peak"] > tested[1] for _, one in short):
+        _, worst = max(short, key=lambda one: (one[1]["peak"] > tested[1], one[0], one[1]["peak"]))
+        findings.append(replace(worst, numbers={**worst.numbers, **quantities(levels=len(short))}))
     return (*findings, *_missing(held_out))
 
 
@@ -358,29 +358,40 @@ def _points_under(found: Identification, force: float) -> Points | None:
     return None
 
 
-def _compare_peaks(curve: ResonanceCurve, run: Points, numbers: dict[str, Quantity]) -> tuple[float, Finding]:
+def _compare_peaks(
+    found: Identification,
+    balance: AmplitudeBalance,
+    curve: ResonanceCurve,
+    run: Points,
+    numbers: dict[str, Quantity],
+) -> tuple[float, Finding]:
     """Return how many times the points of its level a curve peaks, and the finding that they end below it.
 
-    The ratio is infinite where the curve rises as it leaves the band, for its peak is not known.
-    Points before that peak lie on the lower branch, as those from rest before the fold do; others leave a gap
-    there.
+    A curve that rises as it leaves the band peaks beyond it; the ratio is infinite where the law has no peak.
+    Points that are low before that peak lie on the lower branch, as those from rest before the fold do;
+    others leave a gap there, or end before it.
     """
     peak, top = int(np.nanargmax(curve.amplitude)), int(np.argmax(run.amplitude))
-    height, measured = float(curve.amplitude[peak]), float(run.amplitude[top])
-    frequency = run.omega / (2 * np.pi)
-    low, high = sorted((frequency[top], curve.frequency[peak]))
+    at, height = float(curve.frequency[peak]), float(curve.amplitude[peak])
+    measured, frequency = float(run.amplitude[top]), run.omega / (2 * np.pi)
+    rises = curve.rises_at_end
+    if rises:
+        omega, size = balance.peak(curve.level, (2 * np.pi * frequency.min(), 2 * np.pi * frequency.max()))
+        if rises := not np.isfinite(omega).all():
+            numbers = {**numbers, "sought": Quantity(float(size[0]), "m")}
+        else:
+            seen, _ = _at_sensor(found, omega, size, balance.solve(size, omega).force)
+            at, height = float(omega[0]) / (2 * np.pi), float(seen[0])
+    low, high = sorted((frequency[top], at))
     between = run.amplitude[(frequency > low) & (frequency < high)]
     sizes = quantities(
-        measured=Quantity(measured, "m"),
-        peak=Quantity(height, "m"),
-        frequency=Quantity(float(curve.frequency[peak]), "Hz"),
+        measured=Quantity(measured, "m"), peak=Quantity(height, "m"), frequency=Quantity(at, "Hz")
     )
-    beyond = curve.rises_at_end
-    # a curve that leaves the band may have its fold beyond it
-    jumped = np.any(between < HALF_POWER * measured) if beyond else len(curve.folds) > 0 < len(between)
-    names = {"by": "jump" if jumped else "end" if beyond else "points", "rises": "yes" if beyond else "no"}
+    jumped = np.any(between < HALF_POWER * measured)
+    inside = frequency.min() <= at <= frequency.max() and not rises
+    names = {"by": "jump" if jumped else "points" if inside else "end", "rises": "yes" if rises else "no"}
     finding = Finding("prediction-extrapolated", "warning", numbers=numbers | sizes, names=names)
-    return np.inf if beyond else height / measured, finding
+    return np.inf if rises else height / measured, finding
 
 
 def _missing(held_out: tuple[HeldOutLevel, ...]) -> tuple[Finding, ...]:
