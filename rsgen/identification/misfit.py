@@ -395,7 +395,7 @@ def even_findings(fit: Fit) -> list[Finding]:
     if not (records_even(problem) and _is_symmetric(problem)):
         return []
     chosen = problem.observed.points.spread(SUBSAMPLE_POINTS)
-    chosen = chosen[fit.regression.used[chosen]]
+    chosen = chosen[(fit.regression.used & ~fit.symmetry_broken)[chosen]]
     if _gain_of_all(fit.select(chosen)) < MIN_SIGNIFICANT_GAIN / 2:
         return []
     few = problem.select(chosen)

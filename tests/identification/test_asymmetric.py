@@ -192,3 +192,23 @@ def test_an_offset_of_the_sensor_is_named_where_a_law_has_an_even_term(even):
     assert "mean of 20" in sentence(missing)
     assert shifted["k2"].interval[0] < even < shifted["k2"].interval[1]
     assert not {"background-missing", "law-ambiguous"} & codes(identify(measured, law))
+
+
+def test_motions_that_break_the_symmetry_of_their_law_say_nothing_for_an_even_force():
+    """A gap of both sides, near half its resonance; a sweep is still asymmetric just after it."""
+    law, values = (
+        "k*x + kg*(Max(0, x - b) + Min(0, x + b)) + c*v",
+        {"k": 2.4e4, "kg": 3e4, "b": 7e-4, "c": 6.0},
+    )
+    frequencies = np.concatenate([np.linspace(10.15, 13, 60), np.linspace(14, 30, 60)])
+    level, frequency = (a.ravel() for a in np.meshgrid((2.0, 6.0, 24.0), frequencies, indexing="ij"))
+    states = solve_steady_states(
+        Oscillator(2.2, law, values), level.astype(complex), frequency, harmonics=5, accuracy=1e-6
+    )
+    harmonics, late = np.array(states.harmonics), (level == 24) & (frequency > 10.85) & (frequency < 10.97)
+    harmonics[:, 0] = 0
+    even = np.abs(harmonics[:, 2]) > 0.01 * np.abs(harmonics[:, 1])
+    assert np.flatnonzero(late)[0] == np.flatnonzero(even)[-1] + 1
+    harmonics[late, 2] += 0.15 * harmonics[late, 1]
+    full = ResponseSurface(level, frequency, level.astype(complex), harmonics, outcome=states.outcome)
+    assert identify(noisy(full, 3e-3, 1), law).verdict.state == "identified"

@@ -40,6 +40,7 @@ from rsgen.common.tolerances import (
     MISFIT_NEGLIGIBLE,
     MISFIT_OF_NOISE,
     NEAR_STEPS,
+    RELATIVE_CHANGE_NEGLIGIBLE,
     SAMPLES_PER_PERIOD,
     SAMPLES_PER_PERIOD_SWITCHED,
 )
@@ -160,6 +161,25 @@ class Fit:
     def motion(self) -> Motion:
         """Predicted, of the mode, in the phase that was measured."""
         return Motion(self.problem.observed.points.omega, self.harmonics).turned(self.turn)
+
+    @property
+    def symmetry_broken(self) -> NDArray[np.bool_]:
+        """True (n,) where even harmonics are those of a symmetric law, whose motion is not symmetric.
+
+        They begin and end where it loses its symmetry (a pitchfork; Parlitz and Lauterborn 1985, Physics
+        Letters A 107, 351); a sweep passes both late. So neighbours with even harmonics belong together, and
+        the law explains those of all where it has them at one.
+        """
+        points = self.problem.observed.points
+        recorded, own = (
+            np.abs(h[:, 0:3:2]).max(axis=1) > RELATIVE_CHANGE_NEGLIGIBLE * np.abs(h[:, 1])
+            for h in (points.harmonics, self.harmonics)
+        )
+        broken = np.zeros(len(points), dtype=bool)
+        for run in points.runs:
+            for part in np.split(run, np.flatnonzero(~recorded[run])):
+                broken[part] = recorded[part] & (recorded & own)[part].any()
+        return broken
 
     def select(self, chosen: NDArray[np.intp]) -> Fit:
         """Take some of the points; what was found from all stays."""
