@@ -109,7 +109,16 @@ def make_simulated(table: Any, maker: Maker) -> VirtualTest:
 
 def make_observation(table: Any, test: PlannedTest, maker: Maker) -> Observation:
     """Make the observation; levels held out of a virtual test must be among those tested."""
+    before = len(maker.faults)
     observation = maker.make(Observation, table, "identify")
+    if isinstance(test, MeasuredTest) and test.level.labels:
+        # of a label no unit is known
+        maker.faults[before:] = [
+            f"{fault}; of a level that is a label ([test.level]) write the number alone"
+            if ".hold_out." in fault
+            else fault
+            for fault in maker.faults[before:]
+        ]
     unit = maker.units.get("N", "N")
     planned, levels = test.planned_levels, list[float]()
     for number, level in enumerate(observation.hold_out, start=1):

@@ -322,7 +322,8 @@ def name_levels(surface: ResponseSurface, test: MeasuredTest, known: bool, said:
     }
     said = said and not test.level.labels and test.calibrated
     ratio = typical / levels
-    proportional = ratio.max() < LEVEL_TOLERANCE * ratio.min()
+    # labels that the case calls so are no amounts
+    proportional = not test.level.labels and ratio.max() < LEVEL_TOLERANCE * ratio.min()
     numbers = {"ratio": Quantity(float(np.median(ratio)))} if proportional else {}
     finding = Finding("levels-disagree", "doubt" if said else "info", numbers=numbers, names=labels)
     return replace(renamed, findings=(*surface.findings, finding))

@@ -166,7 +166,7 @@ def quantity(value: object, unit: str | None = None) -> float:
     if unit is not None:
         needed_dimension = read_unit(unit).dimension
         if found.dimension != needed_dimension:
-            raise RsgenError(_mismatch(_shown(value), number, found.dimension, needed_dimension, unit))
+            raise RsgenError(_mismatch(_shown(value), number, text, found.dimension, needed_dimension, unit))
     return _finite(number * found.factor, _shown(value))
 
 
@@ -180,13 +180,15 @@ def _finite(number: float | Fraction, shown: str) -> float:
     return value + 0.0  # -0.0 as 0.0
 
 
-def _mismatch(shown: str, number: Fraction, found: Dimension, needed: Dimension, unit: str) -> str:
+def _mismatch(
+    shown: str, number: Fraction, typed: str, found: Dimension, needed: Dimension, unit: str
+) -> str:
     if (found, needed) == (_HERTZ, _RATE):
         radians = float(number) * 2 * math.pi
         return f"{shown} counts cycles, but {unit} is needed; a cycle is 2 pi rad: write {radians:.6g} rad/s"
     if (found, needed) == (_RATE, _HERTZ):
         return f"{shown} is an angular frequency, but {unit} is needed; 2 pi rad/s are 1 Hz"
-    what = found.name or f"in {found}"
+    what = found.name or f"in {min(typed, str(found), key=len)}"
     wanted = f" ({needed.name})" if needed.name and needed != NUMBER else ""
     if needed == NUMBER:
         return f"{shown} is {what}, but a plain number without unit is needed"

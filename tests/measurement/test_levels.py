@@ -145,8 +145,11 @@ def test_levels_of_files(tmp_path, forces, rule, levels, said):
     surface = read_measurement(of_files(tmp_path, forces, level=LevelRule(**rule)))
     np.testing.assert_allclose(surface.levels, levels)
     assert severities(surface) == said
-    if forces is HALF and said["levels-disagree"] == "doubt":
-        assert "0.505 times as much at all levels" in sentence(surface.findings[0])
+    if forces is HALF:
+        times = "0.505 times as much at all levels" in sentence(surface.findings[0])
+        assert times == (said["levels-disagree"] == "doubt")
+        # of what the case calls labels no ratio: their unit, as volts, may not be one of forces
+        assert ("ratio" in surface.findings[0].numbers) == (rule.get("unit") != "label")
 
 
 @pytest.mark.parametrize("name", ["rep*{level}N.csv", "rep*1.{level}N.csv"])
@@ -231,6 +234,17 @@ def test_records_are_held_out_by_their_labels():
     assert thirds.held_out((0.667,)).tolist() == [False, True, False]
     with pytest.raises(RsgenError, match=r"label 0\.333333"):
         thirds.require_levels((9.0,))
+
+
+def test_levels_in_the_volts_of_a_drive_are_told_to_be_labels():
+    """The load cell is calibrated: "calibrated = false" was proposed."""
+    with pytest.raises(
+        MeasurementError, match=r"level.unit: 'V' .* needed; unit = \"label\" where the levels are"
+    ):
+        MeasuredTest(
+            Path("1V.csv"), 1, Channel(amplitude=2), Channel(amplitude=3), "displacement",
+            phase_known=False, level=LevelRule(name="{level}V.csv", unit="V"),
+        )  # fmt: skip
 
 
 def test_labels_cannot_stand_for_a_force():

@@ -44,6 +44,7 @@ def test_a_quantity_is_its_si_value(text, unit, value):
     [
         ("5.92 kN", "N/m", "'5.92 kN' is a force, but N/m (a stiffness) is needed"),
         ("5.92 kN*s^2", "N/m", "'5.92 kN*s^2' is in N*s^2, but N/m (a stiffness) is needed"),
+        ("0.6 V", "N", "'0.6 V' is in V, but N (a force) is needed"),
         ("50 Hz", "rad/s", "counts cycles, but rad/s is needed; a cycle is 2 pi rad: write 314.159 rad/s"),
         ("50 rad/s", "Hz", "is an angular frequency, but Hz is needed"),
         ("50 1/s", "Hz", "is an angular frequency, but Hz is needed"),
