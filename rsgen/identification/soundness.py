@@ -183,9 +183,8 @@ def held_points(problem: Problem, parameters: Array) -> NDArray[np.bool_]:
 
 def _dry_friction(problem: Problem, values: Array) -> float:
     """Force [N] up to which the law holds the mass at rest."""
-    points, none = problem.observed.points, np.zeros(1)
-    tiny = np.array([ROUND_OFF * float(np.max(points.amplitude * points.omega))])
-    return float((problem.law.force(none, tiny, values) - problem.law.force(none, -tiny, values))[0]) / 2
+    points = problem.observed.points
+    return problem.law.dry_friction(ROUND_OFF * float(np.max(points.amplitude * points.omega)), values)
 
 
 def limit_findings(remarked: Sequence[Finding], fit: Fit) -> list[Finding]:

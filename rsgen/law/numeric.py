@@ -184,6 +184,11 @@ class ForceLaw(Character):
         zero = np.zeros_like(x)
         return self._sum((x, v), (zero, zero), zero, values)[0]
 
+    def dry_friction(self, v: float, values: Array) -> float:
+        """Return the force [N] up to which the law holds a mass at rest: half its jump from -v to v [m/s]."""
+        forces = self.force(np.zeros(2), np.array([v, -v]), values)
+        return float(forces[0] - forces[1]) / 2
+
     def with_far(self, far: Waves) -> ForceLaw:
         """Return a law across two sensors as one of the response, the other motion given; others as they are.
 

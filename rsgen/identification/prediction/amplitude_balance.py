@@ -20,13 +20,14 @@ from numpy.typing import NDArray
 
 from rsgen.common.arrays import Array, ComplexArray
 from rsgen.common.errors import RsgenError
-from rsgen.common.finding import Finding
+from rsgen.common.finding import Finding, Quantity, quantities
 from rsgen.common.tolerances import (
     ANY_LAW,
     BALANCE_HARMONICS,
     MAX_LINEAR_CHANGE,
     MAX_TRIAL_STEPS,
     RELATIVE_CHANGE_NEGLIGIBLE,
+    ROUND_OFF,
     SAMPLES_PER_PERIOD,
     START_HARMONICS,
     interval_sigmas,
@@ -37,7 +38,7 @@ from rsgen.dynamics.harmonic_balance import Response, following_harmonics, hold_
 from rsgen.dynamics.linear_part import Inertia
 from rsgen.identification.fitting.across import MeasuredAcross, law_of
 from rsgen.identification.modal_result import ModalTable, SplineMode
-from rsgen.identification.prediction.prediction_result import BEYOND, ERROR_LIMITS
+from rsgen.identification.prediction.prediction_result import BEYOND, ERROR_LIMITS, ResonanceCurve
 from rsgen.identification.results import EquivalentCurve, Estimate, Identification
 from rsgen.law.motion import Motion
 from rsgen.law.numeric import compile_law
@@ -460,4 +461,21 @@ def table_as_identification(table: ModalTable) -> Identification:
         outcome=Finding("identified", "info"),
         solution=np.zeros(len(Model(ANY_LAW).parameters)),
         background=test.background,
+    )
+
+
+def friction_under(found: Identification, curve: ResonanceCurve) -> dict[str, Quantity]:
+    """Return dry friction that holds the mass under the force of a curve, and the least force of a resonance.
+
+    Friction Ff takes 4 Ff X a period, the force gives at most pi F X: without stops it swings above 4 Ff/pi.
+    """
+    if curve.level_unit != "N" or len(found.solution) != len(found.model.parameters):
+        return {}
+    rate = 2 * np.pi * found.frequency_range[1] * found.amplitude_range[1]
+    friction = law_of(found.model.elements).dry_friction(ROUND_OFF * rate, found.solution)
+    least = 4 / np.pi * friction
+    return (
+        quantities(friction=Quantity(friction, "N"), least=Quantity(least, "N"))
+        if curve.level < least
+        else {}
     )

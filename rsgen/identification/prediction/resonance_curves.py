@@ -38,6 +38,7 @@ from rsgen.identification.prediction.amplitude_balance import (
     AmplitudeBalance,
     SynthesisBalance,
     balance_of,
+    friction_under,
     table_as_identification,
 )
 from rsgen.identification.prediction.prediction_result import (
@@ -324,7 +325,8 @@ def _findings(
     for curve in curves:
         numbers = {"level": Quantity(curve.level, curve.level_unit), "high": Quantity(tested[1], "m")}
         if len(curve.frequency) == 0:
-            findings.append(Finding("no-steady-state", "warning", numbers={"level": numbers["level"]}))
+            numbers = {"level": numbers["level"], **friction_under(found, curve)}
+            findings.append(Finding("no-steady-state", "warning", numbers=numbers))
             continue
         if found.fit is None and curve.rises_at_end and np.isfinite(tested[1]):
             findings.append(
