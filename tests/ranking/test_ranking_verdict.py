@@ -127,6 +127,17 @@ def test_a_law_that_does_not_fit_is_identified_by_the_balance_and_a_background_i
     assert any(f.names.get("background") for f in best.findings if f.code == "no-law-fits")
 
 
+def test_harmonics_taken_for_noise_do_not_make_a_wrong_law_the_best_of_two_decays() -> None:
+    # along the motion of a Stribeck law a point near the stop gave the fifth harmonic a noise of 21 %
+    values = {"k": 12000.0, "k3": 4e8, "c": 0.6, "Ff": 0.25}
+    blade = Oscillator(0.5, "k*x + k3*x**3 + c*v + Ff*sign(v)", values)
+    plan = rsgen.DecayTest(level=[3e-3, 6e-3], duration=4, rate=2000, noise_relative=1e-3)
+    ranking = rank(rsgen.simulate(blade, plan), MEMORYLESS, mass=0.5)
+    best = ranking.candidates[0]
+    assert best.name == "cubic-spring + coulomb"
+    assert best.held_out_error < 0.01
+
+
 def test_a_response_that_is_divided_by_the_force_is_rejected_after_one_round(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:

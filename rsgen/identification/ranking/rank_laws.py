@@ -146,8 +146,11 @@ def rank(
 
 
 def _best_round(rounds: list[_Compared]) -> _Compared:
-    """Return the last of the rounds with the least misfit: rounds may go in a circle."""
-    misfits = [one.misfit for one in rounds]
+    """Return the last of the rounds that leave least: rounds may go in a circle.
+
+    What seems noise counts, too: along the motion of a wrong law a few points may hide its misfit.
+    """
+    misfits = [one.round.relative(one.round.leader.residual) for one in rounds]
     least = min(misfits) + MISFIT_NEGLIGIBLE
     return next(one for one, misfit in zip(rounds[::-1], misfits[::-1], strict=True) if misfit <= least)
 
