@@ -414,7 +414,8 @@ def even_findings(fit: Fit) -> list[Finding]:
     if not share > RELATIVE_CHANGE_NEGLIGIBLE:
         return []
     numbers = quantities(share=share, amplitude=Quantity(size, "m"), errors=np.sqrt(gain))
-    return [Finding("even-force-missing", "doubt", numbers=numbers, names={"term": term})]
+    names = {"term": term} | ({"mean": "recorded"} if 0 in points.measured else {})
+    return [Finding("even-force-missing", "doubt", numbers=numbers, names=names)]
 
 
 def _gain_of_all(fit: Fit) -> float:

@@ -176,6 +176,12 @@ def test_an_even_force_is_told_from_sensors_and_shakers(fault):
         harmonics[:, 2] += 0.03 * measured.force / (values["k"] - 4 * MASS * omega**2)
     found = identify(changed(measured, harmonics=harmonics), "k*x + k3*x**3 + c*v")
     assert ("even-force-missing" in codes(found)) == bool(more)
+    if fault == "two stiffnesses":
+        harmonics[:, 0] = 0
+        without = identify(changed(measured, harmonics=harmonics), "k*x + k3*x**3 + c*v")
+        for one, begins in ((found, "the mean and the even"), (without, "the even harmonics")):
+            (said,) = (sentence(f) for f in one.findings if f.code == "even-force-missing")
+            assert said.startswith(begins)
     assert (found.verdict.state == "identified") == (not more)
 
 
