@@ -124,6 +124,14 @@ def test_page_needs_no_network_and_runs_nothing(drawings):
 
 
 @pytest.mark.slow
+def test_a_page_of_a_test_without_resonances_has_no_empty_table(drawings):
+    assert "Resonances of the levels" in page(drawings)
+    decay = replace(IDENTIFICATION, resonances=())
+    printed = check_printed(cubic_subject(), decay)
+    parts = (cubic_subject(), SURFACE, decay, COMPARISON, PREDICTION, printed, drawings)
+    assert "Resonances of the levels" not in render_page(*parts, {"Versions": "rsgen"})
+
+
 def test_page_can_be_found_through(drawings):
     outline = Outline(page(drawings))
     counts = outline.count()
