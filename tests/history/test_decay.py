@@ -230,3 +230,53 @@ def test_a_decay_that_is_held_out_is_judged_at_its_amplitudes(name: str) -> None
     # without the damper of the law, or its friction, the force is another one
     wrong = "k*x + k3*x**3 + Ff*sign(v)" if name == "friction" else "k*x + c*v"
     assert rsgen.identify(table, wrong, hidden, mass=0.5).held_out[0].error > 0.5
+
+
+def released(amplitude: float, held: float = 0.15, rate: float = 2000.0) -> TimeHistory:
+    """Return a release from a displacement held for some time, which friction stops; 4 um of noise."""
+    t = np.arange(0, 4, 1 / rate)
+
+    def motion(t: float, y: np.ndarray) -> list[float]:
+        friction = 0.25 * np.tanh(y[1] / 1e-4)
+        return [y[1], -(12000 * y[0] + 4e8 * y[0] ** 3 + 0.6 * y[1] + friction) / 0.5]
+
+    late = t[t >= held] - held
+    free = solve_ivp(
+        motion, (0, late[-1]), [amplitude, 0], t_eval=late, method="LSODA", rtol=1e-7, atol=1e-9
+    ).y[0]
+    x = np.concatenate([np.full(len(t) - len(late), amplitude), free])
+    noise = 4e-6 * np.random.default_rng(3).standard_normal(len(x))
+    return TimeHistory(rate, None, x + 2e-5 + noise, label=f"{1e3 * amplitude:g} mm")
+
+
+@pytest.mark.parametrize("start", [None, 0.0])
+def test_a_decay_begins_where_a_structure_held_displaced_is_let_go(start: float | None) -> None:
+    found = follow_decay(released(6e-3), mass=0.5, start=start)
+    begin = one(found.findings, "decay-taken")
+    assert begin.names["after"] == "hold"
+    assert begin["begin"] == pytest.approx(0.15, abs=1e-3)
+    assert found.amplitude[0] > 5.0e-3
+    omega = 2 * np.pi * found.frequency
+    assert found.damping[0] == pytest.approx(0.6 + 4 * 0.25 / (np.pi * omega * found.amplitude)[0], rel=0.01)
+
+
+@pytest.mark.parametrize("zeta", [0.003, 0.01])
+def test_the_step_of_a_hold_is_not_the_line_of_the_mode(zeta: float) -> None:
+    after, natural = np.arange(-2, 28, 1 / RATE), 2 * np.pi * 10
+    x = np.where(after < 0, 3e-3, 3e-3 * np.exp(-zeta * natural * after) * np.cos(natural * after)) + 1e-4
+    x += 1e-6 * np.random.default_rng(0).standard_normal(len(x))
+    found = follow_decay(TimeHistory(RATE, None, x), mass=1.0)
+    assert one(found.findings, "decay-taken")["begin"] == pytest.approx(2.0, abs=2e-3)
+    assert found.damping[0] == pytest.approx(2 * zeta * natural, rel=2e-3)
+
+
+def test_a_decay_that_friction_stops_too_soon_is_left_out_and_says_so() -> None:
+    short, long = released(1e-3), released(6e-3)
+    with pytest.raises(MeasurementError, match=r"at most 1. periods, and 27 are needed: friction stops it"):
+        from_free_decay(short, mass=0.5)
+    both = from_free_decay([short, long], mass=0.5, start=[None, 0.16])
+    (left,) = (finding for finding in both.findings if finding.severity == "warning")
+    assert "left out: 1 mm: the decay at" in rsgen.sentence(left)
+    assert np.array_equal(both.force, from_free_decay(long, mass=0.5, start=0.16).force)
+    with pytest.raises(MeasurementError, match="start: 1 instants for 2 histories"):
+        from_free_decay([short, long], mass=0.5, start=[0.16])

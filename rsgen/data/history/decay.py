@@ -21,6 +21,7 @@ from rsgen.common.errors import MeasurementError
 from rsgen.common.finding import Finding, Quantity
 from rsgen.data.history.envelope import (
     HARMONICS,
+    NOISE_WIDTH,
     REFERENCE_PASSES,
     WINDOW_PERIODS,
     demodulate,
@@ -32,7 +33,14 @@ from rsgen.data.history.envelope import (
     steady_force,
 )
 from rsgen.data.history.record import MIN_SAMPLES, TimeHistory, as_histories, check_options
-from rsgen.data.history.release import SPECTRUM_PERIODS, Stretch, find_decays, force_ends, within_octave
+from rsgen.data.history.release import (
+    SHARE_OF_HOLD,
+    SPECTRUM_PERIODS,
+    Stretch,
+    find_decays,
+    force_ends,
+    within_octave,
+)
 from rsgen.data.record_set import DERIVATIVE
 from rsgen.data.surface import ResponseSurface
 
@@ -42,6 +50,8 @@ _MAX_NOISE = 0.2
 """Of the force of a point of a surface, relative: c(X) of smaller motions is mostly noise."""
 _NEIGHBOURS = 7
 """Points whose scatter about a straight line gives the standard error of the middle one."""
+_MIN_PERIODS = WINDOW_PERIODS * (1 + (_NEIGHBOURS - 1) / NOISE_WIDTH)
+"""Of a decay: as many independent windows."""
 _NO_MASS = (
     "{}: a free decay determines stiffness and damping per mass only; give the mass, or 1 kg where it is not "
     "known: all parameters are then per kg"
@@ -113,23 +123,24 @@ def from_free_decay(
     mass: float | None = None,
     band: tuple[float, float] | None = None,
     harmonics: int = HARMONICS,
-    start: float | None = None,
+    start: float | Sequence[float | None] | None = None,
 ) -> ResponseSurface:
     """Turn free decays of one structure into a response surface.
 
     Every point has the force of its motion as a steady one, F = (k(X) - m omega^2 + i omega c(X)) X; each
-    decay is one level, named by its largest force. A record with several blows has several decays.
+    decay is one level, named by its largest force. A record with several blows has several decays; one whose
+    decay cannot be followed is left out if there are others.
 
     Parameters
     ----------
     histories, mass, band, harmonics, start
-        One history or several, and the rest, as ``follow_decay`` takes them. Give the mass as 1 where it is
-        not known: all parameters are then per kg.
+        One history or several, and the rest, as ``follow_decay`` takes them; ``start`` is one for all or one
+        each. Give the mass as 1 where it is not known: all parameters are then per kg.
 
     Raises
     ------
     MeasurementError
-        No decay is found, or the mass is not given.
+        No decay is found in any record, or the mass is not given.
 
     Examples
     --------
@@ -144,9 +155,22 @@ def from_free_decay(
     check_options(several[0].label, band=band, mass=mass, harmonics=harmonics)
     if mass is None:
         raise MeasurementError(_NO_MASS.format(several[0].label))
-    decays = [
-        _certain(decay) for history in several for decay in _follow_all(history, mass, band, harmonics, start)
-    ]
+    starts = list(start) if isinstance(start, Sequence) else [start] * len(several)
+    if len(starts) != len(several):
+        raise MeasurementError(
+            f"start: {len(starts)} instants for {len(several)} histories; give one or one each"
+        )
+    decays, findings, faults = list[FreeDecay](), list[Finding](), list[MeasurementError]()
+    for history, begin in zip(several, starts, strict=True):
+        names = {"record": history.label}
+        try:
+            decays += map(_certain, _follow_all(history, mass, band, harmonics, begin))
+            findings.append(Finding("force-of-decay", "info", names=names))
+        except MeasurementError as fault:
+            faults.append(fault)
+            findings.append(Finding("decay-taken", "warning", names={**names, "reason": str(fault)}))
+    if not decays:
+        raise faults[0]
     force = [decay.force for decay in decays]
     level = [float(f"{np.max(np.abs(part)):.3g}") for part in force]
     return ResponseSurface(
@@ -156,10 +180,7 @@ def from_free_decay(
         harmonics=np.concatenate([decay.harmonics for decay in decays]),
         sweep="rest",
         overlapping=True,
-        findings=(
-            *(Finding("force-of-decay", "info", names={"record": history.label}) for history in several),
-            *(finding for decay in decays for finding in decay.findings),
-        ),
+        findings=(*findings, *(finding for decay in decays for finding in decay.findings)),
     )
 
 
@@ -193,7 +214,8 @@ def follow_decay(
     ----------
     history
         Record that begins before the release: the decay begins where a measured force ends, or where the
-        response is no longer driven, and ends where noise begins. The largest of several decays is taken.
+        response is no longer driven or held displaced, and ends where noise begins. The largest of several
+        decays is taken.
     mass
         Modal mass [kg]; without it stiffness and damping come per unit mass.
     band
@@ -201,12 +223,13 @@ def follow_decay(
     harmonics
         Highest harmonic of the displacement.
     start
-        Instant of the release [s], if known; a drive that continues after it is a doubt.
+        Instant of the release [s], if known; a drive that continues after it is a doubt, and a displacement
+        that is held until later is left out.
 
     Raises
     ------
     MeasurementError
-        No decay is found: the force never ends, or fewer than some 25 periods stand out of the noise.
+        No decay is found: the force never ends, or fewer than some 30 periods stand out of the noise.
     """
     check_options(history.label, band=band, mass=mass, harmonics=harmonics)
     decays = _follow_all(history, mass, band, harmonics, start)
@@ -221,7 +244,9 @@ def _follow_all(
 ) -> list[FreeDecay]:
     """Return every decay of a record; one that is too short is left out if there are others."""
     ended = force_ends(history, len(history))
-    loudest = int(np.argmax(np.abs(history.response - np.median(history.response))))
+    size = np.abs(history.response - np.median(history.response))
+    # the last of a displacement that is held displaced, whose step would be the strongest line
+    loudest = int(np.flatnonzero(size >= SHARE_OF_HOLD * np.max(size))[-1])
     line = _strongest(history.response[loudest if ended is None else ended :], history, band)
     decays, fault = [], None
     stretches = find_decays(history, line, band, start)
@@ -290,6 +315,7 @@ def _limits(decay: FreeDecay, stretch: Stretch, history: TimeHistory) -> tuple[F
         "floor": Quantity(stretch.floor / unit, "m"),
     }
     after = "drive" if stretch.driven and not stretch.given else "start" if stretch.given else "blow"
+    after = "hold" if stretch.held else after
     findings = [Finding("decay-taken", "info", "", numbers, {**names, "after": after})]
     if stretch.driven and stretch.given:
         findings.append(Finding("decay-not-free", "doubt", "", {"begin": begin}, {**names, "by": "drive"}))
@@ -302,21 +328,28 @@ def _tracked(
     """Return instants (n,) [s], envelopes there, frequency [Hz] of the line that begins at ``first`` [Hz]."""
     time, frequency = _follow(samples, history.rate, first)
     if len(time) < 2:
-        raise MeasurementError(f"{history.label}: the decay at {first:.4g} Hz is too short to be followed")
+        raise _too_short(history, first, len(samples) / history.rate * first)
     for _ in range(REFERENCE_PASSES):
         curve = scipy.interpolate.PchipInterpolator(time, frequency, extrapolate=True)
         time, envelope = _demodulated(samples, history, curve, time, harmonics)
         clear = _clear(envelope[:, 1, 0], floor)
         if np.count_nonzero(clear) < _NEIGHBOURS:
-            raise MeasurementError(
-                f"{history.label}: the decay at {first:.4g} Hz does not stand out of the noise for "
-                f"{_NEIGHBOURS} independent windows of {WINDOW_PERIODS:g} periods, as is needed; where a "
-                "second mode beats with it, give a band around one"
-            )
+            last = float(np.max(time[clear], initial=0.0))
+            turns = float(curve.antiderivative()(last)) - float(curve.antiderivative()(0.0))
+            raise _too_short(history, first, turns + WINDOW_PERIODS / 2 if last else WINDOW_PERIODS)
         time, envelope = time[clear], envelope[clear]
         growth = envelope[:, 1, 1] / envelope[:, 1, 0]
         frequency = np.asarray(curve(time) + growth.imag / (2 * pi))
     return time, envelope, curve
+
+
+def _too_short(history: TimeHistory, line: float, periods: float) -> MeasurementError:
+    """Return the refusal of a decay at a ``line`` [Hz] that can be followed for some ``periods``."""
+    return MeasurementError(
+        f"{history.label}: the decay at {line:.4g} Hz can be followed for at most {periods:.0f} periods, and "
+        f"{_MIN_PERIODS:.0f} are needed: friction stops it, noise hides it, the record ends, or a second "
+        "mode beats with it (then give a band around one)"
+    )
 
 
 def _demodulated(

@@ -41,6 +41,8 @@ _FLOOR_PARTS = 4
 """Of a record, in the last of which the floor is looked for."""
 _MIN_SPECTRA = 8
 """In that part, for a median of either half."""
+SHARE_OF_HOLD = 0.9
+"""Of the largest displacement after a release, which a held one exceeds."""
 _REST_PARTS = 10
 """Of a record; the last gives offset and noise of the force."""
 _MAX_CREST_OF_SINE = 2.5
@@ -61,6 +63,8 @@ class Stretch:
         True if a drive or a blow ends at ``begin``; with a given start, if a drive continues after it.
     given
         True if the begin was given.
+    held
+        True if the structure was held displaced until ``begin``.
     rises
         True if the amplitude rises again at ``end``, and too slowly for a blow.
     floor
@@ -71,6 +75,7 @@ class Stretch:
     end: int
     driven: bool = False
     given: bool = False
+    held: bool = False
     rises: bool = False
     floor: float = 0.0
 
@@ -116,14 +121,28 @@ def find_decays(
             # the peak of a decay without drive lies in its first spectra
             seen = begin > first + SPECTRUM_PERIODS / _HOP_PERIODS * step
             begin = first
-        begin = max(begin, _after_clipping(history, begin, end))
+        held = _held_until(history, first, first + int(top * step), end, line)
+        if held is not None:
+            begin, seen, given = held, True, False
+        else:
+            begin = max(begin, _after_clipping(history, begin, end))
         rises = after < len(high) and _slowly(high[top : after + 1])
         falls = (
             len(part) < _MIN_SPECTRA
             or float(high[max(top, back + min(driven, len(part) - 1))] - np.min(part)) > _MIN_FALL
         )
         if falls and begin + MIN_SAMPLES <= end:
-            found.append(Stretch(begin, end, seen, given, rises, _floor(high[max(back + driven, top) : low])))
+            found.append(
+                Stretch(
+                    begin,
+                    end,
+                    seen,
+                    given,
+                    held is not None,
+                    rises,
+                    _floor(high[max(back + driven, top) : low]),
+                )
+            )
     if not found:
         raise fault or MeasurementError(
             f"{history.label}: the amplitude near {line:.4g} Hz does not fall by a tenth after its largest; "
@@ -161,6 +180,26 @@ def _release(history: TimeHistory, onset: int, end: int, line: float) -> tuple[i
     # a blow or a release lies within the first spectrum with the full amplitude
     inside = history.response[onset : min(onset + int(SPECTRUM_PERIODS * history.rate / line) + 1, end)]
     return onset + (int(np.argmax(np.abs(inside - np.mean(inside)))) if len(inside) else 0), False
+
+
+def _held_until(history: TimeHistory, first: int, onset: int, end: int, line: float) -> int | None:
+    """Return where a structure is let go that was held displaced for more than a period; None if it was not.
+
+    It is the last displacement near ``onset`` that stays to one side of rest for so long, as far out as all
+    that follow, and the median of it is left within a quarter of a period.
+    """
+    if history.quantity != "displacement":
+        return None
+    reach = int(SPECTRUM_PERIODS * history.rate / line)
+    begin = max(first, onset - reach)
+    away = history.response[begin : min(onset + reach, end)] - np.median(history.response[onset:end])
+    turns = [0, *(np.flatnonzero(np.diff(np.sign(away))) + 1).tolist()]
+    for low, high in reversed(list(pairwise(turns))):
+        size = np.abs(away[low:high])
+        largest = float(np.max(np.abs(away[high:])))
+        if len(size) > history.rate / line and float(np.median(size)) > SHARE_OF_HOLD * largest:
+            return begin + low + int(np.flatnonzero(size >= np.median(size))[-1])
+    return None
 
 
 def _amplitudes(samples: NDArray[Any], rate: float, line: float, band: tuple[float, float] | None) -> Array:
