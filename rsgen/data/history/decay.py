@@ -34,7 +34,6 @@ from rsgen.data.history.envelope import (
 )
 from rsgen.data.history.record import MIN_SAMPLES, TimeHistory, as_histories, check_options
 from rsgen.data.history.release import (
-    SHARE_OF_HOLD,
     SPECTRUM_PERIODS,
     Stretch,
     find_decays,
@@ -244,9 +243,7 @@ def _follow_all(
 ) -> list[FreeDecay]:
     """Return every decay of a record; one that is too short is left out if there are others."""
     ended = force_ends(history, len(history))
-    size = np.abs(history.response - np.median(history.response))
-    # the last of a displacement that is held displaced, whose step would be the strongest line
-    loudest = int(np.flatnonzero(size >= SHARE_OF_HOLD * np.max(size))[-1])
+    loudest = int(np.argmax(np.abs(history.response - np.median(history.response))))
     line = _strongest(history.response[loudest if ended is None else ended :], history, band)
     decays, fault = [], None
     stretches = find_decays(history, line, band, start)
@@ -347,8 +344,8 @@ def _too_short(history: TimeHistory, line: float, periods: float) -> Measurement
     """Return the refusal of a decay at a ``line`` [Hz] that can be followed for some ``periods``."""
     return MeasurementError(
         f"{history.label}: the decay at {line:.4g} Hz can be followed for at most {periods:.0f} periods, and "
-        f"{_MIN_PERIODS:.0f} are needed: friction stops it, noise hides it, the record ends, or a second "
-        "mode beats with it (then give a band around one)"
+        f"{_MIN_PERIODS:.0f} are needed: friction stops it, too few stand out of the noise, the record ends, "
+        "or a second mode beats with it (then give a band around one)"
     )
 
 

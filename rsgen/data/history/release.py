@@ -41,7 +41,7 @@ _FLOOR_PARTS = 4
 """Of a record, in the last of which the floor is looked for."""
 _MIN_SPECTRA = 8
 """In that part, for a median of either half."""
-SHARE_OF_HOLD = 0.9
+_SHARE_OF_HOLD = 0.9
 """Of the largest displacement after a release, which a held one exceeds."""
 _REST_PARTS = 10
 """Of a record; the last gives offset and noise of the force."""
@@ -197,7 +197,7 @@ def _held_until(history: TimeHistory, first: int, onset: int, end: int, line: fl
     for low, high in reversed(list(pairwise(turns))):
         size = np.abs(away[low:high])
         largest = float(np.max(np.abs(away[high:])))
-        if len(size) > history.rate / line and float(np.median(size)) > SHARE_OF_HOLD * largest:
+        if len(size) > history.rate / line and float(np.median(size)) > _SHARE_OF_HOLD * largest:
             return begin + low + int(np.flatnonzero(size >= np.median(size))[-1])
     return None
 
