@@ -396,7 +396,7 @@ def even_findings(fit: Fit) -> list[Finding]:
         return []
     chosen = problem.observed.points.spread(SUBSAMPLE_POINTS)
     chosen = chosen[(fit.regression.used & ~fit.symmetry_broken)[chosen]]
-    if _gain_of_all(fit.select(chosen)) < MIN_SIGNIFICANT_GAIN / 2:
+    if not len(chosen) or _gain_of_all(fit.select(chosen)) < MIN_SIGNIFICANT_GAIN / 2:
         return []
     few = problem.select(chosen)
     trials = {term: _with_even(few, fit, term) for term in _POWERS}

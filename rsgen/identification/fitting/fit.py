@@ -168,13 +168,16 @@ class Fit:
 
         They begin and end where it loses its symmetry (a pitchfork; Parlitz and Lauterborn 1985, Physics
         Letters A 107, 351); a sweep passes both late. So neighbours with even harmonics belong together, and
-        the law explains those of all where it has them at one.
+        the law explains those of all where it has them at one. Those of a force that has even harmonics are
+        driven.
         """
         points = self.problem.observed.points
-        recorded, own = (
+        force = np.zeros((len(points), 2)) if points.load is None else points.load
+        recorded, own, driven = (
             np.abs(h[:, 0:3:2]).max(axis=1) > RELATIVE_CHANGE_NEGLIGIBLE * np.abs(h[:, 1])
-            for h in (points.harmonics, self.harmonics)
+            for h in (points.harmonics, self.harmonics, force)
         )
+        recorded &= ~driven
         broken = np.zeros(len(points), dtype=bool)
         for run in points.runs:
             for part in np.split(run, np.flatnonzero(~recorded[run])):
