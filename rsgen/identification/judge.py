@@ -157,7 +157,7 @@ class Errors:
         The fit of law and mass (q,), with all errors.
     of_law
         (q, q) covariance of this law as it stands, without errors by other laws.
-    whole
+    with_background
         The fit with its background, whose errors are those of noise, repeats and halves.
     freedom
         (q,) degrees of freedom.
@@ -173,7 +173,7 @@ class Errors:
 
     regression: Regression
     of_law: Array
-    whole: Regression
+    with_background: Regression
     freedom: Array
     noise: float
     symmetric: Array
@@ -186,11 +186,13 @@ class Errors:
 def errors_of(test: Prepared, refined: Fit, surface: ResponseSurface, points: Points) -> Errors:
     """Return the errors of a fit; ``surface`` and ``points`` are those of the test without background."""
     count, noise = test.problem.count, relative_misfit(refined)
-    whole, of_repeats, freedom = refined.regression, list[Finding](), np.full(count, inf)
+    with_background, of_repeats, freedom = refined.regression, list[Finding](), np.full(count, inf)
     if test.repeats is not None:
-        whole, freedom, by_misfit = test.repeats.widen(whole, test.points.index)
-    regression = whole.first(count)
-    agreement = Agreement.of(refined.regression, points, whole.covariance, misfits=refined.systematic)
+        with_background, freedom, by_misfit = test.repeats.widen(with_background, test.points.index)
+    regression = with_background.first(count)
+    agreement = Agreement.of(
+        refined.regression, points, with_background.covariance, misfits=refined.systematic
+    )
     if test.repeats is not None:
         wider = (by_misfit * agreement.wider)[np.flatnonzero(regression.free)]
         of_repeats.append(repeats_finding(test.repeats, noise, float(np.median(wider))))
@@ -211,9 +213,21 @@ def errors_of(test: Prepared, refined: Fit, surface: ResponseSurface, points: Po
     ratio, ambiguous = others.judge(regression.parameters, relative_misfit(refined))
     regression = replace(regression, covariance=covariance * np.outer(ratio, ratio))
     regression = widen_squares(refined, regression, symmetric)
-    whole, freedom = agreement.widen(whole), np.minimum(regression.freedom, freedom[:count])
+    with_background, freedom = (
+        agreement.widen(with_background),
+        np.minimum(regression.freedom, freedom[:count]),
+    )
     return Errors(
-        regression, of_law, whole, freedom, noise, symmetric, agreement, others, ambiguous, of_repeats
+        regression,
+        of_law,
+        with_background,
+        freedom,
+        noise,
+        symmetric,
+        agreement,
+        others,
+        ambiguous,
+        of_repeats,
     )
 
 
@@ -443,7 +457,7 @@ def judge(test: Prepared, model: Model, refined: Fit) -> Identification:
     by_law = make_estimates(replace(solution, covariance=errors.of_law), law, model, reasons, units)
     first = _FirstOrder.of(kept, refined)
     paper, resonances = fit_resonances(kept, law, model.fixed, lambda: first.fit.solution)
-    background = _background(refined, errors.whole, surface.units, resonances)
+    background = _background(refined, errors.with_background, surface.units, resonances)
     curve = equivalent_curve(surface, points, used, refined)
     if not model.observation.calibrated:
         curve = replace(curve, units=UNCALIBRATED)
@@ -491,13 +505,13 @@ def _require_followed(used: NDArray[np.bool_], model: Model) -> None:
 
 
 def _background(
-    refined: Fit, whole: Regression, units: ForceUnits, resonances: tuple[Resonance, ...]
+    refined: Fit, found: Regression, units: ForceUnits, resonances: tuple[Resonance, ...]
 ) -> Background | None:
-    """Return the background with its errors, which come after those of the law in ``whole``."""
-    variance = np.where(whole.converged, np.diag(whole.covariance)[refined.problem.count :], np.inf)
+    """Return the background with its errors, which come after those of the law in ``found``."""
+    variance = np.where(found.converged, np.diag(found.covariance)[refined.problem.count :], np.inf)
     observed, values = refined.problem.observed, refined.background
     seen = observed.points.force, observed.points.amplitude
-    return state_background(observed.background, *seen, values, variance, whole.freedom, units, resonances)
+    return state_background(observed.background, *seen, values, variance, found.freedom, units, resonances)
 
 
 def _without_law(

@@ -11,6 +11,7 @@ import rsgen
 from rsgen.cases.faults import CaseError
 from rsgen.formula import parse
 from rsgen.identification.fitting import least_squares
+from rsgen.identification.results.estimates import fixed_contradicted
 from rsgen.law.motion import sine_motion
 from rsgen.law.numeric import compile_law
 from rsgen.report.wording import next_step
@@ -136,3 +137,11 @@ def test_a_law_with_numbers_is_the_law():
     assert np.array_equal(found.force, whole.force)
     assert np.array_equal(found.by_parameter, [whole.by_parameter[1], whole.by_parameter[3]])
     assert law.at({}) is law
+
+
+def test_a_value_that_was_fixed_at_zero_is_no_factor_of_another():
+    found = fixed_contradicted("c2", 0.0, 5.0, misfit=0.05, left=0.01, times=9.0)
+    assert found.names == {}
+    assert fixed_contradicted("m", 2.0, -1.0, misfit=0.05, left=0.01, times=9.0).names == {
+        "near": "peak-to-peak"
+    }

@@ -13,11 +13,8 @@ from rich.progress import Progress, SpinnerColumn, TaskID, TextColumn, TimeElaps
 
 from rsgen.app.cli.terminal import plain, print_faults, print_line
 from rsgen.app.study import CaseRun, Step
-from rsgen.app.study.run_case import RESULT
 from rsgen.common.finding import next_lines, verdict_lines
 from rsgen.dynamics.kernel import cache_fault
-from rsgen.identification.results.result import table_of
-from rsgen.report.result_json import read_result
 
 
 def print_cache_fault() -> None:
@@ -34,23 +31,20 @@ class Listener(NamedTuple):
     progress: Callable[[Step], None] | None = None
 
 
-def _lines(run: CaseRun, alone: bool) -> list[str]:
+def _lines(run: CaseRun, *, values: bool) -> list[str]:
     """Return the lines of a finished case: verdict and folder, reasons, held-out levels; [] if it failed.
 
-    A case that is ``alone`` has its values, too, as `rsgen identify` prints them.
+    Those of its values come only if they are asked for: many cases would fill the terminal.
     """
     if run.verdict is None:
         return []
-    result = read_result(run.folder / RESULT) if alone and run.folder else None
-    fit = result and result.fit()
-    table = str(table_of((*fit.estimates, *fit.background))).split("\n") if fit else []
     headline, *reasons = verdict_lines(run.verdict)
     how = "unchanged" if run.skipped else f"{run.seconds:.1f} s"
     held_out = (f"  {line}" for line in run.held_out)
     return [
         f"{run.name}: {headline} ({how}) {run.folder}",
         *reasons,
-        *table,
+        *(run.values if values else ()),
         *held_out,
         *next_lines(run.verdict),
     ]
@@ -70,7 +64,7 @@ def case_progress(total: int, quiet: bool) -> Iterator[Listener]:
     if not sys.stderr.isatty():
 
         def note(run: CaseRun) -> None:
-            for line in [] if quiet else _lines(run, total == 1):
+            for line in [] if quiet else _lines(run, values=total == 1):
                 print_line(line, flush=True)
             print_faults(run.faults)
 
@@ -80,7 +74,7 @@ def case_progress(total: int, quiet: bool) -> Iterator[Listener]:
 
         def show(run: CaseRun) -> None:
             bars.finish(run.path)
-            for line in (*run.faults, *([] if quiet else _lines(run, total == 1))):
+            for line in (*run.faults, *([] if quiet else _lines(run, values=total == 1))):
                 bars.say(line)
 
         yield Listener(show, bars.show)

@@ -41,6 +41,8 @@ from rsgen.dynamics.simulation import simulate
 from rsgen.files import MeasuredTest
 from rsgen.identification.identify import identify
 from rsgen.identification.results import Identification
+from rsgen.identification.results.result import table_of
+from rsgen.report.result_json import Entry
 
 RESULT = "result.json"
 
@@ -109,6 +111,8 @@ class CaseRun:
         The entry "verdict" of the result.json; None where the case failed.
     held_out
         How well each held-out level is predicted, a line for each.
+    values
+        The lines of the table of parameters, as `rsgen identify` prints it.
     """
 
     path: Path
@@ -120,6 +124,7 @@ class CaseRun:
     faults: tuple[str, ...] = ()
     verdict: StatedVerdict | None = None
     held_out: tuple[str, ...] = ()
+    values: tuple[str, ...] = ()
 
 
 def _inputs(case: Case) -> dict[str, str | None]:
@@ -177,9 +182,15 @@ def current_result(case: Case, out: Path, figures: str | None = None) -> CaseRun
 def _finished(case: Case, folder: Path) -> CaseRun:
     """Return what the result in a folder says of a case."""
     result = json.loads((folder / RESULT).read_text(encoding="utf-8"))
-    held_out = tuple(str(entry["said"]) for entry in result["held_out"])
+    fit = Entry(folder, result).fit()
     return CaseRun(
-        case.path, case.name, folder, bool(result["passed"]), verdict=result["verdict"], held_out=held_out
+        case.path,
+        case.name,
+        folder,
+        bool(result["passed"]),
+        verdict=result["verdict"],
+        held_out=tuple(str(entry["said"]) for entry in result["held_out"]),
+        values=tuple(str(table_of((*fit.estimates, *fit.background))).split("\n")),
     )
 
 

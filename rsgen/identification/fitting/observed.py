@@ -431,8 +431,8 @@ def constant_mean(mean: Array, amplitude: Array) -> tuple[float, float]:
     """
     weight = 1 / amplitude**2
     offset = float(np.sum(mean * weight) / np.sum(weight))
-    whole = float(np.sum(mean**2 * weight))
-    return offset, float(np.sqrt(np.sum((mean - offset) ** 2 * weight) / whole)) if whole > 0 else 1.0
+    total = float(np.sum(mean**2 * weight))
+    return offset, float(np.sqrt(np.sum((mean - offset) ** 2 * weight) / total)) if total > 0 else 1.0
 
 
 def neighbour_power(residual: Array, pairs: NDArray[np.intp]) -> tuple[Array, Array]:

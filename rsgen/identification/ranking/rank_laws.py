@@ -421,10 +421,12 @@ def _with_background(
     for fit in ordered[:_LEADERS]:
         found = test.larger_background(fit.candidate)
         if found is not None:
-            names = {"no-law-fits": {"background": found.names["kind"]}}
-            said = [replace(f, names={**f.names, **names.get(f.code, {})}) for f in findings]
-            law = whole_name(fit.candidate.name, test.first.sensors)
-            return (*said, replace(found, names={**found.names, "law": law}))
+            kind, law = found.names["kind"], whole_name(fit.candidate.name, test.first.sensors)
+            named = (
+                replace(f, names={**f.names, "background": kind}) if f.code == "no-law-fits" else f
+                for f in findings
+            )
+            return (*named, replace(found, names={"kind": kind, "law": law}))
     return findings
 
 

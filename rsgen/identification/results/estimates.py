@@ -319,9 +319,9 @@ def fixed_contradicted(
     """
     if name == "m" and given + moved < 0:
         return Finding("mass-negative", "error", "m", {"mass": Quantity(given + moved, "kg")})
-    unit, ratio = "kg" if name == "m" else "", 1 + moved / (given or moved)
+    unit, ratio = "kg" if name == "m" else "", 1 + moved / given if given else 0.0
     near = COMMON_FACTORS | ({"pound": 1 / _POUND} if name == "m" else {})
-    off = {word: abs(abs(np.log(abs(ratio))) - np.log(by)) for word, by in near.items() if ratio > 0}
+    off = {word: abs(abs(np.log(ratio)) - np.log(by)) for word, by in near.items() if ratio > 0}
     word = min(off, key=off.__getitem__, default="")
     names = {"near": word} if word and off[word] < RELATIVE_ERROR_DOUBTFUL / 2 else {}
     numbers = {"given": Quantity(given, unit), "fitted": Quantity(given + moved, unit)}
