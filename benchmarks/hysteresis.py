@@ -16,11 +16,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from benchmarks import hysteresis_reference as hysteresis
 from benchmarks.peers import MEASURED, SAMPLES, TRANSIENT
 from rsgen.data.oscillator import Oscillator
 from rsgen.dynamics.steady_state import solve_steady_states
 from rsgen.law.element import make_element
-from tests.oracles import hysteresis
 
 __all__ = ["table"]
 

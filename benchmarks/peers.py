@@ -11,9 +11,9 @@ import sympy
 from numpy.typing import NDArray
 from scipy.integrate import solve_ivp
 
+from benchmarks import motion_reference as motion
 from rsgen.data.oscillator import Oscillator
 from rsgen.law.element import make_element
-from tests.oracles import motion
 
 TRANSIENT, MEASURED, SAMPLES = 128, 8, 16
 AWAY = 1e-7  # m and m/s: where heyoka starts laws with events

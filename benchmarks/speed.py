@@ -19,6 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from benchmarks import hysteresis, peers, stages
+from benchmarks import motion_reference as motion
 from benchmarks.peers import JOBS, Job
 from rsgen.common.output import write_atomic
 from rsgen.data.surface import ResponseSurface
@@ -26,7 +27,6 @@ from rsgen.dynamics.kernel import compile_kernel
 from rsgen.dynamics.simulation import simulate
 from rsgen.dynamics.steady_state import solve_steady_states
 from rsgen.dynamics.virtual_test import SimulatedTest
-from tests.oracles import motion
 
 ROOT = Path(__file__).parent.parent
 LEVELS, FREQUENCIES = 40, 200

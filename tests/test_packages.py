@@ -1,6 +1,7 @@
 """The shape of the package: few rooms, no circles, one idea a file."""
 
 import ast
+import importlib
 from collections import Counter
 from functools import cache
 from graphlib import CycleError, TopologicalSorter
@@ -73,3 +74,9 @@ def test_a_file_has_one_idea_and_a_name_of_its_own():
     paths = [path for path in ROOT.rglob("*.py") if not path.name.startswith("__")]
     assert {path.name: n for path in paths if (n := path.read_text("utf-8").count("\n")) > LONGEST} == {}
     assert [name for name, times in Counter(path.name for path in paths).items() if times > 1] == []
+
+
+def test_every_benchmark_finds_what_it_imports():
+    # `make bench` needs packages that tests have not; those are imported where they are used
+    for path in sorted((ROOT.parent / "benchmarks").glob("*.py")):
+        importlib.import_module(f"benchmarks.{path.stem}")

@@ -18,6 +18,24 @@ STEPS = 96
 HARMONICS = 9
 
 
+def bouc_wen(
+    levels: tuple[float, ...] = (10.0, 20.0, 30.0, 40.0, 50.0, 60.0), frequencies: np.ndarray | None = None
+) -> ResponseSurface:
+    """The hysteretic benchmark of Noel and Schoukens (2016), stepped sine.
+
+    m x'' + c x' + k x + z = f,  z' = alpha x' - beta (gamma |x'| |z|^(nu-1) z + delta x' |z|^nu).
+    """
+    m, c, k, alpha, beta, gamma, delta = 2.0, 10.0, 5e4, 5e4, 1e3, 0.8, -1.1
+
+    def rate(state: np.ndarray, force: np.ndarray) -> np.ndarray:
+        x, v, z = state
+        change = alpha * v - beta * (gamma * np.abs(v) * z + delta * v * np.abs(z))
+        return np.stack([v, (force - c * v - k * x - z) / m, change])
+
+    frequencies = np.linspace(26, 50, 33) if frequencies is None else frequencies
+    return _stepped(rate, 3, levels, frequencies, periods=80)
+
+
 def two_masses(
     levels: tuple[float, ...] = (2.0, 4.0, 6.0, 8.0, 10.0, 12.0), frequencies: np.ndarray | None = None
 ) -> ResponseSurface:
