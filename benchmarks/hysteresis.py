@@ -16,11 +16,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from benchmarks import hysteresis_reference as hysteresis
 from benchmarks.peers import MEASURED, SAMPLES, TRANSIENT
 from rsgen.data.oscillator import Oscillator
 from rsgen.dynamics.steady_state import solve_steady_states
 from rsgen.law.element import make_element
+from tests.oracles import events
 
 __all__ = ["table"]
 
@@ -52,7 +52,7 @@ class Job:
     peer: Callable[[Array, Array, float], Runner]
     tolerance: float
     aim: float
-    reference: hysteresis.Structure
+    reference: events.Structure
 
 
 def _waves(integrator: Any, omega: Array) -> NDArray[np.complex128]:
@@ -175,16 +175,16 @@ _MANY = np.full(SLIDERS, 75.0), 75.0 * 0.02 * (np.arange(SLIDERS) + 0.5) / SLIDE
 JOBS = (
     Job(
         "jenkins", _sliders(*_ONE), (1, 12), (7, 13), _slider_peer(_sliders(*_ONE), *_ONE), 1e-6, 30,
-        hysteresis.sliders(1.5, lambda x, v: 5000 * x + 3 * v, *_ONE),
+        events.sliders(1.5, lambda x, v: 5000 * x + 3 * v, *_ONE),
     ),
     Job(
         f"iwan4 of {SLIDERS} sliders", _sliders(*_MANY), (1, 12), (7, 13),
         _slider_peer(_sliders(*_MANY), *_MANY), 1e-6, 10,
-        hysteresis.sliders(1.5, lambda x, v: 5000 * x + 3 * v, *_MANY),
+        events.sliders(1.5, lambda x, v: 5000 * x + 3 * v, *_MANY),
     ),
     Job(
         "bouc-wen", BOUC_WEN, (5, 60), (26, 50), bouc_wen_peer, 1e-6, 30,
-        hysteresis.bouc_wen(2.0, **BOUC_WEN.values),
+        events.bouc_wen(2.0, **BOUC_WEN.values),
     ),
 )  # fmt: skip
 
@@ -207,9 +207,7 @@ def _measured(job: Job) -> list[str]:
     found = own()
     rows = np.sort(np.random.default_rng(3).permutation(points)[:PEER_SAMPLE])
     checked = rows[:: PEER_SAMPLE // REFERENCE_SAMPLE]
-    exact = np.array(
-        [hysteresis.settle(job.reference, level[i], 2 * np.pi * frequency[i])[0] for i in checked]
-    )
+    exact = np.array([events.settle(job.reference, level[i], 2 * np.pi * frequency[i])[0] for i in checked])
     text = [job.name, f"{np.max(np.abs(found[checked] / exact - 1)):.0e}"]
     os.environ["RSGEN_THREADS"] = "1"
     try:

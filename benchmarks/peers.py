@@ -11,9 +11,9 @@ import sympy
 from numpy.typing import NDArray
 from scipy.integrate import solve_ivp
 
-from benchmarks import motion_reference as motion
 from rsgen.data.oscillator import Oscillator
 from rsgen.law.element import make_element
+from tests.oracles import events
 
 TRANSIENT, MEASURED, SAMPLES = 128, 8, 16
 AWAY = 1e-7  # m and m/s: where heyoka starts laws with events
@@ -29,7 +29,7 @@ class Job:
     name: str
     law: str
     values: dict[str, float]
-    reference: motion.Law
+    reference: events.Law
     heyoka: Callable[..., Any]
     switches: tuple[Callable[..., Any], ...] = ()
     against_heyoka: float = 0.0
@@ -40,13 +40,13 @@ class Job:
         return Oscillator(M, (make_element("all", self.law),), self.values)
 
 
-def _piecewise(k5: float, b: float) -> motion.Law:
+def _piecewise(k5: float, b: float) -> events.Law:
     def n(x: float, v: float, modes: tuple[bool, ...]) -> float:
         if modes[0]:
             return C * v + k5 * x + (K - k5) * b
         return C * v + (K * x if modes[1] else k5 * x - (K - k5) * b)
 
-    return motion.Law(n, (lambda x, v: x - b, lambda x, v: x + b))
+    return events.Law(n, (lambda x, v: x - b, lambda x, v: x + b))
 
 
 SOFT, FIFTH, B = -0.03 * K / 0.02**2, 0.1 * K / 0.02**4, 5e-3
@@ -56,7 +56,7 @@ JOBS = (
         "Duffing",
         "c*v + k*x + kn*x**3",
         {"c": C, "k": K, "kn": SOFT},
-        motion.Law(lambda x, v, _: C * v + K * x + SOFT * x**3),
+        events.Law(lambda x, v, _: C * v + K * x + SOFT * x**3),
         # x**3 starts with nan at x = 0 there
         lambda x, v: C * v + K * x + SOFT * x * x * x,
         (),
@@ -67,7 +67,7 @@ JOBS = (
         "quintic",
         "c*v + k*x + kn*x**5",
         {"c": C, "k": K, "kn": FIFTH},
-        motion.Law(lambda x, v, _: C * v + K * x + FIFTH * x**5),
+        events.Law(lambda x, v, _: C * v + K * x + FIFTH * x**5),
         lambda x, v: C * v + K * x + FIFTH * x * x * x * x * x,
         (),
         30,
@@ -77,7 +77,7 @@ JOBS = (
         "Coulomb",
         "c*v + k*x + Ff*sign(v)",
         {"c": C, "k": K, "Ff": 0.5},
-        motion.Law(lambda x, v, m: C * v + K * x + (0.5 if m[0] else -0.5), (lambda x, v: v,), 0),
+        events.Law(lambda x, v, m: C * v + K * x + (0.5 if m[0] else -0.5), (lambda x, v: v,), 0),
         lambda x, v, above: C * v + K * x + 0.5 * (2.0 * above - 1.0),
         (lambda x, v: v,),
         75,
@@ -96,7 +96,7 @@ JOBS = (
         "bilinear",
         "c*v + Piecewise((k6*x, x > 0), (k7*x, True))",
         {"c": C, "k6": K, "k7": 1.4 * K},
-        motion.Law(lambda x, v, m: C * v + (K if m[0] else 1.4 * K) * x, (lambda x, v: x,)),
+        events.Law(lambda x, v, m: C * v + (K if m[0] else 1.4 * K) * x, (lambda x, v: x,)),
         lambda x, v, above: C * v + (1.4 * K - 0.4 * K * above) * x,
         (lambda x, v: x,),
         10,
@@ -106,7 +106,7 @@ JOBS = (
         "quadratic damping + cubic",
         "c*v + cn*v*abs(v) + k*x + kn*x**3",
         {"c": C, "cn": 1.0, "k": K, "kn": 0.1 * K / 0.02**2},
-        motion.Law(lambda x, v, _: C * v + v * abs(v) + K * x + 0.1 * K / 0.02**2 * x**3, (lambda x, v: v,)),
+        events.Law(lambda x, v, _: C * v + v * abs(v) + K * x + 0.1 * K / 0.02**2 * x**3, (lambda x, v: v,)),
         lambda x, v, above: C * v + v * v * (2.0 * above - 1.0) + K * x + 0.1 * K / 0.02**2 * x * x * x,
         (lambda x, v: v,),
         60,

@@ -19,7 +19,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from benchmarks import hysteresis, peers, stages
-from benchmarks import motion_reference as motion
 from benchmarks.peers import JOBS, Job
 from rsgen.common.output import write_atomic
 from rsgen.data.surface import ResponseSurface
@@ -27,6 +26,7 @@ from rsgen.dynamics.kernel import compile_kernel
 from rsgen.dynamics.simulation import simulate
 from rsgen.dynamics.steady_state import solve_steady_states
 from rsgen.dynamics.virtual_test import SimulatedTest
+from tests.oracles import events
 
 ROOT = Path(__file__).parent.parent
 LEVELS, FREQUENCIES = 40, 200
@@ -53,12 +53,12 @@ def on_cores(count: int, work: Callable[[], object]) -> float:
 def references(job: Job, surface: ResponseSurface, rows: NDArray[np.intp]) -> NDArray[np.float64]:
     """|X1| by DOP853 with events, where the surface is: the reference goes on until it repeats by itself."""
     o = job.oscillator
-    found = []
+    structure, found = events.switched(o.mass, job.reference), []
     near = solve_steady_states(o, surface.force[rows], surface.frequency[rows], accuracy=1e-9)
     for i, row in enumerate(rows):
         F, omega = surface.force[row], surface.omega[row]
-        wave, _ = motion.settle(job.reference, o.mass, F, omega, near.state[i])
-        found.append(abs(motion.harmonic(wave, 1)))
+        mode = job.reference.mode_at(near.state[i], F.real)
+        found.append(abs(events.settle(structure, F, omega, start=near.state[i], mode=mode)[0]))
     return np.array(found)
 
 
