@@ -152,35 +152,29 @@ def test_a_response_in_a_smaller_unit_is_impossible(factor):
     assert "mm and m" in next_step(found)
 
 
-@pytest.mark.parametrize(
-    ("sizes", "quantity"),
-    [
-        (Sizes(10, 70.0, 1, 1, 1), "displacement"), (Sizes(30, 1e-15, 1, 1, 1), "displacement"),
-        (Sizes(30, 0.1, 1, 1, 1, mass=8e-6), "mass"), (Sizes(0.05, 0.1, 1, 1, 1, mass=1.9e12), "mass"),
-        (Sizes(30, 0.1, 1, 1, 1, mass=1.9e12), "stiffness"),
-        (Sizes(30, 0.1, 1, 1, 1, damping=0.47), "damping"), (Sizes(500, 0.1, 1, 2e6, 1), "acceleration"),
-        (Sizes(3e6, 0.1, 1, 1, 1), "frequency"), (Sizes(1e-5, 0.1, 1, 1, 1), "frequency"),
-        (Sizes(30, 0.1, 1, 1, 1e9), "force"),
-    ],
-)  # fmt: skip
+@pytest.mark.parametrize(("sizes", "quantity"), [
+    (Sizes(10, 70.0, 1, 1, 1), "displacement"), (Sizes(30, 1e-15, 1, 1, 1), "displacement"),
+    (Sizes(30, 0.1, 1, 1, 1, mass=8e-6), "mass"), (Sizes(0.05, 0.1, 1, 1, 1, mass=1.9e12), "mass"),
+    (Sizes(30, 0.1, 1, 1, 1, mass=1.9e12), "stiffness"),
+    (Sizes(30, 0.1, 1, 1, 1, damping=0.47), "damping"), (Sizes(500, 0.1, 1, 2e6, 1), "acceleration"),
+    (Sizes(3e6, 0.1, 1, 1, 1), "frequency"), (Sizes(1e-5, 0.1, 1, 1, 1), "frequency"),
+    (Sizes(30, 0.1, 1, 1, 1e9), "force"),
+])  # fmt: skip
 def test_each_quantity_has_its_bounds(sizes, quantity):
     (found,) = size_findings(sizes)
     assert (found.severity, found.names["quantity"]) == ("doubt", quantity)
     assert found.numbers["value"].unit == RANGES[quantity].unit
 
 
-@pytest.mark.parametrize(
-    "sizes",
-    [
-        Sizes(1e6, 1e-9, 6e-3, 4e4, 1e-9, mass=1e-11, damping=5e-5),  # a resonator on a chip
-        Sizes(5e6, 1e-7, 3.0, 1e8, 1e-6, mass=1e-12, damping=5e-6),
-        Sizes(1.6e3, 3e-6, 0.03, 340.0, 1.7e-11, mass=3e-11, damping=4e-4),  # a wire in vacuum
-        Sizes(2e4, 5e-5, 6.3, 8e5, 1e3, mass=0.5, damping=1e-4),  # an ultrasonic tool
-        Sizes(0.1, 0.3, 0.2, 0.1, 1e5, mass=1e8, damping=0.005),  # a tower
-        Sizes(1.4, 0.05, 0.4, 4.0, 2e3, mass=300.0, damping=0.3),  # a car on its springs
-        Sizes(0.16, 3.0, 3.0, 3.0, 1.0, mass=1.0, damping=0.05),  # numbers without units
-    ],
-)
+@pytest.mark.parametrize("sizes", [
+    Sizes(1e6, 1e-9, 6e-3, 4e4, 1e-9, mass=1e-11, damping=5e-5),  # a resonator on a chip
+    Sizes(5e6, 1e-7, 3.0, 1e8, 1e-6, mass=1e-12, damping=5e-6),
+    Sizes(1.6e3, 3e-6, 0.03, 340.0, 1.7e-11, mass=3e-11, damping=4e-4),  # a wire in vacuum
+    Sizes(2e4, 5e-5, 6.3, 8e5, 1e3, mass=0.5, damping=1e-4),  # an ultrasonic tool
+    Sizes(0.1, 0.3, 0.2, 0.1, 1e5, mass=1e8, damping=0.005),  # a tower
+    Sizes(1.4, 0.05, 0.4, 4.0, 2e3, mass=300.0, damping=0.3),  # a car on its springs
+    Sizes(0.16, 3.0, 3.0, 3.0, 1.0, mass=1.0, damping=0.05),  # numbers without units
+])  # fmt: skip
 def test_what_exists_is_possible(sizes):
     assert list(size_findings(sizes)) == []
 
@@ -195,13 +189,10 @@ def radians_as_degrees(surface: ResponseSurface) -> np.ndarray:
 
 
 @pytest.mark.parametrize("noise", [0.0, 0.03])
-@pytest.mark.parametrize(
-    ("tamper", "found"),
-    [
-        (derived(1), "+1"), (derived(2), "+2"), (derived(-1), "-1"), (derived(-2), "-2"),
-        (radians_as_degrees, "radian"),
-    ],
-)  # fmt: skip
+@pytest.mark.parametrize(("tamper", "found"), [
+    (derived(1), "+1"), (derived(2), "+2"), (derived(-1), "-1"), (derived(-2), "-2"),
+    (radians_as_degrees, "radian"),
+])  # fmt: skip
 def test_a_response_of_another_quantity_is_recognised(tamper, found, noise):
     surface = cubic_surface(levels=4, frequencies=31)
     random = np.random.default_rng(2)

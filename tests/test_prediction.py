@@ -90,13 +90,10 @@ def test_extrapolation_is_marked(quintic):
     assert [row[-1] for row in prediction.table.rows] == ["no", "yes"]
 
 
-@pytest.mark.parametrize(
-    ("sweep", "band", "by"),
-    [
-        ("rest", (9.6, 12.4), "jump"), ("rest", (9.6, 10.9), "jump"), ("up", (9.6, 12.4), ""),
-        ("rest", (9.6, 9.9), "end"), ("up", (9.6, 10.9), "end"),
-    ],
-)  # fmt: skip
+@pytest.mark.parametrize(("sweep", "band", "by"), [
+    ("rest", (9.6, 12.4), "jump"), ("rest", (9.6, 10.9), "jump"), ("up", (9.6, 12.4), ""),
+    ("rest", (9.6, 9.9), "end"), ("up", (9.6, 10.9), "end"),
+])  # fmt: skip
 def test_a_sweep_that_does_not_reach_its_resonance_is_named(sweep: str, band: tuple[float, float], by: str):
     test = SimulatedTest(level=[1.0, 4.0, 8.0], frequency=np.linspace(*band, 57), sweep=sweep)
     truth = Oscillator(1.5, "k*x + c*v + kn*x**3", {"k": 5920.0, "c": 3.8, "kn": 3e6})

@@ -89,15 +89,12 @@ def test_every_result_prints_in_few_lines():
     assert "frequency=array of shape (21,)" in repr(held.held_out)
 
 
-@pytest.mark.parametrize(
-    ("values", "said"),
-    [
-        ({"hold_out": "all"}, "hold_out: levels in N: 'all'"), ({"hold_out": ["a"]}, "hold_out: levels in N"),
-        ({"band": "9 Hz"}, "band: two frequencies in Hz"),
-        ({"band": (1, 2, 3)}, "band: two frequencies in Hz"), ({"band": 9}, "band: two frequencies in Hz"),
-        ({"band": (5.0, 4.0)}, "ascending"), ({"background": "smooth"}, "background"),
-    ],
-)  # fmt: skip
+@pytest.mark.parametrize(("values", "said"), [
+    ({"hold_out": "all"}, "hold_out: levels in N: 'all'"), ({"hold_out": ["a"]}, "hold_out: levels in N"),
+    ({"band": "9 Hz"}, "band: two frequencies in Hz"),
+    ({"band": (1, 2, 3)}, "band: two frequencies in Hz"), ({"band": 9}, "band: two frequencies in Hz"),
+    ({"band": (5.0, 4.0)}, "ascending"), ({"background": "smooth"}, "background"),
+])  # fmt: skip
 def test_an_observation_names_what_it_cannot_read(values, said):
     with pytest.raises(RsgenError, match=said):
         rs.Observation(**values)
@@ -107,199 +104,187 @@ def test_an_observation_takes_one_level_and_no_background():
     assert rs.Observation(hold_out=3, background=None) == rs.Observation(hold_out=(3.0,), background="none")
 
 
-@pytest.mark.parametrize(
-    ("call", "said"),
-    [
-        (lambda s, f: rs.identify("test.h5", LAW), "surface: str; must be ResponseSurface"),
-        (lambda s, f: rs.identify(s, LAW, "residuals"), "observation: str; must be Observation"),
-        (lambda s, f: rs.identify(s, LAW, mass="1.2 kg"), r"mass: '1.2 kg'; must be a number \[kg\]"),
-        (lambda s, f: rs.identify(s, ["k*x", "c*v +"]), r"law 'c\*v \+': column 5: the formula ends in '\+'"),
-        (lambda s, f: rs.rank(s, ["k*x + c*v", "k*sing(x)"]), r"law 'k\*sing\(x\)': column 3: .* mean 'sin'"),
-        (lambda s, f: rs.identify(s, "k*x + m*v"), "named m, which is the mass"),
-        (lambda s, f: rs.identify(s.select(np.zeros(len(s), dtype=bool)), LAW), "0 of 0 points"),
-        (lambda s, f: rs.rank(np.ones(3)), "surface: ndarray"),
-        (lambda s, f: rs.rank(s, rs.Observation()), "candidates: Observation; write observation="),
-        (lambda s, f: rs.rank(s, ["cubic-spring"]), "cubic-spring is a law of the library .* rsgen.laws"),
-        (lambda s, f: rs.compare(f, f), "truth: Identification; rs.compare_fits sets"),
-        (lambda s, f: rs.compare_fits(f, f), "give a list of fits"),
-        (lambda s, f: rs.predict(f, s), "did you mean surface="),
-        (lambda s, f: rs.profile(rs.identify(s, LAW, fixed={"c": 4.0}), "c"), "c is fixed"),
-        (lambda s, f: rs.identify(s, LAW, fixed={"mass": 1.2}), "the mass is m"),
-        (lambda s, f: rs.write_report(5, s, f), "folder: int; must be str or Path"),
-        (lambda s, f: rs.write_report("never", s, 5), "identification: int; must be Identification"),
-        (lambda s, f: rs.Oscillator(0.0, LAW, TRUE), "mass"),
-        (lambda s, f: rs.Oscillator(np.nan, LAW, TRUE), "mass"),
-        (lambda s, f: Model(LAW, mass=-1.0), "mass"),
-        (lambda s, f: rs.Oscillator(Model("k*x")), r"mass: Model\('k\*x'\); must be a number \[kg\]"),
-        (lambda s, f: rs.Oscillator(1.0, "k*x", {}), "missing k"),
-        (lambda s, f: rs.Oscillator(1.0, "k*x", {"k": 1.0, "q": 2.0}), "unknown q"),
-        (lambda s, f: rs.Oscillator(1.0, "k*x", {"k": np.nan}), r"values\.k"),
-        (lambda s, f: Model([rs.make_element("spring", law) for law in ("k*x", "c*v")]), "spring"),
-        (lambda s, f: Model(()), "none given"),
-        (lambda s, f: Model(JENKINS, fixed={"Fs": -1.0}), r"fixed\.Fs: is -1; a number above 0 is needed"),
-        (lambda s, f: Model(LAW, mass=2.0, fixed={"m": 1.0}), "mass: 2 kg, and 1 kg in fixed; give it once"),
-        (lambda s, f: rs.rank(s, Model(LAW, fixed={"k": 1.0})), "of what is fixed only the mass"),
-        (lambda s, f: rs.identify(s.select(np.arange(3)), LAW), "identification needs at least"),
-        (lambda s, f: rs.identify(s, LAW, rs.Observation(hold_out=(5.0,))), "no level 5 N"),
-        (lambda s, f: rs.identify(held_by_friction(), f"{LAW} + F*sign(v)"), "friction holds the mass"),
-        (lambda s, f: rs.identify(silent(), LAW), "record 1 of 1: the response is zero"),
-        (lambda s, f: rs.profile(f, "k9"), "has no value here; those with one: c, k, m"),
-        (lambda s, f: rs.profile(rs.identify(s, LAW, mass=1.2), "m"), "m is fixed"),
-        (lambda s, f: rs.predict(f.oscillator), "give the force levels"),
-        (lambda s, f: rs.predict(rs.Oscillator(1.0, LAW, {"k": 1.0, "c": 0.0}), 1.0), "needs damping"),
-        (lambda s, f: rs.predict(f.oscillator, 1.0, band=(3.0, 2.0)), "ascending"),
-        (lambda s, f: rs.predict(f.oscillator, 1.0)[3.0], "level '3': there is none; there are 1"),
-        (lambda s, f: rs.modal_table(s.select(s.frequency < 9)), "points lie within 45 degrees of resonance"),
-        (lambda s, f: rs.modal_table(s, "k*x"), "about"),
-        (lambda s, f: rs.modal_table(linear_surface(response=-s.harmonics[:, 1])), "feed the exciter"),
-        (lambda s, f: rs.modal_table(s).at([1e-3, -1.0]), "positive and finite"),
-        (lambda s, f: rs.compare_fits([f, f, f], ["a", "b"]), "names: 2 of 3 fits"),
-        (lambda s, f: rs.compare_fits([]), "names: 0 of 0 fits"),
-        (lambda s, f: rs.compare_fits("found"), "found: str; must be Identification"),
-        (lambda s, f: rs.compare(f, TRUE, {"k9": 1e-3}), "k9: not identified; allowed are c, k, m"),
-        (lambda s, f: rs.compare(f, {"k": 1.0}, {"c": 1e-3}), "no truth for c"),
-        (lambda s, f: rs.compare(f, {"k": 1.0}, {"damping_force": 1e-3}), "no truth for"),
-        (lambda s, f: rs.figures.draw_collapse(f, ax=Figure()), "must be matplotlib axes"),
-        (lambda s, f: rs.figures.draw_surface(s, ax=Figure().add_subplot()), 'projection="3d"'),
-        (lambda s, f: rs.MultisineTest((1.0,), (2, 20), 0.01), r"no line of a period of 0\.01 s is in it"),
-        (lambda s, f: rs.MultisineTest((1.0,), (20, 2), 2.0), "must be ascending"),
-        (lambda s, f: rs.MultisineTest((1.0,), (2, 2e3), 200.0, periods=1000), "of all periods; at most"),
-        (lambda s, f: rs.MultisineTest((1.0,), (2, 20), 1e10), "lines of all periods; at most"),
-        (lambda s, f: rs.MultisineTest((1.0,), (2, 1e308), 100.0), "lines of all periods; at most"),
-        (
-            lambda s, f: rs.simulate(STICKING, rs.MultisineTest((0.2,), (2.5, 20), 2.0)),
-            r"0\.2 N: no periodic response.*dry friction holds the mass",
+@pytest.mark.parametrize(("call", "said"), [
+    (lambda s, f: rs.identify("test.h5", LAW), "surface: str; must be ResponseSurface"),
+    (lambda s, f: rs.identify(s, LAW, "residuals"), "observation: str; must be Observation"),
+    (lambda s, f: rs.identify(s, LAW, mass="1.2 kg"), r"mass: '1.2 kg'; must be a number \[kg\]"),
+    (lambda s, f: rs.identify(s, ["k*x", "c*v +"]), r"law 'c\*v \+': column 5: the formula ends in '\+'"),
+    (lambda s, f: rs.rank(s, ["k*x + c*v", "k*sing(x)"]), r"law 'k\*sing\(x\)': column 3: .* mean 'sin'"),
+    (lambda s, f: rs.identify(s, "k*x + m*v"), "named m, which is the mass"),
+    (lambda s, f: rs.identify(s.select(np.zeros(len(s), dtype=bool)), LAW), "0 of 0 points"),
+    (lambda s, f: rs.rank(np.ones(3)), "surface: ndarray"),
+    (lambda s, f: rs.rank(s, rs.Observation()), "candidates: Observation; write observation="),
+    (lambda s, f: rs.rank(s, ["cubic-spring"]), "cubic-spring is a law of the library .* rsgen.laws"),
+    (lambda s, f: rs.compare(f, f), "truth: Identification; rs.compare_fits sets"),
+    (lambda s, f: rs.compare_fits(f, f), "give a list of fits"),
+    (lambda s, f: rs.predict(f, s), "did you mean surface="),
+    (lambda s, f: rs.profile(rs.identify(s, LAW, fixed={"c": 4.0}), "c"), "c is fixed"),
+    (lambda s, f: rs.identify(s, LAW, fixed={"mass": 1.2}), "the mass is m"),
+    (lambda s, f: rs.write_report(5, s, f), "folder: int; must be str or Path"),
+    (lambda s, f: rs.write_report("never", s, 5), "identification: int; must be Identification"),
+    (lambda s, f: rs.Oscillator(0.0, LAW, TRUE), "mass"),
+    (lambda s, f: rs.Oscillator(np.nan, LAW, TRUE), "mass"),
+    (lambda s, f: Model(LAW, mass=-1.0), "mass"),
+    (lambda s, f: rs.Oscillator(Model("k*x")), r"mass: Model\('k\*x'\); must be a number \[kg\]"),
+    (lambda s, f: rs.Oscillator(1.0, "k*x", {}), "missing k"),
+    (lambda s, f: rs.Oscillator(1.0, "k*x", {"k": 1.0, "q": 2.0}), "unknown q"),
+    (lambda s, f: rs.Oscillator(1.0, "k*x", {"k": np.nan}), r"values\.k"),
+    (lambda s, f: Model([rs.make_element("spring", law) for law in ("k*x", "c*v")]), "spring"),
+    (lambda s, f: Model(()), "none given"),
+    (lambda s, f: Model(JENKINS, fixed={"Fs": -1.0}), r"fixed\.Fs: is -1; a number above 0 is needed"),
+    (lambda s, f: Model(LAW, mass=2.0, fixed={"m": 1.0}), "mass: 2 kg, and 1 kg in fixed; give it once"),
+    (lambda s, f: rs.rank(s, Model(LAW, fixed={"k": 1.0})), "of what is fixed only the mass"),
+    (lambda s, f: rs.identify(s.select(np.arange(3)), LAW), "identification needs at least"),
+    (lambda s, f: rs.identify(s, LAW, rs.Observation(hold_out=(5.0,))), "no level 5 N"),
+    (lambda s, f: rs.identify(held_by_friction(), f"{LAW} + F*sign(v)"), "friction holds the mass"),
+    (lambda s, f: rs.identify(silent(), LAW), "record 1 of 1: the response is zero"),
+    (lambda s, f: rs.profile(f, "k9"), "has no value here; those with one: c, k, m"),
+    (lambda s, f: rs.profile(rs.identify(s, LAW, mass=1.2), "m"), "m is fixed"),
+    (lambda s, f: rs.predict(f.oscillator), "give the force levels"),
+    (lambda s, f: rs.predict(rs.Oscillator(1.0, LAW, {"k": 1.0, "c": 0.0}), 1.0), "needs damping"),
+    (lambda s, f: rs.predict(f.oscillator, 1.0, band=(3.0, 2.0)), "ascending"),
+    (lambda s, f: rs.predict(f.oscillator, 1.0)[3.0], "level '3': there is none; there are 1"),
+    (lambda s, f: rs.modal_table(s.select(s.frequency < 9)), "points lie within 45 degrees of resonance"),
+    (lambda s, f: rs.modal_table(s, "k*x"), "about"),
+    (lambda s, f: rs.modal_table(linear_surface(response=-s.harmonics[:, 1])), "feed the exciter"),
+    (lambda s, f: rs.modal_table(s).at([1e-3, -1.0]), "positive and finite"),
+    (lambda s, f: rs.compare_fits([f, f, f], ["a", "b"]), "names: 2 of 3 fits"),
+    (lambda s, f: rs.compare_fits([]), "names: 0 of 0 fits"),
+    (lambda s, f: rs.compare_fits("found"), "found: str; must be Identification"),
+    (lambda s, f: rs.compare(f, TRUE, {"k9": 1e-3}), "k9: not identified; allowed are c, k, m"),
+    (lambda s, f: rs.compare(f, {"k": 1.0}, {"c": 1e-3}), "no truth for c"),
+    (lambda s, f: rs.compare(f, {"k": 1.0}, {"damping_force": 1e-3}), "no truth for"),
+    (lambda s, f: rs.figures.draw_collapse(f, ax=Figure()), "must be matplotlib axes"),
+    (lambda s, f: rs.figures.draw_surface(s, ax=Figure().add_subplot()), 'projection="3d"'),
+    (lambda s, f: rs.MultisineTest((1.0,), (2, 20), 0.01), r"no line of a period of 0\.01 s is in it"),
+    (lambda s, f: rs.MultisineTest((1.0,), (20, 2), 2.0), "must be ascending"),
+    (lambda s, f: rs.MultisineTest((1.0,), (2, 2e3), 200.0, periods=1000), "of all periods; at most"),
+    (lambda s, f: rs.MultisineTest((1.0,), (2, 20), 1e10), "lines of all periods; at most"),
+    (lambda s, f: rs.MultisineTest((1.0,), (2, 1e308), 100.0), "lines of all periods; at most"),
+    (
+        lambda s, f: rs.simulate(STICKING, rs.MultisineTest((0.2,), (2.5, 20), 2.0)),
+        r"0\.2 N: no periodic response.*dry friction holds the mass",
+    ),
+    (lambda s, f: rs.SweepTest([1], (9, 8), duration=10, rate=400), "band: 9 to 8 Hz; must be ascending"),
+    (lambda s, f: rs.SweepTest([1], (8, 14), duration=10, rate=100), "rate: 100 Hz; at least 8 t"),
+    (lambda s, f: rs.DecayTest([1e-3], duration=1e6, rate=400), "samples of all records; at most"),
+    (lambda s, f: rs.simulate(GROWING, rs.DecayTest([1e-2], duration=10, rate=400)), "grows without"),
+    (lambda s, f: rs.SimulatedTest([], [8.0]), "level"),
+    (lambda s, f: rs.SimulatedTest([1.0, 1.0], [8.0]), "level"),
+    (lambda s, f: rs.SimulatedTest([1.0], [-1.0]), "frequency"),
+    *(
+        (lambda s, f, keys=keys: rs.SimulatedTest([1.0], [8.0], **keys), said)
+        for keys, said in (
+            ({"sweep": "sideways"}, "'rest', 'up' or 'down' is needed"),
+            ({"method": "guess"}, "'time' or 'harmonic-balance' is needed"),
+            ({"control": "none"}, "'force', 'response', 'phase' or 'continuation' is needed"),
+            ({"harmonics": 100}, "1 to 64"),
+            ({"accuracy": 1.0}, "accuracy"),
+            ({"noise_relative": -0.1}, "noise"),
+            ({"seed": -1}, "seed"),
+            ({"lags": (1.0,)}, "phase-locked loop"),
+            ({"control": "phase", "sweep": "up"}, "finds its frequency"),
+            ({"control": "phase", "lags": (3.0,), "phase_error": 0.4}, "must be 0 to pi"),
+            ({"control": "phase", "lags": (90.0,)}, "lags"),
+            ({"control": "phase", "base": "acceleration"}, "leave one of them out"),
+        )
+    ),
+    *((lambda s, f, law=law: rs.Law(law), "is the time") for law in ("k*x*cos(2*w*t)", "k*x + t*x**3")),
+    *(
+        (lambda s, f, law=law: rs.Law(law), "is a law of the library.*rsgen.laws")
+        for law in ("jenkins", "k*x + dahl", "k*x + ramberg_osgood", "dead-zone", "k*x + cubic-spring")
+    ),
+    *(
+        (lambda s, f, law=law: rs.identify(s, law), said)
+        for law, said in (
+            ("kx + c*v", r"law 'kx \+ c\*v': kx is one name.* write k\*x"),
+            ("k*x + k3x**3 + c*v", r"k3x is one name.* write k3\*x"),
+            ("k*x + c*xdot", "xdot is one name.* write v for the velocity"),
+        )
+    ),
+    (
+        lambda s, f: rs.identify(
+            s, rs.Law("k*x + c*v + z", memory={"z": "a*v - b*abs(v)*z*abs(z)**(n - 1)"})
         ),
-        (lambda s, f: rs.SweepTest([1], (9, 8), duration=10, rate=400), "band: 9 to 8 Hz; must be ascending"),
-        (lambda s, f: rs.SweepTest([1], (8, 14), duration=10, rate=100), "rate: 100 Hz; at least 8 t"),
-        (lambda s, f: rs.DecayTest([1e-3], duration=1e6, rate=400), "samples of all records; at most"),
-        (lambda s, f: rs.simulate(GROWING, rs.DecayTest([1e-2], duration=10, rate=400)), "grows without"),
-        (lambda s, f: rs.SimulatedTest([], [8.0]), "level"),
-        (lambda s, f: rs.SimulatedTest([1.0, 1.0], [8.0]), "level"),
-        (lambda s, f: rs.SimulatedTest([1.0], [-1.0]), "frequency"),
-        *(
-            (lambda s, f, keys=keys: rs.SimulatedTest([1.0], [8.0], **keys), said)
-            for keys, said in (
-                ({"sweep": "sideways"}, "'rest', 'up' or 'down' is needed"),
-                ({"method": "guess"}, "'time' or 'harmonic-balance' is needed"),
-                ({"control": "none"}, "'force', 'response', 'phase' or 'continuation' is needed"),
-                ({"harmonics": 100}, "1 to 64"),
-                ({"accuracy": 1.0}, "accuracy"),
-                ({"noise_relative": -0.1}, "noise"),
-                ({"seed": -1}, "seed"),
-                ({"lags": (1.0,)}, "phase-locked loop"),
-                ({"control": "phase", "sweep": "up"}, "finds its frequency"),
-                ({"control": "phase", "lags": (3.0,), "phase_error": 0.4}, "must be 0 to pi"),
-                ({"control": "phase", "lags": (90.0,)}, "lags"),
-                ({"control": "phase", "base": "acceleration"}, "leave one of them out"),
-            )
-        ),
-        *((lambda s, f, law=law: rs.Law(law), "is the time") for law in ("k*x*cos(2*w*t)", "k*x + t*x**3")),
-        *(
-            (lambda s, f, law=law: rs.Law(law), "is a law of the library.*rsgen.laws")
-            for law in ("jenkins", "k*x + dahl", "k*x + ramberg_osgood", "dead-zone", "k*x + cubic-spring")
-        ),
-        *(
-            (lambda s, f, law=law: rs.identify(s, law), said)
-            for law, said in (
-                ("kx + c*v", r"law 'kx \+ c\*v': kx is one name.* write k\*x"),
-                ("k*x + k3x**3 + c*v", r"k3x is one name.* write k3\*x"),
-                ("k*x + c*xdot", "xdot is one name.* write v for the velocity"),
-            )
-        ),
-        (
-            lambda s, f: rs.identify(
-                s, rs.Law("k*x + c*v + z", memory={"z": "a*v - b*abs(v)*z*abs(z)**(n - 1)"})
-            ),
-            r"z: a force to a power .* Fs\*z, .* fixed=\{'n': 1\}",
-        ),
-        (lambda s, f: rs.rank(s, "F1 - F2"), "no candidate has forces"),
-        *(
-            (lambda s, f, keys=keys: replace(s, **keys), said)
-            for keys, said in (
-                ({"frequency": np.full(42, -3.0)}, "positive"),
-                ({"frequency": np.full(42, np.inf)}, "finite"),
-                ({"force": [1.0, 2.0]}, "force"),
-                ({"harmonics": np.ones((42, 1))}, "fundamental"),
-                ({"sweep": ["left"] * 42}, "sweep"),
-                ({"outcome": np.full(42, 99)}, "outcome"),
-                ({"origin": "invented"}, "origin"),
-            )
-        ),
-        *(
-            (lambda s, f, sensors=sensors: rs.ResponseSurface(2.0, [9.0], 2.0, [1j], sensors=sensors), said)
-            for sensors, said in (
-                ({"a b": [1j]}, "'a b'"),
-                ({"across": [1j]}, "none of force, response, across"),
-                ({"tip_mean": [1j]}, "without the ending _mean"),
-                ({"tip": [1j, 2j]}, r"sensors\.tip: shape \(2,\)"),
-                ({"tip": [1.0]}, r"sensors\.tip: real numbers have no phase"),
-                ({"tip": [[1j]]}, r"sensors\.tip: needs at least"),
-                ([1j], "must be a dict"),
-            )
-        ),
-        (lambda s, f: rs.ResponseSurface(1, [8, 9], 1, [1e-3, 2e-3]), "phase_known=False"),
-        (lambda s, f: rs.ResponseSurface(1, [8, 9], 1), "response once"),
-        (lambda s, f: rs.ResponseSurface(1, [8, 9], [1, 1, 1], [1j, 1j]), r"force: shape \(3,\)"),
-        (lambda s, f: rs.ResponseSurface(1, [[8, 9]], 1, [[1j, 1j]]), "one row a test point"),
-        (
-            lambda s, f: rs.ResponseSurface([1, 2], [8, 9, 10], np.ones((2, 3)), 1j * np.ones((2, 3))),
-            "np.repeat the levels",
-        ),
-        (lambda s, f: rs.ResponseSurface(1, [8, 9], 1, [1j, "wide"]), "surface.response"),
-        (lambda s, f: rs.ResponseSurface(1, [8, 9], 1, [1j, 1j, 1j]), r"response: shape \(3,\)"),
-        *(
-            (lambda s, f, call=call: call(s), said)
-            for call, said in (
-                (
-                    lambda s: rs.identify(s, LAW, hold_out=[2]),
-                    "hold_out: no .* observation=rsgen.Observation",
-                ),
-                (lambda s: rs.rank(s, band=(8, 9)), r"rank: band: .*=rsgen.Observation\(band=...\)"),
-                (
-                    lambda s: rs.simulate(STICKING, test=1, levels=2),
-                    "its arguments are oscillator, test, pro",
-                ),
-                (lambda s: rs.predict(STICKING, level=1.0), "level: no argument; did you mean 'levels'"),
-                (lambda s: rs.modal_table(s, masse=1.0), "did you mean 'mass'"),
-                (lambda s: linear_surface(displacement=[1j]), "displacement: no argument; its arguments are"),
-                (lambda s: rs.SimulatedTest([1], [8], noise=0.1), "SimulatedTest: noise: no argument"),
-                (lambda s: rs.Observation(delay=1e-3), "Observation: delay: .* are background, hold_out"),
-                (
-                    lambda s: rs.Oscillator(1.0, law=LAW),
-                    "Oscillator: law: no argument; its arguments are mass",
-                ),
-            )
-        ),
-        (lambda s, f: rs.explain("rejected"), "verdict: str; must be Verdict"),
-        (lambda s, f: rs.sentence("noise"), "finding: str; must be Finding"),
-        (lambda s, f: rs.best_linear(s), "spectra: ResponseSurface; must be MultisineSpectra"),
-        (lambda s, f: rs.load_case(3), "path: int; must be str or PathLike"),
-        (lambda s, f: rs.laws["cubic"], "law 'cubic': unknown; did you mean 'cubic-spring'"),
-        (
-            lambda s, f: rs.predict(s, levels=[1]),
-            "found: ResponseSurface; must be Identification or ModalTable or Oscillator",
-        ),
-        (lambda s, f: rs.predict(f, levels=["high"]), "levels: .*must be numbers"),
-        (lambda s, f: rs.predict(f, levels=[]), "levels: none given"),
-        (lambda s, f: rs.predict(f, surface="test.h5"), "surface: str"),
-        (lambda s, f: rs.compare(s, TRUE), "identification: ResponseSurface"),
-        (lambda s, f: rs.compare(f, [1, 2]), "truth: list"),
-        (lambda s, f: rs.Oscillator("1 kg", LAW, TRUE), "mass: '1 kg'"),
-        (lambda s, f: rs.Oscillator(1, LAW, TRUE | {"k": "5 kN/m"}), "values.k: '5 kN/m'"),
-        (lambda s, f: rs.Oscillator(1, LAW, [5000, 4]), "values: list"),
-        (lambda s, f: rs.SimulatedTest(["low"], [9, 10]), "test.level: .*must be numbers"),
-        (lambda s, f: rs.simulate(rs.SimulatedTest([1], [9]), f.oscillator), "oscillator: Sim"),
-        (lambda s, f: rs.save_surface(s, "a.h5"), "surface: str"),
-        (lambda s, f: rs.load_surface("absent.h5"), "absent.h5: there is no such file"),
-        (lambda s, f: rs.read("test.mat"), "test.mat: not a case .* rsgen init --from"),
-        (lambda s, f: rs.figures.draw_collapse(s), "draw_collapse: ResponseSurface; must be Identification"),
-        (lambda s, f: rs.figures.draw_map(f), "draw_map: Identification; must be ResponseSurface"),
-        (lambda s, f: rs.figures.draw_collapse(f, {"k": 1.0}), "truth: no value of c"),
-        (lambda s, f: rs.ResponseSurface([1, 2], [[8, 9]], 1, [1j, 1j]), "surface.frequency: shape"),
-        (lambda s, f: rs.ResponseSurface([1, 1], [8, 9, 10], 1, [1j, 1j, 1j]), "as the frequency has them"),
-    ],
-)
+        r"z: a force to a power .* Fs\*z, .* fixed=\{'n': 1\}",
+    ),
+    (lambda s, f: rs.rank(s, "F1 - F2"), "no candidate has forces"),
+    *(
+        (lambda s, f, keys=keys: replace(s, **keys), said)
+        for keys, said in (
+            ({"frequency": np.full(42, -3.0)}, "positive"),
+            ({"frequency": np.full(42, np.inf)}, "finite"),
+            ({"force": [1.0, 2.0]}, "force"),
+            ({"harmonics": np.ones((42, 1))}, "fundamental"),
+            ({"sweep": ["left"] * 42}, "sweep"),
+            ({"outcome": np.full(42, 99)}, "outcome"),
+            ({"origin": "invented"}, "origin"),
+        )
+    ),
+    *(
+        (lambda s, f, sensors=sensors: rs.ResponseSurface(2.0, [9.0], 2.0, [1j], sensors=sensors), said)
+        for sensors, said in (
+            ({"a b": [1j]}, "'a b'"),
+            ({"across": [1j]}, "none of force, response, across"),
+            ({"tip_mean": [1j]}, "without the ending _mean"),
+            ({"tip": [1j, 2j]}, r"sensors\.tip: shape \(2,\)"),
+            ({"tip": [1.0]}, r"sensors\.tip: real numbers have no phase"),
+            ({"tip": [[1j]]}, r"sensors\.tip: needs at least"),
+            ([1j], "must be a dict"),
+        )
+    ),
+    (lambda s, f: rs.ResponseSurface(1, [8, 9], 1, [1e-3, 2e-3]), "phase_known=False"),
+    (lambda s, f: rs.ResponseSurface(1, [8, 9], 1), "response once"),
+    (lambda s, f: rs.ResponseSurface(1, [8, 9], [1, 1, 1], [1j, 1j]), r"force: shape \(3,\)"),
+    (lambda s, f: rs.ResponseSurface(1, [[8, 9]], 1, [[1j, 1j]]), "one row a test point"),
+    (
+        lambda s, f: rs.ResponseSurface([1, 2], [8, 9, 10], np.ones((2, 3)), 1j * np.ones((2, 3))),
+        "np.repeat the levels",
+    ),
+    (lambda s, f: rs.ResponseSurface(1, [8, 9], 1, [1j, "wide"]), "surface.response"),
+    (lambda s, f: rs.ResponseSurface(1, [8, 9], 1, [1j, 1j, 1j]), r"response: shape \(3,\)"),
+    *(
+        (lambda s, f, call=call: call(s), said)
+        for call, said in (
+            (lambda s: rs.identify(s, LAW, hold_out=[2]), "hold_out: no .* observation=rsgen.Observation"),
+            (lambda s: rs.rank(s, band=(8, 9)), r"rank: band: .*=rsgen.Observation\(band=...\)"),
+            (lambda s: rs.simulate(STICKING, test=1, levels=2), "its arguments are oscillator, test, pro"),
+            (lambda s: rs.predict(STICKING, level=1.0), "level: no argument; did you mean 'levels'"),
+            (lambda s: rs.modal_table(s, masse=1.0), "did you mean 'mass'"),
+            (lambda s: linear_surface(displacement=[1j]), "displacement: no argument; its arguments are"),
+            (lambda s: rs.SimulatedTest([1], [8], noise=0.1), "SimulatedTest: noise: no argument"),
+            (lambda s: rs.Observation(delay=1e-3), "Observation: delay: .* are background, hold_out"),
+            (lambda s: rs.Oscillator(1.0, law=LAW), "Oscillator: law: no argument; its arguments are mass"),
+        )
+    ),
+    (lambda s, f: rs.explain("rejected"), "verdict: str; must be Verdict"),
+    (lambda s, f: rs.sentence("noise"), "finding: str; must be Finding"),
+    (lambda s, f: rs.best_linear(s), "spectra: ResponseSurface; must be MultisineSpectra"),
+    (lambda s, f: rs.load_case(3), "path: int; must be str or PathLike"),
+    (lambda s, f: rs.laws["cubic"], "law 'cubic': unknown; did you mean 'cubic-spring'"),
+    (
+        lambda s, f: rs.predict(s, levels=[1]),
+        "found: ResponseSurface; must be Identification or ModalTable or Oscillator",
+    ),
+    (lambda s, f: rs.predict(f, levels=["high"]), "levels: .*must be numbers"),
+    (lambda s, f: rs.predict(f, levels=[]), "levels: none given"),
+    (lambda s, f: rs.predict(f, surface="test.h5"), "surface: str"),
+    (lambda s, f: rs.compare(s, TRUE), "identification: ResponseSurface"),
+    (lambda s, f: rs.compare(f, [1, 2]), "truth: list"),
+    (lambda s, f: rs.Oscillator("1 kg", LAW, TRUE), "mass: '1 kg'"),
+    (lambda s, f: rs.Oscillator(1, LAW, TRUE | {"k": "5 kN/m"}), "values.k: '5 kN/m'"),
+    (lambda s, f: rs.Oscillator(1, LAW, [5000, 4]), "values: list"),
+    (lambda s, f: rs.SimulatedTest(["low"], [9, 10]), "test.level: .*must be numbers"),
+    (lambda s, f: rs.simulate(rs.SimulatedTest([1], [9]), f.oscillator), "oscillator: Sim"),
+    (lambda s, f: rs.save_surface(s, "a.h5"), "surface: str"),
+    (lambda s, f: rs.load_surface("absent.h5"), "absent.h5: there is no such file"),
+    (lambda s, f: rs.read("test.mat"), "test.mat: not a case .* rsgen init --from"),
+    (lambda s, f: rs.figures.draw_collapse(s), "draw_collapse: ResponseSurface; must be Identification"),
+    (lambda s, f: rs.figures.draw_map(f), "draw_map: Identification; must be ResponseSurface"),
+    (lambda s, f: rs.figures.draw_collapse(f, {"k": 1.0}), "truth: no value of c"),
+    (lambda s, f: rs.ResponseSurface([1, 2], [[8, 9]], 1, [1j, 1j]), "surface.frequency: shape"),
+    (lambda s, f: rs.ResponseSurface([1, 1], [8, 9, 10], 1, [1j, 1j, 1j]), "as the frequency has them"),
+])  # fmt: skip
 def test_a_wrong_argument_is_refused_in_a_sentence(surface, found, call, said):
     with pytest.raises(RsgenError, match=said):
         call(surface, found)

@@ -214,14 +214,11 @@ def test_rows_that_are_not_numbers_are_left_out_and_counted():
         ResponseSurface(*columns.values())
 
 
-@pytest.mark.parametrize(
-    ("name", "rows", "said"),
-    [
-        ("response", slice(20, 40), "20 of 40 rows left out, of level 3, whose"),
-        ("response", [1, 5, 30], "3 of 40 rows left out, of level 1, 3, whose"),
-        ("force", [7], "1 of 40 rows left out, of level 1, whose"),
-    ],
-)
+@pytest.mark.parametrize(("name", "rows", "said"), [
+    ("response", slice(20, 40), "20 of 40 rows left out, of level 3, whose"),
+    ("response", [1, 5, 30], "3 of 40 rows left out, of level 1, 3, whose"),
+    ("force", [7], "1 of 40 rows left out, of level 1, whose"),
+])  # fmt: skip
 def test_rows_of_exact_zeros_are_left_out_and_counted(name, rows, said):
     columns = linear_columns()
     columns[name][rows] = 0

@@ -201,14 +201,11 @@ def test_the_same_input_gives_the_same_bytes(watched):
 
 @posix
 @pytest.mark.slow
-@pytest.mark.parametrize(
-    ("number", "begun", "jobs"),
-    [
-        (signal.SIGINT, "out/.*.part", "2"),
-        # the page is written, the cells of the notebook run
-        pytest.param(signal.SIGTERM, "out/.*.part/report.html", "1", marks=pytest.mark.thorough),
-    ],
-)
+@pytest.mark.parametrize(("number", "begun", "jobs"), [
+    (signal.SIGINT, "out/.*.part", "2"),
+    # the page is written, the cells of the notebook run
+    pytest.param(signal.SIGTERM, "out/.*.part/report.html", "1", marks=pytest.mark.thorough),
+])  # fmt: skip
 def test_an_interrupt_ends_with_130_and_leaves_nothing(tmp_path, number, begun, jobs):
     cases = [write_small(tmp_path, name) for name in ("a", "b")]
     process = subprocess.Popen(
@@ -291,13 +288,10 @@ HEAVY = "matplotlib numba scipy.linalg scipy.optimize scipy.stats h5py pint conc
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(
-    ("command", "unneeded"),
-    [
-        ("derive k*x", ""), ("laws", ""), ("check cubic.toml", "numpy.ma"), ("inspect a.csv", "sympy jinja2"),
-        ("inspect steps.h5", "sympy jinja2"),
-    ],
-)  # fmt: skip
+@pytest.mark.parametrize(("command", "unneeded"), [
+    ("derive k*x", ""), ("laws", ""), ("check cubic.toml", "numpy.ma"), ("inspect a.csv", "sympy jinja2"),
+    ("inspect steps.h5", "sympy jinja2"),
+])  # fmt: skip
 def test_short_commands_load_neither_figures_nor_compiler(command, unneeded, tmp_path):
     tmp_path.joinpath("a.csv").write_text(SOUND)
     for file in ("cubic.toml", "formats/steps.h5"):

@@ -25,15 +25,12 @@ def redirected(words: str, redirections: str) -> subprocess.CompletedProcess[str
 
 @pytest.mark.slow
 @posix
-@pytest.mark.parametrize(
-    ("redirections", "words", "code", "error"),
-    [
-        ("> /dev/full", "laws", 2, "standard output: cannot be written: No space left on device\n"),
-        ("> /dev/full", "--help", 2, "rsgen: the system refuses what this needs: No space left on device\n"),
-        ("2> /dev/full", "run absent.toml", 2, ""), ("> /dev/full 2> /dev/full", "laws", 2, ""),
-        (">&-", "laws", 0, ""), ("<&- >&- 2>&-", "run absent.toml", 2, ""),
-    ],
-)  # fmt: skip
+@pytest.mark.parametrize(("redirections", "words", "code", "error"), [
+    ("> /dev/full", "laws", 2, "standard output: cannot be written: No space left on device\n"),
+    ("> /dev/full", "--help", 2, "rsgen: the system refuses what this needs: No space left on device\n"),
+    ("2> /dev/full", "run absent.toml", 2, ""), ("> /dev/full 2> /dev/full", "laws", 2, ""),
+    (">&-", "laws", 0, ""), ("<&- >&- 2>&-", "run absent.toml", 2, ""),
+])  # fmt: skip
 def test_a_command_ends_well_whatever_its_streams_are(redirections, words, code, error):
     done = redirected(words, redirections)
     assert (done.returncode, done.stdout, done.stderr) == (code, "", error)
@@ -67,14 +64,11 @@ def test_what_the_system_refuses_is_no_fault_of_the_program():
     assert "this is a fault of rsgen" in program_fault(ZeroDivisionError("odd"), "small.toml")
 
 
-@pytest.mark.parametrize(
-    ("text", "shown"),
-    [
-        ("180\u202f000 \u00d7\u00a01", "180 000 \u00d7 1"),
-        ("a\x1b[31m\nb", "a\\x1b[31m\\nb"),
-        ("line\u2028end\u202e", "line\\u2028end\\u202e"),
-    ],
-)
+@pytest.mark.parametrize(("text", "shown"), [
+    ("180\u202f000 \u00d7\u00a01", "180 000 \u00d7 1"),
+    ("a\x1b[31m\nb", "a\\x1b[31m\\nb"),
+    ("line\u2028end\u202e", "line\\u2028end\\u202e"),
+])  # fmt: skip
 def test_spaces_are_blanks_and_control_characters_are_shown(text, shown):
     assert plain(text) == shown
 

@@ -16,14 +16,11 @@ def simulated(tmp_path, monkeypatch):
     return write_small(tmp_path)
 
 
-@pytest.mark.parametrize(
-    ("words", "name"),
-    [
-        (("simulate", "small.toml"), "small.h5"),
-        (("simulate", "small.toml", "--out", "thesis.tex"), "thesis.tex"),
-        (("modal", "small.toml", "--csv", "logbook.csv"), "logbook.csv"),
-    ],
-)
+@pytest.mark.parametrize(("words", "name"), [
+    (("simulate", "small.toml"), "small.h5"),
+    (("simulate", "small.toml", "--out", "thesis.tex"), "thesis.tex"),
+    (("modal", "small.toml", "--csv", "logbook.csv"), "logbook.csv"),
+])  # fmt: skip
 def test_a_file_of_the_user_is_not_written_over(words, name, simulated, run_cli):
     mine = simulated.parent / name
     mine.write_bytes(MINE)

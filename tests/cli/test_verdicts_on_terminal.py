@@ -24,25 +24,19 @@ def run_of(state: str | None) -> CaseRun:
     return CaseRun(Path("a.toml"), "a", folder, state != "missed", verdict=state_verdict(verdict))
 
 
-@pytest.mark.parametrize(
-    ("states", "code"),
-    [
-        ((), 0), (("accepted", "identified"), 0), (("accepted", "missed"), 1), (("doubtful", "accepted"), 1),
-        (("rejected",), 1), (("rejected", None), 2), ((None,), 2),
-    ],
-)  # fmt: skip
+@pytest.mark.parametrize(("states", "code"), [
+    ((), 0), (("accepted", "identified"), 0), (("accepted", "missed"), 1), (("doubtful", "accepted"), 1),
+    (("rejected",), 1), (("rejected", None), 2), ((None,), 2),
+])  # fmt: skip
 def test_a_script_goes_on_with_accepted_and_identified_results_only(states, code):
     assert exit_code([run_of(state) for state in states]) == code
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(
-    ("old", "new", "states", "decided"),
-    [
-        pytest.param("", "", {"identified"}, set(), marks=pytest.mark.thorough),
-        ('phase_sense = "lag"', 'phase_sense = "lead"', {"rejected"}, {"structure-feeds-exciter"}),
-    ],
-)
+@pytest.mark.parametrize(("old", "new", "states", "decided"), [
+    pytest.param("", "", {"identified"}, set(), marks=pytest.mark.thorough),
+    ('phase_sense = "lag"', 'phase_sense = "lead"', {"rejected"}, {"structure-feeds-exciter"}),
+])  # fmt: skip
 def test_every_command_says_the_same_of_a_measured_test(old, new, states, decided, tmp_path, run_cli):
     shutil.copy(FORMATS / "table.csv", tmp_path)
     path, out = tmp_path / "case.toml", tmp_path / "out"

@@ -41,37 +41,34 @@ def write_table(path: Path, rows: np.ndarray | None = None, head: str = "f,F,a,b
     np.savetxt(path, rows, delimiter=",", header=head, comments="", fmt="%.17g")
 
 
-@pytest.mark.parametrize(
-    ("words", "said"),
-    [
-        ("check lab/small", "lab/small: does not exist; ... did you mean 'lab/small.toml'?"),
-        ("check lab/smal.toml", "lab/smal.toml: does not exist; ... did you mean 'lab/small.toml'?"),
-        ("identify lab/smal.toml", "lab/smal.toml: cannot be read: ... 'lab/small.toml'?"),
-        ("rank lab/absent.toml", "lab/absent.toml: cannot be read: ... file is needed"),
-        ("identify lab/a.csv", "lab/a.csv: line 1, column 2: ... `rsgen init --from` writes"),
-        ("identify lab", "lab: is no regular file"),
-        ("identify lab/small.toml --surface lab/s.h5", "lab/s.h5: there is no such file"),
-        ("simulate lab/read.toml", "lab/read.toml: test.kind: is 'measured'"),
-        ("simulate lab/small.toml --out absent/a.h5", "--out absent/a.h5: there is no folder absent"),
-        ("check lab/read.toml --data absent", "lab/read.toml: test.file: ... absent/a.csv: cannot be read"),
-        ("profile lab/small.toml q", "profile: 'q' has no value here; those with one: c, k, m"),
-        ("inspect lab/a.cs", "lab/a.cs: cannot be read: ... did you mean 'lab/a.csv'?"),
-        ("inspect lab/small.toml", "lab/small.toml: is a case file, which `rsgen check` reads"),
-        ("init --from lab/small.toml", "lab/small.toml: is a case file"),
-        ("init --from lab/b.csv", "lab/b.csv: cannot be read: ... did you mean 'lab/a.csv'?"),
-        ("laws cubic", "law 'cubic': unknown; did you mean 'cubic-spring'?"),
-        ("laws cubic-sprin", "law 'cubic-sprin': unknown; did you mean 'cubic-spring'"),
-        ("derive cubic-spring", "cubic-spring is a law of the library ... write k*x + k3*x**3"),
-        ("derive k*x+k2*sing(x)", "column 8: 'sing' is not a function of formulas, did you mean 'sin'?"),
-        ("init", "NAME: is missing"),
-        ("init ../x", "name: '../x' is not a plain name"),
-        ("derive", "rsgen derive: Missing argument 'expression'. See: rsgen derive --help"),
-        ("run --frce x", "rsgen run: No such option: --frce (Possible ... --force) See: rsgen run --help"),
-        ("rnu", "rsgen: No such command 'rnu'. Did you mean 'run'?"),
-        ("run lab/small.toml --figures PDF", "--figures PDF: must be one of pdf, svg, png"),
-        ("diff lab absent", "lab: holds no result of rsgen"),
-    ],
-)  # fmt: skip
+@pytest.mark.parametrize(("words", "said"), [
+    ("check lab/small", "lab/small: does not exist; ... did you mean 'lab/small.toml'?"),
+    ("check lab/smal.toml", "lab/smal.toml: does not exist; ... did you mean 'lab/small.toml'?"),
+    ("identify lab/smal.toml", "lab/smal.toml: cannot be read: ... 'lab/small.toml'?"),
+    ("rank lab/absent.toml", "lab/absent.toml: cannot be read: ... file is needed"),
+    ("identify lab/a.csv", "lab/a.csv: line 1, column 2: ... `rsgen init --from` writes"),
+    ("identify lab", "lab: is no regular file"),
+    ("identify lab/small.toml --surface lab/s.h5", "lab/s.h5: there is no such file"),
+    ("simulate lab/read.toml", "lab/read.toml: test.kind: is 'measured'"),
+    ("simulate lab/small.toml --out absent/a.h5", "--out absent/a.h5: there is no folder absent"),
+    ("check lab/read.toml --data absent", "lab/read.toml: test.file: ... absent/a.csv: cannot be read"),
+    ("profile lab/small.toml q", "profile: 'q' has no value here; those with one: c, k, m"),
+    ("inspect lab/a.cs", "lab/a.cs: cannot be read: ... did you mean 'lab/a.csv'?"),
+    ("inspect lab/small.toml", "lab/small.toml: is a case file, which `rsgen check` reads"),
+    ("init --from lab/small.toml", "lab/small.toml: is a case file"),
+    ("init --from lab/b.csv", "lab/b.csv: cannot be read: ... did you mean 'lab/a.csv'?"),
+    ("laws cubic", "law 'cubic': unknown; did you mean 'cubic-spring'?"),
+    ("laws cubic-sprin", "law 'cubic-sprin': unknown; did you mean 'cubic-spring'"),
+    ("derive cubic-spring", "cubic-spring is a law of the library ... write k*x + k3*x**3"),
+    ("derive k*x+k2*sing(x)", "column 8: 'sing' is not a function of formulas, did you mean 'sin'?"),
+    ("init", "NAME: is missing"),
+    ("init ../x", "name: '../x' is not a plain name"),
+    ("derive", "rsgen derive: Missing argument 'expression'. See: rsgen derive --help"),
+    ("run --frce x", "rsgen run: No such option: --frce (Possible ... --force) See: rsgen run --help"),
+    ("rnu", "rsgen: No such command 'rnu'. Did you mean 'run'?"),
+    ("run lab/small.toml --figures PDF", "--figures PDF: must be one of pdf, svg, png"),
+    ("diff lab absent", "lab: holds no result of rsgen"),
+])  # fmt: skip
 @pytest.mark.usefixtures("laboratory")
 def test_wrong_words_are_said_as_typed(words, said, run_cli):
     refused = run_cli(*words.split())
@@ -90,20 +87,17 @@ def test_a_link_out_of_the_folder_is_called_a_link(laboratory, run_cli):
     assert run_cli("check", laboratory / "read.toml").err == said
 
 
-@pytest.mark.parametrize(
-    ("changes", "said"),
-    [
-        ({"test.response.real": "aa"}, "a.csv: line 1: no column named 'aa'; did you mean 'a'? known: 'f'"),
-        ({"test.response.unit": "milimeter"}, "test.response.unit: 'milimeter' is not known; write a unit"),
-        ({"test.response.unit": "N"}, "test.response.unit: 'N' is a force, but m (a length) is needed"),
-        ({"test.force.factor": "10 N/V"}, "test.force.factor: '10 N/V' makes no N of N; unit is that of"),
-        ({"test.level": {"value": "1 mm"}}, "test.level.value: '1 mm' is a length, but N"),
-        ({"test.level": {"column": "F", "unit": "mm"}}, "test.level.unit: 'mm' is a length, but N (a force)"),
-        ({"identify": {"holdout": [1]}}, "identify.holdout: is not a key here; did you mean 'hold_out'?"),
-        ({"identify": {"hold_out": [7]}}, "hold_out: no level 7 N in the test; it has 1, 2 N"),
-        ({"element.1.across": "tip - root"}, "element.1.across: tip, root: no such channel; known: none"),
-    ],
-)  # fmt: skip
+@pytest.mark.parametrize(("changes", "said"), [
+    ({"test.response.real": "aa"}, "a.csv: line 1: no column named 'aa'; did you mean 'a'? known: 'f'"),
+    ({"test.response.unit": "milimeter"}, "test.response.unit: 'milimeter' is not known; write a unit"),
+    ({"test.response.unit": "N"}, "test.response.unit: 'N' is a force, but m (a length) is needed"),
+    ({"test.force.factor": "10 N/V"}, "test.force.factor: '10 N/V' makes no N of N; unit is that of"),
+    ({"test.level": {"value": "1 mm"}}, "test.level.value: '1 mm' is a length, but N"),
+    ({"test.level": {"column": "F", "unit": "mm"}}, "test.level.unit: 'mm' is a length, but N (a force)"),
+    ({"identify": {"holdout": [1]}}, "identify.holdout: is not a key here; did you mean 'hold_out'?"),
+    ({"identify": {"hold_out": [7]}}, "hold_out: no level 7 N in the test; it has 1, 2 N"),
+    ({"element.1.across": "tip - root"}, "element.1.across: tip, root: no such channel; known: none"),
+])  # fmt: skip
 def test_what_a_measured_case_says_wrongly_is_named_by_its_key(laboratory, run_cli, changes, said):
     path = laboratory / "read.toml"
     path.write_text(changed(SMALL, MEASURED | TABLE | changes), encoding="utf-8")

@@ -53,14 +53,11 @@ def test_json_has_null_and_the_closed_part_where_an_integral_is(run_cli):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(
-    "law",
-    [
-        "k0*x + k*Max(0, x - b1) + q*Min(0, x + b2)", "k*abs(x)**p*sign(x)", "k*sin(a*x) + c*sinh(v/w)",
-        "k*x + a*x**2", "Piecewise((k1*x, abs(x) < a), (k2*x, abs(x) < b), (k3*x, True))",
-        "Min(Max(k1*x, k2*x - F), k3*x + F)",
-    ],
-)  # fmt: skip
+@pytest.mark.parametrize("law", [
+    "k0*x + k*Max(0, x - b1) + q*Min(0, x + b2)", "k*abs(x)**p*sign(x)", "k*sin(a*x) + c*sinh(v/w)",
+    "k*x + a*x**2", "Piecewise((k1*x, abs(x) < a), (k2*x, abs(x) < b), (k3*x, True))",
+    "Min(Max(k1*x, k2*x - F), k3*x + F)",
+])  # fmt: skip
 def test_every_text_of_json_is_the_formula(run_cli, law):
     found, function = answer(run_cli, law), derive(law)
     names = tuple(map(symbol, ("X", "X0", "omega", *function.parameters)))

@@ -141,13 +141,10 @@ RESPONSE = {
 }  # fmt: skip
 
 
-@pytest.mark.parametrize(
-    ("heading", "factor", "signal"),
-    [
-        ("The base moved with a constant amplitude that was not recorded", 1.0, ["base"]),
-        ("The base drives the mode by a participation factor", 1.27, []),
-    ],
-)
+@pytest.mark.parametrize(("heading", "factor", "signal"), [
+    ("The base moved with a constant amplitude that was not recorded", 1.0, ["base"]),
+    ("The base drives the mode by a participation factor", 1.27, []),
+])  # fmt: skip
 def test_a_base_that_is_constant_or_has_a_participation_factor(tmp_path, shaken, heading, factor, signal):
     files = [f"run{number}.csv" for number in range(3)]
     for name, level in zip(files, (0.2, 0.6, 1.2), strict=True):

@@ -25,14 +25,10 @@ def test_a_page_that_uses_examples_says_where_they_come_from(path):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(
-    "path",
-    [
-        pytest.param(path, marks=[pytest.mark.thorough] if path.parent.name == "howto" else [])
-        for path in PAGES
-    ],
-    ids=NAMES,
-)
+@pytest.mark.parametrize("path", [
+    pytest.param(path, marks=[pytest.mark.thorough] if path.parent.name == "howto" else [])
+    for path in PAGES
+], ids=NAMES)  # fmt: skip
 def test_snippets_run(path, tmp_path):
     workspace = Workspace(tmp_path)
     for snippet in find_snippets(path.read_text(encoding="utf-8")):

@@ -46,13 +46,10 @@ def test_no_function_is_evaluated_anew(monkeypatch):
 NAMES = {symbol("k"): sympy.Symbol("k", positive=True), symbol("b"): sympy.Symbol("b", positive=True)}
 
 
-@pytest.mark.parametrize(
-    "text",
-    [
-        "k*x + sqrt(k**2)*x**3", "Piecewise((k*x, x < b), (k*b + (x - b)/2, True))", "abs(k)*sign(x)*b**1.5",
-        "c*v", "Max(-b, Min(k*x, b))",
-    ],
-)  # fmt: skip
+@pytest.mark.parametrize("text", [
+    "k*x + sqrt(k**2)*x**3", "Piecewise((k*x, x < b), (k*b + (x - b)/2, True))", "abs(k)*sign(x)*b**1.5",
+    "c*v", "Max(-b, Min(k*x, b))",
+])  # fmt: skip
 def test_renaming_is_replacing(text):
     law = parse(text)
     assert renamed(law, NAMES) == law.xreplace(NAMES)

@@ -102,14 +102,10 @@ def test_same_data_same_bytes(name):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(
-    "surface",
-    [
-        cubic_surface(gaps=True), cubic_surface(sweep="up", gaps=True), cubic_surface(levels=1),
-        cubic_surface(levels=1, frequencies=1),
-    ],
-    ids=["gaps", "up with gaps", "one level", "one point"],
-)  # fmt: skip
+@pytest.mark.parametrize("surface", [
+    cubic_surface(gaps=True), cubic_surface(sweep="up", gaps=True), cubic_surface(levels=1),
+    cubic_surface(levels=1, frequencies=1),
+], ids=["gaps", "up with gaps", "one level", "one point"])  # fmt: skip
 def test_any_surface_can_be_drawn(surface):
     for draw in (figures.draw_surface, figures.draw_map):
         assert draw(surface).render("png").startswith(b"\x89PNG")

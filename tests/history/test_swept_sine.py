@@ -148,17 +148,14 @@ def against_stepped(o: Oscillator, surface: ResponseSurface) -> tuple[np.ndarray
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(
-    "name",
-    [
-        "cubic",
-        "coulomb",
-        *(
-            pytest.param(name, marks=pytest.mark.thorough)
-            for name in ("cubic-hardening", "quintic", "piecewise", "bilinear", "combined", "joint")
-        ),
-    ],
-)
+@pytest.mark.parametrize("name", [
+    "cubic",
+    "coulomb",
+    *(
+        pytest.param(name, marks=pytest.mark.thorough)
+        for name in ("cubic-hardening", "quintic", "piecewise", "bilinear", "combined", "joint")
+    ),
+])  # fmt: skip
 def test_a_sweep_through_a_case_gives_what_stepped_sine_gives(name: str) -> None:
     o = load_case(CASES / f"{name}.toml").oscillator
     first, last, pace, levels = (36, 62, 0.2, (2, 10)) if name == "joint" else (8, 12, 0.02, (2, 12))

@@ -151,20 +151,17 @@ def test_a_held_out_level_is_predicted_with_its_measured_ratio():
     assert np.isnan(rs.predict(found, surface=replace(surface, across=None)).held_out[0].predicted).all()
 
 
-@pytest.mark.parametrize(
-    ("law", "surface", "options", "said"),
-    [
-        (ELEMENTS, {"across": None}, {}, "no motion across"), ("k*x + c*v", {}, {}, "no element follows it"),
-        ((rs.make_element("joint", "k*x + k2*x**2 + c*v", across="a - b"),), {}, {}, "are not odd"),
-        (
-            (rs.make_element("here", "k*x + c*v"), rs.make_element("there", "-k*x", across="a - b")), {}, {},
-            "k: cancels in the sum",
-        ),
-        ((*ELEMENTS, rs.make_element("other", "h*x", across="a - b")), {}, {}, "one pair of sensors"),
-        ((*ELEMENTS, rs.make_element("other", "h*x**2", across="a - b")), {}, {}, "one pair of sensors"),
-        (ELEMENTS, {}, {"observation": rs.Observation(background="neighbour")}, "take 'residuals'"),
-    ],
-)  # fmt: skip
+@pytest.mark.parametrize(("law", "surface", "options", "said"), [
+    (ELEMENTS, {"across": None}, {}, "no motion across"), ("k*x + c*v", {}, {}, "no element follows it"),
+    ((rs.make_element("joint", "k*x + k2*x**2 + c*v", across="a - b"),), {}, {}, "are not odd"),
+    (
+        (rs.make_element("here", "k*x + c*v"), rs.make_element("there", "-k*x", across="a - b")), {}, {},
+        "k: cancels in the sum",
+    ),
+    ((*ELEMENTS, rs.make_element("other", "h*x", across="a - b")), {}, {}, "one pair of sensors"),
+    ((*ELEMENTS, rs.make_element("other", "h*x**2", across="a - b")), {}, {}, "one pair of sensors"),
+    (ELEMENTS, {}, {"observation": rs.Observation(background="neighbour")}, "take 'residuals'"),
+])  # fmt: skip
 def test_what_cannot_be_identified_across_is_said(law, surface, options, said):
     with pytest.raises(RsgenError, match=said):
         rs.identify(replace(two_masses(), **surface), law, **options)

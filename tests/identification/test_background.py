@@ -53,14 +53,11 @@ def cubic():
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(
-    ("kind", "psi", "a", "b"),
-    [
-        ("phase", PSI, 0, 0), ("phase", -2.5, 0, 0), ("constant", PSI, FLEXIBILITY, 0),
-        # half of the peak of the mode
-        ("constant", 0.2, 2.1e-3, 0), ("residuals", PSI, FLEXIBILITY, INERTIA), ("residuals", 0, 0, 0),
-    ],
-)  # fmt: skip
+@pytest.mark.parametrize(("kind", "psi", "a", "b"), [
+    ("phase", PSI, 0, 0), ("phase", -2.5, 0, 0), ("constant", PSI, FLEXIBILITY, 0),
+    # half of the peak of the mode
+    ("constant", 0.2, 2.1e-3, 0), ("residuals", PSI, FLEXIBILITY, INERTIA), ("residuals", 0, 0, 0),
+])  # fmt: skip
 def test_what_is_put_beside_the_mode_comes_out(cubic, kind, psi, a, b):
     seen = among_others(cubic, psi, a, b)
     found = identify(seen, model("cubic"), Observation(background=kind))

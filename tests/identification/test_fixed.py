@@ -76,16 +76,13 @@ def test_the_sign_of_a_channel_is_named_and_no_negative_mass_in_place_of_a_given
     assert not codes(asked) & {"fixed-contradicted", "law-does-not-fit", "parts-disagree", "not-converged"}
 
 
-@pytest.mark.parametrize(
-    ("fixed", "fault"),
-    [
-        ({"b": 1.0}, "fixed: 'b': no parameter; allowed are c, k, kn, m"),
-        ({"k": "5"}, "fixed.k: '5'; must be a number"),
-        ({"k": np.inf}, "fixed.k: is inf; a number is needed"),
-        ({"m": -1.0}, "mass: is -1 kg; a number above 0 is needed"),
-        ([("k", 1.0)], "fixed: "),
-    ],
-)
+@pytest.mark.parametrize(("fixed", "fault"), [
+    ({"b": 1.0}, "fixed: 'b': no parameter; allowed are c, k, kn, m"),
+    ({"k": "5"}, "fixed.k: '5'; must be a number"),
+    ({"k": np.inf}, "fixed.k: is inf; a number is needed"),
+    ({"m": -1.0}, "mass: is -1 kg; a number above 0 is needed"),
+    ([("k", 1.0)], "fixed: "),
+])  # fmt: skip
 def test_what_cannot_be_fixed_is_refused(fixed, fault):
     with pytest.raises(rsgen.RsgenError, match=re.escape(fault)):
         rsgen.identify(surface("cubic"), LAWS["cubic"][0], fixed=fixed)

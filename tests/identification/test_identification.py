@@ -84,14 +84,11 @@ def turned(table: ResponseSurface) -> ResponseSurface:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(
-    ("law", "noise", "change", "factor", "same"),
-    [
-        ("cubic", 0.01, shuffled, 1.0, 1e-6),
-        ("combined", 0.0, in_millinewtons, 1000.0, 1e-8),
-        ("bilinear", 0.0, turned, 1.0, 1e-7),
-    ],
-)
+@pytest.mark.parametrize(("law", "noise", "change", "factor", "same"), [
+    ("cubic", 0.01, shuffled, 1.0, 1e-6),
+    ("combined", 0.0, in_millinewtons, 1000.0, 1e-8),
+    ("bilinear", 0.0, turned, 1.0, 1e-7),
+])  # fmt: skip
 def test_order_unit_and_clock_do_not_matter(law, noise, change, factor, same):
     table = noisy(surface(law), noise, 1) if noise else surface(law)
     expected = {e.name: factor * e.value for e in identified(law, noise).refined}

@@ -76,13 +76,10 @@ AWKWARD: dict[str, Callable[[np.ndarray], np.ndarray]] = {
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(
-    "kind",
-    [
-        pytest.param(kind, marks=[pytest.mark.thorough] if kind in ("noise", "real") else [])
-        for kind in AWKWARD
-    ],
-)
+@pytest.mark.parametrize("kind", [
+    pytest.param(kind, marks=[pytest.mark.thorough] if kind in ("noise", "real") else [])
+    for kind in AWKWARD
+])  # fmt: skip
 @pytest.mark.parametrize(
     "law", [CUBIC, pytest.param("k*x + k2*x**2 + c*v + F*sign(v)", marks=pytest.mark.thorough)]
 )

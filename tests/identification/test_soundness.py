@@ -83,19 +83,16 @@ STRIBECK = "k*x + c*v + (Fc + (Fs - Fc)*exp(-abs(v)/w))*sign(v)"
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(
-    ("truth", "law", "values"),
-    [
-        (VAN_DER_POL, "k*x - c*v + b*x**2*v", {"k": 5920.0, "c": 2.0, "a": 0.004}),
-        *(
-            pytest.param(law, law, values, marks=pytest.mark.thorough)
-            for law, values in (
-                (VAN_DER_POL, {"k": 5920.0, "c": 2.0, "a": 0.004}),
-                (STRIBECK, {"k": 5920.0, "c": 3.0, "Fc": 0.3, "Fs": 0.8, "w": 0.1}),
-            )
-        ),
-    ],
-)
+@pytest.mark.parametrize(("truth", "law", "values"), [
+    (VAN_DER_POL, "k*x - c*v + b*x**2*v", {"k": 5920.0, "c": 2.0, "a": 0.004}),
+    *(
+        pytest.param(law, law, values, marks=pytest.mark.thorough)
+        for law, values in (
+            (VAN_DER_POL, {"k": 5920.0, "c": 2.0, "a": 0.004}),
+            (STRIBECK, {"k": 5920.0, "c": 3.0, "Fc": 0.3, "Fs": 0.8, "w": 0.1}),
+        )
+    ),
+])  # fmt: skip
 def test_a_law_that_is_active_by_design_is_judged_by_its_whole_work(truth, law, values):
     """Motions below twice the displacement of zero damping live on the damper of van der Pol."""
     test = SimulatedTest(

@@ -148,15 +148,12 @@ TRANSMISSIBILITY = (STIFFNESS + 1j * OMEGA * DAMPING) / (STIFFNESS - MASS * OMEG
 """Absolute motion of the mass over that of the base."""
 
 
-@pytest.mark.parametrize(
-    ("base", "mass"),
-    [
-        (("Base acc [g]", "Base phase [deg]"), ("Mass acc [g]", "Mass phase [deg]")),
-        (("Table Mag (g)", "Table Phs (deg)"), ("DUT Mag (g)", "DUT Phs (deg)")),
-        (("Re Tisch [g]", "Im Tisch [g]"), ("Re Masse [g]", "Im Masse [g]")),
-        (("CTRL1 (g)", "CTRL1 Phase (deg)"), ("RESP2 (g)", "RESP2 Phase (deg)")),
-    ],
-)
+@pytest.mark.parametrize(("base", "mass"), [
+    (("Base acc [g]", "Base phase [deg]"), ("Mass acc [g]", "Mass phase [deg]")),
+    (("Table Mag (g)", "Table Phs (deg)"), ("DUT Mag (g)", "DUT Phs (deg)")),
+    (("Re Tisch [g]", "Im Tisch [g]"), ("Re Masse [g]", "Im Masse [g]")),
+    (("CTRL1 (g)", "CTRL1 Phase (deg)"), ("RESP2 (g)", "RESP2 Phase (deg)")),
+])  # fmt: skip
 @pytest.mark.parametrize("seed", [None, 3])
 def test_a_driven_base_is_recognised(tmp_path, base, mass, seed):
     levels = base[0].startswith("Table")
@@ -179,14 +176,11 @@ def test_a_driven_base_is_recognised(tmp_path, base, mass, seed):
     assert "relative" in doubts["test.base.response"]
 
 
-@pytest.mark.parametrize(
-    ("titles", "driven", "asked"),
-    [
-        ("base,tip", "base", True), ("table,mass", "base", True), ("Tisch,Masse", "base", True),
-        ("base [m/s^2],tip", "base", False), ("shaker [g],tip [g]", "base", False),
-        ("shaker,tip", "force", True), ("shaker [V],tip [g]", "force", True), ("f,tip", "force", True),
-    ],
-)  # fmt: skip
+@pytest.mark.parametrize(("titles", "driven", "asked"), [
+    ("base,tip", "base", True), ("table,mass", "base", True), ("Tisch,Masse", "base", True),
+    ("base [m/s^2],tip", "base", False), ("shaker [g],tip [g]", "base", False),
+    ("shaker,tip", "force", True), ("shaker [V],tip [g]", "force", True), ("f,tip", "force", True),
+])  # fmt: skip
 def test_a_base_is_told_by_its_name_where_no_unit_stands(tmp_path, titles, driven, asked):
     """A shaker without a unit may stand for its force or voltage."""
     rows = "\n".join(f"{i / 100},{np.sin(i)},{np.cos(i)}" for i in range(40))

@@ -89,26 +89,19 @@ def test_a_case_begun_from_a_file_reads_it(tmp_path, file, run_cli, begun):
     assert run_cli("init", "--from", tmp_path / file.name, case).code == 2
 
 
-@pytest.mark.parametrize(
-    ("text", "layout", "column"),
-    [
-        ("f;F;x;phase\n1,5;1;2;3\n2,5;1;3;4\n3,5;1;2;5\n", {"decimal": ","}, "f"),
-        (
-            "made by a recorder\nserial 12, bench 4\n\nfreq\tforce\tdisp\n1\t1\t2\n2\t1\t3\n",
-            {"skip": 2},
-            "freq",
-        ),
-        ("# a remark\nf F x\n1 1 2\n2 1 3\n3 1 3\n", None, "f"),
-        # a row of units below the names: columns go by their numbers
-        (
-            "recorder 7\nTime,Frequency,Force,Acceleration,Phase\ns,Hz,N,m/s^2,deg\n0.5,1,1,2,3\n1,2,1,3,4\n",
-            {"skip": 3},
-            2,
-        ),
-        ("% f F x\n1 1 2\n2 1 3\n", None, "f"),
-        ("date;freq [Hz];force [N];disp [mm]\nmonday;1;1;2\nmonday;2;1;3\n", None, "freq [Hz]"),
-    ],
-)
+@pytest.mark.parametrize(("text", "layout", "column"), [
+    ("f;F;x;phase\n1,5;1;2;3\n2,5;1;3;4\n3,5;1;2;5\n", {"decimal": ","}, "f"),
+    ("made by a recorder\nserial 12, bench 4\n\nfreq\tforce\tdisp\n1\t1\t2\n2\t1\t3\n", {"skip": 2}, "freq"),
+    ("# a remark\nf F x\n1 1 2\n2 1 3\n3 1 3\n", None, "f"),
+    # a row of units below the names: columns go by their numbers
+    (
+        "recorder 7\nTime,Frequency,Force,Acceleration,Phase\ns,Hz,N,m/s^2,deg\n0.5,1,1,2,3\n1,2,1,3,4\n",
+        {"skip": 3},
+        2,
+    ),
+    ("% f F x\n1 1 2\n2 1 3\n", None, "f"),
+    ("date;freq [Hz];force [N];disp [mm]\nmonday;1;1;2\nmonday;2;1;3\n", None, "freq [Hz]"),
+])  # fmt: skip
 def test_layouts_of_texts(tmp_path, text, layout, column, begun):
     path = tmp_path / "a.csv"
     path.write_text(text, encoding="utf-8")
@@ -155,17 +148,14 @@ def test_every_text_survives_toml():
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(
-    "name",
-    [
-        "Sample_UFF58_ascii",
-        "Sample_UFF58b_bin",
-        "binary8byte",
-        "non_ascii_header",
-        "sample_dataset58_psd",
-        "time-history-not-all-columns-filled",
-    ],
-)
+@pytest.mark.parametrize("name", [
+    "Sample_UFF58_ascii",
+    "Sample_UFF58b_bin",
+    "binary8byte",
+    "non_ascii_header",
+    "sample_dataset58_psd",
+    "time-history-not-all-columns-filled",
+])  # fmt: skip
 def test_universal_files_of_others(name, measured_data):
     contents = list_contents(measured_data(f"uff/{name}.uff"))
     assert contents.format == "uff"
@@ -266,43 +256,40 @@ def proposed_column(path: Path, encoding: str) -> str:
     return text.split(";")[2]
 
 
-@pytest.mark.parametrize(
-    ("head", "force", "response", "level"),
-    [
-        # a nominal level beside the force that was measured
-        (
-            "Kraftstufe [N],Kraft [N],Weg [mm],f [Hz],phi [deg]",
-            {"amplitude": "Kraft [N]", "unit": "N", "scale": "peak"},
-            {"quantity": "displacement", "unit": "mm", "phase_sense": "lead"},
-            {"column": "Kraftstufe [N]", "unit": "N"},
-        ),
-        (
-            "level_N,force_lbf,disp_mil,rpm,phase_lag_deg",
-            {"amplitude": "force_lbf", "unit": "lbf", "scale": "peak"},
-            {"quantity": "displacement", "unit": "thou", "phase_sense": "lag"},
-            {"column": "level_N", "unit": "N"},
-        ),
-        (
-            "level_N,run,accelerance_g_per_N,freq_Hz,phase_deg",
-            {"nominal": True},
-            {"quantity": "acceleration", "unit": "g/N", "per_force": True, "phase_sense": "lead"},
-            {"column": "level_N", "unit": "N"},
-        ),
-        (
-            "level_N,Force in N (rms),Acceleration in m/s^2 (rms),freq_Hz,phase_deg",
-            {"amplitude": "Force in N (rms)", "unit": "N", "scale": "rms"},
-            {"quantity": "acceleration", "unit": "m/s^2", "scale": "rms", "phase_sense": "lead"},
-            {"column": "level_N", "unit": "N"},
-        ),
-        # no factor makes decibels linear: the case must not pass
-        (
-            "level_N,force_N,|X| [dB re 1 um],freq_Hz,phase_deg",
-            {"amplitude": "force_N", "unit": "N", "scale": "peak"},
-            {"unit": "dB re 1 um", "phase_sense": "lead"},
-            {"column": "level_N", "unit": "N"},
-        ),
-    ],
-)
+@pytest.mark.parametrize(("head", "force", "response", "level"), [
+    # a nominal level beside the force that was measured
+    (
+        "Kraftstufe [N],Kraft [N],Weg [mm],f [Hz],phi [deg]",
+        {"amplitude": "Kraft [N]", "unit": "N", "scale": "peak"},
+        {"quantity": "displacement", "unit": "mm", "phase_sense": "lead"},
+        {"column": "Kraftstufe [N]", "unit": "N"},
+    ),
+    (
+        "level_N,force_lbf,disp_mil,rpm,phase_lag_deg",
+        {"amplitude": "force_lbf", "unit": "lbf", "scale": "peak"},
+        {"quantity": "displacement", "unit": "thou", "phase_sense": "lag"},
+        {"column": "level_N", "unit": "N"},
+    ),
+    (
+        "level_N,run,accelerance_g_per_N,freq_Hz,phase_deg",
+        {"nominal": True},
+        {"quantity": "acceleration", "unit": "g/N", "per_force": True, "phase_sense": "lead"},
+        {"column": "level_N", "unit": "N"},
+    ),
+    (
+        "level_N,Force in N (rms),Acceleration in m/s^2 (rms),freq_Hz,phase_deg",
+        {"amplitude": "Force in N (rms)", "unit": "N", "scale": "rms"},
+        {"quantity": "acceleration", "unit": "m/s^2", "scale": "rms", "phase_sense": "lead"},
+        {"column": "level_N", "unit": "N"},
+    ),
+    # no factor makes decibels linear: the case must not pass
+    (
+        "level_N,force_N,|X| [dB re 1 um],freq_Hz,phase_deg",
+        {"amplitude": "force_N", "unit": "N", "scale": "peak"},
+        {"unit": "dB re 1 um", "phase_sense": "lead"},
+        {"column": "level_N", "unit": "N"},
+    ),
+])  # fmt: skip
 def test_what_a_header_tells(tmp_path, run_cli, head, force, response, level, begun):
     points = itertools.product((1, 2), range(40))
     rows = [f"{n},{n * 0.99},{1 + f / 7},{10 + f / 10},{-10 - 4 * f}" for n, f in points]
@@ -334,23 +321,20 @@ def test_what_no_title_says_is_written_with_a_comment(tmp_path, begun):
     assert {"test.force.scale", "test.response.scale"} <= asked.keys()
 
 
-@pytest.mark.parametrize(
-    ("name", "begin", "found"),
-    [
-        (
-            "a.xls",
-            b"\xd0\xcf\x11\xe0\xa1\xb1\x1a\xe1" + bytes(600),
-            "is an Excel workbook of .xls, or a protected",
-        ),
-        ("a.tdms_index", b"TDSh" + bytes(100), "the .tdms file of the same name is needed"),
-        (
-            "a.ods",
-            b"PK\x03\x04" + bytes(26) + b"mimetypeapplication/vnd.oasis.opendocument.spreadsheet",
-            "is an OpenDocument file; save its sheet as .xlsx or CSV",
-        ),
-        ("a.csv.gz", b"\x1f\x8b\x08" + bytes(100), "is a packed file; unpack it"),
-    ],
-)
+@pytest.mark.parametrize(("name", "begin", "found"), [
+    (
+        "a.xls",
+        b"\xd0\xcf\x11\xe0\xa1\xb1\x1a\xe1" + bytes(600),
+        "is an Excel workbook of .xls, or a protected",
+    ),
+    ("a.tdms_index", b"TDSh" + bytes(100), "the .tdms file of the same name is needed"),
+    (
+        "a.ods",
+        b"PK\x03\x04" + bytes(26) + b"mimetypeapplication/vnd.oasis.opendocument.spreadsheet",
+        "is an OpenDocument file; save its sheet as .xlsx or CSV",
+    ),
+    ("a.csv.gz", b"\x1f\x8b\x08" + bytes(100), "is a packed file; unpack it"),
+])  # fmt: skip
 def test_other_files_of_laboratories_are_named(tmp_path, name, begin, found):
     path = tmp_path / name
     path.write_bytes(begin)
@@ -375,24 +359,21 @@ HEAD = "f_Hz,force_N,disp_um,lag_deg"
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(
-    ("lines", "kept", "said"),
-    [
-        (
-            [HEAD, *ROWS[:20], HEAD, *ROWS[20:]],
-            40,
-            "a row of words among the numbers, passed over; the first is line 22",
-        ),
-        (
-            [HEAD, *ROWS[:1], HEAD, *ROWS[1:]],
-            40,
-            "a row of words among the numbers, passed over; the first is line 3",
-        ),
-        ([HEAD, *ROWS[:9], "8.9,NA,NA,NA", *ROWS[10:]], 39, "(1 of 40 are not finite)"),
-        ([HEAD, *ROWS[:30], "restarted by hand", *ROWS[30:]], 40, "a row of words among the numbers"),
-        (["channels: 1 2 3", "1,2,3,4", HEAD, *ROWS], 40, "csv, 4 arrays of numbers"),
-    ],
-)
+@pytest.mark.parametrize(("lines", "kept", "said"), [
+    (
+        [HEAD, *ROWS[:20], HEAD, *ROWS[20:]],
+        40,
+        "a row of words among the numbers, passed over; the first is line 22",
+    ),
+    (
+        [HEAD, *ROWS[:1], HEAD, *ROWS[1:]],
+        40,
+        "a row of words among the numbers, passed over; the first is line 3",
+    ),
+    ([HEAD, *ROWS[:9], "8.9,NA,NA,NA", *ROWS[10:]], 39, "(1 of 40 are not finite)"),
+    ([HEAD, *ROWS[:30], "restarted by hand", *ROWS[30:]], 40, "a row of words among the numbers"),
+    (["channels: 1 2 3", "1,2,3,4", HEAD, *ROWS], 40, "csv, 4 arrays of numbers"),
+])  # fmt: skip
 def test_no_row_of_a_log_is_dropped_in_silence(tmp_path, run_cli, lines, kept, said, begun):
     """A header that repeats, or a row without numbers, made ``skip`` pass over all rows above."""
     path = table(tmp_path / "log.csv", *lines[:1], lines[1:])
@@ -401,14 +382,11 @@ def test_no_row_of_a_log_is_dropped_in_silence(tmp_path, run_cli, lines, kept, s
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(
-    "units",
-    [
-        {"units": {"f": "kHz", "F": "mN", "x": "um"}},
-        {"f_unit": "kHz", "F_unit": "mN", "x_unit": "um"},
-        {"unit_f": "kHz", "unit_F": "mN", "unit_x": "um"},
-    ],
-)
+@pytest.mark.parametrize("units", [
+    {"units": {"f": "kHz", "F": "mN", "x": "um"}},
+    {"f_unit": "kHz", "F_unit": "mN", "x_unit": "um"},
+    {"unit_f": "kHz", "unit_F": "mN", "unit_x": "um"},
+])  # fmt: skip
 def test_texts_of_a_matlab_file_are_shown_and_are_units(tmp_path, run_cli, units):
     path, notes = tmp_path / "a.mat", "force cell below the stinger, gain 10, " * 4 + "beam B"
     numbers = {"f": np.linspace(1, 2, 30), "F": np.full(30, 2.0), "x": np.linspace(3, 4, 30)}

@@ -100,18 +100,12 @@ def modal_file(path: Path, points: list[tuple[int, int, float]], titles: tuple[s
     return path
 
 
-@pytest.mark.parametrize(
-    ("points", "left_out"),
-    [
-        ([(1, 3, 1.0), (2, 3, 0.6), (3, -3, -0.3)], "left out: WING 2 +Z, WING 3 -Z;"),
-        ([(1, 3, 1.0), (1, 1, 0.6)], "left out: WING 1 +X;"),
-        (
-            [(1, 3, 1.0), (2, 3, 0.6), (1, 3, 1.1), (2, 3, 0.7)],
-            "left out: WING 2 +Z and 1 more of this point;",
-        ),
-        ([(1, 3, 1.0), (1, 3, 1.0), (1, 3, 1.0)], ""),
-    ],
-)
+@pytest.mark.parametrize(("points", "left_out"), [
+    ([(1, 3, 1.0), (2, 3, 0.6), (3, -3, -0.3)], "left out: WING 2 +Z, WING 3 -Z;"),
+    ([(1, 3, 1.0), (1, 1, 0.6)], "left out: WING 1 +X;"),
+    ([(1, 3, 1.0), (2, 3, 0.6), (1, 3, 1.1), (2, 3, 0.7)], "left out: WING 2 +Z and 1 more of this point;"),
+    ([(1, 3, 1.0), (1, 3, 1.0), (1, 3, 1.0)], ""),
+])  # fmt: skip
 def test_points_of_a_modal_test_are_no_levels(tmp_path, points, left_out):
     """Accelerances of different points read as levels of one were a wrong result without a word."""
     tables, surface, doubts = read_draft(modal_file(tmp_path / "a.uff", points))

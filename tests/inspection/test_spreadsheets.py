@@ -15,16 +15,13 @@ MILLI = 1e3 * RECEPTANCE
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(
-    ("real", "imaginary"),
-    [
-        ("Re [mm]", "Im [mm]"), ("real_mm", "imag_mm"), ("Real (mm)", "Imaginary (mm)"),
-        ("x_re_mm", "x_im_mm"), ("Re(x) [mm]", "Im(x) [mm]"), ("Re{X} [mm]", "Im{X} [mm]"),
-        ("xRe [mm]", "xIm [mm]"), ("ReX/mm", "ImX/mm"), ("Realteil [mm]", "Imaginärteil [mm]"),
-        ("disp real part (mm)", "disp imag part (mm)"), ("x.r [mm]", "x.i [mm]"),
-        ("In-phase (mm)", "Quadrature (mm)"),
-    ],
-)  # fmt: skip
+@pytest.mark.parametrize(("real", "imaginary"), [
+    ("Re [mm]", "Im [mm]"), ("real_mm", "imag_mm"), ("Real (mm)", "Imaginary (mm)"),
+    ("x_re_mm", "x_im_mm"), ("Re(x) [mm]", "Im(x) [mm]"), ("Re{X} [mm]", "Im{X} [mm]"),
+    ("xRe [mm]", "xIm [mm]"), ("ReX/mm", "ImX/mm"), ("Realteil [mm]", "Imaginärteil [mm]"),
+    ("disp real part (mm)", "disp imag part (mm)"), ("x.r [mm]", "x.i [mm]"),
+    ("In-phase (mm)", "Quadrature (mm)"),
+])  # fmt: skip
 @pytest.mark.parametrize("order", [1, -1])
 def test_real_and_imaginary_part_of_the_response(tmp_path, real, imaginary, order):
     head = ",".join(["f [Hz]", "F [N]", *[real, imaginary][::order]])
@@ -35,15 +32,12 @@ def test_real_and_imaginary_part_of_the_response(tmp_path, real, imaginary, orde
     assert is_receptance(surface)
 
 
-@pytest.mark.parametrize(
-    "titles",
-    [
-        ("x@{}N [mm]", "phi@{}N [deg]"),
-        ("x_{}N_mm", "phase_{}N_deg"),
-        ("Re {} N [mm]", "Im {} N [mm]"),
-        ("x_re_mm F={}N", "x_im_mm F={}N"),
-    ],
-)
+@pytest.mark.parametrize("titles", [
+    ("x@{}N [mm]", "phi@{}N [deg]"),
+    ("x_{}N_mm", "phase_{}N_deg"),
+    ("Re {} N [mm]", "Im {} N [mm]"),
+    ("x_re_mm F={}N", "x_im_mm F={}N"),
+])  # fmt: skip
 def test_levels_side_by_side_are_read(tmp_path, titles):
     in_parts = "im" in titles[1].casefold()
     parts = (MILLI.real, MILLI.imag) if in_parts else (np.abs(MILLI), np.angle(MILLI, deg=True))

@@ -124,21 +124,18 @@ def test_a_long_term_is_linear_without_its_derivatives(monkeypatch):
 SLIDERS = "masing(Min(ka*x, Fa)) + masing(Min(kb*x, Fb))"
 
 
-@pytest.mark.parametrize(
-    ("law", "groups"),
-    [
-        (f"k*x + {SLIDERS}", [(("Fa", "ka"), ("Fb", "kb"))]),
-        ("masing(Min(kt*x, F1)) + masing(Min(kt*x, F2))", [(("F1",), ("F2",))]),
-        # what a name means is its place in the term, not in the alphabet
-        ("masing(Min(p*x, H)) + masing(Min(g*x, w)) + masing(Min(r*x, q))", [("Hp", "wg", "qr")]),
-        ("A*tanh(x/a) + B*tanh(x/b)", [(("A", "a"), ("B", "b"))]),
-        # only their sum acts
-        ("ka*x + kb*x", []),
-        # each stands elsewhere too, or acts otherwise
-        (f"{SLIDERS} + Fa*sign(v)", []),
-        ("masing(Min(ka*x, Fa)) + masing(Min(kb*x, 2*Fb))", []),
-    ],
-)
+@pytest.mark.parametrize(("law", "groups"), [
+    (f"k*x + {SLIDERS}", [(("Fa", "ka"), ("Fb", "kb"))]),
+    ("masing(Min(kt*x, F1)) + masing(Min(kt*x, F2))", [(("F1",), ("F2",))]),
+    # what a name means is its place in the term, not in the alphabet
+    ("masing(Min(p*x, H)) + masing(Min(g*x, w)) + masing(Min(r*x, q))", [("Hp", "wg", "qr")]),
+    ("A*tanh(x/a) + B*tanh(x/b)", [(("A", "a"), ("B", "b"))]),
+    # only their sum acts
+    ("ka*x + kb*x", []),
+    # each stands elsewhere too, or acts otherwise
+    (f"{SLIDERS} + Fa*sign(v)", []),
+    ("masing(Min(ka*x, Fa)) + masing(Min(kb*x, 2*Fb))", []),
+])  # fmt: skip
 def test_terms_that_may_change_places(law, groups):
     assert [set(map(tuple, group)) for group in equal_terms(parse(law))] == [
         set(map(tuple, group)) for group in groups
@@ -159,25 +156,22 @@ def test_values_of_two_sliders_have_the_order_of_their_names():
     assert "equal-terms" in codes(found)
 
 
-@pytest.mark.parametrize(
-    ("text", "codes"),
-    [
-        ("k*x + z", {"constant-force"}), ("k*x + 2*F0", {"constant-force"}),
-        ("k*x + c*xdot", {"constant-force"}), ("k*x + c*v + Ff*sign(v)", set()),
-        # a virgin curve that gets steeper turns its loop the other way
-        ("masing(kt*x**3)", {"damping-feeds-energy"}),
-        ("k*x + masing(K*x + R*x**1.5)", {"damping-feeds-energy"}),
-        # gives or dissipates, as the power says
-        ("masing(a*x**p)", set()),
-        ("k*x + m3*x**2*a + c2*vx*abs(v)", {"parameter-not-variable"}),
-        ("k*x + c*v + Ff*abs(V)", {"parameter-not-variable", "constant-force"}),
-        # coefficients, and what a function scales
-        ("k*x + a*x**3 + F*tanh(x/w)", set()),
-        # neither
-        ("masing(kt*x)", set()), ("masing(K*x - R*x**p)", {"curve-negative"}),
-        ("masing(Min(kt*x, Fs)) + masing(F*tanh(k*x/F))", set()),
-    ],
-)  # fmt: skip
+@pytest.mark.parametrize(("text", "codes"), [
+    ("k*x + z", {"constant-force"}), ("k*x + 2*F0", {"constant-force"}),
+    ("k*x + c*xdot", {"constant-force"}), ("k*x + c*v + Ff*sign(v)", set()),
+    # a virgin curve that gets steeper turns its loop the other way
+    ("masing(kt*x**3)", {"damping-feeds-energy"}),
+    ("k*x + masing(K*x + R*x**1.5)", {"damping-feeds-energy"}),
+    # gives or dissipates, as the power says
+    ("masing(a*x**p)", set()),
+    ("k*x + m3*x**2*a + c2*vx*abs(v)", {"parameter-not-variable"}),
+    ("k*x + c*v + Ff*abs(V)", {"parameter-not-variable", "constant-force"}),
+    # coefficients, and what a function scales
+    ("k*x + a*x**3 + F*tanh(x/w)", set()),
+    # neither
+    ("masing(kt*x)", set()), ("masing(K*x - R*x**p)", {"curve-negative"}),
+    ("masing(Min(kt*x, Fs)) + masing(F*tanh(k*x/F))", set()),
+])  # fmt: skip
 def test_oddities_are_said(text, codes):
     assert {finding.code for finding in law_remarks(parse(text))} == codes
 

@@ -85,16 +85,13 @@ def test_sum_of_pieces_is_the_law(law, seed, known):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(
-    ("law", "word"),
-    [
-        ("x**1.5", "not real for negative x"),
-        ("k*v**p", "not real for negative v"),
-        ("k*X", "variable of the describing function"),
-        ("abs(abs(abs(abs(x - a) - b) - c) - d)", "more than 7 switches of its own"),
-        (sympy.Mul(*(parse(f"abs(x - b{i})*sign(v - w{i})") for i in range(10))), "pieces behind switches"),
-    ],
-)
+@pytest.mark.parametrize(("law", "word"), [
+    ("x**1.5", "not real for negative x"),
+    ("k*v**p", "not real for negative v"),
+    ("k*X", "variable of the describing function"),
+    ("abs(abs(abs(abs(x - a) - b) - c) - d)", "more than 7 switches of its own"),
+    (sympy.Mul(*(parse(f"abs(x - b{i})*sign(v - w{i})") for i in range(10))), "pieces behind switches"),
+])  # fmt: skip
 def test_what_has_no_normal_form_is_refused(law, word):
     with pytest.raises(ExpressionError, match=word):
         make_element("spring", law)
@@ -105,12 +102,9 @@ def test_foreign_symbols_are_refused():
         make_element("spring", sympy.Symbol("k") * symbol("x"))
 
 
-@pytest.mark.parametrize(
-    ("sensors", "share"),
-    [
-        ("payload - wing", 1.0), ("payload-wing", 1.0), ("payload - 1e-3*wing", 1.0), ("2 * tip - root", 1.0),
-        ("gauge", 0.0), ("strain gauge", 0.0), ("-gauge", 0.0), ("1e-3*gauge", 0.0), ("0.5 * gauge", 0.0),
-    ],
-)  # fmt: skip
+@pytest.mark.parametrize(("sensors", "share"), [
+    ("payload - wing", 1.0), ("payload-wing", 1.0), ("payload - 1e-3*wing", 1.0), ("2 * tip - root", 1.0),
+    ("gauge", 0.0), ("strain gauge", 0.0), ("-gauge", 0.0), ("1e-3*gauge", 0.0), ("0.5 * gauge", 0.0),
+])  # fmt: skip
 def test_a_motion_across_is_a_difference_where_two_channels_are_summed(sensors, share):
     assert response_share(sensors) == share

@@ -19,14 +19,11 @@ PAYLOAD = (1.3 - 0.1j) * WING
 FORCE = 3.0 * np.exp(0.2j * F)
 
 
-@pytest.mark.parametrize(
-    ("text", "terms"),
-    [
-        ("payload - wing", {"payload": 1.0, "wing": -1.0}),
-        ("-base", {"base": -1.0}),
-        (" 0.5*left + .5 * right-2.*up", {"left": 0.5, "right": 0.5, "up": -2.0}),
-    ],
-)
+@pytest.mark.parametrize(("text", "terms"), [
+    ("payload - wing", {"payload": 1.0, "wing": -1.0}),
+    ("-base", {"base": -1.0}),
+    (" 0.5*left + .5 * right-2.*up", {"left": 0.5, "right": 0.5, "up": -2.0}),
+])  # fmt: skip
 def test_a_sum_of_channels_is_read(text, terms):
     assert combination(text) == terms
 
@@ -170,24 +167,21 @@ def test_time_histories_are_added_shifted_and_taken_across(tmp_path):
         rs.read(write(tmp_path, short))
 
 
-@pytest.mark.parametrize(
-    ("changes", "said"),
-    [
-        ({"test.response.channels": "tail"}, "tail: no such channel; known: wing, pay"),
-        ({"test.response.channels": "wing wing"}, "a sum of channels is needed"),
-        ({"test.response.real": 4, "test.response.imaginary": 5}, "leave one of them out"),
-        ({"test.response.factor": -1}, "factor: is of a column"),
-        ({"test.response.unit": "mm"}, "unit: is of a column"),
-        ({"test.response.quantity": "velocity"}, "quantity: is 'velocity', but"),
-        ({"test.response.file": "b.csv"}, "file: is of a column"),
-        ({"test.channels.payload.delay": 1e300}, "delay"),
-        ({"test.force": {"channels": "wing"}}, "made of forces"),
-        ({"element": MOUNTED["element"], "element.2.across": "payload - tail"}, "tail: no such channel"),
-        ({"test.base": {"response": "relative", "channels": "wing"}}, "leave one"),
-        ({"test.force": GONE}, "force: is missing"),
-        ({"test.channels": GONE, "test.response": parts(4)}, "quantity: is missing"),
-    ],
-)
+@pytest.mark.parametrize(("changes", "said"), [
+    ({"test.response.channels": "tail"}, "tail: no such channel; known: wing, pay"),
+    ({"test.response.channels": "wing wing"}, "a sum of channels is needed"),
+    ({"test.response.real": 4, "test.response.imaginary": 5}, "leave one of them out"),
+    ({"test.response.factor": -1}, "factor: is of a column"),
+    ({"test.response.unit": "mm"}, "unit: is of a column"),
+    ({"test.response.quantity": "velocity"}, "quantity: is 'velocity', but"),
+    ({"test.response.file": "b.csv"}, "file: is of a column"),
+    ({"test.channels.payload.delay": 1e300}, "delay"),
+    ({"test.force": {"channels": "wing"}}, "made of forces"),
+    ({"element": MOUNTED["element"], "element.2.across": "payload - tail"}, "tail: no such channel"),
+    ({"test.base": {"response": "relative", "channels": "wing"}}, "leave one"),
+    ({"test.force": GONE}, "force: is missing"),
+    ({"test.channels": GONE, "test.response": parts(4)}, "quantity: is missing"),
+])  # fmt: skip
 def test_what_does_not_fit_is_said(tmp_path, changes, said):
     with pytest.raises(CaseError, match=said):
         rs.load_case(write(tmp_path, SENSORS | changes, a=(FORCE, WING, PAYLOAD)))

@@ -46,15 +46,12 @@ SENSE_OF_BASE, SENSE_OF_RESPONSE = "test.base.phase_sense", "test.response.phase
 
 
 @pytest.mark.parametrize("recorded", ["absolute", "relative"])
-@pytest.mark.parametrize(
-    ("said", "mistake"),
-    [
-        ({}, ""), ({SENSE_OF_RESPONSE: "lag"}, "sense-response"), ({SENSE_OF_BASE: "lag"}, "sense-base"),
-        ({SENSE_OF_BASE: "lag", SENSE_OF_RESPONSE: "lag"}, "sense-both"),
-        ({"test.base": motion(5), "test.response": motion(3)}, "swapped"),
-        ({"test.response.factor": -1}, "sign"), ({"test.base.response": "other"}, "reference"),
-    ],
-)  # fmt: skip
+@pytest.mark.parametrize(("said", "mistake"), [
+    ({}, ""), ({SENSE_OF_RESPONSE: "lag"}, "sense-response"), ({SENSE_OF_BASE: "lag"}, "sense-base"),
+    ({SENSE_OF_BASE: "lag", SENSE_OF_RESPONSE: "lag"}, "sense-both"),
+    ({"test.base": motion(5), "test.response": motion(3)}, "swapped"),
+    ({"test.response.factor": -1}, "sign"), ({"test.base.response": "other"}, "reference"),
+])  # fmt: skip
 def test_what_was_misread_of_a_driven_base_is_named(tmp_path, recorded, said, mistake):
     other = "relative" if recorded == "absolute" else "absolute"
     if "test.base" in said:

@@ -221,18 +221,15 @@ def test_members_of_a_struct_array_are_counted_by_columns(tmp_path):
     assert [float(one.item()) for one in array(path, "run/2/f", "run/3/f", "run/6/f")] == [10.0, 1.0, 12.0]
 
 
-@pytest.mark.parametrize(
-    ("change", "message"),
-    [
-        (("0.2\t3\t4\n", "0.2\t3\n"), "line 15: 2 values; the segment has 3 columns"),
-        (("0.2\t3\t4\n", "0.2\t3\t4,5\n"), "'a': line 15: '4,5' is no number"),
-        (("0.2\t3\t4\n", "0.2\t3\t1e999\n"), "'a': line 15: '1e999' is no number"),
-        (("***End_of_Header***\t\t\t\n", ""), "the file ends before ***End_of_Header***, so it is cut off"),
-        (("X_Value\tF", "Value\tF"), "the names of the channels are needed"),
-        (("Tab", "Bar"), "its separator is 'bar'; Tab, Comma and Semicolon are read"),
-        (("0.0\t1\t2\n0.1\t2\t\tknock\n0.2\t3\t4\n", ""), "no rows of numbers in it"),
-    ],
-)
+@pytest.mark.parametrize(("change", "message"), [
+    (("0.2\t3\t4\n", "0.2\t3\n"), "line 15: 2 values; the segment has 3 columns"),
+    (("0.2\t3\t4\n", "0.2\t3\t4,5\n"), "'a': line 15: '4,5' is no number"),
+    (("0.2\t3\t4\n", "0.2\t3\t1e999\n"), "'a': line 15: '1e999' is no number"),
+    (("***End_of_Header***\t\t\t\n", ""), "the file ends before ***End_of_Header***, so it is cut off"),
+    (("X_Value\tF", "Value\tF"), "the names of the channels are needed"),
+    (("Tab", "Bar"), "its separator is 'bar'; Tab, Comma and Semicolon are read"),
+    (("0.0\t1\t2\n0.1\t2\t\tknock\n0.2\t3\t4\n", ""), "no rows of numbers in it"),
+])  # fmt: skip
 def test_faults_of_measurement_files_of_labview(tmp_path, change, message):
     assert change[0] in LVM
     with pytest.raises(MeasurementError, match=re.escape(message)):
@@ -299,28 +296,22 @@ def sound(head: bytes = b"", data: int | None = None, samples: bytes = bytes(8))
     return b"RIFF" + struct.pack("<I", 2**31) + parts + b"data" + struct.pack("<I", size) + samples
 
 
-@pytest.mark.parametrize(
-    ("content", "reason"),
-    [
-        (sound(data=2**32 - 1), "declares 4294967295 bytes of 'data'; 8 are left, so it is cut off"),
-        (sound(data=2**31), "declares 2147483648 bytes of 'data'"),
-        (sound(data=10), "declares 10 bytes of 'data'; 8 are left"),
-        (sound()[:-9], "has no samples, so it is cut off"),
-        (sound()[:30], "declares 16 bytes of 'fmt'; 10 are left"),
-        (sound(struct.pack("<HHIIHH", 1, 65535, 1, 1, 1, 16)), "65535 channels of 16 bits in 1 bytes"),
-        (sound(struct.pack("<HHIIHH", 1, 0, 1, 1, 0, 16)), "0 channels of 16 bits"),
-        (sound(struct.pack("<HHIIHH", 1, 1, 0, 0, 2, 16)), "a sampling rate of 0"),
-        (sound(struct.pack("<HHIIHH", 85, 1, 1, 1, 1, 0)), "1 channels of 0 bits"),
-        (sound(struct.pack("<HHIIHH", 1, 2, 1, 0, 0, 0)), "2 channels of 0 bits in 0 bytes"),
-        (sound(samples=b""), "0 bytes of samples"),
-        (sound(samples=bytes(7)), "7 bytes of samples, 2 each instant"),
-        (sound().replace(b"RIFF", b"RIFX"), "in the other order"),
-        (
-            b"RIFF\x00\x00\x00\x00WAVE" + b"LIST\x00\x00\x00\x00" * 5000,
-            "more than 1000 parts before its samples",
-        ),
-    ],
-)
+@pytest.mark.parametrize(("content", "reason"), [
+    (sound(data=2**32 - 1), "declares 4294967295 bytes of 'data'; 8 are left, so it is cut off"),
+    (sound(data=2**31), "declares 2147483648 bytes of 'data'"),
+    (sound(data=10), "declares 10 bytes of 'data'; 8 are left"),
+    (sound()[:-9], "has no samples, so it is cut off"),
+    (sound()[:30], "declares 16 bytes of 'fmt'; 10 are left"),
+    (sound(struct.pack("<HHIIHH", 1, 65535, 1, 1, 1, 16)), "65535 channels of 16 bits in 1 bytes"),
+    (sound(struct.pack("<HHIIHH", 1, 0, 1, 1, 0, 16)), "0 channels of 16 bits"),
+    (sound(struct.pack("<HHIIHH", 1, 1, 0, 0, 2, 16)), "a sampling rate of 0"),
+    (sound(struct.pack("<HHIIHH", 85, 1, 1, 1, 1, 0)), "1 channels of 0 bits"),
+    (sound(struct.pack("<HHIIHH", 1, 2, 1, 0, 0, 0)), "2 channels of 0 bits in 0 bytes"),
+    (sound(samples=b""), "0 bytes of samples"),
+    (sound(samples=bytes(7)), "7 bytes of samples, 2 each instant"),
+    (sound().replace(b"RIFF", b"RIFX"), "in the other order"),
+    (b"RIFF\x00\x00\x00\x00WAVE" + b"LIST\x00\x00\x00\x00" * 5000, "more than 1000 parts before its samples"),
+])  # fmt: skip
 def test_sound_files_that_lie(content, reason):
     with pytest.raises(MeasurementError, match=re.escape(reason)):
         load(walk_wav, content, 1)
@@ -346,20 +337,16 @@ LAUGHS = b'<!DOCTYPE a [<!ENTITY a "aaaaaaaaaa">' + b"".join(
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(
-    ("xml", "reason"),
-    [
-        (SHEET + b" " * 60_000_000 + CLOSED, "unpacks to 60.* bytes; at most 33554432 are read"),
-        (SHEET + CELL % (10**15, b"A1") + CLOSED, "more than 1048576 rows"),
-        (
-            SHEET + b"".join(CELL % (n, b"ZZZ%d" % n) for n in range(1, 2000)) + CLOSED,
-            "20000000 cells in a sheet",
-        ),
-        (LAUGHS + SHEET + b'<row r="1"><c r="A1"><v>&a8;</v></c></row>' + CLOSED, ""),
-        (SHEET + b"<row", ""),
-    ],
-    ids=["bomb", "row", "cells", "entities", "cut off"],
-)
+@pytest.mark.parametrize(("xml", "reason"), [
+    (SHEET + b" " * 60_000_000 + CLOSED, "unpacks to 60.* bytes; at most 33554432 are read"),
+    (SHEET + CELL % (10**15, b"A1") + CLOSED, "more than 1048576 rows"),
+    (
+        SHEET + b"".join(CELL % (n, b"ZZZ%d" % n) for n in range(1, 2000)) + CLOSED,
+        "20000000 cells in a sheet",
+    ),
+    (LAUGHS + SHEET + b'<row r="1"><c r="A1"><v>&a8;</v></c></row>' + CLOSED, ""),
+    (SHEET + b"<row", ""),
+], ids=["bomb", "row", "cells", "entities", "cut off"])  # fmt: skip
 def test_workbooks_that_lie(tmp_path, xml, reason):
     path = tmp_path / "a.xlsx"
     path.write_bytes(sheet_of(xml))

@@ -91,56 +91,50 @@ LABELS = {"Level1.csv": 4.8, "Level3.csv": 28.8, "Level4.csv": 58.0}
 AS_MEASURED, ALIKE = [4.8, 28.8, 58.0], {"1.csv": 5.0, "3.csv": 5.01, "9.csv": 4.99}
 
 
-@pytest.mark.parametrize(
-    ("forces", "rule", "levels", "said"),
-    [
-        # labels are called by what was measured: "Level4" stood for 4 N where the force was 58 N
-        (LABELS, {"name": "Level{level}.csv"}, AS_MEASURED, {"levels-disagree": "info"}),
-        (LABELS, {"values": (1, 3, 4)}, AS_MEASURED, {"levels-disagree": "doubt"}),
-        (LABELS, {"values": (1, 3, 4), "unit": "label"}, AS_MEASURED, {"levels-disagree": "info"}),
-        # nominal levels stay where the force falls at the resonance, and so does the level of a run
-        ({"2N.csv": 2 * DIP, "5N.csv": 5 * DIP}, {"name": "{level}N.csv"}, [2, 5], {}),
-        ({"a.csv": 2 * STEPS, "b.csv": 5 * STEPS}, {}, [2, 5], {}),
-        # a unit behind the number in a name is that of the level; a length is no force
-        ({"a_300mN.csv": 0.3, "a_500mN.csv": 0.5}, {"name": "a_{level}mN.csv"}, [0.3, 0.5], {}),
-        (
-            {"gap_1mm.csv": 30.0, "gap_3mm.csv": 50.0}, {"name": "gap_{level}mm.csv"}, [30.0, 50.0],
-            {"levels-disagree": "info"},
-        ),
-        (
-            {"a.csv": 1.5, "b.csv": 1.0, "c.csv": 2.0}, {"values": (1.0, 1.5, 2.0)}, [1.0, 1.5, 2.0],
-            {"levels-swapped": "doubt"},
-        ),
-        # several records of one level: a * is any part of the name
-        (
-            {"rep1_2N_up.csv": 2.0, "rep2_2N_up.csv": 2.02, "rep1_12N_down.csv": 12.0},
-            {"name": "rep*_{level}N_*.csv"}, [2, 12], {},
-        ),
-        ({"2 a.csv": 2.0, "12 b.csv": 12.0}, {"name": "{level}*.csv"}, [2, 12], {}),
-        # half a bridge: every force is 0.505 of its level; where no unit is said the numbers may be volts
-        (HALF, {"name": "{level}N.csv"}, [1.01, 3.03], {"levels-disagree": "doubt"}),
-        (HALF, {"name": "{level}N.csv", "unit": "label"}, [1.01, 3.03], {"levels-disagree": "info"}),
-        (
-            {"2V.csv": 1.01, "6V.csv": 3.03}, {"name": "{level}V.csv"}, [1.01, 3.03],
-            {"levels-disagree": "info"},
-        ),
-        # nominal levels 1.7 and 2 times off the force of their files
-        (
-            {"a.csv": 1.0, "b.csv": 3.0, "c.csv": 3.5}, {"values": (1, 3, 6)}, [1, 3, 3.5],
-            {"levels-disagree": "doubt"},
-        ),
-        (
-            {"a.csv": 1.0, "b.csv": 3.0, "c.csv": 10.0}, {"values": (1, 3, 5)}, [1, 3, 10],
-            {"levels-disagree": "doubt"},
-        ),
-        (
-            {"a.csv": 1.0, "b.csv": 3.0, "c.csv": 6.0}, {"values": (1, 3, 3)}, [1, 3],
-            {"levels-disagree": "doubt", "direction-from-branch": "info"},
-        ),
-        (ALIKE, {"name": "{level}.csv"}, [1, 3, 9], {"levels-of-one-force": "doubt"}),
-        (ALIKE, {"name": "{level}.csv", "unit": "label"}, [4.99, 5.0, 5.01], {"levels-disagree": "info"}),
-    ],
-)  # fmt: skip
+@pytest.mark.parametrize(("forces", "rule", "levels", "said"), [
+    # labels are called by what was measured: "Level4" stood for 4 N where the force was 58 N
+    (LABELS, {"name": "Level{level}.csv"}, AS_MEASURED, {"levels-disagree": "info"}),
+    (LABELS, {"values": (1, 3, 4)}, AS_MEASURED, {"levels-disagree": "doubt"}),
+    (LABELS, {"values": (1, 3, 4), "unit": "label"}, AS_MEASURED, {"levels-disagree": "info"}),
+    # nominal levels stay where the force falls at the resonance, and so does the level of a run
+    ({"2N.csv": 2 * DIP, "5N.csv": 5 * DIP}, {"name": "{level}N.csv"}, [2, 5], {}),
+    ({"a.csv": 2 * STEPS, "b.csv": 5 * STEPS}, {}, [2, 5], {}),
+    # a unit behind the number in a name is that of the level; a length is no force
+    ({"a_300mN.csv": 0.3, "a_500mN.csv": 0.5}, {"name": "a_{level}mN.csv"}, [0.3, 0.5], {}),
+    (
+        {"gap_1mm.csv": 30.0, "gap_3mm.csv": 50.0}, {"name": "gap_{level}mm.csv"}, [30.0, 50.0],
+        {"levels-disagree": "info"},
+    ),
+    (
+        {"a.csv": 1.5, "b.csv": 1.0, "c.csv": 2.0}, {"values": (1.0, 1.5, 2.0)}, [1.0, 1.5, 2.0],
+        {"levels-swapped": "doubt"},
+    ),
+    # several records of one level: a * is any part of the name
+    (
+        {"rep1_2N_up.csv": 2.0, "rep2_2N_up.csv": 2.02, "rep1_12N_down.csv": 12.0},
+        {"name": "rep*_{level}N_*.csv"}, [2, 12], {},
+    ),
+    ({"2 a.csv": 2.0, "12 b.csv": 12.0}, {"name": "{level}*.csv"}, [2, 12], {}),
+    # half a bridge: every force is 0.505 of its level; where no unit is said the numbers may be volts
+    (HALF, {"name": "{level}N.csv"}, [1.01, 3.03], {"levels-disagree": "doubt"}),
+    (HALF, {"name": "{level}N.csv", "unit": "label"}, [1.01, 3.03], {"levels-disagree": "info"}),
+    ({"2V.csv": 1.01, "6V.csv": 3.03}, {"name": "{level}V.csv"}, [1.01, 3.03], {"levels-disagree": "info"}),
+    # nominal levels 1.7 and 2 times off the force of their files
+    (
+        {"a.csv": 1.0, "b.csv": 3.0, "c.csv": 3.5}, {"values": (1, 3, 6)}, [1, 3, 3.5],
+        {"levels-disagree": "doubt"},
+    ),
+    (
+        {"a.csv": 1.0, "b.csv": 3.0, "c.csv": 10.0}, {"values": (1, 3, 5)}, [1, 3, 10],
+        {"levels-disagree": "doubt"},
+    ),
+    (
+        {"a.csv": 1.0, "b.csv": 3.0, "c.csv": 6.0}, {"values": (1, 3, 3)}, [1, 3],
+        {"levels-disagree": "doubt", "direction-from-branch": "info"},
+    ),
+    (ALIKE, {"name": "{level}.csv"}, [1, 3, 9], {"levels-of-one-force": "doubt"}),
+    (ALIKE, {"name": "{level}.csv", "unit": "label"}, [4.99, 5.0, 5.01], {"levels-disagree": "info"}),
+])  # fmt: skip
 def test_levels_of_files(tmp_path, forces, rule, levels, said):
     surface = read_measurement(of_files(tmp_path, forces, level=LevelRule(**rule)))
     np.testing.assert_allclose(surface.levels, levels)
@@ -262,19 +256,16 @@ def test_typical_force_is_that_near_the_resonance():
     assert typical_amounts(surface).tolist() == [2.5]
 
 
-@pytest.mark.parametrize(
-    ("levels", "asked", "meant"),
-    [
-        ([2.38636e-09 * (1 + 1.9e-6), 5e-9], 2.38636e-09, 0),
-        ([3.4217, 5.0], 3.42, 0),
-        ([3.4217, 3.4229], 3.42, None),
-        ([3.42, 3.4229], 3.42, 0),
-        ([2.6, 5.0], 3.0, None),
-        ([58.2134, 28.8], 58.2, 0),
-        ([0.2994, 0.8008], 0.8, 1),
-        ([0.2994, 0.8008], 0.3, 0),
-        ([0.8008, 0.7994], 0.8, None),
-    ],
-)
+@pytest.mark.parametrize(("levels", "asked", "meant"), [
+    ([2.38636e-09 * (1 + 1.9e-6), 5e-9], 2.38636e-09, 0),
+    ([3.4217, 5.0], 3.42, 0),
+    ([3.4217, 3.4229], 3.42, None),
+    ([3.42, 3.4229], 3.42, 0),
+    ([2.6, 5.0], 3.0, None),
+    ([58.2134, 28.8], 58.2, 0),
+    ([0.2994, 0.8008], 0.8, 1),
+    ([0.2994, 0.8008], 0.3, 0),
+    ([0.8008, 0.7994], 0.8, None),
+])  # fmt: skip
 def test_a_level_is_found_by_the_digits_that_are_printed(levels, asked, meant):
     assert match_level(np.array(levels), asked) == (None if meant is None else levels[meant])

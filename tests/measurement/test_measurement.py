@@ -102,13 +102,10 @@ def _blanks_and_names_in_a_comment(path: Path) -> MeasuredTest:
     return plan(path, layout=Layout(skip=1))
 
 
-@pytest.mark.parametrize(
-    "mapping",
-    [
-        _velocity_mm_rms_deg_lag, _acceleration_g_columns_by_number, _decimal_comma,
-        _blanks_and_names_in_a_comment,
-    ],
-)  # fmt: skip
+@pytest.mark.parametrize("mapping", [
+    _velocity_mm_rms_deg_lag, _acceleration_g_columns_by_number, _decimal_comma,
+    _blanks_and_names_in_a_comment,
+])  # fmt: skip
 def test_every_mapping_gives_the_same_surface(tmp_path, mapping):
     surface = read_measurement(mapping(tmp_path / "m.csv"))
     np.testing.assert_allclose(surface.frequency, FREQUENCY, rtol=ROUND_OFF)
@@ -118,19 +115,16 @@ def test_every_mapping_gives_the_same_surface(tmp_path, mapping):
     assert surface.sweep.tolist() == SWEEP.tolist()
 
 
-@pytest.mark.parametrize(
-    ("frequency", "blocks", "directions"),
-    [
-        ([1, 2, 3], "", "uuu"), ([3, 2, 1], "", "ddd"), ([1, 2, 3, 2, 1], "", "uuudd"), ([5], "", "r"),
-        ([2, 2, 2], "", "rrr"),
-        # a turning frequency tested twice ends one sweep and begins the other
-        ([1, 2, 3, 3, 2, 1], "", "uuuddd"),
-        # a jitter below 2 % of the range is no turn
-        ([1, 2, 1.99, 3, 4], "", "uuuuu"),
-        # the first point of a new block belongs to the new sweep, although it lies above the last one
-        ([1, 2, 3, 3.1, 2, 1], "000111", "uuuddd"),
-    ],
-)  # fmt: skip
+@pytest.mark.parametrize(("frequency", "blocks", "directions"), [
+    ([1, 2, 3], "", "uuu"), ([3, 2, 1], "", "ddd"), ([1, 2, 3, 2, 1], "", "uuudd"), ([5], "", "r"),
+    ([2, 2, 2], "", "rrr"),
+    # a turning frequency tested twice ends one sweep and begins the other
+    ([1, 2, 3, 3, 2, 1], "", "uuuddd"),
+    # a jitter below 2 % of the range is no turn
+    ([1, 2, 1.99, 3, 4], "", "uuuuu"),
+    # the first point of a new block belongs to the new sweep, although it lies above the last one
+    ([1, 2, 3, 3.1, 2, 1], "000111", "uuuddd"),
+])  # fmt: skip
 def test_directions_from_the_order(frequency, blocks, directions):
     numbers = np.array([int(b) for b in blocks or "0" * len(frequency)])
     found = recognise_directions(np.array(frequency), np.ones(len(frequency)), numbers)
@@ -165,28 +159,25 @@ def test_hostile_files(tmp_path, entry):
     assert time.perf_counter() - started < 2
 
 
-@pytest.mark.parametrize(
-    ("text", "message"),
-    [
-        ("f,F,a,b\n1,1,1,1\n2,1,1\n", "line 3: 3 values; every line must have 4"),
-        ("f,F,a,b\n1,1,nan,1\n", "no row with a number in every column asked for; 'a' has none"),
-        ("f,F,a,b\n1,1,1e999,1\n", "line 2: column 3: '1e999' is too large"),
-        (
-            "f,F,a,b\n1,1,,1\n2,1,1,-\n",
-            "no row with a number in every column asked for; the first gap is in line 2",
-        ),
-        ("f;F;a;b\n1;1;0,5;1\n", "for a decimal comma set test.layout.decimal"),
-        ("f,F,a,b\n-1,1,1,1\n", "line 2: frequency is negative"),
-        ("f,F,a,b\n1,-1,1,1\n", "line 2: force amplitude is negative"),
-        ("f,F,a,b\n1,0,1,1\n", "line 2: force is zero in every row"),
-        ("f,F,a,b\n1,1,0,0\n", "line 2: response is zero in every row"),
-        ("f,G,a,b\n1,1,1,1\n", "no column named 'F'; known: 'f', 'G'"),
-        ("f,F,F,a,b\n1,1,1,1,1\n", "2 columns are named 'F'"),
-        ("1,1,1,1\n", "no column named 'f'; known: none"),
-        ("f,F,a,b\n1,1,1,١\n", "is no number"),
-        ("# nothing but a remark\n", "no numbers in it"),
-    ],
-)
+@pytest.mark.parametrize(("text", "message"), [
+    ("f,F,a,b\n1,1,1,1\n2,1,1\n", "line 3: 3 values; every line must have 4"),
+    ("f,F,a,b\n1,1,nan,1\n", "no row with a number in every column asked for; 'a' has none"),
+    ("f,F,a,b\n1,1,1e999,1\n", "line 2: column 3: '1e999' is too large"),
+    (
+        "f,F,a,b\n1,1,,1\n2,1,1,-\n",
+        "no row with a number in every column asked for; the first gap is in line 2",
+    ),
+    ("f;F;a;b\n1;1;0,5;1\n", "for a decimal comma set test.layout.decimal"),
+    ("f,F,a,b\n-1,1,1,1\n", "line 2: frequency is negative"),
+    ("f,F,a,b\n1,-1,1,1\n", "line 2: force amplitude is negative"),
+    ("f,F,a,b\n1,0,1,1\n", "line 2: force is zero in every row"),
+    ("f,F,a,b\n1,1,0,0\n", "line 2: response is zero in every row"),
+    ("f,G,a,b\n1,1,1,1\n", "no column named 'F'; known: 'f', 'G'"),
+    ("f,F,F,a,b\n1,1,1,1,1\n", "2 columns are named 'F'"),
+    ("1,1,1,1\n", "no column named 'f'; known: none"),
+    ("f,F,a,b\n1,1,1,١\n", "is no number"),
+    ("# nothing but a remark\n", "no numbers in it"),
+])  # fmt: skip
 def test_faults_name_line_and_remedy(tmp_path, text, message):
     path = tmp_path / "bad.csv"
     path.write_text(text, encoding="utf-8")

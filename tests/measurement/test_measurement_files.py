@@ -88,14 +88,11 @@ def test_addresses(tmp_path, ending):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(
-    ("address", "message"),
-    [
-        ("g", "nothing is called 'g'; known: 'f', 'A', 'q', 's'"), ("A[3]", "no channel 3; there are 2"),
-        ("A[0]", "no channel 0"), ("q[1]", "is square; write"), ("s/in/name", "is a text"),
-        (2, "a number alone is for tables"),
-    ],
-)  # fmt: skip
+@pytest.mark.parametrize(("address", "message"), [
+    ("g", "nothing is called 'g'; known: 'f', 'A', 'q', 's'"), ("A[3]", "no channel 3; there are 2"),
+    ("A[0]", "no channel 0"), ("q[1]", "is square; write"), ("s/in/name", "is a text"),
+    (2, "a number alone is for tables"),
+])  # fmt: skip
 def test_wrong_addresses_are_named(tmp_path, address, message):
     path = tree(tmp_path / "tree.mat")
     with pytest.raises(MeasurementError) as caught:
@@ -311,14 +308,10 @@ ADDRESSES: dict[str, list[int | str]] = {
 @pytest.mark.slow
 @pytest.mark.skipif(sys.platform != "linux", reason="work and memory of a process are counted as Linux does")
 @pytest.mark.usefixtures("_warm")
-@pytest.mark.parametrize(
-    "entry",
-    [
-        pytest.param(entry, marks=[pytest.mark.thorough] if number % 4 else [])
-        for number, entry in enumerate(CORPUS)
-    ],
-    ids=lambda entry: entry["id"],
-)
+@pytest.mark.parametrize("entry", [
+    pytest.param(entry, marks=[pytest.mark.thorough] if number % 4 else [])
+    for number, entry in enumerate(CORPUS)
+], ids=lambda entry: entry["id"])  # fmt: skip
 def test_hostile_files(tmp_path, entry):
     path = tmp_path / entry["id"].removeprefix("data-")
     path.write_bytes(base64.b64decode(entry.get("input_b64", "")))

@@ -116,16 +116,13 @@ def test_integers_of_a_recorder_are_scaled(tmp_path):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(
-    ("keys", "message"),
-    [
-        ({}, "name one channel, as in 'a[1]'"),
-        ({"response": "F"}, "is force and response"),
-        ({"response": "fs"}, "samples differ in number: 64 of 'F', 1 of 'fs'"),
-        ({"response": "a[1]", "history": swept(rate_column="t")}, "no sampling"),
-        ({"response": "a[1]", "history": swept(time="F")}, " off the even spacing"),
-    ],
-)
+@pytest.mark.parametrize(("keys", "message"), [
+    ({}, "name one channel, as in 'a[1]'"),
+    ({"response": "F"}, "is force and response"),
+    ({"response": "fs"}, "samples differ in number: 64 of 'F', 1 of 'fs'"),
+    ({"response": "a[1]", "history": swept(rate_column="t")}, "no sampling"),
+    ({"response": "a[1]", "history": swept(time="F")}, " off the even spacing"),
+])  # fmt: skip
 def test_faults_of_histories(tmp_path, keys, message):
     path = write(tmp_path / "a.mat")
     with pytest.raises(MeasurementError) as caught:

@@ -96,15 +96,12 @@ CASE = {
 }  # fmt: skip
 
 
-@pytest.mark.parametrize(
-    ("changes", "refused"),
-    [
-        ({"element.1.force": "k*x + k3*x**3 + c*v"}, True),
-        ({"system": {"mass": "1.5 kg"}}, False),
-        ({"element.1.force": "k*x + c*v + masing(Min(kt*x, Fs))"}, False),
-        ({"model": "rank", "element": GONE}, True),
-    ],
-)
+@pytest.mark.parametrize(("changes", "refused"), [
+    ({"element.1.force": "k*x + k3*x**3 + c*v"}, True),
+    ({"system": {"mass": "1.5 kg"}}, False),
+    ({"element.1.force": "k*x + c*v + masing(Min(kt*x, Fs))"}, False),
+    ({"model": "rank", "element": GONE}, True),
+])  # fmt: skip
 def test_what_a_backbone_does_not_determine_is_refused_before_the_run(tmp_path, changes, refused):
     surface = read(table(tmp_path))
     faults = point_faults(rsgen.load_case(write_small(tmp_path, "loop", CASE | changes)), surface)

@@ -130,13 +130,10 @@ def test_a_column_of_levels_that_is_the_force_is_no_recorded_force(tmp_path):
     assert found.names == {"signal": "force", "by": "equality"}
 
 
-@pytest.mark.parametrize(
-    ("table", "keys", "unit"),
-    [
-        ("frequency", {"frequency_unit": "rad/s"}, "rad/s"), ("frequency", {"frequency_unit": "kHz"}, "kHz"),
-        ("force", {"unit": "mN"}, "mN"), ("response", {"unit": "m"}, "m"),
-    ],
-)  # fmt: skip
+@pytest.mark.parametrize(("table", "keys", "unit"), [
+    ("frequency", {"frequency_unit": "rad/s"}, "rad/s"), ("frequency", {"frequency_unit": "kHz"}, "kHz"),
+    ("force", {"unit": "mN"}, "mN"), ("response", {"unit": "m"}, "m"),
+])  # fmt: skip
 def test_a_case_that_contradicts_a_title_is_doubted(tmp_path, table, keys, unit):
     path = text(tmp_path / "a.csv", "f_Hz,F_N,x_mm\n1,2,3\n2,2,4\n")
     force, response = ({**keys} if table == name else {} for name in ("force", "response"))
@@ -159,21 +156,18 @@ def test_a_case_that_says_what_the_title_says_is_not_doubted(tmp_path):
         assert [one.code for one in read_measurement(test).findings if one.severity == "doubt"] == said
 
 
-@pytest.mark.parametrize(
-    ("title", "unit"),
-    [
-        ("Kraft [N]", "N"), ("Kraft [ N ] ", "N"), ("Beschleunigung (m/s^2)", "m/s^2"),
-        ("Kraft in N (rms)", "N"), ("Kraft [ ]", ""), ("force_mN", "mN"),
-        ("Accelerance [(m/s^2)/N]", "(m/s^2)/N"), ("Accelerance ((m/s²)/N)", "(m/s²)/N"),
-        ("Accelerance (m/s^2)/N", "(m/s^2)/N"), ("FRF (m/(s^2*N))", "m/(s^2*N)"), ("F/N", "N"),
-        ("v_mm/s", "mm/s"), ("v_mm_s", "mm/s"), ("acc_m_s2", "m/s2"), ("acc_ms2", "m/s2"), ("t_ms", "ms"),
-        ("a/m/s^2", "m/s^2"), ("x/mm", "mm"),
-        ("a / (m/s²)", "m/s²"),
-        # a quotient, and parts of a number
-        ("x/F", ""), ("Re(H)", ""), ("Im(x/F)", ""), ("Real (mm)", "mm"), ("Re(H) [m/N]", "m/N"),
-        ("force", ""),
-    ],
-)  # fmt: skip
+@pytest.mark.parametrize(("title", "unit"), [
+    ("Kraft [N]", "N"), ("Kraft [ N ] ", "N"), ("Beschleunigung (m/s^2)", "m/s^2"),
+    ("Kraft in N (rms)", "N"), ("Kraft [ ]", ""), ("force_mN", "mN"),
+    ("Accelerance [(m/s^2)/N]", "(m/s^2)/N"), ("Accelerance ((m/s²)/N)", "(m/s²)/N"),
+    ("Accelerance (m/s^2)/N", "(m/s^2)/N"), ("FRF (m/(s^2*N))", "m/(s^2*N)"), ("F/N", "N"),
+    ("v_mm/s", "mm/s"), ("v_mm_s", "mm/s"), ("acc_m_s2", "m/s2"), ("acc_ms2", "m/s2"), ("t_ms", "ms"),
+    ("a/m/s^2", "m/s^2"), ("x/mm", "mm"),
+    ("a / (m/s²)", "m/s²"),
+    # a quotient, and parts of a number
+    ("x/F", ""), ("Re(H)", ""), ("Im(x/F)", ""), ("Real (mm)", "mm"), ("Re(H) [m/N]", "m/N"),
+    ("force", ""),
+])  # fmt: skip
 def test_a_unit_in_a_title(title, unit):
     assert unit_in(title) == unit
 

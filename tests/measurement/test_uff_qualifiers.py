@@ -123,16 +123,13 @@ def test_amplitudes_of_spectra_are_what_the_file_says(tmp_path, run_cli, said, s
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(
-    ("said", "axes", "reason"),
-    [
-        ({"octave_format": 3}, (11, 13), "is in bands of 1/3 octave"),
-        ({"weighting_type": 1}, (11, 13), r"has a frequency weighting \(A, data set 1858\)"),
-        ({"ordinate_numerator_data_type_qualifier": 1}, (11, 13), "is of a rotation or a moment"),
-        ({"ordinate_denominator_data_type_qualifier": 3}, (11, 13), "is of a rotation or a moment"),
-        ({}, (13, 12), r"is a force over a motion \(apparent mass\); receptance, mobility or accelerance"),
-    ],
-)
+@pytest.mark.parametrize(("said", "axes", "reason"), [
+    ({"octave_format": 3}, (11, 13), "is in bands of 1/3 octave"),
+    ({"weighting_type": 1}, (11, 13), r"has a frequency weighting \(A, data set 1858\)"),
+    ({"ordinate_numerator_data_type_qualifier": 1}, (11, 13), "is of a rotation or a moment"),
+    ({"ordinate_denominator_data_type_qualifier": 3}, (11, 13), "is of a rotation or a moment"),
+    ({}, (13, 12), r"is a force over a motion \(apparent mass\); receptance, mobility or accelerance"),
+])  # fmt: skip
 def test_functions_that_are_no_response(tmp_path, said, axes, reason):
     """The second of two functions is none, whichever side its qualifiers stand on."""
     good, bad = function(), function(*axes)

@@ -84,13 +84,10 @@ def codes(surface: ResponseSurface) -> list[str]:
     return [finding.code for finding in surface.findings if finding.code.startswith("unit")]
 
 
-@pytest.mark.parametrize(
-    ("code", "length", "force"),
-    [
-        (1, "m", "N"), (2, "ft", "lbf"), (3, "m", "kgf"), (4, "ft", "poundal"), (5, "mm", "mN"),
-        (6, "cm", "cN"), (7, "inch", "lbf"), (8, "mm", "kgf"), (10, "mm", "N"), (9, "mm", "kN"),
-    ],
-)  # fmt: skip
+@pytest.mark.parametrize(("code", "length", "force"), [
+    (1, "m", "N"), (2, "ft", "lbf"), (3, "m", "kgf"), (4, "ft", "poundal"), (5, "mm", "mN"),
+    (6, "cm", "cN"), (7, "inch", "lbf"), (8, "mm", "kgf"), (10, "mm", "N"), (9, "mm", "kN"),
+])  # fmt: skip
 def test_units_of_data_set_164(tmp_path, code, length, force):
     """The case names no unit: whatever the units of the file, the surface is the one in SI."""
     path = tmp_path / "a.uff"
@@ -106,16 +103,13 @@ def test_units_of_data_set_164(tmp_path, code, length, force):
     assert proposal.doubts["test.response.unit"] == "data set 164"
 
 
-@pytest.mark.parametrize(
-    ("factor", "labels", "unit", "source"),
-    [
-        # labels of axes win over data set 164
-        (1e3 / 9.80665, (axis(12, "Acceleration", "g"), axis(13, "Force", "kN")), "g/kN", "axis label"),
-        # the label of one axis alone, and one that holds the force already
-        (1e-3, (axis(12, "Acceleration", "m/s^2"),), "m/s^2/mN", "axis label, force: data set 164"),
-        (1.0, (axis(12, "FRF", "m/s^2/N"),), "m/s^2/N", "axis label"),
-    ],
-)
+@pytest.mark.parametrize(("factor", "labels", "unit", "source"), [
+    # labels of axes win over data set 164
+    (1e3 / 9.80665, (axis(12, "Acceleration", "g"), axis(13, "Force", "kN")), "g/kN", "axis label"),
+    # the label of one axis alone, and one that holds the force already
+    (1e-3, (axis(12, "Acceleration", "m/s^2"),), "m/s^2/mN", "axis label, force: data set 164"),
+    (1.0, (axis(12, "FRF", "m/s^2/N"),), "m/s^2/N", "axis label"),
+])  # fmt: skip
 def test_labels_of_axes(tmp_path, factor, labels, unit, source):
     path = tmp_path / "a.uff"
     path.write_text(units(1e3, 1e3, 5) + function(factor * ACCELERANCE, *labels), encoding="utf-8")
@@ -124,18 +118,15 @@ def test_labels_of_axes(tmp_path, factor, labels, unit, source):
     assert (entry.unit, entry.unit_source) == (unit, source)
 
 
-@pytest.mark.parametrize(
-    ("text", "response", "said"),
-    [
-        (units(1e3, 1e3, 5) + function(ACCELERANCE), {"unit": "m/s^2/N"}, []),
-        # a unit that is none of the quantity is not taken
-        (
-            function(ACCELERANCE, axis(12, "Channel 3", "V"), axis(13, "Force", "N")),
-            {},
-            ["unit-contradicts-title"],
-        ),
-    ],
-)
+@pytest.mark.parametrize(("text", "response", "said"), [
+    (units(1e3, 1e3, 5) + function(ACCELERANCE), {"unit": "m/s^2/N"}, []),
+    # a unit that is none of the quantity is not taken
+    (
+        function(ACCELERANCE, axis(12, "Channel 3", "V"), axis(13, "Force", "N")),
+        {},
+        ["unit-contradicts-title"],
+    ),
+])  # fmt: skip
 def test_a_unit_in_the_case_wins_over_the_file(tmp_path, text, response, said):
     path = tmp_path / "a.uff"
     path.write_text(text, encoding="utf-8")
@@ -167,15 +158,12 @@ def test_each_data_set_164_is_for_what_follows_it(tmp_path):
     assert "mm/s^2/N" in proposal.doubts["test.response.quantity"]
 
 
-@pytest.mark.parametrize(
-    ("text", "reason"),
-    [
-        # factors the wrong way round, and factors of a template under another code
-        (units(1e-3, 1e-3, 5), "says mm and mN, but its factors 0.001 and 0.001 differ"),
-        (units(3.28083989501312334, 0.22480894309971048, 1), "says m and N, but its factors 3.28084"),
-        (units(7.0, 1.0), "factors 7 and 1 are of no known units"),
-    ],
-)
+@pytest.mark.parametrize(("text", "reason"), [
+    # factors the wrong way round, and factors of a template under another code
+    (units(1e-3, 1e-3, 5), "says mm and mN, but its factors 0.001 and 0.001 differ"),
+    (units(3.28083989501312334, 0.22480894309971048, 1), "says m and N, but its factors 3.28084"),
+    (units(7.0, 1.0), "factors 7 and 1 are of no known units"),
+])  # fmt: skip
 def test_a_data_set_164_that_contradicts_itself_decides_nothing(tmp_path, text, reason):
     path = tmp_path / "a.uff"
     path.write_text(text + function(ACCELERANCE), encoding="utf-8")

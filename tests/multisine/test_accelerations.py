@@ -49,14 +49,11 @@ def recorded(
     return from_multisine(histories)
 
 
-@pytest.mark.parametrize(
-    ("name", "periods", "period", "noise", "runs"),
-    [
-        pytest.param("smooth", 2, 512, 0.01, 3, marks=pytest.mark.thorough),
-        ("smooth", 6, 1024, 0.003, 1),
-        pytest.param("friction", 2, 512, 0.01, 1, marks=pytest.mark.thorough),
-    ],
-)
+@pytest.mark.parametrize(("name", "periods", "period", "noise", "runs"), [
+    pytest.param("smooth", 2, 512, 0.01, 3, marks=pytest.mark.thorough),
+    ("smooth", 6, 1024, 0.003, 1),
+    pytest.param("friction", 2, 512, 0.01, 1, marks=pytest.mark.thorough),
+])  # fmt: skip
 def test_accelerations_need_no_band(name, periods, period, noise, runs):
     force, response = motions(name, period)
     law, truth = LAWS[name][0], {**LAWS[name][1], "m": MASS}

@@ -66,17 +66,14 @@ def test_a_mode_in_the_band_is_found_from_no_start():
     assert found.background.values == pytest.approx(VALUES["neighbour"], rel=1e-7)
 
 
-@pytest.mark.parametrize(
-    ("text", "values", "first", "mean_known"),
-    [
-        ("k*x + k2*x**2 + c*v", (4.0, 5000.0, 6e4), 1, True),
-        ("k*x + k2*x**2 + c*v", (4.0, 5000.0, 6e4), 1, False),
-        # lines that the law moves follow by its mean slopes: exactly under a linear one
-        ("k*x + c*v", (4.0, 5000.0), 4, True),
-        ("k*x + c*v + F*sign(v)", (0.05, 4.0, 5000.0), 1, True),
-        ("k*x + c*v + masing(Min(kt*x, F))", (3.0, 4.0, 5000.0, 3000.0), 1, True),
-    ],
-)
+@pytest.mark.parametrize(("text", "values", "first", "mean_known"), [
+    ("k*x + k2*x**2 + c*v", (4.0, 5000.0, 6e4), 1, True),
+    ("k*x + k2*x**2 + c*v", (4.0, 5000.0, 6e4), 1, False),
+    # lines that the law moves follow by its mean slopes: exactly under a linear one
+    ("k*x + c*v", (4.0, 5000.0), 4, True),
+    ("k*x + c*v + F*sign(v)", (0.05, 4.0, 5000.0), 1, True),
+    ("k*x + c*v + masing(Min(kt*x, F))", (3.0, 4.0, 5000.0, 3000.0), 1, True),
+])  # fmt: skip
 def test_slopes_are_those_of_the_balance(text, values, first, mean_known):
     test = records(of_force=0.0, of_response=0.0, mean_known=mean_known)
     background = background_of_lines("residuals+offset", test, (1.0, 8.0))

@@ -105,16 +105,13 @@ def _damaged(folder, **changes):
     return folder / "spectra.npz"
 
 
-@pytest.mark.parametrize(
-    ("changes", "fault"),
-    [
-        ({"force": None}, "force: missing"), ({"level": np.array([{}], dtype=object)}, "level: object"),
-        ({"force": np.ones((1, 2, 3))}, "force .1, 2, 3."),
-        ({"origin": "<b>"}, "origin: one of measured, simulated"), ({"base": "x" * 100}, "base: <U100"),
-        ({"omega0": np.nan}, "omega0"), ({"left_out": [1, 2]}, "left_out: .2,.; one a record"),
-        ({"mean_known": [True, False]}, "mean_known: true or false"),
-    ],
-)  # fmt: skip
+@pytest.mark.parametrize(("changes", "fault"), [
+    ({"force": None}, "force: missing"), ({"level": np.array([{}], dtype=object)}, "level: object"),
+    ({"force": np.ones((1, 2, 3))}, "force .1, 2, 3."),
+    ({"origin": "<b>"}, "origin: one of measured, simulated"), ({"base": "x" * 100}, "base: <U100"),
+    ({"omega0": np.nan}, "omega0"), ({"left_out": [1, 2]}, "left_out: .2,.; one a record"),
+    ({"mean_known": [True, False]}, "mean_known: true or false"),
+])  # fmt: skip
 def test_spectra_that_are_no_spectra_are_refused(tmp_path, changes, fault):
     assert len(rsgen.load_spectra(_damaged(tmp_path))) == 1
     with pytest.raises(rsgen.RsgenError, match=rf"spectra.npz: .*{fault}"):

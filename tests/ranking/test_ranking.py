@@ -79,16 +79,13 @@ def winners(ranking: Ranking) -> set[str]:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(
-    ("law", "noise", "whole"),
-    [
-        # a loop comes near to friction
-        pytest.param("coulomb", NOISE, True, marks=pytest.mark.thorough),
-        *((law, NOISE, False) for law in NAMES if law != "coulomb"),
-        pytest.param("cubic", 0.0, False, marks=pytest.mark.thorough),
-        ("coulomb", 0.0, False),
-    ],
-)
+@pytest.mark.parametrize(("law", "noise", "whole"), [
+    # a loop comes near to friction
+    pytest.param("coulomb", NOISE, True, marks=pytest.mark.thorough),
+    *((law, NOISE, False) for law in NAMES if law != "coulomb"),
+    pytest.param("cubic", 0.0, False, marks=pytest.mark.thorough),
+    ("coulomb", 0.0, False),
+])  # fmt: skip
 def test_the_true_law_is_first_or_tied(law: str, noise: float, whole: bool) -> None:
     ranking = ranked(law, noise, whole)
     assert NAMES[law] in winners(ranking)
@@ -184,17 +181,14 @@ _STOP = {"k": 4.1e4, "c": 6.2, "kg": 2.6e4, "b": 3e-4}, 1.85, (20, 29)
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(
-    ("law", "of", "force", "found"),
-    [
-        ("Max(x - b, 0) + Min(x + b, 0)", _GAPS, 1.5, {"dead-zone"}),
-        ("Max(x - b, 0) + Min(x + b, 0)", _GAPS, 2.0, {"dead-zone"}),
-        ("Max(x - b, 0)", _GAPS, 1.5, {"one-sided-stop"}),
-        ("Max(x - b, 0)", _STOP, 6.0, {"one-sided-stop"}),
-        # the gap is a thirtieth of the amplitude
-        ("Max(x - b, 0)", _STOP, 10.0, {"one-sided-stop", "dead-zone"}),
-    ],
-)
+@pytest.mark.parametrize(("law", "of", "force", "found"), [
+    ("Max(x - b, 0) + Min(x + b, 0)", _GAPS, 1.5, {"dead-zone"}),
+    ("Max(x - b, 0) + Min(x + b, 0)", _GAPS, 2.0, {"dead-zone"}),
+    ("Max(x - b, 0)", _GAPS, 1.5, {"one-sided-stop"}),
+    ("Max(x - b, 0)", _STOP, 6.0, {"one-sided-stop"}),
+    # the gap is a thirtieth of the amplitude
+    ("Max(x - b, 0)", _STOP, 10.0, {"one-sided-stop", "dead-zone"}),
+])  # fmt: skip
 def test_stops_are_found_or_tie_at_one_level_of_fundamentals(
     law: str, of: tuple[dict[str, float], float, tuple[float, float]], force: float, found: set[str]
 ) -> None:

@@ -43,15 +43,12 @@ def page_of(tolerance: float | None, *findings: Finding) -> str:
     return render_page(*parts, {"Versions": "rsgen"})
 
 
-@pytest.mark.parametrize(
-    ("tolerance", "findings", "held_out", "state", "decided"),
-    [
-        (None, (), (), "identified", ()), (None, (WARNING,), (), "identified", ()),
-        (1.0, (WARNING,), (), "accepted", ()), (0.0, (WARNING,), (), "missed", ()),
-        (0.0, (DOUBT,), (), "doubtful", (DOUBT,)), (1.0, (), (DOUBT,), "doubtful", (DOUBT,)),
-        (1.0, (DOUBT, WARNING, ERROR), (), "rejected", (ERROR, DOUBT)),
-    ],
-)  # fmt: skip
+@pytest.mark.parametrize(("tolerance", "findings", "held_out", "state", "decided"), [
+    (None, (), (), "identified", ()), (None, (WARNING,), (), "identified", ()),
+    (1.0, (WARNING,), (), "accepted", ()), (0.0, (WARNING,), (), "missed", ()),
+    (0.0, (DOUBT,), (), "doubtful", (DOUBT,)), (1.0, (), (DOUBT,), "doubtful", (DOUBT,)),
+    (1.0, (DOUBT, WARNING, ERROR), (), "rejected", (ERROR, DOUBT)),
+])  # fmt: skip
 def test_the_gravest_of_test_fit_and_held_out_levels_decides(tolerance, findings, held_out, state, decided):
     found = found_with(*findings)
     prediction = replace(PREDICTION, findings=held_out)
@@ -111,14 +108,11 @@ def test_a_rejected_page_marks_its_numbers():
     assert "the result is rejected" in text
 
 
-@pytest.mark.parametrize(
-    "entry",
-    [
-        None, [], {"state": "splendid"},
-        {"state": "rejected", "headline": "", "decided_by": [], "sentences": [], "next_steps": [""]},
-        {"state": "rejected", "headline": "", "decided_by": [3], "sentences": [""], "next_steps": [""]},
-    ],
-)  # fmt: skip
+@pytest.mark.parametrize("entry", [
+    None, [], {"state": "splendid"},
+    {"state": "rejected", "headline": "", "decided_by": [], "sentences": [], "next_steps": [""]},
+    {"state": "rejected", "headline": "", "decided_by": [3], "sentences": [""], "next_steps": [""]},
+])  # fmt: skip
 def test_an_entry_that_is_no_verdict_is_no_result(tmp_path, entry):
     place = write_result(tmp_path, {**cubic_result(None), "verdict": entry})
     assert read_result(place / "result.json") is None

@@ -106,27 +106,21 @@ def test_an_unknown_code_is_shown_as_data():
     assert sentence(found) == repr(found) == "of-the-future k (info): share = 0.5"
 
 
-@pytest.mark.parametrize(
-    ("numbers", "names", "severity", "said"),
-    [
-        ({"excluded": 3, "points": 9}, {}, "info", "3 of 9 points were excluded: they disagree"),
-        ({"excluded": 3, "points": 9}, {"by": "ranking"}, "info", "excluded: no candidate explains them"),
-        ({"excluded": 3, "points": 9, "low": 1, "high": 2}, {"by": "ranking"}, "info", "between 1 and 2 Hz"),
-        ({"excluded": 3, "points": 9, "low": 1}, {"by": "ranking"}, "info", "3 of 9 points were excluded"),
-        ({"excluded": 3, "points": 9, "all": 99}, {"by": "ranking"}, "info", "chosen evenly from 99, w"),
-    ],
-)  # fmt: skip
+@pytest.mark.parametrize(("numbers", "names", "severity", "said"), [
+    ({"excluded": 3, "points": 9}, {}, "info", "3 of 9 points were excluded: they disagree"),
+    ({"excluded": 3, "points": 9}, {"by": "ranking"}, "info", "excluded: no candidate explains them"),
+    ({"excluded": 3, "points": 9, "low": 1, "high": 2}, {"by": "ranking"}, "info", "between 1 and 2 Hz"),
+    ({"excluded": 3, "points": 9, "low": 1}, {"by": "ranking"}, "info", "3 of 9 points were excluded"),
+    ({"excluded": 3, "points": 9, "all": 99}, {"by": "ranking"}, "info", "chosen evenly from 99, w"),
+])  # fmt: skip
 def test_a_sentence_has_the_parts_whose_conditions_hold(numbers, names, severity, said):
     assert said in sentence(Finding("points-excluded", severity, "", numbers, names))
 
 
-@pytest.mark.parametrize(
-    ("conditions", "holds"),
-    [
-        ("share", True), ("share!", False), ("by", True), ("other", False), ("other!", True),
-        ("by=phase", True), ("by!=phase", False), ("by=base", False), ("other!=phase", True),
-        ("share=0", True), ("share!=0", False), ("severity=doubt,by", True), ("severity=doubt,by!", False),
-    ],
-)  # fmt: skip
+@pytest.mark.parametrize(("conditions", "holds"), [
+    ("share", True), ("share!", False), ("by", True), ("other", False), ("other!", True),
+    ("by=phase", True), ("by!=phase", False), ("by=base", False), ("other!=phase", True),
+    ("share=0", True), ("share!=0", False), ("severity=doubt,by", True), ("severity=doubt,by!", False),
+])  # fmt: skip
 def test_conditions_ask_for_names_numbers_and_severity(conditions, holds):
     assert _holds(Finding("a", "doubt", "", {"share": 0.0}, {"by": "phase"}), conditions) is holds

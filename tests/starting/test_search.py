@@ -32,20 +32,17 @@ def identified(text: str, added: dict[str, float], level: tuple[float, float], n
 
 @pytest.mark.slow
 @pytest.mark.parametrize("noise", [pytest.param(0.0, marks=pytest.mark.thorough), 1e-2])
-@pytest.mark.parametrize(
-    ("text", "added"),
-    [
-        (SATURATION, {"ks": 2000.0, "Fm": 20.0}),
-        ("Max(0, ks*x - F0)", {"ks": 3000.0, "F0": 15.0}),
-        # the same law with both signs turned
-        ("Ff*tanh(v/w)", {"Ff": 1.0, "w": 0.2}),
-        # the same law with both signs turned and a stiffer k
-        ("kg*(Max(0, x - b) + Min(0, x + b))", {"kg": 3000.0, "b": 0.008}),
-        # no other unknown multiplies what they switch
-        pytest.param("Max(-20, Min(ks*x, 20))", {"ks": 2000.0}, marks=pytest.mark.thorough),
-        pytest.param("Max(0, ks*(x - b) - 5)", {"ks": 3000.0, "b": 0.002}, marks=pytest.mark.thorough),
-    ],
-)
+@pytest.mark.parametrize(("text", "added"), [
+    (SATURATION, {"ks": 2000.0, "Fm": 20.0}),
+    ("Max(0, ks*x - F0)", {"ks": 3000.0, "F0": 15.0}),
+    # the same law with both signs turned
+    ("Ff*tanh(v/w)", {"Ff": 1.0, "w": 0.2}),
+    # the same law with both signs turned and a stiffer k
+    ("kg*(Max(0, x - b) + Min(0, x + b))", {"kg": 3000.0, "b": 0.008}),
+    # no other unknown multiplies what they switch
+    pytest.param("Max(-20, Min(ks*x, 20))", {"ks": 2000.0}, marks=pytest.mark.thorough),
+    pytest.param("Max(0, ks*(x - b) - 5)", {"ks": 3000.0, "b": 0.002}, marks=pytest.mark.thorough),
+])  # fmt: skip
 def test_values_come_back_with_their_signs(text, added, noise):
     found, true = identified(text, added, (2.0, 12.0), noise)
     for estimate in found.refined:
@@ -68,15 +65,11 @@ def test_a_saturation_that_is_never_reached_is_no_number(friction):
 
 
 @pytest.mark.thorough
-@pytest.mark.parametrize(
-    "written",
-    [
-        {"k": 5000.0, "kg": 4000.0, "b": 0.012, "ks": 2500.0, "Fm": 10.0},
-        # stiffness 7500, 5000, 9000 N/m with steps at 4 and 12 mm: the same force
-        {"k": 11500.0, "kg": -2500.0, "b": 0.004, "ks": -4000.0, "Fm": 48.0},
-    ],
-    ids=["positive", "twin"],
-)
+@pytest.mark.parametrize("written", [
+    {"k": 5000.0, "kg": 4000.0, "b": 0.012, "ks": 2500.0, "Fm": 10.0},
+    # stiffness 7500, 5000, 9000 N/m with steps at 4 and 12 mm: the same force
+    {"k": 11500.0, "kg": -2500.0, "b": 0.004, "ks": -4000.0, "Fm": 48.0},
+], ids=["positive", "twin"])  # fmt: skip
 def test_two_switches_are_found_together(written):
     # softening and then hardening: a few hundred trials of two parameters at once miss it
     text = f"kg*(Max(0, x - b) + Min(0, x + b)) + {SATURATION}"

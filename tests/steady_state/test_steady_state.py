@@ -186,16 +186,12 @@ def _one_period_error(law: str, values: dict[str, float], state: list[float], st
     return np.array([np.hypot(*(end(count) - best)) for count in steps])
 
 
-@pytest.mark.parametrize(
-    ("law", "values", "state"),
-    [
-        ("c*v + k*x + kn*x**3", {"c": 4.0, "k": 5e3, "kn": 3e8}, [3e-3, 0.1]),
-        ("c*v + k*x + Max(k2*(x - g), 0)", {"c": 4.0, "k": 5e3, "k2": 1e4, "g": 1e-3}, [3e-3, 0.1]),
-        ("c*v + k*x + Ff*sign(v)", {"c": 4.0, "k": 5e3, "Ff": 2.0}, [3e-3, 0.1]),
-        ("c*v + k*x + Ff*sign(v)", {"c": 4.0, "k": 5e3, "Ff": 5.0}, [2e-4, 0.0]),
-    ],
-    ids=["smooth", "corner", "friction", "stick"],
-)
+@pytest.mark.parametrize(("law", "values", "state"), [
+    ("c*v + k*x + kn*x**3", {"c": 4.0, "k": 5e3, "kn": 3e8}, [3e-3, 0.1]),
+    ("c*v + k*x + Max(k2*(x - g), 0)", {"c": 4.0, "k": 5e3, "k2": 1e4, "g": 1e-3}, [3e-3, 0.1]),
+    ("c*v + k*x + Ff*sign(v)", {"c": 4.0, "k": 5e3, "Ff": 2.0}, [3e-3, 0.1]),
+    ("c*v + k*x + Ff*sign(v)", {"c": 4.0, "k": 5e3, "Ff": 5.0}, [2e-4, 0.0]),
+], ids=["smooth", "corner", "friction", "stick"])  # fmt: skip
 def test_convergence_is_of_fourth_order(law, values, state):
     steps = [64, 128, 256, 512, 1024]
     errors = _one_period_error(law, values, state, steps)

@@ -63,14 +63,11 @@ def test_manifest_vouches_for_every_byte(tmp_path):
     assert read_manifest(tmp_path) is None
 
 
-@pytest.mark.parametrize(
-    "text",
-    [
-        *("", "{", "[]", "null", "[" * 100_000), '{"schema": 1}', '{"schema": 1, "files": {}}',
-        '{"schema": 2, "files": {"a": "b"}}', '{"schema": 1, "files": {"../result.json": "b"}}',
-        '{"schema": 1, "files": {"/etc/hostname": "b"}}', '{"schema": 1, "files": {"a\\u0000": "b"}}',
-    ],
-)  # fmt: skip
+@pytest.mark.parametrize("text", [
+    *("", "{", "[]", "null", "[" * 100_000), '{"schema": 1}', '{"schema": 1, "files": {}}',
+    '{"schema": 2, "files": {"a": "b"}}', '{"schema": 1, "files": {"../result.json": "b"}}',
+    '{"schema": 1, "files": {"/etc/hostname": "b"}}', '{"schema": 1, "files": {"a\\u0000": "b"}}',
+])  # fmt: skip
 def test_a_corrupted_manifest_is_none(tmp_path, text):
     fill(tmp_path, "text")
     (tmp_path / MANIFEST).write_text(text)
