@@ -12,7 +12,6 @@ from matplotlib.figure import Figure
 import rsgen
 from rsgen.analysis.comparison import Comparison
 from rsgen.cases import Case
-from rsgen.common.finding import Finding
 from rsgen.data.oscillator import Model, Observation
 from rsgen.data.surface import ResponseSurface
 from rsgen.dynamics.virtual_test import SimulatedTest
@@ -29,9 +28,7 @@ MASS, K1, KN1, C1 = 1.5, 5920.0, -2.2e5, 3.8
 """A softening cubic spring whose peak shifts by about 4 % at 12 N."""
 
 
-def cubic_surface(
-    levels: int = 8, frequencies: int = 61, sweep: str = "rest", *, gaps: bool = False
-) -> ResponseSurface:
+def cubic_surface(levels: int = 8, frequencies: int = 61, sweep: str = "rest", *, gaps: bool = False):
     """F^2 = X^2 ((k(X) - m omega^2)^2 + omega^2 c^2), the smallest root X (up: the largest)."""
     level, frequency = np.meshgrid(
         np.linspace(1, 12, levels), np.linspace(8.5, 11.5, frequencies), indexing="ij"
@@ -99,12 +96,7 @@ def _samples() -> tuple[ResponseSurface, Identification, Prediction]:
     return surface, cubic_identification(surface), cubic_prediction(surface)
 
 
-def cubic_result(
-    tolerance: float | None = 1e-2,
-    *findings: Finding,
-    held_out: tuple[Finding, ...] = (),
-    name: str = "cubic",
-) -> dict[str, Any]:
+def cubic_result(tolerance=0.01, *findings, held_out=(), name="cubic") -> dict[str, Any]:
     """Return what result.json says of the case, with findings of the test and of the levels held out."""
     surface, found, prediction = _samples()
     found, prediction = replace(found, findings=findings), replace(prediction, findings=held_out)

@@ -45,13 +45,7 @@ def truth(law: str) -> dict[str, float]:
     return {**LAWS[law][1], "m": MASS}
 
 
-def surface(
-    law: str,
-    levels: np.ndarray | None = None,
-    frequencies: np.ndarray | None = None,
-    accuracy: float = ACCURACY,
-    values: dict[str, float] | None = None,
-) -> ResponseSurface:
+def surface(law, levels=None, frequencies=None, accuracy=ACCURACY, values=None) -> ResponseSurface:
     """Steady states from rest over a small grid, each solved once."""
     levels = np.linspace(2, 12, 6) if levels is None else levels
     frequencies = np.linspace(8, 12, 41) if frequencies is None else frequencies

@@ -57,9 +57,7 @@ LIBRARIES = (
 )  # fmt: skip
 
 
-def run_elsewhere(
-    program: str, folder: Path, libraries: tuple[str, ...] = LIBRARIES, **options: object
-) -> subprocess.CompletedProcess[bytes]:
+def run_elsewhere(program: str, folder: Path, libraries: tuple[str, ...] = LIBRARIES, **options: object):
     head = f"import sys; sys.path.insert(0, {str(ROOT)!r})\nLIBRARIES = {libraries!r}"
     script = f"{head}\n{ELSEWHERE}\n{program}"
     (folder / "elsewhere.py").write_text(script, encoding="utf-8")

@@ -25,9 +25,7 @@ from tests.samples import cubic_surface
 ORDINARY = Sizes(10.0, 0.02, 1.3, 79.0, 12.0, mass=1.5, damping=0.02)
 
 
-def changed(
-    surface: ResponseSurface, response: np.ndarray, force: np.ndarray | None = None
-) -> ResponseSurface:
+def changed(surface: ResponseSurface, response: np.ndarray, force: np.ndarray | None = None):
     return ResponseSurface(
         surface.level, surface.frequency, surface.force if force is None else force, response,
         origin="measured",

@@ -70,9 +70,7 @@ def damage(kind: str, compiled: Path, expected: str) -> str:
     return "" if found == {expected} else f"{kind}: {'; '.join(sorted(found - {expected}))}"
 
 
-def plant(
-    attack: Callable[[Planted], object], compiled: Path, content: bytes, expected: str
-) -> tuple[bool, str]:
+def plant(attack: Callable[[Planted], object], compiled: Path, content: bytes, expected: str):
     """Plant code in one way; return whether it was executed, and what else went wrong."""
     with temporary() as place:
         shutil.copytree(compiled / "cache", place / "cache")

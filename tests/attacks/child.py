@@ -10,7 +10,7 @@ import subprocess
 import sys
 import time
 from collections import Counter
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable
 from contextlib import suppress
 from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
@@ -138,9 +138,7 @@ class _Child:
                     stream.close()
 
 
-def attempts(
-    module: str, words: list[str], numbers: Iterable[int], wall: float = WALL_SECONDS
-) -> Iterator[Outcome]:
+def attempts(module: str, words: list[str], numbers: Iterable[int], wall: float = WALL_SECONDS):
     """Make attempts in children of ``python -m module --serve words``, one after the other."""
     child: _Child | None = None
     try:
@@ -208,9 +206,7 @@ def tally(outcomes: Iterable[Outcome], kind: Callable[[Outcome], str] = kind_of)
     return found
 
 
-def attacked(
-    module: str, count: int, seed: int, figure: str, kind: Callable[[Outcome], str] = kind_of
-) -> tuple[dict[str, str], Tally]:
+def attacked(module: str, count: int, seed: int, figure: str, kind: Callable[[Outcome], str] = kind_of):
     """Make attacks of a module in children; return the row of what got through, and the tally."""
     found = tally(attempts(f"tests.attacks.{module}", [str(seed)], range(count)), kind)
     kinds = ["crash", "hang", *(["outside"] if "outside" in figure else []), "memory"]
@@ -219,9 +215,7 @@ def attacked(
     return {"figure": f"{count} {figure}", "asked": asked, "measured": f"{numbers} {found.text}"}, found
 
 
-def command(
-    attack: Callable[[int, int], Outcome], content: Callable[[int, int], object] = lambda number, seed: ""
-) -> None:
+def command(attack, content=lambda number, seed: "") -> None:
     """Serve as the child of ``attempts``, or make one attack again and show what it consists of."""
     parser = argparse.ArgumentParser()
     parser.add_argument("--seed", type=int, default=1)

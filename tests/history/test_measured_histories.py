@@ -50,9 +50,7 @@ def hysteresis(X: np.ndarray, omega: np.ndarray) -> np.ndarray:
 
 
 @pytest.mark.slow
-def test_the_hysteretic_benchmark_has_the_curves_of_its_true_law(
-    measured_data: Callable[[str], Path],
-) -> None:
+def test_the_hysteretic_benchmark_has_the_curves_of_its_true_law(measured_data: Callable[[str], Path]):
     case = load_case(CASES / "bouc_wen.toml", data=measured_data("bouc_wen").parent)
     surface = read_measurement(case.test)
     surface = surface.select(surface.settled).select(np.arange(0, int(surface.settled.sum()), 8))

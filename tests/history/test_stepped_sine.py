@@ -53,9 +53,7 @@ def test_quantities_and_harmonics(quantity: str, power: int) -> None:
 
 @settings(max_examples=20)
 @given(f=st.floats(0.01, 0.12), off=st.floats(-0.4, 0.4), phase=st.floats(0, 6), mean=st.floats(-2, 2))
-def test_a_sine_is_fitted_exactly_and_its_frequency_refined(
-    f: float, off: float, phase: float, mean: float
-) -> None:
+def test_a_sine_is_fitted_exactly_and_its_frequency_refined(f: float, off: float, phase: float, mean: float):
     n = 3000
     omega = 2 * np.pi * f
     i = np.arange(n)

@@ -45,9 +45,7 @@ def forced(law: SweepLaw, rate: float, duration: float, level: float = 1.0) -> T
     kind=st.sampled_from(["linear", "logarithmic"]), low=st.floats(2, 20), ratio=st.floats(1.5, 8),
     down=st.booleans(), phase=st.floats(0, 6),
 )  # fmt: skip
-def test_the_law_is_found_from_the_force(
-    kind: str, low: float, ratio: float, down: bool, phase: float
-) -> None:
+def test_the_law_is_found_from_the_force(kind: str, low: float, ratio: float, down: bool, phase: float):
     duration = 400 / low
     first, last = (low * ratio, low) if down else (low, low * ratio)
     pace = (last - first if kind == "linear" else np.log2(last / first)) / duration
@@ -215,9 +213,7 @@ def test_the_frequency_of_a_point_is_that_of_the_force(cubic: float, down: bool,
 @pytest.mark.parametrize(
     ("pace", "wrong", "severity"), [(0.2, 0, "warning"), (0.2, 0.2, "doubt"), (2, 0, "doubt")]
 )
-def test_a_correction_that_is_in_doubt_doubts_the_result(
-    pace: float, wrong: float, severity: str, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_correction_that_is_in_doubt_doubts_the_result(pace, wrong, severity, monkeypatch) -> None:
     found = swept_sine.flank_mass
     monkeypatch.setattr(
         swept_sine,

@@ -39,9 +39,7 @@ def scattered(values: np.ndarray, noise: float, random: np.random.Generator) -> 
     return values * (1 + noise * (draws[0] + 1j * draws[1]))
 
 
-def with_noise(
-    exact: rs.ResponseSurface, noise: float, random: np.random.Generator, near: np.ndarray | None = None
-) -> rs.ResponseSurface:
+def with_noise(exact, noise, random, near=None) -> rs.ResponseSurface:
     """Noise on force, response (or ``near`` in its place) and far sensor, relative to their fundamentals."""
     force, seen, far = (
         values + noise * np.abs(values[:, 1:2]) * (draws[0] + 1j * draws[1]) / np.sqrt(2)
@@ -217,9 +215,7 @@ def test_noise_of_two_sensors_in_the_motion_across_is_in_the_weight_and_in_the_i
 
 @pytest.mark.slow
 @pytest.mark.parametrize(("kind", "receptance"), [("constant", (2e-5, 0)), ("residuals", (2e-5, 0.3))])
-def test_a_background_is_seen_by_the_response_and_not_by_the_joint(
-    kind: str, receptance: tuple[float, float]
-):
+def test_a_background_is_seen_by_the_response_and_not_by_the_joint(kind, receptance):
     exact = driven_by_a_sine()
     near = np.array(exact.harmonics)
     near[:, 1] += (receptance[0] - receptance[1] / exact.omega**2) * exact.force

@@ -24,14 +24,7 @@ SIGMAS = 4.0
 """Standard errors that a value from one noisy table may be off."""
 
 
-def table(
-    law: str = QUADRATIC,
-    values: dict[str, float] | None = None,
-    levels=(1.0, 2.0, 4.0, 8.0),
-    frequencies: int = 61,
-    harmonics: int = 5,
-    band=(8, 12),
-) -> ResponseSurface:
+def table(law=QUADRATIC, values=None, levels=(1.0, 2.0, 4.0, 8.0), frequencies=61, harmonics=5, band=(8, 12)):
     """An asymmetric oscillator with the mean and some harmonics."""
     grid = np.meshgrid(levels, np.linspace(*band, frequencies), indexing="ij")
     level, frequency = (axis.ravel() for axis in grid)

@@ -11,9 +11,7 @@ MASS, VALUES = 1.5, {"k": 5920.0, "k3": 3e5, "c": 3.8}
 LAW = "k*x + k3*x**3 + c*v"
 
 
-def locked(
-    law: str = LAW, lag: float = 90.0, noise: float = 0.01, seed: int = 1, **values: float
-) -> rsgen.ResponseSurface:
+def locked(law: str = LAW, lag: float = 90.0, noise: float = 0.01, seed: int = 1, **values: float):
     """24 levels held near a quarter period; a lag in degrees."""
     test = rsgen.SimulatedTest(
         level=np.linspace(1, 12, 24), frequency=[6, 18], control="phase",

@@ -29,12 +29,7 @@ def table():
     return surface("cubic", levels=np.array([2.0, 6.0, 10.0]), frequencies=np.linspace(8.5, 11.5, 31))
 
 
-def tampered(
-    table: ResponseSurface,
-    response: Callable[[np.ndarray], np.ndarray] = lambda x: x,
-    force: Callable[[np.ndarray], np.ndarray] = lambda f: f,
-    frequency: Callable[[np.ndarray], np.ndarray] = lambda f: f,
-) -> ResponseSurface:
+def tampered(table, response=lambda x: x, force=lambda f: f, frequency=lambda f: f) -> ResponseSurface:
     fundamental = response(np.array(table.harmonics[:, 1]))
     return ResponseSurface(table.level, frequency(np.array(table.frequency)), force(table.force), fundamental)
 

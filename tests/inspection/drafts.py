@@ -2,7 +2,6 @@
 
 import random
 import tomllib
-from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -29,9 +28,7 @@ def receptance(frequency: np.ndarray) -> np.ndarray:
 RECEPTANCE = receptance(FREQUENCY)
 
 
-def write_levels(
-    path: Path, columns: Callable[[float], dict[str, Any]], delimiter: str = ";", seed: int | None = None
-) -> Path:
+def write_levels(path, columns, delimiter=";", seed=None) -> Path:
     """Write a row a frequency and level; with a seed the columns are in an order of chance."""
     blocks = [columns(level) for level in LEVELS]
     titles = list(blocks[0])
@@ -46,9 +43,7 @@ def write_levels(
     return path
 
 
-def write_table(
-    path: Path, head: str, values: Callable[[float], Any], delimiter: str = ",", seed: int | None = None
-) -> Path:
+def write_table(path, head, values, delimiter=",", seed=None) -> Path:
     """Write levels of a table whose titles ``head`` has between commas; the first is of the frequency."""
     titles = head.split(",")
     return write_levels(
@@ -69,9 +64,7 @@ def drafted(path: Path) -> Proposal:
     return proposal
 
 
-def read_draft(
-    path: Path, **entered: dict[str, Any]
-) -> tuple[dict[str, Any], ResponseSurface, dict[str, str]]:
+def read_draft(path: Path, **entered: dict[str, Any]):
     """Return the [test] tables of a draft, what they read, and its comments.
 
     ``entered`` are keys that the user enters or changes, by table of the case ("test", "response").

@@ -111,9 +111,7 @@ def receptance(frequency: np.ndarray) -> np.ndarray:
     return np.asarray(1 / (STIFFNESS - MASS * omega**2 + 1j * omega * DAMPING))
 
 
-def findings(
-    folder: Path, response: np.ndarray, *, lag: bool = False, known: bool = True, order: int = 0
-) -> tuple[Finding, ...]:
+def findings(folder: Path, response: np.ndarray, *, lag: bool = False, known: bool = True, order: int = 0):
     """Read a table of receptances, mobilities or accelerances: of that order."""
     path = folder / "a.csv"
     size, turn = np.abs(response) * (2 * np.pi * BAND) ** order, np.degrees(np.angle(response))

@@ -57,9 +57,7 @@ def proposed(path: Path, run_cli: Callable[..., Any]) -> ResponseSurface:
     return read(case)
 
 
-def history(
-    path: Path, force: int | str, response: int | str, rule: dict[str, Any], **unit: Any
-) -> MeasuredTest:
+def history(path: Path, force: int | str, response: int | str, rule: dict[str, Any], **unit: Any):
     """Plan a history in the units of the file."""
     return MeasuredTest(
         (path,), None, Channel(samples=force, **unit), Channel(samples=response, **unit), "acceleration",

@@ -47,9 +47,7 @@ def of_runs(path: Path, **more: Any) -> MeasuredTest:
     return MeasuredTest(path, "run/*/f", force, response, "displacement", frequency_unit="Hz", **more)
 
 
-def of_files(
-    tmp_path: Path, forces: dict[str, Any], sizes: dict[str, float] | None = None, **more: Any
-) -> MeasuredTest:
+def of_files(tmp_path: Path, forces: dict[str, Any], sizes: dict[str, float] | None = None, **more: Any):
     """Write a file a run, force and amplitude over frequency (F/1e4 unless given), and plan to read them."""
     for name, force in forces.items():
         size = sizes[name] if sizes else np.abs(force) / 1e4

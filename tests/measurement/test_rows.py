@@ -17,9 +17,7 @@ from rsgen.files.text_columns import read_columns
 from rsgen.report.wording import sentence
 
 
-def read(
-    path: Path, frequency: int | str = "f", response: tuple[Path, ...] = (), **more: Any
-) -> ResponseSurface:
+def read(path: Path, frequency: int | str = "f", response: tuple[Path, ...] = (), **more: Any):
     signals = Channel(amplitude="F", unit="N"), Channel(amplitude="x", files=response, unit="m")
     more |= {"frequency_unit": "Hz"} if frequency == "f" else {}
     return read_measurement(

@@ -41,7 +41,7 @@ def inside(table: rsgen.ModalTable, name: str, true: np.ndarray) -> np.ndarray:
 
 def phase_resonance(
     amplitudes: np.ndarray, degrees: float = 90.0, kn: float = KN1, c: float = C1, m: float = MASS
-) -> ResponseSurface:
+):
     """One point a level, at a lag of so many degrees, to first order."""
     k = K1 + 0.75 * kn * amplitudes**2
     # k - m omega^2 = omega c cot(lag)

@@ -34,9 +34,7 @@ def motions(name: str, period: int = 512) -> tuple[ComplexArray, ComplexArray]:
     return lines[0], lines[1]
 
 
-def recorded(
-    force: ComplexArray, response: ComplexArray, *, periods: int, noise: float, seed: int
-) -> rsgen.MultisineSpectra:
+def recorded(force: ComplexArray, response: ComplexArray, *, periods: int, noise: float, seed: int):
     """Samples of force and acceleration with white noise, and the spectra that are made of them."""
     generator = np.random.default_rng(seed)
     period = 2 * force.shape[1]

@@ -21,15 +21,7 @@ LAW = "k*x + k2*x**2 + k3*x**3 + c*v"
 
 
 @cache
-def spectra(
-    force_of,
-    sizes: tuple[float, ...],
-    *,
-    noise: float = 0.0,
-    periods: int = 1,
-    seed: int = 0,
-    lines: int = LINES,
-) -> rsgen.MultisineSpectra:
+def spectra(force_of, sizes, *, noise=0.0, periods=1, seed=0, lines=LINES) -> rsgen.MultisineSpectra:
     """Motions of three levels with lines to 20 Hz; the force is m a + n(x, v) at every line, to round-off."""
     generator = np.random.default_rng(seed)
     moved = np.arange(2, 40)
@@ -162,9 +154,7 @@ def test_what_the_response_follows_of_the_force_is_no_noise():
     assert found.noise_share < 1e-6
 
 
-def histories(
-    periods: int, transient: Array, quantity: str = "displacement", period: int = 512
-) -> TimeHistory:
+def histories(periods: int, transient: Array, quantity: str = "displacement", period: int = 512):
     """A record at 256 Hz of a linear structure's periodic response, plus a transient (n,)."""
     made = spectra(linear, SIZES[:1], lines=period // 2)
     power = {"displacement": 0, "velocity": 1, "acceleration": 2}[quantity]

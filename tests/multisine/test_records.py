@@ -13,14 +13,7 @@ RATE, PERIOD = 256.0, 512
 K, C, MASS = 5000.0, 4.0, 1.5
 
 
-def records(
-    periods: int,
-    *,
-    factor: float = 1.0,
-    rest: bool = False,
-    levels: tuple[float, ...] = (2.0, 4.0),
-    seed: int = 4,
-) -> list[TimeHistory]:
+def records(periods, *, factor=1.0, rest=False, levels=(2.0, 4.0), seed=4) -> list[TimeHistory]:
     """Steady or from rest: a linear structure under random phases; ``factor`` on the recorded force."""
     lines = np.arange(PERIOD // 2 + 1)
     omega = 2 * np.pi * RATE / PERIOD * lines

@@ -44,9 +44,7 @@ def bouc_wen(m: float, c: float, k: float, alpha: float, bg: float, bd: float) -
     return Structure(rate, guards, (1.0, 1.0), 3)
 
 
-def sliders(
-    m: float, n: Callable[[float, float], float], stiffness: np.ndarray, limit: np.ndarray
-) -> Structure:
+def sliders(m: float, n: Callable[[float, float], float], stiffness: np.ndarray, limit: np.ndarray):
     """n(x, v) beside parallel elastic sliders; the mode is -1, 0 (sticks) or 1 for each."""
 
     def rate(force: float, y: np.ndarray, mode: tuple[int, ...]) -> list[float]:
@@ -120,9 +118,7 @@ def switched(m: float, law: Law) -> Structure:
     return Structure(rate, guards, (False, ()), 2)
 
 
-def _one_period(
-    structure: Structure, F: complex, omega: float, y: np.ndarray, mode: Any, samples: int
-) -> tuple[np.ndarray, np.ndarray, Any]:
+def _one_period(structure: Structure, F: complex, omega: float, y: np.ndarray, mode: Any, samples: int):
     period, t = 2 * np.pi / omega, 0.0
 
     def force(time: float) -> float:
@@ -152,16 +148,7 @@ def _one_period(
     return wave, y, mode
 
 
-def settle(
-    structure: Structure,
-    F: complex,
-    omega: float,
-    *,
-    start: np.ndarray | None = None,
-    mode: Any = None,
-    samples: int = 1024,
-    periods: int = 400,
-) -> tuple[complex, np.ndarray]:
+def settle(structure, F, omega, *, start=None, mode=None, samples=1024, periods=400):
     """Carry from rest, or from a state in its mode, until the fundamental repeats: X1, and the waveform."""
     y = np.zeros(structure.size) if start is None else np.array(start, dtype=float)
     mode = structure.mode if mode is None else mode

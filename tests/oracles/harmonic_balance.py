@@ -4,15 +4,11 @@ import numpy as np
 import sympy
 from scipy.optimize import root
 
-from rsgen.data.oscillator import Oscillator
-
 SAMPLES = 256
 """Of a waveform: enough for powers of ten harmonics, and for the edges of a smooth friction."""
 
 
-def solve_harmonic_balance(
-    oscillator: Oscillator, force: np.ndarray, frequency: np.ndarray, *, harmonics: int
-) -> tuple[np.ndarray, np.ndarray]:
+def solve_harmonic_balance(oscillator, force, frequency, *, harmonics) -> tuple[np.ndarray, np.ndarray]:
     """Return harmonics (n, H+1), and what they leave of the balance at every instant, rms over |F| (n,)."""
     law = sympy.lambdify(["x", "v", *oscillator.parameters], str(oscillator.force), "numpy")
     values = [oscillator.values[name] for name in oscillator.parameters]

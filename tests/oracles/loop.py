@@ -60,9 +60,7 @@ def _partitioned(n: Callable, X: float, omega: float, parts: int) -> tuple[float
     return sine / (np.pi * X), cosine / (np.pi * omega * X)
 
 
-def with_states(
-    rate: Callable, force: Callable, X: float, omega: float, size: int, turns: int
-) -> tuple[float, float]:
+def with_states(rate: Callable, force: Callable, X: float, omega: float, size: int, turns: int):
     """k and c after so many turns of z' = rate(x, v, z) from z = 0."""
 
     def along(phi, y):

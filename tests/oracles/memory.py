@@ -18,9 +18,7 @@ STEPS = 96
 HARMONICS = 9
 
 
-def bouc_wen(
-    levels: tuple[float, ...] = (10.0, 20.0, 30.0, 40.0, 50.0, 60.0), frequencies: np.ndarray | None = None
-) -> ResponseSurface:
+def bouc_wen(levels=(10.0, 20.0, 30.0, 40.0, 50.0, 60.0), frequencies=None) -> ResponseSurface:
     """The hysteretic benchmark of Noel and Schoukens (2016), stepped sine.
 
     m x'' + c x' + k x + z = f,  z' = alpha x' - beta (gamma |x'| |z|^(nu-1) z + delta x' |z|^nu).
@@ -36,9 +34,7 @@ def bouc_wen(
     return _stepped(rate, 3, levels, frequencies, periods=80)
 
 
-def two_masses(
-    levels: tuple[float, ...] = (2.0, 4.0, 6.0, 8.0, 10.0, 12.0), frequencies: np.ndarray | None = None
-) -> ResponseSurface:
+def two_masses(levels=(2.0, 4.0, 6.0, 8.0, 10.0, 12.0), frequencies=None) -> ResponseSurface:
     """A mass on a cubic spring to the ground that carries a second one: modes near 9 and 20 Hz."""
     m, c, k, k3 = 1.5, 3.8, 5920.0, 2e5
     m2, c2, k2 = 0.3, 1.0, 4000.0
@@ -52,9 +48,7 @@ def two_masses(
     return _stepped(rate, 4, levels, frequencies, periods=240)
 
 
-def _stepped(
-    rate: Motion, size: int, levels: tuple[float, ...], frequencies: np.ndarray, periods: int
-) -> ResponseSurface:  # fmt: skip
+def _stepped(rate: Motion, size: int, levels: tuple[float, ...], frequencies: np.ndarray, periods: int):
     """All points at once, each from rest; time in periods of its own."""
     level, frequency = (grid.ravel() for grid in np.meshgrid(levels, frequencies, indexing="ij"))
     state = np.zeros((size, len(level)))

@@ -30,9 +30,7 @@ def _compiled(force: sympy.Expr, values: tuple[tuple[str, float], ...]) -> Calla
 
 
 @numba.njit
-def _step(
-    n: Any, m: float, x: float, v: float, begin: float, middle: float, end: float, h: float
-) -> tuple[float, float]:
+def _step(n: Any, m: float, x: float, v: float, begin: float, middle: float, end: float, h: float):
     """One step of Runge and Kutta; the force at its begin, middle and end."""
     a1 = (begin - n(x, v)) / m
     v2 = v + h / 2 * a1
@@ -45,9 +43,7 @@ def _step(
 
 
 @numba.njit
-def _integrate(
-    n: Any, m: float, F: float, f0: float, rate: float, logarithmic: bool, h: float, keep: int, count: int
-) -> Any:
+def _integrate(n, m, F, f0, rate, logarithmic, h, keep, count) -> Any:
     out = np.empty((count, 2))
     x = v = 0.0
 

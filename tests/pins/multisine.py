@@ -72,7 +72,7 @@ def linear(read: rsgen.MultisineSpectra, band: tuple[float, float] | None = None
 
 def identified(
     read: rsgen.MultisineSpectra, law: object, *about: rsgen.Observation, mass: float | None = None
-) -> Tree:
+):
     """Values with intervals, verdict, the lines that took part and what is left there."""
     found = rsgen.identify(read, law, *about, mass=mass)  # type: ignore[arg-type]
     assert isinstance(found, MultisineIdentification)

@@ -51,9 +51,7 @@ def tree(ranking: Ranking) -> Tree:
     }  # fmt: skip
 
 
-def ranked(
-    table: rsgen.ResponseSurface, laws: Any, *about: rsgen.Observation, mass: float | None = None
-) -> Tree:
+def ranked(table: rsgen.ResponseSurface, laws: Any, *about: rsgen.Observation, mass: float | None = None):
     """The ranking of a test."""
     return tree(rsgen.rank(table, laws, *about, mass=mass))
 

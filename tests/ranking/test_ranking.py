@@ -189,9 +189,7 @@ _STOP = {"k": 4.1e4, "c": 6.2, "kg": 2.6e4, "b": 3e-4}, 1.85, (20, 29)
     # the gap is a thirtieth of the amplitude
     ("Max(x - b, 0)", _STOP, 10.0, {"one-sided-stop", "dead-zone"}),
 ])  # fmt: skip
-def test_stops_are_found_or_tie_at_one_level_of_fundamentals(
-    law: str, of: tuple[dict[str, float], float, tuple[float, float]], force: float, found: set[str]
-) -> None:
+def test_stops_are_found_or_tie_at_one_level_of_fundamentals(law, of, force, found) -> None:
     values, mass, band = of
     oscillator = rsgen.Oscillator(mass, f"k*x + c*v + kg*({law})", values)
     grid = [force], np.linspace(*band, 56)
@@ -286,9 +284,7 @@ def test_the_fit_agrees_with_identification(along: tuple[Points, PointBalance, C
         assert abs(fitted.candidate.values[estimate.name] - estimate.value) < 0.3 * estimate.standard_error
 
 
-def test_unseen_levels_are_those_of_a_fit_without_them(
-    along: tuple[Points, PointBalance, CandidateLaw],
-) -> None:
+def test_unseen_levels_are_those_of_a_fit_without_them(along: tuple[Points, PointBalance, CandidateLaw]):
     points, rows, candidate = along
     fitted = fit_candidate(candidate, rows, {})
     for level in np.unique(points.level)[[0, -1]]:
@@ -314,9 +310,7 @@ def test_more_terms_never_miss_by_more(along: tuple[Points, PointBalance, Candid
 
 
 @pytest.mark.parametrize("friction", [0.2, -0.2])
-def test_a_candidate_whose_friction_feeds_energy_is_not_fitted(
-    along: tuple[Points, PointBalance, CandidateLaw], friction: float
-) -> None:
+def test_a_candidate_whose_friction_feeds_energy_is_not_fitted(along, friction) -> None:
     _, rows, candidate = along
     damper = make_element("friction", "Ff*sign(v)")
     force, _ = rows.of_law(compile_law(damper.force), np.array([friction]))

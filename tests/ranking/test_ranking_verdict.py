@@ -101,9 +101,7 @@ def test_a_ranking_in_which_no_law_fits_says_that_a_constant_mean_would_explain_
     assert rank(changed(table, harmonics=harmonics), laws).fits
 
 
-def test_a_law_that_does_not_fit_is_identified_by_the_balance_and_a_background_is_said_once(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
+def test_a_law_that_does_not_fit_is_identified_by_the_balance_and_a_background_is_said_once(monkeypatch):
     table = measured("piecewise", 2e-3)
     late = changed(table, harmonics=table.harmonics * np.exp(-0.03j * np.arange(table.harmonics.shape[1])))
     ranking = rank(late, [LAWS["piecewise"][0]])
@@ -138,9 +136,7 @@ def test_harmonics_taken_for_noise_do_not_make_a_wrong_law_the_best_of_two_decay
     assert best.held_out_error < 0.01
 
 
-def test_a_response_that_is_divided_by_the_force_is_rejected_after_one_round(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
+def test_a_response_that_is_divided_by_the_force_is_rejected_after_one_round(monkeypatch: pytest.MonkeyPatch):
     table, along, followed = measured("cubic"), PointTest.along, list[str]()
 
     def spy(test: PointTest, candidate: CandidateLaw, before: Round | None) -> Any:
@@ -235,9 +231,7 @@ def test_few_points_are_said_to_be_few() -> None:
 
 
 @pytest.mark.parametrize(("error", "severity"), [(0.05, "warning"), (0.58, "doubt")])
-def test_a_law_whose_levels_do_not_predict_each_other_is_not_called_best(
-    error: float, severity: str, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_law_whose_levels_do_not_predict_each_other_is_not_called_best(error, severity, monkeypatch):
     def spoil(current: Round, best: CandidateFit, candidates: list[Candidate], *doubts: Any) -> Assessment:
         first = replace(candidates[0], held_out_error=error)
         return assess_best(current, best, [first, *candidates[1:]], *doubts)

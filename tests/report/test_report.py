@@ -188,9 +188,7 @@ def test_a_missing_value_is_an_error():
         page_environment().get_template("report/report.html").render({"title": "x"})
 
 
-def result(
-    comparison: Comparison = COMPARISON, identification: Identification = IDENTIFICATION
-) -> dict[str, Any]:
+def result(comparison: Comparison = COMPARISON, identification: Identification = IDENTIFICATION):
     subject = Subject.of_case(cubic_case(), identification)
     printed = check_printed(subject, identification)
     return build_result(subject, SURFACE, identification, comparison, PREDICTION, printed, {"surface": 0.5})

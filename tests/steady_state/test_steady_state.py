@@ -66,9 +66,7 @@ def oscillator(law: str, mass: float = 1.5, **values: float) -> Oscillator:
     return Oscillator(mass, (make_element("all", law),), values)
 
 
-def worst(
-    o: Oscillator, law: Law, force: np.ndarray, frequency: np.ndarray, accuracy: float, harmonics: int = 7
-) -> tuple[float, float, float]:
+def worst(o, law, force, frequency, accuracy, harmonics=7) -> tuple[float, float, float]:
     """Largest relative error of the fundamental, of all harmonics and of the peaks."""
     asked = solve_steady_states(o, force, frequency, accuracy=accuracy, harmonics=harmonics)
     # the reference starts close by, only to save its time: it goes on until it repeats by itself
