@@ -27,6 +27,7 @@ from rsgen.common.finding import Finding
 from rsgen.common.output import write_atomic
 from rsgen.data.surface import ResponseSurface
 from rsgen.dynamics.virtual_test import add_noise
+from rsgen.law.memory import FORCE_KEYS, force_keys
 
 ROOT = Path(__file__).parent.parent
 RUNS = 500
@@ -86,12 +87,8 @@ def identify_once(job: tuple[str, float, int]) -> tuple[tuple[str, ...], tuple[o
     begin = time.perf_counter()
     found = rsgen.identify(table, case.model)
     took = time.perf_counter() - begin
-    comparison = rsgen.compare(found, case.truth, dict.fromkeys(rsgen.analysis.comparison.FORCE_KEYS, 1.0))
-    rows = [
-        row
-        for row in comparison.rows
-        if len(found.refined) > 6 or row.name not in rsgen.analysis.comparison.FORCE_KEYS
-    ]
+    comparison = rsgen.compare(found, case.truth, dict.fromkeys(force_keys(found.model.force), 1.0))
+    rows = [row for row in comparison.rows if len(found.refined) > 6 or row.name not in FORCE_KEYS]
     true = np.array([case.truth[estimate.name] for estimate in found.refined])
     first = [row.paper_error for row in rows], [row.first_order_error for row in rows]
     signed = [

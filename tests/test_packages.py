@@ -2,10 +2,14 @@
 
 import ast
 import importlib
+import subprocess
+import sys
 from collections import Counter
 from functools import cache
 from graphlib import CycleError, TopologicalSorter
 from pathlib import Path
+
+import pytest
 
 import rsgen
 
@@ -80,3 +84,22 @@ def test_every_benchmark_finds_what_it_imports():
     # `make bench` needs packages that tests have not; those are imported where they are used
     for path in sorted((ROOT.parent / "benchmarks").glob("*.py")):
         importlib.import_module(f"benchmarks.{path.stem}")
+
+
+@pytest.mark.thorough
+@pytest.mark.parametrize(
+    "program",
+    [
+        "accuracy --runs 2 --processes 1 cubic joint",
+        "background --runs 2 --processes 1",
+        "campaign --kind right --tests 2",
+        "verdicts --part untampered --seeds 1 --processes 1 cubic",
+        "wordings",
+    ],
+)
+def test_a_small_part_of_a_benchmark_runs(program):
+    # names that a program asks of the package only while it runs
+    ran = subprocess.run([sys.executable, "-m", *f"benchmarks.{program}".split()], cwd=ROOT.parent,
+                         capture_output=True, text=True, check=False)  # fmt: skip
+    assert ran.returncode == 0, ran.stderr[-2000:]
+    assert ran.stdout.count("\n") > 4
