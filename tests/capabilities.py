@@ -59,8 +59,6 @@ period = "4 s"
 
 @dataclass(frozen=True)
 class Row:
-    """A kind of test."""
-
     # the table [test] of its case file
     test: str
     # keyword arguments of ``identify``: what is known beforehand
@@ -77,13 +75,11 @@ class Row:
 
     @property
     def case(self) -> str:
-        """Text of the case file."""
         known = law(LAW, **TRUTH | {"c": self.damping}) | {"test": GONE}
         return f"{changed(SMALL, known)}[test]\n{self.test}\n"
 
     @functools.cached_property
     def records(self) -> Records:
-        """The records that are identified."""
         with tempfile.TemporaryDirectory() as folder:
             path = Path(folder) / "case.toml"
             path.write_text(self.case)
@@ -281,7 +277,6 @@ def _table(rows: Mapping[str, Row]) -> list[str]:
 
 
 def page() -> str:
-    """Return the text of ``docs/capabilities.md``."""
     reasons = [f"* [{i}] {reason[0].upper()}{reason[1:]}." for i, reason in enumerate(REASONS, 1)]
     return "\n".join([_HEAD, *_table(EXCITATIONS), _MODIFIED, *_table(MODIFIERS), "", *reasons, ""])
 

@@ -39,7 +39,6 @@ class Literal:
 
 
 def toml(value: Any) -> str:
-    """Write a value as TOML in one line."""
     if isinstance(value, Literal):
         return value.text
     if isinstance(value, dict):
@@ -51,7 +50,6 @@ def toml(value: Any) -> str:
 
 
 def changed(case: dict[str, Any], changes: Changes) -> str:
-    """Write a case with changes."""
     tree = copy.deepcopy(case)
     for path, value in changes.items():
         *parents, key = path.split(".")

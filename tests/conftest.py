@@ -85,7 +85,6 @@ def measured_data():
 
 @pytest.fixture(scope="session")
 def chromium():
-    """Return the path of a browser."""
     from tests.report.browser import find_browser
 
     found = find_browser()

@@ -9,13 +9,11 @@ RSGEN = [sys.executable, "-c", "from rsgen.app.cli import main; main()"]
 
 
 def start(*words: str | Path, **options: object) -> subprocess.CompletedProcess[str]:
-    """Run a program to its end, and return what it wrote as text."""
     known = {"capture_output": True, "text": True, "timeout": 120, "check": False}
     return subprocess.run([*map(str, words)], **known | options)
 
 
 def python(*words: str | Path, **options: object) -> subprocess.CompletedProcess[str]:
-    """Run this Python."""
     return start(sys.executable, *words, **options)
 
 

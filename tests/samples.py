@@ -71,7 +71,6 @@ def cubic_prediction(surface: ResponseSurface, held_out: tuple[float, ...] = ())
 
 
 def cubic_case(title: str = "Softening cubic spring", **changes: Any) -> Case:
-    """A case as its file would give it."""
     values: dict[str, Any] = {
         "path": Path("cubic.toml"), "name": "cubic", "title": title, "source": "Liu et al., Eqs. (13), (14)",
         "text": 'schema = 1\nname = "cubic"\n', "sha256": "0" * 64, "oscillator": None,
@@ -84,7 +83,6 @@ def cubic_case(title: str = "Softening cubic spring", **changes: Any) -> Case:
 
 
 def cubic_comparison(identification: Identification, tolerance: float | None = 1e-2) -> Comparison:
-    """Every estimate against the truth."""
     truth = {"k1": K1, "kn1": KN1, "c1": C1}
     accept = None if tolerance is None else dict.fromkeys(truth, tolerance)
     return rsgen.compare(identification, truth, accept)

@@ -36,7 +36,6 @@ Grid = tuple[float, ...]
 
 
 def model(law: str, mass: float | None = None, hold_out: tuple[float, ...] = ()) -> Model:
-    """The law of that name without its values."""
     return Model((make_element("law", LAWS[law][0]),), mass, Observation(hold_out=hold_out))
 
 
@@ -65,7 +64,6 @@ def _solve(law: str, levels: Grid, frequencies: Grid, accuracy: float, values: t
 
 
 def changed(table: ResponseSurface, **columns: object) -> ResponseSurface:
-    """The same surface with some columns replaced."""
     return ResponseSurface(**{f.name: getattr(table, f.name) for f in fields(table)} | columns)
 
 
@@ -117,10 +115,8 @@ def distances(found: Identification, true: dict[str, float]) -> np.ndarray:
 
 
 def codes(found: object) -> set[str]:
-    """Codes of the findings of a result."""
     return {finding.code for finding in found.findings}  # type: ignore[attr-defined]
 
 
 def severities(found: object) -> dict[str, str]:
-    """Severities of the findings of a result by their codes."""
     return {finding.code: finding.severity for finding in found.findings}  # type: ignore[attr-defined]

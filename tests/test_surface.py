@@ -231,7 +231,6 @@ def test_rows_of_exact_zeros_are_left_out_and_counted(name, rows, said):
 
 
 def frames(columns: dict[str, np.ndarray]) -> list[object]:
-    """The same columns as a dict and as a structured array."""
     table = np.empty(len(columns["level"]), dtype=[(name, c.dtype) for name, c in columns.items()])
     for name, column in columns.items():
         table[name] = column

@@ -148,14 +148,12 @@ def call(words: Sequence[str | Path], folder: Path, code: int = 0, **added: str)
 
 
 def build(out: Path) -> tuple[Path, Path]:
-    """Build the sdist, and the wheel from the sdist; give both."""
     call([sys.executable, "-m", "build", "--outdir", out, ROOT], out.parent, PYTHONWARNINGS="default")
     (sdist,), (wheel,) = out.glob("*.tar.gz"), out.glob("*.whl")
     return sdist, wheel
 
 
 def files_of(folder: str) -> set[str]:
-    """Return the files of a folder of the repository."""
     return {
         path.relative_to(ROOT).as_posix()
         for path in (ROOT / folder).rglob("*")
@@ -183,7 +181,6 @@ def check_contents(sdist: Path, wheel: Path) -> None:
 
 
 def install(environment: Environment, wheel: Path, folder: Path) -> Path:
-    """Make an empty environment with the wheel in it; give its Python."""
     place = folder / "venv"
     call([environment.python, "-m", "venv", place], folder)
     python = place / ("Scripts/python.exe" if os.name == "nt" else "bin/python")
@@ -251,7 +248,6 @@ def environments(only_this: bool) -> tuple[list[Environment], list[str]]:
 
 
 def main() -> int:
-    """Try everything; say what was tried and what was not; 1 where something does not work."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0] if __doc__ else None)
     parser.add_argument("--this", action="store_true", help="try only the Python that runs this")
     chosen, absent = environments(parser.parse_args().this)

@@ -33,12 +33,10 @@ attacks in `tests/attacks/`.
 
 
 def sections(text: str) -> dict[str, str]:
-    """Give what an earlier table says, by module."""
     return {part.partition("\n")[0].split(":")[0]: part for part in text.split("\n## ")[1:]}
 
 
 def section(module: str, rows: Sequence[Mapping[str, str]], seed: int, minutes: float) -> str:
-    """Write the rows of a module."""
     about = (import_module(f"tests.attacks.{module}").__doc__ or "").strip().splitlines()[0]
     head = f"{module}: {about[0].lower()}{about[1:]}\n\nSeed {seed}; {minutes:.1f} minutes.\n\n"
     lines = [
@@ -53,7 +51,6 @@ def section(module: str, rows: Sequence[Mapping[str, str]], seed: int, minutes: 
 
 
 def attack(module: str, count: int, seed: int) -> tuple[list[Row], str]:
-    """Run a module; give its rows and its section of the table."""
     started = time.monotonic()
     rows: list[Row] = import_module(f"tests.attacks.{module}").run(count, seed)
     return rows, section(module, rows, seed, (time.monotonic() - started) / 60)

@@ -90,7 +90,6 @@ WAYS: tuple[Callable[[str, Generator], str | bytes], ...] = (
 
 
 def attack(number: int, seed: int) -> Outcome:
-    """Make a case file beside its data and load it."""
     rng = np.random.default_rng([seed, number])
     source = CASES[int(rng.integers(len(CASES)))]
     way = WAYS[int(rng.integers(len(WAYS)))]
@@ -116,7 +115,6 @@ def attack(number: int, seed: int) -> Outcome:
 
 
 def run(count: int, seed: int) -> list[dict[str, str]]:
-    """Load case files and return the rows of the table: figure, asked, measured."""
     return [attacked("cases", count, seed, "tampered case files: crashes, over 10 s, over 1 GB")[0]]
 
 

@@ -190,12 +190,10 @@ class Tally:
 
 
 def kind_of(outcome: Outcome) -> str:
-    """Give the first word of what an attempt came to."""
     return outcome.said.split()[0].rstrip(":")
 
 
 def tally(outcomes: Iterable[Outcome], kind: Callable[[Outcome], str] = kind_of) -> Tally:
-    """Count outcomes by their kind, and print those that got through; ``--only NUMBER`` repeats one."""
     found = Tally()
     for outcome in outcomes:
         if kind_of(outcome) not in ("result", "refused"):

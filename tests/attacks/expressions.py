@@ -49,7 +49,6 @@ def answer(text: str, memory: Sequence[str] = (), *, json: bool = False) -> str:
 
 
 def attack(number: int, seed: int) -> Outcome:
-    """Derive the text of an attack."""
     name, text = text_of(number, seed)
     # words and JSON in turn: what both share takes nearly all of the time
     outcome = measured(number, name, lambda: answer(text, json=bool(number % 2)))
@@ -57,7 +56,6 @@ def attack(number: int, seed: int) -> Outcome:
 
 
 def run(count: int, seed: int) -> list[dict[str, str]]:
-    """Derive texts and return the rows of the table: figure, asked, measured."""
     return [attacked("expressions", count, seed, "random texts derived: crashes, over 5 s, over 1 GB")[0]]
 
 

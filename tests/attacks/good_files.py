@@ -40,7 +40,6 @@ def arrays() -> dict[str, np.ndarray[Any, Any]]:
 
 
 def power_of_ten(rng: Generator, low: float, high: float) -> int:
-    """A size between two powers of ten."""
     return int(10 ** rng.uniform(low, high))
 
 

@@ -13,20 +13,8 @@ from contextlib import suppress
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from tests.attacks.program import (
-    Ended,
-    Row,
-    end,
-    environment,
-    failures,
-    leftovers,
-    lies,
-    rsgen,
-    start,
-    temporary,
-    verified,
-    write_case,
-)
+from tests.attacks import program
+from tests.attacks.program import Row
 
 SIGNALS = (signal.SIGKILL, signal.SIGTERM, signal.SIGINT)
 _NEXT_MOMENT = 1.15
@@ -48,12 +36,11 @@ class Tally:
     found: dict[str, list[str]] = field(default_factory=lambda: {figure: [] for figure in FIGURES})
 
     def rows(self) -> list[Row]:
-        """Return the figures."""
         number = sum(self.tried.values())
         kinds = ", ".join(f"{count} {kind}" for kind, count in sorted(self.tried.items()))
         made = f"; {kinds}; {self.ended} reached the run before its end"
         return [
-            failures(
+            program.failures(
                 f"kills of whole runs at random moments, {number}: {figure}",
                 which,
                 f" of {number}{made if figure == FIGURES[0] else ''}",
@@ -83,41 +70,41 @@ def kill_once(seed: int, place: Path, seconds: float, earlier: Path, tally: Tall
     chance = random.Random(seed)
     number, jobs = chance.choice(SIGNALS), chance.choice(("1", "2"))
     everybody, again, cold = chance.random() < 0.5, chance.random() < 0.5, chance.random() < 0.2
-    around, out = environment(place), place / "out"
+    around, out = program.environment(place), place / "out"
     if again:
         shutil.copytree(earlier / "out", out)
     shutil.copytree(earlier / "cache", place / "cache", dirs_exist_ok=True)
     if cold:
         shutil.rmtree(place / "cache")
-    before = verified(out)
+    before = program.verified(out)
     cases = [earlier / "cases" / f"{name}.toml" for name in ("one", "two")[: int(jobs)]]
     words = ("run", *cases, "--out", out, "--jobs", jobs)
-    process = start((*words, "--force") if again else words, env=around)
+    process = program.start((*words, "--force") if again else words, env=around)
     time.sleep(chance.uniform(0.0, _NEXT_MOMENT) * seconds)
     reached = process.poll() is None and _signal(process.pid, number, everybody)
-    ended = end(process)
+    ended = program.end(process)
     what = f"seed {seed}, {number.name}, {'all' if everybody else 'one'}, --jobs {jobs}"
     tally.tried[f"{number.name} {'pooled' if jobs == '2' else 'alone'}"] += 1
     tally.ended += reached and ended.code != 0
     lying, lost, orphans, left, talk = tally.found.values()
-    lying += [f"{what}: {name}" for name in lies(out)]
+    lying += [f"{what}: {name}" for name in program.lies(out)]
     orphans += [what] * bool(ended.orphans)
     fault = _spoken(ended, number)
     talk += [f"{what}: {fault}"] * bool(fault)
     # a result that had been moved aside comes back before anything is computed
-    following = rsgen("run", *cases, "--out", out, "--jobs", "1", env=around)
+    following = program.rsgen("run", *cases, "--out", out, "--jobs", "1", env=around)
     fault = following.fault(0)
     talk += [f"{what}, next run: {fault}"] * bool(fault)
-    lying += [f"{what}, next run: {name}" for name in lies(out)]
+    lying += [f"{what}, next run: {name}" for name in program.lies(out)]
     kept = [case for case in cases if case.stem in before]
-    if following.out.count("unchanged") < len(kept) or len(verified(out)) < len(before):
+    if following.out.count("unchanged") < len(kept) or len(program.verified(out)) < len(before):
         lost.append(what)
-    left += [f"{what}: {name}" for name in leftovers(out, place / "tmp", place / "cache")]
+    left += [f"{what}: {name}" for name in program.leftovers(out, place / "tmp", place / "cache")]
 
 
-def _spoken(ended: Ended, number: signal.Signals) -> str:
+def _spoken(ended: program.Ended, number: signal.Signals) -> str:
     """Say what is wrong with how a killed run ended; orphans are counted elsewhere."""
-    alone = Ended(ended.code, ended.out, ended.err, ended.seconds, 0)
+    alone = program.Ended(ended.code, ended.out, ended.err, ended.seconds, 0)
     return alone.fault(*_codes(number))
 
 
@@ -125,10 +112,10 @@ def _undisturbed(place: Path) -> float:
     """Run two cases, then one of them, compiled before; give the seconds of the latter."""
     (place / "cases").mkdir()
     for name, k in (("one", 5920.0), ("two", 6100.0)):
-        write_case(place / "cases", name, k=k)
+        program.write_case(place / "cases", name, k=k)
     words = ("--out", place / "out", "--jobs", "1", "--force")
     ends = [
-        rsgen("run", which, *words, env=environment(place))
+        program.rsgen("run", which, *words, env=program.environment(place))
         for which in (place / "cases", place / "cases" / "one.toml")
     ]
     faults = [ended.fault(0) for ended in ends if ended.fault(0)]
@@ -138,11 +125,10 @@ def _undisturbed(place: Path) -> float:
 
 
 def run(count: int, seed: int) -> list[Row]:
-    """Kill ``count`` runs."""
     tally = Tally()
-    with temporary() as earlier:
+    with program.temporary() as earlier:
         seconds = _undisturbed(earlier)
         for number in range(count):
-            with temporary() as place:
+            with program.temporary() as place:
                 kill_once(1_000_000 * seed + number, place, seconds, earlier, tally)
     return tally.rows()

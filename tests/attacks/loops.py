@@ -80,21 +80,18 @@ WAYS: tuple[Callable[[Generator], tuple[str, tuple[str, ...]]], ...] = (
 
 
 def law_of(number: int, seed: int) -> tuple[str, str, tuple[str, ...]]:
-    """Name, force and equations of an attack."""
     rng = np.random.default_rng([seed, number])
     make = WAYS[int(rng.integers(len(WAYS)))]
     return make.__name__, *make(rng)
 
 
 def attack(number: int, seed: int) -> Outcome:
-    """Derive the law of an attack."""
     name, text, memory = law_of(number, seed)
     outcome = measured(number, name, lambda: answer(text, memory, json=bool(number % 2)))
     return judged(outcome, SECONDS, MEGABYTES)
 
 
 def run(count: int, seed: int) -> list[dict[str, str]]:
-    """Derive laws and return the rows of the table: figure, asked, measured."""
     return [
         attacked("loops", count, seed, "random laws with memory derived: crashes, over 5 s, over 1 GB")[0]
     ]

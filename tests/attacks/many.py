@@ -8,18 +8,8 @@ from itertools import pairwise
 from pathlib import Path
 from statistics import median
 
-from tests.attacks.program import (
-    Row,
-    end,
-    environment,
-    failures,
-    row,
-    session,
-    start,
-    temporary,
-    verified,
-    write_case,
-)
+from tests.attacks import program
+from tests.attacks.program import Row
 
 WINDOW = 25
 """Cases whose median is compared: one case may be disturbed by other programs."""
@@ -46,27 +36,26 @@ def watch(count: int, place: Path) -> tuple[list[tuple[float, float, int]], list
     """Run cases in one process; give seconds of work, memory and open files after each, and faults."""
     (place / "cases").mkdir()
     for number in range(count):
-        write_case(place / "cases", f"case{number:04d}", k=5000.0 + 2 * number)
+        program.write_case(place / "cases", f"case{number:04d}", k=5000.0 + 2 * number)
     words = ("run", place / "cases", "--out", place / "out", "--jobs", "1")
     with (place / "errors").open("w") as errors:
-        process = start(words, env=environment(place), stderr=errors, bufsize=1)
+        process = program.start(words, env=program.environment(place), stderr=errors, bufsize=1)
         seen = []
         for line in process.stdout or ():
             # a line a finished case
-            if line.startswith("case") and session(process.pid):
+            if line.startswith("case") and program.session(process.pid):
                 files = len(list(Path(f"/proc/{process.pid}/fd").iterdir()))
                 seen.append((_seconds_of_work(process.pid), _status(process.pid, "VmRSS"), files))
-        ended = end(process)
+        ended = program.end(process)
     wrong = [fault] if (fault := ended.fault(0)) else []
-    if len(verified(place / "out")) != count:
-        wrong.append(f"{len(verified(place / 'out'))} results of {count}")
+    if len(program.verified(place / "out")) != count:
+        wrong.append(f"{len(program.verified(place / 'out'))} results of {count}")
     return seen, wrong
 
 
 def run(count: int, seed: int) -> list[Row]:
-    """Run ``count`` cases in one process and compare its beginning with its end."""
     started = time.monotonic()
-    with temporary() as place:
+    with program.temporary() as place:
         seen, wrong = watch(count, place)
     first = min(FIRST, len(seen) // 2)
     window = min(WINDOW, first - 1)
@@ -76,8 +65,8 @@ def run(count: int, seed: int) -> list[Row]:
     figure = f"{count} small cases in one process, from case {first} to {len(seen)}"
     took = f"({time.monotonic() - started:.0f} s in all)"
     return [
-        row(f"{figure}: processor seconds a case", "flat", f"{early:.2f} s to {late:.2f} s {took}"),
-        row(f"{figure}: memory", "flat", f"{memory:.0f} MB to {memory_late:.0f} MB"),
-        row(f"{figure}: open files", "flat", f"{files} to {files_late}"),
-        failures(f"{figure}: faults", wrong),
+        program.row(f"{figure}: processor seconds a case", "flat", f"{early:.2f} s to {late:.2f} s {took}"),
+        program.row(f"{figure}: memory", "flat", f"{memory:.0f} MB to {memory_late:.0f} MB"),
+        program.row(f"{figure}: open files", "flat", f"{files} to {files_late}"),
+        program.failures(f"{figure}: faults", wrong),
     ]

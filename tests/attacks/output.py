@@ -9,18 +9,8 @@ from collections.abc import Callable
 from pathlib import Path
 
 from rsgen.app.study import read_manifest
-from tests.attacks.program import (
-    ORPHAN_SECONDS,
-    Ended,
-    Row,
-    end,
-    environment,
-    failures,
-    rsgen,
-    start,
-    temporary,
-    write_case,
-)
+from tests.attacks import program
+from tests.attacks.program import Row
 
 NO_PROCESS = 4_194_303
 """A number of a process that hardly is one: of a run that seems to have been killed."""
@@ -96,25 +86,25 @@ def _missing(before: dict[str, str], place: Path) -> list[str]:
     return [path for path, text in before.items() if after.get(path) != text and text not in after.values()]
 
 
-def attack_once(way: str, finished: Path) -> tuple[list[str], Ended]:
+def attack_once(way: str, finished: Path) -> tuple[list[str], program.Ended]:
     """Lay the user's files, run with ``--force``; return what is lost, and how the run ended."""
-    with temporary() as place:
+    with program.temporary() as place:
         for name in ("cases", "out", "cache"):
             shutil.copytree(finished / name, place / name)
         out, small = place / "out", place / "out" / "small"
         words = ("run", place / "cases" / "small.toml", "--force", "--out", out)
         if way == DURING:
-            process = start(words, env=environment(place))
-            until = time.monotonic() + 20 * ORPHAN_SECONDS
+            process = program.start(words, env=program.environment(place))
+            until = time.monotonic() + 20 * program.ORPHAN_SECONDS
             while not list(out.glob(".small.*.part")) and time.monotonic() < until:
                 time.sleep(0.01)
             _mine(small / "thesis.tex")
             before = _belongings(place)
-            ended = end(process)
+            ended = program.end(process)
         else:
             WAYS[way](out, small)
             before = _belongings(place)
-            ended = rsgen(*words, env=environment(place))
+            ended = program.rsgen(*words, env=program.environment(place))
         if not before:
             raise RuntimeError(f"{way}: laid nothing")
         return _missing(before, place), ended
@@ -124,11 +114,10 @@ DURING = "file saved during a run"
 
 
 def prepare(finished: Path) -> None:
-    """Leave a case with its result."""
     (finished / "cases").mkdir()
-    write_case(finished / "cases")
+    program.write_case(finished / "cases")
     words = ("run", finished / "cases", "--out", finished / "out")
-    ended = rsgen(*words, env=environment(finished))
+    ended = program.rsgen(*words, env=program.environment(finished))
     if ended.fault(0) or read_manifest(finished / "out" / "small") is None:
         raise RuntimeError(f"an undisturbed run failed: {ended.fault(0)}")
 
@@ -137,7 +126,7 @@ def run(count: int, seed: int) -> list[Row]:
     """Try the first ``count`` ways; nothing here is left to chance."""
     lost, talk = [], []
     ways = [*WAYS, DURING][:count]
-    with temporary() as finished:
+    with program.temporary() as finished:
         prepare(finished)
         for way in ways:
             gone, ended = attack_once(way, finished)
@@ -147,6 +136,6 @@ def run(count: int, seed: int) -> list[Row]:
             talk += [f"{way}: {fault}"] * bool(fault)
     figure = f"files of the user where a run with --force writes, {len(ways)} ways"
     return [
-        failures(f"{figure}: deleted or changed", lost),
-        failures(f"{figure}: tracebacks, hangs, wrong exit codes", talk),
+        program.failures(f"{figure}: deleted or changed", lost),
+        program.failures(f"{figure}: tracebacks, hangs, wrong exit codes", talk),
     ]

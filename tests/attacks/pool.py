@@ -10,20 +10,8 @@ import time
 from contextlib import suppress
 from pathlib import Path
 
-from tests.attacks.program import (
-    HANG_SECONDS,
-    Row,
-    end,
-    environment,
-    failures,
-    leftovers,
-    lies,
-    row,
-    start,
-    temporary,
-    verified,
-    write_case,
-)
+from tests.attacks import program
+from tests.attacks.program import Row
 
 CASES = 6
 
@@ -51,30 +39,29 @@ def kill_a_worker(seed: int, place: Path, cache: Path) -> Killed:
     folder.mkdir()
     names = [f"case{number}" for number in range(CASES)]
     for number, name in enumerate(names):
-        write_case(folder, name, k=5920.0 + 50 * number)
-    around = environment(place, RSGEN_CACHE=str(cache))
-    process = start(("run", folder, "--out", out, "--jobs", "2"), env=around)
+        program.write_case(folder, name, k=5920.0 + 50 * number)
+    around = program.environment(place, RSGEN_CACHE=str(cache))
+    process = program.start(("run", folder, "--out", out, "--jobs", "2"), env=around)
     victim = chance.choice(names)
-    worker = _begun(out, victim, HANG_SECONDS)
+    worker = _begun(out, victim, program.HANG_SECONDS)
     time.sleep(chance.uniform(0.0, _LATEST))
     if worker is not None and process.poll() is None:
         with suppress(ProcessLookupError):
             os.kill(worker, signal.SIGKILL)
-    ended = end(process)
-    finished = verified(out)
+    ended = program.end(process)
+    finished = program.verified(out)
     wrong = [ended.fault(0)] if ended.fault(0) else []
-    wrong += lies(out) + leftovers(place / "tmp")
+    wrong += program.lies(out) + program.leftovers(place / "tmp")
     if worker is None:
         wrong.append(f"{victim} was never begun")
     return len(finished), len(finished.keys() - {victim}), [f"seed {seed}: {text}" for text in wrong]
 
 
 def run(count: int, seed: int) -> list[Row]:
-    """Kill one worker in each of ``count`` runs."""
     finished, others, wrong = [], [], []
-    with temporary() as cache:
+    with program.temporary() as cache:
         for number in range(count):
-            with temporary() as place:
+            with program.temporary() as place:
                 found = kill_a_worker(1_000_000 * seed + number, place, cache / "kernels")
             finished.append(found[0])
             others.append(found[1])
@@ -83,11 +70,11 @@ def run(count: int, seed: int) -> list[Row]:
     figure = f"one worker killed in a run of {CASES}, {count} times"
     whole = CASES * count
     return [
-        row(f"{figure}: runs in which all others finished", f"{count}", f"{held} of {count}"),
-        row(
+        program.row(f"{figure}: runs in which all others finished", f"{count}", f"{held} of {count}"),
+        program.row(
             f"{figure}: cases finished, with that of the lost worker",
             f"{whole}",
             f"{sum(finished)} of {whole}",
         ),
-        failures(f"{figure}: faults", wrong),
+        program.failures(f"{figure}: faults", wrong),
     ]

@@ -28,7 +28,6 @@ Row = dict[str, str]
 
 
 def row(figure: str, asked: str, measured: str) -> Row:
-    """Make a row of the table."""
     return {"figure": figure, "asked": asked, "measured": measured}
 
 
@@ -38,7 +37,6 @@ def failures(figure: str, which: Sequence[str], more: str = "") -> Row:
 
 
 def write_case(folder: Path, name: str = "small", *, k: float = 5920.0) -> Path:
-    """Write a case of 63 points, named as its file."""
     return write_small(folder, name, CUBIC | {"title": "A small case", "truth.k": k})
 
 
@@ -113,7 +111,6 @@ def end(process: subprocess.Popen[str], seconds: float = HANG_SECONDS) -> Ended:
 
 
 def rsgen(*words: str | Path, **options: object) -> Ended:
-    """Run a command of rsgen to its end."""
     return end(start(words, **options))
 
 
@@ -157,7 +154,6 @@ def leftovers(*folders: Path) -> list[str]:
 
 
 def verified(out: Path) -> dict[str, bytes]:
-    """Give the manifest of every result that verifies."""
     return {
         path.name: (path / MANIFEST).read_bytes()
         for path in sorted(out.iterdir() if out.is_dir() else ())
@@ -167,7 +163,6 @@ def verified(out: Path) -> dict[str, bytes]:
 
 @contextmanager
 def temporary() -> Iterator[Path]:
-    """Give a folder with a short name."""
     with tempfile.TemporaryDirectory(prefix="rsgen-") as folder:
         yield Path(folder)
 

@@ -136,7 +136,6 @@ def _kind(outcome: Outcome) -> str:
 
 
 def run(count: int, seed: int) -> list[dict[str, str]]:
-    """Make attacks and return the rows of the table: figure, asked, measured."""
     figure = "tampered data and surface files: crashes, hangs, reads outside, over 1 GB"
     row, found = attacked("readers", count, seed, figure, _kind)
     unsaid = "other numbers after damage in a part that the format checks, unsaid"

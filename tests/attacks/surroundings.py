@@ -201,7 +201,6 @@ def attack(place: Path, line: Line) -> str:
 
 
 def _begun(place: Path, jobs: str) -> object:
-    """Begin a run and wait until its case is worked on."""
     process = start(
         ("run", write_case(place), "--out", place / "out", "--jobs", jobs), env=environment(place)
     )
@@ -226,14 +225,12 @@ def changing_case(place: Path) -> str:
 
 
 def vanishing_case(place: Path) -> str:
-    """The case file is deleted while it runs."""
     process = _begun(place, "2")
     (place / "small.toml").unlink()
     return judge(place, end(process), *EITHER)
 
 
 def two_runs_at_once(place: Path) -> str:
-    """Two runs of the same cases in one folder."""
     words = ("run", write_case(place), write_case(place, "two"), "--out", place / "out", "--jobs", "1")
     both = [start(words, env=environment(place)) for _ in range(2)]
     return next(filter(None, [judge(place, end(process), *EITHER) for process in both]), "")

@@ -149,7 +149,6 @@ class Fault:
     content: bytes
 
     def write(self, folder: Path) -> Path:
-        """Write it into a folder."""
         path = folder / "faulty.toml"
         path.write_bytes(self.content)
         return path

@@ -153,7 +153,6 @@ def watched(tmp_path_factory):
 
 
 def on_terminal(*words: str | Path, **environment: str) -> str:
-    """Return what a terminal shows of a command that succeeds."""
     import pty
 
     ours, theirs = pty.openpty()

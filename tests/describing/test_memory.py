@@ -11,7 +11,7 @@ from rsgen.formula import parse, symbol
 from rsgen.formula.evaluation import compiled
 from rsgen.formula.names import remembers
 from rsgen.law import laws, make_element
-from tests.oracles.loop import equivalent, odd_loop, with_states
+from tests.oracles.loop import equivalent, odd_loop
 
 pytestmark = pytest.mark.slow
 
@@ -139,10 +139,8 @@ def test_laws_of_the_library_against_their_loops(law):
         moving = tuple(map(symbol, ("x", "v", "z")))
         both = compiled((parse(rate), parse(law.formula)), (*moving, *names))
         numbers = law.example.values()
-        wanted = with_states(
-            lambda x, v, z: [float(both(x, v, z[0], *numbers)[0])],
-            lambda x, v, z: float(both(x, v, z[0], *numbers)[1]), 1.3, OMEGA, 1, 6,
-        )  # fmt: skip
+        parts = (lambda *motion, i=i: float(both(*motion, *numbers)[i]) for i in range(2))
+        wanted = odd_loop(*parts, 1.3, OMEGA)
     else:
         curve = compiled(law.force.args, (symbol("x"), *names))
         wanted = equivalent(lambda x: curve(x, *law.example.values())[0], 1.3, OMEGA)

@@ -69,7 +69,6 @@ def _line(result: Result) -> str:
 
 
 def report(results: Sequence[Result], minutes: float) -> str:
-    """The report as text."""
     seen = sum(bool(result.seen) for result in results)
     text = (
         HEAD + f"{len(results)} faults, {seen} of them seen, in {minutes:.0f} minutes; with each stand the "

@@ -20,7 +20,6 @@ def _stop(number: int, frame: FrameType | None) -> None:
 
 @pytest.hookimpl(wrapper=True)
 def pytest_runtest_call(item: pytest.Item) -> Iterator[None]:
-    """Set the clock for one test."""
     signal.signal(signal.SIGALRM, _stop)
     signal.setitimer(signal.ITIMER_REAL, LIMIT)
     try:
@@ -30,7 +29,6 @@ def pytest_runtest_call(item: pytest.Item) -> Iterator[None]:
 
 
 def pytest_runtest_logreport(report: pytest.TestReport) -> None:
-    """Note a test that failed."""
     if report.failed:
         with Path(os.environ["RSGEN_FAULTS_FAILED"]).open("a", encoding="utf-8") as file:
             file.write(f"{report.nodeid}\n")

@@ -42,7 +42,6 @@ class Scratch:
 
     @classmethod
     def of(cls, checkout: Path, folder: Path) -> Scratch:
-        """Copy what tests need of a checkout."""
         root = folder / "checkout"
         root.mkdir()
         for name in _PARTS:
@@ -77,7 +76,6 @@ class Scratch:
         os.utime(file, (time, time))
 
     def run(self, tests: Sequence[str], *options: str) -> Ran:
-        """Run tests by their ids or folders."""
         self.caches.mkdir(mode=0o700, exist_ok=True)
         failed = self.root.with_name("failed.txt")
         failed.write_text("", encoding="utf-8")

@@ -25,8 +25,6 @@ class FaultError(Exception):
 
 @dataclass(frozen=True, slots=True)
 class Fault:
-    """One row of the table."""
-
     name: str  # short, for the report
     group: str  # one of ``GROUPS``
     function: str  # where: module and qualified name, or the name of a template
@@ -46,7 +44,6 @@ class Place:
     stop: int
 
     def replaced(self, fault: Fault) -> str:
-        """Text of the whole file with the fault in it."""
         part = self.text[self.start : self.stop]
         found = part.count(fault.old)
         if found != 1:
@@ -57,7 +54,6 @@ class Place:
 
 
 def load_faults(path: Path = FAULTS) -> tuple[Fault, ...]:
-    """All rows of the table."""
     rows = tomllib.loads(path.read_text(encoding="utf-8"))["fault"]
     return tuple(Fault(**row | {"caught": tuple(row["caught"])}) for row in rows)
 

@@ -25,7 +25,6 @@ SIGMAS = 4.0
 
 
 def table(law=QUADRATIC, values=None, levels=(1.0, 2.0, 4.0, 8.0), frequencies=61, harmonics=5, band=(8, 12)):
-    """An asymmetric oscillator with the mean and some harmonics."""
     grid = np.meshgrid(levels, np.linspace(*band, frequencies), indexing="ij")
     level, frequency = (axis.ravel() for axis in grid)
     states = solve_steady_states(

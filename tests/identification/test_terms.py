@@ -15,7 +15,6 @@ TRUE = {"k": 5920.0, "c": 2.0, "k3": 2.0e5, "cq": 1.2}
 
 
 def measured(law: str, values: dict[str, float], levels: list[float], seed: int = 1) -> rs.ResponseSurface:
-    """A table of a structure of 1.5 kg with a thousandth of noise."""
     test = rs.SimulatedTest(level=levels, frequency=np.linspace(8.5, 12, 30), noise_relative=1e-3, seed=seed)
     return rs.simulate(rs.Oscillator(1.5, law, values), test)
 

@@ -58,7 +58,6 @@ def is_receptance(surface: ResponseSurface, factor: Any = 1.0) -> bool:
 
 
 def drafted(path: Path) -> Proposal:
-    """Return the draft for a file."""
     proposal = propose(list_contents(path))
     assert proposal is not None
     return proposal

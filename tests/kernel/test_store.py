@@ -45,7 +45,6 @@ def own_cache(tmp_path, monkeypatch):
 
 
 def _entry(cache: Path) -> Path:
-    """Give the one kernel of a cache."""
     (entry,) = cache.iterdir()
     return entry
 
@@ -125,7 +124,6 @@ class Planted:
 
     @property
     def entry(self) -> Path:
-        """Where it goes."""
         return _entry(self.cache)
 
     def written(self, name: str = "") -> None:

@@ -49,7 +49,6 @@ SPRING, ACROSS = "k*x + c*v", "payload - wing"
 
 
 def parts(first: int, quantity: str | None = None, **more: object) -> dict[str, object]:
-    """Return the keys of a signal by real and imaginary part."""
     said = {} if quantity is None else {"quantity": quantity}
     return {**said, "real": first, "imaginary": first + 1, "phase_sense": "lead", **more}
 

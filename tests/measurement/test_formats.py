@@ -48,7 +48,6 @@ def read(case: Path) -> ResponseSurface:
 
 
 def proposed(path: Path, run_cli: Callable[..., Any]) -> ResponseSurface:
-    """Read a file by the case that is proposed for it."""
     case = path.with_suffix(".toml")
     done = run_cli("init", "--from", path, case)
     assert done.code == 0, done.err
@@ -57,7 +56,6 @@ def proposed(path: Path, run_cli: Callable[..., Any]) -> ResponseSurface:
 
 
 def history(path: Path, force: int | str, response: int | str, rule: dict[str, Any], **unit: Any):
-    """Plan a history in the units of the file."""
     return MeasuredTest(
         (path,), None, Channel(samples=force, **unit), Channel(samples=response, **unit), "acceleration",
         history=HistoryRule("swept-sine", **rule),
@@ -70,7 +68,6 @@ def array(path: Path, *wanted: int | str) -> list[Array]:
 
 
 def load(walk: Callable[..., Any], content: bytes, wanted: int | str) -> Array:
-    """Read an array of a file in this process."""
     ((node,), _) = find(list(walk(io.BytesIO(content), None, LARGEST_BYTES)), wanted)
     return node.load()
 
@@ -251,7 +248,6 @@ def test_sound_files_that_lie(content, reason):
 
 
 def sheet_of(xml: bytes) -> bytes:
-    """A workbook of one sheet, which is ``xml``."""
     openpyxl = pytest.importorskip("openpyxl", reason="no openpyxl here: install rsgen[xlsx]")
     book, made, changed = openpyxl.Workbook(), io.BytesIO(), io.BytesIO()
     book.save(made)

@@ -49,7 +49,6 @@ def function(
     start: float = 8.0,
     step: float = 0.1,
 ) -> str:
-    """Write data set 58 with complex numbers in double precision."""
     numbers = np.asarray(values, dtype=complex)
     head = [
         "    -1", "    58", "title", "NONE", "NONE", "NONE", "NONE",

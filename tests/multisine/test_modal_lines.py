@@ -13,7 +13,6 @@ MASS, SPRING, DAMPER = 1.5, 5920.0, 6.0
 
 @cache
 def spectra(law: str, noise: float = 0.0, seed: int = 1, **values: float) -> rs.MultisineSpectra:
-    """Two levels of a random-phase multisine."""
     oscillator = rs.Oscillator(MASS, law, {"k": SPRING, "c": DAMPER} | values)
     test = rs.MultisineTest([3, 8], band=(2.5, 20), period=2, periods=4, noise_relative=noise, seed=seed)
     return rs.simulate(oscillator, test)

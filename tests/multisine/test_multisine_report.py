@@ -30,7 +30,6 @@ CASE = {
 
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory):
-    """Files of three levels with noise, and their case."""
     place = tmp_path_factory.mktemp("multisine")
     plan = rsgen.MultisineTest(LEVELS, (2.5, 20.0), PERIOD / RATE, periods=1, seed=3)
     exact, generator = rsgen.simulate(rsgen.Oscillator(MASS, LAW, TRUE), plan), np.random.default_rng(3)
@@ -45,7 +44,6 @@ def folder(tmp_path_factory):
 
 @pytest.fixture(scope="module")
 def found(folder):
-    """The law of the case, identified from its records."""
     case = rsgen.load_case(folder / "lines.toml")
     return rsgen.identify(rsgen.read(case), case.model)
 

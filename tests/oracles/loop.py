@@ -60,25 +60,6 @@ def _partitioned(n: Callable, X: float, omega: float, parts: int) -> tuple[float
     return sine / (np.pi * X), cosine / (np.pi * omega * X)
 
 
-def with_states(rate: Callable, force: Callable, X: float, omega: float, size: int, turns: int):
-    """k and c after so many turns of z' = rate(x, v, z) from z = 0."""
-
-    def along(phi, y):
-        x, v = X * np.sin(phi), omega * X * np.cos(phi)
-        load = force(x, v, y)
-        return [*(np.array(rate(x, v, y)) / omega), load * np.sin(phi), load * np.cos(phi)]
-
-    y = np.zeros(size + 2)
-    for half in range(2 * turns):
-        if half % 2 == 0:
-            y[size:] = 0
-        start = (half - 0.5) * np.pi
-        y = solve_ivp(along, (start, start + np.pi), y, "DOP853", rtol=1e-11, atol=1e-13, max_step=0.1).y[
-            :, -1
-        ]
-    return y[size] / (np.pi * X), y[size + 1] / (np.pi * omega * X)
-
-
 def odd_loop(rate: Callable, force: Callable, X: float, omega: float) -> tuple[float, float]:
     """k and c of an odd law of one state: half a turn, stepped by LSODA, turns its sign."""
     size = abs(rate(0.0, omega * X, 0.0)) / omega

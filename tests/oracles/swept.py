@@ -16,7 +16,6 @@ STEPS = 512
 
 
 def compiled(oscillator: Oscillator) -> Callable[[float, float], float]:
-    """The restoring force as a compiled function of x and v."""
     return _compiled(oscillator.force, tuple(oscillator.values.items()))
 
 

@@ -51,7 +51,6 @@ def simulated(mode: str, law: str = "hardening") -> ResponseSurface:
 
 
 def recorded(mode: str, law: str = "hardening") -> Tree:
-    """Every column of that test."""
     return trees.surface(simulated(mode, law))
 
 
@@ -66,7 +65,6 @@ def identified(mode: str, mass: float | None = None, law: str = "hardening") -> 
 
 
 def tree_of_table(table: rsgen.ModalTable) -> Tree:
-    """All columns of a modal table with the ends of their intervals."""
     shown = {name: series(getattr(table, name)) for name in table.shown}
     ends = {
         f"{name}_{end}": series(getattr(table, f"{name}_{end}"), entries=1)
@@ -84,7 +82,6 @@ def tree_of_table(table: rsgen.ModalTable) -> Tree:
 
 
 def modal(table: ResponseSurface, background: str | None = None, mass: float | None = None) -> Tree:
-    """The modal table of a test with one per cent of noise."""
     about = None if background is None else rsgen.Observation(background=background)  # type: ignore[arg-type]
     return tree_of_table(rsgen.modal_table(noisy(table, NOISE, 1), about, mass=mass))
 

@@ -54,13 +54,11 @@ JOINTS: dict[str, tuple[str, dict[str, str], dict[str, float]]] = {
 
 
 def joint_law(name: str) -> rsgen.Law:
-    """A law of ``JOINTS`` without its values."""
     force, memory, _ = JOINTS[name]
     return rsgen.Law(force, memory=memory) if memory else rsgen.Law(force)
 
 
 def joint(name: str) -> rsgen.Oscillator:
-    """An oscillator with that joint."""
     return rsgen.Oscillator(JOINT_MASS, joint_law(name), JOINTS[name][2])
 
 

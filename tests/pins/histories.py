@@ -34,7 +34,6 @@ square."""
 
 @cache
 def swept(law: SweepLaw, stop: float, level: float = 1.0) -> TimeHistory:
-    """A sweep over the resonance of a softening spring, integrated without the kernel."""
     return sweep(CUBIC, level, law, stop, 200.0)
 
 

@@ -47,7 +47,6 @@ def steady(name: str, start: bool = False) -> Tree:
 
 
 def balance(name: str) -> Tree:
-    """The same motions by harmonic balance."""
     test = rsgen.SimulatedTest(LEVELS, np.array([9.5, 10.5, 11.5]), harmonics=5, method="harmonic-balance")
     return trees.surface(rsgen.simulate(joint(name), test))
 
@@ -84,7 +83,6 @@ def measured(name: str) -> Tree:
 
 
 def identified(name: str, noise: float = NOISE, mass: float | None = None) -> Tree:
-    """The joint identified from a small virtual test."""
     found = rsgen.identify(small_joint(name, noise), joint_law(name), mass=mass)
     whole = name == "jenkins" and mass is None
     return trees.whole_identification(found) if whole else trees.identification(found)

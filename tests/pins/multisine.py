@@ -64,7 +64,6 @@ def tree_of_linear(one: BestLinear) -> Tree:
 
 
 def linear(read: rsgen.MultisineSpectra, band: tuple[float, float] | None = None) -> Tree:
-    """The best linear approximation of every level: modes of all, and all of the highest."""
     found = rsgen.best_linear(read, band)
     modes = [[one.level, one.natural_frequency, one.damping_ratio, one.mass] for one in found]
     return {"modes": modes, "highest": tree_of_linear(found[-1])}
@@ -92,7 +91,6 @@ def intervals(read: rsgen.MultisineSpectra, law: object, mass: float | None = No
 
 
 def predicted(read: rsgen.MultisineSpectra, law: str, held: float) -> Tree:
-    """Every record that was held out, as it was measured and as it is predicted."""
     found = rsgen.identify(read, law, rsgen.Observation(hold_out=(held,)))
     prediction = rsgen.predict(found)
     return {
@@ -126,7 +124,6 @@ def _record(quantity: str) -> rsgen.MultisineSpectra:
 
 
 def recorded(quantity: str) -> Tree:
-    """The spectra that are read from a record with a transient."""
     return tree_of_spectra(_record(quantity))
 
 

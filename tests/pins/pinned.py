@@ -114,12 +114,10 @@ class Change:
 
 
 def changes(old: Tree, new: Tree, allowed: Allowed = SMOOTH) -> list[str]:
-    """Say every place that moved by more than is allowed."""
     return [str(change) for change in differences(old, new, allowed) if change.times > 1]
 
 
 def differences(old: Tree, new: Tree, allowed: Allowed, path: str = "") -> Iterator[Change]:
-    """Find every place where two trees differ at all."""
     if isinstance(old, dict) and isinstance(new, dict):
         for key in sorted(set(old) ^ set(new)):
             yield Change(f"{path}/{key}", old.get(key, "nothing"), new.get(key, "nothing"), inf)
@@ -166,7 +164,6 @@ def _size(number: Tree) -> float:
 
 
 def _scale(summary: dict[str, Tree]) -> float:
-    """The size to which entries of an array are compared."""
     return float(summary.get("scale", summary["rms"]) or 0.0)
 
 
@@ -211,12 +208,10 @@ def is_empty(tree: Tree) -> bool:
 
 
 def read(file: Path) -> dict[str, Tree]:
-    """All pins of a file by id."""
     return dict(json.loads(file.read_text(encoding="utf-8")))
 
 
 def write(file: Path, pins: Mapping[str, Tree]) -> None:
-    """Write all pins, a line each."""
     lines = [f"{json.dumps(key)}: {_compact(pin)}" for key, pin in pins.items()]
     file.write_text("{\n" + ",\n".join(lines) + "\n}\n", encoding="utf-8")
 
@@ -226,7 +221,6 @@ def _compact(pin: Tree) -> str:
 
 
 def numbers_file(module: str) -> Path:
-    """The file beside a module of pins, of the same name."""
     return Path(module).with_suffix(".json")
 
 

@@ -16,7 +16,6 @@ LEVELS = [2.0, 6.0]
 
 
 def curve(one: ResonanceCurve) -> Tree:
-    """A resonance curve with folds and the ends of its band."""
     frequency = float(np.nanmax(one.frequency, initial=0.0))
     size = float(np.nanmax(one.amplitude, initial=0.0))
     return {
@@ -31,7 +30,6 @@ def curve(one: ResonanceCurve) -> Tree:
 
 
 def held_out(one: HeldOutLevel) -> Tree:
-    """Measured against predicted at a level that identification has not seen."""
     return {
         "sweep": one.sweep, "units": [one.level_unit, one.force_unit],
         **{name: getattr(one, name) for name in ("level", "force", "error", "largest_error", "missing")},
@@ -40,7 +38,6 @@ def held_out(one: HeldOutLevel) -> Tree:
 
 
 def tree(prediction: rsgen.Prediction) -> Tree:
-    """Curves, held-out levels and findings."""
     return {
         "curves": [curve(one) for one in (prediction.curves[0], prediction.curves[-1])]
         if len(prediction)
@@ -51,20 +48,17 @@ def tree(prediction: rsgen.Prediction) -> Tree:
 
 
 def of_oscillator(name: str, levels: list[float], band: tuple[float, float] | None = None) -> Tree:
-    """Curves of a law with its true values."""
     force, values = LAWS[name]
     return tree(rsgen.predict(rsgen.Oscillator(MASS, force, values), levels, band=band))
 
 
 def of_identified(law: str, levels: list[float] | None = None) -> Tree:
-    """Curves with bands, and a level that was held out."""
     table = small(law, NOISE)
     found = rsgen.identify(table, LAWS[law][0], rsgen.Observation(hold_out=(6.0,)))
     return tree(rsgen.predict(found, levels, table))
 
 
 def of_mode(mode: str, held: float, mass: float | None = None) -> Tree:
-    """The same of a controlled test."""
     table = noisy(simulated(mode), NOISE, 1)
     about = rsgen.Observation(hold_out=(held,))
     return tree(rsgen.predict(rsgen.identify(table, "k*x + k3*x**3 + c*v", about, mass=mass), surface=table))

@@ -37,7 +37,6 @@ def library(*names: str) -> list[rsgen.Law]:
 
 
 def tree(ranking: Ranking) -> Tree:
-    """Order, numbers and verdict of a ranking."""
     names = ("parameters", "bic", "held_out_error", "tied", "own")
     return {
         "order": [each.name for each in ranking],
@@ -52,7 +51,6 @@ def tree(ranking: Ranking) -> Tree:
 
 
 def ranked(table: rsgen.ResponseSurface, laws: Any, *about: rsgen.Observation, mass: float | None = None):
-    """The ranking of a test."""
     return tree(rsgen.rank(table, laws, *about, mass=mass))
 
 
@@ -72,7 +70,6 @@ def _simulated(mass: float, k: float, k3: float, c: float, *grid: Any, **options
 
 
 def _joints() -> Tree:
-    """Rank joints between two masses."""
     ground, joint = ELEMENTS
     rivals = ("kj*x + cj*v", "kj*x + k5*x**5 + cj*v", "kj*x + cj*v + c3*v**3")
     laws = [[ground, rsgen.make_element("joint", law, across=joint.across)] for law in rivals]

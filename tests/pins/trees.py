@@ -52,12 +52,10 @@ def columns(harmonics: NDArray[Any], entries: int = ENTRIES) -> Tree:
 
 
 def findings(found: Iterable[Finding]) -> Tree:
-    """Codes with severity and parameter, as often as they were found, in their order."""
     return [" ".join(filter(None, (f.code, f.severity, f.parameter))) for f in found]
 
 
 def surface(table: rsgen.ResponseSurface) -> Tree:
-    """Every column of a response surface, and its words."""
     given = {
         "level": series(table.level, entries=1), "frequency": series(table.frequency, entries=1),
         "force": series(table.force, entries=1), "harmonics": columns(table.harmonics),
@@ -84,17 +82,14 @@ def estimate(one: Estimate, *, whole: bool = False) -> Tree:
 
 
 def plain_estimates(several: Iterable[Estimate]) -> Tree:
-    """Values and standard errors by name."""
     return {one.name: {"value": one.value, "standard_error": one.standard_error} for one in several}
 
 
 def estimates(several: Iterable[Estimate], *, whole: bool = False) -> Tree:
-    """Estimates by name."""
     return {one.name: estimate(one, whole=whole) for one in several}
 
 
 def background(found: Background | None) -> Tree:
-    """What was subtracted beside the mode."""
     if found is None:
         return None
     return {"kind": found.kind, "estimates": estimates(found.estimates), "share": found.share}

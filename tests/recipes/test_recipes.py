@@ -86,7 +86,6 @@ print(json.dumps({
 
 
 def follow(block: str, root: Path) -> None:
-    """Write a block where its first line says."""
     first, _, body = block.partition("\n")
     place = PLACE.fullmatch(first)
     assert place is not None, first
@@ -108,7 +107,6 @@ def follow(block: str, root: Path) -> None:
 
 
 def run(root: Path, *words: str) -> str:
-    """Run the program of the copy beside it, and give what it printed."""
     environment = os.environ | {"PYTHONPATH": str(root), "RSGEN_CACHE": str(root.parent / "caches")}
     done = subprocess.run(
         [sys.executable, *words], cwd=root.parent, env=environment, capture_output=True, text=True,
@@ -131,7 +129,6 @@ def scratch(tmp_path_factory):
 
 @pytest.fixture(scope="module")
 def seen(scratch):
-    """What a user of the copy sees."""
     answer: dict[str, Any] = json.loads(run(scratch.root, "-c", USER))
     return answer
 

@@ -114,7 +114,6 @@ def written_wrongly(folder: Path, change: Callable[[dict[str, Any]], object]) ->
 
 
 def first(**changes: object) -> Callable[[dict[str, Any]], object]:
-    """Change the first row of the parameters."""
     return lambda result: result["parameters"][0].update(changes)
 
 

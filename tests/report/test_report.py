@@ -84,8 +84,6 @@ def described(element: Element, identification: Identification) -> str:
 
 
 class Outline(HTMLParser):
-    """Elements, attributes and texts of a page."""
-
     def __init__(self, text: str) -> None:
         super().__init__()
         self.elements: list[tuple[str, dict[str, str | None]]] = []
@@ -246,7 +244,6 @@ def test_what_is_not_known_is_null():
 
 
 def identified(force: str, values: dict[str, float]) -> tuple[Model, Identification]:
-    """An identification that found exactly these values."""
     model = Model((make_element("law", force),), mass=MASS)
     refined = tuple(Estimate(name, value, 0.0, (value, value)) for name, value in sorted(values.items()))
     exact = {"covariance": np.zeros((0, 0)), "solution": np.zeros(0)}

@@ -31,7 +31,6 @@ def write_case(folder: Path, name: str = "small", accept: object = 1e-2) -> Path
 
 @pytest.fixture
 def earlier(tmp_path):
-    """A folder of results with that of a case."""
     with replaced_folder(tmp_path, "case") as folder:
         fill(folder, "earlier")
     return tmp_path

@@ -69,16 +69,13 @@ class Laboratory:
         return np.flatnonzero(self.level == level)
 
     def reading(self, table: str, **keys: object) -> Laboratory:
-        """The same file read by a case with other keys in a table."""
         return replace(self, test={**self.test, table: {**self.test[table], **keys}})
 
     def keep(self, rows: np.ndarray) -> Laboratory:
-        """Some of the rows."""
         columns = ("level", "frequency", "force", "response")
         return replace(self, **{column: getattr(self, column)[rows] for column in columns})
 
     def write(self, folder: Path) -> Path:
-        """Write table and case; give the path of the case."""
         turned = self.response if "real" in self.test["response"] else np.abs(self.response)
         table = np.column_stack([self.level, self.frequency, self.force, turned.real, turned.imag])
         np.savetxt(
@@ -101,7 +98,6 @@ class Record:
     further: Changes = field(default_factory=dict)
 
     def write(self, folder: Path) -> Path:
-        """Write samples and case; give the path of the case."""
         np.savez(folder / "record.npz", force=self.force, displacement=self.displacement)
         ring = self.excitation == "ring-down"
         samples = {
@@ -122,19 +118,16 @@ def write_measured(folder: Path, laws: tuple[str, ...], changes: Changes) -> Pat
 
 @cache
 def load(name: str) -> rsgen.Case:
-    """A case of ``cases/``."""
     return rsgen.load_case(CASES / f"{name}.toml")
 
 
 @cache
 def simulated(name: str) -> rsgen.ResponseSurface:
-    """Its exact surface on its own grid."""
     case = load(name)
     return rsgen.simulate(case.oscillator, case.test)
 
 
 def stepped(name: str, noise: float = NOISE, seed: int = 1, every: int = EVERY) -> Laboratory:
-    """The stepped sine of a case as a laboratory has it."""
     surface = add_noise(simulated(name), noise, seed)
     grid = np.unique(surface.frequency)[::every]
     surface = surface.select(surface.settled & np.isin(surface.frequency, grid))
