@@ -66,19 +66,12 @@ def test_every_result_prints_in_few_lines():
     surface = linear_surface()
     held = rs.identify(surface, f"{LAW} + k3*x**3", rs.Observation(hold_out=2.0))
     made = {
-        "found": held,
-        "surface": surface,
-        "prediction": rs.predict(held, [1.0], surface),
-        "modal": rs.modal_table(surface),
-        "ranking": rs.rank(surface, [LAW, "k*x + c*v + k3*x**3"]),
-        "profile": rs.profile(held, "k"),
-        "function": rs.derive(f"{LAW} + k3*x**3"),
-        "fits": rs.compare_fits([held, held]),
-        "test": rs.SimulatedTest([1.0, 2.0], np.linspace(8, 12, 200)),
-        "case": rs.load_case("cases/cubic.toml"),
-        "spectra": silent(),
-        "laws": rs.laws,
-    }
+        "found": held, "surface": surface, "prediction": rs.predict(held, [1.0], surface),
+        "modal": rs.modal_table(surface), "ranking": rs.rank(surface, [LAW, "k*x + c*v + k3*x**3"]),
+        "profile": rs.profile(held, "k"), "function": rs.derive(f"{LAW} + k3*x**3"),
+        "fits": rs.compare_fits([held, held]), "case": rs.load_case("cases/cubic.toml"),
+        "test": rs.SimulatedTest([1.0, 2.0], np.linspace(8, 12, 200)), "spectra": silent(), "laws": rs.laws,
+    }  # fmt: skip
     long = {
         place: len(repr(part))
         for name, thing in made.items()

@@ -22,6 +22,3 @@ ATTACKS = {
 def test_a_few_attacks_of_each_kind(module):
     rows = import_module(f"tests.attacks.{module}").run(ATTACKS[module], seed=1)
     assert [row for row in rows if not reached(row)] == []
-
-
-# ---------------------------------------------------------------- what the attacks are judged by

@@ -93,14 +93,7 @@ def test_not_closed_is_said():
 
 
 def test_closed_formulas_parse_back():
-    for law in (
-        PIECEWISE,
-        BILINEAR,
-        "k*sin(a*x)",
-        "k*abs(x)**p*sign(x)",
-        "k*x + a*x**2",
-        "k*exp(a*x)",
-    ):
+    for law in (PIECEWISE, BILINEAR, "k*sin(a*x)", "k*abs(x)**p*sign(x)", "k*x + a*x**2", "k*exp(a*x)"):
         derived = derive(law)
         for formula in (derived.stiffness, derived.damping, derived.mean_balance):
             assert parse(write(formula)) == formula

@@ -9,12 +9,7 @@ import rsgen as rs
 from rsgen.common.errors import RsgenError
 from rsgen.data.oscillator import Model
 from rsgen.law.motion import Motion, project
-from rsgen.report.figures.equivalent import (
-    loop_force,
-    mass_of,
-    measured_energy,
-    measured_loops,
-)
+from rsgen.report.figures.equivalent import loop_force, mass_of, measured_energy, measured_loops
 
 M, KT, FS = 1.5, 4e4, 8.0
 SLIP = FS / KT

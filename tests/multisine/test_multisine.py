@@ -217,3 +217,13 @@ def test_silverbox_as_published(measured_data):
         assert found["k3"].value / stiffness == pytest.approx(3.98, rel=0.02)
     (middle,) = rsgen.predict(rsgen.identify(read, case.model)).records
     assert middle.error < 0.01
+
+
+def test_a_given_mass_that_a_multisine_contradicts_is_named():
+    oscillator = rsgen.Oscillator(MASS, "k*x + k3*x**3 + c*v", {"k": 6000.0, "k3": 4e6, "c": 4.0})
+    test = rsgen.MultisineTest(np.array([3.0, 8.0]), (2.5, 20.0), 2.0, periods=8, noise_relative=0.01)
+    spectra = rsgen.simulate(oscillator, test)
+    found = rsgen.identify(spectra, "k*x + k3*x**3 + c*v", mass=1.03 * MASS)
+    (said,) = (finding for finding in found.verdict.decided_by if finding.code == "fixed-contradicted")
+    assert said["fitted"] == pytest.approx(MASS, rel=0.005)
+    assert rsgen.identify(spectra, "k*x + k3*x**3 + c*v", mass=MASS).verdict.state == "identified"

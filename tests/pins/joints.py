@@ -118,11 +118,7 @@ PINS = {
 
 for thorough in ("identified/bouc-wen", "identified/iwan4", "measured/iwan4"):
     PINS[thorough] = replace(PINS[thorough], thorough=True)
-for slow in (
-    "identified/jenkins-background",
-    "predicted/jenkins-held-out",
-    "balance/bouc-wen",
-):
+for slow in ("identified/jenkins-background", "predicted/jenkins-held-out", "balance/bouc-wen"):
     PINS[slow] = replace(PINS[slow], slow=True)
 
 if __name__ == "__main__":

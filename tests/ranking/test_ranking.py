@@ -75,9 +75,6 @@ def winners(ranking: Ranking) -> set[str]:
     return {" + ".join(sorted(c.name.split(" + "))) for c in ranking.candidates if c.tied}
 
 
-# ---------------------------------------------------------------- the true law
-
-
 @pytest.mark.slow
 @pytest.mark.parametrize(("law", "noise", "whole"), [
     # a loop comes near to friction
@@ -209,9 +206,6 @@ def test_stops_are_found_or_tie_at_one_level_of_fundamentals(law, of, force, fou
         assert "dead-zone" in same["laws"]
 
 
-# ---------------------------------------------------------------- none of these fits
-
-
 @pytest.mark.slow
 @pytest.mark.parametrize("structure", ["hysteresis", pytest.param("two modes", marks=pytest.mark.thorough)])
 def test_none_fits_where_the_structure_is_another(structure: str, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -251,9 +245,6 @@ def test_the_misfit_is_looked_for_where_it_is() -> None:
     assert not ranking.fits
     (place,) = [finding for finding in ranking.findings if finding.code == "no-law-fits"]
     assert 8.9 < place["frequency from"] < place["frequency to"] < 10.9
-
-
-# ---------------------------------------------------------------- what the numbers mean
 
 
 @pytest.fixture(scope="module")
@@ -333,13 +324,8 @@ def test_every_law_of_the_library_takes_part() -> None:
     # a loop of its own shape costs too much to search; this damping has no motion in time
     not_tried = {"lugre", "ramberg-osgood", "structural"}
     assert seen | composed | not_tried == {law.name for law in laws}
-    assert {term.name for term in terms if term.law.remembers} == {
-        "bouc-wen",
-        "dahl",
-        "iwan",
-        "iwan4",
-        "jenkins",
-    }
+    loops = {term.name for term in terms if term.law.remembers}
+    assert loops == {"bouc-wen", "dahl", "iwan", "iwan4", "jenkins"}
     for term in terms:
         assert set(term.search) <= set(term.law.parameters)
         assert term.linear
@@ -367,9 +353,6 @@ def test_a_slider_is_recognised_by_its_loop() -> None:
     with_loop = [len(set(c.name.split(" + ")) & loops) for c in ranking.candidates]
     assert max(with_loop) == 1
     assert min(c.bic for c, loop in zip(ranking.candidates, with_loop, strict=True) if not loop) > 100
-
-
-# ---------------------------------------------------------------- what a ranking sees
 
 
 @pytest.mark.slow
@@ -461,8 +444,6 @@ def test_the_library_is_ranked_without_phases() -> None:
         assert sum(not term.law.odd for term in parts) <= 1
 
 
-# ---------------------------------------------------------------- case and command
-
 CASE = {
     **case_law("k*x + kn*x**3 + c*v", k=5920, kn=-2.2e5, c=3.8),
     "model": "rank",
@@ -508,17 +489,10 @@ def test_the_command_ranks_a_surface(tmp_path: Path, run_cli: Callable[..., Answ
     assert "best: c*v + k*x + k3*x**3" in text
     # with intervals: the best law is identified, and nothing is left to do
     values = [line.split() for line in text.splitlines()[-4:]]
-    assert [(value[0], value[-1]) for value in values] == [
-        ("c", "N*s/m"),
-        ("k", "N/m"),
-        ("k3", "N/m^3"),
-        ("m", "kg"),
-    ]
+    units = {"c": "N*s/m", "k": "N/m", "k3": "N/m^3", "m": "kg"}
+    assert [(value[0], value[-1]) for value in values] == [*units.items()]
     low, high = answer["best"]["k3"]["interval"]
     assert high - low == pytest.approx(float(values[2][4]) - float(values[2][2]), rel=0.05)
-
-
-# ---------------------------------------------------------------- candidates of a user
 
 
 def test_candidates_of_a_user_compete() -> None:

@@ -46,15 +46,8 @@ def test_of_a_linear_model_one_step_is_the_refit(data):
     assert found is not None
     assert found.moved == pytest.approx(here.parameters - there.parameters, rel=1e-9)
     # the same noise in both parts
-    variance = sum(np.diag(each.covariance_of_unit) for each in map(Unit, (here, there)))
+    variance = sum(np.diag(each.basis @ each.basis.T) for each in (here, there))
     assert found.error == pytest.approx(whole.noise * np.sqrt(variance), rel=1e-9)
-
-
-class Unit:
-    """Covariance of a fit whose noise has unit size."""
-
-    def __init__(self, found: Regression) -> None:
-        self.covariance_of_unit = found.basis @ found.basis.T
 
 
 def test_the_jackknife_is_that_of_refits(data):
