@@ -19,13 +19,13 @@ if TYPE_CHECKING:
     )
     from rsgen.identification.lines.modal_lines import table_of_lines
     from rsgen.identification.profile import with_profiles
-    from rsgen.identification.ranking.rank_laws import identify_best
+    from rsgen.identification.ranking.rank_laws import rank
 
 __all__ = [
     "fit_multisine",
-    "identify_best",
     "identify_multisine",
     "predict_multisine",
+    "rank",
     "table_of_lines",
     "with_profiles",
 ]
@@ -35,9 +35,9 @@ __getattr__ = on_first_use(
     __name__,
     {
         "fit_multisine": "lines.line_identification",
-        "identify_best": "ranking.rank_laws",
         "identify_multisine": "lines.line_identification",
         "predict_multisine": "lines.line_identification",
+        "rank": "ranking.rank_laws",
         "table_of_lines": "lines.modal_lines",
         "with_profiles": "profile",
     },

@@ -368,7 +368,7 @@ class Findings:
         found = [Finding("points-excluded", "info", numbers=numbers, names={"by": "settling"})]
         return (found if unsettled > 0 else []) + exclusion_findings(
             self.points,
-            self.fit.regression,
+            ~self.fit.regression.used,
             len(self.surface),
             self.surface.level_unit,
             decays=self.surface.decays,

@@ -38,7 +38,6 @@ from rsgen.dynamics.harmonic_balance import following_harmonics, hold_amplitude
 from rsgen.dynamics.linear_part import BackgroundTerms, Inertia
 from rsgen.identification.fitting.across import misfit_of_joint, motions_of, sensor_noise
 from rsgen.identification.fitting.fit import Fit, fit_balance
-from rsgen.identification.fitting.least_squares import Regression
 from rsgen.identification.fitting.observed import Problem
 from rsgen.identification.fitting.points import Points
 from rsgen.identification.fitting.repeats import Repeats
@@ -104,7 +103,7 @@ def repeats_finding(repeats: Repeats, misfit: float, wider: float) -> Finding:
 
 def exclusion_findings(
     points: Points,
-    regression: Regression,
+    excluded: NDArray[np.bool_],
     tested: int,
     level_unit: str,
     *,
@@ -115,8 +114,8 @@ def exclusion_findings(
 
     Parameters
     ----------
-    points, regression
-        The fitted points, and their fit.
+    points, excluded
+        The fitted points, and those of them (n,) that the fit does not use.
     tested
         Number of points of the test.
     level_unit
@@ -126,7 +125,6 @@ def exclusion_findings(
     stopped
         (n,) points that are no evidence against the law; see ``stopped_points``.
     """
-    excluded = ~regression.used
     if not excluded.any():
         return []
     all_excluded = int(np.count_nonzero(excluded))

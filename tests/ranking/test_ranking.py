@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import tomllib
 from collections.abc import Callable
 from dataclasses import replace
 from functools import cache
@@ -13,6 +14,7 @@ import numpy as np
 import pytest
 
 import rsgen
+from rsgen.app.study import Step, run_case
 from rsgen.cases import load_case
 from rsgen.common.finding import Finding
 from rsgen.data.oscillator import Model, Observation
@@ -472,6 +474,32 @@ def test_a_ranking_tells_how_many_of_its_stages_are_done() -> None:
     assert seen[-1] < 1
 
 
+@pytest.mark.slow
+@pytest.mark.usefixtures("few_laws")
+def test_a_run_tells_how_far_its_ranking_is_and_its_page_how_to_go_on(tmp_path: Path) -> None:
+    path, seen = write_small(tmp_path, "ranked", CASE), list[Step]()
+    done = run_case(path, tmp_path / "out", progress=seen.append)
+    assert done.verdict is not None
+    assert [*dict.fromkeys(step.stage for step in seen)] == ["surface", "ranking", "report"]
+    page = (tmp_path / "out" / done.name / "report.html").read_text(encoding="utf-8")
+    steps = page[page.index("What to do next") :][:2000]
+    assert "The best law is that of the case: identify it with" in steps
+
+
+def test_a_law_that_is_the_best_is_written_as_a_case_has_it(tmp_path: Path) -> None:
+    joint = make_element("joint", "kj*x + z", {"z": "sigma*v*(1 - z*sign(v)/Fc)"}, across="rotor - base")
+    ranking = replace(ranked("cubic"), model=Model((*BASE.elements, joint)))
+    first, second = ranking.in_case.split(" and ")
+    assert first == '[[element]] name = "law", force = "c*v + k*x"'
+    table = second.removeprefix("[[element]] ").replace(", ", "\n")
+    assert tomllib.loads(table) == {
+        "name": "joint",
+        "across": "rotor - base",
+        "force": "kj*x + z",
+        "memory": {"z": "sigma*v*(1 - z*sign(v)/Fc)"},
+    }
+
+
 def test_the_command_ranks_a_surface(tmp_path: Path, run_cli: Callable[..., Answer]) -> None:
     path = tmp_path / "test.h5"
     save_surface(path, measured("cubic"))
@@ -487,10 +515,13 @@ def test_the_command_ranks_a_surface(tmp_path: Path, run_cli: Callable[..., Answ
     assert text.startswith("Identified: cubic-spring + linear-damper fits best")
     assert text.splitlines()[3].startswith("cubic-spring ")
     assert "best: c*v + k*x + k3*x**3" in text
-    # with intervals: the best law is identified, and nothing is left to do
-    values = [line.split() for line in text.splitlines()[-4:]]
+    # with intervals: the best law is identified, and then put into a case
+    values = [line.split() for line in text.splitlines()[-5:-1]]
     units = {"c": "N*s/m", "k": "N/m", "k3": "N/m^3", "m": "kg"}
     assert [(value[0], value[-1]) for value in values] == [*units.items()]
+    last = text.splitlines()[-1]
+    assert last.startswith("  next: To go on with this law, write [[element]] name = ")
+    assert 'force = "c*v + k*x + k3*x**3" into the case' in last
     low, high = answer["best"]["k3"]["interval"]
     assert high - low == pytest.approx(float(values[2][4]) - float(values[2][2]), rel=0.05)
 

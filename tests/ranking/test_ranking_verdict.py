@@ -153,11 +153,32 @@ def test_a_response_that_is_divided_by_the_force_is_rejected_after_one_round(mon
 def test_a_round_says_of_how_many_points_its_own_were_chosen(monkeypatch: pytest.MonkeyPatch) -> None:
     table = measured("cubic")
     law = CandidateLaw("", BASE.elements, {"k": STIFFNESS, "c": DAMPING, "m": MASS})
+    # a response that is no part of the others at every level
+    spoil = (np.arange(len(table)) % 25 == 3)[:, None]
+    spoilt = changed(table, harmonics=np.where(spoil, 2.0, 1.0) * table.harmonics)
     for most, sample in ((500, {"points": len(table)}), (60, {"points": 60, "all": len(table)})):
         monkeypatch.setattr("rsgen.identification.ranking.reference._MAX_POINTS", most)
-        along = PointTest(table, BASE, ()).along(law, None)
+        along = PointTest(spoilt, BASE, ()).along(law, None)
         assert along is not None
-        assert along.sample == sample
+        (found,) = along.exclusions(along.leader)
+        assert found["excluded"] > 0
+        assert {name: int(found[name]) for name in found.numbers if name != "excluded"} == sample
+
+
+def test_a_ranking_names_level_and_frequencies_of_the_points_that_it_excludes() -> None:
+    table = measured("cubic", 2e-3)
+    level, near = table.levels[-2], np.abs(table.frequency - 11.0) < 0.6
+    spoil = (table.level == level) & near
+    assert 5 <= np.count_nonzero(spoil) < 0.1 * len(table)
+    spoilt = changed(table, harmonics=np.where(spoil[:, None], 1.5, 1.0) * table.harmonics)
+    ranking = rank(spoilt, ["c*v + k*x + kn*x**3", "k*x + c*v"])
+    (run,) = (f for f in ranking.findings if f.code == "points-excluded" and "level" in f.numbers)
+    assert run["level"] == level
+    assert abs(run["low"] - table.frequency[spoil].min()) < 0.3
+    assert abs(run["high"] - table.frequency[spoil].max()) < 0.3
+    # the counts of all levels are those of the ranking
+    counted = [f.names for f in ranking.findings if f.code == "points-excluded" and f != run]
+    assert {"by": "ranking"} in counted
 
 
 @pytest.mark.thorough

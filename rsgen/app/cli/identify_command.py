@@ -37,8 +37,7 @@ def identify_command(case: OneCase, surface: Surface = None, data: Data = None, 
     with stage_progress(loaded.path) as note:
         note("surface", 0.0)
         tested = obtain_table(loaded, saved=surface)
-        note("identification", 0.0)
-        identification = identify_case(loaded, tested)
+        identification = identify_case(loaded, tested, note)
         # as a run of the case would, with its truth
         truth = loaded.with_model(identification.model_given).truth
         comparison = compare(identification, truth, loaded.accept)

@@ -35,8 +35,7 @@ def profile_command(
     with stage_progress(loaded.path) as note:
         note("surface", 0.0)
         tested = obtain_table(loaded, saved=surface)
-        note("identification", 0.0)
-        found = profile(identify_case(loaded, tested), name)
+        found = profile(identify_case(loaded, tested, note), name)
     if json:
         columns = {
             "interval": found.interval,

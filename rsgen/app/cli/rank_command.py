@@ -33,7 +33,7 @@ from rsgen.identification.ranking.library_sums import library_terms
 from rsgen.identification.results import units_of
 from rsgen.report.result_json import ranking_entry
 from rsgen.report.wording import sentence
-from rsgen.report.wording.sentences import state_verdict
+from rsgen.report.wording.sentences import ranking_steps, state_verdict
 
 
 def _read(path: Path, data: Path | None) -> tuple[str, ResponseSurface | MultisineSpectra, Model | None]:
@@ -97,7 +97,7 @@ def rank_command(
         print_block("", str(replace(ranking.best.table, caption="", notes=())))
     else:
         print_line(f"with {_values(ranking, table)}")
-    return print_next_steps(state_verdict(ranking.verdict))
+    return print_next_steps(state_verdict(ranking.verdict), ranking_steps(ranking))
 
 
 def _values(ranking: Ranking, table: ResponseSurface | MultisineSpectra) -> str:

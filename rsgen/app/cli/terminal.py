@@ -131,9 +131,9 @@ def print_verdict(verdict: StatedVerdict) -> None:
         print_line(line)
 
 
-def print_next_steps(verdict: StatedVerdict) -> int:
-    """Print what to do next, below the numbers; return the exit code."""
-    for line in next_lines(verdict):
+def print_next_steps(verdict: StatedVerdict, more: Iterable[str] = ()) -> int:
+    """Print what to do next, and more steps, below the numbers; return the exit code."""
+    for line in (*next_lines(verdict), *(f"  next: {step}" for step in more)):
         print_line(line)
     return verdict_code(verdict["state"])
 

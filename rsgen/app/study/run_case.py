@@ -13,7 +13,7 @@ import time
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from fnmatch import fnmatch
-from functools import singledispatch
+from functools import partial, singledispatch
 from math import nan
 from pathlib import Path
 from typing import Any
@@ -60,7 +60,7 @@ class Step:
     path
         The case file.
     stage
-        "surface", "identification" or "report", in this order.
+        "surface", "ranking" or "identification", "report", in this order.
     share
         From 0 to 1; stays 0 in a stage that does not report its share.
     """
@@ -227,8 +227,10 @@ def _(test: MeasuredTest, *_: object) -> ResponseSurface | MultisineSpectra:
     return rsgen.files.read_measurement(test)
 
 
-def identify_case(case: Case, table: ResponseSurface | MultisineSpectra) -> Identification:
-    """Identify the law of a case, or rank laws and identify the best.
+def identify_case(
+    case: Case, table: ResponseSurface | MultisineSpectra, report: Callable[[str, float], None]
+) -> Identification:
+    """Identify the law of a case, or rank laws and identify the best; ``report`` stage and share.
 
     Raises
     ------
@@ -236,7 +238,8 @@ def identify_case(case: Case, table: ResponseSurface | MultisineSpectra) -> Iden
         As ``identify`` and ``rank``.
     """
     if case.ranked:
-        return rsgen.identification.identify_best(table, case.model)
+        return rsgen.identification.rank(table, case.model, progress=partial(report, "ranking")).best
+    report("identification", 0.0)
     return identify(table, case.model)
 
 
@@ -254,8 +257,7 @@ def _execute(
         started = time.perf_counter()
         surface = obtain_table(case, lambda share: report("surface", share))
         tested = time.perf_counter()
-        report("identification", 0.0)
-        identification = identify_case(case, surface)
+        identification = identify_case(case, surface, report)
         truth = case.with_model(identification.model_given).truth
         comparison = compare(identification, truth, case.accept)
         durations = {"surface": tested - started, "identification": time.perf_counter() - tested}

@@ -292,15 +292,12 @@ class Misfit:
         Numbers of a finding that say where it lies.
     known
         False if the test does not tell misfit from noise.
-    outliers
-        Number of points that were not counted.
     """
 
     systematic: float
     unexplained: float
     where: Mapping[str, Quantity]
     known: bool
-    outliers: int = 0
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -318,10 +315,9 @@ class Round(ABC):
     def noise(self) -> float:
         """Noise relative to force and response [1]; NaN if it is not known."""
 
-    @property
-    def sample(self) -> dict[str, int]:
-        """How many points are compared, and of how many (all) they were chosen."""
-        return {"points": len(self.rows)}
+    def exclusions(self, best: CandidateFit) -> list[Finding]:
+        """Find the points that the best law is not compared with."""
+        return []
 
     def without_outliers(self, best: CandidateFit) -> Round | None:
         """Exclude a few points that a law misses by far; None where there are none."""

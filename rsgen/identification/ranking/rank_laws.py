@@ -225,22 +225,6 @@ def _rounds(test: RankedTest, found: list[CandidateFit], entries: Candidates) ->
     return rounds
 
 
-def identify_best(surface: ResponseSurface | MultisineSpectra, model: Model) -> Identification:
-    """Rank, and identify the best law with intervals; the ranking is in the result.
-
-    Parameters
-    ----------
-    surface, model
-        As for ``rank``.
-
-    Raises
-    ------
-    RsgenError
-        As for ``rank`` and ``identify``.
-    """
-    return rank(surface, model).best
-
-
 def _compare(current: Round, entries: Candidates, known: Sequence[CandidateFit]) -> _Compared:
     """Fit the candidates; at most twice exclude outliers of the best and refit the same candidates."""
     # the law of the motion competes in any case, and so do the best of the round before

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from math import inf
+from math import inf, nan
 from typing import Any
 
 import numpy as np
@@ -26,6 +26,7 @@ from rsgen.common.tolerances import (
 from rsgen.data.multisine import MultisineSpectra
 from rsgen.data.oscillator import Model
 from rsgen.data.surface import ResponseSurface
+from rsgen.formula import write
 from rsgen.identification.identify import identify, identify_points
 from rsgen.identification.ranking.balance import WhitenedBalance
 from rsgen.identification.ranking.candidate_fit import (
@@ -35,6 +36,8 @@ from rsgen.identification.ranking.candidate_fit import (
 )
 from rsgen.identification.ranking.library_sums import library_terms, terms_of, whole_name
 from rsgen.identification.results import Identification, changed
+from rsgen.law.element import forces_by_motion
+from rsgen.law.memory import equations_of
 
 OWN = "the case's own law"
 """Name of the law of the case or model that is ranked, among the candidates."""
@@ -210,6 +213,19 @@ class Ranking(Printed):
         return data_frame({name: [getattr(candidate, name) for candidate in self] for name in names}, "name")
 
     @property
+    def in_case(self) -> str:
+        """The best law as a case file has it, its keys separated by commas."""
+        parts = []
+        for sensors, force in forces_by_motion(self.model.elements).items():
+            if not force:
+                continue
+            keys = {"name": "joint" if sensors else "law", "across": sensors, "force": write(force)}
+            keys |= {f"memory.{state}": rate for state, rate in equations_of(force).items()}
+            written = (f'{key} = "{text}"' for key, text in keys.items() if text)
+            parts.append(f"[[element]] {', '.join(written)}")
+        return " and ".join(parts)
+
+    @property
     def table(self) -> TextTable:
         """The table that is printed."""
         rows = tuple(
@@ -293,7 +309,10 @@ def assess_best(
             candidates, current, known=left.known, sure=sure, systematic=systematic
         )
     findings += doubts
-    findings += _sample_findings(current, candidates[0].parameters, left.outliers)
+    # what the identification doubts is not said again
+    said = [finding.numbers.get("level") for finding in doubts if finding.code == "points-excluded"]
+    findings += [one for one in current.exclusions(best) if one.numbers.get("level", nan) not in said]
+    findings += _sample_findings(current, candidates[0].parameters)
     fits = left.known and not impossible and not left.unexplained
     return Assessment(fits, left.unexplained, tuple(findings))
 
@@ -336,14 +355,9 @@ def _overfitting_findings(fitted: float, candidates: Sequence[Candidate]) -> lis
     return [Finding("levels-predicted-worse", severity, numbers=numbers, names=names)]
 
 
-def _sample_findings(current: Round, parameters: int, outliers: int) -> list[Finding]:
-    """Find outliers, and too few points or levels for a ranking."""
-    found = []
-    count, tested = len(current.rows), current.sample["points"]
-    if outliers := outliers + tested - count:
-        # whether they speak against the law its identification says, of all points
-        numbers = quantities(excluded=outliers, **current.sample)
-        found.append(Finding("points-excluded", "warning", numbers=numbers, names={"by": "ranking"}))
+def _sample_findings(current: Round, parameters: int) -> list[Finding]:
+    """Find too few points or levels for a ranking."""
+    found, count = [], len(current.rows)
     if count < _MIN_POINTS_A_PARAMETER * parameters:
         numbers = quantities(**{current.counted: count}, parameters=parameters)
         found.append(Finding("ranking-few-points", "warning", numbers=numbers))

@@ -71,6 +71,7 @@ from rsgen.identification.ranking.candidate_fit import (
     shortest_range,
 )
 from rsgen.identification.ranking.library_sums import base_elements, surrogates
+from rsgen.identification.soundness import exclusion_findings
 from rsgen.identification.starting.equations import Equations
 from rsgen.identification.starting.start import solve_equations, start_fit
 from rsgen.identification.terms import fit_larger_backgrounds, fit_near, simplest_background
@@ -372,15 +373,18 @@ class PointRound(Round):
         The balance at noise of that size.
     noises
         (H+1,) relative noise of mean, fundamental (and force) and harmonics.
-    tested, measured
-        Points that are compared, and those of the test.
+    tested
+        The points of which those of the motion are a part.
+    measured, level_unit
+        Number of points of the test, and unit of its levels.
     """
 
     rows: PointBalance
     reference: Reference
     noises: Array
-    tested: int
+    tested: Points
     measured: int
+    level_unit: str
     counted: ClassVar[str] = "points"
 
     @property
@@ -388,10 +392,22 @@ class PointRound(Round):
         """Noise of the fundamental and the force; that of the last round where no points are neighbours."""
         return float(self.noises[1])
 
-    @property
-    def sample(self) -> dict[str, int]:
-        """How many points are compared, and of how many (all) they were chosen."""
-        return {"points": self.tested} | ({"all": self.measured} if self.measured > self.tested else {})
+    def exclusions(self, best: CandidateFit) -> list[Finding]:
+        """Find the points that the best law is not compared with, as its identification does."""
+        excluded = np.ones(len(self.tested), dtype=bool)
+        excluded[self.reference.chosen[~outliers_of(best, self.noises)]] = False
+        found = exclusion_findings(self.tested, excluded, self.measured, self.level_unit)
+        # whether they speak against the law its identification says, of all points
+        chosen = self.measured > len(self.tested)
+        return [
+            replace(
+                one,
+                severity="warning",
+                numbers={name: number for name, number in one.numbers.items() if chosen or name != "all"},
+                names={"by": "ranking"},
+            )
+            for one in found
+        ]
 
     def without_outliers(self, best: CandidateFit) -> PointRound | None:
         """Exclude the outliers of a law."""
@@ -451,7 +467,7 @@ class PointRound(Round):
             offset, left = constant_mean(mean[~out], points.amplitude[~out])
             if left < 1 - MIN_MISFIT_REDUCTION:
                 where["offset"] = Quantity(offset, "m")
-        return Misfit(systematic, unexplained, where, len(pairs) > 0, int(np.count_nonzero(out)))
+        return Misfit(systematic, unexplained, where, len(pairs) > 0)
 
 
 class PointTest(RankedTest):
@@ -483,7 +499,7 @@ class PointTest(RankedTest):
         for elements in given:
             law_of(elements, self.means)
         observed = Observed.of(points, base.observation.background)
-        self._measured = len(points)
+        self._measured = len(points), surface.level_unit
         self.observed, self.fixed = observed.select(points.spread(_MAX_POINTS)), base.fixed
         if needed := mass_needs(self.observed.points, base):
             raise RsgenError(f"ranking: the test does not determine the mass; give it, or {needed}")
@@ -527,7 +543,7 @@ class PointTest(RankedTest):
             noise = np.maximum(noise * np.where(np.isfinite(random), random, 1.0), MISFIT_NEGLIGIBLE)
         if leader.fault:
             return None
-        return PointRound(rows, leader, reference, noise, len(self.observed.points), self._measured)
+        return PointRound(rows, leader, reference, noise, self.observed.points, *self._measured)
 
     def larger_background(self, candidate: CandidateLaw) -> Finding | None:
         """Find a larger background with which a law leaves much less; None if there is none."""

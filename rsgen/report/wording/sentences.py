@@ -35,6 +35,7 @@ from rsgen.formula.units import count_text, number_text, quantity_text
 
 if TYPE_CHECKING:
     from rsgen.data.multisine import MultisineSpectra
+    from rsgen.identification.ranking import Ranking
 
 Say = Callable[[Finding], str]
 
@@ -296,6 +297,18 @@ def state_verdict(verdict: Verdict) -> StatedVerdict:
         "sentences": [full_sentence(finding) for finding in decided],
         "next_steps": [next_step(finding) for finding in decided],
     }
+
+
+def ranking_steps(ranking: Ranking | None) -> list[str]:
+    """Say how to go on with the best law of a ranking; [] without one, or where none fits."""
+    if ranking is None or not ranking.fits:
+        return []
+    if ranking.candidates[0].own:
+        return ['The best law is that of the case: identify it with `rsgen run`, without model = "rank".']
+    return [
+        f"To go on with this law, write {ranking.in_case} into the case (`rsgen init` writes one to begin "
+        'with) in place of its elements and of model = "rank", and use `rsgen run`.'
+    ]
 
 
 def explain(verdict: object) -> str:
