@@ -24,7 +24,7 @@ import numpy as np
 import rsgen.identification  # fits of multisines, where one is given
 from rsgen.common.arrays import Array
 from rsgen.common.errors import known_arguments, require
-from rsgen.common.finding import Finding, quantities
+from rsgen.common.finding import Finding
 from rsgen.common.tolerances import (
     BALANCE_HARMONICS,
     HARMONIC_TRUNCATION,
@@ -48,7 +48,7 @@ from rsgen.identification.judge import judge, prepare
 from rsgen.identification.misfit import law_misses, relative_misfit
 from rsgen.identification.prediction import Prediction, predict_held_out, predict_records
 from rsgen.identification.results import Identification, changed
-from rsgen.identification.soundness import held_points, runs_away, stopped_points
+from rsgen.identification.soundness import held_finding, held_points, runs_away, stopped_points
 from rsgen.identification.starting.start import start_fit
 from rsgen.law import LawLike
 
@@ -302,15 +302,10 @@ def _identify(surface: ResponseSurface, model: Model, attained: float, most: int
     if 0 < most < len(points):
         test = replace(test, problem=test.problem.select(points.spread(most)))
     problem, start = start_fit(test.problem)
-    moving = np.flatnonzero(~held_points(problem, start))
-    held = len(problem.observed.points) - len(moving)
-    if held and len(moving) > problem.count:
-        problem, start = start_fit(test.problem.select(moving))
-    else:
-        held = 0
+    held = held_points(problem, start)
+    findings = list[Finding]()
+    if held.any() and np.count_nonzero(~held) > problem.count:
+        findings = [held_finding(problem.observed.points, held, surface.units.of("N"))]
+        problem, start = start_fit(test.problem.select(np.flatnonzero(~held)))
     found = judge(replace(test, problem=problem), model, fit_all_harmonics(problem, start, attained))
-    if not held:
-        return found
-    numbers = quantities(excluded=held, points=len(moving) + held)
-    left_out = Finding("points-excluded", "info", numbers=numbers, names={"by": "friction"})
-    return changed(found, findings=(*found.findings, left_out))
+    return changed(found, findings=(*found.findings, *findings))

@@ -378,7 +378,7 @@ class Findings:
     def _implausible(self, calibrated: bool, not_identifiable: set[str]) -> Iterator[Finding]:
         mass = nan if "m" in not_identifiable else self.fit.mass
         # what friction nearly holds has any damping
-        moving = self.points.select(~nearly_held(self.points, self.fit))
+        moving = self.points.select(~nearly_held(self.points, self.fit.problem.law, self.fit.values))
         ratios = [r.damping_ratio for r in self.resonances if _run_of(moving, r).any()]
         damping = min((ratio for ratio in ratios if ratio > 0), default=nan)
         return plausibility_findings(self.surface, calibrated=calibrated, mass=mass, damping=damping)

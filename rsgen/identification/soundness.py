@@ -157,12 +157,13 @@ def exclusion_findings(
 
 def stopped_points(points: Points, fit: Fit) -> NDArray[np.bool_]:
     """(n,) points without a prediction where friction nearly holds the mass: noise of the force decides."""
-    return np.isnan(fit.regression.misfit) & nearly_held(points, fit)
+    return np.isnan(fit.regression.misfit) & nearly_held(points, fit.problem.law, fit.values)
 
 
-def nearly_held(points: Points, fit: Fit) -> NDArray[np.bool_]:
-    """(n,) points whose force hardly overcomes dry friction."""
-    return np.asarray(np.abs(points.force) < _MAX_FORCE_TO_FRICTION * _dry_friction(fit.problem, fit.values))
+def nearly_held(points: Points, law: ForceLaw, values: Array) -> NDArray[np.bool_]:
+    """(n,) points whose force hardly overcomes dry friction, up to which the law holds the mass at rest."""
+    friction = law.dry_friction(ROUND_OFF * float(np.max(points.amplitude * points.omega)), values)
+    return np.asarray(np.abs(points.force) < _MAX_FORCE_TO_FRICTION * friction)
 
 
 def held_points(problem: Problem, parameters: Array) -> NDArray[np.bool_]:
@@ -173,16 +174,16 @@ def held_points(problem: Problem, parameters: Array) -> NDArray[np.bool_]:
     """
     values, mass, background = problem.split(parameters)
     points = problem.observed.mode(background)
-    friction = _dry_friction(problem, values)
     left = abs(mass) * points.omega**2 * points.amplitude
-    size = np.abs(points.force)
-    return np.asarray((size < _MAX_FORCE_TO_FRICTION * friction) & (left < RELATIVE_ERROR_DOUBTFUL * size))
+    few = left < RELATIVE_ERROR_DOUBTFUL * np.abs(points.force)
+    return np.asarray(nearly_held(points, problem.law, values) & few)
 
 
-def _dry_friction(problem: Problem, values: Array) -> float:
-    """Force [N] up to which the law holds the mass at rest."""
-    points = problem.observed.points
-    return problem.law.dry_friction(ROUND_OFF * float(np.max(points.amplitude * points.omega)), values)
+def held_finding(points: Points, held: NDArray[np.bool_], unit: str) -> Finding:
+    """State how many points friction holds, which a fit leaves out, and up to which force."""
+    force = Quantity(float(np.abs(points.force[held]).max()), unit)
+    numbers = quantities(excluded=int(np.count_nonzero(held)), points=len(points), force=force)
+    return Finding("points-excluded", "info", numbers=numbers, names={"by": "friction"})
 
 
 def limit_findings(remarked: Sequence[Finding], fit: Fit) -> list[Finding]:

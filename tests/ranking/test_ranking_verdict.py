@@ -54,6 +54,23 @@ def test_the_law_is_found_where_friction_nearly_sticks(noise: float) -> None:
     assert ranking.candidates[0].held_out_error < max(1.2 * noise, 1e-5)
 
 
+@pytest.mark.parametrize(("low", "held"), [(1.05, 31), (1.15, 31), (1.27, 0)])
+def test_a_level_that_friction_nearly_holds_does_not_reject_the_law(low: float, held: int) -> None:
+    structure = Oscillator(MASS, "k*x + c*v + Ff*sign(v)", {"k": 5920.0, "c": 3.8, "Ff": 1.0})
+    test = SimulatedTest([low, 8.0], np.linspace(8.5, 11.5, 31), harmonics=5, accuracy=1e-6)
+    laws = ["k*x + c*v", "k*x + c*v + Ff*sign(v)", "k*x + c*v + kn*x**3"]
+    ranking = rank(rsgen.simulate(structure, test), laws)
+    assert ranking.fits
+    assert ranking.candidates[0].name == "c*v + k*x + Ff*sign(v)"
+    np.testing.assert_allclose([one.value for one in ranking.best], [1.0, 3.8, 5920.0, MASS], rtol=1e-6)
+    excluded = [one for one in ranking.findings if one.code == "points-excluded"]
+    assert {one.severity for one in excluded} <= {"info", "warning"}
+    by = {one.names["by"]: one for one in excluded}
+    assert by.get("friction", {"excluded": 0})["excluded"] == held
+    if held:
+        assert f"{held} of 62 points with forces up to {low} N" in sentence(by["friction"])
+
+
 def test_a_law_that_drives_its_exciter_is_no_reference_for_amplitudes_alone() -> None:
     test = PointTest(without_phase(measured("cubic")), BASE, ())
     law = make_element("law", "k*x + c*v + kn*x**3")

@@ -34,9 +34,11 @@ from rsgen.common.tolerances import (
     COMPARISON_POINTS,
     POINTS_PER_BLOCK,
 )
-from rsgen.identification.fitting.across import across_of_mode
+from rsgen.data.free_mode import fit_mode, steady
+from rsgen.identification.fitting.across import across_of_mode, law_of
 from rsgen.identification.fitting.observed import FORCE_TO_RESPONSE_NOISE, Observed
 from rsgen.identification.fitting.points import Points
+from rsgen.identification.ranking.library_sums import base_elements
 from rsgen.law.element import response_share
 from rsgen.law.motion import Motion, fourier_series
 from rsgen.law.numeric import ForceLaw
@@ -547,3 +549,24 @@ def _inverse_root(covariance: Array, known: NDArray[np.bool_]) -> Array:
     except np.linalg.LinAlgError:
         raise RsgenError("ranking: no candidate has forces that follow x and v near the test") from None
     return root
+
+
+def measured_rows(observed: Observed, background: Array, mass: float, sensors: str) -> PointBalance:
+    """Return a first-order balance about the measured motion.
+
+    Parameters
+    ----------
+    observed, background
+        The measured points, and a background to start from.
+    mass
+        Mass [kg]; NaN if it is free.
+    sensors
+        Between which elements act; "" where all follow the response.
+    """
+    motion = measured_motion(observed, background, sensors)
+    points = observed.points
+    balance = steady(motion.force, motion.harmonics[:, 1], points.omega)
+    found = fit_mode(*balance, np.ones((len(points), 1)), 1 / np.abs(motion.force), mass=mass)
+    values = found.values[[1, 0]]
+    law = law_of(tuple(base_elements("").values()))
+    return whiten_balance(motion, law, values, found.mass, np.ones(2), balanced=False, sensors=sensors)

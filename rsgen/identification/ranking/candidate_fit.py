@@ -25,6 +25,7 @@ from rsgen.common.tolerances import NEAR_STEPS
 from rsgen.formula import symbol
 from rsgen.identification.fitting.across import law_of
 from rsgen.identification.fitting.least_squares import Linearisation, Rules, descend
+from rsgen.identification.fitting.points import Points
 from rsgen.identification.ranking.balance import WhitenedBalance
 from rsgen.law.element import Element, forces_by_motion
 from rsgen.law.numeric import ForceLaw, compile_law
@@ -347,11 +348,14 @@ class RankedTest(ABC):
         The balance along the measured motion.
     means
         Whether the mean was recorded, of each motion that elements follow.
+    left_out
+        States the points that friction holds, and with which no law is compared.
     """
 
     fixed: Mapping[str, float]
     first: WhitenedBalance
     means: tuple[bool, ...]
+    left_out: Finding | None = None
 
     @abstractmethod
     def start(self, name: str, elements: tuple[Element, ...]) -> CandidateLaw:
@@ -385,3 +389,22 @@ def shortest_range(values: Array, power: Array) -> tuple[float, float] | None:
     if best is None or best[1] - best[0] > _MAX_RANGE * (ranked[-1] - ranked[0]):
         return None
     return best
+
+
+def locate_misfit(
+    best: CandidateFit, points: Points, pairs: NDArray[np.intp], missing: NDArray[np.bool_], misfit: Array
+) -> dict[str, Quantity]:
+    """Return the harmonics, frequencies and amplitudes of the misfit beyond noise."""
+    numbers = {f"harmonic {h}": Quantity(float(misfit[h])) for h in np.flatnonzero(missing).tolist()}
+    orders = np.repeat(np.arange(len(missing)), 2)[1:]
+    rows = best.compared & missing[orders]
+    # neighbours do not share noise: the mean of their product is the power of the misfit
+    power = np.sum(best.residual[pairs[:, 0]][:, rows] * best.residual[pairs[:, 1]][:, rows], axis=1)
+    for name, values, unit in (
+        ("frequency", points.omega / (2 * np.pi), "Hz"),
+        ("amplitude", points.amplitude, "m"),
+    ):
+        span = shortest_range(values[pairs].mean(axis=1), power)
+        if span is not None:
+            numbers |= {f"{name} from": Quantity(span[0], unit), f"{name} to": Quantity(span[1], unit)}
+    return numbers

@@ -376,7 +376,7 @@ def _ranking(
         names = {"law": best.candidate.name, "fault": str(fault)}
         doubts.append(Finding("law-unconfirmed", "doubt", names=names))
     assessment = assess_best(current, ordered[0], rows, doubts)
-    findings = assessment.findings
+    findings = assessment.findings + ((test.left_out,) if test.left_out else ())
     # no background takes the place of a law
     if 0 < assessment.unexplained < MISFIT_REJECTED and isinstance(surface, ResponseSurface):
         findings = _with_background(test, ordered, surface, findings)

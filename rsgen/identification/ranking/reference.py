@@ -35,7 +35,6 @@ from rsgen.common.tolerances import (
     SUBSAMPLE_POINTS,
     deviation_of_median,
 )
-from rsgen.data.free_mode import fit_mode, steady
 from rsgen.data.oscillator import Model, Oscillator, refuse_across
 from rsgen.data.surface import ResponseSurface
 from rsgen.dynamics.settling import SteadyStates
@@ -56,7 +55,7 @@ from rsgen.identification.ranking.balance import (
     MAX_MOTION_DISTANCE,
     PointBalance,
     ReferenceMotion,
-    measured_motion,
+    measured_rows,
     predicted_motion,
     whiten_balance,
 )
@@ -68,10 +67,10 @@ from rsgen.identification.ranking.candidate_fit import (
     RankedTest,
     Round,
     fit_candidate,
-    shortest_range,
+    locate_misfit,
 )
-from rsgen.identification.ranking.library_sums import base_elements, surrogates
-from rsgen.identification.soundness import exclusion_findings
+from rsgen.identification.ranking.library_sums import surrogates
+from rsgen.identification.soundness import exclusion_findings, held_finding, held_points, nearly_held
 from rsgen.identification.starting.equations import Equations
 from rsgen.identification.starting.start import solve_equations, start_fit
 from rsgen.identification.terms import fit_larger_backgrounds, fit_near, simplest_background
@@ -129,27 +128,6 @@ class Reference:
         return replace(self, chosen=self.chosen[chosen], motion=self.motion.select(chosen))
 
 
-def _first_rows(observed: Observed, background: Array, mass: float, sensors: str) -> PointBalance:
-    """Return a first-order balance about the measured motion.
-
-    Parameters
-    ----------
-    observed, background
-        The measured points, and a background to start from.
-    mass
-        Mass [kg]; NaN if it is free.
-    sensors
-        Between which elements act; "" where all follow the response.
-    """
-    motion = measured_motion(observed, background, sensors)
-    points = observed.points
-    balance = steady(motion.force, motion.harmonics[:, 1], points.omega)
-    found = fit_mode(*balance, np.ones((len(points), 1)), 1 / np.abs(motion.force), mass=mass)
-    values = found.values[[1, 0]]
-    law = law_of(tuple(base_elements("").values()))
-    return whiten_balance(motion, law, values, found.mass, np.ones(2), balanced=False, sensors=sensors)
-
-
 def fit_reference_motion(
     observed: Observed, best: CandidateLaw, fixed: Mapping[str, float]
 ) -> Reference | None:
@@ -181,7 +159,7 @@ def fit_reference_motion(
         if exact is not None:
             return exact
     chosen = np.flatnonzero(_predicted(found))
-    if len(chosen) < (1 - MAX_SHARE_OF_OUTLIERS) * len(found.force):
+    if not _enough(chosen, observed.points, law, found.values):
         return None
     part = found.select(chosen)
     if not observed.points.phase_known and feeds_exciter(part.force, part.harmonics[:, 1]):
@@ -227,6 +205,14 @@ def _predicted(found: Fit) -> NDArray[np.bool_]:
     return np.asarray(
         found.regression.used & np.isfinite(found.harmonics).all(axis=1) & np.isfinite(found.force)
     )
+
+
+def _enough(chosen: NDArray[np.intp], points: Points, law: ForceLaw, values: Array) -> bool:
+    """Return True if few points are lost, except those that dry friction nearly holds."""
+    moving = ~nearly_held(points, law, values)
+    moving[chosen] = True
+    needed = max((1 - MAX_SHARE_OF_OUTLIERS) * np.count_nonzero(moving), len(points) / 2)
+    return len(chosen) >= needed
 
 
 def _simulated_reference(best: CandidateLaw, found: Fit, fixed: Mapping[str, float]) -> Reference | None:
@@ -301,7 +287,7 @@ def _simulate_amplitudes(
         return None
     near = np.abs(np.abs(states.harmonics[:, 1]) / wanted - 1) < MAX_MOTION_DISTANCE
     chosen = np.flatnonzero(good & states.settled & near)
-    if len(chosen) < (1 - MAX_SHARE_OF_OUTLIERS) * len(points):
+    if not _enough(chosen, points, law, values):
         return None
     # turned to a fundamental of phase zero
     lag = np.angle(states.harmonics[chosen, 1])
@@ -396,7 +382,11 @@ class PointRound(Round):
         """Find the points that the best law is not compared with, as its identification does."""
         excluded = np.ones(len(self.tested), dtype=bool)
         excluded[self.reference.chosen[~outliers_of(best, self.noises)]] = False
-        found = exclusion_findings(self.tested, excluded, self.measured, self.level_unit)
+        law = best.candidate.law
+        stopped = nearly_held(self.tested, law, law.ordered(best.candidate.values))
+        found = exclusion_findings(
+            self.tested, excluded, self.measured, self.level_unit, stopped=stopped & excluded
+        )
         # whether they speak against the law its identification says, of all points
         chosen = self.measured > len(self.tested)
         return [
@@ -461,7 +451,7 @@ class PointRound(Round):
         counted = np.bincount(np.repeat(np.arange(len(misfit)), 2)[1:], fitted.compared) * len(pairs)
         missing = beyond_chance(correlation, counted) & (misfit > _max_misfits(points, len(misfit)))
         unexplained = float(np.sqrt(np.sum(misfit[missing] ** 2)))
-        where = _locate_misfit(fitted, points, pairs, missing, misfit) if missing.any() else {}
+        where = locate_misfit(fitted, points, pairs, missing, misfit) if missing.any() else {}
         if missing[0]:
             mean = points.harmonics[:, 0].real
             offset, left = constant_mean(mean[~out], points.amplitude[~out])
@@ -498,14 +488,17 @@ class PointTest(RankedTest):
         refuse_across(sensors, phases=not surface.phase_known)
         for elements in given:
             law_of(elements, self.means)
-        observed = Observed.of(points, base.observation.background)
+        observed, held = Observed.of(points, base.observation.background), _held(points, base, sensors)
+        if held.any():
+            self.left_out = held_finding(points, held, surface.units.of("N"))
+            points, observed = points.select(~held), observed.select(~held)
         self._measured = len(points), surface.level_unit
         self.observed, self.fixed = observed.select(points.spread(_MAX_POINTS)), base.fixed
         if needed := mass_needs(self.observed.points, base):
             raise RsgenError(f"ranking: the test does not determine the mass; give it, or {needed}")
         seen, background = _start_observed(self.observed, base, given, sensors)
         self._mode = seen.mode(background)
-        self.first = _first_rows(seen, background, self.fixed.get("m", nan), sensors)
+        self.first = measured_rows(seen, background, self.fixed.get("m", nan), sensors)
 
     def start(self, name: str, elements: tuple[Element, ...]) -> CandidateLaw:
         """Return a law with initial values from the first-order balance."""
@@ -560,6 +553,14 @@ class PointTest(RankedTest):
         return Finding("background-missing", "doubt", numbers=numbers, names={"kind": kind})
 
 
+def _held(points: Points, base: Model, sensors: str) -> NDArray[np.bool_]:
+    """(n,) points that friction holds, by a surrogate of any law with friction; none where few are left."""
+    elements = surrogates(sensors)[0]
+    problem = Problem(elements, law_of(elements), Observed.of(points, "none"), base.fixed)
+    held = held_points(problem, start_fit(problem.select(points.spread(SUBSAMPLE_POINTS)))[1])
+    return held & (np.count_nonzero(~held) > problem.count)
+
+
 def _start_observed(
     observed: Observed, base: Model, given: Collection[tuple[Element, ...]], sensors: str = ""
 ) -> tuple[Observed, Array]:
@@ -595,22 +596,3 @@ def _max_misfits(points: Points, count: int) -> Array:
     limits = np.maximum(MISFIT_NEGLIGIBLE, _MAX_UNEXPLAINED_OF_HARMONIC * size)
     limits[:2] = MAX_UNEXPLAINED
     return np.asarray(limits)
-
-
-def _locate_misfit(
-    best: CandidateFit, points: Points, pairs: NDArray[np.intp], missing: NDArray[np.bool_], misfit: Array
-) -> dict[str, Quantity]:
-    """Return the harmonics, frequencies and amplitudes of the misfit beyond noise."""
-    numbers = {f"harmonic {h}": Quantity(float(misfit[h])) for h in np.flatnonzero(missing).tolist()}
-    orders = np.repeat(np.arange(len(missing)), 2)[1:]
-    rows = best.compared & missing[orders]
-    # neighbours do not share noise: the mean of their product is the power of the misfit
-    power = np.sum(best.residual[pairs[:, 0]][:, rows] * best.residual[pairs[:, 1]][:, rows], axis=1)
-    for name, values, unit in (
-        ("frequency", points.omega / (2 * np.pi), "Hz"),
-        ("amplitude", points.amplitude, "m"),
-    ):
-        span = shortest_range(values[pairs].mean(axis=1), power)
-        if span is not None:
-            numbers |= {f"{name} from": Quantity(span[0], unit), f"{name} to": Quantity(span[1], unit)}
-    return numbers
