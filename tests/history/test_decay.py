@@ -64,6 +64,31 @@ def test_a_free_decay_gives_the_describing_functions(name: str, quantity: str) -
     np.testing.assert_allclose(found.damping_ratio, found.damping / (2 * MASS * omega), rtol=1e-12)
 
 
+@pytest.mark.parametrize(
+    ("k2", "k3", "quantity"),
+    [(0.0, 4e8, "displacement"), (5e5, 1e8, "displacement"), (0.0, 4e8, "velocity")],
+)
+def test_the_harmonics_of_a_decay_are_those_of_its_steady_motion(k2: float, k3: float, quantity: str) -> None:
+    mass, k, c, t = 0.5, 12000.0, 0.6, np.arange(0, 3, 1 / 2000)
+
+    def motion(t: float, y: np.ndarray) -> list[float]:
+        return [y[1], -(k * y[0] + k2 * y[0] ** 2 + k3 * y[0] ** 3 + c * y[1]) / mass]
+
+    x, v = solve_ivp(motion, (0, 3), [6e-3, 0], method="DOP853", t_eval=t, rtol=1e-10, atol=1e-14).y
+    measured = x if quantity == "displacement" else v
+    found = follow_decay(TimeHistory(2000, None, measured, quantity), mass=mass)
+    order = np.arange(2, 6)
+    turned = found.harmonics * np.exp(-1j * np.angle(found.harmonics[:, 1:2]) * np.arange(6))
+    share = turned[:, 2:] / found.amplitude[:, None]
+    # each harmonic of a steady motion loses work to the damper
+    loss = 1 + np.sum(order**2 * np.abs(share) ** 2, axis=1)
+    np.testing.assert_allclose(found.damping, c * loss, rtol=1e-3)
+    # and the third lags by the damper over its inertia, 3 omega c/(8 m omega^2); it led by as much
+    large = found.amplitude > 0.5 * found.amplitude[0]
+    lag = np.mean(np.angle(share[large, 1]) / (0.75 * found.damping_ratio[large]))
+    assert lag == pytest.approx(1, abs=0.25)
+
+
 @pytest.mark.parametrize("zeta", [0.01, 0.02, 0.03])
 def test_a_decay_of_a_few_percent_of_damping_is_followed(zeta: float) -> None:
     t = np.arange(0, 0.16 / zeta, 1 / RATE)

@@ -4,6 +4,15 @@ In a free decay the complex rate s (growth and frequency) of the fundamental obe
 change, 0 = k(X) + c(X) s + m (s^2 + s'), so that per unit mass
 
     c/m = -Im(s^2 + s')/Im s,        k/m = -Re(s^2 + s') - (c/m) Re s.
+
+Higher harmonics X_h decay, too: compared with a steady motion of omega^2 = k(X)/m they have an inertia
+
+    F_h/m = -((h omega)^2 X_h + A_h),        A_h = (s_h^2 + s_h') X_h,
+
+which is -i (2 h omega X_h' + h omega' X_h) to first order. It acts as a force would; without it harmonics are
+those of the steady motion, X_h + F_h/(m omega^2 (h^2 - 1)), with k(X) for the stiffness that they meet. What
+they lose of their energy passes through the fundamental and looks like a gain there, so that c/m is higher by
+sum h Im(F_h X_h*)/(m omega |X|^2): of a cubic spring by the share 27 |X_3/X|^2.
 """
 
 from __future__ import annotations
@@ -19,6 +28,7 @@ from numpy.typing import NDArray
 from rsgen.common.arrays import Array, ComplexArray
 from rsgen.common.errors import MeasurementError
 from rsgen.common.finding import Finding, Quantity
+from rsgen.data.free_mode import Kinematics
 from rsgen.data.history.envelope import (
     HARMONICS,
     NOISE_WIDTH,
@@ -276,11 +286,14 @@ def _follow_one(
     line = _strongest(samples, history, band)
     time, envelope, curve = _tracked(samples, history, line, harmonics, stretch.floor)
     omega, change = 2 * pi * np.asarray(curve(time)), 2 * pi * np.asarray(curve.derivative()(time))
+    order = np.arange(1, envelope.shape[1])
+    place = order * omega[:, None], order * change[:, None]
     motion = differentiate(envelope[:, 1], omega, change, history.quantity)
     table = displacement_harmonics(envelope[:, :, 0], omega, history.quantity, harmonics)
-    table[:, 1] = motion.displacement
+    table[:, order], loss = _as_steady(differentiate(envelope[:, 1:], *place, history.quantity), order)
     scale = mass if mass is not None else 1.0
     needed, damping = steady_force(np.zeros(len(time), dtype=complex), motion, scale, motion.omega)
+    damping = damping + scale * loss
     stiffness = np.asarray((needed / motion.displacement).real + scale * motion.omega**2)
     found = FreeDecay(
         time=time + begin / history.rate,
@@ -295,6 +308,20 @@ def _follow_one(
         label=history.label,
     )
     return replace(found, findings=_limits(found, stretch, history))
+
+
+def _as_steady(motions: Kinematics, order: NDArray[np.intp]) -> tuple[ComplexArray, Array]:
+    """Return displacements (n, h) [m] of the steady motion, and what c/m [1/s] (n,) lacks for harmonics."""
+    moved, square = motions.displacement, motions.omega[:, :1] ** 2
+    with np.errstate(divide="ignore", invalid="ignore"):
+        rate = motions.velocity / moved
+    # another mode near a harmonic, or noise, turns faster than it decays
+    turn = np.abs(rate.imag - order * rate.imag[:, :1])
+    own = (order > 1) & (turn < order * np.abs(rate.real[:, :1]))
+    held = np.where(own, -(order**2 * square * moved + motions.acceleration), 0)
+    work = np.nansum(order * (held * np.conj(moved)).imag, axis=1)
+    steady = moved + held / (np.maximum(order**2 - 1, 1) * square)
+    return steady, work / (motions.omega[:, 0] * np.abs(moved[:, 0]) ** 2)
 
 
 def _limits(decay: FreeDecay, stretch: Stretch, history: TimeHistory) -> tuple[Finding, ...]:

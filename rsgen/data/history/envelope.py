@@ -40,17 +40,17 @@ def highest_order(wanted: int, rate: float, frequency: float) -> int:
 
 
 def differentiate(envelope: ComplexArray, omega: Array, slope: Array, quantity: str) -> Kinematics:
-    """Return the kinematics of a harmonic from the envelope of the measured quantity.
+    """Return the kinematics of harmonics from the envelopes of the measured quantity.
 
-    ``envelope`` (n, 3) is the measured quantity and its first and second time derivative [SI], ``omega`` (n,)
-    the rate h phi' of the reference [rad/s], ``slope`` (n,) its change [rad/s^2].
+    ``envelope`` (..., 3) is the measured quantity and its first and second time derivative [SI], ``omega``
+    (...,) the rate h phi' of the reference [rad/s], ``slope`` (...,) its change [rad/s^2].
     """
-    y = envelope[:, 0]
+    y = envelope[..., 0]
     # NaN where nothing moves
     with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
-        growth = envelope[:, 1] / y
+        growth = envelope[..., 1] / y
         s = growth + 1j * omega
-        change = envelope[:, 2] / y - growth**2 + 1j * slope
+        change = envelope[..., 2] / y - growth**2 + 1j * slope
         if quantity == "displacement":
             return Kinematics(y, s * y, (s**2 + change) * y)
         if quantity == "velocity":
