@@ -87,16 +87,13 @@ def test_every_benchmark_finds_what_it_imports():
 
 
 @pytest.mark.thorough
-@pytest.mark.parametrize(
-    "program",
-    [
-        "accuracy --runs 2 --processes 1 cubic joint",
-        "background --runs 2 --processes 1",
-        "campaign --kind right --tests 2",
-        "verdicts --part untampered --seeds 1 --processes 1 cubic",
-        "wordings",
-    ],
-)
+@pytest.mark.parametrize("program", [
+    "accuracy --runs 2 --processes 1 cubic joint",
+    "background --runs 2 --processes 1",
+    "campaign --kind right --tests 2",
+    "verdicts --part untampered --seeds 1 --processes 1 cubic",
+    "wordings",
+])  # fmt: skip
 def test_a_small_part_of_a_benchmark_runs(program):
     # names that a program asks of the package only while it runs
     ran = subprocess.run([sys.executable, "-m", *f"benchmarks.{program}".split()], cwd=ROOT.parent,

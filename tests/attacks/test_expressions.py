@@ -54,11 +54,9 @@ ONCE = {
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(
-    "law",
-    [*QUICK.values(), *(pytest.param(law, marks=pytest.mark.thorough) for law in ONCE.values())],
-    ids=[*QUICK, *(f"once: {name}" for name in ONCE)],
-)
+@pytest.mark.parametrize("law", [
+    *QUICK.values(), *(pytest.param(law, marks=pytest.mark.thorough) for law in ONCE.values())
+], ids=[*QUICK, *(f"once: {name}" for name in ONCE)])  # fmt: skip
 def test_a_hard_text_has_an_answer(law):
     text, *memory = (law,) if isinstance(law, str) else law
     begun = time.process_time()

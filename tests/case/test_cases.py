@@ -41,11 +41,9 @@ def test_every_system_of_the_paper_has_a_case_and_others_say_that_they_are_beyon
     assert beyond == BEYOND
 
 
-@pytest.mark.parametrize(
-    "path",
-    [pytest.param(path, marks=[pytest.mark.thorough] if path.stem != "cubic" else []) for path in CASES],
-    ids=lambda path: path.stem,
-)
+@pytest.mark.parametrize("path", [
+    pytest.param(path, marks=[pytest.mark.thorough] if path.stem != "cubic" else []) for path in CASES
+], ids=lambda path: path.stem)  # fmt: skip
 def test_a_case_is_within_its_tolerances(path):
     comparison, _ = outcome(path)
     judged = [row for row in comparison.rows if row.tolerance is not None]

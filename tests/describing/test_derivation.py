@@ -72,10 +72,9 @@ def test_every_text_of_json_is_the_formula(run_cli, law):
         np.testing.assert_allclose(both[0], both[1], rtol=SAME, atol=SAME)
 
 
-@pytest.mark.parametrize(
-    ("words", "said"),
-    [(("--assume", "q>0"), "with a parameter of the law: k"), (("--assume", "k<0"), "name > 0")],
-)
+@pytest.mark.parametrize(("words", "said"), [
+    (("--assume", "q>0"), "with a parameter of the law: k"), (("--assume", "k<0"), "name > 0"),
+])  # fmt: skip
 def test_faults_of_options_are_named_in_one_sentence(words, said, run_cli, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     shown = run_cli("derive", "k*x", *words)

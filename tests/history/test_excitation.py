@@ -30,11 +30,9 @@ def multisine() -> np.ndarray:
 
 @pytest.mark.slow
 @pytest.mark.parametrize("reader", READERS)
-@pytest.mark.parametrize(
-    "force",
-    [RANDOM[0], sosfilt(BAND, RANDOM[0]), np.tile(RANDOM[0, :1000], len(TIME) // 1000), multisine(), blows()],
-    ids=["white", "band", "periodic noise", "multisine", "blows"],
-)
+@pytest.mark.parametrize("force", [
+    RANDOM[0], sosfilt(BAND, RANDOM[0]), np.tile(RANDOM[0, :1000], len(TIME) // 1000), multisine(), blows(),
+], ids=["white", "band", "periodic noise", "multisine", "blows"])  # fmt: skip
 def test_what_is_no_sine_is_refused(reader: str, force: np.ndarray) -> None:
     with pytest.raises(MeasurementError, match=r'blow.*"ring-down".*"multisine".*random force'):
         READERS[reader](TimeHistory(RATE, force, response_to(force)))

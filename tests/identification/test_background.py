@@ -71,10 +71,9 @@ def test_what_is_put_beside_the_mode_comes_out(cubic, kind, psi, a, b):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(
-    ("frequency", "ratio", "band"),
-    [pytest.param(8.9, 0.03, (8.5, 11.5), marks=pytest.mark.thorough), (11.2, 0.01, (9.2, 11.0))],
-)
+@pytest.mark.parametrize(("frequency", "ratio", "band"), [
+    pytest.param(8.9, 0.03, (8.5, 11.5), marks=pytest.mark.thorough), (11.2, 0.01, (9.2, 11.0)),
+])  # fmt: skip
 def test_a_neighbour_as_strong_as_the_mode_has_a_term_of_its_own(frequency, ratio, band):
     cubic = surface("cubic", frequencies=np.linspace(8, 12, 81))
     # 10 % away, as the modes of an aircraft at 6.5 and 7.3 Hz; inside the band, or just above it

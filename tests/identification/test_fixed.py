@@ -30,10 +30,9 @@ def found(law: str, *names: str) -> rsgen.Identification:
     )
 
 
-@pytest.mark.parametrize(
-    ("law", "name", "wrong"),
-    [("cubic", "k", 6200.0), ("piecewise", "b", 0.012), ("cubic", "kn", -2.4e5), ("combined", "cn", 1.35)],
-)
+@pytest.mark.parametrize(("law", "name", "wrong"), [
+    ("cubic", "k", 6200.0), ("piecewise", "b", 0.012), ("cubic", "kn", -2.4e5), ("combined", "cn", 1.35),
+])  # fmt: skip
 def test_a_wrong_value_is_contradicted_by_the_points(law, name, wrong):
     asked = rsgen.identify(noisy(surface(law), NOISE, 1), LAWS[law][0], fixed={name: wrong})
     (said,) = (finding for finding in asked.findings if finding.code == "fixed-contradicted")
@@ -45,10 +44,9 @@ def test_a_wrong_value_is_contradicted_by_the_points(law, name, wrong):
     assert not any(finding.code == "fixed-contradicted" for finding in found(law, name).findings)
 
 
-@pytest.mark.parametrize(
-    ("times", "said"),
-    [(2.0, "factor of 2, as"), (1000.0, "of 1000, as g from kg"), (2.2046, "pounds"), (3.0, "response; or")],
-)
+@pytest.mark.parametrize(("times", "said"), [
+    (2.0, "factor of 2, as"), (1000.0, "of 1000, as g from kg"), (2.2046, "pounds"), (3.0, "response; or"),
+])  # fmt: skip
 def test_a_mass_in_another_unit_is_named_and_not_the_law_blamed(times, said):
     asked = rsgen.identify(noisy(surface("cubic"), NOISE, 1), LAWS["cubic"][0], mass=times * MASS)
     (found,) = (finding for finding in asked.findings if finding.code == "fixed-contradicted")

@@ -151,10 +151,9 @@ def test_confounded_parameters_are_named():
     assert found["kn"].value == pytest.approx(-2.2e5, rel=1e-4)
 
 
-@pytest.mark.parametrize(
-    ("text", "said"),
-    [("ka*kr*x", "ka*kr"), ("ka/kr*x", "ka/kr"), ("(ka - kr)*x", "ka - kr"), ("ka*x + kr*x*3", "ka + 3*kr")],
-)
+@pytest.mark.parametrize(("text", "said"), [
+    ("ka*kr*x", "ka*kr"), ("ka/kr*x", "ka/kr"), ("(ka - kr)*x", "ka - kr"), ("ka*x + kr*x*3", "ka + 3*kr"),
+])  # fmt: skip
 def test_of_confounded_parameters_the_combination_that_shows_has_an_interval(text, said):
     table = noisy(surface("cubic"), 1e-3, 1)
     known = identify(table, model("cubic"))["k"]

@@ -105,10 +105,9 @@ def test_columns_of_force_and_response_have_all_that_a_named_channel_has(tmp_pat
             rs.load_case(write(tmp_path, read | changes))
 
 
-@pytest.mark.parametrize(
-    ("quantity", "power", "unit"),
-    [("displacement", 0, "m"), ("velocity", 1, "m/s"), ("acceleration", 2, "m/s^2")],
-)
+@pytest.mark.parametrize(("quantity", "power", "unit"), [
+    ("displacement", 0, "m"), ("velocity", 1, "m/s"), ("acceleration", 2, "m/s^2"),
+])  # fmt: skip
 @pytest.mark.parametrize("response", ["relative", "absolute"])
 def test_a_base_drives_by_its_acceleration(tmp_path, quantity, power, unit, response):
     base = 1e-4 * np.exp(0.3j) * np.ones(len(F))

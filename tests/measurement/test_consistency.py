@@ -147,10 +147,9 @@ def test_what_is_read_rightly_is_not_remarked(tmp_path, order):
 
 @pytest.mark.parametrize("order", [0, 1, 2])
 @pytest.mark.parametrize("lag", [False, True])
-@pytest.mark.parametrize(
-    ("phase", "sign", "reversed_part"),
-    [(True, False, "phase"), (False, True, "channel"), (True, True, "channel and phase")],
-)
+@pytest.mark.parametrize(("phase", "sign", "reversed_part"), [
+    (True, False, "phase"), (False, True, "channel"), (True, True, "channel and phase"),
+])  # fmt: skip
 def test_a_reversed_channel_or_phase_is_found(tmp_path, order, lag, phase, sign, reversed_part):
     response = receptance(BAND) * 1j**order * (-1 if sign else 1)
     (finding,) = findings(tmp_path, response.conj() if phase != lag else response, lag=lag, order=order)

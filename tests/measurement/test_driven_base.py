@@ -84,10 +84,9 @@ def test_a_reversed_base_below_a_stop_is_named_as_reversed():
 
 
 @pytest.mark.parametrize("recorded", ["absolute", "relative"])
-@pytest.mark.parametrize(
-    ("factor", "mistake"),
-    [(9.80665, "gravity"), (0.001, "milli"), (1000, "milli"), (2**0.5, "rms"), (0.5, "peak-to-peak")],
-)
+@pytest.mark.parametrize(("factor", "mistake"), [
+    (9.80665, "gravity"), (0.001, "milli"), (1000, "milli"), (2**0.5, "rms"), (0.5, "peak-to-peak"),
+])  # fmt: skip
 def test_a_factor_of_one_channel_against_the_other_is_named(tmp_path, recorded, factor, mistake):
     (found,) = findings(tmp_path, recorded, {"test.response.factor": factor})
     assert (found.code, found.severity, found.names["is"]) == ("base-misread", "error", mistake)

@@ -251,10 +251,9 @@ def test_blocks_change_nothing(table, size):
     equal_however_read(content, layout, size)
 
 
-@pytest.mark.parametrize(
-    ("delimiter", "decimal"),
-    [(",", "."), (";", "."), (";", ","), ("\t", ","), ("|", "."), ("whitespace", ",")],
-)
+@pytest.mark.parametrize(("delimiter", "decimal"), [
+    (",", "."), (";", "."), (";", ","), ("\t", ","), ("|", "."), ("whitespace", ","),
+])  # fmt: skip
 @pytest.mark.parametrize("cell", ODD)
 def test_one_odd_cell_changes_nothing(cell, delimiter, decimal):
     between = " " if delimiter == "whitespace" else delimiter

@@ -46,10 +46,9 @@ def surface_of(name: str) -> ResponseSurface:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(
-    ("name", "digits"),
-    [("csv-table", PRINTED), ("mat-v73", ROUND_OFF), ("npz-matrix", ROUND_OFF), ("uff-frf", 1e-11)],
-)
+@pytest.mark.parametrize(("name", "digits"), [
+    ("csv-table", PRINTED), ("mat-v73", ROUND_OFF), ("npz-matrix", ROUND_OFF), ("uff-frf", 1e-11),
+])  # fmt: skip
 def test_every_format_gives_the_same_surface(name, digits):
     reference, surface = surface_of("mat-struct"), surface_of(name)
     np.testing.assert_allclose(surface.frequency, reference.frequency, rtol=1e-12)

@@ -170,10 +170,9 @@ def test_a_unit_in_a_title(title, unit):
     assert unit_in(title) == unit
 
 
-@pytest.mark.parametrize(
-    ("title", "angular"),
-    [("freq [rad/s]", True), ("rad per sec", True), ("rads", True), ("rad / s", True), ("radius", False)],
-)
+@pytest.mark.parametrize(("title", "angular"), [
+    ("freq [rad/s]", True), ("rad per sec", True), ("rads", True), ("rad / s", True), ("radius", False),
+])  # fmt: skip
 def test_an_angular_frequency(title, angular):
     assert is_angular(title) == angular
 

@@ -49,11 +49,9 @@ def test_one_thing_wrong_is_doubted(tmp_path, name, wrong, codes):
     assert codes <= set(outcome.deciding)
 
 
-@pytest.mark.parametrize(
-    ("keys", "turned"),
-    [({"factor": -1.0}, np.pi), ({"quantity": "velocity"}, np.pi / 2), ({}, 0.0)],
-    ids=["sign", "quantity", "nothing wrong"],
-)
+@pytest.mark.parametrize(("keys", "turned"), [
+    ({"factor": -1.0}, np.pi), ({"quantity": "velocity"}, np.pi / 2), ({}, 0.0),
+], ids=["sign", "quantity", "nothing wrong"])  # fmt: skip
 def test_a_background_takes_up_no_sign_and_no_quantity(tmp_path, keys, turned):
     test = replace(stepped("cubic", every=QUICK), further={"identify": {"background": "phase"}})
     outcome = judge(test.reading("response", **keys).write(tmp_path))
