@@ -371,15 +371,11 @@ def test_frames_and_files_bring_every_column_back(tmp_path):
 LAW = "k1*x + kn1*x**3 + c1*v"
 
 
-def noisy_surface() -> ResponseSurface:
-    surface, random = cubic_surface(), np.random.default_rng(3)
-    noise = 1 + 0.01 * (random.standard_normal((2, len(surface))) * [[1], [1j]]).sum(axis=0)
-    return ResponseSurface(surface.level, surface.frequency, surface.force, noise * surface.harmonics[:, 1])
-
-
 @pytest.mark.parametrize("copied", [np.arange(200), np.full(60, 17)], ids=["many rows", "one row often"])
 def test_copies_change_neither_values_nor_intervals(copied):
-    surface = noisy_surface()
+    exact, random = cubic_surface(), np.random.default_rng(3)
+    noise = 1 + 0.01 * (random.standard_normal((2, len(exact))) * [[1], [1j]]).sum(axis=0)
+    surface = ResponseSurface(exact.level, exact.frequency, exact.force, noise * exact.harmonics[:, 1])
     rows = np.concatenate([np.arange(len(surface)), copied])
     assert without_copies(surface) is surface
     found, again = rs.identify(surface, LAW), rs.identify(surface.select(rows), LAW)

@@ -62,12 +62,6 @@ def examine(scratch: Scratch, fault: Fault, blind: Collection[str]) -> Result:
     return Result(fault, seen, time.monotonic() - started, said)
 
 
-def _line(result: Result) -> str:
-    verdict = ", ".join(result.seen) or "NOT SEEN"
-    more = "" if result.good else f"; the table names {', '.join(result.fault.caught)}; {result.said}"
-    return f"{result.fault.name}: {verdict} ({result.seconds:.0f} s){more}"
-
-
 def report(results: Sequence[Result], minutes: float) -> str:
     seen = sum(bool(result.seen) for result in results)
     text = (
@@ -102,8 +96,10 @@ def main(words: Sequence[str]) -> int:
         if ran.broken:
             print(f"without any fault: {ran.broken}", flush=True)
         for fault in faults:
-            results.append(examine(scratch, fault, ran.failed))
-            print(_line(results[-1]), flush=True)
+            results.append(result := examine(scratch, fault, ran.failed))
+            verdict = ", ".join(result.seen) or "NOT SEEN"
+            more = "" if result.good else f"; the table names {', '.join(fault.caught)}; {result.said}"
+            print(f"{fault.name}: {verdict} ({result.seconds:.0f} s){more}", flush=True)
     minutes = (time.monotonic() - started) / 60
     print(f"{sum(bool(r.seen) for r in results)} of {len(results)} faults are seen; {minutes:.1f} minutes")
     if not words:

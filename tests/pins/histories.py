@@ -97,10 +97,6 @@ def _decay_surface() -> rsgen.ResponseSurface:
     return from_free_decay(_tap("cubic", "displacement", 1e-3), mass=MASS)
 
 
-def _identified_decay() -> Tree:
-    return trees.identification(rsgen.identify(_decay_surface(), "k*x + kn*x**3 + c*v", mass=MASS))
-
-
 PINS = {
     "swept/up": Pin(lambda: _swept(swept(UP, 11.0)), INTEGRATED),
     "swept/down": Pin(lambda: _swept(swept(DOWN, 9.0)), INTEGRATED),
@@ -124,7 +120,9 @@ PINS = {
     "decay/acceleration": Pin(lambda: _followed("cubic", "acceleration", 1e-3), INTEGRATED),
     "decay/without-mass": Pin(lambda: _followed("drag", "velocity", 1e-3, None), INTEGRATED),
     "decay/surface": Pin(lambda: trees.surface(_decay_surface()), INTEGRATED),
-    "decay/identified": Pin(_identified_decay),
+    "decay/identified": Pin(
+        lambda: trees.identification(rsgen.identify(_decay_surface(), "k*x + kn*x**3 + c*v", mass=MASS))
+    ),
 }  # fmt: skip
 
 if __name__ == "__main__":

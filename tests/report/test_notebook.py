@@ -16,7 +16,7 @@ from hypothesis import strategies as st
 from nbclient import NotebookClient
 
 import rsgen
-from rsgen import Case, figures, load_case
+from rsgen import figures, load_case
 from rsgen.app.study import run_cases
 from rsgen.common.errors import RsgenError
 from rsgen.report.notebook import build_notebook, literal, prose, write_notebook
@@ -111,17 +111,12 @@ def outputs(notebook: nbformat.NotebookNode) -> dict[str, list[nbformat.Notebook
     return {cell.id: cell.outputs for cell in notebook.cells if cell.cell_type == "code"}
 
 
-def small_case(folder: Path, **changes: float) -> Case:
-    source = write_small(folder, "once", SPRING | changes)
-    case = load_case(source)
-    source.unlink()
-    return case
-
-
 @pytest.mark.thorough
 def test_the_run_and_a_kernel_of_its_own_give_the_same_notebook(tmp_path, monkeypatch):
     """A kernel in an empty folder has the public interface alone; the run gives its cells what it has."""
-    case = small_case(tmp_path)
+    source = write_small(tmp_path, "once", SPRING)
+    case = load_case(source)
+    source.unlink()
     surface = rsgen.simulate(case.oscillator, case.test)
     identification = rsgen.identify(surface, case.model)
     comparison = rsgen.compare(identification, case.truth, case.accept)
