@@ -5,8 +5,9 @@ import pytest
 from rsgen.cases import load_case
 from tests.case_files import law, write_small
 
+pytestmark = pytest.mark.slow
 
-@pytest.mark.slow
+
 def test_a_simulation_without_a_settled_point_is_no_success(tmp_path, run_cli):
     # it settles where the cubic damper wins, 6 m away
     changes = law("k*x + c*v + c3*v**3", k=5000, c=-40, c3=1e-3) | {"test.frequency.count": 3}
@@ -16,7 +17,6 @@ def test_a_simulation_without_a_settled_point_is_no_success(tmp_path, run_cli):
     assert "check the values of [truth], their signs first" in simulated.out
 
 
-@pytest.mark.slow
 def test_a_case_begins_with_a_law_with_memory(tmp_path, run_cli):
     path = tmp_path / "joint.toml"
     equations = ("y = q*v - r*y*abs(v)", "z = a*v - b*abs(v)*z")
@@ -32,7 +32,6 @@ def test_a_case_begins_with_a_law_with_memory(tmp_path, run_cli):
 BOUC_WEN = ("k*x + z", "--memory", "z' = alpha*v - bg*abs(v)*z - bd*v*abs(z)")
 
 
-@pytest.mark.slow
 def test_equations_of_states_are_shown(run_cli):
     said = run_cli("derive", *BOUC_WEN)
     assert said.code == 0

@@ -11,7 +11,6 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.transforms import Bbox
 
@@ -161,10 +160,6 @@ def test_text_of_a_figure_is_never_mathematics():
     assert figure is not drawing.figure
 
 
-def draw_law(ax: Axes) -> Drawing:
-    return figures.draw_derivation(derive(make_element("law", "k*x + kn*x**3")), ax=ax)
-
-
 @pytest.mark.slow
 @pytest.mark.parametrize("name", [*DRAWINGS, "derivation"])
 def test_a_figure_goes_on_axes_of_the_caller(name):
@@ -173,7 +168,8 @@ def test_a_figure_goes_on_axes_of_the_caller(name):
     projection = "3d" if name == "surface" else None
     mine, other = figure.add_subplot(grid[0, 0], projection=projection), figure.add_subplot(grid[1, 1])
     before = figure.get_layout_engine()
-    drawing = (DRAWINGS | {"derivation": draw_law})[name](mine)
+    law = derive(make_element("law", "k*x + kn*x**3"))
+    drawing = DRAWINGS[name](mine) if name in DRAWINGS else figures.draw_derivation(law, ax=mine)
     assert drawing.figure is figure
     assert drawing.name == name
     assert mine.has_data()

@@ -21,6 +21,8 @@ from rsgen.law.element import make_element
 from rsgen.report.wording import sentence
 from tests.oracles.swept import driven, sweep
 
+pytestmark = pytest.mark.slow
+
 CASES = Path(__file__).parents[2] / "cases"
 
 AS_STEPPED = 5e-3
@@ -39,7 +41,6 @@ def forced(law: SweepLaw, rate: float, duration: float, level: float = 1.0) -> T
     return TimeHistory(rate, level * np.cos(law.phase_at(t)), np.sin(law.phase_at(t)))
 
 
-@pytest.mark.slow
 @settings(max_examples=20)
 @given(
     kind=st.sampled_from(["linear", "logarithmic"]), low=st.floats(2, 20), ratio=st.floats(1.5, 8),
@@ -91,7 +92,6 @@ def test_an_envelope_is_exact_for_a_cubic_and_its_noise_as_the_bandwidth_says() 
     assert np.mean(np.abs(taken) ** 2) == pytest.approx(4 * width / rate, rel=0.12)
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("quantity", ["displacement", "velocity", "acceleration"])
 def test_a_fast_sweep_of_a_linear_oscillator_is_corrected(quantity: str) -> None:
     # the receptance of a linear oscillator is known; at rate/(half width)^2 = 5 it is shifted by a half width
@@ -145,7 +145,6 @@ def against_stepped(o: Oscillator, surface: ResponseSurface) -> tuple[np.ndarray
     return np.abs(k[same]), np.abs(found.imag / stepped.imag - 1)[same & near]
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("name", [
     "cubic",
     "coulomb",
@@ -181,7 +180,6 @@ def jumping(cubic: float, level: float, law: SweepLaw, stop: float) -> TimeHisto
     return sweep(o, level, law, stop, 200.0)
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("cubic", [8e6, -8e6])
 @pytest.mark.parametrize("down", [False, True])
 @pytest.mark.parametrize("noise", [0.0, 0.02])
@@ -209,7 +207,6 @@ def test_the_frequency_of_a_point_is_that_of_the_force(cubic: float, down: bool,
     assert np.median(error) < 0.05
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize(
     ("pace", "wrong", "severity"), [(0.2, 0, "warning"), (0.2, 0.2, "doubt"), (2, 0, "doubt")]
 )
@@ -229,7 +226,6 @@ def test_a_correction_that_is_in_doubt_doubts_the_result(pace, wrong, severity, 
     assert sentence(fast)
 
 
-@pytest.mark.slow
 def test_points_with_a_force_in_its_noise_are_not_settled() -> None:
     law, rate, n = SweepLaw("linear", 8.0, 0.05), 200.0, 16000
     t = np.arange(n) / rate
@@ -247,7 +243,6 @@ def test_points_with_a_force_in_its_noise_are_not_settled() -> None:
     assert np.mean(surface.settled[np.abs(surface.frequency - 10) > 0.5]) > 0.95
 
 
-@pytest.mark.slow
 def test_another_mode_in_the_band_is_found() -> None:
     law, rate, n = SweepLaw("linear", 6.0, 0.1), 400.0, 40000
     force = np.cos(law.phase_at(np.arange(n) / rate))

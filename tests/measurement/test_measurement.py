@@ -58,12 +58,6 @@ def plain(path: Path) -> MeasuredTest:
     return plan(write(path, f=FREQUENCY, **parts))
 
 
-def by_number(path: Path, **changes: Any) -> MeasuredTest:
-    """Plan to read frequency, force and the two parts of a response, in this order."""
-    known = {"frequency": 1, "force": Channel(amplitude=2), "response": Channel(real=3, imaginary=4)}
-    return plan(path, **known | {"level": LevelRule()} | changes)
-
-
 def _velocity_mm_rms_deg_lag(path: Path) -> MeasuredTest:
     velocity = 1j * OMEGA * DISPLACEMENT * 1e3 / math.sqrt(2)
     lag = -np.degrees(np.angle(velocity / FORCE))
@@ -192,7 +186,8 @@ def test_hash_is_checked_and_a_missing_line_end_said(tmp_path):
     path.write_bytes(b"1 1 1 1\n2 1 1 1")
 
     def said(*sha256: str) -> list[str]:
-        surface = read_measurement(by_number(path, sha256=sha256))
+        signals = Channel(amplitude=2), Channel(real=3, imaginary=4)
+        surface = read_measurement(MeasuredTest(path, 1, *signals, "displacement", sha256=sha256))
         assert len(surface) == 2
         return [finding.code for finding in surface.findings if finding.code == "last-line-open"]
 

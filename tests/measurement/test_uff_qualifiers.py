@@ -14,6 +14,8 @@ from rsgen.files import read_measurement
 from rsgen.files.inspection import list_contents
 from tests.inspection.drafts import drafted
 
+pytestmark = pytest.mark.slow
+
 pyuff = pytest.importorskip("pyuff", reason="no pyuff here: install rsgen[test]")
 
 FREQUENCY = np.linspace(8.0, 12.0, 41)
@@ -66,7 +68,6 @@ def write(path: Path, *sets: dict[str, Any]) -> Path:
     return path
 
 
-@pytest.mark.slow
 def test_a_file_of_pyuff_in_inches_and_pounds(tmp_path, run_cli):
     """What pyuff wrote is read in SI; inspect says what it is in the words of ISO 7626."""
     header = pyuff.prepare_151(
@@ -91,7 +92,6 @@ def test_a_file_of_pyuff_in_inches_and_pounds(tmp_path, run_cli):
     np.testing.assert_allclose(surface.frequency, FREQUENCY, rtol=1e-12)
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize(
     ("said", "scale", "factor"), [(3, {"scale": "rms"}, 2**0.5), (1, {"factor": 2.0}, 2.0), (2, {}, 1.0)]
 )
@@ -122,7 +122,6 @@ def test_amplitudes_of_spectra_are_what_the_file_says(tmp_path, run_cli, said, s
         read_measurement(test)
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize(("said", "axes", "reason"), [
     ({"octave_format": 3}, (11, 13), "is in bands of 1/3 octave"),
     ({"weighting_type": 1}, (11, 13), r"has a frequency weighting \(A, data set 1858\)"),
