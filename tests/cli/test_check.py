@@ -1,10 +1,13 @@
-"""What `run` refuses, `check` refuses before it, for the same reason."""
+"""What `run` refuses, `check` refuses before it; what commands say of a law, and tables without a law."""
 
+import csv
 import json
 
 import pytest
 
+import rsgen
 from rsgen.app.study import run_case
+from rsgen.cases import load_case
 from tests.case_files import law, write_small
 
 LINEAR = {**law("k*x", "c*v", k=5920.0, c=3.8), "test.level.values": [1, 3], "test.frequency.count": 15}
@@ -88,3 +91,72 @@ def test_commands_refuse_a_free_power_of_a_state_with_the_law_to_write(tmp_path,
         assert "z: a force to a power that is to be identified; write it as a share of one" in refused.err
     held = run_cli("check", write_small(tmp_path, "held", changes | {"identify.fixed": {"n": 1.0}}))
     assert held.code == 0
+
+
+@pytest.mark.slow
+def test_a_simulation_without_a_settled_point_is_no_success(tmp_path, run_cli):
+    # it settles where the cubic damper wins, 6 m away
+    changes = law("k*x + c*v + c3*v**3", k=5000, c=-40, c3=1e-3) | {"test.frequency.count": 3}
+    simulated = run_cli("simulate", write_small(tmp_path, changes=changes), "--out", tmp_path / "s.h5")
+    assert simulated.code == 1
+    assert "0 settled" in simulated.out
+    assert "check the values of [truth], their signs first" in simulated.out
+
+
+@pytest.mark.slow
+def test_a_case_begins_with_a_law_with_memory(tmp_path, run_cli):
+    path = tmp_path / "joint.toml"
+    equations = ("y = q*v - r*y*abs(v)", "z = a*v - b*abs(v)*z")
+    options = [word for equation in equations for word in ("--memory", equation)]
+    assert run_cli("init", path, "--law", "k*x + c*v + y + z", *options).code == 0
+    case = load_case(path)
+    assert case.model.elements[-1].memory == {"y": "q*v - r*y*abs(v)", "z": "a*v - b*z*abs(v)"}
+    assert "identifies m, a, b, c, k, q, r" in run_cli("check", path).out
+    refused = run_cli("init", tmp_path / "no.toml", "--law", "k*x + c*v", "--memory", "z = a*v")
+    assert (refused.code, "z stands neither in the force" in refused.err) == (2, True)
+
+
+BOUC_WEN = ("k*x + z", "--memory", "z' = alpha*v - bg*abs(v)*z - bd*v*abs(z)")
+
+
+@pytest.mark.slow
+def test_equations_of_states_are_shown(run_cli):
+    said = run_cli("derive", *BOUC_WEN)
+    assert said.code == 0
+    assert "n(x, v, z)  = k x + z" in said.out
+    assert "memory     z'          = alpha v - bd v |z| - bg z |v|" in said.out
+    assert "energy     D(X)        = integral_0^2pi X cos(phi) z(phi) dphi" in said.out
+
+
+HARDENING = {
+    **law("k*x + k3*x**3 + c*v", k=5920, k3=3e5, c=3.8), "test.level.values": [1, 2, 4, 8],
+    "test.frequency": {"start": 9.3, "stop": 10.9, "count": 17}, "identify.hold_out": [4],
+}  # fmt: skip
+
+
+@pytest.fixture
+def case(tmp_path):
+    return write_small(tmp_path, changes=HARDENING)
+
+
+def test_the_table_is_printed_and_written_and_a_held_out_level_scored(case, tmp_path, run_cli):
+    target = tmp_path / "modal.csv"
+    answer = run_cli("modal", case, "--csv", target)
+    assert answer.code == 0
+    lines = answer.out.splitlines()
+    assert lines[0].startswith("Modal table without a law: ")
+    assert lines[1].split()[:3] == ["X", "[m]", "frequency"]
+    assert "held out 4 N, rest: 17 of 17 points predicted, error" in answer.out
+    rows = list(csv.DictReader(target.read_text().splitlines()))
+    assert float(rows[0]["damping [N*s/m]"]) == pytest.approx(3.8, rel=1e-3)
+    loaded = rsgen.load_case(case)
+    table = rsgen.modal_table(rsgen.simulate(loaded.oscillator, loaded.test), loaded.model)
+    assert [float(row["amplitude [m]"]) for row in rows] == pytest.approx(list(table.amplitude), rel=1e-9)
+
+
+def test_what_cannot_be_tabulated_is_said_with_exit_code_two(tmp_path, run_cli):
+    below = HARDENING | {"test.frequency": {"start": 6, "stop": 8, "count": 17}}
+    answer = run_cli("modal", write_small(tmp_path, changes=below))
+    assert (answer.code, answer.out) == (2, "")
+    assert "points lie within 45 degrees of resonance" in answer.err
+    assert "sweep the other way" in answer.err

@@ -5,11 +5,17 @@ import pytest
 import sympy
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
+from scipy.special import j0
 
 from rsgen.common.errors import ExpressionError, RsgenError
+from rsgen.describing import closed as terms
 from rsgen.describing import compare_printed, derive
+from rsgen.describing.closed import over_quarters
+from rsgen.describing.quadrature import Cycle, switching_angles
 from rsgen.formula import parse, symbol, write
 from rsgen.formula.evaluation import compiled
+from rsgen.law import make_element
+from rsgen.law.normal_form import normal_form
 from tests.oracles.cycle import relative_errors
 
 EXACT = 1e-10
@@ -205,3 +211,89 @@ QUIET = (HealthCheck.too_slow, HealthCheck.data_too_large, HealthCheck.filter_to
 @given(law=FORCE, signs=SIZES)
 def test_random_laws(law, signs):
     check_random_law(law, signs)
+
+
+CLOSE = 1e-12  # of the amplitude; the quadrature of the mean force has 1e-13
+EDGE = 1e-6  # the force leaves the range with power 3/2, so that its edge is known to fewer digits
+
+
+@pytest.mark.parametrize(("law", "values"), [
+    ("k*x + k2*x**2 + F*tanh(x/a)", {"k": 1.0, "k2": 0.1, "F": 1.0, "a": 1.0}),
+    ("k0*x + k*Max(0, x - b)**1.5", {"k0": 1.0, "k": 1.0, "b": 0.5}),
+    ("Piecewise((k1*x, x > 0), (k2*x, True))", {"k1": 1.0, "k2": 2.0}),
+    ("k*x + F*exp(-abs(x - b)/a)", {"k": 1.0, "F": 1.0, "a": 1.0, "b": 1.0}),
+    ("F*sign(x - b) + k*x", {"F": 1.0, "k": 1.0, "b": 0.4}),
+])  # fmt: skip
+def test_means_of_many_amplitudes_balance_as_those_of_few(law, values):
+    derived = derive(law)
+    X = np.geomspace(0.01, 2, 3000)
+    many = derived.evaluate(X, 1.0, values).mean
+    few = derived.evaluate(X[::97], 1.0, values).mean
+    np.testing.assert_allclose(many[::97] / X[::97], few / X[::97], rtol=0, atol=CLOSE)
+
+
+def test_of_a_range_of_means_the_edge_next_to_rest_counts():
+    # free between 1 and 3: a cycle of 0.5 pushes nowhere while its mean is between 1.5 and 2.5
+    derived = derive("k*Max(0, x - b) + k*Min(0, x - d)")
+    mean = derived.evaluate(0.5, 1.0, {"k": 2.0, "b": 3.0, "d": 1.0}).mean
+    assert abs(mean - 1.5) < EDGE
+
+
+def test_of_several_places_of_rest_the_nearest_counts():
+    # mean of sin(a (X0 + X sin phi)) is J0(a X) sin(a X0): a wave of places of rest, pushed aside by F0
+    values = {"F": 2.0, "a": 1.5, "F0": 0.7}
+    X = np.array([0.1, 0.4, 0.8])
+    mean = derive("F*sin(a*x) + F0").evaluate(X, 1.0, values).mean
+    np.testing.assert_allclose(mean, -np.arcsin(0.7 / (2.0 * j0(1.5 * X))) / 1.5, rtol=1e-10)
+
+
+def test_the_mean_of_a_state_counts_as_that_of_a_spring():
+    # the mean of z' = b (x^2 - z) is that of x^2: k X0 + X0^2 + X^2/2 = 0
+    derived = derive(make_element("law", "k*x + z", {"z": "b*(x**2 - z)"}))
+    mean = derived.evaluate(0.3, 1.0, {"k": 2.0, "b": 3.0}).mean
+    assert mean == pytest.approx((-2 + np.sqrt(4 - 2 * 0.3**2)) / 2, rel=1e-8)
+
+
+ZERO = 1e-12  # of a switch function of size one
+
+
+@pytest.mark.parametrize(
+    "function", ["a*x + b*v", "a*x - b*v + 0.2", "x*x + b*v - a", "x - b", "v + b", "sin(x) - b*v"]
+)
+def test_switch_functions_vanish_where_a_cycle_is_split(function):
+    law = parse(f"sign({function})")
+    names = (symbol("a"), symbol("b"))
+    values = (np.array([0.7, 1.3]), np.array([0.4, 0.9]))
+    cycle = Cycle(np.array([1.5, 2.0]), np.array([0.1, -0.2]), np.array([0.8, 1.2]), values)
+    angles = switching_angles(normal_form(law), names, cycle)
+    x = cycle.mean[:, None] + cycle.X[:, None] * np.sin(angles)
+    v = (cycle.omega * cycle.X)[:, None] * np.cos(angles)
+    (level,) = compiled((parse(function),), (symbol("x"), symbol("v"), *names))(
+        x, v, *(p[:, None] for p in values)
+    )
+    assert angles.shape[1] >= 2
+    # rows with fewer crossings than others are filled up with the bottom of the cycle
+    assert np.abs(level[angles != -np.pi / 2]).max() < ZERO
+
+
+# the fault is put into one integral; the law is in no other test, for derivations are remembered
+LAW = "2.75*k*abs(x)**p*sign(x)"
+
+
+def test_wrong_form_is_found_and_not_used(monkeypatch):
+    monkeypatch.setattr(terms, "over_quarters", lambda *where: over_quarters(*where) * (1 + parse("1e-9")))
+    derived = derive(LAW)
+    assert not derived.closed_form
+    assert derived.checked_to is None
+    assert any("differs from quadrature by" in remark for remark in derived.remarks)
+    found = derived.evaluate(1.3, 1.0, {"k": 2.0, "p": 3.0})
+    assert abs(found.stiffness / (0.75 * 2.75 * 2.0 * 1.3**2) - 1) < EXACT
+
+
+@pytest.mark.slow
+def test_formulas_of_pages_are_left_to_quadrature():
+    derived = derive("abs(x - a)*abs(x - b)*abs(x - c)*abs(x - d)")
+    assert not derived.closed_form
+    assert np.isfinite(
+        derived.evaluate(1.0, 1.0, {"a": 0.2, "b": 0.4, "c": 0.6, "d": -0.3}, mean=0.1).stiffness
+    )
