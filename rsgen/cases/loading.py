@@ -355,11 +355,7 @@ class _Builder:
             self.fault("accept", "a measured case has no truth to be compared with; leave [accept] out")
             return {}
         base = getattr(self.document.test, "base", None) is not None
-        known = [
-            *units,
-            *([] if base else [MASS]),
-            *force_keys(total_force(elements)),
-        ]
+        known = [*units, *([] if base else [MASS]), *force_keys(total_force(elements))]
         for name in table:
             if name not in known:
                 hint = f"{suggest(name, known)}known: {', '.join(known)}"

@@ -158,11 +158,7 @@ class DescribingFunction(Brief):
         return _scaled(self.damping, sympy.pi * symbol("omega") * symbol("X") ** 2)
 
     def evaluate(
-        self,
-        X: ArrayLike,
-        omega: ArrayLike,
-        values: Mapping[str, float],
-        mean: ArrayLike | None = None,
+        self, X: ArrayLike, omega: ArrayLike, values: Mapping[str, float], mean: ArrayLike | None = None
     ) -> Equivalent:
         """Compute equivalent stiffness and damping for amplitudes and frequencies.
 

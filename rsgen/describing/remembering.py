@@ -23,14 +23,7 @@ import sympy
 from rsgen.common.arrays import Array, blocks
 from rsgen.common.errors import ExpressionError
 from rsgen.describing.function import DescribingFunction, Remembered, taken_as_positive
-from rsgen.describing.masing import (
-    Branches,
-    ClosedMasing,
-    close_masing,
-    decisive_in,
-    loop_of,
-    on_cycle,
-)
+from rsgen.describing.masing import Branches, ClosedMasing, close_masing, decisive_in, loop_of, on_cycle
 from rsgen.describing.quadrature import MIN_PROOF_CYCLES, PROOF_TOLERANCE, between_thresholds
 from rsgen.describing.regimes import Reading
 from rsgen.formula import symbol
@@ -141,11 +134,7 @@ class _Formulas:
 
 
 def add_memory(
-    force: sympy.Expr,
-    names: tuple[str, ...],
-    parts: Parts,
-    plain: DescribingFunction,
-    known: frozenset[str],
+    force: sympy.Expr, names: tuple[str, ...], parts: Parts, plain: DescribingFunction, known: frozenset[str]
 ) -> DescribingFunction:
     """Add the describing functions of the memories of a law to that of its memoryless part.
 

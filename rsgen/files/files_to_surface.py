@@ -354,11 +354,7 @@ def _as_number(value: int | str | None) -> float:
 
 
 def _directions(
-    rule: SweepRule,
-    frequency: Array,
-    level: Array,
-    marks: list[Array],
-    block: NDArray[np.int64],
+    rule: SweepRule, frequency: Array, level: Array, marks: list[Array], block: NDArray[np.int64]
 ) -> NDArray[np.str_]:
     if marks:
         mark = np.concatenate(marks)
@@ -479,11 +475,7 @@ def _from_multisine(test: MeasuredTest, rule: HistoryRule) -> MultisineSpectra:
         histories = [replace(history, level=None) for history in histories]
     base = "" if test.base is None else "acceleration"
     spectra = from_multisine(
-        histories,
-        period=rule.period,
-        transient=rule.transient,
-        base=base,
-        across=across[0] if across else (),
+        histories, period=rule.period, transient=rule.transient, base=base, across=across[0] if across else ()
     )
     records = [*copied_records(histories), *(found for one in histories for found in record_findings(one))]
     # a force that is not in N has no amount that a level could be

@@ -223,8 +223,7 @@ class MeasuredTest(PlannedTest):
     """
 
     files: Annotated[
-        tuple[Path, ...],
-        Rule("The data files, all laid out alike.", key="file", fewest=1, most=MAX_FILES),
+        tuple[Path, ...], Rule("The data files, all laid out alike.", key="file", fewest=1, most=MAX_FILES)
     ]
     frequency: Annotated[
         Column | None,

@@ -133,9 +133,7 @@ are two."""
 
 
 def scaled_groups(
-    count: int,
-    linear: Sequence[int],
-    is_scaled: Callable[[tuple[int, ...], Sequence[int]], bool],
+    count: int, linear: Sequence[int], is_scaled: Callable[[tuple[int, ...], Sequence[int]], bool]
 ) -> tuple[tuple[int, ...], ...]:
     """Find the smallest disjoint groups of nonlinear parameters in whose common factor a law is linear."""
     free = [i for i in range(count) if i not in linear]

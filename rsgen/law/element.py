@@ -201,10 +201,7 @@ class Element(_Summand):
 
 @algebra_faults()
 def make_element(
-    name: str,
-    force: str | sympy.Expr,
-    memory: Mapping[str, str | sympy.Expr] | None = None,
-    across: str = "",
+    name: str, force: str | sympy.Expr, memory: Mapping[str, str | sympy.Expr] | None = None, across: str = ""
 ) -> Element:
     """Make a spring or damper from a law in x and v; every other name in it is a parameter.
 

@@ -427,8 +427,7 @@ class _OpenLoops:
         with np.errstate(all="ignore"):
             largest = np.abs(unknowns.reshape(change.shape) + change).max(axis=2)
             missing = np.maximum(
-                np.abs(change).max(axis=2),
-                np.abs(lack.T).max(axis=2) * (CONVERGED_STEP / RESIDUAL_TOLERANCE),
+                np.abs(change).max(axis=2), np.abs(lack.T).max(axis=2) * (CONVERGED_STEP / RESIDUAL_TOLERANCE)
             )
             size = np.where(missing > 0, missing / largest, missing)
         if self.steps_done >= MIN_NEWTON_STEPS:

@@ -379,11 +379,7 @@ class SwitchedSum:
         return tuple(sums)
 
     def _add(
-        self,
-        sums: list[Array],
-        term: _Term,
-        outputs: Sequence[Any],
-        shares: list[tuple[Array, Array]],
+        self, sums: list[Array], term: _Term, outputs: Sequence[Any], shares: list[tuple[Array, Array]]
     ) -> None:
         if not term.switches:
             sums[0] += outputs[term.value]

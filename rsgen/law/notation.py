@@ -350,10 +350,6 @@ def mathml(expr: sympy.Expr, display: bool = False) -> str:
     for pattern, instead in _MENDED:
         markup = pattern.sub(instead, markup)
     clean = nh3.clean(
-        markup,
-        tags=_TAGS,
-        attributes=_ATTRIBUTES,
-        filter_style_properties={"text-align"},
-        url_schemes=set(),
+        markup, tags=_TAGS, attributes=_ATTRIBUTES, filter_style_properties={"text-align"}, url_schemes=set()
     )
     return clean.replace("&nbsp;", "\u00a0")  # an entity of HTML that XML does not know

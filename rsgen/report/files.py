@@ -28,10 +28,7 @@ from rsgen.report.notebook import known_results, write_notebook
 from rsgen.report.page import render_page
 from rsgen.report.page_tables import NO_MODAL, Modal, tabulate_mode
 from rsgen.report.provenance import Subject, collect_provenance
-from rsgen.report.result_json import (
-    build_result,
-    result_text,
-)
+from rsgen.report.result_json import build_result, result_text
 
 
 def draw_all(

@@ -217,12 +217,7 @@ def _environment() -> jinja2.Environment:
     return environment
 
 
-def build_notebook(
-    case: Case,
-    *,
-    held_out: bool = False,
-    loops: bool = False,
-) -> nbformat.NotebookNode:
+def build_notebook(case: Case, *, held_out: bool = False, loops: bool = False) -> nbformat.NotebookNode:
     """Build the notebook of a case, not yet executed.
 
     Parameters

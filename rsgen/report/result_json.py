@@ -282,10 +282,7 @@ def _entries_of(
 
 @_entries_of.register
 def _(
-    table: MultisineSpectra,
-    identification: MultisineIdentification,
-    prediction: Prediction,
-    modal: Modal,
+    table: MultisineSpectra, identification: MultisineIdentification, prediction: Prediction, modal: Modal
 ) -> tuple[int, int, dict[str, Any]]:
     # a point is an excited line of a record
     points = int(table.excited().sum())

@@ -21,14 +21,7 @@ from typer.core import TyperCommand, TyperGroup
 from typer.main import get_command
 
 import rsgen
-from rsgen.app.cli.terminal import (
-    FAULTY,
-    INTERRUPTED,
-    open_streams,
-    output_fault,
-    print_faults,
-    print_line,
-)
+from rsgen.app.cli.terminal import FAULTY, INTERRUPTED, open_streams, output_fault, print_faults, print_line
 from rsgen.common.errors import CaseError, RsgenError, keep_from_terminal, program_fault
 from rsgen.common.process import collect_seldom, leave_at_once, single_thread
 

@@ -61,12 +61,7 @@ def _elements(law: str, memory: Mapping[str, str]) -> tuple[list[tuple[str, symp
     return [(name, sympy.Add(*part)) for name, part in parts if part], units
 
 
-def case_text(
-    name: str,
-    law: str,
-    test: str | None = None,
-    memory: Mapping[str, str] | None = None,
-) -> str:
+def case_text(name: str, law: str, test: str | None = None, memory: Mapping[str, str] | None = None) -> str:
     """Return the text of a case to begin with.
 
     Parameters

@@ -24,8 +24,7 @@ Data = Annotated[
 ]
 Json = Annotated[bool, typer.Option("--json", help="Answer as JSON, for programs.")]
 Surface = Annotated[
-    Path | None,
-    typer.Option(help="A response surface that `rsgen simulate` wrote.", show_default=False),
+    Path | None, typer.Option(help="A response surface that `rsgen simulate` wrote.", show_default=False)
 ]
 Memory = Annotated[list[str] | None, typer.Option(help="A state: 'z = g(x, v, z)'.", show_default=False)]
 Figures = Annotated[

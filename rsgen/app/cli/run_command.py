@@ -59,14 +59,7 @@ def run_command(
         words += ("--figures", figures)
     with case_progress(len(find_cases(cases)), quiet=json) as seen:
         runs = run_cases(
-            cases,
-            out,
-            force=force,
-            data=data,
-            command=words,
-            figures=figures,
-            workers=jobs,
-            **seen._asdict(),
+            cases, out, force=force, data=data, command=words, figures=figures, workers=jobs, **seen._asdict()
         )
     if json:
         print_json(

@@ -11,15 +11,7 @@ from rsgen.common import on_first_use
 if TYPE_CHECKING:
     from rsgen.app.study.many_cases import run_cases
 
-__all__ = [
-    "MANIFEST",
-    "CaseRun",
-    "Step",
-    "obtain_table",
-    "read_manifest",
-    "run_case",
-    "run_cases",
-]
+__all__ = ["MANIFEST", "CaseRun", "Step", "obtain_table", "read_manifest", "run_case", "run_cases"]
 
 # most commands have one case and need no processes
 __getattr__ = on_first_use(__name__, {"run_cases": "many_cases"})

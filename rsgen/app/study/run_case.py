@@ -244,11 +244,7 @@ def identify_case(
 
 
 def _execute(
-    case: Case,
-    out: Path,
-    command: Sequence[str],
-    figures: str | None,
-    report: Callable[[str, float], None],
+    case: Case, out: Path, command: Sequence[str], figures: str | None, report: Callable[[str, float], None]
 ) -> CaseRun:
     check_place(case, out)
     report("surface", 0.0)

@@ -145,10 +145,7 @@ def propose(contents: Contents) -> Proposal | None:
 
 def _propose_nameless(draft: _Draft) -> None:
     """Write the tables of a case for a text whose columns have names that say nothing, or none."""
-    draft.tables |= {
-        "test.frequency": {"column": UNKNOWN},
-        "test.force": {"amplitude": UNKNOWN, "unit": "N"},
-    }
+    draft.tables |= {"test.frequency": {"column": UNKNOWN}, "test.force": {"amplitude": UNKNOWN, "unit": "N"}}
     _ask_response(draft, draft.free, "amplitude")
     draft.tables["test.response"] |= {"phase": UNKNOWN, "phase_sense": UNKNOWN}
     draft.doubts |= {

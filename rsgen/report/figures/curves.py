@@ -42,11 +42,7 @@ from rsgen.report.figures.equivalent import (
 # The modal table as a figure: resonance frequency and damping over the amplitude, without a law.
 
 
-_LABELS = {
-    "frequency": "Resonance frequency",
-    "damping_ratio": "Damping ratio",
-    "damping": "Damping c",
-}
+_LABELS = {"frequency": "Resonance frequency", "damping_ratio": "Damping ratio", "damping": "Damping c"}
 """Panels: damping ratio where it is known, else the damping itself."""
 
 

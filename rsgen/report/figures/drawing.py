@@ -277,9 +277,7 @@ def _what(surface: ResponseSurface, words: str) -> str:
     return f"amplitude of the fundamental, {words}"
 
 
-def _grid(
-    surface: ResponseSurface,
-) -> tuple[Array, Array, Array] | None:
+def _grid(surface: ResponseSurface) -> tuple[Array, Array, Array] | None:
     """Return frequency, level (both 1-D) and answer (level x frequency) where the points fill a grid."""
     level, frequency = np.unique(surface.level), np.unique(surface.frequency)
     if len(level) < 2 or len(frequency) < 2 or len(surface) != len(level) * len(frequency):
