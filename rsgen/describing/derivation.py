@@ -20,7 +20,7 @@ import numpy as np
 import sympy
 
 import rsgen.describing  # adds memories, to laws that have one
-from rsgen.common.errors import ExpressionError, require
+from rsgen.common.errors import require
 from rsgen.common.tolerances import ROUND_OFF
 from rsgen.describing.closed import ClosedPart, close
 from rsgen.describing.function import DescribingFunction, closed_mean, taken_as_positive
@@ -45,23 +45,20 @@ class HasForce(Protocol):
 
 
 @algebra_faults()
-def derive(law: str | Element | HasForce | sympy.Expr, assume: Iterable[str] = ()) -> DescribingFunction:
+def derive(law: str | Element | HasForce | sympy.Expr) -> DescribingFunction:
     """Derive the describing function of a force law, with its proof.
 
     Parameters
     ----------
     law
         The force [N] in x and v: text, an element, an expression, or what has a force: a law, an oscillator,
-        the ``model`` of an identification.
-    assume
-        What may be taken for granted, each as ``"b > 0"``. Parameters whose sign decides the form (a gap, the
-        slope of a saturation) are taken as positive anyway, and ``positive`` says which.
+        the ``model`` of an identification. Parameters whose sign decides the form of the formulas (a gap, the
+        slope of a saturation) are taken as positive, and ``positive`` says which.
 
     Raises
     ------
     ExpressionError
-        The law is no formula, not real, not defined everywhere, or so singular that it has no fundamental;
-        an assumption is not of the form ``name > 0`` or names no parameter.
+        The law is no formula, not real, not defined everywhere, or so singular that it has no fundamental.
 
     Examples
     --------
@@ -74,19 +71,7 @@ def derive(law: str | Element | HasForce | sympy.Expr, assume: Iterable[str] = (
         law = getattr(law, "force", law)
     require(law, (str, Element, sympy.Expr), "law")
     element = law if isinstance(law, Element) else make_element("law", law)
-    known = frozenset(_assumed(text, element) for text in assume)
-    return _derive(element.force, element.parameters, known)
-
-
-def _assumed(text: str, element: Element) -> str:
-    left, sign, right = text.partition(">")
-    name = left.strip()
-    if sign != ">" or right.removeprefix("=").strip() not in ("0", "0.0") or name not in element.parameters:
-        raise ExpressionError(
-            f"assumption {text!r}: must be 'name > 0' with a parameter of the law: "
-            f"{', '.join(element.parameters) or 'it has none'}"
-        )
-    return name
+    return _derive(element.force, element.parameters)
 
 
 @dataclass(frozen=True, slots=True)
@@ -111,7 +96,7 @@ def _signed(force: sympy.Expr, names: tuple[str, ...], positive: frozenset[str])
     return _Law(force.xreplace(dict(zip(map(symbol, names), symbols, strict=True))), symbols)
 
 
-def _decisive(force: sympy.Expr, form: NormalForm) -> set[str]:
+def _decisive(force: sympy.Expr, form: NormalForm) -> frozenset[str]:
     """Return the parameters whose sign decides the form of the formulas."""
     found: set[sympy.Symbol] = set()
     expressions = [piece.term for piece in form.pieces]
@@ -125,7 +110,7 @@ def _decisive(force: sympy.Expr, form: NormalForm) -> set[str]:
     for level in thresholds:
         if level.free_symbols and sympy.expand_mul(-level) in thresholds:
             found |= level.free_symbols
-    return {s.name for s in found - {STATE_X, STATE_V}}
+    return frozenset(s.name for s in found - {STATE_X, STATE_V})
 
 
 @dataclass(frozen=True, slots=True)
@@ -198,25 +183,23 @@ def _proved(part: ClosedPart, law: _Law, trial: Trial, remainder: sympy.Expr) ->
 
 
 @lru_cache(maxsize=256)
-def _derive(force: sympy.Expr, names: tuple[str, ...], known: frozenset[str]) -> DescribingFunction:
+def _derive(force: sympy.Expr, names: tuple[str, ...]) -> DescribingFunction:
     memory = memory_form(force)
     if memory is None:
-        return _derive_memoryless(force, names, known, may_centre=True)
+        return _derive_memoryless(force, names, may_centre=True)
     parts = rsgen.describing.split_by_memory(memory)
     plain_names = tuple(name for name in names if parts.plain.has(symbol(name)))
-    plain = _derive_memoryless(parts.plain, plain_names, known & set(plain_names), may_centre=parts.centred)
-    return rsgen.describing.add_memory(force, names, parts, plain, known)
+    plain = _derive_memoryless(parts.plain, plain_names, may_centre=parts.centred)
+    return rsgen.describing.add_memory(force, names, parts, plain)
 
 
 @lru_cache(maxsize=256)
-def _derive_memoryless(
-    force: sympy.Expr, names: tuple[str, ...], known: frozenset[str], may_centre: bool
-) -> DescribingFunction:
+def _derive_memoryless(force: sympy.Expr, names: tuple[str, ...], may_centre: bool) -> DescribingFunction:
     """Derive a law without memory: closed addends, quadrature of the others, mean, and remarks.
 
     Random cycles say whether the law is centred, that is has no mean force about X0 = 0.
     """
-    positive = known | _decisive(force, normal_form(force))
+    positive = _decisive(force, normal_form(force))
     law = _signed(force, names, positive)
     trial = law.trial(centred=True, seed=1)
     centred = may_centre and _is_centred(trial)

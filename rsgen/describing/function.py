@@ -414,9 +414,6 @@ Balance = Callable[[Array, NDArray[np.intp]], Array]
 SCAN = np.concatenate((-np.geomspace(64, 1e-3, 24), [0.0], np.geomspace(1e-3, 64, 24)))
 """Trial means, in multiples of the amplitude; the change of sign nearest to rest counts."""
 
-SEARCHED_AMPLITUDES = 256
-"""Amplitudes whose means are bracketed; the means of others are refined from their neighbours."""
-
 
 def closed_mean(balance: sympy.Expr) -> sympy.Expr | None:
     """Solve a mean balance that is linear or quadratic in X0 and has no cases.
@@ -465,13 +462,6 @@ def solve_mean(balance: Balance, X: Array, stiffness: Array, flat: bool) -> Arra
     at_rest = balance(np.zeros(n), np.arange(n))
     result = np.where(np.abs(at_rest) <= tiny, 0.0, np.nan)
     rows = np.flatnonzero(np.isnan(result) & np.isfinite(at_rest))
-    if len(rows) > 2 * SEARCHED_AMPLITUDES:
-        ordered = rows[np.argsort(X[rows], kind="stable")]
-        searched = ordered[np.unique(np.linspace(0, len(rows) - 1, SEARCHED_AMPLITUDES).astype(np.intp))]
-        _search(balance, searched, X, tiny, flat, result)
-        rows = np.setdiff1d(rows, searched)
-        _interpolate(balance, rows, searched, X, tiny, result)
-        rows = rows[np.isnan(result[rows])]
     _search(balance, rows, X, tiny, flat, result)
     return result
 
@@ -488,40 +478,6 @@ def _search(
     low, high, found = _nearest_rise(trials, zeroed, flat)
     found_rows = rows[found]
     result[found_rows] = _refine(balance, found_rows, low[found], high[found], tiny[found_rows])
-
-
-SLOPE_STEP = 1e-4
-"""Finite difference of the mean over which the mean force is differentiated, relative to the amplitude."""
-
-MAX_NEWTON_STEPS = 6
-
-
-def _interpolate(
-    balance: Balance, rows: NDArray[np.intp], solved: NDArray[np.intp], X: Array, tiny: Array, result: Array
-) -> None:
-    """Interpolate means and slopes between solved amplitudes, and refine the means by Newton steps.
-
-    A mean whose steps do not shrink, as at a corner of the mean force or another frequency, stays nan.
-    """
-    width = SLOPE_STEP * X[solved]
-    rise = balance(result[solved] + width, solved) - balance(result[solved] - width, solved)
-    slope = np.interp(X[rows], X[solved], rise / (2 * width))
-    mean = np.interp(X[rows], X[solved], result[solved])
-    usable = np.isfinite(mean) & (slope > 0)
-    rows, mean, slope = rows[usable], mean[usable], slope[usable]
-    last = 0.01 * X[rows]
-    for _ in range(MAX_NEWTON_STEPS):
-        if not len(rows):
-            return
-        force = balance(mean, rows)
-        step = force / slope
-        mean = mean - step
-        # steps shrink by a constant factor, so that the next one would be step**2 / last
-        converged = step**2 <= 1e-16 * X[rows] * last
-        done = (converged | (np.abs(force) <= tiny[rows])) & (np.abs(step) < X[rows] / 8)
-        result[rows[done]] = mean[done]
-        active = ~done & (np.abs(step) < last / 8)
-        rows, mean, slope, last = rows[active], mean[active], slope[active], np.abs(step[active])
 
 
 def _nearest_rise(trials: Array, forces: Array, flat: bool) -> tuple[Array, Array, NDArray[np.bool_]]:

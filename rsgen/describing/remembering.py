@@ -134,13 +134,10 @@ class _Formulas:
 
 
 def add_memory(
-    force: sympy.Expr, names: tuple[str, ...], parts: Parts, plain: DescribingFunction, known: frozenset[str]
+    force: sympy.Expr, names: tuple[str, ...], parts: Parts, plain: DescribingFunction
 ) -> DescribingFunction:
-    """Add the describing functions of the memories of a law to that of its memoryless part.
-
-    ``known`` are parameters that are known to be positive.
-    """
-    added = [_masing(factor, virgin, known) for factor, virgin in parts.masing]
+    """Add the describing functions of the memories of a law to that of its memoryless part."""
+    added = [_masing(factor, virgin) for factor, virgin in parts.masing]
     if parts.lag != 0:
         added.append(_structural(parts.lag))
     if parts.loop != 0:
@@ -183,10 +180,10 @@ def _structural(stiffness: sympy.Expr) -> _Added:
     return _Added(*closed.shown, sympy.S.Zero, evaluated, checked_to=error)
 
 
-def _masing(factor: sympy.Expr, virgin: sympy.Expr, assumed: frozenset[str]) -> _Added:
+def _masing(factor: sympy.Expr, virgin: sympy.Expr) -> _Added:
     """Add a Masing law in closed form, or as integrals of its virgin curve."""
     names = tuple(sorted(free.name for free in (factor * virgin).free_symbols - {STATE_X}))
-    positive = frozenset(decisive_in(virgin)) | (assumed & set(names))
+    positive = frozenset(decisive_in(virgin))
     known = {symbol(name): sympy.Symbol(name, positive=True) for name in positive}
     plain = {after: before for before, after in known.items()}
     branches = Branches(factor * loop_of(virgin), names)

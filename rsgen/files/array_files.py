@@ -193,27 +193,24 @@ def walk_matlab(file: BinaryIO, heads: set[str] | None, largest: int) -> Iterato
 #
 # scipy returns fewer samples than the file declares where that is cut off, so sizes are compared with the
 # samples after, too. Source of the format: "Multimedia Programming Interface and Data Specifications 1.0"
-# (IBM and Microsoft, 1991); EBU Tech 3306 (RF64) above 4 GB of declared size.
+# (IBM and Microsoft, 1991).
 
 _MAX_PARTS = 1000
-_SIZE_IN_RF64 = 0xFFFFFFFF
-"""Size of the samples in a file of RF64, whose part ds64 has the real one."""
 
 
 def _sizes(file: BinaryIO) -> tuple[int, int, int]:
     """Return where the samples end, their bytes, and the bytes of one sample, compared with the file."""
     size = file.seek(0, 2)
     file.seek(0)
-    if file.read(12)[:4] == b"RIFX":
-        raise MeasurementError("its bytes are in the other order (RIFX); save it as an ordinary .wav file")
-    channels = block = rate = bits = long = length = 0
+    if file.read(12)[:4] != b"RIFF":
+        raise MeasurementError("is no ordinary sound file (RIFF); save it as a .wav file")
+    channels = block = rate = bits = length = 0
     name = b""
     for _ in range(_MAX_PARTS):
         head = file.read(8)
         if len(head) < 8:
             raise MeasurementError("has no samples, so it is cut off; send it again")
         name, length = head[:4], int.from_bytes(head[4:], "little")
-        length = long if name == b"data" and length == _SIZE_IN_RF64 and long else length
         if length > (rest := size - file.tell()):
             raise MeasurementError(
                 f"declares {length} bytes of {name.decode('latin-1').strip()!r}; {rest} are left, so it is "
@@ -224,8 +221,6 @@ def _sizes(file: BinaryIO) -> tuple[int, int, int]:
         body = file.read(length + length % 2)
         if name == b"fmt " and len(body) >= 16:
             _, channels, rate, _, block, bits = struct.unpack("<HHIIHH", body[:16])
-        elif name == b"ds64":
-            long = int.from_bytes(body[8:16], "little")
     if name != b"data":
         raise MeasurementError(f"more than {_MAX_PARTS} parts before its samples; it is damaged")
     if not (channels and bits) or block != channels * -(-bits // 8):

@@ -44,7 +44,7 @@ def _is_universal(head: bytes) -> bool:
 
 
 def _is_sound(head: bytes) -> bool:
-    return head[8:12] == b"WAVE" and head[:4] in (b"RIFF", b"RIFX", b"RF64")
+    return head[8:12] == b"WAVE" and head.startswith(b"RIFF")
 
 
 @dataclass(frozen=True, slots=True)
@@ -67,8 +67,6 @@ class Format:
         so that everything is imported. "" where the reader imports nothing while it reads.
     package, plural
         The package that is needed, and what the files are called; "" where rsgen brings all.
-    texts
-        Whether the numbers are texts: reading takes long for its size on every system.
     seconds, rate
         Time to read a file: ``seconds``, and one more for each ``rate`` bytes.
     """
@@ -81,7 +79,6 @@ class Format:
     sample: str = ""
     package: str = ""
     plural: str = ""
-    texts: bool = False
     seconds: float = 1.0
     rate: int = 20 * 2**20
 
@@ -102,8 +99,7 @@ _ROWS = (
     ),
     Format(
         "xlsx", "xlsx", "walk_xlsx", partial(_is_archive, book=True), (".xlsx", ".xlsm"),
-        sample="sample_xlsx", package="openpyxl", plural="Excel workbooks",
-        texts=True, seconds=8.0, rate=2**19,
+        sample="sample_xlsx", package="openpyxl", plural="Excel workbooks", seconds=8.0, rate=2**19,
     ),
     Format("wav", "array_files", "walk_wav", _is_sound, (".wav",)),
 )  # fmt: skip
@@ -124,6 +120,8 @@ _OTHERS = (
     (0, b"TDSh", "the index of a TDMS file; the .tdms file of the same name is needed"),
     (0, b"\x1f\x8b", "a packed file; unpack it"),
     (0, b"7z\xbc\xaf", "a packed file; unpack it"),
+    (0, b"RIFX", "a sound file with its bytes in the other order; save it as an ordinary .wav file"),
+    (0, b"RF64", "a sound file of more than 4 GB; save a part of it as an ordinary .wav file"),
     (0, b"%PDF", "a PDF; text, MATLAB, HDF5, universal files and others of numbers are read"),
     (38, b"application/vnd.oasis", "an OpenDocument file; save its sheet as .xlsx or CSV"),
 )

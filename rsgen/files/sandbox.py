@@ -43,21 +43,8 @@ from rsgen.common.process import (
     confine,
     environment,
 )
+from rsgen.files import tree
 from rsgen.files.data_files import FORMATS, SURFACE_FILE, check_digest, open_regular
-from rsgen.files.tree import (
-    LARGEST_BYTES,
-    MAX_NODES,
-    Contents,
-    Entry,
-    Node,
-    StoredArray,
-    array_bytes,
-    describe,
-    facts,
-    find,
-    largest_bytes,
-    select,
-)
 
 WAIT_SECONDS = 30.0
 WAIT_RATE = 2 * 2**20
@@ -65,7 +52,7 @@ WAIT_RATE = 2 * 2**20
 format if that is lower. The reading process itself ends sooner, after a second of work or some of a text, but
 only where the system can count that."""
 _UNCOUNTED_WAIT_DIVISOR = 10.0
-"""Where it cannot, waiting is shorter by this factor, but for formats whose numbers are texts."""
+"""Where it cannot, waiting is shorter by this factor, but for formats that take longer anyway."""
 _SAID = ("path", "unit", "unit_source", "scale")
 """Texts that come with the numbers of an array."""
 _READERS = {**FORMATS, SURFACE_FILE.name: SURFACE_FILE}
@@ -194,7 +181,7 @@ def _check_extra(name: str, form: str) -> None:
 def _seconds(size: int, form: str) -> float:
     row = _READERS[form]
     seconds = WAIT_SECONDS + size / min(WAIT_RATE, row.rate)
-    return seconds if find_spec("resource") or row.texts else seconds / _UNCOUNTED_WAIT_DIVISOR
+    return seconds if find_spec("resource") or row.seconds > 1 else seconds / _UNCOUNTED_WAIT_DIVISOR
 
 
 @contextmanager
@@ -204,7 +191,7 @@ def _reading(
     """Start the process that reads a file; give it, the header of its answer and the size of the file."""
     name = shown_path(path)
     _check_extra(name, form)
-    with open_regular(path, LARGEST_BYTES) as file:
+    with open_regular(path, tree.LARGEST_BYTES) as file:
         size = file.seek(0, 2)
         file.seek(0)
         if sha256 is not None:
@@ -219,7 +206,7 @@ def _reading(
 
 def read_binary(
     path: Path, form: str, wanted: Sequence[int | str], sha256: str | None = None
-) -> list[list[StoredArray]]:
+) -> list[list[tree.StoredArray]]:
     """Read channels of a binary file in a separate process.
 
     Parameters
@@ -241,22 +228,22 @@ def read_binary(
         Missing, too large, damaged, not what it says to be, an address that is not there; the reading process
         broke down or took too long.
     """
-    channels: list[list[StoredArray]] = [[] for _ in wanted]
+    channels: list[list[tree.StoredArray]] = [[] for _ in wanted]
     with _reading(path, form, list(wanted), sha256) as (process, header, size):
-        most = 2 * largest_bytes(size)
+        most = 2 * tree.largest_bytes(size)
         for item in header["arrays"]:
             shape = tuple(int(length) for length in item["shape"])
             if item["dtype"] not in _DTYPES:
                 raise process.broken()
-            most -= array_bytes(shape, np.dtype(item["dtype"]), most)
+            most -= tree.array_bytes(shape, np.dtype(item["dtype"]), most)
             values = process.array(shape, item["dtype"])
             texts = {key: str(item[key]) for key in _SAID}
-            channel = StoredArray(values=values, row=int(item["row"]), **texts)
+            channel = tree.StoredArray(values=values, row=int(item["row"]), **texts)
             channels[int(item["wanted"])].append(channel)
     return channels
 
 
-def list_binary(path: Path, form: str) -> Contents:
+def list_binary(path: Path, form: str) -> tree.Contents:
     """List what a binary file holds.
 
     Raises
@@ -268,26 +255,26 @@ def list_binary(path: Path, form: str) -> Contents:
     from pydantic import TypeAdapter
 
     with _reading(path, form, None) as (_, header, _):
-        entries = TypeAdapter(tuple[Entry, ...]).validate_python(header["entries"])
-    return Contents(path, form, entries)
+        entries = TypeAdapter(tuple[tree.Entry, ...]).validate_python(header["entries"])
+    return tree.Contents(path, form, entries)
 
 
 # ----------------------------------------------------------------------------
 # The process that reads: it limits itself, reads from standard input, answers with raw numbers.
 
 _COPIES = 3
-Walk = Callable[[BinaryIO, set[str] | None, int], Iterator[Node]]
+Walk = Callable[[BinaryIO, set[str] | None, int], Iterator[tree.Node]]
 
 
 def _rehearse(walk: Walk, sample: bytes) -> None:
     """Read a sample, so that everything is imported before no file can be opened any more."""
     if sample:
-        for node in walk(io.BytesIO(sample), None, LARGEST_BYTES):
-            describe(node)
+        for node in walk(io.BytesIO(sample), None, tree.LARGEST_BYTES):
+            tree.describe(node)
     # names in files may come in any of these, and Python loads each when it is first met
     for name in ("ascii", "latin-1", "cp437", "cp1252", "utf-16", "utf-16-le", "utf-32", "utf-8-sig"):
         codecs.lookup(name)
-    json.dumps(facts(np.arange(3.0)))
+    json.dumps(tree.facts(np.arange(3.0)))
 
 
 def _say(header: dict[str, Any], arrays: list[NDArray[Any]]) -> None:
@@ -306,18 +293,18 @@ def _portable(values: NDArray[Any]) -> NDArray[Any]:
     return np.ascontiguousarray(values, dtype=values.dtype.newbyteorder("<"))
 
 
-def _channels(nodes: list[Node], wanted: list[int | str], largest: int) -> None:
+def _channels(nodes: list[tree.Node], wanted: list[int | str], largest: int) -> None:
     header: list[dict[str, Any]] = []
     arrays: list[NDArray[Any]] = []
     total = 0
     loaded: dict[str, NDArray[Any]] = {}
     for number, address in enumerate(wanted):
-        found, index = find(nodes, address)
+        found, index = tree.find(nodes, address)
         for node in found:
             if node.path not in loaded:
                 loaded[node.path] = node.load()
-            values = _portable(select(loaded[node.path], index, node.path))
-            total += array_bytes(values.shape, values.dtype, largest)
+            values = _portable(tree.select(loaded[node.path], index, node.path))
+            total += tree.array_bytes(values.shape, values.dtype, largest)
             if total > 2 * largest:
                 raise MeasurementError(
                     f"more than {2 * largest} bytes are asked for; fewer channels are needed"
@@ -345,7 +332,7 @@ def main() -> None:
     walk: Walk = getattr(module, row.walk)
     size = sys.stdin.buffer.seek(0, 2)
     sys.stdin.buffer.seek(0)
-    largest = largest_bytes(size)
+    largest = tree.largest_bytes(size)
     _rehearse(walk, getattr(module, row.sample)() if row.sample else b"")
     confine(READER_BYTES + _COPIES * largest, row.seconds + size / row.rate)
     sys.stdout.buffer.write(READY)
@@ -353,13 +340,13 @@ def main() -> None:
     wanted = order["wanted"]
     try:
         try:
-            nodes = list(islice(walk(sys.stdin.buffer, _heads(wanted), largest), MAX_NODES + 1))
+            nodes = list(islice(walk(sys.stdin.buffer, _heads(wanted), largest), tree.MAX_NODES + 1))
             if not nodes:
                 raise MeasurementError("holds nothing; arrays of numbers are needed")
-            if len(nodes) > MAX_NODES:
-                raise MeasurementError(f"more than {MAX_NODES} arrays; at most that many are listed")
+            if len(nodes) > tree.MAX_NODES:
+                raise MeasurementError(f"more than {tree.MAX_NODES} arrays; at most that many are listed")
             if wanted is None:
-                _say({"entries": [asdict(describe(node)) for node in nodes]}, [])
+                _say({"entries": [asdict(tree.describe(node)) for node in nodes]}, [])
             else:
                 _channels(nodes, wanted, largest)
         except MemoryError:

@@ -1,4 +1,4 @@
-"""Excel workbooks (.xlsx): the columns of each table of each sheet, by their titles, with stored values.
+"""Excel workbooks (.xlsx): the columns of the table of each sheet, by their titles, with stored values.
 
 Formulas are read as the values that the spreadsheet program stored; macros and links to other files are not
 looked at.
@@ -7,7 +7,6 @@ looked at.
 from __future__ import annotations
 
 import io
-from collections import Counter
 from collections.abc import Iterator, Sequence
 from datetime import datetime
 from functools import partial
@@ -15,7 +14,7 @@ from typing import Any, BinaryIO
 
 import numpy as np
 
-from rsgen.common.arrays import Array, true_runs
+from rsgen.common.arrays import Array
 from rsgen.common.errors import MeasurementError
 from rsgen.files.column_titles import is_unit, unit_in
 from rsgen.files.text_columns import MISSING, WORD
@@ -51,10 +50,6 @@ def _is_number(cell: Any) -> bool:
     return isinstance(cell, int | float) and not isinstance(cell, bool)
 
 
-def _signature(row: _Row) -> tuple[int, ...]:
-    return tuple(place for place, cell in enumerate(row) if _is_number(cell))
-
-
 def _rows(sheet: Any) -> list[tuple[Any, ...]]:
     """Read the rows of a sheet, whatever size it declares."""
     sheet.reset_dimensions()
@@ -70,32 +65,12 @@ def _rows(sheet: Any) -> list[tuple[Any, ...]]:
     return rows
 
 
-def _blocks(rows: Sequence[_Row]) -> Iterator[tuple[int, int]]:
-    """Find tables side by side: runs of columns with something in them, as (first, behind the last)."""
-    filled = np.zeros(max(map(len, rows), default=0), dtype=np.bool_)
-    for row in rows:
-        filled[[place for place, cell in enumerate(row) if cell is not None]] = True
-    for first, length in zip(*map(np.ndarray.tolist, true_runs(filled)), strict=True):
-        yield first, first + length
-
-
 def _begin(rows: Sequence[_Row]) -> tuple[int, tuple[int, ...]]:
-    """Find the first row of numbers and which columns have them; settings above have fewer columns."""
-    kinds = [_signature(row) for row in rows]
-    counted = Counter(kind for kind in kinds if kind)
-    if not counted:
-        return len(rows), ()
-    columns = max(counted, key=lambda kind: (counted[kind], len(kind)))
-    first = kinds.index(columns)
-    # rows with gaps above the first whole one
-    while (
-        first
-        and kinds[first - 1]
-        and set(kinds[first - 1]) <= set(columns)
-        and not any(isinstance(cell, str) and not MISSING.match(cell) for cell in rows[first - 1])
-    ):
-        first -= 1
-    return first, columns
+    """Find the first row and the columns of the table; settings above have less than half of its numbers."""
+    kinds = [tuple(place for place, cell in enumerate(row) if _is_number(cell)) for row in rows]
+    most = max(map(len, kinds), default=0)
+    first = next((number for number, kind in enumerate(kinds) if 2 * len(kind) > most), len(rows))
+    return first, tuple(sorted(set().union(*kinds[first:])))
 
 
 def _titles(rows: Sequence[_Row], first: int, columns: Sequence[int], width: int) -> list[str]:
@@ -146,7 +121,7 @@ def _refused(cells: Sequence[Any]) -> str:
     return "holds dates or yes and no; numbers are needed"
 
 
-def _table(sheet: str, rows: Sequence[_Row], offset: int, only: bool) -> Iterator[Node]:
+def _table(sheet: str, rows: Sequence[_Row], only: bool) -> Iterator[Node]:
     first, columns = _begin(rows)
     width = max(map(len, rows), default=0)
     titles = _titles(rows, first, columns, width)
@@ -154,17 +129,16 @@ def _table(sheet: str, rows: Sequence[_Row], offset: int, only: bool) -> Iterato
         # texts alone, or formulas without their values below a title
         cells = [cell for row in rows for cell in row[:1]]
         title = next((cell.strip()[:_MAX_TITLE_LENGTH] for cell in cells if isinstance(cell, str)), "")
-        yield Node.refused(f"{sheet}/{title or _letter(offset + 1)}", _refused(cells[1:]))
+        yield Node.refused(f"{sheet}/{title or _letter(1)}", _refused(cells[1:]))
         return
     last = max((n for n, row in enumerate(rows) if any(cell is not None for cell in row)), default=-1)
     below = rows[first : last + 1]
     used: set[str] = set()
     for place in range(width):
-        letter = _letter(offset + place + 1)
         title = titles[place]
-        path = f"{sheet}/{title or letter}"
+        path = f"{sheet}/{title}"
         if path in used or not title:
-            path = f"{sheet}/{letter}"
+            path = f"{sheet}/{_letter(place + 1)}"
         used.add(path)
         if place not in columns:
             cells = [row[place] for row in below if place < len(row)]
@@ -180,7 +154,7 @@ def _table(sheet: str, rows: Sequence[_Row], offset: int, only: bool) -> Iterato
         yield Node(
             path, values.shape, "float64", load=partial(np.asarray, values), unit=unit_in(title), title=title,
             fault=fault,
-            column=offset + place + 1 if only else 0, row=first + 1,
+            column=place + 1 if only else 0, row=first + 1,
         )  # fmt: skip
 
 
@@ -199,7 +173,4 @@ def walk_xlsx(file: BinaryIO, heads: set[str] | None, largest: int) -> Iterator[
     book = load_workbook(file, read_only=True, data_only=True, keep_links=False)
     sheets = [sheet for sheet in book.worksheets if is_wanted(sheet.title, heads)]
     for sheet in sheets:
-        rows = _rows(sheet)
-        for first, behind in _blocks(rows):
-            part = [row[first:behind] for row in rows]
-            yield from _table(sheet.title, part, first, len(book.worksheets) == 1)
+        yield from _table(sheet.title, _rows(sheet), len(book.worksheets) == 1)

@@ -9,17 +9,13 @@ from difflib import get_close_matches
 from functools import cache
 from html import escape
 
-import numpy as np
 import sympy
 
-from rsgen.common.arrays import Array
 from rsgen.common.errors import ExpressionError, RsgenError, quote, require
 from rsgen.common.finding import Finding
 from rsgen.common.text_table import TextTable
 from rsgen.formula import check_name, parse, symbol, write
 from rsgen.formula.bounds import algebra_faults
-from rsgen.formula.evaluation import Numeric, compiled
-from rsgen.law.character import CANCELLATION_TOLERANCE
 from rsgen.law.library import ROWS, Search
 from rsgen.law.memory import (
     constant_terms,
@@ -37,37 +33,22 @@ from rsgen.law.numeric import equal_terms
 # ----------------------------------------------------------------------------
 # Remarks about a law from its formula alone, before any test.
 
-_TRIALS, _DECADES = 32, 1
-"""Random positive values of all parameters, and decades to both sides of one that they span."""
-
-_PLACES = np.geomspace(1e-4, 1e4, 49)
-"""Displacements relative to parameters around one: far below and far above every corner."""
-
-_NODES, _WEIGHTS = np.polynomial.legendre.leggauss(40)
-"""Quadrature of the area below a virgin curve."""
-
-MIN_ENERGY_SHARE = 0.02
-"""Smallest energy of a cycle, relative to 4 X n(X), above the error of the quadrature at a corner."""
-
 _LIKE_VARIABLES = frozenset({"a", "acc", "w", "f", "F", "vx", "vy"})
 """Parameters that a reader may take for acceleration, frequency, excitation or velocity."""
 
 
 def law_remarks(force: sympy.Expr) -> tuple[Finding, ...]:
-    """Find probable mistakes: constant forces, loops that supply energy, names of variables, equal terms.
+    """Find probable mistakes: constant forces, names of variables, equal terms.
 
     Examples
     --------
     >>> from rsgen.formula import parse
     >>> [finding.code for finding in law_remarks(parse("k*x + z"))]
     ['constant-force']
-    >>> [finding.code for finding in law_remarks(parse("k*x + masing(kt*x**3)"))]
-    ['damping-feeds-energy']
     """
     return (
         *(Finding("constant-force", "warning", name) for name in _constant_forces(force)),
         *(Finding("constant-force", "warning", names={"term": term}) for term in constant_terms(force)),
-        *_curves(force),
         *(_order(group) for group in equal_terms(force)),
         *(Finding("parameter-not-variable", "info", name) for name in _like_variables(force)),
     )
@@ -116,44 +97,6 @@ def _like_variables(force: sympy.Expr) -> list[str]:
         if len(factors) > 1:
             found |= factors & _LIKE_VARIABLES
     return sorted(found)
-
-
-def _curves(force: sympy.Expr) -> Iterator[Finding]:
-    form = memory_form(force)
-    for curve in () if form is None else form.curves:
-        places, forces, energies = _sample_virgin_curve(curve.virgin)
-        names = {"curve": f"masing({write(curve.virgin)[:200]})"}
-        size = 4 * places * np.abs(forces)
-        clear = np.isfinite(energies) & (np.abs(energies) > MIN_ENERGY_SHARE * size)
-        if clear.any() and np.all(energies[clear] < 0):
-            yield Finding("damping-feeds-energy", "warning", names=names)
-        largest = np.fmax.accumulate(forces, axis=1)
-        if np.any(forces < -CANCELLATION_TOLERANCE * largest):
-            yield Finding("curve-negative", "warning", names=names)
-
-
-@np.errstate(all="ignore")
-def _sample_virgin_curve(virgin: sympy.Expr) -> tuple[Array, Array, Array]:
-    """Places (1, x), forces (t, x) and energies of a cycle (t, x), at values at which it begins positive.
-
-    The energy of a cycle between -X and X is 8 times the area below the curve less 4 X n(X) (Masing's rule).
-    """
-    names = tuple(sorted(virgin.free_symbols - {symbol("x")}, key=str))
-    law = compiled((virgin,), (symbol("x"), *names))
-    generator = np.random.default_rng(0)
-    values = 10.0 ** generator.uniform(-_DECADES, _DECADES, (len(names), _TRIALS, 1))
-    places = _PLACES[None, :]
-    forces = _evaluate(law, places, values)
-    area = np.zeros_like(forces)
-    for node, weight in zip(_NODES, _WEIGHTS, strict=True):
-        area += weight / 2 * places * _evaluate(law, places * (node + 1) / 2, values)
-    begins = forces[:, 0] > 0
-    return places, forces[begins], (8 * area - 4 * places * forces)[begins]
-
-
-def _evaluate(law: Numeric, places: Array, values: Array) -> Array:
-    (force,) = law(places, *values)
-    return np.array(np.broadcast_to(force, (values.shape[1], places.shape[1])))
 
 
 NOT_PARAMETERS = ("X", "X0", "omega")

@@ -36,13 +36,7 @@ from rsgen.identification.prediction import HeldOutLevel, Prediction
 from rsgen.identification.results import Estimate, Identification, MultisineIdentification, Resonance
 from rsgen.identification.results.result import held_out_lines
 from rsgen.law.memory import FORCE_KEYS
-from rsgen.report.figures.equivalent import (
-    dissipated_energy,
-    measured_energy,
-    mode_surface,
-    small_stiffness,
-    solution_of,
-)
+from rsgen.report.figures import equivalent
 from rsgen.report.page_tables import NO_MODAL, Modal
 from rsgen.report.provenance import Subject
 from rsgen.report.wording import sentence
@@ -241,12 +235,12 @@ def _printed(formula: PrintedComparison) -> dict[str, Any]:
 
 def dissipation_entry(surface: ResponseSurface, identification: Identification) -> dict[str, Any]:
     """Return the entry "dissipation" of result.json, SI units; what is not known is null."""
-    measured = measured_energy(mode_surface(surface, identification))
-    refined = dissipated_energy(identification)
-    values = solution_of(identification)
+    measured = equivalent.measured_energy(equivalent.mode_surface(surface, identification))
+    refined = equivalent.dissipated_energy(identification)
+    values = equivalent.solution_of(identification)
     ends = [0, -1] if math.isfinite(refined.exponent) else []
     known = np.isfinite([values[name] for name in identification.model.parameters]).all()
-    rest = small_stiffness(identification, values) if known else float("nan")
+    rest = equivalent.small_stiffness(identification, values) if known else float("nan")
     return {
         "measured": {
             "exponent": finite_or_none(measured.exponent),

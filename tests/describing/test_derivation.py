@@ -72,19 +72,6 @@ def test_every_text_of_json_is_the_formula(run_cli, law):
         np.testing.assert_allclose(both[0], both[1], rtol=SAME, atol=SAME)
 
 
-@pytest.mark.parametrize(("words", "said"), [
-    (("--assume", "q>0"), "with a parameter of the law: k"), (("--assume", "k<0"), "name > 0"),
-])  # fmt: skip
-def test_faults_of_options_are_named_in_one_sentence(words, said, run_cli, tmp_path, monkeypatch):
-    monkeypatch.chdir(tmp_path)
-    shown = run_cli("derive", "k*x", *words)
-    assert shown.code == 2
-    assert said in shown.err
-    assert shown.err.count("\n") == 1
-    assert shown.out == ""
-    assert not list(tmp_path.iterdir())
-
-
 def test_drawing_shows_k_and_c_of_the_law():
     drawing = draw_derivation(derive("k*x + k3*x**3 + Ff*sign(v)"), {"k": 2.0, "k3": 4.0}, largest=1.0)
     force, stiffness, damping = drawing.figure.axes

@@ -347,6 +347,7 @@ def test_what_no_title_says_is_written_with_a_comment(tmp_path, begun):
         "is an OpenDocument file; save its sheet as .xlsx or CSV",
     ),
     ("a.csv.gz", b"\x1f\x8b\x08" + bytes(100), "is a packed file; unpack it"),
+    ("a.wav", b"RF64\xff\xff\xff\xffWAVE", "is a sound file of more than 4 GB"),
 ])  # fmt: skip
 def test_other_files_of_laboratories_are_named(tmp_path, name, begin, found):
     path = tmp_path / name

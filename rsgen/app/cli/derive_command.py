@@ -61,8 +61,6 @@ def read_memory(options: Sequence[str]) -> dict[str, str]:
 
 FORMULAS = ("stiffness", "damping", "mean_balance", "mean")
 
-Assume = Annotated[list[str] | None, typer.Option(help="That 'b>0'; repeatable.", show_default=False)]
-
 
 def derive_command(
     expression: Annotated[
@@ -70,7 +68,6 @@ def derive_command(
         typer.Argument(help="A force law in x and v; every other name is a parameter.", show_default=False),
     ],
     memory: Memory = None,
-    assume: Assume = None,
     json: Json = False,
     latex: Annotated[bool, typer.Option("--latex", help="Write the formulas as LaTeX.")] = False,
 ) -> int:
@@ -83,7 +80,7 @@ def derive_command(
     """
     element = make_element("law", expression, read_memory(memory or []))
     started = time.perf_counter()
-    function = derive(element, assume or [])
+    function = derive(element)
     seconds = time.perf_counter() - started
     notes = law_sentences(function.force, full=True)
     if json:

@@ -13,23 +13,12 @@ import numpy as np
 
 from rsgen.common.arrays import Array
 from rsgen.common.errors import MeasurementError, shown_path
+from rsgen.files import text_columns
 from rsgen.files.column_titles import is_unit, unit_in
 from rsgen.files.data_files import open_text, recognise_format
 from rsgen.files.inspection.clues import plain_unit
 from rsgen.files.plan import Layout
 from rsgen.files.sandbox import list_binary
-from rsgen.files.text_columns import (
-    MISSING,
-    REMARKS,
-    Columns,
-    TextLines,
-    automatic_delimiter,
-    column_names,
-    is_of_words,
-    number_in,
-    read_columns,
-    split_cells,
-)
 from rsgen.files.tree import MAX_CHANNELS, Contents, Entry, facts
 
 LAYOUT_LINES = 300
@@ -44,8 +33,8 @@ words belong to the table."""
 
 
 def _kinds(text: str, layout: Layout) -> tuple[bool, ...]:
-    cells = split_cells(text, layout.delimiter)
-    return tuple(number_in(cell, layout.decimal) is not None for cell in cells)
+    cells = text_columns.split_cells(text, layout.delimiter)
+    return tuple(text_columns.number_in(cell, layout.decimal) is not None for cell in cells)
 
 
 def _full(lines: Sequence[tuple[int, str]], layout: Layout) -> tuple[bool, ...]:
@@ -57,16 +46,18 @@ def _full(lines: Sequence[tuple[int, str]], layout: Layout) -> tuple[bool, ...]:
 
 def _row_kind(text: str, layout: Layout, full: tuple[bool, ...]) -> str:
     """Tell a row of "numbers", one with "gaps", one of "words", or "other"."""
-    cells = split_cells(text, layout.delimiter)
-    if is_of_words(cells, layout.decimal):
+    cells = text_columns.split_cells(text, layout.delimiter)
+    if text_columns.is_of_words(cells, layout.decimal):
         return "words"
     if len(cells) != len(full):
         return "other"
     asked = [cell for cell, kind in zip(cells, full, strict=True) if kind]
-    missing = [cell for cell in asked if number_in(cell, layout.decimal) is None]
+    missing = [cell for cell in asked if text_columns.number_in(cell, layout.decimal) is None]
     if not missing:
         return "numbers"
-    return "gaps" if all(MISSING.match(cell) or cell[:1].isalpha() for cell in missing) else "other"
+    return (
+        "gaps" if all(text_columns.MISSING.match(cell) or cell[:1].isalpha() for cell in missing) else "other"
+    )
 
 
 def _judge(lines: Sequence[tuple[int, str]], layout: Layout) -> tuple[int, int, int]:
@@ -139,7 +130,7 @@ def _beginning(lines: Iterable[tuple[int, str]]) -> Iterator[tuple[int, str]]:
 def _list_text(path: Path) -> Contents:
     label = shown_path(path)
     with open_text(path, hashlib.sha256()) as file:
-        begin = list(_beginning(TextLines(file, label, hashlib.sha256()).lines()))
+        begin = list(_beginning(text_columns.TextLines(file, label, hashlib.sha256()).lines()))
         file.seek(0)
         foreign = _is_foreign(islice(file, LAYOUT_LINES))
     comments = Layout().comments
@@ -156,7 +147,7 @@ def _list_text(path: Path) -> Contents:
     skip = lines[used - 1][0] if used > 0 else 0
     layout = Layout(layout.delimiter, layout.decimal, comments, skip, "cp1252" if foreign else "auto")
     kinds = _full(lines[first:], layout)
-    if layout.delimiter == automatic_delimiter(lines[used][1], layout.decimal):
+    if layout.delimiter == text_columns.automatic_delimiter(lines[used][1], layout.decimal):
         layout = replace(layout, delimiter="auto")
     if not head:
         titles = _remarked(begin, lines[first][0], len(kinds))
@@ -182,10 +173,12 @@ def _head(lines: Sequence[tuple[int, str]], first: int, layout: Layout) -> list[
     """Return the cells of the line above if they are names: one a column, and no numbers."""
     if first < 1:
         return []
-    cells, below = (split_cells(lines[n][1], layout.delimiter) for n in (first - 1, first))
-    if len(cells) == len(below) + 1 and cells[-1].casefold() == REMARKS:
+    cells, below = (text_columns.split_cells(lines[n][1], layout.delimiter) for n in (first - 1, first))
+    if len(cells) == len(below) + 1 and cells[-1].casefold() == text_columns.REMARKS:
         cells.pop()
-    named = len(cells) == len(below) and all(number_in(cell, layout.decimal) is None for cell in cells)
+    named = len(cells) == len(below) and all(
+        text_columns.number_in(cell, layout.decimal) is None for cell in cells
+    )
     return cells if named else []
 
 
@@ -196,7 +189,7 @@ def _are_units(cells: Sequence[str]) -> bool:
 
 def _remarked(begin: Sequence[tuple[int, str]], first: int, width: int) -> list[str]:
     """Return the names in the last comment above the numbers, as ``read_columns`` does."""
-    found = (column_names(text.strip(), Layout().comments) for n, text in begin if n < first)
+    found = (text_columns.column_names(text.strip(), Layout().comments) for n, text in begin if n < first)
     names = [cells for cells in found if cells is not None]
     return names[-1] if names and len(names[-1]) == width else []
 
@@ -204,7 +197,7 @@ def _remarked(begin: Sequence[tuple[int, str]], first: int, width: int) -> list[
 def _numbers(path: Path, layout: Layout, wanted: list[int]) -> tuple[dict[int, Array], dict[int, str], str]:
     """Read columns, together or, where one is at fault, each alone: numbers, faults by column, a remark."""
     try:
-        found = read_columns(path, layout, wanted)
+        found = text_columns.read_columns(path, layout, wanted)
     except MeasurementError as error:
         if len(wanted) < 2 or len(wanted) * path.stat().st_size > _MAX_BYTES_COLUMN_BY_COLUMN:
             return {}, dict.fromkeys(wanted, str(error)), ""
@@ -214,7 +207,7 @@ def _numbers(path: Path, layout: Layout, wanted: list[int]) -> tuple[dict[int, A
     return dict(columns), {}, _passed(found)
 
 
-def _passed(found: Columns) -> str:
+def _passed(found: text_columns.Columns) -> str:
     """Say how many rows of words stand among the numbers."""
     count = len(found.words)
     if not count:

@@ -11,36 +11,7 @@ from typing import Any
 
 from rsgen.common.errors import listed
 from rsgen.data.record_set import QUANTITIES
-from rsgen.files.inspection.clues import (
-    BASE,
-    DECIBEL,
-    DRIVE,
-    FORCE,
-    FREQUENCY,
-    INCREMENT,
-    LEVEL,
-    NAMES,
-    NOMINAL,
-    OVER_FORCE,
-    PEAK,
-    QUOTIENT,
-    RATE,
-    RESPONSE,
-    RMS,
-    TIME,
-    TODO,
-    called,
-    first,
-    is_angular_frequency,
-    is_force,
-    is_phase,
-    is_real,
-    last_name,
-    motion_of,
-    phase_sense,
-    readable,
-    unit_for,
-)
+from rsgen.files.inspection import clues
 from rsgen.files.inspection.sensors import (
     Sensor,
     channel_names,
@@ -79,7 +50,7 @@ class _Draft:
 
     def __init__(self, contents: Contents) -> None:
         self.contents = contents
-        self.free = readable(contents)
+        self.free = clues.readable(contents)
         self.levels: list[str] = []
         self.run = ("", "")
         """How the path of one of several runs begins, and the same with a *."""
@@ -101,19 +72,21 @@ class _Draft:
 
 def _is_frequency(entry: Entry) -> bool:
     # "f_re_N" is a force
-    return FREQUENCY(entry) and not (is_force(entry) or motion_of(entry) or QUOTIENT(entry))
+    return clues.FREQUENCY(entry) and not (
+        clues.is_force(entry) or clues.motion_of(entry) or clues.QUOTIENT(entry)
+    )
 
 
 def _abscissa(entries: Sequence[Entry]) -> tuple[Entry | None, Entry | None]:
     """Find the time, or the frequency."""
-    rows = [entry for entry in entries if is_real(entry) and entry.size > 1]
+    rows = [entry for entry in entries if clues.is_real(entry) and entry.size > 1]
     hertz = [entry for entry in rows if entry.unit in HERTZ]
-    time = first(rows, lambda entry: entry.unit in SECONDS and not FREQUENCY(entry))
+    time = clues.first(rows, lambda entry: entry.unit in SECONDS and not clues.FREQUENCY(entry))
     # rows with phases are readings of amplitudes, whatever their instants
-    if time is not None and not (hertz and any(map(is_phase, rows))):
+    if time is not None and not (hertz and any(map(clues.is_phase, rows))):
         return time, None
-    frequency = first(hertz or rows, lambda _: bool(hertz), _is_frequency, is_angular_frequency)
-    return (None, frequency) if frequency else (first(rows, TIME), None)
+    frequency = clues.first(hertz or rows, lambda _: bool(hertz), _is_frequency, clues.is_angular_frequency)
+    return (None, frequency) if frequency else (clues.first(rows, clues.TIME), None)
 
 
 def propose(contents: Contents) -> Proposal | None:
@@ -149,11 +122,11 @@ def _propose_nameless(draft: _Draft) -> None:
     _ask_response(draft, draft.free, "amplitude")
     draft.tables["test.response"] |= {"phase": UNKNOWN, "phase_sense": UNKNOWN}
     draft.doubts |= {
-        "test.frequency.column": f"{TODO}write the name or the number of the column; time histories have "
-        "excitation, [test.time] and samples instead",
-        "test.force.amplitude": f"{TODO}write the column of the force, and its unit",
-        "test.response.phase": f"{TODO}write its column; or write real and imaginary in place of both",
-        "test.response.phase_sense": f'{TODO}write "lead" where a positive phase is earlier, else "lag"',
+        "test.frequency.column": f"{clues.TODO}write the name or the number of the column; time histories "
+        "have excitation, [test.time] and samples instead",
+        "test.force.amplitude": f"{clues.TODO}write the column of the force, and its unit",
+        "test.response.phase": f"{clues.TODO}write its column; or write real and imaginary in place of both",
+        "test.response.phase_sense": f'{clues.TODO}"lead" where a positive phase is earlier, else "lag"',
     }
 
 
@@ -166,23 +139,25 @@ def _propose_table(draft: _Draft, frequency: Entry) -> None:
     draft.take(frequency)
     runs, left_out = _choose_runs(draft, frequency)
     unit = {"unit": frequency.unit} if frequency.unit in HERTZ and frequency.unit != "Hz" else {}
-    if is_angular_frequency(frequency) and frequency.unit not in HERTZ:
+    if clues.is_angular_frequency(frequency) and frequency.unit not in HERTZ:
         unit = {"unit": "rad/s"}
         draft.doubts["test.frequency.unit"] = "its name says an angular frequency; Hz if it is none"
     draft.tables["test.frequency"] = {"column": draft.address(frequency)} | unit
     size = frequency.size
-    real = [entry for entry in draft.free if is_real(entry)]
+    real = [entry for entry in draft.free if clues.is_real(entry)]
     rows = [entry for entry in real if entry.size > 1 and _has_side(entry, size)]
-    level = draft.take(first([e for e in real if e.size < size], LEVEL) or first(rows, NOMINAL))
+    level = draft.take(
+        clues.first([e for e in real if e.size < size], clues.LEVEL) or clues.first(rows, clues.NOMINAL)
+    )
     rows = [entry for entry in draft.free if entry.size > 1 and _has_side(entry, size)]
     higher = higher_harmonics(rows)
     if higher:
         more = "; a table is read at its fundamental, time histories bring harmonics in"
-        left_out.append(f"left out: {listed(list(map(called, higher)))}{more}")
+        left_out.append(f"left out: {listed(list(map(clues.called, higher)))}{more}")
     # by identity: to compare each of thousands with each takes long
     unread = set(map(id, higher))
     sensors, loose = find_sensors([entry for entry in rows if id(entry) not in unread])
-    nominal = level is not None and is_force(level)
+    nominal = level is not None and clues.is_force(level)
     driven = _write_signals(draft, sensors, loose, left_out, of_force=nominal)
     _write_level(draft, level, driven, runs)
 
@@ -210,11 +185,11 @@ def _choose_runs(draft: _Draft, frequency: Entry) -> tuple[int, list[str]]:
         members = [entry for entry in draft.free if of_run.match(entry.path)]
         kinds: dict[str, set[bool]] = defaultdict(set)
         for entry in members:
-            kinds[of_run.sub("", entry.path, 1)].add(is_force(entry))
+            kinds[of_run.sub("", entry.path, 1)].add(clues.is_force(entry))
         if any(len(found) > 1 for found in kinds.values()):
             return 0, []
         draft.free = [entry for entry in draft.free if entry.path.startswith(begin)]
-        others = _other_points([entry for entry in members if motion_of(entry) and entry.title])
+        others = _other_points([entry for entry in members if clues.motion_of(entry) and entry.title])
         if not others:
             draft.run = (begin, f"{stem}*/")
         return (0, others) if others else (count, [])
@@ -226,7 +201,7 @@ def _other_points(motions: Sequence[Entry]) -> list[str]:
     points = [entry for entry in motions if entry.remark != motions[0].remark]
     same = len(motions) - len(points) - 1
     again = f" and {same} more of this point" if same else ""
-    names = listed(list(dict.fromkeys(map(called, points))))
+    names = listed(list(dict.fromkeys(map(clues.called, points))))
     return [f"left out: {names}{again}; a case reads one point, whose entries are levels"] if points else []
 
 
@@ -235,7 +210,7 @@ def _other_tables(draft: _Draft, frequency: Entry) -> list[str]:
     if draft.contents.format == "csv":
         # a / in the title of a text is no folder
         return []
-    with_own = {_folder(e) for e in draft.free if is_real(e) and e.size > 1 and _is_frequency(e)}
+    with_own = {_folder(e) for e in draft.free if clues.is_real(e) and e.size > 1 and _is_frequency(e)}
     others = with_own - {_folder(frequency)}
     left = [entry for entry in draft.free if _folder(entry) in others]
     draft.free = [entry for entry in draft.free if _folder(entry) not in others]
@@ -255,7 +230,7 @@ def _write_level(draft: _Draft, level: Entry | None, driven: bool, runs: int) ->
         table = {"values": draft.levels}
     elif level is not None:
         table = {"column": draft.address(level)} | (
-            {"unit": unit_for(level.unit, "N")} if is_force(level) else {}
+            {"unit": clues.unit_for(level.unit, "N")} if clues.is_force(level) else {}
         )
     elif not driven and runs:
         alike = [e for e in draft.contents.entries if e.title and not e.fault]
@@ -267,10 +242,10 @@ def _write_level(draft: _Draft, level: Entry | None, driven: bool, runs: int) ->
             draft.doubts["test.level.values"] = f"by the titles of the entries{differ}"
             table = {"values": [amount for _, amount in said]}
         else:
-            draft.doubts["test.level.values"] = f"{TODO}write the force amplitude of each"
+            draft.doubts["test.level.values"] = f"{clues.TODO}write the force amplitude of each"
             table = {"values": [f"{UNKNOWN} N"] * runs}
     elif not driven:
-        draft.doubts["test.level.value"] = f"{TODO}write the force amplitude of this file"
+        draft.doubts["test.level.value"] = f"{clues.TODO}write the force amplitude of this file"
         table = {"value": f"{UNKNOWN} N"}
     if table:
         draft.tables["test.level"] = table
@@ -295,11 +270,13 @@ def _propose_history(draft: _Draft, time: Entry | None) -> None:
     excitation = next((kind for sign, kind in _EXCITATIONS.items() if sign in stem), UNKNOWN)
     draft.tables["test"] = {"excitation": excitation}
     if excitation == UNKNOWN:
-        draft.doubts["test.excitation"] = f"{TODO}write {_CHOICES}"
+        draft.doubts["test.excitation"] = f"{clues.TODO}write {_CHOICES}"
     draft.tables["test.time"] = _time(draft, draft.take(time))
     longest = max((max(entry.shape, default=1) for entry in draft.free), default=0)
     size = time.size if time else longest
-    rows = [entry for entry in draft.free if is_real(entry) and entry.size > 1 and _has_side(entry, size)]
+    rows = [
+        entry for entry in draft.free if clues.is_real(entry) and entry.size > 1 and _has_side(entry, size)
+    ]
     sensors = [Sensor(channel, (("samples", channel),)) for entry in rows for channel in _channels(entry)]
     _write_signals(draft, sensors, [], [])
 
@@ -310,12 +287,12 @@ def _time(draft: _Draft, time: Entry | None) -> dict[str, Any]:
         unit = {"unit": time.unit} if time.unit in SECONDS and time.unit != "s" else {}
         return {"column": draft.address(time)} | unit
     numbers = [entry for entry in draft.free if entry.size == 1]
-    rate = first(numbers, RATE)
+    rate = clues.first(numbers, clues.RATE)
     if rate is not None:
         return {"rate_column": draft.address(rate)}
-    step = first(numbers, INCREMENT)
+    step = clues.first(numbers, clues.INCREMENT)
     if step is None or not step.low:
-        draft.doubts["test.time.rate"] = f"{TODO}not in the file: write the sampling rate"
+        draft.doubts["test.time.rate"] = f"{clues.TODO}not in the file: write the sampling rate"
         return {"rate": f"{UNKNOWN} Hz"}
     draft.doubts["test.time.rate"] = f"one over {step.path}"
     return {"rate": f"{1 / step.low:.10g} Hz"}
@@ -326,7 +303,7 @@ def _channels(entry: Entry) -> list[Entry]:
     sides = [length for length in entry.shape if length > 1]
     if len(sides) < 2:
         return [entry]
-    name, shape = last_name(entry), (max(sides),)
+    name, shape = clues.last_name(entry), (max(sides),)
     numbers = range(1, min(sides) + 1)
     return [replace(entry, path=f"{entry.path}[{n}]", shape=shape, title=f"{name} {n}") for n in numbers]
 
@@ -337,29 +314,33 @@ def _channels(entry: Entry) -> list[Entry]:
 
 def _is_response(entry: Entry) -> bool:
     remarked = "frequency response" in entry.remark or "time response" in entry.remark
-    named = RESPONSE(entry) or QUOTIENT(entry) or remarked
-    return bool(motion_of(entry)) or (named and not (FORCE(entry) or is_force(entry)))
+    named = clues.RESPONSE(entry) or clues.QUOTIENT(entry) or remarked
+    return bool(clues.motion_of(entry)) or (named and not (clues.FORCE(entry) or clues.is_force(entry)))
 
 
 def _find_base(sensors: Sequence[Sensor]) -> list[Sensor]:
     """Find motions of a base by the names of channels; none where there is no other motion."""
-    moved = [s for s in sensors if motion_of(s.main) in QUANTITIES.values()]
+    moved = [s for s in sensors if clues.motion_of(s.main) in QUANTITIES.values()]
     bare = [sensor for sensor in sensors if not sensor.main.unit]
-    moved += [sensor for sensor in bare if _is_response(sensor.main) or BASE(sensor.main)]
-    named = [sensor for sensor in moved if BASE(sensor.main)]
+    moved += [sensor for sensor in bare if _is_response(sensor.main) or clues.BASE(sensor.main)]
+    named = [sensor for sensor in moved if clues.BASE(sensor.main)]
     # without a unit a shaker may stand for its force or voltage, a base for its motion alone
-    sure = any(sensor.main.unit or not DRIVE(sensor.main) for sensor in named)
-    others = len(named) < len(moved) or (sure and not all(BASE(sensor.main) for sensor in bare))
+    sure = any(sensor.main.unit or not clues.DRIVE(sensor.main) for sensor in named)
+    others = len(named) < len(moved) or (sure and not all(clues.BASE(sensor.main) for sensor in bare))
     return named if others else []
 
 
 def _find_drive(draft: _Draft, sensors: list[Sensor], of_force: bool) -> tuple[Sensor | None, list[Sensor]]:
     """Find the force, else the motions of a base, else what drove a shaker; a level in N is of a force."""
-    still = [sensor.main for sensor in sensors if not (motion_of(sensor.main) or QUOTIENT(sensor.main))]
+    still = [
+        sensor.main for sensor in sensors if not (clues.motion_of(sensor.main) or clues.QUOTIENT(sensor.main))
+    ]
     remarked = [entry for entry in still if "force" in entry.remark and not _is_quotient(entry)]
-    force = first(still, is_force) or first(remarked or still, lambda _: bool(remarked), FORCE)
+    force = clues.first(still, clues.is_force) or clues.first(
+        remarked or still, lambda _: bool(remarked), clues.FORCE
+    )
     base = _find_base(sensors) if force is None and not of_force else []
-    force = force if force or base else first(still, DRIVE)
+    force = force if force or base else clues.first(still, clues.DRIVE)
     return next((sensor for sensor in sensors if sensor.main is force), None), base
 
 
@@ -386,7 +367,7 @@ def _write_signals(
     if responses and not responses[0].has_phase:
         phase = next((phase for phase in loose if not is_of_another(phase, responses[0].main)), None)
         if phase is not None:
-            others = listed([called(sensor.main) for sensor in responses[1:]])
+            others = listed([clues.called(sensor.main) for sensor in responses[1:]])
             doubt = f"or that of {others}: its title names no channel" if others else ""
             responses[0] = responses[0].with_phase(phase, doubt)
             loose = [other for other in loose if other is not phase]
@@ -395,24 +376,26 @@ def _write_signals(
         draft.tables["test.base"] = _motion(draft, base[0], "test.base") | {"response": "absolute"}
         draft.doubts["test.base.response"] = 'or "relative", if the response was measured against the base'
         if base[1:]:
-            others = listed([called(sensor.main) for sensor in base[1:]])
-            draft.doubts["test.base.quantity"] = f"{TODO}or {others}: the driven direction"
+            others = listed([clues.called(sensor.main) for sensor in base[1:]])
+            draft.doubts["test.base.quantity"] = f"{clues.TODO}or {others}: the driven direction"
     elif force is not None:
         draft.tables["test.force"] = _force(draft, force)
     elif not history:
         draft.tables["test.force"] = {"nominal": True}
         draft.doubts["test.force.nominal"] = "no force is named, so the level stands for it"
-        if responses and BASE(responses[0].main):
+        if responses and clues.BASE(responses[0].main):
             draft.doubts["test.force.nominal"] = (
-                f"{TODO}no force, and the only motion is that of a base: write that of the mass into the "
-                "file, such as transmissibility times base"
+                f"{clues.TODO}no force, and the only motion is that of a base: write that of the mass into "
+                "the file, such as transmissibility times base"
             )
     elif draft.tables["test"]["excitation"] != "ring-down":
         draft.tables["test.force"] = {"samples": UNKNOWN, "unit": "N"}
-        draft.doubts["test.force.samples"] = f"{TODO}write the path of the force; a ring-down needs none"
+        draft.doubts["test.force.samples"] = (
+            f"{clues.TODO}write the path of the force; a ring-down needs none"
+        )
     if responses:
         columns = [*(column for sensor in free for _, column in sensor.places), *loose]
-        if rest := [called(column) for column in columns if column.unit not in (*HERTZ, *SECONDS)]:
+        if rest := [clues.called(column) for column in columns if column.unit not in (*HERTZ, *SECONDS)]:
             left_out = [*left_out, f"left out: {listed(rest)}"]
         _write_responses(draft, responses, left_out)
     else:
@@ -424,8 +407,8 @@ def _write_signals(
 def _ask_response(draft: _Draft, columns: Sequence[Entry], key: str) -> None:
     """Ask which of several columns is the response, where no name or unit says it."""
     draft.tables["test.response"] = {"quantity": "displacement", "unit": "m", key: UNKNOWN}
-    names = listed(list(map(called, columns)))
-    draft.doubts[f"test.response.{key}"] = TODO + (
+    names = listed(list(map(clues.called, columns)))
+    draft.doubts[f"test.response.{key}"] = clues.TODO + (
         f"write which is the response, its quantity and unit: {names}"
         if names
         else "no column is left for the response; where it is in another file, write `file` and its column"
@@ -441,9 +424,9 @@ def _write_responses(draft: _Draft, responses: Sequence[Sensor], left_out: list[
     # a sum of channels needs the phases of all
     bare = [sensor for sensor in responses if sensor.has_phase < responses[0].has_phase]
     if bare:
-        left_out = [f"left out: {', '.join(called(s.main) for s in bare)}, without a phase", *left_out]
+        left_out = [f"left out: {', '.join(clues.called(s.main) for s in bare)}, without a phase", *left_out]
     responses = responses[: len(responses) - len(bare)]
-    others = [called(sensor.main) for sensor in responses[1:]]
+    others = [clues.called(sensor.main) for sensor in responses[1:]]
     if not others or _is_quotient(responses[0].main):
         table = _motion(draft, responses[0], "test.response")
         if "phase_sense" not in table and "samples" not in table:
@@ -478,8 +461,8 @@ _SENSE = (
 
 
 def _force(draft: _Draft, sensor: Sensor) -> dict[str, Any]:
-    known = is_force(sensor.main)
-    unit = unit_for(sensor.main.unit, "N") if known else UNKNOWN if sensor.main.unit else "N"
+    known = clues.is_force(sensor.main)
+    unit = clues.unit_for(sensor.main.unit, "N") if known else UNKNOWN if sensor.main.unit else "N"
     _doubt_unit(draft, sensor.main, "test.force", known)
     columns = _columns(draft, sensor, "test.force")
     head = {key: columns.pop(key) for key in ("samples", "amplitude") if key in columns}
@@ -492,7 +475,7 @@ def _doubt_unit(draft: _Draft, entry: Entry, place: str, known: bool) -> None:
         example = '"10 N/V"' if place == "test.force" else '"100 mV/g"'
         said = f'the file says {entry.unit!r}; write unit and factor, as unit = "V", factor = {example}'
         none = f"{entry.unit_source or 'no unit stands with it'}; write the unit"
-        draft.doubts[f"{place}.unit"] = TODO + (said if entry.unit else none)
+        draft.doubts[f"{place}.unit"] = clues.TODO + (said if entry.unit else none)
     elif entry.unit_source:
         draft.doubts[f"{place}.unit"] = entry.unit_source
 
@@ -500,28 +483,30 @@ def _doubt_unit(draft: _Draft, entry: Entry, place: str, known: bool) -> None:
 def _is_quotient(entry: Entry) -> bool:
     """Return True for a response over force."""
     remarked = "over force" in entry.remark or "frequency response" in entry.remark
-    return motion_of(entry).endswith("/N") or bool(QUOTIENT(entry)) or remarked
+    return clues.motion_of(entry).endswith("/N") or bool(clues.QUOTIENT(entry)) or remarked
 
 
 def _motion(draft: _Draft, sensor: Sensor, place: str) -> dict[str, Any]:
     """Return the table of a motion."""
-    entry, si = sensor.main, motion_of(sensor.main)
-    about = f"{last_name(entry)} {entry.remark}".casefold()
-    by_name = (kind for word, kind in NAMES.items() if word in about or word.strip() == about.strip())
+    entry, si = sensor.main, clues.motion_of(sensor.main)
+    about = f"{clues.last_name(entry)} {entry.remark}".casefold()
+    by_name = (kind for word, kind in clues.NAMES.items() if word in about or word.strip() == about.strip())
     by_unit = (kind for kind, unit in QUANTITIES.items() if si.removesuffix("/N") == unit)
     kind = next(by_unit, None) or next(by_name, "displacement")
-    unit = unit_for(entry.unit, si) if si else UNKNOWN if entry.unit else QUANTITIES[kind]
+    unit = clues.unit_for(entry.unit, si) if si else UNKNOWN if entry.unit else QUANTITIES[kind]
     table: dict[str, Any] = {"quantity": kind, "unit": unit}
     _doubt_unit(draft, entry, place, bool(si))
-    if not si and (DECIBEL.search(entry.unit) or DECIBEL.search(last_name(entry))):
+    if not si and (clues.DECIBEL.search(entry.unit) or clues.DECIBEL.search(clues.last_name(entry))):
         # no factor makes a logarithm linear: a case that does not pass is better than a wrong one
         table["unit"] = entry.unit or "dB"
-        draft.doubts[f"{place}.unit"] = f"{TODO}decibels are not read: write linear numbers into the file"
+        draft.doubts[f"{place}.unit"] = (
+            f"{clues.TODO}decibels are not read: write linear numbers into the file"
+        )
     said = ""
     if _is_quotient(entry):
         table["unit"] += "" if si.endswith("/N") or unit == UNKNOWN else "/N"
         table["per_force"] = True
-        said = OVER_FORCE[kind]
+        said = clues.OVER_FORCE[kind]
         draft.doubts[f"{place}.quantity"] = f"{said}, {table['unit']}"
         if "adds damping" in entry.remark:
             draft.doubts[f"{place}.per_force"] = "measured with an exponential window, which adds damping"
@@ -543,9 +528,9 @@ def _columns(draft: _Draft, sensor: Sensor, place: str) -> dict[str, Any]:
     if "amplitude" in table or "complex" in table:
         if main.scale == "half-peak":
             table["factor"] = 2.0
-        elif RMS.search(f"{called(main)} {main.remark}") and main.scale in ("", "rms"):
+        elif clues.RMS.search(f"{clues.called(main)} {main.remark}") and main.scale in ("", "rms"):
             table["scale"] = "rms"
-        elif "amplitude" in table and not (_is_quotient(main) or main.scale or PEAK.search(main.title)):
+        elif "amplitude" in table and not (_is_quotient(main) or main.scale or clues.PEAK.search(main.title)):
             table["scale"] = "peak"
             draft.doubts[f"{place}.scale"] = 'or "rms"; the file does not say'
     if sensor.doubt:
@@ -553,7 +538,7 @@ def _columns(draft: _Draft, sensor: Sensor, place: str) -> dict[str, Any]:
     if sensor.has_phase:
         # two parts or complex numbers have no column that could say the sense
         phase = columns.get("phase")
-        said = phase_sense(phase) if phase else ""
+        said = clues.phase_sense(phase) if phase else ""
         table |= {"phase_unit": "rad"} if phase and phase.unit == "rad" else {}
         table["phase_sense"] = said or "lead"
         if not said and _SENSE not in draft.doubts.values():

@@ -16,27 +16,7 @@ from rsgen.formula.names import remembers
 from rsgen.formula.units import Scale, choose_scale
 from rsgen.identification.modal_result import MODAL_COLUMNS, ModalTable
 from rsgen.identification.results import Identification
-from rsgen.report.figures.drawing import (
-    POINT,
-    POINTS,
-    REFINED,
-    TRUTH,
-    Drawing,
-    GivenAxes,
-    colour_bar,
-    in_style,
-    label_abscissa,
-    level_colours,
-    take_axes,
-)
-from rsgen.report.figures.equivalent import (
-    amplitudes_tested,
-    backbone,
-    calm_limits,
-    measured_backbone,
-    refined_band,
-    solution_of,
-)
+from rsgen.report.figures import drawing, equivalent
 
 # ----------------------------------------------------------------------------
 # The modal table as a figure: resonance frequency and damping over the amplitude, without a law.
@@ -46,10 +26,10 @@ _LABELS = {"frequency": "Resonance frequency", "damping_ratio": "Damping ratio",
 """Panels: damping ratio where it is known, else the damping itself."""
 
 
-@in_style
+@drawing.in_style
 def draw_modal(
-    table: ModalTable, identification: Identification | None = None, *, ax: GivenAxes = None
-) -> Drawing:
+    table: ModalTable, identification: Identification | None = None, *, ax: drawing.GivenAxes = None
+) -> drawing.Drawing:
     """Draw resonance frequency and damping ratio over the amplitude, with 95 % bands.
 
     Parameters
@@ -61,15 +41,15 @@ def draw_modal(
     ax
         Axes for frequency and damping; None makes a figure.
     """
-    grid = np.geomspace(table.amplitude[0], table.amplitude[-1], POINTS if len(table) > 1 else 1)
+    grid = np.geomspace(table.amplitude[0], table.amplitude[-1], drawing.POINTS if len(table) > 1 else 1)
     fine = table.at(grid)
     names = ["frequency", "damping_ratio" if "damping_ratio" in table.known else "damping"]
     names = [name for name in names if name in table.known]
-    figure, panels = take_axes(ax, len(names), (4.4, 1.95 * len(names)), sharex=True)
+    figure, panels = drawing.take_axes(ax, len(names), (4.4, 1.95 * len(names)), sharex=True)
     x = choose_scale(grid, "m")
     model = None
     if identification is not None and len(grid) > 1:
-        model = measured_backbone(identification, grid)
+        model = equivalent.measured_backbone(identification, grid)
     for axes, name in zip(panels, names, strict=False):
         value, low, high = (getattr(fine, f"{name}{end}") for end in ("", "_lower", "_upper"))
         unit = MODAL_COLUMNS[name]
@@ -79,7 +59,7 @@ def draw_modal(
         axes.plot(
             grid / x.factor,
             value / factor,
-            color=POINT["mec"],
+            color=drawing.POINT["mec"],
             lw=1.3,
             label=f"without a law, {CONFIDENCE_TEXT} band",
         )
@@ -88,16 +68,19 @@ def draw_modal(
             line = getattr(model, name) / factor
             shown.append(line)
             axes.plot(
-                grid / x.factor, line, label="refined model", **{**REFINED, "lw": 1.1, "ls": (0, (5, 2))}
+                grid / x.factor,
+                line,
+                label="refined model",
+                **{**drawing.REFINED, "lw": 1.1, "ls": (0, (5, 2))},
             )
-        calm_limits(axes, shown, least=0.01 if name == "frequency" else 0.2)
+        equivalent.calm_limits(axes, shown, least=0.01 if name == "frequency" else 0.2)
         axes.set_ylabel(scale.label(_LABELS[name]))
-    label_abscissa(panels, ax, x.label("Amplitude X"))
+    drawing.label_abscissa(panels, ax, x.label("Amplitude X"))
     panels[0].legend(loc="best")
     caption = (
         "Modal table: what the points near resonance say of the mode at each amplitude, whatever the law."
     )
-    return Drawing("modal", figure, caption, ax is None)
+    return drawing.Drawing("modal", figure, caption, ax is None)
 
 
 def _say_empty(axes: Axes, drawn: Sequence[Array]) -> None:
@@ -106,8 +89,8 @@ def _say_empty(axes: Axes, drawn: Sequence[Array]) -> None:
         axes.text(0.5, 0.5, "not known", ha="center", va="center", transform=axes.transAxes)
 
 
-@in_style
-def draw_resonance(identification: Identification, *, ax: GivenAxes = None) -> Drawing:
+@drawing.in_style
+def draw_resonance(identification: Identification, *, ax: drawing.GivenAxes = None) -> drawing.Drawing:
     """Draw resonance frequency and damping ratio of every level against amplitude, and the refined model.
 
     Parameters
@@ -122,30 +105,30 @@ def draw_resonance(identification: Identification, *, ax: GivenAxes = None) -> D
     amplitude = np.array([point.amplitude for point in points])
     frequency = np.array([point.frequency for point in points])
     ratio = np.array([point.damping_ratio for point in points])
-    figure, panels = take_axes(ax, 2, (4.4, 3.9), sharex=True)
+    figure, panels = drawing.take_axes(ax, 2, (4.4, 3.9), sharex=True)
     scale = choose_scale(amplitude, "m")
-    grid = amplitudes_tested(identification)
+    grid = equivalent.amplitudes_tested(identification)
     if identification.model.sensors:
         grid = grid[:0]
     if len(amplitude) > 1:
         # on the flanks below the resonances the damping ratio of friction leaves any axes
         grid = grid[(grid >= amplitude[0]) & (grid <= amplitude[-1])]
-    model = backbone(identification, solution_of(identification), grid)
+    model = equivalent.backbone(identification, equivalent.solution_of(identification), grid)
     parts = (
         ("Resonance frequency [Hz]", frequency, model.frequency, [frequency, model.frequency], 0.01),
         ("Damping ratio [%]", 100 * ratio, 100 * model.damping_ratio, [100 * ratio], 0.2),
     )
     for axes, (label, read, line, limits, least) in zip(panels, parts, strict=False):
-        axes.plot(amplitude / scale.factor, read, label="one level each", **POINT)
+        axes.plot(amplitude / scale.factor, read, label="one level each", **drawing.POINT)
         if np.isfinite(line).any():
-            axes.plot(grid / scale.factor, line, label="refined model", **REFINED)
-        calm_limits(axes, limits, least=least)
+            axes.plot(grid / scale.factor, line, label="refined model", **drawing.REFINED)
+        equivalent.calm_limits(axes, limits, least=least)
         axes.set_ylabel(label)
         _say_empty(axes, [read, line])
-    label_abscissa(panels, ax, scale.label("Amplitude X"))
+    drawing.label_abscissa(panels, ax, scale.label("Amplitude X"))
     panels[0].legend(loc="best")
     caption = "Resonance of each level: the shift with amplitude is what identification reads."
-    return Drawing("resonance", figure, caption, ax is None)
+    return drawing.Drawing("resonance", figure, caption, ax is None)
 
 
 _LEVELS = {"N": "Level F", "m": "Level X"}
@@ -155,10 +138,10 @@ _Place = tuple[Array, Array]
 """Abscissae and ordinates in a panel."""
 
 
-@in_style
+@drawing.in_style
 def draw_collapse(
-    identification: Identification, truth: Mapping[str, float] | None = None, *, ax: GivenAxes = None
-) -> Drawing:
+    identification: Identification, truth: Mapping[str, float] | None = None, *, ax: drawing.GivenAxes = None
+) -> drawing.Drawing:
     """Draw every test point as equivalent stiffness and damping: with the right law they fall on one curve.
 
     Parameters
@@ -181,8 +164,8 @@ def draw_collapse(
         along = amplitude * omega if speed else amplitude
         return (amplitude, stiffness), (along, damping * omega if joint else damping)
 
-    grid = amplitudes_tested(identification)
-    model, *halves = refined_band(identification, grid)
+    grid = equivalent.amplitudes_tested(identification)
+    model, *halves = equivalent.refined_band(identification, grid)
     read = sorted(identification.resonances, key=lambda point: point.amplitude)
     names = ("amplitude", "frequency", "stiffness", "damping")
     amplitude, frequency, *values = (np.array([getattr(one, name) for one in read]) for name in names)
@@ -190,11 +173,11 @@ def draw_collapse(
     clouds = places(curve.amplitude, omega, curve.stiffness, curve.damping)
     levels = places(amplitude, 2 * np.pi * frequency, *values)
     lines, bands = (places(grid, model.omega, *of) for of in ((model.stiffness, model.damping), halves))
-    true = None if truth is None else backbone(identification, truth, grid)
+    true = None if truth is None else equivalent.backbone(identification, truth, grid)
     truths = None if true is None else places(grid, true.omega, true.stiffness, true.damping)
     force = choose_scale(curve.level, curve.level_unit)
     norm = Normalize(0, float(np.max(curve.level, initial=0.0)) / force.factor or 1.0)
-    figure, panels = take_axes(ax, 2, (4.4, 4.6), sharex=not speed)
+    figure, panels = drawing.take_axes(ax, 2, (4.4, 4.6), sharex=not speed)
     x = choose_scale(curve.amplitude, "m")
     scales = (x, choose_scale(curve.amplitude * omega, "m/s") if speed else x)
     damper = ("Loss stiffness ωc", "N/m", 0.2) if joint else ("Damping c", "N*s/m", 0.2)
@@ -206,24 +189,24 @@ def draw_collapse(
             place / wide,
             cloud / y.factor,
             c=curve.level / force.factor,
-            cmap=level_colours(),
+            cmap=drawing.level_colours(),
             norm=norm,
             s=7,
             linewidths=0,
             rasterized=len(cloud) > 300,
         )
         at, heights = levels[i]
-        axes.plot(at / wide, heights / y.factor, label="levels at resonance", **POINT)
+        axes.plot(at / wide, heights / y.factor, label="levels at resonance", **drawing.POINT)
         low, high = ((line + sign * bands[i][1]) / y.factor for sign in (-1, 1))
         axes.fill_between(course / wide, low, high, color="#D55E00", alpha=0.18, lw=0)
-        look = {**REFINED, "lw": 1.1}
+        look = {**drawing.REFINED, "lw": 1.1}
         axes.plot(course / wide, line / y.factor, label=f"refined model, {CONFIDENCE_TEXT} band", **look)
         drawn = [cloud / y.factor, line / y.factor]
         if truths is not None:
             course, line = truths[i]
-            axes.plot(course / wide, line / y.factor, label="derived, true values", **TRUTH)
+            axes.plot(course / wide, line / y.factor, label="derived, true values", **drawing.TRUTH)
             drawn.append(line / y.factor)
-        calm_limits(axes, drawn, least=least)
+        equivalent.calm_limits(axes, drawn, least=least)
         _say_empty(axes, drawn)
         axes.set_ylabel(y.label(name))
     panels[0].legend(loc="best")
@@ -231,14 +214,14 @@ def draw_collapse(
         panels[0].set_xlabel(x.label("Amplitude X"))
     for axes in panels[1:]:
         axes.set_xlabel(scales[1].label("Velocity amplitude ωX" if speed else "Amplitude X"))
-    colour_bar(figure, panels, norm, force.label(_LEVELS.get(curve.level_unit, "Level")), 35)
+    drawing.colour_bar(figure, panels, norm, force.label(_LEVELS.get(curve.level_unit, "Level")), 35)
     caption = (
         "Every test point, coloured by level: with the right law all fall on one curve, but for what the "
         "higher harmonics add."
     )
     if any(f.code == "not-recorded" and f.names["signal"] == "phase" for f in identification.findings):
         caption += " Phases were not recorded: each point has the one that the identified law predicts."
-    return Drawing("collapse", figure, caption, ax is None)
+    return drawing.Drawing("collapse", figure, caption, ax is None)
 
 
 def _acts_on_velocity(force: sympy.Expr) -> bool:

@@ -20,27 +20,7 @@ from rsgen.formula.names import remembers
 from rsgen.formula.units import choose_scale, count_text, number_text, quantity_text
 from rsgen.identification.results import Identification
 from rsgen.law.numeric import compile_law
-from rsgen.report.figures.drawing import (
-    POINT,
-    REFINED,
-    TRUTH,
-    Drawing,
-    GivenAxes,
-    in_style,
-    label_abscissa,
-    take_axes,
-)
-from rsgen.report.figures.equivalent import (
-    branch_mean,
-    calm_limits,
-    dissipated_energy,
-    loop_force,
-    mass_of,
-    measured_energy,
-    measured_loops,
-    mode_surface,
-    solution_of,
-)
+from rsgen.report.figures import drawing, equivalent
 from rsgen.report.figures.responses import choose_levels
 
 # ----------------------------------------------------------------------------
@@ -69,10 +49,10 @@ def force_function(model: Model, values: Mapping[str, float]) -> Callable[[Array
     return force
 
 
-@in_style
+@drawing.in_style
 def draw_forces(
-    identification: Identification, truth: Mapping[str, float] | None = None, *, ax: GivenAxes = None
-) -> Drawing:
+    identification: Identification, truth: Mapping[str, float] | None = None, *, ax: drawing.GivenAxes = None
+) -> drawing.Drawing:
     """Draw the stiffness force n(x, 0) and the damping force n(0, v) - n(0, 0) over the tested range.
 
     Parameters
@@ -89,9 +69,9 @@ def draw_forces(
     x, v = np.linspace(-high, high, 401), np.linspace(-fast, fast, 401)
     zero = np.zeros(401)
     model = identification.model
-    refined = force_function(model, solution_of(identification))
+    refined = force_function(model, equivalent.solution_of(identification))
     true = None if truth is None else force_function(model, truth)
-    figure, panels = take_axes(ax, 2, (4.4, 4.6))
+    figure, panels = drawing.take_axes(ax, 2, (4.4, 4.6))
     restoring = identification.restoring
     kinds = (("stiffness force", x, "m"), ("damping force", v, "m/s"))
     for axes, (what, place, unit) in zip(panels, kinds, strict=False):
@@ -112,7 +92,7 @@ def draw_forces(
     caption = "Forces of springs and of dampers over the tested range"
     if restoring is not None:
         caption += f", and the nonparametric restoring force (points, {CONFIDENCE_TEXT} band)"
-    return Drawing("forces", figure, f"{caption}.", ax is None)
+    return drawing.Drawing("forces", figure, f"{caption}.", ax is None)
 
 
 def _panel(
@@ -135,15 +115,15 @@ def _panel(
         low, high = (drawn - band) / y.factor, (drawn + band) / y.factor
         axes.fill_between(at / x.factor, low, high, color="#0072B2", alpha=0.18, lw=0)
         few = np.unique(np.linspace(0, max(len(at) - 1, 0), min(len(at), 16)).astype(int))
-        axes.plot(at[few] / x.factor, drawn[few] / y.factor, label="nonparametric", **POINT)
-    axes.plot(place / x.factor, force / y.factor, label="refined", **REFINED)
+        axes.plot(at[few] / x.factor, drawn[few] / y.factor, label="nonparametric", **drawing.POINT)
+    axes.plot(place / x.factor, force / y.factor, label="refined", **drawing.REFINED)
     if true is not None:
-        axes.plot(place / x.factor, true / y.factor, label="truth", **TRUTH)
+        axes.plot(place / x.factor, true / y.factor, label="truth", **drawing.TRUTH)
     # a band that is wide for want of data must not make the forces flat
     lines = [
         line / y.factor for line in (force, true, None if inverted is None else drawn) if line is not None
     ]
-    calm_limits(axes, lines)
+    equivalent.calm_limits(axes, lines)
     axes.set_xlabel(x.label("Displacement x" if unit == "m" else "Velocity v"))
     axes.set_ylabel(y.label(what.capitalize()))
     axes.legend(loc="upper left")
@@ -178,16 +158,14 @@ def _chord(x: Array, force: Array) -> Array:
     return np.asarray(force[low] + slope * (x - x[low]))
 
 
-@in_style
+@drawing.in_style
 def draw_loops(
     surface: ResponseSurface,
     identification: Identification | None = None,
     truth: Mapping[str, float] | None = None,
     *,
-    mass: float | None = None,
-    points: NDArray[np.intp] | None = None,
-    ax: GivenAxes = None,
-) -> Drawing:
+    ax: drawing.GivenAxes = None,
+) -> drawing.Drawing:
     """Draw the restoring force over the displacement, as measured and as identified.
 
     The measured loops need no law: n(t) = f(t) - m a(t) along the measured motion. The mean of their two
@@ -198,13 +176,10 @@ def draw_loops(
     surface
         The test.
     identification
-        Gives mass and loops of the model along the same motions; None: the measured loops alone.
+        Gives mass and loops of the model along the same motions; None: the measured loops alone, with a mass
+        that is read from the points, with any smooth k(X).
     truth
         True value of every parameter, SI.
-    mass
-        m [kg], where there is no identification; None: read from the points, with any smooth k(X).
-    points
-        Rows of the surface; None: the largest motion of a small, a middle and the largest level.
     ax
         One axes for the loops, or two for the loops and their openings; None makes a figure.
 
@@ -213,38 +188,37 @@ def draw_loops(
     RsgenError
         No point settled, the phases are not known, or too few points settled to read a mass.
     """
-    surface = mode_surface(surface, identification)
-    rows = _peak_rows(surface) if points is None else np.asarray(points, dtype=np.intp)
-    if not np.isfinite(surface.phase[rows]).all() or not rows.size:
+    surface = equivalent.mode_surface(surface, identification)
+    rows = _peak_rows(surface)
+    if not rows.size:
         raise RsgenError("surface: no settled point with a phase; a loop needs force and motion")
-    if mass is None:
-        mass = mass_of(surface) if identification is None else identification.mass
-    loops = measured_loops(surface, rows, mass)
+    mass = equivalent.mass_of(surface) if identification is None else identification.mass
+    loops = equivalent.measured_loops(surface, rows, mass)
     lines: list[tuple[str, dict[str, Any], Array]] = []
     if identification is not None:
         for name, style, values in (
-            ("identified", REFINED, solution_of(identification)),
-            ("truth", TRUTH, truth),
+            ("identified", drawing.REFINED, equivalent.solution_of(identification)),
+            ("truth", drawing.TRUTH, truth),
         ):
             if values is not None:
-                lines.append((name, style, loop_force(identification.model, values, loops.motion)))
-    figure, panels = take_axes(ax, 2, (4.4, 5.2), sharex=True)
+                lines.append((name, style, equivalent.loop_force(identification.model, values, loops.motion)))
+    figure, panels = drawing.take_axes(ax, 2, (4.4, 5.2), sharex=True)
     unit = surface.units.of("N")
     x, y = choose_scale(loops.displacement, "m"), choose_scale(loops.force, unit)
     open_y = choose_scale(loops.force[-1] - _chord(loops.displacement[-1], loops.force[-1]), unit)
     for axes, scale, chord in zip(panels, (y, open_y), (False, True), strict=False):
         for i, (place, force) in enumerate(zip(loops.displacement, loops.force, strict=True)):
-            shown = [("measured", POINT, place, force)]
-            mean = branch_mean(place, force)
+            shown = [("measured", drawing.POINT, place, force)]
+            mean = equivalent.branch_mean(place, force)
             if mean is not None:
                 shown.append(("mean of both branches", _MEMORYLESS, *mean))
             shown += [(name, style, place, line[i]) for name, style, line in lines]
             for name, style, at, value in shown:
                 _draw_loop(axes, name if i == 0 else "", style, at / x.factor, value, scale.factor, chord)
         axes.set_ylabel(scale.label("Force less its chord" if chord else "Restoring force n"))
-    label_abscissa(panels, ax, x.label("Displacement x"))
+    drawing.label_abscissa(panels, ax, x.label("Displacement x"))
     panels[0].legend(loc="upper left")
-    where = f"the largest motion of {count_text(len(rows), 'level')}" if points is None else "chosen points"
+    where = f"the largest motion of {count_text(len(rows), 'level')}"
     if identification is None or np.isfinite(identification.curve.units.kilogram):
         where += f", with a mass of {quantity_text(mass, 'kg', 4)}"
     caption = f"Loops of the restoring force at {where}: an open loop dissipates."
@@ -254,16 +228,16 @@ def draw_loops(
         caption += f" Measured loops have {surface.harmonics.shape[1] - 1} harmonics, which round corners."
     if not loops.motion.harmonics[:, 0].any():
         caption += " The mean displacement was not measured: displacements are counted from it."
-    return Drawing("loops", figure, caption, ax is None)
+    return drawing.Drawing("loops", figure, caption, ax is None)
 
 
 def _draw_loop(
     axes: Axes, name: str, style: dict[str, Any], place: Array, force: Array, factor: float, chord: bool
 ) -> None:
     drawn = (force - _chord(place, force) if chord else force) / factor
-    if style is POINT:
+    if style is drawing.POINT:
         few = np.unique(np.linspace(0, len(place), _MARKS, endpoint=False).astype(int))
-        axes.plot(place[few], drawn[few], label=name or "_", **POINT)
+        axes.plot(place[few], drawn[few], label=name or "_", **drawing.POINT)
         return
     closed = (
         (place, drawn) if style is _MEMORYLESS else (np.append(place, place[:1]), np.append(drawn, drawn[:1]))
@@ -271,14 +245,14 @@ def _draw_loop(
     axes.plot(*closed, label=name or "_", **style)
 
 
-@in_style
+@drawing.in_style
 def draw_energy(
     surface: ResponseSurface,
     identification: Identification,
     truth: Mapping[str, float] | None = None,
     *,
-    ax: GivenAxes = None,
-) -> Drawing:
+    ax: drawing.GivenAxes = None,
+) -> drawing.Drawing:
     """Draw the energy dissipated in a cycle over amplitude.
 
     Parameters
@@ -292,16 +266,16 @@ def draw_energy(
     ax
         Axes to draw on; None makes a figure.
     """
-    measured = measured_energy(mode_surface(surface, identification))
-    found = dissipated_energy(identification)
-    figure, (top,) = take_axes(ax, 1, (4.4, 3.3))
+    measured = equivalent.measured_energy(equivalent.mode_surface(surface, identification))
+    found = equivalent.dissipated_energy(identification)
+    figure, (top,) = drawing.take_axes(ax, 1, (4.4, 3.3))
     x = choose_scale(found.amplitude if found.amplitude.size else measured.amplitude, "m")
     y = choose_scale(np.concatenate([measured.energy, found.energy]), identification.curve.units.of("J"))
-    top.plot(measured.amplitude / x.factor, measured.energy / y.factor, label="measured", **POINT)
-    top.plot(found.amplitude / x.factor, found.energy / y.factor, label="refined", **REFINED)
+    top.plot(measured.amplitude / x.factor, measured.energy / y.factor, label="measured", **drawing.POINT)
+    top.plot(found.amplitude / x.factor, found.energy / y.factor, label="refined", **drawing.REFINED)
     if truth is not None:
-        true = dissipated_energy(identification, truth)
-        top.plot(true.amplitude / x.factor, true.energy / y.factor, label="truth", **TRUTH)
+        true = equivalent.dissipated_energy(identification, truth)
+        top.plot(true.amplitude / x.factor, true.energy / y.factor, label="truth", **drawing.TRUTH)
     if measured.energy.size or found.energy.size:
         for axis, set_scale in ((top.xaxis, top.set_xscale), (top.yaxis, top.set_yscale)):
             set_scale("log")
@@ -312,7 +286,7 @@ def draw_energy(
     caption = "Energy dissipated in a cycle: its slope is near 2 for viscous and structural damping"
     if remembers(identification.model.force):
         caption += ", 2.2 to 3 in micro-slip, 1 in macro-slip"
-    return Drawing("energy", figure, caption + ".", ax is None)
+    return drawing.Drawing("energy", figure, caption + ".", ax is None)
 
 
 def _plain_ticks(axis: Axis) -> None:
