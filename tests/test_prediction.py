@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 from scipy.interpolate import CubicSpline
 
+from rsgen.data.history import SweepLaw, from_swept_sine
 from rsgen.data.oscillator import Model, Observation, Oscillator
 from rsgen.dynamics.simulation import simulate
 from rsgen.dynamics.virtual_test import SimulatedTest
@@ -11,7 +12,9 @@ from rsgen.identification.identify import identify
 from rsgen.identification.prediction import predict
 from rsgen.identification.prediction.amplitude_balance import balance_of
 from rsgen.identification.prediction.resonance_curves import as_identification
+from rsgen.law.element import make_element
 from rsgen.report.wording import sentence
+from tests.oracles.swept import sweep
 from tests.surfaces import changed, model, noisy, surface
 
 EXACT = 1e-5
@@ -38,6 +41,17 @@ def test_a_held_out_level_that_is_missed_casts_doubt(law, expected, noise):
         asked = Model(law, None, asked.observation)
     findings = predict(identify(table, asked), surface=table).findings
     assert [f.severity for f in findings if f.code == "held-out-missed"] == expected
+
+
+def test_a_held_out_sweep_is_compared_by_its_force_where_it_falls_through_an_unstable_branch():
+    law, values = "k*x + k3*x**3 + c*v", {"k": 5920.0, "k3": 4e6, "c": 3.0}
+    structure = Oscillator(1.5, (make_element("all", law),), values)
+    swept = from_swept_sine(
+        [sweep(structure, F, SweepLaw("linear", 8.0, 0.1), 16.0, 400.0) for F in (1, 2, 4)]
+    )
+    (item,) = identify(swept, law, Observation(hold_out=(2.0,))).held_out
+    assert item.missing == 0
+    assert item.error < 5e-3
 
 
 @pytest.mark.parametrize(("wrong", "severities"), [(1, []), (8, ["error"])])

@@ -24,7 +24,7 @@ import numpy as np
 import rsgen.identification  # fits of multisines, where one is given
 from rsgen.common.arrays import Array
 from rsgen.common.errors import known_arguments, require
-from rsgen.common.finding import Finding
+from rsgen.common.finding import Finding, quantities
 from rsgen.common.tolerances import (
     BALANCE_HARMONICS,
     HARMONIC_TRUNCATION,
@@ -307,5 +307,11 @@ def _identify(surface: ResponseSurface, model: Model, attained: float, most: int
     if held.any() and np.count_nonzero(~held) > problem.count:
         findings = [held_finding(problem.observed.points, held, surface.units.of("N"))]
         problem, start = start_fit(test.problem.select(np.flatnonzero(~held)))
-    found = judge(replace(test, problem=problem), model, fit_all_harmonics(problem, start, attained))
+    fit = fit_all_harmonics(problem, start, attained)
+    late = fit.passed_late
+    if late.any():
+        fit = fit_all_harmonics(problem.select(np.flatnonzero(~late)), fit.regression.parameters, attained)
+        numbers = quantities(excluded=float(np.count_nonzero(late)), points=len(late))
+        findings.append(Finding("points-excluded", "info", numbers=numbers, names={"by": "symmetry"}))
+    found = judge(replace(test, problem=fit.problem), model, fit)
     return changed(found, findings=(*found.findings, *findings))

@@ -35,6 +35,7 @@ from rsgen.common.arrays import Array, ComplexArray
 from rsgen.common.tolerances import (
     BALANCE_HARMONICS,
     MAX_NEWTON_STEPS,
+    MAX_SHARE_OF_OUTLIERS,
     MIN_GAIN_OF_STEP,
     MIN_NULL_COMPONENT,
     MISFIT_NEGLIGIBLE,
@@ -44,7 +45,7 @@ from rsgen.common.tolerances import (
     SAMPLES_PER_PERIOD,
     SAMPLES_PER_PERIOD_SWITCHED,
 )
-from rsgen.identification.fitting.across import MeasuredAcross, across_of_mode
+from rsgen.identification.fitting.across import MeasuredAcross, across_of_mode, law_of
 from rsgen.identification.fitting.forward import ErrorsInVariables, HarmonicBalance, Simulator
 from rsgen.identification.fitting.least_squares import Regression, Rules, eliminate, fit
 from rsgen.identification.fitting.observed import FORCE_TO_RESPONSE_NOISE, Problem, is_systematic
@@ -183,6 +184,20 @@ class Fit:
             for part in np.split(run, np.flatnonzero(~recorded[run])):
                 broken[part] = recorded[part] & (recorded & own)[part].any()
         return broken
+
+    @property
+    def passed_late(self) -> NDArray[np.bool_]:
+        """True (n,) where a sweep, near where the law loses its symmetry, has not its second harmonic.
+
+        Near a pitchfork even harmonics grow and decay ever more slowly: in a sweep they are not steady.
+        """
+        points = self.problem.observed.points
+        late = np.zeros(len(points), dtype=bool)
+        compared = min(points.harmonics.shape[1] - 1, self.order) > 1
+        if compared and points.overlapping and law_of(self.problem.elements).odd:
+            distance = np.abs(np.abs(points.harmonics[:, 2]) - np.abs(self.harmonics[:, 2]))
+            late = self.symmetry_broken & (distance > RELATIVE_CHANGE_NEGLIGIBLE * points.amplitude)
+        return late & (np.mean(late) < MAX_SHARE_OF_OUTLIERS)
 
     def select(self, chosen: NDArray[np.intp]) -> Fit:
         """Take some of the points; what was found from all stays."""

@@ -37,6 +37,7 @@ from rsgen.data.surface import ResponseSurface
 from rsgen.dynamics.harmonic_balance import Response, following_harmonics, hold_amplitude
 from rsgen.dynamics.linear_part import Inertia
 from rsgen.identification.fitting.across import MeasuredAcross, law_of
+from rsgen.identification.fitting.forward import STEEP
 from rsgen.identification.modal_result import ModalTable, SplineMode
 from rsgen.identification.prediction.prediction_result import BEYOND, ERROR_LIMITS, ResonanceCurve
 from rsgen.identification.results import EquivalentCurve, Estimate, Identification
@@ -255,11 +256,21 @@ class AmplitudeBalance:
 
         Where the test held the amplitude, the predicted force at that amplitude is compared with the measured
         one, as X F/F_predicted: near a fold, and on an unstable branch, a force determines no amplitude. So
-        are free decays, whose points all lie on the resonance.
+        are free decays, whose points all lie on the resonance, and a sweep that falls from fold to fold
+        through the unstable branch: its force, corrected for that, would hold the motion there.
         """
         force, omega, near = mode.force, mode.omega, mode.amplitude
-        if mode.response_held or mode.decays:
-            return np.asarray(near * force / self.solve(near, omega).force)
+        if not (mode.response_held or mode.overlapping):
+            return self._settled(force, omega, near)
+        at = self.solve(near, omega)
+        found = np.asarray(near * force / at.force)
+        if not (mode.response_held or mode.decays):
+            stable = (np.conj(at.force) * at.force_slope).real > np.abs(at.force) ** 2 / STEEP
+            found[stable] = self._settled(force[stable], omega[stable], near[stable])
+        return found
+
+    def _settled(self, force: ComplexArray, omega: Array, near: Array) -> ComplexArray:
+        """Return the stable fundamental (n,) [m] under forces [N] that is nearest to amplitudes [m]."""
         level = np.abs(force)
         size, ok = self._newton_amplitude(level, omega, np.array(near))
         if not ok.all():

@@ -93,8 +93,8 @@ class HeldOutLevel(Brief):
         (n,) [Hz], ascending.
     measured, predicted
         (n,) complex fundamental X_1 [m] at the measured force; predicted is NaN without a steady state. Where
-        the test held the amplitude, and of a free decay, it is X_1 F/F_predicted, with the force that this
-        amplitude needs at its frequency.
+        the test held the amplitude, of a free decay, and of a sweep where it falls through an unstable
+        branch, it is X_1 F/F_predicted, with the force that this amplitude needs at its frequency.
     error
         Root mean square of predicted - measured over that of measured [1]. Up to 2 % of the points, rounded
         up, are left out where they are ``missing``: between a predicted and a measured jump branches differ.
