@@ -147,8 +147,8 @@ def test_harmonics_taken_for_noise_do_not_make_a_wrong_law_the_best_of_two_decay
     values = {"k": 12000.0, "k3": 4e8, "c": 0.6, "Ff": 0.25}
     blade = Oscillator(0.5, "k*x + k3*x**3 + c*v + Ff*sign(v)", values)
     plan = rsgen.DecayTest(level=[3e-3, 6e-3], duration=4, rate=2000, noise_relative=1e-3)
-    ranking = rank(rsgen.simulate(blade, plan), MEMORYLESS, mass=0.5)
-    best = ranking.candidates[0]
+    rivals = [rsgen.laws[name] for name in ("cubic-spring", "odd-power-spring", "coulomb", "stribeck")]
+    best = rank(rsgen.simulate(blade, plan), rivals, mass=0.5).candidates[0]
     assert best.name == "cubic-spring + coulomb"
     assert best.held_out_error < 0.01
 
