@@ -116,8 +116,7 @@ def test_an_observation_takes_one_level_and_no_background():
     (lambda s, f: rs.write_report(5, s, f), "folder: int; must be str or Path"),
     (lambda s, f: rs.write_report("never", s, 5), "identification: int; must be Identification"),
     (lambda s, f: rs.Oscillator(0.0, LAW, TRUE), "mass"),
-    (lambda s, f: rs.Oscillator(np.nan, LAW, TRUE), "mass"),
-    (lambda s, f: Model(LAW, mass=-1.0), "mass"),
+    (lambda s, f: rs.Oscillator(np.nan, LAW, TRUE), "mass"), (lambda s, f: Model(LAW, mass=-1.0), "mass"),
     (lambda s, f: rs.Oscillator(Model("k*x")), r"mass: Model\('k\*x'\); must be a number \[kg\]"),
     (lambda s, f: rs.Oscillator(1.0, "k*x", {}), "missing k"),
     (lambda s, f: rs.Oscillator(1.0, "k*x", {"k": 1.0, "q": 2.0}), "unknown q"),
@@ -171,10 +170,8 @@ def test_an_observation_takes_one_level_and_no_background():
             ({"sweep": "sideways"}, "'rest', 'up' or 'down' is needed"),
             ({"method": "guess"}, "'time' or 'harmonic-balance' is needed"),
             ({"control": "none"}, "'force', 'response', 'phase' or 'continuation' is needed"),
-            ({"harmonics": 100}, "1 to 64"),
-            ({"accuracy": 1.0}, "accuracy"),
-            ({"noise_relative": -0.1}, "noise"),
-            ({"seed": -1}, "seed"),
+            ({"harmonics": 100}, "1 to 64"), ({"accuracy": 1.0}, "accuracy"),
+            ({"noise_relative": -0.1}, "noise"), ({"seed": -1}, "seed"),
             ({"lags": (1.0,)}, "phase-locked loop"),
             ({"control": "phase", "sweep": "up"}, "finds its frequency"),
             ({"control": "phase", "lags": (3.0,), "phase_error": 0.4}, "must be 0 to pi"),
@@ -205,25 +202,20 @@ def test_an_observation_takes_one_level_and_no_background():
     *(
         (lambda s, f, keys=keys: replace(s, **keys), said)
         for keys, said in (
-            ({"frequency": np.full(42, -3.0)}, "positive"),
-            ({"frequency": np.full(42, np.inf)}, "finite"),
-            ({"force": [1.0, 2.0]}, "force"),
-            ({"harmonics": np.ones((42, 1))}, "fundamental"),
-            ({"sweep": ["left"] * 42}, "sweep"),
-            ({"outcome": np.full(42, 99)}, "outcome"),
+            ({"frequency": np.full(42, -3.0)}, "positive"), ({"frequency": np.full(42, np.inf)}, "finite"),
+            ({"force": [1.0, 2.0]}, "force"), ({"harmonics": np.ones((42, 1))}, "fundamental"),
+            ({"sweep": ["left"] * 42}, "sweep"), ({"outcome": np.full(42, 99)}, "outcome"),
             ({"origin": "invented"}, "origin"),
         )
     ),
     *(
         (lambda s, f, sensors=sensors: rs.ResponseSurface(2.0, [9.0], 2.0, [1j], sensors=sensors), said)
         for sensors, said in (
-            ({"a b": [1j]}, "'a b'"),
-            ({"across": [1j]}, "none of force, response, across"),
+            ({"a b": [1j]}, "'a b'"), ({"across": [1j]}, "none of force, response, across"),
             ({"tip_mean": [1j]}, "without the ending _mean"),
             ({"tip": [1j, 2j]}, r"sensors\.tip: shape \(2,\)"),
             ({"tip": [1.0]}, r"sensors\.tip: real numbers have no phase"),
-            ({"tip": [[1j]]}, r"sensors\.tip: needs at least"),
-            ([1j], "must be a dict"),
+            ({"tip": [[1j]]}, r"sensors\.tip: needs at least"), ([1j], "must be a dict"),
         )
     ),
     (lambda s, f: rs.ResponseSurface(1, [8, 9], 1, [1e-3, 2e-3]), "phase_known=False"),

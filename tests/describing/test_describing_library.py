@@ -19,8 +19,7 @@ GAP = "(asin(b/X) + b/X*sqrt(1 - (b/X)**2))"
 
 # law, stiffness, damping (about zero mean), source, closed form expected
 TABLE = (
-    ("k*x", "k", "0", LIU, True),
-    ("c*v", "0", "c", LIU, True),
+    ("k*x", "k", "0", LIU, True), ("c*v", "0", "c", LIU, True),
     ("k*x + k3*x**3", "k + 3/4*k3*X**2", "0", LIU + " Eq. (14)", True),
     ("k*x + k5*x**5", "k + 5/8*k5*X**4", "0", LIU + " Eq. (16)", True),
     ("k7*x**7", "35/64*k7*X**6", "0", GELB, True),
@@ -34,33 +33,22 @@ TABLE = (
     ("c3*v**3", "0", "3/4*c3*omega**2*X**2", WORDEN, True),
     ("c4*v**3*abs(v)", "0", "32*c4*omega**3*X**3/(15*pi)", LIU + " Eq. (26)", True),
     (
-        "cp*abs(v)**p*sign(v)",
-        "0",
-        "2*cp*(omega*X)**(p - 1)*gamma(p/2 + 1)/(sqrt(pi)*gamma(p/2 + 3/2))",
-        WORDEN,
-        True,
+        "cp*abs(v)**p*sign(v)", "0", "2*cp*(omega*X)**(p - 1)*gamma(p/2 + 1)/(sqrt(pi)*gamma(p/2 + 3/2))",
+        WORDEN, True,
     ),
     (
         "Piecewise((k4*x, abs(x) <= b), (k5*x + (k4 - k5)*b*sign(x), True))",
-        "Piecewise((k4, X <= b), (k5 - (k5 - k4)/pi*(2*asin(b/X) + 2*b/X**2*sqrt(X**2 - b**2)), True))",
-        "0",
-        GELB + "; Eq. (20) corrected",
-        True,
+        "Piecewise((k4, X <= b), (k5 - (k5 - k4)/pi*(2*asin(b/X) + 2*b/X**2*sqrt(X**2 - b**2)), True))", "0",
+        GELB + "; Eq. (20) corrected", True,
     ),
     (
-        "k*(Max(0, x - b) + Min(0, x + b))",
-        f"Piecewise((0, X <= b), (k - 2*k/pi*{GAP}, True))",
-        "0",
-        GELB,
+        "k*(Max(0, x - b) + Min(0, x + b))", f"Piecewise((0, X <= b), (k - 2*k/pi*{GAP}, True))", "0", GELB,
         True,
     ),
     ("Max(-k*b, Min(k*x, k*b))", f"Piecewise((k, X <= b), (2*k/pi*{GAP}, True))", "0", GELB, True),
     (
         "F*(Heaviside(x - b) - Heaviside(-x - b))",
-        "Piecewise((0, X <= b), (4*F/(pi*X)*sqrt(1 - (b/X)**2), True))",
-        "0",
-        GELB,
-        True,
+        "Piecewise((0, X <= b), (4*F/(pi*X)*sqrt(1 - (b/X)**2), True))", "0", GELB, True,
     ),
     ("F0*sign(x) + k*x", "k + 4*F0/(pi*X)", "0", GELB, True),
     ("c*(x**2/a**2 - 1)*v", "0", "c*(X**2/(4*a**2) - 1)", "Nayfeh and Mook", True),
@@ -71,29 +59,21 @@ TABLE = (
     ("c*sinh(v/w)", "0", "2*c*besseli(1, omega*X/w)/(omega*X)", OWN, True),
     ("mu*abs(x)*sign(v)", "0", "2*mu/(pi*omega)", OWN, True),
     ("mu*x**2*sign(v)", "0", "4*mu*X/(3*pi*omega)", OWN, True),
-    ("c*v*abs(x)", "0", "4*c*X/(3*pi)", OWN, True),
-    ("k*x*abs(v)", "4*k*omega*X/(3*pi)", "0", OWN, True),
-    ("k*x*v**2", "k*omega**2*X**2/4", "0", OWN, True),
-    ("c*x**4*v", "0", "c*X**4/8", OWN, True),
+    ("c*v*abs(x)", "0", "4*c*X/(3*pi)", OWN, True), ("k*x*abs(v)", "4*k*omega*X/(3*pi)", "0", OWN, True),
+    ("k*x*v**2", "k*omega**2*X**2/4", "0", OWN, True), ("c*x**4*v", "0", "c*X**4/8", OWN, True),
     (
-        "F*(sign(v - w) + sign(v + w))/2",
-        "0",
-        "Piecewise((0, omega*X <= w), (4*F/(pi*omega*X)*sqrt(1 - (w/(omega*X))**2), True))",
-        OWN,
-        True,
+        "F*(sign(v - w) + sign(v + w))/2", "0",
+        "Piecewise((0, omega*X <= w), (4*F/(pi*omega*X)*sqrt(1 - (w/(omega*X))**2), True))", OWN, True,
     ),
     (
         "k*(Max(0, x - b) + Min(0, x + b)) + k*(Max(0, x - 2*b) + Min(0, x + 2*b))",
         f"Piecewise((0, X <= b), (k - 2*k/pi*{GAP}, True))"
-        f" + Piecewise((0, X <= 2*b), (k - 2*k/pi*{GAP.replace('b', '(2*b)')}, True))",
-        "0",
-        OWN,
-        True,
+        f" + Piecewise((0, X <= 2*b), (k - 2*k/pi*{GAP.replace('b', '(2*b)')}, True))", "0", OWN, True,
     ),
     ("F*atan(a*x)", "2*F*(sqrt(1 + a**2*X**2) - 1)/(a*X**2)", "0", OWN, False),
     ("k*x/(1 + (a*x)**2)", "2*k*(1 - 1/sqrt(1 + a**2*X**2))/(a*X)**2", "0", OWN, False),
     ("k*a*x/sqrt(abs(a*x))", "2*k*sqrt(a/X)*gamma(5/4)/(sqrt(pi)*gamma(7/4))", "0", GELB, True),
-)
+)  # fmt: skip
 
 
 def random_points(names, seed=5, count=24):

@@ -166,11 +166,7 @@ def test_every_text_survives_toml():
 
 @pytest.mark.slow
 @pytest.mark.parametrize("name", [
-    "Sample_UFF58_ascii",
-    "Sample_UFF58b_bin",
-    "binary8byte",
-    "non_ascii_header",
-    "sample_dataset58_psd",
+    "Sample_UFF58_ascii", "Sample_UFF58b_bin", "binary8byte", "non_ascii_header", "sample_dataset58_psd",
     "time-history-not-all-columns-filled",
 ])  # fmt: skip
 def test_universal_files_of_others(name, measured_data):

@@ -33,23 +33,20 @@ JOINT_MASS = 1.5
 JOINTS: dict[str, tuple[str, dict[str, str], dict[str, float]]] = {
     "jenkins": ("k*x + c*v + masing(Min(kt*x, Fs))", {}, {"k": 5920.0, "c": 3.8, "kt": 3000.0, "Fs": 6.0}),
     "iwan": (
-        "k*x + c*v + masing(Piecewise((K*x - K*x**2/(4*xs), x < 2*xs), (K*xs, True)))",
-        {},
+        "k*x + c*v + masing(Piecewise((K*x - K*x**2/(4*xs), x < 2*xs), (K*xs, True)))", {},
         {"k": 5920.0, "c": 3.8, "K": 3000.0, "xs": 2e-3},
     ),
     "iwan4": (
         "k*x + c*v + masing(Piecewise((x*(R*b**(chi + 1)/(chi + 1) + S)"
-        " - R*x**(chi + 2)/((chi + 1)*(chi + 2)), x < b), (R*b**(chi + 2)/(chi + 2) + S*b, True)))",
-        {},
+        " - R*x**(chi + 2)/((chi + 1)*(chi + 2)), x < b), (R*b**(chi + 2)/(chi + 2) + S*b, True)))", {},
         {"k": 5920.0, "c": 3.8, "R": 22000.0, "S": 400.0, "chi": -0.5, "b": 4e-3},
     ),
     "bouc-wen": (
-        "k*x + c*v + z",
-        {"z": "alpha*v - bg*abs(v)*z - bd*v*abs(z)"},
+        "k*x + c*v + z", {"z": "alpha*v - bg*abs(v)*z - bd*v*abs(z)"},
         {"k": 5920.0, "c": 3.8, "alpha": 3000.0, "bg": 300.0, "bd": -200.0},
     ),
     "dahl": ("k*x + c*v + Fc*z", {"z": "(v - z*abs(v))/xs"}, {"k": 5920.0, "c": 3.8, "Fc": 3.0, "xs": 1e-3}),
-}
+}  # fmt: skip
 """Beside a linear spring and damper; all slip at the levels of ``LEVELS``."""
 
 

@@ -50,12 +50,9 @@ GRID = np.linspace(8, 12, 25)
 
 # as the library has them; a piecewise spring is a linear one and a dead zone
 NAMES = {
-    "cubic": "cubic-spring",
-    "coulomb": "coulomb",
-    "bilinear": "bilinear-spring",
-    "combined": "cubic-spring + quadratic-damper",
-    "piecewise": "dead-zone",
-}
+    "cubic": "cubic-spring", "coulomb": "coulomb", "bilinear": "bilinear-spring",
+    "combined": "cubic-spring + quadratic-damper", "piecewise": "dead-zone",
+}  # fmt: skip
 
 
 MEMORYLESS = [term.source for term in library_terms() if not remembers(term.source.force)]
@@ -369,12 +366,9 @@ def test_held_out_levels_are_not_seen() -> None:
 
 
 _RIVALS = (
-    "k*x + c*v",
-    "k*x + kn*x**3 + c*v",
-    "k*x + c*v + F*sign(v)",
-    "k*x + c*v + kg*(Max(0, x - b) + Min(0, x + b))",
-    "k*x + c*v + cq*v*abs(v)",
-)
+    "k*x + c*v", "k*x + kn*x**3 + c*v", "k*x + c*v + F*sign(v)",
+    "k*x + c*v + kg*(Max(0, x - b) + Min(0, x + b))", "k*x + c*v + cq*v*abs(v)",
+)  # fmt: skip
 _WITHOUT_PHASES = {
     "cubic": (_RIVALS[1], {"k": 5920.0, "kn": 3e5, "c": 6.0}),
     "friction": (_RIVALS[2], {"k": 5920.0, "c": 6.0, "F": 0.8}),

@@ -234,13 +234,9 @@ def test_what_is_not_known_is_null():
     read = strict(result_text(result(unknown)))["parameters"][0]
     assert read["true"] is None
     assert read["refined"] == {
-        "value": C1,
-        "standard_error": None,
-        "interval": [None, None],
-        "interval_by": "standard error",
-        "remark": sentence(LOST),
-        "finding": LOST.to_dict(),
-    }
+        "value": C1, "standard_error": None, "interval": [None, None], "interval_by": "standard error",
+        "remark": sentence(LOST), "finding": LOST.to_dict(),
+    }  # fmt: skip
 
 
 def identified(force: str, values: dict[str, float]) -> tuple[Model, Identification]:

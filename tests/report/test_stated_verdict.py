@@ -138,11 +138,8 @@ def test_index_and_table_show_the_verdict_of_every_case(tmp_path):
     lines = table_of_results(read_results(tmp_path)).splitlines()
     cells = [line.strip("| ").split(" | ") for line in lines[6:] if "|" in line]
     assert {row[0]: row[-1] for row in cells} == {
-        "doubted": "within, result **doubtful**",
-        "fine": "within",
-        "open": "–",
-        "wrong": "**rejected**",
-    }
+        "doubted": "within, result **doubtful**", "fine": "within", "open": "–", "wrong": "**rejected**",
+    }  # fmt: skip
     assert "* fine: Liu et al., Eqs. (13), (14)" in lines
     # all four have one title
     assert all(f" ({name})</h3>" in text for name in ("fine", "open", "doubted", "wrong"))
