@@ -4,9 +4,8 @@ from __future__ import annotations
 
 import time
 from collections.abc import Mapping, Sequence
-from functools import singledispatch
 from pathlib import Path
-from typing import Any
+from typing import cast
 
 import numpy as np
 
@@ -39,13 +38,8 @@ def draw_all(
     modal: Modal = NO_MODAL,
 ) -> list[figures.Drawing]:
     """Draw every figure of the report; those that it does not need are left out."""
-    return _drawn(surface, subject, identification, prediction, modal)
-
-
-@singledispatch
-def _drawn(
-    surface: Any, subject: Subject, identification: Identification, prediction: Prediction, modal: Modal
-) -> list[figures.Drawing]:
+    if isinstance(surface, MultisineSpectra):
+        return _draw_lines(surface, cast("MultisineIdentification", identification), prediction, modal)
     drawings = [
         figures.draw_surface(surface),
         figures.draw_map(surface),
@@ -73,13 +67,8 @@ def _drawn(
     return drawings
 
 
-@_drawn.register
-def _(
-    spectra: MultisineSpectra,
-    subject: Subject,
-    identification: MultisineIdentification,
-    prediction: Prediction,
-    modal: Modal,
+def _draw_lines(
+    spectra: MultisineSpectra, identification: MultisineIdentification, prediction: Prediction, modal: Modal
 ) -> list[figures.Drawing]:
     from rsgen.data.multisine import best_linear_surface  # for multisines only
 
@@ -209,30 +198,23 @@ def check_printed(subject: Subject, identification: Identification) -> tuple[Pri
 # What is another thing for a surface and for spectra: files, figures, and what is predicted of them.
 
 
-@singledispatch
-def save_records(table: Any, place: Path) -> None:
+def save_records(table: ResponseSurface | MultisineSpectra, place: Path) -> None:
     """Write the records of a test."""
-    save_surface(place / "surface.h5", table)
+    if isinstance(table, MultisineSpectra):
+        from rsgen.data.multisine import save_spectra  # for multisines only
+
+        save_spectra(place / "spectra.npz", table)
+    else:
+        save_surface(place / "surface.h5", table)
 
 
-@save_records.register
-def _(table: MultisineSpectra, place: Path) -> None:
-    from rsgen.data.multisine import save_spectra  # for multisines only
-
-    save_spectra(place / "spectra.npz", table)
-
-
-@singledispatch
-def _predicted(table: Any, identification: Identification) -> Prediction:
+def _predicted(table: ResponseSurface | MultisineSpectra, identification: Identification) -> Prediction:
     """Predict levels not used."""
+    if isinstance(table, MultisineSpectra):
+        # of what identification has not seen; other spectra would count what it has seen as held out
+        return predict(identification)
     levels = [] if identification.model.sensors else _levels(table, identification)
     return predict(identification, levels or None, table)
-
-
-@_predicted.register
-def _(table: MultisineSpectra, identification: Identification) -> Prediction:
-    # of what identification has not seen; other spectra would count what it has seen as held out
-    return predict(identification)
 
 
 def _levels(surface: ResponseSurface, identification: Identification) -> list[float]:

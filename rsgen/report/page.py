@@ -10,9 +10,8 @@ import re
 from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
-from functools import singledispatch
 from pathlib import Path
-from typing import Any
+from typing import Any, cast
 from urllib.parse import quote
 
 import numpy as np
@@ -319,24 +318,23 @@ def _contents(sections: tuple[tuple[str, str], ...], found: Identification) -> l
     return [*sections[:-2], *compared, *sections[-2:]]
 
 
-@singledispatch
-def _test_context(surface: Any, identification: Identification) -> dict[str, Any]:
+def _test_context(
+    surface: ResponseSurface | MultisineSpectra, identification: Identification
+) -> dict[str, Any]:
     """Return what a page says of a surface only, and what of spectra only."""
+    if isinstance(surface, MultisineSpectra):
+        approximations = cast("MultisineIdentification", identification).approximations
+        return {
+            "contents": _contents(_LINE_CONTENTS, identification),
+            "test_sentence": spectra_sentence(surface, identification.frequency_range),
+            "mean_sentence": None,
+            "linear_table": tables.linear_table(approximations, identification.curve.units),
+        }
     return {
         "contents": _contents(_CONTENTS, identification),
         "test_sentence": surface_sentence(surface),
         "mean_sentence": mean_sentence(surface, identification),
         "linear_table": None,
-    }
-
-
-@_test_context.register
-def _(spectra: MultisineSpectra, identification: MultisineIdentification) -> dict[str, Any]:
-    return {
-        "contents": _contents(_LINE_CONTENTS, identification),
-        "test_sentence": spectra_sentence(spectra, identification.frequency_range),
-        "mean_sentence": None,
-        "linear_table": tables.linear_table(identification.approximations, identification.curve.units),
     }
 
 

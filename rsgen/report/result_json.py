@@ -7,9 +7,8 @@ import math
 import re
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
-from functools import singledispatch
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, cast
 
 import numpy as np
 import sympy
@@ -256,11 +255,15 @@ def dissipation_entry(surface: ResponseSurface, identification: Identification) 
     }
 
 
-@singledispatch
 def _entries_of(
-    table: Any, identification: Identification, prediction: Prediction, modal: Modal
+    table: ResponseSurface | MultisineSpectra,
+    identification: Identification,
+    prediction: Prediction,
+    modal: Modal,
 ) -> tuple[int, int, dict[str, Any]]:
     """Count all and settled points, and return the entries that only a surface has, or only spectra have."""
+    if isinstance(table, MultisineSpectra):
+        return _line_entries(table, cast("MultisineIdentification", identification), prediction, modal)
     curve = identification.curve
     entries = {
         "equivalent": {
@@ -274,8 +277,7 @@ def _entries_of(
     return len(table), int(np.count_nonzero(table.settled)), entries
 
 
-@_entries_of.register
-def _(
+def _line_entries(
     table: MultisineSpectra, identification: MultisineIdentification, prediction: Prediction, modal: Modal
 ) -> tuple[int, int, dict[str, Any]]:
     # a point is an excited line of a record

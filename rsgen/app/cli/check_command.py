@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from functools import singledispatch
 from typing import Any
 
 import rsgen
@@ -52,8 +51,10 @@ def point_faults(case: Case, table: ResponseSurface | MultisineSpectra) -> list[
     return [f"{shown_path(case.path)}: {text}" for text in faults]
 
 
-@singledispatch
-def _faults_of(table: Any, case: Case) -> list[str]:
+def _faults_of(table: ResponseSurface | MultisineSpectra, case: Case) -> list[str]:
+    if isinstance(table, MultisineSpectra):
+        check_records(table, case.observation)
+        return []
     points = select_points(gather_repeats(table)[0], case.model)
     if case.ranked:
         needed = mass_needs(points, per_unit_mass(table, case.model)[1])
@@ -64,21 +65,12 @@ def _faults_of(table: Any, case: Case) -> list[str]:
     return []
 
 
-@_faults_of.register
-def _(table: MultisineSpectra, case: Case) -> list[str]:
-    check_records(table, case.observation)
-    return []
-
-
-@singledispatch
-def size_findings(table: Any, case: Case) -> list[Finding]:
+def size_findings(table: ResponseSurface | MultisineSpectra, case: Case) -> list[Finding]:
     """Find what no vibration test can have."""
-    return [*plausibility_findings(table, calibrated=case.observation.calibrated)]
-
-
-@size_findings.register
-def _(table: MultisineSpectra, case: Case) -> list[Finding]:
-    return list(implausible(table)) if case.observation.calibrated else []
+    calibrated = case.observation.calibrated
+    if isinstance(table, MultisineSpectra):
+        return list(implausible(table)) if calibrated else []
+    return [*plausibility_findings(table, calibrated=calibrated)]
 
 
 def _plan(case: Case) -> tuple[dict[str, Any], list[str]]:

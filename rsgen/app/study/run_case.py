@@ -13,7 +13,7 @@ import time
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from fnmatch import fnmatch
-from functools import partial, singledispatch
+from functools import partial
 from math import nan
 from pathlib import Path
 from typing import Any
@@ -38,7 +38,6 @@ from rsgen.common.finding import StatedVerdict
 from rsgen.data.multisine import MultisineSpectra
 from rsgen.data.surface import ResponseSurface
 from rsgen.dynamics.simulation import simulate
-from rsgen.files import MeasuredTest
 from rsgen.identification.identify import identify
 from rsgen.identification.results import Identification
 from rsgen.identification.results.result import table_of
@@ -210,21 +209,13 @@ def obtain_table(
         return rsgen.files.load_surface(saved)
     if refused := law_faults(case):
         raise CaseError(refused)
-    return _records(case.test, case.oscillator, progress).on_mass(case.model.fixed.get("m", nan))
-
-
-@singledispatch
-def _records(
-    test: Any, oscillator: Any, progress: Callable[[float], None]
-) -> ResponseSurface | MultisineSpectra:
-    """Simulate a virtual test."""
-    table: ResponseSurface | MultisineSpectra = simulate(oscillator, test, progress=progress)
-    return table
-
-
-@_records.register
-def _(test: MeasuredTest, *_: object) -> ResponseSurface | MultisineSpectra:
-    return rsgen.files.read_measurement(test)
+    test: Any = case.test
+    table: ResponseSurface | MultisineSpectra = (
+        simulate(case.oscillator, test, progress=progress)
+        if case.oscillator is not None
+        else rsgen.files.read_measurement(test)
+    )
+    return table.on_mass(case.model.fixed.get("m", nan))
 
 
 def identify_case(
