@@ -223,15 +223,12 @@ _TOKEN = re.compile(
     r"|(?P<name>[A-Za-z_][A-Za-z0-9_]*)|(?P<other>\*\*|//|<<|>>|[<>=!]=|[^ ])"
 )
 _NO_OPERATOR = {
-    "//": "write / for a quotient",
-    "<<": "conditions compare with < <= > >=",
-    ">>": "conditions compare with < <= > >=",
-    "==": "conditions compare with < <= > >=",
+    "//": "write / for a quotient", "<<": "conditions compare with < <= > >=",
+    ">>": "conditions compare with < <= > >=", "==": "conditions compare with < <= > >=",
     "!=": "conditions compare with < <= > >=",
     "=": "a formula is only what stands on the right of the equals sign",
-    "!": "write gamma(n + 1) for a factorial",
-    ".": "nothing can be looked up in a formula",
-}
+    "!": "write gamma(n + 1) for a factorial", ".": "nothing can be looked up in a formula",
+}  # fmt: skip
 _SIGNS = ("+", "-")
 _INSTEAD = {
     "^": "write ** for a power",

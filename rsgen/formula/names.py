@@ -28,14 +28,9 @@ FUNCTIONS = (
 CONSTANTS = ("pi",)
 
 STATES = {
-    "x": "the displacement",
-    "v": "the velocity",
-    "X": "the amplitude",
-    "X0": "the mean displacement",
-    "omega": "the angular frequency",
-    "t": "the time",
-    "F": "the force level",
-}
+    "x": "the displacement", "v": "the velocity", "X": "the amplitude", "X0": "the mean displacement",
+    "omega": "the angular frequency", "t": "the time", "F": "the force level",
+}  # fmt: skip
 """Names with a fixed meaning: formulas may contain them, no parameter may be called so."""
 
 # gamma is a customary parameter name; it is the function only where it is called

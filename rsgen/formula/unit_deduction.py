@@ -20,14 +20,9 @@ _MAX_PLAIN_NUMBER = 100
 and v alone any number but one may be a stiffness or a damping."""
 
 _STATES = {
-    "x": _LENGTH,
-    "v": _LENGTH / _TIME,
-    "X": _LENGTH,
-    "X0": _LENGTH,
-    "omega": NUMBER / _TIME,
-    "t": _TIME,
+    "x": _LENGTH, "v": _LENGTH / _TIME, "X": _LENGTH, "X0": _LENGTH, "omega": NUMBER / _TIME, "t": _TIME,
     "F": FORCE,
-}
+}  # fmt: skip
 
 
 @dataclass(frozen=True, slots=True)

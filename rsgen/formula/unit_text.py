@@ -99,21 +99,11 @@ NUMBER = Dimension()
 FORCE = Dimension({"kg": Fraction(1), "m": Fraction(1), "s": Fraction(-2)})
 _MASS = Dimension({"kg": Fraction(1)})
 _NAMES = {
-    "1": "a plain number",
-    "N": "a force",
-    "N/m": "a stiffness",
-    "N*s/m": "a damping coefficient",
-    "N*m": "a moment",
-    "kg": "a mass",
-    "m": "a length",
-    "m^2": "an area",
-    "m/s": "a velocity",
-    "m/s^2": "an acceleration",
-    "s": "a time",
-    "Hz": "a frequency in cycles",
-    "1/s": "an angular frequency",
+    "1": "a plain number", "N": "a force", "N/m": "a stiffness", "N*s/m": "a damping coefficient",
+    "N*m": "a moment", "kg": "a mass", "m": "a length", "m^2": "an area", "m/s": "a velocity",
+    "m/s^2": "an acceleration", "s": "a time", "Hz": "a frequency in cycles", "1/s": "an angular frequency",
     "N/m^2": "a pressure",
-}
+}  # fmt: skip
 
 
 MAX_UNIT_CHARACTERS = 60
@@ -123,24 +113,8 @@ _EXACT_DIGITS = 14  # what has no more digits is meant exactly; the rest of pint
 _MAX_BITS = 10 * sys.float_info.max_exp  # far above the range of floats
 _EXAMPLES = "write a unit such as N/m, kN*s/m, N/m^3 or mm"
 _COMMON = [
-    "N",
-    "kN",
-    "mN",
-    "m",
-    "mm",
-    "s",
-    "ms",
-    "kg",
-    "g",
-    "Hz",
-    "kHz",
-    "rad",
-    "deg",
-    "lbf",
-    "inch",
-    "V",
-    "mV",
-]
+    "N", "kN", "mN", "m", "mm", "s", "ms", "kg", "g", "Hz", "kHz", "rad", "deg", "lbf", "inch", "V", "mV",
+]  # fmt: skip
 _JOINED = re.compile(r"([kmM]?N)(m|mm|s|ms)")
 _POWER = r"[+-]?[0-9]{1,3}(?:\.[0-9]{1,3})?"
 _TOKEN = re.compile(

@@ -88,15 +88,10 @@ def inline_svg(drawing: Drawing) -> Markup:
 
 
 _CONTENTS = (
-    ("verdict", "Result"),
-    ("response-surface", "Response surface"),
-    ("equivalent", "Stiffness and damping"),
-    ("prediction", "Prediction"),
-    ("laws", "Describing functions"),
-    ("method", "Method"),
-    ("warnings", "Warnings"),
-    ("provenance", "Provenance"),
-)
+    ("verdict", "Result"), ("response-surface", "Response surface"),
+    ("equivalent", "Stiffness and damping"), ("prediction", "Prediction"), ("laws", "Describing functions"),
+    ("method", "Method"), ("warnings", "Warnings"), ("provenance", "Provenance"),
+)  # fmt: skip
 _LINE_CONTENTS = (
     _CONTENTS[0],
     ("test", "Test"),

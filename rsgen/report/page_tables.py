@@ -355,13 +355,9 @@ NO_MODAL = Modal()
 """No table was asked for."""
 
 _TITLES = {
-    "frequency": "Frequency",
-    "damping_ratio": "Damping ratio",
-    "stiffness": "k(X)",
-    "damping": "c(X)",
-    "stiffness_per_mass": "k(X)/m",
-    "damping_per_mass": "c(X)/m",
-}
+    "frequency": "Frequency", "damping_ratio": "Damping ratio", "stiffness": "k(X)", "damping": "c(X)",
+    "stiffness_per_mass": "k(X)/m", "damping_per_mass": "c(X)/m",
+}  # fmt: skip
 """Heads of the columns."""
 
 

@@ -35,14 +35,9 @@ _LAW = "k1*x + kn1*x**3 + c1*v"
 
 # a spring that puts the resonance of 1.5 kg at 10 Hz, amid the frequencies above, lightly damped
 _VALUES = {
-    "N/m": "5.92 kN/m",
-    "N/m^3": "2e5 N/m^3",
-    "N/m^5": "1e8 N/m^5",
-    "N*s/m": "3.8 N*s/m",
-    "N*s^2/m^2": "1 N*s^2/m^2",
-    "N": "0.5 N",
-    "m": "20 mm",
-}
+    "N/m": "5.92 kN/m", "N/m^3": "2e5 N/m^3", "N/m^5": "1e8 N/m^5", "N*s/m": "3.8 N*s/m",
+    "N*s^2/m^2": "1 N*s^2/m^2", "N": "0.5 N", "m": "20 mm",
+}  # fmt: skip
 
 
 def _value(unit: str) -> str:

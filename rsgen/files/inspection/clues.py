@@ -19,17 +19,10 @@ OVER_FORCE = {"displacement": "receptance", "velocity": "mobility", "acceleratio
 _VALUES = ("data", "value", "values")
 """Last names of paths that say nothing."""
 NAMES = {
-    "inertance": "acceleration",
-    "acc": "acceleration",
-    "vel": "velocity",
-    "mobility": "velocity",
-    "disp": "displacement",
-    "beschl": "acceleration",
-    "geschw": "velocity",
-    "vitesse": "velocity",
-    " a ": "acceleration",
-    " v ": "velocity",
-}
+    "inertance": "acceleration", "acc": "acceleration", "vel": "velocity", "mobility": "velocity",
+    "disp": "displacement", "beschl": "acceleration", "geschw": "velocity", "vitesse": "velocity",
+    " a ": "acceleration", " v ": "velocity",
+}  # fmt: skip
 """Quantities by what stands in a name."""
 
 Clue = Callable[[Entry], bool]

@@ -2,14 +2,12 @@
 
 from __future__ import annotations
 
-import textwrap
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
 from functools import lru_cache
 
 import numpy as np
 from matplotlib.axes import Axes
-from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
 from rsgen.common.arrays import Array
@@ -24,8 +22,8 @@ from rsgen.formula.names import remembers
 from rsgen.formula.units import choose_scale, number_text
 from rsgen.identification.prediction.amplitude_balance import balance_of
 from rsgen.identification.results import Identification, MultisineIdentification
+from rsgen.law.memory import with_equations
 from rsgen.law.motion import Motion, cycle_work
-from rsgen.law.notation import readable
 from rsgen.law.numeric import compile_law
 from rsgen.report.figures.drawing import POINTS, REFINED, Drawing, GivenAxes, in_style, take_axes
 
@@ -455,9 +453,6 @@ def small_stiffness(identification: Identification, values: Mapping[str, float])
 # ----------------------------------------------------------------------------
 # The picture of a law: the force over a cycle, k(X) and c(X).
 
-WIDTH = 72
-"""Characters of a line of the heading."""
-
 SHADES = ((0.3, "#8fb8d8"), (0.6, "#4a8ec2"), (1.0, "#0072B2"))
 """Amplitudes of the cycles drawn, in parts of the largest, and their colours."""
 
@@ -478,7 +473,7 @@ def draw_derivation(
     function
         What was derived.
     values
-        Parameters, SI; those that are missing are taken as 1, and the heading says so.
+        Parameters, SI; those that are missing are taken as 1. The caption says all.
     omega
         Angular frequency [rad/s].
     largest
@@ -486,8 +481,7 @@ def draw_derivation(
     ax
         Axes for the law, and for stiffness, damping and mean as far as there are any; None makes a figure.
     """
-    given = dict(values or {})
-    numbers = {name: given.get(name, 1.0) for name in function.parameters}
+    numbers = {name: (values or {}).get(name, 1.0) for name in function.parameters}
     X = np.linspace(largest / POINTS, largest, POINTS)
     found = function.evaluate(X, omega, numbers)
     curves = [
@@ -498,9 +492,7 @@ def draw_derivation(
     if function.remembered:
         curves.insert(2, ("Energy of a cycle D", np.pi * omega * X**2 * found.damping, "J"))
     shown = [c for c in curves if np.any(c[1] != 0) and np.any(np.isfinite(c[1]))] or curves[:1]
-    figure, (law, *panels) = take_axes(ax, 1 + len(shown), (4.6, 1.5 + 1.9 * (1 + len(shown))))
-    if ax is None:
-        _heading(figure, function, numbers, given, omega)
+    figure, (law, *panels) = take_axes(ax, 1 + len(shown), (4.6, 2.3 * (1 + len(shown))))
     _draw_law(law, function, numbers, omega, largest, found.mean[-1])
     scale = choose_scale(X, "m")
     for axes, (what, curve, unit) in zip(panels, shown, strict=False):
@@ -511,29 +503,12 @@ def draw_derivation(
         axes.set_xlim(0, largest / scale.factor)
     for axes in panels[-1:]:
         axes.set_xlabel(scale.label("Amplitude X"))
-    caption = "The force of the law, and what it is to the fundamental of a vibration of amplitude X."
+    said = [f"{name} = {number_text(number)}" for name, number in (numbers | {"omega": omega}).items()]
+    caption = (
+        f"The force {with_equations(function.force)}, and what it is to the fundamental of a vibration of "
+        f"amplitude X; SI: {', '.join(said)}."
+    )
     return Drawing("derivation", figure, caption, ax is None)
-
-
-def _heading(
-    figure: Figure,
-    function: DescribingFunction,
-    numbers: Mapping[str, float],
-    given: Mapping[str, float],
-    omega: float,
-) -> None:
-    """Write the law and the numbers at which it is drawn above the panels."""
-    law = " ".join(readable(function.force).split())
-    entries = [f"{name} = {number_text(number)}" for name, number in numbers.items() if name in given]
-    assumed = [name for name in numbers if name not in given]
-    if assumed:
-        entries.append(f"{' = '.join(assumed)} = 1 (not given)")
-    entries.append(f"omega = {number_text(omega)} rad/s")
-    lines = textwrap.wrap(f"n = {law}", WIDTH)[:4]
-    for name, rate in function.memory.items():
-        lines += textwrap.wrap(f"{name}' = {rate}", WIDTH)[:2]
-    lines += [*textwrap.wrap(f"SI: {', '.join(entries)}", WIDTH)]
-    figure.suptitle("\n".join(lines), x=0.02, ha="left", fontsize=8)
 
 
 def _draw_law(
