@@ -123,6 +123,17 @@ def test_a_term_of_a_series_between_others_bends_its_curve():
     assert feeding(t=-100.0) == ["t"]
 
 
+@pytest.mark.parametrize("reach", [3e-5, 5e-5])
+def test_a_friction_that_underflows_has_no_power_of_the_motion(reach):
+    """A Stribeck term of no size, at the motion or at twice of it, ended a ranking."""
+    law = compile_law(parse("c*v + Fd*exp(-(v/vs)**2)*sign(v)"))
+    values = {"c": 1.0, "Fd": -1.0, "vs": reach}
+    known = [Estimate(name, value, 0.0, (value, value)) for name, value in values.items()]
+    motion = sine_motion(np.array([300.0]), np.array([1e-4]))
+    found = damping_findings(law, motion, law.ordered(values), known)
+    assert [finding.parameter for finding in found] == ["Fd"]
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize("code", ["another-quantity", "not-passive"])
 def test_a_wrong_sign_or_quantity_is_no_missing_background(code):

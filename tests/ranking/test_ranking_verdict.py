@@ -153,6 +153,16 @@ def test_harmonics_taken_for_noise_do_not_make_a_wrong_law_the_best_of_two_decay
     assert best.held_out_error < 0.01
 
 
+@pytest.mark.parametrize("seed", [2, 7])
+def test_noise_of_small_motions_does_not_make_a_wrong_law_the_best_of_a_decay(seed: int) -> None:
+    # its noise has one size; relative to the motion that of the last points is ten times as large
+    values = {"k": 12000.0, "k3": 4e8, "c": 0.6, "Ff": 0.25}
+    blade = Oscillator(0.5, "k*x + k3*x**3 + c*v + Ff*sign(v)", values)
+    plan = rsgen.DecayTest(level=[6e-3], duration=4, rate=2000, noise_relative=1e-3, seed=seed)
+    ranking = rank(rsgen.simulate(blade, plan), MEMORYLESS, mass=0.5)
+    assert ranking.candidates[0].name == "cubic-spring + coulomb"
+
+
 def test_a_response_that_is_divided_by_the_force_is_rejected_after_one_round(monkeypatch: pytest.MonkeyPatch):
     table, along, followed = measured("cubic"), PointTest.along, list[str]()
 

@@ -502,6 +502,8 @@ def _change(jacobian: Array, fundamental: ComplexArray, force: ComplexArray) -> 
 def _covariance(motion: ReferenceMotion, jacobian: Array, joints: Sequence[Array], noise: Array) -> Array:
     """Return the covariance (n, 2H+1, 2H+1) of the balance for relative noise (H+1,) of the harmonics.
 
+    Noise is relative to the amplitude of each point; of a free decay to that of all, root mean square.
+
     ``joints`` are tangents of what follows the second sensor, whose noise is its own.
     """
     unmeasured = _NOISE_OF_UNMEASURED * float(noise[1])
@@ -509,10 +511,14 @@ def _covariance(motion: ReferenceMotion, jacobian: Array, joints: Sequence[Array
     if not motion.points.phase_known:
         # the response is the origin of the phase, and that of the force is free
         spread[2] = 0.0
-    noisy = jacobian * (motion.points.amplitude[:, None] * spread)[:, None, :]
+    size, drive = motion.points.amplitude, motion.force
+    if motion.points.overlapping and motion.points.in_quadrature.all():
+        # of a free decay, whose noise has one size
+        size, drive = (one / np.abs(one) * np.sqrt(np.mean(np.abs(one) ** 2)) for one in (size, drive))
+    noisy = jacobian * (size[:, None] * spread)[:, None, :]
     covariance = noisy @ np.swapaxes(noisy, 1, 2)
     # noise of the force changes the mode as well: the background is a receptance times the measured force
-    force = motion.force[:, None] * np.array([1, 1j]) * FORCE_TO_RESPONSE_NOISE * noise[1] / np.sqrt(2)
+    force = drive[:, None] * np.array([1, 1j]) * FORCE_TO_RESPONSE_NOISE * noise[1] / np.sqrt(2)
     force[:, 1] *= 1.0 if motion.points.phase_known else _NOISE_OF_UNMEASURED
     driven = _change(jacobian, -motion.receptance[:, None] * force, force)
     covariance += driven @ np.swapaxes(driven, 1, 2)

@@ -182,7 +182,7 @@ def _order(force: Array, twice: Array) -> float:
     size, larger = (float(np.linalg.norm(part)) for part in (force, twice))
     if not np.allclose(twice * size, force * larger, rtol=0, atol=MIN_NULL_COMPONENT * size * larger):
         return nan
-    return log2(larger / size)
+    return log2(larger / size) if min(size, larger) > 0 else nan
 
 
 def takes_energy(power: Array) -> bool:
