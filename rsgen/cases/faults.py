@@ -211,12 +211,9 @@ KINDS = ("simulated", "simulated-multisine", "simulated-sweep", "simulated-decay
 """Of a test: the tags of its table, which are no keys of the file."""
 _QUOTED = ", ".join(map(repr, KINDS[:-1])) + f" or {KINDS[-1]!r}"
 _WANTED = {
-    "bool_type": "true or false",
-    "list_type": "a list [ ... ]",
-    "dict_type": "a table",
-    "model_type": "a table",
-    "model_attributes_type": "a table",
-}
+    "bool_type": "true or false", "list_type": "a list [ ... ]", "dict_type": "a table",
+    "model_type": "a table", "model_attributes_type": "a table",
+}  # fmt: skip
 
 
 def _models(annotation: Any) -> Iterator[type[BaseModel]]:

@@ -30,15 +30,9 @@ if TYPE_CHECKING:
     from rsgen.describing.remembering import add_memory, split_by_memory
 
 __all__ = [
-    "DescribingFunction",
-    "Equivalent",
-    "PrintedComparison",
-    "add_memory",
-    "compare_printed",
-    "derive",
-    "split_by_memory",
-    "variables_of",
-]
+    "DescribingFunction", "Equivalent", "PrintedComparison", "add_memory", "compare_printed", "derive",
+    "split_by_memory", "variables_of",
+]  # fmt: skip
 
 # most laws have no memory
 __getattr__ = on_first_use(__name__, dict.fromkeys(("add_memory", "split_by_memory"), "remembering"))

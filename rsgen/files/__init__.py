@@ -13,15 +13,9 @@ if TYPE_CHECKING:
     from rsgen.files.surface_file import load_surface
 
 __all__ = [
-    "Channel",
-    "HistoryRule",
-    "Layout",
-    "LevelRule",
-    "MeasuredTest",
-    "SweepRule",
-    "load_surface",
+    "Channel", "HistoryRule", "Layout", "LevelRule", "MeasuredTest", "SweepRule", "load_surface",
     "read_measurement",
-]
+]  # fmt: skip
 
 # a process that opens a file of strangers loads what it needs for that alone
 __getattr__ = on_first_use(

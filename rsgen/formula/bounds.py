@@ -231,28 +231,14 @@ _NO_OPERATOR = {
 }  # fmt: skip
 _SIGNS = ("+", "-")
 _INSTEAD = {
-    "^": "write ** for a power",
-    "[": "write ( )",
-    "]": "write ( )",
-    "{": "write ( )",
-    "}": "write ( )",
-    "'": "write v for the velocity; a formula contains no text",
-    '"': "a formula contains no text",
+    "^": "write ** for a power", "[": "write ( )", "]": "write ( )", "{": "write ( )", "}": "write ( )",
+    "'": "write v for the velocity; a formula contains no text", '"': "a formula contains no text",
     ":": "conditions stand in Piecewise((value, condition), ..., (value, True))",
-    ";": "a formula is one expression",
-    "\n": "a formula is one line",
-    "\t": "write blanks",
-    "\u2212": "write -",
-    "\u00b7": "write *",
-    "\u00d7": "write *",
-    "\u00f7": "write /",
-    "\u03c0": "write pi",
-    "\u221a": "write sqrt(...)",
-    "\u221e": "a law must be finite",
-    "\u00b2": "write **2",
-    "\u00b3": "write **3",
-    "\u1e8b": "write v",
-}
+    ";": "a formula is one expression", "\n": "a formula is one line", "\t": "write blanks",
+    "\u2212": "write -", "\u00b7": "write *", "\u00d7": "write *", "\u00f7": "write /",
+    "\u03c0": "write pi", "\u221a": "write sqrt(...)", "\u221e": "a law must be finite",
+    "\u00b2": "write **2", "\u00b3": "write **3", "\u1e8b": "write v",
+}  # fmt: skip
 _ASCII_ONLY = "allowed are ASCII letters, digits, blanks and _ . , + - * / ( ) < > = & |"
 
 

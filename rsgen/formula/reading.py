@@ -40,19 +40,12 @@ _SPELLING = {
     "jv": "besselj", "iv": "besseli", "Gamma": "gamma",
 }  # fmt: skip
 _REPLACED = {
-    "pow": "write a**b",
-    "power": "write a**b",
-    "log10": "write log(a)/log(10)",
-    "log2": "write log(a)/log(2)",
-    "cbrt": "write sign(a)*abs(a)**(1/3)",
-    "square": "write a**2",
-    "factorial": "write gamma(n + 1)",
-    "cot": "write 1/tan(a)",
-    "sec": "write 1/cos(a)",
-    "clip": "write Min(Max(a, lower), upper)",
-    "float": "write the number itself",
+    "pow": "write a**b", "power": "write a**b", "log10": "write log(a)/log(10)",
+    "log2": "write log(a)/log(2)", "cbrt": "write sign(a)*abs(a)**(1/3)", "square": "write a**2",
+    "factorial": "write gamma(n + 1)", "cot": "write 1/tan(a)", "sec": "write 1/cos(a)",
+    "clip": "write Min(Max(a, lower), upper)", "float": "write the number itself",
     "int": "write the number itself",
-}
+}  # fmt: skip
 
 
 def unknown_name(name: str, known: Collection[str]) -> str:

@@ -39,16 +39,7 @@ from rsgen.report.figures.equivalent import evaluated
 from rsgen.report.page_tables import NO_MODAL, Modal
 from rsgen.report.provenance import Subject, page_environment, plain_text
 from rsgen.report.result_json import Entry, read_results
-from rsgen.report.wording import full_sentence, sentence
-from rsgen.report.wording.sentences import (
-    MARKED,
-    error_text,
-    proof_sentence,
-    ranking_steps,
-    spectra_sentence,
-    state_verdict,
-    surface_sentence,
-)
+from rsgen.report.wording import full_sentence, sentence, sentences
 
 # ----------------------------------------------------------------------------
 # Figures inside a page: SVG that takes its colours from the page and clashes with no other figure.
@@ -117,7 +108,7 @@ def _element(element: Element) -> dict[str, Any]:
         "stiffness": _formula(function.stiffness, display=True),
         "damping": _formula(function.damping, display=True),
         "mean": None if function.mean in (None, 0) else _formula(function.mean, display=True),
-        "proof": proof_sentence(function.closed_form, function.checked_to),
+        "proof": sentences.proof_sentence(function.closed_form, function.checked_to),
         "regimes": [r if isinstance(r, str) else _formula(r) for r in function.regimes],
         "remarks": [str(remark) for remark in function.remarks],
     }
@@ -202,15 +193,15 @@ def _verdict_context(
 ) -> dict[str, Any]:
     """Return what a result is worth, what it means, and what warns of it."""
     verdict = verdict_of(identification, comparison, prediction)
-    stated = state_verdict(verdict)
+    stated = sentences.state_verdict(verdict)
     # what comes from the case stays as it is written there
     warnings = [*subject.warnings, *map(full_sentence, identification.findings)]
     return {
         "state": verdict.state,
         "verdict": stated["headline"],
         "reasons": stated["sentences"],
-        "next_steps": [*steps_once(stated), *ranking_steps(identification.ranking)],
-        "mark": MARKED.get(verdict.state, ""),
+        "next_steps": [*steps_once(stated), *sentences.ranking_steps(identification.ranking)],
+        "mark": sentences.MARKED.get(verdict.state, ""),
         "outcome": full_sentence(identification.outcome),
         "law": with_equations(identification.model.force),
         "verdict_table": tables.verdict_table(comparison),
@@ -321,13 +312,13 @@ def _test_context(
         approximations = cast("MultisineIdentification", identification).approximations
         return {
             "contents": _contents(_LINE_CONTENTS, identification),
-            "test_sentence": spectra_sentence(surface, identification.frequency_range),
+            "test_sentence": sentences.spectra_sentence(surface, identification.frequency_range),
             "mean_sentence": None,
             "linear_table": tables.linear_table(approximations, identification.curve.units),
         }
     return {
         "contents": _contents(_CONTENTS, identification),
-        "test_sentence": surface_sentence(surface),
+        "test_sentence": sentences.surface_sentence(surface),
         "mean_sentence": mean_sentence(surface, identification),
         "linear_table": None,
     }
@@ -361,9 +352,9 @@ def _context(entry: Entry) -> dict[str, Any]:
                 "name": FORCE_KEYS.get(row["name"], row["name"]),
                 "true": _quantity(row["true"], row["unit"]),
                 "refined": _quantity((row["refined"] or {"value": None})["value"], row["unit"]),
-                "paper": error_text(row.get("paper_error")),
-                "first_order": error_text(row.get("first_order_error")),
-                "error": error_text(row["relative_error"]),
+                "paper": sentences.error_text(row.get("paper_error")),
+                "first_order": sentences.error_text(row.get("first_order_error")),
+                "error": sentences.error_text(row["relative_error"]),
                 "passed": row["passed"] if row["tolerance"] is not None else None,
             }
             for row in entry.rows
@@ -398,7 +389,7 @@ def table_of_results(entries: list[Entry]) -> str:
             known = row["tolerance"] is not None
             tolerance = float(row["tolerance"]) if known else None
             verdict = "–" if not known else "within" if row["passed"] else "**outside**"
-            if state in MARKED:
+            if state in sentences.MARKED:
                 # what a value is within says nothing where the result as a whole is doubted
                 verdict = f"**{state}**" if not known else f"{verdict}, result **{state}**"
             parameter = plain_text(FORCE_KEYS.get(row["name"], row["name"]), 80).translate(_MARKDOWN)
@@ -447,6 +438,6 @@ def write_index(folder: Path | str) -> None:
     page = page_environment().get_template("index/index.html")
     counts = {state: sum(case["state"] == state for case in contexts) for state in STATES}
     counts = {state: count for state, count in counts.items() if count}
-    context = {"cases": contexts, "counts": counts, "marked": MARKED, "version": rsgen.__version__}
+    context = {"cases": contexts, "counts": counts, "marked": sentences.MARKED, "version": rsgen.__version__}
     write_atomic(place / "index.html", page.render(context))
     write_atomic(place / "table1.md", table_of_results(entries))

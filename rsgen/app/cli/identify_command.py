@@ -5,16 +5,9 @@ from __future__ import annotations
 from dataclasses import replace
 
 from rsgen.analysis.comparison import compare, verdict_of
+from rsgen.app.cli import terminal
 from rsgen.app.cli.options import Data, Json, OneCase, Surface
 from rsgen.app.cli.progress_bar import print_cache_fault, stage_progress
-from rsgen.app.cli.terminal import (
-    print_block,
-    print_json,
-    print_line,
-    print_next_steps,
-    print_verdict,
-    verdict_code,
-)
 from rsgen.app.study import obtain_table
 from rsgen.app.study.run_case import identify_case
 from rsgen.cases import load_case
@@ -44,7 +37,7 @@ def identify_command(case: OneCase, surface: Surface = None, data: Data = None, 
         verdict = verdict_of(identification, comparison)
     warnings = [*map(sentence, identification.findings)]
     if json:
-        print_json(
+        terminal.print_json(
             {
                 "case": loaded.name,
                 "verdict": state_verdict(verdict),
@@ -55,16 +48,16 @@ def identify_command(case: OneCase, surface: Surface = None, data: Data = None, 
                 "warnings": warnings,
             }
         )
-        return verdict_code(verdict.state)
-    print_verdict(state_verdict(verdict))
+        return terminal.verdict_code(verdict.state)
+    terminal.print_verdict(state_verdict(verdict))
     # as print(found) shows it; verdict and findings stand around it
     table = identification.table
     law = table.caption.partition("\n")[2]
-    print_block("", str(replace(table, caption=law, notes=table.notes[:1])))
-    print_line(sentence(identification.outcome))
+    terminal.print_block("", str(replace(table, caption=law, notes=table.notes[:1])))
+    terminal.print_line(sentence(identification.outcome))
     for line in held_out_lines(identification.held_out):
-        print_line(line)
+        terminal.print_line(line)
     for finding in identification.findings:
         if finding not in verdict.decided_by:
-            print_line(f"note: {sentence(finding)}")
-    return print_next_steps(state_verdict(verdict))
+            terminal.print_line(f"note: {sentence(finding)}")
+    return terminal.print_next_steps(state_verdict(verdict))

@@ -10,18 +10,9 @@ from typing import Annotated
 
 import typer
 
+from rsgen.app.cli import terminal
 from rsgen.app.cli.options import Data, Json
 from rsgen.app.cli.progress_bar import print_cache_fault, stage_progress
-from rsgen.app.cli.terminal import (
-    number,
-    print_block,
-    print_faults,
-    print_json,
-    print_line,
-    print_next_steps,
-    print_verdict,
-    verdict_code,
-)
 from rsgen.app.study import obtain_table
 from rsgen.cases import load_case
 from rsgen.data.multisine import MultisineSpectra
@@ -65,14 +56,16 @@ def rank_command(
     print_cache_fault()
     name, table, model = _read(case, data)
     counted = "points" if isinstance(table, ResponseSurface) else "records"
-    print_faults([f"{name}: comparing {len(library_terms())} laws and their sums on {len(table)} {counted}"])
+    terminal.print_faults(
+        [f"{name}: comparing {len(library_terms())} laws and their sums on {len(table)} {counted}"]
+    )
     with stage_progress(case) as note:
         ranking = rank(table, model, terms_in_sum=terms_in_sum, progress=partial(note, "ranking"))
     # of a law that is not to be used values are shown, so that absurd ones are seen, but no intervals
     best = ranking.best.refined if ranking.verdict.usable else ()
     if json:
         entry = ranking_entry(ranking)
-        print_json(
+        terminal.print_json(
             {
                 "case": name,
                 **state_verdict(ranking.verdict),
@@ -84,26 +77,26 @@ def rank_command(
                 "best": {one.name: {"value": one.value, "interval": [*one.interval]} for one in best},
             }
         )
-        return verdict_code(ranking.verdict.state)
-    print_verdict(state_verdict(ranking.verdict))
-    print_block("", str(ranking))
+        return terminal.verdict_code(ranking.verdict.state)
+    terminal.print_verdict(state_verdict(ranking.verdict))
+    terminal.print_block("", str(ranking))
     for finding in ranking.findings:
         if finding not in ranking.verdict.decided_by and finding != ranking.verdict.summary:
-            print_line(sentence(finding))
-    print_line(
+            terminal.print_line(sentence(finding))
+    terminal.print_line(
         f"{'best' if best else 'least misfit, not to be used as it is'}: {ranking.candidates[0].force}"
     )
     if best:
-        print_block("", str(replace(ranking.best.table, caption="", notes=())))
+        terminal.print_block("", str(replace(ranking.best.table, caption="", notes=())))
     else:
-        print_line(f"with {_values(ranking, table)}")
-    return print_next_steps(state_verdict(ranking.verdict), ranking_steps(ranking))
+        terminal.print_line(f"with {_values(ranking, table)}")
+    return terminal.print_next_steps(state_verdict(ranking.verdict), ranking_steps(ranking))
 
 
 def _values(ranking: Ranking, table: ResponseSurface | MultisineSpectra) -> str:
     """Values of the first law with their units."""
     units = units_of(ranking.model, table.on_mass(ranking.model.fixed.get("m", nan)).units)
     return ", ".join(
-        f"{name} = {number(value)} {units.get(name, '')}".rstrip()
+        f"{name} = {terminal.number(value)} {units.get(name, '')}".rstrip()
         for name, value in ranking.candidates[0].values.items()
     )

@@ -255,11 +255,10 @@ def _write_level(draft: _Draft, level: Entry | None, driven: bool, runs: int) ->
 # Time histories.
 
 _EXCITATIONS = {
-    "step": "stepped-sine",
-    "multisine": "multisine",
+    "step": "stepped-sine", "multisine": "multisine",
     **dict.fromkeys(("sweep", "swept", "sinesw", "chirp"), "swept-sine"),
     **dict.fromkeys(("decay", "ring", "release", "hammer", "impact", "impulse", "ausschwing"), "ring-down"),
-}
+}  # fmt: skip
 """Excitations by what stands in the name of a file."""
 _CHOICES = '"swept-sine", "stepped-sine", "multisine" or "ring-down"'
 
