@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from functools import cache
 from pathlib import Path
 
 import numpy as np
@@ -172,6 +173,7 @@ def spoilt(clean: TimeHistory, noise: float, random: np.random.Generator) -> Tim
     return TimeHistory(clean.rate, *(part + noise * np.std(part) * draw for part, draw in parts))
 
 
+@cache
 def jumping(cubic: float, level: float, law: SweepLaw, stop: float) -> TimeHistory:
     """Sweep an oscillator at 10 Hz, half width 0.05 Hz, through a resonance that jumps."""
     o = Oscillator(

@@ -1,5 +1,7 @@
 """Points at phase resonance determine no mass: what does, and what is refused without one."""
 
+from functools import cache
+
 import numpy as np
 import pytest
 
@@ -11,6 +13,7 @@ MASS, VALUES = 1.5, {"k": 5920.0, "k3": 3e5, "c": 3.8}
 LAW = "k*x + k3*x**3 + c*v"
 
 
+@cache
 def locked(law: str = LAW, lag: float = 90.0, noise: float = 0.01, seed: int = 1, **values: float):
     """24 levels held near a quarter period; a lag in degrees."""
     test = rsgen.SimulatedTest(

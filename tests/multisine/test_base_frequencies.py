@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import replace
+from functools import cache
 from typing import Any
 
 import numpy as np
@@ -39,6 +40,7 @@ def joined(*parts: rsgen.MultisineSpectra) -> rsgen.MultisineSpectra:
     )  # fmt: skip
 
 
+@cache
 def simulated(seed: int, noise: float = 0.01) -> rsgen.MultisineSpectra:
     """A Duffing oscillator: a record a level, the middle one with a period of its own."""
     oscillator = rsgen.Oscillator(TRUE["m"], LAW, {name: TRUE[name] for name in ("k", "k3", "c")})

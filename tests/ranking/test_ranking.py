@@ -133,6 +133,7 @@ _SIDES = ("one-sided-stop", "two-sided-stop", "dead-zone", "bilinear-spring", "q
 _BESIDE = ("power-damper", "coulomb", "cubic-spring", "quadratic-spring")
 
 
+@cache
 def _stopped(harmonics: int) -> ResponseSurface:
     """A stop on one side: the gap is a fifteenth of the largest displacement."""
     values = {"k": 4.1e4, "kg": 2.6e4, "b": 3e-4, "c": 3.2, "cq": 14.0}
