@@ -93,6 +93,7 @@ from rsgen.identification.soundness import (
     limit_findings,
     nearly_held,
     repeats_finding,
+    shown_by_few,
     sign_findings,
     stopped_points,
 )
@@ -447,7 +448,7 @@ def judge(test: Prepared, model: Model, refined: Fit) -> Identification:
         "level": Quantity(float(points.level.max()), surface.level_unit),
     }
     reasons = parameter_findings(names, units, tested, regression, law.expression)
-    reasons = explain_hidden(test.problem, reasons)
+    reasons = {**explain_hidden(test.problem, reasons), **shown_by_few(refined)}
     covariance, converged = regression.covariance, regression.converged
     solution = replace(refined.solution, covariance=covariance, freedom=errors.freedom, converged=converged)
     estimates = make_estimates(solution, law, model, reasons, units)

@@ -186,6 +186,32 @@ def held_finding(points: Points, held: NDArray[np.bool_], unit: str) -> Finding:
     return Finding("points-excluded", "info", numbers=numbers, names={"by": "friction"})
 
 
+def shown_by_few(fit: Fit) -> dict[str, Finding]:
+    """Find parameters that act at fewer harmonics of points than there are such parameters, by name.
+
+    One point behind a stop shows one combination of where the stop is and how stiff.
+    """
+    law, observed = fit.problem.law, fit.problem.observed
+    found = dict[str, Finding]()
+    if law.acts_across or not law.nonlinear:
+        return found
+    motion = fit.motion.select(np.flatnonzero(fit.regression.used & np.isfinite(fit.harmonics).all(axis=1)))
+    slopes = law.along(motion, fit.values, SAMPLES_PER_PERIOD_SWITCHED).by_parameter
+    acts = {
+        name: (slope != 0).any(axis=1)
+        for name, slope in zip(law.parameters, slopes, strict=True)
+        if name not in fit.problem.fixed
+    }
+    harmonics = max(len({*observed.recorded} - {0}), 1)
+    for where in acts.values():
+        only = [name for name, own in acts.items() if own.any() and not (own & ~where).any()]
+        if harmonics * np.count_nonzero(where) < len(only):
+            for name in only:
+                others = {"with": ", ".join(other for other in only if other != name)}
+                found[name] = Finding("confounded", "warning", name, names=others)
+    return found
+
+
 def limit_findings(remarked: Sequence[Finding], fit: Fit) -> list[Finding]:
     """Find responses that end at one largest value, as those of an overloaded sensor do.
 

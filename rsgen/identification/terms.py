@@ -377,11 +377,13 @@ def stop_elsewhere(fit: Fit) -> tuple[str, str, float, bool] | None:
     numbers = {symbol(name): value for name, value in zip(law.parameters, values, strict=True)}
     largest = float(problem.observed.points.amplitude.max())
     reached = [stops.xreplace(numbers).xreplace({x: sympy.Float(sign * largest)}) for sign in (1, -1)]
-    if symbol("v") in stops.free_symbols or not any(reached) or (all(reached) and not law.odd):
+    known = np.isfinite(np.diag(few.regression.covariance))
+    stiff = [i for i in law.linear if symbol(law.parameters[i]) in stops.free_symbols and known[i]]
+    unseen = not any(reached) or (all(reached) and not law.odd)
+    if symbol("v") in stops.free_symbols or unseen or not stiff:
         return None
     even, sizes = stops.xreplace({x: sympy.Abs(x)}), np.ones(len(values))
     other = (stops + even) / 2 if law.odd else stops - stops.xreplace({x: -x})
-    stiff = [i for i in law.linear if symbol(law.parameters[i]) in stops.free_symbols]
     sizes[stiff] = 2.0 if law.odd else 0.5
     elements = (make_element("stop elsewhere", law.expression - stops + other),)
     trial = replace(problem, elements=elements, law=law_of(elements), frozen=())
@@ -389,7 +391,7 @@ def stop_elsewhere(fit: Fit) -> tuple[str, str, float, bool] | None:
     found = fit_balance(trial, start, order=max(few.order, START_HARMONICS), exclude=False, correct=False)
     cost, least = (float(np.sum(one.regression.residual**2)) for one in (found, few))
     worse = (cost - least) / max(few.regression.noise, 1e-300) ** 2
-    if not (stiff and found.regression.used.all() and worse < interval_sigmas() ** 2):
+    if not (found.regression.used.all() and worse < interval_sigmas() ** 2):
         return None
     return (
         "one" if law.odd else "both",

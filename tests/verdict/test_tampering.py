@@ -6,6 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+import rsgen
 from benchmarks import campaign
 from benchmarks.tampered_measurements import OF_CASE
 from rsgen.report.wording.sentences import CODES
@@ -124,3 +125,23 @@ def test_a_refusal_is_neither_doubtful_nor_rejected():
     row = campaign.run("right", 6232)
     assert row.state == "refused"
     assert "doubtful or rejected 0 of 1 (0.0 %)" in "\n".join(campaign.section([row]))
+
+
+@pytest.mark.parametrize(("kind", "seed"), [("few points", 6076), ("one side", 6040)])
+def test_where_a_stop_is_and_how_stiff_one_point_does_not_tell(
+    kind: str, seed: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    drawn = campaign.KINDS[kind](campaign.draw(seed, ["gap"]), np.random.default_rng([seed, 1]))
+    surface, asked = drawn.surface(), list[float]()
+    assert np.count_nonzero(surface.amplitude > drawn.truth.values["b"]) == 1
+    monkeypatch.setattr(
+        "rsgen.identification.identify.fit_simulator", lambda *_, accuracy: asked.append(accuracy)
+    )
+    found = rsgen.identify(surface, drawn.fitted)
+    # the simulator would be tried along values that nothing tells apart
+    assert not asked
+    unknown = {one.name: (one.finding.code, one.finding.names["with"]) for one in found if one.finding}
+    assert unknown == {"b": ("confounded", "kg"), "kg": ("confounded", "b")}
+    true = {**drawn.truth.values, "m": drawn.truth.mass}
+    for name in ("c", "k", "m"):
+        assert found[name].value == pytest.approx(true[name], rel=1e-3)
