@@ -196,11 +196,16 @@ class ModeProblem:
             mass=self.mass,
             orders=self.orders,
         )
-        rows, used = 2 * len(mode), found.unknowns - found.missing
+        return found.values, self.price(found.misfit**2 / 2, found.unknowns - found.missing)
+
+    def price(self, square: float, used: int) -> float:
+        """Return corrected AIC, or BIC with a background, of a mean square of ``used`` parameters."""
+        rows = 2 * len(self.seen.mode)
         # few points for many coefficients (Hurvich and Tsai, Biometrika 76, 1989)
         penalty = np.log(rows) if len(self.seen.background) else 2.0
-        price = penalty * rows / max(rows - used - 1, 1)
-        return found.values, rows * np.log(max(found.misfit**2 / 2, ROUND_OFF**2)) + used * price
+        return float(
+            rows * np.log(max(square, ROUND_OFF**2)) + penalty * rows * used / max(rows - used - 1, 1)
+        )
 
 
 def choose_splines(seen: ModePoints, mass: float) -> ModeProblem:
@@ -231,27 +236,44 @@ def choose_splines(seen: ModePoints, mass: float) -> ModeProblem:
             break
     if len(seen.background):
         return trial(seen, shape, orders)
-    # a sum of two may stand for one of three, as a curved spline for a more curved one
-    chosen = trial(seen, _next_shape(shape, allowed), orders if len(orders) == 1 else trials[-1])
+    # the noise of the response biases the linear solution by more than the orders differ
+    likely = _likely(
+        [(_weighted_price(problem), problem) for problem in (trial(some, shape, o) for o in trials)]
+    )
+    orders = max(likely, key=lambda entry: entry[0])[1].orders
+    chosen = trial(seen, _next_shape(shape, allowed), orders)
     others = _averaged_shapes([trial(some, candidate, orders) for candidate in shapes])
+    others += [entry for entry in likely if entry[1].orders != orders]
     return replace(chosen, others=tuple((weight, replace(other, seen=seen)) for weight, other in others))
 
 
+def _weighted_price(trial: ModeProblem) -> float:
+    """Return the corrected AIC of a trial fitted with noise on both sides."""
+    found = fit_splines(trial)
+    used = int(np.count_nonzero(trial.free))
+    return trial.price(found.noise**2 * found.freedom / (found.freedom + used), used)
+
+
+def _likely(priced: list[tuple[float, ModeProblem]]) -> list[tuple[float, ModeProblem]]:
+    """Return the likely trials with Akaike weights exp(-AIC/2) of sum one."""
+    least = min(price for price, _ in priced)
+    likely = [(float(np.exp(0.5 * (least - price))), trial) for price, trial in priced]
+    likely = [entry for entry in likely if entry[0] > MIN_LIKELIHOOD]
+    whole = sum(weight for weight, _ in likely)
+    return [(weight / whole, trial) for weight, trial in likely]
+
+
 def _averaged_shapes(trials: list[ModeProblem]) -> list[tuple[float, ModeProblem]]:
-    """Return the likely shapes with Akaike weights exp(-AIC/2).
+    """Return the likely shapes with their weights.
 
     If the best is curved, all of them only approximate: the best in each coordinate, with equal weights.
     """
     priced = [(trial.solve()[1], trial) for trial in trials]
-    least, best = min(priced, key=lambda entry: entry[0])
-    if best.basis.degree >= _CURVED_DEGREE:
-        of_power = [[entry for entry in priced if entry[1].basis.power == power] for power in _POWERS]
-        likely = [(1.0, min(entries, key=lambda entry: entry[0])[1]) for entries in of_power]
-    else:
-        likely = [(float(np.exp(0.5 * (least - price))), trial) for price, trial in priced]
-        likely = [entry for entry in likely if entry[0] > MIN_LIKELIHOOD]
-    whole = sum(weight for weight, _ in likely)
-    return [(weight / whole, trial) for weight, trial in likely]
+    best = min(priced, key=lambda entry: entry[0])[1]
+    if best.basis.degree < _CURVED_DEGREE:
+        return _likely(priced)
+    of_power = [[entry for entry in priced if entry[1].basis.power == power] for power in _POWERS]
+    return [(1 / len(of_power), min(entries, key=lambda entry: entry[0])[1]) for entries in of_power]
 
 
 def _count_amplitudes(amplitude: Array) -> int:
