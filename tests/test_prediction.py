@@ -54,6 +54,17 @@ def test_a_held_out_sweep_is_compared_by_its_force_where_it_falls_through_an_uns
     assert item.error < 5e-3
 
 
+def test_points_of_held_amplitudes_are_on_no_other_branch():
+    # a law without the cubic spring needs another force; its error is that of all points
+    table = surface("cubic")
+    held = changed(table, level=np.maximum(table.amplitude.round(2), 0.01), control="response")
+    (item,) = identify(held, Model("k*x + c*v", None, Observation(hold_out=(0.03,)))).held_out
+    miss = np.abs(item.predicted - item.measured)
+    assert (miss > 0.2 * np.abs(item.measured)).any()
+    assert item.missing == 0
+    assert item.error == pytest.approx(np.linalg.norm(miss) / np.linalg.norm(item.measured))
+
+
 @pytest.mark.parametrize(("wrong", "severities"), [(1, []), (8, ["error"])])
 def test_the_error_that_is_stated_is_the_one_that_is_judged(wrong, severities):
     # one point of 41 on another branch is near a jump, eight are not

@@ -149,7 +149,7 @@ class ModalSplines(Brief):
     freedom
         Degrees of freedom of the estimated noise.
     others
-        Splines of other shapes that fit as well, with weights of sum one: where they differ, as in gaps
+        Splines of other shapes and orders that fit as well, with weights: where they differ, as in gaps
         between amplitudes, the points do not determine k and c.
     """
 

@@ -140,7 +140,7 @@ class ModeProblem:
     mass_error
         Standard error [kg] of a mass that is held because a background hides it; zero for others.
     others
-        Other shapes that fit as well, with their weights.
+        Other shapes, and other orders, that fit as well, with their weights.
     """
 
     seen: ModePoints
@@ -211,8 +211,9 @@ class ModeProblem:
 def choose_splines(seen: ModePoints, mass: float) -> ModeProblem:
     """Choose the shape of the splines and the orders of the damping, each by AIC given the other.
 
-    The approximation error of the chosen splines may be as large as the noise, and intervals would not
-    contain it; so the next richer splines are fitted. With a background the simplest ones by BIC are fitted.
+    The orders are then chosen again with noise on both sides. The approximation error of the chosen splines
+    may be as large as the noise, and intervals would not contain it; so the next richer ones are fitted. With
+    a background the simplest ones by BIC are fitted.
     """
     mode = seen.mode
     size = mode.amplitude[mode.amplitude >= seen.tested[0]]
@@ -237,9 +238,7 @@ def choose_splines(seen: ModePoints, mass: float) -> ModeProblem:
     if len(seen.background):
         return trial(seen, shape, orders)
     # the noise of the response biases the linear solution by more than the orders differ
-    likely = _likely(
-        [(_weighted_price(problem), problem) for problem in (trial(some, shape, o) for o in trials)]
-    )
+    likely = _likely([(_weighted_price(one), one) for one in (trial(some, shape, o) for o in trials)])
     orders = max(likely, key=lambda entry: entry[0])[1].orders
     chosen = trial(seen, _next_shape(shape, allowed), orders)
     others = _averaged_shapes([trial(some, candidate, orders) for candidate in shapes])

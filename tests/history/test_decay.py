@@ -114,6 +114,16 @@ def test_a_decay_as_points_of_a_steady_test_has_the_same_curves() -> None:
     assert [finding.code for finding in surface.findings] == ["force-of-decay", "decay-taken"]
 
 
+def test_the_mass_with_which_a_decay_was_read_is_known_afterwards() -> None:
+    t = np.arange(0, 15, 1 / RATE)
+    decaying = np.exp(-0.6 * t) * np.cos(2 * np.pi * 10 * t)
+    surface = from_free_decay(TimeHistory(RATE, None, decaying), mass=MASS)
+    assert rsgen.modal_table(surface).mass == MASS
+    assert rsgen.identify(surface, "k*x + c*v").mass == MASS
+    # another mass that is given counts
+    assert rsgen.modal_table(surface, mass=2.0).mass == 2.0
+
+
 def test_a_mode_is_chosen_by_its_band() -> None:
     t = np.arange(0, 15, 1 / RATE)
     two = np.exp(-0.6 * t) * np.cos(2 * np.pi * 10 * t) + 2 * np.exp(-0.5 * t) * np.cos(2 * np.pi * 31 * t)

@@ -174,7 +174,8 @@ def from_free_decay(
         names = {"record": history.label}
         try:
             decays += map(_certain, _follow_all(history, mass, band, harmonics, begin))
-            findings.append(Finding("force-of-decay", "info", names=names))
+            numbers = {"mass": Quantity(mass, "kg")}
+            findings.append(Finding("force-of-decay", "info", numbers=numbers, names=names))
         except MeasurementError as fault:
             faults.append(fault)
             findings.append(Finding("decay-taken", "warning", names={**names, "reason": str(fault)}))

@@ -212,8 +212,12 @@ def _why_unused(surface: ResponseSurface) -> str:
 def per_unit_mass(surface: Test, model: Model) -> tuple[Test, Model]:
     """Convert a test of forces per mass: to newtons with a known mass, else to a mass of 1 kg.
 
-    Without a mass the parameters are per unit mass: a test of a driven base determines no more.
+    Without a mass the parameters are per unit mass: a test of a driven base determines no more. Forces of
+    free decays were computed with a mass, which they are then given with.
     """
+    given = [f["mass"] for f in surface.findings if f.code == "force-of-decay" and "mass" in f.numbers]
+    if given and "m" not in model.fixed:
+        model = join_model(model, mass=given[0])
     surface = surface.on_mass(model.fixed.get("m", nan))
     return surface, join_model(model, mass=1.0) if surface.per_mass else model
 

@@ -102,7 +102,8 @@ class HeldOutLevel(Brief):
     largest_error
         Largest |predicted - measured| of the same points over the largest |measured| [1].
     missing
-        Number of points without a predicted steady state near the measured one; of a decay, without any.
+        Number of points without a predicted steady state near the measured one; of a decay, and where the
+        test held the amplitude, without any.
     force
         Measured force near the resonance, for which the curve of the level is predicted; NaN with response
         control.

@@ -567,8 +567,8 @@ def _score(
             # a phase that was not recorded is the predicted one
             turned = np.abs(measured) * np.exp(1j * np.nan_to_num(np.angle(predicted)))
             measured = np.where(np.isfinite(surface.phase[rows]), measured, turned)
-            # points of a decay are compared at their amplitudes, so that none is on another branch
-            near = inf if surface.decays else BRANCH_DISTANCE
+            # points that are compared by their force, at their amplitudes, are on no other branch
+            near = inf if surface.decays or surface.response_held else BRANCH_DISTANCE
             by_law = not isinstance(balance, SynthesisBalance)
             error, largest, missing = _errors(measured, predicted, near, by_law=by_law)
             known = rows[np.isfinite(predicted)]

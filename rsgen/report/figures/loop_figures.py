@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from rsgen.common.arrays import Array
 from rsgen.common.errors import RsgenError
-from rsgen.common.tolerances import CONFIDENCE_TEXT
+from rsgen.common.tolerances import CONFIDENCE_TEXT, RELATIVE_CHANGE_NEGLIGIBLE
 from rsgen.data.oscillator import Model
 from rsgen.data.surface import ResponseSurface
 from rsgen.formula.names import remembers
@@ -226,7 +226,11 @@ def draw_loops(
         caption += " Only the fundamental was measured, so measured loops are ellipses whatever the law."
     else:
         caption += f" Measured loops have {surface.harmonics.shape[1] - 1} harmonics, which round corners."
-    if not loops.motion.harmonics[:, 0].any():
+    harmonics = np.abs(loops.motion.harmonics)
+    # without even harmonics the motion of an odd law has no mean
+    even = harmonics[:, 2:3] > RELATIVE_CHANGE_NEGLIGIBLE * harmonics[:, 1:2]
+    symmetric = identification is not None and compile_law(identification.model.force).odd and not even.any()
+    if not (symmetric or harmonics[:, 0].any()):
         caption += " The mean displacement was not measured: displacements are counted from it."
     return drawing.Drawing("loops", figure, caption, ax is None)
 
