@@ -203,9 +203,8 @@ class ModeProblem:
         rows = 2 * len(self.seen.mode)
         # few points for many coefficients (Hurvich and Tsai, Biometrika 76, 1989)
         penalty = np.log(rows) if len(self.seen.background) else 2.0
-        return float(
-            rows * np.log(max(square, ROUND_OFF**2)) + penalty * rows * used / max(rows - used - 1, 1)
-        )
+        price = penalty * rows / max(rows - used - 1, 1)
+        return float(rows * np.log(max(square, ROUND_OFF**2)) + used * price)
 
 
 def choose_splines(seen: ModePoints, mass: float) -> ModeProblem:
