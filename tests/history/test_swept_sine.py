@@ -214,11 +214,8 @@ def test_the_frequency_of_a_point_is_that_of_the_force(cubic: float, down: bool,
 )
 def test_a_correction_that_is_in_doubt_doubts_the_result(pace, wrong, severity, monkeypatch) -> None:
     found = swept_sine.flank_mass
-    monkeypatch.setattr(
-        swept_sine,
-        "flank_mass",
-        lambda *args: (flank := found(*args)) and replace(flank, mass=flank.mass * (1 + wrong)),
-    )
+    off = lambda *args: (flank := found(*args)) and replace(flank, mass=flank.mass * (1 + wrong))  # noqa: E731
+    monkeypatch.setattr(swept_sine, "flank_mass", off)
     history = sweep(linear(), 1.0, SweepLaw("linear", 7.0, pace), 13.0)
     (fast,) = (f for f in from_swept_sine(history).findings if f.code == "sweep-rate")
     assert fast.severity == severity

@@ -14,13 +14,6 @@ import numpy as np
 import pytest
 
 from rsgen.dynamics import kernel as compiled
-from rsgen.dynamics.kernel import (
-    Kernel,
-    UntrustedFolderError,
-    compile_source,
-    load_kernel,
-    open_private_folder,
-)
 from rsgen.dynamics.kernel_source import MemoryRows, generate
 from rsgen.formula import parse
 
@@ -28,7 +21,7 @@ pytestmark = pytest.mark.skipif(os.name != "posix", reason="without owners of fi
 
 
 def _one_step_further(source: str) -> np.ndarray:
-    kernel = Kernel(("c", "k"), MemoryRows(0, 0), load_kernel(source))
+    kernel = compiled.Kernel(("c", "k"), MemoryRows(0, 0), compiled.load_kernel(source))
     # as a new process would: from the cache, if there is one
     compiled._loaded.clear()
     values = np.array([0.3, 40.0])
@@ -97,7 +90,7 @@ DAMAGES: dict[str, Callable[[Path], object]] = {
 @pytest.fixture(scope="module")
 def compiled_once():
     source = generate(parse("c*v + k*x")) + "\n# a kernel that is damaged\n"
-    return source, compile_source(source, "rsgen_kernel_damaged")
+    return source, compiled.compile_source(source, "rsgen_kernel_damaged")
 
 
 @pytest.mark.slow
@@ -128,7 +121,7 @@ class Planted:
 
     def written(self, name: str = "") -> None:
         """Write it, with its digest, into a folder that is the user's."""
-        with open_private_folder(self.cache) as folder:
+        with compiled.open_private_folder(self.cache) as folder:
             folder.write(name or self.entry.name, self.content)
 
     def forged(self, mode: int = 0o700) -> None:
@@ -237,14 +230,14 @@ def test_a_cache_is_made_for_its_user_alone(own_cache):
     finally:
         os.umask(mask)
     assert stat.S_IMODE(own_cache.stat().st_mode) == 0o700
-    with open_private_folder(own_cache) as folder:
+    with compiled.open_private_folder(own_cache) as folder:
         folder.write("one", b"content")
     assert stat.S_IMODE((own_cache / "one").stat().st_mode) == 0o600
 
 
 def test_what_killed_writers_left_is_removed(own_cache):
     gone = subprocess.run([sys.executable, "-c", "import os; print(os.getpid())"], capture_output=True)
-    with open_private_folder(own_cache) as folder:
+    with compiled.open_private_folder(own_cache) as folder:
         for process in (int(gone.stdout), os.getppid()):
             (own_cache / f".a.{process}.0.part").touch()
         (own_cache / ".part").touch()
@@ -252,12 +245,12 @@ def test_what_killed_writers_left_is_removed(own_cache):
         assert folder.read("entry") == b"content"
         assert folder.read("other") is None
     # the next one to open it clears up, whether it writes or not
-    with open_private_folder(own_cache):
+    with compiled.open_private_folder(own_cache):
         left = sorted(path.name for path in own_cache.iterdir())
     assert left == sorted([f".a.{os.getppid()}.0.part", ".part", "entry"])
 
 
 @pytest.mark.parametrize("where", ["/dev/null/cache", "/proc/cache", "x" * 300, "a\ud800b"])
 def test_a_folder_that_cannot_be_is_a_reason(where):
-    with pytest.raises(UntrustedFolderError), open_private_folder(Path(where)):
+    with pytest.raises(compiled.UntrustedFolderError), compiled.open_private_folder(Path(where)):
         pass

@@ -7,13 +7,7 @@ import pytest
 
 from rsgen.common.solvers import newton
 from rsgen.data.oscillator import Oscillator
-from rsgen.dynamics.harmonic_balance import (
-    following_harmonics,
-    hold_amplitude,
-    hold_oscillator,
-    respond,
-    solve_harmonic_balance,
-)  # fmt: skip
+from rsgen.dynamics import harmonic_balance as balance
 from rsgen.dynamics.linear_part import Inertia
 from rsgen.formula import parse
 from rsgen.law.numeric import compile_law
@@ -33,7 +27,7 @@ LAWS = {
 @pytest.mark.parametrize("name", LAWS)
 def test_an_independent_balance_finds_the_same_motions(name):
     oscillator = Oscillator(MASS, *LAWS[name])
-    ours = solve_harmonic_balance(oscillator, DRIVE, OMEGA / 2 / np.pi, harmonics=9)
+    ours = balance.solve_harmonic_balance(oscillator, DRIVE, OMEGA / 2 / np.pi, harmonics=9)
     harmonics, residual = oracle.solve_harmonic_balance(oscillator, DRIVE, OMEGA / 2 / np.pi, harmonics=9)
     assert ours.settled.all()
     np.testing.assert_allclose(ours.harmonics, harmonics, rtol=0, atol=1e-10 * np.abs(harmonics).max())
@@ -43,9 +37,9 @@ def test_an_independent_balance_finds_the_same_motions(name):
 @pytest.mark.parametrize("name", LAWS)
 def test_held_amplitudes_need_the_force_that_makes_them(name):
     oscillator = Oscillator(MASS, *LAWS[name])
-    free = solve_harmonic_balance(oscillator, DRIVE, OMEGA / 2 / np.pi, harmonics=9)
+    free = balance.solve_harmonic_balance(oscillator, DRIVE, OMEGA / 2 / np.pi, harmonics=9)
     size = np.abs(free.harmonics[:, 1])
-    held = hold_oscillator(oscillator, size, OMEGA / 2 / np.pi, harmonics=9)
+    held = balance.hold_oscillator(oscillator, size, OMEGA / 2 / np.pi, harmonics=9)
     np.testing.assert_allclose(held.force, DRIVE / free.harmonics[:, 1] * size, rtol=1e-9)
 
 
@@ -59,11 +53,11 @@ def test_derivatives_at_a_given_drive_are_those_of_the_motion(name):
     def solve(place: np.ndarray, times: float = 1.0):
         linear = Inertia(float(place[-1]))
         orders = (*((0,) if law.springs else ()), *range(2, 8))
-        return respond(law, place[:-1], linear, OMEGA, times * drive, start, orders, 256)
+        return balance.respond(law, place[:-1], linear, OMEGA, times * drive, start, orders, 256)
 
     place, h = np.append(law.ordered(values), MASS), 1e-5
     # near the motion of the law alone, from which all trials begin
-    start[:] = solve_harmonic_balance(
+    start[:] = balance.solve_harmonic_balance(
         Oscillator(MASS, text, values), DRIVE, OMEGA / 2 / np.pi, harmonics=7
     ).harmonics
     at = solve(place)
@@ -85,8 +79,8 @@ def hold(text: str, place: np.ndarray, size: np.ndarray = SIZE, order: int = 9, 
     """Hold amplitudes of a law at values and mass."""
     law = compile_law(parse(text))
     start = np.zeros((len(OMEGA), order + 1), dtype=complex)
-    orders = following_harmonics(law, order)
-    return hold_amplitude(law, place[:-1], Inertia(place[-1]), OMEGA, size, start, orders, samples)
+    orders = balance.following_harmonics(law, order)
+    return balance.hold_amplitude(law, place[:-1], Inertia(place[-1]), OMEGA, size, start, orders, samples)
 
 
 @pytest.mark.parametrize("name", LAWS)
@@ -141,14 +135,14 @@ class Lossy:
 def test_any_linear_part_surrounds_the_law():
     law, around = compile_law(Oscillator(MASS, "k*x + c*v", {"k": 1.0, "c": 1.0}).force), Lossy(2000 + 300j)
     values, size = np.array([3.8, 4000.0]), np.linspace(1e-3, 5e-3, 5)
-    at = hold_amplitude(law, values, around, OMEGA, size, np.zeros((5, 6), complex), (3, 5), 64)
+    at = balance.hold_amplitude(law, values, around, OMEGA, size, np.zeros((5, 6), complex), (3, 5), 64)
     exact = 6000 + 300j - MASS * OMEGA**2 + 3.8j * OMEGA
     np.testing.assert_allclose(at.force, exact * size, rtol=1e-12)
     # by the spring around the law as by the one in it
     np.testing.assert_allclose(at.force_by[:, 2], at.force_by[:, 1], rtol=1e-12)
     drive = np.zeros((5, 6), complex)
     drive[:, 1] = DRIVE
-    free = respond(law, values, around, OMEGA, drive, np.zeros((5, 6), complex), (3, 5), 64)
+    free = balance.respond(law, values, around, OMEGA, drive, np.zeros((5, 6), complex), (3, 5), 64)
     np.testing.assert_allclose(free.harmonics[:, 1], DRIVE / exact, rtol=1e-12)
 
 
