@@ -289,9 +289,9 @@ def _with_held_out(found: Identification, score: Callable[..., Prediction], *tes
 def identify_points(
     surface: ResponseSurface, model: Model, attained: float = 0.0, most: int = 0
 ) -> Identification:
-    """Identify from a surface, as a ranking does without the simulator where the balance leaves no more.
+    """Identify from a surface, as a ranking settles its best law, or describes one that does not fit.
 
-    ``attained`` is the misfit, relative to force and response, that the law leaves along exact motions. On
+    The simulator is not asked for less than the misfit ``attained``, relative to force and response. On
     ``most`` points, if it is not 0, levels are not predicted.
     """
     surface = without_copies(surface)

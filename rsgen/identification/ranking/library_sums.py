@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from functools import cached_property, lru_cache
+from functools import cache, cached_property, lru_cache
 from itertools import permutations
 
 import sympy
@@ -79,7 +79,8 @@ def surrogates(sensors: str) -> list[tuple[Element, ...]]:
     return [(*ground, make_element("joint", joint, across=sensors)) for joint in joints]
 
 
-def base_elements(sensors: str) -> dict[str, Element]:
+@cache
+def base_elements(sensors: str) -> Mapping[str, Element]:
     """Return the linear dampers and springs of every sum by parameter, those of a joint with the others."""
     base = {"c": make_element("linear-damper", "c*v"), "k": make_element("linear-spring", "k*x")}
     if sensors:
@@ -161,7 +162,7 @@ class Sum:
     @cached_property
     def base(self) -> dict[str, Element]:
         """Linear elements by parameter: all but the spring that a term takes the place of."""
-        base = base_elements(self.sensors)
+        base = dict(base_elements(self.sensors))
         if any(term.how.spring for term in self.terms):
             del base["kj" if self.sensors else "k"]
         return base

@@ -298,7 +298,6 @@ def _ranking(
         number, best = order[0], candidates[order[0]]
         model = replace(base, elements=best.candidate.elements)
         along = current.relative(best.residual)
-        attained = NOISE_RATIO_BY_CHANCE * along
         if number in identified:
             found = identified[number]
             break
@@ -310,7 +309,7 @@ def _ranking(
             if many is None:
                 found = identify(surface, model)
             else:
-                found = identify_points(many, model, attained, SUBSAMPLE_POINTS)
+                found = identify_points(many, model, NOISE_RATIO_BY_CHANCE * along, SUBSAMPLE_POINTS)
         except RsgenError as refused:
             found, fault = None, refused
             break
@@ -334,7 +333,7 @@ def _ranking(
                 bic[i] = max(bic[i], less)
     if many is not None and found is not None:
         try:
-            found = identify_points(many, model, attained)
+            found = identify(many, model)
         except RsgenError as refused:
             found, fault = None, refused
     ordered = [candidates[number] for number in order]
