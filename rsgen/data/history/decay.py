@@ -320,9 +320,11 @@ def _as_steady(motions: Kinematics, order: NDArray[np.intp]) -> tuple[ComplexArr
     turn = np.abs(rate.imag - order * rate.imag[:, :1])
     own = (order > 1) & (turn < order * np.abs(rate.real[:, :1]))
     held = np.where(own, -(order**2 * square * moved + motions.acceleration), 0)
-    work = np.nansum(order * (held * np.conj(moved)).imag, axis=1)
+    # relative to the fundamental: squares of tiny motions are zero
+    size = np.maximum(np.abs(moved[:, :1]), np.finfo(float).tiny)
+    work = np.nansum(order * (held / size * np.conj(moved / size)).imag, axis=1)
     steady = moved + held / (np.maximum(order**2 - 1, 1) * square)
-    return steady, work / (motions.omega[:, 0] * np.abs(moved[:, 0]) ** 2)
+    return steady, work / motions.omega[:, 0]
 
 
 def _limits(decay: FreeDecay, stretch: Stretch, history: TimeHistory) -> tuple[Finding, ...]:
