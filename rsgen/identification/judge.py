@@ -18,10 +18,10 @@ alternatives in step 4. Findings come last (``Findings.collect``), because most 
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from functools import cached_property
-from math import inf, isfinite, nan
+from math import nan
 from typing import TypeVar
 
 import numpy as np
@@ -40,7 +40,7 @@ from rsgen.data.oscillator import Model, refuse_across
 from rsgen.data.surface.plausibility import plausibility_findings
 from rsgen.data.surface.response_surface import NOT_MEASURED, ResponseSurface
 from rsgen.dynamics.linear_part import background_terms
-from rsgen.formula.units import UNCALIBRATED, ForceUnits
+from rsgen.formula.units import ForceUnits
 from rsgen.identification.fitting.across import law_of
 from rsgen.identification.fitting.fit import Fit, Solution, fit_balance
 from rsgen.identification.fitting.least_squares import Regression
@@ -77,14 +77,18 @@ from rsgen.identification.results import (
     later,
     units_of,
 )
-from rsgen.identification.results.alternatives import Alternatives
+from rsgen.identification.results.alternatives import Agreement, Alternatives
 from rsgen.identification.results.estimates import (
-    Agreement,
+    Errors,
+    Statement,
+    largest_tested,
     make_estimates,
-    parameter_findings,
+    outcome_of,
     phase_findings,
     state_background,
+    state_parameters,
 )
+from rsgen.identification.results.result import force_units
 from rsgen.identification.soundness import (
     exclusion_findings,
     feeding_findings,
@@ -149,47 +153,30 @@ def prepare(surface: ResponseSurface, model: Model) -> Prepared:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Errors:
-    """Errors of the parameters; the steps are those of this module.
+class PointErrors(Errors):
+    """Errors of the parameters of a test of sines; the steps are those of this module.
 
     Parameters
     ----------
-    regression
-        The fit of law and mass (q,), with all errors.
-    of_law
-        (q, q) covariance of this law as it stands, without errors by other laws.
-    with_background
-        The fit with its background, whose errors are those of noise, repeats and halves.
-    freedom
-        (q,) degrees of freedom.
-    noise
-        Relative noise of a reading [1].
     symmetric
         (q,) shift to a symmetric law that fits as well; see ``symmetric_shift``.
-    agreement, others
-        Agreement of halves of the test, and all alternatives to the fit.
-    ambiguous, of_repeats
-        Findings about values that an alternative changes, and about the scatter of repeats.
+    agreement
+        Of halves of the test.
+    of_repeats
+        Findings about the scatter of repeats.
     """
 
-    regression: Regression
-    of_law: Array
-    with_background: Regression
-    freedom: Array
-    noise: float
     symmetric: Array
     agreement: Agreement
-    others: Alternatives
-    ambiguous: list[Finding]
     of_repeats: list[Finding]
 
 
-def errors_of(test: Prepared, refined: Fit, surface: ResponseSurface, points: Points) -> Errors:
+def errors_of(test: Prepared, refined: Fit, surface: ResponseSurface, points: Points) -> PointErrors:
     """Return the errors of a fit; ``surface`` and ``points`` are those of the test without background."""
     count, noise = test.problem.count, relative_misfit(refined)
-    with_background, of_repeats, freedom = refined.regression, list[Finding](), np.full(count, inf)
+    with_background, of_repeats = refined.regression, list[Finding]()
     if test.repeats is not None:
-        with_background, freedom, by_misfit = test.repeats.widen(with_background, test.points.index)
+        with_background, by_misfit = test.repeats.widen(with_background, test.points.index)
     regression = with_background.first(count)
     agreement = Agreement.of(
         refined.regression, points, with_background.covariance, misfits=refined.systematic
@@ -210,24 +197,17 @@ def errors_of(test: Prepared, refined: Fit, surface: ResponseSurface, points: Po
     symmetric = symmetric_shift(refined) if backgrounds else np.zeros(count)
     of_law = widen_squares(refined, agreement.widen(regression), symmetric).covariance
     kinds = alternatives_to(refined, agreement, backgrounds=backgrounds)
-    others = Alternatives((*test.problem.law.parameters, "m"), np.sqrt(np.diag(covariance)), kinds)
-    ratio, ambiguous = others.judge(regression.parameters, relative_misfit(refined))
-    regression = replace(regression, covariance=covariance * np.outer(ratio, ratio))
-    regression = widen_squares(refined, regression, symmetric)
-    with_background, freedom = (
-        agreement.widen(with_background),
-        np.minimum(regression.freedom, freedom[:count]),
-    )
-    return Errors(
-        regression,
+    names = (*test.problem.law.parameters, "m")
+    regression, others, ambiguous = Alternatives.widen(regression, names, kinds, relative_misfit(refined))
+    return PointErrors(
+        widen_squares(refined, regression, symmetric),
         of_law,
-        with_background,
-        freedom,
+        agreement.widen(with_background),
         noise,
-        symmetric,
-        agreement,
         others,
         ambiguous,
+        symmetric,
+        agreement,
         of_repeats,
     )
 
@@ -274,8 +254,8 @@ class Findings:
         Of the parameters.
     model
         The law, and how the structure was observed.
-    estimates, by_law
-        Estimates with all errors, and with those of this law as it stands.
+    stated
+        Estimates, and findings about values that alternatives change.
     background
         Estimates of the background; None without one.
     """
@@ -284,14 +264,18 @@ class Findings:
     points: Points
     fit: Fit
     resonances: tuple[Resonance, ...]
-    errors: Errors
+    errors: PointErrors
     model: Model
-    estimates: tuple[Estimate, ...]
-    by_law: tuple[Estimate, ...]
+    stated: Statement
     background: Background | None
 
-    def collect(self, ambiguous: Sequence[Finding]) -> tuple[Finding, ...]:
-        """Return all findings, but for what others explain; ``ambiguous`` are those of alternatives."""
+    @property
+    def estimates(self) -> tuple[Estimate, ...]:
+        """Refined estimates, with all errors."""
+        return self.stated.refined
+
+    def collect(self) -> tuple[Finding, ...]:
+        """Return all findings, but for what others explain."""
         of_law, of_test, problem = self._of_law(), self._of_test(), self.fit.problem
         across = [f for f in of_law if f.code == "harmonics-across-left-out" and "moved" in f.numbers]
         if any(f.severity == "doubt" for f in across):
@@ -303,7 +287,7 @@ class Findings:
             follow = consequences(self.fit, name)
             of_test = [finding for finding in of_test if finding.code not in follow]
         # a wrong fixed value leaves what terms take up as well
-        of_law += [] if wrong else ambiguous
+        of_law += [] if wrong else self.stated.ambiguous
         valued = {e.name for e in self.estimates if np.isfinite(e.value)}
         return (
             *of_law,
@@ -321,8 +305,8 @@ class Findings:
             found.append(Finding("nothing-identifiable", "doubt"))
         kept = self.points.select(fit.regression.used)
         found += resonance_findings(kept, self.model.fixed, law, self.estimates, relative_misfit(fit))
-        found += feeding_findings(self.points, fit, self.by_law)
-        sure = {e.name: e.standard_error for e in self.by_law if e.identifiable}
+        found += feeding_findings(self.points, fit, self.stated.of_law)
+        sure = {e.name: e.standard_error for e in self.stated.of_law if e.identifiable}
         error = np.array([sure.get(name, nan) for name in law.parameters])
         found += joint_findings(fit, error, misfits=fit.systematic)
         found += unseen_findings(fit, self.estimates)
@@ -441,43 +425,30 @@ def judge(test: Prepared, model: Model, refined: Fit) -> Identification:
     surface, points = _mode(test.surface, refined), _mode(test.points, refined)
     kept = points.select(used)
     errors = errors_of(test, refined, surface, points)
-    regression = errors.regression
-    names, units = (*law.parameters, "m"), units_of(model, surface.units)
-    tested = {
-        "amplitude": Quantity(float(points.amplitude.max()), "m"),
-        "level": Quantity(float(points.level.max()), surface.level_unit),
-    }
-    reasons = parameter_findings(names, units, tested, regression, law.expression)
-    reasons = {**explain_hidden(test.problem, reasons), **shown_by_few(refined)}
-    covariance, converged = regression.covariance, regression.converged
-    solution = replace(refined.solution, covariance=covariance, freedom=errors.freedom, converged=converged)
-    estimates = make_estimates(solution, law, model, reasons, units)
+    units = units_of(model, surface.units)
+    tested = largest_tested(points.amplitude, points.level, surface.level_unit)
+
+    def explained(reasons: dict[str, Finding | None]) -> dict[str, Finding | None]:
+        return {**explain_hidden(test.problem, reasons), **shown_by_few(refined)}
+
+    stated = state_parameters(errors, law, model, units, tested, explained)
     if law.nonlinear:
         # the sum of squares of other laws is nearly quadratic
-        estimates = rsgen.identification.with_profiles(refined, estimates)
-    by_law = make_estimates(replace(solution, covariance=errors.of_law), law, model, reasons, units)
+        stated = replace(stated, refined=rsgen.identification.with_profiles(refined, stated.refined))
     first = _FirstOrder.of(kept, refined)
     paper, resonances = fit_resonances(kept, law, model.fixed, lambda: first.fit.solution)
     background = _background(refined, errors.with_background, surface.units, resonances)
-    curve = equivalent_curve(surface, points, used, refined)
-    if not model.observation.calibrated:
-        curve = replace(curve, units=UNCALIBRATED)
-    mass = refined.mass if all(e.identifiable for e in estimates if e.name == "m") else nan
+    curve = equivalent_curve(surface, points, refined, force_units(model, surface.units))
+    mass = refined.mass if all(e.identifiable for e in stated.refined if e.name == "m") else nan
     predicted = refined.harmonics[used, 0].real
-    stated = np.where(converged, covariance, nan)
-    free = np.flatnonzero(regression.free)
-    ambiguous = [
-        *errors.ambiguous,
-        *errors.others.within_noise(regression.parameters, stated, reasons, units),
-    ]
-    findings = Findings(surface, points, refined, resonances, errors, model, estimates, by_law, background)
+    findings = Findings(surface, points, refined, resonances, errors, model, stated, background)
     return Identification(
         model=model,
         paper=later(lambda: make_estimates(_of_one_amplitude(paper(), law), law, model, {}, units)),
-        first_order=later(lambda: make_estimates(first.fit.solution, law, model, reasons, units)),
-        refined=estimates,
-        first_order_bias=later(lambda: tuple(first.bias()[free].tolist())),
-        covariance=stated[np.ix_(free, free)],
+        first_order=later(lambda: make_estimates(first.fit.solution, law, model, stated.reasons, units)),
+        refined=stated.refined,
+        first_order_bias=later(lambda: tuple(first.bias()[errors.regression.free].tolist())),
+        covariance=stated.covariance,
         resonances=resonances,
         curve=curve,
         restoring=later(lambda: _without_law(kept, predicted, curve, mass)),
@@ -486,12 +457,18 @@ def judge(test: Prepared, model: Model, refined: Fit) -> Identification:
         levels=force_levels(surface, points, resonances),
         amplitude_range=(float(kept.amplitude.min()), float(kept.amplitude.max())),
         frequency_range=(float(kept.omega.min() / 2 / np.pi), float(kept.omega.max() / 2 / np.pi)),
-        outcome=_outcome(surface, points, estimates, refined),
+        outcome=outcome_of(
+            stated.refined,
+            relative_misfit(refined),
+            used=int(used.sum()),
+            points=len(surface),
+            levels=len(np.unique(points.level)),
+        ),
         solution=refined.values,
         background=background,
         alternatives=errors.others,
         fit=refined,
-        findings=findings.collect(ambiguous),
+        findings=findings.collect(),
     )
 
 
@@ -509,10 +486,12 @@ def _background(
     refined: Fit, found: Regression, units: ForceUnits, resonances: tuple[Resonance, ...]
 ) -> Background | None:
     """Return the background with its errors, which come after those of the law in ``found``."""
-    variance = np.where(found.converged, np.diag(found.covariance)[refined.problem.count :], np.inf)
+    count = refined.problem.count
+    variance = np.where(found.converged, np.diag(found.covariance)[count:], np.inf)
     observed, values = refined.problem.observed, refined.background
     seen = observed.points.force, observed.points.amplitude
-    return state_background(observed.background, *seen, values, variance, found.freedom, units, resonances)
+    freedom = found.error_freedom[count:]
+    return state_background(observed.background, *seen, values, variance, freedom, units, resonances)
 
 
 def _without_law(
@@ -584,17 +563,3 @@ class _FirstOrder:
 def _of_one_amplitude(paper: Solution, law: ForceLaw) -> Solution:
     """No one amplitude is that of a law across two sensors at a resonance."""
     return replace(paper, values=np.full(len(law.parameters), np.nan)) if law.acts_across else paper
-
-
-def _outcome(
-    surface: ResponseSurface, points: Points, estimates: tuple[Estimate, ...], refined: Fit
-) -> Finding:
-    numbers = quantities(
-        identified=sum(e.identifiable and isfinite(e.standard_error) for e in estimates),
-        parameters=len(estimates),
-        used=int(refined.regression.used.sum()),
-        points=len(surface),
-        levels=len(np.unique(points.level)),
-        misfit=relative_misfit(refined),
-    )
-    return Finding("identified", "info", numbers=numbers)

@@ -47,8 +47,8 @@ from rsgen.identification.fitting.observed import (
 )
 from rsgen.identification.fitting.points import Points
 from rsgen.identification.results import Estimate, Resonance
-from rsgen.identification.results.alternatives import Alternatives
-from rsgen.identification.results.estimates import Agreement, fixed_contradicted
+from rsgen.identification.results.alternatives import Agreement, Alternatives
+from rsgen.identification.results.estimates import fixed_contradicted
 from rsgen.identification.starting.start import even_directions, even_part_unobservable, records_even
 from rsgen.identification.terms import (
     EVEN_SHARE,

@@ -72,7 +72,8 @@ from rsgen.identification.modal_result import (
     scattered,
     table_amplitudes,
 )
-from rsgen.identification.results.estimates import Agreement, state_background
+from rsgen.identification.results.alternatives import Agreement
+from rsgen.identification.results.estimates import state_background
 from rsgen.identification.starting.start import start_fit, with_phase
 from rsgen.law.motion import feeds_exciter
 from rsgen.law.numeric import compile_law

@@ -17,7 +17,6 @@ from __future__ import annotations
 from functools import lru_cache
 
 import numpy as np
-from numpy.typing import NDArray
 
 from rsgen.common.arrays import Array, ComplexArray
 from rsgen.common.solvers import b_splines, solve_scaled
@@ -29,6 +28,7 @@ from rsgen.common.tolerances import (
     interval_sigmas,
 )
 from rsgen.data.surface import ResponseSurface, typical_amounts
+from rsgen.formula.units import ForceUnits
 from rsgen.identification.fitting.fit import Fit
 from rsgen.identification.fitting.points import Points
 from rsgen.identification.results import EquivalentCurve, Resonance, RestoringForce
@@ -148,9 +148,9 @@ def _dynamic_stiffness(surface: ResponseSurface, found: Fit) -> tuple[Array, Com
 
 
 def equivalent_curve(
-    surface: ResponseSurface, points: Points, used: NDArray[np.bool_], found: Fit
+    surface: ResponseSurface, points: Points, found: Fit, units: ForceUnits
 ) -> EquivalentCurve:
-    """Return k and c of every settled point, with the identified mass; ``used`` marks the fitted points.
+    """Return k and c of every settled point, with the identified mass, in units of force.
 
     For a law across two sensors they belong to the elements there: the force that the other elements leave.
     """
@@ -159,7 +159,7 @@ def equivalent_curve(
     omega = surface.omega[rows]
     amplitude, stiffness = _dynamic_stiffness(surface.select(rows), found)
     took_part = np.zeros(len(surface), dtype=bool)
-    took_part[points.index[used]] = True
+    took_part[points.index[found.regression.used]] = True
     return EquivalentCurve(
         amplitude=amplitude,
         frequency=surface.frequency[rows],
@@ -168,7 +168,7 @@ def equivalent_curve(
         damping=stiffness.imag / omega,
         used=took_part[rows],
         level_unit=surface.level_unit,
-        units=surface.units,
+        units=units,
     )
 
 

@@ -40,8 +40,7 @@ from rsgen.identification.fitting.fit import Fit, fit_balance, linearise_extende
 from rsgen.identification.fitting.least_squares import Alternative, Rules, alternatives
 from rsgen.identification.fitting.observed import Observed, Problem
 from rsgen.identification.fitting.points import Points
-from rsgen.identification.results.alternatives import stands_out
-from rsgen.identification.results.estimates import Agreement
+from rsgen.identification.results.alternatives import Agreement, stands_out
 from rsgen.identification.starting.start import records_even, start_fit
 from rsgen.law.element import Element, make_element
 from rsgen.law.numeric import ForceLaw

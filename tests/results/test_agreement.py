@@ -8,7 +8,7 @@ from rsgen.common.finding import reach_verdict
 from rsgen.identification.fitting.least_squares import Linearisation, Regression, fit
 from rsgen.identification.identify import identify
 from rsgen.identification.lines.line_fit import jackknife
-from rsgen.identification.results.estimates import compare_parts
+from rsgen.identification.results.alternatives import compare_parts
 from tests.samples import cubic_model, cubic_surface
 from tests.surfaces import model, noisy, surface
 

@@ -90,6 +90,12 @@ class Solution:
     misfit: float
     converged: bool = True
 
+    @classmethod
+    def of(cls, found: Regression, *, converged: bool = True) -> Solution:
+        """Return the parameters (q,) of a regression, of which the mass is the last."""
+        values, mass = found.parameters[:-1], float(found.parameters[-1])
+        return cls(values, mass, found.covariance, found.error_freedom, found.noise, converged)
+
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Fit:
@@ -144,9 +150,7 @@ class Fit:
     @property
     def solution(self) -> Solution:
         """Of the law, the errors that the background causes included."""
-        found, count = self.regression, self.problem.count
-        covariance = found.covariance[:count, :count]
-        return Solution(self.values, self.mass, covariance, found.freedom, found.noise)
+        return Solution.of(self.regression.first(self.problem.count))
 
     @property
     def systematic(self) -> bool:

@@ -92,8 +92,8 @@ class Regression:
         (n,) distance of each point per degree of freedom, in expected noise; NaN without a prediction.
     used
         (n,) False for outliers and points without a prediction.
-    freedom
-        Degrees of freedom of the noise.
+    freedom, error_freedom
+        Degrees of freedom of the noise, and those (q,) of the errors in the covariance; see ``widened``.
     converged
         False if the steps did not become small.
     strength
@@ -126,11 +126,20 @@ class Regression:
     rows: Array
     residual: Array
     free: Mask
+    error_freedom: Array
     noise_share: float = 0.0
+
+    def widened(self, covariance: Array, freedom: Array | float = np.inf) -> Regression:
+        """Return the fit with larger errors.
+
+        They rest on the fewest degrees of freedom of all that made them: those of the noise, and those,
+        (q,) or one for all, of repeated readings or of parts of the band.
+        """
+        return replace(self, covariance=covariance, error_freedom=np.minimum(self.error_freedom, freedom))
 
     def first(self, count: int) -> Regression:
         """Return the part of the first parameters, marginalised over the others."""
-        names = ("parameters", "null", "scale", "strength", "basis", "free")
+        names = ("parameters", "null", "scale", "strength", "basis", "free", "error_freedom")
         columns: dict[str, Any] = {name: getattr(self, name)[:count] for name in names}
         influence = self.influence[:, :, :count]
         return replace(self, covariance=self.covariance[:count, :count], influence=influence, **columns)
@@ -486,6 +495,7 @@ def summarise(
         rows=rows,
         residual=residual,
         free=free,
+        error_freedom=np.full(len(parameters), float(freedom)),
     )
 
 

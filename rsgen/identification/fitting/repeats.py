@@ -131,21 +131,21 @@ class Repeats:
         freedom = np.where(own < _MIN_READINGS_OF_BATCHES, own, np.sqrt(own).round()) - 1
         return covariance, _freedom(expected[some] / own[:, None], freedom)
 
-    def widen(self, found: Regression, index: NDArray[np.intp]) -> tuple[Regression, Array, Array]:
+    def widen(self, found: Regression, index: NDArray[np.intp]) -> tuple[Regression, Array]:
         """Return a fit with the covariance by the scatter, but not less than its own.
 
         What readings of a point share does not show in their scatter, but does in what the law leaves.
 
         Returns
         -------
-        found, freedom, wider
-            The fit, degrees of freedom (q,), and (q,) by which errors are more than by the scatter.
+        found, wider
+            The fit, and (q,) by which its errors are more than by the scatter.
         """
         covariance, freedom = self.covariance(index, found.influence)
         covariance[np.isnan(found.covariance)] = np.nan
         times = np.sqrt(np.diag(found.covariance) / np.diag(covariance))
         wider = np.fmax(np.where(np.isfinite(times), times, 1.0), 1.0)
-        return replace(found, covariance=covariance * np.outer(wider, wider)), freedom, wider
+        return found.widened(covariance * np.outer(wider, wider), freedom), wider
 
 
 def _freedom(variance: Array, freedom: Array) -> Array:

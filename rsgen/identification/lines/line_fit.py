@@ -138,7 +138,18 @@ class LineFit:
     def regression(self) -> Regression:
         """The linearised fit: covariance and null space for the variances of the lines."""
         line = self.linearise(self.parameters, self.nuisance)
-        return summarise(line, self.parameters, self.nuisance, Rules(free=self.free))
+        rules = Rules(free=self.free)
+        return summarise(line, self.parameters, self.nuisance, rules, converged=self.converged)
+
+    @cached_property
+    def errors(self) -> tuple[Regression, float]:
+        """The fit with its errors; see ``with_errors``."""
+        return with_errors(self)
+
+    @property
+    def misfit(self) -> float:
+        """Root mean square misfit, relative to the force."""
+        return relative_to_force(self.lines, np.abs(self.balance.residual) ** 2)
 
     @property
     def systematic(self) -> bool:
@@ -249,12 +260,12 @@ def _slope_noise_score(fit: LineFit) -> Array:
     return np.asarray(weighted.sum(axis=0))
 
 
-def parameter_covariance(fit: LineFit) -> tuple[Array, int, float]:
-    """Return the covariance (q, q), its degrees of freedom, and the median ratio by which the jackknife over
-    parts of the band widens the standard errors.
+def with_errors(fit: LineFit) -> tuple[Regression, float]:
+    """Return the fit with errors by the scatter of the periods, or of parts of the band, and the median ratio
+    by which the jackknife over these parts widens the standard errors.
     """
-    found, widening = fit.regression, 1.0
-    freedom, covariance = found.freedom, found.basis @ found.basis.T
+    found, widening, freedom = fit.regression, 1.0, np.inf
+    covariance = found.basis @ found.basis.T
     covariance = covariance * _scatter_of_periods(fit, covariance)
     # of one period the misfit may be all the law's
     if fit.systematic or fit.lines.spectra.periods == 1:
@@ -263,7 +274,7 @@ def parameter_covariance(fit: LineFit) -> tuple[Array, int, float]:
         ratio = np.sqrt(np.maximum(spread / np.where(known > 0, known, np.inf), 1.0))
         covariance = covariance * np.outer(ratio, ratio)
         widening, freedom = float(np.median(ratio[fit.free])), int(band_parts(fit.lines).max())
-    return determined(covariance, found.null), freedom, widening
+    return found.widened(determined(covariance, found.null), freedom), widening
 
 
 def band_jackknife(fit: LineFit) -> Array:

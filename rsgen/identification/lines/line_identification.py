@@ -9,9 +9,9 @@ is more than noise; missing terms and larger backgrounds widen them (``results.a
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Sequence
 from dataclasses import replace
-from math import inf, isfinite, nan
+from math import inf, nan
 
 import numpy as np
 
@@ -35,10 +35,9 @@ from rsgen.data.multisine.spectra import check_records
 from rsgen.data.oscillator import Model
 from rsgen.dynamics.linear_part import background_of_lines
 from rsgen.dynamics.periodic_response import periodic_response
-from rsgen.formula.units import UNCALIBRATED
+from rsgen.formula.units import ForceUnits
 from rsgen.identification.fitting.across import law_of
-from rsgen.identification.fitting.fit import Solution
-from rsgen.identification.fitting.least_squares import Alternative
+from rsgen.identification.fitting.least_squares import Alternative, Regression
 from rsgen.identification.lines.line_balance import Balance, SpectralLines, select_lines
 from rsgen.identification.lines.line_fit import (
     LineFit,
@@ -51,7 +50,6 @@ from rsgen.identification.lines.line_fit import (
     fit_second_sensor,
     largest_gain_step,
     misfit_to_noise,
-    parameter_covariance,
     relative_to_force,
     start_values,
 )
@@ -73,13 +71,17 @@ from rsgen.identification.results import (
 )
 from rsgen.identification.results.alternatives import Alternatives
 from rsgen.identification.results.estimates import (
+    Errors,
+    Statement,
     damping_findings,
     fixed_contradicted,
-    make_estimates,
-    parameter_findings,
+    largest_tested,
+    outcome_of,
     phase_findings,
     state_background,
+    state_parameters,
 )
+from rsgen.identification.results.result import force_units
 from rsgen.identification.soundness import gain_findings, signs_along
 from rsgen.law.motion import Motion
 from rsgen.law.numeric import put_in_order
@@ -122,87 +124,50 @@ def fit_multisine(spectra: MultisineSpectra, model: Model) -> LineFit:
 
 def _assemble(spectra: MultisineSpectra, model: Model, fit: LineFit) -> MultisineIdentification:
     """Return a fit as a result: errors by noise, wider ones by alternatives, estimates, findings."""
-    lines, law, part = fit.mode, fit.law, fit.mode.spectra
-    names, units = (*law.parameters, "m"), units_of(model, part.units)
-    misfit = relative_to_force(lines, np.abs(fit.balance.residual) ** 2)
-    noise = relative_to_force(lines, fit.noise.variance)
-    # errors by the scatter of the periods, or the parts of the band where the misfit is more than noise
-    with_background, freedom, widening = parameter_covariance(fit)
-    by_noise = with_background[: len(names), : len(names)]
-    # and by what else may be the law, or in the response
-    kinds = {
-        "term": fit_missing_terms(fit),
-        "background": fit_larger_backgrounds(fit),
-        "background of the second sensor": fit_second_sensor(fit),
-    }
-    others = Alternatives(names, np.sqrt(np.diag(by_noise)), kinds)
-    ratio, ambiguous = others.judge(fit.parameters[: len(names)], misfit)
-    covariance = by_noise * np.outer(ratio, ratio)
-    stated = np.where(fit.converged, covariance, nan)
-
-    amplitudes = np.sqrt(2) * part.rms_response()
-    tested = {
-        "amplitude": Quantity(float(amplitudes.max()), "m"),
-        "level": Quantity(float(part.levels.max()), part.level_unit),
-    }
-    regression = replace(fit.regression.first(len(names)), covariance=covariance)
-    reasons = parameter_findings(names, units, tested, regression, law.expression)
-    ambiguous += others.within_noise(regression.parameters, stated, reasons, units)
-    solution = Solution(fit.values, fit.mass, covariance, freedom, misfit, fit.converged)
-    estimates = with_line_profiles(fit, make_estimates(solution, law, model, reasons, units))
-    # the sign of the damping is that of this law: errors by alternative laws do not enter
-    of_law = make_estimates(replace(solution, covariance=by_noise), law, model, reasons, units)
-    background = fitted_background(fit, with_background, freedom)
+    lines, part = fit.mode, fit.mode.spectra
+    errors = _errors_of(fit)
+    amplitudes, units = np.sqrt(2) * part.rms_response(), units_of(model, part.units)
+    tested = largest_tested(amplitudes, part.levels, part.level_unit)
+    stated = state_parameters(errors, fit.law, model, units, tested)
+    stated = replace(stated, refined=with_line_profiles(fit, stated.refined))
+    background = fitted_background(fit, errors.with_background)
     approximations = best_linear(part, model.observation.band)
     resonances = tuple(map(_resonance, approximations))
-    curve = _curve(resonances, part)
-    if not model.observation.calibrated:
-        curve = replace(curve, units=UNCALIBRATED)
-    of_background = np.diag(with_background)[len(names) :]
     findings = [
-        *(e.finding for e in estimates if e.finding is not None),
-        *_sign_findings(fit, covariance),
-        *_misfit_findings(fit, misfit, noise, widening, others),
-        *(_fixed_findings(fit, kinds["term"], misfit) or ambiguous),
-        *_part_findings(fit, covariance, of_law),
-        *_damping_findings(fit, misfit, noise, others),
-        *_delay_findings(fit, misfit),
-        *phase_findings(fit.background),
-        *gain_findings(lines.background, fit.background, of_background, fit.mass),
-        *_drift_findings(fit, skipped=int(np.asarray(part.left_out).max(initial=0))),
-        *_hidden_line_findings(lines),
+        *_findings(fit, errors, stated),
         *spectra.findings,
         *spectra.limits,
         *([] if fit.converged else [Finding("not-converged", "doubt")]),
+        *_plausibility(spectra, model, errors, approximations),
+        *(() if background is None else background.findings),
     ]
-    if model.observation.calibrated:
-        ratios = [linear.damping_ratio for linear in approximations if linear.damping_ratio > 0]
-        mass = fit.mass if np.isfinite(covariance).all() else nan
-        findings += implausible(spectra, mass=mass, damping=min(ratios, default=nan))
-    else:
-        findings.append(Finding("not-calibrated", "info"))
-    findings += () if background is None else background.findings
-    free = np.flatnonzero(fit.free[: len(names)])
-    unknown = tuple(Estimate(e.name, nan, inf, (-inf, inf), e.unit) for e in estimates)
+    unknown = tuple(Estimate(e.name, nan, inf, (-inf, inf), e.unit) for e in stated.refined)
     return MultisineIdentification(
         model=model,
         paper=unknown,
         first_order=unknown,
-        refined=estimates,
-        first_order_bias=(nan,) * len(estimates),
-        covariance=stated[np.ix_(free, free)],
+        refined=stated.refined,
+        first_order_bias=(nan,) * len(unknown),
+        covariance=stated.covariance,
         resonances=resonances,
-        curve=curve,
-        residual=misfit,
-        noise=noise,
+        curve=_curve(resonances, part, force_units(model, part.units)),
+        residual=fit.misfit,
+        noise=errors.noise,
         levels=part.levels,
         amplitude_range=(float(amplitudes.min()), float(amplitudes.max())),
         frequency_range=lines.band,
-        outcome=_outcome(lines, estimates, misfit),
+        outcome=outcome_of(
+            stated.refined,
+            fit.misfit,
+            lines=int(lines.used.sum()),
+            excited=int((lines.used & part.excited()).sum()),
+            records=len(part),
+            levels=len(part.levels),
+        ),
         findings=tuple(findings),
         solution=fit.values,
         background=background,
-        alternatives=others,
+        alternatives=errors.others,
         spectra=spectra,
         approximations=approximations,
         used=frozen_array(lines.used, np.bool_),
@@ -211,18 +176,64 @@ def _assemble(spectra: MultisineSpectra, model: Model, fit: LineFit) -> Multisin
     )
 
 
-def _part_findings(fit: LineFit, covariance: Array, estimates: tuple[Estimate, ...]) -> list[Finding]:
-    """Find dampers that feed energy and wrong signs, of the law along the response and of a joint."""
+def _errors_of(fit: LineFit) -> Errors:
+    """Return the errors by the scatter of the periods, or the parts of the band, and by alternatives."""
+    names, (with_background, _) = (*fit.law.parameters, "m"), fit.errors
+    kinds = {
+        "term": fit_missing_terms(fit),
+        "background": fit_larger_backgrounds(fit),
+        "background of the second sensor": fit_second_sensor(fit),
+    }
+    of_law, noise = with_background.first(len(names)), relative_to_force(fit.lines, fit.noise.variance)
+    regression, others, ambiguous = Alternatives.widen(of_law, names, kinds, fit.misfit)
+    return Errors(regression, of_law.covariance, with_background, noise, others, ambiguous)
+
+
+def _findings(fit: LineFit, errors: Errors, stated: Statement) -> list[Finding]:
+    """Find what is to know of the parameters, the misfit, signs, sensors and records of a fit."""
+    of_background = np.diag(errors.with_background.covariance)[len(fit.values) + 1 :]
+    return [
+        *(e.finding for e in stated.refined if e.finding is not None),
+        *_sign_findings(fit, errors),
+        *_misfit_findings(fit, errors),
+        *(_fixed_findings(fit, errors) or stated.ambiguous),
+        *_part_findings(fit, errors, stated),
+        *_damping_findings(fit, errors),
+        *_delay_findings(fit, fit.misfit),
+        *phase_findings(fit.background),
+        *gain_findings(fit.lines.background, fit.background, of_background, fit.mass),
+        *_drift_findings(fit),
+        *_hidden_line_findings(fit.lines),
+    ]
+
+
+def _plausibility(
+    spectra: MultisineSpectra, model: Model, errors: Errors, approximations: Sequence[BestLinear]
+) -> list[Finding]:
+    """Find sizes that no test has, of one that is calibrated."""
+    if not model.observation.calibrated:
+        return [Finding("not-calibrated", "info")]
+    ratios = [linear.damping_ratio for linear in approximations if linear.damping_ratio > 0]
+    found = errors.regression
+    mass = float(found.parameters[-1]) if np.isfinite(found.covariance).all() else nan
+    return list(implausible(spectra, mass=mass, damping=min(ratios, default=nan)))
+
+
+def _part_findings(fit: LineFit, errors: Errors, stated: Statement) -> list[Finding]:
+    """Find dampers that feed energy and wrong signs, of the law along the response and of a joint.
+
+    The sign of the damping is that of this law: errors by alternative laws do not enter.
+    """
     lines, part, found = fit.mode, fit.mode.spectra, list[Finding]()
     motions = [Motion(np.full(len(part), part.omega0), part.mean_response)]
     if lines.far is not None:
         across = lines.far.mean(axis=1) + fit.law.parts[1].share * part.mean_response
         motions.append(replace(motions[0], harmonics=across))
     for one, motion in zip(fit.law.parts, motions, strict=True):
-        found += damping_findings(one.law, motion, fit.values[one.parameters], estimates)
+        found += damping_findings(one.law, motion, fit.values[one.parameters], stated.of_law)
         if fit.law.acts_across:
             # neither part can compensate a wrong sign of the other
-            found += signs_along(one, motion, fit.values, _basis(fit, covariance), slice(1, None))
+            found += signs_along(one, motion, fit.values, _basis(errors.regression), slice(1, None))
     return found
 
 
@@ -234,30 +245,16 @@ def _hidden_line_findings(lines: SpectralLines) -> list[Finding]:
     return [Finding("motion-by-law", "info", numbers={"below": below})]
 
 
-def _fixed_findings(fit: LineFit, terms: Mapping[str, Alternative], misfit: float) -> list[Finding]:
+def _fixed_findings(fit: LineFit, errors: Errors) -> list[Finding]:
     """Find fixed values that the lines contradict more than they contradict the lack of any term."""
-    least = max(MIN_SIGNIFICANT_GAIN, *(term.gain for term in terms.values()))
-    found = []
+    least = max(MIN_SIGNIFICANT_GAIN, *(term.gain for term in errors.others.kinds["term"].values()))
+    found, misfit = [], fit.misfit
     for name, free in fit_fixed_parameters(fit).items():
         fixed = fit.fixed[name]
         if free.gain >= least and abs(free.value) >= RELATIVE_CHANGE_NEGLIGIBLE * abs(fixed):
             left, times = misfit * _share_left(fit, free), float(np.sqrt(free.gain))
             found.append(fixed_contradicted(name, fixed, free.value, misfit=misfit, left=left, times=times))
     return found
-
-
-def _outcome(lines: SpectralLines, estimates: tuple[Estimate, ...], misfit: float) -> Finding:
-    """Summarise the numbers of identified parameters, lines, records and levels."""
-    numbers = quantities(
-        identified=sum(e.identifiable and isfinite(e.standard_error) for e in estimates),
-        parameters=len(estimates),
-        lines=int(lines.used.sum()),
-        excited=int((lines.used & lines.spectra.excited()).sum()),
-        records=len(lines.spectra),
-        levels=len(lines.spectra.levels),
-        misfit=misfit,
-    )
-    return Finding("identified", "info", numbers=numbers)
 
 
 def _resonance(found: BestLinear) -> Resonance:
@@ -274,22 +271,21 @@ def _resonance(found: BestLinear) -> Resonance:
     )
 
 
-def _basis(fit: LineFit, covariance: Array) -> Array:
+def _basis(found: Regression) -> Array:
     """Return a basis (q, r) of the errors of all values, as wide as their covariance (q, q) says."""
-    basis = fit.regression.basis[: len(covariance)]
-    known = np.linalg.norm(basis, axis=1)
-    wider = np.sqrt(np.diag(covariance)) / np.where(known > 0, known, np.inf)
-    return basis * np.where(np.isfinite(wider), wider, 1)[:, None]
+    known = np.linalg.norm(found.basis, axis=1)
+    wider = np.sqrt(np.diag(found.covariance)) / np.where(known > 0, known, np.inf)
+    return found.basis * np.where(np.isfinite(wider), wider, 1)[:, None]
 
 
-def _curve(resonances: tuple[Resonance, ...], part: MultisineSpectra) -> EquivalentCurve:
+def _curve(resonances: tuple[Resonance, ...], part: MultisineSpectra, units: ForceUnits) -> EquivalentCurve:
     """Return equivalent stiffness and damping of each level at its resonance."""
     amplitude, frequency, level, stiffness, damping = (
         np.array([getattr(point, name) for point in resonances])
         for name in ("amplitude", "frequency", "level", "stiffness", "damping")
     )
     used = np.ones(len(resonances), dtype=bool)
-    return EquivalentCurve(amplitude, frequency, level, stiffness, damping, used, part.level_unit, part.units)
+    return EquivalentCurve(amplitude, frequency, level, stiffness, damping, used, part.level_unit, units)
 
 
 def lines_feed_exciter(fit: LineFit) -> bool:
@@ -304,10 +300,10 @@ def lines_feed_exciter(fit: LineFit) -> bool:
     return bool(np.any(power < -limit))
 
 
-def _sign_findings(fit: LineFit, covariance: Array) -> list[Finding]:
+def _sign_findings(fit: LineFit, errors: Errors) -> list[Finding]:
     """Find a structure that feeds energy into the exciter, and a negative mass, both beyond noise."""
     found = [Finding("structure-feeds-exciter", "error")] if lines_feed_exciter(fit) else []
-    if fit.mass < -NOISE_LIMIT_SIGMAS * float(np.nan_to_num(np.sqrt(covariance[-1, -1]))):
+    if fit.mass < -NOISE_LIMIT_SIGMAS * float(np.nan_to_num(np.sqrt(errors.regression.covariance[-1, -1]))):
         found.append(Finding("mass-negative", "error", "m", {"mass": Quantity(fit.mass, "kg")}))
     return found
 
@@ -321,9 +317,12 @@ def _delay_findings(fit: LineFit, misfit: float) -> list[Finding]:
     return [Finding("channels-delayed", "doubt", numbers=numbers)]
 
 
-def _drift_findings(fit: LineFit, skipped: int) -> list[Finding]:
-    """Find a gain that changes within a record whose first ``skipped`` periods were not used; none or one."""
-    first, size, z = largest_gain_step(fit)
+def _drift_findings(fit: LineFit) -> list[Finding]:
+    """Find a gain that changes within a record; none or one."""
+    skipped, (first, size, z) = (
+        int(np.asarray(fit.lines.spectra.left_out).max(initial=0)),
+        largest_gain_step(fit),
+    )
     if z < OUTLIER_SIGMAS:
         return []
     severity: Severity = "doubt" if size > RELATIVE_CHANGE_NEGLIGIBLE else "warning"
@@ -340,16 +339,17 @@ def _is_noise(fit: LineFit, others: Alternatives) -> bool:
     return not fit.systematic
 
 
-def _damping_findings(fit: LineFit, misfit: float, noise: float, others: Alternatives) -> list[Finding]:
+def _damping_findings(fit: LineFit, errors: Errors) -> list[Finding]:
     """Find a misfit beyond noise that is small relative to the force, but not relative to the damping force.
 
     At the resonance the damping balances the force of a sine. In a multisine springs and inertia balance most
     of the lines, so that a missing damping term leaves a small misfit and changes the other damping values.
     """
-    if misfit > MISFIT_DOUBTFUL or _is_noise(fit, others):
+    misfit = fit.misfit
+    if misfit > MISFIT_DOUBTFUL or _is_noise(fit, errors.others):
         return []
     share = relative_to_force(fit.lines, Balance.damping(fit.mode, fit.law, fit.values, fit.mass))
-    systematic = float(np.sqrt(max(misfit**2 - np.nan_to_num(noise) ** 2, 0.0)))
+    systematic = float(np.sqrt(max(misfit**2 - np.nan_to_num(errors.noise) ** 2, 0.0)))
     # the damping share of a law with memory is NaN: no finding
     if not systematic > max(RELATIVE_ERROR_DOUBTFUL * share, 0.0 if share else MISFIT_NEGLIGIBLE):
         return []
@@ -357,26 +357,25 @@ def _damping_findings(fit: LineFit, misfit: float, noise: float, others: Alterna
     return [Finding("damping-hidden-by-misfit", "doubt", numbers=numbers)]
 
 
-def fitted_background(fit: LineFit, covariance: Array, freedom: int) -> Background | None:
-    """Return the background of a fit with the covariance (q, q) of its parameters; None without one."""
-    lines, count = fit.lines, len(fit.background)
-    variance = np.diag(covariance)[len(fit.values) + 1 :]
+def fitted_background(fit: LineFit, found: Regression) -> Background | None:
+    """Return the background of a fit with the errors of its parameters; None without one."""
+    lines = fit.lines
+    variance = np.diag(found.covariance)[len(fit.values) + 1 :]
     return state_background(
         lines.background,
         np.where(lines.used, lines.spectra.mean_force, 0).reshape(-1),
         np.where(lines.used, np.abs(lines.spectra.mean_response), 0).reshape(-1),
         fit.background,
-        variance if fit.converged else np.full(count, inf),
-        freedom,
+        np.where(found.converged, variance, inf),
+        found.error_freedom[len(fit.values) + 1 :],
         lines.spectra.units,
     )
 
 
-def _misfit_findings(
-    fit: LineFit, misfit: float, noise: float, widening: float, others: Alternatives
-) -> list[Finding]:
+def _misfit_findings(fit: LineFit, errors: Errors) -> list[Finding]:
     """Compare the misfit with the noise, and with what is acceptable for a law."""
-    one_period, ratio = not np.isfinite(noise), misfit_to_noise(fit)
+    misfit, others = fit.misfit, errors.others
+    one_period, ratio = not np.isfinite(errors.noise), misfit_to_noise(fit)
     found = [Finding("multisine-periods", "warning", numbers=quantities(periods=1))] if one_period else []
     # a misfit of exact data exceeds the noise, which is zero there
     if _is_noise(fit, others) or misfit < MISFIT_NEGLIGIBLE:
@@ -386,7 +385,7 @@ def _misfit_findings(
         return [*found, large] if misfit > MISFIT_DOUBTFUL_WITHOUT_PATTERN else found
     severity = severity_of(misfit, MISFIT_DOUBTFUL, MISFIT_REJECTED)
     size = quantities(misfit=misfit, **({} if one_period else {"times": ratio}))
-    parts = quantities(wider=widening, groups=int(band_parts(fit.lines).max()) + 1)
+    parts = quantities(wider=fit.errors[1], groups=int(band_parts(fit.lines).max()) + 1)
     found += [
         Finding("law-does-not-fit", severity, numbers=size),
         Finding("intervals-widened", "warning", numbers=parts, names={"by": "parts of the band"}),

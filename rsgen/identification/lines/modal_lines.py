@@ -23,14 +23,13 @@ from rsgen.data.multisine import MultisineSpectra
 from rsgen.data.multisine.spectra import check_records
 from rsgen.data.oscillator import Model
 from rsgen.formula import parse
+from rsgen.identification.fitting.least_squares import Regression
 from rsgen.identification.fitting.points import mass_sure
 from rsgen.identification.lines.line_balance import select_lines
 from rsgen.identification.lines.line_fit import (
     LineFit,
     fit_lines,
     misfit_to_noise,
-    parameter_covariance,
-    relative_to_force,
     start_values,
 )
 from rsgen.identification.lines.line_identification import fitted_background, lines_feed_exciter
@@ -75,8 +74,7 @@ def _fit_forces(spectra: MultisineSpectra, model: Model) -> list[tuple[float, Li
         lines = select_lines(spectra, model.observation, switched=False)
         found = fit_lines(lines, law, model.fixed, *start_values(lines, law, model.fixed))
         rows = 2 * int(lines.used.sum())
-        misfit = relative_to_force(lines, np.abs(found.balance.residual) ** 2)
-        return rows * np.log(max(misfit**2, ROUND_OFF**2)) + 2 * int(found.free.sum()), found
+        return rows * np.log(max(found.misfit**2, ROUND_OFF**2)) + 2 * int(found.free.sum()), found
 
     def lowest(tried: list[tuple[float, LineFit]]) -> int:
         return min(range(len(tried)), key=lambda place: tried[place][0])
@@ -95,7 +93,7 @@ def _fit_forces(spectra: MultisineSpectra, model: Model) -> list[tuple[float, Li
 
 
 def _splines(
-    found: LineFit, basis: SplineBasis, size: Array, errors: tuple[Array, int] | None
+    found: LineFit, basis: SplineBasis, size: Array, errors: Regression | None = None
 ) -> ModalSplines:
     """Return splines through the describing function of a force, with the covariance of its coefficients."""
     # stiffness comes from x alone, whatever the frequency
@@ -106,9 +104,11 @@ def _splines(
     splines = np.zeros((2 * basis.count + 1, len(found.parameters)))
     count = len(found.values)
     splines[:-1, :count], splines[-1, count] = np.concatenate([shape @ stiff, shape @ damp]), 1.0
-    covariance, freedom = (np.zeros((len(found.parameters),) * 2), 1) if errors is None else errors
-    values = (splines @ found.parameters)[:-1]
-    return ModalSplines(basis, (1,), values, found.mass, splines @ covariance @ splines.T, freedom)
+    values, covariance = (splines @ found.parameters)[:-1], np.zeros((len(splines),) * 2)
+    if errors is None:
+        return ModalSplines(basis, (1,), values, found.mass, covariance, 1)
+    covariance = splines @ errors.covariance @ splines.T
+    return ModalSplines(basis, (1,), values, found.mass, covariance, int(errors.error_freedom.min()))
 
 
 def _refuse_unsound(found: LineFit, variance: float) -> None:
@@ -137,21 +137,20 @@ def table_of_lines(spectra: MultisineSpectra, model: Model) -> ModalTable:
         ends = tested[0] / _MARGIN, tested[1] * _MARGIN
         size = np.geomspace(*ends, _DESCRIBED_AMPLITUDES)
         basis = SplineBasis.over(size, ends, *_LINE_SHAPE)
-        covariance, freedom, _ = parameter_covariance(found)
-        variance = float(np.diag(covariance)[len(found.values)])
+        errors, _ = found.errors
+        variance = float(np.diag(errors.covariance)[len(found.values)])
         _refuse_unsound(found, variance)
         weights = np.array([np.exp(-0.5 * (price - least)) for price, _ in tried])
         others = [
-            (float(weight / weights.sum()), _splines(other, basis, size, None))
+            (float(weight / weights.sum()), _splines(other, basis, size))
             for weight, (_, other) in zip(weights, tried, strict=True)
             if weight > MIN_LIKELIHOOD
         ]
-        splines = replace(_splines(found, basis, size, (covariance, freedom)), others=tuple(others[1:]))
+        splines = replace(_splines(found, basis, size, errors), others=tuple(others[1:]))
     known = tuple(MODAL_COLUMNS)
     if not (np.isfinite(spectra.units.kilogram) and model.observation.calibrated):
         known = tuple(name for name in known if name not in ("stiffness", "damping"))
     kilogram = spectra.units.kilogram if model.observation.calibrated else np.nan
-    misfit = relative_to_force(found.lines, np.abs(found.balance.residual) ** 2)
     return ModalTable(
         amplitude=table_amplitudes(tested),
         splines=splines,
@@ -159,7 +158,7 @@ def table_of_lines(spectra: MultisineSpectra, model: Model) -> ModalTable:
         tested=tested,
         mass=found.mass * kilogram,
         mass_error=splines.mass_error * kilogram,
-        misfit=misfit,
+        misfit=found.misfit,
         points=int(found.lines.used.sum()),
         test=ModalTest(
             observation=replace(model.observation, hold_out=()),
@@ -167,9 +166,9 @@ def table_of_lines(spectra: MultisineSpectra, model: Model) -> ModalTable:
             frequencies=found.lines.band,
             level_unit=spectra.level_unit,
             units=spectra.units,
-            background=fitted_background(found, covariance, freedom),
+            background=fitted_background(found, errors),
         ),
-        findings=scattered(misfit),
+        findings=scattered(found.misfit),
     )
 
 

@@ -2,15 +2,21 @@
 
 Errors are widened by the shift that an alternative makes, sigma^2 + weight shift^2: model averaging of two
 laws that are equally likely before the test (Buckland, Burnham and Augustin, Biometrics 53, 1997).
+
+A half is identified by one Gauss-Newton step from the solution of all points, with the rows of that fit. In
+the coordinates of ``Regression.basis`` all points have unit information, so that a half and the rest, I and 1
+- I, have the same eigenvectors, and the difference of their estimates along each is a test of its own (Chow,
+Econometrica 28, 1960, as a score test).
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from math import exp
 
 import numpy as np
+from numpy.typing import NDArray
 
 from rsgen.common.arrays import Array
 from rsgen.common.finding import Finding, Quantity, Severity, quantities
@@ -19,19 +25,26 @@ from rsgen.common.tolerances import (
     MISFIT_NEGLIGIBLE,
     MISFIT_OF_NOISE,
     NOISE_LIMIT_SIGMAS,
+    RELATIVE_CHANGE_NEGLIGIBLE,
     RELATIVE_ERROR_DOUBTFUL,
     STANDARD_ERRORS_OF_DIFFERENCE,
+    f_tail,
     interval_sigmas,
     normal_share,
 )
 from rsgen.data.oscillator import BACKGROUNDS
-from rsgen.identification.fitting.least_squares import Alternative
+from rsgen.identification.fitting.least_squares import Alternative, Regression
+from rsgen.identification.fitting.points import Points
 
 CHANCE_OF_ALTERNATIVE = 0.05
 """Noise that gives an alternative of several columns its gain more often than this does not count for it."""
 
 _WIDENED = 2.0
 """An interval that an alternative widens more than so many times is mostly that of the choice of the law."""
+
+
+Kinds = Mapping[str, Mapping[str, Alternative]]
+"""Alternatives by kind and name."""
 
 
 def weight_of(one: Alternative) -> float:
@@ -81,7 +94,7 @@ class Alternatives(Brief):
 
     names: tuple[str, ...] = ()
     error: Array = field(default_factory=lambda: np.zeros(0))
-    kinds: Mapping[str, Mapping[str, Alternative]] = field(default_factory=dict)
+    kinds: Kinds = field(default_factory=dict)
 
     def __iter__(self) -> Iterator[tuple[str, str, Alternative]]:
         """Iterate over kind, name and alternative, without terms of the law."""
@@ -105,6 +118,15 @@ class Alternatives(Brief):
             if name and wider[name] > _WIDENED:
                 found[f"{kind}: {name}"] = of_kind[name]
         return found
+
+    @classmethod
+    def widen(
+        cls, found: Regression, names: tuple[str, ...], kinds: Kinds, misfit: float
+    ) -> tuple[Regression, Alternatives, list[Finding]]:
+        """Widen the errors of a fit by the shifts of its alternatives; return these, and findings."""
+        others = cls(names, np.sqrt(np.diag(found.covariance)), kinds)
+        ratio, findings = others.judge(found.parameters, misfit)
+        return found.widened(found.covariance * np.outer(ratio, ratio)), others, findings
 
     def judge(self, values: Array, misfit: float) -> tuple[Array, list[Finding]]:
         """Return factors that widen the errors, and findings about a value that an alternative changes.
@@ -187,3 +209,166 @@ class Alternatives(Brief):
         every = ", ".join(name for name, moves in zip(self.names, far, strict=True) if moves)
         names = {"background": BACKGROUNDS[-2], "parameters": every}
         return [Finding("law-ambiguous", "info", self.names[worst], numbers, names)]
+
+
+# ----------------------------------------------------------------------------
+# Agreement of halves of a test, and the errors that follow from it.
+
+_FALSE_ALARM_RATE = 1e-5
+"""Probability that halves of a test of one law disagree by chance."""
+
+_MIN_INFORMATION_OF_HALF = 0.05
+"""Share of the information on a direction that each half must have to be compared."""
+
+_MIN_DIFFERENCE = 3e-4
+"""Relative difference of the predictions of two halves that matters to an engineer."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Difference:
+    """Difference of the estimates of a part of the points and of the rest.
+
+    Parameters
+    ----------
+    chance
+        Probability of a larger difference if both obey one law and the misfit is noise.
+    size
+        Root mean square difference of their predictions, in the unit of the residuals.
+    moved, error
+        (q,) difference of each parameter and its standard error.
+    spread
+        Deviation of both from the estimate of all points, weighted by their information, along directions in
+        which they differ by more than noise.
+    """
+
+    chance: float
+    size: float
+    moved: Array
+    error: Array
+    spread: Alternative
+
+    def z(self, wider: Array | float = 1.0) -> float:
+        """Return the largest difference of a parameter in standard errors, these times factors (q,)."""
+        error = self.error * wider
+        good = error > 0
+        return float(np.max(np.abs(self.moved[good] / error[good]), initial=0.0))
+
+
+def compare_parts(found: Regression, part: NDArray[np.bool_]) -> Difference | None:
+    """Compare a part (n,) of the points with the rest; None if no direction is determined by both."""
+    rows, residual = found.rows[part], found.residual[part]
+    if not len(rows):
+        return None
+    share, axes = np.linalg.eigh(np.tensordot(rows, rows, ([0, 1], [0, 1])))
+    score = np.einsum("nmr,nm->r", rows, residual)
+    rest = np.einsum("nmr,nm->r", found.rows, found.residual) - score
+    both = (share > _MIN_INFORMATION_OF_HALF) & (share < 1 - _MIN_INFORMATION_OF_HALF)
+    if not both.any():
+        return None
+    share, axes = share[both], axes[:, both]
+    difference = (axes.T @ score) / share - (axes.T @ rest) / (1 - share)
+    variance = 1 / share + 1 / (1 - share)
+    noise, directions = max(found.noise, 1e-300), len(share)
+    squares = difference**2 / variance / noise**2
+    count = max(int(np.count_nonzero(found.used)), 1)
+    step = found.basis @ axes
+    clear = squares > interval_sigmas() ** 2
+    off = step @ np.where(clear, difference / np.sqrt(variance), 0.0)
+    return Difference(
+        f_tail(directions, found.freedom, float(np.sum(squares)) / directions),
+        float(np.sqrt(np.sum(difference**2) / count)),
+        step @ difference,
+        noise * np.sqrt(step**2 @ variance),
+        Alternative(float(np.sqrt(np.sum(squares[clear]))), 1.0, off),
+    )
+
+
+def halves_of(points: Points) -> dict[str, NDArray[np.bool_]]:
+    """Return masks (n,) of halves of a test by name: by level, by time, by side of the resonance."""
+    level = np.unique(points.level, return_inverse=True)[1]
+    count, halves = int(level.max()) + 1, dict[str, NDArray[np.bool_]]()
+    if count > 1:
+        halves["alternate levels"] = level % 2 == 0
+    if count > 2:
+        halves["lower and upper levels"] = level < count // 2
+    along = points.amplitude if points.in_quadrature.all() else points.omega
+    again, side, before = np.zeros(len(points), dtype=bool), np.zeros(len(points), dtype=bool), -1
+    for number, rows in enumerate(points.runs):
+        # points at resonance are divided by amplitude: the small motions are the late ones of a decay
+        peak = (
+            np.median(along[rows])
+            if along is points.amplitude
+            else along[rows[points.amplitude[rows].argmax()]]
+        )
+        side[rows] = along[rows] < peak
+        again[rows] = number % 2 if level[rows[0]] == before else 0
+        before = level[rows[0]]
+    halves["first and later sweeps"] = again
+    halves["sides of the resonance" if along is points.omega else "small and large motions"] = side
+    return halves
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Agreement:
+    """Agreement of halves of a test, and the errors that follow from it.
+
+    Parameters
+    ----------
+    wider
+        (q,) factor, at least 1, by which standard errors of all parameters of the fit grow.
+    halves
+        Spread of each pair of halves; none if the misfit is noise.
+    findings
+        Halves that disagree.
+    """
+
+    wider: Array
+    halves: Mapping[str, Alternative]
+    findings: tuple[Finding, ...] = ()
+
+    @property
+    def typical(self) -> float:
+        """Median factor of the errors, by which the noise is multiplied in tests of alternatives."""
+        return float(np.median(self.wider))
+
+    @classmethod
+    def of(cls, whole: Regression, points: Points, covariance: Array, *, misfits: bool) -> Agreement:
+        """Compare the halves of a test.
+
+        Parameters
+        ----------
+        whole, points
+            A fit, and its points.
+        covariance
+            (q, q) covariance of its parameters, as reported.
+        misfits
+            True if the misfit is systematic: then halves that differ widen the errors.
+        """
+        cuts = halves_of(points)
+        found = {name: compare_parts(whole, half & whole.used) for name, half in cuts.items()}
+        known = {name: one for name, one in found.items() if one is not None}
+        disagreeing = {
+            name: one
+            for name, one in known.items()
+            if one.size > _MIN_DIFFERENCE and one.chance < _FALSE_ALARM_RATE / len(known)
+        }
+        if not (disagreeing or misfits):
+            return cls(np.ones(len(covariance)), {})
+        halves = {name: one.spread for name, one in known.items()}
+        wider = spread_between(halves.values(), whole.parameters, np.sqrt(np.diag(covariance)))
+        if not disagreeing:
+            return cls(wider, halves)
+        name, worst = max(disagreeing.items(), key=lambda item: item[1].z())
+        size = max(one.size for one in disagreeing.values())
+        finding = Finding(
+            "parts-disagree",
+            "doubt" if size > RELATIVE_CHANGE_NEGLIGIBLE else "warning",
+            numbers=quantities(z=worst.z(), size=size),
+            names={"parts": name},
+        )
+        return cls(wider, halves, (finding,))
+
+    def widen(self, found: Regression) -> Regression:
+        """Widen the errors of all parameters of a fit, or of the first ones."""
+        wider = self.wider[: len(found.covariance)]
+        return replace(found, covariance=found.covariance * np.outer(wider, wider))

@@ -1,21 +1,19 @@
-"""Estimates with intervals and units, reasons of unidentifiable values, and the agreement of parts of a test.
+"""From the errors of a fit to what its result states: estimates with intervals, reasons why there is none.
 
-A half is identified by one Gauss-Newton step from the solution of all points, with the rows of that fit. In
-the coordinates of ``Regression.basis`` all points have unit information, so that a half and the rest, I and 1
-- I, have the same eigenvectors, and the difference of their estimates along each is a test of its own (Chow,
-Econometrica 28, 1960, as a score test).
+An interval is p +- t s, with the standard error s and the quantile t of Student's distribution for the
+degrees of freedom of s. ``Errors`` holds both for every kind of test, and ``state_parameters`` states them:
+a value that the points do not determine (a null vector), or whose interval contains zero, gets a reason.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from fractions import Fraction
-from math import inf, log2, nan
+from math import inf, isfinite, log2, nan
 
 import numpy as np
 import sympy
-from numpy.typing import NDArray
 
 from rsgen.common.arrays import Array, ComplexArray
 from rsgen.common.finding import Finding, Quantity, quantities
@@ -24,7 +22,6 @@ from rsgen.common.tolerances import (
     RELATIVE_CHANGE_NEGLIGIBLE,
     RELATIVE_ERROR_DOUBTFUL,
     ROUND_OFF,
-    f_tail,
     interval_sigmas,
     samples_for,
 )
@@ -36,10 +33,9 @@ from rsgen.formula.printing import write
 from rsgen.formula.unit_text import read_unit
 from rsgen.formula.units import ForceUnits
 from rsgen.identification.fitting.fit import Solution
-from rsgen.identification.fitting.least_squares import Alternative, Regression
-from rsgen.identification.fitting.points import Points
-from rsgen.identification.results.alternatives import spread_between
-from rsgen.identification.results.result import Background, Estimate, Resonance, units_of
+from rsgen.identification.fitting.least_squares import Regression
+from rsgen.identification.results.alternatives import Alternatives
+from rsgen.identification.results.result import Background, Estimate, Resonance
 from rsgen.law.motion import Motion
 from rsgen.law.numeric import ForceLaw
 
@@ -55,7 +51,7 @@ def make_estimates(
     law: ForceLaw,
     model: Model,
     reasons: Mapping[str, Finding | None],
-    units: Mapping[str, str] | None = None,
+    units: Mapping[str, str],
 ) -> tuple[Estimate, ...]:
     """State each value with standard error, 95 % interval and unit, and why it is not identifiable.
 
@@ -64,7 +60,6 @@ def make_estimates(
     values, names = np.append(found.values, found.mass), (*law.parameters, "m")
     variance = np.diag(found.covariance)
     wides = np.broadcast_to(interval_sigmas(found.freedom), variance.shape).tolist()
-    units = units_of(model) if units is None else units
     estimates = []
     for name, value, var, wide in zip(names, values, variance, wides, strict=True):
         finite = bool(np.isfinite(var) and np.isfinite(value))
@@ -79,13 +74,115 @@ def make_estimates(
     return tuple(estimate for estimate in estimates if estimate.name not in model.fixed)
 
 
+# ----------------------------------------------------------------------------
+# The steps from the errors of a fit to its estimates, of sines and of a multisine.
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Errors:
+    """Errors of the parameters of a fit.
+
+    Parameters
+    ----------
+    regression
+        The fit of law and mass (q,), with all errors.
+    of_law
+        (q, q) covariance of this law as it stands, without errors by other laws.
+    with_background
+        The fit with its background, whose errors are those of noise, repeats and parts of the test.
+    noise
+        Relative noise of a reading [1].
+    others
+        All alternatives to the fit.
+    ambiguous
+        Findings about values that an alternative changes.
+    """
+
+    regression: Regression
+    of_law: Array
+    with_background: Regression
+    noise: float
+    others: Alternatives
+    ambiguous: list[Finding]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Statement:
+    """Parameters of a fit as its result states them.
+
+    Parameters
+    ----------
+    refined, of_law
+        Estimates with all errors, and with those of this law as it stands.
+    covariance
+        (f, f) of the free parameters; NaN without convergence.
+    reasons
+        By parameter, why it is not identifiable; None where it is.
+    ambiguous
+        Findings about values that an alternative changes, or a background that noise hides.
+    """
+
+    refined: tuple[Estimate, ...]
+    of_law: tuple[Estimate, ...]
+    covariance: Array
+    reasons: Mapping[str, Finding | None]
+    ambiguous: list[Finding]
+
+
+def state_parameters(
+    errors: Errors,
+    law: ForceLaw,
+    model: Model,
+    units: Mapping[str, str],
+    tested: Mapping[str, Quantity],
+    explain: Callable[[dict[str, Finding | None]], dict[str, Finding | None]] = dict,
+) -> Statement:
+    """State the parameters of a fit: reasons, estimates with both kinds of errors, covariance.
+
+    Parameters
+    ----------
+    errors, law, model
+        Of the fit.
+    units, tested
+        SI units by parameter, and the largest amplitude and level of the test.
+    explain
+        Function that replaces reasons by others that say more.
+    """
+    found, others = errors.regression, errors.others
+    reasons = explain(parameter_findings(others.names, units, tested, found, law.expression))
+    solution = Solution.of(found, converged=found.converged)
+    stated, free = np.where(found.converged, found.covariance, nan), np.flatnonzero(found.free)
+    return Statement(
+        make_estimates(solution, law, model, reasons, units),
+        make_estimates(replace(solution, covariance=errors.of_law), law, model, reasons, units),
+        stated[np.ix_(free, free)],
+        reasons,
+        [*errors.ambiguous, *others.within_noise(found.parameters, stated, reasons, units)],
+    )
+
+
+def largest_tested(amplitude: Array, level: Array, level_unit: str) -> dict[str, Quantity]:
+    """Return the largest amplitude [m] and the largest level of a test."""
+    return {
+        "amplitude": Quantity(float(amplitude.max()), "m"),
+        "level": Quantity(float(level.max()), level_unit),
+    }
+
+
+def outcome_of(estimates: Sequence[Estimate], misfit: float, **counts: int) -> Finding:
+    """Summarise the numbers of identified and all parameters, ``counts`` of the test, and the misfit."""
+    identified = sum(e.identifiable and isfinite(e.standard_error) for e in estimates)
+    numbers = quantities(identified=identified, parameters=len(estimates), **counts, misfit=misfit)
+    return Finding("identified", "info", numbers=numbers)
+
+
 def state_background(
     shape: BackgroundTerms,
     force: Array | ComplexArray,
     amplitude: Array,
     values: Array,
     variance: Array,
-    freedom: int,
+    freedom: int | Array,
     units: ForceUnits,
     resonances: Sequence[Resonance] = (),
 ) -> Background | None:
@@ -100,7 +197,7 @@ def state_background(
     values, variance
         (b,) of the background; a variance that is not finite is unknown.
     freedom
-        Degrees of freedom of the noise that the variance rests on.
+        Degrees of freedom of the noise that the variance rests on; (b,) where they differ.
     units
         Of the test.
     resonances
@@ -108,13 +205,15 @@ def state_background(
     """
     if not len(values):
         return None
-    wide = float(interval_sigmas(freedom))
+    wides = np.broadcast_to(interval_sigmas(freedom), values.shape)
     errors = np.sqrt(np.where(np.isfinite(variance), variance, np.inf))
     # the residue of a neighbour, one over its mass, is then a number
     named = [units.of(unit).replace("1/kg*kg", "") for unit in shape.units]
     estimates = tuple(
-        Estimate(name, float(v), float(e), (float(v - wide * e), float(v + wide * e)), unit)
-        for name, v, e, unit in zip(shape.names, values, errors, named, strict=True)
+        Estimate(name, v, e, (v - wide * e, v + wide * e), unit)
+        for name, v, e, wide, unit in zip(
+            shape.names, values.tolist(), errors.tolist(), wides.tolist(), named, strict=True
+        )
     )
     if "f_n" in shape.names:
         estimates = (*estimates[:-4], *_state_neighbour(estimates[-4:], shape.band, resonances))
@@ -327,166 +426,3 @@ def fixed_contradicted(
     numbers = {"given": Quantity(given, unit), "fitted": Quantity(given + moved, unit)}
     numbers |= quantities(misfit=misfit, left=left, moved=moved / abs(given or moved), times=times)
     return Finding("fixed-contradicted", "doubt", name, numbers, names)
-
-
-# ----------------------------------------------------------------------------
-# Agreement of halves of a test, and the errors that follow from it.
-
-_FALSE_ALARM_RATE = 1e-5
-"""Probability that halves of a test of one law disagree by chance."""
-
-_MIN_INFORMATION_OF_HALF = 0.05
-"""Share of the information on a direction that each half must have to be compared."""
-
-_MIN_DIFFERENCE = 3e-4
-"""Relative difference of the predictions of two halves that matters to an engineer."""
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class Difference:
-    """Difference of the estimates of a part of the points and of the rest.
-
-    Parameters
-    ----------
-    chance
-        Probability of a larger difference if both obey one law and the misfit is noise.
-    size
-        Root mean square difference of their predictions, in the unit of the residuals.
-    moved, error
-        (q,) difference of each parameter and its standard error.
-    spread
-        Deviation of both from the estimate of all points, weighted by their information, along directions in
-        which they differ by more than noise.
-    """
-
-    chance: float
-    size: float
-    moved: Array
-    error: Array
-    spread: Alternative
-
-    def z(self, wider: Array | float = 1.0) -> float:
-        """Return the largest difference of a parameter in standard errors, these times factors (q,)."""
-        error = self.error * wider
-        good = error > 0
-        return float(np.max(np.abs(self.moved[good] / error[good]), initial=0.0))
-
-
-def compare_parts(found: Regression, part: NDArray[np.bool_]) -> Difference | None:
-    """Compare a part (n,) of the points with the rest; None if no direction is determined by both."""
-    rows, residual = found.rows[part], found.residual[part]
-    if not len(rows):
-        return None
-    share, axes = np.linalg.eigh(np.tensordot(rows, rows, ([0, 1], [0, 1])))
-    score = np.einsum("nmr,nm->r", rows, residual)
-    rest = np.einsum("nmr,nm->r", found.rows, found.residual) - score
-    both = (share > _MIN_INFORMATION_OF_HALF) & (share < 1 - _MIN_INFORMATION_OF_HALF)
-    if not both.any():
-        return None
-    share, axes = share[both], axes[:, both]
-    difference = (axes.T @ score) / share - (axes.T @ rest) / (1 - share)
-    variance = 1 / share + 1 / (1 - share)
-    noise, directions = max(found.noise, 1e-300), len(share)
-    squares = difference**2 / variance / noise**2
-    count = max(int(np.count_nonzero(found.used)), 1)
-    step = found.basis @ axes
-    clear = squares > interval_sigmas() ** 2
-    off = step @ np.where(clear, difference / np.sqrt(variance), 0.0)
-    return Difference(
-        f_tail(directions, found.freedom, float(np.sum(squares)) / directions),
-        float(np.sqrt(np.sum(difference**2) / count)),
-        step @ difference,
-        noise * np.sqrt(step**2 @ variance),
-        Alternative(float(np.sqrt(np.sum(squares[clear]))), 1.0, off),
-    )
-
-
-def halves_of(points: Points) -> dict[str, NDArray[np.bool_]]:
-    """Return masks (n,) of halves of a test by name: by level, by time, by side of the resonance."""
-    level = np.unique(points.level, return_inverse=True)[1]
-    count, halves = int(level.max()) + 1, dict[str, NDArray[np.bool_]]()
-    if count > 1:
-        halves["alternate levels"] = level % 2 == 0
-    if count > 2:
-        halves["lower and upper levels"] = level < count // 2
-    along = points.amplitude if points.in_quadrature.all() else points.omega
-    again, side, before = np.zeros(len(points), dtype=bool), np.zeros(len(points), dtype=bool), -1
-    for number, rows in enumerate(points.runs):
-        # points at resonance are divided by amplitude: the small motions are the late ones of a decay
-        peak = (
-            np.median(along[rows])
-            if along is points.amplitude
-            else along[rows[points.amplitude[rows].argmax()]]
-        )
-        side[rows] = along[rows] < peak
-        again[rows] = number % 2 if level[rows[0]] == before else 0
-        before = level[rows[0]]
-    halves["first and later sweeps"] = again
-    halves["sides of the resonance" if along is points.omega else "small and large motions"] = side
-    return halves
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class Agreement:
-    """Agreement of halves of a test, and the errors that follow from it.
-
-    Parameters
-    ----------
-    wider
-        (q,) factor, at least 1, by which standard errors of all parameters of the fit grow.
-    halves
-        Spread of each pair of halves; none if the misfit is noise.
-    findings
-        Halves that disagree.
-    """
-
-    wider: Array
-    halves: Mapping[str, Alternative]
-    findings: tuple[Finding, ...] = ()
-
-    @property
-    def typical(self) -> float:
-        """Median factor of the errors, by which the noise is multiplied in tests of alternatives."""
-        return float(np.median(self.wider))
-
-    @classmethod
-    def of(cls, whole: Regression, points: Points, covariance: Array, *, misfits: bool) -> Agreement:
-        """Compare the halves of a test.
-
-        Parameters
-        ----------
-        whole, points
-            A fit, and its points.
-        covariance
-            (q, q) covariance of its parameters, as reported.
-        misfits
-            True if the misfit is systematic: then halves that differ widen the errors.
-        """
-        cuts = halves_of(points)
-        found = {name: compare_parts(whole, half & whole.used) for name, half in cuts.items()}
-        known = {name: one for name, one in found.items() if one is not None}
-        disagreeing = {
-            name: one
-            for name, one in known.items()
-            if one.size > _MIN_DIFFERENCE and one.chance < _FALSE_ALARM_RATE / len(known)
-        }
-        if not (disagreeing or misfits):
-            return cls(np.ones(len(covariance)), {})
-        halves = {name: one.spread for name, one in known.items()}
-        wider = spread_between(halves.values(), whole.parameters, np.sqrt(np.diag(covariance)))
-        if not disagreeing:
-            return cls(wider, halves)
-        name, worst = max(disagreeing.items(), key=lambda item: item[1].z())
-        size = max(one.size for one in disagreeing.values())
-        finding = Finding(
-            "parts-disagree",
-            "doubt" if size > RELATIVE_CHANGE_NEGLIGIBLE else "warning",
-            numbers=quantities(z=worst.z(), size=size),
-            names={"parts": name},
-        )
-        return cls(wider, halves, (finding,))
-
-    def widen(self, found: Regression) -> Regression:
-        """Widen the errors of all parameters of a fit, or of the first ones."""
-        wider = self.wider[: len(found.covariance)]
-        return replace(found, covariance=found.covariance * np.outer(wider, wider))

@@ -241,12 +241,14 @@ class Background:
         return background_terms(self.kind, omega, force, self.band)
 
 
-def units_of(model: Model, of: ForceUnits = WHOLE) -> dict[str, str]:
-    """SI unit of every parameter, "" where the law does not say, in those of a test.
+def force_units(model: Model, of: ForceUnits) -> ForceUnits:
+    """Return the units of a test; of one that is not calibrated only those without a force are known."""
+    return of if model.observation.calibrated else UNCALIBRATED
 
-    Of a test that is not calibrated only those units are known that contain no force.
-    """
-    of = of if model.observation.calibrated else UNCALIBRATED
+
+def units_of(model: Model, of: ForceUnits = WHOLE) -> dict[str, str]:
+    """SI unit of every parameter, "" where the law does not say, in those of a test (``force_units``)."""
+    of = force_units(model, of)
     # names that are kept for the time and the force have no unit there
     units = dict.fromkeys(model.parameters, "")
     # a law whose terms do not agree in units can be fitted all the same
