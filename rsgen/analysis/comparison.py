@@ -16,9 +16,9 @@ from rsgen.common.finding import Finding, Verdict, quantities, reach_verdict
 from rsgen.common.text_table import Printed, TextTable, data_frame, lookup, short, with_error
 from rsgen.common.tolerances import ROUND_OFF, interval_sigmas
 from rsgen.data.oscillator import Oscillator
-from rsgen.identification.fitting.least_squares import Alternative
 from rsgen.identification.prediction import Prediction
 from rsgen.identification.results import Estimate, Identification
+from rsgen.identification.results.alternatives import Alternative
 from rsgen.law.memory import force_keys
 from rsgen.law.motion import Motion
 from rsgen.law.numeric import compile_law, in_order

@@ -38,7 +38,7 @@ from rsgen.formula.names import symbol
 from rsgen.formula.printing import write
 from rsgen.identification.fitting.across import misfit_of_joint
 from rsgen.identification.fitting.fit import Fit, linearise_extended
-from rsgen.identification.fitting.least_squares import Alternative, Regression
+from rsgen.identification.fitting.least_squares import Regression
 from rsgen.identification.fitting.observed import (
     Problem,
     constant_mean,
@@ -47,7 +47,7 @@ from rsgen.identification.fitting.observed import (
 )
 from rsgen.identification.fitting.points import Points
 from rsgen.identification.results import Estimate, Resonance
-from rsgen.identification.results.alternatives import Agreement, Alternatives
+from rsgen.identification.results.alternatives import Agreement, Alternative, Alternatives
 from rsgen.identification.results.estimates import fixed_contradicted
 from rsgen.identification.starting.start import even_directions, even_part_unobservable, records_even
 from rsgen.identification.terms import (
@@ -102,10 +102,8 @@ def misfit_findings(
     ----------
     surface, points
         All points of the test, and those that were fitted.
-    fit
-        The refined one.
-    resonances
-        Of all runs.
+    fit, resonances
+        The refined one, and the resonances of all runs.
     wider
         (q,) by how much the standard errors of its parameters are to be widened.
     others
@@ -113,13 +111,7 @@ def misfit_findings(
     """
     if not fit.systematic:
         return _noise_findings(surface, points, fit)
-    regression, misfit = fit.regression, relative_misfit(fit)
-    # with a systematic misfit above a hundredth, intervals are too narrow
-    size = _of_systematic_columns(fit) if surface.decays else misfit
-    joints = (
-        misfit_of_joint(fit.problem.observed.points, part.sensors) for part in fit.problem.law.parts[1:]
-    )
-    severity = severity_of(size, min([MISFIT_DOUBTFUL_WITH_PATTERN, *joints]), MISFIT_REJECTED)
+    misfit, severity = relative_misfit(fit), _severity_with_pattern(surface, fit)
     rejected = severity == "error"
     left, explained, names = _cause(fit, points, others, only_terms=rejected, decays=surface.decays)
     numbers = quantities(misfit=misfit)
@@ -133,28 +125,29 @@ def misfit_findings(
         # the law is not to blame for what it was given
         return [replace(finding, severity=severity) for finding in fixed] if rejected else fixed
     found = [Finding("law-does-not-fit", severity, numbers=numbers, names=names)]
-    observed = fit.problem.observed
-    backgrounds = others.kinds["background"]
+    observed, kinds = fit.problem.observed, others.kinds["background"]
+    # an offset of the sensor is simpler than any background
+    backgrounds = {**others.kinds.get("offset of the sensor", {}), **kinds}
     leaves = {kind: left_by(fit, one, wider) for kind, one in backgrounds.items()}
-    helps = min(leaves.values(), default=inf) < (1 - MIN_MISFIT_REDUCTION) * misfit
+    helps = min((leaves[kind] for kind in kinds), default=inf) < (1 - MIN_MISFIT_REDUCTION) * misfit
     if helps and surface.origin == "measured" and observed.direct:
         found.append(_background_proposal(points, resonances))
     if not names.keys() & {"term", "free", "side"}:
         # a term that is missing misses some levels more than others, as dry friction the lowest
-        found += _level_apart(points, regression, surface.level_unit)
-    # an offset of the sensor is simpler than any background
-    offset = others.kinds.get("offset of the sensor", {})
-    if backgrounds := {**offset, **backgrounds}:
-        found += background_findings(
-            observed.background.kind,
-            backgrounds,
-            {kind: left_by(fit, one, wider) for kind, one in offset.items()} | leaves,
-            regression.first(fit.problem.count),
-            (*fit.problem.law.parameters, "m"),
-            misfit=misfit,
-            left=left if known else 0.0,
-        )
+        found += _level_apart(points, fit.regression, surface.level_unit)
+    if backgrounds:
+        known_values = fit.regression.first(fit.problem.count)
+        of = observed.background.kind, backgrounds, leaves, known_values, others.names
+        found += background_findings(*of, misfit=misfit, left=left if known else 0.0)
     return found
+
+
+def _severity_with_pattern(surface: ResponseSurface, fit: Fit) -> Severity:
+    """Return the severity of a systematic misfit: above a hundredth, intervals are too narrow."""
+    size = _of_systematic_columns(fit) if surface.decays else relative_misfit(fit)
+    points, joints = fit.problem.observed.points, fit.problem.law.parts[1:]
+    limits = [MISFIT_DOUBTFUL_WITH_PATTERN, *(misfit_of_joint(points, part.sensors) for part in joints)]
+    return severity_of(size, min(limits), MISFIT_REJECTED)
 
 
 def _noise_findings(surface: ResponseSurface, points: Points, fit: Fit) -> list[Finding]:

@@ -12,6 +12,7 @@ at the amplitude X reached there; the parameters of a law follow by linear least
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -170,14 +171,10 @@ def fit_resonances(
         # the turning points of an asymmetric motion need its mean
         turned = not law.odd and (0 in points.measured or bool(np.isfinite(points.peak).all()))
         sine = np.stack([np.zeros(good.sum()), size[good]], axis=1).astype(complex)
-        equations = Equations(
-            omega[good],
-            1j * force[good],
-            sine,
-            False,
-            1 / force[good],
-            turning[good] if turned else np.zeros((0, 2)),
-            (sine,) * (len(law.parts) - 1),
+        equations = replace(
+            Equations.plain(omega[good], 1j * force[good], sine),
+            turning=turning[good] if turned else np.zeros((0, 2)),
+            others=(sine,) * (len(law.parts) - 1),
         )
         known = {**fixed, "m": mass}
         found = solve_equations(equations, law, known, near=near().values if law.nonlinear else None)

@@ -37,10 +37,10 @@ from rsgen.dynamics.linear_part import BackgroundTerms, background_terms
 from rsgen.formula.names import symbol
 from rsgen.identification.fitting.across import law_of
 from rsgen.identification.fitting.fit import Fit, fit_balance, linearise_extended
-from rsgen.identification.fitting.least_squares import Alternative, Rules, alternatives
+from rsgen.identification.fitting.least_squares import Rules
 from rsgen.identification.fitting.observed import Observed, Problem
 from rsgen.identification.fitting.points import Points
-from rsgen.identification.results.alternatives import Agreement, stands_out
+from rsgen.identification.results.alternatives import Agreement, Alternative, alternatives, stands_out
 from rsgen.identification.starting.start import records_even, start_fit
 from rsgen.law.element import Element, make_element
 from rsgen.law.numeric import ForceLaw

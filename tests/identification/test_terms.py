@@ -6,8 +6,7 @@ import numpy as np
 import pytest
 
 import rsgen as rs
-from rsgen.identification.fitting.least_squares import Alternative
-from rsgen.identification.results.alternatives import Alternatives, weight_of
+from rsgen.identification.results.alternatives import Alternative, Alternatives, weight_of
 from rsgen.report.wording.sentences import sentence
 
 LAW = "k*x + c*v + k3*x**3 + cq*v*abs(v)"

@@ -6,7 +6,7 @@ import pytest
 import rsgen
 from rsgen.dynamics.linear_part import background_of_lines
 from rsgen.identification.lines.line_balance import Balance, BalanceNoise, SpectralLines
-from rsgen.identification.lines.line_fit import fit_lines, with_errors
+from rsgen.identification.lines.line_fit import fit_lines
 from rsgen.law.motion import harmonics_of, waveform
 from rsgen.law.numeric import ForceLaw, compile_law
 
@@ -123,7 +123,7 @@ def test_errors_are_those_of_noise_on_the_force_alone():
     spectra, law = linear(of_force=0.02, of_response=0.0, seed=3), law_of("k*x + c*v")
     lines = lines_from(spectra)
     found = fit_lines(lines, law, {"m": MASS}, np.array([DAMPING, STIFFNESS]), MASS)
-    covariance = with_errors(found)[0].covariance
+    covariance = found.errors[0].covariance
     omega = OMEGA0 / 4 * np.arange(1, LINES + 1)
     variance = 0.02**2 / spectra.periods / 2 / np.array([np.sum((1e-3 * omega) ** 2), LINES * 1e-6])
     # a variance from 31 x 24 complex numbers, and lines that are weighed by it; a given mass has none

@@ -15,7 +15,7 @@ alone: x is the motion without it, and so is z where it is the difference of x a
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -26,7 +26,6 @@ from rsgen.common.tolerances import MISFIT_NEGLIGIBLE, NOISE_RATIO_BY_CHANCE, sa
 from rsgen.data.oscillator import total_force
 from rsgen.dynamics.harmonic_balance import Response
 from rsgen.identification.fitting.forward import Forward
-from rsgen.identification.fitting.least_squares import Regression
 from rsgen.identification.fitting.points import Points
 from rsgen.law.element import Element, forces_by_motion, response_share
 from rsgen.law.motion import Motion, fourier_series, project
@@ -213,15 +212,9 @@ class MeasuredAcross(Forward):
         self.samples = max(samples_for(law.switched), least)
         self._series = fourier_series((1,), self.samples, half=False)
 
-    def share(self, systematic: Callable[[], bool]) -> bool:
-        """Correlate the two sensors if the misfit is systematic: independent ones would absorb it."""
-        if systematic():
-            self.correlation = 1 - MISFIT_NEGLIGIBLE**2
-        return self.correlation > 0
-
-    def of_noise(self, found: Regression, corrected: Callable[[], Regression]) -> Regression:
-        """Return the regression with the noise share of its slopes; their curvature at corners is unknown."""
-        return replace(found, noise_share=corrected().noise_share)
+    def share_misfit(self) -> None:
+        """Correlate the two sensors: independent ones would absorb a misfit of the law."""
+        self.correlation = 1 - MISFIT_NEGLIGIBLE**2
 
     def of_sensors(self, influence: Array) -> Array:
         """Return the influence of the deviations of each sensor; those of the second sensor are the last."""
@@ -234,6 +227,22 @@ class MeasuredAcross(Forward):
     def far_noise(self) -> float:
         """Independent share of the deviation of the second sensor."""
         return float(np.sqrt(1 - self.correlation**2))
+
+    def _second_sensor(
+        self, size: Array, others: Array | None
+    ) -> tuple[Array, Array, ComplexArray, ComplexArray]:
+        """Return the phase of the response, the scale of its harmonics, and the motion of the second sensor
+        without and with a deviation of its own; arguments as of a call.
+        """
+        measured = self._response.harmonics[:, 1]
+        other = self._across.harmonics[:, 1] - self._response_share * measured
+        share, phase = size / np.abs(measured), np.angle(measured)
+        if others is None:
+            return phase, share[:, None], other, other * share
+        moved = np.log(share) + 1j * (others[:, 0] - phase)
+        other = other * np.exp(self.correlation * moved)
+        there = other * (1 + self.far_noise * (others[:, 1] + 1j * others[:, 2]))
+        return others[:, 0], np.ones((1, 1)), other, there
 
     def __call__(self, values: Array, mass: float, size: Array, others: Array | None = None) -> Response:
         """Evaluate the balance.
@@ -249,16 +258,8 @@ class MeasuredAcross(Forward):
             second sensor in units of ``far_noise``. None: the second sensor, and all harmonics, keep their
             measured ratio to the response.
         """
-        measured, omega = self._response.harmonics[:, 1], self._response.omega
-        other = self._across.harmonics[:, 1] - self._response_share * measured
-        share = (size / np.abs(measured))[:, None]
-        if others is None:
-            phase, own, there = np.angle(measured), share, other * share[:, 0]
-        else:
-            phase, own = others[:, 0], np.ones((1, 1))
-            moved = np.log(share[:, 0]) + 1j * (phase - np.angle(measured))
-            other = other * np.exp(self.correlation * moved)
-            there = other * (1 + self.far_noise * (others[:, 1] + 1j * others[:, 2]))
+        omega = self._response.omega
+        phase, own, other, there = self._second_sensor(size, others)
         here, back = size * np.exp(1j * phase), np.exp(-1j * phase)
         followed = (
             _with_fundamental(self._response, own, here),

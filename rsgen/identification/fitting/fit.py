@@ -17,7 +17,7 @@ Gauss-Newton steps eliminate each n_j before they solve for p: a test has many p
 3. A law with switches, at first order or in nearly exact data: again, with more samples a period.
 4. A misfit above that of exact data (``MISFIT_OF_NOISE``) and a law without jump or corner: the same points
    again by logarithms of the ratios, whose errors have one size at all amplitudes, and the bias of second
-   order in the noise is subtracted. Other laws keep the plain differences (``of_noise``).
+   order in the noise is subtracted. Other laws keep the plain differences.
 
 ``fit_simulator`` does the last step with the steady states of the simulator, whose derivatives are renewed a
 few times only.
@@ -26,6 +26,7 @@ few times only.
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -271,10 +272,8 @@ def fit_balance(
         Harmonics carried in the balance; 1 is first order.
     compared
         Order up to which measured harmonics are compared. Those above ``order`` are predicted to be zero.
-    exclude
-        True if outliers are excluded.
-    steps
-        Most Gauss-Newton steps.
+    exclude, steps
+        True if outliers are excluded; most Gauss-Newton steps.
     correct
         Whether the bias of the square of the noise is removed: not from a misfit that is no noise.
     near
@@ -284,35 +283,40 @@ def fit_balance(
     observed, law = problem.observed, problem.law
     mode = observed.mode(problem.split(parameters)[2])
     nuisance = observed.nuisances(mode.amplitude, np.angle(mode.harmonics[:, 1]))
-    turn = observed.background.turn(problem.split(parameters)[2])
-    forward = _forward(problem, mode, order, turn, compared=compared)
+    forward = _forward(problem, parameters, mode, order, compared=compared)
     descent = ErrorsInVariables(problem, forward)
     natural = 0.0 if law.odd else _natural_sizes(problem, parameters, mode)
-    rules = Rules(steps=steps, frozen=problem.frozen, free=problem.free, natural=natural, record=mode.record)
-    common: dict[str, Any] = {"exclude": exclude, "neighbours": mode.neighbours}
-    first = replace(rules, steps=1) if near > MISFIT_OF_NOISE and not law.rough else rules
-    found = fit(descent.linearise, parameters, nuisance, first, **common)
-    shared = forward.share(lambda: is_systematic(found.residual, mode.pairs(found.used)))
-    if shared:
-        found = fit(descent.linearise, found.parameters, nuisance, rules, **common)
-    # few samples falsify the first order of a law with switches
+    rules = _rules(problem, mode, steps=steps, natural=natural)
+    again = partial(fit, descent.linearise, exclude=exclude, neighbours=mode.neighbours)
+    plain = replace(rules, steps=1) if near > MISFIT_OF_NOISE and not law.rough else rules
+    found = again(parameters, nuisance, plain)
+    shared = False
+    if isinstance(forward, MeasuredAcross) and is_systematic(found.residual, mode.pairs(found.used)):
+        shared = True
+        forward.share_misfit()
+        found = again(found.parameters, nuisance, rules)
+    # few samples falsify the first order of a law with switches, and nearly exact data show what they miss
     coarse = law.switched and steps > 1 and forward.samples < SAMPLES_PER_PERIOD_SWITCHED
-    # below that misfit data show what the fewer samples miss of a switch
     if coarse and (order == 1 or found.noise < MISFIT_NEGLIGIBLE):
         forward.samples = SAMPLES_PER_PERIOD_SWITCHED
         more = replace(rules, steps=1 if order == 1 else steps)
-        found = fit(descent.linearise, found.parameters, found.nuisance, more, **common)
+        found = again(found.parameters, found.nuisance, more)
     # second derivatives of a balance of few harmonics mean nothing where the law jumps or has a corner
     if found.noise > MISFIT_OF_NOISE and not law.rough:
         response = descent.predict(found.parameters, found.nuisance)
         descent.scale = np.abs(observed.predict_sensor(response, problem.split(found.parameters)[2]))
-        place, used = (found.parameters, found.nuisance), found.used
-        found = fit(descent.linearise, *place, rules, used=used, **common)
+        found = again(found.parameters, found.nuisance, rules, used=found.used)
         if correct:
             found = descent.corrected(found)
-    elif found.noise > MISFIT_OF_NOISE:
-        found = forward.of_noise(found, lambda: descent.corrected(found))
+    elif found.noise > MISFIT_OF_NOISE and law.acts_across:
+        # the noise of the slopes is known all the same
+        found = replace(found, noise_share=descent.corrected(found).noise_share)
     return _finish(problem, descent, found, order, shared=shared)
+
+
+def _rules(problem: Problem, mode: Points, **control: Any) -> Rules:
+    """Return the rules of a descent for what a problem knows of its parameters and points."""
+    return Rules(frozen=problem.frozen, free=problem.free, record=mode.record, **control)
 
 
 def linearise_extended(
@@ -325,14 +329,12 @@ def linearise_extended(
     eliminated.
     """
     observed = problem.observed
-    background = problem.split(parameters)[2]
-    mode = observed.mode(background)
+    mode = observed.mode(problem.split(parameters)[2])
     # a term of value zero moves nothing: the balance begins where that of the fit ended
     phase, solved = np.angle(mode.harmonics[:, 1]), np.isfinite(found.harmonics).all(axis=1, keepdims=True)
     near = Motion(mode.omega, np.where(solved, found.harmonics, 0.0)).turned(phase)
-    turn = observed.background.turn(background)
     order, compared = (order, order) if order else (min(found.order, BALANCE_HARMONICS), BALANCE_HARMONICS)
-    forward = _forward(problem, mode, order, turn, near, compared)
+    forward = _forward(problem, parameters, mode, order, near, compared)
     if found.problem.law.switched:
         forward.samples = max(forward.samples, SAMPLES_PER_PERIOD_SWITCHED)
     descent = ErrorsInVariables(problem, forward)
@@ -372,24 +374,20 @@ def refit_weighted(
     gain
         Decrease of the sum of squares, in units of the noise, below which a step is the last.
     """
-    values = problem.split(parameters)[2]
-    mode, turn = problem.observed.mode(values), problem.observed.background.turn(values)
-    descent = ErrorsInVariables(problem, _forward(problem, mode, order, turn))
+    mode = problem.observed.mode(problem.split(parameters)[2])
+    descent = ErrorsInVariables(problem, _forward(problem, parameters, mode, order))
     descent.scale = near.scale
-    known: dict[str, Any] = {"frozen": problem.frozen, "free": problem.free, "record": mode.record}
-    rules = Rules(steps=NEAR_STEPS, gain=gain, **known)
-    return fit(
-        descent.linearise,
-        parameters,
-        nuisance,
-        rules,
-        neighbours=mode.neighbours,
-        exclude=False,
-    )
+    rules = _rules(problem, mode, steps=NEAR_STEPS, gain=gain)
+    return fit(descent.linearise, parameters, nuisance, rules, exclude=False)
 
 
 def _forward(
-    problem: Problem, mode: Points, order: int, turn: complex, near: Motion | None = None, compared: int = 0
+    problem: Problem,
+    parameters: Array,
+    mode: Points,
+    order: int,
+    near: Motion | None = None,
+    compared: int = 0,
 ) -> HarmonicBalance | MeasuredAcross:
     """Balance of all harmonics at the response; across two sensors the one along the measured motion.
 
@@ -402,6 +400,7 @@ def _forward(
     about_rest, load = 0 not in mode.measured, mode.load
     if load is not None:
         # the phase error between force and response turns every harmonic
+        turn = problem.observed.background.turn(problem.split(parameters)[2])
         load = load * (turn ** np.arange(load.shape[1]))
     start = mode.motion if near is None else near
     return HarmonicBalance(problem.law, start, order, compared=compared, about_rest=about_rest, load=load)
@@ -446,13 +445,7 @@ def fit_simulator(problem: Problem, start: Fit, *, accuracy: float) -> Fit | Non
     predicted = forward.solve(np.append(values, mass), np.exp(nuisance[:, 0]), accuracy)
     if np.count_nonzero(np.isfinite(predicted[:, 1])) < _MIN_SHARE_FOLLOWED * len(drive):
         return None
-    rules = Rules(
-        steps=_STEPS_KEPT,
-        attainable=RESOLUTION * accuracy,
-        frozen=problem.frozen,
-        free=problem.free,
-        record=observed.points.record,
-    )
+    rules = _rules(problem, observed.points, steps=_STEPS_KEPT, attainable=RESOLUTION * accuracy)
     for _ in range(_RENEWALS):
         found = fit(descent.linearise, parameters, nuisance, rules, neighbours=observed.points.neighbours)
         if noisy:

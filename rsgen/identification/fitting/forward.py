@@ -10,7 +10,7 @@ measured points.
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from typing import Protocol
 
 import numpy as np
@@ -57,14 +57,6 @@ class Forward(Protocol):
         Only a law across two sensors depends on the other nuisances.
         """
         ...
-
-    def share(self, systematic: Callable[[], bool]) -> bool:
-        """Correlate the sensors if the misfit is systematic; return True if that changes the model."""
-        return False
-
-    def of_noise(self, found: Regression, corrected: Callable[[], Regression]) -> Regression:
-        """Return the regression with the noise share of the slopes of a law with corners."""
-        return found
 
     def of_sensors(self, influence: Array) -> Array:
         """Convert the influence (n, M, q) of nuisances' rows to that of deviations of the sensors."""

@@ -27,7 +27,6 @@ from rsgen.common.tolerances import (
     MAX_SHARE_OF_OUTLIERS,
     MAX_STEP_HALVINGS,
     MIN_GAIN_OF_STEP,
-    MIN_NULL_COMPONENT,
     MISFIT_NEGLIGIBLE,
     MISFIT_OF_NOISE,
     POINTS_PER_BLOCK,
@@ -68,6 +67,11 @@ class Linearisation:
     residual: Array
     by_nuisance: Array
     by_parameter: Array
+
+    @property
+    def predicted(self) -> Mask:
+        """True (n,) for points with a prediction."""
+        return np.asarray(np.isfinite(self.residual).all(axis=1))
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -242,7 +246,7 @@ def fit(
     converged, measured = False, nuisance
     for _ in range(4 if exclude else 1):
         parameters, nuisance, line, converged = descend(linearise, parameters, nuisance, rules, used)
-        predicted = np.isfinite(line.residual).all(axis=1)
+        predicted = line.predicted
         kept = (predicted & _agreeing(line, used & predicted, neighbours)) if exclude else predicted & used
         used, before = kept, used
         if np.array_equal(used, before):
@@ -318,66 +322,106 @@ def descend(
     used = np.ones(len(nuisance), dtype=bool) if used is None else used
     parameters, line = _solve_linear(linearise(parameters, nuisance), parameters, rules, used)
     for _ in range(rules.steps):
-        good = used & np.isfinite(line.residual).all(axis=1)
+        good = used & line.predicted
         if not good.any():
-            return parameters, nuisance, line, False
-        flat, right = rules.equations(*eliminate(line), parameters, good)
-        flat[:, list(rules.frozen)] = 0.0
-        change, _, _ = rules.solve(flat, right, parameters)
-        rest = line.residual - line.by_parameter @ change
-        nuisance_change = np.zeros_like(nuisance)
-        predicted = np.isfinite(rest).all(axis=1)
-        nuisance_change[predicted] = _least_squares(line.by_nuisance[predicted], rest[predicted]).clip(-1, 1)
-        with np.errstate(over="ignore"):
-            relative = float(np.max(np.abs(change) / np.maximum(np.abs(parameters), 1e-300), initial=0.0))
-        expected = float(np.sum((right - flat @ change) ** 2))
-        gain = (rules.cost(line.residual[good], parameters) - expected) * right.size / max(expected, 1e-300)
-        if gain < rules.gain:
+            break
+        step = _Step.of(line, parameters, nuisance, rules, good)
+        if step.gain < rules.gain:
             return parameters, nuisance, line, True
-        realised = -1.0
-        reached = float(np.sqrt(np.mean(right**2))) < rules.attainable
-        for part in 0.5 ** np.arange(1 if reached else rules.halvings):
-            moved = rules.move(parameters, part * change), nuisance + part * nuisance_change
-            trial = linearise(*moved)
-            both = good & np.isfinite(trial.residual).all(axis=1)
-            if np.count_nonzero(both) < _MIN_PREDICTED_SHARE * np.count_nonzero(good):
-                continue
-            solved, trial = _solve_linear(trial, moved[0], rules, both)
-            before = rules.cost(line.residual[both], parameters)
-            after = rules.cost(trial.residual[both], solved)
-            if after <= before:
-                parameters, nuisance, line = solved, moved[1], trial
-                realised = (before - after) * right.size / max(after, 1e-300)
-                break
-        least = max(rules.gain, MISFIT_NEGLIGIBLE * right.size) if reached else rules.gain
-        if realised < least or relative < ROUND_OFF:
-            # of exact data truncated waveforms leave a misfit that steps change by less than half
-            exact = np.sqrt(np.mean(right**2)) < MISFIT_OF_NOISE
-            done = realised >= 0 or relative < 1e-6 or gain < (right.size if exact else 1.0)
-            if done or rules.attainable > 0 or rules.steps <= _WATCHDOG_STEPS:  # kept slopes have no bend
-                return parameters, nuisance, line, done
-            step = rules.move(parameters, change), nuisance + nuisance_change
-            ahead = _across_bend(linearise, step, line, parameters, rules, good)
-            if ahead is None:
-                return parameters, nuisance, line, False
-            parameters, nuisance, line, _ = ahead
+        before, reached = (parameters, nuisance, line), step.misfit < rules.attainable
+        parameters, nuisance, line, gained = _shortened(linearise, before, step, rules, good)
+        least = max(rules.gain, MISFIT_NEGLIGIBLE * step.rows) if reached else rules.gain
+        if gained >= least and step.relative >= ROUND_OFF:
+            continue
+        # of exact data truncated waveforms leave a misfit that steps change by less than half
+        exact = step.misfit < MISFIT_OF_NOISE
+        done = gained >= 0 or step.relative < 1e-6 or step.gain < (step.rows if exact else 1.0)
+        if done or rules.attainable > 0 or rules.steps <= _WATCHDOG_STEPS:  # kept slopes have no bend
+            return parameters, nuisance, line, done
+        ahead = _across_bend(linearise, before, step, rules, good)
+        if ahead is None:
+            break
+        parameters, nuisance, line = ahead
     return parameters, nuisance, line, False
 
 
-def _across_bend(
-    linearise: Linearise,
-    step: tuple[Array, Array],
-    line: Linearisation,
-    here: Array,
-    rules: Rules,
-    good: Mask,
-) -> tuple[Array, Array, Linearisation, bool] | None:
-    """Descend from a full step to the floor of a narrow valley; None if that is no lower."""
-    ahead = descend(linearise, *step, replace(rules, steps=_WATCHDOG_STEPS), good)
-    both = good & np.isfinite(ahead[2].residual).all(axis=1)
-    lower = rules.cost(ahead[2].residual[both], ahead[0]) < rules.cost(line.residual[both], here)
+Place = tuple[Array, Array, Linearisation]
+"""Parameters (q,), nuisances (n, k), and the residual with slopes there."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Step:
+    """A Gauss-Newton step from a place.
+
+    Parameters
+    ----------
+    change, nuisance
+        (q,) and (n, k) changes of parameters and nuisances.
+    gain
+        Expected decrease of the sum of squares, in units of the noise that would be left.
+    misfit, rows
+        Root mean square of the equations before the step, and their number.
+    relative
+        Largest relative change of a parameter.
+    """
+
+    change: Array
+    nuisance: Array
+    gain: float
+    misfit: float
+    rows: int
+    relative: float
+
+    @classmethod
+    def of(cls, line: Linearisation, parameters: Array, nuisance: Array, rules: Rules, good: Mask) -> _Step:
+        """Solve for the parameters without nuisances, then for the nuisances of each point."""
+        flat, right = rules.equations(*eliminate(line), parameters, good)
+        flat[:, list(rules.frozen)] = 0.0
+        change, _, _ = rules.solve(flat, right, parameters)
+        rest, moved = line.residual - line.by_parameter @ change, np.zeros_like(nuisance)
+        predicted = np.isfinite(rest).all(axis=1)
+        moved[predicted] = _least_squares(line.by_nuisance[predicted], rest[predicted]).clip(-1, 1)
+        with np.errstate(over="ignore"):
+            relative = float(np.max(np.abs(change) / np.maximum(np.abs(parameters), 1e-300), initial=0.0))
+        left = float(np.sum((right - flat @ change) ** 2))
+        gain = (rules.cost(line.residual[good], parameters) - left) * right.size / max(left, 1e-300)
+        return cls(change, moved, gain, float(np.sqrt(np.mean(right**2))), right.size, relative)
+
+    def end(self, place: Place, rules: Rules, part: float = 1.0) -> tuple[Array, Array]:
+        """Return parameters and nuisances after a part of the step."""
+        return rules.move(place[0], part * self.change), place[1] + part * self.nuisance
+
+
+def _shortened(
+    linearise: Linearise, place: Place, step: _Step, rules: Rules, good: Mask
+) -> tuple[Array, Array, Linearisation, float]:
+    """Halve a step until it lowers the sum of squares; return its end, and the decrease in units of noise.
+
+    Where no length does, it is the place itself, and -1.
+    """
+    for part in 0.5 ** np.arange(1 if step.misfit < rules.attainable else rules.halvings):
+        parameters, nuisance = step.end(place, rules, part)
+        trial = linearise(parameters, nuisance)
+        both = good & trial.predicted
+        if np.count_nonzero(both) < _MIN_PREDICTED_SHARE * np.count_nonzero(good):
+            continue
+        parameters, trial = _solve_linear(trial, parameters, rules, both)
+        before, after = (
+            rules.cost(place[2].residual[both], place[0]),
+            rules.cost(trial.residual[both], parameters),
+        )
+        if after <= before:
+            return parameters, nuisance, trial, (before - after) * step.rows / max(after, 1e-300)
+    return *place, -1.0
+
+
+def _across_bend(linearise: Linearise, place: Place, step: _Step, rules: Rules, good: Mask) -> Place | None:
+    """Descend from the end of a full step to the floor of a narrow valley; None if that is no lower."""
+    *ahead, line, _ = descend(linearise, *step.end(place, rules), replace(rules, steps=_WATCHDOG_STEPS), good)
+    both = good & line.predicted
+    lower = rules.cost(line.residual[both], ahead[0]) < rules.cost(place[2].residual[both], place[0])
     enough = np.count_nonzero(both) >= _MIN_PREDICTED_SHARE * np.count_nonzero(good)
-    return ahead if lower and enough else None
+    return (ahead[0], ahead[1], line) if lower and enough else None
 
 
 def _solve_linear(
@@ -385,7 +429,7 @@ def _solve_linear(
 ) -> tuple[Array, Linearisation]:
     """Solve for the linear parameters at given values of the others."""
     linear = list(rules.linear)
-    good = used & np.isfinite(line.residual).all(axis=1)
+    good = used & line.predicted
     if not linear or not good.any():
         return parameters, line
     flat, right = rules.equations(*eliminate(line), parameters, good)
@@ -497,78 +541,6 @@ def summarise(
         free=free,
         error_freedom=np.full(len(parameters), float(freedom)),
     )
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class Alternative:
-    """Columns added to a fit: value, standard error, parameters' shift (q,), and its errors if asked."""
-
-    value: float
-    error: float
-    shift: Array
-    columns: int = 1
-    hidden: Array | None = None
-
-    @property
-    def gain(self) -> float:
-        """Decrease of the sum of squares, in units of the noise."""
-        return (self.value / self.error) ** 2 if self.error > 0 else 0.0
-
-    def exceeds(self, chance: float) -> bool:
-        """Return True if noise alone gives so many columns such a gain less often."""
-        return self.gain > chi_square_exceeded(self.columns, chance)
-
-
-def alternatives(
-    residual: Array, matrix: Array, columns: Array, score: Array, readings: Array, rules: Rules = _USUAL
-) -> list[Alternative]:
-    """Add each of some columns to a fit, to first order from its solution.
-
-    Without readings the error is the larger one of equal and of unequal noise (White, Econometrica, 1980).
-
-    Parameters
-    ----------
-    residual, matrix
-        (r,) and (r, q) at the solution, of unit variance, without nuisances.
-    columns
-        (r, t) columns that may be missing; each is added alone.
-    score
-        (q + t,) expected product of slope and residual by their common noise.
-    readings
-        (P, r) deviations of single readings from their mean, whose scatter enlarges the errors.
-    rules
-        Which parameters are fixed, and the record of each point, which has r/n rows.
-
-    Returns
-    -------
-    list
-        (t,), with value zero for a column that depends on the others.
-    """
-    own_score, added = np.split(score, [matrix.shape[1]])
-    known = np.where(np.broadcast_to(rules.free, matrix.shape[1:]), np.nan, 0.0)
-    inverse = solve_scaled(matrix, residual, known=known)[1] if matrix.size else np.zeros(matrix.T.shape)
-    found = []
-    for column, more in zip(columns.T, added, strict=True):
-        # the pseudoinverse from its factor: inverse @ inverse.T @ matrix.T
-        absorbed = inverse @ (inverse.T @ (matrix.T @ column))
-        own = column - matrix @ absorbed
-        size = float(own @ own)
-        # outside the span of the others, or dependent on them
-        if not size > MIN_NULL_COMPONENT**2 * float(column @ column):
-            found.append(Alternative(0.0, np.inf, np.zeros(len(absorbed))))
-            continue
-        value = float(own @ residual - more + absorbed @ own_score) / size
-        error = size**-0.5
-        if rules.record is not None:
-            unit, right = (part.reshape(len(rules.record), -1) for part in (own * error, residual))
-            error *= float(np.sqrt(summed_products(unit[:, :, None], right, rules.record)[0, 0]))
-        elif not len(readings):
-            error = max(error, float(np.linalg.norm(own * residual)) / size)
-        elif len(readings) > 1:
-            moved = readings @ own / size
-            error = max(error, float(np.sqrt(moved @ moved / (len(moved) * (len(moved) - 1)))))
-        found.append(Alternative(value, error, -absorbed * value))
-    return found
 
 
 Bend = Callable[[Array], tuple[Array, Array]]

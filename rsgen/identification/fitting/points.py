@@ -229,6 +229,17 @@ def _load_of(surface: ResponseSurface, index: NDArray[np.intp]) -> NDArray[np.co
     return load if higher.any() else None
 
 
+def _refuse_sizes(surface: ResponseSurface, index: NDArray[np.intp]) -> None:
+    """Refuse sizes of some rows that are beyond ``_SI_RANGE``."""
+    low, high = _SI_RANGE
+    for name, column in (("force", "force"), ("response", "amplitude"), ("frequency", "omega")):
+        size = np.abs(getattr(surface, column))
+        far = index[(size[index] < low) | (size[index] > high)]
+        if len(far):
+            found = f"{size[far[0]]:g} in row {far[0]}"
+            raise RsgenError(f"surface.{name}: {found}; must be {low:g} to {high:g} in SI units")
+
+
 def select_points(surface: ResponseSurface, model: Model) -> Points:
     """Select the points of an identification.
 
@@ -261,16 +272,7 @@ def select_points(surface: ResponseSurface, model: Model) -> Points:
         low, high = model.observation.band
         good &= (surface.frequency >= low) & (surface.frequency <= high)
     index = np.flatnonzero(good)
-    for name, size in (
-        ("force", surface.force),
-        ("response", surface.amplitude),
-        ("frequency", surface.omega),
-    ):
-        low, high = _SI_RANGE
-        far = index[(np.abs(size[index]) < low) | (np.abs(size[index]) > high)]
-        if len(far):
-            found = f"{np.abs(size[far[0]]):g} in row {far[0]}"
-            raise RsgenError(f"surface.{name}: {found}; must be {low:g} to {high:g} in SI units")
+    _refuse_sizes(surface, index)
     if len(index) < MIN_POINTS:
         raise RsgenError(
             f"surface: {len(index)} of {len(surface)} points can be used (settled, not held out, in the "

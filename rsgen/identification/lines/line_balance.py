@@ -251,7 +251,7 @@ class Balance:
         """Return the power of n(x, v) - n(x, 0) (r, H+1) [N^2]; NaN for a law with memory."""
         if law.remembers:
             return np.full(lines.used.shape, np.nan)
-        forces = [LawAlongRecord(lines, law, values, mass, i).damping_force() for i in range(len(lines))]
+        forces = [record.damping_force() for record in _along_records(lines, law, values.tobytes(), mass)]
         return np.asarray(np.abs(np.stack(forces)) ** 2)
 
     @staticmethod
@@ -297,9 +297,15 @@ class LawSpectra:
 class LawAlongRecord:
     """The law along the motions of one record: its mean motion, and the motion of each period.
 
-    ``mean`` is the law along the mean motion, whose hidden and missing lines are computed on construction.
-    The computed lines of a period are those of the mean motion, the low ones plus the response of the
-    linearised law to the difference of the two forces.
+    With s = i h omega0 the lines X_h that the record does not give are those of
+
+        (m s^2 + c s + k) dX_h = F_h - m s^2 X_h - N_h(X),    k, c the mean slopes of the law,
+
+    below the lowest clear line, and of the same with m s^2 alone above the record: the balance is repeated
+    with X + dX until X no longer changes (``_solve_lines``, on construction). ``mean`` is the law along this
+    motion. Computed lines of a period are those of the mean motion, the low ones plus the response of the
+    linearised law to the difference of the two forces. The slopes of the balance contain what a parameter
+    moves of the computed lines and of the mean (``_motion_slopes``, ``_with_mean``).
     """
 
     def __init__(self, lines: SpectralLines, law: ForceLaw, values: Array, mass: float, record: int) -> None:

@@ -45,15 +45,14 @@ from rsgen.data.oscillator import BACKGROUNDS
 from rsgen.dynamics.linear_part import background_of_lines
 from rsgen.identification.fitting.across import law_of
 from rsgen.identification.fitting.least_squares import (
-    Alternative,
     Linearisation,
     Regression,
     Rules,
-    alternatives,
     descend,
     summarise,
 )
 from rsgen.identification.lines.line_balance import Balance, BalanceNoise, SpectralLines
+from rsgen.identification.results.alternatives import Alternative, alternatives
 from rsgen.identification.starting.search import search_values
 from rsgen.identification.starting.start import neighbours
 from rsgen.identification.terms import (
@@ -143,13 +142,29 @@ class LineFit:
 
     @cached_property
     def errors(self) -> tuple[Regression, float]:
-        """The fit with its errors; see ``with_errors``."""
-        return with_errors(self)
+        """The fit with errors by the scatter of the periods, or of parts of the band, and the median ratio by
+        which the jackknife over these parts widens the standard errors.
+        """
+        found, covariance = self.regression, self.regression.basis @ self.regression.basis.T
+        covariance, widening, freedom = covariance * _scatter_of_periods(self, covariance), 1.0, np.inf
+        # of one period the misfit may be all the law's
+        if self.systematic or self.lines.spectra.periods == 1:
+            # the correction for noise of the slopes has moved the residual off the minimum: project it back
+            parts, residual = band_parts(self.lines), _orthogonal_to_parameters(found, found.residual)
+            ratio = _wider(np.diag(jackknife(replace(found, residual=residual), parts)), covariance)
+            covariance = covariance * np.outer(ratio, ratio)
+            widening, freedom = float(np.median(ratio[self.free])), int(parts.max())
+        return found.widened(determined(covariance, found.null), freedom), widening
 
     @property
     def misfit(self) -> float:
         """Root mean square misfit, relative to the force."""
         return relative_to_force(self.lines, np.abs(self.balance.residual) ** 2)
+
+    @property
+    def relative_noise(self) -> float:
+        """Root mean square noise of the balance, relative to the force; NaN of one period."""
+        return relative_to_force(self.lines, self.noise.variance)
 
     @property
     def systematic(self) -> bool:
@@ -224,7 +239,8 @@ def fit_lines(
     for iteration in range(MAX_ALTERNATIONS):
         place, nuisance, line, converged = descend(fit.linearise, fit.parameters, fit.nuisance, rules)
         if fit.noise.cross_covariance.any():
-            place = place - _slope_noise_bias(fit, summarise(line, place, nuisance, rules))
+            basis = summarise(line, place, nuisance, rules).basis
+            place = place - basis @ (basis.T @ _slope_noise_score(fit))
         converged = converged and bool(np.isfinite(line.residual).all())
         fit = replace(fit, parameters=place, converged=converged)
         if iteration < MAX_ALTERNATIONS - 1:
@@ -248,41 +264,11 @@ def _place_neighbour(fit: LineFit) -> LineFit:
     return replace(fit, parameters=min(trials, key=itemgetter(0))[1])
 
 
-def _slope_noise_bias(fit: LineFit, found: Regression) -> Array:
-    """Return the bias (q,) of the estimate by the covariance of slopes and balance."""
-    return np.asarray(found.basis @ (found.basis.T @ _slope_noise_score(fit)))
-
-
 def _slope_noise_score(fit: LineFit) -> Array:
     """Return the expected product (q,) of slopes and residual that their common noise makes."""
     used = fit.lines.used
     weighted = np.moveaxis(fit.noise.cross_covariance, 1, 2)[used] * (2 / fit.variance)[used][:, None]
     return np.asarray(weighted.sum(axis=0))
-
-
-def with_errors(fit: LineFit) -> tuple[Regression, float]:
-    """Return the fit with errors by the scatter of the periods, or of parts of the band, and the median ratio
-    by which the jackknife over these parts widens the standard errors.
-    """
-    found, widening, freedom = fit.regression, 1.0, np.inf
-    covariance = found.basis @ found.basis.T
-    covariance = covariance * _scatter_of_periods(fit, covariance)
-    # of one period the misfit may be all the law's
-    if fit.systematic or fit.lines.spectra.periods == 1:
-        spread = np.diag(band_jackknife(fit))
-        known = np.diag(covariance)
-        ratio = np.sqrt(np.maximum(spread / np.where(known > 0, known, np.inf), 1.0))
-        covariance = covariance * np.outer(ratio, ratio)
-        widening, freedom = float(np.median(ratio[fit.free])), int(band_parts(fit.lines).max())
-    return found.widened(determined(covariance, found.null), freedom), widening
-
-
-def band_jackknife(fit: LineFit) -> Array:
-    """Return the jackknife covariance (q, q) over the parts of the band, with the weights of all lines."""
-    found = fit.regression
-    # the correction for noise of the slopes has moved the residual off the minimum: project it back
-    residual = _orthogonal_to_parameters(found, found.residual)
-    return jackknife(replace(found, residual=residual), band_parts(fit.lines))
 
 
 def jackknife(found: Regression, group: NDArray[np.intp]) -> Array:
@@ -399,9 +385,14 @@ def _scatter_of_periods(fit: LineFit, covariance: Array) -> Array:
         weighted = np.conj(column[:, used]) * (2 / variance[used])
         estimates = (deviation[:, used] @ weighted.T).real @ covariance
         variance_of_mean += np.sum(estimates**2, axis=0) / max(count * (count - 1), 1)
-    known = np.diag(covariance)
-    ratio = np.sqrt(np.maximum(variance_of_mean / np.where(known > 0, known, np.inf), 1.0))
+    ratio = _wider(variance_of_mean, covariance)
     return np.outer(ratio, ratio)
+
+
+def _wider(variance: Array, covariance: Array) -> Array:
+    """Return the factors (q,), at least 1, by which errors of a variance (q,) exceed a covariance (q, q)."""
+    known = np.diag(covariance)
+    return np.sqrt(np.maximum(variance / np.where(known > 0, known, np.inf), 1.0))
 
 
 def largest_gain_step(fit: LineFit) -> tuple[int, float, float]:

@@ -37,7 +37,7 @@ from rsgen.dynamics.linear_part import background_of_lines
 from rsgen.dynamics.periodic_response import periodic_response
 from rsgen.formula.units import ForceUnits
 from rsgen.identification.fitting.across import law_of
-from rsgen.identification.fitting.least_squares import Alternative, Regression
+from rsgen.identification.fitting.least_squares import Regression
 from rsgen.identification.lines.line_balance import Balance, SpectralLines, select_lines
 from rsgen.identification.lines.line_fit import (
     LineFit,
@@ -69,7 +69,7 @@ from rsgen.identification.results import (
     Resonance,
     units_of,
 )
-from rsgen.identification.results.alternatives import Alternatives
+from rsgen.identification.results.alternatives import Alternative, Alternatives
 from rsgen.identification.results.estimates import (
     Errors,
     Statement,
@@ -184,9 +184,9 @@ def _errors_of(fit: LineFit) -> Errors:
         "background": fit_larger_backgrounds(fit),
         "background of the second sensor": fit_second_sensor(fit),
     }
-    of_law, noise = with_background.first(len(names)), relative_to_force(fit.lines, fit.noise.variance)
+    of_law = with_background.first(len(names))
     regression, others, ambiguous = Alternatives.widen(of_law, names, kinds, fit.misfit)
-    return Errors(regression, of_law.covariance, with_background, noise, others, ambiguous)
+    return Errors(regression, of_law.covariance, with_background, fit.relative_noise, others, ambiguous)
 
 
 def _findings(fit: LineFit, errors: Errors, stated: Statement) -> list[Finding]:

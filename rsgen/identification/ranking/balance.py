@@ -40,7 +40,8 @@ from rsgen.identification.fitting.observed import FORCE_TO_RESPONSE_NOISE, Obser
 from rsgen.identification.fitting.points import Points
 from rsgen.identification.ranking.library_sums import base_elements
 from rsgen.law.element import response_share
-from rsgen.law.motion import Motion, fourier_series
+from rsgen.law.motion import FourierSeries, Motion, fourier_series
+from rsgen.law.normal_form import ForceSample
 from rsgen.law.numeric import ForceLaw
 
 MAX_MOTION_DISTANCE = 0.02
@@ -442,38 +443,16 @@ def whiten_balance(
     project = np.empty((count, np.count_nonzero(motion.known), _SAMPLES_A_PERIOD))
     trajectories = motion.trajectories(_SAMPLES_A_PERIOD)
     series = fourier_series(tuple(range(motion.order + 1)), _SAMPLES_A_PERIOD, half=False)
-    projection = series.project.T
-    diagonal = np.arange(width)
     for part in blocks(count, POINTS_PER_BLOCK):
         here = motion.select(part)
-        # J: dynamic stiffness of the law along the motion
-        waves = [(x[part], v[part], a[part]) for x, v, a, _ in trajectories]
-        samples = law.sample_parts(waves[: len(law.parts)], trajectories[0][3][part], values)
-        square = -((series.order_of * here.omega[:, None]) ** 2)
-        jacobian, *joints = (sample.tangent(series, here.omega) for sample in samples)
-        followed = [] if here.across is None else list(zip([here.across], joints, strict=False))
-        for across, joint in followed:
-            jacobian += across.share[:, None, None] * joint
-        jacobian[:, diagonal, diagonal] += mass * square
-        acceleration = square * series.real(here.harmonics[:, : motion.order + 1])
-        # right side: n + m a = f - J (z - z0)
-        if balanced:
-            own = np.sum([sample.force for sample in samples], axis=0)
-            forces = own @ series.project + mass * acceleration
-        else:
-            forces = np.zeros((len(here.omega), width))
-            forces[:, 1], forces[:, 2] = here.force.real, here.force.imag
-        forces -= (jacobian @ series.real(here.harmonics_deviation)[:, :, None])[:, :, 0]
-        for across, joint in followed:
-            forces -= (joint @ series.real(across.deviation)[:, :, None])[:, :, 0]
-        forces[:, 1] += here.force_deviation.real
-        forces[:, 2] += here.force_deviation.imag
-        # scaled by the inverse root of the covariance
+        along = [(x[part], v[part], a[part]) for x, v, a, _ in trajectories[: len(law.parts)]]
+        samples = law.sample_parts(along, trajectories[0][3][part], values)
+        forces, acceleration, jacobian, joints = _linearised(here, samples, series, mass, balanced=balanced)
         root = _whitening(here, _covariance(here, jacobian, joints, noise))
         background[part] = root @ -_change(jacobian, here.fundamental_by_background, here.force_by_background)
         right[part] = (root @ forces[:, :, None])[:, :, 0]
         inertia[part] = (root @ acceleration[:, :, None])[:, :, 0]
-        project[part] = root[:, motion.known] @ projection
+        project[part] = root[:, motion.known] @ series.project.T
     weight = motion.background_effect / MAX_MOTION_DISTANCE * (1.0 if balanced else ASSUMED_RELATIVE_NOISE)
     return PointBalance(
         trajectories,
@@ -488,6 +467,44 @@ def whiten_balance(
         motion.points.spread(COMPARISON_POINTS),
         sensors=sensors,
     )
+
+
+def _linearised(
+    here: ReferenceMotion,
+    samples: Sequence[ForceSample],
+    series: FourierSeries,
+    mass: float,
+    *,
+    balanced: bool,
+) -> tuple[Array, Array, Array, Sequence[Array]]:
+    """Linearise n + m a = f about a motion z0: n + m a = f - J (z - z0).
+
+    Returns
+    -------
+    forces, acceleration, jacobian, joints
+        (n, 2H+1) right side, and of a unit mass; J (n, 2H+1, 2H+1), the dynamic stiffness of the law, and the
+        tangents of what follows the second sensor.
+    """
+    square = -((series.order_of * here.omega[:, None]) ** 2)
+    jacobian, *joints = (sample.tangent(series, here.omega) for sample in samples)
+    followed = [] if here.across is None else list(zip([here.across], joints, strict=False))
+    for across, joint in followed:
+        jacobian += across.share[:, None, None] * joint
+    diagonal = np.arange(jacobian.shape[1])
+    jacobian[:, diagonal, diagonal] += mass * square
+    acceleration = square * series.real(here.harmonics[:, : here.order + 1])
+    if balanced:
+        own = np.sum([sample.force for sample in samples], axis=0)
+        forces = own @ series.project + mass * acceleration
+    else:
+        forces = np.zeros(acceleration.shape)
+        forces[:, 1], forces[:, 2] = here.force.real, here.force.imag
+    forces -= (jacobian @ series.real(here.harmonics_deviation)[:, :, None])[:, :, 0]
+    for across, joint in followed:
+        forces -= (joint @ series.real(across.deviation)[:, :, None])[:, :, 0]
+    forces[:, 1] += here.force_deviation.real
+    forces[:, 2] += here.force_deviation.imag
+    return forces, acceleration, jacobian, joints
 
 
 def _change(jacobian: Array, fundamental: ComplexArray, force: ComplexArray) -> Array:

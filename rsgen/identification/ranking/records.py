@@ -150,7 +150,7 @@ class RecordRound(Round):
     @property
     def noise(self) -> float:
         """Noise of the balance of the mean periods, relative to the force; NaN with one period."""
-        return relative_to_force(self.rows.fit.lines, self.rows.fit.noise.variance)
+        return self.rows.fit.relative_noise
 
     def relative(self, residual: Array) -> float:
         """Return the root mean square of a residual (lines, 2), relative to the force of each record."""
@@ -254,4 +254,4 @@ class RecordTest(RankedTest):
 
 def _misfit(fit: LineFit) -> float:
     """Return the misfit relative to the force; infinite with a mass that no structure has."""
-    return relative_to_force(fit.mode, np.abs(fit.balance.residual) ** 2) if fit.mass > 0 else np.inf
+    return fit.misfit if fit.mass > 0 else np.inf

@@ -504,16 +504,7 @@ class PointTest(RankedTest):
         """Return a law with initial values from the first-order balance."""
         points, candidate = self._mode, CandidateLaw(name, elements, {})
         law = candidate.law
-        equations = Equations(
-            points.omega,
-            points.force,
-            points.harmonics[:, :2],
-            not law.odd and 0 in points.measured,
-            1 / np.abs(points.force),
-            np.zeros((0, 2)),
-            tuple(points.across[:, :2] for _ in points.far.T),
-        )
-        solution = solve_equations(equations, law, self.fixed)
+        solution = solve_equations(Equations.along(points, law, 1), law, self.fixed)
         values = dict(zip(law.parameters, solution.values.tolist(), strict=True))
         return replace(candidate, values={**values, "m": solution.mass})
 

@@ -10,7 +10,7 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, fields, replace
-from itertools import chain, combinations, product
+from itertools import combinations, product
 from math import prod
 
 import numpy as np
@@ -172,54 +172,62 @@ def search_sums(
     terms = [
         replace(term, mirrored=image) for term in terms for image in (False, True)[: 1 + term.how.mirror]
     ]
-    columns = _TermColumns(rows, terms, fixed)
-    place = {term: i for i, term in enumerate(terms)}
+    search = _SumSearch(rows, terms, fixed)
+    for size in range(min(most, 2) + 1):
+        for chosen in filter(search.is_sensible, combinations(terms, size)):
+            search.consider(chosen, [search.columns.variants[term] for term in chosen])
+    for size in range(3, most + 1):
+        search.extend(size)
+    return sorted((entry[0] for entry in search.found.values()), key=lambda trial: trial.bic)
 
-    def sensible(chosen: Sequence[Term]) -> bool:
-        # two hysteretic terms are not separable in a steady-state test, nor are two springs in place of k*x
+
+class _SumSearch:
+    """The best fit of each sum that was tried, by the names of its terms, with the variants of these."""
+
+    def __init__(self, rows: WhitenedBalance, terms: Sequence[Term], fixed: Mapping[str, float]) -> None:
+        self._rows, self._terms = rows, terms
+        self._place = {term: i for i, term in enumerate(terms)}
+        self.columns = _TermColumns(rows, terms, fixed)
+        self.found: dict[frozenset[str], tuple[SumFit, tuple[_TermVariants, ...]]] = {}
+
+    def is_sensible(self, chosen: Sequence[Term]) -> bool:
+        """Return True if a steady-state test can separate the terms.
+
+        It does not tell two hysteretic terms, two springs in place of k*x, or both sides of a stop.
+        """
         counts = [sum(term.how.spring for term in chosen), sum(term.remembers for term in chosen)]
-        # a stop has one side
         counts += Counter(term.name for term in chosen).values()
-        if rows.amplitudes_alone:
+        if self._rows.amplitudes_alone:
             # even forces change an amplitude in second order, and two of them take each other's place
             counts.append(sum(not term.law.odd for term in chosen))
         return max(counts) <= 1
 
-    found: dict[frozenset[str], tuple[SumFit, tuple[_TermVariants, ...]]] = {}
-
-    def consider(chosen: tuple[Term, ...], variants: Sequence[_TermVariants]) -> None:
-        law = Sum(chosen, rows.sensors)
-        result = _best_variants(columns, law, variants)
+    def consider(self, chosen: tuple[Term, ...], variants: Sequence[_TermVariants]) -> None:
+        """Fit a sum, and keep it if no fit of the same terms leaves less."""
+        law = Sum(chosen, self._rows.sensors)
+        result = _best_variants(self.columns, law, variants)
         if result is None and len(chosen) == 1:
             # its fit says why it is no candidate
-            result = _best_variants(columns, law, variants, dissipating=False)
+            result = _best_variants(self.columns, law, variants, dissipating=False)
         key = frozenset(term.name for term in chosen)
         # where nothing recorded tells the sides of a stop, that of the library's formula is taken
         ahead = float(any(term.mirrored for term in chosen))
-        if result is not None and (key not in found or result[0].misfit < found[key][0].misfit - ahead):
-            found[key] = result
+        if result and (key not in self.found or result[0].misfit < self.found[key][0].misfit - ahead):
+            self.found[key] = result
 
-    for size in range(min(most, 2) + 1):
-        for chosen in filter(sensible, combinations(terms, size)):
-            consider(chosen, [columns.variants[term] for term in chosen])
-    for size in range(3, most + 1):
-        last = sorted(
-            (entry for key, entry in found.items() if len(key) == size - 1),
-            key=lambda entry: entry[0].misfit,
-        )
-        # sums with memory have a beam of their own
-        kinds = (
-            [entry for entry in last if entry[0].remembers is kind][:_BEAM_WIDTH] for kind in (False, True)
-        )
-        for trial, variants in chain.from_iterable(kinds):
-            for term in terms:
-                if sensible((*trial.law.terms, term)):
-                    among = [*zip(trial.law.terms, variants, strict=True)]
-                    among.append((term, columns.variants[term]))
-                    # terms in the order of the library, so that every sum is tried once
-                    among.sort(key=lambda entry: place[entry[0]])
-                    consider(tuple(term for term, _ in among), [variant for _, variant in among])
-    return sorted((entry[0] for entry in found.values()), key=lambda trial: trial.bic)
+    def extend(self, size: int) -> None:
+        """Add each term to the best sums of one term less; sums with memory have a beam of their own."""
+        last = [entry for key, entry in self.found.items() if len(key) == size - 1]
+        last.sort(key=lambda entry: entry[0].misfit)
+        for kind in (False, True):
+            for trial, variants in [entry for entry in last if entry[0].remembers is kind][:_BEAM_WIDTH]:
+                for term in self._terms:
+                    if self.is_sensible((*trial.law.terms, term)):
+                        among = [*zip(trial.law.terms, variants, strict=True)]
+                        among.append((term, self.columns.variants[term]))
+                        # terms in the order of the library, so that every sum is tried once
+                        among.sort(key=lambda entry: self._place[entry[0]])
+                        self.consider(tuple(term for term, _ in among), [variant for _, variant in among])
 
 
 def _reach(values: Sequence[float], value: float) -> float:

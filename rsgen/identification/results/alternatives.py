@@ -20,21 +20,97 @@ from numpy.typing import NDArray
 
 from rsgen.common.arrays import Array
 from rsgen.common.finding import Finding, Quantity, Severity, quantities
+from rsgen.common.solvers import solve_scaled, summed_products
 from rsgen.common.text_table import Brief
 from rsgen.common.tolerances import (
+    MIN_NULL_COMPONENT,
     MISFIT_NEGLIGIBLE,
     MISFIT_OF_NOISE,
     NOISE_LIMIT_SIGMAS,
     RELATIVE_CHANGE_NEGLIGIBLE,
     RELATIVE_ERROR_DOUBTFUL,
     STANDARD_ERRORS_OF_DIFFERENCE,
+    chi_square_exceeded,
     f_tail,
     interval_sigmas,
     normal_share,
 )
 from rsgen.data.oscillator import BACKGROUNDS
-from rsgen.identification.fitting.least_squares import Alternative, Regression
+from rsgen.identification.fitting.least_squares import Regression, Rules
 from rsgen.identification.fitting.points import Points
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Alternative:
+    """Columns added to a fit: value, standard error, parameters' shift (q,), and its errors if asked."""
+
+    value: float
+    error: float
+    shift: Array
+    columns: int = 1
+    hidden: Array | None = None
+
+    @property
+    def gain(self) -> float:
+        """Decrease of the sum of squares, in units of the noise."""
+        return (self.value / self.error) ** 2 if self.error > 0 else 0.0
+
+    def exceeds(self, chance: float) -> bool:
+        """Return True if noise alone gives so many columns such a gain less often."""
+        return self.gain > chi_square_exceeded(self.columns, chance)
+
+
+def alternatives(
+    residual: Array, matrix: Array, columns: Array, score: Array, readings: Array, rules: Rules
+) -> list[Alternative]:
+    """Add each of some columns to a fit, to first order from its solution.
+
+    Without readings the error is the larger one of equal and of unequal noise (White, Econometrica, 1980).
+
+    Parameters
+    ----------
+    residual, matrix
+        (r,) and (r, q) at the solution, of unit variance, without nuisances.
+    columns
+        (r, t) columns that may be missing; each is added alone.
+    score
+        (q + t,) expected product of slope and residual by their common noise.
+    readings
+        (P, r) deviations of single readings from their mean, whose scatter enlarges the errors.
+    rules
+        Which parameters are fixed, and the record of each point, which has r/n rows.
+
+    Returns
+    -------
+    list
+        (t,), with value zero for a column that depends on the others.
+    """
+    own_score, added = np.split(score, [matrix.shape[1]])
+    known = np.where(np.broadcast_to(rules.free, matrix.shape[1:]), np.nan, 0.0)
+    inverse = solve_scaled(matrix, residual, known=known)[1] if matrix.size else np.zeros(matrix.T.shape)
+    found = []
+    for column, more in zip(columns.T, added, strict=True):
+        # the pseudoinverse from its factor: inverse @ inverse.T @ matrix.T
+        absorbed = inverse @ (inverse.T @ (matrix.T @ column))
+        own = column - matrix @ absorbed
+        size = float(own @ own)
+        # outside the span of the others, or dependent on them
+        if not size > MIN_NULL_COMPONENT**2 * float(column @ column):
+            found.append(Alternative(0.0, np.inf, np.zeros(len(absorbed))))
+            continue
+        value = float(own @ residual - more + absorbed @ own_score) / size
+        error = size**-0.5
+        if rules.record is not None:
+            unit, right = (part.reshape(len(rules.record), -1) for part in (own * error, residual))
+            error *= float(np.sqrt(summed_products(unit[:, :, None], right, rules.record)[0, 0]))
+        elif not len(readings):
+            error = max(error, float(np.linalg.norm(own * residual)) / size)
+        elif len(readings) > 1:
+            moved = readings @ own / size
+            error = max(error, float(np.sqrt(moved @ moved / (len(moved) * (len(moved) - 1)))))
+        found.append(Alternative(value, error, -absorbed * value))
+    return found
+
 
 CHANCE_OF_ALTERNATIVE = 0.05
 """Noise that gives an alternative of several columns its gain more often than this does not count for it."""

@@ -11,7 +11,7 @@ few parameters q, and in the common factor of groups of these.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import lru_cache
 from typing import Any
 
@@ -24,6 +24,7 @@ from rsgen.common.tolerances import (
     SAMPLES_PER_PERIOD,
     SAMPLES_PER_PERIOD_SWITCHED,
 )
+from rsgen.identification.fitting.points import Points
 from rsgen.law.motion import Motion, project
 from rsgen.law.normal_form import ForceSample
 from rsgen.law.numeric import ForceLaw, Waves
@@ -63,6 +64,18 @@ class Equations:
     turning: Array
     others: tuple[ComplexArray, ...] = ()
 
+    @classmethod
+    def plain(cls, omega: Array, force: ComplexArray, harmonics: ComplexArray) -> Equations:
+        """Return those of the fundamental alone, each relative to its force."""
+        return cls(omega, force, harmonics, False, 1 / np.abs(force), np.zeros((0, 2)))
+
+    @classmethod
+    def along(cls, points: Points, law: ForceLaw, order: int) -> Equations:
+        """Return those along measured motions up to a harmonic, and of the mean where it was recorded."""
+        found = cls.plain(points.omega, points.force, points.harmonics[:, : order + 1])
+        others = tuple(points.across[:, : order + 1] for _ in points.far.T)
+        return replace(found, mean=not law.odd and 0 in points.measured, others=others)
+
     @property
     def motions(self) -> tuple[ComplexArray, ...]:
         """Displacement (n, H+1) [m] of each motion; the last one is that across a joint."""
@@ -70,16 +83,9 @@ class Equations:
 
     def select(self, chosen: NDArray[np.intp]) -> Equations:
         """Keep some points."""
-        turning = self.turning[chosen] if len(self.turning) == len(self.omega) else self.turning
-        return Equations(
-            self.omega[chosen],
-            self.force[chosen],
-            self.harmonics[chosen],
-            self.mean,
-            self.weight[chosen],
-            turning,
-            tuple(other[chosen] for other in self.others),
-        )
+        columns = ("omega", "force", "harmonics", "weight", *["turning"] * bool(len(self.turning)))
+        others = tuple(other[chosen] for other in self.others)
+        return replace(self, others=others, **{name: getattr(self, name)[chosen] for name in columns})
 
 
 @lru_cache(maxsize=4)
@@ -116,14 +122,14 @@ def equation_rows(
     matrix, right
         Columns are the linear parameters, the factors if ``scaled``, the mass.
     """
-    samples = _samples(equations, law, [nonlinear], coarse=coarse)
-    return _rows(equations, law, nonlinear, samples[0], scaled=scaled)
+    (sample,) = _samples(equations, law, [nonlinear], coarse=coarse)
+    return _rows(equations, law, nonlinear, sample, scaled=scaled)
 
 
 def rows_of_trials(
-    equations: Equations, law: ForceLaw, trials: Sequence[Array] | Array, *, coarse: bool
+    equations: Equations, law: ForceLaw, trials: Sequence[Array] | Array
 ) -> list[tuple[Array, Array]]:
-    """Return ``equation_rows`` with factors for many values of the nonlinear parameters.
+    """Return coarse ``equation_rows`` with factors for many values of the nonlinear parameters.
 
     Hysteresis loops of many trials are closed at once, for speed.
     """
@@ -131,7 +137,7 @@ def rows_of_trials(
     rows = []
     for low in range(0, len(trials), block):
         part = trials[low : low + block]
-        samples = _samples(equations, law, part, coarse=coarse)
+        samples = _samples(equations, law, part, coarse=True)
         rows += [
             _rows(equations, law, trial, sample, scaled=True)
             for trial, sample in zip(part, samples, strict=True)
@@ -208,8 +214,7 @@ def _rows(
         block, balance = _turning_rows(equations, law, values, scaled)
         blocks.append(np.column_stack([block, np.zeros(len(block))]))
         rights.append(balance)
-    stacked, flat = np.concatenate(blocks), np.concatenate(rights)
-    return stacked, flat
+    return np.concatenate(blocks), np.concatenate(rights)
 
 
 def _parts(law: ForceLaw, sample: ForceSample, values: Array, scaled: bool) -> tuple[list[Array], Array]:

@@ -20,7 +20,7 @@ the term is another law (a gap that is never reached). In this order (``search_n
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from functools import partial
 from itertools import product
 
@@ -94,56 +94,57 @@ def search_nonlinear(equations: Equations, law: ForceLaw, mass: float, begin: Ar
     windows = [search.admitted(i) for i in range(len(law.nonlinear))]
     trials = _spread_trials(windows, NONLINEAR_TRIALS, positive=_POSITIVE_TRIALS if law.remembers else 0)
     costs = search.costs(trials)
-    order = np.argsort(costs, kind="stable")
-    best = trials[order[0]]
-    lowest = search.cost(best)
-    if law.remembers and len(search.free) > 1:
-        starts = search.coarse_ends(_separate(trials[order], STARTS * len(search.free)))
-    else:
-        starts = _separate(trials[order], STARTS)
-    if len(search.free) > 1:
-        # a few hundred trials are thin in two dimensions and more
-        starts.append(search.scan_one_by_one(starts[0], windows))
-    for start in starts:
-        found, cost = search.refine(start)
-        if cost < lowest * (1 - 1e-9):
-            best, lowest = found, cost
-    rest = search.residual(best, coarse=True)
-    candidates = [
-        *trials[costs <= _equal_cost(float(rest @ rest), len(rest))],
-        *_inactive_switch_trials(best, windows, search.unit_members),
-    ]
-    null_dimension, equal = search.null_dimension(best), _equal_cost(lowest, len(search.residual(best)))
-    for trial in sorted(candidates, key=lambda trial: (np.sum(trial < 0), np.abs(trial).max())):
-        # equal without an acting switch: the test does not determine the parameter
-        if search.null_dimension(trial) > null_dimension and search.cost(trial) <= equal:
-            best = trial
-            break
-    null_dimension = search.null_dimension(best)
-    for i in np.flatnonzero(best < 0):
-        # tanh(v/w) with a factor, a gap and a spring: the same law has two signs
-        trial = np.array(best)
-        trial[i] = -trial[i]
-        # refining may lead to where a switch acts again
-        for found in (search.refine(trial)[0], trial):
-            if search.cost(found) <= equal and search.null_dimension(found) >= null_dimension:
-                best = found
-                break
-    for place in search.free:
-        # a gap beyond every motion is as well ten times the motion: of a larger one round-off would show
-        trial = np.array(best)
-        trial[place] = np.sign(best[place]) * 10 * search.natural[place]
-        if abs(best[place]) > abs(trial[place]) and search.cost(trial) <= equal:
-            best = trial
+    ordered = trials[np.argsort(costs, kind="stable")]
+    best = search.lowest_end(ordered, windows)
+    near = trials[costs <= _equal_cost(search.residual(best, coarse=True))]
+    equals = _EqualTrials(search, best)
+    best = equals.least_determined(
+        best, [*near, *_inactive_switch_trials(best, windows, search.unit_members)]
+    )
+    dimension = search.null_dimension(best)
+    best = equals.with_signs_turned(best, dimension)
+    best = equals.near_the_motion(best)
     if (best < 0).any():
         # a gap and a saturation with signs and thresholds exchanged are one law
-        positive = trials[order][np.all(trials[order] > 0, axis=1)]
-        for start in _separate(positive, STARTS):
-            found = search.refine(start)[0]
-            if search.cost(found) <= equal and search.null_dimension(found) >= null_dimension:
-                best = found
-                break
+        ends = (search.refine(start)[0] for start in _separate(ordered[np.all(ordered > 0, axis=1)], STARTS))
+        best = equals.first(ends, dimension, best)
     return search.scaled(best)
+
+
+class _EqualTrials:
+    """Trials that fit as well as the best one, of which the test tells none from another."""
+
+    def __init__(self, search: _Search, best: Array) -> None:
+        self._search, self._most = search, _equal_cost(search.residual(best))
+
+    def first(self, trials: Iterable[Array], dimension: int, otherwise: Array) -> Array:
+        """Return the first trial that fits as well and leaves so many dimensions, at least, undetermined."""
+        search = self._search
+        equal = (t for t in trials if search.null_dimension(t) >= dimension and search.cost(t) <= self._most)
+        return next(equal, otherwise)
+
+    def least_determined(self, best: Array, candidates: Sequence[Array]) -> Array:
+        """Return a candidate whose switches do not act: the test does not determine their parameters."""
+        ordered = sorted(candidates, key=lambda trial: (np.sum(trial < 0), np.abs(trial).max()))
+        return self.first(ordered, self._search.null_dimension(best) + 1, best)
+
+    def with_signs_turned(self, best: Array, dimension: int) -> Array:
+        """Turn negative signs one by one: tanh(v/w) with a factor, a gap and a spring have two signs."""
+        for place in np.flatnonzero(best < 0):
+            trial = np.array(best)
+            trial[place] = -trial[place]
+            # refining may lead to where a switch acts again
+            best = self.first((self._search.refine(trial)[0], trial), dimension, best)
+        return best
+
+    def near_the_motion(self, best: Array) -> Array:
+        """Bound values by ten times the motion, to which a gap beyond it is equal, above round-off."""
+        for place in self._search.free:
+            trial = np.array(best)
+            trial[place] = np.sign(best[place]) * 10 * self._search.natural[place]
+            if abs(best[place]) > abs(trial[place]):
+                best = self.first((trial,), 0, best)
+        return best
 
 
 def _inactive_switch_trials(best: Array, windows: list[Array], unit_members: list[int]) -> list[Array]:
@@ -162,9 +163,10 @@ def _inactive_switch_trials(best: Array, windows: list[Array], unit_members: lis
     return trials
 
 
-def _equal_cost(cost: float, count: int) -> float:
-    """Return the cost of ``count`` residuals up to which another solution fits as well."""
-    return cost * (1 + MIN_SIGNIFICANT_GAIN / count) + count * _SIMULATOR_MISFIT**2
+def _equal_cost(residual: Array) -> float:
+    """Return the sum of squares up to which another solution fits as well as the one with a residual."""
+    count = len(residual)
+    return float(residual @ residual) * (1 + MIN_SIGNIFICANT_GAIN / count) + count * _SIMULATOR_MISFIT**2
 
 
 class _Search:
@@ -245,8 +247,25 @@ class _Search:
     def costs(self, trials: Array) -> Array:
         """Return the sums of squares at many trials, on few points with few samples."""
         with np.errstate(all="ignore"):
-            rows = rows_of_trials(self._scanned, self._law, trials, coarse=True)
+            rows = rows_of_trials(self._scanned, self._law, trials)
         return np.array([float(np.sum(self._solve_rows(*row)[1] ** 2)) for row in rows])
+
+    def lowest_end(self, ordered: Array, windows: list[Array]) -> Array:
+        """Return the best end of descents from trials that are no neighbours, the best trial first."""
+        best: Array = ordered[0]
+        lowest, several = self.cost(best), len(self.free) > 1
+        if self._law.remembers and several:
+            starts = self.coarse_ends(_separate(ordered, STARTS * len(self.free)))
+        else:
+            starts = _separate(ordered, STARTS)
+        if several:
+            # a few hundred trials are thin in two dimensions and more
+            starts.append(self.scan_one_by_one(starts[0], windows))
+        for start in starts:
+            found, cost = self.refine(start)
+            if cost < lowest * (1 - 1e-9):
+                best, lowest = found, cost
+        return best
 
     def scan_one_by_one(self, start: Array, windows: list[Array]) -> Array:
         """Minimise over one parameter after the other, along its whole window."""
@@ -279,7 +298,7 @@ class _Search:
         """Return columns of unit size at each trial; None if they are not finite or too large."""
         shapes: list[Array | None] = []
         with np.errstate(all="ignore"):
-            for matrix, right in rows_of_trials(some, self._law, trials, coarse=True):
+            for matrix, right in rows_of_trials(some, self._law, trials):
                 columns = np.column_stack([matrix, right]) if whole else matrix
                 norm = np.abs(columns).max(axis=0)
                 finite = np.all(np.isfinite(norm)) and norm.max() < _MAX_COLUMN

@@ -107,12 +107,8 @@ def start_even_forces(problem: Problem, parameters: Array) -> tuple[Problem, Arr
     least = without.regression.parameters if np.isfinite(_cost(without)) else parameters
     if not np.isfinite(np.diag(best.regression.covariance)[moved]).any():
         return problem, least
-    gain = (
-        (_cost(without) / max(_cost(best), 1e-300) - 1)
-        * best.regression.freedom
-        * count
-        / len(few.observed.points)
-    )
+    scale = best.regression.freedom * count / len(few.observed.points)
+    gain = (_cost(without) / max(_cost(best), 1e-300) - 1) * scale
     if gain > 1 or not mirrored:
         found = best.regression.parameters
         image = even_directions(few, found)
@@ -127,9 +123,8 @@ def start_even_forces(problem: Problem, parameters: Array) -> tuple[Problem, Arr
     # errors are smaller there than at a trial that misses the points
     resolved = _at_resolution(_fit(frozen, resolved, MAX_TRIAL_STEPS), without, directions, uneven, count)
     # the misfit of exact data is that of few harmonics: further fits begin here without frozen parameters
-    return (
-        replace(problem, frozen=tuple(uneven)) if without.regression.noise > MISFIT_OF_NOISE else problem
-    ), resolved
+    noisy = without.regression.noise > MISFIT_OF_NOISE
+    return replace(problem, frozen=tuple(uneven) if noisy else problem.frozen), resolved
 
 
 def _at_resolution(small: Fit, without: Fit, directions: Array, uneven: Sequence[int], count: int) -> Array:
@@ -156,9 +151,8 @@ def records_even(problem: Problem) -> bool:
 def _cost(found: Fit) -> float:
     """Return the mean square misfit; infinite if too few of the points have a prediction."""
     misfit = found.regression.misfit[np.isfinite(found.regression.misfit)]
-    return (
-        float(np.mean(misfit**2)) if len(misfit) > (1 - MAX_SHARE_OF_OUTLIERS) * len(found.force) else np.inf
-    )
+    enough = len(misfit) > (1 - MAX_SHARE_OF_OUTLIERS) * len(found.force)
+    return float(np.mean(misfit**2)) if enough else np.inf
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -196,8 +190,7 @@ def even_directions(problem: Problem, parameters: Array) -> EvenDirections:
     values, mass, background = problem.split(parameters)
     points = problem.observed.mode(background)
     sines = sine_motion(points.omega, points.amplitude)
-    unit = 1 / np.abs(points.force)
-    equations = Equations(points.omega, points.force, sines.harmonics, False, unit, np.zeros((0, 2)))
+    equations = Equations.plain(points.omega, points.force, sines.harmonics)
     matrix, right = equation_rows(equations, law, values[list(law.nonlinear)])
     norm = np.sqrt(np.sum(matrix**2, axis=0))
     free = problem.free[[*law.linear, len(values)]]
@@ -309,13 +302,8 @@ def _nonlinear_columns(equations: Equations, law: ForceLaw, nonlinear: Array, so
     for i in range(len(nonlinear)):
         step = np.zeros(len(nonlinear))
         step[i] = 1e-5 * max(abs(nonlinear[i]), 1e-300)
-        high, low = (
-            matrix @ solution - right
-            for matrix, right in (
-                equation_rows(equations, law, nonlinear + step),
-                equation_rows(equations, law, nonlinear - step),
-            )
-        )
+        ends = (equation_rows(equations, law, nonlinear + move) for move in (step, -step))
+        high, low = (matrix @ solution - right for matrix, right in ends)
         columns.append((high - low) / (2 * step[i]))
     return np.stack(columns, axis=1)
 
@@ -339,10 +327,8 @@ def _start_first_order(problem: Problem) -> Array:
         if not observed.fitted.any():
             return parameters
         # law and background both fit the flanks of a resonance: fit the law first
-        alone = replace(observed, fitted=np.zeros_like(observed.fitted))
-        return fit_balance(
-            replace(problem, observed=alone), parameters, order=START_HARMONICS
-        ).regression.parameters
+        alone = replace(problem, observed=replace(observed, fitted=np.zeros_like(observed.fitted)))
+        return fit_balance(alone, parameters, order=START_HARMONICS).regression.parameters
     trials = []
     for background in _start_backgrounds(problem):
         found = _start_values(observed.mode(background), problem.law, problem.fixed)
@@ -366,15 +352,7 @@ def _start_values(points: Points, law: ForceLaw, fixed: Mapping[str, float]) -> 
 
 def _linear_start(points: Points, law: ForceLaw, fixed: Mapping[str, float], order: int) -> Solution:
     """Solve the balance along the measured harmonics up to an order, outliers with less weight."""
-    equations = Equations(
-        points.omega,
-        points.force,
-        points.harmonics[:, : order + 1],
-        not law.odd and 0 in points.measured,
-        1 / np.abs(points.force),
-        np.zeros((0, 2)),
-        tuple(points.across[:, : order + 1] for _ in points.far.T),
-    )
+    equations = Equations.along(points, law, order)
     weight = equations.weight
     for _ in range(3):
         solution = solve_equations(equations, law, fixed)
@@ -397,20 +375,18 @@ def _start_backgrounds(problem: Problem) -> list[Array]:
     known = {name: value for name, value in problem.fixed.items() if name == "m"}
     few = replace(problem.select(points.spread(SUBSAMPLE_POINTS)), law=law, fixed=known)
     some = points.select(points.spread(TRIAL_POINTS))
-    phases = 2 * np.pi * np.arange(_GRID_SIZE) / _GRID_SIZE - np.pi
-    misfits = [_solve_turned(some, law, known, float(phase)) for phase in phases]
-    best = int(np.argmin([found.misfit if found.mass > 0 else np.inf for found in misfits]))
-    found = _solve_turned(few.observed.points, law, known, float(phases[best]))
+    phase, _ = _best_phase(some, law, known)
+    found = _solve_turned(few.observed.points, law, known, phase)
     names = observed.background.names
-    parameters = few.join(found.values, found.mass, np.append(phases[best], np.zeros(len(names) - 1)))
+    parameters = few.join(found.values, found.mass, np.append(phase, np.zeros(len(names) - 1)))
     trials = _place_neighbour(few, parameters) if "f_n" in names else [parameters]
     fits = [fit_balance(few, trial, order=1, correct=False) for trial in trials]
     if min(found.regression.noise for found in fits) > MISFIT_DOUBTFUL and len(names) > 1:
-        fits += _fit_with_linear_backgrounds(few, phases)
+        fits += _fit_with_linear_backgrounds(few)
     return [found.background for found in fits]
 
 
-def _fit_with_linear_backgrounds(problem: Problem, phases: Array) -> list[Fit]:
+def _fit_with_linear_backgrounds(problem: Problem) -> list[Fit]:
     """Fit with the background of a linear mode at each level, for backgrounds as large as the mode."""
     observed, fits = problem.observed, []
     points = observed.points
@@ -421,13 +397,11 @@ def _fit_with_linear_backgrounds(problem: Problem, phases: Array) -> list[Fit]:
         seen = _linear_receptance(run)
         moved = np.array(points.harmonics)
         moved[:, 1] -= seen * points.force
-        mode = replace(points, harmonics=moved)
-        turned = [_solve_turned(mode, problem.law, problem.fixed, float(phase)) for phase in phases]
-        best = int(np.argmin([found.misfit if found.mass > 0 else np.inf for found in turned]))
-        b = seen * np.exp(-1j * phases[best])
+        phase, found = _best_phase(replace(points, harmonics=moved), problem.law, problem.fixed)
+        b = seen * np.exp(-1j * phase)
         background = np.zeros(len(observed.background.names))
-        background[:3] = phases[best], b.real, b.imag
-        trial = problem.join(turned[best].values, turned[best].mass, background)
+        background[:3] = phase, b.real, b.imag
+        trial = problem.join(found.values, found.mass, background)
         fits.append(fit_balance(problem, trial, order=1, correct=False))
     return fits
 
@@ -477,29 +451,32 @@ def neighbours(band: tuple[float, float], mass: float) -> Array:
     return np.column_stack([_INITIAL_RESIDUE / mass * one, 0 * one, place, ASSUMED_DAMPING_RATIO * one])
 
 
+def _best_phase(points: Points, law: ForceLaw, fixed: Mapping[str, float]) -> tuple[float, Solution]:
+    """Try phase errors [rad] around the circle; return the one of least misfit, and the solution there."""
+    phases = (2 * np.pi * np.arange(_GRID_SIZE) / _GRID_SIZE - np.pi).tolist()
+    trials = [(phase, _solve_turned(points, law, fixed, phase)) for phase in phases]
+    return min(trials, key=lambda trial: trial[1].misfit if trial[1].mass > 0 else np.inf)
+
+
 def _solve_turned(points: Points, law: ForceLaw, fixed: Mapping[str, float], psi: float) -> Solution:
     """Solve the first-order balance with the force turned by a phase psi [rad]."""
     force = points.force * np.exp(1j * psi)
-    weight = 1 / np.abs(force)
-    turning = np.zeros((0, 2))
-    equations = Equations(points.omega, force, points.harmonics[:, :2], False, weight, turning)
-    return solve_equations(equations, law, fixed)
+    return solve_equations(Equations.plain(points.omega, force, points.harmonics[:, :2]), law, fixed)
 
 
 def _lag_of_linear_resonance(points: Points) -> NDArray[np.float64]:
     """Return the lag (n,) of the response [rad] of a linear resonance with the peak of each run."""
     size, force = points.amplitude, np.abs(points.force)
     side = np.zeros(len(points))
-    peaks: list[tuple[float, float]] = []
+    peaks = list[np.intp]()
     for rows in points.runs:
         top = rows[np.argmax(size[rows])]
         side[rows] = np.sign(points.omega[rows] - points.omega[top])
         if points.omega[rows].min() < points.omega[top] < points.omega[rows].max():
-            peaks.append((float(size[top]), float(force[top] / (points.omega[top] * size[top]))))
-    if not peaks:
-        top = int(np.argmax(size))
-        peaks = [(float(size[top]), float(force[top] / (points.omega[top] * size[top])))]
-    heights, damping = np.array(sorted(peaks)).T
+            peaks.append(top)
+    tops = np.array(peaks or [np.argmax(size)])
+    tops = tops[np.lexsort((force[tops] / points.omega[tops], size[tops]))]
+    heights, damping = size[tops], force[tops] / (points.omega[tops] * size[tops])
     share = np.interp(size, heights, damping) * points.omega * size / force
     below = np.arcsin(np.clip(share, 0.0, 1.0))
     return np.where(side > 0, np.pi - below, np.where(side < 0, below, np.pi / 2))
@@ -517,18 +494,16 @@ def _start_amplitudes(points: Points, law: ForceLaw, fixed: Mapping[str, float])
     best = np.inf
     start: Solution | None = None
     for _ in range(MAX_TRIAL_STEPS):
-        equations = Equations(
-            points.omega, force * np.exp(1j * lag), harmonics, False, 1 / force, np.zeros((0, 2))
-        )
+        equations = Equations.plain(points.omega, force * np.exp(1j * lag), harmonics)
         # the first search covers the whole range; later phases move its values little
-        found = solve_equations(equations, law, fixed, None if start is None else start.values)
+        found = solve_equations(equations, law, fixed, start.values if start else None)
         balance = _balance_at_amplitudes(law, found.values, found.mass, points.omega, points.amplitude, 1)
         misfit = float(np.sqrt(np.mean(np.log(np.abs(balance.force) / force) ** 2)))
         if start is not None and not misfit < (1 - MISFIT_NEGLIGIBLE) * best:
             break
         best, start = misfit, found
         lag = np.angle(balance.force)
-    return start if start is not None else found
+    return start or found
 
 
 def _balance_at_amplitudes(
@@ -548,8 +523,7 @@ def with_phase(table: Table, found: Fit, receptance: ComplexArray) -> Table:
     seen = np.abs(table.harmonics[:, 1])
     held = np.isfinite(seen) & (seen > 0)
     force = np.abs(table.force).astype(np.complex128)
-    harmonics = np.zeros((len(seen), 2), dtype=np.complex128)
-    harmonics[:, 1] = seen
+    harmonics = np.column_stack([np.zeros(len(seen)), seen]).astype(np.complex128)
     b, omega, wanted = receptance[held], table.omega[held], seen[held]
     size = np.array(wanted)
     for _ in range(MAX_TRIAL_STEPS):
