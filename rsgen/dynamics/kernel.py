@@ -540,7 +540,17 @@ class Kernel:
         rows = np.ascontiguousarray(points, dtype=np.int64)
         F, w = np.ascontiguousarray(force), np.ascontiguousarray(omega)
         p = np.ascontiguousarray(values)
-        # machine code checks nothing: shapes and types must be right here
+        self._check(rows, after, size, F, w, p)
+        self._enter(
+            _address(rows), k, _address(after), size, _address(history), _address(F), _address(w), len(w),
+            mass, _address(p), len(p), _address(_phases(steps)), steps, periods,
+            _address(waves), 2 * columns, _address(peak), len(peak), _address(_work()),
+        )  # fmt: skip
+        return Integrated(after, history, waves, peak)
+
+    def _check(self, rows: NDArray[np.int64], after: Array, size: int, F: Array, w: Array, p: Array) -> None:
+        """Refuse arrays that do not belong together: machine code checks neither shapes nor types."""
+        k = len(rows)
         if (
             after.shape != (size, k) or F.shape != (len(w), 2) or p.shape != (len(self.parameters),)
             or not all(a.dtype == np.float64 for a in (F, w, p))
@@ -551,12 +561,6 @@ class Kernel:
                 f"{len(p)} values do not belong together; (k,), ({size}, k), (n, 2), (n,) and (P,) of "
                 "float64 are needed"
             )
-        self._enter(
-            _address(rows), k, _address(after), size, _address(history), _address(F), _address(w), len(w),
-            mass, _address(p), len(p), _address(_phases(steps)), steps, periods,
-            _address(waves), 2 * columns, _address(peak), len(peak), _address(_work()),
-        )  # fmt: skip
-        return Integrated(after, history, waves, peak)
 
 
 def compile_kernel(

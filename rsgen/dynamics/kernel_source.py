@@ -31,6 +31,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cache, lru_cache
 from pathlib import Path
+from typing import Any
 
 import jinja2
 import sympy
@@ -207,18 +208,8 @@ class _Located:
 
 
 @dataclass(frozen=True, slots=True)
-class _State:
-    """A state with an equation, as the template writes it."""
-
-    index: int
-    name: str
-    text: str
-    body: list[str]
-
-
-@dataclass(frozen=True, slots=True)
-class _Curve:
-    """A Masing law, as the template writes it."""
+class _Body:
+    """The rate of a state with an equation, or the force of a Masing law, as the template writes it."""
 
     index: int
     name: str
@@ -436,20 +427,8 @@ def _source(
     located = list(plain.values())
     turn, close = _turning(located, bool(places)) if masing else (-1, -1)
     inside = names | {z: f"z{number}" for number, z in enumerate(symbols)}
-    along = names | {symbol("x"): "q"}
-    curves = [
-        _Curve(number, z.name, _comment(write(form.expression)), _force_body(form, along, {}, places))
-        for number, (z, form) in enumerate(zip(masing, virgins, strict=True))
-    ]
     inside |= {z: f"m{number}" for number, z in enumerate(masing)}
-    states = [
-        _State(number, z.name, _comment(write(form.expression)), _force_body(form, inside, plain))
-        for number, (z, form) in enumerate(zip(symbols, forms[1:], strict=True))
-    ]
-    rows = MemoryRows(len(states), len(curves))
-    first = _FIXED_ROWS + (_EVENT_ROWS if located else 0)
-    first_curve = first + 2 * len(states)
-    forces = range(len(curves))
+    curves = _bodies(masing, virgins, names | {symbol("x"): "q"}, {}, places)
     return _template().render(
         law=_comment(write(forms[0].expression)),
         parameters=[(f"p{number}", name) for number, name in enumerate(order)],
@@ -458,29 +437,54 @@ def _source(
         gates=_listed("g", len(located)),
         located=located,
         force_body=_force_body(forms[0], inside, plain),
-        states=states,
+        states=_bodies(symbols, forms[1:], inside, plain),
         curves=curves,
         turn=turn,
         close=close,
         corners=[Source(names).write(place) for place in places],
-        deepest=DEEPEST,
-        kept=rows.names[: rows.stack - rows.first] if curves else [],
-        first_kept=rows.first,
-        size=rows.count,
-        smooth=rows.smooth,
-        first=first,
-        first_curve=first_curve,
-        gate=first_curve + (_CURVE_ROWS + 3 * len(curves) if curves else 0),
-        stack=_LOOSE_ROWS + DEEPEST * (1 + len(curves)) if curves else 0,
-        masing=", xr, iw, sw, lim, past, corner" + _listed("nr", len(curves)) if curves else "",
-        lane_masing="".join(
-            f", lane[{row}, i]"
-            for row in ("XR", "IW", "SW", "LIMIT", "PAST", "CORNER", *(f"NR + {c}" for c in forces))
-        )
-        if curves
-        else "",
-        **{name: _listed(letters, len(states)) for name, letters in _OF_STATES.items()},
+        **_row_numbers(MemoryRows(len(symbols), len(curves)), events=bool(located)),
+        **_masing_arguments(len(curves)),
+        **{name: _listed(letters, len(symbols)) for name, letters in _OF_STATES.items()},
     )
+
+
+def _bodies(
+    symbols: Sequence[sympy.Symbol],
+    forms: Sequence[NormalForm],
+    names: dict[sympy.Symbol, str],
+    located: Mapping[Switch, _Located],
+    corners: Sequence[sympy.Expr] | None = None,
+) -> list[_Body]:
+    """Write the body of each state or Masing law; see ``_force_body``."""
+    return [
+        _Body(number, z.name, _comment(write(form.expression)), _force_body(form, names, located, corners))
+        for number, (z, form) in enumerate(zip(symbols, forms, strict=True))
+    ]
+
+
+def _row_numbers(rows: MemoryRows, *, events: bool) -> dict[str, Any]:
+    """Return where the template finds what: rows of a state, and rows of the lane table."""
+    first = _FIXED_ROWS + (_EVENT_ROWS if events else 0)
+    first_curve = first + 2 * rows.states
+    return {
+        "deepest": DEEPEST,
+        "kept": rows.names,
+        "first_kept": rows.first,
+        "size": rows.count,
+        "smooth": rows.smooth,
+        "first": first,
+        "first_curve": first_curve,
+        "gate": first_curve + (_CURVE_ROWS + 3 * rows.curves if rows.curves else 0),
+        "stack": _LOOSE_ROWS + DEEPEST * (1 + rows.curves) if rows.curves else 0,
+    }
+
+
+def _masing_arguments(count: int) -> dict[str, str]:
+    """Return the arguments of Masing laws, by name and from the rows of a lane; "" without such laws."""
+    rows = ("XR", "IW", "SW", "LIMIT", "PAST", "CORNER", *(f"NR + {c}" for c in range(count)))
+    named = ", xr, iw, sw, lim, past, corner" + _listed("nr", count)
+    lane = "".join(f", lane[{row}, i]" for row in rows)
+    return {"masing": named if count else "", "lane_masing": lane if count else ""}
 
 
 @cache

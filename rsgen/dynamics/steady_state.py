@@ -21,7 +21,7 @@ from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from contextvars import copy_context
 from dataclasses import dataclass, replace
-from functools import lru_cache
+from functools import lru_cache, partial
 from itertools import pairwise
 from typing import TypeVar
 
@@ -329,22 +329,18 @@ def solve_steady_states(
     f = np.atleast_1d(np.asarray(frequency, dtype=np.float64))
     _check(F, f, harmonics, accuracy)
     y = None if start is None else np.asarray(start, dtype=np.float64)
-    kernel = compile_kernel(
-        oscillator.force, values=oscillator.values, locate_all=accuracy < LOCATING_ACCURACY
-    )
+    compiled = partial(compile_kernel, oscillator.force, values=oscillator.values)
+    kernel = compiled(locate_all=accuracy < LOCATING_ACCURACY)
     rows = kernel.rows
-    coarse = kernel
-    if rows.curves:
-        coarse = compile_kernel(oscillator.force, values=oscillator.values, coarse=True)
+    coarse = compiled(coarse=True) if rows.curves else kernel
     if y is not None and y.shape not in {(len(f), 2), (len(f), rows.smooth + rows.curves)}:
         raise RsgenError(f"start: shape {y.shape}; must be ({len(f)}, 2), displacement and velocity")
     if y is not None and not np.isfinite(y).all():
         raise RsgenError("start: must be finite everywhere")
     values = np.array([oscillator.values[name] for name in kernel.parameters])
-    parts = np.column_stack([F.real, F.imag])
-    omega = 2 * np.pi * f
-    units, stiffness = units_of_states(oscillator, F, omega), Stiffness.of(oscillator)
-    sticking = Sticking.of(oscillator)
+    parts, omega = np.column_stack([F.real, F.imag]), 2 * np.pi * f
+    units = units_of_states(oscillator, F, omega)
+    stiffness, sticking = Stiffness.of(oscillator), Sticking.of(oscillator)
 
     def solve(batch: slice) -> SteadyStates:
         period_map = PeriodMap(
