@@ -112,6 +112,22 @@ class Response:
     force_far: ComplexArray | None = None
     across: ComplexArray | None = None
 
+    @classmethod
+    def at_amplitude(
+        cls,
+        size: Array,
+        force: ComplexArray,
+        slope: ComplexArray,
+        by: ComplexArray,
+        orders: int = 1,
+        **more: Any,
+    ) -> Response:
+        """Return the force at amplitudes (n,) [m] of a motion whose other harmonics do not depend on it."""
+        harmonics = np.zeros((len(size), orders + 1), dtype=complex)
+        harmonics[:, 1] = size
+        none = np.zeros((*harmonics.shape, by.shape[1]), dtype=complex)
+        return cls(force, harmonics, slope, harmonics, by, none, np.isfinite(force), **more)
+
     def select(self, chosen: Chosen) -> Response:
         """Take some of the points."""
         part: dict[str, Any] = {

@@ -42,7 +42,7 @@ from rsgen.data.surface.response_surface import NOT_MEASURED, ResponseSurface
 from rsgen.dynamics.linear_part import background_terms
 from rsgen.formula.units import ForceUnits
 from rsgen.identification.fitting.across import law_of
-from rsgen.identification.fitting.fit import Fit, Solution, fit_balance
+from rsgen.identification.fitting.fit import Fit, fit_balance
 from rsgen.identification.fitting.least_squares import Regression
 from rsgen.identification.fitting.observed import Observed, Problem
 from rsgen.identification.fitting.points import (
@@ -106,7 +106,6 @@ from rsgen.identification.terms import alternatives_to
 from rsgen.law.element import law_remarks, response_share
 from rsgen.law.memory import refuse_free_powers
 from rsgen.law.motion import Motion
-from rsgen.law.numeric import ForceLaw
 
 # ----------------------------------------------------------------------------
 # From a surface and a model to points that can be used, and what is fitted to them.
@@ -444,7 +443,7 @@ def judge(test: Prepared, model: Model, refined: Fit) -> Identification:
     findings = Findings(surface, points, refined, resonances, errors, model, stated, background)
     return Identification(
         model=model,
-        paper=later(lambda: make_estimates(_of_one_amplitude(paper(), law), law, model, {}, units)),
+        paper=later(lambda: make_estimates(paper(), law, model, {}, units)),
         first_order=later(lambda: make_estimates(first.fit.solution, law, model, stated.reasons, units)),
         refined=stated.refined,
         first_order_bias=later(lambda: tuple(first.bias()[errors.regression.free].tolist())),
@@ -558,8 +557,3 @@ class _FirstOrder:
         )
         again = fit_balance(problem, self.fit.regression.parameters, order=1, exclude=False)
         return again.regression.parameters - self.near
-
-
-def _of_one_amplitude(paper: Solution, law: ForceLaw) -> Solution:
-    """No one amplitude is that of a law across two sensors at a resonance."""
-    return replace(paper, values=np.full(len(law.parameters), np.nan)) if law.acts_across else paper

@@ -117,17 +117,8 @@ class SplineMode(Forward):
         turn = np.concatenate([factor[:, None] * slope for factor in self._factors], axis=1)
         force = np.asarray(size * (by @ values - mass * self._inertia), dtype=np.complex128)
         by = np.column_stack([by, -self._inertia])
-        harmonics = np.zeros((len(size), 2), dtype=np.complex128)
-        harmonics[:, 1] = size
-        return Response(
-            force=force,
-            harmonics=harmonics,
-            force_slope=np.asarray(force + size * (turn @ values), dtype=np.complex128),
-            harmonics_slope=harmonics,
-            force_by=size[:, None] * by,
-            harmonics_by=np.zeros((len(size), 2, by.shape[1]), dtype=np.complex128),
-            valid=np.isfinite(force),
-        )
+        growth = np.asarray(force + size * (turn @ values), dtype=np.complex128)
+        return Response.at_amplitude(size, force, growth, size[:, None] * by)
 
 
 @dataclass(frozen=True, slots=True, eq=False, repr=False)

@@ -181,7 +181,9 @@ def fit_resonances(
         covariance = found.covariance
         covariance[:-1, :-1] += np.outer(found.values, found.values) * (mass_error / mass) ** 2
         covariance[-1, -1] = mass_error**2
-        values = np.where(np.isfinite(np.diag(covariance)[:-1]), found.values, np.nan)
+        # no one amplitude is that of a law across two sensors at a resonance
+        known_values = np.isfinite(np.diag(covariance)[:-1]) & (not law.acts_across)
+        values = np.where(known_values, found.values, np.nan)
         freedom = max(2 * int(good.sum()) - len(law.parameters), 1)
         return Solution(values, mass, covariance, freedom, found.misfit)
 

@@ -9,7 +9,7 @@ from rsgen.data.oscillator import BACKGROUNDS
 from rsgen.dynamics.harmonic_balance import following_harmonics
 from rsgen.identification.fitting.forward import ErrorsInVariables, HarmonicBalance, Simulator
 from rsgen.identification.fitting.least_squares import Linearisation, eliminate
-from rsgen.identification.fitting.observed import Observed, Problem
+from rsgen.identification.fitting.observed import Comparison, Observed, Problem
 from rsgen.identification.fitting.points import Points, select_points
 from rsgen.law.motion import Motion
 from rsgen.law.numeric import compile_law
@@ -52,7 +52,7 @@ def linearised(points: Points, kind: str, forward: str, *, phase: bool, logarith
     def at(p: np.ndarray, u: np.ndarray) -> Linearisation:
         values, mass, b = problem.split(p)
         response = made(values, mass, np.exp(u[:, 0]))
-        return problem.observed.linearise(response, b, u, scale, problem.compared(made.harmonics))
+        return problem.observed.linearise(response, Comparison(b, u, scale, problem.compared(made.harmonics)))
 
     return at, parameters, nuisance + 0.003, problem.observed.fitted
 

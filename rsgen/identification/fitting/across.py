@@ -280,21 +280,15 @@ class MeasuredAcross(Forward):
             back * sum(project(part, 1) for part in parts)
             for parts in zip(*(sample.by_parameter for sample in samples), strict=True)
         ]
-        force_by = np.stack([*columns, -(omega**2) * size + 0j], axis=1)
-        harmonics = np.zeros((len(size), self._columns), dtype=complex)
-        harmonics[:, 1] = size
-        return Response(
-            force=force,
-            harmonics=harmonics,
-            force_slope=by_response(1),
-            harmonics_slope=harmonics,
-            force_by=force_by,
-            harmonics_by=np.zeros((*harmonics.shape, force_by.shape[1]), dtype=complex),
-            valid=np.isfinite(force),
+        far = [back * _times(joint, part * self.far_noise * other) for part in (1, 1j)]
+        return Response.at_amplitude(
+            size,
+            force,
+            by_response(1),
+            np.stack([*columns, -(omega**2) * size + 0j], axis=1),
+            self._columns - 1,
             force_phase=by_response(1j) - 1j * force,
-            force_far=np.stack(
-                [back * _times(joint, part * self.far_noise * other) for part in (1, 1j)], axis=1
-            ),
+            force_far=np.stack(far, axis=1),
             across=followed[1].turned(np.angle(back)).harmonics,
         )
 

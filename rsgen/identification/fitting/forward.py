@@ -33,7 +33,7 @@ from rsgen.dynamics.linear_part import Inertia
 from rsgen.dynamics.settling import SteadyStates
 from rsgen.dynamics.steady_state import solve_steady_states
 from rsgen.identification.fitting.least_squares import Linearisation, Regression, remove_bias
-from rsgen.identification.fitting.observed import Observed
+from rsgen.identification.fitting.observed import Comparison, Observed
 from rsgen.law.element import Element
 from rsgen.law.motion import Motion
 from rsgen.law.numeric import ForceLaw
@@ -393,13 +393,13 @@ class ErrorsInVariables:
         """
         response = self.predict(parameters, nuisance) if response is None else response
         observed = self.problem.observed
-        place = self.problem.split(parameters)[2], nuisance, self.scale, self.compared
-        noise = observed.load_noise(response, *place)
+        at = Comparison(self.problem.split(parameters)[2], nuisance, self.scale, self.compared)
+        noise = observed.load_noise(response, at)
         weight = None
         if noise is not None:
             covariance = np.eye(noise.shape[1]) + noise @ noise.transpose(0, 2, 1)
             weight = np.asarray(np.linalg.inv(np.linalg.cholesky(covariance)))
-        return observed.linearise(response, *place), weight
+        return observed.linearise(response, at), weight
 
     def plain(self, influence: Array, parameters: Array, nuisance: Array) -> Array:
         """Convert the influence (n, M, q) of whitened rows to that of the residuals."""

@@ -13,7 +13,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -50,6 +50,34 @@ class _ResidualBlock:
     by_phase: NDArray[Any]
     by: NDArray[Any]
     by_far: NDArray[Any] | None = None
+
+
+class Comparison(NamedTuple):
+    """Where, and in which units, a prediction is compared with the measured points.
+
+    Parameters
+    ----------
+    values
+        (b,) values of the background.
+    nuisance
+        (n, k) nuisances of the points.
+    scale
+        (n,) amplitude [m] to which the noise of higher harmonics is relative; force and fundamental are then
+        compared by their logarithms, whose noise is the same everywhere and has mean zero. None: differences
+        relative to the measured sizes, which are robust far from the solution.
+    compared
+        Other harmonics that are measured and predicted.
+    """
+
+    values: Array
+    nuisance: Array
+    scale: Array | None
+    compared: Sequence[int]
+
+    def select(self, chosen: Chosen) -> Comparison:
+        """Keep some points."""
+        scale = None if self.scale is None else self.scale[chosen]
+        return self._replace(nuisance=self.nuisance[chosen], scale=scale)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -154,50 +182,18 @@ class Observed:
             dtype=np.complex128,
         )
 
-    def linearise(
-        self,
-        response: Response,
-        values: Array,
-        nuisance: Array,
-        scale: Array | None,
-        compared: Sequence[int],
-    ) -> Linearisation:
-        """Return residuals and slopes of a prediction.
-
-        Parameters
-        ----------
-        response
-            The prediction of the forward model.
-        values
-            (b,) values of the background.
-        nuisance
-            (n, k) nuisances of the points.
-        scale
-            (n,) amplitude [m] to which the noise of higher harmonics is relative; force and fundamental are
-            then compared by their logarithms, whose noise is the same everywhere and has mean zero. None:
-            differences relative to the measured sizes, which are robust far from the solution.
-        compared
-            Other harmonics that are measured and predicted.
-        """
-
-        def line(part: slice) -> Linearisation:
-            unit = None if scale is None else scale[part]
-            return self.select(part)._linearise(response.select(part), values, nuisance[part], unit, compared)
-
+    def linearise(self, response: Response, at: Comparison) -> Linearisation:
+        """Return residuals and slopes of the prediction of a forward model."""
         count, names = len(self.points), list(Linearisation.__dataclass_fields__)
-        found = ((part, line(part)) for part in blocks(count, POINTS_PER_BLOCK))
+        found = (
+            (part, self.select(part)._linearise(response.select(part), at.select(part)))
+            for part in blocks(count, POINTS_PER_BLOCK)
+        )
         return Linearisation(**blocks_joined(count, found, names))
 
-    def _linearise(
-        self,
-        response: Response,
-        values: Array,
-        nuisance: Array,
-        scale: Array | None,
-        compared: Sequence[int],
-    ) -> Linearisation:
+    def _linearise(self, response: Response, at: Comparison) -> Linearisation:
         """Stack the rows of force, fundamental, other harmonics, second sensor; see ``linearise``."""
-        points = self.points
+        points, (values, nuisance, scale, compared) = self.points, at
         turn = self.turn(nuisance)
         back = np.exp(-1j * turn)
         # points without a prediction are NaN
@@ -270,16 +266,8 @@ class Observed:
             _ResidualBlock(rests[1], seen_slope / units[1], turns[1], by_seen),
         ]
 
-    def load_noise(
-        self,
-        response: Response,
-        values: Array,
-        nuisance: Array,
-        scale: Array | None,
-        compared: Sequence[int],
-    ) -> Array | None:
-        """Return the effect (n, M, L) of noise of the other harmonics of the force on the rows of
-        ``linearise``.
+    def load_noise(self, response: Response, at: Comparison) -> Array | None:
+        """Return what noise of the other harmonics of the force does to the rows of ``linearise`` (n, M, L).
 
         In units of the expected noise, which is the same for each harmonic of the force. Harmonics that are
         zero were not recorded. None without harmonics of the force.
@@ -289,7 +277,7 @@ class Observed:
             return None
         parts = replace(response, force_by=response.force_load, harmonics_by=response.harmonics_load)
         count = response.force_load.shape[1]
-        slopes = self.linearise(parts, values, nuisance, scale, compared).by_parameter[:, :, :count]
+        slopes = self.linearise(parts, at).by_parameter[:, :, :count]
         orders = np.asarray(response.load_orders)
         recorded = orders < load.shape[1]
         size = np.zeros((len(load), count))

@@ -149,7 +149,8 @@ def state_parameters(
         Function that replaces reasons by others that say more.
     """
     found, others = errors.regression, errors.others
-    reasons = explain(parameter_findings(others.names, units, tested, found, law.expression))
+    why = _Reasons(others.names, units, tested, found, law.expression)
+    reasons = explain({name: why.of(name) for name in others.names})
     solution = Solution.of(found, converged=found.converged)
     stated, free = np.where(found.converged, found.covariance, nan), np.flatnonzero(found.free)
     return Statement(
@@ -304,14 +305,9 @@ def phase_findings(background: Array) -> list[Finding]:
     return [Finding("phase-turned", "doubt" if loss > RELATIVE_ERROR_DOUBTFUL else "info", "psi", numbers)]
 
 
-def parameter_findings(
-    names: tuple[str, ...],
-    units: Mapping[str, str],
-    tested: Mapping[str, Quantity],
-    regression: Regression,
-    force: sympy.Expr,
-) -> dict[str, Finding | None]:
-    """Why parameters are not identifiable from the test; None where they are.
+@dataclass(frozen=True, slots=True)
+class _Reasons:
+    """What decides whether parameters are identifiable from a test.
 
     Parameters
     ----------
@@ -324,85 +320,74 @@ def parameter_findings(
     force
         The law, n(x, v).
     """
-    return {name: _finding(name, names, units, tested, regression, force) for name in names}
 
+    names: tuple[str, ...]
+    units: Mapping[str, str]
+    tested: Mapping[str, Quantity]
+    regression: Regression
+    force: sympy.Expr
 
-def _finding(
-    name: str,
-    names: tuple[str, ...],
-    units: Mapping[str, str],
-    tested: Mapping[str, Quantity],
-    regression: Regression,
-    force: sympy.Expr,
-) -> Finding | None:
-    """Return why a parameter is not identifiable; None where it is.
+    def of(self, name: str) -> Finding | None:
+        """Return why a parameter is not identifiable; None where it is.
 
-    In this order: the points do not determine it (a null vector), alone or but for a combination with others;
-    its interval contains zero.
-    """
-    i = names.index(name)
-    weight = np.abs(regression.null[i])
-    if weight.max(initial=0.0) > MIN_NULL_COMPONENT:
-        column = regression.null[:, int(np.argmax(weight))]
-        partners = [
-            n for n, part in zip(names, column, strict=True) if n != name and abs(part) > MIN_NULL_COMPONENT
-        ]
-        if partners or float(np.linalg.norm(column)) < _MIN_PARAMETER_NORM:
-            others = ", ".join(partners) or "the background"
-            known, numbers = _combination(name, partners, names, units, regression, force)
-            return Finding("confounded", "warning", name, numbers, {"with": others, **known})
-        return Finding("no-effect", "warning", name, tested)
-    error, value = float(np.sqrt(regression.covariance[i, i])), float(regression.parameters[i])
-    if np.isfinite(error) and interval_sigmas() * error > abs(value):
-        unit = units[name]
-        numbers = {"value": Quantity(value, unit), "standard_error": Quantity(error, unit), **tested}
-        return Finding("not-distinct-from-zero", "warning", name, numbers)
-    return None
+        In this order: the points do not determine it (a null vector), alone or but for a combination with
+        others; its interval contains zero.
+        """
+        names, regression, i = self.names, self.regression, self.names.index(name)
+        weight = np.abs(regression.null[i])
+        if weight.max(initial=0.0) > MIN_NULL_COMPONENT:
+            column = regression.null[:, int(np.argmax(weight))]
+            large = (n for n, part in zip(names, column, strict=True) if abs(part) > MIN_NULL_COMPONENT)
+            partners = [n for n in large if n != name]
+            if partners or float(np.linalg.norm(column)) < _MIN_PARAMETER_NORM:
+                others = ", ".join(partners) or "the background"
+                known, numbers = self._combination(name, partners)
+                return Finding("confounded", "warning", name, numbers, {"with": others, **known})
+            return Finding("no-effect", "warning", name, self.tested)
+        error, value = float(np.sqrt(regression.covariance[i, i])), float(regression.parameters[i])
+        if np.isfinite(error) and interval_sigmas() * error > abs(value):
+            unit = self.units[name]
+            numbers = {"value": Quantity(value, unit), "standard_error": Quantity(error, unit), **self.tested}
+            return Finding("not-distinct-from-zero", "warning", name, numbers)
+        return None
 
+    def _combination(self, name: str, partners: Sequence[str]) -> tuple[dict[str, str], dict[str, Quantity]]:
+        """Return a weighted sum, product or ratio with a partner that the law alone depends on, and its
+        interval.
 
-def _combination(
-    name: str,
-    partners: Sequence[str],
-    names: tuple[str, ...],
-    units: Mapping[str, str],
-    regression: Regression,
-    force: sympy.Expr,
-) -> tuple[dict[str, str], dict[str, Quantity]]:
-    """Return a weighted sum, product or ratio with a partner that the law alone depends on, and its interval.
-
-    Its gradient has no part in the null vectors, and the law does not change along it. Its error is that of
-    the fit times the largest factor by which the stated error of a parameter is larger.
-    """
-    values, basis = regression.parameters, regression.basis * regression.noise
-    null = regression.null / regression.scale[:, None]
-    own, stated = np.linalg.norm(basis, axis=1), np.sqrt(np.diag(regression.covariance))
-    known = np.isfinite(stated) & (own > 0)
-    wider = float(np.max(stated[known] / own[known], initial=1.0))
-    for i, j in (sorted((names.index(name), names.index(partner))) for partner in partners):
-        a, b, (x, y) = symbol(names[i]), symbol(names[j]), values[[i, j]].tolist()
-        t = sympy.Dummy("t", positive=True)
-        forms = [(a * b, {a: a * t, b: b / t})] + [(a / b, {a: a * t, b: b * t})] * bool(y)
-        if units[names[i]] == units[names[j]] and null[j].any():
-            share = Fraction(-float(null[i] @ null[j] / (null[j] @ null[j])))
-            weight = sympy.Rational(share.limit_denominator(_MAX_DENOMINATOR))
-            forms.insert(0, (a + weight * b, {a: a - weight * t, b: b + t}))
-        for form, moved in forms:
-            slope = np.zeros(len(values))
-            slope[[i, j]] = [float(form.diff(place).subs({a: x, b: y})) for place in (a, b)]
-            if np.linalg.norm(slope @ null) > MIN_NULL_COMPONENT * np.linalg.norm(slope / regression.scale):
-                continue
-            if sympy.expand(force.xreplace(moved) - force) != 0:
-                continue
-            unit, sign = units[names[i]], "/" if form == a / b else "*" if form == a * b else ""
-            if sign:
-                other = units[names[j]]
-                unit = str(read_unit(f"{unit}{sign}({other})").dimension) if unit and other else ""
-            off = interval_sigmas(regression.freedom) * wider * float(np.linalg.norm(slope @ basis))
-            value = float(form.subs({a: x, b: y}))
-            ends = {"combined": value, "low": value - off, "high": value + off}
-            numbers = {key: Quantity(end, "" if unit == "1" else unit) for key, end in ends.items()}
-            return {"combination": write(form)}, numbers
-    return {}, {}
+        Its gradient has no part in the null vectors, and the law does not change along it. Its error is that
+        of the fit times the largest factor by which the stated error of a parameter is larger.
+        """
+        names, units, regression, force = self.names, self.units, self.regression, self.force
+        values, basis = regression.parameters, regression.basis * regression.noise
+        null = regression.null / regression.scale[:, None]
+        own, stated = np.linalg.norm(basis, axis=1), np.sqrt(np.diag(regression.covariance))
+        known = np.isfinite(stated) & (own > 0)
+        wider = float(np.max(stated[known] / own[known], initial=1.0))
+        for i, j in (sorted((names.index(name), names.index(partner))) for partner in partners):
+            a, b, (x, y) = symbol(names[i]), symbol(names[j]), values[[i, j]].tolist()
+            t = sympy.Dummy("t", positive=True)
+            forms = [(a * b, {a: a * t, b: b / t})] + [(a / b, {a: a * t, b: b * t})] * bool(y)
+            if units[names[i]] == units[names[j]] and null[j].any():
+                share = Fraction(-float(null[i] @ null[j] / (null[j] @ null[j])))
+                weight = sympy.Rational(share.limit_denominator(_MAX_DENOMINATOR))
+                forms.insert(0, (a + weight * b, {a: a - weight * t, b: b + t}))
+            for form, moved in forms:
+                slope = np.zeros(len(values))
+                slope[[i, j]] = [float(form.diff(place).subs({a: x, b: y})) for place in (a, b)]
+                least = MIN_NULL_COMPONENT * np.linalg.norm(slope / regression.scale)
+                if np.linalg.norm(slope @ null) > least or sympy.expand(force.xreplace(moved) - force) != 0:
+                    continue
+                unit, sign = units[names[i]], "/" if form == a / b else "*" if form == a * b else ""
+                if sign:
+                    other = units[names[j]]
+                    unit = str(read_unit(f"{unit}{sign}({other})").dimension) if unit and other else ""
+                off = interval_sigmas(regression.freedom) * wider * float(np.linalg.norm(slope @ basis))
+                value = float(form.subs({a: x, b: y}))
+                ends = {"combined": value, "low": value - off, "high": value + off}
+                numbers = {key: Quantity(end, "" if unit == "1" else unit) for key, end in ends.items()}
+                return {"combination": write(form)}, numbers
+        return {}, {}
 
 
 _POUND = 0.45359237
