@@ -30,13 +30,7 @@ from rsgen.data.record_set import BASE_UNITS, PlannedTest, below_acceleration
 from rsgen.data.surface import ResponseSurface
 from rsgen.data.surface.plausibility import MAX_RESONANT_LAG
 from rsgen.dynamics.settling import SteadyStates
-from rsgen.dynamics.steady_state import (
-    ACCURACY,
-    HARMONICS,
-    MAX_BATCH_POINTS,
-    USUAL_ACCURACY,
-    USUAL_HARMONICS,
-)
+from rsgen.dynamics.steady_state import ACCURACY, HARMONICS, MAX_BATCH_POINTS, USUAL_ACCURACY, USUAL_HARMONICS
 from rsgen.law.numeric import compile_law
 
 

@@ -31,11 +31,7 @@ import rsgen.identification  # profiles, for laws with nonlinear parameters
 from rsgen.common.arrays import Array, ComplexArray
 from rsgen.common.errors import RsgenError
 from rsgen.common.finding import Finding, Quantity, Severity, quantities
-from rsgen.common.tolerances import (
-    RELATIVE_CHANGE_NEGLIGIBLE,
-    RELATIVE_ERROR_DOUBTFUL,
-    SUBSAMPLE_POINTS,
-)
+from rsgen.common.tolerances import RELATIVE_CHANGE_NEGLIGIBLE, RELATIVE_ERROR_DOUBTFUL, SUBSAMPLE_POINTS
 from rsgen.data.oscillator import Model, refuse_across
 from rsgen.data.surface.plausibility import plausibility_findings
 from rsgen.data.surface.response_surface import NOT_MEASURED, ResponseSurface

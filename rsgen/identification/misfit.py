@@ -39,12 +39,7 @@ from rsgen.formula.printing import write
 from rsgen.identification.fitting.across import misfit_of_joint
 from rsgen.identification.fitting.fit import Fit, linearise_extended
 from rsgen.identification.fitting.least_squares import Regression
-from rsgen.identification.fitting.observed import (
-    Problem,
-    constant_mean,
-    is_systematic,
-    systematic_columns,
-)
+from rsgen.identification.fitting.observed import Problem, constant_mean, is_systematic, systematic_columns
 from rsgen.identification.fitting.points import Points
 from rsgen.identification.results import Estimate, Resonance
 from rsgen.identification.results.alternatives import Agreement, Alternative, Alternatives

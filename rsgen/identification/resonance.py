@@ -21,11 +21,7 @@ from rsgen.common.arrays import Array
 from rsgen.common.finding import Finding, quantities
 from rsgen.data.free_mode import estimate_mass, steady
 from rsgen.identification.fitting.fit import Solution
-from rsgen.identification.fitting.points import (
-    Points,
-    at_resonance_alone,
-    mass_sure,
-)
+from rsgen.identification.fitting.points import Points, at_resonance_alone, mass_sure
 from rsgen.identification.fitting.repeats import MIN_JUMP_RATIO
 from rsgen.identification.results import Estimate, Resonance
 from rsgen.identification.starting.equations import Equations

@@ -145,15 +145,7 @@ class HarmonicBalance(Forward):
                 return response
             guess = self._next(response, parameters - before, np.log(size / last))
         response = hold_amplitude(
-            self._law,
-            values,
-            Inertia(mass),
-            self._omega,
-            size,
-            guess,
-            self._follow,
-            self.samples,
-            self._load,
+            self._law, values, Inertia(mass), self._omega, size, guess, self._follow, self.samples, self._load
         )
         self._last = (parameters, np.array(size), self.samples, response)
         return response
@@ -417,11 +409,7 @@ class ErrorsInVariables:
         )
 
     def _bend(
-        self,
-        parameters: Array,
-        nuisance: Array,
-        direction: Array,
-        rows: tuple[Linearisation, Array | None],
+        self, parameters: Array, nuisance: Array, direction: Array, rows: tuple[Linearisation, Array | None]
     ) -> tuple[Array, Array]:
         """Return differences of the rows along directions (n, k); see ``remove_bias``."""
         length = np.abs(direction).max(axis=1, keepdims=True)

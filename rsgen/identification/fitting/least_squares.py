@@ -307,11 +307,7 @@ def _stacked(matrix: Array, residual: Array, chosen: Mask) -> tuple[Array, Array
 
 
 def descend(
-    linearise: Linearise,
-    parameters: Array,
-    nuisance: Array,
-    rules: Rules = _USUAL,
-    used: Mask | None = None,
+    linearise: Linearise, parameters: Array, nuisance: Array, rules: Rules = _USUAL, used: Mask | None = None
 ) -> tuple[Array, Array, Linearisation, bool]:
     """Minimise by Gauss-Newton steps; return parameters, nuisances, residual with slopes, and convergence.
 

@@ -19,11 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rsgen.common.arrays import Array, Chosen, ComplexArray, blocks, blocks_joined
-from rsgen.common.tolerances import (
-    MISFIT_NEGLIGIBLE,
-    NOISE_LIMIT_SIGMAS,
-    POINTS_PER_BLOCK,
-)
+from rsgen.common.tolerances import MISFIT_NEGLIGIBLE, NOISE_LIMIT_SIGMAS, POINTS_PER_BLOCK
 from rsgen.dynamics.harmonic_balance import Response
 from rsgen.dynamics.linear_part import BackgroundTerms, background_terms
 from rsgen.identification.fitting.least_squares import Linearisation

@@ -44,13 +44,7 @@ from rsgen.data.multisine.spectra import LINES_TO_EACH_SIDE, rms, smooth
 from rsgen.data.oscillator import BACKGROUNDS
 from rsgen.dynamics.linear_part import background_of_lines
 from rsgen.identification.fitting.across import law_of
-from rsgen.identification.fitting.least_squares import (
-    Linearisation,
-    Regression,
-    Rules,
-    descend,
-    summarise,
-)
+from rsgen.identification.fitting.least_squares import Linearisation, Regression, Rules, descend, summarise
 from rsgen.identification.lines.line_balance import Balance, BalanceNoise, SpectralLines
 from rsgen.identification.results.alternatives import Alternative, alternatives
 from rsgen.identification.starting.search import search_values

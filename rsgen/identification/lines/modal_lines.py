@@ -14,11 +14,7 @@ import numpy as np
 
 from rsgen.common.arrays import Array, ComplexArray
 from rsgen.common.errors import RsgenError
-from rsgen.common.tolerances import (
-    RELATIVE_CHANGE_NEGLIGIBLE,
-    ROUND_OFF,
-    SAMPLES_PER_PERIOD_SWITCHED,
-)
+from rsgen.common.tolerances import RELATIVE_CHANGE_NEGLIGIBLE, ROUND_OFF, SAMPLES_PER_PERIOD_SWITCHED
 from rsgen.data.multisine import MultisineSpectra
 from rsgen.data.multisine.spectra import check_records
 from rsgen.data.oscillator import Model
@@ -26,12 +22,7 @@ from rsgen.formula import parse
 from rsgen.identification.fitting.least_squares import Regression
 from rsgen.identification.fitting.points import mass_sure
 from rsgen.identification.lines.line_balance import select_lines
-from rsgen.identification.lines.line_fit import (
-    LineFit,
-    fit_lines,
-    misfit_to_noise,
-    start_values,
-)
+from rsgen.identification.lines.line_fit import LineFit, fit_lines, misfit_to_noise, start_values
 from rsgen.identification.lines.line_identification import fitted_background, lines_feed_exciter
 from rsgen.identification.modal_result import (
     MIN_LIKELIHOOD,

@@ -14,10 +14,5 @@ __all__ = ["Candidate", "Ranking", "rank"]
 
 # most runs are given their law
 __getattr__ = on_first_use(
-    __name__,
-    {
-        "Candidate": "ranking_result",
-        "Ranking": "ranking_result",
-        "rank": "rank_laws",
-    },
+    __name__, {"Candidate": "ranking_result", "Ranking": "ranking_result", "rank": "rank_laws"}
 )

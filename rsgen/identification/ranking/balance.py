@@ -214,11 +214,7 @@ def measured_motion(observed: Observed, background: Array, sensors: str) -> Refe
 
 
 def predicted_motion(
-    observed: Observed,
-    background: Array,
-    harmonics: ComplexArray,
-    force: ComplexArray,
-    turn: Array,
+    observed: Observed, background: Array, harmonics: ComplexArray, force: ComplexArray, turn: Array
 ) -> ReferenceMotion:
     """Return the motion that a fitted law predicts nearest to the measured one.
 

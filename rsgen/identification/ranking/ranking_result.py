@@ -29,11 +29,7 @@ from rsgen.data.surface import ResponseSurface
 from rsgen.formula import write
 from rsgen.identification.identify import identify, identify_points
 from rsgen.identification.ranking.balance import WhitenedBalance
-from rsgen.identification.ranking.candidate_fit import (
-    POINT_STRIDE,
-    CandidateFit,
-    Round,
-)
+from rsgen.identification.ranking.candidate_fit import POINT_STRIDE, CandidateFit, Round
 from rsgen.identification.ranking.library_sums import library_terms, terms_of, whole_name
 from rsgen.identification.results import Identification, changed
 from rsgen.law.element import forces_by_motion

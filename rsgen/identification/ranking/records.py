@@ -30,11 +30,7 @@ from rsgen.identification.lines.line_fit import (
     relative_to_force,
     start_values,
 )
-from rsgen.identification.ranking.balance import (
-    MAX_MOTION_DISTANCE,
-    Trajectory,
-    WhitenedBalance,
-)
+from rsgen.identification.ranking.balance import MAX_MOTION_DISTANCE, Trajectory, WhitenedBalance
 from rsgen.identification.ranking.candidate_fit import (
     MAX_UNEXPLAINED,
     CandidateFit,

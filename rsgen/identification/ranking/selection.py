@@ -283,11 +283,7 @@ def _solve(columns: _TermColumns, index: NDArray[np.intp]) -> tuple[Array, Array
 
 
 def _named(
-    law: Sum,
-    base: dict[str, int],
-    coefficients: Array,
-    choices: Sequence[_TermVariants],
-    between: bool,
+    law: Sum, base: dict[str, int], coefficients: Array, choices: Sequence[_TermVariants], between: bool
 ) -> dict[str, Array]:
     """Return the values (trials,) of every parameter by its name in the sum."""
     values = dict(zip(base, coefficients.T, strict=False))

@@ -19,11 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rsgen.common.arrays import Array, ComplexArray
-from rsgen.common.tolerances import (
-    POINTS_PER_BLOCK,
-    SAMPLES_PER_PERIOD,
-    SAMPLES_PER_PERIOD_SWITCHED,
-)
+from rsgen.common.tolerances import POINTS_PER_BLOCK, SAMPLES_PER_PERIOD, SAMPLES_PER_PERIOD_SWITCHED
 from rsgen.identification.fitting.points import Points
 from rsgen.law.motion import Motion, project
 from rsgen.law.normal_form import ForceSample
@@ -97,12 +93,7 @@ def _motion(equations: Equations, finer: int, motion: int) -> Waves:
 
 
 def equation_rows(
-    equations: Equations,
-    law: ForceLaw,
-    nonlinear: Array,
-    *,
-    scaled: bool = False,
-    coarse: bool = False,
+    equations: Equations, law: ForceLaw, nonlinear: Array, *, scaled: bool = False, coarse: bool = False
 ) -> tuple[Array, Array]:
     """Return real, weighted rows  matrix @ unknowns = right.
 
@@ -183,12 +174,7 @@ def _joined(parts: Sequence[ForceSample]) -> ForceSample:
 
 
 def _rows(
-    equations: Equations,
-    law: ForceLaw,
-    nonlinear: Array,
-    sample: ForceSample,
-    *,
-    scaled: bool,
+    equations: Equations, law: ForceLaw, nonlinear: Array, sample: ForceSample, *, scaled: bool
 ) -> tuple[Array, Array]:
     """Return the rows from a sample of the law."""
     values = np.zeros(len(law.parameters))

@@ -238,10 +238,7 @@ _INITIAL_RESIDUE = 0.3
 
 
 def solve_equations(
-    equations: Equations,
-    law: ForceLaw,
-    fixed: Mapping[str, float],
-    near: Array | None = None,
+    equations: Equations, law: ForceLaw, fixed: Mapping[str, float], near: Array | None = None
 ) -> Solution:
     """Solve for all parameters of the law and the mass that are not fixed.
 
