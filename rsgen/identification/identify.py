@@ -154,9 +154,8 @@ def _balance(problem: Problem, parameters: Array) -> tuple[Fit, bool]:
         return refined, needs_simulator
     # what the simulator takes up needs no more than one step
     steps = 1 if needs_simulator else MAX_NEWTON_STEPS
-    return fit_balance(
-        problem, parameters, order=order, compared=BALANCE_HARMONICS, steps=steps, near=noise
-    ), needs_simulator
+    found = fit_balance(problem, parameters, order=order, compared=BALANCE_HARMONICS, steps=steps, near=noise)
+    return found, needs_simulator
 
 
 def _has_all_harmonics(found: Fit, order: int, count: int) -> bool:
@@ -216,11 +215,8 @@ def _refit_with_simulator(balanced: Fit) -> Fit:
     misfit = [float(np.sqrt(np.mean(found.regression.misfit[both] ** 2))) for found in (refitted, balanced)]
     # beyond chance a worse fit follows other branches
     freedom = refitted.regression.freedom
-    return (
-        refitted
-        if misfit[0] ** 2 <= f_quantile(freedom, freedom, INTERVAL_END) * misfit[1] ** 2
-        else balanced
-    )
+    by_chance = f_quantile(freedom, freedom, INTERVAL_END)
+    return refitted if misfit[0] ** 2 <= by_chance * misfit[1] ** 2 else balanced
 
 
 def _add_harmonics(followed: Fit) -> Fit:

@@ -561,10 +561,8 @@ def widen_squares(fit: Fit, found: Regression, symmetric: Array) -> Regression:
     hidden = even_directions(problem, fit.regression.parameters)
     if not hidden.symmetric:
         return found
-    wide, covariance = (
-        float(interval_sigmas(found.freedom)),
-        found.covariance + np.outer(symmetric, symmetric),
-    )
+    wide = float(interval_sigmas(found.freedom))
+    covariance = found.covariance + np.outer(symmetric, symmetric)
     for place, direction in zip(hidden.uneven, hidden.directions[:, :count], strict=True):
         error = float(np.sqrt(found.covariance[place, place])) if place >= 0 else nan
         if not 0 < error < inf:

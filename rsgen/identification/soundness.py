@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
+from operator import itemgetter
 
 import numpy as np
 from numpy.typing import NDArray
@@ -127,19 +128,14 @@ def exclusion_findings(
     """
     if not excluded.any():
         return []
-    all_excluded = int(np.count_nonzero(excluded))
+    numbers = quantities(excluded=int(np.count_nonzero(excluded)), points=len(points), all=tested)
     if decays:
         excluded = excluded & (points.amplitude > np.median(points.amplitude))
     if stopped is not None:
         excluded = excluded & ~stopped
     count = int(np.count_nonzero(excluded))
-    share = count / len(points)
-    severity = (
-        severity_of(share, MAX_SHARE_OF_OUTLIERS_BY_CHANCE, _MAX_EXCLUDED_SHARE)
-        if count > _MAX_SINGLE_EXCLUDED
-        else "warning"
-    )
-    numbers = quantities(excluded=all_excluded, points=len(points), all=tested)
+    limits = MAX_SHARE_OF_OUTLIERS_BY_CHANCE, _MAX_EXCLUDED_SHARE
+    severity = severity_of(count / len(points), *limits) if count > _MAX_SINGLE_EXCLUDED else "warning"
     found = [Finding("points-excluded", severity, numbers=numbers)]
     for rows in points.runs:
         first, longest = _longest(excluded[rows])
@@ -267,11 +263,9 @@ def gain_findings(background: BackgroundTerms, values: Array, variance: Array, m
 
 def _longest(marks: NDArray[np.bool_]) -> tuple[int, int]:
     """Where the longest stretch of True begins, and its length."""
-    starts, lengths = true_runs(marks)
-    if not len(starts):
-        return 0, 0
-    best = int(np.argmax(lengths))
-    return int(starts[best]), int(lengths[best])
+    return max(
+        zip(*(part.tolist() for part in true_runs(marks)), strict=True), key=itemgetter(1), default=(0, 0)
+    )
 
 
 def sign_findings(points: Points, fit: Fit, wider: Array) -> list[Finding]:
@@ -295,11 +289,12 @@ def signs_along(
 ) -> list[Finding]:
     """Find a negative k(X) or c(X) of the elements that follow one motion; see ``_signs_at``."""
     own, names = part.parameters, {"sensors": part.sensors} if part.sensors else {}
-    stiffness, damping = _signs_at(part, motion, values[own], basis[own], orders)
-    return [
-        *_sign_finding(stiffness, names | {"curve": "k(X)"}),
-        *_sign_finding(damping, names | {"curve": "c(X)"}),
-    ]
+    signs, found = _signs_at(part, motion, values[own], basis[own], orders), list[Finding]()
+    for curve, numbers in zip(("k(X)", "c(X)"), signs, strict=True):
+        if numbers:
+            severity: Severity = "error" if numbers["share"].value > _MAX_NEGATIVE_SHARE else "doubt"
+            found.append(Finding("curve-negative", severity, "", numbers, names | {"curve": curve}))
+    return found
 
 
 def feeding_findings(points: Points, fit: Fit, estimates: Sequence[Estimate]) -> list[Finding]:
@@ -403,12 +398,6 @@ def _negative(size: Array, value: Array, spread: Array, unit: str, least: Array 
         "high": Quantity(float(size[wrong].max()), "m"),
         "share": Quantity(share),
     }
-
-
-def _sign_finding(found: _Negative, names: dict[str, str]) -> list[Finding]:
-    """Make the finding of what ``_negative`` found of some elements; none of nothing."""
-    severity: Severity = "error" if found and found["share"].value > _MAX_NEGATIVE_SHARE else "doubt"
-    return [Finding("curve-negative", severity, "", found, names)] if found else []
 
 
 _MAX_NOISE_SHARE = 0.2
@@ -530,7 +519,14 @@ def _unrecorded_harmonics(
     force = project(joint.along(across, values, SAMPLES_PER_PERIOD_SWITCHED).force, 1)
     far = _far_mass(force, response - across.harmonics[:, 1], across.omega)
     reduced = 1 / (1 / found.mass + 1 / (far or found.mass))
-    harmonics = _joint_harmonics(joint, values, reduced, across)
+    size, start = (
+        np.abs(across.harmonics[:, 1]),
+        np.zeros((len(across), BALANCE_HARMONICS + 1), dtype=complex),
+    )
+    follow, samples = following_harmonics(joint, BALANCE_HARMONICS), SAMPLES_PER_PERIOD_SWITCHED
+    made = hold_amplitude(joint, values, Inertia(reduced), across.omega, size, start, follow, samples)
+    harmonics = np.where(made.valid[:, None] & np.isfinite(made.harmonics), made.harmonics, 0)
+    harmonics = Motion(across.omega, harmonics).turned(np.angle(across.harmonics[:, 1])).harmonics
     harmonics[:, [0, *recorded.tolist()]] = 0
     return harmonics
 
@@ -554,17 +550,3 @@ def _far_mass(force: ComplexArray, motion: ComplexArray, omega: Array) -> float:
     misfit = float(np.sqrt(np.sum((right - matrix / scale @ values) ** 2) / len(force)))
     mass = float(values[1] / scale[1])
     return mass if misfit < MISFIT_REJECTED and mass > 0 else 0.0
-
-
-def _joint_harmonics(joint: ForceLaw, values: Array, mass: float, across: Motion) -> ComplexArray:
-    """Return the harmonics (n, H+1) [m] of an oscillator of a mass [kg] with the law of the joint."""
-    size, start = (
-        np.abs(across.harmonics[:, 1]),
-        np.zeros((len(across), BALANCE_HARMONICS + 1), dtype=complex),
-    )
-    follow = following_harmonics(joint, BALANCE_HARMONICS)
-    made = hold_amplitude(
-        joint, values, Inertia(mass), across.omega, size, start, follow, SAMPLES_PER_PERIOD_SWITCHED
-    )
-    harmonics = np.where(made.valid[:, None] & np.isfinite(made.harmonics), made.harmonics, 0)
-    return Motion(across.omega, harmonics).turned(np.angle(across.harmonics[:, 1])).harmonics

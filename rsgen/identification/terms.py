@@ -76,7 +76,7 @@ def with_terms(problem: Problem, fit: Fit, terms: Sequence[str]) -> tuple[Proble
     Even terms make the motions asymmetric.
     """
     values, mass, background = problem.split(fit.regression.parameters)
-    law, known = law_with(problem, *terms), dict(zip(problem.law.parameters, values, strict=True))
+    law, known = law_with(problem, *terms), problem.law.named(values)
     start = np.array([known.get(name, 0.0) for name in law.parameters])
     frozen = tuple(law.parameters.index(problem.law.parameters[place]) for place in problem.frozen)
     trial = replace(problem, law=replace(law, odd=problem.law.odd and law.odd), frozen=frozen)

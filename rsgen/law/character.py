@@ -367,6 +367,10 @@ class Character:
         """(p,) values by name in the order of the parameters."""
         return np.array([float(values[name]) for name in self.parameters])
 
+    def named(self, values: Array) -> dict[str, float]:
+        """Return values (p,) by the names of the parameters."""
+        return dict(zip(self.parameters, values.tolist(), strict=True))
+
     def values_of(self, linear: Array, nonlinear: Array) -> Array:
         """(p,) values of linear parameters, without what follows in a solution, and of nonlinear ones."""
         values = np.zeros(len(self.parameters))

@@ -129,7 +129,9 @@ class Repeats:
         some = np.unique(point)
         own = self.count[index][some]
         freedom = np.where(own < _MIN_READINGS_OF_BATCHES, own, np.sqrt(own).round()) - 1
-        return covariance, _freedom(expected[some] / own[:, None], freedom)
+        variance = expected[some] / own[:, None]
+        squares, sums = np.sum(variance**2 / freedom[:, None], axis=0), np.sum(variance, axis=0) ** 2
+        return covariance, np.where(squares > 0, sums / np.where(squares > 0, squares, 1.0), 1.0)
 
     def widen(self, found: Regression, index: NDArray[np.intp]) -> tuple[Regression, Array]:
         """Return a fit with the covariance by the scatter, but not less than its own.
@@ -146,13 +148,6 @@ class Repeats:
         times = np.sqrt(np.diag(found.covariance) / np.diag(covariance))
         wider = np.fmax(np.where(np.isfinite(times), times, 1.0), 1.0)
         return found.widened(covariance * np.outer(wider, wider), freedom), wider
-
-
-def _freedom(variance: Array, freedom: Array) -> Array:
-    """Return the degrees of freedom (q,) of sums of variances (n, q) that have ``freedom`` (n,) each."""
-    squares = np.sum(variance**2 / freedom[:, None], axis=0)
-    sums = np.sum(variance, axis=0) ** 2
-    return np.where(squares > 0, sums / np.where(squares > 0, squares, 1.0), 1.0)
 
 
 def gather_repeats(surface: ResponseSurface, sensors: str = "") -> tuple[ResponseSurface, Repeats | None]:
@@ -245,23 +240,26 @@ def _groups(surface: ResponseSurface) -> NDArray[np.intp]:
     group[order] = np.concatenate([[0], np.cumsum(new)])
     size = surface.amplitude
     good = surface.settled & np.isfinite(size) & (size > 0) & (np.abs(surface.force) > 0)
-    smallest = np.full(group.max() + 1, np.inf)
-    largest = np.zeros(group.max() + 1)
-    np.minimum.at(smallest, group[good], size[good])
-    np.maximum.at(largest, group[good], size[good])
+    smallest, largest = _range_of(size[good], group[good], group.max() + 1)
     alone = ~good | (largest > MIN_JUMP_RATIO * smallest)[group]
     # motions in two wells, or mirror images after symmetry breaking, have one amplitude and no mean
     clock = np.exp(-1j * np.angle(surface.force))
     for even in range(0, min(3, surface.harmonics.shape[1]), 2):
         own = np.nan_to_num(surface.harmonics[:, even] * clock**even)
         for part in (own.real, own.imag):
-            low, high = np.full(group.max() + 1, np.inf), np.full(group.max() + 1, -np.inf)
-            np.minimum.at(low, group[good], part[good])
-            np.maximum.at(high, group[good], part[good])
+            low, high = _range_of(part[good], group[good], group.max() + 1)
             with np.errstate(invalid="ignore"):
                 alone |= ~(high - low <= ASYMMETRIC * largest)[group]
     group[alone] = group.max() + 1 + np.arange(int(alone.sum()))
     return group
+
+
+def _range_of(values: Array, group: NDArray[np.intp], count: int) -> tuple[Array, Array]:
+    """Return the smallest and the largest of the values in each of so many groups; infinite of none."""
+    low, high = np.full(count, np.inf), np.full(count, -np.inf)
+    np.minimum.at(low, group, values)
+    np.maximum.at(high, group, values)
+    return low, high
 
 
 def _outliers(surface: ResponseSurface, group: NDArray[np.intp]) -> NDArray[np.bool_]:

@@ -239,7 +239,7 @@ class Balance:
         cls, lines: SpectralLines, law: ForceLaw, values: Array, mass: float, noise: BalanceNoise
     ) -> Balance:
         """Evaluate the law along the mean motion of every record."""
-        parts = [record.mean for record in _along_records(lines, law, values.tobytes(), mass)]
+        parts = [record.mean for record in along_records(lines, law, values.tobytes(), mass)]
         bias = noise.bias + np.einsum("rph,p->rh", noise.bias_by_parameter, values - noise.values)
         slopes = np.stack([part.slopes for part in parts])
         slopes[:, : len(values)] -= noise.bias_by_parameter
@@ -251,7 +251,7 @@ class Balance:
         """Return the power of n(x, v) - n(x, 0) (r, H+1) [N^2]; NaN for a law with memory."""
         if law.remembers:
             return np.full(lines.used.shape, np.nan)
-        forces = [record.damping_force() for record in _along_records(lines, law, values.tobytes(), mass)]
+        forces = [record.damping_force() for record in along_records(lines, law, values.tobytes(), mass)]
         return np.asarray(np.abs(np.stack(forces)) ** 2)
 
     @staticmethod
@@ -263,7 +263,7 @@ class Balance:
         if count < 2:
             return found
         found.values[:] = values
-        for i, record in enumerate(_along_records(lines, law, values.tobytes(), mass)):
+        for i, record in enumerate(along_records(lines, law, values.tobytes(), mass)):
             periods = [
                 record.period(*pair, lines.law_of(law, i, period))
                 for period, pair in enumerate(zip(spectra.force[i], spectra.response[i], strict=True))
@@ -505,7 +505,7 @@ def _balance_mean(
 
 
 @lru_cache(maxsize=2)
-def _along_records(
+def along_records(
     lines: SpectralLines, law: ForceLaw, values: bytes, mass: float
 ) -> tuple[LawAlongRecord, ...]:
     """Return the law along every record; balance, noise and the next step ask for it at the same values."""

@@ -299,7 +299,7 @@ def fit_missing_terms(fit: LineFit) -> dict[str, Alternative]:
     parts = fit.law.parts
     own = [Element("part", part.law.expression, part.law.parameters, part.sensors) for part in parts]
     law = law_of(own + [make_element("term", term, across=parts[-1].sensors) for term in terms.values()])
-    known = dict(zip(fit.law.parameters, fit.values, strict=True))
+    known = fit.law.named(fit.values)
     values = np.array([known.get(name, 0.0) for name in law.parameters])
     noise = fit.balance.noise(fit.mode, law, values, fit.mass)
     parameters = np.concatenate([values, fit.parameters[len(fit.values) :]])
@@ -590,5 +590,5 @@ def start_values(lines: SpectralLines, law: ForceLaw, fixed: Mapping[str, float]
     balance = _SampledBalance(lines, free_law, fixed)
     nonlinear = balance.search() if free_law.nonlinear else np.zeros(0)
     solution = balance.solve(*balance.rows(nonlinear))
-    found = dict(zip(free_law.parameters, free_law.values_of(solution, nonlinear), strict=True))
+    found = free_law.named(free_law.values_of(solution, nonlinear))
     return law.ordered({**fixed, **found}), float(solution[len(free_law.linear)])

@@ -22,7 +22,7 @@ from rsgen.data.multisine import MultisineSpectra
 from rsgen.data.multisine.spectra import check_records
 from rsgen.data.oscillator import Model
 from rsgen.identification.fitting.across import law_of
-from rsgen.identification.lines.line_balance import LawAlongRecord, SpectralLines, select_lines
+from rsgen.identification.lines.line_balance import LawAlongRecord, SpectralLines, along_records, select_lines
 from rsgen.identification.lines.line_fit import (
     LineFit,
     fit_lines,
@@ -65,19 +65,16 @@ class LineBalance(WhitenedBalance):
     def along(cls, fit: LineFit) -> LineBalance:
         """Return the balance along the motions of a fitted law."""
         mode, spectra, law = fit.mode, fit.mode.spectra, len(fit.values)
-        records = tuple(
-            LawAlongRecord(mode, fit.law, fit.values, fit.mass, record) for record in range(len(mode))
-        )
+        records = along_records(mode, fit.law, fit.values.tobytes(), fit.mass)
         motions = [[record.trajectory for record in records]]
         if mode.far is not None:
             share = fit.law.parts[1].share
             far = map(mode.far_waves, range(len(mode)))
-            motions.append(
-                [
-                    (share * x + other[0], share * v + other[1], share * a + other[2], step)
-                    for (x, v, a, step), other in zip(motions[0], far, strict=True)
-                ]
+            moved = (
+                (share * np.array(own[:3]) + other, own[3])
+                for own, other in zip(motions[0], far, strict=True)
             )
+            motions.append([(*waves, step) for waves, step in moved])
         line = fit.linearise(fit.parameters, fit.nuisance)
         inertia = line.by_parameter[:, :, law]
         rows = cls(
@@ -100,12 +97,11 @@ class LineBalance(WhitenedBalance):
     def project(self, forces: Array) -> Array:
         """Return the rows (lines, 2, j) of j forces (r, samples, j) along the trajectory."""
         used, weight = self.fit.lines.used, np.sqrt(2 / self.fit.variance)
-        lines = np.concatenate(
-            [
-                (record.lines_of(np.ascontiguousarray(force.T)) * scale)[:, own].T
-                for record, force, scale, own in zip(self.records, forces, weight, used, strict=True)
-            ]
-        )
+        parts = zip(self.records, forces, weight, used, strict=True)
+        found = [
+            (record.lines_of(np.ascontiguousarray(f.T)) * scale)[:, own].T for record, f, scale, own in parts
+        ]
+        lines = np.concatenate(found)
         return np.stack([lines.real, lines.imag], axis=1)
 
     def power(self, residual: Array) -> Array:
@@ -157,9 +153,8 @@ class RecordRound(Round):
         fit, total = self.rows.fit, self.relative(fitted.residual)
         known = bool(np.isfinite(self.noise)) or total <= MISFIT_NEGLIGIBLE
         by_chance = float(np.sqrt(np.mean(fitted.residual**2))) < max_misfit_of_noise(fit)
-        systematic = (
-            0.0 if known and by_chance else float(np.sqrt(max(total**2 - np.nan_to_num(self.noise) ** 2, 0)))
-        )
+        beyond = max(total**2 - np.nan_to_num(self.noise) ** 2, 0)
+        systematic = 0.0 if known and by_chance else float(np.sqrt(beyond))
         if not known or systematic <= MAX_UNEXPLAINED:
             return Misfit(systematic, 0.0, {}, known)
         frequency = fit.lines.spectra.omega[fit.lines.used] / (2 * np.pi)
@@ -225,17 +220,14 @@ class RecordTest(RankedTest):
         law = candidate.law
         with np.errstate(all="ignore"):
             values, mass = start_values(self._lines, law, self.fixed)
-        return replace(
-            candidate, values={**dict(zip(law.parameters, values.tolist(), strict=True)), "m": mass}
-        )
+        return replace(candidate, values={**law.named(values), "m": mass})
 
     def along(self, candidate: CandidateLaw, before: Round | None) -> RecordRound | None:
         """Fit a law to all lines; None if the fit does not stay finite."""
         law = candidate.law
         with np.errstate(all="ignore"):
-            fit = fit_lines(
-                self._select(law), law, self.fixed, law.ordered(candidate.values), candidate.values["m"]
-            )
+            begin = law.ordered(candidate.values), candidate.values["m"]
+            fit = fit_lines(self._select(law), law, self.fixed, *begin)
             if not np.isfinite(fit.parameters).all():
                 return None
             # a misfit of this law must not hide that another fits better
@@ -243,8 +235,8 @@ class RecordTest(RankedTest):
             known = np.isfinite(fit.noise.variance)
             fit = replace(fit, variance=np.where(known, np.maximum(fit.noise.variance, floor), fit.variance))
             rows = LineBalance.along(fit)
-            values = {**dict(zip(law.parameters, fit.values.tolist(), strict=True)), "m": fit.mass}
-            leader = fit_candidate(replace(candidate, values=values), rows, self.fixed)
+            found = replace(candidate, values={**law.named(fit.values), "m": fit.mass})
+            leader = fit_candidate(found, rows, self.fixed)
         return None if leader.fault else RecordRound(rows, leader)
 
 

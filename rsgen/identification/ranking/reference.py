@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Collection, Mapping
 from dataclasses import dataclass, replace
+from functools import partial
 from math import nan
 from typing import ClassVar
 
@@ -37,7 +38,6 @@ from rsgen.common.tolerances import (
 )
 from rsgen.data.oscillator import Model, Oscillator, refuse_across
 from rsgen.data.surface import ResponseSurface
-from rsgen.dynamics.settling import SteadyStates
 from rsgen.dynamics.steady_state import solve_steady_states
 from rsgen.identification.fitting.across import law_of
 from rsgen.identification.fitting.fit import Fit, fit_balance
@@ -114,7 +114,7 @@ class Reference:
     @property
     def parameters(self) -> dict[str, float]:
         """Values of the law by name; the mass is "m"."""
-        return {**dict(zip(self.law.parameters, self.values.tolist(), strict=True)), "m": self.mass}
+        return {**self.law.named(self.values), "m": self.mass}
 
     def rows(self, noise: Array) -> PointBalance:
         """Return the balance for relative noise (H+1,) of mean, fundamental and harmonics."""
@@ -253,36 +253,30 @@ def _simulate_amplitudes(
     drive: ComplexArray = points.force * np.exp(-1j * np.where(good, found.turn, 0.0))
     state = Motion(points.omega, found.harmonics).states()
     state[~good] = 0
-    oscillator = Oscillator(mass, elements, dict(zip(law.parameters, values.tolist(), strict=True)))
+    oscillator = Oscillator(mass, elements, law.named(values))
 
-    def solve(force: ComplexArray, start: Array) -> SteadyStates:
-        return solve_steady_states(
-            oscillator,
-            force,
-            points.omega / (2 * np.pi),
-            harmonics=_HARMONICS_OF_ROUGH,
-            accuracy=_SIMULATION_TOLERANCE,
-            start=start,
-            briefly=True,
-        )
+    solve = partial(
+        solve_steady_states,
+        oscillator,
+        frequency=points.omega / (2 * np.pi),
+        harmonics=_HARMONICS_OF_ROUGH,
+        accuracy=_SIMULATION_TOLERANCE,
+        briefly=True,
+    )
 
     try:
-        states = solve(drive, state)
+        states = solve(drive, start=state)
         state = go_on(states, states.settled, state)
-        moved = solve((1 + FINITE_DIFFERENCE_STEP) * drive, state)
+        moved = solve((1 + FINITE_DIFFERENCE_STEP) * drive, start=state)
         # a point that does not settle, or sticks, has no amplitude and keeps its force
         with np.errstate(divide="ignore", invalid="ignore"):
-            growth = np.log(np.abs(moved.harmonics[:, 1] / states.harmonics[:, 1])) / np.log1p(
-                FINITE_DIFFERENCE_STEP
-            )
-            step = np.log(wanted / np.abs(states.harmonics[:, 1])) / np.where(
-                growth > MIN_RELATIVE_SLOPE, growth, np.inf
-            )
+            size = np.abs(states.harmonics[:, 1])
+            growth = np.log(np.abs(moved.harmonics[:, 1]) / size) / np.log1p(FINITE_DIFFERENCE_STEP)
+            step = np.log(wanted / size) / np.where(growth > MIN_RELATIVE_SLOPE, growth, np.inf)
         # a longer step may end on another branch
-        drive = drive * np.exp(np.clip(np.nan_to_num(step), -BRANCH_DISTANCE, BRANCH_DISTANCE)).astype(
-            np.complex128
-        )
-        states = solve(drive, state)
+        step = np.clip(np.nan_to_num(step), -BRANCH_DISTANCE, BRANCH_DISTANCE)
+        drive = (drive * np.exp(step)).astype(np.complex128)
+        states = solve(drive, start=state)
     except RsgenError:
         return None
     near = np.abs(np.abs(states.harmonics[:, 1]) / wanted - 1) < MAX_MOTION_DISTANCE
@@ -505,8 +499,7 @@ class PointTest(RankedTest):
         points, candidate = self._mode, CandidateLaw(name, elements, {})
         law = candidate.law
         solution = solve_equations(Equations.along(points, law, 1), law, self.fixed)
-        values = dict(zip(law.parameters, solution.values.tolist(), strict=True))
-        return replace(candidate, values={**values, "m": solution.mass})
+        return replace(candidate, values={**law.named(solution.values), "m": solution.mass})
 
     def along(self, candidate: CandidateLaw, before: Round | None) -> PointRound | None:
         """Fit a law and estimate the noise along its motion; None if it has none near the measured one."""
