@@ -206,18 +206,12 @@ class Fit:
 
     def select(self, chosen: NDArray[np.intp]) -> Fit:
         """Take some of the points; what was found from all stays."""
-        of_points = ("nuisance", "misfit", "used", "influence", "rows", "residual")
-        part = {name: getattr(self.regression, name)[chosen] for name in of_points}
-        return Fit(
-            self.problem.select(chosen),
-            replace(self.regression, **part),
-            self.force[chosen],
-            self.harmonics[chosen],
-            self.turn[chosen],
-            self.scale[chosen],
-            self.order,
-            self.across[chosen],
-            self.shared,
+        of_regression = ("nuisance", "misfit", "used", "influence", "rows", "residual")
+        part = {name: getattr(self.regression, name)[chosen] for name in of_regression}
+        of_points = ("force", "harmonics", "turn", "scale", "across")
+        own: dict[str, Any] = {name: getattr(self, name)[chosen] for name in of_points}
+        return replace(
+            self, problem=self.problem.select(chosen), regression=replace(self.regression, **part), **own
         )
 
 

@@ -385,10 +385,8 @@ class LawAlongRecord:
     def _mean_slopes(self) -> tuple[Array, Array]:
         """Slopes (s,) of the law along the mean motion, by x and by v."""
         sample = self._law.sample(*self.trajectory, self._values)
-        by_x, by_v = (
-            np.broadcast_to(part, (1, self._lines.samples))[0] for part in (sample.by_x, sample.by_v)
-        )
-        return by_x, by_v
+        shape = 1, self._lines.samples
+        return np.broadcast_to(sample.by_x, shape)[0], np.broadcast_to(sample.by_v, shape)[0]
 
     def lines_of(self, forces: Array) -> ComplexArray:
         """Return the lines (n, H+1) [N] that forces (n, s) along the mean motion add to the balance.

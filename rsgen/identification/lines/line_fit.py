@@ -185,14 +185,8 @@ class LineFit:
 
 def _line_variances(fit: LineFit, noise: BalanceNoise) -> Array:
     """Return the variance (r, H+1) of each line: its noise, or the smoothed misfit where that is larger."""
-    misfit = np.stack(
-        [
-            _smoothed_power(np.abs(residual) ** 2 / shape, used) * shape
-            for residual, shape, used in zip(
-                fit.balance.residual, noise.weight_shape, fit.lines.used, strict=True
-            )
-        ]
-    )
+    records = zip(np.abs(fit.balance.residual) ** 2, noise.weight_shape, fit.lines.used, strict=True)
+    misfit = np.stack([_smoothed_power(power / shape, used) * shape for power, shape, used in records])
     known = np.isfinite(noise.variance)
     # the smoothed power of pure noise exceeds this limit once in thousands
     limit = 1 + NOISE_LIMIT_SIGMAS / np.sqrt(2 * _SMOOTHING_HALF_WIDTH + 1)
@@ -471,18 +465,14 @@ def max_misfit_of_noise(fit: LineFit) -> float:
         return NOISE_RATIO_BY_CHANCE
     freedom, averaged = max(2 * count - int(fit.free.sum()), 1), repeats * (LINES_TO_EACH_SIDE + 1)
     limit = f_quantile(freedom, 2 * repeats * count, 1 - normal_share(-NOISE_LIMIT_SIGMAS))
-    return max(
-        NOISE_RATIO_BY_CHANCE, float(np.sqrt(limit * freedom / (2 * count) * averaged / (averaged - 1)))
-    )
+    square = limit * freedom / (2 * count) * averaged / (averaged - 1)
+    return max(NOISE_RATIO_BY_CHANCE, float(np.sqrt(square)))
 
 
 def relative_to_force(lines: SpectralLines, power: Array) -> float:
     """Return the root mean square over the records of sum(power)/sum(|F|^2), power (r, H+1) in N^2."""
-    force = np.abs(lines.spectra.mean_force) ** 2
-    shares = [
-        float(own[used].sum() / total[used].sum())
-        for own, total, used in zip(power, force, lines.used, strict=True)
-    ]
+    records = zip(power, np.abs(lines.spectra.mean_force) ** 2, lines.used, strict=True)
+    shares = [float(own[used].sum() / total[used].sum()) for own, total, used in records]
     return float(np.sqrt(np.mean(shares)))
 
 

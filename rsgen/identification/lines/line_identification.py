@@ -460,13 +460,10 @@ def _predicted_record(found: MultisineIdentification, spectra: MultisineSpectra,
         # a sensor without mean: the force has none either, as identification takes it
         force[0] = 0.0
     if far is not None:
-        start, far = (
-            np.where(spectra.lines < spectra.reach()[0], 0, mode.mean_response[0]),
-            far[0].mean(axis=0),
-        )
-    response = periodic_response(
-        law, found.solution, found.mass, float(spectra.omega[0, 1]), force, start, far
-    )
+        start = np.where(spectra.lines < spectra.reach()[0], 0, mode.mean_response[0])
+        far = far[0].mean(axis=0)
+    base = float(spectra.omega[0, 1])
+    response = periodic_response(law, found.solution, found.mass, base, force, start, far)
     # what is not of the mode is added as it was measured
     seen = response.spectrum + (measured - mode.mean_response[0])
     predicted = seen if response.converged else np.full(len(force), nan + 0j)

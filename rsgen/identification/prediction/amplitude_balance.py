@@ -176,9 +176,8 @@ class AmplitudeBalance:
         """Interpolate the resonance frequency (n,) [rad/s] in the table."""
         table, omega, _ = self._table
         known = np.isfinite(omega)
-        return (
-            np.interp(size, table[known], omega[known]) if known.any() else np.full(len(size), self._centre)
-        )
+        found = np.interp(size, table[known], omega[known]) if known.any() else self._centre
+        return np.broadcast_to(found, size.shape)
 
     def _frequency_near_resonance(self, size: float) -> float:
         """Return a frequency [rad/s] near the resonance at an amplitude [m]."""
@@ -201,7 +200,7 @@ class AmplitudeBalance:
             self._tabulate(2 * float(size[-1]))
         size, _, force = self._table
         reached = force <= level
-        edges = np.flatnonzero(np.diff(reached.astype(int)) != 0)
+        edges = np.flatnonzero(np.diff(reached.astype(int)))
         ends = [self._refine_end(float(size[i]), float(size[i + 1]), level) for i in edges]
         if reached[0]:
             ends.insert(0, self._smallest_amplitude(level, window))
@@ -215,11 +214,7 @@ class AmplitudeBalance:
             size = np.linspace(low, high, _BISECTION_POINTS)
             _, force = self.backbone(size, self._interpolated_frequency(size))
             reached = force <= level
-            i = (
-                int(np.flatnonzero(np.diff(reached.astype(int)) != 0)[0])
-                if reached.any() and not reached.all()
-                else 0
-            )
+            i = next(iter(np.flatnonzero(np.diff(reached.astype(int)))), 0)
             low, high = float(size[i]), float(size[i + 1])
         return low if reached[i] else high
 
@@ -461,9 +456,7 @@ def table_as_identification(table: ModalTable) -> Identification:
         first_order_bias=(),
         covariance=np.zeros((1, 1)),
         resonances=(),
-        curve=EquivalentCurve(
-            *(empty,) * 5, empty.astype(bool), level_unit=test.level_unit, units=test.units
-        ),
+        curve=EquivalentCurve(*(empty,) * 5, empty.astype(bool), test.level_unit, test.units),
         residual=table.misfit,
         noise=table.misfit,
         levels=test.levels,
@@ -485,8 +478,5 @@ def friction_under(found: Identification, curve: ResonanceCurve) -> dict[str, Qu
     rate = 2 * np.pi * found.frequency_range[1] * found.amplitude_range[1]
     friction = law_of(found.model.elements).dry_friction(ROUND_OFF * rate, found.solution)
     least = 4 / np.pi * friction
-    return (
-        quantities(friction=Quantity(friction, "N"), least=Quantity(least, "N"))
-        if curve.level < least
-        else {}
-    )
+    numbers = quantities(friction=Quantity(friction, "N"), least=Quantity(least, "N"))
+    return numbers if curve.level < least else {}

@@ -191,11 +191,8 @@ class Prediction(Printed):
         """The table that is printed."""
         if self.records and not self.curves:
             scores = [(short(one.level), short(one.error, 3), short(one.noise, 2)) for one in self.records]
-            of_records = (
-                f"level rms [{self.records[0].level_unit}]",
-                "error, relative rms",
-                "noise, relative rms",
-            )
+            unit = self.records[0].level_unit
+            of_records = (f"level rms [{unit}]", "error, relative rms", "noise, relative rms")
             return TextTable(of_records, tuple(scores), notes=tuple(map(str, self.findings)))
         rows = []
         for curve in self:

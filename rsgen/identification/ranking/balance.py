@@ -21,7 +21,7 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from collections.abc import Sequence
 from dataclasses import dataclass, field, fields, replace
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -78,9 +78,7 @@ class MotionAcross(NamedTuple):
 
     def select(self, chosen: Chosen) -> MotionAcross:
         """Keep some points."""
-        return MotionAcross(
-            self.harmonics[chosen], self.size[chosen], self.deviation[chosen], self.share[chosen]
-        )
+        return MotionAcross._make(part[chosen] for part in self)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -173,13 +171,12 @@ class ReferenceMotion:
         second = across[:, 1] - share * harmonics[:, 1]
         far_deviation[:, 1] = 0 if far is None else far - second
         motion = MotionAcross(across, np.abs(second), far_deviation, np.full(len(across), share))
-        return replace(
-            self,
-            harmonics=harmonics,
-            harmonics_deviation=deviation,
-            measured=np.array([False, True]),
-            across=motion,
-        )
+        own: dict[str, Any] = {
+            "harmonics": harmonics,
+            "harmonics_deviation": deviation,
+            "measured": np.array([False, True]),
+        }
+        return replace(self, across=motion, **own)
 
     def trajectories(self, samples: int) -> tuple[Trajectory, ...]:
         """Return those of the response, and across two sensors if there is one."""
@@ -233,9 +230,8 @@ def predicted_motion(
     count = min(BALANCE_HARMONICS + 1, mode.harmonics.shape[1])
     back = np.exp(-1j * turn)
     deviation = np.zeros((len(mode), BALANCE_HARMONICS + 1), dtype=complex)
-    deviation[:, :count] = (
-        mode.harmonics[:, :count] * back[:, None] ** np.arange(count) - harmonics[:, :count]
-    )
+    turned = mode.harmonics[:, :count] * back[:, None] ** np.arange(count)
+    deviation[:, :count] = turned - harmonics[:, :count]
     measured = np.isin(np.arange(BALANCE_HARMONICS + 1), mode.measured)
     deviation[:, ~measured] = 0
     return ReferenceMotion(
@@ -392,19 +388,10 @@ class PointBalance(WhitenedBalance):
 
     def select(self, chosen: NDArray[np.intp]) -> PointBalance:
         """Keep some points."""
-        return replace(
-            self,
-            trajectories=tuple(
-                (x[chosen], v[chosen], a[chosen], step[chosen]) for x, v, a, step in self.trajectories
-            ),
-            inertia=self.inertia[chosen],
-            right=self.right[chosen],
-            background=self.background[chosen],
-            level=self.level[chosen],
-            matrices=self.matrices[chosen],
-            spread=np.arange(len(chosen)),
-            _linear_laws={},
-        )
+        names = ("inertia", "right", "background", "level", "matrices")
+        rows: dict[str, Any] = {name: getattr(self, name)[chosen] for name in names}
+        along = tuple((x[chosen], v[chosen], a[chosen], step[chosen]) for x, v, a, step in self.trajectories)
+        return replace(self, trajectories=along, spread=np.arange(len(chosen)), _linear_laws={}, **rows)
 
 
 def whiten_balance(

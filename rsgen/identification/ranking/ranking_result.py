@@ -148,23 +148,18 @@ class Ranking(Printed):
             # doubts about the choice of the law are doubts about its identification
             against = self.verdict.decided_by if self.fits else self.findings
             # the ranking has its doubts already
-            said = {(f.code, f.severity, f.parameter, f.names.get("by")) for f in found.findings}
-            against = tuple(
-                f for f in against if (f.code, f.severity, f.parameter, f.names.get("by")) not in said
-            )
+            said = {_topic(f) for f in found.findings}
+            against = tuple(f for f in against if _topic(f) not in said)
             if any(f.code == "background-missing" for f in against):
                 # what it says of a background its best law does not say again
                 found = changed(found, findings=tuple(f for f in found.findings if not _of_background(f)))
             # of a law that is the best of those that do not fit a ranking is no advice
             names = {} if self.fits else {"ranked": "none fits"}
-            findings = (
-                *against,
-                *(
-                    replace(f, names={**f.names, **names}) if f.code == "law-does-not-fit" else f
-                    for f in found.findings
-                ),
+            own = (
+                replace(f, names={**f.names, **names}) if f.code == "law-does-not-fit" else f
+                for f in found.findings
             )
-            self._best.append(replace(found, ranking=self, findings=findings))
+            self._best.append(replace(found, ranking=self, findings=(*against, *own)))
         return self._best[0]
 
     def _identify(self, surface: ResponseSurface | MultisineSpectra) -> Identification:
@@ -249,6 +244,11 @@ class Ranking(Printed):
         best = whole_name(self.candidates[0].name, self.model.sensors)
         caption = f"best: {best} ({fits}), noise {short(100 * self.noise, 2)} %"
         return TextTable(heads, rows, caption=caption, notes=(ORDER,))
+
+
+def _topic(finding: Finding) -> tuple[str, ...]:
+    """Return what two findings have in common that say the same."""
+    return finding.code, finding.severity, finding.parameter, finding.names.get("by", "")
 
 
 def _of_background(finding: Finding) -> bool:

@@ -202,9 +202,8 @@ def _shared_misfit(found: Fit) -> float:
 
 def _predicted(found: Fit) -> NDArray[np.bool_]:
     """Return the mask (n,) of the points that a fit predicts."""
-    return np.asarray(
-        found.regression.used & np.isfinite(found.harmonics).all(axis=1) & np.isfinite(found.force)
-    )
+    finite = np.isfinite(found.harmonics).all(axis=1) & np.isfinite(found.force)
+    return np.asarray(found.regression.used & finite)
 
 
 def _enough(chosen: NDArray[np.intp], points: Points, law: ForceLaw, values: Array) -> bool:
@@ -222,20 +221,17 @@ def _simulated_reference(best: CandidateLaw, found: Fit, fixed: Mapping[str, flo
         if reference is None:
             return None
         noise = np.full(BALANCE_HARMONICS + 1, ASSUMED_RELATIVE_NOISE)
-        rows = reference.rows(noise)
-        candidate = replace(best, values=reference.parameters)
+        rows, candidate = reference.rows(noise), replace(best, values=reference.parameters)
         leader = fit_candidate(candidate, rows, fixed)
         out = None if leader.fault else outliers_of(leader, noise)
         if out is not None and out.any():
             leader = fit_candidate(candidate, rows.select(np.flatnonzero(~out)), fixed)
         if leader.fault or not leader.candidate.values["m"] > 0:
             return reference
-        values = reference.law.ordered(leader.candidate.values)
-        inertia = leader.candidate.values["m"]
-        reference = (
-            _simulate_amplitudes(best.elements, values, inertia, leader.candidate.background, found)
-            or reference
-        )
+        found_values = leader.candidate.values
+        values, background = reference.law.ordered(found_values), leader.candidate.background
+        again = _simulate_amplitudes(best.elements, values, found_values["m"], background, found)
+        reference = again or reference
     return reference
 
 

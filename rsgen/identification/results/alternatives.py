@@ -186,10 +186,8 @@ class Alternatives(Brief):
         """Return, by name, the alternatives of each kind that widen an error of values (q,) most, by much."""
         found = {}
         for kind, of_kind in self.kinds.items():
-            wider = {
-                name: float(np.max(spread_between([one], values, self.error)))
-                for name, one in of_kind.items()
-            }
+            spreads = {name: spread_between([one], values, self.error) for name, one in of_kind.items()}
+            wider = {name: float(np.max(spread)) for name, spread in spreads.items()}
             name = max(wider, key=wider.__getitem__, default="")
             if name and wider[name] > _WIDENED:
                 found[f"{kind}: {name}"] = of_kind[name]
@@ -232,19 +230,17 @@ class Alternatives(Brief):
         share, said = np.zeros(len(values)), ("", "", 0.0)
         for kind, name, one in fitted:
             shift = one.shift[: len(values)]
-            clear = (
-                (ratio > 1) & (np.abs(shift) > STANDARD_ERRORS_OF_DIFFERENCE * self.error) & stands_out(one)
-            )
+            far = np.abs(shift) > STANDARD_ERRORS_OF_DIFFERENCE * self.error
+            clear = (ratio > 1) & far & stands_out(one)
             moved = np.where(clear, shift / values, 0.0)
             if np.max(np.abs(moved)) > np.max(np.abs(share)):
                 share, said = moved, (kind, name, float(np.sqrt(one.gain)))
         worst, (kind, name, errors) = int(np.argmax(np.abs(share))), said
         if not kind:
             return ratio, found
-        open_ = interval_sigmas() * self.error[worst] * ratio[worst] > RELATIVE_ERROR_DOUBTFUL * abs(
-            values[worst]
-        )
-        severity = "doubt" if open_ and misfit > MISFIT_NEGLIGIBLE else "warning"
+        half = interval_sigmas() * self.error[worst] * ratio[worst]
+        wide = half > RELATIVE_ERROR_DOUBTFUL * abs(values[worst])
+        severity = "doubt" if wide and misfit > MISFIT_NEGLIGIBLE else "warning"
         numbers = quantities(errors=errors, moved=share[worst])
         # one that stands out is named with its shift
         found = [f for f in found if (f.parameter, f.names) != (self.names[worst], {kind: name})]
