@@ -106,7 +106,12 @@ def misfit_findings(
     """
     if not fit.systematic:
         return _noise_findings(surface, points, fit)
-    misfit, severity = relative_misfit(fit), _severity_with_pattern(surface, fit)
+    misfit = relative_misfit(fit)
+    size = _of_systematic_columns(fit) if surface.decays else misfit
+    # above a hundredth intervals are too narrow, of a joint from its noise on
+    severity = severity_of(
+        size, min([MISFIT_DOUBTFUL_WITH_PATTERN, *_limits_of_joints(fit)]), MISFIT_REJECTED
+    )
     rejected = severity == "error"
     left, explained, names = _cause(fit, points, others, only_terms=rejected, decays=surface.decays)
     numbers = quantities(misfit=misfit)
@@ -137,12 +142,10 @@ def misfit_findings(
     return found
 
 
-def _severity_with_pattern(surface: ResponseSurface, fit: Fit) -> Severity:
-    """Return the severity of a systematic misfit: above a hundredth, intervals are too narrow."""
-    size = _of_systematic_columns(fit) if surface.decays else relative_misfit(fit)
-    points, joints = fit.problem.observed.points, fit.problem.law.parts[1:]
-    limits = [MISFIT_DOUBTFUL_WITH_PATTERN, *(misfit_of_joint(points, part.sensors) for part in joints)]
-    return severity_of(size, min(limits), MISFIT_REJECTED)
+def _limits_of_joints(fit: Fit) -> list[float]:
+    """Return the misfit from which on the law across each pair of sensors is doubtful."""
+    points = fit.problem.observed.points
+    return [misfit_of_joint(points, part.sensors) for part in fit.problem.law.parts[1:]]
 
 
 def _noise_findings(surface: ResponseSurface, points: Points, fit: Fit) -> list[Finding]:

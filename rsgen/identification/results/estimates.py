@@ -150,7 +150,7 @@ def state_parameters(
     """
     found, others = errors.regression, errors.others
     why = _Reasons(others.names, units, tested, found, law.expression)
-    reasons = explain({name: why.of(name) for name in others.names})
+    reasons = explain({name: why.reason(name) for name in others.names})
     solution = Solution.of(found, converged=found.converged)
     stated, free = np.where(found.converged, found.covariance, nan), np.flatnonzero(found.free)
     return Statement(
@@ -307,7 +307,7 @@ def phase_findings(background: Array) -> list[Finding]:
 
 @dataclass(frozen=True, slots=True)
 class _Reasons:
-    """What decides whether parameters are identifiable from a test.
+    """Reasons why parameters are not identifiable from a test.
 
     Parameters
     ----------
@@ -327,7 +327,7 @@ class _Reasons:
     regression: Regression
     force: sympy.Expr
 
-    def of(self, name: str) -> Finding | None:
+    def reason(self, name: str) -> Finding | None:
         """Return why a parameter is not identifiable; None where it is.
 
         In this order: the points do not determine it (a null vector), alone or but for a combination with
