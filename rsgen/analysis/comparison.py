@@ -173,40 +173,43 @@ def compare(
             raise RsgenError(f"{place}: Identification; rs.compare_fits sets identifications side by side")
         require({} if values is None else values, Mapping, place)
     truth, accept = dict(truth or {}), dict(accept or {})
-    estimates = identification.refined
-    names = [estimate.name for estimate in estimates]
-    whole = force_keys(identification.model.force)
-    foreign = sorted(map(repr, set(truth) - known))
-    if foreign:
-        allowed = ", ".join(sorted(known))
-        raise RsgenError(f"truth: {', '.join(foreign):.200}: no parameter of the law; allowed are {allowed}")
-    unknown = sorted(set(accept) - set(names) - set(whole))
-    if unknown:
-        raise RsgenError(
-            f"accept: {', '.join(unknown)}: not identified; allowed are {', '.join([*names, *whole])}"
-        )
-    blind = sorted(name for name in accept if name in names and name not in truth)
-    missing = [name for name in identification.model.parameters if name not in truth]
-    if set(accept) & set(whole) and missing:
-        blind += missing
-    if blind:
-        raise RsgenError(f"accept: no truth for {', '.join(blind)}; every judged value needs one")
+    _check_names(identification, truth, accept)
     # no test says which of equal terms is which
     truth = in_order(identification.model.force, truth)
     rows = []
-    for found in zip(estimates, identification.paper, identification.first_order, strict=True):
+    kinds = identification.refined, identification.paper, identification.first_order
+    for found in zip(*kinds, strict=True):
         name = found[0].name
         true = truth.get(name, nan)
         # a true zero leaves only the absolute error to judge
         errors = [abs(estimate.value - true) / (abs(true) or 1.0) for estimate in found]
         rows.append(_row(found, errors, true, accept.get(name)))
-    if not missing:
-        rows += [
-            row
-            for key in whole
-            if (row := _force_row(identification, truth, key, accept.get(key))) is not None
-        ]
+    if set(identification.model.parameters) <= set(truth):
+        forces = force_keys(identification.model.force)
+        judged = (_force_row(identification, truth, key, accept.get(key)) for key in forces)
+        rows += [row for row in judged if row is not None]
     return Comparison(tuple(rows), all(row.passed for row in rows))
+
+
+def _check_names(
+    identification: Identification, truth: Mapping[str, float], accept: Mapping[str, float]
+) -> None:
+    """Refuse names that are no parameters or forces, and judged ones without a truth."""
+    parameters, whole = identification.model.parameters, force_keys(identification.model.force)
+    names = [estimate.name for estimate in identification.refined]
+    foreign = sorted(map(repr, set(truth) - {*parameters, "m"}))
+    if foreign:
+        allowed = ", ".join(sorted({*parameters, "m"}))
+        raise RsgenError(f"truth: {', '.join(foreign):.200}: no parameter of the law; allowed are {allowed}")
+    unknown = sorted(set(accept) - set(names) - set(whole))
+    if unknown:
+        allowed = ", ".join([*names, *whole])
+        raise RsgenError(f"accept: {', '.join(unknown)}: not identified; allowed are {allowed}")
+    blind = sorted(name for name in accept if name in names and name not in truth)
+    if set(accept) & set(whole):
+        blind += [name for name in parameters if name not in truth]
+    if blind:
+        raise RsgenError(f"accept: no truth for {', '.join(blind)}; every judged value needs one")
 
 
 def verdict_of(

@@ -106,6 +106,23 @@ OUTCOMES = (
 SWEPT_TOO_FAST, NOT_MEASURED = 4, 5
 
 
+def _without_numbers(columns: Mapping[str, Any]) -> tuple[NDArray[np.int64], tuple[Finding, ...]]:
+    """Return outcomes (n,) of points by their numbers, and findings about those that were not measured.
+
+    Exactly zero is what a channel gives that was not read.
+    """
+    moved = np.column_stack([columns["force"], columns["harmonics"][:, 1], columns["across"][:, 1:2]])
+    measured, found = np.isfinite(moved).all(axis=1), tuple[Finding, ...]()
+    silent = (moved == 0).any(axis=1) & measured
+    for by, rows in (("no number", ~measured), ("zero", silent)):
+        if rows.any():
+            numbers = {"rows": Quantity(int(np.count_nonzero(rows))), "all": Quantity(len(rows))}
+            levels = listed([short(level) for level in sorted(set(columns["level"][rows].tolist()))])
+            names = {"by": by, "levels": levels}
+            found += (Finding("rows-left-out", "warning", numbers=numbers, names=names),)
+    return np.where(measured, 0, NOT_MEASURED), found
+
+
 @dataclass(frozen=True, slots=True, eq=False, init=False, repr=False)
 class ResponseSurface(Records):
     """Steady states of a structure over force level and frequency; n test points, H harmonics.
@@ -260,18 +277,8 @@ class ResponseSurface(Records):
         if sweep is None:
             sweep = recognise_directions(columns["frequency"], columns["level"])
         if outcome is None:
-            measured = np.isfinite(columns["force"]) & np.isfinite(columns["harmonics"][:, 1])
-            measured &= np.isfinite(columns["across"][:, 1:2]).all(axis=1)
-            outcome = np.where(measured, 0, NOT_MEASURED)
-            # exactly zero is what a channel gives that was not read
-            silent = (columns["force"] == 0) | (columns["harmonics"][:, 1] == 0)
-            silent |= (columns["across"][:, 1:2] == 0).any(axis=1)
-            for by, rows in (("no number", ~measured), ("zero", silent & measured)):
-                if rows.any():
-                    numbers = {"rows": Quantity(int(np.count_nonzero(rows))), "all": Quantity(n)}
-                    levels = listed([short(level) for level in sorted(set(columns["level"][rows].tolist()))])
-                    names = {"by": by, "levels": levels}
-                    findings += (Finding("rows-left-out", "warning", numbers=numbers, names=names),)
+            outcome, left_out = _without_numbers(columns)
+            findings += left_out
         columns["sweep"] = column(sweep, "sweep", (n,))
         columns["outcome"] = column(outcome, "outcome", (n,))
         words: dict[str, object] = {"origin": origin, "control": control, "findings": findings, "base": base}
