@@ -109,6 +109,18 @@ def test_outliers_are_set_aside_but_not_when_neighbours_agree():
     assert systematic.used.all()
 
 
+@pytest.mark.parametrize(("spoilt", "outliers"), [([30], [30]), ([28, 29, 30, 31, 32, 33], [])])
+def test_an_outlier_that_pulls_peaks_off_its_neighbours_is_set_aside_alone(spoilt, outliers):
+    # three runs over a peak of the same size and place
+    place, pairs = np.tile(np.arange(-10, 10), 3) / 1.5, np.stack([np.arange(59), np.arange(1, 60)], axis=1)
+    peak = np.exp(-(place**2))
+    slopes = np.stack([np.ones(60), peak, place * peak], axis=1)[:, None].repeat(2, axis=1)
+    seen = slopes @ [1.0, 2.0, 1.0] + 0.01 * np.random.default_rng(1).normal(size=(60, 2))
+    seen[spoilt, 0] += 1
+    found = fit(*straight(slopes, seen), neighbours=pairs)
+    assert np.flatnonzero(~found.used).tolist() == outliers
+
+
 def test_of_what_is_not_determined_no_covariance_is_known():
     known = np.isfinite(determined(np.eye(3), np.array([[1.0], [0.0], [0.0]])))
     assert known.tolist() == [[False] * 3, [False, True, True], [False, True, True]]

@@ -246,15 +246,14 @@ def fit(
     converged, measured = False, nuisance
     for _ in range(4 if exclude else 1):
         parameters, nuisance, line, converged = descend(linearise, parameters, nuisance, rules, used)
-        predicted = line.predicted
-        kept = (predicted & _agreeing(line, used & predicted, neighbours)) if exclude else predicted & used
-        used, before = kept, used
+        good, before = used & line.predicted, used
+        used = _agreeing((parameters, nuisance, line), rules, good, neighbours) if exclude else good
         if np.array_equal(used, before):
             break
     if exclude and not used.all():
         # points that agree at the solution may have been outliers on the way from a far start
         whole = descend(linearise, parameters, np.where(used[:, None], nuisance, measured), rules)
-        if _agreeing(whole[2], every := np.ones_like(used), None).all():
+        if _agreeing(whole[:3], rules, every := np.ones_like(used), None).all():
             (parameters, nuisance, line, converged), used = whole, every
     return summarise(line, parameters, nuisance, rules, used, converged=converged)
 
@@ -444,27 +443,29 @@ def _least_squares(matrix: Array, right: Array) -> Array:
     return solution
 
 
-def _agreeing(line: Linearisation, used: Mask, neighbours: NDArray[np.intp] | None) -> Mask:
-    """Return the mask of points without outliers, which are at most a fixed share."""
-    residual, _ = eliminate(line)
-    distance = np.sum(residual**2, axis=1)
+def _agreeing(place: Place, rules: Rules, used: Mask, neighbours: NDArray[np.intp] | None) -> Mask:
+    """Return the mask of points without outliers, which are at most a fixed share.
+
+    One outlier pulls the fit off its neighbours: outliers that are neighbours are judged again after a step
+    without them.
+    """
+    parameters, nuisance, line = place
+    (residual, matrix), predicted = eliminate(line), line.predicted
     freedom = line.residual.shape[1] - line.by_nuisance.shape[2]
     # force and fundamental have twice as many rows as nuisances
     fewest = min(line.by_nuisance.shape[2], freedom)
-    by_chance = _largest_by_chance(distance[used], fewest, freedom, 1e-3 / len(distance))
-    limit = max(by_chance, _MIN_OUTLIER_MISFIT**2)
-    order = np.sort(distance[np.isfinite(distance)])[::-1]
-    most = int(MAX_SHARE_OF_OUTLIERS * len(order))
-    if most < len(order):
-        limit = max(limit, float(order[most]))
-    agreeing = np.asarray(np.nan_to_num(distance, nan=np.inf) <= limit)
-    if neighbours is not None:
-        outliers = ~agreeing & np.isfinite(distance)
-        pairs = int(np.count_nonzero(outliers[neighbours].all(axis=1)))
-        share = np.count_nonzero(outliers) / len(outliers)
-        if pairs > _MAX_NEIGHBOUR_RATIO * share**2 * len(neighbours) + 2:
-            return np.ones(len(outliers), dtype=bool)
-    return agreeing
+    most = int(MAX_SHARE_OF_OUTLIERS * np.count_nonzero(predicted))
+    for _ in range(2):
+        distance = np.sum(residual**2, axis=1)
+        by_chance = _largest_by_chance(distance[used], fewest, freedom, 1e-3 / len(distance))
+        largest = np.sort(distance[predicted])[-most - 1 :][:1]
+        outliers: Mask = predicted & (distance > max(by_chance, _MIN_OUTLIER_MISFIT**2, *largest))
+        few = _MAX_NEIGHBOUR_RATIO * np.mean(outliers) ** 2
+        if neighbours is None or np.sum(outliers[neighbours].all(axis=1)) <= few * len(neighbours) + 2:
+            return predicted & ~outliers
+        used = used & ~outliers
+        residual -= matrix @ _Step.of(line, parameters, nuisance, rules, used).change
+    return predicted
 
 
 def _largest_by_chance(distance: Array, fewest: int, freedom: int, chance: float) -> float:
