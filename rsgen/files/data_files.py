@@ -20,6 +20,8 @@ _UTF_16 = (b"\xff\xfe", b"\xfe\xff")
 _MAX_UTF_16_BYTES = 64 * 2**20
 """Larger texts of two bytes a sign are refused: they are held in memory as a whole."""
 
+_LABVIEW = b"LabVIEW Measurement"
+"""How LabVIEW's measurement files begin; those without a header are columns of text."""
 _BOOK = (b"[Content_Types].xml", b"xl/", b"docProps/", b"_rels/")
 """Members of a workbook, one of which comes first in the archive."""
 
@@ -41,6 +43,11 @@ def _is_archive(head: bytes, *, book: bool) -> bool:
 def _is_universal(head: bytes) -> bool:
     first = head.lstrip().split(b"\n", 1)
     return len(first) == 2 and first[0].strip() == b"-1" and first[1].lstrip()[:1].isdigit()
+
+
+def _is_labview(head: bytes) -> bool:
+    # two bytes a sign, or none, before and between
+    return head[:64].replace(b"\x00", b"").lstrip(b"\xff\xfe\xef\xbb\xbf").startswith(_LABVIEW)
 
 
 def _is_sound(head: bytes) -> bool:
@@ -83,8 +90,8 @@ class Format:
     rate: int = 20 * 2**20
 
 
-# The rate of workbooks is a quarter of the 1.3 MB/s that good ones reach; numbers that repeat pack better
-# than others, so that a small one may have as many as 32 MB of them.
+# The rates of texts are a quarter of the 8 and 1.3 MB/s that good files reach; numbers that repeat pack
+# better than others, so that a small workbook may have as many as 32 MB of them.
 _ROWS = (
     Format("mat", "array_files", "walk_matlab", _is_matlab, (".mat",), sample="sample_matlab"),
     Format("hdf5", "hdf5", "walk_hdf5", _is_hdf5, (".h5", ".hdf5", ".hdf"), sample="sample_hdf5"),
@@ -93,8 +100,9 @@ _ROWS = (
     ),
     Format("npz", "array_files", "walk_npz", partial(_is_archive, book=False), (".npz",), "sample_npz"),
     Format("uff", "uff", "walk_universal", _is_universal, (".uff", ".unv", ".uf", ".58")),
+    Format("lvm", "labview", "walk_lvm", _is_labview, (), rate=2 * 2**20),
     Format(
-        "tdms", "tdms", "walk_tdms", lambda head: head.startswith(b"TDSm"), (".tdms",),
+        "tdms", "labview", "walk_tdms", lambda head: head.startswith(b"TDSm"), (".tdms",),
         sample="sample_tdms", package="nptdms", plural="TDMS files",
     ),
     Format(

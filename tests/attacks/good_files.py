@@ -16,12 +16,12 @@ from rsgen.files import Channel, HistoryRule, LevelRule, MeasuredTest
 
 ENDINGS = {
     "csv": ".csv", "mat": ".mat", "hdf5": ".h5", "npy": ".npy", "npz": ".npz", "uff": ".uff",
-    "surface": ".h5", "wav": ".wav",
+    "surface": ".h5", "lvm": ".lvm", "wav": ".wav",
 }  # fmt: skip
 ENDINGS |= {
     form: f".{form}" for form, package in (("tdms", "nptdms"), ("xlsx", "openpyxl")) if find_spec(package)
 }
-_BEFORE = {"tdms": ("table/", "record/"), "xlsx": ("table/", "record/")}
+_BEFORE = {"lvm": ("1/", "2/"), "tdms": ("table/", "record/"), "xlsx": ("table/", "record/")}
 """What stands before the names of the table's columns, and of the history's."""
 ROWS = 40
 SAMPLES = 1200
@@ -86,6 +86,16 @@ def _groups() -> dict[str, dict[str, np.ndarray[Any, Any]]]:
     return {"table": table, "record": {name: parts[name] for name in ("t", "u", "a")}}
 
 
+def _labview() -> bytes:
+    lines = ["LabVIEW Measurement\t", "Separator\tTab", "Decimal_Separator\t.", "***End_of_Header***\t", "\t"]
+    for group in _groups().values():
+        lines += [f"Channels\t{len(group)}", "***End_of_Header***\t", "\t".join(["X_Value", *group])]
+        rows = enumerate(zip(*group.values(), strict=True))
+        lines += ["\t".join([str(number), *(f"{v:.9g}" for v in row)]) for number, row in rows]
+        lines.append("")
+    return ("\n".join(lines) + "\n").encode()
+
+
 def _recorded(form: str) -> bytes:
     """A file of a recorder: the table and the history as groups, sheets or channels."""
     file: Any = io.BytesIO()
@@ -132,6 +142,8 @@ def good(form: str, folder: Path) -> bytes:
         np.save(opened, np.column_stack([parts["f"], parts["F"], parts["x"].real, parts["x"].imag]))
     elif form == "hdf5":
         return _hdf5(parts)
+    elif form == "lvm":
+        return _labview()
     elif form in ("wav", "tdms", "xlsx"):
         return _recorded(form)
     elif form == "uff":

@@ -15,7 +15,7 @@ from numpy.random import Generator
 
 from tests.attacks.good_files import arrays, good, power_of_ten, universal
 from tests.attacks.traps_hdf5 import hdf5_declared, hdf5_outside, hdf5_tree, surface
-from tests.attacks.traps_recorders import sound, tdms, workbook
+from tests.attacks.traps_recorders import labview, sound, tdms, workbook
 
 Trap = Callable[[Path, Generator], bytes]
 LINES = (b"1" * 900_000, b"1," * 400_000, b"(" * 900_000, b" " * 900_000, b"[a" * 400_000, b"-" * 900_000)
@@ -257,6 +257,7 @@ TRAPS: dict[str, tuple[Trap, ...]] = {
     "hdf5": (hdf5_declared, hdf5_outside, hdf5_tree),
     "uff": (universal_counts, universal_binary, universal_sets),
     "surface": (surface,),
+    "lvm": (labview,),
     "wav": (sound,),
     "tdms": (tdms,),
     "xlsx": (workbook,),

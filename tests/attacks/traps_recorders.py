@@ -1,4 +1,4 @@
-"""Traps in the files of recorders: TDMS, Excel workbooks, sound files."""
+"""Traps in the files of recorders: LabVIEW's text and TDMS, Excel workbooks, sound files."""
 
 import io
 import struct
@@ -11,6 +11,24 @@ from tests.attacks.good_files import good, power_of_ten
 
 _SIZES = (0, 1, 2, 2**15, 2**16 - 1, 2**31 - 1, 2**32 - 1)
 _SHEET = b'<worksheet xmlns="http://schemas.openxmlformats.org/spreadsheetml/2006/main"><sheetData>'
+
+
+def labview(folder: Path, rng: Generator) -> bytes:
+    """Segments and columns by the thousand, heads without an end, special blocks, other separators."""
+    text = good("lvm", folder)
+    head, _, rows = text.partition(b"X_Value")
+    kind = int(rng.integers(6))
+    if kind == 0:
+        return text + b"Channels\t1\n***End_of_Header***\t\nX_Value\ta\n1\t2\n" * power_of_ten(rng, 1, 4.3)
+    if kind == 1:
+        return head + b"X_Value" + b"\ta" * power_of_ten(rng, 1, 5) + b"\n" + b"1\t" * power_of_ten(rng, 1, 5)
+    if kind == 2:
+        return head + b"***Start_Special***\n" * power_of_ten(rng, 1, 5) + b"X_Value" + rows
+    if kind == 3:
+        return text.replace(b"\t", bytes(rng.choice([b";", b",", b" ", b"", b"\x00"])))
+    if kind == 4:
+        return head + b"X_Value\ta\n" + b"7" * power_of_ten(rng, 3, 6) + b"\t1\n"
+    return head + b"X_Value\ta\n" + b"\t\n\n1e999\tnan\n-\t1,5\n" * power_of_ten(rng, 1, 5)
 
 
 def sound(folder: Path, rng: Generator) -> bytes:

@@ -111,23 +111,6 @@ def test_layouts_of_texts(tmp_path, text, layout, column, begun):
     assert len(read_case(begun(path))) > 1
 
 
-def test_the_header_of_a_labview_file_is_passed_over(tmp_path):
-    path = tmp_path / "a.lvm"
-    path.write_text(
-        "LabVIEW Measurement\t\nSeparator\tTab\nDecimal_Separator\t,\n***End_of_Header***\t\n\t\n"
-        "Channels\t2\t\t\nY_Unit_Label\tN\tg\t\n***End_of_Header***\t\t\t\nX_Value\tF\ta\tComment\n"
-        "0,0\t1\t2\n0,1\t2\t\tknock\n0,2\t3\t4\n"
-    )
-    contents = list_contents(path)
-    assert contents.layout is not None
-    assert (contents.layout.skip, contents.layout.decimal) == (8, ",")
-    assert {entry.path: (entry.shape, entry.high) for entry in contents.entries} == {
-        "X_Value": ((3,), 0.2),
-        "F": ((3,), 3.0),
-        "a": ((3,), 4.0),
-    }
-
-
 @pytest.mark.slow
 def test_what_is_inside_is_shown(run_cli):
     shown = run_cli("inspect", FORMATS / "steps.h5").out

@@ -1,4 +1,4 @@
-"""Files of other programs, in other units than SI: TDMS, Excel and sound; good and hostile."""
+"""Files of other programs, in other units than SI: TDMS, Excel, LabVIEW and sound; good and hostile."""
 
 import io
 import re
@@ -23,6 +23,7 @@ from rsgen.files.array_files import walk_wav
 from rsgen.files.data_files import recognise_format
 from rsgen.files.histories import read_histories
 from rsgen.files.inspection import list_contents
+from rsgen.files.labview import walk_lvm
 from rsgen.files.sandbox import read_binary
 from rsgen.files.tree import LARGEST_BYTES, find
 
@@ -157,6 +158,55 @@ def test_a_tdms_file_in_kilonewton_and_g(tmp_path, run_cli):
     assert "holds no numbers" in run_cli("inspect", path).out
 
 
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("columns", "separator", "decimal", "encoding"),
+    [("One", "Tab", ",", "utf-16"), ("Multi", "Comma", ".", "cp1252"), ("No", "Tab", ".", "utf-8")],
+)
+def test_measurement_files_of_labview(tmp_path, columns, separator, decimal, encoding):
+    """Two segments of other lengths, each with its unit; the step tells the time where no column does."""
+    lvmio = pytest.importorskip("lvmio", reason="no lvmio here: install rsgen[test]")
+    path = tmp_path / "a.lvm"
+    segments = []
+    for count in (4000, 1000):
+        channels = [
+            lvmio.Channel("Drive", list(DRIVE[:count] / POUND), unit="lbf", delta_x=1 / 200),
+            lvmio.Channel("Beschl. µ", list(MOTION[:count] * 1e3), unit="mm/s^2", delta_x=1 / 200),
+        ]
+        segments.append(lvmio.Segment(channels, notes="two parts"))
+    text = lvmio.format_lvm(
+        lvmio.LvmFile(segments), separator=separator, decimal_separator=decimal, x_columns=columns,
+        precision=15,
+    )  # fmt: skip
+    path.write_bytes(text.encode(encoding))
+    abscissa = "Drive/X_Value" if columns == "Multi" else "X_Value"
+    for number, count in ((1, 4000), (2, 1000)):
+        rule = {"time": f"{number}/{abscissa}"}
+        (found,) = read_histories(history(path, f"{number}/Drive", f"{number}/Beschl. µ", rule))
+        assert len(found) == count
+        assert found.rate == pytest.approx(200, rel=1e-12)
+        # 15 digits behind the point are written
+        np.testing.assert_allclose(found.reference, DRIVE[:count], rtol=ROUND_OFF, atol=1e-14)
+        np.testing.assert_allclose(found.response, MOTION[:count], rtol=ROUND_OFF, atol=1e-14)
+
+
+LVM = (
+    "LabVIEW Measurement\t\nSeparator\tTab\nDecimal_Separator\t.\nX_Columns\tOne\n***End_of_Header***\t\n\t\n"
+    "Channels\t2\t\t\nY_Unit_Label\tNewtons\tg\t\nX_Dimension\tTime\tTime\t\nDelta_X\t0.1\t0.1\t\n"
+    "***End_of_Header***\t\t\t\nX_Value\tF\ta\tComment\n0.0\t1\t2\n0.1\t2\t\tknock\n0.2\t3\t4\n"
+)
+
+
+def test_instants_that_a_labview_file_counts_begin_at_x0(tmp_path):
+    path = tmp_path / "a.lvm"
+    text = LVM.replace("Delta_X", "X0\t2.5\t2.5\t\nDelta_X")
+    path.write_text(
+        text.replace("\n0.0\t1", "\n\t1").replace("\n0.1\t2", "\n\t2").replace("\n0.2\t3", "\n\t3")
+    )
+    (instants,) = array(path, "X_Value")
+    np.testing.assert_allclose(instants, [2.5, 2.6, 2.7], rtol=1e-12)
+
+
 def test_members_of_a_struct_array_are_counted_by_columns(tmp_path):
     path, run = tmp_path / "a.mat", np.empty((2, 3), dtype=[("f", object)])
     for place in np.ndindex(2, 3):
@@ -164,6 +214,21 @@ def test_members_of_a_struct_array_are_counted_by_columns(tmp_path):
     savemat(path, {"run": run})
     # run(2) of MATLAB is run(2, 1), run(3) is run(1, 2)
     assert [float(one.item()) for one in array(path, "run/2/f", "run/3/f", "run/6/f")] == [10.0, 1.0, 12.0]
+
+
+@pytest.mark.parametrize(("change", "message"), [
+    (("0.2\t3\t4\n", "0.2\t3\n"), "line 15: 2 values; the segment has 3 columns"),
+    (("0.2\t3\t4\n", "0.2\t3\t4,5\n"), "'a': line 15: '4,5' is no number"),
+    (("0.2\t3\t4\n", "0.2\t3\t1e999\n"), "'a': line 15: '1e999' is no number"),
+    (("***End_of_Header***\t\t\t\n", ""), "the file ends before ***End_of_Header***, so it is cut off"),
+    (("X_Value\tF", "Value\tF"), "the names of the channels are needed"),
+    (("Tab", "Bar"), "its separator is 'bar'; Tab, Comma and Semicolon are read"),
+    (("0.0\t1\t2\n0.1\t2\t\tknock\n0.2\t3\t4\n", ""), "no rows of numbers in it"),
+])  # fmt: skip
+def test_faults_of_measurement_files_of_labview(tmp_path, change, message):
+    assert change[0] in LVM
+    with pytest.raises(MeasurementError, match=re.escape(message)):
+        load(walk_lvm, LVM.replace(*change).encode(), "a")
 
 
 @pytest.mark.parametrize(
