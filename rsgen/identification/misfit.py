@@ -303,7 +303,7 @@ def background_findings(
         Of the fit, and what the best term would leave.
     """
     offset = _offset_proposal(own, left_by, misfit)
-    kind = simplest_background(left_by)
+    kind = simplest_background(left_by, misfit)
     leaves = left_by[kind]
     if not leaves < min((1 - MIN_MISFIT_REDUCTION) * misfit, left):
         return offset

@@ -23,6 +23,7 @@ from numpy.typing import NDArray
 from rsgen.common.arrays import Array
 from rsgen.common.solvers import solve_scaled
 from rsgen.common.tolerances import (
+    MIN_MISFIT_REDUCTION,
     MIN_SIGNIFICANT_GAIN,
     NEAR_STEPS,
     NOISE_RATIO_BY_CHANCE,
@@ -263,9 +264,16 @@ LARGEST = BACKGROUNDS[-2] + OFFSET
 """The largest kind of background whose values have slopes at zero."""
 
 
-def simplest_background(left_by: Mapping[str, float]) -> str:
-    """Return the first, simplest kind of background that leaves hardly more misfit than the best one."""
-    return next(kind for kind, one in left_by.items() if one <= NOISE_RATIO_BY_CHANCE * min(left_by.values()))
+def simplest_background(left_by: Mapping[str, float], misfit: float) -> str:
+    """Return the first, simplest kind of background that leaves hardly more than the best one.
+
+    Where most of the misfit is noise, all kinds leave nearly as much: it explains what the best one explains.
+    """
+    least = min(left_by.values())
+    most = least**2 + (1 - MIN_MISFIT_REDUCTION) ** 2 * max(misfit**2 - least**2, 0.0)
+    return next(
+        kind for kind, left in left_by.items() if left <= min(NOISE_RATIO_BY_CHANCE * least, np.sqrt(most))
+    )
 
 
 def larger_backgrounds(

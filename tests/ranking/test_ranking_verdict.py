@@ -106,6 +106,19 @@ def test_a_ranking_in_which_no_law_fits_says_with_which_background_one_would() -
     assert again.candidates[0].name == laws[1]
 
 
+def test_the_background_that_would_fit_is_named_where_most_of_the_misfit_is_noise() -> None:
+    law, values = "k*x + k3*x**3 + k5*x**5 + c*v", {"k": 33e3, "k3": -9e8, "k5": 9e13, "c": 2.2}
+    test = SimulatedTest([1, 5, 12], np.linspace(26, 35, 46), sweep="down", noise_relative=6e-3, seed=1)
+    table = rsgen.simulate(Oscillator(0.9, law, values), test)
+    response = table.harmonics[:, 1] + 2.5e-6 * table.force
+    seen = ResponseSurface(table.level, table.frequency, table.force, response, sweep="down")
+    (found,) = (f for f in rank(seen, [law]).verdict.decided_by if f.code == "background-missing")
+    assert found.names["kind"] == "constant"
+    # by no means half of it, for the noise remains
+    assert found["left"] > 0.5 * found["misfit"]
+    assert found["left"] == pytest.approx(6e-3, rel=0.1)
+
+
 def test_a_ranking_in_which_no_law_fits_says_that_a_constant_mean_would_explain_it() -> None:
     table, laws = measured("cubic", 2e-3), ["k*x + c*v", "c*v + k*x + kn*x**3"]
     harmonics = np.array(table.harmonics)
@@ -325,7 +338,7 @@ def test_a_tied_law_whose_formula_contains_the_best_one_is_said_to_contain_it() 
     rows = type("Rows", (tuple,), {"sensors": ""})(range(90))
     current: Any = SimpleNamespace(counted="points", rows=rows, noise=0.0067)
     best, ties = map(sentence, _best_law_findings(tied, current, known=True, sure=True))
-    assert best.endswith("at 90 points looks like noise of 0.67 %")
+    assert best.endswith("looks like noise of 0.67 %; this test does not separate it from: odd-power-spring")
     assert ties == (
         "this test does not separate it from: odd-power-spring; "
         "these contain it and fit no better: joint-polynomial, cubic-spring + quintic-spring"

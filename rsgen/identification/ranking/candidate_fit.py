@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 from rsgen.common.arrays import Array
 from rsgen.common.finding import Finding, Quantity
 from rsgen.common.solvers import solve_scaled
-from rsgen.common.tolerances import NEAR_STEPS
+from rsgen.common.tolerances import MISFIT_NEGLIGIBLE, NEAR_STEPS
 from rsgen.formula import symbol
 from rsgen.identification.fitting.across import law_of
 from rsgen.identification.fitting.least_squares import Linearisation, Rules, descend
@@ -365,13 +365,16 @@ class RankedTest(ABC):
     def along(self, candidate: CandidateLaw, before: Round | None) -> Round | None:
         """Fit a law by itself, and make its motion the reference; None if it does not follow the test."""
 
-    def larger_background(self, candidate: CandidateLaw) -> Finding | None:
+    def larger_background(self, best: CandidateFit, current: Round) -> Finding | None:
         """Find a larger background with which a law leaves much less; None if there is none."""
         return None
 
 
 MAX_UNEXPLAINED = 5e-3
 """Misfit of force and response, relative, that calibration errors of sensors reach."""
+
+_MAX_UNEXPLAINED_OF_HARMONIC = 0.1
+"""Misfit of a higher harmonic, relative to that harmonic."""
 
 _SHARE_LOCATED, _MAX_RANGE = 0.6, 0.75
 """Share of the misfit that lies in a stated range, and the part of the tested range that it may cover."""
@@ -408,3 +411,14 @@ def locate_misfit(
         if span is not None:
             numbers |= {f"{name} from": Quantity(span[0], unit), f"{name} to": Quantity(span[1], unit)}
     return numbers
+
+
+def max_misfits(points: Points, count: int) -> Array:
+    """Return the largest relative misfit (count,) of a law that fits, of mean, fundamental and harmonics."""
+    known = min(count, points.harmonics.shape[1])
+    size = np.zeros(count)
+    relative = np.abs(points.harmonics[:, :known]) ** 2 / points.amplitude[:, None] ** 2
+    size[:known] = np.sqrt(np.mean(relative, axis=0))
+    limits = np.maximum(MISFIT_NEGLIGIBLE, _MAX_UNEXPLAINED_OF_HARMONIC * size)
+    limits[:2] = MAX_UNEXPLAINED
+    return np.asarray(limits)

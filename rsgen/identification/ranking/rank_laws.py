@@ -378,7 +378,7 @@ def _ranking(
     findings = assessment.findings + ((test.left_out,) if test.left_out else ())
     # no background takes the place of a law
     if 0 < assessment.unexplained < MISFIT_REJECTED and isinstance(surface, ResponseSurface):
-        findings = _with_background(test, ordered, surface, findings)
+        findings = _with_background(test, ordered, current, surface, findings)
     return Ranking(
         tuple(rows),
         model,
@@ -392,7 +392,11 @@ def _ranking(
 
 
 def _with_background(
-    test: RankedTest, ordered: Sequence[CandidateFit], surface: ResponseSurface, findings: tuple[Finding, ...]
+    test: RankedTest,
+    ordered: Sequence[CandidateFit],
+    current: Round,
+    surface: ResponseSurface,
+    findings: tuple[Finding, ...],
 ) -> tuple[Finding, ...]:
     """Add to the findings of a ranking in which no law fits that one of the best would with a background.
 
@@ -402,7 +406,7 @@ def _with_background(
     if surface.decays or surface.lag_assumed or any(f.code in CODES_OF_RESPONSE for f in surface.findings):
         return findings
     for fit in ordered[:_LEADERS]:
-        found = test.larger_background(fit.candidate)
+        found = test.larger_background(fit, current)
         if found is not None:
             kind, law = found.names["kind"], whole_name(fit.candidate.name, test.first.sensors)
             named = (

@@ -146,7 +146,8 @@ class Ranking(Printed):
         if not self._best:
             found = self.identified or self._identify(self.surface)
             # doubts about the choice of the law are doubts about its identification
-            against = self.verdict.decided_by if self.fits else self.findings
+            tied = tuple(f for f in self.findings if f.code == "laws-not-separated")
+            against = (*self.verdict.decided_by, *tied) if self.fits else self.findings
             # the ranking has its doubts already
             said = {_topic(f) for f in found.findings}
             against = tuple(f for f in against if _topic(f) not in said)
@@ -373,14 +374,6 @@ def _best_law_findings(
     label = {candidate.name: candidate.label for candidate in candidates}
     whole = next(whole_label(one, current.rows.sensors) for one in candidates if one.name == best)
     law = {"law": whole} | ({} if known else {"noise": "not known"})
-    law |= {"left": "systematic"} if sure and systematic else {}
-    found = [Finding("law-fits-best" if sure else "law-nearest", "info", numbers=numbers, names=law)]
-    inside = set(best.split(" + "))
-    found += [
-        Finding("laws-not-separated", "info", names={"law": term.name, "same": " and ".join(term.how.same)})
-        for term in library_terms()
-        if term.how.same and term.name in inside
-    ]
     # as the joint polynomial contains the cubic spring, a law of the library may contain another
     terms = {term.name: sympy.Add.make_args(term.source.added) for term in library_terms()}
     parts = {name: {part for law in name.split(" + ") for part in terms.get(law, (law,))} for name in tied}
@@ -388,6 +381,15 @@ def _best_law_findings(
     other = [name for name in rest if name not in more]
     # a sum that contains another tied law is not named
     other = [name for name in other if not any(parts[less] < parts[name] for less in other)]
+    law |= {"left": "systematic"} if sure and systematic else {}
+    law |= {"tied": listed([label[name] for name in other])} if other else {}
+    found = [Finding("law-fits-best" if sure else "law-nearest", "info", numbers=numbers, names=law)]
+    inside = set(best.split(" + "))
+    found += [
+        Finding("laws-not-separated", "info", names={"law": term.name, "same": " and ".join(term.how.same)})
+        for term in library_terms()
+        if term.how.same and term.name in inside
+    ]
     tied_to = {
         kind: listed([label[name] for name in names])
         for kind, names in (("laws", other), ("larger", more))

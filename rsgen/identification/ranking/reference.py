@@ -60,7 +60,6 @@ from rsgen.identification.ranking.balance import (
     whiten_balance,
 )
 from rsgen.identification.ranking.candidate_fit import (
-    MAX_UNEXPLAINED,
     CandidateFit,
     CandidateLaw,
     Misfit,
@@ -68,6 +67,7 @@ from rsgen.identification.ranking.candidate_fit import (
     Round,
     fit_candidate,
     locate_misfit,
+    max_misfits,
 )
 from rsgen.identification.ranking.library_sums import surrogates
 from rsgen.identification.soundness import exclusion_findings, held_finding, held_points, nearly_held
@@ -333,9 +333,6 @@ def _neighbour_noise(
 _MAX_POINTS = 500
 """Points that separate laws; more of them only narrow intervals."""
 
-_MAX_UNEXPLAINED_OF_HARMONIC = 0.1
-"""Misfit of a higher harmonic, relative to that harmonic."""
-
 
 @dataclass(frozen=True, slots=True, eq=False)
 class PointRound(Round):
@@ -368,11 +365,15 @@ class PointRound(Round):
         """Noise of the fundamental and the force; that of the last round where no points are neighbours."""
         return float(self.noises[1])
 
+    def compared(self, best: CandidateFit) -> NDArray[np.bool_]:
+        """Return the mask (n,) of the tested points that a law is compared with."""
+        mask = np.zeros(len(self.tested), dtype=bool)
+        mask[self.reference.chosen[~outliers_of(best, self.noises)]] = True
+        return mask
+
     def exclusions(self, best: CandidateFit) -> list[Finding]:
         """Find the points that the best law is not compared with, as its identification does."""
-        excluded = np.ones(len(self.tested), dtype=bool)
-        excluded[self.reference.chosen[~outliers_of(best, self.noises)]] = False
-        law = best.candidate.law
+        excluded, law = ~self.compared(best), best.candidate.law
         stopped = nearly_held(self.tested, law, law.ordered(best.candidate.values))
         found = exclusion_findings(
             self.tested, excluded, self.measured, self.level_unit, stopped=stopped & excluded
@@ -439,7 +440,7 @@ class PointRound(Round):
         correlation = np.nan_to_num(shared / np.maximum(total**2, 1e-300))
         # real and imaginary part; a mean, and a fundamental without phases, is one number
         counted = np.bincount(np.repeat(np.arange(len(misfit)), 2)[1:], fitted.compared) * len(pairs)
-        missing = beyond_chance(correlation, counted) & (misfit > _max_misfits(points, len(misfit)))
+        missing = beyond_chance(correlation, counted) & (misfit > max_misfits(points, len(misfit)))
         unexplained = float(np.sqrt(np.sum(misfit[missing] ** 2)))
         where = locate_misfit(fitted, points, pairs, missing, misfit) if missing.any() else {}
         if missing[0]:
@@ -518,17 +519,22 @@ class PointTest(RankedTest):
             return None
         return PointRound(rows, leader, reference, noise, self.observed.points, *self._measured)
 
-    def larger_background(self, candidate: CandidateLaw) -> Finding | None:
-        """Find a larger background with which a law leaves much less; None if there is none."""
-        law, values = candidate.law, candidate.values
-        problem = Problem(candidate.elements, law, self.observed, self.fixed)
-        place = problem.join(law.ordered(values), values["m"], candidate.background)
+    def larger_background(self, best: CandidateFit, current: Round) -> Finding | None:
+        """Find a larger background that explains much of a misfit beyond noise; None if there is none."""
+        if not isinstance(current, PointRound):
+            return None
+        own, law = best.candidate, best.candidate.law
+        problem = Problem(own.elements, law, self.observed.select(current.compared(best)), self.fixed)
+        place = problem.join(law.ordered(own.values), own.values["m"], own.background)
         fit = fit_near(problem, place, order=BALANCE_HARMONICS)
         others, misfit = fit_larger_backgrounds(fit, fit.regression.noise), relative_misfit(fit)
         leaves = {kind: left_by(fit, other, np.ones(1)) for kind, other in others.items()}
-        if not min(leaves.values(), default=np.inf) < (1 - MIN_MISFIT_REDUCTION) * misfit:
+        # with noise no background halves the whole of a small misfit
+        systematic = misfit**2 - current.noise**2
+        explained = misfit**2 - min(leaves.values(), default=np.inf) ** 2
+        if not explained > (1 - (1 - MIN_MISFIT_REDUCTION) ** 2) * systematic > 0:
             return None
-        kind = simplest_background(leaves)
+        kind = simplest_background(leaves, misfit)
         numbers = quantities(misfit=misfit, left=leaves[kind])
         return Finding("background-missing", "doubt", numbers=numbers, names={"kind": kind})
 
@@ -565,14 +571,3 @@ def _start_observed(
     place = best.regression.parameters
     every = fit_balance(replace(best.problem, observed=observed), place, order=START_HARMONICS, steps=1)
     return _with_phases(every), every.background
-
-
-def _max_misfits(points: Points, count: int) -> Array:
-    """Return the largest relative misfit (count,) of a law that fits, of mean, fundamental and harmonics."""
-    known = min(count, points.harmonics.shape[1])
-    size = np.zeros(count)
-    relative = np.abs(points.harmonics[:, :known]) ** 2 / points.amplitude[:, None] ** 2
-    size[:known] = np.sqrt(np.mean(relative, axis=0))
-    limits = np.maximum(MISFIT_NEGLIGIBLE, _MAX_UNEXPLAINED_OF_HARMONIC * size)
-    limits[:2] = MAX_UNEXPLAINED
-    return np.asarray(limits)
