@@ -400,7 +400,8 @@ def profile(found: Identification, name: str) -> Profile:
         raise RsgenError(f"profile: {name} is fixed; identify without fixing it")
     known = {e.name: e for e in found.refined if isfinite(e.value)}
     if name not in known:
-        raise RsgenError(f"profile: {name!r} has no value here; those with one: {', '.join(known) or 'none'}")
+        allowed = ", ".join(known) or "none"
+        raise RsgenError(f"profile: {name!r} is no parameter with a value here; those are {allowed}")
     if isinstance(found, MultisineIdentification):
         lines = rsgen.identification.fit_multisine(*per_unit_mass(found.spectra, found.model))
         likelihood: _Likelihood = _LineLikelihood(lines)

@@ -51,10 +51,18 @@ _DTYPES: dict[str, type | str] = {
 }
 
 
+_COMPLEX_PLACE = {"level": "; a complex force of each point is force=, its level the nominal amplitude"}
+
+
 def column(values: Any, name: str, shape: tuple[int, ...]) -> NDArray[Any]:
     """Return a column as a read-only copy; a single value is repeated at every point."""
+    dtype = _DTYPES.get(name, np.float64)
+    if dtype is np.float64 and np.iscomplexobj(values):
+        raise RsgenError(
+            f"surface.{name}: complex numbers; allowed are real ones{_COMPLEX_PLACE.get(name, '')}"
+        )
     try:
-        array = np.array(unmasked(values), dtype=_DTYPES.get(name, np.float64))
+        array = np.array(unmasked(values), dtype=dtype)
     except (TypeError, ValueError) as fault:
         raise RsgenError(f"surface.{name}: {fault}") from None
     if array.ndim == 0 and len(shape) == 1:
