@@ -3,14 +3,12 @@
 import numpy as np
 import pytest
 
-import rsgen as rs
 from rsgen.common.errors import RsgenError
 from rsgen.common.finding import reach_verdict
 from rsgen.identification.fitting.least_squares import Linearisation, Regression, fit
-from rsgen.identification.fitting.points import select_points
 from rsgen.identification.identify import identify
 from rsgen.identification.lines.line_fit import jackknife
-from rsgen.identification.results.alternatives import compare_parts, halves_of
+from rsgen.identification.results.alternatives import compare_parts
 from tests.samples import cubic_model, cubic_surface
 from tests.surfaces import model, noisy, surface
 
@@ -91,13 +89,3 @@ def test_a_name_that_is_not_there_is_answered_with_those_that_are(found, name):
     with pytest.raises(KeyError, match="there are c1, k1, kn1, m") as fault:
         found[name]  # type: ignore[index]  # the attempt is the test
     assert isinstance(fault.value, RsgenError)
-
-
-def test_points_at_resonance_are_halved_by_their_amplitude():
-    time = np.arange(4000) / 400
-    free = np.exp(-0.4 * time) * np.cos(2 * np.pi * 10 * time)
-    table = rs.history.from_free_decay(rs.history.TimeHistory(400, None, 1e-3 * free), mass=1.0)
-    points = select_points(table, model("cubic", 1.0))
-    small = halves_of(points)["small and large motions"]
-    assert abs(np.count_nonzero(small) - len(points) / 2) <= 1
-    assert points.amplitude[small].max() < points.amplitude[~small].min()
