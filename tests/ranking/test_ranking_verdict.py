@@ -88,6 +88,7 @@ def test_advice_does_not_return_to_a_ranking_in_which_no_law_fits() -> None:
     assert "law-does-not-fit" in codes
     first, *rest = steps_once(stated)
     assert "leads no further. What remains: `rsgen modal`" in first
+    assert "`rsgen rank --terms-in-sum 3` (in Python terms_in_sum=3)" in first
     assert not [step for step in rest if "rsgen rank" in step]
 
 
