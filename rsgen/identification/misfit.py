@@ -136,9 +136,15 @@ def misfit_findings(
         # a term that is missing misses some levels more than others, as dry friction the lowest
         found += _level_apart(points, fit.regression, surface.level_unit)
     if backgrounds:
-        known_values = fit.regression.first(fit.problem.count)
-        of = observed.background.kind, backgrounds, leaves, known_values, others.names
-        found += background_findings(*of, misfit=misfit, left=left if known else 0.0)
+        found += background_findings(
+            observed.background.kind,
+            backgrounds,
+            leaves,
+            fit.regression.first(fit.problem.count),
+            others.names,
+            misfit=misfit,
+            left=left if known else 0.0,
+        )
     return found
 
 

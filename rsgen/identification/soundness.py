@@ -9,7 +9,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
-from operator import itemgetter
 
 import numpy as np
 from numpy.typing import NDArray
@@ -263,9 +262,11 @@ def gain_findings(background: BackgroundTerms, values: Array, variance: Array, m
 
 def _longest(marks: NDArray[np.bool_]) -> tuple[int, int]:
     """Where the longest stretch of True begins, and its length."""
-    return max(
-        zip(*(part.tolist() for part in true_runs(marks)), strict=True), key=itemgetter(1), default=(0, 0)
-    )
+    starts, lengths = true_runs(marks)
+    if not len(starts):
+        return 0, 0
+    longest = int(np.argmax(lengths))
+    return int(starts[longest]), int(lengths[longest])
 
 
 def sign_findings(points: Points, fit: Fit, wider: Array) -> list[Finding]:
@@ -519,10 +520,8 @@ def _unrecorded_harmonics(
     force = project(joint.along(across, values, SAMPLES_PER_PERIOD_SWITCHED).force, 1)
     far = _far_mass(force, response - across.harmonics[:, 1], across.omega)
     reduced = 1 / (1 / found.mass + 1 / (far or found.mass))
-    size, start = (
-        np.abs(across.harmonics[:, 1]),
-        np.zeros((len(across), BALANCE_HARMONICS + 1), dtype=complex),
-    )
+    size = np.abs(across.harmonics[:, 1])
+    start = np.zeros((len(across), BALANCE_HARMONICS + 1), dtype=complex)
     follow, samples = following_harmonics(joint, BALANCE_HARMONICS), SAMPLES_PER_PERIOD_SWITCHED
     made = hold_amplitude(joint, values, Inertia(reduced), across.omega, size, start, follow, samples)
     harmonics = np.where(made.valid[:, None] & np.isfinite(made.harmonics), made.harmonics, 0)

@@ -319,11 +319,11 @@ def _as_steady(motions: Kinematics, order: NDArray[np.intp]) -> tuple[ComplexArr
     # another mode near a harmonic, or noise, turns faster than it decays
     turn = np.abs(rate.imag - order * rate.imag[:, :1])
     own = (order > 1) & (turn < order * np.abs(rate.real[:, :1]))
-    held = np.where(own, -(order**2 * square * moved + motions.acceleration), 0)
+    inertia = np.where(own, -(order**2 * square * moved + motions.acceleration), 0)
     # relative to the fundamental: squares of tiny motions are zero
     size = np.maximum(np.abs(moved[:, :1]), np.finfo(float).tiny)
-    work = np.nansum(order * (held / size * np.conj(moved / size)).imag, axis=1)
-    steady = moved + held / (np.maximum(order**2 - 1, 1) * square)
+    work = np.nansum(order * (inertia / size * np.conj(moved / size)).imag, axis=1)
+    steady = moved + inertia / (np.maximum(order**2 - 1, 1) * square)
     return steady, work / motions.omega[:, 0]
 
 

@@ -51,16 +51,12 @@ _DTYPES: dict[str, type | str] = {
 }
 
 
-_COMPLEX_PLACE = {"level": "; a complex force of each point is force=, its level the nominal amplitude"}
-
-
 def column(values: Any, name: str, shape: tuple[int, ...]) -> NDArray[Any]:
     """Return a column as a read-only copy; a single value is repeated at every point."""
     dtype = _DTYPES.get(name, np.float64)
     if dtype is np.float64 and np.iscomplexobj(values):
-        raise RsgenError(
-            f"surface.{name}: complex numbers; allowed are real ones{_COMPLEX_PLACE.get(name, '')}"
-        )
+        of_force = "; a complex force is force=, its level the nominal amplitude" if name == "level" else ""
+        raise RsgenError(f"surface.{name}: complex numbers; allowed are real ones{of_force}")
     try:
         array = np.array(unmasked(values), dtype=dtype)
     except (TypeError, ValueError) as fault:

@@ -169,7 +169,7 @@ class HarmonicBalance(Forward):
 _CURVED = (FINITE_DIFFERENCE_STEP, 2e-2)
 """Least and largest relative change of the force by which second derivatives are taken."""
 
-STEEP = 20.0
+MAX_POWER_OF_FORCE = 20.0
 """Points whose amplitude grows by a larger power of the force lie at a fold: force noise decides there."""
 
 
@@ -303,7 +303,7 @@ class Simulator(Forward):
             columns.append((moved - base) / (move or 1.0))
         none = np.zeros((*base.shape, 0), dtype=complex)
         with np.errstate(invalid="ignore"):
-            steep = ~(np.abs(by_force[:, 1]) < STEEP * np.abs(base[:, 1]))
+            steep = ~(np.abs(by_force[:, 1]) < MAX_POWER_OF_FORCE * np.abs(base[:, 1]))
         by_parameter = np.stack(columns, axis=-1) if columns else none
         determined = (by_parameter @ self._determined).astype(complex)
         return by_force, determined, steep

@@ -401,10 +401,8 @@ def _shortened(
         if np.count_nonzero(both) < _MIN_PREDICTED_SHARE * np.count_nonzero(good):
             continue
         parameters, trial = _solve_linear(trial, parameters, rules, both)
-        before, after = (
-            rules.cost(place[2].residual[both], place[0]),
-            rules.cost(trial.residual[both], parameters),
-        )
+        before = rules.cost(place[2].residual[both], place[0])
+        after = rules.cost(trial.residual[both], parameters)
         if after <= before:
             return parameters, nuisance, trial, (before - after) * step.rows / max(after, 1e-300)
     return *place, -1.0

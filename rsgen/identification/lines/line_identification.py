@@ -319,10 +319,8 @@ def _delay_findings(fit: LineFit, misfit: float) -> list[Finding]:
 
 def _drift_findings(fit: LineFit) -> list[Finding]:
     """Find a gain that changes within a record; none or one."""
-    skipped, (first, size, z) = (
-        int(np.asarray(fit.lines.spectra.left_out).max(initial=0)),
-        largest_gain_step(fit),
-    )
+    skipped = int(np.asarray(fit.lines.spectra.left_out).max(initial=0))
+    first, size, z = largest_gain_step(fit)
     if z < OUTLIER_SIGMAS:
         return []
     severity: Severity = "doubt" if size > RELATIVE_CHANGE_NEGLIGIBLE else "warning"

@@ -37,7 +37,7 @@ from rsgen.data.surface import ResponseSurface
 from rsgen.dynamics.harmonic_balance import Response, following_harmonics, hold_amplitude
 from rsgen.dynamics.linear_part import Inertia
 from rsgen.identification.fitting.across import MeasuredAcross, law_of
-from rsgen.identification.fitting.forward import STEEP
+from rsgen.identification.fitting.forward import MAX_POWER_OF_FORCE
 from rsgen.identification.modal_result import ModalTable, SplineMode
 from rsgen.identification.prediction.prediction_result import BEYOND, ERROR_LIMITS, ResonanceCurve
 from rsgen.identification.results import EquivalentCurve, Estimate, Identification
@@ -260,7 +260,7 @@ class AmplitudeBalance:
         at = self.solve(near, omega)
         found = np.asarray(near * force / at.force)
         if not (mode.response_held or mode.decays):
-            stable = (np.conj(at.force) * at.force_slope).real > np.abs(at.force) ** 2 / STEEP
+            stable = (np.conj(at.force) * at.force_slope).real > np.abs(at.force) ** 2 / MAX_POWER_OF_FORCE
             found[stable] = self._settled(force[stable], omega[stable], near[stable])
         return found
 

@@ -363,20 +363,15 @@ def halves_of(points: Points) -> dict[str, NDArray[np.bool_]]:
         halves["alternate levels"] = level % 2 == 0
     if count > 2:
         halves["lower and upper levels"] = level < count // 2
-    along = points.amplitude if points.in_quadrature.all() else points.omega
     again, side, before = np.zeros(len(points), dtype=bool), np.zeros(len(points), dtype=bool), -1
     for number, rows in enumerate(points.runs):
-        # points at resonance are divided by amplitude: the small motions are the late ones of a decay
-        peak = (
-            np.median(along[rows])
-            if along is points.amplitude
-            else along[rows[points.amplitude[rows].argmax()]]
-        )
-        side[rows] = along[rows] < peak
+        side[rows] = points.omega[rows] < points.omega[rows[points.amplitude[rows].argmax()]]
         again[rows] = number % 2 if level[rows[0]] == before else 0
         before = level[rows[0]]
     halves["first and later sweeps"] = again
-    halves["sides of the resonance" if along is points.omega else "small and large motions"] = side
+    if not points.in_quadrature.all():
+        # points at resonance, as of a decay, have no sides
+        halves["sides of the resonance"] = side
     return halves
 
 
