@@ -11,6 +11,10 @@ the sum of squares has a corner or a plateau, and the interval is lopsided or op
 3. Each fit starts from the nearest one before; where sqrt(D) jumps, also from the line through two of them.
 4. Where it still jumps, the balance lost the measured motion: that side is open (``followed``). Where it
    jumps on both sides, the profile says nothing of the value, and Wald's interval stands.
+5. The balance samples a period at 64 places. A smooth law steeper than that, as tanh(v/vs) of a small vs, is
+   for it another one at each small vs, so that it finds an end which the test does not tell. There the side
+   towards zero ends only where the law, sampled finely along the measured motions, differs by more than the
+   noise from that with a quarter of the value, linear parameters fitted again; else the value is bounded.
 """
 
 from __future__ import annotations
@@ -23,9 +27,10 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 import rsgen.identification  # fits of multisines, where one is given
-from rsgen.common.arrays import Array
+from rsgen.common.arrays import Array, blocks
 from rsgen.common.errors import RsgenError, require
 from rsgen.common.finding import Finding, Quantity
+from rsgen.common.solvers import solve_scaled
 from rsgen.common.text_table import Printed, TextTable, short
 from rsgen.common.tolerances import (
     BALANCE_HARMONICS,
@@ -33,6 +38,8 @@ from rsgen.common.tolerances import (
     MISFIT_OF_NOISE,
     NEAR_STEPS,
     NOISE_RATIO_BY_CHANCE,
+    POINTS_PER_BLOCK,
+    SAMPLES_PER_PERIOD,
     interval_sigmas,
 )
 from rsgen.identification.fitting.fit import Fit, refit_weighted
@@ -40,6 +47,7 @@ from rsgen.identification.fitting.least_squares import Regression, Rules, descen
 from rsgen.identification.fitting.points import per_unit_mass
 from rsgen.identification.results import Estimate, Identification, MultisineIdentification
 from rsgen.identification.terms import fit_near
+from rsgen.law.motion import harmonics_of
 from rsgen.law.numeric import ForceLaw
 
 if TYPE_CHECKING:
@@ -69,6 +77,12 @@ _LEAST_STEP = 0.1
 
 _STEP_RATIO = 2.0
 """Factor from one distance to the next while no end is found."""
+
+_FINE_SAMPLES = 128 * SAMPLES_PER_PERIOD
+"""Samples of a period that show what a smooth law does near a turn of the motion, or of its velocity."""
+
+_STEEPER = 0.25
+"""Factor of a nonlinear value at which a law must differ for the side towards zero to have an end."""
 
 
 @dataclass(frozen=True, slots=True, eq=False, repr=False)
@@ -125,6 +139,7 @@ class _Likelihood:
         near = self._near.regression
         base = refit_weighted(self._near, problem, near.parameters, near.nuisance, order=self._order)
         self._problem, self.regression = problem, found.regression
+        self._orders = sorted({1, *problem.observed.recorded} - {0})
         self._begin(problem.law, base.parameters, base.nuisance, _cost(base.residual), base.noise)
         self._error = np.sqrt(np.diag(found.regression.covariance))
         self.resolved = self._noise < NOISE_RATIO_BY_CHANCE * found.regression.noise
@@ -178,6 +193,47 @@ class _Likelihood:
         found = refit_weighted(self._near, problem, *begin, order=order, gain=_END_TOLERANCE)
         return found.parameters, found.nuisance, _cost(found.residual) if found.used.all() else inf
 
+    def zero_rejected(self, place: int, target: float) -> bool:
+        """Return False where other linear parameters make up for a quarter of a nonlinear value.
+
+        Asked of smooth laws that the samples of the balance do not resolve there.
+        """
+        law = self.law
+        if law.switched or law.remembers or law.acts_across or place not in law.nonlinear:
+            return True
+        values = self._problem.split(self.best)[0]
+        smaller = np.array(values)
+        smaller[place] *= _STEEPER
+        limit = target * self._noise
+        coarse, medium = (self._harmonics(smaller, n * SAMPLES_PER_PERIOD)[:, -1] for n in (1, 4))
+        if np.linalg.norm(medium - coarse) <= limit:
+            return True
+        change = self._harmonics(smaller, _FINE_SAMPLES)
+        change[:, -1] -= self._harmonics(values, _FINE_SAMPLES)[:, -1]
+        columns, right = change[:, :-1], change[:, -1]
+        return not np.linalg.norm(right - columns @ solve_scaled(columns, right)[0]) <= limit
+
+    def _harmonics(self, values: Array, samples: int) -> Array:
+        """Harmonics N_h along the measured motions, real, as the sensors see them; before them (n, l) those
+        by each linear parameter.
+
+        Relative to |F|; beyond the fundamental as motions X_h = N_h / (m (h^2 - 1) omega^2), too.
+        """
+        law, motion, points = self.law, self._near.motion, self._problem.observed.points
+        mass = self._problem.split(self.best)[1]
+        inertia = (np.square(self._orders) - 1) * mass * points.omega[:, None] ** 2
+        scale = np.hypot(np.abs(points.force)[:, None], inertia * points.amplitude[:, None])
+        found = np.empty((len(points), len(self._orders), len(law.linear) + 1), dtype=complex)
+        for part in blocks(len(points), POINTS_PER_BLOCK * SAMPLES_PER_PERIOD // samples):
+            sample = law.along(motion.select(np.arange(len(points))[part]), values, samples)
+            for i, signal in enumerate([*(sample.by_parameter[p] for p in law.linear), sample.force]):
+                signals = np.broadcast_to(signal, sample.force.shape)
+                found[part, :, i] = (
+                    harmonics_of(signals, max(self._orders) + 1)[:, self._orders] / scale[part]
+                )
+        flat = found.reshape(-1, found.shape[-1])
+        return np.vstack([flat.real, flat.imag])
+
     def tried(self, place: int) -> list[tuple[float, float]]:
         """Return values and roots of the fits in which a parameter was fixed, and of the best."""
         chosen = [i for i, fixed in enumerate(self._fixed) if fixed in (-1, place)]
@@ -202,6 +258,8 @@ class _Likelihood:
         """
         side = float(np.sign(step))
         nowhere = side * inf
+        if stop == 0 and not self.zero_rejected(place, target):
+            return nowhere, float(self.best[place])
         (near, low), *beyond = self._bracket(place, side, target)
         if beyond and (beyond[0][0] - stop) * side < 0:
             outer, over = beyond[0]
@@ -254,6 +312,10 @@ class _LineLikelihood(_Likelihood):
         self._error = np.sqrt(np.diag(self.regression.covariance))
         self.resolved = not found.lines.spectra.exact.all()
 
+    def zero_rejected(self, place: int, target: float) -> bool:
+        """Return True: lines of a multisine are sampled finely."""
+        return True
+
     def _refit(self, place: int, value: float, start: Array, nuisance: Array) -> tuple[Array, Array, float]:
         found, free = self._found, np.array(self._found.free)
         free[place] = False
@@ -282,6 +344,8 @@ def _wald(regression: Regression, estimate: Estimate) -> float:
 def _is_quadratic(found: Regression, likelihood: _Likelihood, estimate: Estimate, target: float) -> bool:
     """Return True if Wald's interval agrees with that of the likelihood."""
     place = likelihood.names.index(estimate.name)
+    if not likelihood.zero_rejected(place, target):
+        return False
     half = _wald(found, estimate)
     roots = [likelihood(place, likelihood.best[place] + sign * half) for sign in (-1, 1)]
     return all(abs(root / target - 1) < _WALD_TOLERANCE for root in roots)

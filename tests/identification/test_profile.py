@@ -104,6 +104,23 @@ def test_a_stop_that_is_barely_touched_is_bounded_to_one_side():
     assert found["b"].identifiable
 
 
+@pytest.mark.parametrize(("width", "is_open"), [(None, True), (2e-2, False)])
+def test_a_width_too_small_for_the_test_is_bounded_and_not_identified(width, is_open):
+    # a period of 64 samples does not resolve a steep tanh, and the balance is no data on how steep it is
+    shape, known = ("sign(v)", {}) if width is None else ("tanh(v/vs)", {"vs": width})
+    system = Oscillator(0.8, f"k*x + c*v + Ff*{shape}", {"k": 1.2e4, "c": 1.5, "Ff": 0.25, **known})
+    test = SimulatedTest(
+        level=[0.8, 1.5, 3.0, 4.5], frequency=np.linspace(15, 24, 46), noise_relative=0.005, seed=2
+    )
+    found = identify(simulate(system, test), "k*x + c*v + Ff*tanh(v/vs)")
+    if is_open:
+        assert not found["vs"].identifiable
+        assert found["vs"].interval[0] == -np.inf
+    else:
+        assert found["vs"].identifiable
+        assert found["vs"].interval[0] < width < found["vs"].interval[1]
+
+
 def test_a_profile_follows_values_that_go_together():
     # with another Fs the stiffness of the slider, the spring and the motions near the resonance are others
     law, values = "k*x + c*v + masing(Min(kt*x, Fs))", {"k": 4967.0, "c": 1.0925, "kt": 993.4, "Fs": 0.06644}

@@ -147,7 +147,7 @@ IDENTIFICATIONS: dict[str, Callable[[], rsgen.Identification]] = {
 
 OF_MEASURED = 3e-4
 """Of a standard error: of the many parameters of measured tests those of the F-16 move by 1.2e-4 between
-processors."""
+processors, and their standard errors by 1.0e-4."""
 
 LAST_STEP = 1e-12
 """Of the response: exact data has as noise what the last step of a fit leaves. It differs from processor to
@@ -161,7 +161,7 @@ def _pin(key: str) -> Pin:
     noise = NUMBERS.get(key, {}).get("noise") or 1.0
     allowed = replace(
         SMOOTH, of_standard_error=OF_MEASURED if data else SMOOTH.of_standard_error,
-        error=max(SMOOTH.error, LAST_STEP / noise), left=LAST_STEP,
+        error=OF_MEASURED if data else max(SMOOTH.error, LAST_STEP / noise), left=LAST_STEP,
     )  # fmt: skip
     return Pin(partial(numbers, IDENTIFICATIONS[key]), allowed, slow=True, thorough="f16" in key, data=data)
 
