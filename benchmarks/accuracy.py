@@ -22,10 +22,10 @@ from numpy.typing import NDArray
 
 import rsgen
 from benchmarks.cramer_rao import cramer_rao
-from rsgen.cases import Case
+from rsgen.cases.case import Case
 from rsgen.common.finding import Finding
 from rsgen.common.output import write_atomic
-from rsgen.data.surface import ResponseSurface
+from rsgen.data.surface.response_surface import ResponseSurface
 from rsgen.dynamics.virtual_test import add_noise
 from rsgen.law.memory import FORCE_KEYS, force_keys
 

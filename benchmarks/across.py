@@ -15,7 +15,7 @@ import numpy as np
 
 import rsgen
 from rsgen.common.output import write_atomic
-from rsgen.data.surface import ResponseSurface
+from rsgen.data.surface.response_surface import ResponseSurface
 from tests.identification.test_across import (
     ELEMENTS,
     GAUGE,

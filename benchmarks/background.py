@@ -21,7 +21,7 @@ from benchmarks.cramer_rao import Background, cramer_rao
 from benchmarks.sections import write_section
 from rsgen.data.oscillator import Model, Observation, Oscillator
 from rsgen.dynamics.virtual_test import SimulatedTest, add_noise
-from rsgen.law import make_element
+from rsgen.law.element import make_element
 
 RUNS = 200
 NOISE = 0.01

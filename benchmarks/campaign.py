@@ -22,7 +22,7 @@ import numpy as np
 import rsgen
 from rsgen.common.output import write_atomic
 from rsgen.common.tolerances import interval_sigmas
-from rsgen.data.surface import ResponseSurface
+from rsgen.data.surface.response_surface import ResponseSurface
 from rsgen.identification.results import Estimate
 
 REPORT = Path(__file__).parent.parent / "reports" / "verdicts.md"

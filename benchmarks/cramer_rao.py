@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rsgen.data.oscillator import Oscillator
-from rsgen.data.surface import ResponseSurface
+from rsgen.data.surface.response_surface import ResponseSurface
 from rsgen.dynamics.settling import SteadyStates
 from rsgen.dynamics.steady_state import solve_steady_states
 

@@ -26,9 +26,9 @@ import numpy as np
 import rsgen
 from benchmarks.sections import write_section
 from rsgen.common.errors import RsgenError
-from rsgen.data.multisine import MultisineSpectra
+from rsgen.data.multisine.spectra import MultisineSpectra
 from rsgen.data.oscillator import Model, Oscillator
-from rsgen.data.surface import ResponseSurface
+from rsgen.data.surface.response_surface import ResponseSurface
 from rsgen.dynamics.virtual_test import MultisineTest, SimulatedTest, add_noise
 from rsgen.identification.ranking import rank
 from rsgen.law.element import make_element

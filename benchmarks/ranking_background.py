@@ -21,7 +21,7 @@ from benchmarks.cramer_rao import Background
 from benchmarks.sections import write_section
 from rsgen.data.oscillator import Observation, Oscillator
 from rsgen.dynamics.virtual_test import SimulatedTest, add_noise
-from rsgen.law import make_element
+from rsgen.law.element import make_element
 
 RUNS = 50
 NOISES = (0.003, 0.01)

@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 from benchmarks import hysteresis, peers, stages
 from benchmarks.peers import JOBS, Job
 from rsgen.common.output import write_atomic
-from rsgen.data.surface import ResponseSurface
+from rsgen.data.surface.response_surface import ResponseSurface
 from rsgen.dynamics.kernel import compile_kernel
 from rsgen.dynamics.simulation import simulate
 from rsgen.dynamics.steady_state import solve_steady_states
@@ -163,7 +163,8 @@ def scaling() -> tuple[list[str], float]:
 def processes() -> dict[str, float]:
     """Whole processes: first compile, from the cache, the command line."""
     program = (
-        "import time; from rsgen.formula import parse; from rsgen.dynamics.kernel import compile_kernel; "
+        "import time; from rsgen.formula.reading import parse; "
+        "from rsgen.dynamics.kernel import compile_kernel; "
         "import numba, sympy; law = parse({law!r}); t = time.perf_counter(); compile_kernel(law); "
         "print(time.perf_counter() - t)"
     )

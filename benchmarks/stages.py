@@ -32,7 +32,7 @@ import resource, sys, time
 from dataclasses import replace
 import numpy as np
 import rsgen as rs
-from rsgen.cases import load_case
+from rsgen import load_case
 case, levels, count = load_case(sys.argv[1]), int(sys.argv[2]), int(sys.argv[3])
 low, high = (f(case.test.level) for f in (np.min, np.max))
 first, last = (f(case.test.frequency) for f in (np.min, np.max))
@@ -51,7 +51,7 @@ import os, sys, time
 from dataclasses import replace
 import numpy as np
 import rsgen as rs
-from rsgen.cases import load_case
+from rsgen import load_case
 case = load_case(sys.argv[1])
 low, high = (f(case.test.level) for f in (np.min, np.max))
 first, last = (f(case.test.frequency) for f in (np.min, np.max))
@@ -70,7 +70,7 @@ print(*(sorted(each)[4] for each in took.values()))
 COMPILE = """
 import sys, time
 import rsgen as rs
-from rsgen.cases import load_case
+from rsgen import load_case
 from rsgen.dynamics.kernel import compile_kernel
 case = load_case(sys.argv[1])
 import numba

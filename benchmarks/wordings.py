@@ -16,7 +16,7 @@ import numpy as np
 from rsgen.data.oscillator import Oscillator
 from rsgen.dynamics.simulation import simulate
 from rsgen.dynamics.virtual_test import SimulatedTest
-from rsgen.law import make_element
+from rsgen.law.element import make_element
 
 WORDINGS = {
     "two branches": "Piecewise((k*x, abs(x) <= b), ((k + kd)*x - kd*b*sign(x), True))",

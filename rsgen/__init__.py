@@ -33,23 +33,20 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from rsgen import figures, history
     from rsgen.analysis.comparison import Comparison, compare, compare_fits, verdict_of
-    from rsgen.cases import Case, load_case, read
+    from rsgen.cases.case import Case
+    from rsgen.cases.loading import load_case, read
     from rsgen.common.errors import RsgenError
     from rsgen.common.finding import Finding
-    from rsgen.data.multisine import (
-        MultisineSpectra,
-        best_linear,
-        best_linear_surface,
-        load_spectra,
-        save_spectra,
-    )
+    from rsgen.data.multisine.linear import best_linear, best_linear_surface
+    from rsgen.data.multisine.spectra import MultisineSpectra
+    from rsgen.data.multisine.spectra_file import load_spectra, save_spectra
     from rsgen.data.oscillator import Observation, Oscillator
-    from rsgen.data.surface import ResponseSurface, save_surface
-    from rsgen.describing import derive
+    from rsgen.data.surface.response_surface import ResponseSurface, save_surface
+    from rsgen.describing.derivation import derive
     from rsgen.dynamics.simulation import simulate
     from rsgen.dynamics.transients import DecayTest, SweepTest
     from rsgen.dynamics.virtual_test import MultisineTest, SimulatedTest
-    from rsgen.files import load_surface
+    from rsgen.files.surface_file import load_surface
     from rsgen.identification.identify import identify
     from rsgen.identification.modal_result import ModalTable
     from rsgen.identification.modal_table import modal_table
@@ -57,10 +54,9 @@ if TYPE_CHECKING:
     from rsgen.identification.profile import Profile, profile
     from rsgen.identification.ranking import Ranking, rank
     from rsgen.identification.results import Identification
-    from rsgen.law import Law, laws, make_element
+    from rsgen.law.element import Law, laws, make_element
     from rsgen.report import write_report
-    from rsgen.report.wording import sentence
-    from rsgen.report.wording.sentences import explain
+    from rsgen.report.wording.sentences import explain, sentence
 
 __version__: str
 """Of the installed package; it comes from the tag of the commit that was built."""
@@ -68,50 +64,35 @@ __version__: str
 _NOT_INSTALLED = "0+unknown"
 """The version where the folder of the sources is used without being installed."""
 
-# name -> the package or module that has it
-_PLACES = {
-    "Case": "cases",
-    "Comparison": "analysis.comparison",
-    "DecayTest": "dynamics.transients",
-    "Finding": "common.finding",
-    "Identification": "identification.results",
-    "Law": "law",
-    "ModalTable": "identification.modal_result",
-    "MultisineSpectra": "data.multisine",
-    "MultisineTest": "dynamics.simulation",
-    "Observation": "data.oscillator",
-    "Oscillator": "data.oscillator",
-    "Prediction": "identification.prediction",
-    "Profile": "identification.profile",
-    "Ranking": "identification.ranking",
-    "ResponseSurface": "data.surface",
-    "RsgenError": "common.errors",
-    "SimulatedTest": "dynamics.simulation",
-    "SweepTest": "dynamics.transients",
-    "best_linear": "data.multisine",
-    "best_linear_surface": "data.multisine",
-    "compare": "analysis.comparison",
-    "compare_fits": "analysis.comparison",
-    "derive": "describing",
-    "explain": "report.wording.sentences",
-    "identify": "identification.identify",
-    "laws": "law",
-    "load_case": "cases",
-    "load_spectra": "data.multisine",
-    "load_surface": "files",
-    "make_element": "law",
-    "modal_table": "identification.modal_table",
-    "predict": "identification.prediction",
-    "profile": "identification.profile",
-    "rank": "identification.ranking",
-    "read": "cases",
-    "save_spectra": "data.multisine",
-    "save_surface": "data.surface",
-    "sentence": "report.wording",
-    "simulate": "dynamics.simulation",
-    "verdict_of": "analysis.comparison",
-    "write_report": "report",
+_NAMES = {
+    "analysis.comparison": ("Comparison", "compare", "compare_fits", "verdict_of"),
+    "cases.case": ("Case",),
+    "cases.loading": ("load_case", "read"),
+    "common.errors": ("RsgenError",),
+    "common.finding": ("Finding",),
+    "data.multisine.linear": ("best_linear", "best_linear_surface"),
+    "data.multisine.spectra": ("MultisineSpectra",),
+    "data.multisine.spectra_file": ("load_spectra", "save_spectra"),
+    "data.oscillator": ("Observation", "Oscillator"),
+    "data.surface.response_surface": ("ResponseSurface", "save_surface"),
+    "describing.derivation": ("derive",),
+    "dynamics.simulation": ("simulate",),
+    "dynamics.transients": ("DecayTest", "SweepTest"),
+    "dynamics.virtual_test": ("MultisineTest", "SimulatedTest"),
+    "files.surface_file": ("load_surface",),
+    "identification.identify": ("identify",),
+    "identification.modal_result": ("ModalTable",),
+    "identification.modal_table": ("modal_table",),
+    "identification.prediction": ("Prediction", "predict"),
+    "identification.profile": ("Profile", "profile"),
+    "identification.ranking": ("Ranking", "rank"),
+    "identification.results": ("Identification",),
+    "law.element": ("Law", "laws", "make_element"),
+    "report": ("write_report",),
+    "report.wording.sentences": ("explain", "sentence"),
 }
+"""Names by the package or module that has them."""
+_PLACES = {name: place for place, names in _NAMES.items() for name in names}
 _PACKAGES = ("figures", "history")
 
 __all__ = [

@@ -20,7 +20,7 @@ import pytest
 
 import rsgen as rs
 from rsgen.app.cli import main
-from rsgen.data.multisine import MultisineSpectra
+from rsgen.data.multisine.spectra import MultisineSpectra
 from rsgen.data.oscillator import BACKGROUNDS, OFFSET
 from tests.case_files import GONE, SMALL, changed, law
 from tests.surfaces import changed as replaced

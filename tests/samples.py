@@ -11,11 +11,11 @@ from matplotlib.figure import Figure
 
 import rsgen
 from rsgen.analysis.comparison import Comparison
-from rsgen.cases import Case
+from rsgen.cases.case import Case
 from rsgen.data.oscillator import Model, Observation
-from rsgen.data.surface import ResponseSurface
+from rsgen.data.surface.response_surface import ResponseSurface
 from rsgen.dynamics.virtual_test import SimulatedTest
-from rsgen.formula import parse
+from rsgen.formula.reading import parse
 from rsgen.identification.prediction import Prediction
 from rsgen.identification.results import Identification
 from rsgen.law.element import make_element

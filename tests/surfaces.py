@@ -6,7 +6,7 @@ from dataclasses import fields
 import numpy as np
 
 from rsgen.data.oscillator import Model, Observation, Oscillator
-from rsgen.data.surface import ResponseSurface
+from rsgen.data.surface.response_surface import ResponseSurface
 from rsgen.dynamics.steady_state import solve_steady_states
 from rsgen.identification.identify import identify
 from rsgen.identification.results import Identification

@@ -8,7 +8,6 @@ import numpy as np
 import pytest
 
 import rsgen
-from rsgen.data.surface import ResponseSurface
 from rsgen.data.surface.plausibility import (
     RANGES,
     Sizes,
@@ -17,8 +16,8 @@ from rsgen.data.surface.plausibility import (
     quantity_findings,
     size_findings,
 )
-from rsgen.report.wording import sentence
-from rsgen.report.wording.sentences import next_step
+from rsgen.data.surface.response_surface import ResponseSurface
+from rsgen.report.wording.sentences import next_step, sentence
 from tests.samples import cubic_surface
 
 ORDINARY = Sizes(10.0, 0.02, 1.3, 79.0, 12.0, mass=1.5, damping=0.02)

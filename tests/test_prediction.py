@@ -13,7 +13,7 @@ from rsgen.identification.prediction import predict
 from rsgen.identification.prediction.amplitude_balance import balance_of
 from rsgen.identification.prediction.resonance_curves import as_identification
 from rsgen.law.element import make_element
-from rsgen.report.wording import sentence
+from rsgen.report.wording.sentences import sentence
 from tests.oracles.swept import sweep
 from tests.surfaces import changed, model, noisy, surface
 

@@ -17,7 +17,7 @@ from rsgen.app.cli.diff_command import compare_results
 from rsgen.cases.case import CaseDocument
 from rsgen.common.errors import CaseError, MeasurementError
 from rsgen.data.surface.response_surface import SURFACE_SCHEMA
-from rsgen.files import read_measurement
+from rsgen.files.files_to_surface import read_measurement
 from rsgen.report.page import write_index
 from rsgen.report.result_json import SCHEMA, read_results
 

@@ -14,9 +14,9 @@ from hypothesis import strategies as st
 import rsgen as rs
 from rsgen.common.errors import MeasurementError, RsgenError
 from rsgen.common.finding import Finding, Quantity
-from rsgen.data.surface import OUTCOMES, ResponseSurface, save_surface, without_copies
-from rsgen.files import load_surface
-from rsgen.report.wording import sentence
+from rsgen.data.surface.response_surface import OUTCOMES, ResponseSurface, save_surface, without_copies
+from rsgen.files.surface_file import load_surface
+from rsgen.report.wording.sentences import sentence
 from tests.samples import cubic_surface
 
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from rsgen.cases import case_schema
+from rsgen.cases.case import case_schema
 
 _BOUNDS = {
     "minimum": "at least {}",

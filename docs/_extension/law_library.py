@@ -5,9 +5,9 @@ from __future__ import annotations
 import math
 
 import rsgen
-from rsgen.describing import DescribingFunction, variables_of
+from rsgen.describing.function import DescribingFunction, variables_of
 from rsgen.describing.quadrature import PROOF_TOLERANCE
-from rsgen.law import Law
+from rsgen.law.element import Law
 from rsgen.law.memory import rates_of
 from rsgen.law.notation import latex
 from rsgen.report.figures import Drawing, draw_derivation, unit_text

@@ -25,17 +25,16 @@ from rsgen.common.errors import MeasurementError, RsgenError, shown_path
 from rsgen.common.text_table import Brief
 from rsgen.data.oscillator import Model, Observation, Oscillator
 from rsgen.data.record_set import BASE_UNITS, PlannedTest
-from rsgen.describing import derive
+from rsgen.describing.derivation import derive
 from rsgen.dynamics.kernel_source import generate
 from rsgen.dynamics.transients import DecayTest, SweepTest
 from rsgen.dynamics.virtual_test import MultisineTest, SimulatedTest, VirtualTest, free_mean_fault
-from rsgen.files import HistoryRule, MeasuredTest
-from rsgen.files.plan import Excitation
+from rsgen.files.plan import Excitation, HistoryRule, MeasuredTest
 from rsgen.files.signals import combination
-from rsgen.formula import symbol, write
 from rsgen.formula.bounds import MAX_CHARACTERS
 from rsgen.formula.evaluation import compiled
-from rsgen.formula.names import Structural
+from rsgen.formula.names import Structural, symbol
+from rsgen.formula.printing import write
 from rsgen.law.element import Element
 from rsgen.law.memory import memory_form
 from rsgen.law.motion import Motion

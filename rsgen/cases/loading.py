@@ -28,13 +28,15 @@ from rsgen.common.errors import (
     shown_path,
     suggest,
 )
-from rsgen.data.multisine import MultisineSpectra
+from rsgen.data.multisine.spectra import MultisineSpectra
 from rsgen.data.oscillator import KNOWN_MASS, Model, Observation, Oscillator, total_force
 from rsgen.data.record_set import BASE_UNITS, PlannedTest, match_level
-from rsgen.data.surface import ResponseSurface
+from rsgen.data.surface.response_surface import ResponseSurface
 from rsgen.dynamics.virtual_test import SimulatedTest, VirtualTest
-from rsgen.files import MeasuredTest
-from rsgen.formula import check_name, parse, symbol, write
+from rsgen.files.plan import MeasuredTest
+from rsgen.formula.names import check_name, symbol
+from rsgen.formula.printing import write
+from rsgen.formula.reading import parse
 from rsgen.formula.unit_deduction import parameter_units, unit_faults
 from rsgen.formula.units import quantity, unit_of
 from rsgen.law.element import Element, laws, make_element

@@ -83,7 +83,7 @@ class Finding:
 
     def __str__(self) -> str:
         """Severity and sentence; the layer above makes it, and is loaded when one is printed."""
-        return f"{self.severity}: {import_module('rsgen.report.wording').sentence(self)}"
+        return f"{self.severity}: {import_module('rsgen.report.wording.sentences').sentence(self)}"
 
     def __reduce__(self) -> tuple[Any, ...]:
         """Pickle the mappings as plain dicts, so that processes can exchange findings."""

@@ -13,9 +13,9 @@ import sympy
 
 from rsgen.common.declaration import Rule, check, declare, documented
 from rsgen.common.errors import RsgenError, known_arguments, require, require_number
-from rsgen.formula import write
-from rsgen.law import Element, LawLike, as_elements
+from rsgen.formula.printing import write
 from rsgen.law.character import character
+from rsgen.law.element import Element, LawLike, as_elements
 from rsgen.law.memory import equations_of
 from rsgen.law.notation import latex
 

@@ -17,22 +17,11 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from rsgen.common import on_first_use
-from rsgen.describing.derivation import derive
-from rsgen.describing.function import (
-    DescribingFunction,
-    Equivalent,
-    PrintedComparison,
-    compare_printed,
-    variables_of,
-)
 
 if TYPE_CHECKING:
     from rsgen.describing.remembering import add_memory, split_by_memory
 
-__all__ = [
-    "DescribingFunction", "Equivalent", "PrintedComparison", "add_memory", "compare_printed", "derive",
-    "split_by_memory", "variables_of",
-]  # fmt: skip
+__all__ = ["add_memory", "split_by_memory"]
 
 # most laws have no memory
-__getattr__ = on_first_use(__name__, dict.fromkeys(("add_memory", "split_by_memory"), "remembering"))
+__getattr__ = on_first_use(__name__, dict.fromkeys(__all__, "remembering"))

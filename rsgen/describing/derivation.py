@@ -26,9 +26,8 @@ from rsgen.describing.closed import ClosedPart, close
 from rsgen.describing.function import DescribingFunction, closed_mean, taken_as_positive
 from rsgen.describing.quadrature import MIN_PROOF_CYCLES, PROOF_TOLERANCE, Trial, draw_trial, worst_error
 from rsgen.describing.regimes import Reading, read
-from rsgen.formula import symbol
 from rsgen.formula.bounds import algebra_faults
-from rsgen.formula.names import OMEGA, PHI, STATE_V, STATE_X, X0, X, renamed
+from rsgen.formula.names import OMEGA, PHI, STATE_V, STATE_X, X0, X, renamed, symbol
 from rsgen.law.element import Element, make_element
 from rsgen.law.forms import expanded, moves
 from rsgen.law.memory import memory_form

@@ -24,9 +24,8 @@ from rsgen.common.errors import RsgenError
 from rsgen.common.text_table import Brief
 from rsgen.describing.closed import MAX_TERMS, ClosedPart
 from rsgen.describing.quadrature import Cycle, project
-from rsgen.formula import symbol
 from rsgen.formula.evaluation import compiled
-from rsgen.formula.names import X0
+from rsgen.formula.names import X0, symbol
 from rsgen.law.memory import equations_of
 from rsgen.law.normal_form import normal_form
 from rsgen.law.notation import latex
@@ -41,7 +40,7 @@ def variables_of(formula: sympy.Expr) -> tuple[sympy.Symbol, ...]:
 
     Examples
     --------
-    >>> from rsgen.formula import parse
+    >>> from rsgen.formula.reading import parse
     >>> variables_of(parse("c + 4*Ff/(pi*omega*X)"))
     (X, omega)
     """
@@ -181,7 +180,7 @@ class DescribingFunction(Brief):
 
         Examples
         --------
-        >>> from rsgen.describing import derive
+        >>> from rsgen.describing.derivation import derive
         >>> derive("k*x + k3*x**3").evaluate([1.0, 2.0], 1.0, {"k": 1.0, "k3": 4.0}).stiffness
         array([ 4., 13.])
         """

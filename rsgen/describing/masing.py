@@ -20,9 +20,8 @@ from rsgen.common.arrays import Array
 from rsgen.describing.closed import MAX_POWER, quarter
 from rsgen.describing.quadrature import Cycle, project
 from rsgen.describing.regimes import Reading, tidy
-from rsgen.formula import symbol
 from rsgen.formula.evaluation import compiled
-from rsgen.formula.names import OMEGA, STATE_V, STATE_X, X0, X
+from rsgen.formula.names import OMEGA, STATE_V, STATE_X, X0, X, symbol
 from rsgen.law.forms import expanded
 from rsgen.law.memory import MemoryForm
 from rsgen.law.normal_form import normal_form

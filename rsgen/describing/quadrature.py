@@ -19,8 +19,8 @@ from numpy.typing import NDArray
 
 from rsgen.common.arrays import Array, blocks
 from rsgen.describing.closed import ClosedPart
-from rsgen.formula import symbol
 from rsgen.formula.evaluation import Numeric, compiled
+from rsgen.formula.names import symbol
 from rsgen.law.normal_form import NormalForm, normal_form
 
 # Gauss-Kronrod pair with 10 and 21 nodes (Piessens et al., QUADPACK, 1983), positive half

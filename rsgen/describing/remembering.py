@@ -26,9 +26,8 @@ from rsgen.describing.function import DescribingFunction, Remembered, taken_as_p
 from rsgen.describing.masing import Branches, ClosedMasing, close_masing, decisive_in, loop_of, on_cycle
 from rsgen.describing.quadrature import MIN_PROOF_CYCLES, PROOF_TOLERANCE, between_thresholds
 from rsgen.describing.regimes import Reading
-from rsgen.formula import symbol
 from rsgen.formula.evaluation import compiled
-from rsgen.formula.names import OMEGA, PHI, STATE_V, STATE_X, X0, Inner, Masing, State, X
+from rsgen.formula.names import OMEGA, PHI, STATE_V, STATE_X, X0, Inner, Masing, State, X, symbol
 from rsgen.law.character import is_mirrored
 from rsgen.law.forms import expanded, moves
 from rsgen.law.loops import compile_loops

@@ -26,8 +26,8 @@ from rsgen.common.tolerances import FINITE_DIFFERENCE_STEP, ROUND_OFF
 from rsgen.data.oscillator import Oscillator
 from rsgen.dynamics.kernel import Integrated, Kernel
 from rsgen.dynamics.kernel_source import ALONE, DEEPEST, EVERYTHING, WITHIN, MemoryRows
-from rsgen.formula import symbol
 from rsgen.formula.evaluation import Numeric, compiled
+from rsgen.formula.names import symbol
 from rsgen.law.memory import memory_form, real_powers
 from rsgen.law.normal_form import normal_form_at
 

@@ -39,7 +39,8 @@ from sympy.printing.precedence import PRECEDENCE
 from sympy.printing.pycode import PythonCodePrinter
 
 from rsgen.common.errors import ExpressionError
-from rsgen.formula import symbol, write
+from rsgen.formula.names import symbol
+from rsgen.formula.printing import write
 from rsgen.law.character import onset
 from rsgen.law.memory import MemoryForm, memory_form, real_powers
 from rsgen.law.normal_form import NormalForm, Piece, Switch, normal_form, normal_form_at

@@ -27,7 +27,7 @@ from typing import Any, Protocol, TypeVar, cast
 import numpy as np
 
 from rsgen.common.arrays import Array, Chosen, ComplexArray
-from rsgen.data.multisine import MultisineSpectra
+from rsgen.data.multisine.spectra import MultisineSpectra
 from rsgen.data.oscillator import BACKGROUNDS, OFFSET
 
 

@@ -21,8 +21,7 @@ from rsgen.common.arrays import Array, ComplexArray
 from rsgen.common.errors import RsgenError
 from rsgen.common.solvers import CONVERGED_STEP, Rows, newton
 from rsgen.common.tolerances import HARMONIC_TRUNCATION, MAX_NEWTON_STEPS, MAX_STEP_HALVINGS
-from rsgen.data.multisine import MultisineSpectra
-from rsgen.data.multisine.spectra import rms
+from rsgen.data.multisine.spectra import MultisineSpectra, rms
 from rsgen.data.oscillator import Oscillator
 from rsgen.dynamics.virtual_test import MultisineTest
 from rsgen.law.motion import Motion, harmonics_of, waveform

@@ -70,7 +70,7 @@ class SteadyStates:
     residual
         (n,) how far the state is from repeating after one period, relative to the amplitude [1].
     outcome
-        (n,) index into ``rsgen.data.surface.OUTCOMES``; 0 is settled.
+        (n,) index into ``rsgen.data.surface.response_surface.OUTCOMES``; 0 is settled.
     error
         (n,) estimated relative error of the fundamental [1].
     """

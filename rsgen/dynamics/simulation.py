@@ -17,10 +17,10 @@ import numpy as np
 import rsgen.dynamics  # solves for amplitudes, lags or the lines of multisines, in tests of these
 from rsgen.common.arrays import Array, ComplexArray
 from rsgen.common.errors import RsgenError, known_arguments, require
-from rsgen.data.multisine import MultisineSpectra
+from rsgen.data.multisine.spectra import MultisineSpectra
 from rsgen.data.oscillator import Oscillator, refuse_across
-from rsgen.data.surface import ResponseSurface
 from rsgen.data.surface.plausibility import lag_findings
+from rsgen.data.surface.response_surface import ResponseSurface
 from rsgen.dynamics.harmonic_balance import solve_harmonic_balance
 from rsgen.dynamics.settling import ControlledStates, SteadyStates
 from rsgen.dynamics.steady_state import solve_steady_states

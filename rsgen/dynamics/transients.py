@@ -24,10 +24,10 @@ from rsgen.common.declaration import Rule, check, declare, documented
 from rsgen.common.errors import RsgenError
 from rsgen.data import history
 from rsgen.data.oscillator import Oscillator
-from rsgen.data.surface import ResponseSurface
+from rsgen.data.surface.response_surface import ResponseSurface
 from rsgen.dynamics.kernel import compile_kernel
 from rsgen.dynamics.virtual_test import VirtualTest, level_grid
-from rsgen.formula import parse
+from rsgen.formula.reading import parse
 from rsgen.law.memory import memory_form, with_memory
 
 _STEPS = 16

@@ -24,11 +24,11 @@ from rsgen.common.arrays import Array, ComplexArray
 from rsgen.common.declaration import Rule, check, declare, documented, given
 from rsgen.common.errors import RsgenError
 from rsgen.common.text_table import Brief
-from rsgen.data.multisine import MultisineSpectra
+from rsgen.data.multisine.spectra import MultisineSpectra
 from rsgen.data.oscillator import Oscillator
 from rsgen.data.record_set import BASE_UNITS, PlannedTest, below_acceleration
-from rsgen.data.surface import ResponseSurface
 from rsgen.data.surface.plausibility import MAX_RESONANT_LAG
+from rsgen.data.surface.response_surface import ResponseSurface
 from rsgen.dynamics.settling import SteadyStates
 from rsgen.dynamics.steady_state import ACCURACY, HARMONICS, MAX_BATCH_POINTS, USUAL_ACCURACY, USUAL_HARMONICS
 from rsgen.law.numeric import compile_law

@@ -15,7 +15,7 @@ from rsgen.common.arrays import Array, ComplexArray
 from rsgen.common.errors import MeasurementError, RsgenError, quote, shown_path
 from rsgen.common.finding import Finding, quantities
 from rsgen.data.record_set import DERIVATIVE
-from rsgen.data.surface import ResponseSurface
+from rsgen.data.surface.response_surface import ResponseSurface
 from rsgen.files.column_titles import unit_doubts, unit_in
 from rsgen.files.data_files import recognise_format
 from rsgen.files.plan import MeasuredTest

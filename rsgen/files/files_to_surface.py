@@ -25,10 +25,11 @@ from rsgen.data.history import (
     record_findings,
 )
 from rsgen.data.history.record import copied_records, driven_amplitude
-from rsgen.data.multisine import MultisineSpectra
+from rsgen.data.multisine.spectra import MultisineSpectra
 from rsgen.data.record_set import MIN_POINTS_OF_RUN, below_acceleration
-from rsgen.data.surface import ResponseSurface, recognise_directions
+from rsgen.data.surface.columns import recognise_directions
 from rsgen.data.surface.plausibility import base_findings, lag_findings, quantity_findings
+from rsgen.data.surface.response_surface import ResponseSurface
 from rsgen.files.column_titles import contradiction, is_angular, unit_in
 from rsgen.files.file_table import Sources, Table, join_motions, read_sources
 from rsgen.files.histories import read_motions

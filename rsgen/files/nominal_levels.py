@@ -16,9 +16,8 @@ from rsgen.common.errors import MeasurementError, quote, shown_path
 from rsgen.common.finding import Finding, Quantity
 from rsgen.common.tolerances import RELATIVE_CHANGE_NEGLIGIBLE
 from rsgen.data.record_set import LEVEL_DIGITS, LEVEL_TOLERANCE, MIN_POINTS_OF_RUN
-from rsgen.data.surface import ResponseSurface, typical_amounts
 from rsgen.data.surface.columns import MIN_TURN, group_forces, monotone_runs
-from rsgen.data.surface.response_surface import amounts_of_levels
+from rsgen.data.surface.response_surface import ResponseSurface, amounts_of_levels, typical_amounts
 from rsgen.files.plan import UNIT_IN_NAME, MeasuredTest
 from rsgen.files.tree import star_pattern
 

@@ -18,9 +18,8 @@ from numpy.typing import NDArray
 from rsgen.common.errors import MeasurementError, RsgenError
 from rsgen.common.finding import Finding
 from rsgen.data.record_set import CHANNEL_NAME
-from rsgen.data.surface import ResponseSurface
 from rsgen.data.surface.columns import COLUMN_UNITS, MAX_SENSORS
-from rsgen.data.surface.response_surface import SENSOR_ARRAY, SURFACE_FORMAT, SURFACE_SCHEMA
+from rsgen.data.surface.response_surface import SENSOR_ARRAY, SURFACE_FORMAT, SURFACE_SCHEMA, ResponseSurface
 from rsgen.files.data_files import SURFACE_FILE
 from rsgen.files.sandbox import read_binary
 from rsgen.files.tree import Node

@@ -508,7 +508,7 @@ def write(expr: sympy.Expr) -> str:
 
     Examples
     --------
-    >>> from rsgen.formula import parse
+    >>> from rsgen.formula.reading import parse
     >>> write(parse("X**2*kn1*3/4 + k1"))
     'k1 + 3/4*kn1*X**2'
     """

@@ -37,10 +37,10 @@ from rsgen.common.tolerances import (
     SUBSAMPLE_POINTS,
     f_quantile,
 )
-from rsgen.data.multisine import MultisineSpectra
+from rsgen.data.multisine.spectra import MultisineSpectra
 from rsgen.data.oscillator import Model, Observation, join_model
-from rsgen.data.surface import ResponseSurface, without_copies
 from rsgen.data.surface.plausibility import base_findings
+from rsgen.data.surface.response_surface import ResponseSurface, without_copies
 from rsgen.identification.fitting.fit import RESOLUTION, Fit, fit_balance, fit_simulator
 from rsgen.identification.fitting.least_squares import Regression
 from rsgen.identification.fitting.observed import Problem
@@ -51,7 +51,7 @@ from rsgen.identification.prediction import Prediction, predict_held_out, predic
 from rsgen.identification.results import Identification, changed
 from rsgen.identification.soundness import held_finding, held_points, runs_away, shown_by_few, stopped_points
 from rsgen.identification.starting.start import start_fit
-from rsgen.law import LawLike
+from rsgen.law.element import LawLike
 
 # ----------------------------------------------------------------------------
 # All harmonics: by the balance, then by the simulator where only that has all of them.

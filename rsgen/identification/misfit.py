@@ -33,7 +33,7 @@ from rsgen.common.tolerances import (
     interval_sigmas,
 )
 from rsgen.data.oscillator import BACKGROUNDS, OFFSET
-from rsgen.data.surface import ResponseSurface
+from rsgen.data.surface.response_surface import ResponseSurface
 from rsgen.formula.names import symbol
 from rsgen.formula.printing import write
 from rsgen.identification.fitting.across import misfit_of_joint

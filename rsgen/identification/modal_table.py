@@ -39,10 +39,9 @@ from rsgen.common.tolerances import (
     interval_sigmas,
 )
 from rsgen.data.free_mode import fit_mode, steady
-from rsgen.data.multisine import MultisineSpectra
+from rsgen.data.multisine.spectra import MultisineSpectra
 from rsgen.data.oscillator import Model, Observation, join_model
-from rsgen.data.surface import ResponseSurface, typical_amounts, without_copies
-from rsgen.data.surface.response_surface import HALF_POWER
+from rsgen.data.surface.response_surface import HALF_POWER, ResponseSurface, typical_amounts, without_copies
 from rsgen.identification.fitting.fit import fit_balance
 from rsgen.identification.fitting.forward import ErrorsInVariables
 from rsgen.identification.fitting.least_squares import Regression, Rules, fit

@@ -27,7 +27,7 @@ from rsgen.common.tolerances import (
     SPLINE_SMOOTHING,
     interval_sigmas,
 )
-from rsgen.data.surface import ResponseSurface, typical_amounts
+from rsgen.data.surface.response_surface import ResponseSurface, typical_amounts
 from rsgen.formula.units import ForceUnits
 from rsgen.identification.fitting.fit import Fit
 from rsgen.identification.fitting.points import Points

@@ -19,8 +19,8 @@ import sympy
 import rsgen.law  # compiles loops, for laws with memory
 from rsgen.common.arrays import Array
 from rsgen.common.tolerances import ROUND_OFF
-from rsgen.formula import symbol
 from rsgen.formula.evaluation import compiled
+from rsgen.formula.names import symbol
 from rsgen.law.forms import expanded
 from rsgen.law.memory import RESIDUAL_TOLERANCE, MemoryForm, memory_form, positive_in
 from rsgen.law.normal_form import Piece, Switch, normal_form, normal_form_at, slope_between_jumps

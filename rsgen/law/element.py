@@ -14,8 +14,10 @@ import sympy
 from rsgen.common.errors import ExpressionError, RsgenError, quote, require
 from rsgen.common.finding import Finding
 from rsgen.common.text_table import TextTable
-from rsgen.formula import check_name, parse, symbol, write
 from rsgen.formula.bounds import algebra_faults
+from rsgen.formula.names import check_name, symbol
+from rsgen.formula.printing import write
+from rsgen.formula.reading import parse
 from rsgen.law.library import ROWS, Search
 from rsgen.law.memory import (
     constant_terms,
@@ -42,7 +44,7 @@ def law_remarks(force: sympy.Expr) -> tuple[Finding, ...]:
 
     Examples
     --------
-    >>> from rsgen.formula import parse
+    >>> from rsgen.formula.reading import parse
     >>> [finding.code for finding in law_remarks(parse("k*x + z"))]
     ['constant-force']
     """
@@ -182,7 +184,8 @@ def make_element(
     foreign = sorted(free.name for free in law.free_symbols if free != symbol(free.name))
     if foreign:
         raise ExpressionError(
-            f"{name}: {', '.join(foreign)}: not a symbol of rsgen; make symbols with rsgen.formula.symbol"
+            f"{name}: {', '.join(foreign)}: not a symbol of rsgen; make symbols with "
+            "rsgen.formula.names.symbol"
         )
     if "t" in names:
         raise ExpressionError(

@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 from rsgen.common.arrays import Array
 from rsgen.common.solvers import CONVERGED_STEP, newton
 from rsgen.common.tolerances import MAX_NEWTON_STEPS
-from rsgen.formula import symbol
+from rsgen.formula.names import symbol
 from rsgen.law.memory import RESIDUAL_TOLERANCE, MemoryForm, defined_at_zero, real_powers
 from rsgen.law.normal_form import ForceSample, Perturbation, SwitchedSum, switched_sum
 

@@ -19,9 +19,10 @@ from numpy.typing import NDArray
 from rsgen.common.arrays import Array
 from rsgen.common.errors import ExpressionError
 from rsgen.common.tolerances import ROUND_OFF
-from rsgen.formula import check_name, parse, symbol, write
 from rsgen.formula.evaluation import Numeric, compiled
-from rsgen.formula.names import Inner, Masing, State, Structural, remembers
+from rsgen.formula.names import Inner, Masing, State, Structural, check_name, remembers, symbol
+from rsgen.formula.printing import write
+from rsgen.formula.reading import parse
 
 RESIDUAL_TOLERANCE = 1e-6
 """Largest residual of a step of a loop, and growth of a disturbance in a period, relative to the state."""

@@ -20,8 +20,8 @@ import sympy
 
 from rsgen.common.arrays import Array
 from rsgen.common.errors import ExpressionError
-from rsgen.formula import symbol
 from rsgen.formula.evaluation import Numeric, compiled
+from rsgen.formula.names import symbol
 from rsgen.law.forms import MAX_OPERATIONS, Form, Key, add, expanded, moves
 from rsgen.law.memory import memory_form
 from rsgen.law.rewriting import inner_switches, reduce_law
@@ -39,7 +39,8 @@ def slope_between_jumps(expression: sympy.Expr, by: sympy.Symbol) -> sympy.Expr:
 
     Examples
     --------
-    >>> from rsgen.formula import parse, symbol
+    >>> from rsgen.formula.names import symbol
+    >>> from rsgen.formula.reading import parse
     >>> slope_between_jumps(parse("k*x + Ff*sign(v)"), symbol("v"))
     0
     """
@@ -175,7 +176,7 @@ def normal_form(force: sympy.Expr, positive: frozenset[str] = frozenset()) -> No
 
     Examples
     --------
-    >>> from rsgen.formula import parse
+    >>> from rsgen.formula.reading import parse
     >>> [(str(p.term), [str(s.function) for s in p.switches]) for p in normal_form(parse("sign(v)")).pieces]
     [('-1', []), ('2', ['v'])]
     """
@@ -217,7 +218,7 @@ def normal_form_at(force: sympy.Expr, values: Mapping[str, float]) -> NormalForm
 
     Examples
     --------
-    >>> from rsgen.formula import parse
+    >>> from rsgen.formula.reading import parse
     >>> gap = parse("Piecewise((x - b, x > b), (x + b, x < -b), (0, True))")
     >>> [str(s.function) for s in normal_form(gap).switches]
     ['b + x', '-b + x', 'x - Max(-b, b)']

@@ -257,7 +257,7 @@ def readable(expr: sympy.Expr) -> str:
 
     Examples
     --------
-    >>> from rsgen.formula import parse
+    >>> from rsgen.formula.reading import parse
     >>> print(readable(parse("X**2*kn1*3/4 + k1")))
     k1 + 3/4 kn1 X^2
     >>> print(readable(parse("c*v + Piecewise((k4*x, abs(x) <= b), (k5*x, True))")))
@@ -297,7 +297,7 @@ def latex(expr: sympy.Expr) -> str:
 
     Examples
     --------
-    >>> from rsgen.formula import parse
+    >>> from rsgen.formula.reading import parse
     >>> latex(parse("X**2*kn1*3/4 + k1"))
     'k_{1} + \\\\frac{3}{4}\\\\,k_{n1} X^{2}'
     """

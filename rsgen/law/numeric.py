@@ -21,8 +21,8 @@ from numpy.typing import NDArray
 import rsgen.law  # compiles loops, for laws with memory
 from rsgen.common.arrays import Array
 from rsgen.common.errors import RsgenError
-from rsgen.formula import symbol
 from rsgen.formula.bounds import algebra_faults
+from rsgen.formula.names import symbol
 from rsgen.formula.unit_deduction import parameter_units
 from rsgen.formula.unit_text import read_unit
 from rsgen.law.character import Character, character
@@ -307,7 +307,7 @@ def equal_terms(force: sympy.Expr) -> tuple[Group, ...]:
 
     Examples
     --------
-    >>> from rsgen.formula import parse
+    >>> from rsgen.formula.reading import parse
     >>> equal_terms(parse("k*x + masing(Min(ka*x, Fa)) + masing(Min(kb*x, Fb))"))
     ((('Fa', 'ka'), ('Fb', 'kb')),)
     >>> equal_terms(parse("k*x + c*v"))
@@ -369,7 +369,7 @@ def in_order(force: sympy.Expr, values: Mapping[str, float]) -> dict[str, float]
 
     Examples
     --------
-    >>> from rsgen.formula import parse
+    >>> from rsgen.formula.reading import parse
     >>> law = parse("masing(Min(ka*x, Fa)) + masing(Min(kb*x, Fb))")
     >>> in_order(law, {"Fa": 9.0, "ka": 1.0, "Fb": 4.0, "kb": 2.0})
     {'Fa': 4.0, 'ka': 2.0, 'Fb': 9.0, 'kb': 1.0}

@@ -10,12 +10,13 @@ from typing import cast
 import numpy as np
 
 from rsgen.analysis.comparison import Comparison, compare
-from rsgen.cases import Case
+from rsgen.cases.case import Case
 from rsgen.common.errors import RsgenError, require
 from rsgen.common.output import write_atomic
-from rsgen.data.multisine import MultisineSpectra
-from rsgen.data.surface import ResponseSurface, save_surface, typical_amounts
-from rsgen.describing import PrintedComparison, compare_printed, derive
+from rsgen.data.multisine.spectra import MultisineSpectra
+from rsgen.data.surface.response_surface import ResponseSurface, save_surface, typical_amounts
+from rsgen.describing.derivation import derive
+from rsgen.describing.function import PrintedComparison, compare_printed
 from rsgen.dynamics.kernel_source import generate
 from rsgen.formula.names import Structural, remembers
 from rsgen.identification.prediction import Prediction, predict
@@ -70,7 +71,7 @@ def draw_all(
 def _draw_lines(
     spectra: MultisineSpectra, identification: MultisineIdentification, prediction: Prediction, modal: Modal
 ) -> list[figures.Drawing]:
-    from rsgen.data.multisine import best_linear_surface  # for multisines only
+    from rsgen.data.multisine.linear import best_linear_surface  # for multisines only
 
     surface = best_linear_surface(spectra, identification.approximations)
     drawings = [
@@ -201,7 +202,7 @@ def check_printed(subject: Subject, identification: Identification) -> tuple[Pri
 def save_records(table: ResponseSurface | MultisineSpectra, place: Path) -> None:
     """Write the records of a test."""
     if isinstance(table, MultisineSpectra):
-        from rsgen.data.multisine import save_spectra  # for multisines only
+        from rsgen.data.multisine.spectra_file import save_spectra  # for multisines only
 
         save_spectra(place / "spectra.npz", table)
     else:

@@ -20,11 +20,11 @@ import nbformat
 
 import rsgen
 from rsgen.analysis.comparison import Comparison
-from rsgen.cases import Case
+from rsgen.cases.case import Case
 from rsgen.common.errors import RsgenError
 from rsgen.common.output import write_atomic
-from rsgen.data.multisine import MultisineSpectra
-from rsgen.data.surface import ResponseSurface
+from rsgen.data.multisine.spectra import MultisineSpectra
+from rsgen.data.surface.response_surface import ResponseSurface
 from rsgen.identification.prediction import Prediction
 from rsgen.identification.results import Identification
 from rsgen.report.figures import Drawing

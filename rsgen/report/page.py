@@ -22,10 +22,12 @@ from rsgen.analysis.comparison import Comparison, verdict_of
 from rsgen.common.finding import STATES, Finding, Quantity, steps_once
 from rsgen.common.output import write_atomic
 from rsgen.common.tolerances import NOISE_LIMIT_SIGMAS
-from rsgen.data.multisine import MultisineSpectra
-from rsgen.data.surface import ResponseSurface
-from rsgen.describing import PrintedComparison, derive
-from rsgen.formula import parse, symbol
+from rsgen.data.multisine.spectra import MultisineSpectra
+from rsgen.data.surface.response_surface import ResponseSurface
+from rsgen.describing.derivation import derive
+from rsgen.describing.function import PrintedComparison
+from rsgen.formula.names import symbol
+from rsgen.formula.reading import parse
 from rsgen.formula.units import number_text, quantity_text
 from rsgen.identification.prediction import Prediction
 from rsgen.identification.results import Identification, MultisineIdentification
@@ -39,7 +41,8 @@ from rsgen.report.figures.equivalent import evaluated
 from rsgen.report.page_tables import NO_MODAL, Modal
 from rsgen.report.provenance import Subject, page_environment, plain_text
 from rsgen.report.result_json import Entry, read_results
-from rsgen.report.wording import full_sentence, sentence, sentences
+from rsgen.report.wording import sentences
+from rsgen.report.wording.sentences import full_sentence, sentence
 
 # ----------------------------------------------------------------------------
 # Figures inside a page: SVG that takes its colours from the page and clashes with no other figure.

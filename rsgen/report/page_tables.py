@@ -13,8 +13,8 @@ import numpy as np
 from rsgen.analysis.comparison import Comparison, Row, compare_fits
 from rsgen.common.errors import RsgenError
 from rsgen.common.tolerances import CONFIDENCE_TEXT
-from rsgen.data.multisine import MultisineSpectra
-from rsgen.data.surface import ResponseSurface
+from rsgen.data.multisine.spectra import MultisineSpectra
+from rsgen.data.surface.response_surface import ResponseSurface
 from rsgen.formula.units import ForceUnits, Scale, choose_scale, number_text, quantity_text, unit_text
 from rsgen.identification.modal_result import MODAL_COLUMNS, ModalTable
 from rsgen.identification.modal_table import modal_table
@@ -23,11 +23,10 @@ from rsgen.identification.prediction.prediction_result import PredictedRecord
 from rsgen.identification.ranking.ranking_result import ORDER
 from rsgen.identification.results import Estimate, Identification
 from rsgen.law.memory import FORCE_KEYS
-from rsgen.report.wording import sentence
-from rsgen.report.wording.sentences import error_text, share_text
+from rsgen.report.wording.sentences import error_text, sentence, share_text
 
 if TYPE_CHECKING:
-    from rsgen.data.multisine import BestLinear
+    from rsgen.data.multisine.linear import BestLinear
 
 _BACKGROUND_NAMES = {
     "psi": "lead of the force in the phase of the response",

@@ -20,9 +20,9 @@ from markupsafe import Markup, escape
 
 import rsgen
 from rsgen.analysis.comparison import Comparison, Row
-from rsgen.cases import Case
-from rsgen.data.multisine import MultisineSpectra
-from rsgen.data.surface import ResponseSurface
+from rsgen.cases.case import Case
+from rsgen.data.multisine.spectra import MultisineSpectra
+from rsgen.data.surface.response_surface import ResponseSurface
 from rsgen.formula.bounds import MAX_CHARACTERS
 from rsgen.identification.results import Estimate, Identification
 from rsgen.law.element import Element

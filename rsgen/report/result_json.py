@@ -26,10 +26,11 @@ from rsgen.common.arrays import Array
 from rsgen.common.finding import Finding, StatedVerdict, Verdict
 from rsgen.common.output import read_small
 from rsgen.common.tolerances import interval_sigmas
-from rsgen.data.multisine import MultisineSpectra
-from rsgen.data.surface import ResponseSurface
-from rsgen.describing import PrintedComparison, derive
-from rsgen.formula import write
+from rsgen.data.multisine.spectra import MultisineSpectra
+from rsgen.data.surface.response_surface import ResponseSurface
+from rsgen.describing.derivation import derive
+from rsgen.describing.function import PrintedComparison
+from rsgen.formula.printing import write
 from rsgen.formula.units import quantity_text
 from rsgen.identification.prediction import HeldOutLevel, Prediction
 from rsgen.identification.results import Estimate, Identification, MultisineIdentification, Resonance
@@ -38,11 +39,10 @@ from rsgen.law.memory import FORCE_KEYS
 from rsgen.report.figures import equivalent
 from rsgen.report.page_tables import NO_MODAL, Modal
 from rsgen.report.provenance import Subject
-from rsgen.report.wording import sentence
-from rsgen.report.wording.sentences import read_verdict, state_verdict
+from rsgen.report.wording.sentences import read_verdict, sentence, state_verdict
 
 if TYPE_CHECKING:
-    from rsgen.data.multisine import BestLinear
+    from rsgen.data.multisine.linear import BestLinear
     from rsgen.identification.ranking import Ranking
 
 SCHEMA = 2

@@ -12,7 +12,7 @@ from pathlib import Path
 
 from rsgen.dynamics.kernel import compile_source
 from rsgen.dynamics.kernel_source import generate
-from rsgen.formula import parse
+from rsgen.formula.reading import parse
 from tests.attacks.program import HANG_SECONDS, Row, environment, row, temporary
 from tests.kernel.test_store import DAMAGES, WAYS, WAYS_OF_ROOT, Planted
 
@@ -20,7 +20,7 @@ LAW, OTHER_LAW = "c*v + k*x", "c*v + 3*k*x"
 
 PROGRAM = f"""
 import numpy as np
-from rsgen.formula import parse
+from rsgen.formula.reading import parse
 from rsgen.dynamics.kernel import compile_kernel
 kernel = compile_kernel(parse({LAW!r}))
 state = kernel.integrate(

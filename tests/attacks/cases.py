@@ -13,7 +13,7 @@ from tempfile import TemporaryDirectory
 import numpy as np
 from numpy.random import Generator
 
-from rsgen.cases import load_case
+from rsgen.cases.loading import load_case
 from rsgen.common.errors import RsgenError
 from tests.attacks.child import Outcome, attacked, command, judged, measured
 from tests.attacks.damage import DAMAGE

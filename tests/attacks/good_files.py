@@ -11,8 +11,9 @@ import scipy.io
 import scipy.io.wavfile
 from numpy.random import Generator
 
-from rsgen.data.surface import ResponseSurface, save_surface
-from rsgen.files import Channel, HistoryRule, LevelRule, MeasuredTest
+from rsgen.data.surface.response_surface import ResponseSurface, save_surface
+from rsgen.files.plan import HistoryRule, LevelRule, MeasuredTest
+from rsgen.files.signals import Channel
 
 ENDINGS = {
     "csv": ".csv", "mat": ".mat", "hdf5": ".h5", "npy": ".npy", "npz": ".npz", "uff": ".uff",

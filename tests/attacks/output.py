@@ -8,7 +8,7 @@ import time
 from collections.abc import Callable
 from pathlib import Path
 
-from rsgen.app.study import read_manifest
+from rsgen.app.study.folder import read_manifest
 from tests.attacks import program
 from tests.attacks.program import Row
 

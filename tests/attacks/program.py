@@ -12,7 +12,7 @@ from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from pathlib import Path
 
-from rsgen.app.study import MANIFEST, read_manifest
+from rsgen.app.study.folder import MANIFEST, read_manifest
 from tests.case_files import CUBIC, write_small
 
 COMMAND = (sys.executable, "-c", "from rsgen.app.cli import main; main()")

@@ -7,10 +7,11 @@ import pytest
 import sympy
 
 from rsgen.common.errors import ExpressionError
-from rsgen.describing import derive
-from rsgen.formula import parse, symbol
+from rsgen.describing.derivation import derive
 from rsgen.formula.bounds import algebra_faults
 from rsgen.formula.evaluation import compiled
+from rsgen.formula.names import symbol
+from rsgen.formula.reading import parse
 from tests.attacks.child import allowed
 from tests.attacks.expressions import answer, text_of
 

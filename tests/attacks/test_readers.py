@@ -8,10 +8,12 @@ import numpy as np
 import pytest
 
 from rsgen.common.errors import MeasurementError
-from rsgen.files import Layout, load_surface, read_measurement
 from rsgen.files.data_files import FORMATS
-from rsgen.files.inspection import list_contents
+from rsgen.files.files_to_surface import read_measurement
+from rsgen.files.inspection.listing import list_contents
+from rsgen.files.plan import Layout
 from rsgen.files.sandbox import list_binary
+from rsgen.files.surface_file import load_surface
 from rsgen.files.text_columns import MAX_NUMBER_LENGTH, read_columns
 from tests.attacks import readers
 from tests.attacks.child import allowed

@@ -13,13 +13,14 @@ import numpy as np
 import pytest
 
 import rsgen
-from rsgen.cases import case_schema, find_cases, load_case
+from rsgen.cases.case import case_schema
+from rsgen.cases.loading import find_cases, load_case
 from rsgen.cases.tables import path_fault
 from rsgen.common.errors import CaseError, RsgenError
 from rsgen.dynamics.virtual_test import SimulatedTest
-from rsgen.formula import check_name
-from rsgen.formula import write as write_formula
-from rsgen.law import Law, make_element
+from rsgen.formula.names import check_name
+from rsgen.formula.printing import write as write_formula
+from rsgen.law.element import Law, make_element
 from tests.case.faults import FAULTS, HISTORY, SENTENCES, SIMULATED, TABLE
 from tests.case_files import MEASURED, changed, write_small
 

@@ -5,8 +5,8 @@ from pathlib import Path
 
 import pytest
 
-from rsgen.cases import load_case
 from rsgen.cases.case import law_faults
+from rsgen.cases.loading import load_case
 from tests.case_files import law, write_small
 
 LUGRE = "v - s*abs(v)*z/(Fc + (Fs - Fc)*exp(-(v/vs)**2))"

@@ -6,8 +6,8 @@ import json
 import pytest
 
 import rsgen
-from rsgen.app.study import run_case
-from rsgen.cases import load_case
+from rsgen.app.study.run_case import run_case
+from rsgen.cases.loading import load_case
 from tests.case_files import law, write_small
 
 LINEAR = {**law("k*x", "c*v", k=5920.0, c=3.8), "test.level.values": [1, 3], "test.frequency.count": 15}

@@ -15,8 +15,8 @@ import pytest
 
 from rsgen import __version__
 from rsgen.app.cli.application import COMMANDS
-from rsgen.app.study import read_manifest
-from rsgen.formula import parse
+from rsgen.app.study.folder import read_manifest
+from rsgen.formula.reading import parse
 from tests.case_files import write_small
 from tests.programs import RSGEN, python, shell
 

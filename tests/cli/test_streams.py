@@ -13,7 +13,7 @@ import pytest
 from rsgen.app.cli.terminal import plain
 from rsgen.common.errors import program_fault
 from rsgen.common.finding import Finding, Quantity
-from rsgen.report.wording import sentence
+from rsgen.report.wording.sentences import sentence
 from tests.programs import RSGEN, python, start
 
 posix = pytest.mark.skipif(os.name != "posix", reason="the full device is POSIX")

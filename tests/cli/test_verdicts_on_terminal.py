@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from rsgen.app.cli.run_command import exit_code
-from rsgen.app.study import CaseRun
+from rsgen.app.study.run_case import CaseRun
 from rsgen.common.finding import STATES, Finding, Verdict
 from rsgen.report.wording.sentences import state_verdict
 

@@ -7,9 +7,10 @@ import numpy as np
 import pytest
 from scipy.special import j0, j1
 
-from rsgen.describing import derive
-from rsgen.formula import parse, symbol
+from rsgen.describing.derivation import derive
 from rsgen.formula.evaluation import compiled
+from rsgen.formula.names import symbol
+from rsgen.formula.reading import parse
 from rsgen.report.figures.equivalent import draw_derivation
 from tests.conftest import Answer
 

@@ -9,12 +9,15 @@ from scipy.special import j0
 
 from rsgen.common.errors import RsgenError
 from rsgen.describing import closed as terms
-from rsgen.describing import compare_printed, derive
 from rsgen.describing.closed import over_quarters
+from rsgen.describing.derivation import derive
+from rsgen.describing.function import compare_printed
 from rsgen.describing.quadrature import Cycle, switching_angles
-from rsgen.formula import parse, symbol, write
 from rsgen.formula.evaluation import compiled
-from rsgen.law import make_element
+from rsgen.formula.names import symbol
+from rsgen.formula.printing import write
+from rsgen.formula.reading import parse
+from rsgen.law.element import make_element
 from rsgen.law.normal_form import normal_form
 from tests.oracles.cycle import relative_errors
 

@@ -6,11 +6,11 @@ import sympy
 from scipy.special import gamma, i1
 
 from rsgen.common.errors import ExpressionError, RsgenError
-from rsgen.describing import derive
-from rsgen.formula import parse, symbol
+from rsgen.describing.derivation import derive
 from rsgen.formula.evaluation import compiled
-from rsgen.formula.names import remembers
-from rsgen.law import laws, make_element
+from rsgen.formula.names import remembers, symbol
+from rsgen.formula.reading import parse
+from rsgen.law.element import laws, make_element
 from tests.oracles.loop import equivalent, odd_loop
 
 pytestmark = pytest.mark.slow

@@ -7,7 +7,7 @@ import pytest
 
 from docs._extension.made_findings import places_of_findings
 from docs.pages import MAKERS, pages, renewed
-from rsgen.report.wording import CODES, NEXT_STEPS
+from rsgen.report.wording.sentences import CODES, NEXT_STEPS
 from tests.capabilities import COLUMNS, EXCITATIONS, MODIFIERS, answer, page, stated
 
 SLOW = {

@@ -9,7 +9,7 @@ import pytest
 
 import rsgen as rs
 from docs._extension.snippets import ROOT, find_snippets
-from rsgen.report.wording import sentence
+from rsgen.report.wording.sentences import sentence
 from tests.case_files import MEASURED, write_small
 
 PAGE = (ROOT / "docs" / "howto" / "questions.md").read_text(encoding="utf-8")

@@ -6,7 +6,7 @@ import tomllib
 import pytest
 
 from docs._extension.snippets import ROOT, Workspace, find_snippets
-from rsgen.cases import case_schema
+from rsgen.cases.case import case_schema
 
 PAGES = [
     ROOT / "README.md",

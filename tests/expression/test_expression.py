@@ -13,9 +13,10 @@ from hypothesis import assume, example, given
 from hypothesis import strategies as st
 
 from rsgen.common.errors import ExpressionError
-from rsgen.formula import check_name, parse, symbol, write
 from rsgen.formula.evaluation import compiled
-from rsgen.formula.names import renamed
+from rsgen.formula.names import check_name, renamed, symbol
+from rsgen.formula.printing import write
+from rsgen.formula.reading import parse
 
 CORPUS = json.loads((Path(__file__).parents[1] / "corpus" / "expressions.json").read_text(encoding="utf-8"))
 REFUSAL_SECONDS = 0.05  # what an expression may cost, best of three so that a busy machine does not decide

@@ -15,7 +15,7 @@ from matplotlib.figure import Figure
 from matplotlib.transforms import Bbox
 
 from rsgen import figures
-from rsgen.describing import derive
+from rsgen.describing.derivation import derive
 from rsgen.identification.modal_table import modal_table
 from rsgen.law.element import make_element
 from rsgen.report.figures import Drawing, number_text, quantity_text, unit_text

@@ -5,7 +5,7 @@ from dataclasses import fields
 import numpy as np
 import pytest
 
-from rsgen.data.surface import ResponseSurface
+from rsgen.data.surface.response_surface import ResponseSurface
 from rsgen.identification.fitting.repeats import Repeats, gather_repeats
 from rsgen.identification.identify import identify
 from tests.surfaces import changed, model, noisy, surface, truth

@@ -10,8 +10,8 @@ import pytest
 
 import rsgen
 from rsgen import identify, predict
-from rsgen.cases import load_case
-from rsgen.files import read_measurement
+from rsgen.cases.loading import load_case
+from rsgen.files.files_to_surface import read_measurement
 
 CASES = Path(__file__).parents[1] / "cases"
 

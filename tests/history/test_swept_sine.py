@@ -11,15 +11,15 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from rsgen.cases import load_case
+from rsgen.cases.loading import load_case
 from rsgen.data.history import SweepLaw, TimeHistory, from_swept_sine, swept_sine
 from rsgen.data.history.envelope import NOISE_WIDTH, demodulate, place_windows
 from rsgen.data.history.tracking import find_sweeps
 from rsgen.data.oscillator import Oscillator
-from rsgen.data.surface import ResponseSurface
+from rsgen.data.surface.response_surface import ResponseSurface
 from rsgen.dynamics.steady_state import solve_steady_states
 from rsgen.law.element import make_element
-from rsgen.report.wording import sentence
+from rsgen.report.wording.sentences import sentence
 from tests.oracles.swept import driven, sweep
 
 pytestmark = pytest.mark.slow

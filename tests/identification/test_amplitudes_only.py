@@ -8,10 +8,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from rsgen.cases import load_case
+from rsgen.cases.loading import load_case
 from rsgen.common.errors import RsgenError
 from rsgen.data.oscillator import Model, Observation
-from rsgen.files import read_measurement
+from rsgen.files.files_to_surface import read_measurement
 from rsgen.identification.identify import identify
 from rsgen.identification.prediction.amplitude_balance import AmplitudeBalance
 from tests.surfaces import codes, distances, model, noisy, surface, truth, without_phase

@@ -5,11 +5,11 @@ import pytest
 
 from rsgen.data.history import SweepLaw, TimeHistory, from_swept_sine
 from rsgen.data.oscillator import Observation, Oscillator
-from rsgen.data.surface import ResponseSurface
+from rsgen.data.surface.response_surface import ResponseSurface
 from rsgen.dynamics.steady_state import solve_steady_states
 from rsgen.identification.identify import identify
 from rsgen.law.element import make_element
-from rsgen.report.wording import sentence
+from rsgen.report.wording.sentences import sentence
 from tests.oracles.swept import sweep
 from tests.surfaces import changed, codes, distances, errors, noisy, without_phase
 

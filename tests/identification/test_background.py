@@ -9,7 +9,7 @@ import pytest
 import rsgen as rs
 from rsgen.analysis.comparison import compare_fits
 from rsgen.data.oscillator import Observation, Oscillator
-from rsgen.data.surface import ResponseSurface
+from rsgen.data.surface.response_surface import ResponseSurface
 from rsgen.dynamics.simulation import simulate
 from rsgen.dynamics.virtual_test import SimulatedTest, add_noise
 from rsgen.identification.identify import identify

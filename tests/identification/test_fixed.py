@@ -9,12 +9,12 @@ import pytest
 
 import rsgen
 from rsgen.cases.faults import CaseError
-from rsgen.formula import parse
+from rsgen.formula.reading import parse
 from rsgen.identification.fitting import least_squares
 from rsgen.identification.results.estimates import fixed_contradicted
 from rsgen.law.motion import sine_motion
 from rsgen.law.numeric import compile_law
-from rsgen.report.wording import next_step
+from rsgen.report.wording.sentences import next_step
 from tests.case_files import Literal, write_small
 from tests.case_files import law as case_law
 from tests.surfaces import LAWS, MASS, codes, noisy, surface

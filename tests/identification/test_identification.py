@@ -8,7 +8,7 @@ import pytest
 from rsgen.common.finding import Finding
 from rsgen.data.free_mode import estimate_mass, steady
 from rsgen.data.oscillator import Model, Observation, Oscillator
-from rsgen.data.surface import ResponseSurface
+from rsgen.data.surface.response_surface import ResponseSurface
 from rsgen.dynamics.simulation import SimulatedTest, simulate
 from rsgen.identification.fitting.points import select_points
 from rsgen.identification.identify import identify

@@ -6,7 +6,9 @@ import numpy as np
 import pytest
 
 import rsgen
-from rsgen.files import Channel, MeasuredTest, read_measurement
+from rsgen.files.files_to_surface import read_measurement
+from rsgen.files.plan import MeasuredTest
+from rsgen.files.signals import Channel
 from tests.surfaces import codes, distances, errors, noisy
 
 MASS, VALUES = 1.5, {"k": 5920.0, "k3": 3e5, "c": 3.8}

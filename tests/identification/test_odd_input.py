@@ -8,7 +8,7 @@ import pytest
 
 from rsgen.common.errors import RsgenError
 from rsgen.data.oscillator import Observation
-from rsgen.data.surface import ResponseSurface
+from rsgen.data.surface.response_surface import ResponseSurface
 from rsgen.identification.identify import identify
 from rsgen.law.character import character
 from rsgen.law.element import make_element

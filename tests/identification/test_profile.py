@@ -8,7 +8,7 @@ import pytest
 
 import rsgen as rs
 from rsgen.data.oscillator import Oscillator
-from rsgen.data.surface import ResponseSurface
+from rsgen.data.surface.response_surface import ResponseSurface
 from rsgen.dynamics.simulation import SimulatedTest, simulate
 from rsgen.identification.fitting import least_squares
 from rsgen.identification.identify import identify

@@ -7,10 +7,10 @@ import pytest
 
 from rsgen.common.finding import Finding, Quantity
 from rsgen.data.oscillator import Oscillator
-from rsgen.data.surface import ResponseSurface
+from rsgen.data.surface.response_surface import ResponseSurface
 from rsgen.dynamics.simulation import simulate
 from rsgen.dynamics.virtual_test import SimulatedTest
-from rsgen.formula import parse
+from rsgen.formula.reading import parse
 from rsgen.identification.identify import identify
 from rsgen.identification.results import Estimate
 from rsgen.identification.results.estimates import damping_findings

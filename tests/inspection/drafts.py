@@ -9,10 +9,12 @@ from typing import Any
 import numpy as np
 
 from rsgen.app.cli.inspect_command import proposal_text
-from rsgen.cases import load_case
-from rsgen.data.surface import ResponseSurface
-from rsgen.files import MeasuredTest, read_measurement
-from rsgen.files.inspection import Proposal, list_contents, propose
+from rsgen.cases.loading import load_case
+from rsgen.data.surface.response_surface import ResponseSurface
+from rsgen.files.files_to_surface import read_measurement
+from rsgen.files.inspection.listing import list_contents
+from rsgen.files.inspection.proposal import Proposal, propose
+from rsgen.files.plan import MeasuredTest
 
 MASS, DAMPING, STIFFNESS = 1.5, 4.0, 6000.0
 FREQUENCY = np.linspace(6.0, 14.0, 17)

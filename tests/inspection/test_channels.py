@@ -7,8 +7,9 @@ import numpy as np
 import pytest
 
 from rsgen.common.errors import RsgenError
-from rsgen.files.inspection import list_contents, propose
 from rsgen.files.inspection.clues import TODO
+from rsgen.files.inspection.listing import list_contents
+from rsgen.files.inspection.proposal import propose
 from tests.inspection.drafts import (
     DAMPING,
     FREQUENCY,

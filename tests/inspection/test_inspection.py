@@ -14,11 +14,13 @@ import pytest
 import scipy.io
 
 from rsgen.app.cli.inspect_command import proposal_text
-from rsgen.cases import load_case
+from rsgen.cases.loading import load_case
 from rsgen.common.errors import MeasurementError
-from rsgen.data.surface import ResponseSurface
-from rsgen.files import Layout, read_measurement
-from rsgen.files.inspection import Proposal, list_contents
+from rsgen.data.surface.response_surface import ResponseSurface
+from rsgen.files.files_to_surface import read_measurement
+from rsgen.files.inspection.listing import list_contents
+from rsgen.files.inspection.proposal import Proposal
+from rsgen.files.plan import Layout
 from rsgen.files.text_columns import TextLines, read_columns
 from tests.inspection.drafts import FREQUENCY, RECEPTANCE, drafted
 

@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from rsgen.files.inspection import propose
+from rsgen.files.inspection.proposal import propose
 from rsgen.files.tree import Contents, Entry
 from tests.inspection.drafts import FREQUENCY, RECEPTANCE, is_receptance, read_draft, write_table
 

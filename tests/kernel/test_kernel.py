@@ -9,7 +9,8 @@ import sympy
 from rsgen.common.errors import RsgenError
 from rsgen.dynamics.kernel import compile_kernel, load_kernel
 from rsgen.dynamics.kernel_source import generate, parameter_order
-from rsgen.formula import parse, symbol
+from rsgen.formula.names import symbol
+from rsgen.formula.reading import parse
 from rsgen.law.normal_form import normal_form
 
 # the same arithmetic in another order

@@ -15,7 +15,7 @@ import pytest
 
 from rsgen.dynamics import kernel as compiled
 from rsgen.dynamics.kernel_source import MemoryRows, generate
-from rsgen.formula import parse
+from rsgen.formula.reading import parse
 
 pytestmark = pytest.mark.skipif(os.name != "posix", reason="without owners of files there is no cache")
 
@@ -209,7 +209,8 @@ def test_without_a_place_for_the_cache_kernels_still_work(tmp_path, monkeypatch)
 @pytest.mark.thorough
 def test_parallel_processes_share_one_cache_and_later_ones_need_no_compiler(own_cache):
     program = (
-        "import sys; from rsgen.formula import parse; from rsgen.dynamics.kernel import compile_kernel; "
+        "import sys; from rsgen.formula.reading import parse; "
+        "from rsgen.dynamics.kernel import compile_kernel; "
         "print(compile_kernel(parse('c*v + k*x')).parameters, 'numba' in sys.modules)"
     )
     words = [sys.executable, "-c", program]

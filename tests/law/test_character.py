@@ -7,7 +7,7 @@ import sympy
 import rsgen
 from rsgen.data.oscillator import Oscillator
 from rsgen.dynamics.virtual_test import SimulatedTest
-from rsgen.formula import parse
+from rsgen.formula.reading import parse
 from rsgen.law.character import character, jointly_linear
 from rsgen.law.element import law_remarks
 from rsgen.law.memory import with_memory

@@ -7,8 +7,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from rsgen.common.errors import ExpressionError
-from rsgen.formula import parse, symbol
 from rsgen.formula.evaluation import compiled
+from rsgen.formula.names import symbol
+from rsgen.formula.reading import parse
 from rsgen.law.element import make_element, response_share
 from rsgen.law.normal_form import normal_form, normal_form_at
 

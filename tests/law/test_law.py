@@ -9,8 +9,9 @@ import sympy
 import rsgen
 from rsgen.common.errors import ExpressionError, RsgenError
 from rsgen.data.oscillator import Model, Observation, Oscillator
-from rsgen.formula import parse, symbol
-from rsgen.law import Element, Law, as_elements, laws, make_element
+from rsgen.formula.names import symbol
+from rsgen.formula.reading import parse
+from rsgen.law.element import Element, Law, as_elements, laws, make_element
 
 
 def test_a_formula_is_a_law():

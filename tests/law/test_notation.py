@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from rsgen.common.errors import ExpressionError
-from rsgen.formula import parse
+from rsgen.formula.reading import parse
 from rsgen.law.notation import latex, mathml, readable
 
 EQUATION_20 = "Piecewise((k4, X <= b), (k5 - (k5 - k4)/pi*(2*asin(b/X) + 2*b/X**2*sqrt(X**2 - b**2)), True))"

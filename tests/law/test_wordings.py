@@ -3,7 +3,7 @@
 import pytest
 
 from rsgen.dynamics.kernel_source import generate
-from rsgen.formula import parse
+from rsgen.formula.reading import parse
 from rsgen.law.normal_form import normal_form_at
 
 VALUES = {"b": 5e-3, "b2": 9e-3, "k4": 5900.0, "k5": 14800.0, "k6": 3000.0, "ks": 5900.0, "Fm": 30.0}

@@ -7,8 +7,8 @@ import pytest
 
 import rsgen as rs
 from rsgen.common.errors import CaseError, MeasurementError
-from rsgen.files import HistoryRule, MeasuredTest
 from rsgen.files.histories import shifted
+from rsgen.files.plan import HistoryRule, MeasuredTest
 from rsgen.files.signals import BaseRule, Channel, combination
 from tests.case_files import GONE, MEASURED, Changes, write_small
 

@@ -7,10 +7,11 @@ import pytest
 
 from rsgen.common.errors import MeasurementError
 from rsgen.common.finding import Finding
-from rsgen.data.surface import ResponseSurface
-from rsgen.files import Channel, HistoryRule, LevelRule, MeasuredTest, SweepRule, read_measurement
-from rsgen.files.files_to_surface import passivity_findings
-from rsgen.report.wording import sentence
+from rsgen.data.surface.response_surface import ResponseSurface
+from rsgen.files.files_to_surface import passivity_findings, read_measurement
+from rsgen.files.plan import HistoryRule, LevelRule, MeasuredTest, SweepRule
+from rsgen.files.signals import Channel
+from rsgen.report.wording.sentences import sentence
 from tests.surfaces import severities
 
 FREQUENCY = np.linspace(8, 12, 41)

@@ -9,10 +9,11 @@ import rsgen as rs
 from rsgen.data.history import SweepLaw
 from rsgen.data.oscillator import Oscillator
 from rsgen.data.surface.plausibility import base_findings
-from rsgen.files import Channel, HistoryRule, LevelRule, MeasuredTest, read_measurement
-from rsgen.files.signals import BaseRule
+from rsgen.files.files_to_surface import read_measurement
+from rsgen.files.plan import HistoryRule, LevelRule, MeasuredTest
+from rsgen.files.signals import BaseRule, Channel
 from rsgen.law.element import make_element
-from rsgen.report.wording import sentence
+from rsgen.report.wording.sentences import sentence
 from tests.case_files import MEASURED, Changes, write_small
 from tests.oracles.swept import sweep
 

@@ -15,16 +15,19 @@ import pytest
 from numpy.typing import NDArray
 from scipy.io import savemat, wavfile
 
-from rsgen.cases import load_case
+from rsgen.cases.loading import load_case
 from rsgen.common.errors import MeasurementError
-from rsgen.data.surface import ResponseSurface
-from rsgen.files import Channel, HistoryRule, MeasuredTest, read_measurement, sandbox
+from rsgen.data.surface.response_surface import ResponseSurface
+from rsgen.files import sandbox
 from rsgen.files.array_files import walk_wav
 from rsgen.files.data_files import recognise_format
+from rsgen.files.files_to_surface import read_measurement
 from rsgen.files.histories import read_histories
-from rsgen.files.inspection import list_contents
+from rsgen.files.inspection.listing import list_contents
 from rsgen.files.labview import walk_lvm
+from rsgen.files.plan import HistoryRule, MeasuredTest
 from rsgen.files.sandbox import read_binary
+from rsgen.files.signals import Channel
 from rsgen.files.tree import LARGEST_BYTES, find
 
 # what float64 keeps of a product of two factors

@@ -10,12 +10,15 @@ import scipy.io
 
 import rsgen
 from rsgen.common.errors import MeasurementError, RsgenError
-from rsgen.data.multisine import MultisineSpectra
+from rsgen.data.multisine.spectra import MultisineSpectra
 from rsgen.data.oscillator import Model, Observation
 from rsgen.data.record_set import match_level
-from rsgen.data.surface import ResponseSurface, save_surface, typical_amounts
-from rsgen.files import Channel, LevelRule, MeasuredTest, load_surface, read_measurement
-from rsgen.report.wording import sentence
+from rsgen.data.surface.response_surface import ResponseSurface, save_surface, typical_amounts
+from rsgen.files.files_to_surface import read_measurement
+from rsgen.files.plan import LevelRule, MeasuredTest
+from rsgen.files.signals import Channel
+from rsgen.files.surface_file import load_surface
+from rsgen.report.wording.sentences import sentence
 from tests.surfaces import severities
 
 FREQUENCY = np.linspace(8, 12, 41)

@@ -16,9 +16,11 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from rsgen.common.errors import MeasurementError
-from rsgen.data.surface import recognise_directions
-from rsgen.files import Channel, Layout, LevelRule, MeasuredTest, SweepRule, read_measurement
+from rsgen.data.surface.columns import recognise_directions
 from rsgen.files import text_columns as text_lines
+from rsgen.files.files_to_surface import read_measurement
+from rsgen.files.plan import Layout, LevelRule, MeasuredTest, SweepRule
+from rsgen.files.signals import Channel
 from rsgen.files.text_columns import Columns, read_columns
 
 # numbers are written with 17 digits; what remains is the round-off of the conversions

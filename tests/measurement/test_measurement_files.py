@@ -17,13 +17,16 @@ import numpy as np
 import pytest
 import scipy.io
 
-from rsgen.cases import load_case
+from rsgen.cases.loading import load_case
 from rsgen.common.errors import MeasurementError
-from rsgen.data.surface import ResponseSurface
-from rsgen.files import Channel, Layout, LevelRule, MeasuredTest, read_measurement, sandbox
+from rsgen.data.surface.response_surface import ResponseSurface
+from rsgen.files import sandbox
 from rsgen.files.array_files import walk_npz
 from rsgen.files.data_files import recognise_format
+from rsgen.files.files_to_surface import read_measurement
+from rsgen.files.plan import Layout, LevelRule, MeasuredTest
 from rsgen.files.sandbox import list_binary, read_binary
+from rsgen.files.signals import Channel
 from rsgen.files.text_columns import read_columns
 from rsgen.files.tree import LARGEST_BYTES
 from rsgen.files.uff import walk_universal

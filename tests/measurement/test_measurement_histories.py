@@ -9,11 +9,13 @@ import numpy as np
 import pytest
 import scipy.io
 
-from rsgen.cases import load_case
+from rsgen.cases.loading import load_case
 from rsgen.common.errors import MeasurementError
 from rsgen.data.history.record import sampling_rate
-from rsgen.files import Channel, HistoryRule, Layout, LevelRule, MeasuredTest, read_measurement
+from rsgen.files.files_to_surface import read_measurement
 from rsgen.files.histories import read_histories
+from rsgen.files.plan import HistoryRule, Layout, LevelRule, MeasuredTest
+from rsgen.files.signals import Channel
 
 ROOT = Path(__file__).parents[2]
 FORMATS = ROOT / "cases" / "formats"

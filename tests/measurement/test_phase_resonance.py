@@ -8,9 +8,11 @@ import pytest
 
 import rsgen
 from rsgen.app.cli.check_command import point_faults
-from rsgen.data.surface import ResponseSurface
 from rsgen.data.surface.plausibility import lag_findings
-from rsgen.files import Channel, MeasuredTest, read_measurement
+from rsgen.data.surface.response_surface import ResponseSurface
+from rsgen.files.files_to_surface import read_measurement
+from rsgen.files.plan import MeasuredTest
+from rsgen.files.signals import Channel
 from tests.case_files import GONE, MEASURED, write_small
 from tests.surfaces import codes
 

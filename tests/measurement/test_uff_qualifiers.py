@@ -8,10 +8,10 @@ from typing import Any
 import numpy as np
 import pytest
 
-from rsgen.cases import load_case
+from rsgen.cases.loading import load_case
 from rsgen.common.errors import MeasurementError
-from rsgen.files import read_measurement
-from rsgen.files.inspection import list_contents
+from rsgen.files.files_to_surface import read_measurement
+from rsgen.files.inspection.listing import list_contents
 from tests.inspection.drafts import drafted
 
 pytestmark = pytest.mark.slow

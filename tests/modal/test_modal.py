@@ -10,7 +10,7 @@ import rsgen
 from rsgen.common.errors import RsgenError
 from rsgen.common.tolerances import interval_sigmas
 from rsgen.data.oscillator import Model, Observation
-from rsgen.data.surface import ResponseSurface
+from rsgen.data.surface.response_surface import ResponseSurface
 from rsgen.identification.fitting.observed import Observed
 from rsgen.identification.fitting.points import Points, select_points
 from rsgen.identification.modal_result import ModalSplines, SplineBasis

@@ -6,7 +6,7 @@ import pytest
 import rsgen
 from rsgen.common.errors import MeasurementError, RsgenError
 from rsgen.data.history import TimeHistory, from_multisine
-from rsgen.report.wording import sentence
+from rsgen.report.wording.sentences import sentence
 from tests.surfaces import severities
 
 RATE, PERIOD = 256.0, 512

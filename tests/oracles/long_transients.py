@@ -3,7 +3,7 @@
 import numpy as np
 
 from rsgen.data.oscillator import Oscillator
-from rsgen.data.surface import ResponseSurface
+from rsgen.data.surface.response_surface import ResponseSurface
 from rsgen.dynamics.kernel import compile_kernel
 
 _STEPS = 256

@@ -8,7 +8,7 @@ from collections.abc import Callable
 
 import numpy as np
 
-from rsgen.data.surface import ResponseSurface
+from rsgen.data.surface.response_surface import ResponseSurface
 
 Motion = Callable[[np.ndarray, np.ndarray], np.ndarray]
 

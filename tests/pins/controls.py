@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 import rsgen
-from rsgen.data.surface import ResponseSurface
+from rsgen.data.surface.response_surface import ResponseSurface
 from tests.pins import pinned, trees
 from tests.pins.grids import FINE, FREQUENCIES, LEVELS, NOISE, small
 from tests.pins.pinned import ACCURACY, SWITCHED, Pin, Tree

@@ -5,7 +5,7 @@ from functools import cache
 import numpy as np
 
 import rsgen
-from rsgen.data.surface import ResponseSurface
+from rsgen.data.surface.response_surface import ResponseSurface
 from tests import surfaces
 from tests.pins.pinned import ACCURACY
 

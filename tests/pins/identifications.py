@@ -13,7 +13,7 @@ import numpy as np
 
 import rsgen
 from rsgen.data.oscillator import Model, Observation
-from rsgen.files import read_measurement
+from rsgen.files.files_to_surface import read_measurement
 from tests.pins import pinned, trees
 from tests.pins.pinned import SMOOTH, Pin, Tree
 

@@ -6,7 +6,7 @@ from functools import cache, partial
 import numpy as np
 
 import rsgen
-from rsgen.data.multisine import BestLinear
+from rsgen.data.multisine.linear import BestLinear
 from rsgen.identification.results import MultisineIdentification
 from tests.multisine.test_multisine import LAW, SIZES, duffing, histories, spectra
 from tests.multisine.test_simulated_multisine import LAWS, simulated

@@ -19,9 +19,10 @@ from rsgen.analysis.comparison import FitComparison, FitRow, Row
 from rsgen.common.finding import Quantity, Verdict
 from rsgen.data.multisine.linear import BestLinear, Distortion
 from rsgen.data.oscillator import Model
-from rsgen.describing import DescribingFunction, Equivalent
+from rsgen.describing.function import DescribingFunction, Equivalent
 from rsgen.dynamics.settling import SteadyStates
-from rsgen.files import MeasuredTest, read_measurement
+from rsgen.files.files_to_surface import read_measurement
+from rsgen.files.plan import MeasuredTest
 from rsgen.identification.modal_result import MODAL_COLUMNS, ModalTest
 from rsgen.identification.prediction import HeldOutLevel, ResonanceCurve
 from rsgen.identification.prediction.prediction_result import PredictedRecord
@@ -34,7 +35,7 @@ from rsgen.identification.results import (
     Resonance,
     RestoringForce,
 )
-from rsgen.law import Element
+from rsgen.law.element import Element
 from tests.conftest import FEW
 from tests.identification.test_across import two_masses
 from tests.pins import pinned

@@ -11,7 +11,7 @@ import numpy as np
 
 import rsgen
 from rsgen.data.oscillator import BACKGROUNDS, OFFSET
-from rsgen.data.surface import ResponseSurface
+from rsgen.data.surface.response_surface import ResponseSurface
 from tests import surfaces
 from tests.fitting.test_repeats import repeated
 from tests.identification.test_across import ELEMENTS, GAUGE, driven_by_a_sine, seen_by, two_masses

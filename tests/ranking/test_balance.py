@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from rsgen.common.tolerances import BALANCE_HARMONICS
-from rsgen.data.surface import ResponseSurface
+from rsgen.data.surface.response_surface import ResponseSurface
 from rsgen.dynamics.harmonic_balance import following_harmonics, hold_amplitude
 from rsgen.dynamics.linear_part import Inertia
 from rsgen.identification.fitting.observed import Observed

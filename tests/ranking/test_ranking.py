@@ -14,13 +14,13 @@ import numpy as np
 import pytest
 
 import rsgen
-from rsgen.app.study import Step, run_case
-from rsgen.cases import load_case
+from rsgen.app.study.run_case import Step, run_case
+from rsgen.cases.loading import load_case
 from rsgen.common.finding import Finding
 from rsgen.data.oscillator import Model, Observation
-from rsgen.data.surface import ResponseSurface, save_surface
-from rsgen.formula import parse
+from rsgen.data.surface.response_surface import ResponseSurface, save_surface
 from rsgen.formula.names import remembers
+from rsgen.formula.reading import parse
 from rsgen.identification.fitting.observed import Observed
 from rsgen.identification.fitting.points import Points, select_points
 from rsgen.identification.identify import identify
@@ -32,12 +32,11 @@ from rsgen.identification.ranking.rank_laws import order_candidates
 from rsgen.identification.ranking.ranking_result import Assessment, Candidate, assess_best
 from rsgen.identification.ranking.reference import fit_reference_motion
 from rsgen.identification.ranking.selection import search_sums
-from rsgen.law import laws
-from rsgen.law.element import make_element
+from rsgen.law.element import laws, make_element
 from rsgen.law.memory import with_memory
 from rsgen.law.numeric import compile_law
 from rsgen.report.result_json import ranking_entry
-from rsgen.report.wording import sentence
+from rsgen.report.wording.sentences import sentence
 from tests.case_files import law as case_law
 from tests.case_files import write_small
 from tests.conftest import FEW, Answer

@@ -13,7 +13,7 @@ import rsgen
 from rsgen.common.errors import RsgenError
 from rsgen.common.finding import steps_once
 from rsgen.data.oscillator import Model, Observation, Oscillator
-from rsgen.data.surface import ResponseSurface
+from rsgen.data.surface.response_surface import ResponseSurface
 from rsgen.dynamics.virtual_test import SimulatedTest, add_noise
 from rsgen.identification.fitting.fit import fit_simulator
 from rsgen.identification.fitting.observed import Problem
@@ -23,8 +23,7 @@ from rsgen.identification.ranking.candidate_fit import CandidateFit, CandidateLa
 from rsgen.identification.ranking.ranking_result import Assessment, Candidate, _best_law_findings, assess_best
 from rsgen.identification.ranking.reference import PointTest
 from rsgen.law.element import make_element
-from rsgen.report.wording import sentence
-from rsgen.report.wording.sentences import state_verdict
+from rsgen.report.wording.sentences import sentence, state_verdict
 from tests.ranking.test_ranking import BASE, MEMORYLESS, measured
 from tests.surfaces import LAWS, MASS, changed, codes, noisy, truth, without_phase
 

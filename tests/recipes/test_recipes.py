@@ -20,8 +20,8 @@ USER = '''
 import json, sys
 import numpy as np
 import rsgen as rs
-from rsgen.report import wording
-from rsgen.cases import case_schema
+from rsgen.cases.case import case_schema
+from rsgen.report.wording.sentences import next_step
 
 # response held at three amplitudes of a septic spring: the force follows from the balance of one harmonic
 f = np.tile(np.linspace(8.0, 12.0, 18), 3)
@@ -78,7 +78,7 @@ print(json.dumps({
     "schema": case_schema(),
     "background": [one.name for one in found.background.estimates],
     "sentences": [rs.sentence(one) for one in found.findings],
-    "steps": [wording.next_step(one) for one in found.findings if one.code == "points-few"],
+    "steps": [next_step(one) for one in found.findings if one.code == "points-few"],
     "drawn": drawing.alternative,
     "bytes": len(drawing.render("svg")),
 }))

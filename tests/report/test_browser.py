@@ -8,7 +8,7 @@ from typing import Any
 import pytest
 
 from rsgen.common.finding import Finding
-from rsgen.formula import parse
+from rsgen.formula.reading import parse
 from rsgen.identification.results import Identification
 from rsgen.report import draw_all, write_index
 from rsgen.report.files import check_printed

@@ -22,16 +22,16 @@ import rsgen
 from rsgen.analysis.comparison import Comparison
 from rsgen.common.finding import Finding
 from rsgen.data.oscillator import Model
-from rsgen.formula import parse, write
+from rsgen.formula.printing import write
+from rsgen.formula.reading import parse
 from rsgen.identification.results import Estimate, Identification
-from rsgen.law import Element
-from rsgen.law.element import make_element
+from rsgen.law.element import Element, make_element
 from rsgen.report import draw_all, write_index
 from rsgen.report.files import check_printed
 from rsgen.report.page import describe_elements, render_page, table_of_results
 from rsgen.report.provenance import Subject, page_environment, plain_text
 from rsgen.report.result_json import build_result, read_results, result_text
-from rsgen.report.wording import sentence
+from rsgen.report.wording.sentences import sentence
 from tests.samples import (
     C1,
     K1,

@@ -11,8 +11,7 @@ from rsgen.identification.results import Identification
 from rsgen.report.page import render_page, table_of_results, write_index
 from rsgen.report.provenance import Subject, coded
 from rsgen.report.result_json import read_result, read_results
-from rsgen.report.wording import full_sentence, next_step
-from rsgen.report.wording.sentences import state_verdict
+from rsgen.report.wording.sentences import full_sentence, next_step, state_verdict
 from tests.samples import (
     cubic_case,
     cubic_comparison,

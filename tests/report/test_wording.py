@@ -13,8 +13,7 @@ import pytest
 
 import rsgen
 from rsgen.common.finding import Finding, Quantity
-from rsgen.report.wording import CODES, NEXT_STEPS, next_step, sentence
-from rsgen.report.wording.sentences import _PART, _holds, _Number
+from rsgen.report.wording.sentences import _PART, CODES, NEXT_STEPS, _holds, _Number, next_step, sentence
 
 PACKAGE = Path(rsgen.__file__).parent
 

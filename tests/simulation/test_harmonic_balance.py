@@ -9,7 +9,7 @@ from rsgen.common.solvers import newton
 from rsgen.data.oscillator import Oscillator
 from rsgen.dynamics import harmonic_balance as balance
 from rsgen.dynamics.linear_part import Inertia
-from rsgen.formula import parse
+from rsgen.formula.reading import parse
 from rsgen.law.numeric import compile_law
 from tests.oracles import harmonic_balance as oracle
 

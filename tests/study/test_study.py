@@ -12,11 +12,17 @@ from pathlib import Path
 
 import pytest
 
-from rsgen.app.study import MANIFEST, read_manifest, run_case, run_cases
-from rsgen.app.study.folder import UNFINISHED, recover, replaced_folder, write_manifest
-from rsgen.app.study.many_cases import local_workers
-from rsgen.app.study.run_case import check_place, current_result
-from rsgen.cases import load_case
+from rsgen.app.study.folder import (
+    MANIFEST,
+    UNFINISHED,
+    read_manifest,
+    recover,
+    replaced_folder,
+    write_manifest,
+)
+from rsgen.app.study.many_cases import local_workers, run_cases
+from rsgen.app.study.run_case import check_place, current_result, run_case
+from rsgen.cases.loading import load_case
 from rsgen.common.errors import RsgenError
 from tests.case_files import CUBIC, write_small
 

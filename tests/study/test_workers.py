@@ -8,7 +8,7 @@ from concurrent.futures.process import BrokenProcessPool
 import pytest
 
 from rsgen.app.study.many_cases import _outcome, local_workers
-from rsgen.cases import load_case
+from rsgen.cases.loading import load_case
 from tests.study.test_study import write_case
 
 

@@ -11,7 +11,8 @@ from hypothesis import example, given
 from hypothesis import strategies as st
 
 from rsgen.common.errors import RsgenError
-from rsgen.formula import parse, unit_text
+from rsgen.formula import unit_text
+from rsgen.formula.reading import parse
 from rsgen.formula.unit_deduction import parameter_units, unit_faults
 from rsgen.formula.unit_text import Dimension, read_unit
 from rsgen.formula.units import quantity, sensor_factor, sensor_unit, unit_of

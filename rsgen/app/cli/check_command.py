@@ -8,14 +8,14 @@ import rsgen
 from rsgen.app.cli.derive_command import sentences_of_elements
 from rsgen.app.cli.options import Cases, Data, Json
 from rsgen.app.cli.terminal import ACCEPTED, FAULTY, print_faults, print_json, print_line
-from rsgen.cases import Case, find_cases, load_case, name_clashes, read
-from rsgen.cases.case import law_faults
+from rsgen.cases.case import Case, law_faults
+from rsgen.cases.loading import find_cases, load_case, name_clashes, read
 from rsgen.common.errors import CaseError, MeasurementError, RsgenError, program_fault, shown_path
 from rsgen.common.finding import Finding
-from rsgen.data.multisine import MultisineSpectra, implausible
-from rsgen.data.multisine.spectra import check_records
-from rsgen.data.surface import ResponseSurface
+from rsgen.data.multisine.linear import implausible
+from rsgen.data.multisine.spectra import MultisineSpectra, check_records
 from rsgen.data.surface.plausibility import plausibility_findings
+from rsgen.data.surface.response_surface import ResponseSurface
 from rsgen.identification.fitting.points import (
     mass_needs,
     per_unit_mass,
@@ -25,7 +25,7 @@ from rsgen.identification.fitting.points import (
 from rsgen.identification.fitting.repeats import gather_repeats
 from rsgen.law.memory import refuse_free_powers
 from rsgen.law.numeric import compile_law
-from rsgen.report.wording import sentence
+from rsgen.report.wording.sentences import sentence
 
 
 def point_faults(case: Case, table: ResponseSurface | MultisineSpectra) -> list[str]:

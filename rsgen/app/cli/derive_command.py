@@ -12,11 +12,13 @@ import typer
 from rsgen.app.cli.options import Json, Memory
 from rsgen.app.cli.terminal import print_block, print_json
 from rsgen.common.errors import ExpressionError, RsgenError
-from rsgen.describing import DescribingFunction, derive, variables_of
-from rsgen.formula import parse, write
+from rsgen.describing.derivation import derive
+from rsgen.describing.function import DescribingFunction, variables_of
 from rsgen.formula.names import remembers
-from rsgen.law import Element, notation
-from rsgen.law.element import forces_by_motion, law_remarks, make_element
+from rsgen.formula.printing import write
+from rsgen.formula.reading import parse
+from rsgen.law import notation
+from rsgen.law.element import Element, forces_by_motion, law_remarks, make_element
 from rsgen.law.memory import rates_of
 
 # ----------------------------------------------------------------------------
@@ -37,7 +39,7 @@ def law_sentences(force: sympy.Expr, full: bool = False) -> list[str]:
     if not found:
         # loading the sentences takes 9 of the 600 ms of `rsgen derive`, and most laws need none
         return []
-    from rsgen.report.wording import full_sentence, sentence
+    from rsgen.report.wording.sentences import full_sentence, sentence
 
     return [(full_sentence if full else sentence)(finding) for finding in found]
 
@@ -95,7 +97,7 @@ def spell(function: DescribingFunction, seconds: float) -> dict[str, Any]:
 
     A formula with an integral is None, for the language has none; then ``closed_part`` holds what is closed
     of each formula and ``quadrature`` the part of the law that is integrated by numbers. A closed formula
-    that is longer than ``rsgen.formula.parse`` reads is None as well.
+    that is longer than ``rsgen.formula.reading.parse`` reads is None as well.
     """
     remembering = remembers(function.force)
     names = (*FORMULAS, "energy") if remembering else FORMULAS

@@ -15,7 +15,7 @@ from rsgen.app.cli.terminal import ACCEPTED, MISSED, print_block, print_json, pr
 from rsgen.common.errors import RsgenError
 from rsgen.common.finding import STATES
 from rsgen.report.result_json import comparison_entry, read_result, read_results
-from rsgen.report.wording import full_sentence, next_step
+from rsgen.report.wording.sentences import full_sentence, next_step
 
 
 @dataclass(frozen=True, slots=True)

@@ -8,13 +8,11 @@ from rsgen.analysis.comparison import compare, verdict_of
 from rsgen.app.cli import terminal
 from rsgen.app.cli.options import Data, Json, OneCase, Surface
 from rsgen.app.cli.progress_bar import print_cache_fault, stage_progress
-from rsgen.app.study import obtain_table
-from rsgen.app.study.run_case import identify_case
-from rsgen.cases import load_case
+from rsgen.app.study.run_case import identify_case, obtain_table
+from rsgen.cases.loading import load_case
 from rsgen.identification.results.result import held_out_lines
 from rsgen.report.result_json import fixed_entry, rows_entry
-from rsgen.report.wording import sentence
-from rsgen.report.wording.sentences import state_verdict
+from rsgen.report.wording.sentences import sentence, state_verdict
 
 
 def identify_command(case: OneCase, surface: Surface = None, data: Data = None, json: Json = False) -> int:

@@ -16,16 +16,17 @@ from rsgen.app.cli.derive_command import read_memory
 from rsgen.app.cli.inspect_command import proposal_text
 from rsgen.app.cli.options import Json, Memory
 from rsgen.app.cli.terminal import print_json, print_line
-from rsgen.cases import DATA_VARIABLE
 from rsgen.cases.faults import name_fault
+from rsgen.cases.loading import DATA_VARIABLE
 from rsgen.cases.tables import path_fault
 from rsgen.common.errors import RsgenError, listed, quote, shown_path
 from rsgen.common.output import write_atomic
-from rsgen.files.inspection import list_contents, propose
 from rsgen.files.inspection.clues import TODO
+from rsgen.files.inspection.listing import list_contents
+from rsgen.files.inspection.proposal import propose
 from rsgen.files.nominal_levels import level_form
-from rsgen.formula import symbol, write
-from rsgen.formula.names import remembers
+from rsgen.formula.names import remembers, symbol
+from rsgen.formula.printing import write
 from rsgen.formula.unit_deduction import parameter_units
 from rsgen.law.element import make_element
 from rsgen.law.memory import equations_of

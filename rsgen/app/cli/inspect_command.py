@@ -13,9 +13,10 @@ from rsgen.app.cli.options import Json
 from rsgen.app.cli.terminal import print_faults, print_json, print_line
 from rsgen.common.errors import shown_path
 from rsgen.common.text_table import aligned
-from rsgen.files.inspection import Contents, Entry, Proposal, list_contents, propose
+from rsgen.files.inspection.listing import list_contents
+from rsgen.files.inspection.proposal import Proposal, propose
 from rsgen.files.sandbox import reading_fault
-from rsgen.files.tree import SHOWN_CHARACTERS, TEXT
+from rsgen.files.tree import SHOWN_CHARACTERS, TEXT, Contents, Entry
 
 MAX_ARRAYS = 60
 """Shown in a table; --all and --json list all."""

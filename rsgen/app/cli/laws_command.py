@@ -10,7 +10,7 @@ import typer
 from rsgen.app.cli.derive_command import describe, spell
 from rsgen.app.cli.options import Json
 from rsgen.app.cli.terminal import print_json, print_line
-from rsgen.describing import derive
+from rsgen.describing.derivation import derive
 from rsgen.law.element import Law, Library, laws
 
 

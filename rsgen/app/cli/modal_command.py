@@ -10,14 +10,14 @@ import typer
 from rsgen.app.cli.options import MODAL, Data, Json, OneCase, Surface, checked_target
 from rsgen.app.cli.progress_bar import print_cache_fault, stage_progress
 from rsgen.app.cli.terminal import ACCEPTED, number, print_json, print_line
-from rsgen.app.study import obtain_table
-from rsgen.cases import load_case
+from rsgen.app.study.run_case import obtain_table
+from rsgen.cases.loading import load_case
 from rsgen.common.output import write_atomic
 from rsgen.formula.units import quantity_text
 from rsgen.identification.modal_table import modal_table
 from rsgen.report.page_tables import Modal, score_held_out
 from rsgen.report.result_json import modal_entry
-from rsgen.report.wording import sentence
+from rsgen.report.wording.sentences import sentence
 
 Csv = Annotated[
     Path | None,

@@ -11,7 +11,7 @@ from rsgen.common.errors import RsgenError
 from rsgen.common.output import has_mark
 
 if TYPE_CHECKING:
-    from rsgen.cases import Case
+    from rsgen.cases.case import Case
 
 Cases = Annotated[list[Path], typer.Argument(help="Case files, or folders of them.", show_default=False)]
 OneCase = Annotated[Path, typer.Argument(help="A case file.", show_default=False)]

@@ -9,9 +9,8 @@ import typer
 from rsgen.app.cli.options import Data, Json, OneCase, Surface
 from rsgen.app.cli.progress_bar import print_cache_fault, stage_progress
 from rsgen.app.cli.terminal import print_block, print_json
-from rsgen.app.study import obtain_table
-from rsgen.app.study.run_case import identify_case
-from rsgen.cases import load_case
+from rsgen.app.study.run_case import identify_case, obtain_table
+from rsgen.cases.loading import load_case
 from rsgen.identification.profile import profile
 from rsgen.report.result_json import finite_or_none
 

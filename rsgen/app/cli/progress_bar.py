@@ -12,7 +12,7 @@ from rich.console import Console
 from rich.progress import Progress, SpinnerColumn, TaskID, TextColumn, TimeElapsedColumn
 
 from rsgen.app.cli.terminal import plain, print_faults, print_line
-from rsgen.app.study import CaseRun, Step
+from rsgen.app.study.run_case import CaseRun, Step
 from rsgen.common.finding import next_lines, verdict_lines
 from rsgen.dynamics.kernel import cache_fault
 

@@ -13,18 +13,17 @@ import typer
 from rsgen.app.cli import terminal
 from rsgen.app.cli.options import Data, Json
 from rsgen.app.cli.progress_bar import print_cache_fault, stage_progress
-from rsgen.app.study import obtain_table
-from rsgen.cases import load_case
-from rsgen.data.multisine import MultisineSpectra
+from rsgen.app.study.run_case import obtain_table
+from rsgen.cases.loading import load_case
+from rsgen.data.multisine.spectra import MultisineSpectra
 from rsgen.data.oscillator import Model
-from rsgen.data.surface import ResponseSurface
-from rsgen.files import load_surface
+from rsgen.data.surface.response_surface import ResponseSurface
+from rsgen.files.surface_file import load_surface
 from rsgen.identification.ranking import Ranking, rank
 from rsgen.identification.ranking.library_sums import library_terms
 from rsgen.identification.results import units_of
 from rsgen.report.result_json import ranking_entry
-from rsgen.report.wording import sentence
-from rsgen.report.wording.sentences import ranking_steps, state_verdict
+from rsgen.report.wording.sentences import ranking_steps, sentence, state_verdict
 
 
 def _read(path: Path, data: Path | None) -> tuple[str, ResponseSurface | MultisineSpectra, Model | None]:

@@ -11,8 +11,9 @@ import typer
 from rsgen.app.cli.options import Cases, Data, Figures, Json, Out
 from rsgen.app.cli.progress_bar import case_progress, print_cache_fault
 from rsgen.app.cli.terminal import ACCEPTED, FAULTY, print_json, print_line, verdict_code
-from rsgen.app.study import CaseRun, run_cases
-from rsgen.cases import find_cases
+from rsgen.app.study.many_cases import run_cases
+from rsgen.app.study.run_case import CaseRun
+from rsgen.cases.loading import find_cases
 from rsgen.common.errors import RsgenError
 
 FIGURE_KINDS = ("pdf", "svg", "png")

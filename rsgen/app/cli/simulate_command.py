@@ -10,11 +10,12 @@ import typer
 from rsgen.app.cli.options import SPECTRA, SURFACE, Json, OneCase, checked_target
 from rsgen.app.cli.progress_bar import print_cache_fault, stage_progress
 from rsgen.app.cli.terminal import ACCEPTED, MISSED, print_json, print_line
-from rsgen.app.study import obtain_table
-from rsgen.cases import load_case
+from rsgen.app.study.run_case import obtain_table
+from rsgen.cases.loading import load_case
 from rsgen.common.errors import RsgenError, shown_path
-from rsgen.data.multisine import MultisineSpectra, save_spectra
-from rsgen.data.surface import save_surface
+from rsgen.data.multisine.spectra import MultisineSpectra
+from rsgen.data.multisine.spectra_file import save_spectra
+from rsgen.data.surface.response_surface import save_surface
 
 
 def simulate_command(

@@ -39,7 +39,8 @@ from rsgen.app.study.run_case import (
     current_result,
     run_case,
 )
-from rsgen.cases import Case, find_cases, load_case, name_clashes
+from rsgen.cases.case import Case
+from rsgen.cases.loading import find_cases, load_case, name_clashes
 from rsgen.common.errors import CaseError, RsgenError, keep_from_terminal, shown_path
 from rsgen.common.process import ALGEBRA, collect_seldom
 

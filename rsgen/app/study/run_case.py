@@ -31,12 +31,12 @@ from rsgen.app.study.folder import (
     replaced_folder,
     write_manifest,
 )
-from rsgen.cases import Case, load_case
-from rsgen.cases.case import law_faults
+from rsgen.cases.case import Case, law_faults
+from rsgen.cases.loading import load_case
 from rsgen.common.errors import CaseError, RsgenError, program_fault, quote, shown_path
 from rsgen.common.finding import StatedVerdict
-from rsgen.data.multisine import MultisineSpectra
-from rsgen.data.surface import ResponseSurface
+from rsgen.data.multisine.spectra import MultisineSpectra
+from rsgen.data.surface.response_surface import ResponseSurface
 from rsgen.dynamics.simulation import simulate
 from rsgen.identification.identify import identify
 from rsgen.identification.results import Identification

@@ -51,7 +51,7 @@ from rsgen.data.history.release import (
     within_octave,
 )
 from rsgen.data.record_set import DERIVATIVE
-from rsgen.data.surface import ResponseSurface
+from rsgen.data.surface.response_surface import ResponseSurface
 
 _MIN_AMPLITUDE_RATIO = 20.0
 """Amplitude of a point that is used, relative to its scatter: 5 % of noise in c(X)."""

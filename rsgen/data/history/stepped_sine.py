@@ -36,7 +36,7 @@ from rsgen.data.history.record import (
     check_response,
     name_levels,
 )
-from rsgen.data.surface import ResponseSurface
+from rsgen.data.surface.response_surface import ResponseSurface
 
 # ----------------------------------------------------------------------------
 # Least-squares fit of a sine and its harmonics, frequency refined (as IEEE 1057 does), block by block.

@@ -49,8 +49,7 @@ from rsgen.data.history.tracking import (
     other_modes,
     sweep_by_sweep,
 )
-from rsgen.data.surface import ResponseSurface
-from rsgen.data.surface.response_surface import SWEPT_TOO_FAST
+from rsgen.data.surface.response_surface import SWEPT_TOO_FAST, ResponseSurface
 
 _WIDE_WINDOW = 1.5
 """Length of a second window over the first; the difference shows how far the first flattens a peak."""

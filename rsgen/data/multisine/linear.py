@@ -25,8 +25,8 @@ from rsgen.common.tolerances import MAX_TRIAL_STEPS, NOISE_LIMIT_SIGMAS
 from rsgen.data.free_mode import fit_mode, steady
 from rsgen.data.multisine.spectra import LINES_TO_EACH_SIDE, MultisineSpectra, rms, scatter, smooth
 from rsgen.data.record_set import FILE_ROUND_OFF, below_acceleration, copied_levels
-from rsgen.data.surface import ResponseSurface
 from rsgen.data.surface.plausibility import Sizes, size_findings
+from rsgen.data.surface.response_surface import ResponseSurface
 
 # ----------------------------------------------------------------------------
 # Plausibility of the sizes of records of a multisine, and of the mode found from them.

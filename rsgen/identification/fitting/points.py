@@ -17,10 +17,10 @@ from numpy.typing import NDArray
 from rsgen.common.arrays import Array, Chosen
 from rsgen.common.errors import RsgenError
 from rsgen.common.tolerances import ASSUMED_RELATIVE_NOISE, ROUND_OFF, STANDARD_ERRORS_OF_DIFFERENCE
-from rsgen.data.multisine import MultisineSpectra
+from rsgen.data.multisine.spectra import MultisineSpectra
 from rsgen.data.oscillator import Model, join_model
-from rsgen.data.surface import OUTCOMES, ResponseSurface
 from rsgen.data.surface.plausibility import MAX_LAG_ERROR, MAX_RESONANT_LAG, BackboneGap, backbone_gap
+from rsgen.data.surface.response_surface import OUTCOMES, ResponseSurface
 from rsgen.law.motion import Motion, feeds_exciter
 
 Test = TypeVar("Test", ResponseSurface, MultisineSpectra)

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from rsgen.common.arrays import Array
 from rsgen.common.tolerances import MAX_SHARE_OF_OUTLIERS, MIN_SIGNIFICANT_GAIN, ROUND_OFF
 from rsgen.data.record_set import FILE_ROUND_OFF
-from rsgen.data.surface import ResponseSurface
+from rsgen.data.surface.response_surface import ResponseSurface
 from rsgen.identification.fitting.least_squares import Regression
 from rsgen.identification.fitting.points import ASYMMETRIC
 from rsgen.law.element import response_share

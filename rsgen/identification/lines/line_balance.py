@@ -37,8 +37,7 @@ from numpy.typing import NDArray
 
 from rsgen.common.arrays import Array, ComplexArray
 from rsgen.common.tolerances import HARMONIC_TRUNCATION, MAX_NEWTON_STEPS, MAX_TRIAL_STEPS, ROUND_OFF
-from rsgen.data.multisine import MultisineSpectra
-from rsgen.data.multisine.spectra import scatter, smooth
+from rsgen.data.multisine.spectra import MultisineSpectra, scatter, smooth
 from rsgen.data.oscillator import Observation
 from rsgen.dynamics.linear_part import BackgroundTerms, background_of_lines
 from rsgen.dynamics.periodic_response import OVERSAMPLED

@@ -30,8 +30,8 @@ from rsgen.common.tolerances import (
     RELATIVE_CHANGE_NEGLIGIBLE,
     RELATIVE_ERROR_DOUBTFUL,
 )
-from rsgen.data.multisine import BestLinear, MultisineSpectra, best_linear, implausible
-from rsgen.data.multisine.spectra import check_records
+from rsgen.data.multisine.linear import BestLinear, best_linear, implausible
+from rsgen.data.multisine.spectra import MultisineSpectra, check_records
 from rsgen.data.oscillator import Model
 from rsgen.dynamics.linear_part import background_of_lines
 from rsgen.dynamics.periodic_response import periodic_response

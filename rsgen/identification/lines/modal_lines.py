@@ -15,10 +15,9 @@ import numpy as np
 from rsgen.common.arrays import Array, ComplexArray
 from rsgen.common.errors import RsgenError
 from rsgen.common.tolerances import RELATIVE_CHANGE_NEGLIGIBLE, ROUND_OFF, SAMPLES_PER_PERIOD_SWITCHED
-from rsgen.data.multisine import MultisineSpectra
-from rsgen.data.multisine.spectra import check_records
+from rsgen.data.multisine.spectra import MultisineSpectra, check_records
 from rsgen.data.oscillator import Model
-from rsgen.formula import parse
+from rsgen.formula.reading import parse
 from rsgen.identification.fitting.least_squares import Regression
 from rsgen.identification.fitting.points import mass_sure
 from rsgen.identification.lines.line_balance import select_lines

@@ -33,7 +33,7 @@ from rsgen.common.tolerances import (
     interval_sigmas,
 )
 from rsgen.data.oscillator import Model
-from rsgen.data.surface import ResponseSurface
+from rsgen.data.surface.response_surface import ResponseSurface
 from rsgen.dynamics.harmonic_balance import Response, following_harmonics, hold_amplitude
 from rsgen.dynamics.linear_part import Inertia
 from rsgen.identification.fitting.across import MeasuredAcross, law_of

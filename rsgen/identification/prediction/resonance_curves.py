@@ -25,12 +25,11 @@ from rsgen.common.tolerances import (
     RELATIVE_CHANGE_NEGLIGIBLE,
     RELATIVE_ERROR_DOUBTFUL,
 )
-from rsgen.data.multisine import MultisineSpectra
+from rsgen.data.multisine.spectra import MultisineSpectra
 from rsgen.data.oscillator import Model, Oscillator, refuse_across
 from rsgen.data.record_set import match_level
-from rsgen.data.surface import ResponseSurface, typical_amounts
-from rsgen.data.surface.response_surface import HALF_POWER
-from rsgen.describing import derive
+from rsgen.data.surface.response_surface import HALF_POWER, ResponseSurface, typical_amounts
+from rsgen.describing.derivation import derive
 from rsgen.identification.fitting.across import across_of_mode
 from rsgen.identification.fitting.points import Points
 from rsgen.identification.modal_result import ModalTable

@@ -22,7 +22,7 @@ from rsgen.common.arrays import Array
 from rsgen.common.finding import Finding, Quantity
 from rsgen.common.solvers import solve_scaled
 from rsgen.common.tolerances import MISFIT_NEGLIGIBLE, NEAR_STEPS
-from rsgen.formula import symbol
+from rsgen.formula.names import symbol
 from rsgen.identification.fitting.across import law_of
 from rsgen.identification.fitting.least_squares import Linearisation, Rules, descend
 from rsgen.identification.fitting.points import Points

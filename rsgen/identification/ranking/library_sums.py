@@ -13,8 +13,7 @@ from itertools import permutations
 import sympy
 
 from rsgen.common.tolerances import ANY_LAW
-from rsgen.formula import symbol
-from rsgen.formula.names import remembers
+from rsgen.formula.names import remembers, symbol
 from rsgen.law.element import Element, Law, as_elements, laws, make_element
 from rsgen.law.library import Range, Search
 from rsgen.law.memory import memory_form, rates_of

@@ -27,10 +27,10 @@ from rsgen.common.tolerances import (
     RELATIVE_ERROR_DOUBTFUL,
     SUBSAMPLE_POINTS,
 )
-from rsgen.data.multisine import MultisineSpectra
+from rsgen.data.multisine.spectra import MultisineSpectra
 from rsgen.data.oscillator import Model, Observation, join_model
-from rsgen.data.surface import ResponseSurface, without_copies
-from rsgen.formula import symbol
+from rsgen.data.surface.response_surface import ResponseSurface, without_copies
+from rsgen.formula.names import symbol
 from rsgen.identification.fitting.across import sensors_of
 from rsgen.identification.fitting.points import per_unit_mass
 from rsgen.identification.identify import identify, identify_points

@@ -23,10 +23,10 @@ from rsgen.common.tolerances import (
     RELATIVE_ERROR_DOUBTFUL,
     ROUND_OFF,
 )
-from rsgen.data.multisine import MultisineSpectra
+from rsgen.data.multisine.spectra import MultisineSpectra
 from rsgen.data.oscillator import Model
-from rsgen.data.surface import ResponseSurface
-from rsgen.formula import write
+from rsgen.data.surface.response_surface import ResponseSurface
+from rsgen.formula.printing import write
 from rsgen.identification.identify import identify, identify_points
 from rsgen.identification.ranking.balance import WhitenedBalance
 from rsgen.identification.ranking.candidate_fit import POINT_STRIDE, CandidateFit, Round

@@ -18,8 +18,7 @@ from rsgen.common.arrays import Array
 from rsgen.common.errors import RsgenError
 from rsgen.common.finding import Quantity
 from rsgen.common.tolerances import MISFIT_NEGLIGIBLE
-from rsgen.data.multisine import MultisineSpectra
-from rsgen.data.multisine.spectra import check_records
+from rsgen.data.multisine.spectra import MultisineSpectra, check_records
 from rsgen.data.oscillator import Model
 from rsgen.identification.fitting.across import law_of
 from rsgen.identification.lines.line_balance import LawAlongRecord, SpectralLines, along_records, select_lines

@@ -37,7 +37,7 @@ from rsgen.common.tolerances import (
     deviation_of_median,
 )
 from rsgen.data.oscillator import Model, Oscillator, refuse_across
-from rsgen.data.surface import ResponseSurface
+from rsgen.data.surface.response_surface import ResponseSurface
 from rsgen.dynamics.steady_state import solve_steady_states
 from rsgen.identification.fitting.across import law_of
 from rsgen.identification.fitting.fit import Fit, fit_balance

@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 from rsgen.common.arrays import Array
 from rsgen.common.errors import RsgenError
 from rsgen.data.oscillator import Model
-from rsgen.formula import symbol
+from rsgen.formula.names import symbol
 from rsgen.identification.ranking.balance import WhitenedBalance
 from rsgen.identification.ranking.candidate_fit import CandidateFit, CandidateLaw, fit_candidate
 from rsgen.identification.ranking.library_sums import Sum, Term, base_elements, library_terms

@@ -17,7 +17,7 @@ from rsgen.common.errors import RsgenError
 from rsgen.common.finding import Finding, Verdict, reach_verdict
 from rsgen.common.text_table import Brief, Printed, TextTable, data_frame, lookup, short, with_error
 from rsgen.common.tolerances import CONFIDENCE_TEXT
-from rsgen.data.multisine import MultisineSpectra
+from rsgen.data.multisine.spectra import MultisineSpectra
 from rsgen.data.oscillator import Model, Oscillator
 from rsgen.dynamics.linear_part import BackgroundTerms, background_terms
 from rsgen.formula.unit_deduction import parameter_units
@@ -27,7 +27,7 @@ from rsgen.identification.results.alternatives import Alternatives
 from rsgen.law.memory import with_equations
 
 if TYPE_CHECKING:
-    from rsgen.data.multisine import BestLinear
+    from rsgen.data.multisine.linear import BestLinear
 
 
 def freeze(record: object, names: tuple[str, ...], dtype: type = np.float64) -> None:

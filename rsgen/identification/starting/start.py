@@ -37,7 +37,7 @@ from rsgen.common.tolerances import (
     deviation_of_median,
     samples_for,
 )
-from rsgen.data.surface import ResponseSurface
+from rsgen.data.surface.response_surface import ResponseSurface
 from rsgen.dynamics.harmonic_balance import Response, following_harmonics, hold_amplitude
 from rsgen.dynamics.linear_part import Inertia
 from rsgen.identification.fitting.fit import Fit, Solution, fit_balance

@@ -11,8 +11,7 @@ from matplotlib.colors import Normalize
 
 from rsgen.common.arrays import Array
 from rsgen.common.tolerances import CONFIDENCE_TEXT
-from rsgen.formula import symbol
-from rsgen.formula.names import remembers
+from rsgen.formula.names import remembers, symbol
 from rsgen.formula.units import Scale, choose_scale
 from rsgen.identification.modal_result import MODAL_COLUMNS, ModalTable
 from rsgen.identification.results import Identification

@@ -25,8 +25,8 @@ from numpy.typing import ArrayLike, NDArray
 
 from rsgen.common.arrays import Array
 from rsgen.common.errors import RsgenError, require
-from rsgen.data.surface import ResponseSurface
-from rsgen.describing import DescribingFunction
+from rsgen.data.surface.response_surface import ResponseSurface
+from rsgen.describing.function import DescribingFunction
 from rsgen.formula.units import SWEEPS, choose_scale, count_text, number_text, quantity_text
 from rsgen.identification.modal_result import ModalTable
 from rsgen.identification.prediction import Prediction

@@ -15,10 +15,10 @@ from rsgen.common.errors import RsgenError
 from rsgen.common.tolerances import MISFIT_NEGLIGIBLE, NOISE_LIMIT_SIGMAS, POINTS_PER_KNOT, interval_sigmas
 from rsgen.data.free_mode import estimate_mass, steady
 from rsgen.data.oscillator import Model
-from rsgen.data.surface import ResponseSurface
-from rsgen.describing import DescribingFunction, Equivalent, derive
-from rsgen.formula import symbol
-from rsgen.formula.names import remembers
+from rsgen.data.surface.response_surface import ResponseSurface
+from rsgen.describing.derivation import derive
+from rsgen.describing.function import DescribingFunction, Equivalent
+from rsgen.formula.names import remembers, symbol
 from rsgen.formula.units import choose_scale, number_text
 from rsgen.identification.prediction.amplitude_balance import balance_of
 from rsgen.identification.results import Identification, MultisineIdentification

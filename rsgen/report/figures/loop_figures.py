@@ -15,7 +15,7 @@ from rsgen.common.arrays import Array
 from rsgen.common.errors import RsgenError
 from rsgen.common.tolerances import CONFIDENCE_TEXT, RELATIVE_CHANGE_NEGLIGIBLE
 from rsgen.data.oscillator import Model
-from rsgen.data.surface import ResponseSurface
+from rsgen.data.surface.response_surface import ResponseSurface
 from rsgen.formula.names import remembers
 from rsgen.formula.units import choose_scale, count_text, number_text, quantity_text
 from rsgen.identification.results import Identification

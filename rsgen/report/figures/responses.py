@@ -14,7 +14,7 @@ from matplotlib.ticker import FuncFormatter
 from rsgen.common.arrays import Array
 from rsgen.common.errors import RsgenError, require
 from rsgen.common.tolerances import RELATIVE_CHANGE_NEGLIGIBLE
-from rsgen.data.surface import ResponseSurface, typical_amounts
+from rsgen.data.surface.response_surface import ResponseSurface, typical_amounts
 from rsgen.formula.units import SWEEPS, Scale, choose_scale, number_text, quantity_text
 from rsgen.identification.prediction import HeldOutLevel, Prediction, ResonanceCurve
 from rsgen.identification.prediction.prediction_result import PredictedRecord
@@ -70,7 +70,7 @@ def choose_levels(surface: ResponseSurface, most: int = 6) -> list[float]:
 
     Examples
     --------
-    >>> from rsgen.data.surface import ResponseSurface, typical_amounts
+    >>> from rsgen.data.surface.response_surface import ResponseSurface, typical_amounts
     >>> surface = ResponseSurface(range(1, 10), [5.0] * 9, 1.0, [1.0 - 1.0j] * 9)
     >>> choose_levels(surface, 3)
     [1.0, 5.0, 9.0]

@@ -5,9 +5,3 @@ Most stand in ``findings.toml``; those with more logic are functions in ``senten
 The numerical layers make findings (``rsgen.common.finding``); pages, notebooks, ``result.json`` and the
 command line take their sentences from here. Nothing reads a sentence back.
 """
-
-from __future__ import annotations
-
-from rsgen.report.wording.sentences import CODES, NEXT_STEPS, full_sentence, next_step, sentence
-
-__all__ = ["CODES", "NEXT_STEPS", "full_sentence", "next_step", "sentence"]

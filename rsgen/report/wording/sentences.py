@@ -30,11 +30,11 @@ from rsgen.common.finding import (
     verdict_lines,
 )
 from rsgen.common.tolerances import CONFIDENCE_TEXT
-from rsgen.data.surface import ResponseSurface
+from rsgen.data.surface.response_surface import ResponseSurface
 from rsgen.formula.units import count_text, number_text, quantity_text
 
 if TYPE_CHECKING:
-    from rsgen.data.multisine import MultisineSpectra
+    from rsgen.data.multisine.spectra import MultisineSpectra
     from rsgen.identification.ranking import Ranking
 
 Say = Callable[[Finding], str]
