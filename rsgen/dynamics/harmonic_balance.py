@@ -40,7 +40,8 @@ ACCEPTED_STEP = 1e-6
 """Relative last step of Newton's method that is still called convergence."""
 
 LONGEST_STEP = 0.5
-"""Step of a coefficient, relative to the amplitude that is held: a longer one leaves the branch."""
+"""Step of a coefficient, relative to the amplitude that is held: a longer one leaves the branch. At a given
+drive no step is limited."""
 
 _MOTION_AT_REST = 1e-9
 """Amplitude, relative to the motion of the mass alone under the drive, at which a structure is at rest."""
@@ -335,18 +336,18 @@ class _Balance:
     def solve(self, steps: int, *, loaded: bool = False) -> Response:
         """Solve, and differentiate there; ``loaded`` asks for derivatives by harmonics of the force, too."""
         first, rows = self._first, np.arange(len(self._at))
-        before, at, size = self._at, self._at, np.zeros(len(rows))
+        before, at, last_step = self._at, self._at, np.zeros(len(rows))
         if at.shape[1] > first:
             roots = newton(
                 self, at[:, first:], tolerance=CONVERGED_STEP, steps=steps, halvings=MAX_STEP_HALVINGS
             )
             before, at = (self._coordinates(rows, place) for place in (roots.before, roots.unknowns))
-            size = roots.size
-        # the last step is small: what it changes of the residual is known, slopes are those before it
+            last_step = roots.size
+        # Newton's last step dz is small, so that the slopes at its start serve: the residual is r + T dz
         sample, residual = self._sample(rows, before)
         tangent = self._tangent(rows, sample)
         residual = residual + (tangent @ (at - before)[:, :, None])[:, :, 0]
-        return self._response(at, residual, tangent, sample, size <= ACCEPTED_STEP, loaded=loaded)
+        return self._response(at, residual, tangent, sample, last_step <= ACCEPTED_STEP, loaded=loaded)
 
     def _response(
         self,
@@ -365,11 +366,11 @@ class _Balance:
         """
         series, first = self._series, self._first
         # of the balance by the logarithm of the given size, the parameters of the law, those around it
-        size = at[:, :1] * tangent[:, :, 0] if first else -self._given
+        by_log_size = at[:, :1] * tangent[:, :, 0] if first else -self._given
         law = [part @ series.project for part in sample.by_parameter]
         motion = series.complex(at)[:, :, None]
         around = [series.real((motion * self._dynamic_by)[:, :, j]) for j in range(self._dynamic_by.shape[2])]
-        by = np.stack([size, *law, *around], axis=-1)
+        by = np.stack([by_log_size, *law, *around], axis=-1)
         held = np.zeros((len(at), first, by.shape[2]))
         if first:
             held[:, 0, 0] = at[:, 0]

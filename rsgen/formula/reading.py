@@ -187,6 +187,9 @@ FUNCTION_TABLE: dict[str, Function] = {
     "masing": _one("masing", Masing, _no_number),
     "structural": _one("structural", Structural, _no_number),
 }
+"""Another function needs its name in ``names.FUNCTIONS``, too, its class in ``bounds._ALLOWED``, in the table
+of ``printing`` and in ``_EVEN`` or ``_ODD`` of ``law/rewriting``; for compiled tests its names in
+``dynamics/kernel_source`` and ``dynamics/kernel``."""
 
 
 @lru_cache(maxsize=4096)

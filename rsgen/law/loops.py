@@ -257,10 +257,7 @@ class _Recurrence:
         return np.asarray(self.step[:, None, None] * (source + weight * (late - source)))
 
     def solve(self, right: Array) -> Array:
-        """(s, q, k, n) periodic solution; ``right`` (s, q, k, n) is what each step adds before division.
-
-        ``sign`` -1: its sign has turned after the period.
-        """
+        """(s, q, k, n) periodic solution; ``right`` (s, q, k, n) is what each step adds before division."""
         samples, size, columns, _ = right.shape
         right = _product(self.inverse, right)
         unit = np.eye(size)

@@ -51,6 +51,17 @@ def test_quantities_and_harmonics(quantity: str, power: int) -> None:
     assert np.isnan(found[0]) == (power > 0)
 
 
+def test_halves_of_a_noisy_step_that_agree_within_noise_are_settled_with_their_true_difference():
+    t = np.arange(0, 60, 0.01)
+    omega = 2 * np.pi * np.where(t < 30, 5, 6)
+    noise = 3e-4 * np.random.default_rng(1).normal(size=len(t))
+    surface = from_stepped_sine(TimeHistory(100, 2 * np.cos(omega * t), 1e-3 * np.cos(omega * t - 1) + noise))
+    assert surface.settled.all()
+    # the difference of two halves has twice the error of the whole
+    assert np.all(surface.residual > 0.005)
+    assert np.all(surface.residual < 4 * 2 * surface.error)
+
+
 @settings(max_examples=20)
 @given(f=st.floats(0.01, 0.12), off=st.floats(-0.4, 0.4), phase=st.floats(0, 6), mean=st.floats(-2, 2))
 def test_a_sine_is_fitted_exactly_and_its_frequency_refined(f: float, off: float, phase: float, mean: float):

@@ -127,6 +127,7 @@ class _Step:
     force: ComplexArray
     harmonics: ComplexArray
     change: float
+    settled: bool
     error: float
     share: float
     line: float
@@ -142,7 +143,8 @@ def from_stepped_sine(
     """Turn stepped-sine time histories of one structure into a response surface.
 
     A step is a stretch of constant frequency and force. Of each, the longest last part whose two halves agree
-    within 0.5 % is fitted; where none does, the point is marked as not settled.
+    within 0.5 %, or within three standard errors of the difference that noise makes, is fitted; where none
+    does, the point is marked as not settled.
 
     Parameters
     ----------
@@ -189,15 +191,14 @@ def from_stepped_sine(
         findings += check_response(history, line, power)
         steps += fitted
         sweeps.append(_directions(np.array([s.frequency for s in fitted])))
-    change = np.array([s.change for s in steps])
     return ResponseSurface(
         level=name_levels([(s.level, abs(s.force[1])) for s in steps]),
         frequency=np.array([s.frequency for s in steps]),
         force=_same_width([s.force for s in steps]),
         harmonics=np.array([s.harmonics for s in steps]),
         sweep=np.concatenate(sweeps),
-        outcome=np.where(change <= _MAX_SETTLING, 0, 1),
-        residual=change,
+        outcome=np.where([s.settled for s in steps], 0, 1),
+        residual=np.array([s.change for s in steps]),
         error=np.array([s.error for s in steps]),
         findings=tuple(findings),
     )
@@ -278,8 +279,13 @@ def _stretches(history: TimeHistory) -> list[tuple[int, int, float]]:
     return stretches
 
 
-def _settled_part(history: TimeHistory, begin: int, end: int, omega: float, orders: int) -> tuple[float, int]:
-    """Return the difference of the halves of the longest last part that is settled, and its first sample."""
+def _settled_part(
+    history: TimeHistory, begin: int, end: int, omega: float, orders: int
+) -> tuple[float, int, bool]:
+    """Return the difference of the halves of the longest last part that is settled, and its first sample.
+
+    Where none is, those of the part whose halves differ least, and False.
+    """
     change, start = np.inf, begin
     for part in _SETTLED_PARTS:
         first = end - int(part * (end - begin))
@@ -303,10 +309,10 @@ def _settled_part(history: TimeHistory, begin: int, end: int, omega: float, orde
                 / size
             )
         if found < max(_MAX_SETTLING, doubt):
-            return float(min(found, _MAX_SETTLING)), first
+            return float(found), first, True
         if found < change:
             change, start = float(found), first
-    return change, start
+    return change, start, False
 
 
 def _significant_harmonics(
@@ -330,7 +336,7 @@ def _same_width(rows: Sequence[ComplexArray]) -> ComplexArray:
 def _fit(history: TimeHistory, begin: int, end: int, omega: float, harmonics: int) -> _Step | None:
     """Fit one step; None where it is too short."""
     orders = highest_order(harmonics, history.rate, omega * history.rate / (2 * pi))
-    change, start = _settled_part(history, begin, end, omega, orders)
+    change, start, settled = _settled_part(history, begin, end, omega, orders)
     if not np.isfinite(change):
         return None
     force = history.reference[start:end]
@@ -348,6 +354,7 @@ def _fit(history: TimeHistory, begin: int, end: int, omega: float, harmonics: in
         force=_significant_harmonics(force, omega, orders, complex(pushed[1])),
         harmonics=table[0],
         change=change,
+        settled=settled,
         error=float(error),
         share=fed / max(fed + left**2, _TINY),
         line=line,

@@ -141,13 +141,13 @@ def find_sweeps(history: TimeHistory, given: SweepLaw | str | None = None) -> tu
     MeasurementError
         There is no force, or no sweep in it, or the force does not follow the law.
     """
-    time, frequency, loud, line = _ridge(history)
+    time, frequency, loud, resolution = _ridge(history)
     if isinstance(given, SweepLaw):
         if not loud.any():
             raise MeasurementError(f"{history.label}: the force is zero; a swept sine is needed")
         return (Sweep(float(time[loud][0]), float(time[loud][-1]), given),)
     sweeps = []
-    for run in _runs(frequency, loud, line):
+    for run in _runs(frequency, loud, resolution):
         law = _first_law(time[run], frequency[run], given)
         begin, end = float(time[run[0]]), float(time[run[-1]])
         sweeps.append(Sweep(begin, end, _refined(history, law, begin, end)))
@@ -199,13 +199,13 @@ def _typical(history: TimeHistory) -> float:
     return moment / total if total > 0 else history.rate / 4
 
 
-def _runs(frequency: Array, loud: NDArray[np.bool_], line: float) -> list[NDArray[np.intp]]:
-    """Return the runs of spectra without a turn of the frequency or a gap; they resolve ``line`` [Hz]."""
+def _runs(frequency: Array, loud: NDArray[np.bool_], resolution: float) -> list[NDArray[np.intp]]:
+    """Return the runs of spectra, of a resolution [Hz], without a turn of the frequency or a gap."""
     # a single spectrum with a disturbance is no turn
     smooth = scipy.ndimage.median_filter(frequency, 3, mode="nearest")
     runs: list[NDArray[np.intp]] = []
-    least = max(_MIN_TURN * float(np.ptp(smooth[loud])), _MIN_LINES * line) if loud.any() else 0.0
-    for stretch in _stretches(smooth, loud, line):
+    least = max(_MIN_TURN * float(np.ptp(smooth[loud])), _MIN_LINES * resolution) if loud.any() else 0.0
+    for stretch in _stretches(smooth, loud, resolution):
         turns = monotone_runs(smooth[stretch], _MIN_TURN)
         for number, (start, stop, _) in enumerate(turns):
             # spectra over the turn have both frequencies, and belong to neither run
@@ -215,20 +215,20 @@ def _runs(frequency: Array, loud: NDArray[np.bool_], line: float) -> list[NDArra
     return runs
 
 
-def _stretches(frequency: Array, loud: NDArray[np.bool_], line: float) -> list[NDArray[np.intp]]:
+def _stretches(frequency: Array, loud: NDArray[np.bool_], resolution: float) -> list[NDArray[np.intp]]:
     """Return the stretches with a force; one sweep on both sides of a gap, where the force fell, is one."""
     stretches: list[NDArray[np.intp]] = []
     for part in np.split(np.arange(len(loud)), np.flatnonzero(np.diff(loud)) + 1):
         if not loud[part[0]]:
             continue
-        if stretches and _goes_on(frequency, stretches[-1], part, line):
+        if stretches and _goes_on(frequency, stretches[-1], part, resolution):
             stretches[-1] = np.concatenate([stretches[-1], part])
         else:
             stretches.append(part)
     return stretches
 
 
-def _goes_on(frequency: Array, before: NDArray[np.intp], after: NDArray[np.intp], line: float) -> bool:
+def _goes_on(frequency: Array, before: NDArray[np.intp], after: NDArray[np.intp], resolution: float) -> bool:
     """Return whether the frequency after a gap continues the line of that before it."""
     if min(len(before), len(after)) < _MIN_SPECTRA:
         return False
@@ -239,7 +239,8 @@ def _goes_on(frequency: Array, before: NDArray[np.intp], after: NDArray[np.intp]
     led_to = start + slope * first[0]
     return bool(
         slope * other > 0
-        and abs(frequency[first[0]] - led_to) < max(_MAIN_LOBE_LINES * line, _MAX_CURVATURE * float(moved))
+        and abs(frequency[first[0]] - led_to)
+        < max(_MAIN_LOBE_LINES * resolution, _MAX_CURVATURE * float(moved))
     )
 
 
@@ -326,8 +327,8 @@ _LOST_PACE = 100.0
 """rate/(zeta f)^2 from which damping was off by more than 5 % in 14 of 44 virtual sweeps that were identified
 (noise to 3 %), at most by 41 %; below, in 1 of 59, by 8 %."""
 _UNCORRECTED_PACE = 1.0
-"""The same without correction, with the half width as it looks: cubic terms of virtual sweeps were off by an
-eighth."""
+"""rate/(half width)^2 above which a sweep that is not corrected is doubtful, by the half width as it looks:
+cubic terms of virtual sweeps were off by an eighth."""
 _MIN_FREE_CORRECTION = 0.15
 """Correction over the force of a point that is mainly a free motion ..."""
 _MIN_CORRECTION_RATIO = 2.0
@@ -401,7 +402,7 @@ def fast_sweeps(
         width = float(np.ptp(part.drive[top])) / 2 + spacing
         # a channel of the other sign feeds energy
         if damping is not None and (typical := float(np.median(damping[here][top]))) > 0:
-            width = typical / (4 * pi * mass)
+            width = typical / (4 * pi * mass)  # zeta f = c/(4 pi m)
         rate = float(np.median(part.rate[top]))
         pace = rate / width**2 if width > 0 else inf
         if pace <= worst:

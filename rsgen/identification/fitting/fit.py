@@ -15,9 +15,9 @@ Gauss-Newton steps eliminate each n_j before they solve for p: a test has many p
    the first step. From a fit that is ``near`` one step is enough.
 2. Across two sensors, where the misfit has a pattern: again, with sensors whose errors are correlated.
 3. A law with switches, at first order or in nearly exact data: again, with more samples a period.
-4. A misfit above that of exact data (``MISFIT_OF_NOISE``) and a law without jump or corner: the same points
-   again by logarithms of the ratios, whose errors have one size at all amplitudes, and the bias of second
-   order in the noise is subtracted. Other laws keep the plain differences.
+4. A misfit above that of exact data (``MISFIT_OF_NOISE``) and a law without jump or corner: again, beginning
+   with the same points, by logarithms of the ratios, whose errors have one size at all amplitudes, and the
+   bias of second order in the noise is subtracted. Other laws keep the plain differences.
 
 ``fit_simulator`` does the last step with the steady states of the simulator, whose derivatives are renewed a
 few times only.
@@ -225,9 +225,9 @@ def _finish(
     influence = descent.plain(regression.influence, regression.parameters, regression.nuisance)
     if descent.scale is None:
         influence = problem.observed.relative_influence(influence, values, regression.nuisance)
-    # of relative deviations; rows of the force are the first of either part
-    influence, half = np.array(influence), (influence.shape[1] + 1) // 2
-    influence[:, [0, half][: problem.observed.parts]] /= FORCE_TO_RESPONSE_NOISE
+    # of relative deviations: rows of the force, first of the real and of the imaginary part, are weighted
+    influence, first_imaginary = np.array(influence), (influence.shape[1] + 1) // 2
+    influence[:, [0, first_imaginary][: problem.observed.parts]] /= FORCE_TO_RESPONSE_NOISE
     influence = descent.forward.of_sensors(influence)
     regression = replace(regression, influence=influence)
     motion = Motion(problem.observed.points.omega, response.harmonics).turned(-lag)
@@ -281,29 +281,29 @@ def fit_balance(
     descent = ErrorsInVariables(problem, forward)
     natural = 0.0 if law.odd else _natural_sizes(problem, parameters, mode)
     rules = _rules(problem, mode, steps=steps, natural=natural)
-    again = partial(fit, descent.linearise, exclude=exclude, neighbours=mode.neighbours)
+    fitted = partial(fit, descent.linearise, exclude=exclude, neighbours=mode.neighbours)
     plain = replace(rules, steps=1) if near > MISFIT_OF_NOISE and not law.rough else rules
-    found = again(parameters, nuisance, plain)
+    found = fitted(parameters, nuisance, plain)
     shared = False
     if isinstance(forward, MeasuredAcross) and is_systematic(found.residual, mode.pairs(found.used)):
         shared = True
         forward.share_misfit()
-        found = again(found.parameters, nuisance, rules)
+        found = fitted(found.parameters, nuisance, rules)
     # few samples falsify the first order of a law with switches, and nearly exact data show what they miss
     coarse = law.switched and steps > 1 and forward.samples < SAMPLES_PER_PERIOD_SWITCHED
     if coarse and (order == 1 or found.noise < MISFIT_NEGLIGIBLE):
         forward.samples = SAMPLES_PER_PERIOD_SWITCHED
         more = replace(rules, steps=1 if order == 1 else steps)
-        found = again(found.parameters, found.nuisance, more)
+        found = fitted(found.parameters, found.nuisance, more)
     # second derivatives of a balance of few harmonics mean nothing where the law jumps or has a corner
     if found.noise > MISFIT_OF_NOISE and not law.rough:
         response = descent.predict(found.parameters, found.nuisance)
         descent.scale = np.abs(observed.predict_sensor(response, problem.split(found.parameters)[2]))
-        found = again(found.parameters, found.nuisance, rules, used=found.used)
+        found = fitted(found.parameters, found.nuisance, rules, used=found.used)
         if correct:
             found = descent.corrected(found)
     elif found.noise > MISFIT_OF_NOISE and law.acts_across:
-        # the noise of the slopes is known all the same
+        # no value is corrected, but ``noise_share``, from which ``noise-across`` follows, is computed
         found = replace(found, noise_share=descent.corrected(found).noise_share)
     return _finish(problem, descent, found, order, shared=shared)
 

@@ -236,7 +236,8 @@ def fit(
     rules
         Control of each descent.
     exclude
-        True if outliers are excluded, with a new descent after each exclusion, and one of all at the end.
+        True if outliers are excluded, with a new descent after each exclusion; at the end all points are
+        tried once more.
     neighbours
         (k, 2) neighbours in the test. If outliers are neighbours the law is wrong, and none is excluded.
     used
