@@ -125,18 +125,13 @@ def _predicted(row: Row) -> None:
     assert curves.curves
 
 
-def _fixed(row: Row) -> None:
-    row.identify(fixed={"c": TRUTH["c"] * (row.values or TRUTH)["c"] / TRUTH["c"]})
-
-
-def _profile(row: Row) -> None:
-    assert np.isfinite(rs.profile(row.identify(), "k3").interval).all()
+def _finite(numbers: Sequence[float] | np.ndarray) -> None:
+    assert len(numbers)
+    assert np.isfinite(numbers).all()
 
 
 def _modal(row: Row) -> None:
-    table = rs.modal_table(row.records, mass=row.known.get("mass"))
-    assert len(table.amplitude)
-    assert np.isfinite(table.frequency).all()
+    _finite(rs.modal_table(row.records, mass=row.known.get("mass")).frequency)
 
 
 def _page(row: Row) -> None:
@@ -157,17 +152,15 @@ def _notebook(row: Row) -> None:
         assert list(Path(folder).rglob("notebook.ipynb"))
 
 
-def _background(kind: str) -> Callable[[Row], None]:
-    def identify(row: Row) -> None:
-        row.identify(rs.Observation(background=kind))
-
-    return identify
-
-
 COLUMNS: dict[str, Callable[[Row], object]] = {
     "identify": Row.identify, "rank": _ranked,
-    **{f"background: {kind}": _background(kind) for kind in (*BACKGROUNDS[1:], "constant" + OFFSET)},
-    "modal table": _modal, "predict": _predicted, "hold out": _held_out, "fixed": _fixed, "profile": _profile,
+    **{
+        f"background: {kind}": lambda row, kind=kind: row.identify(rs.Observation(background=kind))
+        for kind in (*BACKGROUNDS[1:], "constant" + OFFSET)
+    },
+    "modal table": _modal, "predict": _predicted, "hold out": _held_out,
+    "fixed": lambda row: row.identify(fixed={"c": (row.values or TRUTH)["c"]}),
+    "profile": lambda row: _finite(rs.profile(row.identify(), "k3").interval),
     "page": _page, "virtual test, notebook": _notebook,
 }  # fmt: skip
 

@@ -17,7 +17,6 @@ from rsgen.data.surface.plausibility import (
     size_findings,
 )
 from rsgen.data.surface.response_surface import ResponseSurface
-from rsgen.report.wording.sentences import next_step, sentence
 from tests.samples import cubic_surface
 
 ORDINARY = Sizes(10.0, 0.02, 1.3, 79.0, 12.0, mass=1.5, damping=0.02)
@@ -36,7 +35,6 @@ def test_levels_in_another_order_than_forces_are_doubted():
     scrambled = ResponseSurface(level, surface.frequency, surface.force, surface.harmonics[:, 1])
     (found,) = level_findings(scrambled)
     assert (found.code, found.severity) == ("levels-disagree", "doubt")
-    assert "another order" in sentence(found)
     assert list(level_findings(surface)) == []
 
 
@@ -47,7 +45,6 @@ def test_one_level_of_another_force_than_the_others_say_is_doubted(factor):
     (found,) = level_findings(replace(surface, level=level))
     assert (found.code, found.severity) == ("levels-disagree", "doubt")
     assert found["level"] == factor * found["force"]
-    assert "the number of this level is wrong" in sentence(found)
 
 
 def test_a_level_with_the_response_of_another_one_is_doubted_held_out_or_not():
@@ -58,8 +55,7 @@ def test_a_level_with_the_response_of_another_one_is_doubted_held_out_or_not():
     for held in ((), (surface.levels[2],)):
         found = rsgen.identify(copy, "k1*x + kn1*x**3 + c1*v", rsgen.Observation(hold_out=held))
         (repeated,) = [one for one in found.findings if one.code == "run-repeated"]
-        low, high = (f"the level of {one:g} N" for one in surface.levels[1:])
-        assert sentence(repeated).startswith(f"{low} and {high} hold the same numbers")
+        assert set(repeated.names.values()) == {f"the level of {one:g} N" for one in surface.levels[1:]}
         assert not found.verdict.usable
 
 
@@ -68,8 +64,6 @@ def test_points_that_are_each_a_level_of_its_own_are_named():
     level = surface.level * (1 + 1e-3 * np.random.default_rng(0).normal(size=len(surface)))
     (found,) = level_findings(ResponseSurface(level, surface.frequency, level, surface.harmonics[:, 1]))
     assert (found.code, found.severity) == ("levels-disagree", "warning")
-    assert f"each of the {len(surface)} points is a level of its own" in sentence(found)
-    assert "nominal force of each run" in next_step(found)
 
 
 @pytest.mark.parametrize("factor", [2.0, 1.9, 0.506, 0.5**0.5])
@@ -77,8 +71,7 @@ def test_forces_of_one_proportion_to_all_levels_are_named(factor):
     surface = cubic_surface()
     (found,) = level_findings(changed(surface, surface.harmonics[:, 1], factor * surface.force))
     assert (found.code, found.severity) == ("levels-in-other-unit", "warning")
-    assert f"the force is {12 * factor:.3g} N, {factor:.3g} times as much" in sentence(found)
-    assert "half a bridge" in next_step(found)
+    assert found["force"] == pytest.approx(12 * factor)
 
 
 @pytest.mark.parametrize("lost", [0.3, 0.7])
@@ -105,7 +98,6 @@ def test_responses_of_two_levels_that_are_exchanged_are_named(pair):
     assert (found.code, found.severity) == ("levels-swapped", "doubt")
     assert [found["low"], found["high"]] == [surface.levels[place] for place in pair]
     assert found["pushed"] * found["moved"] == pytest.approx(1, rel=0.3)
-    assert sentence(found).endswith("these two levels have each other's responses")
 
 
 def test_an_ordinary_test_has_nothing_to_remark():
@@ -120,8 +112,6 @@ def test_forces_in_another_unit_than_their_levels_are_doubted(factor):
     (found,) = level_findings(wrong)
     assert found.severity == "doubt"
     assert found["force"] == pytest.approx(factor * found["level"])
-    assert "another unit" in sentence(found)
-    assert next_step(found)
     if factor == 1e-3:  # the other sizes are possible
         identified = rsgen.identify(wrong, "k1*x + kn1*x**3 + c1*v")
         assert identified.verdict.state == "doubtful"
@@ -140,8 +130,6 @@ def test_a_response_in_a_smaller_unit_is_impossible(factor):
     surface = cubic_surface()
     (found,) = size_findings(Sizes.of(changed(surface, factor * surface.harmonics[:, 1])))
     assert found.severity == "doubt"
-    assert "not possible" in sentence(found)
-    assert "mm and m" in next_step(found)
 
 
 @pytest.mark.parametrize(("sizes", "quantity"), [
@@ -192,7 +180,6 @@ def test_a_response_of_another_quantity_is_recognised(tamper, found, noise):
     noisy = changed(surface, surface.harmonics[:, 1] * scatter)
     (finding,) = quantity_findings(changed(surface, tamper(noisy)))
     assert (finding.severity, finding.names["is"], finding.names["sure"]) == ("doubt", found, "yes")
-    assert next_step(finding)
 
 
 @pytest.mark.slow

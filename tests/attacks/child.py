@@ -2,17 +2,17 @@
 
 import argparse
 import gc
-import json
+import multiprocessing
 import os
-import selectors
 import signal
-import subprocess
 import sys
 import time
 from collections import Counter
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Iterator
 from contextlib import suppress
-from dataclasses import asdict, dataclass, field, replace
+from dataclasses import dataclass, field, replace
+from importlib import import_module
+from multiprocessing.connection import Connection
 from pathlib import Path
 
 WALL_SECONDS = 180.0
@@ -84,66 +84,53 @@ def measured(number: int, name: str, attempt: Callable[[], str]) -> Outcome:
     return Outcome(number, name, said, round(worked, 3), round(taken, 1))
 
 
-def serve(attempt: Callable[[int], Outcome]) -> None:
-    """Answer numbers on standard input with outcomes on standard output, a line each."""
-    answers = os.fdopen(os.dup(1), "w", encoding="utf-8")
-    # what the attempts print is no answer
+def _serve(module: str, seed: int, pipe: Connection) -> None:
+    """Answer numbers with outcomes, until the process is ended."""
+    os.setsid()
+    # what the attempts print is for nobody
     with Path(os.devnull).open("w", encoding="utf-8") as nowhere:
         os.dup2(nowhere.fileno(), 1)
+    attack = import_module(f"tests.attacks.{module}").attack
     # what is loaded now stays: the collection before each attempt need not look at it
     gc.freeze()
-    for line in sys.stdin:
-        answers.write(json.dumps(asdict(attempt(int(line)))) + "\n")
-        answers.flush()
+    while True:
+        pipe.send(attack(pipe.recv(), seed))
 
 
 class _Child:
-    def __init__(self, module: str, words: list[str], wall: float) -> None:
-        self.wall = wall
-        command = [sys.executable, "-m", module, "--serve", *words]
-        self.process = subprocess.Popen(
-            command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, start_new_session=True
-        )
-        self.buffer = b""
-        self.done = 0
+    def __init__(self, module: str, seed: int) -> None:
+        context, self.done = multiprocessing.get_context("spawn"), 0
+        self.pipe, theirs = context.Pipe()
+        self.process = context.Process(target=_serve, args=(module, seed, theirs))
+        self.process.start()
+        theirs.close()
 
     def ask(self, number: int) -> Outcome:
         self.done += 1
-        stdin, stdout = self.process.stdin, self.process.stdout
-        assert stdin is not None
-        assert stdout is not None
-        with suppress(BrokenPipeError):
-            stdin.write(f"{number}\n".encode())
-            stdin.flush()
-        ends = time.monotonic() + self.wall
-        with selectors.DefaultSelector() as ready:
-            ready.register(stdout, selectors.EVENT_READ)
-            while b"\n" not in self.buffer:
-                if not ready.select(max(0.0, ends - time.monotonic())):
-                    return Outcome(number, "", f"hang: no answer after {self.wall:g} s", self.wall)
-                part = os.read(stdout.fileno(), 65536)
-                if not part:
-                    return Outcome(number, "", f"crash of the process: code {self.process.wait()}")
-                self.buffer += part
-        line, _, self.buffer = self.buffer.partition(b"\n")
-        return Outcome(**json.loads(line))
+        try:
+            self.pipe.send(number)
+            if not self.pipe.poll(WALL_SECONDS):
+                return Outcome(number, "", f"hang: no answer after {WALL_SECONDS:g} s", WALL_SECONDS)
+            return self.pipe.recv()
+        except (EOFError, OSError):
+            self.process.join()
+            return Outcome(number, "", f"crash of the process: code {self.process.exitcode}")
 
     def end(self) -> None:
+        """End the process, and those that it began."""
         with suppress(ProcessLookupError, PermissionError):
             os.killpg(self.process.pid, signal.SIGKILL)
-        self.process.wait()
-        for stream in (self.process.stdin, self.process.stdout):
-            with suppress(OSError):
-                if stream is not None:
-                    stream.close()
+        self.process.kill()
+        self.process.join()
+        self.pipe.close()
 
 
-def attempts(module: str, words: list[str], numbers: Iterable[int], wall: float = WALL_SECONDS):
-    """Make attempts in children of ``python -m module --serve words``, one after the other."""
+def attempts(module: str, seed: int, numbers: Iterable[int]) -> Iterator[Outcome]:
+    """Make attacks of a module in children, one after the other."""
     child: _Child | None = None
     try:
         for number in numbers:
-            child = child or _Child(module, words, wall)
+            child = child or _Child(module, seed)
             outcome = child.ask(number)
             if not outcome.name or child.done >= RENEWED:
                 child.end()
@@ -206,7 +193,7 @@ def tally(outcomes: Iterable[Outcome], kind: Callable[[Outcome], str] = kind_of)
 
 def attacked(module: str, count: int, seed: int, figure: str, kind: Callable[[Outcome], str] = kind_of):
     """Make attacks of a module in children; return the row of what got through, and the tally."""
-    found = tally(attempts(f"tests.attacks.{module}", [str(seed)], range(count)), kind)
+    found = tally(attempts(module, seed, range(count)), kind)
     kinds = ["crash", "hang", *(["outside"] if "outside" in figure else []), "memory"]
     numbers = ", ".join(str(found.kinds[name]) for name in kinds)
     asked = ", ".join("0" for _ in kinds)
@@ -214,13 +201,9 @@ def attacked(module: str, count: int, seed: int, figure: str, kind: Callable[[Ou
 
 
 def command(attack, content=lambda number, seed: "") -> None:
-    """Serve as the child of ``attempts``, or make one attack again and show what it consists of."""
+    """Make one attack again, and show what it consists of."""
     parser = argparse.ArgumentParser()
     parser.add_argument("--seed", type=int, default=1)
-    parser.add_argument("--only", type=int)
-    parser.add_argument("--serve", type=int)
+    parser.add_argument("--only", type=int, required=True)
     chosen = parser.parse_args()
-    if chosen.serve is not None:
-        serve(lambda number: attack(number, chosen.serve))
-    else:
-        print(content(chosen.only, chosen.seed), attack(chosen.only, chosen.seed))
+    print(content(chosen.only, chosen.seed), attack(chosen.only, chosen.seed))

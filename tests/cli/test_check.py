@@ -152,11 +152,3 @@ def test_the_table_is_printed_and_written_and_a_held_out_level_scored(case, tmp_
     loaded = rsgen.load_case(case)
     table = rsgen.modal_table(rsgen.simulate(loaded.oscillator, loaded.test), loaded.model)
     assert [float(row["amplitude [m]"]) for row in rows] == pytest.approx(list(table.amplitude), rel=1e-9)
-
-
-def test_what_cannot_be_tabulated_is_said_with_exit_code_two(tmp_path, run_cli):
-    below = HARDENING | {"test.frequency": {"start": 6, "stop": 8, "count": 17}}
-    answer = run_cli("modal", write_small(tmp_path, changes=below))
-    assert (answer.code, answer.out) == (2, "")
-    assert "points lie within 45 degrees of resonance" in answer.err
-    assert "sweep the other way" in answer.err

@@ -12,8 +12,6 @@ import pytest
 
 from rsgen.app.cli.terminal import plain
 from rsgen.common.errors import program_fault
-from rsgen.common.finding import Finding, Quantity
-from rsgen.report.wording.sentences import sentence
 from tests.programs import RSGEN, python, start
 
 posix = pytest.mark.skipif(os.name != "posix", reason="the full device is POSIX")
@@ -71,14 +69,6 @@ def test_what_the_system_refuses_is_no_fault_of_the_program():
 ])  # fmt: skip
 def test_spaces_are_blanks_and_control_characters_are_shown(text, shown):
     assert plain(text) == shown
-
-
-def test_thousands_in_a_sentence_are_printed_as_numbers():
-    numbers = {"value": Quantity(8900.0), "standard_error": Quantity(180_000.0)}
-    numbers |= {"amplitude": Quantity(1e-3, "m"), "level": Quantity(2.0, "N")}
-    text = plain(sentence(Finding("not-distinct-from-zero", "warning", "c3", numbers)))
-    assert "180 000" in text
-    assert "\\" not in text
 
 
 PROGRAM = """

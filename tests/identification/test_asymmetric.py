@@ -190,7 +190,6 @@ def test_an_offset_of_the_sensor_is_named_where_a_law_has_an_even_term(even):
     (missing,) = (one for one in shifted.findings if one.code == "background-missing")
     assert (missing.parameter, missing.names) == ("k2", {"kind": "mean"})
     assert missing["offset"] == pytest.approx(2e-4, rel=0.1)
-    assert "mean of 20" in sentence(missing)
     assert shifted["k2"].interval[0] < even < shifted["k2"].interval[1]
     assert not {"background-missing", "law-ambiguous"} & codes(identify(measured, law))
 
@@ -232,7 +231,6 @@ def test_a_sweep_that_passes_a_pitchfork_late_is_fitted_without_those_points():
     late = [f for f in found.findings if f.names.get("by") == "symmetry"]
     assert len(late) == 1
     assert 2 <= late[0]["excluded"] <= 10
-    assert "loses its symmetry" in sentence(late[0])
     assert found.residual < 5e-3
     assert "law-does-not-fit" not in codes(found)
     for name in values:

@@ -6,7 +6,6 @@ import pytest
 import rsgen
 from rsgen.common.errors import MeasurementError, RsgenError
 from rsgen.data.history import TimeHistory, from_multisine
-from rsgen.report.wording.sentences import sentence
 from tests.surfaces import severities
 
 RATE, PERIOD = 256.0, 512
@@ -71,7 +70,6 @@ def test_two_periods_from_rest_are_doubted_and_three_leave_the_first_out():
     assert short(from_multisine(records(2)))[0] == "info"
     rest = from_multisine(records(2, rest=True))
     assert short(rest)[0] == "doubt"
-    assert "none was left out" in sentence(rest.findings[-1])
     longer = from_multisine(records(8, rest=True))
     assert (np.asarray(longer.left_out) >= 1).all()
     assert short(longer) == []
@@ -99,9 +97,6 @@ def test_a_gain_that_changes_within_a_record_is_doubted(channel, course):
         # a step does not decay: it is no transient, and the periods before it stay
         assert not np.any(spectra.left_out)
         assert told["size"] == pytest.approx(0.2 / 1.1, rel=0.02)
-        assert "identified separately, the periods from number 7 on, and those before differ" in sentence(
-            told
-        )
     assert not found.verdict.usable
 
 

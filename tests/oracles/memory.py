@@ -1,41 +1,30 @@
-"""Structures that no force of displacement and velocity describes: with a state, and of two coupled masses.
-
-Steady states by the explicit Runge-Kutta method of order four, with nothing of rsgen but the table that
-holds them.
-"""
-
-from collections.abc import Callable
+"""Structures that no force of displacement and velocity describes: with a state, and of two masses."""
 
 import numpy as np
 
+import rsgen
 from rsgen.data.surface.response_surface import ResponseSurface
-
-Motion = Callable[[np.ndarray, np.ndarray], np.ndarray]
 
 STEPS = 96
 """A period: the truncation of order four is then beneath 1e-4 of the amplitude."""
 
-HARMONICS = 9
+HARMONICS, PERIODS = 9, 240
 
 
-def bouc_wen(levels=(10.0, 20.0, 30.0, 40.0, 50.0, 60.0), frequencies=None) -> ResponseSurface:
-    """The hysteretic benchmark of Noel and Schoukens (2016), stepped sine.
+def bouc_wen() -> ResponseSurface:
+    """The hysteretic benchmark of Noel and Schoukens (2016) by rsgen, held against ``events`` elsewhere."""
+    law = rsgen.Law("c*v + k*x + z", memory={"z": "alpha*v - bg*abs(v)*z - bd*v*abs(z)"})
+    values = {"c": 10.0, "k": 5e4, "alpha": 5e4, "bg": 800.0, "bd": -1100.0}
+    test = rsgen.SimulatedTest(np.linspace(10, 60, 6), np.linspace(26, 50, 33), harmonics=9)
+    return rsgen.simulate(rsgen.Oscillator(2.0, law, values), test)
 
-    m x'' + c x' + k x + z = f,  z' = alpha x' - beta (gamma |x'| |z|^(nu-1) z + delta x' |z|^nu).
+
+def two_masses() -> ResponseSurface:
+    """A mass on a cubic spring to the ground that carries a second one: modes near 9 and 20 Hz.
+
+    Steady states by the explicit Runge-Kutta method of order four, all points at once, each from rest; time
+    in periods of its own. Nothing of rsgen but the table that holds them.
     """
-    m, c, k, alpha, beta, gamma, delta = 2.0, 10.0, 5e4, 5e4, 1e3, 0.8, -1.1
-
-    def rate(state: np.ndarray, force: np.ndarray) -> np.ndarray:
-        x, v, z = state
-        change = alpha * v - beta * (gamma * np.abs(v) * z + delta * v * np.abs(z))
-        return np.stack([v, (force - c * v - k * x - z) / m, change])
-
-    frequencies = np.linspace(26, 50, 33) if frequencies is None else frequencies
-    return _stepped(rate, 3, levels, frequencies, periods=80)
-
-
-def two_masses(levels=(2.0, 4.0, 6.0, 8.0, 10.0, 12.0), frequencies=None) -> ResponseSurface:
-    """A mass on a cubic spring to the ground that carries a second one: modes near 9 and 20 Hz."""
     m, c, k, k3 = 1.5, 3.8, 5920.0, 2e5
     m2, c2, k2 = 0.3, 1.0, 4000.0
 
@@ -44,18 +33,14 @@ def two_masses(levels=(2.0, 4.0, 6.0, 8.0, 10.0, 12.0), frequencies=None) -> Res
         between = k2 * (x - y) + c2 * (v - w)
         return np.stack([v, (force - c * v - k * x - k3 * x**3 - between) / m, w, between / m2])
 
-    frequencies = np.linspace(7, 12, 33) if frequencies is None else frequencies
-    return _stepped(rate, 4, levels, frequencies, periods=240)
-
-
-def _stepped(rate: Motion, size: int, levels: tuple[float, ...], frequencies: np.ndarray, periods: int):
-    """All points at once, each from rest; time in periods of its own."""
-    level, frequency = (grid.ravel() for grid in np.meshgrid(levels, frequencies, indexing="ij"))
-    state = np.zeros((size, len(level)))
+    level, frequency = (
+        grid.ravel() for grid in np.meshgrid(np.linspace(2, 12, 6), np.linspace(7, 12, 33), indexing="ij")
+    )
+    state = np.zeros((4, len(level)))
     step = 1 / frequency / STEPS
     cosine = np.cos(np.pi * np.arange(2 * STEPS) / STEPS)
     waveform = np.zeros((STEPS, len(level)))
-    for _ in range(periods):
+    for _ in range(PERIODS):
         for i in range(STEPS):
             waveform[i] = state[0]
             now, half, then = (level * cosine[(2 * i + j) % (2 * STEPS)] for j in range(3))

@@ -66,8 +66,6 @@ def test_a_level_that_friction_nearly_holds_does_not_reject_the_law(low: float, 
     assert {one.severity for one in excluded} <= {"info", "warning"}
     by = {one.names["by"]: one for one in excluded}
     assert by.get("friction", {"excluded": 0})["excluded"] == held
-    if held:
-        assert f"{held} of 62 points with forces up to {low} N" in sentence(by["friction"])
 
 
 def test_a_law_that_drives_its_exciter_is_no_reference_for_amplitudes_alone() -> None:
@@ -126,7 +124,6 @@ def test_a_ranking_in_which_no_law_fits_says_that_a_constant_mean_would_explain_
     ranking = rank(changed(table, harmonics=harmonics), laws)
     (found,) = (one for one in ranking.findings if one.code == "no-law-fits")
     assert found["offset"] == pytest.approx(4e-4, rel=0.05)
-    assert "an offset of the sensor" in sentence(found)
     harmonics[:, 0] -= found["offset"]
     assert rank(changed(table, harmonics=harmonics), laws).fits
 
@@ -287,8 +284,6 @@ def test_few_points_are_said_to_be_few() -> None:
     assert "law-fits-best" not in codes(few)
     level = rank(table.select(table.level == table.levels[-1]), BASE)
     assert "ranking-few-points" in codes(level)
-    for finding in (*few.findings, *level.findings):
-        assert sentence(finding).count(",") <= 4
 
 
 @pytest.mark.parametrize(("error", "severity"), [(0.05, "warning"), (0.58, "doubt")])

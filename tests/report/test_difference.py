@@ -137,6 +137,11 @@ CHANGES = {
     "title that is no text": lambda result: result.update(title=3),
     "warnings without a number": lambda result: result.update(warnings=7),
     "printed formula that is none": lambda result: result.update(printed=[3]),
+    **{f"verdict {entry}": lambda result, entry=entry: result.update(verdict=entry) for entry in (
+        None, [], {"state": "splendid"},
+        {"state": "rejected", "headline": "", "decided_by": [], "sentences": [], "next_steps": [""]},
+        {"state": "rejected", "headline": "", "decided_by": [3], "sentences": [""], "next_steps": [""]},
+    )},
 }  # fmt: skip
 
 

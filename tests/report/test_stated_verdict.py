@@ -10,7 +10,7 @@ from rsgen.common.finding import Finding, Verdict, reach_verdict
 from rsgen.identification.results import Identification
 from rsgen.report.page import render_page, table_of_results, write_index
 from rsgen.report.provenance import Subject, coded
-from rsgen.report.result_json import read_result, read_results
+from rsgen.report.result_json import read_results
 from rsgen.report.wording.sentences import full_sentence, next_step, state_verdict
 from tests.samples import (
     cubic_case,
@@ -105,16 +105,6 @@ def test_a_rejected_page_marks_its_numbers():
     assert text.count(f"<figcaption>{marked}") >= 4
     assert "This is the estimate to use" not in text
     assert "the result is rejected" in text
-
-
-@pytest.mark.parametrize("entry", [
-    None, [], {"state": "splendid"},
-    {"state": "rejected", "headline": "", "decided_by": [], "sentences": [], "next_steps": [""]},
-    {"state": "rejected", "headline": "", "decided_by": [3], "sentences": [""], "next_steps": [""]},
-])  # fmt: skip
-def test_an_entry_that_is_no_verdict_is_no_result(tmp_path, entry):
-    place = write_result(tmp_path, {**cubic_result(None), "verdict": entry})
-    assert read_result(place / "result.json") is None
 
 
 @pytest.mark.slow

@@ -98,32 +98,31 @@ def _generator(test: Laboratory) -> np.random.Generator:
     return np.random.default_rng(len(test.level))
 
 
-def gravities_one_level(test: Laboratory) -> Laboratory:
-    rows = test.level == _level(test, 0.6)
-    return _responds(test, np.where(rows, test.response / G, test.response))
+def scaled(factor: complex | Callable[[Laboratory], np.ndarray]) -> Callable[[Laboratory], Laboratory]:
+    """Multiply the response by a number, or by one a row."""
+    return lambda test: _responds(test, test.response * (factor(test) if callable(factor) else factor))
 
 
-def gravities_known_mass(test: Laboratory) -> Laboratory:
-    return replace(
-        _responds(test, test.response / G), further={"system": {"mass": load(test.name).oscillator.mass}}
-    )
+def _in_level(test: Laboratory, share: float, inside: float, outside: float = 1.0) -> np.ndarray:
+    """Give one number to the rows of a level, another to all others."""
+    return np.where(test.level == _level(test, share), inside, outside)
 
 
-def radians_as_hertz(test: Laboratory) -> Laboratory:
-    heads = (test.heads[0], "omega_rad_s", *test.heads[2:])
-    shown = replace(test, frequency=2 * np.pi * test.frequency, heads=heads)
-    return shown.reading("frequency", column="omega_rad_s")
+def radians(column: str) -> Callable[[Laboratory], Laboratory]:
+    """Write the frequency in rad/s, in a column of this name."""
+
+    def change(test: Laboratory) -> Laboratory:
+        heads = (test.heads[0], column, *test.heads[2:])
+        shown = replace(test, frequency=2 * np.pi * test.frequency, heads=heads)
+        return shown.reading("frequency", column=column)
+
+    return change
 
 
-def radians_unnamed(test: Laboratory) -> Laboratory:
-    shown = replace(test, frequency=2 * np.pi * test.frequency, heads=(test.heads[0], "x", *test.heads[2:]))
-    return shown.reading("frequency", column="x")
-
-
-def delayed_channel(test: Laboratory) -> Laboratory:
+def delayed(test: Laboratory) -> np.ndarray:
     # half a radian over the band, whatever it is at the resonance
     late = 0.5 / (2 * np.pi * float(np.ptp(test.frequency)))
-    return _responds(test, 0.8 * test.response * np.exp(-2j * np.pi * test.frequency * late))
+    return 0.8 * np.exp(-2j * np.pi * test.frequency * late)
 
 
 def swapped_levels(test: Laboratory) -> Laboratory:
@@ -141,17 +140,10 @@ def labels(test: Laboratory) -> Laboratory:
 
 def level_twice(test: Laboratory) -> Laboratory:
     source, other = _level(test, 0.9), _level(test, 0.5)
-    rest = np.flatnonzero(test.level != other)
-    copy = test.keep(test.at(source))
-    copy = replace(copy, force=copy.force * other / source, level=np.full(len(copy.level), other))
-    both = test.keep(rest)
-    return replace(
-        both,
-        level=np.concatenate([both.level, copy.level]),
-        frequency=np.concatenate([both.frequency, copy.frequency]),
-        force=np.concatenate([both.force, copy.force]),
-        response=np.concatenate([both.response, copy.response]),
-    )
+    both = test.keep(np.concatenate([np.flatnonzero(test.level != other), test.at(source)]))
+    copied = np.arange(len(both.level)) >= np.count_nonzero(test.level != other)
+    force = np.where(copied, both.force * other / source, both.force)
+    return replace(both, force=force, level=np.where(copied, other, both.level))
 
 
 def half_of_another(test: Laboratory) -> Laboratory:
@@ -171,56 +163,49 @@ def half_noise(test: Laboratory) -> Laboratory:
     return _responds(test, response)
 
 
-def outlying_block(test: Laboratory) -> Laboratory:
-    count = len(test.level) // 10
-    rows = slice(len(test.level) // 2, len(test.level) // 2 + count)
-    response = test.response.copy()
-    response[rows] *= 1.5 + 0.3 * _generator(test).standard_normal(count)
-    return _responds(test, response)
+def outlying_block(test: Laboratory) -> np.ndarray:
+    factor, count = np.ones(len(test.level)), len(test.level) // 10
+    factor[len(factor) // 2 :][:count] = 1.5 + 0.3 * _generator(test).standard_normal(count)
+    return factor
 
 
-def shifted_level(test: Laboratory) -> Laboratory:
-    return replace(
-        test, frequency=np.where(test.level == _level(test, 0.6), 1.02 * test.frequency, test.frequency)
-    )
-
-
-def clipped(test: Laboratory) -> Laboratory:
+def overloaded(test: Laboratory) -> np.ndarray:
     size = np.abs(test.response)
-    return _responds(test, test.response * np.minimum(1, 0.5 * size.max() / size))
+    return np.minimum(1, 0.5 * size.max() / size)
 
 
-def gain_stepped_in_level(test: Laboratory) -> Laboratory:
-    rows = test.at(_level(test, 0.7))
-    response = test.response.copy()
-    response[rows[len(rows) // 2 :]] *= 1.2
-    return _responds(test, response)
+def stepped_in_level(test: Laboratory) -> np.ndarray:
+    rows, factor = test.at(_level(test, 0.7)), np.ones(len(test.level))
+    factor[rows[len(rows) // 2 :]] = 1.2
+    return factor
 
 
 def shifted_in_line(test: Laboratory) -> Laboratory:
     size = np.abs(_receptance(test))[test.at(test.levels[0])]
     frequency = np.sort(test.frequency[test.at(test.levels[0])][size > size.max() / np.sqrt(2)])
     width = float(np.ptp(frequency)) or float(np.median(np.diff(np.unique(test.frequency))))
-    rows = test.level == _level(test, 0.6)
-    return replace(test, frequency=np.where(rows, test.frequency + 0.5 * width, test.frequency))
+    return replace(test, frequency=test.frequency + _in_level(test, 0.6, 0.5 * width, 0.0))
 
 
 def _receptance(test: Laboratory) -> np.ndarray:
     return -test.response / (2 * np.pi * test.frequency) ** 2 / test.force
 
 
+def _seen_with(test: Laboratory, receptance: np.ndarray | complex) -> Laboratory:
+    """Add a motion that follows the force."""
+    w = 2 * np.pi * test.frequency
+    return _responds(test, test.response - w**2 * receptance * test.force)
+
+
 def second_mode(test: Laboratory) -> Laboratory:
     above = float(test.frequency.max()) - test.natural_frequency
     w, w2 = 2 * np.pi * test.frequency, 2 * np.pi * (test.natural_frequency + 0.3 * above)
     peak, loss = np.abs(_receptance(test)).max(), 2 * np.pi * 0.15 * above / w2
-    other = 0.5 * peak * loss * w2**2 / (w2**2 - w**2 + 1j * loss * w2 * w)
-    return _responds(test, test.response - w**2 * other * test.force)
+    return _seen_with(test, 0.5 * peak * loss * w2**2 / (w2**2 - w**2 + 1j * loss * w2 * w))
 
 
 def constant_background(test: Laboratory) -> Laboratory:
-    w = 2 * np.pi * test.frequency
-    seen = 0.07 * np.abs(_receptance(test)).max() * np.exp(0.4j)
-    return _responds(test, test.response - w**2 * seen * test.force)
+    return _seen_with(test, 0.07 * np.abs(_receptance(test)).max() * np.exp(0.4j))
 
 
 # ---- histories
@@ -256,19 +241,22 @@ _REVERSIBLE = (
 )
 
 TAMPERINGS = (
-    Tampering("sign of the response reversed", SENSE, lambda test: _responds(test, -test.response)),
+    Tampering("sign of the response reversed", SENSE, scaled(-1)),
     Tampering(
         "phase in the wrong sense (conjugate)", SENSE,
         lambda test: test.reading("response", phase_sense="lag"),
     ),
-    Tampering("response in mm/s^2, read as m/s^2", SIZE, lambda test: _responds(test, 1e3 * test.response)),
+    Tampering("response in mm/s^2, read as m/s^2", SIZE, scaled(1e3)),
     Tampering("force in kN, read as N", SIZE | NOMINAL, lambda test: replace(test, force=1e-3 * test.force)),
-    Tampering("one level in g, read as m/s^2", LEVELS, gravities_one_level),
+    Tampering("one level in g, read as m/s^2", LEVELS, scaled(lambda test: _in_level(test, 0.6, 1 / G))),
     Tampering(
-        "response in g, read as m/s^2; mass known", MISFIT | SIZE, gravities_known_mass,
+        "response in g, read as m/s^2; mass known", MISFIT | SIZE,
+        lambda test: replace(
+            scaled(1 / G)(test), further={"system": {"mass": load(test.name).oscillator.mass}}
+        ),
         refusal="follows none of",
     ),
-    Tampering("rad/s read as Hz, column called omega", UNIT, radians_as_hertz),
+    Tampering("rad/s read as Hz, column called omega", UNIT, radians("omega_rad_s")),
     Tampering(
         "Hz read as rad/s, column called f_Hz", UNIT, lambda test: test.reading("frequency", unit="rad/s")
     ),
@@ -281,7 +269,7 @@ TAMPERINGS = (
         "acceleration read as velocity", SENSE | MISFIT,
         lambda test: test.reading("response", quantity="velocity"), refusal="follows none of",
     ),
-    Tampering("another sensor's channel, with a delay", MISFIT | SENSE, delayed_channel),
+    Tampering("another sensor's channel, with a delay", MISFIT | SENSE, scaled(delayed)),
     Tampering("two levels swapped", LEVELS, swapped_levels),
     Tampering("labels 1, 2, 3, ... for the forces", LEVELS, labels, refusal="follows none of"),
     Tampering(
@@ -291,29 +279,23 @@ TAMPERINGS = (
     Tampering("one level twice, once under another force", LEVELS, level_twice),
     Tampering("half of a level's points from another level", LEVELS, half_of_another),
     Tampering("half of a level's points noise", POINTS, half_noise),
-    Tampering("10 % outliers in one block", POINTS, outlying_block),
-    Tampering("frequencies of one level 2 % too high", LEVELS, shifted_level),
-    Tampering("sensor overloaded at half of the largest response", POINTS, clipped),
+    Tampering("10 % outliers in one block", POINTS, scaled(outlying_block)),
+    Tampering(
+        "frequencies of one level 2 % too high", LEVELS,
+        lambda test: replace(test, frequency=test.frequency * _in_level(test, 0.6, 1.02)),
+    ),
+    Tampering("sensor overloaded at half of the largest response", POINTS, scaled(overloaded)),
     Tampering(
         "gain of the sensor 1.3 times from the middle on", POINTS,
-        lambda test: _responds(test, np.where(_along(test) < 0.5, 1.0, 1.3) * test.response),
+        scaled(lambda test: np.where(_along(test) < 0.5, 1.0, 1.3)),
     ),
-    Tampering(
-        "gain of the sensor drifts by 15 %", POINTS,
-        lambda test: _responds(test, (1 + 0.15 * _along(test)) * test.response),
-    ),
-    Tampering("gain of the sensor 1.2 times from the middle of a level on", POINTS, gain_stepped_in_level),
+    Tampering("gain of the sensor drifts by 15 %", POINTS, scaled(lambda test: 1 + 0.15 * _along(test))),
+    Tampering("gain of the sensor 1.2 times from the middle of a level on", POINTS, scaled(stepped_in_level)),
     Tampering("frequencies of one level shifted by half of a line's width", LEVELS, shifted_in_line),
-    Tampering(
-        "response turned by 30 degrees", SENSE | MISFIT,
-        lambda test: _responds(test, test.response * np.exp(1j * np.pi / 6)),
-    ),
+    Tampering("response turned by 30 degrees", SENSE | MISFIT, scaled(np.exp(1j * np.pi / 6))),
     Tampering("a second mode in the band", BACKGROUND, second_mode),
     Tampering("a constant background left out", BACKGROUND, constant_background),
-    Tampering(
-        "a phase error of 0.2 rad left out", BACKGROUND,
-        lambda test: _responds(test, test.response * np.exp(-0.2j)),
-    ),
+    Tampering("a phase error of 0.2 rad left out", BACKGROUND, scaled(np.exp(-0.2j))),
     Tampering("law without the decisive term", MISFIT, lambda test: replace(test, laws=MATTERING[test.name])),
     Tampering("a law guessed wrongly", MISFIT, lambda test: replace(test, laws=OTHER_WRONG[test.name])),
     Tampering(
@@ -329,10 +311,7 @@ TAMPERINGS = (
 """Every case of ``cases/`` has to stand each of them."""
 
 UNSEEN = (
-    Tampering(
-        "response in g, read as m/s^2; mass unknown", SIZE, lambda test: _responds(test, test.response / G),
-        unseen=_REVERSIBLE,
-    ),
-    Tampering("rad/s read as Hz, no name says so", SIZE, radians_unnamed, unseen=_REVERSIBLE),
+    Tampering("response in g, read as m/s^2; mass unknown", SIZE, scaled(1 / G), unseen=_REVERSIBLE),
+    Tampering("rad/s read as Hz, no name says so", SIZE, radians("x"), unseen=_REVERSIBLE),
 )  # fmt: skip
 """Of one case each: what one test cannot show by itself."""
