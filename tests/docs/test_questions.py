@@ -10,6 +10,7 @@ from scipy.interpolate import make_interp_spline
 
 import rsgen as rs
 from docs._extension.snippets import ROOT, find_snippets
+from rsgen.data.history import SweepLaw
 from tests.case_files import MEASURED, write_small
 from tests.oracles.swept import sweep
 
