@@ -590,6 +590,24 @@ def test_laws_are_equal_by_their_normal_form_whatever_their_names() -> None:
     assert terms_of(dahl) == terms_of(with_memory(parse("z0*y"), {"y": "v/L - y/L*abs(v)"}))
     assert terms_of(dahl) != terms_of(with_memory(parse("q*z"), {"z": "(v - z)/tau"}))
     assert terms_of(parse("k*x + k2*x*abs(x)")) == terms_of(parse("a*x**2*sign(x) + b*x"))
+    slider, iwan = (laws[name].force for name in ("jenkins", "iwan"))
+    assert terms_of(slider) != terms_of(iwan)
+
+
+IWAN = str(laws["iwan4"].force)
+
+
+@pytest.mark.parametrize(
+    ("given", "same"),
+    [
+        (IWAN, IWAN.replace("R", "Q").replace("chi", "e")),
+        ("c*v + masing(K*x - R*x**p)", "c*v + masing(-Q*x**q + A*x)"),
+        ("k*x + masing(Fs*(1 - exp(-x/xs)))", "k*x + F*masing(1 - exp(-x/b))"),
+    ],
+    ids=["iwan4", "power", "exponential"],
+)
+def test_laws_whose_virgin_curve_is_linear_in_parameters_are_compared(given: str, same: str) -> None:
+    assert terms_of(parse(given)) == terms_of(parse(same)) != terms_of(parse("k*x + c*v"))
 
 
 def test_what_predicts_levels_comes_before_what_fits_them() -> None:

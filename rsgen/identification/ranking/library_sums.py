@@ -13,10 +13,10 @@ from itertools import permutations
 import sympy
 
 from rsgen.common.tolerances import ANY_LAW
-from rsgen.formula.names import remembers, symbol
+from rsgen.formula.names import Masing, remembers, symbol
 from rsgen.law.element import Element, Law, as_elements, laws, make_element
 from rsgen.law.library import Range, Search
-from rsgen.law.memory import memory_form, rates_of
+from rsgen.law.memory import rates_of, real_powers
 from rsgen.law.normal_form import normal_form
 from rsgen.law.numeric import ForceLaw, compile_law
 
@@ -117,8 +117,9 @@ def whole_name(name: str, sensors: str = "") -> str:
 def terms_of(force: sympy.Expr) -> frozenset[str]:
     """Return what the linear parameters multiply, in a normal form that does not depend on names.
 
-    The equations of states are part of it: laws with a state differ in nothing else.
+    The equations of states are part of it, and virgin curves: laws with a memory differ in nothing else.
     """
+    force = force.xreplace({Masing(sympy.S.Zero): sympy.S.Zero})
     law = compile_law(force)
     # a blank: no parameter has such a name
     states = {z: sympy.Symbol(f"z {number}", real=True) for number, z in enumerate(rates_of(force))}
@@ -126,16 +127,35 @@ def terms_of(force: sympy.Expr) -> frozenset[str]:
     for order in permutations(law.nonlinear):
         names = {symbol(law.parameters[i]): symbol(f"p{rank}") for rank, i in enumerate(order)}
         plain = force.xreplace(names | states)
-        parts = [plain.diff(symbol(law.parameters[i])) for i in law.linear]
-        parts.append(plain.xreplace({symbol(law.parameters[i]): sympy.S.Zero for i in law.linear}))
         positive = frozenset(map(str, names.values()))
-        memory = memory_form(plain)
-        rates = () if memory is None else memory.rates
+        linear = [symbol(law.parameters[i]) for i in law.linear]
+        parts = [_factor_of(plain, parameter) for parameter in linear]
+        parts.append(plain.xreplace(dict.fromkeys(linear, sympy.S.Zero)))
         found.append(
-            sorted(str(normal_form(part, positive).expression) for part in parts)
-            + [f"{state.symbol}' = {normal_form(state.rate, positive).expression}" for state in rates]
+            sorted(_plain_text(part, positive) for part in parts)
+            + [f"{z}' = {_plain_text(rate, positive)}" for z, rate in rates_of(plain).items()]
         )
     return frozenset(min(found))
+
+
+def _factor_of(force: sympy.Expr, parameter: sympy.Symbol) -> sympy.Expr:
+    """Return the derivative of a law by a linear parameter; Masing loops are linear in their virgin curve."""
+    loops = {loop: sympy.Dummy() for loop in force.atoms(Masing)}
+    outer = force.xreplace(loops)
+    found = outer.diff(parameter).xreplace({place: loop for loop, place in loops.items()})
+    for loop, place in loops.items():
+        if curve := loop.args[0].diff(parameter):
+            found += outer.diff(place) * Masing(curve)
+    return found
+
+
+def _plain_text(force: sympy.Expr, positive: frozenset[str]) -> str:
+    """Return the normal form of a force or a rate as text, with the virgin curves that it has."""
+    curves = {}
+    for loop in force.atoms(Masing):
+        virgin = normal_form(real_powers(loop.args[0]), positive).expression
+        curves[loop] = sympy.Symbol(f"masing({virgin})", real=True) if virgin else sympy.S.Zero
+    return str(normal_form(force.xreplace(curves), positive).expression)
 
 
 @dataclass(frozen=True)
