@@ -9,8 +9,9 @@ from __future__ import annotations
 
 import re
 from abc import ABC, abstractmethod
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import fields, replace
+from hashlib import sha256
 from pathlib import Path
 from typing import Any, ClassVar, Self
 
@@ -213,22 +214,26 @@ class Records(ABC):
         return replace(self, force=mass * self.signals["force"], per_mass=False)  # type: ignore[type-var]
 
 
-def copied_levels(records: Records) -> Iterator[Finding]:
-    """Return findings about levels with the response of another one to the last digit: no noise repeats.
+def repeated_run(runs: Iterable[tuple[str, NDArray[Any]]]) -> list[Finding]:
+    """Return a finding about the first two runs, by name, with equal readings (n,): no noise repeats."""
+    seen: dict[bytes, tuple[int, str]] = {}
+    for run, (name, readings) in enumerate(runs):
+        number, first = seen.setdefault(sha256(readings.tobytes()).digest(), (run, name))
+        if number < run:
+            return [Finding("run-repeated", "doubt", names={"first": first, "second": name})]
+    return []
 
-    None where reading made one, which names files.
-    """
-    said = any(finding.code == "run-repeated" for finding in records.findings)
-    seen: dict[bytes, float] = {}
-    for level in () if said else records.levels.tolist():
-        response = records.signals["response"][records.level == level]
-        if len(np.unique(response)) < MIN_POINTS_OF_RUN:
-            continue
-        first = seen.setdefault(response.tobytes(), level)
-        if first != level:
-            pair = zip(("first", "second"), (first, level), strict=True)
-            names = {name: f"the level of {one:g} {records.level_unit}" for name, one in pair}
-            yield Finding("run-repeated", "doubt", names=names)
+
+def copied_levels(records: Records) -> list[Finding]:
+    """Return a finding about two levels with one response; none where reading made one, which names files."""
+    if any(finding.code == "run-repeated" for finding in records.findings):
+        return []
+    response = {level: records.signals["response"][records.level == level] for level in records.levels}
+    return repeated_run(
+        (f"the level of {level:g} {records.level_unit}", readings)
+        for level, readings in response.items()
+        if len(np.unique(readings)) >= MIN_POINTS_OF_RUN
+    )
 
 
 # ----------------------------------------------------------------------------

@@ -24,9 +24,9 @@ from rsgen.data.history import (
     from_swept_sine,
     record_findings,
 )
-from rsgen.data.history.record import copied_records, driven_amplitude
+from rsgen.data.history.record import driven_amplitude
 from rsgen.data.multisine.spectra import MultisineSpectra
-from rsgen.data.record_set import MIN_POINTS_OF_RUN, below_acceleration
+from rsgen.data.record_set import MIN_POINTS_OF_RUN, below_acceleration, repeated_run
 from rsgen.data.surface.columns import recognise_directions
 from rsgen.data.surface.plausibility import base_findings, lag_findings, quantity_findings
 from rsgen.data.surface.response_surface import ResponseSurface
@@ -76,34 +76,6 @@ def _runs(surface: ResponseSurface, block: NDArray[np.int64]) -> list[NDArray[np
         rows.setdefault(key, []).append(row)
     found = [np.array(at) for at in rows.values() if len(at) >= MIN_POINTS_OF_RUN]
     return found[:_MAX_RUNS_COMPARED]
-
-
-def run_findings(
-    surface: ResponseSurface, block: NDArray[np.int64], labels: list[str], by_ratio: bool
-) -> list[Finding]:
-    """Find two runs that are copies of each other.
-
-    Parameters
-    ----------
-    surface, block
-        The test, and (n,) the number of the block of each row.
-    labels
-        What each block is called.
-    by_ratio
-        Whether the files hold response over force: of a linear structure it is the same at every level.
-    """
-    for first, second in combinations(() if by_ratio else _runs(surface, block), 2):
-        if _is_copy(surface, first, second):
-            names = {"first": labels[block[first[0]]], "second": labels[block[second[0]]]}
-            return [Finding("run-repeated", "doubt", names=names)]
-    return []
-
-
-def _is_copy(surface: ResponseSurface, first: NDArray[np.intp], second: NDArray[np.intp]) -> bool:
-    return len(first) == len(second) and all(
-        np.array_equal(values[first], values[second])
-        for values in (surface.frequency, surface.amplitude, surface.harmonics[:, 1])
-    )
 
 
 def tell_branches_apart(surface: ResponseSurface, block: NDArray[np.int64]) -> NDArray[np.str_]:
@@ -433,7 +405,10 @@ def _amplitudes(test: MeasuredTest) -> ResponseSurface:
         findings=tuple(findings),
     )
     names = [_called(test, number, entry) for number, part in enumerate(parts) for entry in _blocks(part)]
-    consistent = run_findings(surface, block, names, test.per_force)
+    # of response over force a linear structure has the same at every level
+    rows_of_runs = [] if test.per_force else _runs(surface, block)
+    points = np.stack([surface.frequency, surface.harmonics[:, 1]], axis=1)
+    consistent = repeated_run((names[block[at[0]]], points[at]) for at in rows_of_runs)
     if known and test.control in ("force", "phase"):
         rows = [block == number for number in range(len(names))]
         runs = [
@@ -469,6 +444,12 @@ def _levels_of_histories(
     return name_levels(surface, test, True, test.unit_said)
 
 
+def _findings_of(histories: list[TimeHistory]) -> list[Finding]:
+    """Find records with equal responses, and faults of each."""
+    copies = repeated_run((one.label, one.response) for one in histories)
+    return copies + [found for one in histories for found in record_findings(one)]
+
+
 def _from_multisine(test: MeasuredTest, rule: HistoryRule) -> MultisineSpectra:
     histories, *across = read_motions(test)
     labels = [history.level for history in histories] if test.level.labels else [None]
@@ -478,7 +459,7 @@ def _from_multisine(test: MeasuredTest, rule: HistoryRule) -> MultisineSpectra:
     spectra = from_multisine(
         histories, period=rule.period, transient=rule.transient, base=base, across=across[0] if across else ()
     )
-    records = [*copied_records(histories), *(found for one in histories for found in record_findings(one))]
+    records = _findings_of(histories)
     # a force that is not in N has no amount that a level could be
     kept = [f for f in spectra.findings if test.calibrated or f.code != "levels-in-other-unit"]
     if None not in labels:
@@ -495,8 +476,8 @@ def _from_histories(test: MeasuredTest, rule: HistoryRule) -> ResponseSurface:
         surface = replace(surface, per_mass=True, base="acceleration", findings=findings)
     if rule.excitation != "ring-down":
         surface = _levels_of_histories(surface, test, histories)
-    records = [found for history in histories for found in (*history.findings, *record_findings(history))]
-    return replace(surface, findings=(*copied_records(histories), *records, *surface.findings))
+    said = [found for history in histories for found in history.findings]
+    return replace(surface, findings=(*_findings_of(histories), *said, *surface.findings))
 
 
 def _without_mass(found: Finding) -> Finding:

@@ -24,7 +24,7 @@ import numpy as np
 import rsgen.identification  # fits of multisines, where one is given
 from rsgen.common.arrays import Array
 from rsgen.common.errors import known_arguments, require
-from rsgen.common.finding import Finding, quantities
+from rsgen.common.finding import Finding
 from rsgen.common.solvers import determined
 from rsgen.common.tolerances import (
     BALANCE_HARMONICS,
@@ -49,7 +49,14 @@ from rsgen.identification.judge import judge, prepare
 from rsgen.identification.misfit import law_misses, relative_misfit
 from rsgen.identification.prediction import Prediction, predict_held_out, predict_records
 from rsgen.identification.results import Identification, changed
-from rsgen.identification.soundness import held_finding, held_points, runs_away, shown_by_few, stopped_points
+from rsgen.identification.soundness import (
+    held_finding,
+    held_points,
+    left_out,
+    runs_away,
+    shown_by_few,
+    stopped_points,
+)
 from rsgen.identification.starting.start import start_fit
 from rsgen.law.element import LawLike
 
@@ -315,7 +322,6 @@ def _identify(surface: ResponseSurface, model: Model, attained: float, most: int
     late = fit.passed_late
     if late.any():
         fit = fit_all_harmonics(problem.select(np.flatnonzero(~late)), fit.regression.parameters, attained)
-        numbers = quantities(excluded=float(np.count_nonzero(late)), points=len(late))
-        findings.append(Finding("points-excluded", "info", numbers=numbers, names={"by": "symmetry"}))
+        findings.append(left_out("symmetry", late))
     found = judge(replace(test, problem=fit.problem), model, fit)
     return changed(found, findings=(*found.findings, *findings))

@@ -30,7 +30,7 @@ from numpy.typing import NDArray
 import rsgen.identification  # profiles, for laws with nonlinear parameters
 from rsgen.common.arrays import Array, ComplexArray
 from rsgen.common.errors import RsgenError
-from rsgen.common.finding import Finding, Quantity, Severity, quantities
+from rsgen.common.finding import Finding, Severity, quantities
 from rsgen.common.tolerances import RELATIVE_CHANGE_NEGLIGIBLE, RELATIVE_ERROR_DOUBTFUL, SUBSAMPLE_POINTS
 from rsgen.data.oscillator import Model, refuse_across
 from rsgen.data.surface.plausibility import plausibility_findings
@@ -171,14 +171,13 @@ def errors_of(test: Prepared, refined: Fit, surface: ResponseSurface, points: Po
     count, noise = test.problem.count, relative_misfit(refined)
     with_background, of_repeats = refined.regression, list[Finding]()
     if test.repeats is not None:
-        with_background, by_misfit = test.repeats.widen(with_background, test.points.index)
+        with_background = test.repeats.widen(with_background, test.points.index)
     regression = with_background.first(count)
     agreement = Agreement.of(
         refined.regression, points, with_background.covariance, misfits=refined.systematic
     )
     if test.repeats is not None:
-        wider = (by_misfit * agreement.wider)[np.flatnonzero(regression.free)]
-        of_repeats.append(repeats_finding(test.repeats, noise, float(np.median(wider))))
+        of_repeats.append(repeats_finding(test.repeats, noise))
         noise = test.repeats.noise
     stated = test.surface.error[test.points.index[refined.regression.used]]
     stated = stated[np.isfinite(stated)]
@@ -272,8 +271,7 @@ class Findings:
     def collect(self) -> tuple[Finding, ...]:
         """Return all findings, but for what others explain."""
         of_law, of_test, problem = self._of_law(), self._of_test(), self.fit.problem
-        across = [f for f in of_law if f.code == "harmonics-across-left-out" and "moved" in f.numbers]
-        if any(f.severity == "doubt" for f in across):
+        if any((f.code, f.severity) == ("harmonics-across-left-out", "doubt") for f in of_law):
             # what harmonics leave of the misfit another fixed value may take up, and is as wrong for it
             of_test = [finding for finding in of_test if finding.code != "fixed-contradicted"]
         codes = ("fixed-contradicted", "mass-negative")
@@ -303,7 +301,7 @@ class Findings:
         found += feeding_findings(self.points, fit, self.stated.of_law)
         sure = {e.name: e.standard_error for e in self.stated.of_law if e.identifiable}
         error = np.array([sure.get(name, nan) for name in law.parameters])
-        found += joint_findings(fit, error, misfits=fit.systematic)
+        found += joint_findings(fit, error)
         found += unseen_findings(fit, self.estimates)
         return [*found, *(() if self.background is None else self.background.findings)]
 
@@ -311,7 +309,7 @@ class Findings:
         """Find what is to know of the parameters, the points used, the misfit, and signs and sizes."""
         of_parameters = [e.finding for e in self.estimates if e.finding is not None]
         calibrated, wider = self.model.observation.calibrated, self.errors.agreement.wider
-        found = [*of_parameters, *(self._small_shift() if of_parameters else ())]
+        found = [*of_parameters]
         found += of_one_mode(self.surface.findings, self.points, relative_misfit(self.fit))
         found += self.surface.limits
         misread = any(f.code == "base-misread" for f in self.surface.findings)
@@ -325,7 +323,7 @@ class Findings:
             # where the steps ended says nothing of the best values, nor do the errors there
             found.append(Finding("not-converged", "doubt"))
         others = self.errors.others
-        found += misfit_findings(self.surface, self.points, self.fit, self.resonances, wider, others)
+        found += misfit_findings(self.surface, self.points, self.fit, wider, others)
         found += even_findings(self.fit)
         found += self.errors.agreement.findings
         found += sign_findings(self.points, self.fit, wider)
@@ -386,23 +384,6 @@ class Findings:
         near = _run_of(points, resonance)
         width = max(2 * abs(resonance.damping_ratio), 1e-12) * resonance.frequency
         return int(np.count_nonzero(near & (np.abs(points.omega / 2 / np.pi - resonance.frequency) < width)))
-
-    def _small_shift(self) -> list[Finding]:
-        """A resonance that shifts by less than its width says little of a spring."""
-        frequency = np.array([resonance.frequency for resonance in self.resonances])
-        if len(frequency) < 2:
-            return []
-        width = float(np.median([2 * abs(r.damping_ratio) * r.frequency for r in self.resonances]))
-        shift = float(np.ptp(frequency))
-        if not shift < width:
-            return []
-        level = max(resonance.level for resonance in self.resonances)
-        numbers = {
-            "shift": Quantity(shift, "Hz"),
-            "width": Quantity(width, "Hz"),
-            "level": Quantity(level, self.surface.level_unit),
-        }
-        return [Finding("shift-small", "info", numbers=numbers)]
 
 
 def _run_of(points: Points, resonance: Resonance) -> NDArray[np.bool_]:

@@ -41,7 +41,7 @@ from rsgen.identification.fitting.fit import Fit, linearise_extended
 from rsgen.identification.fitting.least_squares import Regression
 from rsgen.identification.fitting.observed import Problem, constant_mean, is_systematic, systematic_columns
 from rsgen.identification.fitting.points import Points
-from rsgen.identification.results import Estimate, Resonance
+from rsgen.identification.results import Estimate
 from rsgen.identification.results.alternatives import Agreement, Alternative, Alternatives
 from rsgen.identification.results.estimates import fixed_contradicted
 from rsgen.identification.starting.start import even_directions, even_part_unobservable, records_even
@@ -66,9 +66,6 @@ _MIN_POINTS_OF_PATTERN = 16
 CODES_OF_RESPONSE = frozenset({"another-quantity", "base-misread", "not-passive"})
 """Findings about sign or quantity of the response, which a background would only conceal."""
 
-_WIDTHS_OF_BAND = 5.0
-"""Half width of a proposed band in widths of the resonance: there the mode has a tenth of its peak."""
-
 
 def relative_misfit(fit: Fit) -> float:
     """Return the root mean square misfit of real and imaginary part together, as in the result."""
@@ -81,12 +78,7 @@ def law_misses(fit: Fit) -> bool:
 
 
 def misfit_findings(
-    surface: ResponseSurface,
-    points: Points,
-    fit: Fit,
-    resonances: Sequence[Resonance],
-    wider: Array,
-    others: Alternatives,
+    surface: ResponseSurface, points: Points, fit: Fit, wider: Array, others: Alternatives
 ) -> list[Finding]:
     """Judge the misfit by its size, and say whose it is: of the noise, a fixed value, the law, a background.
 
@@ -97,8 +89,8 @@ def misfit_findings(
     ----------
     surface, points
         All points of the test, and those that were fitted.
-    fit, resonances
-        The refined one, and the resonances of all runs.
+    fit
+        The refined one.
     wider
         (q,) by how much the standard errors of its parameters are to be widened.
     others
@@ -125,21 +117,16 @@ def misfit_findings(
         # the law is not to blame for what it was given
         return [replace(finding, severity=severity) for finding in fixed] if rejected else fixed
     found = [Finding("law-does-not-fit", severity, numbers=numbers, names=names)]
-    observed, kinds = fit.problem.observed, others.kinds["background"]
     # an offset of the sensor is simpler than any background
-    backgrounds = {**others.kinds.get("offset of the sensor", {}), **kinds}
-    leaves = {kind: left_by(fit, one, wider) for kind, one in backgrounds.items()}
-    helps = min((leaves[kind] for kind in kinds), default=inf) < (1 - MIN_MISFIT_REDUCTION) * misfit
-    if helps and surface.origin == "measured" and observed.direct:
-        found.append(_background_proposal(points, resonances))
+    backgrounds = {**others.kinds.get("offset of the sensor", {}), **others.kinds["background"]}
     if not names.keys() & {"term", "free", "side"}:
         # a term that is missing misses some levels more than others, as dry friction the lowest
         found += _level_apart(points, fit.regression, surface.level_unit)
     if backgrounds:
         found += background_findings(
-            observed.background.kind,
+            fit.problem.observed.background.kind,
             backgrounds,
-            leaves,
+            {kind: left_by(fit, one, wider) for kind, one in backgrounds.items()},
             fit.regression.first(fit.problem.count),
             others.names,
             misfit=misfit,
@@ -344,21 +331,6 @@ def _offset_proposal(own: str, left_by: Mapping[str, float], size: float) -> lis
         return []
     numbers = quantities(misfit=size, left=left)
     return [Finding("background-missing", "info", numbers=numbers, names={"kind": kind})]
-
-
-def _background_proposal(points: Points, resonances: Sequence[Resonance]) -> Finding:
-    """Propose a band for the fit of a background."""
-    tested = points.omega / (2 * np.pi)
-    low, high = float(tested.min()), float(tested.max())
-    if resonances:
-        reach = [_WIDTHS_OF_BAND * 2 * abs(r.damping_ratio) * r.frequency for r in resonances]
-        low = max(min(r.frequency - width for r, width in zip(resonances, reach, strict=True)), low)
-        high = min(max(r.frequency + width for r, width in zip(resonances, reach, strict=True)), high)
-        if not low < high:
-            # resonances outside the tested frequencies say nothing about the band
-            low, high = float(tested.min()), float(tested.max())
-    numbers = {"low": Quantity(low, "Hz"), "high": Quantity(high, "Hz"), "widths": Quantity(_WIDTHS_OF_BAND)}
-    return Finding("background-missing", "info", numbers=numbers)
 
 
 # ----------------------------------------------------------------------------

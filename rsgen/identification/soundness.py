@@ -36,7 +36,7 @@ from rsgen.common.tolerances import (
 from rsgen.data.record_set import DERIVATIVE, QUANTITIES
 from rsgen.dynamics.harmonic_balance import following_harmonics, hold_amplitude
 from rsgen.dynamics.linear_part import BackgroundTerms, Inertia
-from rsgen.identification.fitting.across import misfit_of_joint, motions_of, sensor_noise
+from rsgen.identification.fitting.across import motions_of, sensor_noise
 from rsgen.identification.fitting.fit import Fit, fit_balance
 from rsgen.identification.fitting.observed import Problem
 from rsgen.identification.fitting.points import Points
@@ -79,11 +79,8 @@ _MIN_CLIPPED_AMPLITUDE = 0.98
 """Fundamental of a clipped sine relative to its limit."""
 
 
-def repeats_finding(repeats: Repeats, misfit: float, wider: float) -> Finding:
-    """Compare the misfit of the means [1] with the scatter, than which errors are ``wider`` times wider.
-
-    ``wider`` is the median over the parameters.
-    """
+def repeats_finding(repeats: Repeats, misfit: float) -> Finding:
+    """Compare the misfit of the means [1] with their scatter."""
     typical = float(np.median(repeats.count))
     expected = repeats.noise / np.sqrt(typical)
     numbers = quantities(
@@ -95,7 +92,6 @@ def repeats_finding(repeats: Repeats, misfit: float, wider: float) -> Finding:
         excluded=repeats.excluded,
         misfit=misfit,
         times=misfit / expected,
-        wider=wider,
     )
     severity: Severity = "info" if misfit < NOISE_RATIO_BY_CHANCE * expected else "warning"
     return Finding("repeats-scatter", severity, numbers=numbers)
@@ -174,11 +170,15 @@ def held_points(problem: Problem, parameters: Array) -> NDArray[np.bool_]:
     return np.asarray(nearly_held(points, problem.law, values) & few)
 
 
+def left_out(reason: str, excluded: NDArray[np.bool_], **numbers: Quantity) -> Finding:
+    """State how many points (n,) a fit leaves out for a reason, with further numbers."""
+    counts = quantities(excluded=int(np.count_nonzero(excluded)), points=len(excluded), **numbers)
+    return Finding("points-excluded", "info", numbers=counts, names={"by": reason})
+
+
 def held_finding(points: Points, held: NDArray[np.bool_], unit: str) -> Finding:
-    """State how many points friction holds, which a fit leaves out, and up to which force."""
-    force = Quantity(float(np.abs(points.force[held]).max()), unit)
-    numbers = quantities(excluded=int(np.count_nonzero(held)), points=len(points), force=force)
-    return Finding("points-excluded", "info", numbers=numbers, names={"by": "friction"})
+    """State how many points friction holds, and up to which force."""
+    return left_out("friction", held, force=Quantity(float(np.abs(points.force[held]).max()), unit))
 
 
 def shown_by_few(fit: Fit) -> dict[str, Finding]:
@@ -417,7 +417,7 @@ across was 14 %, and 17 % of its intervals missed."""
 # third harmonic is within 20 % of the exact one, 30 % where it meets a mode.
 
 
-def joint_findings(found: Fit, errors: Array, *, misfits: bool) -> tuple[Finding, ...]:
+def joint_findings(found: Fit, errors: Array) -> list[Finding]:
     """Find parameters of elements between two sensors that the measurement does not determine.
 
     Parameters
@@ -426,15 +426,12 @@ def joint_findings(found: Fit, errors: Array, *, misfits: bool) -> tuple[Finding
         The refined fit.
     errors
         (p,) stated standard errors of the values of the law; NaN for fixed or unidentifiable ones.
-    misfits
-        Whether the misfit is systematic.
     """
     findings: list[Finding] = []
     for joint in found.problem.law.parts[1:]:
         findings += _missing_harmonics_findings(found, joint, errors)
         findings += _sensor_noise_findings(found, joint)
-        findings += _joint_misfit_findings(found, joint) if misfits else []
-    return tuple(findings)
+    return findings
 
 
 def _missing_harmonics_findings(found: Fit, joint: Part, errors: Array) -> list[Finding]:
@@ -480,22 +477,6 @@ def _sensor_noise_findings(found: Fit, joint: Part) -> list[Finding]:
         return []
     numbers = quantities(noise=sensor_noise(found.problem.observed.points, joint.sensors), part=share)
     return [Finding("noise-across", "doubt", "", numbers, {"sensors": joint.sensors})]
-
-
-def _joint_misfit_findings(found: Fit, joint: Part) -> list[Finding]:
-    """Find a systematic misfit beyond the noise of the sensors if harmonics across were not recorded.
-
-    Along a sine a joint that distorts the motion across it acts as another one: its law may fit to a per cent
-    with wrong values.
-    """
-    points, misfit = found.problem.observed.points, found.regression.noise
-    higher = points.across[:, 2:]
-    if higher.any():
-        return []
-    if not misfit >= misfit_of_joint(points, joint.sensors):
-        return []
-    noise, names = sensor_noise(points, joint.sensors), {"sensors": joint.sensors}
-    return [Finding("harmonics-across-left-out", "doubt", "", quantities(noise=noise, misfit=misfit), names)]
 
 
 def _change_of_values(

@@ -47,8 +47,6 @@ class Search:
         Parameters whose sum must not be negative: friction that feeds energy is no candidate.
     spring
         True where the law has a stiffness at rest: the linear spring is then left out.
-    same
-        Other laws of the library that are the same if a linear spring is added.
     memory
         g(x, v, z) of z' = g for the states in ``formula``.
     mirror
@@ -59,7 +57,6 @@ class Search:
     ranges: Mapping[str, Range] = field(default_factory=dict, hash=False)
     dissipates: tuple[tuple[str, ...], ...] = ()
     spring: bool = False
-    same: tuple[str, ...] = ()
     memory: Mapping[str, str] = field(default_factory=dict, hash=False)
     mirror: bool = False
 
@@ -178,10 +175,8 @@ ROWS: dict[str, Row] = {
     ),
     "dead-zone": Row(
         "Spring with a gap on both sides", "k*(Max(0, x - b) + Min(0, x + b))", GELB, (_SLOPE, _GAP),
-        Search(
-            ranges={"b": Range("x", _BREAKS, (0.02, 0.99))},
-            same=("piecewise-spring", "saturation"),
-        ),
+        # with a linear spring it is "piecewise-spring" and "saturation" as well
+        Search(ranges={"b": Range("x", _BREAKS, (0.02, 0.99))}),
     ),
     "saturation": Row(
         "Spring whose force stays at a limit (without hysteresis)", "Max(-Fm, Min(k*x, Fm))", GELB,

@@ -261,14 +261,13 @@ def test_a_joint_that_cannot_be_told_from_the_noise_of_its_sensors_is_doubted():
     assert said["noise"] == pytest.approx(0.005, rel=0.2)
 
 
-def test_a_misfit_that_the_sensors_do_not_explain_is_doubted_where_harmonics_across_are_unknown():
+def test_a_misfit_that_the_sensors_of_a_joint_do_not_explain_is_doubted():
     surface = firm_joint(1e-4)
     wavy = replace(surface, force=surface.force * (1 + 0.02 * np.sin(surface.frequency * 4)))
     found = rs.identify(wavy, SIMPLE)
-    (said,) = (f for f in found.verdict.decided_by if f.code == "harmonics-across-left-out")
-    assert said["noise"] == pytest.approx(1e-4, rel=0.2)
+    (said,) = (f for f in found.verdict.decided_by if f.code == "law-does-not-fit")
     # half of the variance of a wave, shared by force and response: deviations of the far sensor take up none
-    assert said["misfit"] == pytest.approx(0.02 / 2 / np.sqrt(2), rel=0.3)
+    assert said["misfit"] == pytest.approx(0.02 / 2, rel=0.3)
 
 
 def beside_a_mode(residue: float, noise: float) -> rs.ResponseSurface:

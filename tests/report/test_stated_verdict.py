@@ -66,7 +66,7 @@ def test_the_first_step_is_the_one_that_matters_most():
     numbers = {"misfit": 0.1, "z": 9.0, "size": 0.1, "alternatives": 1, "left": 0.05}
     parts = Finding("parts-disagree", "error", "", numbers, {"parts": "levels"})
     misfit = Finding("law-does-not-fit", "doubt", "", numbers, {"term": "v*abs(v)"})
-    ambiguous = Finding("levels-predicted-worse", "doubt")
+    ambiguous = Finding("levels-predicted-worse", "doubt", numbers={"predicted": 0.5, "fitted": 0.01})
     sign = Finding("not-passive", "doubt", names={"reversed": "channel", "against": "power"})
 
     def order(*decided):

@@ -280,17 +280,6 @@ def driven_amplitude(force: NDArray[Any]) -> float:
     return float(2**0.5 * np.median(parts[2 * parts >= parts.max()]))
 
 
-def copied_records(histories: Sequence[TimeHistory]) -> list[Finding]:
-    """Return a finding about two records with the same response to the last digit: no noise repeats."""
-    seen: dict[float, TimeHistory] = {}
-    for history in histories:
-        first = seen.setdefault(float(np.sum(history.response, dtype=np.float64)), history)
-        if first is not history and np.array_equal(first.response, history.response):
-            names = {"first": first.label, "second": history.label}
-            return [Finding("run-repeated", "doubt", names=names)]
-    return []
-
-
 # ----------------------------------------------------------------------------
 # Faults of a record: samples clipped at the end of a range, a response that stands still.
 

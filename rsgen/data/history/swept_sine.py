@@ -11,7 +11,6 @@ from numpy.typing import NDArray
 
 from rsgen.common.arrays import Array, ComplexArray
 from rsgen.common.errors import MeasurementError
-from rsgen.common.finding import Finding
 from rsgen.common.tolerances import RELATIVE_ERROR_DOUBTFUL, SUBSAMPLE_POINTS
 from rsgen.data.free_mode import MIN_RELATIVE_FORCE, FreeMode, Kinematics, estimate_mass
 from rsgen.data.history.envelope import (
@@ -46,7 +45,6 @@ from rsgen.data.history.tracking import (
     fast_sweeps,
     find_sweeps,
     most_by_pace,
-    other_modes,
     sweep_by_sweep,
 )
 from rsgen.data.surface.response_surface import SWEPT_TOO_FAST, ResponseSurface
@@ -279,9 +277,8 @@ def _surface(parts: list[SweptPoints], mass: float | None) -> ResponseSurface:
         findings += excluded_points(parts, free, "free motion")
         findings += fast_sweeps(parts, steady, good, damping, *moving[:2], moving.difference)
     else:
-        findings += fast_sweeps(parts, steady, good) or [Finding("sweep-rate", "warning")]
+        findings += fast_sweeps(parts, steady, good)
     findings += excluded_points(parts, usable & ~driven, "noise of the force")
-    findings += other_modes(parts, steady, good)
     count = [len(part) for part in parts]
     level = name_levels([(part.level, float(np.median(np.abs(part.force)))) for part in parts])
     return ResponseSurface(

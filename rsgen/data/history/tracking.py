@@ -25,7 +25,6 @@ from rsgen.data.history.envelope import (
 )
 from rsgen.data.history.record import MIN_SAMPLES, NO_SINE, TimeHistory, blocks
 from rsgen.data.surface.columns import monotone_runs
-from rsgen.data.surface.plausibility import MIN_MODE_SPACING
 from rsgen.data.surface.response_surface import HALF_POWER
 
 # ----------------------------------------------------------------------------
@@ -315,10 +314,8 @@ def _shifted(
 
 
 # ----------------------------------------------------------------------------
-# Findings about sweeps: their pace at resonances, other modes in the band, harmonics of the force.
+# Findings about sweeps: their pace at resonances, points that are excluded.
 
-_MIN_PROMINENCE = 0.3
-"""Of the receptance at another mode above the minimum between the two, relative to the highest."""
 _SLOW_PACE = 0.1
 """rate/(zeta f)^2 below which a sweep shifts a resonance by less than 2 % of its half width."""
 _PROVED_PACE = 10.0
@@ -386,7 +383,7 @@ def fast_sweeps(
     origin: str = "",
     difference: float = 0.0,
 ) -> list[Finding]:
-    """Return a finding about the fastest sweep at its resonance; none where all are slow.
+    """Return a finding about the fastest sweep at its resonance; none where all are slow and corrected.
 
     The points of all parts, one after the other, have the corrected force ``steady`` [N] and the damping c(X)
     [N s/m]; ``good`` ones are used. ``origin`` says where the mass [kg] is from, and ``difference`` how far
@@ -394,7 +391,7 @@ def fast_sweeps(
     and the half width is that of the measured resonance, which a fast sweep makes wider. The resonance is
     "beyond" where the receptance does not fall to half power on both sides of its largest value.
     """
-    worst, findings = _SLOW_PACE, []
+    worst, findings = _SLOW_PACE, [Finding("sweep-rate", "warning")] if damping is None else []
     for part, chosen, here, size in sweep_by_sweep(parts, steady, good):
         top = chosen[size > HALF_POWER * size.max()]
         # at most: the next points on both sides are below half power
@@ -431,23 +428,6 @@ def fast_sweeps(
                 severity, names["doubt"] = "doubt", "mass"
         findings = [Finding("sweep-rate", severity, "", numbers, names)]
     return findings
-
-
-def other_modes(parts: list[SweptPoints], steady: ComplexArray, good: NDArray[np.bool_]) -> list[Finding]:
-    """Return a finding about another maximum of the receptance, in the first sweep that has one."""
-    for part, chosen, _, size in sweep_by_sweep(parts, steady, good):
-        frequency = part.drive[chosen]
-        order = np.argsort(frequency, kind="stable")
-        frequency, size = frequency[order], size[order]
-        # zeros at both ends, so that a maximum may be the last point
-        padded, least = np.pad(size, 1), _MIN_PROMINENCE * float(size.max())
-        peaks = scipy.signal.find_peaks(padded, prominence=least)[0] - 1
-        away = np.abs(frequency[peaks] / frequency[np.argmax(size)] - 1) > MIN_MODE_SPACING
-        if away.any():
-            highest = max(peaks[away], key=lambda place: float(size[place]))
-            f = Quantity(float(frequency[highest]), "Hz")
-            return [Finding("another-maximum", "warning", "", {"frequency": f}, {"record": part.label})]
-    return []
 
 
 def most_by_pace(

@@ -133,21 +133,16 @@ class Repeats:
         squares, sums = np.sum(variance**2 / freedom[:, None], axis=0), np.sum(variance, axis=0) ** 2
         return covariance, np.where(squares > 0, sums / np.where(squares > 0, squares, 1.0), 1.0)
 
-    def widen(self, found: Regression, index: NDArray[np.intp]) -> tuple[Regression, Array]:
+    def widen(self, found: Regression, index: NDArray[np.intp]) -> Regression:
         """Return a fit with the covariance by the scatter, but not less than its own.
 
         What readings of a point share does not show in their scatter, but does in what the law leaves.
-
-        Returns
-        -------
-        found, wider
-            The fit, and (q,) by which its errors are more than by the scatter.
         """
         covariance, freedom = self.covariance(index, found.influence)
         covariance[np.isnan(found.covariance)] = np.nan
         times = np.sqrt(np.diag(found.covariance) / np.diag(covariance))
         wider = np.fmax(np.where(np.isfinite(times), times, 1.0), 1.0)
-        return found.widened(covariance * np.outer(wider, wider), freedom), wider
+        return found.widened(covariance * np.outer(wider, wider), freedom)
 
 
 def gather_repeats(surface: ResponseSurface, sensors: str = "") -> tuple[ResponseSurface, Repeats | None]:

@@ -436,8 +436,6 @@ def predict_multisine(found: MultisineIdentification, spectra: MultisineSpectra 
     spectra = spectra.on_mass(found.mass)
     records = tuple(_predicted_record(found, spectra, i) for i in range(len(spectra)))
     findings = _prediction_findings(found, records, np.sqrt(2) * spectra.rms_response())
-    if found.model.sensors:
-        findings.append(Finding("predicted-along-measured", "info", names={"sensors": found.model.sensors}))
     return Prediction((), (), tuple(findings), records)
 
 

@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 
 from rsgen.common.arrays import Array, ComplexArray
 from rsgen.common.errors import RsgenError
-from rsgen.common.finding import Finding, Quantity, quantities
+from rsgen.common.finding import Quantity, quantities
 from rsgen.common.tolerances import (
     ANY_LAW,
     BALANCE_HARMONICS,
@@ -63,9 +63,6 @@ _MAX_ITERATIONS = 40
 
 class AmplitudeBalance:
     """The balance of an identified structure as a function of amplitude and frequency."""
-
-    findings: tuple[Finding, ...] = ()
-    """Findings of every prediction."""
 
     def __init__(self, identification: Identification) -> None:
         self._law = compile_law(identification.model.force)
@@ -389,8 +386,6 @@ class MeasuredBalance(AmplitudeBalance):
     def __init__(self, identification: Identification) -> None:
         self._law = law_of(identification.model.elements)
         self._values, self._mass = np.array(identification.solution), identification.mass
-        names = {"sensors": identification.model.sensors}
-        self.findings = (Finding("predicted-along-measured", "info", names=names),)
 
     def drawn(self, levels: list[float]) -> list[float]:
         """Return no levels: curves would need the motion across."""
@@ -462,7 +457,6 @@ def table_as_identification(table: ModalTable) -> Identification:
         levels=test.levels,
         amplitude_range=table.tested,
         frequency_range=test.frequencies,
-        outcome=Finding("identified", "info"),
         solution=np.zeros(len(Model(ANY_LAW).parameters)),
         background=test.background,
     )

@@ -87,7 +87,6 @@ def as_identification(oscillator: Oscillator, levels: Sequence[float]) -> Identi
         levels=np.array(levels),
         amplitude_range=amplitudes,
         frequency_range=frequencies,
-        outcome=Finding("identified", "info"),
     )
 
 
@@ -189,7 +188,7 @@ def predict(
         spectra, surface = cast("MultisineSpectra | None", surface), None
         records = rsgen.identification.predict_multisine(found, spectra)
         if levels is None:
-            return records
+            return replace(records, findings=(*records.findings, *_along(found)))
     table, mass = None, found.mass
     if isinstance(found, ModalTable):
         table, found = found, table_as_identification(found)
@@ -220,8 +219,15 @@ def predict(
         findings += _missed(held_out, found.residual)
         if curves and surface.base in ("displacement", "velocity"):
             findings.append(Finding("curves-of-constant-acceleration", "info", names={"base": surface.base}))
-    findings = [*balance.findings, *_findings(found, balance, tested, curves, held_out), *findings]
+    findings = [*_along(found), *_findings(found, balance, tested, curves, held_out), *findings]
     return Prediction(curves, held_out, (*findings, *records.findings), records.records)
+
+
+def _along(found: Identification) -> list[Finding]:
+    """Say that a law across two sensors is predicted along the measured motion, and has no curves."""
+    if not (sensors := found.model.sensors):
+        return []
+    return [Finding("predicted-along-measured", "info", names={"sensors": sensors})]
 
 
 def predict_records(found: MultisineIdentification) -> Prediction:

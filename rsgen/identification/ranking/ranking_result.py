@@ -146,7 +146,7 @@ class Ranking(Printed):
         if not self._best:
             found = self.identified or self._identify(self.surface)
             # doubts about the choice of the law are doubts about its identification
-            tied = tuple(f for f in self.findings if f.code == "laws-not-separated")
+            tied = tuple(f for f in self.findings if "tied" in f.names)
             against = (*self.verdict.decided_by, *tied) if self.fits else self.findings
             # the ranking has its doubts already
             said = {_topic(f) for f in found.findings}
@@ -295,15 +295,15 @@ def assess_best(
     impossible = [finding for finding in doubts if finding.severity == "error"]
     doubts = [finding for finding in doubts if finding.severity != "error"]
     systematic = any(finding.code == "law-does-not-fit" for finding in doubts)
-    doubts = [*doubts, *_overfitting_findings(current.relative(best.residual), candidates)]
+    doubts = [*doubts, *_overfitting_findings(current.relative(best.residual), candidates[0])]
     findings = list(impossible)
     if left.unexplained:
         numbers = {"unexplained": Quantity(left.unexplained), "noise": Quantity(current.noise), **left.where}
         findings.append(Finding("no-law-fits", "error", numbers=numbers, names={"law": named}))
     else:
         sure = left.known and not impossible and all(finding.severity != "doubt" for finding in doubts)
-        findings += _best_law_findings(
-            candidates, current, known=left.known, sure=sure, systematic=systematic
+        findings.append(
+            _best_law_finding(candidates, current, known=left.known, sure=sure, systematic=systematic)
         )
     findings += doubts
     # what the identification doubts is not said again
@@ -332,24 +332,13 @@ def is_same(one: CandidateFit, other: CandidateFit, rows: WhitenedBalance) -> bo
     )
 
 
-def _overfitting_findings(fitted: float, candidates: Sequence[Candidate]) -> list[Finding]:
+def _overfitting_findings(fitted: float, first: Candidate) -> list[Finding]:
     """Find that the first candidate predicts levels clearly worse than it fits them: overfitting."""
-    first = candidates[0]
     if not first.held_out_error > NOISE_RATIO_BY_CHANCE * max(fitted, MISFIT_NEGLIGIBLE):
         return []
-    numbers = {"predicted": Quantity(first.held_out_error), "fitted": Quantity(fitted)}
-    names = dict[str, str]()
-    better = [
-        candidate
-        for candidate in candidates
-        if (candidate.tied or candidate.parameters < first.parameters)
-        and NOISE_RATIO_BY_CHANCE * candidate.held_out_error < first.held_out_error
-    ]
-    if better:
-        least = min(better, key=lambda candidate: candidate.held_out_error)
-        numbers["other"], names["law"] = Quantity(least.held_out_error), least.label
+    numbers = quantities(predicted=first.held_out_error, fitted=fitted)
     severity: Severity = "doubt" if first.held_out_error > RELATIVE_ERROR_DOUBTFUL else "warning"
-    return [Finding("levels-predicted-worse", severity, numbers=numbers, names=names)]
+    return [Finding("levels-predicted-worse", severity, numbers=numbers)]
 
 
 def _sample_findings(current: Round, parameters: int) -> list[Finding]:
@@ -363,36 +352,21 @@ def _sample_findings(current: Round, parameters: int) -> list[Finding]:
     return found
 
 
-def _best_law_findings(
+def _best_law_finding(
     candidates: Sequence[Candidate], current: Round, *, known: bool, sure: bool, systematic: bool = False
-) -> list[Finding]:
+) -> Finding:
     """State the best law and those that the test does not separate from it."""
     tied = [candidate.name for candidate in candidates if candidate.tied]
-    best, rest = tied[0], tied[1:]
     counted = {current.counted: len(current.rows)}
     numbers = quantities(**counted, noise=current.noise, least=MISFIT_NEGLIGIBLE)
     label = {candidate.name: candidate.label for candidate in candidates}
-    whole = next(whole_label(one, current.rows.sensors) for one in candidates if one.name == best)
+    whole = next(whole_label(one, current.rows.sensors) for one in candidates if one.name == tied[0])
     law = {"law": whole} | ({} if known else {"noise": "not known"})
     # as the joint polynomial contains the cubic spring, a law of the library may contain another
     terms = {term.name: sympy.Add.make_args(term.source.added) for term in library_terms()}
     parts = {name: {part for law in name.split(" + ") for part in terms.get(law, (law,))} for name in tied}
-    more = [name for name in rest if parts[best] < parts[name]]
-    other = [name for name in rest if name not in more]
     # a sum that contains another tied law is not named
-    other = [name for name in other if not any(parts[less] < parts[name] for less in other)]
+    other = [name for name in tied[1:] if not any(parts[less] < parts[name] for less in tied)]
     law |= {"left": "systematic"} if sure and systematic else {}
     law |= {"tied": listed([label[name] for name in other])} if other else {}
-    found = [Finding("law-fits-best" if sure else "law-nearest", "info", numbers=numbers, names=law)]
-    inside = set(best.split(" + "))
-    found += [
-        Finding("laws-not-separated", "info", names={"law": term.name, "same": " and ".join(term.how.same)})
-        for term in library_terms()
-        if term.how.same and term.name in inside
-    ]
-    tied_to = {
-        kind: listed([label[name] for name in names])
-        for kind, names in (("laws", other), ("larger", more))
-        if names
-    }
-    return [*found, Finding("laws-not-separated", "info", names=tied_to)] if tied_to else found
+    return Finding("law-fits-best" if sure else "law-nearest", "info", numbers=numbers, names=law)

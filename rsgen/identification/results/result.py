@@ -258,6 +258,10 @@ def units_of(model: Model, of: ForceUnits = WHOLE) -> dict[str, str]:
     return {"m": of.of("kg"), **{name: "" if unit == "1" else unit for name, unit in named.items()}}
 
 
+_NOTHING_COUNTED = Finding("identified", "info")
+"""Outcome of values that were given, not identified from a test."""
+
+
 @dataclass(frozen=True, slots=True, eq=False, repr=False)
 class Identification(Printed):
     """The parameters of a model identified from a response surface.
@@ -298,7 +302,7 @@ class Identification(Printed):
         Range of X [m] and of the frequency [Hz] over the fitted points.
     outcome
         The finding "identified": numbers of identified and all parameters, of points used and tested, of
-        levels, and the relative misfit.
+        levels, and the relative misfit; none of values that were given.
     findings
         Findings about test and fit, those about single parameters first.
     restoring
@@ -330,7 +334,7 @@ class Identification(Printed):
     levels: NDArray[np.float64]
     amplitude_range: tuple[float, float]
     frequency_range: tuple[float, float]
-    outcome: Finding
+    outcome: Finding = _NOTHING_COUNTED
     findings: tuple[Finding, ...] = ()
     restoring: RestoringForce | None = None
     ranking: Any = None
