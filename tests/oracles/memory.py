@@ -10,6 +10,8 @@ STEPS = 96
 
 HARMONICS, PERIODS = 9, 240
 
+FREQUENCIES = tuple(np.linspace(7, 12, 33))
+
 
 def bouc_wen() -> ResponseSurface:
     """The hysteretic benchmark of Noel and Schoukens (2016) by rsgen, held against ``events`` elsewhere."""
@@ -19,7 +21,7 @@ def bouc_wen() -> ResponseSurface:
     return rsgen.simulate(rsgen.Oscillator(2.0, law, values), test)
 
 
-def two_masses() -> ResponseSurface:
+def two_masses(levels=(2, 4, 6, 8, 10, 12), frequencies=FREQUENCIES) -> ResponseSurface:
     """A mass on a cubic spring to the ground that carries a second one: modes near 9 and 20 Hz.
 
     Steady states by the explicit Runge-Kutta method of order four, all points at once, each from rest; time
@@ -33,9 +35,8 @@ def two_masses() -> ResponseSurface:
         between = k2 * (x - y) + c2 * (v - w)
         return np.stack([v, (force - c * v - k * x - k3 * x**3 - between) / m, w, between / m2])
 
-    level, frequency = (
-        grid.ravel() for grid in np.meshgrid(np.linspace(2, 12, 6), np.linspace(7, 12, 33), indexing="ij")
-    )
+    grids = np.meshgrid(np.array(levels, dtype=float), frequencies, indexing="ij")
+    level, frequency = (grid.ravel() for grid in grids)
     state = np.zeros((4, len(level)))
     step = 1 / frequency / STEPS
     cosine = np.cos(np.pi * np.arange(2 * STEPS) / STEPS)
