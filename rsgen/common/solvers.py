@@ -14,11 +14,10 @@ from dataclasses import dataclass
 from typing import Protocol
 
 import numpy as np
-import scipy
 from numpy.typing import NDArray
 
 from rsgen.common.arrays import Array, blocks
-from rsgen.common.tolerances import MIN_NULL_COMPONENT, ROUND_OFF
+from rsgen.common.tolerances import MAX_NEWTON_STEPS, MAX_STEP_HALVINGS, MIN_NULL_COMPONENT, ROUND_OFF
 
 NULL_TOLERANCE = 1e-9
 """Singular values below this, relative to the largest after column scaling, count as zero."""
@@ -111,7 +110,7 @@ def _triangle(matrix: Array, scale: Array, right: Array) -> Array:
 
 
 def b_splines(at: Array, knots: Array, degree: int) -> tuple[Array, Array]:
-    """Evaluate every B-spline and its slope.
+    """Evaluate every B-spline and its slope by the recursion of Cox and de Boor.
 
     Parameters
     ----------
@@ -127,8 +126,16 @@ def b_splines(at: Array, knots: Array, degree: int) -> tuple[Array, Array]:
     tuple of arrays
         (n, f) values [1], and slopes [1 / unit of ``at``].
     """
-    splines = scipy.interpolate.BSpline(knots, np.eye(len(knots) - degree - 1), degree)
-    return splines(at), splines(at, nu=1)
+    place = np.clip(np.searchsorted(knots, at, side="right") - 1, degree, len(knots) - degree - 2)
+    splines, slopes = np.eye(len(knots) - 1)[place], np.zeros((len(at), len(knots) - 1))
+    for order in range(1, degree + 1):
+        # over intervals of no length no spline stands
+        width = knots[order:] - knots[:-order]
+        share = np.divide(splines, width, out=np.zeros_like(splines), where=width > 0)
+        rising, falling = at[:, None] - knots[: -order - 1], knots[order + 1 :] - at[:, None]
+        splines = rising * share[:, :-1] + falling * share[:, 1:]
+        slopes = order * (share[:, :-1] - share[:, 1:])
+    return splines, slopes
 
 
 # ----------------------------------------------------------------------------
@@ -171,8 +178,16 @@ class Roots:
     size: Array
 
 
-def newton(equations: Equations, start: Array, *, tolerance: float, steps: int, halvings: int) -> Roots:
+def newton(
+    equations: Equations,
+    start: Array,
+    *,
+    steps: int = MAX_NEWTON_STEPS,
+    halvings: int = MAX_STEP_HALVINGS,
+) -> Roots:
     """Solve all problems; one whose residual no part of a step lowers stays where it is.
+
+    A step whose relative size is ``CONVERGED_STEP`` is the last: the next one would be its square.
 
     Parameters
     ----------
@@ -180,8 +195,6 @@ def newton(equations: Equations, start: Array, *, tolerance: float, steps: int, 
         What is solved.
     start
         (n, d) unknowns to begin with.
-    tolerance
-        Relative size of a step after which the next one would be its square: it is the last one.
     steps, halvings
         Most steps, and lengths of each that are tried; none: every step is taken whole.
     """
@@ -199,7 +212,7 @@ def newton(equations: Equations, start: Array, *, tolerance: float, steps: int, 
         residual, move, relative = equations.step(rows, here)
         going &= np.isfinite(move).all(axis=1)
         size[rows[going]] = relative[going]
-        last = going & (relative <= tolerance)
+        last = going & (relative <= CONVERGED_STEP)
         move[~going] = 0.0
         stays = _shorten(equations, rows, here, move, residual, going & ~last, halvings)
         move[stays] = 0.0

@@ -22,8 +22,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rsgen.common.arrays import Array, ComplexArray
-from rsgen.common.solvers import CONVERGED_STEP, Rows, newton, solve_each
-from rsgen.common.tolerances import MAX_NEWTON_STEPS, MAX_STEP_HALVINGS
+from rsgen.common.solvers import Rows, newton, solve_each
 from rsgen.data.oscillator import Oscillator
 from rsgen.dynamics.fixed_point import ORBIT_OFFSET
 from rsgen.dynamics.harmonic_balance import LONGEST_STEP, balance_states, hold_oscillator
@@ -125,13 +124,7 @@ def phase_grid(oscillator: Oscillator, test: SimulatedTest) -> tuple[Array, Arra
     frequency, size = np.full(len(level), float(np.mean(band))), np.ones(len(level))
     if found.any():
         with np.errstate(all="ignore"):
-            roots = newton(
-                _Loop(oscillator, wanted[found], order),
-                place[found],
-                tolerance=CONVERGED_STEP,
-                steps=MAX_NEWTON_STEPS,
-                halvings=MAX_STEP_HALVINGS,
-            )
+            roots = newton(_Loop(oscillator, wanted[found], order), place[found])
         hertz = np.exp(roots.unknowns[:, 1]) / (2 * np.pi)
         good = (roots.size <= test.accuracy) & (hertz >= band[0]) & (hertz <= band[1])
         size[found], frequency[found] = np.exp(roots.unknowns[:, 0]), hertz

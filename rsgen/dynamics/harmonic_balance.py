@@ -21,11 +21,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rsgen.common.arrays import Array, Chosen, ComplexArray, blocks, blocks_joined
-from rsgen.common.solvers import CONVERGED_STEP, Rows, newton, solve_each
+from rsgen.common.solvers import Rows, newton, solve_each
 from rsgen.common.tolerances import (
     ASSUMED_DAMPING_RATIO,
     MAX_NEWTON_STEPS,
-    MAX_STEP_HALVINGS,
     MAX_TRIAL_STEPS,
     POINTS_PER_BLOCK,
 )
@@ -338,9 +337,7 @@ class _Balance:
         first, rows = self._first, np.arange(len(self._at))
         before, at, last_step = self._at, self._at, np.zeros(len(rows))
         if at.shape[1] > first:
-            roots = newton(
-                self, at[:, first:], tolerance=CONVERGED_STEP, steps=steps, halvings=MAX_STEP_HALVINGS
-            )
+            roots = newton(self, at[:, first:], steps=steps)
             before, at = (self._coordinates(rows, place) for place in (roots.before, roots.unknowns))
             last_step = roots.size
         # Newton's last step dz is small, so that the slopes at its start serve: the residual is r + T dz

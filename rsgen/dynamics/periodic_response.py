@@ -20,7 +20,7 @@ import scipy
 from rsgen.common.arrays import Array, ComplexArray
 from rsgen.common.errors import RsgenError
 from rsgen.common.solvers import CONVERGED_STEP, Rows, newton
-from rsgen.common.tolerances import HARMONIC_TRUNCATION, MAX_NEWTON_STEPS, MAX_STEP_HALVINGS
+from rsgen.common.tolerances import HARMONIC_TRUNCATION
 from rsgen.data.multisine.spectra import MultisineSpectra, rms
 from rsgen.data.oscillator import Oscillator
 from rsgen.dynamics.virtual_test import MultisineTest
@@ -139,13 +139,7 @@ def periodic_response(
 
 def _solve(problem: _Problem, motion: ComplexArray) -> PeriodicResponse:
     equations = _Equations(problem)
-    roots = newton(
-        equations,
-        _joined(motion)[None],
-        tolerance=CONVERGED_STEP,
-        steps=MAX_NEWTON_STEPS,
-        halvings=MAX_STEP_HALVINGS,
-    )
+    roots = newton(equations, _joined(motion)[None])
     found = _parted(roots.unknowns[0])
     size = float(np.linalg.norm(problem.force)) or 1.0
     left = float(np.linalg.norm(problem.residual(found)[0])) / size

@@ -19,7 +19,6 @@ from numpy.typing import NDArray
 
 from rsgen.common.arrays import Array
 from rsgen.common.solvers import CONVERGED_STEP, newton
-from rsgen.common.tolerances import MAX_NEWTON_STEPS
 from rsgen.formula.names import symbol
 from rsgen.law.memory import RESIDUAL_TOLERANCE, MemoryForm, defined_at_zero, real_powers
 from rsgen.law.normal_form import ForceSample, Perturbation, SwitchedSum, switched_sum
@@ -375,7 +374,7 @@ def periodic_states(
     count, samples = motion[0].shape
     loops = _OpenLoops(equations, motion, np.broadcast_to(step, (count, samples)), values)
     begin = np.zeros((count, len(equations) * samples))
-    roots = newton(loops, begin, tolerance=CONVERGED_STEP, steps=MAX_NEWTON_STEPS, halvings=0)
+    roots = newton(loops, begin, halvings=0)
     recurrence = loops.lack(np.arange(count), roots.unknowns)[1]
     # growth within a single step comes from a corner of the law there
     corner = np.maximum(np.einsum("siin->sin", recurrence.forward) - 1, 0).max(axis=(0, 1))
