@@ -38,8 +38,7 @@ if TYPE_CHECKING:
     from rsgen.common.errors import RsgenError
     from rsgen.common.finding import Finding
     from rsgen.data.multisine.linear import best_linear, best_linear_surface
-    from rsgen.data.multisine.spectra import MultisineSpectra
-    from rsgen.data.multisine.spectra_file import load_spectra, save_spectra
+    from rsgen.data.multisine.spectra import MultisineSpectra, load_spectra, save_spectra
     from rsgen.data.oscillator import Observation, Oscillator
     from rsgen.data.surface.response_surface import ResponseSurface, save_surface
     from rsgen.describing.derivation import derive
@@ -71,8 +70,7 @@ _NAMES = {
     "common.errors": ("RsgenError",),
     "common.finding": ("Finding",),
     "data.multisine.linear": ("best_linear", "best_linear_surface"),
-    "data.multisine.spectra": ("MultisineSpectra",),
-    "data.multisine.spectra_file": ("load_spectra", "save_spectra"),
+    "data.multisine.spectra": ("MultisineSpectra", "load_spectra", "save_spectra"),
     "data.oscillator": ("Observation", "Oscillator"),
     "data.surface.response_surface": ("ResponseSurface", "save_surface"),
     "describing.derivation": ("derive",),

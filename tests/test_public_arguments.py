@@ -266,7 +266,7 @@ def test_an_observation_takes_one_level_and_no_background():
     (lambda s, f: rs.load_surface("absent.h5"), "absent.h5: there is no such file"),
     (lambda s, f: rs.read("test.mat"), "test.mat: not a case .* rsgen init --from"),
     (lambda s, f: rs.figures.draw_collapse(s), "draw_collapse: ResponseSurface; must be Identification"),
-    (lambda s, f: rs.figures.draw_map(f), "draw_map: Identification; must be ResponseSurface"),
+    (lambda s, f: rs.figures.draw_surface(f), "draw_surface: Identification; must be ResponseSurface"),
     (lambda s, f: rs.figures.draw_collapse(f, {"k": 1.0}), "truth: no value of c"),
     (lambda s, f: rs.ResponseSurface([1, 2], [[8, 9]], 1, [1j, 1j]), "surface.frequency: shape"),
     (lambda s, f: rs.ResponseSurface([1, 1], [8, 9, 10], 1, [1j, 1j, 1j]), "as the frequency has them"),

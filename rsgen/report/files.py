@@ -13,7 +13,7 @@ from rsgen.analysis.comparison import Comparison, compare
 from rsgen.cases.case import Case
 from rsgen.common.errors import RsgenError, require
 from rsgen.common.output import write_atomic
-from rsgen.data.multisine.spectra import MultisineSpectra
+from rsgen.data.multisine.spectra import MultisineSpectra, save_spectra
 from rsgen.data.surface.response_surface import ResponseSurface, save_surface, typical_amounts
 from rsgen.describing.derivation import derive
 from rsgen.describing.function import PrintedComparison, compare_printed
@@ -41,11 +41,7 @@ def draw_all(
     """Draw every figure of the report; those that it does not need are left out."""
     if isinstance(surface, MultisineSpectra):
         return _draw_lines(surface, cast("MultisineIdentification", identification), prediction, modal)
-    drawings = [
-        figures.draw_surface(surface),
-        figures.draw_map(surface),
-        figures.draw_resonance(identification),
-    ]
+    drawings = [figures.draw_surface(surface), figures.draw_resonance(identification)]
     if identification.model.sensors:
         # no one amplitude is that of the law: nothing can be drawn over it
         return [*drawings, figures.draw_held_out(prediction)] if prediction.held_out else drawings
@@ -202,8 +198,6 @@ def check_printed(subject: Subject, identification: Identification) -> tuple[Pri
 def save_records(table: ResponseSurface | MultisineSpectra, place: Path) -> None:
     """Write the records of a test."""
     if isinstance(table, MultisineSpectra):
-        from rsgen.data.multisine.spectra_file import save_spectra  # for multisines only
-
         save_spectra(place / "spectra.npz", table)
     else:
         save_surface(place / "surface.h5", table)

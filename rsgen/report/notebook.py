@@ -295,8 +295,7 @@ def write_notebook(
     """
     notebook = build_notebook(case, held_out=held_out, loops=loops)
     fault = execute_cells(notebook, known)
-    nbformat.validate(notebook)
-    write: Any = nbformat.v4.writes  # has no types; ``nbformat.writes`` would validate once more
+    write: Any = nbformat.v4.writes  # has no types; every cell and output was validated as it was made
     write_atomic(path, write(notebook) + "\n")
     if fault is not None:
         raise RsgenError(f"{path.name}: {fault} (rsgen {rsgen.__version__})")

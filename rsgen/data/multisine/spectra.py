@@ -1,17 +1,21 @@
-"""Spectra of a test with a periodic multisine: force and displacement by record, period and line."""
+"""Spectra of a test with a periodic multisine, by record, period and line, and the file that holds them."""
 
 from __future__ import annotations
 
+import io
+import os
 from collections.abc import Mapping
 from dataclasses import dataclass
+from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from rsgen.common.arrays import Array, ComplexArray, frozen_array
-from rsgen.common.errors import MeasurementError, RsgenError
+from rsgen.common.errors import MeasurementError, RsgenError, printable, require
 from rsgen.common.finding import Finding
+from rsgen.common.output import write_atomic
 from rsgen.common.text_table import Printed, TextTable, short
 from rsgen.common.tolerances import ROUND_OFF, STANDARD_ERRORS_OF_DIFFERENCE
 from rsgen.data.record_set import BASE_UNITS, Records
@@ -398,3 +402,63 @@ def check_records(spectra: MultisineSpectra, observation: Observation) -> NDArra
     if held.all():
         raise RsgenError("identify.hold_out: holds every level back; at least one must remain")
     return held
+
+
+# ----------------------------------------------------------------------------
+# Their file of numpy, ``spectra.npz``, which holds no Python objects.
+
+_NEEDED = ("omega0", "level", "force", "response")
+_ORIGINS = ("measured", "simulated")
+_OPTIONAL = ("mean_known", "left_out", "per_mass", "base", "across", "origin", "label")
+_MAX_UNPACKED_BYTES = 2**31
+"""Of all arrays together: twice the largest virtual test."""
+
+
+def save_spectra(path: str | os.PathLike[str], spectra: MultisineSpectra) -> None:
+    """Write the spectra of all records, atomically; ``numpy.load`` and ``load_spectra`` read them.
+
+    Raises
+    ------
+    RsgenError
+        The file cannot be written; an earlier one is unchanged.
+    """
+    require(spectra, MultisineSpectra, "spectra")
+    buffer = io.BytesIO()
+    values = {name: getattr(spectra, name) for name in (*_NEEDED, "frequency", *_OPTIONAL)}
+    arrays: dict[str, Any] = {name: value for name, value in values.items() if value is not None}
+    np.savez_compressed(buffer, **arrays)
+    write_atomic(Path(path), buffer.getvalue())
+
+
+def load_spectra(path: str | os.PathLike[str]) -> MultisineSpectra:
+    """Read spectra that ``save_spectra`` or a run wrote; findings of the records are not in the file.
+
+    Raises
+    ------
+    MeasurementError
+        There is no such file, an array is missing, damaged, too large or holds no plain numbers, or the
+        arrays do not fit together.
+    """
+    if not Path(path).is_file():
+        raise MeasurementError(f"{path}: there is no such file")
+    try:
+        with np.load(path, allow_pickle=False) as archive:
+            size = sum(info.file_size for info in archive.zip.infolist())
+            if size > _MAX_UNPACKED_BYTES:
+                raise MeasurementError(f"declares {size} bytes; at most {_MAX_UNPACKED_BYTES} are read")
+            values = {name: archive[name] for name in (*_NEEDED, *_OPTIONAL) if name in archive}
+        values = {name: value if value.shape else value.item() for name, value in values.items()}
+        for name in _NEEDED:
+            if name not in values:
+                raise MeasurementError(f"{name}: missing; spectra have {', '.join(_NEEDED)}")
+        if values.get("origin", "measured") not in _ORIGINS:
+            raise MeasurementError(f"origin: one of {', '.join(_ORIGINS)} is needed")
+        for name in ("mean_known", "per_mass"):
+            if not isinstance(values.get(name, True), bool):
+                raise MeasurementError(f"{name}: true or false is needed")
+        return MultisineSpectra(**values)
+    except MeasurementError as fault:
+        raise MeasurementError(f"{path}: {fault}") from None
+    except Exception as fault:  # an archive, and a header that is Python text: any fault of a parser may come
+        reason = printable(" ".join(str(fault).split()))[:160]
+        raise MeasurementError(f"{path}: cannot be read as spectra of a multisine: {reason}") from None

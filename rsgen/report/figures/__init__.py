@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from rsgen.formula.units import choose_scale, count_text, number_text, quantity_text, unit_text
 from rsgen.report.figures.curves import draw_collapse, draw_modal, draw_resonance
-from rsgen.report.figures.drawing import STYLE, Drawing, draw_map, draw_surface
+from rsgen.report.figures.drawing import STYLE, Drawing, draw_surface
 from rsgen.report.figures.equivalent import draw_derivation
 from rsgen.report.figures.loop_figures import draw_energy, draw_forces, draw_loops, force_function
 from rsgen.report.figures.responses import (
@@ -34,7 +34,6 @@ __all__ = [
     "draw_held_out",
     "draw_line_misfit",
     "draw_loops",
-    "draw_map",
     "draw_modal",
     "draw_predicted_record",
     "draw_resonance",

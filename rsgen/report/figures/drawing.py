@@ -231,7 +231,7 @@ class Drawing:
 
 
 # ----------------------------------------------------------------------------
-# The response surface itself: amplitude over frequency and level, in three dimensions and as a map.
+# The response surface itself: amplitude over frequency and level, in three dimensions.
 
 
 def level_colours() -> LinearSegmentedColormap:
@@ -287,10 +287,6 @@ def _grid(surface: ResponseSurface) -> tuple[Array, Array, Array] | None:
     amplitude[rows, columns] = np.where(surface.settled, surface.answer, np.nan)
     unsettled = int(np.count_nonzero(~surface.settled))
     return (frequency, level, amplitude) if np.isnan(amplitude).sum() == unsettled else None
-
-
-def _sweeps(surface: ResponseSurface) -> list[str]:
-    return [name for name in SWEEPS if np.any(surface.sweep == name)]
 
 
 def peaks_by_level(surface: ResponseSurface) -> list[int]:
@@ -360,8 +356,8 @@ def draw_surface(surface: ResponseSurface, *, ax: Any = None) -> Drawing:
     else:
         figure, (axes,) = take_axes(ax, 1, (4.4, 3.7))
         if axes.name != "3d":
-            raise RsgenError('ax: these axes are flat; make them with projection="3d", or use draw_map')
-    sweep = _sweeps(surface)[0]
+            raise RsgenError('ax: these axes are flat; make them with projection="3d", or use draw_responses')
+    sweep = next(name for name in SWEEPS if np.any(surface.sweep == name))
     shown = surface.select(surface.sweep == sweep)
     scale = choose_scale(shown.answer[shown.settled], shown.answer_unit)
     force = choose_scale(shown.level, shown.level_unit)
@@ -411,70 +407,3 @@ def draw_surface(surface: ResponseSurface, *, ax: Any = None) -> Drawing:
     words = "every point from rest" if sweep == "rest" else SWEEPS[sweep]
     caption = f"Response surface: {_what(shown, words)}."
     return Drawing("surface", figure, caption, ax is None, _alternative(shown))
-
-
-def _map_panel(axes: Axes, part: ResponseSurface, factor: float, force: float, norm: Normalize) -> None:
-    colours = level_colours()
-    grid = _grid(part)
-    if grid is not None:
-        frequency, level, amplitude = grid
-        axes.pcolormesh(
-            frequency,
-            level / force,
-            amplitude / factor,
-            shading="nearest",
-            cmap=colours,
-            norm=norm,
-            rasterized=True,
-        )
-    else:
-        good = part.settled
-        axes.scatter(
-            part.frequency[good],
-            part.level[good] / force,
-            c=part.answer[good] / factor,
-            cmap=colours,
-            norm=norm,
-            s=5,
-            marker="s",
-            linewidths=0,
-            rasterized=True,
-        )
-    bad = ~part.settled
-    if bad.any():
-        axes.plot(part.frequency[bad], part.level[bad] / force, "x", color="#1b1c1e", ms=3, mew=0.7)
-    peaks = peaks_by_level(part)
-    axes.plot(
-        part.frequency[peaks], part.level[peaks] / force, "o-", color="#1b1c1e", mfc="#ffffff", ms=3, lw=0.8
-    )
-    axes.grid(False)
-
-
-@in_style
-def draw_map(surface: ResponseSurface, *, ax: GivenAxes = None) -> Drawing:
-    """Draw the response surface as a map: frequency across, level up, amplitude as colour; a panel a sweep.
-
-    Parameters
-    ----------
-    surface
-        Any surface; points that did not settle are crossed.
-    ax
-        Axes, one a sweep; None makes a figure.
-    """
-    sweeps = _sweeps(surface)
-    scale = choose_scale(surface.answer[surface.settled], surface.answer_unit)
-    force = choose_scale(surface.level, surface.level_unit)
-    norm = Normalize(0, largest_answer(surface) / scale.factor)
-    height = 3.3 if len(sweeps) == 1 else 2.2 * len(sweeps)
-    figure, panels = take_axes(ax, len(sweeps), (4.4, height), sharex=True)
-    for axes, sweep in zip(panels, sweeps, strict=False):
-        _map_panel(axes, surface.select(surface.sweep == sweep), scale.factor, force.factor, norm)
-        axes.set_ylabel(force.label(level_word(surface)))
-        if len(sweeps) > 1:
-            axes.set_title(SWEEPS[sweep])
-    label_abscissa(panels, ax, "Frequency [Hz]")
-    colour_bar(figure, panels, norm, scale.label(_answer_word(surface)), 30)
-    caption = "The same surface as a map; the line joins the peaks of the levels and shows their shift."
-    if not surface.settled.all():
-        caption += " Crosses did not settle."
-    return Drawing("map", figure, caption, ax is None, _alternative(surface))
