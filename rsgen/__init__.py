@@ -5,7 +5,7 @@ The whole program::
     import rsgen as rs
 
     law     = rs.Law("k*x + k3*x**3 + c*v")                        # or rs.laws["cubic-spring"] + "c*v"
-    surface = rs.ResponseSurface(level, frequency, force, response)   # or .from_frame(df), rs.simulate(...)
+    surface = rs.ResponseSurface(level, frequency, force, response)   # or rs.simulate(...)
     found   = rs.identify(surface, law)                            # rs.Observation(...) says more of the test
     print(found, found["k3"].interval)
     ranking = rs.rank(surface, [law, *rs.laws])

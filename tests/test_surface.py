@@ -182,12 +182,10 @@ def test_masked_values_are_not_measured():
     masked = np.arange(40) % 10 == 3
     whole = ResponseSurface(*columns.values())
     columns["response"] = np.ma.masked_array(np.where(masked, 1.0, columns["response"]), masked)
-    by_frame = dict(columns, force_real=np.ma.masked_array(np.ones(40, int), masked), force_imag=np.zeros(40))
-    del by_frame["force"]
-    for surface in (ResponseSurface(*columns.values()), ResponseSurface.from_frame(by_frame)):
-        assert np.flatnonzero(~surface.settled).tolist() == [3, 13, 23, 33]
-        np.testing.assert_array_equal(surface.harmonics[~masked], whole.harmonics[~masked])
-        assert [(f.code, f["rows"], f["all"]) for f in surface.findings] == [("rows-left-out", 4, 40)]
+    surface = ResponseSurface(*columns.values())
+    assert np.flatnonzero(~surface.settled).tolist() == [3, 13, 23, 33]
+    np.testing.assert_array_equal(surface.harmonics[~masked], whole.harmonics[~masked])
+    assert [(f.code, f["rows"], f["all"]) for f in surface.findings] == [("rows-left-out", 4, 40)]
 
 
 def test_rows_that_are_not_numbers_are_left_out_and_counted():
@@ -222,55 +220,14 @@ def test_rows_of_exact_zeros_are_left_out_and_counted(name, rows, said):
     assert zeros.values == pytest.approx(without.values, rel=1e-9)
 
 
-def frames(columns: dict[str, np.ndarray]) -> list[object]:
-    table = np.empty(len(columns["level"]), dtype=[(name, c.dtype) for name, c in columns.items()])
-    for name, column in columns.items():
-        table[name] = column
-    return [columns, table]
-
-
-@pytest.mark.parametrize("form", [0, 1])
-@pytest.mark.parametrize("written", ["complex", "parts", "polar", "degrees"])
-def test_a_frame_gives_the_same_surface_however_it_writes_the_response(form, written):
-    columns = linear_columns()
-    surface = ResponseSurface(*columns.values())
-    response = columns.pop("response")
-    # the displacement lags by less than half a turn: phases are between 0 and pi
-    lag = np.angle(columns["force"] / response)
-    assert np.all((lag > 0) & (lag < np.pi))
-    columns |= {
-        "complex": {"response": response},
-        "parts": {"response_real": response.real, "response_imag": response.imag},
-        "polar": {"amplitude": np.abs(response), "phase": lag},
-        "degrees": {"amplitude": np.abs(response), "phase": np.degrees(lag)},
-    }[written]
-    read = ResponseSurface.from_frame(frames(columns)[form], degrees=written == "degrees")
-    np.testing.assert_allclose(read.harmonics, surface.harmonics, rtol=1e-13)
-    np.testing.assert_array_equal(read.force, surface.force)
-    assert read.phase_known
-
-
-def test_amplitudes_alone_have_no_phase_and_degrees_are_not_read_as_radians():
-    columns = linear_columns()
-    amplitude = np.abs(columns.pop("response"))
-    surface = ResponseSurface.from_frame(columns | {"amplitude": amplitude}, origin="simulated")
-    assert not surface.phase_known
-    assert surface.origin == "simulated"
-    np.testing.assert_array_equal(surface.amplitude, amplitude)
-    with pytest.raises(RsgenError, match="degrees=True"):
-        ResponseSurface.from_frame(columns | {"amplitude": amplitude, "phase": np.linspace(5, 175, 40)})
-    with pytest.raises(RsgenError, match="no phase"):
-        ResponseSurface.from_frame(columns | {"response": amplitude})
-    del columns["frequency"]
-    with pytest.raises(RsgenError, match="no column 'frequency'; there are level, force, amplitude"):
-        ResponseSurface.from_frame(columns | {"amplitude": amplitude})
+def test_arrays_whose_columns_cannot_be_told_are_refused():
     for columns in (2, 3):  # of real and imaginary parts, or of amplitudes: neither can be told
         with pytest.raises(RsgenError, match=r"shape \(n,\), complex harmonics \(n, H\+1\), mean first"):
             ResponseSurface(level=[1.0], frequency=[5.0], force=[1.0], response=np.ones((1, columns)))
 
 
 def test_a_phase_that_was_not_recorded_is_nan_and_named():
-    surface = ResponseSurface.from_frame(linear_columns())
+    surface = ResponseSurface(*linear_columns().values())
     assert surface.limits == ()
     assert np.isfinite(surface.phase).all()
     bare = replace(surface, phase_known=False)
@@ -284,17 +241,15 @@ def test_a_phase_that_was_not_recorded_is_nan_and_named():
 
 
 @pytest.mark.parametrize("phase_known", [True, False])
-def test_a_data_frame_and_back_is_the_identity(phase_known):
+def test_a_data_frame_has_every_column(phase_known):
     pandas = pytest.importorskip("pandas")
     surface = replace(random_surface(4, 30, 5), phase_known=phase_known, findings=(), origin="measured")
-    real = {name: np.array(getattr(surface, name)) for name in ("harmonics", "force_harmonics")}
-    for harmonics in real.values():
-        harmonics[:, 0].imag = 0
-    surface = replace(surface, **real, across=None, per_mass=False, base="")
     frame = surface.to_frame()
     assert isinstance(frame, pandas.DataFrame)
-    assert_same(ResponseSurface.from_frame(frame), surface)
-    np.testing.assert_array_equal(frame["amplitude"], surface.amplitude)
+    for name in ("level", "frequency", "force", "amplitude", "phase", "sweep", "outcome", "stable"):
+        np.testing.assert_array_equal(frame[name], getattr(surface, name))
+    for name, harmonics in (("", surface.harmonics), ("force_", surface.force_harmonics)):
+        np.testing.assert_array_equal(frame[f"{name}harmonic_2"], harmonics[:, 2])
 
 
 def test_further_sensors_stay_with_their_points(tmp_path):
@@ -303,8 +258,7 @@ def test_further_sensors_stay_with_their_points(tmp_path):
     root = np.stack([0 * x, 3 * x, x], axis=1)
     made = ResponseSurface(2.0, f, 2.0, x, sensors={"tip": 2 * x, "root": root})
     save_surface(tmp_path / "a.h5", made)
-    frame = ResponseSurface.from_frame(made.to_frame())
-    for surface in (made, load_surface(tmp_path / "a.h5"), frame, pickle.loads(pickle.dumps(made))):
+    for surface in (made, load_surface(tmp_path / "a.h5"), pickle.loads(pickle.dumps(made))):
         part = surface.select(f < 10)
         np.testing.assert_array_equal(part.signals["root"], root[f < 10])
         np.testing.assert_array_equal(part.signals["tip"][:, 1], 2 * x[f < 10])
@@ -342,18 +296,16 @@ def test_the_fundamental_of_recorded_harmonics_is_the_force():
     np.testing.assert_array_equal(made.select(np.array([2, 0])).force_harmonics, harmonics[[2, 0]])
 
 
-def test_frames_and_files_bring_every_column_back(tmp_path):
+def test_a_file_brings_every_column_back(tmp_path):
     random = np.random.default_rng(1)
     force, response, across = random.normal(size=(3, 3, 4)) + 1j * random.normal(size=(3, 3, 4))
     force[:, 0], across[:, 0], response[:, 0] = force[:, 0].real, across[:, 0].real, response[:, 0].real
     made = surface(force=force, response=response, across=across, per_mass=True, base="velocity")
     save_surface(tmp_path / "s.h5", made)
     read = load_surface(tmp_path / "s.h5")
-    framed = ResponseSurface.from_frame(made.to_frame(), per_mass=True, base="velocity")
-    for other in (read, framed):
-        for name in ("force", "force_harmonics", "harmonics", "across"):
-            np.testing.assert_array_equal(getattr(other, name), getattr(made, name))
-        assert (other.level_unit, other.force_unit, other.answer_unit) == ("m/s", "m/s^2", "m")
+    for name in ("force", "force_harmonics", "harmonics", "across"):
+        np.testing.assert_array_equal(getattr(read, name), getattr(made, name))
+    assert (read.level_unit, read.force_unit, read.answer_unit) == ("m/s", "m/s^2", "m")
     with h5py.File(tmp_path / "s.h5") as file:
         assert [file[name].attrs["units"] for name in ("level", "force", "across")] == ["m/s", "m/s^2", "m"]
     for words in ("force with 3 harmonics", "motion across", "velocity of the base", "per unit mass"):

@@ -1,4 +1,4 @@
-"""Columns of the response surface: units, types, checks; conversion from and to data frames."""
+"""Columns of the response surface: units, types, checks; conversion to a data frame."""
 
 from __future__ import annotations
 
@@ -264,139 +264,17 @@ def recognise_directions(
 
 
 # ----------------------------------------------------------------------------
-# Surfaces from and to data frames; any table with named columns is read.
-
-_AS_THEY_ARE = ("sweep", "outcome", "residual", "error", "stable")
-
-_LARGEST_PHASE = 4 * np.pi
-"""Phases beyond this are degrees: the lag of one mode stays within half a turn, unwrapped or not."""
-
-
-class _Table:
-    """Columns by name, of any kind of table."""
-
-    def __init__(self, frame: Any) -> None:
-        dtype = getattr(frame, "dtype", None)
-        names = getattr(frame, "columns", None) if dtype is None else dtype.names
-        if names is None and hasattr(frame, "keys"):
-            names = frame.keys()
-        if names is None:
-            raise RsgenError(f"from_frame: {type(frame).__name__}; must be a data frame or a dict of columns")
-        self._frame, self.names = frame, [str(name) for name in names]
-
-    def has(self, *names: str) -> bool:
-        return all(name in self.names for name in names)
-
-    def read(self, name: str) -> NDArray[Any]:
-        if name not in self.names:
-            raise RsgenError(f"from_frame: no column {name!r}; there are {', '.join(self.names)}")
-        return np.asarray(unmasked(self._frame[name]))
-
-    def complex(self, name: str) -> ComplexArray | None:
-        """Return column ``name``, or ``name_real`` + i ``name_imag``; None without either."""
-        if self.has(name):
-            column = self.read(name)
-        elif self.has(f"{name}_real", f"{name}_imag"):
-            column = self.read(f"{name}_real") + 1j * self.read(f"{name}_imag")
-        else:
-            return None
-        if name == "response" and np.isrealobj(column) and column.dtype.kind in "fiu":
-            raise RsgenError(
-                "from_frame: response: real numbers have no phase; add a column 'phase', or name it "
-                "'amplitude'"
-            )
-        try:
-            return np.asarray(column, dtype=np.complex128)
-        except (TypeError, ValueError) as fault:
-            raise RsgenError(f"from_frame: column {name!r}: {fault}") from None
-
-
-def columns_of_frame(frame: Any, degrees: bool) -> dict[str, Any]:
-    """Return the arguments of ``ResponseSurface`` that a table holds.
-
-    Raises
-    ------
-    RsgenError
-        A column is missing, or phases in radians are larger than a phase can be.
-    """
-    table = _Table(frame)
-    force = table.complex("force")
-    if force is None:
-        force = table.read("force")
-    fundamental, phase_known = _fundamental(table, force, degrees)
-    columns: dict[str, Any] = {
-        "level": table.read("level"),
-        "frequency": table.read("frequency"),
-        "force": _with_harmonics(table, force, "force_"),
-        "harmonics": _with_harmonics(table, fundamental, ""),
-        "across": _with_harmonics(table, table.complex("across"), "across_"),
-        "sensors": {
-            name: _with_harmonics(table, table.complex(f"sensor_{name}"), f"sensor_{name}_")
-            for name in _sensors_of(table.names)
-        },
-        "phase_known": phase_known,
-    }
-    if table.has("label"):
-        columns["label"] = table.read("label")
-    if table.has("peak_max", "peak_min"):
-        columns["peak"] = np.stack([table.read("peak_max"), table.read("peak_min")], axis=1)
-    return columns | {name: table.read(name) for name in _AS_THEY_ARE if table.has(name)}
-
-
-def _sensors_of(names: list[str]) -> list[str]:
-    """Return the names of further sensors, from those of columns: "sensor_tip", or its real part."""
-    heads = [name.removeprefix("sensor_") for name in names if name.startswith("sensor_")]
-    return [head.removesuffix("_real") for head in heads if not _PART.fullmatch(head.removesuffix("_real"))]
-
-
-def _with_harmonics(table: _Table, fundamental: Any, prefix: str) -> ComplexArray | None:
-    """Return harmonics (n, H+1) from the columns of one prefix, mean first; None without a fundamental."""
-    if fundamental is None:
-        return None
-    higher: list[ComplexArray] = []
-    while (column := table.complex(f"{prefix}harmonic_{len(higher) + 2}")) is not None:
-        higher.append(column)
-    mean = table.read(f"{prefix}mean") if table.has(f"{prefix}mean") else np.zeros(len(fundamental))
-    return np.stack([mean.astype(np.complex128), fundamental, *higher], axis=1)
+# Surfaces to data frames.
 
 
 def _harmonic_columns(prefix: str, harmonics: ComplexArray) -> dict[str, Any]:
-    """Return mean and higher harmonics by name, as ``_with_harmonics`` reads them."""
+    """Return mean and higher harmonics by name."""
     means = {f"{prefix}mean": mean.real for mean in harmonics.T[:1]}
     return means | {f"{prefix}harmonic_{h}": harmonics[:, h] for h in range(2, harmonics.shape[1])}
 
 
-def _fundamental(table: _Table, force: ComplexArray, degrees: bool) -> tuple[ComplexArray, bool]:
-    """Return the fundamental (n,) of the response, and whether its phase was recorded."""
-    name = "amplitude"
-    lag = np.asarray(table.read("phase"), dtype=np.float64) if table.has("phase") else np.zeros(0)
-    # a phase that was not recorded is NaN at every point
-    recorded = bool(np.isfinite(lag).any())
-    if table.has("response") and not np.iscomplexobj(table.read("response")) and recorded:
-        name = "response"
-    elif (response := table.complex("response")) is not None:
-        return response, recorded or not table.has("phase")
-    if not table.has(name):
-        raise RsgenError(
-            "from_frame: no response; give a column 'response', 'response_real' and 'response_imag', or "
-            f"'amplitude' and 'phase'; there are {', '.join(table.names)}"
-        )
-    amplitude = np.asarray(table.read(name), dtype=np.float64)
-    if not recorded:
-        return amplitude.astype(np.complex128), False
-    if degrees:
-        lag = np.radians(lag)
-    elif np.nanmax(np.abs(lag), initial=0.0) > _LARGEST_PHASE:
-        raise RsgenError(
-            f"from_frame: phase: up to {np.nanmax(np.abs(lag)):.4g} rad; say degrees=True "
-            "where it is in degrees"
-        )
-    turn = force / np.where(np.abs(force) > 0, np.abs(force), 1.0)
-    return amplitude * np.exp(-1j * lag) * turn, True
-
-
 def frame_of_surface(surface: Any) -> Any:
-    """Return a ``pandas.DataFrame`` that ``columns_of_frame`` reads, with amplitude and phase.
+    """Return a ``pandas.DataFrame`` of a surface, with amplitude and phase.
 
     Raises
     ------
@@ -420,5 +298,5 @@ def frame_of_surface(surface: Any) -> Any:
     if surface.label is not None:
         columns["label"] = surface.label
     columns |= {"peak_max": surface.peak[:, 0], "peak_min": surface.peak[:, 1]}
-    columns |= {name: getattr(surface, name) for name in _AS_THEY_ARE}
+    columns |= {name: getattr(surface, name) for name in ("sweep", "outcome", "residual", "error", "stable")}
     return data_frame(columns)

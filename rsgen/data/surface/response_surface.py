@@ -29,7 +29,6 @@ from rsgen.data.surface.columns import (
     across_columns,
     check_numbers,
     column,
-    columns_of_frame,
     force_columns,
     frame_of_surface,
     recognise_directions,
@@ -394,38 +393,8 @@ class ResponseSurface(Records):
         """Unit of ``answer``."""
         return self.force_unit if self.response_held else "m"
 
-    @classmethod
-    def from_frame(cls, frame: Any, *, degrees: bool = False, **columns: Any) -> ResponseSurface:
-        """Return a surface from a data frame (pandas, polars), a structured array or a dict of columns.
-
-        Columns, in any order; others are ignored:
-
-        * ``level``, ``frequency`` [Hz],
-        * ``force`` [N], complex or real; or ``force_real`` and ``force_imag``,
-        * ``response`` [m], complex; or ``response_real`` and ``response_imag``; or ``amplitude`` and
-          ``phase``, the lag of the displacement behind the force (rad; positive: the displacement comes
-          later); ``amplitude`` alone, or a ``phase`` of NaN, is a test without phases,
-        * where there are any, ``mean``, ``harmonic_2``, ``harmonic_3``, ..., ``peak_max``, ``peak_min``,
-          ``sweep``, ``outcome``, ``residual``, ``error`` and ``stable``, as ``to_frame`` gives them,
-        * where they were recorded, ``force_mean``, ``force_harmonic_2``, ... and, across the elements between
-          two sensors, ``across``, ``across_mean``, ``across_harmonic_2``, ...
-
-        Parameters
-        ----------
-        degrees
-            True where ``phase`` is in degrees.
-        columns
-            Further arguments of ``ResponseSurface``, such as ``origin`` or ``control``.
-
-        Raises
-        ------
-        RsgenError
-            A column is missing; the message names those that there are.
-        """
-        return cls(**{**columns_of_frame(frame, degrees), **columns})
-
     def to_frame(self) -> Any:
-        """Return a ``pandas.DataFrame`` with a row a test point; ``from_frame`` reads it back.
+        """Return a ``pandas.DataFrame`` with a row a test point.
 
         Raises
         ------
