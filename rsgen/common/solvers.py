@@ -14,6 +14,7 @@ from dataclasses import dataclass
 from typing import Protocol
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
 
 from rsgen.common.arrays import Array, blocks
@@ -110,7 +111,7 @@ def _triangle(matrix: Array, scale: Array, right: Array) -> Array:
 
 
 def b_splines(at: Array, knots: Array, degree: int) -> tuple[Array, Array]:
-    """Evaluate every B-spline and its slope by the recursion of Cox and de Boor.
+    """Evaluate every B-spline and its slope.
 
     Parameters
     ----------
@@ -126,16 +127,8 @@ def b_splines(at: Array, knots: Array, degree: int) -> tuple[Array, Array]:
     tuple of arrays
         (n, f) values [1], and slopes [1 / unit of ``at``].
     """
-    place = np.clip(np.searchsorted(knots, at, side="right") - 1, degree, len(knots) - degree - 2)
-    splines, slopes = np.eye(len(knots) - 1)[place], np.zeros((len(at), len(knots) - 1))
-    for order in range(1, degree + 1):
-        # over intervals of no length no spline stands
-        width = knots[order:] - knots[:-order]
-        share = np.divide(splines, width, out=np.zeros_like(splines), where=width > 0)
-        rising, falling = at[:, None] - knots[: -order - 1], knots[order + 1 :] - at[:, None]
-        splines = rising * share[:, :-1] + falling * share[:, 1:]
-        slopes = order * (share[:, :-1] - share[:, 1:])
-    return splines, slopes
+    splines = scipy.interpolate.BSpline(knots, np.eye(len(knots) - degree - 1), degree)
+    return splines(at), splines(at, nu=1)
 
 
 # ----------------------------------------------------------------------------
