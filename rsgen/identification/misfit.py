@@ -32,7 +32,7 @@ from rsgen.common.tolerances import (
     SUBSAMPLE_POINTS,
     interval_sigmas,
 )
-from rsgen.data.oscillator import BACKGROUNDS, OFFSET
+from rsgen.data.oscillator import BACKGROUNDS
 from rsgen.data.surface.response_surface import ResponseSurface
 from rsgen.formula.names import symbol
 from rsgen.formula.printing import write
@@ -124,7 +124,6 @@ def misfit_findings(
         found += _level_apart(points, fit.regression, surface.level_unit)
     if backgrounds:
         found += background_findings(
-            fit.problem.observed.background.kind,
             backgrounds,
             {kind: left_by(fit, one, wider) for kind, one in backgrounds.items()},
             fit.regression.first(fit.problem.count),
@@ -275,7 +274,6 @@ def _contradicted(fit: Fit, left: float) -> list[Finding]:
 
 
 def background_findings(
-    own: str,
     others: Mapping[str, Alternative],
     left_by: Mapping[str, float],
     found: Regression,
@@ -288,30 +286,29 @@ def background_findings(
 
     Parameters
     ----------
-    own, others, left_by
-        The kind of a fit, alternatives with more of a background by kind, and the misfit that each leaves.
+    others, left_by
+        Alternatives with more of a background by kind, and the misfit that each leaves.
     found, names
         Of the law and the mass.
     misfit, left
         Of the fit, and what the best term would leave.
     """
-    offset = _offset_proposal(own, left_by, misfit)
     kind = simplest_background(left_by, misfit)
     leaves = left_by[kind]
     if not leaves < min((1 - MIN_MISFIT_REDUCTION) * misfit, left):
-        return offset
+        return []
     change = others[kind].shift[: len(names)]
     # halves that differ by the same background widen the errors, and are no reason against it
     times = np.abs(change) / np.sqrt(np.diag(found.covariance))
     share = change / found.parameters
     clear = (times > STANDARD_ERRORS_OF_DIFFERENCE) & (np.abs(share) > RELATIVE_CHANGE_NEGLIGIBLE)
     if not clear.any():
-        return offset
+        return []
     worst = int(np.argmax(np.where(clear, np.abs(share), 0.0)))
     numbers = quantities(misfit=misfit, left=leaves, moved=share[worst], times=times[worst])
     if kind == "mean":
         numbers["offset"] = Quantity(float(others[kind].shift[-1]), "m")
-    return [Finding("background-missing", "doubt", names[worst], numbers, {"kind": kind}), *offset]
+    return [Finding("background-missing", "doubt", names[worst], numbers, {"kind": kind})]
 
 
 def left_by(fit: Fit, other: Alternative, wider: Array) -> float:
@@ -319,18 +316,6 @@ def left_by(fit: Fit, other: Alternative, wider: Array) -> float:
     return relative_misfit(fit) * float(
         np.sqrt(max(1 - other.gain * np.median(wider) ** 2 / fit.regression.freedom, 0.0))
     )
-
-
-def _offset_proposal(own: str, left_by: Mapping[str, float], size: float) -> list[Finding]:
-    """Find that an offset explains most of the misfit, more than terms proportional to the force."""
-    kind = ("phase" if own == "none" else own) + OFFSET
-    if kind not in left_by:
-        return []
-    left, without = left_by[kind], left_by.get("residuals", size)
-    if not left < (1 - MIN_MISFIT_REDUCTION) * without:
-        return []
-    numbers = quantities(misfit=size, left=left)
-    return [Finding("background-missing", "info", numbers=numbers, names={"kind": kind})]
 
 
 # ----------------------------------------------------------------------------

@@ -393,9 +393,9 @@ def _misfit_findings(fit: LineFit, errors: Errors) -> list[Finding]:
         for kind in ("term", "background")
     )
     if more:
-        kind, backgrounds = fit.lines.background.kind, others.kinds["background"]
-        left, known = min(terms.values()), fit.regression.first(len(others.names))
-        found += background_findings(kind, backgrounds, more, known, others.names, misfit=misfit, left=left)
+        backgrounds, known = others.kinds["background"], fit.regression.first(len(others.names))
+        left = min(terms.values())
+        found += background_findings(backgrounds, more, known, others.names, misfit=misfit, left=left)
     return found
 
 
