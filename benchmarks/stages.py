@@ -113,7 +113,7 @@ def commands(folder: Path) -> dict[str, list[str]]:
     table = next((cases / "formats").glob("*.csv"))
     return {
         "`rsgen run cases/cubic.toml --force`": ["run", cubic, "--force", "--out", str(folder / "out")],
-        "`rsgen run`, eight cases, `--force`": ["run", str(eight), "--force", "--out", str(folder / "out")],
+        "`rsgen run`, eight cases, `--force`": ["run", str(eight), "--force", "--out", str(eight / "out")],
         '`rsgen derive "k*x + k3*x**3 + c*v"`': ["derive", "k*x + k3*x**3 + c*v"],
         "`rsgen check cases/cubic.toml`": ["check", cubic],
         f"`rsgen inspect {table.name}`": ["inspect", str(table)],
