@@ -12,9 +12,10 @@ the sum of squares has a corner or a plateau, and the interval is lopsided or op
 4. Where it still jumps, the balance lost the measured motion: that side is open (``followed``). Where it
    jumps on both sides, the profile says nothing of the value, and Wald's interval stands.
 5. The balance samples a period at 64 places. A smooth law steeper than that, as tanh(v/vs) of a small vs, is
-   for it another one at each small vs, so that it finds an end which the test does not tell. There the side
-   towards zero ends only where the law, sampled finely along the measured motions, differs by more than the
-   noise from that with a quarter of the value, linear parameters fitted again; else the value is bounded.
+   for it another one at each small vs, so that it finds an end which the test does not tell; tanh(a*v) is at
+   each large a. Such a side ends only where the law, sampled finely along the measured motions, differs by
+   more than the noise from that with a quarter of the value, or four times it, linear parameters fitted
+   again; else the value is bounded. So it is where zero itself, the sharp law, is within the target.
 """
 
 from __future__ import annotations
@@ -78,11 +79,8 @@ _LEAST_STEP = 0.1
 _STEP_RATIO = 2.0
 """Factor from one distance to the next while no end is found."""
 
-_FINE_SAMPLES = 128 * SAMPLES_PER_PERIOD
-"""Samples of a period that show what a smooth law does near a turn of the motion, or of its velocity."""
-
 _STEEPER = 0.25
-"""Factor of a nonlinear value at which a law must differ for the side towards zero to have an end."""
+"""Factor of a nonlinear value, or its inverse, at which a law must differ for that side to have an end."""
 
 
 @dataclass(frozen=True, slots=True, eq=False, repr=False)
@@ -131,6 +129,9 @@ class _Likelihood:
 
     A fit with one value fixed has values of all other parameters, which are as likely as that one.
     """
+
+    _fine = 128
+    """Times the samples of a balance that show what a steep law does near a turn of the motion."""
 
     def __init__(self, found: Fit) -> None:
         problem = found.problem.select(np.flatnonzero(found.regression.used))
@@ -193,38 +194,38 @@ class _Likelihood:
         found = refit_weighted(self._near, problem, *begin, order=order, gain=_END_TOLERANCE)
         return found.parameters, found.nuisance, _cost(found.residual) if found.used.all() else inf
 
-    def zero_rejected(self, place: int, target: float) -> bool:
-        """Return False where other linear parameters make up for a quarter of a nonlinear value.
+    def told(self, place: int, target: float, factor: float) -> bool:
+        """Return False where linear parameters make up for a factor on a nonlinear value.
 
         Asked of smooth laws that the samples of the balance do not resolve there.
         """
         law = self.law
         if law.switched or law.remembers or law.acts_across or place not in law.nonlinear:
             return True
-        values = self._problem.split(self.best)[0]
-        smaller = np.array(values)
-        smaller[place] *= _STEEPER
+        other = np.array(self.best)
+        other[place] *= factor
         limit = target * self._noise
-        coarse, medium = (self._harmonics(smaller, n * SAMPLES_PER_PERIOD)[:, -1] for n in (1, 4))
+        coarse, medium = (self._along(other, times)[:, -1] for times in (1, 4))
         if np.linalg.norm(medium - coarse) <= limit:
             return True
-        change = self._harmonics(smaller, _FINE_SAMPLES)
-        change[:, -1] -= self._harmonics(values, _FINE_SAMPLES)[:, -1]
+        change = self._along(other, self._fine)
+        change[:, -1] -= self._along(self.best, self._fine)[:, -1]
         columns, right = change[:, :-1], change[:, -1]
         return not np.linalg.norm(right - columns @ solve_scaled(columns, right)[0]) <= limit
 
-    def _harmonics(self, values: Array, samples: int) -> Array:
+    def _along(self, parameters: Array, times: int) -> Array:
         """Harmonics N_h along the measured motions, real, as the sensors see them; before them (n, l) those
         by each linear parameter.
 
-        Relative to |F|; beyond the fundamental as motions X_h = N_h / (m (h^2 - 1) omega^2), too.
+        At so many times the samples of a balance, relative to |F|; beyond the fundamental as motions
+        X_h = N_h / (m (h^2 - 1) omega^2), too.
         """
         law, motion, points = self.law, self._near.motion, self._problem.observed.points
-        mass = self._problem.split(self.best)[1]
+        values, mass, samples = *self._problem.split(parameters)[:2], times * SAMPLES_PER_PERIOD
         inertia = (np.square(self._orders) - 1) * mass * points.omega[:, None] ** 2
         scale = np.hypot(np.abs(points.force)[:, None], inertia * points.amplitude[:, None])
         found = np.empty((len(points), len(self._orders), len(law.linear) + 1), dtype=complex)
-        for part in blocks(len(points), POINTS_PER_BLOCK * SAMPLES_PER_PERIOD // samples):
+        for part in blocks(len(points), POINTS_PER_BLOCK // times):
             sample = law.along(motion.select(np.arange(len(points))[part]), values, samples)
             for i, signal in enumerate([*(sample.by_parameter[p] for p in law.linear), sample.force]):
                 signals = np.broadcast_to(signal, sample.force.shape)
@@ -253,12 +254,13 @@ class _Likelihood:
     def end(self, place: int, step: float, target: float, stop: float) -> tuple[float, float]:
         """Find where the root reaches a target, by first steps of a size; infinite where it does not.
 
-        ``stop`` is a value not to be passed, at which the interval ends in any case. The second number is
-        the value up to which the balance has the motions that were measured, infinite where it keeps them.
+        ``stop`` is a value not to be passed; an interval that reaches it has no end there.
+        The second number is the value up to which the balance has the motions that were measured, infinite
+        where it keeps them.
         """
         side = float(np.sign(step))
         nowhere = side * inf
-        if stop == 0 and not self.zero_rejected(place, target):
+        if not self.told(place, target, _STEEPER if side * self.best[place] < 0 else 1 / _STEEPER):
             return nowhere, float(self.best[place])
         (near, low), *beyond = self._bracket(place, side, target)
         if beyond and (beyond[0][0] - stop) * side < 0:
@@ -275,7 +277,7 @@ class _Likelihood:
                     break
                 near, low, distance = outer, over, distance * _STEP_RATIO
         if not over >= target:
-            return (outer if outer == stop else nowhere), nowhere
+            return nowhere, nowhere
         inside, again = False, False
         for _ in range(_MOST_FITS):
             narrow = abs(outer - near) < _END_TOLERANCE * abs(outer - self.best[place])
@@ -299,12 +301,16 @@ class _Likelihood:
 class _LineLikelihood(_Likelihood):
     """Fits of the lines of a multisine, with the variances of the last fit as weights."""
 
+    _fine = 4
+
     def __init__(self, found: LineFit) -> None:
-        # along the lines as recorded: those beyond, which follow from the law, are small and cost most
-        recorded = len(found.lines.spectra.lines)
-        samples = found.lines.samples * recorded // (found.lines.extended + 1)
-        lines = replace(found.lines, extended=recorded - 1, samples=1 << (samples - 1).bit_length())
-        self.regression, found = found.regression, replace(found, lines=lines)
+        self.regression = found.regression
+        if found.law.switched:
+            # along the lines as recorded: those beyond, which follow from the law, are small and cost most
+            recorded = len(found.lines.spectra.lines)
+            samples = found.lines.samples * recorded // (found.lines.extended + 1)
+            lines = replace(found.lines, extended=recorded - 1, samples=1 << (samples - 1).bit_length())
+            found = replace(found, lines=lines)
         self._found = found
         place = found.parameters, found.nuisance
         best, nuisance, line, _ = descend(found.linearise, *place, Rules(free=found.free))
@@ -312,9 +318,14 @@ class _LineLikelihood(_Likelihood):
         self._error = np.sqrt(np.diag(self.regression.covariance))
         self.resolved = not found.lines.spectra.exact.all()
 
-    def zero_rejected(self, place: int, target: float) -> bool:
-        """Return True: lines of a multisine are sampled finely."""
-        return True
+    def _along(self, parameters: Array, times: int) -> Array:
+        """Lines of the balance in units of their noise, and before them (n, l) those by all but nonlinear
+        parameters.
+        """
+        lines = replace(self._found.lines, samples=times * self._found.lines.samples)
+        line = replace(self._found, lines=lines).linearise(parameters, self._nuisances[0])
+        columns = np.delete(line.by_parameter, self.law.nonlinear, axis=2)
+        return np.concatenate([columns, line.residual[:, :, None]], axis=2).reshape(line.residual.size, -1)
 
     def _refit(self, place: int, value: float, start: Array, nuisance: Array) -> tuple[Array, Array, float]:
         found, free = self._found, np.array(self._found.free)
@@ -344,7 +355,7 @@ def _wald(regression: Regression, estimate: Estimate) -> float:
 def _is_quadratic(found: Regression, likelihood: _Likelihood, estimate: Estimate, target: float) -> bool:
     """Return True if Wald's interval agrees with that of the likelihood."""
     place = likelihood.names.index(estimate.name)
-    if not likelihood.zero_rejected(place, target):
+    if not all(likelihood.told(place, target, factor) for factor in (_STEEPER, 1 / _STEEPER)):
         return False
     half = _wald(found, estimate)
     roots = [likelihood(place, likelihood.best[place] + sign * half) for sign in (-1, 1)]

@@ -121,6 +121,22 @@ def test_a_width_too_small_for_the_test_is_bounded_and_not_identified(width, is_
         assert found["vs"].interval[0] < width < found["vs"].interval[1]
 
 
+@pytest.mark.parametrize(("steepness", "is_open"), [(None, True), (50.0, False)])
+def test_a_steepness_too_large_for_the_test_is_bounded_and_not_identified(steepness, is_open):
+    shape, known = ("sign(v)", {}) if steepness is None else ("tanh(a*v)", {"a": steepness})
+    system = Oscillator(0.8, f"k*x + c*v + Ff*{shape}", {"k": 1.2e4, "c": 1.5, "Ff": 0.25, **known})
+    test = SimulatedTest(
+        level=[0.8, 1.5, 3.0, 4.5], frequency=np.linspace(15, 24, 46), noise_relative=0.005, seed=2
+    )
+    found = identify(simulate(system, test), "k*x + c*v + Ff*tanh(a*v)")
+    if is_open:
+        assert not found["a"].identifiable
+        assert found["a"].interval[1] == np.inf
+    else:
+        assert found["a"].identifiable
+        assert found["a"].interval[0] < steepness < found["a"].interval[1]
+
+
 def test_a_profile_follows_values_that_go_together():
     # with another Fs the stiffness of the slider, the spring and the motions near the resonance are others
     law, values = "k*x + c*v + masing(Min(kt*x, Fs))", {"k": 4967.0, "c": 1.0925, "kt": 993.4, "Fs": 0.06644}

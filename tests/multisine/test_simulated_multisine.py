@@ -36,6 +36,17 @@ def test_parameters_come_back(name, within):
     assert max(errors(found, {**values, "m": MASS}).values()) < within
 
 
+@pytest.mark.parametrize(("lines", "noise"), [("odd", 0.01), ("all", 0.003)])
+def test_friction_is_no_smoother_than_it_was(lines, noise):
+    """Along the lines of the record alone a sharp friction had a width, or a misfit that made it doubtful."""
+    law = "k*x + c*v + F*tanh(v/vs)"
+    found = rsgen.identify(simulated("friction", periods=4, lines=lines, noise_relative=noise, seed=1), law)
+    assert found.verdict.state == "identified"
+    assert found["vs"].finding is not None
+    assert found["vs"].interval[0] <= 0
+    assert found["vs"].interval[1] < 0.05
+
+
 def test_noise_is_of_the_declared_size_and_distortions_stand_where_they_belong():
     spectra = simulated("cubic", periods=40, noise_relative=0.01, realisations=2)
     assert len(spectra) == 6
