@@ -41,9 +41,10 @@ def draw_all(
     """Draw every figure of the report; those that it does not need are left out."""
     if isinstance(surface, MultisineSpectra):
         return _draw_lines(surface, cast("MultisineIdentification", identification), prediction, modal)
-    drawings = [figures.draw_surface(surface), figures.draw_resonance(identification)]
+    drawings = [figures.draw_surface(surface)]
     if identification.model.sensors:
-        # no one amplitude is that of the law: nothing can be drawn over it
+        # no one amplitude is that of the law: it cannot be drawn over the response
+        drawings += [] if modal.table is None else [figures.draw_modal(modal.table)]
         return [*drawings, figures.draw_held_out(prediction)] if prediction.held_out else drawings
     # without a mass no level has a stiffness, and no force of a spring is known; the collapse says so
     clouds, values = identification.curve.stiffness, identification.solution

@@ -30,7 +30,6 @@ PREDICTION = cubic_prediction(SURFACE, held_out=(1.0, 12.0))
 
 DRAWINGS: dict[str, Callable[..., Drawing]] = {
     "surface": lambda ax=None: figures.draw_surface(SURFACE, ax=ax),
-    "resonance": lambda ax=None: figures.draw_resonance(IDENTIFICATION, ax=ax),
     "modal": lambda ax=None: figures.draw_modal(MODAL, IDENTIFICATION, ax=ax),
     "collapse": lambda ax=None: figures.draw_collapse(IDENTIFICATION, TRUTH, ax=ax),
     "forces": lambda ax=None: figures.draw_forces(IDENTIFICATION, TRUTH, ax=ax),

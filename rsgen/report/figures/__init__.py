@@ -7,7 +7,7 @@ Every function gives a `Drawing`: the figure, its caption, and what it shows in 
 from __future__ import annotations
 
 from rsgen.formula.units import choose_scale, count_text, number_text, quantity_text, unit_text
-from rsgen.report.figures.curves import draw_collapse, draw_modal, draw_resonance
+from rsgen.report.figures.curves import draw_collapse, draw_modal
 from rsgen.report.figures.drawing import STYLE, Drawing, draw_surface
 from rsgen.report.figures.equivalent import draw_derivation
 from rsgen.report.figures.loop_figures import draw_energy, draw_forces, draw_loops, force_function
@@ -36,7 +36,6 @@ __all__ = [
     "draw_loops",
     "draw_modal",
     "draw_predicted_record",
-    "draw_resonance",
     "draw_responses",
     "draw_surface",
     "force_function",

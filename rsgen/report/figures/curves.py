@@ -1,4 +1,4 @@
-"""Resonance, equivalent stiffness and damping over amplitude, and the collapse of all points."""
+"""The modal table as a figure, and the collapse of all points: stiffness and damping over amplitude."""
 
 from __future__ import annotations
 
@@ -86,48 +86,6 @@ def _say_empty(axes: Axes, drawn: Sequence[Array]) -> None:
     """Say in an empty panel that nothing is known."""
     if not any(np.isfinite(values).any() for values in drawn):
         axes.text(0.5, 0.5, "not known", ha="center", va="center", transform=axes.transAxes)
-
-
-@drawing.in_style
-def draw_resonance(identification: Identification, *, ax: drawing.GivenAxes = None) -> drawing.Drawing:
-    """Draw resonance frequency and damping ratio of every level against amplitude, and the refined model.
-
-    Parameters
-    ----------
-    identification
-        Its resonances are the points, its refined estimates the line. A law that acts across two sensors has
-        no line: what the motion across is at an amplitude of the response is not known.
-    ax
-        Axes for frequency and damping ratio; None makes a figure.
-    """
-    points = sorted(identification.resonances, key=lambda point: point.amplitude)
-    amplitude = np.array([point.amplitude for point in points])
-    frequency = np.array([point.frequency for point in points])
-    ratio = np.array([point.damping_ratio for point in points])
-    figure, panels = drawing.take_axes(ax, 2, (4.4, 3.9), sharex=True)
-    scale = choose_scale(amplitude, "m")
-    grid = equivalent.amplitudes_tested(identification)
-    if identification.model.sensors:
-        grid = grid[:0]
-    if len(amplitude) > 1:
-        # on the flanks below the resonances the damping ratio of friction leaves any axes
-        grid = grid[(grid >= amplitude[0]) & (grid <= amplitude[-1])]
-    model = equivalent.backbone(identification, equivalent.solution_of(identification), grid)
-    parts = (
-        ("Resonance frequency [Hz]", frequency, model.frequency, [frequency, model.frequency], 0.01),
-        ("Damping ratio [%]", 100 * ratio, 100 * model.damping_ratio, [100 * ratio], 0.2),
-    )
-    for axes, (label, read, line, limits, least) in zip(panels, parts, strict=False):
-        axes.plot(amplitude / scale.factor, read, label="one level each", **drawing.POINT)
-        if np.isfinite(line).any():
-            axes.plot(grid / scale.factor, line, label="refined model", **drawing.REFINED)
-        equivalent.calm_limits(axes, limits, least=least)
-        axes.set_ylabel(label)
-        _say_empty(axes, [read, line])
-    drawing.label_abscissa(panels, ax, scale.label("Amplitude X"))
-    panels[0].legend(loc="best")
-    caption = "Resonance of each level: the shift with amplitude is what identification reads."
-    return drawing.Drawing("resonance", figure, caption, ax is None)
 
 
 _LEVELS = {"N": "Level F", "m": "Level X"}
