@@ -171,7 +171,7 @@ def draw_collapse(
         panels[0].set_xlabel(x.label("Amplitude X"))
     for axes in panels[1:]:
         axes.set_xlabel(scales[1].label("Velocity amplitude ωX" if speed else "Amplitude X"))
-    drawing.colour_bar(figure, panels, norm, force.label(_LEVELS.get(curve.level_unit, "Level")), 35)
+    drawing.colour_bar(panels[0], norm, force.label(_LEVELS.get(curve.level_unit, "Level")))
     caption = (
         "Every test point, coloured by level: with the right law all fall on one curve, but for what the "
         "higher harmonics add."

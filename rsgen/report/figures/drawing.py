@@ -20,7 +20,7 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.cm import ScalarMappable
 from matplotlib.colors import LinearSegmentedColormap, Normalize
 from matplotlib.figure import Figure
-from matplotlib.layout_engine import ConstrainedLayoutEngine
+from matplotlib.layout_engine import TightLayoutEngine
 from numpy.typing import ArrayLike, NDArray
 
 from rsgen.common.arrays import Array
@@ -39,10 +39,10 @@ TRUTH: dict[str, Any] = {"color": "#1b1c1e", "lw": 1.2, "ls": (0, (1, 1.6))}
 
 
 def lay_out(figure: Figure) -> None:
-    """Place panels made as subplots by matplotlib's constrained layout, once: laid out anew they creep."""
+    """Place panels made as subplots by matplotlib's tight layout, once."""
     # axes that were given their place keep it
     if any(axes.get_subplotspec() is not None for axes in figure.axes):
-        ConstrainedLayoutEngine().execute(figure)
+        TightLayoutEngine(pad=0.4).execute(figure)
 
 
 STYLE = Path(__file__).with_name("rsgen.mplstyle")
@@ -244,9 +244,9 @@ def level_colours() -> LinearSegmentedColormap:
     return LinearSegmentedColormap.from_list("rsgen", viridis(np.linspace(0.12, 0.92, 64)))
 
 
-def colour_bar(figure: Figure, panels: list[Axes], norm: Normalize, label: str, aspect: float) -> None:
-    """Add a colour bar right of some panels."""
-    bar = figure.colorbar(ScalarMappable(norm, level_colours()), ax=panels, pad=0.02, aspect=aspect)
+def colour_bar(axes: Axes, norm: Normalize, label: str) -> None:
+    """Add a colour bar right of a panel."""
+    bar = axes.figure.colorbar(ScalarMappable(norm, level_colours()), cax=axes.inset_axes((1.03, 0, 0.03, 1)))
     bar.set_label(label)
     bar.outline.set_visible(False)
     if bar.solids is not None:
