@@ -84,7 +84,8 @@ def fit_all_harmonics(problem: Problem, start: Array, attained: float = 0.0) -> 
     """Fit by the balance, then by the simulator where only that has all harmonics (``_balance``).
 
     The simulator is not asked for less than the misfit ``attained``, relative to force and response; nor by a
-    law across two sensors, one whose mean nothing holds, one that feeds energy, or one that misses by far.
+    law across two sensors, one whose mean nothing holds, one that feeds energy, one that misses by far, or
+    one with values that noise hides: exact corners do not tell them.
     """
     found, needs_simulator = _balance(problem, start)
     observed, law = problem.observed, problem.law
@@ -111,7 +112,8 @@ def fit_all_harmonics(problem: Problem, start: Array, attained: float = 0.0) -> 
         return found
     # a law that feeds energy settles nowhere, and one that misses by far is not mended by exact corners
     feeds = observed.mode(found.background).feed_exciter
-    if not feeds and attained < relative_misfit(found) < MISFIT_REJECTED:
+    hidden = found.regression.noise > MISFIT_OF_NOISE and found.lost.any()
+    if not (feeds or hidden) and attained < relative_misfit(found) < MISFIT_REJECTED:
         found = _refit_with_simulator(found)
         # a misfit between the simulator's own and noise: some points were not followed
         if not law.rough and 2 * RESOLUTION * _ACCURACIES[-1] < found.regression.noise < MISFIT_OF_NOISE:

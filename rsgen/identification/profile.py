@@ -394,7 +394,12 @@ def with_profiles(found: Fit, estimates: Sequence[Estimate]) -> tuple[Estimate, 
     noise = regression.converged and regression.noise > MISFIT_OF_NOISE
     if not (law.nonlinear and noise) or found.systematic:
         return tuple(estimates)
-    return _replaced(lambda: _Likelihood(found), law, regression, estimates)
+    # a balance is no data on how wide a bend is that it does not resolve, where nothing else tells
+    names = (*law.parameters, "m")
+    lost = {name for name, gone in zip(names, found.lost, strict=False) if gone and law.rough}
+    asked = [estimate for estimate in estimates if estimate.name not in lost]
+    replaced = {e.name: e for e in _replaced(lambda: _Likelihood(found), law, regression, asked)}
+    return tuple(replaced.get(estimate.name, estimate) for estimate in estimates)
 
 
 def with_line_profiles(found: LineFit, estimates: Sequence[Estimate]) -> tuple[Estimate, ...]:

@@ -45,6 +45,7 @@ from rsgen.common.tolerances import (
     RELATIVE_CHANGE_NEGLIGIBLE,
     SAMPLES_PER_PERIOD,
     SAMPLES_PER_PERIOD_SWITCHED,
+    interval_sigmas,
 )
 from rsgen.identification.fitting.across import MeasuredAcross, across_of_mode, law_of
 from rsgen.identification.fitting.forward import ErrorsInVariables, HarmonicBalance, Simulator
@@ -162,6 +163,19 @@ class Fit:
         found = self.regression
         pairs = self.problem.observed.points.pairs(found.used)
         return self.shared or is_systematic(found.residual, pairs)
+
+    @property
+    def lost(self) -> NDArray[np.bool_]:
+        """True (p,) of the law where noise hides values, if it does a nonlinear one and a factor.
+
+        A nonlinear value alone may be zero, as the gap of a stop; with the factor of its term it is unknown.
+        """
+        law, found = self.problem.law, self.regression
+        # the error of what the points do not determine is no number
+        known = interval_sigmas() * np.sqrt(np.diag(found.covariance)) <= np.abs(found.parameters)
+        lost = (found.free & ~known)[: len(law.parameters)]
+        both = lost[list(law.nonlinear)].any() and lost[list(law.linear)].any()
+        return np.asarray(lost & both)
 
     @property
     def motion(self) -> Motion:
