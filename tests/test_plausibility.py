@@ -100,6 +100,18 @@ def test_responses_of_two_levels_that_are_exchanged_are_named(pair):
     assert found["pushed"] * found["moved"] == pytest.approx(1, rel=0.3)
 
 
+def test_levels_in_another_order_than_their_measured_forces_are_named():
+    surface = cubic_surface(levels=4, frequencies=31)
+    place = np.searchsorted(surface.levels, surface.level)
+    turned = replace(surface, level=surface.levels[::-1][place])
+    (found,) = level_findings(turned)
+    assert (found.code, found.severity) == ("levels-swapped", "doubt")
+    assert found["low_measured"] > found["high_measured"]
+    # what reading said of it is not said again, and numbers of runs are in any order
+    assert list(level_findings(replace(turned, findings=(found,)))) == []
+    assert list(level_findings(replace(surface, level=np.array([3.0, 1.0, 4.0, 2.0])[place]))) == []
+
+
 def test_an_ordinary_test_has_nothing_to_remark():
     assert list(size_findings(ORDINARY)) == []
     assert list(quantity_findings(cubic_surface())) == []

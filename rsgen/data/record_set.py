@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 
 from rsgen.common.arrays import Array, ComplexArray
 from rsgen.common.errors import RsgenError
-from rsgen.common.finding import Finding
+from rsgen.common.finding import Finding, Quantity, quantities
 from rsgen.formula.units import PER_UNIT_MASS, WHOLE, ForceUnits
 
 QUANTITIES = {"displacement": "m", "velocity": "m/s", "acceleration": "m/s^2"}
@@ -63,6 +63,28 @@ def levels_off(levels: Array, amounts: Array, known: Iterable[Finding] = ()) -> 
     off = np.flatnonzero(np.abs(ratio - np.median(ratio)) > np.log(LEVEL_TOLERANCE)) if len(ratio) else ratio
     said = any(finding.code == "levels-disagree" for finding in known)
     return [] if said or 2 * len(off) >= len(ratio) else [*map(int, off)]
+
+
+def misnamed_levels(levels: Array, amounts: Array, known: Sequence[Finding]) -> list[Finding]:
+    """Return findings about levels that are another multiple of their forces [N] than most, or forces of one
+    another: numbers of runs are neither. What is known is not said again.
+    """
+    if off := levels_off(levels, amounts, known):
+        pairs = [(Quantity(float(levels[at]), "N"), Quantity(float(amounts[at]), "N")) for at in off]
+        return [Finding("levels-disagree", "doubt", numbers=quantities(level=a, force=b)) for a, b in pairs]
+    near = np.abs(np.log(np.sort(amounts) / levels)) < np.log(LEVEL_TOLERANCE)
+    turned = np.flatnonzero(amounts[:-1] > LEVEL_TOLERANCE * amounts[1:]).tolist()
+    if not (near.all() and turned) or any(finding.code == "levels-swapped" for finding in known):
+        return []
+    low, high = turned[0], turned[0] + 1
+    forces = {
+        "low": levels[low],
+        "high": levels[high],
+        "low_measured": amounts[low],
+        "high_measured": amounts[high],
+    }
+    numbers = {name: Quantity(float(one), "N") for name, one in forces.items()}
+    return [Finding("levels-swapped", "doubt", numbers=numbers)]
 
 
 def match_level(levels: Array, asked: float) -> float | None:

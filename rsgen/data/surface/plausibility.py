@@ -26,7 +26,7 @@ from rsgen.common.arrays import Array, ComplexArray
 from rsgen.common.finding import Finding, Quantity, Severity, quantities
 from rsgen.common.tolerances import MIN_MISFIT_REDUCTION, MISFIT_DOUBTFUL, RELATIVE_CHANGE_NEGLIGIBLE
 from rsgen.data.free_mode import fit_powers
-from rsgen.data.record_set import DERIVATIVE, LEVEL_TOLERANCE, QUANTITIES, copied_levels, levels_off
+from rsgen.data.record_set import DERIVATIVE, LEVEL_TOLERANCE, QUANTITIES, copied_levels, misnamed_levels
 from rsgen.data.surface.response_surface import ResponseSurface, typical_amounts
 
 _MAX_MISFIT_RATIO = 1 - MIN_MISFIT_REDUCTION
@@ -213,9 +213,7 @@ def level_findings(surface: ResponseSurface) -> Iterator[Finding]:
     level, force = surface.level[rows], np.abs(surface.force[rows])
     levels = np.unique(level[level > 0])
     typical = np.array([np.median(force[level == one]) for one in levels])
-    for at in levels_off(levels, typical, surface.findings):
-        numbers = {"level": Quantity(float(levels[at]), "N"), "force": Quantity(float(typical[at]), "N")}
-        yield Finding("levels-disagree", "doubt", "", numbers)
+    yield from misnamed_levels(levels, typical, surface.findings)
     # shakers lose force near a resonance: a level between the forces there and the largest is as it should be
     near = typical_amounts(surface.select(rows[level > 0]))
     measured = np.stack([near, *np.array([np.quantile(force[level == one], [0.1, 0.9]) for one in levels]).T])
