@@ -286,8 +286,10 @@ def test_the_law_to_derive_is_text_an_element_or_what_has_a_force():
             rs.derive(wrong)
 
 
-def test_a_pickled_result_says_that_it_has_no_fit_to_profile(found):
+def test_a_pickled_result_has_its_residuals_and_says_that_it_has_no_fit_to_profile(found):
     again = pickle.loads(pickle.dumps(found))
+    np.testing.assert_array_equal(again.residuals, found.residuals)
+    np.testing.assert_array_equal(pickle.loads(pickle.dumps(again)).residuals, found.residuals)
     assert again.values == found.values
     with pytest.raises(RsgenError, match="which pickle does not keep"):
         rs.profile(again, "k")

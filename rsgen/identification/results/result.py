@@ -343,6 +343,7 @@ class Identification(Printed):
     held_out: tuple[Any, ...] = ()
     alternatives: Alternatives = field(default_factory=Alternatives)
     fit: Fit | None = None
+    _left: ComplexArray | None = None
 
     def __post_init__(self) -> None:
         if len(self.solution) == 0:
@@ -352,8 +353,9 @@ class Identification(Printed):
             object.__setattr__(self, name, frozen_array(getattr(self, name)))
 
     def __getstate__(self) -> list[Any]:
-        """Return all fields but the fit, whose compiled law cannot leave this process."""
-        return [None if entry.name == "fit" else getattr(self, entry.name) for entry in fields(self)]
+        """Return all fields, and the residuals in place of the fit, whose compiled law cannot leave."""
+        of_fit = {"fit": None} if self.fit is None else {"fit": None, "_left": self.residuals}
+        return [of_fit.get(entry.name, getattr(self, entry.name)) for entry in fields(self)]
 
     @property
     def mass(self) -> float:
@@ -370,10 +372,12 @@ class Identification(Printed):
         Raises
         ------
         RsgenError
-            The fit was left behind by ``pickle``, or is of a multisine, which has ``misfit``.
+            The fit is of a multisine, which has ``misfit``.
         """
+        if self._left is not None:
+            return self._left
         if self.fit is None:
-            raise RsgenError("residuals: only of a fit of sines in the session that made it; identify again")
+            raise RsgenError("residuals: only of a fit of sines")
         fit, points = self.fit, self.fit.problem.observed.mode(self.fit.background)
         ratio = fit.force / fit.harmonics[:, 1] * points.harmonics[:, 1] / points.force
         found = np.full(len(self.curve.frequency), np.nan, dtype=complex)
