@@ -104,6 +104,23 @@ def test_a_ranking_in_which_no_law_fits_says_with_which_background_one_would() -
     assert again.candidates[0].name == laws[1]
 
 
+def test_a_ranking_in_which_no_law_fits_names_the_even_force_that_is_missing() -> None:
+    values = {"k": 1.2e4, "k2": 6e4, "k3": 6e5, "c": 1.5}
+    plate = Oscillator(0.8, "k*x + k2*x**2 + k3*x**3 + c*v", values)
+    plan = SimulatedTest([0.8, 1.5, 3.0, 4.5], np.linspace(17, 22, 30), noise_relative=5e-3, seed=2)
+    table, odd = rsgen.simulate(plate, plan), ["k*x + c*v + k3*x**3", "k*x + c*v + k5*x**5"]
+    ranking = rank(table, odd)
+    stated = state_verdict(ranking.verdict)
+    assert [one["code"] for one in stated["decided_by"]] == ["no-law-fits", "even-force-missing"]
+    assert stated["decided_by"][0]["names"]["even"] == "x**2"
+    (step,) = steps_once(stated)
+    assert "such as k2*x**2" in step
+    assert [f.code for f in ranking.best.findings].count("even-force-missing") == 1
+    steps = steps_once(state_verdict(ranking.best.verdict))
+    assert len([one for one in steps if "k2*x**2" in one]) == 1
+    assert rank(table, [*odd, "k*x + c*v + k2*x**2 + k3*x**3"]).fits
+
+
 def test_the_background_that_would_fit_is_named_where_most_of_the_misfit_is_noise() -> None:
     law, values = "k*x + k3*x**3 + k5*x**5 + c*v", {"k": 33e3, "k3": -9e8, "k5": 9e13, "c": 2.2}
     test = SimulatedTest([1, 5, 12], np.linspace(26, 35, 46), sweep="down", noise_relative=6e-3, seed=1)

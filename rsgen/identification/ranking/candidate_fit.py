@@ -369,6 +369,10 @@ class RankedTest(ABC):
         """Find a larger background with which a law leaves much less; None if there is none."""
         return None
 
+    def even_force(self, best: CandidateFit, current: Round) -> Finding | None:
+        """Find an even force that a law lacks; None if there is none."""
+        return None
+
 
 MAX_UNEXPLAINED = 5e-3
 """Misfit of force and response, relative, that calibration errors of sensors reach."""

@@ -378,7 +378,7 @@ def _ranking(
     findings = assessment.findings + ((test.left_out,) if test.left_out else ())
     # no background takes the place of a law
     if 0 < assessment.unexplained < MISFIT_REJECTED and isinstance(surface, ResponseSurface):
-        findings = _with_background(test, ordered, current, surface, findings)
+        findings = _with_what_is_missing(test, ordered, current, surface, findings)
     return Ranking(
         tuple(rows),
         model,
@@ -391,17 +391,25 @@ def _ranking(
     )
 
 
-def _with_background(
+def _with_what_is_missing(
     test: RankedTest,
     ordered: Sequence[CandidateFit],
     current: Round,
     surface: ResponseSurface,
     findings: tuple[Finding, ...],
 ) -> tuple[Finding, ...]:
-    """Add to the findings of a ranking in which no law fits that one of the best would with a background.
+    """Add to the findings of a ranking in which no law fits what would make one of the best fit.
 
-    The best itself may have a term in place of the background.
+    That is an even force, by the mean and the even harmonics, or else a background; the best itself may have
+    a term in place of the background.
     """
+    left = next((f for f in findings if f.code == "no-law-fits"), None)
+    if left is not None and {"harmonic 0", "harmonic 2"} & set(left.numbers) and "offset" not in left.numbers:
+        even = test.even_force(ordered[0], current)
+        if even is not None:
+            law = whole_name(ordered[0].candidate.name, test.first.sensors)
+            named = replace(even, names={**even.names, "law": law})
+            return _naming(findings, "even", even.names["term"], named)
     # nothing drives a decay; a background would only conceal a response that is another one
     if surface.decays or surface.lag_assumed or any(f.code in CODES_OF_RESPONSE for f in surface.findings):
         return findings
@@ -409,12 +417,17 @@ def _with_background(
         found = test.larger_background(fit, current)
         if found is not None:
             kind, law = found.names["kind"], whole_name(fit.candidate.name, test.first.sensors)
-            named = (
-                replace(f, names={**f.names, "background": kind}) if f.code == "no-law-fits" else f
-                for f in findings
-            )
-            return (*named, replace(found, names={"kind": kind, "law": law}))
+            named = replace(found, names={"kind": kind, "law": law})
+            return _naming(findings, "background", kind, named)
     return findings
+
+
+def _naming(findings: tuple[Finding, ...], kind: str, name: str, missing: Finding) -> tuple[Finding, ...]:
+    """Name what is missing where findings say that no law fits, and add the finding of it."""
+    return (
+        *(replace(f, names={**f.names, kind: name}) if f.code == "no-law-fits" else f for f in findings),
+        missing,
+    )
 
 
 def _compare_along_own(test: RankedTest, current: Round, candidates: list[CandidateFit]) -> list[float]:

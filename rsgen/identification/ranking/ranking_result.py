@@ -113,7 +113,8 @@ class Ranking(Printed):
         Errors and doubts of the best law's identification; the best law and those tied with it, or that none
         fits and where the misfit lies; limits of the ranking.
     noise
-        Relative noise of force and response [1], from the differences of neighbours in frequency.
+        Relative noise of force and response [1], from the differences of neighbours in frequency, or of
+        periods of a multisine: whatever the law misses. That of ``best`` is what its law leaves.
     unexplained
         Misfit of the best beyond noise, relative to force and response [1]; 0 if it fits.
     surface
@@ -148,12 +149,15 @@ class Ranking(Printed):
             # doubts about the choice of the law are doubts about its identification
             tied = tuple(f for f in self.findings if "tied" in f.names)
             against = (*self.verdict.decided_by, *tied) if self.fits else self.findings
+            # what the ranking says is missing its best law does not say again
+            missing = {f.code for f in against} & {"background-missing", "even-force-missing"}
+            kept = (f for f in found.findings if f.code not in missing)
+            if "background-missing" in missing:
+                kept = (f for f in kept if not _of_background(f))
+            found = changed(found, findings=tuple(kept))
             # the ranking has its doubts already
             said = {_topic(f) for f in found.findings}
             against = tuple(f for f in against if _topic(f) not in said)
-            if any(f.code == "background-missing" for f in against):
-                # what it says of a background its best law does not say again
-                found = changed(found, findings=tuple(f for f in found.findings if not _of_background(f)))
             # of a law that is the best of those that do not fit a ranking is no advice
             names = {} if self.fits else {"ranked": "none fits"}
             own = (
@@ -243,7 +247,8 @@ class Ranking(Printed):
             fits += f"; {verdict.state}: {', '.join(finding.code for finding in verdict.decided_by)}"
         heads = ("law", "parameters", "BIC above the lowest", "error on unseen levels", "verdict", "force")
         best = whole_name(self.candidates[0].name, self.model.sensors)
-        caption = f"best: {best} ({fits}), noise {short(100 * self.noise, 2)} %"
+        judged = "periods" if isinstance(self.surface, MultisineSpectra) else "neighbouring points"
+        caption = f"best: {best} ({fits}), noise {short(100 * self.noise, 2)} % by {judged}"
         return TextTable(heads, rows, caption=caption, notes=(ORDER,))
 
 

@@ -50,7 +50,7 @@ from rsgen.identification.fitting.observed import (
     neighbour_power,
 )
 from rsgen.identification.fitting.points import Points, mass_needs, select_points
-from rsgen.identification.misfit import left_by, relative_misfit
+from rsgen.identification.misfit import even_findings, left_by, relative_misfit
 from rsgen.identification.ranking.balance import (
     MAX_MOTION_DISTANCE,
     PointBalance,
@@ -523,10 +523,7 @@ class PointTest(RankedTest):
         """Find a larger background that explains much of a misfit beyond noise; None if there is none."""
         if not isinstance(current, PointRound):
             return None
-        own, law = best.candidate, best.candidate.law
-        problem = Problem(own.elements, law, self.observed.select(current.compared(best)), self.fixed)
-        place = problem.join(law.ordered(own.values), own.values["m"], own.background)
-        fit = fit_near(problem, place, order=BALANCE_HARMONICS)
+        fit = self._fit_near(best, current)
         others, misfit = fit_larger_backgrounds(fit, fit.regression.noise), relative_misfit(fit)
         leaves = {kind: left_by(fit, other, np.ones(1)) for kind, other in others.items()}
         # with noise no background halves the whole of a small misfit
@@ -537,6 +534,19 @@ class PointTest(RankedTest):
         kind = simplest_background(leaves, misfit)
         numbers = quantities(misfit=misfit, left=leaves[kind])
         return Finding("background-missing", "doubt", numbers=numbers, names={"kind": kind})
+
+    def even_force(self, best: CandidateFit, current: Round) -> Finding | None:
+        """Find an even force that a symmetric law lacks, as its identification does."""
+        if not isinstance(current, PointRound):
+            return None
+        return next(iter(even_findings(self._fit_near(best, current))), None)
+
+    def _fit_near(self, best: CandidateFit, current: PointRound) -> Fit:
+        """Fit a law by the balance to the points that it is compared with."""
+        own, law = best.candidate, best.candidate.law
+        problem = Problem(own.elements, law, self.observed.select(current.compared(best)), self.fixed)
+        place = problem.join(law.ordered(own.values), own.values["m"], own.background)
+        return fit_near(problem, place, order=BALANCE_HARMONICS)
 
 
 def _held(points: Points, base: Model, sensors: str) -> NDArray[np.bool_]:

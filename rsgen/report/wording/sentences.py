@@ -385,6 +385,8 @@ def _no_law_fits(f: Finding) -> str:
     if "offset" in f.numbers:
         mean = quantity_text(f["offset"], "m", 3)
         cause = f"an offset of the sensor, a mean displacement of {mean} at every amplitude, would leave this"
+    elif "even" in f.names:
+        cause = f"a force {f.names['even']}, which is not the same on both sides, would leave this"
     return (
         f"none of these fits: even the best, {f.names['law']}, leaves {left} of force and response "
         f"unexplained (noise, judged by how much {'neighbouring points' if orders else 'periods'} differ: "
