@@ -174,7 +174,11 @@ def errors_of(test: Prepared, refined: Fit, surface: ResponseSurface, points: Po
         with_background = test.repeats.widen(with_background, test.points.index)
     regression = with_background.first(count)
     agreement = Agreement.of(
-        refined.regression, points, with_background.covariance, misfits=refined.systematic
+        refined.regression,
+        points,
+        with_background.covariance,
+        misfits=refined.systematic,
+        unit=surface.level_unit,
     )
     if test.repeats is not None:
         of_repeats.append(repeats_finding(test.repeats, noise))
@@ -414,7 +418,8 @@ def judge(test: Prepared, model: Model, refined: Fit) -> Identification:
     first = _FirstOrder.of(kept, refined)
     paper, resonances = fit_resonances(kept, law, model.fixed, lambda: first.fit.solution)
     background = _background(refined, errors.with_background, surface.units, resonances)
-    curve = equivalent_curve(surface, points, refined, force_units(model, surface.units))
+    of_force = force_units(model, surface.units)
+    curve = equivalent_curve(surface, points, refined, of_force, model.observation)
     mass = refined.mass if all(e.identifiable for e in stated.refined if e.name == "m") else nan
     predicted = refined.harmonics[used, 0].real
     findings = Findings(surface, points, refined, resonances, errors, model, stated, background)

@@ -15,6 +15,7 @@ from math import inf, nan
 import numpy as np
 
 from rsgen.common.arrays import Array
+from rsgen.common.errors import listed
 from rsgen.common.finding import Finding, Quantity, Severity, quantities, severity_of
 from rsgen.common.tolerances import (
     DEVIATING_MISFIT_RATIO,
@@ -65,6 +66,10 @@ _MIN_POINTS_OF_PATTERN = 16
 
 CODES_OF_RESPONSE = frozenset({"another-quantity", "base-misread", "not-passive"})
 """Findings about sign or quantity of the response, which a background would only conceal."""
+
+_GAIN_WORTH_A_FIT = 0.1
+"""Share of the largest gain to first order: where drag is missing dry friction has twice its gain, and leaves
+50 times as much."""
 
 
 def relative_misfit(fit: Fit) -> float:
@@ -168,13 +173,19 @@ def _cause(
     # intervals of a joint its linear spring and damper are no alternatives, they would leave all values open
     linear = fit_missing_terms(fit, max(fit.regression.noise, 1e-300), ("x", "v"))
     tried = [name for name, one in linear.items() if np.isfinite(one.error)]
-    tried.append(max(terms, key=lambda name: terms[name].gain))
+    most = max(one.gain for one in terms.values())
+    tried += [name for name, one in terms.items() if one.gain >= _GAIN_WORTH_A_FIT * most]
     if records_even(problem) and not (problem.law.odd or problem.law.acts_across):
         tried.append("")
     by_term = {name: misfit * share_left_by(fit, name) for name in tried}
     term = min(by_term, key=by_term.__getitem__)
     left = explained = by_term[term]
     names, enough = {"term": term} if term else {"side": "other"}, (1 - MIN_MISFIT_REDUCTION) * misfit
+    # on as many points as were fitted
+    more = MIN_SIGNIFICANT_GAIN / min(fit.regression.freedom, 2 * SUBSAMPLE_POINTS)
+    alike = [name for name in by_term if name not in ("", term) and by_term[name] ** 2 < (1 + more) * left**2]
+    if term and alike:
+        names["also"] = listed(alike)
     if not (only_terms or left < enough):
         curves = free_curves_leave(fit, points)
         factors = inf if decays else force_factors_leave(fit)

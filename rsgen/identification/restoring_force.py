@@ -27,6 +27,7 @@ from rsgen.common.tolerances import (
     SPLINE_SMOOTHING,
     interval_sigmas,
 )
+from rsgen.data.oscillator import Observation
 from rsgen.data.surface.response_surface import ResponseSurface, typical_amounts
 from rsgen.formula.units import ForceUnits
 from rsgen.identification.fitting.fit import Fit
@@ -148,7 +149,7 @@ def _dynamic_stiffness(surface: ResponseSurface, found: Fit) -> tuple[Array, Com
 
 
 def equivalent_curve(
-    surface: ResponseSurface, points: Points, found: Fit, units: ForceUnits
+    surface: ResponseSurface, points: Points, found: Fit, units: ForceUnits, observation: Observation
 ) -> EquivalentCurve:
     """Return k and c of every settled point, with the identified mass, in units of force.
 
@@ -160,6 +161,10 @@ def equivalent_curve(
     amplitude, stiffness = _dynamic_stiffness(surface.select(rows), found)
     took_part = np.zeros(len(surface), dtype=bool)
     took_part[points.index[found.regression.used]] = True
+    low, high = observation.band or (0.0, np.inf)
+    outside = (surface.frequency < low) | (surface.frequency > high)
+    why = np.where(outside, "outside the band", "excluded")
+    why = np.where(surface.held_out(observation.hold_out), "held out", why)
     return EquivalentCurve(
         amplitude=amplitude,
         frequency=surface.frequency[rows],
@@ -169,6 +174,7 @@ def equivalent_curve(
         used=took_part[rows],
         level_unit=surface.level_unit,
         units=units,
+        reason=np.where(took_part, "", why)[rows],
     )
 
 

@@ -3,7 +3,7 @@
 At the solution a term of value zero has a slope c like every parameter. With c_o the part of c outside the
 span of the parameters and the nuisances, and r the residual in units of the noise, its value would be
 c_o.r/|c_o|^2 and the sum of squares smaller by (c_o.r)^2/|c_o|^2 (Rao, Proc. Cambridge Phil. Soc. 44, 1948).
-So dozens of changes are asked at the price of one step, and only the best is fitted (``share_left_by``).
+So dozens of changes are asked at the price of one step, and only the best are fitted (``share_left_by``).
 Several columns together show what no single term does: any k(X) and c(X), or a gain of the force at each
 level.
 """

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from rsgen.common.finding import Finding, Quantity
-from rsgen.data.oscillator import Oscillator
+from rsgen.data.oscillator import Observation, Oscillator
 from rsgen.data.surface.response_surface import ResponseSurface
 from rsgen.dynamics.simulation import simulate
 from rsgen.dynamics.virtual_test import SimulatedTest
@@ -182,3 +182,19 @@ def test_harmonics_of_noise_are_no_steady_sine():
     assert "not-a-steady-sine" not in quiet
     assert severity(loud, "not-a-steady-sine") == "doubt"
     assert severity(absurd, "not-a-steady-sine") == "error"
+
+
+def test_points_left_out_have_a_reason():
+    oscillator = Oscillator(1.5, "k*x + k3*x**3 + c*v", {"k": 6000.0, "k3": 2e5, "c": 4.0})
+    plan = SimulatedTest(level=[2, 5, 10], frequency=np.linspace(8, 12, 41), noise_relative=0.003)
+    surface = simulate(oscillator, plan)
+    harmonics = surface.harmonics.copy()
+    harmonics[20] *= 1.5
+    seen = Observation(hold_out=[5.0], band=(8.45, 12.0))
+    found = identify(replace(surface, harmonics=harmonics), "k*x + k3*x**3 + c*v", seen)
+    curve, row = found.curve, np.arange(len(surface))
+    held, outside = surface.level == 5, surface.frequency < 8.45
+    expected = np.where(held, "held out", np.where(outside, "outside the band", ""))
+    expected[row == 20] = "excluded"
+    assert curve.reason.tolist() == expected.tolist()
+    assert np.array_equal(curve.reason == "", curve.used)

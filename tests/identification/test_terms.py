@@ -7,7 +7,7 @@ import pytest
 
 import rsgen as rs
 from rsgen.identification.results.alternatives import Alternative, Alternatives, weight_of
-from rsgen.report.wording.sentences import sentence
+from rsgen.report.wording.sentences import next_step, sentence
 
 LAW = "k*x + c*v + k3*x**3 + cq*v*abs(v)"
 TRUE = {"k": 5920.0, "c": 2.0, "k3": 2.0e5, "cq": 1.2}
@@ -98,3 +98,26 @@ def test_values_that_rest_on_a_response_without_other_modes_are_named(band, name
         assert {"k", "m"} <= set(finding.names["parameters"].split(", "))
         alone, whole = (fit[finding.parameter].standard_error for fit in (found, other))
         assert finding["shift"] == pytest.approx(1.96 * np.sqrt(whole**2 - alone**2), rel=0.3)
+
+
+def test_a_drag_that_is_missing_is_proposed_though_dry_friction_has_more_gain_to_first_order():
+    surface = measured(LAW, TRUE | {"cq": 6.0, "c": 4.0}, [2.0, 5.0, 10.0])
+    found = rs.identify(surface, "k*x + c*v + k3*x**3")
+    said = {finding.code: finding for finding in found.findings}
+    gain = {name: one.gain for name, one in found.alternatives.kinds["term"].items()}
+    assert gain["sign(v)"] > gain["v*abs(v)"]
+    misfit = said["law-does-not-fit"]
+    assert (misfit.names["term"], misfit["left"] < 0.002) == ("v*abs(v)", True)
+    assert "also" not in misfit.names
+    # the parts that disagree are named by their levels
+    assert "lower and upper levels (2 N; 5, 10 N)" in sentence(said["parts-disagree"])
+
+
+def test_terms_that_a_test_does_not_tell_apart_are_proposed_together():
+    band = np.linspace(9.85, 10.15, 12)
+    test = rs.SimulatedTest(level=[4, 10], frequency=band, noise_relative=0.02)
+    drag = rs.Oscillator(1.5, "k*x + c*v + cq*v*abs(v)", {"k": 5920.0, "c": 0.5, "cq": 6.0})
+    found = rs.identify(rs.simulate(drag, test), "k*x + c*v")
+    (misfit,) = (finding for finding in found.findings if finding.code == "law-does-not-fit")
+    assert {misfit.names["term"], misfit.names["also"]} == {"v**3", "v*abs(v)"}
+    assert f"{misfit.names['term']} or {misfit.names['also']}, times a coefficient" in next_step(misfit)

@@ -1,7 +1,10 @@
 """The verdict on a result: one place reaches it, and everything that a user reads says the same of it."""
 
 import json
+import re
+import tomllib
 from dataclasses import replace
+from pathlib import Path
 
 import pytest
 
@@ -11,7 +14,8 @@ from rsgen.identification.results import Identification
 from rsgen.report.page import render_page, table_of_results, write_index
 from rsgen.report.provenance import Subject, coded
 from rsgen.report.result_json import read_results
-from rsgen.report.wording.sentences import full_sentence, next_step, state_verdict
+from rsgen.report.wording import sentences
+from rsgen.report.wording.sentences import NEXT_STEPS, full_sentence, next_step, state_verdict
 from tests.samples import (
     cubic_case,
     cubic_comparison,
@@ -74,6 +78,10 @@ def test_the_first_step_is_the_one_that_matters_most():
 
     assert order(ambiguous, parts, misfit) == ["law-does-not-fit", "parts-disagree", "levels-predicted-worse"]
     assert order(parts, misfit, sign)[0] == "not-passive"
+    # a term that the law lacks makes parts of a test differ, and comes before the rig
+    assert next_step(parts).startswith("Suspect the law first")
+    lacks = Finding("law-ambiguous", "doubt", "c", {"errors": 9.0, "moved": 0.3}, {"term": "v**3"})
+    assert order(parts, lacks) == ["law-ambiguous", "parts-disagree"]
     assert next_step(misfit).startswith("Add v*abs(v), times a coefficient, to the law")
     general = next_step(replace(misfit, names={}))
     assert general.startswith("Compare the laws of the library and their sums")
@@ -132,3 +140,25 @@ def test_index_and_table_show_the_verdict_of_every_case(tmp_path):
     assert "* fine: Liu et al., Eqs. (13), (14)" in lines
     # all four have one title
     assert all(f" ({name})</h3>" in text for name in ("fine", "open", "doubted", "wrong"))
+
+
+TEXTS = tomllib.loads(Path(sentences.__file__).with_name("findings.toml").read_text(encoding="utf-8"))
+
+
+# columns of a file have titles, and come from a case
+@pytest.mark.parametrize("code", [code for code in NEXT_STEPS if code != "unit-contradicts-title"])
+def test_what_a_case_is_to_change_is_said_to_python_users_too(code):
+    """Keys of a case have the argument, or what is to be done to the array, in brackets."""
+    said = TEXTS[code].get("next", "")
+    for text in [said] if isinstance(said, str) else said.values():
+        if re.search(r"\[identify\]|\[system\]|test\.response|\(rsgen |in the case", text):
+            assert "in Python" in text, text
+
+
+@pytest.mark.parametrize("mean", [True, False])
+def test_an_even_term_is_advised_by_its_name_and_an_offset_where_a_mean_was_recorded(mean):
+    names = {"term": "x**4"} | ({"mean": "recorded"} if mean else {})
+    step = next_step(Finding("even-force-missing", "doubt", names=names))
+    assert step.startswith("Add x**4, times a coefficient, to the law")
+    # an accelerometer has none
+    assert ("offset" in step) is mean

@@ -355,7 +355,7 @@ def _drift_findings(fit: LineFit) -> list[Finding]:
     if z < OUTLIER_SIGMAS:
         return []
     severity: Severity = "doubt" if size > RELATIVE_CHANGE_NEGLIGIBLE else "warning"
-    names = {"parts": f"the periods from number {skipped + first + 1} on, and those before"}
+    names = {"parts": f"the periods from number {skipped + first + 1} on, and those before", "by": "periods"}
     return [Finding("parts-disagree", severity, "", quantities(z=z, size=size), names)]
 
 

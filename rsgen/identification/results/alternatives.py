@@ -19,6 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rsgen.common.arrays import Array
+from rsgen.common.errors import listed
 from rsgen.common.finding import Finding, Quantity, Severity, quantities
 from rsgen.common.solvers import solve_scaled, summed_products
 from rsgen.common.text_table import Brief
@@ -375,6 +376,15 @@ def halves_of(points: Points) -> dict[str, NDArray[np.bool_]]:
     return halves
 
 
+def _levels_of(points: Points, half: NDArray[np.bool_], unit: str) -> dict[str, str]:
+    """Return the levels of a half and of the rest, as names of a finding; none if a level is in both."""
+    sides = [np.unique(points.level[part]) for part in (half, ~half)]
+    if np.isin(sides[0], sides[1]).any():
+        return {}
+    said = (listed([f"{level:.4g}" for level in levels]) for levels in sides)
+    return dict(zip(("first", "second"), (f"{levels} {unit}".rstrip() for levels in said), strict=True))
+
+
 @dataclass(frozen=True, slots=True, eq=False)
 class Agreement:
     """Agreement of halves of a test, and the errors that follow from it.
@@ -399,7 +409,9 @@ class Agreement:
         return float(np.median(self.wider))
 
     @classmethod
-    def of(cls, whole: Regression, points: Points, covariance: Array, *, misfits: bool) -> Agreement:
+    def of(
+        cls, whole: Regression, points: Points, covariance: Array, *, misfits: bool, unit: str = ""
+    ) -> Agreement:
         """Compare the halves of a test.
 
         Parameters
@@ -410,6 +422,8 @@ class Agreement:
             (q, q) covariance of its parameters, as reported.
         misfits
             True if the misfit is systematic: then halves that differ widen the errors.
+        unit
+            Of the levels, by which halves are named.
         """
         cuts = halves_of(points)
         found = {name: compare_parts(whole, half & whole.used) for name, half in cuts.items()}
@@ -431,7 +445,7 @@ class Agreement:
             "parts-disagree",
             "doubt" if size > RELATIVE_CHANGE_NEGLIGIBLE else "warning",
             numbers=quantities(z=worst.z(), size=size),
-            names={"parts": name},
+            names={"parts": name, **_levels_of(points, cuts[name], unit)},
         )
         return cls(wider, halves, (finding,))
 

@@ -153,6 +153,9 @@ class EquivalentCurve(Brief):
         "N", or "m" where the test held the amplitude, or of the motion of a base.
     units
         Of stiffness and damping, per unit mass or not.
+    reason
+        (n,) why a point was not used: "held out", "outside the band", or "excluded", as the findings
+        "points-excluded" say; "" of the others.
     """
 
     amplitude: NDArray[np.float64]
@@ -163,10 +166,13 @@ class EquivalentCurve(Brief):
     used: NDArray[np.bool_]
     level_unit: str = "N"
     units: ForceUnits = WHOLE
+    reason: NDArray[np.str_] = field(default_factory=lambda: np.zeros(0, np.str_))
 
     def __post_init__(self) -> None:
         freeze(self, ("amplitude", "frequency", "level", "stiffness", "damping"))
         freeze(self, ("used",), np.bool_)
+        reason = self.reason if len(self.reason) else np.where(self.used, "", "excluded")
+        object.__setattr__(self, "reason", frozen_array(reason, np.str_))
 
 
 @dataclass(frozen=True, slots=True, eq=False, repr=False)
