@@ -21,7 +21,7 @@ import rsgen
 from rsgen.analysis.comparison import Comparison, verdict_of
 from rsgen.common.finding import STATES, Finding, Quantity, steps_once
 from rsgen.common.output import write_atomic
-from rsgen.common.tolerances import NOISE_LIMIT_SIGMAS
+from rsgen.common.tolerances import NOISE_LIMIT_SIGMAS, interval_sigmas
 from rsgen.data.multisine.spectra import MultisineSpectra
 from rsgen.data.surface.response_surface import ResponseSurface
 from rsgen.describing.derivation import derive
@@ -35,9 +35,10 @@ from rsgen.law.character import CANCELLATION_TOLERANCE
 from rsgen.law.element import Element
 from rsgen.law.memory import FORCE_KEYS, memory_form, with_equations
 from rsgen.law.notation import mathml
+from rsgen.law.numeric import compile_law
 from rsgen.report import page_tables as tables
 from rsgen.report.figures import Drawing
-from rsgen.report.figures.equivalent import evaluated
+from rsgen.report.figures.equivalent import backbone, evaluated, solution_of
 from rsgen.report.page_tables import NO_MODAL, Modal
 from rsgen.report.provenance import Subject, page_environment, plain_text
 from rsgen.report.result_json import Entry, read_results
@@ -209,7 +210,10 @@ def _verdict_context(
         "law": with_equations(identification.model.force),
         "verdict_table": tables.verdict_table(comparison),
         "alternative_table": tables.alternative_table(identification),
-        "meaning": list(describe_elements(subject.elements, identification).items()),
+        "meaning": [
+            *describe_elements(subject.elements, identification).items(),
+            *(("resonance", sentence(course)) for course in resonance_course(identification)),
+        ],
         "warnings": warnings,
         "other_warnings": [text for text in warnings if text not in stated["sentences"]],
         "prediction_remarks": [
@@ -240,7 +244,45 @@ def element_finding(element: Element, identification: Identification) -> Finding
         if unknown or not own or element.force.has(symbol("x")):
             return course if unknown else None
     numbers, states = _course(element, identification, values)
+    if not unknown and not element.across:
+        numbers |= _sides(element, identification, values)
     return replace(course, numbers=numbers, names={**course.names} | states)
+
+
+def _sides(element: Element, identification: Identification, values: dict[str, float]) -> dict[str, Quantity]:
+    """Return the forces of a spring at both ends of the largest motion, if they differ beyond noise."""
+    law, largest = compile_law(element.force), identification.amplitude_range[1]
+    if law.odd or law.remembers or not law.springs:
+        return {}
+    still = law.still(np.array([largest, -largest]), np.array([values[name] for name in law.parameters]))
+    slopes = {name: slope.sum() for name, slope in zip(law.parameters, still.by_parameter, strict=True)}
+    change = np.array([slopes.get(one.name, 0.0) for one in identification.refined])
+    error = np.sqrt(change @ identification.covariance @ change)
+    # more than a thousandth of the force, too: round-off has no error
+    if not abs(still.force.sum()) > max(interval_sigmas() * error, 1e-3 * np.abs(still.force).max()):
+        return {}
+    pull, push = (Quantity(float(force), identification.curve.units.of("N")) for force in still.force)
+    return {"pull": pull, "push": push, "largest": Quantity(largest, "m")}
+
+
+def resonance_course(identification: Identification) -> list[Finding]:
+    """Find resonance frequency and damping ratio of the law at the ends of the tested amplitudes; or none."""
+    ends = np.array(identification.amplitude_range)
+    if any(element.across for element in identification.model.elements):
+        return []
+    found = backbone(identification, solution_of(identification), ends)
+    if not np.isfinite([found.omega, found.damping_ratio]).all():
+        return []
+    numbers = {
+        f"{name}_{end}": Quantity(float(value), unit)
+        for name, unit, both in (
+            ("amplitude", "m", ends),
+            ("frequency", "Hz", found.frequency),
+            ("ratio", "", found.damping_ratio),
+        )
+        for end, value in zip(("first", "last"), both, strict=True)
+    }
+    return [Finding("resonance-course", "info", numbers=numbers)]
 
 
 def _course(

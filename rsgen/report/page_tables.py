@@ -233,6 +233,7 @@ def resonance_table(identification: Identification) -> Table:
 
 
 _NOT_SEEN = "Levels that identification has not seen"
+_RELATIVE = "relative to the root mean square of the measured response"
 
 
 def held_out_table(held_out: Sequence[HeldOutLevel], caption: str = _NOT_SEEN) -> Table | None:
@@ -242,10 +243,16 @@ def held_out_table(held_out: Sequence[HeldOutLevel], caption: str = _NOT_SEEN) -
         "Sweep": lambda item: _SWEEPS.get(item.sweep, item.sweep),
         "Points": lambda item: str(len(item.frequency)),
         "Error, root mean square": lambda item: error_text(item.error),
-        "Largest error": lambda item: error_text(item.largest_error),
+        "Largest error": lambda item: error_text(_largest_error(item)),
         "Points without prediction": lambda item: str(item.missing),
     }
-    return _tabulated(caption, held_out, columns) if held_out else None
+    return _tabulated(f"{caption}; errors {_RELATIVE}", held_out, columns) if held_out else None
+
+
+def _largest_error(item: HeldOutLevel) -> float:
+    """Return the largest error relative to the root mean square of a level, as ``error`` is."""
+    size = np.abs(item.measured)
+    return item.largest_error * float(size.max() / np.sqrt(np.mean(size**2)))
 
 
 def record_table(records: Sequence[PredictedRecord]) -> Table | None:

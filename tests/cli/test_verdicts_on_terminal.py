@@ -68,3 +68,17 @@ def test_every_command_says_the_same_of_a_measured_test(old, new, states, decide
     assert answer.out.startswith(f"csv-table: {verdict['headline']} (unchanged)")
     assert answer.out.count("  because: ") == len(verdict["decided_by"])
     assert values in answer.out
+
+
+def test_a_run_counts_the_warnings_and_notes_of_its_report(tmp_path, run_cli):
+    for file in FORMATS.glob("magnitude_*.csv"):
+        shutil.copy(file, tmp_path)
+    path, out = tmp_path / "case.toml", tmp_path / "out"
+    path.write_text((FORMATS / "csv-magnitude.toml").read_text())
+    said = run_cli("run", path, "--out", out).out
+    findings = json.loads((out / "csv-magnitude" / "result.json").read_text())["findings"]
+    severities = [finding["severity"] for finding in findings]
+    assert (severities.count("warning"), severities.count("info")) == (1, 3)
+    assert "  1 warning and 3 notes in report.html\n" in said
+    # and an unchanged result again
+    assert "  1 warning and 3 notes in report.html\n" in run_cli("run", path, "--out", out).out

@@ -40,6 +40,18 @@ def case(folder: Path, *parts: str, **more: Any) -> rs.Case:
     return rs.load_case(write_small(folder, "small", {**MEASURED, **law, **tables, **named, **more}))
 
 
+def test_a_hanging_mass_has_the_even_term_of_its_stretch():
+    """About the place of rest k*x + k3*x**3 of a spring stretched by s has k2 = 3 k3 s."""
+    ((kind, text),) = blocks("The mass hangs on its spring: where is gravity?")
+    said: dict[str, Any] = {}
+    exec(text, said)
+    found, rest = said["found"], said["rest"]
+    assert (kind, found.verdict.state) == ("{python}", "identified")
+    assert 6000.0 * rest + 4e6 * rest**3 == pytest.approx(1.5 * 9.81, rel=1e-9)
+    assert found["k2"].value == pytest.approx(3 * 4e6 * rest, rel=1e-4)
+    assert found["k"].value == pytest.approx(6000.0 + 3 * 4e6 * rest**2, rel=1e-4)
+
+
 def near(found: rs.Identification, per: float = 1.0) -> None:
     """Within two per cent: windows and rounded numbers are not exact."""
     assert found.verdict.state == "identified"

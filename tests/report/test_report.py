@@ -27,11 +27,12 @@ from rsgen.formula.reading import parse
 from rsgen.identification.results import Estimate, Identification
 from rsgen.law.element import Element, make_element
 from rsgen.report import draw_all, write_index
+from rsgen.report import page_tables as tables
 from rsgen.report.files import check_printed
 from rsgen.report.page import describe_elements, render_page, table_of_results
 from rsgen.report.provenance import Subject, page_environment, plain_text
 from rsgen.report.result_json import build_result, read_results, result_text
-from rsgen.report.wording.sentences import sentence
+from rsgen.report.wording.sentences import error_text, sentence
 from tests.samples import (
     C1,
     K1,
@@ -344,3 +345,35 @@ def test_a_report_needs_a_surface_and_a_result_only_and_shows_a_title_as_text(tm
     page = (by_name / "report.html").read_text()
     assert "<h1>&lt;b&gt;Joint&lt;/b&gt;</h1>" in page
     assert "our lab" in page
+
+
+def test_the_page_says_the_resonance_at_both_ends_of_the_amplitudes():
+    text = page(empty_drawings()).replace("\u202f", " ").replace("\u00a0", " ")
+    values, (low, high) = IDENTIFICATION.values, IDENTIFICATION.amplitude_range
+    ends = [(values["k1"] + 0.75 * values["kn1"] * x**2) / IDENTIFICATION.mass for x in (low, high)]
+    said = [f"{np.sqrt(square) / (2 * np.pi):.4g} Hz" for square in ends]
+    assert re.search(rf"resonance:</strong> {said[0]} at .*, {said[1]} at .*; damping ratio .* and ", text)
+
+
+@pytest.mark.parametrize(("law", "truth", "said"), [
+    ("Piecewise((k6*x, x > 0), (k7*x, True)) + c*v", {"k6": 4e3, "k7": 8e3, "c": 4.0}, True),
+    # values that differ by noise alone
+    ("Piecewise((k6*x, x > 0), (k7*x, True)) + c*v", {"k6": 6e3, "k7": 6e3, "c": 4.0}, False),
+])  # fmt: skip
+def test_a_spring_that_is_not_symmetric_is_said_to_be(law, truth, said):
+    plan = rsgen.SimulatedTest(level=[2, 10], frequency=np.linspace(8, 12, 25), noise_relative=0.003)
+    found = rsgen.identify(rsgen.simulate(rsgen.Oscillator(1.5, law, truth), plan), law)
+    assert ("not symmetric" in described(found.model.elements[0], found)) is said
+    if said:
+        largest = found.amplitude_range[1]
+        text = f"{found['k6'].value * largest:.3g} N at {1e3 * largest:.2g} mm"
+        assert text in described(found.model.elements[0], found).replace("\u202f", " ")
+
+
+def test_both_errors_of_a_held_out_level_are_relative_to_one_size():
+    (level,) = PREDICTION.held_out
+    table = tables.held_out_table([level])
+    assert "root mean square of the measured response" in table.caption
+    of_mean = np.abs(level.predicted - level.measured) / np.sqrt(np.mean(np.abs(level.measured) ** 2))
+    largest = dict(zip(table.columns, table.rows[0], strict=True))["Largest error"]
+    assert largest == error_text(float(of_mean.max()))

@@ -15,6 +15,7 @@ from rsgen.app.cli.terminal import plain, print_faults, print_line
 from rsgen.app.study.run_case import CaseRun, Step
 from rsgen.common.finding import next_lines, verdict_lines
 from rsgen.dynamics.kernel import cache_fault
+from rsgen.formula.units import count_text
 
 
 def print_cache_fault() -> None:
@@ -32,7 +33,7 @@ class Listener(NamedTuple):
 
 
 def _lines(run: CaseRun, *, values: bool) -> list[str]:
-    """Return the lines of a finished case: verdict and folder, reasons, held-out levels; [] if it failed.
+    """Return the lines of a finished case: verdict, folder, reasons, held-out levels, counts; [] of none.
 
     Those of its values come only if they are asked for: many cases would fill the terminal.
     """
@@ -41,11 +42,14 @@ def _lines(run: CaseRun, *, values: bool) -> list[str]:
     headline, *reasons = verdict_lines(run.verdict)
     how = "unchanged" if run.skipped else f"{run.seconds:.1f} s"
     held_out = (f"  {line}" for line in run.held_out)
+    counted = ((run.warnings, "warning"), (run.notes, "note"))
+    more = " and ".join(count_text(number, name) for number, name in counted if number)
     return [
         f"{run.name}: {headline} ({how}) {run.folder}",
         *reasons,
         *(run.values if values else ()),
         *held_out,
+        *([f"  {more} in report.html"] if more else []),
         *next_lines(run.verdict),
     ]
 

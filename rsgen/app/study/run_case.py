@@ -112,6 +112,8 @@ class CaseRun:
         How well each held-out level is predicted, a line for each.
     values
         The lines of the table of parameters, as `rsgen identify` prints it.
+    warnings, notes
+        How many of each the report has, without what decided the verdict.
     """
 
     path: Path
@@ -124,6 +126,8 @@ class CaseRun:
     verdict: StatedVerdict | None = None
     held_out: tuple[str, ...] = ()
     values: tuple[str, ...] = ()
+    warnings: int = 0
+    notes: int = 0
 
 
 def _inputs(case: Case) -> dict[str, str | None]:
@@ -182,6 +186,8 @@ def _finished(case: Case, folder: Path) -> CaseRun:
     """Return what the result in a folder says of a case."""
     result = json.loads((folder / RESULT).read_text(encoding="utf-8"))
     fit = Entry(folder, result).fit()
+    severities = [finding["severity"] for finding in result["findings"]]
+    of_case = len(result["warnings"]) - len(severities)
     return CaseRun(
         case.path,
         case.name,
@@ -190,6 +196,8 @@ def _finished(case: Case, folder: Path) -> CaseRun:
         verdict=result["verdict"],
         held_out=tuple(str(entry["said"]) for entry in result["held_out"]),
         values=tuple(str(table_of((*fit.estimates, *fit.background))).split("\n")),
+        warnings=severities.count("warning") + of_case,
+        notes=severities.count("info"),
     )
 
 

@@ -142,8 +142,13 @@ def draw_responses(surface: ResponseSurface, prediction: Prediction, *, ax: Give
         f"{', lines as predicted by the refined model; dashed parts are unstable' if curves else ''}."
     )
     forces = [(curve.level, level) for level, curve in predicted.items() if not surface.base]
-    if any(abs(force - level) > RELATIVE_CHANGE_NEGLIGIBLE * level for force, level in forces):
-        caption += " Lines have the force near the resonance; points away from it had another one."
+    force, level = max(forces, key=lambda pair: abs(pair[0] / pair[1] - 1), default=(1.0, 1.0))
+    if abs(force - level) > RELATIVE_CHANGE_NEGLIGIBLE * level:
+        names = [quantity_text(size, surface.level_unit, 3) for size in (force, level)]
+        caption += (
+            f" A line has the force near the resonance of its level, such as {names[0]} at level {names[1]}, "
+            "and is named by it; points away from the resonance had another one."
+        )
     if surface.response_held:
         caption = (
             "Frequency responses at constant force: points read off the test, which held X, lines as "
