@@ -195,6 +195,8 @@ def parse_case(text: str) -> dict[str, Any]:
         place = f"{found[1]}, {found[2]}" if found else "end of file"
         reason = re.sub(r"\s*\(at [^()]*\)$", "", message)
         reason = printable(reason, 200)
+        if reason == "Invalid value":
+            reason += "; texts, formulas and numbers with a unit stand in quotes"
         raise CaseError([f"{place}: {reason}; a case file is TOML 1.0"]) from fault
     except RecursionError as fault:
         raise CaseError(["nested too deeply to be read; keys are at most 4 tables deep"]) from fault
@@ -210,6 +212,11 @@ def parse_case(text: str) -> dict[str, Any]:
 KINDS = ("simulated", "simulated-multisine", "simulated-sweep", "simulated-decay", "measured")
 """Of a test: the tags of its table, which are no keys of the file."""
 _QUOTED = ", ".join(map(repr, KINDS[:-1])) + f" or {KINDS[-1]!r}"
+_OVER_FORCE = {
+    "mobility": "velocity", "receptance": "displacement", "compliance": "displacement",
+    "accelerance": "acceleration", "inertance": "acceleration",
+}  # fmt: skip
+"""Response over force, and the quantity of the response."""
 _WANTED = {
     "bool_type": "true or false", "list_type": "a list [ ... ]", "dict_type": "a table",
     "model_type": "a table", "model_attributes_type": "a table",
@@ -289,7 +296,9 @@ def _sentence(fault: Any, document: type[BaseModel]) -> str:
         many = isinstance(fault["input"], list)
         key = "values" if many and "values" in keys else keys[0]
         allowed = f"a table, as {{ {key} = {'[ ... ]' if many else '...'} }},"
-    return f"{path}: is {_shown(fault['input'])}; {allowed or fault['msg']} is needed"
+    over = _OVER_FORCE.get(str(fault["input"]).lower()) if path.endswith(".quantity") else None
+    ratio = f", here {over!r} with per_force = true" if over else ""
+    return f"{path}: is {_shown(fault['input'])}; {allowed or fault['msg']} is needed{ratio}"
 
 
 def _shown(value: object) -> str:

@@ -22,6 +22,7 @@ from rsgen.common.errors import (
     CaseError,
     ExpressionError,
     RsgenError,
+    listed,
     near_file,
     quote,
     require,
@@ -415,6 +416,10 @@ class _Builder:
         except RsgenError as fault:
             raise CaseError([f"identify.{reason(fault)}"]) from None
         oscillator = Oscillator(cast("float", mass), elements, values) if self.simulated else None
+        open_lines = [f"{n}" for n, line in enumerate(text.split("\n"), start=1) if "# TODO: " in line]
+        if open_lines:
+            where = f"line{'s' * (len(open_lines) > 1)} {listed(open_lines)}"
+            self.warnings.append(f"{where} of the case: TODO of the draft; check it, then delete the comment")
         return Case(
             path=path,
             name=document.name,

@@ -172,7 +172,7 @@ def open_regular(path: Path, most: int) -> IO[bytes]:
         if "*" in name:
             reason = "one file, without a wildcard, is read at a time; a case lists several: file = [...]"
         raise MeasurementError(
-            f"{name}: cannot be read: {reason}; files of a case lie in RSGEN_DATA or its folder"
+            f"{name}: cannot be read: {reason}; files of a case lie in its folder, --data or RSGEN_DATA"
             f"{near_file(path)}"
         ) from fault
 

@@ -226,7 +226,7 @@ def level_of_file(test: MeasuredTest, number: int) -> float | None:
         # of several numbers the one with a unit
         fitting = [m for m in fitting if UNIT_IN_NAME.match(name, m.end())] or fitting
     if len(fitting) != 1:
-        fault = f"its name is not of the form {quote(rule.name)}"
+        fault = f"its name is not of the form {quote(rule.name)} with a number for {{level}}"
         if fitting:
             fault = f"{' or '.join(m[0] for m in fitting)} may be the level in the form {quote(rule.name)}"
             fault += "; write more of the name around {level}, such as its unit, or give values"

@@ -111,7 +111,7 @@ OF_TABLE: list[Changes] = [
         "test.response.real": GONE, "test.response.phase_sense": "lag", "test.response.imaginary": GONE,
         "test.response.amplitude": 3, "test.response.phase": 4, "test.response.phase_known": False,
     },
-    {"test.response.quantity": "jerk"},
+    {"test.response.quantity": "jerk"}, {"test.response.quantity": "mobility"},
     {
         "test.response.quantity": "acceleration", "test.response.real": GONE,
         "test.response.phase_sense": GONE, "test.response.imaginary": GONE, "test.response.samples": "A",

@@ -88,6 +88,7 @@ def test_init_writes_a_case_that_is_right(law, tmp_path, run_cli):
     assert run_cli("check", path).code == 0
     again = run_cli("init", "gearbox", "--out", path)
     assert (again.code, "is there already" in again.err) == (2, True)
+    assert run_cli("init", "gearbox", "--law", law, "--out", path, "--force").code == 0
     assert law.split("*")[0] in path.read_text()
 
 
@@ -302,3 +303,16 @@ def test_short_commands_load_neither_figures_nor_compiler(command, unneeded, tmp
     )
     done = python("-c", code, f"{HEAVY} {unneeded}", *command.split(), check=True, cwd=tmp_path)
     assert done.stdout.splitlines()[-1] == "[]"
+
+
+def test_a_wildcard_in_quotes_stands_for_its_files_and_an_open_todo_is_said(tmp_path, run_cli):
+    for file in (ROOT / "cases" / "formats").glob("magnitude_*.csv"):
+        shutil.copy(file, tmp_path)
+    path = tmp_path / "runs.toml"
+    assert run_cli("init", "--from", tmp_path / "magnitude_*.csv", path).code == 0
+    text = path.read_text()
+    assert 'file = ["magnitude_1.0N.csv", "magnitude_3.0N.csv", "magnitude_6.0N.csv"]' in text
+    line = next(n for n, line in enumerate(text.split("\n"), start=1) if "TODO" in line)
+    path.write_text(text.replace('"? ', '"1 '))
+    assert f"note: line {line} of the case: TODO of the draft" in run_cli("check", path).out
+    assert "of the case: TODO" not in run_cli("check", ROOT / "cases" / "formats" / "csv-magnitude.toml").out

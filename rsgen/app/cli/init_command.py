@@ -129,10 +129,17 @@ def _told_apart(words: list[str], data: list[Path]) -> tuple[str | None, list[Pa
     """Return the name of the case and the data files: of --from *.mat all but the first stand as words."""
     endings = ("", ".toml") if not data else (".toml",)
     files = [path for path in map(Path, words) if path.suffix not in endings and path.is_file()]
+    # a wildcard in quotes, which no shell has replaced
+    files = [one for path in (*data, *files) for one in (_matching(path) or [path])]
     names = [word for word in words if Path(word) not in files]
     if len(names) > 1:
         raise RsgenError(f"NAME: one case at a time, and no files: {listed(list(map(quote, names)))}")
-    return (names[0] if names else None), [*data, *files]
+    return (names[0] if names else None), files
+
+
+def _matching(path: Path) -> list[Path]:
+    """Return the files that a name with a wildcard stands for; none if it has none or is a file's own."""
+    return sorted(path.parent.glob(path.name)) if "*" in path.name and not path.exists() else []
 
 
 def init_command(
@@ -164,6 +171,7 @@ def init_command(
     out: Annotated[
         Path | None, typer.Option("--out", "-o", help="The file.", show_default="<name>.toml")
     ] = None,
+    force: Annotated[bool, typer.Option("--force", "-f", help="Replace a case that is there.")] = False,
     json: Json = False,
 ) -> int:
     """Write a commented case file to begin with.
@@ -187,8 +195,8 @@ def init_command(
     target = out or Path(f"{name}.toml")
     test = _drafted(data, target) if data else None
     text = case_text(name, law or _LAW, test, read_memory(memory or []))
-    if target.exists():
-        raise RsgenError(f"{target}: is there already; choose another name or --out")
+    if target.exists() and not force:
+        raise RsgenError(f"{target}: is there already; choose another name or --out, or --force")
     write_atomic(target, text)
     if json:
         print_json({"case": name, "file": str(target)})
