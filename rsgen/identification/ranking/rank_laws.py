@@ -447,7 +447,9 @@ def _compare_along_own(test: RankedTest, current: Round, candidates: list[Candid
     for i in kind:
         bic[i] = max(bic[i], least)
     near = sorted((i for i in kind if bic[i] < least + _STRONG_EVIDENCE), key=lambda i: (kind[i], bic[i]))
-    for i in {*first.values(), *near[:_LEADERS]}:
+    # the law of the motion, too, may be far from its own: its motion is that of values before this round
+    moved = [i for i, law in enumerate(laws) if same[i] and not law.law.odd]
+    for i in {*first.values(), *near[:_LEADERS], *moved}:
         fits, law = list[CandidateFit](), laws[i]
         # a few steps lead from one mean to another; where they end is known if they stay there
         while len(fits) < 2 and (own := test.along(law, current)) is not None:

@@ -161,7 +161,9 @@ class Ranking(Printed):
             # of a law that is the best of those that do not fit a ranking is no advice
             names = {} if self.fits else {"ranked": "none fits"}
             own = (
-                replace(f, names={**f.names, **names}) if f.code == "law-does-not-fit" else f
+                replace(f, names={**f.names, **names})
+                if f.code in ("law-does-not-fit", "parts-disagree")
+                else f
                 for f in found.findings
             )
             self._best.append(replace(found, ranking=self, findings=(*against, *own)))
