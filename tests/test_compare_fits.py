@@ -38,8 +38,8 @@ def test_fits_stand_side_by_side(fits):
     # a fixed value has no interval to be disjoint from another
     heavy = replace(fits[1], model=replace(fits[1].model, fixed={"m": 1.6}))
     assert not any(rs.compare_fits([fits[0], heavy])["m"].disjoint)
-    assert [fit.held_out.keys() for fit in compared.fits] == [{"6 rest"}, set(), {"6 rest"}]
-    assert compared.fits[0].held_out["6 rest"] < 0.03 < compared.fits[2].held_out["6 rest"]
+    assert [fit.held_out.keys() for fit in compared.fits] == [{"6 N rest"}, set(), {"6 N rest"}]
+    assert compared.fits[0].held_out["6 N rest"] < 0.03 < compared.fits[2].held_out["6 N rest"]
     text = str(compared)
     assert text.splitlines()[0].split() == ["unit", "cubic", "with", "phase", "shift", "linear", "shift"]
     assert "1.5 (fixed)" in text

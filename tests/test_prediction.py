@@ -12,6 +12,7 @@ from rsgen.identification.identify import identify
 from rsgen.identification.prediction import predict
 from rsgen.identification.prediction.amplitude_balance import balance_of
 from rsgen.identification.prediction.resonance_curves import as_identification
+from rsgen.identification.results.result import held_out_lines
 from rsgen.law.element import make_element
 from rsgen.report.wording.sentences import sentence
 from tests.oracles.swept import sweep
@@ -113,6 +114,31 @@ def test_extrapolation_is_marked(quintic):
     # a level between two tested ones is interpolated, though the flanks of its curve lie below all points
     assert inside.extrapolated.any()
     assert [row[-1] for row in prediction.table.rows] == ["no", "yes"]
+    assert "leaves the amplitudes that were fitted" in sentence(finding)
+
+
+def test_of_a_held_out_level_beyond_those_fitted_the_score_is_said():
+    table = noisy(surface("cubic"), 0.01, 1)
+    highest = float(table.levels[-1])
+    found = identify(table, model("cubic", hold_out=(highest,)))
+    for predicted in (predict(found, surface=table), predict(found)):
+        (said,) = (f for f in predicted.findings if f.code == "prediction-extrapolated")
+        assert said["error"] == found.held_out[0].error
+        assert "nothing is known" not in sentence(said)
+    (beyond,) = predict(found, [2 * highest]).findings
+    assert "nothing is known" in sentence(beyond)
+
+
+@pytest.mark.parametrize(("error", "said"), [
+    (0.0092, ", 1.6 times the misfit; up to 2 is noise"),
+    (0.025, ", 4.2 times the misfit; up to 2 is noise, and up to 5 % of error is taken for small"),
+    (0.08, ", 14 times the misfit; up to 2 is noise"),
+    (1e-5, ""),
+])  # fmt: skip
+def test_the_error_of_a_held_out_level_has_its_scale(quintic, error, said):
+    item = replace(quintic[1].held_out[0], error=error, misfit=0.0059)
+    (line,) = held_out_lines([item])
+    assert line.endswith(f" %{said}")
 
 
 @pytest.mark.parametrize(("sweep", "band", "by"), [

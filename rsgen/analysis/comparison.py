@@ -332,7 +332,7 @@ class ComparedFit:
     def of(cls, found: Identification, name: str) -> ComparedFit:
         """Take these from an identification."""
         background = () if found.background is None else found.background.estimates
-        scores = [(one.level, getattr(one, "sweep", ""), one.error) for one in found.held_out]
+        scores = [(one.level, one.level_unit, getattr(one, "sweep", ""), one.error) for one in found.held_out]
         estimates = (*found.refined, *found.fixed)
         return cls(name, estimates, background, found.verdict, found.residual, errors_by_level(scores))
 
@@ -355,9 +355,11 @@ class ComparedFit:
         return ComparedFit(name, estimates, (), Verdict("not judged"), nan, {}, significance)
 
 
-def errors_by_level(scores: Iterable[tuple[float, str, float]]) -> dict[str, float]:
-    """Name errors by level and sweep; of several records of a level the largest counts."""
-    return {f"{level:.4g} {sweep}".rstrip(): error for level, sweep, error in sorted(scores)}
+def errors_by_level(scores: Iterable[tuple[float, str, str, float]]) -> dict[str, float]:
+    """Name errors by level, its unit, and sweep; of several records of a level the largest counts."""
+    return {
+        " ".join(f"{level:.4g} {unit} {sweep}".split()): error for level, unit, sweep, error in sorted(scores)
+    }
 
 
 @dataclass(frozen=True, slots=True)

@@ -17,6 +17,19 @@ structures misfits differ by less than two."""
 POINTS_PER_BLOCK = 512
 """Points worked on at once: their sample arrays stay in the processor's cache."""
 
+HELD_OUT_ERROR_SMALL = 0.05
+"""Error of held-out responses, relative, up to which nothing is found, whatever the misfit: errors of values
+grow near the resonance of a level beyond the fitted ones, and most sensors are within 5 %."""
+
+HELD_OUT_ERROR_DOUBTFUL = 0.15
+"""Error of held-out responses, relative, that is doubtful: most tests are within 15 %."""
+
+HELD_OUT_ERROR_REJECTED = 0.5
+"""Error of held-out responses, relative, that is no prediction."""
+
+MAX_ERROR_TO_MISFIT = 2.0
+"""Error of a held-out level, relative to the misfit of the fitted levels; noise makes 1.3."""
+
 BRANCH_DISTANCE = 0.2
 """A steady state predicted farther from the measured one, relatively, is on another branch."""
 

@@ -182,7 +182,9 @@ def render_page(
         "modal_table": tables.modal_page_table(modal),
         "modal_remarks": [modal.reason] if modal.table is None else map(full_sentence, modal.table.findings),
         "modal_held_out": tables.held_out_table(
-            modal.held_out, "The same levels, from the modal table alone"
+            modal.held_out,
+            "The same levels from the modal table alone, where it reaches",
+            prediction.held_out,
         ),
         "background_table": tables.background_table(identification),
         "ranking_table": tables.ranking_table(identification),

@@ -12,7 +12,7 @@ import numpy as np
 
 from rsgen.analysis.comparison import Comparison, Row, compare_fits
 from rsgen.common.errors import RsgenError
-from rsgen.common.tolerances import CONFIDENCE_TEXT
+from rsgen.common.tolerances import CONFIDENCE_TEXT, MAX_ERROR_TO_MISFIT
 from rsgen.data.multisine.spectra import MultisineSpectra
 from rsgen.data.surface.response_surface import ResponseSurface
 from rsgen.formula.units import ForceUnits, Scale, choose_scale, number_text, quantity_text, unit_text
@@ -20,6 +20,7 @@ from rsgen.identification.modal_result import MODAL_COLUMNS, ModalTable
 from rsgen.identification.modal_table import modal_table
 from rsgen.identification.prediction import HeldOutLevel, predict
 from rsgen.identification.prediction.prediction_result import PredictedRecord
+from rsgen.identification.prediction.resonance_curves import score_points
 from rsgen.identification.ranking.ranking_result import ORDER
 from rsgen.identification.results import Estimate, Identification
 from rsgen.law.memory import FORCE_KEYS
@@ -236,23 +237,31 @@ _NOT_SEEN = "Levels that identification has not seen"
 _RELATIVE = "relative to the root mean square of the measured response"
 
 
-def held_out_table(held_out: Sequence[HeldOutLevel], caption: str = _NOT_SEEN) -> Table | None:
-    """Score held-out levels; None where there are none."""
+def held_out_table(
+    held_out: Sequence[HeldOutLevel], caption: str = _NOT_SEEN, law: Sequence[HeldOutLevel] = ()
+) -> Table | None:
+    """Score held-out levels, with the error of a ``law`` at the same points; None where there are none."""
     columns: dict[str, _Says] = {
         "Level": lambda item: quantity_text(item.level, item.level_unit),
         "Sweep": lambda item: _SWEEPS.get(item.sweep, item.sweep),
         "Points": lambda item: str(len(item.frequency)),
         "Error, root mean square": lambda item: error_text(item.error),
-        "Largest error": lambda item: error_text(_largest_error(item)),
+        "Largest error": lambda item: error_text(item.largest_error),
         "Points without prediction": lambda item: str(item.missing),
     }
-    return _tabulated(f"{caption}; errors {_RELATIVE}", held_out, columns) if held_out else None
+    if law:
+        columns["Error of the law at the points predicted"] = lambda item: error_text(_error_at(law, item))
+    if not held_out:
+        return None
+    said = f"; up to {MAX_ERROR_TO_MISFIT:g} times the misfit, {error_text(held_out[0].misfit)}, is noise"
+    return _tabulated(f"{caption}; errors {_RELATIVE}{said}", held_out, columns)
 
 
-def _largest_error(item: HeldOutLevel) -> float:
-    """Return the largest error relative to the root mean square of a level, as ``error`` is."""
-    size = np.abs(item.measured)
-    return item.largest_error * float(size.max() / np.sqrt(np.mean(size**2)))
+def _error_at(law: Sequence[HeldOutLevel], item: HeldOutLevel) -> float:
+    """Return the error of a law at the points of a level that a modal table predicts."""
+    known = np.isfinite(item.predicted)
+    (one,) = (one for one in law if (one.level, one.sweep) == (item.level, item.sweep))
+    return score_points(one.measured[known], one.predicted[known])[0] if known.any() else math.nan
 
 
 def record_table(records: Sequence[PredictedRecord]) -> Table | None:

@@ -297,6 +297,7 @@ def _line_entries(
         "held_out": [
             {
                 **_finite_ones(one, ("level", "error", "noise")),
+                "level_unit": one.level_unit,
                 "lines": int(np.count_nonzero(one.judged)),
                 "said": held_out_lines([one])[0],
             }
@@ -333,6 +334,7 @@ def _resonance(point: Resonance) -> dict[str, Any]:
 def _held_out(item: HeldOutLevel) -> dict[str, Any]:
     return {
         "level": finite_or_none(item.level),
+        "level_unit": item.level_unit,
         "sweep": item.sweep,
         "points": len(item.frequency),
         "missing": item.missing,
@@ -412,7 +414,13 @@ class Entry:
         """Return the result as ``compare_fits`` takes an identification."""
         fixed, background = self.result.get("fixed", {}), self.result.get("background") or {}
         scores = [
-            (one["level"], one.get("sweep", ""), one["error"]) for one in self.result.get("held_out", [])
+            (
+                _number(one["level"]),
+                str(one.get("level_unit", "")),
+                str(one.get("sweep", "")),
+                _number(one["error"]),
+            )
+            for one in self.result.get("held_out", [])
         ]
         decided = tuple(map(Finding.from_dict, self.verdict["decided_by"]))
         return ComparedFit(
@@ -427,7 +435,7 @@ class Entry:
             tuple(_read_estimate(one, one) for one in background.get("estimates", [])),
             Verdict(self.verdict["state"], decided),
             _number(self.result["residual"]["relative"]),
-            errors_by_level((_number(level), str(sweep), _number(error)) for level, sweep, error in scores),
+            errors_by_level(scores),
         )
 
 

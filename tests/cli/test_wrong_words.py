@@ -52,6 +52,7 @@ def write_table(path: Path, rows: np.ndarray | None = None, head: str = "f,F,a,b
     ("simulate lab/read.toml", "lab/read.toml: test.kind: is 'measured'"),
     ("simulate lab/small.toml --out absent/a.h5", "--out absent/a.h5: there is no folder absent"),
     ("check lab/read.toml --data absent", "lab/read.toml: test.file: ... absent/a.csv: cannot be read"),
+    ("identify lab/read.toml --data absent", "lab/read.toml: test.file: ... absent/a.csv: cannot be read"),
     ("profile lab/small.toml q", "profile: 'q' is no parameter with a value here; those are c, k, m"),
     ("inspect lab/a.cs", "lab/a.cs: cannot be read: ... did you mean 'lab/a.csv'?"),
     ("inspect lab/small.toml", "lab/small.toml: is a case file, which `rsgen check` reads"),

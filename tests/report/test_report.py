@@ -377,3 +377,15 @@ def test_both_errors_of_a_held_out_level_are_relative_to_one_size():
     of_mean = np.abs(level.predicted - level.measured) / np.sqrt(np.mean(np.abs(level.measured) ** 2))
     largest = dict(zip(table.columns, table.rows[0], strict=True))["Largest error"]
     assert largest == error_text(float(of_mean.max()))
+    assert level.largest_error == pytest.approx(float(of_mean.max()))
+
+
+def test_a_law_is_compared_with_the_modal_table_at_the_points_of_the_table():
+    (level,) = PREDICTION.held_out
+    within = np.abs(level.measured) < 0.7 * np.abs(level.measured).max()
+    of_table = replace(level, predicted=np.where(within, level.predicted, np.nan))
+    off = replace(level, predicted=level.predicted + 0.01 * np.abs(level.measured) * within)
+    table = tables.held_out_table([of_table], "from the table", [off])
+    said = dict(zip(table.columns, table.rows[0], strict=True))["Error of the law at the points predicted"]
+    miss = np.linalg.norm((off.predicted - off.measured)[within])
+    assert said == error_text(float(miss / np.linalg.norm(off.measured[within])))

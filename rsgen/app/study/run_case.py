@@ -33,7 +33,7 @@ from rsgen.app.study.folder import (
 )
 from rsgen.cases.case import Case, law_faults
 from rsgen.cases.loading import load_case
-from rsgen.common.errors import CaseError, RsgenError, program_fault, quote, shown_path
+from rsgen.common.errors import CaseError, MeasurementError, RsgenError, program_fault, quote, shown_path
 from rsgen.common.finding import StatedVerdict
 from rsgen.data.multisine.spectra import MultisineSpectra
 from rsgen.data.surface.response_surface import ResponseSurface
@@ -218,11 +218,14 @@ def obtain_table(
     if refused := law_faults(case):
         raise CaseError(refused)
     test: Any = case.test
-    table: ResponseSurface | MultisineSpectra = (
-        simulate(case.oscillator, test, progress=progress)
-        if case.oscillator is not None
-        else rsgen.files.read_measurement(test)
-    )
+    try:
+        table: ResponseSurface | MultisineSpectra = (
+            simulate(case.oscillator, test, progress=progress)
+            if case.oscillator is not None
+            else rsgen.files.read_measurement(test)
+        )
+    except MeasurementError as fault:
+        raise MeasurementError(f"{shown_path(case.path)}: test.file: {fault}") from fault
     return table.on_mass(case.model.fixed.get("m", nan))
 
 

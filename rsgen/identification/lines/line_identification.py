@@ -19,6 +19,9 @@ from rsgen.common.arrays import Array, frozen_array
 from rsgen.common.errors import RsgenError, require
 from rsgen.common.finding import Finding, Quantity, Severity, quantities, severity_of
 from rsgen.common.tolerances import (
+    HELD_OUT_ERROR_DOUBTFUL,
+    HELD_OUT_ERROR_REJECTED,
+    HELD_OUT_ERROR_SMALL,
     MIN_MISFIT_REDUCTION,
     MIN_SIGNIFICANT_GAIN,
     MISFIT_DOUBTFUL,
@@ -55,12 +58,7 @@ from rsgen.identification.lines.line_fit import (
     start_values,
 )
 from rsgen.identification.misfit import background_findings
-from rsgen.identification.prediction.prediction_result import (
-    BEYOND,
-    PredictedRecord,
-    Prediction,
-    severity_of_error,
-)
+from rsgen.identification.prediction.prediction_result import BEYOND, PredictedRecord, Prediction
 from rsgen.identification.profile import with_line_profiles
 from rsgen.identification.results import (
     Background,
@@ -517,9 +515,12 @@ def _prediction_findings(
             continue
         if amplitude > reach:
             tested = Quantity(found.amplitude_range[1], "m")
-            numbers = quantities(level=level, amplitude=Quantity(amplitude, "m"), high=tested)
+            numbers = quantities(
+                level=level, amplitude=Quantity(amplitude, "m"), high=tested, error=one.error
+            )
             findings.append(Finding("prediction-extrapolated", "warning", numbers=numbers))
-        if severity := severity_of_error(one.error):
+        if one.error > HELD_OUT_ERROR_SMALL:
+            severity = severity_of(one.error, HELD_OUT_ERROR_DOUBTFUL, HELD_OUT_ERROR_REJECTED)
             numbers = quantities(level=level, error=one.error, misfit=found.residual)
             findings.append(Finding("held-out-missed", severity, numbers=numbers))
     return findings

@@ -24,6 +24,7 @@ from rsgen.common.finding import Quantity, quantities
 from rsgen.common.tolerances import (
     ANY_LAW,
     BALANCE_HARMONICS,
+    HELD_OUT_ERROR_SMALL,
     MAX_LINEAR_CHANGE,
     MAX_TRIAL_STEPS,
     RELATIVE_CHANGE_NEGLIGIBLE,
@@ -39,7 +40,7 @@ from rsgen.dynamics.linear_part import Inertia
 from rsgen.identification.fitting.across import MeasuredAcross, law_of
 from rsgen.identification.fitting.forward import MAX_POWER_OF_FORCE
 from rsgen.identification.modal_result import ModalTable, SplineMode
-from rsgen.identification.prediction.prediction_result import BEYOND, ERROR_LIMITS, ResonanceCurve
+from rsgen.identification.prediction.prediction_result import BEYOND, ResonanceCurve
 from rsgen.identification.results import EquivalentCurve, Estimate, Identification
 from rsgen.law.motion import Motion
 from rsgen.law.numeric import compile_law
@@ -363,7 +364,7 @@ class SynthesisBalance(AmplitudeBalance):
             below = np.clip(np.log(self._least / size), 0.0, 1.0)
             changed = self._drift(mode.omega) * below * size / np.abs(mode.force)
             largest = np.fmax(size, mode.amplitude)
-            known = (largest <= BEYOND * self._largest) & (changed < ERROR_LIMITS["warning"])
+            known = (largest <= BEYOND * self._largest) & (changed < HELD_OUT_ERROR_SMALL)
         return np.where(known, found, np.nan)
 
     def _drift(self, omega: Array) -> Array:

@@ -14,21 +14,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rsgen.common.arrays import Array, ComplexArray
-from rsgen.common.finding import Finding, Severity
+from rsgen.common.finding import Finding
 from rsgen.common.text_table import Brief, Printed, TextTable, data_frame, lookup, short
 from rsgen.common.tolerances import RELATIVE_CHANGE_NEGLIGIBLE
 from rsgen.identification.results.result import freeze, held_out_lines
 
 BEYOND = 1 + RELATIVE_CHANGE_NEGLIGIBLE
 """Amplitude relative to the largest tested one from which on a response is extrapolated."""
-
-ERROR_LIMITS: dict[Severity, float] = {"error": 0.5, "doubt": 0.15, "warning": 0.05}
-"""Relative errors of held-out responses by severity: most sensors are within 5 %, most tests within 15 %."""
-
-
-def severity_of_error(error: float) -> Severity | None:
-    """Return the severity of a relative error of held-out responses; None if it is small."""
-    return next((severity for severity, limit in ERROR_LIMITS.items() if error > limit), None)
 
 
 @dataclass(frozen=True, slots=True, eq=False, repr=False)
@@ -100,7 +92,7 @@ class HeldOutLevel(Brief):
         up, are left out where they are ``missing``: between a predicted and a measured jump branches differ.
         A point for which the law has no steady state counts as predicted at rest.
     largest_error
-        Largest |predicted - measured| of the same points over the largest |measured| [1].
+        Largest |predicted - measured| of the same points over the same root mean square [1].
     missing
         Number of points without a predicted steady state near the measured one; of a decay, and where the
         test held the amplitude, without any.
@@ -111,6 +103,8 @@ class HeldOutLevel(Brief):
         "N", or "m/s^2" where parameters and forces are per unit mass.
     explained
         What the errors of the values explain of ``error`` (95 %), of free decays; 0 of other tests.
+    misfit
+        Of the law or table that predicts, where it was fitted [1].
     """
 
     level: float
@@ -125,6 +119,7 @@ class HeldOutLevel(Brief):
     force: float = nan
     force_unit: str = "N"
     explained: float = 0.0
+    misfit: float = nan
 
     def __post_init__(self) -> None:
         freeze(self, ("frequency",))

@@ -18,9 +18,13 @@ import numpy as np
 import rsgen.identification  # predicts records of multisines
 from rsgen.common.arrays import Array, ComplexArray
 from rsgen.common.errors import RsgenError, known_arguments, require
-from rsgen.common.finding import Finding, Quantity, quantities
+from rsgen.common.finding import Finding, Quantity, quantities, severity_of
 from rsgen.common.tolerances import (
     BRANCH_DISTANCE,
+    HELD_OUT_ERROR_DOUBTFUL,
+    HELD_OUT_ERROR_REJECTED,
+    HELD_OUT_ERROR_SMALL,
+    MAX_ERROR_TO_MISFIT,
     MAX_LINEAR_CHANGE,
     RELATIVE_CHANGE_NEGLIGIBLE,
     RELATIVE_ERROR_DOUBTFUL,
@@ -45,7 +49,6 @@ from rsgen.identification.prediction.prediction_result import (
     HeldOutLevel,
     Prediction,
     ResonanceCurve,
-    severity_of_error,
 )
 from rsgen.identification.results import EquivalentCurve, Estimate, Identification, MultisineIdentification
 
@@ -135,9 +138,6 @@ _SHARE_AT_JUMPS = 0.02
 """Share of the points of a run that may lie between a predicted and a measured jump, so on another branch;
 they are not scored."""
 
-_MAX_ERROR_TO_MISFIT = 2.0
-"""Error of a held-out level, relative to the misfit of the fitted levels; noise makes 1.3."""
-
 
 @known_arguments
 def predict(
@@ -212,13 +212,10 @@ def predict(
     balance = SynthesisBalance(table, window) if table is not None else balance_of(found)
     omega = (2 * np.pi * window[0], 2 * np.pi * window[1])
     curves = tuple(_curve(found, balance, level, omega, tested) for level in balance.drawn(chosen))
-    held_out: tuple[HeldOutLevel, ...] = ()
-    findings = list[Finding]()
-    if surface is not None:
-        held_out = _score(found, balance, surface)
-        findings += _missed(held_out, found.residual)
-        if curves and surface.base in ("displacement", "velocity"):
-            findings.append(Finding("curves-of-constant-acceleration", "info", names={"base": surface.base}))
+    held_out = () if surface is None else _score(found, balance, surface)
+    findings = [*_missed(held_out)]
+    if curves and surface is not None and surface.base in ("displacement", "velocity"):
+        findings.append(Finding("curves-of-constant-acceleration", "info", names={"base": surface.base}))
     findings = [*_along(found), *_findings(found, balance, tested, curves, held_out), *findings]
     return Prediction(curves, held_out, (*findings, *records.findings), records.records)
 
@@ -253,8 +250,7 @@ def predict_held_out(found: Identification, surface: ResponseSurface) -> Predict
         return Prediction((), (), meant)
     surface = surface.on_mass(found.mass)
     held_out = _score(found, balance_of(found), surface)
-    missed = _missed(held_out, found.residual)
-    return Prediction((), held_out, (*meant, *_missing(held_out), *missed))
+    return Prediction((), held_out, (*meant, *_missing(held_out), *_missed(held_out)))
 
 
 def _by_label(found: Identification, test: ResponseSurface | MultisineSpectra) -> tuple[Finding, ...]:
@@ -343,6 +339,9 @@ def _findings(
         if run is not None and (beyond or curve.rises_at_end):
             short.append(_compare_peaks(found, balance, curve, run, numbers))
         elif beyond:
+            scored = ((one.error, getattr(one, "force", nan)) for one in held_out or found.held_out)
+            near = [e for e, force in scored if abs(force / curve.level - 1) <= RELATIVE_CHANGE_NEGLIGIBLE]
+            numbers |= quantities(error=max(near)) if near else {}
             findings.append(Finding("prediction-extrapolated", "warning", numbers=numbers))
     # points of a level rarely hit its very peak
     short = [one for one in short if one[0] > 1 + RELATIVE_ERROR_DOUBTFUL]
@@ -507,15 +506,16 @@ def _respond(
     return balance.respond(mode) + shape.receptance(values) * mode.force
 
 
-def _missed(held_out: tuple[HeldOutLevel, ...], misfit: float) -> tuple[Finding, ...]:
+def _missed(held_out: tuple[HeldOutLevel, ...]) -> tuple[Finding, ...]:
     """Find held-out levels whose error is large, and large relative to the misfit of the fit."""
     findings = []
     for item in held_out:
-        severity = severity_of_error(item.error)
-        if severity is None or item.error <= _MAX_ERROR_TO_MISFIT * misfit:
+        if not item.error > max(HELD_OUT_ERROR_SMALL, MAX_ERROR_TO_MISFIT * item.misfit):
             continue
-        numbers = quantities(error=item.error, misfit=misfit, level=Quantity(item.level, item.level_unit))
-        if item.error <= item.explained and severity_of_error(misfit) is None:
+        severity = severity_of(item.error, HELD_OUT_ERROR_DOUBTFUL, HELD_OUT_ERROR_REJECTED)
+        level = Quantity(item.level, item.level_unit)
+        numbers = quantities(error=item.error, misfit=item.misfit, level=level)
+        if item.error <= item.explained and item.misfit <= HELD_OUT_ERROR_SMALL:
             # forces of a decay are far more sensitive to the values than its frequency
             severity = "warning"
             numbers |= quantities(explained=item.explained)
@@ -523,8 +523,8 @@ def _missed(held_out: tuple[HeldOutLevel, ...], misfit: float) -> tuple[Finding,
     return tuple(findings)
 
 
-def _errors(
-    measured: ComplexArray, predicted: ComplexArray, near: float, *, by_law: bool
+def score_points(
+    measured: ComplexArray, predicted: ComplexArray, near: float = BRANCH_DISTANCE, *, by_law: bool = True
 ) -> tuple[float, float, int]:
     """Return the error of a run, its largest one, and the number of points not predicted as ``near``.
 
@@ -543,8 +543,9 @@ def _errors(
     scored[off[: min(int(np.ceil(_SHARE_AT_JUMPS * count)), count - 1)]] = False
     if not scored.any():
         return nan, nan, int(np.count_nonzero(missed))
-    error = float(np.linalg.norm(miss[scored]) / np.linalg.norm(size[scored]))
-    return error, float(miss[scored].max() / size.max()), int(np.count_nonzero(missed))
+    root = np.sqrt(np.mean(size[scored] ** 2))
+    error = float(np.sqrt(np.mean(miss[scored] ** 2)) / root)
+    return error, float(miss[scored].max() / root), int(np.count_nonzero(missed))
 
 
 def _score(
@@ -575,7 +576,7 @@ def _score(
             # points that are compared by their force, at their amplitudes, are on no other branch
             near = inf if surface.decays or surface.response_held else BRANCH_DISTANCE
             by_law = not isinstance(balance, SynthesisBalance)
-            error, largest, missing = _errors(measured, predicted, near, by_law=by_law)
+            error, largest, missing = score_points(measured, predicted, near, by_law=by_law)
             known = rows[np.isfinite(predicted)]
             explained = balance.explained(surface.select(known)) if surface.decays and len(known) else 0.0
             scored.append(
@@ -592,6 +593,7 @@ def _score(
                     force=float(forces[surface.levels == level][0]),
                     missing=missing,
                     explained=explained,
+                    misfit=identification.residual,
                 )
             )
     return tuple(scored)

@@ -6,7 +6,7 @@ from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import suppress
 from dataclasses import dataclass, field, fields, replace
 from functools import partial
-from math import isfinite
+from math import isfinite, nan
 from typing import TYPE_CHECKING, Any, TypeVar, cast
 
 import numpy as np
@@ -16,7 +16,12 @@ from rsgen.common.arrays import Array, ComplexArray, frozen_array
 from rsgen.common.errors import RsgenError
 from rsgen.common.finding import Finding, Verdict, reach_verdict
 from rsgen.common.text_table import Brief, Printed, TextTable, data_frame, lookup, short, with_error
-from rsgen.common.tolerances import CONFIDENCE_TEXT
+from rsgen.common.tolerances import (
+    CONFIDENCE_TEXT,
+    HELD_OUT_ERROR_SMALL,
+    MAX_ERROR_TO_MISFIT,
+    MISFIT_NEGLIGIBLE,
+)
 from rsgen.data.multisine.spectra import MultisineSpectra
 from rsgen.data.oscillator import Model, Oscillator
 from rsgen.dynamics.linear_part import BackgroundTerms, background_terms
@@ -495,8 +500,20 @@ def held_out_lines(held_out: Iterable[Any]) -> list[str]:
     return [
         f"held out {short(one.level, 4)} {one.level_unit}: predicted with an error of {100 * one.error:.2g} %"
         + (f", {one.missing} of {len(one.frequency)} points not at all" if getattr(one, "missing", 0) else "")
+        + _scale_of_error(one)
         for one in held_out
     ]
+
+
+def _scale_of_error(one: Any) -> str:
+    """Say what the error of a level is to be compared with; nothing of exact data, or of a record."""
+    if not (one.error > MISFIT_NEGLIGIBLE and getattr(one, "misfit", nan) > 0):
+        return ""
+    ratio = one.error / one.misfit
+    small = ratio > MAX_ERROR_TO_MISFIT and one.error <= HELD_OUT_ERROR_SMALL
+    return f", {ratio:.2g} times the misfit; up to {MAX_ERROR_TO_MISFIT:g} is noise" + (
+        f", and up to {100 * HELD_OUT_ERROR_SMALL:g} % of error is taken for small" if small else ""
+    )
 
 
 # ----------------------------------------------------------------------------
