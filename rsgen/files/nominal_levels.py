@@ -92,7 +92,8 @@ def stable_points(frequency: Array, force: Array, size: Array) -> NDArray[np.boo
     return stable
 
 
-_NUMBER = r"[+-]?\d{1,30}(?:[.,]\d{1,30})?(?:[eE][+-]?\d{1,3})?"
+_NUMBER = r"[+-]?\d{1,30}(?:[.,p]\d{1,30})?(?:[eE][+-]?\d{1,3})?"
+"""In a name: 0.5, 0,5 or 0p5, which stands for 0.5 where a name has no point."""
 _MAX_LEVEL_SPREAD = 0.05
 """Runs whose forces differ by less than this fraction share a level: shakers repeat it to a few per cent."""
 _MIN_SHARE_OF_SWEEP_STEPS = 0.8
@@ -159,7 +160,7 @@ def group_runs(force: Array, frequency: Array, block: NDArray[np.int64]) -> Arra
     return group_levels(level, _MAX_LEVEL_SPREAD)[run]
 
 
-_NUMBER_IN_NAME = r"(?<![\d.,])(\d{1,30}(?:[.,]\d{1,30})?)"
+_NUMBER_IN_NAME = r"(?<![\d.,])(\d{1,30}(?:[.,p]\d{1,30})?)"
 
 
 def level_form(names: Sequence[str], unit: str = "[munk]?N") -> str | None:
@@ -176,6 +177,8 @@ def level_form(names: Sequence[str], unit: str = "[munk]?N") -> str | None:
     --------
     >>> level_form(["rep1_2N_up.mat", "rep2_2N_down.mat", "rep1_0.5N_up.mat"])
     'rep*_{level}N_*.mat'
+    >>> level_form(["flap_0p5N_up.mat", "flap_1N_up.mat"])
+    'flap_{level}N_up.mat'
     >>> level_form(["run_0.10g.mat", "run_0.31g.mat"], "g")
     'run_{level}g.mat'
     >>> level_form(["load_cell_200N_1.mat", "load_cell_200N_2.mat"]) is None
@@ -229,9 +232,11 @@ def level_of_file(test: MeasuredTest, number: int) -> float | None:
         fault = f"its name is not of the form {quote(rule.name)} with a number for {{level}}"
         if fitting:
             fault = f"{' or '.join(m[0] for m in fitting)} may be the level in the form {quote(rule.name)}"
-            fault += "; write more of the name around {level}, such as its unit, or give values"
+            fault += "; write more of the name around {level}, such as its unit, or give values = [...]"
+        else:
+            fault += "; or give values = [...]"
         raise MeasurementError(f"{shown_path(test.files[number])}: {fault}")
-    level = float(fitting[0][0].replace(",", ".")) * test.factor("level")
+    level = float(re.sub("[,p]", ".", fitting[0][0])) * test.factor("level")
     if not (level > 0 or rule.labels):
         raise MeasurementError(
             f"{shown_path(test.files[number])}: its name gives a level of {level:g} {test.level_unit}; "

@@ -397,6 +397,24 @@ def test_texts_of_a_matlab_file_are_shown_and_are_units(tmp_path, run_cli, units
     assert "numbers are needed" not in shown
 
 
+def test_a_draft_repeats_what_a_file_says_of_its_units(tmp_path):
+    """Units in one text of the file were not mentioned beside the TODO, and m/s^2 for g was identified."""
+    path, record = tmp_path / "flap.mat", np.sin(np.arange(400.0))
+    texts = {"units": "g, N\n[test]\u202e" + "x" * 200, "comment": "sine sweep up"}
+    scipy.io.savemat(path, {"acc_flap": record, "force_cell": record, "fs": 2048.0} | texts)
+    doubts = drafted(path).doubts
+    for place in ("test.force.unit", "test.response.unit"):
+        assert doubts[place].startswith(
+            "TODO: no unit stands with it; write the unit; the file has the text units = "
+        )
+        assert "units = 'g, N\\n[test]" in doubts[place]
+        assert doubts[place].endswith("...")
+    assert doubts["test.excitation"].endswith("; the file has the text comment = 'sine sweep up'")
+    text = proposal_text(drafted(path))
+    assert text.replace("\n", "").isprintable()
+    assert text.count("[test]\n") == 1
+
+
 SPECTRUM = np.linspace(8, 12, 20)
 
 

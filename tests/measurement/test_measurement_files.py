@@ -157,6 +157,12 @@ def test_level_stands_in_the_name(tmp_path):
     assert read_measurement(measured(path, force=None, level=rule)).force.tolist() == [2500]
     with pytest.raises(MeasurementError, match="its name is not of the form"):
         read_measurement(measured(path, force=None, level=LevelRule(name="run{level}.npz")))
+    # 0p5 was read as 5 or not at all, and the fault did not offer values
+    for name in ("run_0p5kN.npz", "run_0,5kN.npz"):
+        path = path.rename(path.with_name(name))
+        assert read_measurement(measured(path, force=None, level=rule)).force.tolist() == [500]
+    with pytest.raises(MeasurementError, match=r"for \{level\}; or give values = \[...\]"):
+        read_measurement(measured(path, force=None, level=LevelRule(name="run{level}.npz")))
     # the last number that fitted was taken without a word: of two, the one with a unit is the level
     several = path.with_name("run3_2N_rep_4_a.npz")
     np.savez(several, f=[1.0], x=[4.0])
@@ -164,7 +170,7 @@ def test_level_stands_in_the_name(tmp_path):
     assert read_measurement(measured(several, force=None, level=loose)).force.tolist() == [2]
     unclear = several.rename(path.with_name("run3_2_rep_4_a.npz"))
     with pytest.raises(
-        MeasurementError, match=r"2 or 4 may be the level .* such as its unit, or give values"
+        MeasurementError, match=r"2 or 4 may be the level .* such as its unit, or give values = "
     ):
         read_measurement(measured(unclear, force=None, level=loose))
 

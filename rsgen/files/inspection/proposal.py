@@ -269,7 +269,7 @@ def _propose_history(draft: _Draft, time: Entry | None) -> None:
     excitation = next((kind for sign, kind in _EXCITATIONS.items() if sign in stem), UNKNOWN)
     draft.tables["test"] = {"excitation": excitation}
     if excitation == UNKNOWN:
-        draft.doubts["test.excitation"] = f"{clues.TODO}write {_CHOICES}"
+        draft.doubts["test.excitation"] = f"{clues.TODO}write {_CHOICES}{clues.said_in(draft.contents)}"
     draft.tables["test.time"] = _time(draft, draft.take(time))
     longest = max((max(entry.shape, default=1) for entry in draft.free), default=0)
     size = time.size if time else longest
@@ -474,6 +474,7 @@ def _doubt_unit(draft: _Draft, entry: Entry, place: str, known: bool) -> None:
         example = '"10 N/V"' if place == "test.force" else '"100 mV/g"'
         said = f'the file says {entry.unit!r}; write unit and factor, as unit = "V", factor = {example}'
         none = f"{entry.unit_source or 'no unit stands with it'}; write the unit"
+        none += clues.said_in(draft.contents, of_units=True)
         draft.doubts[f"{place}.unit"] = clues.TODO + (said if entry.unit else none)
     elif entry.unit_source:
         draft.doubts[f"{place}.unit"] = entry.unit_source
