@@ -110,14 +110,16 @@ def misfit_findings(
         size, min([MISFIT_DOUBTFUL_WITH_PATTERN, *_limits_of_joints(fit)]), MISFIT_REJECTED
     )
     rejected = severity == "error"
-    left, explained, names = _cause(fit, points, others, only_terms=rejected, decays=surface.decays)
+    left_by_term, left_by_cause, names = _cause(
+        fit, points, others, only_terms=rejected, decays=surface.decays
+    )
     numbers = quantities(misfit=misfit)
     if names:
-        numbers |= quantities(left=explained)
+        numbers |= quantities(left=left_by_cause)
         # gains of the levels are no other law: they are as doubtful as the misfit is large
         severity = severity if "levels" in names or rejected else "doubt"
     known = not any(finding.code in CODES_OF_RESPONSE for finding in surface.findings)
-    most = min(left, MISFIT_DOUBTFUL) if rejected else left
+    most = min(left_by_term, MISFIT_DOUBTFUL) if rejected else left_by_term
     if known and not surface.decays and (fixed := _contradicted(fit, most)):
         # the law is not to blame for what it was given
         return [replace(finding, severity=severity) for finding in fixed] if rejected else fixed
@@ -130,11 +132,11 @@ def misfit_findings(
     if backgrounds:
         found += background_findings(
             backgrounds,
-            {kind: left_by(fit, one, wider) for kind, one in backgrounds.items()},
+            {kind: misfit_left_by(fit, one, wider) for kind, one in backgrounds.items()},
             fit.regression.first(fit.problem.count),
             others.names,
             misfit=misfit,
-            left=left if known else 0.0,
+            left_by_term=left_by_term if known else 0.0,
         )
     return found
 
@@ -165,7 +167,7 @@ def _cause(
 
     Returns
     -------
-    left, explained, names
+    left_by_term, left_by_cause, names
         The misfit that the best term leaves, and the best cause; its names, none if it takes up too little.
     """
     misfit, terms, problem = relative_misfit(fit), others.kinds["term"], fit.problem
@@ -179,19 +181,23 @@ def _cause(
         tried.append("")
     by_term = {name: misfit * share_left_by(fit, name) for name in tried}
     term = min(by_term, key=by_term.__getitem__)
-    left = explained = by_term[term]
+    left_by_term = left_by_cause = by_term[term]
     names, enough = {"term": term} if term else {"side": "other"}, (1 - MIN_MISFIT_REDUCTION) * misfit
     # on as many points as were fitted
     more = MIN_SIGNIFICANT_GAIN / min(fit.regression.freedom, 2 * SUBSAMPLE_POINTS)
-    alike = [name for name in by_term if name not in ("", term) and by_term[name] ** 2 < (1 + more) * left**2]
+    alike = [
+        name
+        for name in by_term
+        if name not in ("", term) and by_term[name] ** 2 < (1 + more) * left_by_term**2
+    ]
     if term and alike:
         names["also"] = listed(alike)
-    if not (only_terms or left < enough):
+    if not (only_terms or left_by_term < enough):
         curves = free_curves_leave(fit, points)
         factors = inf if decays else force_factors_leave(fit)
         names = {"free": "curves"} if curves < factors else {"levels": "force"}
-        explained = min(curves, factors) * misfit
-    return left, explained, names if explained < enough else {}
+        left_by_cause = min(curves, factors) * misfit
+    return left_by_term, left_by_cause, names if left_by_cause < enough else {}
 
 
 def _of_systematic_columns(fit: Fit) -> float:
@@ -286,27 +292,27 @@ def _contradicted(fit: Fit, left: float) -> list[Finding]:
 
 def background_findings(
     others: Mapping[str, Alternative],
-    left_by: Mapping[str, float],
+    left_by_kind: Mapping[str, float],
     found: Regression,
     names: Sequence[str],
     *,
     misfit: float,
-    left: float,
+    left_by_term: float,
 ) -> list[Finding]:
     """Find a background that takes up the misfit, more than a term does, and moves a parameter.
 
     Parameters
     ----------
-    others, left_by
+    others, left_by_kind
         Alternatives with more of a background by kind, and the misfit that each leaves.
     found, names
         Of the law and the mass.
-    misfit, left
+    misfit, left_by_term
         Of the fit, and what the best term would leave.
     """
-    kind = simplest_background(left_by, misfit)
-    leaves = left_by[kind]
-    if not leaves < min((1 - MIN_MISFIT_REDUCTION) * misfit, left):
+    kind = simplest_background(left_by_kind, misfit)
+    least = left_by_kind[kind]
+    if not least < min((1 - MIN_MISFIT_REDUCTION) * misfit, left_by_term):
         return []
     change = others[kind].shift[: len(names)]
     # halves that differ by the same background widen the errors, and are no reason against it
@@ -316,13 +322,13 @@ def background_findings(
     if not clear.any():
         return []
     worst = int(np.argmax(np.where(clear, np.abs(share), 0.0)))
-    numbers = quantities(misfit=misfit, left=leaves, moved=share[worst], times=times[worst])
+    numbers = quantities(misfit=misfit, left=least, moved=share[worst], times=times[worst])
     if kind == "mean":
         numbers["offset"] = Quantity(float(others[kind].shift[-1]), "m")
     return [Finding("background-missing", "doubt", names[worst], numbers, {"kind": kind})]
 
 
-def left_by(fit: Fit, other: Alternative, wider: Array) -> float:
+def misfit_left_by(fit: Fit, other: Alternative, wider: Array) -> float:
     """Relative misfit that an alternative leaves."""
     return relative_misfit(fit) * float(
         np.sqrt(max(1 - other.gain * np.median(wider) ** 2 / fit.regression.freedom, 0.0))

@@ -424,7 +424,7 @@ def _misfit_findings(fit: LineFit, errors: Errors) -> list[Finding]:
     if more:
         backgrounds, known = others.kinds["background"], fit.regression.first(len(others.names))
         left = min(terms.values())
-        found += background_findings(backgrounds, more, known, others.names, misfit=misfit, left=left)
+        found += background_findings(backgrounds, more, known, others.names, misfit=misfit, left_by_term=left)
     return found
 
 

@@ -50,7 +50,7 @@ from rsgen.identification.fitting.observed import (
     neighbour_power,
 )
 from rsgen.identification.fitting.points import Points, mass_needs, select_points
-from rsgen.identification.misfit import even_findings, left_by, relative_misfit
+from rsgen.identification.misfit import even_findings, misfit_left_by, relative_misfit
 from rsgen.identification.ranking.balance import (
     MAX_MOTION_DISTANCE,
     PointBalance,
@@ -525,7 +525,7 @@ class PointTest(RankedTest):
             return None
         fit = self._fit_near(best, current)
         others, misfit = fit_larger_backgrounds(fit, fit.regression.noise), relative_misfit(fit)
-        leaves = {kind: left_by(fit, other, np.ones(1)) for kind, other in others.items()}
+        leaves = {kind: misfit_left_by(fit, other, np.ones(1)) for kind, other in others.items()}
         # with noise no background halves the whole of a small misfit
         systematic = misfit**2 - current.noise**2
         explained = misfit**2 - min(leaves.values(), default=np.inf) ** 2
