@@ -140,7 +140,7 @@ def test_figures_are_drawn_and_formulas_are_laid_out(chromium, pages):
         return [await page.ask(sizes.format(what)) for what in ("svg.drawing", "math")]
 
     drawings, formulas = in_browser(chromium, visit)
-    assert len(drawings) == 7
+    assert len(drawings) == 5
     assert min(drawings) > 150
     assert formulas
     assert min(formulas) > 8

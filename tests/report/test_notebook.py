@@ -134,7 +134,7 @@ def test_the_run_and_a_kernel_of_its_own_give_the_same_notebook(tmp_path, monkey
     assert outputs(run) == outputs(alone)
     assert [cell.source for cell in run.cells] == [cell.source for cell in alone.cells]
     pictures = [out for cell in outputs(run).values() for out in cell if "image/png" in out.get("data", {})]
-    assert len(pictures) == 6
+    assert len(pictures) == 4
     assert all("alt" in picture.metadata["image/png"] for picture in pictures)
     assert str(comparison) == outputs(run)["comparison"][-1]["data"]["text/plain"]
     assert "outside" not in str(comparison)
