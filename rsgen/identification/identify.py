@@ -112,7 +112,7 @@ def fit_all_harmonics(problem: Problem, start: Array, attained: float = 0.0) -> 
         return found
     # a law that feeds energy settles nowhere, and one that misses by far is not mended by exact corners
     feeds = observed.mode(found.background).feed_exciter
-    hidden = found.regression.noise > MISFIT_OF_NOISE and found.lost.any()
+    hidden = found.regression.noise > MISFIT_OF_NOISE and found.hidden_by_noise.any()
     if not (feeds or hidden) and attained < relative_misfit(found) < MISFIT_REJECTED:
         found = _refit_with_simulator(found)
         # a misfit between the simulator's own and noise: some points were not followed

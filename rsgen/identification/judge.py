@@ -313,7 +313,7 @@ class Findings:
         """Find what is to know of the parameters, the points used, the misfit, and signs and sizes."""
         of_parameters = [e.finding for e in self.estimates if e.finding is not None]
         calibrated, wider = self.model.observation.calibrated, self.errors.agreement.wider
-        found = [*of_parameters]
+        found = list(of_parameters)
         found += of_one_mode(self.surface.findings, self.points, relative_misfit(self.fit))
         found += self.surface.limits
         misread = any(f.code == "base-misread" for f in self.surface.findings)

@@ -79,7 +79,7 @@ _LEAST_STEP = 0.1
 _STEP_RATIO = 2.0
 """Factor from one distance to the next while no end is found."""
 
-_STEEPER = 0.25
+STEEPER = 0.25
 """Factor of a nonlinear value, or its inverse, at which a law must differ for that side to have an end."""
 
 
@@ -194,7 +194,7 @@ class _Likelihood:
         found = refit_weighted(self._near, problem, *begin, order=order, gain=_END_TOLERANCE)
         return found.parameters, found.nuisance, _cost(found.residual) if found.used.all() else inf
 
-    def told(self, place: int, target: float, factor: float) -> bool:
+    def distinguishes(self, place: int, target: float, factor: float) -> bool:
         """Return False where linear parameters make up for a factor on a nonlinear value.
 
         Asked of smooth laws that the samples of the balance do not resolve there.
@@ -260,7 +260,7 @@ class _Likelihood:
         """
         side = float(np.sign(step))
         nowhere = side * inf
-        if not self.told(place, target, _STEEPER if side * self.best[place] < 0 else 1 / _STEEPER):
+        if not self.distinguishes(place, target, STEEPER if side * self.best[place] < 0 else 1 / STEEPER):
             return nowhere, float(self.best[place])
         (near, low), *beyond = self._bracket(place, side, target)
         if beyond and (beyond[0][0] - stop) * side < 0:
@@ -355,7 +355,7 @@ def _wald(regression: Regression, estimate: Estimate) -> float:
 def _is_quadratic(found: Regression, likelihood: _Likelihood, estimate: Estimate, target: float) -> bool:
     """Return True if Wald's interval agrees with that of the likelihood."""
     place = likelihood.names.index(estimate.name)
-    if not all(likelihood.told(place, target, factor) for factor in (_STEEPER, 1 / _STEEPER)):
+    if not all(likelihood.distinguishes(place, target, factor) for factor in (STEEPER, 1 / STEEPER)):
         return False
     half = _wald(found, estimate)
     roots = [likelihood(place, likelihood.best[place] + sign * half) for sign in (-1, 1)]
@@ -396,8 +396,8 @@ def with_profiles(found: Fit, estimates: Sequence[Estimate]) -> tuple[Estimate, 
         return tuple(estimates)
     # a balance is no data on how wide a bend is that it does not resolve, where nothing else tells
     names = (*law.parameters, "m")
-    lost = {name for name, gone in zip(names, found.lost, strict=False) if gone and law.rough}
-    asked = [estimate for estimate in estimates if estimate.name not in lost]
+    hidden = {name for name, gone in zip(names, found.hidden_by_noise, strict=False) if gone and law.rough}
+    asked = [estimate for estimate in estimates if estimate.name not in hidden]
     replaced = {e.name: e for e in _replaced(lambda: _Likelihood(found), law, regression, asked)}
     return tuple(replaced.get(estimate.name, estimate) for estimate in estimates)
 

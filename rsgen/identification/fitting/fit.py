@@ -165,17 +165,17 @@ class Fit:
         return self.shared or is_systematic(found.residual, pairs)
 
     @property
-    def lost(self) -> NDArray[np.bool_]:
-        """True (p,) of the law where noise hides values, if it does a nonlinear one and a factor.
+    def hidden_by_noise(self) -> NDArray[np.bool_]:
+        """True (p,) of the law where errors exceed values, if they do for a nonlinear one and a factor.
 
         A nonlinear value alone may be zero, as the gap of a stop; with the factor of its term it is unknown.
         """
         law, found = self.problem.law, self.regression
         # the error of what the points do not determine is no number
         known = interval_sigmas() * np.sqrt(np.diag(found.covariance)) <= np.abs(found.parameters)
-        lost = (found.free & ~known)[: len(law.parameters)]
-        both = lost[list(law.nonlinear)].any() and lost[list(law.linear)].any()
-        return np.asarray(lost & both)
+        hidden = (found.free & ~known)[: len(law.parameters)]
+        both = hidden[list(law.nonlinear)].any() and hidden[list(law.linear)].any()
+        return np.asarray(hidden & both)
 
     @property
     def motion(self) -> Motion:

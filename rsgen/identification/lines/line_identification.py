@@ -59,7 +59,7 @@ from rsgen.identification.lines.line_fit import (
 )
 from rsgen.identification.misfit import background_findings
 from rsgen.identification.prediction.prediction_result import BEYOND, PredictedRecord, Prediction
-from rsgen.identification.profile import with_line_profiles
+from rsgen.identification.profile import STEEPER, with_line_profiles
 from rsgen.identification.results import (
     Background,
     EquivalentCurve,
@@ -87,9 +87,6 @@ from rsgen.law.numeric import put_in_order
 
 _SAME_VALUE = 0.1
 """Standard errors that lines of the motion left out may move the values."""
-
-_STEEPER = 0.25
-"""Factor of nonlinear values, or its inverse, up to which an interval is sought."""
 
 
 def identify_multisine(spectra: MultisineSpectra, model: Model) -> MultisineIdentification:
@@ -141,7 +138,7 @@ def _resolved(fit: LineFit, steep: LineFit) -> bool:
     if not fit.misfit > MISFIT_OF_NOISE:
         return True
     slopes = fit.linearise(fit.parameters, fit.nuisance).by_parameter
-    for factor in (1.0, _STEEPER, 1 / _STEEPER) if fit.law.nonlinear else (1.0,):
+    for factor in (1.0, STEEPER, 1 / STEEPER) if fit.law.nonlinear else (1.0,):
         parameters = np.array(fit.parameters)
         parameters[list(fit.law.nonlinear)] *= factor
         longer, own = (one.linearise(parameters, fit.nuisance).residual for one in (steep, fit))
