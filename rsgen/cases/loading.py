@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import os
+import re
 from collections.abc import Collection, Iterable, Mapping
 from copy import deepcopy
 from dataclasses import replace
@@ -29,6 +30,7 @@ from rsgen.common.errors import (
     shown_path,
     suggest,
 )
+from rsgen.common.finding import Finding
 from rsgen.data.multisine.spectra import MultisineSpectra
 from rsgen.data.oscillator import KNOWN_MASS, Model, Observation, Oscillator, total_force
 from rsgen.data.record_set import BASE_UNITS, PlannedTest, match_level
@@ -416,10 +418,6 @@ class _Builder:
         except RsgenError as fault:
             raise CaseError([f"identify.{reason(fault)}"]) from None
         oscillator = Oscillator(cast("float", mass), elements, values) if self.simulated else None
-        open_lines = [f"{n}" for n, line in enumerate(text.split("\n"), start=1) if "# TODO: " in line]
-        if open_lines:
-            where = f"line{'s' * (len(open_lines) > 1)} {listed(open_lines)}"
-            self.warnings.append(f"{where} of the case: TODO of the draft; check it, then delete the comment")
         return Case(
             path=path,
             name=document.name,
@@ -537,6 +535,24 @@ def load_case(path: str | os.PathLike[str], data: str | os.PathLike[str] | None 
         raise CaseError(f"{shown_path(file)}: {fault}{other}" for fault in error.faults) from error.__cause__
 
 
+_TABLE = re.compile(r"\s*\[+([\w.]+)\]")
+_OPEN_ENTRY = re.compile(r"\s*(\w+)\s*=.*# TODO: ")
+
+
+def unconfirmed(case: Case) -> tuple[Finding, ...]:
+    """Return a doubt where an entry of a case still has the TODO of its draft.
+
+    No number of a test shows that a unit or a sign is another one, so that only a person can confirm these.
+    """
+    table, found = "", list[str]()
+    for number, line in enumerate(case.text.split("\n"), start=1):
+        if head := _TABLE.match(line):
+            table = head[1]
+        elif entry := _OPEN_ENTRY.match(line):
+            found.append(f"{entry[1]} of {table} (line {number})")
+    return (Finding("entries-not-confirmed", "doubt", names={"entries": listed(found)}),) if found else ()
+
+
 def read(
     source: str | os.PathLike[str] | Case | MeasuredTest, data: str | os.PathLike[str] | None = None
 ) -> ResponseSurface | MultisineSpectra:
@@ -566,5 +582,7 @@ def read(
     test = source.test if isinstance(source, Case) else source
     if isinstance(test, MeasuredTest):
         # the readers of files are imported when the name is first used
-        return rsgen.files.read_measurement(test)
+        table = rsgen.files.read_measurement(test)
+        doubts = unconfirmed(source) if isinstance(source, Case) else ()
+        return replace(table, findings=(*table.findings, *doubts)) if doubts else table
     raise RsgenError("the case is simulated and has no file to read; rsgen.simulate computes its surface")

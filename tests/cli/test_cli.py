@@ -314,5 +314,9 @@ def test_a_wildcard_in_quotes_stands_for_its_files_and_an_open_todo_is_said(tmp_
     assert 'file = ["magnitude_1.0N.csv", "magnitude_3.0N.csv", "magnitude_6.0N.csv"]' in text
     line = next(n for n, line in enumerate(text.split("\n"), start=1) if "TODO" in line)
     path.write_text(text.replace('"? ', '"1 '))
-    assert f"note: line {line} of the case: TODO of the draft" in run_cli("check", path).out
-    assert "of the case: TODO" not in run_cli("check", ROOT / "cases" / "formats" / "csv-magnitude.toml").out
+    said = f"doubt: not confirmed: unit of test.response (line {line})"
+    assert said in run_cli("check", path).out
+    ended = run_cli("identify", path)
+    assert ended.code == 1
+    assert "not confirmed" in ended.out.lower()
+    assert "not confirmed" not in run_cli("check", ROOT / "cases" / "formats" / "csv-magnitude.toml").out

@@ -32,7 +32,7 @@ from rsgen.app.study.folder import (
     write_manifest,
 )
 from rsgen.cases.case import Case, law_faults
-from rsgen.cases.loading import load_case
+from rsgen.cases.loading import load_case, read
 from rsgen.common.errors import CaseError, MeasurementError, RsgenError, program_fault, quote, shown_path
 from rsgen.common.finding import StatedVerdict
 from rsgen.data.multisine.spectra import MultisineSpectra
@@ -220,9 +220,7 @@ def obtain_table(
     test: Any = case.test
     try:
         table: ResponseSurface | MultisineSpectra = (
-            simulate(case.oscillator, test, progress=progress)
-            if case.oscillator is not None
-            else rsgen.files.read_measurement(test)
+            simulate(case.oscillator, test, progress=progress) if case.oscillator is not None else read(case)
         )
     except MeasurementError as fault:
         raise MeasurementError(f"{shown_path(case.path)}: test.file: {fault}") from fault

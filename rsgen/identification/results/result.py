@@ -498,7 +498,9 @@ class Identification(Printed):
 def held_out_lines(held_out: Iterable[Any]) -> list[str]:
     """Return a line for each held-out level or record: its error relative to the measured response."""
     return [
-        f"held out {short(one.level, 4)} {one.level_unit}: predicted with an error of {100 * one.error:.2g} %"
+        f"held out {short(one.level, 4)} {one.level_unit}"
+        + (f", {one.sweep}" if getattr(one, "sweep", "rest") != "rest" else "")
+        + f": predicted with an error of {100 * one.error:.2g} %"
         + (f", {one.missing} of {len(one.frequency)} points not at all" if getattr(one, "missing", 0) else "")
         + _scale_of_error(one)
         for one in held_out
