@@ -162,13 +162,13 @@ class Roots:
         (n, d).
     before
         (n, d) place of the last evaluation, from which the last step led to the unknowns.
-    size
+    last_step
         (n,) relative size of the last step, not shortened; infinite where there was none.
     """
 
     unknowns: Array
     before: Array
-    size: Array
+    last_step: Array
 
 
 def newton(
@@ -192,7 +192,7 @@ def newton(
         Most steps, and lengths of each that are tried; none: every step is taken whole.
     """
     unknowns, before = np.array(start), np.array(start)
-    size, unfinished = np.full(len(start), np.inf), np.ones(len(start), dtype=bool)
+    last_step, unfinished = np.full(len(start), np.inf), np.ones(len(start), dtype=bool)
     rows = np.arange(len(start))
     for _ in range(steps):
         going = unfinished[rows]
@@ -204,14 +204,14 @@ def newton(
         here = before[rows] = unknowns[rows]
         residual, move, relative = equations.step(rows, here)
         going &= np.isfinite(move).all(axis=1)
-        size[rows[going]] = relative[going]
+        last_step[rows[going]] = relative[going]
         last = going & (relative <= CONVERGED_STEP)
         move[~going] = 0.0
         stays = _shorten(equations, rows, here, move, residual, going & ~last, halvings)
         move[stays] = 0.0
         unknowns[rows] = here + move
         unfinished[rows] = going & ~last & ~stays
-    return Roots(unknowns=unknowns, before=before, size=size)
+    return Roots(unknowns=unknowns, before=before, last_step=last_step)
 
 
 def _shorten(

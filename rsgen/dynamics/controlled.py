@@ -126,7 +126,7 @@ def phase_grid(oscillator: Oscillator, test: SimulatedTest) -> tuple[Array, Arra
         with np.errstate(all="ignore"):
             roots = newton(_Loop(oscillator, wanted[found], order), place[found])
         hertz = np.exp(roots.unknowns[:, 1]) / (2 * np.pi)
-        good = (roots.size <= test.accuracy) & (hertz >= band[0]) & (hertz <= band[1])
+        good = (roots.last_step <= test.accuracy) & (hertz >= band[0]) & (hertz <= band[1])
         size[found], frequency[found] = np.exp(roots.unknowns[:, 0]), hertz
         found[found] = good
     states = hold_states(oscillator, size, frequency, harmonics=test.harmonics, order=order, sought=found)

@@ -69,8 +69,8 @@ class LinearPart(Protocol):
 class Response:
     """Force and motion at n points with H harmonics, and derivatives by q parameters: law, linear part.
 
-    All phases count from one reference a point; ``size`` is what was given at each point, the amplitude X of
-    the fundamental (``hold_amplitude``) or that of the force (``respond``, the simulator).
+    All phases count from one reference a point. The *given amplitude* of a point is that of the fundamental
+    (``hold_amplitude``) or that of the force (``respond``, the simulator).
 
     Parameters
     ----------
@@ -79,7 +79,7 @@ class Response:
     harmonics
         (n, H+1) complex [m]; those that are not predicted are zero.
     force_slope, harmonics_slope
-        (n,), (n, H+1): derivatives by the logarithm of the size.
+        (n,), (n, H+1): derivatives by the logarithm of the given amplitude.
     force_by, harmonics_by
         (n, q), (n, H+1, q): derivatives by the parameters.
     valid
@@ -115,7 +115,7 @@ class Response:
     @classmethod
     def at_amplitude(
         cls,
-        size: Array,
+        amplitude: Array,
         force: ComplexArray,
         slope: ComplexArray,
         by: ComplexArray,
@@ -123,8 +123,8 @@ class Response:
         **more: Any,
     ) -> Response:
         """Return the force at amplitudes (n,) [m] of a motion whose other harmonics do not depend on it."""
-        harmonics = np.zeros((len(size), orders + 1), dtype=complex)
-        harmonics[:, 1] = size
+        harmonics = np.zeros((len(amplitude), orders + 1), dtype=complex)
+        harmonics[:, 1] = amplitude
         none = np.zeros((*harmonics.shape, by.shape[1]), dtype=complex)
         return cls(force, harmonics, slope, harmonics, by, none, np.isfinite(force), **more)
 
@@ -319,7 +319,7 @@ class _Balance:
         return self._sample(rows, self._coordinates(rows, unknowns))[1][:, self._first :]
 
     def step(self, rows: Rows, unknowns: Array) -> tuple[Array, Array, Array]:
-        """Residual, Newton's step and its size relative to the largest coefficient."""
+        """Residual, Newton's step, and that step relative to the amplitude of the fundamental."""
         at, first = self._coordinates(rows, unknowns), self._first
         sample, residual = self._sample(rows, at)
         left = residual[:, first:]
@@ -327,10 +327,10 @@ class _Balance:
         # a motion that is hardly one is as large as the inertia of the drive would make it
         faint = _MOTION_AT_REST * np.abs(self._given[rows]).max(axis=1) / np.abs(self._dynamic[rows, 0, 0])
         scale = np.maximum(np.abs(at[:, :2]).max(axis=1), faint)
-        size = np.abs(move).max(axis=1) / np.maximum(scale, 1e-300)
+        relative_step = np.abs(move).max(axis=1) / np.maximum(scale, 1e-300)
         if first:
-            move *= np.minimum(1.0, LONGEST_STEP / np.maximum(size, 1e-300))[:, None]
-        return left, move, size
+            move *= np.minimum(1.0, LONGEST_STEP / np.maximum(relative_step, 1e-300))[:, None]
+        return left, move, relative_step
 
     def solve(self, steps: int, *, loaded: bool = False) -> Response:
         """Solve, and differentiate there; ``loaded`` asks for derivatives by harmonics of the force, too."""
@@ -339,7 +339,7 @@ class _Balance:
         if at.shape[1] > first:
             roots = newton(self, at[:, first:], steps=steps)
             before, at = (self._coordinates(rows, place) for place in (roots.before, roots.unknowns))
-            last_step = roots.size
+            last_step = roots.last_step
         # Newton's last step dz is small, so that the slopes at its start serve: the residual is r + T dz
         sample, residual = self._sample(rows, before)
         tangent = self._tangent(rows, sample)
@@ -362,12 +362,12 @@ class _Balance:
         numbers of z are held, as the amplitude is: their rows then give the force and its derivatives.
         """
         series, first = self._series, self._first
-        # of the balance by the logarithm of the given size, the parameters of the law, those around it
-        by_log_size = at[:, :1] * tangent[:, :, 0] if first else -self._given
+        # of the balance by the logarithm of the given amplitude, the parameters of the law, those around it
+        by_log_amplitude = at[:, :1] * tangent[:, :, 0] if first else -self._given
         law = [part @ series.project for part in sample.by_parameter]
         motion = series.complex(at)[:, :, None]
         around = [series.real((motion * self._dynamic_by)[:, :, j]) for j in range(self._dynamic_by.shape[2])]
-        by = np.stack([by_log_size, *law, *around], axis=-1)
+        by = np.stack([by_log_amplitude, *law, *around], axis=-1)
         held = np.zeros((len(at), first, by.shape[2]))
         if first:
             held[:, 0, 0] = at[:, 0]

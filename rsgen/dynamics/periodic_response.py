@@ -145,7 +145,7 @@ def _solve(problem: _Problem, motion: ComplexArray) -> PeriodicResponse:
     left = float(np.linalg.norm(problem.residual(found)[0])) / size
     # a step that gains nothing is round-off there
     enough = SWITCHED_RESIDUAL if problem.law.switched else CONVERGED_STEP
-    return PeriodicResponse(found, left, bool(roots.size[0] < CONVERGED_STEP or left < enough))
+    return PeriodicResponse(found, left, bool(roots.last_step[0] < CONVERGED_STEP or left < enough))
 
 
 class _Equations:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from itertools import combinations
@@ -405,28 +406,46 @@ def _amplitudes(test: MeasuredTest) -> ResponseSurface:
         findings=tuple(findings),
     )
     names = [_called(test, number, entry) for number, part in enumerate(parts) for entry in _blocks(part)]
+    of_runs = _run_findings(test, surface, names, block, drive if known else None)
+    surface = replace(surface, findings=(*surface.findings, *of_runs))
+    if test.recognises_sweeps:
+        surface = _with_directions(surface, block)
+    if followed or test.level.spread is not None or (run is None and test.control != "response"):
+        return surface
+    return name_levels(surface, test, known, any(part.unit_said for part in parts))
+
+
+def _run_findings(
+    test: MeasuredTest,
+    surface: ResponseSurface,
+    names: Sequence[str],
+    block: NDArray[np.intp],
+    drive: Array | None,
+) -> list[Finding]:
+    """Find runs that are the same, and with the drive (n,) of known levels those whose drives contradict."""
     # of response over force a linear structure has the same at every level
     rows_of_runs = [] if test.per_force else _runs(surface, block)
     points = np.stack([surface.frequency, surface.harmonics[:, 1]], axis=1)
     consistent = repeated_run((names[block[at[0]]], points[at]) for at in rows_of_runs)
-    if known and test.control in ("force", "phase"):
+    if drive is not None and test.control in ("force", "phase"):
         rows = [block == number for number in range(len(names))]
         runs = [
-            (name, float(level[at][0]), float(np.median(drive[at])))
+            (name, float(surface.level[at][0]), float(np.median(drive[at])))
             for name, at in zip(names, rows, strict=True)
-            if at.any() and len(set(level[at])) == 1
+            if at.any() and len(set(surface.level[at])) == 1
         ]
         consistent += runs_of_one_level(runs, surface.level_unit)
-    surface = replace(surface, findings=(*surface.findings, *consistent))
-    if test.recognises_sweeps:
-        sweep = tell_branches_apart(surface, block)
-        turned = quantities(points=int(np.count_nonzero(sweep != surface.sweep)))
-        if turned["points"].value:
-            finding = Finding("direction-from-branch", "info", numbers=turned)
-            surface = replace(surface, sweep=sweep, findings=(*surface.findings, finding))
-    if followed or test.level.spread is not None or (run is None and test.control != "response"):
+    return consistent
+
+
+def _with_directions(surface: ResponseSurface, block: NDArray[np.intp]) -> ResponseSurface:
+    """Return the surface with the directions of sweeps that two branches show."""
+    sweep = tell_branches_apart(surface, block)
+    turned = quantities(points=int(np.count_nonzero(sweep != surface.sweep)))
+    if not turned["points"].value:
         return surface
-    return name_levels(surface, test, known, any(part.unit_said for part in parts))
+    finding = Finding("direction-from-branch", "info", numbers=turned)
+    return replace(surface, sweep=sweep, findings=(*surface.findings, finding))
 
 
 def _levels_of_histories(

@@ -52,7 +52,7 @@ WAIT_RATE = 2 * 2**20
 format if that is lower. The reading process itself ends sooner, after a second of work or some of a text, but
 only where the system can count that."""
 _UNCOUNTED_WAIT_DIVISOR = 10.0
-"""Where it cannot, waiting is shorter by this factor, but for formats that take longer anyway."""
+"""Where it cannot, waiting is shorter by this factor, but for slow formats (``Format.slow``)."""
 _SAID = ("path", "unit", "unit_source", "scale")
 """Texts that come with the numbers of an array."""
 _READERS = {**FORMATS, SURFACE_FILE.name: SURFACE_FILE}
@@ -161,9 +161,14 @@ def _hash(file: IO[bytes]) -> str:
     return digest
 
 
+def _work_is_limited() -> bool:
+    """Return True if the system counts and limits the work of the reading process; Windows does not."""
+    return find_spec("resource") is not None
+
+
 def reading_fault() -> str | None:
     """Say what this system does not limit while a binary file is read; None where every limit holds."""
-    if not find_spec("resource"):
+    if not _work_is_limited():
         return "nothing but the time"
     return None if Path(MEMORY_STATUS).exists() else "everything but the memory"
 
@@ -181,7 +186,7 @@ def _check_extra(name: str, form: str) -> None:
 def _seconds(size: int, form: str) -> float:
     row = _READERS[form]
     seconds = WAIT_SECONDS + size / min(WAIT_RATE, row.rate)
-    return seconds if find_spec("resource") or row.seconds > 1 else seconds / _UNCOUNTED_WAIT_DIVISOR
+    return seconds if _work_is_limited() or row.slow else seconds / _UNCOUNTED_WAIT_DIVISOR
 
 
 @contextmanager

@@ -428,6 +428,20 @@ def _ends_with_line(file: IO[bytes]) -> bool:
     return file.read(1) in (b"", b"\n")
 
 
+def _fill(table: _Table, source: TextLines, skip: int) -> None:
+    """Take lines one by one up to the first row of numbers, then by blocks where all lines are such rows."""
+    for line, text in source.lines():
+        if line > skip:
+            table.take(line, text)
+        if table.lines:
+            break
+    while block := source.block():
+        many = table.take_many(source.number + 1, block)
+        source.number += many
+        for line, text in () if many else source.texts(block):
+            table.take(line, text)
+
+
 def read_columns(
     path: Path, layout: Layout, wanted: Sequence[int | str], sha256: str | None = None
 ) -> Columns:
@@ -463,16 +477,7 @@ def read_columns(
     with open_text(path, digest) as file:
         source = TextLines(file, name, digest, layout.encoding)
         try:
-            for line, text in source.lines():
-                if line > layout.skip:
-                    table.take(line, text)
-                if table.lines:
-                    break
-            while block := source.block():
-                many = table.take_many(source.number + 1, block)
-                source.number += many
-                for line, text in () if many else source.texts(block):
-                    table.take(line, text)
+            _fill(table, source, layout.skip)
             ended = _ends_with_line(file)
         except OSError as fault:
             raise MeasurementError(f"{name}: cannot be read: {fault.strerror}; try again") from fault

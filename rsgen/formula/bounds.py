@@ -341,16 +341,11 @@ def scan(text: object) -> str:
             )
         if not ended and not operand and other not in ("(", *_SIGNS) and (before, other) != ("(", ")"):
             raise refusal(column, f"a number or name is missing before '{match[0]}'")
-        if other == "(":
-            depth += 1
-            if depth > MAX_DEPTH:
-                raise refusal(
-                    column, f"parentheses more than {MAX_DEPTH} deep; at most {MAX_DEPTH} are allowed"
-                )
-        elif other == ")":
-            depth -= 1
-            if depth < 0:
-                raise refusal(column, "a ')' without its '('")
+        depth += (other == "(") - (other == ")")
+        if depth > MAX_DEPTH:
+            raise refusal(column, f"parentheses more than {MAX_DEPTH} deep; at most {MAX_DEPTH} are allowed")
+        if depth < 0:
+            raise refusal(column, "a ')' without its '('")
         before = "value" if number is not None or other == ")" else "name" if operand else match[0]
     if before not in ("name", "value"):
         raise refusal(len(text), f"the formula ends in '{before}'; a number or name is missing after it")

@@ -149,7 +149,7 @@ def prepare(surface: ResponseSurface, model: Model) -> Prepared:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class PointErrors(Errors):
-    """Errors of the parameters of a test of sines; the steps are those of this module.
+    """Errors of the parameters of a test of sines, and what they were built up from.
 
     Parameters
     ----------
@@ -183,13 +183,7 @@ def errors_of(test: Prepared, refined: Fit, surface: ResponseSurface, points: Po
     if test.repeats is not None:
         of_repeats.append(repeats_finding(test.repeats, noise))
         noise = test.repeats.noise
-    stated = test.surface.error[test.points.index[refined.regression.used]]
-    stated = stated[np.isfinite(stated)]
-    common = float(np.sqrt(np.mean(stated**2))) if len(stated) else 0.0
-    covariance = regression.covariance * (1 + (common / noise) ** 2)
-    if test.surface.lag_assumed:
-        covariance = covariance + loop_error(regression.influence)
-    regression = replace(regression, covariance=covariance)
+    regression = _widen_by_common_errors(regression, test, noise)
     # nothing drives a decay: there is no background; one whose phases were not recorded could be any
     backgrounds = not (surface.decays or surface.lag_assumed)
     symmetric = symmetric_shift(refined) if backgrounds else np.zeros(count)
@@ -198,16 +192,27 @@ def errors_of(test: Prepared, refined: Fit, surface: ResponseSurface, points: Po
     names = (*test.problem.law.parameters, "m")
     regression, others, ambiguous = Alternatives.widen(regression, names, kinds, relative_misfit(refined))
     return PointErrors(
-        widen_squares(refined, regression, symmetric),
-        of_law,
-        agreement.widen(with_background),
-        noise,
-        others,
-        ambiguous,
-        symmetric,
-        agreement,
-        of_repeats,
+        regression=widen_squares(refined, regression, symmetric),
+        of_law=of_law,
+        with_background=agreement.widen(with_background),
+        noise=noise,
+        others=others,
+        ambiguous=ambiguous,
+        symmetric=symmetric,
+        agreement=agreement,
+        of_repeats=of_repeats,
     )
+
+
+def _widen_by_common_errors(regression: Regression, test: Prepared, noise: float) -> Regression:
+    """Add errors that neighbours have in common: those stated of the points, and an assumed lag of a loop."""
+    stated = test.surface.error[test.points.index[regression.used]]
+    stated = stated[np.isfinite(stated)]
+    common = float(np.sqrt(np.mean(stated**2))) if len(stated) else 0.0
+    covariance = regression.covariance * (1 + (common / noise) ** 2)
+    if test.surface.lag_assumed:
+        covariance = covariance + loop_error(regression.influence)
+    return replace(regression, covariance=covariance)
 
 
 # ----------------------------------------------------------------------------

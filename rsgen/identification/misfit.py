@@ -48,6 +48,7 @@ from rsgen.identification.results.estimates import fixed_contradicted
 from rsgen.identification.starting.start import even_directions, even_part_unobservable, records_even
 from rsgen.identification.terms import (
     EVEN_SHARE,
+    MIRRORED,
     even_force_shift,
     fit_missing_terms,
     fit_near,
@@ -178,19 +179,22 @@ def _cause(
     most = max(one.gain for one in terms.values())
     tried += [name for name, one in terms.items() if one.gain >= _GAIN_WORTH_A_FIT * most]
     if records_even(problem) and not (problem.law.odd or problem.law.acts_across):
-        tried.append("")
+        tried.append(MIRRORED)
     by_term = {name: misfit * share_left_by(fit, name) for name in tried}
     term = min(by_term, key=by_term.__getitem__)
     left_by_term = left_by_cause = by_term[term]
-    names, enough = {"term": term} if term else {"side": "other"}, (1 - MIN_MISFIT_REDUCTION) * misfit
+    names, enough = (
+        {"side": "other"} if term == MIRRORED else {"term": term},
+        (1 - MIN_MISFIT_REDUCTION) * misfit,
+    )
     # on as many points as were fitted
     more = MIN_SIGNIFICANT_GAIN / min(fit.regression.freedom, 2 * SUBSAMPLE_POINTS)
     alike = [
         name
         for name in by_term
-        if name not in ("", term) and by_term[name] ** 2 < (1 + more) * left_by_term**2
+        if name not in (MIRRORED, term) and by_term[name] ** 2 < (1 + more) * left_by_term**2
     ]
-    if term and alike:
+    if term != MIRRORED and alike:
         names["also"] = listed(alike)
     if not (only_terms or left_by_term < enough):
         curves = free_curves_leave(fit, points)

@@ -110,17 +110,22 @@ def fit_missing_terms(fit: Fit, noise: float, terms: Sequence[str] = MISSING_TER
     return dict(zip(terms, found, strict=True))
 
 
+MIRRORED = "mirrored"
+"""Stands among terms for the law of -x in place of the law."""
+
+
 def share_left_by(fit: Fit, term: str) -> float:
-    """Return the share of the misfit that a term would leave, or the law of -x in place of "".
+    """Return the share of the misfit that a term would leave, or the ``MIRRORED`` law.
 
     By fits of one harmonic to some of the points; the sides of a law are told by even ones.
     """
     chosen = fit.problem.observed.points.spread(SUBSAMPLE_POINTS)
     few = fit.problem.select(chosen[fit.regression.used[chosen]])
-    trials = [with_terms(few, fit, terms)[:2] for terms in ((), (term,) if term else ())]
-    if not term:
+    mirrored = term == MIRRORED
+    trials = [with_terms(few, fit, terms)[:2] for terms in ((), () if mirrored else (term,))]
+    if mirrored:
         trials[1] = start_fit(replace(few, observed=few.observed.mirrored(), frozen=()))
-    order = 1 if term else START_HARMONICS
+    order = START_HARMONICS if mirrored else 1
     whole, left = (fit_near(*trial, order=order).regression.noise for trial in trials)
     return left / whole if whole > 0 and np.isfinite(left) else np.inf
 

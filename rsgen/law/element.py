@@ -180,6 +180,22 @@ def make_element(
     require(name, str, "name")
     require(across, str, f"{name}: across")
     law = with_memory(read_formula(force), memory or {})
+    _refuse_names(name, law)
+    refuse_library_names(law)
+    refuse_joined_names(law)
+    normal_form(law)
+    remembered = memory_form(law)
+    for rate in () if remembered is None else remembered.rates:
+        try:
+            normal_form(rate.rate)
+        except ExpressionError as fault:
+            raise ExpressionError(f"memory.{rate.symbol}: {fault}") from None
+    names = sorted(free.name for free in law.free_symbols)
+    return Element(name, law, tuple(free for free in names if free not in ("x", "v")), across)
+
+
+def _refuse_names(name: str, law: sympy.Expr) -> None:
+    """Refuse symbols that are not of rsgen, the time, and variables of describing functions."""
     names = sorted(free.name for free in law.free_symbols)
     foreign = sorted(free.name for free in law.free_symbols if free != symbol(free.name))
     if foreign:
@@ -198,16 +214,6 @@ def make_element(
             f"{name}: {', '.join(reserved)}: no parameter can have this name, it is a variable of the "
             "describing function; a law is written in x and v"
         )
-    refuse_library_names(law)
-    refuse_joined_names(law)
-    normal_form(law)
-    remembered = memory_form(law)
-    for rate in () if remembered is None else remembered.rates:
-        try:
-            normal_form(rate.rate)
-        except ExpressionError as fault:
-            raise ExpressionError(f"memory.{rate.symbol}: {fault}") from None
-    return Element(name, law, tuple(free for free in names if free not in ("x", "v")), across)
 
 
 _FACTOR = re.compile(r"(?<!\w)[\d.]+[eE][+-]?\d+")

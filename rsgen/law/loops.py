@@ -379,7 +379,7 @@ def periodic_states(
     # growth within a single step comes from a corner of the law there
     corner = np.maximum(np.einsum("siin->sin", recurrence.forward) - 1, 0).max(axis=(0, 1))
     roots.unknowns[
-        ~(roots.size <= CONVERGED_STEP) | (recurrence.growth() > 1 + RESIDUAL_TOLERANCE + corner)
+        ~(roots.last_step <= CONVERGED_STEP) | (recurrence.growth() > 1 + RESIDUAL_TOLERANCE + corner)
     ] = np.nan
     return np.moveaxis(roots.unknowns.reshape(count, -1, samples), 1, 0)
 

@@ -52,7 +52,7 @@ def test_noise_of_the_second_sensor_is_in_the_rows(sensors: str) -> None:
     assert found is not None
     # without the noise of the second sensor that of force and response has to be larger
     assert found.noise == pytest.approx(0.003, rel=0.15)
-    assert found.leader.misfit / (2 * len(found.rows)) == pytest.approx(1.0, rel=0.25)
+    assert found.leader.chi_squared / (2 * len(found.rows)) == pytest.approx(1.0, rel=0.25)
     for name, value in (("kj", 8e3), ("k3", 4e8), ("m", 3.0)):
         assert found.leader.candidate.values[name] == pytest.approx(value, rel=0.1), name
 

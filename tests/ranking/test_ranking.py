@@ -246,7 +246,7 @@ def test_misfits_are_in_units_of_the_noise(along: tuple[Points, PointBalance, Ca
     fitted = fit_candidate(candidate, rows, {})
     # the sum of squares of N unit normals is N, give or take sqrt(2 N)
     count = fitted.residual[:, rows.compared].size
-    assert abs(fitted.misfit - count) < 5 * np.sqrt(2 * count)
+    assert abs(fitted.chi_squared - count) < 5 * np.sqrt(2 * count)
 
 
 @pytest.mark.slow
@@ -280,7 +280,7 @@ def test_more_terms_never_miss_by_more(along: tuple[Points, PointBalance, Candid
     for names, trial in trials.items():
         for name in names:
             # beside the ridge that keeps small problems regular
-            assert trial.misfit <= trials[names - {name}].misfit * (1 + 1e-6)
+            assert trial.chi_squared <= trials[names - {name}].chi_squared * (1 + 1e-6)
 
 
 @pytest.mark.parametrize("friction", [0.2, -0.2])

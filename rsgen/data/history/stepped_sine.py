@@ -174,18 +174,7 @@ def from_stepped_sine(
     sweeps: list[NDArray[np.str_]] = []
     findings: list[Finding] = []
     for history in several:
-        found = [_fit(history, begin, end, omega, harmonics) for begin, end, omega in _stretches(history)]
-        low, high = band or (0.0, np.inf)
-        fitted = [
-            s
-            for s in found
-            if s and low * (1 - _MIN_FREQUENCY_CHANGE) <= s.frequency <= high * (1 + _MIN_FREQUENCY_CHANGE)
-        ]
-        if not fitted:
-            raise MeasurementError(
-                f"{history.label}: no step found in the force{' in the band' if band else ''}: a frequency "
-                f"must be held for at least {2 * _MIN_PERIODS} periods; {NO_SINE}"
-            )
+        fitted = _steps_of(history, band, harmonics)
         findings += check_force(history, np.array([s.share for s in fitted]))
         line, power = (np.array([getattr(s, name) for s in fitted]) for name in ("line", "power"))
         findings += check_response(history, line, power)
@@ -202,6 +191,23 @@ def from_stepped_sine(
         error=np.array([s.error for s in steps]),
         findings=tuple(findings),
     )
+
+
+def _steps_of(history: TimeHistory, band: tuple[float, float] | None, harmonics: int) -> list[_Step]:
+    """Return the steps of a history in the band; refuse one without any."""
+    found = [_fit(history, begin, end, omega, harmonics) for begin, end, omega in _stretches(history)]
+    low, high = band or (0.0, np.inf)
+    fitted = [
+        s
+        for s in found
+        if s and low * (1 - _MIN_FREQUENCY_CHANGE) <= s.frequency <= high * (1 + _MIN_FREQUENCY_CHANGE)
+    ]
+    if not fitted:
+        raise MeasurementError(
+            f"{history.label}: no step found in the force{' in the band' if band else ''}: a frequency "
+            f"must be held for at least {2 * _MIN_PERIODS} periods; {NO_SINE}"
+        )
+    return fitted
 
 
 def _directions(frequency: Array) -> NDArray[np.str_]:

@@ -218,12 +218,6 @@ def _demodulated(
     omega = 2 * pi * law.frequency_at(t)
     table = displacement_harmonics(envelope[:, :, 0], omega, history.quantity, harmonics)
     table[:, 1] = motion.displacement
-    # NaN where nothing moves, as in a drop-out
-    with np.errstate(invalid="ignore", divide="ignore", over="ignore"):
-        ratio = motion.acceleration / motion.displacement
-        flattened = np.abs(wider.acceleration / wider.displacement - ratio) / np.abs(ratio)
-        smoothed = np.abs(wider.displacement / motion.displacement - 1)
-        unclear = np.abs(steadier / force[:, 0] - 1)
     return SweptPoints(
         label=history.label,
         level=history.level,
@@ -233,11 +227,23 @@ def _demodulated(
         harmonics=table,
         drive=law.frequency_at(t),
         rate=np.abs(law.slope_at(t)),
-        flattened=flattened,
-        smoothed=smoothed,
-        unclear=unclear,
+        **_effects_of_windows(motion, wider, force[:, 0], steadier),
         findings=tuple(findings),
     )
+
+
+def _effects_of_windows(
+    motion: Kinematics, wider: Kinematics, force: ComplexArray, steadier: ComplexArray
+) -> dict[str, Array]:
+    """Return by how much motion and force in narrow windows differ from those in wide ones, relative (n,)."""
+    # NaN where nothing moves, as in a drop-out
+    with np.errstate(invalid="ignore", divide="ignore", over="ignore"):
+        ratio = motion.acceleration / motion.displacement
+        return {
+            "flattened": np.abs(wider.acceleration / wider.displacement - ratio) / np.abs(ratio),
+            "smoothed": np.abs(wider.displacement / motion.displacement - 1),
+            "unclear": np.abs(steadier / force - 1),
+        }
 
 
 def _surface(parts: list[SweptPoints], mass: float | None) -> ResponseSurface:

@@ -212,7 +212,14 @@ def _errors_of(fit: LineFit) -> Errors:
     }
     of_law = with_background.first(len(names))
     regression, others, ambiguous = Alternatives.widen(of_law, names, kinds, fit.misfit)
-    return Errors(regression, of_law.covariance, with_background, fit.relative_noise, others, ambiguous)
+    return Errors(
+        regression=regression,
+        of_law=of_law.covariance,
+        with_background=with_background,
+        noise=fit.relative_noise,
+        others=others,
+        ambiguous=ambiguous,
+    )
 
 
 def _findings(fit: LineFit, errors: Errors, stated: Statement) -> list[Finding]:

@@ -125,14 +125,14 @@ class CandidateFit:
     fault: str = ""
 
     @property
-    def misfit(self) -> float:
+    def chi_squared(self) -> float:
         """Sum of squares in units of the noise."""
         return float(np.sum(self.residual[:, self.compared] ** 2)) + self.background_cost
 
     def bic(self, noise: float = 1.0) -> float:
         """Return the Bayesian information criterion (Schwarz 1978) for a known mean square of the noise."""
         penalty = float(np.log(self.residual[:, self.compared].size))
-        return self.misfit / noise + len(self.candidate.values) * penalty
+        return self.chi_squared / noise + len(self.candidate.values) * penalty
 
 
 class _Balance:

@@ -10,7 +10,7 @@ maximum likelihood to second order in its distance from the best law, which is e
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import chain
 from math import nan
@@ -61,6 +61,19 @@ _LEADERS = 3
 _MAX_ROUNDS = 5
 
 
+@dataclass(frozen=True, slots=True)
+class _Stage:
+    """Laws of the user and terms of the library that compete with each other, and how many a sum may have."""
+
+    laws: tuple[CandidateLaw, ...]
+    terms: tuple[Term, ...]
+    terms_in_sum: int
+
+    def entries(self, test: RankedTest) -> Candidates:
+        """Return the candidates of the stage."""
+        return Candidates(self.laws, self.terms, test.fixed, self.terms_in_sum)
+
+
 @dataclass(frozen=True, slots=True, eq=False)
 class _Compared:
     """A round, and the candidates fitted along its motion, best first, and those with a fault."""
@@ -70,7 +83,7 @@ class _Compared:
     faulty: list[CandidateFit]
 
     @property
-    def misfit(self) -> float:
+    def systematic_misfit(self) -> float:
         """Misfit of the law of the motion beyond noise, relative to force and response."""
         return self.round.misfit(self.round.leader).systematic
 
@@ -162,43 +175,46 @@ def _all_rounds(
     terms_in_sum: int,
     progress: Callable[[float], None],
 ) -> list[_Compared]:
-    """Run rounds of laws without memory, and if their best has a misfit beyond noise, rounds of all laws.
+    """Rank stage after stage, until the best law leaves a negligible misfit; return the rounds of all.
 
-    Laws without memory are ranked first, because the reference motion of a hysteretic law would bias them. So
-    would a mean that was not recorded, of a law that is not odd: without mean and even harmonics all laws are
-    compared along the motion of an odd one, where one fits.
-    Hysteretic laws compete with one without memory only where that leaves a misfit. Where the laws of a stage
-    leave more than a law that is right leaves along the measured motion, no round follows but of all laws.
+    Laws of the user compete in every stage, hysteretic or not. Of the library laws without memory come first,
+    because the reference motion of a hysteretic law would bias them; hysteretic ones join in the last stage.
+    A mean that was not recorded would bias the others, too, of a law that is not odd: without mean and even
+    harmonics stages of odd laws precede, and where one ends with a law that fits, all laws without memory are
+    compared once, along its motion. A stage is passed over whose best law leaves more along the measured
+    motion than a right one does, but for the last.
     """
     plain = tuple(term for term in terms if not term.remembers)
-    stages = [(given, plain, terms_in_sum), (given, terms, terms_in_sum)]
+    without_memory, last = _Stage(given, plain, terms_in_sum), _Stage(given, terms, terms_in_sum)
+    stages = [without_memory, last]
     if test.first.odd_alone:
         odd = tuple(law for law in given if law.law.odd), tuple(term for term in plain if term.law.odd)
-        stages[:0] = [(*odd, 1), (given, plain, 1), (*odd, terms_in_sum)]
+        stages = [_Stage(*odd, 1), _Stage(given, plain, 1), _Stage(*odd, terms_in_sum), *stages]
     rounds: list[_Compared] = []
     fault: RsgenError | None = None
-    tried = set[object]()
+    tried = set[_Stage]()
     for number, stage in enumerate(stages):
-        # the last is the judgement of the best
+        # the identification of the best law comes after the stages
         progress(number / (len(stages) + 1))
-        if stage in tried or not (stage[0] or stage[1]):
+        if stage in tried or not (stage.laws or stage.terms):
             continue
         tried.add(stage)
-        entries = Candidates(*stage[:2], test.fixed, stage[2])
+        entries = stage.entries(test)
         try:
             candidates = entries.search(test.first, rounds[-1].found[:_LEADERS] if rounds else [])
             found = entries.fit(candidates, test.first, first=True)[0]
-            least = min(fit.misfit for fit in found) / found[0].residual.size
-            if stage != stages[-1] and least > MISFIT_REJECTED**2:
+            least = min(fit.chi_squared for fit in found) / found[0].residual.size
+            if stage != last and least > MISFIT_REJECTED**2:
                 continue
             rounds += _rounds(test, found, entries)
         except RsgenError as refused:
             fault = refused
             continue
         best = _best_round(rounds)
-        if stage not in stages[-2:] and not best.round.misfit(best.found[0]).unexplained:
-            return [_compare(best.round, Candidates(given, plain, test.fixed, terms_in_sum), best.found)]
-        if best.misfit <= MISFIT_NEGLIGIBLE:
+        precedes = stage not in (without_memory, last)
+        if precedes and not best.round.misfit(best.found[0]).unexplained:
+            return [_compare(best.round, without_memory.entries(test), best.found)]
+        if best.systematic_misfit <= MISFIT_NEGLIGIBLE:
             break
     if fault is not None and not rounds:
         raise fault
@@ -217,7 +233,7 @@ def _rounds(test: RankedTest, found: list[CandidateFit], entries: Candidates) ->
             break
         rounds.append(_compare(current, entries, found))
         found, name = rounds[-1].found, current.leader.candidate.name
-        if found[0].candidate.name in (name, *tried) or rounds[-1].misfit > MISFIT_REJECTED:
+        if found[0].candidate.name in (name, *tried) or rounds[-1].systematic_misfit > MISFIT_REJECTED:
             break
         tried.append(name)
     if not rounds:
@@ -285,7 +301,7 @@ def _ranking(
     current, fixed, found = last.round, test.fixed, None
     candidates, own = _merge_equal_laws(last.found, current.rows, given)
     bic = [fit.bic() for fit in candidates]
-    if test.first.odd_alone and last.misfit <= MISFIT_REJECTED:
+    if test.first.odd_alone and last.systematic_misfit <= MISFIT_REJECTED:
         bic = _compare_along_own(test, current, candidates)
     error = [current.relative(fit.held_out_residual) for fit in candidates]
     count = [len(fit.candidate.values) for fit in candidates]
@@ -322,7 +338,7 @@ def _ranking(
         )
         if found.residual > NOISE_RATIO_BY_CHANCE * max(along, MISFIT_NEGLIGIBLE):
             # along its own motion the law fits worse than along that of the ranking
-            less = max(less, before + (np.square(found.residual / along) - 1.0) * best.misfit)
+            less = max(less, before + (np.square(found.residual / along) - 1.0) * best.chi_squared)
         if less <= before or len(identified) > _LEADERS:
             break
         # what its identification does not tell from zero is no advantage, nor of laws that add to it in vain
@@ -338,32 +354,10 @@ def _ranking(
             found, fault = None, refused
     ordered = [candidates[number] for number in order]
     rows = [
-        Candidate(
-            fit.candidate.name,
-            law_text(fit.candidate.elements),
-            len(fit.candidate.values) - len(fixed),
-            error[number],
-            bic[number] - lowest,
-            tied[number],
-            {name: value for name, value in fit.candidate.values.items() if name not in fixed},
-            fit is own,
-        )
-        for number, fit in zip(order, ordered, strict=True)
+        _row(fit, fixed, own=fit is own, error=error[i], behind=bic[i] - lowest, tied=tied[i])
+        for i, fit in zip(order, ordered, strict=True)
     ]
-    rows += [
-        Candidate(
-            fit.candidate.name,
-            law_text(fit.candidate.elements),
-            len(fit.candidate.values) - len(fixed),
-            nan,
-            nan,
-            tied=False,
-            values={},
-            own=fit.candidate.name == OWN,
-            fault=fit.fault,
-        )
-        for fit in last.faulty
-    ]
+    rows += [_row(fit, fixed, own=fit.candidate.name == OWN) for fit in last.faulty]
     # what the identification says of the misfit the ranking does not say otherwise; where no law fits, what
     # the data say against themselves may be why
     doubts = [
@@ -388,6 +382,31 @@ def _ranking(
         assessment.unexplained,
         surface,
         found,
+    )
+
+
+def _row(
+    fit: CandidateFit,
+    fixed: Mapping[str, float],
+    *,
+    own: bool,
+    error: float = nan,
+    behind: float = nan,
+    tied: bool = False,
+) -> Candidate:
+    """Return a candidate as the ranking lists it; without values if it has a fault."""
+    candidate = fit.candidate
+    values = {name: value for name, value in candidate.values.items() if name not in fixed}
+    return Candidate(
+        name=candidate.name,
+        force=law_text(candidate.elements),
+        parameters=len(values),
+        held_out_error=error,
+        bic=behind,
+        tied=tied,
+        values={} if fit.fault else values,
+        own=own,
+        fault=fit.fault,
     )
 
 

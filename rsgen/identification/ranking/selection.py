@@ -2,7 +2,7 @@
 
 The rows of every term are evaluated once, with a few values of each parameter in which it is not linear;
 between these values the term is linearised. Products of all columns are formed once, so that every sum is the
-solution of small normal equations. Sums are ordered by BIC = misfit + parameters * log(rows), Schwarz 1978.
+solution of small normal equations. Sums are ordered by BIC = chi^2 + parameters * log(rows), Schwarz 1978.
 """
 
 from __future__ import annotations
@@ -47,7 +47,7 @@ class SumFit:
         The sum.
     values
         Value of every parameter, by its name in the sum; a free mass is "m".
-    misfit
+    chi_squared
         Sum of squares in units of the noise.
     bic
         Bayesian information criterion; infinite for a single law whose friction feeds energy at any value.
@@ -55,7 +55,7 @@ class SumFit:
 
     law: Sum
     values: dict[str, float]
-    misfit: float
+    chi_squared: float
     bic: float
 
     @property
@@ -212,13 +212,15 @@ class _SumSearch:
         key = frozenset(term.name for term in chosen)
         # where nothing recorded tells the sides of a stop, that of the library's formula is taken
         ahead = float(any(term.mirrored for term in chosen))
-        if result and (key not in self.found or result[0].misfit < self.found[key][0].misfit - ahead):
+        if result and (
+            key not in self.found or result[0].chi_squared < self.found[key][0].chi_squared - ahead
+        ):
             self.found[key] = result
 
     def extend(self, size: int) -> None:
         """Add each term to the best sums of one term less; sums with memory have a beam of their own."""
         last = [entry for key, entry in self.found.items() if len(key) == size - 1]
-        last.sort(key=lambda entry: entry[0].misfit)
+        last.sort(key=lambda entry: entry[0].chi_squared)
         for kind in (False, True):
             for trial, variants in [entry for entry in last if entry[0].remembers is kind][:_BEAM_WIDTH]:
                 for term in self._terms:
@@ -255,25 +257,25 @@ def _best_variants(
         parts = [np.broadcast_to(np.array(list(base.values())), (count, len(base)))]
         for choice in choices:
             parts += [choice.columns, choice.slopes] if between else [choice.columns]
-        misfit, coefficients = _solve(columns, np.concatenate(parts, axis=1))
+        chi_squared, coefficients = _solve(columns, np.concatenate(parts, axis=1))
         named = _named(law, base, coefficients, choices, between)
         for group in law.dissipates if dissipating else ():
-            misfit[np.sum([named[name] for name in group], axis=0) < 0] = np.inf
+            chi_squared[np.sum([named[name] for name in group], axis=0) < 0] = np.inf
         if between:
-            misfit[~_within_reach(law, named, choices)] = np.inf
-        i = int(np.argmin(misfit))
-        if np.isfinite(misfit[i]) and (best is None or misfit[i] < best[0]):
-            best = float(misfit[i]), {name: float(value[i]) for name, value in named.items()}, i
+            chi_squared[~_within_reach(law, named, choices)] = np.inf
+        i = int(np.argmin(chi_squared))
+        if np.isfinite(chi_squared[i]) and (best is None or chi_squared[i] < best[0]):
+            best = float(chi_squared[i]), {name: float(value[i]) for name, value in named.items()}, i
     if best is None:
         return None
-    misfit_of_best = max(best[0], 0.0)
-    bic = misfit_of_best + len(best[1]) * float(np.log(columns.rows)) if dissipating else np.inf
-    trial = SumFit(law, best[1], misfit_of_best, bic)
+    least = max(best[0], 0.0)
+    bic = least + len(best[1]) * float(np.log(columns.rows)) if dissipating else np.inf
+    trial = SumFit(law, best[1], least, bic)
     return trial, tuple(choice.select(np.array([best[2]])) for choice in choices)
 
 
 def _solve(columns: _TermColumns, index: NDArray[np.intp]) -> tuple[Array, Array]:
-    """Return misfits (trials,) and coefficients (trials, width) of the columns ``index`` (trials, width)."""
+    """Return chi^2 (trials,) and coefficients (trials, width) of the columns ``index`` (trials, width)."""
     matrix = columns.products[index[:, :, None], index[:, None, :]]
     width = np.arange(index.shape[1])
     matrix[:, width, width] += _RIDGE
@@ -366,7 +368,7 @@ class Candidates:
         candidates, rows
             The candidates, and the balance.
         first
-            True along the measured motion, where the noise is unknown: the best misfit then stands for it.
+            True along the measured motion, where the noise is unknown: that of the best then stands for it.
 
         Raises
         ------
@@ -378,7 +380,7 @@ class Candidates:
         if not fits:
             faults = " or ".join(sorted({fit.fault for fit in faulty}))
             raise RsgenError(f"ranking: no candidate can be fitted to the measured points: {faults}")
-        noise = min(fit.misfit for fit in fits) / fits[0].residual.size if first else 1.0
+        noise = min(fit.chi_squared for fit in fits) / fits[0].residual.size if first else 1.0
         return sorted(fits, key=lambda fit: fit.bic(max(noise, 1e-300))), faulty
 
 

@@ -142,22 +142,10 @@ def draw_collapse(
     for i, (axes, (name, unit, least)) in enumerate(zip(panels, kinds, strict=False)):
         (place, cloud), (course, line), wide = clouds[i], lines[i], scales[i].factor
         y = choose_scale(line if line.size else cloud, curve.units.of(unit))
-        axes.scatter(
-            place / wide,
-            cloud / y.factor,
-            c=curve.level / force.factor,
-            cmap=drawing.level_colours(),
-            norm=norm,
-            s=7,
-            linewidths=0,
-            rasterized=len(cloud) > 300,
-        )
+        _draw_points(axes, place / wide, cloud / y.factor, curve.level / force.factor, norm)
         at, heights = levels[i]
         axes.plot(at / wide, heights / y.factor, label="levels at resonance", **drawing.POINT)
-        low, high = ((line + sign * bands[i][1]) / y.factor for sign in (-1, 1))
-        axes.fill_between(course / wide, low, high, color="#D55E00", alpha=0.18, lw=0)
-        look = {**drawing.REFINED, "lw": 1.1}
-        axes.plot(course / wide, line / y.factor, label=f"refined model, {CONFIDENCE_TEXT} band", **look)
+        _draw_model(axes, course / wide, line / y.factor, bands[i][1] / y.factor)
         drawn = [cloud / y.factor, line / y.factor]
         if truths is not None:
             course, line = truths[i]
@@ -179,6 +167,27 @@ def draw_collapse(
     if any(f.code == "not-recorded" and f.names["signal"] == "phase" for f in identification.findings):
         caption += " Phases were not recorded: each point has the one that the identified law predicts."
     return drawing.Drawing("collapse", figure, caption, ax is None)
+
+
+def _draw_points(axes: Axes, place: Array, height: Array, level: Array, norm: Normalize) -> None:
+    """Draw test points, coloured by level."""
+    axes.scatter(
+        place,
+        height,
+        c=level,
+        cmap=drawing.level_colours(),
+        norm=norm,
+        s=7,
+        linewidths=0,
+        rasterized=len(height) > 300,
+    )
+
+
+def _draw_model(axes: Axes, place: Array, height: Array, half: Array) -> None:
+    """Draw the curve of the refined model with its band."""
+    axes.fill_between(place, height - half, height + half, color="#D55E00", alpha=0.18, lw=0)
+    look = {**drawing.REFINED, "lw": 1.1}
+    axes.plot(place, height, label=f"refined model, {CONFIDENCE_TEXT} band", **look)
 
 
 def _acts_on_velocity(force: sympy.Expr) -> bool:

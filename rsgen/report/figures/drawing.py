@@ -364,37 +364,9 @@ def draw_surface(surface: ResponseSurface, *, ax: Any = None) -> Drawing:
     norm, colours = Normalize(0, largest_answer(shown) / scale.factor), level_colours()
     grid = _grid(shown)
     if grid is not None:
-        frequency, level, amplitude = grid
-        height = amplitude / scale.factor
-        sheet = axes.plot_surface(
-            *np.meshgrid(frequency, level / force.factor),
-            height,
-            facecolors=colours(norm(np.nan_to_num(height))),
-            rcount=min(60, len(level)),
-            ccount=min(120, len(frequency)),
-            linewidth=0.15,
-            edgecolor=(0.1, 0.1, 0.1, 0.35),
-            shade=False,
-            antialiased=True,
-        )
-        sheet.set_rasterized(True)
+        _draw_sheet(axes, *grid, force.factor, scale.factor, lambda height: colours(norm(height)))
     else:
-        for value in shown.levels[::-1]:
-            line = shown.select((shown.level == value) & shown.settled)
-            if not len(line):
-                continue
-            order = np.argsort(line.frequency, kind="stable")
-            height = line.answer[order] / scale.factor
-            axes.plot(
-                line.frequency[order],
-                line.level[order] / force.factor,
-                height,
-                color=colours(norm(height.max())),
-                # one point has no line
-                marker="o" if len(line) == 1 else "",
-                ms=3,
-                lw=1.1,
-            )
+        _draw_levels(axes, shown, force.factor, scale.factor, lambda height: colours(norm(height)))
     axes.set_xlabel("Frequency [Hz]", labelpad=4)
     axes.set_ylabel(force.label(level_word(shown)), labelpad=4)
     axes.set_zlabel(scale.label(_answer_word(shown)), labelpad=2)
@@ -407,3 +379,50 @@ def draw_surface(surface: ResponseSurface, *, ax: Any = None) -> Drawing:
     words = "every point from rest" if sweep == "rest" else SWEEPS[sweep]
     caption = f"Response surface: {_what(shown, words)}."
     return Drawing("surface", figure, caption, ax is None, _alternative(shown))
+
+
+def _draw_sheet(
+    axes: Any,
+    frequency: Array,
+    level: Array,
+    amplitude: Array,
+    per_level: float,
+    per_height: float,
+    colour: Callable[[Any], Any],
+) -> None:
+    """Draw a full grid of points as a sheet, in the units of the axes."""
+    height = amplitude / per_height
+    sheet = axes.plot_surface(
+        *np.meshgrid(frequency, level / per_level),
+        height,
+        facecolors=colour(np.nan_to_num(height)),
+        rcount=min(60, len(level)),
+        ccount=min(120, len(frequency)),
+        linewidth=0.15,
+        edgecolor=(0.1, 0.1, 0.1, 0.35),
+        shade=False,
+        antialiased=True,
+    )
+    sheet.set_rasterized(True)
+
+
+def _draw_levels(
+    axes: Any, shown: ResponseSurface, per_level: float, per_height: float, colour: Callable[[Any], Any]
+) -> None:
+    """Draw the settled points of each level as a line, in the units of the axes."""
+    for value in shown.levels[::-1]:
+        line = shown.select((shown.level == value) & shown.settled)
+        if not len(line):
+            continue
+        order = np.argsort(line.frequency, kind="stable")
+        height = line.answer[order] / per_height
+        axes.plot(
+            line.frequency[order],
+            line.level[order] / per_level,
+            height,
+            color=colour(height.max()),
+            # one point has no line
+            marker="o" if len(line) == 1 else "",
+            ms=3,
+            lw=1.1,
+        )

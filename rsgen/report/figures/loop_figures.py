@@ -194,14 +194,7 @@ def draw_loops(
         raise RsgenError("surface: no settled point with a phase; a loop needs force and motion")
     mass = equivalent.mass_of(surface) if identification is None else identification.mass
     loops = equivalent.measured_loops(surface, rows, mass)
-    lines: list[tuple[str, dict[str, Any], Array]] = []
-    if identification is not None:
-        for name, style, values in (
-            ("identified", drawing.REFINED, equivalent.solution_of(identification)),
-            ("truth", drawing.TRUTH, truth),
-        ):
-            if values is not None:
-                lines.append((name, style, equivalent.loop_force(identification.model, values, loops.motion)))
+    lines = [] if identification is None else _model_loops(identification, truth, loops)
     figure, panels = drawing.take_axes(ax, 2, (4.4, 5.2), sharex=True)
     unit = surface.units.of("N")
     x, y = choose_scale(loops.displacement, "m"), choose_scale(loops.force, unit)
@@ -218,7 +211,33 @@ def draw_loops(
         axes.set_ylabel(scale.label("Force less its chord" if chord else "Restoring force n"))
     drawing.label_abscissa(panels, ax, x.label("Displacement x"))
     panels[0].legend(loc="upper left")
-    where = f"the largest motion of {count_text(len(rows), 'level')}"
+    caption = _loops_caption(surface, identification, loops, mass)
+    return drawing.Drawing("loops", figure, caption, ax is None)
+
+
+def _model_loops(
+    identification: Identification, truth: Mapping[str, float] | None, loops: equivalent.MeasuredLoops
+) -> list[tuple[str, dict[str, Any], Array]]:
+    """Return name, style and force of the model along the measured motions, identified and true."""
+    known = (
+        ("identified", drawing.REFINED, equivalent.solution_of(identification)),
+        ("truth", drawing.TRUTH, truth),
+    )
+    return [
+        (name, style, equivalent.loop_force(identification.model, values, loops.motion))
+        for name, style, values in known
+        if values is not None
+    ]
+
+
+def _loops_caption(
+    surface: ResponseSurface,
+    identification: Identification | None,
+    loops: equivalent.MeasuredLoops,
+    mass: float,
+) -> str:
+    """Say whose loops they are, with which mass, and what was not measured of them."""
+    where = f"the largest motion of {count_text(len(loops.displacement), 'level')}"
     if identification is None or np.isfinite(identification.curve.units.kilogram):
         where += f", with a mass of {quantity_text(mass, 'kg', 4)}"
     caption = f"Loops of the restoring force at {where}: an open loop dissipates."
@@ -232,7 +251,7 @@ def draw_loops(
     symmetric = identification is not None and compile_law(identification.model.force).odd and not even.any()
     if not (symmetric or harmonics[:, 0].any()):
         caption += " The mean displacement was not measured: displacements are counted from it."
-    return drawing.Drawing("loops", figure, caption, ax is None)
+    return caption
 
 
 def _draw_loop(

@@ -135,11 +135,28 @@ def draw_responses(surface: ResponseSurface, prediction: Prediction, *, ax: Give
     if handles:
         title = "Level" if surface.base else "Force F"
         axes.legend(handles[::-1], labels[::-1], title=title, title_fontsize=7.5, loc="best")
+    caption = _responses_caption(surface, shown, predicted, lines=bool(curves))
+    return Drawing("responses", figure, caption, ax is None)
+
+
+def _responses_caption(
+    surface: ResponseSurface,
+    shown: ResponseSurface,
+    predicted: Mapping[float, ResonanceCurve],
+    *,
+    lines: bool,
+) -> str:
+    """Say what points and lines are, and at which forces lines are where those of points change."""
+    if surface.response_held:
+        return (
+            "Frequency responses at constant force: points read off the test, which held X, lines as "
+            "predicted by the refined model; dashed parts are unstable."
+        )
     sweeps = [SWEEPS[name] for name in _MARKERS if np.any(shown.sweep == name)]
     symbols = {"from rest": "●", "sweep up": "▲", "sweep down": "▼"}
     caption = (
         f"Frequency responses: points as tested ({', '.join(f'{symbols[s]} {s}' for s in sweeps)})"
-        f"{', lines as predicted by the refined model; dashed parts are unstable' if curves else ''}."
+        f"{', lines as predicted by the refined model; dashed parts are unstable' if lines else ''}."
     )
     forces = [(curve.level, level) for level, curve in predicted.items() if not surface.base]
     force, level = max(forces, key=lambda pair: abs(pair[0] / pair[1] - 1), default=(1.0, 1.0))
@@ -149,12 +166,7 @@ def draw_responses(surface: ResponseSurface, prediction: Prediction, *, ax: Give
             f" A line has the force near the resonance of its level, such as {names[0]} at level {names[1]}, "
             "and is named by it; points away from the resonance had another one."
         )
-    if surface.response_held:
-        caption = (
-            "Frequency responses at constant force: points read off the test, which held X, lines as "
-            "predicted by the refined model; dashed parts are unstable."
-        )
-    return Drawing("responses", figure, caption, ax is None)
+    return caption
 
 
 def _shown_levels(
@@ -248,52 +260,56 @@ def draw_held_out(prediction: Prediction, *, ax: GivenAxes = None) -> Drawing:
         panels[0].text(0.5, 0.5, "no level was held out", ha="center", va="center")
         return Drawing("held-out", figure, "No level was held out.", ax is None)
     for axes, items in zip(panels, groups.values(), strict=False):
-        scale = choose_scale(np.concatenate([np.abs(item.measured) for item in items]), "m")
-        near = RELATIVE_CHANGE_NEGLIGIBLE * items[0].force
-        drawn = [curve for curve in prediction.curves if len(curve.frequency)]
-        # a shaker loses force at a resonance: the points do not lie on the curve at one force
-        held = abs(items[0].force - items[0].level) <= near and items[0].level_unit == "N"
-        at, pale = (
-            ("", 1.0) if held else (f" at {quantity_text(items[0].force, items[0].force_unit, 3)}", 0.45)
-        )
-        for curve in (one for one in drawn if abs(one.level - items[0].force) <= near):
-            low = np.where(curve.stable, curve.lower, np.nan) / scale.factor
-            high = np.where(curve.stable, curve.upper, np.nan) / scale.factor
-            axes.fill_between(curve.frequency, low, high, color="#D55E00", alpha=0.18, lw=0)
-            _draw_curve(axes, curve, scale.factor, to_rgba("#D55E00", pale), f"predicted{at}")
-        for item in items:
-            if not held:
-                axes.plot(
-                    item.frequency,
-                    np.abs(item.predicted) / scale.factor,
-                    "-",
-                    color="#D55E00",
-                    lw=1.1,
-                    label="predicted at the measured forces" if item is items[0] else None,
-                )
-            axes.plot(
-                item.frequency,
-                np.abs(item.measured) / scale.factor,
-                _MARKERS[item.sweep],
-                ms=2.8,
-                mfc="none",
-                mec="#0072B2",
-                mew=0.8,
-                zorder=1.5,
-                rasterized=len(item.frequency) > 40,
-                label=f"tested, {SWEEPS[item.sweep]}",
-            )
-        frequency = np.concatenate([item.frequency for item in items])
-        axes.set_xlim(float(frequency.min()), float(frequency.max()))
-        axes.set_ylim(0, 1.15 * float(max(np.abs(item.measured).max() for item in items)) / scale.factor)
-        axes.set_ylabel(scale.label("X"))
-        axes.set_title(_level_text(items[0]))
+        held = _draw_level(axes, items, prediction)
     panels[0].legend(loc="best")
     label_abscissa(panels, ax, "Frequency [Hz]")
     caption = "Levels that identification has not seen: as tested and as the refined model predicts."
     if not held:
         caption += " The dark line is at the forces of the points, as they were measured."
     return Drawing("held-out", figure, caption, ax is None)
+
+
+def _draw_level(axes: Axes, items: Sequence[HeldOutLevel], prediction: Prediction) -> bool:
+    """Draw the sweeps of a level and what predicts them; return True if its force was held."""
+    scale = choose_scale(np.concatenate([np.abs(item.measured) for item in items]), "m")
+    near = RELATIVE_CHANGE_NEGLIGIBLE * items[0].force
+    drawn = [curve for curve in prediction.curves if len(curve.frequency)]
+    # a shaker loses force at a resonance: the points do not lie on the curve at one force
+    held = abs(items[0].force - items[0].level) <= near and items[0].level_unit == "N"
+    at, pale = ("", 1.0) if held else (f" at {quantity_text(items[0].force, items[0].force_unit, 3)}", 0.45)
+    for curve in (one for one in drawn if abs(one.level - items[0].force) <= near):
+        low = np.where(curve.stable, curve.lower, np.nan) / scale.factor
+        high = np.where(curve.stable, curve.upper, np.nan) / scale.factor
+        axes.fill_between(curve.frequency, low, high, color="#D55E00", alpha=0.18, lw=0)
+        _draw_curve(axes, curve, scale.factor, to_rgba("#D55E00", pale), f"predicted{at}")
+    for item in items:
+        if not held:
+            axes.plot(
+                item.frequency,
+                np.abs(item.predicted) / scale.factor,
+                "-",
+                color="#D55E00",
+                lw=1.1,
+                label="predicted at the measured forces" if item is items[0] else None,
+            )
+        axes.plot(
+            item.frequency,
+            np.abs(item.measured) / scale.factor,
+            _MARKERS[item.sweep],
+            ms=2.8,
+            mfc="none",
+            mec="#0072B2",
+            mew=0.8,
+            zorder=1.5,
+            rasterized=len(item.frequency) > 40,
+            label=f"tested, {SWEEPS[item.sweep]}",
+        )
+    frequency = np.concatenate([item.frequency for item in items])
+    axes.set_xlim(float(frequency.min()), float(frequency.max()))
+    axes.set_ylim(0, 1.15 * float(max(np.abs(item.measured).max() for item in items)) / scale.factor)
+    axes.set_ylabel(scale.label("X"))
+    axes.set_title(_level_text(items[0]))
+    return held
 
 
 # ----------------------------------------------------------------------------
