@@ -71,7 +71,8 @@ _END_SHARE = 0.8
 """Share of the quantile that sqrt(D) has on both sides of an end: with less it jumps there."""
 
 _JUMP_RATIO = 2.0
-"""A fit with a root this many times that of its neighbour plus one is tried from a second start."""
+"""A fit with a root this many times the one that is expected by its distance from its neighbour, at least one
+beyond that, is tried from a second start."""
 
 _LEAST_STEP = 0.1
 """First step to a side, relative to half the width of Wald's interval."""
@@ -79,8 +80,14 @@ _LEAST_STEP = 0.1
 _STEP_RATIO = 2.0
 """Factor from one distance to the next while no end is found."""
 
-STEEPER = 0.25
+_STEEPER = 0.25
 """Factor of a nonlinear value, or its inverse, at which a law must differ for that side to have an end."""
+
+_SAME_VALUE = 0.1
+"""Standard errors that lines of the motion left out may move the values."""
+
+_RESOLVING_LINES = 4
+"""Lines, relative to those recorded, that show most smooth laws at a quarter of the cost of all."""
 
 
 @dataclass(frozen=True, slots=True, eq=False, repr=False)
@@ -158,7 +165,8 @@ class _Likelihood:
         far = np.abs(known[:, place] - value)
         first, *others = np.argsort((far / self._error[place]) ** 2 + roots**2, kind="stable").tolist()
         root = self._fit(place, value, known[first], self._nuisances[first])
-        if root > _JUMP_RATIO * (roots[first] + 1) and others:
+        expected = roots[first] + max(far[first] / self._error[place], 1.0)
+        if root > _JUMP_RATIO * expected and others:
             # along the line through two fits, as a stop goes with the stiffness behind it
             one, other = known[first], known[others[0]]
             distance = one[place] - other[place]
@@ -260,7 +268,7 @@ class _Likelihood:
         """
         side = float(np.sign(step))
         nowhere = side * inf
-        if not self.distinguishes(place, target, STEEPER if side * self.best[place] < 0 else 1 / STEEPER):
+        if not self.distinguishes(place, target, _STEEPER if side * self.best[place] < 0 else 1 / _STEEPER):
             return nowhere, float(self.best[place])
         (near, low), *beyond = self._bracket(place, side, target)
         if beyond and (beyond[0][0] - stop) * side < 0:
@@ -305,12 +313,15 @@ class _LineLikelihood(_Likelihood):
 
     def __init__(self, found: LineFit) -> None:
         self.regression = found.regression
+        # along fewer lines: those beyond, which follow from the law, are small and cost most
+        recorded, lines = len(found.lines.spectra.lines), found.lines
         if found.law.switched:
-            # along the lines as recorded: those beyond, which follow from the law, are small and cost most
-            recorded = len(found.lines.spectra.lines)
-            samples = found.lines.samples * recorded // (found.lines.extended + 1)
-            lines = replace(found.lines, extended=recorded - 1, samples=1 << (samples - 1).bit_length())
+            samples = lines.samples * recorded // (lines.extended + 1)
+            lines = replace(lines, extended=recorded - 1, samples=1 << (samples - 1).bit_length())
             found = replace(found, lines=lines)
+        elif lines.extended >= _RESOLVING_LINES * recorded:
+            shorter = replace(found, lines=lines.up_to(_RESOLVING_LINES * (recorded - 1)))
+            found = shorter if is_resolved(shorter, found) else found
         self._found = found
         place = found.parameters, found.nuisance
         best, nuisance, line, _ = descend(found.linearise, *place, Rules(free=found.free))
@@ -331,9 +342,28 @@ class _LineLikelihood(_Likelihood):
         found, free = self._found, np.array(self._found.free)
         free[place] = False
         parameters, nuisance, line, _ = descend(
-            found.linearise, start, nuisance, Rules(steps=NEAR_STEPS, free=free)
+            found.linearise, start, nuisance, Rules(steps=NEAR_STEPS, gain=_END_TOLERANCE, free=free)
         )
         return parameters, nuisance, _cost(line.residual)
+
+
+def is_resolved(fit: LineFit, steep: LineFit) -> bool:
+    """Return True if lines along a steep law, beyond those of a fit, move no value.
+
+    Along the lines of the record the velocity is smoother near its turns than a friction leaves it, which a
+    smoother law makes up for. Asked of the law as found, and with nonlinear values that make it steeper.
+    """
+    if not fit.misfit > MISFIT_OF_NOISE:
+        return True
+    slopes = fit.linearise(fit.parameters, fit.nuisance).by_parameter
+    for factor in (1.0, _STEEPER, 1 / _STEEPER) if fit.law.nonlinear else (1.0,):
+        parameters = np.array(fit.parameters)
+        parameters[list(fit.law.nonlinear)] *= factor
+        longer, own = (one.linearise(parameters, fit.nuisance).residual for one in (steep, fit))
+        moved = fit.regression.basis.T @ np.einsum("nkq,nk->q", slopes, longer - own)
+        if np.linalg.norm(moved) > _SAME_VALUE:
+            return False
+    return True
 
 
 def _cost(residual: Array) -> float:
@@ -355,7 +385,7 @@ def _wald(regression: Regression, estimate: Estimate) -> float:
 def _is_quadratic(found: Regression, likelihood: _Likelihood, estimate: Estimate, target: float) -> bool:
     """Return True if Wald's interval agrees with that of the likelihood."""
     place = likelihood.names.index(estimate.name)
-    if not all(likelihood.distinguishes(place, target, factor) for factor in (STEEPER, 1 / STEEPER)):
+    if not all(likelihood.distinguishes(place, target, factor) for factor in (_STEEPER, 1 / _STEEPER)):
         return False
     half = _wald(found, estimate)
     roots = [likelihood(place, likelihood.best[place] + sign * half) for sign in (-1, 1)]

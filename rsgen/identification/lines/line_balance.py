@@ -18,8 +18,8 @@ motion enters N nonlinearly, so three quantities are estimated from the P single
   Fuller, Measurement Error Models, Wiley 1987).
 
 Lines at which noise hides the response, and lines above the record, are computed from the law by fixed-point
-iteration: above the record with inertia, X_h = (F_h - N_h)/(m (i h omega0)^2), below the lowest clear line
-with the dynamic stiffness of the mean slopes of the law. Noise then reaches neither the velocity nor, where
+iteration, with the dynamic stiffness of the mean slopes of the law: X_h = (F_h - N_h)/(m (i h omega0)^2)
+above the record, the same below the lowest clear line. Noise then reaches neither the velocity nor, where
 displacements are accelerations over omega^2, the lowest lines, and a law with corners and jumps gets a motion
 with all its lines. The balance that remains at a computed line is the inertia of the difference between the
 record and the motion of the law.
@@ -108,6 +108,10 @@ class SpectralLines:
             return self
         return replace(self, spectra=self.background.mode_of(self.spectra, values), subtracted=values)
 
+    def up_to(self, extended: int) -> SpectralLines:
+        """Return the same lines along motions of another highest line, sampled as finely as that needs."""
+        return replace(self, extended=extended, samples=_samples_of(extended))
+
     def change_of_mode(self, record: int, force: ComplexArray) -> tuple[ComplexArray, ComplexArray]:
         """Return the change (b, H+1) of force and motion of the mode under a force by the background."""
         driven = np.where(self.spectra.lines > 0, force, 0)
@@ -151,7 +155,7 @@ def select_lines(
         used &= spectra.lines <= np.array(last_excited)[:, None]
     recorded = len(spectra.lines) - 1
     extended = max(recorded, min(_EXTENSION_BY_SWITCHES * recorded, _MAX_LINES)) if switched else recorded
-    samples = 1 << (OVERSAMPLED * (extended + 1) - 1).bit_length()
+    samples = _samples_of(extended)
     (lowest, highest), far = spectra.reach(), spectra.far(share)
     if far is not None:
         hidden = spectra.lines < lowest[:, None]
@@ -166,6 +170,11 @@ def select_lines(
     background = background_of_lines(observation.background, spectra, ends)
     none = np.zeros(len(background.names))
     return SpectralLines(spectra, used, samples, lowest, highest, extended, background, none, far)
+
+
+def _samples_of(extended: int) -> int:
+    """Return the samples a period along which a law is evaluated, of motions up to a line."""
+    return 1 << (OVERSAMPLED * (extended + 1) - 1).bit_length()
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -300,8 +309,8 @@ class LawAlongRecord:
 
         (m s^2 + c s + k) dX_h = F_h - m s^2 X_h - N_h(X),    k, c the mean slopes of the law,
 
-    below the lowest clear line, and of the same with m s^2 alone above the record: the balance is repeated
-    with X + dX until X no longer changes (``_solve_lines``, on construction). ``mean`` is the law along this
+    below the lowest clear line and above the record: the balance is repeated with X + dX until X no longer
+    changes (``_solve_lines``, on construction). ``mean`` is the law along this
     motion. Computed lines of a period are those of the mean motion, the low ones plus the response of the
     linearised law to the difference of the two forces. The slopes of the balance contain what a parameter
     moves of the computed lines and of the mean (``_motion_slopes``, ``_with_mean``).
@@ -342,7 +351,7 @@ class LawAlongRecord:
             stiffness = float(np.max(np.abs(sample.by_x)))
             solved = low | (high & (np.abs(inertia) > _MIN_INERTIA_TO_STIFFNESS * stiffness))
             balance = drive - inertia * found - self._spectrum(np.broadcast_to(sample.force, x.shape))[0]
-            dynamic = np.where(solved, np.where(low, self._dynamic_stiffness(sample), inertia), 1)
+            dynamic = np.where(solved, self._dynamic_stiffness(sample), 1)
             moved = np.where(solved, found + balance / dynamic, 0)
             # near the resonance the iteration diverges: the noisy record is the better estimate there
             moved[:count] = np.where(high[:count] & ~solved[:count], self._response, moved[:count])

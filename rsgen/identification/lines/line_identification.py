@@ -27,7 +27,6 @@ from rsgen.common.tolerances import (
     MISFIT_DOUBTFUL,
     MISFIT_DOUBTFUL_WITHOUT_PATTERN,
     MISFIT_NEGLIGIBLE,
-    MISFIT_OF_NOISE,
     MISFIT_REJECTED,
     NOISE_LIMIT_SIGMAS,
     OUTLIER_SIGMAS,
@@ -59,7 +58,7 @@ from rsgen.identification.lines.line_fit import (
 )
 from rsgen.identification.misfit import background_findings
 from rsgen.identification.prediction.prediction_result import BEYOND, PredictedRecord, Prediction
-from rsgen.identification.profile import STEEPER, with_line_profiles
+from rsgen.identification.profile import is_resolved, with_line_profiles
 from rsgen.identification.results import (
     Background,
     EquivalentCurve,
@@ -84,9 +83,6 @@ from rsgen.identification.results.result import force_units
 from rsgen.identification.soundness import gain_findings, signs_along
 from rsgen.law.motion import Motion
 from rsgen.law.numeric import put_in_order
-
-_SAME_VALUE = 0.1
-"""Standard errors that lines of the motion left out may move the values."""
 
 
 def identify_multisine(spectra: MultisineSpectra, model: Model) -> MultisineIdentification:
@@ -123,29 +119,10 @@ def fit_multisine(spectra: MultisineSpectra, model: Model) -> LineFit:
         values, mass = start_values(lines, law, model.fixed)
         fit = fit_lines(lines, law, model.fixed, put_in_order(law, values, model.fixed), mass)
         steep = replace(fit, lines=select_lines(part, observation, switched=True, share=law.parts[-1].share))
-        if law.switched or _resolved(fit, steep):
+        if law.switched or is_resolved(fit, steep):
             return fit
         longer = fit_lines(steep.lines, law, model.fixed, fit.values, fit.mass)
     return longer if longer.misfit < (1 + RELATIVE_CHANGE_NEGLIGIBLE) * fit.misfit else fit
-
-
-def _resolved(fit: LineFit, steep: LineFit) -> bool:
-    """Return True if lines along a steep law, beyond those of the record, move no value.
-
-    Along the lines of the record the velocity is smoother near its turns than a friction leaves it, which a
-    smoother law makes up for. Asked of the law as found, and with nonlinear values that make it steeper.
-    """
-    if not fit.misfit > MISFIT_OF_NOISE:
-        return True
-    slopes = fit.linearise(fit.parameters, fit.nuisance).by_parameter
-    for factor in (1.0, STEEPER, 1 / STEEPER) if fit.law.nonlinear else (1.0,):
-        parameters = np.array(fit.parameters)
-        parameters[list(fit.law.nonlinear)] *= factor
-        longer, own = (one.linearise(parameters, fit.nuisance).residual for one in (steep, fit))
-        moved = fit.regression.basis.T @ np.einsum("nkq,nk->q", slopes, longer - own)
-        if np.linalg.norm(moved) > _SAME_VALUE:
-            return False
-    return True
 
 
 def _assemble(spectra: MultisineSpectra, model: Model, fit: LineFit) -> MultisineIdentification:
