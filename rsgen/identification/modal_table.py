@@ -247,7 +247,7 @@ def choose_splines(seen: ModePoints, mass: float) -> ModeProblem:
 
 def _weighted_price(trial: ModeProblem) -> float:
     """Return the corrected AIC of a trial fitted with noise on both sides."""
-    found = fit_splines(trial)
+    found = _fit_values(trial)
     used = int(np.count_nonzero(trial.free))
     return trial.price(found.noise**2 * found.freedom / (found.freedom + used), used)
 
@@ -292,6 +292,13 @@ def _next_shape(shape: tuple[int, int, int], allowed: list[tuple[int, int]]) -> 
 
 def fit_splines(modal: ModeProblem) -> Regression:
     """Fit by maximum likelihood with noise of force and response; errors widened where parts disagree."""
+    found, points = _fit_values(modal), modal.observed.points
+    misfits = is_systematic(found.residual, points.pairs(found.used))
+    return Agreement.of(found, points, found.covariance, misfits=misfits).widen(found)
+
+
+def _fit_values(modal: ModeProblem) -> Regression:
+    """Fit by maximum likelihood, without what the agreement of parts adds to the errors."""
     observed, mode = modal.observed, modal.seen.mode
     descent = ErrorsInVariables(modal, modal.forward(mode.omega))
     nuisance = observed.nuisances(mode.amplitude, np.angle(mode.harmonics[:, 1]))
@@ -307,8 +314,7 @@ def fit_splines(modal: ModeProblem) -> Regression:
         values = modal.split(found.parameters)[2]
         influence = observed.relative_influence(found.influence, values, found.nuisance)
         found = replace(found, influence=influence)
-    misfits = is_systematic(found.residual, observed.points.pairs(found.used))
-    return Agreement.of(found, observed.points, found.covariance, misfits=misfits).widen(found)
+    return found
 
 
 _MAX_POINTS = 800
@@ -446,7 +452,7 @@ def _with_first_mass(seen: ModePoints) -> tuple[ModeProblem, Regression]:
     modal = choose_splines(seen, mass)
     found = fit_splines(modal)
     error *= max(misfit / found.noise, 1.0)
-    moved = fit_splines(replace(modal, mass=mass + error)).parameters - found.parameters
+    moved = _fit_values(replace(modal, mass=mass + error)).parameters - found.parameters
     covariance = found.covariance + np.outer(moved, moved)
     return replace(modal, mass_error=error), replace(found, covariance=covariance)
 
@@ -534,7 +540,7 @@ def _other_shapes(modal: ModeProblem) -> tuple[tuple[float, ModalSplines], ...]:
     """
     splines = []
     for weight, other in modal.others:
-        found = fit_splines(other)
+        found = _fit_values(other)
         values, mass, _ = other.split(found.parameters if found.converged else other.solve()[0])
         exact = np.zeros((len(values) + 1,) * 2)
         splines.append((weight, ModalSplines(other.basis, other.orders, values, mass, exact, 1)))

@@ -42,7 +42,8 @@ def lay_out(figure: Figure) -> None:
     """Place panels made as subplots by matplotlib's tight layout, once."""
     # axes that were given their place keep it
     if any(axes.get_subplotspec() is not None for axes in figure.axes):
-        TightLayoutEngine(pad=0.4).execute(figure)
+        # given no rectangle it measures all texts once, not twice, for the same places
+        TightLayoutEngine(pad=0.4, rect=cast(Any, None)).execute(figure)
 
 
 STYLE = Path(__file__).with_name("rsgen.mplstyle")
