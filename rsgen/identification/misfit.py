@@ -152,8 +152,8 @@ def _noise_findings(surface: ResponseSurface, points: Points, fit: Fit) -> list[
     """Find a misfit without a pattern that is large; and fixed values, which errors of few points hide."""
     # one point a level shows no pattern either, and a loop holds each until its noise is gone
     patterns = len(points) >= _MIN_POINTS_OF_PATTERN and surface.control != "phase"
-    # the forces of a free decay are those of the given mass, and its small motions are mostly noise
-    misfit = _of_large_motions(fit) if surface.decays else relative_misfit(fit)
+    misfit = relative_misfit(fit)
+    # the forces of a free decay are those of the given mass
     found = [] if surface.decays else _contradicted(fit, misfit)
     if misfit > (MISFIT_DOUBTFUL_WITHOUT_PATTERN if patterns else MISFIT_DOUBTFUL):
         severity: Severity = "error" if misfit > MISFIT_REJECTED else "doubt"
@@ -210,13 +210,6 @@ def _of_systematic_columns(fit: Fit) -> float:
     chosen = systematic_columns(found.residual, fit.problem.observed.points.pairs(found.used))
     power = np.sum(found.residual[found.used] ** 2, axis=0)
     return relative_misfit(fit) * float(np.sqrt(np.sum(power[chosen]) / np.sum(power)))
-
-
-def _of_large_motions(fit: Fit) -> float:
-    """Relative misfit of the half of the points that move more."""
-    used, amplitude = fit.regression.used, fit.problem.observed.points.amplitude
-    large = used & (amplitude >= np.median(amplitude[used]))
-    return float(np.sqrt(2 * np.mean(fit.regression.misfit[large] ** 2)))
 
 
 def _level_apart(points: Points, regression: Regression, unit: str) -> list[Finding]:

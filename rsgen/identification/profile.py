@@ -214,7 +214,7 @@ class _Likelihood:
         other[place] *= factor
         limit = target * self._noise
         coarse, medium = (self._along(other, times)[:, -1] for times in (1, 4))
-        if np.linalg.norm(medium - coarse) <= limit:
+        if np.linalg.norm(medium - coarse) <= _END_TOLERANCE * limit:
             return True
         change = self._along(other, self._fine)
         change[:, -1] -= self._along(self.best, self._fine)[:, -1]
@@ -225,13 +225,14 @@ class _Likelihood:
         """Harmonics N_h along the measured motions, real, as the sensors see them; before them (n, l) those
         by each linear parameter.
 
-        At so many times the samples of a balance, relative to |F|; beyond the fundamental as motions
-        X_h = N_h / (m (h^2 - 1) omega^2), too.
+        At so many times the samples of a balance, in units of the noise of F; beyond the fundamental as
+        motions X_h = N_h / (m (h^2 - 1) omega^2), too.
         """
         law, motion, points = self.law, self._near.motion, self._problem.observed.points
         values, mass, samples = *self._problem.split(parameters)[:2], times * SAMPLES_PER_PERIOD
         inertia = (np.square(self._orders) - 1) * mass * points.omega[:, None] ** 2
-        scale = np.hypot(np.abs(points.force)[:, None], inertia * points.amplitude[:, None])
+        force, size = np.abs(points.force) * points.noise[:, 0], points.amplitude * points.noise[:, 2]
+        scale = np.hypot(force[:, None], inertia * size[:, None])
         found = np.empty((len(points), len(self._orders), len(law.linear) + 1), dtype=complex)
         for part in blocks(len(points), POINTS_PER_BLOCK // times):
             sample = law.along(motion.select(np.arange(len(points))[part]), values, samples)

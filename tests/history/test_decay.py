@@ -305,6 +305,36 @@ def test_the_step_of_a_hold_is_not_the_line_of_the_mode(zeta: float) -> None:
     assert found.damping[0] == pytest.approx(2 * zeta * natural, rel=2e-3)
 
 
+def test_points_near_rest_are_left_out_and_counted() -> None:
+    law, values = HELD_OUT["friction"]
+    plan = rsgen.DecayTest(level=[4e-3], duration=4, rate=2000, noise_relative=1e-3)
+    table = rsgen.simulate(rsgen.Oscillator(0.5, law, values), plan)
+    (left,) = (f for f in table.findings if f.code == "points-excluded")
+    assert (left["excluded"], left["points"]) == (1, len(table) + 1)
+    assert "friction stops the motion" in rsgen.sentence(left)
+    # 4 Ff/k a period, within nearly four of them
+    assert table.amplitude.min() > 15 * values["Ff"] / values["k"]
+
+
+def test_a_friction_that_a_decay_shows_as_sharp_has_no_width() -> None:
+    # where a period of 64 samples does not resolve tanh(v/vs), its width is no value of the test
+    joint = rsgen.Oscillator(1.5, "k*x + c*v + Ff*sign(v)", {"k": 6000.0, "c": 0.3, "Ff": 0.05})
+    plan = rsgen.DecayTest(level=[6e-3, 12e-3], duration=25, rate=400, noise_relative=1e-3, seed=3)
+    found = rsgen.identify(rsgen.simulate(joint, plan), "k*x + c*v + Ff*tanh(v/vs)", mass=1.5)
+    assert not found["vs"].identifiable
+    assert found["vs"].interval[0] == -np.inf
+
+
+def test_the_noise_of_a_decay_is_that_of_its_slopes() -> None:
+    # the frequency of a hardening spring is far better known than its damping, relative to the force
+    spring = rsgen.Oscillator(1.0, "k*x + c*v + k3*x**3", {"k": 24674.0, "c": 0.9425, "k3": 1.85e9})
+    plan = rsgen.DecayTest(level=[2e-3], duration=10.6, rate=1200, noise_relative=2e-3)
+    found = rsgen.identify(rsgen.simulate(spring, plan), "k*x + c*v + k3*x**3", mass=1.0)
+    low, high = found["k3"].interval
+    assert low < 1.85e9 < high
+    assert high - low < 0.01 * 1.85e9
+
+
 def test_a_decay_that_friction_stops_too_soon_is_left_out_and_says_so() -> None:
     short, long = released(1e-3), released(6e-3)
     with pytest.raises(MeasurementError, match=r"at most 1. periods, and 27 are needed: friction stops it"):

@@ -173,7 +173,7 @@ def test_harmonics_taken_for_noise_do_not_make_a_wrong_law_the_best_of_two_decay
     # along the motion of a Stribeck law a point near the stop gave the fifth harmonic a noise of 21 %
     values = {"k": 12000.0, "k3": 4e8, "c": 0.6, "Ff": 0.25}
     blade = Oscillator(0.5, "k*x + k3*x**3 + c*v + Ff*sign(v)", values)
-    plan = rsgen.DecayTest(level=[3e-3, 6e-3], duration=4, rate=2000, noise_relative=1e-3)
+    plan = rsgen.DecayTest(level=[4e-3, 6e-3], duration=4, rate=2000, noise_relative=1e-3)
     rivals = [rsgen.laws[name] for name in ("cubic-spring", "odd-power-spring", "coulomb", "stribeck")]
     best = rank(rsgen.simulate(blade, plan), rivals, mass=0.5).candidates[0]
     assert best.name == "cubic-spring + coulomb"
@@ -188,6 +188,15 @@ def test_noise_of_small_motions_does_not_make_a_wrong_law_the_best_of_a_decay(se
     plan = rsgen.DecayTest(level=[6e-3], duration=4, rate=2000, noise_relative=1e-3, seed=seed)
     ranking = rank(rsgen.simulate(blade, plan), MEMORYLESS, mass=0.5)
     assert ranking.candidates[0].name == "cubic-spring + coulomb"
+
+
+def test_the_right_spring_of_a_decay_is_first() -> None:
+    # noise of harmonics, of the motion and of the force, which follows from slopes, have sizes of their own
+    known = {"k": 24674.0, "c": 0.9425, "k3": 1.85e9}
+    plan = rsgen.DecayTest(level=[2e-3], duration=10.6, rate=1200, noise_relative=1e-3, seed=4)
+    decay = rsgen.simulate(Oscillator(1.0, "k*x + c*v + k3*x**3", known), plan)
+    rivals = [rsgen.laws[name] for name in ("cubic-spring", "sinh-spring", "odd-power-spring")]
+    assert rank(decay, rivals, mass=1.0).candidates[0].name == "cubic-spring"
 
 
 def test_a_response_that_is_divided_by_the_force_is_rejected_after_one_round(monkeypatch: pytest.MonkeyPatch):

@@ -27,7 +27,7 @@ from numpy.typing import NDArray
 
 from rsgen.common.arrays import Array, ComplexArray
 from rsgen.common.errors import MeasurementError
-from rsgen.common.finding import Finding, Quantity
+from rsgen.common.finding import Finding, Quantity, quantities
 from rsgen.data.free_mode import Kinematics
 from rsgen.data.history.envelope import (
     HARMONICS,
@@ -61,6 +61,8 @@ _NEIGHBOURS = 7
 """Points whose scatter about a straight line gives the standard error of the middle one."""
 _MIN_PERIODS = WINDOW_PERIODS * (1 + (_NEIGHBOURS - 1) / NOISE_WIDTH)
 """Of a decay: as many independent windows."""
+_REACH_OF_WINDOW = 0.375
+"""Of its length, from its middle: a motion that stops there changes the slope of the envelope by 0.2 %."""
 _NO_MASS = (
     "{}: a free decay determines stiffness and damping per mass only; give the mass, or 1 kg where it is not "
     "known: all parameters are then per kg"
@@ -285,7 +287,7 @@ def _follow_one(
     if len(samples) < MIN_SAMPLES:
         raise MeasurementError(f"{history.label}: {len(samples)} samples of a free decay are too few")
     line = _strongest(samples, history, band)
-    time, envelope, curve = _tracked(samples, history, line, harmonics, stretch.floor)
+    time, envelope, curve, stopped = _tracked(samples, history, line, harmonics, stretch.floor)
     omega, change = 2 * pi * np.asarray(curve(time)), 2 * pi * np.asarray(curve.derivative()(time))
     order = np.arange(1, envelope.shape[1])
     place = order * omega[:, None], order * change[:, None]
@@ -308,7 +310,9 @@ def _follow_one(
         mass=mass,
         label=history.label,
     )
-    return replace(found, findings=_limits(found, stretch, history))
+    numbers = quantities(excluded=stopped, points=len(time) + stopped)
+    left_out = Finding("points-excluded", "info", numbers=numbers, names={"by": "rest"})
+    return replace(found, findings=_limits(found, stretch, history) + ((left_out,) if stopped else ()))
 
 
 def _as_steady(motions: Kinematics, order: NDArray[np.intp]) -> tuple[ComplexArray, Array]:
@@ -351,15 +355,21 @@ def _limits(decay: FreeDecay, stretch: Stretch, history: TimeHistory) -> tuple[F
 
 def _tracked(
     samples: Array, history: TimeHistory, first: float, harmonics: int, floor: float
-) -> tuple[Array, ComplexArray, scipy.interpolate.PchipInterpolator]:
-    """Return instants (n,) [s], envelopes there, frequency [Hz] of the line that begins at ``first`` [Hz]."""
+) -> tuple[Array, ComplexArray, scipy.interpolate.PchipInterpolator, int]:
+    """Return instants (n,) [s], envelopes there, frequency [Hz] of the line that begins at ``first`` [Hz].
+
+    Last is the number of points left out because the motion stops within their window.
+    """
     time, frequency = _follow(samples, history.rate, first)
     if len(time) < 2:
         raise _too_short(history, first, len(samples) / history.rate * first)
-    for _ in range(REFERENCE_PASSES):
+    for number in range(REFERENCE_PASSES):
         curve = scipy.interpolate.PchipInterpolator(time, frequency, extrapolate=True)
         time, envelope = _demodulated(samples, history, curve, time, harmonics)
-        clear = _clear(envelope[:, 1, 0], floor)
+        clear = loud = _clear(envelope[:, 1, 0], floor)
+        if number == REFERENCE_PASSES - 1:
+            reach = _REACH_OF_WINDOW * WINDOW_PERIODS / np.asarray(curve(time))
+            clear = loud & _moving(envelope[:, 1], reach)
         if np.count_nonzero(clear) < _NEIGHBOURS:
             last = float(np.max(time[clear], initial=0.0))
             turns = float(curve.antiderivative()(last)) - float(curve.antiderivative()(0.0))
@@ -367,7 +377,7 @@ def _tracked(
         time, envelope = time[clear], envelope[clear]
         growth = envelope[:, 1, 1] / envelope[:, 1, 0]
         frequency = np.asarray(curve(time) + growth.imag / (2 * pi))
-    return time, envelope, curve
+    return time, envelope, curve, int(np.count_nonzero(loud & ~clear))
 
 
 def _too_short(history: TimeHistory, line: float, periods: float) -> MeasurementError:
@@ -438,6 +448,16 @@ def _clear(envelope: ComplexArray, floor: float) -> NDArray[np.bool_]:
     return np.asarray(
         np.logical_and.accumulate(np.abs(envelope) > _MIN_AMPLITUDE_RATIO * max(scatter, floor))
     )
+
+
+def _moving(envelope: ComplexArray, reach: Array) -> NDArray[np.bool_]:
+    """Return (n,) True up to the first point whose amplitude comes to zero within its ``reach`` [s].
+
+    By value, slope and bend of the envelope (n, 3): an exponential decay never does, dry friction stops.
+    """
+    growth, bend = (envelope[:, 1:] / envelope[:, :1]).T
+    left = 1 + growth.real * reach + (bend.real + growth.imag**2) * reach**2 / 2
+    return np.asarray(np.logical_and.accumulate(left > 0))
 
 
 def _scatter(values: Array) -> Array:

@@ -100,6 +100,10 @@ def _kernel(count: int) -> Array:
 
 NOISE_WIDTH = float(4096 * np.sum(_kernel(4096)[0] ** 2))
 """Bandwidth of the demodulation (both sides, equivalent for white noise) [Hz] times window length [s]."""
+NOISE_OF_SLOPE = float(
+    4096 / (2 * np.pi * WINDOW_PERIODS) * np.linalg.norm(_kernel(4096)[1]) / np.linalg.norm(_kernel(4096)[0])
+)
+"""Noise of the slope of an envelope over the frequency [rad/s], relative to the noise of its value."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)

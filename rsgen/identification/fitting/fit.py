@@ -50,7 +50,7 @@ from rsgen.common.tolerances import (
 from rsgen.identification.fitting.across import MeasuredAcross, across_of_mode, law_of
 from rsgen.identification.fitting.forward import ErrorsInVariables, HarmonicBalance, Simulator
 from rsgen.identification.fitting.least_squares import Regression, Rules, eliminate, fit
-from rsgen.identification.fitting.observed import FORCE_TO_RESPONSE_NOISE, Problem, is_systematic
+from rsgen.identification.fitting.observed import Problem, is_systematic
 from rsgen.identification.fitting.points import Points
 from rsgen.law.motion import Motion, sine_motion
 
@@ -239,10 +239,8 @@ def _finish(
     influence = descent.plain(regression.influence, regression.parameters, regression.nuisance)
     if descent.scale is None:
         influence = problem.observed.relative_influence(influence, values, regression.nuisance)
-    # of relative deviations: rows of the force, first of the real and of the imaginary part, are weighted
-    influence, first_imaginary = np.array(influence), (influence.shape[1] + 1) // 2
-    influence[:, [0, first_imaginary][: problem.observed.parts]] /= FORCE_TO_RESPONSE_NOISE
-    influence = descent.forward.of_sensors(influence)
+    # of relative deviations
+    influence = descent.forward.of_sensors(problem.observed.plain_influence(influence))
     regression = replace(regression, influence=influence)
     motion = Motion(problem.observed.points.omega, response.harmonics).turned(-lag)
     across = motion.harmonics[:, :0] if response.across is None else response.across

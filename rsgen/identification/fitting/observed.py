@@ -6,7 +6,8 @@ With z the motion of the mode and u the force on it, the measured force U and re
 
 with the background of ``rsgen.dynamics.linear_part``. Force and response both have noise (errors in
 variables): amplitude and, if it was recorded, phase of every point are unknowns (nuisances), which the least
-squares eliminates. Noise is taken as proportional to the size of force and fundamental.
+squares eliminates. Noise is taken as proportional to the size of force and fundamental, of a free decay as
+one size (``Points.noise``).
 """
 
 from __future__ import annotations
@@ -27,9 +28,6 @@ from rsgen.identification.fitting.points import Points
 from rsgen.law.element import Element
 from rsgen.law.numeric import ForceLaw
 
-FORCE_TO_RESPONSE_NOISE = 1.0
-"""Ratio of the relative noises of force and response; a sine test does not determine it."""
-
 _NEED_PHASE = {"psi", "b0_im", "b1_im", "r_im", "zeta"}
 """Values of the background that amplitudes alone do not determine."""
 
@@ -46,6 +44,12 @@ class _ResidualBlock:
     by_phase: NDArray[Any]
     by: NDArray[Any]
     by_far: NDArray[Any] | None = None
+
+    def over(self, noise: Array) -> _ResidualBlock:
+        """Return the block in units of the noise (n,)."""
+        by_far = None if self.by_far is None else self.by_far / noise[:, None]
+        rows = self.residual / noise, self.by_size / noise, self.by_phase / noise
+        return _ResidualBlock(*rows, self.by / noise[:, None], by_far)
 
 
 class Comparison(NamedTuple):
@@ -209,6 +213,8 @@ class Observed:
                         by / unit[:, None],
                     )
                 )
+        orders = [0, 1, *[2] * len(compared)]
+        rows = [row.over(points.noise[:, i]) for row, i in zip(rows, orders, strict=True)]
         # the mean has no imaginary part, an amplitude no phase
         real = [h == 0 or h not in self.recorded for h in (1, 1, *compared)]
         for _ in points.far.T:
@@ -243,11 +249,11 @@ class Observed:
         by_phase = 0j if response.force_phase is None else response.force_phase
         units: list[NDArray[Any]]
         if logarithmic:
-            units = [response.force * FORCE_TO_RESPONSE_NOISE, seen]
-            rests = [np.log(force / response.force) / FORCE_TO_RESPONSE_NOISE, np.log(fundamental / seen)]
+            units = [response.force, seen]
+            rests = [np.log(force / response.force), np.log(fundamental / seen)]
             turns = [(1j * response.force + by_phase) / units[0], np.full(len(points), 1j)]
         else:
-            units = [np.abs(points.force) * FORCE_TO_RESPONSE_NOISE, points.amplitude]
+            units = [np.abs(points.force), points.amplitude]
             rests = [(force - response.force) / units[0], (fundamental - seen) / units[1]]
             turns = [(1j * force + by_phase) / units[0], 1j * fundamental / units[1]]
         by_far = None if response.force_far is None else response.force_far / units[0][:, None]
@@ -280,6 +286,14 @@ class Observed:
         size[:, recorded] = (load[:, orders[recorded]] != 0) * np.abs(self.points.force)[:, None]
         noise = slopes * size[:, None, :]
         return np.where(np.isfinite(noise).all(axis=(1, 2), keepdims=True), noise, 0.0)
+
+    def plain_influence(self, influence: Array) -> Array:
+        """Convert the influence (n, M, q) of rows in units of the noise into that of relative differences."""
+        half, noise = (influence.shape[1] + 1) // 2, self.points.noise
+        rows = np.repeat(noise[:, 2:], influence.shape[1], axis=1)
+        for part in range(self.parts):
+            rows[:, part * half : part * half + 2] = noise[:, :2]
+        return np.asarray(influence / rows[:, :, None])
 
     def relative_influence(self, influence: Array, values: Array, nuisance: Array) -> Array:
         """Convert the influence (n, M, q) of differences into that of relative deviations.

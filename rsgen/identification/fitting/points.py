@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 from rsgen.common.arrays import Array, Chosen
 from rsgen.common.errors import RsgenError
 from rsgen.common.tolerances import ASSUMED_RELATIVE_NOISE, ROUND_OFF, STANDARD_ERRORS_OF_DIFFERENCE
+from rsgen.data.history.envelope import NOISE_OF_SLOPE
 from rsgen.data.multisine.spectra import MultisineSpectra
 from rsgen.data.oscillator import Model, join_model
 from rsgen.data.surface.plausibility import MAX_LAG_ERROR, MAX_RESONANT_LAG, BackboneGap, backbone_gap
@@ -59,6 +60,9 @@ class Points:
         (n, 2) largest and smallest displacement [m], NaN where unknown.
     across
         (n, H+1) complex displacement [m] across two sensors; (n, 0) if the law acts on the response.
+    noise
+        (n, 3) noise of force, fundamental and other harmonics, relative to force and amplitude of the point,
+        up to a common factor; see ``_noise_of``.
     load
         (n, K+1) complex harmonics of the force [N]; None if only the fundamental was recorded.
     phase_known
@@ -76,6 +80,7 @@ class Points:
     measured: tuple[int, ...]
     peak: NDArray[np.float64]
     across: NDArray[np.complex128]
+    noise: NDArray[np.float64]
     load: NDArray[np.complex128] | None = None
     phase_known: bool = True
     overlapping: bool = False
@@ -229,6 +234,26 @@ def _load_of(surface: ResponseSurface, index: NDArray[np.intp]) -> NDArray[np.co
     return load if higher.any() else None
 
 
+def _noise_of(surface: ResponseSurface, index: NDArray[np.intp], mass: float) -> Array:
+    """Return the noise (n, 3) of force, fundamental and other harmonics of rows, up to a common factor.
+
+    It is as large as force and response, whose ratio a test of sines does not determine. A free decay has
+    white noise in its record, of one size at all points, and its force is m (2 s) times the slope of the
+    envelope: both are known but for one factor. Other harmonics have that of the force, relative to the
+    largest, for they are those of the steady motion to first order only.
+    """
+    noise = np.ones((len(index), 3))
+    if not (surface.decays and mass > 0):
+        return noise
+    size, force = surface.amplitude[index], np.abs(surface.force[index])
+    of_slope = 2 * NOISE_OF_SLOPE * mass * surface.omega[index] ** 2
+    largest, typical = float(force.max()), float(np.median(of_slope))
+    noise[:, 0] = of_slope / typical * largest / force
+    noise[:, 1] = largest / (typical * size)
+    noise[:, 2] = size.max() / size
+    return noise
+
+
 def _refuse_sizes(surface: ResponseSurface, index: NDArray[np.intp]) -> None:
     """Refuse sizes of some rows that are beyond ``_SI_RANGE``."""
     low, high = _SI_RANGE
@@ -291,6 +316,7 @@ def select_points(surface: ResponseSurface, model: Model) -> Points:
         measured,
         surface.peak[index],
         np.nan_to_num(surface.across[index]),
+        _noise_of(surface, index, model.fixed.get("m", nan)),
         _load_of(surface, index),
         surface.phase_known,
         surface.overlapping,

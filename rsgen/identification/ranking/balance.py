@@ -36,7 +36,7 @@ from rsgen.common.tolerances import (
 )
 from rsgen.data.free_mode import fit_mode, steady
 from rsgen.identification.fitting.across import across_of_mode, law_of
-from rsgen.identification.fitting.observed import FORCE_TO_RESPONSE_NOISE, Observed
+from rsgen.identification.fitting.observed import Observed
 from rsgen.identification.fitting.points import Points
 from rsgen.identification.ranking.library_sums import base_elements
 from rsgen.law.element import response_share
@@ -502,7 +502,7 @@ def _change(jacobian: Array, fundamental: ComplexArray, force: ComplexArray) -> 
 def _covariance(motion: ReferenceMotion, jacobian: Array, joints: Sequence[Array], noise: Array) -> Array:
     """Return the covariance (n, 2H+1, 2H+1) of the balance for relative noise (H+1,) of the harmonics.
 
-    Noise is relative to the amplitude of each point; of a free decay to that of all, root mean square.
+    Noise is relative to the amplitude of each point, and to its own share (``Points.noise``).
 
     ``joints`` are tangents of what follows the second sensor, whose noise is its own.
     """
@@ -511,14 +511,13 @@ def _covariance(motion: ReferenceMotion, jacobian: Array, joints: Sequence[Array
     if not motion.points.phase_known:
         # the response is the origin of the phase, and that of the force is free
         spread[2] = 0.0
-    size, drive = motion.points.amplitude, motion.force
-    if motion.points.overlapping and motion.points.in_quadrature.all():
-        # of a free decay, whose noise has one size
-        size, drive = (one / np.abs(one) * np.sqrt(np.mean(np.abs(one) ** 2)) for one in (size, drive))
-    noisy = jacobian * (size[:, None] * spread)[:, None, :]
+    relative = motion.points.noise
+    # mean, fundamental, other harmonics
+    spread = spread * relative[:, [2, 1, 1, *[2] * (len(spread) - 3)]]
+    noisy = jacobian * (motion.points.amplitude[:, None] * spread)[:, None, :]
     covariance = noisy @ np.swapaxes(noisy, 1, 2)
     # noise of the force changes the mode as well: the background is a receptance times the measured force
-    force = drive[:, None] * np.array([1, 1j]) * FORCE_TO_RESPONSE_NOISE * noise[1] / np.sqrt(2)
+    force = (motion.force * relative[:, 0])[:, None] * np.array([1, 1j]) * noise[1] / np.sqrt(2)
     force[:, 1] *= 1.0 if motion.points.phase_known else _NOISE_OF_UNMEASURED
     driven = _change(jacobian, -motion.receptance[:, None] * force, force)
     covariance += driven @ np.swapaxes(driven, 1, 2)
@@ -546,8 +545,12 @@ def _whitening(motion: ReferenceMotion, covariance: Array) -> Array:
 
 
 def _inverse_root(covariance: Array, known: NDArray[np.bool_]) -> Array:
-    """Return the inverse Cholesky factor (n, r, r), rows of unmeasured harmonics eliminated first."""
-    order = np.argsort(known, kind="stable")
+    """Return the inverse Cholesky factor (n, r, r): unmeasured harmonics eliminated first, fundamental last.
+
+    A row of a harmonic has its own noise; to that of the fundamental noise of the others is added.
+    """
+    fundamental = np.isin(np.arange(len(known)), (1, 2))
+    order = np.lexsort((fundamental, known))
     root = np.empty_like(covariance)
     ordered = covariance[:, order[:, None], order]
     try:

@@ -290,6 +290,15 @@ def order_candidates(
     return by_bic, lowest, tied
 
 
+def _misfit_of_rows(found: Identification, current: Round) -> float:
+    """Return the misfit of a fit over the rows of a round, among which harmonics may have less noise."""
+    if found.fit is None:
+        return found.residual
+    regression = found.fit.regression
+    rows = np.count_nonzero(regression.used) * np.count_nonzero(current.rows.compared)
+    return found.residual * float(np.sqrt(regression.freedom / rows))
+
+
 def _ranking(
     test: RankedTest,
     last: _Compared,
@@ -336,9 +345,10 @@ def _ranking(
             (value for value, fit in zip(bic, candidates, strict=True) if _lacks(fit, best, undetermined)),
             default=before,
         )
-        if found.residual > NOISE_RATIO_BY_CHANCE * max(along, MISFIT_NEGLIGIBLE):
+        left = _misfit_of_rows(found, current)
+        if left > NOISE_RATIO_BY_CHANCE * max(along, MISFIT_NEGLIGIBLE):
             # along its own motion the law fits worse than along that of the ranking
-            less = max(less, before + (np.square(found.residual / along) - 1.0) * best.chi_squared)
+            less = max(less, before + (np.square(left / along) - 1.0) * best.chi_squared)
         if less <= before or len(identified) > _LEADERS:
             break
         # what its identification does not tell from zero is no advantage, nor of laws that add to it in vain
