@@ -14,6 +14,7 @@ from rsgen.identification.prediction.amplitude_balance import balance_of
 from rsgen.identification.prediction.resonance_curves import as_identification
 from rsgen.identification.results.result import held_out_lines
 from rsgen.law.element import make_element
+from rsgen.report.figures.equivalent import dissipated_energy, measured_energy, mode_surface
 from rsgen.report.wording.sentences import sentence
 from tests.oracles.swept import sweep
 from tests.surfaces import changed, model, noisy, surface
@@ -188,6 +189,25 @@ def test_a_level_at_which_friction_holds_the_mass_is_a_finding():
     # 4/pi of the friction
     assert stuck.findings[0]["least"] == pytest.approx(12.73, rel=1e-3)
     assert "friction of 10 N holds the mass" in sentence(stuck.findings[0])
+
+
+@pytest.mark.parametrize("asked", [None, [0.8]])
+def test_levels_of_a_driven_base_are_accelerations_with_a_mass_too(asked):
+    rig = Oscillator(2.0, "k*x + k3*x**3 + c*v", {"k": 2e4, "k3": 5e9, "c": 4.0})
+    table = simulate(rig, SimulatedTest([0.4, 1.2], np.linspace(14, 22, 25), base="acceleration"))
+    heights = []
+    for mass in (None, 2.0):
+        found = identify(table, rig.force, mass=mass)
+        curves = predict(found, asked, table).curves
+        assert [(round(one.level, 9), one.level_unit) for one in curves] == [
+            (level, "m/s^2") for level in asked or [0.4, 1.2]
+        ]
+        heights.append([np.nanmax(one.amplitude) for one in curves])
+        energy, line = measured_energy(mode_surface(table, found)), dissipated_energy(found)
+        np.testing.assert_allclose(
+            energy.energy, np.interp(energy.amplitude, line.amplitude, line.energy), rtol=0.02
+        )
+    np.testing.assert_allclose(heights[1], heights[0], rtol=EXACT)
 
 
 def test_held_amplitudes_are_predicted_on_unstable_branches_too():

@@ -230,6 +230,8 @@ class ModalTest:
         As of the response surface.
     background
         The fitted background; None if none was asked for.
+    base
+        Motion of a base that drove the test; "" of a force.
     """
 
     observation: Observation
@@ -238,6 +240,7 @@ class ModalTest:
     level_unit: str
     units: ForceUnits
     background: Background | None
+    base: str = ""
 
 
 @dataclass(frozen=True, slots=True, eq=False, repr=False)

@@ -529,6 +529,7 @@ def _modal_test(modal: ModeProblem, found: Regression, surface: ResponseSurface,
             found.freedom,
             surface.units,
         ),
+        base=surface.base,
     )
 
 

@@ -174,6 +174,7 @@ def equivalent_curve(
         used=took_part[rows],
         level_unit=surface.level_unit,
         units=units,
+        base=surface.base,
         reason=np.where(took_part, "", why)[rows],
     )
 

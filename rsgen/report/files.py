@@ -214,11 +214,13 @@ def _predicted(table: ResponseSurface | MultisineSpectra, identification: Identi
 
 
 def _levels(surface: ResponseSurface, identification: Identification) -> list[float]:
-    """Choose the forces [N] to predict: those measured near the resonances of tested and held-out levels."""
+    """Choose the levels to predict: as measured near the resonances of tested and held-out ones."""
     if surface.response_held:
         # its levels are no forces; those that the resonances needed are
         return [float(level) for level in identification.levels]
     held_out = surface.level[surface.held_out(identification.model.observation.hold_out)]
     chosen = np.isin(surface.levels, [*figures.choose_levels(surface, 5), *held_out])
     forces = typical_amounts(surface)[chosen]
+    if surface.base and not surface.per_mass:
+        forces /= identification.mass
     return sorted({float(force) for force in forces if np.isfinite(force)})

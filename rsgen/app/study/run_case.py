@@ -14,7 +14,6 @@ from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from fnmatch import fnmatch
 from functools import partial
-from math import nan
 from pathlib import Path
 from typing import Any
 
@@ -224,7 +223,7 @@ def obtain_table(
         )
     except MeasurementError as fault:
         raise MeasurementError(f"{shown_path(case.path)}: test.file: {fault}") from fault
-    return table.on_mass(case.model.fixed.get("m", nan))
+    return table
 
 
 def identify_case(

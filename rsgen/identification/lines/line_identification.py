@@ -295,7 +295,9 @@ def _curve(resonances: tuple[Resonance, ...], part: MultisineSpectra, units: For
         for name in ("amplitude", "frequency", "level", "stiffness", "damping")
     )
     used = np.ones(len(resonances), dtype=bool)
-    return EquivalentCurve(amplitude, frequency, level, stiffness, damping, used, part.level_unit, units)
+    return EquivalentCurve(
+        amplitude, frequency, level, stiffness, damping, used, part.level_unit, units, part.base
+    )
 
 
 def lines_feed_exciter(fit: LineFit) -> bool:

@@ -452,7 +452,7 @@ def table_as_identification(table: ModalTable) -> Identification:
         first_order_bias=(),
         covariance=np.zeros((1, 1)),
         resonances=(),
-        curve=EquivalentCurve(*(empty,) * 5, empty.astype(bool), test.level_unit, test.units),
+        curve=EquivalentCurve(*(empty,) * 5, empty.astype(bool), test.level_unit, test.units, test.base),
         residual=table.misfit,
         noise=table.misfit,
         levels=test.levels,
@@ -463,15 +463,20 @@ def table_as_identification(table: ModalTable) -> Identification:
     )
 
 
+def force_per_level(found: Identification) -> float:
+    """Return the force [N] for each m/s^2 of a driven base: the mass, or 1 where there is none."""
+    return found.mass if found.curve.base and np.isfinite(found.curve.units.kilogram) else 1.0
+
+
 def friction_under(found: Identification, curve: ResonanceCurve) -> dict[str, Quantity]:
     """Return dry friction that holds the mass under the force of a curve, and the least force of a resonance.
 
     Friction Ff takes 4 Ff X a period, the force gives at most pi F X: without stops it swings above 4 Ff/pi.
     """
-    if curve.level_unit != "N" or len(found.solution) != len(found.model.parameters):
+    if not np.isfinite(found.curve.units.kilogram) or len(found.solution) != len(found.model.parameters):
         return {}
     rate = 2 * np.pi * found.frequency_range[1] * found.amplitude_range[1]
     friction = law_of(found.model.elements).dry_friction(ROUND_OFF * rate, found.solution)
     least = 4 / np.pi * friction
     numbers = quantities(friction=Quantity(friction, "N"), least=Quantity(least, "N"))
-    return numbers if curve.level < least else {}
+    return numbers if curve.force < least else {}

@@ -30,7 +30,7 @@ class ResonanceCurve(Brief):
     Parameters
     ----------
     level
-        Force amplitude [N].
+        Amplitude of the force [N] or, in a test of a driven base, of its acceleration [m/s^2].
     frequency
         (k,) [Hz]; not single-valued between the folds.
     amplitude
@@ -46,7 +46,9 @@ class ResonanceCurve(Brief):
     folds
         (j, 2) frequency [Hz] and amplitude [m] of the points where the response jumps.
     level_unit
-        "N", or "m/s^2" where forces are per unit mass.
+        "N", or "m/s^2" of a driven base and where forces are per unit mass.
+    force
+        Amplitude of the force, in newtons or per unit mass, as parameters are.
     """
 
     level: float
@@ -59,6 +61,7 @@ class ResonanceCurve(Brief):
     upper: Array
     folds: Array
     level_unit: str = "N"
+    force: float = nan
 
     def __post_init__(self) -> None:
         freeze(self, ("frequency", "amplitude", "phase", "lower", "upper"))

@@ -41,6 +41,7 @@ from rsgen.identification.prediction.amplitude_balance import (
     AmplitudeBalance,
     SynthesisBalance,
     balance_of,
+    force_per_level,
     friction_under,
     table_as_identification,
 )
@@ -159,8 +160,8 @@ def predict(
         An identification, whose refined estimate is used, an oscillator, or a modal table, whose curves have
         no law and end at its largest amplitude.
     levels
-        [N]; None: the forces measured near the resonances of the fitted levels and, with a surface, of the
-        held-out ones.
+        Amplitudes of the force [N], or of the acceleration [m/s^2] of a driven base; None: those near the
+        resonances of the fitted levels and, with a surface, of the held-out ones.
     surface
         Where the held-out levels were measured; None: no score. Of a multisine every record of these spectra
         is predicted, None: those of the held-out levels; curves, under a sine, only of ``levels`` asked for.
@@ -199,11 +200,9 @@ def predict(
     chosen = _levels(found, levels, surface)
     if isinstance(found, Identification) and not isfinite(found.mass):
         return Prediction((), (), (Finding("needs-mass", "warning"),))
-    tested = (0.0, inf)
+    tested = (0.0, inf) if isinstance(found, Oscillator) else found.amplitude_range
     if isinstance(found, Oscillator):
         found = as_identification(found, chosen)
-    else:
-        tested = found.amplitude_range
     low, high = found.frequency_range
     window = (
         (low * (1 - _FREQUENCY_MARGIN), high * (1 + _FREQUENCY_MARGIN)) if band is None else _check_band(band)
@@ -278,16 +277,17 @@ def _levels(
         try:
             chosen = np.ravel(np.asarray(levels, dtype=np.float64)).tolist()
         except (TypeError, ValueError):
-            raise RsgenError(f"levels: {levels!r:.60}; must be numbers [N]") from None
+            raise RsgenError(f"levels: {levels!r:.60}; must be numbers") from None
         if not chosen:
             raise RsgenError("levels: none given; leave them out for those of the test")
     elif isinstance(found, Oscillator):
         raise RsgenError("levels: an oscillator has none; give the force levels [N] to predict")
     else:
-        chosen = sorted({*map(float, found.levels), *_held_out_forces(found, surface)})
+        forces = np.unique([*found.levels, *_held_out_forces(found, surface)])
+        chosen = (forces / force_per_level(found)).tolist()
     for level in chosen:
         if not (isfinite(level) and level > 0):
-            raise RsgenError(f"levels: {level!r} N; a level must be positive and finite")
+            raise RsgenError(f"levels: {level!r}; a level must be positive and finite")
     return chosen
 
 
@@ -334,13 +334,13 @@ def _findings(
                 Finding("prediction-extrapolated", "warning", numbers=numbers, names={"by": "table"})
             )
             continue
-        run = _points_under(found, curve.level)
+        run = _points_under(found, curve.force)
         beyond = np.any(curve.extrapolated & (curve.amplitude > tested[1]))
         if run is not None and (beyond or curve.rises_at_end):
             short.append(_compare_peaks(found, balance, curve, run, numbers))
         elif beyond:
             scored = ((one.error, getattr(one, "force", nan)) for one in held_out or found.held_out)
-            near = [e for e, force in scored if abs(force / curve.level - 1) <= RELATIVE_CHANGE_NEGLIGIBLE]
+            near = [e for e, force in scored if abs(force / curve.force - 1) <= RELATIVE_CHANGE_NEGLIGIBLE]
             numbers |= quantities(error=max(near)) if near else {}
             findings.append(Finding("prediction-extrapolated", "warning", numbers=numbers))
     # points of a level rarely hit its very peak
@@ -419,10 +419,10 @@ def _curve(
     window: tuple[float, float],
     tested: tuple[float, float],
 ) -> ResonanceCurve:
-    """Compute the curve of a level [N] within a window of frequencies [rad/s]."""
-    parts = [
-        part for span in balance.spans(level, window) for part in _branches(balance, level, span, window)
-    ]
+    """Compute the curve of a level within a window of frequencies [rad/s]."""
+    force = level * force_per_level(identification)
+    spans = balance.spans(force, window)
+    parts = [part for span in spans for part in _branches(balance, force, span, window)]
     columns: list[list[Array]] = [[] for _ in range(7)]
     folds: list[tuple[float, float]] = []
     for omega, size in parts:
@@ -446,7 +446,8 @@ def _curve(
     )
     return ResonanceCurve(
         level=level,
-        level_unit=identification.curve.units.force,
+        level_unit="m/s^2" if identification.curve.base else identification.curve.units.force,
+        force=force,
         frequency=frequency,
         amplitude=amplitude,
         phase=phase,

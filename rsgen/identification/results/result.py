@@ -158,6 +158,8 @@ class EquivalentCurve(Brief):
         "N", or "m" where the test held the amplitude, or of the motion of a base.
     units
         Of stiffness and damping, per unit mass or not.
+    base
+        Motion of a base that drove the test, such as "acceleration"; "" of a force on the mass.
     reason
         (n,) why a point was not used: "held out", "outside the band", or "excluded", as the findings
         "points-excluded" say; "" of the others.
@@ -171,6 +173,7 @@ class EquivalentCurve(Brief):
     used: NDArray[np.bool_]
     level_unit: str = "N"
     units: ForceUnits = WHOLE
+    base: str = ""
     reason: NDArray[np.str_] = field(default_factory=lambda: np.zeros(0, np.str_))
 
     def __post_init__(self) -> None:

@@ -265,8 +265,12 @@ def shows_loops(surface: ResponseSurface, model: Model) -> bool:
 
 
 def mode_surface(surface: ResponseSurface, identification: Identification | None) -> ResponseSurface:
-    """Return the surface without the background that was identified."""
-    background = None if identification is None else identification.background
+    """Return the surface without background, its forces with a mass that was given."""
+    if identification is None:
+        return surface
+    if np.isfinite(identification.curve.units.kilogram):
+        surface = surface.on_mass(identification.mass)
+    background = identification.background
     if background is None:
         return surface
     return background.shape(surface.omega, surface.force).subtract(surface, background.values)
@@ -289,14 +293,15 @@ def mass_of(surface: ResponseSurface) -> float:
 
 
 def _above_noise(surface: ResponseSurface) -> Motion:
-    """Take the harmonics of every motion that rise above the noise, the smaller one of the last two."""
+    """Take the harmonics of every motion above the noise, the smaller one of the last two recorded."""
     harmonics = np.nan_to_num(surface.harmonics)
     moves = harmonics[:, 1] != 0
     size: Array = np.zeros(harmonics.shape)
     size[moves] = np.abs(harmonics[moves]) / np.abs(harmonics[moves, 1:2])
     # points that did not settle say nothing of the noise
-    last = np.median(size[moves, -2:], axis=0)
-    noise = float(last.min()) if size.shape[1] > _FEWEST_FOR_NOISE else 0.0
+    recorded = np.flatnonzero(np.isfinite(surface.harmonics).any(axis=0))
+    last = np.median(size[np.ix_(moves, recorded[-2:])], axis=0)
+    noise = float(last.min()) if len(recorded) > _FEWEST_FOR_NOISE else 0.0
     kept = size > NOISE_LIMIT_SIGMAS * noise
     kept[:, 1] = True
     return Motion(surface.omega, np.where(kept, harmonics, 0))

@@ -203,7 +203,10 @@ def _predicted(surface: ResponseSurface, prediction: Prediction) -> ResponseSurf
 
 
 def _forces(surface: ResponseSurface) -> dict[float, float]:
-    """Force [N] measured near the resonance of each level."""
+    """Return the force measured near the resonance of each level, or the acceleration of a base."""
+    if surface.base == "acceleration" and not surface.per_mass:
+        # forces of a mass, which a surface does not have; its levels are what was to be held
+        return {float(level): float(level) for level in surface.levels}
     return {float(v): float(force) for v, force in zip(surface.levels, typical_amounts(surface), strict=True)}
 
 
