@@ -14,6 +14,7 @@ from dataclasses import dataclass
 from typing import Protocol
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
 
 from rsgen.common.arrays import Array, blocks
@@ -126,27 +127,8 @@ def b_splines(at: Array, knots: Array, degree: int) -> tuple[Array, Array]:
     tuple of arrays
         (n, f) values [1], and slopes [1 / unit of ``at``].
     """
-    first = np.clip(np.searchsorted(knots, at, side="right") - 1, degree, len(knots) - degree - 2) - degree
-    acting = [np.ones(len(at))]
-    slopes = [np.zeros(len(at))]
-    # the recursion of de Boor (A practical guide to splines, ch. X) in those that are not zero at a place
-    for order in range(1, degree + 1):
-        starts = [knots[first + degree - order + 1 + one] for one in range(order)]
-        ends = [knots[first + degree + 1 + one] for one in range(order)]
-        shares = [value / (end - start) for value, start, end in zip(acting, starts, ends, strict=True)]
-        parts = list(zip(shares, starts, ends, strict=True))
-        zero = np.zeros(len(at))
-        rising = [zero, *((at - start) * share for share, start, _ in parts)]
-        falling = [*((end - at) * share for share, _, end in parts), zero]
-        acting = [up + down for up, down in zip(rising, falling, strict=True)]
-        slopes = [order * (up - down) for up, down in zip([zero, *shares], [*shares, zero], strict=True)]
-    columns = first[:, None] + np.arange(degree + 1)
-    made = []
-    for part in (acting, slopes):
-        whole = np.zeros((len(at), len(knots) - degree - 1))
-        np.put_along_axis(whole, columns, np.column_stack(part), axis=1)
-        made.append(whole)
-    return made[0], made[1]
+    splines = scipy.interpolate.BSpline(knots, np.eye(len(knots) - degree - 1), degree)
+    return splines(at), splines(at, nu=1)
 
 
 # ----------------------------------------------------------------------------

@@ -305,17 +305,6 @@ def test_short_commands_load_neither_figures_nor_compiler(command, unneeded, tmp
     assert done.stdout.splitlines()[-1] == "[]"
 
 
-@pytest.mark.slow
-def test_a_run_loads_no_part_of_scipy_that_takes_long_and_that_it_does_not_need(tmp_path):
-    shutil.copy(ROOT / "cases" / "cubic.toml", tmp_path)
-    code = (
-        "import sys\nfrom rsgen.app.cli.application import application\n"
-        "application(args=['run', 'cubic.toml'], prog_name='rsgen', standalone_mode=False)\n"
-        "print([name for name in ('scipy.interpolate', 'scipy.optimize') if name in sys.modules])"
-    )
-    assert python("-c", code, check=True, cwd=tmp_path).stdout.splitlines()[-1] == "[]"
-
-
 def test_a_wildcard_in_quotes_stands_for_its_files_and_an_open_todo_is_said(tmp_path, run_cli):
     for file in (ROOT / "cases" / "formats").glob("magnitude_*.csv"):
         shutil.copy(file, tmp_path)

@@ -1,8 +1,7 @@
 import numpy as np
 import pytest
-from scipy.interpolate import BSpline
 
-from rsgen.common.solvers import b_splines, determined, solve_scaled
+from rsgen.common.solvers import determined, solve_scaled
 from rsgen.identification.fitting.least_squares import Linearisation, Rules, descend, fit, summarise
 
 
@@ -23,20 +22,6 @@ def test_many_rows_are_solved_as_one_matrix_is(rows):
     covariance = np.linalg.inv((matrix / scale).T @ (matrix / scale)) / np.outer(scale, scale)
     assert np.allclose(inverse @ inverse.T, covariance, rtol=1e-9, atol=1e-9 * np.diag(covariance).min())
     assert null.shape == (4, 0)
-
-
-@pytest.mark.parametrize("degree", range(5))
-@pytest.mark.parametrize("intervals", [1, 2, 7])
-def test_b_splines_are_those_of_scipy(degree, intervals):
-    inner = np.sort(np.random.default_rng(degree).random(intervals - 1))
-    # a knot twice where splines stay continuous: there, and at the ends, the interval to the right counts
-    twice = inner[: int(degree > 1)]
-    knots = np.sort(np.concatenate([np.repeat([0.0, 1.0], degree + 1), inner, twice]))
-    at = np.concatenate([np.linspace(0, 1, 101), inner])
-    splines = BSpline(knots, np.eye(len(knots) - degree - 1), degree)
-    values, slopes = b_splines(at, knots, degree)
-    assert values == pytest.approx(splines(at), abs=1e-14)
-    assert slopes == pytest.approx(splines(at, nu=1), rel=1e-12, abs=1e-11)
 
 
 def test_what_is_not_identifiable_is_named():
