@@ -50,9 +50,10 @@ def test_a_case_knows_the_mass_beforehand_and_levels_in_their_unit(tmp_path):
     assert case.model.mass == MASS
     np.testing.assert_allclose(case.test.level, [2e-5, 1e-4])
     surface = obtain_table(case)
-    # what a run works with is a force on the mass
-    assert not surface.per_mass
-    np.testing.assert_allclose(surface.force, MASS * surface.omega**2 * surface.level)
+    # as it was measured; what is identified has the mass
+    assert surface.per_mass
+    np.testing.assert_allclose(surface.force, surface.omega**2 * surface.level)
+    assert rs.identify(surface, case.model)["k"].unit == "N/m"
     assert case.observation.hold_out == (2e-5,)
 
 
